@@ -12,7 +12,7 @@ use crate::domain::session::SessionStatus;
 use crate::ids::{JobId, SessionId, TraineeId};
 
 /// How many events a subscriber may lag behind before it misses some.
-const KEPT: usize = 1024;
+const MAX_BACKLOG: usize = 1024;
 
 /// Something changed.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,26 +47,26 @@ pub enum Event {
 
 /// Broadcasts events to all subscribers. Clones share one channel.
 #[derive(Clone, Debug)]
-pub struct Events(broadcast::Sender<Event>);
+pub struct EventBus(broadcast::Sender<Event>);
 
-impl Events {
+impl EventBus {
     /// A bus without subscribers.
     pub fn new() -> Self {
-        Self(broadcast::Sender::new(KEPT))
+        Self(broadcast::Sender::new(MAX_BACKLOG))
     }
 
     /// Sends an event to all subscribers; does nothing if there are none.
-    pub fn tell(&self, event: Event) {
+    pub fn publish(&self, event: Event) {
         let _ = self.0.send(event); // the only error is that there are no subscribers
     }
 
     /// Subscribes to all events from now on.
-    pub fn listen(&self) -> Listener {
-        Listener(self.0.subscribe())
+    pub fn subscribe(&self) -> EventSubscriber {
+        EventSubscriber(self.0.subscribe())
     }
 }
 
-impl Default for Events {
+impl Default for EventBus {
     fn default() -> Self {
         Self::new()
     }
@@ -74,7 +74,7 @@ impl Default for Events {
 
 /// What a subscriber receives.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Heard {
+pub enum EventDelivery {
     /// Something changed.
     Event(Event),
     /// The subscriber was too slow and missed this many events: it has to read the state again.
@@ -83,14 +83,14 @@ pub enum Heard {
 
 /// One subscriber's end of the channel.
 #[derive(Debug)]
-pub struct Listener(broadcast::Receiver<Event>);
+pub struct EventSubscriber(broadcast::Receiver<Event>);
 
-impl Listener {
+impl EventSubscriber {
     /// The next event; `None` once every [`EventBus`] clone is dropped.
-    pub async fn next(&mut self) -> Option<Heard> {
+    pub async fn next(&mut self) -> Option<EventDelivery> {
         match self.0.recv().await {
-            Ok(event) => Some(Heard::Event(event)),
-            Err(RecvError::Lagged(count)) => Some(Heard::Missed(count)),
+            Ok(event) => Some(EventDelivery::Event(event)),
+            Err(RecvError::Lagged(count)) => Some(EventDelivery::Missed(count)),
             Err(RecvError::Closed) => None,
         }
     }
@@ -101,16 +101,16 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn a_slow_listener_is_told_that_it_missed_some_and_goes_on() {
-        let events = Events::new();
-        let mut listener = events.listen();
-        (0..KEPT + 3).for_each(|_| events.tell(Event::Queue));
-        assert_eq!(listener.next().await, Some(Heard::Missed(3)));
-        assert_eq!(listener.next().await, Some(Heard::Event(Event::Queue)));
+    async fn a_slow_subscriber_learns_how_many_events_it_missed_and_continues() {
+        let events = EventBus::new();
+        let mut listener = events.subscribe();
+        (0..MAX_BACKLOG + 3).for_each(|_| events.publish(Event::Queue));
+        assert_eq!(listener.next().await, Some(EventDelivery::Missed(3)));
+        assert_eq!(listener.next().await, Some(EventDelivery::Event(Event::Queue)));
     }
 
     #[test]
-    fn telling_nobody_is_no_error() {
-        Events::new().tell(Event::Queue);
+    fn publishing_without_subscribers_is_no_error() {
+        EventBus::new().publish(Event::Queue);
     }
 }

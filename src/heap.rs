@@ -8,7 +8,7 @@ use std::io;
 ///
 /// # Errors
 /// The C library refuses.
-pub fn share_one() -> io::Result<()> {
+pub fn use_single_heap() -> io::Result<()> {
     #[cfg(target_env = "gnu")]
     {
         // SAFETY: a plain call with plain numbers.
@@ -21,7 +21,7 @@ pub fn share_one() -> io::Result<()> {
 
 /// Returns free memory to the system. Otherwise glibc keeps what a decoder freed: at 1080p that is as much memory as an
 /// hour of two tools' motion needs.
-pub fn give_back() {
+pub fn release_free_memory() {
     #[cfg(target_env = "gnu")]
     // SAFETY: a plain call with a plain number; the C library locks its heaps itself.
     unsafe {

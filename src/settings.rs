@@ -141,10 +141,10 @@ pub enum SettingsError {
 }
 
 /// File name of the database in the data folder.
-pub const DATABASE: &str = "trocar.db";
+pub const DATABASE_FILE: &str = "trocar.db";
 
 /// Variables with our prefix that are not settings: they choose the settings file, or belong to tests and logging.
-const NOT_SETTINGS: [&str; 4] = ["TROCAR_SETTINGS", "TROCAR_LOG", "TROCAR_SHARED", "TROCAR_TEST"];
+const OTHER_VARIABLES: [&str; 4] = ["TROCAR_SETTINGS", "TROCAR_LOG", "TROCAR_SHARED", "TROCAR_TEST"];
 const PREFIX: &str = "TROCAR_";
 
 impl Settings {
@@ -164,8 +164,8 @@ impl Settings {
             (None, usual) if usual.exists() => read(&usual)?,
             (None, _) => Table::new(),
         };
-        for (name, value) in variables.iter().filter(|(name, _)| !NOT_SETTINGS.contains(&name.as_str())) {
-            set(&mut table, name, value)?;
+        for (name, value) in variables.iter().filter(|(name, _)| !OTHER_VARIABLES.contains(&name.as_str())) {
+            set_from_variable(&mut table, name, value)?;
         }
         let mut settings: Settings = parse(table).map_err(|why| SettingsError::Value {
             key: "environment",
@@ -181,38 +181,38 @@ impl Settings {
 
     /// Path of the database.
     pub fn database(&self) -> PathBuf {
-        self.data.join(DATABASE)
+        self.data.join(DATABASE_FILE)
     }
 
     fn check(&self) -> Result<(), SettingsError> {
         let Settings { store, queue, http, uploads, rescoring, upkeep, .. } = self;
-        within("store.readers", store.readers.into(), 1, 64)?;
-        within("store.waiting_writes", store.waiting_writes as u64, 1, 100_000)?;
-        within("store.writes_per_commit", store.writes_per_commit as u64, 1, 10_000)?;
-        within("store.busy_timeout_ms", store.busy_timeout_ms, 100, 600_000)?;
-        within("store.max_attempts", store.max_attempts.into(), 1, 20)?;
-        within("queue.heartbeat_s", queue.heartbeat_s, 1, 3_600)?;
-        within("queue.sweep_s", queue.sweep_s, 1, 3_600)?;
-        within("queue.look_s", queue.look_s, 1, 3_600)?;
-        within("http.max_connections", http.max_connections as u64, 1, 1_000_000)?;
-        within("http.min_body_rate", http.min_body_rate, 1, 1 << 30)?;
-        within("http.max_json_bytes", http.max_json_bytes as u64, 1_024, 64 << 20)?;
-        within("http.max_form_bytes", http.max_form_bytes, 1_024, 1 << 50)?;
-        within("http.idle_min", http.idle_min, 1, 24 * 60)?;
-        within("http.sign_in_h", http.sign_in_h, 1, 24 * 7)?;
-        within("http.attempts_per_min", http.attempts_per_min.into(), 1, 10_000)?;
-        within("http.max_event_streams", http.max_event_streams as u64, 1, 100_000)?;
-        within("http.max_event_streams_of_one", http.max_event_streams_of_one as u64, 1, 100_000)?;
-        within("http.page_items", http.page_items.into(), 1, 200)?;
-        within("uploads.max_bytes", uploads.max_bytes, 1, 1 << 50)?;
-        within("uploads.expire_h", uploads.expire_h, 1, 24 * 365)?;
-        within("uploads.max_unfinished", uploads.max_unfinished, 1, 1_000_000)?;
-        within("uploads.import_bytes", uploads.import_bytes as u64, 1_024, 1 << 30)?;
-        within("uploads.import_rows", uploads.import_rows as u64, 2, 10_000_000)?;
-        within("rescoring.open", rescoring.open.into(), 1, 1_000)?;
-        within("rescoring.look_ms", rescoring.look_ms, 1, 3_600_000)?;
-        within("upkeep.collect_s", upkeep.collect_s, 1, 86_400)?;
-        within("workers", self.workers as u64, 0, 1_024)?;
+        check_range("store.readers", store.readers.into(), 1, 64)?;
+        check_range("store.waiting_writes", store.waiting_writes as u64, 1, 100_000)?;
+        check_range("store.writes_per_commit", store.writes_per_commit as u64, 1, 10_000)?;
+        check_range("store.busy_timeout_ms", store.busy_timeout_ms, 100, 600_000)?;
+        check_range("store.max_attempts", store.max_attempts.into(), 1, 20)?;
+        check_range("queue.heartbeat_s", queue.heartbeat_s, 1, 3_600)?;
+        check_range("queue.sweep_s", queue.sweep_s, 1, 3_600)?;
+        check_range("queue.look_s", queue.look_s, 1, 3_600)?;
+        check_range("http.max_connections", http.max_connections as u64, 1, 1_000_000)?;
+        check_range("http.min_body_rate", http.min_body_rate, 1, 1 << 30)?;
+        check_range("http.max_json_bytes", http.max_json_bytes as u64, 1_024, 64 << 20)?;
+        check_range("http.max_form_bytes", http.max_form_bytes, 1_024, 1 << 50)?;
+        check_range("http.idle_min", http.idle_min, 1, 24 * 60)?;
+        check_range("http.sign_in_h", http.sign_in_h, 1, 24 * 7)?;
+        check_range("http.attempts_per_min", http.attempts_per_min.into(), 1, 10_000)?;
+        check_range("http.max_event_streams", http.max_event_streams as u64, 1, 100_000)?;
+        check_range("http.max_event_streams_of_one", http.max_event_streams_of_one as u64, 1, 100_000)?;
+        check_range("http.page_items", http.page_items.into(), 1, 200)?;
+        check_range("uploads.max_bytes", uploads.max_bytes, 1, 1 << 50)?;
+        check_range("uploads.expire_h", uploads.expire_h, 1, 24 * 365)?;
+        check_range("uploads.max_unfinished", uploads.max_unfinished, 1, 1_000_000)?;
+        check_range("uploads.import_bytes", uploads.import_bytes as u64, 1_024, 1 << 30)?;
+        check_range("uploads.import_rows", uploads.import_rows as u64, 2, 10_000_000)?;
+        check_range("rescoring.open", rescoring.open.into(), 1, 1_000)?;
+        check_range("rescoring.look_ms", rescoring.look_ms, 1, 3_600_000)?;
+        check_range("upkeep.collect_s", upkeep.collect_s, 1, 86_400)?;
+        check_range("workers", self.workers as u64, 0, 1_024)?;
         if let Some(url) = http.public_url.as_ref().filter(|url| !is_web_address(url)) {
             let expected = "the service's address, such as https://skills.example";
             return Err(SettingsError::Value { key: "http.public_url", value: url.clone(), expected });
@@ -242,12 +242,14 @@ fn read(path: &Path) -> Result<Table, SettingsError> {
 }
 
 /// Sets one value from an environment variable, and checks that the key exists and the type fits.
-fn set(table: &mut Table, name: &str, text: &str) -> Result<(), SettingsError> {
+fn set_from_variable(table: &mut Table, name: &str, text: &str) -> Result<(), SettingsError> {
     let key = name.strip_prefix(PREFIX).unwrap_or(name).to_ascii_lowercase();
-    let value = value(text);
+    let value = parse_value(text);
     let alone = match key.split_once("__") {
-        Some((section, key)) => Table::from_iter([(section.to_owned(), Value::Table(single(key, value.clone())))]),
-        None => single(&key, value.clone()),
+        Some((section, key)) => {
+            Table::from_iter([(section.to_owned(), Value::Table(single_entry(key, value.clone())))])
+        }
+        None => single_entry(&key, value.clone()),
     };
     parse(alone).map_err(|why| SettingsError::Variable { name: name.to_owned(), why })?;
     match key.split_once("__") {
@@ -260,12 +262,12 @@ fn set(table: &mut Table, name: &str, text: &str) -> Result<(), SettingsError> {
     Ok(())
 }
 
-fn single(key: &str, value: Value) -> Table {
+fn single_entry(key: &str, value: Value) -> Table {
     Table::from_iter([(key.to_owned(), value)])
 }
 
 /// A variable's value, read as TOML: `30` is a number, `true` a boolean; what is not TOML is text.
-fn value(text: &str) -> Value {
+fn parse_value(text: &str) -> Value {
     let read = toml::from_str::<Table>(&format!("value = {text}")).ok();
     read.and_then(|mut table| table.remove("value")).unwrap_or_else(|| Value::String(text.to_owned()))
 }
@@ -278,7 +280,7 @@ fn one_line(error: &toml::de::Error) -> String {
     error.to_string().trim().replace('\n', " ")
 }
 
-fn within(key: &'static str, value: u64, least: u64, most: u64) -> Result<(), SettingsError> {
+fn check_range(key: &'static str, value: u64, least: u64, most: u64) -> Result<(), SettingsError> {
     if (least..=most).contains(&value) {
         return Ok(());
     }

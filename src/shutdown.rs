@@ -75,7 +75,7 @@ impl Shutdown {
 
 /// Aborts the process. After a failed fsync the content of the disk is unknown, and a second fsync can report success
 /// although pages were lost. A fresh start reads what is really on the disk.
-pub fn abort(why: &str) -> ! {
+pub fn abort_process(why: &str) -> ! {
     tracing::error!(why, "aborting: written data may not be on the disk");
     eprintln!("trocar: aborting: {why}");
     std::process::abort()

@@ -30,7 +30,7 @@ pub trait Clock: fmt::Debug + Send + Sync {
 
     /// Milliseconds since a fixed moment of this process. Setting the machine's clock does not change it, so use it to
     /// measure durations.
-    fn passed_ms(&self) -> i64;
+    fn monotonic_ms(&self) -> i64;
 
     /// Waits until this much time has passed on this clock.
     fn sleep(&self, duration: Duration) -> Sleep;
@@ -38,16 +38,16 @@ pub trait Clock: fmt::Debug + Send + Sync {
 
 /// The machine's clock.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct System;
+pub struct SystemClock;
 
-impl Clock for System {
+impl Clock for SystemClock {
     #[expect(clippy::disallowed_methods, reason = "the one place that reads the machine's clock")]
     fn now_ms(&self) -> i64 {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         millis(since)
     }
 
-    fn passed_ms(&self) -> i64 {
+    fn monotonic_ms(&self) -> i64 {
         static BEGAN: LazyLock<Instant> = LazyLock::new(Instant::now);
         millis(BEGAN.elapsed())
     }
@@ -59,41 +59,41 @@ impl Clock for System {
 
 /// A clock for tests: it moves only by [`ManualClock::advance`] and [`ManualClock::set_forward`].
 #[derive(Debug)]
-pub struct Manual {
-    passed_ms: watch::Sender<i64>,
+pub struct ManualClock {
+    monotonic_ms: watch::Sender<i64>,
     /// Added to `monotonic_ms`, this is the time that the clock shows.
-    set_ms: AtomicI64,
+    offset_ms: AtomicI64,
 }
 
-impl Manual {
+impl ManualClock {
     /// A clock that shows this time.
     pub fn at(now_ms: i64) -> Arc<Self> {
-        Arc::new(Self { passed_ms: watch::Sender::new(0), set_ms: AtomicI64::new(now_ms) })
+        Arc::new(Self { monotonic_ms: watch::Sender::new(0), offset_ms: AtomicI64::new(now_ms) })
     }
 
     /// Lets time pass and wakes the sleepers whose time has come.
     pub fn advance(&self, duration: Duration) {
-        self.passed_ms.send_modify(|passed_ms| *passed_ms += millis(duration));
+        self.monotonic_ms.send_modify(|passed_ms| *passed_ms += millis(duration));
     }
 
     /// Sets the clock forward, as an administrator might, without letting time pass.
     pub fn set_forward(&self, duration: Duration) {
-        self.set_ms.fetch_add(millis(duration), Ordering::AcqRel);
+        self.offset_ms.fetch_add(millis(duration), Ordering::AcqRel);
     }
 }
 
-impl Clock for Manual {
+impl Clock for ManualClock {
     fn now_ms(&self) -> i64 {
-        self.set_ms.load(Ordering::Acquire) + self.passed_ms()
+        self.offset_ms.load(Ordering::Acquire) + self.monotonic_ms()
     }
 
-    fn passed_ms(&self) -> i64 {
-        *self.passed_ms.borrow()
+    fn monotonic_ms(&self) -> i64 {
+        *self.monotonic_ms.borrow()
     }
 
     fn sleep(&self, duration: Duration) -> Sleep {
-        let mut hands = self.passed_ms.subscribe();
-        let until_ms = self.passed_ms() + millis(duration);
+        let mut hands = self.monotonic_ms.subscribe();
+        let until_ms = self.monotonic_ms() + millis(duration);
         Box::pin(async move {
             if hands.wait_for(|passed_ms| *passed_ms >= until_ms).await.is_err() {
                 std::future::pending::<()>().await; // the clock was dropped: the time is never reached
@@ -122,7 +122,7 @@ pub fn to_http_date(time_ms: i64) -> String {
 }
 
 /// Start of the day that contains this time, in the machine's time zone, epoch milliseconds.
-pub fn day_began_ms(time_ms: i64) -> i64 {
+pub fn start_of_day_ms(time_ms: i64) -> i64 {
     const DAY_MS: i64 = 24 * 3600 * 1000;
     let here = Timestamp::from_millisecond(time_ms).map(|time| time.to_zoned(TimeZone::system()));
     let began = here.and_then(|here| here.start_of_day()).map(|began| began.timestamp().as_millisecond());
@@ -148,13 +148,13 @@ impl Day {
     }
 
     /// This many days later.
-    pub fn after_days(self, days: u32) -> Self {
+    pub fn plus_days(self, days: u32) -> Self {
         let later = Span::new().try_days(days).map(|days| self.0.saturating_add(days));
         Self(later.unwrap_or(Date::MAX))
     }
 
     /// The day's first moment, epoch milliseconds.
-    pub fn begins_ms(self) -> i64 {
+    pub fn start_ms(self) -> i64 {
         let began = self.0.to_zoned(TimeZone::system()).map(|began| began.timestamp().as_millisecond());
         began.unwrap_or(i64::MAX) // only at the end of the representable range
     }
@@ -214,21 +214,21 @@ mod tests {
     }
 
     #[test]
-    fn a_day_begins_before_every_moment_of_it_and_the_next_one_after() {
+    fn every_moment_lies_between_the_start_of_its_day_and_the_next() {
         const HOUR_MS: i64 = 3600 * 1000;
-        let began_ms = day_began_ms(1_795_292_040_123);
+        let began_ms = start_of_day_ms(1_795_292_040_123);
         assert!((0..25 * HOUR_MS).contains(&(1_795_292_040_123 - began_ms)), "{began_ms}");
-        assert_eq!((day_began_ms(began_ms), day_began_ms(began_ms + HOUR_MS)), (began_ms, began_ms));
-        assert!(day_began_ms(began_ms - 1) < began_ms && day_began_ms(began_ms + 26 * HOUR_MS) > began_ms);
+        assert_eq!((start_of_day_ms(began_ms), start_of_day_ms(began_ms + HOUR_MS)), (began_ms, began_ms));
+        assert!(start_of_day_ms(began_ms - 1) < began_ms && start_of_day_ms(began_ms + 26 * HOUR_MS) > began_ms);
     }
 
     #[test]
-    fn a_day_is_the_one_in_which_it_begins_and_the_one_before_it_ends_there() {
+    fn a_day_contains_its_first_moment_and_not_the_one_before() {
         let day: Day = "2026-02-27".parse().unwrap();
-        assert_eq!(Day::of(day.begins_ms()), day);
-        assert_eq!(Day::of(day.begins_ms() - 1).after_days(1), day);
-        assert_eq!(day.after_days(2).to_string(), "2026-03-01");
-        assert!(day < day.after_days(1) && day.after_days(u32::MAX) > day);
+        assert_eq!(Day::of(day.start_ms()), day);
+        assert_eq!(Day::of(day.start_ms() - 1).plus_days(1), day);
+        assert_eq!(day.plus_days(2).to_string(), "2026-03-01");
+        assert!(day < day.plus_days(1) && day.plus_days(u32::MAX) > day);
     }
 
     #[test]
@@ -240,13 +240,13 @@ mod tests {
     }
 
     #[test]
-    fn no_time_is_too_far_to_be_written() {
+    fn every_time_can_be_written() {
         assert!(!to_rfc3339(i64::MIN).is_empty() && !to_rfc3339(i64::MAX).is_empty());
     }
 
     #[tokio::test]
-    async fn a_sleeper_wakes_when_the_hands_pass_its_time_and_not_before() {
-        let clock = Manual::at(1_000);
+    async fn a_sleep_ends_when_the_clock_reaches_its_time_and_not_before() {
+        let clock = ManualClock::at(1_000);
         let mut sleep = clock.sleep(Duration::from_millis(10));
         clock.advance(Duration::from_millis(9));
         assert!(futures_util::poll!(&mut sleep).is_pending());
@@ -256,11 +256,11 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn hands_that_are_set_forward_let_no_time_pass() {
-        let clock = Manual::at(1_000);
+    async fn setting_the_clock_forward_lets_no_time_pass() {
+        let clock = ManualClock::at(1_000);
         let mut sleep = clock.sleep(Duration::from_millis(10));
         clock.set_forward(Duration::from_secs(1));
         assert!(futures_util::poll!(&mut sleep).is_pending());
-        assert_eq!((clock.now_ms(), clock.passed_ms()), (2_000, 0));
+        assert_eq!((clock.now_ms(), clock.monotonic_ms()), (2_000, 0));
     }
 }

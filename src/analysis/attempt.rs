@@ -2,31 +2,31 @@
 
 use std::fs::File;
 
-use super::protocol::{self, Request};
-use super::receipt::{Heard, News, Receipt};
+use super::output_validator::{ChildEvent, ChildOutput, OutputValidator};
+use super::protocol::{self, ChildRequest};
 use crate::domain::problem::Problem;
-use crate::media::Limits;
-use crate::sandbox::{self, Budget, Cost, Order, Outcome, Program, Stop};
+use crate::media::MediaLimits;
+use crate::sandbox::{self, Budget, ChildOutcome, ChildSpec, Cost, Program, StopSwitch};
 
 /// What one attempt needs.
-pub struct Attempt<'a> {
+pub struct ChildAttempt<'a> {
     /// The child's program: [`Program::this`] with the argument `child`.
     pub program: &'a Program,
     /// What the child is to do.
-    pub request: Request,
+    pub request: ChildRequest,
     /// The child's input files, open for reading.
     pub inputs: Vec<File>,
     /// Limits of the child.
     pub budget: &'a Budget,
     /// Ends the child early.
-    pub stop: &'a Stop,
+    pub stop: &'a StopSwitch,
 }
 
 /// Why an attempt gave no result.
 #[derive(Debug)]
-pub enum Failure {
+pub enum AttemptFailure {
     /// The work cannot be done, however often it is tried.
-    Explained(Problem),
+    Impossible(Problem),
     /// The child crashed, timed out or sent invalid records; another attempt may succeed.
     Crashed(String),
     /// Ended on request.
@@ -34,41 +34,48 @@ pub enum Failure {
 }
 
 /// Runs a child to its end and passes each event in its output to `on_event`. Blocks: see [`sandbox::run`].
-pub fn attempt(what: Attempt<'_>, mut on_event: impl FnMut(News)) -> (Result<Heard, Failure>, Cost) {
-    let mut receipt = Receipt::new(&what.request.work, Limits::default());
+pub fn run_attempt(
+    what: ChildAttempt<'_>,
+    mut on_event: impl FnMut(ChildEvent),
+) -> (Result<ChildOutput, AttemptFailure>, Cost) {
+    let mut receipt = OutputValidator::new(&what.request.work, MediaLimits::default());
     let request = match protocol::encode(&what.request) {
         Ok(bytes) => bytes,
         Err(error) => {
-            return (Err(Failure::Crashed(format!("the request cannot be encoded: {error}"))), Cost::default());
+            return (Err(AttemptFailure::Crashed(format!("the request cannot be encoded: {error}"))), Cost::default());
         }
     };
-    let order = Order { program: what.program, request, inputs: what.inputs };
+    let order = ChildSpec { program: what.program, request, inputs: what.inputs };
     let ended = sandbox::run(order, what.budget, what.stop, |record| {
-        on_event(receipt.take(record)?);
+        on_event(receipt.validate(record)?);
         Ok(())
     });
-    let heard = receipt.into_heard();
+    let heard = receipt.into_output();
     if heard.landlock == Some(false) {
         warn_of_missing_landlock();
     }
-    (conclude(ended.outcome, &ended.stderr_tail, heard), ended.cost)
+    (classify_end(ended.outcome, &ended.stderr_tail, heard), ended.cost)
 }
 
-fn conclude(outcome: Outcome, stderr_tail: &str, mut heard: Heard) -> Result<Heard, Failure> {
+fn classify_end(
+    outcome: ChildOutcome,
+    stderr_tail: &str,
+    mut heard: ChildOutput,
+) -> Result<ChildOutput, AttemptFailure> {
     match (outcome, heard.problem.take()) {
-        (Outcome::Finished, Some(problem)) => Err(Failure::Explained(problem)),
-        (Outcome::Finished, None) if heard.done => Ok(heard),
-        (Outcome::Finished, None) => Err(Failure::Crashed("ended without reporting a result".into())),
-        (Outcome::Stopped, _) => Err(Failure::Stopped),
-        (Outcome::OutOfMemory(known_by), _) => Err(Failure::Explained(out_of_memory(known_by))),
+        (ChildOutcome::Finished, Some(problem)) => Err(AttemptFailure::Impossible(problem)),
+        (ChildOutcome::Finished, None) if heard.done => Ok(heard),
+        (ChildOutcome::Finished, None) => Err(AttemptFailure::Crashed("ended without reporting a result".into())),
+        (ChildOutcome::Stopped, _) => Err(AttemptFailure::Stopped),
+        (ChildOutcome::OutOfMemory(known_by), _) => Err(AttemptFailure::Impossible(out_of_memory_problem(known_by))),
         (outcome, _) => {
             tracing::warn!(%outcome, stderr = stderr_tail, "child process failed");
-            Err(Failure::Crashed(outcome.to_string()))
+            Err(AttemptFailure::Crashed(outcome.to_string()))
         }
     }
 }
 
-fn out_of_memory(known_by: &str) -> Problem {
+fn out_of_memory_problem(known_by: &str) -> Problem {
     let detail = format!(
         "decoding and tracking this recording needs more memory than is allowed ({known_by}); \
          record at a lower resolution or for a shorter time"

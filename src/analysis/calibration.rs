@@ -4,13 +4,13 @@
 
 use std::io::{BufRead, Read, Seek};
 
-use crate::media::{Limits, MediaError, VideoFile, photo};
+use crate::media::{MediaError, MediaLimits, VideoFile, photo};
 use crate::pipeline::camera::checkerboard;
-use crate::pipeline::camera::film::Film;
+use crate::pipeline::camera::view_picker::ViewPicker;
 use crate::pipeline::camera::{Board, BoardView};
 
 /// Most photos of one calibration; 40 are plenty.
-pub const MOST_PHOTOS: usize = 500;
+pub const MAX_PHOTOS: usize = 500;
 
 /// The board in each photo or chosen frame, and their common picture size.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +27,7 @@ pub struct Views {
 #[derive(Debug, thiserror::Error)]
 pub enum ViewsError {
     /// No photo was given, or too many.
-    #[error("{0} photos given; give 3 to {MOST_PHOTOS}, best about 20 with the board tilted to different sides")]
+    #[error("{0} photos given; give 3 to {MAX_PHOTOS}, best about 20 with the board tilted to different sides")]
     Count(usize),
     /// A photo cannot be read.
     #[error("photo {name}: {source}")]
@@ -68,14 +68,14 @@ pub fn is_photo(first_bytes: &[u8]) -> bool {
 }
 
 /// Looks for the board in each photo, in order; calls `done` after each.
-pub fn of_photos<R: BufRead + Seek>(
+pub fn views_of_photos<R: BufRead + Seek>(
     photos: impl ExactSizeIterator<Item = (String, R)>,
     board: Board,
-    limits: Limits,
+    limits: MediaLimits,
     mut done: impl FnMut(&BoardView),
 ) -> Result<Views, ViewsError> {
     let count = photos.len();
-    if count == 0 || count > MOST_PHOTOS {
+    if count == 0 || count > MAX_PHOTOS {
         return Err(ViewsError::Count(count));
     }
     let mut views: Vec<BoardView> = Vec::with_capacity(count);
@@ -98,23 +98,23 @@ pub fn of_photos<R: BufRead + Seek>(
 
 /// Picks sharp and different views of the board from a video. Calls `done` after each decoded frame with the number of
 /// frames so far and, if known, in all.
-pub fn of_video(
+pub fn views_of_video(
     name: &str,
     video: impl Read + Seek + Send + 'static,
     board: Board,
-    limits: Limits,
+    limits: MediaLimits,
     mut done: impl FnMut(u64, Option<u64>),
 ) -> Result<Views, ViewsError> {
     let failed = |source| ViewsError::Video { name: name.to_owned(), source };
     let mut file = VideoFile::open(video, limits).map_err(failed)?;
     let expected = file.info().frames_expected;
-    let mut film = Film::new(board, expected);
+    let mut film = ViewPicker::new(board, expected);
     let (mut width, mut height) = (0, 0);
     while let Some(picture) = file.next_picture().map_err(failed)? {
         let frame = picture.frame();
         (width, height) = (frame.width() as u32, frame.height() as u32); // bounded by the limits
-        film.show(|| format!("frame {} ({:.2} s)", frame.index, frame.time_s), &frame.y);
+        film.add_frame(|| format!("frame {} ({:.2} s)", frame.index, frame.time_s), &frame.y);
         done(frame.index + 1, expected);
     }
-    Ok(Views { views: film.views(), width, height })
+    Ok(Views { views: film.into_views(), width, height })
 }

@@ -6,7 +6,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::protocol::SeenRow;
-use crate::pipeline::reason::Reason;
+use crate::pipeline::reason::MissReason;
 
 /// The JSON document.
 #[derive(Debug, Serialize)]
@@ -14,11 +14,11 @@ pub struct Diagnostics<'a> {
     width: u32,
     height: u32,
     tools: &'a [String],
-    columns: Columns,
+    columns: DiagnosticsColumns,
 }
 
 #[derive(Debug, Default, Serialize)]
-struct Columns {
+struct DiagnosticsColumns {
     frame: Vec<u64>,
     tool: Vec<u32>,
     reason: Vec<Option<&'static str>>,
@@ -31,11 +31,11 @@ struct Columns {
 impl<'a> Diagnostics<'a> {
     /// Diagnostics for frames of this size: borders as `u1 v1 u2 v2`, tips as `u v`, in pixels of the recorded frame.
     pub fn new((width, height): (u32, u32), tools: &'a [String], rows: &[SeenRow]) -> Self {
-        let mut columns = Columns::default();
+        let mut columns = DiagnosticsColumns::default();
         for row in rows {
             columns.frame.push(row.frame);
             columns.tool.push(row.tool);
-            columns.reason.push(row.reason.map(|reason| Reason::from(reason).name()));
+            columns.reason.push(row.reason.map(|reason| MissReason::from(reason).name()));
             columns.border_a.push(row.borders_px.map(|[a, _]| a));
             columns.border_b.push(row.borders_px.map(|[_, b]| b));
             columns.tip_u_px.push(row.tip_px.map(|[u, _]| u));
@@ -55,7 +55,11 @@ impl<'a> Diagnostics<'a> {
 ///
 /// # Errors
 /// The file is not a diagnostics document.
-pub fn part(json: &[u8], frames: Range<u64>, name_at: impl Fn(u64, u32) -> u32) -> serde_json::Result<Vec<u8>> {
+pub fn select_frames(
+    json: &[u8],
+    frames: Range<u64>,
+    name_at: impl Fn(u64, u32) -> u32,
+) -> serde_json::Result<Vec<u8>> {
     #[derive(Deserialize, Serialize)]
     struct Stored<'a> {
         width: u32,
@@ -75,7 +79,7 @@ pub fn part(json: &[u8], frames: Range<u64>, name_at: impl Fn(u64, u32) -> u32) 
         tip_u_px: Vec<Option<f32>>,
         tip_v_px: Vec<Option<f32>>,
     }
-    fn kept<T: Copy>(column: &mut Vec<T>, rows: &[usize]) {
+    fn select_rows<T: Copy>(column: &mut Vec<T>, rows: &[usize]) {
         *column = rows.iter().filter_map(|row| column.get(*row).copied()).collect();
     }
     let mut stored: Stored<'_> = serde_json::from_slice(json)?;
@@ -87,11 +91,11 @@ pub fn part(json: &[u8], frames: Range<u64>, name_at: impl Fn(u64, u32) -> u32) 
     rows.sort_by_key(|(_, frame, tool)| (*frame, *tool));
     let order: Vec<usize> = rows.iter().map(|(row, ..)| *row).collect();
     (columns.frame, columns.tool) = rows.iter().map(|(_, frame, tool)| (*frame, *tool)).unzip();
-    kept(&mut columns.reason, &order);
-    kept(&mut columns.border_a, &order);
-    kept(&mut columns.border_b, &order);
-    kept(&mut columns.tip_u_px, &order);
-    kept(&mut columns.tip_v_px, &order);
+    select_rows(&mut columns.reason, &order);
+    select_rows(&mut columns.border_a, &order);
+    select_rows(&mut columns.border_b, &order);
+    select_rows(&mut columns.tip_u_px, &order);
+    select_rows(&mut columns.tip_v_px, &order);
     serde_json::to_vec(&stored)
 }
 
@@ -130,10 +134,10 @@ mod tests {
         let rows = |frames: Range<u64>| -> Vec<SeenRow> { frames.flat_map(|f| [row(f, 0), row(f, 1)]).collect() };
         let text = |rows: &[SeenRow]| Diagnostics::new((640, 480), &tools, rows).to_json().unwrap();
         let whole = text(&rows(0..20));
-        assert_eq!(part(&whole, 0..u64::MAX, |_, tool| tool).unwrap(), whole);
-        assert_eq!(part(&whole, 5..9, |_, tool| tool).unwrap(), text(&rows(5..9)));
-        let swapped = part(&whole, 5..6, |_, tool| 1 - tool).unwrap();
+        assert_eq!(select_frames(&whole, 0..u64::MAX, |_, tool| tool).unwrap(), whole);
+        assert_eq!(select_frames(&whole, 5..9, |_, tool| tool).unwrap(), text(&rows(5..9)));
+        let swapped = select_frames(&whole, 5..6, |_, tool| 1 - tool).unwrap();
         assert_eq!(swapped, text(&[SeenRow { tool: 0, ..row(5, 1) }, SeenRow { tool: 1, ..row(5, 0) }]));
-        assert!(part(b"[]", 0..1, |_, tool| tool).is_err());
+        assert!(select_frames(b"[]", 0..1, |_, tool| tool).is_err());
     }
 }

@@ -11,18 +11,18 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use super::paths::{Kind, Paths};
+use super::paths::{PathKind, SessionPaths};
 use super::protocol::{PathRow, QualityShape, ReasonShape, SeenRow, ToolQualityShape};
-use crate::domain::edit::{Change, EditsInForce, kept};
+use crate::domain::edit::{EditChange, EditsInForce, kept_span};
 use crate::domain::text::Invalid;
-use crate::pipeline::reason::Reason;
+use crate::pipeline::reason::MissReason;
 use crate::pipeline::trajectory::{Cut, Trajectory};
 
 /// Shortest recording that trimming may leave, s: a shorter one is no practice, and no feature could be measured.
-pub const LEAST_KEPT_S: f64 = 1.0;
+pub const MIN_KEPT_S: f64 = 1.0;
 
 /// The span kept where nothing is trimmed, s.
-const ALWAYS: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+const WHOLE_RECORDING: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 /// Frame and tool of each measurement that failed, and why.
 pub type Unmeasured = Vec<(u64, u32, ReasonShape)>;
@@ -35,27 +35,31 @@ pub fn unmeasured(seen: &[SeenRow]) -> Unmeasured {
 /// The unmeasured frames in stored diagnostics; empty if the file cannot be read.
 pub fn unmeasured_of_diagnostics(json: &[u8]) -> Unmeasured {
     #[derive(Deserialize)]
-    struct Document {
-        columns: Columns,
+    struct ReasonDocument {
+        columns: ReasonColumns,
     }
     #[derive(Deserialize)]
-    struct Columns {
+    struct ReasonColumns {
         frame: Vec<u64>,
         tool: Vec<u32>,
         reason: Vec<Option<String>>,
     }
-    let named = |name: &str| ReasonShape::ALL.iter().copied().find(|shape| Reason::from(*shape).name() == name);
-    let Ok(Document { columns }) = serde_json::from_slice(json) else { return Vec::new() };
+    let named = |name: &str| ReasonShape::ALL.iter().copied().find(|shape| MissReason::from(*shape).name() == name);
+    let Ok(ReasonDocument { columns }) = serde_json::from_slice(json) else { return Vec::new() };
     let rows = columns.frame.into_iter().zip(columns.tool).zip(columns.reason);
     rows.filter_map(|((frame, tool), reason)| Some((frame, tool, named(&reason?)?))).collect()
 }
 
 /// The paths with these edits applied. Without edits they are unchanged.
-pub fn edited(paths: &Paths, changes: &[Change], unmeasured: &[(u64, u32, ReasonShape)]) -> Paths {
+pub fn apply_edits(
+    paths: &SessionPaths,
+    changes: &[EditChange],
+    unmeasured: &[(u64, u32, ReasonShape)],
+) -> SessionPaths {
     if changes.is_empty() {
         return paths.clone();
     }
-    let span = kept(changes).unwrap_or(ALWAYS);
+    let span = kept_span(changes).unwrap_or(WHOLE_RECORDING);
     let swaps = Swaps::of(paths, changes);
     let rows = |rows: &[PathRow]| {
         let mut rows: Vec<PathRow> = rows.iter().filter(|row| is_within(row.time_s, span)).copied().collect();
@@ -63,7 +67,7 @@ pub fn edited(paths: &Paths, changes: &[Change], unmeasured: &[(u64, u32, Reason
         rows.sort_by_key(|row| (row.frame, row.tool));
         rows
     };
-    let mut left = Paths {
+    let mut left = SessionPaths {
         tools: paths.tools.clone(),
         frame_times_s: paths.frame_times_s.iter().copied().filter(|time_s| is_within(*time_s, span)).collect(),
         raw: rows(&paths.raw),
@@ -76,19 +80,19 @@ pub fn edited(paths: &Paths, changes: &[Change], unmeasured: &[(u64, u32, Reason
     };
     if let Some(tracking) = &mut left.tracking {
         let whole = tracking.quality.frames;
-        tracking.quality = summary(&tracking.quality, (paths, &left.smoothed), (span, &swaps), unmeasured);
-        tracking.frames_expected = tracking.frames_expected.map(|n| share_of(n, tracking.quality.frames, whole));
+        tracking.quality = remaining_summary(&tracking.quality, (paths, &left.smoothed), (span, &swaps), unmeasured);
+        tracking.frames_expected = tracking.frames_expected.map(|n| scale_count(n, tracking.quality.frames, whole));
     }
     left
 }
 
 /// One of the paths with these edits applied.
-pub fn edited_path(paths: &Paths, kind: Kind, changes: &[Change]) -> Trajectory {
+pub fn apply_edits_to_path(paths: &SessionPaths, kind: PathKind, changes: &[EditChange]) -> Trajectory {
     let mut path = paths.trajectory(kind);
     if changes.is_empty() {
         return path;
     }
-    let (span, swaps) = (kept(changes).unwrap_or(ALWAYS), Swaps::of(paths, changes));
+    let (span, swaps) = (kept_span(changes).unwrap_or(WHOLE_RECORDING), Swaps::of(paths, changes));
     path.frame_times_s.retain(|time_s| is_within(*time_s, span));
     path.samples.retain(|row| is_within(row.time_s, span));
     path.cuts = swaps.cuts(path.samples.iter().map(|row| (row.tool as u32, row.time_s)));
@@ -98,8 +102,8 @@ pub fn edited_path(paths: &Paths, kind: Kind, changes: &[Change]) -> Trajectory 
 }
 
 /// Number of frames left of an imported path: the frames that have a row of any tool.
-pub fn frames_left(paths: &Paths, frames: u64, changes: &[Change]) -> u64 {
-    if kept(changes).is_none() {
+pub fn count_remaining_frames(paths: &SessionPaths, frames: u64, changes: &[EditChange]) -> u64 {
+    if kept_span(changes).is_none() {
         return frames;
     }
     let mut seen: Vec<u64> = paths.smoothed.iter().map(|row| row.frame).collect();
@@ -111,8 +115,8 @@ pub fn frames_left(paths: &Paths, frames: u64, changes: &[Change]) -> u64 {
 ///
 /// # Errors
 /// The edit names an unknown tool, lies outside the recording, changes nothing, or leaves nothing.
-pub fn fitting(paths: &Paths, in_force: &EditsInForce, new: Change) -> Result<Change, Invalid> {
-    let Some([first, last]) = recorded(paths) else {
+pub fn check_edit(paths: &SessionPaths, in_force: &EditsInForce, new: EditChange) -> Result<EditChange, Invalid> {
+    let Some([first, last]) = recorded_span(paths) else {
         return Err(Invalid::new("from_s", "cannot be met: the recording has no path"));
     };
     let within = |[from, to]: [f64; 2]| {
@@ -125,8 +129,8 @@ pub fn fitting(paths: &Paths, in_force: &EditsInForce, new: Change) -> Result<Ch
         ))
     };
     match new {
-        Change::SetAside => Ok(new),
-        Change::Swap(tools, span) => {
+        EditChange::SetAside => Ok(new),
+        EditChange::Swap(tools, span) => {
             if let Some(unknown) = tools.iter().find(|tool| !paths.tools.contains(tool)) {
                 let known = paths.tools.join("`, `");
                 return Err(Invalid::new("tools", format!("names `{unknown}`; the session's tools are `{known}`")));
@@ -134,24 +138,24 @@ pub fn fitting(paths: &Paths, in_force: &EditsInForce, new: Change) -> Result<Ch
             let span = within(span)?;
             let has_rows = paths.smoothed.iter().any(|row| is_within(row.time_s, span));
             if has_rows {
-                Ok(Change::Swap(tools, span))
+                Ok(EditChange::Swap(tools, span))
             } else {
                 Err(Invalid::new("from_s", "and `to_s` have no path between them"))
             }
         }
-        Change::Trim(span) => {
+        EditChange::Trim(span) => {
             let span = within(span)?;
             if span == [first, last] {
                 return Err(Invalid::new("from_s", "and `to_s` are the whole recording: nothing would be cut off"));
             }
-            let all: Vec<Change> = in_force.changes.iter().cloned().chain([Change::Trim(span)]).collect();
-            let [from, to] = kept(&all).unwrap_or(span);
+            let all: Vec<EditChange> = in_force.changes.iter().cloned().chain([EditChange::Trim(span)]).collect();
+            let [from, to] = kept_span(&all).unwrap_or(span);
             let has_rows = paths.smoothed.iter().any(|row| row.observed && is_within(row.time_s, [from, to]));
-            if to - from >= LEAST_KEPT_S && has_rows {
-                return Ok(Change::Trim(span));
+            if to - from >= MIN_KEPT_S && has_rows {
+                return Ok(EditChange::Trim(span));
             }
             let why = format!(
-                "would leave too little: keep at least {LEAST_KEPT_S} s of what other edits keep, with a tool in it"
+                "would leave too little: keep at least {MIN_KEPT_S} s of what other edits keep, with a tool in it"
             );
             Err(Invalid::new("to_s", why))
         }
@@ -159,7 +163,7 @@ pub fn fitting(paths: &Paths, in_force: &EditsInForce, new: Change) -> Result<Ch
 }
 
 /// First and last time of a recording, s.
-fn recorded(paths: &Paths) -> Option<[f64; 2]> {
+fn recorded_span(paths: &SessionPaths) -> Option<[f64; 2]> {
     let ends = |first: Option<f64>, last: Option<f64>| Some([first?, last?]);
     let rows = &paths.smoothed;
     ends(paths.frame_times_s.first().copied(), paths.frame_times_s.last().copied())
@@ -170,7 +174,7 @@ fn is_within(time_s: f64, [from, to]: [f64; 2]) -> bool {
     (from..=to).contains(&time_s)
 }
 
-fn share_of(number: u64, part: u64, whole: u64) -> u64 {
+fn scale_count(number: u64, part: u64, whole: u64) -> u64 {
     if whole == 0 { number } else { (number as f64 * part as f64 / whole as f64).round() as u64 }
 }
 
@@ -179,11 +183,11 @@ pub struct Swaps(Vec<([u32; 2], [f64; 2])>);
 
 impl Swaps {
     /// The swaps among these edits.
-    pub fn of(paths: &Paths, changes: &[Change]) -> Self {
+    pub fn of(paths: &SessionPaths, changes: &[EditChange]) -> Self {
         let index = |name: &String| paths.tools.iter().position(|tool| tool == name).map(|index| index as u32);
-        let swap = |change: &Change| match change {
-            Change::Swap([one, other], span) => Some(([index(one)?, index(other)?], *span)),
-            Change::Trim(_) | Change::SetAside => None,
+        let swap = |change: &EditChange| match change {
+            EditChange::Swap([one, other], span) => Some(([index(one)?, index(other)?], *span)),
+            EditChange::Trim(_) | EditChange::SetAside => None,
         };
         Self(changes.iter().filter_map(swap).collect())
     }
@@ -217,9 +221,9 @@ impl Swaps {
 }
 
 /// The tracker's summary of the remaining part.
-fn summary(
+fn remaining_summary(
     whole: &QualityShape,
-    (paths, smoothed): (&Paths, &[PathRow]),
+    (paths, smoothed): (&SessionPaths, &[PathRow]),
     (span, swaps): ([f64; 2], &Swaps),
     unmeasured: &[(u64, u32, ReasonShape)],
 ) -> QualityShape {
@@ -244,7 +248,7 @@ fn summary(
     for (index, tool) in whole.tools.iter().enumerate() {
         for &(first, last, reason) in &tool.gaps {
             let frames = (first..=last).filter(|frame| left(*frame));
-            frames.for_each(|frame| add_to(&mut gaps, name_at(index as u32, frame), (frame, reason)));
+            frames.for_each(|frame| add_to_gaps(&mut gaps, name_at(index as u32, frame), (frame, reason)));
         }
     }
     gaps.iter_mut().for_each(|of_tool| of_tool.sort_by_key(|gap| gap.0));
@@ -259,14 +263,18 @@ fn summary(
     };
     QualityShape {
         frames,
-        frames_interlaced: share_of(whole.frames_interlaced, frames, whole.frames),
+        frames_interlaced: scale_count(whole.frames_interlaced, frames, whole.frames),
         tools: whole.tools.iter().enumerate().map(tool).collect(),
         light: whole.light.iter().copied().filter(|[time_s, ..]| is_within(*time_s, span)).collect(),
     }
 }
 
 /// Adds a frame to a tool's gaps: extends the last gap, or starts a new one.
-fn add_to(gaps: &mut [Vec<(u64, u64, Option<ReasonShape>)>], tool: u32, (frame, reason): (u64, Option<ReasonShape>)) {
+fn add_to_gaps(
+    gaps: &mut [Vec<(u64, u64, Option<ReasonShape>)>],
+    tool: u32,
+    (frame, reason): (u64, Option<ReasonShape>),
+) {
     let Some(gaps) = gaps.get_mut(tool as usize) else { return };
     match gaps.last_mut() {
         Some(last) if last.1 + 1 == frame && last.2 == reason => last.1 = frame,

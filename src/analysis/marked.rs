@@ -10,15 +10,15 @@ use crate::pipeline::segmentation::knn::Knn;
 use crate::pipeline::segmentation::palette::confusion::Confusion;
 use crate::pipeline::segmentation::palette::{FalseArea, verdict};
 use crate::pipeline::segmentation::region_of_interest::{CELL_PX, CellBox, class_at};
-use crate::pipeline::segmentation::samples::{ColourSamples, Rectangle};
+use crate::pipeline::segmentation::samples::{ColourSamples, MarkedRectangle};
 
 /// Most marked frames kept for the report, which needs all colours; further frames only give samples. A 1080p frame
 /// takes 3 MB.
-const FRAMES_KEPT: usize = 6;
+const MAX_FRAMES_KEPT: usize = 6;
 
 /// Most cells of a mask. In a larger picture only every second or third cell is classified, so that the worst case fits
 /// into one record.
-const MOST_CELLS: usize = 1 << 20;
+const MAX_MASK_CELLS: usize = 1 << 20;
 
 /// Collects marked frames, one after the other.
 #[derive(Default)]
@@ -29,14 +29,14 @@ pub struct MarkedFrames {
 }
 
 /// A frame and the rectangles marked on it.
-type MarkedFrame = (Picture, Vec<Rectangle>);
+type MarkedFrame = (Picture, Vec<MarkedRectangle>);
 
 /// Groups one frame's marks, given with their stroke numbers, into strokes: each is one or more rectangles with the
 /// same label.
-pub fn strokes(marks: impl Iterator<Item = (Option<u32>, Rectangle)>) -> Vec<Vec<Rectangle>> {
-    let mut strokes: Vec<(Option<u32>, Vec<Rectangle>)> = Vec::new();
+pub fn group_into_strokes(marks: impl Iterator<Item = (Option<u32>, MarkedRectangle)>) -> Vec<Vec<MarkedRectangle>> {
+    let mut strokes: Vec<(Option<u32>, Vec<MarkedRectangle>)> = Vec::new();
     for (number, mark) in marks {
-        let is_same = |(other, of): &&mut (Option<u32>, Vec<Rectangle>)| {
+        let is_same = |(other, of): &&mut (Option<u32>, Vec<MarkedRectangle>)| {
             number.is_some() && number == *other && of.first().is_some_and(|first| first.label == mark.label)
         };
         match number.and_then(|_| strokes.iter_mut().find(is_same)) {
@@ -66,13 +66,13 @@ impl MarkedFrames {
 
     /// Adds a frame and its marks, stroke by stroke. Frames without marks are allowed. All samples use the encoding of
     /// the first frame.
-    pub fn take(&mut self, picture: Picture, strokes: Vec<Vec<Rectangle>>) {
+    pub fn add(&mut self, picture: Picture, strokes: Vec<Vec<MarkedRectangle>>) {
         let frame = picture.frame();
         let samples = self.samples.get_or_insert_with(|| ColourSamples::new(frame.encoding));
         for stroke in &strokes {
             samples.collect_stroke(&frame, stroke);
         }
-        if self.keeps_all || !strokes.is_empty() && self.kept.len() < FRAMES_KEPT {
+        if self.keeps_all || !strokes.is_empty() && self.kept.len() < MAX_FRAMES_KEPT {
             self.kept.push((picture, strokes.into_iter().flatten().collect()));
         }
     }
@@ -80,7 +80,7 @@ impl MarkedFrames {
     /// For each kept frame, which cells the tracker classifies as which tape colour; `None` without a sample.
     pub fn masks(&self, colours: &[String]) -> Option<Vec<FrameMask>> {
         let samples = self.samples.as_ref().filter(|samples| !samples.samples.is_empty())?;
-        Some(self.of_frames(samples, colours, |(picture, _), table| vec![mask_of(&picture.frame(), table)]))
+        Some(self.map_frames(samples, colours, |(picture, _), table| vec![mask_of(&picture.frame(), table)]))
     }
 
     /// The samples; `None` if no frame was added.
@@ -102,11 +102,13 @@ impl MarkedFrames {
     fn false_areas(&self, samples: &ColourSamples, colours: &[String], tapes: &[String]) -> Vec<FalseArea> {
         let wearers = |colour: &String| tapes.iter().filter(|tape| *tape == colour).count();
         let worn: Vec<(&String, usize)> = colours.iter().map(|colour| (colour, wearers(colour))).collect();
-        self.of_frames(samples, colours, |(picture, marks), table| of_frame(&picture.frame(), table, marks, &worn))
+        self.map_frames(samples, colours, |(picture, marks), table| {
+            false_areas_of_frame(&picture.frame(), table, marks, &worn)
+        })
     }
 
     /// Applies `look` to the kept frames; each run of frames with the same encoding gets its own colour table.
-    fn of_frames<T>(
+    fn map_frames<T>(
         &self,
         samples: &ColourSamples,
         colours: &[String],
@@ -127,7 +129,7 @@ impl MarkedFrames {
 fn mask_of(frame: &Frame<'_>, table: &ColourTable) -> FrameMask {
     let whole = CellBox::whole(frame);
     let mut every = 1;
-    while whole.width().div_ceil(every) * whole.height().div_ceil(every) > MOST_CELLS {
+    while whole.width().div_ceil(every) * whole.height().div_ceil(every) > MAX_MASK_CELLS {
         every += 1;
     }
     let mut runs: Vec<[u32; 2]> = Vec::new();
@@ -153,14 +155,14 @@ fn mask_of(frame: &Frame<'_>, table: &ColourTable) -> FrameMask {
 
 /// The false area of each colour that is marked on this frame. Each colour is given with the number of tools that wear
 /// it.
-fn of_frame(
+fn false_areas_of_frame(
     frame: &Frame<'_>,
     table: &ColourTable,
-    marks: &[Rectangle],
+    marks: &[MarkedRectangle],
     colours: &[(&String, usize)],
 ) -> Vec<FalseArea> {
     let of_colour = |(index, (colour, wearers)): (usize, &(&String, usize))| {
-        let own: Vec<&Rectangle> = marks.iter().filter(|mark| mark.label == **colour).collect();
+        let own: Vec<&MarkedRectangle> = marks.iter().filter(|mark| mark.label == **colour).collect();
         false_area(frame, table, index as u8 + 1, &own, *wearers)
     };
     colours.iter().enumerate().filter_map(of_colour).collect()
@@ -172,7 +174,7 @@ mod tests {
 
     #[test]
     fn rectangles_are_one_mark_only_if_they_share_a_stroke_and_a_label() {
-        let mark = |label: &str, x| Rectangle { label: label.to_owned(), x, y: 0, w: 2, h: 2 };
+        let mark = |label: &str, x| MarkedRectangle { label: label.to_owned(), x, y: 0, w: 2, h: 2 };
         let marks = [
             (Some(1), mark("orange", 0)),
             (None, mark("orange", 1)),
@@ -181,8 +183,8 @@ mod tests {
             (Some(1), mark("background", 4)),
             (None, mark("orange", 5)),
         ];
-        let columns = |stroke: Vec<Rectangle>| stroke.iter().map(|mark| mark.x).collect::<Vec<_>>();
-        let found: Vec<Vec<usize>> = strokes(marks.into_iter()).into_iter().map(columns).collect();
+        let columns = |stroke: Vec<MarkedRectangle>| stroke.iter().map(|mark| mark.x).collect::<Vec<_>>();
+        let found: Vec<Vec<usize>> = group_into_strokes(marks.into_iter()).into_iter().map(columns).collect();
         assert_eq!(found, [vec![0, 3], vec![1], vec![2], vec![4], vec![5]]);
     }
 }

@@ -4,14 +4,14 @@
 use serde::{Deserialize, Serialize};
 
 use super::protocol::{PathRow, QualityShape, decode, encode};
-pub use crate::pipeline::trajectory::Kind;
+pub use crate::pipeline::trajectory::PathKind;
 use crate::pipeline::trajectory::{self, Cut, Sample, Trajectory};
 
 /// Magic bytes at the start of every blob; the last byte is the version of the format.
 const MAGIC: [u8; 8] = *b"trocarP\x02";
 
 /// Magic bytes of the format without the tracker's summary, otherwise the same: written up to pipeline version 8.
-const MAGIC_OF_PATHS_ALONE: [u8; 8] = *b"trocarP\x01";
+const MAGIC_WITHOUT_TRACKING: [u8; 8] = *b"trocarP\x01";
 
 /// Why a blob cannot be read or written as paths.
 #[derive(Debug, thiserror::Error)]
@@ -24,12 +24,12 @@ pub enum PathsError {
     Damaged(postcard::Error),
     /// There is too little memory to write it.
     #[error("paths cannot be encoded: {0}")]
-    Unwritable(postcard::Error),
+    Encoding(postcard::Error),
 }
 
 /// A session's paths.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Paths {
+pub struct SessionPaths {
     /// Names of the tools; rows refer to them by index.
     pub tools: Vec<String>,
     /// Presentation time of every decoded frame, s.
@@ -41,7 +41,7 @@ pub struct Paths {
     /// Path from the smoother.
     pub smoothed: Vec<PathRow>,
     /// The tracker's summary; `None` if another tracker made the path, or if the blob is older than this field.
-    pub tracking: Option<Tracked>,
+    pub tracking: Option<TrackingSummary>,
     /// Where edits exchange two tools' names; stored paths have none.
     #[serde(skip)]
     pub cuts: Vec<Cut>,
@@ -49,24 +49,24 @@ pub struct Paths {
 
 /// The part of the tracker's summary that the score depends on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Tracked {
+pub struct TrackingSummary {
     /// Counts, gaps, colours, light.
     pub quality: QualityShape,
     /// Number of frames that the container announced, if it did.
     pub frames_expected: Option<u64>,
 }
 
-impl Paths {
+impl SessionPaths {
     /// Encodes the paths as a blob.
     pub fn to_bytes(&self) -> Result<Vec<u8>, PathsError> {
         let mut bytes = MAGIC.to_vec();
-        bytes.extend(encode(self).map_err(PathsError::Unwritable)?);
+        bytes.extend(encode(self).map_err(PathsError::Encoding)?);
         Ok(bytes)
     }
 
     /// Decodes a blob.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, PathsError> {
-        if let Some(content) = bytes.strip_prefix(&MAGIC_OF_PATHS_ALONE) {
+        if let Some(content) = bytes.strip_prefix(&MAGIC_WITHOUT_TRACKING) {
             return decode(&[content, &[0]].concat()).map_err(PathsError::Damaged); // `None` is one zero byte
         }
         let content = bytes.strip_prefix(&MAGIC).ok_or(PathsError::NotPaths)?;
@@ -74,7 +74,7 @@ impl Paths {
     }
 
     /// One of the paths as the pipeline's type.
-    pub fn trajectory(&self, kind: Kind) -> Trajectory {
+    pub fn trajectory(&self, kind: PathKind) -> Trajectory {
         Trajectory {
             tools: self.tools.clone(),
             samples: self.rows(kind).iter().map(|&row| row.into()).collect(),
@@ -83,17 +83,17 @@ impl Paths {
         }
     }
 
-    fn rows(&self, kind: Kind) -> &[PathRow] {
+    fn rows(&self, kind: PathKind) -> &[PathRow] {
         match kind {
-            Kind::Raw => &self.raw,
-            Kind::Filtered => &self.filtered,
-            Kind::Smoothed => &self.smoothed,
+            PathKind::Raw => &self.raw,
+            PathKind::Filtered => &self.filtered,
+            PathKind::Smoothed => &self.smoothed,
         }
     }
 }
 
-impl trajectory::Paths for Paths {
-    fn path(&self, kind: Kind, tool: usize) -> Vec<Sample> {
+impl trajectory::PathSource for SessionPaths {
+    fn path(&self, kind: PathKind, tool: usize) -> Vec<Sample> {
         self.rows(kind).iter().filter(|row| row.tool as usize == tool).map(|&row| row.into()).collect()
     }
 }
@@ -125,7 +125,7 @@ mod tests {
     proptest! {
         #[test]
         fn paths_survive_their_blob_bit_for_bit(smoothed in prop::collection::vec(row(), 0..20)) {
-            let paths = Paths {
+            let paths = SessionPaths {
                 tools: vec!["orange".into()],
                 frame_times_s: vec![0.0, 0.1 + 0.2],
                 raw: vec![],
@@ -134,24 +134,24 @@ mod tests {
                 tracking: None,
                 cuts: vec![],
             };
-            let read = Paths::from_bytes(&paths.to_bytes().unwrap()).unwrap();
+            let read = SessionPaths::from_bytes(&paths.to_bytes().unwrap()).unwrap();
             prop_assert_eq!(&read, &paths);
-            let rows: Vec<PathRow> = read.trajectory(Kind::Smoothed).samples.iter().map(PathRow::from).collect();
+            let rows: Vec<PathRow> = read.trajectory(PathKind::Smoothed).samples.iter().map(PathRow::from).collect();
             prop_assert_eq!(rows, paths.smoothed);
         }
 
         #[test]
-        fn a_blob_from_before_the_trackers_words_were_kept_still_gives_its_paths(rows in prop::collection::vec(row(), 0..20)) {
+        fn a_blob_older_than_the_trackers_summary_still_gives_its_paths(rows in prop::collection::vec(row(), 0..20)) {
             let (tools, times): (Vec<String>, Vec<f64>) = (vec!["orange".into()], vec![0.5]);
             let content = encode(&(&tools, &times, &rows, &rows, &rows)).unwrap();
-            let read = Paths::from_bytes(&[&MAGIC_OF_PATHS_ALONE[..], &content].concat()).unwrap();
+            let read = SessionPaths::from_bytes(&[&MAGIC_WITHOUT_TRACKING[..], &content].concat()).unwrap();
             prop_assert_eq!((read.smoothed, read.tracking), (rows, None));
         }
 
         #[test]
         fn a_damaged_blob_is_an_error(cut in 0usize..8) {
-            prop_assert!(Paths::from_bytes(&MAGIC[..cut]).is_err());
-            prop_assert!(Paths::from_bytes(&[&MAGIC[..], &[0xff; 9]].concat()).is_err());
+            prop_assert!(SessionPaths::from_bytes(&MAGIC[..cut]).is_err());
+            prop_assert!(SessionPaths::from_bytes(&[&MAGIC[..], &[0xff; 9]].concat()).is_err());
         }
     }
 }

@@ -7,13 +7,13 @@ use crate::media::{MediaError, Picture, ReadAhead, VideoFile};
 use crate::pipeline::camera::Board;
 use crate::pipeline::frame::Frame;
 use crate::pipeline::quality::ports::Ports;
-use crate::pipeline::self_test::{BoardWatch, ColourWatch, Evidence, measure, verdict};
-use crate::pipeline::tracker::{MOST_REHEARSED, SettingsProblem, Tracker, TrackerSettings};
-use crate::pipeline::trajectory::Kind;
+use crate::pipeline::self_test::{BoardWatch, ColourWatch, SelfTestEvidence, measure, verdict};
+use crate::pipeline::tracker::{MAX_WARM_UP_FRAMES, SettingsProblem, Tracker, TrackerSettings};
+use crate::pipeline::trajectory::PathKind;
 
 /// What a self-test needs besides the recording and the tracker's settings.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Asked {
+pub struct SelfTestSetup {
     /// The board that lies in the box.
     pub board: Board,
     /// Distance from the end of the tape to the tool's tip, mm; 0 for a rod that ends flat where its tape ends.
@@ -25,7 +25,7 @@ pub struct Asked {
 }
 
 /// Largest distance from the tape to the tool's tip, mm: jaws are 15 to 30 mm long.
-pub const MOST_REACH_MM: f64 = 100.0;
+pub const MAX_REACH_MM: f64 = 100.0;
 
 /// Why a recording cannot be tested.
 #[derive(Debug, thiserror::Error)]
@@ -42,40 +42,40 @@ pub enum SelfTestError {
 ///
 /// # Errors
 /// The recording cannot be decoded, or its size differs from the camera's.
-pub fn of_video(
+pub fn test_video(
     video: VideoFile,
     settings: TrackerSettings,
-    asked: Asked,
+    asked: SelfTestSetup,
     mut done: impl FnMut(u64, Option<u64>),
 ) -> Result<SelfTestReport, SelfTestError> {
     let info = video.info();
     let (camera, tools, samples) = (settings.camera, settings.tools.clone(), settings.samples.clone());
     let mut ahead = ReadAhead::new(video)?;
-    let first: Vec<Frame<'_>> = ahead.first_pictures(MOST_REHEARSED)?.iter().map(Picture::frame).collect();
+    let first: Vec<Frame<'_>> = ahead.first_pictures(MAX_WARM_UP_FRAMES)?.iter().map(Picture::frame).collect();
     let encoding = first.first().ok_or(MediaError::NoFrames)?.encoding;
     let mut tracker = Tracker::new(settings, info.width, info.height, encoding)?;
-    tracker.rehearse(&first);
+    tracker.warm_up(&first);
     let (mut watch, mut colours) = (BoardWatch::new(asked.board, camera), ColourWatch::new(&samples, &tools, encoding));
     while let Some(seen) = ahead.next_picture()? {
         let frame = seen.frame();
         let has_tool = tracker.observe(&frame).tools.iter().any(|tool| tool.filtered.is_some());
-        watch.look(&frame, has_tool);
+        watch.search_frame(&frame, has_tool);
         if !has_tool {
-            colours.look(&frame);
+            colours.search_frame(&frame);
         }
         done(frame.index + 1, info.frames_expected);
     }
     drop(ahead);
     let tracking = tracker.finish();
-    let smoothed = tracking.trajectory(Kind::Smoothed);
-    let evidence = Evidence {
+    let smoothed = tracking.trajectory(PathKind::Smoothed);
+    let evidence = SelfTestEvidence {
         camera,
         tools: &tools,
         reach_mm: asked.reach_mm,
         quality: &tracking.quality,
         smoothed: &smoothed,
         ports: &asked.ports,
-        false_colours: &colours.into_found(),
+        false_colours: &colours.into_false_colours(),
     };
     let findings = measure(watch, &evidence);
     let verdict = verdict::judge(&findings, asked.calibration_rms_px);

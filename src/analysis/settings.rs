@@ -47,7 +47,7 @@ impl Default for AnalysisSettings {
 
 impl AnalysisSettings {
     /// The budget of a child that works for a waiting user.
-    pub fn glance_budget(&self) -> Budget {
+    pub fn quick_budget(&self) -> Budget {
         let longest = Duration::from_secs(self.glance_s);
         Budget { cpu: longest, slice: Budget::SHORT_SLICE, wall: longest, silence: longest, ..self.budget() }
     }

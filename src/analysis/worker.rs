@@ -6,31 +6,31 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinError;
 
-use super::attempt::{Attempt, Failure, attempt};
-use super::orders::{Earlier, KnownBefore, Orders};
-use super::product::{self, ProductError, Tracked};
-use super::protocol::{Request, Work};
-use super::receipt::{Heard, News};
+use super::attempt::{AttemptFailure, ChildAttempt, run_attempt};
+use super::job_plan::{BoxContext, EarlierSessions, JobPlan};
+use super::output_validator::{ChildEvent, ChildOutput};
+use super::protocol::{ChildRequest, ChildWork};
+use super::results::{self, ProductError, TrackResult};
 use super::settings::AnalysisSettings;
 use crate::domain::job::JobInput;
 use crate::domain::problem::Problem;
 use crate::domain::session::NewResult;
 use crate::pipeline::quality::ports::Ports;
-use crate::queue::{Held, Queue, is_lost};
-use crate::sandbox::{Budget, Program, Stop};
+use crate::queue::{HeldJob, Queue, is_lease_lost};
+use crate::sandbox::{Budget, Program, StopSwitch};
 use crate::shutdown::Shutdown;
 use crate::store::{Store, StoreError};
 use crate::time::{SharedClock, to_rfc3339};
-use crate::vault::{Kept, Vault, VaultError};
+use crate::vault::{PinnedBlob, Vault, VaultError};
 
 /// Interval between progress updates: each one is a database commit.
-const WORD: Duration = Duration::from_secs(1);
+const PROGRESS_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Pause of a worker after an error of the disk, the database or the system.
-const REST: Duration = Duration::from_secs(5);
+const BACKOFF: Duration = Duration::from_secs(5);
 
 /// The workers and what they share.
-pub struct Workshop {
+pub struct WorkerPool {
     /// Database.
     pub store: Store,
     /// Stored files.
@@ -68,111 +68,113 @@ impl From<Problem> for WorkError {
     }
 }
 
-impl Workshop {
+impl WorkerPool {
     /// This program, run as a child.
     pub fn this_program() -> Program {
         Program::this(&["child"])
     }
 
     /// Starts this many workers. They work until the service shuts down and then release their jobs.
-    pub fn open(self, workers: usize, shutdown: &Shutdown) {
+    pub fn start_workers(self, workers: usize, shutdown: &Shutdown) {
         let pool = Arc::new(self);
         for number in 1..=workers {
             let (pool, shutdown_of_worker) = (pool.clone(), shutdown.clone());
             let name = format!("worker {number} of process {}", std::process::id());
-            shutdown.spawn(async move { pool.work(&name, &shutdown_of_worker).await });
+            shutdown.spawn(async move { pool.run_worker(&name, &shutdown_of_worker).await });
         }
     }
 
     /// Takes jobs from the queue until the service shuts down.
-    async fn work(&self, name: &str, shutdown: &Shutdown) {
+    async fn run_worker(&self, name: &str, shutdown: &Shutdown) {
         while let Some(held) = self.queue.next(name, shutdown).await {
             let job = held.job().id;
-            match self.attend(held, shutdown).await {
+            match self.run_job(held, shutdown).await {
                 Ok(()) => {}
-                Err(WorkError::Store(error)) if is_lost(&error) => {
+                Err(WorkError::Store(error)) if is_lease_lost(&error) => {
                     tracing::info!(%job, worker = name, "lease lost: another worker owns the job; result discarded");
                 }
                 Err(error) => {
                     tracing::error!(%error, %job, worker = name, "job failed on this machine; retried later, pausing 5 s");
-                    tokio::select! { () = shutdown.begun() => {}, () = self.clock.sleep(REST) => {} }
+                    tokio::select! { () = shutdown.begun() => {}, () = self.clock.sleep(BACKOFF) => {} }
                 }
             }
         }
     }
 
     /// Runs one job until it is finished, failed or released.
-    async fn attend(&self, mut held: Held, shutdown: &Shutdown) -> Result<(), WorkError> {
+    async fn run_job(&self, mut held: HeldJob, shutdown: &Shutdown) -> Result<(), WorkError> {
         let now = to_rfc3339(self.clock.now_ms());
-        let orders = match Orders::for_job(&held.job().input, &self.store, &self.vault, &now).await {
+        let orders = match JobPlan::for_job(&held.job().input, &self.store, &self.vault, &now).await {
             Ok(Some(orders)) => orders,
-            Ok(None) => return self.score_again(held, shutdown).await,
-            Err(error) => return self.stumble(held, error).await,
+            Ok(None) => return self.score_without_tracking(held, shutdown).await,
+            Err(error) => return self.settle_failure(held, error).await,
         };
-        let (tools, known, earlier) = (tool_names(&orders.work), orders.known.clone(), orders.earlier);
-        match self.accompany(&mut held, orders, shutdown).await {
-            Ok(Ok(heard)) => match self.ports(&held, earlier, shutdown).await {
-                Ok(Some(ports)) => self.save(held, tools, KnownBefore { ports, ..known }, heard).await,
-                Ok(None) => Ok(held.give_back().await?),
-                Err(error) => self.stumble(held, error.into()).await,
+        let (tools, known, earlier) = (tool_names(&orders.work), orders.context.clone(), orders.earlier_sessions);
+        match self.supervise_child(&mut held, orders, shutdown).await {
+            Ok(Ok(heard)) => match self.earlier_ports(&held, earlier, shutdown).await {
+                Ok(Some(ports)) => self.save(held, tools, BoxContext { ports, ..known }, heard).await,
+                Ok(None) => Ok(held.release().await?),
+                Err(error) => self.settle_failure(held, error.into()).await,
             },
-            Ok(Err(Failure::Explained(problem))) => Ok(held.fail(problem).await.map(drop)?),
-            Ok(Err(Failure::Crashed(reason))) => Ok(held.crashed(crashed(&reason)).await.map(drop)?),
-            Ok(Err(Failure::Stopped)) => Ok(held.give_back().await?),
-            Err(error) => self.stumble(held, error.into()).await,
+            Ok(Err(AttemptFailure::Impossible(problem))) => Ok(held.fail(problem).await.map(drop)?),
+            Ok(Err(AttemptFailure::Crashed(reason))) => {
+                Ok(held.report_crash(crash_problem(&reason)).await.map(drop)?)
+            }
+            Ok(Err(AttemptFailure::Stopped)) => Ok(held.release().await?),
+            Err(error) => self.settle_failure(held, error.into()).await,
         }
     }
 
     /// Fails a job that cannot be done. If the machine failed, releases the job without counting an attempt.
-    pub(super) async fn stumble(&self, held: Held, error: WorkError) -> Result<(), WorkError> {
+    pub(super) async fn settle_failure(&self, held: HeldJob, error: WorkError) -> Result<(), WorkError> {
         match error {
             WorkError::Impossible(problem) => Ok(held.fail(problem).await.map(drop)?),
-            WorkError::Store(StoreError::NotFound { what }) => Ok(held.fail(gone(what)).await.map(drop)?),
+            WorkError::Store(StoreError::NotFound { what }) => Ok(held.fail(deleted_problem(what)).await.map(drop)?),
             WorkError::Vault(VaultError::Damaged | VaultError::TooLong { .. }) => {
-                Ok(held.fail(damaged()).await.map(drop)?)
+                Ok(held.fail(damaged_problem()).await.map(drop)?)
             }
-            WorkError::Vault(VaultError::NotFound) => Ok(held.fail(gone("file")).await.map(drop)?),
+            WorkError::Vault(VaultError::NotFound) => Ok(held.fail(deleted_problem("file")).await.map(drop)?),
             error => {
-                held.give_back().await?;
+                held.release().await?;
                 Err(error)
             }
         }
     }
 
     /// Runs the child; meanwhile reports its progress and renews the lease.
-    async fn accompany(
+    async fn supervise_child(
         &self,
-        held: &mut Held,
-        orders: Orders,
+        held: &mut HeldJob,
+        orders: JobPlan,
         shutdown: &Shutdown,
-    ) -> std::io::Result<Result<Heard, Failure>> {
-        let stop = Stop::new()?;
+    ) -> std::io::Result<Result<ChildOutput, AttemptFailure>> {
+        let stop = StopSwitch::new()?;
         let (progress_sender, mut progress_seen) = watch::channel(0.0);
-        let mut child = self.start(orders, stop.clone(), progress_sender);
-        let mut beat = self.clock.sleep(held.heartbeat());
+        let mut child = self.spawn_child(orders, stop.clone(), progress_sender);
+        let mut beat = self.clock.sleep(held.heartbeat_interval());
         let mut pause = self.clock.sleep(Duration::ZERO);
         let mut may_report = true;
         loop {
             let updated = tokio::select! {
-                ended = &mut child => return Ok(ended.unwrap_or_else(|e| Err(Failure::Crashed(e.to_string())))),
-                () = shutdown.begun() => { stop.pull(); return Ok(child.await.unwrap_or(Err(Failure::Stopped))) }
+                ended = &mut child => return Ok(ended.unwrap_or_else(|e| Err(AttemptFailure::Crashed(e.to_string())))),
+                () = shutdown.begun() => { stop.pull(); return Ok(child.await.unwrap_or(Err(AttemptFailure::Stopped))) }
                 () = &mut beat => {
-                    beat = self.clock.sleep(held.heartbeat());
-                    held.beat().await
+                    beat = self.clock.sleep(held.heartbeat_interval());
+                    held.renew_lease().await
                 }
                 () = &mut pause, if !may_report => {
                     may_report = true;
                     Ok(())
                 }
                 Ok(()) = progress_seen.changed(), if may_report => {
-                    (pause, may_report) = (self.clock.sleep(WORD), false);
+                    (pause, may_report) = (self.clock.sleep(PROGRESS_INTERVAL), false);
                     let progress = *progress_seen.borrow_and_update();
                     held.progress(progress).await
                 }
             };
             match updated {
                 Ok(()) => {}
-                Err(error) if is_lost(&error) => stop.pull(),
+                Err(error) if is_lease_lost(&error) => stop.pull(),
                 // The lease lasts for several heartbeats. If the store is unavailable for longer, the lease is lost by
                 // then.
                 Err(error) => {
@@ -184,14 +186,14 @@ impl Workshop {
 
     /// Trocar positions from earlier sessions, once none of those sessions is being tracked; `None` if the service
     /// shuts down.
-    pub(super) async fn ports(
+    pub(super) async fn earlier_ports(
         &self,
-        held: &Held,
-        earlier: Option<Earlier>,
+        held: &HeldJob,
+        earlier: Option<EarlierSessions>,
         ending: &Shutdown,
     ) -> Result<Option<Ports>, StoreError> {
         let Some(mut earlier) = earlier else { return Ok(Some(Ports::default())) };
-        let mut beat = self.clock.sleep(held.heartbeat());
+        let mut beat = self.clock.sleep(held.heartbeat_interval());
         loop {
             if let Some(ports) = earlier.ports(&self.store).await? {
                 return Ok(Some(ports));
@@ -199,86 +201,92 @@ impl Workshop {
             tokio::select! {
                 () = ending.begun() => return Ok(None),
                 () = &mut beat => {
-                    beat = self.clock.sleep(held.heartbeat());
-                    held.beat().await?;
+                    beat = self.clock.sleep(held.heartbeat_interval());
+                    held.renew_lease().await?;
                 }
-                () = self.clock.sleep(WORD) => {}
+                () = self.clock.sleep(PROGRESS_INTERVAL) => {}
             }
         }
     }
 
     /// Starts the child on a blocking thread, which lives as long as the child.
-    fn start(
+    fn spawn_child(
         &self,
-        orders: Orders,
-        stop: Stop,
+        orders: JobPlan,
+        stop: StopSwitch,
         progress: watch::Sender<f64>,
-    ) -> tokio::task::JoinHandle<Result<Heard, Failure>> {
+    ) -> tokio::task::JoinHandle<Result<ChildOutput, AttemptFailure>> {
         let (program, budget, threads) = (self.program.clone(), self.settings.budget(), self.settings.decoder_threads);
-        tokio::task::spawn_blocking(move || run(&program, &budget, threads, orders, &stop, &progress))
+        tokio::task::spawn_blocking(move || run_child(&program, &budget, threads, orders, &stop, &progress))
     }
 
     /// Stores the child's output and ends the job in one transaction; files first, row second.
-    async fn save(&self, held: Held, tools: Vec<String>, known: KnownBefore, heard: Heard) -> Result<(), WorkError> {
+    async fn save(
+        &self,
+        held: HeldJob,
+        tools: Vec<String>,
+        known: BoxContext,
+        heard: ChildOutput,
+    ) -> Result<(), WorkError> {
         match held.job().input.clone() {
             JobInput::Track(input) => {
                 let edits = match self.store.edits().in_force(input.session).await {
                     Ok(edits) => edits,
-                    Err(error) => return self.stumble(held, error.into()).await,
+                    Err(error) => return self.settle_failure(held, error.into()).await,
                 };
-                let assess = move || Tracked::new(&input, tools, &known, &edits, heard);
+                let assess = move || TrackResult::new(&input, tools, &known, &edits, heard);
                 self.save_tracking(held, tokio::task::spawn_blocking(assess).await).await
             }
-            JobInput::Import(_) | JobInput::Rescore(_) => Ok(held.give_back().await?), // these jobs have no child
-            JobInput::Palette(input) => match product::palette(&input.annotations, heard) {
+            JobInput::Import(_) | JobInput::Rescore(_) => Ok(held.release().await?), // these jobs have no child
+            JobInput::Palette(input) => match results::palette(&input.annotations, heard) {
                 Ok(new) => {
                     held.finish(async |store, lease| store.jobs().finish_palette(lease, new).await).await?;
                     Ok(())
                 }
-                Err(error) => Ok(held.crashed(crashed(&error.to_string())).await.map(drop)?),
+                Err(error) => Ok(held.report_crash(crash_problem(&error.to_string())).await.map(drop)?),
             },
-            JobInput::Advice(_) => match product::advice(heard) {
+            JobInput::Advice(_) => match results::advice(heard) {
                 Ok(advice) => {
                     Ok(held.finish(async |store, lease| store.jobs().finish_advice(lease, advice).await).await?)
                 }
-                Err(error) => Ok(held.crashed(crashed(&error.to_string())).await.map(drop)?),
+                Err(error) => Ok(held.report_crash(crash_problem(&error.to_string())).await.map(drop)?),
             },
-            JobInput::SelfTest(input) => match product::self_test(&input, heard) {
+            JobInput::SelfTest(input) => match results::self_test(&input, heard) {
                 Ok(new) => {
                     Ok(held.finish(async |store, lease| store.jobs().finish_self_test(lease, new).await).await?)
                 }
-                Err(error) => Ok(held.crashed(crashed(&error.to_string())).await.map(drop)?),
+                Err(error) => Ok(held.report_crash(crash_problem(&error.to_string())).await.map(drop)?),
             },
-            JobInput::Calibrate(input) => match product::calibration(input.is_video, heard) {
+            JobInput::Calibrate(input) => match results::calibration(input.is_video, heard) {
                 Ok(new) => {
                     held.finish(async |store, lease| store.jobs().finish_calibration(lease, new).await).await?;
                     Ok(())
                 }
-                Err(error) => Ok(held.crashed(crashed(&error.to_string())).await.map(drop)?),
+                Err(error) => Ok(held.report_crash(crash_problem(&error.to_string())).await.map(drop)?),
             },
         }
     }
 
     async fn save_tracking(
         &self,
-        held: Held,
-        assessed: Result<Result<Tracked, ProductError>, JoinError>,
+        held: HeldJob,
+        assessed: Result<Result<TrackResult, ProductError>, JoinError>,
     ) -> Result<(), WorkError> {
         let tracked = match assessed {
             Ok(Ok(tracked)) => tracked,
-            Ok(Err(error)) => return Ok(held.crashed(crashed(&error.to_string())).await.map(drop)?),
-            Err(panic) => return Ok(held.crashed(crashed(&panic.to_string())).await.map(drop)?),
+            Ok(Err(error)) => return Ok(held.report_crash(crash_problem(&error.to_string())).await.map(drop)?),
+            Err(panic) => return Ok(held.report_crash(crash_problem(&panic.to_string())).await.map(drop)?),
         };
-        match self.keep(tracked).await {
+        match self.put_files(tracked).await {
             Ok((result, _kept)) => {
                 Ok(held.finish(async |store, lease| store.jobs().finish_track(lease, result).await).await?)
             }
-            Err(error) => self.stumble(held, error.into()).await,
+            Err(error) => self.settle_failure(held, error.into()).await,
         }
     }
 
     /// Puts a result's files into the vault, which protects them from garbage collection until their row exists.
-    async fn keep(&self, tracked: Tracked) -> Result<(NewResult, Vec<Kept>), VaultError> {
+    async fn put_files(&self, tracked: TrackResult) -> Result<(NewResult, Vec<PinnedBlob>), VaultError> {
         let trajectory = self.vault.put(&tracked.paths).await?;
         let diagnostics = self.vault.put(&tracked.diagnostics).await?;
         let preview = match &tracked.preview {
@@ -296,23 +304,23 @@ impl Workshop {
             score: None,
             trajectory: trajectory.blob(),
             diagnostics: Some(diagnostics.blob()),
-            preview: preview.as_ref().map(Kept::blob),
+            preview: preview.as_ref().map(PinnedBlob::blob),
         };
         Ok((result, [Some(trajectory), Some(diagnostics), preview].into_iter().flatten().collect()))
     }
 }
 
-fn run(
+fn run_child(
     program: &Program,
     budget: &Budget,
     threads: usize,
-    orders: Orders,
-    stop: &Stop,
+    orders: JobPlan,
+    stop: &StopSwitch,
     progress_sender: &watch::Sender<f64>,
-) -> Result<Heard, Failure> {
-    let request = Request { threads, work: orders.work };
-    let (result, cost) = attempt(Attempt { program, request, inputs: orders.inputs, budget, stop }, |event| {
-        if let News::Progress(progress) = event {
+) -> Result<ChildOutput, AttemptFailure> {
+    let request = ChildRequest { threads, work: orders.work };
+    let (result, cost) = run_attempt(ChildAttempt { program, request, inputs: orders.inputs, budget, stop }, |event| {
+        if let ChildEvent::Progress(progress) = event {
             progress_sender.send_replace(progress);
         }
     });
@@ -327,24 +335,24 @@ fn run(
 }
 
 /// The tool names in the child's order.
-fn tool_names(work: &Work) -> Vec<String> {
+fn tool_names(work: &ChildWork) -> Vec<String> {
     match work {
-        Work::Track(track) => track.tools.iter().map(|tool| tool.name.clone()).collect(),
+        ChildWork::Track(track) => track.tools.iter().map(|tool| tool.name.clone()).collect(),
         _ => Vec::new(), // no other work has rows per tool
     }
 }
 
-pub(super) fn crashed(reason: &str) -> Problem {
+pub(super) fn crash_problem(reason: &str) -> Problem {
     let detail = format!("the analysis process {reason}; after three attempts it is not tried again automatically");
     Problem::new("analysis-crashed", "The analysis process failed on this file", detail)
 }
 
-fn damaged() -> Problem {
+fn damaged_problem() -> Problem {
     let detail = "a stored file that this analysis needs is damaged: restore it from a backup, then try again";
     Problem::new("input-damaged", "A file that the analysis needs is damaged", detail)
 }
 
-fn gone(what: &str) -> Problem {
+fn deleted_problem(what: &str) -> Problem {
     let detail = format!("the {what} that this analysis needs has been deleted");
     Problem::new("input-gone", "A file that the analysis needs was deleted", detail)
 }

@@ -17,21 +17,21 @@ use tokio_tungstenite::tungstenite::{Error, Message};
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async_with_config};
 
 use super::Agent;
-use super::order::{Next, Order};
-use crate::domain::feed::farewell::Code;
-use crate::domain::feed::numbers::Numbers;
-use crate::domain::feed::record::{Body, GapReason, Record};
-use crate::domain::feed::words::{FromSender, FromServer};
+use super::send_order::{NextSend, SendOrder};
+use crate::domain::feed::close_reason::CloseCode;
+use crate::domain::feed::messages::{SenderMessage, ServerMessage};
+use crate::domain::feed::numbers::FrameNumbers;
+use crate::domain::feed::record::{FeedRecord, GapReason, RecordBody};
 use crate::ids::{FeedId, SessionId};
 
 /// Longest time to establish a connection.
-const CONNECT: Duration = Duration::from_secs(10);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest silence of the server. It answers pings, but not while it assembles a recording.
-const SILENCE: Duration = Duration::from_secs(30);
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(30);
 /// Interval between pings when there is nothing to send; the protocol allows 20 s of silence.
-const PING_EVERY: Duration = Duration::from_secs(5);
+const PING_INTERVAL: Duration = Duration::from_secs(5);
 /// Longest message from the server, bytes: 4096 ranges need less.
-const MOST_WORD: usize = 1 << 18;
+const MAX_MESSAGE_BYTES: usize = 1 << 18;
 /// Read buffer, bytes: the server's messages are short, and each read first clears the whole buffer.
 const READ_BYTES: usize = 4096;
 
@@ -47,13 +47,13 @@ pub struct Server {
 
 /// How a connection ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Parting {
+pub enum DisconnectOutcome {
     /// The recording is complete and is this session.
-    Whole(SessionId),
+    Complete(SessionId),
     /// There was nothing to send, here or on the server.
     Empty,
     /// Try again later.
-    Again {
+    Retry {
         /// Why the connection ended.
         why: String,
         /// True if the server had sent a welcome.
@@ -92,244 +92,255 @@ impl Server {
     }
 
     /// True if the token travels unencrypted over a network.
-    pub fn is_open_to_all(&self) -> bool {
+    pub fn is_unencrypted(&self) -> bool {
         let is_near = ["ws://127.", "ws://localhost", "ws://[::1]"].iter().any(|near| self.address.starts_with(near));
         self.address.starts_with("ws://") && !is_near
     }
 
     /// Connects, sends a recording, and returns when the connection ends.
-    pub async fn converse(&self, agent: &Agent, id: FeedId) -> Parting {
+    pub async fn run(&self, agent: &Agent, id: FeedId) -> DisconnectOutcome {
         let recorded_in = agent.spool().get(id).and_then(|recording| recording.in_box.clone());
         if let Some(other) = recorded_in.filter(|in_box| *in_box != self.in_box) {
             let why =
                 format!("the recording belongs to the box {other}, but the agent runs for the box {}", self.in_box);
-            return Parting::Refused(format!(
+            return DisconnectOutcome::Refused(format!(
                 "{why}: to send it, start the agent with `--box {other}` and that box's token; if that box has a new \
                  code, write the new code into `{id}/box` in the spool"
             ));
         }
-        match timeout(CONNECT, self.connect()).await {
-            Ok(Ok(socket)) => Talk { agent, id, progress: Mutex::default() }.run(socket).await,
+        match timeout(CONNECT_TIMEOUT, self.connect()).await {
+            Ok(Ok(socket)) => FeedConnection { agent, id, progress: Mutex::default() }.run(socket).await,
             Ok(Err(outcome)) => outcome,
-            Err(_) => again(format!("no answer within {CONNECT:?}")),
+            Err(_) => retry(format!("no answer within {CONNECT_TIMEOUT:?}")),
         }
     }
 
-    async fn connect(&self) -> Result<Socket, Parting> {
+    async fn connect(&self) -> Result<Socket, DisconnectOutcome> {
         let shown = self.token_file.display();
         let token = std::fs::read_to_string(&self.token_file)
-            .map_err(|error| Parting::Refused(format!("the token cannot be read from {shown}: {error}")))?;
+            .map_err(|error| DisconnectOutcome::Refused(format!("the token cannot be read from {shown}: {error}")))?;
         let token = HeaderValue::from_str(&format!("Bearer {}", token.trim()))
-            .map_err(|_| Parting::Refused(format!("{shown} contains no valid token")))?;
-        let mut request = self.address.as_str().into_client_request().map_err(|error| again(error.to_string()))?;
+            .map_err(|_| DisconnectOutcome::Refused(format!("{shown} contains no valid token")))?;
+        let mut request = self.address.as_str().into_client_request().map_err(|error| retry(error.to_string()))?;
         request.headers_mut().insert(header::AUTHORIZATION, token);
-        let words = WebSocketConfig::default().max_message_size(Some(MOST_WORD)).max_frame_size(Some(MOST_WORD));
+        let words = WebSocketConfig::default()
+            .max_message_size(Some(MAX_MESSAGE_BYTES))
+            .max_frame_size(Some(MAX_MESSAGE_BYTES));
         let config = words.read_buffer_size(READ_BYTES);
         match connect_async_with_config(request, Some(config), true).await {
             Ok((socket, _)) => Ok(socket),
-            Err(Error::Http(response)) => Err(parting_at_the_door(response.status().as_u16(), &shown.to_string())),
-            Err(error) => Err(again(error.to_string())),
+            Err(Error::Http(response)) => Err(outcome_of_http_status(response.status().as_u16(), &shown.to_string())),
+            Err(error) => Err(retry(error.to_string())),
         }
     }
 }
 
 /// A connection to the server.
-struct Talk<'a> {
+struct FeedConnection<'a> {
     agent: &'a Agent,
     id: FeedId,
-    progress: Mutex<Progress>,
+    progress: Mutex<SendProgress>,
 }
 
 #[derive(Default)]
-struct Progress {
-    order: Order,
-    has_said_end: bool,
+struct SendProgress {
+    order: SendOrder,
+    has_sent_end: bool,
 }
 
 /// What the sending half does next.
-enum Turn {
-    Say(Message),
+enum NextAction {
+    Send(Message),
     Wait,
-    Over(Parting),
+    Close(DisconnectOutcome),
 }
 
-impl Talk<'_> {
-    async fn run(&self, socket: Socket) -> Parting {
+impl FeedConnection<'_> {
+    async fn run(&self, socket: Socket) -> DisconnectOutcome {
         let (mut sink, mut stream) = socket.split();
         let Some(hello) = self.agent.spool().get(self.id).map(|recording| recording.hello.clone()) else {
-            return Parting::Empty;
+            return DisconnectOutcome::Empty;
         };
-        if let Err(error) = sink.send(word(&FromSender::Hello(hello))).await {
-            return again(error.to_string());
+        if let Err(error) = sink.send(text_message(&SenderMessage::Hello(hello))).await {
+            return retry(error.to_string());
         }
-        let epoch = match hear(&mut stream).await {
-            Ok(FromServer::Welcome { epoch, durable, .. }) => {
-                self.acknowledged(durable);
+        let epoch = match receive(&mut stream).await {
+            Ok(ServerMessage::Welcome { epoch, durable, .. }) => {
+                self.handle_ack(durable);
                 epoch
             }
-            Ok(FromServer::Ended { session, .. }) => return Parting::Whole(session),
-            Ok(_) => return again("the server sent an unexpected message".into()),
+            Ok(ServerMessage::Ended { session, .. }) => return DisconnectOutcome::Complete(session),
+            Ok(_) => return retry("the server sent an unexpected message".into()),
             Err(outcome) => return outcome,
         };
         self.agent.status().connected();
         tracing::info!(recording = %self.id, epoch, "connected");
         let outcome = tokio::select! {
-            outcome = self.listen(&mut stream) => outcome,
-            outcome = self.send(&mut sink, epoch) => outcome,
+            outcome = self.receive_all(&mut stream) => outcome,
+            outcome = self.send_all(&mut sink, epoch) => outcome,
         };
         match outcome {
-            Parting::Again { why, .. } => Parting::Again { why, was_welcome: true },
+            DisconnectOutcome::Retry { why, .. } => DisconnectOutcome::Retry { why, was_welcome: true },
             other => other,
         }
     }
 
-    async fn listen(&self, stream: &mut SplitStream<Socket>) -> Parting {
+    async fn receive_all(&self, stream: &mut SplitStream<Socket>) -> DisconnectOutcome {
         loop {
-            match hear(stream).await {
-                Ok(FromServer::Ack { durable }) => self.acknowledged(durable),
-                Ok(FromServer::Missing { frames }) => {
+            match receive(stream).await {
+                Ok(ServerMessage::Ack { durable }) => self.handle_ack(durable),
+                Ok(ServerMessage::Missing { frames }) => {
                     let mut progress = self.progress();
-                    progress.order.asked(frames);
-                    progress.has_said_end = false;
+                    progress.order.request_missing(frames);
+                    progress.has_sent_end = false;
                 }
-                Ok(FromServer::Ended { session, .. }) => return Parting::Whole(session),
-                Ok(FromServer::Welcome { .. }) => {}
+                Ok(ServerMessage::Ended { session, .. }) => return DisconnectOutcome::Complete(session),
+                Ok(ServerMessage::Welcome { .. }) => {}
                 Err(outcome) => return outcome,
             }
-            self.agent.has_changed();
+            self.agent.notify_changed();
         }
     }
 
-    async fn send(&self, sink: &mut SplitSink<Socket, Message>, epoch: u32) -> Parting {
+    async fn send_all(&self, sink: &mut SplitSink<Socket, Message>, epoch: u32) -> DisconnectOutcome {
         loop {
-            let sent = match block_in_place(|| self.turn(epoch)) {
-                Turn::Say(message) => sink.send(message).await,
-                Turn::Over(outcome) => return outcome,
-                Turn::Wait => match timeout(PING_EVERY, self.agent.0.changed.notified()).await {
+            let sent = match block_in_place(|| self.next_action(epoch)) {
+                NextAction::Send(message) => sink.send(message).await,
+                NextAction::Close(outcome) => return outcome,
+                NextAction::Wait => match timeout(PING_INTERVAL, self.agent.0.changed.notified()).await {
                     Ok(()) => Ok(()),
                     Err(_) => sink.send(Message::Ping(Vec::new().into())).await,
                 },
             };
             if sent.is_err() {
                 // The receiving half reports why, if the server sent a reason.
-                tokio::time::sleep(SILENCE).await;
-                return again("the connection was cut".into());
+                tokio::time::sleep(SILENCE_TIMEOUT).await;
+                return retry("the connection was cut".into());
             }
         }
     }
 
-    fn turn(&self, epoch: u32) -> Turn {
+    fn next_action(&self, epoch: u32) -> NextAction {
         let mut spool = self.agent.spool();
         let is_live = spool.live() == Some(self.id);
         let mut progress = self.progress();
         loop {
-            let Some(recording) = spool.get(self.id) else { return Turn::Over(Parting::Empty) };
+            let Some(recording) = spool.get(self.id) else { return NextAction::Close(DisconnectOutcome::Empty) };
             match progress.order.next(recording, is_live) {
-                Some(Next::Record(entry)) => {
+                Some(NextSend::Record(entry)) => {
                     if let Some(bytes) = spool.read(self.id, entry)
-                        && let Ok(record) = Record::read(&bytes)
+                        && let Ok(record) = FeedRecord::read(&bytes)
                     {
-                        return Turn::Say(message(&Record { epoch, ..record }));
+                        return NextAction::Send(record_message(&FeedRecord { epoch, ..record }));
                     }
                 }
-                Some(Next::Lost([number, last])) => {
-                    let body = Body::Gap { last, reason: GapReason::SenderStopped };
-                    return Turn::Say(message(&Record { epoch, number, body }));
+                Some(NextSend::Lost([number, last])) => {
+                    let body = RecordBody::Gap { last, reason: GapReason::SenderStopped };
+                    return NextAction::Send(record_message(&FeedRecord { epoch, number, body }));
                 }
-                None if is_live || progress.has_said_end || !progress.order.is_done(recording) => return Turn::Wait,
+                None if is_live || progress.has_sent_end || !progress.order.is_done(recording) => {
+                    return NextAction::Wait;
+                }
                 // Frames in buffers on the way may still be lost, so the end is sent only when the server has
                 // everything.
-                None if !recording.is_acknowledged() => return Turn::Wait,
-                None if recording.end == 0 => return Turn::Over(Parting::Empty),
+                None if !recording.is_acknowledged() => return NextAction::Wait,
+                None if recording.end == 0 => return NextAction::Close(DisconnectOutcome::Empty),
                 None => {
                     let frames = recording.end;
                     if let Err(error) = spool.close(self.id) {
-                        return Turn::Over(again(format!("the spool cannot be written: {error}")));
+                        return NextAction::Close(retry(format!("the spool cannot be written: {error}")));
                     }
-                    progress.has_said_end = true;
-                    return Turn::Say(word(&FromSender::End { frames }));
+                    progress.has_sent_end = true;
+                    return NextAction::Send(text_message(&SenderMessage::End { frames }));
                 }
             }
         }
     }
 
-    fn acknowledged(&self, durable: Vec<[u64; 2]>) {
-        let mut numbers = Numbers::default();
+    fn handle_ack(&self, durable: Vec<[u64; 2]>) {
+        let mut numbers = FrameNumbers::default();
         // A server that acknowledges in more ranges than the protocol allows receives the rest again.
         let _ = durable.iter().try_for_each(|[first, last]| numbers.add(*first, *last));
-        self.progress().order.acknowledged(&numbers);
+        self.progress().order.apply_ack(&numbers);
         self.agent.status().acknowledged = numbers.ranges().iter().map(|[first, last]| last - first + 1).sum();
         if let Err(error) = block_in_place(|| self.agent.spool().acknowledge(self.id, numbers)) {
             tracing::warn!(%error, "acknowledged frames cannot be removed from the spool; it keeps growing");
         }
     }
 
-    fn progress(&self) -> std::sync::MutexGuard<'_, Progress> {
+    fn progress(&self) -> std::sync::MutexGuard<'_, SendProgress> {
         self.progress.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// The server's next message, or how the connection ended.
-async fn hear(stream: &mut SplitStream<Socket>) -> Result<FromServer, Parting> {
+async fn receive(stream: &mut SplitStream<Socket>) -> Result<ServerMessage, DisconnectOutcome> {
     loop {
-        match timeout(SILENCE, stream.next()).await {
-            Err(_) => return Err(again(format!("the server was silent for {SILENCE:?}"))),
-            Ok(None) => return Err(again("the connection was cut".into())),
-            Ok(Some(Err(error))) => return Err(again(error.to_string())),
+        match timeout(SILENCE_TIMEOUT, stream.next()).await {
+            Err(_) => return Err(retry(format!("the server was silent for {SILENCE_TIMEOUT:?}"))),
+            Ok(None) => return Err(retry("the connection was cut".into())),
+            Ok(Some(Err(error))) => return Err(retry(error.to_string())),
             Ok(Some(Ok(Message::Text(text)))) => {
                 return serde_json::from_str(&text)
-                    .map_err(|error| again(format!("the server sent an unreadable message: {error}")));
+                    .map_err(|error| retry(format!("the server sent an unreadable message: {error}")));
             }
             Ok(Some(Ok(Message::Close(frame)))) => {
                 let (code, why) = frame.map_or((1005, String::new()), |f| (f.code.into(), f.reason.to_string()));
-                return Err(parting_by_code(code, &why));
+                return Err(outcome_of_close_code(code, &why));
             }
             Ok(Some(Ok(_))) => {}
         }
     }
 }
 
-fn message(record: &Record<'_>) -> Message {
+fn record_message(record: &FeedRecord<'_>) -> Message {
     let mut bytes = Vec::with_capacity(record.bytes());
     record.write(&mut bytes);
     Message::binary(bytes)
 }
 
-fn word(word: &FromSender) -> Message {
+fn text_message(word: &SenderMessage) -> Message {
     Message::text(serde_json::to_string(word).unwrap_or_default()) // cannot fail: plain data
 }
 
-fn again(why: String) -> Parting {
-    Parting::Again { why, was_welcome: false }
+fn retry(why: String) -> DisconnectOutcome {
+    DisconnectOutcome::Retry { why, was_welcome: false }
 }
 
 /// What to do after this close code: the last column of its table in `docs/feed.md`.
-fn parting_by_code(number: u16, why: &str) -> Parting {
-    let advice = match Code::ALL.into_iter().find(|code| code.number() == number) {
-        None | Some(Code::Done | Code::Ending | Code::Silent | Code::Busy | Code::Failed) => {
-            return again(format!("{why} ({number})"));
+fn outcome_of_close_code(number: u16, why: &str) -> DisconnectOutcome {
+    let advice = match CloseCode::ALL.into_iter().find(|code| code.number() == number) {
+        None
+        | Some(
+            CloseCode::Done | CloseCode::ServiceStopping | CloseCode::Silent | CloseCode::Busy | CloseCode::Failed,
+        ) => {
+            return retry(format!("{why} ({number})"));
         }
-        Some(Code::SignedOut) => "put a new token into the token file and restart the agent",
-        Some(Code::Unknown) => {
+        Some(CloseCode::SignedOut) => "put a new token into the token file and restart the agent",
+        Some(CloseCode::Unknown) => {
             "create the box, trainee or task on the server, or name another one, and restart the agent"
         }
-        Some(Code::Superseded) => "check that no other agent sends this recording",
-        Some(Code::TooMuch | Code::DoesNotBelong) => "the server accepts no more of this recording; start a new one",
-        Some(Code::NotUnderstood) => "install the same version of agent and server",
+        Some(CloseCode::Superseded) => "check that no other agent sends this recording",
+        Some(CloseCode::TooLarge | CloseCode::OutOfPlace) => {
+            "the server accepts no more of this recording; start a new one"
+        }
+        Some(CloseCode::NotUnderstood) => "install the same version of agent and server",
     };
-    Parting::Refused(format!("{why} ({number}): {advice}"))
+    DisconnectOutcome::Refused(format!("{why} ({number}): {advice}"))
 }
 
 /// What to do after this HTTP status in place of a connection.
-fn parting_at_the_door(status: u16, token_file: &str) -> Parting {
+fn outcome_of_http_status(status: u16, token_file: &str) -> DisconnectOutcome {
     match status {
-        401 => Parting::Refused(format!("the token in {token_file} is not valid: put a new one there (401)")),
-        403 => Parting::Refused(format!("the token in {token_file} may not send recordings of this box (403)")),
-        404 => Parting::Refused("the token's user has no such box, or the address is wrong (404)".into()),
-        400..500 if status != 408 && status != 429 => {
-            Parting::Refused(format!("the server refused the connection with status {status}"))
+        401 => DisconnectOutcome::Refused(format!("the token in {token_file} is not valid: put a new one there (401)")),
+        403 => {
+            DisconnectOutcome::Refused(format!("the token in {token_file} may not send recordings of this box (403)"))
         }
-        _ => again(format!("the server is busy (status {status})")),
+        404 => DisconnectOutcome::Refused("the token's user has no such box, or the address is wrong (404)".into()),
+        400..500 if status != 408 && status != 429 => {
+            DisconnectOutcome::Refused(format!("the server refused the connection with status {status}"))
+        }
+        _ => retry(format!("the server is busy (status {status})")),
     }
 }
 

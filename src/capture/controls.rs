@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use rustix::ioctl::{Opcode, Updater, ioctl, opcode};
 
 /// A control that a camera regulates automatically, with its Linux numbers (`linux/v4l2-controls.h`).
-struct Automatic {
+struct AutomaticControl {
     name: &'static str,
     switch: u32,
     /// Value of the switch that turns the automatic off.
@@ -26,14 +26,14 @@ struct Automatic {
 }
 
 /// In the order of switching off: in many cameras the gain follows the exposure.
-const AUTOMATICS: [Automatic; 3] = [
-    Automatic { name: "exposure", switch: 0x009a_0901, off: 1, value: 0x009a_0902 },
-    Automatic { name: "gain", switch: 0x0098_0912, off: 0, value: 0x0098_0913 },
-    Automatic { name: "white balance", switch: 0x0098_090c, off: 0, value: 0x0098_091a },
+const AUTOMATICS: [AutomaticControl; 3] = [
+    AutomaticControl { name: "exposure", switch: 0x009a_0901, off: 1, value: 0x009a_0902 },
+    AutomaticControl { name: "gain", switch: 0x0098_0912, off: 0, value: 0x0098_0913 },
+    AutomaticControl { name: "white balance", switch: 0x0098_090c, off: 0, value: 0x0098_091a },
 ];
 
 /// Access to a camera's controls by their numbers.
-pub trait Controls {
+pub trait CameraControls {
     /// Value of the control, or `None` if the camera has no such control.
     fn get(&self, id: u32) -> io::Result<Option<i32>>;
     /// Sets the control.
@@ -42,7 +42,7 @@ pub trait Controls {
 
 /// The result for one automatic.
 #[derive(Debug)]
-pub enum Locked {
+pub enum LockResult {
     /// Switched off at the value that it had found, if the camera reports one.
     Off(Option<i32>),
     /// It was off already.
@@ -55,53 +55,53 @@ pub enum Locked {
 
 /// The switches that were on and their values, for the next agent.
 #[derive(Debug, Serialize, Deserialize)]
-struct Note {
+struct LockNote {
     camera: PathBuf,
     were: Vec<(u32, i32)>,
 }
 
 /// A camera whose automatics stay off while this exists. Dropping it restores them.
-pub struct Lock<C: Controls> {
+pub struct CameraLock<C: CameraControls> {
     controls: C,
-    note: Note,
+    note: LockNote,
     note_path: PathBuf,
 }
 
-impl<C: Controls> Lock<C> {
+impl<C: CameraControls> CameraLock<C> {
     /// Switches a camera's automatics off, notes them in a file, and returns the result for each.
-    pub fn new(controls: C, camera: &Path, note_path: &Path) -> (Self, Vec<(&'static str, Locked)>) {
-        let note = Note { camera: camera.to_owned(), were: Vec::new() };
+    pub fn new(controls: C, camera: &Path, note_path: &Path) -> (Self, Vec<(&'static str, LockResult)>) {
+        let note = LockNote { camera: camera.to_owned(), were: Vec::new() };
         let mut lock = Self { controls, note, note_path: note_path.to_owned() };
         let results = AUTOMATICS.iter().map(|automatic| (automatic.name, lock.switch_off(automatic)));
         let results = results.collect();
         (lock, results)
     }
 
-    fn switch_off(&mut self, automatic: &Automatic) -> Locked {
+    fn switch_off(&mut self, automatic: &AutomaticControl) -> LockResult {
         let was = match self.controls.get(automatic.switch) {
-            Ok(Some(was)) if was == automatic.off => return Locked::WasOff,
+            Ok(Some(was)) if was == automatic.off => return LockResult::WasOff,
             Ok(Some(was)) => was,
-            Ok(None) => return Locked::Absent,
-            Err(error) => return Locked::Refused(error),
+            Ok(None) => return LockResult::Absent,
+            Err(error) => return LockResult::Refused(error),
         };
         // Read it first: many cameras return to the last manual value when the automatic is switched off.
         let found = match self.controls.get(automatic.value) {
             Ok(found) => found,
-            Err(error) => return Locked::Refused(error),
+            Err(error) => return LockResult::Refused(error),
         };
         self.note.were.push((automatic.switch, was));
-        match self.write_note().and_then(|()| self.hold(automatic, found)) {
-            Ok(()) => Locked::Off(found),
+        match self.write_note().and_then(|()| self.fix_value(automatic, found)) {
+            Ok(()) => LockResult::Off(found),
             Err(error) => {
                 // At another value the picture would be worse than with the automatic.
                 let _ = self.controls.set(automatic.switch, was); // a failure here is reported as `Refused` too
                 self.note.were.pop();
-                Locked::Refused(error)
+                LockResult::Refused(error)
             }
         }
     }
 
-    fn hold(&mut self, automatic: &Automatic, found: Option<i32>) -> io::Result<()> {
+    fn fix_value(&mut self, automatic: &AutomaticControl, found: Option<i32>) -> io::Result<()> {
         self.controls.set(automatic.switch, automatic.off)?;
         found.map_or(Ok(()), |found| self.controls.set(automatic.value, found))
     }
@@ -118,34 +118,37 @@ impl<C: Controls> Lock<C> {
 ///
 /// # Errors
 /// The camera cannot be restored, or is gone; the note is removed all the same.
-pub fn give_back<C: Controls>(note_path: &Path, open: impl FnOnce(&Path) -> io::Result<C>) -> io::Result<()> {
+pub fn restore_automatics<C: CameraControls>(
+    note_path: &Path,
+    open: impl FnOnce(&Path) -> io::Result<C>,
+) -> io::Result<()> {
     let note = match fs::read(note_path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
         read => read?,
     };
     fs::remove_file(note_path)?;
-    let note: Note = serde_json::from_slice(&note)?;
-    switch_back(&mut open(&note.camera)?, &note)
+    let note: LockNote = serde_json::from_slice(&note)?;
+    restore(&mut open(&note.camera)?, &note)
 }
 
 /// Restores in reverse order and tries all.
-fn switch_back(controls: &mut impl Controls, note: &Note) -> io::Result<()> {
+fn restore(controls: &mut impl CameraControls, note: &LockNote) -> io::Result<()> {
     let switched: Vec<io::Result<()>> =
         note.were.iter().rev().map(|(switch, was)| controls.set(*switch, *was)).collect();
     switched.into_iter().collect()
 }
 
-impl<C: Controls> Drop for Lock<C> {
+impl<C: CameraControls> Drop for CameraLock<C> {
     fn drop(&mut self) {
-        let _ = switch_back(&mut self.controls, &self.note); // an unplugged camera loses the settings anyway
+        let _ = restore(&mut self.controls, &self.note); // an unplugged camera loses the settings anyway
         let _ = fs::remove_file(&self.note_path); // absent if nothing was switched off
     }
 }
 
 /// A camera's device file.
-pub struct Camera(File);
+pub struct CameraDevice(File);
 
-impl Camera {
+impl CameraDevice {
     /// Opens it while another process reads its frames.
     pub fn open(path: &Path) -> io::Result<Self> {
         File::options().read(true).write(true).open(path).map(Self)
@@ -155,19 +158,19 @@ impl Camera {
 /// `struct v4l2_control`.
 #[repr(C)]
 #[derive(Clone, Copy)]
-struct Control {
+struct RawControl {
     id: u32,
     value: i32,
 }
 
-const GET: Opcode = opcode::read_write::<Control>(b'V', 27);
-const SET: Opcode = opcode::read_write::<Control>(b'V', 28);
+const GET_CONTROL: Opcode = opcode::read_write::<RawControl>(b'V', 27);
+const SET_CONTROL: Opcode = opcode::read_write::<RawControl>(b'V', 28);
 
-impl Controls for Camera {
+impl CameraControls for CameraDevice {
     fn get(&self, id: u32) -> io::Result<Option<i32>> {
-        let mut control = Control { id, value: 0 };
+        let mut control = RawControl { id, value: 0 };
         // SAFETY: VIDIOC_G_CTRL reads and writes a `v4l2_control`, the layout of `RawControl`.
-        match unsafe { ioctl(&self.0, Updater::<GET, Control>::new(&mut control)) } {
+        match unsafe { ioctl(&self.0, Updater::<GET_CONTROL, RawControl>::new(&mut control)) } {
             Ok(()) => Ok(Some(control.value)),
             Err(rustix::io::Errno::INVAL) => Ok(None), // no such control
             Err(error) => Err(error.into()),
@@ -175,9 +178,9 @@ impl Controls for Camera {
     }
 
     fn set(&mut self, id: u32, value: i32) -> io::Result<()> {
-        let mut control = Control { id, value };
+        let mut control = RawControl { id, value };
         // SAFETY: VIDIOC_S_CTRL reads and writes a `v4l2_control`, the layout of `RawControl`.
-        Ok(unsafe { ioctl(&self.0, Updater::<SET, Control>::new(&mut control)) }?)
+        Ok(unsafe { ioctl(&self.0, Updater::<SET_CONTROL, RawControl>::new(&mut control)) }?)
     }
 }
 
@@ -214,7 +217,7 @@ mod tests {
         }
     }
 
-    impl Controls for Webcam {
+    impl CameraControls for Webcam {
         fn get(&self, id: u32) -> io::Result<Option<i32>> {
             if self.does_not_tell == Some(id) {
                 return Err(io::ErrorKind::ResourceBusy.into());
@@ -234,11 +237,11 @@ mod tests {
         }
     }
 
-    fn lock(camera: &Webcam, folder: &TempDir) -> (Lock<Webcam>, Vec<(&'static str, Locked)>) {
-        Lock::new(camera.clone(), Path::new("/dev/video0"), &folder.path().join("note"))
+    fn lock(camera: &Webcam, folder: &TempDir) -> (CameraLock<Webcam>, Vec<(&'static str, LockResult)>) {
+        CameraLock::new(camera.clone(), Path::new("/dev/video0"), &folder.path().join("note"))
     }
 
-    fn fate(results: &[(&str, Locked)], name: &str) -> String {
+    fn fate(results: &[(&str, LockResult)], name: &str) -> String {
         results.iter().filter(|of| of.0 == name).map(|of| format!("{:?}", of.1)).collect()
     }
 
@@ -256,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn what_somebody_set_by_hand_stays() {
+    fn settings_made_by_hand_stay() {
         let camera = Webcam::new(&[(EXPOSURE, 1), (TIME, 80), (WHITE, 0), (TEMPERATURE, 5000)]);
         let folder = tempfile::tempdir().unwrap();
         let (lock, results) = lock(&camera, &folder);
@@ -266,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_refuses_is_told_of_and_the_others_are_off() {
+    fn a_refusal_is_reported_and_the_other_automatics_are_off() {
         let camera = Webcam::new(&[(EXPOSURE, 3), (TIME, 312), (WHITE, 1), (TEMPERATURE, 3900)]);
         let refusing = Webcam { refuses: Some(EXPOSURE), ..camera.clone() };
         let folder = tempfile::tempdir().unwrap();
@@ -300,9 +303,9 @@ mod tests {
             assert_eq!(path, Path::new("/dev/video0"));
             Ok(camera.clone())
         };
-        give_back(&note, open).unwrap();
+        restore_automatics(&note, open).unwrap();
         assert_eq!([camera.says(EXPOSURE), camera.says(WHITE)], [3, 1]);
-        give_back(&note, |_| -> io::Result<Webcam> { panic!("there is nothing to restore") }).unwrap();
+        restore_automatics(&note, |_| -> io::Result<Webcam> { panic!("there is nothing to restore") }).unwrap();
 
         let (orderly, _) = lock(&camera, &folder);
         drop(orderly);
@@ -311,12 +314,12 @@ mod tests {
 
     #[test]
     fn requests_have_the_numbers_of_the_kernel() {
-        assert_eq!([GET, SET].map(|opcode| opcode as u64), [0xc008_561b, 0xc008_561c]);
+        assert_eq!([GET_CONTROL, SET_CONTROL].map(|opcode| opcode as u64), [0xc008_561b, 0xc008_561c]);
     }
 
     #[test]
     fn a_file_that_is_no_camera_has_no_controls() {
         let file = tempfile::NamedTempFile::new().unwrap();
-        assert!(Camera::open(file.path()).unwrap().get(EXPOSURE).is_err());
+        assert!(CameraDevice::open(file.path()).unwrap().get(EXPOSURE).is_err());
     }
 }

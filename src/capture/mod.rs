@@ -20,8 +20,8 @@
 
 pub mod connection;
 pub mod controls;
-pub mod order;
 pub mod recorder;
+pub mod send_order;
 pub mod sender;
 pub mod spool;
 pub mod status;
@@ -35,9 +35,9 @@ use self::status::Status;
 
 /// The state that recorder and sender share. Clones are the same agent.
 #[derive(Clone)]
-pub struct Agent(Arc<Shared>);
+pub struct Agent(Arc<AgentShared>);
 
-struct Shared {
+struct AgentShared {
     spool: Mutex<Spool>,
     status: Mutex<Status>,
     /// Notified when there may be something to send, or the recording may be ended.
@@ -48,7 +48,7 @@ impl Agent {
     /// Creates an agent with this spool.
     pub fn new(spool: Spool) -> Self {
         let (spool, status) = (Mutex::new(spool), Mutex::new(Status::default()));
-        Self(Arc::new(Shared { spool, status, changed: Notify::new() }))
+        Self(Arc::new(AgentShared { spool, status, changed: Notify::new() }))
     }
 
     /// The spool. Hold the lock for one operation, never across an await.
@@ -70,7 +70,7 @@ impl Agent {
         }
     }
 
-    fn has_changed(&self) {
+    fn notify_changed(&self) {
         self.0.changed.notify_one();
     }
 }

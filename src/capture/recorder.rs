@@ -7,23 +7,23 @@ use tokio::task::{JoinHandle, block_in_place};
 use tokio::time::{Instant, interval, sleep_until};
 
 use super::Agent;
-use crate::domain::feed::record::{Body, Record};
-use crate::domain::feed::{LONGEST_S, MOST_FRAMES, TimeBase};
-use crate::media::{CapturedFrame, Source};
+use crate::domain::feed::record::{FeedRecord, RecordBody};
+use crate::domain::feed::{MAX_DURATION_S, MAX_FRAMES, TimeBase};
+use crate::media::{CaptureSource, CapturedFrame};
 use crate::shutdown::Shutdown;
 
 /// Frames that may wait for the disk; a camera's own queue comes first.
-const MOST_WAITING: usize = 32;
+const MAX_WAITING_FRAMES: usize = 32;
 /// Interval between syncs of the spool. A power cut loses at most this much of what the server does not have, and what
 /// arrived during a sync.
-const SYNC_EVERY: Duration = Duration::from_millis(400);
+const SYNC_INTERVAL: Duration = Duration::from_millis(400);
 
 /// Longest silence of a source; an unplugged one may block its reader for ever.
-const SOURCE_SILENCE: Duration = Duration::from_secs(30);
+const SOURCE_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// How a recording is made.
 #[derive(Clone, Copy, Debug)]
-pub struct Rules {
+pub struct RecordingRules {
     /// True if frames are taken at the times that they carry, as a camera would deliver them.
     pub is_paced: bool,
     /// The recording ends after this many seconds.
@@ -33,8 +33,8 @@ pub struct Rules {
 }
 
 /// Reads a source on a separate thread until it ends or the receiver is dropped.
-pub fn frames_of(mut source: Source) -> mpsc::Receiver<CapturedFrame> {
-    let (sender, frames) = mpsc::channel(MOST_WAITING);
+pub fn read_source(mut source: CaptureSource) -> mpsc::Receiver<CapturedFrame> {
+    let (sender, frames) = mpsc::channel(MAX_WAITING_FRAMES);
     std::thread::spawn(move || {
         loop {
             match source.next_frame() {
@@ -53,13 +53,18 @@ pub fn frames_of(mut source: Source) -> mpsc::Receiver<CapturedFrame> {
 
 /// Appends frames to the live recording until the source ends, the time is over or `ending` begins. Returns their
 /// number.
-pub async fn record(agent: &Agent, mut frames: mpsc::Receiver<CapturedFrame>, rules: Rules, ending: &Shutdown) -> u64 {
-    let seconds = rules.seconds.unwrap_or(LONGEST_S).min(LONGEST_S);
-    let mut silent_at = Instant::now() + SOURCE_SILENCE;
+pub async fn record(
+    agent: &Agent,
+    mut frames: mpsc::Receiver<CapturedFrame>,
+    rules: RecordingRules,
+    ending: &Shutdown,
+) -> u64 {
+    let seconds = rules.seconds.unwrap_or(MAX_DURATION_S).min(MAX_DURATION_S);
+    let mut silent_at = Instant::now() + SOURCE_TIMEOUT;
     let mut first = None;
     let mut number = 0;
-    let mut sync = interval(SYNC_EVERY);
-    let mut syncing = Syncing::default();
+    let mut sync = interval(SYNC_INTERVAL);
+    let mut syncing = BackgroundSync::default();
     loop {
         let frame = tokio::select! {
             biased;
@@ -72,9 +77,9 @@ pub async fn record(agent: &Agent, mut frames: mpsc::Receiver<CapturedFrame>, ru
             }
         };
         let Some(frame) = frame else { break };
-        silent_at = Instant::now() + SOURCE_SILENCE;
+        silent_at = Instant::now() + SOURCE_TIMEOUT;
         let first = *first.get_or_insert_with(Instant::now);
-        if frame.due_s >= seconds || number == MOST_FRAMES {
+        if frame.due_s >= seconds || number == MAX_FRAMES {
             tracing::info!(seconds, number, "the recording has reached its length");
             break;
         }
@@ -89,20 +94,20 @@ pub async fn record(agent: &Agent, mut frames: mpsc::Receiver<CapturedFrame>, ru
         append(agent, number, &frame, rules.time_base);
         number += 1;
         agent.status().captured = number;
-        agent.has_changed();
+        agent.notify_changed();
     }
     syncing.end().await;
-    block_in_place(|| agent.spool().end());
+    block_in_place(|| agent.spool().end_live());
     agent.sync().await;
-    agent.has_changed();
+    agent.notify_changed();
     number
 }
 
 /// A sync that runs beside the recording, one at a time: a slow disk must not delay the camera.
 #[derive(Default)]
-struct Syncing(Option<JoinHandle<()>>);
+struct BackgroundSync(Option<JoinHandle<()>>);
 
-impl Syncing {
+impl BackgroundSync {
     /// Starts a sync, unless one is running.
     fn begin(&mut self, agent: &Agent) {
         if self.0.as_ref().is_none_or(JoinHandle::is_finished) {
@@ -122,11 +127,11 @@ impl Syncing {
 /// Appends a frame; a frame that cannot be sent becomes a gap.
 fn append(agent: &Agent, number: u64, frame: &CapturedFrame, time_base: TimeBase) {
     let body = frame.body(number, time_base);
-    if let Body::Gap { .. } = body {
+    if let RecordBody::Gap { .. } = body {
         let (time_s, bytes) = (time_base.seconds(frame.time), frame.bytes.len());
         tracing::warn!(number, time_s, bytes, "frame replaced by a gap: damaged, too large or out of order");
     }
-    if let Err(error) = block_in_place(|| agent.spool().append(&Record { epoch: 0, number, body })) {
+    if let Err(error) = block_in_place(|| agent.spool().append(&FeedRecord { epoch: 0, number, body })) {
         tracing::error!(number, %error, "frame lost: the spool cannot be written");
     }
 }

@@ -3,19 +3,19 @@
 use std::time::Duration;
 
 use super::Agent;
-use super::connection::{Parting, Server};
+use super::connection::{DisconnectOutcome, Server};
 use crate::ids::{FeedId, SessionId};
-use crate::time::{Clock, System};
+use crate::time::{Clock, SystemClock};
 
 /// First and longest pause after a connection; each pause is twice the one before.
-const PAUSE: Duration = Duration::from_millis(500);
-const LONGEST_PAUSE: Duration = Duration::from_secs(15);
+const MIN_PAUSE: Duration = Duration::from_millis(500);
+const MAX_PAUSE: Duration = Duration::from_secs(15);
 
 /// The result of sending a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Outcome {
+pub enum SendOutcome {
     /// It is complete on the server.
-    Whole(SessionId),
+    Complete(SessionId),
     /// It has no frames.
     Empty,
     /// The server refuses it: why, and what to do. The recording stays in the spool.
@@ -23,37 +23,37 @@ pub enum Outcome {
 }
 
 /// Sends a recording of the spool until it is complete, over as many connections as needed.
-pub async fn send(agent: &Agent, server: &Server, mut id: FeedId) -> Outcome {
-    let mut pause = PAUSE;
+pub async fn send(agent: &Agent, server: &Server, mut id: FeedId) -> SendOutcome {
+    let mut pause = MIN_PAUSE;
     wait_for_a_frame(agent, id).await;
     loop {
-        match server.converse(agent, id).await {
-            Parting::Whole(_) if was_ended_early(agent, id) => match renew(agent, id) {
+        match server.run(agent, id).await {
+            DisconnectOutcome::Complete(_) if was_ended_early(agent, id) => match continue_as_new(agent, id) {
                 Ok(new) => id = new,
-                Err(error) => return Outcome::Refused(format!("the spool cannot be written: {error}")),
+                Err(error) => return SendOutcome::Refused(format!("the spool cannot be written: {error}")),
             },
-            Parting::Whole(session) => {
-                forget(agent, id);
-                return Outcome::Whole(session);
+            DisconnectOutcome::Complete(session) => {
+                remove_from_spool(agent, id);
+                return SendOutcome::Complete(session);
             }
-            Parting::Empty => {
-                forget(agent, id);
-                return Outcome::Empty;
+            DisconnectOutcome::Empty => {
+                remove_from_spool(agent, id);
+                return SendOutcome::Empty;
             }
-            Parting::Refused(why) => {
+            DisconnectOutcome::Refused(why) => {
                 let kept = agent.spool().path(id);
-                agent.status().away(&why);
+                agent.status().disconnected(&why);
                 tracing::error!(recording = %id, why, "the server refused the recording; it stays in the spool");
-                return Outcome::Refused(format!("{why}. The recording stays in {}", kept.display()));
+                return SendOutcome::Refused(format!("{why}. The recording stays in {}", kept.display()));
             }
-            Parting::Again { why, was_welcome } => {
+            DisconnectOutcome::Retry { why, was_welcome } => {
                 if was_welcome {
-                    pause = PAUSE;
+                    pause = MIN_PAUSE;
                 }
-                agent.status().away(&why);
+                agent.status().disconnected(&why);
                 tracing::warn!(why, pause_ms = pause.as_millis() as u64, "no connection; next attempt after the pause");
                 tokio::time::sleep(pause).await;
-                pause = (2 * pause).min(LONGEST_PAUSE);
+                pause = (2 * pause).min(MAX_PAUSE);
             }
         }
     }
@@ -80,14 +80,14 @@ fn was_ended_early(agent: &Agent, id: FeedId) -> bool {
 }
 
 /// Makes the remaining frames a recording of their own. Some seconds before them may be in both.
-fn renew(agent: &Agent, id: FeedId) -> std::io::Result<FeedId> {
-    let new = FeedId::at(System.now_ms());
+fn continue_as_new(agent: &Agent, id: FeedId) -> std::io::Result<FeedId> {
+    let new = FeedId::at(SystemClock.now_ms());
     agent.spool().renew(id, new)?;
     tracing::warn!(ended = %id, recording = %new, "recording ended by the server; remaining frames become a new one");
     Ok(new)
 }
 
-fn forget(agent: &Agent, id: FeedId) {
+fn remove_from_spool(agent: &Agent, id: FeedId) {
     if let Err(error) = agent.spool().remove(id) {
         tracing::warn!(recording = %id, %error, "a complete recording cannot be removed from the spool");
     }

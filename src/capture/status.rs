@@ -15,13 +15,20 @@ pub struct Status {
     pub was_welcome: bool,
     is_connected: bool,
     since: Instant,
-    word: String,
+    message: String,
 }
 
 impl Default for Status {
     fn default() -> Self {
         let since = Instant::now();
-        Self { captured: 0, acknowledged: 0, was_welcome: false, is_connected: false, since, word: "connecting".into() }
+        Self {
+            captured: 0,
+            acknowledged: 0,
+            was_welcome: false,
+            is_connected: false,
+            since,
+            message: "connecting".into(),
+        }
     }
 }
 
@@ -29,15 +36,15 @@ impl Status {
     /// A connection was established.
     pub fn connected(&mut self) {
         (self.is_connected, self.was_welcome, self.since) = (true, true, Instant::now());
-        self.word = "welcome".into();
+        self.message = "welcome".into();
     }
 
     /// There is no connection, or it has ended.
-    pub fn away(&mut self, why: &str) {
+    pub fn disconnected(&mut self, why: &str) {
         if self.is_connected {
             (self.is_connected, self.since) = (false, Instant::now());
         }
-        self.word = why.to_owned();
+        self.message = why.to_owned();
     }
 }
 
@@ -60,6 +67,6 @@ pub fn line(agent: &Agent) -> String {
         status.acknowledged,
         bytes as f64 / 1e6,
         spool as f64 / 1e6,
-        status.word,
+        status.message,
     )
 }

@@ -12,22 +12,22 @@ use serde::Serialize;
 use tokio::sync::Mutex;
 use utoipa::ToSchema;
 
-use super::answer::{EventName, ReminderState, Step};
-use super::progress::{Asked, Shown, judged};
+use super::answer::{EventName, RefresherState, SessionStep};
+use super::progress::{FeatureSelection, ProgressSelection, judge_sessions};
 use super::{Cohorts, CohortsError};
 use crate::domain::named as names;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::ids::{SessionId, TaskId, TraineeId};
-use crate::store::{StoreError, Trained};
+use crate::store::{StoreError, TraineeTask};
 
 /// Limit of judged sessions; the trainees who trained most recently come first.
-const MOST_SESSIONS: usize = 30_000;
+const MAX_SESSIONS: usize = 30_000;
 /// Trainees without a session in this time are not judged: a month after the last refresher.
-const LOOKED_BACK_MS: i64 = 150 * 86_400_000;
+const LOOKBACK_MS: i64 = 150 * 86_400_000;
 /// Lifetime of cached alarms.
-const KNOWN_MS: i64 = 60_000;
+const CACHE_MS: i64 = 60_000;
 
 /// Trainees in the caller's scope who need attention according to the standards.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, ToSchema)]
@@ -69,20 +69,20 @@ names! {
 }
 
 /// Cached alarms by the caller's role and subject.
-pub(super) type KnownAlarms = Arc<Mutex<HashMap<(Role, Option<String>), Arc<Found>>>>;
+pub(super) type AlarmCache = Arc<Mutex<HashMap<(Role, Option<String>), Arc<CachedAlarms>>>>;
 
 /// Alarms without names.
 #[derive(Debug)]
-pub(super) struct Found {
+pub(super) struct CachedAlarms {
     at_ms: i64,
-    alarms: Vec<Raised>,
+    alarms: Vec<UnnamedAlarm>,
     more: bool,
 }
 
 #[derive(Debug)]
-struct Raised {
+struct UnnamedAlarm {
     kind: AlarmKind,
-    of: Trained,
+    of: TraineeTask,
     session: Option<SessionId>,
     since: String,
 }
@@ -90,7 +90,7 @@ struct Raised {
 impl Cohorts {
     /// Relapses and due refreshers of the trainees in this scope.
     pub async fn alarms(&self, scope: &Scope) -> Result<Alarms, CohortsError> {
-        let found = self.found(scope).await?;
+        let found = self.cached_alarms(scope).await?;
         let mut trainees: Vec<TraineeId> = found.alarms.iter().map(|raised| raised.of.trainee).collect();
         trainees.sort();
         trainees.dedup();
@@ -107,7 +107,7 @@ impl Cohorts {
             }
         }
         let mut items = Vec::with_capacity(found.alarms.len());
-        for Raised { kind, of, session, since } in &found.alarms {
+        for UnnamedAlarm { kind, of, session, since } in &found.alarms {
             let (Some(trainee), Some(task)) = (names.get(&of.trainee), tasks.get(&of.task)) else { continue };
             items.push(Alarm {
                 kind: *kind,
@@ -122,71 +122,71 @@ impl Cohorts {
         Ok(Alarms { items, more: found.more })
     }
 
-    async fn found(&self, scope: &Scope) -> Result<Arc<Found>, CohortsError> {
+    async fn cached_alarms(&self, scope: &Scope) -> Result<Arc<CachedAlarms>, CohortsError> {
         let mut known = self.alarms.lock().await;
         let now_ms = self.clock.now_ms();
-        known.retain(|_, found| (0..KNOWN_MS).contains(&(now_ms - found.at_ms)));
+        known.retain(|_, found| (0..CACHE_MS).contains(&(now_ms - found.at_ms)));
         let key = (scope.role(), scope.subject());
         if let Some(found) = known.get(&key) {
             return Ok(found.clone());
         }
-        let found = Arc::new(self.look(scope, now_ms).await?);
+        let found = Arc::new(self.find_alarms(scope, now_ms).await?);
         known.insert(key, found.clone());
         Ok(found)
     }
 
-    async fn look(&self, scope: &Scope, now_ms: i64) -> Result<Found, CohortsError> {
-        let since = now_ms.saturating_sub(LOOKED_BACK_MS);
-        let trained = self.store.sessions().trained(scope, since, MOST_SESSIONS as u32 + 1).await?;
+    async fn find_alarms(&self, scope: &Scope, now_ms: i64) -> Result<CachedAlarms, CohortsError> {
+        let since = now_ms.saturating_sub(LOOKBACK_MS);
+        let trained = self.store.sessions().trainee_tasks(scope, since, MAX_SESSIONS as u32 + 1).await?;
         let mut sessions = 0;
-        let within = |(_, of): &&(Trained, usize)| {
+        let within = |(_, of): &&(TraineeTask, usize)| {
             sessions += *of;
-            sessions <= MOST_SESSIONS
+            sessions <= MAX_SESSIONS
         };
-        let pairs: Vec<Trained> = trained.iter().take_while(within).map(|(pair, _)| *pair).collect();
+        let pairs: Vec<TraineeTask> = trained.iter().take_while(within).map(|(pair, _)| *pair).collect();
         let mut tasks: Vec<TaskId> = pairs.iter().map(|pair| pair.task).collect();
         tasks.sort();
         tasks.dedup();
         let mut alarms = Vec::new();
         for task in tasks {
-            let of: Vec<Trained> = pairs.iter().copied().filter(|pair| pair.task == task).collect();
-            alarms.extend(self.raised_at(scope, task, of, now_ms).await?);
+            let of: Vec<TraineeTask> = pairs.iter().copied().filter(|pair| pair.task == task).collect();
+            alarms.extend(self.alarms_of_task(scope, task, of, now_ms).await?);
         }
         alarms.sort_by(|one, other| other.since.cmp(&one.since));
-        Ok(Found { at_ms: now_ms, alarms, more: pairs.len() < trained.len() })
+        Ok(CachedAlarms { at_ms: now_ms, alarms, more: pairs.len() < trained.len() })
     }
 
-    async fn raised_at(
+    async fn alarms_of_task(
         &self,
         scope: &Scope,
         task: TaskId,
-        pairs: Vec<Trained>,
+        pairs: Vec<TraineeTask>,
         now_ms: i64,
-    ) -> Result<Vec<Raised>, CohortsError> {
+    ) -> Result<Vec<UnnamedAlarm>, CohortsError> {
         let Some(standard) = self.store.standards().in_use(scope, task).await? else { return Ok(Vec::new()) };
-        let shown = Shown::of(&Asked::default(), Some(&standard.definition))?;
+        let shown = FeatureSelection::of(&ProgressSelection::default(), Some(&standard.definition))?;
         let of_each = self.practices(scope, &pairs, &shown.names()).await?;
         let ids: Vec<TraineeId> = pairs.iter().map(|pair| pair.trainee).collect();
         let trainees = self.store.trainees().named(scope, &ids).await?;
-        let (known, definition) = (self.known.clone(), standard.definition);
+        let (known, definition) = (self.cache.clone(), standard.definition);
         let calculation = move || {
             let Ok(monitor) = known.charts(definition.charts) else { return Vec::new() };
             let mut alarms = Vec::new();
             for trainee in &trainees {
-                let of = Trained { trainee: trainee.id, task };
+                let of = TraineeTask { trainee: trainee.id, task };
                 let Some(practice) = of_each.get(&of) else { continue };
-                let (_, course) = judged(practice, Some((&definition, &*monitor)), trainee.handedness, now_ms);
+                let (_, course) = judge_sessions(practice, Some((&definition, &*monitor)), trainee.handedness, now_ms);
                 let last = course.charts.as_ref().and_then(|charts| charts.events.last());
                 let relapse = last.filter(|event| event.event == EventName::Relapsed);
                 let at = relapse.and_then(|event| course.sessions.iter().find(|step| step.number == event.session));
-                alarms.extend(at.map(|Step { id, recorded_at, .. }| Raised {
+                alarms.extend(at.map(|SessionStep { id, recorded_at, .. }| UnnamedAlarm {
                     kind: AlarmKind::Relapsed,
                     of,
                     session: Some(*id),
                     since: recorded_at.clone(),
                 }));
-                let due = course.reminders.iter().rev().find(|reminder| reminder.state == ReminderState::Due);
-                alarms.extend(due.map(|reminder| Raised {
+                let due = course.reminders.iter().rev().find(|reminder| reminder.state == RefresherState::Due);
+                alarms.extend(due.map(|reminder| UnnamedAlarm {
                     kind: AlarmKind::Due,
                     of,
                     session: None,

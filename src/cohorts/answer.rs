@@ -7,8 +7,8 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 pub use standing::{
-    ChartEvent, ChartPoint, Charts, EventName, Passed, PassedBy, Reminder, ReminderState, RuleStanding, RuleState,
-    StandingName,
+    ChartEvent, ChartPoint, Charts, EventName, PassedBy, Refresher, RefresherState, RuleStanding, RuleState,
+    StandingName, TaskPassed,
 };
 
 use crate::domain::feature::FeatureKey;
@@ -16,33 +16,33 @@ use crate::domain::named;
 use crate::domain::session::SessionStatus;
 use crate::domain::standard::{Judgement, Target};
 use crate::ids::SessionId;
-use crate::pipeline::score::interval::Interval;
-use crate::pipeline::score::{NoAnswer, Trial};
+use crate::pipeline::score::interval::ConfidenceInterval;
+use crate::pipeline::score::{NoAnswer, TrialOutcome};
 
 /// A trainee's progress over the sessions of one task.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, ToSchema)]
-pub struct Course {
+pub struct ProgressAnswer {
     /// Pipeline version whose results count: that of the newest result. `null` while there is no result.
     pub pipeline: Option<String>,
     /// Number of earlier sessions that are not listed, because there are too many, and do not count.
     pub earlier: usize,
     /// The sessions, oldest first.
-    pub sessions: Vec<Step>,
+    pub sessions: Vec<SessionStep>,
     /// The requested features over these sessions.
-    pub features: Vec<Series>,
+    pub features: Vec<FeatureSeries>,
     /// State of the standard's pass rule; `null` without a rule.
     pub rule: Option<RuleState>,
     /// The charts; `null` without a standard.
     pub charts: Option<Charts>,
     /// Refreshers one and three months after proficiency; none before proficiency, and none after a relapse.
-    pub reminders: Vec<Reminder>,
+    pub reminders: Vec<Refresher>,
     /// When the task was passed, and the criterion; `null` before that and after a relapse.
-    pub passed: Option<Passed>,
+    pub passed: Option<TaskPassed>,
 }
 
 /// One session of the progress.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Step {
+pub struct SessionStep {
     /// Its number, from 1.
     pub number: usize,
     /// Its id.
@@ -86,12 +86,12 @@ named! {
     }
 }
 
-impl From<Trial> for TrialName {
-    fn from(trial: Trial) -> Self {
+impl From<TrialOutcome> for TrialName {
+    fn from(trial: TrialOutcome) -> Self {
         match trial {
-            Trial::Passed => TrialName::Passed,
-            Trial::Failed => TrialName::Failed,
-            Trial::Unknown => TrialName::Unknown,
+            TrialOutcome::Passed => TrialName::Passed,
+            TrialOutcome::Failed => TrialName::Failed,
+            TrialOutcome::Unknown => TrialName::Unknown,
         }
     }
 }
@@ -119,7 +119,7 @@ impl From<NoAnswer> for Withheld {
 
 /// A value with its 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Estimate {
+pub struct IntervalEstimate {
     /// The best value.
     pub value: f64,
     /// Lower end of the interval.
@@ -128,16 +128,16 @@ pub struct Estimate {
     pub high: f64,
 }
 
-impl Estimate {
+impl IntervalEstimate {
     /// A value with its interval.
-    pub fn of(value: f64, Interval { low, high }: Interval) -> Self {
+    pub fn of(value: f64, ConfidenceInterval { low, high }: ConfidenceInterval) -> Self {
         Self { value, low, high }
     }
 }
 
 /// One feature over the sessions.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Series {
+pub struct FeatureSeries {
     /// The feature.
     #[serde(flatten)]
     pub of: FeatureKey,
@@ -150,18 +150,18 @@ pub struct Series {
     /// The standard's limit for it; `null` without a limit.
     pub target: Option<Target>,
     /// One point per session with a result, including sessions that are set aside.
-    pub points: Vec<Point>,
+    pub points: Vec<SeriesPoint>,
     /// Rank of the newest counted value in the cohort; `null` if it is withheld or no cohort was named.
-    pub place: Option<Place>,
+    pub place: Option<CohortRank>,
     /// Why the rank is withheld.
     pub no_place: Option<Withheld>,
     /// Learning, judged from the counted values.
-    pub learning: Learning,
+    pub learning: LearningAnswer,
 }
 
 /// A session's value.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Point {
+pub struct SeriesPoint {
     /// The session's number.
     pub session: usize,
     /// The value; `null` if too little was seen.
@@ -176,13 +176,13 @@ pub struct Point {
 
 /// Rank of a value in a cohort.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Place {
+pub struct CohortRank {
     /// Number of the ranked session.
     pub session: usize,
     /// Share of the cohort's people with a lower value, per cent; equal values count half.
-    pub percentile: Estimate,
+    pub percentile: IntervalEstimate,
     /// Share of the cohort's people with a worse value, per cent; `null` if neither lower nor higher is better.
-    pub better_than: Option<Estimate>,
+    pub better_than: Option<IntervalEstimate>,
     /// Number of people in the cohort with a comparable value.
     pub people: usize,
     /// True if the interval includes the error of the value itself.
@@ -191,13 +191,13 @@ pub struct Place {
 
 /// Learning over the sessions.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Learning {
+pub struct LearningAnswer {
     /// Its state.
     pub state: LearningState,
     /// The curve; `null` in every other state.
-    pub curve: Option<Curve>,
+    pub curve: Option<LearningCurveAnswer>,
     /// When the curve meets the target; `null` without a curve or a target.
-    pub forecast: Option<Forecast>,
+    pub forecast: Option<ForecastAnswer>,
     /// Why learning is withheld, and how many sessions are missing.
     pub withheld: Option<Withheld>,
 }
@@ -218,34 +218,34 @@ named! {
 
 /// The curve A + B·exp(−(n − n₁)/τ). n₁ is the number of the first session of the fit.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Curve {
+pub struct LearningCurveAnswer {
     /// The level that practice leads to, A.
-    pub plateau: Estimate,
+    pub plateau: IntervalEstimate,
     /// Distance of the first session from that level, B.
-    pub distance: Estimate,
+    pub distance: IntervalEstimate,
     /// Number of sessions until the distance has shrunk to 37 %, τ.
-    pub tau_sessions: Estimate,
+    pub tau_sessions: IntervalEstimate,
     /// Standard deviation of sessions about the curve.
     pub scatter: f64,
     /// Number of sessions of the fit.
     pub sessions: usize,
     /// Points of the curve, with its 95 % band.
-    pub line: Vec<LinePoint>,
+    pub line: Vec<CurvePoint>,
 }
 
 /// The curve at one session.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
-pub struct LinePoint {
+pub struct CurvePoint {
     /// The session's number.
     pub session: u32,
     /// The curve at this session, with its 95 % interval.
     #[serde(flatten)]
-    pub at: Estimate,
+    pub at: IntervalEstimate,
 }
 
 /// When a learning curve meets the target.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Forecast {
+pub struct ForecastAnswer {
     /// Its state.
     pub state: ForecastState,
     /// Number of the first session at which the curve meets the target.

@@ -7,35 +7,36 @@
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::answer::{Course as Judged, RuleStanding, RuleState, StandingName};
-use super::progress::{Asked, Shown, judged};
+use super::answer::{ProgressAnswer as Judged, RuleStanding, RuleState, StandingName};
+use super::progress::{FeatureSelection, ProgressSelection, judge_sessions};
 use super::{Cohorts, CohortsError};
 use crate::domain::named;
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
-use crate::domain::standard::Definition;
+use crate::domain::standard::StandardDefinition;
 use crate::domain::text::Key;
 use crate::ids::{CourseId, GroupId, SessionId, TaskId, TraineeId};
-use crate::pipeline::score::lc_cusum::Monitor;
+use crate::pipeline::score::lc_cusum::LcCusumMonitor;
 use crate::store::{
-    Course, CourseStep, Enrolled, Followed, Group, Practice, Practised, Standard, StoreError, Trained, Trainee,
+    CourseRecord, CourseStep, GroupCoursePlan, GroupRecord, Practice, PracticeSession, StandardRecord, StoreError,
+    TraineeCourse, TraineeRecord, TraineeTask,
 };
 use crate::time::{Day, to_rfc3339};
 
 /// Limit of rows in a table, so that it stays readable.
-const MOST_ROWS: usize = 500;
+const MAX_ROWS: usize = 500;
 
 /// Progress of a group in its course.
 #[derive(Debug)]
 pub struct GroupCourse {
     /// The group.
-    pub group: Group,
+    pub group: GroupRecord,
     /// The course that it follows.
-    pub course: Course,
+    pub course: CourseRecord,
     /// The course's first day.
     pub begins: Day,
     /// Trainees of the group, by name; at most 500.
-    pub trainees: Vec<Trainee>,
+    pub trainees: Vec<TraineeRecord>,
     /// One row per trainee.
     pub rows: Vec<CourseRow>,
     /// True if the group has more trainees than rows.
@@ -46,9 +47,9 @@ pub struct GroupCourse {
 #[derive(Debug)]
 pub struct OwnCourse {
     /// The enrolment: the group that the trainee follows the course with.
-    pub of: Enrolled,
+    pub of: TraineeCourse,
     /// The course.
-    pub course: Course,
+    pub course: CourseRecord,
     /// The trainee's progress.
     pub row: CourseRow,
 }
@@ -109,7 +110,7 @@ named! {
 
 /// The steps of a course, its first day, and the time of the request.
 #[derive(Clone, Debug)]
-struct Asking {
+struct CourseContext {
     steps: Vec<CourseStep>,
     begins: Day,
     now_ms: i64,
@@ -119,14 +120,14 @@ impl Cohorts {
     /// Progress of a group in its course.
     pub async fn group_course(&self, scope: &Scope, group: GroupId) -> Result<GroupCourse, CohortsError> {
         let group = self.store.groups().get(scope, group).await?;
-        let Some(Followed { course, begins, .. }) = group.follows.clone() else {
+        let Some(GroupCoursePlan { course, begins, .. }) = group.follows.clone() else {
             return Err(StoreError::NotFound { what: "course" }.into());
         };
         let course = self.store.courses().get(scope, course).await?;
-        let mut trainees = self.store.trainees().of_group(scope, group.id, MOST_ROWS as u32 + 1).await?;
-        let more = trainees.len() > MOST_ROWS;
-        trainees.truncate(MOST_ROWS);
-        let rows = self.way(scope, &course, begins, &trainees).await?;
+        let mut trainees = self.store.trainees().of_group(scope, group.id, MAX_ROWS as u32 + 1).await?;
+        let more = trainees.len() > MAX_ROWS;
+        trainees.truncate(MAX_ROWS);
+        let rows = self.course_rows(scope, &course, begins, &trainees).await?;
         Ok(GroupCourse { group, course, begins, trainees, rows, more })
     }
 
@@ -139,7 +140,7 @@ impl Cohorts {
         let mut courses = Vec::with_capacity(enrolled.len());
         for of in enrolled {
             let Some(course) = plans.iter().find(|plan| plan.id == of.course_id).cloned() else { continue };
-            let rows = self.way(scope, &course, of.begins, &trainee).await?;
+            let rows = self.course_rows(scope, &course, of.begins, &trainee).await?;
             courses.extend(rows.into_iter().map(|row| OwnCourse { of: of.clone(), course: course.clone(), row }));
         }
         Ok(courses)
@@ -147,14 +148,14 @@ impl Cohorts {
 
     /// The rows of these trainees. It works task by task, so that only one task's sessions of a large group are in
     /// memory.
-    async fn way(
+    async fn course_rows(
         &self,
         scope: &Scope,
-        course: &Course,
+        course: &CourseRecord,
         begins: Day,
-        trainees: &[Trainee],
+        trainees: &[TraineeRecord],
     ) -> Result<Vec<CourseRow>, CohortsError> {
-        let asking = Asking { steps: course.steps.clone(), begins, now_ms: self.clock.now_ms() };
+        let asking = CourseContext { steps: course.steps.clone(), begins, now_ms: self.clock.now_ms() };
         let mut tasks: Vec<TaskId> = course.steps.iter().map(|step| step.task_id).collect();
         tasks.sort();
         tasks.dedup();
@@ -162,43 +163,48 @@ impl Cohorts {
         let mut columns: Vec<Vec<StepProgress>> = vec![Vec::new(); course.steps.len()];
         for task in tasks {
             let standard = standards.iter().find(|standard| standard.task_id == task);
-            for (at, column) in self.columns(scope, &asking, task, standard, trainees).await? {
+            for (at, column) in self.step_columns(scope, &asking, task, standard, trainees).await? {
                 columns[at] = column;
             }
         }
         let mut columns: Vec<_> = columns.into_iter().map(Vec::into_iter).collect();
-        let row =
-            |trainee: &Trainee| CourseRow::of(trainee.id, columns.iter_mut().filter_map(Iterator::next).collect());
+        let row = |trainee: &TraineeRecord| {
+            CourseRow::of(trainee.id, columns.iter_mut().filter_map(Iterator::next).collect())
+        };
         Ok(trainees.iter().map(row).collect())
     }
 
     /// Progress in the steps of one task: for each step its index in the plan, and one entry per trainee.
-    async fn columns(
+    async fn step_columns(
         &self,
         scope: &Scope,
-        asking: &Asking,
+        asking: &CourseContext,
         task: TaskId,
-        standard: Option<&Standard>,
-        trainees: &[Trainee],
+        standard: Option<&StandardRecord>,
+        trainees: &[TraineeRecord],
     ) -> Result<Vec<(usize, Vec<StepProgress>)>, CohortsError> {
         let is_judged = asking.steps.iter().any(|step| step.task_id == task && step.sessions.is_none());
         let definition = standard.filter(|_| is_judged).map(|standard| standard.definition.clone());
         let names = match &definition {
-            Some(definition) => Shown::of(&Asked::default(), Some(definition))?.names(),
+            Some(definition) => FeatureSelection::of(&ProgressSelection::default(), Some(definition))?.names(),
             None => Vec::new(),
         };
-        let pairs: Vec<Trained> = trainees.iter().map(|of| Trained { trainee: of.id, task }).collect();
+        let pairs: Vec<TraineeTask> = trainees.iter().map(|of| TraineeTask { trainee: of.id, task }).collect();
         let of_each = self.practices(scope, &pairs, &names).await?;
-        let (known, asking, trainees) = (self.known.clone(), asking.clone(), trainees.to_vec());
+        let (known, asking, trainees) = (self.cache.clone(), asking.clone(), trainees.to_vec());
         let calculation = move || {
             let monitor = definition.as_ref().and_then(|definition| known.charts(definition.charts).ok());
             let standard = definition.as_ref().zip(monitor.as_deref());
             let nothing = Practice { earlier: 0, sessions: Vec::new() };
-            let of = |trainee: &Trainee| of_each.get(&Trained { trainee: trainee.id, task }).unwrap_or(&nothing);
-            let judged: Vec<_> = trainees.iter().map(|trainee| asking.judged(of(trainee), standard, trainee)).collect();
+            let of =
+                |trainee: &TraineeRecord| of_each.get(&TraineeTask { trainee: trainee.id, task }).unwrap_or(&nothing);
+            let judged: Vec<_> = trainees.iter().map(|trainee| asking.judge(of(trainee), standard, trainee)).collect();
             let steps = asking.steps.iter().enumerate().filter(|(_, step)| step.task_id == task);
             let column = |(at, step)| {
-                let rows = trainees.iter().zip(&judged).map(|(trainee, judged)| asking.told(step, of(trainee), judged));
+                let rows = trainees
+                    .iter()
+                    .zip(&judged)
+                    .map(|(trainee, judged)| asking.step_progress(step, of(trainee), judged));
                 (at, rows.collect())
             };
             steps.map(column).collect()
@@ -214,16 +220,21 @@ impl CourseRow {
     }
 }
 
-impl Asking {
-    fn judged(&self, practice: &Practice, standard: Option<(&Definition, &Monitor)>, trainee: &Trainee) -> Judged {
-        judged(practice, standard, trainee.handedness, self.now_ms).1
+impl CourseContext {
+    fn judge(
+        &self,
+        practice: &Practice,
+        standard: Option<(&StandardDefinition, &LcCusumMonitor)>,
+        trainee: &TraineeRecord,
+    ) -> Judged {
+        judge_sessions(practice, standard, trainee.handedness, self.now_ms).1
     }
 
     /// A trainee's progress in a step, from their sessions and the judgement on them.
-    fn told(&self, step: &CourseStep, practice: &Practice, judged: &Judged) -> StepProgress {
+    fn step_progress(&self, step: &CourseStep, practice: &Practice, judged: &Judged) -> StepProgress {
         let progress = match step.sessions {
-            Some(of) => self.by_sessions(of as usize, practice),
-            None => by_standard(practice, judged),
+            Some(of) => self.progress_by_sessions(of as usize, practice),
+            None => progress_by_standard(practice, judged),
         };
         let is_late = step.due(self.begins).is_some_and(|due| due < Day::of(self.now_ms));
         StepProgress { overdue: is_late && progress.passed.is_none(), ..progress }
@@ -231,12 +242,12 @@ impl Asking {
 
     /// Progress in a step that asks for sessions. All sessions count as practice, with any result, except sessions that
     /// are still arriving and sessions that are set aside.
-    fn by_sessions(&self, asked: usize, practice: &Practice) -> StepProgress {
-        let since_ms = self.begins.begins_ms();
-        let counts = |session: &&Practised| {
+    fn progress_by_sessions(&self, asked: usize, practice: &Practice) -> StepProgress {
+        let since_ms = self.begins.start_ms();
+        let counts = |session: &&PracticeSession| {
             !session.is_set_aside && session.status != SessionStatus::Receiving && session.recorded_at_ms >= since_ms
         };
-        let counted: Vec<&Practised> = practice.sessions.iter().filter(counts).collect();
+        let counted: Vec<&PracticeSession> = practice.sessions.iter().filter(counts).collect();
         let last = asked.checked_sub(1).and_then(|last| counted.get(last));
         let passed = last.map(|session| StepPassed { session: session.id, at: to_rfc3339(session.recorded_at_ms) });
         let missing = asked.checked_sub(counted.len()).filter(|missing| *missing > 0);
@@ -244,13 +255,13 @@ impl Asking {
     }
 }
 
-fn by_standard(practice: &Practice, judged: &Judged) -> StepProgress {
+fn progress_by_standard(practice: &Practice, judged: &Judged) -> StepProgress {
     let practised = practice.sessions.iter().filter(|session| !session.is_set_aside).count();
     let passed = judged.passed.as_ref().and_then(|passed| {
         let session = judged.sessions.iter().find(|step| step.number == passed.session)?;
         Some(StepPassed { session: session.id, at: session.recorded_at.clone() })
     });
-    let missing = judged.rule.as_ref().filter(|_| passed.is_none()).and_then(missing);
+    let missing = judged.rule.as_ref().filter(|_| passed.is_none()).and_then(missing_passes);
     StepProgress {
         missing,
         rule: judged.rule.clone(),
@@ -260,7 +271,7 @@ fn by_standard(practice: &Practice, judged: &Judged) -> StepProgress {
 }
 
 /// The number of passes that an open rule still needs, if all further sessions are passes.
-fn missing(RuleState { rule, state, have_in_a_row, have_more, .. }: &RuleState) -> Option<usize> {
+fn missing_passes(RuleState { rule, state, have_in_a_row, have_more, .. }: &RuleState) -> Option<usize> {
     let missing = (rule.in_a_row + rule.then_more).checked_sub((*have_in_a_row)? + (*have_more)?);
     missing.filter(|_| *state == RuleStanding::Open)
 }

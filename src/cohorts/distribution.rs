@@ -5,24 +5,24 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::answer::Withheld;
-use super::people::{LAST_SESSIONS, Like};
-use super::propose::{Limited, limited};
-use super::{Cohorts, CohortsError, named};
-use crate::domain::feature::{FeatureKey, is_of_one_camera};
+use super::people::{ComparableWith, LAST_SESSIONS};
+use super::propose::{LimitedFeature, find_limited_feature};
+use super::{Cohorts, CohortsError, unknown_field};
+use crate::domain::feature::{FeatureKey, depends_on_camera};
 use crate::domain::scope::Scope;
 use crate::domain::session::FeatureSpace;
-use crate::domain::standard::Share;
+use crate::domain::standard::MisjudgedShare;
 use crate::domain::text::{Invalid, Key};
 use crate::domain::trainee::Handedness;
 use crate::ids::TaskId;
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::features::Feature;
-use crate::pipeline::score::standard::{breaking, keeping};
+use crate::pipeline::score::standard::{meeting_rate, missing_rate};
 use crate::store::CohortValue;
 
 /// Parameters of a distribution.
 #[derive(Clone, Debug)]
-pub struct AskedSpread {
+pub struct DistributionSelection {
     /// Stable name of a feature with a better direction (lower or higher).
     pub feature: String,
     /// The tool's marker.
@@ -56,12 +56,12 @@ pub struct Distribution {
     /// The limit of the request.
     pub limit: Option<f64>,
     /// One entry per cohort.
-    pub groups: Vec<Spread>,
+    pub groups: Vec<GroupSpread>,
 }
 
 /// One group's values.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Spread {
+pub struct GroupSpread {
     /// The cohort's code; `null` for all people in the caller's scope.
     pub cohort: Option<String>,
     /// The cohort's name.
@@ -69,15 +69,15 @@ pub struct Spread {
     /// One value per person in the caller's scope, the median of their last sessions, in rising order.
     pub values: Vec<f64>,
     /// The share that meets the limit: among novices, the false passes. `null` without a limit, or if it is withheld.
-    pub keeping: Option<Share>,
+    pub keeping: Option<MisjudgedShare>,
     /// The share that misses the limit: among experts, the false fails.
-    pub breaking: Option<Share>,
+    pub breaking: Option<MisjudgedShare>,
     /// Why the shares are withheld.
     pub withheld: Option<Withheld>,
 }
 
 /// A cohort's code and name, with its values.
-struct Over {
+struct GroupValues {
     cohort: Option<(String, String)>,
     handedness: Option<Handedness>,
     values: Vec<CohortValue>,
@@ -89,11 +89,11 @@ impl Cohorts {
         &self,
         scope: &Scope,
         of: TaskId,
-        asked: AskedSpread,
+        asked: DistributionSelection,
     ) -> Result<Distribution, CohortsError> {
-        let AskedSpread { feature, tool, space, cohorts, hand, limit } = asked;
-        let (feature, key) = limited(Limited { feature: &feature, tool: tool.as_deref(), space })?;
-        if is_of_one_camera(&key) {
+        let DistributionSelection { feature, tool, space, cohorts, hand, limit } = asked;
+        let (feature, key) = find_limited_feature(LimitedFeature { feature: &feature, tool: tool.as_deref(), space })?;
+        if depends_on_camera(&key) {
             let why = "depends on the camera's direction, which differs between boxes: choose a feature that does not";
             return Err(Invalid::new("feature", why).into());
         }
@@ -106,13 +106,13 @@ impl Cohorts {
         }
         let mut over = Vec::with_capacity(cohorts.len().max(1));
         if cohorts.is_empty() {
-            over.push(self.over(scope, of, &key, None, hand).await?);
+            over.push(self.group_values(scope, of, &key, None, hand).await?);
         }
         for cohort in &cohorts {
-            over.push(self.over(scope, of, &key, Some(cohort), hand).await?);
+            over.push(self.group_values(scope, of, &key, Some(cohort), hand).await?);
         }
         let calculation = move || {
-            let groups = over.iter().map(|over| spread(&key, feature, over, limit)).collect();
+            let groups = over.iter().map(|over| group_spread(&key, feature, over, limit)).collect();
             let (title, unit, better) = (feature.title, feature.unit, feature.direction.name());
             let hand = key.tool.as_ref().and(hand);
             Distribution { of: key, title, unit, better, pipeline: PIPELINE_VERSION, hand, limit, groups }
@@ -120,39 +120,46 @@ impl Cohorts {
         self.calculate(calculation).await
     }
 
-    async fn over(
+    async fn group_values(
         &self,
         scope: &Scope,
         task: TaskId,
         of: &FeatureKey,
         cohort: Option<&Key>,
         hand: Option<Handedness>,
-    ) -> Result<Over, CohortsError> {
+    ) -> Result<GroupValues, CohortsError> {
         let cohort = match cohort {
-            Some(key) => Some(self.store.cohorts().get(scope, key).await.map_err(named("cohort"))?),
+            Some(key) => Some(self.store.cohorts().get(scope, key).await.map_err(unknown_field("cohort"))?),
             None => None,
         };
         let id = cohort.as_ref().map(|cohort| cohort.id);
         let keys = std::slice::from_ref(of);
         let values = self.store.cohorts().values_seen(scope, id, task, LAST_SESSIONS, keys).await?;
         let cohort = cohort.map(|cohort| (cohort.code.to_string(), cohort.name.to_string()));
-        Ok(Over { cohort, handedness: hand, values })
+        Ok(GroupValues { cohort, handedness: hand, values })
     }
 }
 
-fn spread(of: &FeatureKey, feature: &'static Feature, over: &Over, limit: Option<f64>) -> Spread {
-    let like = Like { of, pipeline: PIPELINE_VERSION, calibration: None, handedness: over.handedness, without: None };
+fn group_spread(of: &FeatureKey, feature: &'static Feature, over: &GroupValues, limit: Option<f64>) -> GroupSpread {
+    let like = ComparableWith {
+        of,
+        pipeline: PIPELINE_VERSION,
+        calibration: None,
+        handedness: over.handedness,
+        without: None,
+    };
     let (cohort, name) = over.cohort.clone().unzip();
-    let without_shares = |values, withheld| Spread { cohort, name, values, keeping: None, breaking: None, withheld };
+    let without_shares =
+        |values, withheld| GroupSpread { cohort, name, values, keeping: None, breaking: None, withheld };
     let people = match like.people(&over.values) {
         Ok(people) => people,
         Err(why) => return without_shares(Vec::new(), Some(why.into())),
     };
     let values = people.values().to_vec();
     let Some(limit) = limit else { return without_shares(values, None) };
-    match (keeping(&people, limit, feature.direction), breaking(&people, limit, feature.direction)) {
+    match (meeting_rate(&people, limit, feature.direction), missing_rate(&people, limit, feature.direction)) {
         (Ok(kept), Ok(broken)) => {
-            Spread { keeping: Some(kept.into()), breaking: Some(broken.into()), ..without_shares(values, None) }
+            GroupSpread { keeping: Some(kept.into()), breaking: Some(broken.into()), ..without_shares(values, None) }
         }
         (Err(why), _) | (_, Err(why)) => without_shares(values, Some(why.into())),
     }

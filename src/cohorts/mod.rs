@@ -23,9 +23,9 @@
 
 mod alarms;
 pub mod answer;
+mod cache;
 mod courses;
 mod distribution;
-mod known;
 mod overview;
 mod people;
 mod progress;
@@ -43,22 +43,22 @@ use crate::domain::text::Invalid;
 use crate::store::{Store, StoreError};
 use crate::time::SharedClock;
 
-use alarms::KnownAlarms;
+use alarms::AlarmCache;
 pub use alarms::{Alarm, AlarmKind, Alarms};
+use cache::ComputedCache;
 pub use courses::{CourseRow, GroupCourse, OwnCourse, StepPassed, StepProgress, StepState};
-pub use distribution::{AskedSpread, Distribution, Spread};
-use known::Known;
-pub use overview::{GroupTable, GroupTableRow, TableFound};
-pub use progress::{Asked, Found};
-pub use propose::{Proposal, Proposed};
+pub use distribution::{Distribution, DistributionSelection, GroupSpread};
+pub use overview::{GroupTable, GroupTableAnswer, GroupTableRow};
+pub use progress::{ProgressSelection, TraineeProgress};
+pub use propose::{Proposal, ProposedTarget};
 pub use raters::{Agreement, CorrelationRow, Correlations};
 pub use skill::NoSkillModel;
 
 /// Limit of concurrent calculations. Further ones wait, so that other requests keep getting fast answers.
-const CALCULATIONS: usize = 2;
+const MAX_CALCULATIONS: usize = 2;
 
 /// Limit of concurrent trainings of skill models. They take minutes, so they do not use the slots of calculations.
-const TRAININGS: usize = 1;
+const MAX_TRAININGS: usize = 1;
 
 /// Why a calculation failed.
 #[derive(Debug, thiserror::Error)]
@@ -85,7 +85,7 @@ pub enum CohortsError {
     Store(#[from] StoreError),
     /// The service is shutting down, or a calculation panicked.
     #[error("the calculation did not finish")]
-    Broken,
+    Interrupted,
 }
 
 /// The service for standards, cohorts and progress. Clones share their caches and limits.
@@ -93,28 +93,28 @@ pub enum CohortsError {
 pub struct Cohorts {
     store: Store,
     clock: SharedClock,
-    known: Arc<Known>,
-    alarms: KnownAlarms,
-    places: Arc<Semaphore>,
-    training: Arc<Semaphore>,
+    cache: Arc<ComputedCache>,
+    alarms: AlarmCache,
+    calculation_slots: Arc<Semaphore>,
+    training_slots: Arc<Semaphore>,
 }
 
 impl Cohorts {
     /// A service on this store and clock.
     pub fn new(store: Store, clock: SharedClock) -> Self {
         let places = |count| Arc::new(Semaphore::new(count));
-        let (places, training) = (places(CALCULATIONS), places(TRAININGS));
-        Self { store, clock, known: Arc::default(), alarms: Arc::default(), places, training }
+        let (calculation_slots, training_slots) = (places(MAX_CALCULATIONS), places(MAX_TRAININGS));
+        Self { store, clock, cache: Arc::default(), alarms: Arc::default(), calculation_slots, training_slots }
     }
 
     /// Runs a calculation on a blocking thread, when a slot is free.
     async fn calculate<T: Send + 'static>(&self, of: impl FnOnce() -> T + Send + 'static) -> Result<T, CohortsError> {
-        let place = self.places.clone().acquire_owned().await.map_err(|_| CohortsError::Broken)?;
+        let place = self.calculation_slots.clone().acquire_owned().await.map_err(|_| CohortsError::Interrupted)?;
         let calculation = move || {
             let _place = place; // held until the calculation ends, even if the caller no longer waits
             of()
         };
-        tokio::task::spawn_blocking(calculation).await.map_err(|_| CohortsError::Broken)
+        tokio::task::spawn_blocking(calculation).await.map_err(|_| CohortsError::Interrupted)
     }
 }
 
@@ -125,7 +125,7 @@ impl From<NoSkillModel> for CohortsError {
 }
 
 /// Maps "not found" to [`CohortsError::Unknown`]: the request named something that does not exist.
-fn named(field: &'static str) -> impl FnOnce(StoreError) -> CohortsError {
+fn unknown_field(field: &'static str) -> impl FnOnce(StoreError) -> CohortsError {
     move |error| match error {
         StoreError::NotFound { what } => CohortsError::Unknown { field, what },
         other => other.into(),

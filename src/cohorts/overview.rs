@@ -6,38 +6,38 @@ use std::collections::{BTreeSet, HashMap};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::answer::{Point, RuleState, StandingName};
-use super::progress::{Asked, MOST_SESSIONS, Shown, judged};
-use super::series::{Numbered, points};
-use super::{Cohorts, CohortsError, named};
+use super::answer::{RuleState, SeriesPoint, StandingName};
+use super::progress::{FeatureSelection, MAX_SESSIONS, ProgressSelection, judge_sessions};
+use super::series::{NumberedSession, points};
+use super::{Cohorts, CohortsError, unknown_field};
 use crate::domain::feature::FeatureKey;
 use crate::domain::scope::Scope;
-use crate::domain::standard::{Definition, Target};
+use crate::domain::standard::{StandardDefinition, Target};
 use crate::domain::text::Invalid;
 use crate::ids::{GroupId, SessionId, TraineeId};
 use crate::pipeline::features::find;
-use crate::pipeline::score::lc_cusum::Monitor;
-use crate::store::{Group, Practice, Standard, Task, Trained, Trainee};
+use crate::pipeline::score::lc_cusum::LcCusumMonitor;
+use crate::store::{GroupRecord, Practice, StandardRecord, TaskRecord, TraineeRecord, TraineeTask};
 
 /// Limit of rows in a table, so that it stays readable.
-const MOST_ROWS: usize = 500;
+const MAX_ROWS: usize = 500;
 
 /// Limit of points in a sparkline: the last sessions.
-const SPARK: usize = 30;
+const MAX_SPARKLINE_POINTS: usize = 30;
 
 /// A group's table with the objects that it refers to.
 #[derive(Debug)]
-pub struct TableFound {
+pub struct GroupTableAnswer {
     /// The group.
-    pub group: Group,
+    pub group: GroupRecord,
     /// The task.
-    pub task: Task,
+    pub task: TaskRecord,
     /// The task's standard.
-    pub standard: Option<Standard>,
+    pub standard: Option<StandardRecord>,
     /// The feature and its rows.
     pub table: GroupTable,
     /// The trainees of the rows, by name.
-    pub trainees: Vec<Trainee>,
+    pub trainees: Vec<TraineeRecord>,
 }
 
 /// One feature over a group's trainees.
@@ -73,7 +73,7 @@ pub struct GroupTableRow {
     #[schema(format = "date-time")]
     pub last_at: Option<String>,
     /// Their last counted values, at most thirty, oldest first.
-    pub points: Vec<Point>,
+    pub points: Vec<SeriesPoint>,
     /// The session of the last of these points.
     pub newest: Option<SessionId>,
     /// State of the standard's pass rule; `null` without a rule.
@@ -86,25 +86,30 @@ pub struct GroupTableRow {
 
 impl Cohorts {
     /// The table of a group's trainees at a task, for one feature.
-    pub async fn table(&self, scope: &Scope, group: GroupId, asked: Asked) -> Result<TableFound, CohortsError> {
+    pub async fn group_table(
+        &self,
+        scope: &Scope,
+        group: GroupId,
+        asked: ProgressSelection,
+    ) -> Result<GroupTableAnswer, CohortsError> {
         let group = self.store.groups().get(scope, group).await?;
         let Some(task) = &asked.task else {
             return Err(Invalid::new("task", "is missing: name one").into());
         };
-        let task = self.store.tasks().get(scope, task).await.map_err(named("task"))?;
+        let task = self.store.tasks().get(scope, task).await.map_err(unknown_field("task"))?;
         let standard = self.store.standards().in_use(scope, task.id).await?;
-        let mut trainees = self.store.trainees().of_group(scope, group.id, MOST_ROWS as u32 + 1).await?;
-        let more = trainees.len() > MOST_ROWS;
-        trainees.truncate(MOST_ROWS);
-        let pairs: Vec<Trained> = trainees.iter().map(|of| Trained { trainee: of.id, task: task.id }).collect();
-        let shown = Shown::of(&asked, standard.as_ref().map(|standard| &standard.definition))?;
+        let mut trainees = self.store.trainees().of_group(scope, group.id, MAX_ROWS as u32 + 1).await?;
+        let more = trainees.len() > MAX_ROWS;
+        trainees.truncate(MAX_ROWS);
+        let pairs: Vec<TraineeTask> = trainees.iter().map(|of| TraineeTask { trainee: of.id, task: task.id }).collect();
+        let shown = FeatureSelection::of(&asked, standard.as_ref().map(|standard| &standard.definition))?;
         let of_each = self.practices(scope, &pairs, &shown.names()).await?;
         let definition = standard.as_ref().map(|standard| standard.definition.clone().without_fingerprints());
-        let (known, now_ms) = (self.known.clone(), self.clock.now_ms());
+        let (known, now_ms) = (self.cache.clone(), self.clock.now_ms());
         let (at, trained) = (task.id, trainees.clone());
         let calculation = move || {
             let keys = shown.keys(of_each.values());
-            let of = keys.first().cloned().unwrap_or_else(|| shown.usual());
+            let of = keys.first().cloned().unwrap_or_else(|| shown.default_key());
             let sessions = of_each.values().flat_map(|practice| &practice.sessions);
             let measured = sessions.flat_map(|session| &session.measured).map(|measured| &measured.of);
             let alike = measured.filter(|key| key.feature == of.feature && key.space == of.space);
@@ -114,8 +119,8 @@ impl Cohorts {
             let standard = definition.as_ref().zip(monitor.as_deref());
             let nothing = Practice { earlier: 0, sessions: Vec::new() };
             let rows = trained.iter().map(|trainee| {
-                let practice = of_each.get(&Trained { trainee: trainee.id, task: at }).unwrap_or(&nothing);
-                row(trainee, &of, practice, standard, now_ms)
+                let practice = of_each.get(&TraineeTask { trainee: trainee.id, task: at }).unwrap_or(&nothing);
+                table_row(trainee, &of, practice, standard, now_ms)
             });
             let rows = rows.collect();
             let target = definition.as_ref().and_then(|definition| definition.target(&of)).cloned();
@@ -132,33 +137,33 @@ impl Cohorts {
             }
         };
         let table = self.calculate(calculation).await?;
-        Ok(TableFound { group, task, standard, table, trainees })
+        Ok(GroupTableAnswer { group, task, standard, table, trainees })
     }
 
     pub(super) async fn practices(
         &self,
         scope: &Scope,
-        of: &[Trained],
+        of: &[TraineeTask],
         names: &[String],
-    ) -> Result<HashMap<Trained, Practice>, CohortsError> {
+    ) -> Result<HashMap<TraineeTask, Practice>, CohortsError> {
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        Ok(self.store.sessions().practice_of_many(scope, of, &names, MOST_SESSIONS).await?)
+        Ok(self.store.sessions().practice_of_many(scope, of, &names, MAX_SESSIONS).await?)
     }
 }
 
-fn row(
-    trainee: &Trainee,
+fn table_row(
+    trainee: &TraineeRecord,
     of: &FeatureKey,
     practice: &Practice,
-    standard: Option<(&Definition, &Monitor)>,
+    standard: Option<(&StandardDefinition, &LcCusumMonitor)>,
     now_ms: i64,
 ) -> GroupTableRow {
-    let (sessions, course) = judged(practice, standard, trainee.handedness, now_ms);
-    let counted: Vec<Numbered<'_>> = sessions.into_iter().filter(|session| session.counts).collect();
+    let (sessions, course) = judge_sessions(practice, standard, trainee.handedness, now_ms);
+    let counted: Vec<NumberedSession<'_>> = sessions.into_iter().filter(|session| session.counts).collect();
     let target = standard.and_then(|(definition, _)| definition.target(of));
     let mut points = points(of, &counted, target, trainee.handedness);
     points.retain(|point| point.value.is_some());
-    points.drain(..points.len().saturating_sub(SPARK));
+    points.drain(..points.len().saturating_sub(MAX_SPARKLINE_POINTS));
     let newest = points.last().and_then(|point| counted.iter().find(|session| session.number == point.session));
     GroupTableRow {
         trainee: trainee.id,

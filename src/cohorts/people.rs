@@ -7,10 +7,10 @@
 
 use sha2::{Digest, Sha256};
 
-use crate::domain::feature::{FeatureKey, is_of_one_camera};
+use crate::domain::feature::{FeatureKey, depends_on_camera};
 use crate::domain::trainee::Handedness;
 use crate::ids::{CalibrationId, TraineeId};
-use crate::pipeline::score::{NoAnswer, People};
+use crate::pipeline::score::{NoAnswer, PersonValues};
 use crate::store::CohortValue;
 
 /// Number of last sessions per person that count. Their median is the person's value: current skill, not that of the
@@ -19,7 +19,7 @@ pub const LAST_SESSIONS: u32 = 5;
 
 /// The conditions that make a cohort's value comparable.
 #[derive(Clone, Copy, Debug)]
-pub struct Like<'l> {
+pub struct ComparableWith<'l> {
     /// The feature.
     pub of: &'l FeatureKey,
     /// The pipeline version.
@@ -32,13 +32,13 @@ pub struct Like<'l> {
     pub without: Option<TraineeId>,
 }
 
-impl Like<'_> {
+impl ComparableWith<'_> {
     /// Trainee and value of the comparable rows.
     pub fn rows(&self, values: &[CohortValue]) -> Vec<(TraineeId, f64)> {
         let comparable = |row: &&CohortValue| {
             row.of == *self.of
                 && row.pipeline == self.pipeline
-                && (!is_of_one_camera(self.of) || self.calibration == Some(row.calibration))
+                && (!depends_on_camera(self.of) || self.calibration == Some(row.calibration))
                 && (self.of.tool.is_none() || (self.handedness.is_some() && row.handedness == self.handedness))
                 && self.without != Some(row.trainee)
         };
@@ -46,13 +46,13 @@ impl Like<'_> {
     }
 
     /// The people with the median of their comparable rows.
-    pub fn people(&self, values: &[CohortValue]) -> Result<People, NoAnswer> {
-        People::of_sessions(&self.rows(values))
+    pub fn people(&self, values: &[CohortValue]) -> Result<PersonValues, NoAnswer> {
+        PersonValues::of_sessions(&self.rows(values))
     }
 }
 
 /// SHA-256 of the groups' values in rising order. It is the same for the same values, and does not identify the people.
-pub fn fingerprint(groups: &[&People]) -> String {
+pub fn fingerprint(groups: &[&PersonValues]) -> String {
     let mut hash = Sha256::new();
     for group in groups {
         hash.update((group.count() as u64).to_le_bytes());
@@ -76,13 +76,13 @@ mod tests {
     }
 
     #[test]
-    fn a_tools_feature_is_compared_among_those_who_prefer_the_same_hand_and_a_sessions_among_all() {
+    fn a_tools_feature_is_compared_among_people_of_one_hand_and_a_sessions_among_all() {
         let (left, right) = (Some(Handedness::Left), Some(Handedness::Right));
         let (tool, whole) =
             (key("path_length", Some("orange"), FeatureSpace::Space3d), key("duration", None, FeatureSpace::Space3d));
         let of = |key: &FeatureKey| vec![value(key, 1, left, 1.0), value(key, 2, right, 2.0), value(key, 3, None, 3.0)];
         let among = |of: &FeatureKey, handedness, values: &[CohortValue]| {
-            let like = Like { of, pipeline: "7", calibration: None, handedness, without: None };
+            let like = ComparableWith { of, pipeline: "7", calibration: None, handedness, without: None };
             like.people(values).unwrap().values().to_vec()
         };
         assert_eq!(among(&tool, left, &of(&tool)), [1.0]);
@@ -92,25 +92,32 @@ mod tests {
     }
 
     #[test]
-    fn oneself_other_versions_and_other_cameras_are_left_out() {
+    fn the_person_other_versions_and_other_cameras_are_left_out() {
         let (space, image) =
             (key("path_length", None, FeatureSpace::Space3d), key("path_length", None, FeatureSpace::Image));
         let one = value(&space, 1, None, 1.0);
         let rows = [one.clone(), value(&space, 2, None, 2.0), CohortValue { pipeline: "6".to_owned(), ..one }];
-        let like =
-            Like { of: &space, pipeline: "7", calibration: None, handedness: None, without: Some(rows[0].trainee) };
+        let like = ComparableWith {
+            of: &space,
+            pipeline: "7",
+            calibration: None,
+            handedness: None,
+            without: Some(rows[0].trainee),
+        };
         assert_eq!(like.people(&rows).unwrap().values(), [2.0]);
         let rows = [value(&image, 1, None, 1.0)];
-        let in_picture = |calibration| Like { of: &image, calibration, without: None, ..like }.rows(&rows).len();
+        let in_picture =
+            |calibration| ComparableWith { of: &image, calibration, without: None, ..like }.rows(&rows).len();
         assert_eq!([Some(CalibrationId::at(1)), None].map(in_picture), [0, 0], "another id, and none");
         assert_eq!(in_picture(Some(rows[0].calibration)), 1);
     }
 
     #[test]
-    fn a_fingerprint_tells_values_and_groups_apart_and_not_who_they_are() {
-        let people = |values: &[f64]| People::of(&values.iter().copied().enumerate().collect::<Vec<_>>()).unwrap();
+    fn a_fingerprint_depends_on_values_and_groups_and_not_on_people() {
+        let people =
+            |values: &[f64]| PersonValues::of(&values.iter().copied().enumerate().collect::<Vec<_>>()).unwrap();
         let print = |groups: &[&[f64]]| {
-            let groups: Vec<People> = groups.iter().map(|values| people(values)).collect();
+            let groups: Vec<PersonValues> = groups.iter().map(|values| people(values)).collect();
             fingerprint(&groups.iter().collect::<Vec<_>>())
         };
         assert_eq!(print(&[&[1.0, 2.0]]), print(&[&[2.0, 1.0]]));

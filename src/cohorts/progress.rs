@@ -4,32 +4,32 @@
 //! refused, failed, set aside or of another pipeline version do not count otherwise. The version that counts is that of
 //! the newest valid result: after an update of the program, older sessions count again once they are rescored.
 
-use super::answer::{Course, SetAside, Step};
-use super::known::Known;
+use super::answer::{ProgressAnswer, SessionStep, SetAside};
+use super::cache::ComputedCache;
 use super::people::LAST_SESSIONS;
-use super::series::{Numbered, Whom, series};
+use super::series::{NumberedSession, TraineeContext, feature_series};
 use super::verdicts::Verdicts;
-use super::{Cohorts, CohortsError, named};
+use super::{Cohorts, CohortsError, unknown_field};
 use crate::domain::feature::{self, FeatureKey};
 use crate::domain::scope::Scope;
 use crate::domain::session::{FeatureSpace, SessionStatus};
-use crate::domain::standard::Definition;
+use crate::domain::standard::StandardDefinition;
 use crate::domain::text::{Invalid, Key};
 use crate::domain::trainee::Handedness;
 use crate::pipeline::features::find;
-use crate::pipeline::score::lc_cusum::Monitor;
-use crate::store::{Cohort, Practice, Practised, Standard, Task, Trainee};
+use crate::pipeline::score::lc_cusum::LcCusumMonitor;
+use crate::store::{CohortRecord, Practice, PracticeSession, StandardRecord, TaskRecord, TraineeRecord};
 use crate::time::to_rfc3339;
 
 /// Limit of sessions; the newest ones are used.
-pub const MOST_SESSIONS: u32 = 1000;
+pub const MAX_SESSIONS: u32 = 1000;
 
 /// The feature that is shown if neither the request nor a standard names one.
-const USUAL: &str = "duration";
+const DEFAULT_FEATURE: &str = "duration";
 
 /// Selects the task, the features and the cohort of a progress request.
 #[derive(Clone, Debug, Default)]
-pub struct Asked {
+pub struct ProgressSelection {
     /// The task; by default that of the trainee's newest session.
     pub task: Option<Key>,
     /// The feature; by default the features that the standard limits.
@@ -44,55 +44,71 @@ pub struct Asked {
 
 /// A trainee's progress at a task, with the objects that it refers to.
 #[derive(Debug)]
-pub struct Found {
+pub struct TraineeProgress {
     /// The trainee.
-    pub trainee: Trainee,
+    pub trainee: TraineeRecord,
     /// The task; `None` if none was named and the trainee has no session.
-    pub task: Option<Task>,
+    pub task: Option<TaskRecord>,
     /// The task's standard.
-    pub standard: Option<Standard>,
+    pub standard: Option<StandardRecord>,
     /// The cohort that the trainee is ranked in.
-    pub cohort: Option<Cohort>,
+    pub cohort: Option<CohortRecord>,
     /// The progress.
-    pub course: Course,
+    pub answer: ProgressAnswer,
 }
 
 impl Cohorts {
     /// A trainee's progress at a task.
-    pub async fn progress(&self, scope: &Scope, trainee: &Key, asked: Asked) -> Result<Found, CohortsError> {
+    pub async fn progress(
+        &self,
+        scope: &Scope,
+        trainee: &Key,
+        asked: ProgressSelection,
+    ) -> Result<TraineeProgress, CohortsError> {
         let trainee = self.store.trainees().get(scope, trainee).await?;
         let cohort = match &asked.cohort {
-            Some(key) => Some(self.store.cohorts().get(scope, key).await.map_err(named("cohort"))?),
+            Some(key) => Some(self.store.cohorts().get(scope, key).await.map_err(unknown_field("cohort"))?),
             None => None,
         };
-        let Some(task) = self.task(scope, &trainee, asked.task.as_ref()).await? else {
-            return Ok(Found { trainee, task: None, standard: None, cohort, course: Course::default() });
+        let Some(task) = self.selected_task(scope, &trainee, asked.task.as_ref()).await? else {
+            return Ok(TraineeProgress {
+                trainee,
+                task: None,
+                standard: None,
+                cohort,
+                answer: ProgressAnswer::default(),
+            });
         };
         let standard = self.store.standards().in_use(scope, task.id).await?;
-        let shown = Shown::of(&asked, standard.as_ref().map(|standard| &standard.definition))?;
+        let shown = FeatureSelection::of(&asked, standard.as_ref().map(|standard| &standard.definition))?;
         let names = shown.names();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let practice = self.store.sessions().practice(scope, trainee.id, task.id, &names, MOST_SESSIONS).await?;
+        let practice = self.store.sessions().practice(scope, trainee.id, task.id, &names, MAX_SESSIONS).await?;
         let keys = shown.keys([&practice]);
         let among = match &cohort {
             Some(cohort) => Some(self.store.cohorts().values(cohort.id, task.id, LAST_SESSIONS, &keys).await?),
             None => None,
         };
-        let (known, now_ms) = (self.known.clone(), self.clock.now_ms());
+        let (known, now_ms) = (self.cache.clone(), self.clock.now_ms());
         let (id, handedness) = (trainee.id, trainee.handedness);
         let definition = standard.as_ref().map(|standard| standard.definition.clone().without_fingerprints());
         let calculation = move || {
-            let context = Whom { trainee: id, handedness, among: among.as_deref() };
+            let context = TraineeContext { trainee: id, handedness, among: among.as_deref() };
             let monitor = definition.as_ref().and_then(|definition| known.charts(definition.charts).ok());
-            followed(&practice, keys, definition.as_ref().zip(monitor.as_deref()), &context, &known, now_ms)
+            progress_answer(&practice, keys, definition.as_ref().zip(monitor.as_deref()), &context, &known, now_ms)
         };
         let course = self.calculate(calculation).await?;
-        Ok(Found { trainee, task: Some(task), standard, cohort, course })
+        Ok(TraineeProgress { trainee, task: Some(task), standard, cohort, answer: course })
     }
 
-    async fn task(&self, scope: &Scope, of: &Trainee, asked: Option<&Key>) -> Result<Option<Task>, CohortsError> {
+    async fn selected_task(
+        &self,
+        scope: &Scope,
+        of: &TraineeRecord,
+        asked: Option<&Key>,
+    ) -> Result<Option<TaskRecord>, CohortsError> {
         if let Some(key) = asked {
-            return Ok(Some(self.store.tasks().get(scope, key).await.map_err(named("task"))?));
+            return Ok(Some(self.store.tasks().get(scope, key).await.map_err(unknown_field("task"))?));
         }
         match self.store.sessions().last_task(scope, of.id).await? {
             Some(id) => Ok(Some(self.store.tasks().get(scope, &Key::from(&id)).await?)),
@@ -102,15 +118,15 @@ impl Cohorts {
 }
 
 /// The features to show, and the features needed to judge the sessions.
-pub(super) struct Shown {
+pub(super) struct FeatureSelection {
     keys: Vec<FeatureKey>,
     /// A feature to show for every tool that has it.
     of_all_tools: Option<(String, FeatureSpace)>,
     judged: Vec<FeatureKey>,
 }
 
-impl Shown {
-    pub(super) fn of(asked: &Asked, standard: Option<&Definition>) -> Result<Self, CohortsError> {
+impl FeatureSelection {
+    pub(super) fn of(asked: &ProgressSelection, standard: Option<&StandardDefinition>) -> Result<Self, CohortsError> {
         let judged: Vec<FeatureKey> = standard
             .map_or_else(Vec::new, |standard| standard.targets.iter().map(|target| target.of.clone()).collect());
         let name = match &asked.feature {
@@ -126,10 +142,10 @@ impl Shown {
                 }
                 return Ok(Self { keys, of_all_tools: None, judged });
             }
-            None => USUAL,
+            None => DEFAULT_FEATURE,
         };
-        let feature = feature::named(name)?;
-        let space = feature::space_of(feature, asked.space)?;
+        let feature = feature::find_feature(name)?;
+        let space = feature::resolve_space(feature, asked.space)?;
         let key = |tool| FeatureKey { feature: feature.name.to_owned(), tool, space };
         let (keys, of_all_tools) = match (&asked.tool, &asked.feature) {
             (Some(tool), _) => (vec![key(Some(tool.clone()))], None),
@@ -148,8 +164,8 @@ impl Shown {
     }
 
     /// The feature to show if none of the sessions has a value for it.
-    pub(super) fn usual(&self) -> FeatureKey {
-        let (feature, space) = self.of_all_tools.clone().unwrap_or((USUAL.to_owned(), FeatureSpace::Space3d));
+    pub(super) fn default_key(&self) -> FeatureKey {
+        let (feature, space) = self.of_all_tools.clone().unwrap_or((DEFAULT_FEATURE.to_owned(), FeatureSpace::Space3d));
         FeatureKey { feature, tool: None, space }
     }
 
@@ -168,44 +184,45 @@ impl Shown {
 }
 
 /// The progress over these sessions.
-fn followed(
+fn progress_answer(
     practice: &Practice,
     keys: Vec<FeatureKey>,
-    standard: Option<(&Definition, &Monitor)>,
-    context: &Whom<'_>,
-    known: &Known,
+    standard: Option<(&StandardDefinition, &LcCusumMonitor)>,
+    context: &TraineeContext<'_>,
+    known: &ComputedCache,
     now_ms: i64,
-) -> Course {
-    let (sessions, course) = judged(practice, standard, context.handedness, now_ms);
+) -> ProgressAnswer {
+    let (sessions, course) = judge_sessions(practice, standard, context.handedness, now_ms);
     let definition = standard.map(|(definition, _)| definition);
     let of = |key: FeatureKey| {
-        find(&key.feature).map(|feature| series(&key, feature, &sessions, definition, context, known))
+        find(&key.feature).map(|feature| feature_series(&key, feature, &sessions, definition, context, known))
     };
-    Course { features: keys.into_iter().filter_map(of).collect(), ..course }
+    ProgressAnswer { features: keys.into_iter().filter_map(of).collect(), ..course }
 }
 
 /// Numbers the sessions and judges them. The answer's features are still empty.
-pub(super) fn judged<'p>(
+pub(super) fn judge_sessions<'p>(
     practice: &'p Practice,
-    standard: Option<(&Definition, &Monitor)>,
+    standard: Option<(&StandardDefinition, &LcCusumMonitor)>,
     handedness: Option<Handedness>,
     now_ms: i64,
-) -> (Vec<Numbered<'p>>, Course) {
-    let believed =
-        |session: &'_ Practised| session.result.clone().filter(|outcome| !outcome.refused && !session.is_set_aside);
+) -> (Vec<NumberedSession<'p>>, ProgressAnswer) {
+    let believed = |session: &'_ PracticeSession| {
+        session.result.clone().filter(|outcome| !outcome.refused && !session.is_set_aside)
+    };
     let newest = practice.sessions.iter().rev().find_map(believed);
     let pipeline = newest.map(|outcome| outcome.pipeline.clone());
-    let set_aside = |session: &Practised| set_aside(session, pipeline.as_deref());
-    let number = |(index, session)| Numbered {
+    let set_aside = |session: &PracticeSession| set_aside_reason(session, pipeline.as_deref());
+    let number = |(index, session)| NumberedSession {
         number: practice.earlier + index + 1,
         counts: set_aside(session).is_none(),
         session,
     };
-    let sessions: Vec<Numbered<'_>> = practice.sessions.iter().enumerate().map(number).collect();
-    let practised: Vec<Numbered<'_>> = sessions.iter().filter(|at| !at.session.is_set_aside).copied().collect();
+    let sessions: Vec<NumberedSession<'_>> = practice.sessions.iter().enumerate().map(number).collect();
+    let practised: Vec<NumberedSession<'_>> = sessions.iter().filter(|at| !at.session.is_set_aside).copied().collect();
     let verdicts = standard.map(|(definition, monitor)| Verdicts::of(definition, monitor, &practised, handedness));
     let mut trials = verdicts.iter().flat_map(|verdicts| verdicts.trials.iter());
-    let step = |at: &Numbered<'_>| Step {
+    let step = |at: &NumberedSession<'_>| SessionStep {
         number: at.number,
         id: at.session.id,
         recorded_at: to_rfc3339(at.session.recorded_at_ms),
@@ -213,7 +230,7 @@ pub(super) fn judged<'p>(
         set_aside: set_aside(at.session),
         trial: if at.session.is_set_aside { None } else { trials.next().map(|trial| (*trial).into()) },
     };
-    let course = Course {
+    let course = ProgressAnswer {
         pipeline: pipeline.clone(),
         earlier: practice.earlier,
         sessions: sessions.iter().map(step).collect(),
@@ -226,7 +243,7 @@ pub(super) fn judged<'p>(
     (sessions, course)
 }
 
-fn set_aside(session: &Practised, pipeline: Option<&str>) -> Option<SetAside> {
+fn set_aside_reason(session: &PracticeSession, pipeline: Option<&str>) -> Option<SetAside> {
     if session.is_set_aside {
         return Some(SetAside::ByHand);
     }

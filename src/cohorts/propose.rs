@@ -2,35 +2,37 @@
 //! request, so that the origin stated in a standard is true.
 
 use super::answer::Withheld;
-use super::people::{LAST_SESSIONS, Like, fingerprint};
-use super::{Cohorts, CohortsError, named};
-use crate::domain::feature::{self, FeatureKey, is_of_one_camera};
+use super::people::{ComparableWith, LAST_SESSIONS, fingerprint};
+use super::{Cohorts, CohortsError, unknown_field};
+use crate::domain::feature::{self, FeatureKey, depends_on_camera};
 use crate::domain::scope::Scope;
 use crate::domain::session::FeatureSpace;
-use crate::domain::standard::{ChartDesign, Definition, MadeFrom, NewStandard, NewTarget, Rule, Target, Way};
+use crate::domain::standard::{
+    ChartDesign, LimitMethod, MadeFrom, NewStandard, NewTarget, StandardDefinition, StandardRule, Target,
+};
 use crate::domain::text::{Invalid, Key};
 use crate::domain::trainee::Handedness;
 use crate::ids::{TaskId, TraineeId};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::features::{Direction, Feature, time};
 use crate::pipeline::score::standard::{self, best_share, contrasting_groups, fls, trimmed_experts};
-use crate::pipeline::score::{NoAnswer, People};
-use crate::store::{Cohort, CohortValue, StoreError};
+use crate::pipeline::score::{NoAnswer, PersonValues};
+use crate::store::{CohortRecord, CohortValue, StoreError};
 
 /// A standard that is not stored yet.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, utoipa::ToSchema)]
 pub struct Proposal {
     /// Its targets, in the order of the request.
-    pub targets: Vec<Proposed>,
+    pub targets: Vec<ProposedTarget>,
     /// Its pass rule.
-    pub rule: Option<Rule>,
+    pub rule: Option<StandardRule>,
     /// Its charts.
     pub charts: ChartDesign,
 }
 
 /// A target, or the reason why there is none.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, utoipa::ToSchema)]
-pub struct Proposed {
+pub struct ProposedTarget {
     /// The target; `null` if no limit can be computed from the people.
     pub target: Option<Target>,
     /// Why there is no target.
@@ -38,15 +40,15 @@ pub struct Proposed {
 }
 
 /// A method for a limit, with the values that it needs.
-enum Ready {
-    Chosen(standard::Target),
-    Experts(Group),
-    Groups(Group, Group),
-    Best(Group, f64),
+enum LimitSource {
+    Chosen(standard::FeatureTarget),
+    Experts(CohortValues),
+    Groups(CohortValues, CohortValues),
+    Best(CohortValues, f64),
 }
 
 /// A cohort's values.
-struct Group {
+struct CohortValues {
     handedness: Option<Handedness>,
     values: Vec<CohortValue>,
 }
@@ -56,13 +58,13 @@ impl Proposal {
     ///
     /// # Errors
     /// A target has no limit; the error says why.
-    pub fn definition(self) -> Result<Definition, Invalid> {
-        let target = |proposed: Proposed| {
+    pub fn definition(self) -> Result<StandardDefinition, Invalid> {
+        let target = |proposed: ProposedTarget| {
             let why = proposed.withheld.map_or_else(String::new, |why| why.detail);
             proposed.target.ok_or_else(|| Invalid::new("targets", format!("one has no limit: {why}")))
         };
         let targets = self.targets.into_iter().map(target).collect::<Result<_, _>>()?;
-        Ok(Definition { targets, rule: self.rule, charts: self.charts })
+        Ok(StandardDefinition { targets, rule: self.rule, charts: self.charts })
     }
 }
 
@@ -73,72 +75,76 @@ impl Cohorts {
         let mut ready = Vec::with_capacity(targets.len());
         for target in targets {
             let NewTarget { feature, tool, space, by } = target;
-            let (feature, key) = limited(Limited { feature: &feature, tool: tool.as_deref(), space })?;
+            let (feature, key) =
+                find_limited_feature(LimitedFeature { feature: &feature, tool: tool.as_deref(), space })?;
             if ready.iter().any(|(_, known, _)| *known == key) {
                 return Err(Invalid::new("targets", format!("limit {} twice", key.feature)).into());
             }
-            let way = self.ready(scope, of, feature, &key, by).await?;
+            let way = self.limit_source(scope, of, feature, &key, by).await?;
             ready.push((feature, key, way));
         }
         let charts = charts.unwrap_or_default();
-        let known = self.known.clone();
+        let known = self.cache.clone();
         let calculation = move || {
             known.charts(charts).map_err(|why| Invalid::new("charts", why.to_string()))?;
-            let targets = ready.into_iter().map(|(feature, key, way)| proposed(feature, key, &way)).collect();
+            let targets = ready.into_iter().map(|(feature, key, way)| propose_target(feature, key, &way)).collect();
             Ok::<_, Invalid>(Proposal { targets, rule, charts })
         };
         Ok(self.calculate(calculation).await??)
     }
 
     /// Looks up the values that a method needs.
-    async fn ready(
+    async fn limit_source(
         &self,
         scope: &Scope,
         of: TaskId,
         feature: &'static Feature,
         key: &FeatureKey,
-        way: Way,
-    ) -> Result<Ready, CohortsError> {
+        way: LimitMethod,
+    ) -> Result<LimitSource, CohortsError> {
         Ok(match way {
-            Way::Fixed { limit, unit } => Ready::Chosen(fixed(feature, limit, &unit)?),
-            Way::Fls { preset } => Ready::Chosen(published(key, &preset)?),
-            Way::TrimmedExperts { experts } => Ready::Experts(self.group(scope, of, key, "experts", &experts).await?),
-            Way::ContrastingGroups { novices, experts } => {
-                let novices = self.group(scope, of, key, "novices", &novices).await?;
-                let experts = self.group(scope, of, key, "experts", &experts).await?;
+            LimitMethod::Fixed { limit, unit } => LimitSource::Chosen(fixed_target(feature, limit, &unit)?),
+            LimitMethod::Fls { preset } => LimitSource::Chosen(published_target(key, &preset)?),
+            LimitMethod::TrimmedExperts { experts } => {
+                LimitSource::Experts(self.cohort_values(scope, of, key, "experts", &experts).await?)
+            }
+            LimitMethod::ContrastingGroups { novices, experts } => {
+                let novices = self.cohort_values(scope, of, key, "novices", &novices).await?;
+                let experts = self.cohort_values(scope, of, key, "experts", &experts).await?;
                 if key.tool.is_some() && novices.handedness != experts.handedness {
                     let why =
                         "prefer another hand than the novices, but a tool is in one hand: choose people of one hand";
                     return Err(Invalid::new("experts", why).into());
                 }
-                Ready::Groups(novices, experts)
+                LimitSource::Groups(novices, experts)
             }
-            Way::BestShare { cohort, share } => {
+            LimitMethod::BestShare { cohort, share } => {
                 if !(share > 0.0 && share < 1.0) {
                     return Err(
                         Invalid::new("share", format!("is {share}; expected between 0 and 1, both excluded")).into()
                     );
                 }
-                Ready::Best(self.group(scope, of, key, "cohort", &cohort).await?, share)
+                LimitSource::Best(self.cohort_values(scope, of, key, "cohort", &cohort).await?, share)
             }
         })
     }
 
-    async fn group(
+    async fn cohort_values(
         &self,
         scope: &Scope,
         task: TaskId,
         of: &FeatureKey,
         field: &'static str,
         cohort: &Key,
-    ) -> Result<Group, CohortsError> {
+    ) -> Result<CohortValues, CohortsError> {
         if !scope.is_administrator() {
             // A user who chooses the people of a limit and sees the values of some of them can compute the others'
             // values.
             return Err(StoreError::Forbidden { what: "a limit made from people", whom: "administrators" }.into());
         }
-        let Cohort { id, handedness, .. } = self.store.cohorts().get(scope, cohort).await.map_err(named(field))?;
-        if is_of_one_camera(of) {
+        let CohortRecord { id, handedness, .. } =
+            self.store.cohorts().get(scope, cohort).await.map_err(unknown_field(field))?;
+        if depends_on_camera(of) {
             let why = "depends on the camera's direction, which differs between boxes: choose a fixed limit, or a feature \
                        that does not depend on it, such as path_length in 3d";
             return Err(Invalid::new("feature", why).into());
@@ -149,16 +155,16 @@ impl Cohorts {
             return Err(Invalid::new(field, why).into());
         }
         let values = self.store.cohorts().values(id, task, LAST_SESSIONS, std::slice::from_ref(of)).await?;
-        Ok(Group { handedness, values })
+        Ok(CohortValues { handedness, values })
     }
 }
 
 /// Limit of a tool name's length, characters.
-const LONGEST_TOOL: usize = 64;
+const MAX_TOOL_CHARS: usize = 64;
 
 /// The feature of a limit, as the request names it.
 #[derive(Clone, Copy)]
-pub(super) struct Limited<'t> {
+pub(super) struct LimitedFeature<'t> {
     /// Stable name of the feature.
     pub feature: &'t str,
     /// The tool's marker.
@@ -168,29 +174,29 @@ pub(super) struct Limited<'t> {
 }
 
 /// Finds the feature that a target limits, and checks that it can have a limit.
-pub(super) fn limited(target: Limited<'_>) -> Result<(&'static Feature, FeatureKey), Invalid> {
-    let feature = feature::named(target.feature)?;
-    let space = feature::space_of(feature, target.space)?;
+pub(super) fn find_limited_feature(target: LimitedFeature<'_>) -> Result<(&'static Feature, FeatureKey), Invalid> {
+    let feature = feature::find_feature(target.feature)?;
+    let space = feature::resolve_space(feature, target.space)?;
     if feature.direction == Direction::Neither {
         let why = format!("cannot have a limit: neither a higher nor a lower {} is better", feature.name);
         return Err(Invalid::new("feature", why));
     }
     let name = feature.name;
     match target.tool {
-        None if !feature.is_of_session() => {
+        None if !feature.has_session_value() => {
             Err(Invalid::new("tool", format!("is missing: {name} is measured for each tool, so name one")))
         }
-        Some(_) if !feature.is_of_tools() => {
+        Some(_) if !feature.has_tool_values() => {
             Err(Invalid::new("tool", format!("must be left out: {name} is measured for the whole session")))
         }
-        Some(tool) if tool.is_empty() || tool.chars().count() > LONGEST_TOOL => {
-            Err(Invalid::new("tool", format!("is not a tool's name: expected 1 to {LONGEST_TOOL} characters")))
+        Some(tool) if tool.is_empty() || tool.chars().count() > MAX_TOOL_CHARS => {
+            Err(Invalid::new("tool", format!("is not a tool's name: expected 1 to {MAX_TOOL_CHARS} characters")))
         }
         _ => Ok((feature, FeatureKey { feature: name.to_owned(), tool: target.tool.map(str::to_owned), space })),
     }
 }
 
-fn fixed(feature: &Feature, limit: f64, unit: &str) -> Result<standard::Target, Invalid> {
+fn fixed_target(feature: &Feature, limit: f64, unit: &str) -> Result<standard::FeatureTarget, Invalid> {
     if unit != feature.unit {
         return Err(Invalid::new("unit", format!("is `{unit}`; {} is measured in `{}`", feature.name, feature.unit)));
     }
@@ -198,10 +204,10 @@ fn fixed(feature: &Feature, limit: f64, unit: &str) -> Result<standard::Target, 
     if !(least..=most).contains(&limit) {
         return Err(Invalid::new("limit", format!("is {limit}; {} lies between {least} and {most}", feature.name)));
     }
-    standard::Target::fixed(limit, feature.direction).map_err(|why| Invalid::new("limit", why.to_string()))
+    standard::FeatureTarget::fixed(limit, feature.direction).map_err(|why| Invalid::new("limit", why.to_string()))
 }
 
-fn published(key: &FeatureKey, preset: &str) -> Result<standard::Target, Invalid> {
+fn published_target(key: &FeatureKey, preset: &str) -> Result<standard::FeatureTarget, Invalid> {
     if key.feature != time::DURATION.name || key.tool.is_some() {
         return Err(Invalid::new("method", "fls gives times: use it only for the duration of the whole session"));
     }
@@ -212,30 +218,34 @@ fn published(key: &FeatureKey, preset: &str) -> Result<standard::Target, Invalid
     })
 }
 
-fn proposed(feature: &'static Feature, key: FeatureKey, way: &Ready) -> Proposed {
-    match target(feature, &key, way) {
-        Ok((target, from)) => Proposed { target: Some(Target::of(key, feature, target, from)), withheld: None },
-        Err(why) => Proposed { target: None, withheld: Some(why.into()) },
+fn propose_target(feature: &'static Feature, key: FeatureKey, way: &LimitSource) -> ProposedTarget {
+    match compute_target(feature, &key, way) {
+        Ok((target, from)) => ProposedTarget { target: Some(Target::of(key, feature, target, from)), withheld: None },
+        Err(why) => ProposedTarget { target: None, withheld: Some(why.into()) },
     }
 }
 
-fn target(feature: &Feature, key: &FeatureKey, way: &Ready) -> Result<(standard::Target, Option<MadeFrom>), NoAnswer> {
-    let from = |groups: &[&People], handedness| {
+fn compute_target(
+    feature: &Feature,
+    key: &FeatureKey,
+    way: &LimitSource,
+) -> Result<(standard::FeatureTarget, Option<MadeFrom>), NoAnswer> {
+    let from = |groups: &[&PersonValues], handedness| {
         let handedness = key.tool.as_ref().and(handedness);
         Some(MadeFrom { pipeline: PIPELINE_VERSION.to_owned(), fingerprint: Some(fingerprint(groups)), handedness })
     };
     Ok(match way {
-        Ready::Chosen(target) => (*target, None),
-        Ready::Experts(experts) => {
+        LimitSource::Chosen(target) => (*target, None),
+        LimitSource::Experts(experts) => {
             let people = experts.people(key)?;
             (trimmed_experts(&people, feature.direction)?, from(&[&people], experts.handedness))
         }
-        Ready::Groups(novices, experts) => {
-            let [novice_people, expert_people] = apart(novices, experts, key)?;
+        LimitSource::Groups(novices, experts) => {
+            let [novice_people, expert_people] = distinct_people(novices, experts, key)?;
             let target = contrasting_groups(&novice_people, &expert_people, feature.direction)?;
             (target, from(&[&novice_people, &expert_people], experts.handedness))
         }
-        Ready::Best(group, share) => {
+        LimitSource::Best(group, share) => {
             let people = group.people(key)?;
             (best_share(&people, *share, feature.direction)?, from(&[&people], group.handedness))
         }
@@ -243,8 +253,12 @@ fn target(feature: &Feature, key: &FeatureKey, way: &Ready) -> Result<(standard:
 }
 
 /// The people of both groups. Fails if a person is in both.
-fn apart(novices: &Group, experts: &Group, key: &FeatureKey) -> Result<[People; 2], NoAnswer> {
-    let trainees = |group: &Group| -> Vec<TraineeId> {
+fn distinct_people(
+    novices: &CohortValues,
+    experts: &CohortValues,
+    key: &FeatureKey,
+) -> Result<[PersonValues; 2], NoAnswer> {
+    let trainees = |group: &CohortValues| -> Vec<TraineeId> {
         group.like(key).rows(&group.values).into_iter().map(|(trainee, _)| trainee).collect()
     };
     let experts_are = trainees(experts);
@@ -254,12 +268,12 @@ fn apart(novices: &Group, experts: &Group, key: &FeatureKey) -> Result<[People; 
     Ok([novices.people(key)?, experts.people(key)?])
 }
 
-impl Group {
-    fn like<'l>(&self, of: &'l FeatureKey) -> Like<'l> {
-        Like { of, pipeline: PIPELINE_VERSION, calibration: None, handedness: self.handedness, without: None }
+impl CohortValues {
+    fn like<'l>(&self, of: &'l FeatureKey) -> ComparableWith<'l> {
+        ComparableWith { of, pipeline: PIPELINE_VERSION, calibration: None, handedness: self.handedness, without: None }
     }
 
-    fn people(&self, of: &FeatureKey) -> Result<People, NoAnswer> {
+    fn people(&self, of: &FeatureKey) -> Result<PersonValues, NoAnswer> {
         self.like(of).people(&self.values)
     }
 }

@@ -13,21 +13,21 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::answer::{Estimate, Withheld};
+use super::answer::{IntervalEstimate, Withheld};
 use super::{Cohorts, CohortsError};
-use crate::domain::feature::{FeatureKey, is_of_one_camera};
-use crate::domain::rating::{Form, total};
+use crate::domain::feature::{FeatureKey, depends_on_camera};
+use crate::domain::rating::{RatingForm, total};
 use crate::domain::scope::Scope;
 use crate::domain::trainee::Handedness;
 use crate::ids::{PersonId, SessionId, TaskId, TraineeId};
 use crate::pipeline::features;
-use crate::pipeline::score::agreement::{self, Correlation, FEWEST_RATED, SameRaters, icc, same_raters, spearman};
-use crate::pipeline::score::false_discovery::{adjusted, chance_of};
-use crate::pipeline::score::{FEWEST_PEOPLE, NoAnswer};
+use crate::pipeline::score::agreement::{self, Correlation, MIN_RATED, SameRaters, icc, same_raters, spearman};
+use crate::pipeline::score::false_discovery::{adjusted_p_values, correlation_p_value};
+use crate::pipeline::score::{MIN_PEOPLE, NoAnswer};
 use crate::store::{GivenRating, SessionValue};
 
 /// Limit of rated sessions whose features are read; the newest ones are used.
-const MOST_SESSIONS: usize = 500;
+const MAX_SESSIONS: usize = 500;
 
 /// A correlation counts as found if its adjusted p-value is below this.
 const FOUND_BELOW: f64 = 0.05;
@@ -36,7 +36,7 @@ const FOUND_BELOW: f64 = 0.05;
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Agreement {
     /// The rating form.
-    pub form: Form,
+    pub form: RatingForm,
     /// Sessions with at least two blind and complete ratings.
     pub sessions: usize,
     /// Number of these sessions that were left out: their person has a newer one, or was not rated by the chosen
@@ -47,9 +47,9 @@ pub struct Agreement {
     /// Number of these raters.
     pub raters: usize,
     /// ICC(2,1): agreement of a single rater's total with those of other raters. `null` if `withheld` says why.
-    pub single: Option<Estimate>,
+    pub single: Option<IntervalEstimate>,
     /// ICC(2,k): the same for the mean of all raters; `null` also if the interval of a single rater is too wide for it.
-    pub mean: Option<Estimate>,
+    pub mean: Option<IntervalEstimate>,
     /// Why both are withheld.
     pub withheld: Option<Withheld>,
 }
@@ -58,7 +58,7 @@ pub struct Agreement {
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Correlations {
     /// The rating form.
-    pub form: Form,
+    pub form: RatingForm,
     /// Pipeline version of the compared values; `null` while there are none.
     pub pipeline: Option<String>,
     /// Rated sessions with features of that version.
@@ -88,7 +88,7 @@ pub struct CorrelationRow {
     /// For a tool's feature: the hand that they prefer.
     pub handedness: Option<Handedness>,
     /// Spearman's ρ with its 95 % interval; `null` if `withheld` says why.
-    pub rho: Option<Estimate>,
+    pub rho: Option<IntervalEstimate>,
     /// The p-value: the chance of such a correlation if there is none.
     pub chance: Option<f64>,
     /// The p-value adjusted for all tested features (Benjamini & Hochberg).
@@ -101,20 +101,25 @@ pub struct CorrelationRow {
 
 impl Cohorts {
     /// Agreement of the raters of a task's sessions on a form.
-    pub async fn agreement(&self, scope: &Scope, task: TaskId, form: Form) -> Result<Agreement, CohortsError> {
+    pub async fn agreement(&self, scope: &Scope, task: TaskId, form: RatingForm) -> Result<Agreement, CohortsError> {
         let given = self.store.ratings().given(scope, task, form).await?;
         self.calculate(move || agreement_of(form, &given)).await
     }
 
     /// Correlations of features with the ratings of a task's sessions on a form.
-    pub async fn correlations(&self, scope: &Scope, task: TaskId, form: Form) -> Result<Correlations, CohortsError> {
+    pub async fn correlations(
+        &self,
+        scope: &Scope,
+        task: TaskId,
+        form: RatingForm,
+    ) -> Result<Correlations, CohortsError> {
         let given = self.store.ratings().given(scope, task, form).await?;
         let totals = totals(&given);
         let mut sessions: Vec<SessionId> = Vec::new();
         for rating in &given {
             if totals.contains_key(&rating.session)
                 && !sessions.contains(&rating.session)
-                && sessions.len() < MOST_SESSIONS
+                && sessions.len() < MAX_SESSIONS
             {
                 sessions.push(rating.session);
             }
@@ -135,7 +140,7 @@ fn totals(given: &[GivenRating]) -> BTreeMap<SessionId, BTreeMap<PersonId, f64>>
     totals
 }
 
-fn agreement_of(form: Form, given: &[GivenRating]) -> Agreement {
+fn agreement_of(form: RatingForm, given: &[GivenRating]) -> Agreement {
     let totals = totals(given);
     let sessions = totals.values().filter(|raters| raters.len() >= 2).count();
     let trainee_of: BTreeMap<SessionId, (TraineeId, i64)> =
@@ -152,7 +157,7 @@ fn agreement_of(form: Form, given: &[GivenRating]) -> Agreement {
         withheld: None,
     };
     let too_few =
-        |found| NoAnswer::TooFew { of: "people rated by the same two raters or more", found, needed: FEWEST_RATED };
+        |found| NoAnswer::TooFew { of: "people rated by the same two raters or more", found, needed: MIN_RATED };
     let Some(SameRaters { raters, rows, .. }) =
         same_raters(&rows, |session| trainee_of.get(session).map(|(trainee, _)| *trainee))
     else {
@@ -167,21 +172,21 @@ fn agreement_of(form: Form, given: &[GivenRating]) -> Agreement {
     }
     let people: Vec<(TraineeId, Vec<f64>)> = newest.into_iter().map(|(id, (_, _, marks))| (id, marks)).collect();
     let answer = Agreement { left_out: sessions - people.len(), people: people.len(), raters: raters.len(), ..answer };
-    let estimate = |form| icc(&people, form).map(|found| Estimate::of(found.value, found.interval));
-    match (people.len(), estimate(agreement::Form::Agreement)) {
-        (found, _) if found < FEWEST_RATED => Agreement { withheld: Some(too_few(found).into()), ..answer },
+    let estimate = |form| icc(&people, form).map(|found| IntervalEstimate::of(found.value, found.interval));
+    match (people.len(), estimate(agreement::IccForm::Agreement)) {
+        (found, _) if found < MIN_RATED => Agreement { withheld: Some(too_few(found).into()), ..answer },
         (_, Err(why)) => Agreement { withheld: Some(why.into()), ..answer },
         (_, Ok(single)) => {
-            Agreement { single: Some(single), mean: estimate(agreement::Form::AgreementMean).ok(), ..answer }
+            Agreement { single: Some(single), mean: estimate(agreement::IccForm::AgreementMean).ok(), ..answer }
         }
     }
 }
 
 /// For each person: the sum of ratings, the sum of feature values, and the number of rated sessions.
-type Sums = BTreeMap<TraineeId, (f64, f64, usize)>;
+type RatingSums = BTreeMap<TraineeId, (f64, f64, usize)>;
 
 fn correlations_of(
-    form: Form,
+    form: RatingForm,
     given: &[GivenRating],
     totals: &BTreeMap<SessionId, BTreeMap<PersonId, f64>>,
     mut values: Vec<SessionValue>,
@@ -206,8 +211,8 @@ fn correlations_of(
         items: Vec::new(),
         withheld: None,
     };
-    if people.len() < FEWEST_PEOPLE {
-        let why = NoAnswer::TooFew { of: "people with rated sessions", found: people.len(), needed: FEWEST_PEOPLE };
+    if people.len() < MIN_PEOPLE {
+        let why = NoAnswer::TooFew { of: "people with rated sessions", found: people.len(), needed: MIN_PEOPLE };
         return Correlations { withheld: Some(why.into()), ..answer };
     }
     let mut by_feature: BTreeMap<(usize, Option<String>, &'static str), Vec<&SessionValue>> = BTreeMap::new();
@@ -236,7 +241,7 @@ fn comparable<'v>(
 ) -> Vec<&'v SessionValue> {
     let trainee = |value: &SessionValue| trainee_of.get(&value.session).map(|(_, trainee)| *trainee);
     let Some(of) = values.first().map(|value| value.of.clone()) else { return values };
-    if is_of_one_camera(&of) {
+    if depends_on_camera(&of) {
         let most = of_most_people(values.iter().map(|value| (value.calibration, trainee(value))));
         values.retain(|value| Some(value.calibration) == most);
     }
@@ -261,7 +266,7 @@ fn correlate(
 ) -> Option<CorrelationRow> {
     let first = *values.first()?;
     let feature = features::find(&first.of.feature)?;
-    let mut sums = Sums::new();
+    let mut sums = RatingSums::new();
     for value in &values {
         let (Some(&(_, trainee)), Some(rating)) = (trainee_of.get(&value.session), rating_of(&value.session)) else {
             continue;
@@ -274,7 +279,7 @@ fn correlate(
     };
     let rows: Vec<(TraineeId, f64, f64)> = sums.into_iter().map(mean).collect();
     let (people, found) = (rows.len(), spearman(&rows));
-    let estimate = |found: Correlation| Estimate::of(found.value, found.interval);
+    let estimate = |found: Correlation| IntervalEstimate::of(found.value, found.interval);
     Some(CorrelationRow {
         of: first.of.clone(),
         title: feature.title.to_owned(),
@@ -282,7 +287,7 @@ fn correlate(
         people,
         handedness: first.handedness.filter(|_| first.of.tool.is_some()),
         rho: found.ok().map(estimate),
-        chance: found.ok().map(|found| chance_of(found.value, people)),
+        chance: found.ok().map(|found| correlation_p_value(found.value, people)),
         adjusted: None,
         found: false,
         withheld: found.err().map(Withheld::from),
@@ -294,7 +299,7 @@ fn adjust(answer: &mut Correlations) {
     let chances: Vec<f64> = answer.items.iter().filter_map(|row| row.chance).collect();
     answer.asked = chances.len();
     let asked = answer.items.iter_mut().filter(|row| row.chance.is_some());
-    for (row, chance) in asked.zip(adjusted(&chances)) {
+    for (row, chance) in asked.zip(adjusted_p_values(&chances)) {
         (row.adjusted, row.found) = (Some(chance), chance < FOUND_BELOW);
     }
     let strength = |row: &CorrelationRow| row.rho.map_or(-1.0, |rho| rho.value.abs());

@@ -1,25 +1,26 @@
 //! One feature over a trainee's sessions: its points, its rank in a cohort, its learning curve.
 
 use super::answer::{
-    Curve, Estimate, Forecast, ForecastState, Learning, LearningState, LinePoint, Place, Point, Series, Withheld,
+    CohortRank, CurvePoint, FeatureSeries, ForecastAnswer, ForecastState, IntervalEstimate, LearningAnswer,
+    LearningCurveAnswer, LearningState, SeriesPoint, Withheld,
 };
-use super::known::Known;
-use super::people::Like;
-use crate::domain::feature::{FeatureKey, is_of_one_camera};
-use crate::domain::standard::{Definition, Target, ToJudge};
+use super::cache::ComputedCache;
+use super::people::ComparableWith;
+use crate::domain::feature::{FeatureKey, depends_on_camera};
+use crate::domain::standard::{StandardDefinition, Target, ValueToJudge};
 use crate::domain::trainee::Handedness;
 use crate::ids::TraineeId;
 use crate::pipeline::features::{Direction, Feature};
-use crate::pipeline::score::curve::{self, Session};
-use crate::pipeline::score::interval::Measured;
+use crate::pipeline::score::curve::{self, NumberedValue};
+use crate::pipeline::score::interval::MeasuredValue;
 use crate::pipeline::score::{NoAnswer, cohort};
-use crate::store::{CohortValue, Measurement, Outcome, Practised};
+use crate::store::{CohortValue, PracticeMeasurement, PracticeResult, PracticeSession};
 
 /// Number of points of a fitted curve. Charts draw straight lines between them.
 const LINE_POINTS: u32 = 32;
 
 /// The trainee, and the cohort to rank them in.
-pub struct Whom<'w> {
+pub struct TraineeContext<'w> {
     /// The trainee.
     pub trainee: TraineeId,
     /// The hand that they prefer.
@@ -30,83 +31,83 @@ pub struct Whom<'w> {
 
 /// A session with its number, and whether it counts.
 #[derive(Clone, Copy)]
-pub struct Numbered<'p> {
+pub struct NumberedSession<'p> {
     /// Its number among the trainee's sessions of the task, from 1.
     pub number: usize,
     /// True if it counts: it has a valid result and is not set aside.
     pub counts: bool,
     /// The session.
-    pub session: &'p Practised,
+    pub session: &'p PracticeSession,
 }
 
-impl Numbered<'_> {
+impl NumberedSession<'_> {
     /// The session's result and its measurement of a feature.
-    fn measured(&self, of: &FeatureKey) -> Option<(&Outcome, &Measurement)> {
+    fn measurement(&self, of: &FeatureKey) -> Option<(&PracticeResult, &PracticeMeasurement)> {
         let measurement = self.session.measured.iter().find(|measurement| measurement.of == *of)?;
         Some((self.session.result.as_ref()?, measurement))
     }
 
     /// The measurement in the form that a target judges.
-    pub fn evidence(&self, of: &FeatureKey, handedness: Option<Handedness>) -> Option<ToJudge<'_>> {
-        let (outcome, Measurement { value, bar, .. }) = self.measured(of)?;
-        Some(ToJudge { value: *value, bar: *bar, pipeline: &outcome.pipeline, handedness })
+    pub fn to_judge(&self, of: &FeatureKey, handedness: Option<Handedness>) -> Option<ValueToJudge<'_>> {
+        let (outcome, PracticeMeasurement { value, bar, .. }) = self.measurement(of)?;
+        Some(ValueToJudge { value: *value, bar: *bar, pipeline: &outcome.pipeline, handedness })
     }
 }
 
 /// The complete answer for one feature.
-pub fn series(
+pub fn feature_series(
     of: &FeatureKey,
     feature: &'static Feature,
-    sessions: &[Numbered<'_>],
-    standard: Option<&Definition>,
-    context: &Whom<'_>,
-    known: &Known,
-) -> Series {
+    sessions: &[NumberedSession<'_>],
+    standard: Option<&StandardDefinition>,
+    context: &TraineeContext<'_>,
+    known: &ComputedCache,
+) -> FeatureSeries {
     let target = standard.and_then(|standard| standard.target(of));
     let points = points(of, sessions, target, context.handedness);
-    let (place, no_place) = match context.among.map(|among| place(of, feature, sessions, context, among)) {
+    let (place, no_place) = match context.among.map(|among| cohort_rank(of, feature, sessions, context, among)) {
         None => (None, None),
         Some(Ok(place)) => (Some(place), None),
         Some(Err(why)) => (None, Some(why)),
     };
-    let learning = learning(of, feature.direction, sessions, target, known);
+    let learning = learning_answer(of, feature.direction, sessions, target, known);
     let (title, unit, better) = (feature.title, feature.unit, feature.direction.name());
-    Series { of: of.clone(), title, unit, better, target: target.cloned(), points, place, no_place, learning }
+    FeatureSeries { of: of.clone(), title, unit, better, target: target.cloned(), points, place, no_place, learning }
 }
 
 /// One point for each session that measured the feature.
 pub fn points(
     of: &FeatureKey,
-    sessions: &[Numbered<'_>],
+    sessions: &[NumberedSession<'_>],
     target: Option<&Target>,
     handedness: Option<Handedness>,
-) -> Vec<Point> {
+) -> Vec<SeriesPoint> {
     sessions.iter().filter_map(|session| point(session, of, target, handedness)).collect()
 }
 
 fn point(
-    session: &Numbered<'_>,
+    session: &NumberedSession<'_>,
     of: &FeatureKey,
     target: Option<&Target>,
     handedness: Option<Handedness>,
-) -> Option<Point> {
-    let judged = session.evidence(of, handedness)?;
+) -> Option<SeriesPoint> {
+    let judged = session.to_judge(of, handedness)?;
     let [low, high] = judged.bar.map_or([None; 2], |bar| bar.map(Some));
     let judgement = target.map(|target| target.judge(judged));
-    Some(Point { session: session.number, value: judged.value, low, high, judgement })
+    Some(SeriesPoint { session: session.number, value: judged.value, low, high, judgement })
 }
 
 /// Ranks the newest counted value in the cohort.
-fn place(
+fn cohort_rank(
     of: &FeatureKey,
     feature: &Feature,
-    sessions: &[Numbered<'_>],
-    context: &Whom<'_>,
+    sessions: &[NumberedSession<'_>],
+    context: &TraineeContext<'_>,
     among: &[CohortValue],
-) -> Result<Place, Withheld> {
+) -> Result<CohortRank, Withheld> {
     let newest = sessions.iter().rev().filter(|session| session.counts).find_map(|session| {
-        let (outcome, _) = session.measured(of)?;
-        let measured = session.evidence(of, None)?.measured()?;
+        let (outcome, _) = session.measurement(of)?;
+        let measured = session.to_judge(of, None)?.measured()?;
         Some((session.number, outcome, measured))
     });
     let (session, outcome, measured) =
@@ -116,7 +117,7 @@ fn place(
             "the trainee's preferred hand is unknown, and a tool's feature is compared among people of the same hand";
         return Err(Withheld { reason: "hand_unknown".to_owned(), detail: detail.to_owned(), missing: None });
     }
-    let like = Like {
+    let like = ComparableWith {
         of,
         pipeline: &outcome.pipeline,
         calibration: outcome.calibration,
@@ -124,11 +125,11 @@ fn place(
         without: Some(context.trainee),
     };
     let people = like.people(among)?;
-    let place = cohort::place(measured, &people, feature.direction)?;
-    Ok(Place {
+    let place = cohort::percentile_in_cohort(measured, &people, feature.direction)?;
+    Ok(CohortRank {
         session,
-        percentile: Estimate::of(place.percentile, place.interval),
-        better_than: place.better_than.map(|(value, interval)| Estimate::of(value, interval)),
+        percentile: IntervalEstimate::of(place.percentile, place.interval),
+        better_than: place.better_than.map(|(value, interval)| IntervalEstimate::of(value, interval)),
         people: place.people,
         error_known: place.error_known,
     })
@@ -136,50 +137,50 @@ fn place(
 
 /// Learning over the counted sessions. For a feature along the camera's axes, only sessions with the newest calibration
 /// count.
-fn learning(
+fn learning_answer(
     of: &FeatureKey,
     direction: Direction,
-    sessions: &[Numbered<'_>],
+    sessions: &[NumberedSession<'_>],
     target: Option<&Target>,
-    known: &Known,
-) -> Learning {
-    let value = |session: &Numbered<'_>| {
-        let Measured { value, .. } = session.evidence(of, None)?.measured()?;
-        Some(Session { number: session.number as u32, value })
+    known: &ComputedCache,
+) -> LearningAnswer {
+    let value = |session: &NumberedSession<'_>| {
+        let MeasuredValue { value, .. } = session.to_judge(of, None)?.measured()?;
+        Some(NumberedValue { number: session.number as u32, value })
     };
-    let camera = |session: &Numbered<'_>| session.measured(of).map(|(outcome, _)| outcome.calibration);
+    let camera = |session: &NumberedSession<'_>| session.measurement(of).map(|(outcome, _)| outcome.calibration);
     let newest = sessions.iter().rev().find(|session| session.counts && value(session).is_some()).and_then(camera);
-    let is_comparable = |session: &&Numbered<'_>| !is_of_one_camera(of) || camera(session) == newest;
+    let is_comparable = |session: &&NumberedSession<'_>| !depends_on_camera(of) || camera(session) == newest;
     let counted = sessions.iter().filter(|session| session.counts).filter(is_comparable).filter_map(value);
-    let counted: Vec<Session> = counted.collect();
-    let in_state = |state| Learning { state, curve: None, forecast: None, withheld: None };
-    let withheld = |why: NoAnswer| Learning { withheld: Some(why.into()), ..in_state(LearningState::Withheld) };
+    let counted: Vec<NumberedValue> = counted.collect();
+    let in_state = |state| LearningAnswer { state, curve: None, forecast: None, withheld: None };
+    let withheld = |why: NoAnswer| LearningAnswer { withheld: Some(why.into()), ..in_state(LearningState::Withheld) };
     let first = counted.first().map_or(1, |session| session.number);
     let found = match known.curve(counted, direction) {
         Ok(found) => found,
         Err(why) => return withheld(why),
     };
     match &*found {
-        &curve::Learning::TooFew { found, needed } => withheld(NoAnswer::TooFew { of: "sessions", found, needed }),
-        curve::Learning::NoCurve => in_state(LearningState::NoCurve),
-        curve::Learning::StillStraight => in_state(LearningState::StillStraight),
-        curve::Learning::Curve(curve) => Learning {
-            forecast: target.map(|target| forecast(curve, target.limit)),
-            curve: Some(shown(curve, first)),
+        &curve::LearningFit::TooFew { found, needed } => withheld(NoAnswer::TooFew { of: "sessions", found, needed }),
+        curve::LearningFit::NoCurve => in_state(LearningState::NoCurve),
+        curve::LearningFit::StillStraight => in_state(LearningState::StillStraight),
+        curve::LearningFit::Curve(curve) => LearningAnswer {
+            forecast: target.map(|target| forecast_answer(curve, target.limit)),
+            curve: Some(curve_answer(curve, first)),
             ..in_state(LearningState::Curve)
         },
     }
 }
 
-fn shown(curve: &curve::Curve, first: u32) -> Curve {
+fn curve_answer(curve: &curve::LearningCurve, first: u32) -> LearningCurveAnswer {
     let span = curve.last - first;
     let steps = span.clamp(1, LINE_POINTS - 1);
     let at = |step: u32| {
         let session = first + (f64::from(span) * f64::from(step) / f64::from(steps)).round() as u32;
-        LinePoint { session, at: Estimate::of(curve.at(session), curve.band(session)) }
+        CurvePoint { session, at: IntervalEstimate::of(curve.value_at(session), curve.band(session)) }
     };
-    let fitted = |fitted: curve::Fitted| Estimate::of(fitted.value, fitted.interval);
-    Curve {
+    let fitted = |fitted: curve::FittedParameter| IntervalEstimate::of(fitted.value, fitted.interval);
+    LearningCurveAnswer {
         plateau: fitted(curve.plateau),
         distance: fitted(curve.distance),
         tau_sessions: fitted(curve.tau_sessions),
@@ -189,18 +190,18 @@ fn shown(curve: &curve::Curve, first: u32) -> Curve {
     }
 }
 
-fn forecast(curve: &curve::Curve, limit: f64) -> Forecast {
-    let in_state = |state| Forecast { state, at: None, earliest: None, latest: None, withheld: None };
-    let withheld = |why: NoAnswer| Forecast { withheld: Some(why.into()), ..in_state(ForecastState::Withheld) };
+fn forecast_answer(curve: &curve::LearningCurve, limit: f64) -> ForecastAnswer {
+    let in_state = |state| ForecastAnswer { state, at: None, earliest: None, latest: None, withheld: None };
+    let withheld = |why: NoAnswer| ForecastAnswer { withheld: Some(why.into()), ..in_state(ForecastState::Withheld) };
     match curve.forecast(limit) {
         Err(why) => withheld(why),
         Ok(curve::Forecast::TooFew { found, needed }) => withheld(NoAnswer::TooFew { of: "sessions", found, needed }),
-        Ok(curve::Forecast::Reached { at }) => Forecast { at: Some(at), ..in_state(ForecastState::Reached) },
+        Ok(curve::Forecast::Reached { at }) => ForecastAnswer { at: Some(at), ..in_state(ForecastState::Reached) },
         Ok(curve::Forecast::Ahead { at, earliest, latest }) => {
-            Forecast { at: Some(at), earliest: Some(earliest), latest, ..in_state(ForecastState::Ahead) }
+            ForecastAnswer { at: Some(at), earliest: Some(earliest), latest, ..in_state(ForecastState::Ahead) }
         }
         Ok(curve::Forecast::NotWithThisCurve { earliest }) => {
-            Forecast { earliest, ..in_state(ForecastState::NotWithThisCurve) }
+            ForecastAnswer { earliest, ..in_state(ForecastState::NotWithThisCurve) }
         }
     }
 }

@@ -2,19 +2,19 @@
 
 use serde_json::json;
 
-use super::answer::{Course, PassedBy, RuleStanding, SetAside, StandingName, TrialName};
-use super::{Asked, Cohorts};
-use crate::domain::edit::Change;
+use super::answer::{PassedBy, ProgressAnswer, RuleStanding, SetAside, StandingName, TrialName};
+use super::{Cohorts, ProgressSelection};
+use crate::domain::edit::EditChange;
 use crate::domain::scope::Scope;
 use crate::domain::session::FeatureRow;
 use crate::domain::text::{Key, Remark};
-use crate::store::testing::{Centre, NOW_MS, duration};
+use crate::store::testing::{NOW_MS, TestCentre, duration};
 
 const DAY_MS: i64 = 86_400_000;
 
 /// A centre with a standard for its task: at most 50 s, with this pass rule.
-pub(super) async fn with_standard(rule: serde_json::Value) -> (Centre, Cohorts) {
-    let centre = Centre::ready().await;
+pub(super) async fn with_standard(rule: serde_json::Value) -> (TestCentre, Cohorts) {
+    let centre = TestCentre::with_camera_and_colours().await;
     let cohorts = Cohorts::new(centre.store.clone(), centre.clock.clone());
     let target = json!({"feature": "duration", "by": {"method": "fixed", "limit": 50, "unit": "s"}});
     let new = serde_json::from_value(json!({"targets": [target], "rule": rule})).unwrap();
@@ -24,13 +24,13 @@ pub(super) async fn with_standard(rule: serde_json::Value) -> (Centre, Cohorts) 
     (centre, cohorts)
 }
 
-async fn progress(cohorts: &Cohorts) -> Course {
-    let asked = Asked { task: Some(Key::from("peg-transfer")), ..Asked::default() };
-    cohorts.progress(&Scope::service(), &Key::from("ana"), asked).await.unwrap().course
+async fn progress(cohorts: &Cohorts) -> ProgressAnswer {
+    let asked = ProgressSelection { task: Some(Key::from("peg-transfer")), ..ProgressSelection::default() };
+    cohorts.progress(&Scope::service(), &Key::from("ana"), asked).await.unwrap().answer
 }
 
 #[tokio::test]
-async fn what_waits_between_two_passes_breaks_a_row_and_what_waits_at_the_end_is_still_to_be_seen() {
+async fn a_pending_session_breaks_a_row_between_two_passes_and_not_at_the_end() {
     let (centre, cohorts) = with_standard(json!({"in_a_row": 2})).await;
     let ana = centre.trainee("Ana").await.id;
     let nothing = progress(&cohorts).await;
@@ -55,7 +55,7 @@ async fn what_waits_between_two_passes_breaks_a_row_and_what_waits_at_the_end_is
 }
 
 #[tokio::test]
-async fn who_relapsed_has_no_refreshers_and_has_passed_no_more() {
+async fn after_a_relapse_there_are_no_refreshers_and_no_pass() {
     let (centre, cohorts) = with_standard(serde_json::Value::Null).await;
     let ana = centre.trainee("Ana").await.id;
     for day in 0..17 {
@@ -81,7 +81,7 @@ async fn who_relapsed_has_no_refreshers_and_has_passed_no_more() {
 }
 
 #[tokio::test]
-async fn who_met_the_rule_is_told_by_which_passes() {
+async fn the_answer_lists_the_passes_that_met_the_rule() {
     let (centre, cohorts) = with_standard(json!({"in_a_row": 2, "then_more": 1})).await;
     let ana = centre.trainee("Ana").await.id;
     for (day, seconds) in [40.0, 60.0, 40.0, 40.0, 60.0].into_iter().enumerate() {
@@ -96,7 +96,7 @@ async fn who_met_the_rule_is_told_by_which_passes() {
 }
 
 #[tokio::test]
-async fn what_somebody_set_aside_is_no_trial() {
+async fn a_session_that_is_set_aside_is_no_trial() {
     let (centre, cohorts) = with_standard(json!({"in_a_row": 2})).await;
     let ana = centre.trainee("Ana").await.id;
     centre.practised(ana, NOW_MS, vec![duration(40.0, 1.0)]).await;
@@ -104,7 +104,7 @@ async fn what_somebody_set_aside_is_no_trial() {
     centre.practised(ana, NOW_MS + 2 * DAY_MS, vec![duration(40.0, 1.0)]).await;
     assert_eq!(progress(&cohorts).await.rule.unwrap().met_at, None);
     let why: Remark = "Somebody else trained under this name.".parse().unwrap();
-    centre.store.edits().add(&Scope::service(), other.id, (Change::SetAside, why), None).await.unwrap();
+    centre.store.edits().add(&Scope::service(), other.id, (EditChange::SetAside, why), None).await.unwrap();
     let now = progress(&cohorts).await;
     assert_eq!(now.rule.unwrap().met_at, Some(3));
     assert_eq!(now.passed.unwrap().sessions, [1, 3]);
@@ -115,7 +115,7 @@ async fn what_somebody_set_aside_is_no_trial() {
 
 #[tokio::test]
 async fn a_curve_along_the_cameras_axes_is_of_one_camera() {
-    let centre = Centre::ready().await;
+    let centre = TestCentre::with_camera_and_colours().await;
     let cohorts = Cohorts::new(centre.store.clone(), centre.clock.clone());
     let ana = centre.trainee("Ana").await.id;
     let both = |n: i32| {
@@ -130,9 +130,12 @@ async fn a_curve_along_the_cameras_axes_is_of_one_camera() {
         centre.practised(ana, NOW_MS + i64::from(n) * DAY_MS, both(n)).await;
     }
     let learning = async |feature: &str| {
-        let asked =
-            Asked { task: Some(Key::from("peg-transfer")), feature: Some(feature.to_owned()), ..Asked::default() };
-        let course = cohorts.progress(&Scope::service(), &Key::from("ana"), asked).await.unwrap().course;
+        let asked = ProgressSelection {
+            task: Some(Key::from("peg-transfer")),
+            feature: Some(feature.to_owned()),
+            ..ProgressSelection::default()
+        };
+        let course = cohorts.progress(&Scope::service(), &Key::from("ana"), asked).await.unwrap().answer;
         let series = course.features.into_iter().next().unwrap();
         assert_eq!(series.points.len(), 9);
         series.learning

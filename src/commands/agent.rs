@@ -15,30 +15,30 @@ use anyhow::{Context, anyhow};
 use tokio::time::{interval, sleep};
 use tracing_subscriber::EnvFilter;
 
-use super::{Failure, keep_to_ourselves};
+use super::{CommandFailure, restrict_new_files_to_owner};
 use crate::capture::connection::Server;
-use crate::capture::controls::{Camera, Lock, Locked, give_back};
-use crate::capture::recorder::{Rules, frames_of, record};
-use crate::capture::sender::{Outcome, send};
+use crate::capture::controls::{CameraDevice, CameraLock, LockResult, restore_automatics};
+use crate::capture::recorder::{RecordingRules, read_source, record};
+use crate::capture::sender::{SendOutcome, send};
 use crate::capture::spool::Spool;
 use crate::capture::{Agent, status};
 use crate::domain::feed::PROTOCOL;
-use crate::domain::feed::words::Hello;
+use crate::domain::feed::messages::Hello;
 use crate::ids::FeedId;
-use crate::media::{Source, SourceInfo};
+use crate::media::{CaptureSource, SourceInfo};
 use crate::shutdown::Shutdown;
-use crate::time::{Clock, System, to_rfc3339};
+use crate::time::{Clock, SystemClock, to_rfc3339};
 
 /// Default limit of the spool, bytes: an hour at 36 Mbit/s.
 const SPOOL_BYTES: u64 = 16 << 30;
 /// Interval of status lines in the log if stderr is not a terminal, s.
-const LOG_EVERY_S: u64 = 10;
+const LOG_INTERVAL_S: u64 = 10;
 /// Time for the camera's automatic exposure and white balance to settle before they are switched off.
-const SETTLES: Duration = Duration::from_secs(2);
+const SETTLE_TIME: Duration = Duration::from_secs(2);
 
 /// Arguments of `trocar agent`.
 #[derive(clap::Args)]
-pub struct Args {
+pub struct AgentArgs {
     /// Address of the server, such as `https://trocar.example` or `http://127.0.0.1:8080`
     #[arg(long, value_name = "URL")]
     server: String,
@@ -81,35 +81,35 @@ pub struct Args {
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: AgentArgs) -> Result<(), CommandFailure> {
     start_log(&args.log)?;
-    keep_to_ourselves();
+    restrict_new_files_to_owner();
     let server =
-        Server::new(&args.server, &args.in_box, &args.token_file).map_err(|why| Failure::Input(anyhow!(why)))?;
-    if server.is_open_to_all() {
+        Server::new(&args.server, &args.in_box, &args.token_file).map_err(|why| CommandFailure::Input(anyhow!(why)))?;
+    if server.is_unencrypted() {
         tracing::warn!("the connection is not encrypted; token and recording can be read on the way: use https");
     }
     if args.seconds.is_some_and(|seconds| !(seconds.is_finite() && seconds > 0.0)) {
-        return Err(Failure::Input(anyhow!("--seconds: expected a number above 0")));
+        return Err(CommandFailure::Input(anyhow!("--seconds: expected a number above 0")));
     }
     let spool = Spool::open(&args.spool, args.spool_bytes)
         .with_context(|| format!("opening the spool {}", args.spool.display()))
-        .map_err(Failure::Input)?;
+        .map_err(CommandFailure::Input)?;
     // Before the camera is opened, so that its automatic controls settle again.
-    if let Err(error) = give_back(&note_in(&args.spool), Camera::open) {
+    if let Err(error) = restore_automatics(&camera_note_path(&args.spool), CameraDevice::open) {
         tracing::warn!(%error, "cannot restore the automatic controls that an earlier run switched off at the camera");
     }
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
-    let done = runtime.block_on(work(Agent::new(spool), server, args));
+    let done = runtime.block_on(record_and_send_all(Agent::new(spool), server, args));
     runtime.shutdown_timeout(Duration::from_millis(500));
     done
 }
 
-async fn work(agent: Agent, server: Server, args: Args) -> Result<(), Failure> {
+async fn record_and_send_all(agent: Agent, server: Server, args: AgentArgs) -> Result<(), CommandFailure> {
     let shutdown = Shutdown::new();
     shutdown.begin_on_signals().context("listening for signals")?;
     let left_over = agent.spool().ids();
-    let status_lines = tokio::spawn(keep_telling(agent.clone()));
+    let status_lines = tokio::spawn(show_status(agent.clone()));
     let whole = match &args.source {
         Some(source) => record_and_send(&agent, &server, &args, source, &shutdown).await,
         None => Ok(()),
@@ -130,29 +130,29 @@ async fn work(agent: Agent, server: Server, args: Args) -> Result<(), Failure> {
 async fn record_and_send(
     agent: &Agent,
     server: &Server,
-    args: &Args,
+    args: &AgentArgs,
     address: &str,
     shutdown: &Shutdown,
-) -> Result<(), Failure> {
+) -> Result<(), CommandFailure> {
     let over = Arc::new(AtomicBool::new(false));
     let (opened, options, is_over) = (address.to_owned(), args.options.clone(), over.clone());
     let ending = shutdown.clone();
     let is_over = move || is_over.load(Ordering::Relaxed) || ending.is_begun();
-    let source = tokio::task::spawn_blocking(move || Source::open(&opened, &options, is_over));
+    let source = tokio::task::spawn_blocking(move || CaptureSource::open(&opened, &options, is_over));
     let source = source.await.context("opening the source")?;
-    let source = source.with_context(|| format!("the source {address}")).map_err(Failure::Input)?;
+    let source = source.with_context(|| format!("the source {address}")).map_err(CommandFailure::Input)?;
     let info = source.info().clone();
-    say_what_it_is(&info);
+    log_source(&info);
     let id =
         agent.spool().begin(hello(args, &info), server.in_box()).context("beginning the recording in the spool")?;
     let is_paced = info.is_file && !args.as_fast_as_possible;
-    let rules = Rules { is_paced, seconds: args.seconds, time_base: info.time_base };
+    let rules = RecordingRules { is_paced, seconds: args.seconds, time_base: info.time_base };
     // Ends with the signal, with the source, or when the server refuses the recording.
     let recording = Shutdown::new();
     let (recorder, ending) = (agent.clone(), recording.clone());
     let holding = (info.is_camera && !args.automatic)
-        .then(|| tokio::spawn(hold(address.to_owned(), note_in(&args.spool), recording.clone())));
-    let frames = frames_of(source);
+        .then(|| tokio::spawn(lock_controls(address.to_owned(), camera_note_path(&args.spool), recording.clone())));
+    let frames = read_source(source);
     let recorder = tokio::spawn(async move {
         let frames = record(&recorder, frames, rules, &ending).await;
         over.store(true, Ordering::Relaxed);
@@ -165,7 +165,7 @@ async fn record_and_send(
         stop.begin();
     });
     let outcome = send(agent, server, id).await;
-    if matches!(outcome, Outcome::Refused(_)) && !agent.status().was_welcome {
+    if matches!(outcome, SendOutcome::Refused(_)) && !agent.status().was_welcome {
         recording.begin(); // the server never accepted it and never will: stop now, so that the user sees the error
     }
     recorder.await.context("recording")?;
@@ -173,34 +173,39 @@ async fn record_and_send(
         let _ = holding.await; // a panic is logged where it happened
     }
     match outcome {
-        Outcome::Whole(session) => {
+        SendOutcome::Complete(session) => {
             tracing::info!(%session, "recording complete on the server");
             Ok(())
         }
-        Outcome::Empty => Err(Failure::Failed(anyhow!("the source delivered no frame"))),
-        Outcome::Refused(why) => Err(Failure::Failed(anyhow!(why))),
+        SendOutcome::Empty => Err(CommandFailure::Failed(anyhow!("the source delivered no frame"))),
+        SendOutcome::Refused(why) => Err(CommandFailure::Failed(anyhow!(why))),
     }
 }
 
 /// Sends the recordings that earlier runs left in the spool, the oldest first: a box sends one recording at a time.
-async fn send_left_over(agent: &Agent, server: &Server, ids: Vec<FeedId>, stop: &Shutdown) -> Result<(), Failure> {
+async fn send_left_over(
+    agent: &Agent,
+    server: &Server,
+    ids: Vec<FeedId>,
+    stop: &Shutdown,
+) -> Result<(), CommandFailure> {
     let mut refused = Vec::new();
     for id in ids {
         tracing::info!(recording = %id, "sending a recording of an earlier run");
         tokio::select! {
             outcome = send(agent, server, id) => match outcome {
-                Outcome::Whole(session) => tracing::info!(%session, "recording complete on the server"),
-                Outcome::Empty => {}
-                Outcome::Refused(why) => refused.push(why),
+                SendOutcome::Complete(session) => tracing::info!(%session, "recording complete on the server"),
+                SendOutcome::Empty => {}
+                SendOutcome::Refused(why) => refused.push(why),
             },
-            () = stop.begun() => return Err(Failure::Failed(anyhow!("ended by a signal; unsent frames stay in the spool"))),
+            () = stop.begun() => return Err(CommandFailure::Failed(anyhow!("ended by a signal; unsent frames stay in the spool"))),
         }
     }
-    if refused.is_empty() { Ok(()) } else { Err(Failure::Failed(anyhow!(refused.join("; ")))) }
+    if refused.is_empty() { Ok(()) } else { Err(CommandFailure::Failed(anyhow!(refused.join("; ")))) }
 }
 
-fn hello(args: &Args, info: &SourceInfo) -> Hello {
-    let now_ms = System.now_ms();
+fn hello(args: &AgentArgs, info: &SourceInfo) -> Hello {
+    let now_ms = SystemClock.now_ms();
     Hello {
         protocol: PROTOCOL,
         recording: FeedId::at(now_ms),
@@ -215,7 +220,7 @@ fn hello(args: &Args, info: &SourceInfo) -> Hello {
     }
 }
 
-fn say_what_it_is(info: &SourceInfo) {
+fn log_source(info: &SourceInfo) {
     let ((width, height), codec) = (info.size, info.codec.name());
     tracing::info!(width, height, codec, "capturing");
     if let Some(from) = &info.coded_from {
@@ -227,52 +232,56 @@ fn say_what_it_is(info: &SourceInfo) {
 }
 
 /// Path of the note that records which controls were switched off at which camera.
-fn note_in(spool: &Path) -> PathBuf {
+fn camera_note_path(spool: &Path) -> PathBuf {
     spool.join("camera.json")
 }
 
 /// Waits [`SETTLE_TIME`] for the camera's exposure and white balance, then locks them until the recording ends.
-async fn hold(camera: String, note: PathBuf, recording: Shutdown) {
+async fn lock_controls(camera: String, note: PathBuf, recording: Shutdown) {
     tokio::select! {
         () = recording.begun() => return,
-        () = sleep(SETTLES) => {}
+        () = sleep(SETTLE_TIME) => {}
     }
     let held = camera.clone();
     let held = tokio::task::spawn_blocking(move || {
         let path = Path::new(&held);
-        Camera::open(path).map(|controls| Lock::new(controls, path, &note))
+        CameraDevice::open(path).map(|controls| CameraLock::new(controls, path, &note))
     });
     let held = held.await;
     let _lock = match held {
         Ok(Ok((lock, controls))) => {
-            controls.iter().for_each(|(name, locked)| tell(&camera, name, locked));
+            controls.iter().for_each(|(name, locked)| log_control(&camera, name, locked));
             lock
         }
-        Ok(Err(error)) => return tracing::warn!(%error, "cannot open the camera's controls: {}", by_hand(&camera)),
+        Ok(Err(error)) => {
+            return tracing::warn!(%error, "cannot open the camera's controls: {}", manual_control_hint(&camera));
+        }
         Err(error) => return tracing::error!(%error, "locking the camera's controls failed"),
     };
     recording.begun().await;
 }
 
-fn tell(camera: &str, name: &str, locked: &Locked) {
+fn log_control(camera: &str, name: &str, locked: &LockResult) {
     match locked {
-        Locked::Off(value) => {
+        LockResult::Off(value) => {
             tracing::info!(value, "automatic {name} switched off during the recording; its last value stays")
         }
-        Locked::WasOff => tracing::info!("automatic {name} was off already"),
-        Locked::Absent => tracing::info!("the camera has no switch for automatic {name}"),
-        Locked::Refused(error) => tracing::warn!(%error, "cannot switch automatic {name} off: {}", by_hand(camera)),
+        LockResult::WasOff => tracing::info!("automatic {name} was off already"),
+        LockResult::Absent => tracing::info!("the camera has no switch for automatic {name}"),
+        LockResult::Refused(error) => {
+            tracing::warn!(%error, "cannot switch automatic {name} off: {}", manual_control_hint(camera))
+        }
     }
 }
 
-fn by_hand(camera: &str) -> String {
+fn manual_control_hint(camera: &str) -> String {
     format!(
         "the tapes' colours will change during the recording; set it by hand, `v4l2-ctl -d {camera} -L` lists the controls"
     )
 }
 
 /// Shows the status: every second on a terminal, else every [`LOG_INTERVAL_S`] in the log.
-async fn keep_telling(agent: Agent) {
+async fn show_status(agent: Agent) {
     let mut seconds = interval(Duration::from_secs(1));
     let mut past: u64 = 0;
     loop {
@@ -281,7 +290,7 @@ async fn keep_telling(agent: Agent) {
         if stderr().is_terminal() {
             let line: String = status::line(&agent).chars().take(terminal_width()).collect();
             let _ = write!(stderr(), "\r\x1b[2K{line}"); // a closed terminal is no error
-        } else if past.is_multiple_of(LOG_EVERY_S) {
+        } else if past.is_multiple_of(LOG_INTERVAL_S) {
             tracing::info!("{}", status::line(&agent));
         }
     }
@@ -298,8 +307,9 @@ fn clear_line() {
 }
 
 /// Starts the log on stderr. Each entry replaces the status line on the terminal.
-fn start_log(filter: &str) -> Result<(), Failure> {
-    let filter = EnvFilter::try_new(filter).with_context(|| format!("--log {filter}")).map_err(Failure::input)?;
+fn start_log(filter: &str) -> Result<(), CommandFailure> {
+    let filter =
+        EnvFilter::try_new(filter).with_context(|| format!("--log {filter}")).map_err(CommandFailure::input)?;
     let writer = || {
         clear_line();
         stderr()

@@ -10,19 +10,19 @@ use std::str::FromStr;
 use anyhow::{Context, anyhow};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::Failure;
+use super::CommandFailure;
 use crate::analysis::calibration::{self, Views, ViewsError};
 use crate::domain::files::calibration::camera_file;
-use crate::media::Limits;
-use crate::pipeline::camera::report::BoardSize;
+use crate::media::MediaLimits;
+use crate::pipeline::camera::report::CornerCounts;
 use crate::pipeline::camera::{Board, BoardView, Calibration, PhotoReason, PhotoReport, calibrate};
 
 /// Arguments of `trocar calibrate`.
 #[derive(clap::Args)]
-pub struct Args {
+pub struct CalibrateArgs {
     /// Number of inner corners of the board, where four squares meet: COLUMNSxROWS.
     #[arg(long, value_name = "9x6")]
-    board: BoardSize,
+    board: CornerCounts,
     /// Side of a square, measured on the print, mm.
     #[arg(long, value_name = "MM")]
     square_mm: f64,
@@ -38,17 +38,17 @@ pub struct Args {
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<(), Failure> {
-    let board = Board::new(args.board.columns, args.board.rows, args.square_mm).map_err(Failure::input)?;
-    let progress = Progress::new(args.quiet);
+pub fn run(args: CalibrateArgs) -> Result<(), CommandFailure> {
+    let board = Board::new(args.board.columns, args.board.rows, args.square_mm).map_err(CommandFailure::input)?;
+    let progress = CalibrateProgress::new(args.quiet);
     let views = views(&args.inputs, board, &progress)?;
     progress.end();
     let outcome = calibrate(&views.views, views.width, views.height, board);
     match &outcome {
         Ok(calibration) => print_calibration(calibration)?,
-        Err(_) => print_photos(&unused(&views.views))?,
+        Err(_) => print_photos(&photo_reasons(&views.views))?,
     }
-    let calibration = outcome.map_err(Failure::input)?;
+    let calibration = outcome.map_err(CommandFailure::input)?;
     let file = camera_file(
         &calibration,
         &jiff::Timestamp::now().round(jiff::Unit::Second).map_err(anyhow::Error::from)?.to_string(),
@@ -57,50 +57,50 @@ pub fn run(args: Args) -> Result<(), Failure> {
     Ok(())
 }
 
-fn views(inputs: &[PathBuf], board: Board, progress: &Progress) -> Result<Views, Failure> {
-    let opened = inputs.iter().map(|path| open(path)).collect::<Result<Vec<_>, Failure>>()?;
+fn views(inputs: &[PathBuf], board: Board, progress: &CalibrateProgress) -> Result<Views, CommandFailure> {
+    let opened = inputs.iter().map(|path| open(path)).collect::<Result<Vec<_>, CommandFailure>>()?;
     let names = inputs.iter().map(|path| name_of(path));
-    let limits = Limits::default();
-    let found = match <[Opened; 1]>::try_from(opened) {
+    let limits = MediaLimits::default();
+    let found = match <[OpenInput; 1]>::try_from(opened) {
         Ok([video]) if !video.is_photo => {
             let name: String = names.collect();
-            calibration::of_video(&name, video.file, board, limits, |done, of| progress.frame(done, of))
+            calibration::views_of_video(&name, video.file, board, limits, |done, of| progress.frame(done, of))
         }
-        Ok(photo) => of_photos(names.zip(photo), board, limits, progress),
-        Err(photos) => of_photos(names.zip(photos), board, limits, progress),
+        Ok(photo) => views_of_photos(names.zip(photo), board, limits, progress),
+        Err(photos) => views_of_photos(names.zip(photos), board, limits, progress),
     };
-    found.map_err(|error| Failure::input(with_hint(error)))
+    found.map_err(|error| CommandFailure::input(with_hint(error)))
 }
 
-fn of_photos(
-    photos: impl ExactSizeIterator<Item = (String, Opened)>,
+fn views_of_photos(
+    photos: impl ExactSizeIterator<Item = (String, OpenInput)>,
     board: Board,
-    limits: Limits,
-    progress: &Progress,
+    limits: MediaLimits,
+    progress: &CalibrateProgress,
 ) -> Result<Views, ViewsError> {
     let (mut done, count) = (0, photos.len());
     let bytes = photos.map(|(name, opened)| (name, BufReader::new(opened.file)));
-    calibration::of_photos(bytes, board, limits, |view| {
+    calibration::views_of_photos(bytes, board, limits, |view| {
         done += 1;
         progress.photo(done, count, view);
     })
 }
 
-struct Opened {
+struct OpenInput {
     file: File,
     is_photo: bool,
 }
 
-fn open(path: &Path) -> Result<Opened, Failure> {
+fn open(path: &Path) -> Result<OpenInput, CommandFailure> {
     let place = || format!("opening {}", path.display());
-    let mut file = File::open(path).with_context(place).map_err(Failure::Input)?;
+    let mut file = File::open(path).with_context(place).map_err(CommandFailure::Input)?;
     if !file.metadata().is_ok_and(|m| m.is_file()) {
-        return Err(Failure::Input(anyhow!("{} is not a file; name the photos themselves", path.display())));
+        return Err(CommandFailure::Input(anyhow!("{} is not a file; name the photos themselves", path.display())));
     }
     let mut first_bytes = [0; 64];
     let read = file.read(&mut first_bytes).and_then(|n| file.rewind().map(|()| n)).with_context(place);
-    let is_photo = calibration::is_photo(&first_bytes[..read.map_err(Failure::Input)?]);
-    Ok(Opened { file, is_photo })
+    let is_photo = calibration::is_photo(&first_bytes[..read.map_err(CommandFailure::Input)?]);
+    Ok(OpenInput { file, is_photo })
 }
 
 fn name_of(path: &Path) -> String {
@@ -115,11 +115,11 @@ fn with_hint(error: ViewsError) -> anyhow::Error {
 }
 
 /// Name of each photo and why it was not used, for the case that the calibration failed.
-fn unused(views: &[BoardView]) -> Vec<(String, Option<PhotoReason>)> {
+fn photo_reasons(views: &[BoardView]) -> Vec<(String, Option<PhotoReason>)> {
     views.iter().map(|v| (v.name.clone(), v.corners.as_ref().err().map(|&r| PhotoReason::NoCorners(r)))).collect()
 }
 
-fn print_photos(photos: &[(String, Option<PhotoReason>)]) -> Result<(), Failure> {
+fn print_photos(photos: &[(String, Option<PhotoReason>)]) -> Result<(), CommandFailure> {
     let width = photos.iter().map(|p| p.0.chars().count()).max().unwrap_or(0);
     let mut out = std::io::stdout().lock();
     for (name, reason) in photos {
@@ -129,7 +129,7 @@ fn print_photos(photos: &[(String, Option<PhotoReason>)]) -> Result<(), Failure>
     Ok(())
 }
 
-fn print_calibration(calibration: &Calibration) -> Result<(), Failure> {
+fn print_calibration(calibration: &Calibration) -> Result<(), CommandFailure> {
     let text = table(calibration);
     std::io::stdout().lock().write_all(text.as_bytes()).map_err(anyhow::Error::from)?;
     Ok(())
@@ -146,7 +146,7 @@ fn table(calibration: &Calibration) -> String {
         text += format!("{name:width$}  {used:4}  {rms:>6}  {reason}").trim_end();
         text.push('\n');
     }
-    let (used, given) = (calibration.used(), calibration.photos.len());
+    let (used, given) = (calibration.used_count(), calibration.photos.len());
     text += &format!("\n{used} of {given} photos used, RMS {:.3} px, ", calibration.rms_px);
     text += &format!("corners in {:.0} % of the picture\n\n", 100.0 * calibration.coverage.share());
     let (c, s) = (calibration.camera, calibration.sigma);
@@ -160,7 +160,7 @@ fn table(calibration: &Calibration) -> String {
     text
 }
 
-impl FromStr for BoardSize {
+impl FromStr for CornerCounts {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -172,12 +172,12 @@ impl FromStr for BoardSize {
 }
 
 /// Progress on stderr: a bar on a terminal, else plain lines; nothing if quiet.
-struct Progress {
+struct CalibrateProgress {
     bar: ProgressBar,
     plain: bool,
 }
 
-impl Progress {
+impl CalibrateProgress {
     fn new(quiet: bool) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let target = if quiet || !terminal { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };

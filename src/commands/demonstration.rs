@@ -23,27 +23,27 @@ use crate::domain::secret::Password;
 use crate::domain::task::NewTask;
 use crate::domain::text::Key;
 use crate::domain::trainee::{Handedness, Level, NewTrainee};
-use crate::events::Events;
+use crate::events::EventBus;
 use crate::http::state::App;
 use crate::ids::{BoxId, GroupId};
-use crate::intake::{About, Intake, IntakeError};
+use crate::intake::{Intake, IntakeError, RecordingDescription};
 use crate::queue::Queue;
 use crate::shutdown::Shutdown;
 use crate::simulation::{Scenario, Setup, Skill};
 use crate::store::{Members, NewPerson, PageRequest, SessionFilter, Store, StoreError};
 use crate::time::{Day, SharedClock, to_rfc3339};
-use crate::vault::{Kept, Vault};
+use crate::vault::{PinnedBlob, Vault};
 
 /// The demonstration instructor's login.
 pub const INSTRUCTOR: &str = "instructor";
-const BOX: &str = "simulated-box";
+const BOX_CODE: &str = "simulated-box";
 /// Size of all clips, pixels: one camera, one calibration.
-const PICTURE: (u32, u32) = (960, 540);
+const PICTURE_SIZE: (u32, u32) = (960, 540);
 /// Inner corners of the simulated board.
 const BOARD: BoardSize = BoardSize { columns: 9, rows: 6 };
 /// Side of a square of the board, mm.
 const SQUARE_MM: f64 = 21.0;
-const ATTEMPTS: u64 = 2;
+const SESSIONS_PER_TASK: u64 = 2;
 const DAY_MS: i64 = 24 * 3600 * 1000;
 
 const TASKS: [(Scenario, &str, &str); 2] = [
@@ -59,7 +59,7 @@ const STANDARD: &str = r#"{"targets": [{"feature": "duration", "by": {"method": 
 /// sessions is passed, the step that asks for the standard is overdue, and a further step is open.
 const COURSE: &str = r#"{"name": "Basic skills", "steps": [{"task": "wire", "sessions": 2, "within_days": 10},
     {"task": "pegs", "within_days": 14}, {"task": "pegs", "sessions": 20, "within_days": 42}]}"#;
-const COURSE_BEGAN_MS: i64 = (ATTEMPTS as i64 * 7 + 1) * DAY_MS;
+const COURSE_BEGAN_MS: i64 = (SESSIONS_PER_TASK as i64 * 7 + 1) * DAY_MS;
 
 const TRAINEES: [(&str, Level, Skill, Handedness); 6] = [
     ("Ada Novak", Level::Novice, Skill::NOVICE, Handedness::Right),
@@ -71,11 +71,11 @@ const TRAINEES: [(&str, Level, Skill, Handedness); 6] = [
 ];
 
 /// Builds the demonstration centre in a running service.
-pub struct Builder {
+pub struct DemonstrationBuilder {
     store: Store,
     vault: Vault,
     queue: Queue,
-    events: Events,
+    events: EventBus,
     intake: Intake,
     cohorts: Cohorts,
     clock: SharedClock,
@@ -83,7 +83,7 @@ pub struct Builder {
     scratch: PathBuf,
 }
 
-impl Builder {
+impl DemonstrationBuilder {
     /// A builder for this service.
     pub fn new(app: &App, scratch: PathBuf) -> Self {
         Self {
@@ -100,7 +100,7 @@ impl Builder {
 
     /// True if an earlier start registered the centre.
     pub async fn is_registered(&self) -> anyhow::Result<bool> {
-        match self.store.boxes().get(&Scope::service(), &Key::from(BOX)).await {
+        match self.store.boxes().get(&Scope::service(), &Key::from(BOX_CODE)).await {
             Ok(_) => Ok(true),
             Err(StoreError::NotFound { .. }) => Ok(false),
             Err(error) => Err(error.into()),
@@ -144,7 +144,7 @@ impl Builder {
         let notes = "Drawn by `trocar simulate`; its true camera and paths are known.".parse()?;
         let simulated = NewBox {
             name: "Simulated box".parse()?,
-            code: Some(BOX.parse()?),
+            code: Some(BOX_CODE.parse()?),
             view: Some(FileView::Top),
             notes: Some(notes),
         };
@@ -188,9 +188,9 @@ impl Builder {
     }
 
     async fn set_up_and_record(&self) -> anyhow::Result<()> {
-        let simulated = self.store.boxes().get(&Scope::service(), &Key::from(BOX)).await?;
-        self.set_up(simulated.id).await?;
-        for attempt in 0..ATTEMPTS {
+        let simulated = self.store.boxes().get(&Scope::service(), &Key::from(BOX_CODE)).await?;
+        self.set_up_box(simulated.id).await?;
+        for attempt in 0..SESSIONS_PER_TASK {
             for (task, (scenario, ..)) in TASKS.into_iter().enumerate() {
                 for trainee in 0..TRAINEES.len() {
                     let seed = 1 + attempt * 100 + task as u64 * 10 + trainee as u64;
@@ -212,48 +212,50 @@ impl Builder {
         }
         let calibration = self.store.calibrations().latest(&service, of).await?.context("the box has no camera")?;
         let palette = self.store.palettes().latest(&service, of).await?.context("the box has no colours")?;
-        let setup = Setup { width: PICTURE.0, height: PICTURE.1, ..Setup::new(Scenario::SelfTest, Skill::EXPERT, 3) };
+        let setup =
+            Setup { width: PICTURE_SIZE.0, height: PICTURE_SIZE.1, ..Setup::new(Scenario::SelfTest, Skill::EXPERT, 3) };
         let frames = Some((SECONDS * FPS) as usize);
         let order = SceneOrder { frames, fps: FPS, boards: 0, ..SceneOrder::new(setup) };
-        let folder = self.scene("self-test", order).await?;
-        let (kept, files) = self.keep_all(&[folder.join("clip.mp4")]).await?;
+        let folder = self.draw_scene("self-test", order).await?;
+        let (kept, files) = self.store_files(&[folder.join("clip.mp4")]).await?;
         let file = files.into_iter().next().context("no recording was drawn")?;
         let (calibration, palette) = (calibration.id, palette.id);
         let (board, square_mm, reach_mm) = (BOARD, SQUARE_MM, 0.0);
         let input = SelfTestInput { of, person: None, calibration, palette, board, square_mm, reach_mm, file };
-        self.work(JobInput::SelfTest(input), kept).await?;
+        self.run_job(JobInput::SelfTest(input), kept).await?;
         Ok(tokio::fs::remove_dir_all(folder).await?)
     }
 
     /// Calibrates the camera and learns the colours, each with an ordinary job.
-    async fn set_up(&self, of: BoxId) -> anyhow::Result<()> {
+    async fn set_up_box(&self, of: BoxId) -> anyhow::Result<()> {
         let service = Scope::service();
         let calibrated = self.store.calibrations().latest(&service, of).await?.is_some();
         let coloured = self.store.palettes().latest(&service, of).await?.is_some();
         if calibrated && coloured {
             return Ok(());
         }
-        let setup = Setup { width: PICTURE.0, height: PICTURE.1, ..Setup::new(Scenario::Pegs, Skill::EXPERT, 1) };
-        let folder = self.scene("set-up", SceneOrder { frames: Some(250), ..SceneOrder::new(setup) }).await?;
+        let setup =
+            Setup { width: PICTURE_SIZE.0, height: PICTURE_SIZE.1, ..Setup::new(Scenario::Pegs, Skill::EXPERT, 1) };
+        let folder = self.draw_scene("set-up", SceneOrder { frames: Some(250), ..SceneOrder::new(setup) }).await?;
         if !calibrated {
-            let (kept, files) = self.keep_all(&photos(&folder).await?).await?;
+            let (kept, files) = self.store_files(&photos(&folder).await?).await?;
             let input = CalibrateInput { of, board: BOARD, square_mm: SQUARE_MM, files, is_video: false };
-            self.work(JobInput::Calibrate(input), kept).await?;
+            self.run_job(JobInput::Calibrate(input), kept).await?;
         }
         if !coloured {
-            let (kept, files) = self.keep_all(&[folder.join("clip.mp4")]).await?;
+            let (kept, files) = self.store_files(&[folder.join("clip.mp4")]).await?;
             let text = tokio::fs::read_to_string(folder.join("annotations.json")).await?;
             let annotations = AnnotationsFile::parse(&text)?;
             let input = PaletteInput { of, annotations, files, is_video: true, frames: Vec::new() };
-            self.work(JobInput::Palette(input), kept).await?;
+            self.run_job(JobInput::Palette(input), kept).await?;
         }
         Ok(())
     }
 
     /// Queues a job and waits until it ends. `kept` protects the files until the job's row does.
-    async fn work(&self, input: JobInput, kept: Vec<Kept>) -> anyhow::Result<()> {
+    async fn run_job(&self, input: JobInput, kept: Vec<PinnedBlob>) -> anyhow::Result<()> {
         let service = Scope::service();
-        let mut events = self.events.listen();
+        let mut events = self.events.subscribe();
         let job = self.store.jobs().enqueue(&service, input).await?;
         drop(kept);
         self.queue.work_arrived();
@@ -272,45 +274,45 @@ impl Builder {
         let (name, _, skill, _) = TRAINEES[trainee];
         let code = name.to_lowercase().replace(' ', "-");
         let filename = format!("{}-{code}-{}.mp4", scenario.name(), attempt + 1);
-        if self.has(&code, scenario, &filename).await? {
+        if self.has_session(&code, scenario, &filename).await? {
             return Ok(());
         }
-        let setup = Setup { width: PICTURE.0, height: PICTURE.1, ..Setup::new(scenario, skill, seed) };
-        let folder = self.scene(&filename, SceneOrder { boards: 0, ..SceneOrder::new(setup) }).await?;
-        let recorded_at = self.clock.now_ms() - (ATTEMPTS - attempt) as i64 * 7 * DAY_MS;
-        let about = About {
+        let setup = Setup { width: PICTURE_SIZE.0, height: PICTURE_SIZE.1, ..Setup::new(scenario, skill, seed) };
+        let folder = self.draw_scene(&filename, SceneOrder { boards: 0, ..SceneOrder::new(setup) }).await?;
+        let recorded_at = self.clock.now_ms() - (SESSIONS_PER_TASK - attempt) as i64 * 7 * DAY_MS;
+        let about = RecordingDescription {
             trainee: Some(code),
             task: Some(scenario.name().to_owned()),
-            in_box: Some(BOX.to_owned()),
+            in_box: Some(BOX_CODE.to_owned()),
             filename: Some(filename),
             recorded_at: Some(to_rfc3339(recorded_at)),
         };
         let service = Scope::service();
-        let recording = self.intake.recognise(&service, about).await?;
+        let recording = self.intake.resolve(&service, about).await?;
         let bytes = ReaderStream::new(tokio::fs::File::open(folder.join("clip.mp4")).await?);
         match self
             .intake
-            .take(&service, recording, Box::pin(futures_util::StreamExt::map(bytes, |b| b.map_err(Into::into))))
+            .take_whole(&service, recording, Box::pin(futures_util::StreamExt::map(bytes, |b| b.map_err(Into::into))))
             .await
         {
-            Ok(_) | Err(IntakeError::Known { .. }) => Ok(tokio::fs::remove_dir_all(folder).await?),
+            Ok(_) | Err(IntakeError::AlreadyExists { .. }) => Ok(tokio::fs::remove_dir_all(folder).await?),
             Err(error) => Err(error.into()),
         }
     }
 
-    async fn has(&self, trainee: &str, scenario: Scenario, filename: &str) -> anyhow::Result<bool> {
+    async fn has_session(&self, trainee: &str, scenario: Scenario, filename: &str) -> anyhow::Result<bool> {
         let which = SessionFilter {
             trainee: Some(Key::from(trainee)),
             task: Some(Key::from(scenario.name())),
             ..SessionFilter::default()
         };
-        let whole = PageRequest::new(PageRequest::MOST, None);
+        let whole = PageRequest::new(PageRequest::MAX_LIMIT, None);
         let sessions = self.store.sessions().list(&Scope::service(), &which, &whole).await?;
         Ok(sessions.items.iter().any(|session| session.filename.as_str() == filename))
     }
 
     /// Draws a scene into a folder of its own, on a blocking thread.
-    async fn scene(&self, name: &str, order: SceneOrder) -> anyhow::Result<PathBuf> {
+    async fn draw_scene(&self, name: &str, order: SceneOrder) -> anyhow::Result<PathBuf> {
         let folder = self.scratch.join(name);
         let made = folder.clone();
         let draw = move || write_scene(&made, &order, &mut |_, _, _| ());
@@ -318,7 +320,7 @@ impl Builder {
         Ok(folder)
     }
 
-    async fn keep_all(&self, paths: &[PathBuf]) -> anyhow::Result<(Vec<Kept>, Vec<NamedBlob>)> {
+    async fn store_files(&self, paths: &[PathBuf]) -> anyhow::Result<(Vec<PinnedBlob>, Vec<NamedBlob>)> {
         let (mut kept, mut files) = (Vec::new(), Vec::new());
         for path in paths {
             let one = self.vault.put(&tokio::fs::read(path).await?).await?;

@@ -41,34 +41,34 @@ pub struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Run the service: web pages, programming interface, queue and workers.
-    Serve(serve::Args),
+    Serve(serve::ServeArgs),
     /// Record a box's camera and send the recording to the server while it is made.
-    Agent(agent::Args),
+    Agent(agent::AgentArgs),
     /// Compute a box's camera.json from photos or a video of a checkerboard.
-    Calibrate(calibrate::Args),
+    Calibrate(calibrate::CalibrateArgs),
     /// Find the best tape colours for a box, or check the colours that were marked.
-    Palette(palette::Args),
+    Palette(palette::PaletteArgs),
     /// Test with the printed checkerboard and a taped rod whether a box still measures correctly.
-    SelfTest(self_test::Args),
+    SelfTest(self_test::SelfTestArgs),
     /// Track the tools in a recording.
-    Track(track::Args),
+    Track(track::TrackArgs),
     /// Compute the features of trajectories and, with --model, the level of skill.
-    Score(score::Args),
+    Score(score::ScoreArgs),
     /// Train a model of skill from the features of people whose level is known.
-    Model(model::Args),
+    Model(model::ModelArgs),
     /// Make a video, checkerboard photos, annotations and true positions of a simulated box.
-    Simulate(simulate::Args),
+    Simulate(simulate::SimulateArgs),
     /// Compare trajectories with the truth, or with each other.
-    Evaluate(evaluate::Args),
+    Evaluate(evaluate::EvaluateArgs),
     /// Manage accounts and tokens, back up the data, check database and files.
-    Admin(admin::Args),
+    Admin(admin::AdminArgs),
     /// Run as a confined child process of the service; not for people.
     #[command(hide = true)]
-    Child(child::Args),
+    Child(child::ChildArgs),
 }
 
 /// Runs one command until it ends.
-pub fn run(cli: Cli) -> Result<(), Failure> {
+pub fn run(cli: Cli) -> Result<(), CommandFailure> {
     match cli.command {
         Command::Serve(args) => serve::run(args),
         Command::Agent(args) => agent::run(args),
@@ -87,56 +87,57 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
 
 /// Makes all new files of this process, SQLite's too, readable by their owner only: everything the service writes is
 /// personal data, and the folder may be open to other users.
-fn keep_to_ourselves() {
+fn restrict_new_files_to_owner() {
     rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o077));
 }
 
 /// Why a command failed. Displayed in one line that says what happened, where, and what to do.
 #[derive(Debug)]
-pub enum Failure {
+pub enum CommandFailure {
     /// The command line, or a file named on it, cannot be used: exit status 2.
     Input(anyhow::Error),
     /// Any other failure: exit status 1.
     Failed(anyhow::Error),
 }
 
-impl Failure {
+impl CommandFailure {
     /// The exit status of the process.
     pub fn status(&self) -> u8 {
         match self {
-            Failure::Failed(_) => 1,
-            Failure::Input(_) => 2,
+            CommandFailure::Failed(_) => 1,
+            CommandFailure::Input(_) => 2,
         }
     }
 
     /// A failure caused by unusable input.
     pub fn input(error: impl Into<anyhow::Error>) -> Self {
-        Failure::Input(error.into())
+        CommandFailure::Input(error.into())
     }
 }
 
-impl fmt::Display for Failure {
+impl fmt::Display for CommandFailure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Failure::Input(error) | Failure::Failed(error)) = self;
+        let (CommandFailure::Input(error) | CommandFailure::Failed(error)) = self;
         let chain = format!("{error:#}");
         f.write_str(&chain.replace('\n', " "))
     }
 }
 
-impl From<anyhow::Error> for Failure {
+impl From<anyhow::Error> for CommandFailure {
     fn from(error: anyhow::Error) -> Self {
-        Failure::Failed(error)
+        CommandFailure::Failed(error)
     }
 }
 
 /// Reads a trajectory file. Every error in it is an input error, because the user has to correct the file.
-fn read_trajectory(path: &Path) -> Result<Trajectory, Failure> {
-    let file = File::open(path).with_context(|| format!("reading {}", path.display())).map_err(Failure::Input)?;
+fn read_trajectory(path: &Path) -> Result<Trajectory, CommandFailure> {
+    let file =
+        File::open(path).with_context(|| format!("reading {}", path.display())).map_err(CommandFailure::Input)?;
     let trajectory = read_csv(BufReader::new(file)).with_context(|| path.display().to_string());
-    trajectory.map_err(Failure::Input)
+    trajectory.map_err(CommandFailure::Input)
 }
 
 /// Writes a command's result to standard output.
-fn print_result(text: &str) -> Result<(), Failure> {
+fn print_result(text: &str) -> Result<(), CommandFailure> {
     Ok(io::stdout().lock().write_all(text.as_bytes()).context("writing to standard output")?)
 }

@@ -8,16 +8,16 @@ use anyhow::{Context, anyhow};
 use serde::Deserialize;
 
 use super::progress::Meter;
-use super::table::Table;
-use super::{Failure, print_result};
+use super::table::TextTable;
+use super::{CommandFailure, print_result};
 use crate::domain::session::FeatureSpace;
-use crate::domain::skill::{ModelFile, Reading, Readings, Report, features_offered, most_common_tools};
+use crate::domain::skill::{ModelFile, ModelReport, Reading, Readings, most_common_tool_count, verdict_features};
 use crate::domain::trainee::Level;
-use crate::pipeline::score::skill::{Dataset, SESSIONS_EACH, Sample};
+use crate::pipeline::score::skill::{LabelledSession, MAX_SESSIONS_EACH, SkillDataset};
 
 /// Arguments of `trocar model`.
 #[derive(clap::Args)]
-pub struct Args {
+pub struct ModelArgs {
     /// Name of the exercise; stored in the model.
     #[arg(long, value_name = "TASK")]
     task: Option<String>,
@@ -39,7 +39,7 @@ pub struct Args {
 
 /// One row of the labels.
 #[derive(Deserialize)]
-struct Label {
+struct LabelRow {
     file: String,
     person: String,
     level: Level,
@@ -47,17 +47,17 @@ struct Label {
 
 /// One session of `trocar score --json`: the fields that are needed here.
 #[derive(Deserialize)]
-struct Scored {
+struct ScoreRecord {
     file: String,
     pipeline: String,
     tools: Vec<String>,
     verdict: String,
-    features: Vec<Value>,
+    features: Vec<ScoredFeature>,
 }
 
 /// One feature of a session.
 #[derive(Deserialize)]
-struct Value {
+struct ScoredFeature {
     name: String,
     tool: Option<String>,
     space: FeatureSpace,
@@ -67,55 +67,58 @@ struct Value {
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: ModelArgs) -> Result<(), CommandFailure> {
     let labels = read_labels(&args.labels)?;
     let mut sessions = Vec::new();
     for path in &args.features {
         let text = read(path)?;
-        let scored: Vec<Scored> = serde_json::from_str(&text)
+        let scored: Vec<ScoreRecord> = serde_json::from_str(&text)
             .with_context(|| format!("{}: expected what `trocar score --json` prints", path.display()))
-            .map_err(Failure::Input)?;
+            .map_err(CommandFailure::Input)?;
         sessions.extend(scored);
     }
-    let (samples, about) = samples(sessions, labels)?;
-    let features = features_offered();
-    let data = Dataset::of(&features, &samples).map_err(Failure::input)?;
+    let (samples, about) = usable_samples(sessions, labels)?;
+    let features = verdict_features();
+    let data = SkillDataset::of(&features, &samples).map_err(CommandFailure::input)?;
     let mut meter = Meter::new(args.quiet);
-    let made = ModelFile::make(&data, (args.task, about.0, about.1), |done, all| meter.show("shuffled", done, all));
-    let file = made.map_err(Failure::input)?;
+    let made = ModelFile::train(&data, (args.task, about.0, about.1), |done, all| meter.show("shuffled", done, all));
+    let file = made.map_err(CommandFailure::input)?;
     let text = serde_json::to_string_pretty(&file).context("writing JSON")? + "\n";
     fs::write(&args.out, text).with_context(|| format!("writing {}", args.out.display()))?;
     meter.finish(&format!("model in {}", args.out.display()));
     print_result(&report_text(&file))
 }
 
-fn read(path: &Path) -> Result<String, Failure> {
-    fs::read_to_string(path).with_context(|| format!("reading {}", path.display())).map_err(Failure::Input)
+fn read(path: &Path) -> Result<String, CommandFailure> {
+    fs::read_to_string(path).with_context(|| format!("reading {}", path.display())).map_err(CommandFailure::Input)
 }
 
-fn read_labels(path: &Path) -> Result<HashMap<String, Label>, Failure> {
+fn read_labels(path: &Path) -> Result<HashMap<String, LabelRow>, CommandFailure> {
     let text = read(path)?;
     let mut labels = HashMap::new();
-    for row in csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes()).deserialize::<Label>() {
+    for row in csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes()).deserialize::<LabelRow>() {
         let label = row.with_context(|| format!("{}: expected file,person,level", path.display()));
-        let label = label.map_err(Failure::Input)?;
+        let label = label.map_err(CommandFailure::Input)?;
         if let Some(twice) = labels.insert(label.file.clone(), label) {
-            return Err(Failure::Input(anyhow!("{}: {} has two rows; keep one", path.display(), twice.file)));
+            return Err(CommandFailure::Input(anyhow!("{}: {} has two rows; keep one", path.display(), twice.file)));
         }
     }
     Ok(labels)
 }
 
 /// Usable sessions, the pipeline version that measured them, and their most common number of tools.
-type Usable = (Vec<Sample<String>>, (String, usize));
+type UsableSamples = (Vec<LabelledSession<String>>, (String, usize));
 
 /// The usable sessions. All must have a label and the same pipeline version.
-fn samples(sessions: Vec<Scored>, mut labels: HashMap<String, Label>) -> Result<Usable, Failure> {
-    let input = |why: String| Err(Failure::Input(anyhow!(why)));
+fn usable_samples(
+    sessions: Vec<ScoreRecord>,
+    mut labels: HashMap<String, LabelRow>,
+) -> Result<UsableSamples, CommandFailure> {
+    let input = |why: String| Err(CommandFailure::Input(anyhow!(why)));
     let pipeline = sessions.first().map_or_else(String::new, |session| session.pipeline.clone());
-    let tools = most_common_tools(sessions.iter().map(|session| session.tools.len()));
-    let features = features_offered();
-    let mut by_person: BTreeMap<String, Vec<Sample<String>>> = BTreeMap::new();
+    let tools = most_common_tool_count(sessions.iter().map(|session| session.tools.len()));
+    let features = verdict_features();
+    let mut by_person: BTreeMap<String, Vec<LabelledSession<String>>> = BTreeMap::new();
     for session in sessions {
         let file = &session.file;
         let Some(label) = labels.remove(file) else {
@@ -133,28 +136,28 @@ fn samples(sessions: Vec<Scored>, mut labels: HashMap<String, Label>) -> Result<
             continue;
         }
         let values = Readings::of(session.features.into_iter().map(Reading::from)).values(&features);
-        let sample = Sample { person: label.person.clone(), level: label.level.into(), values };
+        let sample = LabelledSession { person: label.person.clone(), level: label.level.into(), values };
         by_person.entry(label.person).or_default().push(sample);
     }
     if let Some(unmet) = labels.keys().min() {
         return input(format!("{unmet} has a label and no features"));
     }
-    let last = |own: Vec<Sample<String>>| {
-        let first = own.len().saturating_sub(SESSIONS_EACH);
+    let last = |own: Vec<LabelledSession<String>>| {
+        let first = own.len().saturating_sub(MAX_SESSIONS_EACH);
         own.into_iter().skip(first)
     };
     Ok((by_person.into_values().flat_map(last).collect(), (pipeline, tools)))
 }
 
-impl From<Value> for Reading {
-    fn from(of: Value) -> Self {
+impl From<ScoredFeature> for Reading {
+    fn from(of: ScoredFeature) -> Self {
         let bar = of.low.zip(of.high).map(|(low, high)| [low, high]);
         Self { feature: of.name, tool: of.tool, space: of.space, value: of.value, bar }
     }
 }
 
 fn report_text(file: &ModelFile) -> String {
-    let Report { accuracy, baseline, people, sessions, .. } = &file.report;
+    let ModelReport { accuracy, baseline, people, sessions, .. } = &file.report;
     let head = format!(
         "{} ({}) with {} features, trained on {} people and {} sessions; measured by pipeline {}\n",
         file.model.learner,
@@ -181,13 +184,13 @@ fn report_text(file: &ModelFile) -> String {
         percent(baseline.high),
         baseline.p,
     );
-    let mut table = Table::new(["declared", "people", "novice", "intermediate", "expert"]);
+    let mut table = TextTable::new(["declared", "people", "novice", "intermediate", "expert"]);
     for ((level, row), people) in Level::ALL.iter().zip(&file.report.confusion).zip(people) {
         let share = |of: f64| percent(of / *people as f64);
         let cells = [share(row.novice), share(row.intermediate), share(row.expert)];
-        table.row([level.name().to_owned(), people.to_string()].into_iter().chain(cells));
+        table.add_row([level.name().to_owned(), people.to_string()].into_iter().chain(cells));
     }
-    head + &found + &baseline + &table.text()
+    head + &found + &baseline + &table.to_text()
 }
 
 /// A share as whole per cent.

@@ -6,12 +6,12 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 /// Shows the progress of the work.
 pub struct Meter {
-    form: Form,
+    style: MeterStyle,
     what: &'static str,
     tenths: usize,
 }
 
-enum Form {
+enum MeterStyle {
     Bar(ProgressBar),
     Lines,
     Quiet,
@@ -20,12 +20,12 @@ enum Form {
 impl Meter {
     /// A meter in the style that suits stderr.
     pub fn new(quiet: bool) -> Self {
-        let form = match (quiet, std::io::stderr().is_terminal()) {
-            (true, _) => Form::Quiet,
-            (false, true) => Form::Bar(bar()),
-            (false, false) => Form::Lines,
+        let style = match (quiet, std::io::stderr().is_terminal()) {
+            (true, _) => MeterStyle::Quiet,
+            (false, true) => MeterStyle::Bar(bar()),
+            (false, false) => MeterStyle::Lines,
         };
-        Self { form, what: "", tenths: 0 }
+        Self { style, what: "", tenths: 0 }
     }
 
     /// Shows that `done` of `all` are done. A plain line appears once every tenth.
@@ -33,14 +33,14 @@ impl Meter {
         if self.what != what {
             (self.what, self.tenths) = (what, 0);
         }
-        match &self.form {
-            Form::Quiet => {}
-            Form::Bar(bar) => {
+        match &self.style {
+            MeterStyle::Quiet => {}
+            MeterStyle::Bar(bar) => {
                 bar.set_message(what);
                 bar.set_length(all as u64);
                 bar.set_position(done as u64);
             }
-            Form::Lines => {
+            MeterStyle::Lines => {
                 let tenths = done * 10 / all.max(1);
                 if tenths > self.tenths {
                     self.tenths = tenths;
@@ -52,13 +52,13 @@ impl Meter {
 
     /// Ends with a line that states the outcome.
     pub fn finish(self, outcome: &str) {
-        match self.form {
-            Form::Quiet => {}
-            Form::Bar(bar) => {
+        match self.style {
+            MeterStyle::Quiet => {}
+            MeterStyle::Bar(bar) => {
                 bar.finish_and_clear();
                 eprintln!("{outcome}");
             }
-            Form::Lines => eprintln!("{outcome}"),
+            MeterStyle::Lines => eprintln!("{outcome}"),
         }
     }
 }

@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow};
 use serde_json::{Value, json};
 
-use self::reference::{Reference, Strays};
-use super::table::Table;
-use super::{Failure, print_result, read_trajectory, verdict};
+use self::reference::{Deviations, Reference};
+use super::table::TextTable;
+use super::{CommandFailure, print_result, read_trajectory, verdict};
 use crate::domain::files::quality::ConcernDocument;
 use crate::domain::skill::{ModelFile, SkillVerdict};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::assessment::{Assessment, AssessmentSettings, assess};
 use crate::pipeline::features::FeatureValue;
-use crate::pipeline::quality::{self, Evidence, Verdict};
+use crate::pipeline::quality::{self, QualityInput, QualityVerdict};
 use crate::pipeline::trajectory::Trajectory;
 
 mod evidence;
@@ -22,7 +22,7 @@ mod skill;
 
 /// Arguments of `trocar score`.
 #[derive(clap::Args)]
-pub struct Args {
+pub struct ScoreArgs {
     /// Name of the exercise; repeated in the result.
     #[arg(long, value_name = "TASK")]
     task: Option<String>,
@@ -50,9 +50,9 @@ pub struct Args {
 }
 
 /// Runs the command. It reads all files before it prints anything, so that a bad file leaves no partial result.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: ScoreArgs) -> Result<(), CommandFailure> {
     if !(args.window_s.is_finite() && args.window_s >= 1.0) {
-        return Err(Failure::Input(anyhow!("--window-s is {}; expected at least 1 second", args.window_s)));
+        return Err(CommandFailure::Input(anyhow!("--window-s is {}; expected at least 1 second", args.window_s)));
     }
     let settings = AssessmentSettings { window_s: args.window_s, ..AssessmentSettings::default() };
     let reference = args.reference.as_deref().map(|path| Reference::read(path, &settings.features)).transpose()?;
@@ -60,11 +60,11 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let model = args.model.as_deref().map(|path| skill::read_model(path, task)).transpose()?;
     let scored = |path: &PathBuf| {
         let trajectory = read_trajectory(path)?;
-        let strays = reference.as_ref().map(|reference| reference.strays(path, &trajectory, &settings.features));
-        let scored = Scored::new(path, &trajectory, &settings);
-        Ok(Scored { strays: strays.transpose()?, ..scored.judged_by(model.as_ref()) })
+        let strays = reference.as_ref().map(|reference| reference.deviations(path, &trajectory, &settings.features));
+        let scored = TrackScore::new(path, &trajectory, &settings);
+        Ok(TrackScore { deviations: strays.transpose()?, ..scored.judged_by(model.as_ref()) })
     };
-    let sessions = args.tracks.iter().map(scored).collect::<Result<Vec<Scored>, Failure>>()?;
+    let sessions = args.tracks.iter().map(scored).collect::<Result<Vec<TrackScore>, CommandFailure>>()?;
     if args.json {
         let all: Vec<Value> = sessions.iter().map(|session| session_json(session, task, args.evidence)).collect();
         print_result(&(serde_json::to_string_pretty(&all).context("writing JSON")? + "\n"))
@@ -75,22 +75,22 @@ pub fn run(args: Args) -> Result<(), Failure> {
 }
 
 /// One trajectory's features and its quality verdict, judged from its rows alone.
-struct Scored {
+struct TrackScore {
     path: PathBuf,
     assessment: Assessment,
-    verdict: Verdict,
+    verdict: QualityVerdict,
     /// Deviations from the reference, if there is one.
-    strays: Option<Strays>,
+    deviations: Option<Deviations>,
     /// Verdict of the model of skill, if there is one.
     skill: Option<SkillVerdict>,
 }
 
-impl Scored {
+impl TrackScore {
     fn new(path: &Path, trajectory: &Trajectory, settings: &AssessmentSettings) -> Self {
-        let verdict = quality::judge(&quality::measure(&Evidence::of_path(trajectory)));
+        let verdict = quality::judge(&quality::measure(&QualityInput::of_path(trajectory)));
         let assessment = assess(trajectory, &[], settings);
         let assessment = if verdict.is_refused() { assessment.withheld() } else { assessment };
-        Self { path: path.to_owned(), assessment, verdict, strays: None, skill: None }
+        Self { path: path.to_owned(), assessment, verdict, deviations: None, skill: None }
     }
 
     fn judged_by(self, model: Option<&ModelFile>) -> Self {
@@ -100,7 +100,7 @@ impl Scored {
 }
 
 fn session_json(
-    Scored { path, assessment, verdict, strays, skill }: &Scored,
+    TrackScore { path, assessment, verdict, deviations: strays, skill }: &TrackScore,
     task: Option<&str>,
     with_evidence: bool,
 ) -> Value {
@@ -120,7 +120,7 @@ fn session_json(
         "features": values(&assessment.features),
         "evidence": with_evidence.then(|| evidence::json(assessment)),
         "windows": windows.collect::<Vec<_>>(),
-        "reference": strays.as_ref().filter(|_| !verdict.is_refused()).map(Strays::json),
+        "reference": strays.as_ref().filter(|_| !verdict.is_refused()).map(Deviations::json),
         "skill": skill,
     })
 }
@@ -155,7 +155,7 @@ fn tool_name_of(tool: Option<usize>, tools: &[String]) -> Option<&str> {
 
 /// A head line and the verdict. Unless the trajectory is refused, also the table, and the reasons for missing values.
 fn session_text(
-    Scored { path, assessment, verdict, strays, skill }: &Scored,
+    TrackScore { path, assessment, verdict, deviations: strays, skill }: &TrackScore,
     task: Option<&str>,
     with_evidence: bool,
 ) -> String {
@@ -165,32 +165,32 @@ fn session_text(
         None => "nothing was seen".to_owned(),
     };
     let head = format!("{}{task}, pipeline {PIPELINE_VERSION}: {when}\n", path.display());
-    let strays = strays.as_ref().map(Strays::text).unwrap_or_default();
+    let strays = strays.as_ref().map(Deviations::text).unwrap_or_default();
     let evidence = if with_evidence { evidence::text(assessment) } else { String::new() };
     let values = match verdict.is_refused() {
         true => String::new(),
-        false => table(assessment).text() + &reasons(assessment) + &strays + &evidence,
+        false => table(assessment).to_text() + &reasons(assessment) + &strays + &evidence,
     };
     let skill = skill.as_ref().map(skill::text).unwrap_or_default();
     head + &verdict::text(verdict) + &skill + &values
 }
 
 /// One row per feature and space, one column per tool, and one for the session as a whole.
-fn table(assessment: &Assessment) -> Table {
+fn table(assessment: &Assessment) -> TextTable {
     let head = ["feature", "space", "unit"].map(str::to_owned).into_iter();
-    let mut table = Table::new(head.chain(assessment.tools.iter().cloned()).chain(["session".to_owned()]));
+    let mut table = TextTable::new(head.chain(assessment.tools.iter().cloned()).chain(["session".to_owned()]));
     let in_one_row = |a: &FeatureValue, b: &FeatureValue| (a.feature, a.space) == (b.feature, b.space);
     for row in assessment.features.chunk_by(in_one_row) {
         let columns = (0..assessment.tools.len()).map(Some).chain([None]);
-        let cell = |tool| row.iter().find(|v| v.tool == tool).map_or(String::new(), shown);
+        let cell = |tool| row.iter().find(|v| v.tool == tool).map_or(String::new(), value_text);
         let head = [row[0].feature.name, row[0].space.name(), row[0].feature.unit].map(str::to_owned).into_iter();
-        table.row(head.chain(columns.map(cell)));
+        table.add_row(head.chain(columns.map(cell)));
     }
     table
 }
 
 /// The value ± half the width of its 95 % interval.
-fn shown(value: &FeatureValue) -> String {
+fn value_text(value: &FeatureValue) -> String {
     let off = value.error.map_or(String::new(), |bar| format!(" ± {}", significant((bar.high - bar.low) / 2.0)));
     value.value.map_or("–".to_owned(), |v| significant(v) + &off)
 }

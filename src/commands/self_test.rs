@@ -8,20 +8,20 @@ use std::path::PathBuf;
 use anyhow::{Context, anyhow};
 
 use super::progress::Meter;
-use super::table::Table;
+use super::table::TextTable;
 use super::track::{about, marked_samples, open, read, tracker_settings};
-use super::{Failure, print_result};
-use crate::analysis::self_test::{Asked, MOST_REACH_MM, of_video};
+use super::{CommandFailure, print_result};
+use crate::analysis::self_test::{MAX_REACH_MM, SelfTestSetup, test_video};
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::files::camera::CameraFile;
-use crate::domain::self_test::{HoldReport, Light, SelfTestReport};
+use crate::domain::self_test::{HoldReport, SelfTestReport, TrafficLight};
 use crate::pipeline::camera::Board;
-use crate::pipeline::camera::report::BoardSize;
+use crate::pipeline::camera::report::CornerCounts;
 use crate::pipeline::quality::ports::Ports;
 
 /// Arguments of `trocar self-test`.
 #[derive(clap::Args)]
-pub struct Args {
+pub struct SelfTestArgs {
     /// Camera of the box: camera.json from `trocar calibrate`.
     #[arg(long, value_name = "FILE")]
     camera: PathBuf,
@@ -31,7 +31,7 @@ pub struct Args {
     /// Number of inner corners of the board, where four squares meet: COLUMNSxROWS [default: the board of the
     /// calibration].
     #[arg(long, value_name = "9x6", requires = "square_mm")]
-    board: Option<BoardSize>,
+    board: Option<CornerCounts>,
     /// Side of a square, measured on the print, mm.
     #[arg(long, value_name = "MM", requires = "board")]
     square_mm: Option<f64>,
@@ -49,15 +49,16 @@ pub struct Args {
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: SelfTestArgs) -> Result<(), CommandFailure> {
     let camera = CameraFile::parse(&read(&args.camera)?).map_err(|e| about(&args.camera, e))?;
     let marked = AnnotationsFile::parse(&read(&args.annotations)?).map_err(|e| about(&args.annotations, e))?;
     let board = board(&args, &camera)?;
     let samples = marked_samples(&marked, &args.annotations, &args.video)?;
     let settings = tracker_settings(&args.annotations, &camera, &marked, &samples)?;
-    let asked = Asked { board, reach_mm: args.reach_mm, calibration_rms_px: camera.rms_px(), ports: Ports::default() };
+    let asked =
+        SelfTestSetup { board, reach_mm: args.reach_mm, calibration_rms_px: camera.rms_px(), ports: Ports::default() };
     let (mut meter, mut frames) = (Meter::new(args.quiet), 0);
-    let report = of_video(open(&args.video)?, settings, asked, |done, of| {
+    let report = test_video(open(&args.video)?, settings, asked, |done, of| {
         frames = done;
         meter.show("frames", done as usize, of.unwrap_or(done) as usize);
     });
@@ -69,31 +70,35 @@ pub fn run(args: Args) -> Result<(), Failure> {
     }
     print_result(&text_of(&report))?;
     match report.light {
-        Light::Green | Light::Yellow => Ok(()),
-        Light::Red => Err(Failure::Failed(anyhow!("the result is red: repair the box before it is used for training"))),
-        Light::NotMeasured => Err(Failure::Failed(anyhow!("the box could not be measured: repeat the self-test"))),
+        TrafficLight::Green | TrafficLight::Yellow => Ok(()),
+        TrafficLight::Red => {
+            Err(CommandFailure::Failed(anyhow!("the result is red: repair the box before it is used for training")))
+        }
+        TrafficLight::NotMeasured => {
+            Err(CommandFailure::Failed(anyhow!("the box could not be measured: repeat the self-test")))
+        }
     }
 }
 
-fn board(args: &Args, camera: &CameraFile) -> Result<Board, Failure> {
+fn board(args: &SelfTestArgs, camera: &CameraFile) -> Result<Board, CommandFailure> {
     let given = args.board.map(|size| (size.columns, size.rows)).zip(args.square_mm);
     let of_calibration = || camera.board().map(|(size, mm)| ((size.columns as usize, size.rows as usize), mm));
     let ((columns, rows), square_mm) = given
         .or_else(of_calibration)
         .ok_or_else(|| about(&args.camera, anyhow!("names no board; add --board COLUMNSxROWS and --square-mm MM")))?;
-    Board::new(columns, rows, square_mm).map_err(Failure::input)
+    Board::new(columns, rows, square_mm).map_err(CommandFailure::input)
 }
 
 fn reach(text: &str) -> Result<f64, String> {
     let value: Option<f64> = text.parse().ok();
-    let possible = value.filter(|mm| (0.0..=MOST_REACH_MM).contains(mm));
-    possible.ok_or_else(|| format!("expected a number of mm from 0 to {MOST_REACH_MM}"))
+    let possible = value.filter(|mm| (0.0..=MAX_REACH_MM).contains(mm));
+    possible.ok_or_else(|| format!("expected a number of mm from 0 to {MAX_REACH_MM}"))
 }
 
 fn text_of(report: &SelfTestReport) -> String {
-    let mut text = format!("light: {}\n", words(report.light));
+    let mut text = format!("light: {}\n", light_text(report.light));
     for part in &report.parts {
-        text += &format!("  {} {}: {}\n", part.part, words(part.light), part.finding);
+        text += &format!("  {} {}: {}\n", part.part, light_text(part.light), part.finding);
         if !part.advice.is_empty() {
             text += &format!("    → {}\n", part.advice);
         }
@@ -105,24 +110,24 @@ fn text_of(report: &SelfTestReport) -> String {
         );
     }
     if !report.holds.is_empty() {
-        text += &format!("\nEvery rest of a tool, mm:\n{}", holds(&report.holds));
+        text += &format!("\nEvery rest of a tool, mm:\n{}", hold_table(&report.holds));
     }
     text
 }
 
-fn words(light: Light) -> String {
+fn light_text(light: TrafficLight) -> String {
     light.name().replace('_', " ")
 }
 
-fn holds(holds: &[HoldReport]) -> String {
-    let mut table = Table::new(["tool", "from s", "to s", "board", "corner", "error", "along", "across", "stated"]);
+fn hold_table(holds: &[HoldReport]) -> String {
+    let mut table = TextTable::new(["tool", "from s", "to s", "board", "corner", "error", "along", "across", "stated"]);
     for hold in holds {
         let (seconds, mm) =
             (|s: f64| format!("{s:.1}"), |mm: Option<f64>| mm.map_or("–".into(), |mm| format!("{mm:.2}")));
         let corner = hold.column.zip(hold.row).map(|(column, row)| format!("{column},{row}"));
         let why = hold.not_counted.map(|why| why.name().replace('_', " "));
         let stated = hold.inside.map_or("–", |inside| if inside { "inside" } else { "outside" });
-        table.row([
+        table.add_row([
             hold.tool.clone(),
             seconds(hold.from_s),
             seconds(hold.to_s),
@@ -134,5 +139,5 @@ fn holds(holds: &[HoldReport]) -> String {
             stated.to_owned(),
         ]);
     }
-    table.text()
+    table.to_text()
 }

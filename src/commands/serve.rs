@@ -17,20 +17,20 @@ use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 use tracing_subscriber::EnvFilter;
 
-use super::demonstration::{self, Builder};
-use super::{Failure, keep_to_ourselves};
-use crate::analysis::{AnalysisSettings, Glances, Workshop};
+use super::demonstration::{self, DemonstrationBuilder};
+use super::{CommandFailure, restrict_new_files_to_owner};
+use crate::analysis::{AnalysisSettings, QuickAnalysis, WorkerPool};
 use crate::cohorts::Cohorts;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
-use crate::events::Events;
+use crate::events::EventBus;
 use crate::http::auth::throttle::Throttle;
-use crate::http::places::Places;
-use crate::http::state::{App, InForce, Parts};
+use crate::http::state::{App, AppParts, ServiceInfo};
+use crate::http::watcher_slots::WatcherSlots;
 use crate::http::{router, server};
 use crate::intake::Intake;
-use crate::live::{self, Feeds, OpenFeeds};
+use crate::live::{self, FeedService, OpenFeeds};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::queue::Queue;
 use crate::rescoring::{self, RescoringSettings};
@@ -38,20 +38,20 @@ use crate::sandbox::{self, Program};
 use crate::settings::{Flags, Settings, UpkeepSettings};
 use crate::shutdown::Shutdown;
 use crate::store::{NewPerson, Store};
-use crate::time::{SharedClock, System};
+use crate::time::{SharedClock, SystemClock};
 use crate::upkeep;
-use crate::vault::{Lock, Vault};
+use crate::vault::{DataFolderLock, Vault};
 
 /// Time for all tasks to end after the shutdown began.
-const GRACE: Duration = Duration::from_secs(9);
+const SHUTDOWN_GRACE: Duration = Duration::from_secs(9);
 /// Requested limit of open files. The system's hard limit may be lower.
-const DESCRIPTORS: u64 = 65_536;
+const MAX_OPEN_FILES: u64 = 65_536;
 /// Login of the first administrator.
 const ADMINISTRATOR: &str = "administrator";
 
 /// Arguments of `trocar serve`.
 #[derive(clap::Args)]
-pub struct Args {
+pub struct ServeArgs {
     /// Folder for database, recordings and results; the first start creates it [default: trocar-data]
     #[arg(long)]
     data: Option<PathBuf>,
@@ -76,14 +76,14 @@ pub struct Args {
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: ServeArgs) -> Result<(), CommandFailure> {
     start_log(&args.log, args.log_json)?;
     let flags = Flags { settings: args.settings, data: args.data, listen: args.listen, workers: args.workers };
-    let mut settings = Settings::load(flags).map_err(Failure::input)?;
-    settings.workers = workers(settings.workers);
-    keep_to_ourselves();
+    let mut settings = Settings::load(flags).map_err(CommandFailure::input)?;
+    settings.workers = worker_count(settings.workers);
+    restrict_new_files_to_owner();
     // Each connection needs a file descriptor, and the usual soft limit is below `http.max_connections`.
-    if let Err(error) = rlimit::increase_nofile_limit(DESCRIPTORS) {
+    if let Err(error) = rlimit::increase_nofile_limit(MAX_OPEN_FILES) {
         tracing::warn!(%error, "cannot raise the limit of open files; many connections may fail");
     }
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
@@ -93,8 +93,9 @@ pub fn run(args: Args) -> Result<(), Failure> {
 }
 
 /// Starts the log on stderr: stdout is for the address and the first password.
-fn start_log(filter: &str, json: bool) -> Result<(), Failure> {
-    let filter = EnvFilter::try_new(filter).with_context(|| format!("--log {filter}")).map_err(Failure::input)?;
+fn start_log(filter: &str, json: bool) -> Result<(), CommandFailure> {
+    let filter =
+        EnvFilter::try_new(filter).with_context(|| format!("--log {filter}")).map_err(CommandFailure::input)?;
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
     if json {
         log.json().init()
@@ -107,18 +108,18 @@ fn start_log(filter: &str, json: bool) -> Result<(), Failure> {
 async fn serve(settings: Settings, demo: bool) -> anyhow::Result<()> {
     let password = Password::random();
     let scratch = settings.data.join("demonstration");
-    let running = start(settings, Arc::new(System), &password, Workshop::this_program()).await?;
+    let running = start(settings, Arc::new(SystemClock), &password, WorkerPool::this_program()).await?;
     running.shutdown.begin_on_signals().context("listening for signals")?;
-    greet(running.address, running.is_first.then_some(&password));
+    print_welcome(running.address, running.is_first_start.then_some(&password));
     if demo {
-        demonstrate(&running, scratch).await.context("registering the demonstration centre")?;
+        start_demonstration(&running, scratch).await.context("registering the demonstration centre")?;
     }
     running.ended().await;
     Ok(())
 }
 
 /// The number of workers for a setting. 0 means half the cores, because a recording keeps about two cores busy.
-fn workers(set: usize) -> usize {
+fn worker_count(set: usize) -> usize {
     match set {
         0 => std::thread::available_parallelism().map_or(1, |cores| cores.get().div_ceil(2)),
         some => some,
@@ -127,38 +128,43 @@ fn workers(set: usize) -> usize {
 
 /// Fills a new data folder with the demonstration centre, or continues where an earlier start stopped. Does nothing in
 /// a data folder that is in real use.
-async fn demonstrate(running: &Running, scratch: PathBuf) -> anyhow::Result<()> {
-    let builder = Builder::new(&running.app, scratch);
-    if !running.is_first && !builder.is_registered().await? {
-        say("This data folder is already in use, so no demonstration is added. Use --demo with a new data folder.");
+async fn start_demonstration(running: &RunningService, scratch: PathBuf) -> anyhow::Result<()> {
+    let builder = DemonstrationBuilder::new(&running.app, scratch);
+    if !running.is_first_start && !builder.is_registered().await? {
+        print_line(
+            "This data folder is already in use, so no demonstration is added. Use --demo with a new data folder.",
+        );
         return Ok(());
     }
     if let Some(password) = builder.register().await? {
         let instructor = demonstration::INSTRUCTOR;
-        say(&format!("To see the demonstration, sign in as {instructor} with the password {}", password.reveal()));
+        print_line(&format!(
+            "To see the demonstration, sign in as {instructor} with the password {}",
+            password.reveal()
+        ));
     }
     running.shutdown.spawn(builder.fill(running.shutdown.clone()));
     Ok(())
 }
 
 /// A running service.
-pub struct Running {
+pub struct RunningService {
     /// Address that it listens on.
     pub address: SocketAddr,
     /// Its shutdown.
     pub shutdown: Shutdown,
     /// True if this start created the first administrator, with the given password.
-    pub is_first: bool,
+    pub is_first_start: bool,
     app: App,
     served: JoinHandle<()>,
-    _lock: Lock,
+    _lock: DataFolderLock,
 }
 
-impl Running {
+impl RunningService {
     /// Waits until the shutdown has begun and the service has ended.
     pub async fn ended(self) {
         // Both at once, so that open requests and background tasks share the same grace time.
-        let (served, finished) = tokio::join!(self.served, self.shutdown.finished(GRACE));
+        let (served, finished) = tokio::join!(self.served, self.shutdown.finished(SHUTDOWN_GRACE));
         if served.is_err() {
             tracing::error!("accept loop panicked");
         }
@@ -181,7 +187,7 @@ pub async fn start(
     clock: SharedClock,
     password: &Password,
     child: Program,
-) -> anyhow::Result<Running> {
+) -> anyhow::Result<RunningService> {
     check_kernel(settings.analysis.require_landlock)?;
     let vault = Vault::open(&settings.data).await.context("opening the data folder")?;
     let lock = vault.lock().await.with_context(|| format!("using {}", settings.data.display()))?;
@@ -189,7 +195,7 @@ pub async fn start(
         Store::open(&settings.database(), &settings.store, clock.clone()).await.context("opening the database")?;
     let recovered = upkeep::recover(&store, &vault).await.context("recovering")?;
     tracing::info!(?recovered, "recovered");
-    let events = Events::new();
+    let events = EventBus::new();
     let queue = Queue::new(store.clone(), settings.queue.clone(), events.clone(), clock.clone());
     queue.recover().await.context("recovering the queue")?;
     let is_first = make_first_administrator(&store, password).await.context("making the first administrator")?;
@@ -199,7 +205,7 @@ pub async fn start(
     let shutdown = Shutdown::new();
     let (storage, jobs) = ((store.clone(), vault.clone()), (queue.clone(), events.clone()));
     let intake = Intake::new(storage, jobs, clock.clone(), shutdown.clone(), settings.uploads.clone());
-    let feeds = Feeds::new(live::Parts {
+    let feeds = FeedService::new(live::FeedServiceParts {
         store: store.clone(),
         vault: vault.clone(),
         queue: queue.clone(),
@@ -210,38 +216,44 @@ pub async fn start(
         analysis: settings.analysis.clone(),
         program: child.clone(),
         open: OpenFeeds::default(),
-        turns: Arc::default(),
+        cpu_slots: Arc::default(),
     });
-    let parts = Parts {
+    let parts = AppParts {
         throttle: Throttle::new(settings.http.attempts_per_min, clock.clone()),
-        streams: Places::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
+        watcher_slots: WatcherSlots::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
         metrics: metrics().context("starting the metrics")?,
         settings: settings.http.clone(),
-        in_force: in_force(&settings, clock.now_ms()),
+        service_info: service_info(&settings, clock.now_ms()),
         shutdown: shutdown.clone(),
         cohorts: Cohorts::new(store.clone(), clock.clone()),
-        glances: Glances::new(vault.clone(), child.clone(), settings.analysis.clone(), clock.clone(), shutdown.clone()),
+        quick_analysis: QuickAnalysis::new(
+            vault.clone(),
+            child.clone(),
+            settings.analysis.clone(),
+            clock.clone(),
+            shutdown.clone(),
+        ),
         store,
         vault,
         intake,
         feeds,
-        feed_places: Arc::new(Semaphore::new(settings.live.max_feeds)),
+        feed_slots: Arc::new(Semaphore::new(settings.live.max_feeds)),
         queue,
         events,
         clock,
     };
     let app = App::new(parts);
-    keep_up(&app, &settings.upkeep);
-    keep_rescoring(&app, settings.rescoring);
-    workshop(&app, settings.analysis, child).open(settings.workers, &shutdown);
+    start_upkeep(&app, &settings.upkeep);
+    start_rescoring(&app, settings.rescoring);
+    worker_pool(&app, settings.analysis, child).start_workers(settings.workers, &shutdown);
     let (http, stop, routes) = (settings.http, shutdown.clone(), router::routes(app.clone()));
     let served = tokio::spawn(async move { server::serve(listener, routes, &http, &stop).await });
-    Ok(Running { address, shutdown, is_first, app, served, _lock: lock })
+    Ok(RunningService { address, shutdown, is_first_start: is_first, app, served, _lock: lock })
 }
 
 /// The facts and settings that the service reports to administrators.
-fn in_force(settings: &Settings, started_at_ms: i64) -> InForce {
-    InForce {
+fn service_info(settings: &Settings, started_at_ms: i64) -> ServiceInfo {
+    ServiceInfo {
         pipeline: PIPELINE_VERSION,
         started_at_ms,
         workers: settings.workers,
@@ -253,7 +265,7 @@ fn in_force(settings: &Settings, started_at_ms: i64) -> InForce {
 
 /// Refuses to start on a kernel that cannot confine child processes as the settings require.
 fn check_kernel(require_landlock: bool) -> anyhow::Result<()> {
-    match sandbox::landlock() {
+    match sandbox::landlock_version() {
         Ok(_) => {}
         Err(why) if require_landlock => anyhow::bail!(
             "{why}; or set `require_landlock = false` under [analysis]: child processes are then confined only by limits \
@@ -265,27 +277,27 @@ fn check_kernel(require_landlock: bool) -> anyhow::Result<()> {
 }
 
 /// Starts the background tasks: rescue of expired leases, upkeep of feeds, removal of unneeded files.
-fn keep_up(app: &App, settings: &UpkeepSettings) {
+fn start_upkeep(app: &App, settings: &UpkeepSettings) {
     let (queue, stop) = (app.queue.clone(), app.shutdown.clone());
     app.shutdown.spawn(async move { queue.keep_sweeping(&stop).await });
     let feeds = app.feeds.clone();
-    app.shutdown.spawn(async move { feeds.keep().await });
+    app.shutdown.spawn(async move { feeds.maintain().await });
     let (app, every) = (app.clone(), Duration::from_secs(settings.collect_s.max(1)));
     let stop = app.shutdown.clone();
-    stop.clone().spawn(async move { upkeep::keep(&app.store, &app.vault, every, app.clock.clone(), &stop).await });
+    stop.clone().spawn(async move { upkeep::run(&app.store, &app.vault, every, app.clock.clone(), &stop).await });
 }
 
 /// Starts the background task that carries out rescoring orders.
-fn keep_rescoring(app: &App, settings: RescoringSettings) {
+fn start_rescoring(app: &App, settings: RescoringSettings) {
     let (app, stop) = (app.clone(), app.shutdown.clone());
     stop.clone().spawn(async move {
-        rescoring::keep(&app.store, &app.queue, &settings, app.clock.clone(), &stop).await;
+        rescoring::run(&app.store, &app.queue, &settings, app.clock.clone(), &stop).await;
     });
 }
 
 /// The worker pool of this service.
-fn workshop(app: &App, settings: AnalysisSettings, program: Program) -> Workshop {
-    Workshop {
+fn worker_pool(app: &App, settings: AnalysisSettings, program: Program) -> WorkerPool {
+    WorkerPool {
         store: app.store.clone(),
         vault: app.vault.clone(),
         queue: app.queue.clone(),
@@ -312,17 +324,17 @@ async fn make_first_administrator(store: &Store, password: &Password) -> anyhow:
 }
 
 /// Prints the address and, at the first start, how to sign in.
-fn greet(address: SocketAddr, password: Option<&Password>) {
-    say(&format!("Trocar listens on http://{address}/"));
+fn print_welcome(address: SocketAddr, password: Option<&Password>) {
+    print_line(&format!("Trocar listens on http://{address}/"));
     if let Some(password) = password {
-        say(&format!("Sign in as {ADMINISTRATOR} with the password {}", password.reveal()));
-        say("The password is shown only this once and kept nowhere: change it after you have signed in.");
+        print_line(&format!("Sign in as {ADMINISTRATOR} with the password {}", password.reveal()));
+        print_line("The password is shown only this once and kept nowhere: change it after you have signed in.");
     }
 }
 
 /// Prints a line to stdout only, because a log would keep the password. If stdout is closed (`trocar serve | head -1`),
 /// `println!` would panic; this function only warns.
-fn say(line: &str) {
+fn print_line(line: &str) {
     let mut out = std::io::stdout().lock();
     if let Err(error) = writeln!(out, "{line}").and_then(|()| out.flush()) {
         tracing::warn!(%error, "cannot write to standard output; a message was lost");

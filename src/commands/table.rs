@@ -4,18 +4,18 @@ use std::fmt::Write;
 
 /// Rows of cells. The first row is the head.
 #[derive(Default)]
-pub struct Table {
+pub struct TextTable {
     rows: Vec<Vec<String>>,
 }
 
-impl Table {
+impl TextTable {
     /// A table with this head and no rows.
     pub fn new<S: Into<String>>(head: impl IntoIterator<Item = S>) -> Self {
         Self { rows: vec![head.into_iter().map(Into::into).collect()] }
     }
 
     /// Adds a row.
-    pub fn row<S: Into<String>>(&mut self, cells: impl IntoIterator<Item = S>) {
+    pub fn add_row<S: Into<String>>(&mut self, cells: impl IntoIterator<Item = S>) {
         self.rows.push(cells.into_iter().map(Into::into).collect());
     }
 
@@ -25,7 +25,7 @@ impl Table {
     }
 
     /// The table as text. Each line is indented by two spaces and ends with a line feed.
-    pub fn text(&self) -> String {
+    pub fn to_text(&self) -> String {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let width = |column: usize| {
             self.rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0)
@@ -52,10 +52,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_stand_under_each_other() {
-        let mut table = Table::new(["feature", "mm²"]);
-        table.row(["path", "3"]);
-        table.row(["économie", "1234.5"]);
-        assert_eq!(table.text(), "  feature      mm²\n  path           3\n  économie  1234.5\n");
+    fn numbers_are_right_aligned() {
+        let mut table = TextTable::new(["feature", "mm²"]);
+        table.add_row(["path", "3"]);
+        table.add_row(["économie", "1234.5"]);
+        assert_eq!(table.to_text(), "  feature      mm²\n  path           3\n  économie  1234.5\n");
     }
 }

@@ -12,30 +12,30 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-use debug::{DebugArgs, DebugPictures, Scene};
-use marks::{Collector, Marks};
-use progress::Progress;
-use stages::{Stage, StageClock};
+use debug::{DebugArgs, DebugPictures, DebugScene};
+use marks::{ClipMarks, SampleCollector};
+use progress::TrackProgress;
+use stages::{StageClock, TrackStage};
 
-use super::{Failure, verdict};
+use super::{CommandFailure, verdict};
 use crate::domain::files::annotations::{self, AnnotationsFile, LabelledRectangle, MarkedTool};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::files::trajectory::write_csv;
 use crate::heap;
-use crate::media::{Limits, MediaError, Picture, ReadAhead, VideoFile};
+use crate::media::{MediaError, MediaLimits, Picture, ReadAhead, VideoFile};
 use crate::pipeline::frame::Frame;
-use crate::pipeline::quality::{self, Evidence};
-use crate::pipeline::segmentation::palette::{self, Verdict};
-use crate::pipeline::segmentation::samples::{ColourSamples, Rectangle};
+use crate::pipeline::quality::{self, QualityInput};
+use crate::pipeline::segmentation::palette::{self, TapeVerdict};
+use crate::pipeline::segmentation::samples::{ColourSamples, MarkedRectangle};
 use crate::pipeline::tracker::{
-    MOST_REHEARSED, MotionSettings, PoseMethod, Side, ToolSpec, Tracker, TrackerSettings, Tracking, View,
+    CameraView, HandSide, MAX_WARM_UP_FRAMES, MotionSettings, PoseMethod, ToolSpec, Tracker, TrackerSettings, Tracking,
 };
-use crate::pipeline::trajectory::{Kind, Sample, Trajectory};
+use crate::pipeline::trajectory::{PathKind, Sample, Trajectory};
 
 /// Arguments of `trocar track`.
 #[derive(clap::Args)]
-pub struct Args {
+pub struct TrackArgs {
     /// Camera of the recording: camera.json from `trocar calibrate`, or another file in OpenCV's convention.
     #[arg(long, value_name = "FILE")]
     camera: PathBuf,
@@ -78,38 +78,38 @@ enum Pose {
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<(), Failure> {
-    heap::share_one().context("limiting memory to one heap")?;
+pub fn run(args: TrackArgs) -> Result<(), CommandFailure> {
+    heap::use_single_heap().context("limiting memory to one heap")?;
     let mut clock = StageClock::start();
     let mut pictures = DebugPictures::open(&args.debug)?;
     let camera = CameraFile::parse(&read(&args.camera)?).map_err(|e| about(&args.camera, e))?;
     let marked = AnnotationsFile::parse(&read(&args.annotations)?).map_err(|e| about(&args.annotations, e))?;
-    clock.lap_of(Stage::Samples);
-    let marks = Marks::new(&marked, &args.annotations, &args.video);
-    let Followed { tracking, live, frames_expected, frames_interlaced, .. } =
-        track(&args, &camera, &marked, &marks, pictures.as_mut(), &mut clock)?;
-    heap::give_back(); // the paths need the memory now
+    clock.add_lap(TrackStage::Samples);
+    let marks = ClipMarks::new(&marked, &args.annotations, &args.video);
+    let PassResult { tracking, live, frames_expected, frames_interlaced, .. } =
+        collect_and_track(&args, &camera, &marked, &marks, pictures.as_mut(), &mut clock)?;
+    heap::release_free_memory(); // the paths need the memory now
     let mut trajectory = match (args.raw, live) {
-        (true, _) => tracking.trajectory(Kind::Raw),
-        (_, Some(samples)) => Trajectory { samples, ..tracking.trajectory(Kind::Smoothed) },
-        _ => tracking.trajectory(Kind::Smoothed),
+        (true, _) => tracking.trajectory(PathKind::Raw),
+        (_, Some(samples)) => Trajectory { samples, ..tracking.trajectory(PathKind::Smoothed) },
+        _ => tracking.trajectory(PathKind::Smoothed),
     };
     match &args.out {
         Some(path) => write_csv(&trajectory, create(path)?).with_context(|| format!("writing {}", path.display()))?,
         None => write_csv(&trajectory, io::stdout().lock()).context("writing to standard output")?,
     }
-    clock.lap_of(Stage::Writing);
+    clock.add_lap(TrackStage::Writing);
     if let Some(path) = &args.timings {
         clock.save(create(path)?).with_context(|| format!("writing {}", path.display()))?;
     }
     if args.raw || args.causal {
-        trajectory = tracking.trajectory(Kind::Smoothed);
+        trajectory = tracking.trajectory(PathKind::Smoothed);
     }
-    let evidence = Evidence {
+    let evidence = QualityInput {
         calibration_rms_px: camera.rms_px(),
         frames_expected,
         frames_interlaced: Some(frames_interlaced),
-        ..Evidence::of_tracking(&tracking, &trajectory, MotionSettings::default())
+        ..QualityInput::of_tracking(&tracking, &trajectory, MotionSettings::default())
     };
     let figures = quality::measure(&evidence);
     let judged = quality::judge(&figures);
@@ -131,36 +131,41 @@ pub fn run(args: Args) -> Result<(), Failure> {
 ///
 /// To save time, the samples are first collected without decoding most frames. Tracking decodes all frames and collects
 /// them again. In a damaged recording the two can differ; then both steps are repeated without this shortcut.
-fn track(
-    args: &Args,
+fn collect_and_track(
+    args: &TrackArgs,
     camera: &CameraFile,
     marked: &AnnotationsFile,
-    marks: &Marks<'_>,
+    marks: &ClipMarks<'_>,
     mut pictures: Option<&mut DebugPictures>,
     clock: &mut StageClock,
-) -> Result<Followed, Failure> {
-    if let Some(samples) = marks.collect_few(clock)? {
-        warn_of_colours(args, marked, &samples);
-        clock.lap_of(Stage::Samples);
-        let followed =
-            follow(args, settings(args, camera, marked, &samples)?, Some(marks), pictures.as_deref_mut(), clock)?;
+) -> Result<PassResult, CommandFailure> {
+    if let Some(samples) = marks.collect_from_few_frames(clock)? {
+        warn_about_colours(args, marked, &samples);
+        clock.add_lap(TrackStage::Samples);
+        let followed = track_recording(
+            args,
+            settings(args, camera, marked, &samples)?,
+            Some(marks),
+            pictures.as_deref_mut(),
+            clock,
+        )?;
         if followed.samples.as_ref().is_some_and(|again| *again == samples) {
             return Ok(followed);
         }
     }
-    clock.track_again();
+    clock.restart_tracking();
     let samples = marks.collect(clock)?;
-    warn_of_colours(args, marked, &samples);
-    clock.lap_of(Stage::Samples);
-    follow(args, settings(args, camera, marked, &samples)?, None, pictures, clock)
+    warn_about_colours(args, marked, &samples);
+    clock.add_lap(TrackStage::Samples);
+    track_recording(args, settings(args, camera, marked, &samples)?, None, pictures, clock)
 }
 
 fn settings(
-    args: &Args,
+    args: &TrackArgs,
     camera: &CameraFile,
     marked: &AnnotationsFile,
     samples: &ColourSamples,
-) -> Result<TrackerSettings, Failure> {
+) -> Result<TrackerSettings, CommandFailure> {
     let pose = match args.pose {
         Pose::Planes => PoseMethod::TangentPlanes,
         Pose::Width => PoseMethod::PinholeWidth,
@@ -174,33 +179,37 @@ pub(super) fn tracker_settings(
     camera: &CameraFile,
     marked: &AnnotationsFile,
     samples: &ColourSamples,
-) -> Result<TrackerSettings, Failure> {
+) -> Result<TrackerSettings, CommandFailure> {
     let mut settings = TrackerSettings::new(camera.camera(), tools(marked, annotations)?, samples.clone());
     settings.view = marked.view.map(|view| match view {
-        annotations::View::Top => View::Top,
-        annotations::View::Side => View::Side,
+        annotations::View::Top => CameraView::Top,
+        annotations::View::Side => CameraView::Side,
     });
     Ok(settings)
 }
 
 /// Samples of the marked colours, from the clip that the annotations name, else from the clip to be tracked.
-pub(super) fn marked_samples(marked: &AnnotationsFile, file: &Path, tracked: &Path) -> Result<ColourSamples, Failure> {
-    Marks::new(marked, file, tracked).collect(&mut StageClock::start())
+pub(super) fn marked_samples(
+    marked: &AnnotationsFile,
+    file: &Path,
+    tracked: &Path,
+) -> Result<ColourSamples, CommandFailure> {
+    ClipMarks::new(marked, file, tracked).collect(&mut StageClock::start())
 }
 
 /// Prints a line for each colour that is not good. `trocar palette --check` gives details.
-fn warn_of_colours(args: &Args, marked: &AnnotationsFile, samples: &ColourSamples) {
+fn warn_about_colours(args: &TrackArgs, marked: &AnnotationsFile, samples: &ColourSamples) {
     if args.quiet {
         return;
     }
     let colours: Vec<String> = marked.marked_colours().into_iter().map(str::to_owned).collect();
-    for warning in palette::verdicts(samples, &colours).iter().filter_map(Verdict::warning) {
+    for warning in palette::verdicts(samples, &colours).iter().filter_map(TapeVerdict::warning) {
         eprintln!("warning: {warning}");
     }
 }
 
 /// Result of one pass over the recording.
-struct Followed {
+struct PassResult {
     tracking: Tracking,
     /// The causal samples of each frame, with `--causal`.
     live: Option<Vec<Sample>>,
@@ -211,48 +220,48 @@ struct Followed {
 }
 
 /// Tracks every frame of the recording, while another thread decodes the next frames.
-fn follow(
-    args: &Args,
+fn track_recording(
+    args: &TrackArgs,
     settings: TrackerSettings,
-    marks: Option<&Marks<'_>>,
+    marks: Option<&ClipMarks<'_>>,
     mut pictures: Option<&mut DebugPictures>,
     clock: &mut StageClock,
-) -> Result<Followed, Failure> {
+) -> Result<PassResult, CommandFailure> {
     let in_video = |error: MediaError| about(&args.video, error);
     let video = open(&args.video)?;
     let info = video.info();
-    clock.lap_of(Stage::Opening);
-    let progress = Progress::new(info.frames_expected, args.quiet);
-    let scene = Scene::new(&settings);
+    clock.add_lap(TrackStage::Opening);
+    let progress = TrackProgress::new(info.frames_expected, args.quiet);
+    let scene = DebugScene::new(&settings);
     let mut ahead = ReadAhead::new(video).map_err(in_video)?;
     let first: Vec<Frame<'_>> =
-        ahead.first_pictures(MOST_REHEARSED).map_err(in_video)?.iter().map(Picture::frame).collect();
+        ahead.first_pictures(MAX_WARM_UP_FRAMES).map_err(in_video)?.iter().map(Picture::frame).collect();
     let encoding = first.first().ok_or_else(|| in_video(MediaError::NoFrames))?.encoding;
-    clock.lap_of(Stage::Waiting);
+    clock.add_lap(TrackStage::Waiting);
     let mut tracker = Tracker::new(settings, info.width, info.height, encoding).map_err(|e| about(&args.camera, e))?;
-    tracker.rehearse(&first);
-    clock.lap_of(Stage::Preparing);
-    let mut again = marks.map(Marks::collector);
+    tracker.warm_up(&first);
+    clock.add_lap(TrackStage::Preparing);
+    let mut again = marks.map(ClipMarks::collector);
     let mut frames_interlaced = 0;
     let mut live = args.causal.then(Vec::new);
     while let Some(seen) = ahead.next_picture().map_err(in_video)? {
-        clock.lap_of(Stage::Waiting);
+        clock.add_lap(TrackStage::Waiting);
         let frame = seen.frame();
         frames_interlaced += u64::from(seen.is_interlaced());
         if let Some(again) = &mut again {
-            again.look_at(&frame);
+            again.add_frame(&frame);
         }
         let report = match pictures.as_mut().filter(|pictures| pictures.wants(frame.index)) {
             None => {
                 let report = tracker.observe(&frame);
-                clock.lap_of(Stage::Tracking);
+                clock.add_lap(TrackStage::Tracking);
                 report
             }
             Some(pictures) => {
                 let (report, trace) = tracker.observe_traced(&frame);
-                clock.lap_of(Stage::Tracking);
+                clock.add_lap(TrackStage::Tracking);
                 pictures.draw(&scene, &frame, &report, &trace)?;
-                clock.lap_of(Stage::Writing);
+                clock.add_lap(TrackStage::Writing);
                 report
             }
         };
@@ -264,19 +273,19 @@ fn follow(
     progress.end();
     drop(ahead); // the paths need the memory now
     let tracking = tracker.finish();
-    clock.lap_of(Stage::Finishing);
-    let samples = again.and_then(Collector::into_samples);
-    Ok(Followed { tracking, live, samples, frames_expected: info.frames_expected, frames_interlaced })
+    clock.add_lap(TrackStage::Finishing);
+    let samples = again.and_then(SampleCollector::into_samples);
+    Ok(PassResult { tracking, live, samples, frames_expected: info.frames_expected, frames_interlaced })
 }
 
 /// A labelled rectangle as a mark of its colour. The rectangle must lie inside the frame.
-pub(super) fn rectangle(marked: &AnnotationsFile, label: &LabelledRectangle) -> Rectangle {
+pub(super) fn rectangle(marked: &AnnotationsFile, label: &LabelledRectangle) -> MarkedRectangle {
     let size = |n: i64| usize::try_from(n).unwrap_or(0);
     let [x, y, w, h] = [label.x, label.y, label.w, label.h].map(size);
-    Rectangle { label: marked.colour_of(&label.label).to_owned(), x, y, w, h }
+    MarkedRectangle { label: marked.colour_of(&label.label).to_owned(), x, y, w, h }
 }
 
-fn tools(marked: &AnnotationsFile, path: &Path) -> Result<Vec<ToolSpec>, Failure> {
+fn tools(marked: &AnnotationsFile, path: &Path) -> Result<Vec<ToolSpec>, CommandFailure> {
     let tools = marked.marked_tools().map_err(|e| about(path, e))?;
     Ok(tools.into_iter().map(tool).collect())
 }
@@ -284,8 +293,8 @@ fn tools(marked: &AnnotationsFile, path: &Path) -> Result<Vec<ToolSpec>, Failure
 fn tool(marked: MarkedTool) -> ToolSpec {
     let MarkedTool { name, colour, side, diameter_mm, band_length_mm } = marked;
     let side = side.map(|side| match side {
-        annotations::Side::Left => Side::Left,
-        annotations::Side::Right => Side::Right,
+        annotations::Side::Left => HandSide::Left,
+        annotations::Side::Right => HandSide::Right,
     });
     ToolSpec { name, colour, side, diameter_mm, band_length_mm }
 }
@@ -305,20 +314,20 @@ fn report(tracking: &Tracking) {
     }
 }
 
-pub(super) fn read(path: &Path) -> Result<String, Failure> {
+pub(super) fn read(path: &Path) -> Result<String, CommandFailure> {
     std::fs::read_to_string(path).map_err(|e| about(path, e))
 }
 
-pub(super) fn open(path: &Path) -> Result<VideoFile, Failure> {
+pub(super) fn open(path: &Path) -> Result<VideoFile, CommandFailure> {
     let file = File::open(path).map_err(|e| about(path, e))?;
-    VideoFile::open(file, Limits::default()).map_err(|e| about(path, e))
+    VideoFile::open(file, MediaLimits::default()).map_err(|e| about(path, e))
 }
 
-fn create(path: &Path) -> Result<BufWriter<File>, Failure> {
+fn create(path: &Path) -> Result<BufWriter<File>, CommandFailure> {
     Ok(BufWriter::new(File::create(path).with_context(|| format!("cannot write {}", path.display()))?))
 }
 
 /// An input failure with the path of the file that caused it.
-pub(super) fn about(path: &Path, error: impl Into<anyhow::Error>) -> Failure {
-    Failure::Input(error.into().context(path.display().to_string()))
+pub(super) fn about(path: &Path, error: impl Into<anyhow::Error>) -> CommandFailure {
+    CommandFailure::Input(error.into().context(path.display().to_string()))
 }

@@ -1,11 +1,11 @@
 //! The quality verdict on a session, as text for people.
 
-use crate::pipeline::quality::Verdict;
+use crate::pipeline::quality::QualityVerdict;
 
 /// The verdict, and one line per reason: the finding and what to do about it.
-pub fn text(verdict: &Verdict) -> String {
+pub fn text(verdict: &QualityVerdict) -> String {
     let head = match verdict {
-        Verdict::Refused(_) => "verdict: refused; the features of this session are not reliable\n".to_owned(),
+        QualityVerdict::Refused(_) => "verdict: refused; the features of this session are not reliable\n".to_owned(),
         _ => format!("verdict: {}\n", verdict.title()),
     };
     let reasons = verdict.concerns().iter().map(|concern| format!("  – {}: {}\n", concern.finding(), concern.advice()));

@@ -11,16 +11,16 @@ mod rules;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-pub use rules::{RULES, Rule, Support};
+pub use rules::{AdviceRule, RULES, RequiredStretch};
 
 use super::evidence::{EvidenceRow, StretchRow};
 use super::feature::FeatureKey;
 use super::session::{FeatureError, FeatureRow};
-use super::standard::{Better, Definition, Judgement, Target, ToJudge};
+use super::standard::{Better, Judgement, StandardDefinition, Target, ValueToJudge};
 use super::trainee::Handedness;
 
 /// Maximum pieces of advice for one session: a trainee cannot work on four things at once.
-pub const MOST: usize = 3;
+pub const MAX_ADVICE: usize = 3;
 
 /// One piece of advice.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
@@ -56,7 +56,7 @@ pub struct Advice {
 
 /// A session's measured features, with their evidence and the data needed to judge them.
 #[derive(Clone, Copy, Debug)]
-pub struct Measured<'m> {
+pub struct MeasuredSession<'m> {
     /// The features.
     pub features: &'m [FeatureRow],
     /// The stretches that made the features.
@@ -68,31 +68,32 @@ pub struct Measured<'m> {
 }
 
 /// What to work on next, the most important first.
-pub fn advise(definition: &Definition, measured: Measured<'_>) -> Vec<Advice> {
-    let mut all: Vec<Advice> = definition.targets.iter().filter_map(|target| of_target(target, measured)).collect();
+pub fn advise(definition: &StandardDefinition, measured: MeasuredSession<'_>) -> Vec<Advice> {
+    let mut all: Vec<Advice> =
+        definition.targets.iter().filter_map(|target| advice_for_target(target, measured)).collect();
     all.sort_by(|a, b| b.distance.total_cmp(&a.distance));
     let mut chosen: Vec<Advice> = Vec::new();
     for advice in all {
         let is_given = chosen.iter().any(|given| given.rule == advice.rule && given.of.tool == advice.of.tool);
-        if !is_given && chosen.len() < MOST {
+        if !is_given && chosen.len() < MAX_ADVICE {
             chosen.push(advice);
         }
     }
     chosen
 }
 
-fn of_target(target: &Target, measured: Measured<'_>) -> Option<Advice> {
+fn advice_for_target(target: &Target, measured: MeasuredSession<'_>) -> Option<Advice> {
     let row = measured.features.iter().find(|row| FeatureKey::from(*row) == target.of)?;
     let (value, error) = (*row.value.as_ref().ok()?, *row.error.as_ref()?.as_ref().ok()?);
-    let Measured { pipeline, handedness, .. } = measured;
-    let to_judge = ToJudge { value: Some(value), bar: Some([error.low, error.high]), pipeline, handedness };
+    let MeasuredSession { pipeline, handedness, .. } = measured;
+    let to_judge = ValueToJudge { value: Some(value), bar: Some([error.low, error.high]), pipeline, handedness };
     if target.judge(to_judge) != Judgement::Fail {
         return None;
     }
-    let rule = RULES.iter().find(|rule| rule.speaks_of(&target.of.feature, target.better))?;
+    let rule = RULES.iter().find(|rule| rule.covers(&target.of.feature, target.better))?;
     let evidence = measured.evidence.iter().find(|row| row.of == target.of)?;
     let stretches: Vec<StretchRow> =
-        evidence.stretches.iter().filter(|stretch| rule.rests_on(stretch)).copied().collect();
+        evidence.stretches.iter().filter(|stretch| rule.accepts_stretch(stretch)).copied().collect();
     let first = stretches.first()?;
     let distance = (value - target.limit).abs() / value.abs().max(target.limit.abs()).max(f64::MIN_POSITIVE);
     let sentence = sentence(rule, target, row, error, first);
@@ -114,7 +115,7 @@ fn of_target(target: &Target, measured: Measured<'_>) -> Option<Advice> {
 }
 
 /// The rule's words, then feature, value, limit and the seconds to look at.
-fn sentence(rule: &Rule, target: &Target, row: &FeatureRow, error: FeatureError, first: &StretchRow) -> String {
+fn sentence(rule: &AdviceRule, target: &Target, row: &FeatureRow, error: FeatureError, first: &StretchRow) -> String {
     let whose = target.of.tool.as_ref().map_or(String::new(), |tool| format!(" of {tool}"));
     let unit = if row.unit == "1" || row.unit.is_empty() { String::new() } else { format!(" {}", row.unit) };
     let side = if target.better == Better::Lower { "at most" } else { "at least" };
@@ -123,23 +124,23 @@ fn sentence(rule: &Rule, target: &Target, row: &FeatureRow, error: FeatureError,
         "{} {}{whose} is {} ({} to {}){unit}; the standard asks for {side} {}{unit}. Look at {} to {}.",
         rule.words,
         row.title,
-        digits(value),
-        digits(error.low),
-        digits(error.high),
-        digits(target.limit),
-        clock(first.from_s),
-        clock(first.to_s)
+        significant_digits(value),
+        significant_digits(error.low),
+        significant_digits(error.high),
+        significant_digits(target.limit),
+        clock_time(first.from_s),
+        clock_time(first.to_s)
     )
 }
 
 /// A number with three significant digits.
-fn digits(value: f64) -> String {
+fn significant_digits(value: f64) -> String {
     let places = if value == 0.0 { 0 } else { 2 - value.abs().log10().floor() as i32 };
     format!("{value:.*}", places.clamp(0, 6) as usize)
 }
 
 /// Seconds as `1:02.3`.
-fn clock(seconds: f64) -> String {
+fn clock_time(seconds: f64) -> String {
     let tenths = (seconds * 10.0).round() as i64;
     format!("{}:{:02}.{}", tenths / 600, tenths / 10 % 60, tenths % 10)
 }

@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_hash_of_nothing_is_the_known_one() {
+    fn the_hash_of_an_empty_file_is_the_known_one() {
         let known = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855";
         assert_eq!(Blob::of(b"").hash.to_string(), known);
         assert_eq!(known.parse(), Ok(Blob::of(b"").hash));

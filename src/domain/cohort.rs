@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cohort_is_a_list_or_a_description_and_names_nobody_twice() {
+    fn a_cohort_is_a_list_without_repeats_or_a_description() {
         let of = |json: serde_json::Value| serde_json::from_value::<NewCohort>(json).unwrap().checked().map(drop);
         let id = TraineeId::at(1).to_string();
         assert!(of(serde_json::json!({ "name": "Experts", "level": "expert" })).is_ok());

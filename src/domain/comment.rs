@@ -6,7 +6,7 @@ use utoipa::ToSchema;
 use super::text::{Invalid, Remark};
 
 /// Latest accepted second: no recording is longer than a day.
-const LATEST_S: f64 = 86_400.0;
+const MAX_TIME_S: f64 = 86_400.0;
 
 /// A comment to be stored.
 #[derive(Clone, Debug, PartialEq, Deserialize, ToSchema)]
@@ -29,7 +29,7 @@ impl NewComment {
     /// Seconds outside any recording.
     pub fn span(&self) -> Result<[f64; 2], Invalid> {
         let to_s = self.to_s.unwrap_or(self.from_s);
-        let is_second = |second: f64| (0.0..=LATEST_S).contains(&second);
+        let is_second = |second: f64| (0.0..=MAX_TIME_S).contains(&second);
         match (is_second(self.from_s), is_second(to_s) && to_s >= self.from_s) {
             (true, true) => Ok([self.from_s, to_s]),
             (false, _) => {
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_comment_is_about_a_moment_or_a_stretch_that_can_be() {
+    fn a_comment_is_about_a_possible_moment_or_stretch() {
         let about = |from_s, to_s| NewComment { from_s, to_s, text: "Look here.".parse().unwrap() }.span();
         assert_eq!(about(3.5, None), Ok([3.5, 3.5]));
         assert_eq!(about(3.5, Some(9.0)), Ok([3.5, 9.0]));

@@ -8,11 +8,11 @@ use serde::Deserialize;
 use super::text::{Invalid, Key, Name};
 
 /// Maximum number of steps of a plan: a longer table is unreadable.
-pub const MOST_STEPS: usize = 40;
+pub const MAX_STEPS: usize = 40;
 /// Latest due day of a step, days after the beginning: ten years.
-pub const MOST_DAYS: u32 = 3650;
+pub const MAX_DAYS: u32 = 3650;
 /// Maximum number of sessions that a step may require.
-pub const MOST_SESSIONS: u32 = 200;
+pub const MAX_SESSIONS: u32 = 200;
 
 /// A course plan to be created, or the new content of an existing one.
 #[derive(Clone, Debug, PartialEq, Deserialize, utoipa::ToSchema)]
@@ -39,18 +39,18 @@ pub struct NewStep {
 impl NewCourse {
     /// Returns the plan if its numbers are within their limits.
     pub fn checked(self) -> Result<Self, Invalid> {
-        if !(1..=MOST_STEPS).contains(&self.steps.len()) {
-            return Err(Invalid::new("steps", format!("are {}; expected 1 to {MOST_STEPS}", self.steps.len())));
+        if !(1..=MAX_STEPS).contains(&self.steps.len()) {
+            return Err(Invalid::new("steps", format!("are {}; expected 1 to {MAX_STEPS}", self.steps.len())));
         }
         for (number, step) in (1..).zip(&self.steps) {
-            if let Some(days) = step.within_days.filter(|days| *days > MOST_DAYS) {
-                let why = format!("is {days} in step {number}; expected 0 to {MOST_DAYS} days");
+            if let Some(days) = step.within_days.filter(|days| *days > MAX_DAYS) {
+                let why = format!("is {days} in step {number}; expected 0 to {MAX_DAYS} days");
                 return Err(Invalid::new("within_days", why));
             }
-            if let Some(sessions) = step.sessions.filter(|of| !(1..=MOST_SESSIONS).contains(of)) {
+            if let Some(sessions) = step.sessions.filter(|of| !(1..=MAX_SESSIONS).contains(of)) {
                 return Err(Invalid::new(
                     "sessions",
-                    format!("is {sessions} in step {number}; expected 1 to {MOST_SESSIONS}, or none for the standard"),
+                    format!("is {sessions} in step {number}; expected 1 to {MAX_SESSIONS}, or none for the standard"),
                 ));
             }
         }
@@ -72,10 +72,10 @@ mod tests {
     fn a_plan_has_steps_within_their_limits() {
         assert!(checked(json!([{"task": "pegs"}])).is_ok());
         assert!(checked(json!([{"task": "pegs", "within_days": 0, "sessions": 200}])).is_ok());
-        assert!(checked(vec![json!({"task": "pegs"}); MOST_STEPS].into()).is_ok());
+        assert!(checked(vec![json!({"task": "pegs"}); MAX_STEPS].into()).is_ok());
         for (steps, what) in [
             (json!([]), "steps"),
-            (vec![json!({"task": "pegs"}); MOST_STEPS + 1].into(), "steps"),
+            (vec![json!({"task": "pegs"}); MAX_STEPS + 1].into(), "steps"),
             (json!([{"task": "pegs", "within_days": 3651}]), "within_days"),
             (json!([{"task": "pegs"}, {"task": "pegs", "sessions": 0}]), "sessions"),
             (json!([{"task": "pegs", "sessions": 201}]), "sessions"),

@@ -8,7 +8,7 @@ use super::named;
 use super::text::{Invalid, Remark};
 
 /// Latest accepted second: no recording is longer than a day.
-const LATEST_S: f64 = 86_400.0;
+const MAX_TIME_S: f64 = 86_400.0;
 
 named! {
     /// Kind of edit.
@@ -63,7 +63,7 @@ pub struct NewEdit {
 
 /// An edit after all checks that do not need the session.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Change {
+pub enum EditChange {
     /// Only this span counts, s.
     Trim([f64; 2]),
     /// These two tools exchange names within the span, s.
@@ -72,21 +72,21 @@ pub enum Change {
     SetAside,
 }
 
-impl Change {
+impl EditChange {
     /// Its kind.
     pub fn kind(&self) -> EditKind {
         match self {
-            Change::Trim(_) => EditKind::Trim,
-            Change::Swap(..) => EditKind::Swap,
-            Change::SetAside => EditKind::SetAside,
+            EditChange::Trim(_) => EditKind::Trim,
+            EditChange::Swap(..) => EditKind::Swap,
+            EditChange::SetAside => EditKind::SetAside,
         }
     }
 
     /// Start and end, s; `None` for an edit of the whole session.
     pub fn span(&self) -> Option<[f64; 2]> {
         match self {
-            Change::Trim(span) | Change::Swap(_, span) => Some(*span),
-            Change::SetAside => None,
+            EditChange::Trim(span) | EditChange::Swap(_, span) => Some(*span),
+            EditChange::SetAside => None,
         }
     }
 }
@@ -96,26 +96,26 @@ impl NewEdit {
     ///
     /// # Errors
     /// Seconds outside any recording, or fields that do not belong to the kind.
-    pub fn change(&self) -> Result<Change, Invalid> {
+    pub fn change(&self) -> Result<EditChange, Invalid> {
         match (self.kind, self.tools.clone()) {
             (EditKind::Swap, None) => Err(Invalid::new("tools", "is missing: name the two tools to swap")),
             (EditKind::Swap, Some([one, other])) if one == other => {
                 Err(Invalid::new("tools", format!("names `{one}` twice; expected two tools")))
             }
-            (EditKind::Swap, Some(tools)) => Ok(Change::Swap(tools, self.within()?)),
+            (EditKind::Swap, Some(tools)) => Ok(EditChange::Swap(tools, self.checked_span()?)),
             (_, Some(_)) => Err(Invalid::new("tools", "belongs only to a `swap`")),
-            (EditKind::Trim, None) => Ok(Change::Trim(self.within()?)),
+            (EditKind::Trim, None) => Ok(EditChange::Trim(self.checked_span()?)),
             (EditKind::SetAside, None) if self.from_s.or(self.to_s).is_some() => {
                 Err(Invalid::new("from_s", "and `to_s` do not belong to `set_aside`, which covers the whole session"))
             }
-            (EditKind::SetAside, None) => Ok(Change::SetAside),
+            (EditKind::SetAside, None) => Ok(EditChange::SetAside),
         }
     }
 
-    fn within(&self) -> Result<[f64; 2], Invalid> {
+    fn checked_span(&self) -> Result<[f64; 2], Invalid> {
         let second = |field: &'static str, value: Option<f64>| {
             let value = value.ok_or_else(|| Invalid::new(field, "is missing: give the first and last second"))?;
-            if (0.0..=LATEST_S).contains(&value) {
+            if (0.0..=MAX_TIME_S).contains(&value) {
                 return Ok(value);
             }
             Err(Invalid::new(field, format!("is {value}; expected a second of the recording")))
@@ -134,13 +134,13 @@ pub struct EditsInForce {
     /// Number of trims and swaps made and undone so far.
     pub revision: u64,
     /// The edits in force.
-    pub changes: Vec<Change>,
+    pub changes: Vec<EditChange>,
 }
 
 /// The span of a recording that remains after these edits: the intersection of its trims, s. `None`: all of it.
-pub fn kept(changes: &[Change]) -> Option<[f64; 2]> {
+pub fn kept_span(changes: &[EditChange]) -> Option<[f64; 2]> {
     let trims = changes.iter().filter_map(|change| match change {
-        Change::Trim(span) => Some(*span),
+        EditChange::Trim(span) => Some(*span),
         _ => None,
     });
     trims.reduce(|[from, to], [later, sooner]| [from.max(later), to.min(sooner)])
@@ -150,7 +150,7 @@ pub fn kept(changes: &[Change]) -> Option<[f64; 2]> {
 mod tests {
     use super::*;
 
-    fn new(kind: EditKind, span: [Option<f64>; 2], tools: Option<[&str; 2]>) -> Result<Change, Invalid> {
+    fn new(kind: EditKind, span: [Option<f64>; 2], tools: Option<[&str; 2]>) -> Result<EditChange, Invalid> {
         let tools = tools.map(|tools| tools.map(str::to_owned));
         let why = "It began late.".parse().unwrap();
         NewEdit { kind, from_s: span[0], to_s: span[1], tools, why, revision: None }.change()
@@ -159,9 +159,9 @@ mod tests {
     #[test]
     fn an_edit_has_what_its_kind_needs_and_nothing_else() {
         let (span, pair) = ([Some(2.0), Some(9.0)], Some(["orange", "cyan"]));
-        assert_eq!(new(EditKind::Trim, span, None), Ok(Change::Trim([2.0, 9.0])));
-        assert!(matches!(new(EditKind::Swap, span, pair), Ok(Change::Swap(..))));
-        assert_eq!(new(EditKind::SetAside, [None; 2], None), Ok(Change::SetAside));
+        assert_eq!(new(EditKind::Trim, span, None), Ok(EditChange::Trim([2.0, 9.0])));
+        assert!(matches!(new(EditKind::Swap, span, pair), Ok(EditChange::Swap(..))));
+        assert_eq!(new(EditKind::SetAside, [None; 2], None), Ok(EditChange::SetAside));
         for (kind, span, tools) in [
             (EditKind::Trim, [None; 2], None),
             (EditKind::Trim, [Some(2.0), None], None),
@@ -185,10 +185,10 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_within_all_trims_is_kept_in_whatever_order_they_were_made() {
-        let trims = [Change::Trim([2.0, 9.0]), Change::SetAside, Change::Trim([4.0, 20.0])];
-        assert_eq!(kept(&trims), Some([4.0, 9.0]));
-        assert_eq!(kept(&[trims[2].clone(), trims[0].clone()]), Some([4.0, 9.0]));
-        assert_eq!(kept(&[Change::SetAside]), None);
+    fn the_intersection_of_all_trims_is_kept_in_any_order() {
+        let trims = [EditChange::Trim([2.0, 9.0]), EditChange::SetAside, EditChange::Trim([4.0, 20.0])];
+        assert_eq!(kept_span(&trims), Some([4.0, 9.0]));
+        assert_eq!(kept_span(&[trims[2].clone(), trims[0].clone()]), Some([4.0, 9.0]));
+        assert_eq!(kept_span(&[EditChange::SetAside]), None);
     }
 }

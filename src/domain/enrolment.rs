@@ -11,7 +11,7 @@ use super::text::{Code, Invalid, Name};
 use super::trainee::{Handedness, Level};
 
 /// Maximum number of rows in one list.
-pub const MOST_ROWS: usize = 500;
+pub const MAX_ROWS: usize = 500;
 
 /// A row of a list as sent. Empty text counts as absent.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, ToSchema)]
@@ -31,7 +31,7 @@ pub struct EnrolmentRow {
 
 /// A trainee to enrol, as read from a row.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Enrolled {
+pub struct CheckedEnrolment {
     /// The trainee's name.
     pub name: Name,
     /// The code, if the row has one.
@@ -56,15 +56,15 @@ pub struct RowProblem {
 }
 
 /// Reads the rows: all trainees, or all problems found in the rows.
-pub fn read(rows: &[EnrolmentRow]) -> Result<Vec<Enrolled>, Vec<RowProblem>> {
+pub fn parse_rows(rows: &[EnrolmentRow]) -> Result<Vec<CheckedEnrolment>, Vec<RowProblem>> {
     let mut problems = Vec::new();
-    let enrolled: Vec<Option<Enrolled>> =
-        rows.iter().enumerate().map(|(index, row)| one(index + 1, row, &mut problems)).collect();
+    let enrolled: Vec<Option<CheckedEnrolment>> =
+        rows.iter().enumerate().map(|(index, row)| parse_row(index + 1, row, &mut problems)).collect();
     let mut met: HashMap<&Code, usize> = HashMap::new();
     for (index, of) in enrolled.iter().enumerate() {
         let Some(code) = of.as_ref().and_then(|of| of.code.as_ref()) else { continue };
         if let Some(first) = met.insert(code, index + 1) {
-            problems.push(problem(
+            problems.push(row_problem(
                 index + 1,
                 "code",
                 format!("`{code}` is already used in row {first}; give each trainee a code of their own"),
@@ -76,28 +76,29 @@ pub fn read(rows: &[EnrolmentRow]) -> Result<Vec<Enrolled>, Vec<RowProblem>> {
 }
 
 /// Creates the problem of a row.
-pub fn problem(row: usize, field: &'static str, message: impl Into<String>) -> RowProblem {
+pub fn row_problem(row: usize, field: &'static str, message: impl Into<String>) -> RowProblem {
     RowProblem { row, field, message: message.into() }
 }
 
-fn one(row: usize, of: &EnrolmentRow, problems: &mut Vec<RowProblem>) -> Option<Enrolled> {
+fn parse_row(row: usize, of: &EnrolmentRow, problems: &mut Vec<RowProblem>) -> Option<CheckedEnrolment> {
     let before = problems.len();
-    let name = parsed::<Name>(row, "name", Some(of.name.trim()), problems);
-    let code = parsed(row, "code", filled(&of.code), problems);
-    let level = parsed(row, "level", filled(&of.level).map(str::to_lowercase).as_deref(), problems);
-    let handedness = parsed(row, "handedness", filled(&of.handedness).map(str::to_lowercase).as_deref(), problems);
-    let group = filled(&of.group).map(str::to_owned);
+    let name = parse_field::<Name>(row, "name", Some(of.name.trim()), problems);
+    let code = parse_field(row, "code", non_empty(&of.code), problems);
+    let level = parse_field(row, "level", non_empty(&of.level).map(str::to_lowercase).as_deref(), problems);
+    let handedness =
+        parse_field(row, "handedness", non_empty(&of.handedness).map(str::to_lowercase).as_deref(), problems);
+    let group = non_empty(&of.group).map(str::to_owned);
     if problems.len() > before {
         return None;
     }
-    Some(Enrolled { name: name?, code, level, handedness, group })
+    Some(CheckedEnrolment { name: name?, code, level, handedness, group })
 }
 
-fn filled(text: &Option<String>) -> Option<&str> {
+fn non_empty(text: &Option<String>) -> Option<&str> {
     text.as_deref().map(str::trim).filter(|text| !text.is_empty())
 }
 
-fn parsed<T: FromStr<Err = Invalid>>(
+fn parse_field<T: FromStr<Err = Invalid>>(
     row: usize,
     field: &'static str,
     text: Option<&str>,
@@ -105,7 +106,7 @@ fn parsed<T: FromStr<Err = Invalid>>(
 ) -> Option<T> {
     match text.map(str::parse::<T>) {
         Some(Err(invalid)) => {
-            problems.push(problem(row, field, invalid.why));
+            problems.push(row_problem(row, field, invalid.why));
             None
         }
         Some(Ok(value)) => Some(value),
@@ -123,25 +124,26 @@ mod tests {
     }
 
     #[test]
-    fn a_row_is_read_as_people_write_it() {
-        let read = read(&[row([" Ana Lopez ", "", "Novice", "LEFT", " Group one "]), row(["Ben", "b-1", "", "", ""])]);
-        let [ana, ben] = <[Enrolled; 2]>::try_from(read.unwrap()).unwrap();
+    fn a_row_is_trimmed_and_read_without_regard_to_case() {
+        let read =
+            parse_rows(&[row([" Ana Lopez ", "", "Novice", "LEFT", " Group one "]), row(["Ben", "b-1", "", "", ""])]);
+        let [ana, ben] = <[CheckedEnrolment; 2]>::try_from(read.unwrap()).unwrap();
         assert_eq!((ana.name.as_str(), ana.code, ana.level), ("Ana Lopez", None, Some(Level::Novice)));
         assert_eq!((ana.handedness, ana.group.as_deref()), (Some(Handedness::Left), Some("Group one")));
         assert_eq!((ben.code.unwrap().as_str(), ben.level, ben.group), ("b-1", None, None));
     }
 
     #[test]
-    fn all_that_is_wrong_is_told_at_once_and_by_row() {
+    fn all_problems_are_reported_together_by_row() {
         let rows = [
             row(["", "a b", "beginner", "", ""]),
             row(["Ana", "ana", "", "", ""]),
             row(["Ann", "ana", "", "third", ""]),
         ];
-        let problems = read(&rows).unwrap_err();
+        let problems = parse_rows(&rows).unwrap_err();
         let found: Vec<(usize, &str)> = problems.iter().map(|problem| (problem.row, problem.field)).collect();
         assert_eq!(found, [(1, "name"), (1, "code"), (1, "level"), (3, "handedness")]);
-        let twice = read(&[row(["Ana", "ana", "", "", ""]), row(["Ann", "ana", "", "", ""])]).unwrap_err();
+        let twice = parse_rows(&[row(["Ana", "ana", "", "", ""]), row(["Ann", "ana", "", "", ""])]).unwrap_err();
         assert_eq!((twice.len(), twice[0].row, twice[0].field), (1, 2, "code"));
         assert!(twice[0].message.contains("row 1"), "{twice:?}");
     }

@@ -5,11 +5,11 @@ use utoipa::ToSchema;
 
 use super::feature::FeatureKey;
 use super::named;
-use crate::pipeline::evidence::{Evidence, MOST_STRETCHES, NoStretches, Stretch};
-use crate::pipeline::features::view::Cause;
+use crate::pipeline::features::view::UnseenCause;
+use crate::pipeline::stretches::{FeatureStretches, MAX_STRETCHES, NoStretches, Stretch};
 
 /// Maximum number of rows of one session: more than there are combinations of features, tools and spaces.
-pub const MOST_ROWS: usize = 2_000;
+pub const MAX_ROWS: usize = 2_000;
 
 /// The stretches that made one feature of a session.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -65,9 +65,9 @@ named! {
 
 impl EvidenceRow {
     /// The pipeline's evidence with the tools' names.
-    pub fn of(evidence: &Evidence, tools: &[String]) -> Self {
+    pub fn of(evidence: &FeatureStretches, tools: &[String]) -> Self {
         let (stretches, none) = match &evidence.stretches {
-            Ok(stretches) => (stretches.iter().take(MOST_STRETCHES).map(StretchRow::from).collect(), None),
+            Ok(stretches) => (stretches.iter().take(MAX_STRETCHES).map(StretchRow::from).collect(), None),
             Err(reason) => (Vec::new(), Some(NoEvidence::from(*reason))),
         };
         Self {
@@ -76,8 +76,8 @@ impl EvidenceRow {
                 tool: evidence.tool.and_then(|tool| tools.get(tool).cloned()),
                 space: evidence.space.into(),
             },
-            what: evidence.what.map(|what| what.name.to_owned()),
-            unit: evidence.what.map(|what| what.unit.to_owned()),
+            what: evidence.kind.map(|what| what.name.to_owned()),
+            unit: evidence.kind.map(|what| what.unit.to_owned()),
             stretches,
             none,
         }
@@ -88,16 +88,16 @@ impl From<&Stretch> for StretchRow {
     /// Rounds the numbers to their meaningful digits.
     fn from(stretch: &Stretch) -> Self {
         Self {
-            from_s: rounded(stretch.from_s, 3),
-            to_s: rounded(stretch.to_s, 3),
-            amount: rounded(stretch.amount, 4),
-            share: stretch.share.map(|share| rounded(share, 4)),
+            from_s: round_to(stretch.from_s, 3),
+            to_s: round_to(stretch.to_s, 3),
+            amount: round_to(stretch.amount, 4),
+            share: stretch.share.map(|share| round_to(share, 4)),
             cause: stretch.cause.map(AbsenceCause::from),
         }
     }
 }
 
-fn rounded(value: f64, digits: i32) -> f64 {
+fn round_to(value: f64, digits: i32) -> f64 {
     let unit = 10f64.powi(digits);
     (value * unit).round() / unit
 }
@@ -108,12 +108,12 @@ impl From<NoStretches> for NoEvidence {
     }
 }
 
-impl From<Cause> for AbsenceCause {
-    fn from(cause: Cause) -> Self {
+impl From<UnseenCause> for AbsenceCause {
+    fn from(cause: UnseenCause) -> Self {
         match cause {
-            Cause::LeftView => AbsenceCause::LeftView,
-            Cause::Hidden => AbsenceCause::Hidden,
-            Cause::Lost => AbsenceCause::Lost,
+            UnseenCause::LeftView => AbsenceCause::LeftView,
+            UnseenCause::Hidden => AbsenceCause::Hidden,
+            UnseenCause::Lost => AbsenceCause::Lost,
         }
     }
 }

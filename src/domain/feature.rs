@@ -52,7 +52,8 @@ impl From<&'static Feature> for FeatureInfo {
     fn from(feature: &'static Feature) -> Self {
         let Feature { name, title, unit, description, source, .. } = feature;
         let spaces = feature.spaces.iter().map(|space| FeatureSpace::from(*space)).collect();
-        let (better, of_tools, of_session) = (feature.direction.name(), feature.is_of_tools(), feature.is_of_session());
+        let (better, of_tools, of_session) =
+            (feature.direction.name(), feature.has_tool_values(), feature.has_session_value());
         Self { name, title, unit, better, description, source, spaces, of_tools, of_session }
     }
 }
@@ -74,13 +75,13 @@ impl From<Space> for FeatureSpace {
 }
 
 /// Finds a feature by its name.
-pub fn named(name: &str) -> Result<&'static Feature, Invalid> {
+pub fn find_feature(name: &str) -> Result<&'static Feature, Invalid> {
     features::find(name)
         .ok_or_else(|| Invalid::new("feature", format!("`{name}` is not a feature; see GET /api/v1/features")))
 }
 
 /// The space to use for a feature: the named one, or the first space that the feature is measured in.
-pub fn space_of(feature: &Feature, named: Option<FeatureSpace>) -> Result<FeatureSpace, Invalid> {
+pub fn resolve_space(feature: &Feature, named: Option<FeatureSpace>) -> Result<FeatureSpace, Invalid> {
     let measured: Vec<FeatureSpace> = feature.spaces.iter().map(|space| (*space).into()).collect();
     match (named, measured.first()) {
         (Some(space), _) if measured.contains(&space) => Ok(space),
@@ -91,7 +92,7 @@ pub fn space_of(feature: &Feature, named: Option<FeatureSpace>) -> Result<Featur
 
 /// True if another camera position would give another value: features in the image, along the camera's axes, and of the
 /// field of view. Lengths, times and hull volumes in three dimensions do not depend on the camera.
-pub fn is_of_one_camera(key: &FeatureKey) -> bool {
+pub fn depends_on_camera(key: &FeatureKey) -> bool {
     let name = key.feature.as_str();
     key.space == FeatureSpace::Image
         || ["depth_travelled", "economy_of_volume"].contains(&name)
@@ -105,11 +106,11 @@ mod tests {
     #[test]
     fn every_feature_is_listed_and_found_and_has_a_space() {
         for info in FeatureInfo::all() {
-            let feature = named(info.name).unwrap();
-            assert_eq!(space_of(feature, None).unwrap(), info.spaces[0], "{}", info.name);
+            let feature = find_feature(info.name).unwrap();
+            assert_eq!(resolve_space(feature, None).unwrap(), info.spaces[0], "{}", info.name);
         }
-        assert!(named("wizardry").is_err());
-        assert!(space_of(named("duration").unwrap(), Some(FeatureSpace::Image)).is_err());
+        assert!(find_feature("wizardry").is_err());
+        assert!(resolve_space(find_feature("duration").unwrap(), Some(FeatureSpace::Image)).is_err());
     }
 
     #[test]

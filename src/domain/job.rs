@@ -57,13 +57,13 @@ named! {
 
 /// Priority of a job in the queue; within one priority, the oldest job runs first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Turn {
+pub enum JobPriority {
     /// Jobs about boxes: sessions wait for them.
     Box = 0,
     /// New sessions: people wait for them.
     Session = 1,
     /// Sessions that have a result already.
-    Again = 2,
+    Rescore = 2,
 }
 
 /// A job's input, as stored.
@@ -218,11 +218,13 @@ impl JobInput {
     }
 
     /// The job's priority in the queue.
-    pub fn turn(&self) -> Turn {
+    pub fn priority(&self) -> JobPriority {
         match self {
-            JobInput::Track(_) | JobInput::Import(_) => Turn::Session,
-            JobInput::Rescore(_) => Turn::Again,
-            JobInput::Calibrate(_) | JobInput::Palette(_) | JobInput::Advice(_) | JobInput::SelfTest(_) => Turn::Box,
+            JobInput::Track(_) | JobInput::Import(_) => JobPriority::Session,
+            JobInput::Rescore(_) => JobPriority::Rescore,
+            JobInput::Calibrate(_) | JobInput::Palette(_) | JobInput::Advice(_) | JobInput::SelfTest(_) => {
+                JobPriority::Box
+            }
         }
     }
 
@@ -237,7 +239,7 @@ impl JobInput {
     }
 
     /// The box that the job is about, if any.
-    pub fn of_box(&self) -> Option<BoxId> {
+    pub fn box_id(&self) -> Option<BoxId> {
         match self {
             JobInput::Track(_) | JobInput::Import(_) | JobInput::Rescore(_) => None,
             JobInput::Calibrate(calibrate) => Some(calibrate.of),

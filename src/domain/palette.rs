@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 use super::boxes::BoxTool;
 use super::files::annotations::AnnotationsFile;
 use super::named;
-use crate::pipeline::segmentation::palette::advice::{Advice, PairAdvice, TapeAdvice};
-use crate::pipeline::segmentation::palette::confusion::{Confusion, Row};
-use crate::pipeline::segmentation::palette::light::Light;
-use crate::pipeline::segmentation::palette::{FalseArea, Grade, Margin, Verdict, verdict};
+use crate::pipeline::segmentation::palette::advice::{PairAdvice, TapeAdvice, TapeRanking};
+use crate::pipeline::segmentation::palette::confusion::{Confusion, LabelConfusion};
+use crate::pipeline::segmentation::palette::light::LightCondition;
+use crate::pipeline::segmentation::palette::{FalseArea, Grade, Margin, TapeVerdict, verdict};
 
 /// Colour samples to be stored as a box's next version.
 #[derive(Clone, Debug, PartialEq)]
@@ -203,8 +203,8 @@ pub struct ColourFalseArea {
 
 impl PaletteReport {
     /// From the pipeline's findings.
-    pub fn new(confusion: &Confusion, verdicts: &[Verdict], false_areas: &[FalseArea]) -> Self {
-        let verdict = |(verdict, margin): (&Verdict, &Option<Margin>)| ColourVerdict {
+    pub fn new(confusion: &Confusion, verdicts: &[TapeVerdict], false_areas: &[FalseArea]) -> Self {
+        let verdict = |(verdict, margin): (&TapeVerdict, &Option<Margin>)| ColourVerdict {
             tool: verdict.tool.clone(),
             grade: verdict.grade.into(),
             reasons: verdict.causes.iter().map(|(_, cause)| cause.to_string()).collect(),
@@ -214,7 +214,7 @@ impl PaletteReport {
         Self {
             confusion: confusion.rows.iter().map(|row| confusion_row(row, &confusion.tools)).collect(),
             verdicts: verdicts.iter().zip(&confusion.margins).map(verdict).collect(),
-            warnings: verdicts.iter().filter_map(Verdict::warning).collect(),
+            warnings: verdicts.iter().filter_map(TapeVerdict::warning).collect(),
         }
     }
 }
@@ -235,13 +235,13 @@ impl PaletteReport {
         let lights = self.confusion.iter().flat_map(|row| &row.lights);
         let in_lights = lights.flat_map(|light| light.tools.iter().map(|of| &of.tool).chain([&light.light]));
         let labels = self.confusion.iter().map(|row| &row.label);
-        let texts = labels.chain(in_lights).chain(self.verdicts.iter().flat_map(texts_of)).chain(&self.warnings);
+        let texts = labels.chain(in_lights).chain(self.verdicts.iter().flat_map(verdict_texts)).chain(&self.warnings);
         texts.map(String::as_str)
     }
 }
 
-impl From<&Advice> for PaletteAdvice {
-    fn from(advice: &Advice) -> Self {
+impl From<&TapeRanking> for PaletteAdvice {
+    fn from(advice: &TapeRanking) -> Self {
         let bad = advice.tapes.iter().filter(|tape| tape.grade == Grade::Bad);
         let warning = |TapeAdvice { tape, in_box, .. }: &TapeAdvice| {
             format!("Do not take {}: {:.2} % of this picture has its colour.", tape.name, 100.0 * in_box)
@@ -280,13 +280,13 @@ impl PaletteAdvice {
     }
 }
 
-fn texts_of(verdict: &ColourVerdict) -> impl Iterator<Item = &String> {
+fn verdict_texts(verdict: &ColourVerdict) -> impl Iterator<Item = &String> {
     verdict.reasons.iter().chain([&verdict.tool]).chain(verdict.margin.as_ref().map(|margin| &margin.nearest))
 }
 
-fn confusion_row(row: &Row, tools: &[String]) -> ConfusionRow {
+fn confusion_row(row: &LabelConfusion, tools: &[String]) -> ConfusionRow {
     let tool_share = |(tool, share): (&String, &f64)| ToolShare { tool: tool.clone(), share: *share };
-    let shares = |(light, shares): (Light, &Vec<f64>)| LightShares {
+    let shares = |(light, shares): (LightCondition, &Vec<f64>)| LightShares {
         light: light.name().to_owned(),
         no_tool: shares[0],
         tools: tools.iter().zip(&shares[1..]).map(tool_share).collect(),
@@ -294,8 +294,8 @@ fn confusion_row(row: &Row, tools: &[String]) -> ConfusionRow {
     ConfusionRow {
         label: row.label.clone(),
         rectangles: row.rectangles as u64,
-        pixels: row.asked as u64,
-        lights: Light::ALL.into_iter().zip(&row.shares).map(shares).collect(),
+        pixels: row.test_pixels as u64,
+        lights: LightCondition::ALL.into_iter().zip(&row.shares).map(shares).collect(),
     }
 }
 

@@ -3,12 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::named;
-use crate::pipeline::camera::glance;
+use crate::pipeline::camera::photo_inspection;
 use crate::pipeline::camera::{Board, Coverage};
 
 named! {
     /// A side of a picture, or of a board in the picture.
-    Edge: "edge" {
+    PhotoEdge: "edge" {
         /// Left.
         Left = "left",
         /// Right.
@@ -52,9 +52,9 @@ pub struct PhotoCheck {
     /// Possible causes.
     pub hints: Vec<PhotoHint>,
     /// The sides of the picture that cut off the board.
-    pub cut_off: Vec<Edge>,
+    pub cut_off: Vec<PhotoEdge>,
     /// The side of the board that is clearly nearer to the camera; null where it faces the camera.
-    pub near: Option<Edge>,
+    pub near: Option<PhotoEdge>,
     /// Which parts of the picture the corners cover.
     pub coverage: PhotoCoverage,
 }
@@ -72,10 +72,10 @@ pub struct PhotoCoverage {
 
 impl PhotoCheck {
     /// Maximum number of corners in the result: more than any board has.
-    pub const MOST_CORNERS: usize = (Board::MOST + 2).pow(2);
+    pub const MAX_CORNERS: usize = (Board::MAX_CORNERS + 2).pow(2);
 
     /// The check of a photo of this size.
-    pub fn new((width, height): (u32, u32), glance: &glance::Glance) -> Self {
+    pub fn new((width, height): (u32, u32), glance: &photo_inspection::PhotoInspection) -> Self {
         let mut hints: Vec<PhotoHint> = glance.hints.iter().map(hint).collect();
         hints.dedup();
         Self {
@@ -85,7 +85,7 @@ impl PhotoCheck {
             corners: glance
                 .corners
                 .iter()
-                .take(Self::MOST_CORNERS)
+                .take(Self::MAX_CORNERS)
                 .map(|corner| [corner.u(), corner.v()].map(to_hundredth))
                 .collect(),
             reason: glance.reason.map(|reason| reason.to_string()),
@@ -106,27 +106,27 @@ fn to_hundredth(value: f64) -> f64 {
     (value * 100.0).round() / 100.0
 }
 
-fn hint(hint: &glance::Hint) -> PhotoHint {
+fn hint(hint: &photo_inspection::Hint) -> PhotoHint {
     match hint {
-        glance::Hint::Dark => PhotoHint::Dark,
-        glance::Hint::Glare => PhotoHint::Glare,
-        glance::Hint::Soft => PhotoHint::Soft,
-        glance::Hint::CutOff(_) => PhotoHint::CutOff,
+        photo_inspection::Hint::Dark => PhotoHint::Dark,
+        photo_inspection::Hint::Glare => PhotoHint::Glare,
+        photo_inspection::Hint::Soft => PhotoHint::Soft,
+        photo_inspection::Hint::CutOff(_) => PhotoHint::CutOff,
     }
 }
 
-fn cut_off(hint: &glance::Hint) -> Option<Edge> {
+fn cut_off(hint: &photo_inspection::Hint) -> Option<PhotoEdge> {
     match hint {
-        glance::Hint::CutOff(at) => Some(edge(*at)),
+        photo_inspection::Hint::CutOff(at) => Some(edge(*at)),
         _ => None,
     }
 }
 
-fn edge(at: glance::Edge) -> Edge {
+fn edge(at: photo_inspection::PictureSide) -> PhotoEdge {
     match at {
-        glance::Edge::Left => Edge::Left,
-        glance::Edge::Right => Edge::Right,
-        glance::Edge::Top => Edge::Top,
-        glance::Edge::Bottom => Edge::Bottom,
+        photo_inspection::PictureSide::Left => PhotoEdge::Left,
+        photo_inspection::PictureSide::Right => PhotoEdge::Right,
+        photo_inspection::PictureSide::Top => PhotoEdge::Top,
+        photo_inspection::PictureSide::Bottom => PhotoEdge::Bottom,
     }
 }

@@ -18,11 +18,11 @@ use super::named;
 use super::text::Invalid;
 
 /// Lowest and highest mark of an item.
-pub const MARKS: (u8, u8) = (1, 5);
+pub const MARK_RANGE: (u8, u8) = (1, 5);
 
 named! {
     /// A form for ratings.
-    Form: "form" {
+    RatingForm: "form" {
         /// Objective Structured Assessment of Technical Skills: the global rating scale.
         Osats = "osats",
         /// Global Operative Assessment of Laparoscopic Skills.
@@ -35,7 +35,7 @@ named! {
 #[serde(deny_unknown_fields)]
 pub struct NewRating {
     /// The form.
-    pub form: Form,
+    pub form: RatingForm,
     /// Version of the form's wording; absent: the present one.
     #[serde(default)]
     pub version: Option<i64>,
@@ -45,7 +45,7 @@ pub struct NewRating {
 
 /// One item's mark.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-pub struct Mark {
+pub struct ItemMark {
     /// Name of the item.
     pub item: String,
     /// 1 to 5; `null`: not judged.
@@ -57,7 +57,7 @@ impl NewRating {
     ///
     /// # Errors
     /// Another wording than the present one, a missing or unknown item, a mark out of range, or no item judged.
-    pub fn marks(&self) -> Result<Vec<Mark>, Invalid> {
+    pub fn marks(&self) -> Result<Vec<ItemMark>, Invalid> {
         let form = FormInfo::of(self.form);
         if let Some(version) = self.version.filter(|version| *version != form.version) {
             let why =
@@ -70,13 +70,13 @@ impl NewRating {
         }
         let mark = |item: &ItemInfo| match self.items.get(item.name) {
             None => Err(Invalid::new("items", format!("`{}` is missing; send null if it was not judged", item.name))),
-            Some(Some(mark)) if !(MARKS.0..=MARKS.1).contains(mark) => Err(Invalid::new(
+            Some(Some(mark)) if !(MARK_RANGE.0..=MARK_RANGE.1).contains(mark) => Err(Invalid::new(
                 "items",
-                format!("`{}` is {mark}; expected {} to {} or null", item.name, MARKS.0, MARKS.1),
+                format!("`{}` is {mark}; expected {} to {} or null", item.name, MARK_RANGE.0, MARK_RANGE.1),
             )),
-            Some(mark) => Ok(Mark { item: item.name.to_owned(), mark: *mark }),
+            Some(mark) => Ok(ItemMark { item: item.name.to_owned(), mark: *mark }),
         };
-        let marks = form.items.iter().map(mark).collect::<Result<Vec<Mark>, Invalid>>()?;
+        let marks = form.items.iter().map(mark).collect::<Result<Vec<ItemMark>, Invalid>>()?;
         if marks.iter().all(|mark| mark.mark.is_none()) {
             return Err(Invalid::new("items", "no item is judged; judge at least one"));
         }
@@ -85,7 +85,7 @@ impl NewRating {
 }
 
 /// The sum of all marks; `None` where an item was not judged, because sums over different items cannot be compared.
-pub fn total(marks: &[Mark]) -> Option<u32> {
+pub fn total(marks: &[ItemMark]) -> Option<u32> {
     marks.iter().map(|mark| mark.mark.map(u32::from)).sum()
 }
 
@@ -93,14 +93,14 @@ pub fn total(marks: &[Mark]) -> Option<u32> {
 mod tests {
     use super::*;
 
-    fn new(form: Form, mark: Option<u8>) -> NewRating {
+    fn new(form: RatingForm, mark: Option<u8>) -> NewRating {
         let items = FormInfo::of(form).items.iter().map(|item| (item.name.to_owned(), mark)).collect();
         NewRating { form, version: None, items }
     }
 
     #[test]
     fn forms_have_the_published_number_of_items_each_with_three_anchors() {
-        let counts: Vec<usize> = Form::ALL.iter().map(|form| FormInfo::of(*form).items.len()).collect();
+        let counts: Vec<usize> = RatingForm::ALL.iter().map(|form| FormInfo::of(*form).items.len()).collect();
         assert_eq!(counts, [7, 5]);
         for form in FormInfo::all() {
             for item in form.items {
@@ -112,10 +112,10 @@ mod tests {
 
     #[test]
     fn a_rating_names_every_item_and_only_a_whole_one_has_a_total() {
-        let whole = new(Form::Osats, Some(4)).marks().unwrap();
+        let whole = new(RatingForm::Osats, Some(4)).marks().unwrap();
         assert_eq!((whole.len(), total(&whole)), (7, Some(28)));
         assert_eq!(whole[0].item, "respect_for_tissue", "in the form's order, not the alphabet's");
-        let mut partly = new(Form::Osats, Some(4));
+        let mut partly = new(RatingForm::Osats, Some(4));
         partly.items.insert("flow".to_owned(), None);
         assert_eq!(total(&partly.marks().unwrap()), None);
         partly.items.remove("flow");
@@ -123,9 +123,9 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_rating_is_told_why() {
+    fn an_invalid_rating_is_refused_with_the_reason() {
         let with = |item: &str, mark| {
-            let mut rating = new(Form::Goals, Some(3));
+            let mut rating = new(RatingForm::Goals, Some(3));
             rating.items.insert(item.to_owned(), mark);
             rating.marks()
         };
@@ -133,8 +133,8 @@ mod tests {
             assert!(with("autonomy", Some(mark)).is_err(), "{mark}");
         }
         assert!(with("charm", Some(5)).unwrap_err().to_string().contains("charm"));
-        assert!(new(Form::Goals, None).marks().is_err());
-        assert!(NewRating { version: Some(99), ..new(Form::Goals, Some(3)) }.marks().is_err());
+        assert!(new(RatingForm::Goals, None).marks().is_err());
+        assert!(NewRating { version: Some(99), ..new(RatingForm::Goals, Some(3)) }.marks().is_err());
         assert!(serde_json::from_str::<NewRating>(r#"{"form":"goals","items":{"autonomy":2.5}}"#).is_err());
     }
 }

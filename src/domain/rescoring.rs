@@ -34,7 +34,7 @@ named! {
 
 named! {
     /// The sessions of a task to score again.
-    Which: "which" {
+    RescoringSelection: "which" {
         /// Sessions whose result was made by another program version than the present one.
         Older = "older",
         /// All sessions with a result.
@@ -51,20 +51,20 @@ pub struct NewRescoring {
     pub from: RescoringSource,
     /// The sessions. Usually `older`.
     #[serde(default = "older")]
-    pub which: Which,
+    pub which: RescoringSelection,
 }
 
 fn stored() -> RescoringSource {
     RescoringSource::Trajectory
 }
 
-fn older() -> Which {
-    Which::Older
+fn older() -> RescoringSelection {
+    RescoringSelection::Older
 }
 
 named! {
     /// How a feature changed.
-    Change: "change" {
+    FeatureChangeKind: "change" {
         /// The error bars do not overlap: the change is larger than measurement errors explain.
         Apart = "apart",
         /// The values differ by more than rounding, but the error bars overlap or one of them is unknown.
@@ -78,7 +78,7 @@ named! {
 
 /// A value with its error bar.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Barred {
+pub struct ValueWithError {
     /// The value, in the feature's unit.
     pub value: f64,
     /// Lower end of its 95 % interval; `null` where unknown.
@@ -98,9 +98,9 @@ pub struct FeatureChange {
     /// Unit of the values.
     pub unit: String,
     /// How it changed.
-    pub change: Change,
+    pub change: FeatureChangeKind,
     /// The value in the old result.
-    pub old: Option<Barred>,
+    pub old: Option<ValueWithError>,
     /// The value in the new result.
-    pub new: Option<Barred>,
+    pub new: Option<ValueWithError>,
 }

@@ -10,15 +10,15 @@ use crate::ids::{BoxId, PersonId, TraineeId};
 /// The right to see and change some of the centre's data.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Scope {
-    reach: Reach,
+    reach: ScopeReach,
     actor: Actor,
 }
 
 /// The data that a scope covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Reach {
+enum ScopeReach {
     Everything,
-    GroupsOf(PersonId),
+    InstructorGroups(PersonId),
     Trainee(TraineeId),
     Box(BoxId),
 }
@@ -37,60 +37,60 @@ pub enum Actor {
 impl Scope {
     /// An administrator: everything.
     pub fn administrator(person: PersonId) -> Self {
-        Self { reach: Reach::Everything, actor: Actor::Person(person) }
+        Self { reach: ScopeReach::Everything, actor: Actor::Person(person) }
     }
 
     /// An instructor: the trainees of their groups; boxes and tasks.
     pub fn instructor(person: PersonId) -> Self {
-        Self { reach: Reach::GroupsOf(person), actor: Actor::Person(person) }
+        Self { reach: ScopeReach::InstructorGroups(person), actor: Actor::Person(person) }
     }
 
     /// A trainee: themselves; boxes and tasks.
     pub fn trainee(person: PersonId, trainee: TraineeId) -> Self {
-        Self { reach: Reach::Trainee(trainee), actor: Actor::Person(person) }
+        Self { reach: ScopeReach::Trainee(trainee), actor: Actor::Person(person) }
     }
 
     /// The agent at a box: that box.
     pub fn agent(of: BoxId) -> Self {
-        Self { reach: Reach::Box(of), actor: Actor::Agent(of) }
+        Self { reach: ScopeReach::Box(of), actor: Actor::Agent(of) }
     }
 
     /// The service itself: workers, recovery, the command line on the machine.
     pub fn service() -> Self {
-        Self { reach: Reach::Everything, actor: Actor::Service }
+        Self { reach: ScopeReach::Everything, actor: Actor::Service }
     }
 
     /// The role whose rights this scope carries.
     pub fn role(&self) -> Role {
         match self.reach {
-            Reach::Everything => Role::Administrator,
-            Reach::GroupsOf(_) => Role::Instructor,
-            Reach::Trainee(_) => Role::Trainee,
-            Reach::Box(_) => Role::Agent,
+            ScopeReach::Everything => Role::Administrator,
+            ScopeReach::InstructorGroups(_) => Role::Instructor,
+            ScopeReach::Trainee(_) => Role::Trainee,
+            ScopeReach::Box(_) => Role::Agent,
         }
     }
 
     /// The id of the instructor, trainee or box that limits the scope; `None` for unlimited scopes.
     pub fn subject(&self) -> Option<String> {
         match self.reach {
-            Reach::Everything => None,
-            Reach::GroupsOf(person) => Some(person.to_string()),
-            Reach::Trainee(trainee) => Some(trainee.to_string()),
-            Reach::Box(of) => Some(of.to_string()),
+            ScopeReach::Everything => None,
+            ScopeReach::InstructorGroups(person) => Some(person.to_string()),
+            ScopeReach::Trainee(trainee) => Some(trainee.to_string()),
+            ScopeReach::Box(of) => Some(of.to_string()),
         }
     }
 
     /// The caller's trainee id, if the caller is a trainee.
     pub fn own_trainee(&self) -> Option<TraineeId> {
         match self.reach {
-            Reach::Trainee(trainee) => Some(trainee),
-            Reach::Everything | Reach::GroupsOf(_) | Reach::Box(_) => None,
+            ScopeReach::Trainee(trainee) => Some(trainee),
+            ScopeReach::Everything | ScopeReach::InstructorGroups(_) | ScopeReach::Box(_) => None,
         }
     }
 
     /// The scope for uploads: a box's agent may send recordings of any trainee, a person only of trainees in their own
     /// scope.
-    pub fn of_whom_it_sends(&self) -> Self {
+    pub fn upload_scope(&self) -> Self {
         if self.role() == Role::Agent { Self::service() } else { self.clone() }
     }
 
@@ -109,11 +109,11 @@ impl Scope {
 
     /// True if the caller may manage people, tokens and groups.
     pub fn is_administrator(&self) -> bool {
-        self.reach == Reach::Everything
+        self.reach == ScopeReach::Everything
     }
 
     /// True if the caller may change and erase boxes, tasks and trainees.
     pub fn is_staff(&self) -> bool {
-        matches!(self.reach, Reach::Everything | Reach::GroupsOf(_))
+        matches!(self.reach, ScopeReach::Everything | ScopeReach::InstructorGroups(_))
     }
 }

@@ -74,24 +74,24 @@ pub struct Password(String);
 
 impl Password {
     /// Minimum length, bytes.
-    pub const LEAST: usize = 10;
+    pub const MIN_BYTES: usize = 10;
     /// Maximum length, bytes: limits the cost of hashing.
-    pub const MOST: usize = 256;
+    pub const MAX_BYTES: usize = 256;
 
     /// A password to set; checks its length.
     pub fn new(text: impl Into<String>) -> Result<Self, Invalid> {
         let text = text.into();
-        if (Self::LEAST..=Self::MOST).contains(&text.len()) {
+        if (Self::MIN_BYTES..=Self::MAX_BYTES).contains(&text.len()) {
             return Ok(Self(text));
         }
-        let (min, max) = (Self::LEAST, Self::MOST);
+        let (min, max) = (Self::MIN_BYTES, Self::MAX_BYTES);
         Err(Invalid::new("password", format!("has {} bytes; expected {min} to {max}", text.len())))
     }
 
     /// A password to check at sign-in: any text up to the maximum length, since an old password may break today's
     /// rules.
-    pub fn tried(text: impl Into<String>) -> Option<Self> {
-        Some(text.into()).filter(|text: &String| text.len() <= Self::MOST).map(Self)
+    pub fn attempt(text: impl Into<String>) -> Option<Self> {
+        Some(text.into()).filter(|text: &String| text.len() <= Self::MAX_BYTES).map(Self)
     }
 
     /// A new password that is easy to type: four groups of five letters and digits (98 bits).
@@ -132,7 +132,7 @@ impl PasswordHash {
     }
 
     /// A hash that no password matches, so that a sign-in with an unknown login takes the same time.
-    pub fn of_nobody() -> Self {
+    pub fn unmatchable() -> Self {
         Password::random().hash()
     }
 }
@@ -155,7 +155,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_secret_is_recognised_by_its_hash_in_either_spelling() {
+    fn a_secret_is_recognised_by_its_hash_as_cookie_and_as_token() {
         let secret = Secret::random();
         assert_eq!(Secret::from_cookie(&secret.as_cookie()).unwrap().hash(), secret.hash());
         assert_eq!(Secret::from_token(&secret.as_token()).unwrap().hash(), secret.hash());
@@ -169,8 +169,8 @@ mod tests {
         let hash = password.hash();
         assert!(hash.0.starts_with("$argon2id$v=19$"));
         assert!(hash.matches(&password));
-        assert!(!hash.matches(&Password::tried("correct horsf").unwrap()));
-        assert!(!PasswordHash(String::new()).matches(&Password::tried("").unwrap()));
+        assert!(!hash.matches(&Password::attempt("correct horsf").unwrap()));
+        assert!(!PasswordHash(String::new()).matches(&Password::attempt("").unwrap()));
     }
 
     #[test]

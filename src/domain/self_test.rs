@@ -6,11 +6,14 @@ use utoipa::ToSchema;
 use super::calibration::BoardSize;
 use super::named;
 use crate::ids::{CalibrationId, PaletteId, PersonId};
-use crate::pipeline::self_test::{Accuracy, Findings, Part, PartVerdict, Placement, Signal, Touch, Unusable, Verdict};
+use crate::pipeline::self_test::{
+    BoardPlacement, PartVerdict, SelfTestFindings, SelfTestPart, SelfTestVerdict, Signal, Touch, TouchAccuracy,
+    UnusableReason,
+};
 
 named! {
     /// A traffic light.
-    Light: "light" {
+    TrafficLight: "light" {
         /// In order.
         Green = "green",
         /// Needs watching.
@@ -40,7 +43,7 @@ named! {
 
 named! {
     /// Why a rest of a tool does not count.
-    NotCounted: "reason" {
+    NotCountedReason: "reason" {
         /// The whole board was not seen both before and after it.
         BoardNotSeen = "board_not_seen",
         /// The board was moved between before and after it.
@@ -58,7 +61,7 @@ named! {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct SelfTestReport {
     /// The worst of the parts.
-    pub light: Light,
+    pub light: TrafficLight,
     /// Each part, with the figure that decided.
     pub parts: Vec<PartReport>,
     /// Inner corners of the board, COLUMNSxROWS.
@@ -88,7 +91,7 @@ pub struct PartReport {
     /// The part.
     pub part: TestedPart,
     /// Its result.
-    pub light: Light,
+    pub light: TrafficLight,
     /// The figure that decided.
     pub figure: Option<f64>,
     /// The limit that the figure broke; for a green part, the limit that it met.
@@ -168,7 +171,7 @@ pub struct HoldReport {
     /// Whether the error lies within the tracker's stated 95 % region.
     pub inside: Option<bool>,
     /// Why it does not count; `null` where it does.
-    pub not_counted: Option<NotCounted>,
+    pub not_counted: Option<NotCountedReason>,
 }
 
 /// A self-test to be stored.
@@ -186,7 +189,7 @@ pub struct NewSelfTest {
 
 impl SelfTestReport {
     /// From the pipeline's findings; `tools` are the tools' names in the tracker's order.
-    pub fn new(findings: &Findings, verdict: &Verdict, tools: &[String]) -> Self {
+    pub fn new(findings: &SelfTestFindings, verdict: &SelfTestVerdict, tools: &[String]) -> Self {
         let (columns, rows) = (findings.board.columns() as u32, findings.board.rows() as u32);
         let percent = |share: f64| 100.0 * share;
         Self {
@@ -198,7 +201,7 @@ impl SelfTestReport {
             focal_change_percent: findings.focal_change.map(|change| percent(change.share)),
             focal_sigma_percent: findings.focal_change.map(|change| percent(change.sigma)),
             accuracy: findings.accuracy.as_ref().map(AccuracyReport::from),
-            holds: findings.touches.iter().map(|touch| hold(touch, tools)).collect(),
+            holds: findings.touches.iter().map(|touch| hold_report(touch, tools)).collect(),
             exposure_drift: findings.exposure_drift,
             white_drift_codes: findings.white_drift_codes,
         }
@@ -227,7 +230,7 @@ impl SelfTestReport {
     }
 }
 
-fn hold(touch: &Touch, tools: &[String]) -> HoldReport {
+fn hold_report(touch: &Touch, tools: &[String]) -> HoldReport {
     let measured = touch.outcome.ok();
     let from_one = |place: usize| place as u64 + 1;
     HoldReport {
@@ -241,41 +244,41 @@ fn hold(touch: &Touch, tools: &[String]) -> HoldReport {
         along_mm: measured.map(|m| m.along_mm),
         across_mm: measured.map(|m| m.across_mm),
         inside: measured.and_then(|m| m.is_inside),
-        not_counted: touch.outcome.err().map(NotCounted::from),
+        not_counted: touch.outcome.err().map(NotCountedReason::from),
     }
 }
 
-impl From<Signal> for Light {
+impl From<Signal> for TrafficLight {
     fn from(signal: Signal) -> Self {
         match signal {
-            Signal::Green => Light::Green,
-            Signal::Yellow => Light::Yellow,
-            Signal::Red => Light::Red,
-            Signal::NotMeasured => Light::NotMeasured,
+            Signal::Green => TrafficLight::Green,
+            Signal::Yellow => TrafficLight::Yellow,
+            Signal::Red => TrafficLight::Red,
+            Signal::NotMeasured => TrafficLight::NotMeasured,
         }
     }
 }
 
-impl From<Part> for TestedPart {
-    fn from(part: Part) -> Self {
+impl From<SelfTestPart> for TestedPart {
+    fn from(part: SelfTestPart) -> Self {
         match part {
-            Part::Accuracy => TestedPart::Accuracy,
-            Part::Calibration => TestedPart::Calibration,
-            Part::Place => TestedPart::Place,
-            Part::Colours => TestedPart::Colours,
-            Part::Lighting => TestedPart::Lighting,
+            SelfTestPart::Accuracy => TestedPart::Accuracy,
+            SelfTestPart::Calibration => TestedPart::Calibration,
+            SelfTestPart::Place => TestedPart::Place,
+            SelfTestPart::Colours => TestedPart::Colours,
+            SelfTestPart::Lighting => TestedPart::Lighting,
         }
     }
 }
 
-impl From<Unusable> for NotCounted {
-    fn from(why: Unusable) -> Self {
+impl From<UnusableReason> for NotCountedReason {
+    fn from(why: UnusableReason) -> Self {
         match why {
-            Unusable::BoardNotSeen => NotCounted::BoardNotSeen,
-            Unusable::BoardMoved => NotCounted::BoardMoved,
-            Unusable::WrongWay => NotCounted::WrongWay,
-            Unusable::NoCornerNear => NotCounted::NoCornerNear,
-            Unusable::AboveBoard => NotCounted::AboveBoard,
+            UnusableReason::BoardNotSeen => NotCountedReason::BoardNotSeen,
+            UnusableReason::BoardMoved => NotCountedReason::BoardMoved,
+            UnusableReason::WrongWay => NotCountedReason::WrongWay,
+            UnusableReason::NoCornerNear => NotCountedReason::NoCornerNear,
+            UnusableReason::AboveBoard => NotCountedReason::AboveBoard,
         }
     }
 }
@@ -294,20 +297,20 @@ impl From<&PartVerdict> for PartReport {
     }
 }
 
-impl From<&Placement> for PlacementReport {
-    fn from(placement: &Placement) -> Self {
+impl From<&BoardPlacement> for PlacementReport {
+    fn from(placement: &BoardPlacement) -> Self {
         Self {
             from_s: placement.from_s,
             to_s: placement.to_s,
-            looks: placement.looks as u64,
+            looks: placement.sightings as u64,
             rms_px: placement.rms_px,
             depth_mm: placement.camera_from_board.translation.z,
         }
     }
 }
 
-impl From<&Accuracy> for AccuracyReport {
-    fn from(a: &Accuracy) -> Self {
+impl From<&TouchAccuracy> for AccuracyReport {
+    fn from(a: &TouchAccuracy) -> Self {
         let [nearest_mm, farthest_mm] = a.depth_mm;
         Self {
             touches: a.touches as u64,

@@ -60,7 +60,7 @@ pub struct NewSession {
 
 /// The pipeline version of a result from an imported trajectory. It includes the tracker's name, so that numbers of
 /// different trackers are not mixed by accident, just like numbers of different versions of this program.
-pub fn version_of_rows(tracker: &TrackerName) -> String {
+pub fn imported_pipeline_version(tracker: &TrackerName) -> String {
     format!("{PIPELINE_VERSION} on rows by {tracker}")
 }
 

@@ -5,30 +5,30 @@
 //! and holds no person's own value.
 
 mod judgement;
-mod order;
+mod new_standard;
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-pub use judgement::{Judgement, SessionJudgement, ToJudge};
-pub use order::{MOST_TARGETS, NewStandard, NewTarget, Preset, Way};
+pub use judgement::{Judgement, SessionJudgement, ValueToJudge};
+pub use new_standard::{LimitMethod, MAX_TARGETS, NewStandard, NewTarget, Preset};
 
 use super::feature::FeatureKey;
 use super::named;
 use super::trainee::Handedness;
 use crate::pipeline::features::{self, Direction};
-use crate::pipeline::score::interval::Interval;
+use crate::pipeline::score::interval::ConfidenceInterval;
 use crate::pipeline::score::lc_cusum;
 use crate::pipeline::score::pass_rule::PassRule;
 use crate::pipeline::score::standard::{self, ErrorRate};
 
 /// A task's standard as stored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct Definition {
+pub struct StandardDefinition {
     /// Limits that a session must meet, all of them.
     pub targets: Vec<Target>,
     /// How often sessions must be passed; `null`: the charts decide.
-    pub rule: Option<Rule>,
+    pub rule: Option<StandardRule>,
     /// Which failure rate counts as adequate, and how often the charts may be wrong.
     pub charts: ChartDesign,
 }
@@ -93,9 +93,9 @@ pub enum Basis {
         /// How many experts.
         experts: usize,
         /// Share of novices that pass.
-        false_pass: Share,
+        false_pass: MisjudgedShare,
         /// Share of experts that fail.
-        false_fail: Share,
+        false_fail: MisjudgedShare,
     },
     /// The value that the best share of some people reaches.
     BestShare {
@@ -108,7 +108,7 @@ pub enum Basis {
 
 /// The share of a group's people that a limit misjudges, 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct Share {
+pub struct MisjudgedShare {
     /// Expected from the group's normal distribution.
     pub expected: f64,
     /// Observed among the people measured.
@@ -136,7 +136,7 @@ pub struct MadeFrom {
 /// A pass rule: a number of passes in a row, then a number of further passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Rule {
+pub struct StandardRule {
     /// Passes in a row that are needed first, at least 1.
     pub in_a_row: usize,
     /// Further passes after these, in a row or not.
@@ -168,7 +168,12 @@ pub struct ChartDesign {
 
 impl Target {
     /// A computed target in its stored form.
-    pub fn of(of: FeatureKey, feature: &features::Feature, target: standard::Target, from: Option<MadeFrom>) -> Self {
+    pub fn of(
+        of: FeatureKey,
+        feature: &features::Feature,
+        target: standard::FeatureTarget,
+        from: Option<MadeFrom>,
+    ) -> Self {
         let better = if target.direction == Direction::Higher { Better::Higher } else { Better::Lower };
         Self {
             of,
@@ -183,16 +188,16 @@ impl Target {
         }
     }
 
-    fn limit(&self) -> standard::Target {
+    fn pipeline_target(&self) -> standard::FeatureTarget {
         let direction = match self.better {
             Better::Lower => Direction::Lower,
             Better::Higher => Direction::Higher,
         };
-        standard::Target { limit: self.limit, interval: None, direction, basis: standard::Basis::Fixed }
+        standard::FeatureTarget { limit: self.limit, interval: None, direction, basis: standard::TargetBasis::Fixed }
     }
 }
 
-impl Definition {
+impl StandardDefinition {
     /// The definition without fingerprints, which only administrators may see.
     pub fn without_fingerprints(mut self) -> Self {
         self.targets.iter_mut().filter_map(|target| target.made_from.as_mut()).for_each(|from| from.fingerprint = None);
@@ -205,13 +210,13 @@ impl Definition {
     }
 }
 
-impl From<standard::Basis> for Basis {
-    fn from(basis: standard::Basis) -> Self {
+impl From<standard::TargetBasis> for Basis {
+    fn from(basis: standard::TargetBasis) -> Self {
         match basis {
-            standard::Basis::Fixed => Basis::Fixed,
-            standard::Basis::External { source } => Basis::External { source: source.to_owned() },
-            standard::Basis::TrimmedExperts { experts, dropped } => Basis::TrimmedExperts { experts, dropped },
-            standard::Basis::ContrastingGroups { novices, experts, false_pass, false_fail } => {
+            standard::TargetBasis::Fixed => Basis::Fixed,
+            standard::TargetBasis::External { source } => Basis::External { source: source.to_owned() },
+            standard::TargetBasis::TrimmedExperts { experts, dropped } => Basis::TrimmedExperts { experts, dropped },
+            standard::TargetBasis::ContrastingGroups { novices, experts, false_pass, false_fail } => {
                 Basis::ContrastingGroups {
                     novices,
                     experts,
@@ -219,24 +224,24 @@ impl From<standard::Basis> for Basis {
                     false_fail: false_fail.into(),
                 }
             }
-            standard::Basis::BestShare { people, share } => Basis::BestShare { people, share },
+            standard::TargetBasis::BestShare { people, share } => Basis::BestShare { people, share },
         }
     }
 }
 
-impl From<ErrorRate> for Share {
-    fn from(ErrorRate { expected, seen, interval: Interval { low, high } }: ErrorRate) -> Self {
+impl From<ErrorRate> for MisjudgedShare {
+    fn from(ErrorRate { expected, seen, interval: ConfidenceInterval { low, high } }: ErrorRate) -> Self {
         Self { expected, seen, low, high }
     }
 }
 
-impl From<Rule> for PassRule {
-    fn from(Rule { in_a_row, then_more, at_most }: Rule) -> Self {
+impl From<StandardRule> for PassRule {
+    fn from(StandardRule { in_a_row, then_more, at_most }: StandardRule) -> Self {
         Self { in_a_row, then_more, at_most }
     }
 }
 
-impl From<PassRule> for Rule {
+impl From<PassRule> for StandardRule {
     fn from(PassRule { in_a_row, then_more, at_most }: PassRule) -> Self {
         Self { in_a_row, then_more, at_most }
     }
@@ -244,19 +249,25 @@ impl From<PassRule> for Rule {
 
 impl Default for ChartDesign {
     fn default() -> Self {
-        lc_cusum::Design::default().into()
+        lc_cusum::LcCusumDesign::default().into()
     }
 }
 
-impl From<lc_cusum::Design> for ChartDesign {
-    fn from(design: lc_cusum::Design) -> Self {
-        let lc_cusum::Design { inadequate, adequate, false_declaration, declare_within, false_alarm, alarm_within } =
-            design;
+impl From<lc_cusum::LcCusumDesign> for ChartDesign {
+    fn from(design: lc_cusum::LcCusumDesign) -> Self {
+        let lc_cusum::LcCusumDesign {
+            inadequate,
+            adequate,
+            false_declaration,
+            declare_within,
+            false_alarm,
+            alarm_within,
+        } = design;
         Self { inadequate, adequate, false_declaration, declare_within, false_alarm, alarm_within }
     }
 }
 
-impl From<ChartDesign> for lc_cusum::Design {
+impl From<ChartDesign> for lc_cusum::LcCusumDesign {
     fn from(design: ChartDesign) -> Self {
         let ChartDesign { inadequate, adequate, false_declaration, declare_within, false_alarm, alarm_within } = design;
         Self { inadequate, adequate, false_declaration, declare_within, false_alarm, alarm_within }
@@ -269,13 +280,13 @@ mod tests {
     use crate::domain::session::FeatureSpace;
 
     #[test]
-    fn a_kept_definition_reads_back_as_it_was() {
+    fn a_stored_definition_reads_back_unchanged() {
         let key = FeatureKey { feature: "duration".to_owned(), tool: None, space: FeatureSpace::Space3d };
-        let limit = standard::Target::fixed(48.0, Direction::Lower).unwrap();
+        let limit = standard::FeatureTarget::fixed(48.0, Direction::Lower).unwrap();
         let target = Target::of(key, &features::time::DURATION, limit, None);
-        let definition = Definition { targets: vec![target], rule: None, charts: ChartDesign::default() };
+        let definition = StandardDefinition { targets: vec![target], rule: None, charts: ChartDesign::default() };
         let text = serde_json::to_string(&definition).unwrap();
-        assert_eq!(serde_json::from_str::<Definition>(&text).unwrap(), definition);
-        assert_eq!(definition.targets[0].limit(), limit);
+        assert_eq!(serde_json::from_str::<StandardDefinition>(&text).unwrap(), definition);
+        assert_eq!(definition.targets[0].pipeline_target(), limit);
     }
 }

@@ -91,7 +91,7 @@ impl Code {
     /// a digit gives `fallback`.
     pub fn from_name(name: &Name, fallback: &'static str) -> Self {
         let mut code = String::new();
-        for c in name.as_str().chars().filter_map(plain) {
+        for c in name.as_str().chars().filter_map(code_character) {
             if c != '-' || !(code.is_empty() || code.ends_with('-')) {
                 code.push(c);
             }
@@ -128,7 +128,7 @@ impl<T: ToString + ?Sized> From<&T> for Key {
 
 /// The character of a code for this character: accents are dropped, apostrophes are omitted, anything else becomes a
 /// dash.
-fn plain(c: char) -> Option<char> {
+fn code_character(c: char) -> Option<char> {
     Some(match c.to_lowercase().next().unwrap_or(c) {
         c @ ('a'..='z' | '0'..='9') => c,
         'à' | 'á' | 'â' | 'ã' | 'ä' | 'å' => 'a',

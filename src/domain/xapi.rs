@@ -22,7 +22,7 @@ use super::standard::SessionJudgement;
 
 /// A session's result: the input of a statement.
 #[derive(Clone, Debug)]
-pub struct Scored<'s> {
+pub struct ScoredSession<'s> {
     /// The service's address, without a slash at its end.
     pub home: &'s str,
     /// The session's id.
@@ -55,13 +55,13 @@ pub struct Statement {
     /// A UUID; the same result under the same standard always has the same id.
     pub id: String,
     /// The trainee.
-    pub actor: Actor,
+    pub actor: StatementActor,
     /// Passed, failed or completed.
     pub verb: Verb,
     /// The task.
     pub object: Activity,
     /// Success, duration and features.
-    pub result: Outcome,
+    pub result: StatementOutcome,
     /// The program and the session.
     pub context: Context,
     /// Time of the recording, RFC 3339.
@@ -71,7 +71,7 @@ pub struct Statement {
 /// The actor of a statement: a trainee.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "camelCase")]
-pub struct Actor {
+pub struct StatementActor {
     /// `Agent`.
     pub object_type: String,
     /// The account that identifies the trainee.
@@ -113,7 +113,7 @@ pub struct Activity {
 
 /// The result part of a statement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct Outcome {
+pub struct StatementOutcome {
     /// Always true: the task was done.
     pub completion: bool,
     /// Whether the session met the standard; absent where unknown.
@@ -146,7 +146,7 @@ pub struct StatementResult {
 }
 
 /// The statement of a session's result.
-pub fn statement(scored: &Scored<'_>) -> Statement {
+pub fn statement(scored: &ScoredSession<'_>) -> Statement {
     let verb = match scored.judged {
         Some((_, SessionJudgement::Pass)) => "passed",
         Some((_, SessionJudgement::Fail)) => "failed",
@@ -154,58 +154,62 @@ pub fn statement(scored: &Scored<'_>) -> Statement {
     };
     let (task, name) = (&scored.task.0, scored.task.1);
     Statement {
-        id: id_of(&[
+        id: statement_id(&[
             scored.result.as_str(),
             verb,
             &scored.judged.map(|(version, _)| version.to_string()).unwrap_or_default(),
         ]),
-        actor: Actor {
+        actor: StatementActor {
             object_type: "Agent".to_owned(),
             account: Account { home_page: scored.home.to_owned(), name: scored.trainee.to_owned() },
         },
-        verb: Verb { id: format!("http://adlnet.gov/expapi/verbs/{verb}"), display: in_english(verb) },
+        verb: Verb { id: format!("http://adlnet.gov/expapi/verbs/{verb}"), display: english_text(verb) },
         object: Activity {
             object_type: "Activity".to_owned(),
             id: format!("{}/api/v1/tasks/{task}", scored.home),
             definition: object(json!({
                 "type": "http://adlnet.gov/expapi/activities/simulation",
-                "name": in_english(name),
+                "name": english_text(name),
             })),
         },
-        result: Outcome {
+        result: StatementOutcome {
             completion: true,
             success: match scored.judged {
                 Some((_, SessionJudgement::Pass)) => Some(true),
                 Some((_, SessionJudgement::Fail)) => Some(false),
                 _ => None,
             },
-            duration: duration(scored.duration_s),
+            duration: iso_duration(scored.duration_s),
             extensions: extensions(scored),
         },
         context: Context {
             platform: "Trocar".to_owned(),
-            extensions: one(scored, "session", json!(format!("{}/api/v1/sessions/{}", scored.home, scored.session))),
+            extensions: extension(
+                scored,
+                "session",
+                json!(format!("{}/api/v1/sessions/{}", scored.home, scored.session)),
+            ),
         },
         timestamp: scored.recorded_at.clone(),
     }
 }
 
-fn extensions(scored: &Scored<'_>) -> Map<String, Value> {
-    let mut extensions = one(scored, "features", scored.features.iter().map(feature).collect());
-    extensions.extend(one(scored, "versions", known(json!(scored.versions))));
-    extensions.extend(scored.verdict.into_iter().flat_map(|verdict| one(scored, "verdict", json!(verdict))));
-    extensions.extend(scored.tracker.into_iter().flat_map(|tracker| one(scored, "tracker", json!(tracker))));
-    extensions.extend(scored.judged.into_iter().flat_map(|(version, _)| one(scored, "standard", json!(version))));
+fn extensions(scored: &ScoredSession<'_>) -> Map<String, Value> {
+    let mut extensions = extension(scored, "features", scored.features.iter().map(feature).collect());
+    extensions.extend(extension(scored, "versions", without_nulls(json!(scored.versions))));
+    extensions.extend(scored.verdict.into_iter().flat_map(|verdict| extension(scored, "verdict", json!(verdict))));
+    extensions.extend(scored.tracker.into_iter().flat_map(|tracker| extension(scored, "tracker", json!(tracker))));
+    extensions.extend(scored.judged.into_iter().flat_map(|(version, _)| extension(scored, "standard", json!(version))));
     extensions
 }
 
-fn one(scored: &Scored<'_>, name: &str, value: Value) -> Map<String, Value> {
+fn extension(scored: &ScoredSession<'_>, name: &str, value: Value) -> Map<String, Value> {
     Map::from_iter([(format!("{}/xapi/{name}", scored.home), value)])
 }
 
 fn feature(row: &FeatureRow) -> Value {
     let bar = row.error.as_ref().and_then(|error| error.as_ref().ok());
-    known(json!({
+    without_nulls(json!({
         "name": row.name,
         "tool": row.tool,
         "space": row.space.name(),
@@ -218,7 +222,7 @@ fn feature(row: &FeatureRow) -> Value {
 }
 
 /// The object without its nulls.
-fn known(value: Value) -> Value {
+fn without_nulls(value: Value) -> Value {
     Value::Object(object(value).into_iter().filter(|(_, value)| !value.is_null()).collect())
 }
 
@@ -229,18 +233,18 @@ fn object(value: Value) -> Map<String, Value> {
     }
 }
 
-fn in_english(text: &str) -> Map<String, Value> {
+fn english_text(text: &str) -> Map<String, Value> {
     Map::from_iter([("en".to_owned(), text.into())])
 }
 
 /// ISO 8601, to a hundredth of a second: xAPI stores compare no finer.
-fn duration(seconds: f64) -> String {
+fn iso_duration(seconds: f64) -> String {
     format!("PT{:.2}S", seconds.max(0.0))
 }
 
 /// A version 4 UUID that depends only on the parts. Our own ids are version 7, which readers written for RFC 4122
 /// refuse, and a statement with different content needs a different id.
-fn id_of(parts: &[&str]) -> String {
+fn statement_id(parts: &[&str]) -> String {
     let digest = Sha256::digest(parts.join("\n").as_bytes());
     let mut bytes = [0; 16];
     bytes.copy_from_slice(&digest[..16]);
@@ -269,7 +273,7 @@ mod tests {
         let versions =
             Versions { pipeline: "8".into(), tracked_with: None, calibration: None, palette: None, model: None };
         let features = features();
-        let scored = Scored {
+        let scored = ScoredSession {
             home: "https://skills.example",
             session: "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44".to_owned(),
             result: "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a45".to_owned(),
@@ -322,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn every_statement_keeps_the_rules_and_says_only_what_is_known() {
+    fn every_statement_conforms_and_holds_only_known_values() {
         for (judged, verb, success) in [
             (None, "completed", None),
             (Some((3, SessionJudgement::Unknown)), "completed", None),
@@ -339,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_that_is_not_there_is_absent_with_the_reason() {
+    fn a_missing_value_is_absent_and_has_a_reason() {
         let statement = of(None);
         let features = &statement["result"]["extensions"]["https://skills.example/xapi/features"];
         assert_eq!((&features[0]["value"], &features[0]["high"]), (&json!(61.25), &json!(61.45)));
@@ -347,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn what_says_something_else_has_another_id_and_the_same_has_the_same() {
+    fn statements_have_the_same_id_only_if_they_are_equal() {
         let [pass, fail, none] =
             [Some((3, SessionJudgement::Pass)), Some((3, SessionJudgement::Fail)), None].map(|j| of(j)["id"].clone());
         assert_eq!(pass, of(Some((3, SessionJudgement::Pass)))["id"]);

@@ -5,21 +5,21 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::auth::signed_in::Member;
-use super::error::Answer;
+use super::error::HandlerResult;
 use super::read::Json;
-use super::show::{Named, Time};
+use super::show::{NamedReference, Time};
 use super::state::App;
 use crate::cohorts::{Alarm, Alarms};
 use crate::ids::SessionId;
-use crate::store::Waiting;
+use crate::store::AttentionItem;
 
 const DAY_MS: i64 = 86_400_000;
 /// Age limit of the listed sessions.
-const LATELY_MS: i64 = 14 * DAY_MS;
+const RECENT_MS: i64 = 14 * DAY_MS;
 /// A task counts as rated if one of its sessions was rated within this time.
-const RATED_MS: i64 = 90 * DAY_MS;
+const RATED_WINDOW_MS: i64 = 90 * DAY_MS;
 /// Most sessions in each list.
-const MOST: u32 = 20;
+const MAX_SESSIONS: u32 = 20;
 
 /// What needs attention, among the trainees in the caller's scope.
 #[derive(Debug, Serialize, ToSchema)]
@@ -29,17 +29,17 @@ pub struct Attention {
     /// True if more people trained recently than were checked for alarms.
     more: bool,
     /// Sessions of the last 14 days that the quality gate refused, at most 20.
-    refused: Vec<Wanting>,
+    refused: Vec<SessionToReview>,
     /// Unrated sessions of the last 14 days, of tasks whose sessions are rated; at most 20. Empty for trainees.
-    unrated: Vec<Wanting>,
+    unrated: Vec<SessionToReview>,
 }
 
 /// A session that staff should look at.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Wanting {
+pub struct SessionToReview {
     session: SessionId,
-    trainee: Named,
-    task: Named,
+    trainee: NamedReference,
+    task: NamedReference,
     recorded_at: Time,
 }
 
@@ -47,24 +47,24 @@ pub struct Wanting {
 ///
 /// Lists alarms, refused sessions and unrated sessions. `GET /sessions?status=failed` lists failed sessions.
 #[utoipa::path(get, path = "/attention", tag = "trainees", responses((status = OK, body = Attention)))]
-pub async fn attention(State(app): State<App>, by: Member) -> Answer<Json<Attention>> {
+pub async fn attention(State(app): State<App>, by: Member) -> HandlerResult<Json<Attention>> {
     let (sessions, now_ms) = (app.store.sessions(), app.clock.now_ms());
-    let (since, rated_since) = (now_ms.saturating_sub(LATELY_MS), now_ms.saturating_sub(RATED_MS));
+    let (since, rated_since) = (now_ms.saturating_sub(RECENT_MS), now_ms.saturating_sub(RATED_WINDOW_MS));
     let Alarms { items, more } = app.cohorts.alarms(&by.scope).await?;
-    let refused = sessions.refused_since(&by.scope, since, MOST).await?;
+    let refused = sessions.refused_since(&by.scope, since, MAX_SESSIONS).await?;
     let unrated = match by.scope.is_staff() {
-        true => sessions.unrated_since(&by.scope, since, rated_since, MOST).await?,
+        true => sessions.unrated_since(&by.scope, since, rated_since, MAX_SESSIONS).await?,
         false => Vec::new(),
     };
-    let wanting = |sessions: Vec<Waiting>| sessions.into_iter().map(Wanting::from).collect();
+    let wanting = |sessions: Vec<AttentionItem>| sessions.into_iter().map(SessionToReview::from).collect();
     Ok(Json(Attention { alarms: items, more, refused: wanting(refused), unrated: wanting(unrated) }))
 }
 
-impl From<Waiting> for Wanting {
-    fn from(of: Waiting) -> Self {
+impl From<AttentionItem> for SessionToReview {
+    fn from(of: AttentionItem) -> Self {
         let trainee = (of.trainee_id.to_string(), of.trainee_name.to_string(), of.trainee_code.to_string());
         let task = (of.task_id.to_string(), of.task_name.to_string(), of.task_code.to_string());
-        let named = |(id, name, code)| Named { id, name, code };
+        let named = |(id, name, code)| NamedReference { id, name, code };
         Self { session: of.id, trainee: named(trainee), task: named(task), recorded_at: Time(of.recorded_at_ms) }
     }
 }

@@ -7,9 +7,9 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::auth::signed_in::{Administrator, Member};
-use super::error::{Answer, Problem, unknown};
-use super::read::{At, Json, Params};
-use super::show::{Created, Page, Paging, Time};
+use super::error::{HandlerResult, ProblemResponse, unknown_reference};
+use super::read::{Json, Params, PathKey};
+use super::show::{Created, PageResponse, Paging, Time};
 use super::state::App;
 use crate::domain::cohort::NewCohort;
 use crate::domain::text::{Code, Name};
@@ -19,7 +19,7 @@ use crate::store::{self, StoreError};
 
 /// A reference group: a list of people, or all people of a level, hand or training group.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Cohort {
+pub struct CohortResponse {
     id: CohortId,
     code: Code,
     name: Name,
@@ -33,33 +33,42 @@ pub struct Cohort {
     created_at: Time,
 }
 
-impl From<store::Cohort> for Cohort {
-    fn from(cohort: store::Cohort) -> Self {
-        let store::Cohort { id, code, name, is_list, level, handedness, group_id, people, created_at_ms } = cohort;
+impl From<store::CohortRecord> for CohortResponse {
+    fn from(cohort: store::CohortRecord) -> Self {
+        let store::CohortRecord { id, code, name, is_list, level, handedness, group_id, people, created_at_ms } =
+            cohort;
         let created_at = Time(created_at_ms);
         Self { id, code, name, listed: is_list, level, handedness, group: group_id, people, created_at }
     }
 }
 
 /// List the cohorts, by code
-#[utoipa::path(get, path = "/cohorts", tag = "cohorts", params(Paging), responses((status = OK, body = Page<Cohort>)))]
-pub async fn list(State(app): State<App>, by: Member, Params(paging): Params<Paging>) -> Answer<Json<Page<Cohort>>> {
+#[utoipa::path(get, path = "/cohorts", tag = "cohorts", params(Paging), responses((status = OK, body = PageResponse<CohortResponse>)))]
+pub async fn list(
+    State(app): State<App>,
+    by: Member,
+    Params(paging): Params<Paging>,
+) -> HandlerResult<Json<PageResponse<CohortResponse>>> {
     let cohorts = app.store.cohorts().list(&by.scope, &paging.request(app.settings.page_items)?).await?;
-    Ok(Json(Page::of(cohorts, Cohort::from)))
+    Ok(Json(PageResponse::of(cohorts, CohortResponse::from)))
 }
 
 /// Create a cohort
 #[utoipa::path(post, path = "/cohorts", tag = "cohorts", request_body = NewCohort,
-    responses((status = CREATED, body = Cohort)))]
-pub async fn create(State(app): State<App>, by: Administrator, Json(new): Json<NewCohort>) -> Answer<Created<Cohort>> {
-    let cohort = app.store.cohorts().create(&by.scope, new.checked()?).await.map_err(mistaken)?;
+    responses((status = CREATED, body = CohortResponse)))]
+pub async fn create(
+    State(app): State<App>,
+    by: Administrator,
+    Json(new): Json<NewCohort>,
+) -> HandlerResult<Created<CohortResponse>> {
+    let cohort = app.store.cohorts().create(&by.scope, new.checked()?).await.map_err(reference_error)?;
     Ok(Created { location: format!("/api/v1/cohorts/{}", cohort.id), made: cohort.into() })
 }
 
 /// Read one cohort
 #[utoipa::path(get, path = "/cohorts/{id}", tag = "cohorts", params(("id" = String, Path, description = "id or code")),
-    responses((status = OK, body = Cohort)))]
-pub async fn get(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Cohort>> {
+    responses((status = OK, body = CohortResponse)))]
+pub async fn get(State(app): State<App>, by: Member, PathKey(key): PathKey) -> HandlerResult<Json<CohortResponse>> {
     Ok(Json(app.store.cohorts().get(&by.scope, &key).await?.into()))
 }
 
@@ -67,30 +76,30 @@ pub async fn get(State(app): State<App>, by: Member, At(key): At) -> Answer<Json
 ///
 /// The cohort's `people` counts all members.
 #[utoipa::path(get, path = "/cohorts/{id}/members", tag = "cohorts",
-    params(("id" = String, Path, description = "id or code"), Paging), responses((status = OK, body = Page<TraineeId>)))]
+    params(("id" = String, Path, description = "id or code"), Paging), responses((status = OK, body = PageResponse<TraineeId>)))]
 pub async fn members(
     State(app): State<App>,
     by: Member,
-    At(key): At,
+    PathKey(key): PathKey,
     Params(paging): Params<Paging>,
-) -> Answer<Json<Page<TraineeId>>> {
+) -> HandlerResult<Json<PageResponse<TraineeId>>> {
     let page = paging.request(app.settings.page_items)?;
     let members = app.store.cohorts().members(&by.scope, &key, &page).await?;
-    Ok(Json(Page::of(members, |id| id)))
+    Ok(Json(PageResponse::of(members, |id| id)))
 }
 
 /// Replace a cohort: its name and its people
 #[utoipa::path(put, path = "/cohorts/{id}", tag = "cohorts", params(("id" = String, Path, description = "id or code")),
-    request_body = NewCohort, responses((status = OK, body = Cohort)))]
+    request_body = NewCohort, responses((status = OK, body = CohortResponse)))]
 pub async fn replace(
     State(app): State<App>,
     by: Administrator,
-    At(key): At,
+    PathKey(key): PathKey,
     Json(new): Json<NewCohort>,
-) -> Answer<Json<Cohort>> {
+) -> HandlerResult<Json<CohortResponse>> {
     let id = app.store.cohorts().get(&by.scope, &key).await?.id;
     let replaced = app.store.cohorts().replace(&by.scope, id, new.checked()?).await;
-    Ok(Json(replaced.map_err(mistaken)?.into()))
+    Ok(Json(replaced.map_err(reference_error)?.into()))
 }
 
 /// Delete a cohort
@@ -98,15 +107,15 @@ pub async fn replace(
 /// Its people stay, and so do the standards that were set from it.
 #[utoipa::path(delete, path = "/cohorts/{id}", tag = "cohorts", params(("id" = String, Path, description = "id or code")),
     responses((status = NO_CONTENT)))]
-pub async fn delete(State(app): State<App>, by: Administrator, At(key): At) -> Answer<StatusCode> {
+pub async fn delete(State(app): State<App>, by: Administrator, PathKey(key): PathKey) -> HandlerResult<StatusCode> {
     app.store.cohorts().delete(&by.scope, &key).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
 /// Reports a missing group or trainee as a mistake in the body (422), not in the address (404).
-fn mistaken(error: StoreError) -> Problem {
+fn reference_error(error: StoreError) -> ProblemResponse {
     match error {
-        StoreError::NotFound { what } => unknown(what, what),
+        StoreError::NotFound { what } => unknown_reference(what, what),
         other => other.into(),
     }
 }

@@ -7,24 +7,24 @@ use tower_http::compression::CompressionLayer;
 use tower_http::compression::predicate::Predicate;
 
 /// A smaller answer fits into one or two packets uncompressed.
-const LEAST_BYTES: u64 = 1024;
+const MIN_BYTES: u64 = 1024;
 
 /// A larger answer is a download for a program; compressing it would take CPU time from tracking.
-const MOST_BYTES: u64 = 2 << 20;
+const MAX_BYTES: u64 = 2 << 20;
 
 /// Middleware: compresses text of a known, moderate size. Pictures and video are compressed already, and events must
 /// not wait in a buffer.
 pub fn compress() -> CompressionLayer<impl Predicate> {
-    at(CompressionLevel::Fastest)
+    compression_layer(CompressionLevel::Fastest)
 }
 
 /// The same at a higher level, for files that browsers cache: an eighth smaller, for a few milliseconds once per
 /// browser and version.
-pub fn compress_well() -> CompressionLayer<impl Predicate> {
-    at(CompressionLevel::Default)
+pub fn compress_static_files() -> CompressionLayer<impl Predicate> {
+    compression_layer(CompressionLevel::Default)
 }
 
-fn at(level: CompressionLevel) -> CompressionLayer<impl Predicate> {
+fn compression_layer(level: CompressionLevel) -> CompressionLayer<impl Predicate> {
     CompressionLayer::new().quality(level).compress_when(ModerateText)
 }
 
@@ -35,7 +35,7 @@ impl Predicate for ModerateText {
     fn should_compress<B: HttpBody>(&self, response: &Response<B>) -> bool {
         let kind = response.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
         let bytes = response.body().size_hint().exact();
-        is_text(kind) && bytes.is_some_and(|bytes| (LEAST_BYTES..=MOST_BYTES).contains(&bytes))
+        is_text(kind) && bytes.is_some_and(|bytes| (MIN_BYTES..=MAX_BYTES).contains(&bytes))
     }
 }
 
@@ -52,14 +52,14 @@ mod tests {
     use super::*;
     use axum::body::Body;
 
-    fn is_squeezed(kind: &str, bytes: usize) -> bool {
+    fn is_compressed(kind: &str, bytes: usize) -> bool {
         let response =
             Response::builder().header(header::CONTENT_TYPE, kind).body(Body::from(vec![b'a'; bytes])).unwrap();
         ModerateText.should_compress(&response)
     }
 
     #[test]
-    fn only_text_of_moderate_size_is_squeezed() {
+    fn only_text_of_moderate_size_is_compressed() {
         for kind in [
             "text/html; charset=utf-8",
             "text/javascript",
@@ -68,8 +68,8 @@ mod tests {
             "application/problem+json",
             "image/svg+xml",
         ] {
-            assert!(is_squeezed(kind, 4096), "{kind}");
-            assert!(!is_squeezed(kind, 100) && !is_squeezed(kind, 3 << 20), "{kind}");
+            assert!(is_compressed(kind, 4096), "{kind}");
+            assert!(!is_compressed(kind, 100) && !is_compressed(kind, 3 << 20), "{kind}");
         }
         for kind in [
             "video/mp4",
@@ -79,12 +79,12 @@ mod tests {
             "application/vnd.apache.parquet",
             "",
         ] {
-            assert!(!is_squeezed(kind, 4096), "{kind}");
+            assert!(!is_compressed(kind, 4096), "{kind}");
         }
     }
 
     #[test]
-    fn a_body_of_unknown_length_goes_as_it_comes() {
+    fn a_body_of_unknown_length_is_not_compressed() {
         let stream = Body::from_stream(futures_util::stream::once(async { Ok::<_, std::io::Error>("text") }));
         let response = Response::builder().header(header::CONTENT_TYPE, "text/csv").body(stream).unwrap();
         assert!(!ModerateText.should_compress(&response));

@@ -18,7 +18,7 @@ use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use rust_embed::RustEmbed;
 use sha2::{Digest, Sha256};
 
-use super::error::{Problem, Refusal};
+use super::error::{ProblemResponse, Refusal};
 
 #[derive(RustEmbed)]
 #[folder = "static/"]
@@ -28,35 +28,35 @@ struct Pages;
 const INDEX: &str = "index.html";
 
 /// Path prefix of versioned files.
-const KEPT: &str = "kept/";
+const VERSIONED_PREFIX: &str = "kept/";
 
 /// The placeholder for the version in the index page.
-const NAMED: &str = "kept/VERSION/";
+const VERSION_PLACEHOLDER: &str = "kept/VERSION/";
 
 /// `Cache-Control` of a file whose address contains the current version.
-const FOR_GOOD: &str = "public, max-age=31536000, immutable";
+const CACHE_FOREVER: &str = "public, max-age=31536000, immutable";
 
 /// `Cache-Control` of other files: the browser asks each time. Most answers are 304, and a new version of the program
 /// shows at once.
-const ASK_AGAIN: &str = "no-cache";
+const REVALIDATE: &str = "no-cache";
 
 /// Fallback for every address without a route: a file, or the index page for an address of the dashboard.
 pub async fn page(method: Method, uri: Uri, headers: HeaderMap) -> Response {
     let path = uri.path().trim_start_matches('/');
     if is_reserved(path) {
-        return Problem::not_found().into_response();
+        return ProblemResponse::not_found().into_response();
     }
     if method != Method::GET && method != Method::HEAD {
         return Refusal::MethodNotAllowed.with("Pages can only be read: use GET.").into_response();
     }
-    if let Some((of, path)) = path.strip_prefix(KEPT).and_then(|rest| rest.split_once('/')) {
-        let Some(file) = File::at(path) else { return Problem::not_found().into_response() };
-        return file.answer(&headers, if of == version() { FOR_GOOD } else { ASK_AGAIN });
+    if let Some((of, path)) = path.strip_prefix(VERSIONED_PREFIX).and_then(|rest| rest.split_once('/')) {
+        let Some(file) = StaticFile::at(path) else { return ProblemResponse::not_found().into_response() };
+        return file.answer(&headers, if of == version() { CACHE_FOREVER } else { REVALIDATE });
     }
     let path = if path.is_empty() { INDEX } else { path };
-    match File::at(path).or_else(|| is_view(path).then(|| File::at(INDEX)).flatten()) {
-        Some(file) => file.answer(&headers, ASK_AGAIN),
-        None => Problem::not_found().into_response(),
+    match StaticFile::at(path).or_else(|| is_view(path).then(|| StaticFile::at(INDEX)).flatten()) {
+        Some(file) => file.answer(&headers, REVALIDATE),
+        None => ProblemResponse::not_found().into_response(),
     }
 }
 
@@ -71,13 +71,13 @@ fn is_view(path: &str) -> bool {
 }
 
 /// A file of the dashboard with its headers.
-struct File {
+struct StaticFile {
     bytes: Cow<'static, [u8]>,
     hash: [u8; 32],
     media_type: HeaderValue,
 }
 
-impl File {
+impl StaticFile {
     /// The file at a path below `static/`; in the index page the version replaces its placeholder.
     fn at(path: &str) -> Option<Self> {
         let file = Pages::get(path)?;
@@ -86,12 +86,13 @@ impl File {
         if path != INDEX {
             return Some(Self { bytes, hash, media_type });
         }
-        let page = String::from_utf8_lossy(&bytes).replace(NAMED, &format!("{KEPT}{}/", version()));
+        let page =
+            String::from_utf8_lossy(&bytes).replace(VERSION_PLACEHOLDER, &format!("{VERSIONED_PREFIX}{}/", version()));
         Some(Self { hash: Sha256::digest(&page).into(), bytes: page.into_bytes().into(), media_type })
     }
 
     fn answer(self, headers: &HeaderMap, lifetime: &'static str) -> Response {
-        let etag = format!("W/\"{}\"", short(&self.hash));
+        let etag = format!("W/\"{}\"", short_hash(&self.hash));
         let known = headers.get(header::IF_NONE_MATCH).and_then(|v| v.to_str().ok()).is_some_and(|v| v.contains(&etag));
         let mut response = if known {
             StatusCode::NOT_MODIFIED.into_response()
@@ -110,21 +111,21 @@ impl File {
 
 /// Hash of all files together: changes with any of them.
 fn version() -> Cow<'static, str> {
-    static EMBEDDED: LazyLock<String> = LazyLock::new(measured_version);
-    if cfg!(debug_assertions) { measured_version().into() } else { EMBEDDED.as_str().into() }
+    static EMBEDDED: LazyLock<String> = LazyLock::new(compute_version);
+    if cfg!(debug_assertions) { compute_version().into() } else { EMBEDDED.as_str().into() }
 }
 
-fn measured_version() -> String {
+fn compute_version() -> String {
     let mut paths: Vec<_> = Pages::iter().collect();
     paths.sort();
     let mut all = Sha256::new();
     for file in paths.iter().filter_map(|path| Pages::get(path)) {
         all.update(file.metadata.sha256_hash());
     }
-    short(&all.finalize())
+    short_hash(&all.finalize())
 }
 
-fn short(hash: &[u8]) -> String {
+fn short_hash(hash: &[u8]) -> String {
     URL_SAFE_NO_PAD.encode(&hash[..16])
 }
 
@@ -138,26 +139,26 @@ fn media_type(path: &str, guessed: &str) -> HeaderValue {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::quality::Cause;
+    use crate::pipeline::quality::QualityCause;
 
     #[test]
-    fn a_view_is_told_from_a_missing_file() {
+    fn a_view_differs_from_a_missing_file() {
         assert!(is_view("sessions/0193"));
         assert!(!is_view("vendor/chart.js"));
         assert!(is_reserved("api/v2/x") && is_reserved("docs/none") && !is_reserved("apiary"));
     }
 
     #[test]
-    fn pages_warn_from_where_the_verdict_will() {
-        let [coverage, rate] = [Cause::Coverage, Cause::FrameRate].map(Cause::limits);
-        let care = |cause: Cause| cause.limits().care;
+    fn pages_warn_at_the_limits_of_the_verdict() {
+        let [coverage, rate] = [QualityCause::Coverage, QualityCause::FrameRate].map(QualityCause::limits);
+        let care = |cause: QualityCause| cause.limits().care;
         for (script, name, limit) in [
-            ("parts/light.js", "MOST_EXPOSURE", care(Cause::Exposure)),
-            ("parts/light.js", "MOST_WHITE_BALANCE", care(Cause::WhiteBalance)),
-            ("parts/seen_level.js", "LEAST_SEEN", coverage.care),
-            ("parts/seen_level.js", "LEAST_SEEN_AT_ALL", coverage.refuse),
-            ("parts/record_news.js", "LEAST_RATE", rate.care),
-            ("setup/steps.js", "MOST_RMS_PX", care(Cause::Calibration)),
+            ("parts/light.js", "MAX_EXPOSURE", care(QualityCause::Exposure)),
+            ("parts/light.js", "MAX_WHITE_BALANCE", care(QualityCause::WhiteBalance)),
+            ("parts/seen_level.js", "MIN_SEEN_GOOD", coverage.care),
+            ("parts/seen_level.js", "MIN_SEEN_USABLE", coverage.refuse),
+            ("parts/record_notices.js", "MIN_FRAME_RATE", rate.care),
+            ("setup/steps.js", "MAX_RMS_PX", care(QualityCause::Calibration)),
         ] {
             let (text, limit) = (Pages::get(script).unwrap().data, limit.unwrap());
             let text = str::from_utf8(&text).unwrap();

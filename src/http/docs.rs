@@ -7,10 +7,10 @@ use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::{IntoResponse, Redirect, Response};
 use utoipa_swagger_ui::{Config, SwaggerFile};
 
-use super::error::{Answer, Problem};
+use super::error::{HandlerResult, ProblemResponse};
 
 /// Address of the API description.
-pub const OPENAPI: &str = "/api/v1/openapi.json";
+pub const OPENAPI_PATH: &str = "/api/v1/openapi.json";
 
 /// Redirects `/docs` to `/docs/`, because the viewer's files are relative to it.
 pub async fn entry() -> Redirect {
@@ -18,19 +18,19 @@ pub async fn entry() -> Redirect {
 }
 
 /// The first page.
-pub async fn index() -> Answer<Response> {
+pub async fn index() -> HandlerResult<Response> {
     file("index.html")
 }
 
 /// One of the viewer's files.
-pub async fn asset(Path(path): Path<String>) -> Answer<Response> {
+pub async fn asset(Path(path): Path<String>) -> HandlerResult<Response> {
     file(&path)
 }
 
-fn file(path: &str) -> Answer<Response> {
-    let found = utoipa_swagger_ui::serve(path, Arc::new(Config::from(OPENAPI)));
-    let file = found.map_err(|cause| Problem::internal("showing the docs", cause.to_string()))?;
-    file.map(answer).ok_or_else(Problem::not_found)
+fn file(path: &str) -> HandlerResult<Response> {
+    let found = utoipa_swagger_ui::serve(path, Arc::new(Config::from(OPENAPI_PATH)));
+    let file = found.map_err(|cause| ProblemResponse::internal("showing the docs", cause.to_string()))?;
+    file.map(answer).ok_or_else(ProblemResponse::not_found)
 }
 
 fn answer(file: SwaggerFile<'static>) -> Response {

@@ -13,11 +13,11 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value};
 
-use crate::analysis::Unseen;
+use crate::analysis::QuickAnalysisError;
 use crate::cohorts::{CohortsError, NoSkillModel};
-use crate::domain::feed::farewell::{Code, Farewell};
+use crate::domain::feed::close_reason::{CloseCode, CloseReason};
 use crate::intake::IntakeError;
-use crate::live::{Broken, PushError};
+use crate::live::{PushError, PushFailure};
 use crate::store::StoreError;
 use crate::vault::VaultError;
 
@@ -25,7 +25,7 @@ use crate::vault::VaultError;
 pub const PROBLEM_JSON: &str = "application/problem+json";
 
 /// Result of a handler.
-pub type Answer<T> = Result<T, Problem>;
+pub type HandlerResult<T> = Result<T, ProblemResponse>;
 
 /// Why a request was refused. Each variant is one row of [`REFUSALS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,7 +85,7 @@ pub enum Refusal {
 }
 
 /// Every refusal with the slug of its `type`, its title and its status.
-pub const TABLE: [(Refusal, &str, &str, u16); 26] = [
+pub const REFUSALS: [(Refusal, &str, &str, u16); 26] = [
     (Refusal::BadRequest, "bad-request", "The request cannot be read", 400),
     (Refusal::NotSignedIn, "not-signed-in", "Sign in first", 401),
     (Refusal::WrongCredentials, "wrong-credentials", "Login or password is wrong", 401),
@@ -118,19 +118,19 @@ impl Refusal {
     /// Slug, title and status of this refusal.
     pub fn row(self) -> (&'static str, &'static str, StatusCode) {
         // Tests check that every variant has a row, and every row a valid status.
-        let row = TABLE.iter().find(|row| row.0 == self).unwrap_or(&TABLE[23]);
+        let row = REFUSALS.iter().find(|row| row.0 == self).unwrap_or(&REFUSALS[23]);
         (row.1, row.2, StatusCode::from_u16(row.3).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR))
     }
 
     /// The problem with this detail: what happened and what to do, in one or two sentences for people.
-    pub fn with(self, detail: impl Into<String>) -> Problem {
-        Problem { refusal: self, detail: detail.into(), members: Map::new(), headers: Vec::new() }
+    pub fn with(self, detail: impl Into<String>) -> ProblemResponse {
+        ProblemResponse { refusal: self, detail: detail.into(), members: Map::new(), headers: Vec::new() }
     }
 }
 
 /// The answer to a refused request.
 #[derive(Debug)]
-pub struct Problem {
+pub struct ProblemResponse {
     /// The kind of refusal.
     pub refusal: Refusal,
     detail: String,
@@ -138,7 +138,7 @@ pub struct Problem {
     headers: Vec<(header::HeaderName, HeaderValue)>,
 }
 
-impl Problem {
+impl ProblemResponse {
     /// The one not-found problem: the same bytes for a missing resource and for one that the caller may not see.
     pub fn not_found() -> Self {
         Refusal::NotFound
@@ -189,7 +189,7 @@ impl Problem {
     }
 }
 
-impl IntoResponse for Problem {
+impl IntoResponse for ProblemResponse {
     fn into_response(self) -> Response {
         let (_, _, status) = self.refusal.row();
         let mut response = (status, Json(self.document())).into_response();
@@ -200,27 +200,29 @@ impl IntoResponse for Problem {
 }
 
 /// Maps the store's errors to refusals.
-impl From<StoreError> for Problem {
+impl From<StoreError> for ProblemResponse {
     fn from(error: StoreError) -> Self {
         match error {
-            StoreError::NotFound { .. } => Problem::not_found(),
-            StoreError::Forbidden { .. } => Refusal::Forbidden.with(format!("{}. Ask one of them.", sentence(&error))),
+            StoreError::NotFound { .. } => ProblemResponse::not_found(),
+            StoreError::Forbidden { .. } => {
+                Refusal::Forbidden.with(format!("{}. Ask one of them.", capitalised(&error)))
+            }
             StoreError::Taken { what, .. } => Refusal::Taken.with(format!("This {what} is taken. Choose another.")),
             StoreError::InUse { .. } => {
-                Refusal::InUse.with(format!("{}. Delete what refers to it first.", sentence(&error)))
+                Refusal::InUse.with(format!("{}. Delete what refers to it first.", capitalised(&error)))
             }
-            StoreError::Refused { .. } => Refusal::Conflict.with(format!("{}.", sentence(&error))),
+            StoreError::Refused { .. } => Refusal::Conflict.with(format!("{}.", capitalised(&error))),
             StoreError::LeaseLost => Refusal::Conflict.with("Another worker has taken over this job. Read it again."),
             StoreError::DiskFull => disk_full(),
             StoreError::Busy => busy("The database is overloaded. Try again in a moment."),
             StoreError::Closed => busy("The service is shutting down. Try again in a minute."),
-            StoreError::Unusable(_) | StoreError::Database(_) => Problem::internal("querying the store", error),
+            StoreError::Unusable(_) | StoreError::Database(_) => ProblemResponse::internal("querying the store", error),
         }
     }
 }
 
 /// Maps the vault's errors to refusals.
-impl From<VaultError> for Problem {
+impl From<VaultError> for ProblemResponse {
     fn from(error: VaultError) -> Self {
         match error {
             VaultError::DiskFull => disk_full(),
@@ -228,38 +230,40 @@ impl From<VaultError> for Problem {
             VaultError::InUse(_) => Refusal::Locked
                 .with("Another request is writing to this upload. Wait until it has ended, then ask for the offset."),
             VaultError::NotFound | VaultError::Damaged | VaultError::Lost { .. } | VaultError::Io { .. } => {
-                Problem::internal("handling a file", error)
+                ProblemResponse::internal("handling a file", error)
             }
         }
     }
 }
 
 /// Maps the errors of a quick analysis to refusals.
-impl From<Unseen> for Problem {
-    fn from(error: Unseen) -> Self {
+impl From<QuickAnalysisError> for ProblemResponse {
+    fn from(error: QuickAnalysisError) -> Self {
         match error {
-            Unseen::Problem(problem) => Refusal::Invalid.with(format!("{}: {}.", problem.title, problem.detail)),
-            Unseen::Crashed(why) => {
+            QuickAnalysisError::Problem(problem) => {
+                Refusal::Invalid.with(format!("{}: {}.", problem.title, problem.detail))
+            }
+            QuickAnalysisError::Crashed(why) => {
                 tracing::warn!(why, "quick analysis crashed; picture refused");
                 Refusal::Invalid
                     .with("The picture could not be analysed: the analysis crashed or took too long. Send another picture, or a smaller one.")
             }
-            Unseen::Failed(why) => Problem::internal("analysing a picture", why),
-            Unseen::Busy => busy("Other pictures are being checked. Try again in a moment."),
-            Unseen::Vault(error) => error.into(),
+            QuickAnalysisError::Failed(why) => ProblemResponse::internal("analysing a picture", why),
+            QuickAnalysisError::Busy => busy("Other pictures are being checked. Try again in a moment."),
+            QuickAnalysisError::Vault(error) => error.into(),
         }
     }
 }
 
 /// Maps intake's errors to refusals.
-impl From<IntakeError> for Problem {
+impl From<IntakeError> for ProblemResponse {
     fn from(error: IntakeError) -> Self {
         match error {
-            IntakeError::Missing(field) => Problem::invalid(field, "is missing; give the id or the code"),
-            IntakeError::Unknown(what) => unknown(what, what),
-            IntakeError::Invalid { field, why } => Problem::invalid(field, why),
+            IntakeError::Missing(field) => ProblemResponse::invalid(field, "is missing; give the id or the code"),
+            IntakeError::Unknown(what) => unknown_reference(what, what),
+            IntakeError::Invalid { field, why } => ProblemResponse::invalid(field, why),
             IntakeError::TooLong { most } => super::read::too_large(most),
-            IntakeError::Empty => Problem::invalid("recording", "is empty; send the video's bytes"),
+            IntakeError::Empty => ProblemResponse::invalid("recording", "is empty; send the video's bytes"),
             IntakeError::TooMany { most } => Refusal::TooMany
                 .with(format!("You have {most} unfinished uploads. Finish or delete one, or wait until one expires."))
                 .member("limit", most),
@@ -271,24 +275,24 @@ impl From<IntakeError> for Problem {
             IntakeError::Expired => {
                 Refusal::Gone.with("The upload waited too long for its next bytes and has expired. Begin a new upload.")
             }
-            IntakeError::Mismatch => {
+            IntakeError::ChecksumMismatch => {
                 Refusal::ChecksumMismatch.with("These bytes were discarded. Send this piece again.")
             }
-            IntakeError::Cut(cause) => super::read::unreadable(&*cause, u64::MAX),
+            IntakeError::ConnectionLost(cause) => super::read::unreadable_body(&*cause, u64::MAX),
             IntakeError::Resumed => {
                 Refusal::Conflict.with("Another request continues this upload. The bytes received so far are stored.")
             }
             IntakeError::Ending => {
                 busy("The service is shutting down. The bytes received so far are stored: continue in a minute.")
             }
-            IntakeError::Known { session } => Refusal::DuplicateRecording
+            IntakeError::AlreadyExists { session } => Refusal::DuplicateRecording
                 .with("A session with the same recording, trainee, task and box exists already; see `session`.")
                 .member("session", format!("/api/v1/sessions/{session}")),
-            IntakeError::Table(problem) => Problem::invalid("table", problem),
-            IntakeError::Importing { most } => {
+            IntakeError::Table(problem) => ProblemResponse::invalid("table", problem),
+            IntakeError::TooManyImports { most } => {
                 busy(&format!("{most} other tables are being imported. Try again in a moment."))
             }
-            IntakeError::Broken(cause) => Problem::internal("reading a table", cause),
+            IntakeError::ReaderFailed(cause) => ProblemResponse::internal("reading a table", cause),
             IntakeError::Store(error) => error.into(),
             IntakeError::Vault(error) => error.into(),
         }
@@ -296,51 +300,51 @@ impl From<IntakeError> for Problem {
 }
 
 /// Maps the errors of calculations on cohorts to refusals.
-impl From<CohortsError> for Problem {
+impl From<CohortsError> for ProblemResponse {
     fn from(error: CohortsError) -> Self {
         match error {
             CohortsError::Invalid(invalid) => invalid.into(),
-            CohortsError::Unknown { field, what } => unknown(field, what),
+            CohortsError::Unknown { field, what } => unknown_reference(field, what),
             CohortsError::NoModel(NoSkillModel { reason, missing, ref detail }) => {
                 let missing: Option<Map<String, Value>> =
                     missing.map(|by| by.into_iter().map(|(level, people)| (level.to_owned(), people.into())).collect());
                 Refusal::Conflict
-                    .with(format!("{}.", sentence(detail)))
+                    .with(format!("{}.", capitalised(detail)))
                     .member("reason", reason)
                     .member("missing", missing)
             }
             CohortsError::Training => busy("Another model of skill is being trained. Try again in a few minutes."),
             CohortsError::Store(error) => error.into(),
-            CohortsError::Broken => Problem::internal("calculating", error),
+            CohortsError::Interrupted => ProblemResponse::internal("calculating", error),
         }
     }
 }
 
 /// Maps the reason why a feed was closed to a refusal, for feeds sent as an HTTP request.
-impl From<Farewell> for Problem {
-    fn from(Farewell { code, why }: Farewell) -> Self {
+impl From<CloseReason> for ProblemResponse {
+    fn from(CloseReason { code, why }: CloseReason) -> Self {
         let refusal = match code {
-            Code::Ending => return busy(&sentence(&format!("{why}."))),
-            Code::SignedOut => Refusal::NotSignedIn,
-            Code::Unknown => Refusal::Gone,
-            Code::Busy | Code::Superseded => Refusal::Conflict,
-            Code::TooMuch => Refusal::TooLarge,
-            Code::Silent => Refusal::TooSlow,
-            Code::Done | Code::NotUnderstood | Code::DoesNotBelong => Refusal::Invalid,
-            Code::Failed => Refusal::Internal,
+            CloseCode::ServiceStopping => return busy(&capitalised(&format!("{why}."))),
+            CloseCode::SignedOut => Refusal::NotSignedIn,
+            CloseCode::Unknown => Refusal::Gone,
+            CloseCode::Busy | CloseCode::Superseded => Refusal::Conflict,
+            CloseCode::TooLarge => Refusal::TooLarge,
+            CloseCode::Silent => Refusal::TooSlow,
+            CloseCode::Done | CloseCode::NotUnderstood | CloseCode::OutOfPlace => Refusal::Invalid,
+            CloseCode::Failed => Refusal::Internal,
         };
-        refusal.with(format!("{}.", sentence(&why)))
+        refusal.with(format!("{}.", capitalised(&why)))
     }
 }
 
 /// Maps the failure of a push to a refusal. The part received until then is a session; the problem names it, if there
 /// is one.
-impl From<Broken> for Problem {
-    fn from(Broken { why, session }: Broken) -> Self {
-        let problem: Problem = match why {
-            PushError::Cut(cause) => super::read::unreadable(&*cause, u64::MAX),
-            PushError::Stream(problem) => Refusal::Invalid.with(format!("{}.", sentence(&problem.detail))),
-            PushError::Told(farewell) => farewell.into(),
+impl From<PushFailure> for ProblemResponse {
+    fn from(PushFailure { why, session }: PushFailure) -> Self {
+        let problem: ProblemResponse = match why {
+            PushError::Cut(cause) => super::read::unreadable_body(&*cause, u64::MAX),
+            PushError::Stream(problem) => Refusal::Invalid.with(format!("{}.", capitalised(&problem.detail))),
+            PushError::Closed(farewell) => farewell.into(),
         };
         match session {
             Some(session) => problem.member("session", format!("/api/v1/sessions/{session}")),
@@ -350,38 +354,38 @@ impl From<Broken> for Problem {
 }
 
 /// The problem for a body or query that names something unknown: 422, because 404 would blame the address.
-pub fn unknown(field: &str, what: &str) -> Problem {
+pub fn unknown_reference(field: &str, what: &str) -> ProblemResponse {
     Refusal::UnknownReference
         .with(format!("`{field}` names no {what} that exists and that you may see. Give its id or code."))
         .member("field", field)
 }
 
 /// The disk is full: stored data stays readable, and an upload can continue later.
-pub fn disk_full() -> Problem {
+pub fn disk_full() -> ProblemResponse {
     Refusal::DiskFull.with("Nothing stored is lost. Ask an administrator to free disk space, then continue.")
 }
 
 /// A limit is reached for the moment.
-pub fn busy(detail: &str) -> Problem {
+pub fn busy(detail: &str) -> ProblemResponse {
     Refusal::Busy.with(detail).header(header::RETRY_AFTER, 1)
 }
 
 /// The error's text with a capital first letter.
-fn sentence(error: &impl Display) -> String {
+fn capitalised(error: &impl Display) -> String {
     let text = error.to_string();
     let mut letters = text.chars();
     letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
 }
 
 /// Answers a method that the address does not have.
-pub async fn method_not_allowed() -> Problem {
+pub async fn method_not_allowed() -> ProblemResponse {
     Refusal::MethodNotAllowed.with("The `Allow` header lists the methods of this address; /docs describes them.")
 }
 
 /// Answers a request whose handler panicked. Other requests are not affected.
-pub fn panicked(cause: Box<dyn Any + Send>) -> Response {
+pub fn panic_response(cause: Box<dyn Any + Send>) -> Response {
     let text = cause.downcast_ref::<String>().map(String::as_str).or(cause.downcast_ref::<&str>().copied());
-    Problem::internal("answering", text.unwrap_or("a panic without a message")).into_response()
+    ProblemResponse::internal("answering", text.unwrap_or("a panic without a message")).into_response()
 }
 
 /// A problem document as OpenAPI describes it.
@@ -408,14 +412,14 @@ mod tests {
 
     #[test]
     fn every_row_is_an_error_with_a_slug_of_its_own() {
-        let slugs: HashSet<_> = TABLE.iter().map(|row| row.1).collect();
-        assert_eq!(slugs.len(), TABLE.len());
-        for (refusal, slug, _, status) in TABLE {
+        let slugs: HashSet<_> = REFUSALS.iter().map(|row| row.1).collect();
+        assert_eq!(slugs.len(), REFUSALS.len());
+        for (refusal, slug, _, status) in REFUSALS {
             assert_eq!(refusal.row().0, slug, "{refusal:?} finds its own row");
             let status = StatusCode::from_u16(status).unwrap();
             assert!(status.is_client_error() || status.is_server_error());
         }
-        assert_eq!(TABLE[Refusal::Internal as usize].0, Refusal::Internal);
+        assert_eq!(REFUSALS[Refusal::Internal as usize].0, Refusal::Internal);
     }
 
     #[test]

@@ -15,25 +15,25 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::auth::signed_in::{Member, SignedIn};
-use super::error::{Answer, busy};
-use super::places::Place;
+use super::error::{HandlerResult, busy};
 use super::state::App;
+use super::watcher_slots::WatcherSlot;
 use crate::domain::job::{JobKind, JobState};
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
-use crate::events::{Event, Heard, Listener};
+use crate::events::{Event, EventDelivery, EventSubscriber};
 use crate::ids::{JobId, SessionId, TraineeId};
 
 /// How often a quiet stream sends a comment, which also detects a closed connection.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 /// How often a stream checks that its sign-in is still valid.
-const STILL_SIGNED_IN: Duration = Duration::from_secs(5);
+const SIGN_IN_CHECK_INTERVAL: Duration = Duration::from_secs(5);
 
 /// The `data:` of the events `session`, `job`, `queue` and `missed`.
 #[derive(Debug, Serialize, ToSchema)]
 #[serde(untagged)]
-pub enum Told {
+pub enum EventData {
     /// The status or progress of a session changed.
     Session {
         /// The session's id.
@@ -72,77 +72,78 @@ pub enum Told {
 ///
 /// A stream of server-sent events, limited to what the caller may see. It ends when the sign-in ends.
 #[utoipa::path(get, path = "/events", tag = "events",
-    responses((status = OK, description = "`event: session|job|queue|missed`; `data:` is JSON of this schema", content_type = "text/event-stream", body = Told)))]
-pub async fn events(State(app): State<App>, by: Member, headers: HeaderMap) -> Answer<impl IntoResponse> {
+    responses((status = OK, description = "`event: session|job|queue|missed`; `data:` is JSON of this schema", content_type = "text/event-stream", body = EventData)))]
+pub async fn events(State(app): State<App>, by: Member, headers: HeaderMap) -> HandlerResult<impl IntoResponse> {
     let full = || busy("Too many pages are open. Close a page that you no longer need, then try again.");
-    let place = app.streams.take(&by.scope).ok_or_else(full)?;
-    let watch = Watch { listener: app.events.listen(), scope: by.scope, headers, app: app.clone(), _place: place };
-    let lines = watch.lines().take_until(app.shutdown.begun());
+    let place = app.watcher_slots.take(&by.scope).ok_or_else(full)?;
+    let watch =
+        EventStream { listener: app.events.subscribe(), scope: by.scope, headers, app: app.clone(), _slot: place };
+    let lines = watch.into_sse_stream().take_until(app.shutdown.begun());
     // Asks proxies not to buffer the stream.
     let unbuffered = [(HeaderName::from_static("x-accel-buffering"), "no")];
     Ok((unbuffered, Sse::new(lines).keep_alive(KeepAlive::new().interval(KEEP_ALIVE))))
 }
 
 /// The event stream of one watcher.
-struct Watch {
-    listener: Listener,
+struct EventStream {
+    listener: EventSubscriber,
     scope: Scope,
     headers: HeaderMap,
     app: App,
-    _place: Place,
+    _slot: WatcherSlot,
 }
 
-impl Watch {
+impl EventStream {
     /// The stream's events: the length of the queue first, then changes, until the sign-in ends.
-    fn lines(self) -> impl Stream<Item = Result<Line, Infallible>> + Send {
-        let lines = stream::unfold((self, Some(Heard::Event(Event::Queue))), |(mut watch, first)| async {
+    fn into_sse_stream(self) -> impl Stream<Item = Result<Line, Infallible>> + Send {
+        let lines = stream::unfold((self, Some(EventDelivery::Event(Event::Queue))), |(mut watch, first)| async {
             let heard = match first {
                 Some(heard) => heard,
                 None => watch.next().await?,
             };
-            let line = watch.line(heard).await;
+            let line = watch.sse_event(heard).await;
             Some((line, (watch, None)))
         });
         lines.filter_map(|line| async { line.map(Ok) })
     }
 
     /// The next event; `None` once the sign-in has ended.
-    async fn next(&mut self) -> Option<Heard> {
-        let check = self.app.clock.sleep(STILL_SIGNED_IN);
+    async fn next(&mut self) -> Option<EventDelivery> {
+        let check = self.app.clock.sleep(SIGN_IN_CHECK_INTERVAL);
         tokio::pin!(check);
         loop {
             tokio::select! {
                 heard = self.listener.next() => return heard,
                 () = &mut check => {
-                    if !SignedIn::still(&self.app, &self.headers).await {
+                    if !SignedIn::is_still_valid(&self.app, &self.headers).await {
                         return None;
                     }
-                    check.set(self.app.clock.sleep(STILL_SIGNED_IN));
+                    check.set(self.app.clock.sleep(SIGN_IN_CHECK_INTERVAL));
                 }
             }
         }
     }
 
     /// The server-sent event for what the subscription delivered; `None` if the watcher may not see it.
-    async fn line(&self, heard: Heard) -> Option<Line> {
+    async fn sse_event(&self, heard: EventDelivery) -> Option<Line> {
         let (name, data) = match heard {
-            Heard::Missed(missed) => ("missed", Told::Missed { missed }),
-            Heard::Event(Event::Session { id, trainee, status, progress }) => {
-                self.sees(Some(trainee)).await.then_some(("session", Told::Session { id, status, progress }))?
+            EventDelivery::Missed(missed) => ("missed", EventData::Missed { missed }),
+            EventDelivery::Event(Event::Session { id, trainee, status, progress }) => {
+                self.may_see(Some(trainee)).await.then_some(("session", EventData::Session { id, status, progress }))?
             }
-            Heard::Event(Event::Job { id, kind, state, progress, trainee }) => {
-                self.sees(trainee).await.then_some(("job", Told::Job { id, kind, state, progress }))?
+            EventDelivery::Event(Event::Job { id, kind, state, progress, trainee }) => {
+                self.may_see(trainee).await.then_some(("job", EventData::Job { id, kind, state, progress }))?
             }
-            Heard::Event(Event::Queue) => {
+            EventDelivery::Event(Event::Queue) => {
                 let counts = self.app.store.jobs().counts().await.ok()?;
-                ("queue", Told::Queue { queued: counts.queued, running: counts.running })
+                ("queue", EventData::Queue { queued: counts.queued, running: counts.running })
             }
         };
         Line::default().event(name).json_data(data).ok()
     }
 
     /// Whether the watcher may see this trainee. `None` means a job on a box, which only staff see.
-    async fn sees(&self, trainee: Option<TraineeId>) -> bool {
+    async fn may_see(&self, trainee: Option<TraineeId>) -> bool {
         match trainee {
             Some(trainee) => self.app.store.trainees().get(&self.scope, &Key::from(&trainee)).await.is_ok(),
             None => self.scope.is_staff(),

@@ -12,22 +12,22 @@ use serde::Deserialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::error::{Answer, Problem};
+use super::error::{HandlerResult, ProblemResponse};
 use super::file::disposition;
 use super::state::App;
-use crate::domain::files::features::{ExportRow, FeatureTable, TableFormat, TableProblem, Whose};
+use crate::domain::files::features::{ExportRow, ExportedSession, FeatureTable, TableFormat, TableProblem};
 use crate::domain::scope::Scope;
 use crate::ids::TraineeId;
-use crate::store::{PageRequest, Session, SessionFilter, SessionResult, StoreError};
+use crate::store::{PageRequest, SessionFilter, SessionRecord, SessionResult, StoreError};
 use crate::time::to_rfc3339;
 
 /// Sessions that are read at a time; they give some thousands of rows.
-const SESSIONS: u32 = 50;
+const SESSIONS_PER_PAGE: u32 = 50;
 
 /// How a table identifies trainees.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum CalledBy {
+pub enum TraineeIdentifier {
     /// By id, which does not identify the person outside the centre.
     #[default]
     Id,
@@ -37,7 +37,7 @@ pub enum CalledBy {
 
 /// Why an export failed; the client sees the connection close before the table's end.
 #[derive(Debug, thiserror::Error)]
-enum Broken {
+enum ExportError {
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error(transparent)]
@@ -47,12 +47,12 @@ enum Broken {
 }
 
 /// The table rows of a session.
-pub fn rows(session: &Session, result: &SessionResult, called: CalledBy) -> Vec<ExportRow> {
-    let whose = Whose {
+pub fn rows(session: &SessionRecord, result: &SessionResult, called: TraineeIdentifier) -> Vec<ExportRow> {
+    let whose = ExportedSession {
         session: session.id.to_string(),
         trainee: match called {
-            CalledBy::Id => session.trainee_id.to_string(),
-            CalledBy::Code => session.trainee_code.to_string(),
+            TraineeIdentifier::Id => session.trainee_id.to_string(),
+            TraineeIdentifier::Code => session.trainee_code.to_string(),
         },
         task: session.task_code.to_string(),
         in_box: session.box_code.to_string(),
@@ -65,65 +65,72 @@ pub fn rows(session: &Session, result: &SessionResult, called: CalledBy) -> Vec<
 }
 
 /// Answers with the table of one session.
-pub async fn of_session(rows: Vec<ExportRow>, format: TableFormat, name: &str) -> Answer<Response> {
+pub async fn export_session(rows: Vec<ExportRow>, format: TableFormat, name: &str) -> HandlerResult<Response> {
     let written = tokio::task::spawn_blocking(move || {
         let mut table = FeatureTable::new(format)?;
         let mut bytes = table.write(&rows)?;
         bytes.extend(table.finish()?);
         Ok::<_, TableProblem>(bytes)
     });
-    let bytes = written.await.map_err(|cause| Problem::internal("writing features", cause))?;
-    let bytes = bytes.map_err(|cause| Problem::internal("writing features", cause))?;
+    let bytes = written.await.map_err(|cause| ProblemResponse::internal("writing features", cause))?;
+    let bytes = bytes.map_err(|cause| ProblemResponse::internal("writing features", cause))?;
     Ok((StatusCode::OK, headers(format, name), bytes).into_response())
 }
 
 /// The sessions of a long table.
-pub struct Many {
+pub struct ExportSelection {
     /// Trainee, task and other filters.
     pub filter: SessionFilter,
     /// Only sessions of these trainees; `None`: of all.
     pub only: Option<HashSet<TraineeId>>,
     /// How the table identifies trainees.
-    pub called: CalledBy,
+    pub trainee_identifier: TraineeIdentifier,
 }
 
 /// State of a long table: the cursor of the next page and the table so far, or the end.
-enum Place {
-    Page(Option<String>, FeatureTable),
-    End,
+enum ExportState {
+    NextPage(Option<String>, FeatureTable),
+    Finished,
 }
 
 /// Answers with the table of many sessions, which is sent while it is read: each page is read after the previous one
 /// was sent.
-pub async fn of_many(app: App, scope: Scope, many: Many, format: TableFormat, name: &str) -> Answer<Response> {
-    let table = FeatureTable::new(format).map_err(|cause| Problem::internal("writing features", cause))?;
-    let parts = try_unfold((app, scope, many, Place::Page(None, table)), |(app, scope, many, place)| async move {
-        let Place::Page(after, table) = place else { return Ok::<_, Broken>(None) };
-        match part(&app, &scope, &many, (after, table)).await {
-            Ok((bytes, place)) => Ok(Some((Bytes::from(bytes), (app, scope, many, place)))),
-            Err(error) => {
-                tracing::error!(%error, "feature export failed; connection closed before the table's end");
-                Err(error)
+pub async fn export_sessions(
+    app: App,
+    scope: Scope,
+    many: ExportSelection,
+    format: TableFormat,
+    name: &str,
+) -> HandlerResult<Response> {
+    let table = FeatureTable::new(format).map_err(|cause| ProblemResponse::internal("writing features", cause))?;
+    let parts =
+        try_unfold((app, scope, many, ExportState::NextPage(None, table)), |(app, scope, many, place)| async move {
+            let ExportState::NextPage(after, table) = place else { return Ok::<_, ExportError>(None) };
+            match next_part(&app, &scope, &many, (after, table)).await {
+                Ok((bytes, place)) => Ok(Some((Bytes::from(bytes), (app, scope, many, place)))),
+                Err(error) => {
+                    tracing::error!(%error, "feature export failed; connection closed before the table's end");
+                    Err(error)
+                }
             }
-        }
-    });
+        });
     Ok((StatusCode::OK, headers(format, name), Body::from_stream(parts)).into_response())
 }
 
-async fn part(
+async fn next_part(
     app: &App,
     scope: &Scope,
-    many: &Many,
+    many: &ExportSelection,
     (after, table): (Option<String>, FeatureTable),
-) -> Result<(Vec<u8>, Place), Broken> {
-    let page = app.store.sessions().list(scope, &many.filter, &PageRequest::new(SESSIONS, after)).await?;
+) -> Result<(Vec<u8>, ExportState), ExportError> {
+    let page = app.store.sessions().list(scope, &many.filter, &PageRequest::new(SESSIONS_PER_PAGE, after)).await?;
     let mut found = Vec::new();
     for session in &page.items {
         if many.only.as_ref().is_some_and(|only| !only.contains(&session.trainee_id)) {
             continue;
         }
         match app.store.sessions().result(scope, session.id).await {
-            Ok(Some(result)) => found.extend(rows(session, &result, many.called)),
+            Ok(Some(result)) => found.extend(rows(session, &result, many.trainee_identifier)),
             Ok(None) | Err(StoreError::NotFound { .. }) => {} // the session was erased after the page was read
             Err(error) => return Err(error.into()),
         }
@@ -133,10 +140,10 @@ async fn part(
         let mut table = table;
         let mut bytes = table.write(&found)?;
         match next {
-            Some(next) => Ok((bytes, Place::Page(Some(next), table))),
+            Some(next) => Ok((bytes, ExportState::NextPage(Some(next), table))),
             None => {
                 bytes.extend(table.finish()?);
-                Ok((bytes, Place::End))
+                Ok((bytes, ExportState::Finished))
             }
         }
     });

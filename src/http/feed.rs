@@ -18,27 +18,27 @@ use tokio::time::{Instant, sleep_until, timeout};
 
 use super::auth::origin;
 use super::auth::signed_in::SignedIn;
-use super::error::{Answer, Refusal, busy};
+use super::error::{HandlerResult, Refusal, busy};
 use super::state::App;
-use crate::domain::feed::farewell::{Code, Farewell};
-use crate::domain::feed::record::MOST_BYTES;
-use crate::domain::feed::words::{FromSender, FromServer};
+use crate::domain::feed::close_reason::{CloseCode, CloseReason};
+use crate::domain::feed::messages::{SenderMessage, ServerMessage};
+use crate::domain::feed::record::MAX_RECORD_BYTES;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
-use crate::live::Connected;
+use crate::live::ConnectResult;
 use crate::time::millis;
 
 /// Longest text message, bytes.
-const MOST_WORD: usize = 8192;
+const MAX_TEXT_BYTES: usize = 8192;
 /// Most bytes of one read from the socket: a frame at 8 Mbit/s or more. A much smaller buffer would need a system call
 /// every few kilobytes. Each box that sends occupies this much memory.
 const READ_BYTES: usize = 64 << 10;
 /// How long the sender may take to receive a message.
-const LAST_WORDS: Duration = Duration::from_secs(5);
+const SEND_TIMEOUT: Duration = Duration::from_secs(5);
 /// How often sending frames counts as activity of the signed-in user.
-const PRESENT_EVERY: Duration = Duration::from_secs(60);
+const ACTIVITY_INTERVAL: Duration = Duration::from_secs(60);
 /// How long the first message (hello) may take to arrive.
-const HELLO: Duration = Duration::from_secs(10);
+const HELLO_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Send a box's frames while they are recorded
 ///
@@ -53,7 +53,7 @@ pub async fn feed(
     Path(in_box): Path<String>,
     headers: HeaderMap,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
-) -> Answer<Response> {
+) -> HandlerResult<Response> {
     let upgrade = upgrade.map_err(|_| {
         Refusal::BadRequest
             .with("This address accepts only WebSocket connections. docs/feed.md describes the protocol.")
@@ -62,95 +62,97 @@ pub async fn feed(
     let in_box = Key::from(&in_box);
     app.store.boxes().get(&by.scope, &in_box).await?;
     let full = |_| busy("Too many boxes are recording at once. Try again when one of them has ended.");
-    let place = app.feed_places.clone().try_acquire_owned().map_err(full)?;
-    let by = By { scope: by.scope, headers };
+    let place = app.feed_slots.clone().try_acquire_owned().map_err(full)?;
+    let by = FeedSender { scope: by.scope, headers };
     let upgrade = upgrade
-        .max_message_size(MOST_BYTES)
-        .max_frame_size(MOST_BYTES)
+        .max_message_size(MAX_RECORD_BYTES)
+        .max_frame_size(MAX_RECORD_BYTES)
         .read_buffer_size(READ_BYTES)
         .write_buffer_size(0)
         .max_write_buffer_size(1 << 17);
     Ok(upgrade.on_upgrade(move |socket| async move {
         // Spawned through `shutdown`, so that the service waits for it before it exits.
-        let talk = app.shutdown.spawn(talk(app.clone(), by, in_box, socket));
+        let talk = app.shutdown.spawn(run_and_close(app.clone(), by, in_box, socket));
         let _ = talk.await; // a panic is logged where it happened
         drop(place);
     }))
 }
 
 /// The sender's scope, and the headers that authenticate it.
-struct By {
+struct FeedSender {
     scope: Scope,
     headers: HeaderMap,
 }
 
 /// Receives the feed, then closes the connection with the reason.
-async fn talk(app: App, by: By, in_box: Key, mut socket: WebSocket) {
-    let farewell = match converse(&app, &by, &in_box, &mut socket).await {
-        Ok(()) => Farewell::new(Code::Done, "the recording is whole"),
-        Err(End::Gone) => {
+async fn run_and_close(app: App, by: FeedSender, in_box: Key, mut socket: WebSocket) {
+    let farewell = match run(&app, &by, &in_box, &mut socket).await {
+        Ok(()) => CloseReason::new(CloseCode::Done, "the recording is whole"),
+        Err(FeedEnd::Disconnected) => {
             return tracing::debug!(in_box = in_box.as_str(), "feed connection lost; the sender may reconnect");
         }
-        Err(End::Told(farewell)) => farewell,
+        Err(FeedEnd::Closed(farewell)) => farewell,
     };
-    if farewell.code == Code::Done {
+    if farewell.code == CloseCode::Done {
         tracing::info!(in_box = in_box.as_str(), "feed ended; recording complete");
     } else {
         tracing::warn!(in_box = in_box.as_str(), code = farewell.code.number(), why = farewell.why, "feed closed");
     }
-    let frame = CloseFrame { code: farewell.code.number(), reason: farewell.short().into() };
-    let _ = timeout(LAST_WORDS, socket.send(Message::Close(Some(frame)))).await; // the sender may be gone already
+    let frame = CloseFrame { code: farewell.code.number(), reason: farewell.truncated().into() };
+    let _ = timeout(SEND_TIMEOUT, socket.send(Message::Close(Some(frame)))).await; // the sender may be gone already
 }
 
 /// Why a connection ended before the recording was complete.
-enum End {
+enum FeedEnd {
     /// The connection was lost.
-    Gone,
+    Disconnected,
     /// The service closes the connection and sends this reason.
-    Told(Farewell),
+    Closed(CloseReason),
 }
 
-impl From<Farewell> for End {
-    fn from(farewell: Farewell) -> Self {
-        End::Told(farewell)
+impl From<CloseReason> for FeedEnd {
+    fn from(farewell: CloseReason) -> Self {
+        FeedEnd::Closed(farewell)
     }
 }
 
-async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> Result<(), End> {
-    let By { scope, headers } = by;
+async fn run(app: &App, by: &FeedSender, in_box: &Key, socket: &mut WebSocket) -> Result<(), FeedEnd> {
+    let FeedSender { scope, headers } = by;
     let hello = tokio::select! {
-        first = timeout(HELLO, next(socket)) => match first {
+        first = timeout(HELLO_TIMEOUT, receive(socket)) => match first {
             Ok(first) => first?,
-            Err(_) => return Err(Farewell::new(Code::Silent, "no hello arrived in time").into()),
+            Err(_) => return Err(CloseReason::new(CloseCode::Silent, "no hello arrived in time").into()),
         },
-        () = app.shutdown.begun() => return Err(Farewell::service_ends().into()),
+        () = app.shutdown.begun() => return Err(CloseReason::service_stopping().into()),
     };
-    let Heard::Word(FromSender::Hello(hello)) = hello else {
-        return Err(Farewell::new(Code::NotUnderstood, "the first message of a connection must be hello").into());
+    let ReceivedMessage::Control(SenderMessage::Hello(hello)) = hello else {
+        return Err(
+            CloseReason::new(CloseCode::NotUnderstood, "the first message of a connection must be hello").into()
+        );
     };
     let mut feed = match app.feeds.connect(scope, in_box, hello).await? {
-        Connected::Open(feed) => feed,
-        Connected::Ended(session) => return say(socket, &FromServer::Ended { session, durable: None }).await,
+        ConnectResult::Open(feed) => feed,
+        ConnectResult::Ended(session) => return send(socket, &ServerMessage::Ended { session, durable: None }).await,
     };
     let welcome = feed.welcome().await?;
-    say(socket, &welcome).await?;
-    if matches!(welcome, FromServer::Ended { .. }) {
+    send(socket, &welcome).await?;
+    if matches!(welcome, ServerMessage::Ended { .. }) {
         return Ok(());
     }
     let settings = app.feeds.settings();
     let mut ack_at = None;
     let mut syncing = pin!(Fuse::terminated());
-    let mut signed_out = pin!(SignedIn::ended(app, headers));
+    let mut signed_out = pin!(SignedIn::wait_until_ended(app, headers));
     let mut silent_at = Instant::now() + settings.silent();
     let mut present_ms = app.clock.now_ms();
     loop {
-        let has_room = feed.has_room();
+        let has_room = feed.has_capacity();
         let heard = tokio::select! {
             biased;
-            farewell = feed.over() => return Err(farewell.into()),
-            () = &mut signed_out => return Err(Farewell::signed_out().into()),
+            farewell = feed.wait_until_closed() => return Err(farewell.into()),
+            () = &mut signed_out => return Err(CloseReason::signed_out().into()),
             durable = &mut syncing, if !syncing.is_terminated() => {
-                say(socket, &FromServer::Ack { durable: durable? }).await?;
+                send(socket, &ServerMessage::Ack { durable: durable? }).await?;
                 continue;
             }
             () = sleep_until(ack_at.unwrap_or(silent_at)), if ack_at.is_some() && syncing.is_terminated() => {
@@ -158,89 +160,91 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
                 syncing.set(feed.begin_sync().await?.fuse());
                 continue;
             }
-            () = feed.room(), if !has_room => {
+            () = feed.wait_for_capacity(), if !has_room => {
                 silent_at = Instant::now() + settings.silent(); // the service did not read; the sender was not silent
                 continue;
             }
-            heard = next(socket), if has_room => heard?,
-            () = ready(()), if feed.holds_back() => {
+            heard = receive(socket), if has_room => heard?,
+            () = ready(()), if feed.has_unwritten() => {
                 feed.write().await?; // no further record has arrived yet
                 continue;
             }
             () = sleep_until(silent_at), if has_room => {
-                return Err(Farewell::new(Code::Silent, "nothing was heard for too long").into());
+                return Err(CloseReason::new(CloseCode::Silent, "nothing was heard for too long").into());
             }
         };
         silent_at = Instant::now() + settings.silent();
-        feed.heard();
+        feed.record_contact();
         match heard {
-            Heard::Record(record) => {
-                feed.take(record).await?;
+            ReceivedMessage::Record(record) => {
+                feed.take_record(record).await?;
                 // A page that records sends no other requests, and must not be signed out as idle meanwhile.
-                if app.clock.now_ms() - present_ms >= millis(PRESENT_EVERY) {
+                if app.clock.now_ms() - present_ms >= millis(ACTIVITY_INTERVAL) {
                     present_ms = app.clock.now_ms();
-                    let _ = SignedIn::by(app, headers).await; // `signed_out` above checks whether the sign-in is valid
+                    let _ = SignedIn::from_headers(app, headers).await; // `signed_out` above checks whether the sign-in is valid
                 }
                 if ack_at.is_none() && feed.is_unsynced() {
                     ack_at = Some(Instant::now() + settings.ack());
                 }
             }
-            Heard::Word(FromSender::End { frames }) => {
+            ReceivedMessage::Control(SenderMessage::End { frames }) => {
                 let answer = feed.end(frames).await?;
-                say(socket, &answer).await?;
-                if matches!(answer, FromServer::Ended { .. }) {
+                send(socket, &answer).await?;
+                if matches!(answer, ServerMessage::Ended { .. }) {
                     return Ok(());
                 }
             }
-            Heard::Word(FromSender::Hello(_)) => {
-                return Err(Farewell::new(Code::NotUnderstood, "hello may be sent only once").into());
+            ReceivedMessage::Control(SenderMessage::Hello(_)) => {
+                return Err(CloseReason::new(CloseCode::NotUnderstood, "hello may be sent only once").into());
             }
-            Heard::Sign => {}
+            ReceivedMessage::Heartbeat => {}
         }
     }
 }
 
 /// A message from the sender.
-enum Heard {
-    Word(FromSender),
+enum ReceivedMessage {
+    Control(SenderMessage),
     Record(axum::body::Bytes),
     /// A ping or pong: the sender is still connected.
-    Sign,
+    Heartbeat,
 }
 
-async fn next(socket: &mut WebSocket) -> Result<Heard, End> {
+async fn receive(socket: &mut WebSocket) -> Result<ReceivedMessage, FeedEnd> {
     match socket.recv().await {
-        None | Some(Ok(Message::Close(_))) => Err(End::Gone),
-        Some(Err(error)) => Err(cut_or_wrong(&error)),
-        Some(Ok(Message::Ping(_) | Message::Pong(_))) => Ok(Heard::Sign),
-        Some(Ok(Message::Binary(bytes))) => Ok(Heard::Record(bytes)),
-        Some(Ok(Message::Text(text))) if text.len() > MOST_WORD => {
-            let why = format!("a text message has {} bytes; at most {MOST_WORD} are accepted", text.len());
-            Err(Farewell::new(Code::TooMuch, why).into())
+        None | Some(Ok(Message::Close(_))) => Err(FeedEnd::Disconnected),
+        Some(Err(error)) => Err(classify_socket_error(&error)),
+        Some(Ok(Message::Ping(_) | Message::Pong(_))) => Ok(ReceivedMessage::Heartbeat),
+        Some(Ok(Message::Binary(bytes))) => Ok(ReceivedMessage::Record(bytes)),
+        Some(Ok(Message::Text(text))) if text.len() > MAX_TEXT_BYTES => {
+            let why = format!("a text message has {} bytes; at most {MAX_TEXT_BYTES} are accepted", text.len());
+            Err(CloseReason::new(CloseCode::TooLarge, why).into())
         }
         Some(Ok(Message::Text(text))) => match serde_json::from_str(&text) {
-            Ok(word) => Ok(Heard::Word(word)),
+            Ok(word) => Ok(ReceivedMessage::Control(word)),
             Err(error) => {
-                Err(Farewell::new(Code::NotUnderstood, format!("a text message is not understood: {error}")).into())
+                Err(CloseReason::new(CloseCode::NotUnderstood, format!("a text message is not understood: {error}"))
+                    .into())
             }
         },
     }
 }
 
 /// A message that is too long is the sender's mistake; any other error is a lost connection.
-fn cut_or_wrong(error: &axum::Error) -> End {
+fn classify_socket_error(error: &axum::Error) -> FeedEnd {
     let text = error.to_string();
     if text.contains("too long") || text.contains("too big") || text.contains("Space limit") {
-        return Farewell::new(Code::TooMuch, format!("a message is longer than {MOST_BYTES} bytes")).into();
+        return CloseReason::new(CloseCode::TooLarge, format!("a message is longer than {MAX_RECORD_BYTES} bytes"))
+            .into();
     }
-    End::Gone
+    FeedEnd::Disconnected
 }
 
-async fn say(socket: &mut WebSocket, message: &FromServer) -> Result<(), End> {
+async fn send(socket: &mut WebSocket, message: &ServerMessage) -> Result<(), FeedEnd> {
     let text = serde_json::to_string(message).unwrap_or_default(); // plain data always serialises
-    match timeout(LAST_WORDS, socket.send(Message::Text(text.into()))).await {
+    match timeout(SEND_TIMEOUT, socket.send(Message::Text(text.into()))).await {
         Ok(Ok(())) => Ok(()),
-        Ok(Err(_)) => Err(End::Gone),
-        Err(_) => Err(Farewell::new(Code::Silent, "the sender does not read").into()),
+        Ok(Err(_)) => Err(FeedEnd::Disconnected),
+        Err(_) => Err(CloseReason::new(CloseCode::Silent, "the sender does not read").into()),
     }
 }

@@ -9,11 +9,11 @@ use tokio::fs::File;
 use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tokio_util::io::ReaderStream;
 
-use super::error::{Answer, Problem, Refusal};
-use super::range::{Asked, asked};
+use super::error::{HandlerResult, ProblemResponse, Refusal};
+use super::range::{RequestedRange, requested_range};
 
 /// Bytes read from the disk at once, and so the memory that one slow download needs.
-const PIECE: usize = 128 * 1024;
+const CHUNK_BYTES: usize = 128 * 1024;
 
 /// A file that never changes, and the headers that describe it.
 pub struct StoredFile {
@@ -31,55 +31,55 @@ pub struct StoredFile {
 
 impl StoredFile {
     /// Answers a GET or HEAD.
-    pub async fn answer(mut self, method: &Method, headers: &HeaderMap) -> Answer<Response> {
-        if self.is_known(headers) {
-            return Ok(self.described(StatusCode::NOT_MODIFIED.into_response()));
+    pub async fn answer(mut self, method: &Method, headers: &HeaderMap) -> HandlerResult<Response> {
+        if self.is_cached(headers) {
+            return Ok(self.with_headers(StatusCode::NOT_MODIFIED.into_response()));
         }
-        let (status, first, count) = match asked(headers, self.length, &self.etag) {
-            Asked::Whole => (StatusCode::OK, 0, self.length),
-            Asked::Part { first, last } => (StatusCode::PARTIAL_CONTENT, first, last - first + 1),
-            Asked::Outside => return Err(self.outside()),
+        let (status, first, count) = match requested_range(headers, self.length, &self.etag) {
+            RequestedRange::Whole => (StatusCode::OK, 0, self.length),
+            RequestedRange::Part { first, last } => (StatusCode::PARTIAL_CONTENT, first, last - first + 1),
+            RequestedRange::Outside => return Err(self.range_problem()),
         };
         let body = if *method == Method::HEAD { Body::empty() } else { self.part(first, count).await? };
-        let mut response = self.described((status, body).into_response());
-        set(&mut response, header::CONTENT_LENGTH, &count.to_string());
+        let mut response = self.with_headers((status, body).into_response());
+        set_header(&mut response, header::CONTENT_LENGTH, &count.to_string());
         if status == StatusCode::PARTIAL_CONTENT {
             let range = format!("bytes {first}-{}/{}", first + count - 1, self.length);
-            set(&mut response, header::CONTENT_RANGE, &range);
+            set_header(&mut response, header::CONTENT_RANGE, &range);
         }
         Ok(response)
     }
 
-    async fn part(&mut self, first: u64, count: u64) -> Answer<Body> {
-        let unreadable = |cause| Problem::internal("reading a stored file", cause);
+    async fn part(&mut self, first: u64, count: u64) -> HandlerResult<Body> {
+        let unreadable = |cause| ProblemResponse::internal("reading a stored file", cause);
         self.file.seek(SeekFrom::Start(first)).await.map_err(unreadable)?;
         let file = self.file.try_clone().await.map_err(unreadable)?;
-        Ok(Body::from_stream(ReaderStream::with_capacity(file.take(count), PIECE)))
+        Ok(Body::from_stream(ReaderStream::with_capacity(file.take(count), CHUNK_BYTES)))
     }
 
-    fn is_known(&self, headers: &HeaderMap) -> bool {
+    fn is_cached(&self, headers: &HeaderMap) -> bool {
         let known = headers.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok());
         known.is_some_and(|known| known.split(',').any(|tag| tag.trim().trim_start_matches("W/") == self.etag))
     }
 
-    fn outside(&self) -> Problem {
+    fn range_problem(&self) -> ProblemResponse {
         Refusal::RangeNotSatisfiable
             .with(format!("The file has {} bytes. Request a range inside the file.", self.length))
             .header(header::CONTENT_RANGE, format!("bytes */{}", self.length))
     }
 
-    fn described(&self, mut response: Response) -> Response {
-        set(&mut response, header::CONTENT_TYPE, &self.media_type);
-        set(&mut response, header::CONTENT_DISPOSITION, &self.disposition);
-        set(&mut response, header::ETAG, &self.etag);
-        set(&mut response, header::ACCEPT_RANGES, "bytes");
+    fn with_headers(&self, mut response: Response) -> Response {
+        set_header(&mut response, header::CONTENT_TYPE, &self.media_type);
+        set_header(&mut response, header::CONTENT_DISPOSITION, &self.disposition);
+        set_header(&mut response, header::ETAG, &self.etag);
+        set_header(&mut response, header::ACCEPT_RANGES, "bytes");
         // The file never changes, but the right to see it may end: the browser asks each time and gets a 304.
-        set(&mut response, header::CACHE_CONTROL, "private, no-cache");
+        set_header(&mut response, header::CACHE_CONTROL, "private, no-cache");
         response
     }
 }
 
-fn set(response: &mut Response, name: HeaderName, value: &str) {
+fn set_header(response: &mut Response, name: HeaderName, value: &str) {
     if let Ok(value) = HeaderValue::from_str(value) {
         response.headers_mut().insert(name, value);
     }
@@ -90,11 +90,11 @@ fn set(response: &mut Response, name: HeaderName, value: &str) {
 pub fn disposition(kind: &str, filename: &str) -> String {
     let harmless = |c: char| if c.is_ascii_alphanumeric() || " ._-()".contains(c) { c } else { '_' };
     let plain: String = filename.chars().map(harmless).collect();
-    let encoded: String = filename.bytes().map(percent).collect();
+    let encoded: String = filename.bytes().map(percent_encoded).collect();
     format!("{kind}; filename=\"{plain}\"; filename*=UTF-8''{encoded}")
 }
 
-fn percent(byte: u8) -> String {
+fn percent_encoded(byte: u8) -> String {
     match byte {
         b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'.' | b'_' | b'-' => char::from(byte).to_string(),
         _ => format!("%{byte:02X}"),

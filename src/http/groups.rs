@@ -7,13 +7,13 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::auth::signed_in::{Administrator, Staff};
 use super::courses::FollowedCourse;
-use super::error::Answer;
-use super::read::{At, Json, Params};
-use super::show::{Created, Page, Time};
+use super::error::HandlerResult;
+use super::read::{Json, Params, PathKey};
+use super::show::{Created, PageResponse, Time};
 use super::state::App;
-use super::tasks::{Standard, Task};
-use super::trainees::Trainee;
-use crate::cohorts::{Asked, GroupTable, TableFound};
+use super::tasks::{StandardResponse, TaskResponse};
+use super::trainees::TraineeResponse;
+use crate::cohorts::{GroupTable, GroupTableAnswer, ProgressSelection};
 use crate::domain::session::FeatureSpace;
 use crate::domain::text::{Key, Name};
 use crate::ids::GroupId;
@@ -21,7 +21,7 @@ use crate::store::{self, Members};
 
 /// A training group.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Group {
+pub struct GroupResponse {
     id: GroupId,
     name: Name,
     #[serde(flatten)]
@@ -31,18 +31,18 @@ pub struct Group {
     created_at: Time,
 }
 
-impl From<store::Group> for Group {
-    fn from(group: store::Group) -> Self {
-        let store::Group { id, name, created_at_ms, members, follows } = group;
+impl From<store::GroupRecord> for GroupResponse {
+    fn from(group: store::GroupRecord) -> Self {
+        let store::GroupRecord { id, name, created_at_ms, members, follows } = group;
         Self { id, name, members, course: follows.map(FollowedCourse::from), created_at: Time(created_at_ms) }
     }
 }
 
 /// List the groups that the caller may see
-#[utoipa::path(get, path = "/groups", tag = "groups", responses((status = OK, body = Page<Group>)))]
-pub async fn list(State(app): State<App>, by: Staff) -> Answer<Json<Page<Group>>> {
+#[utoipa::path(get, path = "/groups", tag = "groups", responses((status = OK, body = PageResponse<GroupResponse>)))]
+pub async fn list(State(app): State<App>, by: Staff) -> HandlerResult<Json<PageResponse<GroupResponse>>> {
     let groups = app.store.groups().list(&by.scope).await?;
-    Ok(Json(Page::whole(groups.into_iter().map(Group::from))))
+    Ok(Json(PageResponse::whole(groups.into_iter().map(GroupResponse::from))))
 }
 
 /// A group to create.
@@ -53,29 +53,33 @@ pub struct NewGroup {
 }
 
 /// Create an empty group
-#[utoipa::path(post, path = "/groups", tag = "groups", request_body = NewGroup, responses((status = CREATED, body = Group)))]
-pub async fn create(State(app): State<App>, by: Administrator, Json(new): Json<NewGroup>) -> Answer<Created<Group>> {
+#[utoipa::path(post, path = "/groups", tag = "groups", request_body = NewGroup, responses((status = CREATED, body = GroupResponse)))]
+pub async fn create(
+    State(app): State<App>,
+    by: Administrator,
+    Json(new): Json<NewGroup>,
+) -> HandlerResult<Created<GroupResponse>> {
     let group = app.store.groups().create(&by.scope, new.name).await?;
     Ok(Created { location: format!("/api/v1/groups/{}", group.id), made: group.into() })
 }
 
 /// Read one group
 #[utoipa::path(get, path = "/groups/{id}", tag = "groups", params(("id" = String, Path, description = "id")),
-    responses((status = OK, body = Group)))]
-pub async fn get(State(app): State<App>, by: Staff, at: At) -> Answer<Json<Group>> {
+    responses((status = OK, body = GroupResponse)))]
+pub async fn get(State(app): State<App>, by: Staff, at: PathKey) -> HandlerResult<Json<GroupResponse>> {
     let group = app.store.groups().get(&by.scope, at.id()?).await?;
     Ok(Json(group.into()))
 }
 
 /// Set all members of a group
 #[utoipa::path(put, path = "/groups/{id}/members", tag = "groups", params(("id" = String, Path, description = "id")),
-    request_body = Members, responses((status = OK, body = Group)))]
+    request_body = Members, responses((status = OK, body = GroupResponse)))]
 pub async fn set_members(
     State(app): State<App>,
     by: Administrator,
-    at: At,
+    at: PathKey,
     Json(members): Json<Members>,
-) -> Answer<Json<Group>> {
+) -> HandlerResult<Json<GroupResponse>> {
     let group = app.store.groups().set_members(&by.scope, at.id()?, members).await?;
     Ok(Json(group.into()))
 }
@@ -84,7 +88,7 @@ pub async fn set_members(
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct TableOf {
+pub struct GroupTableQuery {
     /// The task, by id or code.
     #[param(value_type = String)]
     task: Key,
@@ -100,12 +104,12 @@ pub struct TableOf {
 /// The progress of a group's trainees in a task, for one feature.
 #[derive(Serialize, ToSchema)]
 pub struct GroupProgress {
-    group: Group,
-    task: Task,
+    group: GroupResponse,
+    task: TaskResponse,
     /// The task's standard; `null`: none was set.
-    standard: Option<Standard>,
+    standard: Option<StandardResponse>,
     /// The group's trainees, by name.
-    trainees: Vec<Trainee>,
+    trainees: Vec<TraineeResponse>,
     #[serde(flatten)]
     table: GroupTable,
 }
@@ -115,21 +119,22 @@ pub struct GroupProgress {
 /// The whole table in one answer. It is sorted by name, not by value, because values with overlapping error bars have
 /// no order.
 #[utoipa::path(get, path = "/groups/{id}/progress", tag = "groups",
-    params(("id" = String, Path, description = "id"), TableOf), responses((status = OK, body = GroupProgress)))]
+    params(("id" = String, Path, description = "id"), GroupTableQuery), responses((status = OK, body = GroupProgress)))]
 pub async fn progress(
     State(app): State<App>,
     by: Staff,
-    at: At,
-    Params(of): Params<TableOf>,
-) -> Answer<Json<GroupProgress>> {
-    let TableOf { task, feature, tool, space } = of;
-    let asked = Asked { task: Some(task), feature, tool, space, cohort: None };
-    let TableFound { group, task, standard, table, trainees } = app.cohorts.table(&by.scope, at.id()?, asked).await?;
+    at: PathKey,
+    Params(of): Params<GroupTableQuery>,
+) -> HandlerResult<Json<GroupProgress>> {
+    let GroupTableQuery { task, feature, tool, space } = of;
+    let asked = ProgressSelection { task: Some(task), feature, tool, space, cohort: None };
+    let GroupTableAnswer { group, task, standard, table, trainees } =
+        app.cohorts.group_table(&by.scope, at.id()?, asked).await?;
     Ok(Json(GroupProgress {
         group: group.into(),
         task: task.into(),
-        standard: standard.map(|standard| Standard::new(standard, &by.scope)),
-        trainees: trainees.into_iter().map(Trainee::from).collect(),
+        standard: standard.map(|standard| StandardResponse::new(standard, &by.scope)),
+        trainees: trainees.into_iter().map(TraineeResponse::from).collect(),
         table,
     }))
 }
@@ -139,7 +144,7 @@ pub async fn progress(
 /// Its instructors and trainees stay.
 #[utoipa::path(delete, path = "/groups/{id}", tag = "groups", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
-pub async fn delete(State(app): State<App>, by: Administrator, at: At) -> Answer<StatusCode> {
+pub async fn delete(State(app): State<App>, by: Administrator, at: PathKey) -> HandlerResult<StatusCode> {
     app.store.groups().delete(&by.scope, at.id()?).await?;
     Ok(StatusCode::NO_CONTENT)
 }

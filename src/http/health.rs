@@ -7,7 +7,7 @@ use metrics::gauge;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::error::{Answer, busy};
+use super::error::{HandlerResult, busy};
 use super::read::Json;
 use super::state::App;
 
@@ -19,7 +19,7 @@ pub async fn healthz() -> &'static str {
 
 /// Whether requests can be served.
 #[derive(Serialize, ToSchema)]
-pub struct Ready {
+pub struct ReadyResponse {
     ready: bool,
     version: &'static str,
 }
@@ -27,21 +27,21 @@ pub struct Ready {
 /// Check that requests can be served
 ///
 /// Queries the database. Answers 503 as soon as the service begins to shut down.
-#[utoipa::path(get, path = "/readyz", tag = "operation", security(()), responses((status = OK, body = Ready)))]
-pub async fn readyz(State(app): State<App>) -> Answer<Json<Ready>> {
+#[utoipa::path(get, path = "/readyz", tag = "operation", security(()), responses((status = OK, body = ReadyResponse)))]
+pub async fn readyz(State(app): State<App>) -> HandlerResult<Json<ReadyResponse>> {
     if app.shutdown.is_begun() {
         return Err(busy("The service is shutting down. Use another instance, or try again in a minute."));
     }
     app.store.people().count().await?;
-    Ok(Json(Ready { ready: true, version: env!("CARGO_PKG_VERSION") }))
+    Ok(Json(ReadyResponse { ready: true, version: env!("CARGO_PKG_VERSION") }))
 }
 
 /// Read metrics in Prometheus' text format
 #[utoipa::path(get, path = "/metrics", tag = "operation", security(()), responses((status = OK, body = String)))]
-pub async fn metrics(State(app): State<App>) -> Answer<impl IntoResponse> {
+pub async fn metrics(State(app): State<App>) -> HandlerResult<impl IntoResponse> {
     let counts = app.store.jobs().counts().await?;
     gauge!("trocar_jobs", "state" => "queued").set(counts.queued as f64);
     gauge!("trocar_jobs", "state" => "running").set(counts.running as f64);
-    gauge!("trocar_event_streams").set(app.streams.taken() as f64);
+    gauge!("trocar_event_streams").set(app.watcher_slots.taken() as f64);
     Ok((StatusCode::OK, [(header::CONTENT_TYPE, "text/plain; version=0.0.4")], app.metrics.render()))
 }

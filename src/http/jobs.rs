@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
 use super::auth::signed_in::{Member, Staff};
-use super::error::{Answer, ProblemDocument};
-use super::read::{At, Json, Params};
-use super::show::{Page, Paging, Time};
+use super::error::{HandlerResult, ProblemDocument};
+use super::read::{Json, Params, PathKey};
+use super::show::{PageResponse, Paging, Time};
 use super::state::App;
 use crate::domain::job::{JobKind, JobState};
 use crate::domain::palette::PaletteAdvice;
@@ -16,7 +16,7 @@ use crate::store;
 
 /// A job: one unit of background work.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Job {
+pub struct JobResponse {
     id: JobId,
     kind: JobKind,
     state: JobState,
@@ -40,8 +40,8 @@ pub struct Job {
     ended_at: Option<Time>,
 }
 
-impl From<store::Job> for Job {
-    fn from(job: store::Job) -> Self {
+impl From<store::JobRecord> for JobResponse {
+    fn from(job: store::JobRecord) -> Self {
         Self {
             id: job.id,
             kind: job.kind,
@@ -62,7 +62,7 @@ impl From<store::Job> for Job {
 
 /// A job that was queued.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Queued {
+pub struct QueuedJobResponse {
     /// The job's id. Read its state at `/api/v1/jobs/{id}`, or watch the events.
     pub job: JobId,
 }
@@ -71,7 +71,7 @@ pub struct Queued {
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct Which {
+pub struct JobsQuery {
     /// Only jobs that wait or run.
     #[serde(default)]
     open: bool,
@@ -83,26 +83,30 @@ pub struct Which {
 }
 
 /// List the jobs that the caller may see, newest first
-#[utoipa::path(get, path = "/jobs", tag = "jobs", params(Which), responses((status = OK, body = Page<Job>)))]
-pub async fn list(State(app): State<App>, by: Member, Params(which): Params<Which>) -> Answer<Json<Page<Job>>> {
+#[utoipa::path(get, path = "/jobs", tag = "jobs", params(JobsQuery), responses((status = OK, body = PageResponse<JobResponse>)))]
+pub async fn list(
+    State(app): State<App>,
+    by: Member,
+    Params(which): Params<JobsQuery>,
+) -> HandlerResult<Json<PageResponse<JobResponse>>> {
     let page = Paging::new(which.limit, which.cursor).request(app.settings.page_items)?;
     let jobs = app.store.jobs().list(&by.scope, which.open, &page).await?;
-    Ok(Json(Page::of(jobs, Job::from)))
+    Ok(Json(PageResponse::of(jobs, JobResponse::from)))
 }
 
 /// Read one job
 #[utoipa::path(get, path = "/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "id")),
-    responses((status = OK, body = Job)))]
-pub async fn get(State(app): State<App>, by: Member, at: At) -> Answer<Json<Job>> {
+    responses((status = OK, body = JobResponse)))]
+pub async fn get(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<JobResponse>> {
     let mut job = app.store.jobs().get(&by.scope, at.id()?).await?;
     let advice = job.advice.take();
-    Ok(Json(Job { advice, ..job.into() }))
+    Ok(Json(JobResponse { advice, ..job.into() }))
 }
 
 /// Queue a failed or quarantined job again
 #[utoipa::path(post, path = "/jobs/{id}/retry", tag = "jobs", params(("id" = String, Path, description = "id")),
-    responses((status = OK, body = Job)))]
-pub async fn retry(State(app): State<App>, by: Staff, at: At) -> Answer<Json<Job>> {
+    responses((status = OK, body = JobResponse)))]
+pub async fn retry(State(app): State<App>, by: Staff, at: PathKey) -> HandlerResult<Json<JobResponse>> {
     let job = app.store.jobs().retry(&by.scope, at.id()?).await?;
     app.queue.work_arrived();
     Ok(Json(job.into()))

@@ -19,6 +19,7 @@
 
 pub mod attention;
 pub mod auth;
+mod base_url;
 pub mod boxes;
 pub mod cohorts;
 pub mod compress;
@@ -33,13 +34,11 @@ mod feed;
 pub mod file;
 pub mod groups;
 pub mod health;
-mod home;
 pub mod jobs;
 pub mod observe;
 pub mod openapi;
 pub mod pace;
 pub mod people;
-pub mod places;
 pub mod protect;
 mod push;
 pub mod range;
@@ -57,3 +56,4 @@ pub mod tasks;
 pub mod tokens;
 pub mod trainees;
 pub mod uploads;
+pub mod watcher_slots;

@@ -9,8 +9,8 @@ use utoipa::openapi::security::{ApiKey, ApiKeyValue, Http, HttpAuthScheme, Secur
 use utoipa::openapi::{Content, OpenApi, PathItem, Ref, Response, ResponseBuilder};
 use utoipa::{OpenApi as _, ToSchema};
 
-use super::auth::presented::COOKIE;
-use super::error::{PROBLEM_JSON, ProblemDocument, TABLE};
+use super::auth::presented::COOKIE_NAME;
+use super::error::{PROBLEM_JSON, ProblemDocument, REFUSALS};
 
 /// Title, description, and the schemas that no handler names.
 #[derive(utoipa::OpenApi)]
@@ -34,9 +34,9 @@ pub fn base() -> OpenApi {
 
 /// The finished description as JSON.
 #[derive(Clone)]
-pub struct Document(Bytes);
+pub struct OpenApiDocument(Bytes);
 
-impl Document {
+impl OpenApiDocument {
     /// Serialises the description once, for all requests.
     pub fn new(document: &OpenApi) -> Self {
         Self(document.to_json().unwrap_or_default().into()) // text, numbers and lists always serialise
@@ -46,14 +46,14 @@ impl Document {
 /// Read this description
 #[utoipa::path(get, path = "/openapi.json", tag = "operation", security(()),
     responses((status = OK, description = "OpenAPI 3.1", content_type = "application/json")))]
-pub async fn document(Extension(Document(bytes)): Extension<Document>) -> impl IntoResponse {
+pub async fn document(Extension(OpenApiDocument(bytes)): Extension<OpenApiDocument>) -> impl IntoResponse {
     ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-cache")], bytes)
 }
 
 /// Adds the ways to sign in and the possible refusals to every operation.
-pub fn complete(document: &mut OpenApi) {
+pub fn complete_operations(document: &mut OpenApi) {
     let components = document.components.get_or_insert_default();
-    components.add_security_scheme("cookie", SecurityScheme::ApiKey(ApiKey::Cookie(ApiKeyValue::new(COOKIE))));
+    components.add_security_scheme("cookie", SecurityScheme::ApiKey(ApiKey::Cookie(ApiKeyValue::new(COOKIE_NAME))));
     components.add_security_scheme("token", SecurityScheme::Http(Http::new(HttpAuthScheme::Bearer)));
     for (path, item) in &mut document.paths.paths {
         operations(item).into_iter().flatten().for_each(|operation| complete_operation(operation, path));
@@ -92,7 +92,7 @@ fn complete_operation(operation: &mut Operation, path: &str) {
 
 /// The description of a problem document with this status: its possible `type`s.
 pub fn problem(status: u16) -> Response {
-    let kinds: Vec<_> = TABLE.iter().filter(|row| row.3 == status).map(|row| format!("`{}`", row.1)).collect();
+    let kinds: Vec<_> = REFUSALS.iter().filter(|row| row.3 == status).map(|row| format!("`{}`", row.1)).collect();
     ResponseBuilder::new()
         .description(format!("Refused: {}", kinds.join(", ")))
         .content(PROBLEM_JSON, Content::new(Some(Ref::from_schema_name(ProblemDocument::name()))))

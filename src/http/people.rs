@@ -7,9 +7,9 @@ use utoipa::ToSchema;
 
 use super::auth::password;
 use super::auth::signed_in::{Administrator, SignedIn};
-use super::error::{Answer, Problem};
-use super::read::{At, Json, Params, named};
-use super::show::{Created, Page, Paging, Time};
+use super::error::{HandlerResult, ProblemResponse};
+use super::read::{Json, Params, PathKey, reference_problem};
+use super::show::{Created, PageResponse, Paging, Time};
 use super::state::App;
 use crate::domain::role::Role;
 use crate::domain::scope::Actor;
@@ -20,7 +20,7 @@ use crate::store::{self, PersonChange};
 
 /// An account of a person.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Person {
+pub struct PersonResponse {
     id: PersonId,
     login: Login,
     name: Name,
@@ -30,29 +30,29 @@ pub struct Person {
     created_at: Time,
 }
 
-impl From<store::Person> for Person {
-    fn from(person: store::Person) -> Self {
-        let store::Person { id, login, name, role, trainee_id, created_at_ms } = person;
+impl From<store::PersonRecord> for PersonResponse {
+    fn from(person: store::PersonRecord) -> Self {
+        let store::PersonRecord { id, login, name, role, trainee_id, created_at_ms } = person;
         Self { id, login, name, role, trainee: trainee_id, created_at: Time(created_at_ms) }
     }
 }
 
 /// List the accounts
-#[utoipa::path(get, path = "/people", tag = "people", params(Paging), responses((status = OK, body = Page<Person>)))]
+#[utoipa::path(get, path = "/people", tag = "people", params(Paging), responses((status = OK, body = PageResponse<PersonResponse>)))]
 pub async fn list(
     State(app): State<App>,
     by: Administrator,
     Params(paging): Params<Paging>,
-) -> Answer<Json<Page<Person>>> {
+) -> HandlerResult<Json<PageResponse<PersonResponse>>> {
     let page = paging.request(app.settings.page_items)?;
     let people = app.store.people().list(&by.scope, &page).await?;
-    Ok(Json(Page::of(people, Person::from)))
+    Ok(Json(PageResponse::of(people, PersonResponse::from)))
 }
 
 /// An account to create.
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-pub struct NewPerson {
+pub struct NewPersonRequest {
     login: Login,
     name: Name,
     /// `administrator`, `instructor` or `trainee`. The agent of a box gets a token instead of an account.
@@ -68,10 +68,14 @@ pub struct NewPerson {
 }
 
 /// Create an account
-#[utoipa::path(post, path = "/people", tag = "people", request_body = NewPerson, responses((status = CREATED, body = Person)))]
-pub async fn create(State(app): State<App>, by: Administrator, Json(new): Json<NewPerson>) -> Answer<Created<Person>> {
-    let (trainee, groups) = check(&app, &by, &new).await?;
-    let NewPerson { login, name, role, password, .. } = new;
+#[utoipa::path(post, path = "/people", tag = "people", request_body = NewPersonRequest, responses((status = CREATED, body = PersonResponse)))]
+pub async fn create(
+    State(app): State<App>,
+    by: Administrator,
+    Json(new): Json<NewPersonRequest>,
+) -> HandlerResult<Created<PersonResponse>> {
+    let (trainee, groups) = resolve_references(&app, &by, &new).await?;
+    let NewPersonRequest { login, name, role, password, .. } = new;
     let password = password::hash(Password::new(password)?).await?;
     let new = store::NewPerson { login, name, role, password, trainee };
     let person = app.store.people().create(&by.scope, new).await?;
@@ -83,20 +87,27 @@ pub async fn create(State(app): State<App>, by: Administrator, Json(new): Json<N
 }
 
 /// The trainee and the groups that a new account refers to. All must exist before anything is created.
-async fn check(app: &App, by: &Administrator, new: &NewPerson) -> Answer<(Option<TraineeId>, Vec<store::Group>)> {
+async fn resolve_references(
+    app: &App,
+    by: &Administrator,
+    new: &NewPersonRequest,
+) -> HandlerResult<(Option<TraineeId>, Vec<store::GroupRecord>)> {
     if new.role == Role::Agent {
-        return Err(Problem::invalid("role", "an agent is a program; create a token for it"));
+        return Err(ProblemResponse::invalid("role", "an agent is a program; create a token for it"));
     }
     if (new.role == Role::Trainee) != new.trainee.is_some() {
-        return Err(Problem::invalid("trainee", "is required for the role trainee, and not allowed for other roles"));
+        return Err(ProblemResponse::invalid(
+            "trainee",
+            "is required for the role trainee, and not allowed for other roles",
+        ));
     }
     let trainee = match &new.trainee {
-        Some(key) => Some(app.store.trainees().get(&by.scope, key).await.map_err(named("trainee"))?.id),
+        Some(key) => Some(app.store.trainees().get(&by.scope, key).await.map_err(reference_problem("trainee"))?.id),
         None => None,
     };
     let mut groups = Vec::new();
     for id in &new.groups {
-        groups.push(app.store.groups().get(&by.scope, *id).await.map_err(named("groups"))?);
+        groups.push(app.store.groups().get(&by.scope, *id).await.map_err(reference_problem("groups"))?);
     }
     Ok((trainee, groups))
 }
@@ -104,7 +115,7 @@ async fn check(app: &App, by: &Administrator, new: &NewPerson) -> Answer<(Option
 /// Changes to an account; absent fields stay as they are.
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Change {
+pub struct PersonChangeRequest {
     login: Option<Login>,
     name: Option<Name>,
     /// `administrator` or `instructor`. A new role signs the account out in every browser.
@@ -116,14 +127,14 @@ pub struct Change {
 
 /// Change an account
 #[utoipa::path(patch, path = "/people/{id}", tag = "people", params(("id" = String, Path, description = "id")),
-    request_body = Change, responses((status = OK, body = Person)))]
+    request_body = PersonChangeRequest, responses((status = OK, body = PersonResponse)))]
 pub async fn change(
     State(app): State<App>,
     by: Administrator,
-    at: At,
-    Json(change): Json<Change>,
-) -> Answer<Json<Person>> {
-    let Change { login, name, role, password } = change;
+    at: PathKey,
+    Json(change): Json<PersonChangeRequest>,
+) -> HandlerResult<Json<PersonResponse>> {
+    let PersonChangeRequest { login, name, role, password } = change;
     let (id, password) = (at.id()?, password.map(Password::new).transpose()?);
     let person = app.store.people().change(&by.scope, id, PersonChange { login, name, role }).await?;
     if let Some(password) = password {
@@ -137,7 +148,7 @@ pub async fn change(
 /// Also signs the person out in every browser and deletes the person's tokens.
 #[utoipa::path(delete, path = "/people/{id}", tag = "people", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
-pub async fn delete(State(app): State<App>, by: Administrator, at: At) -> Answer<StatusCode> {
+pub async fn delete(State(app): State<App>, by: Administrator, at: PathKey) -> HandlerResult<StatusCode> {
     app.store.people().delete(&by.scope, at.id()?).await?;
     Ok(StatusCode::NO_CONTENT)
 }
@@ -160,15 +171,15 @@ pub struct Me {
 
 /// Read the own account
 #[utoipa::path(get, path = "/me", tag = "sign-in", responses((status = OK, body = Me)))]
-pub async fn me(State(app): State<App>, by: SignedIn) -> Answer<Json<Me>> {
+pub async fn me(State(app): State<App>, by: SignedIn) -> HandlerResult<Json<Me>> {
     let role = by.scope.role();
     let me = match by.scope.actor() {
         Actor::Person(id) => {
-            let store::Person { id, login, name, trainee_id, .. } = app.store.people().get(&by.scope, id).await?;
+            let store::PersonRecord { id, login, name, trainee_id, .. } = app.store.people().get(&by.scope, id).await?;
             Me { id: Some(id), login: Some(login), name: Some(name), role, trainee: trainee_id, of_box: None }
         }
         Actor::Agent(of) => Me { id: None, login: None, name: None, role, trainee: None, of_box: Some(of) },
-        Actor::Service => return Err(Problem::not_found()),
+        Actor::Service => return Err(ProblemResponse::not_found()),
     };
     Ok(Json(me))
 }

@@ -12,25 +12,25 @@ use tokio::time::timeout;
 use utoipa::{IntoParams, ToSchema};
 
 use super::auth::signed_in::SignedIn;
-use super::error::{Answer, Problem, busy};
-use super::read::{At, Params, named};
-use super::sessions::Session;
+use super::error::{HandlerResult, ProblemResponse, busy};
+use super::read::{Params, PathKey, reference_problem};
+use super::sessions::SessionResponse;
 use super::show::Created;
 use super::state::App;
 use crate::domain::text::Key;
 use crate::ids::SessionId;
-use crate::live::{Broken, Push};
+use crate::live::{Push, PushFailure};
 use crate::store::StoreError;
 
 /// How long the body of a refused sender is still read. A sender whose connection is cut while it sends does not read
 /// the answer.
-const HEARD_OUT: Duration = Duration::from_secs(2);
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// What the stream records.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct Of {
+pub struct PushQuery {
     /// The trainee, by id or code; a trainee may leave it out.
     trainee: Option<String>,
     /// The task, by id or code.
@@ -41,9 +41,9 @@ pub struct Of {
 /// The session that the stream became; only its id for a box's agent, which may not read sessions.
 #[derive(Serialize, ToSchema)]
 #[serde(untagged)]
-pub enum Pushed {
+pub enum PushResponse {
     /// For people.
-    Session(Box<Session>),
+    Session(Box<SessionResponse>),
     /// For a box's agent.
     Id {
         /// The session's id.
@@ -58,27 +58,27 @@ pub enum Pushed {
 /// was received becomes a session, and the problem names it as `session`. For the box's agent, and for people who
 /// may send recordings.
 #[utoipa::path(put, path = "/boxes/{id}/feed.ts", tag = "boxes",
-    params(("id" = String, Path, description = "id or code"), Of),
+    params(("id" = String, Path, description = "id or code"), PushQuery),
     request_body(content = Vec<u8>, content_type = "video/mp2t", description = "MPEG-TS or Matroska, while it is recorded"),
-    responses((status = CREATED, body = Pushed)))]
+    responses((status = CREATED, body = PushResponse)))]
 pub async fn push(
     State(app): State<App>,
-    by: Answer<SignedIn>,
-    At(in_box): At,
-    Params(of): Params<Of>,
+    by: HandlerResult<SignedIn>,
+    PathKey(in_box): PathKey,
+    Params(of): Params<PushQuery>,
     request: Request,
-) -> Answer<Created<Pushed>> {
+) -> HandlerResult<Created<PushResponse>> {
     let name = in_box.as_str().to_owned();
     let (push, place) = admit(&app, by, in_box, of, request.headers()).await.inspect_err(|problem| {
         tracing::warn!(in_box = name, why = problem.detail(), "push refused"); // most senders do not show the answer
     })?;
     let scope = push.scope.clone();
     // In a separate task: senders close right after their last byte, which would cancel this handler.
-    let taken = app.shutdown.spawn(take(app.clone(), push, request, place));
-    let session = taken.await.map_err(|cause| Problem::internal("receiving a stream", cause))??;
+    let taken = app.shutdown.spawn(receive(app.clone(), push, request, place));
+    let session = taken.await.map_err(|cause| ProblemResponse::internal("receiving a stream", cause))??;
     let made = match app.store.sessions().get(&scope, session).await {
-        Ok(session) => Pushed::Session(Box::new(Session::of(session, None))),
-        Err(StoreError::NotFound { .. }) => Pushed::Id { id: session.to_string() },
+        Ok(session) => PushResponse::Session(Box::new(SessionResponse::of(session, None))),
+        Err(StoreError::NotFound { .. }) => PushResponse::Id { id: session.to_string() },
         Err(error) => return Err(error.into()),
     };
     Ok(Created { location: format!("/api/v1/sessions/{session}"), made })
@@ -87,45 +87,50 @@ pub async fn push(
 /// Checks everything that can be checked before the stream arrives, and takes a feed slot.
 async fn admit(
     app: &App,
-    by: Answer<SignedIn>,
+    by: HandlerResult<SignedIn>,
     in_box: Key,
-    of: Of,
+    of: PushQuery,
     headers: &HeaderMap,
-) -> Answer<(Push, OwnedSemaphorePermit)> {
+) -> HandlerResult<(Push, OwnedSemaphorePermit)> {
     let SignedIn { scope } = by?;
-    let missing = |field| move || Problem::invalid(field, "is missing; give the id or the code");
+    let missing = |field| move || ProblemResponse::invalid(field, "is missing; give the id or the code");
     let trainee =
         of.trainee.or_else(|| scope.own_trainee().map(|own| own.to_string())).ok_or_else(missing("trainee"))?;
     let task = of.task.ok_or_else(missing("task"))?;
-    let (store, sender_scope) = (&app.store, scope.of_whom_it_sends());
+    let (store, sender_scope) = (&app.store, scope.upload_scope());
     let box_id = store.boxes().get(&scope, &in_box).await?.id;
-    store.trainees().get(&sender_scope, &Key::from(&trainee)).await.map_err(named("trainee"))?;
-    store.tasks().get(&sender_scope, &Key::from(&task)).await.map_err(named("task"))?;
+    store.trainees().get(&sender_scope, &Key::from(&trainee)).await.map_err(reference_problem("trainee"))?;
+    store.tasks().get(&sender_scope, &Key::from(&task)).await.map_err(reference_problem("task"))?;
     app.feeds.check_free(box_id).await?;
     let full = |_| busy("Too many boxes are recording at once. Try again when one of them has ended.");
-    let place = app.feed_places.clone().try_acquire_owned().map_err(full)?;
+    let place = app.feed_slots.clone().try_acquire_owned().map_err(full)?;
     let sender = headers.get(header::USER_AGENT).and_then(|agent| agent.to_str().ok()).unwrap_or_default().to_owned();
     Ok((Push { scope, in_box, trainee, task, sender }, place))
 }
 
-async fn take(app: App, push: Push, request: Request, place: OwnedSemaphorePermit) -> Result<SessionId, Broken> {
+async fn receive(
+    app: App,
+    push: Push,
+    request: Request,
+    place: OwnedSemaphorePermit,
+) -> Result<SessionId, PushFailure> {
     let (name, headers) = (push.in_box.as_str().to_owned(), request.headers().clone());
     let mut body = request.into_body().into_data_stream();
     let bytes = (&mut body).map(|bytes| bytes.map_err(Into::into));
-    let taken = app.feeds.push(push, bytes, SignedIn::ended(&app, &headers)).await;
+    let taken = app.feeds.push(push, bytes, SignedIn::wait_until_ended(&app, &headers)).await;
     drop(place);
     match &taken {
         Ok(session) => tracing::info!(in_box = name, %session, "push ended; recording complete"),
-        Err(Broken { why, session }) => {
+        Err(PushFailure { why, session }) => {
             let session = session.map(tracing::field::display);
             tracing::warn!(in_box = name, %why, session, "push broke off");
-            tokio::spawn(hear_out(body));
+            tokio::spawn(drain_body(body));
         }
     }
     taken
 }
 
 /// Reads the rest of the body for up to [`DRAIN_TIMEOUT`], while the answer is sent.
-async fn hear_out(mut body: BodyDataStream) {
-    let _ = timeout(HEARD_OUT, async { while let Some(Ok(_)) = body.next().await {} }).await; // a timeout is fine
+async fn drain_body(mut body: BodyDataStream) {
+    let _ = timeout(DRAIN_TIMEOUT, async { while let Some(Ok(_)) = body.next().await {} }).await; // a timeout is fine
 }

@@ -4,7 +4,7 @@ use axum::http::{HeaderMap, header};
 
 /// The bytes of a file that a request asks for.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Asked {
+pub enum RequestedRange {
     /// The whole file: there is no range, the range may be ignored, or the file changed since the client's part.
     Whole,
     /// `first..=last`, both inside the file.
@@ -22,22 +22,22 @@ pub enum Asked {
 ///
 /// A request for several ranges is answered with the whole file, as the RFC allows: no player sends one, and they are a
 /// known way to overload a server.
-pub fn asked(headers: &HeaderMap, length: u64, etag: &str) -> Asked {
+pub fn requested_range(headers: &HeaderMap, length: u64, etag: &str) -> RequestedRange {
     let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
     if text(header::IF_RANGE).is_some_and(|condition| condition != etag) {
-        return Asked::Whole;
+        return RequestedRange::Whole;
     }
     let Some(range) = text(header::RANGE).and_then(|range| range.trim().strip_prefix("bytes=")) else {
-        return Asked::Whole;
+        return RequestedRange::Whole;
     };
     match range.trim().split_once('-') {
-        Some(("", suffix)) => number(suffix).map_or(Asked::Whole, |count| last_bytes(count, length)),
+        Some(("", suffix)) => number(suffix).map_or(RequestedRange::Whole, |count| last_bytes(count, length)),
         Some((first, last)) => match (number(first), number(last)) {
             (Some(first), None) if last.is_empty() => part(first, u64::MAX, length),
             (Some(first), Some(last)) if first <= last => part(first, last, length),
-            _ => Asked::Whole,
+            _ => RequestedRange::Whole,
         },
-        None => Asked::Whole,
+        None => RequestedRange::Whole,
     }
 }
 
@@ -49,15 +49,15 @@ fn number(text: &str) -> Option<u64> {
     Some(text.parse().unwrap_or(u64::MAX)) // a number that does not fit lies far outside any file
 }
 
-fn part(first: u64, last: u64, length: u64) -> Asked {
-    if first >= length { Asked::Outside } else { Asked::Part { first, last: last.min(length - 1) } }
+fn part(first: u64, last: u64, length: u64) -> RequestedRange {
+    if first >= length { RequestedRange::Outside } else { RequestedRange::Part { first, last: last.min(length - 1) } }
 }
 
-fn last_bytes(count: u64, length: u64) -> Asked {
+fn last_bytes(count: u64, length: u64) -> RequestedRange {
     if count == 0 || length == 0 {
-        return Asked::Outside;
+        return RequestedRange::Outside;
     }
-    Asked::Part { first: length.saturating_sub(count), last: length - 1 }
+    RequestedRange::Part { first: length.saturating_sub(count), last: length - 1 }
 }
 
 #[cfg(test)]
@@ -67,28 +67,28 @@ mod tests {
 
     use super::*;
 
-    fn ask(range: &str, length: u64) -> Asked {
+    fn ask(range: &str, length: u64) -> RequestedRange {
         let headers = HeaderMap::from_iter([(header::RANGE, HeaderValue::from_str(range).unwrap())]);
-        asked(&headers, length, "\"x\"")
+        requested_range(&headers, length, "\"x\"")
     }
 
     #[test]
     fn the_forms_of_the_standard_are_understood() {
-        assert_eq!(ask("bytes=0-499", 1000), Asked::Part { first: 0, last: 499 });
-        assert_eq!(ask("bytes=500-", 1000), Asked::Part { first: 500, last: 999 });
-        assert_eq!(ask("bytes=-1", 1000), Asked::Part { first: 999, last: 999 });
-        assert_eq!(ask("bytes=-5000", 1000), Asked::Part { first: 0, last: 999 });
-        assert_eq!(ask("bytes=999-99999999999999999999999", 1000), Asked::Part { first: 999, last: 999 });
-        assert_eq!(ask("bytes=1000-", 1000), Asked::Outside);
-        assert_eq!(ask("bytes=-0", 1000), Asked::Outside);
-        assert_eq!(ask("bytes=0-", 0), Asked::Outside);
+        assert_eq!(ask("bytes=0-499", 1000), RequestedRange::Part { first: 0, last: 499 });
+        assert_eq!(ask("bytes=500-", 1000), RequestedRange::Part { first: 500, last: 999 });
+        assert_eq!(ask("bytes=-1", 1000), RequestedRange::Part { first: 999, last: 999 });
+        assert_eq!(ask("bytes=-5000", 1000), RequestedRange::Part { first: 0, last: 999 });
+        assert_eq!(ask("bytes=999-99999999999999999999999", 1000), RequestedRange::Part { first: 999, last: 999 });
+        assert_eq!(ask("bytes=1000-", 1000), RequestedRange::Outside);
+        assert_eq!(ask("bytes=-0", 1000), RequestedRange::Outside);
+        assert_eq!(ask("bytes=0-", 0), RequestedRange::Outside);
     }
 
     #[test]
-    fn what_is_no_single_range_is_answered_with_the_whole() {
+    fn anything_but_a_single_range_gives_the_whole_file() {
         for range in ["bytes=0-1,3-4", "bytes=5-4", "bytes=", "bytes=-", "lines=0-1", "bytes=+1-2", "bytes=a-b", "0-1"]
         {
-            assert_eq!(ask(range, 1000), Asked::Whole, "{range}");
+            assert_eq!(ask(range, 1000), RequestedRange::Whole, "{range}");
         }
     }
 
@@ -98,14 +98,14 @@ mod tests {
             (header::RANGE, HeaderValue::from_static("bytes=5-")),
             (header::IF_RANGE, HeaderValue::from_static("\"old\"")),
         ]);
-        assert_eq!(asked(&headers, 10, "\"new\""), Asked::Whole);
-        assert_eq!(asked(&headers, 10, "\"old\""), Asked::Part { first: 5, last: 9 });
+        assert_eq!(requested_range(&headers, 10, "\"new\""), RequestedRange::Whole);
+        assert_eq!(requested_range(&headers, 10, "\"old\""), RequestedRange::Part { first: 5, last: 9 });
     }
 
     proptest! {
         #[test]
         fn a_part_always_lies_inside_the_file(range in "bytes=[0-9]{0,22}-[0-9]{0,22}", length in any::<u64>()) {
-            if let Asked::Part { first, last } = ask(&range, length) {
+            if let RequestedRange::Part { first, last } = ask(&range, length) {
                 prop_assert!(first <= last && last < length);
             }
         }

@@ -10,7 +10,7 @@ use http_body_util::{BodyExt, LengthLimitError, Limited};
 use serde::de::DeserializeOwned;
 use serde_json::error::Category;
 
-use super::error::{Problem, Refusal, unknown};
+use super::error::{ProblemResponse, Refusal, unknown_reference};
 use super::pace::TooSlow;
 use super::state::App;
 use crate::domain::text::{Invalid, Key};
@@ -20,18 +20,18 @@ use crate::store::StoreError;
 pub struct Json<T>(pub T);
 
 impl<T: DeserializeOwned> FromRequest<App> for Json<T> {
-    type Rejection = Problem;
+    type Rejection = ProblemResponse;
 
-    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
+    async fn from_request(request: Request, app: &App) -> Result<Self, ProblemResponse> {
         expect_json(request.headers())?;
         let limit = app.settings.max_json_bytes;
         let body = Limited::new(request.into_body(), limit).collect().await;
-        let bytes = body.map_err(|cause| unreadable(&*cause, limit as u64))?.to_bytes();
-        serde_json::from_slice(&bytes).map(Self).map_err(refused)
+        let bytes = body.map_err(|cause| unreadable_body(&*cause, limit as u64))?.to_bytes();
+        serde_json::from_slice(&bytes).map(Self).map_err(json_problem)
     }
 }
 
-fn expect_json(headers: &HeaderMap) -> Result<(), Problem> {
+fn expect_json(headers: &HeaderMap) -> Result<(), ProblemResponse> {
     let sent = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
     let essence = sent.split(';').next().unwrap_or_default().trim();
     if essence.eq_ignore_ascii_case("application/json") {
@@ -40,7 +40,7 @@ fn expect_json(headers: &HeaderMap) -> Result<(), Problem> {
     Err(Refusal::UnsupportedMediaType.with("Send JSON with `Content-Type: application/json`."))
 }
 
-fn refused(error: serde_json::Error) -> Problem {
+fn json_problem(error: serde_json::Error) -> ProblemResponse {
     match error.classify() {
         Category::Data => Refusal::Invalid.with(format!("{error}. See /docs for the fields of this request.")),
         Category::Io | Category::Syntax | Category::Eof => {
@@ -50,29 +50,29 @@ fn refused(error: serde_json::Error) -> Problem {
 }
 
 /// The problem for a body that could not be read to its end.
-pub fn unreadable(cause: &(dyn Error + 'static), limit: u64) -> Problem {
-    if find::<LengthLimitError>(cause).is_some() {
+pub fn unreadable_body(cause: &(dyn Error + 'static), limit: u64) -> ProblemResponse {
+    if find_cause::<LengthLimitError>(cause).is_some() {
         return too_large(limit);
     }
-    match find::<TooSlow>(cause) {
+    match find_cause::<TooSlow>(cause) {
         Some(slow) => Refusal::TooSlow.with(format!("{slow}. Try again over a better connection.")),
         None => Refusal::BadRequest.with("The connection ended before the whole body arrived. Send it again."),
     }
 }
 
 /// The first error of type `T` among an error and its causes.
-fn find<'e, T: Error + 'static>(error: &'e (dyn Error + 'static)) -> Option<&'e T> {
-    error.downcast_ref().or_else(|| find(error.source()?))
+fn find_cause<'e, T: Error + 'static>(error: &'e (dyn Error + 'static)) -> Option<&'e T> {
+    error.downcast_ref().or_else(|| find_cause(error.source()?))
 }
 
 /// The problem for a body that is longer than `limit` bytes.
-pub fn too_large(limit: u64) -> Problem {
+pub fn too_large(limit: u64) -> ProblemResponse {
     Refusal::TooLarge.with(format!("Send at most {limit} bytes here.")).member("limit_bytes", limit)
 }
 
-impl From<Invalid> for Problem {
+impl From<Invalid> for ProblemResponse {
     fn from(invalid: Invalid) -> Self {
-        Problem::invalid(invalid.what, invalid.why)
+        ProblemResponse::invalid(invalid.what, invalid.why)
     }
 }
 
@@ -80,9 +80,9 @@ impl From<Invalid> for Problem {
 pub struct Params<T>(pub T);
 
 impl<T: DeserializeOwned + Send> FromRequestParts<App> for Params<T> {
-    type Rejection = Problem;
+    type Rejection = ProblemResponse;
 
-    async fn from_request_parts(parts: &mut Parts, _app: &App) -> Result<Self, Problem> {
+    async fn from_request_parts(parts: &mut Parts, _app: &App) -> Result<Self, ProblemResponse> {
         let query = Query::try_from_uri(&parts.uri);
         let refused = |error: axum::extract::rejection::QueryRejection| {
             Refusal::BadRequest.with(format!("{}. See /docs for the parameters.", error.body_text()))
@@ -92,43 +92,43 @@ impl<T: DeserializeOwned + Send> FromRequestParts<App> for Params<T> {
 }
 
 /// The `{id}` of an address: an id or a code. Text that is neither gives 404.
-pub struct At(pub Key);
+pub struct PathKey(pub Key);
 
-impl At {
+impl PathKey {
     /// The id of a resource without a code.
-    pub fn id<T: FromStr>(&self) -> Result<T, Problem> {
-        self.0.as_str().parse().map_err(|_| Problem::not_found())
+    pub fn id<T: FromStr>(&self) -> Result<T, ProblemResponse> {
+        self.0.as_str().parse().map_err(|_| ProblemResponse::not_found())
     }
 }
 
-impl FromRequestParts<App> for At {
-    type Rejection = Problem;
+impl FromRequestParts<App> for PathKey {
+    type Rejection = ProblemResponse;
 
-    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Problem> {
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, ProblemResponse> {
         let path = Path::<String>::from_request_parts(parts, app).await;
-        path.map(|Path(text)| Self(Key::from(text.as_str()))).map_err(|_| Problem::not_found())
+        path.map(|Path(text)| Self(Key::from(text.as_str()))).map_err(|_| ProblemResponse::not_found())
     }
 }
 
 /// The `{id}` and the `{version}` of an address. A version that is not a number gives 404.
-pub struct AtVersion(pub Key, pub i64);
+pub struct PathKeyAndVersion(pub Key, pub i64);
 
-impl FromRequestParts<App> for AtVersion {
-    type Rejection = Problem;
+impl FromRequestParts<App> for PathKeyAndVersion {
+    type Rejection = ProblemResponse;
 
-    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Problem> {
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, ProblemResponse> {
         let path = Path::<(String, String)>::from_request_parts(parts, app).await;
-        let (key, version) = path.map(|Path(both)| both).map_err(|_| Problem::not_found())?;
-        let version = version.parse().map_err(|_| Problem::not_found())?;
+        let (key, version) = path.map(|Path(both)| both).map_err(|_| ProblemResponse::not_found())?;
+        let version = version.parse().map_err(|_| ProblemResponse::not_found())?;
         Ok(Self(Key::from(key.as_str()), version))
     }
 }
 
 /// Maps a store error for a resource that `field` of the body or query names: if it is not found, the field is wrong
 /// (422), not the address (404).
-pub fn named(field: &'static str) -> impl FnOnce(StoreError) -> Problem {
+pub fn reference_problem(field: &'static str) -> impl FnOnce(StoreError) -> ProblemResponse {
     move |error| match error {
-        StoreError::NotFound { what } => unknown(field, what),
+        StoreError::NotFound { what } => unknown_reference(field, what),
         other => other.into(),
     }
 }

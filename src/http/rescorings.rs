@@ -6,9 +6,9 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::auth::signed_in::Administrator;
-use super::error::{Answer, ProblemDocument};
-use super::read::{At, Json, Params};
-use super::show::{Created, Named, Page, Paging, Time};
+use super::error::{HandlerResult, ProblemDocument};
+use super::read::{Json, Params, PathKey};
+use super::show::{Created, NamedReference, PageResponse, Paging, Time};
 use super::state::App;
 use crate::domain::rescoring::{FeatureChange, NewRescoring, RescoringItemState, RescoringSource};
 use crate::domain::session::Versions;
@@ -18,13 +18,13 @@ use crate::rescoring::compare;
 use crate::store;
 
 /// Most sessions on a page, because two results of each are read.
-const MOST_SESSIONS: u32 = 50;
+const MAX_SESSIONS_PER_PAGE: u32 = 50;
 
 /// A rescoring, its progress and its changes.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Rescoring {
+pub struct RescoringResponse {
     id: RescoringId,
-    task: Named,
+    task: NamedReference,
     /// What is processed again.
     from: RescoringSource,
     /// True if only sessions are included whose result came from another version of the program.
@@ -42,14 +42,14 @@ pub struct Rescoring {
     /// Share of the sessions that are finished, 0 to 1.
     progress: f64,
     /// Number of sessions in each state.
-    sessions: Counts,
+    sessions: RescoringCounts,
     /// Number of sessions with each kind of change.
-    changes: Changes,
+    changes: RescoringChanges,
 }
 
 /// Number of sessions in each state.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Counts {
+pub struct RescoringCounts {
     /// All sessions.
     all: i64,
     waiting: i64,
@@ -61,7 +61,7 @@ pub struct Counts {
 
 /// Number of sessions with each kind of change.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Changes {
+pub struct RescoringChanges {
     /// Sessions that passed before and do not pass now.
     no_longer_passed: i64,
     /// Sessions that did not pass before and pass now.
@@ -78,7 +78,7 @@ pub struct Changes {
 #[derive(Debug, Serialize, ToSchema)]
 pub struct RescoredSession {
     session: SessionId,
-    trainee: Named,
+    trainee: NamedReference,
     recorded_at: Time,
     state: RescoringItemState,
     /// Why the session could not be scored again.
@@ -106,12 +106,12 @@ pub struct RescoredResult {
 /// The changes for one trainee.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct RescoredTrainee {
-    trainee: Named,
+    trainee: NamedReference,
     /// The trainee's sessions in the rescoring.
     sessions: i64,
     /// Sessions whose results are compared.
     done: i64,
-    changes: Changes,
+    changes: RescoringChanges,
 }
 
 /// Score a task's sessions again
@@ -120,13 +120,13 @@ pub struct RescoredTrainee {
 /// paths; `from: recording` tracks the recordings again with the boxes' present calibrations and colours.
 #[utoipa::path(post, path = "/tasks/{id}/rescorings", tag = "rescorings",
     params(("id" = String, Path, description = "id or code")), request_body = NewRescoring,
-    responses((status = CREATED, body = Rescoring)))]
+    responses((status = CREATED, body = RescoringResponse)))]
 pub async fn create(
     State(app): State<App>,
     by: Administrator,
-    At(key): At,
+    PathKey(key): PathKey,
     Json(new): Json<NewRescoring>,
-) -> Answer<Created<Rescoring>> {
+) -> HandlerResult<Created<RescoringResponse>> {
     let task = app.store.tasks().get(&by.scope, &key).await?;
     let id = app.store.rescorings().create(&by.scope, task.id, new).await?;
     let made = app.store.rescorings().get(&by.scope, id).await?.into();
@@ -135,20 +135,20 @@ pub async fn create(
 
 /// List the rescorings, newest first
 #[utoipa::path(get, path = "/rescorings", tag = "rescorings", params(Paging),
-    responses((status = OK, body = Page<Rescoring>)))]
+    responses((status = OK, body = PageResponse<RescoringResponse>)))]
 pub async fn list(
     State(app): State<App>,
     by: Administrator,
     Params(paging): Params<Paging>,
-) -> Answer<Json<Page<Rescoring>>> {
+) -> HandlerResult<Json<PageResponse<RescoringResponse>>> {
     let page = paging.request(app.settings.page_items)?;
-    Ok(Json(Page::of(app.store.rescorings().list(&by.scope, &page).await?, Rescoring::from)))
+    Ok(Json(PageResponse::of(app.store.rescorings().list(&by.scope, &page).await?, RescoringResponse::from)))
 }
 
 /// Read a rescoring: its progress and the number of changes
 #[utoipa::path(get, path = "/rescorings/{id}", tag = "rescorings", params(("id" = String, Path, description = "id")),
-    responses((status = OK, body = Rescoring)))]
-pub async fn get(State(app): State<App>, by: Administrator, at: At) -> Answer<Json<Rescoring>> {
+    responses((status = OK, body = RescoringResponse)))]
+pub async fn get(State(app): State<App>, by: Administrator, at: PathKey) -> HandlerResult<Json<RescoringResponse>> {
     Ok(Json(app.store.rescorings().get(&by.scope, at.id()?).await?.into()))
 }
 
@@ -157,9 +157,9 @@ pub async fn get(State(app): State<App>, by: Administrator, at: At) -> Answer<Js
 /// Waiting sessions keep their results; running ones are stopped.
 #[utoipa::path(delete, path = "/rescorings/{id}", tag = "rescorings", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
-pub async fn cancel(State(app): State<App>, by: Administrator, at: At) -> Answer<StatusCode> {
+pub async fn cancel(State(app): State<App>, by: Administrator, at: PathKey) -> HandlerResult<StatusCode> {
     app.store.rescorings().cancel(&by.scope, at.id()?).await?;
-    app.events.tell(crate::events::Event::Queue);
+    app.events.publish(crate::events::Event::Queue);
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -168,14 +168,14 @@ pub async fn cancel(State(app): State<App>, by: Administrator, at: At) -> Answer
 /// Sessions whose judgement changed come first.
 #[utoipa::path(get, path = "/rescorings/{id}/sessions", tag = "rescorings",
     params(("id" = String, Path, description = "id"), Paging),
-    responses((status = OK, body = Page<RescoredSession>)))]
+    responses((status = OK, body = PageResponse<RescoredSession>)))]
 pub async fn sessions(
     State(app): State<App>,
     by: Administrator,
-    at: At,
+    at: PathKey,
     Params(paging): Params<Paging>,
-) -> Answer<Json<Page<RescoredSession>>> {
-    let limit = paging.limit().unwrap_or(app.settings.page_items).min(MOST_SESSIONS);
+) -> HandlerResult<Json<PageResponse<RescoredSession>>> {
+    let limit = paging.limit().unwrap_or(app.settings.page_items).min(MAX_SESSIONS_PER_PAGE);
     let page = paging.at_most(limit).request(limit)?;
     let store::Page { items, next } = app.store.rescorings().items(&by.scope, at.id()?, &page).await?;
     let mut shown = Vec::with_capacity(items.len());
@@ -187,7 +187,7 @@ pub async fn sessions(
         };
         shown.push(RescoredSession::of(item, old, new));
     }
-    Ok(Json(Page { items: shown, next }))
+    Ok(Json(PageResponse { items: shown, next }))
 }
 
 /// List the changes by trainee
@@ -195,24 +195,24 @@ pub async fn sessions(
 /// Trainees with the most changed judgements come first.
 #[utoipa::path(get, path = "/rescorings/{id}/trainees", tag = "rescorings",
     params(("id" = String, Path, description = "id"), Paging),
-    responses((status = OK, body = Page<RescoredTrainee>)))]
+    responses((status = OK, body = PageResponse<RescoredTrainee>)))]
 pub async fn trainees(
     State(app): State<App>,
     by: Administrator,
-    at: At,
+    at: PathKey,
     Params(paging): Params<Paging>,
-) -> Answer<Json<Page<RescoredTrainee>>> {
+) -> HandlerResult<Json<PageResponse<RescoredTrainee>>> {
     let page = paging.request(app.settings.page_items)?;
     let trainees = app.store.rescorings().trainees(&by.scope, at.id()?, &page).await?;
-    Ok(Json(Page::of(trainees, RescoredTrainee::from)))
+    Ok(Json(PageResponse::of(trainees, RescoredTrainee::from)))
 }
 
-impl From<store::Rescoring> for Rescoring {
-    fn from(of: store::Rescoring) -> Self {
+impl From<store::RescoringRecord> for RescoringResponse {
+    fn from(of: store::RescoringRecord) -> Self {
         let ended = of.done + of.failed + of.cancelled;
         Self {
             id: of.id,
-            task: Named { id: of.task_id.to_string(), name: of.task_name.into(), code: of.task_code.into() },
+            task: NamedReference { id: of.task_id.to_string(), name: of.task_name.into(), code: of.task_code.into() },
             from: of.source,
             only_older: of.only_older,
             pipeline: of.pipeline,
@@ -222,7 +222,7 @@ impl From<store::Rescoring> for Rescoring {
             cancelled_at: of.cancelled_at_ms.map(Time),
             ended_at: of.ended_at_ms.map(Time),
             progress: if of.sessions == 0 { 1.0 } else { ended as f64 / of.sessions as f64 },
-            sessions: Counts {
+            sessions: RescoringCounts {
                 all: of.sessions,
                 waiting: of.waiting,
                 working: of.working,
@@ -230,7 +230,7 @@ impl From<store::Rescoring> for Rescoring {
                 failed: of.failed,
                 cancelled: of.cancelled,
             },
-            changes: Changes {
+            changes: RescoringChanges {
                 no_longer_passed: of.no_longer_passed,
                 now_passed: of.now_passed,
                 apart: of.apart,
@@ -244,14 +244,14 @@ impl From<store::RescoringTrainee> for RescoredTrainee {
     fn from(of: store::RescoringTrainee) -> Self {
         let store::RescoringTrainee { no_longer_passed, now_passed, apart, changed, .. } = of;
         Self {
-            trainee: Named {
+            trainee: NamedReference {
                 id: of.trainee_id.to_string(),
                 name: of.trainee_name.into(),
                 code: of.trainee_code.into(),
             },
             sessions: of.sessions,
             done: of.done,
-            changes: Changes { no_longer_passed, now_passed, apart, changed },
+            changes: RescoringChanges { no_longer_passed, now_passed, apart, changed },
         }
     }
 }
@@ -268,7 +268,7 @@ impl RescoredSession {
         };
         Self {
             session: item.session_id,
-            trainee: Named {
+            trainee: NamedReference {
                 id: item.trainee_id.to_string(),
                 name: item.trainee_name.into(),
                 code: item.trainee_code.into(),

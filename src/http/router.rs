@@ -10,7 +10,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::auth::{origin, sign_in};
-use super::compress::{compress, compress_well};
+use super::compress::{compress, compress_static_files};
 use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{attention, service};
@@ -21,7 +21,7 @@ use super::{
 use super::{error, openapi, trainees, uploads};
 
 /// The API under `/api/v1`.
-fn interface() -> OpenApiRouter<App> {
+fn api_routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(sign_in::sign_in))
         .routes(routes!(sign_in::sign_out))
@@ -95,7 +95,7 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(sessions::withdraw_comment))
         .routes(routes!(sessions::edits, sessions::edit))
         .routes(routes!(sessions::undo_edit))
-        .merge(resumable())
+        .merge(upload_routes())
         .routes(routes!(jobs::list))
         .routes(routes!(jobs::get))
         .routes(routes!(jobs::retry))
@@ -107,15 +107,15 @@ fn interface() -> OpenApiRouter<App> {
 }
 
 /// Resumable uploads, which use the tus protocol.
-fn resumable() -> OpenApiRouter<App> {
+fn upload_routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(uploads::describe, uploads::create))
         .routes(routes!(uploads::progress, uploads::append, uploads::terminate))
-        .layer(from_fn(uploads::speak_tus))
+        .layer(from_fn(uploads::check_tus_version))
 }
 
 /// Health checks and metrics.
-fn operation() -> OpenApiRouter<App> {
+fn monitoring_routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(health::healthz))
         .routes(routes!(health::readyz))
@@ -124,21 +124,23 @@ fn operation() -> OpenApiRouter<App> {
 
 /// All routes of the service: API, description, dashboard, health checks.
 pub fn routes(app: App) -> Router {
-    let (routes, mut document) =
-        OpenApiRouter::with_openapi(openapi::base()).nest("/api/v1", interface()).merge(operation()).split_for_parts();
-    openapi::complete(&mut document);
+    let (routes, mut document) = OpenApiRouter::with_openapi(openapi::base())
+        .nest("/api/v1", api_routes())
+        .merge(monitoring_routes())
+        .split_for_parts();
+    openapi::complete_operations(&mut document);
     routes
         .route("/docs", get(docs::entry))
         .route("/docs/", get(docs::index))
         .route("/docs/{*path}", get(docs::asset))
-        .fallback(dashboard::page.layer(compress_well()))
+        .fallback(dashboard::page.layer(compress_static_files()))
         .method_not_allowed_fallback(error::method_not_allowed)
         .layer(DefaultBodyLimit::disable()) // each extractor of a body enforces its own limit
-        .layer(axum::Extension(openapi::Document::new(&document)))
+        .layer(axum::Extension(openapi::OpenApiDocument::new(&document)))
         .layer(from_fn_with_state(Pace::from(&app.settings), keep_pace))
         .layer(from_fn(origin::check_origin))
         .layer(compress())
-        .layer(CatchPanicLayer::custom(error::panicked))
+        .layer(CatchPanicLayer::custom(error::panic_response))
         .layer(from_fn(protect::protect))
         .layer(from_fn(observe::observe))
         .with_state(app)

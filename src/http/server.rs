@@ -28,7 +28,7 @@ use super::settings::HttpSettings;
 use super::stall::StallGuard;
 
 /// How long open requests may continue once the service stops, within the 10 s that shutdown may take in all.
-const LAST_REQUESTS: Duration = Duration::from_secs(6);
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(6);
 /// Pause after a failed accept (no descriptors left), so that the loop does not spin.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
@@ -38,7 +38,7 @@ pub async fn serve(listener: TcpListener, routes: Router, settings: &HttpSetting
     let open = TaskTracker::new();
     while let Some((stream, peer, place)) = next_connection(&listener, &places, stop).await {
         let stream = StallGuard::new(stream, settings.write_timeout());
-        let answer = answer_with(routes.clone(), peer);
+        let answer = connection_service(routes.clone(), peer);
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())
             .header_read_timeout(settings.head_timeout())
@@ -62,19 +62,19 @@ pub async fn serve(listener: TcpListener, routes: Router, settings: &HttpSetting
     }
     drop(listener);
     open.close();
-    if tokio::time::timeout(LAST_REQUESTS, open.wait()).await.is_err() {
+    if tokio::time::timeout(DRAIN_TIMEOUT, open.wait()).await.is_err() {
         tracing::warn!("some requests did not end in time; connections closed");
     }
 }
 
-type Place = tokio::sync::OwnedSemaphorePermit;
+type ConnectionPermit = tokio::sync::OwnedSemaphorePermit;
 
 /// The next connection, once a permit is free; `None` when the service stops.
 async fn next_connection(
     listener: &TcpListener,
     places: &Arc<Semaphore>,
     stop: &Shutdown,
-) -> Option<(TcpStream, SocketAddr, Place)> {
+) -> Option<(TcpStream, SocketAddr, ConnectionPermit)> {
     loop {
         let accepted = tokio::select! {
             () = stop.begun() => return None,
@@ -90,7 +90,10 @@ async fn next_connection(
     }
 }
 
-async fn accept(listener: &TcpListener, places: &Arc<Semaphore>) -> std::io::Result<(TcpStream, SocketAddr, Place)> {
+async fn accept(
+    listener: &TcpListener,
+    places: &Arc<Semaphore>,
+) -> std::io::Result<(TcpStream, SocketAddr, ConnectionPermit)> {
     let place = places.clone().acquire_owned().await.map_err(std::io::Error::other)?;
     let (stream, peer) = listener.accept().await?;
     stream.set_nodelay(true)?;
@@ -98,10 +101,10 @@ async fn accept(listener: &TcpListener, places: &Arc<Semaphore>) -> std::io::Res
 }
 
 /// The service of one connection: passes requests to the router, with the client's address.
-fn answer_with(
+fn connection_service(
     routes: Router,
     peer: SocketAddr,
-) -> impl Fn(hyper::Request<Incoming>) -> Answering + Clone + Send + 'static {
+) -> impl Fn(hyper::Request<Incoming>) -> ResponseFuture + Clone + Send + 'static {
     move |request| {
         let mut request: Request = request.map(Body::new);
         request.extensions_mut().insert(ConnectInfo(peer));
@@ -109,4 +112,4 @@ fn answer_with(
     }
 }
 
-type Answering = std::pin::Pin<Box<dyn Future<Output = Result<Response, Infallible>> + Send>>;
+type ResponseFuture = std::pin::Pin<Box<dyn Future<Output = Result<Response, Infallible>> + Send>>;

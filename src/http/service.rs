@@ -5,9 +5,9 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::auth::signed_in::Administrator;
-use super::error::Answer;
+use super::error::HandlerResult;
 use super::read::{Json, Params};
-use super::show::{Page, Paging, Time};
+use super::show::{PageResponse, Paging, Time};
 use super::state::App;
 use crate::store::{AuditEntry, Backup, QueueCounts};
 
@@ -98,11 +98,11 @@ pub struct AuditChange {
 
 /// Read the state of the service
 #[utoipa::path(get, path = "/service", tag = "operation", responses((status = OK, body = ServiceState)))]
-pub async fn service(State(app): State<App>, by: Administrator) -> Answer<Json<ServiceState>> {
+pub async fn service(State(app): State<App>, by: Administrator) -> HandlerResult<Json<ServiceState>> {
     let (files, files_bytes) = app.store.blobs().total().await?;
     let QueueCounts { queued, running, quarantined } = app.store.jobs().counts().await?;
     let backup = app.store.audit().last_backup(&by.scope).await?;
-    let (http, set) = (&app.settings, app.in_force);
+    let (http, set) = (&app.settings, app.service_info);
     Ok(Json(ServiceState {
         version: env!("CARGO_PKG_VERSION"),
         pipeline: set.pipeline,
@@ -128,14 +128,14 @@ pub async fn service(State(app): State<App>, by: Administrator) -> Answer<Json<S
 }
 
 /// List the audit log: changes of people's data, newest first
-#[utoipa::path(get, path = "/audit", tag = "operation", params(Paging), responses((status = OK, body = Page<AuditChange>)))]
+#[utoipa::path(get, path = "/audit", tag = "operation", params(Paging), responses((status = OK, body = PageResponse<AuditChange>)))]
 pub async fn audit(
     State(app): State<App>,
     by: Administrator,
     Params(paging): Params<Paging>,
-) -> Answer<Json<Page<AuditChange>>> {
+) -> HandlerResult<Json<PageResponse<AuditChange>>> {
     let page = paging.request(app.settings.page_items)?;
-    Ok(Json(Page::of(app.store.audit().list(&by.scope, &page).await?, AuditChange::from)))
+    Ok(Json(PageResponse::of(app.store.audit().list(&by.scope, &page).await?, AuditChange::from)))
 }
 
 impl From<AuditEntry> for AuditChange {

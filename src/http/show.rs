@@ -5,7 +5,7 @@ use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize, Serializer};
 use utoipa::{IntoParams, PartialSchema, ToSchema};
 
-use super::error::Problem;
+use super::error::ProblemResponse;
 use super::read::Json;
 use crate::store::{self, PageRequest};
 use crate::time::to_rfc3339;
@@ -52,7 +52,7 @@ impl ToSchema for Time {}
 
 /// A reference to a resource, with its name and code.
 #[derive(Clone, Debug, Serialize, ToSchema)]
-pub struct Named {
+pub struct NamedReference {
     /// Id of the resource.
     pub id: String,
     /// Name for people.
@@ -93,13 +93,19 @@ impl Paging {
     }
 
     /// Checks limit and cursor and makes the store's page request; `usual` is the default limit.
-    pub fn request(self, usual: u32) -> Result<PageRequest, Problem> {
+    pub fn request(self, usual: u32) -> Result<PageRequest, ProblemResponse> {
         let limit = self.limit.unwrap_or(usual);
-        if !(1..=PageRequest::MOST).contains(&limit) {
-            return Err(Problem::invalid("limit", format!("is {limit}; expected 1 to {}", PageRequest::MOST)));
+        if !(1..=PageRequest::MAX_LIMIT).contains(&limit) {
+            return Err(ProblemResponse::invalid(
+                "limit",
+                format!("is {limit}; expected 1 to {}", PageRequest::MAX_LIMIT),
+            ));
         }
         if self.cursor.as_ref().is_some_and(|cursor| cursor.len() > MAX_CURSOR) {
-            return Err(Problem::invalid("cursor", "is not a cursor of this service; use `next` of the previous page"));
+            return Err(ProblemResponse::invalid(
+                "cursor",
+                "is not a cursor of this service; use `next` of the previous page",
+            ));
         }
         Ok(PageRequest::new(limit, self.cursor))
     }
@@ -107,14 +113,14 @@ impl Paging {
 
 /// A page of a list.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Page<T> {
+pub struct PageResponse<T> {
     /// The items.
     pub items: Vec<T>,
     /// `cursor` of the next page; `null` if this is the last page.
     pub next: Option<String>,
 }
 
-impl<T> Page<T> {
+impl<T> PageResponse<T> {
     /// A page of the store, with each item converted by `show`.
     pub fn of<U>(page: store::Page<U>, show: impl FnMut(U) -> T) -> Self {
         let store::Page { items, next } = page.map(show);

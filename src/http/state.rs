@@ -7,13 +7,13 @@ use metrics_exporter_prometheus::PrometheusHandle;
 use tokio::sync::Semaphore;
 
 use super::auth::throttle::Throttle;
-use super::places::Places;
 use super::settings::HttpSettings;
-use crate::analysis::Glances;
+use super::watcher_slots::WatcherSlots;
+use crate::analysis::QuickAnalysis;
 use crate::cohorts::Cohorts;
-use crate::events::Events;
+use crate::events::EventBus;
 use crate::intake::Intake;
-use crate::live::Feeds;
+use crate::live::FeedService;
 use crate::queue::Queue;
 use crate::shutdown::Shutdown;
 use crate::store::Store;
@@ -22,10 +22,10 @@ use crate::vault::Vault;
 
 /// The parts of the service that handlers use. Clones share them.
 #[derive(Clone)]
-pub struct App(Arc<Parts>);
+pub struct App(Arc<AppParts>);
 
 /// What [`App`] holds.
-pub struct Parts {
+pub struct AppParts {
     /// The database.
     pub store: Store,
     /// The files.
@@ -35,7 +35,7 @@ pub struct Parts {
     /// The job queue.
     pub queue: Queue,
     /// Events about changes.
-    pub events: Events,
+    pub events: EventBus,
     /// The clock.
     pub clock: SharedClock,
     /// The shutdown signal and the tasks to wait for.
@@ -43,26 +43,26 @@ pub struct Parts {
     /// Limits of the HTTP server.
     pub settings: HttpSettings,
     /// Settings of other parts, and the start time, as administrators see them.
-    pub in_force: InForce,
+    pub service_info: ServiceInfo,
     /// Limit on failed sign-ins.
     pub throttle: Throttle,
     /// Standards, reference groups, progress.
     pub cohorts: Cohorts,
     /// Live feeds: recordings arriving frame by frame.
-    pub feeds: Feeds,
+    pub feeds: FeedService,
     /// Permits for the connections of live feeds.
-    pub feed_places: Arc<Semaphore>,
+    pub feed_slots: Arc<Semaphore>,
     /// Analyses single pictures while the user waits.
-    pub glances: Glances,
+    pub quick_analysis: QuickAnalysis,
     /// Slots for event streams and live views.
-    pub streams: Places,
+    pub watcher_slots: WatcherSlots,
     /// Metrics for Prometheus.
     pub metrics: PrometheusHandle,
 }
 
 /// Settings outside [`HttpSettings`] that administrators can read.
 #[derive(Clone, Copy, Debug)]
-pub struct InForce {
+pub struct ServiceInfo {
     /// Version of the measuring pipeline.
     pub pipeline: &'static str,
     /// When this process began to serve, epoch ms.
@@ -79,15 +79,15 @@ pub struct InForce {
 
 impl App {
     /// The state made of these parts.
-    pub fn new(parts: Parts) -> Self {
+    pub fn new(parts: AppParts) -> Self {
         Self(Arc::new(parts))
     }
 }
 
 impl Deref for App {
-    type Target = Parts;
+    type Target = AppParts;
 
-    fn deref(&self) -> &Parts {
+    fn deref(&self) -> &AppParts {
         &self.0
     }
 }

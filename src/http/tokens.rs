@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::auth::signed_in::Administrator;
-use super::error::{Answer, Problem};
-use super::read::{At, Json, named};
-use super::show::{Created, Page, Time};
+use super::error::{HandlerResult, ProblemResponse};
+use super::read::{Json, PathKey, reference_problem};
+use super::show::{Created, PageResponse, Time};
 use super::state::App;
 use crate::domain::role::Role;
 use crate::domain::secret::Secret;
@@ -19,7 +19,7 @@ use crate::time::from_rfc3339;
 
 /// A token without its secret, which is not stored.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Token {
+pub struct TokenResponse {
     id: TokenId,
     name: Name,
     role: Role,
@@ -34,8 +34,8 @@ pub struct Token {
     last_used_at: Option<Time>,
 }
 
-impl From<store::Token> for Token {
-    fn from(token: store::Token) -> Self {
+impl From<store::TokenRecord> for TokenResponse {
+    fn from(token: store::TokenRecord) -> Self {
         Self {
             id: token.id,
             name: token.name,
@@ -50,16 +50,16 @@ impl From<store::Token> for Token {
 }
 
 /// List the tokens
-#[utoipa::path(get, path = "/tokens", tag = "tokens", responses((status = OK, body = Page<Token>)))]
-pub async fn list(State(app): State<App>, by: Administrator) -> Answer<Json<Page<Token>>> {
+#[utoipa::path(get, path = "/tokens", tag = "tokens", responses((status = OK, body = PageResponse<TokenResponse>)))]
+pub async fn list(State(app): State<App>, by: Administrator) -> HandlerResult<Json<PageResponse<TokenResponse>>> {
     let tokens = app.store.tokens().list(&by.scope).await?;
-    Ok(Json(Page::whole(tokens.into_iter().map(Token::from))))
+    Ok(Json(PageResponse::whole(tokens.into_iter().map(TokenResponse::from))))
 }
 
 /// A token to create.
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-pub struct NewToken {
+pub struct NewTokenRequest {
     /// Purpose of the token, for people.
     name: Name,
     /// `agent` for the program beside a box; `administrator` or `instructor` for a program that acts for the caller.
@@ -75,21 +75,21 @@ pub struct NewToken {
 #[derive(Serialize, ToSchema)]
 pub struct MadeToken {
     #[serde(flatten)]
-    about: Token,
+    about: TokenResponse,
     /// The secret: the program sends it as `Authorization: Bearer …`. It cannot be read again, so store it now.
     #[schema(example = "trc_…")]
     token: String,
 }
 
 /// Create a token
-#[utoipa::path(post, path = "/tokens", tag = "tokens", request_body = NewToken, responses((status = CREATED, body = MadeToken)))]
+#[utoipa::path(post, path = "/tokens", tag = "tokens", request_body = NewTokenRequest, responses((status = CREATED, body = MadeToken)))]
 pub async fn create(
     State(app): State<App>,
     by: Administrator,
-    Json(new): Json<NewToken>,
-) -> Answer<Created<MadeToken>> {
+    Json(new): Json<NewTokenRequest>,
+) -> HandlerResult<Created<MadeToken>> {
     let acts_as = acts_as(&app, &by, &new).await?;
-    let expires_at_ms = new.expires_at.as_deref().map(time).transpose()?;
+    let expires_at_ms = new.expires_at.as_deref().map(parse_expiry).transpose()?;
     let secret = Secret::random();
     let new = store::NewToken { name: new.name, acts_as, expires_at_ms, secret: secret.hash() };
     let token = app.store.tokens().create(&by.scope, new).await?;
@@ -97,24 +97,24 @@ pub async fn create(
     Ok(Created { location, made: MadeToken { about: token.into(), token: secret.as_token() } })
 }
 
-async fn acts_as(app: &App, by: &Administrator, new: &NewToken) -> Answer<ActsAs> {
+async fn acts_as(app: &App, by: &Administrator, new: &NewTokenRequest) -> HandlerResult<ActsAs> {
     match (new.role, &new.of_box) {
         (Role::Agent, Some(key)) => {
-            let of = app.store.boxes().get(&by.scope, key).await.map_err(named("box"))?;
+            let of = app.store.boxes().get(&by.scope, key).await.map_err(reference_problem("box"))?;
             Ok(ActsAs::Agent(of.id))
         }
         (Role::Agent, None) => {
-            Err(Problem::invalid("box", "is required for the role agent; give the box's id or code"))
+            Err(ProblemResponse::invalid("box", "is required for the role agent; give the box's id or code"))
         }
-        (_, Some(_)) => Err(Problem::invalid("box", "is allowed only for the role agent")),
-        (Role::Trainee, None) => Err(Problem::invalid("role", "expected administrator, instructor or agent")),
-        (role, None) => Ok(ActsAs::Person(by.scope.person().ok_or_else(Problem::not_found)?, role)),
+        (_, Some(_)) => Err(ProblemResponse::invalid("box", "is allowed only for the role agent")),
+        (Role::Trainee, None) => Err(ProblemResponse::invalid("role", "expected administrator, instructor or agent")),
+        (role, None) => Ok(ActsAs::Person(by.scope.person().ok_or_else(ProblemResponse::not_found)?, role)),
     }
 }
 
-fn time(text: &str) -> Answer<i64> {
+fn parse_expiry(text: &str) -> HandlerResult<i64> {
     from_rfc3339(text)
-        .ok_or_else(|| Problem::invalid("expires_at", "expected an RFC 3339 time such as 2026-12-31T23:59:59Z"))
+        .ok_or_else(|| ProblemResponse::invalid("expires_at", "expected an RFC 3339 time such as 2026-12-31T23:59:59Z"))
 }
 
 /// Delete a token
@@ -122,7 +122,7 @@ fn time(text: &str) -> Answer<i64> {
 /// Programs that use it lose access at once.
 #[utoipa::path(delete, path = "/tokens/{id}", tag = "tokens", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
-pub async fn delete(State(app): State<App>, by: Administrator, at: At) -> Answer<StatusCode> {
+pub async fn delete(State(app): State<App>, by: Administrator, at: PathKey) -> HandlerResult<StatusCode> {
     app.store.tokens().delete(&by.scope, at.id()?).await?;
     Ok(StatusCode::NO_CONTENT)
 }

@@ -6,12 +6,12 @@ use bytes::Bytes;
 use futures_util::{Stream, StreamExt};
 
 use super::finish::finish;
-use super::senders::Sending;
+use super::senders::SenderGuard;
 use super::tus::{Checksum, RunningSum};
 use super::{CHECKPOINT, Intake, IntakeError, IntakeResult};
 use crate::domain::scope::Scope;
 use crate::ids::UploadId;
-use crate::store::{Finished, StoreError, Upload};
+use crate::store::{FinishedUpload, StoreError, UploadRecord};
 use crate::vault::{UploadFile, VaultError};
 
 /// Any error of the connection while a piece arrives.
@@ -31,18 +31,18 @@ pub struct Piece<B> {
 
 /// The progress of an upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Received {
+pub struct UploadProgress {
     /// Bytes that are durable.
     pub received: u64,
     /// When it expires unless more bytes arrive, epoch ms.
     pub expires_at_ms: i64,
     /// Its outcome, once it is complete.
-    pub finished: Option<Finished>,
+    pub finished: Option<FinishedUpload>,
 }
 
 impl Intake {
     /// An upload that the scope sees and that has not expired.
-    pub async fn upload(&self, scope: &Scope, id: UploadId) -> IntakeResult<Upload> {
+    pub async fn upload(&self, scope: &Scope, id: UploadId) -> IntakeResult<UploadRecord> {
         let upload = self.store.uploads().get(scope, id).await?;
         if upload.session_id.is_none() && upload.expires_at_ms <= self.clock.now_ms() {
             return Err(IntakeError::Expired);
@@ -51,7 +51,7 @@ impl Intake {
     }
 
     /// Appends a piece. Call it on a task of its own, so that it runs to its end even if the sender disconnects.
-    pub async fn append<B>(&self, scope: &Scope, id: UploadId, piece: Piece<B>) -> IntakeResult<Received>
+    pub async fn append<B>(&self, scope: &Scope, id: UploadId, piece: Piece<B>) -> IntakeResult<UploadProgress>
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
     {
@@ -65,7 +65,7 @@ impl Intake {
     }
 
     /// The progress of an upload, for a sender that wants to resume. Ends the sender's own broken connection.
-    pub async fn resume(&self, scope: &Scope, id: UploadId) -> IntakeResult<Received> {
+    pub async fn resume(&self, scope: &Scope, id: UploadId) -> IntakeResult<UploadProgress> {
         self.upload(scope, id).await?;
         self.senders.end_silent(id).await;
         self.progress(scope, id).await
@@ -73,11 +73,11 @@ impl Intake {
 
     /// The progress of an upload. A complete upload that did not become a session yet, because of an interruption,
     /// becomes one.
-    async fn progress(&self, scope: &Scope, id: UploadId) -> IntakeResult<Received> {
+    async fn progress(&self, scope: &Scope, id: UploadId) -> IntakeResult<UploadProgress> {
         let upload = self.upload(scope, id).await?;
         let (received, expires_at_ms) = (upload.received, upload.expires_at_ms);
         let finished = if received == upload.length { Some(self.finish(scope, &upload).await?) } else { None };
-        Ok(Received { received, expires_at_ms, finished })
+        Ok(UploadProgress { received, expires_at_ms, finished })
     }
 
     /// Deletes an upload at the sender's request. A piece that is just arriving fails.
@@ -86,10 +86,10 @@ impl Intake {
         Ok(self.vault.delete_upload(id).await?)
     }
 
-    async fn finish(&self, scope: &Scope, upload: &Upload) -> IntakeResult<Finished> {
+    async fn finish(&self, scope: &Scope, upload: &UploadRecord) -> IntakeResult<FinishedUpload> {
         let finished = finish(&self.store, &self.vault, scope, upload).await?;
         if finished.is_new {
-            self.tell(&self.store.sessions().get(scope, finished.session).await?);
+            self.announce_session(&self.store.sessions().get(scope, finished.session).await?);
         }
         Ok(finished)
     }
@@ -100,7 +100,7 @@ impl Intake {
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
     {
         let file = self.vault.open_upload(id, noted).await;
-        let file = file.map_err(|error| if gone(&error) { not_found() } else { error.into() })?;
+        let file = file.map_err(|error| if is_gone(&error) { not_found() } else { error.into() })?;
         // Read again under the lock: the earlier read may be out of date.
         let upload = self.upload(scope, id).await?;
         if piece.offset != upload.received || upload.received != noted {
@@ -110,14 +110,16 @@ impl Intake {
         if piece.length.is_some_and(|length| length > left) {
             return Err(IntakeError::TooLong { most: left });
         }
-        let (sending, sum) = (self.senders.enter(id), piece.checksum.map(Checksum::begin));
-        Arriving { intake: self, sending: &sending, id, file, noted, most: upload.length, sum }.take(piece.bytes).await
+        let (sending, sum) = (self.senders.register(id), piece.checksum.map(Checksum::begin));
+        ArrivingPiece { intake: self, sending: &sending, id, file, noted, most: upload.length, sum }
+            .receive(piece.bytes)
+            .await
     }
 }
 
 /// True if the file disappeared between reading the row and locking: the upload was deleted or has just become a
 /// session.
-fn gone(error: &VaultError) -> bool {
+fn is_gone(error: &VaultError) -> bool {
     matches!(error, VaultError::NotFound)
 }
 
@@ -126,9 +128,9 @@ fn not_found() -> IntakeError {
 }
 
 /// A piece that is arriving.
-struct Arriving<'i> {
+struct ArrivingPiece<'i> {
     intake: &'i Intake,
-    sending: &'i Sending,
+    sending: &'i SenderGuard,
     id: UploadId,
     file: UploadFile,
     /// Bytes that are durable according to the row.
@@ -138,26 +140,26 @@ struct Arriving<'i> {
     sum: Option<RunningSum>,
 }
 
-impl Arriving<'_> {
-    async fn take<B>(mut self, mut bytes: B) -> IntakeResult<()>
+impl ArrivingPiece<'_> {
+    async fn receive<B>(mut self, mut bytes: B) -> IntakeResult<()>
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
     {
-        let received = self.take_all(&mut bytes).await;
+        let received = self.write_all(&mut bytes).await;
         // Bytes with a checksum must not count before it has been verified: the next piece cuts them off.
         if let Some(sum) = self.sum.take() {
             received?;
             if !sum.matches() {
-                return Err(IntakeError::Mismatch);
+                return Err(IntakeError::ChecksumMismatch);
             }
-            return self.note().await;
+            return self.sync_and_record().await;
         }
-        self.note().await?;
+        self.sync_and_record().await?;
         received
     }
 
     /// Writes arriving bytes. Makes them durable from time to time, unless a checksum must be verified first.
-    async fn take_all<B>(&mut self, bytes: &mut B) -> IntakeResult<()>
+    async fn write_all<B>(&mut self, bytes: &mut B) -> IntakeResult<()>
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
     {
@@ -167,15 +169,15 @@ impl Arriving<'_> {
             let next = tokio::select! {
                 next = bytes.next() => next,
                 () = &mut ending => return Err(IntakeError::Ending),
-                () = self.sending.left() => return Err(IntakeError::Resumed),
+                () = self.sending.resumed_elsewhere() => return Err(IntakeError::Resumed),
             };
             let Some(next) = next else { return Ok(()) };
-            self.sending.came();
-            self.take_some(next.map_err(IntakeError::Cut)?).await?;
+            self.sending.record_bytes();
+            self.write_chunk(next.map_err(IntakeError::ConnectionLost)?).await?;
         }
     }
 
-    async fn take_some(&mut self, bytes: Bytes) -> IntakeResult<()> {
+    async fn write_chunk(&mut self, bytes: Bytes) -> IntakeResult<()> {
         if self.file.appended() + bytes.len() as u64 > self.most {
             return Err(IntakeError::TooLong { most: self.most });
         }
@@ -184,13 +186,13 @@ impl Arriving<'_> {
         }
         self.file.append(&bytes).await?;
         if self.sum.is_none() && self.file.appended() - self.noted >= CHECKPOINT {
-            self.note().await?;
+            self.sync_and_record().await?;
         }
         Ok(())
     }
 
     /// Makes the written bytes durable and records them: file first, row second.
-    async fn note(&mut self) -> IntakeResult<()> {
+    async fn sync_and_record(&mut self) -> IntakeResult<()> {
         let received = self.file.sync().await?;
         if received > self.noted {
             self.intake.store.uploads().advance(self.id, received, self.intake.expires_at_ms()).await?;

@@ -4,15 +4,15 @@ use super::{Intake, IntakeError, IntakeResult};
 use crate::domain::scope::Scope;
 use crate::domain::text::{FileName, Key};
 use crate::ids::{BoxId, TaskId, TraineeId, UploadId};
-use crate::store::{NewUpload, StoreError, Upload};
+use crate::store::{NewUpload, StoreError, UploadRecord};
 use crate::time::from_rfc3339;
 
 /// File name of a recording that was sent without one.
-const NAMELESS: &str = "recording";
+const DEFAULT_FILENAME: &str = "recording";
 
 /// A sender's description of a recording; things are named by id or code.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct About {
+pub struct RecordingDescription {
     /// The trainee; without it, the trainee who sends.
     pub trainee: Option<String>,
     /// The task.
@@ -27,7 +27,7 @@ pub struct About {
 
 /// A recording's description, checked and resolved to ids.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Recording {
+pub struct ResolvedRecording {
     pub(super) trainee: TraineeId,
     pub(super) task: TaskId,
     pub(super) in_box: BoxId,
@@ -37,7 +37,7 @@ pub struct Recording {
 
 impl Intake {
     /// Resolves the names in the description to things that the scope sees.
-    pub async fn recognise(&self, scope: &Scope, about: About) -> IntakeResult<Recording> {
+    pub async fn resolve(&self, scope: &Scope, about: RecordingDescription) -> IntakeResult<ResolvedRecording> {
         let trainee = about.trainee.or_else(|| scope.own_trainee().map(|own| own.to_string()));
         let trainee = trainee.ok_or(IntakeError::Missing("trainee"))?;
         let task = about.task.ok_or(IntakeError::Missing("task"))?;
@@ -45,12 +45,12 @@ impl Intake {
         let trainee = self.store.trainees().get(scope, &Key::from(&trainee)).await.map_err(unknown("trainee"))?;
         let task = self.store.tasks().get(scope, &Key::from(&task)).await.map_err(unknown("task"))?;
         let in_box = self.store.boxes().get(scope, &Key::from(&in_box)).await.map_err(unknown("box"))?;
-        Ok(Recording {
+        Ok(ResolvedRecording {
             trainee: trainee.id,
             task: task.id,
             in_box: in_box.id,
-            filename: filename(about.filename.as_deref())?,
-            recorded_at_ms: about.recorded_at.as_deref().map(recorded_at).transpose()?,
+            filename: parse_filename(about.filename.as_deref())?,
+            recorded_at_ms: about.recorded_at.as_deref().map(parse_recorded_at).transpose()?,
         })
     }
 
@@ -58,10 +58,10 @@ impl Intake {
     pub async fn begin(
         &self,
         scope: &Scope,
-        recording: Recording,
+        recording: ResolvedRecording,
         metadata: String,
         length: u64,
-    ) -> IntakeResult<Upload> {
+    ) -> IntakeResult<UploadRecord> {
         self.check_length(length)?;
         let most = self.settings.max_unfinished;
         if self.store.uploads().count_unfinished().await? >= most {
@@ -69,7 +69,7 @@ impl Intake {
         }
         let id = UploadId::at(self.clock.now_ms());
         let _open_until_it_has_a_row = self.vault.create_upload(id).await?;
-        let Recording { trainee, task, in_box, filename, recorded_at_ms } = recording;
+        let ResolvedRecording { trainee, task, in_box, filename, recorded_at_ms } = recording;
         let expires_at_ms = self.expires_at_ms();
         let new = NewUpload { id, trainee, task, in_box, filename, metadata, recorded_at_ms, length, expires_at_ms };
         match self.store.uploads().create(scope, new).await {
@@ -98,12 +98,12 @@ fn unknown(what: &'static str) -> impl FnOnce(StoreError) -> IntakeError {
     }
 }
 
-fn filename(given: Option<&str>) -> IntakeResult<FileName> {
-    let parsed = given.unwrap_or(NAMELESS).parse::<FileName>();
+fn parse_filename(given: Option<&str>) -> IntakeResult<FileName> {
+    let parsed = given.unwrap_or(DEFAULT_FILENAME).parse::<FileName>();
     parsed.map_err(|invalid| IntakeError::Invalid { field: "filename", why: invalid.why })
 }
 
-fn recorded_at(text: &str) -> IntakeResult<i64> {
+fn parse_recorded_at(text: &str) -> IntakeResult<i64> {
     let why = || "expected an RFC 3339 time such as 2026-11-21T20:14:00Z".to_owned();
     from_rfc3339(text).ok_or_else(|| IntakeError::Invalid { field: "recorded_at", why: why() })
 }

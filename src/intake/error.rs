@@ -50,10 +50,10 @@ pub enum IntakeError {
     Expired,
     /// The piece does not match its checksum; it was dropped.
     #[error("the bytes differ from their checksum")]
-    Mismatch,
+    ChecksumMismatch,
     /// The connection ended before the piece did, with this error; the bytes that arrived are durable.
     #[error("the connection ended early")]
-    Cut(#[source] Box<dyn std::error::Error + Send + Sync>),
+    ConnectionLost(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// The sender resumed on another connection while this one was silent; the bytes that arrived are durable.
     #[error("the sender resumed the upload with another request")]
     Resumed,
@@ -62,7 +62,7 @@ pub enum IntakeError {
     Ending,
     /// The same trainee, task and box already have this recording.
     #[error("this recording is session {session}")]
-    Known {
+    AlreadyExists {
         /// The session's id.
         session: String,
     },
@@ -71,13 +71,13 @@ pub enum IntakeError {
     Table(#[from] ImportProblem),
     /// Too many tables are being read at the same time.
     #[error("{most} tables are being read")]
-    Importing {
+    TooManyImports {
         /// Maximum number of tables at a time.
         most: usize,
     },
     /// The thread that read a table panicked or was cancelled.
     #[error("reading a table: {0}")]
-    Broken(#[from] tokio::task::JoinError),
+    ReaderFailed(#[from] tokio::task::JoinError),
     /// An error of the store.
     #[error(transparent)]
     Store(#[from] StoreError),

@@ -7,18 +7,23 @@ use super::container::{HEAD_BYTES, media_type};
 use super::{IntakeError, IntakeResult};
 use crate::domain::blob::BlobHash;
 use crate::domain::scope::Scope;
-use crate::store::{Finished, Store, StoreError, Upload};
+use crate::store::{FinishedUpload, Store, StoreError, UploadRecord};
 use crate::vault::{Vault, VaultError};
 
 /// Makes the session of a complete upload. Safe to repeat, also at start-up: completed steps are recognised.
-pub async fn finish(store: &Store, vault: &Vault, scope: &Scope, upload: &Upload) -> IntakeResult<Finished> {
+pub async fn finish(
+    store: &Store,
+    vault: &Vault,
+    scope: &Scope,
+    upload: &UploadRecord,
+) -> IntakeResult<FinishedUpload> {
     if let Some(session) = upload.session_id {
-        return Ok(Finished { session, is_new: false });
+        return Ok(FinishedUpload { session, is_new: false });
     }
     let kept = match vault.keep_upload(upload.id).await {
         Ok(kept) => kept,
         // Another request has just finished it and deleted the file.
-        Err(VaultError::NotFound) => return found(store, scope, upload).await,
+        Err(VaultError::NotFound) => return finished_already(store, scope, upload).await,
         Err(error) => return Err(error.into()),
     };
     let media_type = media_type_of(vault, kept.blob().hash).await?;
@@ -27,10 +32,10 @@ pub async fn finish(store: &Store, vault: &Vault, scope: &Scope, upload: &Upload
     Ok(finished)
 }
 
-async fn found(store: &Store, scope: &Scope, upload: &Upload) -> IntakeResult<Finished> {
+async fn finished_already(store: &Store, scope: &Scope, upload: &UploadRecord) -> IntakeResult<FinishedUpload> {
     let session = store.uploads().get(scope, upload.id).await?.session_id;
     let gone = IntakeError::Store(StoreError::NotFound { what: "upload" });
-    session.map(|session| Finished { session, is_new: false }).ok_or(gone)
+    session.map(|session| FinishedUpload { session, is_new: false }).ok_or(gone)
 }
 
 /// The media type of a stored recording.

@@ -4,33 +4,33 @@
 use bytes::Bytes;
 use tokio::sync::OwnedSemaphorePermit;
 
-use super::whole::known;
-use super::{Intake, IntakeError, IntakeResult, Recording};
+use super::whole::already_exists;
+use super::{Intake, IntakeError, IntakeResult, ResolvedRecording};
 use crate::domain::files::trajectory::{ImportLimits, read_import};
 use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::domain::text::TrackerName;
-use crate::media::Limits;
-use crate::store::Session;
+use crate::media::MediaLimits;
+use crate::store::SessionRecord;
 
 /// Maximum number of tables that are read at the same time: each is in memory as a whole.
-pub(super) const AT_A_TIME: usize = 2;
+pub(super) const MAX_CONCURRENT_IMPORTS: usize = 2;
 
 /// Maximum number of tools in a table: two hands and two assisting tools.
-const MOST_TOOLS: usize = 4;
+const MAX_TOOLS: usize = 4;
 
 /// Media type of a stored table.
 const MEDIA_TYPE: &str = "text/csv";
 
 /// A permit to hold one table in memory.
 #[derive(Debug)]
-pub struct Room(#[allow(dead_code, reason = "held until the table is read")] OwnedSemaphorePermit);
+pub struct ImportPermit(#[allow(dead_code, reason = "held until the table is read")] OwnedSemaphorePermit);
 
 impl Intake {
     /// Acquires a permit for one more table; call it before reading a byte of the table.
-    pub fn room_for_table(&self) -> IntakeResult<Room> {
+    pub fn acquire_import_permit(&self) -> IntakeResult<ImportPermit> {
         let permit = self.imports.clone().try_acquire_owned();
-        permit.map(Room).map_err(|_| IntakeError::Importing { most: AT_A_TIME })
+        permit.map(ImportPermit).map_err(|_| IntakeError::TooManyImports { most: MAX_CONCURRENT_IMPORTS })
     }
 
     /// Maximum size of a table, bytes.
@@ -42,14 +42,14 @@ impl Intake {
     pub async fn import(
         &self,
         scope: &Scope,
-        recording: Recording,
+        recording: ResolvedRecording,
         tracker: TrackerName,
-        (table, _room): (Bytes, Room),
-    ) -> IntakeResult<Session> {
+        (table, _room): (Bytes, ImportPermit),
+    ) -> IntakeResult<SessionRecord> {
         if table.is_empty() {
             return Err(IntakeError::Empty);
         }
-        let Recording { trainee, task, in_box, filename, recorded_at_ms } = recording;
+        let ResolvedRecording { trainee, task, in_box, filename, recorded_at_ms } = recording;
         let palette = self.store.palettes().latest(&Scope::service(), in_box).await?;
         let tools: Vec<String> = palette.into_iter().flat_map(|p| p.tools).map(|tool| tool.name).collect();
         let (limits, read) = (limits(self.settings.import_rows), table.clone());
@@ -57,15 +57,15 @@ impl Intake {
         let kept = self.vault.put(&table).await?;
         let (video, media_type) = (kept.blob(), MEDIA_TYPE.to_owned());
         let new = NewSession { trainee, task, in_box, filename, recorded_at_ms, video, media_type };
-        let session = self.store.sessions().import(scope, new, tracker).await.map_err(known)?;
+        let session = self.store.sessions().import(scope, new, tracker).await.map_err(already_exists)?;
         drop(kept); // from here on a row protects the file
-        self.tell(&session);
+        self.announce_session(&session);
         Ok(session)
     }
 }
 
 /// Limits for a table: as large as those for a recording.
 fn limits(rows: usize) -> ImportLimits {
-    let Limits { duration_s, frames, .. } = Limits::default();
-    ImportLimits { rows, tools: MOST_TOOLS, frames, duration_s }
+    let MediaLimits { duration_s, frames, .. } = MediaLimits::default();
+    ImportLimits { rows, tools: MAX_TOOLS, frames, duration_s }
 }

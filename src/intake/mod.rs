@@ -30,11 +30,11 @@ mod settings;
 pub mod tus;
 mod whole;
 
-pub use append::{Piece, Received};
-pub use begin::{About, Recording};
+pub use append::{Piece, UploadProgress};
+pub use begin::{RecordingDescription, ResolvedRecording};
 pub use error::{IntakeError, IntakeResult};
 pub use finish::finish;
-pub use import::Room;
+pub use import::ImportPermit;
 pub use settings::UploadSettings;
 
 use std::sync::Arc;
@@ -42,10 +42,10 @@ use std::time::Duration;
 
 use tokio::sync::Semaphore;
 
-use crate::events::{Event, Events};
+use crate::events::{Event, EventBus};
 use crate::queue::Queue;
 use crate::shutdown::Shutdown;
-use crate::store::{Session, Store};
+use crate::store::{SessionRecord, Store};
 use crate::time::{SharedClock, millis};
 use crate::vault::Vault;
 use senders::Senders;
@@ -60,7 +60,7 @@ pub struct Intake {
     store: Store,
     vault: Vault,
     queue: Queue,
-    events: Events,
+    events: EventBus,
     clock: SharedClock,
     shutdown: Shutdown,
     settings: UploadSettings,
@@ -73,13 +73,13 @@ impl Intake {
     /// Stores recordings in this vault and this store.
     pub fn new(
         (store, vault): (Store, Vault),
-        (queue, events): (Queue, Events),
+        (queue, events): (Queue, EventBus),
         clock: SharedClock,
         shutdown: Shutdown,
         settings: UploadSettings,
     ) -> Self {
         let senders = Senders::new(clock.clone());
-        let imports = Arc::new(Semaphore::new(import::AT_A_TIME));
+        let imports = Arc::new(Semaphore::new(import::MAX_CONCURRENT_IMPORTS));
         Self { store, vault, queue, events, clock, shutdown, settings, senders, imports }
     }
 
@@ -94,9 +94,9 @@ impl Intake {
     }
 
     /// Announces a new session: wakes a worker and publishes an event.
-    fn tell(&self, session: &Session) {
+    fn announce_session(&self, session: &SessionRecord) {
         let (id, trainee, status) = (session.id, session.trainee_id, session.status());
-        self.events.tell(Event::Session { id, trainee, status, progress: 0.0 });
+        self.events.publish(Event::Session { id, trainee, status, progress: 0.0 });
         self.queue.work_arrived();
     }
 }

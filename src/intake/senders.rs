@@ -22,7 +22,7 @@ const SILENCE: Duration = Duration::from_secs(2);
 #[derive(Debug)]
 pub(super) struct Senders {
     clock: SharedClock,
-    present: Mutex<HashMap<UploadId, Arc<Sender>>>,
+    active: Mutex<HashMap<UploadId, Arc<Sender>>>,
 }
 
 /// One piece that is arriving.
@@ -30,14 +30,14 @@ pub(super) struct Senders {
 struct Sender {
     last_byte_ms: AtomicI64,
     /// Requests that the piece end.
-    leave: CancellationToken,
+    end_requested: CancellationToken,
     /// Set when it has ended.
-    gone: CancellationToken,
+    ended: CancellationToken,
 }
 
 /// Registration of an arriving piece. Only the holder of the upload's lock creates one.
 #[derive(Debug)]
-pub(super) struct Sending {
+pub(super) struct SenderGuard {
     id: UploadId,
     sender: Arc<Sender>,
     senders: Arc<Senders>,
@@ -45,74 +45,74 @@ pub(super) struct Sending {
 
 impl Senders {
     pub fn new(clock: SharedClock) -> Arc<Self> {
-        Arc::new(Self { clock, present: Mutex::default() })
+        Arc::new(Self { clock, active: Mutex::default() })
     }
 
     /// Registers a piece that begins to arrive.
-    pub fn enter(self: &Arc<Self>, id: UploadId) -> Sending {
+    pub fn register(self: &Arc<Self>, id: UploadId) -> SenderGuard {
         let sender = Arc::new(Sender {
             last_byte_ms: AtomicI64::new(self.clock.now_ms()),
-            leave: CancellationToken::new(),
-            gone: CancellationToken::new(),
+            end_requested: CancellationToken::new(),
+            ended: CancellationToken::new(),
         });
-        self.present().insert(id, sender.clone());
-        Sending { id, sender, senders: self.clone() }
+        self.active().insert(id, sender.clone());
+        SenderGuard { id, sender, senders: self.clone() }
     }
 
     /// Ends a silent piece and waits until its bytes are durable.
     pub async fn end_silent(&self, id: UploadId) {
-        let found = self.present().get(&id).cloned();
+        let found = self.active().get(&id).cloned();
         let Some(sender) = found else { return };
         if self.clock.now_ms() - sender.last_byte_ms.load(Ordering::Relaxed) >= millis(SILENCE) {
-            sender.leave.cancel();
-            sender.gone.cancelled().await;
+            sender.end_requested.cancel();
+            sender.ended.cancelled().await;
         }
     }
 
-    fn present(&self) -> MutexGuard<'_, HashMap<UploadId, Arc<Sender>>> {
-        self.present.lock().unwrap_or_else(PoisonError::into_inner)
+    fn active(&self) -> MutexGuard<'_, HashMap<UploadId, Arc<Sender>>> {
+        self.active.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Sending {
+impl SenderGuard {
     /// Records that bytes arrived.
-    pub fn came(&self) {
+    pub fn record_bytes(&self) {
         self.sender.last_byte_ms.store(self.senders.clock.now_ms(), Ordering::Relaxed);
     }
 
     /// Waits until the same sender resumes on another connection.
-    pub async fn left(&self) {
-        self.sender.leave.cancelled().await;
+    pub async fn resumed_elsewhere(&self) {
+        self.sender.end_requested.cancelled().await;
     }
 }
 
-impl Drop for Sending {
+impl Drop for SenderGuard {
     fn drop(&mut self) {
-        self.senders.present().remove(&self.id);
-        self.sender.gone.cancel();
+        self.senders.active().remove(&self.id);
+        self.sender.ended.cancel();
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::time::Manual;
+    use crate::time::ManualClock;
 
     #[tokio::test]
     async fn only_a_silent_sender_is_ended() {
-        let clock = Manual::at(1_000_000);
+        let clock = ManualClock::at(1_000_000);
         let senders = Senders::new(clock.clone());
         let id = UploadId::at(0);
-        let sending = senders.enter(id);
+        let sending = senders.register(id);
         clock.advance(Duration::from_millis(1_999));
         senders.end_silent(id).await;
-        assert!(!sending.sender.leave.is_cancelled());
-        sending.came();
+        assert!(!sending.sender.end_requested.is_cancelled());
+        sending.record_bytes();
         clock.advance(Duration::from_millis(1_999));
         senders.end_silent(id).await;
-        assert!(!sending.sender.leave.is_cancelled());
+        assert!(!sending.sender.end_requested.is_cancelled());
         clock.advance(Duration::from_millis(1));
-        let receiver = tokio::spawn(async move { sending.left().await });
+        let receiver = tokio::spawn(async move { sending.resumed_elsewhere().await });
         senders.end_silent(id).await;
         receiver.await.unwrap();
         senders.end_silent(id).await;

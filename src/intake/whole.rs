@@ -6,31 +6,36 @@ use futures_util::{Stream, StreamExt};
 
 use super::append::BoxError;
 use super::finish::media_type_of;
-use super::{Intake, IntakeError, IntakeResult, Recording};
+use super::{Intake, IntakeError, IntakeResult, ResolvedRecording};
 use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
-use crate::store::{Session, StoreError};
-use crate::vault::Kept;
+use crate::store::{SessionRecord, StoreError};
+use crate::vault::PinnedBlob;
 
 impl Intake {
     /// Receives a whole recording. Call it on a task of its own, since some senders disconnect right after their last
     /// byte.
-    pub async fn take<B>(&self, scope: &Scope, recording: Recording, bytes: B) -> IntakeResult<Session>
+    pub async fn take_whole<B>(
+        &self,
+        scope: &Scope,
+        recording: ResolvedRecording,
+        bytes: B,
+    ) -> IntakeResult<SessionRecord>
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
     {
         let kept = self.store_whole(bytes).await?;
-        let Recording { trainee, task, in_box, filename, recorded_at_ms } = recording;
+        let ResolvedRecording { trainee, task, in_box, filename, recorded_at_ms } = recording;
         let media_type = media_type_of(&self.vault, kept.blob().hash).await?.to_owned();
         let video = kept.blob();
         let new = NewSession { trainee, task, in_box, filename, recorded_at_ms, video, media_type };
-        let session = self.store.sessions().create(scope, new).await.map_err(known)?;
+        let session = self.store.sessions().create(scope, new).await.map_err(already_exists)?;
         drop(kept); // from here on a row protects the file
-        self.tell(&session);
+        self.announce_session(&session);
         Ok(session)
     }
 
-    async fn store_whole<B>(&self, mut bytes: B) -> IntakeResult<Kept>
+    async fn store_whole<B>(&self, mut bytes: B) -> IntakeResult<PinnedBlob>
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
     {
@@ -44,7 +49,7 @@ impl Intake {
                 () = &mut ending => return Err(IntakeError::Ending),
             };
             let Some(next) = next else { break };
-            let next = next.map_err(IntakeError::Cut)?;
+            let next = next.map_err(IntakeError::ConnectionLost)?;
             incoming.write(&next).await?;
             received += next.len();
         }
@@ -52,9 +57,9 @@ impl Intake {
     }
 }
 
-pub(super) fn known(error: StoreError) -> IntakeError {
+pub(super) fn already_exists(error: StoreError) -> IntakeError {
     match error {
-        StoreError::Taken { existing: Some(session), .. } => IntakeError::Known { session },
+        StoreError::Taken { existing: Some(session), .. } => IntakeError::AlreadyExists { session },
         other => other.into(),
     }
 }

@@ -6,108 +6,108 @@ use std::sync::atomic::Ordering;
 use bytes::Bytes;
 use tokio::sync::watch;
 
-use super::recording::{Ending, Finished};
-use super::{Feed, Feeds, failed};
-use crate::domain::feed::farewell::{Code, Farewell};
-use crate::domain::feed::record::{Body, NotARecord, Record};
-use crate::domain::feed::words::FromServer;
+use super::recording::{EndTrigger, FinishOutcome};
+use super::{FeedService, OpenFeed, reason_of_vault_error};
+use crate::domain::feed::close_reason::{CloseCode, CloseReason};
+use crate::domain::feed::messages::ServerMessage;
+use crate::domain::feed::record::{FeedRecord, NotARecord, RecordBody};
 use crate::domain::feed::{FrameCodec, TimeBase};
 use crate::vault::VaultResult;
 
 /// The connection that may send a recording.
 pub struct Connection {
-    feeds: Feeds,
-    feed: Arc<Feed>,
+    feeds: FeedService,
+    feed: Arc<OpenFeed>,
     epoch: u32,
-    now: watch::Receiver<u32>,
+    current_epoch: watch::Receiver<u32>,
     is_unsynced: bool,
 }
 
 impl Connection {
     /// Takes over from any earlier connection.
-    pub(super) fn begin(feeds: Feeds, feed: Arc<Feed>, epoch: u32) -> Self {
+    pub(super) fn take_over(feeds: FeedService, feed: Arc<OpenFeed>, epoch: u32) -> Self {
         feed.connections.fetch_add(1, Ordering::AcqRel);
         feed.epoch.send_if_modified(|now| {
             let is_later = epoch > *now;
             *now = (*now).max(epoch);
             is_later
         });
-        let now = feed.epoch.subscribe();
-        feed.follower.begin(&feeds, &feed);
-        Self { feeds, feed, epoch, now, is_unsynced: true }
+        let current_epoch = feed.epoch.subscribe();
+        feed.tracking.start(&feeds, &feed);
+        Self { feeds, feed, epoch, current_epoch, is_unsynced: true }
     }
 
     /// The first message: what is durable already; or the end, if the recording was being ended when this connection
     /// began.
-    pub async fn welcome(&mut self) -> Result<FromServer, Farewell> {
+    pub async fn welcome(&mut self) -> Result<ServerMessage, CloseReason> {
         if let Some(session) = self.feed.state.lock().await.ended {
-            return Ok(FromServer::Ended { session, durable: None });
+            return Ok(ServerMessage::Ended { session, durable: None });
         }
         let durable = self.make_durable().await?;
-        Ok(FromServer::Welcome { session: self.feed.row.session_id, epoch: self.epoch, durable })
+        Ok(ServerMessage::Welcome { session: self.feed.row.session_id, epoch: self.epoch, durable })
     }
 
     /// Takes a record. It is durable after the next [`Connection::begin_sync`], and tracked after that or after
     /// [`Connection::write`].
-    pub async fn take(&mut self, message: Bytes) -> Result<(), Farewell> {
-        let record = Record::read(&message).map_err(not_a_record)?;
-        self.check(&record)?;
+    pub async fn take_record(&mut self, message: Bytes) -> Result<(), CloseReason> {
+        let record = FeedRecord::read(&message).map_err(reason_of_bad_record)?;
+        self.check_record(&record)?;
         let feed = self.feed.clone();
         let mut state = feed.state.lock().await;
-        self.may_send()?;
+        self.check_may_send()?;
         if state.ended.is_some() {
-            return Err(Farewell::new(Code::Done, "the recording has ended"));
+            return Err(CloseReason::new(CloseCode::Done, "the recording has ended"));
         }
-        let (first, last) = (record.number, record.last());
+        let (first, last) = (record.number, record.last_number());
         let is_key = match record.body {
-            Body::Frame { is_key, .. } => Some(is_key || feed.row.codec == FrameCodec::Jpeg),
-            Body::Gap { .. } => None,
+            RecordBody::Frame { is_key, .. } => Some(is_key || feed.row.codec == FrameCodec::Jpeg),
+            RecordBody::Gap { .. } => None,
         };
         let is_known = match record.body {
-            Body::Frame { .. } => state.numbers.contains(first),
-            Body::Gap { .. } => state.numbers.contains_all(first, last),
+            RecordBody::Frame { .. } => state.numbers.contains(first),
+            RecordBody::Gap { .. } => state.numbers.contains_all(first, last),
         };
         if is_known {
             return Ok(()); // a repetition: its acknowledgement was lost
         }
         let most = self.feeds.0.settings.max_bytes;
         if state.log.bytes() + message.len() as u64 > most {
-            return Err(Farewell::new(Code::TooMuch, format!("the recording has more than {most} bytes")));
+            return Err(CloseReason::new(CloseCode::TooLarge, format!("the recording has more than {most} bytes")));
         }
-        state.numbers.add(first, last).map_err(|error| Farewell::new(Code::TooMuch, error.to_string()))?;
+        state.numbers.add(first, last).map_err(|error| CloseReason::new(CloseCode::TooLarge, error.to_string()))?;
         let (offset, bytes) = (state.log.bytes(), message.len());
         let appended = state.log.append(message).await;
-        self.or_close(appended).await?;
+        self.close_on_error(appended).await?;
         self.is_unsynced = true;
         if let Some(is_key) = is_key {
-            feed.follower.came(offset, bytes, is_key);
+            feed.tracking.frame_appended(offset, bytes, is_key);
         }
-        feed.follower.wrote(state.log.written());
+        feed.tracking.bytes_written(state.log.written());
         Ok(())
     }
 
     /// True if a child waits for records that are not written yet.
-    pub fn holds_back(&self) -> bool {
-        self.feed.follower.waits_for_log()
+    pub fn has_unwritten(&self) -> bool {
+        self.feed.tracking.waits_for_log()
     }
 
     /// Writes the records that arrived, so that they are tracked. Call it once for all records at hand, not for each.
-    pub async fn write(&mut self) -> Result<(), Farewell> {
+    pub async fn write(&mut self) -> Result<(), CloseReason> {
         let feed = self.feed.clone();
         let mut state = feed.state.lock().await;
-        self.may_send()?;
+        self.check_may_send()?;
         let written = state.log.write_waiting().await;
-        self.or_close(written).await?;
-        feed.follower.wrote(state.log.written());
+        self.close_on_error(written).await?;
+        feed.tracking.bytes_written(state.log.written());
         Ok(())
     }
 
     /// Takes a frame or gap made by the service, as [`Connection::take_record`] takes a sender's.
-    pub(super) async fn take_own(&mut self, number: u64, body: Body<'_>) -> Result<(), Farewell> {
-        let record = Record { epoch: self.epoch, number, body };
+    pub(super) async fn take_local_record(&mut self, number: u64, body: RecordBody<'_>) -> Result<(), CloseReason> {
+        let record = FeedRecord { epoch: self.epoch, number, body };
         let mut bytes = Vec::with_capacity(record.bytes());
         record.write(&mut bytes);
-        self.take(bytes.into()).await
+        self.take_record(bytes.into()).await
     }
 
     /// Time base of the recording's frames.
@@ -116,13 +116,13 @@ impl Connection {
     }
 
     /// True if another record may arrive. A sender that is too fast for live tracking is slowed down.
-    pub fn has_room(&self) -> bool {
-        self.feed.follower.has_room()
+    pub fn has_capacity(&self) -> bool {
+        self.feed.tracking.has_capacity()
     }
 
     /// Waits until another record may arrive.
-    pub async fn room(&self) {
-        self.feed.follower.room().await;
+    pub async fn wait_for_capacity(&self) {
+        self.feed.tracking.wait_for_capacity().await;
     }
 
     /// True if there are records for which no sync has begun.
@@ -134,19 +134,19 @@ impl Connection {
     /// records may arrive meanwhile: a busy disk does not delay them.
     pub async fn begin_sync(
         &mut self,
-    ) -> Result<impl Future<Output = Result<Vec<[u64; 2]>, Farewell>> + use<>, Farewell> {
+    ) -> Result<impl Future<Output = Result<Vec<[u64; 2]>, CloseReason>> + use<>, CloseReason> {
         let feed = self.feed.clone();
         let mut state = feed.state.lock().await;
-        self.may_send()?;
+        self.check_may_send()?;
         if state.ended.is_some() {
-            return Err(Farewell::new(Code::Done, "the recording has ended"));
+            return Err(CloseReason::new(CloseCode::Done, "the recording has ended"));
         }
         let (bytes, durable) = (state.log.bytes(), state.numbers.ranges().to_vec());
         let syncing = match state.synced < bytes {
             true => {
                 let begun = state.log.begin_sync().await;
-                let begun = self.or_close(begun).await?;
-                feed.follower.wrote(state.log.written());
+                let begun = self.close_on_error(begun).await?;
+                feed.tracking.bytes_written(state.log.written());
                 Some(begun)
             }
             false => None,
@@ -155,7 +155,7 @@ impl Connection {
         self.is_unsynced = false;
         Ok(async move {
             if let Some(syncing) = syncing {
-                syncing.end().await.map_err(failed)?;
+                syncing.end().await.map_err(reason_of_vault_error)?;
                 let mut state = feed.state.lock().await;
                 state.synced = state.synced.max(bytes);
             }
@@ -164,82 +164,85 @@ impl Connection {
     }
 
     /// The sender ends the recording with this many frames: returns `Missing` frames, or `Ended` once it is a session.
-    pub async fn end(&mut self, frames: u64) -> Result<FromServer, Farewell> {
+    pub async fn end(&mut self, frames: u64) -> Result<ServerMessage, CloseReason> {
         let durable = Some(self.make_durable().await?);
         // In a separate task: a sender that disconnects now must not cancel it.
-        let (feeds, feed, ending) = (self.feeds.clone(), self.feed.clone(), Ending::Told { epoch: self.epoch, frames });
+        let (feeds, feed, ending) =
+            (self.feeds.clone(), self.feed.clone(), EndTrigger::Requested { epoch: self.epoch, frames });
         let ended = self.feeds.0.shutdown.spawn(async move { feeds.finish(&feed, ending).await });
-        match ended.await.map_err(|panic| Farewell::new(Code::Failed, panic.to_string()))?? {
-            Finished::Whole(session) => Ok(FromServer::Ended { session, durable }),
-            Finished::Missing(frames) => Ok(FromServer::Missing { frames }),
-            Finished::GoesOn => Err(Farewell::new(Code::Superseded, "another connection sends this recording now")),
+        match ended.await.map_err(|panic| CloseReason::new(CloseCode::Failed, panic.to_string()))?? {
+            FinishOutcome::Complete(session) => Ok(ServerMessage::Ended { session, durable }),
+            FinishOutcome::Missing(frames) => Ok(ServerMessage::Missing { frames }),
+            FinishOutcome::StillSending => {
+                Err(CloseReason::new(CloseCode::Superseded, "another connection sends this recording now"))
+            }
         }
     }
 
     /// Waits until nothing more may arrive on this connection and returns why: the service shuts down, a later
     /// connection took over, or a frame does not fit.
-    pub async fn over(&self) -> Farewell {
+    pub async fn wait_until_closed(&self) -> CloseReason {
         tokio::select! {
             biased;
-            () = self.feeds.0.shutdown.begun() => Farewell::service_ends(),
-            reason = self.superseded() => reason,
-            reason = self.refused() => reason,
+            () = self.feeds.0.shutdown.begun() => CloseReason::service_stopping(),
+            reason = self.wait_until_superseded() => reason,
+            reason = self.wait_until_refused() => reason,
         }
     }
 
     /// Waits until a later connection has taken over.
-    async fn superseded(&self) -> Farewell {
-        let (mine, mut now) = (self.epoch, self.now.clone());
+    async fn wait_until_superseded(&self) -> CloseReason {
+        let (mine, mut now) = (self.epoch, self.current_epoch.clone());
         let _ = now.wait_for(|now| *now != mine).await; // cannot fail: the feed holds the sender
-        match self.may_send() {
+        match self.check_may_send() {
             Err(reason) => reason,
-            Ok(()) => Farewell::new(Code::Failed, "the recording was removed"),
+            Ok(()) => CloseReason::new(CloseCode::Failed, "the recording was removed"),
         }
     }
 
     /// Waits until a frame does not fit the recording.
-    async fn refused(&self) -> Farewell {
-        Farewell::new(Code::DoesNotBelong, self.feed.follower.refused().await)
+    async fn wait_until_refused(&self) -> CloseReason {
+        CloseReason::new(CloseCode::OutOfPlace, self.feed.tracking.wait_until_refused().await)
     }
 
     /// Notes a contact with the sender.
-    pub fn heard(&self) {
-        self.feed.heard_ms.store(self.feeds.0.clock.passed_ms(), Ordering::Release);
+    pub fn record_contact(&self) {
+        self.feed.last_contact_ms.store(self.feeds.0.clock.monotonic_ms(), Ordering::Release);
     }
 
     /// Makes the arrived records durable before anything else is done.
-    async fn make_durable(&mut self) -> Result<Vec<[u64; 2]>, Farewell> {
+    async fn make_durable(&mut self) -> Result<Vec<[u64; 2]>, CloseReason> {
         self.begin_sync().await?.await
     }
 
     /// Closes the log if it could not be written; the next hello reads it through.
-    async fn or_close<T>(&self, done: VaultResult<T>) -> Result<T, Farewell> {
+    async fn close_on_error<T>(&self, done: VaultResult<T>) -> Result<T, CloseReason> {
         match done {
             Ok(done) => Ok(done),
             Err(error) => {
-                self.feeds.close(&self.feed).await;
-                Err(failed(error))
+                self.feeds.close_feed(&self.feed).await;
+                Err(reason_of_vault_error(error))
             }
         }
     }
 
-    fn may_send(&self) -> Result<(), Farewell> {
-        if self.feed.is_gone.load(Ordering::Acquire) {
-            return Err(Farewell::new(Code::Unknown, "the session was erased: a new recording needs a new id"));
+    fn check_may_send(&self) -> Result<(), CloseReason> {
+        if self.feed.is_removed.load(Ordering::Acquire) {
+            return Err(CloseReason::new(CloseCode::Unknown, "the session was erased: a new recording needs a new id"));
         }
         if *self.feed.epoch.borrow() == self.epoch {
             return Ok(());
         }
-        Err(Farewell::new(Code::Superseded, "another connection sends this recording now"))
+        Err(CloseReason::new(CloseCode::Superseded, "another connection sends this recording now"))
     }
 
-    fn check(&self, record: &Record<'_>) -> Result<(), Farewell> {
-        let wrong = |why: String| Err(Farewell::new(Code::DoesNotBelong, why));
+    fn check_record(&self, record: &FeedRecord<'_>) -> Result<(), CloseReason> {
+        let wrong = |why: String| Err(CloseReason::new(CloseCode::OutOfPlace, why));
         if record.epoch != self.epoch {
             return wrong(format!("a record of epoch {}; this connection's is {}", record.epoch, self.epoch));
         }
-        if let Body::Frame { time, .. } = record.body
-            && !(0..=self.feed.most_ticks()).contains(&time)
+        if let RecordBody::Frame { time, .. } = record.body
+            && !(0..=self.feed.max_ticks()).contains(&time)
         {
             let seconds = self.feed.time_base.seconds(time);
             return wrong(format!(
@@ -253,14 +256,14 @@ impl Connection {
 
 impl Drop for Connection {
     fn drop(&mut self) {
-        self.heard();
+        self.record_contact();
         self.feed.connections.fetch_sub(1, Ordering::AcqRel);
     }
 }
 
-fn not_a_record(error: NotARecord) -> Farewell {
-    let code = if matches!(error, NotARecord::Length(_)) { Code::TooMuch } else { Code::NotUnderstood };
-    Farewell::new(code, error.to_string())
+fn reason_of_bad_record(error: NotARecord) -> CloseReason {
+    let code = if matches!(error, NotARecord::Length(_)) { CloseCode::TooLarge } else { CloseCode::NotUnderstood };
+    CloseReason::new(code, error.to_string())
 }
 
 #[cfg(test)]

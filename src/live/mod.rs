@@ -16,18 +16,18 @@
 //! made here. It cannot be resumed, so it is ended as soon as its sender is gone.
 
 mod connection;
-mod following;
-mod keeping;
+mod cpu_slots;
+mod maintenance;
 mod push;
 mod recording;
 mod settings;
-mod turns;
+mod tracking;
 
 pub use connection::Connection;
-pub use following::{Following, Watch};
-pub use push::{Broken, Push, PushError};
+pub use cpu_slots::CpuSlots;
+pub use push::{Push, PushError, PushFailure};
 pub use settings::LiveSettings;
-pub use turns::Turns;
+pub use tracking::{FeedWatcher, TrackingState};
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, Ordering};
@@ -35,19 +35,19 @@ use std::sync::{Arc, PoisonError, Weak};
 
 use tokio::sync::{Mutex, OwnedMutexGuard, watch};
 
-use following::Follower;
+use tracking::TrackingSupervisor;
 
 use crate::analysis::AnalysisSettings;
-use crate::domain::feed::farewell::{Code, Farewell};
-use crate::domain::feed::numbers::Numbers;
-use crate::domain::feed::words::Hello;
-use crate::domain::feed::{LONGEST_S, MOST_FRAMES, PROTOCOL, TimeBase};
+use crate::domain::feed::close_reason::{CloseCode, CloseReason};
+use crate::domain::feed::messages::Hello;
+use crate::domain::feed::numbers::FrameNumbers;
+use crate::domain::feed::{MAX_DURATION_S, MAX_FRAMES, PROTOCOL, TimeBase};
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
-use crate::events::{Event, Events};
+use crate::events::{Event, EventBus};
 use crate::ids::{BoxId, FeedId, SessionId, TraineeId};
-use crate::media::Limits;
+use crate::media::MediaLimits;
 use crate::queue::Queue;
 use crate::sandbox::Program;
 use crate::shutdown::Shutdown;
@@ -56,14 +56,14 @@ use crate::time::{SharedClock, from_rfc3339};
 use crate::vault::{FeedLog, Vault, VaultError};
 
 /// Longest name of a sender's program, characters.
-const SENDER: usize = 120;
+const MAX_SENDER_CHARS: usize = 120;
 
 /// The service that receives feeds. Clones share the same state.
 #[derive(Clone)]
-pub struct Feeds(Arc<Parts>);
+pub struct FeedService(Arc<FeedServiceParts>);
 
 /// The parts of [`FeedService`].
-pub struct Parts {
+pub struct FeedServiceParts {
     /// Database.
     pub store: Store,
     /// Stored files.
@@ -71,7 +71,7 @@ pub struct Parts {
     /// Notified of complete sessions.
     pub queue: Queue,
     /// Notified of sessions that start and end.
-    pub events: Events,
+    pub events: EventBus,
     /// The clock.
     pub clock: SharedClock,
     /// Shutdown of the service.
@@ -85,23 +85,23 @@ pub struct Parts {
     /// Recordings that are open in this service.
     pub open: OpenFeeds,
     /// Slots for tracking their frames.
-    pub turns: Arc<Turns>,
+    pub cpu_slots: Arc<CpuSlots>,
 }
 
 /// The recordings that are open in a service and not ended.
 #[derive(Default)]
 pub struct OpenFeeds {
-    all: Mutex<HashMap<FeedId, Arc<Feed>>>,
+    all: Mutex<HashMap<FeedId, Arc<OpenFeed>>>,
     /// A lock per recording, held while the recording is opened or removed, so that reading one log does not delay the
     /// others. These locks are taken before `all`.
-    doors: std::sync::Mutex<HashMap<FeedId, Weak<Mutex<()>>>>,
+    locks: std::sync::Mutex<HashMap<FeedId, Weak<Mutex<()>>>>,
 }
 
 impl OpenFeeds {
     /// Locks the opening and removal of this recording.
-    async fn door(&self, id: FeedId) -> OwnedMutexGuard<()> {
+    async fn lock_feed(&self, id: FeedId) -> OwnedMutexGuard<()> {
         let lock = {
-            let mut locks = self.doors.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut locks = self.locks.lock().unwrap_or_else(PoisonError::into_inner);
             locks.retain(|_, lock| lock.strong_count() > 0);
             let lock = locks.get(&id).and_then(Weak::upgrade).unwrap_or_default();
             locks.insert(id, Arc::downgrade(&lock));
@@ -112,33 +112,33 @@ impl OpenFeeds {
 }
 
 /// A recording that is arriving.
-struct Feed {
-    row: store::Feed,
+struct OpenFeed {
+    row: store::FeedRow,
     time_base: TimeBase,
     /// The epoch that may send now.
     epoch: watch::Sender<u32>,
     connections: AtomicU32,
-    /// Last contact with its sender, by [`Clock::passed_ms`](crate::time::Clock::passed_ms).
-    heard_ms: AtomicI64,
-    state: Mutex<State>,
+    /// Last contact with its sender, by [`Clock::monotonic_ms`](crate::time::Clock::passed_ms).
+    last_contact_ms: AtomicI64,
+    state: Mutex<FeedState>,
     /// Failed attempts to assemble it that were not its own fault.
     failures: AtomicU32,
     /// True while it is being assembled.
     is_finishing: AtomicBool,
-    is_gone: AtomicBool,
-    follower: Follower,
+    is_removed: AtomicBool,
+    tracking: TrackingSupervisor,
 }
 
-impl Drop for Feed {
+impl Drop for OpenFeed {
     fn drop(&mut self) {
-        self.follower.let_go();
+        self.tracking.stop();
     }
 }
 
-struct State {
+struct FeedState {
     log: FeedLog,
     /// Frames and gaps in the log.
-    numbers: Numbers,
+    numbers: FrameNumbers,
     /// Bytes of the log that are known to be durable.
     synced: u64,
     /// The session, once the recording is complete.
@@ -146,16 +146,16 @@ struct State {
 }
 
 /// The result of a hello.
-pub enum Connected {
+pub enum ConnectResult {
     /// Frames may be sent.
     Open(Connection),
     /// The recording has already ended: there is nothing to send.
     Ended(SessionId),
 }
 
-impl Feeds {
+impl FeedService {
     /// Creates the service.
-    pub fn new(parts: Parts) -> Self {
+    pub fn new(parts: FeedServiceParts) -> Self {
         Self(Arc::new(parts))
     }
 
@@ -168,14 +168,14 @@ impl Feeds {
     ///
     /// # Errors
     /// The reason to close the connection.
-    pub async fn connect(&self, scope: &Scope, in_box: &Key, hello: Hello) -> Result<Connected, Farewell> {
-        let new = self.recognise(scope, in_box, hello).await?;
+    pub async fn connect(&self, scope: &Scope, in_box: &Key, hello: Hello) -> Result<ConnectResult, CloseReason> {
+        let new = self.resolve_hello(scope, in_box, hello).await?;
         self.open(scope, new).await
     }
 
     /// The same for a recording that is pushed in one request.
-    async fn connect_push(&self, scope: &Scope, in_box: &Key, hello: Hello) -> Result<Connected, Farewell> {
-        let new = NewFeed { is_push: true, ..self.recognise(scope, in_box, hello).await? };
+    async fn connect_push(&self, scope: &Scope, in_box: &Key, hello: Hello) -> Result<ConnectResult, CloseReason> {
+        let new = NewFeed { is_push: true, ..self.resolve_hello(scope, in_box, hello).await? };
         self.open(scope, new).await
     }
 
@@ -183,31 +183,31 @@ impl Feeds {
     ///
     /// # Errors
     /// The reason to refuse.
-    pub async fn check_free(&self, in_box: BoxId) -> Result<(), Farewell> {
+    pub async fn check_free(&self, in_box: BoxId) -> Result<(), CloseReason> {
         check_free(&*self.0.open.all.lock().await, in_box, None)
     }
 
-    async fn open(&self, scope: &Scope, new: NewFeed) -> Result<Connected, Farewell> {
+    async fn open(&self, scope: &Scope, new: NewFeed) -> Result<ConnectResult, CloseReason> {
         let (id, in_box) = (new.id, new.in_box);
         // Held from issuing the epoch to opening, so that of two hellos the one with the higher epoch is opened last.
-        let _lock = self.0.open.door(id).await;
+        let _lock = self.0.open.lock_feed(id).await;
         let mut open = self.0.open.all.lock().await;
         check_free(&open, in_box, Some(id))?;
         if open.get(&id).is_some_and(|feed| feed.is_finishing.load(Ordering::Acquire)) {
-            return Err(Farewell::new(Code::Busy, "the recording is being assembled: connect again"));
+            return Err(CloseReason::new(CloseCode::Busy, "the recording is being assembled: connect again"));
         }
-        let of_box = |row: &store::Feed| row.box_id == in_box && row.id != id;
-        let unfinished = self.0.store.feeds().unfinished().await.map_err(refused)?;
+        let of_box = |row: &store::FeedRow| row.box_id == in_box && row.id != id;
+        let unfinished = self.0.store.feeds().unfinished().await.map_err(reason_of_store_error)?;
         if unfinished.into_iter().filter(of_box).count() >= self.0.settings.max_unfinished {
             let why = "the box has too many unfinished recordings: end them, or wait until they end automatically";
-            return Err(Farewell::new(Code::Busy, why));
+            return Err(CloseReason::new(CloseCode::Busy, why));
         }
-        let row = self.0.store.feeds().open(scope, new).await.map_err(refused)?;
+        let row = self.0.store.feeds().open(scope, new).await.map_err(reason_of_store_error)?;
         if row.ended_at_ms.is_some() {
-            return Ok(Connected::Ended(row.session_id));
+            return Ok(ConnectResult::Ended(row.session_id));
         }
         let epoch = row.epoch;
-        let begin = |feed| Ok(Connected::Open(Connection::begin(self.clone(), feed, epoch)));
+        let begin = |feed| Ok(ConnectResult::Open(Connection::take_over(self.clone(), feed, epoch)));
         // Counted while the lock is held, so that the next connection finds the box busy.
         if let Some(feed) = open.get(&id) {
             return begin(feed.clone());
@@ -215,12 +215,12 @@ impl Feeds {
         let feed = if epoch == 1 {
             // There is no log to read yet, and no other recording must find the box free.
             let (session, trainee) = (row.session_id, row.trainee_id);
-            let feed = self.enter_new(row).await?;
-            self.tell(session, trainee, SessionStatus::Receiving);
+            let feed = self.open_new_feed(row).await?;
+            self.publish_status(session, trainee, SessionStatus::Receiving);
             feed
         } else {
             drop(open);
-            let feed = self.enter(row).await?;
+            let feed = self.open_feed(row).await?;
             open = self.0.open.all.lock().await;
             check_free(&open, in_box, Some(id))?; // another recording may have started meanwhile
             feed
@@ -230,35 +230,35 @@ impl Feeds {
     }
 
     /// Watches the recording of a session that is arriving; `None` while it has no sender.
-    pub async fn watch(&self, session: SessionId, wants_pictures: bool) -> Option<Watch> {
+    pub async fn watch(&self, session: SessionId, wants_pictures: bool) -> Option<FeedWatcher> {
         let open = self.0.open.all.lock().await;
-        let arrives = |feed: &&Arc<Feed>| feed.row.session_id == session && feed.is_sent();
-        open.values().find(arrives).map(|feed| feed.follower.watch(feed, wants_pictures))
+        let arrives = |feed: &&Arc<OpenFeed>| feed.row.session_id == session && feed.has_sender();
+        open.values().find(arrives).map(|feed| feed.tracking.watch(feed, wants_pictures))
     }
 
     /// Opens a recording's log.
-    async fn enter(&self, row: store::Feed) -> Result<Arc<Feed>, Farewell> {
-        let time_base = row.time_base().map_err(|error| Farewell::new(Code::Failed, error.to_string()))?;
-        let (log, numbers) = self.0.vault.open_feed(row.id).await.map_err(failed)?;
-        let follower = Follower::new(numbers.ranges().is_empty(), self.0.turns.clone());
-        Ok(Arc::new(Feed {
+    async fn open_feed(&self, row: store::FeedRow) -> Result<Arc<OpenFeed>, CloseReason> {
+        let time_base = row.time_base().map_err(|error| CloseReason::new(CloseCode::Failed, error.to_string()))?;
+        let (log, numbers) = self.0.vault.open_feed(row.id).await.map_err(reason_of_vault_error)?;
+        let follower = TrackingSupervisor::new(numbers.ranges().is_empty(), self.0.cpu_slots.clone());
+        Ok(Arc::new(OpenFeed {
             epoch: watch::Sender::new(row.epoch),
             time_base,
             connections: AtomicU32::new(0),
-            heard_ms: AtomicI64::new(self.0.clock.passed_ms()),
-            state: Mutex::new(State { synced: log.bytes(), log, numbers, ended: None }),
+            last_contact_ms: AtomicI64::new(self.0.clock.monotonic_ms()),
+            state: Mutex::new(FeedState { synced: log.bytes(), log, numbers, ended: None }),
             failures: AtomicU32::new(0),
             is_finishing: AtomicBool::new(false),
-            is_gone: AtomicBool::new(false),
-            follower,
+            is_removed: AtomicBool::new(false),
+            tracking: follower,
             row,
         }))
     }
 
     /// The same for a new recording: if it cannot be opened, its row and session are deleted again.
-    async fn enter_new(&self, row: store::Feed) -> Result<Arc<Feed>, Farewell> {
+    async fn open_new_feed(&self, row: store::FeedRow) -> Result<Arc<OpenFeed>, CloseReason> {
         let id = row.id;
-        let entered = self.enter(row).await;
+        let entered = self.open_feed(row).await;
         if entered.is_err()
             && let Err(error) = self.0.store.feeds().forget(id, true).await
         {
@@ -268,7 +268,7 @@ impl Feeds {
     }
 
     /// Closes an open recording: the next connection reads its log through.
-    async fn close(&self, feed: &Arc<Feed>) {
+    async fn close_feed(&self, feed: &Arc<OpenFeed>) {
         let mut open = self.0.open.all.lock().await;
         if open.get(&feed.row.id).is_some_and(|entered| Arc::ptr_eq(entered, feed)) {
             open.remove(&feed.row.id);
@@ -276,22 +276,22 @@ impl Feeds {
     }
 
     /// Checks a hello and looks up the box, trainee and task in it.
-    async fn recognise(&self, scope: &Scope, in_box: &Key, hello: Hello) -> Result<NewFeed, Farewell> {
-        let wrong = |why: String| Err(Farewell::new(Code::NotUnderstood, why));
+    async fn resolve_hello(&self, scope: &Scope, in_box: &Key, hello: Hello) -> Result<NewFeed, CloseReason> {
+        let wrong = |why: String| Err(CloseReason::new(CloseCode::NotUnderstood, why));
         if hello.protocol != PROTOCOL {
             return wrong(format!("protocol {}; this server uses protocol {PROTOCOL}", hello.protocol));
         }
         let (width, height) = (hello.width, hello.height);
-        let most = Limits::default();
+        let most = MediaLimits::default();
         if !(1..=most.width).contains(&width) || !(1..=most.height).contains(&height) {
             return wrong(format!("a picture of {width}×{height} pixels; at most {}×{}", most.width, most.height));
         }
         let Some(began_at_ms) = from_rfc3339(&hello.began_at) else {
             return wrong("began_at: expected an RFC 3339 time such as 2026-11-21T20:14:00Z".to_owned());
         };
-        let owner_scope = &scope.of_whom_it_sends();
+        let owner_scope = &scope.upload_scope();
         let store = &self.0.store;
-        let unknown = |what: &'static str| move |error| unknown(what, error);
+        let unknown = |what: &'static str| move |error| reason_of_lookup_error(what, error);
         let in_box = store.boxes().get(scope, in_box).await.map_err(unknown("box"))?.id;
         let trainee =
             store.trainees().get(owner_scope, &Key::from(&hello.trainee)).await.map_err(unknown("trainee"))?.id;
@@ -305,29 +305,29 @@ impl Feeds {
             size: (width, height),
             time_base: hello.time_base,
             began_at_ms,
-            sender: hello.sender.chars().filter(|c| !c.is_control()).take(SENDER).collect(),
+            sender: hello.sender.chars().filter(|c| !c.is_control()).take(MAX_SENDER_CHARS).collect(),
             is_push: false,
         })
     }
 
-    fn tell(&self, id: SessionId, trainee: TraineeId, status: SessionStatus) {
-        self.0.events.tell(Event::Session { id, trainee, status, progress: 0.0 });
+    fn publish_status(&self, id: SessionId, trainee: TraineeId, status: SessionStatus) {
+        self.0.events.publish(Event::Session { id, trainee, status, progress: 0.0 });
     }
 }
 
-impl Feed {
-    fn is_sent(&self) -> bool {
+impl OpenFeed {
+    fn has_sender(&self) -> bool {
         self.connections.load(Ordering::Acquire) > 0
     }
 
     fn is_abandoned(&self, long_ago_ms: i64) -> bool {
-        !self.is_sent() && self.heard_ms.load(Ordering::Acquire) < long_ago_ms
+        !self.has_sender() && self.last_contact_ms.load(Ordering::Acquire) < long_ago_ms
     }
 
     /// Length of the longest recording, ticks: no frame has a later time.
-    fn most_ticks(&self) -> i64 {
+    fn max_ticks(&self) -> i64 {
         let (num, den) = self.time_base.fraction();
-        (LONGEST_S * f64::from(den) / f64::from(num)) as i64
+        (MAX_DURATION_S * f64::from(den) / f64::from(num)) as i64
     }
 }
 
@@ -339,57 +339,57 @@ enum LiveError {
     #[error(transparent)]
     Vault(#[from] VaultError),
     #[error("{}", .0.why)]
-    Told(Farewell),
+    Closed(CloseReason),
 }
 
-impl From<Farewell> for LiveError {
-    fn from(farewell: Farewell) -> Self {
-        LiveError::Told(farewell)
+impl From<CloseReason> for LiveError {
+    fn from(farewell: CloseReason) -> Self {
+        LiveError::Closed(farewell)
     }
 }
 
-impl From<LiveError> for Farewell {
+impl From<LiveError> for CloseReason {
     fn from(error: LiveError) -> Self {
         match error {
-            LiveError::Store(error) => refused(error),
-            LiveError::Vault(error) => failed(error),
-            LiveError::Told(farewell) => farewell,
+            LiveError::Store(error) => reason_of_store_error(error),
+            LiveError::Vault(error) => reason_of_vault_error(error),
+            LiveError::Closed(farewell) => farewell,
         }
     }
 }
 
-fn refused(error: StoreError) -> Farewell {
+fn reason_of_store_error(error: StoreError) -> CloseReason {
     let code = match &error {
-        StoreError::NotFound { .. } | StoreError::Refused { .. } | StoreError::Forbidden { .. } => Code::Unknown,
-        _ => Code::Failed,
+        StoreError::NotFound { .. } | StoreError::Refused { .. } | StoreError::Forbidden { .. } => CloseCode::Unknown,
+        _ => CloseCode::Failed,
     };
-    Farewell::new(code, error.to_string())
+    CloseReason::new(code, error.to_string())
 }
 
-fn unknown(what: &'static str, error: StoreError) -> Farewell {
+fn reason_of_lookup_error(what: &'static str, error: StoreError) -> CloseReason {
     match error {
-        StoreError::NotFound { .. } => Farewell::new(Code::Unknown, format!("there is no such {what}")),
-        other => refused(other),
+        StoreError::NotFound { .. } => CloseReason::new(CloseCode::Unknown, format!("there is no such {what}")),
+        other => reason_of_store_error(other),
     }
 }
 
-fn failed(error: VaultError) -> Farewell {
+fn reason_of_vault_error(error: VaultError) -> CloseReason {
     let why = match &error {
         VaultError::DiskFull => "the server's disk is full: free space, then it works again".to_owned(),
         other => other.to_string(),
     };
-    Farewell::new(Code::Failed, why)
+    CloseReason::new(CloseCode::Failed, why)
 }
 
 /// Fails if the box is sending another recording than `mine`.
-fn check_free(open: &HashMap<FeedId, Arc<Feed>>, in_box: BoxId, mine: Option<FeedId>) -> Result<(), Farewell> {
-    let is_other = |feed: &&Arc<Feed>| Some(feed.row.id) != mine && feed.is_sent() && feed.row.box_id == in_box;
+fn check_free(open: &HashMap<FeedId, Arc<OpenFeed>>, in_box: BoxId, mine: Option<FeedId>) -> Result<(), CloseReason> {
+    let is_other = |feed: &&Arc<OpenFeed>| Some(feed.row.id) != mine && feed.has_sender() && feed.row.box_id == in_box;
     let Some(other) = open.values().find(is_other) else { return Ok(()) };
     let why = format!("the box is sending another recording ({}): end that one, or stop its sender", other.row.id);
-    Err(Farewell::new(Code::Busy, why))
+    Err(CloseReason::new(CloseCode::Busy, why))
 }
 
 /// True if a recording can end with this number of frames.
-fn is_end(frames: u64) -> bool {
-    frames <= MOST_FRAMES
+fn is_valid_end(frames: u64) -> bool {
+    frames <= MAX_FRAMES
 }

@@ -26,28 +26,28 @@ use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep_until, timeout};
 
-use super::following::PulledWhenGone;
-use super::{Connected, Connection, Feeds};
-use crate::analysis::protocol::{Request, Work};
-use crate::analysis::{Attempt, Failure, Heard, News, attempt};
-use crate::domain::feed::farewell::{Code, Farewell};
-use crate::domain::feed::record::Body;
-use crate::domain::feed::words::{FromServer, Hello};
-use crate::domain::feed::{LONGEST_S, MOST_FRAMES, PROTOCOL};
+use super::tracking::FeedStopGuard;
+use super::{ConnectResult, Connection, FeedService};
+use crate::analysis::protocol::{ChildRequest, ChildWork};
+use crate::analysis::{AttemptFailure, ChildAttempt, ChildEvent, ChildOutput, run_attempt};
+use crate::domain::feed::close_reason::{CloseCode, CloseReason};
+use crate::domain::feed::messages::{Hello, ServerMessage};
+use crate::domain::feed::record::RecordBody;
+use crate::domain::feed::{MAX_DURATION_S, MAX_FRAMES, PROTOCOL};
 use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::ids::{FeedId, SessionId};
 use crate::media::{CapturedFrame, SourceInfo};
-use crate::sandbox::{Budget, Stop};
+use crate::sandbox::{Budget, StopSwitch};
 use crate::time::to_rfc3339;
 
 /// Frames that may wait for the log.
-const MOST_WAITING: usize = 2;
+const MAX_WAITING_FRAMES: usize = 2;
 /// Extra life of the child beyond the longest recording: it starts before the recording and ends after it.
-const BEGINNING_AND_END: Duration = Duration::from_secs(300);
+const LIFE_MARGIN: Duration = Duration::from_secs(300);
 /// Extra silence of the child beyond the sender's: it can only report after its sender.
-const AFTER_THE_SENDER: Duration = Duration::from_secs(20);
+const SILENCE_MARGIN: Duration = Duration::from_secs(20);
 
 /// Why a body could not be read to its end.
 pub type BoxError = Box<dyn std::error::Error + Send + Sync>;
@@ -69,7 +69,7 @@ pub struct Push {
 
 /// A push that did not end normally.
 #[derive(Debug)]
-pub struct Broken {
+pub struct PushFailure {
     /// The reason.
     pub why: PushError,
     /// The session made from the frames that arrived, if any could be decoded.
@@ -87,38 +87,43 @@ pub enum PushError {
     Stream(Problem),
     /// A reason that closes any sender's connection.
     #[error("{}", .0.why)]
-    Told(Farewell),
+    Closed(CloseReason),
 }
 
-impl From<Farewell> for PushError {
-    fn from(farewell: Farewell) -> Self {
-        PushError::Told(farewell)
+impl From<CloseReason> for PushError {
+    fn from(farewell: CloseReason) -> Self {
+        PushError::Closed(farewell)
     }
 }
 
-impl Feeds {
+impl FeedService {
     /// Receives a pushed stream until it ends or `signed_out` resolves. Call it in a separate task: senders close the
     /// connection right after their last byte.
     ///
     /// # Errors
     /// The push did not end normally. The frames that arrived are a session all the same, if any can be decoded.
-    pub async fn push<B>(&self, push: Push, body: B, signed_out: impl Future<Output = ()>) -> Result<SessionId, Broken>
+    pub async fn push<B>(
+        &self,
+        push: Push,
+        body: B,
+        signed_out: impl Future<Output = ()>,
+    ) -> Result<SessionId, PushFailure>
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
     {
-        let mut taken = Taken::new(self, push);
+        let mut taken = PushSession::new(self, push);
         let broken = taken.take_all(body, signed_out).await.err();
         match (broken, taken.end().await) {
             (None, Ok(session)) => Ok(session),
-            (None, Err(reason)) => Err(Broken { why: reason.into(), session: None }),
-            (Some(why), ended) => Err(Broken { why, session: ended.ok() }),
+            (None, Err(reason)) => Err(PushFailure { why: reason.into(), session: None }),
+            (Some(why), ended) => Err(PushFailure { why, session: ended.ok() }),
         }
     }
 }
 
 /// The state of a push.
-struct Taken<'a> {
-    feeds: &'a Feeds,
+struct PushSession<'a> {
+    feeds: &'a FeedService,
     push: Push,
     began_at_ms: i64,
     /// Present once the stream header is known.
@@ -133,8 +138,8 @@ struct Taken<'a> {
     sync_at: Option<Instant>,
 }
 
-impl<'a> Taken<'a> {
-    fn new(feeds: &'a Feeds, push: Push) -> Self {
+impl<'a> PushSession<'a> {
+    fn new(feeds: &'a FeedService, push: Push) -> Self {
         let (began_at_ms, connection) = (feeds.0.clock.now_ms(), None);
         Self { feeds, push, began_at_ms, connection, next: 0, gaps: 0, is_cut: false, held_back: None, sync_at: None }
     }
@@ -144,18 +149,18 @@ impl<'a> Taken<'a> {
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
     {
-        let (mut demuxer, pipe) = self.feeds.start_demuxer().map_err(|why| PushError::Told(died(&why)))?;
-        let mut pouring = pin!(pour(body, pipe, self.feeds.0.settings.silent()));
+        let (mut demuxer, pipe) = self.feeds.start_demuxer().map_err(|why| PushError::Closed(reason_of_crash(&why)))?;
+        let mut pouring = pin!(copy_body(body, pipe, self.feeds.0.settings.silent()));
         let mut signed_out = pin!(signed_out);
         let mut poured = None;
         let mut syncing = pin!(Fuse::terminated());
         loop {
-            let has_room = self.connection.as_ref().is_none_or(Connection::has_room);
+            let has_room = self.connection.as_ref().is_none_or(Connection::has_capacity);
             let sync_at = self.sync_at.filter(|_| syncing.is_terminated());
             tokio::select! {
                 biased;
-                reason = self.over() => return Err(reason.into()),
-                () = &mut signed_out => return Err(Farewell::signed_out().into()),
+                reason = self.wait_until_closed() => return Err(reason.into()),
+                () = &mut signed_out => return Err(CloseReason::signed_out().into()),
                 end = &mut pouring, if poured.is_none() => {
                     self.is_cut = end.is_err();
                     poured = Some(end);
@@ -167,20 +172,20 @@ impl<'a> Taken<'a> {
                         syncing.set(connection.begin_sync().await?.fuse());
                     }
                 }
-                () = self.room(), if !has_room => {}
-                event = demuxer.news.recv(), if has_room => match event {
-                    Some(News::Stream(info)) => self.begin(info).await?,
-                    Some(News::Coded(frame)) => self.take_frame(frame).await?,
+                () = self.wait_for_capacity(), if !has_room => {}
+                event = demuxer.events.recv(), if has_room => match event {
+                    Some(ChildEvent::Stream(info)) => self.connect(info).await?,
+                    Some(ChildEvent::Coded(frame)) => self.take_frame(frame).await?,
                     Some(_) => {}
                     None => break,
                 },
-                () = ready(()), if self.holds_back() => self.write().await?, // no further frame is ready
+                () = ready(()), if self.has_unwritten() => self.write().await?, // no further frame is ready
             }
         }
         match (poured, demuxer.ended.await) {
             (Some(Err(cut)), _) => Err(cut),
-            (_, Err(panic)) => Err(died(&panic).into()),
-            (_, Ok(Err(failure))) => Err(failed(failure)),
+            (_, Err(panic)) => Err(reason_of_crash(&panic).into()),
+            (_, Ok(Err(failure))) => Err(push_error(failure)),
             (Some(Ok(())), Ok(Ok(_))) => Ok(()),
             (None, Ok(Ok(_))) => {
                 let detail = "the stream ended, but the request continues: push one stream per request";
@@ -190,35 +195,35 @@ impl<'a> Taken<'a> {
     }
 
     /// Waits until nothing more may be taken.
-    async fn over(&self) -> Farewell {
+    async fn wait_until_closed(&self) -> CloseReason {
         match &self.connection {
-            Some(connection) => connection.over().await,
+            Some(connection) => connection.wait_until_closed().await,
             None => {
                 self.feeds.0.shutdown.begun().await;
-                Farewell::service_ends()
+                CloseReason::service_stopping()
             }
         }
     }
 
-    fn holds_back(&self) -> bool {
-        self.connection.as_ref().is_some_and(Connection::holds_back)
+    fn has_unwritten(&self) -> bool {
+        self.connection.as_ref().is_some_and(Connection::has_unwritten)
     }
 
-    async fn write(&mut self) -> Result<(), Farewell> {
+    async fn write(&mut self) -> Result<(), CloseReason> {
         match &mut self.connection {
             Some(connection) => connection.write().await,
             None => Ok(()),
         }
     }
 
-    async fn room(&self) {
+    async fn wait_for_capacity(&self) {
         if let Some(connection) = &self.connection {
-            connection.room().await;
+            connection.wait_for_capacity().await;
         }
     }
 
     /// Connects with a hello, once the stream header is known.
-    async fn begin(&mut self, info: SourceInfo) -> Result<(), Farewell> {
+    async fn connect(&mut self, info: SourceInfo) -> Result<(), CloseReason> {
         let SourceInfo { codec, size: (width, height), time_base, coded_from, .. } = info;
         if let Some(from) = coded_from {
             tracing::warn!(from, "pushed stream is re-encoded as JPEG; send H.264 to avoid the load");
@@ -228,28 +233,28 @@ impl<'a> Taken<'a> {
         let (recording, protocol) = (FeedId::at(self.began_at_ms), PROTOCOL);
         let hello = Hello { protocol, recording, trainee, task, codec, width, height, time_base, began_at, sender };
         self.connection = match self.feeds.connect_push(&scope, &in_box, hello).await? {
-            Connected::Open(connection) => Some(connection),
-            Connected::Ended(_) => None, // not reached: the id is new
+            ConnectResult::Open(connection) => Some(connection),
+            ConnectResult::Ended(_) => None, // not reached: the id is new
         };
         Ok(())
     }
 
-    async fn take_frame(&mut self, frame: CapturedFrame) -> Result<(), Farewell> {
+    async fn take_frame(&mut self, frame: CapturedFrame) -> Result<(), CloseReason> {
         let frame = match self.is_cut {
             true => self.held_back.replace(frame),
             false => Some(frame),
         };
         let (Some(frame), Some(connection)) = (frame, &mut self.connection) else { return Ok(()) };
-        connection.heard();
-        if frame.due_s > LONGEST_S || self.next == MOST_FRAMES {
+        connection.record_contact();
+        if frame.due_s > MAX_DURATION_S || self.next == MAX_FRAMES {
             let why = format!(
-                "a recording has at most {LONGEST_S} s and {MOST_FRAMES} frames: push the rest as another recording"
+                "a recording has at most {MAX_DURATION_S} s and {MAX_FRAMES} frames: push the rest as another recording"
             );
-            return Err(Farewell::new(Code::TooMuch, why));
+            return Err(CloseReason::new(CloseCode::TooLarge, why));
         }
         let body = frame.body(self.next, connection.time_base());
-        self.gaps += u64::from(matches!(body, Body::Gap { .. }));
-        connection.take_own(self.next, body).await?;
+        self.gaps += u64::from(matches!(body, RecordBody::Gap { .. }));
+        connection.take_local_record(self.next, body).await?;
         self.next += 1;
         if self.sync_at.is_none() {
             self.sync_at = Some(Instant::now() + self.feeds.0.settings.ack());
@@ -259,28 +264,28 @@ impl<'a> Taken<'a> {
 
     /// Makes a session of the frames that arrived. If that is impossible because the service shuts down, it is done at
     /// its next start.
-    async fn end(self) -> Result<SessionId, Farewell> {
+    async fn end(self) -> Result<SessionId, CloseReason> {
         let Some(mut connection) = self.connection else {
-            return Err(Farewell::new(Code::DoesNotBelong, "no frame arrived"));
+            return Err(CloseReason::new(CloseCode::OutOfPlace, "no frame arrived"));
         };
         if self.gaps > 0 {
             tracing::warn!(gaps = self.gaps, "frames of a pushed stream left out: damaged, too large or out of order");
         }
         match connection.end(self.next).await? {
-            FromServer::Ended { session, .. } => Ok(session),
-            _ => Err(Farewell::new(Code::Failed, "frames that had arrived are missing")),
+            ServerMessage::Ended { session, .. } => Ok(session),
+            _ => Err(CloseReason::new(CloseCode::Failed, "frames that had arrived are missing")),
         }
     }
 }
 
 /// A child that splits a stream into frames; dropping it stops the child.
 struct Demuxer {
-    news: mpsc::Receiver<News>,
-    ended: JoinHandle<Result<Heard, Failure>>,
-    _stop: PulledWhenGone,
+    events: mpsc::Receiver<ChildEvent>,
+    ended: JoinHandle<Result<ChildOutput, AttemptFailure>>,
+    _stop: FeedStopGuard,
 }
 
-impl Feeds {
+impl FeedService {
     /// Starts a child; returns it with the write end of its pipe.
     fn start_demuxer(&self) -> std::io::Result<(Demuxer, Sender)> {
         let (theirs, ours) = pipe()?;
@@ -289,27 +294,27 @@ impl Feeds {
         let settings = &self.0.settings;
         let budget = Budget {
             slice: Budget::SHORT_SLICE,
-            wall: Duration::from_secs_f64(LONGEST_S) + BEGINNING_AND_END,
-            silence: settings.silent() + AFTER_THE_SENDER,
+            wall: Duration::from_secs_f64(MAX_DURATION_S) + LIFE_MARGIN,
+            silence: settings.silent() + SILENCE_MARGIN,
             output_bytes: settings.max_bytes.saturating_mul(2),
             ..self.0.analysis.budget()
         };
-        let stop = PulledWhenGone(Stop::new()?);
+        let stop = FeedStopGuard(StopSwitch::new()?);
         let (program, stopping) = (self.0.program.clone(), stop.0.clone());
-        let (sender, news) = mpsc::channel(MOST_WAITING);
+        let (sender, news) = mpsc::channel(MAX_WAITING_FRAMES);
         let ended = tokio::task::spawn_blocking(move || {
-            let request = Request { threads: 1, work: Work::Demux };
-            let what = Attempt { program: &program, request, inputs, budget: &budget, stop: &stopping };
+            let request = ChildRequest { threads: 1, work: ChildWork::Demux };
+            let what = ChildAttempt { program: &program, request, inputs, budget: &budget, stop: &stopping };
             // A failed send means that the receiver is dropped and the child is being stopped.
-            attempt(what, |event| drop(sender.blocking_send(event))).0
+            run_attempt(what, |event| drop(sender.blocking_send(event))).0
         });
-        Ok((Demuxer { news, ended, _stop: stop }, ours))
+        Ok((Demuxer { events: news, ended, _stop: stop }, ours))
     }
 }
 
 /// Copies a body into a child's pipe and closes it at the end. Only the time spent waiting for the body counts as
 /// silence.
-async fn pour<B>(mut body: B, mut pipe: Sender, silent: Duration) -> Result<(), PushError>
+async fn copy_body<B>(mut body: B, mut pipe: Sender, silent: Duration) -> Result<(), PushError>
 where
     B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
 {
@@ -317,7 +322,7 @@ where
         let bytes = match timeout(silent, body.next()).await {
             Ok(Some(bytes)) => bytes.map_err(PushError::Cut)?,
             Ok(None) => return Ok(()),
-            Err(_) => return Err(Farewell::new(Code::Silent, "the sender was silent for too long").into()),
+            Err(_) => return Err(CloseReason::new(CloseCode::Silent, "the sender was silent for too long").into()),
         };
         if pipe.write_all(&bytes).await.is_err() {
             std::future::pending::<()>().await; // the child has ended; its result gives the reason
@@ -325,15 +330,15 @@ where
     }
 }
 
-fn failed(failure: Failure) -> PushError {
+fn push_error(failure: AttemptFailure) -> PushError {
     match failure {
-        Failure::Explained(problem) => PushError::Stream(problem),
-        Failure::Stopped => Farewell::service_ends().into(),
-        Failure::Crashed(why) => died(&why).into(),
+        AttemptFailure::Impossible(problem) => PushError::Stream(problem),
+        AttemptFailure::Stopped => CloseReason::service_stopping().into(),
+        AttemptFailure::Crashed(why) => reason_of_crash(&why).into(),
     }
 }
 
-fn died(why: &dyn std::fmt::Display) -> Farewell {
+fn reason_of_crash(why: &dyn std::fmt::Display) -> CloseReason {
     counter!("trocar_feed_demuxers_died_total").increment(1);
-    Farewell::new(Code::Failed, format!("the process that reads the stream {why}"))
+    CloseReason::new(CloseCode::Failed, format!("the process that reads the stream {why}"))
 }

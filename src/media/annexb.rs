@@ -6,7 +6,7 @@ use ff::packet::{Mut, Ref};
 use ff::{Packet, Rational, codec, ffi};
 use ffmpeg_next as ff;
 
-use super::mux::can_begin_with;
+use super::mux::can_start_decoding;
 use crate::domain::feed::FrameCodec;
 
 /// Turns packets into access units in Annex B form; every key frame includes its parameter sets. Packets already in
@@ -27,11 +27,11 @@ impl AnnexB {
             if filter.is_null() {
                 return Err(ff::Error::BsfNotFound);
             }
-            done(ffi::av_bsf_alloc(filter, &raw mut context))?;
+            check(ffi::av_bsf_alloc(filter, &raw mut context))?;
             let made = Self(context);
-            done(ffi::avcodec_parameters_copy((*context).par_in, parameters.as_ptr()))?;
+            check(ffi::avcodec_parameters_copy((*context).par_in, parameters.as_ptr()))?;
             (*context).time_base_in = time_base.into();
-            done(ffi::av_bsf_init(context))?;
+            check(ffi::av_bsf_init(context))?;
             Ok(made)
         }
     }
@@ -43,11 +43,11 @@ impl AnnexB {
         // SAFETY: the context was initialised; both packets are valid, and the filter takes ownership of the first's
         // data.
         unsafe {
-            done(ffi::av_bsf_send_packet(self.0, packet.as_mut_ptr()))?;
-            done(ffi::av_bsf_receive_packet(self.0, filtered.as_mut_ptr()))?;
+            check(ffi::av_bsf_send_packet(self.0, packet.as_mut_ptr()))?;
+            check(ffi::av_bsf_receive_packet(self.0, filtered.as_mut_ptr()))?;
         }
         let unit = filtered.data().unwrap_or_default();
-        if is_key && !can_begin_with(FrameCodec::H264, unit) {
+        if is_key && !can_start_decoding(FrameCodec::H264, unit) {
             return Ok([self.parameter_sets(), unit].concat());
         }
         Ok(unit.to_vec())
@@ -75,7 +75,7 @@ impl Drop for AnnexB {
     }
 }
 
-fn done(result: i32) -> Result<(), ff::Error> {
+fn check(result: i32) -> Result<(), ff::Error> {
     if result < 0 { Err(ff::Error::from(result)) } else { Ok(()) }
 }
 

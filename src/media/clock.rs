@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_set_back_goes_on_where_it_was() {
+    fn a_clock_set_back_continues_from_the_last_time() {
         let stamps = [9_000_000, 9_000_040, 100, 140, 180].map(Some);
         assert_eq!(times(Some(9_000_000), 25.0, &stamps), [0.0, 0.04, 0.08, 0.12, 0.16]);
     }
@@ -151,7 +151,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn times_are_finite_and_strictly_increase_whatever_the_stamps(
+        fn times_are_finite_and_strictly_increase_for_any_stamps(
             start in prop::option::of(any::<i64>()),
             rate_hz in prop_oneof![Just(f64::NAN), Just(0.0), Just(-3.0), 0.5f64..2000.0],
             stamps in prop::collection::vec(prop::option::of(-1_000_000_000i64..1_000_000_000), 1..60),

@@ -13,7 +13,7 @@ pub const TICKS_PER_S: i32 = 90_000;
 
 /// The sample format of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Samples {
+pub enum SampleFormat {
     /// 8 bits, chroma halved in both directions: every player supports it.
     Yuv420,
     /// 8 bits, chroma halved across.
@@ -26,14 +26,14 @@ pub enum Samples {
     Yuv444Deep,
 }
 
-impl Samples {
+impl SampleFormat {
     fn pixel(self) -> format::Pixel {
         match self {
-            Samples::Yuv420 => format::Pixel::YUV420P,
-            Samples::Yuv422 => format::Pixel::YUV422P,
-            Samples::Yuv444 => format::Pixel::YUV444P,
-            Samples::Yuv420Deep => format::Pixel::YUV420P10LE,
-            Samples::Yuv444Deep => format::Pixel::YUV444P10LE,
+            SampleFormat::Yuv420 => format::Pixel::YUV420P,
+            SampleFormat::Yuv422 => format::Pixel::YUV422P,
+            SampleFormat::Yuv444 => format::Pixel::YUV444P,
+            SampleFormat::Yuv420Deep => format::Pixel::YUV420P10LE,
+            SampleFormat::Yuv444Deep => format::Pixel::YUV444P10LE,
         }
     }
 }
@@ -90,7 +90,7 @@ pub struct VideoSettings {
     /// Usual frame rate, Hz: a hint for the encoder; the time stamps decide.
     pub fps: f64,
     /// Sample format.
-    pub samples: Samples,
+    pub samples: SampleFormat,
     /// Constant rate factor, 0 (lossless) to 51; 20 is like a good camera.
     pub crf: u8,
 }
@@ -111,17 +111,17 @@ impl VideoWriter {
     /// # Errors
     /// [`EncodeError`] if the encoder is missing or refuses the settings.
     pub fn create(bytes: impl Write + Seek + Send + 'static, settings: VideoSettings) -> Result<Self, EncodeError> {
-        ff::init().map_err(failed("starting FFmpeg"))?;
+        ff::init().map_err(ffmpeg_error("starting FFmpeg"))?;
         ff::log::set_level(ff::log::Level::Quiet);
-        let io = format::context::StreamIo::from_write_seek(bytes).map_err(failed("opening the recording"))?;
+        let io = format::context::StreamIo::from_write_seek(bytes).map_err(ffmpeg_error("opening the recording"))?;
         let mut output =
-            format::output_to_stream(io, None, Some("mp4")).map_err(failed("preparing an MP4 recording"))?;
+            format::output_to_stream(io, None, Some("mp4")).map_err(ffmpeg_error("preparing an MP4 recording"))?;
         let encoder = open_encoder(&settings)?;
-        let mut stream = output.add_stream_with(&encoder).map_err(failed("adding the video stream"))?;
+        let mut stream = output.add_stream_with(&encoder).map_err(ffmpeg_error("adding the video stream"))?;
         stream.set_time_base(Rational(1, TICKS_PER_S));
         let mut options = Dictionary::new();
         options.set("fflags", "+bitexact");
-        output.write_header_with(options).map(drop).map_err(failed("writing the recording's header"))?;
+        output.write_header_with(options).map(drop).map_err(ffmpeg_error("writing the recording's header"))?;
         let stream_time_base = output.stream(0).map_or(Rational(1, TICKS_PER_S), |s| s.time_base());
         Ok(Self { output, encoder, stream_time_base, settings, scaler: None, last_ticks: None })
     }
@@ -136,17 +136,17 @@ impl VideoWriter {
             return Err(EncodeError::Order { time_s: picture.time_s });
         }
         self.last_ticks = Some(ticks);
-        let mut video = self.convert(copied(picture)?)?;
+        let mut video = self.convert(copy_frame(picture)?)?;
         video.set_pts(Some(ticks));
-        self.encoder.send_frame(&video).map_err(failed("encoding a frame"))?;
+        self.encoder.send_frame(&video).map_err(ffmpeg_error("encoding a frame"))?;
         self.drain()
     }
 
     /// Ends the recording. Without it the file cannot be played.
     pub fn finish(mut self) -> Result<(), EncodeError> {
-        self.encoder.send_eof().map_err(failed("ending the encoder"))?;
+        self.encoder.send_eof().map_err(ffmpeg_error("ending the encoder"))?;
         self.drain()?;
-        self.output.write_trailer().map_err(failed("writing the recording's end"))
+        self.output.write_trailer().map_err(ffmpeg_error("writing the recording's end"))
     }
 
     fn convert(&mut self, video: frame::Video) -> Result<frame::Video, EncodeError> {
@@ -159,11 +159,11 @@ impl VideoWriter {
             Some(scaler) if scaler.input().format == from => scaler,
             slot => slot.insert(
                 scaling::Context::get(from, width, height, to, width, height, scaling::Flags::BILINEAR)
-                    .map_err(failed("converting samples"))?,
+                    .map_err(ffmpeg_error("converting samples"))?,
             ),
         };
         let mut converted = frame::Video::empty();
-        scaler.run(&video, &mut converted).map_err(failed("converting samples"))?;
+        scaler.run(&video, &mut converted).map_err(ffmpeg_error("converting samples"))?;
         converted.set_color_space(video.color_space());
         converted.set_color_range(video.color_range());
         Ok(converted)
@@ -176,7 +176,7 @@ impl VideoWriter {
             // Without a duration the container ends at the start of its last frame, and players leave that frame out.
             packet.set_duration((f64::from(TICKS_PER_S) / self.settings.fps).round() as i64);
             packet.rescale_ts(Rational(1, TICKS_PER_S), self.stream_time_base);
-            packet.write_interleaved(&mut self.output).map_err(failed("writing the recording"))?;
+            packet.write_interleaved(&mut self.output).map_err(ffmpeg_error("writing the recording"))?;
         }
         Ok(())
     }
@@ -189,7 +189,8 @@ pub fn ticks(time_s: f64) -> i64 {
 
 fn open_encoder(settings: &VideoSettings) -> Result<encoder::Video, EncodeError> {
     let h264 = encoder::find_by_name("libx264").ok_or(EncodeError::NoEncoder)?;
-    let mut video = codec::Context::new_with_codec(h264).encoder().video().map_err(failed("preparing the encoder"))?;
+    let mut video =
+        codec::Context::new_with_codec(h264).encoder().video().map_err(ffmpeg_error("preparing the encoder"))?;
     video.set_width(settings.width);
     video.set_height(settings.height);
     video.set_format(settings.samples.pixel());
@@ -212,7 +213,7 @@ fn open_encoder(settings: &VideoSettings) -> Result<encoder::Video, EncodeError>
 }
 
 /// Copies a frame's planes into memory that FFmpeg owns.
-pub(super) fn copied(picture: &Frame<'_>) -> Result<frame::Video, EncodeError> {
+pub(super) fn copy_frame(picture: &Frame<'_>) -> Result<frame::Video, EncodeError> {
     let pixel = match (picture.shift_x, picture.shift_y) {
         (1, 1) => format::Pixel::YUV420P,
         (1, 0) => format::Pixel::YUV422P,
@@ -243,7 +244,7 @@ fn copy_plane(plane: Plane<'_>, video: &mut frame::Video, index: usize) {
     }
 }
 
-fn failed(doing: &'static str) -> impl Fn(ff::Error) -> EncodeError {
+fn ffmpeg_error(doing: &'static str) -> impl Fn(ff::Error) -> EncodeError {
     move |source| EncodeError::Ffmpeg { doing, source }
 }
 

@@ -11,11 +11,11 @@ use super::file::check_size;
 use super::frame_size::frame_size;
 use super::picture::Picture;
 use super::picture_maker::{PictureMaker, Rotation};
-use super::{Limits, MediaError};
+use super::{MediaError, MediaLimits};
 use crate::domain::feed::{FrameCodec, TimeBase};
 
 /// Maximum of frames that a decoder may hold back for reordering: H.264 allows 16.
-const MOST_KEPT_BACK: usize = 32;
+const MAX_HELD_BACK: usize = 32;
 
 /// The decoder of one feed.
 pub struct FeedDecoder {
@@ -24,9 +24,9 @@ pub struct FeedDecoder {
     maker: PictureMaker,
     time_base: TimeBase,
     size: (u32, u32),
-    limits: Limits,
+    limits: MediaLimits,
     /// Time, ticks, and number of each frame that was sent to the decoder and not yet returned.
-    inside: Vec<(i64, u64)>,
+    in_decoder: Vec<(i64, u64)>,
     last_time: Option<i64>,
 }
 
@@ -36,8 +36,13 @@ impl FeedDecoder {
     ///
     /// # Errors
     /// [`MediaError`] if the size exceeds the limits, or the decoder cannot be opened.
-    pub fn new(codec: FrameCodec, size: (u32, u32), time_base: TimeBase, limits: Limits) -> Result<Self, MediaError> {
-        ff::init().map_err(failed("starting FFmpeg"))?;
+    pub fn new(
+        codec: FrameCodec,
+        size: (u32, u32),
+        time_base: TimeBase,
+        limits: MediaLimits,
+    ) -> Result<Self, MediaError> {
+        ff::init().map_err(ffmpeg_error("starting FFmpeg"))?;
         ff::log::set_level(ff::log::Level::Quiet);
         check_size(size.0, size.1, limits)?;
         let id = match codec {
@@ -54,9 +59,9 @@ impl FeedDecoder {
         let decoder = context
             .open_as_with(found, options)
             .and_then(|opened| opened.video())
-            .map_err(failed("opening the decoder"))?;
+            .map_err(ffmpeg_error("opening the decoder"))?;
         let maker = PictureMaker::new(Rotation::None);
-        Ok(Self { codec, decoder, maker, time_base, size, limits, inside: Vec::new(), last_time: None })
+        Ok(Self { codec, decoder, maker, time_base, size, limits, in_decoder: Vec::new(), last_time: None })
     }
 
     /// Takes the next frame: its number, its presentation time in ticks, and its bytes. Fetch all pictures with
@@ -64,17 +69,17 @@ impl FeedDecoder {
     ///
     /// # Errors
     /// [`MediaError::SizeChanged`] if the frame states another picture size than was agreed.
-    pub fn take(&mut self, number: u64, time: i64, bytes: &[u8]) -> Result<(), MediaError> {
+    pub fn send_frame(&mut self, number: u64, time: i64, bytes: &[u8]) -> Result<(), MediaError> {
         if let Some(size) = frame_size(self.codec, bytes).filter(|size| *size != self.size) {
             return Err(MediaError::SizeChanged { from: self.size, to: size, frame: number });
         }
         let mut packet = Packet::copy(bytes);
         packet.set_pts(Some(time));
         if self.decoder.send_packet(&packet).is_ok() {
-            if self.inside.len() == MOST_KEPT_BACK {
-                self.inside.remove(0); // damaged: the decoder never returned it
+            if self.in_decoder.len() == MAX_HELD_BACK {
+                self.in_decoder.remove(0); // damaged: the decoder never returned it
             }
-            self.inside.push((time, number));
+            self.in_decoder.push((time, number));
         }
         Ok(())
     }
@@ -92,8 +97,8 @@ impl FeedDecoder {
                 Err(_) => return Ok(None), // it needs more frames, or the frames are damaged
             }
             let Some(time) = video.timestamp().or(video.pts()) else { continue };
-            let Some(place) = self.inside.iter().position(|(shown, _)| *shown == time) else { continue };
-            let (_, number) = self.inside.swap_remove(place);
+            let Some(place) = self.in_decoder.iter().position(|(shown, _)| *shown == time) else { continue };
+            let (_, number) = self.in_decoder.swap_remove(place);
             let size = (video.width(), video.height());
             if size != self.size {
                 return Err(MediaError::SizeChanged { from: self.size, to: size, frame: number });
@@ -107,22 +112,22 @@ impl FeedDecoder {
     }
 
     /// Drops all frames that were sent; the next frame must be a key frame after a gap.
-    pub fn start_over(&mut self) {
+    pub fn reset(&mut self) {
         self.decoder.flush();
-        self.inside.clear();
+        self.in_decoder.clear();
     }
 
     /// Ends the input; the pictures that the decoder held back are then ready.
-    pub fn end(&mut self) {
+    pub fn finish_input(&mut self) {
         let _ = self.decoder.send_eof(); // refused only by a decoder that is already at its end
     }
 
     /// Takes back a picture that is no longer needed, to reuse its memory.
-    pub fn take_back(&mut self, picture: Picture) {
-        self.maker.take_back(picture);
+    pub fn recycle(&mut self, picture: Picture) {
+        self.maker.recycle(picture);
     }
 }
 
-fn failed(doing: &'static str) -> impl Fn(ff::Error) -> MediaError {
+fn ffmpeg_error(doing: &'static str) -> impl Fn(ff::Error) -> MediaError {
     move |source| MediaError::Ffmpeg { doing, source }
 }

@@ -12,7 +12,7 @@ use crate::pipeline::frame::Plane;
 
 /// Copies one field of a plane, which begins at line `first` (0 or 1), and fills the lines between with the mean of
 /// their neighbours.
-pub(super) fn one_field(plane: Plane<'_>, first: usize, into: &mut OwnedPlane) {
+pub(super) fn keep_one_field(plane: Plane<'_>, first: usize, into: &mut OwnedPlane) {
     let (width, height) = (plane.width, plane.height);
     let is_kept = |row: usize| row % 2 == first;
     let line = |row: usize| &plane.data[row * plane.stride..row * plane.stride + width];
@@ -36,13 +36,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_other_field_s_lines_are_made_of_their_neighbours() {
+    fn the_other_fields_lines_are_filled_from_their_neighbours() {
         let lines = [10, 200, 30, 200, 50];
         let data: Vec<u8> = lines.iter().flat_map(|code| [*code, *code, 0]).collect();
         let plane = Plane { data: &data, stride: 3, width: 2, height: 5 };
         let column_of_field = |first: usize| {
             let mut field = OwnedPlane::default();
-            one_field(plane, first, &mut field);
+            keep_one_field(plane, first, &mut field);
             field.data.chunks(2).map(|line| line[1]).collect::<Vec<u8>>()
         };
         assert_eq!(column_of_field(0), [10, 20, 30, 40, 50]);

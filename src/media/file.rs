@@ -3,7 +3,7 @@
 //! A file may be cut anywhere, damaged anywhere or made to harm. So every loop here has a bound, a damaged packet costs
 //! only that packet, and every failure has a reason.
 
-mod few;
+mod by_number;
 
 use std::io::{Read, Seek};
 
@@ -13,7 +13,7 @@ use ffmpeg_next as ff;
 use super::clock::FrameClock;
 use super::picture::Picture;
 use super::picture_maker::{PictureMaker, Rotation};
-use super::{Limits, MediaError};
+use super::{MediaError, MediaLimits};
 
 /// Accepted containers. FFmpeg would otherwise follow playlists to other files (TRUST, finding 1).
 const CONTAINERS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts";
@@ -22,13 +22,13 @@ const CONTAINERS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts";
 const DECODERS: &str = "h264,hevc,vp8,vp9,libdav1d,av1,mjpeg,mpeg4,mpeg2video";
 
 /// Maximum of streams that FFmpeg opens for the count; a file with more ends with an out-of-memory error.
-const MOST_OPENED_STREAMS: &str = "64";
+const MAX_OPENED_STREAMS: &str = "64";
 
 /// Maximum of failed reads in a row; a demuxer that always fails must not block the process.
-pub(super) const MOST_FAILED_READS: u32 = 1_000;
+pub(super) const MAX_FAILED_READS: u32 = 1_000;
 
 /// Maximum of packets in a row without a picture. Ten seconds until a key frame, with sound, are under 2,000 packets.
-const MOST_FRUITLESS_PACKETS: u32 = 50_000;
+const MAX_PACKETS_WITHOUT_PICTURE: u32 = 50_000;
 
 const CODECS: [codec::Id; 8] = [
     codec::Id::H264,
@@ -62,7 +62,7 @@ pub struct VideoFile {
     clock: FrameClock,
     maker: PictureMaker,
     info: RecordingInfo,
-    limits: Limits,
+    limits: MediaLimits,
     decoded: u64,
     pending: Option<ff::Packet>,
     drained: bool,
@@ -74,20 +74,23 @@ impl VideoFile {
     ///
     /// # Errors
     /// [`MediaError`] if the recording cannot be read, is not accepted or exceeds the limits.
-    pub fn open(bytes: impl Read + Seek + Send + 'static, limits: Limits) -> Result<Self, MediaError> {
-        ff::init().map_err(failed("starting FFmpeg"))?;
+    pub fn open(bytes: impl Read + Seek + Send + 'static, limits: MediaLimits) -> Result<Self, MediaError> {
+        ff::init().map_err(ffmpeg_error("starting FFmpeg"))?;
         ff::log::set_level(ff::log::Level::Quiet);
-        let io = format::context::StreamIo::from_read_seek(bytes).map_err(failed("opening the recording"))?;
-        let input = format::input_from_stream(io, None, Some(wary_of(CONTAINERS))).map_err(|source| match source {
-            NO_MEMORY => MediaError::Memory,
-            other => MediaError::Container(other.to_string()),
-        })?;
+        let io = format::context::StreamIo::from_read_seek(bytes).map_err(ffmpeg_error("opening the recording"))?;
+        let input =
+            format::input_from_stream(io, None, Some(untrusted_options(CONTAINERS))).map_err(
+                |source| match source {
+                    NO_MEMORY => MediaError::Memory,
+                    other => MediaError::Container(other.to_string()),
+                },
+            )?;
         check_codec(&input)?;
         Self::from_input(input, limits)
     }
 
     /// Wraps an input that is already open, with any codec: for trusted sources.
-    pub(super) fn from_input(input: format::context::Input, limits: Limits) -> Result<Self, MediaError> {
+    pub(super) fn from_input(input: format::context::Input, limits: MediaLimits) -> Result<Self, MediaError> {
         check_streams(&input, limits)?;
         let stream = input.streams().best(media::Type::Video).ok_or(MediaError::NoVideo)?;
         let (width, height) = stated_size(&stream)?;
@@ -96,8 +99,8 @@ impl VideoFile {
         let clock = clock_of(&stream, rate)?;
         let listed = u64::try_from(stream.frames()).ok().filter(|&n| n > 0);
         let duration_s = stated_duration(input.duration());
-        if let Some(duration_s) = duration_s.filter(|&d| d > limits.duration_s && is_borne_out(d, listed)) {
-            return Err(over("the duration in seconds", duration_s, limits.duration_s));
+        if let Some(duration_s) = duration_s.filter(|&d| d > limits.duration_s && is_plausible_duration(d, listed)) {
+            return Err(over_limit("the duration in seconds", duration_s, limits.duration_s));
         }
         let has_rate = rate.is_finite() && rate > 0.0;
         let frames_expected = listed.or(duration_s.filter(|_| has_rate).map(|d| (d * rate).round() as u64));
@@ -137,7 +140,7 @@ impl VideoFile {
     /// [`MediaError`] if no frame can be decoded, the picture changes its size or a limit is exceeded.
     pub fn next_picture(&mut self) -> Result<Option<Picture>, MediaError> {
         let mut video = self.maker.frame_to_fill();
-        for _ in 0..MOST_FRUITLESS_PACKETS {
+        for _ in 0..MAX_PACKETS_WITHOUT_PICTURE {
             match self.decoder.receive_frame(&mut video) {
                 Ok(()) => return self.picture(video).map(Some),
                 Err(NO_MEMORY) => return Err(MediaError::Memory),
@@ -150,13 +153,13 @@ impl VideoFile {
     }
 
     /// Puts back a packet that was read ahead.
-    pub(super) fn unread(&mut self, packet: ff::Packet) {
+    pub(super) fn put_back(&mut self, packet: ff::Packet) {
         self.pending = Some(packet);
     }
 
     /// Takes back a picture that is no longer needed, to reuse its memory.
-    pub fn take_back(&mut self, picture: Picture) {
-        self.maker.take_back(picture);
+    pub fn recycle(&mut self, picture: Picture) {
+        self.maker.recycle(picture);
     }
 
     fn end(&self) -> Result<Option<Picture>, MediaError> {
@@ -192,7 +195,7 @@ impl VideoFile {
 
     fn read_packet(&mut self) -> Option<ff::Packet> {
         let mut packet = ff::Packet::empty();
-        for _ in 0..MOST_FAILED_READS {
+        for _ in 0..MAX_FAILED_READS {
             match packet.read(&mut self.input) {
                 Ok(()) => return Some(packet),
                 Err(ff::Error::Eof) => return None,
@@ -210,11 +213,11 @@ impl VideoFile {
             return Err(MediaError::SizeChanged { from: first, to: size, frame: self.decoded });
         }
         if self.decoded >= self.limits.frames {
-            return Err(over("the number of frames", self.decoded + 1, self.limits.frames));
+            return Err(over_limit("the number of frames", self.decoded + 1, self.limits.frames));
         }
         let time_s = self.clock.time_s(video.timestamp().or(video.pts()));
         if time_s > self.limits.duration_s {
-            return Err(over("the duration in seconds", time_s, self.limits.duration_s));
+            return Err(over_limit("the duration in seconds", time_s, self.limits.duration_s));
         }
         let picture = self.maker.make(video, self.decoded, time_s)?;
         self.decoded += 1;
@@ -226,12 +229,12 @@ const NO_MEMORY: ff::Error = ff::Error::Other { errno: ff::error::ENOMEM };
 const AGAIN: ff::Error = ff::Error::Other { errno: ff::error::EAGAIN };
 
 /// FFmpeg options for untrusted bytes: only these containers, our decoders, and no access to anything else.
-pub(super) fn wary_of(containers: &str) -> Dictionary<'static> {
+pub(super) fn untrusted_options(containers: &str) -> Dictionary<'static> {
     let mut options = Dictionary::new();
     options.set("format_whitelist", containers);
     options.set("protocol_whitelist", "");
     options.set("codec_whitelist", DECODERS);
-    options.set("max_streams", MOST_OPENED_STREAMS);
+    options.set("max_streams", MAX_OPENED_STREAMS);
     options
 }
 
@@ -242,9 +245,9 @@ pub(super) fn check_codec(input: &format::context::Input) -> Result<(), MediaErr
     }
 }
 
-pub(super) fn check_streams(input: &format::context::Input, limits: Limits) -> Result<(), MediaError> {
+pub(super) fn check_streams(input: &format::context::Input, limits: MediaLimits) -> Result<(), MediaError> {
     let streams = input.streams().count();
-    if streams > limits.streams { Err(over("the number of streams", streams, limits.streams)) } else { Ok(()) }
+    if streams > limits.streams { Err(over_limit("the number of streams", streams, limits.streams)) } else { Ok(()) }
 }
 
 /// The picture's size, as probing found it.
@@ -264,7 +267,7 @@ fn stated_duration(ticks: i64) -> Option<f64> {
 
 /// True if the container lists at least one frame per second of the stated duration. A placeholder, or a duration that
 /// is wrong because a clock was set, is no reason to refuse a recording; its frames will show how long it is.
-fn is_borne_out(duration_s: f64, frames_listed: Option<u64>) -> bool {
+fn is_plausible_duration(duration_s: f64, frames_listed: Option<u64>) -> bool {
     frames_listed.is_some_and(|frames| duration_s <= frames as f64)
 }
 
@@ -277,8 +280,9 @@ pub(super) fn clock_of(stream: &format::stream::Stream<'_>, rate_hz: f64) -> Res
     Ok(FrameClock::new(seconds_per_tick, start, rate_hz))
 }
 
-fn open_decoder(stream: &format::stream::Stream<'_>, limits: Limits) -> Result<ff::decoder::Video, MediaError> {
-    let context = codec::Context::from_parameters(stream.parameters()).map_err(failed("reading codec parameters"))?;
+fn open_decoder(stream: &format::stream::Stream<'_>, limits: MediaLimits) -> Result<ff::decoder::Video, MediaError> {
+    let context =
+        codec::Context::from_parameters(stream.parameters()).map_err(ffmpeg_error("reading codec parameters"))?;
     let mut options = Dictionary::new();
     options.set("threads", &limits.threads.max(1).to_string());
     options.set("thread_type", "frame+slice");
@@ -288,7 +292,7 @@ fn open_decoder(stream: &format::stream::Stream<'_>, limits: Limits) -> Result<f
     decoder
         .open_as_with(stream.parameters().id(), options)
         .and_then(|opened| opened.video())
-        .map_err(failed("opening the decoder"))
+        .map_err(ffmpeg_error("opening the decoder"))
 }
 
 pub(super) fn rotation_of(stream: &format::stream::Stream<'_>) -> Rotation {
@@ -304,10 +308,10 @@ pub(super) fn rotation_of(stream: &format::stream::Stream<'_>) -> Rotation {
     }
 }
 
-pub(super) fn check_size(width: u32, height: u32, limits: Limits) -> Result<(), MediaError> {
+pub(super) fn check_size(width: u32, height: u32, limits: MediaLimits) -> Result<(), MediaError> {
     let (long, short) = (width.max(height), width.min(height));
     if long > limits.width.max(limits.height) || short > limits.width.min(limits.height) {
-        return Err(over(
+        return Err(over_limit(
             "the picture",
             format!("{width}×{height} pixels"),
             format!("{}×{}", limits.width, limits.height),
@@ -316,10 +320,10 @@ pub(super) fn check_size(width: u32, height: u32, limits: Limits) -> Result<(), 
     Ok(())
 }
 
-fn failed(doing: &'static str) -> impl Fn(ff::Error) -> MediaError {
+fn ffmpeg_error(doing: &'static str) -> impl Fn(ff::Error) -> MediaError {
     move |source| MediaError::Ffmpeg { doing, source }
 }
 
-fn over(what: &'static str, value: impl ToString, limit: impl ToString) -> MediaError {
+fn over_limit(what: &'static str, value: impl ToString, limit: impl ToString) -> MediaError {
     MediaError::OverLimit { what, value: value.to_string(), limit: limit.to_string() }
 }

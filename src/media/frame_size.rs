@@ -35,7 +35,7 @@ fn jpeg_size(mut bytes: &[u8]) -> Option<(u32, u32)> {
 
 /// True if a sequence parameter set comes before the frame's first slice; the parser does not look further either. The
 /// byte after the start code gives the unit's type (ITU-T H.264, B.1 and table 7-1).
-fn says_its_size(frame: &[u8]) -> bool {
+fn has_parameter_set(frame: &[u8]) -> bool {
     const SLICES: [u8; 2] = [1, 5];
     const PARAMETERS: u8 = 7;
     let units = frame.windows(4).filter(|bytes| bytes.starts_with(&[0, 0, 1])).map(|bytes| bytes[3] & 0x1f);
@@ -44,7 +44,7 @@ fn says_its_size(frame: &[u8]) -> bool {
 
 /// Reads the sequence parameter set with FFmpeg's parser. Most frames have none, so no parser is created for them.
 fn h264_size(frame: &[u8]) -> Option<(u32, u32)> {
-    if !says_its_size(frame) {
+    if !has_parameter_set(frame) {
         return None;
     }
     let length = i32::try_from(frame.len()).ok()?;
@@ -98,9 +98,9 @@ mod tests {
     #[test]
     fn a_frame_of_h264_says_its_size_before_its_first_slice_or_not_at_all() {
         let (delimiter, parameters, slice) = ([0, 0, 1, 9, 0xf0], [0, 0, 1, 0x67, 0x42], [0, 0, 1, 0x65, 0x88]);
-        assert!(says_its_size(&[delimiter, parameters, slice].concat()));
-        assert!(!says_its_size(&[delimiter, slice, parameters].concat()));
-        assert!(!says_its_size(&delimiter[..3]));
+        assert!(has_parameter_set(&[delimiter, parameters, slice].concat()));
+        assert!(!has_parameter_set(&[delimiter, slice, parameters].concat()));
+        assert!(!has_parameter_set(&delimiter[..3]));
     }
 
     proptest! {

@@ -4,30 +4,30 @@ use ff::{Dictionary, Packet, Rational, codec, encoder, format, frame, software::
 use ffmpeg_next as ff;
 use ffmpeg_next::ffi;
 
-use super::encode::{EncodeError, copied};
-use crate::domain::feed::MOST_PAYLOAD;
+use super::encode::{EncodeError, copy_frame};
+use crate::domain::feed::MAX_PAYLOAD;
 use crate::pipeline::frame::{ColourEncoding, Frame, Matrix, Range};
 
 /// Size and quality of JPEGs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JpegStyle {
     /// Maximum width, pixels; a wider picture is shrunk by a whole factor.
-    widest: usize,
+    max_width: usize,
     /// Quantiser scales, best first; the next one is used if a picture is longer than a feed allows.
     quantisers: [i32; 4],
 }
 
 impl JpegStyle {
     /// For measurement: the first scale shifts an edge by less than the camera's own noise.
-    pub const FULL: Self = Self { widest: usize::MAX, quantisers: [2, 4, 8, 16] };
+    pub const FULL: Self = Self { max_width: usize::MAX, quantisers: [2, 4, 8, 16] };
     /// For viewing at many frames a second: 960×540 take some 40 KB.
-    pub const SMALL: Self = Self { widest: 960, quantisers: [5, 8, 12, 16] };
+    pub const SMALL: Self = Self { max_width: 960, quantisers: [5, 8, 12, 16] };
 }
 
 /// Codes pictures as JPEGs.
 pub struct JpegMaker {
     style: JpegStyle,
-    coder: Option<Coder>,
+    coder: Option<JpegCoder>,
 }
 
 impl JpegMaker {
@@ -41,30 +41,30 @@ impl JpegMaker {
     /// # Errors
     /// A chroma resolution that JPEG does not support, or FFmpeg's error if the encoder or memory is missing.
     pub fn code(&mut self, picture: &Frame<'_>) -> Result<Vec<u8>, EncodeError> {
-        let of = Of {
+        let of = PictureKind {
             width: picture.width(),
             height: picture.height(),
             shift: (picture.shift_x, picture.shift_y),
             encoding: picture.encoding,
         };
         match &mut self.coder {
-            Some(coder) if coder.of == of => coder.code(picture, self.style),
-            slot => slot.insert(Coder::new(of, self.style)?).code(picture, self.style),
+            Some(coder) if coder.kind == of => coder.code(picture, self.style),
+            slot => slot.insert(JpegCoder::new(of, self.style)?).code(picture, self.style),
         }
     }
 }
 
 /// The encoder for pictures of one kind.
-struct Coder {
+struct JpegCoder {
     encoder: encoder::Video,
     scaler: scaling::Context,
-    of: Of,
-    made: i64,
+    kind: PictureKind,
+    coded_count: i64,
 }
 
 /// The kind of pictures that a coder is made for.
 #[derive(Clone, Copy, PartialEq)]
-struct Of {
+struct PictureKind {
     width: usize,
     height: usize,
     shift: (u8, u8),
@@ -72,10 +72,10 @@ struct Of {
 }
 
 // SAFETY: encoder and scaler are not bound to a thread, and only their owner can use them.
-unsafe impl Send for Coder {}
+unsafe impl Send for JpegCoder {}
 
-impl Coder {
-    fn new(of: Of, style: JpegStyle) -> Result<Self, EncodeError> {
+impl JpegCoder {
+    fn new(of: PictureKind, style: JpegStyle) -> Result<Self, EncodeError> {
         use format::Pixel::*;
         let (from, to) = match of.shift {
             (1, 1) => (YUV420P, YUVJ420P),
@@ -83,12 +83,12 @@ impl Coder {
             (0, 0) => (YUV444P, YUVJ444P),
             (x, y) => return Err(EncodeError::Chroma { x, y }),
         };
-        let step = of.width.div_ceil(style.widest).max(1);
+        let step = of.width.div_ceil(style.max_width).max(1);
         let ((width, height), small) = ((of.width as u32, of.height as u32), |size: usize| (size / step).max(1) as u32);
         let (to_width, to_height) = (small(of.width), small(of.height));
         let codec = encoder::find(codec::Id::MJPEG).ok_or(EncodeError::NoEncoder)?;
         let context = codec::Context::new_with_codec(codec);
-        let mut video = context.encoder().video().map_err(failed("preparing the JPEG encoder"))?;
+        let mut video = context.encoder().video().map_err(ffmpeg_error("preparing the JPEG encoder"))?;
         video.set_width(to_width);
         video.set_height(to_height);
         video.set_format(to);
@@ -97,12 +97,12 @@ impl Coder {
         video.set_flags(codec::Flags::QSCALE);
         let mut options = Dictionary::new();
         options.set("threads", "1");
-        let encoder = video.open_with(options).map_err(failed("opening the JPEG encoder"))?;
+        let encoder = video.open_with(options).map_err(ffmpeg_error("opening the JPEG encoder"))?;
         // Not the fast bilinear scaler: it generates machine code at run time, which a confined child must not do.
         let flags =
             if step > 1 { scaling::Flags::AREA } else { scaling::Flags::BILINEAR | scaling::Flags::ACCURATE_RND };
         let mut scaler = scaling::Context::get(from, width, height, to, to_width, to_height, flags)
-            .map_err(failed("preparing the conversion to JPEG's colours"))?;
+            .map_err(ffmpeg_error("preparing the conversion to JPEG's colours"))?;
         let matrix = match of.encoding.matrix {
             Matrix::Bt601 => ffi::SWS_CS_ITU601,
             Matrix::Bt709 => ffi::SWS_CS_ITU709,
@@ -116,23 +116,23 @@ impl Coder {
             ffi::sws_setColorspaceDetails(scaler.as_mut_ptr(), from, is_full, to, 1, 0, 1 << 16, 1 << 16)
         };
         if set < 0 {
-            return Err(failed("preparing the conversion to JPEG's colours")(ff::Error::from(set)));
+            return Err(ffmpeg_error("preparing the conversion to JPEG's colours")(ff::Error::from(set)));
         }
-        Ok(Self { encoder, scaler, of, made: 0 })
+        Ok(Self { encoder, scaler, kind: of, coded_count: 0 })
     }
 
     fn code(&mut self, picture: &Frame<'_>, style: JpegStyle) -> Result<Vec<u8>, EncodeError> {
         let mut converted = frame::Video::empty();
-        self.scaler.run(&copied(picture)?, &mut converted).map_err(failed("converting to JPEG's colours"))?;
+        self.scaler.run(&copy_frame(picture)?, &mut converted).map_err(ffmpeg_error("converting to JPEG's colours"))?;
         let mut packet = Packet::empty();
         for quantiser in style.quantisers {
-            self.made += 1;
-            converted.set_pts(Some(self.made)); // must increase, or the encoder refuses the frame
+            self.coded_count += 1;
+            converted.set_pts(Some(self.coded_count)); // must increase, or the encoder refuses the frame
             // SAFETY: the frame is valid and owned by this function.
             unsafe { (*converted.as_mut_ptr()).quality = quantiser * ffi::FF_QP2LAMBDA };
-            self.encoder.send_frame(&converted).map_err(failed("coding a JPEG"))?;
-            self.encoder.receive_packet(&mut packet).map_err(failed("coding a JPEG"))?;
-            if packet.size() <= MOST_PAYLOAD {
+            self.encoder.send_frame(&converted).map_err(ffmpeg_error("coding a JPEG"))?;
+            self.encoder.receive_packet(&mut packet).map_err(ffmpeg_error("coding a JPEG"))?;
+            if packet.size() <= MAX_PAYLOAD {
                 break;
             }
         }
@@ -140,7 +140,7 @@ impl Coder {
     }
 }
 
-fn failed(doing: &'static str) -> impl Fn(ff::Error) -> EncodeError {
+fn ffmpeg_error(doing: &'static str) -> impl Fn(ff::Error) -> EncodeError {
     move |source| EncodeError::Ffmpeg { doing, source }
 }
 
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_are_those_of_the_source_whatever_its_matrix_and_range() {
+    fn colours_are_those_of_the_source_for_any_matrix_and_range() {
         // Pure red in each encoding, by the standards' own formulas.
         let red = |matrix, range, codes| (shown(codes, ColourEncoding { range, matrix }), [255, 0, 0]);
         for (shown, meant) in [

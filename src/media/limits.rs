@@ -2,7 +2,7 @@
 
 /// Limits of one recording; a recording beyond them is refused with a reason.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
+pub struct MediaLimits {
     /// Maximum width of the picture, pixels.
     pub width: u32,
     /// Maximum height of the picture, pixels.
@@ -18,7 +18,7 @@ pub struct Limits {
     pub threads: usize,
 }
 
-impl Default for Limits {
+impl Default for MediaLimits {
     fn default() -> Self {
         Self { width: 4096, height: 2304, streams: 8, duration_s: 4.0 * 3600.0, frames: 1_000_000, threads: 2 }
     }

@@ -10,7 +10,6 @@
 //! A [`VideoFile`] decodes on the caller's thread; a [`ReadAhead`] decodes on its own thread while the caller processes
 //! the previous picture.
 
-mod ahead;
 mod annexb;
 mod clock;
 mod device;
@@ -25,20 +24,21 @@ mod mux;
 pub mod photo;
 mod picture;
 mod picture_maker;
+mod read_ahead;
 mod source;
 #[cfg(test)]
 mod testing;
 
-pub use ahead::ReadAhead;
-pub use encode::{EncodeError, Samples, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
+pub use encode::{EncodeError, SampleFormat, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
 pub use feed_decoder::FeedDecoder;
 pub use file::{RecordingInfo, VideoFile};
 pub use frame_size::frame_size;
 pub use jpeg::{JpegMaker, JpegStyle};
-pub use limits::Limits;
-pub use mux::{CodedFrame, MuxError, Muxer, Stream, can_begin_with};
+pub use limits::MediaLimits;
+pub use mux::{CodedFrame, MuxError, Muxer, Stream, can_start_decoding};
 pub use picture::Picture;
-pub use source::{CapturedFrame, Source, SourceError, SourceInfo};
+pub use read_ahead::ReadAhead;
+pub use source::{CaptureSource, CapturedFrame, SourceError, SourceInfo};
 
 /// Why a recording cannot be read, or not to its end.
 #[derive(Debug, thiserror::Error)]

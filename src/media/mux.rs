@@ -64,20 +64,20 @@ impl Muxer {
     /// # Errors
     /// [`MuxError`] if the first frame has no parameter sets, or FFmpeg fails.
     pub fn create(bytes: impl Write + Seek + Send + 'static, stream: Stream<'_>) -> Result<Self, MuxError> {
-        ff::init().map_err(failed("starting FFmpeg"))?;
+        ff::init().map_err(ffmpeg_error("starting FFmpeg"))?;
         ff::log::set_level(ff::log::Level::Quiet);
-        let io = format::context::StreamIo::from_write_seek(bytes).map_err(failed("opening the recording"))?;
+        let io = format::context::StreamIo::from_write_seek(bytes).map_err(ffmpeg_error("opening the recording"))?;
         let mut output =
-            format::output_to_stream(io, None, Some("mp4")).map_err(failed("preparing an MP4 recording"))?;
+            format::output_to_stream(io, None, Some("mp4")).map_err(ffmpeg_error("preparing an MP4 recording"))?;
         let (num, den) = stream.time_base.fraction();
         let from = Rational(num as i32, den as i32); // checked: at most i32::MAX
-        let mut track = output.add_stream(None::<ff::Codec>).map_err(failed("adding the video"))?;
+        let mut track = output.add_stream(None::<ff::Codec>).map_err(ffmpeg_error("adding the video"))?;
         track.set_time_base(from);
         track.set_parameters(parameters(stream)?);
         let mut options = Dictionary::new();
         options.set("fflags", "+bitexact");
         options.set("video_track_timescale", &den.to_string()); // keeps the times exact
-        output.write_header_with(options).map(drop).map_err(failed("writing the recording's header"))?;
+        output.write_header_with(options).map(drop).map_err(ffmpeg_error("writing the recording's header"))?;
         let to = output.stream(0).map_or(from, |s| s.time_base());
         Ok(Self { output, from, to })
     }
@@ -93,17 +93,17 @@ impl Muxer {
             packet.set_flags(packet::Flags::KEY);
         }
         packet.rescale_ts(self.from, self.to);
-        packet.write(&mut self.output).map(drop).map_err(failed("writing the recording"))
+        packet.write(&mut self.output).map(drop).map_err(ffmpeg_error("writing the recording"))
     }
 
     /// Ends the recording. Without it the file cannot be played.
     pub fn finish(mut self) -> Result<(), MuxError> {
-        self.output.write_trailer().map_err(failed("writing the recording's end"))
+        self.output.write_trailer().map_err(ffmpeg_error("writing the recording's end"))
     }
 }
 
 /// True if a decoder can begin with this frame.
-pub fn can_begin_with(codec: FrameCodec, frame: &[u8]) -> bool {
+pub fn can_start_decoding(codec: FrameCodec, frame: &[u8]) -> bool {
     codec == FrameCodec::Jpeg || parameter_sets(frame).is_some()
 }
 
@@ -125,7 +125,9 @@ fn parameters(stream: Stream<'_>) -> Result<codec::Parameters, MuxError> {
             let padded = sets.len() + ffi::AV_INPUT_BUFFER_PADDING_SIZE as usize;
             let memory = ffi::av_mallocz(padded).cast::<u8>();
             if memory.is_null() {
-                return Err(failed("making memory for parameter sets")(ff::Error::from(ffi::AVERROR(libc::ENOMEM))));
+                return Err(ffmpeg_error("making memory for parameter sets")(ff::Error::from(ffi::AVERROR(
+                    libc::ENOMEM,
+                ))));
             }
             std::ptr::copy_nonoverlapping(sets.as_ptr(), memory, sets.len());
             (*raw).extradata = memory;
@@ -165,7 +167,7 @@ fn nal_units(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-fn failed(doing: &'static str) -> impl Fn(ff::Error) -> MuxError {
+fn ffmpeg_error(doing: &'static str) -> impl Fn(ff::Error) -> MuxError {
     move |source| MuxError::Ffmpeg { doing, source }
 }
 

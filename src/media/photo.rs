@@ -10,12 +10,12 @@ use std::io::{BufRead, BufReader, Read, Seek};
 use image::{DynamicImage, ImageDecoder, ImageReader};
 
 use super::file::check_size;
-use super::{Limits, MediaError, Picture, VideoFile};
+use super::{MediaError, MediaLimits, Picture, VideoFile};
 use crate::pipeline::frame::Plane;
 
 /// Maximum memory for decoding one photo, bytes. A picture of the largest size in [`MediaLimits`] with four channels of
 /// sixteen bits takes 75 MB.
-const MOST_BYTES: u64 = 256 << 20;
+const MAX_BYTES: u64 = 256 << 20;
 
 /// The luma of a photo, 0–255; owns its memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -50,14 +50,14 @@ pub fn is_photo(first_bytes: &[u8]) -> bool {
 
 /// Reads a JPEG or PNG photo. [`MediaError::Photo`] if it is none or damaged, [`MediaError::OverLimit`] if it is larger
 /// than a recording may be.
-pub fn read_luma(bytes: impl BufRead + Seek, limits: Limits) -> Result<Luma, MediaError> {
+pub fn read_luma(bytes: impl BufRead + Seek, limits: MediaLimits) -> Result<Luma, MediaError> {
     let picture = decode(bytes, limits)?;
     let (width, height) = (picture.width(), picture.height());
     Ok(Luma { data: luma(picture), width, height })
 }
 
 /// The picture of a photo, or the first frame of a video. Errors as [`read_luma`] and [`VideoFile`].
-pub fn first_picture(mut file: File, limits: Limits) -> Result<Picture, MediaError> {
+pub fn first_picture(mut file: File, limits: MediaLimits) -> Result<Picture, MediaError> {
     const ENOUGH_TO_TELL: u64 = 64;
     let mut beginning = Vec::new();
     let rewound = (&mut file).take(ENOUGH_TO_TELL).read_to_end(&mut beginning).and_then(|_| file.rewind());
@@ -69,16 +69,16 @@ pub fn first_picture(mut file: File, limits: Limits) -> Result<Picture, MediaErr
 }
 
 /// Reads a JPEG or PNG photo in colour, as the frame of this number in a recording. Errors as [`read_luma`].
-pub fn read_picture(bytes: impl BufRead + Seek, index: u64, limits: Limits) -> Result<Picture, MediaError> {
+pub fn read_picture(bytes: impl BufRead + Seek, index: u64, limits: MediaLimits) -> Result<Picture, MediaError> {
     let rgb = decode(bytes, limits)?.into_rgb8();
     let (width, height) = rgb.dimensions();
     Ok(Picture::from_rgb(rgb.as_raw(), width as usize, height as usize, index))
 }
 
-fn decode(bytes: impl BufRead + Seek, limits: Limits) -> Result<DynamicImage, MediaError> {
+fn decode(bytes: impl BufRead + Seek, limits: MediaLimits) -> Result<DynamicImage, MediaError> {
     let mut reader = ImageReader::new(bytes).with_guessed_format().map_err(unreadable)?;
     let mut bounds = image::Limits::default();
-    bounds.max_alloc = Some(MOST_BYTES);
+    bounds.max_alloc = Some(MAX_BYTES);
     reader.limits(bounds);
     let mut decoder = reader.into_decoder().map_err(unreadable)?;
     let (width, height) = decoder.dimensions();
@@ -131,7 +131,7 @@ mod tests {
     #[test]
     fn grey_levels_come_through_untouched() {
         let picture = GrayImage::from_fn(5, 3, |x, y| Grey([(40 * x + y) as u8]));
-        let luma = read_luma(png(&picture.clone().into()), Limits::default()).unwrap();
+        let luma = read_luma(png(&picture.clone().into()), MediaLimits::default()).unwrap();
         assert_eq!((luma.width(), luma.height(), luma.plane().data), (5, 3, picture.as_raw().as_slice()));
     }
 
@@ -139,7 +139,7 @@ mod tests {
     fn colour_weighs_as_in_a_jpegs_own_luma() {
         let colours = [[255, 255, 255], [255, 0, 0], [0, 255, 0], [0, 0, 255], [0, 0, 0]];
         let picture = RgbImage::from_fn(5, 1, |x, _| Rgb(colours[x as usize]));
-        let luma = read_luma(png(&picture.into()), Limits::default()).unwrap();
+        let luma = read_luma(png(&picture.into()), MediaLimits::default()).unwrap();
         assert_eq!(luma.plane().data, [255, 76, 150, 29, 0]);
     }
 
@@ -151,7 +151,7 @@ mod tests {
         encoder.set_exif_metadata(exif(6)).unwrap(); // display a quarter turn clockwise
         encoder.write_image(picture.as_raw(), 32, 16, ExtendedColorType::L8).unwrap();
         bytes.rewind().unwrap();
-        let luma = read_luma(bytes, Limits::default()).unwrap();
+        let luma = read_luma(bytes, MediaLimits::default()).unwrap();
         assert_eq!((luma.width(), luma.height()), (16, 32));
         assert!(luma.plane().at(8, 2) < 60 && luma.plane().at(8, 29) > 180);
     }
@@ -159,7 +159,7 @@ mod tests {
     #[test]
     fn what_is_no_photo_is_refused() {
         for bytes in [&b""[..], b"not a photo at all", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff\xe0"] {
-            let refused = read_luma(Cursor::new(bytes), Limits::default());
+            let refused = read_luma(Cursor::new(bytes), MediaLimits::default());
             assert!(matches!(refused, Err(MediaError::Photo(_))), "{bytes:?}: {refused:?}");
         }
     }
@@ -168,7 +168,7 @@ mod tests {
     fn a_cut_photo_is_refused() {
         let mut bytes = png(&GrayImage::from_fn(64, 64, |x, y| Grey([(x * y) as u8])).into()).into_inner();
         bytes.truncate(bytes.len() / 2);
-        assert!(matches!(read_luma(Cursor::new(bytes), Limits::default()), Err(MediaError::Photo(_))));
+        assert!(matches!(read_luma(Cursor::new(bytes), MediaLimits::default()), Err(MediaError::Photo(_))));
     }
 
     #[test]
@@ -177,7 +177,7 @@ mod tests {
         bytes[16..24].copy_from_slice(&[0, 0, 0x40, 0, 0, 0, 0x22, 0]); // 16384×8704 in the header, nothing behind it
         let sum = crc(&bytes[12..29]);
         bytes[29..33].copy_from_slice(&sum.to_be_bytes());
-        let refused = read_luma(Cursor::new(bytes), Limits::default());
+        let refused = read_luma(Cursor::new(bytes), MediaLimits::default());
         let Err(MediaError::OverLimit { value, .. }) = refused else { panic!("{refused:?}") };
         assert!(value.contains("16384×8704"), "{value}");
     }

@@ -45,7 +45,7 @@ impl Picture {
     }
 
     /// The same picture, marked as one field of an interlaced frame.
-    pub(super) fn of_one_field(self) -> Self {
+    pub(super) fn as_one_field(self) -> Self {
         Self { is_interlaced: true, ..self }
     }
 
@@ -82,7 +82,7 @@ impl Picture {
     }
 
     /// Memory of its planes, bytes.
-    pub(super) fn bytes(&self) -> usize {
+    pub(super) fn memory_bytes(&self) -> usize {
         let frame = self.frame();
         [frame.y, frame.u, frame.v].iter().map(|plane| plane.data.len()).sum()
     }

@@ -4,7 +4,7 @@
 use ffmpeg_next::{format, frame, software::scaling, util::color};
 
 use super::MediaError;
-use super::fields::one_field;
+use super::fields::keep_one_field;
 use super::picture::{OwnedPlane, Picture, PlanarFrame, Planes, plane_of};
 use crate::pipeline::frame::{ColourEncoding, Matrix, Plane, Range};
 
@@ -35,12 +35,12 @@ impl Rotation {
 pub(super) struct PictureMaker {
     rotation: Rotation,
     scaler: Option<Scaler>,
-    spare: Spare,
+    spare: SpareMemory,
 }
 
 /// Memory of returned pictures. Its amount equals the number of pictures in use, which the caller bounds.
 #[derive(Default)]
-struct Spare {
+struct SpareMemory {
     decoded: Vec<frame::Video>,
     converted: Vec<frame::Video>,
     turned: Vec<[OwnedPlane; 3]>,
@@ -48,7 +48,7 @@ struct Spare {
 
 impl PictureMaker {
     pub(super) fn new(rotation: Rotation) -> Self {
-        Self { rotation, scaler: None, spare: Spare::default() }
+        Self { rotation, scaler: None, spare: SpareMemory::default() }
     }
 
     /// A frame for the decoder to fill; the buffer that it still refers to then goes back to the decoder.
@@ -57,7 +57,7 @@ impl PictureMaker {
     }
 
     /// Takes the memory of a picture that is no longer needed.
-    pub(super) fn take_back(&mut self, picture: Picture) {
+    pub(super) fn recycle(&mut self, picture: Picture) {
         match picture.into_planes() {
             Planes::Frame(planar) => self.spare.keep(planar),
             Planes::Owned(planes) => self.spare.turned.push(planes),
@@ -84,14 +84,14 @@ impl PictureMaker {
             (first_line, turn) => {
                 let mut changed = self.spare.turned.pop().unwrap_or_default();
                 for (i, into) in changed.iter_mut().enumerate() {
-                    change_plane(plane_of(&planar.frame, i), first_line, turn, into);
+                    copy_changed(plane_of(&planar.frame, i), first_line, turn, into);
                 }
                 self.spare.keep(planar);
                 Planes::Owned(changed)
             }
         };
         let picture = Picture::new(planes, shift, encoding, index, time_s);
-        if first_line.is_some() { picture.of_one_field() } else { picture }
+        if first_line.is_some() { picture.as_one_field() } else { picture }
     }
 
     /// Converts to 8-bit planar: 8-bit planar frames stay unchanged, deeper ones keep their chroma resolution, any
@@ -132,7 +132,7 @@ impl PictureMaker {
     }
 }
 
-impl Spare {
+impl SpareMemory {
     fn keep(&mut self, planar: PlanarFrame) {
         let spare = if planar.is_converted { &mut self.converted } else { &mut self.decoded };
         spare.push(planar.frame);
@@ -180,20 +180,20 @@ fn encoding_of(video: &frame::Video) -> ColourEncoding {
 }
 
 /// Fills a plane with another plane, or one field of it, rotated.
-fn change_plane(plane: Plane<'_>, first_line: Option<usize>, turn: Rotation, into: &mut OwnedPlane) {
+fn copy_changed(plane: Plane<'_>, first_line: Option<usize>, turn: Rotation, into: &mut OwnedPlane) {
     match (first_line, turn) {
-        (Some(first), Rotation::None) => one_field(plane, first, into),
+        (Some(first), Rotation::None) => keep_one_field(plane, first, into),
         (Some(first), turn) => {
             let mut field = OwnedPlane::default();
-            one_field(plane, first, &mut field);
-            turn_plane(field.borrow(), turn, into);
+            keep_one_field(plane, first, &mut field);
+            copy_rotated(field.borrow(), turn, into);
         }
-        (None, turn) => turn_plane(plane, turn, into),
+        (None, turn) => copy_rotated(plane, turn, into),
     }
 }
 
 /// Fills a plane with another plane, rotated.
-fn turn_plane(plane: Plane<'_>, turn: Rotation, turned: &mut OwnedPlane) {
+fn copy_rotated(plane: Plane<'_>, turn: Rotation, turned: &mut OwnedPlane) {
     let (w, h) = (plane.width, plane.height);
     (turned.width, turned.height) = if turn == Rotation::Half { (w, h) } else { (h, w) };
     turned.data.clear();
@@ -217,11 +217,11 @@ mod tests {
     fn a_quarter_turn_moves_the_top_left_corner_to_the_top_right() {
         let plane = Plane { data: &[1, 2, 3, 4, 5, 6], stride: 3, width: 3, height: 2 };
         let mut turned = OwnedPlane::default();
-        turn_plane(plane, Rotation::Right, &mut turned);
+        copy_rotated(plane, Rotation::Right, &mut turned);
         assert_eq!((turned.width, turned.height, &turned.data[..]), (2, 3, &[4, 1, 5, 2, 6, 3][..]));
-        turn_plane(plane, Rotation::Left, &mut turned);
+        copy_rotated(plane, Rotation::Left, &mut turned);
         assert_eq!(turned.data, [3, 6, 2, 5, 1, 4]);
-        turn_plane(plane, Rotation::Half, &mut turned);
+        copy_rotated(plane, Rotation::Half, &mut turned);
         assert_eq!((turned.width, turned.height, &turned.data[..]), (3, 2, &[6, 5, 4, 3, 2, 1][..]));
     }
 
@@ -279,9 +279,9 @@ mod tests {
         let mut maker = PictureMaker::new(Rotation::Right);
         let first = maker.make(decoded(), 0, 0.0).unwrap();
         let place = first.frame().y.data.as_ptr();
-        maker.take_back(first);
+        maker.recycle(first);
         let spare = |maker: &PictureMaker| {
-            let Spare { decoded, converted, turned } = &maker.spare;
+            let SpareMemory { decoded, converted, turned } = &maker.spare;
             (decoded.len(), converted.len(), turned.len())
         };
         assert_eq!(spare(&maker), (1, 1, 1));
@@ -298,9 +298,9 @@ mod tests {
         let mut maker = PictureMaker::new(Rotation::None);
         let picture = maker.make(frame::Video::new(format::Pixel::YUV420P, 96, 64), 0, 0.0).unwrap();
         let copy = picture.copied();
-        maker.take_back(copy);
+        maker.recycle(copy);
         assert_eq!((maker.spare.decoded.len(), maker.spare.turned.len()), (0, 0));
-        maker.take_back(picture);
+        maker.recycle(picture);
         assert_eq!(maker.spare.decoded.len(), 1);
     }
 }

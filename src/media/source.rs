@@ -20,13 +20,13 @@ use super::annexb::{AnnexB, is_hidden};
 use super::clock::{FrameClock, GAP_S, JITTER_S};
 use super::encode::EncodeError;
 use super::file::{
-    MOST_FAILED_READS, check_codec, check_size, check_streams, clock_of, rotation_of, stated_size, wary_of,
+    MAX_FAILED_READS, check_codec, check_size, check_streams, clock_of, rotation_of, stated_size, untrusted_options,
 };
 use super::jpeg::{JpegMaker, JpegStyle};
 use super::picture_maker::Rotation;
-use super::{Limits, MediaError, VideoFile, device};
-use crate::domain::feed::record::{Body, GapReason};
-use crate::domain::feed::{FrameCodec, LONGEST_S, MOST_PAYLOAD, TimeBase};
+use super::{MediaError, MediaLimits, VideoFile, device};
+use crate::domain::feed::record::{GapReason, RecordBody};
+use crate::domain::feed::{FrameCodec, MAX_DURATION_S, MAX_PAYLOAD, TimeBase};
 
 /// Containers of live streams: they can be read from beginning to end without seeking, and are valid wherever they are
 /// cut.
@@ -34,10 +34,10 @@ const LIVE_CONTAINERS: &str = "mpegts,matroska,webm";
 
 /// Duration of a pushed stream that is probed before its first frame is returned, µs; it must contain a key frame. A
 /// longer time delays the first positions; a shorter one finds no picture in streams with rare key frames.
-const LOOKED_AT_US: &str = "2000000";
+const PROBE_US: &str = "2000000";
 
 /// Bytes of a pushed stream that are kept while it is probed: FFmpeg goes back to the beginning of a transport stream.
-const KEPT_BYTES: usize = 1 << 20;
+const PROBE_BYTES: usize = 1 << 20;
 
 /// Why a source cannot be captured, or not any longer.
 #[derive(Debug, thiserror::Error)]
@@ -95,35 +95,35 @@ pub struct CapturedFrame {
 impl CapturedFrame {
     /// The frame as a record of a feed. A frame that a feed does not accept, because it is damaged, too long or out of
     /// time, becomes a gap.
-    pub fn body(&self, number: u64, clock: TimeBase) -> Body<'_> {
-        let is_in_time = (0.0..=LONGEST_S).contains(&clock.seconds(self.time));
-        if (1..=MOST_PAYLOAD).contains(&self.bytes.len()) && is_in_time {
-            return Body::Frame { time: self.time, is_key: self.is_key, payload: &self.bytes };
+    pub fn body(&self, number: u64, clock: TimeBase) -> RecordBody<'_> {
+        let is_in_time = (0.0..=MAX_DURATION_S).contains(&clock.seconds(self.time));
+        if (1..=MAX_PAYLOAD).contains(&self.bytes.len()) && is_in_time {
+            return RecordBody::Frame { time: self.time, is_key: self.is_key, payload: &self.bytes };
         }
-        Body::Gap { last: number, reason: GapReason::Camera }
+        RecordBody::Gap { last: number, reason: GapReason::Camera }
     }
 }
 
 /// An open source.
-pub struct Source {
+pub struct CaptureSource {
     info: SourceInfo,
-    frames: Frames,
+    frames: FrameReader,
 }
 
-enum Frames {
-    Passed(Passed),
-    Coded { video: Box<VideoFile>, coder: JpegMaker },
+enum FrameReader {
+    Copied(CopiedFrames),
+    Recoded { video: Box<VideoFile>, coder: JpegMaker },
 }
 
-struct Passed {
+struct CopiedFrames {
     input: format::context::Input,
     stream: usize,
     first: Option<Packet>,
     annex_b: Option<AnnexB>,
-    stamps: Stamps,
+    clock: StampClock,
 }
 
-impl Source {
+impl CaptureSource {
     /// Opens a source, with options for FFmpeg. Reading ends soon after `is_over` returns true.
     ///
     /// # Errors
@@ -158,12 +158,12 @@ impl Source {
     ///
     /// # Errors
     /// [`SourceError`] if the stream cannot be read, exceeds the limits or holds no usable video.
-    pub fn pushed(bytes: impl Read + Send + 'static, limits: Limits) -> Result<Self, SourceError> {
+    pub fn pushed(bytes: impl Read + Send + 'static, limits: MediaLimits) -> Result<Self, SourceError> {
         ff::init().map_err(SourceError::Open)?;
         ff::log::set_level(ff::log::Level::Quiet);
-        let io = format::context::StreamIo::from_read_with_capacity(bytes, KEPT_BYTES).map_err(SourceError::Open)?;
-        let mut options = wary_of(LIVE_CONTAINERS);
-        options.set("analyzeduration", LOOKED_AT_US);
+        let io = format::context::StreamIo::from_read_with_capacity(bytes, PROBE_BYTES).map_err(SourceError::Open)?;
+        let mut options = untrusted_options(LIVE_CONTAINERS);
+        options.set("analyzeduration", PROBE_US);
         let input = format::input_from_stream(io, None, Some(options)).map_err(SourceError::Open)?;
         check_streams(&input, limits)?;
         check_codec(&input)?;
@@ -180,7 +180,7 @@ impl Source {
         let ticks = stream.time_base();
         let time_base = feed_time_base(ticks)?;
         let reorders = id == codec::Id::H264 && may_reorder(&stream);
-        let stamps = Stamps::new(&stream, reorders, time_base)?;
+        let stamps = StampClock::new(&stream, reorders, time_base)?;
         let annex_b = (id == codec::Id::H264).then(|| AnnexB::new(&stream.parameters(), ticks)).transpose();
         let annex_b = annex_b.map_err(SourceError::Open)?;
         let first = read_packet(&mut input, index)?.ok_or(MediaError::NoFrames)?;
@@ -191,16 +191,16 @@ impl Source {
         };
         if is_plain && [codec::Id::H264, codec::Id::MJPEG].contains(&id) {
             let info = SourceInfo { codec, size, time_base, coded_from: None, is_file, is_camera };
-            let passed = Passed { input, stream: index, first: Some(first), annex_b, stamps };
-            return Ok(Self { info, frames: Frames::Passed(passed) });
+            let passed = CopiedFrames { input, stream: index, first: Some(first), annex_b, clock: stamps };
+            return Ok(Self { info, frames: FrameReader::Copied(passed) });
         }
         // One thread: more threads would delay frames.
-        let mut video = Box::new(VideoFile::from_input(input, Limits { threads: 1, ..Limits::default() })?);
-        video.unread(first);
+        let mut video = Box::new(VideoFile::from_input(input, MediaLimits { threads: 1, ..MediaLimits::default() })?);
+        video.put_back(first);
         let size = (video.info().width, video.info().height);
         let coded_from = Some(id.name().to_owned());
         let info = SourceInfo { codec, size, time_base, coded_from, is_file, is_camera };
-        Ok(Self { info, frames: Frames::Coded { video, coder: JpegMaker::new(JpegStyle::FULL) } })
+        Ok(Self { info, frames: FrameReader::Recoded { video, coder: JpegMaker::new(JpegStyle::FULL) } })
     }
 
     /// Properties of the source.
@@ -214,26 +214,26 @@ impl Source {
     /// [`SourceError`] if the source can no longer be read, or a picture cannot be coded.
     pub fn next_frame(&mut self) -> Result<Option<CapturedFrame>, SourceError> {
         match &mut self.frames {
-            Frames::Passed(passed) => passed.next_frame(),
-            Frames::Coded { video, coder } => {
+            FrameReader::Copied(passed) => passed.next_frame(),
+            FrameReader::Recoded { video, coder } => {
                 let Some(picture) = video.next_picture()? else { return Ok(None) };
                 let bytes = coder.code(&picture.frame())?;
                 let due_s = picture.frame().time_s;
-                video.take_back(picture);
+                video.recycle(picture);
                 Ok(Some(CapturedFrame { time: in_ticks(due_s, self.info.time_base), due_s, is_key: true, bytes }))
             }
         }
     }
 }
 
-impl Passed {
+impl CopiedFrames {
     fn next_frame(&mut self) -> Result<Option<CapturedFrame>, SourceError> {
         let packet = match self.first.take() {
             Some(packet) => Some(packet),
             None => read_packet(&mut self.input, self.stream)?,
         };
         let Some(packet) = packet else { return Ok(None) };
-        let (time, due_s) = self.stamps.of(&packet);
+        let (time, due_s) = self.clock.of(&packet);
         let is_key = packet.is_key() || self.annex_b.is_none();
         let bytes = match &mut self.annex_b {
             Some(filter) => filter.access_unit(packet).unwrap_or_default(), // damaged
@@ -244,13 +244,13 @@ impl Passed {
 }
 
 /// Computes the time of a frame from its packet's stamps; [`VideoFile`] will compute the same time from the recording.
-struct Stamps {
-    order: Order,
+struct StampClock {
+    order: StampOrder,
     seconds_per_tick: f64,
     time_base: TimeBase,
 }
 
-enum Order {
+enum StampOrder {
     /// Presentation order equals decoding order.
     AsDecoded(FrameClock),
     /// Frames are presented in another order. `ahead` is the offset between the stream's stamps and the recording's
@@ -259,12 +259,12 @@ enum Order {
     Reordered { ahead: Option<i64>, last: Option<i64>, step: i64 },
 }
 
-impl Stamps {
+impl StampClock {
     fn new(stream: &format::stream::Stream<'_>, reorders: bool, time_base: TimeBase) -> Result<Self, MediaError> {
         let start = Some(stream.start_time()).filter(|&start| start != ff::ffi::AV_NOPTS_VALUE);
         let order = match reorders {
-            true => Order::Reordered { ahead: start, last: None, step: 0 },
-            false => Order::AsDecoded(clock_of(stream, f64::from(stream.avg_frame_rate()))?),
+            true => StampOrder::Reordered { ahead: start, last: None, step: 0 },
+            false => StampOrder::AsDecoded(clock_of(stream, f64::from(stream.avg_frame_rate()))?),
         };
         Ok(Self { order, seconds_per_tick: f64::from(stream.time_base()), time_base })
     }
@@ -272,11 +272,11 @@ impl Stamps {
     /// Presentation time of a frame, ticks of the feed, and its decoding time, s.
     fn of(&mut self, packet: &Packet) -> (i64, f64) {
         let (shown_s, due_s) = match &mut self.order {
-            Order::AsDecoded(clock) => {
+            StampOrder::AsDecoded(clock) => {
                 let time_s = clock.time_s(packet.pts().or(packet.dts()));
                 (time_s, time_s)
             }
-            Order::Reordered { ahead, last, step } => {
+            StampOrder::Reordered { ahead, last, step } => {
                 let decoded = packet.dts().or(*last).or(packet.pts()).unwrap_or(0);
                 let shown = packet.pts().unwrap_or(decoded);
                 let ahead = ahead.get_or_insert(shown);
@@ -331,7 +331,7 @@ fn read_packet(input: &mut format::context::Input, stream: usize) -> Result<Opti
             Ok(()) if packet.stream() == stream => return Ok(Some(packet)),
             Ok(()) => {}
             Err(ff::Error::Eof | ff::Error::Exit) => return Ok(None),
-            Err(ff::Error::InvalidData) if failures < MOST_FAILED_READS => failures += 1,
+            Err(ff::Error::InvalidData) if failures < MAX_FAILED_READS => failures += 1,
             Err(error) => return Err(SourceError::Read(error)),
         }
     }

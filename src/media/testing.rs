@@ -5,14 +5,14 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::Cursor;
 use std::sync::Arc;
 
-use super::{Limits, Samples, VideoFile, VideoSettings, VideoWriter};
+use super::{MediaLimits, SampleFormat, VideoFile, VideoSettings, VideoWriter};
 use crate::pipeline::frame::{ColourEncoding, Frame, Matrix, Plane, Range};
 
 const WIDTH: usize = 96;
 const HEIGHT: usize = 64;
 
 /// The bytes of an MP4 recording at 25 Hz with a key frame every two seconds: a moving texture with grain.
-pub(super) fn recording(samples: Samples, frames: u64) -> Vec<u8> {
+pub(super) fn recording(samples: SampleFormat, frames: u64) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clip.mp4");
     let settings = VideoSettings { width: WIDTH as u32, height: HEIGHT as u32, fps: 25.0, samples, crf: 23 };
@@ -42,7 +42,7 @@ pub(super) fn recording(samples: Samples, frames: u64) -> Vec<u8> {
 }
 
 /// Opens the recording. The reference count of `recording` shows whether it is still open.
-pub(super) fn open(recording: &Arc<[u8]>, limits: Limits) -> VideoFile {
+pub(super) fn open(recording: &Arc<[u8]>, limits: MediaLimits) -> VideoFile {
     VideoFile::open(Cursor::new(recording.clone()), limits).unwrap()
 }
 
@@ -57,6 +57,6 @@ pub(super) fn seen(frame: &Frame<'_>) -> (u64, f64, u64) {
 
 /// All frames of the recording, decoded one after the other.
 pub(super) fn all(recording: &Arc<[u8]>) -> Vec<(u64, f64, u64)> {
-    let mut video = open(recording, Limits::default());
+    let mut video = open(recording, MediaLimits::default());
     std::iter::from_fn(|| video.next_picture().unwrap()).map(|picture| seen(&picture.frame())).collect()
 }

@@ -15,7 +15,7 @@
 //! | trajectory | states | [`trajectory::Trajectory`] | `trajectory.rs` | 5 |
 //! | features | trajectory | [`features::Feature`] values with units | `features/` | 6 |
 //! | evidence | features and their motion | the stretches of time that determined each | `evidence/` | 6 |
-//! | quality | trajectories, frame counts, reasons | figures and a [`quality::Verdict`] | `quality/` | 6, 8 |
+//! | quality | trajectories, frame counts, reasons | figures and a [`quality::QualityVerdict`] | `quality/` | 6, 8 |
 //! | self-test | frames of a known board, trajectory | traffic light of the box | `self_test/` | 1, 8 |
 //! | score | features | cohort ranks, judgements, learning curves, alarms, levels of skill | `score/` | 7 |
 
@@ -24,7 +24,6 @@ pub mod blob;
 pub mod camera;
 pub mod edges;
 pub mod evaluation;
-pub mod evidence;
 pub mod features;
 pub mod filter;
 pub mod frame;
@@ -35,6 +34,7 @@ pub mod score;
 pub mod segmentation;
 pub mod self_test;
 pub mod space;
+pub mod stretches;
 pub mod tracker;
 pub mod trajectory;
 pub mod tube;

@@ -2,7 +2,7 @@
 
 /// Why a tool has no observation on a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Reason {
+pub enum MissReason {
     /// No region of the marker's colour.
     NoMarkerColour,
     /// Regions of the colour were found, but all are too small to measure.
@@ -23,19 +23,19 @@ pub enum Reason {
     EitherTool,
 }
 
-impl Reason {
+impl MissReason {
     /// Stable name for files, API and pages.
     pub fn name(self) -> &'static str {
         match self {
-            Reason::NoMarkerColour => "no_marker_colour",
-            Reason::TooSmall => "too_small",
-            Reason::WrongShape => "wrong_shape",
-            Reason::BordersNotFound => "borders_not_found",
-            Reason::ImpossiblePose => "impossible_pose",
-            Reason::TipHidden => "tip_hidden",
-            Reason::OutOfBounds => "out_of_bounds",
-            Reason::GateRejected => "gate_rejected",
-            Reason::EitherTool => "either_tool",
+            MissReason::NoMarkerColour => "no_marker_colour",
+            MissReason::TooSmall => "too_small",
+            MissReason::WrongShape => "wrong_shape",
+            MissReason::BordersNotFound => "borders_not_found",
+            MissReason::ImpossiblePose => "impossible_pose",
+            MissReason::TipHidden => "tip_hidden",
+            MissReason::OutOfBounds => "out_of_bounds",
+            MissReason::GateRejected => "gate_rejected",
+            MissReason::EitherTool => "either_tool",
         }
     }
 }

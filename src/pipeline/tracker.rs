@@ -1,36 +1,36 @@
 //! Tracks the tools: processes each frame, and turns a whole recording into paths and quality figures.
 
 mod assignment;
+mod band_fit;
 mod blocks;
 mod footprint;
 mod gaps;
-mod hand;
-mod hindsight;
+mod hand_direction;
 mod light;
-mod look;
-mod measure;
 mod measurement;
 mod motion;
 mod origin;
 mod pair;
+mod pair_reassignment;
+mod probe_pass;
 mod record;
 mod report;
-mod session;
+mod second_pass;
 mod settings;
 mod starts;
 mod tool;
 mod trace;
 
-pub use motion::STATED_SHARE;
+pub use motion::STATED_SIGMA_SHARE;
 pub use report::{
     Absence, DiameterBasis, EffectiveDiameter, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality,
     ToolReport, Tracking,
 };
-pub use settings::{MotionSettings, PoseMethod, SettingsProblem, Side, ToolSpec, TrackerSettings, View};
-pub use trace::{Fit, FrameTrace, Look, ToolTrace};
+pub use settings::{CameraView, HandSide, MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings};
+pub use trace::{FitTrace, FrameTrace, ProbePassTrace, ToolTrace};
 
+use crate::pipeline::edges::blur_domain;
 use crate::pipeline::edges::edge_model::EdgeModel;
-use crate::pipeline::edges::mixing;
 use crate::pipeline::frame::{ColourEncoding, Frame};
 use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::segmentation::colour_table::ColourTable;
@@ -39,16 +39,16 @@ use crate::pipeline::segmentation::palette;
 use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::pipeline::trajectory::{Sample, SampleState};
 use crate::pipeline::tube::Outline;
-use gaps::Rim;
+use gaps::FrameMargin;
 use light::LightWatch;
 use measurement::Measurement;
-use motion::{Instant, PastPose};
+use motion::{FrameInstant, PastPose};
 use record::PackedRecords;
-use tool::{Scene, Seen, ToolTracker};
+use tool::{FrameContext, ToolFrameResult, ToolTracker};
 
 /// Number of frames for [`Tracker::warm_up`]: enough edges to learn their appearance, and enough views to learn a
 /// band's length.
-pub const MOST_REHEARSED: usize = 12;
+pub const MAX_WARM_UP_FRAMES: usize = 12;
 
 /// Follows the tools through a recording or a live feed, frame by frame.
 pub struct Tracker {
@@ -57,10 +57,10 @@ pub struct Tracker {
     tools: Vec<ToolTracker>,
     /// Pairs of tools that share a colour; the left hand's tool comes first.
     pairs: Vec<[usize; 2]>,
-    instants: Vec<Instant>,
+    instants: Vec<FrameInstant>,
     light: LightWatch,
     /// The last known position of each tool.
-    last: Vec<Option<Sample>>,
+    last_samples: Vec<Option<Sample>>,
 }
 
 impl Tracker {
@@ -84,13 +84,21 @@ impl Tracker {
         });
         let (tools, pairs) = (tools.collect(), settings.pairs());
         let last = vec![None; settings.tools.len()];
-        Ok(Self { tools, pairs, table, settings, instants: Vec::new(), light: LightWatch::default(), last })
+        Ok(Self {
+            tools,
+            pairs,
+            table,
+            settings,
+            instants: Vec::new(),
+            light: LightWatch::default(),
+            last_samples: last,
+        })
     }
 
     /// Tracks the first frames of a recording only to learn how edges look and how long the bands are. The first
     /// second is then measured as well as the rest. Call it before [`Tracker::observe`], with [`MAX_WARM_UP_FRAMES`]
     /// frames if the recording has that many.
-    pub fn rehearse(&mut self, frames: &[Frame<'_>]) {
+    pub fn warm_up(&mut self, frames: &[Frame<'_>]) {
         const ROUNDS: u32 = 2; // round 2 learns lengths with the edge appearance from round 1
         for _ in 0..ROUNDS {
             for frame in frames {
@@ -98,7 +106,7 @@ impl Tracker {
             }
             self.instants.clear();
             self.light = LightWatch::default();
-            self.last.fill(None);
+            self.last_samples.fill(None);
             self.tools.iter_mut().for_each(ToolTracker::start_over);
         }
     }
@@ -119,46 +127,46 @@ impl Tracker {
 
     /// The fulcrum of each tool; `None` while it is not known well.
     pub fn fulcrums(&self) -> Vec<Option<Fulcrum>> {
-        self.tools.iter().map(|tool| tool.fulcrum()?.stated(STATED_SHARE)).collect()
+        self.tools.iter().map(|tool| tool.fulcrum()?.stated(STATED_SIGMA_SHARE)).collect()
     }
 
     /// Tracks the next frame.
     pub fn observe(&mut self, frame: &Frame<'_>) -> FrameReport {
         self.instants.push((frame.index, frame.time_s));
-        self.light.look(frame);
+        self.light.sample_frame(frame);
         let mut outlines = self.expected_outlines(frame.time_s);
         let (table, settings) = (&self.table, &self.settings);
-        let mut seen: Vec<(usize, Seen)> = Vec::with_capacity(self.tools.len());
+        let mut seen: Vec<(usize, ToolFrameResult)> = Vec::with_capacity(self.tools.len());
         for i in self.nearest_first(&outlines) {
-            let scene = Scene { frame, table, settings, obstacles: &others(&outlines, i) };
+            let scene = FrameContext { frame, table, settings, obstacles: &outlines_of_others(&outlines, i) };
             let tool = &mut self.tools[i];
             let result = tool.observe(&scene);
             if result.advance.observed {
-                outlines[i] = tool.outline(); // hide others by the measured position, no longer by the expected one
+                outlines[i] = tool.last_outline(); // hide others by the measured position, no longer by the expected one
             }
             seen.push((i, result));
         }
         for pair in &self.pairs {
-            let obstacles = pair.map(|i| others(&outlines, i));
-            let scenes = [0, 1].map(|of| Scene { frame, table, settings, obstacles: &obstacles[of] });
+            let obstacles = pair.map(|i| outlines_of_others(&outlines, i));
+            let scenes = [0, 1].map(|of| FrameContext { frame, table, settings, obstacles: &obstacles[of] });
             if let Ok(tools) = self.tools.get_disjoint_mut(*pair) {
                 seen.extend(pair.iter().copied().zip(pair::observe(tools, scenes)));
             }
         }
-        self.share_mixing();
+        self.share_blur_domain();
         seen.sort_by_key(|(i, _)| *i);
         let instant = (frame.index, frame.time_s);
-        let tools: Vec<ToolReport> = seen.into_iter().map(|(i, seen)| self.report(i, instant, seen)).collect();
+        let tools: Vec<ToolReport> = seen.into_iter().map(|(i, seen)| self.tool_report(i, instant, seen)).collect();
         FrameReport { frame: frame.index, time_s: frame.time_s, tools }
     }
 
     /// Like [`Self::observe`], and also records each step of the search, to find out why a frame failed. Classifying
     /// every cell of the frame takes several times as long as tracking it.
     pub fn observe_traced(&mut self, frame: &Frame<'_>) -> (FrameReport, FrameTrace) {
-        self.tools.iter_mut().for_each(|tool| tool.tracing.begin());
+        self.tools.iter_mut().for_each(|tool| tool.trace.start());
         let report = self.observe(frame);
-        let tools = self.tools.iter_mut().map(|tool| tool.tracing.end()).collect();
-        let (classes, columns) = trace::classes(frame, &self.table);
+        let tools = self.tools.iter_mut().map(|tool| tool.trace.finish()).collect();
+        let (classes, columns) = trace::classify_cells(frame, &self.table);
         (report, FrameTrace { classes, columns, tools })
     }
 
@@ -166,18 +174,18 @@ impl Tracker {
     pub fn finish(mut self) -> Tracking {
         for pair in &self.pairs {
             if let Ok(tools) = self.tools.get_disjoint_mut(*pair) {
-                hindsight::settle(tools, &self.instants);
+                pair_reassignment::reassign(tools, &self.instants);
             }
         }
         let tapes: Vec<String> = self.settings.tools.iter().map(|t| t.colour.clone()).collect();
-        let colours = palette::apart(&self.settings.samples, &tapes);
+        let colours = palette::colour_separations(&self.settings.samples, &tapes);
         let mut quality =
             Quality { frames: self.instants.len() as u64, tools: Vec::new(), light: self.light.into_samples() };
         let mut motions = Vec::with_capacity(self.tools.len());
         for ((i, tool), colour) in self.tools.into_iter().enumerate().zip(colours) {
             let TrackerSettings { camera, motion, .. } = &self.settings;
             let (motion, reworked) =
-                session::rework(tool.records.unpack(), &tool.spec, i, &self.instants, camera, motion);
+                second_pass::run(tool.records.unpack(), &tool.spec, i, &self.instants, camera, motion);
             quality.tools.push(ToolQuality { colour, ..reworked });
             motions.push(motion);
         }
@@ -186,14 +194,14 @@ impl Tracker {
     }
 
     /// Decides from all tools together whether blur mixed light or codes: one camera recorded them all.
-    fn share_mixing(&mut self) {
-        let mixing = mixing::of_recording(self.tools.iter().filter_map(|tool| tool.edges.chroma_shift_px()));
-        self.tools.iter_mut().for_each(|tool| tool.edges.believe(mixing));
+    fn share_blur_domain(&mut self) {
+        let mixing = blur_domain::decide(self.tools.iter().filter_map(|tool| tool.edges.chroma_shift_px()));
+        self.tools.iter_mut().for_each(|tool| tool.edges.set_blur_domain(mixing));
     }
 
     /// The expected outline of each tool, so that the other tools know what may hide them.
     fn expected_outlines(&self, time_s: f64) -> Vec<Option<Outline>> {
-        let motion = self.settings.motion.thread();
+        let motion = self.settings.motion.track_settings();
         self.tools.iter().map(|tool| tool.expected_tube(time_s, &motion).and_then(|(tube, _)| tube.outline())).collect()
     }
 
@@ -206,7 +214,7 @@ impl Tracker {
         alone
     }
 
-    fn report(&mut self, tool: usize, instant: Instant, seen: Seen) -> ToolReport {
+    fn tool_report(&mut self, tool: usize, instant: FrameInstant, seen: ToolFrameResult) -> ToolReport {
         let camera = &self.settings.camera;
         let pose = self.tools[tool].last_pose.as_ref().map(PastPose::from);
         let state = if seen.advance.observed { SampleState::Observed } else { SampleState::Predicted };
@@ -214,16 +222,16 @@ impl Tracker {
             .advance
             .state
             .map(|filtered| motion::state_sample(&filtered, pose.as_ref(), tool, instant, state, camera, None))
-            .map(motion::without_hindsight);
+            .map(motion::with_live_sigma);
         let refused = seen.outcome.as_ref().err().copied();
         let absence = refused.filter(|_| filtered.is_none()).map(|reason| {
-            let rim = Rim::new(camera, self.settings.tools[tool].band_length_mm);
-            gaps::absence_now(self.last[tool].as_ref(), reason, &rim)
+            let rim = FrameMargin::new(camera, self.settings.tools[tool].band_length_mm);
+            gaps::absence_now(self.last_samples[tool].as_ref(), reason, &rim)
         });
         let drawn = seen.outcome.as_ref().ok().and_then(|m| self.drawing(m));
         let outcome =
-            seen.outcome.and_then(|m| self.observation(&m).ok_or(crate::pipeline::reason::Reason::ImpossiblePose));
-        self.last[tool] = filtered.or(self.last[tool]);
+            seen.outcome.and_then(|m| self.observation(&m).ok_or(crate::pipeline::reason::MissReason::ImpossiblePose));
+        self.last_samples[tool] = filtered.or(self.last_samples[tool]);
         ToolReport {
             tool,
             outcome,
@@ -256,6 +264,6 @@ impl Tracker {
 }
 
 /// The outlines of all other tools: they may hide this tool.
-fn others(outlines: &[Option<Outline>], tool: usize) -> Vec<Outline> {
+fn outlines_of_others(outlines: &[Option<Outline>], tool: usize) -> Vec<Outline> {
     outlines.iter().enumerate().filter(|(other, _)| *other != tool).filter_map(|(_, outline)| *outline).collect()
 }

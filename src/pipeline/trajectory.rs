@@ -4,7 +4,7 @@ use nalgebra::{Point2, Point3, Vector3};
 
 /// The kind of estimate in a trajectory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Kind {
+pub enum PathKind {
     /// Each frame's own measurement, unfiltered.
     Raw,
     /// Kalman filter, forwards in time, over poses steadied with the fulcrum and shared errors of the whole recording.
@@ -85,12 +85,12 @@ impl Trajectory {
 }
 
 /// Is there a cut after the first of two times and not after the second, s?
-pub fn is_cut(cuts_s: &[f64], [before_s, time_s]: [f64; 2]) -> bool {
+pub fn has_cut_between(cuts_s: &[f64], [before_s, time_s]: [f64; 2]) -> bool {
     cuts_s.iter().any(|cut_s| before_s < *cut_s && *cut_s <= time_s)
 }
 
 /// Source of one tool's path at a time, for users that need only one in memory: an hour of samples takes 15 MiB.
-pub trait Paths: std::fmt::Debug {
+pub trait PathSource: std::fmt::Debug {
     /// One path of one tool, in time order.
-    fn path(&self, kind: Kind, tool: usize) -> Vec<Sample>;
+    fn path(&self, kind: PathKind, tool: usize) -> Vec<Sample>;
 }

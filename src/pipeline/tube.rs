@@ -32,13 +32,13 @@ pub struct Outline {
 
 impl Tube {
     /// The point of the axis nearest to the camera.
-    pub fn nearest(&self) -> Vector3<f64> {
+    pub fn nearest_to_camera(&self) -> Vector3<f64> {
         self.tip.coords - self.axis * self.tip.coords.dot(&self.axis)
     }
 
     /// The outline; `None` if the camera would be inside the tube or the tube behind the camera.
     pub fn outline(&self) -> Option<Outline> {
-        let nearest = self.nearest();
+        let nearest = self.nearest_to_camera();
         let distance = nearest.norm();
         if !(distance > self.radius * 1.001 && self.radius > 0.0 && distance.is_finite()) {
             return None;
@@ -112,7 +112,7 @@ mod tests {
             for (side, normal) in outline.normals.iter().enumerate() {
                 prop_assert!((normal.norm() - 1.0).abs() < 1e-9);
                 prop_assert!(normal.dot(&tube.axis).abs() < 1e-9);
-                prop_assert!((normal.dot(&tube.nearest()) - tube.radius).abs() < 1e-9);
+                prop_assert!((normal.dot(&tube.nearest_to_camera()) - tube.radius).abs() < 1e-9);
                 prop_assert!(normal.dot(&outline.border(side, 7.0).coords).abs() < 1e-9);
                 let across = if side == 0 { -1.0 } else { 1.0 };
                 prop_assert!((outline.rim(7.0, across) - outline.border(side, 7.0)).norm() < 1e-9);

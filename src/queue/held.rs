@@ -5,30 +5,30 @@ use std::time::Duration;
 use super::Queue;
 use crate::domain::job::JobState;
 use crate::domain::problem::Problem;
-use crate::store::{Job, Lease, Store, StoreResult};
+use crate::store::{JobRecord, Lease, Store, StoreResult};
 
 /// A job held by one worker. It can end only once: after the first end the lease is lost. An end that could not be
 /// stored, because the disk is full, can be tried again. If this is dropped without an end, the job is rescued when its
 /// lease runs out.
 #[derive(Debug)]
-pub struct Held {
+pub struct HeldJob {
     queue: Queue,
     lease: Lease,
     progress: f64,
 }
 
-impl Held {
+impl HeldJob {
     pub(super) fn new(queue: Queue, lease: Lease) -> Self {
         Self { queue, lease, progress: 0.0 }
     }
 
     /// The job, as it was claimed.
-    pub fn job(&self) -> &Job {
+    pub fn job(&self) -> &JobRecord {
         &self.lease.job
     }
 
     /// How often to send a heartbeat.
-    pub fn heartbeat(&self) -> Duration {
+    pub fn heartbeat_interval(&self) -> Duration {
         Duration::from_secs(self.queue.inner.settings.heartbeat_s)
     }
 
@@ -36,14 +36,14 @@ impl Held {
     /// worker may own the job.
     pub async fn progress(&mut self, progress: f64) -> StoreResult<()> {
         self.progress = progress.clamp(self.progress, 1.0).max(0.0);
-        self.beat().await?;
-        let job = Job { progress: self.progress, state: JobState::Running, ..self.lease.job.clone() };
-        self.queue.tell(&job).await;
+        self.renew_lease().await?;
+        let job = JobRecord { progress: self.progress, state: JobState::Running, ..self.lease.job.clone() };
+        self.queue.publish_job_state(&job).await;
         Ok(())
     }
 
     /// Extends the lease without new progress.
-    pub async fn beat(&self) -> StoreResult<()> {
+    pub async fn renew_lease(&self) -> StoreResult<()> {
         self.store().jobs().heartbeat(&self.lease, self.progress, self.queue.inner.settings.lease()).await
     }
 
@@ -51,31 +51,35 @@ impl Held {
     /// in the same transaction.
     pub async fn finish<T>(&self, save: impl AsyncFnOnce(&Store, &Lease) -> StoreResult<T>) -> StoreResult<T> {
         let saved = save(self.store(), &self.lease).await?;
-        self.queue.tell(&Job { progress: 1.0, state: JobState::Done, ..self.lease.job.clone() }).await;
+        self.queue
+            .publish_job_state(&JobRecord { progress: 1.0, state: JobState::Done, ..self.lease.job.clone() })
+            .await;
         self.queue.inner.arrived.notify_one(); // a new camera or new colours may have queued the box's sessions
         Ok(saved)
     }
 
     /// Ends the job as failed, with the reason.
-    pub async fn fail(&self, problem: Problem) -> StoreResult<Job> {
+    pub async fn fail(&self, problem: Problem) -> StoreResult<JobRecord> {
         let job = self.store().jobs().fail(&self.lease, problem).await?;
-        self.queue.tell(&job).await;
+        self.queue.publish_job_state(&job).await;
         Ok(job)
     }
 
     /// Records that the process working on the job crashed or timed out. The job is tried again, or quarantined after
     /// the third time.
-    pub async fn crashed(&self, problem: Problem) -> StoreResult<Job> {
-        let job = self.store().jobs().crashed(&self.lease, problem).await?;
-        self.queue.tell(&job).await;
+    pub async fn report_crash(&self, problem: Problem) -> StoreResult<JobRecord> {
+        let job = self.store().jobs().mark_crashed(&self.lease, problem).await?;
+        self.queue.publish_job_state(&job).await;
         self.queue.inner.arrived.notify_one();
         Ok(job)
     }
 
     /// Releases the job because the service is ending; no attempt is counted.
-    pub async fn give_back(&self) -> StoreResult<()> {
-        self.store().jobs().give_back(&self.lease).await?;
-        self.queue.tell(&Job { progress: 0.0, state: JobState::Queued, ..self.lease.job.clone() }).await;
+    pub async fn release(&self) -> StoreResult<()> {
+        self.store().jobs().release(&self.lease).await?;
+        self.queue
+            .publish_job_state(&JobRecord { progress: 0.0, state: JobState::Queued, ..self.lease.job.clone() })
+            .await;
         Ok(())
     }
 

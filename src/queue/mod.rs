@@ -18,7 +18,7 @@
 
 mod held;
 
-pub use held::Held;
+pub use held::HeldJob;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -29,9 +29,9 @@ use tokio::sync::Notify;
 use crate::domain::job::{JobKind, JobState};
 use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
-use crate::events::{Event, Events};
+use crate::events::{Event, EventBus};
 use crate::shutdown::Shutdown;
-use crate::store::{Job, Store, StoreError, StoreResult};
+use crate::store::{JobRecord, Store, StoreError, StoreResult};
 use crate::time::SharedClock;
 
 /// Times of the queue.
@@ -64,33 +64,33 @@ impl QueueSettings {
 /// The job queue. Clones share one queue.
 #[derive(Clone, Debug)]
 pub struct Queue {
-    inner: Arc<Inner>,
+    inner: Arc<QueueInner>,
 }
 
 #[derive(Debug)]
-struct Inner {
+struct QueueInner {
     store: Store,
     clock: SharedClock,
     settings: QueueSettings,
-    events: Events,
+    events: EventBus,
     arrived: Notify,
 }
 
 impl Queue {
     /// The queue in this store. It publishes an event for every change of a job.
-    pub fn new(store: Store, settings: QueueSettings, events: Events, clock: SharedClock) -> Self {
-        Self { inner: Arc::new(Inner { store, clock, settings, events, arrived: Notify::new() }) }
+    pub fn new(store: Store, settings: QueueSettings, events: EventBus, clock: SharedClock) -> Self {
+        Self { inner: Arc::new(QueueInner { store, clock, settings, events, arrived: Notify::new() }) }
     }
 
     /// Wakes an idle worker because a job may have been queued: call it after a session is created or retried. Without
     /// this call the job starts within [`QueueSettings::look_s`].
     pub fn work_arrived(&self) {
         self.inner.arrived.notify_one();
-        self.inner.events.tell(Event::Queue);
+        self.inner.events.publish(Event::Queue);
     }
 
     /// Waits for the next job and claims it; `None` once the service is ending.
-    pub async fn next(&self, worker: &str, shutdown: &Shutdown) -> Option<Held> {
+    pub async fn next(&self, worker: &str, shutdown: &Shutdown) -> Option<HeldJob> {
         while !shutdown.is_begun() {
             match self.claim(worker).await {
                 Ok(Some(held)) => return Some(held),
@@ -107,12 +107,12 @@ impl Queue {
     }
 
     /// Claims the next job, if any is queued.
-    pub async fn claim(&self, worker: &str) -> StoreResult<Option<Held>> {
+    pub async fn claim(&self, worker: &str) -> StoreResult<Option<HeldJob>> {
         let lease = self.inner.store.jobs().claim(worker, self.inner.settings.lease()).await?;
         let Some(lease) = lease else { return Ok(None) };
         self.inner.arrived.notify_one(); // there may be more jobs: wake the next idle worker
-        self.tell(&lease.job).await;
-        Ok(Some(Held::new(self.clone(), lease)))
+        self.publish_job_state(&lease.job).await;
+        Ok(Some(HeldJob::new(self.clone(), lease)))
     }
 
     /// Rescues the jobs whose lease has run out; returns how many.
@@ -152,7 +152,7 @@ impl Queue {
         let swept = self.inner.store.jobs().sweep(all, problem).await?;
         for job in &swept.rescued {
             tracing::warn!(job = %job.id, state = %job.state, attempt = job.attempt, "worker lost; job rescued");
-            self.tell(job).await;
+            self.publish_job_state(job).await;
         }
         if !swept.rescued.is_empty() {
             self.work_arrived();
@@ -161,29 +161,29 @@ impl Queue {
     }
 
     /// Publishes a job's new state as an event. If the session cannot be read, only the event is lost.
-    async fn tell(&self, job: &Job) {
+    async fn publish_job_state(&self, job: &JobRecord) {
         let session = match job.session_id {
             Some(id) => self.inner.store.sessions().get(&Scope::service(), id).await.ok(),
             None => None,
         };
         let trainee = session.as_ref().map(|session| session.trainee_id);
-        let Job { id, kind, state, progress, .. } = *job;
-        self.inner.events.tell(Event::Job { id, kind, state, progress, trainee });
+        let JobRecord { id, kind, state, progress, .. } = *job;
+        self.inner.events.publish(Event::Job { id, kind, state, progress, trainee });
         if let Some(session) = session {
             // Scoring again does not change the session's state; an event follows once another result is current.
             let is_again = kind == JobKind::Rescore;
             let (trainee, status) = (session.trainee_id, if is_again { session.status() } else { Some(state).into() });
             if !is_again || state == JobState::Done {
-                self.inner.events.tell(Event::Session { id: session.id, trainee, status, progress });
+                self.inner.events.publish(Event::Session { id: session.id, trainee, status, progress });
             }
         }
-        self.inner.events.tell(Event::Queue);
+        self.inner.events.publish(Event::Queue);
     }
 }
 
 /// True if the lease was lost: another worker owns the job, or it no longer exists, so the result is discarded without
 /// an error.
-pub fn is_lost(error: &StoreError) -> bool {
+pub fn is_lease_lost(error: &StoreError) -> bool {
     matches!(error, StoreError::LeaseLost)
 }
 

@@ -8,24 +8,24 @@ use futures_util::future::join_all;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
-use super::{Held, Queue, QueueSettings, is_lost};
+use super::{HeldJob, Queue, QueueSettings, is_lease_lost};
 use crate::domain::job::JobState;
 use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
-use crate::events::Events;
+use crate::events::EventBus;
 use crate::shutdown::Shutdown;
-use crate::store::testing::Centre;
+use crate::store::testing::TestCentre;
 use crate::store::{PageRequest, SessionFilter, StoreError};
 
-struct Bench {
-    centre: Centre,
+struct QueueFixture {
+    centre: TestCentre,
     queue: Queue,
 }
 
-impl Bench {
+impl QueueFixture {
     /// A queue with `jobs` recordings of one trainee.
     async fn with_jobs(jobs: usize) -> Self {
-        let centre = Centre::ready().await;
+        let centre = TestCentre::with_camera_and_colours().await;
         let trainee = centre.trainee("Ana").await.id;
         let contents: Vec<String> = (0..jobs).map(|job| format!("recording {job}")).collect();
         for some in contents.chunks(20) {
@@ -35,25 +35,25 @@ impl Bench {
         Self { centre, queue }
     }
 
-    fn queue(centre: &Centre) -> Queue {
-        Queue::new(centre.store.clone(), QueueSettings::default(), Events::new(), centre.clock.clone())
+    fn queue(centre: &TestCentre) -> Queue {
+        Queue::new(centre.store.clone(), QueueSettings::default(), EventBus::new(), centre.clock.clone())
     }
 
-    async fn claim(&self) -> Option<Held> {
+    async fn claim(&self) -> Option<HeldJob> {
         self.queue.claim("worker").await.unwrap()
     }
 
-    async fn finish(&self, held: Held) -> Result<(), StoreError> {
+    async fn finish(&self, held: HeldJob) -> Result<(), StoreError> {
         let session = held.job().session_id.unwrap();
         let result = self.centre.result(session).await;
         held.finish(async move |store, lease| store.jobs().finish_track(lease, result).await).await
     }
 
-    fn pass(&self, seconds: u64) {
+    fn advance_clock(&self, seconds: u64) {
         self.centre.clock.advance(Duration::from_secs(seconds));
     }
 
-    async fn state(&self, held: &Held) -> JobState {
+    async fn state(&self, held: &HeldJob) -> JobState {
         self.centre.store.jobs().get(&Scope::service(), held.job().id).await.unwrap().state
     }
 }
@@ -63,26 +63,26 @@ fn problem(detail: &str) -> Problem {
 }
 
 #[tokio::test]
-async fn a_silent_workers_job_goes_to_another_and_its_own_result_counts_for_nothing() {
-    let bench = Bench::with_jobs(1).await;
+async fn the_job_of_a_silent_worker_goes_to_another_and_its_late_result_is_discarded() {
+    let bench = QueueFixture::with_jobs(1).await;
     let paused = bench.claim().await.unwrap();
-    bench.pass(29);
+    bench.advance_clock(29);
     assert_eq!(bench.queue.sweep().await.unwrap(), 0);
-    bench.pass(1);
+    bench.advance_clock(1);
     assert_eq!(bench.queue.sweep().await.unwrap(), 1);
     let second = bench.claim().await.unwrap();
-    assert!(is_lost(&paused.beat().await.unwrap_err()));
-    assert!(is_lost(&bench.finish(paused).await.unwrap_err()));
+    assert!(is_lease_lost(&paused.renew_lease().await.unwrap_err()));
+    assert!(is_lease_lost(&bench.finish(paused).await.unwrap_err()));
     assert_eq!(bench.state(&second).await, JobState::Running);
     bench.finish(second).await.unwrap();
 }
 
 #[tokio::test]
-async fn a_worker_that_gives_word_keeps_its_job() {
-    let bench = Bench::with_jobs(1).await;
+async fn a_worker_that_sends_heartbeats_keeps_its_job() {
+    let bench = QueueFixture::with_jobs(1).await;
     let mut held = bench.claim().await.unwrap();
     for step in 1..=10 {
-        bench.pass(20);
+        bench.advance_clock(20);
         held.progress(f64::from(step) / 10.0).await.unwrap();
         assert_eq!(bench.queue.sweep().await.unwrap(), 0);
     }
@@ -91,11 +91,11 @@ async fn a_worker_that_gives_word_keeps_its_job() {
 
 #[tokio::test]
 async fn three_crashes_quarantine_a_job_with_the_reason_and_a_person_can_try_again() {
-    let bench = Bench::with_jobs(1).await;
+    let bench = QueueFixture::with_jobs(1).await;
     for attempt in 1..=3 {
         let held = bench.claim().await.unwrap();
         assert_eq!(held.job().attempt, attempt);
-        held.crashed(problem("signal 11")).await.unwrap();
+        held.report_crash(problem("signal 11")).await.unwrap();
     }
     assert!(bench.claim().await.is_none());
     let service = Scope::service();
@@ -111,10 +111,10 @@ async fn three_crashes_quarantine_a_job_with_the_reason_and_a_person_can_try_aga
 
 #[tokio::test]
 async fn a_job_that_kills_the_whole_service_is_quarantined_after_three_starts() {
-    let bench = Bench::with_jobs(1).await;
+    let bench = QueueFixture::with_jobs(1).await;
     for _ in 1..=3 {
         let held = bench.claim().await.unwrap();
-        assert_eq!(Bench::queue(&bench.centre).recover().await.unwrap(), 1); // a new process of the service
+        assert_eq!(QueueFixture::queue(&bench.centre).recover().await.unwrap(), 1); // a new process of the service
         drop(held);
     }
     assert!(bench.claim().await.is_none());
@@ -122,29 +122,29 @@ async fn a_job_that_kills_the_whole_service_is_quarantined_after_three_starts() 
 }
 
 #[tokio::test]
-async fn what_is_handed_back_waits_at_its_old_place_and_counts_no_attempt() {
-    let bench = Bench::with_jobs(2).await;
+async fn a_released_job_waits_at_its_old_position_and_counts_no_attempt() {
+    let bench = QueueFixture::with_jobs(2).await;
     let first = bench.claim().await.unwrap();
     let id = first.job().id;
-    first.give_back().await.unwrap();
+    first.release().await.unwrap();
     let again = bench.claim().await.unwrap();
     assert_eq!((again.job().id, again.job().attempt), (id, 1));
 }
 
 #[tokio::test]
 async fn a_session_that_is_erased_while_it_is_tracked_leaves_nothing_behind() {
-    let bench = Bench::with_jobs(1).await;
+    let bench = QueueFixture::with_jobs(1).await;
     let held = bench.claim().await.unwrap();
     let session = held.job().session_id.unwrap();
     bench.centre.store.sessions().erase(&Scope::service(), session).await.unwrap();
-    assert!(is_lost(&bench.finish(held).await.unwrap_err()));
+    assert!(is_lease_lost(&bench.finish(held).await.unwrap_err()));
     assert_eq!(bench.centre.store.blobs().all(None, 10).await.unwrap().len(), 1); // the recording, until collected
     assert_eq!(bench.centre.store.blobs().unreferenced(10).await.unwrap().len(), 1);
 }
 
 #[tokio::test]
 async fn many_workers_at_once_never_get_the_same_job() {
-    let bench = Bench::with_jobs(60).await;
+    let bench = QueueFixture::with_jobs(60).await;
     let claims = join_all((0..80).map(|_| bench.claim())).await;
     let mut ids: Vec<_> = claims.iter().flatten().map(|held| held.job().id).collect();
     ids.sort();
@@ -154,7 +154,7 @@ async fn many_workers_at_once_never_get_the_same_job() {
 
 #[tokio::test]
 async fn an_idle_worker_wakes_when_work_arrives_and_when_the_service_ends() {
-    let bench = Bench::with_jobs(0).await;
+    let bench = QueueFixture::with_jobs(0).await;
     let shutdown = Shutdown::new();
     let trainee = bench.centre.trainee("Ben").await.id;
     let waiting = bench.queue.next("worker", &shutdown);
@@ -169,7 +169,7 @@ async fn an_idle_worker_wakes_when_work_arrives_and_when_the_service_ends() {
 }
 
 #[tokio::test]
-async fn whatever_happens_every_job_ends_and_every_session_has_one_result() {
+async fn every_job_ends_and_every_session_has_one_result() {
     for seed in 0..3 {
         random_life(100, seed).await;
     }
@@ -179,21 +179,21 @@ async fn whatever_happens_every_job_ends_and_every_session_has_one_result() {
 /// memory, since 60,000 sequential commits take half an hour on a disk, and this property is not about durability.
 #[tokio::test]
 #[ignore = "takes minutes"]
-async fn whatever_happens_every_one_of_ten_thousand_jobs_ends() {
+async fn every_one_of_ten_thousand_jobs_ends() {
     random_life(10_000, 1).await;
 }
 
 /// Workers claim, send heartbeats, finish, crash, stop responding and return too late; the service ends and starts
 /// again.
 async fn random_life(jobs: usize, seed: u64) {
-    let bench = Bench::with_jobs(jobs).await;
+    let bench = QueueFixture::with_jobs(jobs).await;
     let mut chance = StdRng::seed_from_u64(seed);
     let (mut working, mut zombies) = (Vec::new(), Vec::new());
     let (mut refused, mut steps) = (0, 0);
     while open_jobs(&bench).await > 0 {
         steps += 1;
         assert!(steps < 100 * jobs, "no end in sight");
-        bench.pass(chance.random_range(0..4));
+        bench.advance_clock(chance.random_range(0..4));
         match chance.random_range(0..100) {
             0..40 => working.extend(bench.claim().await),
             40..70 => {
@@ -212,12 +212,12 @@ async fn random_life(jobs: usize, seed: u64) {
             80..86 => zombies.extend(pick(&mut working, &mut chance)),
             86..90 => {
                 if let Some(held) = pick(&mut working, &mut chance) {
-                    late_or(held.crashed(problem("killed")).await.map(drop), &mut refused);
+                    late_or(held.report_crash(problem("killed")).await.map(drop), &mut refused);
                 }
             }
             90..92 => {
                 if let Some(held) = pick(&mut working, &mut chance) {
-                    late_or(held.give_back().await, &mut refused);
+                    late_or(held.release().await, &mut refused);
                 }
             }
             92..98 => drop(bench.queue.sweep().await.unwrap()),
@@ -229,7 +229,7 @@ async fn random_life(jobs: usize, seed: u64) {
         }
     }
     for zombie in zombies {
-        assert!(is_lost(&bench.finish(zombie).await.unwrap_err()), "a zombie's result was accepted");
+        assert!(is_lease_lost(&bench.finish(zombie).await.unwrap_err()), "a zombie's result was accepted");
     }
     let service = Scope::service();
     let counts = bench.centre.store.jobs().counts().await.unwrap();
@@ -241,12 +241,12 @@ async fn random_life(jobs: usize, seed: u64) {
     eprintln!("seed {seed}: {jobs} jobs in {steps} steps, {refused} late writes refused");
 }
 
-async fn open_jobs(bench: &Bench) -> i64 {
+async fn open_jobs(bench: &QueueFixture) -> i64 {
     let counts = bench.centre.store.jobs().counts().await.unwrap();
     counts.queued + counts.running + counts.quarantined
 }
 
-async fn retry_quarantined(bench: &Bench) {
+async fn retry_quarantined(bench: &QueueFixture) {
     let (service, jobs) = (Scope::service(), bench.centre.store.jobs());
     let all = jobs.list(&service, false, &PageRequest::new(200, None)).await.unwrap();
     for job in all.items.iter().filter(|job| job.state == JobState::Quarantined) {
@@ -259,31 +259,31 @@ async fn retry_quarantined(bench: &Bench) {
     }
 }
 
-fn pick(working: &mut Vec<Held>, chance: &mut StdRng) -> Option<Held> {
+fn pick(working: &mut Vec<HeldJob>, chance: &mut StdRng) -> Option<HeldJob> {
     (!working.is_empty()).then(|| working.swap_remove(chance.random_range(0..working.len())))
 }
 
 fn late_or(outcome: Result<(), StoreError>, refused: &mut usize) {
     match outcome {
         Ok(()) => {}
-        Err(error) if is_lost(&error) => *refused += 1,
+        Err(error) if is_lease_lost(&error) => *refused += 1,
         Err(error) => panic!("{error}"),
     }
 }
 
 /// The clock stands still unless the test advances it, and so does the sweeper.
 #[tokio::test]
-async fn the_sweeper_looks_again_when_its_time_comes() {
-    let bench = Bench::with_jobs(1).await;
+async fn the_sweeper_runs_again_after_its_interval() {
+    let bench = QueueFixture::with_jobs(1).await;
     let shutdown = Shutdown::new();
     let held = bench.claim().await.unwrap();
-    let mut events = Arc::new(bench.queue.inner.events.clone()).listen();
+    let mut events = Arc::new(bench.queue.inner.events.clone()).subscribe();
     let sweeping = bench.queue.keep_sweeping(&shutdown);
     let turning = async {
-        bench.pass(31);
+        bench.advance_clock(31);
         loop {
             tokio::task::yield_now().await;
-            bench.pass(5);
+            bench.advance_clock(5);
             if bench.state(&held).await == JobState::Queued {
                 return shutdown.begin();
             }

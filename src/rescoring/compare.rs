@@ -1,7 +1,7 @@
 //! The differences between two results of a session. Pure; used for both the report's counts and its rows.
 
 use crate::domain::feature::FeatureKey;
-use crate::domain::rescoring::{Barred, Change, FeatureChange};
+use crate::domain::rescoring::{FeatureChange, FeatureChangeKind, ValueWithError};
 use crate::domain::session::FeatureRow;
 
 /// Relative differences below this are rounding: sums of a million terms in double precision agree to about 1e-10.
@@ -9,8 +9,9 @@ pub const ROUNDING: f64 = 1e-9;
 
 /// The features that changed: those whose error bars do not overlap first, then in the order of display.
 pub fn changes(old: &[FeatureRow], new: &[FeatureRow]) -> Vec<FeatureChange> {
-    let find =
-        |rows: &[FeatureRow], of: &FeatureKey| rows.iter().find(|row| FeatureKey::from(*row) == *of).and_then(barred);
+    let find = |rows: &[FeatureRow], of: &FeatureKey| {
+        rows.iter().find(|row| FeatureKey::from(*row) == *of).and_then(value_with_error)
+    };
     let only_old = old.iter().filter(|row| !new.iter().any(|other| FeatureKey::from(other) == FeatureKey::from(*row)));
     let change = |row: &FeatureRow| {
         let of = FeatureKey::from(row);
@@ -19,34 +20,34 @@ pub fn changes(old: &[FeatureRow], new: &[FeatureRow]) -> Vec<FeatureChange> {
         Some(FeatureChange { of, title: row.title.clone(), unit: row.unit.clone(), change, old, new })
     };
     let mut changes: Vec<FeatureChange> = new.iter().chain(only_old).filter_map(change).collect();
-    changes.sort_by_key(|change| change.change != Change::Apart); // stable: otherwise in the order of display
+    changes.sort_by_key(|change| change.change != FeatureChangeKind::Apart); // stable: otherwise in the order of display
     changes
 }
 
-fn between(old: Option<Barred>, new: Option<Barred>) -> Option<Change> {
+fn between(old: Option<ValueWithError>, new: Option<ValueWithError>) -> Option<FeatureChangeKind> {
     match (old, new) {
         (None, None) => None,
-        (Some(_), None) => Some(Change::Lost),
-        (None, Some(_)) => Some(Change::Gained),
-        (Some(old), Some(new)) if are_apart(&old, &new) => Some(Change::Apart),
+        (Some(_), None) => Some(FeatureChangeKind::Lost),
+        (None, Some(_)) => Some(FeatureChangeKind::Gained),
+        (Some(old), Some(new)) if are_apart(&old, &new) => Some(FeatureChangeKind::Apart),
         (Some(old), Some(new)) => {
             let largest = old.value.abs().max(new.value.abs());
-            ((old.value - new.value).abs() > ROUNDING * largest).then_some(Change::WithinError)
+            ((old.value - new.value).abs() > ROUNDING * largest).then_some(FeatureChangeKind::WithinError)
         }
     }
 }
 
-fn are_apart(old: &Barred, new: &Barred) -> bool {
+fn are_apart(old: &ValueWithError, new: &ValueWithError) -> bool {
     match (old.low.zip(old.high), new.low.zip(new.high)) {
         (Some((old_low, old_high)), Some((new_low, new_high))) => old_high < new_low || new_high < old_low,
         _ => false,
     }
 }
 
-fn barred(row: &FeatureRow) -> Option<Barred> {
+fn value_with_error(row: &FeatureRow) -> Option<ValueWithError> {
     let bar = row.error.as_ref().and_then(|error| error.as_ref().ok());
     let value = *row.value.as_ref().ok()?;
-    Some(Barred { value, low: bar.map(|bar| bar.low), high: bar.map(|bar| bar.high) })
+    Some(ValueWithError { value, low: bar.map(|bar| bar.low), high: bar.map(|bar| bar.high) })
 }
 
 #[cfg(test)]
@@ -71,34 +72,38 @@ mod tests {
         }
     }
 
-    fn change(old: Option<f64>, new: Option<f64>, half: Option<f64>) -> Option<Change> {
+    fn change(old: Option<f64>, new: Option<f64>, half: Option<f64>) -> Option<FeatureChangeKind> {
         changes(&[row("a", old, half)], &[row("a", new, half)]).first().map(|change| change.change)
     }
 
     #[test]
     fn a_change_is_apart_only_where_no_value_lies_in_both_bars() {
-        assert_eq!(change(Some(10.0), Some(12.1), Some(1.0)), Some(Change::Apart));
-        assert_eq!(change(Some(10.0), Some(12.0), Some(1.0)), Some(Change::WithinError), "they touch");
-        assert_eq!(change(Some(10.0), Some(99.0), None), Some(Change::WithinError), "its error is unknown");
+        assert_eq!(change(Some(10.0), Some(12.1), Some(1.0)), Some(FeatureChangeKind::Apart));
+        assert_eq!(change(Some(10.0), Some(12.0), Some(1.0)), Some(FeatureChangeKind::WithinError), "they touch");
+        assert_eq!(change(Some(10.0), Some(99.0), None), Some(FeatureChangeKind::WithinError), "its error is unknown");
         assert_eq!(
             change(Some(10.0), Some(10.0 * (1.0 + 1e-12)), Some(0.0)),
-            Some(Change::Apart),
+            Some(FeatureChangeKind::Apart),
             "bars without width"
         );
         assert_eq!(change(Some(10.0), Some(10.0 * (1.0 + 1e-12)), Some(1.0)), None, "rounding");
-        assert_eq!(change(Some(10.0), None, Some(1.0)), Some(Change::Lost));
-        assert_eq!(change(None, Some(10.0), Some(1.0)), Some(Change::Gained));
+        assert_eq!(change(Some(10.0), None, Some(1.0)), Some(FeatureChangeKind::Lost));
+        assert_eq!(change(None, Some(10.0), Some(1.0)), Some(FeatureChangeKind::Gained));
         assert_eq!(change(None, None, None), None);
     }
 
     #[test]
-    fn what_only_one_result_measures_is_told_and_what_is_apart_comes_first() {
+    fn features_of_only_one_result_are_listed_and_clear_changes_come_first() {
         let old = [row("gone", Some(1.0), None), row("b", Some(1.0), Some(0.5)), row("c", Some(1.0), Some(0.5))];
         let new = [row("b", Some(1.1), Some(0.5)), row("c", Some(3.0), Some(0.5)), row("new", Some(1.0), None)];
         let changed: Vec<_> =
             changes(&old, &new).into_iter().map(|change| (change.of.feature, change.change)).collect();
-        let expected =
-            [("c", Change::Apart), ("b", Change::WithinError), ("new", Change::Gained), ("gone", Change::Lost)];
+        let expected = [
+            ("c", FeatureChangeKind::Apart),
+            ("b", FeatureChangeKind::WithinError),
+            ("new", FeatureChangeKind::Gained),
+            ("gone", FeatureChangeKind::Lost),
+        ];
         assert_eq!(changed, expected.map(|(name, change)| (name.to_owned(), change)));
     }
 
@@ -111,7 +116,7 @@ mod tests {
                 old.iter().enumerate().map(|(n, (value, half))| row(&n.to_string(), Some(value + shift), Some(*half))).collect()
             };
             prop_assert_eq!(changes(&rows(0.0), &rows(0.0)), vec![]);
-            let count = |changes: &[FeatureChange]| changes.iter().filter(|change| change.change == Change::Apart).count();
+            let count = |changes: &[FeatureChange]| changes.iter().filter(|change| change.change == FeatureChangeKind::Apart).count();
             let (there, back) = (changes(&rows(0.0), &rows(shift)), changes(&rows(shift), &rows(0.0)));
             prop_assert_eq!((there.len(), count(&there)), (back.len(), count(&back)));
         }

@@ -14,15 +14,15 @@ use std::time::Duration;
 use serde::Deserialize;
 
 use crate::domain::problem::Problem;
-use crate::domain::rescoring::Change;
+use crate::domain::rescoring::FeatureChangeKind;
 use crate::domain::scope::Scope;
 use crate::queue::Queue;
 use crate::shutdown::Shutdown;
-use crate::store::{Compared, EndedItem, Store, StoreError, StoreResult};
+use crate::store::{EndedItem, ResultComparison, Store, StoreError, StoreResult};
 use crate::time::SharedClock;
 
 /// Number of items to settle at a time: two results are read for each.
-const AT_A_TIME: u32 = 16;
+const SETTLE_BATCH: u32 = 16;
 
 /// Limits of rescoring.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -42,9 +42,9 @@ impl Default for RescoringSettings {
 }
 
 /// Works on all orders until the service ends.
-pub async fn keep(store: &Store, queue: &Queue, settings: &RescoringSettings, clock: SharedClock, ending: &Shutdown) {
+pub async fn run(store: &Store, queue: &Queue, settings: &RescoringSettings, clock: SharedClock, ending: &Shutdown) {
     while !ending.is_begun() {
-        match look(store, settings.open).await {
+        match run_once(store, settings.open).await {
             Ok(0) => {}
             Ok(_) => queue.work_arrived(),
             Err(error) => tracing::warn!(%error, "working on rescoring orders failed; retrying in the next round"),
@@ -57,9 +57,9 @@ pub async fn keep(store: &Store, queue: &Queue, settings: &RescoringSettings, cl
 }
 
 /// Settles ended items and queues jobs up to the limit; returns how many were queued.
-pub async fn look(store: &Store, open: u32) -> StoreResult<usize> {
+pub async fn run_once(store: &Store, open: u32) -> StoreResult<usize> {
     loop {
-        let ended = store.rescorings().ended(AT_A_TIME).await?;
+        let ended = store.rescorings().ended(SETTLE_BATCH).await?;
         if ended.is_empty() {
             break;
         }
@@ -67,14 +67,14 @@ pub async fn look(store: &Store, open: u32) -> StoreResult<usize> {
             settle(store, item).await?;
         }
     }
-    let queued = store.rescorings().feed(open).await?;
-    store.rescorings().close().await?;
+    let queued = store.rescorings().queue_waiting(open).await?;
+    store.rescorings().end_completed().await?;
     Ok(queued)
 }
 
 async fn settle(store: &Store, item: EndedItem) -> StoreResult<()> {
     match &item.new_result {
-        Ok(_) => match compared(store, &item).await {
+        Ok(_) => match compare_results(store, &item).await {
             Ok(compared) => store.rescorings().settle(&item, compared).await,
             Err(StoreError::NotFound { .. }) => Ok(()), // the session was erased meanwhile, and its item with it
             // One damaged row must not block all orders. Other errors of the store are retried.
@@ -85,14 +85,14 @@ async fn settle(store: &Store, item: EndedItem) -> StoreResult<()> {
             Err(error) => Err(error),
         },
         Err(problem) => {
-            let problem = problem.clone().unwrap_or_else(gone);
+            let problem = problem.clone().unwrap_or_else(job_gone);
             store.rescorings().settle(&item, Err(problem)).await
         }
     }
 }
 
 /// The changes due to the new version of the program. An edit in between would change more than that.
-async fn compared(store: &Store, item: &EndedItem) -> StoreResult<Result<Compared, Problem>> {
+async fn compare_results(store: &Store, item: &EndedItem) -> StoreResult<Result<ResultComparison, Problem>> {
     let (service, session) = (Scope::service(), item.session);
     let new = item.new_result.as_ref().copied().unwrap_or(item.old_result);
     let hand = store.sessions().get(&service, session).await?.trainee_handedness;
@@ -109,8 +109,8 @@ async fn compared(store: &Store, item: &EndedItem) -> StoreResult<Result<Compare
     let judged = standard.map(|standard| {
         [&old, &new].map(|result| standard.definition.judge(&result.features, &result.versions.pipeline, hand))
     });
-    let apart = changes.iter().filter(|change| change.change == Change::Apart).count();
-    Ok(Ok(Compared { new_result: new.id, judged, apart: apart as u64, changed: changes.len() as u64 }))
+    let apart = changes.iter().filter(|change| change.change == FeatureChangeKind::Apart).count();
+    Ok(Ok(ResultComparison { new_result: new.id, judged, apart: apart as u64, changed: changes.len() as u64 }))
 }
 
 fn edited_meanwhile() -> Problem {
@@ -125,7 +125,7 @@ fn not_compared() -> Problem {
     Problem::new("not-compared", "The results could not be compared", detail)
 }
 
-fn gone() -> Problem {
+fn job_gone() -> Problem {
     let detail = "its box has no camera or no colours any more, or the job was removed from the queue; order the rescoring \
                   again when the box is ready";
     Problem::new("not-queued", "The session could not be scored again", detail)

@@ -9,10 +9,10 @@ use std::os::unix::net::UnixStream;
 use rustix::net::{RecvAncillaryBuffer, RecvAncillaryMessage, RecvFlags, recvmsg};
 
 use super::budget::LandlockPolicy;
-use super::confinement::{self, Confinement, ConfinementError, Enforced, system};
+use super::confinement::{self, Confinement, ConfinementError, LandlockStatus, system_error};
 
 /// Most descriptors handed to one child (the kernel passes at most 253 with a message).
-pub const MOST_INPUTS: usize = 250;
+pub const MAX_INPUTS: usize = 250;
 
 /// The request and inputs of a confined child.
 pub struct Admission {
@@ -21,7 +21,7 @@ pub struct Admission {
     /// Its inputs, open for reading, in the parent's order.
     pub inputs: Vec<File>,
     /// How much of Landlock is enforced.
-    pub enforced: Enforced,
+    pub enforced: LandlockStatus,
 }
 
 /// Confines this process and returns its request. Call it first in a process that has no other thread: all descriptors
@@ -29,12 +29,13 @@ pub struct Admission {
 pub fn admit() -> Result<Admission, ConfinementError> {
     confinement::tie_to_parent()?;
     close_inherited()?;
-    let socket: UnixStream = io::stdin().as_fd().try_clone_to_owned().map_err(system("opening the request"))?.into();
-    let (preamble, inputs) = receive(&socket).map_err(system("receiving the preamble"))?;
+    let socket: UnixStream =
+        io::stdin().as_fd().try_clone_to_owned().map_err(system_error("opening the request"))?.into();
+    let (preamble, inputs) = receive(&socket).map_err(system_error("receiving the preamble"))?;
     let enforced = preamble.confinement.enter()?;
     let mut request = vec![0; preamble.request_bytes as usize];
     // Read as a file: the filter allows `read` but no socket calls.
-    File::from(OwnedFd::from(socket)).read_exact(&mut request).map_err(system("reading the request"))?;
+    File::from(OwnedFd::from(socket)).read_exact(&mut request).map_err(system_error("reading the request"))?;
     Ok(Admission { request, inputs, enforced })
 }
 
@@ -42,7 +43,7 @@ pub fn admit() -> Result<Admission, ConfinementError> {
 fn close_inherited() -> Result<(), ConfinementError> {
     // SAFETY: called before this process opened anything, so no object owns a descriptor above the standard streams.
     let failed = unsafe { libc::close_range(3, libc::c_uint::MAX, 0) } != 0;
-    if failed { Err(system("closing inherited files")(io::Error::last_os_error())) } else { Ok(()) }
+    if failed { Err(system_error("closing inherited files")(io::Error::last_os_error())) } else { Ok(()) }
 }
 
 /// The first message of the parent. Its fixed length lets it be read completely, with the descriptors that travel with
@@ -76,7 +77,7 @@ impl Preamble {
 
 fn receive(socket: &UnixStream) -> io::Result<(Preamble, Vec<File>)> {
     let mut bytes = [0; Preamble::BYTES];
-    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(MOST_INPUTS))];
+    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(MAX_INPUTS))];
     let mut control = RecvAncillaryBuffer::new(&mut space);
     let message = recvmsg(socket, &mut [IoSliceMut::new(&mut bytes)], &mut control, RecvFlags::CMSG_CLOEXEC)?;
     let inputs = control

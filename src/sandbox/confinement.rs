@@ -36,7 +36,7 @@ pub(super) struct Confinement {
 
 /// How much of Landlock the kernel enforces. The system call filter and the limits are always enforced completely.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Enforced {
+pub enum LandlockStatus {
     /// Everything requested.
     Fully,
     /// The part that an older kernel knows.
@@ -73,21 +73,21 @@ pub enum ConfinementError {
     Seccomp(#[from] seccompiler::Error),
 }
 
-pub(super) fn system<E: Into<io::Error>>(doing: &'static str) -> impl FnOnce(E) -> ConfinementError {
+pub(super) fn system_error<E: Into<io::Error>>(doing: &'static str) -> impl FnOnce(E) -> ConfinementError {
     move |source| ConfinementError::System { doing, source: source.into() }
 }
 
 /// Dies with the parent from now on.
 pub(super) fn tie_to_parent() -> Result<(), ConfinementError> {
-    set_parent_process_death_signal(Some(Signal::KILL)).map_err(system("tying the child to its parent"))
+    set_parent_process_death_signal(Some(Signal::KILL)).map_err(system_error("tying the child to its parent"))
 }
 
 impl Confinement {
     /// Enters all of it. There is no way back.
-    pub(super) fn enter(&self) -> Result<Enforced, ConfinementError> {
+    pub(super) fn enter(&self) -> Result<LandlockStatus, ConfinementError> {
         self.check_parent()?;
-        set_no_new_privs(true).map_err(system("giving up new privileges"))?;
-        slice::take(self.slice_ns);
+        set_no_new_privs(true).map_err(system_error("giving up new privileges"))?;
+        slice::set_length(self.slice_ns);
         self.limit_resources()?;
         let enforced = self.enter_landlock()?;
         limit(Resource::Nofile, 0, 0)?; // what is open stays; entering Landlock needed one more
@@ -104,8 +104,8 @@ impl Confinement {
     }
 
     fn limit_resources(&self) -> Result<(), ConfinementError> {
-        heap::share_one().map_err(system("keeping to one heap"))?;
-        let own = footprint::bytes("self", "VmSize").map_err(system("reading the process's own size"))?;
+        heap::use_single_heap().map_err(system_error("keeping to one heap"))?;
+        let own = footprint::memory_field("self", "VmSize").map_err(system_error("reading the process's own size"))?;
         limit(Resource::As, own + self.memory_bytes, own + self.memory_bytes)?;
         limit(Resource::Cpu, self.cpu_s, self.cpu_s + 5)?; // first SIGXCPU, which names the reason
         limit(Resource::Fsize, self.file_bytes, self.file_bytes)?;
@@ -116,7 +116,7 @@ impl Confinement {
     }
 
     /// No file, no port, no signal or abstract socket outside: a rule set without a single rule.
-    fn enter_landlock(&self) -> Result<Enforced, ConfinementError> {
+    fn enter_landlock(&self) -> Result<LandlockStatus, ConfinementError> {
         let status = Ruleset::default()
             .set_compatibility(CompatLevel::BestEffort)
             .handle_access(AccessFs::from_all(LANDLOCK))?
@@ -126,11 +126,11 @@ impl Confinement {
             .set_compatibility(CompatLevel::BestEffort)
             .restrict_self()?;
         let enforced = match status.ruleset {
-            RulesetStatus::FullyEnforced => Enforced::Fully,
-            RulesetStatus::PartiallyEnforced => Enforced::Partly,
-            RulesetStatus::NotEnforced => Enforced::NoLandlock,
+            RulesetStatus::FullyEnforced => LandlockStatus::Fully,
+            RulesetStatus::PartiallyEnforced => LandlockStatus::Partly,
+            RulesetStatus::NotEnforced => LandlockStatus::NoLandlock,
         };
-        if self.landlock == LandlockPolicy::Required && enforced == Enforced::NoLandlock {
+        if self.landlock == LandlockPolicy::Required && enforced == LandlockStatus::NoLandlock {
             return Err(ConfinementError::NoLandlock);
         }
         Ok(enforced)
@@ -139,5 +139,5 @@ impl Confinement {
 
 fn limit(resource: Resource, soft: u64, hard: u64) -> Result<(), ConfinementError> {
     setrlimit(resource, Rlimit { current: Some(soft), maximum: Some(hard) })
-        .map_err(system("limiting the child's resources"))
+        .map_err(system_error("limiting the child's resources"))
 }

@@ -4,7 +4,7 @@ use std::fs;
 use std::io;
 
 /// A field such as `VmHWM` of a process's `status` file, bytes. `process` is a process number or `self`.
-pub(super) fn bytes(process: &str, field: &str) -> io::Result<u64> {
+pub(super) fn memory_field(process: &str, field: &str) -> io::Result<u64> {
     let status = fs::read_to_string(format!("/proc/{process}/status"))?;
     read_field(&status, field).ok_or_else(|| io::Error::other(format!("no {field} in the process's status")))
 }
@@ -28,6 +28,6 @@ mod tests {
 
     #[test]
     fn this_process_takes_memory() {
-        assert!(bytes("self", "VmSize").unwrap() > 1 << 20);
+        assert!(memory_field("self", "VmSize").unwrap() > 1 << 20);
     }
 }

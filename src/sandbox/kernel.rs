@@ -5,7 +5,7 @@ use std::ptr;
 
 /// Why this kernel does not enforce Landlock, and what to do.
 #[derive(Debug, thiserror::Error)]
-pub enum NoLandlock {
+pub enum LandlockUnavailable {
     /// The kernel is too old, or was built without it.
     #[error("this kernel has no Landlock: Linux 5.13 or newer is needed, built with CONFIG_SECURITY_LANDLOCK")]
     Missing,
@@ -18,7 +18,7 @@ pub enum NoLandlock {
 }
 
 /// Version of the kernel's Landlock.
-pub fn landlock() -> Result<u32, NoLandlock> {
+pub fn landlock_version() -> Result<u32, LandlockUnavailable> {
     const ASK_FOR_THE_VERSION: libc::c_uint = 1;
     // SAFETY: only asks for a number; the kernel accesses no memory of this process.
     let answer = unsafe {
@@ -27,9 +27,9 @@ pub fn landlock() -> Result<u32, NoLandlock> {
     u32::try_from(answer).map_err(|_| {
         let error = io::Error::last_os_error();
         match error.raw_os_error() {
-            Some(libc::ENOSYS) => NoLandlock::Missing,
-            Some(libc::EOPNOTSUPP) => NoLandlock::SwitchedOff,
-            _ => NoLandlock::Refused(error),
+            Some(libc::ENOSYS) => LandlockUnavailable::Missing,
+            Some(libc::EOPNOTSUPP) => LandlockUnavailable::SwitchedOff,
+            _ => LandlockUnavailable::Refused(error),
         }
     })
 }

@@ -30,11 +30,11 @@ mod slice;
 mod stop;
 mod syscalls;
 
-pub use admission::{Admission, MOST_INPUTS, admit};
+pub use admission::{Admission, MAX_INPUTS, admit};
 pub use budget::{Budget, LandlockPolicy};
-pub use confinement::{ConfinementError, Enforced};
-pub use kernel::{NoLandlock, landlock};
-pub use outcome::{Cost, Ended, Limit, Outcome};
-pub use parent::{Order, Program, run};
+pub use confinement::{ConfinementError, LandlockStatus};
+pub use kernel::{LandlockUnavailable, landlock_version};
+pub use outcome::{ChildEnd, ChildOutcome, Cost, TimeLimit};
+pub use parent::{ChildSpec, Program, run};
 pub use record::{RecordError, write_record};
-pub use stop::Stop;
+pub use stop::StopSwitch;

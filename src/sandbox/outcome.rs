@@ -10,7 +10,7 @@ use super::record::RecordError;
 
 /// The time limit that was reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Limit {
+pub enum TimeLimit {
     /// Wall-clock time.
     Wall(Duration),
     /// Wall-clock time without a record.
@@ -21,7 +21,7 @@ pub enum Limit {
 
 /// How a child ended.
 #[derive(Debug)]
-pub enum Outcome {
+pub enum ChildOutcome {
     /// It exited with status 0 after complete records.
     Finished,
     /// It exited with another status.
@@ -31,9 +31,9 @@ pub enum Outcome {
     /// Its memory limit refused an allocation; the text says how this is known.
     OutOfMemory(&'static str),
     /// A time limit was reached.
-    TimedOut(Limit),
+    TimedOut(TimeLimit),
     /// Its output violated the protocol.
-    Violated(RecordError),
+    ProtocolViolation(RecordError),
     /// It was stopped on request.
     Stopped,
     /// It could not be started or watched.
@@ -55,30 +55,32 @@ pub struct Cost {
 
 /// The result of running a child.
 #[derive(Debug)]
-pub struct Ended {
+pub struct ChildEnd {
     /// How it ended.
-    pub outcome: Outcome,
+    pub outcome: ChildOutcome,
     /// The end of its standard error, made printable; for logs, never for browsers.
     pub stderr_tail: String,
     /// Resources used.
     pub cost: Cost,
 }
 
-impl fmt::Display for Outcome {
+impl fmt::Display for ChildOutcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Outcome::Finished => write!(f, "ended normally"),
-            Outcome::Exited(status) => write!(f, "exited with status {status}"),
-            Outcome::Killed(signal) => write!(f, "was killed by signal {signal} ({})", signal_name(*signal)),
-            Outcome::OutOfMemory(known_by) => write!(f, "needed more memory than it may use ({known_by})"),
-            Outcome::TimedOut(Limit::Wall(limit)) => write!(f, "took longer than {} s", limit.as_secs()),
-            Outcome::TimedOut(Limit::Silence(limit)) => write!(f, "made no progress for {} s", limit.as_secs()),
-            Outcome::TimedOut(Limit::Processor(limit)) => {
+            ChildOutcome::Finished => write!(f, "ended normally"),
+            ChildOutcome::Exited(status) => write!(f, "exited with status {status}"),
+            ChildOutcome::Killed(signal) => write!(f, "was killed by signal {signal} ({})", signal_name(*signal)),
+            ChildOutcome::OutOfMemory(known_by) => write!(f, "needed more memory than it may use ({known_by})"),
+            ChildOutcome::TimedOut(TimeLimit::Wall(limit)) => write!(f, "took longer than {} s", limit.as_secs()),
+            ChildOutcome::TimedOut(TimeLimit::Silence(limit)) => {
+                write!(f, "made no progress for {} s", limit.as_secs())
+            }
+            ChildOutcome::TimedOut(TimeLimit::Processor(limit)) => {
                 write!(f, "used more than {} s of CPU time", limit.as_secs())
             }
-            Outcome::Violated(what) => write!(f, "sent invalid output: {what}"),
-            Outcome::Stopped => write!(f, "was stopped"),
-            Outcome::NotRun(error) => write!(f, "could not be run: {error}"),
+            ChildOutcome::ProtocolViolation(what) => write!(f, "sent invalid output: {what}"),
+            ChildOutcome::Stopped => write!(f, "was stopped"),
+            ChildOutcome::NotRun(error) => write!(f, "could not be run: {error}"),
         }
     }
 }
@@ -98,15 +100,15 @@ fn signal_name(signal: i32) -> &'static str {
 }
 
 /// Interprets a wait status with the help of standard error and the limit of CPU time.
-pub(super) fn of_status(status: ExitStatus, stderr_tail: &str, cpu: Duration) -> Outcome {
+pub(super) fn outcome_of_status(status: ExitStatus, stderr_tail: &str, cpu: Duration) -> ChildOutcome {
     match (status.code(), status.signal()) {
-        (Some(0), _) => Outcome::Finished,
-        (Some(status), _) => Outcome::Exited(status),
-        (_, Some(libc::SIGXCPU)) => Outcome::TimedOut(Limit::Processor(cpu)),
+        (Some(0), _) => ChildOutcome::Finished,
+        (Some(status), _) => ChildOutcome::Exited(status),
+        (_, Some(libc::SIGXCPU)) => ChildOutcome::TimedOut(TimeLimit::Processor(cpu)),
         (_, Some(libc::SIGABRT)) if stderr_tail.contains("memory allocation of") => {
-            Outcome::OutOfMemory("an allocation failed")
+            ChildOutcome::OutOfMemory("an allocation failed")
         }
-        (_, Some(signal)) => Outcome::Killed(signal),
-        (None, None) => Outcome::Exited(-1),
+        (_, Some(signal)) => ChildOutcome::Killed(signal),
+        (None, None) => ChildOutcome::Exited(-1),
     }
 }

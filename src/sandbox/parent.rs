@@ -14,26 +14,26 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::net::{SendAncillaryBuffer, SendAncillaryMessage, SendFlags, sendmsg};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
-use super::admission::{MOST_INPUTS, Preamble};
+use super::admission::{MAX_INPUTS, Preamble};
 use super::budget::Budget;
 use super::confinement::Confinement;
 use super::footprint;
-use super::outcome::{self, Cost, Ended, Limit, Outcome};
+use super::outcome::{self, ChildEnd, ChildOutcome, Cost, TimeLimit};
 use super::record::{RecordError, Splitter};
-use super::stop::Stop;
+use super::stop::StopSwitch;
 
 /// Bytes read from the child at a time.
 const READ_BYTES: usize = 1 << 16;
 
 /// Interval between samples of a child's memory once it is older than [`YOUNG_AGE`]: a sample takes several system
 /// calls, and the peak only grows.
-const LOOK_EVERY: Duration = Duration::from_millis(200);
+const MEMORY_SAMPLE_INTERVAL: Duration = Duration::from_millis(200);
 
 /// A younger child is sampled with each record, because it may send no later one.
-const YOUNG: Duration = Duration::from_secs(1);
+const YOUNG_AGE: Duration = Duration::from_secs(1);
 
 /// Bytes kept of the end of standard error.
-const STDERR_TAIL: usize = 4096;
+const STDERR_TAIL_BYTES: usize = 4096;
 
 /// The program that a child runs.
 #[derive(Clone, Debug)]
@@ -55,7 +55,7 @@ impl Program {
 }
 
 /// What one child is to do.
-pub struct Order<'a> {
+pub struct ChildSpec<'a> {
     /// The program to start.
     pub program: &'a Program,
     /// The request; the child receives it after confinement.
@@ -69,28 +69,28 @@ pub struct Order<'a> {
 ///
 /// Blocks until the child has ended. It has to: the kernel kills the child when the *thread* that started it ends.
 pub fn run(
-    order: Order<'_>,
+    order: ChildSpec<'_>,
     budget: &Budget,
-    stop: &Stop,
+    stop: &StopSwitch,
     on_record: impl FnMut(&[u8]) -> Result<(), String>,
-) -> Ended {
+) -> ChildEnd {
     let started = Instant::now();
-    match Running::start(order, budget, started) {
-        Ok(mut running) => running.attend(stop, on_record),
+    match RunningChild::start(order, budget, started) {
+        Ok(mut running) => running.supervise(stop, on_record),
         Err(error) => {
             let cost = Cost { wall: started.elapsed(), ..Cost::default() };
-            Ended { outcome: Outcome::NotRun(error), stderr_tail: String::new(), cost }
+            ChildEnd { outcome: ChildOutcome::NotRun(error), stderr_tail: String::new(), cost }
         }
     }
 }
 
 /// A child that was started and not yet reaped.
-struct Running {
+struct RunningChild {
     budget: Budget,
     pid: Pid,
     pidfd: OwnedFd,
     reaped: bool,
-    request: Option<Outgoing>,
+    request: Option<OutgoingRequest>,
     stdout: Option<ChildStdout>,
     stderr: Option<ChildStderr>,
     buffer: Box<[u8]>,
@@ -98,14 +98,14 @@ struct Running {
     tail: Vec<u8>,
     output_bytes: u64,
     peak_rss_bytes: u64,
-    looked: Option<Instant>,
+    memory_sampled: Option<Instant>,
     started: Instant,
     last_record: Instant,
 }
 
 /// Which descriptors are ready.
 #[derive(Clone, Copy, Default)]
-struct Ready {
+struct ReadyStreams {
     request: bool,
     stdout: bool,
     stderr: bool,
@@ -113,10 +113,10 @@ struct Ready {
     stop: bool,
 }
 
-impl Running {
-    fn start(order: Order<'_>, budget: &Budget, started: Instant) -> io::Result<Self> {
-        if order.inputs.len() > MOST_INPUTS {
-            return Err(io::Error::other(format!("more than {MOST_INPUTS} inputs for one child")));
+impl RunningChild {
+    fn start(order: ChildSpec<'_>, budget: &Budget, started: Instant) -> io::Result<Self> {
+        if order.inputs.len() > MAX_INPUTS {
+            return Err(io::Error::other(format!("more than {MAX_INPUTS} inputs for one child")));
         }
         let (ours, theirs) = UnixStream::pair()?;
         ours.set_nonblocking(true)?;
@@ -134,7 +134,7 @@ impl Running {
             pid,
             pidfd: pidfd_open(pid, PidfdFlags::empty())?,
             reaped: false,
-            request: Some(Outgoing::new(ours, order.request, order.inputs, budget)),
+            request: Some(OutgoingRequest::new(ours, order.request, order.inputs, budget)),
             stdout: child.stdout.take(),
             stderr: child.stderr.take(),
             buffer: vec![0; READ_BYTES].into(),
@@ -142,13 +142,13 @@ impl Running {
             tail: Vec::new(),
             output_bytes: 0,
             peak_rss_bytes: 0,
-            looked: None,
+            memory_sampled: None,
             started,
             last_record: started,
         })
     }
 
-    fn attend(&mut self, stop: &Stop, on_record: impl FnMut(&[u8]) -> Result<(), String>) -> Ended {
+    fn supervise(&mut self, stop: &StopSwitch, on_record: impl FnMut(&[u8]) -> Result<(), String>) -> ChildEnd {
         let early = self.pump(stop, on_record).err();
         if early.is_some() {
             self.kill();
@@ -156,34 +156,38 @@ impl Running {
         let stderr_tail = printable(&self.tail);
         let (outcome, cost) = match self.reap() {
             Ok((status, cost)) => (early.unwrap_or_else(|| self.outcome(status, &stderr_tail)), cost),
-            Err(error) => (Outcome::NotRun(error), Cost::default()),
+            Err(error) => (ChildOutcome::NotRun(error), Cost::default()),
         };
         let (output_bytes, peak_rss_bytes) = (self.output_bytes, self.peak_rss_bytes);
         let cost = Cost { wall: self.started.elapsed(), output_bytes, peak_rss_bytes, ..cost };
-        Ended { outcome, stderr_tail, cost }
+        ChildEnd { outcome, stderr_tail, cost }
     }
 
     /// A crash also truncates a record; then the crash is the reason to report.
-    fn outcome(&self, status: ExitStatus, stderr_tail: &str) -> Outcome {
-        match (outcome::of_status(status, stderr_tail, self.budget.cpu), self.splitter.finish()) {
-            (Outcome::Finished, Err(torn)) => Outcome::Violated(torn),
+    fn outcome(&self, status: ExitStatus, stderr_tail: &str) -> ChildOutcome {
+        match (outcome::outcome_of_status(status, stderr_tail, self.budget.cpu), self.splitter.finish()) {
+            (ChildOutcome::Finished, Err(torn)) => ChildOutcome::ProtocolViolation(torn),
             (outcome, _) => outcome,
         }
     }
 
     /// Moves data until the streams are closed and the child has exited. An error is a reason to kill it.
-    fn pump(&mut self, stop: &Stop, mut on_record: impl FnMut(&[u8]) -> Result<(), String>) -> Result<(), Outcome> {
+    fn pump(
+        &mut self,
+        stop: &StopSwitch,
+        mut on_record: impl FnMut(&[u8]) -> Result<(), String>,
+    ) -> Result<(), ChildOutcome> {
         loop {
             let ready = self.wait(stop)?;
-            self.look_at_memory();
+            self.sample_memory();
             if ready.stop {
-                return Err(Outcome::Stopped);
+                return Err(ChildOutcome::Stopped);
             }
             if ready.request {
                 self.send_request();
             }
             if ready.stdout {
-                self.read_records(&mut on_record).map_err(Outcome::Violated)?;
+                self.read_records(&mut on_record).map_err(ChildOutcome::ProtocolViolation)?;
             }
             if ready.stderr {
                 self.read_stderr();
@@ -194,7 +198,7 @@ impl Running {
         }
     }
 
-    fn wait(&self, stop: &Stop) -> Result<Ready, Outcome> {
+    fn wait(&self, stop: &StopSwitch) -> Result<ReadyStreams, ChildOutcome> {
         let until = self.next_limit()?;
         let timeout = Timespec { tv_sec: until.as_secs().min(3600) as i64, tv_nsec: until.subsec_nanos().into() };
         let streams_open = self.stdout.is_some() || self.stderr.is_some();
@@ -206,17 +210,17 @@ impl Running {
             (!streams_open).then(|| (self.pidfd.as_fd(), PollFlags::IN)),
             Some((stop.as_fd(), PollFlags::IN)),
         ];
-        let [request, stdout, stderr, exit, stop] = ready_of(watched, &timeout).map_err(Outcome::NotRun)?;
-        Ok(Ready { request, stdout, stderr, exit, stop })
+        let [request, stdout, stderr, exit, stop] = poll_ready(watched, &timeout).map_err(ChildOutcome::NotRun)?;
+        Ok(ReadyStreams { request, stdout, stderr, exit, stop })
     }
 
     /// Time until the next time limit, or the limit that has been reached.
-    fn next_limit(&self) -> Result<Duration, Outcome> {
+    fn next_limit(&self) -> Result<Duration, ChildOutcome> {
         let wall = self.budget.wall.checked_sub(self.started.elapsed());
         let silence = self.budget.silence.checked_sub(self.last_record.elapsed());
         match (wall, silence) {
-            (None, _) => Err(Outcome::TimedOut(Limit::Wall(self.budget.wall))),
-            (_, None) => Err(Outcome::TimedOut(Limit::Silence(self.budget.silence))),
+            (None, _) => Err(ChildOutcome::TimedOut(TimeLimit::Wall(self.budget.wall))),
+            (_, None) => Err(ChildOutcome::TimedOut(TimeLimit::Silence(self.budget.silence))),
             (Some(wall), Some(silence)) => Ok(wall.min(silence)),
         }
     }
@@ -224,13 +228,13 @@ impl Running {
     /// Samples the child's own memory peak. The kernel's resource usage at the end names the *parent's* peak if that is
     /// higher (it is carried over `exec`), so the child is sampled while it lives; at its last record it has not exited
     /// yet.
-    fn look_at_memory(&mut self) {
-        let is_young = self.started.elapsed() < YOUNG;
-        if !is_young && self.looked.is_some_and(|looked| looked.elapsed() < LOOK_EVERY) {
+    fn sample_memory(&mut self) {
+        let is_young = self.started.elapsed() < YOUNG_AGE;
+        if !is_young && self.memory_sampled.is_some_and(|looked| looked.elapsed() < MEMORY_SAMPLE_INTERVAL) {
             return;
         }
-        self.looked = Some(Instant::now());
-        let seen = footprint::bytes(&self.pid.to_string(), "VmHWM").unwrap_or(0);
+        self.memory_sampled = Some(Instant::now());
+        let seen = footprint::memory_field(&self.pid.to_string(), "VmHWM").unwrap_or(0);
         self.peak_rss_bytes = self.peak_rss_bytes.max(seen);
     }
 
@@ -258,12 +262,12 @@ impl Running {
     }
 
     fn read_stderr(&mut self) {
-        let mut buffer = [0; STDERR_TAIL];
+        let mut buffer = [0; STDERR_TAIL_BYTES];
         match self.stderr.as_mut().map_or(Ok(0), |s| s.read(&mut buffer)) {
             Ok(0) | Err(_) => self.stderr = None,
             Ok(n) => {
                 self.tail.extend_from_slice(&buffer[..n]);
-                let surplus = self.tail.len().saturating_sub(STDERR_TAIL);
+                let surplus = self.tail.len().saturating_sub(STDERR_TAIL_BYTES);
                 self.tail.drain(..surplus);
             }
         }
@@ -296,7 +300,7 @@ impl Running {
     }
 }
 
-impl Drop for Running {
+impl Drop for RunningChild {
     /// Kills the child if a panic in the caller's record handler left it running.
     fn drop(&mut self) {
         if !self.reaped {
@@ -307,14 +311,14 @@ impl Drop for Running {
 }
 
 /// The request on its way to the child; the descriptors travel with its first bytes.
-struct Outgoing {
+struct OutgoingRequest {
     socket: UnixStream,
     bytes: Vec<u8>,
     sent: usize,
     inputs: Vec<File>,
 }
 
-impl Outgoing {
+impl OutgoingRequest {
     fn new(socket: UnixStream, request: Vec<u8>, inputs: Vec<File>, budget: &Budget) -> Self {
         let confinement = Confinement {
             slice_ns: budget.slice.as_nanos() as u64, // fits: a fraction of a second
@@ -331,7 +335,7 @@ impl Outgoing {
 
     /// Sends as much as the socket takes; returns true when everything is sent.
     fn send(&mut self) -> io::Result<bool> {
-        let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(MOST_INPUTS))];
+        let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(MAX_INPUTS))];
         let mut control = SendAncillaryBuffer::new(&mut space);
         let descriptors: Vec<BorrowedFd<'_>> = self.inputs.iter().map(|f| f.as_fd()).collect();
         if !descriptors.is_empty() {
@@ -351,7 +355,7 @@ impl Outgoing {
 }
 
 /// Polls the descriptors; the answers are at the same indices.
-fn ready_of<const N: usize>(
+fn poll_ready<const N: usize>(
     watched: [Option<(BorrowedFd<'_>, PollFlags)>; N],
     timeout: &Timespec,
 ) -> io::Result<[bool; N]> {

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-const HEAD: usize = 4;
+const HEADER_BYTES: usize = 4;
 
 /// Why no further record can be read from a stream.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -23,10 +23,10 @@ pub enum RecordError {
     },
     /// The stream ended inside a record.
     #[error("the output ends in the middle of a record")]
-    Torn,
+    Truncated,
     /// The record's content violates the protocol.
     #[error("{0}")]
-    Nonsense(String),
+    Invalid(String),
 }
 
 /// Writes one record and flushes it.
@@ -64,7 +64,7 @@ impl Splitter {
         self.pending.extend_from_slice(bytes);
         let (mut start, mut records) = (0, 0);
         while let Some(end) = self.end_of_record(start)? {
-            each(&self.pending[start + HEAD..end]).map_err(RecordError::Nonsense)?;
+            each(&self.pending[start + HEADER_BYTES..end]).map_err(RecordError::Invalid)?;
             start = end;
             records += 1;
         }
@@ -74,16 +74,16 @@ impl Splitter {
 
     /// Fails if the stream ended inside a record.
     pub(super) fn finish(&self) -> Result<(), RecordError> {
-        if self.pending.is_empty() { Ok(()) } else { Err(RecordError::Torn) }
+        if self.pending.is_empty() { Ok(()) } else { Err(RecordError::Truncated) }
     }
 
     fn end_of_record(&self, start: usize) -> Result<Option<usize>, RecordError> {
-        let Some(head) = self.pending[start..].first_chunk::<HEAD>() else { return Ok(None) };
+        let Some(head) = self.pending[start..].first_chunk::<HEADER_BYTES>() else { return Ok(None) };
         let bytes = u32::from_le_bytes(*head) as usize;
         if bytes > self.record_bytes {
             return Err(RecordError::TooLong { bytes, limit: self.record_bytes });
         }
-        let end = start + HEAD + bytes;
+        let end = start + HEADER_BYTES + bytes;
         Ok((end <= self.pending.len()).then_some(end))
     }
 }
@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     fn an_end_inside_a_record_is_an_error() {
-        assert_eq!(split(&[3, 0, 0, 0, 1], 5).1, Err(RecordError::Torn));
+        assert_eq!(split(&[3, 0, 0, 0, 1], 5).1, Err(RecordError::Truncated));
     }
 
     #[test]

@@ -11,8 +11,8 @@ use libc::{SYS_sched_getattr, SYS_sched_setattr, c_long, sched_attr, syscall};
 
 /// Sets the slice length, ns, of this thread and of all threads that it starts later. An older kernel does not know
 /// slices, and a container may forbid the call: then work takes longer, but nothing else changes.
-pub(super) fn take(ns: u64) {
-    if let Some(mut now) = read() {
+pub(super) fn set_length(ns: u64) {
+    if let Some(mut now) = scheduling_attributes() {
         now.sched_runtime = ns;
         // SAFETY: the kernel reads a structure of the size that is written in it, and keeps no pointer to it.
         let _: c_long = unsafe { syscall(SYS_sched_setattr, 0, &raw const now, 0) };
@@ -20,7 +20,7 @@ pub(super) fn take(ns: u64) {
 }
 
 /// Scheduling attributes of this thread.
-fn read() -> Option<sched_attr> {
+fn scheduling_attributes() -> Option<sched_attr> {
     let mut now = sched_attr {
         size: 0,
         sched_policy: 0,
@@ -41,13 +41,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_thread_takes_the_slices_it_was_told_and_hands_them_on() {
-        let own = || read().unwrap().sched_runtime;
+    fn a_thread_uses_its_slice_length_and_passes_it_to_new_threads() {
+        let own = || scheduling_attributes().unwrap().sched_runtime;
         if own() == 0 {
             return eprintln!("SKIPPED: this kernel has no slices (Linux 6.12 has)");
         }
         let (first, inherited) = std::thread::spawn(move || {
-            take(20_000_000);
+            set_length(20_000_000);
             (own(), std::thread::spawn(own).join().unwrap())
         })
         .join()

@@ -8,9 +8,9 @@ use rustix::event::{EventfdFlags, eventfd};
 
 /// Kills every child that was started with it; clones are the same switch.
 #[derive(Clone, Debug)]
-pub struct Stop(Arc<OwnedFd>);
+pub struct StopSwitch(Arc<OwnedFd>);
 
-impl Stop {
+impl StopSwitch {
     /// Creates a switch.
     pub fn new() -> io::Result<Self> {
         Ok(Self(Arc::new(eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?)))
@@ -23,7 +23,7 @@ impl Stop {
     }
 }
 
-impl AsFd for Stop {
+impl AsFd for StopSwitch {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.0.as_fd()
     }

@@ -98,8 +98,8 @@ fn allow_list(own_pid: u32) -> Result<Rules, BackendError> {
     rules.push((libc::SYS_clone, vec![only_threads()?]));
     rules.push((libc::SYS_mmap, vec![never_executable()?]));
     rules.push((libc::SYS_mprotect, vec![never_executable()?]));
-    rules.push((libc::SYS_prctl, vec![only(0, libc::PR_SET_NAME as u64)?]));
-    rules.push((libc::SYS_tgkill, vec![only(0, own_pid.into())?])); // abort()
+    rules.push((libc::SYS_prctl, vec![argument_equals(0, libc::PR_SET_NAME as u64)?]));
+    rules.push((libc::SYS_tgkill, vec![argument_equals(0, own_pid.into())?])); // abort()
     Ok(rules)
 }
 
@@ -114,6 +114,6 @@ fn never_executable() -> Result<SeccompRule, BackendError> {
     SeccompRule::new(vec![SeccompCondition::new(2, Dword, SeccompCmpOp::MaskedEq(libc::PROT_EXEC as u64), 0)?])
 }
 
-fn only(argument: u8, value: u64) -> Result<SeccompRule, BackendError> {
+fn argument_equals(argument: u8, value: u64) -> Result<SeccompRule, BackendError> {
     SeccompRule::new(vec![SeccompCondition::new(argument, Dword, SeccompCmpOp::Eq, value)?])
 }

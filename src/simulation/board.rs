@@ -2,8 +2,8 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::checkerboard::Held;
-use super::light::{LAMPS, Lighting, Lit, Material, Rgb};
+use super::checkerboard::HeldBoard;
+use super::light::{LAMP_COUNT, Lighting, Material, Rgb, SplitRadiance};
 use super::shape::RoundCone;
 use crate::random::Dice;
 
@@ -55,22 +55,22 @@ pub struct Scenery {
     board_from_camera: Isometry3<f64>,
     eye: Point3<f64>,
     lighting: Lighting,
-    cells: [[Cell; COLUMNS]; ROWS],
+    cells: [[MatCell; COLUMNS]; ROWS],
     strokes: Vec<Stroke>,
     props: Vec<Prop>,
     /// A printed checkerboard, and the inverse of its pose.
-    sheet: Option<(Held, Isometry3<f64>)>,
+    sheet: Option<(HeldBoard, Isometry3<f64>)>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Cell {
-    form: Form,
+struct MatCell {
+    form: MatFigure,
     ground: Rgb,
     figure: Rgb,
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Form {
+enum MatFigure {
     Triangle { falling: bool },
     Disc,
     Ring,
@@ -79,9 +79,9 @@ enum Form {
 
 /// The first surface point along a camera ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sight {
+pub struct SurfacePoint {
     /// Radiance, with a separate share for each lamp; shadows of the scenery's props are already subtracted.
-    pub lit: Lit,
+    pub lit: SplitRadiance,
     /// Depth, mm.
     pub depth: f64,
 }
@@ -112,12 +112,12 @@ impl Scenery {
     }
 
     /// The same scenery with a printed checkerboard instead of the mat.
-    pub fn with_sheet(self, held: Held) -> Self {
+    pub fn with_sheet(self, held: HeldBoard) -> Self {
         Self { sheet: Some((held, held.camera_from_sheet.inverse())), ..self }
     }
 
     /// The first surface point that the ray `v = (x, y, 1)` meets.
-    pub fn look(&self, v: Vector3<f64>) -> Sight {
+    pub fn trace(&self, v: Vector3<f64>) -> SurfacePoint {
         let (mut depth, mut normal, mut material, mut own) = {
             let (depth, normal, material) = self.meet_box(v);
             (depth, normal, material, None)
@@ -137,7 +137,7 @@ impl Scenery {
         for (rgb, hidden) in lit.from_lamp.iter_mut().zip(hidden) {
             *rgb = rgb.map(|c| c * (1.0 - hidden as f32));
         }
-        Sight { lit, depth }
+        SurfacePoint { lit, depth }
     }
 
     /// Depth of a prop in front of `depth` on this ray, if any.
@@ -145,7 +145,7 @@ impl Scenery {
         self.props.iter().filter_map(|p| p.solid.meet(v)).map(|met| met.depth).find(|d| *d < depth)
     }
 
-    fn hidden_by_props(&self, point: Point3<f64>, own: Option<usize>) -> [f64; LAMPS] {
+    fn hidden_by_props(&self, point: Point3<f64>, own: Option<usize>) -> [f64; LAMP_COUNT] {
         self.lighting.lamps.map(|lamp| {
             let others = self.props.iter().enumerate().filter(|(index, _)| Some(*index) != own);
             others.map(|(_, prop)| lamp.hidden(point, &prop.solid)).sum::<f64>().min(1.0)
@@ -203,34 +203,34 @@ impl Stroke {
     }
 }
 
-impl Form {
+impl MatFigure {
     /// True if the point (−½..½) is part of the figure.
     fn covers(self, u: f64, v: f64) -> bool {
         match self {
-            Form::Triangle { falling } => {
+            MatFigure::Triangle { falling } => {
                 if falling {
                     v > u
                 } else {
                     v > -u
                 }
             }
-            Form::Disc => u.hypot(v) < 0.36,
-            Form::Ring => (0.2..0.38).contains(&u.hypot(v)),
-            Form::Diamond => u.abs() + v.abs() < 0.44,
+            MatFigure::Disc => u.hypot(v) < 0.36,
+            MatFigure::Ring => (0.2..0.38).contains(&u.hypot(v)),
+            MatFigure::Diamond => u.abs() + v.abs() < 0.44,
         }
     }
 }
 
-fn cells(dice: &mut Dice) -> [[Cell; COLUMNS]; ROWS] {
+fn cells(dice: &mut Dice) -> [[MatCell; COLUMNS]; ROWS] {
     let mut cell = || {
         let (ground, step) = (dice.pick(COLOURS.len()), 1 + dice.pick(COLOURS.len() - 1));
         let form = match dice.pick(6) {
-            0 => Form::Disc,
-            1 => Form::Ring,
-            2 => Form::Diamond,
-            n => Form::Triangle { falling: n == 3 },
+            0 => MatFigure::Disc,
+            1 => MatFigure::Ring,
+            2 => MatFigure::Diamond,
+            n => MatFigure::Triangle { falling: n == 3 },
         };
-        Cell { form, ground: COLOURS[ground], figure: COLOURS[(ground + step) % COLOURS.len()] }
+        MatCell { form, ground: COLOURS[ground], figure: COLOURS[(ground + step) % COLOURS.len()] }
     };
     std::array::from_fn(|_| std::array::from_fn(|_| cell()))
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::board::Sight;
+use super::board::SurfacePoint;
 use super::light::{Lighting, Material, Rgb};
 use super::render::{Photo, Photographer};
 use super::rig::Rig;
@@ -23,7 +23,7 @@ const WHITE_PAPER: Rgb = [0.72, 0.72, 0.7];
 
 /// A board with its pose and bend.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Held {
+pub struct HeldBoard {
     /// Sheet frame (x along the longer side, y along the shorter, origin in the middle) → camera frame, mm.
     pub camera_from_sheet: Isometry3<f64>,
     /// Curvature of the sheet along `bend_direction`, 1/mm; 0 for a flat board.
@@ -34,38 +34,38 @@ pub struct Held {
 
 /// Boards for a calibration, each whole in the picture, at many angles, distances and positions. The last `bent` boards
 /// are slightly bent.
-pub fn poses(rig: &Rig, seed: u64, count: usize, bent: usize) -> Vec<Held> {
+pub fn poses(rig: &Rig, seed: u64, count: usize, bent: usize) -> Vec<HeldBoard> {
     let mut dice = Dice::new(seed, "boards");
     (0..count).map(|i| pose(rig, &mut dice, i, i + bent >= count)).collect()
 }
 
 /// The photo of a held board.
-pub fn photo(photographer: &Photographer, lighting: &Lighting, held: &Held, seed: u64) -> Photo {
+pub fn photo(photographer: &Photographer, lighting: &Lighting, held: &HeldBoard, seed: u64) -> Photo {
     let sheet_from_camera = held.camera_from_sheet.inverse();
-    photographer.take(|v| look(held, &sheet_from_camera, lighting, v), seed)
+    photographer.take(|v| trace(held, &sheet_from_camera, lighting, v), seed)
 }
 
 /// Position of an inner corner; column 0..9, row 0..6; camera frame, mm.
-pub fn corner(held: &Held, column: usize, row: usize) -> Point3<f64> {
+pub fn corner(held: &HeldBoard, column: usize, row: usize) -> Point3<f64> {
     let x = (column as f64 - 0.5 * (COLUMNS - 1) as f64) * SQUARE_MM;
     let y = (row as f64 - 0.5 * (ROWS - 1) as f64) * SQUARE_MM;
     held.camera_from_sheet * Point3::new(x, y, held.sag(x, y))
 }
 
-fn pose(rig: &Rig, dice: &mut Dice, index: usize, bent: bool) -> Held {
+fn pose(rig: &Rig, dice: &mut Dice, index: usize, bent: bool) -> HeldBoard {
     const TRIES: usize = 4000;
     let mut found = None;
     for _ in 0..TRIES {
-        let held = draw(dice, index, bent);
+        let held = random_board(dice, index, bent);
         if in_picture(rig, &held) {
             return held;
         }
         found = Some(held);
     }
-    found.unwrap_or_else(|| draw(dice, index, bent)) // the picture is too narrow for a whole board: part of it is seen
+    found.unwrap_or_else(|| random_board(dice, index, bent)) // the picture is too narrow for a whole board: part of it is seen
 }
 
-fn draw(dice: &mut Dice, index: usize, bent: bool) -> Held {
+fn random_board(dice: &mut Dice, index: usize, bent: bool) -> HeldBoard {
     let tilt = Vector3::new(dice.within(-0.62, 0.62), dice.within(-0.62, 0.62), 0.0);
     // Most boards are held upright; every fourth is rotated by 90°, 180° or 270°.
     let quarters = if index % 4 == 3 { 1.0 + (index / 4 % 3) as f64 } else { 0.0 };
@@ -75,7 +75,7 @@ fn draw(dice: &mut Dice, index: usize, bent: bool) -> Held {
     let middle = Translation3::new(dice.within(-0.5, 0.5) * z, dice.within(-0.32, 0.32) * z, z);
     let fold = dice.within(-0.5, 0.5);
     let bend = if bent { dice.within(0.9e-3, 1.5e-3) * if dice.chance(0.5) { 1.0 } else { -1.0 } } else { 0.0 };
-    Held {
+    HeldBoard {
         camera_from_sheet: Isometry3::from_parts(middle, UnitQuaternion::from_rotation_matrix(&turn)),
         bend,
         bend_direction: (fold.cos(), fold.sin()),
@@ -83,7 +83,7 @@ fn draw(dice: &mut Dice, index: usize, bent: bool) -> Held {
 }
 
 /// True if the whole sheet is in the picture, with a small margin.
-fn in_picture(rig: &Rig, held: &Held) -> bool {
+fn in_picture(rig: &Rig, held: &HeldBoard) -> bool {
     let (half_width, half_height) = half_sheet();
     let (width, height) = (f64::from(rig.camera.width), f64::from(rig.camera.height));
     let spare = 0.008 * width;
@@ -101,7 +101,7 @@ fn half_sheet() -> (f64, f64) {
     (0.5 * (COLUMNS + 1) as f64 * SQUARE_MM + MARGIN_MM, 0.5 * (ROWS + 1) as f64 * SQUARE_MM + MARGIN_MM)
 }
 
-impl Held {
+impl HeldBoard {
     /// Height of the bent sheet over its flat middle, mm.
     fn sag(&self, x: f64, y: f64) -> f64 {
         let across = x * self.bend_direction.0 + y * self.bend_direction.1;
@@ -125,14 +125,14 @@ impl Held {
     }
 }
 
-fn look(held: &Held, sheet_from_camera: &Isometry3<f64>, lighting: &Lighting, v: Vector3<f64>) -> Sight {
+fn trace(held: &HeldBoard, sheet_from_camera: &Isometry3<f64>, lighting: &Lighting, v: Vector3<f64>) -> SurfacePoint {
     const TABLE_MM: f64 = 700.0;
     let met = held.meet_ray(sheet_from_camera, v);
     let (depth, normal, material) = met.unwrap_or((TABLE_MM, -Vector3::z(), paper([0.5, 0.42, 0.33])));
-    Sight { lit: lighting.reflect(Point3::from(v * depth), normal, v, &material), depth }
+    SurfacePoint { lit: lighting.reflect(Point3::from(v * depth), normal, v, &material), depth }
 }
 
-impl Held {
+impl HeldBoard {
     /// A flat board in this pose (sheet frame → camera frame).
     pub fn flat(camera_from_sheet: Isometry3<f64>) -> Self {
         Self { camera_from_sheet, bend: 0.0, bend_direction: (1.0, 0.0) }
@@ -171,11 +171,11 @@ fn print(at: Point3<f64>) -> Rgb {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulation::View;
+    use crate::simulation::RigView;
 
     #[test]
     fn a_ray_through_a_corner_meets_the_sheet_there_bent_or_not() {
-        let rig = Rig::new(1, View::Top, 640, 360);
+        let rig = Rig::new(1, RigView::Top, 640, 360);
         for held in poses(&rig, 4, 8, 3) {
             let corner = corner(&held, 8, 0);
             let sheet_from_camera = held.camera_from_sheet.inverse();
@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn every_board_lies_whole_in_the_picture_and_the_last_ones_are_bent() {
-        let rig = Rig::new(1, View::Top, 1280, 720);
+        let rig = Rig::new(1, RigView::Top, 1280, 720);
         let boards = poses(&rig, 1, 19, 3);
         assert!(boards.iter().all(|held| in_picture(&rig, held)));
         let bent: Vec<bool> = boards.iter().map(|held| held.bend != 0.0).collect();

@@ -12,7 +12,7 @@ pub type Rgb = [f32; 3];
 
 /// Number of lamps in a box; the renderer stores the share of each lamp for every background pixel, for the tools'
 /// shadows.
-pub const LAMPS: usize = 2;
+pub const LAMP_COUNT: usize = 2;
 
 /// A spherical lamp.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,7 +90,7 @@ pub struct Material {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lighting {
     /// Lamps.
-    pub lamps: [Lamp; LAMPS],
+    pub lamps: [Lamp; LAMP_COUNT],
     /// Ambient light, as reflected by a white surface.
     pub ambient: Rgb,
     /// Light that polished surfaces mirror from the side of the board.
@@ -103,16 +103,16 @@ pub struct Lighting {
 
 /// A surface's radiance, split by lamp so that shadows can be subtracted later.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lit {
+pub struct SplitRadiance {
     /// Radiance without the lamps.
     pub base: Rgb,
     /// Radiance from each lamp, without shadows.
-    pub from_lamp: [Rgb; LAMPS],
+    pub from_lamp: [Rgb; LAMP_COUNT],
 }
 
-impl Lit {
+impl SplitRadiance {
     /// The total radiance, with a share of each lamp hidden.
-    pub fn with_hidden(&self, hidden: [f32; LAMPS]) -> Rgb {
+    pub fn with_hidden(&self, hidden: [f32; LAMP_COUNT]) -> Rgb {
         let mut sum = self.base;
         for (rgb, hidden) in self.from_lamp.iter().zip(hidden) {
             for (channel, value) in sum.iter_mut().zip(rgb) {
@@ -126,7 +126,13 @@ impl Lit {
 impl Lighting {
     /// The radiance of a point with this normal and material towards the camera; `v` is the ray `(x, y, 1)` to the
     /// point.
-    pub fn reflect(&self, point: Point3<f64>, normal: Vector3<f64>, v: Vector3<f64>, material: &Material) -> Lit {
+    pub fn reflect(
+        &self,
+        point: Point3<f64>,
+        normal: Vector3<f64>,
+        v: Vector3<f64>,
+        material: &Material,
+    ) -> SplitRadiance {
         let eye = -v.normalize();
         let facing = eye.dot(&normal).max(0.0);
         let grazing =
@@ -136,7 +142,7 @@ impl Lighting {
         let openness = (0.75 + 0.25 * normal.dot(&self.up)) as f32;
         let base = [0, 1, 2].map(|c| material.matt[c] * self.ambient[c] * openness + grazing * surroundings[c]);
         let from_lamp = self.lamps.map(|lamp| lamp_light(&lamp, point, normal, eye, material));
-        Lit { base, from_lamp }
+        SplitRadiance { base, from_lamp }
     }
 }
 
@@ -183,7 +189,7 @@ mod tests {
 
     #[test]
     fn hiding_a_lamp_takes_off_exactly_its_light() {
-        let lit = Lit { base: [0.1; 3], from_lamp: [[0.2; 3], [0.4; 3]] };
+        let lit = SplitRadiance { base: [0.1; 3], from_lamp: [[0.2; 3], [0.4; 3]] };
         assert_eq!(lit.with_hidden([0.0, 0.0]), [0.1 + 0.2 + 0.4; 3]);
         assert_eq!(lit.with_hidden([1.0, 1.0]), [0.1; 3]);
     }

@@ -10,7 +10,7 @@ use crate::random::Dice;
 
 /// One rectangle, pixels of the recorded frame; `x`, `y` is the first pixel inside.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Mark {
+pub struct SimulatedMark {
     /// Position in the list of frame times.
     pub frame: usize,
     /// Tape's name, `shaft`, `jaw` or `background`.
@@ -26,27 +26,28 @@ pub struct Mark {
 }
 
 /// Number of frames where each tool is marked, and number of frames where the empty box is marked.
-const FRAMES: usize = 5;
+const MARKED_FRAMES: usize = 5;
 /// Number of frames that an instructor browses to find these frames.
-const LEAFED: usize = 40;
+const BROWSED_FRAMES: usize = 40;
 /// Rectangles on the empty box per frame.
 const BACKGROUNDS: usize = 9;
 /// Minimum visible share of a band that an instructor marks.
-const PLAIN: f64 = 0.98;
+const MIN_VISIBLE_SHARE: f64 = 0.98;
 
 /// Marks on a few frames spread over a recording with these frame times, s; sorted by frame.
-pub fn of_recording(world: &World, times_s: &[f64]) -> Vec<Mark> {
-    let leafed = spread(&(0..times_s.len()).collect::<Vec<_>>(), LEAFED);
+pub fn mark_recording(world: &World, times_s: &[f64]) -> Vec<SimulatedMark> {
+    let leafed = spread(&(0..times_s.len()).collect::<Vec<_>>(), BROWSED_FRAMES);
     let seen: Vec<Vec<f64>> =
         leafed.iter().map(|f| truth::at(world, times_s[*f]).iter().map(|t| t.visible).collect()).collect();
     let mut marks = Vec::new();
     for tool in 0..world.tools.len() {
         let looks = leafed.iter().zip(&seen);
-        let plain: Vec<usize> = looks.filter(|(_, seen)| seen[tool] > PLAIN).map(|(frame, _)| *frame).collect();
-        marks.extend(spread(&plain, FRAMES).into_iter().flat_map(|f| on_tool(world, tool, f, times_s[f])));
+        let plain: Vec<usize> =
+            looks.filter(|(_, seen)| seen[tool] > MIN_VISIBLE_SHARE).map(|(frame, _)| *frame).collect();
+        marks.extend(spread(&plain, MARKED_FRAMES).into_iter().flat_map(|f| on_tool(world, tool, f, times_s[f])));
     }
     let mut dice = Dice::new(world.seed, "marks");
-    for frame in spread(&leafed, FRAMES) {
+    for frame in spread(&leafed, MARKED_FRAMES) {
         let poses = world.poses(times_s[frame]);
         marks.extend((0..BACKGROUNDS).filter_map(|_| background(world, &poses, &mut dice, frame)));
     }
@@ -62,7 +63,7 @@ fn spread(all: &[usize], count: usize) -> Vec<usize> {
     (0..count).map(|i| all[(all.len() * (2 * i + 1)) / (2 * count)]).collect()
 }
 
-fn on_tool(world: &World, tool: usize, frame: usize, time_s: f64) -> Vec<Mark> {
+fn on_tool(world: &World, tool: usize, frame: usize, time_s: f64) -> Vec<SimulatedMark> {
     let (design, pose) = (&world.tools[tool].design, world.poses(time_s)[tool]);
     let (name, band, radius) = (design.tape.name, design.band_mm, 0.5 * design.diameter_mm);
     let along = [(0.25, name), (0.5, name), (0.75, name), (1.6, "shaft"), (2.2, "shaft")];
@@ -80,7 +81,7 @@ fn on_axis(
     radius: f64,
     label: &'static str,
     frame: usize,
-) -> Option<Mark> {
+) -> Option<SimulatedMark> {
     let camera = &world.rig.camera;
     let point = pose.tip - pose.axis * behind;
     let seen = camera.project(CameraPoint(point))?;
@@ -91,7 +92,7 @@ fn on_axis(
 }
 
 /// A random rectangle in the box, away from every tool.
-fn background(world: &World, poses: &[ToolPose], dice: &mut Dice, frame: usize) -> Option<Mark> {
+fn background(world: &World, poses: &[ToolPose], dice: &mut Dice, frame: usize) -> Option<SimulatedMark> {
     const TRIES: usize = 50;
     let camera = &world.rig.camera;
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
@@ -115,12 +116,12 @@ fn distance_to_tools(world: &World, poses: &[ToolPose], pixel: Pixel) -> f64 {
     seen.map(|p| (p.0 - pixel.0).norm()).fold(f64::INFINITY, f64::min)
 }
 
-fn centred(middle: Pixel, half: i64, label: &'static str, frame: usize) -> Mark {
+fn centred(middle: Pixel, half: i64, label: &'static str, frame: usize) -> SimulatedMark {
     let (x, y) = (middle.u().round() as i64 - half, middle.v().round() as i64 - half);
-    Mark { frame, label, x, y, w: 2 * half + 1, h: 2 * half + 1 }
+    SimulatedMark { frame, label, x, y, w: 2 * half + 1, h: 2 * half + 1 }
 }
 
-fn inside_picture(world: &World, mark: &Mark) -> bool {
+fn inside_picture(world: &World, mark: &SimulatedMark) -> bool {
     let (width, height) = (i64::from(world.rig.camera.width), i64::from(world.rig.camera.height));
     mark.x >= 0 && mark.y >= 0 && mark.x + mark.w <= width && mark.y + mark.h <= height
 }

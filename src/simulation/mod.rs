@@ -30,7 +30,7 @@ pub mod tool;
 pub mod truth;
 pub mod world;
 
-pub use rig::View;
+pub use rig::RigView;
 pub use scenario::Scenario;
 pub use skill::Skill;
 pub use world::{Setup, World};

@@ -12,27 +12,27 @@ use crate::random::Dice;
 
 /// A quantity over time: a start value plus the sum of all reaches so far.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Course<V> {
+pub struct ReachSum<V> {
     start: V,
-    reaches: Vec<Reach<V>>,
+    reaches: Vec<MinimumJerkReach<V>>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-struct Reach<V> {
+struct MinimumJerkReach<V> {
     start_s: f64,
     duration_s: f64,
     by: V,
 }
 
-impl<V: Copy + Add<Output = V> + Mul<f64, Output = V>> Course<V> {
+impl<V: Copy + Add<Output = V> + Mul<f64, Output = V>> ReachSum<V> {
     /// A quantity that stays at `start`.
     pub fn resting_at(start: V) -> Self {
         Self { start, reaches: Vec::new() }
     }
 
     /// Adds a smooth step of `by` that begins at `start_s` and lasts `duration_s`.
-    pub fn reach(&mut self, start_s: f64, duration_s: f64, by: V) {
-        self.reaches.push(Reach { start_s, duration_s, by });
+    pub fn add_reach(&mut self, start_s: f64, duration_s: f64, by: V) {
+        self.reaches.push(MinimumJerkReach { start_s, duration_s, by });
     }
 
     /// The value at a time.
@@ -88,8 +88,8 @@ mod tests {
 
     #[test]
     fn a_reach_starts_and_ends_at_rest_and_peaks_at_15_eighths_of_its_mean_speed() {
-        let mut course = Course::resting_at(2.0);
-        course.reach(1.0, 2.0, 10.0);
+        let mut course = ReachSum::resting_at(2.0);
+        course.add_reach(1.0, 2.0, 10.0);
         assert_eq!((course.at(0.5), course.at(3.0), course.at(9.0)), (2.0, 12.0, 12.0));
         let speed = |t: f64| (course.at(t + 1e-5) - course.at(t - 1e-5)) / 2e-5;
         assert!((speed(2.0) - 15.0 / 8.0 * 5.0).abs() < 1e-6, "{}", speed(2.0));
@@ -97,10 +97,10 @@ mod tests {
     }
 
     #[test]
-    fn reaches_add_up_whatever_their_overlap() {
-        let mut course = Course::resting_at(0.0);
-        course.reach(0.0, 2.0, 3.0);
-        course.reach(1.0, 2.0, -1.0);
+    fn reaches_add_up_at_any_overlap() {
+        let mut course = ReachSum::resting_at(0.0);
+        course.add_reach(0.0, 2.0, 3.0);
+        course.add_reach(1.0, 2.0, -1.0);
         assert_eq!(course.end_s(), 3.0);
         assert!((course.at(3.0) - 2.0).abs() < 1e-12);
     }

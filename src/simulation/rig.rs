@@ -8,7 +8,7 @@ use crate::random::Dice;
 
 /// Position of the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum View {
+pub enum RigView {
     /// In the lid, facing straight down; hands enter at the lower edge of the picture.
     Top,
     /// At the trainee's side, at an angle; tools come down from the upper corners.
@@ -36,7 +36,7 @@ pub struct Rig {
     /// The camera.
     pub camera: Camera,
     /// Position of the camera.
-    pub view: View,
+    pub view: RigView,
     /// Board frame (x right, y to the trainee, z into the board; origin in its middle) → camera frame, mm.
     pub camera_from_board: Isometry3<f64>,
     /// Left and right trocar, camera frame, mm.
@@ -49,14 +49,14 @@ pub struct Rig {
 
 impl Rig {
     /// The box of this number, with a camera of this picture size. Lens and mounting differ a little from box to box.
-    pub fn new(number: u64, view: View, width: u32, height: u32) -> Self {
+    pub fn new(number: u64, view: RigView, width: u32, height: u32) -> Self {
         let mut dice = Dice::new(number, "rig");
         let camera = camera(&mut dice, width, height);
         let camera_from_board = mounting(&mut dice, view);
         let to_camera = |x, y, over| camera_from_board * above(x, y, over);
         let fulcrums = match view {
-            View::Top => [to_camera(-112.0, 96.0, 188.0), to_camera(112.0, 96.0, 188.0)],
-            View::Side => [to_camera(-128.0, 42.0, 176.0), to_camera(128.0, 42.0, 176.0)],
+            RigView::Top => [to_camera(-112.0, 96.0, 188.0), to_camera(112.0, 96.0, 188.0)],
+            RigView::Side => [to_camera(-128.0, 42.0, 176.0), to_camera(128.0, 42.0, 176.0)],
         };
         let scale = f64::from(width).hypot(f64::from(height)) / DIAGONAL_720P;
         let optics = Optics {
@@ -104,10 +104,10 @@ fn camera(dice: &mut Dice, width: u32, height: u32) -> Camera {
     }
 }
 
-fn mounting(dice: &mut Dice, view: View) -> Isometry3<f64> {
+fn mounting(dice: &mut Dice, view: RigView) -> Isometry3<f64> {
     let (eye, target) = match view {
-        View::Top => (above(0.0, 30.0, 236.0), above(0.0, -3.0, 0.0)),
-        View::Side => (above(0.0, 150.0, 158.0), above(0.0, -8.0, 12.0)),
+        RigView::Top => (above(0.0, 30.0, 236.0), above(0.0, -3.0, 0.0)),
+        RigView::Side => (above(0.0, 150.0, 158.0), above(0.0, -8.0, 12.0)),
     };
     let eye = eye + dice.gauss3() * 2.0;
     let forward = (target - eye).normalize();

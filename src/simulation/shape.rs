@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector3};
 
 /// The first intersection of a ray with a solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Meeting {
+pub struct RayHit {
     /// Depth, mm: the point is `depth · v`.
     pub depth: f64,
     /// Unit normal, out of the solid.
@@ -39,7 +39,7 @@ impl RoundCone {
     }
 
     /// The first intersection of the ray with the solid.
-    pub fn meet(&self, v: Vector3<f64>) -> Option<Meeting> {
+    pub fn meet(&self, v: Vector3<f64>) -> Option<RayHit> {
         // The solid is convex: a ray enters it once, through the side or through one of the ends.
         self.meet_side(v).or_else(|| {
             let ends = [meet_sphere(self.a, self.radius_a, v), meet_sphere(self.b, self.radius_b, v)];
@@ -49,7 +49,7 @@ impl RoundCone {
 
     /// Intersection with the cone that touches both spheres. With `s = (ra − rb)/h` the sine of its half angle and `y`
     /// the distance along the axis, its surface is `|X − A|² − ra² = (y − ra·s)²/(1 − s²)`: a quadratic in the depth.
-    fn meet_side(&self, v: Vector3<f64>) -> Option<Meeting> {
+    fn meet_side(&self, v: Vector3<f64>) -> Option<RayHit> {
         let along = self.b - self.a;
         let length = along.norm();
         let slope = (self.radius_a - self.radius_b) / length;
@@ -70,13 +70,13 @@ impl RoundCone {
             let y = from_a.dot(&axis);
             let on_side = y >= self.radius_a * slope && y <= length + self.radius_b * slope;
             let normal = (from_a - axis * y).normalize() * cosine + axis * slope;
-            (depth > 0.0 && on_side && normal.dot(&v) < 0.0).then_some(Meeting { depth, normal })
+            (depth > 0.0 && on_side && normal.dot(&v) < 0.0).then_some(RayHit { depth, normal })
         })
     }
 
     /// True if a ray within the angle `margin` (sine) of `unit` may meet the solid. May be true wrongly, never false
     /// wrongly.
-    pub fn near(&self, unit: Vector3<f64>, margin: f64) -> bool {
+    pub fn may_meet(&self, unit: Vector3<f64>, margin: f64) -> bool {
         let (a, b) = (self.a.coords, self.b.coords);
         // The distance of the axis's segment from the ray is compared with the radius of the thicker end.
         let (ab, reach) = (b - a, self.radius_a.max(self.radius_b));
@@ -90,11 +90,11 @@ impl RoundCone {
     }
 }
 
-fn meet_sphere(centre: Point3<f64>, radius: f64, v: Vector3<f64>) -> Option<Meeting> {
+fn meet_sphere(centre: Point3<f64>, radius: f64, v: Vector3<f64>) -> Option<RayHit> {
     let (a, b) = (v.norm_squared(), v.dot(&centre.coords));
     let left = b * b - a * (centre.coords.norm_squared() - radius * radius);
     let depth = (b - left.max(0.0).sqrt()) / a;
-    (left > 0.0 && depth > 0.0).then(|| Meeting { depth, normal: (v * depth - centre.coords) / radius })
+    (left > 0.0 && depth > 0.0).then(|| RayHit { depth, normal: (v * depth - centre.coords) / radius })
 }
 
 /// The part of a tube that a ray meets.
@@ -110,7 +110,7 @@ pub enum TubePart {
 
 /// A tool's tube: tape from the distal end to `band_mm`, then bare tube, a little thinner.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tube {
+pub struct TapedTube {
     /// Centre of the distal end, mm.
     pub tip: Point3<f64>,
     /// Unit vector from the hand to the tip.
@@ -128,7 +128,7 @@ pub struct Tube {
     borders: [Vector3<f64>; 2],
 }
 
-impl Tube {
+impl TapedTube {
     /// A tube in the camera frame.
     pub fn new(tip: Point3<f64>, axis: Vector3<f64>, radii: (f64, f64), band_mm: f64, length_mm: f64) -> Self {
         let along_tip = tip.coords.dot(&axis);
@@ -145,7 +145,7 @@ impl Tube {
     }
 
     /// The first intersection of the ray: depth, normal, part, and distance from the tip towards the hand in mm.
-    pub fn meet(&self, v: Vector3<f64>) -> Option<(Meeting, TubePart, f64)> {
+    pub fn meet(&self, v: Vector3<f64>) -> Option<(RayHit, TubePart, f64)> {
         let va = v.dot(&self.axis);
         let a = v.norm_squared() - va * va;
         let b = v.dot(&self.tip.coords) - self.along_tip * va;
@@ -155,7 +155,7 @@ impl Tube {
             let depth = (b - left.max(0.0).sqrt()) / a;
             (left > 0.0 && depth > 0.0).then_some((depth, self.along_tip - depth * va))
         };
-        let meeting = |depth: f64, behind: f64, radius: f64| Meeting {
+        let meeting = |depth: f64, behind: f64, radius: f64| RayHit {
             depth,
             normal: (v * depth - self.tip.coords + self.axis * behind) / radius,
         };
@@ -183,10 +183,10 @@ impl Tube {
         (self.along_tip - depth * va, depth, (a / v.norm_squared()).sqrt())
     }
 
-    fn meet_face(&self, v: Vector3<f64>, va: f64) -> Option<(Meeting, TubePart, f64)> {
+    fn meet_face(&self, v: Vector3<f64>, va: f64) -> Option<(RayHit, TubePart, f64)> {
         let depth = self.along_tip / va;
         let inside = (v * depth - self.tip.coords).norm_squared() <= self.radius * self.radius;
-        (va < 0.0 && depth > 0.0 && inside).then_some((Meeting { depth, normal: self.axis }, TubePart::Face, 0.0))
+        (va < 0.0 && depth > 0.0 && inside).then_some((RayHit { depth, normal: self.axis }, TubePart::Face, 0.0))
     }
 }
 

@@ -7,7 +7,7 @@ use crate::random::Dice;
 
 /// Spread of each figure among people of one level, as the standard deviation of its logarithm. Neighbouring levels
 /// overlap, as in every centre. Chosen, not measured.
-const PEOPLE_DIFFER: f64 = 0.25;
+const PERSON_SPREAD: f64 = 0.25;
 
 /// A way of moving.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,7 +83,7 @@ impl Skill {
     /// A person of this level; the same number gives the same person in every task.
     pub fn of_person(self, person: u64) -> Skill {
         let mut dice = Dice::new(person, "person");
-        let mut own = |figure: f64| figure * (PEOPLE_DIFFER * dice.gauss()).exp();
+        let mut own = |figure: f64| figure * (PERSON_SPREAD * dice.gauss()).exp();
         Skill {
             reach_speed_mm_s: own(self.reach_speed_mm_s),
             pause_s: own(self.pause_s),

@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector3};
 use super::light::Lamp;
 use super::render::{Chroma, Renderer};
 use super::skill::Skill;
-use super::{Scenario, Setup, View, World, truth};
+use super::{RigView, Scenario, Setup, World, truth};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::space::CameraPoint;
 
@@ -14,7 +14,7 @@ fn small(scenario: Scenario, skill: Skill, seed: u64) -> Setup {
 }
 
 fn worlds() -> impl Iterator<Item = (Setup, World)> {
-    let views = [View::Top, View::Side];
+    let views = [RigView::Top, RigView::Side];
     let setups = Scenario::ALL
         .into_iter()
         .flat_map(move |scenario| views.map(|view| Setup { view, ..small(scenario, Skill::INTERMEDIATE, 5) }));
@@ -90,7 +90,7 @@ fn one_tool_passes_behind_the_other_and_leaves_the_view_in_crossing() {
 
 #[test]
 fn both_cross_leave_and_return_in_the_other_order_in_exchange() {
-    for view in [View::Top, View::Side] {
+    for view in [RigView::Top, RigView::Side] {
         let world = World::new(&Setup { view, ..small(Scenario::Exchange, Skill::INTERMEDIATE, 2) });
         let seen: Vec<_> = times(&world, 0.05).map(|t| truth::at(&world, t)).collect();
         let crossed = |tools: &[crate::pipeline::evaluation::TruthTool]| tools[0].tip_mm.x > tools[1].tip_mm.x + 20.0;
@@ -105,7 +105,7 @@ fn both_cross_leave_and_return_in_the_other_order_in_exchange() {
 
 #[test]
 fn tools_of_one_tape_are_called_by_their_sides() {
-    let tape = super::tool::Tape::ALL[0];
+    let tape = super::tool::TapeDesign::ALL[0];
     let world = World::new(&Setup { tapes: [tape; 2], ..small(Scenario::Exchange, Skill::EXPERT, 2) });
     let names: Vec<String> = truth::at(&world, 0.0).into_iter().map(|tool| tool.tool).collect();
     assert_eq!(names, ["left", "right"]);
@@ -114,7 +114,7 @@ fn tools_of_one_tape_are_called_by_their_sides() {
 #[test]
 fn tools_do_not_pass_through_each_other() {
     for scenario in [Scenario::Crossing, Scenario::Exchange, Scenario::Rectangle] {
-        for view in [View::Top, View::Side] {
+        for view in [RigView::Top, RigView::Side] {
             let world = World::new(&Setup { view, ..small(scenario, Skill::INTERMEDIATE, 3) });
             for time_s in times(&world, 0.05) {
                 let poses = world.poses(time_s);

@@ -3,35 +3,35 @@
 use nalgebra::{Point3, Vector3};
 
 use super::light::{Material, Rgb};
-use super::motion::{Course, Oscillation};
+use super::motion::{Oscillation, ReachSum};
 use super::rig::Rig;
-use super::shape::{RoundCone, Tube};
+use super::shape::{RoundCone, TapedTube};
 
 /// Difference in diameter between the taped and the bare tube, mm: two layers of 0.06 mm vinyl.
 pub const TAPE_STEP_MM: f64 = 0.12;
 
 /// Coloured tape that marks a tool; its name is the tool's name, unless both tools have the same tape.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tape {
+pub struct TapeDesign {
     /// Name on the command line and in every file.
     pub name: &'static str,
     /// Matt reflectance.
     pub colour: Rgb,
 }
 
-impl Tape {
+impl TapeDesign {
     /// Every tape.
-    pub const ALL: [Tape; 6] = [
-        Tape { name: "orange", colour: [0.86, 0.17, 0.012] },
-        Tape { name: "cyan", colour: [0.012, 0.34, 0.56] },
-        Tape { name: "magenta", colour: [0.66, 0.03, 0.29] },
-        Tape { name: "lime", colour: [0.28, 0.66, 0.03] },
-        Tape { name: "yellow", colour: [0.88, 0.66, 0.02] },
-        Tape { name: "violet", colour: [0.19, 0.06, 0.45] },
+    pub const ALL: [TapeDesign; 6] = [
+        TapeDesign { name: "orange", colour: [0.86, 0.17, 0.012] },
+        TapeDesign { name: "cyan", colour: [0.012, 0.34, 0.56] },
+        TapeDesign { name: "magenta", colour: [0.66, 0.03, 0.29] },
+        TapeDesign { name: "lime", colour: [0.28, 0.66, 0.03] },
+        TapeDesign { name: "yellow", colour: [0.88, 0.66, 0.02] },
+        TapeDesign { name: "violet", colour: [0.19, 0.06, 0.45] },
     ];
 
     /// The tape of this name.
-    pub fn named(name: &str) -> Option<Tape> {
+    pub fn named(name: &str) -> Option<TapeDesign> {
         Self::ALL.into_iter().find(|t| t.name == name)
     }
 
@@ -45,7 +45,7 @@ impl Tape {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolDesign {
     /// Its tape.
-    pub tape: Tape,
+    pub tape: TapeDesign,
     /// Outer diameter over the tape, mm.
     pub diameter_mm: f64,
     /// Length of the tape from the distal end of the tube, mm.
@@ -56,7 +56,7 @@ pub struct ToolDesign {
 
 /// A tool in a hand: a design, a fixed fulcrum, and the hand's motion.
 #[derive(Clone, Debug)]
-pub struct Tool {
+pub struct SimulatedTool {
     /// Its name: that of its tape, or `left` and `right` if both tools have the same tape.
     pub name: &'static str,
     /// Its sizes and tape.
@@ -64,11 +64,11 @@ pub struct Tool {
     /// The trocar: the axis passes through this point at every time. Camera frame, mm.
     pub fulcrum: Point3<f64>,
     /// Intended position of the closed jaws' point; board frame, mm.
-    pub aim: Course<Vector3<f64>>,
+    pub aim: ReachSum<Vector3<f64>>,
     /// Angle between the jaws, rad.
-    pub opening: Course<f64>,
+    pub opening: ReachSum<f64>,
     /// Rotation about the axis, rad.
-    pub roll: Course<f64>,
+    pub roll: ReachSum<f64>,
     /// Unintended motion of the hand; board frame, mm.
     pub unsteadiness: Vec<Oscillation>,
 }
@@ -90,7 +90,7 @@ pub struct ToolPose {
     pub roll: f64,
 }
 
-impl Tool {
+impl SimulatedTool {
     /// The tool's pose at a time.
     pub fn pose(&self, rig: &Rig, time_s: f64) -> ToolPose {
         const OUTSIDE_MM: f64 = 60.0; // of tube behind the trocar
@@ -105,9 +105,9 @@ impl Tool {
 
 impl ToolDesign {
     /// The taped tube.
-    pub fn tube(&self, pose: &ToolPose) -> Tube {
+    pub fn tube(&self, pose: &ToolPose) -> TapedTube {
         let radius = 0.5 * self.diameter_mm;
-        Tube::new(pose.tip, pose.axis, (radius, radius - 0.5 * TAPE_STEP_MM), self.band_mm, pose.length_mm)
+        TapedTube::new(pose.tip, pose.axis, (radius, radius - 0.5 * TAPE_STEP_MM), self.band_mm, pose.length_mm)
     }
 
     /// Hinge and both halves of the jaws, if it has any.

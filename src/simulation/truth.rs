@@ -4,7 +4,7 @@ use nalgebra::Point3;
 
 use super::board::Scenery;
 use super::shape::RoundCone;
-use super::tool::{Tool, ToolPose, side_of};
+use super::tool::{SimulatedTool, ToolPose, side_of};
 use super::world::World;
 use crate::pipeline::evaluation::TruthTool;
 use crate::pipeline::space::{CameraPoint, Pixel};
@@ -30,7 +30,7 @@ fn visible_share(world: &World, scenery: &Scenery, poses: &[ToolPose], index: us
     const ALONG: usize = 40;
     const AROUND: usize = 72;
     let (tool, pose) = (&world.tools[index], &poses[index]);
-    let others: Vec<(&Tool, &ToolPose)> =
+    let others: Vec<(&SimulatedTool, &ToolPose)> =
         world.tools.iter().zip(poses).enumerate().filter(|(i, _)| *i != index).map(|(_, pair)| pair).collect();
     let (mut facing, mut seen) = (0.0, 0.0);
     for patch in 0..ALONG * AROUND {
@@ -60,11 +60,11 @@ fn in_picture(world: &World, point: Point3<f64>) -> bool {
     seen.0.coords.norm() < WIDEST && inside(camera.pixel_of(seen))
 }
 
-fn is_hidden(scenery: &Scenery, others: &[(&Tool, &ToolPose)], point: Point3<f64>) -> bool {
+fn is_hidden(scenery: &Scenery, others: &[(&SimulatedTool, &ToolPose)], point: Point3<f64>) -> bool {
     const NEARER_MM: f64 = 1e-6;
     let (v, depth) = (point.coords / point.z, point.z - NEARER_MM);
     let before = |solid: &RoundCone| solid.meet(v).is_some_and(|met| met.depth < depth);
-    let behind_tool = |(tool, pose): &(&Tool, &ToolPose)| {
+    let behind_tool = |(tool, pose): &(&SimulatedTool, &ToolPose)| {
         let tube = tool.design.tube(pose).meet(v).is_some_and(|(met, _, _)| met.depth < depth);
         tube || tool.design.jaws(pose).iter().flatten().any(before)
     };

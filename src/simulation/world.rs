@@ -3,14 +3,14 @@
 use nalgebra::{Isometry3, Point3};
 
 use super::board::Scenery;
-use super::checkerboard::Held;
+use super::checkerboard::HeldBoard;
 use super::light::Material;
 use super::motion::Oscillation;
-use super::rig::{Rig, View};
-use super::scenario::{Bead, Hand, Place, Scenario, Script};
+use super::rig::{Rig, RigView};
+use super::scenario::{Bead, BeadPlace, Scenario, Script, SimulatedHand};
 use super::shape::RoundCone;
 use super::skill::Skill;
-use super::tool::{Tape, Tool, ToolDesign, ToolPose};
+use super::tool::{SimulatedTool, TapeDesign, ToolDesign, ToolPose};
 use crate::random::Dice;
 
 /// What to simulate.
@@ -21,7 +21,7 @@ pub struct Setup {
     /// The skill of the hands.
     pub skill: Skill,
     /// Position of the camera.
-    pub view: View,
+    pub view: RigView,
     /// Number of the box, which sets its camera, lens, lamps and mat. Recordings of one box share one calibration.
     pub rig: u64,
     /// Seed of the hands' motion and the sensor's noise.
@@ -31,9 +31,9 @@ pub struct Setup {
     /// Picture height, pixels.
     pub height: u32,
     /// The task is repeated until this time, s; with 0 it is played once.
-    pub at_least_s: f64,
+    pub min_duration_s: f64,
     /// Tapes of the left and the right tool; both may be the same.
-    pub tapes: [Tape; 2],
+    pub tapes: [TapeDesign; 2],
     /// Outer diameter of the tools over the tape, mm.
     pub diameter_mm: f64,
     /// Distance that the camera was moved to its right since its box was set up, mm.
@@ -46,13 +46,13 @@ impl Setup {
         Self {
             scenario,
             skill,
-            view: View::Top,
+            view: RigView::Top,
             rig: 1,
             seed,
             width: 1280,
             height: 720,
-            at_least_s: 0.0,
-            tapes: [Tape::ALL[0], Tape::ALL[1]],
+            min_duration_s: 0.0,
+            tapes: [TapeDesign::ALL[0], TapeDesign::ALL[1]],
             diameter_mm: 5.0,
             camera_moved_mm: 0.0,
         }
@@ -61,7 +61,7 @@ impl Setup {
 
 /// The scenery from one change to the next.
 #[derive(Clone, Debug)]
-pub struct Stage {
+pub struct SceneStage {
     /// Start time, s.
     pub from_s: f64,
     /// The scenery.
@@ -74,9 +74,9 @@ pub struct World {
     /// Camera, lens and light.
     pub rig: Rig,
     /// Tools, in the order of the truth.
-    pub tools: Vec<Tool>,
+    pub tools: Vec<SimulatedTool>,
     /// The scenery over time; the first stage starts at 0 s.
-    pub stages: Vec<Stage>,
+    pub stages: Vec<SceneStage>,
     /// Seed of all randomness.
     pub seed: u64,
     /// Duration of the task, s.
@@ -94,12 +94,12 @@ impl World {
         let tools = hands.into_iter().map(|(side, hand)| tool(setup, &rig, side, hand)).collect();
         let empty = Scenery::new(setup.rig, &rig.camera_from_board, rig.lighting, props, strokes);
         let with = |(from_s, board_from_sheet): &(f64, Isometry3<f64>)| {
-            let scenery = empty.clone().with_sheet(Held::flat(rig.camera_from_board * board_from_sheet));
-            Stage { from_s: *from_s, scenery }
+            let scenery = empty.clone().with_sheet(HeldBoard::flat(rig.camera_from_board * board_from_sheet));
+            SceneStage { from_s: *from_s, scenery }
         };
-        let mut stages: Vec<Stage> = sheets.iter().map(with).collect();
+        let mut stages: Vec<SceneStage> = sheets.iter().map(with).collect();
         if stages.first().is_none_or(|first| first.from_s > 0.0) {
-            stages.insert(0, Stage { from_s: 0.0, scenery: empty });
+            stages.insert(0, SceneStage { from_s: 0.0, scenery: empty });
         }
         Self { rig, tools, stages, seed: setup.seed, duration_s, beads }
     }
@@ -118,22 +118,22 @@ impl World {
     pub fn carried(&self, poses: &[ToolPose], time_s: f64) -> Vec<(RoundCone, Material)> {
         let bead = |bead: &Bead| {
             let material = Material { matt: bead.colour, gloss: 0.2, sharpness: 30, mirror: 0.03 };
-            (RoundCone::sphere(self.place_of(bead, poses, time_s), super::scenario::BEAD_MM), material)
+            (RoundCone::sphere(self.bead_position(bead, poses, time_s), super::scenario::BEAD_RADIUS_MM), material)
         };
         self.beads.iter().map(bead).collect()
     }
 
-    fn place_of(&self, bead: &Bead, poses: &[ToolPose], time_s: f64) -> Point3<f64> {
+    fn bead_position(&self, bead: &Bead, poses: &[ToolPose], time_s: f64) -> Point3<f64> {
         let begun = bead.stays.iter().rev().find(|(from_s, _)| *from_s <= time_s);
         match begun.or(bead.stays.first()).map(|(_, place)| *place) {
-            Some(Place::At(point)) => self.rig.camera_from_board * point,
-            Some(Place::Held(hand)) => poses[hand].grip,
+            Some(BeadPlace::At(point)) => self.rig.camera_from_board * point,
+            Some(BeadPlace::Held(hand)) => poses[hand].grip,
             None => Point3::origin(),
         }
     }
 }
 
-fn tool(setup: &Setup, rig: &Rig, side: usize, hand: Hand) -> Tool {
+fn tool(setup: &Setup, rig: &Rig, side: usize, hand: SimulatedHand) -> SimulatedTool {
     const BANDS_MM: [f64; 2] = [26.0, 29.0];
     let design = ToolDesign {
         tape: setup.tapes[side],
@@ -142,7 +142,7 @@ fn tool(setup: &Setup, rig: &Rig, side: usize, hand: Hand) -> Tool {
         jaw_mm: if setup.scenario == Scenario::SelfTest { 0.0 } else { 12.0 + setup.diameter_mm },
     };
     let name = if setup.tapes[0] == setup.tapes[1] { ["left", "right"][side] } else { setup.tapes[side].name };
-    Tool {
+    SimulatedTool {
         name,
         design,
         fulcrum: rig.fulcrums[side],
@@ -153,8 +153,8 @@ fn tool(setup: &Setup, rig: &Rig, side: usize, hand: Hand) -> Tool {
     }
 }
 
-fn unsteadiness(setup: &Setup, side: usize, hand: &Hand) -> Vec<Oscillation> {
-    match (setup.scenario, hand.steady) {
+fn unsteadiness(setup: &Setup, side: usize, hand: &SimulatedHand) -> Vec<Oscillation> {
+    match (setup.scenario, hand.is_steady) {
         (Scenario::Slide, _) => vec![super::scenario::slide_wobble(setup.seed)],
         (Scenario::SelfTest, _) => vec![super::scenario::touch_wobble(setup.seed)],
         (_, true) => Vec::new(),

@@ -13,7 +13,7 @@ use crate::domain::scope::Actor;
 const BACKUP: (&str, &str) = ("create", "backup");
 
 /// Access to the audit trail.
-pub struct Audit<'s>(pub(super) &'s Store);
+pub struct AuditStore<'s>(pub(super) &'s Store);
 
 /// One change.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
@@ -45,7 +45,7 @@ pub struct Backup {
     pub files: u64,
 }
 
-impl Audit<'_> {
+impl AuditStore<'_> {
     /// Changes, newest first.
     pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<AuditEntry>> {
         require_administrator(scope, "the audit trail")?;
@@ -79,12 +79,12 @@ impl Audit<'_> {
              LEFT JOIN person ON actor LIKE 'person:%' AND person.id = substr(actor, 8)
              WHERE $1 IS NULL OR audit.id < CAST($1 AS INTEGER) ORDER BY audit.id DESC LIMIT $2",
         );
-        let rows = rows.bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
-        Ok(Page::cut(rows, page, |entry: &AuditEntry| entry.id.to_string()))
+        let rows = rows.bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
+        Ok(Page::from_rows(rows, page, |entry: &AuditEntry| entry.id.to_string()))
     }
 
     /// Records that a backup of `files` files was made.
-    pub async fn backed_up(&self, files: u64) -> StoreResult<()> {
+    pub async fn record_backup(&self, files: u64) -> StoreResult<()> {
         let now_ms = self.0.now_ms();
         self.0.write(async move |tx| note(tx, &Scope::service(), now_ms, BACKUP, files).await).await
     }

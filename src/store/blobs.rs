@@ -10,9 +10,9 @@ use super::error::StoreResult;
 use crate::domain::blob::{Blob, BlobHash};
 
 /// Access to the rows of files.
-pub struct Blobs<'s>(pub(super) &'s Store);
+pub struct BlobStore<'s>(pub(super) &'s Store);
 
-impl Blobs<'_> {
+impl BlobStore<'_> {
     /// Files that nothing refers to any more, at most `most` of them.
     pub async fn unreferenced(&self, most: u32) -> StoreResult<Vec<BlobHash>> {
         let sql = "SELECT hash FROM blob WHERE hash NOT IN (SELECT hash FROM blob_reference) LIMIT $1";
@@ -22,7 +22,7 @@ impl Blobs<'_> {
     /// Deletes a file's row unless something refers to it; `true` if nothing does, so that the file may be deleted.
     pub async fn forget_if_unreferenced(&self, hash: BlobHash) -> StoreResult<bool> {
         self.0
-            .erase(|| {
+            .write_with_delete_reserve(|| {
                 async move |tx| {
                     let sql = "DELETE FROM blob WHERE hash = $1 AND hash NOT IN (SELECT hash FROM blob_reference)";
                     sqlx::query(sql).bind(hash).execute(&mut *tx).await?;

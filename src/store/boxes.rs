@@ -3,7 +3,7 @@
 use super::audit::note;
 use super::error::{StoreResult, in_use, not_found, taken};
 use super::page::{Page, PageRequest};
-use super::visibility::{AskedBy, require_staff, sees_box};
+use super::visibility::{BindScope, require_staff, sees_box};
 use super::{Scope, Store, codes};
 use crate::domain::boxes::{BoxChange, NewBox};
 use crate::domain::files::annotations::View;
@@ -11,11 +11,11 @@ use crate::domain::text::{Code, Key, Name, Paragraphs};
 use crate::ids::BoxId;
 
 /// Access to the boxes.
-pub struct Boxes<'s>(pub(super) &'s Store);
+pub struct BoxStore<'s>(pub(super) &'s Store);
 
 /// A box trainer with its camera.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
-pub struct TrainingBox {
+pub struct BoxRecord {
     /// Its id.
     pub id: BoxId,
     /// Its short unique name.
@@ -30,9 +30,9 @@ pub struct TrainingBox {
     pub created_at_ms: i64,
 }
 
-impl Boxes<'_> {
+impl BoxStore<'_> {
     /// Registers a box.
-    pub async fn create(&self, scope: &Scope, new: NewBox) -> StoreResult<TrainingBox> {
+    pub async fn create(&self, scope: &Scope, new: NewBox) -> StoreResult<BoxRecord> {
         require_staff(scope, "registering boxes")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
@@ -45,7 +45,7 @@ impl Boxes<'_> {
                      RETURNING id, code, name, view, notes, created_at_ms",
                 );
                 let insert = insert.bind(BoxId::at(now_ms)).bind(code).bind(new.name).bind(new.view).bind(new.notes);
-                let made: TrainingBox = insert.bind(now_ms).fetch_one(&mut *tx).await.map_err(taken("code"))?;
+                let made: BoxRecord = insert.bind(now_ms).fetch_one(&mut *tx).await.map_err(taken("code"))?;
                 note(tx, &scope, now_ms, ("create", "box"), made.id).await?;
                 Ok(made)
             })
@@ -53,28 +53,28 @@ impl Boxes<'_> {
     }
 
     /// The boxes that the scope sees, by code.
-    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<TrainingBox>> {
+    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<BoxRecord>> {
         let rows = sqlx::query_as(concat!(
             "SELECT id, code, name, view, notes, created_at_ms FROM training_box WHERE ",
             sees_box!("training_box.id"),
             " AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4"
         ));
-        let rows = rows.asked_by(scope).bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
-        Ok(Page::cut(rows, page, |found: &TrainingBox| found.code.to_string()))
+        let rows = rows.bind_scope(scope).bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
+        Ok(Page::from_rows(rows, page, |found: &BoxRecord| found.code.to_string()))
     }
 
     /// One box, by id or code.
-    pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<TrainingBox> {
+    pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<BoxRecord> {
         let row = sqlx::query_as(concat!(
             "SELECT id, code, name, view, notes, created_at_ms FROM training_box WHERE $3 IN (id, code) AND ",
             sees_box!("training_box.id")
         ));
-        let row = row.asked_by(scope).bind(key).fetch_optional(self.0.readers()).await?;
+        let row = row.bind_scope(scope).bind(key).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("box"))
     }
 
     /// Changes a box.
-    pub async fn change(&self, scope: &Scope, key: &Key, change: BoxChange) -> StoreResult<TrainingBox> {
+    pub async fn change(&self, scope: &Scope, key: &Key, change: BoxChange) -> StoreResult<BoxRecord> {
         let id = self.get(scope, key).await?.id;
         require_staff(scope, "changing boxes")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());

@@ -6,18 +6,18 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreResult, missing, not_found};
 use super::jobs::enqueue_waiting_sessions;
-use super::visibility::{AskedBy, require_staff, sees_box};
+use super::visibility::{BindScope, require_staff, sees_box};
 use super::{Scope, Store};
 use crate::domain::calibration::{CalibrationSource, NewCalibration};
 use crate::domain::files::camera::CameraFile;
 use crate::ids::{BoxId, CalibrationId};
 
 /// Access to the boxes' cameras.
-pub struct Calibrations<'s>(pub(super) &'s Store);
+pub struct CalibrationStore<'s>(pub(super) &'s Store);
 
 /// A version of a box's camera.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
-pub struct Calibration {
+pub struct CalibrationRecord {
     /// Its id.
     pub id: CalibrationId,
     /// Its box.
@@ -35,9 +35,9 @@ pub struct Calibration {
     pub created_at_ms: i64,
 }
 
-impl Calibrations<'_> {
+impl CalibrationStore<'_> {
     /// Stores an uploaded camera as the box's next version and queues the sessions that waited for one.
-    pub async fn add(&self, scope: &Scope, of: BoxId, new: NewCalibration) -> StoreResult<Calibration> {
+    pub async fn add(&self, scope: &Scope, of: BoxId, new: NewCalibration) -> StoreResult<CalibrationRecord> {
         require_staff(scope, "changing a box's camera")?;
         let (scope, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         self.0
@@ -51,35 +51,35 @@ impl Calibrations<'_> {
     }
 
     /// The version in use, if the box has one.
-    pub async fn latest(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<Calibration>> {
+    pub async fn latest(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<CalibrationRecord>> {
         let row = sqlx::query_as(concat!(
             "SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration
              WHERE box_id = $3 AND ",
             sees_box!("box_id"),
             " ORDER BY version DESC LIMIT 1"
         ));
-        Ok(row.asked_by(scope).bind(of).fetch_optional(self.0.readers()).await?)
+        Ok(row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?)
     }
 
     /// One version.
-    pub async fn get(&self, scope: &Scope, id: CalibrationId) -> StoreResult<Calibration> {
+    pub async fn get(&self, scope: &Scope, id: CalibrationId) -> StoreResult<CalibrationRecord> {
         let row = sqlx::query_as(concat!(
             "SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration WHERE id = $3 AND ",
             sees_box!("box_id")
         ));
-        let row = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        let row = row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("calibration"))
     }
 
     /// The last hundred versions, newest first.
-    pub async fn list(&self, scope: &Scope, of: BoxId) -> StoreResult<Vec<Calibration>> {
+    pub async fn list(&self, scope: &Scope, of: BoxId) -> StoreResult<Vec<CalibrationRecord>> {
         let rows = sqlx::query_as(concat!(
             "SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration
              WHERE box_id = $3 AND ",
             sees_box!("box_id"),
             " ORDER BY version DESC LIMIT 100"
         ));
-        Ok(rows.asked_by(scope).bind(of).fetch_all(self.0.readers()).await?)
+        Ok(rows.bind_scope(scope).bind(of).fetch_all(self.0.readers()).await?)
     }
 }
 
@@ -89,7 +89,7 @@ pub(super) async fn insert(
     of: BoxId,
     new: NewCalibration,
     now_ms: i64,
-) -> StoreResult<Calibration> {
+) -> StoreResult<CalibrationRecord> {
     let row = sqlx::query_as(
         "INSERT INTO calibration (id, box_id, version, source, camera, width, height, rms_px, created_at_ms)
          SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM calibration WHERE box_id = $2

@@ -7,7 +7,7 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
-use super::visibility::{AskedBy, require_administrator, sees_trainee};
+use super::visibility::{BindScope, require_administrator, sees_trainee};
 use super::{Scope, Store, codes};
 use crate::domain::cohort::NewCohort;
 use crate::domain::feature::FeatureKey;
@@ -17,14 +17,14 @@ use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{CalibrationId, CohortId, GroupId, TaskId, TraineeId};
 
 /// Access to the cohorts.
-pub struct Cohorts<'s>(pub(super) &'s Store);
+pub struct CohortStore<'s>(pub(super) &'s Store);
 
 /// Maximum number of people to compare with: those who were enrolled last.
-const MOST_COMPARED: i64 = 2_000;
+const MAX_COMPARED: i64 = 2_000;
 
 /// A reference group.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
-pub struct Cohort {
+pub struct CohortRecord {
     /// Its id.
     pub id: CohortId,
     /// Its short unique name.
@@ -145,12 +145,12 @@ macro_rules! values_of_seen {
 #[cfg(test)]
 pub(super) use {belongs, values_of, values_of_cohort, values_of_seen}; // for the test of their query plans
 
-type ValueRow =
+type CohortValueRow =
     (TraineeId, Option<Handedness>, CalibrationId, String, String, Option<String>, FeatureSpace, Json<Vec<f64>>);
 
-impl Cohorts<'_> {
+impl CohortStore<'_> {
     /// Creates a cohort.
-    pub async fn create(&self, scope: &Scope, new: NewCohort) -> StoreResult<Cohort> {
+    pub async fn create(&self, scope: &Scope, new: NewCohort) -> StoreResult<CohortRecord> {
         require_administrator(scope, "making cohorts")?;
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), CohortId::at(self.0.now_ms()));
         self.0
@@ -172,16 +172,16 @@ impl Cohorts<'_> {
     }
 
     /// All cohorts, by code.
-    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<Cohort>> {
+    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<CohortRecord>> {
         let rows = sqlx::query_as(concat!(select_cohorts!(), "($3 IS NULL OR code > $3) ORDER BY code LIMIT $4"));
-        let rows = rows.asked_by(scope).bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
-        Ok(Page::cut(rows, page, |cohort: &Cohort| cohort.code.to_string()))
+        let rows = rows.bind_scope(scope).bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
+        Ok(Page::from_rows(rows, page, |cohort: &CohortRecord| cohort.code.to_string()))
     }
 
     /// One cohort, by id or code.
-    pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<Cohort> {
+    pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<CohortRecord> {
         let row = sqlx::query_as(concat!(select_cohorts!(), "$3 IN (id, code)"));
-        let row = row.asked_by(scope).bind(key).fetch_optional(self.0.readers()).await?;
+        let row = row.bind_scope(scope).bind(key).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("cohort"))
     }
 
@@ -196,12 +196,13 @@ impl Cohorts<'_> {
             belongs!(),
             " ORDER BY member.id LIMIT $5"
         ));
-        let rows = rows.asked_by(scope).bind(id).bind(page.after()).bind(page.rows()).fetch_all(self.0.readers());
-        Ok(Page::cut(rows.await?, page, TraineeId::to_string))
+        let rows =
+            rows.bind_scope(scope).bind(id).bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers());
+        Ok(Page::from_rows(rows.await?, page, TraineeId::to_string))
     }
 
     /// Replaces its name and its members.
-    pub async fn replace(&self, scope: &Scope, id: CohortId, new: NewCohort) -> StoreResult<Cohort> {
+    pub async fn replace(&self, scope: &Scope, id: CohortId, new: NewCohort) -> StoreResult<CohortRecord> {
         require_administrator(scope, "changing cohorts")?;
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
@@ -258,8 +259,8 @@ impl Cohorts<'_> {
         features: &[FeatureKey],
     ) -> StoreResult<Vec<CohortValue>> {
         let sql = if cohort.is_some() { values_of_cohort!() } else { values_of_seen!() };
-        let rows = sqlx::query_as::<_, ValueRow>(sql).asked_by(scope).bind(cohort).bind(task);
-        let rows = rows.bind(sessions).bind(Json(features)).bind(MOST_COMPARED);
+        let rows = sqlx::query_as::<_, CohortValueRow>(sql).bind_scope(scope).bind(cohort).bind(task);
+        let rows = rows.bind(sessions).bind(Json(features)).bind(MAX_COMPARED);
         let mut found = Vec::new();
         for (trainee, handedness, calibration, pipeline, feature, tool, space, Json(values)) in
             rows.fetch_all(self.0.readers()).await?

@@ -11,11 +11,11 @@ use crate::domain::edit::EditKind;
 use crate::domain::feed::FrameCodec;
 use crate::domain::files::annotations::View;
 use crate::domain::job::{JobKind, JobState};
-use crate::domain::rating::Form;
+use crate::domain::rating::RatingForm;
 use crate::domain::rescoring::{RescoringItemState, RescoringSource};
 use crate::domain::role::Role;
 use crate::domain::secret::{PasswordHash, SecretHash};
-use crate::domain::self_test::Light;
+use crate::domain::self_test::TrafficLight;
 use crate::domain::session::FeatureSpace;
 use crate::domain::standard::SessionJudgement;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, TrackerName};
@@ -61,7 +61,7 @@ as_shown! {
     PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId LeaseToken SelfTestId
     StandardId CohortId CourseId RatingId CommentId RescoringId ModelId EditId
     Name Login Code FileName TrackerName Paragraphs Remark BlobHash
-    Day Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light Form SessionJudgement RescoringSource RescoringItemState EditKind
+    Day Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm SessionJudgement RescoringSource RescoringItemState EditKind
 }
 
 as_text! {

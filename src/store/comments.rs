@@ -3,21 +3,21 @@
 
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found};
-use super::visibility::AskedBy;
+use super::visibility::BindScope;
 use super::{Scope, Store};
 use crate::domain::comment::NewComment;
 use crate::domain::text::{Name, Remark};
 use crate::ids::{CommentId, PersonId, SessionId};
 
 /// Access to the comments.
-pub struct Comments<'s>(pub(super) &'s Store);
+pub struct CommentStore<'s>(pub(super) &'s Store);
 
 /// Maximum number of comments on one session: more would not be read.
-pub const MOST: i64 = 500;
+pub const MAX_COMMENTS: i64 = 500;
 
 /// A comment on a moment or a stretch of a session.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
-pub struct Comment {
+pub struct CommentRecord {
     /// Its id.
     pub id: CommentId,
     /// Its author; `None` if the account has been deleted.
@@ -36,9 +36,9 @@ pub struct Comment {
 
 /// The comments of a session that the caller may read, and the number of hidden ones.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SeenComments {
+pub struct VisibleComments {
     /// The comments, in the order of `from_s`.
-    pub items: Vec<Comment>,
+    pub items: Vec<CommentRecord>,
     /// Number of comments by other staff that are hidden until the caller has rated.
     pub hidden: i64,
 }
@@ -51,7 +51,7 @@ macro_rules! readable {
     };
 }
 
-impl Comments<'_> {
+impl CommentStore<'_> {
     /// Adds a comment. Its times are not checked against the length of the recording, which may be unknown.
     pub async fn add(
         &self,
@@ -59,7 +59,7 @@ impl Comments<'_> {
         session: SessionId,
         new: NewComment,
         span: [f64; 2],
-    ) -> StoreResult<Comment> {
+    ) -> StoreResult<CommentRecord> {
         self.0.sessions().get(scope, session).await?;
         let person = scope.person().ok_or(StoreError::Forbidden { what: "commenting", whom: "people" })?;
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), CommentId::at(self.0.now_ms()));
@@ -71,9 +71,12 @@ impl Comments<'_> {
                      SELECT $1, $2, $3, $4, $5, $6, $7 WHERE (SELECT count(*) FROM comment WHERE session_id = $2) < $8",
                 );
                 let insert = insert.bind(id).bind(session).bind(person).bind(from_s).bind(to_s).bind(new.text);
-                let insert = insert.bind(now_ms).bind(MOST).execute(&mut *tx).await.map_err(missing("session"))?;
+                let insert =
+                    insert.bind(now_ms).bind(MAX_COMMENTS).execute(&mut *tx).await.map_err(missing("session"))?;
                 if insert.rows_affected() == 0 {
-                    return Err(StoreError::refused(format!("the session has {MOST} comments; withdraw one first")));
+                    return Err(StoreError::refused(format!(
+                        "the session has {MAX_COMMENTS} comments; withdraw one first"
+                    )));
                 }
                 note(tx, &by, now_ms, ("create", "comment"), id).await
             })
@@ -83,7 +86,7 @@ impl Comments<'_> {
     }
 
     /// The comments of a session that the caller may read, in the order of `from_s`.
-    pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<SeenComments> {
+    pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<VisibleComments> {
         self.0.sessions().get(scope, session).await?;
         let all = !scope.is_staff() || self.0.ratings().has_rated(scope, session).await?;
         let rows = sqlx::query_as(concat!(
@@ -93,15 +96,15 @@ impl Comments<'_> {
             readable!(),
             " ORDER BY from_s, comment.id LIMIT $6"
         ));
-        let rows = rows.asked_by(scope).bind(session).bind(scope.person()).bind(all).bind(MOST);
+        let rows = rows.bind_scope(scope).bind(session).bind(scope.person()).bind(all).bind(MAX_COMMENTS);
         let items = rows.fetch_all(self.0.readers()).await?;
         let count = sqlx::query_scalar(concat!(
             "SELECT count(*) FROM comment LEFT JOIN person ON person.id = comment.person_id
              WHERE $1 <> 'agent' AND session_id = $3 AND NOT ",
             readable!()
         ));
-        let count = count.asked_by(scope).bind(session).bind(scope.person()).bind(all);
-        Ok(SeenComments { items, hidden: count.fetch_one(self.0.readers()).await? })
+        let count = count.bind_scope(scope).bind(session).bind(scope.person()).bind(all);
+        Ok(VisibleComments { items, hidden: count.fetch_one(self.0.readers()).await? })
     }
 
     /// Deletes one of the caller's own comments. Another person's comment is reported as not found.
@@ -109,7 +112,7 @@ impl Comments<'_> {
         self.0.sessions().get(scope, session).await?;
         let (by, now_ms, person) = (scope.clone(), self.0.now_ms(), scope.person());
         self.0
-            .erase(|| {
+            .write_with_delete_reserve(|| {
                 let by = by.clone();
                 async move |tx| {
                     let sql = "DELETE FROM comment WHERE id = $1 AND session_id = $2 AND person_id = $3";

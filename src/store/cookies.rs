@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use sqlx::SqliteConnection;
 
-use super::error::{StoreResult, noted};
-use super::people::Person;
+use super::error::{StoreResult, ignore_full_or_busy};
+use super::people::PersonRecord;
 use super::{Scope, Store};
 use crate::domain::role::Role;
 use crate::domain::secret::SecretHash;
@@ -13,33 +13,33 @@ use crate::ids::PersonId;
 use crate::time::millis;
 
 /// Access to the signed-in browsers.
-pub struct Cookies<'s>(pub(super) &'s Store);
+pub struct CookieStore<'s>(pub(super) &'s Store);
 
 /// How long a sign-in lasts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Cookie {
+pub struct CookieLifetime {
     /// It ends after this time without a request.
     pub idle: Duration,
     /// It ends after this time even if it is in use.
-    pub most: Duration,
+    pub max_age: Duration,
 }
 
 /// `last_seen_at_ms` is written only when it is older than this, ms: an fsync for every request would cost too much.
-const SEEN_TO_MS: i64 = 60_000;
+const SEEN_RESOLUTION_MS: i64 = 60_000;
 
 #[derive(sqlx::FromRow)]
-struct Row {
+struct SignedInRow {
     #[sqlx(flatten)]
-    person: Person,
+    person: PersonRecord,
     last_seen_at_ms: i64,
 }
 
-impl Cookies<'_> {
+impl CookieStore<'_> {
     /// Signs in a browser of this person. Instructors and administrators can sign in even on a full disk, in order to
     /// delete something.
-    pub async fn create(&self, secret: SecretHash, person: &Person, lasts: Cookie) -> StoreResult<()> {
+    pub async fn create(&self, secret: SecretHash, person: &PersonRecord, lasts: CookieLifetime) -> StoreResult<()> {
         let (now_ms, id) = (self.0.now_ms(), person.id);
-        let expires_at_ms = now_ms + millis(lasts.most).max(1);
+        let expires_at_ms = now_ms + millis(lasts.max_age).max(1);
         let insert = || {
             async move |tx: &mut SqliteConnection| {
                 let sql =
@@ -50,30 +50,30 @@ impl Cookies<'_> {
             }
         };
         match person.role {
-            Role::Instructor | Role::Administrator => self.0.let_in(insert).await,
+            Role::Instructor | Role::Administrator => self.0.write_with_sign_in_reserve(insert).await,
             Role::Trainee | Role::Agent => self.0.write(insert()).await,
         }
     }
 
     /// The person of this cookie, if it is still valid; records that they were seen.
-    pub async fn person_of(&self, secret: SecretHash, lasts: Cookie) -> StoreResult<Option<Person>> {
+    pub async fn person_of(&self, secret: SecretHash, lasts: CookieLifetime) -> StoreResult<Option<PersonRecord>> {
         let now_ms = self.0.now_ms();
-        let row = sqlx::query_as::<_, Row>(
+        let row = sqlx::query_as::<_, SignedInRow>(
             "SELECT person.id, login, name, role, trainee_id, person.created_at_ms, last_seen_at_ms
              FROM cookie_session JOIN person ON person.id = person_id
              WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3",
         );
         let row = row.bind(secret).bind(now_ms).bind(now_ms - millis(lasts.idle));
         let Some(row) = row.fetch_optional(self.0.readers()).await? else { return Ok(None) };
-        if now_ms - row.last_seen_at_ms > SEEN_TO_MS.min(millis(lasts.idle) / 2) {
-            noted(self.seen(secret, now_ms).await)?;
+        if now_ms - row.last_seen_at_ms > SEEN_RESOLUTION_MS.min(millis(lasts.idle) / 2) {
+            ignore_full_or_busy(self.record_seen(secret, now_ms).await)?;
         }
         Ok(Some(row.person))
     }
 
     /// True if this cookie is still valid. Does not record that the person was seen: for connections that stay open
     /// unattended.
-    pub async fn counts(&self, secret: SecretHash, lasts: Cookie) -> StoreResult<bool> {
+    pub async fn is_valid(&self, secret: SecretHash, lasts: CookieLifetime) -> StoreResult<bool> {
         let now_ms = self.0.now_ms();
         let sql = "SELECT 1 FROM cookie_session WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3";
         let row = sqlx::query(sql).bind(secret).bind(now_ms).bind(now_ms - millis(lasts.idle));
@@ -81,8 +81,8 @@ impl Cookies<'_> {
     }
 
     /// Signs out a browser that signs in again. On a full disk the old cookie stays until it is idle for too long.
-    pub async fn replace(&self, secret: SecretHash) -> StoreResult<()> {
-        noted(self.delete(secret).await)
+    pub async fn delete_replaced(&self, secret: SecretHash) -> StoreResult<()> {
+        ignore_full_or_busy(self.delete(secret).await)
     }
 
     /// Signs one browser out; an unknown cookie is no error.
@@ -129,7 +129,7 @@ impl Cookies<'_> {
             .await
     }
 
-    async fn seen(&self, secret: SecretHash, now_ms: i64) -> StoreResult<()> {
+    async fn record_seen(&self, secret: SecretHash, now_ms: i64) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
                 let sql = "UPDATE cookie_session SET last_seen_at_ms = max($2, last_seen_at_ms) WHERE secret_hash = $1";

@@ -9,7 +9,7 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreError, StoreResult, in_use, missing, not_found, taken};
 use super::page::{Page, PageRequest};
-use super::visibility::{AskedBy, require_staff};
+use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store};
 use crate::domain::course::{NewCourse, NewStep};
 use crate::domain::text::{Code, Name};
@@ -17,11 +17,11 @@ use crate::ids::{CourseId, GroupId, TaskId, TraineeId};
 use crate::time::Day;
 
 /// Access to the course plans.
-pub struct Courses<'s>(pub(super) &'s Store);
+pub struct CourseStore<'s>(pub(super) &'s Store);
 
 /// A course plan.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Course {
+pub struct CourseRecord {
     /// Its id.
     pub id: CourseId,
     /// What people call it.
@@ -50,13 +50,13 @@ pub struct CourseStep {
 impl CourseStep {
     /// The last day in time for a course that begins on this day, if there is a deadline.
     pub fn due(&self, begins: Day) -> Option<Day> {
-        self.within_days.map(|days| begins.after_days(days))
+        self.within_days.map(|days| begins.plus_days(days))
     }
 }
 
 /// The plan that a group follows.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Followed {
+pub struct GroupCoursePlan {
     /// The plan.
     pub course: CourseId,
     /// The plan's name.
@@ -67,7 +67,7 @@ pub struct Followed {
 
 /// A course that a trainee takes as a member of one of their groups.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
-pub struct Enrolled {
+pub struct TraineeCourse {
     /// The group.
     pub group_id: GroupId,
     /// The group's name.
@@ -79,22 +79,22 @@ pub struct Enrolled {
 }
 
 #[derive(sqlx::FromRow)]
-struct Row {
+struct CourseHeadRow {
     id: CourseId,
     name: Name,
     created_at_ms: i64,
 }
 
 #[derive(sqlx::FromRow)]
-struct StepRow {
+struct CourseStepRow {
     course_id: CourseId,
     #[sqlx(flatten)]
     step: CourseStep,
 }
 
-impl Courses<'_> {
+impl CourseStore<'_> {
     /// Creates a plan.
-    pub async fn create(&self, scope: &Scope, new: NewCourse) -> StoreResult<Course> {
+    pub async fn create(&self, scope: &Scope, new: NewCourse) -> StoreResult<CourseRecord> {
         require_staff(scope, "making course plans")?;
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), CourseId::at(self.0.now_ms()));
         self.0
@@ -110,33 +110,33 @@ impl Courses<'_> {
     }
 
     /// All plans, by name.
-    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<Course>> {
-        let rows = sqlx::query_as::<_, Row>(
+    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<CourseRecord>> {
+        let rows = sqlx::query_as::<_, CourseHeadRow>(
             "SELECT id, name, created_at_ms FROM course
              WHERE $1 <> 'agent' AND ($3 IS NULL OR name > $3) ORDER BY name LIMIT $4",
         );
-        let rows = rows.asked_by(scope).bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
-        let Page { items, next } = Page::cut(rows, page, |row| row.name.to_string());
+        let rows = rows.bind_scope(scope).bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
+        let Page { items, next } = Page::from_rows(rows, page, |row| row.name.to_string());
         Ok(Page { items: self.with_steps(items).await?, next })
     }
 
     /// One plan.
-    pub async fn get(&self, scope: &Scope, id: CourseId) -> StoreResult<Course> {
+    pub async fn get(&self, scope: &Scope, id: CourseId) -> StoreResult<CourseRecord> {
         self.of(scope, &[id]).await?.pop().ok_or(not_found("course"))
     }
 
     /// These plans, by name.
-    pub async fn of(&self, scope: &Scope, ids: &[CourseId]) -> StoreResult<Vec<Course>> {
-        let rows = sqlx::query_as::<_, Row>(
+    pub async fn of(&self, scope: &Scope, ids: &[CourseId]) -> StoreResult<Vec<CourseRecord>> {
+        let rows = sqlx::query_as::<_, CourseHeadRow>(
             "SELECT id, name, created_at_ms FROM course
              WHERE id IN (SELECT value FROM json_each($3)) AND $1 <> 'agent' ORDER BY name",
         );
-        let rows = rows.asked_by(scope).bind(Json(ids)).fetch_all(self.0.readers()).await?;
+        let rows = rows.bind_scope(scope).bind(Json(ids)).fetch_all(self.0.readers()).await?;
         self.with_steps(rows).await
     }
 
     /// Replaces a plan's name and steps; groups that follow it follow the new version.
-    pub async fn replace(&self, scope: &Scope, id: CourseId, new: NewCourse) -> StoreResult<Course> {
+    pub async fn replace(&self, scope: &Scope, id: CourseId, new: NewCourse) -> StoreResult<CourseRecord> {
         require_staff(scope, "changing course plans")?;
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
@@ -203,7 +203,7 @@ impl Courses<'_> {
 
     /// The courses of a trainee, latest first: those of all their groups, or for an instructor those of the groups that
     /// they teach. The caller has checked that the scope sees the trainee.
-    pub async fn of_trainee(&self, scope: &Scope, trainee: TraineeId) -> StoreResult<Vec<Enrolled>> {
+    pub async fn of_trainee(&self, scope: &Scope, trainee: TraineeId) -> StoreResult<Vec<TraineeCourse>> {
         let rows = sqlx::query_as(
             "SELECT group_course.group_id, training_group.name AS group_name, course_id, begins
              FROM group_trainee
@@ -215,7 +215,7 @@ impl Courses<'_> {
                         WHERE group_instructor.group_id = group_trainee.group_id AND person_id = $2)))
              ORDER BY begins DESC, group_name",
         );
-        Ok(rows.asked_by(scope).bind(trainee).fetch_all(self.0.readers()).await?)
+        Ok(rows.bind_scope(scope).bind(trainee).fetch_all(self.0.readers()).await?)
     }
 
     async fn require_group(&self, scope: &Scope, group: GroupId, what: &'static str) -> StoreResult<()> {
@@ -223,18 +223,18 @@ impl Courses<'_> {
         self.0.groups().get(scope, group).await.map(drop)
     }
 
-    async fn with_steps(&self, rows: Vec<Row>) -> StoreResult<Vec<Course>> {
+    async fn with_steps(&self, rows: Vec<CourseHeadRow>) -> StoreResult<Vec<CourseRecord>> {
         let ids: Vec<CourseId> = rows.iter().map(|row| row.id).collect();
-        let steps = sqlx::query_as::<_, StepRow>(
+        let steps = sqlx::query_as::<_, CourseStepRow>(
             "SELECT course_id, task_id, task.code AS task_code, task.name AS task_name, within_days, sessions
              FROM course_step JOIN task ON task.id = task_id
              WHERE course_id IN (SELECT value FROM json_each($1)) ORDER BY course_id, position",
         );
         let mut of_each: HashMap<CourseId, Vec<CourseStep>> = HashMap::with_capacity(rows.len());
-        for StepRow { course_id, step } in steps.bind(Json(ids)).fetch_all(self.0.readers()).await? {
+        for CourseStepRow { course_id, step } in steps.bind(Json(ids)).fetch_all(self.0.readers()).await? {
             of_each.entry(course_id).or_default().push(step);
         }
-        let with = |Row { id, name, created_at_ms }| Course {
+        let with = |CourseHeadRow { id, name, created_at_ms }| CourseRecord {
             id,
             name,
             steps: of_each.remove(&id).unwrap_or_default(),
@@ -263,12 +263,12 @@ async fn set_steps(tx: &mut SqliteConnection, id: CourseId, steps: &[NewStep]) -
             "INSERT INTO course_step (course_id, position, task_id, within_days, sessions) VALUES ($1, $2, $3, $4, $5)",
         );
         let insert = insert.bind(id).bind(position).bind(task).bind(step.within_days).bind(step.sessions);
-        insert.execute(&mut *tx).await.map_err(|error| twice(error, number, &name))?;
+        insert.execute(&mut *tx).await.map_err(|error| duplicate_step(error, number, &name))?;
     }
     Ok(())
 }
 
-fn twice(error: sqlx::Error, number: i64, task: &Name) -> StoreError {
+fn duplicate_step(error: sqlx::Error, number: i64, task: &Name) -> StoreError {
     match error.as_database_error() {
         Some(found) if found.is_unique_violation() => StoreError::refused(format!(
             "step {number}: an earlier step requires the same of “{task}”: remove one of the two, or require more sessions"

@@ -10,25 +10,25 @@ use sqlx::types::Json;
 
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found};
-use super::jobs::catch_up;
+use super::jobs::enqueue_rescore_if_outdated;
 use super::sessions::latest_result;
 use super::visibility::require_staff;
 use super::{Scope, Store};
-use crate::domain::edit::{Change, EditKind, EditsInForce, ScoreState};
+use crate::domain::edit::{EditChange, EditKind, EditsInForce, ScoreState};
 use crate::domain::job::JobState;
 use crate::domain::problem::Problem;
 use crate::domain::text::{Name, Remark};
 use crate::ids::{EditId, JobId, PersonId, SessionId};
 
 /// Access to the edits.
-pub struct Edits<'s>(pub(super) &'s Store);
+pub struct EditStore<'s>(pub(super) &'s Store);
 
 /// Maximum number of edits of one session, including undone ones.
-pub const MOST: i64 = 200;
+pub const MAX_EDITS: i64 = 200;
 
 /// An edit of a session.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
-pub struct Edit {
+pub struct EditRecord {
     /// Its id.
     pub id: EditId,
     /// The kind of change.
@@ -56,7 +56,7 @@ pub struct Edit {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SessionEdits {
     /// All of them, oldest first.
-    pub items: Vec<Edit>,
+    pub items: Vec<EditRecord>,
     /// Number of trims and swaps made and undone so far.
     pub revision: u64,
     /// Whether the score was made with the edits in force.
@@ -67,32 +67,33 @@ pub struct SessionEdits {
     pub problem: Option<Problem>,
 }
 
-impl Edit {
+impl EditRecord {
     /// The change that it makes.
-    pub fn change(&self) -> Option<Change> {
+    pub fn change(&self) -> Option<EditChange> {
         let span = self.from_s.zip(self.to_s).map(|(from, to)| [from, to]);
         match (self.kind, span, &self.tools) {
-            (EditKind::Trim, Some(span), _) => Some(Change::Trim(span)),
-            (EditKind::Swap, Some(span), Some(tools)) => Some(Change::Swap(tools.clone(), span)),
-            (EditKind::SetAside, ..) => Some(Change::SetAside),
+            (EditKind::Trim, Some(span), _) => Some(EditChange::Trim(span)),
+            (EditKind::Swap, Some(span), Some(tools)) => Some(EditChange::Swap(tools.clone(), span)),
+            (EditKind::SetAside, ..) => Some(EditChange::SetAside),
             _ => None, // the schema ensures the fields that each kind needs
         }
     }
 }
 
 /// Selects the [`EditRecord`]s of session `$1`, oldest first.
-const SELECT: &str =
+const SELECT_EDITS: &str =
     "SELECT edit.id, edit.kind, edit.from_s, edit.to_s, edit.tools, edit.why, maker.name AS who, edit.created_at_ms,
             undoer.name AS undone_by, edit.undone_at_ms
      FROM session_edit AS edit LEFT JOIN person AS maker ON maker.id = edit.person_id
      LEFT JOIN person AS undoer ON undoer.id = edit.undone_by
      WHERE edit.session_id = $1 ORDER BY edit.created_at_ms, edit.rowid LIMIT $2";
 
-impl Edits<'_> {
+impl EditStore<'_> {
     /// A session's edits.
     pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<SessionEdits> {
         self.0.sessions().get(scope, session).await?;
-        let items: Vec<Edit> = sqlx::query_as(SELECT).bind(session).bind(MOST).fetch_all(self.0.readers()).await?;
+        let items: Vec<EditRecord> =
+            sqlx::query_as(SELECT_EDITS).bind(session).bind(MAX_EDITS).fetch_all(self.0.readers()).await?;
         let revision = revision_of(&items);
         let of = |score| SessionEdits { items, revision, score, job: None, problem: None };
         let made_with: Option<i64> =
@@ -113,17 +114,18 @@ impl Edits<'_> {
             None => of(ScoreState::Waiting),
             Some((id, state, problem)) => SessionEdits {
                 job: Some(id),
-                problem: problem.map(|Json(problem)| problem).filter(|_| score_of(state) == ScoreState::Failed),
-                ..of(score_of(state))
+                problem: problem.map(|Json(problem)| problem).filter(|_| score_state(state) == ScoreState::Failed),
+                ..of(score_state(state))
             },
         })
     }
 
     /// The edits that the session must be scored with.
     pub async fn in_force(&self, session: SessionId) -> StoreResult<EditsInForce> {
-        let items: Vec<Edit> = sqlx::query_as(SELECT).bind(session).bind(MOST).fetch_all(self.0.readers()).await?;
-        let changes = items.iter().filter(|edit| is_of_path(edit.kind) && edit.undone_at_ms.is_none());
-        Ok(EditsInForce { revision: revision_of(&items), changes: changes.filter_map(Edit::change).collect() })
+        let items: Vec<EditRecord> =
+            sqlx::query_as(SELECT_EDITS).bind(session).bind(MAX_EDITS).fetch_all(self.0.readers()).await?;
+        let changes = items.iter().filter(|edit| affects_path(edit.kind) && edit.undone_at_ms.is_none());
+        Ok(EditsInForce { revision: revision_of(&items), changes: changes.filter_map(EditRecord::change).collect() })
     }
 
     /// Makes an edit. With `seen`, it is refused if a trim or a swap was made or undone since that revision.
@@ -131,9 +133,9 @@ impl Edits<'_> {
         &self,
         scope: &Scope,
         session: SessionId,
-        (change, why): (Change, Remark),
+        (change, why): (EditChange, Remark),
         seen: Option<u64>,
-    ) -> StoreResult<Edit> {
+    ) -> StoreResult<EditRecord> {
         self.0.sessions().get(scope, session).await?;
         require_staff(scope, "editing sessions")?;
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
@@ -143,22 +145,22 @@ impl Edits<'_> {
                 let kind = change.kind();
                 refuse_if_open(tx, session, kind).await?;
                 let now = revision(tx, session).await?;
-                if is_of_path(kind) && seen.is_some_and(|seen| seen != now) {
+                if affects_path(kind) && seen.is_some_and(|seen| seen != now) {
                     return Err(StoreError::refused(
                         "another person has edited this session meanwhile: reload it, then decide",
                     ));
                 }
                 insert(tx, (id, session, by.person()), &change, why, now_ms).await?;
-                catch_up(tx, session, now_ms, attempts).await?;
+                enqueue_rescore_if_outdated(tx, session, now_ms, attempts).await?;
                 note(tx, &by, now_ms, (kind.name(), "session"), session).await
             })
             .await?;
-        self.one(scope, session, id).await
+        self.get(scope, session, id).await
     }
 
     /// Undoes an edit; one that is undone already stays as it is.
-    pub async fn undo(&self, scope: &Scope, session: SessionId, id: EditId) -> StoreResult<Edit> {
-        let edit = self.one(scope, session, id).await?;
+    pub async fn undo(&self, scope: &Scope, session: SessionId, id: EditId) -> StoreResult<EditRecord> {
+        let edit = self.get(scope, session, id).await?;
         require_staff(scope, "editing sessions")?;
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         self.0
@@ -172,14 +174,14 @@ impl Edits<'_> {
                 if update.rows_affected() == 0 {
                     return Ok(());
                 }
-                catch_up(tx, session, now_ms, attempts).await?;
+                enqueue_rescore_if_outdated(tx, session, now_ms, attempts).await?;
                 note(tx, &by, now_ms, ("undo", "session_edit"), id).await
             })
             .await?;
-        self.one(scope, session, id).await
+        self.get(scope, session, id).await
     }
 
-    async fn one(&self, scope: &Scope, session: SessionId, id: EditId) -> StoreResult<Edit> {
+    async fn get(&self, scope: &Scope, session: SessionId, id: EditId) -> StoreResult<EditRecord> {
         let all = self.of_session(scope, session).await?.items;
         all.into_iter().find(|edit| edit.id == id).ok_or(not_found("edit"))
     }
@@ -188,30 +190,30 @@ impl Edits<'_> {
 async fn insert(
     tx: &mut SqliteConnection,
     (id, session, person): (EditId, SessionId, Option<PersonId>),
-    change: &Change,
+    change: &EditChange,
     why: Remark,
     now_ms: i64,
 ) -> StoreResult<()> {
     let [from_s, to_s] = change.span().map_or([None; 2], |span| span.map(Some));
     let tools = match change {
-        Change::Swap(tools, _) => Some(Json(tools)),
-        Change::Trim(_) | Change::SetAside => None,
+        EditChange::Swap(tools, _) => Some(Json(tools)),
+        EditChange::Trim(_) | EditChange::SetAside => None,
     };
     let insert = sqlx::query(
         "INSERT INTO session_edit (id, session_id, person_id, kind, from_s, to_s, tools, why, created_at_ms)
          SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9 WHERE (SELECT count(*) FROM session_edit WHERE session_id = $2) < $10",
     );
     let insert = insert.bind(id).bind(session).bind(person).bind(change.kind()).bind(from_s).bind(to_s).bind(tools);
-    let insert = insert.bind(why).bind(now_ms).bind(MOST).execute(tx).await.map_err(twice_or_missing)?;
+    let insert = insert.bind(why).bind(now_ms).bind(MAX_EDITS).execute(tx).await.map_err(duplicate_or_missing)?;
     match insert.rows_affected() {
-        0 => {
-            Err(StoreError::refused(format!("the session was edited {MOST} times, which is the limit for one session")))
-        }
+        0 => Err(StoreError::refused(format!(
+            "the session was edited {MAX_EDITS} times, which is the limit for one session"
+        ))),
         _ => Ok(()),
     }
 }
 
-fn twice_or_missing(error: sqlx::Error) -> StoreError {
+fn duplicate_or_missing(error: sqlx::Error) -> StoreError {
     match error.as_database_error() {
         Some(e) if e.is_unique_violation() => StoreError::refused("the session is already set aside"),
         _ => missing("session")(error),
@@ -220,7 +222,7 @@ fn twice_or_missing(error: sqlx::Error) -> StoreError {
 
 /// Refuses an edit of the path while the session has no path or is being tracked.
 async fn refuse_if_open(tx: &mut SqliteConnection, session: SessionId, kind: EditKind) -> StoreResult<()> {
-    if !is_of_path(kind) {
+    if !affects_path(kind) {
         return Ok(());
     }
     let sql = "SELECT state FROM job WHERE session_id = $1 AND turn < 2 ORDER BY created_at_ms DESC, id DESC LIMIT 1";
@@ -233,11 +235,11 @@ async fn refuse_if_open(tx: &mut SqliteConnection, session: SessionId, kind: Edi
 }
 
 /// True if the score depends on edits of this kind. Setting a session aside does not change its score.
-fn is_of_path(kind: EditKind) -> bool {
+fn affects_path(kind: EditKind) -> bool {
     kind != EditKind::SetAside
 }
 
-fn score_of(state: JobState) -> ScoreState {
+fn score_state(state: JobState) -> ScoreState {
     match state {
         JobState::Running => ScoreState::Working,
         JobState::Failed | JobState::Quarantined => ScoreState::Failed,
@@ -246,8 +248,8 @@ fn score_of(state: JobState) -> ScoreState {
 }
 
 /// Number of trims and swaps made and undone. It never decreases.
-fn revision_of(items: &[Edit]) -> u64 {
-    let of = |edit: &Edit| if is_of_path(edit.kind) { 1 + u64::from(edit.undone_at_ms.is_some()) } else { 0 };
+fn revision_of(items: &[EditRecord]) -> u64 {
+    let of = |edit: &EditRecord| if affects_path(edit.kind) { 1 + u64::from(edit.undone_at_ms.is_some()) } else { 0 };
     items.iter().map(of).sum()
 }
 

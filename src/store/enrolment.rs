@@ -6,10 +6,10 @@ use sqlx::sqlite::SqliteConnection;
 
 use super::audit::note;
 use super::error::StoreResult;
-use super::trainees::{Trainee, Trainees, insert};
-use super::visibility::{AskedBy, require_staff};
+use super::trainees::{TraineeRecord, TraineeStore, insert};
+use super::visibility::{BindScope, require_staff};
 use super::{Scope, codes};
-use crate::domain::enrolment::{Enrolled, RowProblem, problem};
+use crate::domain::enrolment::{CheckedEnrolment, RowProblem, row_problem};
 use crate::domain::role::Role;
 use crate::domain::text::Code;
 use crate::ids::{GroupId, TraineeId};
@@ -18,15 +18,15 @@ use crate::ids::{GroupId, TraineeId};
 #[derive(Clone, Debug, PartialEq)]
 pub enum Enrolment {
     /// All are enrolled, in the order of the rows; empty if the list was only checked.
-    Done(Vec<Trainee>),
+    Done(Vec<TraineeRecord>),
     /// None is enrolled, because of these rows.
     Refused(Vec<RowProblem>),
 }
 
-impl Trainees<'_> {
+impl TraineeStore<'_> {
     /// Enrols all trainees of a list in one transaction, or none; with `only_check` it only checks the list. Rows name
     /// groups by their names, which must be in the scope. An instructor's trainee joins one of the instructor's groups.
-    pub async fn enrol(&self, scope: &Scope, rows: Vec<Enrolled>, only_check: bool) -> StoreResult<Enrolment> {
+    pub async fn enrol(&self, scope: &Scope, rows: Vec<CheckedEnrolment>, only_check: bool) -> StoreResult<Enrolment> {
         require_staff(scope, "registering trainees")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
@@ -36,12 +36,13 @@ impl Trainees<'_> {
                 let mut joins = Vec::with_capacity(rows.len());
                 for (index, row) in rows.iter().enumerate() {
                     if let Some(code) = &row.code {
-                        let why = || problem(index + 1, "code", format!("`{code}` is already taken; choose another"));
+                        let why =
+                            || row_problem(index + 1, "code", format!("`{code}` is already taken; choose another"));
                         problems.extend(is_taken(tx, code).await?.then(why));
                     }
-                    match joined(&scope, &groups, row.group.as_deref()) {
+                    match choose_group(&scope, &groups, row.group.as_deref()) {
                         Ok(group) => joins.push(group),
-                        Err(why) => problems.push(problem(index + 1, "group", why)),
+                        Err(why) => problems.push(row_problem(index + 1, "group", why)),
                     }
                 }
                 if !problems.is_empty() {
@@ -60,16 +61,16 @@ async fn enrol(
     tx: &mut SqliteConnection,
     scope: &Scope,
     now_ms: i64,
-    rows: Vec<Enrolled>,
+    rows: Vec<CheckedEnrolment>,
     joins: Vec<Option<GroupId>>,
-) -> StoreResult<Vec<Trainee>> {
+) -> StoreResult<Vec<TraineeRecord>> {
     let mut order: Vec<usize> = (0..rows.len()).collect();
     order.sort_by_key(|index| rows[*index].code.is_none()); // given codes come first, derived ones use what is left
-    let mut enrolled: Vec<(usize, Trainee)> = Vec::with_capacity(rows.len());
+    let mut enrolled: Vec<(usize, TraineeRecord)> = Vec::with_capacity(rows.len());
     for index in order {
         let row = &rows[index];
         let taken = "SELECT 1 FROM trainee WHERE code = $1";
-        let trainee = Trainee {
+        let trainee = TraineeRecord {
             id: TraineeId::at(now_ms),
             code: codes::choose(tx, taken, row.code.clone(), &row.name, "trainee").await?,
             name: row.name.clone(),
@@ -96,7 +97,7 @@ async fn groups_of(tx: &mut SqliteConnection, scope: &Scope) -> StoreResult<Hash
          WHERE $1 = 'administrator'
             OR EXISTS (SELECT 1 FROM group_instructor WHERE group_id = training_group.id AND person_id = $2)",
     );
-    Ok(rows.asked_by(scope).fetch_all(tx).await?.into_iter().collect())
+    Ok(rows.bind_scope(scope).fetch_all(tx).await?.into_iter().collect())
 }
 
 /// True if the code is taken. Codes are unique in the centre; the caller does not learn who has it.
@@ -107,7 +108,11 @@ async fn is_taken(tx: &mut SqliteConnection, code: &Code) -> StoreResult<bool> {
 }
 
 /// The group of a row: the named one. Without a name it is an instructor's only group; for administrators it is none.
-fn joined(scope: &Scope, groups: &HashMap<String, GroupId>, named: Option<&str>) -> Result<Option<GroupId>, String> {
+fn choose_group(
+    scope: &Scope,
+    groups: &HashMap<String, GroupId>,
+    named: Option<&str>,
+) -> Result<Option<GroupId>, String> {
     match named {
         Some(name) => match groups.get(name) {
             Some(group) => Ok(Some(*group)),

@@ -77,7 +77,7 @@ const SQLITE_CONSTRAINT_TRIGGER: i32 = 1811;
 
 impl From<sqlx::Error> for StoreError {
     fn from(error: sqlx::Error) -> Self {
-        let code = code(&error);
+        let code = sqlite_code(&error);
         match error {
             sqlx::Error::PoolTimedOut => StoreError::Busy,
             sqlx::Error::PoolClosed | sqlx::Error::WorkerCrashed => StoreError::Closed,
@@ -98,7 +98,7 @@ impl StoreError {
 
     /// True if an fsync failed. Then no earlier write can be relied on.
     pub(super) fn is_failed_sync(&self) -> bool {
-        matches!(self, StoreError::Database(e) if [SQLITE_IOERR_FSYNC, SQLITE_IOERR_DIR_FSYNC].contains(&code(e)))
+        matches!(self, StoreError::Database(e) if [SQLITE_IOERR_FSYNC, SQLITE_IOERR_DIR_FSYNC].contains(&sqlite_code(e)))
     }
 
     /// A [`StoreError::Refused`] with this reason.
@@ -108,7 +108,7 @@ impl StoreError {
 }
 
 /// SQLite's extended result code; 0 if the error is not SQLite's.
-fn code(error: &sqlx::Error) -> i32 {
+fn sqlite_code(error: &sqlx::Error) -> i32 {
     let code = error.as_database_error().and_then(|e| e.code());
     code.and_then(|code| code.parse().ok()).unwrap_or(0)
 }
@@ -123,7 +123,7 @@ pub(super) fn taken(what: &'static str) -> impl FnOnce(sqlx::Error) -> StoreErro
 
 /// Maps a foreign-key violation of a delete: `.map_err(in_use("task", "sessions"))`.
 pub(super) fn in_use(what: &'static str, by: &'static str) -> impl FnOnce(sqlx::Error) -> StoreError {
-    move |error| match code(&error) {
+    move |error| match sqlite_code(&error) {
         SQLITE_CONSTRAINT_FOREIGNKEY | SQLITE_CONSTRAINT_TRIGGER => StoreError::InUse { what, by },
         _ => error.into(),
     }
@@ -139,7 +139,7 @@ pub(super) fn missing(what: &'static str) -> impl FnOnce(sqlx::Error) -> StoreEr
 
 /// For writing a last-seen time: ignores a full disk and a busy database, because reading and deleting must go on
 /// without it.
-pub(super) fn noted(done: StoreResult<()>) -> StoreResult<()> {
+pub(super) fn ignore_full_or_busy(done: StoreResult<()>) -> StoreResult<()> {
     if let Err(error @ (StoreError::DiskFull | StoreError::Busy)) = done {
         tracing::warn!(%error, "last-seen time not stored; the request continues");
         return Ok(());

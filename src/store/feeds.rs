@@ -7,7 +7,7 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::jobs::enqueue_track;
-use super::visibility::{AskedBy, sees_box, sees_trainee};
+use super::visibility::{BindScope, sees_box, sees_trainee};
 use super::{Scope, Store, blobs};
 use crate::domain::blob::Blob;
 use crate::domain::feed::{FrameCodec, TimeBase};
@@ -19,11 +19,11 @@ use crate::ids::{BoxId, FeedId, SessionId, TaskId, TraineeId};
 const FILENAME: &str = "live.mp4";
 
 /// Access to the feeds.
-pub struct Feeds<'s>(pub(super) &'s Store);
+pub struct FeedStore<'s>(pub(super) &'s Store);
 
 /// A recording that arrives frame by frame, or has arrived completely.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
-pub struct Feed {
+pub struct FeedRow {
     /// Its id, and its log's name in the vault.
     pub id: FeedId,
     /// Its session.
@@ -88,14 +88,14 @@ macro_rules! select_feeds {
     };
 }
 
-impl Feed {
+impl FeedRow {
     /// The time base of its frames.
     pub fn time_base(&self) -> Result<TimeBase, Invalid> {
         [self.tick_num, self.tick_den].try_into()
     }
 
     /// True if the sender's description matches this feed.
-    fn is(&self, new: &NewFeed) -> bool {
+    fn matches(&self, new: &NewFeed) -> bool {
         let (num, den) = new.time_base.fraction();
         self.box_id == new.in_box
             && (self.trainee_id, self.task_id) == (new.trainee, new.task)
@@ -106,19 +106,19 @@ impl Feed {
     }
 }
 
-impl Feeds<'_> {
+impl FeedStore<'_> {
     /// Begins or resumes a recording: from now on only the connection with the returned epoch may send. A recording
     /// that has ended keeps its epoch.
     ///
     /// # Errors
     /// [`StoreError::Refused`] if the recording exists with another description, or was erased.
-    pub async fn open(&self, scope: &Scope, new: NewFeed) -> StoreResult<Feed> {
+    pub async fn open(&self, scope: &Scope, new: NewFeed) -> StoreResult<FeedRow> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
                 let sql = "SELECT 1 FROM training_box WHERE id = $3 AND ($1 <> 'agent' OR $2 = training_box.id)";
                 let sees: Option<i64> =
-                    sqlx::query_scalar(sql).asked_by(&scope).bind(new.in_box).fetch_optional(&mut *tx).await?;
+                    sqlx::query_scalar(sql).bind_scope(&scope).bind(new.in_box).fetch_optional(&mut *tx).await?;
                 sees.ok_or(not_found("box"))?;
                 let sql = "SELECT 1 FROM erased_feed WHERE id = $1";
                 let erased: Option<i64> = sqlx::query_scalar(sql).bind(new.id).fetch_optional(&mut *tx).await?;
@@ -126,7 +126,7 @@ impl Feeds<'_> {
                     return Err(StoreError::refused("this recording was erased: start a new recording with a new id"));
                 }
                 let Some(known) = find(tx, new.id).await? else { return insert(tx, &scope, new, now_ms).await };
-                if !known.is(&new) {
+                if !known.matches(&new) {
                     return Err(StoreError::refused(
                         "this recording was begun with another box, trainee, task, codec, size or time base: \
                          start a new recording with a new id",
@@ -188,7 +188,8 @@ impl Feeds<'_> {
             sees_trainee!("session.trainee_id"),
             " ORDER BY feed.id DESC LIMIT 1"
         ));
-        let row: Option<Json<Vec<LiveFeature>>> = row.asked_by(scope).bind(of).fetch_optional(self.0.readers()).await?;
+        let row: Option<Json<Vec<LiveFeature>>> =
+            row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?;
         Ok(row.map(|Json(features)| features))
     }
 
@@ -224,24 +225,24 @@ impl Feeds<'_> {
     }
 
     /// One feed.
-    pub async fn get(&self, scope: &Scope, id: FeedId) -> StoreResult<Feed> {
+    pub async fn get(&self, scope: &Scope, id: FeedId) -> StoreResult<FeedRow> {
         let row = sqlx::query_as(concat!(select_feeds!(), " WHERE feed.id = $3 AND ", sees_box!("feed.box_id")));
-        row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?.ok_or(not_found("feed"))
+        row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?.ok_or(not_found("feed"))
     }
 
     /// The feeds that have not ended.
-    pub async fn unfinished(&self) -> StoreResult<Vec<Feed>> {
+    pub async fn unfinished(&self) -> StoreResult<Vec<FeedRow>> {
         let rows = sqlx::query_as(concat!(select_feeds!(), " WHERE feed.ended_at_ms IS NULL ORDER BY feed.id"));
         Ok(rows.fetch_all(self.0.readers()).await?)
     }
 }
 
-async fn find(tx: &mut SqliteConnection, id: FeedId) -> StoreResult<Option<Feed>> {
+async fn find(tx: &mut SqliteConnection, id: FeedId) -> StoreResult<Option<FeedRow>> {
     let row = sqlx::query_as(concat!(select_feeds!(), " WHERE feed.id = $1"));
     Ok(row.bind(id).fetch_optional(tx).await?)
 }
 
-async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: i64) -> StoreResult<Feed> {
+async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: i64) -> StoreResult<FeedRow> {
     let session = SessionId::at(now_ms);
     let insert = sqlx::query(
         "INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, recorded_at_ms, created_at_ms)

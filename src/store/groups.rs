@@ -3,20 +3,20 @@
 use serde::{Deserialize, Serialize};
 
 use super::audit::note;
-use super::courses::Followed;
+use super::courses::GroupCoursePlan;
 use super::error::{StoreResult, in_use, missing, not_found, taken};
-use super::visibility::{AskedBy, require_administrator, require_staff};
+use super::visibility::{BindScope, require_administrator, require_staff};
 use super::{Scope, Store};
 use crate::domain::text::Name;
 use crate::ids::{CourseId, GroupId, PersonId, TraineeId};
 use crate::time::Day;
 
 /// Access to the training groups.
-pub struct Groups<'s>(pub(super) &'s Store);
+pub struct GroupStore<'s>(pub(super) &'s Store);
 
 /// A training group.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Group {
+pub struct GroupRecord {
     /// Its id.
     pub id: GroupId,
     /// What people call it.
@@ -26,7 +26,7 @@ pub struct Group {
     /// Its members.
     pub members: Members,
     /// The course plan that it follows, if any.
-    pub follows: Option<Followed>,
+    pub follows: Option<GroupCoursePlan>,
 }
 
 /// The members of a group.
@@ -40,7 +40,7 @@ pub struct Members {
 }
 
 #[derive(sqlx::FromRow)]
-struct Row {
+struct GroupRow {
     id: GroupId,
     name: Name,
     created_at_ms: i64,
@@ -64,13 +64,13 @@ macro_rules! select_groups {
     };
 }
 
-impl Groups<'_> {
+impl GroupStore<'_> {
     /// Creates an empty group.
-    pub async fn create(&self, scope: &Scope, name: Name) -> StoreResult<Group> {
+    pub async fn create(&self, scope: &Scope, name: Name) -> StoreResult<GroupRecord> {
         require_administrator(scope, "making groups")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         let (id, members) = (GroupId::at(now_ms), Members::default());
-        let group = Group { id, name, created_at_ms: now_ms, members, follows: None };
+        let group = GroupRecord { id, name, created_at_ms: now_ms, members, follows: None };
         self.0
             .write(async move |tx| {
                 let sql = "INSERT INTO training_group (id, name, created_at_ms) VALUES ($1, $2, $3)";
@@ -83,32 +83,32 @@ impl Groups<'_> {
     }
 
     /// The groups that the scope sees, by name: all for an administrator, their own for an instructor.
-    pub async fn list(&self, scope: &Scope) -> StoreResult<Vec<Group>> {
+    pub async fn list(&self, scope: &Scope) -> StoreResult<Vec<GroupRecord>> {
         require_staff(scope, "the list of groups")?;
-        let rows = sqlx::query_as::<_, Row>(select_groups!(
+        let rows = sqlx::query_as::<_, GroupRow>(select_groups!(
             "$1 = 'administrator' OR EXISTS
                 (SELECT 1 FROM group_instructor WHERE group_instructor.group_id = training_group.id AND person_id = $2)
              ORDER BY training_group.name"
         ));
         let mut groups = Vec::new();
-        for row in rows.asked_by(scope).fetch_all(self.0.readers()).await? {
+        for row in rows.bind_scope(scope).fetch_all(self.0.readers()).await? {
             groups.push(self.with_members(row).await?);
         }
         Ok(groups)
     }
 
     /// One group that the scope sees.
-    pub async fn get(&self, scope: &Scope, id: GroupId) -> StoreResult<Group> {
-        let row = sqlx::query_as::<_, Row>(select_groups!(
+    pub async fn get(&self, scope: &Scope, id: GroupId) -> StoreResult<GroupRecord> {
+        let row = sqlx::query_as::<_, GroupRow>(select_groups!(
             "training_group.id = $3 AND ($1 = 'administrator' OR ($1 = 'instructor' AND EXISTS
                 (SELECT 1 FROM group_instructor WHERE group_instructor.group_id = training_group.id AND person_id = $2)))"
         ));
-        let row = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        let row = row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
         self.with_members(row.ok_or(not_found("group"))?).await
     }
 
     /// Replaces the members of a group.
-    pub async fn set_members(&self, scope: &Scope, id: GroupId, members: Members) -> StoreResult<Group> {
+    pub async fn set_members(&self, scope: &Scope, id: GroupId, members: Members) -> StoreResult<GroupRecord> {
         require_administrator(scope, "changing groups")?;
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
@@ -148,8 +148,8 @@ impl Groups<'_> {
             .await
     }
 
-    async fn with_members(&self, row: Row) -> StoreResult<Group> {
-        let Row { id, name, created_at_ms, course_id, course_name, begins } = row;
+    async fn with_members(&self, row: GroupRow) -> StoreResult<GroupRecord> {
+        let GroupRow { id, name, created_at_ms, course_id, course_name, begins } = row;
         let instructors = sqlx::query_scalar("SELECT person_id FROM group_instructor WHERE group_id = $1");
         let trainees = sqlx::query_scalar("SELECT trainee_id FROM group_trainee WHERE group_id = $1");
         let members = Members {
@@ -157,7 +157,7 @@ impl Groups<'_> {
             trainees: trainees.bind(id).fetch_all(self.0.readers()).await?,
         };
         let followed = course_id.zip(course_name).zip(begins);
-        let follows = followed.map(|((course, name), begins)| Followed { course, name, begins });
-        Ok(Group { id, name, created_at_ms, members, follows })
+        let follows = followed.map(|((course, name), begins)| GroupCoursePlan { course, name, begins });
+        Ok(GroupRecord { id, name, created_at_ms, members, follows })
     }
 }

@@ -32,7 +32,6 @@
 //! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `record_backup` · `last_backup` |
 
 mod audit;
-mod ballast;
 mod blobs;
 mod boxes;
 mod calibrations;
@@ -42,6 +41,7 @@ mod columns;
 mod comments;
 mod cookies;
 mod courses;
+mod disk_reserve;
 mod edits;
 mod enrolment;
 mod error;
@@ -73,40 +73,40 @@ use serde::{Deserialize, Serialize};
 use sqlx::SqlitePool;
 use sqlx::sqlite::SqliteConnection;
 
-pub use audit::{Audit, AuditEntry, Backup};
-pub use blobs::Blobs;
-pub use boxes::{Boxes, TrainingBox};
-pub use calibrations::{Calibration, Calibrations};
-pub use cohorts::{Cohort, CohortValue, Cohorts};
-pub use comments::{Comment, Comments, SeenComments};
-pub use cookies::{Cookie, Cookies};
-pub use courses::{Course, CourseStep, Courses, Enrolled, Followed};
-pub use edits::{Edit, Edits, SessionEdits};
+pub use audit::{AuditEntry, AuditStore, Backup};
+pub use blobs::BlobStore;
+pub use boxes::{BoxRecord, BoxStore};
+pub use calibrations::{CalibrationRecord, CalibrationStore};
+pub use cohorts::{CohortRecord, CohortStore, CohortValue};
+pub use comments::{CommentRecord, CommentStore, VisibleComments};
+pub use cookies::{CookieLifetime, CookieStore};
+pub use courses::{CourseRecord, CourseStep, CourseStore, GroupCoursePlan, TraineeCourse};
+pub use edits::{EditRecord, EditStore, SessionEdits};
 pub use enrolment::Enrolment;
 pub use error::{StoreError, StoreResult};
-pub use feeds::{Feed, Feeds, NewFeed};
-pub use groups::{Group, Groups, Members};
-pub use jobs::{Job, Jobs, Lease, QueueCounts, Swept};
+pub use feeds::{FeedRow, FeedStore, NewFeed};
+pub use groups::{GroupRecord, GroupStore, Members};
+pub use jobs::{JobRecord, JobStore, Lease, QueueCounts, SweepResult};
 pub use page::{Page, PageRequest};
-pub use palettes::{Palette, Palettes};
-pub use people::{NewPerson, People, Person, PersonChange};
-pub use ratings::{GivenRating, Rating, Ratings, SeenRatings, SessionValue};
-pub use rescorings::{Compared, EndedItem, Rescoring, RescoringItem, RescoringTrainee, Rescorings};
-pub use self_tests::{SelfTest, SelfTestLight, SelfTests};
+pub use palettes::{PaletteRecord, PaletteStore};
+pub use people::{NewPerson, PersonChange, PersonRecord, PersonStore};
+pub use ratings::{GivenRating, RatingRecord, RatingStore, SessionValue, VisibleRatings};
+pub use rescorings::{EndedItem, RescoringItem, RescoringRecord, RescoringStore, RescoringTrainee, ResultComparison};
+pub use self_tests::{SelfTestLight, SelfTestRecord, SelfTestStore};
 pub use sessions::{
-    Measurement, Outcome, Practice, Practised, Session, SessionFilter, SessionPlace, SessionResult, Sessions, Trained,
-    Waiting,
+    AttentionItem, Practice, PracticeMeasurement, PracticeResult, PracticeSession, SessionFilter, SessionOrderKey,
+    SessionRecord, SessionResult, SessionStore, TraineeTask,
 };
-pub use skill_models::{DeclaredSession, NewSkillModel, SkillModel, SkillModels};
-pub use standards::{Standard, Standards};
-pub use tasks::{Task, Tasks};
-pub use tokens::{ActsAs, NewToken, Token, Tokens};
-pub use trainees::{Trainee, Trainees};
-pub use uploads::{Finished, NewUpload, Upload, Uploads};
+pub use skill_models::{DeclaredSession, NewSkillModel, SkillModelRecord, SkillModelStore};
+pub use standards::{StandardRecord, StandardStore};
+pub use tasks::{TaskRecord, TaskStore};
+pub use tokens::{ActsAs, NewToken, TokenRecord, TokenStore};
+pub use trainees::{TraineeRecord, TraineeStore};
+pub use uploads::{FinishedUpload, NewUpload, UploadRecord, UploadStore};
 
 use crate::domain::scope::Scope;
 use crate::time::SharedClock;
-use ballast::Ballast;
+use disk_reserve::DiskReserve;
 use writer::Writer;
 
 /// How the store uses its database.
@@ -135,36 +135,47 @@ impl Default for StoreSettings {
 /// The centre's database. Clones share one store.
 #[derive(Clone, Debug)]
 pub struct Store {
-    inner: Arc<Inner>,
+    inner: Arc<StoreInner>,
 }
 
 #[derive(Debug)]
-struct Inner {
+struct StoreInner {
     path: PathBuf,
     readers: SqlitePool,
     writer: Writer,
     clock: SharedClock,
     settings: StoreSettings,
-    ballast: Ballast,
+    delete_reserve: DiskReserve,
     /// Space for signing in on a full disk.
-    door: Ballast,
+    sign_in_reserve: DiskReserve,
     /// Has anything been erased since the write-ahead log was last emptied?
-    erased: AtomicBool,
+    has_erased_data: AtomicBool,
 }
 
 impl Store {
     /// Opens the database at this path, creates it if it is missing, and migrates its schema.
     pub async fn open(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
-        let connection = open::writer(path, settings).await?;
-        let readers = open::readers(path, settings).await?;
+        let connection = open::open_writer(path, settings).await?;
+        let readers = open::open_readers(path, settings).await?;
         let writer = Writer::start(connection, settings.waiting_writes, settings.writes_per_commit)
             .map_err(|error| StoreError::Unusable(format!("its writer thread cannot start: {error}")))?;
-        let (ballast, door) = (Ballast::to_erase(path), Ballast::to_let_in(path));
+        let (ballast, door) = (DiskReserve::for_deletes(path), DiskReserve::for_sign_in(path));
         ballast.restore().await;
         door.restore().await;
         let (path, settings) = (path.to_owned(), settings.clone());
         let erased = AtomicBool::new(true); // perhaps before the last restart
-        Ok(Self { inner: Arc::new(Inner { path, readers, writer, clock, settings, ballast, door, erased }) })
+        Ok(Self {
+            inner: Arc::new(StoreInner {
+                path,
+                readers,
+                writer,
+                clock,
+                settings,
+                delete_reserve: ballast,
+                sign_in_reserve: door,
+                has_erased_data: erased,
+            }),
+        })
     }
 
     /// Damage that SQLite finds in its file and dangling references between rows; empty if all is well.
@@ -197,20 +208,20 @@ impl Store {
     }
 
     /// Writes the disk reserves again after a deletion on a full disk, if there is space now.
-    pub async fn restore_ballast(&self) {
-        self.inner.ballast.restore().await;
-        self.inner.door.restore().await;
+    pub async fn restore_reserves(&self) {
+        self.inner.delete_reserve.restore().await;
+        self.inner.sign_in_reserve.restore().await;
     }
 
     /// After an erasure: moves the write-ahead log into the database file and empties it, so that no copy of the erased
     /// data is left. `false` if a reader prevents it: try again later.
-    pub async fn forget_erased(&self) -> StoreResult<bool> {
-        if !self.inner.erased.swap(false, Ordering::AcqRel) {
+    pub async fn purge_erased(&self) -> StoreResult<bool> {
+        if !self.inner.has_erased_data.swap(false, Ordering::AcqRel) {
             return Ok(true);
         }
         let emptied = self.inner.writer.empty_log().await;
         if !matches!(emptied, Ok(true)) {
-            self.inner.erased.store(true, Ordering::Release);
+            self.inner.has_erased_data.store(true, Ordering::Release);
         }
         emptied
     }
@@ -231,26 +242,26 @@ impl Store {
 
     /// Like [`Store::write`], for deletions: on a full disk the delete reserve is freed and the work is done again,
     /// since SQLite needs space even to delete.
-    async fn erase<T, F>(&self, work: impl Fn() -> F) -> StoreResult<T>
+    async fn write_with_delete_reserve<T, F>(&self, work: impl Fn() -> F) -> StoreResult<T>
     where
         F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
         T: Send + 'static,
     {
-        let result = self.write_with(&self.inner.ballast, work).await;
-        self.inner.erased.store(true, Ordering::Release);
+        let result = self.write_with_reserve(&self.inner.delete_reserve, work).await;
+        self.inner.has_erased_data.store(true, Ordering::Release);
         result
     }
 
     /// Like [`Store::write`], for signing in: on a full disk the sign-in reserve is freed.
-    async fn let_in<T, F>(&self, work: impl Fn() -> F) -> StoreResult<T>
+    async fn write_with_sign_in_reserve<T, F>(&self, work: impl Fn() -> F) -> StoreResult<T>
     where
         F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
         T: Send + 'static,
     {
-        self.write_with(&self.inner.door, work).await
+        self.write_with_reserve(&self.inner.sign_in_reserve, work).await
     }
 
-    async fn write_with<T, F>(&self, ballast: &Ballast, work: impl Fn() -> F) -> StoreResult<T>
+    async fn write_with_reserve<T, F>(&self, ballast: &DiskReserve, work: impl Fn() -> F) -> StoreResult<T>
     where
         F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
         T: Send + 'static,
@@ -284,53 +295,53 @@ macro_rules! accessors {
 
 accessors! {
     /// Accounts that can sign in.
-    people: People;
+    people: PersonStore;
     /// Training groups: which instructors teach which trainees.
-    groups: Groups;
+    groups: GroupStore;
     /// Signed-in browsers.
-    cookies: Cookies;
+    cookies: CookieStore;
     /// Access tokens of programs.
-    tokens: Tokens;
+    tokens: TokenStore;
     /// Trainees.
-    trainees: Trainees;
+    trainees: TraineeStore;
     /// Tasks that trainees practise.
-    tasks: Tasks;
+    tasks: TaskStore;
     /// Standards of tasks.
-    standards: Standards;
+    standards: StandardStore;
     /// Reference groups to compare trainees with.
-    cohorts: Cohorts;
+    cohorts: CohortStore;
     /// Course plans, and which groups follow one.
-    courses: Courses;
+    courses: CourseStore;
     /// Models that estimate a trainee's level.
-    skill_models: SkillModels;
+    skill_models: SkillModelStore;
     /// Training boxes.
-    boxes: Boxes;
+    boxes: BoxStore;
     /// Versions of the boxes' cameras.
-    calibrations: Calibrations;
+    calibrations: CalibrationStore;
     /// Versions of the boxes' colours.
-    palettes: Palettes;
+    palettes: PaletteStore;
     /// Self-tests of boxes, with their traffic lights.
-    self_tests: SelfTests;
+    self_tests: SelfTestStore;
     /// Recordings that are being uploaded.
-    uploads: Uploads;
+    uploads: UploadStore;
     /// Recordings that are streamed frame by frame.
-    feeds: Feeds;
+    feeds: FeedStore;
     /// Complete recordings and their results.
-    sessions: Sessions;
+    sessions: SessionStore;
     /// Ratings of sessions.
-    ratings: Ratings;
+    ratings: RatingStore;
     /// Comments on moments of sessions.
-    comments: Comments;
+    comments: CommentStore;
     /// Edits of scored sessions.
-    edits: Edits;
+    edits: EditStore;
     /// Rescoring orders.
-    rescorings: Rescorings;
+    rescorings: RescoringStore;
     /// Jobs that are queued, running or ended.
-    jobs: Jobs;
+    jobs: JobStore;
     /// Files that the database refers to.
-    blobs: Blobs;
+    blobs: BlobStore;
     /// The audit trail.
-    audit: Audit;
+    audit: AuditStore;
 }
 
 #[cfg(test)]

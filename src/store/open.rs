@@ -13,10 +13,10 @@ use super::error::{StoreError, StoreResult};
 static MIGRATIONS: Migrator = sqlx::migrate!("./migrations");
 
 /// In older versions, a checkpoint that races with a reset of the write-ahead log can corrupt the file.
-const LEAST_SQLITE: (u32, u32, u32) = (3, 51, 3);
+const MIN_SQLITE: (u32, u32, u32) = (3, 51, 3);
 
 /// Opens the writing connection and migrates the schema.
-pub(super) async fn writer(path: &Path, settings: &StoreSettings) -> StoreResult<SqliteConnection> {
+pub(super) async fn open_writer(path: &Path, settings: &StoreSettings) -> StoreResult<SqliteConnection> {
     let options = options(path, settings).create_if_missing(true).journal_mode(SqliteJournalMode::Wal);
     let mut connection = options.connect().await?;
     check_version(&mut connection).await?;
@@ -34,7 +34,7 @@ pub(super) async fn writer(path: &Path, settings: &StoreSettings) -> StoreResult
 const READ_CACHE: &str = "-16384";
 
 /// Opens the pool of reading connections. They cannot write, even if a statement tries to.
-pub(super) async fn readers(path: &Path, settings: &StoreSettings) -> StoreResult<SqlitePool> {
+pub(super) async fn open_readers(path: &Path, settings: &StoreSettings) -> StoreResult<SqlitePool> {
     let checked = settings.clone();
     let pool = SqlitePoolOptions::new()
         .max_connections(settings.readers)
@@ -92,7 +92,7 @@ async fn check_version(connection: &mut SqliteConnection) -> StoreResult<()> {
     let version: String = sqlx::query_scalar("SELECT sqlite_version()").fetch_one(connection).await?;
     let mut parts = version.split('.').map(|part| part.parse().unwrap_or(0));
     let mut next = || parts.next().unwrap_or(0);
-    if (next(), next(), next()) >= LEAST_SQLITE {
+    if (next(), next(), next()) >= MIN_SQLITE {
         return Ok(());
     }
     Err(StoreError::Unusable(format!("SQLite {version} can corrupt its write-ahead log; 3.51.3 or newer is needed")))

@@ -12,15 +12,15 @@ pub struct PageRequest {
 
 impl PageRequest {
     /// Maximum number of items on one page.
-    pub const MOST: u32 = 200;
+    pub const MAX_LIMIT: u32 = 200;
 
     /// The page of `limit` items after this cursor; `limit` is clamped to the allowed range.
     pub fn new(limit: u32, after: Option<String>) -> Self {
-        Self { limit: limit.clamp(1, Self::MOST), after }
+        Self { limit: limit.clamp(1, Self::MAX_LIMIT), after }
     }
 
     /// Number of rows to query: one more than the page holds, to know whether there is a next page.
-    pub(super) fn rows(&self) -> i64 {
+    pub(super) fn row_limit(&self) -> i64 {
         i64::from(self.limit) + 1
     }
 
@@ -47,8 +47,8 @@ pub struct Page<T> {
 
 impl<T> Page<T> {
     /// Makes a page of the queried rows and removes the extra one; `cursor` returns an item's sort key.
-    pub(super) fn cut(mut rows: Vec<T>, request: &PageRequest, cursor: impl Fn(&T) -> String) -> Self {
-        let more = rows.len() as i64 == request.rows();
+    pub(super) fn from_rows(mut rows: Vec<T>, request: &PageRequest, cursor: impl Fn(&T) -> String) -> Self {
+        let more = rows.len() as i64 == request.row_limit();
         rows.truncate(request.limit as usize);
         let next = rows.last().filter(|_| more).map(cursor);
         Self { items: rows, next }

@@ -4,7 +4,7 @@ use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
 use super::error::{StoreResult, missing, not_found};
-use super::visibility::{AskedBy, sees_box};
+use super::visibility::{BindScope, sees_box};
 use super::{Scope, Store};
 use crate::domain::boxes::BoxTool;
 use crate::domain::files::annotations::AnnotationsFile;
@@ -12,11 +12,11 @@ use crate::domain::palette::{LabelCount, NewPalette, PaletteReport};
 use crate::ids::{BoxId, PaletteId};
 
 /// Access to the boxes' colours. New versions come from a palette job ([`super::JobStore::finish_palette`]).
-pub struct Palettes<'s>(pub(super) &'s Store);
+pub struct PaletteStore<'s>(pub(super) &'s Store);
 
 /// A version of a box's colour samples.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
-pub struct Palette {
+pub struct PaletteRecord {
     /// Its id.
     pub id: PaletteId,
     /// Its box.
@@ -41,43 +41,48 @@ pub struct Palette {
     pub created_at_ms: i64,
 }
 
-impl Palettes<'_> {
+impl PaletteStore<'_> {
     /// The version in use, if the box has one.
-    pub async fn latest(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<Palette>> {
+    pub async fn latest(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<PaletteRecord>> {
         let row = sqlx::query_as(concat!(
             "SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
              WHERE box_id = $3 AND ",
             sees_box!("box_id"),
             " ORDER BY version DESC LIMIT 1"
         ));
-        Ok(row.asked_by(scope).bind(of).fetch_optional(self.0.readers()).await?)
+        Ok(row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?)
     }
 
     /// One version.
-    pub async fn get(&self, scope: &Scope, id: PaletteId) -> StoreResult<Palette> {
+    pub async fn get(&self, scope: &Scope, id: PaletteId) -> StoreResult<PaletteRecord> {
         let row = sqlx::query_as(concat!(
             "SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
              WHERE id = $3 AND ",
             sees_box!("box_id")
         ));
-        let row = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        let row = row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("palette"))
     }
 
     /// The last hundred versions, newest first.
-    pub async fn list(&self, scope: &Scope, of: BoxId) -> StoreResult<Vec<Palette>> {
+    pub async fn list(&self, scope: &Scope, of: BoxId) -> StoreResult<Vec<PaletteRecord>> {
         let rows = sqlx::query_as(concat!(
             "SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
              WHERE box_id = $3 AND ",
             sees_box!("box_id"),
             " ORDER BY version DESC LIMIT 100"
         ));
-        Ok(rows.asked_by(scope).bind(of).fetch_all(self.0.readers()).await?)
+        Ok(rows.bind_scope(scope).bind(of).fetch_all(self.0.readers()).await?)
     }
 }
 
 /// Inserts the box's next version. If the annotations name a view, it becomes the box's view.
-pub(super) async fn insert(tx: &mut SqliteConnection, of: BoxId, new: NewPalette, now_ms: i64) -> StoreResult<Palette> {
+pub(super) async fn insert(
+    tx: &mut SqliteConnection,
+    of: BoxId,
+    new: NewPalette,
+    now_ms: i64,
+) -> StoreResult<PaletteRecord> {
     sqlx::query("UPDATE training_box SET view = coalesce($2, view) WHERE id = $1")
         .bind(of)
         .bind(new.annotations.view)

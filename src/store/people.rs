@@ -11,11 +11,11 @@ use crate::domain::text::{Login, Name};
 use crate::ids::{PersonId, TraineeId};
 
 /// Access to the accounts.
-pub struct People<'s>(pub(super) &'s Store);
+pub struct PersonStore<'s>(pub(super) &'s Store);
 
 /// A person with an account.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
-pub struct Person {
+pub struct PersonRecord {
     /// Their id.
     pub id: PersonId,
     /// Their login name.
@@ -56,7 +56,7 @@ pub struct PersonChange {
     pub role: Option<Role>,
 }
 
-impl Person {
+impl PersonRecord {
     /// Their scope. To be called only by code that has just verified their identity.
     pub fn scope(&self) -> Scope {
         match (self.role, self.trainee_id) {
@@ -68,9 +68,9 @@ impl Person {
     }
 }
 
-impl People<'_> {
+impl PersonStore<'_> {
     /// Creates an account.
-    pub async fn create(&self, scope: &Scope, new: NewPerson) -> StoreResult<Person> {
+    pub async fn create(&self, scope: &Scope, new: NewPerson) -> StoreResult<PersonRecord> {
         require_administrator(scope, "making accounts")?;
         if new.role == Role::Agent {
             return Err(StoreError::refused("an agent is a program: make a token for it"));
@@ -81,7 +81,7 @@ impl People<'_> {
             ));
         }
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
-        let person = Person {
+        let person = PersonRecord {
             id: PersonId::at(now_ms),
             login: new.login,
             name: new.name,
@@ -91,7 +91,7 @@ impl People<'_> {
         };
         self.0
             .write(async move |tx| {
-                check_unaccounted(tx, person.trainee_id).await?;
+                refuse_second_account(tx, person.trainee_id).await?;
                 let sql = "INSERT INTO person (id, login, name, role, password_hash, trainee_id, created_at_ms)
                            VALUES ($1, $2, $3, $4, $5, $6, $7)";
                 sqlx::query(sql)
@@ -112,18 +112,18 @@ impl People<'_> {
     }
 
     /// All accounts, by login.
-    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<Person>> {
+    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<PersonRecord>> {
         require_administrator(scope, "the list of accounts")?;
         let rows = sqlx::query_as(
             "SELECT id, login, name, role, trainee_id, created_at_ms FROM person
              WHERE $1 IS NULL OR login > $1 ORDER BY login LIMIT $2",
         );
-        let rows = rows.bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
-        Ok(Page::cut(rows, page, |person: &Person| person.login.to_string()))
+        let rows = rows.bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
+        Ok(Page::from_rows(rows, page, |person: &PersonRecord| person.login.to_string()))
     }
 
     /// One account: administrators see all of them, other people their own.
-    pub async fn get(&self, scope: &Scope, id: PersonId) -> StoreResult<Person> {
+    pub async fn get(&self, scope: &Scope, id: PersonId) -> StoreResult<PersonRecord> {
         if !scope.is_administrator() && scope.person() != Some(id) {
             return Err(not_found("person"));
         }
@@ -134,7 +134,7 @@ impl People<'_> {
 
     /// Changes an account. The last administrator keeps that role. A new role signs all browsers of the account out,
     /// which also ends their open connections: those were opened with the rights of the old role.
-    pub async fn change(&self, scope: &Scope, id: PersonId, change: PersonChange) -> StoreResult<Person> {
+    pub async fn change(&self, scope: &Scope, id: PersonId, change: PersonChange) -> StoreResult<PersonRecord> {
         require_administrator(scope, "changing accounts")?;
         if matches!(change.role, Some(Role::Agent | Role::Trainee)) {
             return Err(StoreError::refused("an account can become an administrator's or an instructor's only"));
@@ -193,15 +193,15 @@ impl People<'_> {
     }
 
     /// For sign-in: the account with this login and its password's hash.
-    pub async fn by_login(&self, login: &Login) -> StoreResult<Option<(Person, PasswordHash)>> {
+    pub async fn by_login(&self, login: &Login) -> StoreResult<Option<(PersonRecord, PasswordHash)>> {
         #[derive(sqlx::FromRow)]
-        struct Row {
+        struct LoginRow {
             #[sqlx(flatten)]
-            person: Person,
+            person: PersonRecord,
             password_hash: PasswordHash,
         }
         let sql = "SELECT id, login, name, role, trainee_id, created_at_ms, password_hash FROM person WHERE login = $1";
-        let row: Option<Row> = sqlx::query_as(sql).bind(login).fetch_optional(self.0.readers()).await?;
+        let row: Option<LoginRow> = sqlx::query_as(sql).bind(login).fetch_optional(self.0.readers()).await?;
         Ok(row.map(|row| (row.person, row.password_hash)))
     }
 
@@ -213,7 +213,7 @@ impl People<'_> {
 
 /// Refuses a second account for a trainee. The check comes before the insert, since SQLite does not say which key an
 /// insert violated.
-async fn check_unaccounted(tx: &mut sqlx::SqliteConnection, trainee: Option<TraineeId>) -> StoreResult<()> {
+async fn refuse_second_account(tx: &mut sqlx::SqliteConnection, trainee: Option<TraineeId>) -> StoreResult<()> {
     let sql = "SELECT id FROM person WHERE trainee_id = $1";
     let existing: Option<String> = sqlx::query_scalar(sql).bind(trainee).fetch_optional(tx).await?;
     existing.map_or(Ok(()), |id| Err(StoreError::Taken { what: "trainee's account", existing: Some(id) }))

@@ -11,30 +11,30 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::sessions::counts;
-use super::visibility::{AskedBy, require_staff, sees_trainee};
+use super::visibility::{BindScope, require_staff, sees_trainee};
 use super::{Scope, Store};
 use crate::domain::feature::FeatureKey;
-use crate::domain::rating::{Form, Mark};
+use crate::domain::rating::{ItemMark, RatingForm};
 use crate::domain::session::FeatureSpace;
 use crate::domain::text::Name;
 use crate::domain::trainee::Handedness;
 use crate::ids::{CalibrationId, PersonId, RatingId, ResultId, SessionId, TaskId, TraineeId};
 
 /// Access to the ratings.
-pub struct Ratings<'s>(pub(super) &'s Store);
+pub struct RatingStore<'s>(pub(super) &'s Store);
 
 /// Maximum number of ratings of one session by one person.
-pub const MOST_OF_ONE: i64 = 20;
+pub const MAX_PER_RATER: i64 = 20;
 
 /// Maximum number of ratings of a session that are read, newest first.
-const MOST_READ: i64 = 1_000;
+const MAX_READ: i64 = 1_000;
 
 /// Maximum number of ratings of a task for agreement and correlations, newest first.
-const MOST_RATINGS: i64 = 4_000;
+const MAX_RATINGS: i64 = 4_000;
 
 /// A rating.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
-pub struct Rating {
+pub struct RatingRecord {
     /// Its id.
     pub id: RatingId,
     /// The rater; `None` if the account has been deleted.
@@ -42,12 +42,12 @@ pub struct Rating {
     /// The rater's name.
     pub who: Option<Name>,
     /// The form.
-    pub form: Form,
+    pub form: RatingForm,
     /// The version of the form's wording.
     pub form_version: i64,
     /// The marks, in the form's order.
     #[sqlx(json)]
-    pub items: Vec<Mark>,
+    pub items: Vec<ItemMark>,
     /// True if it was given before the rater could see other people's ratings or comments.
     pub is_blind: bool,
     /// When, epoch ms.
@@ -56,11 +56,11 @@ pub struct Rating {
 
 /// The ratings of a session that the caller may see.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct SeenRatings {
+pub struct VisibleRatings {
     /// The latest rating of each rater on each form, newest first.
-    pub items: Vec<Rating>,
+    pub items: Vec<RatingRecord>,
     /// The number of raters on each form, including the caller.
-    pub raters: Vec<(Form, usize)>,
+    pub raters: Vec<(RatingForm, usize)>,
 }
 
 /// A blind rating of a session of a task, with the session's trainee.
@@ -75,7 +75,7 @@ pub struct GivenRating {
     /// The rater.
     pub rater: PersonId,
     /// The marks, in the form's order.
-    pub items: Vec<Mark>,
+    pub items: Vec<ItemMark>,
 }
 
 /// The value of a feature in a session's latest result.
@@ -95,9 +95,9 @@ pub struct SessionValue {
     pub value: f64,
 }
 
-type GivenRow = (SessionId, i64, TraineeId, PersonId, Json<Vec<Mark>>);
-type ResultRow = (ResultId, SessionId, Option<Handedness>, String, CalibrationId);
-type ValueRow = (ResultId, String, Option<String>, FeatureSpace, f64);
+type GivenRow = (SessionId, i64, TraineeId, PersonId, Json<Vec<ItemMark>>);
+type RatedResultRow = (ResultId, SessionId, Option<Handedness>, String, CalibrationId);
+type RatedValueRow = (ResultId, String, Option<String>, FeatureSpace, f64);
 
 /// Selects the latest blind rating on form `$4` by each rater of each session of task `$3` that is not set aside;
 /// newest sessions first, at most `$5`.
@@ -120,15 +120,15 @@ macro_rules! given {
     };
 }
 
-impl Ratings<'_> {
+impl RatingStore<'_> {
     /// Adds a rating to a session. An earlier one by the same rater on the same form is kept but no longer counts.
     pub async fn give(
         &self,
         scope: &Scope,
         session: SessionId,
-        (form, version): (Form, i64),
-        marks: Vec<Mark>,
-    ) -> StoreResult<Rating> {
+        (form, version): (RatingForm, i64),
+        marks: Vec<ItemMark>,
+    ) -> StoreResult<RatingRecord> {
         self.0.sessions().get(scope, session).await?;
         require_staff(scope, "rating sessions")?;
         let person = scope.person().ok_or(StoreError::Forbidden { what: "rating sessions", whom: "people" })?;
@@ -150,9 +150,9 @@ impl Ratings<'_> {
                      WHERE (SELECT count(*) FROM rating WHERE session_id = $2 AND person_id = $3) < $8",
                 );
                 let insert = insert.bind(id).bind(session).bind(person).bind(form).bind(version).bind(Json(marks));
-                let insert = insert.bind(now_ms).bind(MOST_OF_ONE).execute(&mut *tx).await.map_err(missing("session"))?;
+                let insert = insert.bind(now_ms).bind(MAX_PER_RATER).execute(&mut *tx).await.map_err(missing("session"))?;
                 if insert.rows_affected() == 0 {
-                    let why = format!("you have rated this session {MOST_OF_ONE} times, which is the limit; your last rating counts");
+                    let why = format!("you have rated this session {MAX_PER_RATER} times, which is the limit; your last rating counts");
                     return Err(StoreError::refused(why));
                 }
                 note(tx, &by, now_ms, ("create", "rating"), id).await
@@ -163,7 +163,7 @@ impl Ratings<'_> {
     }
 
     /// The ratings of a session that the caller may see.
-    pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<SeenRatings> {
+    pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<VisibleRatings> {
         self.0.sessions().get(scope, session).await?;
         let rows = sqlx::query_as(
             "SELECT rating.id, rating.person_id, person.name AS who, form, form_version, items, is_blind, rating.created_at_ms
@@ -171,15 +171,15 @@ impl Ratings<'_> {
              WHERE $1 <> 'agent' AND session_id = $3
              ORDER BY rating.created_at_ms DESC, rating.rowid DESC LIMIT $4",
         );
-        let rows = rows.asked_by(scope).bind(session).bind(MOST_READ);
-        let mut rows: Vec<Rating> = rows.fetch_all(self.0.readers()).await?;
+        let rows = rows.bind_scope(scope).bind(session).bind(MAX_READ);
+        let mut rows: Vec<RatingRecord> = rows.fetch_all(self.0.readers()).await?;
         let mut met = HashSet::new();
         rows.retain(|rating| rating.person_id.is_none_or(|person| met.insert((person, rating.form))));
         let raters =
-            Form::ALL.iter().map(|form| (*form, rows.iter().filter(|row| row.form == *form).count())).collect();
-        let own: HashSet<Form> = rows.iter().filter(|row| is_own(row, scope)).map(|row| row.form).collect();
+            RatingForm::ALL.iter().map(|form| (*form, rows.iter().filter(|row| row.form == *form).count())).collect();
+        let own: HashSet<RatingForm> = rows.iter().filter(|row| is_own(row, scope)).map(|row| row.form).collect();
         rows.retain(|row| !scope.is_staff() || own.contains(&row.form));
-        Ok(SeenRatings { items: rows, raters })
+        Ok(VisibleRatings { items: rows, raters })
     }
 
     /// True if the caller has rated this session on any form.
@@ -190,10 +190,10 @@ impl Ratings<'_> {
 
     /// The blind ratings on a form of the task's sessions in the scope: the latest of each rater, newest sessions
     /// first.
-    pub async fn given(&self, scope: &Scope, task: TaskId, form: Form) -> StoreResult<Vec<GivenRating>> {
+    pub async fn given(&self, scope: &Scope, task: TaskId, form: RatingForm) -> StoreResult<Vec<GivenRating>> {
         require_staff(scope, "the agreement of raters")?;
         let rows = sqlx::query_as::<_, GivenRow>(given!());
-        let rows = rows.asked_by(scope).bind(task).bind(form).bind(MOST_RATINGS).fetch_all(self.0.readers()).await?;
+        let rows = rows.bind_scope(scope).bind(task).bind(form).bind(MAX_RATINGS).fetch_all(self.0.readers()).await?;
         let given = |(session, recorded_at_ms, trainee, rater, Json(items))| GivenRating {
             session,
             recorded_at_ms,
@@ -208,7 +208,7 @@ impl Ratings<'_> {
     /// or measured by another program are left out.
     pub async fn values(&self, scope: &Scope, sessions: &[SessionId]) -> StoreResult<Vec<SessionValue>> {
         require_staff(scope, "the correlation of ratings with features")?;
-        let results = sqlx::query_as::<_, ResultRow>(concat!(
+        let results = sqlx::query_as::<_, RatedResultRow>(concat!(
             "SELECT result.id, session.id, trainee.handedness, result.pipeline, result.calibration_id
              FROM session JOIN trainee ON trainee.id = session.trainee_id
              JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
@@ -219,16 +219,16 @@ impl Ratings<'_> {
             " AND ",
             sees_trainee!("session.trainee_id")
         ));
-        let results = results.asked_by(scope).bind(Json(sessions)).fetch_all(self.0.readers()).await?;
+        let results = results.bind_scope(scope).bind(Json(sessions)).fetch_all(self.0.readers()).await?;
         let ids: Vec<ResultId> = results.iter().map(|row| row.0).collect();
-        let rows = sqlx::query_as::<_, ValueRow>(
+        let rows = sqlx::query_as::<_, RatedValueRow>(
             "SELECT result_id, name, tool, space, value FROM feature
              WHERE result_id IN (SELECT value FROM json_each($1)) AND value IS NOT NULL",
         );
         let rows = rows.bind(Json(ids)).fetch_all(self.0.readers()).await?;
-        let results: std::collections::HashMap<ResultId, ResultRow> =
+        let results: std::collections::HashMap<ResultId, RatedResultRow> =
             results.into_iter().map(|row| (row.0, row)).collect();
-        let value = |(result, feature, tool, space, value): ValueRow| {
+        let value = |(result, feature, tool, space, value): RatedValueRow| {
             let (_, session, handedness, pipeline, calibration) = results.get(&result)?.clone();
             Some(SessionValue {
                 session,
@@ -243,6 +243,6 @@ impl Ratings<'_> {
     }
 }
 
-fn is_own(rating: &Rating, scope: &Scope) -> bool {
+fn is_own(rating: &RatingRecord, scope: &Scope) -> bool {
     rating.person_id.is_some() && rating.person_id == scope.person()
 }

@@ -6,22 +6,22 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::columns::integer;
 use super::error::{StoreError, StoreResult, not_found};
-use super::jobs::{enqueue_rescore, enqueue_track_for};
+use super::jobs::{enqueue_rescore, enqueue_track_with_priority};
 use super::visibility::require_administrator;
 use super::{Scope, Store};
-use crate::domain::job::{JobState, Turn};
+use crate::domain::job::{JobPriority, JobState};
 use crate::domain::problem::Problem;
-use crate::domain::rescoring::{NewRescoring, RescoringSource, Which};
+use crate::domain::rescoring::{NewRescoring, RescoringSelection, RescoringSource};
 use crate::domain::standard::SessionJudgement;
 use crate::ids::{RescoringId, ResultId, SessionId, StandardId, TaskId};
 use crate::pipeline::PIPELINE_VERSION;
 
 mod report;
 
-pub use report::{Rescoring, RescoringItem, RescoringTrainee};
+pub use report::{RescoringItem, RescoringRecord, RescoringTrainee};
 
 /// Access to the rescoring orders.
-pub struct Rescorings<'s>(pub(super) &'s Store);
+pub struct RescoringStore<'s>(pub(super) &'s Store);
 
 /// A session of an order whose job has ended.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,7 +40,7 @@ pub struct EndedItem {
 
 /// The comparison of a session's old and new results.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Compared {
+pub struct ResultComparison {
     /// The new result.
     pub new_result: ResultId,
     /// The judgements of the old and the new result by the standard; `None` if there is no standard.
@@ -53,7 +53,7 @@ pub struct Compared {
 
 /// Inserts the sessions of task `$2` for order `$1`: those that have a result and, if `$5`, one of another version than
 /// `$3`. `$4` is true if they are tracked anew.
-const ITEMS: &str = "INSERT INTO rescoring_item (rescoring_id, session_id, old_result_id, state)
+const INSERT_ITEMS: &str = "INSERT INTO rescoring_item (rescoring_id, session_id, old_result_id, state)
      SELECT $1, session.id, result.id, 'waiting' FROM session
      JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
                                  ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
@@ -74,7 +74,7 @@ macro_rules! is_over {
 type EndedRow =
     (RescoringId, SessionId, ResultId, Option<ResultId>, Option<JobState>, Option<Json<Problem>>, Option<StandardId>);
 
-impl Rescorings<'_> {
+impl RescoringStore<'_> {
     /// Creates an order to score a task's sessions again. A task can have only one open order.
     pub async fn create(&self, scope: &Scope, task: TaskId, new: NewRescoring) -> StoreResult<RescoringId> {
         require_administrator(scope, "ordering rescorings")?;
@@ -91,10 +91,10 @@ impl Rescorings<'_> {
                      VALUES ($1, $2, $3, $4, $5,
                              (SELECT id FROM standard WHERE task_id = $2 ORDER BY version DESC LIMIT 1), $6, $7)",
                 );
-                let insert = insert.bind(id).bind(task).bind(new.from.name()).bind(new.which == Which::Older);
+                let insert = insert.bind(id).bind(task).bind(new.from.name()).bind(new.which == RescoringSelection::Older);
                 insert.bind(PIPELINE_VERSION).bind(by.person()).bind(now_ms).execute(&mut *tx).await?;
-                let items = sqlx::query(ITEMS).bind(id).bind(task).bind(PIPELINE_VERSION).bind(from_recording);
-                if items.bind(new.which == Which::Older).execute(&mut *tx).await?.rows_affected() == 0 {
+                let items = sqlx::query(INSERT_ITEMS).bind(id).bind(task).bind(PIPELINE_VERSION).bind(from_recording);
+                if items.bind(new.which == RescoringSelection::Older).execute(&mut *tx).await?.rows_affected() == 0 {
                     return Err(StoreError::refused("no session of this task needs to be scored again"));
                 }
                 note(tx, &by, now_ms, ("create", "rescoring"), id).await
@@ -130,7 +130,7 @@ impl Rescorings<'_> {
     }
 
     /// Queues jobs for waiting sessions so that at most `open` are in the queue; returns how many were queued.
-    pub async fn feed(&self, open: u32) -> StoreResult<usize> {
+    pub async fn queue_waiting(&self, open: u32) -> StoreResult<usize> {
         let (now_ms, attempts) = (self.0.now_ms(), self.0.max_attempts());
         if self.waiting(1).await?.is_empty() {
             return Ok(0); // checked with a reader first, since every write costs a commit
@@ -142,10 +142,10 @@ impl Rescorings<'_> {
                 let working: i64 = sqlx::query_scalar(sql).fetch_one(&mut *tx).await?;
                 let room = i64::from(open) - working;
                 let waiting: Vec<(RescoringId, SessionId, String)> =
-                    sqlx::query_as(WAITING).bind(room.max(0)).fetch_all(&mut *tx).await?;
+                    sqlx::query_as(SELECT_WAITING).bind(room.max(0)).fetch_all(&mut *tx).await?;
                 for (rescoring, session, source) in &waiting {
                     let job = match source == RescoringSource::Recording.name() {
-                        true => enqueue_track_for(tx, *session, Turn::Again, now_ms, attempts).await?,
+                        true => enqueue_track_with_priority(tx, *session, JobPriority::Rescore, now_ms, attempts).await?,
                         false => enqueue_rescore(tx, *session, now_ms, attempts).await?,
                     };
                     // Without a job the item is settled as having lost its job: the box has no camera or colours any
@@ -161,7 +161,7 @@ impl Rescorings<'_> {
     }
 
     async fn waiting(&self, most: i64) -> StoreResult<Vec<(RescoringId, SessionId, String)>> {
-        Ok(sqlx::query_as(WAITING).bind(most).fetch_all(self.0.readers()).await?)
+        Ok(sqlx::query_as(SELECT_WAITING).bind(most).fetch_all(self.0.readers()).await?)
     }
 
     /// Sessions whose job has ended but that are not settled yet.
@@ -189,7 +189,7 @@ impl Rescorings<'_> {
     }
 
     /// Records the outcome of a session.
-    pub async fn settle(&self, item: &EndedItem, outcome: Result<Compared, Problem>) -> StoreResult<()> {
+    pub async fn settle(&self, item: &EndedItem, outcome: Result<ResultComparison, Problem>) -> StoreResult<()> {
         let (rescoring, session) = (item.rescoring, item.session);
         self.0
             .write(async move |tx| {
@@ -201,7 +201,7 @@ impl Rescorings<'_> {
                     .bind(rescoring)
                     .bind(session)
                     .bind(Json(problem)),
-                    Ok(Compared { new_result, judged, apart, changed }) => {
+                    Ok(ResultComparison { new_result, judged, apart, changed }) => {
                         let [before, after] = judged.map_or([None; 2], |judged| judged.map(Some));
                         sqlx::query(
                             "UPDATE rescoring_item SET state = 'done', new_result_id = $3, judged_before = $4, judged_after = $5,
@@ -225,7 +225,7 @@ impl Rescorings<'_> {
     }
 
     /// Ends the orders without waiting or running sessions.
-    pub async fn close(&self) -> StoreResult<()> {
+    pub async fn end_completed(&self) -> StoreResult<()> {
         let open: Vec<RescoringId> =
             sqlx::query_scalar(concat!("SELECT id", is_over!())).fetch_all(self.0.readers()).await?;
         if open.is_empty() {
@@ -243,6 +243,6 @@ impl Rescorings<'_> {
 }
 
 /// Selects at most `$1` waiting sessions, those of the oldest order first.
-const WAITING: &str = "SELECT item.rescoring_id, item.session_id, rescoring.source
+const SELECT_WAITING: &str = "SELECT item.rescoring_id, item.session_id, rescoring.source
      FROM rescoring JOIN rescoring_item AS item ON item.rescoring_id = rescoring.id AND item.state = 'waiting'
      WHERE rescoring.ended_at_ms IS NULL ORDER BY rescoring.id, item.session_id LIMIT $1";

@@ -5,18 +5,18 @@ use sqlx::types::Json;
 
 use super::error::{StoreResult, missing};
 use super::page::{Page, PageRequest};
-use super::visibility::{AskedBy, sees_box};
+use super::visibility::{BindScope, sees_box};
 use super::{Scope, Store};
-use crate::domain::self_test::{Light, NewSelfTest, SelfTestReport};
+use crate::domain::self_test::{NewSelfTest, SelfTestReport, TrafficLight};
 use crate::ids::{BoxId, CalibrationId, PaletteId, SelfTestId};
 use crate::pipeline::PIPELINE_VERSION;
 
 /// Access to the boxes' self-tests. New ones come from a job ([`super::JobStore::finish_self_test`]).
-pub struct SelfTests<'s>(pub(super) &'s Store);
+pub struct SelfTestStore<'s>(pub(super) &'s Store);
 
 /// A self-test of a box.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
-pub struct SelfTest {
+pub struct SelfTestRecord {
     /// Its id.
     pub id: SelfTestId,
     /// Its box.
@@ -28,7 +28,7 @@ pub struct SelfTest {
     /// Name of the person who ran it; `None` if a program did, or the account has been deleted.
     pub who: Option<String>,
     /// The worst of its parts.
-    pub light: Light,
+    pub light: TrafficLight,
     /// The full report.
     #[sqlx(json)]
     pub report: SelfTestReport,
@@ -42,14 +42,14 @@ pub struct SelfTestLight {
     /// The self-test's id.
     pub id: SelfTestId,
     /// The worst of its parts.
-    pub light: Light,
+    pub light: TrafficLight,
     /// When it was stored, epoch ms.
     pub created_at_ms: i64,
 }
 
-impl SelfTests<'_> {
+impl SelfTestStore<'_> {
     /// A box's self-tests, newest first.
-    pub async fn list(&self, scope: &Scope, of: BoxId, page: &PageRequest) -> StoreResult<Page<SelfTest>> {
+    pub async fn list(&self, scope: &Scope, of: BoxId, page: &PageRequest) -> StoreResult<Page<SelfTestRecord>> {
         let rows = sqlx::query_as(concat!(
             "SELECT self_test.id, box_id, calibration_id, palette_id, person.name AS who, light, report,
                     self_test.created_at_ms
@@ -58,9 +58,9 @@ impl SelfTests<'_> {
             sees_box!("box_id"),
             " AND ($4 IS NULL OR self_test.id < $4) ORDER BY self_test.id DESC LIMIT $5"
         ));
-        let rows = rows.asked_by(scope).bind(of).bind(page.after()).bind(page.rows());
+        let rows = rows.bind_scope(scope).bind(of).bind(page.after()).bind(page.row_limit());
         let rows = rows.fetch_all(self.0.readers()).await?;
-        Ok(Page::cut(rows, page, |test: &SelfTest| test.id.to_string()))
+        Ok(Page::from_rows(rows, page, |test: &SelfTestRecord| test.id.to_string()))
     }
 
     /// The light of the latest self-test, if it was made since `since_ms`, epoch ms.
@@ -70,7 +70,7 @@ impl SelfTests<'_> {
             sees_box!("box_id"),
             " ORDER BY id DESC LIMIT 1"
         ));
-        let last: Option<SelfTestLight> = row.asked_by(scope).bind(of).fetch_optional(self.0.readers()).await?;
+        let last: Option<SelfTestLight> = row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?;
         Ok(last.filter(|test| test.created_at_ms >= since_ms))
     }
 }

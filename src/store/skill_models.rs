@@ -9,19 +9,19 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreError, StoreResult, not_found};
 use super::sessions::counts;
-use super::visibility::{AskedBy, require_administrator};
+use super::visibility::{BindScope, require_administrator};
 use super::{Scope, Store};
 use crate::domain::session::FeatureSpace;
-use crate::domain::skill::{Definition, Reading, Report};
+use crate::domain::skill::{ModelDefinition, ModelReport, Reading};
 use crate::domain::trainee::Level;
 use crate::ids::{ModelId, ResultId, SessionId, TaskId, TraineeId};
 
 /// Access to the tasks' skill models.
-pub struct SkillModels<'s>(pub(super) &'s Store);
+pub struct SkillModelStore<'s>(pub(super) &'s Store);
 
 /// A version of a task's skill model.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
-pub struct SkillModel {
+pub struct SkillModelRecord {
     /// Its id.
     pub id: ModelId,
     /// Its task.
@@ -34,10 +34,10 @@ pub struct SkillModel {
     pub fingerprint: String,
     /// The model itself; `None` once it is withdrawn.
     #[sqlx(json(nullable))]
-    pub definition: Option<Definition>,
+    pub definition: Option<ModelDefinition>,
     /// Its performance on people who were left out of training.
     #[sqlx(json)]
-    pub report: Report,
+    pub report: ModelReport,
     /// Name of the person who made it; `None` if a program did, or the account has been deleted.
     pub who: Option<String>,
     /// When it was made, epoch ms.
@@ -54,9 +54,9 @@ pub struct NewSkillModel {
     /// SHA-256 of its training values.
     pub fingerprint: String,
     /// The model itself.
-    pub definition: Definition,
+    pub definition: ModelDefinition,
     /// Its performance on people who were left out of training.
-    pub report: Report,
+    pub report: ModelReport,
     /// The trainees among its training data.
     pub trainees: Vec<TraineeId>,
 }
@@ -108,13 +108,13 @@ macro_rules! declared {
     };
 }
 
-type FeatureRow = (ResultId, String, Option<String>, FeatureSpace, Option<f64>, Option<f64>, Option<f64>);
+type DeclaredFeatureRow = (ResultId, String, Option<String>, FeatureSpace, Option<f64>, Option<f64>, Option<f64>);
 
-impl SkillModels<'_> {
+impl SkillModelStore<'_> {
     /// Adds a task's next version. If the version in use is identical, that one is returned.
-    pub async fn add(&self, scope: &Scope, of: TaskId, new: NewSkillModel) -> StoreResult<SkillModel> {
+    pub async fn add(&self, scope: &Scope, of: TaskId, new: NewSkillModel) -> StoreResult<SkillModelRecord> {
         require_administrator(scope, "making skill models")?;
-        let is_same = |last: &SkillModel| {
+        let is_same = |last: &SkillModelRecord| {
             last.fingerprint == new.fingerprint && last.definition.as_ref() == Some(&new.definition)
         };
         if let Some(same) = self.in_use(scope, of).await?.filter(is_same) {
@@ -142,26 +142,26 @@ impl SkillModels<'_> {
     }
 
     /// The version in use, if the task has one; it may be withdrawn.
-    pub async fn in_use(&self, scope: &Scope, of: TaskId) -> StoreResult<Option<SkillModel>> {
-        let row = sqlx::query_as(select_models!()).asked_by(scope).bind(of).bind(None::<i64>).bind(1);
+    pub async fn in_use(&self, scope: &Scope, of: TaskId) -> StoreResult<Option<SkillModelRecord>> {
+        let row = sqlx::query_as(select_models!()).bind_scope(scope).bind(of).bind(None::<i64>).bind(1);
         Ok(row.fetch_optional(self.0.readers()).await?)
     }
 
     /// One version.
-    pub async fn get(&self, scope: &Scope, of: TaskId, version: i64) -> StoreResult<SkillModel> {
-        let row = sqlx::query_as(select_models!()).asked_by(scope).bind(of).bind(version).bind(1);
+    pub async fn get(&self, scope: &Scope, of: TaskId, version: i64) -> StoreResult<SkillModelRecord> {
+        let row = sqlx::query_as(select_models!()).bind_scope(scope).bind(of).bind(version).bind(1);
         row.fetch_optional(self.0.readers()).await?.ok_or(not_found("model"))
     }
 
     /// True if this trainee's sessions are among its training data.
-    pub async fn is_made_of(&self, model: ModelId, trainee: TraineeId) -> StoreResult<bool> {
+    pub async fn is_trained_on(&self, model: ModelId, trainee: TraineeId) -> StoreResult<bool> {
         let sql = "SELECT EXISTS (SELECT 1 FROM skill_model_trainee WHERE model_id = $1 AND trainee_id = $2)";
         Ok(sqlx::query_scalar(sql).bind(model).bind(trainee).fetch_one(self.0.readers()).await?)
     }
 
     /// The last hundred versions, newest first.
-    pub async fn list(&self, scope: &Scope, of: TaskId) -> StoreResult<Vec<SkillModel>> {
-        let rows = sqlx::query_as(select_models!()).asked_by(scope).bind(of).bind(None::<i64>).bind(100);
+    pub async fn list(&self, scope: &Scope, of: TaskId) -> StoreResult<Vec<SkillModelRecord>> {
+        let rows = sqlx::query_as(select_models!()).bind_scope(scope).bind(of).bind(None::<i64>).bind(100);
         Ok(rows.fetch_all(self.0.readers()).await?)
     }
 
@@ -179,7 +179,7 @@ impl SkillModels<'_> {
         let rows = rows.bind(of).bind(pipeline).bind(sessions_each as i64).bind(most_per_level as i64);
         let rows = rows.fetch_all(self.0.readers()).await?;
         let results: Vec<ResultId> = rows.iter().map(|row| row.3).collect();
-        let values = sqlx::query_as::<_, FeatureRow>(
+        let values = sqlx::query_as::<_, DeclaredFeatureRow>(
             "SELECT result_id, name, tool, space, value, low, high FROM feature
              WHERE result_id IN (SELECT value FROM json_each($1)) AND space = '3d' ORDER BY result_id, position",
         );

@@ -4,17 +4,17 @@ use sqlx::types::Json;
 
 use super::audit::note;
 use super::error::{StoreResult, missing, not_found};
-use super::visibility::{AskedBy, require_staff};
+use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store};
-use crate::domain::standard::Definition;
+use crate::domain::standard::StandardDefinition;
 use crate::ids::{StandardId, TaskId};
 
 /// Access to the tasks' standards.
-pub struct Standards<'s>(pub(super) &'s Store);
+pub struct StandardStore<'s>(pub(super) &'s Store);
 
 /// A version of a task's standard.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
-pub struct Standard {
+pub struct StandardRecord {
     /// Its id.
     pub id: StandardId,
     /// Its task.
@@ -23,7 +23,7 @@ pub struct Standard {
     pub version: i64,
     /// What it requires.
     #[sqlx(json)]
-    pub definition: Definition,
+    pub definition: StandardDefinition,
     /// Name of the person who set it; `None` if a program did, or the account has been deleted.
     pub who: Option<String>,
     /// When it was set, epoch ms.
@@ -41,9 +41,9 @@ macro_rules! select_standards {
 #[cfg(test)]
 pub(super) use select_standards; // for the test of its query plan
 
-impl Standards<'_> {
+impl StandardStore<'_> {
     /// Adds a task's next version. If the version in use has the same definition, that one is returned.
-    pub async fn add(&self, scope: &Scope, of: TaskId, definition: Definition) -> StoreResult<Standard> {
+    pub async fn add(&self, scope: &Scope, of: TaskId, definition: StandardDefinition) -> StoreResult<StandardRecord> {
         require_staff(scope, "setting standards")?;
         if let Some(same) = self.in_use(scope, of).await?.filter(|last| last.definition == definition) {
             return Ok(same);
@@ -65,34 +65,34 @@ impl Standards<'_> {
     }
 
     /// The version in use, if the task has one.
-    pub async fn in_use(&self, scope: &Scope, of: TaskId) -> StoreResult<Option<Standard>> {
-        let row = sqlx::query_as(select_standards!()).asked_by(scope).bind(of).bind(1);
+    pub async fn in_use(&self, scope: &Scope, of: TaskId) -> StoreResult<Option<StandardRecord>> {
+        let row = sqlx::query_as(select_standards!()).bind_scope(scope).bind(of).bind(1);
         Ok(row.fetch_optional(self.0.readers()).await?)
     }
 
     /// The versions in use of those of these tasks that have one.
-    pub async fn in_use_of(&self, scope: &Scope, tasks: &[TaskId]) -> StoreResult<Vec<Standard>> {
+    pub async fn in_use_of(&self, scope: &Scope, tasks: &[TaskId]) -> StoreResult<Vec<StandardRecord>> {
         let rows = sqlx::query_as(
             "SELECT standard.id, task_id, version, definition, person.name AS who, standard.created_at_ms
              FROM standard LEFT JOIN person ON person.id = standard.person_id
              WHERE task_id IN (SELECT value FROM json_each($3)) AND $1 <> 'agent'
                AND version = (SELECT max(latest.version) FROM standard AS latest WHERE latest.task_id = standard.task_id)",
         );
-        Ok(rows.asked_by(scope).bind(Json(tasks)).fetch_all(self.0.readers()).await?)
+        Ok(rows.bind_scope(scope).bind(Json(tasks)).fetch_all(self.0.readers()).await?)
     }
 
     /// One version.
-    pub async fn get(&self, scope: &Scope, id: StandardId) -> StoreResult<Standard> {
+    pub async fn get(&self, scope: &Scope, id: StandardId) -> StoreResult<StandardRecord> {
         let row = sqlx::query_as(
             "SELECT standard.id, task_id, version, definition, person.name AS who, standard.created_at_ms
              FROM standard LEFT JOIN person ON person.id = standard.person_id WHERE standard.id = $3 AND $1 <> 'agent'",
         );
-        row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?.ok_or(not_found("standard"))
+        row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?.ok_or(not_found("standard"))
     }
 
     /// The last hundred versions, newest first.
-    pub async fn list(&self, scope: &Scope, of: TaskId) -> StoreResult<Vec<Standard>> {
-        let rows = sqlx::query_as(select_standards!()).asked_by(scope).bind(of).bind(100);
+    pub async fn list(&self, scope: &Scope, of: TaskId) -> StoreResult<Vec<StandardRecord>> {
+        let rows = sqlx::query_as(select_standards!()).bind_scope(scope).bind(of).bind(100);
         Ok(rows.fetch_all(self.0.readers()).await?)
     }
 }

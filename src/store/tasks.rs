@@ -3,18 +3,18 @@
 use super::audit::note;
 use super::error::{StoreResult, in_use, not_found, taken};
 use super::page::{Page, PageRequest};
-use super::visibility::{AskedBy, require_staff};
+use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store, codes};
 use crate::domain::task::{NewTask, TaskChange};
 use crate::domain::text::{Code, Key, Name, Paragraphs};
 use crate::ids::TaskId;
 
 /// Access to the tasks.
-pub struct Tasks<'s>(pub(super) &'s Store);
+pub struct TaskStore<'s>(pub(super) &'s Store);
 
 /// A task: one exercise.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
-pub struct Task {
+pub struct TaskRecord {
     /// Its id.
     pub id: TaskId,
     /// Its short unique name.
@@ -27,9 +27,9 @@ pub struct Task {
     pub created_at_ms: i64,
 }
 
-impl Tasks<'_> {
+impl TaskStore<'_> {
     /// Registers a task.
-    pub async fn create(&self, scope: &Scope, new: NewTask) -> StoreResult<Task> {
+    pub async fn create(&self, scope: &Scope, new: NewTask) -> StoreResult<TaskRecord> {
         require_staff(scope, "registering tasks")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
@@ -40,7 +40,7 @@ impl Tasks<'_> {
                      VALUES ($1, $2, $3, coalesce($4, ''), $5) RETURNING id, code, name, description, created_at_ms",
                 );
                 let insert = insert.bind(TaskId::at(now_ms)).bind(code).bind(new.name).bind(new.description);
-                let task: Task = insert.bind(now_ms).fetch_one(&mut *tx).await.map_err(taken("code"))?;
+                let task: TaskRecord = insert.bind(now_ms).fetch_one(&mut *tx).await.map_err(taken("code"))?;
                 note(tx, &scope, now_ms, ("create", "task"), task.id).await?;
                 Ok(task)
             })
@@ -48,26 +48,26 @@ impl Tasks<'_> {
     }
 
     /// All tasks, by code.
-    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<Task>> {
+    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<TaskRecord>> {
         let rows = sqlx::query_as(
             "SELECT id, code, name, description, created_at_ms FROM task
              WHERE $1 <> 'agent' AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4",
         );
-        let rows = rows.asked_by(scope).bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
-        Ok(Page::cut(rows, page, |task: &Task| task.code.to_string()))
+        let rows = rows.bind_scope(scope).bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
+        Ok(Page::from_rows(rows, page, |task: &TaskRecord| task.code.to_string()))
     }
 
     /// One task, by id or code.
-    pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<Task> {
+    pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<TaskRecord> {
         let row = sqlx::query_as(
             "SELECT id, code, name, description, created_at_ms FROM task WHERE $3 IN (id, code) AND $1 <> 'agent'",
         );
-        let row = row.asked_by(scope).bind(key).fetch_optional(self.0.readers()).await?;
+        let row = row.bind_scope(scope).bind(key).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("task"))
     }
 
     /// Changes a task.
-    pub async fn change(&self, scope: &Scope, key: &Key, change: TaskChange) -> StoreResult<Task> {
+    pub async fn change(&self, scope: &Scope, key: &Key, change: TaskChange) -> StoreResult<TaskRecord> {
         let id = self.get(scope, key).await?.id;
         require_staff(scope, "changing tasks")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());

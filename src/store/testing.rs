@@ -15,26 +15,28 @@ use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
 use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, NewResult, NewSession, Versions, VideoFacts};
 use crate::ids::{SessionId, TraineeId};
-use crate::store::{Lease, Members, NewPerson, Person, Session, Store, StoreSettings, Task, Trainee, TrainingBox};
-use crate::time::Manual;
+use crate::store::{
+    BoxRecord, Lease, Members, NewPerson, PersonRecord, SessionRecord, Store, StoreSettings, TaskRecord, TraineeRecord,
+};
+use crate::time::ManualClock;
 
 /// 2026-11-21 20:14 UTC.
 pub const NOW_MS: i64 = 1_795_292_040_000;
 pub const LEASE: Duration = Duration::from_secs(30);
 
 /// A store in its own folder, a manual clock, one box and one task.
-pub struct Centre {
+pub struct TestCentre {
     pub store: Store,
-    pub clock: Arc<Manual>,
-    pub the_box: TrainingBox,
-    pub task: Task,
+    pub clock: Arc<ManualClock>,
+    pub the_box: BoxRecord,
+    pub task: TaskRecord,
     pub folder: TempDir,
 }
 
-impl Centre {
+impl TestCentre {
     pub async fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let clock = Manual::at(NOW_MS);
+        let clock = ManualClock::at(NOW_MS);
         let store = open(&folder, &clock).await;
         let service = Scope::service();
         let new_box = serde_json::from_str(r#"{"name":"Box 1"}"#).unwrap();
@@ -45,7 +47,7 @@ impl Centre {
     }
 
     /// A centre whose box has a camera and colours, so that sessions can be tracked.
-    pub async fn ready() -> Self {
+    pub async fn with_camera_and_colours() -> Self {
         let centre = Self::new().await;
         centre.calibrate().await;
         centre.give_colours().await;
@@ -77,12 +79,12 @@ impl Centre {
         self.store.jobs().finish_palette(&lease, new).await.unwrap();
     }
 
-    pub async fn trainee(&self, name: &str) -> Trainee {
+    pub async fn trainee(&self, name: &str) -> TraineeRecord {
         let new = serde_json::from_value(serde_json::json!({ "name": name })).unwrap();
         self.store.trainees().create(&Scope::service(), new).await.unwrap()
     }
 
-    pub async fn person(&self, login: &str, role: Role, trainee: Option<TraineeId>) -> Person {
+    pub async fn person(&self, login: &str, role: Role, trainee: Option<TraineeId>) -> PersonRecord {
         let new = NewPerson {
             login: login.parse().unwrap(),
             name: login.parse().unwrap(),
@@ -93,7 +95,7 @@ impl Centre {
         self.store.people().create(&Scope::service(), new).await.unwrap()
     }
 
-    pub async fn group(&self, name: &str, instructors: &[&Person], trainees: &[&Trainee]) {
+    pub async fn group(&self, name: &str, instructors: &[&PersonRecord], trainees: &[&TraineeRecord]) {
         let service = Scope::service();
         let group = self.store.groups().create(&service, name.parse().unwrap()).await.unwrap();
         let members = Members {
@@ -115,12 +117,12 @@ impl Centre {
         }
     }
 
-    pub async fn session(&self, trainee: TraineeId, content: &str) -> Session {
+    pub async fn session(&self, trainee: TraineeId, content: &str) -> SessionRecord {
         self.store.sessions().create(&Scope::service(), self.new_session(trainee, content)).await.unwrap()
     }
 
     /// A session that was recorded at this time and tracked, with these features.
-    pub async fn practised(&self, trainee: TraineeId, recorded_at_ms: i64, features: Vec<FeatureRow>) -> Session {
+    pub async fn practised(&self, trainee: TraineeId, recorded_at_ms: i64, features: Vec<FeatureRow>) -> SessionRecord {
         let new = self.new_session(trainee, &format!("{trainee} {recorded_at_ms}"));
         let new = NewSession { recorded_at_ms: Some(recorded_at_ms), ..new };
         let session = self.store.sessions().create(&Scope::service(), new).await.unwrap();
@@ -163,7 +165,7 @@ impl Centre {
     }
 }
 
-pub async fn open(folder: &TempDir, clock: &Arc<Manual>) -> Store {
+pub async fn open(folder: &TempDir, clock: &Arc<ManualClock>) -> Store {
     Store::open(&folder.path().join("trocar.sqlite"), &StoreSettings::default(), clock.clone()).await.unwrap()
 }
 
@@ -192,7 +194,7 @@ fn feature(name: &str, value: Result<f64, &str>) -> FeatureRow {
 
 impl Store {
     /// Number of ratings and of comments.
-    pub async fn count_said(&self) -> [i64; 2] {
+    pub async fn count_ratings_and_comments(&self) -> [i64; 2] {
         let sql = "SELECT (SELECT count(*) FROM rating), (SELECT count(*) FROM comment)";
         let (ratings, comments) = sqlx::query_as(sql).fetch_one(self.readers()).await.unwrap();
         [ratings, comments]

@@ -4,7 +4,7 @@
 use sqlx::sqlite::SqliteConnection;
 
 use super::audit::note;
-use super::error::{StoreError, StoreResult, missing, not_found, noted};
+use super::error::{StoreError, StoreResult, ignore_full_or_busy, missing, not_found};
 use super::visibility::require_administrator;
 use super::{Scope, Store};
 use crate::domain::role::Role;
@@ -13,11 +13,11 @@ use crate::domain::text::Name;
 use crate::ids::{BoxId, PersonId, TokenId, TraineeId};
 
 /// Access to the tokens.
-pub struct Tokens<'s>(pub(super) &'s Store);
+pub struct TokenStore<'s>(pub(super) &'s Store);
 
 /// A token without its secret, which is not stored.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
-pub struct Token {
+pub struct TokenRecord {
     /// Its id.
     pub id: TokenId,
     /// Its purpose, for people.
@@ -59,18 +59,18 @@ pub enum ActsAs {
 }
 
 /// `last_used_at_ms` is written only when it is older than this, ms.
-const USED_TO_MS: i64 = 60_000;
+const USED_RESOLUTION_MS: i64 = 60_000;
 
 #[derive(sqlx::FromRow)]
-struct Row {
+struct TokenScopeRow {
     #[sqlx(flatten)]
-    token: Token,
+    token: TokenRecord,
     trainee_id: Option<TraineeId>,
 }
 
-impl Tokens<'_> {
+impl TokenStore<'_> {
     /// Makes a token.
-    pub async fn create(&self, scope: &Scope, new: NewToken) -> StoreResult<Token> {
+    pub async fn create(&self, scope: &Scope, new: NewToken) -> StoreResult<TokenRecord> {
         require_administrator(scope, "making tokens")?;
         let (role, person_id, box_id) = match new.acts_as {
             ActsAs::Person(_, Role::Agent) => return Err(StoreError::refused("an agent's token names its box")),
@@ -81,7 +81,7 @@ impl Tokens<'_> {
         if new.expires_at_ms.is_some_and(|end| end <= now_ms) {
             return Err(StoreError::refused("the token would have expired already"));
         }
-        let token = Token {
+        let token = TokenRecord {
             id: TokenId::at(now_ms),
             name: new.name,
             role,
@@ -116,7 +116,7 @@ impl Tokens<'_> {
     }
 
     /// All tokens, newest first.
-    pub async fn list(&self, scope: &Scope) -> StoreResult<Vec<Token>> {
+    pub async fn list(&self, scope: &Scope) -> StoreResult<Vec<TokenRecord>> {
         require_administrator(scope, "the list of tokens")?;
         let sql = "SELECT id, name, role, person_id, box_id, created_at_ms, expires_at_ms, last_used_at_ms
                    FROM token ORDER BY id DESC";
@@ -142,7 +142,7 @@ impl Tokens<'_> {
     /// person has today.
     pub async fn scope_of(&self, secret: SecretHash) -> StoreResult<Option<Scope>> {
         let now_ms = self.0.now_ms();
-        let row = sqlx::query_as::<_, Row>(
+        let row = sqlx::query_as::<_, TokenScopeRow>(
             "SELECT token.id, token.name, token.role, person_id, box_id, token.created_at_ms, expires_at_ms,
                     last_used_at_ms, person.trainee_id
              FROM token LEFT JOIN person ON person.id = person_id
@@ -150,13 +150,13 @@ impl Tokens<'_> {
                AND (token.role IN ('agent', person.role) OR person.role = 'administrator')",
         );
         let Some(row) = row.bind(secret).bind(now_ms).fetch_optional(self.0.readers()).await? else { return Ok(None) };
-        if row.token.last_used_at_ms.is_none_or(|used| now_ms - used > USED_TO_MS) {
-            noted(self.used(row.token.id, now_ms).await)?;
+        if row.token.last_used_at_ms.is_none_or(|used| now_ms - used > USED_RESOLUTION_MS) {
+            ignore_full_or_busy(self.record_used(row.token.id, now_ms).await)?;
         }
         Ok(scope(&row))
     }
 
-    async fn used(&self, id: TokenId, now_ms: i64) -> StoreResult<()> {
+    async fn record_used(&self, id: TokenId, now_ms: i64) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
                 let sql = "UPDATE token SET last_used_at_ms = max($2, coalesce(last_used_at_ms, $2)) WHERE id = $1";
@@ -181,7 +181,7 @@ async fn require_rights(tx: &mut SqliteConnection, acts_as: ActsAs) -> StoreResu
     }
 }
 
-fn scope(Row { token, trainee_id }: &Row) -> Option<Scope> {
+fn scope(TokenScopeRow { token, trainee_id }: &TokenScopeRow) -> Option<Scope> {
     match token.role {
         Role::Administrator => token.person_id.map(Scope::administrator),
         Role::Instructor => token.person_id.map(Scope::instructor),

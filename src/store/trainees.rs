@@ -5,7 +5,7 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
-use super::visibility::{AskedBy, require_staff, sees_trainee};
+use super::visibility::{BindScope, require_staff, sees_trainee};
 use super::{Scope, Store, codes, skill_models};
 use crate::domain::role::Role;
 use crate::domain::text::{Code, Key, Name};
@@ -13,11 +13,11 @@ use crate::domain::trainee::{Handedness, Level, NewTrainee, TraineeChange};
 use crate::ids::{GroupId, TraineeId};
 
 /// Access to the trainees.
-pub struct Trainees<'s>(pub(super) &'s Store);
+pub struct TraineeStore<'s>(pub(super) &'s Store);
 
 /// A trainee.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
-pub struct Trainee {
+pub struct TraineeRecord {
     /// Their id.
     pub id: TraineeId,
     /// Their short unique name.
@@ -32,17 +32,17 @@ pub struct Trainee {
     pub created_at_ms: i64,
 }
 
-impl Trainees<'_> {
+impl TraineeStore<'_> {
     /// Registers a trainee. An instructor's trainee joins one of the instructor's groups; otherwise no instructor would
     /// see them.
-    pub async fn create(&self, scope: &Scope, new: NewTrainee) -> StoreResult<Trainee> {
+    pub async fn create(&self, scope: &Scope, new: NewTrainee) -> StoreResult<TraineeRecord> {
         require_staff(scope, "registering trainees")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
                 let taken_sql = "SELECT 1 FROM trainee WHERE code = $1";
                 let group = joined_group(tx, &scope, new.group).await?;
-                let trainee = Trainee {
+                let trainee = TraineeRecord {
                     id: TraineeId::at(now_ms),
                     code: codes::choose(tx, taken_sql, new.code, &new.name, "trainee").await?,
                     name: new.name,
@@ -63,50 +63,50 @@ impl Trainees<'_> {
     }
 
     /// The trainees that the scope sees, by code.
-    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<Trainee>> {
+    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<TraineeRecord>> {
         let rows = sqlx::query_as(concat!(
             "SELECT id, code, name, level, handedness, created_at_ms FROM trainee WHERE ",
             sees_trainee!("trainee.id"),
             " AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4"
         ));
-        let rows = rows.asked_by(scope).bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
-        Ok(Page::cut(rows, page, |trainee: &Trainee| trainee.code.to_string()))
+        let rows = rows.bind_scope(scope).bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
+        Ok(Page::from_rows(rows, page, |trainee: &TraineeRecord| trainee.code.to_string()))
     }
 
     /// The trainees of a group that the scope sees, by name; at most `most`.
-    pub async fn of_group(&self, scope: &Scope, group: GroupId, most: u32) -> StoreResult<Vec<Trainee>> {
+    pub async fn of_group(&self, scope: &Scope, group: GroupId, most: u32) -> StoreResult<Vec<TraineeRecord>> {
         let rows = sqlx::query_as(concat!(
             "SELECT id, code, name, level, handedness, created_at_ms FROM trainee
              WHERE id IN (SELECT trainee_id FROM group_trainee WHERE group_id = $3) AND ",
             sees_trainee!("trainee.id"),
             " ORDER BY name, code LIMIT $4"
         ));
-        Ok(rows.asked_by(scope).bind(group).bind(most).fetch_all(self.0.readers()).await?)
+        Ok(rows.bind_scope(scope).bind(group).bind(most).fetch_all(self.0.readers()).await?)
     }
 
     /// Those of these trainees that the scope sees, by name.
-    pub async fn named(&self, scope: &Scope, ids: &[TraineeId]) -> StoreResult<Vec<Trainee>> {
+    pub async fn named(&self, scope: &Scope, ids: &[TraineeId]) -> StoreResult<Vec<TraineeRecord>> {
         let rows = sqlx::query_as(concat!(
             "SELECT id, code, name, level, handedness, created_at_ms FROM trainee
              WHERE id IN (SELECT value FROM json_each($3)) AND ",
             sees_trainee!("trainee.id"),
             " ORDER BY name, code"
         ));
-        Ok(rows.asked_by(scope).bind(Json(ids)).fetch_all(self.0.readers()).await?)
+        Ok(rows.bind_scope(scope).bind(Json(ids)).fetch_all(self.0.readers()).await?)
     }
 
     /// One trainee, by id or code.
-    pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<Trainee> {
+    pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<TraineeRecord> {
         let row = sqlx::query_as(concat!(
             "SELECT id, code, name, level, handedness, created_at_ms FROM trainee WHERE $3 IN (id, code) AND ",
             sees_trainee!("trainee.id")
         ));
-        let row = row.asked_by(scope).bind(key).fetch_optional(self.0.readers()).await?;
+        let row = row.bind_scope(scope).bind(key).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("trainee"))
     }
 
     /// Changes a trainee.
-    pub async fn change(&self, scope: &Scope, key: &Key, change: TraineeChange) -> StoreResult<Trainee> {
+    pub async fn change(&self, scope: &Scope, key: &Key, change: TraineeChange) -> StoreResult<TraineeRecord> {
         let id = self.get(scope, key).await?.id;
         require_staff(scope, "changing trainees")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
@@ -132,7 +132,7 @@ impl Trainees<'_> {
         require_staff(scope, "erasing trainees")?;
         let now_ms = self.0.now_ms();
         self.0
-            .erase(|| {
+            .write_with_delete_reserve(|| {
                 let scope = scope.clone();
                 async move |tx| {
                     skill_models::withdraw(tx, id, now_ms).await?;
@@ -147,7 +147,7 @@ impl Trainees<'_> {
     }
 }
 
-pub(super) async fn insert(tx: &mut sqlx::SqliteConnection, trainee: &Trainee) -> StoreResult<()> {
+pub(super) async fn insert(tx: &mut sqlx::SqliteConnection, trainee: &TraineeRecord) -> StoreResult<()> {
     let sql = "INSERT INTO trainee (id, code, name, level, handedness, created_at_ms) VALUES ($1, $2, $3, $4, $5, $6)";
     sqlx::query(sql)
         .bind(trainee.id)

@@ -5,7 +5,7 @@ use super::audit::note;
 use super::columns::integer;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::sessions;
-use super::visibility::{AskedBy, require_trainee, sees_trainee};
+use super::visibility::{BindScope, require_trainee, sees_trainee};
 use super::{Scope, Store};
 use crate::domain::blob::Blob;
 use crate::domain::session::NewSession;
@@ -13,11 +13,11 @@ use crate::domain::text::FileName;
 use crate::ids::{BoxId, PersonId, SessionId, TaskId, TraineeId, UploadId};
 
 /// Access to the uploads.
-pub struct Uploads<'s>(pub(super) &'s Store);
+pub struct UploadStore<'s>(pub(super) &'s Store);
 
 /// A recording that is arriving, or has just arrived.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
-pub struct Upload {
+pub struct UploadRecord {
     /// Its id, and its file's name in the vault.
     pub id: UploadId,
     /// The sender.
@@ -73,7 +73,7 @@ pub struct NewUpload {
 
 /// The outcome of a complete upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Finished {
+pub struct FinishedUpload {
     /// Its session.
     pub session: SessionId,
     /// True if the session is new. Otherwise the upload was finished before, or the recording exists already.
@@ -95,9 +95,9 @@ macro_rules! sees_upload {
     };
 }
 
-impl Uploads<'_> {
+impl UploadStore<'_> {
     /// Begins an upload.
-    pub async fn create(&self, scope: &Scope, new: NewUpload) -> StoreResult<Upload> {
+    pub async fn create(&self, scope: &Scope, new: NewUpload) -> StoreResult<UploadRecord> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
@@ -118,14 +118,14 @@ impl Uploads<'_> {
     }
 
     /// One upload.
-    pub async fn get(&self, scope: &Scope, id: UploadId) -> StoreResult<Upload> {
+    pub async fn get(&self, scope: &Scope, id: UploadId) -> StoreResult<UploadRecord> {
         let row = sqlx::query_as(concat!(
             "SELECT ",
             upload_columns!(),
             " FROM upload WHERE upload.id = $3 AND ",
             sees_upload!()
         ));
-        let row = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        let row = row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("upload"))
     }
 
@@ -155,10 +155,16 @@ impl Uploads<'_> {
 
     /// Makes the session of a complete upload and queues its tracking, in one transaction. Repeating the call returns
     /// the same session, as does another upload of the same recording by the same trainee, task and box.
-    pub async fn finish(&self, scope: &Scope, id: UploadId, video: Blob, media_type: String) -> StoreResult<Finished> {
+    pub async fn finish(
+        &self,
+        scope: &Scope,
+        id: UploadId,
+        video: Blob,
+        media_type: String,
+    ) -> StoreResult<FinishedUpload> {
         let upload = self.get(scope, id).await?;
         if let Some(session) = upload.session_id {
-            return Ok(Finished { session, is_new: false });
+            return Ok(FinishedUpload { session, is_new: false });
         }
         if upload.received != upload.length || video.bytes != upload.length {
             let (received, length) = (upload.received, upload.length);
@@ -189,7 +195,7 @@ impl Uploads<'_> {
         self.get(scope, id).await?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
-            .erase(|| {
+            .write_with_delete_reserve(|| {
                 let scope = scope.clone();
                 async move |tx| {
                     sqlx::query("DELETE FROM upload WHERE id = $1").bind(id).execute(&mut *tx).await?;
@@ -220,18 +226,18 @@ impl Uploads<'_> {
     }
 
     /// All uploads that have a file: those that have not become a session.
-    pub async fn unfinished(&self) -> StoreResult<Vec<Upload>> {
+    pub async fn unfinished(&self) -> StoreResult<Vec<UploadRecord>> {
         let rows = sqlx::query_as(concat!("SELECT ", upload_columns!(), " FROM upload WHERE session_id IS NULL"));
         Ok(rows.fetch_all(self.0.readers()).await?)
     }
 }
 
 /// An existing recording is no error here: the sender gets the session that it has become.
-fn made_or_found(inserted: StoreResult<SessionId>) -> StoreResult<Finished> {
+fn made_or_found(inserted: StoreResult<SessionId>) -> StoreResult<FinishedUpload> {
     match inserted {
-        Ok(session) => Ok(Finished { session, is_new: true }),
+        Ok(session) => Ok(FinishedUpload { session, is_new: true }),
         Err(StoreError::Taken { what, existing: Some(id) }) => match id.parse() {
-            Ok(session) => Ok(Finished { session, is_new: false }),
+            Ok(session) => Ok(FinishedUpload { session, is_new: false }),
             Err(_) => Err(StoreError::Taken { what, existing: Some(id) }),
         },
         Err(other) => Err(other),

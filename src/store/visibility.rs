@@ -34,27 +34,27 @@ macro_rules! sees_box {
 pub(super) use {sees_box, sees_trainee};
 
 /// Binds the scope as `$1` and `$2`.
-pub(super) trait AskedBy: Sized {
-    fn asked_by(self, scope: &Scope) -> Self;
+pub(super) trait BindScope: Sized {
+    fn bind_scope(self, scope: &Scope) -> Self;
 }
 
-impl AskedBy for Query<'_, Sqlite, SqliteArguments> {
-    fn asked_by(self, scope: &Scope) -> Self {
+impl BindScope for Query<'_, Sqlite, SqliteArguments> {
+    fn bind_scope(self, scope: &Scope) -> Self {
         self.bind(scope.role()).bind(scope.subject())
     }
 }
 
-impl<T: for<'r> sqlx::FromRow<'r, SqliteRow>> AskedBy for QueryAs<'_, Sqlite, T, SqliteArguments> {
-    fn asked_by(self, scope: &Scope) -> Self {
+impl<T: for<'r> sqlx::FromRow<'r, SqliteRow>> BindScope for QueryAs<'_, Sqlite, T, SqliteArguments> {
+    fn bind_scope(self, scope: &Scope) -> Self {
         self.bind(scope.role()).bind(scope.subject())
     }
 }
 
-impl<T> AskedBy for QueryScalar<'_, Sqlite, T, SqliteArguments>
+impl<T> BindScope for QueryScalar<'_, Sqlite, T, SqliteArguments>
 where
     (T,): for<'r> sqlx::FromRow<'r, SqliteRow>,
 {
-    fn asked_by(self, scope: &Scope) -> Self {
+    fn bind_scope(self, scope: &Scope) -> Self {
         self.bind(scope.role()).bind(scope.subject())
     }
 }
@@ -62,7 +62,7 @@ where
 /// Does the scope reach this trainee?
 pub(super) async fn require_trainee(tx: &mut SqliteConnection, scope: &Scope, trainee: TraineeId) -> StoreResult<()> {
     let sql = concat!("SELECT 1 FROM trainee WHERE id = $3 AND ", sees_trainee!("trainee.id"));
-    let found: Option<i64> = sqlx::query_scalar(sql).asked_by(scope).bind(trainee).fetch_optional(tx).await?;
+    let found: Option<i64> = sqlx::query_scalar(sql).bind_scope(scope).bind(trainee).fetch_optional(tx).await?;
     found.map(drop).ok_or(not_found("trainee"))
 }
 

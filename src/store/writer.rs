@@ -20,13 +20,13 @@ use crate::shutdown;
 /// Sends requests to the writer thread.
 #[derive(Debug)]
 pub(super) struct Writer {
-    messages: mpsc::Sender<Message>,
+    messages: mpsc::Sender<WriterMessage>,
 }
 
 /// A message to the writer thread.
-enum Message {
+enum WriterMessage {
     /// Run a request in a transaction.
-    Request(Box<dyn Request>),
+    Request(Box<dyn WriteRequest>),
     /// Move the write-ahead log into the database file and empty it.
     EmptyLog(oneshot::Sender<StoreResult<bool>>),
     /// Finish the earlier messages, close the database and end the thread.
@@ -41,7 +41,7 @@ impl Writer {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build()?;
         std::thread::Builder::new()
             .name("store-writer".to_owned())
-            .spawn(move || runtime.block_on(serve(connection, inbox, batch.max(1))))?;
+            .spawn(move || runtime.block_on(run_writer(connection, inbox, batch.max(1))))?;
         Ok(Self { messages })
     }
 
@@ -52,75 +52,75 @@ impl Writer {
         T: Send + 'static,
     {
         let (reply, answer) = oneshot::channel();
-        self.send(Message::Request(Box::new(Work { work, reply }))).await?;
+        self.send(WriterMessage::Request(Box::new(TypedWriteRequest { work, reply }))).await?;
         answer.await.map_err(|_| StoreError::Closed)?
     }
 
     /// Empties the write-ahead log; `false` if a reader prevents it.
     pub async fn empty_log(&self) -> StoreResult<bool> {
         let (reply, answer) = oneshot::channel();
-        self.send(Message::EmptyLog(reply)).await?;
+        self.send(WriterMessage::EmptyLog(reply)).await?;
         answer.await.map_err(|_| StoreError::Closed)?
     }
 
     /// Ends the thread after the earlier requests are done and the database is closed.
     pub async fn close(&self) {
         let (reply, answer) = oneshot::channel();
-        if self.send(Message::Close(reply)).await.is_ok() {
+        if self.send(WriterMessage::Close(reply)).await.is_ok() {
             drop(answer.await); // an error means that the thread has ended already
         }
     }
 
-    async fn send(&self, message: Message) -> StoreResult<()> {
+    async fn send(&self, message: WriterMessage) -> StoreResult<()> {
         self.messages.send(message).await.map_err(|_| StoreError::Closed)
     }
 }
 
 /// One request of any result type.
-trait Request: Send {
+trait WriteRequest: Send {
     /// Runs the request in the open savepoint.
-    fn run<'c>(self: Box<Self>, tx: &'c mut SqliteConnection) -> Pin<Box<dyn Future<Output = Answer> + 'c>>;
+    fn run<'c>(self: Box<Self>, tx: &'c mut SqliteConnection) -> Pin<Box<dyn Future<Output = PendingReply> + 'c>>;
 
     /// Does nothing, because the transaction has failed already.
-    fn skip(self: Box<Self>) -> Answer;
+    fn skip(self: Box<Self>) -> PendingReply;
 }
 
 /// A finished request whose reply waits for the commit.
-struct Answer {
+struct PendingReply {
     failure: Option<StoreError>,
     /// Sends the reply. Called once, with the result of the commit.
     send: Box<dyn FnOnce(StoreResult<()>)>,
 }
 
-struct Work<F, T> {
+struct TypedWriteRequest<F, T> {
     work: F,
     reply: oneshot::Sender<StoreResult<T>>,
 }
 
-impl<F, T> Request for Work<F, T>
+impl<F, T> WriteRequest for TypedWriteRequest<F, T>
 where
     F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
     T: Send + 'static,
 {
-    fn run<'c>(self: Box<Self>, tx: &'c mut SqliteConnection) -> Pin<Box<dyn Future<Output = Answer> + 'c>> {
+    fn run<'c>(self: Box<Self>, tx: &'c mut SqliteConnection) -> Pin<Box<dyn Future<Output = PendingReply> + 'c>> {
         Box::pin(async move {
-            let Work { work, reply } = *self;
+            let TypedWriteRequest { work, reply } = *self;
             let result = work(tx).await;
             let failure = result.as_ref().err().cloned();
             // The caller may have gone away; then the reply is dropped.
             let send = move |committed: StoreResult<()>| drop(reply.send(committed.and(result)));
-            Answer { failure, send: Box::new(send) }
+            PendingReply { failure, send: Box::new(send) }
         })
     }
 
-    fn skip(self: Box<Self>) -> Answer {
+    fn skip(self: Box<Self>) -> PendingReply {
         let send = move |lost: StoreResult<()>| drop(self.reply.send(lost.and(Err(StoreError::Closed))));
-        Answer { failure: None, send: Box::new(send) }
+        PendingReply { failure: None, send: Box::new(send) }
     }
 }
 
-async fn serve(mut connection: SqliteConnection, mut inbox: mpsc::Receiver<Message>, batch: usize) {
-    let _guard = EndWithThePanic;
+async fn run_writer(mut connection: SqliteConnection, mut inbox: mpsc::Receiver<WriterMessage>, batch: usize) {
+    let _guard = AbortOnPanic;
     let mut messages = Vec::with_capacity(batch);
     let mut closers = Vec::new();
     while closers.is_empty() && inbox.recv_many(&mut messages, batch).await > 0 {
@@ -128,13 +128,13 @@ async fn serve(mut connection: SqliteConnection, mut inbox: mpsc::Receiver<Messa
         let mut emptiers = Vec::new();
         for message in messages.drain(..) {
             match message {
-                Message::Request(request) => requests.push(request),
-                Message::EmptyLog(reply) => emptiers.push(reply),
-                Message::Close(reply) => closers.push(reply),
+                WriterMessage::Request(request) => requests.push(request),
+                WriterMessage::EmptyLog(reply) => emptiers.push(reply),
+                WriterMessage::Close(reply) => closers.push(reply),
             }
         }
         if !requests.is_empty() {
-            commit(&mut connection, requests).await;
+            commit_batch(&mut connection, requests).await;
         }
         for reply in emptiers {
             drop(reply.send(empty_log(&mut connection).await)); // the caller may have gone away
@@ -149,11 +149,11 @@ async fn serve(mut connection: SqliteConnection, mut inbox: mpsc::Receiver<Messa
 }
 
 /// Runs a batch, commits it and sends the replies.
-async fn commit(connection: &mut SqliteConnection, requests: Vec<Box<dyn Request>>) {
+async fn commit_batch(connection: &mut SqliteConnection, requests: Vec<Box<dyn WriteRequest>>) {
     let mut answers = Vec::with_capacity(requests.len());
-    let outcome = transact(connection, requests, &mut answers).await;
+    let outcome = run_batch(connection, requests, &mut answers).await;
     if let Err(failure) = &outcome {
-        abandon(connection, failure).await;
+        roll_back(connection, failure).await;
     }
     for answer in answers {
         (answer.send)(outcome.clone());
@@ -166,15 +166,15 @@ async fn empty_log(connection: &mut SqliteConnection) -> StoreResult<bool> {
 }
 
 /// Runs a batch in one transaction. Every request leaves a pending reply, even if the transaction fails before it runs.
-async fn transact(
+async fn run_batch(
     tx: &mut SqliteConnection,
-    batch: Vec<Box<dyn Request>>,
-    answers: &mut Vec<Answer>,
+    batch: Vec<Box<dyn WriteRequest>>,
+    answers: &mut Vec<PendingReply>,
 ) -> StoreResult<()> {
     let mut outcome = tx.execute("BEGIN IMMEDIATE").await.map(drop).map_err(StoreError::from);
     for request in batch {
         match outcome {
-            Ok(()) => outcome = attempt(tx, request, answers).await,
+            Ok(()) => outcome = run_in_savepoint(tx, request, answers).await,
             Err(_) => answers.push(request.skip()),
         }
     }
@@ -184,7 +184,11 @@ async fn transact(
 
 /// Runs one request in a savepoint. An error of the savepoint itself is an error of the whole batch: on a full disk,
 /// for example, SQLite rolls back the whole transaction.
-async fn attempt(tx: &mut SqliteConnection, request: Box<dyn Request>, answers: &mut Vec<Answer>) -> StoreResult<()> {
+async fn run_in_savepoint(
+    tx: &mut SqliteConnection,
+    request: Box<dyn WriteRequest>,
+    answers: &mut Vec<PendingReply>,
+) -> StoreResult<()> {
     if let Err(error) = tx.execute("SAVEPOINT request").await {
         answers.push(request.skip());
         return Err(error.into());
@@ -199,9 +203,9 @@ async fn attempt(tx: &mut SqliteConnection, request: Box<dyn Request>, answers: 
     Ok(tx.execute("RELEASE request").await.map(drop)?)
 }
 
-async fn abandon(tx: &mut SqliteConnection, failure: &StoreError) {
+async fn roll_back(tx: &mut SqliteConnection, failure: &StoreError) {
     if failure.is_failed_sync() {
-        shutdown::abort("the database could not be synced to the disk");
+        shutdown::abort_process("the database could not be synced to the disk");
     }
     tracing::warn!(%failure, "write transaction failed; rolled back");
     // This fails if SQLite has already rolled back by itself, which has the same effect.
@@ -209,12 +213,12 @@ async fn abandon(tx: &mut SqliteConnection, failure: &StoreError) {
 }
 
 /// Aborts the process if a request panics: the transaction is then open in an unknown state. The next start recovers.
-struct EndWithThePanic;
+struct AbortOnPanic;
 
-impl Drop for EndWithThePanic {
+impl Drop for AbortOnPanic {
     fn drop(&mut self) {
         if std::thread::panicking() {
-            shutdown::abort("the store's writer panicked");
+            shutdown::abort_process("the store's writer panicked");
         }
     }
 }

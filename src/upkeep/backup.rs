@@ -18,11 +18,11 @@ use crate::vault::{Vault, VaultError};
 /// Maximum number of database snapshots until all files of one could be copied. Another snapshot is needed only if a
 /// recording is erased between the snapshot and the copying of its file. Each later round copies only files that are
 /// new since the one before, so failing this often takes as many erasures, each within milliseconds.
-const MOST_SNAPSHOTS: u32 = 100;
+const MAX_SNAPSHOTS: u32 = 100;
 /// Rows to read per query.
 const ROUND: u32 = 1_000;
 /// Bytes to copy at a time.
-const PIECE: usize = 256 * 1024;
+const COPY_BYTES: usize = 256 * 1024;
 
 /// Copies everything into a folder that is empty or does not exist yet; `database` is the file name of the database.
 /// Returns the number of files in the backup.
@@ -38,14 +38,14 @@ pub async fn back_up(
     // Copies most bytes before the snapshot, so that fewer files can be erased between the snapshot and their copying.
     copy_blobs(store, vault, &files).await?;
     let mut gone_before = None;
-    for _ in 0..MOST_SNAPSHOTS {
+    for _ in 0..MAX_SNAPSHOTS {
         store.snapshot(&path).await?;
         let copy = Store::open(&path, &StoreSettings::default(), clock.clone()).await?;
-        let Copied { wanted, gone } = copy_blobs(&copy, vault, &files).await?;
+        let Copied { wanted, missing: gone } = copy_blobs(&copy, vault, &files).await?;
         let Some(hash) = gone else {
             complete(&copy, &files).await?;
             copy.close().await; // leaves one file without a write-ahead log
-            if let Err(error) = store.audit().backed_up(wanted).await {
+            if let Err(error) = store.audit().record_backup(wanted).await {
                 tracing::warn!(%error, "backup complete, but not recorded in the audit trail");
             }
             return Ok(wanted);
@@ -71,12 +71,12 @@ struct Copied {
     /// Number of files that the database refers to.
     wanted: u64,
     /// The first of them that is missing from the vault.
-    gone: Option<BlobHash>,
+    missing: Option<BlobHash>,
 }
 
 /// Copies the blobs that the database refers to and the folder lacks. Blobs that are erased meanwhile are skipped.
 async fn copy_blobs(store: &Store, from: &Vault, to: &Vault) -> UpkeepResult<Copied> {
-    let (mut after, mut copied) = (None, Copied { wanted: 0, gone: None });
+    let (mut after, mut copied) = (None, Copied { wanted: 0, missing: None });
     loop {
         let blobs = store.blobs().all(after, ROUND).await?;
         for blob in &blobs {
@@ -85,7 +85,7 @@ async fn copy_blobs(store: &Store, from: &Vault, to: &Vault) -> UpkeepResult<Cop
                 continue;
             }
             match copy_blob(*blob, from, to).await {
-                Err(UpkeepError::Vault(VaultError::NotFound)) => copied.gone = copied.gone.or(Some(blob.hash)),
+                Err(UpkeepError::Vault(VaultError::NotFound)) => copied.missing = copied.missing.or(Some(blob.hash)),
                 done => done?,
             }
         }
@@ -99,7 +99,7 @@ async fn copy_blobs(store: &Store, from: &Vault, to: &Vault) -> UpkeepResult<Cop
 async fn copy_blob(blob: Blob, from: &Vault, to: &Vault) -> UpkeepResult<()> {
     let mut reader = from.open_range(blob.hash, 0, blob.bytes).await?;
     let mut copy = to.incoming(blob.bytes).await?;
-    let mut piece = vec![0; PIECE];
+    let mut piece = vec![0; COPY_BYTES];
     loop {
         match reader.read(&mut piece).await.map_err(|_| VaultError::Damaged)? {
             0 => break,
@@ -118,7 +118,7 @@ async fn complete(copy: &Store, files: &Vault) -> UpkeepResult<()> {
     copy.feeds().forget_unfinished().await?;
     copy.cookies().forget_all().await?;
     recover(copy, files).await?; // removes files that were erased between copying and snapshot
-    copy.forget_erased().await?;
+    copy.purge_erased().await?;
     match check(copy, files, true).await?.first() {
         None => Ok(()),
         Some(finding) => Err(UpkeepError::Unsound(finding.clone())),

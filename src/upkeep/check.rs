@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_feed_that_begins_or_ends_while_it_is_looked_at_is_as_it_should_be() {
+    async fn a_feed_that_begins_or_ends_during_the_check_is_not_reported() {
         // A row, then a log; the row ends, then the log is deleted. The steps take at most two moments each.
         for case in 0..6 * 3 * 6 * 3usize {
             let [before, row_alone, both, log_alone] = [case % 6, case / 6 % 3, case / 18 % 6, case / 108 % 3];

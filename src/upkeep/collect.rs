@@ -26,7 +26,7 @@ pub async fn collect(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
 
 /// Removes the blobs that were put but never got a row: the person was erased meanwhile, or the disk was full. Returns
 /// the number removed.
-pub(super) async fn remove_unnamed(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
+pub(super) async fn remove_unreferenced(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
     let mut removed = 0;
     for hash in vault.released() {
         // Most blobs have a row and need no removal here. A reader checks first, since every request to the writer

@@ -20,7 +20,7 @@ mod recover;
 
 pub use backup::back_up;
 pub use check::{Finding, check};
-use collect::{collect, forget_expired_uploads, remove_orphan_uploads, remove_unnamed};
+use collect::{collect, forget_expired_uploads, remove_orphan_uploads, remove_unreferenced};
 pub use recover::{Recovered, recover};
 
 use crate::shutdown::Shutdown;
@@ -52,7 +52,7 @@ pub enum UpkeepError {
 pub type UpkeepResult<T> = Result<T, UpkeepError>;
 
 /// Cleans up repeatedly until the service ends. Erased data has left the folder soon after `every`.
-pub async fn keep(store: &Store, vault: &Vault, every: Duration, clock: SharedClock, shutdown: &Shutdown) {
+pub async fn run(store: &Store, vault: &Vault, every: Duration, clock: SharedClock, shutdown: &Shutdown) {
     while !shutdown.is_begun() {
         if let Err(error) = clear_up(store, vault).await {
             tracing::warn!(%error, "cleaning up failed; retrying at the next round");
@@ -69,9 +69,9 @@ pub async fn clear_up(store: &Store, vault: &Vault) -> UpkeepResult<()> {
     forget_expired_uploads(store, vault).await?;
     remove_orphan_uploads(store, vault).await?;
     collect(store, vault).await?;
-    remove_unnamed(store, vault).await?;
-    store.forget_erased().await?;
-    store.restore_ballast().await;
+    remove_unreferenced(store, vault).await?;
+    store.purge_erased().await?;
+    store.restore_reserves().await;
     store.cookies().forget_expired().await?; // last, since it fails on a full disk
     Ok(())
 }

@@ -4,7 +4,7 @@ use super::UpkeepResult;
 use super::collect::{collect, remove, remove_orphan_uploads};
 use crate::domain::scope::Scope;
 use crate::intake::{self, IntakeError};
-use crate::store::{Store, StoreError, Upload};
+use crate::store::{Store, StoreError, UploadRecord};
 use crate::vault::{Vault, VaultError};
 
 /// The repairs of a recovery.
@@ -34,7 +34,12 @@ pub async fn recover(store: &Store, vault: &Vault) -> UpkeepResult<Recovered> {
     Ok(recovered)
 }
 
-async fn recover_upload(store: &Store, vault: &Vault, upload: Upload, recovered: &mut Recovered) -> UpkeepResult<()> {
+async fn recover_upload(
+    store: &Store,
+    vault: &Vault,
+    upload: UploadRecord,
+    recovered: &mut Recovered,
+) -> UpkeepResult<()> {
     let there = match vault.upload_length(upload.id).await {
         Ok(there) => there,
         Err(VaultError::NotFound) => 0,
@@ -51,7 +56,7 @@ async fn recover_upload(store: &Store, vault: &Vault, upload: Upload, recovered:
 }
 
 /// Makes the session of a complete upload, as its last request would have done.
-async fn finish(store: &Store, vault: &Vault, upload: &Upload) -> UpkeepResult<bool> {
+async fn finish(store: &Store, vault: &Vault, upload: &UploadRecord) -> UpkeepResult<bool> {
     match intake::finish(store, vault, &Scope::service(), upload).await {
         Ok(finished) => Ok(finished.is_new),
         Err(IntakeError::Store(StoreError::Refused { .. })) => Ok(false), // its sender gets the error

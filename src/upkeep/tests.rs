@@ -6,37 +6,37 @@ use std::path::{Path, PathBuf};
 use super::{Finding, Recovered, UpkeepError, back_up, check, clear_up, recover};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::feed::FrameCodec;
-use crate::domain::feed::record::{Body, HEAD, Record};
+use crate::domain::feed::record::{FeedRecord, HEADER_BYTES, RecordBody};
 use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::domain::text::Key;
 use crate::ids::{FeedId, TraineeId, UploadId};
-use crate::store::testing::{Centre, NOW_MS};
-use crate::store::{NewFeed, NewUpload, Session, Store, StoreSettings};
+use crate::store::testing::{NOW_MS, TestCentre};
+use crate::store::{NewFeed, NewUpload, SessionRecord, Store, StoreSettings};
 use crate::time::Clock;
 use crate::vault::Vault;
 
-struct Bench {
-    centre: Centre,
+struct UpkeepFixture {
+    centre: TestCentre,
     vault: Vault,
 }
 
-impl Bench {
+impl UpkeepFixture {
     async fn new() -> Self {
-        let centre = Centre::ready().await;
+        let centre = TestCentre::with_camera_and_colours().await;
         let vault = Vault::open(centre.folder.path()).await.unwrap();
         Self { centre, vault }
     }
 
     /// Creates a session as the service does: file first, row second.
-    async fn session(&self, trainee: TraineeId, content: &str) -> Session {
+    async fn session(&self, trainee: TraineeId, content: &str) -> SessionRecord {
         let kept = self.vault.put(content.as_bytes()).await.unwrap();
         let new = NewSession { video: kept.blob(), ..self.centre.new_session(trainee, content) };
         self.centre.store.sessions().create(&Scope::service(), new).await.unwrap()
     }
 
     /// Tracks and scores a session, with its files in the vault.
-    async fn score(&self, session: &Session) {
+    async fn score(&self, session: &SessionRecord) {
         let lease = self.centre.claim().await.unwrap();
         let trajectory = self.vault.put(format!("trajectory of {}", session.id).as_bytes()).await.unwrap();
         let diagnostics = self.vault.put(format!("diagnostics of {}", session.id).as_bytes()).await.unwrap();
@@ -92,8 +92,8 @@ impl Bench {
         self.centre.store.feeds().open(&Scope::service(), new).await.unwrap();
         let mut log = Vec::new();
         for number in 0..5 {
-            let body = Body::Frame { time: 3600 * number as i64, is_key: true, payload: b"a picture" };
-            Record { epoch: 1, number, body }.write(&mut log);
+            let body = RecordBody::Frame { time: 3600 * number as i64, is_key: true, payload: b"a picture" };
+            FeedRecord { epoch: 1, number, body }.write(&mut log);
         }
         spoil(&mut log);
         fs::write(self.centre.folder.path().join("feeds").join(id.to_string()), log).unwrap();
@@ -111,7 +111,7 @@ impl Bench {
 
 #[tokio::test]
 async fn a_centre_at_work_is_clean_and_its_recovery_changes_nothing() {
-    let bench = Bench::new().await;
+    let bench = UpkeepFixture::new().await;
     let ana = bench.centre.trainee("Ana").await.id;
     let session = bench.session(ana, "video").await;
     bench.score(&session).await;
@@ -123,7 +123,7 @@ async fn a_centre_at_work_is_clean_and_its_recovery_changes_nothing() {
 
 #[tokio::test]
 async fn what_is_left_between_file_and_row_is_cleared_and_nothing_else() {
-    let bench = Bench::new().await;
+    let bench = UpkeepFixture::new().await;
     let ana = bench.centre.trainee("Ana").await.id;
     bench.session(ana, "video").await;
     let data = bench.centre.folder.path();
@@ -138,8 +138,8 @@ async fn what_is_left_between_file_and_row_is_cleared_and_nothing_else() {
 }
 
 #[tokio::test]
-async fn an_upload_keeps_its_acknowledged_bytes_and_a_whole_one_becomes_its_session() {
-    let bench = Bench::new().await;
+async fn an_upload_keeps_its_acknowledged_bytes_and_a_complete_one_becomes_its_session() {
+    let bench = UpkeepFixture::new().await;
     let (ana, service) = (bench.centre.trainee("Ana").await.id, Scope::service());
     let longer = bench.upload(ana, b"vid", 2).await; // killed between sync and row
     let whole = bench.upload(ana, b"video", 5).await; // killed between row and session
@@ -154,7 +154,7 @@ async fn an_upload_keeps_its_acknowledged_bytes_and_a_whole_one_becomes_its_sess
 
 #[tokio::test]
 async fn a_lying_disk_sets_an_upload_back_to_what_is_there_and_the_check_says_so() {
-    let bench = Bench::new().await;
+    let bench = UpkeepFixture::new().await;
     let (ana, service) = (bench.centre.trainee("Ana").await.id, Scope::service());
     let id = bench.upload(ana, b"vid", 4).await;
     assert_eq!(bench.findings().await, [Finding::ShortUpload(id)]);
@@ -164,7 +164,7 @@ async fn a_lying_disk_sets_an_upload_back_to_what_is_there_and_the_check_says_so
 
 #[tokio::test]
 async fn a_missing_and_a_damaged_file_are_losses() {
-    let bench = Bench::new().await;
+    let bench = UpkeepFixture::new().await;
     let ana = bench.centre.trainee("Ana").await.id;
     let (gone, damaged) =
         (bench.session(ana, "gone").await.video.unwrap(), bench.session(ana, "damaged").await.video.unwrap());
@@ -178,7 +178,7 @@ async fn a_missing_and_a_damaged_file_are_losses() {
 
 #[tokio::test]
 async fn a_recording_that_two_sessions_share_goes_with_the_second() {
-    let bench = Bench::new().await;
+    let bench = UpkeepFixture::new().await;
     let (store, service) = (&bench.centre.store, Scope::service());
     let (ana, ben) = (bench.centre.trainee("Ana").await.id, bench.centre.trainee("Ben").await.id);
     let (first, second) = (bench.session(ana, "same video").await, bench.session(ben, "same video").await);
@@ -193,7 +193,7 @@ async fn a_recording_that_two_sessions_share_goes_with_the_second() {
 
 #[tokio::test]
 async fn a_recording_whose_person_was_erased_while_it_was_put_is_gone_with_the_next_round() {
-    let bench = Bench::new().await;
+    let bench = UpkeepFixture::new().await;
     let (store, service) = (&bench.centre.store, Scope::service());
     let (ana, ben) = (bench.centre.trainee("Ana").await.id, bench.centre.trainee("Ben").await.id);
     let kept = bench.vault.put(b"of Ana").await.unwrap();
@@ -212,8 +212,8 @@ async fn a_recording_whose_person_was_erased_while_it_was_put_is_gone_with_the_n
 }
 
 #[tokio::test]
-async fn a_picture_that_was_only_looked_at_goes_once_nobody_holds_it() {
-    let bench = Bench::new().await;
+async fn an_analysed_picture_is_removed_once_it_is_released() {
+    let bench = UpkeepFixture::new().await;
     let store = &bench.centre.store;
     let held = bench.vault.put(b"a photo of the board").await.unwrap();
     store.blobs().note(held.blob()).await.unwrap();
@@ -227,9 +227,9 @@ async fn a_picture_that_was_only_looked_at_goes_once_nobody_holds_it() {
 }
 
 #[tokio::test]
-async fn of_an_erased_trainee_no_byte_is_left_in_the_data_folder() {
+async fn no_byte_of_an_erased_trainee_is_left_in_the_data_folder() {
     const MARKER: &str = "Qvinx"; // as long as the uploads are
-    let bench = Bench::new().await;
+    let bench = UpkeepFixture::new().await;
     let (store, service) = (&bench.centre.store, Scope::service());
     let marked = bench.centre.trainee(&format!("{MARKER} Smith")).await;
     let session = bench.session(marked.id, &format!("video of {MARKER}")).await;
@@ -251,8 +251,8 @@ async fn of_an_erased_trainee_no_byte_is_left_in_the_data_folder() {
 }
 
 #[tokio::test]
-async fn an_upload_that_is_just_being_made_is_not_taken_for_rubbish() {
-    let bench = Bench::new().await;
+async fn an_upload_that_is_just_being_created_is_not_removed() {
+    let bench = UpkeepFixture::new().await;
     let id = UploadId::at(NOW_MS);
     let between_file_and_row = bench.vault.create_upload(id).await.unwrap();
     clear_up(&bench.centre.store, &bench.vault).await.unwrap();
@@ -264,7 +264,7 @@ async fn an_upload_that_is_just_being_made_is_not_taken_for_rubbish() {
 
 #[tokio::test]
 async fn an_upload_whose_time_is_over_is_forgotten() {
-    let bench = Bench::new().await;
+    let bench = UpkeepFixture::new().await;
     let ana = bench.centre.trainee("Ana").await.id;
     let id = bench.upload(ana, b"vi", 2).await;
     clear_up(&bench.centre.store, &bench.vault).await.unwrap();
@@ -277,7 +277,7 @@ async fn an_upload_whose_time_is_over_is_forgotten() {
 
 #[tokio::test]
 async fn a_backup_is_a_data_folder_with_everything_but_what_is_still_arriving() {
-    let bench = Bench::new().await;
+    let bench = UpkeepFixture::new().await;
     let (store, service) = (&bench.centre.store, Scope::service());
     let ana = bench.centre.trainee("Ana").await.id;
     let session = bench.session(ana, "video").await;
@@ -307,7 +307,7 @@ async fn a_backup_is_a_data_folder_with_everything_but_what_is_still_arriving() 
 
 #[tokio::test]
 async fn a_backup_during_work_is_sound() {
-    let bench = Bench::new().await;
+    let bench = UpkeepFixture::new().await;
     let (store, service) = (&bench.centre.store, Scope::service());
     let ana = bench.centre.trainee("Ana").await.id;
     for number in 0..5 {
@@ -330,7 +330,7 @@ async fn a_backup_during_work_is_sound() {
 
 #[tokio::test]
 async fn a_backup_of_a_centre_that_has_lost_a_file_names_it() {
-    let bench = Bench::new().await;
+    let bench = UpkeepFixture::new().await;
     let ana = bench.centre.trainee("Ana").await.id;
     let lost = bench.session(ana, "lost video").await.video.unwrap();
     bench.session(ana, "video").await;
@@ -357,8 +357,8 @@ fn holds(folder: &Path, marker: &str) -> bool {
 
 #[tokio::test]
 async fn feeds_are_checked_record_by_record_and_against_their_rows() {
-    const RECORD: usize = HEAD + 9;
-    let bench = Bench::new().await;
+    const RECORD: usize = HEADER_BYTES + 9;
+    let bench = UpkeepFixture::new().await;
     let ana = bench.centre.trainee("Ana").await.id;
     bench.feed(ana, |_| ()).await;
     bench.feed(ana, |log| log.truncate(4 * RECORD + 20)).await; // cut within the last record: not acknowledged
@@ -366,12 +366,12 @@ async fn feeds_are_checked_record_by_record_and_against_their_rows() {
     bench.feed(ana, |log| log.resize(log.len() + (3 << 20), 0)).await; // a tail of zeros: never synced
     let again = |log: &mut Vec<u8>| {
         let lost = log[2 * RECORD..3 * RECORD].to_vec();
-        log[2 * RECORD + HEAD] ^= 1;
+        log[2 * RECORD + HEADER_BYTES] ^= 1;
         log.extend(lost); // it was not acknowledged, so the sender sent it again
     };
     bench.feed(ana, again).await;
     assert_eq!(bench.findings().await, []);
-    let flipped = bench.feed(ana, |log| log[2 * RECORD + HEAD] ^= 1).await;
+    let flipped = bench.feed(ana, |log| log[2 * RECORD + HEADER_BYTES] ^= 1).await;
     let damaged = Finding::DamagedFeed(flipped, vec![[2, 2]]);
     assert!(
         damaged.to_string().contains("lacks the frames 2 to 2: those that were acknowledged to its sender are lost")

@@ -9,10 +9,10 @@ use sha2::{Digest, Sha256};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncSeekExt};
 use tokio::time::Instant;
 
-use super::disk::{self, on_a_blocking_thread};
+use super::disk::{self, run_blocking};
 use super::error::{VaultError, VaultResult, failed};
-use super::gathered::Gathered;
-use super::pins::Kept;
+use super::pins::PinnedBlob;
+use super::write_buffer::WriteBuffer;
 use super::{Vault, uploads};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::ids::UploadId;
@@ -33,13 +33,13 @@ pub struct Incoming {
     vault: Vault,
     most: u64,
     bytes: u64,
-    waiting: Gathered,
-    file: Option<Box<Part>>,
+    buffer: WriteBuffer,
+    file: Option<Box<IncomingFile>>,
 }
 
 /// The file behind an [`Incoming`], moved to a blocking thread for each write.
 #[derive(Debug)]
-struct Part {
+struct IncomingFile {
     path: PathBuf,
     file: File,
     hash: Sha256,
@@ -51,7 +51,7 @@ const BLOCK: usize = 256 * 1024;
 
 impl Vault {
     /// Stores these bytes as a blob. The same bytes stored twice are one blob.
-    pub async fn put(&self, bytes: &[u8]) -> VaultResult<Kept> {
+    pub async fn put(&self, bytes: &[u8]) -> VaultResult<PinnedBlob> {
         let mut incoming = self.incoming(bytes.len() as u64).await?;
         incoming.write(bytes).await?;
         incoming.finish().await
@@ -60,18 +60,18 @@ impl Vault {
     /// Begins a blob of at most `most` bytes.
     pub async fn incoming(&self, most: u64) -> VaultResult<Incoming> {
         let path = self.inner.data.join("incoming").join(format!("{:032x}", rand::random::<u128>()));
-        let part = on_a_blocking_thread(move || {
+        let part = run_blocking(move || {
             let file = disk::create(&path)?;
-            Ok(Box::new(Part { path, file, hash: Sha256::new(), finished: false }))
+            Ok(Box::new(IncomingFile { path, file, hash: Sha256::new(), finished: false }))
         });
-        Ok(Incoming { vault: self.clone(), most, bytes: 0, waiting: Gathered::default(), file: Some(part.await?) })
+        Ok(Incoming { vault: self.clone(), most, bytes: 0, buffer: WriteBuffer::default(), file: Some(part.await?) })
     }
 
     /// Opens a blob for reading and returns its length. The content is not verified: see [`Vault::read`] and
     /// [`Vault::is_intact`].
     pub async fn open_blob(&self, hash: BlobHash) -> VaultResult<(File, u64)> {
         let path = self.blob_path(hash);
-        on_a_blocking_thread(move || {
+        run_blocking(move || {
             let file = disk::open(&path)?;
             let bytes = file.metadata().map_err(failed("measuring", &path))?.len();
             Ok((file, bytes))
@@ -96,7 +96,7 @@ impl Vault {
     /// bytes is refused.
     pub async fn read(&self, hash: BlobHash, most: u64) -> VaultResult<Vec<u8>> {
         let path = self.blob_path(hash);
-        on_a_blocking_thread(move || {
+        run_blocking(move || {
             let mut content = Vec::new();
             let file = disk::open(&path)?;
             file.take(most + 1).read_to_end(&mut content).map_err(failed("reading", &path))?;
@@ -111,7 +111,7 @@ impl Vault {
     /// True if the file's content still matches the hash in its name.
     pub async fn is_intact(&self, hash: BlobHash) -> VaultResult<bool> {
         let path = self.blob_path(hash);
-        on_a_blocking_thread(move || Ok(hash_of(disk::open(&path)?, &path)?.hash == hash)).await
+        run_blocking(move || Ok(hash_of(disk::open(&path)?, &path)?.hash == hash)).await
     }
 
     /// Removes a blob unless it is being put or is needed. `is_free` must return true if nothing refers to the blob; it
@@ -121,13 +121,13 @@ impl Vault {
         hash: BlobHash,
         is_free: impl Future<Output = Result<bool, E>>,
     ) -> Result<Removal, E> {
-        let Some(removing) = self.inner.pins.remove(hash) else { return Ok(Removal::Needed) };
+        let Some(removing) = self.inner.pins.begin_removal(hash) else { return Ok(Removal::Needed) };
         if !is_free.await? {
             removing.settle();
             return Ok(Removal::Needed);
         }
         let path = self.blob_path(hash);
-        let removed = on_a_blocking_thread(move || {
+        let removed = run_blocking(move || {
             disk::remove(&path)?;
             removing.settle(); // from here on it may be put again
             Ok(())
@@ -145,7 +145,7 @@ impl Vault {
     /// The blobs whose hash begins with this byte, with their lengths; files with other names are ignored.
     pub async fn blobs(&self, first: u8) -> VaultResult<Vec<Blob>> {
         let folder = self.inner.data.join("blobs").join(format!("{first:02x}"));
-        on_a_blocking_thread(move || {
+        run_blocking(move || {
             let named = |(path, bytes): (PathBuf, u64)| {
                 let hash = path.file_name()?.to_str()?.parse().ok()?;
                 Some(Blob { hash, bytes })
@@ -157,16 +157,16 @@ impl Vault {
 
     /// Makes a complete upload a blob with a second name. The upload's own file stays until [`Vault::delete_upload`],
     /// so that nothing is lost if the process ends before the session's row is written.
-    pub async fn keep_upload(&self, id: UploadId) -> VaultResult<Kept> {
+    pub async fn keep_upload(&self, id: UploadId) -> VaultResult<PinnedBlob> {
         let path = uploads::path(&self.inner.data, id);
         let hashed = path.clone();
-        let blob = on_a_blocking_thread(move || hash_of(disk::open(&hashed)?, &hashed)).await?;
-        let pin = self.inner.pins.keep(blob.hash).await;
+        let blob = run_blocking(move || hash_of(disk::open(&hashed)?, &hashed)).await?;
+        let pin = self.inner.pins.pin(blob.hash).await;
         let name = self.blob_path(blob.hash);
-        on_a_blocking_thread(move || {
+        run_blocking(move || {
             disk::sync(&disk::open(&path)?, &path);
-            give_name(&name, || std::fs::hard_link(&path, &name))?;
-            Ok(Kept::new(blob, pin))
+            link_blob(&name, || std::fs::hard_link(&path, &name))?;
+            Ok(PinnedBlob::new(blob, pin))
         })
         .await
     }
@@ -183,53 +183,53 @@ impl Incoming {
         if self.bytes > self.most {
             return Err(VaultError::TooLong { most: self.most });
         }
-        if self.waiting.add(bytes, Instant::now()) { self.flush().await } else { Ok(()) }
+        if self.buffer.add(bytes, Instant::now()) { self.flush().await } else { Ok(()) }
     }
 
     /// Finishes the blob: it is durable and has its name when this returns.
-    pub async fn finish(mut self) -> VaultResult<Kept> {
+    pub async fn finish(mut self) -> VaultResult<PinnedBlob> {
         self.flush().await?;
-        let mut part = self.part()?;
+        let mut part = self.take_file()?;
         let blob = Blob { hash: BlobHash(part.hash.clone().finalize().into()), bytes: self.bytes };
-        let pin = self.vault.inner.pins.keep(blob.hash).await;
+        let pin = self.vault.inner.pins.pin(blob.hash).await;
         let name = self.vault.blob_path(blob.hash);
-        on_a_blocking_thread(move || {
+        run_blocking(move || {
             disk::sync(&part.file, &part.path);
-            give_name(&name, || std::fs::hard_link(&part.path, &name))?;
+            link_blob(&name, || std::fs::hard_link(&part.path, &name))?;
             part.finish()?;
-            Ok(Kept::new(blob, pin))
+            Ok(PinnedBlob::new(blob, pin))
         })
         .await
     }
 
     async fn flush(&mut self) -> VaultResult<()> {
-        let mut part = self.part()?;
-        let bytes = self.waiting.take();
-        let (part, bytes) = on_a_blocking_thread(move || {
+        let mut part = self.take_file()?;
+        let bytes = self.buffer.take();
+        let (part, bytes) = run_blocking(move || {
             part.hash.update(&bytes);
             disk::write(&part.file, &bytes, &part.path)?;
             Ok((part, bytes))
         })
         .await?;
-        self.waiting.reuse(bytes);
+        self.buffer.reuse(bytes);
         self.file = Some(part);
         Ok(())
     }
 
     /// The file; an error if an earlier write failed or was cancelled.
-    fn part(&mut self) -> VaultResult<Box<Part>> {
+    fn take_file(&mut self) -> VaultResult<Box<IncomingFile>> {
         self.file.take().ok_or(VaultError::NotFound)
     }
 }
 
-impl Part {
+impl IncomingFile {
     fn finish(&mut self) -> VaultResult<()> {
         self.finished = true;
         disk::remove(&self.path)
     }
 }
 
-impl Drop for Part {
+impl Drop for IncomingFile {
     fn drop(&mut self) {
         if !self.finished && disk::remove(&self.path).is_err() {
             tracing::warn!(path = %self.path.display(), "could not remove an unfinished file; the next start removes it");
@@ -239,7 +239,7 @@ impl Drop for Part {
 
 /// Links a synced file under its name among the blobs. A blob of this name may exist already; its folder is synced all
 /// the same, since the other writer may not have done so yet.
-pub(super) fn give_name(name: &std::path::Path, link: impl FnOnce() -> std::io::Result<()>) -> VaultResult<()> {
+pub(super) fn link_blob(name: &std::path::Path, link: impl FnOnce() -> std::io::Result<()>) -> VaultResult<()> {
     match link() {
         Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
         linked => linked.map_err(failed("naming", name))?,

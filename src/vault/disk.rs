@@ -10,7 +10,7 @@ use super::error::{VaultError, VaultResult, failed};
 use crate::shutdown;
 
 /// Runs file work on a thread that may block.
-pub(super) async fn on_a_blocking_thread<T: Send + 'static>(
+pub(super) async fn run_blocking<T: Send + 'static>(
     work: impl FnOnce() -> VaultResult<T> + Send + 'static,
 ) -> VaultResult<T> {
     match tokio::task::spawn_blocking(work).await {
@@ -71,14 +71,14 @@ pub(super) fn write(mut file: &File, bytes: &[u8], path: &Path) -> VaultResult<(
 /// Syncs the file's bytes to the disk; aborts the process if that fails.
 pub(super) fn sync(file: &File, path: &Path) {
     if let Err(error) = file.sync_data() {
-        shutdown::abort(&format!("syncing `{}` failed: {error}", path.display()));
+        shutdown::abort_process(&format!("syncing `{}` failed: {error}", path.display()));
     }
 }
 
 /// Syncs the folder's entries to the disk; aborts the process if that fails.
 pub(super) fn sync_folder(path: &Path) {
     if let Err(error) = File::open(path).and_then(|folder| folder.sync_all()) {
-        shutdown::abort(&format!("syncing the folder `{}` failed: {error}", path.display()));
+        shutdown::abort_process(&format!("syncing the folder `{}` failed: {error}", path.display()));
     }
 }
 

@@ -14,25 +14,25 @@ use std::sync::Arc;
 use bytes::Bytes;
 
 use super::Vault;
-use super::disk::{self, on_a_blocking_thread};
+use super::disk::{self, run_blocking};
 use super::error::{VaultError, VaultResult, failed};
-use crate::domain::feed::numbers::Numbers;
+use crate::domain::feed::numbers::FrameNumbers;
 use crate::domain::feed::record::read_all;
 use crate::ids::FeedId;
 
 /// Maximum number of buffered bytes before they are written: some frames of 1080p, even as JPEGs.
-const MOST_WAITING: usize = 1 << 19;
+const MAX_WAITING: usize = 1 << 19;
 
 /// A feed's log, open for appending.
 #[derive(Debug)]
 pub struct FeedLog {
-    open: Option<Box<Open>>,
+    open: Option<Box<OpenLog>>,
     waiting: Vec<u8>,
 }
 
 /// The file behind a [`FeedLog`], moved to a blocking thread for each write.
 #[derive(Debug)]
-struct Open {
+struct OpenLog {
     path: PathBuf,
     file: Arc<File>,
     written: u64,
@@ -41,15 +41,15 @@ struct Open {
 /// A sync in progress of all bytes that were written to a feed's log before it began.
 #[derive(Debug)]
 #[must_use = "nothing is durable before `end` returns"]
-pub struct Syncing {
+pub struct FeedSync {
     path: PathBuf,
     file: Arc<File>,
 }
 
-impl Syncing {
+impl FeedSync {
     /// Returns once the bytes are durable; aborts the process if the sync fails.
     pub async fn end(self) -> VaultResult<()> {
-        on_a_blocking_thread(move || {
+        run_blocking(move || {
             disk::sync(&self.file, &self.path);
             Ok(())
         })
@@ -60,9 +60,9 @@ impl Syncing {
 impl Vault {
     /// Opens a feed's log, creates it if it is missing, and returns which frames and gaps it holds. The caller must
     /// ensure that it is opened only once at a time.
-    pub async fn open_feed(&self, id: FeedId) -> VaultResult<(FeedLog, Numbers)> {
+    pub async fn open_feed(&self, id: FeedId) -> VaultResult<(FeedLog, FrameNumbers)> {
         let path = path(&self.inner.data, id);
-        on_a_blocking_thread(move || {
+        run_blocking(move || {
             let mut file = match disk::open_to_write(&path) {
                 Err(VaultError::NotFound) => disk::create(&path)?,
                 found => found?,
@@ -73,7 +73,7 @@ impl Vault {
             // The bytes just read may be only in the system's cache, left there by a process that was killed.
             disk::sync(&file, &path);
             path.parent().into_iter().for_each(disk::sync_folder);
-            let open = Some(Box::new(Open { path, file: Arc::new(file), written }));
+            let open = Some(Box::new(OpenLog { path, file: Arc::new(file), written }));
             Ok((FeedLog { open, waiting: Vec::new() }, numbers))
         })
         .await
@@ -82,7 +82,7 @@ impl Vault {
     /// Opens a feed's log for reading and returns its length.
     pub async fn read_feed(&self, id: FeedId) -> VaultResult<(File, u64)> {
         let path = path(&self.inner.data, id);
-        on_a_blocking_thread(move || {
+        run_blocking(move || {
             let file = disk::open(&path)?;
             let bytes = file.metadata().map_err(failed("measuring", &path))?.len();
             Ok((file, bytes))
@@ -95,26 +95,26 @@ impl Vault {
     /// growing.
     pub async fn feed_damage(&self, id: FeedId) -> VaultResult<Vec<[u64; 2]>> {
         let path = path(&self.inner.data, id);
-        on_a_blocking_thread(move || damage(disk::open(&path)?).map_err(failed("reading", &path))).await
+        run_blocking(move || missing_frames(disk::open(&path)?).map_err(failed("reading", &path))).await
     }
 
     /// Deletes a feed's log, after its row. A missing log is no error.
     pub async fn delete_feed(&self, id: FeedId) -> VaultResult<()> {
         let path = path(&self.inner.data, id);
-        on_a_blocking_thread(move || disk::remove(&path)).await
+        run_blocking(move || disk::remove(&path)).await
     }
 
     /// The feeds that have a log.
     pub async fn feed_logs(&self) -> VaultResult<Vec<FeedId>> {
         let folder = self.inner.data.join("feeds");
-        on_a_blocking_thread(move || disk::ids_in(&folder)).await
+        run_blocking(move || disk::ids_in(&folder)).await
     }
 }
 
 impl FeedLog {
     /// Appends a record. Readers see it only after [`FeedLog::write_waiting`], and it is durable only after a sync.
     pub async fn append(&mut self, record: Bytes) -> VaultResult<()> {
-        if self.waiting.len() + record.len() > MOST_WAITING {
+        if self.waiting.len() + record.len() > MAX_WAITING {
             return self.write(record).await; // without copying it: the largest record would take its size twice
         }
         self.waiting.extend_from_slice(&record);
@@ -138,10 +138,10 @@ impl FeedLog {
 
     /// Begins to sync everything appended so far; more may be appended meanwhile. After an error, everything since the
     /// last sync may be lost: open the log again.
-    pub async fn begin_sync(&mut self) -> VaultResult<Syncing> {
+    pub async fn begin_sync(&mut self) -> VaultResult<FeedSync> {
         self.write_waiting().await?;
         let open = self.open.as_ref().ok_or(VaultError::NotFound)?;
-        Ok(Syncing { path: open.path.clone(), file: open.file.clone() })
+        Ok(FeedSync { path: open.path.clone(), file: open.file.clone() })
     }
 
     /// Makes everything appended durable.
@@ -153,7 +153,7 @@ impl FeedLog {
     async fn write(&mut self, record: Bytes) -> VaultResult<()> {
         let mut open = self.open.take().ok_or(VaultError::NotFound)?;
         let mut bytes = std::mem::take(&mut self.waiting);
-        let (open, bytes) = on_a_blocking_thread(move || {
+        let (open, bytes) = run_blocking(move || {
             let write = |bytes: &[u8]| disk::write(&open.file, bytes, &open.path);
             if let Err(error) = write(&bytes).and_then(|()| write(&record)) {
                 open.file.set_len(open.written).map_err(failed("cutting", &open.path))?;
@@ -170,22 +170,22 @@ impl FeedLog {
 }
 
 /// The end of the last whole record, and the frame numbers of all records.
-fn read_through(file: File, path: &Path) -> VaultResult<(u64, Numbers)> {
-    let mut numbers = Numbers::default();
+fn read_through(file: File, path: &Path) -> VaultResult<(u64, FrameNumbers)> {
+    let mut numbers = FrameNumbers::default();
     let end = read_all(file, |_, record| {
         // This fails only for more ranges than are ever accepted; records beyond that are treated as missing.
-        let _ = numbers.add(record.number, record.last());
+        let _ = numbers.add(record.number, record.last_number());
         io::Result::Ok(())
     });
     Ok((end.map_err(failed("reading", path))?, numbers))
 }
 
 /// The frame numbers that are missing, if there are damaged bytes before the end of the last whole record.
-fn damage(log: File) -> io::Result<Vec<[u64; 2]>> {
-    let (mut whole, mut numbers) = (0, Numbers::default());
+fn missing_frames(log: File) -> io::Result<Vec<[u64; 2]>> {
+    let (mut whole, mut numbers) = (0, FrameNumbers::default());
     let end = read_all(log, |_, record| {
         whole += record.bytes() as u64;
-        let _ = numbers.add(record.number, record.last()); // as in `read_through`
+        let _ = numbers.add(record.number, record.last_number()); // as in `read_through`
         io::Result::Ok(())
     })?;
     Ok(if whole == end { Vec::new() } else { numbers.missing_below(numbers.end()) })

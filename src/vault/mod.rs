@@ -28,10 +28,10 @@ mod blobs;
 mod disk;
 mod error;
 mod feeds;
-mod gathered;
-mod made;
 mod pins;
+mod temporary_file;
 mod uploads;
+mod write_buffer;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -39,23 +39,23 @@ use std::sync::Arc;
 
 pub use blobs::{Incoming, Removal};
 pub use error::{VaultError, VaultResult};
-pub use feeds::{FeedLog, Syncing};
-pub use made::Made;
-pub use pins::Kept;
+pub use feeds::{FeedLog, FeedSync};
+pub use pins::PinnedBlob;
+pub use temporary_file::TemporaryFile;
 pub use uploads::UploadFile;
 
-use disk::on_a_blocking_thread;
+use disk::run_blocking;
 use pins::Pins;
 use uploads::OpenUploads;
 
 /// The folder of files. Clones share one vault.
 #[derive(Clone, Debug)]
 pub struct Vault {
-    inner: Arc<Inner>,
+    inner: Arc<VaultInner>,
 }
 
 #[derive(Debug)]
-struct Inner {
+struct VaultInner {
     data: PathBuf,
     pins: Pins,
     open_uploads: OpenUploads,
@@ -63,7 +63,7 @@ struct Inner {
 
 /// The lock of the data folder for one service. It is released when dropped and when the process ends in any way.
 #[derive(Debug)]
-pub struct Lock {
+pub struct DataFolderLock {
     _file: File,
 }
 
@@ -71,23 +71,25 @@ impl Vault {
     /// Opens the vault in this data folder and creates the folder if it is missing.
     pub async fn open(data: &Path) -> VaultResult<Self> {
         let data = data.to_owned();
-        on_a_blocking_thread(move || {
+        run_blocking(move || {
             disk::make_folders(&data)?;
-            Ok(Self { inner: Arc::new(Inner { data, pins: Pins::default(), open_uploads: OpenUploads::default() }) })
+            Ok(Self {
+                inner: Arc::new(VaultInner { data, pins: Pins::default(), open_uploads: OpenUploads::default() }),
+            })
         })
         .await
     }
 
     /// Locks the data folder for this process; fails if another process has it.
-    pub async fn lock(&self) -> VaultResult<Lock> {
+    pub async fn lock(&self) -> VaultResult<DataFolderLock> {
         let path = self.inner.data.join("lock");
-        on_a_blocking_thread(move || disk::lock(&path).map(|file| Lock { _file: file })).await
+        run_blocking(move || disk::lock(&path).map(|file| DataFolderLock { _file: file })).await
     }
 
     /// Removes the unfinished files that an earlier process left; returns their number.
     pub async fn clear_incoming(&self) -> VaultResult<usize> {
         let folder = self.inner.data.join("incoming");
-        on_a_blocking_thread(move || {
+        run_blocking(move || {
             let left = disk::list(&folder)?;
             left.iter().try_for_each(|(path, _)| disk::remove(path))?;
             Ok(left.len())

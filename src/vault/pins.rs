@@ -18,12 +18,12 @@ use crate::domain::blob::{Blob, BlobHash};
 /// is committed.
 #[derive(Debug)]
 #[must_use = "drop it only after the row that refers to the blob is committed"]
-pub struct Kept {
+pub struct PinnedBlob {
     blob: Blob,
     _pin: Pin,
 }
 
-impl Kept {
+impl PinnedBlob {
     pub(super) fn new(blob: Blob, pin: Pin) -> Self {
         Self { blob, _pin: pin }
     }
@@ -37,19 +37,19 @@ impl Kept {
 /// Which blobs are pinned, and which are being removed.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Pins {
-    shared: Arc<Shared>,
+    shared: Arc<SharedPins>,
 }
 
 #[derive(Debug, Default)]
-struct Shared {
-    state: Mutex<State>,
+struct SharedPins {
+    state: Mutex<PinState>,
     removed: Notify,
 }
 
 #[derive(Debug, Default)]
-struct State {
-    kept: HashMap<BlobHash, usize>,
-    dying: HashSet<BlobHash>,
+struct PinState {
+    pinned: HashMap<BlobHash, usize>,
+    being_removed: HashSet<BlobHash>,
     /// Blobs whose last pin is gone and whose row the collector has not looked for since.
     released: HashSet<BlobHash>,
 }
@@ -63,17 +63,17 @@ pub(super) struct Pin {
 
 /// The right to remove a blob: it is not pinned, and cannot be until this is dropped.
 #[derive(Debug)]
-pub(super) struct Removing {
+pub(super) struct RemovalGuard {
     hash: BlobHash,
     pins: Pins,
 }
 
 impl Pins {
     /// Pins a blob; waits while it is being removed.
-    pub async fn keep(&self, hash: BlobHash) -> Pin {
+    pub async fn pin(&self, hash: BlobHash) -> Pin {
         loop {
             let removed = self.shared.removed.notified();
-            if self.try_keep(hash) {
+            if self.try_pin(hash) {
                 return Pin { hash, pins: self.clone() };
             }
             removed.await;
@@ -81,10 +81,10 @@ impl Pins {
     }
 
     /// Begins to remove a blob; `None` if it is pinned or already being removed.
-    pub fn remove(&self, hash: BlobHash) -> Option<Removing> {
+    pub fn begin_removal(&self, hash: BlobHash) -> Option<RemovalGuard> {
         let mut state = self.state();
-        let free = !state.kept.contains_key(&hash) && state.dying.insert(hash);
-        free.then(|| Removing { hash, pins: self.clone() })
+        let free = !state.pinned.contains_key(&hash) && state.being_removed.insert(hash);
+        free.then(|| RemovalGuard { hash, pins: self.clone() })
     }
 
     /// Released blobs, until [`RemovalGuard::settle`].
@@ -92,23 +92,23 @@ impl Pins {
         self.state().released.iter().copied().collect()
     }
 
-    fn try_keep(&self, hash: BlobHash) -> bool {
+    fn try_pin(&self, hash: BlobHash) -> bool {
         let mut state = self.state();
-        if state.dying.contains(&hash) {
+        if state.being_removed.contains(&hash) {
             return false;
         }
-        *state.kept.entry(hash).or_default() += 1;
+        *state.pinned.entry(hash).or_default() += 1;
         true
     }
 
     /// Ignores a poisoned lock: the maps are consistent at every moment, so a thread that panicked while holding the
     /// lock did no harm.
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, PinState> {
         self.shared.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Removing {
+impl RemovalGuard {
     /// The blob has a row or is gone: the collector need not look for it again.
     pub fn settle(self) {
         self.pins.state().released.remove(&self.hash);
@@ -118,19 +118,19 @@ impl Removing {
 impl Drop for Pin {
     fn drop(&mut self) {
         let mut state = self.pins.state();
-        if let Some(holders) = state.kept.get_mut(&self.hash) {
+        if let Some(holders) = state.pinned.get_mut(&self.hash) {
             *holders -= 1;
             if *holders == 0 {
-                state.kept.remove(&self.hash);
+                state.pinned.remove(&self.hash);
                 state.released.insert(self.hash);
             }
         }
     }
 }
 
-impl Drop for Removing {
+impl Drop for RemovalGuard {
     fn drop(&mut self) {
-        self.pins.state().dying.remove(&self.hash);
+        self.pins.state().being_removed.remove(&self.hash);
         self.pins.shared.removed.notify_waiters();
     }
 }

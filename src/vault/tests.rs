@@ -51,7 +51,7 @@ async fn a_range_is_part_of_the_blob() {
 }
 
 #[tokio::test]
-async fn a_blob_that_is_given_up_leaves_nothing() {
+async fn a_blob_that_is_dropped_unfinished_leaves_nothing() {
     let (vault, folder) = vault().await;
     let mut incoming = vault.incoming(1 << 20).await.unwrap();
     incoming.write(&vec![1; 600_000]).await.unwrap();
@@ -87,7 +87,7 @@ async fn a_changed_byte_is_found() {
 }
 
 #[tokio::test]
-async fn a_blob_that_somebody_is_putting_is_not_removed() {
+async fn a_blob_that_is_being_put_is_not_removed() {
     let (vault, _folder) = vault().await;
     let kept = vault.put(b"video").await.unwrap();
     let hash = kept.blob().hash;
@@ -100,7 +100,7 @@ async fn a_blob_that_somebody_is_putting_is_not_removed() {
 }
 
 #[tokio::test]
-async fn a_blob_that_comes_again_while_it_goes_is_there_in_the_end() {
+async fn a_blob_that_is_put_during_its_removal_exists_afterwards() {
     let (vault, _folder) = vault().await;
     let hash = vault.put(b"video").await.unwrap().blob().hash;
     let (asked, answer) = (tokio::sync::Notify::new(), tokio::sync::Notify::new());
@@ -125,7 +125,7 @@ async fn a_blob_that_comes_again_while_it_goes_is_there_in_the_end() {
 }
 
 #[tokio::test]
-async fn an_upload_goes_on_after_the_noted_bytes_and_forgets_those_behind() {
+async fn an_upload_resumes_after_the_acknowledged_bytes_and_drops_later_ones() {
     let (vault, folder) = vault().await;
     let id = UploadId::at(1);
     let mut file = vault.create_upload(id).await.unwrap();
@@ -167,7 +167,7 @@ async fn an_upload_has_one_sender_at_a_time() {
 }
 
 #[tokio::test]
-async fn an_upload_that_is_shorter_than_acknowledged_is_not_gone_on_with() {
+async fn an_upload_shorter_than_acknowledged_is_not_resumed() {
     let (vault, _folder) = vault().await;
     let id = UploadId::at(1);
     drop(vault.create_upload(id).await.unwrap());

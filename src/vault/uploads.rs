@@ -13,9 +13,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::time::Instant;
 
-use super::disk::{self, on_a_blocking_thread};
+use super::disk::{self, run_blocking};
 use super::error::{VaultError, VaultResult, failed};
-use super::gathered::Gathered;
+use super::write_buffer::WriteBuffer;
 use super::{Removal, Vault};
 use crate::ids::UploadId;
 
@@ -23,21 +23,21 @@ use crate::ids::UploadId;
 #[derive(Debug)]
 pub struct UploadFile {
     appended: u64,
-    waiting: Gathered,
-    file: Option<Box<OpenFile>>,
+    buffer: WriteBuffer,
+    file: Option<Box<OpenUploadFile>>,
 }
 
 /// The file behind an [`UploadFile`], moved to a blocking thread for each write. The claim moves with it, so that the
 /// file cannot be opened again while a write for a sender that has gone away is still running.
 #[derive(Debug)]
-struct OpenFile {
+struct OpenUploadFile {
     path: PathBuf,
     file: File,
     /// Offset of the next append, bytes.
     written: u64,
     /// Has everything after this offset been cut off already?
-    cut: bool,
-    _claim: Claim,
+    is_cut_off: bool,
+    _claim: UploadClaim,
 }
 
 /// Which uploads are open.
@@ -46,7 +46,7 @@ pub(super) struct OpenUploads(Arc<Mutex<HashSet<UploadId>>>);
 
 /// One sender's claim on an upload.
 #[derive(Debug)]
-struct Claim {
+struct UploadClaim {
     id: UploadId,
     open: OpenUploads,
 }
@@ -57,13 +57,13 @@ impl Vault {
     pub async fn create_upload(&self, id: UploadId) -> VaultResult<UploadFile> {
         let claim = self.inner.open_uploads.claim(id)?;
         let path = path(&self.inner.data, id);
-        let file = on_a_blocking_thread(move || {
+        let file = run_blocking(move || {
             let file = disk::create(&path)?;
             disk::sync(&file, &path);
             path.parent().into_iter().for_each(disk::sync_folder);
-            Ok(Box::new(OpenFile { path, file, written: 0, cut: true, _claim: claim }))
+            Ok(Box::new(OpenUploadFile { path, file, written: 0, is_cut_off: true, _claim: claim }))
         });
-        Ok(UploadFile { appended: 0, waiting: Gathered::default(), file: Some(file.await?) })
+        Ok(UploadFile { appended: 0, buffer: WriteBuffer::default(), file: Some(file.await?) })
     }
 
     /// Opens an upload to append after the `noted` bytes. [`VaultError::InUse`] while another sender has it open. Read
@@ -71,27 +71,27 @@ impl Vault {
     pub async fn open_upload(&self, id: UploadId, noted: u64) -> VaultResult<UploadFile> {
         let claim = self.inner.open_uploads.claim(id)?;
         let path = path(&self.inner.data, id);
-        let file = on_a_blocking_thread(move || {
+        let file = run_blocking(move || {
             let file = disk::open_to_write(&path)?;
             let found = file.metadata().map_err(failed("measuring", &path))?.len();
             if found < noted {
                 return Err(VaultError::Lost { found, noted });
             }
-            Ok(Box::new(OpenFile { path, file, written: noted, cut: false, _claim: claim }))
+            Ok(Box::new(OpenUploadFile { path, file, written: noted, is_cut_off: false, _claim: claim }))
         });
-        Ok(UploadFile { appended: noted, waiting: Gathered::default(), file: Some(file.await?) })
+        Ok(UploadFile { appended: noted, buffer: WriteBuffer::default(), file: Some(file.await?) })
     }
 
     /// Length of an upload's file, bytes.
     pub async fn upload_length(&self, id: UploadId) -> VaultResult<u64> {
         let path = path(&self.inner.data, id);
-        on_a_blocking_thread(move || Ok(disk::open(&path)?.metadata().map_err(failed("measuring", &path))?.len())).await
+        run_blocking(move || Ok(disk::open(&path)?.metadata().map_err(failed("measuring", &path))?.len())).await
     }
 
     /// Deletes an upload's file, after its row. A missing file is no error.
     pub async fn delete_upload(&self, id: UploadId) -> VaultResult<()> {
         let path = path(&self.inner.data, id);
-        on_a_blocking_thread(move || disk::remove(&path)).await
+        run_blocking(move || disk::remove(&path)).await
     }
 
     /// Deletes an upload's file if it is not open and not in the database. `is_free` must return true if the database
@@ -112,7 +112,7 @@ impl Vault {
     /// The uploads that have a file.
     pub async fn upload_files(&self) -> VaultResult<Vec<UploadId>> {
         let folder = self.inner.data.join("uploads");
-        on_a_blocking_thread(move || disk::ids_in(&folder)).await
+        run_blocking(move || disk::ids_in(&folder)).await
     }
 }
 
@@ -120,7 +120,7 @@ impl UploadFile {
     /// Appends bytes. They are durable only after [`UploadFile::sync`].
     pub async fn append(&mut self, bytes: &[u8]) -> VaultResult<()> {
         self.appended += bytes.len() as u64;
-        if self.waiting.add(bytes, Instant::now()) { self.write(false).await } else { Ok(()) }
+        if self.buffer.add(bytes, Instant::now()) { self.write(false).await } else { Ok(()) }
     }
 
     /// Syncs everything appended; returns how many bytes the upload now has. This also works after a write that failed
@@ -137,8 +137,8 @@ impl UploadFile {
 
     async fn write(&mut self, sync: bool) -> VaultResult<()> {
         let mut open = self.file.take().ok_or(VaultError::NotFound)?;
-        let bytes = self.waiting.take();
-        let (open, bytes, outcome) = on_a_blocking_thread(move || {
+        let bytes = self.buffer.take();
+        let (open, bytes, outcome) = run_blocking(move || {
             let outcome = open.write(&bytes);
             if sync && outcome.is_ok() {
                 disk::sync(&open.file, &open.path);
@@ -148,15 +148,15 @@ impl UploadFile {
         .await?;
         self.appended = open.written;
         self.file = Some(open);
-        self.waiting.reuse(bytes);
+        self.buffer.reuse(bytes);
         outcome
     }
 }
 
-impl OpenFile {
+impl OpenUploadFile {
     /// Appends all bytes or, if the disk is full, none.
     fn write(&mut self, bytes: &[u8]) -> VaultResult<()> {
-        if !self.cut {
+        if !self.is_cut_off {
             self.cut_off()?;
         }
         let written = disk::write(&self.file, bytes, &self.path);
@@ -171,22 +171,22 @@ impl OpenFile {
     fn cut_off(&mut self) -> VaultResult<()> {
         self.file.set_len(self.written).map_err(failed("cutting", &self.path))?;
         self.file.seek(SeekFrom::Start(self.written)).map_err(failed("cutting", &self.path))?;
-        self.cut = true;
+        self.is_cut_off = true;
         Ok(())
     }
 }
 
 impl OpenUploads {
-    fn claim(&self, id: UploadId) -> VaultResult<Claim> {
+    fn claim(&self, id: UploadId) -> VaultResult<UploadClaim> {
         let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if !open.insert(id) {
             return Err(VaultError::InUse("the upload".to_owned()));
         }
-        Ok(Claim { id, open: self.clone() })
+        Ok(UploadClaim { id, open: self.clone() })
     }
 }
 
-impl Drop for Claim {
+impl Drop for UploadClaim {
     fn drop(&mut self) {
         self.open.0.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.id);
     }

@@ -1,12 +1,12 @@
-//! The tree keeps the shape that `src/lib.rs` draws: layers, absences, module docs, released migrations.
+//! The source tree keeps the rules of `src/lib.rs`: layers, forbidden names, module docs, released migrations.
 //!
 //! Each finding reads `file:line: rule`, so that an editor can jump there.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A room of the tree: its layer, and words that its code must not name, with the reason.
-struct Room {
+/// A top-level module: its layer, and the names that its code must not contain.
+struct Module {
     name: &'static str,
     layer: u8,
     banned: &'static [&'static str],
@@ -29,34 +29,34 @@ const PURE: &[&str] = &[
 const DOMAIN: &[&str] = &["tokio", "axum", "sqlx", "ffmpeg_next", "std::fs", "std::net", "std::env"];
 const SERVICE: &[&str] = &["axum", "sqlx", "ffmpeg_next"];
 
-const ROOMS: &[Room] = &[
-    Room { name: "time", layer: 0, banned: &["axum", "sqlx", "ffmpeg_next"] },
-    Room { name: "ids", layer: 0, banned: &["axum", "ffmpeg_next"] },
-    Room { name: "shutdown", layer: 0, banned: &["axum", "sqlx", "ffmpeg_next"] },
-    Room { name: "heap", layer: 0, banned: &["axum", "sqlx", "ffmpeg_next", "tokio"] },
-    Room { name: "random", layer: 0, banned: &["axum", "sqlx", "ffmpeg_next", "tokio"] },
-    Room { name: "pipeline", layer: 1, banned: PURE },
-    Room { name: "simulation", layer: 1, banned: PURE },
-    Room { name: "domain", layer: 2, banned: DOMAIN },
-    Room { name: "media", layer: 3, banned: &["axum", "sqlx", "tokio"] },
-    Room { name: "store", layer: 3, banned: &["axum", "ffmpeg_next"] },
-    Room { name: "vault", layer: 3, banned: &["axum", "sqlx", "ffmpeg_next"] },
-    Room { name: "sandbox", layer: 3, banned: &["axum", "sqlx", "ffmpeg_next"] },
-    Room { name: "queue", layer: 4, banned: SERVICE },
-    Room { name: "analysis", layer: 4, banned: SERVICE },
-    Room { name: "intake", layer: 4, banned: SERVICE },
-    Room { name: "live", layer: 4, banned: SERVICE },
-    Room { name: "capture", layer: 4, banned: SERVICE },
-    Room { name: "cohorts", layer: 4, banned: SERVICE },
-    Room { name: "rescoring", layer: 4, banned: SERVICE },
-    Room { name: "events", layer: 4, banned: SERVICE },
-    Room { name: "upkeep", layer: 4, banned: SERVICE },
-    Room { name: "settings", layer: 5, banned: &["axum", "sqlx", "ffmpeg_next"] },
-    Room { name: "http", layer: 5, banned: &["sqlx", "ffmpeg_next", "crate::pipeline"] },
-    Room { name: "commands", layer: 5, banned: &["sqlx", "ffmpeg_next"] },
+const MODULES: &[Module] = &[
+    Module { name: "time", layer: 0, banned: &["axum", "sqlx", "ffmpeg_next"] },
+    Module { name: "ids", layer: 0, banned: &["axum", "ffmpeg_next"] },
+    Module { name: "shutdown", layer: 0, banned: &["axum", "sqlx", "ffmpeg_next"] },
+    Module { name: "heap", layer: 0, banned: &["axum", "sqlx", "ffmpeg_next", "tokio"] },
+    Module { name: "random", layer: 0, banned: &["axum", "sqlx", "ffmpeg_next", "tokio"] },
+    Module { name: "pipeline", layer: 1, banned: PURE },
+    Module { name: "simulation", layer: 1, banned: PURE },
+    Module { name: "domain", layer: 2, banned: DOMAIN },
+    Module { name: "media", layer: 3, banned: &["axum", "sqlx", "tokio"] },
+    Module { name: "store", layer: 3, banned: &["axum", "ffmpeg_next"] },
+    Module { name: "vault", layer: 3, banned: &["axum", "sqlx", "ffmpeg_next"] },
+    Module { name: "sandbox", layer: 3, banned: &["axum", "sqlx", "ffmpeg_next"] },
+    Module { name: "queue", layer: 4, banned: SERVICE },
+    Module { name: "analysis", layer: 4, banned: SERVICE },
+    Module { name: "intake", layer: 4, banned: SERVICE },
+    Module { name: "live", layer: 4, banned: SERVICE },
+    Module { name: "capture", layer: 4, banned: SERVICE },
+    Module { name: "cohorts", layer: 4, banned: SERVICE },
+    Module { name: "rescoring", layer: 4, banned: SERVICE },
+    Module { name: "events", layer: 4, banned: SERVICE },
+    Module { name: "upkeep", layer: 4, banned: SERVICE },
+    Module { name: "settings", layer: 5, banned: &["axum", "sqlx", "ffmpeg_next"] },
+    Module { name: "http", layer: 5, banned: &["sqlx", "ffmpeg_next", "crate::pipeline"] },
+    Module { name: "commands", layer: 5, banned: &["sqlx", "ffmpeg_next"] },
 ];
 
-/// Adapters stand side by side and do not know each other.
+/// Adapters share a layer and must not import each other.
 const ADAPTERS: [&str; 4] = ["media", "store", "vault", "sandbox"];
 
 #[test]
@@ -67,12 +67,12 @@ fn imports_point_downwards_and_forbidden_words_stay_out() {
 
 #[test]
 fn every_file_says_what_it_is_for() {
-    let silent: Vec<String> = sources()
+    let undocumented: Vec<String> = sources()
         .iter()
         .filter(|file| !read(file).starts_with("//!"))
-        .map(|file| format!("{}:1: a file begins with `//!`: what it holds and why", shown(file)))
+        .map(|file| format!("{}:1: begin the file with `//!` and say what it holds and why", shown(file)))
         .collect();
-    assert!(silent.is_empty(), "\n{}\n", silent.join("\n"));
+    assert!(undocumented.is_empty(), "\n{}\n", undocumented.join("\n"));
 }
 
 #[test]
@@ -82,7 +82,8 @@ fn released_migrations_are_untouched() {
     let released = read(&folder.join("RELEASED"));
     for line in released.lines().filter(|l| !l.starts_with('#') && !l.trim().is_empty()) {
         let (hash, name) = line.split_once("  ").expect("`sha256  file` per line");
-        let bytes = fs::read(folder.join(name)).unwrap_or_else(|_| panic!("migrations/{name}:1: released, but gone"));
+        let bytes =
+            fs::read(folder.join(name)).unwrap_or_else(|_| panic!("migrations/{name}:1: released, but missing"));
         let now: String = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
         assert_eq!(now, hash, "migrations/{name}:1: a released migration never changes; add another");
     }
@@ -98,25 +99,26 @@ fn the_check_finds_what_it_should() {
 }
 
 fn findings_in(file: &Path) -> Vec<String> {
-    let Some(room) = room_of(file) else { return Vec::new() };
-    check(room, &shown(file), &read(file))
+    let Some(module) = module_of(file) else { return Vec::new() };
+    check(module, &shown(file), &read(file))
 }
 
-fn check(room: &str, file: &str, text: &str) -> Vec<String> {
-    let Some(room) = ROOMS.iter().find(|r| r.name == room) else {
-        return vec![format!("{file}:1: module `{room}` is on no layer; add it to src/lib.rs and to this test")];
+fn check(module: &str, file: &str, text: &str) -> Vec<String> {
+    let Some(module) = MODULES.iter().find(|m| m.name == module) else {
+        return vec![format!("{file}:1: module `{module}` is on no layer; add it to src/lib.rs and to this test")];
     };
     let mut findings = Vec::new();
     for (number, line) in code_lines(text) {
-        for word in room.banned.iter().filter(|w| names(&line, w)) {
-            findings.push(format!("{file}:{number}: `{}` must not name {word}", room.name));
+        for word in module.banned.iter().filter(|w| contains_word(&line, w)) {
+            findings.push(format!("{file}:{number}: `{}` must not name {word}", module.name));
         }
-        for other in ROOMS.iter().filter(|o| o.name != room.name && names(&line, &format!("crate::{}", o.name))) {
-            let beside = ADAPTERS.contains(&room.name) && ADAPTERS.contains(&other.name);
-            if other.layer > room.layer || beside {
+        let is_imported = |other: &&Module| contains_word(&line, &format!("crate::{}", other.name));
+        for other in MODULES.iter().filter(|other| other.name != module.name).filter(is_imported) {
+            let are_adapters = ADAPTERS.contains(&module.name) && ADAPTERS.contains(&other.name);
+            if other.layer > module.layer || are_adapters {
                 findings.push(format!(
                     "{file}:{number}: `{}` (layer {}) must not import `{}` (layer {})",
-                    room.name, room.layer, other.name, other.layer
+                    module.name, module.layer, other.name, other.layer
                 ));
             }
         }
@@ -124,12 +126,12 @@ fn check(room: &str, file: &str, text: &str) -> Vec<String> {
     findings
 }
 
-/// Lines of code with their numbers: comments, string contents and test modules taken out.
+/// Lines of code with their numbers, without comments, string contents and test modules.
 fn code_lines(text: &str) -> Vec<(usize, String)> {
     let mut lines = Vec::new();
     for (index, line) in text.lines().enumerate() {
         if line.trim_start().starts_with("#[cfg(test)]") {
-            break; // tests stand last in a file and may use anything
+            break; // tests come last in a file and may use anything
         }
         lines.push((index + 1, without_text(line)));
     }
@@ -154,18 +156,18 @@ fn without_text(line: &str) -> String {
     code
 }
 
-/// Does the line hold `word` as whole words?
-fn names(line: &str, word: &str) -> bool {
+/// True if the line contains `word` as a whole word.
+fn contains_word(line: &str, word: &str) -> bool {
     line.match_indices(word).any(|(at, _)| {
         let edge = |c: Option<char>| c.is_none_or(|c| !c.is_alphanumeric() && c != '_');
         edge(line[..at].chars().next_back()) && edge(line[at + word.len()..].chars().next())
     })
 }
 
-fn room_of(file: &Path) -> Option<&str> {
+fn module_of(file: &Path) -> Option<&str> {
     let inside = file.strip_prefix(root().join("src")).ok()?;
     let first = Path::new(inside.components().next()?.as_os_str()).file_stem()?.to_str()?;
-    let known = ROOMS.iter().find(|r| r.name == first).map(|r| r.name);
+    let known = MODULES.iter().find(|r| r.name == first).map(|r| r.name);
     match first {
         "lib" | "main" => None,
         _ => Some(known.unwrap_or("unknown")),
@@ -189,7 +191,7 @@ fn sources() -> Vec<PathBuf> {
     files
 }
 
-/// `tests.rs` and `tests/…` hold unit tests alone: they may use anything.
+/// `tests.rs` and `tests/…` hold only unit tests, which may use anything.
 fn is_unit_test(path: &Path) -> bool {
     path.file_stem().is_some_and(|stem| stem == "tests") || path.iter().any(|part| part == "tests")
 }

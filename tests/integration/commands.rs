@@ -1,4 +1,4 @@
-//! The command line as a person meets it: what it prints where, and its exit status.
+//! The command line from the view of a user: its output on stdout and stderr, and its exit status.
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
@@ -40,14 +40,14 @@ fn change(folder: &Path, name: &str, change: impl Fn(&mut Value)) {
     fs::write(folder.join(name), value.to_string()).unwrap();
 }
 
-/// What the program says of input that it cannot use: one line on stderr, nothing on stdout, status 2.
+/// Runs a command that must refuse its input: one line on stderr, nothing on stdout, status 2. Returns the line.
 fn refusal(folder: &Path, line: &str) -> String {
     let output = trocar(folder, line);
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{line}: {said}");
-    assert_eq!(said.trim_end().lines().count(), 1, "{line}: {said}");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{line}: {stderr}");
+    assert_eq!(stderr.trim_end().lines().count(), 1, "{line}: {stderr}");
     assert!(output.stdout.is_empty(), "{line}");
-    said
+    stderr
 }
 
 const TRACK: &str = "track --quiet --camera camera.json --annotations annotations.json clip.mp4";
@@ -69,11 +69,11 @@ fn a_recording_becomes_a_path_that_can_be_judged_and_scored() {
     assert!(scored.status.success() && !scored.stdout.is_empty(), "{scored:?}");
 }
 
-/// Keeps two rows of five, so that too little of the path was seen.
-fn thin(folder: &Path) {
+/// Keeps two of five rows, so that the coverage of the path is too low.
+fn write_sparse_path(folder: &Path) {
     let text = fs::read_to_string(folder.join("track.csv")).unwrap();
     let kept = text.lines().enumerate().filter(|(line, _)| line % 5 < 2).map(|(_, row)| format!("{row}\n"));
-    fs::write(folder.join("thin.csv"), kept.collect::<String>()).unwrap();
+    fs::write(folder.join("sparse.csv"), kept.collect::<String>()).unwrap();
 }
 
 #[test]
@@ -84,19 +84,19 @@ fn a_refused_path_has_reasons_instead_of_features() {
     assert!(String::from_utf8_lossy(&track.stderr).contains("verdict: valid"), "{track:?}");
     let quality: Value = serde_json::from_slice(&fs::read(folder.path().join("quality.json")).unwrap()).unwrap();
     assert_eq!((&quality["verdict"], &quality["tools"][0]["coverage"]), (&"valid".into(), &1.0.into()), "{quality:#}");
-    thin(folder.path());
-    let scored = trocar(folder.path(), "score --json thin.csv");
-    assert!(scored.status.success(), "it was judged: {scored:?}");
+    write_sparse_path(folder.path());
+    let scored = trocar(folder.path(), "score --json sparse.csv");
+    assert!(scored.status.success(), "a refused verdict is no error: {scored:?}");
     let sessions: Value = serde_json::from_slice(&scored.stdout).unwrap();
     assert_eq!((&sessions[0]["verdict"], &sessions[0]["reasons"][0]["name"]), (&"refused".into(), &"coverage".into()));
     let features = sessions[0]["features"].as_array().unwrap();
     assert!(!features.is_empty() && features.iter().all(|feature| feature["value"].is_null()), "{sessions:#}");
-    let text = String::from_utf8(trocar(folder.path(), "score thin.csv").stdout).unwrap();
+    let text = String::from_utf8(trocar(folder.path(), "score sparse.csv").stdout).unwrap();
     assert!(text.contains("refused") && !text.contains("path_length"), "{text}");
 }
 
-/// A tool that circles at a depth, in mm, as any tracker could write it.
-fn circle(folder: &Path, name: &str, tool: &str, depth_mm: f64) {
+/// Writes the path of a tool that circles at a depth, in mm, with the columns that every tracker has.
+fn write_circle(folder: &Path, name: &str, tool: &str, depth_mm: f64) {
     let row = |frame: u32| {
         let time_s = f64::from(frame) / 25.0;
         let (sin, cos) = (0.8 * time_s).sin_cos();
@@ -107,43 +107,44 @@ fn circle(folder: &Path, name: &str, tool: &str, depth_mm: f64) {
 }
 
 #[test]
-fn a_path_is_held_against_one_that_shows_how_it_should_go() {
+fn a_path_is_compared_with_a_reference_path() {
     let folder = tempfile::tempdir().unwrap();
-    circle(folder.path(), "track.csv", "orange", 180.0);
-    circle(folder.path(), "deeper.csv", "orange", 187.0);
-    circle(folder.path(), "other.csv", "cyan", 180.0);
+    write_circle(folder.path(), "track.csv", "orange", 180.0);
+    write_circle(folder.path(), "deeper.csv", "orange", 187.0);
+    write_circle(folder.path(), "other.csv", "cyan", 180.0);
     let scored = trocar(folder.path(), "score --json --reference deeper.csv track.csv");
     let sessions: Value = serde_json::from_slice(&scored.stdout).unwrap();
-    let strays = &sessions[0]["reference"]["tools"][0];
-    assert_eq!(strays["tool"], "orange", "{sessions:#}");
+    let deviation = &sessions[0]["reference"]["tools"][0];
+    assert_eq!(deviation["tool"], "orange", "{sessions:#}");
     for figure in ["mean", "largest"] {
-        assert!((strays[figure].as_f64().unwrap() - 7.0).abs() < 1e-3, "{strays}");
+        assert!((deviation[figure].as_f64().unwrap() - 7.0).abs() < 1e-3, "{deviation}");
     }
     let text = String::from_utf8(trocar(folder.path(), "score --reference deeper.csv track.csv").stdout).unwrap();
     assert!(text.contains("strays from deeper.csv"), "{text}");
     assert!(refusal(folder.path(), "score --reference other.csv track.csv").contains("name them alike"));
 }
 
-/// Strokes round a ring at 30 a second for 20 s, with a rest from 8 s to 12 s, as `trocar track` writes them.
-fn resting(folder: &Path) {
+/// Writes the path of a tool that circles for 20 s at 30 frames a second and rests from 8 s to 12 s, in the format of
+/// `trocar track`.
+fn write_resting_path(folder: &Path) {
     let mut csv = String::from(
         "frame,time_s,tool,x_mm,y_mm,z_mm,vx_mm_s,vy_mm_s,vz_mm_s,axis_x,axis_y,axis_z,tip_u_px,tip_v_px,sigma_xy_mm,sigma_z_mm,state\n",
     );
     for frame in 0..600 {
         let t = f64::from(frame) / 30.0;
-        let turn = std::f64::consts::TAU * (t.min(8.0) + (t - 12.0).max(0.0)) / 4.0;
-        let (x, y) = (25.0 * turn.cos(), 25.0 * turn.sin());
+        let angle = std::f64::consts::TAU * (t.min(8.0) + (t - 12.0).max(0.0)) / 4.0;
+        let (x, y) = (25.0 * angle.cos(), 25.0 * angle.sin());
         csv += &format!("{frame},{t},left,{x},{y},180,,,,,,,,,0.02,0.05,observed\n");
     }
     fs::write(folder.join("resting.csv"), csv).unwrap();
 }
 
 #[test]
-fn features_point_to_the_seconds_that_made_them() {
+fn features_name_the_seconds_that_they_come_from() {
     let folder = tempfile::tempdir().unwrap();
-    resting(folder.path());
+    write_resting_path(folder.path());
     let plain = String::from_utf8(trocar(folder.path(), "score resting.csv").stdout).unwrap();
-    assert!(!plain.contains("evidence"), "only where it is asked for: {plain}");
+    assert!(!plain.contains("evidence"), "only with --evidence: {plain}");
     let text = String::from_utf8(trocar(folder.path(), "score --evidence resting.csv").stdout).unwrap();
     let line = text.lines().find(|line| line.contains("idle_share (3d) of left: rest")).expect(&text);
     let from: f64 = line.split("rest ").nth(1).unwrap().split('–').next().unwrap().parse().unwrap();
@@ -158,7 +159,7 @@ fn features_point_to_the_seconds_that_made_them() {
 }
 
 #[test]
-fn a_tool_in_another_colour_is_refused_but_what_was_tracked_is_written() {
+fn a_tool_in_another_colour_is_refused_but_its_path_is_written() {
     let folder = scene();
     change(folder.path(), "annotations.json", |marks| {
         let labels = marks["labels"].as_array_mut().unwrap();
@@ -168,10 +169,10 @@ fn a_tool_in_another_colour_is_refused_but_what_was_tracked_is_written() {
         labels.last_mut().unwrap()["label"] = "orange".into();
     });
     let track = trocar(folder.path(), &format!("{} --out track.csv", TRACK.replace("--quiet ", "")));
-    let said = String::from_utf8(track.stderr).unwrap();
-    assert_eq!(track.status.code(), Some(0), "{said}");
-    assert!(said.contains("verdict: refused"), "{said}");
-    assert!(fs::read_to_string(folder.path().join("track.csv")).unwrap().starts_with("frame,time_s,tool"), "{said}");
+    let stderr = String::from_utf8(track.stderr).unwrap();
+    assert_eq!(track.status.code(), Some(0), "{stderr}");
+    assert!(stderr.contains("verdict: refused"), "{stderr}");
+    assert!(fs::read_to_string(folder.path().join("track.csv")).unwrap().starts_with("frame,time_s,tool"), "{stderr}");
 }
 
 #[test]
@@ -184,18 +185,18 @@ fn a_report_is_one_page_beside_the_figures() {
     let page = fs::read_to_string(folder.path().join("report.html")).unwrap();
     assert!(page.starts_with("<!doctype html>") && page.contains("track.csv against truth.json"), "{page:.500}");
     let nowhere = trocar(folder.path(), "evaluate --report nowhere/report.html track.csv truth.json");
-    let said = String::from_utf8(nowhere.stderr).unwrap();
-    assert!(nowhere.status.code() == Some(1) && said.contains("nowhere/report.html"), "{said}");
+    let stderr = String::from_utf8(nowhere.stderr).unwrap();
+    assert!(nowhere.status.code() == Some(1) && stderr.contains("nowhere/report.html"), "{stderr}");
 }
 
 #[test]
-fn without_a_file_to_write_to_the_path_goes_to_stdout_and_nothing_else_does() {
+fn without_an_output_file_only_the_path_goes_to_stdout() {
     let output = trocar(SCENE.path(), TRACK);
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.starts_with("frame,time_s,tool,"), "{text:.80}");
-    let loud = trocar(SCENE.path(), &TRACK.replace("--quiet ", ""));
-    assert_eq!(String::from_utf8(loud.stdout).unwrap(), text);
-    assert!(!loud.stderr.is_empty());
+    let with_progress = trocar(SCENE.path(), &TRACK.replace("--quiet ", ""));
+    assert_eq!(String::from_utf8(with_progress.stdout).unwrap(), text);
+    assert!(!with_progress.stderr.is_empty());
 }
 
 #[test]
@@ -214,9 +215,9 @@ fn two_tools_with_the_same_good_tape_pass_the_check() {
 #[test]
 fn debug_pictures_show_the_chosen_frames_stage_by_stage_and_change_no_result() {
     let folder = scene();
-    let said = trocar(folder.path(), &format!("{TRACK} --debug-dir pictures/new --debug-frames 0,7,99"));
-    assert!(said.status.success() && said.stderr.is_empty(), "{said:?}");
-    assert_eq!(said.stdout, trocar(folder.path(), TRACK).stdout);
+    let track = trocar(folder.path(), &format!("{TRACK} --debug-dir pictures/new --debug-frames 0,7,99"));
+    assert!(track.status.success() && track.stderr.is_empty(), "{track:?}");
+    assert_eq!(track.stdout, trocar(folder.path(), TRACK).stdout);
     let pictures = folder.path().join("pictures/new");
     let mut names: Vec<String> =
         fs::read_dir(&pictures).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -227,11 +228,11 @@ fn debug_pictures_show_the_chosen_frames_stage_by_stage_and_change_no_result() {
     let drawn = |stage: &str| image::open(pictures.join(format!("frame_000007_{stage}.png"))).unwrap().into_rgb8();
     let result = drawn("3_result");
     assert!(result.width() == 1280 && result.height() > 720, "the picture and its legend");
-    let tip = tip_px(&said.stdout, 7).map(|px| px.round() as u32);
+    let tip = tip_px(&track.stdout, 7).map(|px| px.round() as u32);
     let at_tip = |picture: &image::RgbImage| picture.get_pixel(tip[0], tip[1] + picture.height() - 720).0;
     const FIRST_TOOL: [u8; 3] = [255, 40, 255];
-    assert_eq!(at_tip(&result), FIRST_TOOL, "its cross is at {tip:?}");
-    // Blur mixes the band's rim with what is beside it, so that a little is no tape's at the tip itself.
+    assert_eq!(at_tip(&result), FIRST_TOOL, "the tool's cross is at {tip:?}");
+    // Blur mixes the band's edge with its surroundings, so a few pixels at the tip do not have the tape's colour.
     let colours = drawn("1_colours");
     let band = |at: &(u32, u32, &image::Rgb<u8>)| at.2.0 == FIRST_TOOL && at.1 > colours.height() - 720;
     let nearest = colours
@@ -245,7 +246,7 @@ fn debug_pictures_show_the_chosen_frames_stage_by_stage_and_change_no_result() {
     assert!(agree > 1000 && agree > 5 * elsewhere, "{agree} green pixels and {elsewhere} red ones on clean tape");
 }
 
-/// Where a path has the tip on a frame, pixels.
+/// The tip's position on one frame of a path, pixels.
 fn tip_px(csv: &[u8], frame: u32) -> [f64; 2] {
     let text = String::from_utf8(csv.to_vec()).unwrap();
     let row = text.lines().find(|line| line.starts_with(&format!("{frame},"))).unwrap();
@@ -257,10 +258,10 @@ fn a_folder_that_debug_pictures_cannot_use_is_named_before_anything_is_tracked()
     let folder = scene();
     fs::create_dir(folder.path().join("full")).unwrap();
     fs::write(folder.path().join("full/notes.txt"), "mine").unwrap();
-    let said = refusal(folder.path(), &format!("{TRACK} --debug-dir full"));
-    assert!(said.contains("full: is not empty") && said.contains("name a new or an empty folder"), "{said}");
-    let said = refusal(folder.path(), &format!("{TRACK} --debug-dir clip.mp4"));
-    assert!(said.contains("clip.mp4"), "{said}");
+    let stderr = refusal(folder.path(), &format!("{TRACK} --debug-dir full"));
+    assert!(stderr.contains("full: is not empty") && stderr.contains("name a new or an empty folder"), "{stderr}");
+    let stderr = refusal(folder.path(), &format!("{TRACK} --debug-dir clip.mp4"));
+    assert!(stderr.contains("clip.mp4"), "{stderr}");
     for alone in ["--debug-every 5", "--debug-frames 1", "--debug-dir new --debug-every 0"] {
         assert_eq!(trocar(folder.path(), &format!("{TRACK} {alone}")).status.code(), Some(2), "{alone}");
     }
@@ -270,8 +271,8 @@ fn a_folder_that_debug_pictures_cannot_use_is_named_before_anything_is_tracked()
 fn a_file_that_is_not_there_is_named() {
     let folder = scene();
     for name in ["camera.json", "annotations.json", "clip.mp4"] {
-        let said = refusal(folder.path(), &TRACK.replace(name, "absent.file"));
-        assert!(said.contains("absent.file"), "{said}");
+        let stderr = refusal(folder.path(), &TRACK.replace(name, "absent.file"));
+        assert!(stderr.contains("absent.file"), "{stderr}");
     }
 }
 
@@ -279,24 +280,25 @@ fn a_file_that_is_not_there_is_named() {
 fn a_camera_of_another_picture_size_is_refused_with_both_sizes() {
     let folder = scene();
     change(folder.path(), "camera.json", |camera| camera["width"] = 1111.into());
-    let said = refusal(folder.path(), TRACK);
-    assert!(said.contains("1111") && said.contains("1280"), "{said}");
+    let stderr = refusal(folder.path(), TRACK);
+    assert!(stderr.contains("1111") && stderr.contains("1280"), "{stderr}");
 }
 
 #[test]
 fn a_mark_outside_the_picture_or_behind_the_last_frame_is_refused() {
     let folder = scene();
     change(folder.path(), "annotations.json", |marks| marks["labels"][0]["x"] = 5000.into());
-    let said = refusal(folder.path(), TRACK);
-    assert!(said.contains("annotations.json") && said.contains("5000"), "{said}");
+    let stderr = refusal(folder.path(), TRACK);
+    assert!(stderr.contains("annotations.json") && stderr.contains("5000"), "{stderr}");
     let folder = scene();
     change(folder.path(), "annotations.json", |marks| marks["labels"][0]["frame"] = 400.into());
-    let said = refusal(folder.path(), TRACK);
-    assert!(said.contains("400") && said.contains("25 frames"), "{said}");
+    let stderr = refusal(folder.path(), TRACK);
+    assert!(stderr.contains("400") && stderr.contains("25 frames"), "{stderr}");
 }
 
-/// Tracks the scene twice: marked in the recording itself, and in a copy of it, which is decoded up to the last mark.
-fn tracked_with_marks_here_and_in_a_copy(folder: &Path) -> [String; 2] {
+/// Tracks the scene twice: with marks in the recording itself, and with marks in a copy of it, which is decoded up to
+/// the last mark.
+fn track_with_marks_in_clip_and_in_copy(folder: &Path) -> [String; 2] {
     fs::copy(folder.join("clip.mp4"), folder.join("copy.mp4")).unwrap();
     ["clip.mp4", "copy.mp4"].map(|marked| {
         change(folder, "annotations.json", |marks| marks["video"] = marked.into());
@@ -307,27 +309,27 @@ fn tracked_with_marks_here_and_in_a_copy(folder: &Path) -> [String; 2] {
 }
 
 #[test]
-fn marked_frames_decoded_in_passing_give_the_path_that_counting_up_to_them_gives() {
+fn marks_in_the_recording_give_the_path_that_marks_in_a_copy_give() {
     let folder = scene();
-    let [here, in_copy] = tracked_with_marks_here_and_in_a_copy(folder.path());
-    assert!(here.lines().count() > 25, "{here}");
-    assert_eq!(here, in_copy);
+    let [in_clip, in_copy] = track_with_marks_in_clip_and_in_copy(folder.path());
+    assert!(in_clip.lines().count() > 25, "{in_clip}");
+    assert_eq!(in_clip, in_copy);
 }
 
 #[test]
-fn marks_count_the_frames_that_come_where_a_packet_gives_none() {
+fn marks_count_only_decoded_frames_if_a_packet_holds_no_picture() {
     let folder = scene();
     let clip = folder.path().join("clip.mp4");
     let mut bytes = fs::read(&clip).unwrap();
-    let lost = slice_to_which_no_other_refers(&bytes);
-    bytes[lost] = 12; // now it is filler, and its packet holds no picture
+    let slice = unreferenced_slice(&bytes);
+    bytes[slice] = 12; // now it is filler, and its packet holds no picture
     fs::write(&clip, bytes).unwrap();
-    let [here, in_copy] = tracked_with_marks_here_and_in_a_copy(folder.path());
-    assert_eq!(here, in_copy);
+    let [in_clip, in_copy] = track_with_marks_in_clip_and_in_copy(folder.path());
+    assert_eq!(in_clip, in_copy);
 }
 
-/// Where the first such slice's head lies in an MP4 whose media are one stream of H.264.
-fn slice_to_which_no_other_refers(mp4: &[u8]) -> usize {
+/// Offset of the header of the first slice that no other slice refers to, in an MP4 with one H.264 stream.
+fn unreferenced_slice(mp4: &[u8]) -> usize {
     let mut at = mp4.windows(4).position(|name| name == b"mdat").unwrap() + 4;
     while mp4[at + 4] != 1 {
         at += 4 + u32::from_be_bytes(*mp4[at..].first_chunk().unwrap()) as usize;
@@ -336,32 +338,32 @@ fn slice_to_which_no_other_refers(mp4: &[u8]) -> usize {
 }
 
 #[test]
-fn what_is_no_recording_is_refused() {
+fn a_file_that_is_no_recording_is_refused() {
     let folder = scene();
     fs::write(folder.path().join("clip.mp4"), "Dear diary, this is no video.\n".repeat(100)).unwrap();
-    let said = refusal(folder.path(), TRACK);
-    assert!(said.contains("clip.mp4"), "{said}");
+    let stderr = refusal(folder.path(), TRACK);
+    assert!(stderr.contains("clip.mp4"), "{stderr}");
 }
 
 #[test]
 fn paths_and_truths_that_cannot_be_read_are_refused() {
     let folder = scene();
-    let said = refusal(folder.path(), "evaluate truth.json clip.mp4");
-    assert!(said.contains("truth.json"), "{said}");
+    let stderr = refusal(folder.path(), "evaluate truth.json clip.mp4");
+    assert!(stderr.contains("truth.json"), "{stderr}");
     assert!(refusal(folder.path(), "evaluate truth.json").contains("track.csv"));
     fs::write(folder.path().join("empty.csv"), "").unwrap();
     assert!(refusal(folder.path(), "score --task any empty.csv").contains("empty.csv"));
 }
 
 #[test]
-fn wrong_usage_has_the_status_of_wrong_usage() {
+fn wrong_usage_exits_with_status_2() {
     for line in ["", "dance", "track", "simulate --scene nowhere --out scene", "calibrate --board 9by6 a.jpg"] {
         assert_eq!(trocar(SCENE.path(), line).status.code(), Some(2), "{line}");
     }
 }
 
 #[test]
-fn what_the_service_writes_is_its_owners_alone() {
+fn only_the_owner_may_read_the_services_files() {
     let folder = tempfile::tempdir().unwrap();
     fs::set_permissions(folder.path(), Permissions::from_mode(0o755)).unwrap();
     let _service = Process::start(folder.path());
@@ -374,7 +376,7 @@ fn what_the_service_writes_is_its_owners_alone() {
     assert!(seen >= 4, "database, ballast, blobs, uploads");
 }
 
-/// Calls every second background rectangle the tool: its colour becomes the box's.
+/// Labels every second background rectangle as the tool, so that the tool has the colours of the box.
 fn spoil_colours(folder: &Path) {
     change(folder, "annotations.json", |marks| {
         let labels = marks["labels"].as_array_mut().unwrap();
@@ -386,7 +388,7 @@ fn spoil_colours(folder: &Path) {
 }
 
 #[test]
-fn good_colours_are_told_in_a_table_or_as_json() {
+fn good_colours_are_reported_in_a_table_or_as_json() {
     let check = "palette --check annotations.json";
     let output = trocar(SCENE.path(), check);
     let text = String::from_utf8(output.stdout).unwrap();
@@ -400,17 +402,17 @@ fn good_colours_are_told_in_a_table_or_as_json() {
 }
 
 #[test]
-fn a_bad_colour_fails_the_check_after_its_table_and_is_told_before_tracking() {
+fn a_bad_colour_fails_the_check_after_its_table_and_gives_a_warning_before_tracking() {
     let folder = scene();
     spoil_colours(folder.path());
     let output = trocar(folder.path(), "palette --check annotations.json");
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{said}");
-    assert_eq!(said.lines().count(), 1, "{said}");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert_eq!(stderr.lines().count(), 1, "{stderr}");
     assert!(String::from_utf8(output.stdout).unwrap().contains("is bad: "));
     let track = trocar(folder.path(), &TRACK.replace("--quiet ", ""));
-    let said = String::from_utf8(track.stderr).unwrap();
-    assert!(said.starts_with("warning: the colour `") && said.contains("is bad: "), "{said}");
+    let stderr = String::from_utf8(track.stderr).unwrap();
+    assert!(stderr.starts_with("warning: the colour `") && stderr.contains("is bad: "), "{stderr}");
 }
 
 #[test]
@@ -425,15 +427,15 @@ fn advice_takes_a_photo_or_a_video() {
 }
 
 #[test]
-fn what_the_palette_command_cannot_use_is_named() {
+fn input_that_the_palette_command_cannot_use_is_named() {
     let folder = scene();
     for name in ["annotations.json", "absent.png"] {
-        let said = refusal(folder.path(), &format!("palette --advise {name}"));
-        assert!(said.contains(name), "{said}");
+        let stderr = refusal(folder.path(), &format!("palette --advise {name}"));
+        assert!(stderr.contains(name), "{stderr}");
     }
     change(folder.path(), "annotations.json", |marks| drop(marks.as_object_mut().unwrap().remove("video")));
-    let said = refusal(folder.path(), "palette --check annotations.json");
-    assert!(said.contains("names no `video`"), "{said}");
+    let stderr = refusal(folder.path(), "palette --check annotations.json");
+    assert!(stderr.contains("names no `video`"), "{stderr}");
     assert!(trocar(folder.path(), "palette --check annotations.json clip.mp4").status.success());
     assert_eq!(trocar(folder.path(), "palette").status.code(), Some(2));
 }

@@ -32,7 +32,7 @@ fn every_dependency_comes_from_the_registry() {
         .filter(|p| p["name"] != "trocar" && !p["source"].as_str().is_some_and(|s| s.starts_with("registry+")))
         .map(|p| p["name"].to_string())
         .collect();
-    assert!(elsewhere.is_empty(), "from elsewhere: {elsewhere:?}");
+    assert!(elsewhere.is_empty(), "not from the registry: {elsewhere:?}");
 }
 
 fn accepts(allowed: &[LicenseReq], expression: &str) -> bool {
@@ -44,10 +44,10 @@ fn allowed_licences() -> Vec<LicenseReq> {
     let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/deny.toml")).unwrap();
     let deny: toml::Table = text.parse().unwrap();
     let names = deny["licenses"]["allow"].as_array().unwrap();
-    names.iter().map(|name| single(name.as_str().unwrap())).collect()
+    names.iter().map(|name| licence_requirement(name.as_str().unwrap())).collect()
 }
 
-fn single(name: &str) -> LicenseReq {
+fn licence_requirement(name: &str) -> LicenseReq {
     let parsed = Expression::parse(name).unwrap();
     let mut requirements = parsed.requirements();
     requirements.next().unwrap().req.clone()

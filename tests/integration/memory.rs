@@ -1,23 +1,23 @@
-//! What a recording's length costs the tracker in memory, counted byte by byte.
+//! How the tracker's memory grows with a recording's length, counted byte by byte.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use trocar::pipeline::frame::Frame;
-use trocar::pipeline::trajectory::Kind;
+use trocar::pipeline::trajectory::PathKind;
 use trocar::simulation::{Scenario, Setup, Skill};
 
 use crate::truth::Recording;
 
-/// Most bytes that a frame of one tool may add to the peak. While it is followed, its record takes 352; in the end its motion
-/// takes 240 and a path 176. Where every path is kept at once, and every step of the smoother, it is 2,000.
-const MOST_PER_FRAME_AND_TOOL: f64 = 480.0;
+/// Maximum bytes that one frame of one tool may add to the peak. During tracking its record takes 352 bytes; at the end
+/// its motion takes 240 and a path 176. All paths and all steps of the smoother at once would take 2,000.
+const MAX_BYTES_PER_FRAME_AND_TOOL: f64 = 480.0;
 
-/// Counts what each thread holds.
-struct Counting;
+/// An allocator that counts the bytes that each thread holds.
+struct CountingAllocator;
 
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 thread_local! {
     static HELD: Cell<isize> = const { Cell::new(0) };
@@ -30,8 +30,8 @@ fn count(bytes: isize) {
     PEAK.set(PEAK.get().max(held));
 }
 
-// SAFETY: all is done by the system's allocator; counting allocates nothing.
-unsafe impl GlobalAlloc for Counting {
+// SAFETY: the system's allocator does all the work; counting allocates nothing.
+unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size().cast_signed());
         // SAFETY: the caller's promises are passed on.
@@ -51,7 +51,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// The most that this thread holds at a time while so many frames are tracked and a path is made of them.
+/// Peak of the bytes that this thread holds while `frames` frames are tracked and a path is made from them.
 fn peak_bytes(recording: &Recording, frames: usize) -> isize {
     let before = HELD.get();
     PEAK.set(before);
@@ -61,14 +61,14 @@ fn peak_bytes(recording: &Recording, frames: usize) -> isize {
         tracker.observe(&Frame { index: index as u64, time_s, ..recording.frame(0) });
     }
     let tracking = tracker.finish();
-    let path = tracking.trajectory(Kind::Smoothed);
+    let path = tracking.trajectory(PathKind::Smoothed);
     assert_eq!(path.samples.len(), frames * path.tools.len(), "every tool is in sight all the time");
     PEAK.get() - before
 }
 
 #[test]
 fn an_hour_takes_little_more_memory_than_a_minute() {
-    const SHORT: usize = 512; // poses enough for all that is worked out from a limited number of them
+    const SHORT: usize = 512; // enough poses for every estimate that uses a limited number of them
     const LONG: usize = 2048;
     let setup = Setup { width: 640, height: 360, ..Setup::new(Scenario::Rest, Skill::INTERMEDIATE, 21) };
     let recording = Recording::with(&setup, Some(1));
@@ -76,5 +76,5 @@ fn an_hour_takes_little_more_memory_than_a_minute() {
     let more = peak_bytes(&recording, LONG) - peak_bytes(&recording, SHORT);
     let per_frame = more as f64 / ((LONG - SHORT) * tools) as f64;
     eprintln!("{per_frame:.0} bytes per frame and tool");
-    assert!(per_frame < MOST_PER_FRAME_AND_TOOL, "{per_frame:.0} bytes per frame and tool");
+    assert!(per_frame < MAX_BYTES_PER_FRAME_AND_TOOL, "{per_frame:.0} bytes per frame and tool");
 }

@@ -1,26 +1,26 @@
-//! Tapes in the simulated box: what is said of their colours before the recording, and what the tracker then makes of them.
+//! Tapes in the simulated box: the advice before a recording, and the result of the tracker.
 
 use trocar::pipeline::blob::false_area::false_area;
 use trocar::pipeline::evaluation::{Accuracy, Truth, TruthFrame, accuracy};
 use trocar::pipeline::frame::Frame;
-use trocar::pipeline::quality::{self, Cause, Concern, Evidence, Severity};
+use trocar::pipeline::quality::{self, Concern, QualityCause, QualityInput, Severity};
 use trocar::pipeline::segmentation::colour_table::ColourTable;
 use trocar::pipeline::segmentation::knn::Knn;
-use trocar::pipeline::segmentation::palette::advice::{self, advise};
+use trocar::pipeline::segmentation::palette::advice::{self, rank_tapes};
 use trocar::pipeline::segmentation::palette::confusion::Confusion;
-use trocar::pipeline::segmentation::palette::{FalseArea, Grade, Verdict, verdict, verdicts};
-use trocar::pipeline::segmentation::samples::{ColourSamples, Rectangle};
-use trocar::pipeline::tracker::{MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking, View};
-use trocar::pipeline::trajectory::Kind;
-use trocar::simulation::marks::{self, Mark};
+use trocar::pipeline::segmentation::palette::{FalseArea, Grade, TapeVerdict, verdict, verdicts};
+use trocar::pipeline::segmentation::samples::{ColourSamples, MarkedRectangle};
+use trocar::pipeline::tracker::{CameraView, MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
+use trocar::pipeline::trajectory::PathKind;
+use trocar::simulation::marks::{self, SimulatedMark};
 use trocar::simulation::render::{Rendered, Renderer};
-use trocar::simulation::tool::Tape;
+use trocar::simulation::tool::TapeDesign;
 use trocar::simulation::{Scenario, Setup, Skill, World, truth};
 
 const FRAMES: usize = 24;
 const FPS: f64 = 8.0;
 
-fn setup(tapes: [Tape; 2]) -> Setup {
+fn setup(tapes: [TapeDesign; 2]) -> Setup {
     Setup { rig: 2, tapes, ..Setup::new(Scenario::Rectangle, Skill::INTERMEDIATE, 21) }
 }
 
@@ -29,16 +29,16 @@ struct TapedBox {
     world: World,
     times_s: Vec<f64>,
     pictures: Vec<Rendered>,
-    marks: Vec<Mark>,
+    marks: Vec<SimulatedMark>,
 }
 
 impl TapedBox {
-    fn with(tapes: [Tape; 2]) -> Self {
+    fn with(tapes: [TapeDesign; 2]) -> Self {
         let world = World::new(&setup(tapes));
         let times_s: Vec<f64> = (0..FRAMES).map(|i| i as f64 / FPS).collect();
         let renderer = Renderer::new(&world);
         let pictures = times_s.iter().map(|time_s| renderer.render(*time_s)).collect();
-        let marks = marks::of_recording(&world, &times_s);
+        let marks = marks::mark_recording(&world, &times_s);
         Self { times_s, pictures, marks, world }
     }
 
@@ -56,7 +56,7 @@ impl TapedBox {
         samples
     }
 
-    fn verdicts(&self) -> Vec<Verdict> {
+    fn verdicts(&self) -> Vec<TapeVerdict> {
         let (samples, tools) = (self.samples(), self.tools());
         verdict::judge(&Confusion::of(&samples, &tools), &self.false_areas(&samples, &tools))
     }
@@ -67,8 +67,8 @@ impl TapedBox {
         for (index, tool) in tools.iter().enumerate() {
             for frame in 0..FRAMES {
                 let own = self.marks.iter().filter(|mark| mark.frame == frame && mark.label == tool);
-                let own: Vec<Rectangle> = own.map(rectangle).collect();
-                let own: Vec<&Rectangle> = own.iter().collect();
+                let own: Vec<MarkedRectangle> = own.map(rectangle).collect();
+                let own: Vec<&MarkedRectangle> = own.iter().collect();
                 found.extend(false_area(&self.frame(frame), &table, index as u8 + 1, &own, 1));
             }
         }
@@ -76,7 +76,7 @@ impl TapedBox {
     }
 
     fn tracked(&self) -> Tracking {
-        let tool = |tool: &trocar::simulation::tool::Tool| ToolSpec {
+        let tool = |tool: &trocar::simulation::tool::SimulatedTool| ToolSpec {
             name: tool.name.to_owned(),
             colour: tool.design.tape.name.to_owned(),
             side: None,
@@ -86,7 +86,7 @@ impl TapedBox {
         let tools = self.world.tools.iter().map(tool).collect();
         let camera = self.world.rig.camera;
         let mut settings = TrackerSettings::new(camera, tools, self.samples());
-        settings.view = Some(View::Top);
+        settings.view = Some(CameraView::Top);
         let mut tracker = Tracker::new(settings, camera.width, camera.height, self.frame(0).encoding).unwrap();
         for index in 0..FRAMES {
             tracker.observe(&self.frame(index));
@@ -101,68 +101,71 @@ impl TapedBox {
             tools: truth::at(&self.world, *time_s),
         };
         let truth = Truth { frames: self.times_s.iter().enumerate().map(frame).collect() };
-        accuracy(&tracking.trajectory(Kind::Smoothed), &truth).unwrap()
+        accuracy(&tracking.trajectory(PathKind::Smoothed), &truth).unwrap()
     }
 }
 
-/// What the gate has against the colours of a session.
-fn of_colours(tracking: &Tracking) -> Vec<Concern> {
-    let smoothed = tracking.trajectory(Kind::Smoothed);
-    let figures = quality::measure(&Evidence::of_tracking(tracking, &smoothed, MotionSettings::default()));
+/// Concerns of the quality gate about the colours of a session.
+fn colour_concerns(tracking: &Tracking) -> Vec<Concern> {
+    let smoothed = tracking.trajectory(PathKind::Smoothed);
+    let figures = quality::measure(&QualityInput::of_tracking(tracking, &smoothed, MotionSettings::default()));
     let concerns = quality::judge(&figures).concerns().to_vec();
-    concerns.into_iter().filter(|c| [Cause::ColourBackground, Cause::ColourPair].contains(&c.cause)).collect()
+    concerns
+        .into_iter()
+        .filter(|c| [QualityCause::ColourBackground, QualityCause::ColourPair].contains(&c.cause))
+        .collect()
 }
 
-fn rectangle(mark: &Mark) -> Rectangle {
+fn rectangle(mark: &SimulatedMark) -> MarkedRectangle {
     let [x, y, w, h] = [mark.x, mark.y, mark.w, mark.h].map(|n| n as usize);
-    Rectangle { label: mark.label.to_owned(), x, y, w, h }
+    MarkedRectangle { label: mark.label.to_owned(), x, y, w, h }
 }
 
 #[test]
 fn vivid_tapes_are_good() {
-    let scene = TapedBox::with(["orange", "cyan"].map(|name| Tape::named(name).unwrap()));
+    let scene = TapedBox::with(["orange", "cyan"].map(|name| TapeDesign::named(name).unwrap()));
     let verdicts = scene.verdicts();
     assert!(verdicts.iter().all(|verdict| verdict.grade == Grade::Good), "{verdicts:?}");
-    assert_eq!(of_colours(&scene.tracked()), []);
+    assert_eq!(colour_concerns(&scene.tracked()), []);
 }
 
 #[test]
 fn a_session_with_two_tapes_of_nearly_one_colour_is_used_with_care() {
-    let orange = Tape::named("orange").unwrap();
-    let redder = Tape { name: "redder", colour: [0.86, 0.155, 0.012] };
-    let concerns = of_colours(&TapedBox::with([orange, redder]).tracked());
+    let orange = TapeDesign::named("orange").unwrap();
+    let redder = TapeDesign { name: "redder", colour: [0.86, 0.155, 0.012] };
+    let concerns = colour_concerns(&TapedBox::with([orange, redder]).tracked());
     let found: Vec<_> = concerns.iter().map(|c| (c.cause, c.severity, c.tool.as_deref(), c.label.as_deref())).collect();
-    let pair = |tool, other| (Cause::ColourPair, Severity::Care, Some(tool), Some(other));
+    let pair = |tool, other| (QualityCause::ColourPair, Severity::Care, Some(tool), Some(other));
     assert_eq!(found, [pair("orange", "redder"), pair("redder", "orange")]);
 }
 
 #[test]
-fn purple_on_a_mat_with_red_blue_and_purple_is_called_bad_before_it_is_followed_wrongly() {
-    let purple = Tape { name: "purple", colour: [0.2, 0.065, 0.25] }; // as printed on the mat
-    let scene = TapedBox::with([purple, Tape::named("orange").unwrap()]);
+fn purple_on_a_mat_with_red_blue_and_purple_is_graded_bad_before_it_is_tracked_wrongly() {
+    let purple = TapeDesign { name: "purple", colour: [0.2, 0.065, 0.25] }; // as printed on the mat
+    let scene = TapedBox::with([purple, TapeDesign::named("orange").unwrap()]);
     let rms = |accuracy: &Accuracy, index: usize| accuracy.tools[index].levels[0].errors.map(|e| e.three_d.rms);
     let tracking = scene.tracked();
     let tracked = scene.accuracy(&tracking);
     let (purple, orange) = (rms(&tracked, 0), rms(&tracked, 1));
-    assert!(purple.is_none_or(|mm| mm > 20.0) && orange.unwrap() < 3.0, "purple is the hard one: {tracked:?}");
-    let [concern] = &of_colours(&tracking)[..] else { panic!("{:?}", of_colours(&tracking)) };
-    assert_eq!((concern.cause, concern.severity), (Cause::ColourBackground, Severity::Refuse), "{concern:?}");
+    assert!(purple.is_none_or(|mm| mm > 20.0) && orange.unwrap() < 3.0, "purple is the difficult tape: {tracked:?}");
+    let [concern] = &colour_concerns(&tracking)[..] else { panic!("{:?}", colour_concerns(&tracking)) };
+    assert_eq!((concern.cause, concern.severity), (QualityCause::ColourBackground, Severity::Refuse), "{concern:?}");
     assert_eq!((concern.tool.as_deref(), concern.label.as_deref()), (Some("purple"), Some("background")));
     for verdicts in [scene.verdicts(), verdicts(&scene.samples(), &scene.tools())] {
         let grades: Vec<Grade> = verdicts.iter().map(|verdict| verdict.grade).collect();
         assert_eq!(grades, [Grade::Bad, Grade::Good], "{verdicts:?}");
     }
-    let said = scene.verdicts()[0].warning().unwrap();
-    assert!(said.contains("× the band") && said.contains("turns it into `background`"), "{said}");
+    let warning = scene.verdicts()[0].warning().unwrap();
+    assert!(warning.contains("× the band") && warning.contains("turns it into `background`"), "{warning}");
 }
 
 #[test]
-fn the_pair_that_is_advised_for_an_empty_box_proves_good_there_and_the_last_tape_bad() {
-    let mut world = World::new(&setup([Tape::ALL[0], Tape::ALL[1]]));
+fn the_pair_advised_for_an_empty_box_is_good_in_it_and_the_last_tape_is_bad() {
+    let mut world = World::new(&setup([TapeDesign::ALL[0], TapeDesign::ALL[1]]));
     world.tools.clear();
-    let advice = advise(&Renderer::new(&world).render(0.0).frame(0, 0.0));
+    let advice = rank_tapes(&Renderer::new(&world).render(0.0).frame(0, 0.0));
     let grades = |tapes: [advice::Tape; 2]| {
-        let verdicts = TapedBox::with(tapes.map(wound)).verdicts();
+        let verdicts = TapedBox::with(tapes.map(tape_design)).verdicts();
         verdicts.into_iter().map(|verdict| verdict.grade).collect::<Vec<_>>()
     };
     assert_eq!(advice.pairs[0].grade, Grade::Good);
@@ -172,7 +175,7 @@ fn the_pair_that_is_advised_for_an_empty_box_proves_good_there_and_the_last_tape
     assert_eq!(grades([first.tape, last.tape]), [Grade::Good, Grade::Bad], "{last:?}");
 }
 
-/// A roll of this tape, wound on a tool.
-fn wound(tape: advice::Tape) -> Tape {
-    Tape { name: tape.name, colour: tape.srgb.map(|c| (f32::from(c) / 255.0).powf(2.2)) }
+/// The advised tape as a simulated tool's tape.
+fn tape_design(tape: advice::Tape) -> TapeDesign {
+    TapeDesign { name: tape.name, colour: tape.srgb.map(|c| (f32::from(c) / 255.0).powf(2.2)) }
 }

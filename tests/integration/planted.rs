@@ -1,4 +1,4 @@
-//! Sessions with results for which nothing was tracked: put through the store, beside the running service.
+//! Sessions with results that were not tracked: they are written to the store directly, beside the running service.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -6,7 +6,7 @@ use std::time::Duration;
 use futures_util::future::join_all;
 use trocar::domain::blob::Blob;
 use trocar::domain::calibration::{CalibrationSource, NewCalibration};
-use trocar::domain::edit::Change;
+use trocar::domain::edit::EditChange;
 use trocar::domain::evidence::EvidenceRow;
 use trocar::domain::files::annotations::AnnotationsFile;
 use trocar::domain::files::camera::CameraFile;
@@ -21,7 +21,7 @@ use trocar::domain::text::Key;
 use trocar::ids::{BoxId, CalibrationId, PaletteId, SessionId, TaskId, TraineeId};
 use trocar::pipeline::PIPELINE_VERSION;
 use trocar::store::{Lease, Store, StoreSettings};
-use trocar::time::System;
+use trocar::time::SystemClock;
 
 /// 2026-01-01.
 pub const NEW_YEAR_MS: i64 = 1_767_225_600_000;
@@ -36,15 +36,15 @@ pub struct Planter {
     palette: PaletteId,
     /// The task `peg`.
     pub task: TaskId,
-    /// What each result says of where its features come from.
+    /// The evidence rows of each result.
     pub evidence: Vec<EvidenceRow>,
 }
 
 impl Planter {
-    /// Beside a service that has a box `box-1` and a task `peg`; gives the box a camera and colours.
-    pub async fn beside(database: &std::path::Path) -> Self {
+    /// Opens the database of a service with a box `box-1` and a task `peg`, and gives the box a camera and colours.
+    pub async fn open(database: &std::path::Path) -> Self {
         let settings = StoreSettings::default();
-        let store = Store::open(database, &settings, Arc::new(System)).await.unwrap();
+        let store = Store::open(database, &settings, Arc::new(SystemClock)).await.unwrap();
         let service = Scope::service();
         let in_box = store.boxes().get(&service, &Key::from("box-1")).await.unwrap().id;
         let task = store.tasks().get(&service, &Key::from("peg")).await.unwrap().id;
@@ -75,19 +75,19 @@ impl Planter {
         self.store.trainees().get(&Scope::service(), &Key::from(code)).await.unwrap().id
     }
 
-    /// A session that was recorded then and measured so.
+    /// Adds a session with this recording time and these features.
     pub async fn session(&self, trainee: TraineeId, recorded_at_ms: i64, features: Vec<FeatureRow>) {
         self.result(trainee, recorded_at_ms, features, (PIPELINE_VERSION, "valid")).await;
     }
 
-    /// The same with the version of the program and the verdict of the gate.
-    pub async fn result(&self, whose: TraineeId, at_ms: i64, features: Vec<FeatureRow>, made: (&str, &str)) {
-        self.create(whose, at_ms).await;
+    /// The same with the pipeline version and the verdict of the quality gate.
+    pub async fn result(&self, trainee: TraineeId, at_ms: i64, features: Vec<FeatureRow>, origin: (&str, &str)) {
+        self.create(trainee, at_ms).await;
         let lease = self.claim().await;
-        self.finish(&lease, features, made).await;
+        self.finish(&lease, features, origin).await;
     }
 
-    /// Several at the same time: they share commits.
+    /// Adds several sessions at the same time, so that they share commits.
     pub async fn sessions(&self, mut rows: Vec<(TraineeId, i64, Vec<FeatureRow>)>) {
         let created = join_all(rows.iter().map(|(trainee, at_ms, _)| self.create(*trainee, *at_ms))).await;
         let of =
@@ -101,7 +101,7 @@ impl Planter {
         join_all(finish).await;
     }
 
-    /// Works on the next job of a rescoring, once there is one: another version of the program makes this of the old duration.
+    /// Completes the next job of a rescoring, once there is one. `of` gives the new feature for each old duration.
     pub async fn rescore(&self, pipeline: &str, of: impl Fn(f64) -> FeatureRow) {
         let lease = self.claim_when_there().await;
         let JobInput::Rescore(input) = lease.job.input.clone() else { panic!("{:?}", lease.job) };
@@ -118,7 +118,7 @@ impl Planter {
         self.store.jobs().finish_rescore(&lease, score).await.unwrap();
     }
 
-    /// The same, but the stored path cannot be scored again.
+    /// Fails the next job of a rescoring: the stored path cannot be scored again.
     pub async fn refuse_rescoring(&self) {
         let lease = self.claim_when_there().await;
         self.store
@@ -128,13 +128,13 @@ impl Planter {
             .unwrap();
     }
 
-    /// Keeps some seconds of a session, as an instructor would.
+    /// Trims a session to one second, as an instructor would.
     pub async fn trim(&self, session: SessionId) {
         let why = "Talked at first.".parse().unwrap();
-        self.store.edits().add(&Scope::service(), session, (Change::Trim([1.0, 2.0]), why), None).await.unwrap();
+        self.store.edits().add(&Scope::service(), session, (EditChange::Trim([1.0, 2.0]), why), None).await.unwrap();
     }
 
-    /// What kind of work is next.
+    /// Claims the next job in the queue and returns its kind.
     pub async fn next_kind(&self) -> &'static str {
         self.claim().await.job.kind.name()
     }

@@ -1,28 +1,30 @@
-//! Pictures with known faults through the tracker and the gate: what is wrong is named, and what is right passes.
+//! Pictures with known faults through the tracker and the quality gate: each fault is named, and good recordings pass.
 
 use trocar::pipeline::camera::Camera;
 use trocar::pipeline::frame::{Frame, Plane};
-use trocar::pipeline::quality::{Basis, Cause, Evidence, Figures, Severity, Verdict, judge, measure};
-use trocar::pipeline::segmentation::samples::{ColourSamples, Rectangle};
+use trocar::pipeline::quality::{
+    Figures, NoiseFloorBasis, QualityCause, QualityInput, QualityVerdict, Severity, judge, measure,
+};
+use trocar::pipeline::segmentation::samples::{ColourSamples, MarkedRectangle};
 use trocar::pipeline::space::CameraPoint;
 use trocar::pipeline::tracker::{DiameterBasis, MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
-use trocar::pipeline::trajectory::Kind;
+use trocar::pipeline::trajectory::PathKind;
 use trocar::random::Dice;
 use trocar::simulation::render::{Rendered, Renderer};
 use trocar::simulation::{Scenario, Setup, Skill, World, marks, truth};
 
 const FRAME_S: f64 = 0.04;
 
-/// Columns of the window through which a picture is seen.
+/// Width of the part of a picture that the tracker gets, pixels.
 const WINDOW: usize = 480;
 
-/// A tool at rest, and pictures of it that differ by the sensor's noise alone.
-struct Rest {
+/// A tool at rest, and pictures of it that differ only in the sensor's noise.
+struct RestingTool {
     world: World,
     pictures: Vec<Rendered>,
 }
 
-impl Rest {
+impl RestingTool {
     fn of(pictures: usize) -> Self {
         let world = World::new(&Setup::new(Scenario::Rest, Skill::INTERMEDIATE, 21));
         let renderer = Renderer::new(&world);
@@ -33,9 +35,9 @@ impl Rest {
     fn samples(&self) -> ColourSamples {
         let first = self.pictures[0].frame(0, 0.0);
         let mut samples = ColourSamples::new(first.encoding);
-        for mark in marks::of_recording(&self.world, &[0.0]) {
+        for mark in marks::mark_recording(&self.world, &[0.0]) {
             let [x, y, w, h] = [mark.x, mark.y, mark.w, mark.h].map(|n| n as usize);
-            samples.collect(&first, &Rectangle { label: mark.label.to_owned(), x, y, w, h });
+            samples.collect(&first, &MarkedRectangle { label: mark.label.to_owned(), x, y, w, h });
         }
         samples
     }
@@ -65,7 +67,7 @@ impl Rest {
         Tracker::new(settings, width, height, self.pictures[0].frame(0, 0.0).encoding).unwrap()
     }
 
-    /// The first picture seen through a window that is `left_of(frame)` pixels from its left edge.
+    /// Tracks the first picture through a window that begins `left_of(frame)` pixels from the picture's left edge.
     fn track_through_a_window(&self, frames: u64, left_of: impl Fn(u64) -> usize) -> Tracking {
         let whole = self.pictures[0].frame(0, 0.0);
         let width = WINDOW;
@@ -86,19 +88,19 @@ fn window(plane: Plane<'_>, left: usize, width: usize) -> Plane<'_> {
 }
 
 fn figures(tracking: &Tracking) -> Figures {
-    let smoothed = tracking.trajectory(Kind::Smoothed);
-    measure(&Evidence::of_tracking(tracking, &smoothed, MotionSettings::default()))
+    let smoothed = tracking.trajectory(PathKind::Smoothed);
+    measure(&QualityInput::of_tracking(tracking, &smoothed, MotionSettings::default()))
 }
 
-fn judged(tracking: &Tracking) -> Verdict {
+fn judged(tracking: &Tracking) -> QualityVerdict {
     judge(&figures(tracking))
 }
 
-fn refusing(verdict: &Verdict) -> Vec<Cause> {
+fn refusing(verdict: &QualityVerdict) -> Vec<QualityCause> {
     verdict.concerns().iter().filter(|c| c.severity == Severity::Refuse).map(|c| c.cause).collect()
 }
 
-/// Grain that no sensor has any more.
+/// Adds grain that is stronger than that of any current sensor.
 fn with_grain(mut picture: Rendered, codes: f64, dice: &mut Dice) -> Rendered {
     for plane in [&mut picture.y, &mut picture.u, &mut picture.v] {
         plane.iter_mut().for_each(|c| *c = (f64::from(*c) + codes * dice.gauss()).round().clamp(16.0, 235.0) as u8);
@@ -108,55 +110,55 @@ fn with_grain(mut picture: Rendered, codes: f64, dice: &mut Dice) -> Rendered {
 
 #[test]
 fn a_clean_clip_is_valid_and_both_ways_to_its_noise_floor_agree() {
-    let rest = Rest::of(90);
+    let rest = RestingTool::of(90);
     let tracking = rest.track();
-    assert_eq!(judged(&tracking), Verdict::Valid);
-    let seems = figures(&tracking).tools[0].effective_diameter.unwrap();
-    assert_eq!(seems.basis, DiameterBasis::Usual, "a tool that does not turn tells nothing of its borders");
-    assert_eq!(seems.mm, rest.world.tools[0].design.diameter_mm);
+    assert_eq!(judged(&tracking), QualityVerdict::Valid);
+    let diameter = figures(&tracking).tools[0].effective_diameter.unwrap();
+    assert_eq!(diameter.basis, DiameterBasis::Usual, "the borders of a tool that does not turn give no information");
+    assert_eq!(diameter.mm, rest.world.tools[0].design.diameter_mm);
     let measured = figures(&tracking).tools[0].noise_floor.unwrap();
-    let mut smoothed = tracking.trajectory(Kind::Smoothed);
+    let mut smoothed = tracking.trajectory(PathKind::Smoothed);
     let speeds = smoothed.samples[13..77].iter().map(|s| s.velocity_mm_s.unwrap().norm_squared());
-    let truth = (speeds.sum::<f64>() / 64.0).sqrt(); // the tool stands still: whatever speed it has is noise
-    assert!(matches!(measured.basis, Basis::Rest(_)), "{measured:?}");
+    let truth = (speeds.sum::<f64>() / 64.0).sqrt(); // the tool is at rest: all its speed is noise
+    assert!(matches!(measured.basis, NoiseFloorBasis::Rest(_)), "{measured:?}");
     assert!((measured.smoothed_mm_s / truth - 1.0).abs() < 0.1, "{measured:?}, truth {truth}");
 
-    // Without knowing that it rests, from the scatter of the measurements alone:
+    // Without the information that it rests: from the scatter of the measurements alone.
     smoothed.samples.iter_mut().for_each(|sample| sample.tip_px = None);
-    let evidence = Evidence::of_tracking(&tracking, &smoothed, MotionSettings::default());
-    let worked_out = measure(&evidence).tools[0].noise_floor.unwrap();
-    eprintln!("noise floor: measured {measured:?}, worked out {worked_out:?}, truth {truth:.3} mm/s");
-    assert_eq!(worked_out.basis, Basis::Measurements);
-    let factor = worked_out.smoothed_mm_s / truth;
-    assert!((0.4..2.5).contains(&factor), "{worked_out:?}, truth {truth}");
+    let evidence = QualityInput::of_tracking(&tracking, &smoothed, MotionSettings::default());
+    let estimated = measure(&evidence).tools[0].noise_floor.unwrap();
+    eprintln!("noise floor: measured {measured:?}, estimated {estimated:?}, truth {truth:.3} mm/s");
+    assert_eq!(estimated.basis, NoiseFloorBasis::Measurements);
+    let factor = estimated.smoothed_mm_s / truth;
+    assert!((0.4..2.5).contains(&factor), "{estimated:?}, truth {truth}");
 }
 
 #[test]
-fn a_tool_that_is_out_of_view_for_most_of_the_session_refuses_it_and_says_so() {
-    let rest = Rest::of(1);
+fn a_session_whose_tool_is_mostly_out_of_view_is_refused_with_that_reason() {
+    let rest = RestingTool::of(1);
     let tip_mm = truth::at(&rest.world, 0.0)[0].tip_mm;
     let tip = rest.world.rig.camera.project(CameraPoint(tip_mm)).unwrap();
     let start = tip.u() as usize - WINDOW / 2; // the tip in the window's middle
-    let room_on_the_right = start + 400 + WINDOW <= rest.pictures[0].width;
+    let fits_on_the_right = start + 400 + WINDOW <= rest.pictures[0].width;
     let away = |frame: u64| {
         // 15 frames here, 20 on the way out, 100 away, and back
         let step = 20 * frame.saturating_sub(15).min(155u64.saturating_sub(frame)).min(20) as usize;
-        if room_on_the_right { start + step } else { start - step }
+        if fits_on_the_right { start + step } else { start - step }
     };
     let verdict = judged(&rest.track_through_a_window(170, away));
     eprintln!("{verdict:?}");
-    assert_eq!(refusing(&verdict), [Cause::Coverage, Cause::LeftView]);
+    assert_eq!(refusing(&verdict), [QualityCause::Coverage, QualityCause::LeftView]);
     let still = judged(&rest.track_through_a_window(170, |_| start));
     assert!(!still.is_refused(), "{still:?}");
 }
 
 #[test]
 fn grain_that_shakes_the_edges_raises_the_noise_floor_until_it_is_refused() {
-    let rest = Rest::of(1);
+    let rest = RestingTool::of(1);
     let with = |codes: f64| {
         let mut dice = Dice::new(7, "grain");
         let noisy = (0..80).map(|_| with_grain(rest.pictures[0].clone(), codes, &mut dice)).collect();
-        let noisy = Rest { world: rest.world.clone(), pictures: noisy };
+        let noisy = RestingTool { world: rest.world.clone(), pictures: noisy };
         let mut tracker = noisy.tracker(rest.settings(rest.world.rig.camera));
         for (index, picture) in noisy.pictures.iter().enumerate() {
             tracker.observe(&picture.frame(index as u64, index as f64 * FRAME_S));
@@ -166,14 +168,14 @@ fn grain_that_shakes_the_edges_raises_the_noise_floor_until_it_is_refused() {
     };
     let [clean, grainy, blizzard] = [0.5, 8.0, 60.0].map(with);
     eprintln!("{clean:?}\n{grainy:?}\n{blizzard:?}");
-    assert_eq!(clean.1, Verdict::Valid);
+    assert_eq!(clean.1, QualityVerdict::Valid);
     assert!(grainy.0 > clean.0, "{:?} against {:?}", grainy.0, clean.0);
     assert!(blizzard.1.is_refused(), "{:?}", blizzard.1);
 }
 
 #[test]
 fn a_wrong_colour_is_refused_as_nothing_seen() {
-    let rest = Rest::of(3);
+    let rest = RestingTool::of(3);
     let mut settings = rest.settings(rest.world.rig.camera);
     let tool = settings.samples.labels.iter().position(|l| *l == settings.tools[0].name).unwrap();
     for sample in settings.samples.samples.iter_mut().filter(|s| s.label == tool) {
@@ -183,5 +185,5 @@ fn a_wrong_colour_is_refused_as_nothing_seen() {
     for (index, picture) in rest.pictures.iter().enumerate() {
         tracker.observe(&picture.frame(index as u64, index as f64 * FRAME_S));
     }
-    assert_eq!(refusing(&judged(&tracker.finish())), [Cause::NothingSeen]);
+    assert_eq!(refusing(&judged(&tracker.finish())), [QualityCause::NothingSeen]);
 }

@@ -1,4 +1,4 @@
-//! The README's transcript does what it says, as printed, against the real service.
+//! The README's transcript works as printed, against the real service.
 
 use std::process::Command;
 
@@ -23,7 +23,7 @@ fn the_transcript_of_the_readme_works_as_printed() {
         .unwrap();
     let (out, errors) = (String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
     assert!(ran.status.success(), "{errors}\n{out}");
-    assert!(out.lines().any(|line| line == "valid"), "the session may be believed:\n{out}");
+    assert!(out.lines().any(|line| line == "valid"), "the session's verdict is valid:\n{out}");
     let path_length: Vec<_> = out.lines().filter_map(|line| line.strip_prefix("path_length\torange\t3d\t")).collect();
     let [path_length] = path_length[..] else { panic!("one 3-D path length of the orange tool:\n{out}") };
     assert!(path_length.split('\t').next().unwrap().parse::<f64>().is_ok_and(|mm| mm > 0.0), "{path_length}");
@@ -40,7 +40,7 @@ fn transcript() -> String {
     block.split("```").next().unwrap_or_default().to_owned()
 }
 
-/// The built program first.
+/// `PATH` with the folder of the built program first.
 fn path() -> String {
     let program = std::path::Path::new(env!("CARGO_BIN_EXE_trocar")).parent().unwrap().display();
     format!("{program}:{}", std::env::var_os("PATH").unwrap_or_default().display())

@@ -1,14 +1,14 @@
-//! Two tools with the same tape, rendered, through the whole tracker: nobody is taken for somebody else.
+//! Two tools with the same tape, rendered and tracked: neither gets the name or path of the other.
 
 use trocar::pipeline::evaluation::{Accuracy, accuracy};
-use trocar::pipeline::trajectory::Kind;
-use trocar::simulation::tool::Tape;
-use trocar::simulation::{Scenario, Setup, Skill, View};
+use trocar::pipeline::trajectory::PathKind;
+use trocar::simulation::tool::TapeDesign;
+use trocar::simulation::{RigView, Scenario, Setup, Skill};
 
 use crate::truth::Recording;
 
-fn exchange(view: View) -> Recording {
-    let tapes = [Tape::ALL[0]; 2];
+fn exchange(view: RigView) -> Recording {
+    let tapes = [TapeDesign::ALL[0]; 2];
     let setup = Setup { width: 960, height: 540, view, tapes, ..Setup::new(Scenario::Exchange, Skill::EXPERT, 4) };
     Recording::with(&setup, None)
 }
@@ -19,12 +19,12 @@ fn judged(recording: &Recording) -> Accuracy {
         eprintln!("{}: {} observed, {} bridged, {:?}", tool.tool, tool.observed, tool.predicted, tool.reasons);
     }
     let truth = recording.truth();
-    let of_raw = accuracy(&tracking.trajectory(Kind::Raw), &truth).unwrap();
+    let of_raw = accuracy(&tracking.trajectory(PathKind::Raw), &truth).unwrap();
     assert_eq!(of_raw.all.levels[0].swaps, 0, "single measurements");
-    accuracy(&tracking.trajectory(Kind::Smoothed), &truth).unwrap()
+    accuracy(&tracking.trajectory(PathKind::Smoothed), &truth).unwrap()
 }
 
-fn names_are_kept(view: View) {
+fn assert_names_are_kept(view: RigView) {
     let accuracy = judged(&exchange(view));
     let level = &accuracy.all.levels[0];
     let rms_mm = level.errors.unwrap().three_d.rms;
@@ -39,11 +39,11 @@ fn names_are_kept(view: View) {
 }
 
 #[test]
-fn two_that_cross_leave_and_return_in_the_other_order_seen_from_above() {
-    names_are_kept(View::Top);
+fn tools_that_cross_and_return_in_the_other_order_keep_their_names_seen_from_above() {
+    assert_names_are_kept(RigView::Top);
 }
 
 #[test]
-fn two_that_cross_leave_and_return_in_the_other_order_seen_from_the_side() {
-    names_are_kept(View::Side);
+fn tools_that_cross_and_return_in_the_other_order_keep_their_names_seen_from_the_side() {
+    assert_names_are_kept(RigView::Side);
 }

@@ -1,4 +1,5 @@
-//! `trocar model` and `trocar score --model`: levels declared, a model made, asked, and refused where it must be.
+//! `trocar model` and `trocar score --model`: a model is made from declared levels, used, and refused where it does not
+//! apply.
 
 use std::fmt::Write;
 use std::fs;
@@ -11,16 +12,16 @@ fn trocar(folder: &Path, line: &str) -> Output {
     Command::new(env!("CARGO_BIN_EXE_trocar")).args(line.split(' ')).current_dir(folder).output().unwrap()
 }
 
-/// What is said of input that cannot be used.
+/// Runs a command that must refuse its input, and returns its line on stderr.
 fn refusal(folder: &Path, line: &str) -> String {
     let output = trocar(folder, line);
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{line}: {said}");
-    assert!(said.trim_end().lines().count() == 1 && output.stdout.is_empty(), "{line}: {said}");
-    said
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{line}: {stderr}");
+    assert!(stderr.trim_end().lines().count() == 1 && output.stdout.is_empty(), "{line}: {stderr}");
+    stderr
 }
 
-/// A tool that goes to and fro for so long, with stated errors, as a trajectory.
+/// A trajectory of a tool that moves to and fro for `seconds`, with stated errors.
 fn path(seconds: f64) -> String {
     let mut csv = "frame,time_s,tool,x_mm,y_mm,z_mm,vx_mm_s,vy_mm_s,vz_mm_s,axis_x,axis_y,axis_z,tip_u_px,tip_v_px,\
                    sigma_xy_mm,sigma_z_mm,state\n"
@@ -33,8 +34,8 @@ fn path(seconds: f64) -> String {
     csv
 }
 
-/// Features of 24 people with two sessions each, by `trocar score --json`, and their labels.
-fn centre(folder: &Path) {
+/// Writes the features of 24 people with two sessions each, from `trocar score --json`, and the people's labels.
+fn write_features_and_labels(folder: &Path) {
     let mut labels = "file,person,level\n".to_owned();
     let mut tracks = Vec::new();
     for session in 0..48 {
@@ -54,15 +55,15 @@ fn centre(folder: &Path) {
 const MAKE: &str = "model --quiet --task pegs --labels labels.csv --out model.json features.json";
 
 #[test]
-fn declared_levels_become_a_model_that_says_what_it_is_worth() {
+fn declared_levels_become_a_model_that_states_its_accuracy() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    centre(folder);
+    write_features_and_labels(folder);
     let made = trocar(folder, MAKE);
-    let said = String::from_utf8(made.stdout).unwrap();
+    let report = String::from_utf8(made.stdout).unwrap();
     assert!(
-        made.status.success() && said.contains("24 people and 48 sessions") && said.contains("it knows something"),
-        "{said}"
+        made.status.success() && report.contains("24 people and 48 sessions") && report.contains("it knows something"),
+        "{report}"
     );
     let first = fs::read(folder.join("model.json")).unwrap();
     assert!(trocar(folder, MAKE).status.success());
@@ -79,7 +80,7 @@ fn declared_levels_become_a_model_that_says_what_it_is_worth() {
         "{text}"
     );
 
-    // Without stated errors, and from other worlds, no level.
+    // No level without stated errors, nor for a session unlike all sessions of the model.
     let bare: String =
         path(12.9).lines().map(|line| line.split(',').take(6).collect::<Vec<_>>().join(",") + "\n").collect();
     fs::write(folder.join("bare.csv"), bare).unwrap();
@@ -98,7 +99,7 @@ fn declared_levels_become_a_model_that_says_what_it_is_worth() {
     for (changed, why) in [
         (labels.replace("\n7.csv,p3,expert", ""), "7.csv has no label"),
         (labels.clone() + "99.csv,p0,expert\n", "99.csv has a label and no features"),
-        (labels.clone() + "7.csv,p3,expert\n", "stands there twice"),
+        (labels.clone() + "7.csv,p3,expert\n", "has two rows"),
         (labels.replace("7.csv,p3,expert", "7.csv,p3,wizard"), "wizard"),
         (labels.replace("7.csv,p3,expert", "7.csv,p3,novice"), "two levels"),
         (labels.replace(",expert", ",novice"), "expert: 0, 8 missing"),

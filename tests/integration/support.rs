@@ -8,36 +8,36 @@ use reqwest::header::{self, HeaderMap, HeaderName, HeaderValue};
 use reqwest::{Method, RequestBuilder, Response, StatusCode};
 use serde_json::{Value, json};
 use tempfile::TempDir;
-use trocar::commands::serve::{self, Running};
+use trocar::commands::serve::{self, RunningService};
 use trocar::domain::secret::Password;
 use trocar::sandbox::Program;
 use trocar::settings::Settings;
-use trocar::time::{SharedClock, System};
+use trocar::time::{SharedClock, SystemClock};
 
 /// The administrator's password that every test service starts with.
 pub const ADMINISTRATOR: (&str, &str) = ("administrator", "correct horse battery");
-/// Longest wait for something that must happen.
+/// Maximum wait of a test for an expected event.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A running service. Dropping it stops it and deletes its data.
 pub struct Service {
-    running: Running,
+    running: RunningService,
     pub data: TempDir,
 }
 
 impl Service {
-    /// A service without workers: what is queued stays queued.
+    /// A service without workers: jobs stay in the queue.
     pub async fn start() -> Self {
         Self::start_with(|_| ()).await
     }
 
     /// The same with changed settings.
     pub async fn start_with(change: impl FnOnce(&mut Settings)) -> Self {
-        Self::start_in(tempfile::tempdir().unwrap(), Arc::new(System), change).await
+        Self::start_in(tempfile::tempdir().unwrap(), Arc::new(SystemClock), change).await
     }
 
-    /// The same by another clock.
-    pub async fn start_by(clock: SharedClock) -> Self {
+    /// The same with another clock.
+    pub async fn start_with_clock(clock: SharedClock) -> Self {
         Self::start_in(tempfile::tempdir().unwrap(), clock, |_| ()).await
     }
 
@@ -52,13 +52,13 @@ impl Service {
         Self { running, data }
     }
 
-    /// Stops orderly and gives the data folder back, for another start.
+    /// Stops the service in order and returns its data folder, for another start.
     pub async fn stop(self) -> TempDir {
         self.running.stop().await;
         self.data
     }
 
-    /// Where it listens.
+    /// The address that the service listens on.
     pub fn address(&self) -> SocketAddr {
         self.running.address
     }
@@ -73,13 +73,13 @@ impl Service {
         self.sign_in(ADMINISTRATOR.0, ADMINISTRATOR.1).await
     }
 
-    /// Somebody, signed in by cookie.
+    /// A client that is signed in by cookie.
     pub async fn sign_in(&self, login: &str, password: &str) -> Client {
         self.stranger().signed_in(login, password).await
     }
 }
 
-/// Somebody who asks.
+/// An HTTP client of the service.
 #[derive(Clone)]
 pub struct Client {
     http: reqwest::Client,
@@ -88,7 +88,7 @@ pub struct Client {
 }
 
 impl Client {
-    /// Of a service at this address, not signed in.
+    /// A client of the service at this address, not signed in.
     pub fn of(base: String) -> Self {
         let http = reqwest::Client::builder().redirect(reqwest::redirect::Policy::none()).build().unwrap();
         Self { http, base, headers: HeaderMap::new() }
@@ -110,13 +110,13 @@ impl Client {
         self
     }
 
-    /// A program with this token.
+    /// The same client, signed in by token instead of by cookie.
     pub fn with_token(mut self, token: &str) -> Self {
         self.headers.remove(header::COOKIE);
         self.with("authorization", &format!("Bearer {token}"))
     }
 
-    /// The signed-in cookie's text.
+    /// The text of the sign-in cookie.
     pub fn cookie(&self) -> String {
         self.headers[header::COOKIE].to_str().unwrap().to_owned()
     }
@@ -126,7 +126,7 @@ impl Client {
         &self.headers
     }
 
-    /// A request to build upon. `path` may be a whole address, as in `Location`.
+    /// A request that the caller completes. `path` may be a whole address, as in `Location`.
     pub fn request(&self, method: Method, path: &str) -> RequestBuilder {
         let address = if path.starts_with("http") { path.to_owned() } else { format!("{}{path}", self.base) };
         self.http.request(method, address).headers(self.headers.clone())
@@ -156,12 +156,12 @@ impl Client {
         self.request(Method::PUT, path).json(&body).send().await.unwrap()
     }
 
-    /// Reads JSON that must be there.
+    /// Gets JSON; the status must be 200.
     pub async fn read(&self, path: &str) -> Value {
         read(self.get(path).await, StatusCode::OK).await
     }
 
-    /// Makes something that must succeed.
+    /// Posts JSON; the status must be 201. Returns the answer's JSON.
     pub async fn make(&self, path: &str, body: Value) -> Value {
         read(self.post(path, body).await, StatusCode::CREATED).await
     }
@@ -169,24 +169,24 @@ impl Client {
 
 /// The JSON of an answer that must have this status.
 pub async fn read(answer: Response, status: StatusCode) -> Value {
-    let (address, was) = (answer.url().clone(), answer.status());
+    let (address, actual) = (answer.url().clone(), answer.status());
     let text = answer.text().await.unwrap();
-    assert_eq!(was, status, "{address}: {text}");
+    assert_eq!(actual, status, "{address}: {text}");
     serde_json::from_str(&text).unwrap_or_else(|e| panic!("{address}: {e}: {text}"))
 }
 
-/// A problem document that must have this status and kind.
+/// A problem document that must have this status and type.
 pub async fn problem(answer: Response, status: u16, slug: &str) -> Value {
     let kind = answer.headers().get(header::CONTENT_TYPE).map(|v| v.to_str().unwrap().to_owned());
     let document = read(answer, StatusCode::from_u16(status).unwrap()).await;
     assert_eq!(kind.as_deref(), Some("application/problem+json"));
     assert_eq!(document["type"], format!("/problems/{slug}"), "{document}");
     assert_eq!(document["status"], status);
-    assert!(document["detail"].as_str().unwrap().len() > 20, "says what to do: {document}");
+    assert!(document["detail"].as_str().unwrap().len() > 20, "the detail says what to do: {document}");
     document
 }
 
-/// Waits for a future that must end soon.
+/// Waits for a future that must end within [`PATIENCE`].
 pub async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {
     tokio::time::timeout(PATIENCE, future).await.unwrap_or_else(|_| panic!("{what} did not happen in {PATIENCE:?}"))
 }

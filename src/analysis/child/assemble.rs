@@ -9,19 +9,19 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 
 use super::reporter::Reporter;
-use super::{Halt, explain};
-use crate::analysis::protocol::{Answer, AssembleWork};
+use super::{StopReason, explain};
+use crate::analysis::protocol::{AssembleWork, ChildReply};
 use crate::domain::feed::FrameCodec;
-use crate::domain::feed::record::{Body, HEAD, read_all};
+use crate::domain::feed::record::{HEADER_BYTES, RecordBody, read_all};
 use crate::domain::problem::Problem;
-use crate::media::{CodedFrame, Muxer, Stream, can_begin_with, frame_size};
+use crate::media::{CodedFrame, Muxer, Stream, can_start_decoding, frame_size};
 
 /// Frames between two signs of life.
-const WORD_EVERY: usize = 250;
+const FRAMES_PER_ALIVE: usize = 250;
 
 /// A frame in the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Place {
+struct LoggedFrame {
     number: u64,
     time: i64,
     is_key: bool,
@@ -30,88 +30,93 @@ struct Place {
     bytes: usize,
 }
 
-pub(super) fn run(work: AssembleWork, mut inputs: Vec<File>, reporter: &mut Reporter) -> Result<(), Halt> {
+pub(super) fn run(work: AssembleWork, mut inputs: Vec<File>, reporter: &mut Reporter) -> Result<(), StopReason> {
     let (Some(output), Some(log)) = (inputs.pop(), inputs.pop()) else {
-        return Err(Halt::Explained(explain::no_input()));
+        return Err(StopReason::Impossible(explain::no_input()));
     };
     let all = frames_of(&log, reporter)?;
     let arrived = all.len() as u64;
     let mut bytes = Vec::new();
-    let fitting = of_size(&log, all, &work, &mut bytes)?;
-    let mut frames = playable(fitting, work.codec);
-    let Some(first) = first_to_begin_with(&log, &frames, work.codec, &mut bytes)? else {
-        return Err(Halt::Explained(nothing_playable(arrived)));
+    let fitting = keep_matching_size(&log, all, &work, &mut bytes)?;
+    let mut frames = keep_decodable(fitting, work.codec);
+    let Some(first) = first_start_frame(&log, &frames, work.codec, &mut bytes)? else {
+        return Err(StopReason::Impossible(nothing_playable_problem(arrived)));
     };
     frames.drain(..first);
     let stream = Stream { codec: work.codec, size: work.size, time_base: work.time_base, first: &bytes };
     let mut muxer = Muxer::create(output, stream)?;
     for (done, (frame, (dts, duration))) in frames.iter().zip(decoding_times(&frames)).enumerate() {
-        if done % WORD_EVERY == 0 {
-            reporter.say(&Answer::Alive { done: done as u64, of: Some(frames.len() as u64) })?;
+        if done % FRAMES_PER_ALIVE == 0 {
+            reporter.send(&ChildReply::Alive { done: done as u64, of: Some(frames.len() as u64) })?;
         }
-        read(&log, frame, &mut bytes)?;
+        read_frame(&log, frame, &mut bytes)?;
         muxer.write(CodedFrame { pts: frame.time, dts, duration, is_key: frame.is_key, bytes: &bytes })?;
     }
     muxer.finish()?;
     let written = frames.len() as u64;
-    Ok(reporter.say(&Answer::Assembled { frames: written, left_out: arrived - written })?)
+    Ok(reporter.send(&ChildReply::Assembled { frames: written, left_out: arrived - written })?)
 }
 
 /// All frames of the log in the order of their numbers, each once.
-fn frames_of(log: &File, reporter: &mut Reporter) -> Result<Vec<Place>, Halt> {
+fn frames_of(log: &File, reporter: &mut Reporter) -> Result<Vec<LoggedFrame>, StopReason> {
     /// Bytes between two signs of life: seconds on the slowest disk.
-    const WORD_BYTES: u64 = 64 << 20;
+    const BYTES_PER_ALIVE: u64 = 64 << 20;
     let (mut frames, mut word_at) = (Vec::new(), 0);
     let mut log = log;
     log.seek(SeekFrom::Start(0)).map_err(unreadable)?;
     read_all(log, |place, record| {
         if place >= word_at {
-            reporter.say(&Answer::Alive { done: 0, of: None }).map_err(Unread::Silenced)?;
-            word_at = place + WORD_BYTES;
+            reporter.send(&ChildReply::Alive { done: 0, of: None }).map_err(LogReadError::ParentGone)?;
+            word_at = place + BYTES_PER_ALIVE;
         }
-        if let Body::Frame { time, is_key, payload } = record.body {
+        if let RecordBody::Frame { time, is_key, payload } = record.body {
             let (number, bytes) = (record.number, payload.len());
-            frames.push(Place { number, time, is_key, offset: place + HEAD as u64, bytes });
+            frames.push(LoggedFrame { number, time, is_key, offset: place + HEADER_BYTES as u64, bytes });
         }
-        Result::<(), Unread>::Ok(())
+        Result::<(), LogReadError>::Ok(())
     })?;
-    frames.sort_by_key(|frame: &Place| frame.number); // stable: of two with the same number, the first to arrive
+    frames.sort_by_key(|frame: &LoggedFrame| frame.number); // stable: of two with the same number, the first to arrive
     frames.dedup_by_key(|frame| frame.number);
     Ok(frames)
 }
 
 /// Why a log was not read to its end.
-enum Unread {
+enum LogReadError {
     Disk(std::io::Error),
-    Silenced(std::io::Error),
+    ParentGone(std::io::Error),
 }
 
-impl From<std::io::Error> for Unread {
+impl From<std::io::Error> for LogReadError {
     fn from(error: std::io::Error) -> Self {
-        Unread::Disk(error)
+        LogReadError::Disk(error)
     }
 }
 
-impl From<Unread> for Halt {
-    fn from(unread: Unread) -> Self {
+impl From<LogReadError> for StopReason {
+    fn from(unread: LogReadError) -> Self {
         match unread {
-            Unread::Disk(error) => unreadable(error),
-            Unread::Silenced(error) => Halt::Silenced(error),
+            LogReadError::Disk(error) => unreadable(error),
+            LogReadError::ParentGone(error) => StopReason::ParentGone(error),
         }
     }
 }
 
 /// Removes pictures of another size. H.264 frames that follow such a key frame lack their reference, and are left out
 /// like frames after a hole.
-fn of_size(log: &File, all: Vec<Place>, work: &AssembleWork, bytes: &mut Vec<u8>) -> Result<Vec<Place>, Halt> {
+fn keep_matching_size(
+    log: &File,
+    all: Vec<LoggedFrame>,
+    work: &AssembleWork,
+    bytes: &mut Vec<u8>,
+) -> Result<Vec<LoggedFrame>, StopReason> {
     /// Latest position of a JPEG's frame header: after tables and the camera's metadata.
-    const HEADER: usize = 1 << 16;
+    const MAX_HEADER_BYTES: usize = 1 << 16;
     let mut fitting = Vec::with_capacity(all.len());
     for frame in all {
         let says_its_size = work.codec == FrameCodec::Jpeg || frame.is_key;
         if says_its_size {
-            let head = if work.codec == FrameCodec::Jpeg { frame.bytes.min(HEADER) } else { frame.bytes };
-            read(log, &Place { bytes: head, ..frame }, bytes)?;
+            let head = if work.codec == FrameCodec::Jpeg { frame.bytes.min(MAX_HEADER_BYTES) } else { frame.bytes };
+            read_frame(log, &LoggedFrame { bytes: head, ..frame }, bytes)?;
         }
         if !says_its_size || frame_size(work.codec, bytes).is_none_or(|size| size == work.size) {
             fitting.push(frame);
@@ -121,10 +126,10 @@ fn of_size(log: &File, all: Vec<Place>, work: &AssembleWork, bytes: &mut Vec<u8>
 }
 
 /// The frames that can be decoded and shown.
-fn playable(all: Vec<Place>, codec: FrameCodec) -> Vec<Place> {
+fn keep_decodable(all: Vec<LoggedFrame>, codec: FrameCodec) -> Vec<LoggedFrame> {
     let mut times = BTreeSet::new();
     let mut wanted: Option<u64> = None; // the number that continues what was decoded
-    let mut decodable: Vec<Place> = Vec::with_capacity(all.len());
+    let mut decodable: Vec<LoggedFrame> = Vec::with_capacity(all.len());
     for frame in all {
         let continues = codec == FrameCodec::Jpeg || frame.is_key || wanted == Some(frame.number);
         if continues && times.insert(frame.time) {
@@ -147,15 +152,15 @@ fn playable(all: Vec<Place>, codec: FrameCodec) -> Vec<Place> {
 }
 
 /// Finds the first frame that a decoder can begin with; leaves its bytes in `bytes`.
-fn first_to_begin_with(
+fn first_start_frame(
     log: &File,
-    frames: &[Place],
+    frames: &[LoggedFrame],
     codec: FrameCodec,
     bytes: &mut Vec<u8>,
-) -> Result<Option<usize>, Halt> {
+) -> Result<Option<usize>, StopReason> {
     for (index, frame) in frames.iter().enumerate().filter(|(_, frame)| frame.is_key || codec == FrameCodec::Jpeg) {
-        read(log, frame, bytes)?;
-        if can_begin_with(codec, bytes) {
+        read_frame(log, frame, bytes)?;
+        if can_start_decoding(codec, bytes) {
             return Ok(Some(index));
         }
     }
@@ -163,7 +168,7 @@ fn first_to_begin_with(
 }
 
 /// Decoding time and duration of each frame, ticks: decoding times rise, and each is early enough for display.
-fn decoding_times(frames: &[Place]) -> Vec<(i64, i64)> {
+fn decoding_times(frames: &[LoggedFrame]) -> Vec<(i64, i64)> {
     let mut shown: Vec<i64> = frames.iter().map(|frame| frame.time).collect();
     shown.sort_unstable();
     let delay = shown.iter().zip(frames).map(|(shown, frame)| shown - frame.time).max().unwrap_or(0);
@@ -175,17 +180,17 @@ fn decoding_times(frames: &[Place]) -> Vec<(i64, i64)> {
     shown.iter().zip(frames).map(|(shown, frame)| (shown - delay, until_next(frame.time))).collect()
 }
 
-fn read(mut log: &File, frame: &Place, into: &mut Vec<u8>) -> Result<(), Halt> {
+fn read_frame(mut log: &File, frame: &LoggedFrame, into: &mut Vec<u8>) -> Result<(), StopReason> {
     into.resize(frame.bytes, 0);
     log.seek(SeekFrom::Start(frame.offset)).and_then(|_| log.read_exact(into)).map_err(unreadable)
 }
 
-fn unreadable(error: std::io::Error) -> Halt {
+fn unreadable(error: std::io::Error) -> StopReason {
     let detail = format!("the stored frames cannot be read: {error}");
-    Halt::Explained(Problem::new("feed-unreadable", "The frames cannot be read", detail))
+    StopReason::Impossible(Problem::new("feed-unreadable", "The frames cannot be read", detail))
 }
 
-fn nothing_playable(arrived: u64) -> Problem {
+fn nothing_playable_problem(arrived: u64) -> Problem {
     let detail = format!(
         "{arrived} frames arrived, but none can be decoded: pictures must have the announced size, and H.264 must \
          begin with a key frame and repeat its parameter sets with every one"
@@ -197,33 +202,33 @@ fn nothing_playable(arrived: u64) -> Problem {
 mod tests {
     use super::*;
 
-    fn place(number: u64, time: i64, is_key: bool) -> Place {
-        Place { number, time, is_key, offset: 0, bytes: 1 }
+    fn place(number: u64, time: i64, is_key: bool) -> LoggedFrame {
+        LoggedFrame { number, time, is_key, offset: 0, bytes: 1 }
     }
 
-    fn numbers(frames: Vec<Place>) -> Vec<u64> {
+    fn numbers(frames: Vec<LoggedFrame>) -> Vec<u64> {
         frames.iter().map(|frame| frame.number).collect()
     }
 
     #[test]
     fn h264_begins_with_a_key_frame_and_goes_on_with_one_after_a_hole() {
         let frame = |n: u64| place(n, 40 * n as i64, n % 10 == 3);
-        let all: Vec<Place> = (0..40).filter(|n| *n != 16).map(frame).collect();
+        let all: Vec<LoggedFrame> = (0..40).filter(|n| *n != 16).map(frame).collect();
         let kept: Vec<u64> = (3..16).chain(23..40).collect();
-        assert_eq!(numbers(playable(all.clone(), FrameCodec::H264)), kept);
-        assert_eq!(playable(all, FrameCodec::Jpeg).len(), 39, "every JPEG can be decoded");
+        assert_eq!(numbers(keep_decodable(all.clone(), FrameCodec::H264)), kept);
+        assert_eq!(keep_decodable(all, FrameCodec::Jpeg).len(), 39, "every JPEG can be decoded");
     }
 
     #[test]
     fn a_clock_that_jumps_back_or_stands_still_costs_the_frames_that_it_hit() {
         let all = [0, 40, 80, 80, 30, 120].iter().enumerate().map(|(n, time)| place(n as u64, *time, true)).collect();
-        assert_eq!(numbers(playable(all, FrameCodec::Jpeg)), [0, 1, 2, 5]);
+        assert_eq!(numbers(keep_decodable(all, FrameCodec::Jpeg)), [0, 1, 2, 5]);
     }
 
     #[test]
     fn every_frame_is_decoded_before_it_is_shown_and_after_the_one_before() {
         // I P B B P B B, in the order of decoding.
-        let frames: Vec<Place> = [0, 120, 40, 80, 240, 160, 200]
+        let frames: Vec<LoggedFrame> = [0, 120, 40, 80, 240, 160, 200]
             .iter()
             .enumerate()
             .map(|(n, time)| place(n as u64, *time, n == 0))

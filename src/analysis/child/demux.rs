@@ -3,20 +3,20 @@
 use std::fs::File;
 
 use super::reporter::Reporter;
-use super::{Halt, explain};
-use crate::analysis::protocol::Answer;
-use crate::domain::feed::MOST_PAYLOAD;
-use crate::media::{Limits, Source};
+use super::{StopReason, explain};
+use crate::analysis::protocol::ChildReply;
+use crate::domain::feed::MAX_PAYLOAD;
+use crate::media::{CaptureSource, MediaLimits};
 
-pub(super) fn run(inputs: Vec<File>, limits: Limits, reporter: &mut Reporter) -> Result<(), Halt> {
-    let pipe = inputs.into_iter().next().ok_or_else(|| Halt::Explained(explain::no_input()))?;
-    let mut source = Source::pushed(pipe, limits)?;
-    reporter.say(&Answer::Stream(source.info().clone()))?;
+pub(super) fn run(inputs: Vec<File>, limits: MediaLimits, reporter: &mut Reporter) -> Result<(), StopReason> {
+    let pipe = inputs.into_iter().next().ok_or_else(|| StopReason::Impossible(explain::no_input()))?;
+    let mut source = CaptureSource::pushed(pipe, limits)?;
+    reporter.send(&ChildReply::Stream(source.info().clone()))?;
     while let Some(mut frame) = source.next_frame()? {
-        if frame.bytes.len() > MOST_PAYLOAD {
+        if frame.bytes.len() > MAX_PAYLOAD {
             frame.bytes.clear();
         }
-        reporter.say(&Answer::Coded(frame))?;
+        reporter.send(&ChildReply::Coded(frame))?;
     }
     Ok(())
 }

@@ -9,13 +9,13 @@ use crate::pipeline::camera::{BoardProblem, CalibrationProblem};
 use crate::pipeline::tracker::{Quality, SettingsProblem, ToolQuality};
 
 /// An error that can be shown to users with advice.
-pub(super) trait Explain {
+pub(super) trait ToProblem {
     /// The error as a problem.
-    fn explain(&self) -> Problem;
+    fn to_problem(&self) -> Problem;
 }
 
-impl Explain for MediaError {
-    fn explain(&self) -> Problem {
+impl ToProblem for MediaError {
+    fn to_problem(&self) -> Problem {
         let (slug, title) = match self {
             MediaError::Container(_) => ("not-a-video", "The file is not a readable video"),
             MediaError::NoVideo => ("no-video-stream", "The file contains no video stream"),
@@ -32,10 +32,10 @@ impl Explain for MediaError {
     }
 }
 
-impl Explain for SourceError {
-    fn explain(&self) -> Problem {
+impl ToProblem for SourceError {
+    fn to_problem(&self) -> Problem {
         let detail = match self {
-            SourceError::Media(error) => return error.explain(),
+            SourceError::Media(error) => return error.to_problem(),
             SourceError::Open(error) => format!(
                 "it is not readable as MPEG-TS or Matroska ({error}); push with ffmpeg's -f mpegts or -f matroska"
             ),
@@ -45,14 +45,14 @@ impl Explain for SourceError {
     }
 }
 
-impl Explain for MuxError {
-    fn explain(&self) -> Problem {
+impl ToProblem for MuxError {
+    fn to_problem(&self) -> Problem {
         Problem::new("cannot-assemble", "The recording cannot be assembled", self.to_string())
     }
 }
 
-impl Explain for SettingsProblem {
-    fn explain(&self) -> Problem {
+impl ToProblem for SettingsProblem {
+    fn to_problem(&self) -> Problem {
         let (slug, title) = match self {
             SettingsProblem::OtherSize { .. } => {
                 ("camera-size", "Calibration and recording have different picture sizes")
@@ -74,35 +74,35 @@ pub(super) fn no_input() -> Problem {
     Problem::new("no-input", "No file was sent", "send the recording again")
 }
 
-impl Explain for BoardProblem {
-    fn explain(&self) -> Problem {
+impl ToProblem for BoardProblem {
+    fn to_problem(&self) -> Problem {
         Problem::new("board-not-supported", "The board is not supported", self.to_string())
     }
 }
 
-impl Explain for ViewsError {
-    fn explain(&self) -> Problem {
+impl ToProblem for ViewsError {
+    fn to_problem(&self) -> Problem {
         let (slug, title) = match self {
             ViewsError::Count(_) => ("photo-count", "Too few or too many photos"),
             ViewsError::Photo { .. } => ("not-a-photo", "A photo cannot be read"),
             ViewsError::SizeDiffers { .. } => ("photo-sizes-differ", "The photos differ in size"),
-            ViewsError::Video { source, .. } => return source.explain(),
+            ViewsError::Video { source, .. } => return source.to_problem(),
         };
         Problem::new(slug, title, self.to_string())
     }
 }
 
-impl Explain for SelfTestError {
-    fn explain(&self) -> Problem {
+impl ToProblem for SelfTestError {
+    fn to_problem(&self) -> Problem {
         match self {
-            SelfTestError::Media(error) => error.explain(),
-            SelfTestError::Settings(problem) => problem.explain(),
+            SelfTestError::Media(error) => error.to_problem(),
+            SelfTestError::Settings(problem) => problem.to_problem(),
         }
     }
 }
 
-impl Explain for CalibrationProblem {
-    fn explain(&self) -> Problem {
+impl ToProblem for CalibrationProblem {
+    fn to_problem(&self) -> Problem {
         let slug = match self {
             CalibrationProblem::TooFewPhotos { .. } => "board-not-found",
             CalibrationProblem::Corners { .. } => "board-differs",

@@ -8,55 +8,56 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 
 use super::reporter::Reporter;
-use super::{Halt, explain, track};
+use super::{StopReason, explain, track};
 use crate::analysis::protocol::{
-    Answer, FollowWork, Followed, FollowedFrame, FollowedTool, Place, PlacementShape, RunningRow, TrackWork,
+    ChildReply, FollowReply, FollowWork, FollowedFrame, FollowedTool, LogPosition, PlacementShape, RunningRow,
+    TrackWork,
 };
 use crate::domain::feed::FrameCodec;
-use crate::domain::feed::record::{Body, MOST_BYTES, Record};
-use crate::media::{FeedDecoder, JpegMaker, JpegStyle, Limits, Picture};
+use crate::domain::feed::record::{FeedRecord, MAX_RECORD_BYTES, RecordBody};
+use crate::media::{FeedDecoder, JpegMaker, JpegStyle, MediaLimits, Picture};
 use crate::pipeline::features::FeatureSettings;
-use crate::pipeline::features::running::Running;
+use crate::pipeline::features::running::RunningFeatures;
 use crate::pipeline::frame::Frame;
 use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::quality::Ports;
-use crate::pipeline::tracker::{MOST_REHEARSED, Tracker, TrackerSettings};
+use crate::pipeline::tracker::{MAX_WARM_UP_FRAMES, Tracker, TrackerSettings};
 
 /// Interval between replies with features and light, s of the recording.
-const FEATURES_EVERY_S: f64 = 1.0;
+const FEATURES_INTERVAL_S: f64 = 1.0;
 
 /// Frames between two calls of [`Tracker::forget_past`].
-const FORGET_EVERY: u64 = 1024;
+const FORGET_INTERVAL_FRAMES: u64 = 1024;
 
 pub(super) fn run(
     work: FollowWork,
     mut inputs: Vec<File>,
-    limits: Limits,
+    limits: MediaLimits,
     reporter: &mut Reporter,
-) -> Result<(), Halt> {
+) -> Result<(), StopReason> {
     let (Some(mut places), Some(log)) = (inputs.pop(), inputs.pop()) else {
-        return Err(Halt::Explained(explain::no_input()));
+        return Err(StopReason::Impossible(explain::no_input()));
     };
-    let mut follower = Follower::new(work, limits)?;
+    let mut follower = LiveTracker::new(work, limits)?;
     let mut bytes = Vec::new();
-    while let Some(place) = Place::read(&mut places).map_err(Halt::Silenced)? {
-        let Place::Record { offset, bytes: length, wants_picture } = place else {
-            reporter.say(&Answer::Alive { done: 0, of: None })?;
+    while let Some(place) = LogPosition::read(&mut places).map_err(StopReason::ParentGone)? {
+        let LogPosition::Record { offset, bytes: length, wants_picture } = place else {
+            reporter.send(&ChildReply::Alive { done: 0, of: None })?;
             continue;
         };
-        bytes.resize((length as usize).min(MOST_BYTES), 0);
-        let record = log.read_exact_at(&mut bytes, offset).ok().and_then(|()| Record::read(&bytes).ok());
+        bytes.resize((length as usize).min(MAX_RECORD_BYTES), 0);
+        let record = log.read_exact_at(&mut bytes, offset).ok().and_then(|()| FeedRecord::read(&bytes).ok());
         if let Some(record) = record {
-            follower.take(&record)?;
+            follower.take_record(&record)?;
         }
         let picture = if wants_picture { follower.still() } else { None };
-        reporter.say(&Answer::Followed(Followed { picture, ..follower.tell() }))?;
+        reporter.send(&ChildReply::Followed(FollowReply { picture, ..follower.take_reply() }))?;
     }
-    follower.end()?;
-    Ok(reporter.say(&Answer::Followed(follower.tell()))?)
+    follower.finish()?;
+    Ok(reporter.send(&ChildReply::Followed(follower.take_reply()))?)
 }
 
-struct Follower {
+struct LiveTracker {
     codec: FrameCodec,
     decoder: FeedDecoder,
     /// Kept until the first picture shows the colour encoding.
@@ -71,21 +72,21 @@ struct Follower {
     is_rehearsed: bool,
     /// The number that continues what was decoded.
     next: Option<u64>,
-    running: Running,
+    running: RunningFeatures,
     features_at_s: f64,
-    since_forgotten: u64,
+    frames_since_forget: u64,
     stills: JpegMaker,
     last: Option<Picture>,
-    reply: Followed,
+    reply: FollowReply,
 }
 
-impl Follower {
-    fn new(work: FollowWork, limits: Limits) -> Result<Self, Halt> {
+impl LiveTracker {
+    fn new(work: FollowWork, limits: MediaLimits) -> Result<Self, StopReason> {
         let FollowWork { track, codec, size, time_base, ports } = work;
         Ok(Self {
             codec,
             decoder: FeedDecoder::new(codec, size, time_base, limits)?,
-            running: Running::new(track.tools.len(), FeatureSettings::default()),
+            running: RunningFeatures::new(track.tools.len(), FeatureSettings::default()),
             fulcrums: vec![None; track.tools.len()],
             work: Some(track),
             ports: Ports::new(ports.into_iter().map(Fulcrum::from).collect()),
@@ -95,15 +96,15 @@ impl Follower {
             is_rehearsed: false,
             next: None,
             features_at_s: 0.0,
-            since_forgotten: 0,
+            frames_since_forget: 0,
             stills: JpegMaker::new(JpegStyle::SMALL),
             last: None,
-            reply: Followed::default(),
+            reply: FollowReply::default(),
         })
     }
 
-    fn take(&mut self, record: &Record<'_>) -> Result<(), Halt> {
-        let Body::Frame { time, is_key, payload } = record.body else { return Ok(()) };
+    fn take_record(&mut self, record: &FeedRecord<'_>) -> Result<(), StopReason> {
+        let RecordBody::Frame { time, is_key, payload } = record.body else { return Ok(()) };
         let number = record.number;
         if self.next.is_some_and(|next| number < next) {
             return Ok(()); // late
@@ -113,23 +114,23 @@ impl Follower {
             if !is_key {
                 return Ok(()); // undecodable until the next key frame
             }
-            self.decoder.start_over();
+            self.decoder.reset();
         }
         self.next = Some(number + 1);
-        self.decoder.take(number, time, payload)?;
-        self.look()
+        self.decoder.send_frame(number, time, payload)?;
+        self.track_ready_pictures()
     }
 
     /// Tracks all pictures that the decoder has ready.
-    fn look(&mut self) -> Result<(), Halt> {
+    fn track_ready_pictures(&mut self) -> Result<(), StopReason> {
         while let Some(picture) = self.decoder.next_picture()? {
             if self.is_rehearsed {
                 self.track(&picture)?;
-                self.keep(picture);
+                self.keep_for_still(picture);
             } else {
                 self.first.push(picture.copied());
-                self.decoder.take_back(picture);
-                if self.first.len() >= MOST_REHEARSED {
+                self.decoder.recycle(picture);
+                if self.first.len() >= MAX_WARM_UP_FRAMES {
                     self.rehearse()?;
                 }
             }
@@ -138,53 +139,57 @@ impl Follower {
     }
 
     /// Passes the first pictures twice: once to learn how edges look, then to track them like all others.
-    fn rehearse(&mut self) -> Result<(), Halt> {
+    fn rehearse(&mut self) -> Result<(), StopReason> {
         self.is_rehearsed = true;
         let first = std::mem::take(&mut self.first);
         let frames: Vec<Frame<'_>> = first.iter().map(Picture::frame).collect();
         if let (Some(frame), Some(work)) = (frames.first(), self.work.take()) {
             let settings: TrackerSettings = track::settings(work)?;
             let mut tracker = Tracker::new(settings, self.size.0, self.size.1, frame.encoding)?;
-            tracker.rehearse(&frames);
+            tracker.warm_up(&frames);
             self.tracker = Some(tracker);
         }
         first.iter().try_for_each(|picture| self.track(picture))
     }
 
-    fn track(&mut self, picture: &Picture) -> Result<(), Halt> {
+    fn track(&mut self, picture: &Picture) -> Result<(), StopReason> {
         let Some(tracker) = &mut self.tracker else { return Ok(()) };
         let frame = picture.frame();
         let report = tracker.observe(&frame);
-        report.tools.iter().filter_map(|tool| tool.filtered.as_ref()).for_each(|sample| self.running.take(sample));
-        self.running.pass(frame.time_s);
+        report
+            .tools
+            .iter()
+            .filter_map(|tool| tool.filtered.as_ref())
+            .for_each(|sample| self.running.add_sample(sample));
+        self.running.advance_to(frame.time_s);
         let tools = report.tools.iter().map(|tool| FollowedTool::new(frame.index, tool)).collect();
         self.reply.frames.push(FollowedFrame { frame: frame.index, time_s: frame.time_s, tools });
-        self.since_forgotten += 1;
-        if self.since_forgotten == FORGET_EVERY {
-            self.since_forgotten = 0;
+        self.frames_since_forget += 1;
+        if self.frames_since_forget == FORGET_INTERVAL_FRAMES {
+            self.frames_since_forget = 0;
             tracker.forget_past();
         }
         if frame.time_s >= self.features_at_s {
-            self.features_at_s = frame.time_s + FEATURES_EVERY_S;
-            self.tell_features();
+            self.features_at_s = frame.time_s + FEATURES_INTERVAL_S;
+            self.add_features();
         }
         Ok(())
     }
 
-    fn tell_features(&mut self) {
+    fn add_features(&mut self) {
         self.reply.running = Some(self.running.values().iter().filter_map(RunningRow::new).collect());
         let light = self.tracker.as_ref().and_then(Tracker::light);
         for (known, now) in self.fulcrums.iter_mut().zip(self.tracker.iter().flat_map(Tracker::fulcrums)) {
             *known = now.or(*known);
         }
-        self.reply.placement = PlacementShape::new(&self.ports.place(&self.fulcrums));
+        self.reply.placement = PlacementShape::new(&self.ports.compare(&self.fulcrums));
         self.reply.light = light.map(|light| [light.luma_ratio, light.chroma_shift[0], light.chroma_shift[1]]);
     }
 
     /// Keeps a picture for the still; returns the previous one to the decoder.
-    fn keep(&mut self, picture: Picture) {
+    fn keep_for_still(&mut self, picture: Picture) {
         if let Some(before) = self.last.replace(picture) {
-            self.decoder.take_back(before);
+            self.decoder.recycle(before);
         }
     }
 
@@ -195,18 +200,18 @@ impl Follower {
     }
 
     /// The reply collected since the last one.
-    fn tell(&mut self) -> Followed {
+    fn take_reply(&mut self) -> FollowReply {
         std::mem::take(&mut self.reply)
     }
 
-    fn end(&mut self) -> Result<(), Halt> {
-        self.decoder.end();
-        self.look()?;
+    fn finish(&mut self) -> Result<(), StopReason> {
+        self.decoder.finish_input();
+        self.track_ready_pictures()?;
         if !self.is_rehearsed {
             self.rehearse()?;
         }
-        self.running.end();
-        self.tell_features();
+        self.running.finish();
+        self.add_features();
         Ok(())
     }
 }

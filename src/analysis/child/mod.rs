@@ -17,10 +17,10 @@ use std::fs::File;
 
 use reporter::Reporter;
 
-use super::protocol::{self, Answer, PaletteWork, Request, Work};
+use super::protocol::{self, ChildReply, ChildRequest, ChildWork, PaletteWork};
 use crate::domain::problem::Problem;
-use crate::media::{Limits, VideoFile};
-use crate::sandbox::{self, ConfinementError, Enforced};
+use crate::media::{MediaLimits, VideoFile};
+use crate::sandbox::{self, ConfinementError, LandlockStatus};
 
 /// Why a child ends without reporting a problem to its parent.
 #[derive(Debug, thiserror::Error)]
@@ -33,26 +33,26 @@ pub enum ChildError {
     Request(postcard::Error),
     /// The parent has closed the pipe.
     #[error("the parent has closed the pipe: {0}")]
-    Silenced(#[from] std::io::Error),
+    ParentGone(#[from] std::io::Error),
 }
 
 /// Why a piece of work stopped early.
-enum Halt {
+enum StopReason {
     /// The work cannot be done; the parent receives the reason.
-    Explained(Problem),
+    Impossible(Problem),
     /// The parent has closed the pipe.
-    Silenced(std::io::Error),
+    ParentGone(std::io::Error),
 }
 
-impl From<std::io::Error> for Halt {
+impl From<std::io::Error> for StopReason {
     fn from(error: std::io::Error) -> Self {
-        Halt::Silenced(error)
+        StopReason::ParentGone(error)
     }
 }
 
-impl<E: explain::Explain> From<E> for Halt {
+impl<E: explain::ToProblem> From<E> for StopReason {
     fn from(error: E) -> Self {
-        Halt::Explained(error.explain())
+        StopReason::Impossible(error.to_problem())
     }
 }
 
@@ -60,52 +60,52 @@ impl<E: explain::Explain> From<E> for Halt {
 pub fn run() -> Result<(), ChildError> {
     let admission = sandbox::admit()?;
     let mut reporter = Reporter::new();
-    reporter.say(&Answer::Confined { landlock: admission.enforced != Enforced::NoLandlock })?;
-    let request: Request = protocol::decode(&admission.request).map_err(ChildError::Request)?;
-    share_the_cores(request.threads);
-    let last = match work(request, admission.inputs, &mut reporter) {
-        Ok(()) => Answer::Done,
-        Err(Halt::Explained(problem)) => Answer::Problem(problem),
-        Err(Halt::Silenced(error)) => return Err(error.into()),
+    reporter.send(&ChildReply::Confined { landlock: admission.enforced != LandlockStatus::NoLandlock })?;
+    let request: ChildRequest = protocol::decode(&admission.request).map_err(ChildError::Request)?;
+    limit_rayon_threads(request.threads);
+    let last = match run_work(request, admission.inputs, &mut reporter) {
+        Ok(()) => ChildReply::Done,
+        Err(StopReason::Impossible(problem)) => ChildReply::Problem(problem),
+        Err(StopReason::ParentGone(error)) => return Err(error.into()),
     };
-    Ok(reporter.say(&last)?)
+    Ok(reporter.send(&last)?)
 }
 
 /// Limits rayon to the threads of this child. Otherwise each child would start a thread per core, and their stacks
 /// count as its memory.
-fn share_the_cores(threads: usize) {
+fn limit_rayon_threads(threads: usize) {
     // This fails only if the pool exists already, and then it has the right size: this runs once.
     let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build_global();
 }
 
-fn work(request: Request, inputs: Vec<File>, reporter: &mut Reporter) -> Result<(), Halt> {
-    let limits = Limits { threads: request.threads, ..Limits::default() };
+fn run_work(request: ChildRequest, inputs: Vec<File>, reporter: &mut Reporter) -> Result<(), StopReason> {
+    let limits = MediaLimits { threads: request.threads, ..MediaLimits::default() };
     match request.work {
-        Work::Probe => probe::run(open(inputs, limits)?, reporter),
-        Work::Track(work) => track::run(work, open(inputs, limits)?, reporter),
-        Work::Palette(PaletteWork { marks, tools, frames: None }) => {
+        ChildWork::Probe => probe::run(open(inputs, limits)?, reporter),
+        ChildWork::Track(work) => track::run(work, open(inputs, limits)?, reporter),
+        ChildWork::Palette(PaletteWork { marks, tools, frames: None }) => {
             palette::from_clip(&marks, &tools, open(inputs, limits)?, reporter)
         }
-        Work::Palette(PaletteWork { marks, tools, frames: Some(frames) }) => {
-            let pictures = palette::Pictures { frames: &frames, inputs, limits };
+        ChildWork::Palette(PaletteWork { marks, tools, frames: Some(frames) }) => {
+            let pictures = palette::PictureInputs { frames: &frames, inputs, limits };
             palette::from_pictures(&marks, &tools, pictures, reporter)
         }
-        Work::Advise => palette::advise_on(inputs, limits, reporter),
-        Work::Mask(PaletteWork { marks, tools, frames }) => {
-            let pictures = palette::Pictures { frames: &frames.unwrap_or_default(), inputs, limits };
+        ChildWork::Advise => palette::advise_on_tapes(inputs, limits, reporter),
+        ChildWork::Mask(PaletteWork { marks, tools, frames }) => {
+            let pictures = palette::PictureInputs { frames: &frames.unwrap_or_default(), inputs, limits };
             palette::mask_on(&marks, &tools, pictures, reporter)
         }
-        Work::Check(board) => check::run(board, inputs, limits, reporter),
-        Work::Calibrate(work) => calibrate::run(work, inputs, limits, reporter),
-        Work::SelfTest(work) => self_test::run(work, open(inputs, limits)?, reporter),
-        Work::Follow(work) => follow::run(work, inputs, limits, reporter),
-        Work::Assemble(work) => assemble::run(work, inputs, reporter),
-        Work::Demux => demux::run(inputs, limits, reporter),
+        ChildWork::Check(board) => check::run(board, inputs, limits, reporter),
+        ChildWork::Calibrate(work) => calibrate::run(work, inputs, limits, reporter),
+        ChildWork::SelfTest(work) => self_test::run(work, open(inputs, limits)?, reporter),
+        ChildWork::Follow(work) => follow::run(work, inputs, limits, reporter),
+        ChildWork::Assemble(work) => assemble::run(work, inputs, reporter),
+        ChildWork::Demux => demux::run(inputs, limits, reporter),
     }
 }
 
 /// Opens the only recording among the inputs.
-fn open(inputs: Vec<File>, limits: Limits) -> Result<VideoFile, Halt> {
-    let file = inputs.into_iter().next().ok_or_else(|| Halt::Explained(explain::no_input()))?;
+fn open(inputs: Vec<File>, limits: MediaLimits) -> Result<VideoFile, StopReason> {
+    let file = inputs.into_iter().next().ok_or_else(|| StopReason::Impossible(explain::no_input()))?;
     Ok(VideoFile::open(file, limits)?)
 }

@@ -6,7 +6,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use crate::pipeline::frame::Frame;
 
 /// Largest width of a preview, pixels.
-const WIDEST: usize = 480;
+const MAX_WIDTH: usize = 480;
 
 /// JPEG quality, 1–100.
 const QUALITY: u8 = 80;
@@ -39,7 +39,7 @@ impl Preview {
 }
 
 fn encode(frame: &Frame<'_>) -> image::ImageResult<Vec<u8>> {
-    let step = frame.width().div_ceil(WIDEST).max(1);
+    let step = frame.width().div_ceil(MAX_WIDTH).max(1);
     let (width, height) = ((frame.width() / step).max(1), (frame.height() / step).max(1));
     let pixels: Vec<u8> = (0..height)
         .flat_map(|y| (0..width).map(move |x| (x * step, y * step)))

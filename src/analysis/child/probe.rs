@@ -1,12 +1,12 @@
 //! Decodes a recording from end to end: its size, the times of its frames, a preview.
 
-use super::Halt;
+use super::StopReason;
 use super::preview::Preview;
 use super::reporter::Reporter;
-use crate::analysis::protocol::Answer;
+use crate::analysis::protocol::ChildReply;
 use crate::media::VideoFile;
 
-pub(super) fn run(mut video: VideoFile, reporter: &mut Reporter) -> Result<(), Halt> {
+pub(super) fn run(mut video: VideoFile, reporter: &mut Reporter) -> Result<(), StopReason> {
     let info = video.info();
     reporter.recording(info)?;
     let mut preview = Preview::new(info.frames_expected);
@@ -15,6 +15,6 @@ pub(super) fn run(mut video: VideoFile, reporter: &mut Reporter) -> Result<(), H
         preview.consider(&frame);
         reporter.frame(frame.time_s, std::iter::empty())?;
     }
-    reporter.frames_end()?;
-    Ok(reporter.say(&Answer::Preview(preview.into_jpeg()))?)
+    reporter.flush_frames()?;
+    Ok(reporter.send(&ChildReply::Preview(preview.into_jpeg()))?)
 }

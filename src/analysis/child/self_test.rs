@@ -1,28 +1,28 @@
 //! Tests a box: the board and a rod, both in one recording.
 
 use super::reporter::Reporter;
-use super::{Halt, track};
-use crate::analysis::protocol::{Answer, BoardShape, SelfTestWork};
-use crate::analysis::self_test::{Asked, of_video};
+use super::{StopReason, track};
+use crate::analysis::protocol::{BoardShape, ChildReply, SelfTestWork};
+use crate::analysis::self_test::{SelfTestSetup, test_video};
 use crate::media::VideoFile;
 use crate::pipeline::camera::Board;
 use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::quality::ports::Ports;
 
 /// Frames between two signs of life.
-const FRAMES_AT_A_TIME: u64 = 32;
+const FRAMES_PER_ALIVE: u64 = 32;
 
-pub(super) fn run(work: SelfTestWork, video: VideoFile, reporter: &mut Reporter) -> Result<(), Halt> {
+pub(super) fn run(work: SelfTestWork, video: VideoFile, reporter: &mut Reporter) -> Result<(), StopReason> {
     let BoardShape { columns, rows, square_mm } = work.board;
     let board = Board::new(columns as usize, rows as usize, square_mm)?;
     let ports = Ports::new(work.ports.into_iter().map(Fulcrum::from).collect());
-    let asked = Asked { board, reach_mm: work.reach_mm, calibration_rms_px: work.calibration_rms_px, ports };
+    let asked = SelfTestSetup { board, reach_mm: work.reach_mm, calibration_rms_px: work.calibration_rms_px, ports };
     let mut sent = Ok(());
-    let report = of_video(video, track::settings(work.track)?, asked, |done, of| {
-        if sent.is_ok() && done.is_multiple_of(FRAMES_AT_A_TIME) {
-            sent = reporter.say(&Answer::Alive { done, of });
+    let report = test_video(video, track::settings(work.track)?, asked, |done, of| {
+        if sent.is_ok() && done.is_multiple_of(FRAMES_PER_ALIVE) {
+            sent = reporter.send(&ChildReply::Alive { done, of });
         }
     });
     sent?;
-    Ok(reporter.say(&Answer::SelfTest(Box::new(report?)))?)
+    Ok(reporter.send(&ChildReply::SelfTest(Box::new(report?)))?)
 }

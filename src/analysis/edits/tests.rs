@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::analysis::paths::Tracked;
+use crate::analysis::paths::TrackingSummary;
 use crate::pipeline::assessment::{AssessmentSettings, assess};
 
 const FRAMES: u64 = 250;
@@ -25,7 +25,7 @@ fn row(frame: u64, tool: u32) -> PathRow {
 }
 
 /// Ten seconds of two tools; cyan is out of view from frame 100 to 149, for a reason from 120 on.
-fn paths() -> (Paths, Unmeasured) {
+fn paths() -> (SessionPaths, Unmeasured) {
     let is_there = |frame: u64, tool: u32| tool == 0 || !(100..150).contains(&frame);
     let rows: Vec<PathRow> = (0..FRAMES)
         .flat_map(|f| [0, 1].map(|t| (f, t)))
@@ -53,13 +53,13 @@ fn paths() -> (Paths, Unmeasured) {
         tools: vec![tool(Vec::new()), tool(gaps)],
         light: (0..10).map(|second| [f64::from(second), 1.0, 0.0, 0.0]).collect(),
     };
-    let paths = Paths {
+    let paths = SessionPaths {
         tools: vec!["orange".to_owned(), "cyan".to_owned()],
         frame_times_s: (0..FRAMES).map(|frame| frame as f64 * STEP_S).collect(),
         raw: rows.clone(),
         filtered: rows.clone(),
         smoothed: rows,
-        tracking: Some(Tracked { quality, frames_expected: Some(500) }),
+        tracking: Some(TrackingSummary { quality, frames_expected: Some(500) }),
         cuts: Vec::new(),
     };
     (paths, (120..150).map(|frame| (frame, 1, ReasonShape::TooSmall)).collect())
@@ -69,14 +69,14 @@ fn pair() -> [String; 2] {
     ["orange".to_owned(), "cyan".to_owned()]
 }
 
-fn counts(paths: &Paths, tool: usize) -> [u64; 3] {
+fn counts(paths: &SessionPaths, tool: usize) -> [u64; 3] {
     paths.tracking.as_ref().unwrap().quality.tools[tool].observed_predicted_missing
 }
 
 #[test]
-fn a_trim_leaves_what_lies_within_and_counts_that_alone() {
+fn a_trim_keeps_the_span_and_counts_only_the_span() {
     let (paths, unmeasured) = paths();
-    let left = edited(&paths, &[Change::Trim([4.4, 8.0])], &unmeasured); // frames 110 to 200
+    let left = apply_edits(&paths, &[EditChange::Trim([4.4, 8.0])], &unmeasured); // frames 110 to 200
     assert_eq!((left.smoothed.first().unwrap().frame, left.smoothed.last().unwrap().frame), (110, 200));
     assert_eq!([&left.raw, &left.filtered].map(Vec::len), [left.smoothed.len(); 2]);
     assert_eq!((left.frame_times_s.len(), left.frame_times_s[0]), (91, 4.4));
@@ -91,14 +91,14 @@ fn a_trim_leaves_what_lies_within_and_counts_that_alone() {
     assert_eq!(quality.tools[1].gaps, [(110, 119, None), (120, 149, Some(ReasonShape::TooSmall))]);
     assert_eq!((counts(&left, 0), counts(&left, 1)), ([82, 9, 0], [46, 5, 40]));
     assert_eq!(quality.tools[1].reasons, [(ReasonShape::TooSmall, 30)]);
-    let late = edited(&paths, &[Change::Trim([5.2, 8.0])], &unmeasured); // from frame 130
+    let late = apply_edits(&paths, &[EditChange::Trim([5.2, 8.0])], &unmeasured); // from frame 130
     assert_eq!(late.tracking.unwrap().quality.tools[1].reasons, [(ReasonShape::TooSmall, 20)]);
 }
 
 #[test]
 fn a_swap_exchanges_rows_gaps_and_reasons_within_and_nothing_outside() {
     let (paths, unmeasured) = paths();
-    let left = edited(&paths, &[Change::Swap(pair(), [4.8, 9.96])], &unmeasured); // frames 120 to 249
+    let left = apply_edits(&paths, &[EditChange::Swap(pair(), [4.8, 9.96])], &unmeasured); // frames 120 to 249
     let tools = &left.tracking.as_ref().unwrap().quality.tools;
     assert_eq!(tools[0].gaps, [(120, 149, Some(ReasonShape::TooSmall))]);
     assert_eq!(tools[1].gaps, [(100, 119, None)]);
@@ -109,9 +109,13 @@ fn a_swap_exchanges_rows_gaps_and_reasons_within_and_nothing_outside() {
     assert!(of(130, 0).is_none() && of(130, 1).is_some());
     assert!(left.smoothed.is_sorted_by_key(|row| (row.frame, row.tool)));
     assert_eq!(
-        edited_path(&paths, Kind::Smoothed, &[Change::Swap(pair(), [4.8, 9.96]), Change::Trim([1.0, 6.0])]),
-        edited(&paths, &[Change::Swap(pair(), [4.8, 9.96]), Change::Trim([1.0, 6.0])], &unmeasured)
-            .trajectory(Kind::Smoothed)
+        apply_edits_to_path(
+            &paths,
+            PathKind::Smoothed,
+            &[EditChange::Swap(pair(), [4.8, 9.96]), EditChange::Trim([1.0, 6.0])]
+        ),
+        apply_edits(&paths, &[EditChange::Swap(pair(), [4.8, 9.96]), EditChange::Trim([1.0, 6.0])], &unmeasured)
+            .trajectory(PathKind::Smoothed)
     );
 }
 
@@ -121,9 +125,16 @@ fn a_swap_of_two_tools_at_rest_moves_neither() {
         |frame: u64, tool: u32| PathRow { tip_mm: [100.0 * f64::from(tool), 0.0, 150.0], ..self::row(frame, tool) };
     let smoothed = (0..750).flat_map(|frame| [row(frame, 0), row(frame, 1)]).collect();
     let (raw, filtered, frame_times_s) = (Vec::new(), Vec::new(), (0..750).map(|frame| frame as f64 * 0.04).collect());
-    let paths =
-        Paths { tools: pair().to_vec(), frame_times_s, raw, filtered, smoothed, tracking: None, cuts: Vec::new() };
-    let left = edited_path(&paths, Kind::Smoothed, &[Change::Swap(pair(), [10.0, 20.0])]);
+    let paths = SessionPaths {
+        tools: pair().to_vec(),
+        frame_times_s,
+        raw,
+        filtered,
+        smoothed,
+        tracking: None,
+        cuts: Vec::new(),
+    };
+    let left = apply_edits_to_path(&paths, PathKind::Smoothed, &[EditChange::Swap(pair(), [10.0, 20.0])]);
     let cuts: Vec<(usize, f64)> = left.cuts.iter().map(|cut| (cut.tool, (cut.time_s * 100.0).round())).collect();
     assert_eq!(cuts, [(1, 1000.0), (0, 1000.0), (0, 2004.0), (1, 2004.0)]);
     let assessment = assess(&left, &[], &AssessmentSettings::default());
@@ -136,7 +147,7 @@ fn a_swap_of_two_tools_at_rest_moves_neither() {
 }
 
 #[test]
-fn stored_diagnostics_tell_the_same_reasons_as_what_was_seen() {
+fn stored_diagnostics_give_the_same_reasons_as_the_childs_output() {
     let seen: Vec<SeenRow> = (0..9)
         .map(|frame| SeenRow {
             frame,
@@ -156,8 +167,9 @@ fn stored_diagnostics_tell_the_same_reasons_as_what_was_seen() {
 #[test]
 fn an_edit_is_brought_within_the_recording_or_refused() {
     let (paths, _) = paths();
-    let fits = |in_force: Vec<Change>, new| fitting(&paths, &EditsInForce { revision: 1, changes: in_force }, new);
-    let trim = Change::Trim;
+    let fits =
+        |in_force: Vec<EditChange>, new| check_edit(&paths, &EditsInForce { revision: 1, changes: in_force }, new);
+    let trim = EditChange::Trim;
     assert_eq!(fits(vec![], trim([3.0, 999.0])), Ok(trim([3.0, 249.0 * STEP_S])));
     for (in_force, new) in [
         (vec![], trim([100.0, 200.0])),
@@ -165,14 +177,15 @@ fn an_edit_is_brought_within_the_recording_or_refused() {
         (vec![], trim([3.0, 3.5])),
         (vec![trim([0.0, 4.0])], trim([5.0, 9.0])),
         (vec![trim([0.0, 4.0])], trim([3.5, 9.0])),
-        (vec![], Change::Swap(["orange".to_owned(), "green".to_owned()], [0.0, 5.0])),
-        (vec![], Change::Swap(pair(), [50.0, 60.0])),
-        (vec![], Change::Swap(pair(), [3.001, 3.002])),
+        (vec![], EditChange::Swap(["orange".to_owned(), "green".to_owned()], [0.0, 5.0])),
+        (vec![], EditChange::Swap(pair(), [50.0, 60.0])),
+        (vec![], EditChange::Swap(pair(), [3.001, 3.002])),
     ] {
         assert!(fits(in_force.clone(), new.clone()).is_err(), "{in_force:?} {new:?}");
     }
-    let (no_rows, free) = (Paths { smoothed: vec![], frame_times_s: vec![], ..paths.clone() }, EditsInForce::default());
-    assert!(fitting(&no_rows, &free, trim([1.0, 5.0])).is_err());
+    let (no_rows, free) =
+        (SessionPaths { smoothed: vec![], frame_times_s: vec![], ..paths.clone() }, EditsInForce::default());
+    assert!(check_edit(&no_rows, &free, trim([1.0, 5.0])).is_err());
     assert_eq!(fits(vec![trim([2.0, 9.0])], trim([1.0, 8.0])), Ok(trim([1.0, 8.0])), "they may overlap");
 }
 
@@ -180,12 +193,12 @@ proptest! {
     #[test]
     fn a_swap_made_twice_is_none_and_a_trim_comes_before_or_after(from in 0.0..8.0f64, for_s in 1.0..5.0f64, at in 0.0..9.0f64) {
         let (paths, unmeasured) = paths();
-        let swap = Change::Swap(pair(), [at, at + 3.0]);
-        let twice = edited(&paths, &[swap.clone(), swap.clone()], &unmeasured);
+        let swap = EditChange::Swap(pair(), [at, at + 3.0]);
+        let twice = apply_edits(&paths, &[swap.clone(), swap.clone()], &unmeasured);
         prop_assert_eq!(&twice.smoothed, &paths.smoothed);
         prop_assert_eq!(&twice.tracking, &paths.tracking);
-        let trim = Change::Trim([from, from + for_s]);
-        let both = [[swap.clone(), trim.clone()], [trim, swap]].map(|changes| edited(&paths, &changes, &unmeasured));
+        let trim = EditChange::Trim([from, from + for_s]);
+        let both = [[swap.clone(), trim.clone()], [trim, swap]].map(|changes| apply_edits(&paths, &changes, &unmeasured));
         prop_assert_eq!(&both[0], &both[1]);
         // Every frame is measured, bridged or missing, and each gap is missing.
         for tool in &both[0].tracking.as_ref().unwrap().quality.tools {

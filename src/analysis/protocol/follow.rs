@@ -11,8 +11,8 @@ use super::{FulcrumShape, PathRow, PlacementShape, SeenRow, TrackWork};
 use crate::domain::feed::{FrameCodec, TimeBase};
 use crate::domain::session::LiveFeature;
 use crate::pipeline::features::FeatureValue;
-use crate::pipeline::features::running::LIVE;
-use crate::pipeline::reason::Reason;
+use crate::pipeline::features::running::LIVE_FEATURES;
+use crate::pipeline::reason::MissReason;
 use crate::pipeline::tracker::{Absence, ToolReport};
 
 /// What tracking a live recording needs besides its frames.
@@ -32,7 +32,7 @@ pub struct FollowWork {
 
 /// A message on the pipe to the child: 16 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum LogPosition {
     /// A record of the log.
     Record {
         /// Offset in the log, bytes.
@@ -46,7 +46,7 @@ pub enum Place {
     Beat,
 }
 
-impl Place {
+impl LogPosition {
     /// Length on the pipe, bytes.
     pub const BYTES: usize = 16;
     const BEAT: u64 = u64::MAX;
@@ -54,8 +54,8 @@ impl Place {
     /// Encodes the message.
     pub fn to_bytes(self) -> [u8; Self::BYTES] {
         let (offset, bytes, flags) = match self {
-            Place::Record { offset, bytes, wants_picture } => (offset, bytes, u32::from(wants_picture)),
-            Place::Beat => (Self::BEAT, 0, 0),
+            LogPosition::Record { offset, bytes, wants_picture } => (offset, bytes, u32::from(wants_picture)),
+            LogPosition::Beat => (Self::BEAT, 0, 0),
         };
         let mut all = [0; Self::BYTES];
         all[..8].copy_from_slice(&offset.to_le_bytes());
@@ -77,14 +77,14 @@ impl Place {
         }
         let number = |from: usize| u32::from_le_bytes([all[from], all[from + 1], all[from + 2], all[from + 3]]);
         let offset = u64::from(number(4)) << 32 | u64::from(number(0));
-        let record = Place::Record { offset, bytes: number(8), wants_picture: number(12) != 0 };
-        Ok(Some(if offset == Self::BEAT { Place::Beat } else { record }))
+        let record = LogPosition::Record { offset, bytes: number(8), wants_picture: number(12) != 0 };
+        Ok(Some(if offset == Self::BEAT { LogPosition::Beat } else { record }))
     }
 }
 
 /// The child's reply to a position.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Followed {
+pub struct FollowReply {
     /// Tracked frames, none or several: a decoder holds frames back to put them in order.
     pub frames: Vec<FollowedFrame>,
     /// Features so far, about once a second.
@@ -132,7 +132,7 @@ impl FollowedTool {
 
     /// Why it was not measured on this frame, by the name used in files, API and pages.
     pub fn reason(&self) -> Option<&'static str> {
-        self.seen.reason.map(|reason| Reason::from(reason).name())
+        self.seen.reason.map(|reason| MissReason::from(reason).name())
     }
 }
 
@@ -141,7 +141,7 @@ impl FollowedTool {
 pub struct RunningRow {
     /// Index of the tool.
     pub tool: u32,
-    /// Index into [`LIVE`].
+    /// Index into [`LIVE_FEATURES`].
     pub feature: u32,
     /// Its value, in the feature's unit; `None` where too little was seen.
     pub value: Option<f64>,
@@ -150,7 +150,7 @@ pub struct RunningRow {
 impl RunningRow {
     /// The wire form of a value; `None` for a feature that is not shown live.
     pub fn new(value: &FeatureValue) -> Option<Self> {
-        let feature = LIVE.iter().position(|live| *live == value.feature)?;
+        let feature = LIVE_FEATURES.iter().position(|live| *live == value.feature)?;
         Some(Self { tool: value.tool? as u32, feature: feature as u32, value: value.value.ok() })
     }
 }
@@ -158,7 +158,7 @@ impl RunningRow {
 /// Running features by name; `tools` are the tool names.
 pub fn live_features(rows: &[RunningRow], tools: &[String]) -> Vec<LiveFeature> {
     let named = |row: &RunningRow| {
-        let (feature, tool) = (LIVE.get(row.feature as usize)?, tools.get(row.tool as usize)?);
+        let (feature, tool) = (LIVE_FEATURES.get(row.feature as usize)?, tools.get(row.tool as usize)?);
         let [name, title, unit] = [feature.name, feature.title, feature.unit].map(str::to_owned);
         Some(LiveFeature { name, title, unit, tool: tool.clone(), value: row.value })
     };
@@ -172,15 +172,15 @@ mod tests {
     #[test]
     fn places_survive_their_bytes() {
         let places = [
-            Place::Record { offset: 0x0123_4567_89ab_cdef, bytes: 1_048_608, wants_picture: true },
-            Place::Record { offset: 0, bytes: 33, wants_picture: false },
-            Place::Beat,
+            LogPosition::Record { offset: 0x0123_4567_89ab_cdef, bytes: 1_048_608, wants_picture: true },
+            LogPosition::Record { offset: 0, bytes: 33, wants_picture: false },
+            LogPosition::Beat,
         ];
         let bytes: Vec<u8> = places.iter().flat_map(|place| place.to_bytes()).collect();
         let mut pipe = &bytes[..];
         for place in places {
-            assert_eq!(Place::read(&mut pipe).unwrap(), Some(place));
+            assert_eq!(LogPosition::read(&mut pipe).unwrap(), Some(place));
         }
-        assert_eq!(Place::read(&mut pipe).unwrap(), None);
+        assert_eq!(LogPosition::read(&mut pipe).unwrap(), None);
     }
 }

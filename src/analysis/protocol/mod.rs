@@ -25,7 +25,7 @@ mod shapes;
 
 use serde::{Deserialize, Serialize};
 
-pub use follow::{FollowWork, Followed, FollowedFrame, FollowedTool, Place, RunningRow, live_features};
+pub use follow::{FollowReply, FollowWork, FollowedFrame, FollowedTool, LogPosition, RunningRow, live_features};
 pub use placement::{FulcrumShape, PlacementShape};
 pub use rows::{PathRow, ReasonShape, SeenRow};
 pub use shapes::{
@@ -39,20 +39,20 @@ use crate::domain::photo_check::PhotoCheck;
 use crate::domain::problem::Problem;
 use crate::domain::self_test::SelfTestReport;
 use crate::media::{CapturedFrame, SourceInfo};
-use crate::pipeline::trajectory::Kind;
+use crate::pipeline::trajectory::PathKind;
 
 /// The request to a child. Its inputs are descriptors, in the order that the work states.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct Request {
+pub struct ChildRequest {
     /// Decoder threads.
     pub threads: usize,
     /// The work.
-    pub work: Work,
+    pub work: ChildWork,
 }
 
 /// Kinds of work.
 #[derive(Debug, Serialize, Deserialize)]
-pub enum Work {
+pub enum ChildWork {
     /// Decode one recording: size, frames, a preview.
     Probe,
     /// Track one recording.
@@ -140,7 +140,7 @@ pub struct CalibrateWork {
 
 /// A reply from a child.
 #[derive(Debug, Serialize, Deserialize)]
-pub enum Answer {
+pub enum ChildReply {
     /// The child is confined; the first reply of every child.
     Confined {
         /// True if Landlock is enforced, at least in part.
@@ -163,7 +163,7 @@ pub enum Answer {
         seen: Vec<SeenRow>,
     },
     /// The result of one record of a feed.
-    Followed(Followed),
+    Followed(FollowReply),
     /// A sign of life and of progress, for work without frames.
     Alive {
         /// Pictures done.
@@ -213,7 +213,7 @@ pub enum Answer {
     Done,
 }
 
-/// Wire form of [`Kind`].
+/// Wire form of [`PathKind`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum KindShape {
     /// Unfiltered.
@@ -224,12 +224,12 @@ pub enum KindShape {
     Smoothed,
 }
 
-impl From<Kind> for KindShape {
-    fn from(kind: Kind) -> Self {
+impl From<PathKind> for KindShape {
+    fn from(kind: PathKind) -> Self {
         match kind {
-            Kind::Raw => Self::Raw,
-            Kind::Filtered => Self::Filtered,
-            Kind::Smoothed => Self::Smoothed,
+            PathKind::Raw => Self::Raw,
+            PathKind::Filtered => Self::Filtered,
+            PathKind::Smoothed => Self::Smoothed,
         }
     }
 }

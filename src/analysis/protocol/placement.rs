@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::pipeline::pose::fulcrum::Fulcrum;
-use crate::pipeline::quality::{Placement, Shift};
+use crate::pipeline::quality::{Displacement, PortPlacement};
 
 /// Wire form of [`Fulcrum`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,11 +29,11 @@ impl From<Fulcrum> for FulcrumShape {
 
 impl From<FulcrumShape> for Fulcrum {
     fn from(FulcrumShape { at_mm, covariance_mm2 }: FulcrumShape) -> Self {
-        Fulcrum::of_upper(at_mm.into(), covariance_mm2)
+        Fulcrum::from_upper(at_mm.into(), covariance_mm2)
     }
 }
 
-/// Wire form of [`Placement`]: each shift and its standard deviation, mm.
+/// Wire form of [`PortPlacement`]: each shift and its standard deviation, mm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlacementShape {
     /// How far the camera has moved, if it has moved.
@@ -44,8 +44,8 @@ pub struct PlacementShape {
 
 impl PlacementShape {
     /// The wire form; `None` while no trocar is known.
-    pub fn new(placement: &Placement) -> Option<Self> {
-        let numbers = |shift: Shift| [shift.mm, shift.sigma_mm];
+    pub fn new(placement: &PortPlacement) -> Option<Self> {
+        let numbers = |shift: Displacement| [shift.mm, shift.sigma_mm];
         let ports = (0..placement.tools.len()).map(|tool| placement.port(tool).map(numbers)).collect();
         let is_known = placement.tools.iter().any(Option::is_some);
         is_known.then(|| Self { camera: placement.camera.map(numbers), ports })

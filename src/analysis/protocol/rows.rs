@@ -3,7 +3,7 @@
 use nalgebra::{Point2, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::pipeline::reason::Reason;
+use crate::pipeline::reason::MissReason;
 use crate::pipeline::tracker::ToolReport;
 use crate::pipeline::trajectory::{Sample, SampleState};
 
@@ -115,10 +115,10 @@ impl SeenRow {
 
 macro_rules! reason_shape {
     ($($reason:ident),* $(,)?) => {
-        /// [`Reason`] on the wire.
+        /// [`MissReason`] on the wire.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
         pub enum ReasonShape {
-            $(#[doc = concat!("[`Reason::", stringify!($reason), "`]")] $reason,)*
+            $(#[doc = concat!("[`MissReason::", stringify!($reason), "`]")] $reason,)*
         }
 
         impl ReasonShape {
@@ -126,13 +126,13 @@ macro_rules! reason_shape {
             pub const ALL: &[ReasonShape] = &[$(ReasonShape::$reason),*];
         }
 
-        impl From<Reason> for ReasonShape {
-            fn from(reason: Reason) -> Self {
-                match reason { $(Reason::$reason => Self::$reason,)* }
+        impl From<MissReason> for ReasonShape {
+            fn from(reason: MissReason) -> Self {
+                match reason { $(MissReason::$reason => Self::$reason,)* }
             }
         }
 
-        impl From<ReasonShape> for Reason {
+        impl From<ReasonShape> for MissReason {
             fn from(shape: ReasonShape) -> Self {
                 match shape { $(ReasonShape::$reason => Self::$reason,)* }
             }

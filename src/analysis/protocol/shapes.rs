@@ -9,10 +9,10 @@ use crate::domain::files::annotations;
 use crate::pipeline::camera::Camera;
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
 use crate::pipeline::pose::fulcrum::Fulcrum;
-use crate::pipeline::segmentation::palette::{Apart, Margin};
-use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples, Rectangle};
+use crate::pipeline::segmentation::palette::{ColourSeparation, Margin};
+use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples, MarkedRectangle};
 use crate::pipeline::tracker::{
-    Absence, DiameterBasis, EffectiveDiameter, Gap, LightSample, Quality, Side, ToolQuality, ToolSpec, View,
+    Absence, CameraView, DiameterBasis, EffectiveDiameter, Gap, HandSide, LightSample, Quality, ToolQuality, ToolSpec,
 };
 
 /// Wire form of [`Camera`]: `width height` and `fx fy cx cy k1 k2 p1 p2 k3`.
@@ -52,11 +52,11 @@ pub struct ToolShape {
 
 impl From<ToolShape> for ToolSpec {
     fn from(ToolShape { name, colour, side, diameter_mm, band_length_mm }: ToolShape) -> Self {
-        Self { name, colour, side: side.map(Side::from), diameter_mm, band_length_mm }
+        Self { name, colour, side: side.map(HandSide::from), diameter_mm, band_length_mm }
     }
 }
 
-/// Wire form of [`Side`].
+/// Wire form of [`HandSide`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SideShape {
     /// Left in the picture.
@@ -74,7 +74,7 @@ impl From<annotations::Side> for SideShape {
     }
 }
 
-impl From<SideShape> for Side {
+impl From<SideShape> for HandSide {
     fn from(side: SideShape) -> Self {
         match side {
             SideShape::Left => Self::Left,
@@ -83,7 +83,7 @@ impl From<SideShape> for Side {
     }
 }
 
-/// Wire form of [`View`].
+/// Wire form of [`CameraView`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ViewShape {
     /// From above.
@@ -101,7 +101,7 @@ impl From<annotations::View> for ViewShape {
     }
 }
 
-impl From<ViewShape> for View {
+impl From<ViewShape> for CameraView {
     fn from(view: ViewShape) -> Self {
         match view {
             ViewShape::Top => Self::Top,
@@ -125,9 +125,9 @@ pub struct MarkShape {
 
 impl MarkShape {
     /// The rectangle, for the pipeline.
-    pub fn rectangle(&self) -> Rectangle {
+    pub fn rectangle(&self) -> MarkedRectangle {
         let [x, y, w, h] = self.x_y_w_h.map(|n| n as usize);
-        Rectangle { label: self.label.clone(), x, y, w, h }
+        MarkedRectangle { label: self.label.clone(), x, y, w, h }
     }
 }
 
@@ -281,7 +281,7 @@ impl QualityShape {
             observed_predicted_missing: [t.observed, t.predicted, t.missing],
             reasons: t.reasons.iter().map(|(&reason, &n)| (reason.into(), n)).collect(),
             border_residual_px: t.border_residual_px,
-            passing_depth_mm: t.passing_depth_mm,
+            passing_depth_mm: t.transient_depth_sigma_mm,
             effective_diameter: t.effective_diameter.map(|d| ([d.mm, d.sigma_mm], d.basis == DiameterBasis::Session)),
             gaps: t.gaps.iter().map(gap_shape).collect(),
             colour: [&t.colour.from_tools, &t.colour.from_background].map(|m| m.as_ref().map(Into::into)),
@@ -322,13 +322,13 @@ impl QualityShape {
                 missing,
                 reasons: shape.reasons.iter().map(|&(reason, n)| (reason.into(), n)).collect(),
                 border_residual_px: shape.border_residual_px,
-                passing_depth_mm: shape.passing_depth_mm,
+                transient_depth_sigma_mm: shape.passing_depth_mm,
                 effective_diameter: shape.effective_diameter.map(|([mm, sigma_mm], of_session)| {
                     let basis = if of_session { DiameterBasis::Session } else { DiameterBasis::Usual };
                     EffectiveDiameter { mm, sigma_mm, basis }
                 }),
                 gaps: shape.gaps.iter().map(gap).collect(),
-                colour: Apart { from_tools, from_background },
+                colour: ColourSeparation { from_tools, from_background },
                 fulcrum: shape.fulcrum.map(Fulcrum::from),
             }
         };

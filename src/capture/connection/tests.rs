@@ -18,35 +18,35 @@ async fn next(socket: &mut WebSocketStream<TcpStream>) -> Option<Message> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_end_is_said_once_all_is_acknowledged() {
+async fn the_end_is_sent_after_everything_is_acknowledged() {
     const FRAMES: u64 = 5;
     let (folder, mut spool, id) = spool(1 << 20);
     add(&mut spool, 0..FRAMES);
-    spool.end();
+    spool.end_live();
     let agent = Agent::new(spool);
     let token = folder.path().join("token");
     std::fs::write(&token, "trc_1").unwrap();
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let server = Server::new(&format!("http://{}", listener.local_addr().unwrap()), "box-1", &token).unwrap();
-    let conversing = tokio::spawn(async move { server.converse(&agent, id).await });
+    let conversing = tokio::spawn(async move { server.run(&agent, id).await });
 
     let mut socket = accept_async(listener.accept().await.unwrap().0).await.unwrap();
     let hello = next(&mut socket).await.unwrap();
     assert!(hello.to_text().unwrap().contains("hello"), "{hello}");
     let session = SessionId::at(1_795_000_000_000);
-    socket.send(word_of(&FromServer::Welcome { session, epoch: 1, durable: vec![] })).await.unwrap();
+    socket.send(word_of(&ServerMessage::Welcome { session, epoch: 1, durable: vec![] })).await.unwrap();
     for number in 0..FRAMES {
         let record = next(&mut socket).await.unwrap().into_data();
-        assert_eq!(Record::read(&record).unwrap().number, number);
+        assert_eq!(FeedRecord::read(&record).unwrap().number, number);
     }
     assert_eq!(next(&mut socket).await, None, "nothing is acknowledged yet");
-    socket.send(word_of(&FromServer::Ack { durable: vec![[0, FRAMES - 2]] })).await.unwrap();
+    socket.send(word_of(&ServerMessage::Ack { durable: vec![[0, FRAMES - 2]] })).await.unwrap();
     assert_eq!(next(&mut socket).await, None, "the last frame is not acknowledged yet");
-    socket.send(word_of(&FromServer::Ack { durable: vec![[0, FRAMES - 1]] })).await.unwrap();
+    socket.send(word_of(&ServerMessage::Ack { durable: vec![[0, FRAMES - 1]] })).await.unwrap();
     let end = next(&mut socket).await.unwrap();
     assert_eq!(end.to_text().unwrap(), r#"{"type":"end","frames":5}"#);
-    socket.send(word_of(&FromServer::Ended { session, durable: None })).await.unwrap();
-    assert_eq!(conversing.await.unwrap(), Parting::Whole(session));
+    socket.send(word_of(&ServerMessage::Ended { session, durable: None })).await.unwrap();
+    assert_eq!(conversing.await.unwrap(), DisconnectOutcome::Complete(session));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -54,27 +54,27 @@ async fn a_recording_of_one_box_is_not_sent_as_anothers() {
     let (_folder, mut spool, id) = spool(1 << 20);
     add(&mut spool, 0..1);
     let nowhere = Server::new("http://127.0.0.1:1", "box-2", Path::new("no token")).unwrap();
-    let parting = nowhere.converse(&Agent::new(spool), id).await;
-    assert!(matches!(&parting, Parting::Refused(why) if why.contains("--box box-1")), "{parting:?}");
+    let parting = nowhere.run(&Agent::new(spool), id).await;
+    assert!(matches!(&parting, DisconnectOutcome::Refused(why) if why.contains("--box box-1")), "{parting:?}");
 }
 
-fn word_of(word: &FromServer) -> Message {
+fn word_of(word: &ServerMessage) -> Message {
     Message::text(serde_json::to_string(word).unwrap())
 }
 
 #[test]
 fn every_close_code_is_followed_as_the_document_says() {
     let document = include_str!("../../../docs/feed.md");
-    for code in Code::ALL {
+    for code in CloseCode::ALL {
         let begins = format!("| {} |", code.number());
         let row = document.lines().find(|line| line.starts_with(&begins)).unwrap();
         let comes_again = row.trim_end_matches(" |").rsplit('|').next().unwrap().trim().starts_with("yes");
-        let parting = parting_by_code(code.number(), "why");
+        let parting = outcome_of_close_code(code.number(), "why");
         // The agent connects once more if the close code does not name the session.
-        let expected = comes_again || code == Code::Done;
-        assert_eq!(matches!(parting, Parting::Again { .. }), expected, "{code:?}: {parting:?}");
+        let expected = comes_again || code == CloseCode::Done;
+        assert_eq!(matches!(parting, DisconnectOutcome::Retry { .. }), expected, "{code:?}: {parting:?}");
     }
-    assert!(matches!(parting_by_code(1006, ""), Parting::Again { .. }));
+    assert!(matches!(outcome_of_close_code(1006, ""), DisconnectOutcome::Retry { .. }));
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn addresses_lead_to_the_boxs_feed() {
     {
         assert!(address(server, in_box).is_err(), "{server} {in_box}");
     }
-    let is_open = |server| Server::new(server, "b", Path::new("t")).unwrap().is_open_to_all();
+    let is_open = |server| Server::new(server, "b", Path::new("t")).unwrap().is_unencrypted();
     assert_eq!(
         [is_open("http://a.example"), is_open("https://a.example"), is_open("http://[::1]:80")],
         [true, false, false]

@@ -19,8 +19,8 @@ pub(super) mod testing;
 #[cfg(test)]
 mod tests;
 
-pub use recording::Recording;
-pub use segment::Entry;
+pub use recording::SpooledRecording;
+pub use segment::RecordEntry;
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
@@ -28,25 +28,25 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::domain::feed::numbers::Numbers;
-use crate::domain::feed::record::Record;
-use crate::domain::feed::words::Hello;
+use crate::domain::feed::messages::Hello;
+use crate::domain::feed::numbers::FrameNumbers;
+use crate::domain::feed::record::FeedRecord;
 use crate::ids::FeedId;
 
 /// Usual length of a segment, bytes: small enough to be removed in one piece, and 4000 of them are 16 GiB.
 const SEGMENT_BYTES: u64 = 4 << 20;
 /// Segments of a small spool at the least.
-const LEAST_SEGMENTS: u64 = 8;
+const MIN_SEGMENTS: u64 = 8;
 
 /// Suffix of folders that are being removed.
-const GONE: &str = "gone";
+const REMOVED_SUFFIX: &str = "gone";
 
 /// The recordings that may be incomplete on the server, by age.
 #[derive(Debug)]
 pub struct Spool {
     folder: PathBuf,
-    most_bytes: u64,
-    recordings: BTreeMap<FeedId, Recording>,
+    max_bytes: u64,
+    recordings: BTreeMap<FeedId, SpooledRecording>,
     /// The recording that is being made.
     live: Option<FeedId>,
     lock: File,
@@ -77,31 +77,31 @@ impl Spool {
         let mut recordings = BTreeMap::new();
         for entry in fs::read_dir(folder)? {
             let path = entry?.path();
-            if path.extension().is_some_and(|suffix| suffix == GONE) {
+            if path.extension().is_some_and(|suffix| suffix == REMOVED_SUFFIX) {
                 fs::remove_dir_all(&path)?;
             }
             let Some(id) = path.file_name().and_then(|name| name.to_str()?.parse::<FeedId>().ok()) else { continue };
-            match Recording::open(path.clone()) {
+            match SpooledRecording::open(path.clone()) {
                 Ok(recording) => drop(recordings.insert(id, recording)),
                 Err(error) => {
                     tracing::warn!(folder = %path.display(), %error, "not a readable recording; folder left as it is")
                 }
             }
         }
-        Ok(Self { folder: folder.to_owned(), most_bytes, recordings, live: None, lock })
+        Ok(Self { folder: folder.to_owned(), max_bytes: most_bytes, recordings, live: None, lock })
     }
 
     /// Begins the recording that later records are appended to.
     pub fn begin(&mut self, hello: Hello, in_box: &str) -> io::Result<FeedId> {
         let id = hello.recording;
-        self.recordings.insert(id, Recording::create(self.path(id), hello, in_box)?);
+        self.recordings.insert(id, SpooledRecording::create(self.path(id), hello, in_box)?);
         self.live = Some(id);
         Ok(id)
     }
 
     /// Ends the live recording. Frames that did not fit are recorded as a gap, if there is space for that now;
     /// otherwise the server asks for them.
-    pub fn end(&mut self) {
+    pub fn end_live(&mut self) {
         let segment_bytes = self.segment_bytes();
         if let Some(recording) = self.live.take().and_then(|id| self.recordings.get_mut(&id))
             && let Err(error) = recording.write_unwritten(segment_bytes)
@@ -121,7 +121,7 @@ impl Spool {
     }
 
     /// A recording.
-    pub fn get(&self, id: FeedId) -> Option<&Recording> {
+    pub fn get(&self, id: FeedId) -> Option<&SpooledRecording> {
         self.recordings.get(&id)
     }
 
@@ -138,20 +138,20 @@ impl Spool {
 
     /// Appends a record to the live recording. If there is no space, the oldest frames are dropped; if that is not
     /// enough, this record becomes a gap.
-    pub fn append(&mut self, record: &Record<'_>) -> io::Result<()> {
+    pub fn append(&mut self, record: &FeedRecord<'_>) -> io::Result<()> {
         let Some(id) = self.live else { return Ok(()) };
         let segment_bytes = self.segment_bytes();
         loop {
-            let is_full = self.bytes() + record.bytes() as u64 > self.most_bytes;
+            let is_full = self.bytes() + record.bytes() as u64 > self.max_bytes;
             let Some(recording) = self.recordings.get_mut(&id) else { return Ok(()) };
             let appended = match is_full {
                 true => Err(io::ErrorKind::StorageFull.into()),
                 false => recording.append(record, segment_bytes),
             };
             match appended {
-                Err(error) if is_for_want_of_space(&error) => {
+                Err(error) if is_disk_full(&error) => {
                     if !self.drop_oldest()? {
-                        self.recordings.get_mut(&id).into_iter().for_each(|recording| recording.give_up(record));
+                        self.recordings.get_mut(&id).into_iter().for_each(|recording| recording.mark_lost(record));
                         return Err(error);
                     }
                 }
@@ -161,7 +161,7 @@ impl Spool {
     }
 
     fn segment_bytes(&self) -> u64 {
-        SEGMENT_BYTES.min(self.most_bytes / LEAST_SEGMENTS)
+        SEGMENT_BYTES.min(self.max_bytes / MIN_SEGMENTS)
     }
 
     /// Drops the oldest frames; those of the live recording last, even if the clock was wrong when it began.
@@ -178,25 +178,25 @@ impl Spool {
 
     /// The files to sync so that all records are on the disk. New records are not delayed.
     pub fn take_unsynced(&mut self) -> Vec<Arc<File>> {
-        self.recordings.values_mut().flat_map(Recording::take_unsynced).collect()
+        self.recordings.values_mut().flat_map(SpooledRecording::take_unsynced).collect()
     }
 
     /// The bytes of a record.
-    pub fn read(&mut self, id: FeedId, entry: Entry) -> Option<Vec<u8>> {
+    pub fn read(&mut self, id: FeedId, entry: RecordEntry) -> Option<Vec<u8>> {
         self.recordings.get_mut(&id)?.read(entry)
     }
 
     /// The server has these numbers: removes segments that it has completely.
-    pub fn acknowledge(&mut self, id: FeedId, durable: Numbers) -> io::Result<()> {
+    pub fn acknowledge(&mut self, id: FeedId, durable: FrameNumbers) -> io::Result<()> {
         let Some(recording) = self.recordings.get_mut(&id) else { return Ok(()) };
         recording.end = recording.end.max(durable.end());
         recording.durable = durable;
-        recording.let_go()
+        recording.drop_acknowledged()
     }
 
     /// Notes that the number of frames is being sent to the server.
     pub fn close(&mut self, id: FeedId) -> io::Result<()> {
-        self.recordings.get_mut(&id).map_or(Ok(()), Recording::close)
+        self.recordings.get_mut(&id).map_or(Ok(()), SpooledRecording::close)
     }
 
     /// Makes the remaining frames of a recording that the server ended too early another recording.
@@ -214,12 +214,12 @@ impl Spool {
     /// Removes a recording.
     pub fn remove(&mut self, id: FeedId) -> io::Result<()> {
         self.recordings.remove(&id);
-        let gone = self.path(id).with_extension(GONE); // one step: no half-removed recording remains
+        let gone = self.path(id).with_extension(REMOVED_SUFFIX); // one step: no half-removed recording remains
         fs::rename(self.path(id), &gone)?;
         fs::remove_dir_all(gone)
     }
 }
 
-fn is_for_want_of_space(error: &io::Error) -> bool {
+fn is_disk_full(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge)
 }

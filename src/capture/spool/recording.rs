@@ -6,10 +6,10 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::segment::{Entry, Segment, sync_folder};
-use crate::domain::feed::numbers::Numbers;
-use crate::domain::feed::record::{Body, GapReason, Record};
-use crate::domain::feed::words::Hello;
+use super::segment::{RecordEntry, Segment, sync_folder};
+use crate::domain::feed::messages::Hello;
+use crate::domain::feed::numbers::FrameNumbers;
+use crate::domain::feed::record::{FeedRecord, GapReason, RecordBody};
 
 const HELLO: &str = "hello.json";
 const BOX: &str = "box";
@@ -18,13 +18,13 @@ const CLOSING: &str = "closing";
 
 /// A recording in the spool.
 #[derive(Debug)]
-pub struct Recording {
+pub struct SpooledRecording {
     /// The first message about it.
     pub hello: Hello,
     /// The box given to the agent at recording time; `None` for recordings of earlier versions.
     pub in_box: Option<String>,
     /// The numbers that the server has.
-    pub durable: Numbers,
+    pub durable: FrameNumbers,
     /// One more than the largest number so far.
     pub end: u64,
     pub(super) folder: PathBuf,
@@ -38,7 +38,7 @@ pub struct Recording {
     is_closing: bool,
 }
 
-impl Recording {
+impl SpooledRecording {
     /// Creates a recording; its folder and hello are then on the disk.
     pub(super) fn create(folder: PathBuf, hello: Hello, in_box: &str) -> io::Result<Self> {
         fs::create_dir(&folder)?;
@@ -76,7 +76,7 @@ impl Recording {
         Self {
             hello,
             in_box,
-            durable: Numbers::default(),
+            durable: FrameNumbers::default(),
             end: 0,
             folder,
             segments: VecDeque::new(),
@@ -89,7 +89,7 @@ impl Recording {
     }
 
     /// The first record that covers this number or a later one.
-    pub fn at_or_after(&self, number: u64) -> Option<Entry> {
+    pub fn at_or_after(&self, number: u64) -> Option<RecordEntry> {
         let segment = self.segments.get(self.segments.partition_point(|segment| segment.end() <= number))?;
         segment.entries.get(segment.entries.partition_point(|entry| entry.last < number)).copied()
     }
@@ -134,11 +134,11 @@ impl Recording {
         fs::rename(&self.folder, &folder)?;
         folder.parent().map_or(Ok(()), sync_folder)?;
         self.segments.iter_mut().for_each(|segment| segment.move_to(&folder));
-        (self.hello, self.folder, self.durable, self.active) = (hello, folder, Numbers::default(), None);
+        (self.hello, self.folder, self.durable, self.active) = (hello, folder, FrameNumbers::default(), None);
         Ok(())
     }
 
-    pub(super) fn append(&mut self, record: &Record<'_>, segment_bytes: u64) -> io::Result<()> {
+    pub(super) fn append(&mut self, record: &FeedRecord<'_>, segment_bytes: u64) -> io::Result<()> {
         self.write_unwritten(segment_bytes)?;
         self.write(record, segment_bytes)
     }
@@ -146,21 +146,21 @@ impl Recording {
     /// Writes the gap for the numbers that found no disk space.
     pub(super) fn write_unwritten(&mut self, segment_bytes: u64) -> io::Result<()> {
         if let Some([number, last]) = self.unwritten {
-            let body = Body::Gap { last, reason: GapReason::SpoolFull };
-            self.write(&Record { epoch: 0, number, body }, segment_bytes)?;
+            let body = RecordBody::Gap { last, reason: GapReason::SpoolFull };
+            self.write(&FeedRecord { epoch: 0, number, body }, segment_bytes)?;
             self.unwritten = None;
         }
         Ok(())
     }
 
     /// There is no disk space for this record: its numbers become a gap.
-    pub(super) fn give_up(&mut self, record: &Record<'_>) {
+    pub(super) fn mark_lost(&mut self, record: &FeedRecord<'_>) {
         let first = self.unwritten.map_or(record.number, |[first, _]| first);
-        self.unwritten = Some([first, record.last()]);
-        self.end = self.end.max(record.last() + 1);
+        self.unwritten = Some([first, record.last_number()]);
+        self.end = self.end.max(record.last_number() + 1);
     }
 
-    fn write(&mut self, record: &Record<'_>, segment_bytes: u64) -> io::Result<()> {
+    fn write(&mut self, record: &FeedRecord<'_>, segment_bytes: u64) -> io::Result<()> {
         if self.segments.back().is_none_or(|segment| segment.bytes >= segment_bytes) {
             self.active = None;
         }
@@ -188,7 +188,7 @@ impl Recording {
         if !self.unsynced.iter().any(|unsynced| Arc::ptr_eq(unsynced, &file)) {
             self.unsynced.push(file);
         }
-        self.end = self.end.max(record.last() + 1);
+        self.end = self.end.max(record.last_number() + 1);
         Ok(())
     }
 
@@ -198,11 +198,11 @@ impl Recording {
     }
 
     /// The bytes of a record. An unreadable record is dropped and is a hole from then on.
-    pub(super) fn read(&mut self, wanted: Entry) -> Option<Vec<u8>> {
+    pub(super) fn read(&mut self, wanted: RecordEntry) -> Option<Vec<u8>> {
         let at = self.segments.partition_point(|segment| segment.end() <= wanted.number);
         let segment = self.segments.get_mut(at)?;
         match segment.read(wanted) {
-            Ok(bytes) if Record::read(&bytes).is_ok() => Some(bytes),
+            Ok(bytes) if FeedRecord::read(&bytes).is_ok() => Some(bytes),
             damaged => {
                 let why = damaged.err().map_or("its checksum does not match".to_owned(), |error| error.to_string());
                 tracing::error!(number = wanted.number, why, "frame in the spool is unreadable and lost");
@@ -217,7 +217,7 @@ impl Recording {
     }
 
     /// Removes segments that the server has completely.
-    pub(super) fn let_go(&mut self) -> io::Result<()> {
+    pub(super) fn drop_acknowledged(&mut self) -> io::Result<()> {
         let active = usize::from(self.active.is_some());
         for at in (0..self.segments.len().saturating_sub(active)).rev() {
             if self.segments[at].entries.iter().all(|entry| entry.is_in(&self.durable)) {
@@ -234,12 +234,12 @@ impl Recording {
         if at + 1 == self.segments.len() {
             self.active = None;
         }
-        let before = at.checked_sub(1).and_then(|before| self.segments[before].only_gap());
-        if self.segments[at].become_gaps(&self.durable, before)? {
+        let before = at.checked_sub(1).and_then(|before| self.segments[before].sole_gap());
+        if self.segments[at].replace_with_gaps(&self.durable, before)? {
             self.segments[at - 1].remove()?;
             self.segments.remove(at - 1);
         }
-        self.let_go()?;
+        self.drop_acknowledged()?;
         Ok(true)
     }
 }

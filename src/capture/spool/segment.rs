@@ -6,15 +6,15 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::domain::feed::numbers::Numbers;
-use crate::domain::feed::record::{Body, GapReason, Record, read_all};
+use crate::domain::feed::numbers::FrameNumbers;
+use crate::domain::feed::record::{FeedRecord, GapReason, RecordBody, read_all};
 
 /// Suffix of segment files.
 const SUFFIX: &str = "records";
 
 /// Position and numbers of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Entry {
+pub struct RecordEntry {
     /// The frame's number, or the gap's first.
     pub number: u64,
     /// The last number that it covers.
@@ -27,13 +27,13 @@ pub struct Entry {
     offset: u64,
 }
 
-impl Entry {
-    fn of(record: &Record<'_>, offset: u64, bytes: usize) -> Self {
+impl RecordEntry {
+    fn from_record(record: &FeedRecord<'_>, offset: u64, bytes: usize) -> Self {
         let (is_key, gap) = match record.body {
-            Body::Frame { is_key, .. } => (is_key, None),
-            Body::Gap { reason, .. } => (false, Some(reason)),
+            RecordBody::Frame { is_key, .. } => (is_key, None),
+            RecordBody::Gap { reason, .. } => (false, Some(reason)),
         };
-        Self { number: record.number, last: record.last(), is_key, bytes, gap, offset }
+        Self { number: record.number, last: record.last_number(), is_key, bytes, gap, offset }
     }
 
     /// True for a frame, false for a gap.
@@ -42,7 +42,7 @@ impl Entry {
     }
 
     /// True if all its numbers are among these.
-    pub fn is_in(&self, numbers: &Numbers) -> bool {
+    pub fn is_in(&self, numbers: &FrameNumbers) -> bool {
         numbers.contains_all(self.number, self.last)
     }
 }
@@ -51,7 +51,7 @@ impl Entry {
 #[derive(Debug)]
 pub(super) struct Segment {
     path: PathBuf,
-    pub(super) entries: Vec<Entry>,
+    pub(super) entries: Vec<RecordEntry>,
     pub(super) bytes: u64,
 }
 
@@ -67,11 +67,11 @@ impl Segment {
     /// Opens an existing segment and cuts off an incomplete record at its end.
     pub(super) fn open(path: PathBuf) -> io::Result<Self> {
         let file = File::options().read(true).write(true).open(&path)?;
-        let mut entries: Vec<Entry> = Vec::new();
+        let mut entries: Vec<RecordEntry> = Vec::new();
         let bytes = read_all(&file, |place, record| {
             let mut written = Vec::new();
             record.write(&mut written);
-            entries.push(Entry::of(&record, place, written.len()));
+            entries.push(RecordEntry::from_record(&record, place, written.len()));
             io::Result::Ok(())
         })?;
         file.set_len(bytes)?;
@@ -94,20 +94,20 @@ impl Segment {
     }
 
     /// Appends a record; on failure the segment is unchanged.
-    pub(super) fn append(&mut self, file: &File, record: &Record<'_>) -> io::Result<()> {
+    pub(super) fn append(&mut self, file: &File, record: &FeedRecord<'_>) -> io::Result<()> {
         let mut written = Vec::new();
         record.write(&mut written);
         if let Err(error) = file.write_all_at(&written, self.bytes) {
             file.set_len(self.bytes)?;
             return Err(error);
         }
-        self.entries.push(Entry::of(record, self.bytes, written.len()));
+        self.entries.push(RecordEntry::from_record(record, self.bytes, written.len()));
         self.bytes += written.len() as u64;
         Ok(())
     }
 
     /// The bytes of a record.
-    pub(super) fn read(&self, entry: Entry) -> io::Result<Vec<u8>> {
+    pub(super) fn read(&self, entry: RecordEntry) -> io::Result<Vec<u8>> {
         let mut bytes = vec![0; entry.bytes];
         File::open(&self.path)?.read_exact_at(&mut bytes, entry.offset)?;
         Ok(bytes)
@@ -120,13 +120,13 @@ impl Segment {
 
     /// True if it contains a frame.
     pub(super) fn has_frames(&self) -> bool {
-        self.entries.iter().any(Entry::is_frame)
+        self.entries.iter().any(RecordEntry::is_frame)
     }
 
     /// The range of its gap, if the segment is one gap because the spool was full.
-    pub(super) fn only_gap(&self) -> Option<[u64; 2]> {
+    pub(super) fn sole_gap(&self) -> Option<[u64; 2]> {
         match self.entries[..] {
-            [Entry { number, last, gap: Some(GapReason::SpoolFull), .. }] => Some([number, last]),
+            [RecordEntry { number, last, gap: Some(GapReason::SpoolFull), .. }] => Some([number, last]),
             _ => None,
         }
     }
@@ -134,7 +134,7 @@ impl Segment {
     /// Replaces its frames by gaps for the numbers that are not durable elsewhere. The gaps overwrite the start of the
     /// file, so even a full disk has space for them; a power cut in between leaves gaps without records after them. A
     /// gap right before (`before`) is joined to the first one; then the result is `true`.
-    pub(super) fn become_gaps(&mut self, durable: &Numbers, before: Option<[u64; 2]>) -> io::Result<bool> {
+    pub(super) fn replace_with_gaps(&mut self, durable: &FrameNumbers, before: Option<[u64; 2]>) -> io::Result<bool> {
         let mut gaps: Vec<(u64, u64, GapReason)> = Vec::new();
         for entry in self.entries.iter().filter(|entry| !entry.is_in(durable)) {
             let reason = entry.gap.unwrap_or(GapReason::SpoolFull);
@@ -152,10 +152,10 @@ impl Segment {
         };
         let (mut bytes, mut entries) = (Vec::new(), Vec::new());
         for (number, last, reason) in gaps {
-            let record = Record { epoch: 0, number, body: Body::Gap { last, reason } };
+            let record = FeedRecord { epoch: 0, number, body: RecordBody::Gap { last, reason } };
             let offset = bytes.len();
             record.write(&mut bytes);
-            entries.push(Entry::of(&record, offset as u64, bytes.len() - offset));
+            entries.push(RecordEntry::from_record(&record, offset as u64, bytes.len() - offset));
         }
         let file = File::options().write(true).open(&self.path)?;
         file.write_all_at(&bytes, 0)?;

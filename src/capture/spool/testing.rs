@@ -5,7 +5,7 @@ use std::ops::Range;
 use tempfile::TempDir;
 
 use super::*;
-use crate::domain::feed::record::Body;
+use crate::domain::feed::record::RecordBody;
 use crate::domain::feed::{FrameCodec, PROTOCOL, TimeBase};
 
 pub fn hello(now_ms: i64) -> Hello {
@@ -53,6 +53,6 @@ pub fn add_sized(spool: &mut Spool, numbers: Range<u64>, bytes: usize) {
 }
 
 fn append(spool: &mut Spool, number: u64, is_key: bool, payload: &[u8]) {
-    let body = Body::Frame { time: number as i64 * 3600, is_key, payload };
-    spool.append(&Record { epoch: 0, number, body }).unwrap();
+    let body = RecordBody::Frame { time: number as i64 * 3600, is_key, payload };
+    spool.append(&FeedRecord { epoch: 0, number, body }).unwrap();
 }

@@ -9,29 +9,29 @@ use proptest::prelude::*;
 
 use super::testing::{add, add_sized, hello, payload, spool};
 use super::*;
-use crate::domain::feed::record::{Body, GapReason};
+use crate::domain::feed::record::{GapReason, RecordBody};
 
 /// A spool whose segments hold ten frames each.
 const SMALL: u64 = 8 * 10 * 132;
 
-fn numbers(ranges: &[[u64; 2]]) -> Numbers {
-    let mut numbers = Numbers::default();
+fn numbers(ranges: &[[u64; 2]]) -> FrameNumbers {
+    let mut numbers = FrameNumbers::default();
     ranges.iter().for_each(|[first, last]| numbers.add(*first, *last).unwrap());
     numbers
 }
 
 /// Numbers of the readable frames, and the gaps with their reasons.
-fn held(spool: &mut Spool, id: FeedId) -> (Numbers, Vec<(u64, u64, GapReason)>) {
-    let (mut frames, mut gaps, mut next) = (Numbers::default(), Vec::new(), 0);
+fn held(spool: &mut Spool, id: FeedId) -> (FrameNumbers, Vec<(u64, u64, GapReason)>) {
+    let (mut frames, mut gaps, mut next) = (FrameNumbers::default(), Vec::new(), 0);
     while let Some(entry) = spool.get(id).and_then(|recording| recording.at_or_after(next)) {
         let bytes = spool.read(id, entry).unwrap();
-        let record = Record::read(&bytes).unwrap();
+        let record = FeedRecord::read(&bytes).unwrap();
         match record.body {
-            Body::Frame { payload: read, .. } => {
+            RecordBody::Frame { payload: read, .. } => {
                 assert_eq!(read, payload(record.number));
                 frames.add(record.number, record.number).unwrap();
             }
-            Body::Gap { last, reason } => gaps.push((record.number, last, reason)),
+            RecordBody::Gap { last, reason } => gaps.push((record.number, last, reason)),
         }
         next = entry.last + 1;
     }
@@ -54,7 +54,7 @@ proptest! {
     fn a_cut_costs_only_what_lies_behind_it(frames in 1u64..40, acknowledged in 0u64..40, cut in 0.0f64..=1.0) {
         let (folder, mut spool, id) = spool(SMALL);
         add(&mut spool, 0..frames);
-        let durable = if acknowledged > 0 { numbers(&[[0, acknowledged.min(frames) - 1]]) } else { Numbers::default() };
+        let durable = if acknowledged > 0 { numbers(&[[0, acknowledged.min(frames) - 1]]) } else { FrameNumbers::default() };
         spool.acknowledge(id, durable.clone()).unwrap();
         let (before, _) = held(&mut spool, id);
         let last = files(&spool, id).pop().unwrap();
@@ -81,10 +81,10 @@ proptest! {
 
     /// A full spool keeps the newest frames, and every number is a frame, durable, or in a gap.
     #[test]
-    fn a_full_spool_keeps_the_newest_and_tells_of_the_rest(frames in 81u64..400, acknowledged in 0u64..30, reopened: bool) {
+    fn a_full_spool_keeps_the_newest_and_records_gaps_for_the_rest(frames in 81u64..400, acknowledged in 0u64..30, reopened: bool) {
         let (folder, mut spool, id) = spool(SMALL);
         add(&mut spool, 0..60);
-        let durable = if acknowledged > 0 { numbers(&[[0, acknowledged - 1]]) } else { Numbers::default() };
+        let durable = if acknowledged > 0 { numbers(&[[0, acknowledged - 1]]) } else { FrameNumbers::default() };
         spool.acknowledge(id, durable.clone()).unwrap();
         add(&mut spool, 60..60 + frames);
         if reopened {
@@ -122,14 +122,14 @@ fn what_is_acknowledged_goes_in_whole_segments() {
 }
 
 #[test]
-fn a_last_frame_for_which_there_is_no_room_is_told_as_a_gap() {
+fn a_last_frame_without_disk_space_becomes_a_gap() {
     let (_folder, mut spool, id) = spool(SMALL);
     add(&mut spool, 0..3);
-    let body = Body::Frame { time: 0, is_key: true, payload: &[0; SMALL as usize] };
-    spool.append(&Record { epoch: 0, number: 3, body }).unwrap_err();
-    spool.end();
+    let body = RecordBody::Frame { time: 0, is_key: true, payload: &[0; SMALL as usize] };
+    spool.append(&FeedRecord { epoch: 0, number: 3, body }).unwrap_err();
+    spool.end_live();
     let full = |first, last| (first, last, GapReason::SpoolFull);
-    assert_eq!(held(&mut spool, id), (Numbers::default(), vec![full(0, 2), full(3, 3)]));
+    assert_eq!(held(&mut spool, id), (FrameNumbers::default(), vec![full(0, 2), full(3, 3)]));
 }
 
 #[test]
@@ -148,9 +148,9 @@ fn a_file_that_has_no_room_for_its_first_record_is_none() {
     add_sized(&mut spool, 0..5, 100_000); // a segment
     let mut filler = File::create(disk.path().join("filler")).unwrap();
     while filler.write_all(&[0; 4096]).is_ok() {}
-    let body = Body::Frame { time: 0, is_key: true, payload: &[0; 1_000_000] };
-    let full = spool.append(&Record { epoch: 0, number: 5, body }).unwrap_err();
-    assert!(is_for_want_of_space(&full), "{full}");
+    let body = RecordBody::Frame { time: 0, is_key: true, payload: &[0; 1_000_000] };
+    let full = spool.append(&FeedRecord { epoch: 0, number: 5, body }).unwrap_err();
+    assert!(is_disk_full(&full), "{full}");
     assert_eq!(held(&mut spool, id).1, [(0, 4, GapReason::SpoolFull)]);
     assert_eq!(files(&spool, id).len(), 1);
     drop((spool, filler));
@@ -161,8 +161,8 @@ fn a_file_that_has_no_room_for_its_first_record_is_none() {
 fn a_file_that_is_there_already_costs_one_record_and_not_all_that_follow() {
     let (_folder, mut spool, id) = spool(SMALL);
     fs::write(spool.path(id).join("00000000.records"), b"").unwrap(); // created, but the rest failed
-    let body = Body::Frame { time: 0, is_key: true, payload: &payload(0) };
-    spool.append(&Record { epoch: 0, number: 0, body }).unwrap_err();
+    let body = RecordBody::Frame { time: 0, is_key: true, payload: &payload(0) };
+    spool.append(&FeedRecord { epoch: 0, number: 0, body }).unwrap_err();
     add(&mut spool, 1..4);
     assert_eq!(held(&mut spool, id).0, numbers(&[[1, 3]]));
 }

@@ -4,14 +4,14 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::domain::named;
-use crate::domain::standard::{ChartDesign, Rule};
+use crate::domain::standard::{ChartDesign, StandardRule};
 
 /// State of a pass rule.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct RuleState {
     /// The rule.
     #[serde(flatten)]
-    pub rule: Rule,
+    pub rule: StandardRule,
     /// Whether it is met.
     pub state: RuleStanding,
     /// Number of the session that met it.
@@ -111,7 +111,7 @@ pub struct ChartPoint {
 
 /// When a task was passed, and the criterion.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Passed {
+pub struct TaskPassed {
     /// The criterion: the pass rule or the charts.
     pub by: PassedBy,
     /// Number of the session that completed it.
@@ -136,12 +136,12 @@ named! {
 
 /// A refresher.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Reminder {
+pub struct Refresher {
     /// When it is due.
     #[schema(format = "date-time")]
     pub due_at: String,
     /// Its state.
-    pub state: ReminderState,
+    pub state: RefresherState,
     /// When the task was practised for it.
     #[schema(format = "date-time")]
     pub done_at: Option<String>,
@@ -149,7 +149,7 @@ pub struct Reminder {
 
 named! {
     /// State of a reminder.
-    ReminderState: "state" {
+    RefresherState: "state" {
         /// Not due yet.
         Ahead = "ahead",
         /// Due, and not practised since.

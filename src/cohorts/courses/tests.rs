@@ -7,19 +7,19 @@ use serde_json::{Value, json};
 use super::super::tests::with_standard;
 use super::{CourseRow, StepProgress, StepState};
 use crate::cohorts::Cohorts;
-use crate::domain::edit::Change;
+use crate::domain::edit::EditChange;
 use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::domain::text::Key;
 use crate::ids::TraineeId;
-use crate::store::testing::{Centre, NOW_MS, duration};
+use crate::store::testing::{NOW_MS, TestCentre, duration};
 use crate::time::{Clock, Day};
 
 const DAY_MS: i64 = 86_400_000;
 
 /// Creates a group with the trainee Ana, which follows a course with these steps since `days_ago` days. Returns Ana's
 /// id.
-async fn following(centre: &Centre, days_ago: i64, steps: Value) -> TraineeId {
+async fn group_in_course(centre: &TestCentre, days_ago: i64, steps: Value) -> TraineeId {
     let ana = centre.trainee("Ana").await;
     centre.group("Autumn", &[], &[&ana]).await;
     let service = Scope::service();
@@ -31,7 +31,7 @@ async fn following(centre: &Centre, days_ago: i64, steps: Value) -> TraineeId {
     ana.id
 }
 
-async fn row(centre: &Centre, cohorts: &Cohorts) -> CourseRow {
+async fn row(centre: &TestCentre, cohorts: &Cohorts) -> CourseRow {
     let group = centre.store.groups().list(&Scope::service()).await.unwrap()[0].id;
     let table = cohorts.group_course(&Scope::service(), group).await.unwrap();
     let own = cohorts.own_courses(&Scope::service(), &Key::from("ana")).await.unwrap();
@@ -44,9 +44,9 @@ fn states(row: &CourseRow) -> Vec<StepState> {
 }
 
 #[tokio::test]
-async fn a_step_is_passed_when_the_task_is_and_tells_what_is_missing_until_then() {
+async fn a_step_is_passed_with_its_task_and_until_then_says_what_is_missing() {
     let (centre, cohorts) = with_standard(json!({"in_a_row": 2, "then_more": 1})).await;
-    let ana = following(&centre, 30, json!([{"task": "peg-transfer"}])).await;
+    let ana = group_in_course(&centre, 30, json!([{"task": "peg-transfer"}])).await;
     let step = async || row(&centre, &cohorts).await.steps.remove(0);
     let StepProgress { state, sessions, missing, passed, .. } = step().await;
     assert_eq!((state, sessions, missing, passed), (StepState::NotBegun, 0, Some(3), None));
@@ -61,15 +61,15 @@ async fn a_step_is_passed_when_the_task_is_and_tells_what_is_missing_until_then(
 }
 
 #[tokio::test]
-async fn a_step_is_overdue_from_the_end_of_its_last_day_on_and_not_once_it_is_passed() {
+async fn a_step_is_overdue_after_its_last_day_until_it_is_passed() {
     let (centre, cohorts) = with_standard(json!({"in_a_row": 1})).await;
-    let ana = following(
+    let ana = group_in_course(
         &centre,
         6,
         json!([{"task": "peg-transfer", "within_days": 7}, {"task": "peg-transfer", "sessions": 9}]),
     )
     .await;
-    let ends_ms = Day::of(NOW_MS - 6 * DAY_MS).after_days(8).begins_ms(); // the seventh day after the first is the last
+    let ends_ms = Day::of(NOW_MS - 6 * DAY_MS).plus_days(8).start_ms(); // the seventh day after the first is the last
     let overdue = async || row(&centre, &cohorts).await.steps.iter().map(|step| step.overdue).collect::<Vec<_>>();
     let until = |end_ms: i64| centre.clock.advance(Duration::from_millis((end_ms - centre.clock.now_ms()) as u64));
     until(ends_ms - 1);
@@ -81,11 +81,11 @@ async fn a_step_is_overdue_from_the_end_of_its_last_day_on_and_not_once_it_is_pa
 }
 
 #[tokio::test]
-async fn what_is_able_counts_whenever_and_practice_from_the_first_day_on() {
+async fn a_passed_standard_counts_from_any_time_and_practice_from_the_first_day() {
     let (centre, cohorts) = with_standard(json!({"in_a_row": 1})).await;
     let steps = json!([{"task": "peg-transfer"}, {"task": "peg-transfer", "sessions": 2}]);
-    let ana = following(&centre, 6, steps).await;
-    let first_ms = Day::of(NOW_MS - 6 * DAY_MS).begins_ms();
+    let ana = group_in_course(&centre, 6, steps).await;
+    let first_ms = Day::of(NOW_MS - 6 * DAY_MS).start_ms();
     centre.practised(ana, first_ms - 1, vec![duration(40.0, 1.0)]).await;
     let before = row(&centre, &cohorts).await;
     assert_eq!(states(&before), [StepState::Passed, StepState::NotBegun]);
@@ -105,22 +105,22 @@ async fn what_is_able_counts_whenever_and_practice_from_the_first_day_on() {
 }
 
 #[tokio::test]
-async fn practice_counts_whatever_became_of_it_unless_somebody_set_it_aside() {
+async fn practice_counts_with_any_result_unless_it_is_set_aside() {
     let (centre, cohorts) = with_standard(json!({"in_a_row": 1})).await;
-    let ana = following(&centre, 1, json!([{"task": "peg-transfer", "sessions": 2}])).await;
+    let ana = group_in_course(&centre, 1, json!([{"task": "peg-transfer", "sessions": 2}])).await;
     let first = centre.practised(ana, NOW_MS, vec![duration(90.0, 1.0)]).await;
     let new = NewSession { recorded_at_ms: Some(NOW_MS + 1), ..centre.new_session(ana, "waits in the queue") };
     centre.store.sessions().create(&Scope::service(), new).await.unwrap();
     assert_eq!(states(&row(&centre, &cohorts).await), [StepState::Passed]);
     let why = "Somebody else trained under this name.".parse().unwrap();
-    centre.store.edits().add(&Scope::service(), first.id, (Change::SetAside, why), None).await.unwrap();
+    centre.store.edits().add(&Scope::service(), first.id, (EditChange::SetAside, why), None).await.unwrap();
     assert_eq!(states(&row(&centre, &cohorts).await), [StepState::InWork]);
 }
 
 #[tokio::test]
-async fn who_relapsed_has_the_step_before_them_again() {
+async fn after_a_relapse_the_step_is_open_again() {
     let (centre, cohorts) = with_standard(Value::Null).await;
-    let ana = following(&centre, 1, json!([{"task": "peg-transfer"}])).await;
+    let ana = group_in_course(&centre, 1, json!([{"task": "peg-transfer"}])).await;
     for day in 0..22 {
         let seconds = if day < 17 { 40.0 } else { 60.0 };
         centre.practised(ana, NOW_MS + day * DAY_MS, vec![duration(seconds, 1.0)]).await;

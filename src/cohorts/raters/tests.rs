@@ -1,7 +1,7 @@
 //! Agreement of raters, and correlations of ratings with features.
 
 use super::*;
-use crate::domain::rating::Mark;
+use crate::domain::rating::ItemMark;
 use crate::domain::session::FeatureSpace;
 use crate::ids::CalibrationId;
 
@@ -25,7 +25,7 @@ impl Ids {
 
     /// A rating of a person's first or second session.
     fn rating(&self, person: usize, second: usize, rater: usize, marks: &[Option<u8>]) -> GivenRating {
-        let items = marks.iter().map(|mark| Mark { item: "item".to_owned(), mark: *mark }).collect();
+        let items = marks.iter().map(|mark| ItemMark { item: "item".to_owned(), mark: *mark }).collect();
         GivenRating {
             session: self.sessions[2 * person + second],
             recorded_at_ms: second as i64,
@@ -45,7 +45,7 @@ fn published(ids: &Ids) -> Vec<GivenRating> {
 
 #[test]
 fn the_published_example_has_its_published_agreement() {
-    let answer = agreement_of(Form::Osats, &published(&Ids::new(6)));
+    let answer = agreement_of(RatingForm::Osats, &published(&Ids::new(6)));
     let (single, mean) = (answer.single.unwrap(), answer.mean.unwrap());
     assert!((single.value - 0.29).abs() < 0.005 && (mean.value - 0.62).abs() < 0.005, "{answer:?}");
     assert!((single.low - 0.019).abs() < 1e-3 && (single.high - 0.761).abs() < 1e-3, "{answer:?}");
@@ -53,7 +53,7 @@ fn the_published_example_has_its_published_agreement() {
 }
 
 #[test]
-fn raters_who_met_a_few_people_again_and_again_do_not_hide_those_who_met_many() {
+fn raters_with_many_sessions_of_few_people_do_not_hide_raters_of_many_people() {
     let ids = Ids { sessions: (0..80).map(SessionId::at).collect(), ..Ids::new(16) };
     let mark = |session: usize, person: usize, rater: usize| GivenRating {
         session: ids.sessions[session],
@@ -62,7 +62,7 @@ fn raters_who_met_a_few_people_again_and_again_do_not_hide_those_who_met_many() 
     };
     let often = (0..60).flat_map(|session| [mark(session, session % 3, 0), mark(session, session % 3, 1)]);
     let wide = (3..16).flat_map(|person| [mark(60 + person, person, 2), mark(60 + person, person, 3)]);
-    let answer = agreement_of(Form::Osats, &often.chain(wide).collect::<Vec<_>>());
+    let answer = agreement_of(RatingForm::Osats, &often.chain(wide).collect::<Vec<_>>());
     assert_eq!((answer.people, answer.raters), (13, 2), "{answer:?}");
     assert!(answer.single.is_some());
 }
@@ -71,21 +71,21 @@ fn raters_who_met_a_few_people_again_and_again_do_not_hide_those_who_met_many() 
 fn an_older_session_and_a_rating_with_a_gap_change_nothing() {
     let ids = Ids::new(7);
     let mut given = published(&ids);
-    let whole = agreement_of(Form::Osats, &given);
+    let whole = agreement_of(RatingForm::Osats, &given);
     given.extend((0..4).map(|rater| ids.rating(2, 0, rater, &[Some(1)])));
     given.extend((0..4).map(|rater| ids.rating(6, 1, rater, &[Some(5), None])));
-    let answer = agreement_of(Form::Osats, &given);
+    let answer = agreement_of(RatingForm::Osats, &given);
     assert_eq!((answer.single, answer.people, answer.sessions, answer.left_out), (whole.single, 6, 7, 1));
 }
 
 #[test]
-fn too_few_who_were_rated_by_the_same_raters_is_said() {
+fn too_few_people_rated_by_the_same_raters_give_a_reason() {
     let ids = Ids::new(6);
     let five: Vec<GivenRating> = published(&ids).into_iter().filter(|rating| rating.trainee != ids.people[3]).collect();
-    let answer = agreement_of(Form::Goals, &five);
+    let answer = agreement_of(RatingForm::Goals, &five);
     assert_eq!((answer.single, answer.withheld.unwrap().missing), (None, Some(1)));
     let alone: Vec<GivenRating> = published(&ids).into_iter().filter(|rating| rating.rater == ids.raters[0]).collect();
-    assert_eq!(agreement_of(Form::Goals, &alone).withheld.unwrap().missing, Some(6));
+    assert_eq!(agreement_of(RatingForm::Goals, &alone).withheld.unwrap().missing, Some(6));
 }
 
 fn value(ids: &Ids, person: usize, second: usize, feature: &str, tool: Option<&str>, value: f64) -> SessionValue {
@@ -117,10 +117,10 @@ fn measured(ids: &Ids) -> (Vec<GivenRating>, Vec<SessionValue>) {
 }
 
 #[test]
-fn a_person_counts_once_and_what_goes_with_ratings_is_found_among_what_does_not() {
+fn a_person_counts_once_and_a_real_correlation_is_found_beside_noise() {
     let ids = Ids::new(12);
     let (given, values) = measured(&ids);
-    let answer = correlations_of(Form::Osats, &given, &totals(&given), values);
+    let answer = correlations_of(RatingForm::Osats, &given, &totals(&given), values);
     assert_eq!((answer.people, answer.sessions, answer.asked), (12, 24, 2));
     let [duration, path] = [&answer.items[0], &answer.items[1]];
     assert_eq!(
@@ -137,7 +137,7 @@ fn a_person_counts_once_and_what_goes_with_ratings_is_found_among_what_does_not(
 }
 
 #[test]
-fn the_hand_that_most_people_prefer_is_compared_however_often_others_were_rated() {
+fn the_hand_that_most_people_prefer_is_compared() {
     let ids = Ids::new(12);
     let (given, mut values) = measured(&ids);
     let number = |value: &SessionValue| ids.sessions.iter().position(|id| *id == value.session).unwrap();
@@ -146,7 +146,7 @@ fn the_hand_that_most_people_prefer_is_compared_however_often_others_were_rated(
     for value in &mut values {
         value.handedness = Some(if number(value) < 10 { Handedness::Left } else { Handedness::Right });
     }
-    let answer = correlations_of(Form::Osats, &given, &totals(&given), values);
+    let answer = correlations_of(RatingForm::Osats, &given, &totals(&given), values);
     let path = answer.items.iter().find(|row| row.of.feature == "path_length").unwrap();
     assert_eq!((path.people, path.handedness), (7, Some(Handedness::Right)));
 }
@@ -157,10 +157,10 @@ fn too_few_people_give_no_correlation_and_other_versions_count_for_nothing() {
     let (given, values) = measured(&ids);
     let nine: Vec<GivenRating> =
         given.iter().filter(|rating| ids.people[..9].contains(&rating.trainee)).cloned().collect();
-    let few = correlations_of(Form::Osats, &nine, &totals(&nine), values[..36].to_vec());
+    let few = correlations_of(RatingForm::Osats, &nine, &totals(&nine), values[..36].to_vec());
     assert_eq!((few.items.len(), few.withheld.unwrap().missing), (0, Some(1)));
     let mut mixed = values;
     mixed.iter_mut().take(8).for_each(|value| value.pipeline = "8".to_owned());
-    let answer = correlations_of(Form::Osats, &given, &totals(&given), mixed);
+    let answer = correlations_of(RatingForm::Osats, &given, &totals(&given), mixed);
     assert_eq!((answer.people, answer.pipeline.as_deref()), (10, Some("9")));
 }

@@ -5,24 +5,24 @@ use std::sync::Arc;
 
 use anyhow::Context;
 
-use super::super::Failure;
-use super::Centre;
-use crate::settings::DATABASE;
-use crate::time::System;
+use super::super::CommandFailure;
+use super::DataFolder;
+use crate::settings::DATABASE_FILE;
+use crate::time::SystemClock;
 use crate::upkeep::{self, UpkeepError};
 
 /// Arguments of `trocar admin backup`.
 #[derive(clap::Args)]
-pub struct Args {
+pub struct BackupArgs {
     /// Folder for the copy: a new one, which is created, or an empty one
     to: PathBuf,
 }
 
 /// Makes the backup and prints what it holds.
-pub async fn run(folder: &Centre, args: &Args) -> Result<(), Failure> {
-    let done = upkeep::back_up((&folder.store, &folder.vault), &args.to, DATABASE, Arc::new(System)).await;
+pub async fn run(folder: &DataFolder, args: &BackupArgs) -> Result<(), CommandFailure> {
+    let done = upkeep::back_up((&folder.store, &folder.vault), &args.to, DATABASE_FILE, Arc::new(SystemClock)).await;
     let files = match done {
-        Err(used @ UpkeepError::Used(_)) => return Err(Failure::input(used)),
+        Err(used @ UpkeepError::Used(_)) => return Err(CommandFailure::input(used)),
         done => done.with_context(|| format!("backing up to `{}`", args.to.display()))?,
     };
     println!("backup complete: `{}` holds the database and {files} files, all verified", args.to.display());

@@ -2,20 +2,20 @@
 
 use anyhow::{Context, anyhow};
 
-use super::super::Failure;
-use super::Centre;
+use super::super::CommandFailure;
+use super::DataFolder;
 use crate::upkeep;
 
 /// Arguments of `trocar admin check`.
 #[derive(clap::Args)]
-pub struct Args {
+pub struct CheckArgs {
     /// Also read every file and verify its content, not only its length
     #[arg(long)]
     thorough: bool,
 }
 
 /// Prints one line per finding. Fails if data is lost.
-pub async fn run(folder: &Centre, args: &Args) -> Result<(), Failure> {
+pub async fn run(folder: &DataFolder, args: &CheckArgs) -> Result<(), CommandFailure> {
     let findings = upkeep::check(&folder.store, &folder.vault, args.thorough).await.context("checking")?;
     for finding in &findings {
         println!("{finding}");
@@ -25,6 +25,8 @@ pub async fn run(folder: &Centre, args: &Args) -> Result<(), Failure> {
             println!("no data is lost: database and files agree");
             Ok(())
         }
-        lost => Err(Failure::Failed(anyhow!("data is missing or damaged ({lost} findings above): restore a backup"))),
+        lost => {
+            Err(CommandFailure::Failed(anyhow!("data is missing or damaged ({lost} findings above): restore a backup")))
+        }
     }
 }

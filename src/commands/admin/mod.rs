@@ -14,15 +14,15 @@ use std::sync::Arc;
 use anyhow::{Context, anyhow};
 use clap::Subcommand;
 
-use super::{Failure, keep_to_ourselves};
+use super::{CommandFailure, restrict_new_files_to_owner};
 use crate::settings::{Flags, Settings};
 use crate::store::{Store, StoreError};
-use crate::time::System;
+use crate::time::SystemClock;
 use crate::vault::Vault;
 
 /// Arguments of `trocar admin`.
 #[derive(clap::Args)]
-pub struct Args {
+pub struct AdminArgs {
     /// Data folder of the service
     #[arg(long, global = true, value_name = "DIR")]
     data: Option<PathBuf>,
@@ -30,67 +30,67 @@ pub struct Args {
     #[arg(long, global = true, value_name = "FILE")]
     settings: Option<PathBuf>,
     #[command(subcommand)]
-    command: Command,
+    command: AdminCommand,
 }
 
 #[derive(Subcommand)]
-enum Command {
+enum AdminCommand {
     /// Check the database and the files, without changing them; exit status 1 if data is lost.
-    Check(check::Args),
+    Check(check::CheckArgs),
     /// Copy database and files into an empty folder; the service may run. The copy can be used as a data folder.
-    Backup(backup::Args),
+    Backup(backup::BackupArgs),
     /// List, add and delete accounts; set passwords.
     #[command(subcommand)]
-    User(user::Command),
+    User(user::UserCommand),
     /// List, add and delete access tokens of programs.
     #[command(subcommand)]
-    Token(token::Command),
+    Token(token::TokenCommand),
 }
 
 /// An open data folder.
-struct Centre {
+struct DataFolder {
     store: Store,
     vault: Vault,
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: AdminArgs) -> Result<(), CommandFailure> {
     let flags = Flags { data: args.data, settings: args.settings, ..Flags::default() };
-    let settings = Settings::load(flags).map_err(Failure::input)?;
-    keep_to_ourselves();
+    let settings = Settings::load(flags).map_err(CommandFailure::input)?;
+    restrict_new_files_to_owner();
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
     runtime.block_on(async {
-        let folder = open(&settings).await?;
+        let folder = open_data_folder(&settings).await?;
         match args.command {
-            Command::Check(args) => check::run(&folder, &args).await,
-            Command::Backup(args) => backup::run(&folder, &args).await,
-            Command::User(command) => user::run(&folder, command).await,
-            Command::Token(command) => token::run(&folder, command).await,
+            AdminCommand::Check(args) => check::run(&folder, &args).await,
+            AdminCommand::Backup(args) => backup::run(&folder, &args).await,
+            AdminCommand::User(command) => user::run(&folder, command).await,
+            AdminCommand::Token(command) => token::run(&folder, command).await,
         }
     })
 }
 
-async fn open(settings: &Settings) -> Result<Centre, Failure> {
+async fn open_data_folder(settings: &Settings) -> Result<DataFolder, CommandFailure> {
     let database = settings.database();
     if !database.exists() {
         let shown = settings.data.display();
         let why =
             anyhow!("`{shown}` is not a Trocar data folder: name another with --data, or run `trocar serve` first");
-        return Err(Failure::input(why));
+        return Err(CommandFailure::input(why));
     }
-    let store = Store::open(&database, &settings.store, Arc::new(System)).await.context("opening the database")?;
+    let store = Store::open(&database, &settings.store, Arc::new(SystemClock)).await.context("opening the database")?;
     let vault = Vault::open(&settings.data).await.context("opening the data folder")?;
-    Ok(Centre { store, vault })
+    Ok(DataFolder { store, vault })
 }
 
 /// A [`CommandFailure`] for an error of the store: exit status 2 if the input is wrong, else 1.
-fn refused(error: StoreError) -> Failure {
+fn store_failure(error: StoreError) -> CommandFailure {
     match error {
         StoreError::NotFound { .. }
         | StoreError::Taken { .. }
         | StoreError::InUse { .. }
         | StoreError::Refused { .. }
-        | StoreError::Forbidden { .. } => Failure::input(error),
-        _ => Failure::Failed(error.into()),
+        | StoreError::Forbidden { .. } => CommandFailure::input(error),
+        _ => CommandFailure::Failed(error.into()),
     }
 }

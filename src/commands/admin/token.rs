@@ -2,19 +2,19 @@
 
 use clap::Subcommand;
 
-use super::super::Failure;
-use super::{Centre, refused, user};
+use super::super::CommandFailure;
+use super::{DataFolder, store_failure, user};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Secret;
 use crate::domain::text::{Key, Login, Name};
 use crate::ids::TokenId;
-use crate::store::{ActsAs, NewToken, Token};
+use crate::store::{ActsAs, NewToken, TokenRecord};
 use crate::time;
 
 /// Subcommands of `trocar admin token`.
 #[derive(Subcommand)]
-pub enum Command {
+pub enum TokenCommand {
     /// List the tokens: id, role, name, expiry.
     List,
     /// Create a token and print it; it cannot be shown again.
@@ -42,39 +42,41 @@ pub enum Command {
 }
 
 /// Runs the command.
-pub async fn run(folder: &Centre, command: Command) -> Result<(), Failure> {
+pub async fn run(folder: &DataFolder, command: TokenCommand) -> Result<(), CommandFailure> {
     let (service, tokens) = (Scope::service(), folder.store.tokens());
     match command {
-        Command::List => {
-            for Token { id, role, name, expires_at_ms, .. } in tokens.list(&service).await.map_err(refused)? {
+        TokenCommand::List => {
+            for TokenRecord { id, role, name, expires_at_ms, .. } in
+                tokens.list(&service).await.map_err(store_failure)?
+            {
                 let end = expires_at_ms.map_or_else(|| "never expires".to_owned(), time::to_rfc3339);
                 println!("{id}\t{role}\t{name}\t{end}");
             }
         }
-        Command::Add { name, acts_for, role, for_box, expires_at } => {
+        TokenCommand::Add { name, acts_for, role, for_box, expires_at } => {
             let acts_as = acts_as(folder, acts_for, role, for_box).await?;
             let secret = Secret::random();
             let new = NewToken { name, acts_as, expires_at_ms: expires_at, secret: secret.hash() };
-            tokens.create(&service, new).await.map_err(refused)?;
+            tokens.create(&service, new).await.map_err(store_failure)?;
             println!("{}", secret.as_token());
         }
-        Command::Delete { id } => tokens.delete(&service, id).await.map_err(refused)?,
+        TokenCommand::Delete { id } => tokens.delete(&service, id).await.map_err(store_failure)?,
     }
     Ok(())
 }
 
 async fn acts_as(
-    folder: &Centre,
+    folder: &DataFolder,
     acts_for: Option<Login>,
     role: Option<Role>,
     for_box: Option<String>,
-) -> Result<ActsAs, Failure> {
+) -> Result<ActsAs, CommandFailure> {
     if let Some(login) = acts_for {
-        let person = user::find(folder, &login).await?;
+        let person = user::find_account(folder, &login).await?;
         return Ok(ActsAs::Person(person.id, role.unwrap_or(person.role)));
     }
     let key = Key::from(&for_box.unwrap_or_default()); // the command line requires one of the two
-    let found = folder.store.boxes().get(&Scope::service(), &key).await.map_err(refused)?;
+    let found = folder.store.boxes().get(&Scope::service(), &key).await.map_err(store_failure)?;
     Ok(ActsAs::Agent(found.id))
 }
 

@@ -5,17 +5,17 @@ use std::io::BufRead;
 use anyhow::Context;
 use clap::Subcommand;
 
-use super::super::Failure;
-use super::{Centre, refused};
+use super::super::CommandFailure;
+use super::{DataFolder, store_failure};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::{Password, PasswordHash};
 use crate::domain::text::{Key, Login, Name};
-use crate::store::{NewPerson, PageRequest, Person, StoreError};
+use crate::store::{NewPerson, PageRequest, PersonRecord, StoreError};
 
 /// Subcommands of `trocar admin user`.
 #[derive(Subcommand)]
-pub enum Command {
+pub enum UserCommand {
     /// List the accounts: login, role, name.
     List,
     /// Create an account; prints its password unless --password-stdin is given.
@@ -51,44 +51,44 @@ pub enum Command {
 }
 
 /// Runs the command.
-pub async fn run(folder: &Centre, command: Command) -> Result<(), Failure> {
+pub async fn run(folder: &DataFolder, command: UserCommand) -> Result<(), CommandFailure> {
     match command {
-        Command::List => list(folder).await,
-        Command::Add { login, role, name, trainee, password_stdin } => {
+        UserCommand::List => list_accounts(folder).await,
+        UserCommand::Add { login, role, name, trainee, password_stdin } => {
             let trainee = match trainee {
                 Some(key) => {
                     let trainees = folder.store.trainees();
-                    Some(trainees.get(&Scope::service(), &Key::from(&key)).await.map_err(refused)?.id)
+                    Some(trainees.get(&Scope::service(), &Key::from(&key)).await.map_err(store_failure)?.id)
                 }
                 None => None,
             };
             let (password, hash) = choose_password(password_stdin).await?;
-            let name = name.map_or_else(|| login.as_str().parse(), Ok).map_err(Failure::input)?;
+            let name = name.map_or_else(|| login.as_str().parse(), Ok).map_err(CommandFailure::input)?;
             let new = NewPerson { login, name, role, password: hash, trainee };
-            folder.store.people().create(&Scope::service(), new).await.map_err(refused)?;
+            folder.store.people().create(&Scope::service(), new).await.map_err(store_failure)?;
             print_password(password);
             Ok(())
         }
-        Command::Password { login, password_stdin } => {
-            let person = find(folder, &login).await?;
+        UserCommand::Password { login, password_stdin } => {
+            let person = find_account(folder, &login).await?;
             let (password, hash) = choose_password(password_stdin).await?;
-            folder.store.people().set_password(&Scope::service(), person.id, hash).await.map_err(refused)?;
+            folder.store.people().set_password(&Scope::service(), person.id, hash).await.map_err(store_failure)?;
             print_password(password);
             Ok(())
         }
-        Command::Delete { login } => {
-            let person = find(folder, &login).await?;
-            folder.store.people().delete(&Scope::service(), person.id).await.map_err(refused)
+        UserCommand::Delete { login } => {
+            let person = find_account(folder, &login).await?;
+            folder.store.people().delete(&Scope::service(), person.id).await.map_err(store_failure)
         }
     }
 }
 
-async fn list(folder: &Centre) -> Result<(), Failure> {
+async fn list_accounts(folder: &DataFolder) -> Result<(), CommandFailure> {
     let mut after = None;
     loop {
-        let page = PageRequest::new(PageRequest::MOST, after);
-        let page = folder.store.people().list(&Scope::service(), &page).await.map_err(refused)?;
-        for Person { login, role, name, .. } in &page.items {
+        let page = PageRequest::new(PageRequest::MAX_LIMIT, after);
+        let page = folder.store.people().list(&Scope::service(), &page).await.map_err(store_failure)?;
+        for PersonRecord { login, role, name, .. } in &page.items {
             println!("{login}\t{role}\t{name}");
         }
         after = page.next;
@@ -99,14 +99,14 @@ async fn list(folder: &Centre) -> Result<(), Failure> {
 }
 
 /// The account with this login.
-pub(super) async fn find(folder: &Centre, login: &Login) -> Result<Person, Failure> {
-    let found = folder.store.people().by_login(login).await.map_err(refused)?;
-    found.map(|(person, _)| person).ok_or_else(|| refused(StoreError::NotFound { what: "account" }))
+pub(super) async fn find_account(folder: &DataFolder, login: &Login) -> Result<PersonRecord, CommandFailure> {
+    let found = folder.store.people().by_login(login).await.map_err(store_failure)?;
+    found.map(|(person, _)| person).ok_or_else(|| store_failure(StoreError::NotFound { what: "account" }))
 }
 
 /// Reads the password from standard input, or makes a random one. Returns the hash and, if it is random, the password
 /// to print.
-async fn choose_password(from_stdin: bool) -> Result<(Option<Password>, PasswordHash), Failure> {
+async fn choose_password(from_stdin: bool) -> Result<(Option<Password>, PasswordHash), CommandFailure> {
     if !from_stdin {
         let password = Password::random();
         let hash = password.hash();
@@ -114,7 +114,7 @@ async fn choose_password(from_stdin: bool) -> Result<(Option<Password>, Password
     }
     let mut line = String::new();
     std::io::stdin().lock().read_line(&mut line).context("reading the password from standard input")?;
-    let password = Password::new(line.trim_end_matches(['\r', '\n'])).map_err(Failure::input)?;
+    let password = Password::new(line.trim_end_matches(['\r', '\n'])).map_err(CommandFailure::input)?;
     Ok((None, password.hash()))
 }
 

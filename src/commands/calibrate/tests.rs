@@ -27,10 +27,10 @@ fn photos(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-fn calibrated(columns: usize, rows: usize, square_mm: f64, inputs: Vec<PathBuf>) -> Result<CameraFile, Failure> {
+fn calibrated(columns: usize, rows: usize, square_mm: f64, inputs: Vec<PathBuf>) -> Result<CameraFile, CommandFailure> {
     let folder = TempDir::new().unwrap();
     let out = folder.path().join("camera.json");
-    run(Args { board: BoardSize { columns, rows }, square_mm, out: out.clone(), quiet: true, inputs })?;
+    run(CalibrateArgs { board: CornerCounts { columns, rows }, square_mm, out: out.clone(), quiet: true, inputs })?;
     Ok(CameraFile::parse(&std::fs::read_to_string(out).unwrap()).unwrap())
 }
 
@@ -62,7 +62,7 @@ fn distortion_differs_px(a: &Camera, b: &Camera, at: &[Pixel]) -> f64 {
 }
 
 /// Pixels on a grid over the area that corners cover.
-fn covered(camera: &Camera, corners: &[Pixel]) -> Vec<Pixel> {
+fn pixels_inside_hull(camera: &Camera, corners: &[Pixel]) -> Vec<Pixel> {
     let hull = hull(corners);
     let side = |a: &Vector2<f64>, b: &Vector2<f64>, p: &Vector2<f64>| (b - a).perp(&(p - a));
     let inside = |p: &Vector2<f64>| (0..hull.len()).all(|i| side(&hull[i], &hull[(i + 1) % hull.len()], p) >= 0.0);
@@ -95,10 +95,12 @@ fn hull(corners: &[Pixel]) -> Vec<Vector2<f64>> {
 }
 
 /// Pixels in the middle of the picture: no photo of the rendered scenes shows the board in the picture's corners.
-fn middle(camera: &Camera) -> Vec<Pixel> {
+fn middle_pixels(camera: &Camera) -> Vec<Pixel> {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    let whole =
-        covered(camera, &[(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)].map(|(u, v)| Pixel::new(u, v)));
+    let whole = pixels_inside_hull(
+        camera,
+        &[(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)].map(|(u, v)| Pixel::new(u, v)),
+    );
     let from_middle = |p: &Pixel| (p.u() - width / 2.0).hypot(p.v() - height / 2.0);
     whole.into_iter().filter(|p| from_middle(p) < 0.4 * width.hypot(height)).collect()
 }
@@ -124,7 +126,7 @@ fn all_opencv_photos_are_used_and_agree_with_the_known_camera() {
         p2: -0.0001,
         k3: 0.1634,
     };
-    let off = distortion_differs_px(&file.camera(), &known, &covered(&known, &corners));
+    let off = distortion_differs_px(&file.camera(), &known, &pixels_inside_hull(&known, &corners));
     assert!(off < 0.5, "{off}");
 }
 
@@ -151,7 +153,7 @@ fn all_laparoscope_photos_are_used_and_agree_with_the_known_camera() {
         p2: -0.0014,
         k3: 1.371,
     };
-    let off = distortion_differs_px(&file.camera(), &known, &covered(&known, &corners));
+    let off = distortion_differs_px(&file.camera(), &known, &pixels_inside_hull(&known, &corners));
     assert!(off < 0.5, "{off}");
 }
 
@@ -170,13 +172,13 @@ fn bent_boards_of_rendered_scenes_are_left_out_and_the_camera_is_the_true_one() 
         assert_eq!(serde_json::json!(left_out(&file)), truth["bent_files"]);
         assert!(rms_px(&file) < 0.06, "{scene}: {}", rms_px(&file));
         let true_camera = CameraFile::parse(&truth["camera"].to_string()).unwrap().camera();
-        let off = distortion_differs_px(&file.camera(), &true_camera, &middle(&true_camera));
+        let off = distortion_differs_px(&file.camera(), &true_camera, &middle_pixels(&true_camera));
         assert!(off < 0.3, "{scene}: {off}");
     }
 }
 
 #[test]
-fn a_wrongly_counted_board_is_told_what_the_photos_show() {
+fn a_wrong_board_size_is_refused_with_the_size_in_the_photos() {
     let Some(folder) = shared("data/checkerboard-opencv-left") else { return };
     let inputs = photos(&folder).into_iter().take(4).collect();
     let failure = calibrated(8, 6, 25.0, inputs).unwrap_err();
@@ -206,7 +208,7 @@ fn png(width: u32, height: u32) -> Vec<u8> {
 }
 
 #[test]
-fn what_cannot_be_used_is_refused_in_one_line_that_says_what_to_do() {
+fn unusable_input_is_refused_in_one_line_with_advice() {
     let (small, large) = (png(320, 240), png(400, 300));
     let sizes = refusal(&[("a.png", &small), ("b.png", &large), ("c.png", &small)]);
     assert!(sizes.contains("b.png is 400×300") && sizes.contains("a.png is 320×240"), "{sizes}");
@@ -238,6 +240,6 @@ fn impossible_boards_are_refused() {
     for (columns, rows, square_mm) in [(1, 6, 21.0), (9, 6, 0.0), (9, 6, f64::NAN)] {
         assert_eq!(calibrated(columns, rows, square_mm, Vec::new()).unwrap_err().status(), 2);
     }
-    assert!("9by6".parse::<BoardSize>().is_err());
-    assert_eq!("9x6".parse(), Ok(BoardSize { columns: 9, rows: 6 }));
+    assert!("9by6".parse::<CornerCounts>().is_err());
+    assert_eq!("9x6".parse(), Ok(CornerCounts { columns: 9, rows: 6 }));
 }

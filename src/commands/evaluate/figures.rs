@@ -1,13 +1,15 @@
 //! Selects and formats the figures that people see, for the terminal and for the page.
 
-use crate::pipeline::evaluation::{Accuracy, Errors, Lag, Level, NoiseFloor, Share, ToolAccuracy};
+use crate::pipeline::evaluation::{
+    Accuracy, ErrorSummary, Lag, RestNoise, SigmaCoverage, ToolAccuracy, VisibilityLevel,
+};
 
 /// Text of a missing figure.
-pub(super) const NONE: &str = "–";
+pub(super) const NO_VALUE: &str = "–";
 
 /// The tools and levels worth a row: all tools together only if there are several, a stricter visibility only if it
 /// drops frames.
-pub(super) fn rows(accuracy: &Accuracy) -> Vec<(&ToolAccuracy, &Level)> {
+pub(super) fn rows(accuracy: &Accuracy) -> Vec<(&ToolAccuracy, &VisibilityLevel)> {
     let of_tool = |tool: &'_ ToolAccuracy| {
         let repeats = |at: usize| at > 0 && tool.levels[at].frames == tool.levels[at - 1].frames;
         (0..tool.levels.len()).filter(|at| !repeats(*at)).collect::<Vec<_>>()
@@ -25,7 +27,7 @@ pub(super) fn tools(accuracy: &Accuracy) -> Vec<&ToolAccuracy> {
 }
 
 /// Errors of all rows; if some rows are predicted, also the errors of each state.
-pub(super) fn states(level: &Level) -> Vec<(&'static str, &Errors)> {
+pub(super) fn states(level: &VisibilityLevel) -> Vec<(&'static str, &ErrorSummary)> {
     let apart = level.predicted_errors.is_some();
     let kinds = [
         ("all", &level.errors),
@@ -39,8 +41,8 @@ pub(super) fn name(tool: &ToolAccuracy) -> &str {
     tool.tool.as_deref().unwrap_or("all")
 }
 
-pub(super) fn found(level: &Level) -> String {
-    if level.frames == 0 { NONE.to_owned() } else { percent(level.found as f64 / level.frames as f64) }
+pub(super) fn found(level: &VisibilityLevel) -> String {
+    if level.frames == 0 { NO_VALUE.to_owned() } else { percent(level.found as f64 / level.frames as f64) }
 }
 
 pub(super) fn percent(share: f64) -> String {
@@ -56,12 +58,12 @@ pub(super) fn lag(lag: Lag) -> String {
 }
 
 /// Per cent inside the region, with the 95 % interval of the true share.
-pub(super) fn share(share: &Share) -> String {
+pub(super) fn share(share: &SigmaCoverage) -> String {
     let [low, high] = share.interval.map(|end| 100.0 * end);
     format!("{} ({low:.0}–{high:.0})", percent(share.inside))
 }
 
 /// Number of rows, median and RMS of the speed at rest, mm/s.
-pub(super) fn at_rest(floor: &NoiseFloor) -> [String; 3] {
+pub(super) fn at_rest(floor: &RestNoise) -> [String; 3] {
     [floor.rows.to_string(), format!("{:.2}", floor.median_mm_s), format!("{:.2}", floor.rms_mm_s)]
 }

@@ -3,14 +3,15 @@
 use serde_json::{Value, json};
 
 use crate::pipeline::evaluation::{
-    Accuracy, Errors, Honesty, Lag, Level, NoiseFloor, Repeatability, Share, Spread, ToolAccuracy,
+    Accuracy, ErrorSpread, ErrorSummary, Lag, Repeatability, RestNoise, SigmaCheck, SigmaCoverage, ToolAccuracy,
+    VisibilityLevel,
 };
 
 pub(super) fn accuracy(accuracy: &Accuracy) -> Value {
     json!({
         "tools": accuracy.tools.iter().map(tool).collect::<Vec<_>>(),
         "all": tool(&accuracy.all),
-        "unjudged_rows": accuracy.unjudged,
+        "unjudged_rows": accuracy.rows_without_truth,
         "largest_time_difference_s": accuracy.largest_time_difference_s,
     })
 }
@@ -20,16 +21,16 @@ fn tool(tool: &ToolAccuracy) -> Value {
         "tool": tool.tool,
         "rows": tool.rows,
         "false_tracks": tool.false_tracks,
-        "at_rest": tool.at_rest.map(at_rest),
+        "at_rest": tool.rest_noise.map(at_rest),
         "levels": tool.levels.iter().map(level).collect::<Vec<_>>(),
     })
 }
 
-fn at_rest(floor: NoiseFloor) -> Value {
+fn at_rest(floor: RestNoise) -> Value {
     json!({ "rows": floor.rows, "rms_mm_s": floor.rms_mm_s, "median_mm_s": floor.median_mm_s })
 }
 
-fn level(level: &Level) -> Value {
+fn level(level: &VisibilityLevel) -> Value {
     let (lag_s, sigma_s) = match level.lag {
         Lag::Measured { lag_s, sigma_s } => (Some(lag_s), Some(sigma_s)),
         Lag::TooLittleMotion => (None, None),
@@ -46,12 +47,12 @@ fn level(level: &Level) -> Value {
         "errors_mm": level.errors.as_ref().map(errors),
         "observed_errors_mm": level.observed_errors.as_ref().map(errors),
         "predicted_errors_mm": level.predicted_errors.as_ref().map(errors),
-        "inside_95": level.honesty.map(honesty),
+        "inside_95": level.sigma_check.map(honesty),
     })
 }
 
-fn errors(errors: &Errors) -> Value {
-    let spread = |s: &Spread| json!({ "rms": s.rms, "median": s.median, "p95": s.p95, "max": s.max });
+fn errors(errors: &ErrorSummary) -> Value {
+    let spread = |s: &ErrorSpread| json!({ "rms": s.rms, "median": s.median, "p95": s.p95, "max": s.max });
     json!({
         "rows": errors.rows,
         "lateral": spread(&errors.lateral),
@@ -62,8 +63,8 @@ fn errors(errors: &Errors) -> Value {
     })
 }
 
-fn honesty(honesty: Honesty) -> Value {
-    let by = |of: fn(&Share) -> Value| json!({ "lateral": of(&honesty.lateral), "depth": of(&honesty.depth), "3d": of(&honesty.three_d) });
+fn honesty(honesty: SigmaCheck) -> Value {
+    let by = |of: fn(&SigmaCoverage) -> Value| json!({ "lateral": of(&honesty.lateral), "depth": of(&honesty.depth), "3d": of(&honesty.three_d) });
     let mut value = by(|share| json!(share.inside));
     value["rows"] = json!(honesty.rows);
     value["interval"] = by(|share| json!(share.interval));

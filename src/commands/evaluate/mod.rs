@@ -12,14 +12,14 @@ use anyhow::{Context, anyhow};
 use nalgebra::Point3;
 use serde_json::Value;
 
-use super::{Failure, print_result, read_trajectory};
+use super::{CommandFailure, print_result, read_trajectory};
 use crate::domain::files::truth::TruthFile;
 use crate::pipeline::evaluation::{self, Truth, accuracy, repeatability};
 use crate::pipeline::trajectory::{SampleState, Trajectory};
 
 /// Arguments of `trocar evaluate`.
 #[derive(clap::Args)]
-pub struct Args {
+pub struct EvaluateArgs {
     /// Compare paths along one straight guide: one file per path, or one file with a path to and fro.
     #[arg(long)]
     repeatability: bool,
@@ -38,23 +38,23 @@ pub struct Args {
 }
 
 /// The result of a comparison, for programs (JSON), for the terminal (text) and as an HTML page.
-struct Findings {
+struct EvaluationOutput {
     json: Value,
     text: String,
     page: String,
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: EvaluateArgs) -> Result<(), CommandFailure> {
     let findings = if args.repeatability {
-        compare(&args.files, args.tool.as_deref())?
+        compare_paths(&args.files, args.tool.as_deref())?
     } else {
         let [track, truth] = args.files.as_slice() else {
-            return Err(Failure::Input(anyhow!(
+            return Err(CommandFailure::Input(anyhow!(
                 "expected a trajectory and a truth: trocar evaluate track.csv truth.json"
             )));
         };
-        judge(track, truth)?
+        compare_with_truth(track, truth)?
     };
     if let Some(report) = &args.report {
         fs::write(report, findings.page).with_context(|| format!("writing {}", report.display()))?;
@@ -66,13 +66,14 @@ pub fn run(args: Args) -> Result<(), Failure> {
     }
 }
 
-fn judge(track: &Path, truth: &Path) -> Result<Findings, Failure> {
+fn compare_with_truth(track: &Path, truth: &Path) -> Result<EvaluationOutput, CommandFailure> {
     let trajectory = read_trajectory(track)?;
-    let truth_read = read_truth(truth).map_err(Failure::Input)?;
+    let truth_read = read_truth(truth).map_err(CommandFailure::Input)?;
     let against = || format!("{} against {}", track.display(), truth.display());
-    let result = accuracy(&trajectory, &truth_read).with_context(against).map_err(Failure::Input)?;
-    let rows = evaluation::judge(&trajectory, &truth_read).with_context(against).map_err(Failure::Input)?;
-    Ok(Findings {
+    let result = accuracy(&trajectory, &truth_read).with_context(against).map_err(CommandFailure::Input)?;
+    let rows =
+        evaluation::pair_with_truth(&trajectory, &truth_read).with_context(against).map_err(CommandFailure::Input)?;
+    Ok(EvaluationOutput {
         json: json::accuracy(&result),
         text: text::accuracy(&result),
         page: report::accuracy(&against(), &result, &rows, &truth_read),
@@ -84,17 +85,17 @@ fn read_truth(path: &Path) -> anyhow::Result<Truth> {
     Ok(TruthFile::parse(&text).with_context(|| path.display().to_string())?.truth())
 }
 
-fn compare(files: &[PathBuf], tool: Option<&str>) -> Result<Findings, Failure> {
+fn compare_paths(files: &[PathBuf], tool: Option<&str>) -> Result<EvaluationOutput, CommandFailure> {
     let read = |file: &PathBuf| {
-        path_of(&read_trajectory(file)?, tool).map_err(|e| Failure::Input(e.context(file.display().to_string())))
+        path_of(&read_trajectory(file)?, tool).map_err(|e| CommandFailure::Input(e.context(file.display().to_string())))
     };
-    let mut paths = files.iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
+    let mut paths = files.iter().map(read).collect::<Result<Vec<_>, CommandFailure>>()?;
     if let [only] = paths.as_slice() {
         paths = evaluation::slides(only);
     }
-    let result = repeatability(&paths).map_err(Failure::input)?;
+    let result = repeatability(&paths).map_err(CommandFailure::input)?;
     let names = files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(", ");
-    Ok(Findings {
+    Ok(EvaluationOutput {
         json: json::repeatability(&result),
         text: text::repeatability(&result),
         page: report::repeatability(&names, &result, &paths),

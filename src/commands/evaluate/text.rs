@@ -1,8 +1,8 @@
 //! The figures as text for the terminal: coverage, errors, and whether the stated error bars hold.
 
 use super::figures;
-use crate::commands::table::Table;
-use crate::pipeline::evaluation::{Accuracy, Errors, Level, Repeatability, ToolAccuracy};
+use crate::commands::table::TextTable;
+use crate::pipeline::evaluation::{Accuracy, ErrorSummary, Repeatability, ToolAccuracy, VisibilityLevel};
 
 const ERRORS: [&str; 15] = [
     "error, mm",
@@ -24,24 +24,26 @@ const ERRORS: [&str; 15] = [
 
 pub(super) fn accuracy(accuracy: &Accuracy) -> String {
     let rows = figures::rows(accuracy);
-    let mut found = Table::new(["found", "visible ≥", "frames", "found", "%", "observed", "swaps", "false", "lag, ms"]);
-    let mut errors = Table::new(ERRORS);
-    let mut honesty = Table::new(["inside 95 %", "visible ≥", "rows", "lateral", "depth", "3-D", "mean square 3-D"]);
-    let mut rest = Table::new(["at rest, mm/s", "rows", "median", "RMS"]);
+    let mut found =
+        TextTable::new(["found", "visible ≥", "frames", "found", "%", "observed", "swaps", "false", "lag, ms"]);
+    let mut errors = TextTable::new(ERRORS);
+    let mut honesty =
+        TextTable::new(["inside 95 %", "visible ≥", "rows", "lateral", "depth", "3-D", "mean square 3-D"]);
+    let mut rest = TextTable::new(["at rest, mm/s", "rows", "median", "RMS"]);
     for (tool, level) in rows {
-        found.row(found_row(tool, level));
-        figures::states(level).into_iter().for_each(|(state, e)| errors.row(error_row(tool, level, state, e)));
-        honesty_row(tool, level).into_iter().for_each(|row| honesty.row(row));
+        found.add_row(found_row(tool, level));
+        figures::states(level).into_iter().for_each(|(state, e)| errors.add_row(error_row(tool, level, state, e)));
+        honesty_row(tool, level).into_iter().for_each(|row| honesty.add_row(row));
     }
     for tool in figures::tools(accuracy) {
         let row = |floor| [vec![figures::name(tool).to_owned()], figures::at_rest(floor).to_vec()].concat();
-        tool.at_rest.iter().for_each(|floor| rest.row(row(floor)));
+        tool.rest_noise.iter().for_each(|floor| rest.add_row(row(floor)));
     }
     let tables = [found, errors, honesty, rest].into_iter().filter(|table| !table.is_empty());
-    tables.map(|table| table.text() + "\n").collect::<String>() + &notes(accuracy)
+    tables.map(|table| table.to_text() + "\n").collect::<String>() + &notes(accuracy)
 }
 
-fn found_row(tool: &ToolAccuracy, level: &Level) -> [String; 9] {
+fn found_row(tool: &ToolAccuracy, level: &VisibilityLevel) -> [String; 9] {
     [
         figures::name(tool).to_owned(),
         level.visible_from.to_string(),
@@ -55,7 +57,7 @@ fn found_row(tool: &ToolAccuracy, level: &Level) -> [String; 9] {
     ]
 }
 
-fn error_row(tool: &ToolAccuracy, level: &Level, state: &str, errors: &Errors) -> Vec<String> {
+fn error_row(tool: &ToolAccuracy, level: &VisibilityLevel, state: &str, errors: &ErrorSummary) -> Vec<String> {
     let name = match state {
         "all" => figures::name(tool).to_owned(),
         _ => format!("{} {state}", figures::name(tool)),
@@ -66,8 +68,8 @@ fn error_row(tool: &ToolAccuracy, level: &Level, state: &str, errors: &Errors) -
     head.into_iter().chain(numbers.map(|number| format!("{number:.2}"))).collect()
 }
 
-fn honesty_row(tool: &ToolAccuracy, level: &Level) -> Option<Vec<String>> {
-    let honesty = level.honesty?;
+fn honesty_row(tool: &ToolAccuracy, level: &VisibilityLevel) -> Option<Vec<String>> {
+    let honesty = level.sigma_check?;
     let shares = [honesty.lateral, honesty.depth, honesty.three_d].map(|share| figures::share(&share));
     let head = [figures::name(tool).to_owned(), level.visible_from.to_string(), honesty.rows.to_string()];
     Some(head.into_iter().chain(shares).chain([format!("{:.2}", honesty.three_d.mean_square)]).collect())
@@ -76,19 +78,20 @@ fn honesty_row(tool: &ToolAccuracy, level: &Level) -> Option<Vec<String>> {
 fn notes(accuracy: &Accuracy) -> String {
     format!(
         "  {} rows are on frames without truth; the times of the two files differ by at most {:.1} ms\n",
-        accuracy.unjudged,
+        accuracy.rows_without_truth,
         1000.0 * accuracy.largest_time_difference_s
     )
 }
 
 pub(super) fn repeatability(result: &Repeatability) -> String {
     let paths = 1..=result.lines.len();
-    let mut table = Table::new(["mean distance, mm".to_owned()].into_iter().chain(paths.map(|n| format!("path {n}"))));
+    let mut table =
+        TextTable::new(["mean distance, mm".to_owned()].into_iter().chain(paths.map(|n| format!("path {n}"))));
     for (index, row) in result.mean_distance_mm.iter().enumerate() {
         let cells = row.iter().map(|distance| format!("{distance:.2}"));
-        table.row([format!("to the line of path {}", index + 1)].into_iter().chain(cells));
+        table.add_row([format!("to the line of path {}", index + 1)].into_iter().chain(cells));
     }
     let others = format!("  distance of other paths' points to a path's line: {:.2} mm on average\n", result.others_mm);
     let own = format!("  distance of a path's own points to its line: {:.2} mm on average\n", result.own_mm);
-    table.text() + &others + &own
+    table.to_text() + &others + &own
 }

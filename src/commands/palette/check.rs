@@ -4,16 +4,16 @@ use std::path::Path;
 
 use anyhow::{Context, anyhow};
 
-use super::{Failure, print_result};
-use crate::analysis::marked::{MarkedFrames, strokes};
-use crate::commands::table::Table;
+use super::{CommandFailure, print_result};
+use crate::analysis::marked::{MarkedFrames, group_into_strokes};
+use crate::commands::table::TextTable;
 use crate::commands::track::{about, open, read, rectangle};
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::palette::{ColourGrade, ColourVerdict, ConfusionRow, PaletteReport};
 use crate::media::MediaError;
 
 /// Runs the command. A bad colour is a failure, reported after the table.
-pub fn run(annotations: &Path, video: Option<&Path>, json: bool) -> Result<(), Failure> {
+pub fn run(annotations: &Path, video: Option<&Path>, json: bool) -> Result<(), CommandFailure> {
     let marked = AnnotationsFile::parse(&read(annotations)?).map_err(|e| about(annotations, e))?;
     let report = report(&marked, annotations, video)?;
     let text =
@@ -25,10 +25,13 @@ pub fn run(annotations: &Path, video: Option<&Path>, json: bool) -> Result<(), F
         return Ok(());
     }
     let what = if bad.len() == 1 { "colour is" } else { "colours are" };
-    Err(Failure::Failed(anyhow!("{what} bad: {}; use another tape, see `trocar palette --advise`", bad.join(", "))))
+    Err(CommandFailure::Failed(anyhow!(
+        "{what} bad: {}; use another tape, see `trocar palette --advise`",
+        bad.join(", ")
+    )))
 }
 
-fn report(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) -> Result<PaletteReport, Failure> {
+fn report(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) -> Result<PaletteReport, CommandFailure> {
     let folder = annotations.parent().unwrap_or(Path::new("."));
     let named = marked.video.as_ref().map(|name| folder.join(name));
     let path = named.as_deref().or(video).ok_or_else(|| {
@@ -48,9 +51,9 @@ fn report(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) ->
             return Err(about(annotations, what));
         };
         let labels = marked.labels.iter().filter(|label| label.frame == index);
-        frames.take(picture, strokes(labels.map(|label| (label.stroke, rectangle(marked, label)))));
+        frames.add(picture, group_into_strokes(labels.map(|label| (label.stroke, rectangle(marked, label)))));
     }
-    frames.report(&marked.tapes()).ok_or_else(|| about(path, MediaError::NoFrames))
+    frames.report(&marked.tape_colours()).ok_or_else(|| about(path, MediaError::NoFrames))
 }
 
 fn text_of(report: &PaletteReport) -> String {
@@ -67,20 +70,20 @@ fn text_of(report: &PaletteReport) -> String {
 fn confusion_table(report: &PaletteReport) -> String {
     let tools = report.verdicts.iter().map(|verdict| verdict.tool.clone());
     let head = ["label", "rectangles", "pixels", "no tool"].map(str::to_owned).into_iter().chain(tools);
-    let mut table = Table::new(head);
+    let mut table = TextTable::new(head);
     for ConfusionRow { label, rectangles, pixels, lights } in &report.confusion {
         let as_marked = lights.iter().take(1).flat_map(|light| {
             std::iter::once(percent(light.no_tool)).chain(light.tools.iter().map(|of| percent(of.share)))
         });
-        table.row([label.clone(), rectangles.to_string(), pixels.to_string()].into_iter().chain(as_marked));
+        table.add_row([label.clone(), rectangles.to_string(), pixels.to_string()].into_iter().chain(as_marked));
     }
-    table.text()
+    table.to_text()
 }
 
 fn light_table(report: &PaletteReport) -> String {
     let tools = || report.verdicts.iter().map(|verdict| &verdict.tool);
     let head = tools().flat_map(|tool| [format!("{tool} lost"), "taken for it".to_owned()]);
-    let mut table = Table::new(std::iter::once("light".to_owned()).chain(head));
+    let mut table = TextTable::new(std::iter::once("light".to_owned()).chain(head));
     let lights = report.confusion.first().map_or(0, |row| row.lights.len());
     for light in 0..lights {
         let taken = |row: &ConfusionRow, tool: usize| row.lights[light].tools[tool].share;
@@ -90,9 +93,9 @@ fn light_table(report: &PaletteReport) -> String {
             let others = report.confusion.iter().filter(|row| row.label != *tool);
             [lost, percent(others.map(|row| taken(row, index)).fold(0.0, f64::max))]
         });
-        table.row(std::iter::once(report.confusion[0].lights[light].light.clone()).chain(cells));
+        table.add_row(std::iter::once(report.confusion[0].lights[light].light.clone()).chain(cells));
     }
-    table.text()
+    table.to_text()
 }
 
 fn percent(share: f64) -> String {
@@ -100,11 +103,11 @@ fn percent(share: f64) -> String {
 }
 
 fn verdict_table(report: &PaletteReport) -> String {
-    let mut table = Table::new(["tool", "verdict", "margin", "spread", "nearest", "false area", "largest region"]);
+    let mut table = TextTable::new(["tool", "verdict", "margin", "spread", "nearest", "false area", "largest region"]);
     for ColourVerdict { tool, grade, margin, false_area, .. } in &report.verdicts {
         let margin = margin.as_ref();
         let steps = |value: Option<f64>| value.map_or("too few".to_owned(), |value| format!("{value:.1}"));
-        table.row([
+        table.add_row([
             tool.clone(),
             grade.name().replace('_', " "),
             steps(margin.map(|m| m.margin_steps)),
@@ -114,5 +117,5 @@ fn verdict_table(report: &PaletteReport) -> String {
             false_area.as_ref().map_or("not seen".to_owned(), |a| format!("{:.2} × band", a.largest_of_band)),
         ]);
     }
-    table.text()
+    table.to_text()
 }

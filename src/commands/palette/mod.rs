@@ -5,14 +5,14 @@ mod check;
 
 use std::path::PathBuf;
 
-use super::{Failure, print_result};
+use super::{CommandFailure, print_result};
 
 /// Arguments of `trocar palette`.
 #[derive(clap::Args)]
 #[command(
     after_help = "Exit status of --check: 0 if every colour is good or at risk, 1 if one is bad, 2 if the input cannot be used."
 )]
-pub struct Args {
+pub struct PaletteArgs {
     /// Rank tapes for this empty box: a photo (JPEG, PNG) or a video; only the first frame of a video is used.
     #[arg(long, value_name = "FRAME_OR_VIDEO", required_unless_present = "check", conflicts_with = "check")]
     advise: Option<PathBuf>,
@@ -28,12 +28,12 @@ pub struct Args {
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: PaletteArgs) -> Result<(), CommandFailure> {
     match (args.advise, args.check) {
         (Some(picture), _) => advise::run(&picture, args.json),
         (None, Some(annotations)) => check::run(&annotations, args.video.as_deref(), args.json),
         (None, None) => {
-            Err(Failure::Input(anyhow::anyhow!("give --advise FRAME_OR_VIDEO or --check ANNOTATIONS VIDEO")))
+            Err(CommandFailure::Input(anyhow::anyhow!("give --advise FRAME_OR_VIDEO or --check ANNOTATIONS VIDEO")))
         }
     }
 }

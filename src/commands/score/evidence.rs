@@ -5,19 +5,19 @@ use serde_json::{Value, json};
 use super::{significant, tool_name_of};
 use crate::domain::evidence::EvidenceRow;
 use crate::pipeline::assessment::Assessment;
-use crate::pipeline::evidence::{Evidence, Stretch};
+use crate::pipeline::stretches::{FeatureStretches, Stretch};
 
 /// One line for each feature with stretches, and one line for each reason why other features have none.
 pub(super) fn text(assessment: &Assessment) -> String {
     let mut lines = vec!["  evidence, the seconds that made each feature:".to_owned()];
     let mut silent: Vec<(String, Vec<String>)> = Vec::new();
-    for evidence in &assessment.evidence {
-        let name = named(evidence, &assessment.tools);
+    for evidence in &assessment.stretches {
+        let name = feature_title(evidence, &assessment.tools);
         match &evidence.stretches {
             Ok(stretches) => {
-                let unit = evidence.what.map_or("", |what| what.unit);
-                let what = evidence.what.map_or("", |what| what.name);
-                let stretches: Vec<String> = stretches.iter().map(|stretch| shown(stretch, unit)).collect();
+                let unit = evidence.kind.map_or("", |what| what.unit);
+                let what = evidence.kind.map_or("", |what| what.name);
+                let stretches: Vec<String> = stretches.iter().map(|stretch| stretch_text(stretch, unit)).collect();
                 lines.push(format!("  {name}: {what} {}", stretches.join(", ")));
             }
             Err(reason) => match silent.iter_mut().find(|(known, _)| *known == reason.to_string()) {
@@ -32,16 +32,16 @@ pub(super) fn text(assessment: &Assessment) -> String {
 
 /// The same in the JSON form of the service.
 pub(super) fn json(assessment: &Assessment) -> Value {
-    let rows = assessment.evidence.iter().map(|evidence| json!(EvidenceRow::of(evidence, &assessment.tools)));
+    let rows = assessment.stretches.iter().map(|evidence| json!(EvidenceRow::of(evidence, &assessment.tools)));
     Value::Array(rows.collect())
 }
 
-fn named(evidence: &Evidence, tools: &[String]) -> String {
+fn feature_title(evidence: &FeatureStretches, tools: &[String]) -> String {
     let whose = tool_name_of(evidence.tool, tools).map(|tool| format!(" of {tool}")).unwrap_or_default();
     format!("{} ({}){whose}", evidence.feature.name, evidence.space.name())
 }
 
-fn shown(stretch: &Stretch, unit: &str) -> String {
+fn stretch_text(stretch: &Stretch, unit: &str) -> String {
     let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
     let share = stretch.share.map(|share| format!(", {:.0} %", 100.0 * share)).unwrap_or_default();
     let amount = significant(stretch.amount);

@@ -6,8 +6,8 @@ use anyhow::anyhow;
 use serde_json::{Value, json};
 
 use super::significant;
-use crate::commands::table::Table;
-use crate::commands::{Failure, read_trajectory};
+use crate::commands::table::TextTable;
+use crate::commands::{CommandFailure, read_trajectory};
 use crate::pipeline::assessment::motions;
 use crate::pipeline::features::motion::Motion;
 use crate::pipeline::features::reference::{Deviation, deviation};
@@ -22,24 +22,29 @@ pub struct Reference {
 }
 
 /// Deviation of each tool that both trajectories have.
-pub struct Strays {
+pub struct Deviations {
     reference: PathBuf,
     tools: Vec<(String, Result<Deviation, NotEnough>)>,
 }
 
 impl Reference {
     /// Reads the reference. Refuses a trajectory without a usable tool.
-    pub fn read(path: &Path, settings: &FeatureSettings) -> Result<Self, Failure> {
+    pub fn read(path: &Path, settings: &FeatureSettings) -> Result<Self, CommandFailure> {
         let trajectory = read_trajectory(path)?;
         let motions = motions(&trajectory, settings);
         match motions.iter().find_map(|motion| motion.as_ref().err()).filter(|_| motions.iter().all(Result::is_err)) {
-            Some(reason) => Err(Failure::Input(anyhow!("{}: {reason}; use another reference", path.display()))),
+            Some(reason) => Err(CommandFailure::Input(anyhow!("{}: {reason}; use another reference", path.display()))),
             None => Ok(Self { path: path.to_owned(), tools: trajectory.tools, motions }),
         }
     }
 
     /// Deviations of a trajectory's tools from the reference's tools of the same names.
-    pub fn strays(&self, path: &Path, track: &Trajectory, settings: &FeatureSettings) -> Result<Strays, Failure> {
+    pub fn deviations(
+        &self,
+        path: &Path,
+        track: &Trajectory,
+        settings: &FeatureSettings,
+    ) -> Result<Deviations, CommandFailure> {
         let known = |name: &String| self.tools.iter().position(|tool| tool == name);
         let of_tool = |(name, motion): (&String, Result<Motion, NotEnough>)| {
             let reference = &self.motions[known(name)?];
@@ -51,13 +56,13 @@ impl Reference {
             let (have, wanted) = (track.tools.join(", "), self.tools.join(", "));
             let (path, reference) = (path.display(), self.path.display());
             let what = anyhow!("{path} has the tools {have}, its reference {reference} {wanted}: name them alike");
-            return Err(Failure::Input(what));
+            return Err(CommandFailure::Input(what));
         }
-        Ok(Strays { reference: self.path.clone(), tools })
+        Ok(Deviations { reference: self.path.clone(), tools })
     }
 }
 
-impl Strays {
+impl Deviations {
     /// The part of a session's JSON.
     pub fn json(&self) -> Value {
         let of_tool = |(tool, strays): &(String, Result<Deviation, NotEnough>)| {
@@ -78,14 +83,14 @@ impl Strays {
     /// The table below the features.
     pub fn text(&self) -> String {
         let head = ["tool", "mean (DTW)", "largest (Fréchet)", "unit"].map(str::to_owned);
-        let mut table = Table::new(head);
+        let mut table = TextTable::new(head);
         for (tool, strays) in &self.tools {
             let cell =
                 |of: fn(&Deviation) -> f64| strays.as_ref().map_or("–".to_owned(), |strays| significant(of(strays)));
-            table.row([tool.clone(), cell(|s| s.mean_mm), cell(|s| s.largest_mm), "mm".to_owned()]);
+            table.add_row([tool.clone(), cell(|s| s.mean_mm), cell(|s| s.largest_mm), "mm".to_owned()]);
         }
         let why = self.tools.iter().filter_map(|(tool, strays)| Some(format!("  – {tool}: {}\n", strays.err()?)));
         let head = format!("  strays from {}:\n", self.reference.display());
-        head + &table.text() + &why.collect::<String>()
+        head + &table.to_text() + &why.collect::<String>()
     }
 }

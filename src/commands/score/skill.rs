@@ -5,20 +5,23 @@ use std::path::Path;
 
 use anyhow::{Context, anyhow};
 
-use crate::commands::Failure;
+use crate::commands::CommandFailure;
 use crate::commands::model::percent;
 use crate::domain::session::FeatureSpace;
-use crate::domain::skill::{Carried, ModelFile, Reading, Readings, ReasonName, Share, SkillVerdict};
+use crate::domain::skill::{
+    FeatureContribution, ModelFile, NoLevelReasonName, Reading, Readings, ShareOfPeople, SkillVerdict,
+};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::assessment::Assessment;
 use crate::pipeline::features::FeatureValue;
 
 /// Reads a model. Refuses a model of another task or of another pipeline version.
-pub fn read_model(path: &Path, task: Option<&str>) -> Result<ModelFile, Failure> {
-    let text =
-        fs::read_to_string(path).with_context(|| format!("reading {}", path.display())).map_err(Failure::Input)?;
-    let model = ModelFile::parse(&text).with_context(|| path.display().to_string()).map_err(Failure::Input)?;
-    let refused = |why: String| Err(Failure::Input(anyhow!("{}: {why}", path.display())));
+pub fn read_model(path: &Path, task: Option<&str>) -> Result<ModelFile, CommandFailure> {
+    let text = fs::read_to_string(path)
+        .with_context(|| format!("reading {}", path.display()))
+        .map_err(CommandFailure::Input)?;
+    let model = ModelFile::parse(&text).with_context(|| path.display().to_string()).map_err(CommandFailure::Input)?;
+    let refused = |why: String| Err(CommandFailure::Input(anyhow!("{}: {why}", path.display())));
     if model.pipeline != PIPELINE_VERSION {
         let own = &model.pipeline;
         return refused(format!(
@@ -34,10 +37,13 @@ pub fn read_model(path: &Path, task: Option<&str>) -> Result<ModelFile, Failure>
 /// The model's verdict on a session. A refused session gets none.
 pub fn verdict(model: &ModelFile, assessment: &Assessment, is_refused: bool) -> SkillVerdict {
     if is_refused {
-        return SkillVerdict::without(ReasonName::Refused, "the session is refused, its features are not reliable");
+        return SkillVerdict::without_level(
+            NoLevelReasonName::Refused,
+            "the session is refused, its features are not reliable",
+        );
     }
     let readings = Readings::of(assessment.features.iter().map(|value| reading(value, &assessment.tools)));
-    model.model.judge(&readings, assessment.tools.len()).worth(&model.report)
+    model.model.judge(&readings, assessment.tools.len()).with_accuracy(&model.report)
 }
 
 fn reading(value: &FeatureValue, tools: &[String]) -> Reading {
@@ -61,7 +67,7 @@ pub fn text(verdict: &SkillVerdict) -> String {
         let [novice, intermediate, expert] = [of.novice, of.intermediate, of.expert].map(percent);
         format!(" (novice {novice}, intermediate {intermediate}, expert {expert})")
     });
-    let of_people = |of: Share| {
+    let of_people = |of: ShareOfPeople| {
         let [value, low, high] = [of.value, of.low, of.high].map(percent);
         format!("in {value} ({low} to {high}, {} people) of the sessions of people left out of training\n", of.people)
     };
@@ -70,7 +76,7 @@ pub fn text(verdict: &SkillVerdict) -> String {
         (None, Some(all)) => format!("  – such models found the level {}", of_people(all)),
         (None, None) => String::new(),
     };
-    let carried = |of: &Carried| {
+    let carried = |of: &FeatureContribution| {
         let [value, mean] = [of.value, of.mean].map(super::significant);
         format!("  – {} {value} {}, mean {mean}: {:+.0} %\n", of.feature, of.unit, 100.0 * of.raises)
     };

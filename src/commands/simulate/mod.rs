@@ -6,17 +6,17 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 
-pub use self::scene::{Progress, SceneOrder, write_scene};
-use super::Failure;
+pub use self::scene::{SceneOrder, SceneProgress, write_scene};
+use super::CommandFailure;
 use super::progress::Meter;
-use crate::media::Samples;
+use crate::media::SampleFormat;
 use crate::simulation::schedule::Evenness;
-use crate::simulation::tool::Tape;
-use crate::simulation::{Scenario, Setup, Skill, View};
+use crate::simulation::tool::TapeDesign;
+use crate::simulation::{RigView, Scenario, Setup, Skill};
 
 /// Arguments of `trocar simulate`.
 #[derive(clap::Args)]
-pub struct Args {
+pub struct SimulateArgs {
     /// Scene: wire, rectangle, approach, slide, rest, pegs, crossing, exchange or self-test.
     #[arg(long)]
     scene: String,
@@ -79,15 +79,15 @@ pub struct Args {
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<(), Failure> {
-    let order = order(&args).map_err(Failure::Input)?;
+pub fn run(args: SimulateArgs) -> Result<(), CommandFailure> {
+    let order = scene_order(&args).map_err(CommandFailure::Input)?;
     let mut meter = Meter::new(args.quiet);
     let times = write_scene(&args.out, &order, &mut |what, done, all| meter.show(what, done, all))?;
     meter.finish(&format!("{} frames of `{}` in {}", times.len(), args.scene, args.out.display()));
     Ok(())
 }
 
-fn order(args: &Args) -> anyhow::Result<SceneOrder> {
+fn scene_order(args: &SimulateArgs) -> anyhow::Result<SceneOrder> {
     let scenario = one_of("scene", &args.scene, Scenario::ALL.map(Scenario::name), Scenario::named)?;
     let level = one_of("skill", &args.skill, Skill::ALL.map(|s| s.name), Skill::named)?;
     let skill = args.person.map_or(level, |person| level.of_person(person));
@@ -97,7 +97,7 @@ fn order(args: &Args) -> anyhow::Result<SceneOrder> {
         rig: args.rig,
         width: args.size.0,
         height: args.size.1,
-        at_least_s: frames.map_or(0.0, |n| n as f64 / args.fps),
+        min_duration_s: frames.map_or(0.0, |n| n as f64 / args.fps),
         tapes: tapes(&args.tapes)?,
         diameter_mm: args.diameter_mm,
         camera_moved_mm: args.camera_moved_mm,
@@ -105,7 +105,10 @@ fn order(args: &Args) -> anyhow::Result<SceneOrder> {
     };
     let names = ["yuv420p", "yuv422p", "yuv444p", "yuv420p10", "yuv444p10"];
     let samples = one_of("pixels", &args.pixels, names, samples)?;
-    if samples != Samples::Yuv444 && samples != Samples::Yuv444Deep && (args.size.0 % 2 == 1 || args.size.1 % 2 == 1) {
+    if samples != SampleFormat::Yuv444
+        && samples != SampleFormat::Yuv444Deep
+        && (args.size.0 % 2 == 1 || args.size.1 % 2 == 1)
+    {
         return Err(anyhow!("--size {}x{}: an odd size needs --pixels yuv444p", args.size.0, args.size.1));
     }
     Ok(SceneOrder {
@@ -128,29 +131,31 @@ fn one_of<T, const N: usize>(
     find(name).ok_or_else(|| anyhow!("no {what} is called `{name}`; use one of {}", names.join(", ")))
 }
 
-fn view(name: &str) -> Option<View> {
+fn view(name: &str) -> Option<RigView> {
     match name {
-        "top" => Some(View::Top),
-        "side" => Some(View::Side),
+        "top" => Some(RigView::Top),
+        "side" => Some(RigView::Side),
         _ => None,
     }
 }
 
-fn samples(name: &str) -> Option<Samples> {
+fn samples(name: &str) -> Option<SampleFormat> {
     match name {
-        "yuv420p" => Some(Samples::Yuv420),
-        "yuv422p" => Some(Samples::Yuv422),
-        "yuv444p" => Some(Samples::Yuv444),
-        "yuv420p10" => Some(Samples::Yuv420Deep),
-        "yuv444p10" => Some(Samples::Yuv444Deep),
+        "yuv420p" => Some(SampleFormat::Yuv420),
+        "yuv422p" => Some(SampleFormat::Yuv422),
+        "yuv444p" => Some(SampleFormat::Yuv444),
+        "yuv420p10" => Some(SampleFormat::Yuv420Deep),
+        "yuv444p10" => Some(SampleFormat::Yuv444Deep),
         _ => None,
     }
 }
 
-fn tapes(text: &str) -> anyhow::Result<[Tape; 2]> {
-    let names = Tape::ALL.map(|t| t.name);
-    let found: Vec<Tape> =
-        text.split(',').map(|name| one_of("tape", name.trim(), names, Tape::named)).collect::<anyhow::Result<_>>()?;
+fn tapes(text: &str) -> anyhow::Result<[TapeDesign; 2]> {
+    let names = TapeDesign::ALL.map(|t| t.name);
+    let found: Vec<TapeDesign> = text
+        .split(',')
+        .map(|name| one_of("tape", name.trim(), names, TapeDesign::named))
+        .collect::<anyhow::Result<_>>()?;
     match found[..] {
         [left, right] => Ok([left, right]),
         _ => Err(anyhow!("--tapes {text}: expected two tapes, such as orange,cyan")),

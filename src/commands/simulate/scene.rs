@@ -10,13 +10,13 @@ use image::{ExtendedColorType, ImageEncoder};
 use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle, ToolEntry, View as FileView};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::files::truth::TruthFile;
-use crate::media::{Samples, TICKS_PER_S, VideoSettings, VideoWriter};
+use crate::media::{SampleFormat, TICKS_PER_S, VideoSettings, VideoWriter};
 use crate::pipeline::evaluation::{Truth, TruthFrame};
 use crate::simulation::checkerboard;
-use crate::simulation::marks::{self, Mark};
+use crate::simulation::marks::{self, SimulatedMark};
 use crate::simulation::render::{Chroma, Photographer, Renderer};
 use crate::simulation::schedule::{Evenness, frame_times};
-use crate::simulation::{Setup, View, World, truth};
+use crate::simulation::{RigView, Setup, World, truth};
 
 /// Description of a scene to write.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +30,7 @@ pub struct SceneOrder {
     /// Whether frames are evenly spaced in time.
     pub evenness: Evenness,
     /// Pixel format of the clip.
-    pub samples: Samples,
+    pub samples: SampleFormat,
     /// Compression: the encoder's constant rate factor, 0 to 51.
     pub crf: u8,
     /// Number of checkerboard photos.
@@ -47,7 +47,7 @@ impl SceneOrder {
             frames: None,
             fps: 25.0,
             evenness: Evenness::Even,
-            samples: Samples::Yuv420,
+            samples: SampleFormat::Yuv420,
             crf: 20,
             boards: 18,
             bent: 0,
@@ -56,13 +56,13 @@ impl SceneOrder {
 }
 
 /// Callback for progress: what is being written, the number done, the total number.
-pub type Progress<'a> = &'a mut dyn FnMut(&'static str, usize, usize);
+pub type SceneProgress<'a> = &'a mut dyn FnMut(&'static str, usize, usize);
 
 /// File name of the clip in the folder.
 pub const CLIP: &str = "clip.mp4";
 
 /// Writes the scene and returns the clip's frame times, s. An interrupted run may leave incomplete files.
-pub fn write_scene(folder: &Path, order: &SceneOrder, progress: Progress) -> anyhow::Result<Vec<f64>> {
+pub fn write_scene(folder: &Path, order: &SceneOrder, progress: SceneProgress) -> anyhow::Result<Vec<f64>> {
     fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     let world = World::new(&order.setup);
     let count = order.frames.unwrap_or_else(|| (world.duration_s * order.fps).ceil() as usize).max(1);
@@ -75,7 +75,13 @@ pub fn write_scene(folder: &Path, order: &SceneOrder, progress: Progress) -> any
     Ok(times)
 }
 
-fn write_clip(path: &Path, world: &World, order: &SceneOrder, times: &[f64], progress: Progress) -> anyhow::Result<()> {
+fn write_clip(
+    path: &Path,
+    world: &World,
+    order: &SceneOrder,
+    times: &[f64],
+    progress: SceneProgress,
+) -> anyhow::Result<()> {
     let settings = VideoSettings {
         width: order.setup.width,
         height: order.setup.height,
@@ -95,15 +101,15 @@ fn write_clip(path: &Path, world: &World, order: &SceneOrder, times: &[f64], pro
     writer.finish().with_context(in_clip)
 }
 
-fn chroma_of(samples: Samples) -> Chroma {
+fn chroma_of(samples: SampleFormat) -> Chroma {
     match samples {
-        Samples::Yuv420 | Samples::Yuv420Deep => Chroma::Quarter,
-        Samples::Yuv422 => Chroma::Half,
-        Samples::Yuv444 | Samples::Yuv444Deep => Chroma::Full,
+        SampleFormat::Yuv420 | SampleFormat::Yuv420Deep => Chroma::Quarter,
+        SampleFormat::Yuv422 => Chroma::Half,
+        SampleFormat::Yuv444 | SampleFormat::Yuv444Deep => Chroma::Full,
     }
 }
 
-fn write_boards(folder: &Path, world: &World, order: &SceneOrder, progress: Progress) -> anyhow::Result<()> {
+fn write_boards(folder: &Path, world: &World, order: &SceneOrder, progress: SceneProgress) -> anyhow::Result<()> {
     if order.boards == 0 {
         return Ok(());
     }
@@ -133,7 +139,7 @@ fn truth_of(world: &World, times: &[f64]) -> Truth {
 }
 
 fn annotations_of(world: &World, setup: &Setup, times: &[f64]) -> anyhow::Result<String> {
-    let entry = |tool: &crate::simulation::tool::Tool| ToolEntry {
+    let entry = |tool: &crate::simulation::tool::SimulatedTool| ToolEntry {
         tool: tool.name.to_owned(),
         colour: (tool.design.tape.name != tool.name).then(|| tool.design.tape.name.to_owned()),
         side: None,
@@ -144,18 +150,18 @@ fn annotations_of(world: &World, setup: &Setup, times: &[f64]) -> anyhow::Result
         tool_diameter_mm: Some(setup.diameter_mm),
         band_length_mm: None,
         view: Some(match setup.view {
-            View::Top => FileView::Top,
-            View::Side => FileView::Side,
+            RigView::Top => FileView::Top,
+            RigView::Side => FileView::Side,
         }),
         video: Some(CLIP.to_owned()),
         tools: world.tools.iter().map(entry).collect(),
-        labels: marks::of_recording(world, times).into_iter().map(rectangle).collect(),
+        labels: marks::mark_recording(world, times).into_iter().map(rectangle).collect(),
     };
     Ok(serde_json::to_string_pretty(&file)? + "\n")
 }
 
-fn rectangle(mark: Mark) -> LabelledRectangle {
-    let Mark { frame, label, x, y, w, h } = mark;
+fn rectangle(mark: SimulatedMark) -> LabelledRectangle {
+    let SimulatedMark { frame, label, x, y, w, h } = mark;
     LabelledRectangle { frame: frame as u64, label: label.to_owned(), x, y, w, h, stroke: None }
 }
 

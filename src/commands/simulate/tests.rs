@@ -4,7 +4,7 @@ use super::*;
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::files::camera::CameraFile;
 use crate::domain::files::truth::TruthFile;
-use crate::media::{Limits, VideoFile};
+use crate::media::{MediaLimits, VideoFile};
 
 fn tiny(scenario: Scenario) -> SceneOrder {
     let setup = Setup { width: 256, height: 144, ..Setup::new(scenario, Skill::NOVICE, 3) };
@@ -25,7 +25,7 @@ fn a_scene_is_whole_and_its_files_agree_with_each_other() {
     assert_eq!(names, ["orange", "cyan"]);
 
     let clip = fs::File::open(path.join(annotations.video.unwrap())).unwrap();
-    let mut video = VideoFile::open(clip, Limits::default()).unwrap();
+    let mut video = VideoFile::open(clip, MediaLimits::default()).unwrap();
     assert_eq!((video.info().width, video.info().height), (camera.width, camera.height));
     let mut decoded = Vec::new();
     while let Some(picture) = video.next_picture().unwrap() {
@@ -62,7 +62,7 @@ fn marks_lie_on_what_they_name() {
     let world = crate::simulation::World::new(&Setup { width: 1280, height: 720, ..order.setup });
     let renderer = crate::simulation::render::Renderer::new(&world);
     let times: Vec<f64> = (0..60).map(|i| f64::from(i) * 0.1).collect();
-    let marks = crate::simulation::marks::of_recording(&world, &times);
+    let marks = crate::simulation::marks::mark_recording(&world, &times);
     for (name, blue, red) in [("orange", false, true), ("cyan", true, false)] {
         let of_tape: Vec<_> = marks.iter().filter(|m| m.label == name).collect();
         assert!(of_tape.len() >= 9, "{} marks on {name}", of_tape.len());
@@ -79,11 +79,11 @@ fn marks_lie_on_what_they_name() {
 }
 
 #[test]
-fn what_cannot_be_made_is_refused_with_what_can() {
+fn impossible_scenes_are_refused_with_the_possible_values() {
     let parse = |more: &[&str]| {
         let words = ["simulate", "--out", "/nowhere"].iter().chain(more).copied();
-        let cli = <Alone as clap::Parser>::try_parse_from(words).map_err(|e| e.to_string())?;
-        order(&cli.args).map_err(|e| e.to_string())
+        let cli = <TestCli as clap::Parser>::try_parse_from(words).map_err(|e| e.to_string())?;
+        scene_order(&cli.args).map_err(|e| e.to_string())
     };
     let refusal = |more: &[&str]| parse(more).unwrap_err();
     assert!(
@@ -100,9 +100,9 @@ fn what_cannot_be_made_is_refused_with_what_can() {
 }
 
 #[derive(clap::Parser)]
-struct Alone {
+struct TestCli {
     #[command(flatten)]
-    args: Args,
+    args: SimulateArgs,
 }
 
 #[test]

@@ -5,58 +5,61 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 
-use super::stages::{Stage, StageClock};
-use super::{Failure, about, open, rectangle};
-use crate::analysis::marked::strokes;
+use super::stages::{StageClock, TrackStage};
+use super::{CommandFailure, about, open, rectangle};
+use crate::analysis::marked::group_into_strokes;
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::media::{MediaError, VideoFile};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::segmentation::samples::ColourSamples;
 
 /// The labelled rectangles of a clip.
-pub(super) struct Marks<'a> {
+pub(super) struct ClipMarks<'a> {
     marked: &'a AnnotationsFile,
     annotations: &'a Path,
     clip: PathBuf,
-    is_tracked_too: bool,
+    is_tracked_clip: bool,
 }
 
-impl<'a> Marks<'a> {
+impl<'a> ClipMarks<'a> {
     /// The marks of the clip that the annotations name; if they name none, of the clip to be tracked.
     pub(super) fn new(marked: &'a AnnotationsFile, annotations: &'a Path, tracked: &Path) -> Self {
         let folder = annotations.parent().unwrap_or(Path::new("."));
         let clip = marked.video.as_ref().map_or_else(|| tracked.to_owned(), |name| folder.join(name));
-        let is_tracked_too =
+        let is_tracked_clip =
             fs::canonicalize(&clip).is_ok_and(|clip| fs::canonicalize(tracked).is_ok_and(|tracked| clip == tracked));
-        Self { marked, annotations, clip, is_tracked_too }
+        Self { marked, annotations, clip, is_tracked_clip }
     }
 
     /// A collector without samples.
-    pub(super) fn collector(&self) -> Collector<'a> {
-        Collector { marked: self.marked, samples: None }
+    pub(super) fn collector(&self) -> SampleCollector<'a> {
+        SampleCollector { marked: self.marked, samples: None }
     }
 
     /// Collects while decoding as few frames as possible. `None` if that fails, or if the clip is not the tracked one,
     /// because then no full pass checks the samples.
-    pub(super) fn collect_few(&self, clock: &mut StageClock) -> Result<Option<ColourSamples>, Failure> {
-        if !self.is_tracked_too {
+    pub(super) fn collect_from_few_frames(
+        &self,
+        clock: &mut StageClock,
+    ) -> Result<Option<ColourSamples>, CommandFailure> {
+        if !self.is_tracked_clip {
             return Ok(None);
         }
         let video = self.open()?;
         // Frame 0 is needed too: its colour encoding is that of all samples.
         let numbers: Vec<u64> = self.marked.labels.iter().map(|label| label.frame).chain([0]).collect();
         let mut collector = self.collector();
-        let shown = video.show_few(&numbers, |picture| {
-            clock.lap_of(Stage::DecodingMarked);
-            collector.look_at(&picture.frame());
-            clock.lap_of(Stage::Samples);
+        let shown = video.show_frames(&numbers, |picture| {
+            clock.add_lap(TrackStage::DecodingMarked);
+            collector.add_frame(&picture.frame());
+            clock.add_lap(TrackStage::Samples);
         });
-        clock.lap_of(Stage::DecodingMarked);
+        clock.add_lap(TrackStage::DecodingMarked);
         Ok(shown.and_then(|()| collector.into_samples()))
     }
 
     /// Collects while decoding all frames up to the last mark.
-    pub(super) fn collect(&self, clock: &mut StageClock) -> Result<ColourSamples, Failure> {
+    pub(super) fn collect(&self, clock: &mut StageClock) -> Result<ColourSamples, CommandFailure> {
         let mut video = self.open()?;
         let last = self.marked.labels.iter().map(|label| label.frame).max().unwrap_or(0);
         let mut collector = self.collector();
@@ -67,15 +70,15 @@ impl<'a> Marks<'a> {
                     anyhow!("a rectangle is on frame {last}, but {} has only {number} frames", self.clip.display()),
                 ));
             };
-            clock.lap_of(Stage::DecodingMarked);
-            collector.look_at(&picture.frame());
-            video.take_back(picture);
-            clock.lap_of(Stage::Samples);
+            clock.add_lap(TrackStage::DecodingMarked);
+            collector.add_frame(&picture.frame());
+            video.recycle(picture);
+            clock.add_lap(TrackStage::Samples);
         }
         collector.into_samples().ok_or_else(|| about(&self.clip, MediaError::NoFrames))
     }
 
-    fn open(&self) -> Result<VideoFile, Failure> {
+    fn open(&self) -> Result<VideoFile, CommandFailure> {
         let video = open(&self.clip)?;
         let info = video.info();
         self.marked.check_inside(info.width, info.height).map_err(|e| about(self.annotations, e))?;
@@ -84,17 +87,17 @@ impl<'a> Marks<'a> {
 }
 
 /// Collects samples from the frames that it is given.
-pub(super) struct Collector<'a> {
+pub(super) struct SampleCollector<'a> {
     marked: &'a AnnotationsFile,
     samples: Option<ColourSamples>,
 }
 
-impl Collector<'_> {
+impl SampleCollector<'_> {
     /// Collects the marks on this frame. The first frame's encoding is that of all samples.
-    pub(super) fn look_at(&mut self, frame: &Frame<'_>) {
+    pub(super) fn add_frame(&mut self, frame: &Frame<'_>) {
         let samples = self.samples.get_or_insert_with(|| ColourSamples::new(frame.encoding));
         let labels = self.marked.labels.iter().filter(|label| label.frame == frame.index);
-        for stroke in strokes(labels.map(|label| (label.stroke, rectangle(self.marked, label)))) {
+        for stroke in group_into_strokes(labels.map(|label| (label.stroke, rectangle(self.marked, label)))) {
             samples.collect_stroke(frame, &stroke);
         }
     }
@@ -129,7 +132,7 @@ mod tests {
             let folder = shared.join("scenes").join(scene);
             let (annotations, video) = (folder.join("annotations.json"), folder.join("video.mp4"));
             let marked = AnnotationsFile::parse(&fs::read_to_string(&annotations).unwrap()).unwrap();
-            let samples = Marks::new(&marked, &annotations, &video).collect(&mut StageClock::start()).unwrap();
+            let samples = ClipMarks::new(&marked, &annotations, &video).collect(&mut StageClock::start()).unwrap();
             let names: Vec<String> = marked.marked_tools().unwrap().into_iter().map(|t| t.name).collect();
             let classes = samples.classes(&names);
             let knn = Knn::new(&samples, &classes).unwrap();

@@ -7,7 +7,7 @@ use rustix::time::ClockId;
 
 /// Stages of the main thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Stage {
+pub(super) enum TrackStage {
     /// Decodes the frames with marks, with the decoder's threads.
     DecodingMarked,
     /// Reads marks and collects their pixels.
@@ -26,15 +26,15 @@ pub(super) enum Stage {
     Writing,
 }
 
-const STAGES: [(Stage, &str); 8] = [
-    (Stage::DecodingMarked, "decode_marked_frames"),
-    (Stage::Samples, "collect_samples"),
-    (Stage::Opening, "open"),
-    (Stage::Preparing, "prepare_tracker"),
-    (Stage::Waiting, "wait_for_decoder"),
-    (Stage::Tracking, "track"),
-    (Stage::Finishing, "fulcrum_and_smoother"),
-    (Stage::Writing, "write"),
+const STAGES: [(TrackStage, &str); 8] = [
+    (TrackStage::DecodingMarked, "decode_marked_frames"),
+    (TrackStage::Samples, "collect_samples"),
+    (TrackStage::Opening, "open"),
+    (TrackStage::Preparing, "prepare_tracker"),
+    (TrackStage::Waiting, "wait_for_decoder"),
+    (TrackStage::Tracking, "track"),
+    (TrackStage::Finishing, "fulcrum_and_smoother"),
+    (TrackStage::Writing, "write"),
 ];
 
 /// CPU and wall time per stage.
@@ -47,13 +47,13 @@ pub(super) struct StageClock {
     began: Instant,
     last: Instant,
     last_cpu_ms: f64,
-    spent: [Spent; STAGES.len()],
+    spent: [StageTime; STAGES.len()],
     /// CPU time of tracking each frame. Single precision, because an hour has 90,000 frames.
     tracking_cpu_ms: Vec<f32>,
 }
 
 #[derive(Clone, Copy, Default)]
-struct Spent {
+struct StageTime {
     cpu_ms: f64,
     wall_ms: f64,
 }
@@ -71,28 +71,29 @@ impl StageClock {
     }
 
     /// Adds the time since the last lap to a stage.
-    pub(super) fn lap_of(&mut self, stage: Stage) {
+    pub(super) fn add_lap(&mut self, stage: TrackStage) {
         let (now, now_cpu_ms) = (Instant::now(), cpu_ms(ClockId::ThreadCPUTime));
         let lap_cpu_ms = now_cpu_ms - self.last_cpu_ms;
         let spent = &mut self.spent[stage as usize];
         spent.cpu_ms += lap_cpu_ms;
         spent.wall_ms += (now - self.last).as_secs_f64() * 1e3;
-        if stage == Stage::Tracking {
+        if stage == TrackStage::Tracking {
             self.tracking_cpu_ms.push(lap_cpu_ms as f32);
         }
         (self.last, self.last_cpu_ms) = (now, now_cpu_ms);
     }
 
     /// Clears the times per frame before all frames are tracked again. The time spent so far stays with its stage.
-    pub(super) fn track_again(&mut self) {
+    pub(super) fn restart_tracking(&mut self) {
         self.tracking_cpu_ms.clear();
     }
 
     pub(super) fn save(&self, mut out: impl Write) -> io::Result<()> {
         let frames = self.tracking_cpu_ms.len();
-        let cpu = |stage: Stage| self.spent[stage as usize].cpu_ms;
-        let own: f64 =
-            self.spent.iter().map(|spent| spent.cpu_ms).sum::<f64>() - cpu(Stage::DecodingMarked) - cpu(Stage::Opening);
+        let cpu = |stage: TrackStage| self.spent[stage as usize].cpu_ms;
+        let own: f64 = self.spent.iter().map(|spent| spent.cpu_ms).sum::<f64>()
+            - cpu(TrackStage::DecodingMarked)
+            - cpu(TrackStage::Opening);
         let wall: serde_json::Map<String, serde_json::Value> =
             STAGES.iter().map(|(stage, name)| ((*name).into(), self.spent[*stage as usize].wall_ms.into())).collect();
         let text = serde_json::json!({
@@ -100,10 +101,10 @@ impl StageClock {
             "own_cpu_ms_per_frame": own / frames.max(1) as f64,
             "track_cpu_ms_per_frame": summary(&self.tracking_cpu_ms),
             "once_cpu_ms": {
-                "collect_samples": cpu(Stage::Samples),
-                "prepare_tracker": cpu(Stage::Preparing),
-                "fulcrum_and_smoother": cpu(Stage::Finishing),
-                "write": cpu(Stage::Writing),
+                "collect_samples": cpu(TrackStage::Samples),
+                "prepare_tracker": cpu(TrackStage::Preparing),
+                "fulcrum_and_smoother": cpu(TrackStage::Finishing),
+                "write": cpu(TrackStage::Writing),
             },
             "decoding_and_start_cpu_ms": cpu_ms(ClockId::ProcessCPUTime) - own,
             "wall_ms": self.began.elapsed().as_secs_f64() * 1e3,

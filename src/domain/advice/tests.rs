@@ -38,14 +38,14 @@ fn seen(feature: &str, tool: Option<&str>, cause: Option<AbsenceCause>) -> Evide
     EvidenceRow { of: key(feature, tool), what, unit, stretches: vec![stretch], none: None }
 }
 
-fn told(targets: Vec<Target>, features: &[FeatureRow], evidence: &[EvidenceRow]) -> Vec<Advice> {
-    let definition = Definition { targets, rule: None, charts: ChartDesign::default() };
-    advise(&definition, Measured { features, evidence, pipeline: "9", handedness: None })
+fn advice_for(targets: Vec<Target>, features: &[FeatureRow], evidence: &[EvidenceRow]) -> Vec<Advice> {
+    let definition = StandardDefinition { targets, rule: None, charts: ChartDesign::default() };
+    advise(&definition, MeasuredSession { features, evidence, pipeline: "9", handedness: None })
 }
 
 #[test]
 fn advice_names_feature_value_limit_and_seconds() {
-    let got = told(
+    let got = advice_for(
         vec![target("idle_share", Some("left"), Better::Lower, 0.3)],
         &[row("idle_share", Some("left"), 0.42, 0.05)],
         &[seen("idle_share", Some("left"), None)],
@@ -61,7 +61,7 @@ fn advice_names_feature_value_limit_and_seconds() {
 #[test]
 fn no_advice_where_the_error_covers_the_limit_or_is_unknown_or_nothing_was_measured() {
     let ask = |row: FeatureRow| {
-        told(
+        advice_for(
             vec![target("idle_share", Some("left"), Better::Lower, 0.3)],
             &[row],
             &[seen("idle_share", Some("left"), None)],
@@ -78,18 +78,18 @@ fn no_advice_where_the_error_covers_the_limit_or_is_unknown_or_nothing_was_measu
 }
 
 #[test]
-fn no_advice_without_seconds_that_are_the_hands_doing() {
+fn no_advice_without_stretches_that_the_hand_caused() {
     let targets = || vec![target("left_view_share", Some("left"), Better::Lower, 0.1)];
     let features = [row("left_view_share", Some("left"), 0.4, 0.01)];
-    let ask = |cause| told(targets(), &features, &[seen("left_view_share", Some("left"), cause)]);
+    let ask = |cause| advice_for(targets(), &features, &[seen("left_view_share", Some("left"), cause)]);
     assert_eq!(ask(Some(AbsenceCause::LeftView)).len(), 1);
     assert!(
         ask(Some(AbsenceCause::Lost)).is_empty() && ask(Some(AbsenceCause::Hidden)).is_empty() && ask(None).is_empty()
     );
     let reason = NoEvidence { reason: "nothing_stands_out".into(), detail: String::new() };
     let none = EvidenceRow { stretches: vec![], none: Some(reason), ..seen("left_view_share", Some("left"), None) };
-    assert!(told(targets(), &features, &[none]).is_empty());
-    assert!(told(targets(), &features, &[]).is_empty());
+    assert!(advice_for(targets(), &features, &[none]).is_empty());
+    assert!(advice_for(targets(), &features, &[]).is_empty());
 }
 
 #[test]
@@ -103,12 +103,13 @@ fn at_most_three_the_farthest_first_and_a_rule_once_for_each_tool() {
     let features: Vec<FeatureRow> =
         names.iter().zip(values).map(|(name, value)| row(name, left, value, 0.01)).collect();
     let evidence: Vec<EvidenceRow> = names.iter().map(|name| seen(name, left, None)).collect();
-    let got: Vec<String> = told(targets, &features, &evidence).into_iter().map(|advice| advice.of.feature).collect();
+    let got: Vec<String> =
+        advice_for(targets, &features, &evidence).into_iter().map(|advice| advice.of.feature).collect();
     assert_eq!(got, ["idle_share", "path_length", "jitter"], "of the two that say the same only the farther one");
 }
 
 #[test]
-fn rules_speak_of_features_that_are_better_that_way_and_never_of_what_the_tracker_did() {
+fn rules_match_the_features_direction_and_skip_tracker_losses() {
     let mut spoken: Vec<&str> = Vec::new();
     for rule in RULES {
         for (names, direction) in [(rule.lower, Direction::Lower), (rule.higher, Direction::Higher)] {

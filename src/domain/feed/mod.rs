@@ -12,10 +12,10 @@
 //! | [`numbers`] | sets of frame numbers, as ranges |
 //! | [`close_reason`] | why a connection was closed |
 
-pub mod farewell;
+pub mod close_reason;
+pub mod messages;
 pub mod numbers;
 pub mod record;
-pub mod words;
 
 use super::named;
 use super::text::Invalid;
@@ -24,17 +24,17 @@ use super::text::Invalid;
 pub const PROTOCOL: u32 = 1;
 
 /// Maximum number of frames in a recording: 4 hours at 60 Hz, and some reserve.
-pub const MOST_FRAMES: u64 = 1_000_000;
+pub const MAX_FRAMES: u64 = 1_000_000;
 
 /// Maximum duration of a recording, s.
-pub const LONGEST_S: f64 = 4.0 * 3600.0;
+pub const MAX_DURATION_S: f64 = 4.0 * 3600.0;
 
 /// Maximum size of a frame, bytes: twice the size of a photo-like 1080p JPEG.
-pub const MOST_PAYLOAD: usize = 1 << 20;
+pub const MAX_PAYLOAD: usize = 1 << 20;
 
 /// Maximum number of ranges of a recording's frame numbers. Each outage adds one; without the limit, a sender that
 /// skips every other frame would create half a million.
-pub const MOST_RANGES: usize = 4096;
+pub const MAX_RANGES: usize = 4096;
 
 named! {
     /// Encoding of the frames.
@@ -71,10 +71,10 @@ impl TryFrom<[u32; 2]> for TimeBase {
 
     fn try_from([num, den]: [u32; 2]) -> Result<Self, Invalid> {
         /// Coarser ticks could give two frames the same time.
-        const COARSEST_HZ: u32 = 1000;
+        const MIN_HZ: u32 = 1000;
         /// With finer ticks, a recording of four hours would exceed the 31 bits that containers have for a duration.
-        const MOST_DEN: u32 = 100_000;
-        if den.checked_div(num).is_none_or(|hertz| hertz < COARSEST_HZ) || den > MOST_DEN {
+        const MAX_DEN: u32 = 100_000;
+        if den.checked_div(num).is_none_or(|hertz| hertz < MIN_HZ) || den > MAX_DEN {
             return Err(Invalid::new("time_base", "expected [1, n] with n from 1000 to 100000 ticks a second"));
         }
         Ok(Self { num, den })

@@ -1,19 +1,19 @@
 //! Sets of frame numbers, stored as ranges: a recording without an outage is one range.
 
-use super::MOST_RANGES;
+use super::MAX_RANGES;
 
 /// A set of numbers, stored as ordered ranges that neither touch nor overlap.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Numbers {
+pub struct FrameNumbers {
     ranges: Vec<[u64; 2]>,
 }
 
 /// A recording has more ranges of frame numbers than allowed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the frames are in more than {MOST_RANGES} pieces; send frames in order, and a gap for frames that are lost")]
+#[error("the frames are in more than {MAX_RANGES} pieces; send frames in order, and a gap for frames that are lost")]
 pub struct TooManyRanges;
 
-impl Numbers {
+impl FrameNumbers {
     /// The ranges, each by its first and last number.
     pub fn ranges(&self) -> &[[u64; 2]] {
         &self.ranges
@@ -44,7 +44,7 @@ impl Numbers {
         // Ranges that touch the new one are merged with it.
         let from = self.ranges.partition_point(|[_, end]| end.saturating_add(1) < first);
         let to = self.ranges.partition_point(|[start, _]| *start <= last.saturating_add(1));
-        if from == to && self.ranges.len() == MOST_RANGES {
+        if from == to && self.ranges.len() == MAX_RANGES {
             return Err(TooManyRanges);
         }
         let touched = &self.ranges[from..to];
@@ -74,7 +74,7 @@ mod tests {
     proptest! {
         #[test]
         fn it_holds_what_a_set_holds(spans in prop::collection::vec((0u64..60, 0u64..6), 0..30), end in 0u64..70) {
-            let (mut numbers, mut set) = (Numbers::default(), BTreeSet::new());
+            let (mut numbers, mut set) = (FrameNumbers::default(), BTreeSet::new());
             for (first, more) in spans {
                 numbers.add(first, first + more).unwrap();
                 set.extend(first..=first + more);
@@ -94,15 +94,15 @@ mod tests {
     }
 
     #[test]
-    fn it_falls_into_so_many_ranges_and_no_more() {
-        let mut numbers = Numbers::default();
-        for i in 0..MOST_RANGES as u64 {
+    fn at_most_the_maximum_number_of_ranges_is_accepted() {
+        let mut numbers = FrameNumbers::default();
+        for i in 0..MAX_RANGES as u64 {
             numbers.add(2 * i, 2 * i).unwrap();
         }
         let before = numbers.clone();
         assert_eq!(numbers.add(1 << 40, 1 << 40), Err(TooManyRanges));
         assert_eq!(numbers, before);
         numbers.add(1, 1).unwrap(); // fills a hole
-        assert_eq!(numbers.ranges().len(), MOST_RANGES - 1);
+        assert_eq!(numbers.ranges().len(), MAX_RANGES - 1);
     }
 }

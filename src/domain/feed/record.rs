@@ -15,23 +15,23 @@
 
 use std::io::{self, Read};
 
-use super::{MOST_FRAMES, MOST_PAYLOAD};
+use super::{MAX_FRAMES, MAX_PAYLOAD};
 use crate::domain::named;
 
 /// Length of the header, the bytes before the payload.
-pub const HEAD: usize = 32;
+pub const HEADER_BYTES: usize = 32;
 /// Maximum length of a record, bytes.
-pub const MOST_BYTES: usize = HEAD + MOST_PAYLOAD;
+pub const MAX_RECORD_BYTES: usize = HEADER_BYTES + MAX_PAYLOAD;
 
 /// Maximum number of damaged bytes searched for the next record: more than is ever written without a sync.
-pub const LONGEST_HOLE: usize = 32 << 20;
+pub const MAX_HOLE_BYTES: usize = 32 << 20;
 
 const FRAME: u8 = 1;
 const GAP: u8 = 2;
-const KEY: u8 = 1;
+const KEY_FRAME: u8 = 1;
 /// Offset of the checksum in the header.
-const CHECK: usize = 28;
-const GAP_BYTES: usize = 9;
+const CHECKSUM_OFFSET: usize = 28;
+const GAP_PAYLOAD_BYTES: usize = 9;
 
 named! {
     /// Why some frames will never arrive.
@@ -57,25 +57,25 @@ impl GapReason {
         }
     }
 
-    fn of_code(code: u8) -> Option<Self> {
+    fn from_code(code: u8) -> Option<Self> {
         Self::ALL.iter().copied().find(|reason| reason.code() == code)
     }
 }
 
 /// One record. Its payload is borrowed from the bytes it was read from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Record<'a> {
+pub struct FeedRecord<'a> {
     /// Number of the connection that sent it; later connections have higher numbers.
     pub epoch: u32,
     /// The frame's number, or the first number of the gap.
     pub number: u64,
     /// A frame or a gap.
-    pub body: Body<'a>,
+    pub body: RecordBody<'a>,
 }
 
 /// The content of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Body<'a> {
+pub enum RecordBody<'a> {
     /// A frame.
     Frame {
         /// Capture time, ticks of the sender's time base.
@@ -107,10 +107,10 @@ pub enum NotARecord {
     #[error("byte {0} of the record has an unknown value")]
     Unknown(usize),
     /// A payload that is empty or too long.
-    #[error("a payload of {0} bytes; expected 1 to {MOST_PAYLOAD}")]
+    #[error("a payload of {0} bytes; expected 1 to {MAX_PAYLOAD}")]
     Length(usize),
     /// A frame number above the maximum.
-    #[error("frame number {0}; a recording has at most {MOST_FRAMES} frames")]
+    #[error("frame number {0}; a recording has at most {MAX_FRAMES} frames")]
     Number(u64),
     /// A gap that ends before it begins.
     #[error("a gap from {0} to {1}; expected the first number, then the last")]
@@ -120,27 +120,27 @@ pub enum NotARecord {
     Damaged,
 }
 
-impl<'a> Record<'a> {
+impl<'a> FeedRecord<'a> {
     /// Appends the record's bytes.
     pub fn write(&self, into: &mut Vec<u8>) {
         let start = into.len();
         let gap = match self.body {
-            Body::Frame { .. } => [0; GAP_BYTES],
-            Body::Gap { last, reason } => {
-                let mut bytes = [reason.code(); GAP_BYTES];
+            RecordBody::Frame { .. } => [0; GAP_PAYLOAD_BYTES],
+            RecordBody::Gap { last, reason } => {
+                let mut bytes = [reason.code(); GAP_PAYLOAD_BYTES];
                 bytes[..8].copy_from_slice(&last.to_be_bytes());
                 bytes
             }
         };
         let (kind, flags, time, payload) = match self.body {
-            Body::Frame { time, is_key, payload } => (FRAME, if is_key { KEY } else { 0 }, time, payload),
-            Body::Gap { .. } => (GAP, 0, 0, &gap[..]),
+            RecordBody::Frame { time, is_key, payload } => (FRAME, if is_key { KEY_FRAME } else { 0 }, time, payload),
+            RecordBody::Gap { .. } => (GAP, 0, 0, &gap[..]),
         };
         into.extend([kind, flags, 0, 0]);
         into.extend(self.epoch.to_be_bytes());
         into.extend(self.number.to_be_bytes());
         into.extend(time.to_be_bytes());
-        into.extend((payload.len() as u32).to_be_bytes()); // at most MOST_PAYLOAD
+        into.extend((payload.len() as u32).to_be_bytes()); // at most MAX_PAYLOAD
         let check = checksum(&into[start..], payload);
         into.extend(check.to_be_bytes());
         into.extend(payload);
@@ -161,18 +161,22 @@ impl<'a> Record<'a> {
     /// No complete record; [`NotARecord::Cut`] if more bytes could complete it.
     pub fn read_first(bytes: &'a [u8]) -> Result<(Self, &'a [u8]), NotARecord> {
         let cut = NotARecord::Cut(bytes.len());
-        let (head, rest) = bytes.split_at_checked(HEAD).ok_or(cut)?;
+        let (head, rest) = bytes.split_at_checked(HEADER_BYTES).ok_or(cut)?;
         let length = payload_length(head)?;
         let (payload, rest) = rest.split_at_checked(length).ok_or(cut)?;
-        if checksum(&head[..CHECK], payload) != u32::from_be_bytes(part(head, CHECK)) {
+        if checksum(&head[..CHECKSUM_OFFSET], payload) != u32::from_be_bytes(bytes_at(head, CHECKSUM_OFFSET)) {
             return Err(NotARecord::Damaged);
         }
-        let (epoch, number) = (u32::from_be_bytes(part(head, 4)), u64::from_be_bytes(part(head, 8)));
+        let (epoch, number) = (u32::from_be_bytes(bytes_at(head, 4)), u64::from_be_bytes(bytes_at(head, 8)));
         let body = match head[0] {
-            FRAME => Body::Frame { time: i64::from_be_bytes(part(head, 16)), is_key: head[1] == KEY, payload },
-            _ => gap(number, payload)?,
+            FRAME => RecordBody::Frame {
+                time: i64::from_be_bytes(bytes_at(head, 16)),
+                is_key: head[1] == KEY_FRAME,
+                payload,
+            },
+            _ => gap_body(number, payload)?,
         };
-        if number >= MOST_FRAMES {
+        if number >= MAX_FRAMES {
             return Err(NotARecord::Number(number));
         }
         Ok((Self { epoch, number, body }, rest))
@@ -181,16 +185,16 @@ impl<'a> Record<'a> {
     /// Length of the record, bytes.
     pub fn bytes(&self) -> usize {
         match self.body {
-            Body::Frame { payload, .. } => HEAD + payload.len(),
-            Body::Gap { .. } => HEAD + GAP_BYTES,
+            RecordBody::Frame { payload, .. } => HEADER_BYTES + payload.len(),
+            RecordBody::Gap { .. } => HEADER_BYTES + GAP_PAYLOAD_BYTES,
         }
     }
 
     /// The last frame number that the record covers.
-    pub fn last(&self) -> u64 {
+    pub fn last_number(&self) -> u64 {
         match self.body {
-            Body::Frame { .. } => self.number,
-            Body::Gap { last, .. } => last,
+            RecordBody::Frame { .. } => self.number,
+            RecordBody::Gap { last, .. } => last,
         }
     }
 }
@@ -203,9 +207,9 @@ impl<'a> Record<'a> {
 /// The bytes cannot be read, or `give` refuses a record.
 pub fn read_all<E: From<io::Error>>(
     mut from: impl Read,
-    mut give: impl FnMut(u64, Record<'_>) -> Result<(), E>,
+    mut give: impl FnMut(u64, FeedRecord<'_>) -> Result<(), E>,
 ) -> Result<u64, E> {
-    let (mut buffer, mut held) = (vec![0; 2 * MOST_BYTES], 0);
+    let (mut buffer, mut held) = (vec![0; 2 * MAX_RECORD_BYTES], 0);
     let (mut place, mut end) = (0, 0);
     loop {
         let read = from.read(&mut buffer[held..])?;
@@ -213,7 +217,7 @@ pub fn read_all<E: From<io::Error>>(
         let is_over = read == 0;
         let mut rest = &buffer[..held];
         while !rest.is_empty() {
-            let bytes = match Record::read_first(rest) {
+            let bytes = match FeedRecord::read_first(rest) {
                 Ok((record, behind)) => {
                     give(place, record)?;
                     let bytes = rest.len() - behind.len();
@@ -228,7 +232,7 @@ pub fn read_all<E: From<io::Error>>(
             rest = &rest[bytes..];
             place += bytes as u64;
         }
-        if is_over || place > end + LONGEST_HOLE as u64 {
+        if is_over || place > end + MAX_HOLE_BYTES as u64 {
             return Ok(end);
         }
         let kept = rest.len();
@@ -240,7 +244,7 @@ pub fn read_all<E: From<io::Error>>(
 /// Length of the payload according to the header, if the header is valid.
 fn payload_length(head: &[u8]) -> Result<usize, NotARecord> {
     let expected: u8 = match head[0] {
-        FRAME => KEY,
+        FRAME => KEY_FRAME,
         GAP => 0,
         _ => return Err(NotARecord::Unknown(0)),
     };
@@ -250,21 +254,21 @@ fn payload_length(head: &[u8]) -> Result<usize, NotARecord> {
     if let Some(place) = [2, 3].into_iter().find(|place| head[*place] != 0) {
         return Err(NotARecord::Unknown(place));
     }
-    let length = u32::from_be_bytes(part(head, 24)) as usize;
-    let fits = if head[0] == GAP { length == GAP_BYTES } else { (1..=MOST_PAYLOAD).contains(&length) };
+    let length = u32::from_be_bytes(bytes_at(head, 24)) as usize;
+    let fits = if head[0] == GAP { length == GAP_PAYLOAD_BYTES } else { (1..=MAX_PAYLOAD).contains(&length) };
     if fits { Ok(length) } else { Err(NotARecord::Length(length)) }
 }
 
-fn gap(first: u64, payload: &[u8]) -> Result<Body<'static>, NotARecord> {
-    let last = u64::from_be_bytes(part(payload, 0));
-    let reason = GapReason::of_code(payload[8]).ok_or(NotARecord::Unknown(HEAD + 8))?;
+fn gap_body(first: u64, payload: &[u8]) -> Result<RecordBody<'static>, NotARecord> {
+    let last = u64::from_be_bytes(bytes_at(payload, 0));
+    let reason = GapReason::from_code(payload[8]).ok_or(NotARecord::Unknown(HEADER_BYTES + 8))?;
     if last < first {
         return Err(NotARecord::Backwards(first, last));
     }
-    if last >= MOST_FRAMES {
+    if last >= MAX_FRAMES {
         return Err(NotARecord::Number(last));
     }
-    Ok(Body::Gap { last, reason })
+    Ok(RecordBody::Gap { last, reason })
 }
 
 fn checksum(head: &[u8], payload: &[u8]) -> u32 {
@@ -275,7 +279,7 @@ fn checksum(head: &[u8], payload: &[u8]) -> u32 {
 }
 
 /// `N` bytes from an offset; the caller guarantees that they exist.
-fn part<const N: usize>(bytes: &[u8], from: usize) -> [u8; N] {
+fn bytes_at<const N: usize>(bytes: &[u8], from: usize) -> [u8; N] {
     std::array::from_fn(|i| bytes[from + i])
 }
 

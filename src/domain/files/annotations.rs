@@ -14,13 +14,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{LONGEST_TOOL_NAME, is_tool_name};
+use super::{MAX_TOOL_NAME_LENGTH, is_tool_name};
 
 /// Labels that are not tools.
 pub const NOT_TOOLS: [&str; 5] = ["background", "shaft", "jaw", "glove", "other"];
 
 /// Maximum number of tape colours in one box; the tracker has the same limit for tools.
-const MOST_COLOURS: usize = 16;
+const MAX_COLOURS: usize = 16;
 
 /// The camera's viewpoint (T 6.4); it decides which end of a band is distal where the picture does not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -65,7 +65,7 @@ pub enum Side {
 
 impl Side {
     /// The side that a word of a tool's name gives, unless the name has words for both.
-    fn in_name(name: &str) -> Option<Self> {
+    fn from_name(name: &str) -> Option<Self> {
         let has = |side: &str| name.split(|c: char| !c.is_alphanumeric()).any(|word| word.eq_ignore_ascii_case(side));
         match (has("left"), has("right")) {
             (true, false) => Some(Self::Left),
@@ -149,7 +149,7 @@ pub enum AnnotationsError {
     NoTool,
     /// A colour that is empty or reserved.
     #[error("tool `{tool}`: `{colour}` is not a tape colour; give the label of the tool's rectangles as its colour")]
-    Colour {
+    InvalidColour {
         /// The tool.
         tool: String,
         /// The colour in the file.
@@ -157,15 +157,15 @@ pub enum AnnotationsError {
     },
     /// A tool with a reserved label as its name; its rectangles would wrongly count as tape.
     #[error("`{0}` is a reserved label and cannot be the name of a tool; give the tool another name under tools")]
-    NotATool(String),
+    ReservedName(String),
     /// A name that is not allowed.
     #[error(
-        "`{0}…` cannot be a tool's name: use at most {LONGEST_TOOL_NAME} characters and begin with a letter or a digit"
+        "`{0}…` cannot be a tool's name: use at most {MAX_TOOL_NAME_LENGTH} characters and begin with a letter or a digit"
     )]
-    Name(String),
+    InvalidName(String),
     /// More colours than the tracker can distinguish.
     #[error(
-        "{0} colours are marked; at most {MOST_COLOURS} are possible: label all that is not tape as background or other"
+        "{0} colours are marked; at most {MAX_COLOURS} are possible: label all that is not tape as background or other"
     )]
     TooManyColours(usize),
     /// A tool listed twice with different colours.
@@ -176,7 +176,7 @@ pub enum AnnotationsError {
     NoDiameter(String),
     /// An impossible size.
     #[error("tool `{tool}`: {key} is {value} mm; expected more than 0 and at most {limit}")]
-    Size {
+    InvalidSize {
         /// The tool.
         tool: String,
         /// The key.
@@ -190,7 +190,7 @@ pub enum AnnotationsError {
     #[error(
         "rectangle {index} (`{label}`, frame {frame}) spans x {x}..{right}, y {y}..{bottom}, outside the {width}×{height} frame"
     )]
-    Outside {
+    OutsideFrame {
         /// Position in the file, from 0.
         index: usize,
         /// Its label.
@@ -242,7 +242,7 @@ impl AnnotationsFile {
     }
 
     /// The tape colour of each tool, in the tools' order; a shared colour appears more than once.
-    pub fn tapes(&self) -> Vec<String> {
+    pub fn tape_colours(&self) -> Vec<String> {
         self.marked_tools().unwrap_or_default().into_iter().map(|tool| tool.colour).collect()
     }
 
@@ -266,26 +266,26 @@ impl AnnotationsFile {
         for entry in &self.tools {
             let colour = entry.colour();
             if entry.colour.is_some() && NOT_TOOLS.contains(&entry.tool.as_str()) {
-                return Err(AnnotationsError::NotATool(entry.tool.clone()));
+                return Err(AnnotationsError::ReservedName(entry.tool.clone()));
             }
             if entry.colour.is_some() && (colour.trim().is_empty() || NOT_TOOLS.contains(&colour)) {
-                return Err(AnnotationsError::Colour { tool: entry.tool.clone(), colour: colour.to_owned() });
+                return Err(AnnotationsError::InvalidColour { tool: entry.tool.clone(), colour: colour.to_owned() });
             }
             if self.colour_of(&entry.tool) != colour {
                 return Err(AnnotationsError::TwoColours(entry.tool.clone()));
             }
         }
         let colours = self.marked_colours().len();
-        if colours > MOST_COLOURS { Err(AnnotationsError::TooManyColours(colours)) } else { Ok(()) }
+        if colours > MAX_COLOURS { Err(AnnotationsError::TooManyColours(colours)) } else { Ok(()) }
     }
 
     fn marked_tool(&self, name: &str, colour: &str) -> Result<MarkedTool, AnnotationsError> {
         if !is_tool_name(name) {
-            let shown = name.escape_debug().take(LONGEST_TOOL_NAME).collect();
-            return Err(AnnotationsError::Name(shown));
+            let shown = name.escape_debug().take(MAX_TOOL_NAME_LENGTH).collect();
+            return Err(AnnotationsError::InvalidName(shown));
         }
         let own = self.tools.iter().find(|t| t.tool == name);
-        let side = own.and_then(|t| t.side).or_else(|| Side::in_name(name));
+        let side = own.and_then(|t| t.side).or_else(|| Side::from_name(name));
         let diameter_mm = own
             .and_then(|t| t.diameter_mm)
             .or(self.tool_diameter_mm)
@@ -310,7 +310,7 @@ impl AnnotationsFile {
         };
         match self.labels.iter().enumerate().find(|(_, r)| outside(r)) {
             None => Ok(()),
-            Some((index, r)) => Err(AnnotationsError::Outside {
+            Some((index, r)) => Err(AnnotationsError::OutsideFrame {
                 index,
                 label: r.label.clone(),
                 frame: r.frame,
@@ -329,7 +329,7 @@ fn check_size(tool: &str, key: &'static str, value: f64, limit: f64) -> Result<(
     if value.is_finite() && value > 0.0 && value <= limit {
         Ok(())
     } else {
-        Err(AnnotationsError::Size { tool: tool.to_owned(), key, value, limit })
+        Err(AnnotationsError::InvalidSize { tool: tool.to_owned(), key, value, limit })
     }
 }
 

@@ -18,7 +18,7 @@ struct PhotoEntry<'a> {
 impl<'a> From<&'a PhotoReport> for PhotoEntry<'a> {
     fn from(photo: &'a PhotoReport) -> Self {
         let reason = photo.reason.map(|r| r.to_string());
-        Self { file: &photo.name, used: photo.used(), rms_px: photo.rms_px.map(to_micro), reason }
+        Self { file: &photo.name, used: photo.is_used(), rms_px: photo.rms_px.map(to_micro), reason }
     }
 }
 
@@ -54,7 +54,7 @@ fn to_micro(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::camera::report::Sigma;
+    use crate::pipeline::camera::report::CameraSigma;
     use crate::pipeline::camera::{Board, Camera, PhotoReason};
 
     fn calibration() -> Calibration {
@@ -77,7 +77,7 @@ mod tests {
             board: Board::new(9, 6, 20.5).unwrap(),
             rms_px: 0.195_000_04,
             photos: vec![photo("a.jpg", Some(0.2), None), photo("b.jpg", Some(3.7), Some(bent))],
-            sigma: Sigma { fx: 0.4, fy: 0.4, cx: 0.3, cy: 0.3, k1: 1e-3, k2: 1e-2, p1: 1e-4, p2: 1e-4, k3: 1e-1 },
+            sigma: CameraSigma { fx: 0.4, fy: 0.4, cx: 0.3, cy: 0.3, k1: 1e-3, k2: 1e-2, p1: 1e-4, p2: 1e-4, k3: 1e-1 },
             coverage: Coverage { corners: vec![0; Coverage::COLUMNS * Coverage::ROWS] },
         }
     }

@@ -50,7 +50,7 @@ pub enum CameraFileError {
     Syntax(String),
     /// An impossible number.
     #[error("{key} is {value}, which no camera can have")]
-    Nonsense {
+    ImpossibleValue {
         /// The key.
         key: &'static str,
         /// The value in the file.
@@ -117,7 +117,7 @@ impl CameraFile {
         let bad_size = positive.into_iter().find(|(_, v)| !(v.is_finite() && *v > 0.0));
         let bad_number = finite.into_iter().find(|(_, v)| !v.is_finite());
         match bad_size.or(bad_number) {
-            Some((key, value)) => Err(CameraFileError::Nonsense { key, value }),
+            Some((key, value)) => Err(CameraFileError::ImpossibleValue { key, value }),
             None => Ok(()),
         }
     }
@@ -159,6 +159,6 @@ mod tests {
     #[test]
     fn a_focal_length_of_zero_is_refused_by_name() {
         let text = r#"{"width":640,"height":480,"fx":0,"fy":500,"cx":320,"cy":240}"#;
-        assert_eq!(CameraFile::parse(text), Err(CameraFileError::Nonsense { key: "fx", value: 0.0 }));
+        assert_eq!(CameraFile::parse(text), Err(CameraFileError::ImpossibleValue { key: "fx", value: 0.0 }));
     }
 }

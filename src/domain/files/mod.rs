@@ -9,11 +9,11 @@ pub mod trajectory;
 pub mod truth;
 
 /// Maximum length of a tool's name, characters.
-pub const LONGEST_TOOL_NAME: usize = 64;
+pub const MAX_TOOL_NAME_LENGTH: usize = 64;
 
 /// True if a tool may have this name. Names are written into tables, where a spreadsheet would read `=…` as a formula.
 pub fn is_tool_name(name: &str) -> bool {
     name.chars().next().is_some_and(char::is_alphanumeric)
-        && name.chars().count() <= LONGEST_TOOL_NAME
+        && name.chars().count() <= MAX_TOOL_NAME_LENGTH
         && !name.chars().any(char::is_control)
 }

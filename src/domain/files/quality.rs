@@ -7,8 +7,10 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::pipeline::pose::fulcrum::Fulcrum;
-use crate::pipeline::quality::{Concern, Figures, NoiseFloor, SessionFigures, Shift, ToolFigures, Verdict};
-use crate::pipeline::reason::Reason;
+use crate::pipeline::quality::{
+    Concern, Displacement, Figures, NoiseFloor, QualityVerdict, SessionFigures, ToolFigures,
+};
+use crate::pipeline::reason::MissReason;
 use crate::pipeline::tracker::{EffectiveDiameter, Quality, ToolQuality};
 
 /// A session's tracking quality. Shares are 0 to 1; `null` where unknown.
@@ -170,7 +172,7 @@ pub struct NoiseDocument {
 
 impl QualityDocument {
     /// The quality of a recording tracked by Trocar.
-    pub fn new(tracker: &Quality, figures: &Figures, verdict: &Verdict) -> Self {
+    pub fn new(tracker: &Quality, figures: &Figures, verdict: &QualityVerdict) -> Self {
         Self {
             verdict: verdict.name(),
             reasons: verdict.concerns().iter().map(ConcernDocument::from).collect(),
@@ -234,17 +236,17 @@ impl From<Fulcrum> for FulcrumDocument {
     }
 }
 
-impl From<Shift> for ShiftDocument {
-    fn from(Shift { mm, sigma_mm }: Shift) -> Self {
+impl From<Displacement> for ShiftDocument {
+    fn from(Displacement { mm, sigma_mm }: Displacement) -> Self {
         Self { mm, sigma_mm }
     }
 }
 
 /// The fulcrums in a stored quality document; none if the value is not such a document.
-pub fn fulcrums_of(document: &serde_json::Value) -> Vec<Fulcrum> {
+pub fn stored_fulcrums(document: &serde_json::Value) -> Vec<Fulcrum> {
     let tools = document["tools"].as_array().into_iter().flatten();
     let fulcrum = |tool: &serde_json::Value| FulcrumDocument::deserialize(&tool["fulcrum"]).ok();
-    tools.filter_map(fulcrum).map(|f| Fulcrum::of_upper(f.at_mm.into(), f.covariance_mm2)).collect()
+    tools.filter_map(fulcrum).map(|f| Fulcrum::from_upper(f.at_mm.into(), f.covariance_mm2)).collect()
 }
 
 fn tool_document(counts: &ToolQuality, figures: &ToolFigures) -> ToolDocument {
@@ -275,6 +277,6 @@ fn tool_document(counts: &ToolQuality, figures: &ToolFigures) -> ToolDocument {
     }
 }
 
-fn by_name(counts: &BTreeMap<Reason, u64>) -> BTreeMap<&'static str, u64> {
+fn by_name(counts: &BTreeMap<MissReason, u64>) -> BTreeMap<&'static str, u64> {
     counts.iter().map(|(reason, count)| (reason.name(), *count)).collect()
 }

@@ -13,7 +13,7 @@ pub struct TruthFile {
     /// Nominal frames per second; evaluations use the frames' own times.
     pub fps: f64,
     /// Every frame of the clip.
-    pub frames: Vec<FrameEntry>,
+    pub frames: Vec<TruthFrameEntry>,
     /// Keys of other programs, such as the sizes of tubes and bands.
     #[serde(flatten)]
     pub more: Map<String, Value>,
@@ -21,18 +21,18 @@ pub struct TruthFile {
 
 /// One frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FrameEntry {
+pub struct TruthFrameEntry {
     /// Decoded frames before this one.
     pub frame: u64,
     /// Time of the picture, s.
     pub time_s: f64,
     /// The tools on the frame.
-    pub tools: Vec<ToolEntry>,
+    pub tools: Vec<TruthToolEntry>,
 }
 
 /// One tool on one frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ToolEntry {
+pub struct TruthToolEntry {
     /// The marker's name.
     pub tool: String,
     /// Tip in the camera frame, mm.
@@ -90,13 +90,13 @@ impl TruthFile {
     pub fn parse(text: &str) -> Result<Self, TruthFileError> {
         let file: Self = serde_json::from_str(text).map_err(|e| TruthFileError::Syntax(e.to_string()))?;
         file.check_order()?;
-        file.frames.iter().try_for_each(FrameEntry::check)?;
+        file.frames.iter().try_for_each(TruthFrameEntry::check)?;
         Ok(file)
     }
 
     /// The file for this truth.
     pub fn new(fps: f64, truth: &Truth) -> Self {
-        Self { fps, frames: truth.frames.iter().map(FrameEntry::from).collect(), more: Map::new() }
+        Self { fps, frames: truth.frames.iter().map(TruthFrameEntry::from).collect(), more: Map::new() }
     }
 
     /// The file's text.
@@ -123,7 +123,7 @@ impl TruthFile {
     }
 }
 
-impl FrameEntry {
+impl TruthFrameEntry {
     fn check(&self) -> Result<(), TruthFileError> {
         let mut names = HashSet::new();
         for entry in &self.tools {
@@ -139,14 +139,14 @@ impl FrameEntry {
     }
 }
 
-impl From<&TruthFrame> for FrameEntry {
+impl From<&TruthFrame> for TruthFrameEntry {
     fn from(frame: &TruthFrame) -> Self {
-        let tools = frame.tools.iter().map(ToolEntry::from).collect();
+        let tools = frame.tools.iter().map(TruthToolEntry::from).collect();
         Self { frame: frame.frame, time_s: frame.time_s, tools }
     }
 }
 
-impl From<&TruthTool> for ToolEntry {
+impl From<&TruthTool> for TruthToolEntry {
     fn from(tool: &TruthTool) -> Self {
         Self {
             tool: tool.tool.clone(),
@@ -158,15 +158,15 @@ impl From<&TruthTool> for ToolEntry {
     }
 }
 
-impl From<&FrameEntry> for TruthFrame {
-    fn from(entry: &FrameEntry) -> Self {
+impl From<&TruthFrameEntry> for TruthFrame {
+    fn from(entry: &TruthFrameEntry) -> Self {
         let tools = entry.tools.iter().map(TruthTool::from).collect();
         Self { frame: entry.frame, time_s: entry.time_s, tools }
     }
 }
 
-impl From<&ToolEntry> for TruthTool {
-    fn from(entry: &ToolEntry) -> Self {
+impl From<&TruthToolEntry> for TruthTool {
+    fn from(entry: &TruthToolEntry) -> Self {
         Self {
             tool: entry.tool.clone(),
             tip_mm: entry.tip_mm.into(),

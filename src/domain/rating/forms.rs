@@ -8,13 +8,13 @@
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::{Form, MARKS};
+use super::{MARK_RANGE, RatingForm};
 
 /// A form as shown to raters.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct FormInfo {
     /// The form's stable name.
-    pub form: Form,
+    pub form: RatingForm,
     /// Version of the wording.
     pub version: i64,
     /// Title for people.
@@ -52,16 +52,16 @@ pub struct Anchor {
 impl FormInfo {
     /// All forms.
     pub fn all() -> Vec<Self> {
-        Form::ALL.iter().map(|form| Self::of(*form)).collect()
+        RatingForm::ALL.iter().map(|form| Self::of(*form)).collect()
     }
 
     /// One form.
-    pub fn of(form: Form) -> Self {
+    pub fn of(form: RatingForm) -> Self {
         let (title, source, items) = match form {
-            Form::Osats => ("OSATS global rating scale", "Martin et al., Br J Surg 1997;84:273–278", OSATS),
-            Form::Goals => ("GOALS", "Vassiliou et al., Am J Surg 2005;190:107–113", GOALS),
+            RatingForm::Osats => ("OSATS global rating scale", "Martin et al., Br J Surg 1997;84:273–278", OSATS),
+            RatingForm::Goals => ("GOALS", "Vassiliou et al., Am J Surg 2005;190:107–113", GOALS),
         };
-        Self { form, version: 1, title, source, items, least: MARKS.0, most: MARKS.1 }
+        Self { form, version: 1, title, source, items, least: MARK_RANGE.0, most: MARK_RANGE.1 }
     }
 }
 

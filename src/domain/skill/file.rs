@@ -2,12 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Definition, Readings, ReasonName, Report, SkillVerdict, fingerprint};
+use super::{ModelDefinition, ModelReport, NoLevelReasonName, Readings, SkillVerdict, fingerprint};
 use crate::domain::text::Invalid;
-use crate::pipeline::score::skill::{Dataset, NoModel, train};
+use crate::pipeline::score::skill::{NoModel, SkillDataset, train};
 
 /// Version of the file format that this program writes and reads.
-const FORM: u32 = 1;
+const FILE_FORMAT: u32 = 1;
 
 /// A model as a file, with everything that a verdict depends on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,47 +22,47 @@ pub struct ModelFile {
     /// SHA-256 of the sessions that it was trained on.
     pub fingerprint: String,
     /// How well it does on held-out people.
-    pub report: Report,
+    pub report: ModelReport,
     /// The model.
-    pub model: Definition,
+    pub model: ModelDefinition,
 }
 
 impl ModelFile {
     /// Trains a model on sessions that version `pipeline` measured with `tools` tools. `on_progress` is called with the
     /// number of repetitions done and the total.
-    pub fn make(
-        data: &Dataset,
+    pub fn train(
+        data: &SkillDataset,
         (task, pipeline, tools): (Option<String>, String, usize),
         on_progress: impl FnMut(usize, usize),
     ) -> Result<Self, NoModel> {
         let (fingerprint, seed) = fingerprint(data);
         let trained = train(data, seed, on_progress)?;
-        let report = Report::of(trained.report, trained.model.knows);
-        let model = Definition::of(trained.model, tools);
-        Ok(Self { form: FORM, task, pipeline, fingerprint, report, model })
+        let report = ModelReport::of(trained.report, trained.model.has_skill);
+        let model = ModelDefinition::of(trained.model, tools);
+        Ok(Self { form: FILE_FORMAT, task, pipeline, fingerprint, report, model })
     }
 
     /// Reads a file's text.
     pub fn parse(text: &str) -> Result<Self, Invalid> {
         let file: Self = serde_json::from_str(text).map_err(|why| Invalid::new("model", why.to_string()))?;
-        if file.form != FORM {
-            return Err(Invalid::new("form", format!("is {}; this program reads {FORM}", file.form)));
+        if file.form != FILE_FORMAT {
+            return Err(Invalid::new("form", format!("is {}; this program reads {FILE_FORMAT}", file.form)));
         }
         file.model.clone().model()?;
         Ok(file)
     }
 }
 
-impl Definition {
+impl ModelDefinition {
     /// The model's verdict on a session with these values, which must be measured by the model's own program version.
     pub fn judge(&self, readings: &Readings, tools: usize) -> SkillVerdict {
         if tools != self.tools {
             let detail = format!("the session has {tools} tools; the model's training sessions had {}", self.tools);
-            return SkillVerdict::without(ReasonName::OtherTools, detail);
+            return SkillVerdict::without_level(NoLevelReasonName::OtherTools, detail);
         }
         match self.clone().model() {
             Ok(model) => model.judge(|feature| readings.get(feature)).into(),
-            Err(why) => SkillVerdict::without(ReasonName::NoModel, why.to_string()),
+            Err(why) => SkillVerdict::without_level(NoLevelReasonName::NoModel, why.to_string()),
         }
     }
 }

@@ -17,29 +17,29 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 pub use file::ModelFile;
-pub use readings::{Reading, Readings, features_offered, most_common_tools};
-pub use report::{PerLevel, Report, Share};
-pub use verdict::{Carried, Reason, ReasonName, SkillVerdict};
+pub use readings::{Reading, Readings, most_common_tool_count, verdict_features};
+pub use report::{ModelReport, PerLevel, ShareOfPeople};
+pub use verdict::{FeatureContribution, NoLevelReason, NoLevelReasonName, SkillVerdict};
 
 use super::text::Invalid;
 use super::trainee::Level;
-use crate::pipeline::score::skill::{self, Dataset, Model, Region, Scale, TreeNode};
+use crate::pipeline::score::skill::{self, LevelModel, Region, Scale, SkillDataset, TreeNode};
 
 /// A model as stored. It holds no names. Only a nearest-neighbour model holds sessions: standardised values without the
 /// person.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Definition {
+pub struct ModelDefinition {
     /// Number of tools used in the task.
     pub tools: usize,
     /// The features that the model uses.
-    pub features: Vec<Scaled>,
+    pub features: Vec<ScaledFeature>,
     /// Name of its learner.
     pub learner: String,
     /// The learner's parameter, for people.
     pub parameter: String,
     /// The trained scorer.
-    pub scorer: Scorer,
+    pub scorer: ScorerDefinition,
     /// Scores are divided by this before they are turned into probabilities.
     pub temperature: f64,
     /// Share of the probability that is spread equally over all levels.
@@ -57,7 +57,7 @@ pub struct Definition {
 /// A feature with the mean and deviation that standardise it, in its unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Scaled {
+pub struct ScaledFeature {
     /// Stable name.
     pub feature: String,
     /// The training sessions' mean.
@@ -66,10 +66,10 @@ pub struct Scaled {
     pub deviation: f64,
 }
 
-/// A trained scorer; see [`skill::Scorer`].
+/// A trained scorer; see [`skill::LevelScorer`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Scorer {
+pub enum ScorerDefinition {
     /// Weights of the features, for each level.
     Linear {
         /// Each level's weights.
@@ -91,14 +91,14 @@ pub enum Scorer {
     /// A decision tree.
     Tree {
         /// Forks and leaves; the first node is the root.
-        nodes: Vec<Node>,
+        nodes: Vec<TreeNodeDefinition>,
     },
 }
 
 /// A node of a tree; see [`TreeNode`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, deny_unknown_fields)]
-pub enum Node {
+pub enum TreeNodeDefinition {
     /// Compares a feature with a limit.
     Fork {
         /// Index of the feature.
@@ -117,19 +117,20 @@ pub enum Node {
     },
 }
 
-impl Definition {
+impl ModelDefinition {
     /// A trained model in its stored form, for sessions with `tools` tools.
-    pub fn of(model: Model, tools: usize) -> Self {
-        let Model { features, scale, learner, parameter, scorer, temperature, doubt, region, knows } = model;
+    pub fn of(model: LevelModel, tools: usize) -> Self {
+        let LevelModel { features, scale, learner, parameter, scorer, temperature, doubt, region, has_skill: knows } =
+            model;
         let scaled = features.into_iter().zip(scale.mean).zip(scale.deviation);
-        let features = scaled.map(|((feature, mean), deviation)| Scaled { feature, mean, deviation }).collect();
+        let features = scaled.map(|((feature, mean), deviation)| ScaledFeature { feature, mean, deviation }).collect();
         let Region { centres, precision, limit } = region;
         let scorer = scorer.into();
         Self { tools, features, learner, parameter, scorer, temperature, doubt, centres, precision, limit, knows }
     }
 
     /// The model, if its numbers are consistent.
-    pub fn model(self) -> Result<Model, Invalid> {
+    pub fn model(self) -> Result<LevelModel, Invalid> {
         let Self { features, learner, parameter, scorer, temperature, doubt, centres, precision, limit, knows, .. } =
             self;
         let chosen = (0..features.len()).collect();
@@ -137,15 +138,24 @@ impl Definition {
         let scale = Scale { chosen, mean, deviation };
         let features = features.into_iter().map(|of| of.feature).collect();
         let region = Region { centres, precision, limit };
-        let model =
-            Model { features, scale, learner, parameter, scorer: scorer.into(), temperature, doubt, region, knows };
+        let model = LevelModel {
+            features,
+            scale,
+            learner,
+            parameter,
+            scorer: scorer.into(),
+            temperature,
+            doubt,
+            region,
+            has_skill: knows,
+        };
         if model.is_sound() { Ok(model) } else { Err(Invalid::new("model", "its numbers are inconsistent")) }
     }
 }
 
 /// SHA-256 of all data that a model depends on, and a seed derived from it, so that the same sessions give the same
 /// model.
-pub fn fingerprint(data: &Dataset) -> (String, u64) {
+pub fn fingerprint(data: &SkillDataset) -> (String, u64) {
     let mut hash = Sha256::new();
     for feature in data.features() {
         hash.update(feature.as_bytes());
@@ -157,56 +167,64 @@ pub fn fingerprint(data: &Dataset) -> (String, u64) {
     (hash.iter().map(|byte| format!("{byte:02x}")).collect(), seed)
 }
 
-impl From<skill::Level> for Level {
-    fn from(level: skill::Level) -> Self {
+impl From<skill::SkillLevel> for Level {
+    fn from(level: skill::SkillLevel) -> Self {
         Level::ALL[level as usize]
     }
 }
 
-impl From<Level> for skill::Level {
+impl From<Level> for skill::SkillLevel {
     fn from(level: Level) -> Self {
-        skill::Level::ALL[level as usize]
+        skill::SkillLevel::ALL[level as usize]
     }
 }
 
-impl From<skill::Scorer> for Scorer {
-    fn from(scorer: skill::Scorer) -> Self {
+impl From<skill::LevelScorer> for ScorerDefinition {
+    fn from(scorer: skill::LevelScorer) -> Self {
         match scorer {
-            skill::Scorer::Linear { weights, offsets } => Scorer::Linear { weights, offsets },
-            skill::Scorer::Neighbours { k, rows, levels, counts } => {
-                Scorer::Neighbours { k, rows, levels: levels.into_iter().map(Level::from).collect(), counts }
+            skill::LevelScorer::Linear { weights, offsets } => ScorerDefinition::Linear { weights, offsets },
+            skill::LevelScorer::Neighbours { k, rows, levels, counts } => {
+                ScorerDefinition::Neighbours { k, rows, levels: levels.into_iter().map(Level::from).collect(), counts }
             }
-            skill::Scorer::Tree { nodes } => Scorer::Tree { nodes: nodes.into_iter().map(Node::from).collect() },
+            skill::LevelScorer::Tree { nodes } => {
+                ScorerDefinition::Tree { nodes: nodes.into_iter().map(TreeNodeDefinition::from).collect() }
+            }
         }
     }
 }
 
-impl From<Scorer> for skill::Scorer {
-    fn from(scorer: Scorer) -> Self {
+impl From<ScorerDefinition> for skill::LevelScorer {
+    fn from(scorer: ScorerDefinition) -> Self {
         match scorer {
-            Scorer::Linear { weights, offsets } => skill::Scorer::Linear { weights, offsets },
-            Scorer::Neighbours { k, rows, levels, counts } => {
-                skill::Scorer::Neighbours { k, rows, levels: levels.into_iter().map(Into::into).collect(), counts }
+            ScorerDefinition::Linear { weights, offsets } => skill::LevelScorer::Linear { weights, offsets },
+            ScorerDefinition::Neighbours { k, rows, levels, counts } => {
+                skill::LevelScorer::Neighbours { k, rows, levels: levels.into_iter().map(Into::into).collect(), counts }
             }
-            Scorer::Tree { nodes } => skill::Scorer::Tree { nodes: nodes.into_iter().map(TreeNode::from).collect() },
+            ScorerDefinition::Tree { nodes } => {
+                skill::LevelScorer::Tree { nodes: nodes.into_iter().map(TreeNode::from).collect() }
+            }
         }
     }
 }
 
-impl From<TreeNode> for Node {
+impl From<TreeNode> for TreeNodeDefinition {
     fn from(node: TreeNode) -> Self {
         match node {
-            TreeNode::Fork { feature, limit, at_most, above } => Node::Fork { feature, limit, at_most, above },
-            TreeNode::Leaf { scores } => Node::Leaf { scores },
+            TreeNode::Fork { feature, limit, at_most, above } => {
+                TreeNodeDefinition::Fork { feature, limit, at_most, above }
+            }
+            TreeNode::Leaf { scores } => TreeNodeDefinition::Leaf { scores },
         }
     }
 }
 
-impl From<Node> for TreeNode {
-    fn from(node: Node) -> Self {
+impl From<TreeNodeDefinition> for TreeNode {
+    fn from(node: TreeNodeDefinition) -> Self {
         match node {
-            Node::Fork { feature, limit, at_most, above } => TreeNode::Fork { feature, limit, at_most, above },
-            Node::Leaf { scores } => TreeNode::Leaf { scores },
+            TreeNodeDefinition::Fork { feature, limit, at_most, above } => {
+                TreeNode::Fork { feature, limit, at_most, above }
+            }
+            TreeNodeDefinition::Leaf { scores } => TreeNode::Leaf { scores },
         }
     }
 }

@@ -7,10 +7,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::domain::feature::{FeatureKey, is_of_one_camera};
+use crate::domain::feature::{FeatureKey, depends_on_camera};
 use crate::domain::session::FeatureSpace;
 use crate::pipeline::features::FEATURES;
-use crate::pipeline::score::interval::{Interval, Measured};
+use crate::pipeline::score::interval::{ConfidenceInterval, MeasuredValue};
 
 /// One value of a session's result.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,70 +29,70 @@ pub struct Reading {
 
 /// A session's values of the features that a verdict may use.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Readings(BTreeMap<String, Option<Measured>>);
+pub struct Readings(BTreeMap<String, Option<MeasuredValue>>);
 
 /// Each tool's share of a total over both tools: the mean over both is always a half.
 const SHARES_OF_A_PAIR: [&str; 2] = ["handedness", "handedness_in_time"];
 
 /// Names of the features that a verdict may use.
-pub fn features_offered() -> Vec<String> {
+pub fn verdict_features() -> Vec<String> {
     let key = |name: &str| FeatureKey { feature: name.to_owned(), tool: None, space: FeatureSpace::Space3d };
     let offered =
         FEATURES.iter().filter(|f| f.spaces.iter().any(|space| FeatureSpace::from(*space) == FeatureSpace::Space3d));
-    let speaks = |name: &&str| !is_of_one_camera(&key(name)) && !SHARES_OF_A_PAIR.contains(name);
+    let speaks = |name: &&str| !depends_on_camera(&key(name)) && !SHARES_OF_A_PAIR.contains(name);
     offered.map(|feature| feature.name).filter(speaks).map(str::to_owned).collect()
 }
 
 impl Readings {
     /// The readings of a result: the session's own value, else the mean over its tools if every tool has a value.
     pub fn of(values: impl IntoIterator<Item = Reading>) -> Self {
-        let offered = features_offered();
-        let mut own: BTreeMap<String, Option<Measured>> = BTreeMap::new();
-        let mut of_tools: BTreeMap<String, Vec<Option<Measured>>> = BTreeMap::new();
+        let offered = verdict_features();
+        let mut own: BTreeMap<String, Option<MeasuredValue>> = BTreeMap::new();
+        let mut of_tools: BTreeMap<String, Vec<Option<MeasuredValue>>> = BTreeMap::new();
         for reading in values {
             if reading.space != FeatureSpace::Space3d || !offered.contains(&reading.feature) {
                 continue;
             }
-            let bar = reading.bar.map(|[low, high]| Interval { low, high });
-            let measured = reading.value.map(|value| Measured { value, bar });
+            let bar = reading.bar.map(|[low, high]| ConfidenceInterval { low, high });
+            let measured = reading.value.map(|value| MeasuredValue { value, bar });
             match reading.tool {
                 None => drop(own.insert(reading.feature, measured)),
                 Some(_) => of_tools.entry(reading.feature).or_default().push(measured),
             }
         }
         for (feature, tools) in of_tools {
-            own.entry(feature).or_insert_with(|| mean(&tools));
+            own.entry(feature).or_insert_with(|| mean_over_tools(&tools));
         }
         Self(own)
     }
 
     /// The value of a feature, if it was measured.
-    pub fn get(&self, feature: &str) -> Option<Measured> {
+    pub fn get(&self, feature: &str) -> Option<MeasuredValue> {
         self.0.get(feature).copied().flatten()
     }
 
     /// The values of these features.
-    pub fn values(&self, features: &[String]) -> Vec<Option<Measured>> {
+    pub fn values(&self, features: &[String]) -> Vec<Option<MeasuredValue>> {
         features.iter().map(|feature| self.get(feature)).collect()
     }
 }
 
 /// The mean over all tools. Their errors may be correlated, so the bar is the mean of the bars.
-fn mean(tools: &[Option<Measured>]) -> Option<Measured> {
-    let all: Option<Vec<Measured>> = tools.iter().copied().collect();
+fn mean_over_tools(tools: &[Option<MeasuredValue>]) -> Option<MeasuredValue> {
+    let all: Option<Vec<MeasuredValue>> = tools.iter().copied().collect();
     let all = all.filter(|all| !all.is_empty())?;
-    let mean = |of: &dyn Fn(&Measured) -> Option<f64>| -> Option<f64> {
+    let mean = |of: &dyn Fn(&MeasuredValue) -> Option<f64>| -> Option<f64> {
         let values: Option<Vec<f64>> = all.iter().map(of).collect();
         values.map(|values| values.iter().sum::<f64>() / all.len() as f64)
     };
     let low = mean(&|of| of.bar.map(|bar| bar.low));
     let high = mean(&|of| of.bar.map(|bar| bar.high));
-    let bar = low.zip(high).map(|(low, high)| Interval { low, high });
-    mean(&|of| Some(of.value)).map(|value| Measured { value, bar })
+    let bar = low.zip(high).map(|(low, high)| ConfidenceInterval { low, high });
+    mean(&|of| Some(of.value)).map(|value| MeasuredValue { value, bar })
 }
 
 /// The most common number of tools; of equally common numbers, the larger.
-pub fn most_common_tools(tools: impl IntoIterator<Item = usize>) -> usize {
+pub fn most_common_tool_count(tools: impl IntoIterator<Item = usize>) -> usize {
     let mut times: BTreeMap<usize, usize> = BTreeMap::new();
     tools.into_iter().for_each(|tools| *times.entry(tools).or_default() += 1);
     times.into_iter().max_by_key(|(tools, times)| (*times, *tools)).map_or(0, |(tools, _)| tools)

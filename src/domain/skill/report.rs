@@ -9,7 +9,7 @@ use crate::pipeline::score::skill;
 /// How well models of a task do on held-out people.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Report {
+pub struct ModelReport {
     /// Whether it did better than models trained on shuffled levels. If not, it gives no verdicts.
     pub knows: bool,
     /// Number of people of each level: novice, intermediate, expert.
@@ -21,20 +21,20 @@ pub struct Report {
     /// Number of features offered to the learners.
     pub offered: usize,
     /// Share of sessions whose level was found, as the mean over people; the interval counts people.
-    pub accuracy: Share,
+    pub accuracy: ShareOfPeople,
     /// Mean of the levels' shares; guessing gives a third.
     pub balanced: f64,
     /// The levels' shares.
-    pub levels: Vec<OfLevel>,
+    pub levels: Vec<LevelAccuracy>,
     /// Of people of each declared level (row), the share of sessions that were given each level (column), summed over
     /// people.
     pub confusion: Vec<PerLevel>,
     /// The result of the same procedure with levels shuffled between people.
-    pub baseline: Baseline,
+    pub baseline: ShuffledBaseline,
     /// Accuracy where it gives a level.
-    pub speaking: Speaking,
+    pub speaking: AccuracyWhereGiven,
     /// The learners chosen in the outer folds.
-    pub chosen: Vec<Chosen>,
+    pub chosen: Vec<ChosenLearner>,
 }
 
 /// One number for each level.
@@ -50,7 +50,7 @@ pub struct PerLevel {
 
 /// A share of some people, 0 to 1, with its 95 % interval (Wilson) over people.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct Share {
+pub struct ShareOfPeople {
     /// The share.
     pub value: f64,
     /// Lower end of the interval.
@@ -63,17 +63,17 @@ pub struct Share {
 
 /// Accuracy for one level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct OfLevel {
+pub struct LevelAccuracy {
     /// The level.
     pub level: Level,
     /// Share of its people's sessions that were given this level.
     #[serde(flatten)]
-    pub found: Share,
+    pub found: ShareOfPeople,
 }
 
 /// Accuracy with shuffled levels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct Baseline {
+pub struct ShuffledBaseline {
     /// How often the levels were shuffled between people.
     pub permutations: usize,
     /// Mean balanced accuracy of the shuffled levels.
@@ -86,35 +86,35 @@ pub struct Baseline {
 
 /// Accuracy where the model gives a level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct Speaking {
+pub struct AccuracyWhereGiven {
     /// Share of held-out people's sessions that were given a level.
     pub share: f64,
     /// Share of these whose level was right; `null` if no level was given.
-    pub right: Option<Share>,
+    pub right: Option<ShareOfPeople>,
     /// The same for sessions given novice, intermediate, expert; `null` for a level that was never given.
-    pub of_level: [Option<Share>; skill::LEVELS],
+    pub of_level: [Option<ShareOfPeople>; skill::LEVELS],
 }
 
 /// How often a learner was chosen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct Chosen {
+pub struct ChosenLearner {
     /// `logistic`, `lda`, `knn`, `tree` or `svm`.
     pub learner: String,
     /// Number of outer folds that chose it.
     pub folds: usize,
 }
 
-impl Speaking {
+impl AccuracyWhereGiven {
     /// The share that was right where this level was given.
-    pub fn right_where(&self, given: Level) -> Option<Share> {
-        self.of_level[skill::Level::from(given) as usize]
+    pub fn accuracy_for(&self, given: Level) -> Option<ShareOfPeople> {
+        self.of_level[skill::SkillLevel::from(given) as usize]
     }
 }
 
-impl Report {
+impl ModelReport {
     /// The stored form of the pipeline's report.
-    pub fn of(report: skill::Report, knows: bool) -> Self {
-        let skill::Report {
+    pub fn of(report: skill::ValidationReport, knows: bool) -> Self {
+        let skill::ValidationReport {
             people,
             sessions,
             left_out,
@@ -127,8 +127,8 @@ impl Report {
             speaking,
             chosen,
         } = report;
-        let skill::Baseline { permutations, mean, high, p } = baseline;
-        let of_level = |of: skill::LevelReport| OfLevel { level: of.level.into(), found: of.found.into() };
+        let skill::PermutationBaseline { permutations, mean, high, p } = baseline;
+        let of_level = |of: skill::LevelReport| LevelAccuracy { level: of.level.into(), found: of.found.into() };
         Self {
             knows,
             people,
@@ -139,13 +139,13 @@ impl Report {
             balanced,
             levels: levels.map(of_level).into(),
             confusion: confusion.map(PerLevel::from).into(),
-            baseline: Baseline { permutations, mean, high, p },
-            speaking: Speaking {
+            baseline: ShuffledBaseline { permutations, mean, high, p },
+            speaking: AccuracyWhereGiven {
                 share: speaking.share,
-                right: speaking.right.map(Share::from),
-                of_level: speaking.of_level.map(|share| share.map(Share::from)),
+                right: speaking.right.map(ShareOfPeople::from),
+                of_level: speaking.of_level.map(|share| share.map(ShareOfPeople::from)),
             },
-            chosen: chosen.into_iter().map(|(learner, folds)| Chosen { learner, folds }).collect(),
+            chosen: chosen.into_iter().map(|(learner, folds)| ChosenLearner { learner, folds }).collect(),
         }
     }
 }
@@ -156,9 +156,9 @@ impl From<skill::PerLevel> for PerLevel {
     }
 }
 
-impl From<skill::Share> for Share {
-    fn from(share: skill::Share) -> Self {
-        let skill::Share { value, interval, people } = share;
+impl From<skill::PersonShare> for ShareOfPeople {
+    fn from(share: skill::PersonShare) -> Self {
+        let skill::PersonShare { value, interval, people } = share;
         Self { value, low: interval.low, high: interval.high, people }
     }
 }

@@ -5,8 +5,8 @@ use std::sync::LazyLock;
 use super::*;
 use crate::domain::session::FeatureSpace;
 use crate::pipeline::features::{self, Family};
-use crate::pipeline::score::interval::Interval;
-use crate::pipeline::score::skill::{CANDIDATES, Sample};
+use crate::pipeline::score::interval::ConfidenceInterval;
+use crate::pipeline::score::skill::{CANDIDATES, LabelledSession};
 
 fn reading(feature: &str, tool: Option<&str>, value: Option<f64>, half: f64) -> Reading {
     let bar = value.map(|value| [value - half, value + half]);
@@ -14,8 +14,8 @@ fn reading(feature: &str, tool: Option<&str>, value: Option<f64>, half: f64) -> 
 }
 
 #[test]
-fn what_measures_the_box_carries_no_verdict() {
-    let offered = features_offered();
+fn features_of_the_box_are_not_used() {
+    let offered = verdict_features();
     assert!(offered.len() > 20, "{offered:?}");
     for name in &offered {
         assert_ne!(features::find(name).unwrap().family, Family::View, "{name}");
@@ -32,16 +32,16 @@ fn a_feature_of_tools_is_their_mean_if_all_of_them_have_it() {
         reading("path_length", Some("cyan"), Some(50.0), 2.0),
     ];
     let mean = Readings::of(both.clone()).get("path_length").unwrap();
-    assert_eq!((mean.value, mean.bar), (75.0, Some(Interval { low: 72.0, high: 78.0 })));
+    assert_eq!((mean.value, mean.bar), (75.0, Some(ConfidenceInterval { low: 72.0, high: 78.0 })));
     let turned = Readings::of([both[1].clone(), both[0].clone()]).get("path_length").unwrap();
     assert_eq!(turned, mean, "whichever hand has which tape");
     let one = Readings::of([both[0].clone(), reading("path_length", Some("cyan"), None, 0.0)]);
     assert_eq!(one.get("path_length"), None);
-    assert_eq!(most_common_tools([2, 1, 2, 1, 2]), 2);
+    assert_eq!(most_common_tool_count([2, 1, 2, 1, 2]), 2);
 }
 
 /// Twenty-four people who differ in their duration alone.
-fn data() -> (Dataset, Vec<Readings>) {
+fn data() -> (SkillDataset, Vec<Readings>) {
     let mut dice = crate::random::Dice::new(5, "people");
     let sessions: Vec<(usize, Readings)> = (0..48)
         .map(|n| {
@@ -54,25 +54,25 @@ fn data() -> (Dataset, Vec<Readings>) {
             (n / 2, Readings::of(values))
         })
         .collect();
-    let features = features_offered();
-    let sample = |(person, readings): &(usize, Readings)| Sample {
+    let features = verdict_features();
+    let sample = |(person, readings): &(usize, Readings)| LabelledSession {
         person: *person,
-        level: skill::Level::ALL[person % 3],
+        level: skill::SkillLevel::ALL[person % 3],
         values: readings.values(&features),
     };
-    let data = Dataset::of(&features, &sessions.iter().map(sample).collect::<Vec<_>>()).unwrap();
+    let data = SkillDataset::of(&features, &sessions.iter().map(sample).collect::<Vec<_>>()).unwrap();
     (data, sessions.into_iter().map(|(_, readings)| readings).collect())
 }
 
 /// A model trained on these people, once for all tests.
 fn file() -> ModelFile {
     static MADE: LazyLock<ModelFile> =
-        LazyLock::new(|| ModelFile::make(&data().0, (None, "8".to_owned(), 1), |_, _| ()).unwrap());
+        LazyLock::new(|| ModelFile::train(&data().0, (None, "8".to_owned(), 1), |_, _| ()).unwrap());
     MADE.clone()
 }
 
 #[test]
-fn a_kept_model_reads_back_and_says_the_same() {
+fn a_stored_model_reads_back_and_gives_the_same_verdicts() {
     let (_, sessions) = data();
     let file = file();
     let text = serde_json::to_string(&file).unwrap();
@@ -82,28 +82,32 @@ fn a_kept_model_reads_back_and_says_the_same() {
     let verdicts: Vec<SkillVerdict> = sessions.iter().map(|session| read.model.judge(session, 1)).collect();
     let first = verdicts.iter().find(|verdict| verdict.level == Some(Level::Expert)).unwrap();
     assert_eq!(first.carried[0].feature, "duration", "{first:?}");
-    assert_eq!(read.model.judge(&sessions[0], 2).reason.unwrap().name, ReasonName::OtherTools);
+    assert_eq!(read.model.judge(&sessions[0], 2).reason.unwrap().name, NoLevelReasonName::OtherTools);
 }
 
 #[test]
-fn every_kind_of_model_is_kept_and_a_broken_file_is_refused() {
+fn every_kind_of_model_can_be_stored_and_a_broken_file_is_refused() {
     let file = file();
     let n = file.model.features.len();
     let rows: Vec<Vec<f64>> =
         (0..24).map(|row| (0..n).map(|f| f64::from(row as u32 % 5) + f as f64).collect()).collect();
-    let levels = (0..24).map(|row| skill::Level::ALL[row % 3]).collect();
-    let table = crate::pipeline::score::skill::Table { rows, levels, weights: vec![1.0; 24] };
+    let levels = (0..24).map(|row| skill::SkillLevel::ALL[row % 3]).collect();
+    let table = crate::pipeline::score::skill::TrainingTable { rows, levels, weights: vec![1.0; 24] };
     for learner in CANDIDATES {
-        let scorer: Scorer = learner.fit(&table).unwrap().into();
-        let kept = ModelFile { model: Definition { scorer, ..file.model.clone() }, ..file.clone() };
+        let scorer: ScorerDefinition = learner.fit(&table).unwrap().into();
+        let kept = ModelFile { model: ModelDefinition { scorer, ..file.model.clone() }, ..file.clone() };
         assert_eq!(ModelFile::parse(&serde_json::to_string(&kept).unwrap()).unwrap(), kept, "{}", learner.name());
     }
     type Broken = (&'static str, fn(&mut ModelFile));
     let broken: [Broken; 5] = [
         ("form", |file| file.form = 2),
         ("a weight too many", |file| {
-            file.model.scorer =
-                Scorer::Neighbours { k: 1, rows: vec![vec![0.0; 99]], levels: vec![Level::Expert], counts: [1.0; 3] }
+            file.model.scorer = ScorerDefinition::Neighbours {
+                k: 1,
+                rows: vec![vec![0.0; 99]],
+                levels: vec![Level::Expert],
+                counts: [1.0; 3],
+            }
         }),
         ("no spread", |file| file.model.features[0].deviation = 0.0),
         ("no temperature", |file| file.model.temperature = 0.0),

@@ -3,14 +3,14 @@
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::report::{PerLevel, Report, Share};
+use super::report::{ModelReport, PerLevel, ShareOfPeople};
 use crate::domain::named;
 use crate::domain::trainee::Level;
 use crate::pipeline::features;
-use crate::pipeline::score::skill::{self, Abstains};
+use crate::pipeline::score::skill::{self, Abstention};
 
 /// Maximum number of features listed as contributions to a verdict.
-const MOST_CARRIED: usize = 5;
+const MAX_CONTRIBUTIONS: usize = 5;
 
 /// The verdict of a task's model on a session's skill. Either `level` or `reason` is given.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
@@ -20,29 +20,29 @@ pub struct SkillVerdict {
     /// The level; `null` where there is none.
     pub level: Option<Level>,
     /// Why there is none.
-    pub reason: Option<Reason>,
+    pub reason: Option<NoLevelReason>,
     /// Each level's probability; `null` where the model cannot say.
     pub probabilities: Option<PerLevel>,
     /// The features that count most for or against the likeliest level, at most five.
-    pub carried: Vec<Carried>,
+    pub carried: Vec<FeatureContribution>,
     /// Share of held-out people's sessions whose level such models found.
-    pub accuracy: Option<Share>,
+    pub accuracy: Option<ShareOfPeople>,
     /// Where such models gave this level: the share that was right; `null` without a level.
-    pub accuracy_where_given: Option<Share>,
+    pub accuracy_where_given: Option<ShareOfPeople>,
 }
 
 /// Why a session has no level.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Reason {
+pub struct NoLevelReason {
     /// Stable name.
-    pub name: ReasonName,
+    pub name: NoLevelReasonName,
     /// The same for people.
     pub detail: String,
 }
 
 named! {
     /// Why a session has no level.
-    ReasonName: "reason" {
+    NoLevelReasonName: "reason" {
         /// The task has no model.
         NoModel = "no_model",
         /// The model was withdrawn because a person in its training data was erased.
@@ -73,7 +73,7 @@ named! {
 
 /// A feature's contribution to a verdict.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Carried {
+pub struct FeatureContribution {
     /// Stable name.
     pub feature: String,
     /// Its title for people.
@@ -90,11 +90,11 @@ pub struct Carried {
 
 impl SkillVerdict {
     /// A verdict without a level, with the reason.
-    pub fn without(name: ReasonName, detail: impl Into<String>) -> Self {
+    pub fn without_level(name: NoLevelReasonName, detail: impl Into<String>) -> Self {
         Self {
             model: None,
             level: None,
-            reason: Some(Reason { name, detail: detail.into() }),
+            reason: Some(NoLevelReason { name, detail: detail.into() }),
             probabilities: None,
             carried: Vec::new(),
             accuracy: None,
@@ -103,37 +103,37 @@ impl SkillVerdict {
     }
 
     /// Adds the model's accuracy to the verdict.
-    pub fn worth(self, report: &Report) -> Self {
-        let accuracy_where_given = self.level.and_then(|level| report.speaking.right_where(level));
+    pub fn with_accuracy(self, report: &ModelReport) -> Self {
+        let accuracy_where_given = self.level.and_then(|level| report.speaking.accuracy_for(level));
         Self { accuracy: Some(report.accuracy), accuracy_where_given, ..self }
     }
 
     /// Adds the model's version and accuracy to the verdict.
-    pub fn by(self, version: i64, report: &Report) -> Self {
-        Self { model: Some(version), ..self.worth(report) }
+    pub fn from_model(self, version: i64, report: &ModelReport) -> Self {
+        Self { model: Some(version), ..self.with_accuracy(report) }
     }
 }
 
-impl From<skill::Verdict> for SkillVerdict {
-    fn from(verdict: skill::Verdict) -> Self {
-        let skill::Verdict { level, probabilities, carried } = verdict;
+impl From<skill::LevelVerdict> for SkillVerdict {
+    fn from(verdict: skill::LevelVerdict) -> Self {
+        let skill::LevelVerdict { level, probabilities, contributions: carried } = verdict;
         let (level, reason) = match level {
             Ok(level) => (Some(level.into()), None),
-            Err(why) => (None, Some(Reason { name: ReasonName::from(&why), detail: why.to_string() })),
+            Err(why) => (None, Some(NoLevelReason { name: NoLevelReasonName::from(&why), detail: why.to_string() })),
         };
         Self {
             model: None,
             level,
             reason,
             probabilities: probabilities.map(PerLevel::from),
-            carried: carried.into_iter().take(MOST_CARRIED).map(Carried::from).collect(),
+            carried: carried.into_iter().take(MAX_CONTRIBUTIONS).map(FeatureContribution::from).collect(),
             accuracy: None,
             accuracy_where_given: None,
         }
     }
 }
 
-impl From<skill::Contribution> for Carried {
+impl From<skill::Contribution> for FeatureContribution {
     fn from(of: skill::Contribution) -> Self {
         let known = features::find(&of.feature);
         let title = known.map_or_else(|| of.feature.clone(), |feature| feature.title.to_owned());
@@ -142,15 +142,15 @@ impl From<skill::Contribution> for Carried {
     }
 }
 
-impl From<&Abstains> for ReasonName {
-    fn from(why: &Abstains) -> Self {
+impl From<&Abstention> for NoLevelReasonName {
+    fn from(why: &Abstention) -> Self {
         match why {
-            Abstains::KnowsNothing => ReasonName::KnowsNothing,
-            Abstains::NotMeasured { .. } => ReasonName::NotMeasured,
-            Abstains::ErrorUnknown { .. } => ReasonName::ErrorUnknown,
-            Abstains::Outside { .. } => ReasonName::Outside,
-            Abstains::NotClear { .. } => ReasonName::NotClear,
-            Abstains::WithinErrors { .. } => ReasonName::WithinErrors,
+            Abstention::KnowsNothing => NoLevelReasonName::KnowsNothing,
+            Abstention::NotMeasured { .. } => NoLevelReasonName::NotMeasured,
+            Abstention::ErrorUnknown { .. } => NoLevelReasonName::ErrorUnknown,
+            Abstention::Outside { .. } => NoLevelReasonName::Outside,
+            Abstention::NotClear { .. } => NoLevelReasonName::NotClear,
+            Abstention::WithinErrors { .. } => NoLevelReasonName::WithinErrors,
         }
     }
 }

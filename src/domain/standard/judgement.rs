@@ -1,12 +1,12 @@
 //! Judging values and sessions against targets.
 
-use super::{Definition, Target};
+use super::{StandardDefinition, Target};
 use crate::domain::feature::FeatureKey;
 use crate::domain::named;
 use crate::domain::session::FeatureRow;
 use crate::domain::trainee::Handedness;
-use crate::pipeline::score::Trial;
-use crate::pipeline::score::interval::{Interval, Measured};
+use crate::pipeline::score::TrialOutcome;
+use crate::pipeline::score::interval::{ConfidenceInterval, MeasuredValue};
 use crate::pipeline::score::standard;
 
 named! {
@@ -31,7 +31,7 @@ named! {
 
 /// A value to judge, with the program version that measured it and the trainee's preferred hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ToJudge<'v> {
+pub struct ValueToJudge<'v> {
     /// The value; `None` where there is none.
     pub value: Option<f64>,
     /// 95 % interval of the true value; `None` where unknown.
@@ -44,7 +44,7 @@ pub struct ToJudge<'v> {
 
 impl Target {
     /// Judges a value if its program version and hand match those that the limit was computed from.
-    pub fn judge(&self, of: ToJudge<'_>) -> Judgement {
+    pub fn judge(&self, of: ValueToJudge<'_>) -> Judgement {
         if let Some(from) = &self.made_from {
             if from.pipeline != of.pipeline {
                 return Judgement::OtherVersion;
@@ -53,7 +53,7 @@ impl Target {
                 return Judgement::OtherHand;
             }
         }
-        self.limit().judge(of.measured()).into()
+        self.pipeline_target().judge(of.measured()).into()
     }
 }
 
@@ -69,53 +69,55 @@ named! {
     }
 }
 
-impl Definition {
+impl StandardDefinition {
     /// Judges a session by all targets, in the same way as a trainee's progress.
     pub fn judge(&self, features: &[FeatureRow], pipeline: &str, handedness: Option<Handedness>) -> SessionJudgement {
         let judged = |target: &Target| {
             let Some(row) = features.iter().find(|row| FeatureKey::from(*row) == target.of) else {
-                return standard::Judgement::NotMeasured;
+                return standard::TargetJudgement::NotMeasured;
             };
             let bar = row.error.as_ref().and_then(|error| error.as_ref().ok()).map(|error| [error.low, error.high]);
-            target.judge(ToJudge { value: row.value.as_ref().ok().copied(), bar, pipeline, handedness }).into()
+            target.judge(ValueToJudge { value: row.value.as_ref().ok().copied(), bar, pipeline, handedness }).into()
         };
-        match Trial::of_all(&self.targets.iter().map(judged).collect::<Vec<_>>()) {
-            Trial::Passed => SessionJudgement::Pass,
-            Trial::Failed => SessionJudgement::Fail,
-            Trial::Unknown => SessionJudgement::Unknown,
+        match TrialOutcome::of_all(&self.targets.iter().map(judged).collect::<Vec<_>>()) {
+            TrialOutcome::Passed => SessionJudgement::Pass,
+            TrialOutcome::Failed => SessionJudgement::Fail,
+            TrialOutcome::Unknown => SessionJudgement::Unknown,
         }
     }
 }
 
-impl ToJudge<'_> {
+impl ValueToJudge<'_> {
     /// The value with its error bar.
-    pub fn measured(&self) -> Option<Measured> {
-        let bar = self.bar.map(|[low, high]| Interval { low, high });
-        self.value.map(|value| Measured { value, bar })
+    pub fn measured(&self) -> Option<MeasuredValue> {
+        let bar = self.bar.map(|[low, high]| ConfidenceInterval { low, high });
+        self.value.map(|value| MeasuredValue { value, bar })
     }
 }
 
-impl From<standard::Judgement> for Judgement {
-    fn from(judgement: standard::Judgement) -> Self {
+impl From<standard::TargetJudgement> for Judgement {
+    fn from(judgement: standard::TargetJudgement) -> Self {
         match judgement {
-            standard::Judgement::Pass => Judgement::Pass,
-            standard::Judgement::Fail => Judgement::Fail,
-            standard::Judgement::Undecided => Judgement::Undecided,
-            standard::Judgement::ErrorUnknown => Judgement::ErrorUnknown,
-            standard::Judgement::NotMeasured => Judgement::NotMeasured,
+            standard::TargetJudgement::Pass => Judgement::Pass,
+            standard::TargetJudgement::Fail => Judgement::Fail,
+            standard::TargetJudgement::Undecided => Judgement::Undecided,
+            standard::TargetJudgement::ErrorUnknown => Judgement::ErrorUnknown,
+            standard::TargetJudgement::NotMeasured => Judgement::NotMeasured,
         }
     }
 }
 
-impl From<Judgement> for standard::Judgement {
+impl From<Judgement> for standard::TargetJudgement {
     /// A value that is not judged counts as not measured.
     fn from(judgement: Judgement) -> Self {
         match judgement {
-            Judgement::Pass => standard::Judgement::Pass,
-            Judgement::Fail => standard::Judgement::Fail,
-            Judgement::Undecided => standard::Judgement::Undecided,
-            Judgement::ErrorUnknown => standard::Judgement::ErrorUnknown,
-            Judgement::NotMeasured | Judgement::OtherVersion | Judgement::OtherHand => standard::Judgement::NotMeasured,
+            Judgement::Pass => standard::TargetJudgement::Pass,
+            Judgement::Fail => standard::TargetJudgement::Fail,
+            Judgement::Undecided => standard::TargetJudgement::Undecided,
+            Judgement::ErrorUnknown => standard::TargetJudgement::ErrorUnknown,
+            Judgement::NotMeasured | Judgement::OtherVersion | Judgement::OtherHand => {
+                standard::TargetJudgement::NotMeasured
+            }
         }
     }
 }
@@ -128,21 +130,21 @@ mod tests {
     use crate::pipeline::features::{self, Direction};
 
     #[test]
-    fn a_limit_judges_only_values_of_the_kind_that_it_was_made_from() {
+    fn a_limit_judges_only_values_of_its_own_version_and_hand() {
         let key = FeatureKey {
             feature: "path_length".to_owned(),
             tool: Some("orange".to_owned()),
             space: FeatureSpace::Space3d,
         };
-        let limit = standard::Target::fixed(100.0, Direction::Lower).unwrap();
+        let limit = standard::FeatureTarget::fixed(100.0, Direction::Lower).unwrap();
         let handedness = Some(Handedness::Right);
         let from = MadeFrom { pipeline: "7".to_owned(), fingerprint: None, handedness };
         let target = Target::of(key, &features::path::PATH_LENGTH, limit, Some(from));
-        let right = ToJudge { value: Some(90.0), bar: Some([85.0, 95.0]), pipeline: "7", handedness };
+        let right = ValueToJudge { value: Some(90.0), bar: Some([85.0, 95.0]), pipeline: "7", handedness };
         assert_eq!(target.judge(right), Judgement::Pass);
-        assert_eq!(target.judge(ToJudge { bar: Some([85.0, 101.0]), ..right }), Judgement::Undecided);
-        assert_eq!(target.judge(ToJudge { pipeline: "8", ..right }), Judgement::OtherVersion);
-        assert_eq!(target.judge(ToJudge { handedness: Some(Handedness::Left), ..right }), Judgement::OtherHand);
-        assert_eq!(target.judge(ToJudge { handedness: None, ..right }), Judgement::OtherHand);
+        assert_eq!(target.judge(ValueToJudge { bar: Some([85.0, 101.0]), ..right }), Judgement::Undecided);
+        assert_eq!(target.judge(ValueToJudge { pipeline: "8", ..right }), Judgement::OtherVersion);
+        assert_eq!(target.judge(ValueToJudge { handedness: Some(Handedness::Left), ..right }), Judgement::OtherHand);
+        assert_eq!(target.judge(ValueToJudge { handedness: None, ..right }), Judgement::OtherHand);
     }
 }

@@ -9,7 +9,7 @@ use axum::http::{HeaderMap, Method, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-use crate::http::error::{Answer, Refusal};
+use crate::http::error::{HandlerResult, Refusal};
 
 /// Middleware: refuses changes that a page of another site requests.
 pub async fn check_origin(request: Request, next: Next) -> Response {
@@ -24,7 +24,7 @@ pub async fn check_origin(request: Request, next: Next) -> Response {
 
 /// Refuses a WebSocket that a page of another site opens. The browser would send the visitor's cookie with it, and its
 /// method is GET, so [`check_origin`] lets it pass.
-pub fn refuse_foreign(headers: &HeaderMap) -> Answer<()> {
+pub fn refuse_foreign(headers: &HeaderMap) -> HandlerResult<()> {
     if is_ours(headers) {
         return Ok(());
     }

@@ -6,32 +6,32 @@ use std::sync::LazyLock;
 use tokio::sync::Semaphore;
 
 use crate::domain::secret::{Password, PasswordHash};
-use crate::http::error::{Answer, Problem};
+use crate::http::error::{HandlerResult, ProblemResponse};
 
 /// Limits the hashes computed at once. Each takes 19 MiB and a core: a flood of sign-ins must not occupy all cores.
-static PLACES: Semaphore = Semaphore::const_new(4);
+static HASH_SLOTS: Semaphore = Semaphore::const_new(4);
 
 /// Compared against when the login is unknown, so that the check takes the same time.
-static NOBODY: LazyLock<PasswordHash> = LazyLock::new(PasswordHash::of_nobody);
+static UNKNOWN_LOGIN_HASH: LazyLock<PasswordHash> = LazyLock::new(PasswordHash::unmatchable);
 
 /// The hash to store for a password.
-pub async fn hash(password: Password) -> Answer<PasswordHash> {
-    apart(move || password.hash()).await
+pub async fn hash(password: Password) -> HandlerResult<PasswordHash> {
+    run_blocking(move || password.hash()).await
 }
 
 /// Whether `tried` matches `stored`. Without a stored hash the answer is no, after the same time.
-pub async fn matches(tried: Password, stored: Option<PasswordHash>) -> Answer<bool> {
-    apart(move || match stored {
+pub async fn matches(tried: Password, stored: Option<PasswordHash>) -> HandlerResult<bool> {
+    run_blocking(move || match stored {
         Some(stored) => stored.matches(&tried),
         None => {
-            NOBODY.matches(&tried);
+            UNKNOWN_LOGIN_HASH.matches(&tried);
             false
         }
     })
     .await
 }
 
-async fn apart<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Answer<T> {
-    let _permit = PLACES.acquire().await.map_err(|e| Problem::internal("waiting for a hash slot", e))?;
-    tokio::task::spawn_blocking(work).await.map_err(|e| Problem::internal("hashing a password", e))
+async fn run_blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> HandlerResult<T> {
+    let _permit = HASH_SLOTS.acquire().await.map_err(|e| ProblemResponse::internal("waiting for a hash slot", e))?;
+    tokio::task::spawn_blocking(work).await.map_err(|e| ProblemResponse::internal("hashing a password", e))
 }

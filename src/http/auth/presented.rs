@@ -6,11 +6,11 @@ use axum_extra::extract::cookie::{Cookie, SameSite};
 use crate::domain::secret::{Secret, SecretHash};
 
 /// Name of the cookie. With this prefix browsers require `Secure`, `Path=/` and this host.
-pub const COOKIE: &str = "__Host-trocar";
+pub const COOKIE_NAME: &str = "__Host-trocar";
 
 /// The credential of a request, hashed: the secret itself stays in this module.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Presented {
+pub enum PresentedCredential {
     /// `Authorization: Bearer trc_…`.
     Token(SecretHash),
     /// The cookie of a sign-in.
@@ -19,13 +19,13 @@ pub enum Presented {
     Nothing,
 }
 
-impl Presented {
+impl PresentedCredential {
     /// Reads the headers; a token takes precedence over a cookie.
     pub fn in_headers(headers: &HeaderMap) -> Self {
         match (token(headers), cookie(headers)) {
-            (Some(token), _) => Presented::Token(token.hash()),
-            (None, Some(cookie)) => Presented::Cookie(cookie.hash()),
-            (None, None) => Presented::Nothing,
+            (Some(token), _) => PresentedCredential::Token(token.hash()),
+            (None, Some(cookie)) => PresentedCredential::Cookie(cookie.hash()),
+            (None, None) => PresentedCredential::Nothing,
         }
     }
 }
@@ -42,7 +42,7 @@ fn cookie(headers: &HeaderMap) -> Option<Secret> {
         .filter_map(|value| value.to_str().ok())
         .flat_map(Cookie::split_parse)
         .filter_map(Result::ok)
-        .find(|cookie| cookie.name() == COOKIE)
+        .find(|cookie| cookie.name() == COOKIE_NAME)
         .and_then(|cookie| Secret::from_cookie(cookie.value()))
 }
 
@@ -59,7 +59,7 @@ pub fn clear_cookie() -> HeaderValue {
 }
 
 fn cookie_with(value: String) -> Cookie<'static> {
-    Cookie::build((COOKIE, value)).path("/").secure(true).http_only(true).same_site(SameSite::Strict).build()
+    Cookie::build((COOKIE_NAME, value)).path("/").secure(true).http_only(true).same_site(SameSite::Strict).build()
 }
 
 fn header_value(cookie: Cookie<'static>) -> HeaderValue {
@@ -72,8 +72,8 @@ fn header_value(cookie: Cookie<'static>) -> HeaderValue {
 mod tests {
     use super::*;
 
-    fn presented(name: header::HeaderName, value: &str) -> Presented {
-        Presented::in_headers(&HeaderMap::from_iter([(name, HeaderValue::from_str(value).unwrap())]))
+    fn presented(name: header::HeaderName, value: &str) -> PresentedCredential {
+        PresentedCredential::in_headers(&HeaderMap::from_iter([(name, HeaderValue::from_str(value).unwrap())]))
     }
 
     #[test]
@@ -89,17 +89,20 @@ mod tests {
     fn what_was_given_is_recognised_by_its_hash() {
         let secret = Secret::random();
         let token = presented(header::AUTHORIZATION, &format!("bearer {}", secret.as_token()));
-        assert_eq!(token, Presented::Token(secret.hash()));
-        let cookie = presented(header::COOKIE, &format!("a=b; {COOKIE}={}; c=d", secret.as_cookie()));
-        assert_eq!(cookie, Presented::Cookie(secret.hash()));
+        assert_eq!(token, PresentedCredential::Token(secret.hash()));
+        let cookie = presented(header::COOKIE, &format!("a=b; {COOKIE_NAME}={}; c=d", secret.as_cookie()));
+        assert_eq!(cookie, PresentedCredential::Cookie(secret.hash()));
     }
 
     #[test]
     fn hostile_headers_present_nothing() {
         let long = format!("Bearer trc_{}", "x".repeat(100_000));
         for value in ["", "Bearer", "Bearer abc", "Bearer trc_", "Basic dHJjXzE6", &long] {
-            assert_eq!(presented(header::AUTHORIZATION, value), Presented::Nothing);
+            assert_eq!(presented(header::AUTHORIZATION, value), PresentedCredential::Nothing);
         }
-        assert_eq!(presented(header::COOKIE, &format!("{COOKIE}={}", "x".repeat(100_000))), Presented::Nothing);
+        assert_eq!(
+            presented(header::COOKIE, &format!("{COOKIE_NAME}={}", "x".repeat(100_000))),
+            PresentedCredential::Nothing
+        );
     }
 }

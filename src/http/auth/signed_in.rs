@@ -10,15 +10,15 @@ use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
 use tokio::time::interval;
 
-use super::presented::Presented;
+use super::presented::PresentedCredential;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
-use crate::http::error::{Answer, Problem, Refusal};
+use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::state::App;
-use crate::store::Cookie;
+use crate::store::CookieLifetime;
 
 /// How often an open WebSocket or stream checks that its sign-in is still valid.
-const STILL_SIGNED_IN: Duration = Duration::from_secs(5);
+const SIGN_IN_CHECK_INTERVAL: Duration = Duration::from_secs(5);
 
 /// An authenticated caller: a person, a person's program, or the agent of a box.
 #[derive(Clone, Debug)]
@@ -29,47 +29,51 @@ pub struct SignedIn {
 
 impl SignedIn {
     /// Authenticates the sender of these headers. This counts as activity, so it keeps the sign-in from idling out.
-    pub async fn by(app: &App, headers: &HeaderMap) -> Answer<Self> {
-        let scope = match Presented::in_headers(headers) {
-            Presented::Token(secret) => app.store.tokens().scope_of(secret).await?,
-            Presented::Cookie(secret) => {
-                app.store.cookies().person_of(secret, app.sign_in_lasts()).await?.map(|person| person.scope())
+    pub async fn from_headers(app: &App, headers: &HeaderMap) -> HandlerResult<Self> {
+        let scope = match PresentedCredential::in_headers(headers) {
+            PresentedCredential::Token(secret) => app.store.tokens().scope_of(secret).await?,
+            PresentedCredential::Cookie(secret) => {
+                app.store.cookies().person_of(secret, app.sign_in_lifetime()).await?.map(|person| person.scope())
             }
-            Presented::Nothing => None,
+            PresentedCredential::Nothing => None,
         };
         scope.map(|scope| Self { scope }).ok_or_else(sign_in_first)
     }
 
     /// Whether these headers would still sign in. Unlike [`SignedIn::from_headers`], this does not count as activity:
     /// an unattended page that only watches is signed out when idle. A store error counts as yes, so it ends no stream.
-    pub async fn still(app: &App, headers: &HeaderMap) -> bool {
-        match Presented::in_headers(headers) {
-            Presented::Token(secret) => app.store.tokens().scope_of(secret).await.map_or(true, |scope| scope.is_some()),
-            Presented::Cookie(secret) => app.store.cookies().counts(secret, app.sign_in_lasts()).await.unwrap_or(true),
-            Presented::Nothing => false,
+    pub async fn is_still_valid(app: &App, headers: &HeaderMap) -> bool {
+        match PresentedCredential::in_headers(headers) {
+            PresentedCredential::Token(secret) => {
+                app.store.tokens().scope_of(secret).await.map_or(true, |scope| scope.is_some())
+            }
+            PresentedCredential::Cookie(secret) => {
+                app.store.cookies().is_valid(secret, app.sign_in_lifetime()).await.unwrap_or(true)
+            }
+            PresentedCredential::Nothing => false,
         }
     }
 
     /// Resolves once these headers no longer sign in; checks every `SIGN_IN_CHECK_INTERVAL`.
-    pub async fn ended(app: &App, headers: &HeaderMap) {
-        let mut check = interval(STILL_SIGNED_IN);
-        while Self::still(app, headers).await {
+    pub async fn wait_until_ended(app: &App, headers: &HeaderMap) {
+        let mut check = interval(SIGN_IN_CHECK_INTERVAL);
+        while Self::is_still_valid(app, headers).await {
             check.tick().await;
         }
     }
 }
 
-fn sign_in_first() -> Problem {
+fn sign_in_first() -> ProblemResponse {
     Refusal::NotSignedIn
         .with("Sign in with POST /api/v1/sign-in, or send `Authorization: Bearer trc_…`. An idle sign-in ends.")
         .header(header::WWW_AUTHENTICATE, "Bearer realm=\"trocar\"")
 }
 
 impl FromRequestParts<App> for SignedIn {
-    type Rejection = Problem;
+    type Rejection = ProblemResponse;
 
-    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Problem> {
-        Self::by(app, &parts.headers).await
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, ProblemResponse> {
+        Self::from_headers(app, &parts.headers).await
     }
 }
 
@@ -84,10 +88,10 @@ macro_rules! only {
         }
 
         impl FromRequestParts<App> for $name {
-            type Rejection = Problem;
+            type Rejection = ProblemResponse;
 
-            async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Problem> {
-                let SignedIn { scope } = SignedIn::by(app, &parts.headers).await?;
+            async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, ProblemResponse> {
+                let SignedIn { scope } = SignedIn::from_headers(app, &parts.headers).await?;
                 match scope.role() {
                     $(Role::$role)|+ => Ok(Self { scope }),
                     _ => Err(Refusal::Forbidden.with($otherwise)),
@@ -108,7 +112,7 @@ only! {
 
 impl App {
     /// How long a sign-in is valid.
-    pub fn sign_in_lasts(&self) -> Cookie {
-        Cookie { idle: self.settings.idle(), most: self.settings.sign_in() }
+    pub fn sign_in_lifetime(&self) -> CookieLifetime {
+        CookieLifetime { idle: self.settings.idle(), max_age: self.settings.sign_in() }
     }
 }

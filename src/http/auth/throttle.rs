@@ -14,19 +14,19 @@ use crate::time::SharedClock;
 
 /// Most keys that are remembered. At the limit, keys with all their tokens are dropped. If there are none, attempts
 /// with new keys are refused: then ten thousand logins or addresses are failing at once.
-const REMEMBERED: usize = 10_000;
+const MAX_KEYS: usize = 10_000;
 /// One address may fail this many times as often as one login from it: a training room shares one address.
 const LOGINS_PER_ADDRESS: u32 = 12;
 
 /// Limits failed sign-ins per login and address, and per address.
 pub struct Throttle {
     clock: SharedClock,
-    by_login: Mutex<Places<(String, IpAddr)>>,
-    by_address: Mutex<Places<IpAddr>>,
+    by_login: Mutex<CellRateLimiter<(String, IpAddr)>>,
+    by_address: Mutex<CellRateLimiter<IpAddr>>,
 }
 
 /// A sign-in attempt that has taken its tokens.
-pub struct Attempt<'t> {
+pub struct SignInAttempt<'t> {
     throttle: &'t Throttle,
     login: (String, IpAddr),
 }
@@ -36,8 +36,8 @@ impl Throttle {
     pub fn new(per_min: u32, clock: SharedClock) -> Self {
         Self {
             clock,
-            by_login: Mutex::new(Places::new(per_min)),
-            by_address: Mutex::new(Places::new(per_min.saturating_mul(LOGINS_PER_ADDRESS))),
+            by_login: Mutex::new(CellRateLimiter::new(per_min)),
+            by_address: Mutex::new(CellRateLimiter::new(per_min.saturating_mul(LOGINS_PER_ADDRESS))),
         }
     }
 
@@ -45,19 +45,19 @@ impl Throttle {
     ///
     /// # Errors
     /// How long to wait, if either has none left.
-    pub fn attempt(&self, login: &str, address: IpAddr) -> Result<Attempt<'_>, Duration> {
+    pub fn attempt(&self, login: &str, address: IpAddr) -> Result<SignInAttempt<'_>, Duration> {
         let (login, now_ms) = ((login.to_lowercase(), address), self.clock.now_ms());
         lock(&self.by_address).take(&address, now_ms)?;
         lock(&self.by_login).take(&login, now_ms)?;
-        Ok(Attempt { throttle: self, login })
+        Ok(SignInAttempt { throttle: self, login })
     }
 }
 
-impl Attempt<'_> {
+impl SignInAttempt<'_> {
     /// The password was right: refunds the tokens.
     pub fn succeeded(self) {
-        lock(&self.throttle.by_address).give_back(&self.login.1);
-        lock(&self.throttle.by_login).give_back(&self.login);
+        lock(&self.throttle.by_address).refund(&self.login.1);
+        lock(&self.throttle.by_login).refund(&self.login);
     }
 }
 
@@ -66,30 +66,30 @@ fn lock<T>(places: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 }
 
 /// A rate limiter for many keys, each with `per_min` tokens that come back one by one.
-struct Places<K> {
+struct CellRateLimiter<K> {
     /// When a key has all its tokens again, epoch ms.
     full_at_ms: HashMap<K, i64>,
     /// Time until one token comes back, ms.
-    one_ms: i64,
+    token_interval_ms: i64,
     /// Tokens of a key.
-    most: i64,
+    max_tokens: i64,
 }
 
-impl<K: Eq + Hash + Clone> Places<K> {
+impl<K: Eq + Hash + Clone> CellRateLimiter<K> {
     fn new(per_min: u32) -> Self {
-        let most = i64::from(per_min.max(1));
-        Self { full_at_ms: HashMap::new(), one_ms: (60_000 / most).max(1), most }
+        let max_tokens = i64::from(per_min.max(1));
+        Self { full_at_ms: HashMap::new(), token_interval_ms: (60_000 / max_tokens).max(1), max_tokens }
     }
 
     fn take(&mut self, key: &K, now_ms: i64) -> Result<(), Duration> {
-        if self.full_at_ms.len() >= REMEMBERED && !self.full_at_ms.contains_key(key) {
+        if self.full_at_ms.len() >= MAX_KEYS && !self.full_at_ms.contains_key(key) {
             self.full_at_ms.retain(|_, full_at_ms| *full_at_ms > now_ms);
-            if self.full_at_ms.len() >= REMEMBERED {
+            if self.full_at_ms.len() >= MAX_KEYS {
                 return Err(Duration::from_secs(60));
             }
         }
-        let full_at_ms = self.full_at_ms.get(key).map_or(now_ms, |at_ms| now_ms.max(*at_ms)) + self.one_ms;
-        let wait_ms = full_at_ms - now_ms - self.one_ms * self.most;
+        let full_at_ms = self.full_at_ms.get(key).map_or(now_ms, |at_ms| now_ms.max(*at_ms)) + self.token_interval_ms;
+        let wait_ms = full_at_ms - now_ms - self.token_interval_ms * self.max_tokens;
         if wait_ms > 0 {
             return Err(Duration::from_millis(wait_ms.unsigned_abs()));
         }
@@ -97,9 +97,9 @@ impl<K: Eq + Hash + Clone> Places<K> {
         Ok(())
     }
 
-    fn give_back(&mut self, key: &K) {
+    fn refund(&mut self, key: &K) {
         if let Some(full_at_ms) = self.full_at_ms.get_mut(key) {
-            *full_at_ms -= self.one_ms;
+            *full_at_ms -= self.token_interval_ms;
         }
     }
 }
@@ -109,13 +109,13 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::time::Manual;
+    use crate::time::ManualClock;
 
     const HERE: IpAddr = IpAddr::V4(std::net::Ipv4Addr::LOCALHOST);
     const THERE: IpAddr = IpAddr::V4(std::net::Ipv4Addr::BROADCAST);
 
-    fn throttle() -> (Throttle, Arc<Manual>) {
-        let clock = Manual::at(1_000_000);
+    fn throttle() -> (Throttle, Arc<ManualClock>) {
+        let clock = ManualClock::at(1_000_000);
         (Throttle::new(5, clock.clone()), clock)
     }
 
@@ -137,7 +137,7 @@ mod tests {
     fn a_right_password_costs_nothing() {
         let (throttle, _clock) = throttle();
         for _ in 0..1000 {
-            throttle.attempt("ada", HERE).map(Attempt::succeeded).unwrap();
+            throttle.attempt("ada", HERE).map(SignInAttempt::succeeded).unwrap();
         }
     }
 
@@ -149,13 +149,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_remembered_is_bounded() {
+    fn the_number_of_keys_is_bounded() {
         let (throttle, clock) = throttle();
         let addresses = |from: u32| (from..from + 10_000).map(|n| IpAddr::from(n.to_be_bytes()));
         assert_eq!(addresses(0).filter(|a| throttle.attempt("ada", *a).is_err()).count(), 0);
         assert!(throttle.attempt("ada", HERE).is_err(), "full");
         clock.advance(Duration::from_secs(60));
         assert!(throttle.attempt("ada", HERE).is_ok(), "recovered keys are forgotten");
-        assert!(lock(&throttle.by_address).full_at_ms.len() <= REMEMBERED);
+        assert!(lock(&throttle.by_address).full_at_ms.len() <= MAX_KEYS);
     }
 }

@@ -7,22 +7,22 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::form::{Form, Pictures};
+use super::form::{FormPictures, MultipartForm};
 use crate::domain::calibration::{BoardSize, CalibrationSource, NewCalibration};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::job::{CalibrateInput, JobInput};
 use crate::http::auth::signed_in::{Member, Staff};
-use crate::http::error::{Answer, Problem};
-use crate::http::jobs::Queued;
-use crate::http::read::{At, Json};
-use crate::http::show::{Page, Time};
+use crate::http::error::{HandlerResult, ProblemResponse};
+use crate::http::jobs::QueuedJobResponse;
+use crate::http::read::{Json, PathKey};
+use crate::http::show::{PageResponse, Time};
 use crate::http::state::App;
 use crate::ids::CalibrationId;
 use crate::store;
 
 /// A version of a box's camera calibration.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Calibration {
+pub struct CalibrationResponse {
     id: CalibrationId,
     /// 1, 2, … within the box; the highest is in use.
     version: i64,
@@ -38,8 +38,8 @@ pub struct Calibration {
     created_at: Time,
 }
 
-impl From<store::Calibration> for Calibration {
-    fn from(mut found: store::Calibration) -> Self {
+impl From<store::CalibrationRecord> for CalibrationResponse {
+    fn from(mut found: store::CalibrationRecord) -> Self {
         Self {
             id: found.id,
             version: found.version,
@@ -56,10 +56,10 @@ impl From<store::Calibration> for Calibration {
 /// Read the calibration in use, as camera.json
 #[utoipa::path(get, path = "/boxes/{id}/camera", tag = "boxes", params(("id" = String, Path, description = "id or code")),
     responses((status = OK, description = "camera.json in OpenCV's convention", body = Object)))]
-pub async fn camera(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<CameraFile>> {
+pub async fn camera(State(app): State<App>, by: Member, PathKey(key): PathKey) -> HandlerResult<Json<CameraFile>> {
     let of = app.store.boxes().get(&by.scope, &key).await?;
     let latest = app.store.calibrations().latest(&by.scope, of.id).await?;
-    latest.map(|found| Json(found.camera)).ok_or_else(Problem::not_found)
+    latest.map(|found| Json(found.camera)).ok_or_else(ProblemResponse::not_found)
 }
 
 /// Set the box's calibration from a camera.json
@@ -67,14 +67,14 @@ pub async fn camera(State(app): State<App>, by: Member, At(key): At) -> Answer<J
 /// It becomes the next version and is used from now on.
 #[utoipa::path(put, path = "/boxes/{id}/camera", tag = "boxes", params(("id" = String, Path, description = "id or code")),
     request_body(content = Object, description = "camera.json: width, height, fx, fy, cx, cy, k1, k2, p1, p2, k3"),
-    responses((status = OK, body = Calibration)))]
+    responses((status = OK, body = CalibrationResponse)))]
 pub async fn put_camera(
     State(app): State<App>,
     by: Staff,
-    At(key): At,
+    PathKey(key): PathKey,
     Json(camera): Json<CameraFile>,
-) -> Answer<Json<Calibration>> {
-    let camera = CameraFile::parse(&camera.to_json()).map_err(|error| Problem::invalid("camera", error))?;
+) -> HandlerResult<Json<CalibrationResponse>> {
+    let camera = CameraFile::parse(&camera.to_json()).map_err(|error| ProblemResponse::invalid("camera", error))?;
     let of = app.store.boxes().get(&by.scope, &key).await?;
     let new = NewCalibration { camera, source: CalibrationSource::File };
     let added = app.store.calibrations().add(&by.scope, of.id, new).await?;
@@ -84,11 +84,15 @@ pub async fn put_camera(
 
 /// List the versions of a box's calibration, newest first
 #[utoipa::path(get, path = "/boxes/{id}/calibrations", tag = "boxes",
-    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<Calibration>)))]
-pub async fn calibrations(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<Calibration>>> {
+    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = PageResponse<CalibrationResponse>)))]
+pub async fn calibrations(
+    State(app): State<App>,
+    by: Member,
+    PathKey(key): PathKey,
+) -> HandlerResult<Json<PageResponse<CalibrationResponse>>> {
     let of = app.store.boxes().get(&by.scope, &key).await?;
     let versions = app.store.calibrations().list(&by.scope, of.id).await?;
-    Ok(Json(Page::whole(versions.into_iter().map(Calibration::from))))
+    Ok(Json(PageResponse::whole(versions.into_iter().map(CalibrationResponse::from))))
 }
 
 /// Pictures of a checkerboard.
@@ -112,52 +116,57 @@ pub struct BoardForm {
 /// A job computes the next version of the calibration.
 #[utoipa::path(post, path = "/boxes/{id}/calibrations", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
-    request_body(content = BoardForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = Queued)))]
-pub async fn calibrate(State(app): State<App>, by: Staff, At(key): At, form: Form) -> Answer<impl IntoResponse> {
+    request_body(content = BoardForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = QueuedJobResponse)))]
+pub async fn calibrate(
+    State(app): State<App>,
+    by: Staff,
+    PathKey(key): PathKey,
+    form: MultipartForm,
+) -> HandlerResult<impl IntoResponse> {
     let of = app.store.boxes().get(&by.scope, &key).await?;
-    let Board { board, square_mm, pictures } = Board::read(form).await?;
-    let Pictures { ref files, is_video, .. } = pictures;
+    let BoardRequest { board, square_mm, pictures } = BoardRequest::read(form).await?;
+    let FormPictures { ref files, is_video, .. } = pictures;
     let input = CalibrateInput { of: of.id, board, square_mm, files: files.clone(), is_video };
     let job = app.store.jobs().enqueue(&by.scope, JobInput::Calibrate(input)).await?;
     app.queue.work_arrived();
-    Ok((StatusCode::ACCEPTED, Json(Queued { job: job.id })))
+    Ok((StatusCode::ACCEPTED, Json(QueuedJobResponse { job: job.id })))
 }
 
 /// The content of a [`BoardForm`].
-struct Board {
+struct BoardRequest {
     board: BoardSize,
     square_mm: f64,
-    pictures: Pictures,
+    pictures: FormPictures,
 }
 
-impl Board {
-    async fn read(mut form: Form) -> Answer<Self> {
-        let (mut board, mut square_mm, mut pictures) = (None, None, Pictures::default());
+impl BoardRequest {
+    async fn read(mut form: MultipartForm) -> HandlerResult<Self> {
+        let (mut board, mut square_mm, mut pictures) = (None, None, FormPictures::default());
         while let Some(part) = form.next().await? {
             match part.name.as_str() {
                 "board" => board = Some(part.text().await?.trim().parse()?),
-                "square_mm" => square_mm = Some(square(&part.text().await?)?),
+                "square_mm" => square_mm = Some(parse_square_mm(&part.text().await?)?),
                 "photo" => pictures.add_picture(part, None).await?,
                 "video" => pictures.add_video(part).await?,
                 _ => return Err(part.unexpected("board, square_mm, and photo (several) or video")),
             }
         }
         if pictures.files.is_empty() {
-            return Err(Problem::invalid(
+            return Err(ProblemResponse::invalid(
                 "photo",
                 "is missing; send photos of the board from several sides, or a video",
             ));
         }
-        let board =
-            board.ok_or_else(|| Problem::invalid("board", "is missing; give its inner corners, such as 9x6"))?;
-        let square_mm =
-            square_mm.ok_or_else(|| Problem::invalid("square_mm", "is missing; give the side of a square in mm"))?;
+        let board = board
+            .ok_or_else(|| ProblemResponse::invalid("board", "is missing; give its inner corners, such as 9x6"))?;
+        let square_mm = square_mm
+            .ok_or_else(|| ProblemResponse::invalid("square_mm", "is missing; give the side of a square in mm"))?;
         Ok(Self { board, square_mm, pictures })
     }
 }
 
-pub(super) fn square(text: &str) -> Answer<f64> {
+pub(super) fn parse_square_mm(text: &str) -> HandlerResult<f64> {
     let side: Option<f64> = text.trim().parse().ok();
     let possible = side.filter(|side| side.is_finite() && *side > 0.0 && *side <= 1000.0);
-    possible.ok_or_else(|| Problem::invalid("square_mm", "expected a number of mm above 0 and at most 1000"))
+    possible.ok_or_else(|| ProblemResponse::invalid("square_mm", "expected a number of mm above 0 and at most 1000"))
 }

@@ -6,23 +6,23 @@ use axum::response::IntoResponse;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::form::{Form, Pictures};
+use super::form::{FormPictures, MultipartForm};
 use crate::domain::boxes::BoxTool;
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::job::{AdviceInput, JobInput, PaletteInput};
 use crate::domain::palette::{ColourVerdict, ConfusionRow, LabelCount, PaletteReport};
 use crate::http::auth::signed_in::{Member, Staff};
-use crate::http::error::{Answer, Problem};
-use crate::http::jobs::Queued;
-use crate::http::read::{At, Json};
-use crate::http::show::{Page, Time};
+use crate::http::error::{HandlerResult, ProblemResponse};
+use crate::http::jobs::QueuedJobResponse;
+use crate::http::read::{Json, PathKey};
+use crate::http::show::{PageResponse, Time};
 use crate::http::state::App;
 use crate::ids::PaletteId;
 use crate::store;
 
 /// A version of a box's colours.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Palette {
+pub struct PaletteResponse {
     id: PaletteId,
     /// 1, 2, … within the box; the highest is in use.
     version: i64,
@@ -42,9 +42,9 @@ pub struct Palette {
     created_at: Time,
 }
 
-impl From<store::Palette> for Palette {
-    fn from(found: store::Palette) -> Self {
-        let store::Palette { id, version, annotations, tools, counts, report, created_at_ms, .. } = found;
+impl From<store::PaletteRecord> for PaletteResponse {
+    fn from(found: store::PaletteRecord) -> Self {
+        let store::PaletteRecord { id, version, annotations, tools, counts, report, created_at_ms, .. } = found;
         let (confusion, verdicts, warnings) = match report {
             Some(PaletteReport { confusion, verdicts, warnings }) => (Some(confusion), Some(verdicts), Some(warnings)),
             None => (None, None, None),
@@ -56,11 +56,15 @@ impl From<store::Palette> for Palette {
 
 /// List the versions of a box's colours, newest first
 #[utoipa::path(get, path = "/boxes/{id}/palette", tag = "boxes",
-    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<Palette>)))]
-pub async fn palette(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<Palette>>> {
+    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = PageResponse<PaletteResponse>)))]
+pub async fn palette(
+    State(app): State<App>,
+    by: Member,
+    PathKey(key): PathKey,
+) -> HandlerResult<Json<PageResponse<PaletteResponse>>> {
     let of = app.store.boxes().get(&by.scope, &key).await?;
     let versions = app.store.palettes().list(&by.scope, of.id).await?;
-    Ok(Json(Page::whole(versions.into_iter().map(Palette::from))))
+    Ok(Json(PageResponse::whole(versions.into_iter().map(PaletteResponse::from))))
 }
 
 /// Marked frames.
@@ -82,48 +86,53 @@ pub struct PaletteForm {
 /// A job learns the next version of the colours.
 #[utoipa::path(put, path = "/boxes/{id}/palette", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
-    request_body(content = PaletteForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = Queued)))]
-pub async fn put_palette(State(app): State<App>, by: Staff, At(key): At, form: Form) -> Answer<impl IntoResponse> {
+    request_body(content = PaletteForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = QueuedJobResponse)))]
+pub async fn put_palette(
+    State(app): State<App>,
+    by: Staff,
+    PathKey(key): PathKey,
+    form: MultipartForm,
+) -> HandlerResult<impl IntoResponse> {
     let of = app.store.boxes().get(&by.scope, &key).await?;
-    let (annotations, pictures) = read(form).await?;
-    let Pictures { ref files, ref frames, is_video, .. } = pictures;
+    let (annotations, pictures) = read_palette_form(form).await?;
+    let FormPictures { ref files, ref frames, is_video, .. } = pictures;
     let (files, frames) = (files.clone(), frames.clone());
     let input = PaletteInput { of: of.id, annotations, files, is_video, frames };
     let job = app.store.jobs().enqueue(&by.scope, JobInput::Palette(input)).await?;
     app.queue.work_arrived();
-    Ok((StatusCode::ACCEPTED, Json(Queued { job: job.id })))
+    Ok((StatusCode::ACCEPTED, Json(QueuedJobResponse { job: job.id })))
 }
 
 /// Reads a [`PaletteForm`].
-pub(super) async fn read(mut form: Form) -> Answer<(AnnotationsFile, Pictures)> {
-    let (mut annotations, mut pictures) = (None, Pictures::default());
+pub(super) async fn read_palette_form(mut form: MultipartForm) -> HandlerResult<(AnnotationsFile, FormPictures)> {
+    let (mut annotations, mut pictures) = (None, FormPictures::default());
     while let Some(part) = form.next().await? {
-        match (part.name.as_str(), frame(&part.name)) {
-            ("annotations", _) => annotations = Some(parse(&part.text().await?)?),
+        match (part.name.as_str(), frame_number(&part.name)) {
+            ("annotations", _) => annotations = Some(parse_annotations(&part.text().await?)?),
             ("video", _) => pictures.add_video(part).await?,
             (_, Some(frame)) => pictures.add_picture(part, Some(frame)).await?,
             _ => return Err(part.unexpected("annotations, and video or frame_0, frame_1, …")),
         }
     }
     let annotations =
-        annotations.ok_or_else(|| Problem::invalid("annotations", "is missing; send annotations.json"))?;
+        annotations.ok_or_else(|| ProblemResponse::invalid("annotations", "is missing; send annotations.json"))?;
     check_frames(&annotations, &pictures)?;
     Ok((annotations, pictures))
 }
 
-fn parse(text: &str) -> Answer<AnnotationsFile> {
-    AnnotationsFile::parse(text).map_err(|error| Problem::invalid("annotations", error))
+fn parse_annotations(text: &str) -> HandlerResult<AnnotationsFile> {
+    AnnotationsFile::parse(text).map_err(|error| ProblemResponse::invalid("annotations", error))
 }
 
 /// The frame number in a part's name such as `frame_12`.
-fn frame(name: &str) -> Option<u64> {
+fn frame_number(name: &str) -> Option<u64> {
     name.strip_prefix("frame_")?.parse().ok()
 }
 
 /// Refuses a form that lacks the picture of a marked frame.
-fn check_frames(annotations: &AnnotationsFile, pictures: &Pictures) -> Answer<()> {
+fn check_frames(annotations: &AnnotationsFile, pictures: &FormPictures) -> HandlerResult<()> {
     if pictures.files.is_empty() {
-        return Err(Problem::invalid(
+        return Err(ProblemResponse::invalid(
             "video",
             "is missing; send the clip that the `frame` numbers refer to, or frame_<n> pictures",
         ));
@@ -131,7 +140,7 @@ fn check_frames(annotations: &AnnotationsFile, pictures: &Pictures) -> Answer<()
     let missing = annotations.labels.iter().find(|label| !pictures.is_video && !pictures.frames.contains(&label.frame));
     match missing {
         Some(label) => {
-            Err(Problem::invalid(&format!("frame_{}", label.frame), "is marked, but its picture is missing"))
+            Err(ProblemResponse::invalid(&format!("frame_{}", label.frame), "is marked, but its picture is missing"))
         }
         None => Ok(()),
     }
@@ -152,10 +161,15 @@ pub struct AdviceForm {
 /// the ranking.
 #[utoipa::path(post, path = "/boxes/{id}/palette/advice", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
-    request_body(content = AdviceForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = Queued)))]
-pub async fn advise(State(app): State<App>, by: Staff, At(key): At, mut form: Form) -> Answer<impl IntoResponse> {
+    request_body(content = AdviceForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = QueuedJobResponse)))]
+pub async fn advise(
+    State(app): State<App>,
+    by: Staff,
+    PathKey(key): PathKey,
+    mut form: MultipartForm,
+) -> HandlerResult<impl IntoResponse> {
     let of = app.store.boxes().get(&by.scope, &key).await?;
-    let mut pictures = Pictures::default();
+    let mut pictures = FormPictures::default();
     while let Some(part) = form.next().await? {
         match part.name.as_str() {
             "picture" => pictures.add_picture(part, None).await?,
@@ -163,7 +177,7 @@ pub async fn advise(State(app): State<App>, by: Staff, At(key): At, mut form: Fo
         }
     }
     let [picture] = &pictures.files[..] else {
-        return Err(Problem::invalid(
+        return Err(ProblemResponse::invalid(
             "picture",
             "must be sent exactly once: a photo of the box without tools, or a recording",
         ));
@@ -171,5 +185,5 @@ pub async fn advise(State(app): State<App>, by: Staff, At(key): At, mut form: Fo
     let input = AdviceInput { of: of.id, picture: picture.clone() };
     let job = app.store.jobs().enqueue(&by.scope, JobInput::Advice(input)).await?;
     app.queue.work_arrived();
-    Ok((StatusCode::ACCEPTED, Json(Queued { job: job.id })))
+    Ok((StatusCode::ACCEPTED, Json(QueuedJobResponse { job: job.id })))
 }

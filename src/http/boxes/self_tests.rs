@@ -6,26 +6,26 @@ use axum::response::IntoResponse;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::calibrations::square;
-use super::form::{Form, Pictures};
-use crate::analysis::self_test::MOST_REACH_MM;
+use super::calibrations::parse_square_mm;
+use super::form::{FormPictures, MultipartForm};
+use crate::analysis::self_test::MAX_REACH_MM;
 use crate::domain::calibration::BoardSize;
 use crate::domain::job::{JobInput, SelfTestInput};
 use crate::domain::scope::Scope;
-use crate::domain::self_test::{Light, SelfTestReport};
+use crate::domain::self_test::{SelfTestReport, TrafficLight};
 use crate::http::auth::signed_in::{Member, Staff};
-use crate::http::error::{Answer, Problem, Refusal};
-use crate::http::jobs::Queued;
-use crate::http::read::{At, Json, Params};
-use crate::http::show::{Page, Paging, Time};
+use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
+use crate::http::jobs::QueuedJobResponse;
+use crate::http::read::{Json, Params, PathKey};
+use crate::http::show::{PageResponse, Paging, Time};
 use crate::http::state::App;
 use crate::ids::{BoxId, CalibrationId, PaletteId, SelfTestId};
 use crate::store;
-use crate::time::day_began_ms;
+use crate::time::start_of_day_ms;
 
 /// A self-test of a box.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct SelfTest {
+pub struct SelfTestResponse {
     id: SelfTestId,
     created_at: Time,
     /// Name of the person who tested it; `null` for trainees.
@@ -38,8 +38,8 @@ pub struct SelfTest {
     report: SelfTestReport,
 }
 
-impl SelfTest {
-    fn new(found: store::SelfTest, scope: &Scope) -> Self {
+impl SelfTestResponse {
+    fn new(found: store::SelfTestRecord, scope: &Scope) -> Self {
         Self {
             id: found.id,
             created_at: Time(found.created_at_ms),
@@ -55,14 +55,14 @@ impl SelfTest {
 #[derive(Debug, Serialize, ToSchema)]
 pub struct TodaysLight {
     id: SelfTestId,
-    light: Light,
+    light: TrafficLight,
     created_at: Time,
 }
 
 impl App {
     /// The light of today's last self-test; the server's clock and time zone define today.
-    pub(super) async fn light_of_today(&self, scope: &Scope, of: BoxId) -> Answer<Option<TodaysLight>> {
-        let since_ms = day_began_ms(self.clock.now_ms());
+    pub(super) async fn light_of_today(&self, scope: &Scope, of: BoxId) -> HandlerResult<Option<TodaysLight>> {
+        let since_ms = start_of_day_ms(self.clock.now_ms());
         let last = self.store.self_tests().light_since(scope, of, since_ms).await?;
         let shown = |store::SelfTestLight { id, light, created_at_ms }| TodaysLight {
             id,
@@ -75,17 +75,17 @@ impl App {
 
 /// List a box's self-tests, newest first
 #[utoipa::path(get, path = "/boxes/{id}/self-tests", tag = "boxes",
-    params(("id" = String, Path, description = "id or code"), Paging), responses((status = OK, body = Page<SelfTest>)))]
+    params(("id" = String, Path, description = "id or code"), Paging), responses((status = OK, body = PageResponse<SelfTestResponse>)))]
 pub async fn self_tests(
     State(app): State<App>,
     by: Member,
-    At(key): At,
+    PathKey(key): PathKey,
     Params(paging): Params<Paging>,
-) -> Answer<Json<Page<SelfTest>>> {
+) -> HandlerResult<Json<PageResponse<SelfTestResponse>>> {
     let of = app.store.boxes().get(&by.scope, &key).await?;
     let page = paging.request(app.settings.page_items)?;
     let tests = app.store.self_tests().list(&by.scope, of.id, &page).await?;
-    Ok(Json(Page::of(tests, |test| SelfTest::new(test, &by.scope))))
+    Ok(Json(PageResponse::of(tests, |test| SelfTestResponse::new(test, &by.scope))))
 }
 
 /// A recording of a self-test.
@@ -109,15 +109,21 @@ pub struct SelfTestForm {
 /// A job checks the recording and sets the box's traffic light.
 #[utoipa::path(post, path = "/boxes/{id}/self-tests", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
-    request_body(content = SelfTestForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = Queued)))]
-pub async fn test(State(app): State<App>, by: Staff, At(key): At, form: Form) -> Answer<impl IntoResponse> {
+    request_body(content = SelfTestForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = QueuedJobResponse)))]
+pub async fn test(
+    State(app): State<App>,
+    by: Staff,
+    PathKey(key): PathKey,
+    form: MultipartForm,
+) -> HandlerResult<impl IntoResponse> {
     let of = app.store.boxes().get(&by.scope, &key).await?;
-    let calibration = app.store.calibrations().latest(&by.scope, of.id).await?.ok_or_else(|| unready("camera"))?;
-    let palette = app.store.palettes().latest(&by.scope, of.id).await?.ok_or_else(|| unready("colours"))?;
-    let Asked { recording, board, reach_mm } = Asked::read(form).await?;
-    let file = recording.files.first().ok_or_else(|| Problem::invalid("video", "is missing; send the recording"))?;
+    let calibration = app.store.calibrations().latest(&by.scope, of.id).await?.ok_or_else(|| not_set_up("camera"))?;
+    let palette = app.store.palettes().latest(&by.scope, of.id).await?.ok_or_else(|| not_set_up("colours"))?;
+    let SelfTestRequest { recording, board, reach_mm } = SelfTestRequest::read(form).await?;
+    let file =
+        recording.files.first().ok_or_else(|| ProblemResponse::invalid("video", "is missing; send the recording"))?;
     let (board, square_mm) = board.or_else(|| calibration.camera.board()).ok_or_else(|| {
-        Problem::invalid(
+        ProblemResponse::invalid(
             "board",
             "is missing, and the calibration does not name its board; give the inner corners, such as 9x6, and square_mm",
         )
@@ -134,28 +140,28 @@ pub async fn test(State(app): State<App>, by: Staff, At(key): At, form: Form) ->
     };
     let job = app.store.jobs().enqueue(&by.scope, JobInput::SelfTest(input)).await?;
     app.queue.work_arrived();
-    Ok((StatusCode::ACCEPTED, Json(Queued { job: job.id })))
+    Ok((StatusCode::ACCEPTED, Json(QueuedJobResponse { job: job.id })))
 }
 
-fn unready(what: &str) -> Problem {
+fn not_set_up(what: &str) -> ProblemResponse {
     Refusal::Conflict.with(format!("The box has no {what} yet, so it cannot be tested. Set it up first."))
 }
 
 /// The content of a [`SelfTestForm`].
-struct Asked {
-    recording: Pictures,
+struct SelfTestRequest {
+    recording: FormPictures,
     board: Option<(BoardSize, f64)>,
     reach_mm: f64,
 }
 
-impl Asked {
-    async fn read(mut form: Form) -> Answer<Self> {
-        let (mut board, mut square_mm, mut reach_mm, mut recording) = (None, None, 0.0, Pictures::default());
+impl SelfTestRequest {
+    async fn read(mut form: MultipartForm) -> HandlerResult<Self> {
+        let (mut board, mut square_mm, mut reach_mm, mut recording) = (None, None, 0.0, FormPictures::default());
         while let Some(part) = form.next().await? {
             match part.name.as_str() {
                 "board" => board = Some(part.text().await?.trim().parse::<BoardSize>()?),
-                "square_mm" => square_mm = Some(square(&part.text().await?)?),
-                "reach_mm" => reach_mm = reach(&part.text().await?)?,
+                "square_mm" => square_mm = Some(parse_square_mm(&part.text().await?)?),
+                "reach_mm" => reach_mm = parse_reach_mm(&part.text().await?)?,
                 "video" => recording.add_video(part).await?,
                 _ => return Err(part.unexpected("video, and board, square_mm or reach_mm")),
             }
@@ -163,15 +169,17 @@ impl Asked {
         let board = match (board, square_mm) {
             (Some(board), Some(square_mm)) => Some((board, square_mm)),
             (None, None) => None,
-            (Some(_), None) => return Err(Problem::invalid("square_mm", "is missing; board needs it")),
-            (None, Some(_)) => return Err(Problem::invalid("board", "is missing; square_mm needs it")),
+            (Some(_), None) => return Err(ProblemResponse::invalid("square_mm", "is missing; board needs it")),
+            (None, Some(_)) => return Err(ProblemResponse::invalid("board", "is missing; square_mm needs it")),
         };
         Ok(Self { recording, board, reach_mm })
     }
 }
 
-fn reach(text: &str) -> Answer<f64> {
+fn parse_reach_mm(text: &str) -> HandlerResult<f64> {
     let reach: Option<f64> = text.trim().parse().ok();
-    let possible = reach.filter(|mm| (0.0..=MOST_REACH_MM).contains(mm));
-    possible.ok_or_else(|| Problem::invalid("reach_mm", format!("expected a number of mm from 0 to {MOST_REACH_MM}")))
+    let possible = reach.filter(|mm| (0.0..=MAX_REACH_MM).contains(mm));
+    possible.ok_or_else(|| {
+        ProblemResponse::invalid("reach_mm", format!("expected a number of mm from 0 to {MAX_REACH_MM}"))
+    })
 }

@@ -9,10 +9,10 @@ use super::DueStep;
 use crate::cohorts::{self, CourseRow};
 use crate::domain::text::Name;
 use crate::http::auth::signed_in::Staff;
-use crate::http::error::Answer;
-use crate::http::read::{At, Json, named};
+use crate::http::error::HandlerResult;
+use crate::http::read::{Json, PathKey, reference_problem};
 use crate::http::state::App;
-use crate::http::trainees::Trainee;
+use crate::http::trainees::TraineeResponse;
 use crate::ids::{CourseId, GroupId};
 use crate::store;
 use crate::time::Day;
@@ -33,9 +33,9 @@ impl FollowedCourse {
     }
 }
 
-impl From<store::Followed> for FollowedCourse {
-    fn from(followed: store::Followed) -> Self {
-        let store::Followed { course, name, begins } = followed;
+impl From<store::GroupCoursePlan> for FollowedCourse {
+    fn from(followed: store::GroupCoursePlan) -> Self {
+        let store::GroupCoursePlan { course, name, begins } = followed;
         Self::new(course, name, begins)
     }
 }
@@ -43,7 +43,7 @@ impl From<store::Followed> for FollowedCourse {
 /// The plan that a group shall follow.
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-pub struct NewFollowed {
+pub struct FollowCourseRequest {
     /// The plan's id.
     course: CourseId,
     /// The course's first day.
@@ -52,27 +52,27 @@ pub struct NewFollowed {
 
 /// The progress of a group's trainees in its course.
 #[derive(Serialize, ToSchema)]
-pub struct GroupCourse {
+pub struct GroupCourseResponse {
     group: GroupId,
     course: FollowedCourse,
     /// The plan's steps, in order.
     steps: Vec<DueStep>,
     /// The group's trainees, by name; at most 500.
-    trainees: Vec<Trainee>,
+    trainees: Vec<TraineeResponse>,
     /// One row for each trainee.
     rows: Vec<CourseRow>,
     /// True if the group has more trainees than are listed.
     more: bool,
 }
 
-impl From<cohorts::GroupCourse> for GroupCourse {
+impl From<cohorts::GroupCourse> for GroupCourseResponse {
     fn from(found: cohorts::GroupCourse) -> Self {
         let cohorts::GroupCourse { group, course, begins, trainees, rows, more } = found;
         Self {
             group: group.id,
             course: FollowedCourse::new(course.id, course.name, begins),
             steps: course.steps.into_iter().map(|step| DueStep::new(step, begins)).collect(),
-            trainees: trainees.into_iter().map(Trainee::from).collect(),
+            trainees: trainees.into_iter().map(TraineeResponse::from).collect(),
             rows,
             more,
         }
@@ -84,8 +84,8 @@ impl From<cohorts::GroupCourse> for GroupCourse {
 /// A standard counts as passed even if it was passed before the course began; sessions count from the course's first
 /// day on. The answer is 404 if the group follows no plan.
 #[utoipa::path(get, path = "/groups/{id}/course", tag = "courses",
-    params(("id" = String, Path, description = "id")), responses((status = OK, body = GroupCourse)))]
-pub async fn of_group(State(app): State<App>, by: Staff, at: At) -> Answer<Json<GroupCourse>> {
+    params(("id" = String, Path, description = "id")), responses((status = OK, body = GroupCourseResponse)))]
+pub async fn of_group(State(app): State<App>, by: Staff, at: PathKey) -> HandlerResult<Json<GroupCourseResponse>> {
     Ok(Json(app.cohorts.group_course(&by.scope, at.id()?).await?.into()))
 }
 
@@ -93,16 +93,16 @@ pub async fn of_group(State(app): State<App>, by: Staff, at: At) -> Answer<Json<
 ///
 /// It replaces the plan that the group followed before.
 #[utoipa::path(put, path = "/groups/{id}/course", tag = "courses",
-    params(("id" = String, Path, description = "id")), request_body = NewFollowed,
-    responses((status = OK, body = GroupCourse)))]
+    params(("id" = String, Path, description = "id")), request_body = FollowCourseRequest,
+    responses((status = OK, body = GroupCourseResponse)))]
 pub async fn follow(
     State(app): State<App>,
     by: Staff,
-    at: At,
-    Json(NewFollowed { course, begins }): Json<NewFollowed>,
-) -> Answer<Json<GroupCourse>> {
+    at: PathKey,
+    Json(FollowCourseRequest { course, begins }): Json<FollowCourseRequest>,
+) -> HandlerResult<Json<GroupCourseResponse>> {
     let group = app.store.groups().get(&by.scope, at.id()?).await?.id;
-    app.store.courses().follow(&by.scope, group, course, begins).await.map_err(named("course"))?;
+    app.store.courses().follow(&by.scope, group, course, begins).await.map_err(reference_problem("course"))?;
     Ok(Json(app.cohorts.group_course(&by.scope, group).await?.into()))
 }
 
@@ -111,7 +111,7 @@ pub async fn follow(
 /// The plan and the sessions stay.
 #[utoipa::path(delete, path = "/groups/{id}/course", tag = "courses",
     params(("id" = String, Path, description = "id")), responses((status = NO_CONTENT)))]
-pub async fn unfollow(State(app): State<App>, by: Staff, at: At) -> Answer<StatusCode> {
+pub async fn unfollow(State(app): State<App>, by: Staff, at: PathKey) -> HandlerResult<StatusCode> {
     app.store.courses().unfollow(&by.scope, at.id()?).await?;
     Ok(StatusCode::NO_CONTENT)
 }

@@ -18,9 +18,9 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::auth::signed_in::{Member, Staff};
-use super::error::{Answer, Problem, unknown};
-use super::read::{At, Json, Params};
-use super::show::{Created, Named, Page, Paging, Time};
+use super::error::{HandlerResult, ProblemResponse, unknown_reference};
+use super::read::{Json, Params, PathKey};
+use super::show::{Created, NamedReference, PageResponse, Paging, Time};
 use super::state::App;
 use crate::domain::course::NewCourse;
 use crate::domain::text::Name;
@@ -41,7 +41,7 @@ pub struct CoursePlan {
 /// A step of a plan.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct PlanStep {
-    task: Named,
+    task: NamedReference,
     /// Days from the course's first day until the step is due; 0: due on the first day, `null`: no due date.
     within_days: Option<u32>,
     /// Number of sessions that the step requires since the course began; `null`: it requires a pass of
@@ -58,9 +58,9 @@ pub struct DueStep {
     due: Option<Day>,
 }
 
-impl From<store::Course> for CoursePlan {
-    fn from(course: store::Course) -> Self {
-        let store::Course { id, name, steps, created_at_ms } = course;
+impl From<store::CourseRecord> for CoursePlan {
+    fn from(course: store::CourseRecord) -> Self {
+        let store::CourseRecord { id, name, steps, created_at_ms } = course;
         let steps = steps.into_iter().map(PlanStep::from).collect();
         Self { id, name, steps, created_at: Time(created_at_ms) }
     }
@@ -69,7 +69,7 @@ impl From<store::Course> for CoursePlan {
 impl From<store::CourseStep> for PlanStep {
     fn from(step: store::CourseStep) -> Self {
         let store::CourseStep { task_id, task_code, task_name, within_days, sessions } = step;
-        let task = Named { id: task_id.to_string(), name: task_name.to_string(), code: task_code.to_string() };
+        let task = NamedReference { id: task_id.to_string(), name: task_name.to_string(), code: task_code.to_string() };
         Self { task, within_days, sessions }
     }
 }
@@ -83,15 +83,15 @@ impl DueStep {
 
 /// List the course plans, by name
 #[utoipa::path(get, path = "/courses", tag = "courses", params(Paging),
-    responses((status = OK, body = Page<CoursePlan>)))]
+    responses((status = OK, body = PageResponse<CoursePlan>)))]
 pub async fn list(
     State(app): State<App>,
     by: Member,
     Params(paging): Params<Paging>,
-) -> Answer<Json<Page<CoursePlan>>> {
+) -> HandlerResult<Json<PageResponse<CoursePlan>>> {
     let page = paging.request(app.settings.page_items)?;
     let courses = app.store.courses().list(&by.scope, &page).await?;
-    Ok(Json(Page::of(courses, CoursePlan::from)))
+    Ok(Json(PageResponse::of(courses, CoursePlan::from)))
 }
 
 /// Create a course plan
@@ -99,15 +99,19 @@ pub async fn list(
 /// A step without `sessions` requires a pass of its task's standard, so the task must have a standard.
 #[utoipa::path(post, path = "/courses", tag = "courses", request_body = NewCourse,
     responses((status = CREATED, body = CoursePlan)))]
-pub async fn create(State(app): State<App>, by: Staff, Json(new): Json<NewCourse>) -> Answer<Created<CoursePlan>> {
-    let course = app.store.courses().create(&by.scope, new.checked()?).await.map_err(mistaken)?;
+pub async fn create(
+    State(app): State<App>,
+    by: Staff,
+    Json(new): Json<NewCourse>,
+) -> HandlerResult<Created<CoursePlan>> {
+    let course = app.store.courses().create(&by.scope, new.checked()?).await.map_err(reference_error)?;
     Ok(Created { location: format!("/api/v1/courses/{}", course.id), made: course.into() })
 }
 
 /// Read one course plan
 #[utoipa::path(get, path = "/courses/{id}", tag = "courses", params(("id" = String, Path, description = "id")),
     responses((status = OK, body = CoursePlan)))]
-pub async fn get(State(app): State<App>, by: Member, at: At) -> Answer<Json<CoursePlan>> {
+pub async fn get(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<CoursePlan>> {
     let course = app.store.courses().get(&by.scope, at.id()?).await?;
     Ok(Json(course.into()))
 }
@@ -120,26 +124,26 @@ pub async fn get(State(app): State<App>, by: Member, at: At) -> Answer<Json<Cour
 pub async fn replace(
     State(app): State<App>,
     by: Staff,
-    at: At,
+    at: PathKey,
     Json(new): Json<NewCourse>,
-) -> Answer<Json<CoursePlan>> {
+) -> HandlerResult<Json<CoursePlan>> {
     let id = app.store.courses().get(&by.scope, at.id()?).await?.id;
     let replaced = app.store.courses().replace(&by.scope, id, new.checked()?).await;
-    Ok(Json(replaced.map_err(mistaken)?.into()))
+    Ok(Json(replaced.map_err(reference_error)?.into()))
 }
 
 /// Delete a course plan that no group follows
 #[utoipa::path(delete, path = "/courses/{id}", tag = "courses", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
-pub async fn delete(State(app): State<App>, by: Staff, at: At) -> Answer<StatusCode> {
+pub async fn delete(State(app): State<App>, by: Staff, at: PathKey) -> HandlerResult<StatusCode> {
     app.store.courses().delete(&by.scope, at.id()?).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
 /// Reports a missing task as a mistake in the body (422), not in the address (404).
-fn mistaken(error: StoreError) -> Problem {
+fn reference_error(error: StoreError) -> ProblemResponse {
     match error {
-        StoreError::NotFound { what } => unknown(what, what),
+        StoreError::NotFound { what } => unknown_reference(what, what),
         other => other.into(),
     }
 }

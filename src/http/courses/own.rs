@@ -8,15 +8,15 @@ use super::{DueStep, FollowedCourse};
 use crate::cohorts::{self, CourseRow, StepProgress};
 use crate::domain::text::Name;
 use crate::http::auth::signed_in::Member;
-use crate::http::error::Answer;
-use crate::http::read::{At, Json};
-use crate::http::show::Page;
+use crate::http::error::HandlerResult;
+use crate::http::read::{Json, PathKey};
+use crate::http::show::PageResponse;
 use crate::http::state::App;
 use crate::ids::GroupId;
 
 /// A trainee's progress in one course.
 #[derive(Serialize, ToSchema)]
-pub struct OwnCourse {
+pub struct OwnCourseResponse {
     /// The group that follows the course; `null` for trainees, who do not see groups.
     group: Option<CourseGroup>,
     course: FollowedCourse,
@@ -41,7 +41,7 @@ pub struct OwnStep {
     progress: StepProgress,
 }
 
-impl OwnCourse {
+impl OwnCourseResponse {
     fn new(found: cohorts::OwnCourse, show_group: bool) -> Self {
         let cohorts::OwnCourse { of, course, row } = found;
         let CourseRow { next, steps: progress, .. } = row;
@@ -59,8 +59,12 @@ impl OwnCourse {
 ///
 /// Instructors see the courses of the groups that they teach.
 #[utoipa::path(get, path = "/trainees/{id}/course", tag = "courses",
-    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<OwnCourse>)))]
-pub async fn of_trainee(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<OwnCourse>>> {
+    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = PageResponse<OwnCourseResponse>)))]
+pub async fn of_trainee(
+    State(app): State<App>,
+    by: Member,
+    PathKey(key): PathKey,
+) -> HandlerResult<Json<PageResponse<OwnCourseResponse>>> {
     let found = app.cohorts.own_courses(&by.scope, &key).await?;
-    Ok(Json(Page::whole(found.into_iter().map(|of| OwnCourse::new(of, by.scope.is_staff())))))
+    Ok(Json(PageResponse::whole(found.into_iter().map(|of| OwnCourseResponse::new(of, by.scope.is_staff())))))
 }

@@ -8,8 +8,8 @@ use utoipa::ToSchema;
 use crate::domain::comment::NewComment;
 use crate::domain::scope::Scope;
 use crate::http::auth::signed_in::Member;
-use crate::http::error::{Answer, Problem};
-use crate::http::read::{At, Json};
+use crate::http::error::{HandlerResult, ProblemResponse};
+use crate::http::read::{Json, PathKey};
 use crate::http::show::{Created, Time};
 use crate::http::state::App;
 use crate::ids::{CommentId, SessionId};
@@ -17,7 +17,7 @@ use crate::store;
 
 /// A comment on a moment or a stretch of a session.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Comment {
+pub struct CommentResponse {
     id: CommentId,
     /// Name of the author; `null` if the person was deleted.
     who: Option<String>,
@@ -34,17 +34,17 @@ pub struct Comment {
 
 /// A session's comments.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Comments {
+pub struct CommentsResponse {
     /// The comments in order of time; at most 500.
-    items: Vec<Comment>,
+    items: Vec<CommentResponse>,
     /// Number of hidden comments by other staff. They are shown after the caller has rated the session, so that ratings
     /// stay independent.
     hidden: i64,
 }
 
-impl Comment {
-    fn new(comment: store::Comment, scope: &Scope) -> Self {
-        let store::Comment { id, person_id, who, from_s, to_s, text, created_at_ms } = comment;
+impl CommentResponse {
+    fn new(comment: store::CommentRecord, scope: &Scope) -> Self {
+        let store::CommentRecord { id, person_id, who, from_s, to_s, text, created_at_ms } = comment;
         let own = person_id.is_some() && person_id == scope.person();
         Self { id, who: who.map(String::from), own, from_s, to_s, text: text.into(), created_at: Time(created_at_ms) }
     }
@@ -52,28 +52,28 @@ impl Comment {
 
 /// List a session's comments, in order of time
 #[utoipa::path(get, path = "/sessions/{id}/comments", tag = "ratings",
-    params(("id" = String, Path, description = "id")), responses((status = OK, body = Comments)))]
-pub async fn comments(State(app): State<App>, by: Member, at: At) -> Answer<Json<Comments>> {
+    params(("id" = String, Path, description = "id")), responses((status = OK, body = CommentsResponse)))]
+pub async fn comments(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<CommentsResponse>> {
     let seen = app.store.comments().of_session(&by.scope, at.id()?).await?;
-    let items = seen.items.into_iter().map(|comment| Comment::new(comment, &by.scope)).collect();
-    Ok(Json(Comments { items, hidden: seen.hidden }))
+    let items = seen.items.into_iter().map(|comment| CommentResponse::new(comment, &by.scope)).collect();
+    Ok(Json(CommentsResponse { items, hidden: seen.hidden }))
 }
 
 /// Comment on a moment or a stretch of a session
 #[utoipa::path(post, path = "/sessions/{id}/comments", tag = "ratings",
     params(("id" = String, Path, description = "id")), request_body = NewComment,
-    responses((status = CREATED, body = Comment)))]
+    responses((status = CREATED, body = CommentResponse)))]
 pub async fn comment(
     State(app): State<App>,
     by: Member,
-    at: At,
+    at: PathKey,
     Json(new): Json<NewComment>,
-) -> Answer<Created<Comment>> {
+) -> HandlerResult<Created<CommentResponse>> {
     let session: SessionId = at.id()?;
     let span = new.span()?;
     let comment = app.store.comments().add(&by.scope, session, new, span).await?;
     let location = format!("/api/v1/sessions/{session}/comments/{}", comment.id);
-    Ok(Created { location, made: Comment::new(comment, &by.scope) })
+    Ok(Created { location, made: CommentResponse::new(comment, &by.scope) })
 }
 
 /// Withdraw an own comment
@@ -84,8 +84,8 @@ pub async fn withdraw_comment(
     State(app): State<App>,
     by: Member,
     Path((session, comment)): Path<(String, String)>,
-) -> Answer<StatusCode> {
-    let (session, comment) = session.parse().ok().zip(comment.parse().ok()).ok_or_else(Problem::not_found)?;
+) -> HandlerResult<StatusCode> {
+    let (session, comment) = session.parse().ok().zip(comment.parse().ok()).ok_or_else(ProblemResponse::not_found)?;
     app.store.comments().withdraw(&by.scope, session, comment).await?;
     Ok(StatusCode::NO_CONTENT)
 }

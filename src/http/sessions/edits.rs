@@ -4,13 +4,13 @@ use axum::extract::{Path, State};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::analysis::edits::fitting;
-use crate::analysis::paths::Paths;
-use crate::domain::edit::{Change, EditKind, NewEdit, ScoreState, kept};
+use crate::analysis::edits::check_edit;
+use crate::analysis::paths::SessionPaths;
+use crate::domain::edit::{EditChange, EditKind, NewEdit, ScoreState, kept_span};
 use crate::domain::scope::Scope;
 use crate::http::auth::signed_in::{Member, Staff};
-use crate::http::error::{Answer, Problem, ProblemDocument, Refusal};
-use crate::http::read::{At, Json};
+use crate::http::error::{HandlerResult, ProblemDocument, ProblemResponse, Refusal};
+use crate::http::read::{Json, PathKey};
 use crate::http::show::{Created, Time};
 use crate::http::state::App;
 use crate::ids::{EditId, JobId, SessionId};
@@ -18,7 +18,7 @@ use crate::store;
 
 /// An edit of a session.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Edit {
+pub struct EditResponse {
     id: EditId,
     /// The kind of edit.
     kind: EditKind,
@@ -47,11 +47,11 @@ pub struct Undone {
 
 /// A session's edits, and whether its score includes them.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Edits {
+pub struct EditsResponse {
     /// The edits, oldest first, including those that were undone; at most 200.
-    items: Vec<Edit>,
+    items: Vec<EditResponse>,
     /// The stretch that the trims in force leave; `null`: the whole recording.
-    kept: Option<Kept>,
+    kept: Option<KeptStretch>,
     /// Revision of the trims and swaps. A `POST` with an outdated revision is refused.
     revision: u64,
     /// Whether the score includes the edits in force.
@@ -64,28 +64,29 @@ pub struct Edits {
 
 /// The stretch of a recording that trims leave, in seconds.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Kept {
+pub struct KeptStretch {
     from_s: f64,
     to_s: f64,
 }
 
-impl From<store::Edit> for Edit {
-    fn from(edit: store::Edit) -> Self {
-        let store::Edit { id, kind, from_s, to_s, tools, why, who, created_at_ms, undone_by, undone_at_ms } = edit;
+impl From<store::EditRecord> for EditResponse {
+    fn from(edit: store::EditRecord) -> Self {
+        let store::EditRecord { id, kind, from_s, to_s, tools, why, who, created_at_ms, undone_by, undone_at_ms } =
+            edit;
         let undone = undone_at_ms.map(|at| Undone { who: undone_by.map(String::from), at: Time(at) });
         let (why, who, created_at) = (why.into(), who.map(String::from), Time(created_at_ms));
         Self { id, kind, from_s, to_s, tools, why, who, created_at, undone }
     }
 }
 
-impl From<store::SessionEdits> for Edits {
+impl From<store::SessionEdits> for EditsResponse {
     fn from(edits: store::SessionEdits) -> Self {
         let store::SessionEdits { items, revision, score, job, problem } = edits;
         let in_force = items.iter().filter(|edit| edit.undone_at_ms.is_none());
-        let changes: Vec<Change> = in_force.filter_map(store::Edit::change).collect();
+        let changes: Vec<EditChange> = in_force.filter_map(store::EditRecord::change).collect();
         Self {
-            kept: kept(&changes).map(|[from_s, to_s]| Kept { from_s, to_s }),
-            items: items.into_iter().map(Edit::from).collect(),
+            kept: kept_span(&changes).map(|[from_s, to_s]| KeptStretch { from_s, to_s }),
+            items: items.into_iter().map(EditResponse::from).collect(),
             revision,
             score,
             job,
@@ -96,8 +97,8 @@ impl From<store::SessionEdits> for Edits {
 
 /// List a session's edits, with their authors and reasons
 #[utoipa::path(get, path = "/sessions/{id}/edits", tag = "sessions",
-    params(("id" = String, Path, description = "id")), responses((status = OK, body = Edits)))]
-pub async fn edits(State(app): State<App>, by: Member, at: At) -> Answer<Json<Edits>> {
+    params(("id" = String, Path, description = "id")), responses((status = OK, body = EditsResponse)))]
+pub async fn edits(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<EditsResponse>> {
     Ok(Json(app.store.edits().of_session(&by.scope, at.id()?).await?.into()))
 }
 
@@ -109,17 +110,22 @@ pub async fn edits(State(app): State<App>, by: Member, at: At) -> Answer<Json<Ed
 /// is set aside keeps its score, but counts in no progress, cohort, standard, model or correlation.
 #[utoipa::path(post, path = "/sessions/{id}/edits", tag = "sessions",
     params(("id" = String, Path, description = "id")), request_body = NewEdit,
-    responses((status = CREATED, body = Edit)))]
-pub async fn edit(State(app): State<App>, by: Staff, at: At, Json(new): Json<NewEdit>) -> Answer<Created<Edit>> {
+    responses((status = CREATED, body = EditResponse)))]
+pub async fn edit(
+    State(app): State<App>,
+    by: Staff,
+    at: PathKey,
+    Json(new): Json<NewEdit>,
+) -> HandlerResult<Created<EditResponse>> {
     let session: SessionId = at.id()?;
     let change = new.change()?;
     app.store.sessions().get(&by.scope, session).await?;
     let (change, seen) = match change {
-        Change::SetAside => (change, None),
-        Change::Trim(_) | Change::Swap(..) => app.fitting(&by.scope, session, change).await?,
+        EditChange::SetAside => (change, None),
+        EditChange::Trim(_) | EditChange::Swap(..) => app.check_change(&by.scope, session, change).await?,
     };
     let edit = app.store.edits().add(&by.scope, session, (change, new.why), new.revision.or(seen)).await?;
-    app.tell_edited(&by.scope, session).await?;
+    app.notify_edited(&by.scope, session).await?;
     Ok(Created { location: format!("/api/v1/sessions/{session}/edits/{}", edit.id), made: edit.into() })
 }
 
@@ -128,44 +134,49 @@ pub async fn edit(State(app): State<App>, by: Staff, at: At, Json(new): Json<New
 /// It stays in the list, with the time of the undo and the name of the person.
 #[utoipa::path(delete, path = "/sessions/{id}/edits/{edit}", tag = "sessions",
     params(("id" = String, Path, description = "id"), ("edit" = String, Path, description = "id of the edit")),
-    responses((status = OK, body = Edit)))]
+    responses((status = OK, body = EditResponse)))]
 pub async fn undo_edit(
     State(app): State<App>,
     by: Staff,
     Path((session, edit)): Path<(String, String)>,
-) -> Answer<Json<Edit>> {
-    let (session, edit) = session.parse().ok().zip(edit.parse().ok()).ok_or_else(Problem::not_found)?;
+) -> HandlerResult<Json<EditResponse>> {
+    let (session, edit) = session.parse().ok().zip(edit.parse().ok()).ok_or_else(ProblemResponse::not_found)?;
     let undone = app.store.edits().undo(&by.scope, session, edit).await?;
-    app.tell_edited(&by.scope, session).await?;
+    app.notify_edited(&by.scope, session).await?;
     Ok(Json(undone.into()))
 }
 
 impl App {
     /// Checks the change against the session's path. Returns the change as it can be applied, and the revision of the
     /// edits that it was checked against.
-    async fn fitting(&self, scope: &Scope, session: SessionId, change: Change) -> Answer<(Change, Option<u64>)> {
+    async fn check_change(
+        &self,
+        scope: &Scope,
+        session: SessionId,
+        change: EditChange,
+    ) -> HandlerResult<(EditChange, Option<u64>)> {
         let result = self.result(scope, session).await?;
         let in_force = self.store.edits().in_force(session).await?;
-        let stored = self.vault.read(result.trajectory, super::trajectory::MOST).await?;
+        let stored = self.vault.read(result.trajectory, super::trajectory::MAX_STORED_BYTES).await?;
         let is_import = result.versions.calibration.is_none();
         // Reading a long session takes a moment, so it runs on a blocking thread.
         let checked = tokio::task::spawn_blocking(move || {
-            let paths =
-                Paths::from_bytes(&stored).map_err(|cause| Problem::internal("reading a stored trajectory", cause))?;
+            let paths = SessionPaths::from_bytes(&stored)
+                .map_err(|cause| ProblemResponse::internal("reading a stored trajectory", cause))?;
             if paths.tracking.is_none() && !is_import {
                 return Err(Refusal::Conflict.with(
                     "An older version of the program tracked this session, and its result cannot be edited. Track the session again, then edit it.",
                 ));
             }
-            Ok((fitting(&paths, &in_force, change)?, Some(in_force.revision)))
+            Ok((check_edit(&paths, &in_force, change)?, Some(in_force.revision)))
         });
-        checked.await.map_err(|cause| Problem::internal("reading a stored trajectory", cause))?
+        checked.await.map_err(|cause| ProblemResponse::internal("reading a stored trajectory", cause))?
     }
 
     /// Notifies workers of a possible job, and watchers of the session's new state.
-    async fn tell_edited(&self, scope: &Scope, session: SessionId) -> Answer<()> {
+    async fn notify_edited(&self, scope: &Scope, session: SessionId) -> HandlerResult<()> {
         let session = self.store.sessions().get(scope, session).await?;
-        self.tell_session(&session);
+        self.notify_session_changed(&session);
         Ok(())
     }
 }

@@ -4,18 +4,18 @@ use axum::extract::State;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::domain::advice::{self, Advice, Measured};
+use crate::domain::advice::{self, Advice, MeasuredSession};
 use crate::domain::evidence::EvidenceRow;
 use crate::domain::standard::SessionJudgement;
 use crate::http::auth::signed_in::Member;
-use crate::http::error::Answer;
-use crate::http::read::{At, Json};
+use crate::http::error::HandlerResult;
+use crate::http::read::{Json, PathKey};
 use crate::http::state::App;
 use crate::store;
 
 /// The seconds that determined a session's features.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Evidence {
+pub struct EvidenceResponse {
     /// Version of the program that computed the result; `null` while there is no result.
     pipeline: Option<String>,
     /// One row for each feature, in display order. `null` if there is no result yet, or if an older program computed it
@@ -25,7 +25,7 @@ pub struct Evidence {
 
 /// What to practise next.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct AdviceGiven {
+pub struct AdviceResponse {
     /// Version of the task's standard that the session is compared with; `null`: the task has no standard.
     standard: Option<i64>,
     /// At most three pieces of advice, the most important first.
@@ -67,12 +67,12 @@ const NO_SECONDS: NoAdvice = NoAdvice {
 /// Stretches show the trainee's movement: those that measurement errors of the path alone could explain are left out.
 /// Stretches where a tool was not seen appear only for the features of the view, with the cause.
 #[utoipa::path(get, path = "/sessions/{id}/evidence", tag = "sessions",
-    params(("id" = String, Path, description = "id")), responses((status = OK, body = Evidence)))]
-pub async fn evidence(State(app): State<App>, by: Member, at: At) -> Answer<Json<Evidence>> {
+    params(("id" = String, Path, description = "id")), responses((status = OK, body = EvidenceResponse)))]
+pub async fn evidence(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<EvidenceResponse>> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let result = app.store.sessions().result(&by.scope, session.id).await?;
     let features = app.store.sessions().evidence(&by.scope, session.id).await?;
-    Ok(Json(Evidence { pipeline: result.map(|result| result.versions.pipeline), features }))
+    Ok(Json(EvidenceResponse { pipeline: result.map(|result| result.versions.pipeline), features }))
 }
 
 /// Read what to practise next
@@ -81,8 +81,8 @@ pub async fn evidence(State(app): State<App>, by: Member, at: At) -> Answer<Json
 /// feature breaks the limit and there are seconds to look at. There is no advice for a refused session, or without a
 /// standard.
 #[utoipa::path(get, path = "/sessions/{id}/advice", tag = "sessions",
-    params(("id" = String, Path, description = "id")), responses((status = OK, body = AdviceGiven)))]
-pub async fn session_advice(State(app): State<App>, by: Member, at: At) -> Answer<Json<AdviceGiven>> {
+    params(("id" = String, Path, description = "id")), responses((status = OK, body = AdviceResponse)))]
+pub async fn session_advice(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<AdviceResponse>> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let standard = app.store.standards().in_use(&by.scope, session.task_id).await?;
     let result = app.store.sessions().result(&by.scope, session.id).await?;
@@ -90,13 +90,13 @@ pub async fn session_advice(State(app): State<App>, by: Member, at: At) -> Answe
     let version = standard.as_ref().map(|standard| standard.version);
     let given = advice_of(&session, result, standard, evidence);
     let (items, none) = given.map_or_else(|none| (Vec::new(), Some(none)), |items| (items, None));
-    Ok(Json(AdviceGiven { standard: version, items, none }))
+    Ok(Json(AdviceResponse { standard: version, items, none }))
 }
 
 fn advice_of(
-    session: &store::Session,
+    session: &store::SessionRecord,
     result: Option<store::SessionResult>,
-    standard: Option<store::Standard>,
+    standard: Option<store::StandardRecord>,
     evidence: Option<Vec<EvidenceRow>>,
 ) -> Result<Vec<Advice>, NoAdvice> {
     let result = result.ok_or(NOT_SCORED)?;
@@ -104,7 +104,7 @@ fn advice_of(
         return Err(REFUSED);
     }
     let standard = standard.ok_or(NO_STANDARD)?;
-    let measured = Measured {
+    let measured = MeasuredSession {
         features: &result.features,
         evidence: &evidence.ok_or(NO_EVIDENCE)?,
         pipeline: &result.versions.pipeline,

@@ -8,20 +8,20 @@ use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
 use crate::domain::files::features::TableFormat;
-use crate::domain::xapi::{self, Scored, Statement};
+use crate::domain::xapi::{self, ScoredSession, Statement};
 use crate::http::auth::signed_in::Member;
-use crate::http::error::Answer;
-use crate::http::export::{self, CalledBy};
-use crate::http::read::{At, Json, Params};
+use crate::http::error::HandlerResult;
+use crate::http::export::{self, TraineeIdentifier};
+use crate::http::read::{Json, Params, PathKey};
 use crate::http::state::App;
-use crate::store::{Session, SessionResult, Standard};
+use crate::store::{SessionRecord, SessionResult, StandardRecord};
 use crate::time::to_rfc3339;
 
 /// Selects the format of a table.
 #[derive(Clone, Copy, Debug, Deserialize, IntoParams, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct Written {
+pub struct FeaturesQuery {
     /// Format of the table.
     #[serde(default)]
     #[param(inline)]
@@ -32,19 +32,19 @@ pub struct Written {
 ///
 /// One row for each tool and feature, with value, error bar, unit and versions.
 #[utoipa::path(get, path = "/sessions/{id}/features", tag = "sessions",
-    params(("id" = String, Path, description = "id"), Written),
+    params(("id" = String, Path, description = "id"), FeaturesQuery),
     responses((status = OK, description = "The table: session, trainee, task, …", content(
         (Object = "application/json"), (String = "text/csv"), (Vec<u8> = "application/vnd.apache.parquet")))))]
 pub async fn features(
     State(app): State<App>,
     by: Member,
-    at: At,
-    Params(Written { format }): Params<Written>,
-) -> Answer<Response> {
+    at: PathKey,
+    Params(FeaturesQuery { format }): Params<FeaturesQuery>,
+) -> HandlerResult<Response> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let result = app.result(&by.scope, session.id).await?;
-    let rows = export::rows(&session, &result, CalledBy::Code);
-    export::of_session(rows, format, &format!("features-{}", session.id)).await
+    let rows = export::rows(&session, &result, TraineeIdentifier::Code);
+    export::export_session(rows, format, &format!("features-{}", session.id)).await
 }
 
 /// Read a session as an xAPI statement
@@ -54,21 +54,31 @@ pub async fn features(
 /// Unknown values are absent.
 #[utoipa::path(get, path = "/sessions/{id}/xapi", tag = "sessions", params(("id" = String, Path, description = "id")),
     responses((status = OK, body = Statement)))]
-pub async fn xapi(State(app): State<App>, by: Member, at: At, headers: HeaderMap) -> Answer<Json<Statement>> {
+pub async fn xapi(
+    State(app): State<App>,
+    by: Member,
+    at: PathKey,
+    headers: HeaderMap,
+) -> HandlerResult<Json<Statement>> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let result = app.result(&by.scope, session.id).await?;
     let standard = app.store.standards().in_use(&by.scope, session.task_id).await?;
-    Ok(Json(statement(&app.home(&headers), &session, &result, standard.as_ref())))
+    Ok(Json(statement(&app.base_url(&headers), &session, &result, standard.as_ref())))
 }
 
 /// The xAPI statement of a session's result.
-pub fn statement(home: &str, session: &Session, result: &SessionResult, standard: Option<&Standard>) -> Statement {
-    let judged = |standard: &Standard| {
+pub fn statement(
+    home: &str,
+    session: &SessionRecord,
+    result: &SessionResult,
+    standard: Option<&StandardRecord>,
+) -> Statement {
+    let judged = |standard: &StandardRecord| {
         let hand = session.trainee_handedness;
         (standard.version, standard.definition.judge(&result.features, &result.versions.pipeline, hand))
     };
     let trainee = session.trainee_id.to_string();
-    xapi::statement(&Scored {
+    xapi::statement(&ScoredSession {
         home,
         session: session.id.to_string(),
         result: result.id.to_string(),

@@ -6,18 +6,18 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use utoipa::IntoParams;
 
-use super::trajectory::MOST;
+use super::trajectory::MAX_STORED_BYTES;
 use crate::analysis::diagnostics;
 use crate::analysis::edits::Swaps;
-use crate::analysis::paths::Paths;
+use crate::analysis::paths::SessionPaths;
 use crate::domain::blob::BlobHash;
-use crate::domain::edit::Change;
+use crate::domain::edit::EditChange;
 use crate::domain::scope::Scope;
 use crate::domain::text::TrackerName;
 use crate::http::auth::signed_in::Member;
-use crate::http::error::{Answer, Problem, ProblemDocument, Refusal};
+use crate::http::error::{HandlerResult, ProblemDocument, ProblemResponse, Refusal};
 use crate::http::file::{StoredFile, disposition};
-use crate::http::read::{At, Params};
+use crate::http::read::{Params, PathKey};
 use crate::http::state::App;
 use crate::ids::SessionId;
 use crate::store::SessionResult;
@@ -27,14 +27,20 @@ use crate::store::SessionResult;
     responses((status = OK, description = "The recording as it was sent", content_type = "video/*"),
         (status = PARTIAL_CONTENT, description = "The requested part", content_type = "video/*"),
         (status = 416, description = "Refused: `range-not-satisfiable`", content_type = "application/problem+json", body = ProblemDocument)))]
-pub async fn video(State(app): State<App>, by: Member, at: At, method: Method, headers: HeaderMap) -> Answer<Response> {
+pub async fn video(
+    State(app): State<App>,
+    by: Member,
+    at: PathKey,
+    method: Method,
+    headers: HeaderMap,
+) -> HandlerResult<Response> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     if let Some(tracker) = session.tracker {
-        return Err(no_picture(&tracker));
+        return Err(no_video(&tracker));
     }
     let disposition = disposition("inline", session.filename.as_str());
-    let video = session.video.ok_or_else(Problem::not_found)?;
-    app.stored(video, session.media_type, disposition).await?.answer(&method, &headers).await
+    let video = session.video.ok_or_else(ProblemResponse::not_found)?;
+    app.stored_file(video, session.media_type, disposition).await?.answer(&method, &headers).await
 }
 
 /// Read a picture of the recording
@@ -44,21 +50,21 @@ pub async fn video(State(app): State<App>, by: Member, at: At, method: Method, h
 pub async fn preview(
     State(app): State<App>,
     by: Member,
-    at: At,
+    at: PathKey,
     method: Method,
     headers: HeaderMap,
-) -> Answer<Response> {
+) -> HandlerResult<Response> {
     let result = app.result(&by.scope, at.id()?).await?;
-    let preview = result.preview.ok_or_else(Problem::not_found)?;
+    let preview = result.preview.ok_or_else(ProblemResponse::not_found)?;
     let disposition = disposition("inline", "preview.jpg");
-    app.stored(preview, "image/jpeg".to_owned(), disposition).await?.answer(&method, &headers).await
+    app.stored_file(preview, "image/jpeg".to_owned(), disposition).await?.answer(&method, &headers).await
 }
 
 /// Selects frames.
 #[derive(Clone, Copy, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct Frames {
+pub struct FrameRangeQuery {
     /// Only this frame and later ones.
     from_frame: Option<u64>,
     /// Only frames before this one.
@@ -70,48 +76,55 @@ pub struct Frames {
 /// Includes the reasons for rejected measurements. The names of the tools follow the session's edits. Frames that were
 /// trimmed off are included.
 #[utoipa::path(get, path = "/sessions/{id}/diagnostics", tag = "sessions",
-    params(("id" = String, Path, description = "id"), Frames),
+    params(("id" = String, Path, description = "id"), FrameRangeQuery),
     responses((status = OK, description = "Columns: borders and tips in pixels of the recorded frame, reasons", body = Object)))]
 pub async fn diagnostics(
     State(app): State<App>,
     by: Member,
-    at: At,
-    Params(frames): Params<Frames>,
+    at: PathKey,
+    Params(frames): Params<FrameRangeQuery>,
     method: Method,
     headers: HeaderMap,
-) -> Answer<Response> {
+) -> HandlerResult<Response> {
     let id = at.id()?;
     let result = app.result(&by.scope, id).await?;
-    let stored = result.diagnostics.ok_or_else(Problem::not_found)?;
+    let stored = result.diagnostics.ok_or_else(ProblemResponse::not_found)?;
     let disposition = disposition("inline", "diagnostics.json");
     let mut swaps = app.store.edits().in_force(id).await?.changes;
-    swaps.retain(|change| matches!(change, Change::Swap(..)));
+    swaps.retain(|change| matches!(change, EditChange::Swap(..)));
     if frames.from_frame.or(frames.to_frame).is_some() || !swaps.is_empty() {
-        let files = (app.vault.read(stored, MOST).await?, app.vault.read(result.trajectory, MOST).await?);
+        let files = (
+            app.vault.read(stored, MAX_STORED_BYTES).await?,
+            app.vault.read(result.trajectory, MAX_STORED_BYTES).await?,
+        );
         // Reading a long session takes a moment, so it runs on a blocking thread.
-        let written = tokio::task::spawn_blocking(move || part(&files, frames, &swaps));
-        let part = written.await.map_err(|cause| Problem::internal("reading diagnostics", cause))??;
+        let written = tokio::task::spawn_blocking(move || diagnostics_part(&files, frames, &swaps));
+        let part = written.await.map_err(|cause| ProblemResponse::internal("reading diagnostics", cause))??;
         return Ok(([(header::CONTENT_TYPE, "application/json")], part).into_response());
     }
-    app.stored(stored, "application/json".to_owned(), disposition).await?.answer(&method, &headers).await
+    app.stored_file(stored, "application/json".to_owned(), disposition).await?.answer(&method, &headers).await
 }
 
 /// The diagnostics of some frames, with swapped tool names.
-fn part((seen, path): &(Vec<u8>, Vec<u8>), frames: Frames, swaps: &[Change]) -> Answer<Vec<u8>> {
-    let failed = |cause: String| Problem::internal("reading diagnostics", cause);
+fn diagnostics_part(
+    (seen, path): &(Vec<u8>, Vec<u8>),
+    frames: FrameRangeQuery,
+    swaps: &[EditChange],
+) -> HandlerResult<Vec<u8>> {
+    let failed = |cause: String| ProblemResponse::internal("reading diagnostics", cause);
     let frames = frames.from_frame.unwrap_or(0)..frames.to_frame.unwrap_or(u64::MAX);
     if swaps.is_empty() {
-        return diagnostics::part(seen, frames, |_, tool| tool).map_err(|cause| failed(cause.to_string()));
+        return diagnostics::select_frames(seen, frames, |_, tool| tool).map_err(|cause| failed(cause.to_string()));
     }
-    let paths = Paths::from_bytes(path).map_err(|cause| failed(cause.to_string()))?;
+    let paths = SessionPaths::from_bytes(path).map_err(|cause| failed(cause.to_string()))?;
     let swaps = Swaps::of(&paths, swaps);
     let time_of = |frame: u64| paths.frame_times_s.get(frame as usize).copied();
     let name_at = |frame, tool| time_of(frame).map_or(tool, |time_s| swaps.name_at(tool, time_s));
-    diagnostics::part(seen, frames, name_at).map_err(|cause| failed(cause.to_string()))
+    diagnostics::select_frames(seen, frames, name_at).map_err(|cause| failed(cause.to_string()))
 }
 
 /// The problem for a session that was imported from another tracker: it has no recording.
-fn no_picture(tracker: &TrackerName) -> Problem {
+fn no_video(tracker: &TrackerName) -> ProblemResponse {
     Refusal::Conflict.with(format!(
         "The session was imported from {tracker} and has no video. Read its path at `trajectory`; the session holds its features."
     ))
@@ -119,7 +132,7 @@ fn no_picture(tracker: &TrackerName) -> Problem {
 
 impl App {
     /// The latest result of a session. A session without a result gives 409, a missing session 404.
-    pub(super) async fn result(&self, scope: &Scope, id: SessionId) -> Answer<SessionResult> {
+    pub(super) async fn result(&self, scope: &Scope, id: SessionId) -> HandlerResult<SessionResult> {
         let result = self.store.sessions().result(scope, id).await?;
         result.ok_or_else(|| {
             Refusal::Conflict.with(
@@ -129,7 +142,7 @@ impl App {
     }
 
     /// Opens a file of the vault for sending.
-    async fn stored(&self, hash: BlobHash, media_type: String, disposition: String) -> Answer<StoredFile> {
+    async fn stored_file(&self, hash: BlobHash, media_type: String, disposition: String) -> HandlerResult<StoredFile> {
         let (file, length) = self.vault.open_blob(hash).await?;
         let etag = format!("\"{hash}\"");
         Ok(StoredFile { file: tokio::fs::File::from_std(file), length, etag, media_type, disposition })

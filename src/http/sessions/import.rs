@@ -6,23 +6,23 @@ use http_body_util::{BodyExt, Limited};
 use serde::Deserialize;
 use utoipa::IntoParams;
 
-use super::show::Session;
+use super::show::SessionResponse;
 use crate::domain::text::TrackerName;
 use crate::http::auth::signed_in::Staff;
-use crate::http::error::{Answer, Problem, Refusal};
-use crate::http::read::{Params, content_length, too_large, unreadable};
+use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
+use crate::http::read::{Params, content_length, too_large, unreadable_body};
 use crate::http::show::Created;
 use crate::http::state::App;
-use crate::intake::About;
+use crate::intake::RecordingDescription;
 
 /// Name of a tracker if the request names none.
-const NAMELESS: &str = "another tracker";
+const UNNAMED_TRACKER: &str = "another tracker";
 
 /// What the imported path belongs to.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct RowsOf {
+pub struct ImportQuery {
     /// The trainee, by id or code.
     #[param(required)]
     trainee: Option<String>,
@@ -48,34 +48,35 @@ pub struct RowsOf {
 /// /sessions/{id}/trajectory` are optional. The table becomes a session without a video and is scored like any other.
 /// Its features have error bars only if the columns `sigma_xy_mm` and `sigma_z_mm` give the error of each row. An
 /// invalid table is refused; the problem names the line and the column.
-#[utoipa::path(post, path = "/sessions/import", tag = "sessions", params(RowsOf),
-    request_body(content = String, content_type = "text/csv"), responses((status = CREATED, body = Session)))]
+#[utoipa::path(post, path = "/sessions/import", tag = "sessions", params(ImportQuery),
+    request_body(content = String, content_type = "text/csv"), responses((status = CREATED, body = SessionResponse)))]
 pub async fn import(
     State(app): State<App>,
     by: Staff,
-    Params(of): Params<RowsOf>,
+    Params(of): Params<ImportQuery>,
     request: Request,
-) -> Answer<Created<Session>> {
+) -> HandlerResult<Created<SessionResponse>> {
     expect_csv(request.headers())?;
-    let RowsOf { trainee, task, in_box, tracker, filename, recorded_at } = of;
-    let tracker: TrackerName = tracker.as_deref().unwrap_or(NAMELESS).parse()?;
+    let ImportQuery { trainee, task, in_box, tracker, filename, recorded_at } = of;
+    let tracker: TrackerName = tracker.as_deref().unwrap_or(UNNAMED_TRACKER).parse()?;
     let filename = filename.or_else(|| Some("trajectory.csv".to_owned()));
-    let about = app.intake.recognise(&by.scope, About { trainee, task, in_box, filename, recorded_at }).await?;
+    let about =
+        app.intake.resolve(&by.scope, RecordingDescription { trainee, task, in_box, filename, recorded_at }).await?;
     let most = app.intake.max_table_bytes();
     if content_length(request.headers()).is_some_and(|length| length > most as u64) {
         return Err(too_large(most as u64));
     }
-    let room = app.intake.room_for_table()?;
+    let room = app.intake.acquire_import_permit()?;
     let body = Limited::new(request.into_body(), most).collect().await;
-    let table = body.map_err(|cause| unreadable(&*cause, most as u64))?.to_bytes();
+    let table = body.map_err(|cause| unreadable_body(&*cause, most as u64))?.to_bytes();
     let (intake, scope) = (app.intake.clone(), by.scope);
     // In a separate task: a sender that closes right after its last byte must not cancel the import.
     let taken = app.shutdown.spawn(async move { intake.import(&scope, about, tracker, (table, room)).await });
-    let session = taken.await.map_err(|cause| Problem::internal("importing a table", cause))??;
-    Ok(Created { location: format!("/api/v1/sessions/{}", session.id), made: Session::of(session, None) })
+    let session = taken.await.map_err(|cause| ProblemResponse::internal("importing a table", cause))??;
+    Ok(Created { location: format!("/api/v1/sessions/{}", session.id), made: SessionResponse::of(session, None) })
 }
 
-fn expect_csv(headers: &HeaderMap) -> Answer<()> {
+fn expect_csv(headers: &HeaderMap) -> HandlerResult<()> {
     let sent = headers.get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
     if sent.split(';').next().unwrap_or_default().trim().eq_ignore_ascii_case("text/csv") {
         return Ok(());

@@ -17,31 +17,31 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{interval, timeout};
 use utoipa::IntoParams;
 
-use crate::analysis::protocol::{Followed, FollowedFrame, FollowedTool, PathRow, PlacementShape, live_features};
+use crate::analysis::protocol::{FollowReply, FollowedFrame, FollowedTool, PathRow, PlacementShape, live_features};
 use crate::domain::scope::Scope;
 use crate::domain::session::{LiveFeature, SessionStatus};
 use crate::domain::standard::Target;
 use crate::http::auth::origin;
 use crate::http::auth::signed_in::{Member, SignedIn};
-use crate::http::error::{Answer, Refusal, busy};
-use crate::http::read::{At, Params};
+use crate::http::error::{HandlerResult, Refusal, busy};
+use crate::http::read::{Params, PathKey};
 use crate::http::state::App;
 use crate::ids::SessionId;
-use crate::live::{Following, Watch};
+use crate::live::{FeedWatcher, TrackingState};
 
 /// How often to check whether a recording without a sender has resumed or ended.
-const LOOK_EVERY: Duration = Duration::from_secs(1);
+const POLL_INTERVAL: Duration = Duration::from_secs(1);
 /// How often to check that the watcher is still signed in and may see the session.
-const STILL_ALLOWED: Duration = Duration::from_secs(5);
+const PERMISSION_CHECK_INTERVAL: Duration = Duration::from_secs(5);
 /// How long a watcher may take to receive one message.
-const PATIENCE: Duration = Duration::from_secs(10);
+const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 /// Bytes before a picture: the number of its frame.
-const PICTURE_HEAD: usize = 8;
+const PICTURE_HEADER_BYTES: usize = 8;
 
 /// A message to a watcher.
 #[derive(Debug, Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
-enum Word {
+enum LiveMessage {
     /// The limits of the task's standard. The session is judged only once the recording is complete.
     Targets { standard: i64, targets: Vec<Target> },
     /// The recording has no sender at the moment.
@@ -55,9 +55,9 @@ enum Word {
         why: Option<String>,
     },
     /// A frame was tracked.
-    Frame(Frame),
+    Frame(LiveFrame),
     /// Features so far, the light, and whether camera and trocars have moved.
-    Features { features: Vec<LiveFeature>, light: Option<Light>, placement: Option<Placement> },
+    Features { features: Vec<LiveFeature>, light: Option<LiveLight>, placement: Option<LivePlacement> },
     /// The watcher was too slow and missed this many messages.
     Missed { count: u64 },
     /// The recording is complete, and the session has this status.
@@ -65,45 +65,45 @@ enum Word {
 }
 
 #[derive(Debug, Serialize)]
-struct Frame {
+struct LiveFrame {
     frame: u64,
     time_s: f64,
-    tools: Vec<Tool>,
+    tools: Vec<LiveTool>,
     /// Distance of the two tips and its standard deviation, mm.
     distance_mm: Option<[f64; 2]>,
 }
 
 /// The scene's light, relative to the first frame.
 #[derive(Debug, Serialize)]
-struct Light {
+struct LiveLight {
     luma_ratio: f64,
     chroma_shift: [f64; 2],
 }
 
 /// Shifts of camera and trocars since the box's earlier sessions.
 #[derive(Debug, Serialize)]
-struct Placement {
+struct LivePlacement {
     /// Shift of the camera; `null` if it has not moved.
-    camera: Option<Shift>,
+    camera: Option<LiveShift>,
     /// Shift of each tool's trocar; `null` if it has not moved, or only together with the camera.
-    ports: Vec<Option<Shift>>,
+    ports: Vec<Option<LiveShift>>,
 }
 
 #[derive(Debug, Serialize)]
-struct Shift {
+struct LiveShift {
     mm: f64,
     sigma_mm: f64,
 }
 
-impl From<&PlacementShape> for Placement {
+impl From<&PlacementShape> for LivePlacement {
     fn from(PlacementShape { camera, ports }: &PlacementShape) -> Self {
-        let shift = |numbers: &Option<[f64; 2]>| numbers.map(|[mm, sigma_mm]| Shift { mm, sigma_mm });
+        let shift = |numbers: &Option<[f64; 2]>| numbers.map(|[mm, sigma_mm]| LiveShift { mm, sigma_mm });
         Self { camera: shift(camera), ports: ports.iter().map(shift).collect() }
     }
 }
 
 #[derive(Debug, Serialize)]
-struct Tool {
+struct LiveTool {
     /// `seen`, `bridged` (predicted from its motion for a moment), `left_view` or `lost`.
     state: &'static str,
     /// Why the tool was not measured on this frame.
@@ -116,7 +116,7 @@ struct Tool {
     borders_px: Option<[[f32; 4]; 2]>,
 }
 
-impl From<&FollowedTool> for Tool {
+impl From<&FollowedTool> for LiveTool {
     fn from(tool: &FollowedTool) -> Self {
         let FollowedTool { seen, path, left_view } = tool;
         let state = match path {
@@ -138,13 +138,13 @@ impl From<&FollowedTool> for Tool {
     }
 }
 
-impl From<&FollowedFrame> for Frame {
+impl From<&FollowedFrame> for LiveFrame {
     fn from(FollowedFrame { frame, time_s, tools }: &FollowedFrame) -> Self {
         let distance_mm = match &tools[..] {
             [FollowedTool { path: Some(one), .. }, FollowedTool { path: Some(other), .. }] => distance(one, other),
             _ => None,
         };
-        Self { frame: *frame, time_s: *time_s, tools: tools.iter().map(Tool::from).collect(), distance_mm }
+        Self { frame: *frame, time_s: *time_s, tools: tools.iter().map(LiveTool::from).collect(), distance_mm }
     }
 }
 
@@ -163,7 +163,7 @@ fn distance(one: &PathRow, other: &PathRow) -> Option<[f64; 2]> {
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct Watched {
+pub struct LiveQuery {
     /// Whether to send small pictures; `false` for programs that need only numbers.
     #[serde(default = "yes")]
     #[param(default = true)]
@@ -178,16 +178,16 @@ fn yes() -> bool {
 ///
 /// Opens a WebSocket; `docs/live.md` describes the protocol.
 #[utoipa::path(get, path = "/sessions/{id}/live", tag = "sessions",
-    params(("id" = String, Path, description = "id"), Watched),
+    params(("id" = String, Path, description = "id"), LiveQuery),
     responses((status = 101, description = "The connection is a WebSocket from here on")))]
 pub async fn live(
     State(app): State<App>,
     by: Member,
-    at: At,
-    Params(watched): Params<Watched>,
+    at: PathKey,
+    Params(watched): Params<LiveQuery>,
     headers: HeaderMap,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
-) -> Answer<Response> {
+) -> HandlerResult<Response> {
     let upgrade = upgrade.map_err(|_| {
         Refusal::BadRequest
             .with("This address accepts only WebSocket connections. docs/live.md describes the protocol.")
@@ -195,13 +195,13 @@ pub async fn live(
     origin::refuse_foreign(&headers)?;
     let session = app.store.sessions().get(&by.scope, at.id()?).await?.id;
     let full = || busy("Too many pages are open. Close a page that you no longer need, then try again.");
-    let place = app.streams.take(&by.scope).ok_or_else(full)?;
+    let place = app.watcher_slots.take(&by.scope).ok_or_else(full)?;
     let watcher = Watcher { app, scope: by.scope, headers, session, pictures: watched.pictures };
     // A watcher sends no messages, so small buffers are enough.
     let upgrade = upgrade.max_message_size(1024).max_frame_size(1024).read_buffer_size(1024).write_buffer_size(0);
     Ok(upgrade.on_upgrade(move |socket| async move {
         let shutdown = watcher.app.shutdown.clone();
-        let _ = shutdown.spawn(async move { watcher.talk(socket).await }).await; // a panic is logged where it happened
+        let _ = shutdown.spawn(async move { watcher.run_and_close(socket).await }).await; // a panic is logged where it happened
         drop(place);
     }))
 }
@@ -216,131 +216,137 @@ struct Watcher {
 }
 
 /// The watcher cannot receive more: disconnected, signed out, or not allowed to see the session.
-struct Gone;
+struct WatcherGone;
 
 /// Why [`Watcher::follow`] returned.
-enum Pause {
+enum FollowEnd {
     /// The feed was closed; the recording may resume.
-    Closed,
+    FeedClosed,
     /// The watcher is gone, see [`WatcherGone`].
-    Over,
+    WatcherGone,
 }
 
 impl Watcher {
-    async fn talk(&self, mut socket: WebSocket) {
+    async fn run_and_close(&self, mut socket: WebSocket) {
         let ending = self.app.shutdown.begun();
         tokio::select! {
-            _ = self.tell(&mut socket) => {}
+            _ = self.run(&mut socket) => {}
             () = ending => {}
         }
         let frame = CloseFrame { code: 1000, reason: "".into() };
-        let _ = timeout(PATIENCE, socket.send(Message::Close(Some(frame)))).await; // the watcher may be gone already
+        let _ = timeout(SEND_TIMEOUT, socket.send(Message::Close(Some(frame)))).await; // the watcher may be gone already
     }
 
     /// Sends messages until the recording has ended.
-    async fn tell(&self, socket: &mut WebSocket) -> Result<(), Gone> {
-        self.tell_targets(socket).await?;
+    async fn run(&self, socket: &mut WebSocket) -> Result<(), WatcherGone> {
+        self.send_targets(socket).await?;
         let mut is_waiting = false;
         loop {
-            let session = self.app.store.sessions().get(&self.scope, self.session).await.map_err(|_| Gone)?;
+            let session = self.app.store.sessions().get(&self.scope, self.session).await.map_err(|_| WatcherGone)?;
             let status = session.status();
             if status != SessionStatus::Receiving {
-                return say(socket, &Word::Ended { status }).await;
+                return send_message(socket, &LiveMessage::Ended { status }).await;
             }
             if let Some(watch) = self.app.feeds.watch(self.session, self.pictures).await {
                 is_waiting = false;
-                match self.accompany(socket, watch).await {
-                    Pause::Closed => {}
-                    Pause::Over => return Err(Gone),
+                match self.follow(socket, watch).await {
+                    FollowEnd::FeedClosed => {}
+                    FollowEnd::WatcherGone => return Err(WatcherGone),
                 }
             } else if !is_waiting {
                 is_waiting = true;
-                say(socket, &Word::Waiting).await?;
+                send_message(socket, &LiveMessage::Waiting).await?;
             }
-            self.rest(socket).await?;
+            self.pause(socket).await?;
         }
     }
 
     /// Sends the limits of the task's standard, if it has one.
-    async fn tell_targets(&self, socket: &mut WebSocket) -> Result<(), Gone> {
+    async fn send_targets(&self, socket: &mut WebSocket) -> Result<(), WatcherGone> {
         let store = &self.app.store;
-        let task = store.sessions().get(&self.scope, self.session).await.map_err(|_| Gone)?.task_id;
+        let task = store.sessions().get(&self.scope, self.session).await.map_err(|_| WatcherGone)?.task_id;
         let Ok(Some(standard)) = store.standards().in_use(&self.scope, task).await else { return Ok(()) };
-        say(socket, &Word::Targets { standard: standard.version, targets: standard.definition.targets }).await
+        send_message(socket, &LiveMessage::Targets { standard: standard.version, targets: standard.definition.targets })
+            .await
     }
 
     /// Waits for [`POLL_INTERVAL`]; fails if the watcher disconnects or is signed out.
-    async fn rest(&self, socket: &mut WebSocket) -> Result<(), Gone> {
-        let pause = tokio::time::sleep(LOOK_EVERY);
+    async fn pause(&self, socket: &mut WebSocket) -> Result<(), WatcherGone> {
+        let pause = tokio::time::sleep(POLL_INTERVAL);
         tokio::pin!(pause);
         loop {
             tokio::select! {
                 () = &mut pause => break,
-                received = socket.recv() => if !is_there(received) { return Err(Gone) },
+                received = socket.recv() => if !is_connected(received) { return Err(WatcherGone) },
             }
         }
-        if SignedIn::still(&self.app, &self.headers).await { Ok(()) } else { Err(Gone) }
+        if SignedIn::is_still_valid(&self.app, &self.headers).await { Ok(()) } else { Err(WatcherGone) }
     }
 
     /// Whether the watcher is still signed in and may still see the session.
     async fn is_allowed(&self) -> bool {
-        SignedIn::still(&self.app, &self.headers).await
+        SignedIn::is_still_valid(&self.app, &self.headers).await
             && self.app.store.sessions().get(&self.scope, self.session).await.is_ok()
     }
 
     /// Sends the results of live tracking for as long as the recording is open.
-    async fn accompany(&self, socket: &mut WebSocket, mut watch: Watch) -> Pause {
-        let mut still_allowed = interval(STILL_ALLOWED);
-        let mut still_sent = interval(LOOK_EVERY);
-        watch.following.mark_changed();
+    async fn follow(&self, socket: &mut WebSocket, mut watch: FeedWatcher) -> FollowEnd {
+        let mut still_allowed = interval(PERMISSION_CHECK_INTERVAL);
+        let mut still_sent = interval(POLL_INTERVAL);
+        watch.state.mark_changed();
         loop {
             let sent = tokio::select! {
                 biased;
-                received = socket.recv() => if is_there(received) { Ok(()) } else { Err(Gone) },
+                received = socket.recv() => if is_connected(received) { Ok(()) } else { Err(WatcherGone) },
                 // Checked before the results, because a slow watcher always has results waiting.
-                _ = still_allowed.tick() => if self.is_allowed().await { Ok(()) } else { Err(Gone) },
-                _ = still_sent.tick(), if watch.news.is_empty() => {
-                    if watch.is_sent() { Ok(()) } else { return Pause::Closed }
+                _ = still_allowed.tick() => if self.is_allowed().await { Ok(()) } else { Err(WatcherGone) },
+                _ = still_sent.tick(), if watch.replies.is_empty() => {
+                    if watch.has_sender() { Ok(()) } else { return FollowEnd::FeedClosed }
                 }
                 // Closes only together with the results below, so waiting results are still sent.
-                Ok(()) = watch.following.changed() => say(socket, &live_word(&mut watch)).await,
-                news = watch.news.recv() => match news {
-                    Ok(followed) => tell_of(socket, &followed, &watch).await,
-                    Err(RecvError::Lagged(count)) => say(socket, &Word::Missed { count }).await,
-                    Err(RecvError::Closed) => return Pause::Closed,
+                Ok(()) = watch.state.changed() => send_message(socket, &live_message(&mut watch)).await,
+                news = watch.replies.recv() => match news {
+                    Ok(followed) => send_followed(socket, &followed, &watch).await,
+                    Err(RecvError::Lagged(count)) => send_message(socket, &LiveMessage::Missed { count }).await,
+                    Err(RecvError::Closed) => return FollowEnd::FeedClosed,
                 },
             };
             if sent.is_err() {
-                return Pause::Over;
+                return FollowEnd::WatcherGone;
             }
         }
     }
 }
 
-fn live_word(watch: &mut Watch) -> Word {
-    let (tools, why) = match &*watch.following.borrow_and_update() {
-        Following::NotYet => (None, None),
-        Following::Tools(tools) => (Some(tools.clone()), None),
-        Following::Not(why) | Following::Refused(why) => (None, Some(why.clone())),
+fn live_message(watch: &mut FeedWatcher) -> LiveMessage {
+    let (tools, why) = match &*watch.state.borrow_and_update() {
+        TrackingState::NotStarted => (None, None),
+        TrackingState::Tracking(tools) => (Some(tools.clone()), None),
+        TrackingState::Unavailable(why) | TrackingState::Refused(why) => (None, Some(why.clone())),
     };
-    Word::Live { width: watch.row.width, height: watch.row.height, tools, why }
+    LiveMessage::Live { width: watch.row.width, height: watch.row.height, tools, why }
 }
 
-async fn tell_of(socket: &mut WebSocket, followed: &Arc<Followed>, watch: &Watch) -> Result<(), Gone> {
+async fn send_followed(
+    socket: &mut WebSocket,
+    followed: &Arc<FollowReply>,
+    watch: &FeedWatcher,
+) -> Result<(), WatcherGone> {
     for frame in &followed.frames {
-        say(socket, &Word::Frame(Frame::from(frame))).await?;
+        send_message(socket, &LiveMessage::Frame(LiveFrame::from(frame))).await?;
     }
     if let Some(rows) = &followed.running {
-        let tools = match &*watch.following.borrow() {
-            Following::Tools(tools) => tools.clone(),
-            Following::NotYet | Following::Not(_) | Following::Refused(_) => Vec::new(),
+        let tools = match &*watch.state.borrow() {
+            TrackingState::Tracking(tools) => tools.clone(),
+            TrackingState::NotStarted | TrackingState::Unavailable(_) | TrackingState::Refused(_) => Vec::new(),
         };
-        let light = followed.light.map(|[luma_ratio, blue, red]| Light { luma_ratio, chroma_shift: [blue, red] });
-        let placement = followed.placement.as_ref().map(Placement::from);
-        say(socket, &Word::Features { features: live_features(rows, &tools), light, placement }).await?;
+        let light = followed.light.map(|[luma_ratio, blue, red]| LiveLight { luma_ratio, chroma_shift: [blue, red] });
+        let placement = followed.placement.as_ref().map(LivePlacement::from);
+        send_message(socket, &LiveMessage::Features { features: live_features(rows, &tools), light, placement })
+            .await?;
     }
     if let Some((frame, jpeg)) = followed.picture.as_ref().filter(|_| watch.viewer.is_some()) {
-        let mut bytes = Vec::with_capacity(PICTURE_HEAD + jpeg.len());
+        let mut bytes = Vec::with_capacity(PICTURE_HEADER_BYTES + jpeg.len());
         bytes.extend(frame.to_be_bytes());
         bytes.extend(jpeg);
         send(socket, Message::Binary(bytes.into())).await?;
@@ -349,18 +355,18 @@ async fn tell_of(socket: &mut WebSocket, followed: &Arc<Followed>, watch: &Watch
 }
 
 /// Whether the watcher is still connected. The content of its messages does not matter.
-fn is_there(received: Option<Result<Message, axum::Error>>) -> bool {
+fn is_connected(received: Option<Result<Message, axum::Error>>) -> bool {
     !matches!(received, None | Some(Err(_) | Ok(Message::Close(_))))
 }
 
-async fn say(socket: &mut WebSocket, message: &Word) -> Result<(), Gone> {
-    let text = serde_json::to_string(message).map_err(|_| Gone)?;
+async fn send_message(socket: &mut WebSocket, message: &LiveMessage) -> Result<(), WatcherGone> {
+    let text = serde_json::to_string(message).map_err(|_| WatcherGone)?;
     send(socket, Message::Text(text.into())).await
 }
 
-async fn send(socket: &mut WebSocket, message: Message) -> Result<(), Gone> {
-    match timeout(PATIENCE, socket.send(message)).await {
+async fn send(socket: &mut WebSocket, message: Message) -> Result<(), WatcherGone> {
+    match timeout(SEND_TIMEOUT, socket.send(message)).await {
         Ok(Ok(())) => Ok(()),
-        Ok(Err(_)) | Err(_) => Err(Gone),
+        Ok(Err(_)) | Err(_) => Err(WatcherGone),
     }
 }

@@ -4,29 +4,29 @@ use axum::extract::State;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::domain::rating::{self, Form, FormInfo, Mark, NewRating};
+use crate::domain::rating::{self, FormInfo, ItemMark, NewRating, RatingForm};
 use crate::domain::scope::Scope;
 use crate::http::auth::signed_in::{Member, Staff};
-use crate::http::error::Answer;
-use crate::http::read::{At, Json};
-use crate::http::show::{Created, Page, Time};
+use crate::http::error::HandlerResult;
+use crate::http::read::{Json, PathKey};
+use crate::http::show::{Created, PageResponse, Time};
 use crate::http::state::App;
 use crate::ids::{RatingId, SessionId};
 use crate::store;
 
 /// A rating of a session on a form.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Rating {
+pub struct RatingResponse {
     id: RatingId,
     /// Name of the rater; `null` if the person was deleted.
     who: Option<String>,
     /// True if it is the caller's own rating.
     own: bool,
-    form: Form,
+    form: RatingForm,
     /// Version of the form's wording.
     version: i64,
     /// The marks, in the form's order.
-    items: Vec<Mark>,
+    items: Vec<ItemMark>,
     /// Sum of the marks; `null` if an item was not judged.
     total: Option<u32>,
     /// True if the rater could see nothing of other raters before. Agreement and correlations use only such ratings.
@@ -36,24 +36,24 @@ pub struct Rating {
 
 /// A session's ratings.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Ratings {
+pub struct RatingsResponse {
     /// The latest rating of each rater on each form, newest first. Staff see other ratings on a form after rating the
     /// session on it themselves; the session's trainee sees all.
-    items: Vec<Rating>,
+    items: Vec<RatingResponse>,
     /// Number of raters on each form.
-    raters: Vec<Raters>,
+    raters: Vec<RaterCount>,
 }
 
 /// Number of raters on a form.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Raters {
-    form: Form,
+pub struct RaterCount {
+    form: RatingForm,
     raters: usize,
 }
 
-impl Rating {
-    fn new(rating: store::Rating, scope: &Scope) -> Self {
-        let store::Rating { id, person_id, who, form, form_version, items, is_blind, created_at_ms } = rating;
+impl RatingResponse {
+    fn new(rating: store::RatingRecord, scope: &Scope) -> Self {
+        let store::RatingRecord { id, person_id, who, form, form_version, items, is_blind, created_at_ms } = rating;
         let own = person_id.is_some() && person_id == scope.person();
         let (who, total, created_at) = (who.map(String::from), rating::total(&items), Time(created_at_ms));
         Self { id, who, own, form, version: form_version, total, items, blind: is_blind, created_at }
@@ -61,19 +61,19 @@ impl Rating {
 }
 
 /// List the rating forms
-#[utoipa::path(get, path = "/rating-forms", tag = "ratings", responses((status = OK, body = Page<FormInfo>)))]
-pub async fn rating_forms(_by: Member) -> Json<Page<FormInfo>> {
-    Json(Page::whole(FormInfo::all()))
+#[utoipa::path(get, path = "/rating-forms", tag = "ratings", responses((status = OK, body = PageResponse<FormInfo>)))]
+pub async fn rating_forms(_by: Member) -> Json<PageResponse<FormInfo>> {
+    Json(PageResponse::whole(FormInfo::all()))
 }
 
 /// List a session's ratings that the caller may see
 #[utoipa::path(get, path = "/sessions/{id}/ratings", tag = "ratings",
-    params(("id" = String, Path, description = "id")), responses((status = OK, body = Ratings)))]
-pub async fn ratings(State(app): State<App>, by: Member, at: At) -> Answer<Json<Ratings>> {
-    let store::SeenRatings { items, raters } = app.store.ratings().of_session(&by.scope, at.id()?).await?;
-    let items = items.into_iter().map(|rating| Rating::new(rating, &by.scope)).collect();
-    let raters = raters.into_iter().map(|(form, raters)| Raters { form, raters }).collect();
-    Ok(Json(Ratings { items, raters }))
+    params(("id" = String, Path, description = "id")), responses((status = OK, body = RatingsResponse)))]
+pub async fn ratings(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<RatingsResponse>> {
+    let store::VisibleRatings { items, raters } = app.store.ratings().of_session(&by.scope, at.id()?).await?;
+    let items = items.into_iter().map(|rating| RatingResponse::new(rating, &by.scope)).collect();
+    let raters = raters.into_iter().map(|(form, raters)| RaterCount { form, raters }).collect();
+    Ok(Json(RatingsResponse { items, raters }))
 }
 
 /// Rate a session
@@ -83,11 +83,16 @@ pub async fn ratings(State(app): State<App>, by: Member, at: At) -> Answer<Json<
 /// trainee sees it.
 #[utoipa::path(post, path = "/sessions/{id}/ratings", tag = "ratings",
     params(("id" = String, Path, description = "id")), request_body = NewRating,
-    responses((status = CREATED, body = Rating)))]
-pub async fn rate(State(app): State<App>, by: Staff, at: At, Json(new): Json<NewRating>) -> Answer<Created<Rating>> {
+    responses((status = CREATED, body = RatingResponse)))]
+pub async fn rate(
+    State(app): State<App>,
+    by: Staff,
+    at: PathKey,
+    Json(new): Json<NewRating>,
+) -> HandlerResult<Created<RatingResponse>> {
     let session: SessionId = at.id()?;
     let (marks, form) = (new.marks()?, FormInfo::of(new.form));
     let rating = app.store.ratings().give(&by.scope, session, (form.form, form.version), marks).await?;
     let location = format!("/api/v1/sessions/{session}/ratings");
-    Ok(Created { location, made: Rating::new(rating, &by.scope) })
+    Ok(Created { location, made: RatingResponse::new(rating, &by.scope) })
 }

@@ -8,15 +8,15 @@ use axum::http::StatusCode;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
-use super::show::Session;
+use super::show::SessionResponse;
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
 use crate::events::Event;
 use crate::http::auth::signed_in::{Member, Staff};
-use crate::http::error::Answer;
-use crate::http::read::{At, Json, Params};
-use crate::http::show::{Page, Paging};
+use crate::http::error::HandlerResult;
+use crate::http::read::{Json, Params, PathKey};
+use crate::http::show::{PageResponse, Paging};
 use crate::http::state::App;
 use crate::store::{self, SessionFilter};
 
@@ -24,7 +24,7 @@ use crate::store::{self, SessionFilter};
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct Which {
+pub struct SessionsQuery {
     /// Only of this trainee, by id or code.
     #[param(value_type = Option<String>)]
     trainee: Option<Key>,
@@ -45,9 +45,13 @@ pub struct Which {
 }
 
 /// List the sessions that the caller may see, newest first
-#[utoipa::path(get, path = "/sessions", tag = "sessions", params(Which), responses((status = OK, body = Page<Session>)))]
-pub async fn list(State(app): State<App>, by: Member, Params(which): Params<Which>) -> Answer<Json<Page<Session>>> {
-    let Which { trainee, task, in_box, status, limit, cursor } = which;
+#[utoipa::path(get, path = "/sessions", tag = "sessions", params(SessionsQuery), responses((status = OK, body = PageResponse<SessionResponse>)))]
+pub async fn list(
+    State(app): State<App>,
+    by: Member,
+    Params(which): Params<SessionsQuery>,
+) -> HandlerResult<Json<PageResponse<SessionResponse>>> {
+    let SessionsQuery { trainee, task, in_box, status, limit, cursor } = which;
     let page = Paging::new(limit, cursor).request(app.settings.page_items)?;
     let filter = SessionFilter { trainee, task, in_box, status, only_counting: false };
     let store::Page { items, next } = app.store.sessions().list(&by.scope, &filter, &page).await?;
@@ -59,43 +63,43 @@ pub async fn list(State(app): State<App>, by: Member, Params(which): Params<Whic
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(new) => new.insert(app.store.standards().in_use(&by.scope, session.task_id).await?),
         };
-        shown.push(Session::of(session, result).judged_by(standard.as_ref(), handedness));
+        shown.push(SessionResponse::of(session, result).judged_by(standard.as_ref(), handedness));
     }
-    Ok(Json(Page { items: shown, next }))
+    Ok(Json(PageResponse { items: shown, next }))
 }
 
 /// Read one session
 #[utoipa::path(get, path = "/sessions/{id}", tag = "sessions", params(("id" = String, Path, description = "id")),
-    responses((status = OK, body = Session)))]
-pub async fn get(State(app): State<App>, by: Member, at: At) -> Answer<Json<Session>> {
+    responses((status = OK, body = SessionResponse)))]
+pub async fn get(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<SessionResponse>> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let live = app.store.feeds().live_features(&by.scope, session.id).await?;
-    Ok(Json(app.judged(&by.scope, session).await?.with_live(live)))
+    Ok(Json(app.judged_session(&by.scope, session).await?.with_live(live)))
 }
 
 /// Track a session again
 ///
 /// After a failure, or with a newer calibration, newer colours or a newer version of the program.
 #[utoipa::path(post, path = "/sessions/{id}/retry", tag = "sessions",
-    params(("id" = String, Path, description = "id")), responses((status = OK, body = Session)))]
-pub async fn retry(State(app): State<App>, by: Staff, at: At) -> Answer<Json<Session>> {
+    params(("id" = String, Path, description = "id")), responses((status = OK, body = SessionResponse)))]
+pub async fn retry(State(app): State<App>, by: Staff, at: PathKey) -> HandlerResult<Json<SessionResponse>> {
     let session = app.store.sessions().retry(&by.scope, at.id()?).await?;
-    app.tell_session(&session);
-    Ok(Json(app.judged(&by.scope, session).await?))
+    app.notify_session_changed(&session);
+    Ok(Json(app.judged_session(&by.scope, session).await?))
 }
 
 /// Erase a session with its recording and results
 #[utoipa::path(delete, path = "/sessions/{id}", tag = "sessions", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
-pub async fn erase(State(app): State<App>, by: Staff, at: At) -> Answer<StatusCode> {
+pub async fn erase(State(app): State<App>, by: Staff, at: PathKey) -> HandlerResult<StatusCode> {
     app.store.sessions().erase(&by.scope, at.id()?).await?;
-    app.events.tell(Event::Queue);
+    app.events.publish(Event::Queue);
     Ok(StatusCode::NO_CONTENT)
 }
 
 impl App {
     /// A session with its latest result, judged by its task's standard and its model of skill.
-    async fn judged(&self, scope: &Scope, session: store::Session) -> Answer<Session> {
+    async fn judged_session(&self, scope: &Scope, session: store::SessionRecord) -> HandlerResult<SessionResponse> {
         let (handedness, of) = (session.trainee_handedness, (session.task_id, session.trainee_id));
         let result = self.store.sessions().result(scope, session.id).await?;
         let standard = self.store.standards().in_use(scope, session.task_id).await?;
@@ -103,14 +107,14 @@ impl App {
             Some(result) => Some(self.cohorts.verdict(scope, of, result).await?),
             None => None,
         };
-        Ok(Session::of(session, result).judged_by(standard.as_ref(), handedness).with_verdict(verdict))
+        Ok(SessionResponse::of(session, result).judged_by(standard.as_ref(), handedness).with_verdict(verdict))
     }
 
     /// Notifies watchers that a session changed, and workers of a possible job.
-    pub fn tell_session(&self, session: &store::Session) {
+    pub fn notify_session_changed(&self, session: &store::SessionRecord) {
         let (id, trainee, status) = (session.id, session.trainee_id, session.status());
         let progress = super::show::progress(status, session.job_progress);
-        self.events.tell(Event::Session { id, trainee, status, progress });
+        self.events.publish(Event::Session { id, trainee, status, progress });
         self.queue.work_arrived();
     }
 }

@@ -7,15 +7,15 @@ use utoipa::ToSchema;
 
 use crate::domain::session::Versions;
 use crate::http::auth::signed_in::Member;
-use crate::http::error::Answer;
-use crate::http::read::{At, Json};
-use crate::http::show::{Page, Time};
+use crate::http::error::HandlerResult;
+use crate::http::read::{Json, PathKey};
+use crate::http::show::{PageResponse, Time};
 use crate::http::state::App;
 use crate::ids::ResultId;
 use crate::store::SessionResult;
 
 /// Most results in the list. There is one for each combination of program, calibration and colours that was used.
-const MOST: u32 = 200;
+const MAX_RESULTS: u32 = 200;
 
 /// A result of a session.
 #[derive(Debug, Serialize, ToSchema)]
@@ -34,11 +34,15 @@ pub struct ResultSummary {
 
 /// List all results of a session, the one in use first
 #[utoipa::path(get, path = "/sessions/{id}/results", tag = "sessions",
-    params(("id" = String, Path, description = "id")), responses((status = OK, body = Page<ResultSummary>)))]
-pub async fn results(State(app): State<App>, by: Member, at: At) -> Answer<Json<Page<ResultSummary>>> {
-    let results = app.store.sessions().results(&by.scope, at.id()?, MOST).await?;
+    params(("id" = String, Path, description = "id")), responses((status = OK, body = PageResponse<ResultSummary>)))]
+pub async fn results(
+    State(app): State<App>,
+    by: Member,
+    at: PathKey,
+) -> HandlerResult<Json<PageResponse<ResultSummary>>> {
+    let results = app.store.sessions().results(&by.scope, at.id()?, MAX_RESULTS).await?;
     let shown = results.into_iter().enumerate().map(|(place, result)| ResultSummary::of(result, place == 0));
-    Ok(Json(Page::whole(shown)))
+    Ok(Json(PageResponse::whole(shown)))
 }
 
 impl ResultSummary {

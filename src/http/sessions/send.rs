@@ -6,19 +6,19 @@ use futures_util::StreamExt;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
-use super::show::Session;
+use super::show::SessionResponse;
 use crate::http::auth::signed_in::Member;
-use crate::http::error::{Answer, Problem, Refusal};
+use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::read::{Params, content_length};
 use crate::http::show::Created;
 use crate::http::state::App;
-use crate::intake::About;
+use crate::intake::RecordingDescription;
 
 /// What the recording belongs to.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct Of {
+pub struct SendQuery {
     /// The trainee, by id or code; a trainee may leave it out.
     trainee: Option<String>,
     /// The task, by id or code.
@@ -39,31 +39,32 @@ pub struct Of {
 /// A recording that was sent before for the same trainee, task and box is refused with `duplicate-recording`, and the
 /// problem names its `session`. If the connection breaks, the recording has to be sent again from the beginning: over
 /// poor connections use `/uploads`, which resumes.
-#[utoipa::path(post, path = "/sessions", tag = "sessions", params(Of),
+#[utoipa::path(post, path = "/sessions", tag = "sessions", params(SendQuery),
     request_body(content = Vec<u8>, content_type = "application/octet-stream", description = "The video: MP4/MOV, Matroska/WebM, AVI or MPEG-TS"),
-    responses((status = CREATED, body = Session)))]
+    responses((status = CREATED, body = SessionResponse)))]
 pub async fn send(
     State(app): State<App>,
     by: Member,
-    Params(of): Params<Of>,
+    Params(of): Params<SendQuery>,
     request: Request,
-) -> Answer<Created<Session>> {
+) -> HandlerResult<Created<SessionResponse>> {
     refuse_forms(&request)?;
-    let Of { trainee, task, in_box, filename, recorded_at } = of;
-    let recording = app.intake.recognise(&by.scope, About { trainee, task, in_box, filename, recorded_at }).await?;
+    let SendQuery { trainee, task, in_box, filename, recorded_at } = of;
+    let recording =
+        app.intake.resolve(&by.scope, RecordingDescription { trainee, task, in_box, filename, recorded_at }).await?;
     if let Some(length) = content_length(request.headers()) {
         app.intake.check_length(length)?;
     }
     let (intake, scope) = (app.intake.clone(), by.scope);
     let bytes = request.into_body().into_data_stream().map(|bytes| bytes.map_err(Into::into));
     // In a separate task: a sender that closes right after its last byte must not cancel the intake.
-    let taken = app.shutdown.spawn(async move { intake.take(&scope, recording, bytes).await });
-    let session = taken.await.map_err(|cause| Problem::internal("receiving a recording", cause))??;
-    Ok(Created { location: format!("/api/v1/sessions/{}", session.id), made: Session::of(session, None) })
+    let taken = app.shutdown.spawn(async move { intake.take_whole(&scope, recording, bytes).await });
+    let session = taken.await.map_err(|cause| ProblemResponse::internal("receiving a recording", cause))??;
+    Ok(Created { location: format!("/api/v1/sessions/{}", session.id), made: SessionResponse::of(session, None) })
 }
 
 /// Refuses a multipart form, which would be stored as if it were the video.
-fn refuse_forms(request: &Request) -> Answer<()> {
+fn refuse_forms(request: &Request) -> HandlerResult<()> {
     let kind = request.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
     if !kind.starts_with("multipart/") {
         return Ok(());

@@ -9,22 +9,22 @@ use crate::domain::files::quality::QualityDocument;
 use crate::domain::problem;
 use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, LiveFeature, SessionStatus, Versions};
 use crate::domain::skill::SkillVerdict;
-use crate::domain::standard::{Better, Judgement, ToJudge};
+use crate::domain::standard::{Better, Judgement, ValueToJudge};
 use crate::domain::text::TrackerName;
 use crate::domain::trainee::Handedness;
 use crate::http::error::ProblemDocument;
-use crate::http::show::{Named, Time};
+use crate::http::show::{NamedReference, Time};
 use crate::ids::{ResultId, SessionId};
 use crate::store;
 
 /// One recording of one trainee doing one task in one box, with its status and results.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Session {
+pub struct SessionResponse {
     id: SessionId,
-    trainee: Named,
-    task: Named,
+    trainee: NamedReference,
+    task: NamedReference,
     #[serde(rename = "box")]
-    in_box: Named,
+    in_box: NamedReference,
     /// Name of the file that was sent.
     filename: String,
     recorded_at: Time,
@@ -36,15 +36,15 @@ pub struct Session {
     progress: f64,
     /// Position in the queue, from 1; `null` if it does not wait there.
     queue_position: Option<i64>,
-    source: Source,
+    source: SessionSource,
     /// Why the session waits or failed.
     error: Option<ProblemDocument>,
     /// True if tracking crashed or timed out too often, so it is not tried again on its own. Staff may retry it.
     quarantined: bool,
-    video: Video,
+    video: VideoResponse,
     /// Names of the tools, in the trajectory's order.
     tools: Vec<String>,
-    features: Vec<Feature>,
+    features: Vec<FeatureResponse>,
     /// Features at the end of live tracking, if the session was tracked live. The causal filter computes them from all
     /// frames without later smoothing, so they differ from `features`.
     live_features: Option<Vec<LiveFeature>>,
@@ -64,7 +64,7 @@ pub struct Session {
 
 /// Where a session's path comes from.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Source {
+pub struct SessionSource {
     /// `recording`: tracked by Trocar. `import`: measured by another tracker; there is no video, and error bars exist
     /// only if the imported table states the errors.
     kind: &'static str,
@@ -74,7 +74,7 @@ pub struct Source {
 
 /// A recording.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Video {
+pub struct VideoResponse {
     /// Size of the file, bytes; `null` while it arrives.
     bytes: Option<u64>,
     /// SHA-256 of the file, 64 hexadecimal digits; `null` while it arrives.
@@ -92,7 +92,7 @@ pub struct Video {
 
 /// One feature of a session.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Feature {
+pub struct FeatureResponse {
     /// Stable name, such as `path_length`.
     name: String,
     /// Title for people.
@@ -114,14 +114,14 @@ pub struct Feature {
     /// Why the error bar is unknown; `null` if there is one.
     no_error: Option<String>,
     /// The limit in the task's standard; `null`: none.
-    target: Option<Limit>,
+    target: Option<FeatureLimit>,
     /// Judgement of the value by this limit.
     judgement: Option<Judgement>,
 }
 
 /// A feature's limit, and the standard that sets it.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Limit {
+pub struct FeatureLimit {
     /// The limit, in the feature's unit; a value equal to it passes.
     limit: f64,
     /// Whether smaller or larger values are better.
@@ -130,12 +130,12 @@ pub struct Limit {
     standard: i64,
 }
 
-impl Session {
+impl SessionResponse {
     /// Builds the answer from a session and its latest result, if there is one.
-    pub fn of(session: store::Session, result: Option<store::SessionResult>) -> Self {
+    pub fn of(session: store::SessionRecord, result: Option<store::SessionResult>) -> Self {
         let status = session.status();
         let facts = result.as_ref().map(|result| result.video);
-        let video = Video {
+        let video = VideoResponse {
             bytes: session.video_blob().map(|blob| blob.bytes),
             sha256: session.video.map(|hash| hash.to_string()),
             media_type: session.media_type.clone(),
@@ -148,7 +148,7 @@ impl Session {
             id: session.id,
             progress: progress(status, session.job_progress),
             queue_position: session.queue_position,
-            source: Source {
+            source: SessionSource {
                 kind: if session.tracker.is_some() { "import" } else { "recording" },
                 tracker: session.tracker.clone(),
             },
@@ -173,7 +173,7 @@ impl Session {
             result: None,
         };
         if let Some(result) = result {
-            shown.add(result);
+            shown.add_result(result);
         }
         shown
     }
@@ -184,7 +184,7 @@ impl Session {
     }
 
     /// Judges the features by the task's standard.
-    pub fn judged_by(mut self, standard: Option<&store::Standard>, handedness: Option<Handedness>) -> Self {
+    pub fn judged_by(mut self, standard: Option<&store::StandardRecord>, handedness: Option<Handedness>) -> Self {
         if let (Some(standard), Some(versions)) = (standard, &self.versions) {
             self.features.iter_mut().for_each(|feature| feature.judge(standard, &versions.pipeline, handedness));
         }
@@ -196,9 +196,9 @@ impl Session {
         Self { verdict, ..self }
     }
 
-    fn add(&mut self, result: store::SessionResult) {
+    fn add_result(&mut self, result: store::SessionResult) {
         self.tools = result.tools;
-        self.features = result.features.into_iter().map(Feature::from).collect();
+        self.features = result.features.into_iter().map(FeatureResponse::from).collect();
         self.score = result.score;
         self.quality = Some(result.quality);
         self.versions = Some(result.versions);
@@ -211,11 +211,11 @@ pub fn progress(status: SessionStatus, of_job: Option<f64>) -> f64 {
     if status == SessionStatus::Done { 1.0 } else { of_job.unwrap_or(0.0) }
 }
 
-fn named(id: impl ToString, name: impl Into<String>, code: impl Into<String>) -> Named {
-    Named { id: id.to_string(), name: name.into(), code: code.into() }
+fn named(id: impl ToString, name: impl Into<String>, code: impl Into<String>) -> NamedReference {
+    NamedReference { id: id.to_string(), name: name.into(), code: code.into() }
 }
 
-impl From<FeatureRow> for Feature {
+impl From<FeatureRow> for FeatureResponse {
     fn from(row: FeatureRow) -> Self {
         let family = row.family();
         let (value, not_enough) = match row.value {
@@ -240,13 +240,13 @@ impl From<FeatureRow> for Feature {
     }
 }
 
-impl Feature {
-    fn judge(&mut self, standard: &store::Standard, pipeline: &str, handedness: Option<Handedness>) {
+impl FeatureResponse {
+    fn judge(&mut self, standard: &store::StandardRecord, pipeline: &str, handedness: Option<Handedness>) {
         let key = FeatureKey { feature: self.name.clone(), tool: self.tool.clone(), space: self.space };
         let Some(target) = standard.definition.target(&key) else { return };
         let bar = self.error.map(|error| [error.low, error.high]);
-        self.judgement = Some(target.judge(ToJudge { value: self.value, bar, pipeline, handedness }));
-        self.target = Some(Limit { limit: target.limit, better: target.better, standard: standard.version });
+        self.judgement = Some(target.judge(ValueToJudge { value: self.value, bar, pipeline, handedness }));
+        self.target = Some(FeatureLimit { limit: target.limit, better: target.better, standard: standard.version });
     }
 }
 

@@ -6,23 +6,23 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 
-use crate::analysis::edits::edited_path;
-use crate::analysis::paths::{Kind, Paths};
-use crate::domain::edit::Change;
-use crate::domain::files::trajectory::{thinned, thinned_to_json, to_json_columns, write_csv, write_parquet};
+use crate::analysis::edits::apply_edits_to_path;
+use crate::analysis::paths::{PathKind, SessionPaths};
+use crate::domain::edit::EditChange;
+use crate::domain::files::trajectory::{thin_trajectory, thinned_to_json, to_json_columns, write_csv, write_parquet};
 use crate::http::auth::signed_in::Member;
-use crate::http::error::{Answer, Problem, Refusal};
+use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::file::disposition;
-use crate::http::read::{At, Params};
+use crate::http::read::{Params, PathKey};
 use crate::http::state::App;
 
 /// Largest stored file that is read into memory, bytes: about four hours of two tools.
-pub(super) const MOST: u64 = 512 * 1024 * 1024;
+pub(super) const MAX_STORED_BYTES: u64 = 512 * 1024 * 1024;
 
 /// Format of a trajectory.
 #[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Format {
+pub enum TrajectoryFormat {
     /// CSV with one row per frame and tool.
     Csv,
     /// JSON with one array for each column.
@@ -35,7 +35,7 @@ pub enum Format {
 /// One of a session's three paths.
 #[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Smoothness {
+pub enum PathVariant {
     /// Smoothed with earlier and later frames; scores use this path.
     #[default]
     Smoothed,
@@ -47,21 +47,21 @@ pub enum Smoothness {
 }
 
 /// Allowed values of `points`.
-const POINTS: std::ops::RangeInclusive<usize> = 10..=100_000;
+const ALLOWED_POINTS: std::ops::RangeInclusive<usize> = 10..=100_000;
 
 /// Selects a path and its format.
 #[derive(Clone, Copy, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct Wanted {
+pub struct TrajectoryQuery {
     /// Format of the answer.
     #[serde(default)]
     #[param(inline)]
-    format: Format,
+    format: TrajectoryFormat,
     /// Which of the three paths.
     #[serde(default)]
     #[param(inline)]
-    kind: Smoothness,
+    kind: PathVariant,
     /// `true`: without the stretches that were trimmed off, as it is scored; `false`: the whole path. Swapped tool
     /// names apply in both cases.
     #[serde(default = "yes")]
@@ -84,31 +84,31 @@ fn yes() -> bool {
 
 /// Read the path of the tools, with the session's edits applied
 #[utoipa::path(get, path = "/sessions/{id}/trajectory", tag = "sessions",
-    params(("id" = String, Path, description = "id"), Wanted),
+    params(("id" = String, Path, description = "id"), TrajectoryQuery),
     responses((status = OK, description = "The table: frame, time_s, tool, x_mm, y_mm, z_mm, …", content(
         (Object = "application/json"), (String = "text/csv"), (Vec<u8> = "application/vnd.apache.parquet")))))]
 pub async fn trajectory(
     State(app): State<App>,
     by: Member,
-    at: At,
-    Params(wanted): Params<Wanted>,
-) -> Answer<Response> {
+    at: PathKey,
+    Params(wanted): Params<TrajectoryQuery>,
+) -> HandlerResult<Response> {
     let id = at.id()?;
     let result = app.result(&by.scope, id).await?;
-    if result.versions.calibration.is_none() && !matches!(wanted.kind, Smoothness::Smoothed) {
+    if result.versions.calibration.is_none() && !matches!(wanted.kind, PathVariant::Smoothed) {
         return Err(Refusal::Conflict.with("An imported session has only one path. Request it with `kind=smoothed`."));
     }
-    if wanted.points.is_some_and(|points| !POINTS.contains(&points)) {
-        return Err(Problem::invalid(
+    if wanted.points.is_some_and(|points| !ALLOWED_POINTS.contains(&points)) {
+        return Err(ProblemResponse::invalid(
             "points",
-            format!("expected a number from {} to {}", POINTS.start(), POINTS.end()),
+            format!("expected a number from {} to {}", ALLOWED_POINTS.start(), ALLOWED_POINTS.end()),
         ));
     }
     let edits = app.store.edits().in_force(id).await?;
-    let stored = app.vault.read(result.trajectory, MOST).await?;
+    let stored = app.vault.read(result.trajectory, MAX_STORED_BYTES).await?;
     // Writing a long session takes seconds, so it runs on a blocking thread.
-    let written = tokio::task::spawn_blocking(move || write(&stored, edits.changes, wanted));
-    let table = written.await.map_err(|cause| Problem::internal("writing a trajectory", cause))??;
+    let written = tokio::task::spawn_blocking(move || write_trajectory(&stored, edits.changes, wanted));
+    let table = written.await.map_err(|cause| ProblemResponse::internal("writing a trajectory", cause))??;
     let name = format!("{id}.{}", wanted.format.extension());
     let mut headers = HeaderMap::new();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(wanted.format.media_type()));
@@ -116,54 +116,56 @@ pub async fn trajectory(
     Ok((StatusCode::OK, headers, table).into_response())
 }
 
-fn write(stored: &[u8], mut changes: Vec<Change>, wanted: Wanted) -> Answer<Vec<u8>> {
-    let paths = Paths::from_bytes(stored).map_err(|cause| Problem::internal("reading a stored trajectory", cause))?;
-    changes.retain(|change| wanted.trimmed || !matches!(change, Change::Trim(_)));
-    let mut trajectory = edited_path(&paths, wanted.kind.into(), &changes);
+fn write_trajectory(stored: &[u8], mut changes: Vec<EditChange>, wanted: TrajectoryQuery) -> HandlerResult<Vec<u8>> {
+    let paths = SessionPaths::from_bytes(stored)
+        .map_err(|cause| ProblemResponse::internal("reading a stored trajectory", cause))?;
+    changes.retain(|change| wanted.trimmed || !matches!(change, EditChange::Trim(_)));
+    let mut trajectory = apply_edits_to_path(&paths, wanted.kind.into(), &changes);
     let frames = wanted.from_frame.unwrap_or(0)..wanted.to_frame.unwrap_or(u64::MAX);
     trajectory.samples.retain(|row| frames.contains(&row.frame));
-    let thin = wanted.points.map(|points| thinned(&trajectory, points));
+    let thin = wanted.points.map(|points| thin_trajectory(&trajectory, points));
     let mut table = Vec::new();
-    if let (Some(thin), Format::Json) = (&thin, wanted.format) {
+    if let (Some(thin), TrajectoryFormat::Json) = (&thin, wanted.format) {
         return Ok(thinned_to_json(thin).into_bytes());
     }
     let trajectory = thin.map_or(trajectory, |thin| thin.trajectory);
     match wanted.format {
-        Format::Json => table = to_json_columns(&trajectory).into_bytes(),
-        Format::Csv => {
-            write_csv(&trajectory, &mut table).map_err(|cause| Problem::internal("writing CSV", cause))?;
+        TrajectoryFormat::Json => table = to_json_columns(&trajectory).into_bytes(),
+        TrajectoryFormat::Csv => {
+            write_csv(&trajectory, &mut table).map_err(|cause| ProblemResponse::internal("writing CSV", cause))?;
         }
-        Format::Parquet => {
-            write_parquet(&trajectory, &mut table).map_err(|cause| Problem::internal("writing Parquet", cause))?;
+        TrajectoryFormat::Parquet => {
+            write_parquet(&trajectory, &mut table)
+                .map_err(|cause| ProblemResponse::internal("writing Parquet", cause))?;
         }
     }
     Ok(table)
 }
 
-impl Format {
+impl TrajectoryFormat {
     fn media_type(self) -> &'static str {
         match self {
-            Format::Csv => "text/csv; charset=utf-8",
-            Format::Json => "application/json",
-            Format::Parquet => "application/vnd.apache.parquet",
+            TrajectoryFormat::Csv => "text/csv; charset=utf-8",
+            TrajectoryFormat::Json => "application/json",
+            TrajectoryFormat::Parquet => "application/vnd.apache.parquet",
         }
     }
 
     fn extension(self) -> &'static str {
         match self {
-            Format::Csv => "csv",
-            Format::Json => "json",
-            Format::Parquet => "parquet",
+            TrajectoryFormat::Csv => "csv",
+            TrajectoryFormat::Json => "json",
+            TrajectoryFormat::Parquet => "parquet",
         }
     }
 }
 
-impl From<Smoothness> for Kind {
-    fn from(wanted: Smoothness) -> Self {
+impl From<PathVariant> for PathKind {
+    fn from(wanted: PathVariant) -> Self {
         match wanted {
-            Smoothness::Smoothed => Kind::Smoothed,
-            Smoothness::Filtered => Kind::Filtered,
-            Smoothness::Raw => Kind::Raw,
+            PathVariant::Smoothed => PathKind::Smoothed,
+            PathVariant::Filtered => PathKind::Filtered,
+            PathVariant::Raw => PathKind::Raw,
         }
     }
 }

@@ -4,24 +4,24 @@ use axum::extract::State;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
-use crate::cohorts::AskedSpread;
 pub use crate::cohorts::Distribution;
+use crate::cohorts::DistributionSelection;
 use crate::domain::session::FeatureSpace;
 use crate::domain::text::Key;
 use crate::domain::trainee::Handedness;
 use crate::http::auth::signed_in::Staff;
-use crate::http::error::{Answer, Problem};
-use crate::http::read::{At, Json, Params};
+use crate::http::error::{HandlerResult, ProblemResponse};
+use crate::http::read::{Json, Params, PathKey};
 use crate::http::state::App;
 
 /// Most cohorts in one comparison.
-const MOST_COHORTS: usize = 4;
+const MAX_COHORTS: usize = 4;
 
 /// Selects a feature, the people and a limit.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct SpreadOf {
+pub struct DistributionQuery {
     /// Stable name of a feature such as `duration`, for which smaller or larger values are better.
     feature: String,
     /// The tool's marker; absent for a feature of the whole session.
@@ -44,15 +44,15 @@ pub struct SpreadOf {
 /// passes, and the share of experts that break it its false fails. A standard between contrasting groups reports the
 /// same shares for its own limit.
 #[utoipa::path(get, path = "/tasks/{id}/distribution", tag = "tasks",
-    params(("id" = String, Path, description = "id or code"), SpreadOf),
+    params(("id" = String, Path, description = "id or code"), DistributionQuery),
     responses((status = OK, body = Distribution)))]
 pub async fn distribution(
     State(app): State<App>,
     by: Staff,
-    At(key): At,
-    Params(of): Params<SpreadOf>,
-) -> Answer<Json<Distribution>> {
-    let SpreadOf { feature, tool, space, cohorts, hand, limit } = of;
+    PathKey(key): PathKey,
+    Params(of): Params<DistributionQuery>,
+) -> HandlerResult<Json<Distribution>> {
+    let DistributionQuery { feature, tool, space, cohorts, hand, limit } = of;
     let cohorts: Vec<Key> = cohorts
         .iter()
         .flat_map(|list| list.split(','))
@@ -60,10 +60,13 @@ pub async fn distribution(
         .filter(|key| !key.is_empty())
         .map(Key::from)
         .collect();
-    if cohorts.len() > MOST_COHORTS {
-        return Err(Problem::invalid("cohorts", format!("are {}; expected at most {MOST_COHORTS}", cohorts.len())));
+    if cohorts.len() > MAX_COHORTS {
+        return Err(ProblemResponse::invalid(
+            "cohorts",
+            format!("are {}; expected at most {MAX_COHORTS}", cohorts.len()),
+        ));
     }
     let task = app.store.tasks().get(&by.scope, &key).await?.id;
-    let asked = AskedSpread { feature, tool, space, cohorts, hand, limit };
+    let asked = DistributionSelection { feature, tool, space, cohorts, hand, limit };
     Ok(Json(app.cohorts.distribution(&by.scope, task, asked).await?))
 }

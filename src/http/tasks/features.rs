@@ -12,9 +12,9 @@ use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
 use crate::http::auth::signed_in::Administrator;
-use crate::http::error::Answer;
-use crate::http::export::{self, CalledBy, Many};
-use crate::http::read::{At, Params, named};
+use crate::http::error::HandlerResult;
+use crate::http::export::{self, ExportSelection, TraineeIdentifier};
+use crate::http::read::{Params, PathKey, reference_problem};
 use crate::http::state::App;
 use crate::ids::TraineeId;
 use crate::store::{PageRequest, SessionFilter};
@@ -23,7 +23,7 @@ use crate::store::{PageRequest, SessionFilter};
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct Rows {
+pub struct TaskFeaturesQuery {
     /// Format of the table.
     #[serde(default)]
     #[param(inline)]
@@ -35,7 +35,7 @@ pub struct Rows {
     /// leaves the centre.
     #[serde(default)]
     #[param(inline)]
-    trainees: CalledBy,
+    trainees: TraineeIdentifier,
 }
 
 /// Read all features of a task as one table
@@ -44,15 +44,15 @@ pub struct Rows {
 /// aside, newest sessions first. It is sent while it is read: if the connection closes before the table's end, the
 /// export failed.
 #[utoipa::path(get, path = "/tasks/{id}/features", tag = "tasks",
-    params(("id" = String, Path, description = "id or code"), Rows),
+    params(("id" = String, Path, description = "id or code"), TaskFeaturesQuery),
     responses((status = OK, description = "The table: session, trainee, task, …", content(
         (Object = "application/json"), (String = "text/csv"), (Vec<u8> = "application/vnd.apache.parquet")))))]
 pub async fn features(
     State(app): State<App>,
     by: Administrator,
-    At(key): At,
-    Params(Rows { format, cohort, trainees }): Params<Rows>,
-) -> Answer<Response> {
+    PathKey(key): PathKey,
+    Params(TaskFeaturesQuery { format, cohort, trainees }): Params<TaskFeaturesQuery>,
+) -> HandlerResult<Response> {
     let task = app.store.tasks().get(&by.scope, &key).await?;
     let only = match &cohort {
         Some(key) => Some(members(&app, &by.scope, key).await?),
@@ -62,15 +62,22 @@ pub async fn features(
     let of_task = Some(Key::from(&task.id));
     let filter = SessionFilter { task: of_task, status, only_counting: true, ..SessionFilter::default() };
     let name = format!("features-{}", task.code);
-    export::of_many(app, by.scope, Many { filter, only, called: trainees }, format, &name).await
+    export::export_sessions(
+        app,
+        by.scope,
+        ExportSelection { filter, only, trainee_identifier: trainees },
+        format,
+        &name,
+    )
+    .await
 }
 
 /// All members of a cohort, read page by page.
-async fn members(app: &App, scope: &Scope, cohort: &Key) -> Answer<HashSet<TraineeId>> {
+async fn members(app: &App, scope: &Scope, cohort: &Key) -> HandlerResult<HashSet<TraineeId>> {
     let (mut all, mut after) = (HashSet::new(), None);
     loop {
-        let page = PageRequest::new(PageRequest::MOST, after);
-        let page = app.store.cohorts().members(scope, cohort, &page).await.map_err(named("cohort"))?;
+        let page = PageRequest::new(PageRequest::MAX_LIMIT, after);
+        let page = app.store.cohorts().members(scope, cohort, &page).await.map_err(reference_problem("cohort"))?;
         all.extend(page.items);
         after = page.next;
         if after.is_none() {

@@ -19,16 +19,16 @@ use utoipa::ToSchema;
 use crate::domain::task::{NewTask, TaskChange};
 use crate::domain::text::{Code, Name, Paragraphs};
 use crate::http::auth::signed_in::{Member, Staff};
-use crate::http::error::Answer;
-use crate::http::read::{At, Json, Params};
-use crate::http::show::{Created, Page, Paging, Time};
+use crate::http::error::HandlerResult;
+use crate::http::read::{Json, Params, PathKey};
+use crate::http::show::{Created, PageResponse, Paging, Time};
 use crate::http::state::App;
 use crate::ids::TaskId;
 use crate::store;
 
 /// A task: an exercise in the box.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Task {
+pub struct TaskResponse {
     id: TaskId,
     code: Code,
     name: Name,
@@ -36,45 +36,53 @@ pub struct Task {
     created_at: Time,
 }
 
-impl From<store::Task> for Task {
-    fn from(task: store::Task) -> Self {
-        let store::Task { id, code, name, description, created_at_ms } = task;
+impl From<store::TaskRecord> for TaskResponse {
+    fn from(task: store::TaskRecord) -> Self {
+        let store::TaskRecord { id, code, name, description, created_at_ms } = task;
         Self { id, code, name, description, created_at: Time(created_at_ms) }
     }
 }
 
 /// List the tasks
-#[utoipa::path(get, path = "/tasks", tag = "tasks", params(Paging), responses((status = OK, body = Page<Task>)))]
-pub async fn list(State(app): State<App>, by: Member, Params(paging): Params<Paging>) -> Answer<Json<Page<Task>>> {
+#[utoipa::path(get, path = "/tasks", tag = "tasks", params(Paging), responses((status = OK, body = PageResponse<TaskResponse>)))]
+pub async fn list(
+    State(app): State<App>,
+    by: Member,
+    Params(paging): Params<Paging>,
+) -> HandlerResult<Json<PageResponse<TaskResponse>>> {
     let page = paging.request(app.settings.page_items)?;
     let tasks = app.store.tasks().list(&by.scope, &page).await?;
-    Ok(Json(Page::of(tasks, Task::from)))
+    Ok(Json(PageResponse::of(tasks, TaskResponse::from)))
 }
 
 /// Register a task
-#[utoipa::path(post, path = "/tasks", tag = "tasks", request_body = NewTask, responses((status = CREATED, body = Task)))]
-pub async fn create(State(app): State<App>, by: Staff, Json(new): Json<NewTask>) -> Answer<Created<Task>> {
+#[utoipa::path(post, path = "/tasks", tag = "tasks", request_body = NewTask, responses((status = CREATED, body = TaskResponse)))]
+pub async fn create(
+    State(app): State<App>,
+    by: Staff,
+    Json(new): Json<NewTask>,
+) -> HandlerResult<Created<TaskResponse>> {
     let task = app.store.tasks().create(&by.scope, new).await?;
     Ok(Created { location: format!("/api/v1/tasks/{}", task.id), made: task.into() })
 }
 
 /// Read one task
 #[utoipa::path(get, path = "/tasks/{id}", tag = "tasks", params(("id" = String, Path, description = "id or code")),
-    responses((status = OK, body = Task)))]
-pub async fn get(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Task>> {
+    responses((status = OK, body = TaskResponse)))]
+pub async fn get(State(app): State<App>, by: Member, PathKey(key): PathKey) -> HandlerResult<Json<TaskResponse>> {
     let task = app.store.tasks().get(&by.scope, &key).await?;
     Ok(Json(task.into()))
 }
 
 /// Change a task
 #[utoipa::path(patch, path = "/tasks/{id}", tag = "tasks", params(("id" = String, Path, description = "id or code")),
-    request_body = TaskChange, responses((status = OK, body = Task)))]
+    request_body = TaskChange, responses((status = OK, body = TaskResponse)))]
 pub async fn change(
     State(app): State<App>,
     by: Staff,
-    At(key): At,
+    PathKey(key): PathKey,
     Json(change): Json<TaskChange>,
-) -> Answer<Json<Task>> {
+) -> HandlerResult<Json<TaskResponse>> {
     let task = app.store.tasks().change(&by.scope, &key, change).await?;
     Ok(Json(task.into()))
 }
@@ -82,7 +90,7 @@ pub async fn change(
 /// Delete a task that has no sessions and is in no course plan
 #[utoipa::path(delete, path = "/tasks/{id}", tag = "tasks", params(("id" = String, Path, description = "id or code")),
     responses((status = NO_CONTENT)))]
-pub async fn delete(State(app): State<App>, by: Staff, At(key): At) -> Answer<StatusCode> {
+pub async fn delete(State(app): State<App>, by: Staff, PathKey(key): PathKey) -> HandlerResult<StatusCode> {
     app.store.tasks().delete(&by.scope, &key).await?;
     Ok(StatusCode::NO_CONTENT)
 }

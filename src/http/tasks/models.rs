@@ -6,18 +6,18 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::domain::scope::Scope;
-use crate::domain::skill::Report;
+use crate::domain::skill::ModelReport;
 use crate::http::auth::signed_in::{Administrator, Member};
-use crate::http::error::Answer;
-use crate::http::read::{At, AtVersion, Json};
-use crate::http::show::{Created, Page, Time};
+use crate::http::error::HandlerResult;
+use crate::http::read::{Json, PathKey, PathKeyAndVersion};
+use crate::http::show::{Created, PageResponse, Time};
 use crate::http::state::App;
 use crate::ids::ModelId;
-use crate::store::SkillModel;
+use crate::store::SkillModelRecord;
 
 /// A version of a task's model of skill.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Model {
+pub struct SkillModelResponse {
     id: ModelId,
     /// 1, 2, … within the task; the highest is the one in use.
     version: i64,
@@ -29,7 +29,7 @@ pub struct Model {
     parameter: Option<String>,
     /// The features that the model uses, those that separate the levels best first.
     features: Option<Vec<String>>,
-    report: Report,
+    report: ModelReport,
     /// SHA-256 of the training values. `null` for all but administrators: a person who knows most of the values could
     /// recover the last one from it.
     fingerprint: Option<String>,
@@ -41,8 +41,8 @@ pub struct Model {
     withdrawn_at: Option<Time>,
 }
 
-impl Model {
-    fn new(model: SkillModel, scope: &Scope) -> Self {
+impl SkillModelResponse {
+    fn new(model: SkillModelRecord, scope: &Scope) -> Self {
         let definition = model.definition.as_ref();
         Self {
             id: model.id,
@@ -64,11 +64,15 @@ impl Model {
 ///
 /// The first one is in use.
 #[utoipa::path(get, path = "/tasks/{id}/models", tag = "tasks",
-    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<Model>)))]
-pub async fn models(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<Model>>> {
+    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = PageResponse<SkillModelResponse>)))]
+pub async fn models(
+    State(app): State<App>,
+    by: Member,
+    PathKey(key): PathKey,
+) -> HandlerResult<Json<PageResponse<SkillModelResponse>>> {
     let of = app.store.tasks().get(&by.scope, &key).await?.id;
     let models = app.store.skill_models().list(&by.scope, of).await?;
-    Ok(Json(Page::whole(models.into_iter().map(|model| Model::new(model, &by.scope)))))
+    Ok(Json(PageResponse::whole(models.into_iter().map(|model| SkillModelResponse::new(model, &by.scope)))))
 }
 
 /// Train a task's model of skill
@@ -78,19 +82,27 @@ pub async fn models(State(app): State<App>, by: Member, At(key): At) -> Answer<J
 /// people of a level. It takes some minutes and continues if the client disconnects; one model is trained at a time.
 /// Training is refused with fewer than eight people of a level; `missing` then gives the number of people still needed.
 #[utoipa::path(post, path = "/tasks/{id}/models", tag = "tasks",
-    params(("id" = String, Path, description = "id or code")), responses((status = CREATED, body = Model)))]
-pub async fn train_model(State(app): State<App>, by: Administrator, At(key): At) -> Answer<Created<Model>> {
+    params(("id" = String, Path, description = "id or code")), responses((status = CREATED, body = SkillModelResponse)))]
+pub async fn train_model(
+    State(app): State<App>,
+    by: Administrator,
+    PathKey(key): PathKey,
+) -> HandlerResult<Created<SkillModelResponse>> {
     let of = app.store.tasks().get(&by.scope, &key).await?.id;
-    let made = Model::new(app.cohorts.train(&by.scope, of).await?, &by.scope);
+    let made = SkillModelResponse::new(app.cohorts.train(&by.scope, of).await?, &by.scope);
     Ok(Created { location: format!("/api/v1/tasks/{of}/models/{}", made.version), made })
 }
 
 /// Read one version of a task's model of skill
 #[utoipa::path(get, path = "/tasks/{id}/models/{version}", tag = "tasks",
     params(("id" = String, Path, description = "id or code"), ("version" = i64, Path, description = "1, 2, …")),
-    responses((status = OK, body = Model)))]
-pub async fn model(State(app): State<App>, by: Member, AtVersion(key, version): AtVersion) -> Answer<Json<Model>> {
+    responses((status = OK, body = SkillModelResponse)))]
+pub async fn model(
+    State(app): State<App>,
+    by: Member,
+    PathKeyAndVersion(key, version): PathKeyAndVersion,
+) -> HandlerResult<Json<SkillModelResponse>> {
     let of = app.store.tasks().get(&by.scope, &key).await?.id;
     let model = app.store.skill_models().get(&by.scope, of, version).await?;
-    Ok(Json(Model::new(model, &by.scope)))
+    Ok(Json(SkillModelResponse::new(model, &by.scope)))
 }

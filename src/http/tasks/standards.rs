@@ -6,11 +6,11 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::domain::scope::Scope;
-use crate::domain::standard::{Definition, NewStandard, Preset};
+use crate::domain::standard::{NewStandard, Preset, StandardDefinition};
 use crate::http::auth::signed_in::{Member, Staff};
-use crate::http::error::Answer;
-use crate::http::read::{At, Json};
-use crate::http::show::{Created, Page, Time};
+use crate::http::error::HandlerResult;
+use crate::http::read::{Json, PathKey};
+use crate::http::show::{Created, PageResponse, Time};
 use crate::http::state::App;
 use crate::ids::StandardId;
 use crate::store;
@@ -19,21 +19,21 @@ pub use crate::cohorts::Proposal;
 
 /// A version of a task's standard.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Standard {
+pub struct StandardResponse {
     id: StandardId,
     /// 1, 2, … within the task; the highest is the one in use.
     version: i64,
     #[serde(flatten)]
-    definition: Definition,
+    definition: StandardDefinition,
     /// Name of the person who set it; `null` for trainees, and if the person was deleted.
     who: Option<String>,
     created_at: Time,
 }
 
-impl Standard {
+impl StandardResponse {
     /// The standard as this scope may see it.
-    pub fn new(standard: store::Standard, scope: &Scope) -> Self {
-        let store::Standard { id, version, definition, who, created_at_ms, .. } = standard;
+    pub fn new(standard: store::StandardRecord, scope: &Scope) -> Self {
+        let store::StandardRecord { id, version, definition, who, created_at_ms, .. } = standard;
         let who = who.filter(|_| scope.is_staff());
         let definition = if scope.is_administrator() { definition } else { definition.without_fingerprints() };
         Self { id, version, definition, who, created_at: Time(created_at_ms) }
@@ -44,11 +44,15 @@ impl Standard {
 ///
 /// The first one is in use.
 #[utoipa::path(get, path = "/tasks/{id}/standards", tag = "tasks",
-    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<Standard>)))]
-pub async fn standards(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<Standard>>> {
+    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = PageResponse<StandardResponse>)))]
+pub async fn standards(
+    State(app): State<App>,
+    by: Member,
+    PathKey(key): PathKey,
+) -> HandlerResult<Json<PageResponse<StandardResponse>>> {
     let of = app.store.tasks().get(&by.scope, &key).await?.id;
     let standards = app.store.standards().list(&by.scope, of).await?;
-    Ok(Json(Page::whole(standards.into_iter().map(|standard| Standard::new(standard, &by.scope)))))
+    Ok(Json(PageResponse::whole(standards.into_iter().map(|standard| StandardResponse::new(standard, &by.scope)))))
 }
 
 /// Set a task's standard
@@ -58,17 +62,17 @@ pub async fn standards(State(app): State<App>, by: Member, At(key): At) -> Answe
 /// Request a proposal first.
 #[utoipa::path(post, path = "/tasks/{id}/standards", tag = "tasks",
     params(("id" = String, Path, description = "id or code")), request_body = NewStandard,
-    responses((status = CREATED, body = Standard)))]
+    responses((status = CREATED, body = StandardResponse)))]
 pub async fn set_standard(
     State(app): State<App>,
     by: Staff,
-    At(key): At,
+    PathKey(key): PathKey,
     Json(new): Json<NewStandard>,
-) -> Answer<Created<Standard>> {
+) -> HandlerResult<Created<StandardResponse>> {
     let of = app.store.tasks().get(&by.scope, &key).await?.id;
     let definition = app.cohorts.propose(&by.scope, of, new).await?.definition()?;
     let standard = app.store.standards().add(&by.scope, of, definition).await?;
-    Ok(Created { location: format!("/api/v1/tasks/{of}/standards"), made: Standard::new(standard, &by.scope) })
+    Ok(Created { location: format!("/api/v1/tasks/{of}/standards"), made: StandardResponse::new(standard, &by.scope) })
 }
 
 /// Compute a standard without setting it
@@ -78,9 +82,9 @@ pub async fn set_standard(
 pub async fn propose_standard(
     State(app): State<App>,
     by: Staff,
-    At(key): At,
+    PathKey(key): PathKey,
     Json(new): Json<NewStandard>,
-) -> Answer<Json<Proposal>> {
+) -> HandlerResult<Json<Proposal>> {
     let of = app.store.tasks().get(&by.scope, &key).await?.id;
     Ok(Json(app.cohorts.propose(&by.scope, of, new).await?))
 }
@@ -89,8 +93,12 @@ pub async fn propose_standard(
 ///
 /// They are the times of the Fundamentals of Laparoscopic Surgery.
 #[utoipa::path(get, path = "/tasks/{id}/standards/presets", tag = "tasks",
-    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<Preset>)))]
-pub async fn presets(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<Preset>>> {
+    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = PageResponse<Preset>)))]
+pub async fn presets(
+    State(app): State<App>,
+    by: Member,
+    PathKey(key): PathKey,
+) -> HandlerResult<Json<PageResponse<Preset>>> {
     app.store.tasks().get(&by.scope, &key).await?;
-    Ok(Json(Page::whole(Preset::all())))
+    Ok(Json(PageResponse::whole(Preset::all())))
 }

@@ -4,10 +4,10 @@ use axum::extract::State;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::Trainee;
-use crate::domain::enrolment::{self, EnrolmentRow, MOST_ROWS, RowProblem};
+use super::TraineeResponse;
+use crate::domain::enrolment::{self, EnrolmentRow, MAX_ROWS, RowProblem};
 use crate::http::auth::signed_in::Staff;
-use crate::http::error::{Answer, Problem, Refusal};
+use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::read::Json;
 use crate::http::state::App;
 use crate::store::Enrolment;
@@ -27,7 +27,7 @@ pub struct NewEnrolment {
 #[derive(Serialize, ToSchema)]
 pub struct EnrolmentOutcome {
     /// The enrolled trainees, in the order of the rows; empty after a check.
-    enrolled: Vec<Trainee>,
+    enrolled: Vec<TraineeResponse>,
     /// The problems of a check, row by row; empty after an enrolment.
     problems: Vec<RowProblem>,
 }
@@ -42,24 +42,25 @@ pub async fn enrol(
     State(app): State<App>,
     by: Staff,
     Json(NewEnrolment { rows, only_check }): Json<NewEnrolment>,
-) -> Answer<Json<EnrolmentOutcome>> {
-    if !(1..=MOST_ROWS).contains(&rows.len()) {
-        return Err(Problem::invalid("rows", format!("are {}; expected 1 to {MOST_ROWS}", rows.len())));
+) -> HandlerResult<Json<EnrolmentOutcome>> {
+    if !(1..=MAX_ROWS).contains(&rows.len()) {
+        return Err(ProblemResponse::invalid("rows", format!("are {}; expected 1 to {MAX_ROWS}", rows.len())));
     }
-    let outcome = match enrolment::read(&rows) {
+    let outcome = match enrolment::parse_rows(&rows) {
         Ok(enrolled) => app.store.trainees().enrol(&by.scope, enrolled, only_check).await?,
         Err(problems) => Enrolment::Refused(problems),
     };
     match outcome {
-        Enrolment::Done(made) => {
-            Ok(Json(EnrolmentOutcome { enrolled: made.into_iter().map(Trainee::from).collect(), problems: Vec::new() }))
-        }
+        Enrolment::Done(made) => Ok(Json(EnrolmentOutcome {
+            enrolled: made.into_iter().map(TraineeResponse::from).collect(),
+            problems: Vec::new(),
+        })),
         Enrolment::Refused(problems) if only_check => Ok(Json(EnrolmentOutcome { enrolled: Vec::new(), problems })),
-        Enrolment::Refused(problems) => Err(refused(problems)),
+        Enrolment::Refused(problems) => Err(enrolment_problem(problems)),
     }
 }
 
-fn refused(problems: Vec<RowProblem>) -> Problem {
+fn enrolment_problem(problems: Vec<RowProblem>) -> ProblemResponse {
     let rows = problems.iter().map(|problem| problem.row).collect::<std::collections::BTreeSet<_>>().len();
     let what = if rows == 1 { "row cannot" } else { "rows cannot" };
     let detail = format!(

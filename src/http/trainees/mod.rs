@@ -13,9 +13,9 @@ use utoipa::ToSchema;
 pub use xapi::*;
 
 use super::auth::signed_in::{Member, Staff};
-use super::error::Answer;
-use super::read::{At, Json, Params};
-use super::show::{Created, Page, Paging, Time};
+use super::error::HandlerResult;
+use super::read::{Json, Params, PathKey};
+use super::show::{Created, PageResponse, Paging, Time};
 use super::state::App;
 use crate::domain::text::{Code, Name};
 use crate::domain::trainee::{Handedness, Level, NewTrainee, TraineeChange};
@@ -24,7 +24,7 @@ use crate::store;
 
 /// A trainee.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Trainee {
+pub struct TraineeResponse {
     id: TraineeId,
     code: Code,
     name: Name,
@@ -33,33 +33,41 @@ pub struct Trainee {
     created_at: Time,
 }
 
-impl From<store::Trainee> for Trainee {
-    fn from(trainee: store::Trainee) -> Self {
-        let store::Trainee { id, code, name, level, handedness, created_at_ms } = trainee;
+impl From<store::TraineeRecord> for TraineeResponse {
+    fn from(trainee: store::TraineeRecord) -> Self {
+        let store::TraineeRecord { id, code, name, level, handedness, created_at_ms } = trainee;
         Self { id, code, name, level, handedness, created_at: Time(created_at_ms) }
     }
 }
 
 /// List the trainees that the caller may see
-#[utoipa::path(get, path = "/trainees", tag = "trainees", params(Paging), responses((status = OK, body = Page<Trainee>)))]
-pub async fn list(State(app): State<App>, by: Member, Params(paging): Params<Paging>) -> Answer<Json<Page<Trainee>>> {
+#[utoipa::path(get, path = "/trainees", tag = "trainees", params(Paging), responses((status = OK, body = PageResponse<TraineeResponse>)))]
+pub async fn list(
+    State(app): State<App>,
+    by: Member,
+    Params(paging): Params<Paging>,
+) -> HandlerResult<Json<PageResponse<TraineeResponse>>> {
     let page = paging.request(app.settings.page_items)?;
     let trainees = app.store.trainees().list(&by.scope, &page).await?;
-    Ok(Json(Page::of(trainees, Trainee::from)))
+    Ok(Json(PageResponse::of(trainees, TraineeResponse::from)))
 }
 
 /// Register a trainee
 #[utoipa::path(post, path = "/trainees", tag = "trainees", request_body = NewTrainee,
-    responses((status = CREATED, body = Trainee)))]
-pub async fn create(State(app): State<App>, by: Staff, Json(new): Json<NewTrainee>) -> Answer<Created<Trainee>> {
+    responses((status = CREATED, body = TraineeResponse)))]
+pub async fn create(
+    State(app): State<App>,
+    by: Staff,
+    Json(new): Json<NewTrainee>,
+) -> HandlerResult<Created<TraineeResponse>> {
     let trainee = app.store.trainees().create(&by.scope, new).await?;
     Ok(Created { location: format!("/api/v1/trainees/{}", trainee.id), made: trainee.into() })
 }
 
 /// Read one trainee
 #[utoipa::path(get, path = "/trainees/{id}", tag = "trainees",
-    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Trainee)))]
-pub async fn get(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Trainee>> {
+    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = TraineeResponse)))]
+pub async fn get(State(app): State<App>, by: Member, PathKey(key): PathKey) -> HandlerResult<Json<TraineeResponse>> {
     let trainee = app.store.trainees().get(&by.scope, &key).await?;
     Ok(Json(trainee.into()))
 }
@@ -67,13 +75,13 @@ pub async fn get(State(app): State<App>, by: Member, At(key): At) -> Answer<Json
 /// Change a trainee
 #[utoipa::path(patch, path = "/trainees/{id}", tag = "trainees",
     params(("id" = String, Path, description = "id or code")), request_body = TraineeChange,
-    responses((status = OK, body = Trainee)))]
+    responses((status = OK, body = TraineeResponse)))]
 pub async fn change(
     State(app): State<App>,
     by: Staff,
-    At(key): At,
+    PathKey(key): PathKey,
     Json(change): Json<TraineeChange>,
-) -> Answer<Json<Trainee>> {
+) -> HandlerResult<Json<TraineeResponse>> {
     let trainee = app.store.trainees().change(&by.scope, &key, change).await?;
     Ok(Json(trainee.into()))
 }
@@ -81,7 +89,7 @@ pub async fn change(
 /// Erase a trainee, with account, recordings and results
 #[utoipa::path(delete, path = "/trainees/{id}", tag = "trainees",
     params(("id" = String, Path, description = "id or code")), responses((status = NO_CONTENT)))]
-pub async fn erase(State(app): State<App>, by: Staff, At(key): At) -> Answer<StatusCode> {
+pub async fn erase(State(app): State<App>, by: Staff, PathKey(key): PathKey) -> HandlerResult<StatusCode> {
     app.store.trainees().erase(&by.scope, &key).await?;
     Ok(StatusCode::NO_CONTENT)
 }

@@ -4,22 +4,22 @@ use axum::extract::State;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
-use super::Trainee;
-use crate::cohorts::{Asked, Found, answer};
+use super::TraineeResponse;
+use crate::cohorts::{ProgressSelection, TraineeProgress, answer};
 use crate::domain::session::FeatureSpace;
 use crate::domain::text::Key;
 use crate::http::auth::signed_in::Member;
-use crate::http::cohorts::Cohort;
-use crate::http::error::Answer;
-use crate::http::read::{At, Json, Params};
+use crate::http::cohorts::CohortResponse;
+use crate::http::error::HandlerResult;
+use crate::http::read::{Json, Params, PathKey};
 use crate::http::state::App;
-use crate::http::tasks::{Standard, Task};
+use crate::http::tasks::{StandardResponse, TaskResponse};
 
 /// Selects task, features and cohort.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct Which {
+pub struct ProgressQuery {
     /// The task, by id or code; default: the task of the newest session.
     #[param(value_type = Option<String>)]
     task: Option<Key>,
@@ -38,35 +38,36 @@ pub struct Which {
 /// A trainee's sessions of a task over time: features, ranks in a cohort, learning curves, and judgements by the task's
 /// standard.
 #[derive(Serialize, ToSchema)]
-pub struct Progress {
-    trainee: Trainee,
+pub struct TraineeProgressResponse {
+    trainee: TraineeResponse,
     /// The task; `null` if the request named none and the trainee has no sessions.
-    task: Option<Task>,
+    task: Option<TaskResponse>,
     /// The task's standard; `null`: none was set.
-    standard: Option<Standard>,
+    standard: Option<StandardResponse>,
     /// The cohort that the newest values are ranked in; `null` if the request named none.
-    cohort: Option<Cohort>,
+    cohort: Option<CohortResponse>,
     #[serde(flatten)]
-    course: answer::Course,
+    course: answer::ProgressAnswer,
 }
 
 /// Read a trainee's progress in a task
 #[utoipa::path(get, path = "/trainees/{id}/progress", tag = "trainees",
-    params(("id" = String, Path, description = "id or code"), Which), responses((status = OK, body = Progress)))]
+    params(("id" = String, Path, description = "id or code"), ProgressQuery), responses((status = OK, body = TraineeProgressResponse)))]
 pub async fn progress(
     State(app): State<App>,
     by: Member,
-    At(key): At,
-    Params(which): Params<Which>,
-) -> Answer<Json<Progress>> {
-    let Which { task, feature, tool, space, cohort } = which;
-    let asked = Asked { task, feature, tool, space, cohort };
-    let Found { trainee, task, standard, cohort, course } = app.cohorts.progress(&by.scope, &key, asked).await?;
-    Ok(Json(Progress {
+    PathKey(key): PathKey,
+    Params(which): Params<ProgressQuery>,
+) -> HandlerResult<Json<TraineeProgressResponse>> {
+    let ProgressQuery { task, feature, tool, space, cohort } = which;
+    let asked = ProgressSelection { task, feature, tool, space, cohort };
+    let TraineeProgress { trainee, task, standard, cohort, answer } =
+        app.cohorts.progress(&by.scope, &key, asked).await?;
+    Ok(Json(TraineeProgressResponse {
         trainee: trainee.into(),
-        task: task.map(Task::from),
-        standard: standard.map(|standard| Standard::new(standard, &by.scope)),
-        cohort: cohort.map(Cohort::from),
-        course,
+        task: task.map(TaskResponse::from),
+        standard: standard.map(|standard| StandardResponse::new(standard, &by.scope)),
+        cohort: cohort.map(CohortResponse::from),
+        course: answer,
     }))
 }

@@ -10,15 +10,15 @@ use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
 use crate::domain::xapi::StatementResult;
 use crate::http::auth::signed_in::Member;
-use crate::http::error::Answer;
-use crate::http::read::{At, Json, Params};
+use crate::http::error::HandlerResult;
+use crate::http::read::{Json, Params, PathKey};
 use crate::http::sessions::statement;
 use crate::http::show::Paging;
 use crate::http::state::App;
 use crate::store::SessionFilter;
 
 /// Most statements on a page, because each needs a whole result.
-const MOST_STATEMENTS: u32 = 50;
+const MAX_STATEMENTS_PER_PAGE: u32 = 50;
 
 /// List a trainee's sessions as xAPI statements, newest first
 ///
@@ -29,13 +29,13 @@ const MOST_STATEMENTS: u32 = 50;
 pub async fn xapi(
     State(app): State<App>,
     by: Member,
-    At(key): At,
+    PathKey(key): PathKey,
     Params(paging): Params<Paging>,
     headers: HeaderMap,
-) -> Answer<Json<StatementResult>> {
+) -> HandlerResult<Json<StatementResult>> {
     let trainee = app.store.trainees().get(&by.scope, &key).await?;
-    let home = app.home(&headers);
-    let paging = paging.at_most(MOST_STATEMENTS);
+    let home = app.base_url(&headers);
+    let paging = paging.at_most(MAX_STATEMENTS_PER_PAGE);
     let limit = paging.limit();
     let page = paging.request(app.settings.page_items)?;
     let filter = SessionFilter {

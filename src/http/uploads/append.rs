@@ -5,26 +5,26 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::StreamExt;
 
-use super::answer;
-use super::headers::{UPLOAD_LENGTH, UPLOAD_METADATA, UPLOAD_OFFSET, checksum, expect_piece, number};
+use super::headers::{UPLOAD_LENGTH, UPLOAD_METADATA, UPLOAD_OFFSET, checksum, expect_piece, header_number};
+use super::progress_headers;
 use crate::domain::scope::Scope;
 use crate::http::auth::signed_in::Member;
-use crate::http::error::{Answer, Problem};
-use crate::http::read::{At, content_length};
+use crate::http::error::{HandlerResult, ProblemResponse};
+use crate::http::read::{PathKey, content_length};
 use crate::http::state::App;
 use crate::ids::UploadId;
 use crate::intake::tus::Checksum;
-use crate::intake::{Piece, Received};
+use crate::intake::{Piece, UploadProgress};
 
 /// Read an upload's offset
 #[utoipa::path(head, path = "/uploads/{id}", tag = "uploads",
     params(("id" = String, Path, description = "id"), ("Tus-Resumable" = String, Header, description = "`1.0.0`")),
     responses((status = OK, description = "`Upload-Offset`, `Upload-Length`; once the upload is complete, `Trocar-Session`")))]
-pub async fn progress(State(app): State<App>, by: Member, at: At) -> Answer<Response> {
+pub async fn progress(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Response> {
     let id = at.id()?;
     let received = app.intake.resume(&by.scope, id).await?;
     let upload = app.intake.upload(&by.scope, id).await?;
-    let mut headers = answer::progress(&received);
+    let mut headers = progress_headers::progress_headers(&received);
     headers.insert(UPLOAD_LENGTH, HeaderValue::from(upload.length));
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
     headers.extend(HeaderValue::try_from(upload.metadata).ok().map(|metadata| (UPLOAD_METADATA, metadata)));
@@ -41,18 +41,18 @@ pub async fn progress(State(app): State<App>, by: Member, at: At) -> Answer<Resp
         ("Upload-Checksum" = Option<String>, Header, description = "`sha1 BASE64` or `sha256 BASE64` of the piece")),
     request_body(content = Vec<u8>, content_type = "application/offset+octet-stream"),
     responses((status = NO_CONTENT, description = "`Upload-Offset`; once the upload is complete, `Trocar-Session`, and `Trocar-Duplicate: true` if that session existed before")))]
-pub async fn append(State(app): State<App>, by: Member, at: At, request: Request) -> Answer<Response> {
+pub async fn append(State(app): State<App>, by: Member, at: PathKey, request: Request) -> HandlerResult<Response> {
     expect_piece(request.headers())?;
-    let (offset, sum) = (number(request.headers(), &UPLOAD_OFFSET)?, checksum(request.headers())?);
+    let (offset, sum) = (header_number(request.headers(), &UPLOAD_OFFSET)?, checksum(request.headers())?);
     let received = receive(&app, by.scope, at.id()?, offset, sum, request).await?;
-    Ok((StatusCode::NO_CONTENT, answer::progress(&received)).into_response())
+    Ok((StatusCode::NO_CONTENT, progress_headers::progress_headers(&received)).into_response())
 }
 
 /// Delete an unfinished upload and its bytes
 #[utoipa::path(delete, path = "/uploads/{id}", tag = "uploads",
     params(("id" = String, Path, description = "id"), ("Tus-Resumable" = String, Header, description = "`1.0.0`")),
     responses((status = NO_CONTENT)))]
-pub async fn terminate(State(app): State<App>, by: Member, at: At) -> Answer<StatusCode> {
+pub async fn terminate(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<StatusCode> {
     app.intake.terminate(&by.scope, at.id()?).await?;
     Ok(StatusCode::NO_CONTENT)
 }
@@ -66,11 +66,11 @@ pub(super) async fn receive(
     offset: u64,
     checksum: Option<Checksum>,
     request: Request,
-) -> Answer<Received> {
+) -> HandlerResult<UploadProgress> {
     let length = content_length(request.headers());
     let bytes = request.into_body().into_data_stream().map(|bytes| bytes.map_err(Into::into));
     let piece = Piece { offset, length, checksum, bytes };
     let intake = app.intake.clone();
     let taken = app.shutdown.spawn(async move { intake.append(&scope, id, piece).await });
-    Ok(taken.await.map_err(|cause| Problem::internal("receiving a piece", cause))??)
+    Ok(taken.await.map_err(|cause| ProblemResponse::internal("receiving a piece", cause))??)
 }

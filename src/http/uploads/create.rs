@@ -4,14 +4,14 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
-use super::answer;
 use super::append::receive;
-use super::headers::{TUS_VERSION, UPLOAD_LENGTH, UPLOAD_METADATA, checksum, is_piece, number, text};
+use super::headers::{TUS_VERSION, UPLOAD_LENGTH, UPLOAD_METADATA, checksum, header_number, header_text, is_piece};
+use super::progress_headers;
 use crate::http::auth::signed_in::Member;
-use crate::http::error::{Answer, Refusal};
+use crate::http::error::{HandlerResult, Refusal};
 use crate::http::state::App;
 use crate::intake::tus::{CHECKSUMS, EXTENSIONS, Metadata, VERSION};
-use crate::intake::{About, Received};
+use crate::intake::{RecordingDescription, UploadProgress};
 
 /// Read the supported version and extensions of tus
 #[utoipa::path(options, path = "/uploads", tag = "uploads",
@@ -36,29 +36,29 @@ pub async fn describe(State(app): State<App>, _by: Member) -> Response {
         ("Upload-Metadata" = String, Header, description = "`key base64, …`")),
     request_body(content = Vec<u8>, content_type = "application/offset+octet-stream", description = "The first piece, or an empty body"),
     responses((status = CREATED, description = "`Location`: address of the upload; `Upload-Offset`, `Upload-Expires`")))]
-pub async fn create(State(app): State<App>, by: Member, request: Request) -> Answer<Response> {
+pub async fn create(State(app): State<App>, by: Member, request: Request) -> HandlerResult<Response> {
     let headers = request.headers();
-    let metadata = text(headers, &UPLOAD_METADATA)?.unwrap_or_default();
+    let metadata = header_text(headers, &UPLOAD_METADATA)?.unwrap_or_default();
     let about = Metadata::parse(&metadata)?;
     let (length, sum, has_piece) = (upload_length(headers)?, checksum(headers)?, is_piece(headers));
-    let recording = app.intake.recognise(&by.scope, About::from(about)).await?;
+    let recording = app.intake.resolve(&by.scope, RecordingDescription::from(about)).await?;
     let upload = app.intake.begin(&by.scope, recording, metadata, length).await?;
-    let mut received = Received { received: 0, expires_at_ms: upload.expires_at_ms, finished: None };
+    let mut received = UploadProgress { received: 0, expires_at_ms: upload.expires_at_ms, finished: None };
     if has_piece {
         received = receive(&app, by.scope, upload.id, 0, sum, request).await?;
     }
     let location = [(header::LOCATION, format!("/api/v1/uploads/{}", upload.id))];
-    Ok((StatusCode::CREATED, answer::progress(&received), location).into_response())
+    Ok((StatusCode::CREATED, progress_headers::progress_headers(&received), location).into_response())
 }
 
-fn upload_length(headers: &HeaderMap) -> Answer<u64> {
+fn upload_length(headers: &HeaderMap) -> HandlerResult<u64> {
     if headers.contains_key("upload-defer-length") {
         return Err(Refusal::BadRequest.with("Send `Upload-Length` now: deferred lengths are not supported."));
     }
-    number(headers, &UPLOAD_LENGTH)
+    header_number(headers, &UPLOAD_LENGTH)
 }
 
-impl From<Metadata> for About {
+impl From<Metadata> for RecordingDescription {
     fn from(metadata: Metadata) -> Self {
         let Metadata { filename, trainee, task, box_, recorded_at } = metadata;
         Self { trainee, task, in_box: box_, filename, recorded_at }

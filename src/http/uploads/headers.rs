@@ -7,7 +7,7 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-use crate::http::error::{Answer, Problem, Refusal};
+use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::intake::tus::{Checksum, HeaderProblem, VERSION};
 
 /// The protocol's version, in every request and answer.
@@ -31,7 +31,7 @@ pub const TROCAR_DUPLICATE: HeaderName = HeaderName::from_static("trocar-duplica
 const PIECE: &str = "application/offset+octet-stream";
 
 /// Middleware: refuses other versions of the protocol, and adds the supported version to every answer.
-pub async fn speak_tus(request: Request, next: Next) -> Response {
+pub async fn check_tus_version(request: Request, next: Next) -> Response {
     let version = request.headers().get(&TUS_RESUMABLE);
     let understood = request.method() == Method::OPTIONS || version.is_some_and(|version| version == VERSION);
     let mut response = if understood { next.run(request).await } else { other_version().into_response() };
@@ -39,14 +39,14 @@ pub async fn speak_tus(request: Request, next: Next) -> Response {
     response
 }
 
-fn other_version() -> Problem {
+fn other_version() -> ProblemResponse {
     Refusal::PreconditionFailed
         .with(format!("Send `Tus-Resumable: {VERSION}`; other versions of tus are not supported."))
         .header(TUS_VERSION, VERSION)
 }
 
 /// A header's text.
-pub fn text(headers: &HeaderMap, name: &HeaderName) -> Answer<Option<String>> {
+pub fn header_text(headers: &HeaderMap, name: &HeaderName) -> HandlerResult<Option<String>> {
     let Some(value) = headers.get(name) else { return Ok(None) };
     let text = value
         .to_str()
@@ -55,8 +55,8 @@ pub fn text(headers: &HeaderMap, name: &HeaderName) -> Answer<Option<String>> {
 }
 
 /// The number in a required header.
-pub fn number(headers: &HeaderMap, name: &HeaderName) -> Answer<u64> {
-    let value = text(headers, name)?.filter(|text| !text.starts_with('+'));
+pub fn header_number(headers: &HeaderMap, name: &HeaderName) -> HandlerResult<u64> {
+    let value = header_text(headers, name)?.filter(|text| !text.starts_with('+'));
     let number = value.as_deref().map(u64::from_str);
     match number {
         Some(Ok(number)) => Ok(number),
@@ -70,7 +70,7 @@ pub fn is_piece(headers: &HeaderMap) -> bool {
 }
 
 /// Refuses a body that is not a piece.
-pub fn expect_piece(headers: &HeaderMap) -> Answer<()> {
+pub fn expect_piece(headers: &HeaderMap) -> HandlerResult<()> {
     if is_piece(headers) {
         return Ok(());
     }
@@ -78,12 +78,12 @@ pub fn expect_piece(headers: &HeaderMap) -> Answer<()> {
 }
 
 /// The body's checksum, if the request states one.
-pub fn checksum(headers: &HeaderMap) -> Answer<Option<Checksum>> {
-    let value = text(headers, &HeaderName::from_static("upload-checksum"))?;
+pub fn checksum(headers: &HeaderMap) -> HandlerResult<Option<Checksum>> {
+    let value = header_text(headers, &HeaderName::from_static("upload-checksum"))?;
     Ok(value.as_deref().map(Checksum::parse).transpose()?)
 }
 
-impl From<HeaderProblem> for Problem {
+impl From<HeaderProblem> for ProblemResponse {
     fn from(problem: HeaderProblem) -> Self {
         Refusal::BadRequest.with(format!("{problem}."))
     }

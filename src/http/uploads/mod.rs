@@ -5,11 +5,11 @@
 //! carries `Trocar-Duplicate` if the session existed before: the same recording of the same trainee, task and box
 //! is one session.
 
-mod answer;
 mod append;
 mod create;
 mod headers;
+mod progress_headers;
 
 pub use append::*;
 pub use create::*;
-pub use headers::speak_tus;
+pub use headers::check_tus_version;

@@ -1,23 +1,23 @@
 use super::*;
 use crate::analysis::AnalysisSettings;
 use crate::domain::feed::PROTOCOL;
-use crate::domain::feed::words::Hello;
+use crate::domain::feed::messages::Hello;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
-use crate::events::Events;
+use crate::events::EventBus;
 use crate::ids::FeedId;
-use crate::live::{Connected, LiveSettings, OpenFeeds, Parts};
+use crate::live::{ConnectResult, FeedServiceParts, LiveSettings, OpenFeeds};
 use crate::queue::{Queue, QueueSettings};
 use crate::sandbox::Program;
 use crate::shutdown::Shutdown;
-use crate::store::testing::{Centre, NOW_MS};
+use crate::store::testing::{NOW_MS, TestCentre};
 use crate::time::to_rfc3339;
 use crate::vault::Vault;
 
 /// A connection to the box of a centre.
-async fn connected(centre: &Centre) -> Connection {
-    let (store, events, clock) = (centre.store.clone(), Events::new(), centre.clock.clone());
-    let feeds = Feeds::new(Parts {
+async fn connected(centre: &TestCentre) -> Connection {
+    let (store, events, clock) = (centre.store.clone(), EventBus::new(), centre.clock.clone());
+    let feeds = FeedService::new(FeedServiceParts {
         vault: Vault::open(centre.folder.path()).await.unwrap(),
         queue: Queue::new(store.clone(), QueueSettings::default(), events.clone(), clock.clone()),
         store,
@@ -28,7 +28,7 @@ async fn connected(centre: &Centre) -> Connection {
         analysis: AnalysisSettings::default(),
         program: Program::at("/bin/false", &[]),
         open: OpenFeeds::default(),
-        turns: Arc::default(),
+        cpu_slots: Arc::default(),
     });
     let hello = Hello {
         protocol: PROTOCOL,
@@ -43,30 +43,30 @@ async fn connected(centre: &Centre) -> Connection {
         sender: String::new(),
     };
     match feeds.connect(&Scope::service(), &Key::from(&centre.the_box.id), hello).await.unwrap() {
-        Connected::Open(connection) => connection,
-        Connected::Ended(session) => panic!("{session} has ended"),
+        ConnectResult::Open(connection) => connection,
+        ConnectResult::Ended(session) => panic!("{session} has ended"),
     }
 }
 
 #[tokio::test]
-async fn whoever_comes_while_the_recording_is_being_ended_is_told_its_session() {
-    let centre = Centre::new().await;
+async fn a_connection_made_while_the_recording_is_ended_receives_its_session() {
+    let centre = TestCentre::new().await;
     let mut connection = connected(&centre).await;
     let session = connection.feed.row.session_id;
     connection.feed.state.lock().await.ended = Some(session);
-    assert_eq!(connection.welcome().await.unwrap(), FromServer::Ended { session, durable: None });
+    assert_eq!(connection.welcome().await.unwrap(), ServerMessage::Ended { session, durable: None });
 }
 
 #[tokio::test]
-async fn frames_that_come_while_others_are_made_durable_are_acknowledged_after_them() {
-    let centre = Centre::new().await;
+async fn frames_that_arrive_during_a_sync_are_acknowledged_after_it() {
+    let centre = TestCentre::new().await;
     let mut connection = connected(&centre).await;
-    assert!(matches!(connection.welcome().await.unwrap(), FromServer::Welcome { .. }));
-    let frame = |number: u64| Body::Frame { time: 3600 * number as i64, is_key: true, payload: b"jpeg" };
-    connection.take_own(0, frame(0)).await.unwrap();
+    assert!(matches!(connection.welcome().await.unwrap(), ServerMessage::Welcome { .. }));
+    let frame = |number: u64| RecordBody::Frame { time: 3600 * number as i64, is_key: true, payload: b"jpeg" };
+    connection.take_local_record(0, frame(0)).await.unwrap();
     let first = connection.begin_sync().await.unwrap();
     assert!(!connection.is_unsynced());
-    connection.take_own(1, frame(1)).await.unwrap();
+    connection.take_local_record(1, frame(1)).await.unwrap();
     assert!(connection.is_unsynced(), "it arrived after the sync began");
     let second = connection.begin_sync().await.unwrap();
     assert_eq!(second.await.unwrap(), [[0, 1]]);

@@ -1,7 +1,7 @@
 use std::fs::File;
 
 use super::*;
-use crate::media::{Limits, VideoFile};
+use crate::media::{MediaLimits, VideoFile};
 use crate::pipeline::frame::ColourEncoding;
 
 const WIDTH: usize = 96;
@@ -31,12 +31,12 @@ fn flat_sized(width: usize, height: usize, luma: u8, shift: (u8, u8), act: impl 
     });
 }
 
-fn settings(samples: Samples) -> VideoSettings {
+fn settings(samples: SampleFormat) -> VideoSettings {
     VideoSettings { width: WIDTH as u32, height: HEIGHT as u32, fps: 25.0, samples, crf: 12 }
 }
 
 /// Encodes frames that grow brighter, at these times, and decodes them again.
-fn round_trip(samples: Samples, times_s: &[f64]) -> Vec<Seen> {
+fn round_trip(samples: SampleFormat, times_s: &[f64]) -> Vec<Seen> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clip.mp4");
     let mut writer = VideoWriter::create(File::create(&path).unwrap(), settings(samples)).unwrap();
@@ -44,7 +44,7 @@ fn round_trip(samples: Samples, times_s: &[f64]) -> Vec<Seen> {
         flat(luma_of(index), (1, 1), |frame| writer.write(&Frame { time_s: *time_s, ..*frame }).unwrap());
     }
     writer.finish().unwrap();
-    let mut video = VideoFile::open(File::open(&path).unwrap(), Limits::default()).unwrap();
+    let mut video = VideoFile::open(File::open(&path).unwrap(), MediaLimits::default()).unwrap();
     let mut seen = Vec::new();
     while let Some(picture) = video.next_picture().unwrap() {
         let frame = picture.frame();
@@ -63,7 +63,7 @@ fn luma_of(index: usize) -> u8 {
 #[test]
 fn uneven_and_missing_frames_come_back_at_their_own_times_in_order() {
     let times_s = [0.0, 0.041, 0.0795, 0.2, 0.2111, 0.36, 0.4, 0.44, 0.9, 0.95, 1.0, 1.041, 1.08, 2.5];
-    let seen = round_trip(Samples::Yuv420, &times_s);
+    let seen = round_trip(SampleFormat::Yuv420, &times_s);
     assert_eq!(seen.len(), times_s.len());
     for (index, (time_s, frame)) in times_s.iter().zip(&seen).enumerate() {
         assert!(
@@ -78,11 +78,11 @@ fn uneven_and_missing_frames_come_back_at_their_own_times_in_order() {
 #[test]
 fn every_sample_format_keeps_its_chroma_resolution_and_its_colour() {
     let expected = [
-        (Samples::Yuv420, (1, 1)),
-        (Samples::Yuv422, (1, 0)),
-        (Samples::Yuv444, (0, 0)),
-        (Samples::Yuv420Deep, (1, 1)),
-        (Samples::Yuv444Deep, (0, 0)),
+        (SampleFormat::Yuv420, (1, 1)),
+        (SampleFormat::Yuv422, (1, 0)),
+        (SampleFormat::Yuv444, (0, 0)),
+        (SampleFormat::Yuv420Deep, (1, 1)),
+        (SampleFormat::Yuv444Deep, (0, 0)),
     ];
     for (samples, shift) in expected {
         let seen = round_trip(samples, &[0.0, 0.04, 0.08]);
@@ -98,15 +98,15 @@ fn every_sample_format_keeps_its_chroma_resolution_and_its_colour() {
 fn an_odd_size_needs_full_chroma() {
     let odd = |samples| VideoSettings { width: 97, height: 63, ..settings(samples) };
     let open = |samples| VideoWriter::create(tempfile::tempfile().unwrap(), odd(samples));
-    assert!(matches!(open(Samples::Yuv420), Err(EncodeError::Refused { width: 97, height: 63, .. })));
-    let mut writer = open(Samples::Yuv444).unwrap();
+    assert!(matches!(open(SampleFormat::Yuv420), Err(EncodeError::Refused { width: 97, height: 63, .. })));
+    let mut writer = open(SampleFormat::Yuv444).unwrap();
     flat_sized(97, 63, 90, (0, 0), |frame| writer.write(frame).unwrap());
     writer.finish().unwrap();
 }
 
 #[test]
 fn time_does_not_stand_still() {
-    let mut writer = VideoWriter::create(tempfile::tempfile().unwrap(), settings(Samples::Yuv420)).unwrap();
+    let mut writer = VideoWriter::create(tempfile::tempfile().unwrap(), settings(SampleFormat::Yuv420)).unwrap();
     flat(80, (1, 1), |frame| {
         writer.write(frame).unwrap();
         assert!(matches!(writer.write(frame), Err(EncodeError::Order { .. })));

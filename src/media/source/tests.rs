@@ -7,17 +7,17 @@ use std::process::Command;
 
 use super::*;
 use crate::media::testing::{recording, seen};
-use crate::media::{CodedFrame, Muxer, Samples, Stream};
+use crate::media::{CodedFrame, Muxer, SampleFormat, Stream};
 
 fn captured(path: &Path) -> (SourceInfo, Vec<CapturedFrame>) {
-    let mut source = Source::open(path.to_str().unwrap(), &[], || false).unwrap();
+    let mut source = CaptureSource::open(path.to_str().unwrap(), &[], || false).unwrap();
     let frames = std::iter::from_fn(|| source.next_frame().unwrap()).collect();
     (source.info().clone(), frames)
 }
 
 /// Number, time and pixel hash of every frame of a recording.
 fn shown(bytes: Vec<u8>) -> Vec<(u64, f64, u64)> {
-    let mut video = VideoFile::open(Cursor::new(bytes), Limits::default()).unwrap();
+    let mut video = VideoFile::open(Cursor::new(bytes), MediaLimits::default()).unwrap();
     std::iter::from_fn(|| video.next_picture().unwrap()).map(|picture| seen(&picture.frame())).collect()
 }
 
@@ -52,7 +52,7 @@ fn made(folder: &Path, name: &str, how: &str) -> std::path::PathBuf {
 fn a_clip_of_ours_comes_out_as_it_went_in() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clip.mp4");
-    let clip = recording(Samples::Yuv420, 60);
+    let clip = recording(SampleFormat::Yuv420, 60);
     std::fs::write(&path, &clip).unwrap();
     let (info, frames) = captured(&path);
     assert_eq!((info.codec, info.coded_from.clone(), info.is_file), (FrameCodec::H264, None, true));
@@ -78,7 +78,7 @@ fn every_form_of_a_clip_keeps_its_frames_and_times() {
         assert_eq!((info.codec, info.coded_from.as_deref()), (codec, None), "{name}");
         let keys = frames.iter().filter(|frame| frame.is_key);
         assert!(keys.clone().count() >= 3, "{name}");
-        assert!(keys.into_iter().all(|key| crate::media::can_begin_with(codec, &key.bytes)), "{name}");
+        assert!(keys.into_iter().all(|key| crate::media::can_start_decoding(codec, &key.bytes)), "{name}");
         let [sent, clip] = [assembled(&info, &frames), std::fs::read(&path).unwrap()].map(shown);
         assert_eq!(sent.len(), 60, "{name}");
         for (sent, clip) in sent.iter().zip(&clip) {
@@ -101,7 +101,7 @@ impl Read for Trickle {
 }
 
 fn pushed(bytes: Vec<u8>) -> Result<(SourceInfo, Vec<CapturedFrame>), SourceError> {
-    let mut source = Source::pushed(Trickle(Cursor::new(bytes)), Limits::default())?;
+    let mut source = CaptureSource::pushed(Trickle(Cursor::new(bytes)), MediaLimits::default())?;
     let frames = std::iter::from_fn(|| source.next_frame().unwrap()).collect();
     Ok((source.info().clone(), frames))
 }
@@ -131,7 +131,7 @@ fn a_stream_that_comes_once_gives_what_its_file_gives() {
 
 #[test]
 fn a_stream_that_is_no_live_one_is_refused() {
-    let clip = recording(Samples::Yuv420, 10);
+    let clip = recording(SampleFormat::Yuv420, 10);
     for bytes in
         [clip, b"#EXTM3U\n#EXTINF:1,\n/etc/passwd\n".to_vec(), b"ffconcat version 1.0\nfile x".to_vec(), vec![]]
     {
@@ -167,7 +167,7 @@ fn a_source_that_is_none_is_refused_with_a_reason() {
     let path = folder.path().join("text.mp4");
     std::fs::write(&path, "no video at all").unwrap();
     for address in [path.to_str().unwrap(), "/no/such/file", "a\0b", "/dev/null"] {
-        assert!(Source::open(address, &[], || false).is_err(), "{address:?}");
+        assert!(CaptureSource::open(address, &[], || false).is_err(), "{address:?}");
     }
 }
 

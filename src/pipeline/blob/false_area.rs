@@ -11,7 +11,7 @@ use crate::pipeline::frame::Frame;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::palette::FalseArea;
 use crate::pipeline::segmentation::region_of_interest::{CELL_PX, CellBox};
-use crate::pipeline::segmentation::samples::Rectangle;
+use crate::pipeline::segmentation::samples::MarkedRectangle;
 
 /// The false area of a class whose colour `tool_count` tools share; `None` if no mark lies on a region of that colour,
 /// so that no band is known.
@@ -19,7 +19,7 @@ pub fn false_area(
     frame: &Frame<'_>,
     table: &ColourTable,
     class: u8,
-    marks: &[&Rectangle],
+    marks: &[&MarkedRectangle],
     tool_count: usize,
 ) -> Option<FalseArea> {
     let whole = CellBox::whole(frame);
@@ -48,7 +48,7 @@ pub fn false_area(
     })
 }
 
-fn cells_of(mark: &Rectangle) -> CellBox {
+fn cells_of(mark: &MarkedRectangle) -> CellBox {
     CellBox {
         left: mark.x / CELL_PX,
         top: mark.y / CELL_PX,
@@ -67,7 +67,7 @@ mod tests {
     const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
 
     /// A picture of cells: `#` has the tape's colour.
-    fn of_picture(cells: &[&str], marks: &[Rectangle], tool_count: usize) -> Option<FalseArea> {
+    fn of_picture(cells: &[&str], marks: &[MarkedRectangle], tool_count: usize) -> Option<FalseArea> {
         let samples = ColourSamples {
             encoding: ENCODING,
             labels: vec!["orange".into(), "background".into()],
@@ -88,8 +88,8 @@ mod tests {
         false_area(&frame, &table, 1, &marks.iter().collect::<Vec<_>>(), tool_count)
     }
 
-    fn mark(x: usize, y: usize) -> Rectangle {
-        Rectangle { label: "orange".into(), x, y, w: 2, h: 2 }
+    fn mark(x: usize, y: usize) -> MarkedRectangle {
+        MarkedRectangle { label: "orange".into(), x, y, w: 2, h: 2 }
     }
 
     #[test]
@@ -106,7 +106,7 @@ mod tests {
         assert_eq!(of_picture(&["##......", "........"], &[mark(10, 2)], 1), None);
     }
     #[test]
-    fn of_two_tools_of_one_colour_the_one_that_nobody_marked_is_no_false_area() {
+    fn of_two_tools_of_one_colour_the_unmarked_one_is_no_false_area() {
         let picture = ["##....##", "##....##", "......##", "........", "#.......", "........"];
         let of_one = of_picture(&picture, &[mark(2, 2)], 1).unwrap();
         assert_eq!(of_one.largest_of_band, 6.0 / 4.0);

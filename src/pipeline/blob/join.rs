@@ -1,7 +1,7 @@
 //! Joins parts of one band that a crease, glare or the other tool has split, if they lie on one line.
 
 use super::components::Component;
-use super::moments::Rectangle;
+use super::moments::RegionRectangle;
 
 /// Joins to the first (largest) component every other that continues it: on its axis within half a width, no wider
 /// than it, and no farther away than its own length. Returns the band, and the parts that belong elsewhere.
@@ -23,7 +23,7 @@ pub fn join_collinear(mut parts: Vec<Component>) -> (Option<Component>, Vec<Comp
     (Some(band), elsewhere)
 }
 
-fn continues(band: &Rectangle, part: &Rectangle) -> bool {
+fn continues(band: &RegionRectangle, part: &RegionRectangle) -> bool {
     let gap = part.centre - band.centre;
     // The axis of a short stump is unreliable; then the line through both centres must fit both.
     let axis = if band.length_px > 1.5 * band.width_px { band.axis } else { gap.normalize() };

@@ -47,7 +47,7 @@ impl Moments {
     }
 
     /// The rectangle with the same centre and second moments.
-    pub fn rectangle(&self) -> Rectangle {
+    pub fn rectangle(&self) -> RegionRectangle {
         let [x, y] = self.centroid();
         let n = self.count.max(1.0);
         let within = (CELL_PX * CELL_PX) as f64 / 12.0; // a cell is a square, not a point
@@ -60,7 +60,7 @@ impl Moments {
         let eigen = covariance.symmetric_eigen();
         let long = if eigen.eigenvalues[0] >= eigen.eigenvalues[1] { 0 } else { 1 };
         let side = |variance: f64| (12.0 * variance.max(0.0)).sqrt(); // a uniform side of length a has variance a²/12
-        Rectangle {
+        RegionRectangle {
             centre: Vector2::new(x, y),
             axis: eigen.eigenvectors.column(long).into_owned(),
             length_px: side(eigen.eigenvalues[long]),
@@ -71,7 +71,7 @@ impl Moments {
 
 /// The rectangle with a region's centre and second moments.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rectangle {
+pub struct RegionRectangle {
     /// Centre, pixels.
     pub centre: Vector2<f64>,
     /// Unit vector along the longer side; its sign has no meaning.
@@ -92,8 +92,8 @@ mod tests {
         let along = Vector2::new(angle.cos(), angle.sin());
         let across = Vector2::new(-along.y, along.x);
         let mut moments = Moments::default();
-        for row in 0..150 {
-            for column in 0..150 {
+        for row in 0..150u32 {
+            for column in 0..150u32 {
                 let p = Vector2::new(f64::from(column) * 2.0 + 0.5 - 150.0, f64::from(row) * 2.0 + 0.5 - 150.0);
                 if p.dot(&along).abs() < length / 2.0 && p.dot(&across).abs() < width / 2.0 {
                     moments.add_cell(column as usize, row as usize);

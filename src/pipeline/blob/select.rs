@@ -1,25 +1,25 @@
 //! Decides whether a region can be a band: tests of size and shape, before any border is measured.
 
 use super::components::Component;
-use super::moments::Rectangle;
-use crate::pipeline::reason::Reason;
+use super::moments::RegionRectangle;
+use crate::pipeline::reason::MissReason;
 
 /// Minimum width of a band that can be measured, pixels: with borders blurred over two pixels each, a narrower one has
 /// no clear inside.
-pub const NARROWEST_PX: f64 = 6.0;
+pub const MIN_WIDTH_PX: f64 = 6.0;
 
 /// Minimum number of cells of a region: half of a band of minimum width that is as long as wide.
-pub const FEWEST_CELLS: usize = 10;
+pub const MIN_CELLS: usize = 10;
 
 /// Minimum share of its rectangle that a band fills; a region with less is a frame, a fork or scattered noise.
-const LEAST_FILL: f64 = 0.6;
+const MIN_FILL: f64 = 0.6;
 
 /// The region's rectangle, or why it is no band.
-pub fn judge(component: &Component) -> Result<Rectangle, Reason> {
+pub fn check_shape(component: &Component) -> Result<RegionRectangle, MissReason> {
     let rectangle = component.moments.rectangle();
-    if component.moments.cells() < FEWEST_CELLS || rectangle.width_px < NARROWEST_PX {
-        return Err(Reason::TooSmall);
+    if component.moments.cells() < MIN_CELLS || rectangle.width_px < MIN_WIDTH_PX {
+        return Err(MissReason::TooSmall);
     }
     let fill = component.moments.area_px2() / (rectangle.length_px * rectangle.width_px);
-    if fill < LEAST_FILL { Err(Reason::WrongShape) } else { Ok(rectangle) }
+    if fill < MIN_FILL { Err(MissReason::WrongShape) } else { Ok(rectangle) }
 }

@@ -16,10 +16,10 @@ pub enum BoardProblem {
     /// Too few or too many inner corners to be found.
     #[error(
         "a board of {columns}x{rows} inner corners is not supported; count the points where four squares meet, {}x{} to {}x{}",
-        Board::FEWEST,
-        Board::FEWEST,
-        Board::MOST,
-        Board::MOST
+        Board::MIN_CORNERS,
+        Board::MIN_CORNERS,
+        Board::MAX_CORNERS,
+        Board::MAX_CORNERS
     )]
     Corners {
         /// Inner corners along one side.
@@ -34,13 +34,13 @@ pub enum BoardProblem {
 
 impl Board {
     /// Minimum of inner corners along a side; with two the lens's distortion would not show.
-    pub const FEWEST: usize = 3;
+    pub const MIN_CORNERS: usize = 3;
     /// Maximum of inner corners along a side; bounds the search, above every board in use.
-    pub const MOST: usize = 60;
+    pub const MAX_CORNERS: usize = 60;
 
     /// Creates a board from its inner corners (where four squares meet) and the side of a square.
     pub fn new(columns: usize, rows: usize, square_mm: f64) -> Result<Self, BoardProblem> {
-        let possible = Self::FEWEST..=Self::MOST;
+        let possible = Self::MIN_CORNERS..=Self::MAX_CORNERS;
         if !possible.contains(&columns) || !possible.contains(&rows) {
             return Err(BoardProblem::Corners { columns, rows });
         }
@@ -66,7 +66,7 @@ impl Board {
     }
 
     /// Number of inner corners.
-    pub fn corners(&self) -> usize {
+    pub fn corner_count(&self) -> usize {
         self.columns * self.rows
     }
 
@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_board_nobody_can_print_is_refused() {
+    fn a_board_that_cannot_be_printed_is_refused() {
         assert!(Board::new(9, 6, 21.0).is_ok());
         assert!(matches!(Board::new(9, 2, 21.0), Err(BoardProblem::Corners { columns: 9, rows: 2 })));
         assert!(matches!(Board::new(usize::MAX, 6, 21.0), Err(BoardProblem::Corners { .. })));

@@ -11,21 +11,21 @@
 //! [`board_pose`] works the other way round: given a known camera, it finds the pose of a board and checks whether the
 //! calibration still holds.
 
-mod bend;
+mod bent_board;
 pub mod board;
+pub mod board_pose;
 mod calibrate;
 pub mod checkerboard;
-pub mod film;
-pub mod glance;
 mod initial;
 pub mod model;
-pub mod placed;
+pub mod photo_inspection;
 mod refine;
 pub mod report;
 #[cfg(test)]
 pub(crate) mod testing;
+pub mod view_picker;
 
 pub use board::{Board, BoardProblem};
-pub use calibrate::{FEWEST_PHOTOS, calibrate};
+pub use calibrate::{MIN_PHOTOS, calibrate};
 pub use model::Camera;
 pub use report::{BoardView, Calibration, CalibrationProblem, Coverage, PhotoReason, PhotoReport};

@@ -15,20 +15,20 @@ use crate::pipeline::space::{Normalised, Pixel};
 pub(super) const ROBUST_SIGMAS: f64 = 3.0;
 
 /// Maximum steps of one minimisation; a good start needs about ten.
-const MOST_STEPS: usize = 100;
+const MAX_STEPS: usize = 100;
 
 /// The minimisation has converged when a step's relative gain falls below this.
-const SMALLEST_GAIN: f64 = 1e-10;
+const MIN_GAIN: f64 = 1e-10;
 
 /// Number of camera parameters that are refined: fx fy cx cy k1 k2 p1 p2 k3.
-pub(super) const INTRINSICS: usize = 9;
+pub(super) const INTRINSIC_COUNT: usize = 9;
 
-type CameraJacobian = SMatrix<f64, 2, INTRINSICS>;
+type CameraJacobian = SMatrix<f64, 2, INTRINSIC_COUNT>;
 type PoseJacobian = SMatrix<f64, 2, 6>;
 
 /// The corners of one photo and the pose of its board.
 #[derive(Clone, Debug)]
-pub(super) struct Posed<'a> {
+pub(super) struct PosedPhoto<'a> {
     /// Corners as seen, in the order of the board's points.
     pub seen: &'a [Pixel],
     /// Pose `camera_from_board`, mm.
@@ -37,16 +37,20 @@ pub(super) struct Posed<'a> {
 
 /// The result of the minimisation.
 #[derive(Clone, Debug)]
-pub(super) struct Fit<'a> {
+pub(super) struct CameraFit<'a> {
     pub camera: Camera,
-    pub photos: Vec<Posed<'a>>,
+    pub photos: Vec<PosedPhoto<'a>>,
     /// Covariance of the nine intrinsics, for independent corners with the noise seen in the residuals.
-    pub covariance: SMatrix<f64, INTRINSICS, INTRINSICS>,
+    pub covariance: SMatrix<f64, INTRINSIC_COUNT, INTRINSIC_COUNT>,
 }
 
 /// Refines camera and poses together; `None` if the equations have no finite solution.
-pub(super) fn everything<'a>(points: &[Point2<f64>], camera: Camera, photos: Vec<Posed<'a>>) -> Option<Fit<'a>> {
-    let mut state = State { camera, photos };
+pub(super) fn refine_all<'a>(
+    points: &[Point2<f64>],
+    camera: Camera,
+    photos: Vec<PosedPhoto<'a>>,
+) -> Option<CameraFit<'a>> {
+    let mut state = CameraState { camera, photos };
     // Far from the solution every corner is far off, so the first pass gives all corners full weight.
     state = minimise(points, state, f64::INFINITY)?;
     for _ in 0..3 {
@@ -54,14 +58,18 @@ pub(super) fn everything<'a>(points: &[Point2<f64>], camera: Camera, photos: Vec
         state = minimise(points, state, limit)?;
     }
     let sigma = robust_sigma(&state.residuals(points)?);
-    let normal = Normal::at(points, &state, ROBUST_SIGMAS * sigma)?;
+    let normal = CalibrationEquations::at(points, &state, ROBUST_SIGMAS * sigma)?;
     let covariance = normal.reduced(0.0)?.0.try_inverse()? * normal.sigma_px().powi(2);
     let finite = covariance.iter().all(|v| v.is_finite());
-    finite.then_some(Fit { camera: state.camera, photos: state.photos, covariance })
+    finite.then_some(CameraFit { camera: state.camera, photos: state.photos, covariance })
 }
 
 /// Refines one pose with the camera held fixed: shows how well a photo agrees with a camera calibrated without it.
-pub(super) fn pose_only<'a>(points: &[Point2<f64>], camera: &Camera, photo: Posed<'a>) -> Option<Posed<'a>> {
+pub(super) fn refine_pose<'a>(
+    points: &[Point2<f64>],
+    camera: &Camera,
+    photo: PosedPhoto<'a>,
+) -> Option<PosedPhoto<'a>> {
     let mut pose = photo.pose;
     for _ in 0..30 {
         let mut square = SMatrix::<f64, 6, 6>::zeros();
@@ -72,16 +80,20 @@ pub(super) fn pose_only<'a>(points: &[Point2<f64>], camera: &Camera, photo: Pose
             slope += jacobian.transpose() * (seen.0 - pixel.0);
         }
         let step = square.cholesky()?.solve(&slope);
-        pose = moved(&pose, &step);
+        pose = moved_pose(&pose, &step);
         if step.norm() < 1e-9 {
             break;
         }
     }
-    pose.translation.vector.iter().all(|v| v.is_finite()).then_some(Posed { pose, ..photo })
+    pose.translation.vector.iter().all(|v| v.is_finite()).then_some(PosedPhoto { pose, ..photo })
 }
 
 /// Seen minus expected position of each corner of a photo, px; `None` if the board is behind the camera.
-pub(super) fn misses(points: &[Point2<f64>], camera: &Camera, photo: &Posed<'_>) -> Option<Vec<Vector2<f64>>> {
+pub(super) fn corner_residuals(
+    points: &[Point2<f64>],
+    camera: &Camera,
+    photo: &PosedPhoto<'_>,
+) -> Option<Vec<Vector2<f64>>> {
     let miss = |(point, seen): (&Point2<f64>, &Pixel)| Some(seen.0 - project(camera, &photo.pose, point)?.0.0);
     points.iter().zip(photo.seen).map(miss).collect()
 }
@@ -143,13 +155,13 @@ pub(super) fn project_point(camera: &Camera, at: Point3<f64>) -> Option<(Pixel, 
 }
 
 /// A pose after a small rotation (about the camera's axes, radians) and translation (mm).
-pub(super) fn moved(pose: &Isometry3<f64>, step: &SVector<f64, 6>) -> Isometry3<f64> {
+pub(super) fn moved_pose(pose: &Isometry3<f64>, step: &SVector<f64, 6>) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(0).into_owned());
     let shift = pose.translation.vector + step.fixed_rows::<3>(3);
     Isometry3::from_parts(Translation3::from(shift), turn * pose.rotation)
 }
 
-fn adjusted(camera: &Camera, step: &SVector<f64, INTRINSICS>) -> Camera {
+fn adjusted_camera(camera: &Camera, step: &SVector<f64, INTRINSIC_COUNT>) -> Camera {
     Camera {
         fx: camera.fx + step[0],
         fy: camera.fy + step[1],
@@ -165,14 +177,15 @@ fn adjusted(camera: &Camera, step: &SVector<f64, INTRINSICS>) -> Camera {
 }
 
 #[derive(Clone)]
-struct State<'a> {
+struct CameraState<'a> {
     camera: Camera,
-    photos: Vec<Posed<'a>>,
+    photos: Vec<PosedPhoto<'a>>,
 }
 
-impl State<'_> {
+impl CameraState<'_> {
     fn residuals(&self, points: &[Point2<f64>]) -> Option<Vec<Vector2<f64>>> {
-        let per_photo: Option<Vec<_>> = self.photos.iter().map(|photo| misses(points, &self.camera, photo)).collect();
+        let per_photo: Option<Vec<_>> =
+            self.photos.iter().map(|photo| corner_residuals(points, &self.camera, photo)).collect();
         Some(per_photo?.concat())
     }
 
@@ -190,11 +203,11 @@ fn huber(distance: f64, limit: f64) -> (f64, f64) {
     }
 }
 
-fn minimise<'a>(points: &[Point2<f64>], mut state: State<'a>, limit_px: f64) -> Option<State<'a>> {
+fn minimise<'a>(points: &[Point2<f64>], mut state: CameraState<'a>, limit_px: f64) -> Option<CameraState<'a>> {
     let mut cost = state.cost(points, limit_px)?;
     let mut damping = 1e-3;
-    for _ in 0..MOST_STEPS {
-        let normal = Normal::at(points, &state, limit_px)?;
+    for _ in 0..MAX_STEPS {
+        let normal = CalibrationEquations::at(points, &state, limit_px)?;
         let mut gain = 0.0;
         while damping < 1e12 {
             let trial = normal.step(damping).map(|step| step.applied_to(&state));
@@ -207,7 +220,7 @@ fn minimise<'a>(points: &[Point2<f64>], mut state: State<'a>, limit_px: f64) -> 
             }
             damping *= 10.0;
         }
-        if gain < SMALLEST_GAIN {
+        if gain < MIN_GAIN {
             break;
         }
     }
@@ -215,27 +228,27 @@ fn minimise<'a>(points: &[Point2<f64>], mut state: State<'a>, limit_px: f64) -> 
 }
 
 /// The normal equations as an arrow matrix: the camera's block, and per photo the pose's block and the joint block.
-struct Normal {
-    camera: SMatrix<f64, INTRINSICS, INTRINSICS>,
-    camera_slope: SVector<f64, INTRINSICS>,
-    photos: Vec<PhotoNormal>,
+struct CalibrationEquations {
+    camera: SMatrix<f64, INTRINSIC_COUNT, INTRINSIC_COUNT>,
+    camera_slope: SVector<f64, INTRINSIC_COUNT>,
+    photos: Vec<PhotoEquations>,
     weighted_squares: f64,
     weights: f64,
 }
 
-struct PhotoNormal {
+struct PhotoEquations {
     pose: SMatrix<f64, 6, 6>,
-    joint: SMatrix<f64, INTRINSICS, 6>,
+    joint: SMatrix<f64, INTRINSIC_COUNT, 6>,
     slope: SVector<f64, 6>,
 }
 
-struct Step {
-    camera: SVector<f64, INTRINSICS>,
+struct CalibrationStep {
+    camera: SVector<f64, INTRINSIC_COUNT>,
     poses: Vec<SVector<f64, 6>>,
 }
 
-impl Normal {
-    fn at(points: &[Point2<f64>], state: &State<'_>, limit_px: f64) -> Option<Self> {
+impl CalibrationEquations {
+    fn at(points: &[Point2<f64>], state: &CameraState<'_>, limit_px: f64) -> Option<Self> {
         let mut normal = Self {
             camera: SMatrix::zeros(),
             camera_slope: SVector::zeros(),
@@ -244,7 +257,7 @@ impl Normal {
             weights: 0.0,
         };
         for photo in &state.photos {
-            let mut own = PhotoNormal { pose: SMatrix::zeros(), joint: SMatrix::zeros(), slope: SVector::zeros() };
+            let mut own = PhotoEquations { pose: SMatrix::zeros(), joint: SMatrix::zeros(), slope: SVector::zeros() };
             for (point, seen) in points.iter().zip(photo.seen) {
                 let (pixel, by_camera, by_pose) = project(&state.camera, &photo.pose, point)?;
                 let miss = seen.0 - pixel.0;
@@ -263,7 +276,10 @@ impl Normal {
     }
 
     /// The camera's equations with the poses eliminated; the diagonal is raised by `damping` (Marquardt).
-    fn reduced(&self, damping: f64) -> Option<(SMatrix<f64, INTRINSICS, INTRINSICS>, SVector<f64, INTRINSICS>)> {
+    fn reduced(
+        &self,
+        damping: f64,
+    ) -> Option<(SMatrix<f64, INTRINSIC_COUNT, INTRINSIC_COUNT>, SVector<f64, INTRINSIC_COUNT>)> {
         let mut matrix = damped(&self.camera, damping);
         let mut slope = self.camera_slope;
         for photo in &self.photos {
@@ -274,18 +290,18 @@ impl Normal {
         Some((matrix, slope))
     }
 
-    fn step(&self, damping: f64) -> Option<Step> {
+    fn step(&self, damping: f64) -> Option<CalibrationStep> {
         let (matrix, slope) = self.reduced(damping)?;
         let camera = matrix.cholesky()?.solve(&slope);
-        let own = |photo: &PhotoNormal| {
+        let own = |photo: &PhotoEquations| {
             Some(damped(&photo.pose, damping).cholesky()?.solve(&(photo.slope - photo.joint.transpose() * camera)))
         };
-        Some(Step { camera, poses: self.photos.iter().map(own).collect::<Option<_>>()? })
+        Some(CalibrationStep { camera, poses: self.photos.iter().map(own).collect::<Option<_>>()? })
     }
 
     /// Standard deviation per coordinate; every photo takes six unknowns and the camera nine.
     fn sigma_px(&self) -> f64 {
-        let unknowns = (INTRINSICS + 6 * self.photos.len()) as f64;
+        let unknowns = (INTRINSIC_COUNT + 6 * self.photos.len()) as f64;
         (self.weighted_squares / (2.0 * self.weights - unknowns).max(1.0)).sqrt()
     }
 }
@@ -298,12 +314,14 @@ fn damped<const N: usize>(matrix: &SMatrix<f64, N, N>, damping: f64) -> SMatrix<
     raised
 }
 
-impl Step {
-    fn applied_to<'a>(&self, state: &State<'a>) -> State<'a> {
+impl CalibrationStep {
+    fn applied_to<'a>(&self, state: &CameraState<'a>) -> CameraState<'a> {
         let photos = state.photos.iter().zip(&self.poses);
-        State {
-            camera: adjusted(&state.camera, &self.camera),
-            photos: photos.map(|(photo, step)| Posed { pose: moved(&photo.pose, step), ..photo.clone() }).collect(),
+        CameraState {
+            camera: adjusted_camera(&state.camera, &self.camera),
+            photos: photos
+                .map(|(photo, step)| PosedPhoto { pose: moved_pose(&photo.pose, step), ..photo.clone() })
+                .collect(),
         }
     }
 }

@@ -26,15 +26,15 @@ pub struct Calibration {
     /// Every photo that was given, in order.
     pub photos: Vec<PhotoReport>,
     /// Standard deviation of each of the camera's parameters.
-    pub sigma: Sigma,
+    pub sigma: CameraSigma,
     /// Parts of the picture where corners were seen.
     pub coverage: Coverage,
 }
 
 impl Calibration {
     /// Number of photos that the camera was calibrated from.
-    pub fn used(&self) -> usize {
-        self.photos.iter().filter(|p| p.used()).count()
+    pub fn used_count(&self) -> usize {
+        self.photos.iter().filter(|p| p.is_used()).count()
     }
 }
 
@@ -52,7 +52,7 @@ pub struct PhotoReport {
 
 impl PhotoReport {
     /// Whether the photo was used for the calibration.
-    pub fn used(&self) -> bool {
+    pub fn is_used(&self) -> bool {
         self.reason.is_none()
     }
 }
@@ -91,7 +91,7 @@ pub enum PhotoReason {
 
 /// Standard deviations of a camera's parameters, for independent corners with the noise seen in the residuals.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sigma {
+pub struct CameraSigma {
     /// Of the focal length in x, pixels.
     pub fx: f64,
     /// Of the focal length in y, pixels.
@@ -153,17 +153,17 @@ pub enum CalibrationProblem {
     /// The board was found in too few photos.
     #[error(
         "the {board} board was found in {found} of {given} photos, at least {} are needed{}",
-        super::calibrate::FEWEST_PHOTOS, advice(*other, *common)
+        super::calibrate::MIN_PHOTOS, advice(*other, *common)
     )]
     TooFewPhotos {
         /// Columns and rows of the requested board, as `9x6`.
-        board: BoardSize,
+        board: CornerCounts,
         /// Number of photos with the board.
         found: usize,
         /// Photos given.
         given: usize,
         /// A board of another size that several photos show.
-        other: Option<BoardSize>,
+        other: Option<CornerCounts>,
         /// The most frequent reason for leaving a photo out.
         common: Option<BoardReason>,
     },
@@ -202,26 +202,26 @@ pub enum CalibrationProblem {
 
 /// Columns and rows of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct BoardSize {
+pub struct CornerCounts {
     /// Inner corners along a row.
     pub columns: usize,
     /// Inner corners along a column.
     pub rows: usize,
 }
 
-impl From<Board> for BoardSize {
+impl From<Board> for CornerCounts {
     fn from(board: Board) -> Self {
         Self { columns: board.columns(), rows: board.rows() }
     }
 }
 
-impl std::fmt::Display for BoardSize {
+impl std::fmt::Display for CornerCounts {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}x{}", self.columns, self.rows)
     }
 }
 
-fn advice(other: Option<BoardSize>, common: Option<BoardReason>) -> String {
+fn advice(other: Option<CornerCounts>, common: Option<BoardReason>) -> String {
     match (other, common) {
         (Some(size), _) => {
             format!("; the photos show a board of {size} inner corners: count again where four squares meet")

@@ -11,12 +11,12 @@ const STEPS_PER_SIGMA: f32 = 16.0; // linear interpolation is within 2e-4
 const TABLE_REACH: f32 = 8.0;
 const STEPS: usize = (2.0 * TABLE_REACH * STEPS_PER_SIGMA) as usize;
 /// Tabulated shares of motion in the blur's variance; at 1 the blur would be a box with corners.
-const SHARES: [f64; 6] = [0.0, 0.3, 0.55, 0.75, 0.88, 0.96];
+const MOTION_SHARES: [f64; 6] = [0.0, 0.3, 0.55, 0.75, 0.88, 0.96];
 
 /// Values of the blurred parts of an edge at one place, `z` standard deviations outside: the share of the inside, the
 /// root of the depth inside, the distance outside; then the decrease of the share and of the root per standard
 /// deviation outwards.
-pub type Curves = [Lanes; 5];
+pub type CurveValues = [Lanes; 5];
 
 /// All curves for `z` from −8 to 8.
 pub struct EdgeCurves {
@@ -26,14 +26,14 @@ pub struct EdgeCurves {
     rise: Box<[Lanes; STEPS]>,
 }
 
-static EDGE_CURVES: [OnceLock<EdgeCurves>; SHARES.len()] = [const { OnceLock::new() }; SHARES.len()];
+static EDGE_CURVES: [OnceLock<EdgeCurves>; MOTION_SHARES.len()] = [const { OnceLock::new() }; MOTION_SHARES.len()];
 
 impl EdgeCurves {
     /// The table with the nearest share of motion in the blur's variance.
-    pub fn of(motion_share: f64) -> &'static Self {
-        let far = |i: &usize| (SHARES[*i] - motion_share).abs();
-        let nearest = (0..SHARES.len()).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or(0);
-        EDGE_CURVES[nearest].get_or_init(|| Self::new(SHARES[nearest]))
+    pub fn for_motion_share(motion_share: f64) -> &'static Self {
+        let far = |i: &usize| (MOTION_SHARES[*i] - motion_share).abs();
+        let nearest = (0..MOTION_SHARES.len()).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or(0);
+        EDGE_CURVES[nearest].get_or_init(|| Self::new(MOTION_SHARES[nearest]))
     }
 
     /// Computes a table by numerical integration.
@@ -61,7 +61,7 @@ impl EdgeCurves {
 
     /// The interpolated curves at these places.
     #[inline(always)]
-    pub fn at(&self, z: Lanes) -> Curves {
+    pub fn at(&self, z: Lanes) -> CurveValues {
         // Adding this constant to a number leaves the nearest integer in the last bits: one instruction for all lanes.
         const TO_WHOLE: f32 = 1.5 * (1 << 23) as f32;
         const LAST: f32 = STEPS as f32 - 0.01;

@@ -10,9 +10,11 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::definite::Factor;
+use super::cholesky::CholeskyFactor;
 use super::edge_curves::EdgeCurves;
-use super::equations::{self, Constants, Light, OFFSET, RAMP, RESIDUAL, SHADE, TAUGHT, Taught, UNKNOWNS};
+use super::equations::{
+    self, EdgeConstants, EdgeLight, LEARNED, LearnedParameter, OFFSET, RAMP, RESIDUAL, SHADE, UNKNOWNS,
+};
 use super::probe::Shading;
 use super::profile::Profile;
 use super::tone::Tone;
@@ -27,7 +29,7 @@ const RAMP_WITHIN: f64 = 0.1;
 /// A very wide prior: it only keeps the light outside from diverging.
 const ANY_LIGHT: f64 = 30.0;
 /// Minimum light of a side when shares of it are computed.
-const DARKEST: f64 = 0.01;
+const MIN_LIGHT: f64 = 0.01;
 /// How far the offset may be from the guess, pixels. Keeps hardly visible edges from jumping about; no other edge is
 /// affected.
 const GUESS_WITHIN_PX: f64 = 3.0;
@@ -36,11 +38,11 @@ const GUESS_WITHIN_PX: f64 = 3.0;
 pub(super) const LIMB_INSIDE: f64 = 0.6;
 
 /// A step that increases the squared residuals by more than this factor is too long.
-const WORSE: f64 = 1.05;
+const MAX_INCREASE: f64 = 1.05;
 
 /// Expected blur and shading of an edge.
 #[derive(Clone, Copy)]
-pub struct EdgeLook<'a> {
+pub struct EdgeAppearance<'a> {
     /// Standard deviation of the blur of light: lens and motion, pixels.
     pub light_blur_px: f64,
     /// Part of it due to the lens alone, pixels.
@@ -50,7 +52,7 @@ pub struct EdgeLook<'a> {
     /// How the surface inside shades.
     pub shading: Shading,
     /// The parameter for [`EdgeFit::learned_evidence`].
-    pub taught: Option<Taught>,
+    pub learned_parameter: Option<LearnedParameter>,
     /// Curve from light to codes.
     pub tone: &'a Tone,
     /// Matrix from gamma-coded `[R', G', B']` to codes of Y, U, V.
@@ -77,7 +79,7 @@ type Unknowns = [f64; UNKNOWNS];
 #[derive(Clone, Copy, Debug)]
 pub struct EdgeFit {
     /// Light of each channel.
-    pub light: [Light<f64>; 3],
+    pub light: [EdgeLight<f64>; 3],
     /// Mean light inside, clear of the edge: the basis of the first guess.
     guessed: [f64; 3],
     /// Shading inside and ramp outside beyond the guess: shares of the light there.
@@ -89,28 +91,28 @@ pub struct EdgeFit {
     /// Information on the offset, px⁻².
     pub information: f64,
     /// Gradient and information on the learned parameter, with all other unknowns free.
-    pub taught: (f64, f64),
+    pub learned_evidence: (f64, f64),
     /// How much farther out the edge lies in chroma than in luma, pixels; 0 unless it is estimated.
     pub chroma_px: f64,
     /// Squared residuals before the last step, codes², and that step.
-    before: Option<(f64, Unknowns)>,
+    last_step: Option<(f64, Unknowns)>,
     /// Expected deviation of the light inside from the first guess, as a share of it: base, limb.
     expected_within: (f64, f64),
 }
 
 impl EdgeFit {
     /// First guess from the light of both sides.
-    pub fn between(inside: [f64; 3], outside: [f64; 3], offset_px: f64, shading: Shading) -> Self {
+    pub fn first_guess(inside: [f64; 3], outside: [f64; 3], offset_px: f64, shading: Shading) -> Self {
         let (base, limb) = match shading {
             Shading::Limb { .. } => (0.6, 0.6),
             Shading::Cut => (1.0, 0.0),
         };
-        let light = std::array::from_fn(|c| Light {
+        let light = std::array::from_fn(|c| EdgeLight {
             base: base * inside[c],
             limb: limb * inside[c],
             out: outside[c],
             ramp: 0.0,
-            of: (inside[c].max(DARKEST), outside[c].max(DARKEST)),
+            of: (inside[c].max(MIN_LIGHT), outside[c].max(MIN_LIGHT)),
         });
         Self {
             light,
@@ -119,16 +121,16 @@ impl EdgeFit {
             offset_px,
             variance: [0.0; 3],
             information: 0.0,
-            taught: (0.0, 0.0),
+            learned_evidence: (0.0, 0.0),
             chroma_px: 0.0,
-            before: None,
+            last_step: None,
             expected_within: GUESSED_WITHIN,
         }
     }
 
     /// Replaces the light inside by the usual light there, scaled to the brightness of this edge. For the scale,
     /// guesses are compared with guesses, because a guess is not a mean of base and limb.
-    pub fn expect_inside(&mut self, usual: [InsideLight; 3]) {
+    pub fn set_usual_inside(&mut self, usual: [InsideLight; 3]) {
         let unsaturated = |light: f64| light < 0.9;
         let (here, there) =
             self.guessed.into_iter().zip(usual).fold((0.0, 0.0), |sum, (here, InsideLight { guessed, .. })| {
@@ -137,15 +139,15 @@ impl EdgeFit {
         let brighter = if there > 0.0 { (here / there).clamp(0.5, 2.0) } else { 1.0 };
         for (light, usual) in self.light.iter_mut().zip(usual) {
             (light.base, light.limb) = (brighter * usual.base, brighter * usual.limb);
-            light.of.0 = (light.base + 0.6 * light.limb).max(DARKEST);
+            light.of.0 = (light.base + 0.6 * light.limb).max(MIN_LIGHT);
         }
         self.expected_within = LEARNED_WITHIN;
     }
 
     /// The fitted light inside, per channel.
-    pub fn told(&self) -> [InsideLight; 3] {
+    pub fn inside_light(&self) -> [InsideLight; 3] {
         std::array::from_fn(|c| {
-            let Light { base, limb, .. } = self.light[c];
+            let EdgeLight { base, limb, .. } = self.light[c];
             InsideLight { base, limb, guessed: self.guessed[c] }
         })
     }
@@ -161,7 +163,7 @@ impl EdgeFit {
     }
 
     /// Moves every unknown by this share of a step.
-    fn go(&mut self, step: &Unknowns, share: f64) {
+    fn apply_step(&mut self, step: &Unknowns, share: f64) {
         for (c, light) in self.light.iter_mut().enumerate() {
             light.base += share * step[c];
             light.out += share * step[3 + c];
@@ -175,7 +177,7 @@ impl EdgeFit {
     }
 
     /// Adds the priors: light about as in the first guess, shading and ramp about as guessed.
-    fn add_beliefs(&self, first: &Self, normal: &mut [Unknowns; UNKNOWNS], right: &mut Unknowns) {
+    fn add_priors(&self, first: &Self, normal: &mut [Unknowns; UNKNOWNS], right: &mut Unknowns) {
         let (base_within, limb_within) = first.expected_within;
         let mut believe = |at: usize, sigma: f64, now: f64| {
             let weight = 1.0 / (sigma * sigma);
@@ -193,7 +195,7 @@ impl EdgeFit {
 }
 
 /// Solution of the normal equations of one edge.
-struct Answers {
+struct Solution {
     /// The step of each unknown.
     step: Unknowns,
     /// Information on the offset, with all other unknowns free.
@@ -205,17 +207,21 @@ struct Answers {
 /// Solves the normal equations for the residuals and for the learned parameter. The same result with every instruction
 /// set.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
-fn answers(normal: [Unknowns; UNKNOWNS], residuals: Unknowns, taught: Option<Unknowns>) -> Option<Answers> {
-    let factor = Factor::of(normal)?;
+fn solve_normal_equations(
+    normal: [Unknowns; UNKNOWNS],
+    residuals: Unknowns,
+    taught: Option<Unknowns>,
+) -> Option<Solution> {
+    let factor = CholeskyFactor::new(normal)?;
     #[expect(clippy::manual_map, reason = "a closure would not be of this instruction set")]
     let through = match taught {
         Some(taught) => Some(factor.solve(taught)),
         None => None,
     };
-    Some(Answers { step: factor.solve(residuals), information: factor.information_on_last(), through })
+    Some(Solution { step: factor.solve(residuals), information: factor.information_on_last(), through })
 }
 
-impl EdgeLook<'_> {
+impl EdgeAppearance<'_> {
     /// The codes of this light.
     pub fn codes(&self, light: [f64; 3]) -> [f64; 3] {
         let coded = Vector3::from(light.map(|l| self.tone.code(l)));
@@ -232,32 +238,32 @@ impl EdgeLook<'_> {
         fit: &mut EdgeFit,
         first: &EdgeFit,
     ) -> Option<f64> {
-        const FEWEST: f32 = 12.0;
-        if luma.count + chroma.count < FEWEST {
+        const MIN_PIXELS: f32 = 12.0;
+        if luma.count + chroma.count < MIN_PIXELS {
             return None;
         }
         let products = equations::products(&self.constants(fit, noise), luma, chroma);
         let squares = products.squares.iter().sum::<f32>().into();
-        if let Some((_, step)) = fit.before.filter(|(before, _)| squares > WORSE * before) {
-            fit.before = None;
-            fit.go(&step, -0.5);
+        if let Some((_, step)) = fit.last_step.filter(|(before, _)| squares > MAX_INCREASE * before) {
+            fit.last_step = None;
+            fit.apply_step(&step, -0.5);
             return Some(-0.5 * step[OFFSET]);
         }
         let column = |of: usize| -> Unknowns { std::array::from_fn(|unknown| products.of(of, unknown)) };
         let mut normal = products.normal();
         let mut right = column(RESIDUAL);
-        fit.add_beliefs(first, &mut normal, &mut right);
-        let to_taught = self.taught.map(|_| column(TAUGHT));
-        let Answers { mut step, information, through } = answers(normal, right, to_taught)?;
+        fit.add_priors(first, &mut normal, &mut right);
+        let to_taught = self.learned_parameter.map(|_| column(LEARNED));
+        let Solution { mut step, information, through } = solve_normal_equations(normal, right, to_taught)?;
         let most = self.light_blur_px.max(1.0);
         step[OFFSET] = step[OFFSET].clamp(-most, most);
-        fit.go(&step, 1.0);
-        fit.before = Some((squares, step));
+        fit.apply_step(&step, 1.0);
+        fit.last_step = Some((squares, step));
         fit.information = (information - 1.0 / GUESS_WITHIN_PX.powi(2)).max(0.0);
         if let (Some(to_taught), Some(through)) = (to_taught, through) {
             let dot = |one: &Unknowns, other: &Unknowns| one.iter().zip(other).map(|(a, b)| a * b).sum::<f64>();
-            let gradient = products.of(RESIDUAL, TAUGHT) - dot(&through, &right);
-            fit.taught = (gradient, products.of(TAUGHT, TAUGHT) - dot(&through, &to_taught));
+            let gradient = products.of(RESIDUAL, LEARNED) - dot(&through, &right);
+            fit.learned_evidence = (gradient, products.of(LEARNED, LEARNED) - dot(&through, &to_taught));
         }
         let pixels = [luma.count, chroma.count, chroma.count].map(f64::from);
         let free = 1.0 - (UNKNOWNS as f64 / pixels.iter().sum::<f64>()).min(0.8);
@@ -265,14 +271,14 @@ impl EdgeLook<'_> {
         Some(step[OFFSET])
     }
 
-    fn constants(&self, fit: &EdgeFit, noise: [f64; 3]) -> Constants<'_> {
+    fn constants(&self, fit: &EdgeFit, noise: [f64; 3]) -> EdgeConstants<'_> {
         let blur = self.light_blur_px;
         let (limb, shading) = match self.shading {
             Shading::Limb { radius_px } => (true, ((2.0 * blur / radius_px).sqrt(), blur / radius_px)),
             Shading::Cut => (false, (0.0, blur / CUT_DEPTH_PX)),
         };
-        Constants {
-            curves: EdgeCurves::of(1.0 - (self.lens_px / blur).powi(2)),
+        EdgeConstants {
+            curves: EdgeCurves::for_motion_share(1.0 - (self.lens_px / blur).powi(2)),
             tone: self.tone,
             offset: fit.offset_px as f32,
             chroma: fit.chroma_px as f32,
@@ -281,7 +287,7 @@ impl EdgeLook<'_> {
             limb,
             shading: (shading.0 as f32, shading.1 as f32),
             light: fit.light.map(|l| l.single()),
-            taught: self.taught,
+            learned_parameter: self.learned_parameter,
             codes_from_rgb: std::array::from_fn(|p| std::array::from_fn(|c| self.codes_from_rgb[(p, c)] as f32)),
             black: std::array::from_fn(|p| self.black[p] as f32),
             per_noise: noise.map(|n| (1.0 / n) as f32),

@@ -10,11 +10,11 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::edge_fit::{EdgeFit, EdgeLook, InsideLight};
-use super::equations::Taught;
-use super::mixing::Trial;
+use super::blur_domain::ChromaShiftEstimator;
+use super::edge_fit::{EdgeAppearance, EdgeFit, InsideLight};
+use super::equations::LearnedParameter;
 use super::probe::{Probe, Shading};
-use super::tone::{Mixing, Tone};
+use super::tone::{BlurDomain, Tone};
 use crate::pipeline::frame::{ColourEncoding, Frame};
 
 /// Appearance of edges in this recording: blur and noise of each plane, learned while tracking.
@@ -28,7 +28,7 @@ pub struct EdgeModel {
     /// The tape's usual chroma, codes.
     pub(super) tape: Vector2<f64>,
     /// What blur mixes: light or codes.
-    pub mixing: Mixing,
+    pub blur_domain: BlurDomain,
     encoding: ColourEncoding,
     codes_from_rgb: Matrix3<f64>,
     black: Vector3<f64>,
@@ -36,14 +36,14 @@ pub struct EdgeModel {
     pub exposure_s: f64,
     /// Additional blur of the chroma codes, pixels of luma per halving.
     pub(super) chroma_blur_px: f64,
-    lens: Learned,
-    chroma_blur: Learned,
-    exposure: Learned,
+    lens: ScalarFilter,
+    chroma_blur: ScalarFilter,
+    exposure: ScalarFilter,
     /// Per plane: number of edges, and number of those with more residual variance than the noise.
     noisier: [(f64, f64); 3],
     /// Usual light inside each part of the outline.
     inside: [UsualInside; 4],
-    trial: Trial,
+    chroma_shift: ChromaShiftEstimator,
     frames: u32,
     /// The edges found on this frame.
     pub(super) found: Vec<(Probe, EdgeFit)>,
@@ -51,7 +51,7 @@ pub struct EdgeModel {
 
 /// Estimate of one number learned from a recording: a Kalman filter with one state.
 #[derive(Clone, Copy, Debug)]
-struct Learned {
+struct ScalarFilter {
     /// Variance of the number now, and before any evidence.
     variance: f64,
     usual_variance: f64,
@@ -59,7 +59,7 @@ struct Learned {
     information: f64,
 }
 
-impl Learned {
+impl ScalarFilter {
     /// Share of the evidence that is counted: edges of one frame, and of consecutive frames, have similar errors.
     const TRUST: f64 = 0.2;
     /// Number of frames after which the number may have changed by its usual spread.
@@ -70,13 +70,13 @@ impl Learned {
     }
 
     /// Adds a gradient and its information to the evidence.
-    fn see(&mut self, gradient: f64, information: f64) {
+    fn add_evidence(&mut self, gradient: f64, information: f64) {
         self.gradient += gradient;
         self.information += information;
     }
 
     /// The updated number, from the evidence since the last update.
-    fn settle(&mut self, value: f64) -> f64 {
+    fn update(&mut self, value: f64) -> f64 {
         let (gradient, information) = (std::mem::take(&mut self.gradient), std::mem::take(&mut self.information));
         self.variance = 1.0 / (1.0 / self.variance + Self::TRUST * information);
         let step = self.variance * Self::TRUST * gradient;
@@ -104,7 +104,7 @@ impl UsualInside {
 
     fn learn(&mut self, fit: &EdgeFit) {
         self.edges = (self.edges + 1.0).min(Self::MEMORY);
-        for (mean, seen) in self.light.iter_mut().zip(fit.told()) {
+        for (mean, seen) in self.light.iter_mut().zip(fit.inside_light()) {
             mean.base += (seen.base - mean.base) / self.edges;
             mean.limb += (seen.limb - mean.limb) / self.edges;
             mean.guessed += (seen.guessed - mean.guessed) / self.edges;
@@ -137,39 +137,44 @@ impl EdgeModel {
             lens_px: USUAL_LENS_PX,
             noise: [6.0, 3.0, 3.0],
             tape: Vector2::new(tape_yuv[1], tape_yuv[2]),
-            mixing: Mixing::Light,
+            blur_domain: BlurDomain::Light,
             encoding,
             codes_from_rgb,
             black: Vector3::from(encoding.black()),
             exposure_s: USUAL_EXPOSURE_S,
             chroma_blur_px: USUAL_CHROMA_BLUR_PX,
-            lens: Learned::new(0.3),
-            chroma_blur: Learned::new(0.3),
-            exposure: Learned::new(0.5 * USUAL_EXPOSURE_S),
+            lens: ScalarFilter::new(0.3),
+            chroma_blur: ScalarFilter::new(0.3),
+            exposure: ScalarFilter::new(0.5 * USUAL_EXPOSURE_S),
             noisier: Default::default(),
             inside: Default::default(),
-            trial: Trial::default(),
+            chroma_shift: ChromaShiftEstimator::default(),
             frames: 0,
             found: Vec::new(),
         }
     }
 
     /// Expected appearance of an edge at a probe.
-    pub(super) fn look(&self, probe: &Probe, chroma_halvings: u8) -> EdgeLook<'static> {
-        self.look_in(self.mixing, probe, chroma_halvings)
+    pub(super) fn appearance(&self, probe: &Probe, chroma_halvings: u8) -> EdgeAppearance<'static> {
+        self.appearance_in(self.blur_domain, probe, chroma_halvings)
     }
 
     /// The same, assuming this blur domain.
-    pub(super) fn look_in(&self, mixing: Mixing, probe: &Probe, chroma_halvings: u8) -> EdgeLook<'static> {
-        EdgeLook {
+    pub(super) fn appearance_in(
+        &self,
+        mixing: BlurDomain,
+        probe: &Probe,
+        chroma_halvings: u8,
+    ) -> EdgeAppearance<'static> {
+        EdgeAppearance {
             light_blur_px: self.light_blur_px(probe),
             lens_px: self.lens_px,
             chroma_blur_px: self.chroma_blur_px * f64::from(chroma_halvings),
             shading: probe.shading,
-            taught: self.is_learning().then_some(if probe.shading == Shading::Cut {
-                Taught::LightBlur
+            learned_parameter: self.is_learning().then_some(if probe.shading == Shading::Cut {
+                LearnedParameter::LightBlur
             } else {
-                Taught::ChromaBlur
+                LearnedParameter::ChromaBlur
             }),
             tone: Tone::of(mixing),
             codes_from_rgb: self.codes_from_rgb,
@@ -184,13 +189,17 @@ impl EdgeModel {
         let mut light = self.inside[part].known()?.light;
         /// Minimum light of the other channels to compare an end's brightness with the limbs', and limits of that
         /// ratio.
-        const TELLS: f64 = 0.05;
-        const BRIGHTER: (f64, f64) = (0.5, 2.0);
+        const MIN_COMPARABLE: f64 = 0.05;
+        const BRIGHTNESS_RATIOS: (f64, f64) = (0.5, 2.0);
         let overexposed = |l: &InsideLight| l.guessed > OVEREXPOSED;
         if let Some(facing) = self.facing_light().filter(|_| part >= LIMBS) {
             let usable = light.iter().zip(facing).filter(|(l, _)| !overexposed(l));
             let (here, there) = usable.fold((0.0, 0.0), |sum, (l, facing)| (sum.0 + l.base, sum.1 + facing));
-            let brighter = if there > TELLS { (here / there).clamp(BRIGHTER.0, BRIGHTER.1) } else { 1.0 };
+            let brighter = if there > MIN_COMPARABLE {
+                (here / there).clamp(BRIGHTNESS_RATIOS.0, BRIGHTNESS_RATIOS.1)
+            } else {
+                1.0
+            };
             for (l, facing) in light.iter_mut().zip(facing).filter(|(l, _)| overexposed(l)) {
                 let expected = facing * brighter;
                 if expected > l.base {
@@ -208,7 +217,7 @@ impl EdgeModel {
     }
 
     /// The light with these codes, assuming this blur domain.
-    pub(super) fn light(&self, mixing: Mixing, codes: [f64; 3]) -> [f64; 3] {
+    pub(super) fn light(&self, mixing: BlurDomain, codes: [f64; 3]) -> [f64; 3] {
         let tone = Tone::of(mixing);
         self.encoding.rgb_of_codes(codes).map(|code| tone.light(code.max(0.0))).into()
     }
@@ -222,26 +231,26 @@ impl EdgeModel {
     /// How much farther out the limbs lie in chroma than in luma if blur mixes light, pixels; `None` until enough
     /// edges were seen. Shows which blur domain a recording has ([`super::blur_domain::decide`]).
     pub fn chroma_shift_px(&self) -> Option<f32> {
-        self.trial.told_px()
+        self.chroma_shift.median_px()
     }
 
     /// Sets what blur mixes, from now on.
-    pub fn believe(&mut self, mixing: Mixing) {
-        if mixing != self.mixing {
-            self.mixing = mixing;
+    pub fn set_blur_domain(&mut self, mixing: BlurDomain) {
+        if mixing != self.blur_domain {
+            self.blur_domain = mixing;
             self.inside = Default::default(); // learned in the other blur domain
         }
     }
 
     /// Updates blur and noise from the frame's edges. Call once per frame.
-    pub fn settle(&mut self) {
+    pub fn finish_frame(&mut self) {
         self.found.clear();
         self.frames += 1;
-        let pace = self.pace();
+        let pace = self.noise_rate();
         let within = |value: f64, (least, most): (f64, f64)| value.clamp(least, most);
-        self.exposure_s = within(self.exposure.settle(self.exposure_s), EXPOSURES_S);
-        self.chroma_blur_px = within(self.chroma_blur.settle(self.chroma_blur_px), CHROMA_BLURS_PX);
-        self.lens_px = within(self.lens.settle(self.lens_px), LENSES_PX);
+        self.exposure_s = within(self.exposure.update(self.exposure_s), EXPOSURES_S);
+        self.chroma_blur_px = within(self.chroma_blur.update(self.chroma_blur_px), CHROMA_BLURS_PX);
+        self.lens_px = within(self.lens.update(self.lens_px), LENSES_PX);
         for (noise, (edges, noisier)) in self.noise.iter_mut().zip(std::mem::take(&mut self.noisier)) {
             if edges > 0.0 {
                 let lean = (noisier - 0.5 * edges) / edges; // 0 where the noise is the median
@@ -251,7 +260,7 @@ impl EdgeModel {
     }
 
     /// Number of edges found on this frame so far. Two such counts delimit the edges of one tube.
-    pub fn found(&self) -> usize {
+    pub fn found_count(&self) -> usize {
         self.found.len()
     }
 
@@ -266,23 +275,24 @@ impl EdgeModel {
     }
 
     fn learn_from(&mut self, fit: &EdgeFit, frame: &Frame<'_>, probe: &Probe) {
-        let mut trial = std::mem::take(&mut self.trial);
-        trial.look(self, frame, probe, fit);
-        self.trial = trial;
+        let mut trial = std::mem::take(&mut self.chroma_shift);
+        trial.observe(self, frame, probe, fit);
+        self.chroma_shift = trial;
         let usual = fit.variance.iter().zip(&self.noise).all(|(variance, noise)| *variance < 6.0 * noise);
         if usual && fit.information > 1.0 {
             self.inside[probe.part].learn(fit);
         }
         if probe.shading == Shading::Cut {
             let blur = self.light_blur_px(probe);
-            let (gradient, information) = fit.taught;
+            let (gradient, information) = fit.learned_evidence;
             // The variances of lens and motion blur add up; each parameter learns by its share of the total.
             let (lens, motion) = (self.lens_px / blur, probe.motion_px_s.powi(2) * self.exposure_s / 12.0 / blur);
-            self.lens.see(gradient * lens, information * lens * lens);
-            self.exposure.see(gradient * motion, information * motion * motion);
+            self.lens.add_evidence(gradient * lens, information * lens * lens);
+            self.exposure.add_evidence(gradient * motion, information * motion * motion);
         } else if frame.shift_x > 0 {
             let halvings = f64::from(frame.shift_x);
-            self.chroma_blur.see(fit.taught.0 * halvings, fit.taught.1 * halvings * halvings);
+            self.chroma_blur
+                .add_evidence(fit.learned_evidence.0 * halvings, fit.learned_evidence.1 * halvings * halvings);
         }
         for ((seen, variance), noise) in self.noisier.iter_mut().zip(fit.variance).zip(self.noise) {
             *seen = (seen.0 + 1.0, seen.1 + f64::from(u8::from(variance > noise)));
@@ -297,7 +307,7 @@ impl EdgeModel {
     }
 
     /// Learning rate of the noise: fast at first, later a mean over the last fifty frames.
-    fn pace(&self) -> f64 {
+    fn noise_rate(&self) -> f64 {
         f64::max(0.02, 1.0 / (f64::from(self.frames) + 3.0))
     }
 }

@@ -28,7 +28,7 @@ pub const OFFSET: usize = HEIGHTS;
 /// Column of the residuals.
 pub const RESIDUAL: usize = HEIGHTS + 1;
 /// Column of the learned parameter, see [`LearnedParameter`].
-pub const TAUGHT: usize = HEIGHTS + 2;
+pub const LEARNED: usize = HEIGHTS + 2;
 
 /// Residuals beyond this many standard deviations get less weight.
 const ROBUST: f32 = 2.0;
@@ -60,7 +60,7 @@ impl Products {
 
 /// A parameter that many edges together determine, not one alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Taught {
+pub enum LearnedParameter {
     /// The blur of light.
     LightBlur,
     /// The additional blur of the chroma codes.
@@ -70,7 +70,7 @@ pub enum Taught {
 }
 
 /// Values that are the same for all bins, in single precision.
-pub struct Constants<'a> {
+pub struct EdgeConstants<'a> {
     /// Tables of the blurred step, limb and ramp.
     pub curves: &'a EdgeCurves,
     /// Curve from light to codes.
@@ -88,9 +88,9 @@ pub struct Constants<'a> {
     /// For a limb: `√(2·blur/radius)` and `blur/radius`. For a cut: `blur/depth` as the second value.
     pub shading: (f32, f32),
     /// Light of each channel.
-    pub light: [Light<f32>; 3],
+    pub light: [EdgeLight<f32>; 3],
     /// The parameter to be learned, if any.
-    pub taught: Option<Taught>,
+    pub learned_parameter: Option<LearnedParameter>,
     /// Matrix from gamma-coded channels to codes.
     pub codes_from_rgb: [[f32; 3]; 3],
     /// Codes of black.
@@ -101,7 +101,7 @@ pub struct Constants<'a> {
 
 /// One channel's light on both sides of an edge.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Light<T> {
+pub struct EdgeLight<T> {
     /// Inside, without the limb term.
     pub base: T,
     /// The limb term where the surface faces the camera.
@@ -114,79 +114,86 @@ pub struct Light<T> {
     pub of: (T, T),
 }
 
-impl Light<f64> {
+impl EdgeLight<f64> {
     /// In single precision.
-    pub fn single(self) -> Light<f32> {
+    pub fn single(self) -> EdgeLight<f32> {
         let Self { base, limb, out, ramp, of } = self;
         let [base, limb, out, ramp] = [base, limb, out, ramp].map(|l| l as f32);
-        Light { base, limb, out, ramp, of: (of.0 as f32, of.1 as f32) }
+        EdgeLight { base, limb, out, ramp, of: (of.0 as f32, of.1 as f32) }
     }
 }
 
 /// The products of all columns of an edge's equations. The same with every instruction set, to the last bit.
-pub fn products(constants: &Constants<'_>, luma: &Profile<1>, chroma: &Profile<2>) -> Products {
-    match constants.taught {
-        None => untaught(constants, luma, chroma),
-        Some(_) => taught(constants, luma, chroma),
+pub fn products(constants: &EdgeConstants<'_>, luma: &Profile<1>, chroma: &Profile<2>) -> Products {
+    match constants.learned_parameter {
+        None => products_without_learned(constants, luma, chroma),
+        Some(_) => products_with_learned(constants, luma, chroma),
     }
 }
 
 #[multiversion::multiversion(targets("x86_64+avx2"))]
-fn untaught(constants: &Constants<'_>, luma: &Profile<1>, chroma: &Profile<2>) -> Products {
-    of_planes::<{ blocks(TAUGHT) }, { pair(blocks(TAUGHT), 0) }>(constants, None, luma, chroma)
+fn products_without_learned(constants: &EdgeConstants<'_>, luma: &Profile<1>, chroma: &Profile<2>) -> Products {
+    products_of_planes::<{ block_count(LEARNED) }, { pair_index(block_count(LEARNED), 0) }>(
+        constants, None, luma, chroma,
+    )
 }
 
 #[multiversion::multiversion(targets("x86_64+avx2"))]
-fn taught(constants: &Constants<'_>, luma: &Profile<1>, chroma: &Profile<2>) -> Products {
-    of_planes::<{ blocks(COLUMNS) }, { pair(blocks(COLUMNS), 0) }>(constants, constants.taught, luma, chroma)
+fn products_with_learned(constants: &EdgeConstants<'_>, luma: &Profile<1>, chroma: &Profile<2>) -> Products {
+    products_of_planes::<{ block_count(COLUMNS) }, { pair_index(block_count(COLUMNS), 0) }>(
+        constants,
+        constants.learned_parameter,
+        luma,
+        chroma,
+    )
 }
 
 /// Columns are multiplied in square blocks of this size, which fit into the registers.
 const BLOCK: usize = 4;
 
 /// Number of blocks for this many columns.
-const fn blocks(columns: usize) -> usize {
+const fn block_count(columns: usize) -> usize {
     columns.div_ceil(BLOCK)
 }
 
 /// Index of the products of two blocks, with `low` ≤ `high`. With `low` 0 and `high` one past the last block: the
 /// number of pairs.
-const fn pair(high: usize, low: usize) -> usize {
+const fn pair_index(high: usize, low: usize) -> usize {
     high * (high + 1) / 2 + low
 }
 
 #[inline(always)]
-fn of_planes<const USED: usize, const PAIRS: usize>(
-    constants: &Constants<'_>,
-    taught: Option<Taught>,
+fn products_of_planes<const USED: usize, const PAIRS: usize>(
+    constants: &EdgeConstants<'_>,
+    taught: Option<LearnedParameter>,
     luma: &Profile<1>,
     chroma: &Profile<2>,
 ) -> Products {
-    let mut sums = Sums::<PAIRS> { of: [[[Lanes::ZERO; BLOCK]; BLOCK]; PAIRS], squares: [0.0; 3] };
-    add::<USED, PAIRS, 1>(constants, taught, luma, 0, &mut sums);
-    add::<USED, PAIRS, 2>(constants, taught, chroma, 1, &mut sums);
+    let mut sums = ProductSums::<PAIRS> { of: [[[Lanes::ZERO; BLOCK]; BLOCK]; PAIRS], squares: [0.0; 3] };
+    add_planes::<USED, PAIRS, 1>(constants, taught, luma, 0, &mut sums);
+    add_planes::<USED, PAIRS, 2>(constants, taught, chroma, 1, &mut sums);
     let mut of = [[0.0; COLUMNS]; COLUMNS];
     for (high, of) in of.iter_mut().enumerate().take(USED * BLOCK) {
         for (low, of) in of.iter_mut().enumerate().take(high + 1) {
-            *of = sums.of[pair(high / BLOCK, low / BLOCK)][high % BLOCK][low % BLOCK].sum();
+            *of = sums.of[pair_index(high / BLOCK, low / BLOCK)][high % BLOCK][low % BLOCK].sum();
         }
     }
     Products { of, squares: sums.squares }
 }
 
 /// [`Products`] while they are being summed, lane by lane.
-struct Sums<const PAIRS: usize> {
+struct ProductSums<const PAIRS: usize> {
     of: [[[Lanes; BLOCK]; BLOCK]; PAIRS],
     squares: [f32; 3],
 }
 
-impl<const PAIRS: usize> Sums<PAIRS> {
+impl<const PAIRS: usize> ProductSums<PAIRS> {
     /// Adds the products of all pairs of columns for one set of lanes.
     #[inline(always)]
     fn add<const USED: usize>(&mut self, row: &[[Lanes; BLOCK]; USED]) {
         for high in 0..USED {
             for low in 0..=high {
-                let sums = &mut self.of[pair(high, low)];
+                let sums = &mut self.of[pair_index(high, low)];
                 for (sums, one) in sums.iter_mut().zip(&row[high]) {
                     for (sum, other) in sums.iter_mut().zip(&row[low]) {
                         *sum += *one * *other;
@@ -199,12 +206,12 @@ impl<const PAIRS: usize> Sums<PAIRS> {
 
 /// Adds the equations of planes of one size; `first` is the number of the first plane.
 #[inline(always)]
-fn add<const USED: usize, const PAIRS: usize, const N: usize>(
-    constants: &Constants<'_>,
-    taught: Option<Taught>,
+fn add_planes<const USED: usize, const PAIRS: usize, const N: usize>(
+    constants: &EdgeConstants<'_>,
+    taught: Option<LearnedParameter>,
     profile: &Profile<N>,
     first: usize,
-    sums: &mut Sums<PAIRS>,
+    sums: &mut ProductSums<PAIRS>,
 ) {
     for (index, scatter) in profile.scatter.iter().enumerate() {
         sums.squares[first + index] = *scatter;
@@ -214,25 +221,25 @@ fn add<const USED: usize, const PAIRS: usize, const N: usize>(
         let (distances, pixels) = (profile.distances(bin), profile.pixels(bin));
         // The channels are written out by hand: closures passed to library functions would not be compiled for wide
         // registers.
-        let Constants { light: [r, g, b], tone, .. } = constants;
+        let EdgeConstants { light: [r, g, b], tone, .. } = constants;
         let lit = if is_luma {
-            let at = Curves::at(constants, distances);
-            [Lit::by(&at, r, tone), Lit::by(&at, g, tone), Lit::by(&at, b, tone)]
+            let at = DistanceTerms::at(constants, distances);
+            [ChannelTerms::by(&at, r, tone), ChannelTerms::by(&at, g, tone), ChannelTerms::by(&at, b, tone)]
         } else {
             let (shift, extra) = (constants.chroma, constants.chroma_blur);
-            let inner = Curves::at(constants, distances - (shift + extra));
-            let outer = Curves::at(constants, distances - (shift - extra));
+            let inner = DistanceTerms::at(constants, distances - (shift + extra));
+            let outer = DistanceTerms::at(constants, distances - (shift - extra));
             [
-                Lit::mean(&Lit::by(&inner, r, tone), &Lit::by(&outer, r, tone)),
-                Lit::mean(&Lit::by(&inner, g, tone), &Lit::by(&outer, g, tone)),
-                Lit::mean(&Lit::by(&inner, b, tone), &Lit::by(&outer, b, tone)),
+                ChannelTerms::mean(&ChannelTerms::by(&inner, r, tone), &ChannelTerms::by(&outer, r, tone)),
+                ChannelTerms::mean(&ChannelTerms::by(&inner, g, tone), &ChannelTerms::by(&outer, g, tone)),
+                ChannelTerms::mean(&ChannelTerms::by(&inner, b, tone), &ChannelTerms::by(&outer, b, tone)),
             ]
         };
         for index in 0..N {
             let plane = first + index;
             let [from_r, from_g, from_b] = constants.codes_from_rgb[plane];
             let [r, g, b] = &lit;
-            let mixed = |of: fn(&Lit) -> Lanes| of(r) * from_r + of(g) * from_g + of(b) * from_b;
+            let mixed = |of: fn(&ChannelTerms) -> Lanes| of(r) * from_r + of(g) * from_g + of(b) * from_b;
             let residual = profile.values(index, bin) - constants.black[plane] - mixed(|lit| lit.code);
             let square = residual * residual;
             let per_noise = constants.per_noise[plane];
@@ -252,11 +259,11 @@ fn add<const USED: usize, const PAIRS: usize, const N: usize>(
             columns[OFFSET] = by_offset;
             columns[RESIDUAL] = root * residual;
             if let Some(taught) = taught {
-                columns[TAUGHT] = match taught {
-                    Taught::LightBlur => root * mixed(|lit| lit.by_blur),
+                columns[LEARNED] = match taught {
+                    LearnedParameter::LightBlur => root * mixed(|lit| lit.by_blur),
                     _ if is_luma => Lanes::ZERO,
-                    Taught::ChromaBlur => root * mixed(|lit| lit.by_chroma_blur),
-                    Taught::ChromaShift => by_offset,
+                    LearnedParameter::ChromaBlur => root * mixed(|lit| lit.by_chroma_blur),
+                    LearnedParameter::ChromaShift => by_offset,
                 };
             }
             sums.add::<USED>(&row);
@@ -266,7 +273,7 @@ fn add<const USED: usize, const PAIRS: usize, const N: usize>(
 
 /// Coded value of one channel, and its derivatives by light inside and outside, shading, ramp, offset and blur.
 #[derive(Clone, Copy)]
-struct Lit {
+struct ChannelTerms {
     code: Lanes,
     by_base: Lanes,
     by_out: Lanes,
@@ -278,7 +285,7 @@ struct Lit {
 }
 
 /// Terms at some distances from the edge that are the same for all channels.
-struct Curves {
+struct DistanceTerms {
     /// Distances from the edge, in standard deviations of the blur.
     z: Lanes,
     /// Shares of the inside and the outside.
@@ -295,9 +302,9 @@ struct Curves {
     limb_by_blur: Lanes,
 }
 
-impl Curves {
+impl DistanceTerms {
     #[inline(always)]
-    fn at(constants: &Constants<'_>, distances: Lanes) -> Self {
+    fn at(constants: &EdgeConstants<'_>, distances: Lanes) -> Self {
         let (blur, per_blur) = (constants.blur, 1.0 / constants.blur);
         let z = (distances - constants.offset) * per_blur;
         let [inside, root, ramp, density, root_fall] = constants.curves.at(z);
@@ -326,12 +333,12 @@ impl Curves {
     }
 }
 
-impl Lit {
+impl ChannelTerms {
     /// One channel's code and derivatives at these distances.
     #[inline(always)]
-    fn by(curves: &Curves, light: &Light<f32>, tone: &Tone) -> Self {
-        let &Light { base, limb: shade, out, ramp: rise, of } = light;
-        let &Curves { z, inside, outside, ramp_px, ramp, density, limb, limb_by_offset, limb_by_blur } = curves;
+    fn by(curves: &DistanceTerms, light: &EdgeLight<f32>, tone: &Tone) -> Self {
+        let &EdgeLight { base, limb: shade, out, ramp: rise, of } = light;
+        let &DistanceTerms { z, inside, outside, ramp_px, ramp, density, limb, limb_by_offset, limb_by_blur } = curves;
         let [code, slope] = tone.codes(inside * base + limb * shade + outside * out + ramp_px * rise);
         let step = density * (base - out);
         Self {

@@ -5,14 +5,14 @@ use nalgebra::{Matrix2, Point2, Vector2};
 
 /// A line in the plane: the points `p` with `normal · p = offset`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct BorderLine {
     /// Unit normal.
     pub normal: Vector2<f64>,
     /// Distance from the origin along the normal.
     pub offset: f64,
 }
 
-impl Line {
+impl BorderLine {
     /// Signed distance of a point.
     pub fn distance(&self, point: Point2<f64>) -> f64 {
         self.normal.dot(&point.coords) - self.offset
@@ -21,13 +21,13 @@ impl Line {
 
 /// Fits a line; points farther from it than a few times the median distance get little weight. `None` for fewer than
 /// three points, or if all lie in one place.
-pub fn fit(points: &[Point2<f64>]) -> Option<Line> {
+pub fn fit(points: &[Point2<f64>]) -> Option<BorderLine> {
     const ROUNDS: usize = 8;
     if points.len() < 3 {
         return None;
     }
     let mut weights = vec![1.0; points.len()];
-    let mut line = weighted(points, &weights)?;
+    let mut line = fit_weighted(points, &weights)?;
     for _ in 0..ROUNDS {
         let mut distances: Vec<f64> = points.iter().map(|p| line.distance(*p).abs()).collect();
         for (weight, distance) in weights.iter_mut().zip(&distances) {
@@ -39,12 +39,12 @@ pub fn fit(points: &[Point2<f64>]) -> Option<Line> {
             let ratio = *weight / (2.5 * scale);
             *weight = 1.0 / (1.0 + ratio * ratio).powi(2); // Geman–McClure: far points lose their weight
         }
-        line = weighted(points, &weights)?;
+        line = fit_weighted(points, &weights)?;
     }
     Some(line)
 }
 
-fn weighted(points: &[Point2<f64>], weights: &[f64]) -> Option<Line> {
+fn fit_weighted(points: &[Point2<f64>], weights: &[f64]) -> Option<BorderLine> {
     let total: f64 = weights.iter().sum();
     let mean = points.iter().zip(weights).map(|(p, w)| p.coords * *w).sum::<Vector2<f64>>() / total;
     let spread = points
@@ -58,7 +58,7 @@ fn weighted(points: &[Point2<f64>], weights: &[f64]) -> Option<Line> {
         return None;
     }
     let normal = eigen.eigenvectors.column(thin).into_owned();
-    Some(Line { normal, offset: normal.dot(&mean) })
+    Some(BorderLine { normal, offset: normal.dot(&mean) })
 }
 
 #[cfg(test)]

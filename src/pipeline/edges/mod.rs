@@ -5,14 +5,14 @@
 //! ([`outline_probes`]), each moved onto the edge in the pixels ([`subpixel`], all planes at once in [`edge_fit`]),
 //! using the learned appearance of edges in this recording ([`edge_model`]).
 
-mod definite;
+pub mod blur_domain;
+mod cholesky;
 mod edge_curves;
 mod edge_fit;
 pub mod edge_model;
 mod equations;
 mod lanes;
 pub mod line_fit;
-pub mod mixing;
 pub mod outline_probes;
 pub mod probe;
 mod profile;

@@ -9,7 +9,7 @@ use crate::pipeline::tube::Outline;
 
 /// A point on a band's outline.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Place {
+pub enum OutlinePoint {
     /// On border 0 or 1.
     Border {
         /// The border, 0 or 1.
@@ -26,20 +26,20 @@ pub enum Place {
     },
 }
 
-impl Place {
+impl OutlinePoint {
     /// The position of this point on an outline, camera frame, mm.
-    pub fn on(&self, outline: &Outline) -> Point3<f64> {
+    pub fn position_on(&self, outline: &Outline) -> Point3<f64> {
         match *self {
-            Place::Border { side, back_mm } => outline.border(side, back_mm),
-            Place::Rim { back_mm, across } => outline.rim(back_mm, across),
+            OutlinePoint::Border { side, back_mm } => outline.border(side, back_mm),
+            OutlinePoint::Rim { back_mm, across } => outline.rim(back_mm, across),
         }
     }
 
     /// The part of the outline: 0 and 1 for the borders, 2 for the distal end, 3 for the proximal end.
     pub fn part(&self) -> usize {
         match *self {
-            Place::Border { side, .. } => side,
-            Place::Rim { back_mm, .. } => 2 + usize::from(back_mm > 0.0),
+            OutlinePoint::Border { side, .. } => side,
+            OutlinePoint::Rim { back_mm, .. } => 2 + usize::from(back_mm > 0.0),
         }
     }
 }
@@ -51,7 +51,7 @@ pub struct ProbeLayout {
     pub chord_px: f64,
     /// Maximum number of chords along one border: errors of an edge come from background and light, and more edges
     /// hardly average them out.
-    pub most_chords: f64,
+    pub max_chords: f64,
     /// Search distance from the predicted outline, pixels.
     pub reach_px: f64,
     /// Motion of the tube in the picture, pixels/s.
@@ -70,20 +70,20 @@ pub fn border_probes(
     from_mm: f64,
     to_mm: f64,
     layout: ProbeLayout,
-    into: &mut Vec<(Place, Probe)>,
+    into: &mut Vec<(OutlinePoint, Probe)>,
 ) {
     for side in 0..2 {
         let seen = |back| pixel_of(camera, outline.border(side, back));
         let (Some(start), Some(end)) = (seen(from_mm), seen(to_mm)) else { continue };
         let length = (end.0 - start.0).norm();
-        let count = (length / layout.chord_px).round().clamp(1.0, layout.most_chords) as usize;
+        let count = (length / layout.chord_px).round().clamp(1.0, layout.max_chords) as usize;
         let half_mm = 0.5 * (to_mm - from_mm) * (layout.chord_px / length).min(1.0 / count as f64);
         for i in 0..count {
             let middle = from_mm + (to_mm - from_mm) * (i as f64 + 0.5) / count as f64;
             let (near, far) = (middle - half_mm, middle + half_mm);
             let opposite = pixel_of(camera, outline.border(1 - side, middle));
             let chord = [seen(near), seen(middle), seen(far), opposite];
-            let place = Place::Border { side, back_mm: middle };
+            let place = OutlinePoint::Border { side, back_mm: middle };
             if let Some(probe) = probe_of(chord, layout, place) {
                 into.push((place, probe));
             }
@@ -98,7 +98,7 @@ pub fn rim_probes(
     back_mm: f64,
     inner_mm: f64,
     layout: ProbeLayout,
-    into: &mut Vec<(Place, Probe)>,
+    into: &mut Vec<(OutlinePoint, Probe)>,
 ) {
     let seen = |across| pixel_of(camera, outline.rim(back_mm, across));
     let (Some(left), Some(right)) = (seen(-RIM_SHARE), seen(RIM_SHARE)) else { return };
@@ -108,7 +108,7 @@ pub fn rim_probes(
         let at = |part: f64| RIM_SHARE * (2.0 * (i as f64 + part) / count as f64 - 1.0);
         let (from, across, to) = (at(0.0), at(0.5), at(1.0));
         let inner = pixel_of(camera, outline.rim(inner_mm, across));
-        let place = Place::Rim { back_mm, across };
+        let place = OutlinePoint::Rim { back_mm, across };
         if let Some(probe) = probe_of([seen(from), seen(across), seen(to), inner], layout, place) {
             into.push((place, probe));
         }
@@ -121,7 +121,7 @@ fn pixel_of(camera: &Camera, point: Point3<f64>) -> Option<Pixel> {
 
 /// A probe on the chord from the first to the third pixel. The fourth lies inside the tape; for a border, on the
 /// opposite border.
-fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, place: Place) -> Option<Probe> {
+fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, place: OutlinePoint) -> Option<Probe> {
     let [Some(from), Some(middle), Some(to), Some(inner)] = chord else { return None };
     let along = to.0 - from.0;
     let length = along.norm();
@@ -134,10 +134,10 @@ fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, place: Place) -> Opt
     let depth = inwards.dot(&outward).abs();
     let window = match place {
         // Along the rows or columns of pixels: averages out more of the background's texture than straight across.
-        Place::Border { .. } if outward.x.abs() >= outward.y.abs() => Vector2::x(),
-        Place::Border { .. } => Vector2::y(),
+        OutlinePoint::Border { .. } if outward.x.abs() >= outward.y.abs() => Vector2::x(),
+        OutlinePoint::Border { .. } => Vector2::y(),
         // Along the tube, which the window would otherwise leave sideways.
-        Place::Rim { .. } => inwards,
+        OutlinePoint::Rim { .. } => inwards,
     };
     let motion_px_s = layout.motion_px_s.dot(&outward);
     let reach_px = layout.reach_px + 2.0 * motion_px_s.abs() * layout.exposure_s / 12f64.sqrt();
@@ -158,7 +158,11 @@ fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, place: Place) -> Opt
 
 /// The lean of a window in this direction: see [`Probe::lean`].
 fn lean(window: &Vector2<f64>, outward: &Vector2<f64>) -> f64 {
-    const LEAST: f64 = 0.3; // below it, the window would hardly cross the edge
+    const MIN_ACROSS: f64 = 0.3; // below it, the window would hardly cross the edge
     let across = window.dot(outward);
-    if across.abs() < LEAST * window.norm() { 0.0 } else { window.dot(&Vector2::new(-outward.y, outward.x)) / across }
+    if across.abs() < MIN_ACROSS * window.norm() {
+        0.0
+    } else {
+        window.dot(&Vector2::new(-outward.y, outward.x)) / across
+    }
 }

@@ -44,7 +44,7 @@ pub enum Shading {
 
 /// An edge found at a probe.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Edge {
+pub struct LocatedEdge {
     /// Distance from the probe's chord along its normal, pixels.
     pub offset_px: f64,
     /// Its standard deviation, pixels: from the noise, and from what the model leaves out.

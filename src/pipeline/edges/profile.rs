@@ -8,11 +8,11 @@ use super::probe::Probe;
 use crate::pipeline::frame::{Frame, Plane};
 
 /// Maximum number of bins of a profile.
-pub const MOST_BINS: usize = 48;
+pub const MAX_BINS: usize = 48;
 /// Usual width of a bin, in pixels of the plane.
 const BIN_PX: f64 = 0.5;
 /// Maximum factor of a wider bin.
-const WIDER: f64 = 1.5;
+const MAX_WIDENING: f64 = 1.5;
 /// A plane of half the resolution gets a window wider by this factor: three of its pixels cannot show both sides of an
 /// edge.
 const COARSE_PLANE_REACH: f64 = 1.25;
@@ -20,9 +20,9 @@ const COARSE_PLANE_REACH: f64 = 1.25;
 /// The profile of planes of one size across a chord.
 #[derive(Clone, Copy)]
 pub struct Profile<const N: usize> {
-    distances: [f32; MOST_BINS],
-    values: [[f32; MOST_BINS]; N],
-    pixels: [f32; MOST_BINS],
+    distances: [f32; MAX_BINS],
+    values: [[f32; MAX_BINS]; N],
+    pixels: [f32; MAX_BINS],
     /// Number of bins in use.
     len: usize,
     /// Number of pixels in all bins.
@@ -87,7 +87,7 @@ impl<const N: usize> Profile<N> {
         let column_of = |at: f64| whole((at + middle[run] - first[run]) / scale[run], sizes[run]);
         let (across_step, beside_step) = ((scale[run] * across_by[0]) as f32, (scale[run] * beside_by[0]) as f32);
         let bend_per_px = probe.bend_per_px as f32;
-        let mut bins = Bins::<N>::over(inwards, outwards, BIN_PX * scale[run]);
+        let mut bins = Bins::<N>::covering(inwards, outwards, BIN_PX * scale[run]);
         for row in row_of(inmost - half_rows)..row_of(outmost + half_rows) {
             let down = row as f64 * scale[rows] + first[rows] - middle[rows];
             let window = within(-inwards, outwards, down * across_by[1], across_by[0]);
@@ -139,7 +139,7 @@ fn ordered(one: f64, other: f64) -> (f64, f64) {
 }
 
 #[inline(always)]
-fn lanes(all: &[f32; MOST_BINS], from: usize) -> Lanes {
+fn lanes(all: &[f32; MAX_BINS], from: usize) -> Lanes {
     let mut lanes = Lanes::ZERO;
     lanes.0.copy_from_slice(&all[from..from + LANES]);
     lanes
@@ -147,7 +147,7 @@ fn lanes(all: &[f32; MOST_BINS], from: usize) -> Lanes {
 
 /// Sums over the pixels of each bin: distances, number, and the codes of up to two planes.
 struct Bins<const N: usize> {
-    sums: [[f32; 4]; MOST_BINS],
+    sums: [[f32; 4]; MAX_BINS],
     squares: [f32; N],
     from: f32,
     per_px: f32,
@@ -156,14 +156,14 @@ struct Bins<const N: usize> {
 
 impl<const N: usize> Bins<N> {
     /// Bins of about this width; wider if that avoids another group of [`LANES`] bins that would be hardly filled.
-    fn over(inwards: f64, outwards: f64, width: f64) -> Self {
+    fn covering(inwards: f64, outwards: f64, width: f64) -> Self {
         let reach = inwards + outwards;
-        let groups = (reach / (width * WIDER * LANES as f64)).ceil();
-        let most = (groups * LANES as f64).min(MOST_BINS as f64);
+        let groups = (reach / (width * MAX_WIDENING * LANES as f64)).ceil();
+        let most = (groups * LANES as f64).min(MAX_BINS as f64);
         let count = (reach / width).ceil().min(most);
         let width = width.max(reach / count);
         Self {
-            sums: [[0.0; 4]; MOST_BINS],
+            sums: [[0.0; 4]; MAX_BINS],
             squares: [0.0; N],
             from: -inwards as f32,
             per_px: (1.0 / width) as f32,
@@ -174,7 +174,7 @@ impl<const N: usize> Bins<N> {
     #[inline(always)]
     fn add(&mut self, distance: f32, values: [f32; N]) {
         let bin = ((distance - self.from) * self.per_px).max(0.0).min(self.last) as i32 as usize;
-        let sum = &mut self.sums[bin.min(MOST_BINS - 1)];
+        let sum = &mut self.sums[bin.min(MAX_BINS - 1)];
         let other = if N > 1 { values[N - 1] } else { 0.0 };
         let add = [distance, 1.0, values[0], other];
         for lane in 0..4 {
@@ -188,9 +188,9 @@ impl<const N: usize> Bins<N> {
     #[inline(always)]
     fn means(self) -> Profile<N> {
         let mut profile = Profile {
-            distances: [0.0; MOST_BINS],
-            values: [[0.0; MOST_BINS]; N],
-            pixels: [0.0; MOST_BINS],
+            distances: [0.0; MAX_BINS],
+            values: [[0.0; MAX_BINS]; N],
+            pixels: [0.0; MAX_BINS],
             len: 0,
             count: 0.0,
             scatter: self.squares,

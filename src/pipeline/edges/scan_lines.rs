@@ -6,7 +6,7 @@
 
 use nalgebra::{Point2, Vector2};
 
-use crate::pipeline::blob::moments::Rectangle;
+use crate::pipeline::blob::moments::RegionRectangle;
 use crate::pipeline::frame::Frame;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::space::Pixel;
@@ -28,7 +28,7 @@ pub struct CoarseBand {
 const LINES: usize = 24;
 
 /// Scans a band. `None` if fewer than a third of the lines found tape on both sides, or an end was not found.
-pub fn scan(frame: &Frame<'_>, table: &ColourTable, class: u8, band: &Rectangle) -> Option<CoarseBand> {
+pub fn scan(frame: &Frame<'_>, table: &ColourTable, class: u8, band: &RegionRectangle) -> Option<CoarseBand> {
     let across = Vector2::new(-band.axis.y, band.axis.x);
     let reach = 0.75 * band.width_px + 6.0;
     let mut borders = [Vec::with_capacity(LINES), Vec::with_capacity(LINES)];

@@ -12,14 +12,14 @@ use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::pipeline::tube::Tube;
 
 /// Minimum contrast between both ends to identify the shaft: below it, they look alike.
-const LEAST_CONTRAST: f64 = 0.15;
+const MIN_CONTRAST: f64 = 0.15;
 
 /// Is the shaft beyond the first of the band's two ends? `None` if both ends are about equally dark.
-pub fn is_beyond_first(frame: &Frame<'_>, band: &CoarseBand) -> Option<bool> {
+pub fn is_shaft_beyond_first(frame: &Frame<'_>, band: &CoarseBand) -> Option<bool> {
     let [back, front] = band.ends;
     let lights = [light_beyond(frame, band, back, -band.axis), light_beyond(frame, band, front, band.axis)];
     let contrast = (lights[0] - lights[1]).abs() / (lights[0] + lights[1]).max(1.0);
-    (contrast >= LEAST_CONTRAST).then_some(lights[0] < lights[1])
+    (contrast >= MIN_CONTRAST).then_some(lights[0] < lights[1])
 }
 
 /// How much darker it is beyond the hand's end of a tube's band than beyond its tip: −1 to 1, negative if the tube
@@ -31,7 +31,7 @@ pub fn contrast(
     length_mm: f64,
     is_visible: impl Fn(Point3<f64>, Pixel) -> bool,
 ) -> Option<f64> {
-    const FEWEST: f64 = 20.0;
+    const MIN_POINTS: f64 = 20.0;
     let (outline, width_mm) = (tube.outline()?, 2.0 * tube.radius);
     let beyond = |from_mm: f64, sign: f64| {
         let (mut sum, mut count) = (0.0, 0.0);
@@ -46,7 +46,7 @@ pub fn contrast(
                 }
             }
         }
-        (count >= FEWEST).then(|| sum / count)
+        (count >= MIN_POINTS).then(|| sum / count)
     };
     let (by_hand, by_tip) = (beyond(length_mm, 1.0)?, beyond(0.0, -1.0)?);
     Some((by_tip - by_hand) / (by_tip + by_hand).max(1.0))

@@ -16,24 +16,24 @@ use nalgebra::{Vector2, Vector3};
 
 use super::edge_fit::{EdgeFit, LIMB_INSIDE};
 use super::edge_model::EdgeModel;
-use super::probe::{Edge, Probe};
+use super::probe::{LocatedEdge, Probe};
 use super::profile::{self, Profile};
-use super::tone::Mixing;
+use super::tone::BlurDomain;
 use crate::pipeline::frame::Frame;
 
 /// Positions tried for a plain step.
 const STEPS_PER_PX: f64 = 2.0;
-const MOST_STEPS: usize = 40;
+const MAX_STEPS: usize = 40;
 /// Maximum standard deviation of an edge that is kept, pixels.
-const WORST_SIGMA_PX: f64 = 1.0;
+const MAX_SIGMA_PX: f64 = 1.0;
 /// Maximum distance between the finer model's result and the best plain step, pixels.
-const FARTHEST_FROM_STEP_PX: f64 = 1.3;
+const MAX_FROM_STEP_PX: f64 = 1.3;
 /// Factor from noise alone to all errors. What the model leaves out (texture, creases, gloss, compression, colour
 /// mixing) shifts an edge as noise does, more at low contrast, but this many times as much. Measured on edges about
 /// true outlines, over scenes of three renderers.
 const MODEL_ERROR: f64 = 3.0;
 /// Maximum number of passes of the finer model: it is nearly linear.
-const MOST_PASSES: usize = 8;
+const MAX_PASSES: usize = 8;
 
 /// If the colour inside an edge is not classified as tape, its distance from the tape's colour must be less than this
 /// share of the distance outside. Over 24 clips, most of them of trembling hands, this gave a sixth less error than a
@@ -60,14 +60,14 @@ impl EdgeModel {
         probe: &Probe,
         fineness: Fineness,
         is_tape: impl Fn([u8; 3]) -> bool,
-    ) -> Option<Edge> {
+    ) -> Option<LocatedEdge> {
         let luma = profile::of_luma(frame, probe);
         let chroma = profile::of_chroma(frame, probe);
         let guess = self.sharpest_step(&luma, &chroma, probe)?;
-        let look = self.look(probe, frame.shift_x);
-        let mut first = self.first(self.mixing, &luma, &chroma, guess, probe)?;
+        let look = self.appearance(probe, frame.shift_x);
+        let mut first = self.first_guess(self.blur_domain, &luma, &chroma, guess, probe)?;
         if let Some(usual) = self.usual_inside(probe.part) {
-            first.expect_inside(usual);
+            first.set_usual_inside(usual);
         }
         let usual = self.usual_inside(probe.part).map(|light| look.codes(light.map(|l| l.base + LIMB_INSIDE * l.limb)));
         let off_tape = |codes: [f64; 3]| (Vector2::new(codes[1], codes[2]) - self.tape).norm();
@@ -77,22 +77,26 @@ impl EdgeModel {
             // Otherwise there is no tape inside (the edge of a shadow or of the mat's print), or tape on both sides (a
             // highlight or a crease). Glare and shade can hide the tape's colour; then the inside must look as this
             // part of the outline usually does.
-            let is_usual = || usual.is_none_or(|usual| apart(inside, usual) < SURELY_NEARER * apart(outside, usual));
+            let is_usual = || {
+                usual.is_none_or(|usual| {
+                    colour_distance(inside, usual) < SURELY_NEARER * colour_distance(outside, usual)
+                })
+            };
             let is_surely_tape =
                 || is_tape(inside) || off_tape(inside) < SURELY_NEARER * off_tape(outside) || is_usual();
             off_tape(inside) < off_tape(outside) && is_surely_tape() && !is_tape(outside)
         };
         if fineness == Fineness::Step {
-            return is_border(&first).then_some(Edge { offset_px: guess, sigma_px: STEP_SIGMA_PX });
+            return is_border(&first).then_some(LocatedEdge { offset_px: guess, sigma_px: STEP_SIGMA_PX });
         }
         let mut fit = first;
         let mut noise = self.noise;
-        for pass in 0..MOST_PASSES {
+        for pass in 0..MAX_PASSES {
             if pass > 1 {
                 noise = std::array::from_fn(|p| self.noise[p].max(fit.variance[p])); // earlier, it reflects the guess
             }
             let moved = look.improve(&luma, &chroma, noise, &mut fit, &first)?;
-            if (fit.offset_px - guess).abs() > FARTHEST_FROM_STEP_PX * (1.5 * look.light_blur_px).max(1.0) {
+            if (fit.offset_px - guess).abs() > MAX_FROM_STEP_PX * (1.5 * look.light_blur_px).max(1.0) {
                 return None; // another optimum: the shading term imitates the edge
             }
             if pass > 0 && moved.abs() < f64::max(0.1, 0.2 * MODEL_ERROR / fit.information.sqrt()) {
@@ -101,20 +105,20 @@ impl EdgeModel {
         }
         let surplus = fit.variance.iter().zip(noise).map(|(variance, noise)| variance / noise).sum::<f64>() / 3.0;
         fit.information /= surplus.max(1.0);
-        if fit.information < 1.0 / (WORST_SIGMA_PX * WORST_SIGMA_PX) {
+        if fit.information < 1.0 / (MAX_SIGMA_PX * MAX_SIGMA_PX) {
             return None;
         }
         if !is_border(&fit) {
             return None;
         }
         self.found.push((*probe, fit));
-        Some(Edge { offset_px: fit.offset_px, sigma_px: MODEL_ERROR / fit.information.sqrt() })
+        Some(LocatedEdge { offset_px: fit.offset_px, sigma_px: MODEL_ERROR / fit.information.sqrt() })
     }
 
     /// First guess: the mean light on both sides of a guessed step.
-    pub(super) fn first(
+    pub(super) fn first_guess(
         &self,
-        mixing: Mixing,
+        mixing: BlurDomain,
         luma: &Profile<1>,
         chroma: &Profile<2>,
         guess: f64,
@@ -127,7 +131,7 @@ impl EdgeModel {
             return None;
         }
         let [inside, outside] = sums.map(|side| self.light(mixing, side.map(|sum| f64::from(sum.1 / sum.0))));
-        Some(EdgeFit::between(inside, outside, guess, probe.shading))
+        Some(EdgeFit::first_guess(inside, outside, guess, probe.shading))
     }
 
     /// Position where one plain step explains the pixels best, to half a pixel. Starting there keeps the finer model
@@ -135,8 +139,8 @@ impl EdgeModel {
     fn sharpest_step(&self, luma: &Profile<1>, chroma: &Profile<2>, probe: &Probe) -> Option<f64> {
         let first = ((1.0 - probe.inwards_px) * STEPS_PER_PX).ceil();
         let count = ((probe.outwards_px - 1.0) * STEPS_PER_PX).floor() - first + 1.0;
-        let mut explained = [0.0; MOST_STEPS];
-        let explained = &mut explained[..(count.max(0.0) as usize).min(MOST_STEPS)];
+        let mut explained = [0.0; MAX_STEPS];
+        let explained = &mut explained[..(count.max(0.0) as usize).min(MAX_STEPS)];
         let weights = self.noise.map(|noise| 1.0 / noise as f32);
         explain_by_step(luma, first as f32, &weights[..1], explained);
         explain_by_step(chroma, first as f32, &weights[1..], explained);
@@ -146,7 +150,7 @@ impl EdgeModel {
 }
 
 /// Distance of two colours, codes.
-fn apart(one: [f64; 3], other: [f64; 3]) -> f64 {
+fn colour_distance(one: [f64; 3], other: [f64; 3]) -> f64 {
     (Vector3::from(one) - Vector3::from(other)).norm()
 }
 
@@ -170,7 +174,7 @@ fn add_sides<const N: usize>(profile: &Profile<N>, first: usize, guess: f64, sum
 fn explain_by_step<const N: usize>(profile: &Profile<N>, first: f32, weights: &[f32], into: &mut [f32]) {
     for (plane, weight) in weights.iter().enumerate() {
         let level = profile.bins(plane).map(|(_, pixels, value)| pixels * value).sum::<f32>() / profile.count.max(1.0);
-        let mut between = [(0.0f32, 0.0f32); MOST_STEPS + 1]; // count and sum of the pixels before each place
+        let mut between = [(0.0f32, 0.0f32); MAX_STEPS + 1]; // count and sum of the pixels before each place
         for (distance, pixels, value) in profile.bins(plane) {
             let place = (distance * STEPS_PER_PX as f32 - first + 1.0).clamp(0.0, into.len() as f32) as usize;
             between[place] = (between[place].0 + pixels, between[place].1 + pixels * (value - level));

@@ -9,7 +9,7 @@ use super::lanes::Lanes;
 
 /// What blur mixes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Mixing {
+pub enum BlurDomain {
     /// Light, as in every lens and shutter; codes follow from it by the sRGB curve (IEC 61966-2-1).
     Light,
     /// The codes themselves, as in pictures that were rendered and blurred afterwards.
@@ -20,7 +20,7 @@ pub enum Mixing {
 /// straight line below [`Tone::straight_until`], and a polynomial of the light's fourth root above, which takes two
 /// square roots and no branch.
 pub struct Tone {
-    mixing: Mixing,
+    blur_domain: BlurDomain,
     straight_until: f32,
     straight_slope: f32,
     /// Coefficients for the fourth root, the constant first.
@@ -29,20 +29,24 @@ pub struct Tone {
 
 /// The sRGB curve, within 3.5e-5 of the standard's.
 static LIGHT: Tone = Tone {
-    mixing: Mixing::Light,
+    blur_domain: BlurDomain::Light,
     straight_until: 0.003_130_8,
     straight_slope: 12.92,
     polynomial: [-0.064_612_27, 0.196_140_18, 1.122_674_7, -0.335_499_95, 0.081_332_05],
 };
-static CODES: Tone =
-    Tone { mixing: Mixing::Codes, straight_until: 0.01, straight_slope: 1.0, polynomial: [0.0, 0.0, 0.0, 0.0, 1.0] };
+static CODES: Tone = Tone {
+    blur_domain: BlurDomain::Codes,
+    straight_until: 0.01,
+    straight_slope: 1.0,
+    polynomial: [0.0, 0.0, 0.0, 0.0, 1.0],
+};
 
 impl Tone {
     /// The curve for this blur domain.
-    pub fn of(mixing: Mixing) -> &'static Self {
+    pub fn of(mixing: BlurDomain) -> &'static Self {
         match mixing {
-            Mixing::Light => &LIGHT,
-            Mixing::Codes => &CODES,
+            BlurDomain::Light => &LIGHT,
+            BlurDomain::Codes => &CODES,
         }
     }
 
@@ -70,10 +74,10 @@ impl Tone {
 
     /// Light of this code.
     pub fn light(&self, code: f64) -> f64 {
-        match self.mixing {
-            Mixing::Codes => code,
-            Mixing::Light if code <= 0.040_45 => code / 12.92,
-            Mixing::Light => ((code + 0.055) / 1.055).powf(2.4),
+        match self.blur_domain {
+            BlurDomain::Codes => code,
+            BlurDomain::Light if code <= 0.040_45 => code / 12.92,
+            BlurDomain::Light => ((code + 0.055) / 1.055).powf(2.4),
         }
     }
 }
@@ -84,7 +88,7 @@ mod tests {
 
     #[test]
     fn coded_light_is_the_light_again() {
-        for mixing in [Mixing::Light, Mixing::Codes] {
+        for mixing in [BlurDomain::Light, BlurDomain::Codes] {
             let tone = Tone::of(mixing);
             for step in 0..=1000 {
                 let code = f64::from(step) / 1000.0;
@@ -97,7 +101,7 @@ mod tests {
     #[test]
     fn the_slope_is_the_curves_own() {
         const STEP: f64 = 1e-3;
-        for mixing in [Mixing::Light, Mixing::Codes] {
+        for mixing in [BlurDomain::Light, BlurDomain::Codes] {
             let tone = Tone::of(mixing);
             for light in [-0.1_f64, 0.001, 0.02, 0.2, 0.5, 0.9] {
                 let step = STEP * light.abs();
@@ -112,7 +116,7 @@ mod tests {
 
     #[test]
     fn more_than_the_brightest_is_cut_off() {
-        assert!((Tone::of(Mixing::Light).code(1.3) - 1.0).abs() < 5e-5);
-        assert_eq!(Tone::of(Mixing::Light).codes(Lanes::all(1.6))[1], Lanes::ZERO);
+        assert!((Tone::of(BlurDomain::Light).code(1.3) - 1.0).abs() < 5e-5);
+        assert_eq!(Tone::of(BlurDomain::Light).codes(Lanes::all(1.6))[1], Lanes::ZERO);
     }
 }

@@ -7,17 +7,17 @@
 
 use std::collections::HashMap;
 
-use super::errors::Errors;
-use super::honesty::Honesty;
-use super::judged::{EvaluationProblem, Judged, judge, names};
+use super::errors::ErrorSummary;
+use super::judged::{EvaluationProblem, JudgedRow, pair_with_truth, tool_names};
 use super::lag::{self, Lag};
-use super::motion::Motion;
-use super::rest::NoiseFloor;
+use super::motion::TrueMotion;
+use super::rest_noise::RestNoise;
+use super::sigma_check::SigmaCheck;
 use super::truth::Truth;
 use crate::pipeline::trajectory::{SampleState, Trajectory};
 
 /// Minimum visible shares of the band: a tracker should find a tool above the first, and find it well above the second.
-pub const VISIBLE_FROM: [f64; 2] = [0.4, 0.8];
+pub const VISIBILITY_LEVELS: [f64; 2] = [0.4, 0.8];
 
 /// All figures of a trajectory against one truth.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +27,7 @@ pub struct Accuracy {
     /// All tools together.
     pub all: ToolAccuracy,
     /// Rows on frames that the truth does not have.
-    pub unjudged: usize,
+    pub rows_without_truth: usize,
     /// Largest difference between the two times of one frame, s. More than half a frame's duration means that truth and
     /// trajectory do not count the same frames.
     pub largest_time_difference_s: f64,
@@ -43,14 +43,14 @@ pub struct ToolAccuracy {
     /// Rows while the tool is out of sight.
     pub false_tracks: usize,
     /// Speed of the track while the tool rests; `None` if the tool never rests for long enough.
-    pub at_rest: Option<NoiseFloor>,
+    pub rest_noise: Option<RestNoise>,
     /// The figures for each of [`VISIBILITY_LEVELS`].
-    pub levels: Vec<Level>,
+    pub levels: Vec<VisibilityLevel>,
 }
 
 /// How well a tool was tracked where at least a given share of its band is visible.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Level {
+pub struct VisibilityLevel {
     /// Minimum visible share of the band.
     pub visible_from: f64,
     /// Frames with at least this share visible.
@@ -62,15 +62,15 @@ pub struct Level {
     /// Rows that lie nearer to another tool's true tip than to their own.
     pub swaps: usize,
     /// Errors of all rows; `None` without a row.
-    pub errors: Option<Errors>,
+    pub errors: Option<ErrorSummary>,
     /// Errors of the observed rows.
-    pub observed_errors: Option<Errors>,
+    pub observed_errors: Option<ErrorSummary>,
     /// Errors of the predicted rows.
-    pub predicted_errors: Option<Errors>,
+    pub predicted_errors: Option<ErrorSummary>,
     /// Lag of the track behind the truth.
     pub lag: Lag,
     /// Comparison of the errors with the stated sigmas; `None` without stated sigmas.
-    pub honesty: Option<Honesty>,
+    pub sigma_check: Option<SigmaCheck>,
 }
 
 /// Measures a trajectory against the truth.
@@ -78,47 +78,47 @@ pub struct Level {
 /// # Errors
 /// [`EvaluationProblem`] if truth and trajectory have no tool or no frame in common.
 pub fn accuracy(trajectory: &Trajectory, truth: &Truth) -> Result<Accuracy, EvaluationProblem> {
-    let judged = judge(trajectory, truth)?;
-    let names = names(trajectory, truth);
-    let motions = names.iter().map(|name| (name.as_str(), Motion::of(truth, name))).collect();
+    let judged = pair_with_truth(trajectory, truth)?;
+    let names = tool_names(trajectory, truth);
+    let motions = names.iter().map(|name| (name.as_str(), TrueMotion::of(truth, name))).collect();
     let of = |tool: Option<&String>| {
-        let rows: Vec<&Judged> = judged.iter().filter(|row| tool.is_none_or(|name| row.tool == name)).collect();
+        let rows: Vec<&JudgedRow> = judged.iter().filter(|row| tool.is_none_or(|name| row.tool == name)).collect();
         tool_accuracy(tool, &rows, truth, &motions)
     };
     Ok(Accuracy {
         tools: names.iter().map(|name| of(Some(name))).collect(),
         all: of(None),
-        unjudged: trajectory.samples.len() - judged.len(),
+        rows_without_truth: trajectory.samples.len() - judged.len(),
         largest_time_difference_s: judged.iter().map(|r| (r.sample.time_s - r.time_s).abs()).fold(0.0, f64::max),
     })
 }
 
 fn tool_accuracy(
     tool: Option<&String>,
-    rows: &[&Judged],
+    rows: &[&JudgedRow],
     truth: &Truth,
-    motions: &HashMap<&str, Motion>,
+    motions: &HashMap<&str, TrueMotion>,
 ) -> ToolAccuracy {
     ToolAccuracy {
         tool: tool.cloned(),
         rows: rows.len(),
         false_tracks: rows.iter().filter(|row| row.is_false()).count(),
-        at_rest: NoiseFloor::of(&visible(rows, VISIBLE_FROM[0]), motions),
-        levels: VISIBLE_FROM.iter().map(|from| level(*from, tool, rows, truth, motions)).collect(),
+        rest_noise: RestNoise::of(&visible(rows, VISIBILITY_LEVELS[0]), motions),
+        levels: VISIBILITY_LEVELS.iter().map(|from| level(*from, tool, rows, truth, motions)).collect(),
     }
 }
 
-fn visible<'a>(rows: &[&'a Judged<'a>], from: f64) -> Vec<&'a Judged<'a>> {
+fn visible<'a>(rows: &[&'a JudgedRow<'a>], from: f64) -> Vec<&'a JudgedRow<'a>> {
     rows.iter().filter(|row| row.visible >= from).copied().collect()
 }
 
 fn level(
     visible_from: f64,
     tool: Option<&String>,
-    rows: &[&Judged],
+    rows: &[&JudgedRow],
     truth: &Truth,
-    motions: &HashMap<&str, Motion>,
-) -> Level {
+    motions: &HashMap<&str, TrueMotion>,
+) -> VisibilityLevel {
     let tools = truth.frames.iter().flat_map(|frame| &frame.tools);
     let seen = tools.filter(|t| t.visible >= visible_from && tool.is_none_or(|name| t.tool == *name));
     let rows = visible(rows, visible_from);
@@ -127,16 +127,16 @@ fn level(
         errors
     };
     let observed = of_state(SampleState::Observed);
-    Level {
+    VisibilityLevel {
         visible_from,
         frames: seen.count(),
         found: rows.len(),
         observed: observed.len(),
         swaps: rows.iter().filter(|row| row.nearer_to_another).count(),
-        errors: Errors::of(&rows.iter().map(|row| row.error_mm).collect::<Vec<_>>()),
-        observed_errors: Errors::of(&observed),
-        predicted_errors: Errors::of(&of_state(SampleState::Predicted)),
-        lag: lag::lag(&rows, motions),
-        honesty: Honesty::of(&rows),
+        errors: ErrorSummary::of(&rows.iter().map(|row| row.error_mm).collect::<Vec<_>>()),
+        observed_errors: ErrorSummary::of(&observed),
+        predicted_errors: ErrorSummary::of(&of_state(SampleState::Predicted)),
+        lag: lag::estimate_lag(&rows, motions),
+        sigma_check: SigmaCheck::of(&rows),
     }
 }

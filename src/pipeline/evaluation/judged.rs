@@ -8,7 +8,7 @@ use super::truth::{Truth, TruthTool};
 use crate::pipeline::trajectory::{Sample, Trajectory};
 
 /// If less than this share of its band is visible, a tool is out of sight, and a row for it is false.
-pub const OUT_OF_SIGHT_BELOW: f64 = 0.02;
+pub const MIN_VISIBLE_SHARE: f64 = 0.02;
 
 /// Why a trajectory cannot be compared with a truth.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -34,7 +34,7 @@ pub enum EvaluationProblem {
 
 /// A row of a trajectory with the truth of its frame and tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Judged<'a> {
+pub struct JudgedRow<'a> {
     /// The row.
     pub sample: &'a Sample,
     /// Its tool's name.
@@ -49,10 +49,10 @@ pub struct Judged<'a> {
     pub nearer_to_another: bool,
 }
 
-impl Judged<'_> {
+impl JudgedRow<'_> {
     /// True if the tool is out of sight, or does not exist on this frame.
     pub fn is_false(&self) -> bool {
-        self.visible < OUT_OF_SIGHT_BELOW
+        self.visible < MIN_VISIBLE_SHARE
     }
 }
 
@@ -60,15 +60,15 @@ impl Judged<'_> {
 ///
 /// # Errors
 /// [`EvaluationProblem`] if truth and trajectory have no tool or no frame in common.
-pub fn judge<'a>(trajectory: &'a Trajectory, truth: &Truth) -> Result<Vec<Judged<'a>>, EvaluationProblem> {
+pub fn pair_with_truth<'a>(trajectory: &'a Trajectory, truth: &Truth) -> Result<Vec<JudgedRow<'a>>, EvaluationProblem> {
     check(trajectory, truth)?;
     let index: HashMap<u64, usize> = truth.frames.iter().enumerate().map(|(i, frame)| (frame.frame, i)).collect();
     let rows = trajectory.samples.iter().filter_map(|sample| {
         let (frame, name) = (&truth.frames[*index.get(&sample.frame)?], trajectory.tools.get(sample.tool)?);
         let own = frame.tools.iter().find(|tool| tool.tool == *name);
         let distance = |tool: &TruthTool| (sample.tip_mm - tool.tip_mm).norm();
-        let mut others = frame.tools.iter().filter(|tool| tool.tool != *name && tool.visible >= OUT_OF_SIGHT_BELOW);
-        Some(Judged {
+        let mut others = frame.tools.iter().filter(|tool| tool.tool != *name && tool.visible >= MIN_VISIBLE_SHARE);
+        Some(JudgedRow {
             sample,
             tool: name,
             time_s: frame.time_s,
@@ -81,7 +81,7 @@ pub fn judge<'a>(trajectory: &'a Trajectory, truth: &Truth) -> Result<Vec<Judged
 }
 
 /// All tools, the truth's first, each once.
-pub fn names(trajectory: &Trajectory, truth: &Truth) -> Vec<String> {
+pub fn tool_names(trajectory: &Trajectory, truth: &Truth) -> Vec<String> {
     let mut known = HashSet::new();
     let of_truth = truth.frames.iter().flat_map(|frame| &frame.tools).map(|tool| &tool.tool);
     of_truth.chain(&trajectory.tools).filter(|name| known.insert(name.as_str())).cloned().collect()

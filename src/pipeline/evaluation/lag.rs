@@ -9,28 +9,28 @@ use std::collections::HashMap;
 
 use nalgebra::Vector3;
 
-use super::judged::Judged;
-use super::motion::Motion;
+use super::judged::JudgedRow;
+use super::motion::TrueMotion;
 
 /// Minimum of rows for an estimate.
-const FEWEST_ROWS: usize = 20;
+const MIN_ROWS: usize = 20;
 
 /// Minimum of clusters of rows for a standard error.
-const FEWEST_CLUSTERS: usize = 5;
+const MIN_CLUSTERS: usize = 5;
 
 /// Rows within this time form one cluster, s.
 const CLUSTER_S: f64 = 0.5;
 
 /// Maximum standard error of a lag that says anything about a filter, s: a quarter of a frame at 25 Hz.
-const LEAST_SURE_S: f64 = 0.01;
+const MAX_SIGMA_S: f64 = 0.01;
 
 /// Minimum speed, RMS about its mean, mm/s; below it nothing moves.
-const SLOWEST_MM_S: f64 = 1.0;
+const MIN_SPEED_MM_S: f64 = 1.0;
 
 /// Maximum lag that is searched, s.
-const LONGEST_S: f64 = 0.5;
+const MAX_LAG_S: f64 = 0.5;
 
-const STEPS: usize = 12;
+const MAX_STEPS: usize = 12;
 
 /// The lag of a track behind the truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,23 +47,23 @@ pub enum Lag {
 }
 
 /// The lag of these rows, grouped by tool.
-pub(super) fn lag(rows: &[&Judged], motions: &HashMap<&str, Motion>) -> Lag {
+pub(super) fn estimate_lag(rows: &[&JudgedRow], motions: &HashMap<&str, TrueMotion>) -> Lag {
     let mut lag_s = 0.0;
-    for _ in 0..STEPS {
-        let Some(step) = Step::from(rows, motions, lag_s) else { return Lag::TooLittleMotion };
+    for _ in 0..MAX_STEPS {
+        let Some(step) = LagStep::from(rows, motions, lag_s) else { return Lag::TooLittleMotion };
         lag_s += step.by_s;
-        if lag_s.abs() > LONGEST_S {
+        if lag_s.abs() > MAX_LAG_S {
             return Lag::TooLittleMotion;
         }
         if step.by_s.abs() < 1e-6 {
-            return step.settled(lag_s);
+            return step.to_lag(lag_s);
         }
     }
     Lag::TooLittleMotion // no minimum within the steps allowed
 }
 
 /// One Gauss–Newton step, with the sums for its standard error.
-struct Step {
+struct LagStep {
     by_s: f64,
     /// Sums of the derivative's terms over each cluster, mm²/s, at the end of the step.
     clusters: Vec<f64>,
@@ -71,8 +71,8 @@ struct Step {
     motion: f64,
 }
 
-impl Step {
-    fn from(rows: &[&Judged], motions: &HashMap<&str, Motion>, lag_s: f64) -> Option<Step> {
+impl LagStep {
+    fn from(rows: &[&JudgedRow], motions: &HashMap<&str, TrueMotion>, lag_s: f64) -> Option<LagStep> {
         let pairs = centred(rows, motions, lag_s);
         let (n, motion) = (pairs.len(), pairs.iter().map(|p| p.velocity.norm_squared()).sum::<f64>());
         let by_s = -pairs.iter().map(|p| p.error.dot(&p.velocity)).sum::<f64>() / motion;
@@ -80,35 +80,35 @@ impl Step {
         for pair in &pairs {
             *clusters.entry(pair.cluster).or_default() += (pair.error + pair.velocity * by_s).dot(&pair.velocity);
         }
-        let enough = n >= FEWEST_ROWS && motion / n as f64 > SLOWEST_MM_S * SLOWEST_MM_S;
-        enough.then(|| Step { by_s, clusters: clusters.into_values().collect(), motion })
+        let enough = n >= MIN_ROWS && motion / n as f64 > MIN_SPEED_MM_S * MIN_SPEED_MM_S;
+        enough.then(|| LagStep { by_s, clusters: clusters.into_values().collect(), motion })
     }
 
-    fn settled(&self, lag_s: f64) -> Lag {
+    fn to_lag(&self, lag_s: f64) -> Lag {
         let n = self.clusters.len() as f64;
         let square = self.clusters.iter().map(|sum| sum * sum).sum::<f64>() * n / (n - 1.0).max(1.0);
         let sigma_s = square.sqrt() / self.motion;
-        let is_sure = self.clusters.len() >= FEWEST_CLUSTERS && sigma_s <= LEAST_SURE_S;
+        let is_sure = self.clusters.len() >= MIN_CLUSTERS && sigma_s <= MAX_SIGMA_S;
         if is_sure { Lag::Measured { lag_s, sigma_s } } else { Lag::TooLittleMotion }
     }
 }
 
 /// A row's error against the truth `lag_s` earlier and the velocity there, both about their tool's means.
-struct Pair<'a> {
+struct LagPair<'a> {
     error: Vector3<f64>,
     velocity: Vector3<f64>,
     cluster: (&'a str, i64),
 }
 
-fn centred<'a>(rows: &[&Judged<'a>], motions: &HashMap<&str, Motion>, lag_s: f64) -> Vec<Pair<'a>> {
-    let mut of_tool: HashMap<&str, Vec<Pair>> = HashMap::new();
+fn centred<'a>(rows: &[&JudgedRow<'a>], motions: &HashMap<&str, TrueMotion>, lag_s: f64) -> Vec<LagPair<'a>> {
+    let mut of_tool: HashMap<&str, Vec<LagPair>> = HashMap::new();
     for row in rows {
         let Some((tip, velocity)) = motions.get(row.tool).and_then(|m| m.at(row.time_s - lag_s)) else { continue };
         let cluster = (row.tool, (row.time_s / CLUSTER_S).floor() as i64);
-        of_tool.entry(row.tool).or_default().push(Pair { error: row.sample.tip_mm - tip, velocity, cluster });
+        of_tool.entry(row.tool).or_default().push(LagPair { error: row.sample.tip_mm - tip, velocity, cluster });
     }
     for pairs in of_tool.values_mut() {
-        let mean = |of: fn(&Pair) -> Vector3<f64>| pairs.iter().map(of).sum::<Vector3<f64>>() / pairs.len() as f64;
+        let mean = |of: fn(&LagPair) -> Vector3<f64>| pairs.iter().map(of).sum::<Vector3<f64>>() / pairs.len() as f64;
         let (error, velocity) = (mean(|p| p.error), mean(|p| p.velocity));
         for pair in pairs {
             pair.error -= error;

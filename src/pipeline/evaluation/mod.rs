@@ -12,22 +12,22 @@
 
 mod accuracy;
 mod errors;
-mod honesty;
 mod judged;
 mod lag;
 mod motion;
 mod repeatability;
-mod rest;
+mod rest_noise;
+mod sigma_check;
 mod truth;
 
-pub use accuracy::{Accuracy, Level, ToolAccuracy, VISIBLE_FROM, accuracy};
-pub use errors::{Errors, Spread};
-pub use honesty::{Honesty, Share, WITHIN_95, chi_square_3_density, normalised_square};
-pub use judged::{EvaluationProblem, Judged, OUT_OF_SIGHT_BELOW, judge, names};
+pub use accuracy::{Accuracy, ToolAccuracy, VISIBILITY_LEVELS, VisibilityLevel, accuracy};
+pub use errors::{ErrorSpread, ErrorSummary};
+pub use judged::{EvaluationProblem, JudgedRow, MIN_VISIBLE_SHARE, pair_with_truth, tool_names};
 pub use lag::Lag;
-pub use motion::Motion;
-pub use repeatability::{Line, Repeatability, RepeatabilityProblem, repeatability, slides};
-pub use rest::NoiseFloor;
+pub use motion::TrueMotion;
+pub use repeatability::{Line3, Repeatability, RepeatabilityProblem, repeatability, slides};
+pub use rest_noise::RestNoise;
+pub use sigma_check::{CHI_SQUARE_95, SigmaCheck, SigmaCoverage, chi_square_3_density, normalised_square};
 pub use truth::{Truth, TruthFrame, TruthTool};
 
 #[cfg(test)]

@@ -5,28 +5,28 @@ use nalgebra::{Point3, Vector3};
 use super::truth::Truth;
 
 /// Maximum time between two frames that is interpolated, s.
-const LONGEST_STEP_S: f64 = 0.25;
+const MAX_STEP_S: f64 = 0.25;
 
 /// The position of one tool at any time: cubic Hermite pieces between the truth's frames. (The truth has no noise that
 /// this could amplify.)
 #[derive(Clone, Debug, PartialEq)]
-pub struct Motion {
+pub struct TrueMotion {
     /// Times of the frames, s, rising.
     times_s: Vec<f64>,
     tips_mm: Vec<Point3<f64>>,
     velocities_mm_s: Vec<Vector3<f64>>,
 }
 
-impl Motion {
+impl TrueMotion {
     /// The motion of the tool of this name; empty if the truth does not have it.
-    pub fn of(truth: &Truth, name: &str) -> Motion {
+    pub fn of(truth: &Truth, name: &str) -> TrueMotion {
         let here = |frame: &super::TruthFrame| {
             let own = frame.tools.iter().find(|tool| tool.tool == name);
             own.map(|tool| (frame.time_s, tool.tip_mm))
         };
         let (times_s, tips_mm): (Vec<f64>, Vec<Point3<f64>>) = truth.frames.iter().filter_map(here).unzip();
         let velocities_mm_s = (0..times_s.len()).map(|i| velocity(&times_s, &tips_mm, i)).collect();
-        Motion { times_s, tips_mm, velocities_mm_s }
+        TrueMotion { times_s, tips_mm, velocities_mm_s }
     }
 
     /// True if the truth does not have the tool.
@@ -59,7 +59,7 @@ impl Motion {
         let (square, cube) = (3.0 * chord - 2.0 * start - end, start + end - 2.0 * chord);
         let tip = from + (start + (square + cube * s) * s) * s;
         let velocity = (start + (2.0 * square + 3.0 * cube * s) * s) / step_s;
-        (step_s <= LONGEST_STEP_S).then_some((tip, velocity))
+        (step_s <= MAX_STEP_S).then_some((tip, velocity))
     }
 }
 
@@ -75,7 +75,7 @@ mod tests {
     use super::super::truth::{TruthFrame, TruthTool};
     use super::*;
 
-    fn moving(tip: impl Fn(f64) -> Point3<f64>, times_s: &[f64]) -> Motion {
+    fn moving(tip: impl Fn(f64) -> Point3<f64>, times_s: &[f64]) -> TrueMotion {
         let tool = |time_s| TruthTool {
             tool: "orange".to_owned(),
             tip_mm: tip(time_s),
@@ -85,7 +85,7 @@ mod tests {
         };
         let frames = times_s.iter().enumerate();
         let frames = frames.map(|(i, t)| TruthFrame { frame: i as u64, time_s: *t, tools: vec![tool(*t)] }).collect();
-        Motion::of(&Truth { frames }, "orange")
+        TrueMotion::of(&Truth { frames }, "orange")
     }
 
     #[test]

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 /// A line in space.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct Line3 {
     /// The centre of the fitted points, mm.
     pub centre: Point3<f64>,
     /// Its direction, a unit vector.
@@ -19,7 +19,7 @@ pub struct Line {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Repeatability {
     /// The line of each path.
-    pub lines: Vec<Line>,
+    pub lines: Vec<Line3>,
     /// `mean_distance_mm[line][path]`: mean distance from the path's points to the line.
     pub mean_distance_mm: Vec<Vec<f64>>,
     /// Mean over all pairs of a line and *another* path: the figure to quote.
@@ -47,10 +47,10 @@ pub enum RepeatabilityProblem {
 }
 
 /// Minimum extent of a path for a line fit, mm.
-const SHORTEST_MM: f64 = 5.0;
+const MIN_EXTENT_MM: f64 = 5.0;
 
 /// A new slide begins when the hand has moved back by this share of the whole extent.
-const TURN_SHARE: f64 = 0.5;
+const MIN_TURN_SHARE: f64 = 0.5;
 
 /// Compares paths along one guide.
 ///
@@ -60,7 +60,7 @@ pub fn repeatability(paths: &[Vec<Point3<f64>>]) -> Result<Repeatability, Repeat
     if paths.len() < 2 {
         return Err(RepeatabilityProblem::TooFewPaths(paths.len()));
     }
-    let lines = paths.iter().enumerate().map(|(i, path)| line(i + 1, path)).collect::<Result<Vec<_>, _>>()?;
+    let lines = paths.iter().enumerate().map(|(i, path)| fit_line(i + 1, path)).collect::<Result<Vec<_>, _>>()?;
     let mean_distance_mm: Vec<Vec<f64>> =
         lines.iter().map(|line| paths.iter().map(|path| line.mean_distance_mm(path)).collect()).collect();
     let n = paths.len() as f64;
@@ -73,9 +73,9 @@ pub fn repeatability(paths: &[Vec<Point3<f64>>]) -> Result<Repeatability, Repeat
 /// two directions different lines, and this counts as an error. (The thesis took each way there and back as one path;
 /// one file for each does the same.)
 pub fn slides(path: &[Point3<f64>]) -> Vec<Vec<Point3<f64>>> {
-    let Some(line) = Line::fit(path) else { return Vec::new() };
-    let places: Vec<f64> = path.iter().map(|p| line.place_mm(p)).collect();
-    let turn_mm = TURN_SHARE * extent(&places);
+    let Some(line) = Line3::fit(path) else { return Vec::new() };
+    let places: Vec<f64> = path.iter().map(|p| line.position_mm(p)).collect();
+    let turn_mm = MIN_TURN_SHARE * extent(&places);
     let mut cuts = vec![0];
     cuts.extend(turns(&places, turn_mm));
     cuts.push(path.len().saturating_sub(1));
@@ -108,26 +108,26 @@ fn extent(places: &[f64]) -> f64 {
     (most - least).max(0.0)
 }
 
-fn line(index: usize, path: &[Point3<f64>]) -> Result<Line, RepeatabilityProblem> {
-    let line = Line::fit(path);
-    let extent_mm = line.map_or(0.0, |line| extent(&path.iter().map(|p| line.place_mm(p)).collect::<Vec<_>>()));
+fn fit_line(index: usize, path: &[Point3<f64>]) -> Result<Line3, RepeatabilityProblem> {
+    let line = Line3::fit(path);
+    let extent_mm = line.map_or(0.0, |line| extent(&path.iter().map(|p| line.position_mm(p)).collect::<Vec<_>>()));
     let no_line = RepeatabilityProblem::NoLine { index, points: path.len(), extent_mm };
-    line.filter(|_| extent_mm >= SHORTEST_MM).ok_or(no_line)
+    line.filter(|_| extent_mm >= MIN_EXTENT_MM).ok_or(no_line)
 }
 
-impl Line {
+impl Line3 {
     /// The line that minimises the sum of squared distances to the points; `None` without points.
-    pub fn fit(points: &[Point3<f64>]) -> Option<Line> {
+    pub fn fit(points: &[Point3<f64>]) -> Option<Line3> {
         let n = points.len() as f64;
         let centre = Point3::from(points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / n);
         let scatter: Matrix3<f64> = points.iter().map(|p| (p - centre) * (p - centre).transpose()).sum();
         let axes = scatter.symmetric_eigen();
         (!points.is_empty())
-            .then(|| Line { centre, direction: axes.eigenvectors.column(axes.eigenvalues.imax()).into() })
+            .then(|| Line3 { centre, direction: axes.eigenvectors.column(axes.eigenvalues.imax()).into() })
     }
 
     /// Position of a point along the line, mm from the centre.
-    pub fn place_mm(&self, point: &Point3<f64>) -> f64 {
+    pub fn position_mm(&self, point: &Point3<f64>) -> f64 {
         (point - self.centre).dot(&self.direction)
     }
 
@@ -183,7 +183,7 @@ mod tests {
     proptest! {
         /// A hand rests at both ends, trembles, and turns back a little on its way; measured points scatter.
         #[test]
-        fn slides_are_cut_at_the_ends_whatever_happens_between(
+        fn slides_are_cut_only_at_the_ends(
             strokes in 1usize..8,
             rest in 0usize..20,
             back in 0.0f64..0.25,
@@ -203,9 +203,9 @@ mod tests {
                 places.iter().map(|at| Point3::new(5.0, 6.0, 180.0) + direction * *at + dice.gauss3() * 0.5).collect();
             let slides = slides(&path);
             prop_assert_eq!(slides.len(), strokes);
-            let line = Line::fit(&path).unwrap();
+            let line = Line3::fit(&path).unwrap();
             for slide in slides {
-                let ends = [slide[0], slide[slide.len() - 1]].map(|end| line.place_mm(&end));
+                let ends = [slide[0], slide[slide.len() - 1]].map(|end| line.position_mm(&end));
                 prop_assert!((ends[1] - ends[0]).abs() > 76.0, "{ends:?}");
             }
         }
@@ -217,7 +217,7 @@ mod tests {
         ) {
             let direction = Vector3::from(direction).normalize();
             let points: Vec<_> = (-20..20).map(|i| Point3::from(centre) + direction * f64::from(i)).collect();
-            let line = Line::fit(&points).unwrap();
+            let line = Line3::fit(&points).unwrap();
             prop_assert!((line.direction.dot(&direction).abs() - 1.0).abs() < 1e-9);
             prop_assert!(points.iter().all(|p| line.distance_mm(p) < 1e-6));
         }

@@ -71,7 +71,7 @@ fn a_constant_offset_is_bias_without_deviation() {
     let errors = measured(|s| s.tip_mm += Vector3::new(3.0, -4.0, 12.0)).all.levels[0].errors.unwrap();
     assert!((errors.bias_mm - Vector3::new(3.0, -4.0, 12.0)).norm() < 1e-9);
     assert!(errors.deviation_mm.norm() < 1e-5);
-    let of = |s: Spread| [s.rms, s.median, s.p95, s.max];
+    let of = |s: ErrorSpread| [s.rms, s.median, s.p95, s.max];
     for (spread, size) in [(errors.lateral, 5.0), (errors.depth, 12.0), (errors.three_d, 13.0)] {
         assert!(of(spread).iter().all(|v| (v - size).abs() < 1e-9), "{spread:?}");
     }
@@ -161,7 +161,7 @@ fn resting_track(truth: &Truth, moving_mm_s: f64, resting_mm_s: f64) -> Trajecto
 #[test]
 fn a_resting_tool_moves_at_the_noise_floor() {
     let truth = coming_to_rest(0.0);
-    let floor = |track: &Trajectory| accuracy(track, &truth).unwrap().all.at_rest.unwrap();
+    let floor = |track: &Trajectory| accuracy(track, &truth).unwrap().all.rest_noise.unwrap();
     let stated = floor(&resting_track(&truth, 40.0, 3.0));
     assert!((stated.rms_mm_s - 3.0).abs() < 1e-9 && (stated.median_mm_s - 3.0).abs() < 1e-9, "{stated:?}");
     assert_eq!(stated.rows, 106); // rests from frame 61 to 199, less half a second and the hidden frames 100 to 119
@@ -175,16 +175,16 @@ fn a_resting_tool_moves_at_the_noise_floor() {
 
 #[test]
 fn a_tool_that_never_rests_or_only_shortly_has_no_noise_floor() {
-    assert_eq!(measured(|s| s.velocity_mm_s = Some(Vector3::zeros())).all.at_rest, None);
+    assert_eq!(measured(|s| s.velocity_mm_s = Some(Vector3::zeros())).all.rest_noise, None);
     let creeping = coming_to_rest(0.6);
-    assert_eq!(accuracy(&resting_track(&creeping, 40.0, 3.0), &creeping).unwrap().all.at_rest, None);
+    assert_eq!(accuracy(&resting_track(&creeping, 40.0, 3.0), &creeping).unwrap().all.rest_noise, None);
     let mut short = coming_to_rest(0.0);
     short.frames.truncate(60 + 37);
-    assert_eq!(accuracy(&resting_track(&short, 40.0, 3.0), &short).unwrap().all.at_rest, None);
+    assert_eq!(accuracy(&resting_track(&short, 40.0, 3.0), &short).unwrap().all.rest_noise, None);
 }
 
 #[test]
-fn where_nothing_moves_no_lag_is_told() {
+fn without_motion_there_is_no_lag() {
     let mut still = truth();
     still.frames.iter_mut().flat_map(|f| &mut f.tools).for_each(|t| t.tip_mm = on_circle(0.0, 0));
     assert_eq!(accuracy(&track(|_| ()), &still).unwrap().all.levels[0].lag, Lag::TooLittleMotion);
@@ -216,14 +216,14 @@ fn errors_of_two_sigmas_are_outside_and_of_one_sigma_inside() {
             s.tip_mm += Vector3::new(0.0, 0.0, 2.0 * e);
         })
     };
-    let honesty = |e: f64| with_error(e).all.levels[0].honesty.unwrap();
+    let honesty = |e: f64| with_error(e).all.levels[0].sigma_check.unwrap();
     assert_eq!(honesty(1.0).depth.inside, 1.0);
     assert_eq!(honesty(2.0).depth.inside, 0.0);
     assert_eq!(honesty(2.0).three_d.inside, 1.0);
     assert!(
         (honesty(2.0).depth.mean_square - 4.0).abs() < 1e-9 && (honesty(3.0).three_d.mean_square - 3.0).abs() < 1e-9
     );
-    assert_eq!(measured(|_| ()).all.levels[0].honesty, None);
+    assert_eq!(measured(|_| ()).all.levels[0].sigma_check, None);
 }
 
 #[test]
@@ -235,7 +235,7 @@ fn errors_drawn_from_the_stated_sigmas_are_honest_and_from_twice_them_are_not() 
             (sample.sigma_xy_mm, sample.sigma_z_mm) = (Some(0.2), Some(1.5));
             sample.tip_mm += times * dice.gauss3().component_mul(&Vector3::new(0.2, 0.2, 1.5));
         }
-        accuracy(&track, &truth()).unwrap().all.levels[0].honesty.unwrap()
+        accuracy(&track, &truth()).unwrap().all.levels[0].sigma_check.unwrap()
     };
     for share in [drawn(1.0).depth, drawn(1.0).lateral, drawn(1.0).three_d] {
         assert!(share.interval[0] < 0.95 && 0.95 < share.interval[1], "{share:?}");
@@ -269,6 +269,6 @@ fn a_track_of_another_scene_is_refused() {
     assert!(matches!(accuracy(&other, &truth()), Err(EvaluationProblem::UnknownTools { .. })));
     let later = accuracy(&track(|s| s.frame += 200), &truth());
     assert_eq!(later, Err(EvaluationProblem::UnknownFrames { first: 200 }));
-    assert_eq!(accuracy(&track(|s| s.frame += 150), &truth()).unwrap().unjudged, 280);
+    assert_eq!(accuracy(&track(|s| s.frame += 150), &truth()).unwrap().rows_without_truth, 280);
     assert_eq!(accuracy(&other, &Truth::default()), Err(EvaluationProblem::EmptyTruth));
 }

@@ -1,16 +1,16 @@
 //! Features of curvature: how tightly the path bends while the tool moves. Measured in the picture only: depth errors
 //! of 0.4 mm bend straight strokes by 0.015/mm.
 
-use super::motion::{Motion, Node};
+use super::motion::{Motion, MotionNode};
 use super::quantile::weighted_quantile;
-use super::{Direction, Family, Feature, FeatureSettings, IMAGE, Measure, NotEnough};
+use super::{Direction, Family, Feature, FeatureSettings, IMAGE, MeasureFn, NotEnough};
 
 /// The usual curvature: the median along the path.
 pub const MEDIAN_CURVATURE: Feature = Feature {
     name: "median_curvature",
     title: "Median curvature",
     description: "The curvature |v × a|/|v|³ that is exceeded along half of the path, where the speed is at least 10 mm/s.",
-    measures: &[Measure::Tool(|motion, settings| curvature(motion, settings, 0.5))],
+    measures: &[MeasureFn::Tool(|motion, settings| curvature(motion, settings, 0.5))],
     ..CURVATURE
 };
 
@@ -19,7 +19,7 @@ pub const PEAK_CURVATURE: Feature = Feature {
     name: "peak_curvature",
     title: "Peak curvature (95 %)",
     description: "The curvature |v × a|/|v|³ that is exceeded along 5 % of the path, where the speed is at least 10 mm/s.",
-    measures: &[Measure::Tool(|motion, settings| curvature(motion, settings, 0.95))],
+    measures: &[MeasureFn::Tool(|motion, settings| curvature(motion, settings, 0.95))],
     ..CURVATURE
 };
 
@@ -39,13 +39,13 @@ const CURVATURE: Feature = Feature {
 
 fn curvature(motion: &Motion, settings: &FeatureSettings, share: f64) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
-    let moving = motion.nodes().map(|node| (bend(node), node.velocity.norm()));
+    let moving = motion.nodes().map(|node| (node_curvature(node), node.velocity.norm()));
     let moving: Vec<(f64, f64)> = moving.filter(|(_, speed)| *speed >= settings.movement_speed_mm_s).collect();
     if moving.is_empty() { Err(NotEnough::NoMovement) } else { Ok(weighted_quantile(moving, share)) }
 }
 
 /// The curvature of the path at a node, 1/mm.
-pub(in crate::pipeline) fn bend(node: &Node) -> f64 {
+pub(in crate::pipeline) fn node_curvature(node: &MotionNode) -> f64 {
     node.velocity.cross(&node.acceleration).norm() / node.velocity.norm().powi(3)
 }
 
@@ -59,11 +59,11 @@ mod tests {
     fn a_helix_bends_by_its_radius_and_its_rise() {
         let (radius, rise) = (20.0, 7.0); // mm, and mm a radian
         let (sin, cos) = 0.8_f64.sin_cos();
-        let node = Node {
+        let node = MotionNode {
             position: Point3::new(radius * cos, radius * sin, 0.8 * rise),
             velocity: 3.0 * Vector3::new(-radius * sin, radius * cos, rise),
             acceleration: 9.0 * Vector3::new(-radius * cos, -radius * sin, 0.0),
         };
-        assert!((bend(&node) - radius / (radius * radius + rise * rise)).abs() < 1e-12);
+        assert!((node_curvature(&node) - radius / (radius * radius + rise * rise)).abs() < 1e-12);
     }
 }

@@ -17,20 +17,20 @@ use super::Feature;
 /// Number of replicates: 32 give the spread to 13 %.
 pub const REPLICATES: usize = 32;
 /// Minimum number of replicates with a value.
-const ENOUGH: usize = 28;
+const MIN_REPLICATES: usize = 28;
 /// Quantile of Student's t at 97.5 % with [`REPLICATES`] − 1 degrees of freedom.
-const T: f64 = 2.04;
+const STUDENT_T: f64 = 2.04;
 /// A shift is removed only if it exceeds this many times its own standard error.
-const SHIFT_SEEN: f64 = 2.0;
+const SHIFT_SIGNIFICANCE: f64 = 2.0;
 /// Units of lengths, including angles on a sphere around the trocar. Errors add to these in squares.
-const LENGTHS: [&str; 4] = ["mm", "mm/s", "rad", "rad/s"];
+const LENGTH_UNITS: [&str; 4] = ["mm", "mm/s", "rad", "rad/s"];
 /// For a quantity that is not a length: a shift above this share of the value is too uncertain to be removed.
-const LARGEST_SHARE: f64 = 0.4;
+const MAX_SHIFT_SHARE: f64 = 0.4;
 /// Standard deviation added to a count, because it may be off by one.
-const COUNT_UNSURE: f64 = 0.5;
+const COUNT_SIGMA: f64 = 0.5;
 /// Uncertainty of the removed shift, as a standard deviation in multiples of the shift: a session's real errors differ
 /// from the stated ones.
-const SHIFT_UNSURE: f64 = 1.5;
+const SHIFT_SIGMA_RATIO: f64 = 1.5;
 
 /// The error bar of a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,13 +50,13 @@ pub struct ErrorBar {
 pub enum NoErrorBar {
     /// Not computed: for windows, and during a live recording.
     #[error("not computed here")]
-    NotAsked,
+    NotComputed,
     /// There is no value.
     #[error("there is no value")]
     NoValue,
     /// The path does not state its own errors.
     #[error("the path does not state its own errors")]
-    NotStated,
+    ErrorsNotStated,
     /// The value depends on the errors: on many equally likely paths there is none.
     #[error("with other errors of the same size there would be no value")]
     Unsteady,
@@ -73,7 +73,7 @@ pub fn error_bar(
     replicates: impl Iterator<Item = f64>,
 ) -> Result<(f64, ErrorBar), NoErrorBar> {
     let (range, values): (_, Vec<f64>) = (feature.range, replicates.collect());
-    if values.len() < ENOUGH {
+    if values.len() < MIN_REPLICATES {
         return Err(NoErrorBar::Unsteady);
     }
     let n = values.len() as f64;
@@ -82,23 +82,23 @@ pub fn error_bar(
     let is_whole = values.iter().chain([&measured]).all(|value| value.fract() == 0.0);
     let is_count = is_whole && feature.unit == "1" && range.1 > 1.0;
     let shift = mean - measured;
-    let is_seen = !is_count && shift.abs() > SHIFT_SEEN * spread / n.sqrt();
+    let is_seen = !is_count && shift.abs() > SHIFT_SIGNIFICANCE * spread / n.sqrt();
     let value = match () {
         _ if !is_seen => measured,
         // Errors add to a length in squares. This matters where there is little else: at rest the whole length comes
         // from errors.
-        _ if LENGTHS.contains(&feature.unit) && shift > 0.0 => {
+        _ if LENGTH_UNITS.contains(&feature.unit) && shift > 0.0 => {
             (2.0 * measured * measured - mean * mean).max(0.0).sqrt()
         }
-        _ if feature.range.0 == 0.0 && shift > LARGEST_SHARE * measured => measured, // the error bar covers it
+        _ if feature.range.0 == 0.0 && shift > MAX_SHIFT_SHARE * measured => measured, // the error bar covers it
         _ => measured - shift,
     };
     let value = value.clamp(range.0, range.1);
     let sigma = spread
-        .hypot(if is_seen { SHIFT_UNSURE * shift } else { 0.0 })
-        .hypot(feature.family.beyond_replicates() * value);
-    let sigma = if is_count { sigma.hypot(COUNT_UNSURE) } else { sigma };
-    let [low, high] = [value - T * sigma, value + T * sigma].map(|end| end.clamp(range.0, range.1));
+        .hypot(if is_seen { SHIFT_SIGMA_RATIO * shift } else { 0.0 })
+        .hypot(feature.family.extra_sigma_share() * value);
+    let sigma = if is_count { sigma.hypot(COUNT_SIGMA) } else { sigma };
+    let [low, high] = [value - STUDENT_T * sigma, value + STUDENT_T * sigma].map(|end| end.clamp(range.0, range.1));
     Ok((value, ErrorBar { as_measured: measured, sigma, low, high }))
 }
 
@@ -145,6 +145,6 @@ mod tests {
 
     #[test]
     fn what_has_no_value_on_many_replicates_has_no_bar() {
-        assert_eq!(error_bar(&MOVEMENTS, 1.0, [1.0; ENOUGH - 1].into_iter()), Err(NoErrorBar::Unsteady));
+        assert_eq!(error_bar(&MOVEMENTS, 1.0, [1.0; MIN_REPLICATES - 1].into_iter()), Err(NoErrorBar::Unsteady));
     }
 }

@@ -35,7 +35,7 @@ impl Family {
     /// Additional standard deviation as a share of the value, for errors that no replicate of the path reproduces:
     /// quick motions that the smoother flattened, and counts at a threshold. Set so that the bars held on six simulated
     /// people.
-    pub(super) fn beyond_replicates(self) -> f64 {
+    pub(super) fn extra_sigma_share(self) -> f64 {
         match self {
             Family::Path | Family::TwoHands | Family::View => 0.02,
             Family::Time | Family::Speed => 0.05,

@@ -15,7 +15,7 @@ pub const NEIGHBOURS: usize = 7;
 
 /// A vector over time, known at uneven instants.
 #[derive(Clone, Copy, Debug)]
-pub struct Series<'a> {
+pub struct VectorSeries<'a> {
     /// Times, s, ascending.
     pub times_s: &'a [f64],
     /// Values, one per time.
@@ -24,7 +24,7 @@ pub struct Series<'a> {
 
 /// The fitted vector at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate {
+pub struct LocalFit {
     /// The vector itself.
     pub value: Vector3<f64>,
     /// Its first derivative, per s.
@@ -33,10 +33,10 @@ pub struct Estimate {
     pub second: Vector3<f64>,
 }
 
-impl Series<'_> {
+impl VectorSeries<'_> {
     /// Fits around `at_s`. The half window is `half_window_s`, or the distance of the seventh nearest sample if that is
     /// larger. `None` with fewer than [`MIN_SAMPLES`] samples or if they coincide.
-    pub fn fit(&self, at_s: f64, half_window_s: f64) -> Option<Estimate> {
+    pub fn fit(&self, at_s: f64, half_window_s: f64) -> Option<LocalFit> {
         let nearest = self.nearest(at_s);
         let farthest = nearest.clone().map(|i| (self.times_s[i] - at_s).abs()).fold(0.0, f64::max);
         let half = half_window_s.max(farthest);
@@ -55,7 +55,7 @@ impl Series<'_> {
             right += weight * value * powers.transpose();
         }
         let coefficients = normal.cholesky()?.solve(&right.transpose()).transpose();
-        Some(Estimate {
+        Some(LocalFit {
             value: coefficients.column(0).into_owned(),
             first: coefficients.column(1) / half,
             second: coefficients.column(2) * (2.0 / (half * half)),
@@ -95,7 +95,7 @@ mod tests {
     fn too_few_samples_give_nothing() {
         let times: Vec<f64> = (0..5).map(f64::from).collect();
         let values = vec![Vector3::zeros(); 5];
-        assert_eq!(Series { times_s: &times, values: &values }.fit(2.0, 10.0), None);
+        assert_eq!(VectorSeries { times_s: &times, values: &values }.fit(2.0, 10.0), None);
     }
 
     proptest! {
@@ -109,7 +109,7 @@ mod tests {
             let at = share * times[times.len() - 1];
             let curve = |t: f64| c[0] + c[1] * t + c[2] * t * t + c[3] * t * t * t;
             let values: Vec<_> = times.iter().map(|t| Vector3::new(curve(*t), -curve(*t), 2.0)).collect();
-            let got = Series { times_s: &times, values: &values }.fit(at, 0.15).unwrap();
+            let got = VectorSeries { times_s: &times, values: &values }.fit(at, 0.15).unwrap();
             prop_assert!((got.value.x - curve(at)).abs() < 1e-6);
             prop_assert!((got.first.x - (c[1] + 2.0 * c[2] * at + 3.0 * c[3] * at * at)).abs() < 1e-4);
             prop_assert!((got.second.y + 2.0 * c[2] + 6.0 * c[3] * at).abs() < 1e-2);

@@ -13,14 +13,14 @@ use crate::pipeline::pose::fulcrum::{PLAY_MM, WELL_KNOWN_MM, nearest_point};
 use crate::pipeline::trajectory::{Sample, SampleState};
 
 /// Axes within this time share their errors and count as one, s: the background behind the tape changes as slowly.
-const ALIKE_S: f64 = 1.0;
+const CORRELATION_S: f64 = 1.0;
 
 /// Minimum distance of a trocar behind the tip, mm: the band and a piece of shaft lie between them.
-const NEAREST_MM: f64 = 20.0;
+const MIN_TROCAR_DISTANCE_MM: f64 = 20.0;
 
 /// Maximum root mean square distance at which the axes pass the point, mm. Beyond it the tool does not turn about a
 /// point.
-const PASSES_MM: f64 = 5.0;
+const MAX_MISS_MM: f64 = 5.0;
 
 /// The trocar of one tool, if its axes determine it to within [`WELL_KNOWN_MM`].
 pub fn find(samples: &[Sample]) -> Option<Point3<f64>> {
@@ -28,9 +28,9 @@ pub fn find(samples: &[Sample]) -> Option<Point3<f64>> {
     let line = |sample: &Sample| Some((sample.time_s, (sample.tip_mm, sample.axis?.try_normalize(1e-9)?)));
     let (times, lines): (Vec<f64>, Vec<_>) = observed.filter_map(line).unzip();
     let at = nearest_point(lines.iter().copied())?;
-    let independent = times.chunk_by(|a, b| (a / ALIKE_S).floor() == (b / ALIKE_S).floor()).count();
+    let independent = times.chunk_by(|a, b| (a / CORRELATION_S).floor() == (b / CORRELATION_S).floor()).count();
     let behind_mm = lines.iter().map(|(tip, axis)| (tip - at).dot(axis)).sum::<f64>() / lines.len() as f64;
-    (behind_mm > NEAREST_MM && is_well_known(&lines, at, independent as f64)).then_some(at)
+    (behind_mm > MIN_TROCAR_DISTANCE_MM && is_well_known(&lines, at, independent as f64)).then_some(at)
 }
 
 /// True if the position of the point is certain enough. Axes determine the position along themselves only if they turn.
@@ -46,7 +46,7 @@ fn is_well_known(lines: &[(Point3<f64>, Vector3<f64>)], at: Point3<f64>, indepen
         .iter()
         .map(|known| 0.5 * missed.max(least) / known.max(f64::MIN_POSITIVE))
         .fold(0.0, f64::max);
-    missed <= PASSES_MM * PASSES_MM && largest <= WELL_KNOWN_MM * WELL_KNOWN_MM
+    missed <= MAX_MISS_MM * MAX_MISS_MM && largest <= WELL_KNOWN_MM * WELL_KNOWN_MM
 }
 
 #[cfg(test)]

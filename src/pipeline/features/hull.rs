@@ -8,14 +8,14 @@ use nalgebra::{Point2, Point3, Vector3};
 pub fn area(points: &[Point2<f64>]) -> f64 {
     let mut sorted = points.to_vec();
     sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-    let lower = chain(sorted.iter().copied());
-    let upper = chain(sorted.iter().rev().copied());
+    let lower = half_hull(sorted.iter().copied());
+    let upper = half_hull(sorted.iter().rev().copied());
     let ring: Vec<_> = lower.into_iter().chain(upper).collect();
     let next = ring.iter().cycle().skip(1);
     ring.iter().zip(next).map(|(a, b)| a.x * b.y - a.y * b.x).sum::<f64>() / 2.0
 }
 
-fn chain(points: impl Iterator<Item = Point2<f64>>) -> Vec<Point2<f64>> {
+fn half_hull(points: impl Iterator<Item = Point2<f64>>) -> Vec<Point2<f64>> {
     let mut chain: Vec<Point2<f64>> = Vec::new();
     for point in points {
         while let [.., a, b] = chain[..] {
@@ -35,24 +35,25 @@ type LatticePoint = Vector3<i64>;
 /// Lattice steps across the points' largest extent. With coordinates below 2²⁰ every determinant stays below 6·2⁶⁰ and
 /// is exact in 64 bits. Exactness matters: on a path sampled each millimetre most points are nearly coplanar, and with
 /// rounded signs the hull would split into ever more faces.
-const LATTICE: f64 = 1_048_576.0;
+const LATTICE_STEPS: f64 = 1_048_576.0;
 
 /// Volume of the convex hull of points in space; almost 0 if they lie in a plane. Points are added one by one to a
 /// tetrahedron: each new point replaces the faces that it sees by a cone to their horizon.
 pub fn volume(points: &[Point3<f64>]) -> f64 {
     let Some((points, unit)) = on_lattice(points) else { return 0.0 };
     let Some([a, b, c, d]) = tetrahedron(&points) else { return 0.0 };
-    let height = |[i, j, k]: [usize; 3], from: usize| six_volumes(&points[i], &points[j], &points[k], &points[from]);
+    let height =
+        |[i, j, k]: [usize; 3], from: usize| six_times_volume(&points[i], &points[j], &points[k], &points[from]);
     let corners = [([a, b, c], d), ([a, b, d], c), ([a, c, d], b), ([b, c, d], a)];
     let outward = |(face, inner)| if height(face, inner) > 0 { [face[1], face[0], face[2]] } else { face };
     let mut faces: Vec<[usize; 3]> = corners.map(outward).to_vec();
-    for point in outermost(&points) {
-        add(&mut faces, point, &points);
+    for point in extreme_points(&points) {
+        add_point(&mut faces, point, &points);
     }
     // Nearly all other points lie inside by now, and a point inside a hull stays inside as the hull grows.
-    let planes: Vec<Plane> = faces.iter().map(|face| Plane::of(face, &points)).collect();
+    let planes: Vec<FacePlane> = faces.iter().map(|face| FacePlane::of(face, &points)).collect();
     for point in (0..points.len()).filter(|&point| planes.iter().any(|plane| plane.sees(&points[point]))) {
-        add(&mut faces, point, &points);
+        add_point(&mut faces, point, &points);
     }
     // The signed cones from the origin to all faces, summed exactly, then scaled back to millimetres.
     let six: i128 = faces.iter().map(|[i, j, k]| i128::from(points[*i].cross(&points[*j]).dot(&points[*k]))).sum();
@@ -60,8 +61,8 @@ pub fn volume(points: &[Point3<f64>]) -> f64 {
 }
 
 /// Adds a point to a hull: a cone to the horizon replaces the faces that the point sees.
-fn add(faces: &mut Vec<[usize; 3]>, point: usize, points: &[LatticePoint]) {
-    let sees = |[i, j, k]: &[usize; 3]| six_volumes(&points[*i], &points[*j], &points[*k], &points[point]) > 0;
+fn add_point(faces: &mut Vec<[usize; 3]>, point: usize, points: &[LatticePoint]) {
+    let sees = |[i, j, k]: &[usize; 3]| six_times_volume(&points[*i], &points[*j], &points[*k], &points[point]) > 0;
     if faces.iter().any(sees) {
         let (seen, hidden): (Vec<[usize; 3]>, _) = faces.iter().partition(|face| sees(face));
         *faces = hidden;
@@ -70,19 +71,19 @@ fn add(faces: &mut Vec<[usize; 3]>, point: usize, points: &[LatticePoint]) {
 }
 
 /// The points that lie farthest in evenly spread directions. Their hull contains most of the other points.
-fn outermost(points: &[LatticePoint]) -> impl Iterator<Item = usize> {
+fn extreme_points(points: &[LatticePoint]) -> impl Iterator<Item = usize> {
     let directions =
         (0..27).map(|k| Vector3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1)).filter(|d| *d != Vector3::zeros());
     directions.filter_map(move |direction| (0..points.len()).max_by_key(|&point| direction.dot(&points[point])))
 }
 
 /// The plane of a face.
-struct Plane {
+struct FacePlane {
     normal: LatticePoint,
     height: i64,
 }
 
-impl Plane {
+impl FacePlane {
     fn of([i, j, k]: &[usize; 3], points: &[LatticePoint]) -> Self {
         let normal = (points[*j] - points[*i]).cross(&(points[*k] - points[*i]));
         Self { height: normal.dot(&points[*i]), normal }
@@ -104,13 +105,13 @@ fn horizon(faces: &[[usize; 3]]) -> Vec<(usize, usize)> {
 fn on_lattice(points: &[Point3<f64>]) -> Option<(Vec<LatticePoint>, f64)> {
     let first = points.first()?.coords;
     let (least, most) = points.iter().fold((first, first), |(l, m), p| (l.inf(&p.coords), m.sup(&p.coords)));
-    let unit = (most - least).max() / (LATTICE - 1.0);
+    let unit = (most - least).max() / (LATTICE_STEPS - 1.0);
     let step = |p: &Point3<f64>| ((p.coords - least) / unit).map(|c| c.round() as i64);
     (unit > 0.0).then(|| (points.iter().map(step).collect(), unit))
 }
 
 /// Six times the volume of a tetrahedron; positive if `a`, `b`, `c` run counter-clockwise as seen from `from`.
-fn six_volumes(a: &LatticePoint, b: &LatticePoint, c: &LatticePoint, from: &LatticePoint) -> i64 {
+fn six_times_volume(a: &LatticePoint, b: &LatticePoint, c: &LatticePoint, from: &LatticePoint) -> i64 {
     (b - a).cross(&(c - a)).dot(&(from - a))
 }
 
@@ -121,8 +122,8 @@ fn tetrahedron(points: &[LatticePoint]) -> Option<[usize; 4]> {
     let a = farthest(&|p| square(p - points[0]))?;
     let b = farthest(&|p| square(p - points[a]))?;
     let c = farthest(&|p| square((points[b] - points[a]).cross(&(p - points[a]))))?;
-    let d = farthest(&|p| i128::from(six_volumes(&points[a], &points[b], &points[c], p)).abs())?;
-    (six_volumes(&points[a], &points[b], &points[c], &points[d]) != 0).then_some([a, b, c, d])
+    let d = farthest(&|p| i128::from(six_times_volume(&points[a], &points[b], &points[c], p)).abs())?;
+    (six_times_volume(&points[a], &points[b], &points[c], &points[d]) != 0).then_some([a, b, c, d])
 }
 
 #[cfg(test)]

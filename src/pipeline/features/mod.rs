@@ -112,7 +112,7 @@ pub struct Feature {
     /// Whether it is also measured over windows of the task.
     pub windowed: bool,
     /// How it is measured, and on whose motion.
-    measures: &'static [Measure],
+    measures: &'static [MeasureFn],
 }
 
 impl PartialEq for Feature {
@@ -121,19 +121,19 @@ impl PartialEq for Feature {
     }
 }
 
-type Value = Result<f64, NotEnough>;
+type FeatureResult = Result<f64, NotEnough>;
 
 /// How a feature is measured, by the motion that it needs.
 #[derive(Debug)]
-enum Measure {
+enum MeasureFn {
     /// On each tool's own motion.
-    Tool(fn(&Motion, &FeatureSettings) -> Value),
+    Tool(fn(&Motion, &FeatureSettings) -> FeatureResult),
     /// On the motions of all tools together.
-    Session(fn(&[Motion], &FeatureSettings) -> Value),
+    Session(fn(&[Motion], &FeatureSettings) -> FeatureResult),
     /// On the motions of the two tools together.
-    Pair(fn(&Motion, &Motion, &FeatureSettings) -> Value),
+    Pair(fn(&Motion, &Motion, &FeatureSettings) -> FeatureResult),
     /// On each of two tools compared with the other.
-    EachOfPair(fn(&Motion, &Motion, &FeatureSettings) -> Value),
+    EachOfPair(fn(&Motion, &Motion, &FeatureSettings) -> FeatureResult),
 }
 
 /// One measured feature.
@@ -146,7 +146,7 @@ pub struct FeatureValue {
     /// The space it was measured in.
     pub space: Space,
     /// The value in the feature's unit, or why there is none.
-    pub value: Value,
+    pub value: FeatureResult,
     /// The error bar, or why there is none.
     pub error: Result<ErrorBar, NoErrorBar>,
 }
@@ -236,13 +236,13 @@ fn in_space(motions: &[Result<Motion, NotEnough>], space: Space) -> Vec<Result<M
 
 impl Feature {
     /// True if each tool has a value of its own.
-    pub fn is_of_tools(&self) -> bool {
-        self.measures.iter().any(|measure| matches!(measure, Measure::Tool(_) | Measure::EachOfPair(_)))
+    pub fn has_tool_values(&self) -> bool {
+        self.measures.iter().any(|measure| matches!(measure, MeasureFn::Tool(_) | MeasureFn::EachOfPair(_)))
     }
 
     /// True if the session as a whole has a value.
-    pub fn is_of_session(&self) -> bool {
-        self.measures.iter().any(|measure| matches!(measure, Measure::Session(_) | Measure::Pair(_)))
+    pub fn has_session_value(&self) -> bool {
+        self.measures.iter().any(|measure| matches!(measure, MeasureFn::Session(_) | MeasureFn::Pair(_)))
     }
 
     fn measure(
@@ -252,42 +252,46 @@ impl Feature {
         settings: &FeatureSettings,
     ) -> Vec<FeatureValue> {
         let values = self.measures.iter().flat_map(|measure| measure.apply(motions, settings));
-        let error = Err(NoErrorBar::NotAsked);
+        let error = Err(NoErrorBar::NotComputed);
         let value = |(tool, value)| FeatureValue { feature: self, tool, space, value: self.in_range(value), error };
         values.map(value).collect()
     }
 
-    fn in_range(&self, value: Value) -> Value {
+    fn in_range(&self, value: FeatureResult) -> FeatureResult {
         let (least, most) = self.range;
         value.and_then(|v| if (least..=most).contains(&v) { Ok(v) } else { Err(NotEnough::OutOfRange) })
     }
 }
 
-impl Measure {
-    fn apply(&self, motions: &[Result<Motion, NotEnough>], settings: &FeatureSettings) -> Vec<(Option<usize>, Value)> {
-        let each = |value: &dyn Fn(usize, &Motion) -> Value| {
+impl MeasureFn {
+    fn apply(
+        &self,
+        motions: &[Result<Motion, NotEnough>],
+        settings: &FeatureSettings,
+    ) -> Vec<(Option<usize>, FeatureResult)> {
+        let each = |value: &dyn Fn(usize, &Motion) -> FeatureResult| {
             let values = motions.iter().enumerate().map(|(tool, motion)| {
                 (Some(tool), motion.as_ref().map_err(|reason| *reason).and_then(|motion| value(tool, motion)))
             });
             values.collect()
         };
         match self {
-            Measure::Tool(value) => each(&|_, motion| value(motion, settings)),
-            Measure::Session(value) => {
+            MeasureFn::Tool(value) => each(&|_, motion| value(motion, settings)),
+            MeasureFn::Session(value) => {
                 let seen: Vec<Motion> = motions.iter().flatten().cloned().collect();
                 let reason = motions.iter().find_map(|motion| motion.as_ref().err()).unwrap_or(&NotEnough::NeverSeen);
                 vec![(None, if seen.is_empty() { Err(*reason) } else { value(&seen, settings) })]
             }
-            Measure::Pair(value) => vec![(None, pair(motions).and_then(|(a, b)| value(a, b, settings)))],
-            Measure::EachOfPair(value) => each(&|tool, motion| {
-                let (a, b) = pair(motions)?;
+            MeasureFn::Pair(value) => vec![(None, two_motions(motions).and_then(|(a, b)| value(a, b, settings)))],
+            MeasureFn::EachOfPair(value) => each(&|tool, motion| {
+                let (a, b) = two_motions(motions)?;
                 value(motion, if tool == 0 { b } else { a }, settings)
             }),
         }
     }
 }
 
-fn pair(motions: &[Result<Motion, NotEnough>]) -> Result<(&Motion, &Motion), NotEnough> {
+fn two_motions(motions: &[Result<Motion, NotEnough>]) -> Result<(&Motion, &Motion), NotEnough> {
     match motions {
         [a, b] => Ok((a.as_ref().map_err(|r| *r)?, b.as_ref().map_err(|r| *r)?)),
         _ => Err(NotEnough::NotTwoTools { found: motions.len() }),

@@ -9,24 +9,24 @@ use std::rc::Rc;
 
 use nalgebra::{Point3, Vector3};
 
-use super::fit::{MIN_SAMPLES, Series};
+use super::fit::{MIN_SAMPLES, VectorSeries};
 use super::settings::FeatureSettings;
-use super::view::Absent;
+use super::view::ExplainedAbsence;
 use super::{NotEnough, Space};
-use crate::pipeline::trajectory::{Sample, SampleState, is_cut};
+use crate::pipeline::trajectory::{Sample, SampleState, has_cut_between};
 
 /// Maximum coordinate of a usable sample, mm: ten metres.
-const LARGEST_MM: f64 = 1e4;
+const MAX_COORDINATE_MM: f64 = 1e4;
 /// Maximum time of a usable sample, s: a week.
-const LATEST_S: f64 = 604_800.0;
+const MAX_TIME_S: f64 = 604_800.0;
 
 /// Maximum mean speed of a hand, mm/s. It also bounds the work: a path is never longer than this times the time it was
 /// seen.
-const FASTEST_MM_S: f64 = 5e3;
+const MAX_MEAN_SPEED_MM_S: f64 = 5e3;
 
 /// The motion at one instant of the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Node {
+pub struct MotionNode {
     /// Tip, mm.
     pub position: Point3<f64>,
     /// Velocity, mm/s.
@@ -41,7 +41,7 @@ pub struct Span {
     /// Grid instant of the first node.
     pub first: i64,
     /// One node per instant.
-    pub nodes: Vec<Node>,
+    pub nodes: Vec<MotionNode>,
 }
 
 /// The grid instants from `first` to `last`, both included.
@@ -63,7 +63,7 @@ pub struct Motion {
     /// The grid's step, s.
     pub step_s: f64,
     /// What is known of the tool in addition to its path.
-    pub known: Known,
+    pub context: ToolContext,
     /// Cache of [`super::movement::movements`].
     pub(super) movements: OnceCell<Vec<Span>>,
     length_mm: OnceCell<f64>,
@@ -71,11 +71,11 @@ pub struct Motion {
 
 /// What is known of a tool in addition to its path.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Known {
+pub struct ToolContext {
     /// The point where it passes through the box's wall, mm ([`super::fulcrum`]).
     pub fulcrum: Option<Point3<f64>>,
     /// Its absences over the whole recording, each with its cause ([`super::view`]); `None` if the causes are unknown.
-    pub absent: Option<Rc<[Absent]>>,
+    pub absences: Option<Rc<[ExplainedAbsence]>>,
 }
 
 impl Span {
@@ -115,7 +115,7 @@ impl Interval {
     }
 
     /// The intersection of both, if it is longer than 0.
-    pub fn common(self, other: Interval) -> Option<Interval> {
+    pub fn intersection(self, other: Interval) -> Option<Interval> {
         let (first, last) = (self.first.max(other.first), self.last.min(other.last));
         (first < last).then_some(Interval { first, last })
     }
@@ -136,9 +136,9 @@ impl Motion {
     /// Builds the motion from one tool's samples, in time order. Nothing is bridged across `cuts_s`, s. The interval is
     /// the whole time the tool was seen.
     pub fn of_samples(samples: &[Sample], cuts_s: &[f64], settings: &FeatureSettings) -> Result<Motion, NotEnough> {
-        check(samples)?;
-        let runs = runs(samples, cuts_s, settings.max_gap_s);
-        let spans: Vec<Span> = runs.iter().filter_map(|run| follow(run, settings)).collect();
+        check_samples(samples)?;
+        let runs = observed_runs(samples, cuts_s, settings.max_gap_s);
+        let spans: Vec<Span> = runs.iter().filter_map(|run| fit_run(run, settings)).collect();
         let (Some(first), Some(last)) = (spans.first(), spans.last()) else { return Err(NotEnough::NeverSeen) };
         let interval = Interval { first: first.first, last: last.last() };
         Ok(Motion::new(interval, spans, settings.step_s))
@@ -152,7 +152,7 @@ impl Motion {
     /// The motion within an interval. The interval may extend beyond the time the tool was seen.
     pub fn clipped(&self, interval: Interval) -> Motion {
         let spans = self.spans.iter().filter_map(|span| span.clipped(interval)).collect();
-        self.with(interval, spans)
+        self.with_spans(interval, spans)
     }
 
     /// The motion in a space: unchanged, or flattened to x and y.
@@ -163,26 +163,26 @@ impl Motion {
                 (node.position.z, node.velocity.z, node.acceleration.z) = (0.0, 0.0, 0.0);
             }
         }
-        self.with(self.interval, spans)
+        self.with_spans(self.interval, spans)
     }
 
     /// The same tool with another interval and other spans.
-    fn with(&self, interval: Interval, spans: Vec<Span>) -> Motion {
-        Motion { known: self.known.clone(), ..Motion::new(interval, spans, self.step_s) }
+    fn with_spans(&self, interval: Interval, spans: Vec<Span>) -> Motion {
+        Motion { context: self.context.clone(), ..Motion::new(interval, spans, self.step_s) }
     }
 
     fn new(interval: Interval, spans: Vec<Span>, step_s: f64) -> Motion {
         let (movements, length_mm) = (OnceCell::new(), OnceCell::new());
-        Motion { interval, spans, step_s, known: Known::default(), movements, length_mm }
+        Motion { interval, spans, step_s, context: ToolContext::default(), movements, length_mm }
     }
 
     /// All nodes, span after span.
-    pub fn nodes(&self) -> impl Iterator<Item = &Node> {
+    pub fn nodes(&self) -> impl Iterator<Item = &MotionNode> {
         self.spans.iter().flat_map(|span| &span.nodes)
     }
 
     /// Pairs of adjacent nodes: the steps of the path.
-    pub fn steps(&self) -> impl Iterator<Item = (&Node, &Node)> {
+    pub fn steps(&self) -> impl Iterator<Item = (&MotionNode, &MotionNode)> {
         self.spans.iter().flat_map(|span| span.nodes.iter().zip(&span.nodes[1..]))
     }
 
@@ -236,17 +236,17 @@ pub(super) fn check_enough(
         Err(NotEnough::TooShort { observed_s, needed_s: settings.min_observed_s })
     } else if share < settings.min_seen_share {
         Err(NotEnough::TooLittleSeen { share, needed: settings.min_seen_share })
-    } else if length_mm > FASTEST_MM_S * observed_s {
+    } else if length_mm > MAX_MEAN_SPEED_MM_S * observed_s {
         Err(NotEnough::OutOfRange)
     } else {
         Ok(())
     }
 }
 
-fn check(samples: &[Sample]) -> Result<(), NotEnough> {
+fn check_samples(samples: &[Sample]) -> Result<(), NotEnough> {
     let usable = |s: &Sample| {
-        s.time_s.abs() <= LATEST_S
-            && s.tip_mm.iter().all(|c| c.abs() <= LARGEST_MM)
+        s.time_s.abs() <= MAX_TIME_S
+            && s.tip_mm.iter().all(|c| c.abs() <= MAX_COORDINATE_MM)
             && s.velocity_mm_s.is_none_or(|v| v.iter().all(|c| c.is_finite()))
     };
     let ordered = samples.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
@@ -255,8 +255,9 @@ fn check(samples: &[Sample]) -> Result<(), NotEnough> {
 
 /// Splits the samples where nothing was observed for too long and at cuts, where the samples change to another tool. A
 /// run starts and ends with an observation.
-fn runs<'s>(samples: &'s [Sample], cuts_s: &[f64], max_gap_s: f64) -> Vec<&'s [Sample]> {
-    let continues = |before_s: f64, time_s: f64| time_s - before_s <= max_gap_s && !is_cut(cuts_s, [before_s, time_s]);
+fn observed_runs<'s>(samples: &'s [Sample], cuts_s: &[f64], max_gap_s: f64) -> Vec<&'s [Sample]> {
+    let continues =
+        |before_s: f64, time_s: f64| time_s - before_s <= max_gap_s && !has_cut_between(cuts_s, [before_s, time_s]);
     let observed = samples.iter().enumerate().filter(|(_, s)| s.state == SampleState::Observed);
     let mut ranges: Vec<(usize, usize)> = Vec::new();
     for (index, sample) in observed {
@@ -271,25 +272,25 @@ fn runs<'s>(samples: &'s [Sample], cuts_s: &[f64], max_gap_s: f64) -> Vec<&'s [S
 /// Puts one run on the grid. Velocity and acceleration come from the positions even where a filter gives velocities:
 /// the filter smooths those differently, and an acceleration derived from them was up to twice as large as without
 /// them.
-fn follow(run: &[Sample], settings: &FeatureSettings) -> Option<Span> {
+fn fit_run(run: &[Sample], settings: &FeatureSettings) -> Option<Span> {
     let (start, end) = (run.first()?, run.last()?);
     if run.len() < MIN_SAMPLES {
         return None;
     }
-    let series = Samples::new(run);
+    let series = RunSamples::new(run);
     let (first, last) = ((start.time_s / settings.step_s).ceil() as i64, (end.time_s / settings.step_s).floor() as i64);
-    let nodes: Option<Vec<Node>> =
+    let nodes: Option<Vec<MotionNode>> =
         (first..=last).map(|i| series.node(i as f64 * settings.step_s, settings.fit_half_window_s)).collect();
     nodes.filter(|nodes| nodes.len() > 1).map(|nodes| Span { first, nodes })
 }
 
 /// A run's samples as separate times and positions.
-struct Samples {
+struct RunSamples {
     times_s: Vec<f64>,
     positions: Vec<Vector3<f64>>,
 }
 
-impl Samples {
+impl RunSamples {
     fn new(run: &[Sample]) -> Self {
         Self {
             times_s: run.iter().map(|s| s.time_s).collect(),
@@ -297,13 +298,13 @@ impl Samples {
         }
     }
 
-    fn node(&self, at_s: f64, half_window_s: f64) -> Option<Node> {
-        let fitted = Series { times_s: &self.times_s, values: &self.positions }.fit(at_s, half_window_s)?;
-        Some(Node { position: Point3::from(fitted.value), velocity: fitted.first, acceleration: fitted.second })
+    fn node(&self, at_s: f64, half_window_s: f64) -> Option<MotionNode> {
+        let fitted = VectorSeries { times_s: &self.times_s, values: &self.positions }.fit(at_s, half_window_s)?;
+        Some(MotionNode { position: Point3::from(fitted.value), velocity: fitted.first, acceleration: fitted.second })
     }
 }
 
 /// The motion at one instant of a run.
-pub(super) fn node_at(run: &[Sample], at_s: f64, half_window_s: f64) -> Option<Node> {
-    Samples::new(run).node(at_s, half_window_s)
+pub(super) fn node_at(run: &[Sample], at_s: f64, half_window_s: f64) -> Option<MotionNode> {
+    RunSamples::new(run).node(at_s, half_window_s)
 }

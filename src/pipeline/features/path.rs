@@ -4,10 +4,10 @@ use nalgebra::{Point3, Vector3};
 
 use super::hull;
 use super::motion::Motion;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, IMAGE, Measure, NotEnough, THREE_D};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, IMAGE, MeasureFn, NotEnough, THREE_D};
 
 /// Maximum path length of a hand, mm: ten kilometres.
-pub(super) const LONGEST_MM: f64 = 1e7;
+pub(super) const MAX_PATH_MM: f64 = 1e7;
 
 /// Length of the path.
 pub const PATH_LENGTH: Feature = Feature {
@@ -18,10 +18,10 @@ pub const PATH_LENGTH: Feature = Feature {
     direction: Direction::Lower,
     description: "Length of the seen path during the task; nothing is added across gaps.",
     source: "universal in the field",
-    range: (0.0, LONGEST_MM),
+    range: (0.0, MAX_PATH_MM),
     spaces: BOTH,
     windowed: true,
-    measures: &[Measure::Tool(path_length)],
+    measures: &[MeasureFn::Tool(path_length)],
 };
 
 /// Distance moved towards and away from the camera.
@@ -33,10 +33,10 @@ pub const DEPTH_TRAVELLED: Feature = Feature {
     direction: Direction::Lower,
     description: "Sum of the path's steps along the line of sight (z), both ways.",
     source: "depth perception of ProMIS and TrEndo, taken along the camera's axis",
-    range: (0.0, LONGEST_MM),
+    range: (0.0, MAX_PATH_MM),
     spaces: THREE_D,
     windowed: true,
-    measures: &[Measure::Tool(depth_travelled)],
+    measures: &[MeasureFn::Tool(depth_travelled)],
 };
 
 /// Size of the area used in the picture, relative to the path length.
@@ -52,7 +52,7 @@ pub const ECONOMY_OF_AREA: Feature = Feature {
     range: (0.0, 1.0),
     spaces: IMAGE,
     windowed: false,
-    measures: &[Measure::Tool(economy_of_area)],
+    measures: &[MeasureFn::Tool(economy_of_area)],
 };
 
 /// Size of the volume used, relative to the path length.
@@ -68,7 +68,7 @@ pub const ECONOMY_OF_VOLUME: Feature = Feature {
     range: (0.0, 1.0),
     spaces: THREE_D,
     windowed: false,
-    measures: &[Measure::Tool(economy_of_volume)],
+    measures: &[MeasureFn::Tool(economy_of_volume)],
 };
 
 /// Area used in the picture.
@@ -83,7 +83,7 @@ pub const WORKING_AREA: Feature = Feature {
     range: (0.0, 1e9),
     spaces: IMAGE,
     windowed: false,
-    measures: &[Measure::Tool(working_area)],
+    measures: &[MeasureFn::Tool(working_area)],
 };
 
 /// Volume used.
@@ -98,7 +98,7 @@ pub const WORKING_VOLUME: Feature = Feature {
     range: (0.0, 1e13),
     spaces: THREE_D,
     windowed: false,
-    measures: &[Measure::Tool(working_volume)],
+    measures: &[MeasureFn::Tool(working_volume)],
 };
 
 /// How far the tip spreads around its mean position.
@@ -113,12 +113,12 @@ pub const SPREAD: Feature = Feature {
     range: (0.0, 20_000.0),
     spaces: BOTH,
     windowed: true,
-    measures: &[Measure::Tool(spread)],
+    measures: &[MeasureFn::Tool(spread)],
 };
 
 /// Maximum number of points in a hull: every instant of six minutes. A longer path is thinned to every second or third
 /// instant. That costs almost nothing: a hand is slow at the turning points, which determine the hull.
-const HULL_POINTS: usize = 20_000;
+const MAX_HULL_POINTS: usize = 20_000;
 
 pub(super) fn path_length(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
@@ -131,13 +131,13 @@ fn depth_travelled(motion: &Motion, settings: &FeatureSettings) -> Result<f64, N
 }
 
 fn economy_of_area(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    let length = moved(motion, settings)?;
+    let length = moved_length(motion, settings)?;
     let size = bounding_box(motion);
     Ok((size.x * size.y).sqrt() / length)
 }
 
 fn economy_of_volume(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    let length = moved(motion, settings)?;
+    let length = moved_length(motion, settings)?;
     let size = bounding_box(motion);
     Ok((size.x * size.y * size.z).cbrt() / length)
 }
@@ -160,14 +160,14 @@ fn spread(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough>
 }
 
 /// The path's length, if the tool moved at all.
-fn moved(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+fn moved_length(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     let length = path_length(motion, settings)?;
     if length < settings.smoothness_step_mm { Err(NotEnough::NoMovement) } else { Ok(length) }
 }
 
 fn hull_points(motion: &Motion, settings: &FeatureSettings) -> Result<Vec<Point3<f64>>, NotEnough> {
-    moved(motion, settings)?;
-    let every = motion.nodes().count().div_ceil(HULL_POINTS);
+    moved_length(motion, settings)?;
+    let every = motion.nodes().count().div_ceil(MAX_HULL_POINTS);
     Ok(motion.nodes().step_by(every).map(|node| node.position).collect())
 }
 

@@ -6,7 +6,7 @@
 use super::motion::{Motion, Span};
 use super::movement::movements;
 use super::quantile::weighted_quantile;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, IMAGE, Measure, NotEnough};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, IMAGE, MeasureFn, NotEnough};
 
 /// Number of movements.
 pub const MOVEMENTS: Feature = Feature {
@@ -21,7 +21,7 @@ pub const MOVEMENTS: Feature = Feature {
     range: (0.0, 1e6),
     spaces: BOTH,
     windowed: true,
-    measures: &[Measure::Tool(movement_count)],
+    measures: &[MeasureFn::Tool(movement_count)],
 };
 
 /// Number of movements per minute.
@@ -36,7 +36,7 @@ pub const MOVEMENT_RATE: Feature = Feature {
     range: (0.0, 600.0),
     spaces: BOTH,
     windowed: false,
-    measures: &[Measure::Tool(movement_rate)],
+    measures: &[MeasureFn::Tool(movement_rate)],
 };
 
 /// Smoothness of the speed over time.
@@ -52,7 +52,7 @@ pub const LOG_DIMENSIONLESS_JERK: Feature = Feature {
     range: (-50.0, 10.0),
     spaces: BOTH,
     windowed: false,
-    measures: &[Measure::Tool(log_dimensionless_jerk)],
+    measures: &[MeasureFn::Tool(log_dimensionless_jerk)],
 };
 
 /// Smoothness of the motion in space over time.
@@ -68,7 +68,7 @@ pub const NORMALISED_JERK: Feature = Feature {
     range: (0.0, 1e6),
     spaces: IMAGE,
     windowed: false,
-    measures: &[Measure::Tool(normalised_jerk)],
+    measures: &[MeasureFn::Tool(normalised_jerk)],
 };
 
 /// Smoothness of the speed's frequency spectrum.
@@ -84,21 +84,21 @@ pub const SPECTRAL_ARC_LENGTH: Feature = Feature {
     range: (-1e4, 0.0),
     spaces: BOTH,
     windowed: false,
-    measures: &[Measure::Tool(spectral_arc_length)],
+    measures: &[MeasureFn::Tool(spectral_arc_length)],
 };
 
 /// Highest frequency of the spectrum, Hz.
 const CUT_OFF_HZ: f64 = 10.0;
 
 /// The spectrum ends at the last frequency whose amplitude is at least this share of the largest.
-const LEAST_AMPLITUDE: f64 = 0.05;
+const MIN_AMPLITUDE: f64 = 0.05;
 
 /// The speed profile is padded with zeros to 2⁴ times its length (rounded up to a power of two), which refines the
 /// spectrum.
 const PADDING: u32 = 4;
 
 /// Number of frequencies computed at a time.
-const ABREAST: usize = 8;
+const FREQUENCY_BATCH: usize = 8;
 
 fn movement_count(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
@@ -110,7 +110,7 @@ fn movement_rate(motion: &Motion, settings: &FeatureSettings) -> Result<f64, Not
 }
 
 fn normalised_jerk(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    median_over_movements(motion, settings, |movement| jerk_of(movement, motion.step_s))
+    median_over_movements(motion, settings, |movement| normalised_jerk_of(movement, motion.step_s))
 }
 
 fn log_dimensionless_jerk(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
@@ -144,7 +144,7 @@ pub(super) fn median_over_movements(
 
 /// Normalised jerk of a movement; `None` if it has no length. The jerk is the change of the fitted acceleration over a
 /// step; it contains as little noise as the acceleration does.
-pub(in crate::pipeline) fn jerk_of(movement: &Span, step_s: f64) -> Option<f64> {
+pub(in crate::pipeline) fn normalised_jerk_of(movement: &Span, step_s: f64) -> Option<f64> {
     let steps = || movement.nodes.iter().zip(&movement.nodes[1..]);
     let jerk: f64 = steps().map(|(a, b)| (b.acceleration - a.acceleration).norm_squared()).sum::<f64>() / step_s;
     let duration_s = (movement.nodes.len() - 1) as f64 * step_s;
@@ -166,8 +166,8 @@ pub fn ldlj(speeds: &[f64], step_s: f64) -> Option<f64> {
 /// Spectral arc length of a speed profile at even steps. `None` for a profile at rest or of constant speed.
 pub fn sparc(speeds: &[f64], step_s: f64) -> Option<f64> {
     let spectrum = amplitudes(speeds, step_s)?;
-    let last = spectrum.iter().rposition(|amplitude| *amplitude >= LEAST_AMPLITUDE)?;
-    let first = spectrum.iter().position(|amplitude| *amplitude >= LEAST_AMPLITUDE)?;
+    let last = spectrum.iter().rposition(|amplitude| *amplitude >= MIN_AMPLITUDE)?;
+    let first = spectrum.iter().position(|amplitude| *amplitude >= MIN_AMPLITUDE)?;
     let bins = (last - first) as f64;
     let steps = spectrum[first..=last].windows(2).map(|w| (w[1] - w[0]).hypot(1.0 / bins));
     (last > first).then(|| -steps.sum::<f64>())
@@ -183,22 +183,22 @@ fn amplitudes(speeds: &[f64], step_s: f64) -> Option<Vec<f64>> {
         // Goertzel's recurrence: one pass per frequency, without a table of sines. Several run at a time, since they
         // are independent.
         let cosine = |bin: usize| (std::f64::consts::TAU * (first + bin) as f64 / length as f64).cos();
-        let turns: [f64; ABREAST] = std::array::from_fn(|bin| 2.0 * cosine(bin));
-        let (mut s1, mut s2) = ([0.0; ABREAST], [0.0; ABREAST]);
+        let turns: [f64; FREQUENCY_BATCH] = std::array::from_fn(|bin| 2.0 * cosine(bin));
+        let (mut s1, mut s2) = ([0.0; FREQUENCY_BATCH], [0.0; FREQUENCY_BATCH]);
         for v in speeds {
-            for bin in 0..ABREAST {
+            for bin in 0..FREQUENCY_BATCH {
                 (s1[bin], s2[bin]) = (v + turns[bin] * s1[bin] - s2[bin], s1[bin]);
             }
         }
         let square = move |bin: usize| s1[bin] * s1[bin] + s2[bin] * s2[bin] - turns[bin] * s1[bin] * s2[bin];
-        (0..ABREAST).map(move |bin| square(bin).max(0.0).sqrt() / sum)
+        (0..FREQUENCY_BATCH).map(move |bin| square(bin).max(0.0).sqrt() / sum)
     };
-    (sum > 0.0).then(|| (0..=bins).step_by(ABREAST).flat_map(amplitudes).take(bins + 1).collect())
+    (sum > 0.0).then(|| (0..=bins).step_by(FREQUENCY_BATCH).flat_map(amplitudes).take(bins + 1).collect())
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::motion::Node;
+    use super::super::motion::MotionNode;
     use super::*;
 
     /// The reference implementation's example: speed exp(−5t²), t from −1 to 1 (excluded), 100 Hz.
@@ -241,13 +241,13 @@ mod tests {
         let node = |k: u32| {
             let u = f64::from(k) / 100.0;
             let along = |value: f64| nalgebra::Vector3::new(value, 0.0, 0.0);
-            Node {
+            MotionNode {
                 position: along(40.0 * u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)).into(),
                 velocity: along(20.0 * 30.0 * (u * (1.0 - u)).powi(2)),
                 acceleration: along(10.0 * 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u)),
             }
         };
         let stroke = Span { first: 0, nodes: (0..=100).map(node).collect() };
-        assert!((jerk_of(&stroke, 0.02).unwrap() - 360f64.sqrt()).abs() < 0.02); // 40 mm in 2 s: ∫ j² = 720 · 40² / 2⁵
+        assert!((normalised_jerk_of(&stroke, 0.02).unwrap() - 360f64.sqrt()).abs() < 0.02); // 40 mm in 2 s: ∫ j² = 720 · 40² / 2⁵
     }
 }

@@ -14,7 +14,7 @@ use super::movement::movements;
 use super::{FeatureSettings, NotEnough};
 
 /// Number of points of a resampled path: a path of 20 m has one per centimetre.
-const POINTS: usize = 2000;
+const PATH_POINTS: usize = 2000;
 
 /// Distance of a path from its reference, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,34 +27,34 @@ pub struct Deviation {
 
 /// Compares a motion's path with a reference path.
 pub fn deviation(motion: &Motion, reference: &Motion, settings: &FeatureSettings) -> Result<Deviation, NotEnough> {
-    let (path, reference) = (laid_out(motion, settings)?, laid_out(reference, settings)?);
+    let (path, reference) = (resampled_path(motion, settings)?, resampled_path(reference, settings)?);
     Ok(Deviation { mean_mm: warped_mean(&path, &reference), largest_mm: frechet(&path, &reference) })
 }
 
 /// The path of a motion's movements, resampled to evenly spaced points.
-fn laid_out(motion: &Motion, settings: &FeatureSettings) -> Result<Vec<Point3<f64>>, NotEnough> {
+fn resampled_path(motion: &Motion, settings: &FeatureSettings) -> Result<Vec<Point3<f64>>, NotEnough> {
     motion.check_enough(settings)?;
     let nodes = movements(motion, settings).iter().flat_map(|movement| &movement.nodes);
     let corners: Vec<Point3<f64>> = nodes.map(|node| node.position).collect();
     let length: f64 = corners.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
     let (Some(first), true) = (corners.first(), length > 0.0) else { return Err(NotEnough::NoMovement) };
-    let spacing = length / (POINTS - 1) as f64;
+    let spacing = length / (PATH_POINTS - 1) as f64;
     let (mut points, mut walked) = (vec![*first], 0.0);
     for pair in corners.windows(2) {
         let leg = pair[1] - pair[0];
-        while points.len() < POINTS && points.len() as f64 * spacing <= walked + leg.norm() {
+        while points.len() < PATH_POINTS && points.len() as f64 * spacing <= walked + leg.norm() {
             points.push(pair[0] + leg * ((points.len() as f64 * spacing - walked) / leg.norm()));
         }
         walked += leg.norm();
     }
-    points.resize(POINTS, corners[corners.len() - 1]); // rounding may leave out the last
+    points.resize(PATH_POINTS, corners[corners.len() - 1]); // rounding may leave out the last
     Ok(points)
 }
 
 /// Smallest weighted sum of the distances of paired points, divided by the sum of the weights. A step forward in both
 /// paths has weight 2.
 fn warped_mean(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
-    let sum = along(a, b, |before, distance| match before {
+    let sum = fill_table(a, b, |before, distance| match before {
         None => 2.0 * distance,
         Some([both, one, other]) => (both + 2.0 * distance).min(one + distance).min(other + distance),
     });
@@ -63,7 +63,7 @@ fn warped_mean(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
 
 /// The discrete Fréchet distance.
 fn frechet(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
-    along(a, b, |before, distance| match before {
+    fill_table(a, b, |before, distance| match before {
         None => distance,
         Some([both, one, other]) => both.min(one).min(other).max(distance),
     })
@@ -72,7 +72,7 @@ fn frechet(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
 /// Fills the table of dynamic programming row by row and returns its last value. `best` combines the values of the
 /// three predecessors (one step back in both paths, in `a`, in `b`) with the distance of the current pair of points.
 /// Cells outside the table are unreachable.
-fn along(a: &[Point3<f64>], b: &[Point3<f64>], best: impl Fn(Option<[f64; 3]>, f64) -> f64) -> f64 {
+fn fill_table(a: &[Point3<f64>], b: &[Point3<f64>], best: impl Fn(Option<[f64; 3]>, f64) -> f64) -> f64 {
     let mut row = vec![f64::INFINITY; b.len() + 1];
     for (i, from) in a.iter().enumerate() {
         let mut diagonal = std::mem::replace(&mut row[0], f64::INFINITY);

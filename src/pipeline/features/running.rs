@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 
 use super::errors::NoErrorBar;
 use super::fit::{MIN_SAMPLES, NEIGHBOURS};
-use super::motion::{Interval, Node, check_enough, node_at};
+use super::motion::{Interval, MotionNode, check_enough, node_at};
 use super::path::{DEPTH_TRAVELLED, PATH_LENGTH};
 use super::pauses::{LONG_PAUSES, MEDIUM_PAUSES, SHORT_PAUSES};
 use super::per_movement::{MOVEMENT_RATE, MOVEMENTS};
@@ -26,10 +26,10 @@ use crate::pipeline::trajectory::{Sample, SampleState};
 
 mod moving;
 
-use moving::Moving;
+use moving::MovementCounter;
 
 /// The features that are available during a live feed, in reading order.
-pub static LIVE: [&Feature; 14] = [
+pub static LIVE_FEATURES: [&Feature; 14] = [
     &THINKING_TIME,
     &IDLE_SHARE,
     &SHORT_PAUSES,
@@ -47,45 +47,45 @@ pub static LIVE: [&Feature; 14] = [
 ];
 
 /// The running features of all tools.
-pub struct Running {
+pub struct RunningFeatures {
     settings: FeatureSettings,
-    tools: Vec<Growing>,
+    tools: Vec<GrowingPath>,
     now_s: f64,
 }
 
-impl Running {
+impl RunningFeatures {
     /// Starts with this many tools, none of them seen yet.
     pub fn new(tools: usize, settings: FeatureSettings) -> Self {
-        Self { tools: (0..tools).map(|_| Growing::default()).collect(), settings, now_s: 0.0 }
+        Self { tools: (0..tools).map(|_| GrowingPath::default()).collect(), settings, now_s: 0.0 }
     }
 
     /// Sets the current time, s. The time since a tool's last sample counts as not seen.
-    pub fn pass(&mut self, now_s: f64) {
+    pub fn advance_to(&mut self, now_s: f64) {
         self.now_s = now_s;
         let is_gone =
-            |tool: &&mut Growing| tool.run.back().is_some_and(|last| now_s - last.time_s > self.settings.max_gap_s);
+            |tool: &&mut GrowingPath| tool.run.back().is_some_and(|last| now_s - last.time_s > self.settings.max_gap_s);
         self.tools.iter_mut().filter(is_gone).for_each(|tool| tool.end_run(&self.settings));
     }
 
     /// Adds a tool's next sample, in time order. A sample of an unknown tool is ignored.
-    pub fn take(&mut self, sample: &Sample) {
+    pub fn add_sample(&mut self, sample: &Sample) {
         if let Some(tool) = self.tools.get_mut(sample.tool) {
-            tool.take(*sample, &self.settings);
+            tool.add_sample(*sample, &self.settings);
         }
     }
 
     /// Ends the path: instants that waited for later samples are added now.
-    pub fn end(&mut self) {
+    pub fn finish(&mut self) {
         self.tools.iter_mut().for_each(|tool| tool.end_run(&self.settings));
     }
 
     /// Each tool's features over everything seen so far, or why there is none.
     pub fn values(&self) -> Vec<FeatureValue> {
-        let of_tool = |(tool, growing): (usize, &Growing)| {
+        let of_tool = |(tool, growing): (usize, &GrowingPath)| {
             let values = growing.sums.values(self.now_s, &self.settings);
-            let (space, error) = (Space::ThreeD, Err(NoErrorBar::NotAsked));
+            let (space, error) = (Space::ThreeD, Err(NoErrorBar::NotComputed));
             let value = move |(feature, value)| FeatureValue { feature, tool: Some(tool), space, value, error };
-            LIVE.into_iter().zip(values).map(value)
+            LIVE_FEATURES.into_iter().zip(values).map(value)
         };
         self.tools.iter().enumerate().flat_map(of_tool).collect()
     }
@@ -93,7 +93,7 @@ impl Running {
 
 /// One tool's path while samples arrive.
 #[derive(Default)]
-struct Growing {
+struct GrowingPath {
     /// Samples of the current run that a later fit may still need; the last is an observation.
     run: VecDeque<Sample>,
     /// Number of samples in the current run so far.
@@ -103,12 +103,12 @@ struct Growing {
     /// The next instant of the grid.
     next: Option<i64>,
     /// The node before it in the same span.
-    before: Option<Node>,
-    sums: Sums,
+    before: Option<MotionNode>,
+    sums: RunningSums,
 }
 
-impl Growing {
-    fn take(&mut self, sample: Sample, settings: &FeatureSettings) {
+impl GrowingPath {
+    fn add_sample(&mut self, sample: Sample, settings: &FeatureSettings) {
         if sample.state != SampleState::Observed {
             if !self.run.is_empty() {
                 self.predicted.push(sample);
@@ -122,22 +122,22 @@ impl Growing {
         self.run.extend(self.predicted.drain(..));
         self.run.push_back(sample);
         self.next.get_or_insert_with(|| (sample.time_s / settings.step_s).ceil() as i64);
-        self.grow(settings, sample.time_s, false);
+        self.add_final_instants(settings, sample.time_s, false);
     }
 
     /// Adds the rest of the current run and starts a new one.
     fn end_run(&mut self, settings: &FeatureSettings) {
         if let Some(last_s) = self.run.back().map(|last| last.time_s) {
-            self.grow(settings, last_s, true);
+            self.add_final_instants(settings, last_s, true);
         }
-        self.sums.moving.end_span(settings);
+        self.sums.movement_counter.end_span(settings);
         (self.length, self.next, self.before) = (0, None, None);
         self.run.clear();
         self.predicted.clear();
     }
 
     /// Adds the instants whose fits are final; all up to `last_s` if the run `is_whole`.
-    fn grow(&mut self, settings: &FeatureSettings, last_s: f64, is_whole: bool) {
+    fn add_final_instants(&mut self, settings: &FeatureSettings, last_s: f64, is_whole: bool) {
         let FeatureSettings { step_s, fit_half_window_s: half_s, .. } = *settings;
         if self.length < MIN_SAMPLES {
             return;
@@ -150,8 +150,8 @@ impl Growing {
                 break;
             }
             if let Some(node) = node_at(samples, at_s, half_s) {
-                self.sums.moving.add(instant, node.velocity.norm(), settings);
-                self.sums.add(self.before, node, instant, settings);
+                self.sums.movement_counter.add_instant(instant, node.velocity.norm(), settings);
+                self.sums.add_step(self.before, node, instant, settings);
                 self.before = Some(node);
             }
             self.next = Some(instant + 1);
@@ -165,7 +165,7 @@ impl Growing {
 
 /// Sums over a path's steps.
 #[derive(Clone, Copy, Debug, Default)]
-struct Sums {
+struct RunningSums {
     /// First and last instant of the grid.
     extent: Option<Interval>,
     steps: u64,
@@ -181,11 +181,11 @@ struct Sums {
     absences: u32,
     /// The longest of them, in steps.
     longest_absence: i64,
-    moving: Moving,
+    movement_counter: MovementCounter,
 }
 
-impl Sums {
-    fn add(&mut self, before: Option<Node>, node: Node, instant: i64, settings: &FeatureSettings) {
+impl RunningSums {
+    fn add_step(&mut self, before: Option<MotionNode>, node: MotionNode, instant: i64, settings: &FeatureSettings) {
         let Some(before) = before else { return }; // a span has a length from its second node on
         let step = Interval { first: instant - 1, last: instant };
         let missed = self.extent.map_or(0, |extent| step.first - extent.last);
@@ -204,8 +204,8 @@ impl Sums {
     }
 
     /// The values of [`LIVE_FEATURES`].
-    fn values(&self, now_s: f64, settings: &FeatureSettings) -> [Result<f64, NotEnough>; LIVE.len()] {
-        let Some(extent) = self.extent else { return [Err(NotEnough::NeverSeen); LIVE.len()] };
+    fn values(&self, now_s: f64, settings: &FeatureSettings) -> [Result<f64, NotEnough>; LIVE_FEATURES.len()] {
+        let Some(extent) = self.extent else { return [Err(NotEnough::NeverSeen); LIVE_FEATURES.len()] };
         // A tool that is missing for less than a gap may still count as seen once it is observed again.
         let now = ((now_s - settings.max_gap_s) / settings.step_s).floor() as i64;
         let steps = extent.steps().max(now - extent.first);
@@ -217,7 +217,7 @@ impl Sums {
         let too_short = (looked_s < needed_s).then_some(NotEnough::TooShort { observed_s: looked_s, needed_s });
         let in_view = |value: f64| too_short.map_or(Ok(value), Err);
         let (seen, minutes, gone) = (self.steps as f64, observed_s / 60.0, steps - extent.steps());
-        let mut moving = self.moving;
+        let mut moving = self.movement_counter;
         moving.end_span(settings); // as if it ended now
         let [short, medium, long] = moving.rests.map(|rests| sum(f64::from(rests) / minutes));
         [

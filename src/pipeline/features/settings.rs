@@ -63,7 +63,7 @@ impl Default for FeatureSettings {
 
 impl FeatureSettings {
     /// The name of the first setting with an unusable value.
-    pub fn unusable(&self) -> Option<&'static str> {
+    pub fn unusable_setting(&self) -> Option<&'static str> {
         let positive = [
             ("fit_half_window_s", self.fit_half_window_s),
             ("min_observed_s", self.min_observed_s),

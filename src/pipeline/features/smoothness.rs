@@ -7,7 +7,7 @@ use nalgebra::Point3;
 
 use super::motion::{Motion, Span};
 use super::movement::movements;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough};
 
 /// How sharply the path turns.
 pub const SMOOTHNESS: Feature = Feature {
@@ -23,7 +23,7 @@ pub const SMOOTHNESS: Feature = Feature {
     range: (0.0, 1e9),
     spaces: BOTH,
     windowed: true,
-    measures: &[Measure::Tool(smoothness)],
+    measures: &[MeasureFn::Tool(smoothness)],
 };
 
 /// Number of starting points, evenly spread over one step from the path's start. How much a corner is cut depends on
@@ -44,14 +44,14 @@ fn smoothness(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEno
 }
 
 /// The contribution of a stretch of path to the sum, 1/mm².
-pub(in crate::pipeline) fn turned(span: &Span, step_mm: f64) -> f64 {
+pub(in crate::pipeline) fn squared_turns(span: &Span, step_mm: f64) -> f64 {
     let start = |k: u32| step_mm * f64::from(k) / f64::from(STARTS);
     let turns = (0..STARTS).flat_map(|k| turns(span, start(k), step_mm));
     turns.map(|turn| turn * turn).sum::<f64>() / f64::from(STARTS)
 }
 
 fn turns(span: &Span, start_mm: f64, step_mm: f64) -> Vec<f64> {
-    divided(span, start_mm, step_mm).windows(3).map(|p| turn_per_mm(&p[0], &p[1], &p[2])).collect()
+    walk_equal_steps(span, start_mm, step_mm).windows(3).map(|p| turn_per_mm(&p[0], &p[1], &p[2])).collect()
 }
 
 /// Points on a span's path, each one step from the point before in a straight line, like a pair of dividers walked
@@ -59,7 +59,7 @@ fn turns(span: &Span, start_mm: f64, step_mm: f64) -> Vec<f64> {
 ///
 /// Equal steps *along* the path were tried and rejected: where a hand is slow, noise adds a millimetre of path within a
 /// tenth of a millimetre, the chords shrink, and one such place outweighs the whole session.
-fn divided(span: &Span, start_mm: f64, step_mm: f64) -> Vec<Point3<f64>> {
+fn walk_equal_steps(span: &Span, start_mm: f64, step_mm: f64) -> Vec<Point3<f64>> {
     let Some(first) = span.nodes.first().map(|node| node.position) else { return Vec::new() };
     let (mut last, mut points) = (first, if start_mm > 0.0 { Vec::new() } else { vec![first] });
     for (from, to) in span.nodes.iter().zip(&span.nodes[1..]).map(|(from, to)| (from.position, to.position)) {
@@ -68,7 +68,7 @@ fn divided(span: &Span, start_mm: f64, step_mm: f64) -> Vec<Point3<f64>> {
             if (to - last).norm() <= radius {
                 break;
             }
-            last = exit(from, to, last, radius);
+            last = sphere_exit(from, to, last, radius);
             points.push(last);
         }
     }
@@ -76,7 +76,7 @@ fn divided(span: &Span, start_mm: f64, step_mm: f64) -> Vec<Point3<f64>> {
 }
 
 /// The point where a leg that ends outside a sphere leaves it for the last time.
-fn exit(from: Point3<f64>, to: Point3<f64>, centre: Point3<f64>, radius: f64) -> Point3<f64> {
+fn sphere_exit(from: Point3<f64>, to: Point3<f64>, centre: Point3<f64>, radius: f64) -> Point3<f64> {
     let (leg, offset) = (to - from, from - centre);
     let (a, b, c) = (leg.norm_squared(), offset.dot(&leg), offset.norm_squared() - radius * radius);
     from + leg * ((-b + (b * b - a * c).max(0.0).sqrt()) / a).clamp(0.0, 1.0)
@@ -96,7 +96,7 @@ fn turn_per_mm(before: &Point3<f64>, here: &Point3<f64>, after: &Point3<f64>) ->
 mod tests {
     use nalgebra::Vector3;
 
-    use super::super::motion::Node;
+    use super::super::motion::MotionNode;
     use super::*;
 
     #[test]
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn the_points_are_a_step_apart_and_noise_at_rest_lays_none() {
-        let node = |x: f64, y: f64| Node {
+        let node = |x: f64, y: f64| MotionNode {
             position: Point3::new(x, y, 0.0),
             velocity: Vector3::zeros(),
             acceleration: Vector3::zeros(),
@@ -115,11 +115,11 @@ mod tests {
         let trembling = (0..100).map(|i| node(0.3 * f64::from(i % 2), 0.0));
         let going = (0..100).map(|i| node(0.35 * f64::from(i), 0.2 * f64::from(i % 3)));
         let span = Span { first: 0, nodes: trembling.chain(going).collect() };
-        let points = divided(&span, 0.0, 1.0);
+        let points = walk_equal_steps(&span, 0.0, 1.0);
         assert_eq!(points[0], Point3::origin());
         assert!(points.windows(2).all(|p| ((p[1] - p[0]).norm() - 1.0).abs() < 1e-9));
         assert!((30..=36).contains(&points.len()), "{} points on 34.65 mm", points.len());
-        assert!(((divided(&span, 0.25, 1.0)[0] - Point3::origin()).norm() - 0.25).abs() < 1e-9);
+        assert!(((walk_equal_steps(&span, 0.25, 1.0)[0] - Point3::origin()).norm() - 0.25).abs() < 1e-9);
     }
 
     #[test]

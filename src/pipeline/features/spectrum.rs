@@ -7,9 +7,9 @@
 
 use nalgebra::Complex;
 
-use super::motion::{Motion, Node, Span};
+use super::motion::{Motion, MotionNode, Span};
 use super::movement::movements;
-use super::{Direction, Family, Feature, FeatureSettings, IMAGE, Measure, NotEnough};
+use super::{Direction, Family, Feature, FeatureSettings, IMAGE, MeasureFn, NotEnough};
 
 /// Share of tremor in the motion.
 pub const TREMOR_SHARE: Feature = Feature {
@@ -23,7 +23,7 @@ pub const TREMOR_SHARE: Feature = Feature {
     range: (0.0, 1.0),
     spaces: IMAGE,
     windowed: false,
-    measures: &[Measure::Tool(tremor_share)],
+    measures: &[MeasureFn::Tool(tremor_share)],
 };
 
 /// Frequency of the hand's corrections.
@@ -38,7 +38,7 @@ pub const MOTION_FREQUENCY: Feature = Feature {
     range: (0.0, 500.0),
     spaces: IMAGE,
     windowed: false,
-    measures: &[Measure::Tool(motion_frequency)],
+    measures: &[MeasureFn::Tool(motion_frequency)],
 };
 
 /// The band of tremor, Hz.
@@ -78,13 +78,13 @@ impl Spectrum {
         if movements(motion, settings).is_empty() {
             return Err(NotEnough::NoMovement); // the spectrum would be that of noise
         }
-        let length = length(motion.step_s);
+        let length = stretch_nodes(motion.step_s);
         let long_enough = || motion.spans.iter().filter(move |span| span.nodes.len() >= length);
         let covered: usize = long_enough().map(|span| span.nodes.len()).sum();
         if covered < motion.observed_steps() / 2 || covered == 0 {
             return Err(NotEnough::NoStretch { needed_s: length as f64 * motion.step_s });
         }
-        let transform = Transform::new(length);
+        let transform = FourierTransform::new(length);
         let mut powers = vec![0.0; length / 2 + 1];
         for stretch in long_enough().flat_map(|span| stretches(span, length)) {
             transform.add_powers(stretch, &mut powers);
@@ -94,22 +94,22 @@ impl Spectrum {
 }
 
 /// Stretches that overlap by half, in the middle of a span.
-fn stretches(span: &Span, length: usize) -> impl Iterator<Item = &[Node]> {
+fn stretches(span: &Span, length: usize) -> impl Iterator<Item = &[MotionNode]> {
     let left_over = (span.nodes.len() - length) % (length / 2);
     span.nodes[left_over / 2..].windows(length).step_by(length / 2)
 }
 
 /// Measures how fast a tip moves within frequency bands, stretch by stretch.
-pub(in crate::pipeline) struct Bands {
-    transform: Transform,
+pub(in crate::pipeline) struct BandSpeeds {
+    transform: FourierTransform,
     bin_hz: f64,
 }
 
-impl Bands {
+impl BandSpeeds {
     /// Prepares for motions on a grid of this step.
     pub(in crate::pipeline) fn new(step_s: f64) -> Self {
-        let length = length(step_s);
-        Self { transform: Transform::new(length), bin_hz: 1.0 / (length as f64 * step_s) }
+        let length = stretch_nodes(step_s);
+        Self { transform: FourierTransform::new(length), bin_hz: 1.0 / (length as f64 * step_s) }
     }
 
     /// Number of nodes of a stretch.
@@ -118,7 +118,7 @@ impl Bands {
     }
 
     /// Root mean square speed within a band over a stretch of that many nodes, mm/s (Parseval).
-    pub(in crate::pipeline) fn rms_mm_s(&self, stretch: &[Node], low_hz: f64, high_hz: f64) -> f64 {
+    pub(in crate::pipeline) fn rms_mm_s(&self, stretch: &[MotionNode], low_hz: f64, high_hz: f64) -> f64 {
         let mut powers = vec![0.0; self.length() / 2 + 1];
         self.transform.add_powers(stretch, &mut powers);
         let squares: f64 = self.transform.window.iter().map(|weight| weight * weight).sum();
@@ -127,7 +127,7 @@ impl Bands {
 }
 
 /// Number of nodes of a stretch on a grid of this step.
-fn length(step_s: f64) -> usize {
+fn stretch_nodes(step_s: f64) -> usize {
     ((STRETCH_S / step_s).round() as usize).next_power_of_two()
 }
 
@@ -141,24 +141,24 @@ fn power_within(powers: &[f64], bin_hz: f64, (low_hz, high_hz): (f64, f64)) -> f
 }
 
 /// A fast Fourier transform of one length, a power of two.
-struct Transform {
+struct FourierTransform {
     window: Vec<f64>,
     /// e^(−2πi·k/length), for the first half of the circle.
-    turns: Vec<Complex<f64>>,
+    twiddles: Vec<Complex<f64>>,
 }
 
-impl Transform {
+impl FourierTransform {
     fn new(length: usize) -> Self {
         let angle = |k: usize| std::f64::consts::TAU * k as f64 / length as f64;
         Self {
             window: (0..length).map(|k| 0.5 - 0.25 * (angle(k).cos() + angle(k + 1).cos())).collect(),
-            turns: (0..length / 2).map(|k| Complex::new(angle(k).cos(), -angle(k).sin())).collect(),
+            twiddles: (0..length / 2).map(|k| Complex::new(angle(k).cos(), -angle(k).sin())).collect(),
         }
     }
 
     /// Adds the power of a stretch's velocity to each bin. The two components are the two parts of a complex number;
     /// their power at a frequency is half of the sum of the powers at that frequency and at its negative.
-    fn add_powers(&self, stretch: &[Node], powers: &mut [f64]) {
+    fn add_powers(&self, stretch: &[MotionNode], powers: &mut [f64]) {
         let faded = stretch.iter().zip(&self.window);
         let faded = faded.map(|(node, weight)| Complex::new(node.velocity.x, node.velocity.y) * *weight);
         let values = self.apply(&faded.collect::<Vec<_>>());
@@ -178,7 +178,7 @@ impl Transform {
             for block in out.chunks_exact_mut(2 * half) {
                 let (even, odd) = block.split_at_mut(half);
                 for (k, (a, b)) in even.iter_mut().zip(odd).enumerate() {
-                    let turned = *b * self.turns[k * (length / 2 / half)];
+                    let turned = *b * self.twiddles[k * (length / 2 / half)];
                     (*a, *b) = (*a + turned, *a - turned);
                 }
             }
@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn the_transform_is_that_of_its_definition() {
         let values: Vec<Complex<f64>> = (0..16).map(|k| Complex::new(f64::from(k * k % 7), f64::from(k % 5))).collect();
-        let fast = Transform::new(16).apply(&values);
+        let fast = FourierTransform::new(16).apply(&values);
         for (bin, fast) in fast.iter().enumerate() {
             let turn = |k: usize| -std::f64::consts::TAU * (bin * k) as f64 / 16.0;
             let slow: Complex<f64> =

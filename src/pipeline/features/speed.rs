@@ -1,8 +1,8 @@
 //! Features of speed and acceleration.
 
-use super::motion::{Motion, Node};
+use super::motion::{Motion, MotionNode};
 use super::quantile::quantile;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough};
 
 /// Mean speed.
 pub const MEAN_VELOCITY: Feature = Feature {
@@ -17,7 +17,7 @@ pub const MEAN_VELOCITY: Feature = Feature {
     range: (0.0, 5_000.0),
     spaces: BOTH,
     windowed: true,
-    measures: &[Measure::Tool(mean_velocity)],
+    measures: &[MeasureFn::Tool(mean_velocity)],
 };
 
 /// Usual speed: the median.
@@ -32,7 +32,7 @@ pub const MEDIAN_VELOCITY: Feature = Feature {
     range: (0.0, 5_000.0),
     spaces: BOTH,
     windowed: false,
-    measures: &[Measure::Tool(|motion, settings| velocity_quantile(motion, settings, 0.5))],
+    measures: &[MeasureFn::Tool(|motion, settings| velocity_quantile(motion, settings, 0.5))],
 };
 
 /// Highest speed without outliers: the 95 % quantile.
@@ -47,7 +47,7 @@ pub const PEAK_VELOCITY: Feature = Feature {
     range: (0.0, 5_000.0),
     spaces: BOTH,
     windowed: true,
-    measures: &[Measure::Tool(|motion, settings| velocity_quantile(motion, settings, 0.95))],
+    measures: &[MeasureFn::Tool(|motion, settings| velocity_quantile(motion, settings, 0.95))],
 };
 
 /// How unsteady the motion is.
@@ -63,7 +63,7 @@ pub const JITTER: Feature = Feature {
     range: (0.0, 1e6),
     spaces: BOTH,
     windowed: true,
-    measures: &[Measure::Tool(jitter)],
+    measures: &[MeasureFn::Tool(jitter)],
 };
 
 /// How unsteady the motion is relative to its speed.
@@ -78,7 +78,7 @@ pub const RELATIVE_JITTER: Feature = Feature {
     range: (0.0, 1e4),
     spaces: BOTH,
     windowed: true,
-    measures: &[Measure::Tool(relative_jitter)],
+    measures: &[MeasureFn::Tool(relative_jitter)],
 };
 
 /// A tool with a mean speed below this is at rest, and a ratio to its speed is noise; mm/s.
@@ -105,7 +105,7 @@ fn velocity_quantile(motion: &Motion, settings: &FeatureSettings, share: f64) ->
 }
 
 /// The mean over time, by the trapezium rule within each span.
-fn mean(motion: &Motion, of: impl Fn(&Node) -> f64) -> f64 {
+fn mean(motion: &Motion, of: impl Fn(&MotionNode) -> f64) -> f64 {
     let sum: f64 = motion.steps().map(|(a, b)| (of(a) + of(b)) / 2.0).sum();
     sum / motion.observed_steps() as f64
 }

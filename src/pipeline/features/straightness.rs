@@ -11,7 +11,7 @@ use nalgebra::Point3;
 use super::motion::{Motion, Span};
 use super::per_movement::median_over_movements;
 use super::turning::angle;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, THREE_D};
 
 /// Length compared with the straight line.
 pub const PATH_RATIO: Feature = Feature {
@@ -23,10 +23,10 @@ pub const PATH_RATIO: Feature = Feature {
     description: "A movement's path length divided by the straight distance from its start to its end; median over the \
                   movements of at most 10 s, weighted by their duration. 1 is a straight line.",
     source: "PerkTutor (path inefficiency), per movement, because a task ends where it began",
-    range: (1.0, MOST),
+    range: (1.0, MAX_RATIO),
     spaces: BOTH,
     windowed: false,
-    measures: &[Measure::Tool(path_ratio)],
+    measures: &[MeasureFn::Tool(path_ratio)],
 };
 
 /// Length compared with the shortest way about the trocar.
@@ -40,14 +40,14 @@ pub const FULCRUM_PATH_RATIO: Feature = Feature {
                   the trocar and inserts, one after the other; median over the movements of at most 10 s, weighted by their \
                   duration. 1 is that way; a hand that does all at once reaches 0.7.",
     source: "ours, after Chmarra 2008: the straight line is no suitable reference",
-    range: (0.7, MOST),
+    range: (0.7, MAX_RATIO),
     spaces: THREE_D,
     windowed: false,
-    measures: &[Measure::Tool(fulcrum_path_ratio)],
+    measures: &[MeasureFn::Tool(fulcrum_path_ratio)],
 };
 
 /// Maximum ratio; a movement with a larger one ends where it began.
-const MOST: f64 = 100.0;
+const MAX_RATIO: f64 = 100.0;
 
 fn path_ratio(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     let ratio = median_ratio(motion, settings, |from, to| (to - from).norm())?;
@@ -55,8 +55,8 @@ fn path_ratio(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEno
 }
 
 fn fulcrum_path_ratio(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    let fulcrum = motion.known.fulcrum.ok_or(NotEnough::NoFulcrum)?;
-    median_ratio(motion, settings, |from, to| way_about(fulcrum, from, to))
+    let fulcrum = motion.context.fulcrum.ok_or(NotEnough::NoFulcrum)?;
+    median_ratio(motion, settings, |from, to| shortest_way_about(fulcrum, from, to))
 }
 
 fn median_ratio(
@@ -67,14 +67,14 @@ fn median_ratio(
     let ratio = |movement: &Span| {
         let (from, to) = (movement.nodes.first()?.position, movement.nodes.last()?.position);
         let ratio = movement.length_mm() / way_mm(from, to);
-        Some(if ratio <= MOST { ratio } else { f64::INFINITY })
+        Some(if ratio <= MAX_RATIO { ratio } else { f64::INFINITY })
     };
     let median = median_over_movements(motion, settings, ratio)?;
     if median.is_finite() { Ok(median) } else { Err(NotEnough::ReturnsToStart) }
 }
 
 /// The length of the shortest way that retracts, turns and inserts, mm.
-pub(in crate::pipeline) fn way_about(fulcrum: Point3<f64>, from: Point3<f64>, to: Point3<f64>) -> f64 {
+pub(in crate::pipeline) fn shortest_way_about(fulcrum: Point3<f64>, from: Point3<f64>, to: Point3<f64>) -> f64 {
     let (a, b) = (from - fulcrum, to - fulcrum);
     let (near, far) = (a.norm().min(b.norm()), a.norm().max(b.norm()));
     far - near + near * angle(a, b).min(2.0)
@@ -92,10 +92,12 @@ mod tests {
     fn going_straight_in_is_the_way_and_so_is_turning_alone() {
         let (tip, back) = (Point3::new(20.0, 10.0, 200.0), 0.7);
         let retracted = FULCRUM + (tip - FULCRUM) * back;
-        assert!((way_about(FULCRUM, tip, retracted) - (tip - retracted).norm()).abs() < 1e-9);
+        assert!((shortest_way_about(FULCRUM, tip, retracted) - (tip - retracted).norm()).abs() < 1e-9);
         let turned = FULCRUM + nalgebra::Rotation3::from_euler_angles(0.0, 0.3, 0.0) * (tip - FULCRUM);
         let lever = (tip - FULCRUM).norm();
-        assert!((way_about(FULCRUM, tip, turned) - lever * angle(tip - FULCRUM, turned - FULCRUM)).abs() < 1e-9);
+        assert!(
+            (shortest_way_about(FULCRUM, tip, turned) - lever * angle(tip - FULCRUM, turned - FULCRUM)).abs() < 1e-9
+        );
     }
 
     proptest! {
@@ -109,9 +111,9 @@ mod tests {
             let (a, b) = (from - FULCRUM, to - FULCRUM);
             let at = share * a.norm().min(b.norm());
             let other = a.norm() - at + b.norm() - at + at * angle(a, b);
-            let way = way_about(FULCRUM, from, to);
+            let way = shortest_way_about(FULCRUM, from, to);
             prop_assert!(way <= other + 1e-9 && way >= (to - from).norm() - 1e-9);
-            prop_assert_eq!(way, way_about(FULCRUM, to, from));
+            prop_assert_eq!(way, shortest_way_about(FULCRUM, to, from));
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Submovements: the single pushes that a movement consists of.
 
 use super::motion::{Motion, Span};
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough};
 
 /// Number of pushes.
 pub const SUBMOVEMENTS: Feature = Feature {
@@ -16,7 +16,7 @@ pub const SUBMOVEMENTS: Feature = Feature {
     range: (0.0, 1e6),
     spaces: BOTH,
     windowed: false,
-    measures: &[Measure::Tool(submovements)],
+    measures: &[MeasureFn::Tool(submovements)],
 };
 
 fn submovements(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {

@@ -2,7 +2,7 @@
 
 use super::motion::{Interval, Motion};
 use super::movement::{extent, rests};
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, THREE_D};
 
 /// Time from the first to the last movement.
 pub const DURATION: Feature = Feature {
@@ -18,7 +18,7 @@ pub const DURATION: Feature = Feature {
     range: (0.0, 86_400.0),
     spaces: THREE_D,
     windowed: false,
-    measures: &[Measure::Session(task_duration), Measure::Tool(tool_duration)],
+    measures: &[MeasureFn::Session(task_duration), MeasureFn::Tool(tool_duration)],
 };
 
 /// Time below the thinking speed.
@@ -33,7 +33,7 @@ pub const THINKING_TIME: Feature = Feature {
     range: (0.0, 86_400.0),
     spaces: BOTH,
     windowed: true,
-    measures: &[Measure::Tool(thinking_time)],
+    measures: &[MeasureFn::Tool(thinking_time)],
 };
 
 /// Share of the time in rests between movements.
@@ -48,7 +48,7 @@ pub const IDLE_SHARE: Feature = Feature {
     range: (0.0, 1.0),
     spaces: THREE_D,
     windowed: true,
-    measures: &[Measure::Tool(idle_share)],
+    measures: &[MeasureFn::Tool(idle_share)],
 };
 
 fn task_duration(motions: &[Motion], settings: &FeatureSettings) -> Result<f64, NotEnough> {

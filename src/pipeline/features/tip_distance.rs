@@ -2,8 +2,8 @@
 
 use super::motion::Motion;
 use super::quantile::quantile;
-use super::two_hands::common;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
+use super::two_hands::common_nodes;
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, THREE_D};
 
 /// Mean distance.
 pub const TIP_DISTANCE: Feature = Feature {
@@ -17,7 +17,7 @@ pub const TIP_DISTANCE: Feature = Feature {
     range: (0.0, 20_000.0),
     spaces: BOTH,
     windowed: true,
-    measures: &[Measure::Pair(tip_distance)],
+    measures: &[MeasureFn::Pair(tip_distance)],
 };
 
 /// How much the distance varies.
@@ -27,7 +27,7 @@ pub const TIP_DISTANCE_SPREAD: Feature = Feature {
     description: "Standard deviation of the distance between the two tips while both are seen.",
     spaces: THREE_D,
     windowed: false,
-    measures: &[Measure::Pair(tip_distance_spread)],
+    measures: &[MeasureFn::Pair(tip_distance_spread)],
     ..TIP_DISTANCE
 };
 
@@ -38,7 +38,7 @@ pub const TIP_DISTANCE_LOW: Feature = Feature {
     description: "The tips are closer than this in 5 % of the time in which both are seen.",
     spaces: THREE_D,
     windowed: false,
-    measures: &[Measure::Pair(|a, b, settings| tip_distance_quantile(a, b, settings, 0.05))],
+    measures: &[MeasureFn::Pair(|a, b, settings| tip_distance_quantile(a, b, settings, 0.05))],
     ..TIP_DISTANCE
 };
 
@@ -49,7 +49,7 @@ pub const TIP_DISTANCE_HIGH: Feature = Feature {
     description: "The tips are farther apart than this in 5 % of the time in which both are seen.",
     spaces: THREE_D,
     windowed: false,
-    measures: &[Measure::Pair(|a, b, settings| tip_distance_quantile(a, b, settings, 0.95))],
+    measures: &[MeasureFn::Pair(|a, b, settings| tip_distance_quantile(a, b, settings, 0.95))],
     ..TIP_DISTANCE
 };
 
@@ -69,7 +69,7 @@ fn tip_distance_quantile(a: &Motion, b: &Motion, settings: &FeatureSettings, sha
 }
 
 fn distances(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<Vec<f64>, NotEnough> {
-    Ok(common(a, b, settings)?.iter().map(|(a, b)| (a.position - b.position).norm()).collect())
+    Ok(common_nodes(a, b, settings)?.iter().map(|(a, b)| (a.position - b.position).norm()).collect())
 }
 
 fn mean(values: &[f64]) -> f64 {

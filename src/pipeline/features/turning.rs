@@ -7,8 +7,8 @@
 use nalgebra::{Point3, Vector3};
 
 use super::motion::Motion;
-use super::path::LONGEST_MM;
-use super::{Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
+use super::path::MAX_PATH_MM;
+use super::{Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, THREE_D};
 
 /// Total angle that the tool turns.
 pub const ANGULAR_PATH: Feature = Feature {
@@ -23,7 +23,7 @@ pub const ANGULAR_PATH: Feature = Feature {
     range: (0.0, 1e5),
     spaces: THREE_D,
     windowed: true,
-    measures: &[Measure::Tool(angular_path)],
+    measures: &[MeasureFn::Tool(angular_path)],
 };
 
 /// Mean speed of turning.
@@ -38,7 +38,7 @@ pub const ANGULAR_VELOCITY: Feature = Feature {
     range: (0.0, 100.0),
     spaces: THREE_D,
     windowed: true,
-    measures: &[Measure::Tool(angular_velocity)],
+    measures: &[MeasureFn::Tool(angular_velocity)],
 };
 
 /// Distance moved in and out.
@@ -50,15 +50,15 @@ pub const INSERTION_TRAVELLED: Feature = Feature {
     direction: Direction::Lower,
     description: "Sum of the changes of the tip's distance from the trocar, both ways: how far the hand pushes and pulls.",
     source: "EndoViS and PerkTutor (depth perception along the trocar's axis)",
-    range: (0.0, LONGEST_MM),
+    range: (0.0, MAX_PATH_MM),
     spaces: THREE_D,
     windowed: true,
-    measures: &[Measure::Tool(insertion_travelled)],
+    measures: &[MeasureFn::Tool(insertion_travelled)],
 };
 
 fn angular_path(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
-    let fulcrum = motion.known.fulcrum.ok_or(NotEnough::NoFulcrum)?;
+    let fulcrum = motion.context.fulcrum.ok_or(NotEnough::NoFulcrum)?;
     Ok(motion.steps().map(|(a, b)| angle(a.position - fulcrum, b.position - fulcrum)).sum())
 }
 
@@ -68,7 +68,7 @@ fn angular_velocity(motion: &Motion, settings: &FeatureSettings) -> Result<f64, 
 
 fn insertion_travelled(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
-    let fulcrum = motion.known.fulcrum.ok_or(NotEnough::NoFulcrum)?;
+    let fulcrum = motion.context.fulcrum.ok_or(NotEnough::NoFulcrum)?;
     let depth = |tip: Point3<f64>| (tip - fulcrum).norm();
     Ok(motion.steps().map(|(a, b)| (depth(b.position) - depth(a.position)).abs()).sum())
 }

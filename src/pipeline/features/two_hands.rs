@@ -2,10 +2,10 @@
 
 use std::ops::RangeInclusive;
 
-use super::motion::{Interval, Motion, Node, Span};
+use super::motion::{Interval, Motion, MotionNode, Span};
 use super::movement::movements;
 use super::path::path_length;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, THREE_D};
 
 /// Whether the hands speed up and slow down together.
 pub const SYNCHRONY: Feature = Feature {
@@ -19,7 +19,7 @@ pub const SYNCHRONY: Feature = Feature {
     range: (-1.0, 1.0),
     spaces: BOTH,
     windowed: false,
-    measures: &[Measure::Pair(synchrony)],
+    measures: &[MeasureFn::Pair(synchrony)],
 };
 
 /// Whether both hands move at the same time.
@@ -34,7 +34,7 @@ pub const TOGETHER_SHARE: Feature = Feature {
     range: (0.0, 1.0),
     spaces: THREE_D,
     windowed: false,
-    measures: &[Measure::Pair(together_share)],
+    measures: &[MeasureFn::Pair(together_share)],
 };
 
 /// How much one hand moves while the other does not.
@@ -43,7 +43,9 @@ pub const ONE_HAND_SHARE: Feature = Feature {
     title: "Share of one hand alone",
     direction: Direction::Neither,
     description: "Of the time at which both tools are seen, the share in which one is in a movement and the other is not.",
-    measures: &[Measure::Pair(|a, b, settings| Ok(Together::of(a, b, settings)?.share(|together| together.one)))],
+    measures: &[MeasureFn::Pair(
+        |a, b, settings| Ok(JointActivity::of(a, b, settings)?.share(|together| together.one)),
+    )],
     ..TOGETHER_SHARE
 };
 
@@ -54,7 +56,9 @@ pub const NEITHER_SHARE: Feature = Feature {
     direction: Direction::Lower,
     description: "Of the time at which both tools are seen, the share in which neither is in a movement.",
     source: "AIMotion (idle time of both hands); D'Angelo 2016",
-    measures: &[Measure::Pair(|a, b, settings| Ok(Together::of(a, b, settings)?.share(|together| together.neither)))],
+    measures: &[MeasureFn::Pair(|a, b, settings| {
+        Ok(JointActivity::of(a, b, settings)?.share(|together| together.neither))
+    })],
     ..TOGETHER_SHARE
 };
 
@@ -71,7 +75,7 @@ pub const SPEED_BALANCE: Feature = Feature {
     range: (0.0, 1.0),
     spaces: BOTH,
     windowed: false,
-    measures: &[Measure::Pair(speed_balance)],
+    measures: &[MeasureFn::Pair(speed_balance)],
 };
 
 /// How the path length is divided between the hands.
@@ -87,7 +91,7 @@ pub const HANDEDNESS: Feature = Feature {
     range: (0.0, 1.0),
     spaces: BOTH,
     windowed: false,
-    measures: &[Measure::EachOfPair(handedness)],
+    measures: &[MeasureFn::EachOfPair(handedness)],
 };
 
 /// How the moving time is divided between the hands.
@@ -96,12 +100,12 @@ pub const HANDEDNESS_IN_TIME: Feature = Feature {
     title: "Share of the moving time",
     description: "This tool's share of both tools' time in movements; 0.5 is balance.",
     spaces: THREE_D,
-    measures: &[Measure::EachOfPair(handedness_in_time)],
+    measures: &[MeasureFn::EachOfPair(handedness_in_time)],
     ..HANDEDNESS
 };
 
 fn synchrony(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    let both = common(a, b, settings)?;
+    let both = common_nodes(a, b, settings)?;
     if movements(a, settings).is_empty() || movements(b, settings).is_empty() {
         return Err(NotEnough::NoMovement); // the speed of a resting tool is noise
     }
@@ -120,26 +124,26 @@ fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
 }
 
 fn together_share(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    let Together { both, one, .. } = Together::of(a, b, settings)?;
+    let JointActivity { both, one, .. } = JointActivity::of(a, b, settings)?;
     if both + one == 0 { Err(NotEnough::NoMovement) } else { Ok(both as f64 / (both + one) as f64) }
 }
 
 /// Of the instants at which both tools are seen: how many have both, one or neither hand in a movement.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Together {
+struct JointActivity {
     both: usize,
     one: usize,
     neither: usize,
 }
 
-impl Together {
+impl JointActivity {
     fn of(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<Self, NotEnough> {
-        let seen = common(a, b, settings)?.len();
+        let seen = common_nodes(a, b, settings)?.len();
         let steps = |movements: &[Span]| movements.iter().map(Span::interval).collect::<Vec<_>>();
         let [of_a, of_b] = [a, b].map(|motion| steps(movements(motion, settings)));
-        let both = instants(&shared(&of_a, &of_b));
+        let both = count_instants(&intersections(&of_a, &of_b));
         let within = |movements: &[Interval], other: &Motion| {
-            instants(&shared(movements, &other.spans.iter().map(Span::interval).collect::<Vec<_>>()))
+            count_instants(&intersections(movements, &other.spans.iter().map(Span::interval).collect::<Vec<_>>()))
         };
         let one = within(&of_a, b) + within(&of_b, a) - 2 * both;
         Ok(Self { both, one, neither: seen - both - one })
@@ -151,7 +155,7 @@ impl Together {
 }
 
 /// The intersections of two lists of intervals, each in time order.
-fn shared(a: &[Interval], b: &[Interval]) -> Vec<Interval> {
+fn intersections(a: &[Interval], b: &[Interval]) -> Vec<Interval> {
     let (mut a, mut b, mut shared) = (a.iter().peekable(), b.iter().peekable(), Vec::new());
     while let (Some(one), Some(other)) = (a.peek(), b.peek()) {
         let part = Interval { first: one.first.max(other.first), last: one.last.min(other.last) };
@@ -168,18 +172,19 @@ fn shared(a: &[Interval], b: &[Interval]) -> Vec<Interval> {
 }
 
 /// Number of instants in the intervals, both ends included.
-fn instants(intervals: &[Interval]) -> usize {
+fn count_instants(intervals: &[Interval]) -> usize {
     intervals.iter().map(|interval| interval.steps() as usize + 1).sum()
 }
 
 fn speed_balance(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    common(a, b, settings)?;
+    common_nodes(a, b, settings)?;
     let mut ratios = Vec::new();
     let [of_a, of_b] = [a, b].map(|motion| movements(motion, settings));
     for (span_a, span_b, instants) in overlaps(a, b) {
         for instant in instants {
             if is_moving(of_a, instant) || is_moving(of_b, instant) {
-                let [one, other] = [at(span_a, instant), at(span_b, instant)].map(|node| node.velocity.norm());
+                let [one, other] =
+                    [span_node(span_a, instant), span_node(span_b, instant)].map(|node| node.velocity.norm());
                 ratios.push(one.min(other) / one.max(other));
             }
         }
@@ -209,12 +214,13 @@ fn handedness_in_time(own: &Motion, other: &Motion, settings: &FeatureSettings) 
 }
 
 /// The nodes of both tools at the instants at which both are seen, if there are enough.
-pub(super) fn common<'a>(
+pub(super) fn common_nodes<'a>(
     a: &'a Motion,
     b: &'a Motion,
     settings: &FeatureSettings,
-) -> Result<Vec<(&'a Node, &'a Node)>, NotEnough> {
-    let both: Vec<_> = overlaps(a, b).flat_map(|(a, b, range)| range.map(move |i| (at(a, i), at(b, i)))).collect();
+) -> Result<Vec<(&'a MotionNode, &'a MotionNode)>, NotEnough> {
+    let both: Vec<_> =
+        overlaps(a, b).flat_map(|(a, b, range)| range.map(move |i| (span_node(a, i), span_node(b, i)))).collect();
     let observed_s = both.len() as f64 * a.step_s;
     let task_s = a.interval.steps() as f64 * a.step_s;
     if observed_s < settings.min_observed_s {
@@ -237,7 +243,7 @@ fn overlaps<'a>(a: &'a Motion, b: &'a Motion) -> impl Iterator<Item = (&'a Span,
 }
 
 /// The node at an instant inside the span.
-fn at(span: &Span, instant: i64) -> &Node {
+fn span_node(span: &Span, instant: i64) -> &MotionNode {
     &span.nodes[(instant - span.first) as usize]
 }
 

@@ -5,11 +5,11 @@
 //! or it was lost in plain view. For a path that comes without the tracker's reasons only the amount is measured.
 
 use super::motion::{Interval, Motion};
-use super::{Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
+use super::{Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, THREE_D};
 
 mod reasons;
 
-pub use reasons::{Absent, Cause, why_absent};
+pub use reasons::{ExplainedAbsence, UnseenCause, explain_absences};
 
 /// Share of the time when the tool was neither observed nor in a bridged gap.
 pub const NOT_SEEN_SHARE: Feature = Feature {
@@ -24,7 +24,7 @@ pub const NOT_SEEN_SHARE: Feature = Feature {
     range: (0.0, 1.0),
     spaces: THREE_D,
     windowed: true,
-    measures: &[Measure::Tool(not_seen_share)],
+    measures: &[MeasureFn::Tool(not_seen_share)],
 };
 
 /// Absence caused by the hand.
@@ -34,7 +34,7 @@ pub const LEFT_VIEW_SHARE: Feature = Feature {
     description: "Share of the task in which the tool was not seen because it had left the picture.",
     source: "SurgTrac's time off-screen, without what the tracker lost",
     windowed: false,
-    measures: &[Measure::Tool(|motion, settings| share_of(motion, settings, Cause::LeftView))],
+    measures: &[MeasureFn::Tool(|motion, settings| share_by_cause(motion, settings, UnseenCause::LeftView))],
     ..NOT_SEEN_SHARE
 };
 
@@ -46,7 +46,7 @@ pub const HIDDEN_SHARE: Feature = Feature {
     description: "Share of the task in which the tool was not seen because the other tool's tube was between it and the camera.",
     source: "ours: neither the hand's fault nor the tracker's",
     windowed: false,
-    measures: &[Measure::Tool(|motion, settings| share_of(motion, settings, Cause::Hidden))],
+    measures: &[MeasureFn::Tool(|motion, settings| share_by_cause(motion, settings, UnseenCause::Hidden))],
     ..NOT_SEEN_SHARE
 };
 
@@ -58,7 +58,7 @@ pub const LOST_SHARE: Feature = Feature {
     description: "Share of the task in which the tool was in view but could not be followed.",
     source: "ours: says nothing about the hand, but how far to trust the other features",
     windowed: false,
-    measures: &[Measure::Tool(|motion, settings| share_of(motion, settings, Cause::Lost))],
+    measures: &[MeasureFn::Tool(|motion, settings| share_by_cause(motion, settings, UnseenCause::Lost))],
     ..NOT_SEEN_SHARE
 };
 
@@ -70,7 +70,7 @@ pub const ABSENCES: Feature = Feature {
     source: "SurgTrac's time off-screen, in episodes",
     range: (0.0, 1e6),
     windowed: false,
-    measures: &[Measure::Tool(|motion, settings| Ok(absences(motion, settings)?.count() as f64))],
+    measures: &[MeasureFn::Tool(|motion, settings| Ok(absences(motion, settings)?.count() as f64))],
     ..NOT_SEEN_SHARE
 };
 
@@ -83,7 +83,7 @@ pub const LONGEST_ABSENCE: Feature = Feature {
     source: "SurgTrac's time off-screen, in episodes",
     range: (0.0, 86_400.0),
     windowed: false,
-    measures: &[Measure::Tool(longest_absence)],
+    measures: &[MeasureFn::Tool(longest_absence)],
     ..NOT_SEEN_SHARE
 };
 
@@ -92,13 +92,14 @@ fn not_seen_share(motion: &Motion, settings: &FeatureSettings) -> Result<f64, No
     Ok(1.0 - motion.seen_share(settings))
 }
 
-fn share_of(motion: &Motion, settings: &FeatureSettings, cause: Cause) -> Result<f64, NotEnough> {
+fn share_by_cause(motion: &Motion, settings: &FeatureSettings, cause: UnseenCause) -> Result<f64, NotEnough> {
     if not_seen_share(motion, settings)? <= 0.0 {
         return Ok(0.0); // without an absence no cause is needed
     }
-    let absent = motion.known.absent.as_ref().ok_or(NotEnough::NoReasons)?;
+    let absent = motion.context.absences.as_ref().ok_or(NotEnough::NoReasons)?;
     let of_cause = absent.iter().filter(|absent| absent.cause == cause);
-    let steps: i64 = of_cause.filter_map(|absent| absent.interval.common(motion.interval)).map(Interval::steps).sum();
+    let steps: i64 =
+        of_cause.filter_map(|absent| absent.interval.intersection(motion.interval)).map(Interval::steps).sum();
     Ok(steps as f64 / motion.interval.steps() as f64)
 }
 

@@ -6,14 +6,14 @@ use super::motion_model;
 
 /// Estimate of a tip's position and velocity at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct State {
+pub struct KalmanState {
     /// `[x ẋ y ẏ z ż]`, mm and mm/s.
     pub mean: Vector6<f64>,
     /// Its covariance.
     pub covariance: Matrix6<f64>,
 }
 
-impl State {
+impl KalmanState {
     /// State of a tip just seen, with unknown velocity.
     pub fn first_seen(tip: Point3<f64>, covariance: Matrix3<f64>, speed_mm_s: f64) -> Self {
         let mut mean = Vector6::zeros();
@@ -40,7 +40,7 @@ impl State {
 
     /// Covariance of the position, mm².
     pub fn tip_covariance(&self) -> Matrix3<f64> {
-        let see = observation();
+        let see = observation_matrix();
         see * self.covariance * see.transpose()
     }
 
@@ -49,7 +49,7 @@ impl State {
         let step = motion_model::transition(dt_s);
         Self {
             mean: step * self.mean,
-            covariance: step * self.covariance * step.transpose() + motion_model::noise(dt_s, q),
+            covariance: step * self.covariance * step.transpose() + motion_model::process_noise(dt_s, q),
         }
     }
 
@@ -61,7 +61,7 @@ impl State {
 
     /// The state after a measurement; unchanged if the measurement's covariance is not positive definite.
     pub fn updated(&self, tip: Point3<f64>, covariance: Matrix3<f64>) -> Self {
-        let see = observation();
+        let see = observation_matrix();
         let Some(innovation) = (see * self.covariance * see.transpose() + covariance).cholesky() else { return *self };
         let gain = (innovation.solve(&(see * self.covariance))).transpose();
         let left = Matrix6::identity() - gain * see;
@@ -71,7 +71,7 @@ impl State {
     }
 }
 
-fn observation() -> Matrix3x6<f64> {
+fn observation_matrix() -> Matrix3x6<f64> {
     let mut see = Matrix3x6::zeros();
     for i in 0..3 {
         see[(i, 2 * i)] = 1.0;
@@ -83,8 +83,8 @@ fn observation() -> Matrix3x6<f64> {
 mod tests {
     use super::*;
 
-    fn moving() -> State {
-        let mut state = State::first_seen(Point3::new(1.0, 2.0, 150.0), Matrix3::identity() * 0.2, 30.0);
+    fn moving() -> KalmanState {
+        let mut state = KalmanState::first_seen(Point3::new(1.0, 2.0, 150.0), Matrix3::identity() * 0.2, 30.0);
         state.mean[1] = 12.0;
         state.mean[5] = -7.0;
         state

@@ -1,7 +1,7 @@
 //! Poses on real time stamps in, causal and smoothed states out (METHOD 5).
 
-pub mod identity;
+pub mod adaptive_noise;
 pub mod kalman;
-pub mod liveliness;
 pub mod motion_model;
 pub mod smoother;
+pub mod track;

@@ -16,7 +16,7 @@ pub fn transition(dt_s: f64) -> Matrix6<f64> {
 }
 
 /// Covariance that white acceleration of density `q` (mm²/s³) adds over `dt_s` seconds.
-pub fn noise(dt_s: f64, q: f64) -> Matrix6<f64> {
+pub fn process_noise(dt_s: f64, q: f64) -> Matrix6<f64> {
     let mut matrix = Matrix6::zeros();
     let block = SMatrix::<f64, 2, 2>::new(dt_s.powi(3) / 3.0, dt_s.powi(2) / 2.0, dt_s.powi(2) / 2.0, dt_s) * q;
     for axis in 0..3 {
@@ -34,7 +34,8 @@ mod tests {
         let (first, second, q) = (0.03, 0.05, 40.0);
         let whole = transition(second) * transition(first);
         assert!((whole - transition(first + second)).norm() < 1e-12);
-        let carried = transition(second) * noise(first, q) * transition(second).transpose() + noise(second, q);
-        assert!((carried - noise(first + second, q)).norm() < 1e-12);
+        let carried =
+            transition(second) * process_noise(first, q) * transition(second).transpose() + process_noise(second, q);
+        assert!((carried - process_noise(first + second, q)).norm() < 1e-12);
     }
 }

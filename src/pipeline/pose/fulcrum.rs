@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix2x5, Matrix3, Point3, Vector2, Vector3};
 
-use super::{TubeEstimate, across};
+use super::{TubeEstimate, perpendiculars};
 use crate::pipeline::tube::Tube;
 
 /// A fulcrum with its covariance.
@@ -19,7 +19,7 @@ pub struct Fulcrum {
 
 impl Fulcrum {
     /// Creates it from a position and a covariance given as xx, xy, xz, yy, yz, zz.
-    pub fn of_upper(at: Point3<f64>, [xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Self {
+    pub fn from_upper(at: Point3<f64>, [xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Self {
         Self { at, covariance: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) }
     }
 
@@ -54,25 +54,25 @@ pub fn nearest_point(lines: impl Iterator<Item = (Point3<f64>, Vector3<f64>)>) -
 }
 
 /// Minimum distance from a tip to its trocar, in radii of the tube: the band and a piece of shaft lie between.
-pub(super) const NEAREST_RADII: f64 = 8.0;
+pub(super) const MIN_TROCAR_DISTANCE_RADII: f64 = 8.0;
 
 /// Squared Mahalanobis distance of the axis from the fulcrum, with two degrees of freedom.
 pub fn miss_squared(pose: &TubeEstimate, fulcrum: &Fulcrum) -> f64 {
-    let constraint = Constraint::at(&pose.tube, fulcrum.at);
+    let constraint = FulcrumConstraint::at(&pose.tube, fulcrum.at);
     let spread = constraint.by_pose * pose.covariance * constraint.by_pose.transpose() + constraint.play(fulcrum);
-    spread.try_inverse().map_or(f64::INFINITY, |information| constraint.missed.dot(&(information * constraint.missed)))
+    spread.try_inverse().map_or(f64::INFINITY, |information| constraint.miss.dot(&(information * constraint.miss)))
 }
 
 /// The constraint "the axis passes through the fulcrum", linearised: the miss, and its derivatives by the unknowns.
-pub(super) struct Constraint {
-    pub(super) missed: Vector2<f64>,
+pub(super) struct FulcrumConstraint {
+    pub(super) miss: Vector2<f64>,
     pub(super) by_pose: Matrix2x5<f64>,
     pub(super) by_point: Matrix2x3<f64>,
 }
 
-impl Constraint {
+impl FulcrumConstraint {
     pub(super) fn at(tube: &Tube, fulcrum: Point3<f64>) -> Self {
-        let [first, second] = across(tube.axis);
+        let [first, second] = perpendiculars(tube.axis);
         let rows = Matrix2x3::from_rows(&[first.transpose(), second.transpose()]);
         let back = fulcrum - tube.tip;
         let lever = back.dot(&tube.axis); // negative: the fulcrum lies behind the tip
@@ -80,7 +80,7 @@ impl Constraint {
         by_pose.fixed_view_mut::<2, 3>(0, 0).copy_from(&-rows);
         by_pose[(0, 3)] = -lever;
         by_pose[(1, 4)] = -lever;
-        Self { missed: rows * back, by_pose, by_point: rows }
+        Self { miss: rows * back, by_pose, by_point: rows }
     }
 
     /// Covariance of an exact axis's distance from a fulcrum with this uncertainty, mm².
@@ -94,7 +94,7 @@ mod tests {
     use nalgebra::Matrix5;
 
     use super::*;
-    use crate::pipeline::pose::evidence::Evidence;
+    use crate::pipeline::pose::normal_equations::NormalEquations;
 
     const TRUE: Point3<f64> = Point3::new(-118.0, 108.0, 64.0);
 
@@ -116,10 +116,17 @@ mod tests {
         let fulcrum = Fulcrum { at: TRUE, covariance: Matrix3::zeros() };
         let (tip, axis) = lines().next().unwrap();
         let covariance = Matrix5::identity() * 1e-12;
-        let aside = across(axis)[0] * (3.0 * PLAY_MM);
+        let aside = perpendiculars(axis)[0] * (3.0 * PLAY_MM);
         let tube = Tube { tip: tip + aside, axis, radius: 2.5 };
-        let evidence = Evidence::of_covariance(&covariance);
-        let pose = TubeEstimate { tube, covariance, lasting: covariance, evidence, residual_px: 0.1, support: 50.0 };
+        let evidence = NormalEquations::from_covariance(&covariance);
+        let pose = TubeEstimate {
+            tube,
+            covariance,
+            lasting: covariance,
+            equations: evidence,
+            residual_px: 0.1,
+            support: 50.0,
+        };
         assert!((miss_squared(&pose, &fulcrum) - 9.0).abs() < 1e-3);
     }
 }

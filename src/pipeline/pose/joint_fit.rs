@@ -9,11 +9,11 @@
 
 use nalgebra::{Matrix5, SMatrix, SVector, Vector2, Vector5};
 
-use super::evidence::{Beliefs, Evidence, OWN as UNKNOWNS, Offsets, offset_of_part};
-use super::fulcrum::{Constraint, Fulcrum};
-use super::{TubeEstimate, turned};
+use super::fulcrum::{Fulcrum, FulcrumConstraint};
+use super::normal_equations::{NormalEquations, OWN_UNKNOWNS as UNKNOWNS, OffsetPriors, Offsets, offset_of_part};
+use super::{TubeEstimate, perturbed};
 use crate::pipeline::camera::Camera;
-use crate::pipeline::edges::outline_probes::Place;
+use crate::pipeline::edges::outline_probes::OutlinePoint;
 use crate::pipeline::space::{CameraPoint, Normalised, Pixel};
 use crate::pipeline::tube::{Outline, Tube};
 
@@ -21,7 +21,7 @@ use crate::pipeline::tube::{Outline, Tube};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasuredEdge {
     /// The point of the outline that it belongs to.
-    pub place: Place,
+    pub point: OutlinePoint,
     /// Its pixel.
     pub at: Pixel,
     /// Unit normal out of the tube, pixels.
@@ -35,29 +35,29 @@ pub struct MeasuredEdge {
 }
 
 /// Minimum number of edges on each border.
-pub const FEWEST_BORDER_EDGES: usize = 2;
+pub const MIN_BORDER_EDGES: usize = 2;
 
 /// Minimum standard deviation of a single edge, pixels: texture and compression that the noise does not include.
-const LEAST_SIGMA_PX: f64 = 0.1;
+const MIN_SIGMA_PX: f64 = 0.1;
 
 impl MeasuredEdge {
     /// An edge at a pixel; `None` if the lens model has no direction for it.
-    pub fn new(place: Place, at: Pixel, outward: Vector2<f64>, sigma_px: f64, camera: &Camera) -> Option<Self> {
+    pub fn new(place: OutlinePoint, at: Pixel, outward: Vector2<f64>, sigma_px: f64, camera: &Camera) -> Option<Self> {
         let sight = camera.normalised_of(at)?;
         let (_, jacobian) = camera.distort_with_jacobian(sight);
         let per_px = Vector2::new(outward.x / camera.fx, outward.y / camera.fy);
-        Some(Self { place, at, outward, sigma_px, sight, sight_per_px: jacobian.try_inverse()? * per_px })
+        Some(Self { point: place, at, outward, sigma_px, sight, sight_per_px: jacobian.try_inverse()? * per_px })
     }
 
     /// Outward distance of the edge from the outline, pixels.
     pub fn residual_px(&self, outline: &Outline, camera: &Camera) -> Option<f64> {
-        match self.place {
-            Place::Border { side, .. } => {
+        match self.point {
+            OutlinePoint::Border { side, .. } => {
                 let normal = outline.normals[side];
                 let per_px = normal.xy().dot(&self.sight_per_px);
                 (per_px.abs() > 1e-9).then(|| normal.dot(&self.sight.ray()) / per_px)
             }
-            Place::Rim { back_mm, across } => {
+            OutlinePoint::Rim { back_mm, across } => {
                 let expected = camera.project(CameraPoint(outline.rim(back_mm, across)))?;
                 Some((self.at.0 - expected.0).dot(&self.outward))
             }
@@ -81,21 +81,21 @@ pub fn fit(
     start: &Tube,
     camera: &Camera,
     trust: Trust,
-    beliefs: &Beliefs,
+    beliefs: &OffsetPriors,
     fulcrum: Option<&Fulcrum>,
 ) -> Option<TubeEstimate> {
     const ROUNDS: usize = 8;
-    let count = |part: usize| edges.iter().filter(|e| e.place.part() == part).count();
-    if count(0).min(count(1)) < FEWEST_BORDER_EDGES || count(2) + count(3) == 0 {
+    let count = |part: usize| edges.iter().filter(|e| e.point.part() == part).count();
+    if count(0).min(count(1)) < MIN_BORDER_EDGES || count(2) + count(3) == 0 {
         return None;
     }
     let mut tube = *start;
     let mut offsets = Offsets::zeros();
     let mut last = f64::INFINITY;
     for _ in 0..ROUNDS {
-        let system = System::build(edges, &tube, &offsets, camera, trust)?;
-        let step = system.bound(&tube, &offsets, beliefs, fulcrum)?;
-        tube = turned(&tube, &Vector5::from(step.fixed_rows::<5>(0)));
+        let system = EdgeEquations::build(edges, &tube, &offsets, camera, trust)?;
+        let step = system.constrained_step(&tube, &offsets, beliefs, fulcrum)?;
+        tube = perturbed(&tube, &Vector5::from(step.fixed_rows::<5>(0)));
         offsets += step.fixed_rows::<4>(5);
         let size = step.fixed_rows::<3>(0).norm();
         if !size.is_finite() || size > 100.0 {
@@ -106,15 +106,22 @@ pub fn fit(
         }
         last = size;
     }
-    let system = System::build(edges, &tube, &offsets, camera, trust)?;
+    let system = EdgeEquations::build(edges, &tube, &offsets, camera, trust)?;
     let noise = system.variance_factor.max(1.0);
-    let evidence = Evidence::new(&system.matrix, &system.right, &offsets, beliefs, noise);
+    let evidence = NormalEquations::new(&system.matrix, &system.right, &offsets, beliefs, noise);
     let (covariance, lasting) = evidence.covariance()?;
-    Some(TubeEstimate { tube, covariance, lasting, evidence, residual_px: system.residual_px, support: system.support })
+    Some(TubeEstimate {
+        tube,
+        covariance,
+        lasting,
+        equations: evidence,
+        residual_px: system.residual_px,
+        support: system.support,
+    })
 }
 
 /// The edges' normal equations at one linearisation.
-struct System {
+struct EdgeEquations {
     matrix: SMatrix<f64, UNKNOWNS, UNKNOWNS>,
     right: SVector<f64, UNKNOWNS>,
     variance_factor: f64,
@@ -122,13 +129,13 @@ struct System {
     support: f64,
 }
 
-impl System {
+impl EdgeEquations {
     /// The step from edges, priors and fulcrum together.
-    fn bound(
+    fn constrained_step(
         &self,
         tube: &Tube,
         offsets: &Offsets,
-        beliefs: &Beliefs,
+        beliefs: &OffsetPriors,
         fulcrum: Option<&Fulcrum>,
     ) -> Option<SVector<f64, UNKNOWNS>> {
         let (mut matrix, mut right) = (self.matrix, self.right);
@@ -138,12 +145,12 @@ impl System {
             right[5 + part] -= weight * offsets[part];
         }
         if let Some(fulcrum) = fulcrum {
-            let constraint = Constraint::at(tube, fulcrum.at);
+            let constraint = FulcrumConstraint::at(tube, fulcrum.at);
             let to_pose = constraint.by_pose.transpose() * constraint.play(fulcrum).try_inverse()?;
             let mut of_tube = matrix.fixed_view_mut::<5, 5>(0, 0);
             of_tube += to_pose * constraint.by_pose;
             let mut of_tube = right.fixed_rows_mut::<5>(0);
-            of_tube -= to_pose * constraint.missed;
+            of_tube -= to_pose * constraint.miss;
         }
         Some(matrix.cholesky()?.solve(&right))
     }
@@ -153,9 +160,9 @@ impl System {
         let nudged = nudged_outlines(tube)?;
         let residuals: Vec<f64> = edges
             .iter()
-            .map(|e| e.residual_px(&outline, camera).map(|r| r - offset_of_part(offsets, e.place.part())))
+            .map(|e| e.residual_px(&outline, camera).map(|r| r - offset_of_part(offsets, e.point.part())))
             .collect::<Option<_>>()?;
-        let sigma = |e: &MeasuredEdge| (e.sigma_px * e.sigma_px + LEAST_SIGMA_PX * LEAST_SIGMA_PX).sqrt();
+        let sigma = |e: &MeasuredEdge| (e.sigma_px * e.sigma_px + MIN_SIGMA_PX * MIN_SIGMA_PX).sqrt();
         let scale = median(edges.iter().zip(&residuals).map(|(e, r)| (r / sigma(e)).abs())).max(0.67) / 0.6745;
         // Each edge depends on the tube and on its own part's offset only: at most six of the nine unknowns.
         let mut by_tube = Matrix5::zeros();
@@ -168,11 +175,12 @@ impl System {
                 Trust::All => 1.0,
             };
             let information = weight / sigma(edge).powi(2);
-            let part = edge.place.part();
+            let part = edge.point.part();
             let mut row = Vector5::zeros();
             for (i, ahead) in nudged.iter().enumerate() {
                 // The outline moves outwards by as much as the residual decreases.
-                row[i] = (residual + offset_of_part(offsets, part) - edge.residual_px(ahead, camera)?) / NUDGE[i];
+                row[i] =
+                    (residual + offset_of_part(offsets, part) - edge.residual_px(ahead, camera)?) / DERIVATIVE_STEPS[i];
             }
             let weighed = row * information;
             by_tube.ger(1.0, &weighed, &row, 1.0);
@@ -193,7 +201,7 @@ impl System {
             matrix[(5 + part, 5 + part)] = own[part];
             all_right[5 + part] = right_own[part];
         }
-        borders_alike_and_apart(matrix, all_right);
+        to_widening_and_displacement(matrix, all_right);
         let (matrix, right) = system;
         Some(Self {
             matrix,
@@ -206,7 +214,7 @@ impl System {
 }
 
 /// Transforms one offset per border into one of both alike and one of both towards the first: see [`Offsets`].
-fn borders_alike_and_apart(matrix: &mut SMatrix<f64, UNKNOWNS, UNKNOWNS>, right: &mut SVector<f64, UNKNOWNS>) {
+fn to_widening_and_displacement(matrix: &mut SMatrix<f64, UNKNOWNS, UNKNOWNS>, right: &mut SVector<f64, UNKNOWNS>) {
     const BORDERS: [usize; 2] = [5, 6];
     let [first, second] = BORDERS;
     let [one, other] = BORDERS.map(|border| matrix.column(border).into_owned());
@@ -219,14 +227,14 @@ fn borders_alike_and_apart(matrix: &mut SMatrix<f64, UNKNOWNS, UNKNOWNS>, right:
 }
 
 /// Steps of the numerical derivative: mm, mm, mm, rad, rad.
-const NUDGE: [f64; 5] = [1e-4, 1e-4, 1e-4, 1e-6, 1e-6];
+const DERIVATIVE_STEPS: [f64; 5] = [1e-4, 1e-4, 1e-4, 1e-6, 1e-6];
 
 fn nudged_outlines(tube: &Tube) -> Option<[Outline; 5]> {
     let mut all = [tube.outline()?; 5];
     for (i, outline) in all.iter_mut().enumerate() {
         let mut change = Vector5::zeros();
-        change[i] = NUDGE[i];
-        *outline = turned(tube, &change).outline()?;
+        change[i] = DERIVATIVE_STEPS[i];
+        *outline = perturbed(tube, &change).outline()?;
     }
     Some(all)
 }
@@ -249,7 +257,7 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 mod tests {
     use super::*;
     use crate::pipeline::camera::testing::wide as camera;
-    use crate::pipeline::pose::evidence::offsets_px;
+    use crate::pipeline::pose::normal_equations::single_pose_offsets_px;
     use crate::pipeline::pose::testing::{self, LENGTH_MM, gaussian};
     use nalgebra::{Point3, Vector3};
     use rand::rngs::SmallRng;
@@ -267,23 +275,24 @@ mod tests {
     }
 
     fn rough_start() -> Tube {
-        turned(&tube(), &Vector5::new(1.0, -1.0, 6.0, 0.05, -0.08))
+        perturbed(&tube(), &Vector5::new(1.0, -1.0, 6.0, 0.05, -0.08))
     }
 
     #[test]
     fn clean_edges_give_the_tube_back_from_a_rough_start() {
         let clean = edges(&mut SmallRng::seed_from_u64(1), 0.0, [0.0; 4]);
-        let fitted = fit(&clean, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM), None).unwrap();
+        let fitted =
+            fit(&clean, &rough_start(), &camera(), Trust::Majority, &OffsetPriors::usual(LENGTH_MM), None).unwrap();
         assert!((fitted.tube.tip - tube().tip).norm() < 1e-3, "{}", (fitted.tube.tip - tube().tip).norm());
         assert!((fitted.tube.axis - tube().axis).norm() < 1e-4);
     }
 
     #[test]
-    fn a_fifth_of_the_edges_may_lie() {
+    fn a_fifth_of_the_edges_may_be_wrong() {
         let mut spoiled = edges(&mut SmallRng::seed_from_u64(2), 0.05, [0.0; 4]);
         for edge in spoiled.iter_mut().step_by(5) {
             *edge = MeasuredEdge::new(
-                edge.place,
+                edge.point,
                 Pixel(edge.at.0 + edge.outward * 2.5),
                 edge.outward,
                 edge.sigma_px,
@@ -292,7 +301,7 @@ mod tests {
             .unwrap();
         }
         let fitted =
-            fit(&spoiled, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM), None).unwrap();
+            fit(&spoiled, &rough_start(), &camera(), Trust::Majority, &OffsetPriors::usual(LENGTH_MM), None).unwrap();
         assert!((fitted.tube.tip - tube().tip).norm() < 0.5, "{}", (fitted.tube.tip - tube().tip).norm());
     }
 
@@ -304,9 +313,9 @@ mod tests {
         let mut random = SmallRng::seed_from_u64(3);
         let inside = (0..TRIALS)
             .filter(|_| {
-                let sampled = edges(&mut random, 0.15, offsets_px());
+                let sampled = edges(&mut random, 0.15, single_pose_offsets_px());
                 let fitted =
-                    fit(&sampled, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM), None)
+                    fit(&sampled, &rough_start(), &camera(), Trust::Majority, &OffsetPriors::usual(LENGTH_MM), None)
                         .unwrap();
                 let miss = fitted.tube.tip - tube().tip;
                 miss.dot(&(fitted.tip_covariance().try_inverse().unwrap() * miss)) < CHI_SQUARED_95
@@ -319,7 +328,7 @@ mod tests {
     #[test]
     fn one_border_alone_is_not_enough() {
         let mut one = edges(&mut SmallRng::seed_from_u64(4), 0.05, [0.0; 4]);
-        one.retain(|e| e.place.part() != 1);
-        assert_eq!(fit(&one, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM), None), None);
+        one.retain(|e| e.point.part() != 1);
+        assert_eq!(fit(&one, &rough_start(), &camera(), Trust::Majority, &OffsetPriors::usual(LENGTH_MM), None), None);
     }
 }

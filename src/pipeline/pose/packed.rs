@@ -5,7 +5,7 @@
 //! third, without loss. The bytes that change with every frame, as most of a mantissa does, cannot be compressed by
 //! any method.
 
-use super::{KeptPose, WORDS, Words};
+use super::{StoredPose, WORDS, Words};
 
 /// Bits of the tag that states how many bytes of a word follow.
 const TAG_BITS: usize = 2;
@@ -32,11 +32,11 @@ impl Default for PackedPoses {
 
 impl PackedPoses {
     /// Takes the next pose.
-    pub fn push(&mut self, pose: &KeptPose) {
-        const MOST: usize = TAG_BYTES + 4 * WORDS;
-        let words = pose.words();
+    pub fn push(&mut self, pose: &StoredPose) {
+        const MAX_POSE_BYTES: usize = TAG_BYTES + 4 * WORDS;
+        let words = pose.to_words();
         let mut block = self.blocks.pop().unwrap_or_default();
-        if block.len() + MOST > block.capacity() {
+        if block.len() + MAX_POSE_BYTES > block.capacity() {
             self.blocks.extend(Some(block).filter(|full| !full.is_empty()));
             block = Vec::with_capacity(BLOCK_BYTES);
         }
@@ -58,7 +58,7 @@ impl PackedPoses {
     }
 
     /// Unpacks the poses, and frees each block's memory once it has been read.
-    pub fn unpack(self) -> impl Iterator<Item = KeptPose> {
+    pub fn unpack(self) -> impl Iterator<Item = StoredPose> {
         let mut words = [0; WORDS];
         self.blocks.into_iter().flat_map(move |block| {
             let mut poses = Vec::new();
@@ -73,7 +73,7 @@ impl PackedPoses {
                     *word ^= u32::from_le_bytes(bytes);
                     rest = after;
                 }
-                poses.push(KeptPose::of_words(&words));
+                poses.push(StoredPose::from_words(&words));
             }
             poses
         })

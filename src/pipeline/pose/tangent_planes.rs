@@ -7,13 +7,13 @@
 
 use nalgebra::{Matrix3x2, Point3, Vector3};
 
-use crate::pipeline::edges::line_fit::Line;
+use crate::pipeline::edges::line_fit::BorderLine;
 use crate::pipeline::space::Normalised;
 use crate::pipeline::tube::Tube;
 
 /// The tube between two border lines. `distal` is the pixel direction where the midline meets the near rim; `proximal`
 /// is any point of the midline on the hand's side. `None` if the lines enclose no tube.
-pub fn locate(borders: [Line; 2], distal: Normalised, proximal: Normalised, radius: f64) -> Option<Tube> {
+pub fn locate(borders: [BorderLine; 2], distal: Normalised, proximal: Normalised, radius: f64) -> Option<Tube> {
     let middle = (distal.ray() + proximal.ray()) * 0.5;
     let [first, second] = borders.map(|line| touching_plane(line, middle));
     let axis = first.cross(&second).try_normalize(1e-12)?;
@@ -28,15 +28,15 @@ pub fn locate(borders: [Line; 2], distal: Normalised, proximal: Normalised, radi
 }
 
 /// Distance behind the tip, mm, of the tube's near side in this direction.
-pub fn back_of(tube: &Tube, seen: Normalised) -> Option<f64> {
-    let nearest = tube.nearest();
+pub fn distance_behind_tip(tube: &Tube, seen: Normalised) -> Option<f64> {
+    let nearest = tube.nearest_to_camera();
     let rim = nearest - nearest.try_normalize(1e-12)? * tube.radius;
     let along = along_axis(seen.ray(), rim, tube.axis)?;
     Some(tube.tip.coords.dot(&tube.axis) - along)
 }
 
 /// Unit normal of the plane through the camera and a line, towards the tube.
-fn touching_plane(line: Line, inside: Vector3<f64>) -> Vector3<f64> {
+fn touching_plane(line: BorderLine, inside: Vector3<f64>) -> Vector3<f64> {
     let normal = Vector3::new(line.normal.x, line.normal.y, -line.offset).normalize();
     if normal.dot(&inside) >= 0.0 { normal } else { -normal }
 }
@@ -70,7 +70,7 @@ mod tests {
             let axis = Vector3::from(lean);
             prop_assume!(axis.norm() > 0.3);
             let tube = Tube { tip: Point3::from(tip), axis: axis.normalize(), radius };
-            prop_assume!(tube.nearest().norm() > 5.0 * radius); // not seen end-on
+            prop_assume!(tube.nearest_to_camera().norm() > 5.0 * radius); // not seen end-on
             let Some(outline) = tube.outline() else { return Ok(()) };
             let points = |side| (0..5).map(|k| seen(outline.border(side, f64::from(k) * 4.0))).collect::<Option<Vec<_>>>();
             let (Some(left), Some(right)) = (points(0), points(1)) else { return Ok(()) };

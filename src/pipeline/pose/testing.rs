@@ -3,10 +3,10 @@
 use nalgebra::{Point3, Vector2};
 use rand::{Rng, RngExt};
 
-use super::evidence::{Offsets, offset_of_part};
 use super::joint_fit::MeasuredEdge;
+use super::normal_equations::{Offsets, offset_of_part};
 use crate::pipeline::camera::Camera;
-use crate::pipeline::edges::outline_probes::Place;
+use crate::pipeline::edges::outline_probes::OutlinePoint;
 use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::pipeline::tube::Tube;
 
@@ -29,18 +29,19 @@ pub fn edges(
     random: &mut impl Rng,
 ) -> Vec<MeasuredEdge> {
     let outline = tube.outline().unwrap();
-    let borders = (0..2).flat_map(|side| backs_mm.iter().map(move |back| Place::Border { side, back_mm: *back }));
+    let borders =
+        (0..2).flat_map(|side| backs_mm.iter().map(move |back| OutlinePoint::Border { side, back_mm: *back }));
     let rims = [0.0, LENGTH_MM]
         .into_iter()
-        .flat_map(|back_mm| (-2..=2).map(move |k| Place::Rim { back_mm, across: 0.3 * f64::from(k) }));
+        .flat_map(|back_mm| (-2..=2).map(move |k| OutlinePoint::Rim { back_mm, across: 0.3 * f64::from(k) }));
     let pixel = |place: Point3<f64>| camera.project(CameraPoint(place)).unwrap().0;
     borders
         .chain(rims)
         .map(|place| {
-            let at = pixel(place.on(&outline));
+            let at = pixel(place.position_on(&outline));
             let along = match place {
-                Place::Border { side, back_mm } => pixel(outline.border(side, back_mm + 0.5)) - at,
-                Place::Rim { back_mm, across } => pixel(outline.rim(back_mm, across + 0.05)) - at,
+                OutlinePoint::Border { side, back_mm } => pixel(outline.border(side, back_mm + 0.5)) - at,
+                OutlinePoint::Rim { back_mm, across } => pixel(outline.rim(back_mm, across + 0.05)) - at,
             };
             let inwards = pixel(tube.tip - tube.axis * (0.5 * LENGTH_MM)) - at;
             let normal = Vector2::new(-along.y, along.x).normalize();

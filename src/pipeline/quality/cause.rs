@@ -2,7 +2,7 @@
 
 /// A reason to refuse a session or to use it with care.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Cause {
+pub enum QualityCause {
     /// No tool was ever measured.
     NothingSeen,
     /// A tool was never in the picture.
@@ -55,77 +55,77 @@ pub enum Cause {
     PortMoved,
 }
 
-impl Cause {
+impl QualityCause {
     /// Every cause, in the order to fix them.
-    pub const ALL: [Cause; 25] = [
-        Cause::NothingSeen,
-        Cause::NeverInPicture,
-        Cause::ColourBackground,
-        Cause::ColourPair,
-        Cause::Coverage,
-        Cause::LeftView,
-        Cause::Lost,
-        Cause::Predicted,
-        Cause::LongGap,
-        Cause::Rejected,
-        Cause::BorderResidual,
-        Cause::NoiseFloor,
-        Cause::ErrorBar,
-        Cause::Calibration,
-        Cause::CutFile,
-        Cause::Interlaced,
-        Cause::FrameRate,
-        Cause::DroppedFrames,
-        Cause::Break,
-        Cause::BeginsInMotion,
-        Cause::EndsInMotion,
-        Cause::Exposure,
-        Cause::WhiteBalance,
-        Cause::CameraMoved,
-        Cause::PortMoved,
+    pub const ALL: [QualityCause; 25] = [
+        QualityCause::NothingSeen,
+        QualityCause::NeverInPicture,
+        QualityCause::ColourBackground,
+        QualityCause::ColourPair,
+        QualityCause::Coverage,
+        QualityCause::LeftView,
+        QualityCause::Lost,
+        QualityCause::Predicted,
+        QualityCause::LongGap,
+        QualityCause::Rejected,
+        QualityCause::BorderResidual,
+        QualityCause::NoiseFloor,
+        QualityCause::ErrorBar,
+        QualityCause::Calibration,
+        QualityCause::CutFile,
+        QualityCause::Interlaced,
+        QualityCause::FrameRate,
+        QualityCause::DroppedFrames,
+        QualityCause::Break,
+        QualityCause::BeginsInMotion,
+        QualityCause::EndsInMotion,
+        QualityCause::Exposure,
+        QualityCause::WhiteBalance,
+        QualityCause::CameraMoved,
+        QualityCause::PortMoved,
     ];
 
     /// Stable name for files, API and pages.
     pub fn name(self) -> &'static str {
         match self {
-            Cause::NothingSeen => "nothing_seen",
-            Cause::NeverInPicture => "never_in_picture",
-            Cause::ColourBackground => "colour_background",
-            Cause::ColourPair => "colour_pair",
-            Cause::Coverage => "coverage",
-            Cause::LeftView => "left_view",
-            Cause::Lost => "lost",
-            Cause::Predicted => "predicted",
-            Cause::LongGap => "long_gap",
-            Cause::Rejected => "rejected",
-            Cause::BorderResidual => "border_residual",
-            Cause::NoiseFloor => "noise_floor",
-            Cause::ErrorBar => "error_bar",
-            Cause::Calibration => "calibration",
-            Cause::CutFile => "cut_file",
-            Cause::Interlaced => "interlaced",
-            Cause::FrameRate => "frame_rate",
-            Cause::DroppedFrames => "dropped_frames",
-            Cause::Break => "break",
-            Cause::BeginsInMotion => "begins_in_motion",
-            Cause::EndsInMotion => "ends_in_motion",
-            Cause::Exposure => "exposure",
-            Cause::WhiteBalance => "white_balance",
-            Cause::CameraMoved => "camera_moved",
-            Cause::PortMoved => "port_moved",
+            QualityCause::NothingSeen => "nothing_seen",
+            QualityCause::NeverInPicture => "never_in_picture",
+            QualityCause::ColourBackground => "colour_background",
+            QualityCause::ColourPair => "colour_pair",
+            QualityCause::Coverage => "coverage",
+            QualityCause::LeftView => "left_view",
+            QualityCause::Lost => "lost",
+            QualityCause::Predicted => "predicted",
+            QualityCause::LongGap => "long_gap",
+            QualityCause::Rejected => "rejected",
+            QualityCause::BorderResidual => "border_residual",
+            QualityCause::NoiseFloor => "noise_floor",
+            QualityCause::ErrorBar => "error_bar",
+            QualityCause::Calibration => "calibration",
+            QualityCause::CutFile => "cut_file",
+            QualityCause::Interlaced => "interlaced",
+            QualityCause::FrameRate => "frame_rate",
+            QualityCause::DroppedFrames => "dropped_frames",
+            QualityCause::Break => "break",
+            QualityCause::BeginsInMotion => "begins_in_motion",
+            QualityCause::EndsInMotion => "ends_in_motion",
+            QualityCause::Exposure => "exposure",
+            QualityCause::WhiteBalance => "white_balance",
+            QualityCause::CameraMoved => "camera_moved",
+            QualityCause::PortMoved => "port_moved",
         }
     }
 
     /// Unit of the cause's figure; `1` for shares and counts.
     pub fn unit(self) -> &'static str {
         match self {
-            Cause::LongGap | Cause::Break => "s",
-            Cause::BorderResidual | Cause::Calibration => "px",
-            Cause::NoiseFloor | Cause::BeginsInMotion | Cause::EndsInMotion => "mm/s",
-            Cause::ErrorBar | Cause::CameraMoved | Cause::PortMoved => "mm",
-            Cause::FrameRate => "Hz",
-            Cause::WhiteBalance => "codes",
-            Cause::ColourBackground | Cause::ColourPair => "steps",
+            QualityCause::LongGap | QualityCause::Break => "s",
+            QualityCause::BorderResidual | QualityCause::Calibration => "px",
+            QualityCause::NoiseFloor | QualityCause::BeginsInMotion | QualityCause::EndsInMotion => "mm/s",
+            QualityCause::ErrorBar | QualityCause::CameraMoved | QualityCause::PortMoved => "mm",
+            QualityCause::FrameRate => "Hz",
+            QualityCause::WhiteBalance => "codes",
+            QualityCause::ColourBackground | QualityCause::ColourPair => "steps",
             _ => "1",
         }
     }
@@ -136,86 +136,88 @@ impl Cause {
         let [whole, tenth, hundredth] = [0, 1, 2].map(|digits| digits_apart(figure, limit, digits));
         let [percent_whole, percent_tenth] = [0, 1].map(|digits| digits_apart(percent, percents, digits));
         match self {
-            Cause::NothingSeen => "no tool was measured on any frame".to_owned(),
-            Cause::NeverInPicture => "it was never in the picture".to_owned(),
-            Cause::ColourBackground => {
+            QualityCause::NothingSeen => "no tool was measured on any frame".to_owned(),
+            QualityCause::NeverInPicture => "it was never in the picture".to_owned(),
+            QualityCause::ColourBackground => {
                 let steps = figure.max(0.0);
                 format!(
                     "its colour differs from the rest of the box by only {steps:.tenth$} of 255 steps; needs {limit:.tenth$}"
                 )
             }
-            Cause::ColourPair => {
+            QualityCause::ColourPair => {
                 let steps = figure.max(0.0);
                 format!(
                     "its colour differs from another tool's by only {steps:.tenth$} of 255 steps; needs {limit:.tenth$}"
                 )
             }
-            Cause::Coverage => {
+            QualityCause::Coverage => {
                 format!("measured on {percent:.percent_whole$} % of the frames; needs {percents:.percent_whole$} %")
             }
-            Cause::LeftView => format!(
+            QualityCause::LeftView => format!(
                 "out of view for {percent:.percent_whole$} % of the session (limit {percents:.percent_whole$} %)"
             ),
-            Cause::Lost => format!(
+            QualityCause::Lost => format!(
                 "in view but not followed on {percent:.percent_whole$} % of the frames (limit {percents:.percent_whole$} %)"
             ),
-            Cause::Predicted => {
+            QualityCause::Predicted => {
                 format!(
                     "{percent:.percent_whole$} % of the positions are bridged, not measured (limit {percents:.percent_whole$} %)"
                 )
             }
-            Cause::LongGap => format!("not measured for {figure:.tenth$} s without a break (limit {limit:.tenth$} s)"),
-            Cause::Rejected => {
+            QualityCause::LongGap => {
+                format!("not measured for {figure:.tenth$} s without a break (limit {limit:.tenth$} s)")
+            }
+            QualityCause::Rejected => {
                 format!(
                     "{percent:.percent_tenth$} % of the measurements contradict the motion (limit {percents:.percent_tenth$} %)"
                 )
             }
-            Cause::BorderResidual => {
+            QualityCause::BorderResidual => {
                 format!(
                     "its borders are {figure:.hundredth$} px off those of a straight tube (limit {limit:.hundredth$} px)"
                 )
             }
-            Cause::NoiseFloor => {
+            QualityCause::NoiseFloor => {
                 format!("at rest it would appear to move at {figure:.tenth$} mm/s (limit {limit:.tenth$} mm/s)")
             }
-            Cause::ErrorBar => {
+            QualityCause::ErrorBar => {
                 format!("half of its positions may be off by {figure:.tenth$} mm or more (limit {limit:.tenth$} mm)")
             }
-            Cause::Calibration => {
+            QualityCause::Calibration => {
                 format!(
                     "the calibration does not fit its own photos: {figure:.hundredth$} px off (limit {limit:.hundredth$} px)"
                 )
             }
-            Cause::CutFile => {
+            QualityCause::CutFile => {
                 format!(
                     "{percent:.percent_whole$} % of the recording's frames are missing from the file (limit {percents:.percent_whole$} %)"
                 )
             }
-            Cause::Interlaced => {
+            QualityCause::Interlaced => {
                 format!("{percent:.percent_whole$} % of the frames are interlaced: only every second line was used")
             }
-            Cause::FrameRate => format!("{figure:.tenth$} frames a second; needs {limit:.whole$}"),
-            Cause::DroppedFrames => {
+            QualityCause::FrameRate => format!("{figure:.tenth$} frames a second; needs {limit:.whole$}"),
+            QualityCause::DroppedFrames => {
                 format!("{percent:.percent_whole$} % of the frames were dropped (limit {percents:.percent_whole$} %)")
             }
-            Cause::Break => format!("no frame for {figure:.tenth$} s (limit {limit:.tenth$} s)"),
-            Cause::BeginsInMotion => {
+            QualityCause::Break => format!("no frame for {figure:.tenth$} s (limit {limit:.tenth$} s)"),
+            QualityCause::BeginsInMotion => {
                 format!("a tool moves at {figure:.whole$} mm/s as the recording begins (limit {limit:.whole$} mm/s)")
             }
-            Cause::EndsInMotion => {
+            QualityCause::EndsInMotion => {
                 format!("a tool moves at {figure:.whole$} mm/s as the recording ends (limit {limit:.whole$} mm/s)")
             }
-            Cause::Exposure => format!(
+            QualityCause::Exposure => format!(
                 "the picture's brightness changes by {percent:.percent_whole$} % (limit {percents:.percent_whole$} %)"
             ),
-            Cause::WhiteBalance => {
+            QualityCause::WhiteBalance => {
                 format!("the picture's white balance changes by {figure:.tenth$} codes (limit {limit:.tenth$})")
             }
-            Cause::CameraMoved => format!(
+            QualityCause::CameraMoved => format!(
                 "the camera has moved since earlier recordings with this calibration: all trocars are \
                  {figure:.tenth$} mm from where they were (limit {limit:.tenth$} mm)"
             ),
-            Cause::PortMoved => format!(
+            QualityCause::PortMoved => format!(
                 "its trocar is {figure:.tenth$} mm from its position in earlier recordings (limit {limit:.tenth$} mm)"
             ),
         }
@@ -224,47 +226,59 @@ impl Cause {
     /// What to do about it.
     pub fn advice(self) -> &'static str {
         match self {
-            Cause::NothingSeen => "mark the tape again on a frame of this recording, in this light",
-            Cause::NeverInPicture => {
+            QualityCause::NothingSeen => "mark the tape again on a frame of this recording, in this light",
+            QualityCause::NeverInPicture => {
                 "if the task needs this tool, mark its tape again in this light; if not, there is nothing to do"
             }
-            Cause::ColourBackground => "wind a tape of a colour that nothing else in the box has, and mark it again",
-            Cause::ColourPair => "wind a tape of another colour on one of the two tools, and mark both again",
-            Cause::Coverage => "keep the tape in view of the camera; the quality report lists why it was not seen",
-            Cause::LeftView => "keep the tip in the picture, or move the camera so that the whole task is in view",
-            Cause::Lost => {
+            QualityCause::ColourBackground => {
+                "wind a tape of a colour that nothing else in the box has, and mark it again"
+            }
+            QualityCause::ColourPair => "wind a tape of another colour on one of the two tools, and mark both again",
+            QualityCause::Coverage => {
+                "keep the tape in view of the camera; the quality report lists why it was not seen"
+            }
+            QualityCause::LeftView => {
+                "keep the tip in the picture, or move the camera so that the whole task is in view"
+            }
+            QualityCause::Lost => {
                 "watch these moments in the recording: does something cover the tape or does it glare? Mark its colour in that light"
             }
-            Cause::Predicted | Cause::LongGap => {
+            QualityCause::Predicted | QualityCause::LongGap => {
                 "sums such as the path length leave out what happened there; watch the gaps in the recording"
             }
-            Cause::Rejected => "look for something else of the tape's colour in the picture, and mark it as background",
-            Cause::BorderResidual => "focus the camera, avoid glare on the tape, and replace creased tape",
-            Cause::NoiseFloor => {
+            QualityCause::Rejected => {
+                "look for something else of the tape's colour in the picture, and mark it as background"
+            }
+            QualityCause::BorderResidual => "focus the camera, avoid glare on the tape, and replace creased tape",
+            QualityCause::NoiseFloor => {
                 "use more light, a larger picture or a camera closer to the tools, and enter the tape's length"
             }
-            Cause::ErrorBar => "move the camera closer, record a larger picture, and enter the tape's length",
-            Cause::Calibration => "calibrate again with a flat board, sharp photos and tilted views",
-            Cause::CutFile => "send the whole recording again; the file was cut off or damaged",
-            Cause::Interlaced => {
+            QualityCause::ErrorBar => "move the camera closer, record a larger picture, and enter the tape's length",
+            QualityCause::Calibration => "calibrate again with a flat board, sharp photos and tilted views",
+            QualityCause::CutFile => "send the whole recording again; the file was cut off or damaged",
+            QualityCause::Interlaced => {
                 "record progressive video (25p, not 50i), or deinterlace it first: ffmpeg -i IN -vf bwdif=mode=send_field OUT.mp4"
             }
-            Cause::FrameRate => "record at 25 frames a second or more",
-            Cause::DroppedFrames => "record to a faster disk, over a better connection, or with a smaller picture",
-            Cause::Break => "record the task without interruption",
-            Cause::BeginsInMotion => {
+            QualityCause::FrameRate => "record at 25 frames a second or more",
+            QualityCause::DroppedFrames => {
+                "record to a faster disk, over a better connection, or with a smaller picture"
+            }
+            QualityCause::Break => "record the task without interruption",
+            QualityCause::BeginsInMotion => {
                 "start the recording before the tools move; duration and sums leave out the beginning"
             }
-            Cause::EndsInMotion => {
+            QualityCause::EndsInMotion => {
                 "end the recording after the tools have come to rest; duration and sums leave out the end"
             }
-            Cause::Exposure => "switch off the camera's automatic exposure, and keep the light constant",
-            Cause::WhiteBalance => "switch off the camera's automatic white balance, and keep the light constant",
-            Cause::CameraMoved => {
+            QualityCause::Exposure => "switch off the camera's automatic exposure, and keep the light constant",
+            QualityCause::WhiteBalance => {
+                "switch off the camera's automatic white balance, and keep the light constant"
+            }
+            QualityCause::CameraMoved => {
                 "lengths and speeds are still right, but positions, depth and paths cannot be compared with earlier ones: put \
                  the camera back, or upload the calibration of the box again to start a new comparison"
             }
-            Cause::PortMoved => {
+            QualityCause::PortMoved => {
                 "put the trocar back; if it stays there or the camera was moved, upload the calibration of the box again. \
                  Positions and paths cannot be compared with earlier ones; lengths and speeds are still right"
             }
@@ -274,7 +288,7 @@ impl Cause {
 
 /// Number of decimals, at least `least`, so that a figure reads differently from the limit that it broke.
 fn digits_apart(figure: f64, limit: f64, least: usize) -> usize {
-    const MOST_MORE: usize = 2;
+    const MAX_EXTRA_DIGITS: usize = 2;
     let differ = |digits: &usize| format!("{figure:.digits$}") != format!("{limit:.digits$}");
-    (least..=least + MOST_MORE).find(differ).unwrap_or(least)
+    (least..=least + MAX_EXTRA_DIGITS).find(differ).unwrap_or(least)
 }

@@ -1,11 +1,11 @@
 //! The quality gate: compares every figure with its limits. The worst result is the session's verdict.
 
-use super::{Cause, Figures, ToolFigures};
+use super::{Figures, QualityCause, ToolFigures};
 use crate::pipeline::segmentation::palette::Margin;
 
 /// The quality verdict on a session: whether its measurements can be trusted.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Verdict {
+pub enum QualityVerdict {
     /// They can be trusted.
     Valid,
     /// They can be trusted if the reader knows these concerns.
@@ -37,7 +37,7 @@ impl Severity {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Concern {
     /// What is wrong.
-    pub cause: Cause,
+    pub cause: QualityCause,
     /// The tool concerned; `None` for the session as a whole.
     pub tool: Option<String>,
     /// The marked colour label concerned, if the cause is about a colour.
@@ -64,103 +64,105 @@ impl Concern {
     }
 }
 
-impl Verdict {
+impl QualityVerdict {
     /// Stable name for files, API and pages.
     pub fn name(&self) -> &'static str {
         match self {
-            Verdict::Valid => "valid",
-            Verdict::UsableWithCare(_) => "usable_with_care",
-            Verdict::Refused(_) => "refused",
+            QualityVerdict::Valid => "valid",
+            QualityVerdict::UsableWithCare(_) => "usable_with_care",
+            QualityVerdict::Refused(_) => "refused",
         }
     }
 
     /// The verdict in words.
     pub fn title(&self) -> &'static str {
         match self {
-            Verdict::Valid => "valid",
-            Verdict::UsableWithCare(_) => "usable with care",
-            Verdict::Refused(_) => "refused",
+            QualityVerdict::Valid => "valid",
+            QualityVerdict::UsableWithCare(_) => "usable with care",
+            QualityVerdict::Refused(_) => "refused",
         }
     }
 
     /// True if the session's features are withheld.
     pub fn is_refused(&self) -> bool {
-        matches!(self, Verdict::Refused(_))
+        matches!(self, QualityVerdict::Refused(_))
     }
 
     /// The concerns, the worst first.
     pub fn concerns(&self) -> &[Concern] {
         match self {
-            Verdict::Valid => &[],
-            Verdict::UsableWithCare(concerns) | Verdict::Refused(concerns) => concerns,
+            QualityVerdict::Valid => &[],
+            QualityVerdict::UsableWithCare(concerns) | QualityVerdict::Refused(concerns) => concerns,
         }
     }
 }
 
 /// Compares every figure with its limits. An unknown figure breaks none.
-pub fn judge(figures: &Figures) -> Verdict {
-    let of_tools = figures.tools.iter().flat_map(|tool| Cause::ALL.map(|cause| (cause, Some(tool))));
-    let of_session = Cause::ALL.map(|cause| (cause, None));
-    let concern = |(cause, tool): (Cause, Option<&ToolFigures>)| {
-        let figure = tool.map_or_else(|| of_the_session(figures, cause), |tool| of_a_tool(tool, cause))?;
+pub fn judge(figures: &Figures) -> QualityVerdict {
+    let of_tools = figures.tools.iter().flat_map(|tool| QualityCause::ALL.map(|cause| (cause, Some(tool))));
+    let of_session = QualityCause::ALL.map(|cause| (cause, None));
+    let concern = |(cause, tool): (QualityCause, Option<&ToolFigures>)| {
+        let figure = tool.map_or_else(|| session_figure(figures, cause), |tool| tool_figure(tool, cause))?;
         let (severity, limit) = cause.limits().breach(figure)?;
-        let label = tool.and_then(|tool| nearest(tool, cause)).map(|margin| margin.nearest.clone());
+        let label = tool.and_then(|tool| colour_margin(tool, cause)).map(|margin| margin.nearest.clone());
         Some(Concern { cause, tool: tool.map(|tool| tool.tool.clone()), label, figure, limit, severity })
     };
     let mut concerns: Vec<Concern> = of_session.into_iter().chain(of_tools).filter_map(concern).collect();
     concerns.sort_by_key(|concern| (std::cmp::Reverse(concern.severity), concern.cause));
     match concerns.first().map(|worst| worst.severity) {
-        None => Verdict::Valid,
-        Some(Severity::Care) => Verdict::UsableWithCare(concerns),
-        Some(Severity::Refuse) => Verdict::Refused(concerns),
+        None => QualityVerdict::Valid,
+        Some(Severity::Care) => QualityVerdict::UsableWithCare(concerns),
+        Some(Severity::Refuse) => QualityVerdict::Refused(concerns),
     }
 }
 
-fn of_the_session(figures: &Figures, cause: Cause) -> Option<f64> {
+fn session_figure(figures: &Figures, cause: QualityCause) -> Option<f64> {
     let session = &figures.session;
     match cause {
-        Cause::NothingSeen => Some(session.observed as f64),
-        Cause::Calibration => session.calibration_rms_px,
-        Cause::CutFile => session.cut_share,
-        Cause::Interlaced => session.interlaced_share,
-        Cause::FrameRate => session.frame_rate_hz,
-        Cause::DroppedFrames => session.dropped_share,
-        Cause::Break => session.longest_interval_s,
-        Cause::BeginsInMotion => session.first_speed_mm_s,
-        Cause::EndsInMotion => session.last_speed_mm_s,
-        Cause::Exposure => session.exposure_drift,
-        Cause::WhiteBalance => session.white_drift_codes,
-        Cause::CameraMoved => session.camera_shift.map(|shift| shift.mm),
+        QualityCause::NothingSeen => Some(session.observed as f64),
+        QualityCause::Calibration => session.calibration_rms_px,
+        QualityCause::CutFile => session.cut_share,
+        QualityCause::Interlaced => session.interlaced_share,
+        QualityCause::FrameRate => session.frame_rate_hz,
+        QualityCause::DroppedFrames => session.dropped_share,
+        QualityCause::Break => session.longest_interval_s,
+        QualityCause::BeginsInMotion => session.first_speed_mm_s,
+        QualityCause::EndsInMotion => session.last_speed_mm_s,
+        QualityCause::Exposure => session.exposure_drift,
+        QualityCause::WhiteBalance => session.white_drift_codes,
+        QualityCause::CameraMoved => session.camera_shift.map(|shift| shift.mm),
         _ => None,
     }
 }
 
 /// A tool that was never in the picture has only that cause.
-fn of_a_tool(tool: &ToolFigures, cause: Cause) -> Option<f64> {
+fn tool_figure(tool: &ToolFigures, cause: QualityCause) -> Option<f64> {
     if tool.never_in_picture {
-        return (cause == Cause::NeverInPicture).then_some(0.0);
+        return (cause == QualityCause::NeverInPicture).then_some(0.0);
     }
     match cause {
-        Cause::ColourBackground | Cause::ColourPair => nearest(tool, cause).map(|margin| margin.margin_steps),
-        Cause::Coverage => tool.coverage,
-        Cause::LeftView => tool.left_view_share,
-        Cause::Lost => tool.lost_share,
-        Cause::Predicted => tool.predicted_share,
-        Cause::LongGap => tool.longest_gap_s,
-        Cause::Rejected => tool.rejected_share,
-        Cause::BorderResidual => tool.border_residual_px,
-        Cause::NoiseFloor => tool.noise_floor.map(|noise| noise.smoothed_mm_s),
-        Cause::ErrorBar => tool.error_bar.map(|bar| bar.median_mm),
-        Cause::PortMoved => tool.has_port_moved.then_some(tool.port_shift?.mm),
+        QualityCause::ColourBackground | QualityCause::ColourPair => {
+            colour_margin(tool, cause).map(|margin| margin.margin_steps)
+        }
+        QualityCause::Coverage => tool.coverage,
+        QualityCause::LeftView => tool.left_view_share,
+        QualityCause::Lost => tool.lost_share,
+        QualityCause::Predicted => tool.predicted_share,
+        QualityCause::LongGap => tool.longest_gap_s,
+        QualityCause::Rejected => tool.rejected_share,
+        QualityCause::BorderResidual => tool.border_residual_px,
+        QualityCause::NoiseFloor => tool.noise_floor.map(|noise| noise.smoothed_mm_s),
+        QualityCause::ErrorBar => tool.error_bar.map(|bar| bar.median_mm),
+        QualityCause::PortMoved => tool.has_port_moved.then_some(tool.port_shift?.mm),
         _ => None,
     }
 }
 
 /// The colour margin that the cause is about; `None` for causes that are not about colour.
-fn nearest(tool: &ToolFigures, cause: Cause) -> Option<&Margin> {
+fn colour_margin(tool: &ToolFigures, cause: QualityCause) -> Option<&Margin> {
     match cause {
-        Cause::ColourBackground => tool.colour.from_background.as_ref(),
-        Cause::ColourPair => tool.colour.from_tools.as_ref(),
+        QualityCause::ColourBackground => tool.colour.from_background.as_ref(),
+        QualityCause::ColourPair => tool.colour.from_tools.as_ref(),
         _ => None,
     }
 }

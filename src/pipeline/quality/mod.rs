@@ -25,23 +25,23 @@ pub mod ports;
 pub mod session;
 pub mod tool;
 
-pub use cause::Cause;
-pub use gate::{Concern, Severity, Verdict, judge};
-pub use noise_floor::{Basis, NoiseFloor};
-pub use ports::{Placement, Ports, Shift};
+pub use cause::QualityCause;
+pub use gate::{Concern, QualityVerdict, Severity, judge};
+pub use noise_floor::{NoiseFloor, NoiseFloorBasis};
+pub use ports::{Displacement, PortPlacement, Ports};
 pub use session::SessionFigures;
 pub use tool::ToolFigures;
 
 use super::tracker::{MotionSettings, Quality, Tracking};
-use super::trajectory::{Paths, SampleState, Trajectory};
+use super::trajectory::{PathSource, SampleState, Trajectory};
 
 /// Everything that is known of a session when it is judged.
 #[derive(Clone, Copy, Debug)]
-pub struct Evidence<'a> {
+pub struct QualityInput<'a> {
     /// The path that is scored.
     pub smoothed: &'a Trajectory,
     /// The causal path, and each frame's own measurement.
-    pub others: Option<&'a dyn Paths>,
+    pub others: Option<&'a dyn PathSource>,
     /// The tracker's quality record.
     pub tracker: Option<&'a Quality>,
     /// The filter's motion model.
@@ -56,7 +56,7 @@ pub struct Evidence<'a> {
     pub ports: Option<&'a Ports>,
 }
 
-impl<'a> Evidence<'a> {
+impl<'a> QualityInput<'a> {
     /// For a recording that was tracked here, with its smoothed path.
     pub fn of_tracking(tracking: &'a Tracking, smoothed: &'a Trajectory, motion: MotionSettings) -> Self {
         Self {
@@ -96,8 +96,8 @@ pub struct Figures {
 }
 
 /// Computes every figure that the input supports.
-pub fn measure(evidence: &Evidence<'_>) -> Figures {
-    let shown = Shown::of(evidence.smoothed);
+pub fn measure(evidence: &QualityInput<'_>) -> Figures {
+    let shown = MeasuredRange::of(evidence.smoothed);
     let placement = placement(evidence).unwrap_or_default();
     let tool = |index| tool::measure(evidence, index, shown, &placement);
     Figures {
@@ -106,22 +106,22 @@ pub fn measure(evidence: &Evidence<'_>) -> Figures {
     }
 }
 
-fn placement(evidence: &Evidence<'_>) -> Option<Placement> {
+fn placement(evidence: &QualityInput<'_>) -> Option<PortPlacement> {
     let fulcrums: Vec<_> = evidence.tracker?.tools.iter().map(|tool| tool.fulcrum).collect();
-    Some(evidence.ports?.place(&fulcrums))
+    Some(evidence.ports?.compare(&fulcrums))
 }
 
 /// The frames between the first and the last one with a measurement of any tool: the session without its lead-in and
 /// end.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Shown {
+pub(crate) struct MeasuredRange {
     first: u64,
     last: u64,
     first_s: f64,
     last_s: f64,
 }
 
-impl Shown {
+impl MeasuredRange {
     fn of(path: &Trajectory) -> Option<Self> {
         let mut seen = path.samples.iter().filter(|sample| sample.state == SampleState::Observed);
         let first = seen.next()?;

@@ -21,30 +21,30 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use super::{Evidence, quantile};
-use crate::pipeline::filter::kalman::State;
-use crate::pipeline::filter::smoother::Run;
-use crate::pipeline::tracker::STATED_SHARE;
-use crate::pipeline::trajectory::{Kind, Sample, SampleState};
+use super::{QualityInput, quantile};
+use crate::pipeline::filter::kalman::KalmanState;
+use crate::pipeline::filter::smoother::FilterRun;
+use crate::pipeline::tracker::STATED_SIGMA_SHARE;
+use crate::pipeline::trajectory::{PathKind, Sample, SampleState};
 
 /// Minimum time for which a tip must stay in place to be at rest, s. Half a second at both ends does not count, because
 /// the smoother still remembers the motion there.
-pub const REST_S: f64 = 2.0;
+pub const MIN_REST_S: f64 = 2.0;
 
 /// Time left out at either end of a rest, s.
-const MEMORY_S: f64 = 0.5;
+const SMOOTHER_MEMORY_S: f64 = 0.5;
 
 /// Maximum movement of a resting tip in the picture, pixels: 0.15 mm at 150 mm, less than a hand's tremor.
-const REST_PX: f64 = 1.0;
+const MAX_REST_PX: f64 = 1.0;
 
 /// Maximum time between two measurements of one rest, s.
-const UNBROKEN_S: f64 = 0.25;
+const MAX_STEP_S: f64 = 0.25;
 
 /// Correlation of the errors of adjacent frames: 0 on uncompressed pictures, one half on some of those paths.
-const ALIKE: f64 = 0.2;
+const ERROR_CORRELATION: f64 = 0.2;
 
 /// Minimum number of third differences for a median.
-const FEWEST: usize = 30;
+const MIN_DIFFERENCES: usize = 30;
 
 /// The RMS speed at which a resting tool would appear to move, mm/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,34 +54,34 @@ pub struct NoiseFloor {
     /// In the causal path, as in a live feed; `None` if only the smoothed path is known.
     pub causal_mm_s: Option<f64>,
     /// What it was computed from.
-    pub basis: Basis,
+    pub basis: NoiseFloorBasis,
 }
 
 /// What a noise floor was computed from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Basis {
+pub enum NoiseFloorBasis {
     /// Measured while the tool rested, for this many seconds.
     Rest(f64),
     /// Derived from the differences of measurements between frames, because the tool never rested.
     Measurements,
 }
 
-impl Basis {
+impl NoiseFloorBasis {
     /// Stable name for files, API and pages.
     pub fn name(self) -> &'static str {
         match self {
-            Basis::Rest(_) => "rest",
-            Basis::Measurements => "measurements",
+            NoiseFloorBasis::Rest(_) => "rest",
+            NoiseFloorBasis::Measurements => "measurements",
         }
     }
 }
 
-pub(super) fn estimate(evidence: &Evidence<'_>, tool: usize) -> Option<NoiseFloor> {
+pub(super) fn estimate(evidence: &QualityInput<'_>, tool: usize) -> Option<NoiseFloor> {
     at_rest(evidence, tool).or_else(|| from_measurements(evidence, tool))
 }
 
 /// The noise floor from the stretches where the tool rests.
-pub(super) fn at_rest(evidence: &Evidence<'_>, tool: usize) -> Option<NoiseFloor> {
+pub(super) fn at_rest(evidence: &QualityInput<'_>, tool: usize) -> Option<NoiseFloor> {
     let path: Vec<&Sample> = evidence.smoothed.of_tool(tool).collect();
     let rests = rests(&path);
     let inside = |sample: &Sample| rests.iter().any(|(from, until)| (*from..=*until).contains(&sample.time_s));
@@ -89,9 +89,9 @@ pub(super) fn at_rest(evidence: &Evidence<'_>, tool: usize) -> Option<NoiseFloor
         rms(samples.filter(|s| inside(s)).filter_map(|s| s.velocity_mm_s).map(|v| v.norm()))
     };
     let smoothed_mm_s = speed(&mut path.iter().copied())?;
-    let causal_mm_s = evidence.others.and_then(|others| speed(&mut others.path(Kind::Filtered, tool).iter()));
+    let causal_mm_s = evidence.others.and_then(|others| speed(&mut others.path(PathKind::Filtered, tool).iter()));
     let rest_s = rests.iter().map(|(from, until)| until - from).sum();
-    Some(NoiseFloor { smoothed_mm_s, causal_mm_s, basis: Basis::Rest(rest_s) })
+    Some(NoiseFloor { smoothed_mm_s, causal_mm_s, basis: NoiseFloorBasis::Rest(rest_s) })
 }
 
 /// Start and end of each rest, s, without the ends where the smoother remembers motion.
@@ -105,8 +105,8 @@ fn rests(path: &[&Sample]) -> Vec<(f64, f64)> {
     let mut first = 0;
     while first < seen.len() {
         let last = last_in_place(&seen, first);
-        if seen[last].0 - seen[first].0 >= REST_S {
-            rests.push((seen[first].0 + MEMORY_S, seen[last].0 - MEMORY_S));
+        if seen[last].0 - seen[first].0 >= MIN_REST_S {
+            rests.push((seen[first].0 + SMOOTHER_MEMORY_S, seen[last].0 - SMOOTHER_MEMORY_S));
             first = last;
         }
         first += 1;
@@ -122,8 +122,8 @@ fn last_in_place(seen: &[(f64, [f64; 2])], first: usize) -> usize {
             low[axis] = low[axis].min(seen[next].1[axis]);
             high[axis] = high[axis].max(seen[next].1[axis]);
         }
-        let has_moved = (0..2).any(|axis| high[axis] - low[axis] > REST_PX);
-        if has_moved || seen[next].0 - seen[next - 1].0 > UNBROKEN_S {
+        let has_moved = (0..2).any(|axis| high[axis] - low[axis] > MAX_REST_PX);
+        if has_moved || seen[next].0 - seen[next - 1].0 > MAX_STEP_S {
             return next - 1;
         }
     }
@@ -131,27 +131,28 @@ fn last_in_place(seen: &[(f64, [f64; 2])], first: usize) -> usize {
 }
 
 /// The noise floor from the differences of measurements between frames.
-pub(super) fn from_measurements(evidence: &Evidence<'_>, tool: usize) -> Option<NoiseFloor> {
-    let raw = evidence.others?.path(Kind::Raw, tool);
+pub(super) fn from_measurements(evidence: &QualityInput<'_>, tool: usize) -> Option<NoiseFloor> {
+    let raw = evidence.others?.path(PathKind::Raw, tool);
     let steps = raw.windows(2).filter(|pair| pair[1].frame == pair[0].frame + 1);
     let step_s = quantile(steps.map(|pair| pair[1].time_s - pair[0].time_s).collect(), 0.5)?;
     let sigma = |of: fn(&Sample) -> Option<f64>| quantile(raw.iter().filter_map(of).collect(), 0.5);
     let (lateral, depth) = (sigma(|s| s.sigma_xy_mm)?, sigma(|s| s.sigma_z_mm)?);
-    let believed = Vector3::new(lateral, lateral, depth) / STATED_SHARE;
-    let passing_depth_mm = evidence.tracker.and_then(|tracker| tracker.tools.get(tool)?.passing_depth_mm);
-    let noise = without_tremor(changes(&raw, step_s)?, passing_depth_mm, lateral / depth);
+    let believed = Vector3::new(lateral, lateral, depth) / STATED_SIGMA_SHARE;
+    let passing_depth_mm = evidence.tracker.and_then(|tracker| tracker.tools.get(tool)?.transient_depth_sigma_mm);
+    let noise = without_tremor(changing_sigma(&raw, step_s)?, passing_depth_mm, lateral / depth);
     /// Variance that slow filters leave of correlated errors, relative to independent ones.
-    const LEFT: f64 = (1.0 + ALIKE) / (1.0 - ALIKE);
-    let speeds = speeds(noise, believed, step_s, evidence.motion.noise_density());
-    let (smoothed_mm_s, causal_mm_s) = (speeds.0 * LEFT.sqrt(), speeds.1 * LEFT.sqrt());
-    Some(NoiseFloor { smoothed_mm_s, causal_mm_s: Some(causal_mm_s), basis: Basis::Measurements })
+    const CORRELATED_GAIN: f64 = (1.0 + ERROR_CORRELATION) / (1.0 - ERROR_CORRELATION);
+    let speeds = noise_speeds(noise, believed, step_s, evidence.motion.noise_density());
+    let (smoothed_mm_s, causal_mm_s) = (speeds.0 * CORRELATED_GAIN.sqrt(), speeds.1 * CORRELATED_GAIN.sqrt());
+    Some(NoiseFloor { smoothed_mm_s, causal_mm_s: Some(causal_mm_s), basis: NoiseFloorBasis::Measurements })
 }
 
 /// Standard deviation of the changing part of the errors, mm, per axis: a robust estimate from third differences
 /// between frames, over the slowest quarter of the session.
-fn changes(raw: &[Sample], step_s: f64) -> Option<Vector3<f64>> {
+fn changing_sigma(raw: &[Sample], step_s: f64) -> Option<Vector3<f64>> {
     /// Variance of the differences `-1 3 -3 1` of errors of unit variance with this correlation.
-    const GAIN: f64 = 20.0 - 30.0 * ALIKE + 12.0 * ALIKE * ALIKE - 2.0 * ALIKE * ALIKE * ALIKE;
+    const GAIN: f64 = 20.0 - 30.0 * ERROR_CORRELATION + 12.0 * ERROR_CORRELATION * ERROR_CORRELATION
+        - 2.0 * ERROR_CORRELATION * ERROR_CORRELATION * ERROR_CORRELATION;
     /// Standard deviation divided by the median magnitude, for a normal distribution.
     const PER_MEDIAN: f64 = 1.482_6;
     let even = |w: &&[Sample]| {
@@ -165,11 +166,11 @@ fn changes(raw: &[Sample], step_s: f64) -> Option<Vector3<f64>> {
             ((w[3].tip_mm - w[0].tip_mm).xy().norm(), third)
         })
         .collect();
-    if differences.len() < FEWEST {
+    if differences.len() < MIN_DIFFERENCES {
         return None;
     }
     differences.sort_by(|a, b| a.0.total_cmp(&b.0));
-    differences.truncate((differences.len() / 4).max(FEWEST));
+    differences.truncate((differences.len() / 4).max(MIN_DIFFERENCES));
     let axis = |i: usize| quantile(differences.iter().map(|(_, d)| d[i].abs()).collect(), 0.5);
     Some(Vector3::new(axis(0)?, axis(1)?, axis(2)?) * PER_MEDIAN / GAIN.sqrt())
 }
@@ -179,22 +180,27 @@ fn changes(raw: &[Sample], step_s: f64) -> Option<Vector3<f64>> {
 /// scenes that was 1.2 to 5 times the truth. Across it, at most the depth noise times the stated ratio of both.
 fn without_tremor(changes_mm: Vector3<f64>, passing_depth_mm: Option<f64>, lateral_to_depth: f64) -> Vector3<f64> {
     /// Minimum ratio, for caution.
-    const LEAST_RATIO: f64 = 0.2;
+    const MIN_RATIO: f64 = 0.2;
     let depth = passing_depth_mm.map_or(changes_mm.z, |passing| changes_mm.z.min(passing));
-    let max_lateral = depth * lateral_to_depth.max(LEAST_RATIO);
+    let max_lateral = depth * lateral_to_depth.max(MIN_RATIO);
     Vector3::new(changes_mm.x.min(max_lateral), changes_mm.y.min(max_lateral), depth)
 }
 
 /// The RMS speeds that independent errors of standard deviation `noise_mm` cause at rest, in the smoothed and in the
 /// causal path, mm/s, if the filter believes in errors of `believed_mm`.
-pub(super) fn speeds(noise_mm: Vector3<f64>, believed_mm: Vector3<f64>, step_s: f64, noise_density: f64) -> (f64, f64) {
+pub(super) fn noise_speeds(
+    noise_mm: Vector3<f64>,
+    believed_mm: Vector3<f64>,
+    step_s: f64,
+    noise_density: f64,
+) -> (f64, f64) {
     /// Time on either side of the error, s: longer than any filter here remembers.
     const SIDE_S: f64 = 3.0;
-    const MOST_STEPS: f64 = 500.0;
-    let side = (SIDE_S / step_s).clamp(8.0, MOST_STEPS) as usize;
+    const MAX_STEPS: f64 = 500.0;
+    let side = (SIDE_S / step_s).clamp(8.0, MAX_STEPS) as usize;
     let covariance = Matrix3::from_diagonal(&believed_mm.component_mul(&believed_mm));
-    let mut state = State::first_seen(Point3::origin(), covariance, 0.0);
-    let mut run = Run::default();
+    let mut state = KalmanState::first_seen(Point3::origin(), covariance, 0.0);
+    let mut run = FilterRun::default();
     run.push(0.0, &state, 0.0, None);
     for step in 1..=2 * side {
         let seen = if step == side { Point3::from(noise_mm) } else { Point3::origin() };
@@ -202,7 +208,7 @@ pub(super) fn speeds(noise_mm: Vector3<f64>, believed_mm: Vector3<f64>, step_s: 
         run.push(step as f64 * step_s, &state, noise_density, Some((seen, covariance)));
     }
     let root =
-        |states: &mut dyn Iterator<Item = State>| states.map(|s| s.velocity().norm_squared()).sum::<f64>().sqrt();
+        |states: &mut dyn Iterator<Item = KalmanState>| states.map(|s| s.velocity().norm_squared()).sum::<f64>().sqrt();
     (root(&mut run.smoothed()), root(&mut run.filtered()))
 }
 

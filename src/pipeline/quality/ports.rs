@@ -13,33 +13,33 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use super::limits::MOVED_MM;
+use super::limits::MAX_DISPLACEMENT_MM;
 use super::quantile;
 use crate::pipeline::pose::fulcrum::Fulcrum;
 
 /// Minimum number of sessions with a port: the median of three sessions outvotes one that differs.
-pub const FEWEST: usize = 3;
+pub const MIN_SESSIONS: usize = 3;
 
 /// Maximum number of sessions used for the ports: the median of 20 is known more than three times as well as one
 /// session. The first sessions after the calibration without a displacement are used. So slow sagging adds up against
 /// them, and a displacement is reported until it is corrected; with the last sessions the new position would soon count
 /// as normal.
-pub const MOST: usize = 20;
+pub const MAX_SESSIONS: usize = 20;
 
 /// A displacement beyond this many standard deviations is not chance: in space this is as rare as three standard
 /// deviations in one dimension (0.27 %).
-const SURE: f64 = 3.76;
+const SIGNIFICANT_SIGMAS: f64 = 3.76;
 
 /// A fulcrum within this distance of a port of earlier sessions belongs to it, mm: trocars are placed farther apart
 /// than this, and a session that lies farther off must not enter the median.
-const ONE_PORT_MM: f64 = 25.0;
+const SAME_PORT_MM: f64 = 25.0;
 
 /// Beyond this distance a tool used a port that is not known yet, mm. No port moves so far, and a camera that moved so
 /// far shows in all tools together.
-const ANOTHER_PORT_MM: f64 = 2.0 * ONE_PORT_MM;
+const OTHER_PORT_MM: f64 = 2.0 * SAME_PORT_MM;
 
 /// Variance of a median relative to that of a mean.
-const MEDIAN_COST: f64 = std::f64::consts::FRAC_PI_2;
+const MEDIAN_VARIANCE_RATIO: f64 = std::f64::consts::FRAC_PI_2;
 
 /// Positions of a box's trocars, from earlier sessions.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -47,7 +47,7 @@ pub struct Ports(Vec<Fulcrum>);
 
 /// How far something has moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shift {
+pub struct Displacement {
     /// Distance, mm.
     pub mm: f64,
     /// Standard deviation of the distance, along its direction, mm.
@@ -56,30 +56,30 @@ pub struct Shift {
 
 /// Positions of a session's trocars relative to the box's ports.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Placement {
+pub struct PortPlacement {
     /// Set if the camera has moved: the displacement of the trocar that seems to have moved most.
-    pub camera: Option<Shift>,
+    pub camera: Option<Displacement>,
     /// For each tool: its trocar's distance from the nearest port; `None` if either is unknown.
-    pub tools: Vec<Option<Shift>>,
+    pub tools: Vec<Option<Displacement>>,
 }
 
-impl Shift {
+impl Displacement {
     /// True if it is larger than its own error can explain.
-    pub fn is_sure(&self) -> bool {
-        self.mm > SURE * self.sigma_mm
+    pub fn is_significant(&self) -> bool {
+        self.mm > SIGNIFICANT_SIGMAS * self.sigma_mm
     }
 
     /// True if it is significant and larger than [`MAX_DISPLACEMENT_MM`].
-    pub fn is_moved(&self) -> bool {
-        self.is_sure() && self.mm > MOVED_MM
+    pub fn has_moved(&self) -> bool {
+        self.is_significant() && self.mm > MAX_DISPLACEMENT_MM
     }
 }
 
-impl Placement {
+impl PortPlacement {
     /// The displacement of a tool's trocar alone; `None` if it has not moved, or if the camera has.
-    pub fn port(&self, tool: usize) -> Option<Shift> {
+    pub fn port(&self, tool: usize) -> Option<Displacement> {
         let shift = self.tools.get(tool).copied().flatten();
-        shift.filter(|shift| self.camera.is_none() && shift.is_moved())
+        shift.filter(|shift| self.camera.is_none() && shift.has_moved())
     }
 }
 
@@ -97,42 +97,47 @@ impl Ports {
     /// The ports that the sessions share: each fulcrum joins the nearest port or starts a new one.
     pub fn of_sessions(sessions: &[Vec<Fulcrum>]) -> Self {
         let mut seen: Vec<Vec<Fulcrum>> = Vec::new();
-        for session in sessions.iter().take(MOST) {
+        for session in sessions.iter().take(MAX_SESSIONS) {
             let first: Vec<Point3<f64>> = seen.iter().map(|of_port| of_port[0].at).collect();
             let near = |tool: &Fulcrum| Some(tool).map(|tool| tool.at);
-            let ports = nearest(&session.iter().map(near).collect::<Vec<_>>(), &first);
+            let ports = assign_ports(&session.iter().map(near).collect::<Vec<_>>(), &first);
             for (fulcrum, port) in session.iter().zip(ports) {
-                match port.filter(|port| (fulcrum.at - first[*port]).norm() < ONE_PORT_MM) {
+                match port.filter(|port| (fulcrum.at - first[*port]).norm() < SAME_PORT_MM) {
                     Some(port) => seen[port].push(*fulcrum),
                     None => seen.push(vec![*fulcrum]),
                 }
             }
         }
-        Self(seen.iter().filter(|of_port| of_port.len() >= FEWEST).filter_map(|of_port| median(of_port)).collect())
+        Self(
+            seen.iter()
+                .filter(|of_port| of_port.len() >= MIN_SESSIONS)
+                .filter_map(|of_port| median_fulcrum(of_port))
+                .collect(),
+        )
     }
 
     /// Compares a session's trocars with the ports.
-    pub fn place(&self, tools: &[Option<Fulcrum>]) -> Placement {
+    pub fn compare(&self, tools: &[Option<Fulcrum>]) -> PortPlacement {
         let at: Vec<Option<Point3<f64>>> = tools.iter().map(|tool| tool.map(|fulcrum| fulcrum.at)).collect();
-        let ports = nearest(&at, &self.0.iter().map(|port| port.at).collect::<Vec<_>>());
+        let ports = assign_ports(&at, &self.0.iter().map(|port| port.at).collect::<Vec<_>>());
         let pairs: Vec<Option<(Fulcrum, Fulcrum)>> =
             tools.iter().zip(ports).map(|(tool, port)| Some((self.0[port?], (*tool)?))).collect();
         let known: Vec<(Fulcrum, Fulcrum)> = pairs.iter().copied().flatten().collect();
-        let camera = camera(&known);
+        let camera = camera_displacement(&known);
         let shift = |pair: Option<(Fulcrum, Fulcrum)>| {
-            pair.and_then(|(port, now)| between(&port, &now))
-                .filter(|shift| camera.is_some() || shift.mm < ANOTHER_PORT_MM)
+            pair.and_then(|(port, now)| displacement(&port, &now))
+                .filter(|shift| camera.is_some() || shift.mm < OTHER_PORT_MM)
         };
-        Placement { camera, tools: pairs.into_iter().map(shift).collect() }
+        PortPlacement { camera, tools: pairs.into_iter().map(shift).collect() }
     }
 }
 
 /// The displacement of the camera, if every trocar agrees: all have moved, and their mutual distances are unchanged.
-fn camera(pairs: &[(Fulcrum, Fulcrum)]) -> Option<Shift> {
-    let shifts: Vec<Shift> = pairs.iter().map(|(port, now)| between(port, now)).collect::<Option<_>>()?;
-    let largest = shifts.iter().copied().max_by(|a, b| a.mm.total_cmp(&b.mm)).filter(Shift::is_moved)?;
+fn camera_displacement(pairs: &[(Fulcrum, Fulcrum)]) -> Option<Displacement> {
+    let shifts: Vec<Displacement> = pairs.iter().map(|(port, now)| displacement(port, now)).collect::<Option<_>>()?;
+    let largest = shifts.iter().copied().max_by(|a, b| a.mm.total_cmp(&b.mm)).filter(Displacement::has_moved)?;
     // A camera that has turned leaves one trocar nearer to its old position than another, but none in place.
-    let are_all = shifts.iter().all(|shift| shift.is_sure() && shift.mm > 0.5 * MOVED_MM);
+    let are_all = shifts.iter().all(|shift| shift.is_significant() && shift.mm > 0.5 * MAX_DISPLACEMENT_MM);
     let mut two = pairs.iter().enumerate().flat_map(|(i, one)| pairs[i + 1..].iter().map(move |other| (one, other)));
     (pairs.len() > 1 && are_all && two.all(|(one, other)| is_rigid(one, other))).then_some(largest)
 }
@@ -144,14 +149,14 @@ fn is_rigid(one: &(Fulcrum, Fulcrum), other: &(Fulcrum, Fulcrum)) -> bool {
     let (before, now) = (apart(&one.0, &other.0), apart(&one.1, &other.1));
     let [was, is] = [&before, &now].map(|apart| apart.at.coords.norm());
     let sigma = |apart: &Fulcrum| sigma_along(&apart.covariance, &apart.at.coords).unwrap_or(f64::INFINITY);
-    (is - was).abs() < (SURE * sigma(&before).hypot(sigma(&now))).max(0.5 * MOVED_MM)
+    (is - was).abs() < (SIGNIFICANT_SIGMAS * sigma(&before).hypot(sigma(&now))).max(0.5 * MAX_DISPLACEMENT_MM)
 }
 
 /// `None` if a covariance is not positive.
-fn between(port: &Fulcrum, now: &Fulcrum) -> Option<Shift> {
+fn displacement(port: &Fulcrum, now: &Fulcrum) -> Option<Displacement> {
     let shift = now.at - port.at;
     let sigma_mm = sigma_along(&(port.covariance + now.covariance), &shift)?;
-    Some(Shift { mm: shift.norm(), sigma_mm })
+    Some(Displacement { mm: shift.norm(), sigma_mm })
 }
 
 fn sigma_along(covariance: &Matrix3<f64>, direction: &Vector3<f64>) -> Option<f64> {
@@ -161,7 +166,7 @@ fn sigma_along(covariance: &Matrix3<f64>, direction: &Vector3<f64>) -> Option<f6
 }
 
 /// Assigns ports to tools: the nearest pairs first, no port twice.
-fn nearest(tools: &[Option<Point3<f64>>], ports: &[Point3<f64>]) -> Vec<Option<usize>> {
+fn assign_ports(tools: &[Option<Point3<f64>>], ports: &[Point3<f64>]) -> Vec<Option<usize>> {
     let distance = |(tool, port): (usize, usize)| Some(((tools[tool]? - ports[port]).norm(), tool, port));
     let pairs = (0..tools.len()).flat_map(|tool| (0..ports.len()).map(move |port| (tool, port)));
     let mut pairs: Vec<(f64, usize, usize)> = pairs.filter_map(distance).collect();
@@ -176,11 +181,11 @@ fn nearest(tools: &[Option<Point3<f64>>], ports: &[Point3<f64>]) -> Vec<Option<u
 }
 
 /// The median position, with the remaining error of the sessions.
-fn median(fulcrums: &[Fulcrum]) -> Option<Fulcrum> {
+fn median_fulcrum(fulcrums: &[Fulcrum]) -> Option<Fulcrum> {
     let axis = |axis: usize| quantile(fulcrums.iter().map(|fulcrum| fulcrum.at[axis]).collect(), 0.5);
     let count = fulcrums.len() as f64;
     let mean: Matrix3<f64> = fulcrums.iter().map(|fulcrum| fulcrum.covariance).sum::<Matrix3<f64>>() / count;
-    Some(Fulcrum { at: Point3::new(axis(0)?, axis(1)?, axis(2)?), covariance: mean * (MEDIAN_COST / count) })
+    Some(Fulcrum { at: Point3::new(axis(0)?, axis(1)?, axis(2)?), covariance: mean * (MEDIAN_VARIANCE_RATIO / count) })
 }
 
 #[cfg(test)]

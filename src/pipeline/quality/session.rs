@@ -1,7 +1,7 @@
 //! Figures of the recording itself: its frame times, whether it is complete, whether its light changed.
 
-use super::ports::{Placement, Shift};
-use super::{Evidence, quantile};
+use super::ports::{Displacement, PortPlacement};
+use super::{QualityInput, quantile};
 use crate::pipeline::tracker::LightSample;
 use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
 
@@ -9,10 +9,10 @@ use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
 const BREAK_S: f64 = 1.0;
 
 /// Length of the beginning and of the end, s. A tool that moves there was recorded in mid-motion.
-const END_S: f64 = 0.5;
+const EDGE_S: f64 = 0.5;
 
 /// A tool seen within this time of the recording's beginning or end was present there, s.
-const STILL_THERE_S: f64 = 0.2;
+const PRESENT_S: f64 = 0.2;
 
 /// The recording itself. `None` if the input does not contain the figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,12 +42,12 @@ pub struct SessionFigures {
     /// RMS reprojection error of the camera's calibration, pixels.
     pub calibration_rms_px: Option<f64>,
     /// How far the camera has moved since earlier sessions; `None` if it has not moved or this is unknown.
-    pub camera_shift: Option<Shift>,
+    pub camera_shift: Option<Displacement>,
 }
 
-pub(super) fn measure(evidence: &Evidence<'_>, placement: &Placement) -> SessionFigures {
+pub(super) fn measure(evidence: &QualityInput<'_>, placement: &PortPlacement) -> SessionFigures {
     let path = evidence.smoothed;
-    let frames = evidence.tracker.map_or_else(|| rows_frames(path), |quality| quality.frames);
+    let frames = evidence.tracker.map_or_else(|| frame_span(path), |quality| quality.frames);
     let intervals = intervals(path);
     let median_s = quantile(intervals.clone(), 0.5).filter(|median_s| *median_s > 0.0);
     let light: &[LightSample] = evidence.tracker.map_or(&[], |quality| &quality.light);
@@ -72,7 +72,7 @@ pub(super) fn measure(evidence: &Evidence<'_>, placement: &Placement) -> Session
 }
 
 /// Number of frames from the first row to the last.
-fn rows_frames(path: &Trajectory) -> u64 {
+fn frame_span(path: &Trajectory) -> u64 {
     path.samples.first().zip(path.samples.last()).map_or(0, |(first, last)| last.frame - first.frame + 1)
 }
 
@@ -96,8 +96,8 @@ fn dropped_share(intervals: &[f64], median_s: f64) -> f64 {
 fn edge_speed(path: &Trajectory, (edge_s, inwards): (f64, f64)) -> Option<f64> {
     let depth_s = |sample: &Sample| (sample.time_s - edge_s) * inwards;
     let speed = |tool: usize| {
-        let near: Vec<&Sample> = path.of_tool(tool).filter(|s| depth_s(s) <= END_S).collect();
-        let still_there = near.iter().any(|s| depth_s(s) <= STILL_THERE_S);
+        let near: Vec<&Sample> = path.of_tool(tool).filter(|s| depth_s(s) <= EDGE_S).collect();
+        let still_there = near.iter().any(|s| depth_s(s) <= PRESENT_S);
         let speeds: Vec<f64> = near.iter().filter_map(|s| s.velocity_mm_s).map(|v| v.norm()).collect();
         (still_there && !speeds.is_empty()).then(|| speeds.iter().sum::<f64>() / speeds.len() as f64)
     };

@@ -1,11 +1,11 @@
 use nalgebra::{Point2, Point3, Vector3};
 
-use super::limits::Better;
+use super::limits::BetterDirection;
 use super::*;
-use crate::pipeline::reason::Reason;
-use crate::pipeline::segmentation::palette::{Apart, Margin};
+use crate::pipeline::reason::MissReason;
+use crate::pipeline::segmentation::palette::{ColourSeparation, Margin};
 use crate::pipeline::tracker::{Absence, Gap, LightSample, ToolQuality};
-use crate::pipeline::trajectory::{Kind, Sample};
+use crate::pipeline::trajectory::{PathKind, Sample};
 use crate::random::Dice;
 
 const FRAME_S: f64 = 0.04;
@@ -33,15 +33,15 @@ fn path(seen: impl Fn(u64) -> bool) -> Trajectory {
     Trajectory { tools: vec!["orange".into()], samples, frame_times_s: Vec::new(), cuts: Vec::new() }
 }
 
-fn judged(path: &Trajectory) -> Verdict {
-    judge(&measure(&Evidence::of_path(path)))
+fn judged(path: &Trajectory) -> QualityVerdict {
+    judge(&measure(&QualityInput::of_path(path)))
 }
 
-fn rank(verdict: &Verdict) -> Option<Severity> {
+fn rank(verdict: &QualityVerdict) -> Option<Severity> {
     verdict.concerns().first().map(|concern| concern.severity)
 }
 
-fn causes(verdict: &Verdict) -> Vec<Cause> {
+fn causes(verdict: &QualityVerdict) -> Vec<QualityCause> {
     verdict.concerns().iter().map(|concern| concern.cause).collect()
 }
 
@@ -52,14 +52,14 @@ fn counts(gaps: Vec<Gap>) -> Quality {
 
 #[test]
 fn a_path_that_is_seen_all_the_time_is_valid() {
-    assert_eq!(judged(&path(|_| true)), Verdict::Valid);
+    assert_eq!(judged(&path(|_| true)), QualityVerdict::Valid);
 }
 
 #[test]
 fn every_figure_that_gets_worse_makes_no_verdict_better() {
-    for cause in Cause::ALL {
+    for cause in QualityCause::ALL {
         let limits = cause.limits();
-        let worse = |a: f64, b: f64| if limits.better == Better::More { a < b } else { a > b };
+        let worse = |a: f64, b: f64| if limits.better == BetterDirection::More { a < b } else { a > b };
         if let (Some(care), Some(refuse)) = (limits.care, limits.refuse) {
             assert!(worse(refuse, care), "{cause:?} is refused before it asks for care");
         }
@@ -85,32 +85,35 @@ fn less_coverage_never_makes_a_better_verdict() {
 #[test]
 fn a_tool_that_is_seen_less_than_half_of_the_time_is_refused_for_its_coverage() {
     let verdict = judged(&path(|frame| frame % 5 < 2));
-    let Verdict::Refused(concerns) = &verdict else { panic!("{verdict:?}") };
+    let QualityVerdict::Refused(concerns) = &verdict else { panic!("{verdict:?}") };
     assert_eq!(
         (concerns[0].cause, concerns[0].limit, concerns[0].tool.as_deref()),
-        (Cause::Coverage, 0.5, Some("orange"))
+        (QualityCause::Coverage, 0.5, Some("orange"))
     );
     assert!(concerns[0].finding().contains("orange: measured on 40 % of the frames"), "{}", concerns[0].finding());
 }
 
 #[test]
-fn what_left_the_view_and_what_was_lost_are_told_apart_within_the_session() {
+fn time_out_of_view_and_lost_time_are_separate_within_the_session() {
     let path = path(|frame| (50..200).contains(&frame) || (300..400).contains(&frame));
     let gap = |first, last, absence| Gap { first, last, absence };
     let counts = counts(vec![
         gap(0, 49, Absence::LeftView),
         gap(200, 269, Absence::LeftView),
-        gap(270, 299, Absence::Lost(Reason::ImpossiblePose)),
+        gap(270, 299, Absence::Lost(MissReason::ImpossiblePose)),
         gap(400, 499, Absence::LeftView),
     ]);
-    let figures = measure(&Evidence { tracker: Some(&counts), ..Evidence::of_path(&path) });
+    let figures = measure(&QualityInput { tracker: Some(&counts), ..QualityInput::of_path(&path) });
     let tool = &figures.tools[0];
     assert_eq!((tool.coverage, tool.coverage_of_recording), (Some(250.0 / 350.0), Some(0.5)));
     assert_eq!((tool.left_view_share, tool.lost_share), (Some(70.0 / 350.0), Some(30.0 / 350.0)));
-    assert_eq!(tool.lost_frames.get(&Reason::ImpossiblePose), Some(&30));
+    assert_eq!(tool.lost_frames.get(&MissReason::ImpossiblePose), Some(&30));
     assert!((tool.longest_gap_s.unwrap() - 101.0 * FRAME_S).abs() < 1e-9);
     let verdict = judge(&figures);
-    assert_eq!(causes(&verdict), [Cause::Coverage, Cause::LeftView, Cause::Lost, Cause::LongGap]);
+    assert_eq!(
+        causes(&verdict),
+        [QualityCause::Coverage, QualityCause::LeftView, QualityCause::Lost, QualityCause::LongGap]
+    );
     assert_eq!(rank(&verdict), Some(Severity::Care));
 }
 
@@ -121,34 +124,35 @@ fn a_tool_that_the_task_does_not_need_is_no_reason_to_refuse() {
     let mut counts = counts(Vec::new());
     let absence = |absence| vec![Gap { first: 0, last: FRAMES - 1, absence }];
     counts.tools.push(ToolQuality { tool: "cyan".into(), gaps: absence(Absence::LeftView), ..ToolQuality::default() });
-    let judged = |counts: &Quality| judge(&measure(&Evidence { tracker: Some(counts), ..Evidence::of_path(&path) }));
-    assert_eq!(causes(&judged(&counts)), [Cause::NeverInPicture]);
+    let judged =
+        |counts: &Quality| judge(&measure(&QualityInput { tracker: Some(counts), ..QualityInput::of_path(&path) }));
+    assert_eq!(causes(&judged(&counts)), [QualityCause::NeverInPicture]);
     assert_eq!(rank(&judged(&counts)), Some(Severity::Care));
-    counts.tools[1].gaps = absence(Absence::Lost(Reason::WrongShape));
-    assert_eq!(causes(&judged(&counts))[..2], [Cause::Coverage, Cause::Lost], "its colour was there");
+    counts.tools[1].gaps = absence(Absence::Lost(MissReason::WrongShape));
+    assert_eq!(causes(&judged(&counts))[..2], [QualityCause::Coverage, QualityCause::Lost], "its colour was there");
     assert!(judged(&counts).is_refused());
 }
 
 #[test]
 fn a_figure_does_not_read_as_the_limit_that_it_broke() {
-    let finding = |cause: Cause, figure, limit| cause.finding(figure, limit);
-    assert!(finding(Cause::NoiseFloor, 2.53, 2.5).contains("move at 2.53 mm/s (limit 2.50 mm/s)"));
-    assert!(finding(Cause::NoiseFloor, 3.12, 2.5).contains("move at 3.1 mm/s (limit 2.5 mm/s)"));
-    assert!(finding(Cause::Coverage, 0.8996, 0.9).contains("on 89.96 % of the frames; needs 90.00 %"));
+    let finding = |cause: QualityCause, figure, limit| cause.finding(figure, limit);
+    assert!(finding(QualityCause::NoiseFloor, 2.53, 2.5).contains("move at 2.53 mm/s (limit 2.50 mm/s)"));
+    assert!(finding(QualityCause::NoiseFloor, 3.12, 2.5).contains("move at 3.1 mm/s (limit 2.5 mm/s)"));
+    assert!(finding(QualityCause::Coverage, 0.8996, 0.9).contains("on 89.96 % of the frames; needs 90.00 %"));
 }
 
 #[test]
 fn nothing_seen_is_refused() {
     let verdict = judged(&path(|_| false));
-    assert_eq!((causes(&verdict), rank(&verdict)), (vec![Cause::NothingSeen], Some(Severity::Refuse)));
+    assert_eq!((causes(&verdict), rank(&verdict)), (vec![QualityCause::NothingSeen], Some(Severity::Refuse)));
 }
 
 #[test]
-fn dropped_frames_breaks_and_cut_files_are_told_apart() {
+fn dropped_frames_breaks_and_cut_files_are_separate() {
     let with_times = |time_of: fn(u64) -> f64, frames_expected: Option<u64>| {
         let mut path = path(|_| true);
         path.frame_times_s = (0..FRAMES).map(time_of).collect();
-        let evidence = Evidence { frames_expected, ..Evidence::of_path(&path) };
+        let evidence = QualityInput { frames_expected, ..QualityInput::of_path(&path) };
         measure(&evidence).session
     };
     let even = with_times(|frame| frame as f64 * FRAME_S, Some(FRAMES));
@@ -168,37 +172,38 @@ fn a_colour_like_the_background_is_refused_and_one_like_another_tool_is_not() {
         |margin_steps, nearest: &str| Some(Margin { margin_steps, spread_steps: 4.0, nearest: nearest.into() });
     let judged = |from_tools, from_background| {
         let mut counts = counts(Vec::new());
-        counts.tools[0].colour = Apart { from_tools, from_background };
-        judge(&measure(&Evidence { tracker: Some(&counts), ..Evidence::of_path(&path) }))
+        counts.tools[0].colour = ColourSeparation { from_tools, from_background };
+        judge(&measure(&QualityInput { tracker: Some(&counts), ..QualityInput::of_path(&path) }))
     };
-    assert_eq!(judged(margin(9.0, "cyan"), margin(9.0, "background")), Verdict::Valid);
-    assert_eq!(judged(None, None), Verdict::Valid);
+    assert_eq!(judged(margin(9.0, "cyan"), margin(9.0, "background")), QualityVerdict::Valid);
+    assert_eq!(judged(None, None), QualityVerdict::Valid);
     let refused = judged(margin(-3.0, "cyan"), margin(1.8, "background"));
     let fields = |c: &Concern| (c.cause, c.severity, c.figure, c.limit, c.label.clone());
     let of = |label: &str| Some(label.to_owned());
     assert_eq!(
         refused.concerns().iter().map(fields).collect::<Vec<_>>(),
         [
-            (Cause::ColourBackground, Severity::Refuse, 1.8, 2.5, of("background")),
-            (Cause::ColourPair, Severity::Care, -3.0, 4.0, of("cyan")),
+            (QualityCause::ColourBackground, Severity::Refuse, 1.8, 2.5, of("background")),
+            (QualityCause::ColourPair, Severity::Care, -3.0, 4.0, of("cyan")),
         ]
     );
     let findings = [0, 1].map(|i| refused.concerns()[i].finding());
     assert!(findings[0].contains("by only 1.8 of 255 steps; needs 2.5 (nearest: `background`)"), "{findings:?}");
     assert!(findings[1].contains("by only 0.0 of 255 steps; needs 4.0 (nearest: `cyan`)"), "{findings:?}");
-    assert_eq!(causes(&judged(margin(9.0, "cyan"), margin(1.8, "background"))), [Cause::ColourBackground]);
-    assert_eq!(causes(&judged(margin(1.8, "cyan"), margin(9.0, "background"))), [Cause::ColourPair]);
+    assert_eq!(causes(&judged(margin(9.0, "cyan"), margin(1.8, "background"))), [QualityCause::ColourBackground]);
+    assert_eq!(causes(&judged(margin(1.8, "cyan"), margin(9.0, "background"))), [QualityCause::ColourPair]);
     assert_eq!(rank(&judged(None, margin(3.0, "background"))), Some(Severity::Care));
 }
 
 #[test]
 fn an_interlaced_recording_asks_for_care_and_says_how_to_mend_it() {
     let path = path(|_| true);
-    let judged = |frames| judge(&measure(&Evidence { frames_interlaced: Some(frames), ..Evidence::of_path(&path) }));
-    assert_eq!(judged(0), Verdict::Valid);
-    assert_eq!(judged(FRAMES / 50), Verdict::Valid, "single frames do no harm");
+    let judged =
+        |frames| judge(&measure(&QualityInput { frames_interlaced: Some(frames), ..QualityInput::of_path(&path) }));
+    assert_eq!(judged(0), QualityVerdict::Valid);
+    assert_eq!(judged(FRAMES / 50), QualityVerdict::Valid, "single frames do no harm");
     let verdict = judged(FRAMES);
-    assert_eq!((causes(&verdict), rank(&verdict)), (vec![Cause::Interlaced], Some(Severity::Care)));
+    assert_eq!((causes(&verdict), rank(&verdict)), (vec![QualityCause::Interlaced], Some(Severity::Care)));
     assert!(verdict.concerns()[0].advice().contains("bwdif"));
 }
 
@@ -212,45 +217,45 @@ fn light_is_held_against_its_median() {
         chroma_shift: [0.0, if second == 7 { 5.6 / 224.0 } else { 0.0 }],
     };
     counts.light = (0..20).map(sample).collect();
-    let figures = measure(&Evidence { tracker: Some(&counts), ..Evidence::of_path(&path) });
+    let figures = measure(&QualityInput { tracker: Some(&counts), ..QualityInput::of_path(&path) });
     assert!((figures.session.exposure_drift.unwrap() - 0.2).abs() < 1e-12);
     assert!((figures.session.white_drift_codes.unwrap() - 5.6).abs() < 1e-9);
-    assert_eq!(causes(&judge(&figures)), [Cause::Exposure, Cause::WhiteBalance]);
+    assert_eq!(causes(&judge(&figures)), [QualityCause::Exposure, QualityCause::WhiteBalance]);
 }
 
 #[test]
 fn a_recording_that_ends_while_a_tool_moves_is_not_whole() {
     let mut path = path(|frame| frame >= 100);
     path.frame_times_s = (0..FRAMES).map(|frame| frame as f64 * FRAME_S).collect();
-    let figures = measure(&Evidence::of_path(&path));
+    let figures = measure(&QualityInput::of_path(&path));
     assert_eq!(figures.session.first_speed_mm_s, None, "it came later");
     assert!((figures.session.last_speed_mm_s.unwrap() - 24.0).abs() < 1e-6);
-    assert_eq!(causes(&judge(&figures)), [Cause::EndsInMotion]);
+    assert_eq!(causes(&judge(&figures)), [QualityCause::EndsInMotion]);
 }
 
 #[test]
-fn independent_errors_make_the_speed_that_one_of_them_tells() {
-    use crate::pipeline::filter::kalman::State;
-    use crate::pipeline::filter::smoother::Run;
+fn independent_errors_make_the_speed_computed_from_one_of_them() {
+    use crate::pipeline::filter::kalman::KalmanState;
+    use crate::pipeline::filter::smoother::FilterRun;
     let (noise, stated) = (Vector3::new(0.05, 0.03, 0.4), Vector3::new(0.2, 0.2, 1.5));
     let covariance = nalgebra::Matrix3::from_diagonal(&stated.component_mul(&stated));
     let density = MotionSettings::default().noise_density();
     let mut dice = Dice::new(5, "errors of a rest");
-    let mut state = State::first_seen(Point3::origin(), covariance, 0.0);
-    let mut run = Run::default();
+    let mut state = KalmanState::first_seen(Point3::origin(), covariance, 0.0);
+    let mut run = FilterRun::default();
     run.push(0.0, &state, 0.0, None);
     for step in 1..8000 {
         let seen = Point3::from(dice.gauss3().component_mul(&noise));
         state = state.predicted(FRAME_S, density).updated(seen, covariance);
         run.push(f64::from(step) * FRAME_S, &state, density, Some((seen, covariance)));
     }
-    let rms = |states: &mut dyn Iterator<Item = State>| {
+    let rms = |states: &mut dyn Iterator<Item = KalmanState>| {
         let squares: Vec<f64> = states.map(|s| s.velocity().norm_squared()).collect();
         let inner = &squares[100..squares.len() - 100];
         (inner.iter().sum::<f64>() / inner.len() as f64).sqrt()
     };
     let drawn = (rms(&mut run.smoothed()), rms(&mut run.filtered()));
-    let computed = noise_floor::speeds(noise, stated, FRAME_S, density);
+    let computed = noise_floor::noise_speeds(noise, stated, FRAME_S, density);
     assert!((computed.0 / drawn.0 - 1.0).abs() < 0.1, "smoothed: {} computed, {} drawn", computed.0, drawn.0);
     assert!((computed.1 / drawn.1 - 1.0).abs() < 0.1, "causal: {} computed, {} drawn", computed.1, drawn.1);
     assert!(computed.0 < computed.1, "the smoothed path is calmer");
@@ -262,8 +267,8 @@ fn tremor_is_no_noise() {
     const PASSING: f64 = 0.3;
     #[derive(Debug)]
     struct Measured(Vec<Sample>);
-    impl Paths for Measured {
-        fn path(&self, _kind: Kind, _tool: usize) -> Vec<Sample> {
+    impl PathSource for Measured {
+        fn path(&self, _kind: PathKind, _tool: usize) -> Vec<Sample> {
             self.0.clone()
         }
     }
@@ -274,9 +279,10 @@ fn tremor_is_no_noise() {
             sample.tip_mm += dice.gauss3().component_mul(&Vector3::new(across_mm, across_mm, along_mm));
         }
         let (smoothed, others) = (path(|_| true), Measured(measured.samples));
-        let tool = ToolQuality { passing_depth_mm: Some(PASSING), ..ToolQuality::default() };
+        let tool = ToolQuality { transient_depth_sigma_mm: Some(PASSING), ..ToolQuality::default() };
         let tracker = Quality { tools: vec![tool], ..Quality::default() };
-        let evidence = Evidence { others: Some(&others), tracker: Some(&tracker), ..Evidence::of_path(&smoothed) };
+        let evidence =
+            QualityInput { others: Some(&others), tracker: Some(&tracker), ..QualityInput::of_path(&smoothed) };
         noise_floor::from_measurements(&evidence, 0).unwrap().smoothed_mm_s
     };
     let calm = floor_mm_s(0.03, 0.9 * PASSING);
@@ -296,8 +302,8 @@ fn a_rest_counts_without_the_motion_around_it() {
         let settled = (213..287).contains(&sample.frame); // without the first and the last half second of the rest
         sample.velocity_mm_s = Some(Vector3::new(0.0, 0.0, if settled { 1.5 } else { 20.0 }));
     }
-    let noise = measure(&Evidence::of_path(&path)).tools[0].noise_floor.unwrap();
-    let Basis::Rest(rest_s) = noise.basis else { panic!("{noise:?}") };
+    let noise = measure(&QualityInput::of_path(&path)).tools[0].noise_floor.unwrap();
+    let NoiseFloorBasis::Rest(rest_s) = noise.basis else { panic!("{noise:?}") };
     assert!((rest_s - 2.96).abs() < 1e-6, "{rest_s}");
     assert!((noise.smoothed_mm_s - 1.5).abs() < 1e-9, "{noise:?}");
 }

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::noise_floor::{self, NoiseFloor};
-use super::{Evidence, Placement, Shift, Shown, quantile};
+use super::{Displacement, MeasuredRange, PortPlacement, QualityInput, quantile};
 use crate::pipeline::pose::fulcrum::Fulcrum;
-use crate::pipeline::reason::Reason;
-use crate::pipeline::segmentation::palette::Apart;
+use crate::pipeline::reason::MissReason;
+use crate::pipeline::segmentation::palette::ColourSeparation;
 use crate::pipeline::tracker::{Absence, EffectiveDiameter, ToolQuality};
 use crate::pipeline::trajectory::{Sample, SampleState};
 
@@ -30,7 +30,7 @@ pub struct ToolFigures {
     /// Share of the session's frames on which it was in view but has no position.
     pub lost_share: Option<f64>,
     /// Frames of the session in gaps caused by the tracker, by their main reason.
-    pub lost_frames: BTreeMap<Reason, u64>,
+    pub lost_frames: BTreeMap<MissReason, u64>,
     /// Longest stretch of the session without a measurement, s.
     pub longest_gap_s: Option<f64>,
     /// RMS distance of border points from the fitted outline, pixels.
@@ -42,13 +42,13 @@ pub struct ToolFigures {
     /// Speed at which it would appear to move at rest.
     pub noise_floor: Option<NoiseFloor>,
     /// The stated error of its positions.
-    pub error_bar: Option<ErrorBar>,
+    pub error_bar: Option<PositionError>,
     /// Distance of its colour from the other marked colours.
-    pub colour: Apart,
+    pub colour: ColourSeparation,
     /// Position of its trocar.
     pub fulcrum: Option<Fulcrum>,
     /// Distance of the trocar from the nearest trocar of earlier sessions.
-    pub port_shift: Option<Shift>,
+    pub port_shift: Option<Displacement>,
     /// True if this trocar alone has moved.
     pub has_port_moved: bool,
     /// True if it was never measured and its colour was never in the picture.
@@ -57,7 +57,7 @@ pub struct ToolFigures {
 
 /// The stated standard deviation of measured positions in space, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ErrorBar {
+pub struct PositionError {
     /// Half of the positions have a smaller one.
     pub median_mm: f64,
     /// 95 % of the positions have a smaller one.
@@ -65,10 +65,10 @@ pub struct ErrorBar {
 }
 
 pub(super) fn measure(
-    evidence: &Evidence<'_>,
+    evidence: &QualityInput<'_>,
     index: usize,
-    shown: Option<Shown>,
-    placement: &Placement,
+    shown: Option<MeasuredRange>,
+    placement: &PortPlacement,
 ) -> ToolFigures {
     let path: Vec<&Sample> = evidence.smoothed.of_tool(index).collect();
     let seen: Vec<&Sample> = path.iter().copied().filter(|s| s.state == SampleState::Observed).collect();
@@ -76,7 +76,7 @@ pub(super) fn measure(
     let observed = seen.len() as u64;
     let ends = seen.first().zip(seen.last());
     let recorded = evidence.tracker.map(|quality| quality.frames);
-    let gaps = tracker.zip(shown).map(|(tool, shown)| Gaps::within(tool, shown));
+    let gaps = tracker.zip(shown).map(|(tool, shown)| ToolGaps::within(tool, shown));
     let of_session = |frames: u64| shown.and_then(|shown| share(frames, shown.frames()));
     ToolFigures {
         tool: evidence.smoothed.tools[index].clone(),
@@ -92,7 +92,7 @@ pub(super) fn measure(
         border_residual_px: tracker.and_then(|tool| tool.border_residual_px),
         effective_diameter: tracker.and_then(|tool| tool.effective_diameter),
         rejected_share: tracker.and_then(|tool| {
-            let rejected = tool.reasons.get(&Reason::GateRejected).copied().unwrap_or(0);
+            let rejected = tool.reasons.get(&MissReason::GateRejected).copied().unwrap_or(0);
             share(rejected, rejected + observed)
         }),
         noise_floor: noise_floor::estimate(evidence, index),
@@ -114,13 +114,13 @@ fn never_in_picture(tool: &ToolQuality) -> bool {
 }
 
 /// The gaps of a tool within the session by cause, in frames.
-struct Gaps {
+struct ToolGaps {
     left_view: u64,
-    lost: BTreeMap<Reason, u64>,
+    lost: BTreeMap<MissReason, u64>,
 }
 
-impl Gaps {
-    fn within(tool: &ToolQuality, shown: Shown) -> Self {
+impl ToolGaps {
+    fn within(tool: &ToolQuality, shown: MeasuredRange) -> Self {
         let mut gaps = Self { left_view: 0, lost: BTreeMap::new() };
         for gap in &tool.gaps {
             let (first, last) = (gap.first.max(shown.first), gap.last.min(shown.last));
@@ -135,14 +135,14 @@ impl Gaps {
     }
 }
 
-fn longest_gap_s(seen: &[&Sample], shown: Shown) -> f64 {
+fn longest_gap_s(seen: &[&Sample], shown: MeasuredRange) -> f64 {
     let times = [shown.first_s].into_iter().chain(seen.iter().map(|s| s.time_s)).chain([shown.last_s]);
     let times: Vec<f64> = times.collect();
     times.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
 }
 
-fn error_bar(seen: &[&Sample]) -> Option<ErrorBar> {
+fn error_bar(seen: &[&Sample]) -> Option<PositionError> {
     let sigma = |s: &&Sample| s.sigma_xy_mm.zip(s.sigma_z_mm).map(|(xy, z)| (2.0 * xy * xy + z * z).sqrt());
     let sigmas: Vec<f64> = seen.iter().filter_map(sigma).collect();
-    Some(ErrorBar { median_mm: quantile(sigmas.clone(), 0.5)?, p95_mm: quantile(sigmas, 0.95)? })
+    Some(PositionError { median_mm: quantile(sigmas.clone(), 0.5)?, p95_mm: quantile(sigmas, 0.95)? })
 }

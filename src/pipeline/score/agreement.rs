@@ -7,13 +7,13 @@
 mod icc;
 mod same_raters;
 
-pub use icc::{FEWEST_RATED, Form, Reliability, icc};
+pub use icc::{IccForm, MIN_RATED, Reliability, icc};
 pub use same_raters::{SameRaters, same_raters};
 
 use super::distribution::Z_95;
-use super::interval::{Interval, moments};
+use super::interval::{ConfidenceInterval, moments};
 use super::no_answer::NoAnswer;
-use super::people::{FEWEST_PEOPLE, each_once};
+use super::person_values::{MIN_PEOPLE, check_each_once};
 
 /// A correlation of two measures of the same people.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,7 +21,7 @@ pub struct Correlation {
     /// The coefficient, −1 to 1.
     pub value: f64,
     /// 95 % interval of the coefficient for all such people.
-    pub interval: Interval,
+    pub interval: ConfidenceInterval,
     /// Number of people.
     pub people: usize,
 }
@@ -46,8 +46,8 @@ pub fn spearman<P: Ord>(rows: &[(P, f64, f64)]) -> Result<Correlation, NoAnswer>
 }
 
 fn columns<P: Ord>(rows: &[(P, f64, f64)]) -> Result<[Vec<f64>; 2], NoAnswer> {
-    each_once(rows.iter().map(|(person, ..)| person))?;
-    NoAnswer::at_least("people", rows.len(), FEWEST_PEOPLE)?;
+    check_each_once(rows.iter().map(|(person, ..)| person))?;
+    NoAnswer::at_least("people", rows.len(), MIN_PEOPLE)?;
     let columns = [rows.iter().map(|row| row.1).collect(), rows.iter().map(|row| row.2).collect::<Vec<f64>>()];
     columns.iter().try_for_each(|column| NoAnswer::finite(column))?;
     Ok(columns)
@@ -65,7 +65,7 @@ fn correlation(a: &[f64], b: &[f64], variance: impl Fn(f64) -> f64) -> Result<Co
         return Err(NoAnswer::Perfect);
     }
     let half = Z_95 * (variance(value) / (n - 3.0)).sqrt();
-    let interval = Interval::around(value.atanh(), half).map(f64::tanh);
+    let interval = ConfidenceInterval::around(value.atanh(), half).map(f64::tanh);
     Ok(Correlation { value, interval, people: a.len() })
 }
 

@@ -6,22 +6,22 @@
 //! interval contains both uncertainties: the cohort is a sample of people (Wilson), and the value is measured with an
 //! error. Where two intervals overlap, neither person is ahead ([`rank_ranges`]).
 
-use super::interval::{Interval, Measured, wilson};
+use super::interval::{ConfidenceInterval, MeasuredValue, wilson};
 use super::no_answer::NoAnswer;
-use super::people::{FEWEST_PEOPLE, People};
+use super::person_values::{MIN_PEOPLE, PersonValues};
 use super::standard::sign;
 use crate::pipeline::features::Direction;
 
 /// The percentile of a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct CohortPercentile {
     /// Share of the reference values below this one, in per cent; equal values count half.
     pub percentile: f64,
     /// 95 % interval of the percentile among *all* such people, for every true value within the value's bar.
-    pub interval: Interval,
+    pub interval: ConfidenceInterval,
     /// Share of the reference values that this one is better than, in per cent, with its interval; `None` if neither
     /// direction is better.
-    pub better_than: Option<(f64, Interval)>,
+    pub better_than: Option<(f64, ConfidenceInterval)>,
     /// Number of people in the cohort.
     pub people: usize,
     /// True if the interval includes the value's own error; false if that error is unknown.
@@ -32,23 +32,27 @@ pub struct Place {
 ///
 /// # Errors
 /// [`NoAnswer`] if the cohort is too small or the value is unusable.
-pub fn place(measured: Measured, cohort: &People, direction: Direction) -> Result<Place, NoAnswer> {
-    NoAnswer::at_least("people", cohort.count(), FEWEST_PEOPLE)?;
-    let Measured { value, bar } = measured.checked()?;
-    let ends = bar.unwrap_or(Interval { low: value, high: value });
+pub fn percentile_in_cohort(
+    measured: MeasuredValue,
+    cohort: &PersonValues,
+    direction: Direction,
+) -> Result<CohortPercentile, NoAnswer> {
+    NoAnswer::at_least("people", cohort.count(), MIN_PEOPLE)?;
+    let MeasuredValue { value, bar } = measured.checked()?;
+    let ends = bar.unwrap_or(ConfidenceInterval { low: value, high: value });
     let doubt = |value| wilson(share_below(value, cohort), cohort.count());
-    let interval = Interval { low: 100.0 * doubt(ends.low)?.low, high: 100.0 * doubt(ends.high)?.high };
+    let interval = ConfidenceInterval { low: 100.0 * doubt(ends.low)?.low, high: 100.0 * doubt(ends.high)?.high };
     let percentile = 100.0 * share_below(value, cohort);
     let better_than = match direction {
         Direction::Higher => Some((percentile, interval)),
         Direction::Lower => Some((100.0 - percentile, interval.map(|end| 100.0 - end))),
         Direction::Neither => None,
     };
-    Ok(Place { percentile, interval, better_than, people: cohort.count(), error_known: bar.is_some() })
+    Ok(CohortPercentile { percentile, interval, better_than, people: cohort.count(), error_known: bar.is_some() })
 }
 
 /// Share of the cohort's values below this one; equal values count half.
-fn share_below(value: f64, cohort: &People) -> f64 {
+fn share_below(value: f64, cohort: &PersonValues) -> f64 {
     let below = cohort.values().partition_point(|reference| *reference < value);
     let not_above = cohort.values().partition_point(|reference| *reference <= value);
     (below + not_above) as f64 / 2.0 / cohort.count() as f64
@@ -56,7 +60,7 @@ fn share_below(value: f64, cohort: &People) -> f64 {
 
 /// The ranks that a person can have, 1 for the best. A range means a tie with some of the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Ranks {
+pub struct RankRange {
     /// 1 + the number of people who are certainly better.
     pub best: usize,
     /// Number of people who are not certainly worse, including the person.
@@ -68,9 +72,9 @@ pub struct Ranks {
 ///
 /// # Errors
 /// [`NoAnswer`] for an unusable value, or a feature where neither direction is better.
-pub fn ranks(measured: &[Measured], direction: Direction) -> Result<Vec<Ranks>, NoAnswer> {
+pub fn rank_ranges(measured: &[MeasuredValue], direction: Direction) -> Result<Vec<RankRange>, NoAnswer> {
     let bars = measured.iter().map(|one| signed_bar(*one, direction)).collect::<Result<Vec<_>, _>>()?;
-    let rank = |own: &Interval| Ranks {
+    let rank = |own: &ConfidenceInterval| RankRange {
         best: 1 + bars.iter().filter(|other| other.low > own.high).count(),
         worst: bars.iter().filter(|other| other.high >= own.low).count(),
     };
@@ -78,9 +82,9 @@ pub fn ranks(measured: &[Measured], direction: Direction) -> Result<Vec<Ranks>, 
 }
 
 /// The value's bar, with the sign set so that more is better.
-fn signed_bar(measured: Measured, direction: Direction) -> Result<Interval, NoAnswer> {
+fn signed_bar(measured: MeasuredValue, direction: Direction) -> Result<ConfidenceInterval, NoAnswer> {
     let sign = sign(direction)?;
-    let unknown = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
+    let unknown = ConfidenceInterval { low: f64::NEG_INFINITY, high: f64::INFINITY };
     Ok(measured.checked()?.bar.unwrap_or(unknown).map(|end| sign * end))
 }
 
@@ -91,22 +95,22 @@ mod tests {
     use super::*;
     use crate::pipeline::score::distribution::Z_95;
 
-    fn cohort(values: &[f64]) -> People {
-        People::of_values(values.to_vec()).unwrap()
+    fn cohort(values: &[f64]) -> PersonValues {
+        PersonValues::of_values(values.to_vec()).unwrap()
     }
 
-    fn exact(value: f64) -> Measured {
+    fn exact(value: f64) -> MeasuredValue {
         measured(value, 0.0)
     }
 
-    fn measured(value: f64, half: f64) -> Measured {
-        Measured { value, bar: Some(Interval::around(value, half)) }
+    fn measured(value: f64, half: f64) -> MeasuredValue {
+        MeasuredValue { value, bar: Some(ConfidenceInterval::around(value, half)) }
     }
 
     #[test]
     fn the_middle_of_a_cohort_is_the_fiftieth_percentile() {
         let cohort = cohort(&(1..=11).map(f64::from).collect::<Vec<_>>());
-        let got = place(exact(6.0), &cohort, Direction::Lower).unwrap();
+        let got = percentile_in_cohort(exact(6.0), &cohort, Direction::Lower).unwrap();
         assert_eq!((got.percentile, got.people), (50.0, 11));
         let (better, interval) = got.better_than.unwrap();
         assert_eq!(better, 50.0);
@@ -116,53 +120,54 @@ mod tests {
             (interval.low - 50.0 + half).abs() < 1e-9 && (interval.high - 50.0 - half).abs() < 1e-9,
             "{interval:?}"
         );
-        assert_eq!(place(exact(0.0), &cohort, Direction::Lower).unwrap().better_than.unwrap().0, 100.0);
-        assert_eq!(place(exact(0.0), &cohort, Direction::Neither).unwrap().better_than, None);
+        assert_eq!(percentile_in_cohort(exact(0.0), &cohort, Direction::Lower).unwrap().better_than.unwrap().0, 100.0);
+        assert_eq!(percentile_in_cohort(exact(0.0), &cohort, Direction::Neither).unwrap().better_than, None);
     }
 
     #[test]
     fn a_value_s_own_error_widens_the_interval() {
         let cohort = cohort(&(1..=40).map(f64::from).collect::<Vec<_>>());
-        let at = |measured| place(measured, &cohort, Direction::Higher).unwrap();
+        let at = |measured| percentile_in_cohort(measured, &cohort, Direction::Higher).unwrap();
         let (sharp, blurred) = (at(exact(20.5)), at(measured(20.5, 8.0)));
         assert_eq!(sharp.percentile, blurred.percentile);
         assert!(blurred.interval.low < sharp.interval.low - 10.0 && blurred.interval.high > sharp.interval.high + 10.0);
-        let unknown = at(Measured { value: 20.5, bar: None });
+        let unknown = at(MeasuredValue { value: 20.5, bar: None });
         assert!(!unknown.error_known && sharp.error_known && unknown.interval == sharp.interval);
     }
 
     #[test]
     fn a_small_cohort_gives_no_place() {
-        let of = |people: usize, value| place(exact(value), &cohort(&vec![1.0; people]), Direction::Lower);
+        let of =
+            |people: usize, value| percentile_in_cohort(exact(value), &cohort(&vec![1.0; people]), Direction::Lower);
         assert_eq!(of(9, 1.0), Err(NoAnswer::TooFew { of: "people", found: 9, needed: 10 }));
         assert_eq!(of(0, 1.0), Err(NoAnswer::TooFew { of: "people", found: 0, needed: 10 }));
         assert_eq!(of(10, f64::NAN), Err(NoAnswer::NotFinite));
     }
 
     #[test]
-    fn nobody_is_ahead_inside_the_noise() {
+    fn no_person_is_ahead_inside_the_noise() {
         let values = [measured(10.0, 1.0), measured(11.5, 1.0), measured(13.0, 0.4), measured(20.0, 1.0)];
         let ranks_of =
-            |direction| ranks(&values, direction).unwrap().iter().map(|r| (r.best, r.worst)).collect::<Vec<_>>();
+            |direction| rank_ranges(&values, direction).unwrap().iter().map(|r| (r.best, r.worst)).collect::<Vec<_>>();
         assert_eq!(ranks_of(Direction::Lower), [(1, 2), (1, 2), (3, 3), (4, 4)]);
         assert_eq!(ranks_of(Direction::Higher), [(3, 4), (3, 4), (2, 2), (1, 1)]);
-        let with_unknown = [measured(1.0, 0.1), Measured { value: 9.0, bar: None }, measured(2.0, 0.1)];
-        let got = ranks(&with_unknown, Direction::Lower).unwrap();
+        let with_unknown = [measured(1.0, 0.1), MeasuredValue { value: 9.0, bar: None }, measured(2.0, 0.1)];
+        let got = rank_ranges(&with_unknown, Direction::Lower).unwrap();
         assert_eq!((got[1].best, got[1].worst, got[0].best, got[0].worst), (1, 3, 1, 2));
-        assert_eq!(ranks(&values, Direction::Neither), Err(NoAnswer::NoDirection));
-        assert_eq!(ranks(&[exact(f64::NAN)], Direction::Lower), Err(NoAnswer::NotFinite));
+        assert_eq!(rank_ranges(&values, Direction::Neither), Err(NoAnswer::NoDirection));
+        assert_eq!(rank_ranges(&[exact(f64::NAN)], Direction::Lower), Err(NoAnswer::NotFinite));
     }
 
     proptest! {
         #[test]
         fn a_larger_value_never_has_a_lower_percentile_and_lies_in_its_interval(
-            references in prop::collection::vec(-10.0f64..10.0, FEWEST_PEOPLE..40),
+            references in prop::collection::vec(-10.0f64..10.0, MIN_PEOPLE..40),
             a in -12.0f64..12.0,
             b in -12.0f64..12.0,
             half in 0.0f64..3.0,
         ) {
             let cohort = cohort(&references);
-            let of = |value| place(measured(value, half), &cohort, Direction::Higher).unwrap();
+            let of = |value| percentile_in_cohort(measured(value, half), &cohort, Direction::Higher).unwrap();
             prop_assert!(of(a.min(b)).percentile <= of(a.max(b)).percentile);
             let got = of(a);
             prop_assert!(got.interval.low - 1e-9 <= got.percentile && got.percentile <= got.interval.high + 1e-9);

@@ -15,35 +15,35 @@
 
 mod forecast;
 
-pub use forecast::{FEWEST_FOR_FORECAST, Forecast};
+pub use forecast::{Forecast, MIN_SESSIONS_FOR_FORECAST};
 
-use super::chance::Chance;
 use super::distribution::{Z_95, student_quantile};
-use super::interval::{Interval, of_resamples};
+use super::interval::{ConfidenceInterval, interval_of_resamples};
 use super::no_answer::NoAnswer;
+use super::resampler::Resampler;
 use super::standard::sign;
 use crate::pipeline::features::Direction;
 
 /// Minimum number of sessions for a curve: twice its three parameters.
-pub const FEWEST_SESSIONS: usize = 6;
+pub const MIN_SESSIONS: usize = 6;
 
 /// Number of series with resampled residuals.
 const RESAMPLES: usize = 400;
 
 /// Number of random orders that a curve is compared with.
-const ORDERS: usize = 400;
+const RANDOM_ORDERS: usize = 400;
 /// Share of the random orders that may follow the session number as well.
-const BY_CHANCE: f64 = 0.05;
+const SIGNIFICANCE: f64 = 0.05;
 
 /// Smallest τ: the fastest learning that sessions can show. After one session five per cent of the distance remain.
-const SHORTEST_TAU: f64 = 1.0 / 3.0;
+const MIN_TAU: f64 = 1.0 / 3.0;
 
 /// Number of values of τ that are tried before the best is refined.
-const TAUS: usize = 48;
+const TAU_STEPS: usize = 48;
 
 /// One session's value.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Session {
+pub struct NumberedValue {
     /// Number of the session among this trainee's sessions at this task, from 1.
     pub number: u32,
     /// The feature's value.
@@ -52,18 +52,18 @@ pub struct Session {
 
 /// A fitted parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fitted {
+pub struct FittedParameter {
     /// The fitted value.
     pub value: f64,
     /// 95 % interval; an end of τ may lie at the limit of the search.
-    pub interval: Interval,
+    pub interval: ConfidenceInterval,
 }
 
 /// The result of fitting a learning curve.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Learning {
+pub enum LearningFit {
     /// The values follow a curve.
-    Curve(Curve),
+    Curve(LearningCurve),
     /// The values do not improve with the session number, or not more than by chance.
     NoCurve,
     /// The values improve but do not bend towards a level yet.
@@ -79,14 +79,14 @@ pub enum Learning {
 
 /// A fitted learning curve.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Curve {
+pub struct LearningCurve {
     /// The level that practice leads to, A, in the feature's unit.
-    pub plateau: Fitted,
+    pub plateau: FittedParameter,
     /// Distance of the first session with a value from that level, B, in the feature's unit: positive if lower is
     /// better.
-    pub distance: Fitted,
+    pub distance: FittedParameter,
     /// Number of sessions until the distance has shrunk to 37 %, τ.
-    pub tau_sessions: Fitted,
+    pub tau_sessions: FittedParameter,
     /// Standard deviation of a session around the curve, in the feature's unit.
     pub scatter: f64,
     /// Number of sessions with a value.
@@ -96,34 +96,36 @@ pub struct Curve {
     /// Number of the last of them.
     pub last: u32,
     sign: f64,
-    best: Parameters,
-    resampled: Vec<Parameters>,
+    best: CurveParameters,
+    resampled: Vec<CurveParameters>,
 }
 
 /// A, B and τ.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Parameters {
+struct CurveParameters {
     plateau: f64,
     distance: f64,
     tau: f64,
 }
 
-impl Parameters {
+impl CurveParameters {
     /// The curve's value `behind` sessions after the first.
-    fn at(self, behind: f64) -> f64 {
-        self.plateau + self.distance * shape(behind, self.tau)
+    fn value_after(self, behind: f64) -> f64 {
+        self.plateau + self.distance * remaining_distance(behind, self.tau)
     }
 }
 
-impl Curve {
+impl LearningCurve {
     /// The curve's value at a session of this number.
-    pub fn at(&self, number: u32) -> f64 {
-        self.best.at(self.behind(number))
+    pub fn value_at(&self, number: u32) -> f64 {
+        self.best.value_after(self.behind(number))
     }
 
     /// 95 % interval of the curve itself at this number; single sessions scatter around it.
-    pub fn band(&self, number: u32) -> Interval {
-        of_resamples(self.resampled.iter().map(|parameters| parameters.at(self.behind(number))).collect())
+    pub fn band(&self, number: u32) -> ConfidenceInterval {
+        interval_of_resamples(
+            self.resampled.iter().map(|parameters| parameters.value_after(self.behind(number))).collect(),
+        )
     }
 
     fn behind(&self, number: u32) -> f64 {
@@ -135,7 +137,7 @@ impl Curve {
 ///
 /// # Errors
 /// [`NoAnswer`] for unusable values, numbers out of order, or a feature where neither direction is better.
-pub fn fit(sessions: &[Session], direction: Direction) -> Result<Learning, NoAnswer> {
+pub fn fit(sessions: &[NumberedValue], direction: Direction) -> Result<LearningFit, NoAnswer> {
     let sign = sign(direction)?;
     let first = sessions.first().map_or(1, |session| session.number);
     let behind: Vec<f64> = sessions.iter().map(|session| f64::from(session.number) - f64::from(first)).collect();
@@ -144,21 +146,21 @@ pub fn fit(sessions: &[Session], direction: Direction) -> Result<Learning, NoAns
     if first < 1 || behind.windows(2).any(|pair| pair[0] >= pair[1]) {
         return Err(NoAnswer::NotInOrder);
     }
-    if sessions.len() < FEWEST_SESSIONS {
-        return Ok(Learning::TooFew { found: sessions.len(), needed: FEWEST_SESSIONS });
+    if sessions.len() < MIN_SESSIONS {
+        return Ok(LearningFit::TooFew { found: sessions.len(), needed: MIN_SESSIONS });
     }
-    Ok(learning(&Search::over(behind), first, &values, sign))
+    Ok(fit_series(&TauSearch::over(behind), first, &values, sign))
 }
 
-fn learning(search: &Search, first: u32, values: &[f64], sign: f64) -> Learning {
-    let mut chance = Chance::of(values.iter().copied());
+fn fit_series(search: &TauSearch, first: u32, values: &[f64], sign: f64) -> LearningFit {
+    let mut chance = Resampler::of(values.iter().copied());
     let Some(best) = search.best(values, sign).filter(|_| search.is_beyond_chance(values, sign, &mut chance)) else {
-        return Learning::NoCurve;
+        return LearningFit::NoCurve;
     };
-    if best.tau >= 0.999 * search.longest_tau() {
-        return Learning::StillStraight;
+    if best.tau >= 0.999 * search.max_tau() {
+        return LearningFit::StillStraight;
     }
-    let fitted: Vec<f64> = search.behind.iter().map(|behind| best.at(*behind)).collect();
+    let fitted: Vec<f64> = search.behind.iter().map(|behind| best.value_after(*behind)).collect();
     let residuals: Vec<f64> = values.iter().zip(&fitted).map(|(value, fitted)| value - fitted).collect();
     let freedom = (values.len() - 3) as f64;
     let scatter = (residuals.iter().map(|residual| residual * residual).sum::<f64>() / freedom).sqrt();
@@ -169,15 +171,15 @@ fn learning(search: &Search, first: u32, values: &[f64], sign: f64) -> Learning 
         let series: Vec<f64> = fitted.iter().zip(drawn).map(|(fitted, drawn)| fitted + inflation * drawn).collect();
         search.best(&series, sign)
     };
-    let resampled: Vec<Parameters> = (0..RESAMPLES).filter_map(|_| again()).collect();
-    if (resampled.len() as f64) < (1.0 - BY_CHANCE) * RESAMPLES as f64 {
-        return Learning::NoCurve;
+    let resampled: Vec<CurveParameters> = (0..RESAMPLES).filter_map(|_| again()).collect();
+    if (resampled.len() as f64) < (1.0 - SIGNIFICANCE) * RESAMPLES as f64 {
+        return LearningFit::NoCurve;
     }
-    let of = |part: fn(&Parameters) -> f64| Fitted {
+    let of = |part: fn(&CurveParameters) -> f64| FittedParameter {
         value: part(&best),
-        interval: of_resamples(resampled.iter().map(part).collect()),
+        interval: interval_of_resamples(resampled.iter().map(part).collect()),
     };
-    Learning::Curve(Curve {
+    LearningFit::Curve(LearningCurve {
         plateau: of(|parameters| parameters.plateau),
         distance: of(|parameters| parameters.distance),
         tau_sessions: of(|parameters| parameters.tau),
@@ -192,16 +194,16 @@ fn learning(search: &Search, first: u32, values: &[f64], sign: f64) -> Learning 
 }
 
 /// The share of the distance that remains `behind` sessions after the first.
-fn shape(behind: f64, tau: f64) -> f64 {
+fn remaining_distance(behind: f64, tau: f64) -> f64 {
     (-behind / tau).exp()
 }
 
 /// The same for sessions in ascending order, each from the one before: a multiplication instead of an exponential.
-fn shapes(behind: &[f64], tau: f64) -> impl Iterator<Item = f64> {
+fn remaining_distances(behind: &[f64], tau: f64) -> impl Iterator<Item = f64> {
     let (step, mut last, mut left) = ((-1.0 / tau).exp(), 0.0, 1.0);
     behind.iter().map(move |number| {
         let gap = number - last;
-        left *= if gap == 1.0 { step } else { shape(gap, tau) };
+        left *= if gap == 1.0 { step } else { remaining_distance(gap, tau) };
         last = *number;
         left
     })
@@ -221,16 +223,16 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// The shape of a curve around its mean, ready to be compared with any series of values of the same sessions.
-struct Shape {
+struct CurveShape {
     tau: f64,
     mean: f64,
     centred: Vec<f64>,
     square: f64,
 }
 
-impl Shape {
+impl CurveShape {
     fn of(behind: &[f64], tau: f64) -> Self {
-        let raw: Vec<f64> = shapes(behind, tau).collect();
+        let raw: Vec<f64> = remaining_distances(behind, tau).collect();
         let mean = raw.iter().sum::<f64>() / raw.len() as f64;
         let centred: Vec<f64> = raw.iter().map(|value| value - mean).collect();
         let square = centred.iter().map(|value| value * value).sum();
@@ -245,30 +247,30 @@ impl Shape {
         -sign * product * product.abs() / self.square
     }
 
-    fn parameters(&self, values: &[f64]) -> Parameters {
+    fn parameters(&self, values: &[f64]) -> CurveParameters {
         let distance = dot(&self.centred, values) / self.square;
         let mean = values.iter().sum::<f64>() / values.len() as f64;
-        Parameters { plateau: mean - distance * self.mean, distance, tau: self.tau }
+        CurveParameters { plateau: mean - distance * self.mean, distance, tau: self.tau }
     }
 }
 
 /// The search for τ over sessions at these distances from the first.
-struct Search {
+struct TauSearch {
     behind: Vec<f64>,
-    shapes: Vec<Shape>,
+    shapes: Vec<CurveShape>,
 }
 
-impl Search {
+impl TauSearch {
     fn over(behind: Vec<f64>) -> Self {
         let span = behind[behind.len() - 1];
         // With a τ above 1.5 times the span, the sessions show less than half of the way, and a line fits as well.
-        let ratio = (1.5 * span / SHORTEST_TAU).powf(1.0 / (TAUS - 1) as f64);
-        let shapes = (0..TAUS).map(|i| Shape::of(&behind, SHORTEST_TAU * ratio.powi(i as i32)));
+        let ratio = (1.5 * span / MIN_TAU).powf(1.0 / (TAU_STEPS - 1) as f64);
+        let shapes = (0..TAU_STEPS).map(|i| CurveShape::of(&behind, MIN_TAU * ratio.powi(i as i32)));
         let shapes = shapes.filter(|shape| shape.square > 1e-200).collect();
         Self { behind, shapes }
     }
 
-    fn longest_tau(&self) -> f64 {
+    fn max_tau(&self) -> f64 {
         self.shapes.last().map_or(0.0, |shape| shape.tau)
     }
 
@@ -278,30 +280,31 @@ impl Search {
     }
 
     /// The best curve that improves; `None` if none does.
-    fn best(&self, values: &[f64], sign: f64) -> Option<Parameters> {
+    fn best(&self, values: &[f64], sign: f64) -> Option<CurveParameters> {
         let (index, _) = self.best_of_grid(values, sign)?;
         let tau = |index: usize| self.shapes[index.min(self.shapes.len() - 1)].tau.ln();
         let bracket = (tau(index.saturating_sub(1)), tau(index + 1));
-        let log_tau = top(bracket, |log_tau| Shape::of(&self.behind, log_tau.exp()).gain(values, sign));
-        Some(Shape::of(&self.behind, log_tau.exp()).parameters(values))
+        let log_tau =
+            position_of_maximum(bracket, |log_tau| CurveShape::of(&self.behind, log_tau.exp()).gain(values, sign));
+        Some(CurveShape::of(&self.behind, log_tau.exp()).parameters(values))
     }
 
     /// True if the values follow the session numbers better than 95 of 100 random orders of them.
-    fn is_beyond_chance(&self, values: &[f64], sign: f64, chance: &mut Chance) -> bool {
+    fn is_beyond_chance(&self, values: &[f64], sign: f64, chance: &mut Resampler) -> bool {
         let gain = |values: &[f64]| self.best_of_grid(values, sign).map_or(0.0, |(_, gain)| gain);
         let own = gain(values);
         let mut order = values.to_vec();
-        let as_good = (0..ORDERS).filter(|_| {
+        let as_good = (0..RANDOM_ORDERS).filter(|_| {
             chance.shuffle(&mut order);
             gain(&order) >= own
         });
-        let allowed = (BY_CHANCE * (1 + ORDERS) as f64) as usize - 1;
+        let allowed = (SIGNIFICANCE * (1 + RANDOM_ORDERS) as f64) as usize - 1;
         as_good.take(allowed + 1).count() <= allowed // stops as soon as one more is found
     }
 }
 
 /// The position of the maximum of a function with a single maximum in an interval.
-fn top((mut low, mut high): (f64, f64), of: impl Fn(f64) -> f64) -> f64 {
+fn position_of_maximum((mut low, mut high): (f64, f64), of: impl Fn(f64) -> f64) -> f64 {
     // Golden section; ten steps shrink the bracket to 0.8 %.
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let (mut left, mut right) = (high - GOLDEN * (high - low), low + GOLDEN * (high - low));

@@ -9,13 +9,13 @@ use std::f64::consts::SQRT_2;
 pub const Z_95: f64 = 1.959_963_984_540_054;
 
 /// Cumulative distribution of the standard normal: the share below `z`.
-pub fn normal_below(z: f64) -> f64 {
+pub fn normal_cdf(z: f64) -> f64 {
     0.5 * libm::erfc(-z / SQRT_2)
 }
 
 /// Cumulative distribution of Student's t with `freedom` degrees of freedom: the share below `t`.
-pub fn student_below(t: f64, freedom: f64) -> f64 {
-    let tail = 0.5 * beta_below(freedom / (freedom + t * t), freedom / 2.0, 0.5);
+pub fn student_cdf(t: f64, freedom: f64) -> f64 {
+    let tail = 0.5 * beta_cdf(freedom / (freedom + t * t), freedom / 2.0, 0.5);
     if t > 0.0 { 1.0 - tail } else { tail }
 }
 
@@ -24,23 +24,23 @@ pub fn student_quantile(share: f64, freedom: f64) -> f64 {
     if share < 0.5 {
         return -student_quantile(1.0 - share, freedom);
     }
-    root(|t| student_below(t, freedom) - share)
+    root(|t| student_cdf(t, freedom) - share)
 }
 
 /// Quantile of Fisher's F: the value with this share below it; `share` between 0 and 1, both excluded.
 pub fn fisher_quantile(share: f64, numerator: f64, denominator: f64) -> f64 {
-    let below = |f: f64| beta_below(numerator * f / (numerator * f + denominator), numerator / 2.0, denominator / 2.0);
+    let below = |f: f64| beta_cdf(numerator * f / (numerator * f + denominator), numerator / 2.0, denominator / 2.0);
     root(|f| below(f) - share)
 }
 
 /// The regularised incomplete beta function I_x(a, b): the share of the beta distribution below `x`.
-pub fn beta_below(x: f64, a: f64, b: f64) -> f64 {
+pub fn beta_cdf(x: f64, a: f64, b: f64) -> f64 {
     if x <= 0.0 || x >= 1.0 {
         return x.clamp(0.0, 1.0);
     }
     // The fraction converges fast below the distribution's mean; above it, the mirrored one does.
     if x > (a + 1.0) / (a + b + 2.0) {
-        return 1.0 - beta_below(1.0 - x, b, a);
+        return 1.0 - beta_cdf(1.0 - x, b, a);
     }
     let front = libm::lgamma(a + b) - libm::lgamma(a) - libm::lgamma(b) + a * x.ln() + b * (-x).ln_1p();
     front.exp() / (a * beta_fraction(x, a, b))
@@ -96,7 +96,7 @@ mod tests {
     // Values from SciPy's stats and special modules.
     #[test]
     fn quantiles_are_those_of_the_tables() {
-        close(normal_below(Z_95), 0.975, 1e-12);
+        close(normal_cdf(Z_95), 0.975, 1e-12);
         for (share, freedom, want) in STUDENT {
             close(student_quantile(share, freedom), want, 1e-9);
         }
@@ -124,11 +124,11 @@ mod tests {
     #[test]
     fn the_beta_law_has_its_closed_forms() {
         for x in [0.01f64, 0.3, 0.5, 0.97] {
-            close(beta_below(x, 1.0, 1.0), x, 1e-12);
-            close(beta_below(x, 3.0, 1.0), x.powi(3), 1e-12);
-            close(beta_below(x, 0.5, 0.5), x.sqrt().asin() * std::f64::consts::FRAC_2_PI, 1e-10);
-            close(beta_below(x, 2.5, 7.0) + beta_below(1.0 - x, 7.0, 2.5), 1.0, 1e-12);
+            close(beta_cdf(x, 1.0, 1.0), x, 1e-12);
+            close(beta_cdf(x, 3.0, 1.0), x.powi(3), 1e-12);
+            close(beta_cdf(x, 0.5, 0.5), x.sqrt().asin() * std::f64::consts::FRAC_2_PI, 1e-10);
+            close(beta_cdf(x, 2.5, 7.0) + beta_cdf(1.0 - x, 7.0, 2.5), 1.0, 1e-12);
         }
-        assert_eq!((beta_below(0.0, 2.0, 3.0), beta_below(1.0, 2.0, 3.0)), (0.0, 1.0));
+        assert_eq!((beta_cdf(0.0, 2.0, 3.0), beta_cdf(1.0, 2.0, 3.0)), (0.0, 1.0));
     }
 }

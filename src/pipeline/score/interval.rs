@@ -5,21 +5,21 @@ use super::no_answer::NoAnswer;
 
 /// A range that contains a quantity with a confidence of 95 %, in the quantity's unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Interval {
+pub struct ConfidenceInterval {
     /// Its lower end.
     pub low: f64,
     /// Its upper end.
     pub high: f64,
 }
 
-impl Interval {
+impl ConfidenceInterval {
     /// True if the value is inside, ends included.
-    pub fn holds(self, value: f64) -> bool {
+    pub fn contains(self, value: f64) -> bool {
         self.low <= value && value <= self.high
     }
 
     /// True if the two have a value in common. Then it is unknown which of the two quantities is larger.
-    pub fn overlaps(self, other: Interval) -> bool {
+    pub fn overlaps(self, other: ConfidenceInterval) -> bool {
         self.low <= other.high && other.low <= self.high
     }
 
@@ -35,19 +35,19 @@ impl Interval {
 
 /// A measured value with its error bar.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measured {
+pub struct MeasuredValue {
     /// The value, in the feature's unit.
     pub value: f64,
     /// 95 % interval of the true value; `None` if the error is unknown (a foreign file without sigmas).
-    pub bar: Option<Interval>,
+    pub bar: Option<ConfidenceInterval>,
 }
 
-impl Measured {
+impl MeasuredValue {
     /// Checks that the value is a usable number and that its bar contains it.
     pub(super) fn checked(self) -> Result<Self, NoAnswer> {
-        let bar = self.bar.unwrap_or(Interval { low: self.value, high: self.value });
+        let bar = self.bar.unwrap_or(ConfidenceInterval { low: self.value, high: self.value });
         NoAnswer::finite(&[self.value, bar.low, bar.high])?;
-        if bar.holds(self.value) { Ok(self) } else { Err(NoAnswer::NotFinite) }
+        if bar.contains(self.value) { Ok(self) } else { Err(NoAnswer::NotFinite) }
     }
 }
 
@@ -57,7 +57,7 @@ pub struct Mean {
     /// The mean.
     pub value: f64,
     /// 95 % interval of the population's mean (Student's t), assuming independent and nearly normal values.
-    pub interval: Interval,
+    pub interval: ConfidenceInterval,
     /// Standard deviation of one value (n − 1 in the denominator).
     pub deviation: f64,
     /// Number of values.
@@ -77,7 +77,7 @@ pub fn mean(values: &[f64]) -> Result<Mean, NoAnswer> {
         return Err(NoAnswer::NoSpread);
     }
     let half = student_quantile(0.975, n - 1.0) * deviation / n.sqrt();
-    Ok(Mean { value, interval: Interval::around(value, half), deviation, n: values.len() })
+    Ok(Mean { value, interval: ConfidenceInterval::around(value, half), deviation, n: values.len() })
 }
 
 /// Mean and standard deviation (n − 1); a deviation within rounding counts as 0.
@@ -94,7 +94,7 @@ pub(super) fn moments(values: &[f64]) -> (f64, f64) {
 ///
 /// # Errors
 /// [`NoAnswer`] without draws, or for a share outside 0 to 1.
-pub fn wilson(share: f64, n: usize) -> Result<Interval, NoAnswer> {
+pub fn wilson(share: f64, n: usize) -> Result<ConfidenceInterval, NoAnswer> {
     NoAnswer::at_least("draws", n, 1)?;
     if !(0.0..=1.0).contains(&share) {
         return Err(NoAnswer::NotFinite);
@@ -102,14 +102,14 @@ pub fn wilson(share: f64, n: usize) -> Result<Interval, NoAnswer> {
     let (n, z2) = (n as f64, Z_95 * Z_95);
     let centre = share + z2 / (2.0 * n);
     let half = (z2 * (share * (1.0 - share) / n + z2 / (4.0 * n * n))).sqrt();
-    Ok(Interval::around(centre, half).map(|end| (end / (1.0 + z2 / n)).clamp(0.0, 1.0)))
+    Ok(ConfidenceInterval::around(centre, half).map(|end| (end / (1.0 + z2 / n)).clamp(0.0, 1.0)))
 }
 
 /// The interval that leaves 2.5 % of the resamples on each side. The resamples may be unsorted and infinite.
-pub(super) fn of_resamples(mut values: Vec<f64>) -> Interval {
+pub(super) fn interval_of_resamples(mut values: Vec<f64>) -> ConfidenceInterval {
     values.sort_by(f64::total_cmp);
     let at = |share: f64| values[((values.len() - 1) as f64 * share).round() as usize];
-    Interval { low: at(0.025), high: at(0.975) }
+    ConfidenceInterval { low: at(0.025), high: at(0.975) }
 }
 
 #[cfg(test)]
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn what_bears_no_interval_gives_a_reason() {
+    fn values_without_an_interval_give_a_reason() {
         assert_eq!(mean(&[]), Err(NoAnswer::TooFew { of: "values", found: 0, needed: 2 }));
         assert_eq!(mean(&[3.0]), Err(NoAnswer::TooFew { of: "values", found: 1, needed: 2 }));
         assert_eq!(mean(&[3.1; 7]), Err(NoAnswer::NoSpread));
@@ -155,11 +155,11 @@ mod tests {
 
     #[test]
     fn a_bar_that_does_not_hold_its_value_is_refused() {
-        let measured = |value, low, high| Measured { value, bar: Some(Interval { low, high }) };
+        let measured = |value, low, high| MeasuredValue { value, bar: Some(ConfidenceInterval { low, high }) };
         assert!(measured(1.0, 0.5, 1.5).checked().is_ok());
         assert_eq!(measured(1.0, 1.5, 0.5).checked(), Err(NoAnswer::NotFinite));
         assert_eq!(measured(1.0, 2.0, 3.0).checked(), Err(NoAnswer::NotFinite));
         assert_eq!(measured(1.0, 0.0, f64::INFINITY).checked(), Err(NoAnswer::NotFinite));
-        assert_eq!(Measured { value: f64::NAN, bar: None }.checked(), Err(NoAnswer::NotFinite));
+        assert_eq!(MeasuredValue { value: f64::NAN, bar: None }.checked(), Err(NoAnswer::NotFinite));
     }
 }

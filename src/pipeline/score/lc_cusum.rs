@@ -6,13 +6,13 @@
 //! inverted ratios watches for a relapse; after a relapse learning starts again. Both limits keep stated error rates
 //! exactly ([`CusumChart`]). Trials with unknown outcome move neither chart and do not count.
 
-use super::cusum::{Chart, MOST_TRIALS, Walk, first_at};
+use super::cusum::{CusumChart, CusumState, MAX_TRIALS, first_trial_reaching};
 use super::no_answer::NoAnswer;
-use super::trial::Trial;
+use super::trial::TrialOutcome;
 
 /// Which performance is adequate, and how often the charts may be wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Design {
+pub struct LcCusumDesign {
     /// Share of trials that an inadequate trainee misses, p0. Usual: 0.3.
     pub inadequate: f64,
     /// Share of trials that an adequate trainee misses, p1, below p0. Usual: 0.1; a value closer to p0 takes more
@@ -29,7 +29,7 @@ pub struct Design {
     pub alarm_within: usize,
 }
 
-impl Default for Design {
+impl Default for LcCusumDesign {
     /// Nine of ten adequate trainees are declared proficient within 50 trials, and half of the relapses are found
     /// within 24.
     fn default() -> Self {
@@ -46,9 +46,9 @@ impl Default for Design {
 
 /// The two charts of a design, with their known error rates.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Monitor {
-    learning: Chart,
-    keeping: Chart,
+pub struct LcCusumMonitor {
+    learning: CusumChart,
+    keeping: CusumChart,
     /// By judged trial, from the first: share of inadequate trainees declared proficient by then.
     pub declared_wrongly: Vec<f64>,
     /// By judged trial, from the first: share of adequate trainees declared proficient by then.
@@ -62,7 +62,7 @@ pub struct Monitor {
 
 /// An event in a trainee's history.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Event {
+pub enum CompetenceEvent {
     /// Declared proficient.
     Declared {
         /// At which trial, from 1, all trials counted.
@@ -95,7 +95,7 @@ pub enum Standing {
 
 /// The score after a trial on one of the charts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Point {
+pub struct LcCusumPoint {
     /// True on the learning chart, false on the chart that watches for a relapse.
     pub learning: bool,
     /// The score, from 0 to the chart's limit or just above it.
@@ -104,35 +104,35 @@ pub struct Point {
 
 /// The result of following a trainee's trials.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Career {
+pub struct CompetenceHistory {
     /// Declarations and relapses in alternation.
-    pub events: Vec<Event>,
+    pub events: Vec<CompetenceEvent>,
     /// The trainee's standing after the last trial.
-    pub now: Standing,
+    pub standing: Standing,
     /// Number of judged trials since the last event.
     pub judged: usize,
     /// One point per trial; `None` if its outcome is unknown.
-    pub path: Vec<Option<Point>>,
+    pub path: Vec<Option<LcCusumPoint>>,
 }
 
-impl Monitor {
+impl LcCusumMonitor {
     /// Computes the limits of a design. Cost: 20 ms; reuse it for all trainees.
     ///
     /// # Errors
     /// [`NoAnswer::UnusableSetting`] for a design with unusable rates.
-    pub fn new(design: Design) -> Result<Self, NoAnswer> {
-        let Design { inadequate, adequate, .. } = design;
+    pub fn new(design: LcCusumDesign) -> Result<Self, NoAnswer> {
+        let LcCusumDesign { inadequate, adequate, .. } = design;
         let learning =
-            Chart::designed(1.0 - inadequate, 1.0 - adequate, design.false_declaration, design.declare_within)?;
-        let keeping = Chart::designed(adequate, inadequate, design.false_alarm, design.alarm_within)?;
-        let found = keeping.reached_by(inadequate, MOST_TRIALS);
+            CusumChart::designed(1.0 - inadequate, 1.0 - adequate, design.false_declaration, design.declare_within)?;
+        let keeping = CusumChart::designed(adequate, inadequate, design.false_alarm, design.alarm_within)?;
+        let found = keeping.reached_by(inadequate, MAX_TRIALS);
         Ok(Self {
             learning,
             keeping,
-            declared_wrongly: learning.reached_by(1.0 - inadequate, MOST_TRIALS),
-            declared_rightly: learning.reached_by(1.0 - adequate, MOST_TRIALS),
-            relapse_found_median: first_at(&found, 0.5),
-            relapse_found_90: first_at(&found, 0.9),
+            declared_wrongly: learning.reached_by(1.0 - inadequate, MAX_TRIALS),
+            declared_rightly: learning.reached_by(1.0 - adequate, MAX_TRIALS),
+            relapse_found_median: first_trial_reaching(&found, 0.5),
+            relapse_found_90: first_trial_reaching(&found, 0.9),
         })
     }
 
@@ -142,32 +142,35 @@ impl Monitor {
     }
 
     /// Follows the trials in their order on the two charts.
-    pub fn follow(&self, trials: &[Trial]) -> Career {
-        let mut career = Career { events: Vec::new(), now: Standing::NotYet, judged: 0, path: Vec::new() };
-        let mut walk = Walk::default();
+    pub fn follow(&self, trials: &[TrialOutcome]) -> CompetenceHistory {
+        let mut career =
+            CompetenceHistory { events: Vec::new(), standing: Standing::NotYet, judged: 0, path: Vec::new() };
+        let mut walk = CusumState::default();
         for (index, trial) in trials.iter().enumerate() {
-            let learning = career.now != Standing::Proficient;
+            let learning = career.standing != Standing::Proficient;
             let chart = if learning { self.learning } else { self.keeping };
-            if *trial == Trial::Unknown {
+            if *trial == TrialOutcome::Unknown {
                 career.path.push(None);
                 continue;
             }
-            walk = chart.step(walk, learning == (*trial == Trial::Passed));
+            walk = chart.step(walk, learning == (*trial == TrialOutcome::Passed));
             career.judged += 1;
-            career.path.push(Some(Point { learning, score: chart.score(walk) }));
-            if chart.tells(walk) {
+            career.path.push(Some(LcCusumPoint { learning, score: chart.score(walk) }));
+            if chart.has_reached_limit(walk) {
                 career.events.push(self.event(learning, index + 1, career.judged));
-                career.now = if learning { Standing::Proficient } else { Standing::Relapsed };
-                (walk, career.judged) = (Walk::default(), 0);
+                career.standing = if learning { Standing::Proficient } else { Standing::Relapsed };
+                (walk, career.judged) = (CusumState::default(), 0);
             }
         }
         career
     }
 
-    fn event(&self, learning: bool, at: usize, judged: usize) -> Event {
+    fn event(&self, learning: bool, at: usize, judged: usize) -> CompetenceEvent {
         match learning {
-            true => Event::Declared { at, judged, wrong_by_then: self.declared_wrongly.get(judged - 1).copied() },
-            false => Event::Relapsed { at, judged },
+            true => {
+                CompetenceEvent::Declared { at, judged, wrong_by_then: self.declared_wrongly.get(judged - 1).copied() }
+            }
+            false => CompetenceEvent::Relapsed { at, judged },
         }
     }
 }

@@ -6,7 +6,6 @@
 //! neither a pass nor a fail.
 
 pub mod agreement;
-mod chance;
 pub mod cohort;
 pub mod curve;
 pub mod cusum;
@@ -16,12 +15,13 @@ pub mod interval;
 pub mod lc_cusum;
 mod no_answer;
 pub mod pass_rule;
-mod people;
+mod person_values;
 pub mod reminder;
+mod resampler;
 pub mod skill;
 pub mod standard;
 mod trial;
 
 pub use no_answer::NoAnswer;
-pub use people::{FEWEST_PEOPLE, People};
-pub use trial::Trial;
+pub use person_values::{MIN_PEOPLE, PersonValues};
+pub use trial::TrialOutcome;

@@ -5,7 +5,7 @@
 //! reach only if it is so even with all of them passed. So a covered camera can neither promote nor fail a trainee.
 
 use super::no_answer::NoAnswer;
-use super::trial::Trial;
+use super::trial::TrialOutcome;
 
 /// A rule such as "two in a row and ten more, within 80 trials".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,7 +20,7 @@ pub struct PassRule {
 
 /// The progress of a trainee under a rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Progress {
+pub enum PassProgress {
     /// The rule is met.
     Met {
         /// The trial that met it, from 1.
@@ -57,35 +57,35 @@ impl PassRule {
     ///
     /// # Errors
     /// As [`Self::checked`].
-    pub fn follow(self, trials: &[Trial]) -> Result<Progress, NoAnswer> {
+    pub fn evaluate(self, trials: &[TrialOutcome]) -> Result<PassProgress, NoAnswer> {
         let rule = self.checked()?;
         let counted = &trials[..trials.len().min(rule.at_most.unwrap_or(usize::MAX))];
-        let (mut surely, mut at_best) = (Count::default(), Count::default());
+        let (mut surely, mut at_best) = (PassCount::default(), PassCount::default());
         for (index, trial) in counted.iter().enumerate() {
-            surely.add(rule, *trial == Trial::Passed);
-            at_best.add(rule, *trial != Trial::Failed);
+            surely.add(rule, *trial == TrialOutcome::Passed);
+            at_best.add(rule, *trial != TrialOutcome::Failed);
             if surely.missing(rule) == 0 {
-                return Ok(Progress::Met { at: index + 1 });
+                return Ok(PassProgress::Met { at: index + 1 });
             }
         }
         let left = rule.at_most.map_or(usize::MAX, |at_most| at_most - counted.len());
         if at_best.missing(rule) > left {
-            return Ok(Progress::OutOfReach);
+            return Ok(PassProgress::OutOfReach);
         }
-        let unknown = counted.iter().filter(|trial| **trial == Trial::Unknown).count();
-        Ok(Progress::Open { in_a_row: surely.in_a_row, more: surely.more, unknown })
+        let unknown = counted.iter().filter(|trial| **trial == TrialOutcome::Unknown).count();
+        Ok(PassProgress::Open { in_a_row: surely.in_a_row, more: surely.more, unknown })
     }
 
     /// The passes that met the rule, or that count towards it so far, as indices among the trials, from 0.
-    pub fn made_of(self, trials: &[Trial]) -> Vec<usize> {
-        let (mut count, mut made) = (Count::default(), Vec::new());
+    pub fn counted_passes(self, trials: &[TrialOutcome]) -> Vec<usize> {
+        let (mut count, mut made) = (PassCount::default(), Vec::new());
         for (index, trial) in trials.iter().take(self.at_most.unwrap_or(usize::MAX)).enumerate() {
             if count.missing(self) == 0 {
                 break;
             }
-            count.add(self, *trial == Trial::Passed);
+            count.add(self, *trial == TrialOutcome::Passed);
             match trial {
-                Trial::Passed => made.push(index),
+                TrialOutcome::Passed => made.push(index),
                 _ if count.in_a_row == 0 => made.clear(),
                 _ => {}
             }
@@ -96,12 +96,12 @@ impl PassRule {
 
 /// The passes so far.
 #[derive(Clone, Copy, Default)]
-struct Count {
+struct PassCount {
     in_a_row: usize,
     more: usize,
 }
 
-impl Count {
+impl PassCount {
     fn add(&mut self, rule: PassRule, passed: bool) {
         match (passed, self.in_a_row == rule.in_a_row) {
             (true, true) => self.more += 1,
@@ -125,22 +125,22 @@ mod tests {
 
     const RULE: PassRule = PassRule { in_a_row: 2, then_more: 3, at_most: Some(10) };
 
-    fn trials(letters: &str) -> Vec<Trial> {
+    fn trials(letters: &str) -> Vec<TrialOutcome> {
         let of = |letter| match letter {
-            'p' => Trial::Passed,
-            'f' => Trial::Failed,
-            _ => Trial::Unknown,
+            'p' => TrialOutcome::Passed,
+            'f' => TrialOutcome::Failed,
+            _ => TrialOutcome::Unknown,
         };
         letters.chars().map(of).collect()
     }
 
-    fn follow(letters: &str) -> Progress {
-        RULE.follow(&trials(letters)).unwrap()
+    fn follow(letters: &str) -> PassProgress {
+        RULE.evaluate(&trials(letters)).unwrap()
     }
 
     #[test]
     fn a_rule_is_made_of_the_row_and_the_passes_after_it() {
-        let made = |letters: &str| RULE.made_of(&trials(letters));
+        let made = |letters: &str| RULE.counted_passes(&trials(letters));
         assert_eq!(
             made("pfppfpfppp"),
             [2, 3, 5, 7, 8],
@@ -153,33 +153,37 @@ mod tests {
 
     #[test]
     fn two_in_a_row_and_three_more() {
-        assert_eq!(follow("fppfpfpp"), Progress::Met { at: 8 });
-        assert_eq!(follow("ppppp"), Progress::Met { at: 5 });
-        assert_eq!(follow("pfpfp"), Progress::Open { in_a_row: 1, more: 0, unknown: 0 });
-        assert_eq!(follow("ppfp"), Progress::Open { in_a_row: 2, more: 1, unknown: 0 });
-        assert_eq!(follow(""), Progress::Open { in_a_row: 0, more: 0, unknown: 0 });
-        assert_eq!(RULE.follow(&vec![Trial::Passed; 500]).unwrap(), Progress::Met { at: 5 });
+        assert_eq!(follow("fppfpfpp"), PassProgress::Met { at: 8 });
+        assert_eq!(follow("ppppp"), PassProgress::Met { at: 5 });
+        assert_eq!(follow("pfpfp"), PassProgress::Open { in_a_row: 1, more: 0, unknown: 0 });
+        assert_eq!(follow("ppfp"), PassProgress::Open { in_a_row: 2, more: 1, unknown: 0 });
+        assert_eq!(follow(""), PassProgress::Open { in_a_row: 0, more: 0, unknown: 0 });
+        assert_eq!(RULE.evaluate(&vec![TrialOutcome::Passed; 500]).unwrap(), PassProgress::Met { at: 5 });
     }
 
     #[test]
     fn an_unknown_trial_breaks_a_row_and_is_no_pass() {
-        assert_eq!(follow("p?p"), Progress::Open { in_a_row: 1, more: 0, unknown: 1 });
-        assert_eq!(follow("pp???"), Progress::Open { in_a_row: 2, more: 0, unknown: 3 });
-        assert_eq!(follow("pp?p?pp"), Progress::Met { at: 7 });
+        assert_eq!(follow("p?p"), PassProgress::Open { in_a_row: 1, more: 0, unknown: 1 });
+        assert_eq!(follow("pp???"), PassProgress::Open { in_a_row: 2, more: 0, unknown: 3 });
+        assert_eq!(follow("pp?p?pp"), PassProgress::Met { at: 7 });
     }
 
     #[test]
     fn a_rule_is_out_of_reach_only_if_no_unknown_trial_could_save_it() {
-        assert_eq!(follow("ffffff"), Progress::OutOfReach);
-        assert_eq!(follow("fffff"), Progress::Open { in_a_row: 0, more: 0, unknown: 0 });
-        assert_eq!(follow("??ffffff?f"), Progress::OutOfReach, "three at best");
-        assert_eq!(follow("?????fffff"), Progress::Open { in_a_row: 0, more: 0, unknown: 5 });
-        assert_eq!(follow("ffffffffffppppp"), Progress::OutOfReach, "what comes after the last trial does not count");
+        assert_eq!(follow("ffffff"), PassProgress::OutOfReach);
+        assert_eq!(follow("fffff"), PassProgress::Open { in_a_row: 0, more: 0, unknown: 0 });
+        assert_eq!(follow("??ffffff?f"), PassProgress::OutOfReach, "three at best");
+        assert_eq!(follow("?????fffff"), PassProgress::Open { in_a_row: 0, more: 0, unknown: 5 });
+        assert_eq!(
+            follow("ffffffffffppppp"),
+            PassProgress::OutOfReach,
+            "what comes after the last trial does not count"
+        );
     }
 
     #[test]
-    fn a_rule_that_nobody_can_meet_or_miss_is_refused() {
-        let rule = |in_a_row, then_more, at_most| PassRule { in_a_row, then_more, at_most }.follow(&[]).map(drop);
+    fn a_rule_that_cannot_be_met_or_missed_is_refused() {
+        let rule = |in_a_row, then_more, at_most| PassRule { in_a_row, then_more, at_most }.evaluate(&[]).map(drop);
         assert_eq!(rule(0, 3, None), Err(NoAnswer::UnusableSetting("in_a_row")));
         assert_eq!(rule(2, 3, Some(4)), Err(NoAnswer::UnusableSetting("at_most")));
         assert_eq!(rule(2, 3, Some(5)), Ok(()));
@@ -190,14 +194,14 @@ mod tests {
         fn knowing_less_never_promotes_nor_sinks(letters in "[pf?]{0,14}", at in 0usize..14) {
             let mut less = trials(&letters);
             if let Some(trial) = less.get_mut(at) {
-                *trial = Trial::Unknown;
+                *trial = TrialOutcome::Unknown;
             }
-            let (known, unknown) = (follow(&letters), RULE.follow(&less).unwrap());
+            let (known, unknown) = (follow(&letters), RULE.evaluate(&less).unwrap());
             match (known, unknown) {
-                (Progress::Met { at: known }, Progress::Met { at: unknown }) => prop_assert!(unknown >= known),
-                (known, Progress::Met { .. }) => return Err(TestCaseError::fail(format!("promoted from {known:?}"))),
-                (Progress::Met { .. } | Progress::Open { .. }, unknown) => prop_assert!(unknown != Progress::OutOfReach),
-                (Progress::OutOfReach, _) => {}
+                (PassProgress::Met { at: known }, PassProgress::Met { at: unknown }) => prop_assert!(unknown >= known),
+                (known, PassProgress::Met { .. }) => return Err(TestCaseError::fail(format!("promoted from {known:?}"))),
+                (PassProgress::Met { .. } | PassProgress::Open { .. }, unknown) => prop_assert!(unknown != PassProgress::OutOfReach),
+                (PassProgress::OutOfReach, _) => {}
             }
         }
     }

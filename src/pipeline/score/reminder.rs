@@ -16,12 +16,12 @@ pub struct Reminder {
     /// When the refresher is due, in ms since 1970.
     pub due_ms: i64,
     /// Its state.
-    pub state: State,
+    pub state: ReminderState,
 }
 
 /// The state of a reminder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
+pub enum ReminderState {
     /// Not due yet.
     Ahead,
     /// Due, and not practised since.
@@ -44,9 +44,9 @@ pub fn reminders(declared_ms: i64, practised_ms: &[i64], now_ms: i64) -> [Remind
         let opens_ms = due_ms.saturating_sub(EARLY_DAYS * DAY_MS);
         while practised.next_if(|at| *at < opens_ms).is_some() {}
         let state = match practised.next() {
-            Some(at) => State::Done(at),
-            None if now_ms >= due_ms => State::Due,
-            None => State::Ahead,
+            Some(at) => ReminderState::Done(at),
+            None if now_ms >= due_ms => ReminderState::Due,
+            None => ReminderState::Ahead,
         };
         Reminder { due_ms, state }
     })
@@ -56,31 +56,31 @@ pub fn reminders(declared_ms: i64, practised_ms: &[i64], now_ms: i64) -> [Remind
 mod tests {
     use super::*;
 
-    fn states(practised_days: &[i64], now_day: i64) -> [State; 2] {
+    fn states(practised_days: &[i64], now_day: i64) -> [ReminderState; 2] {
         let practised: Vec<i64> = practised_days.iter().map(|day| 1_000 + day * DAY_MS).collect();
         reminders(1_000, &practised, 1_000 + now_day * DAY_MS).map(|reminder| reminder.state)
     }
 
-    fn done(day: i64) -> State {
-        State::Done(1_000 + day * DAY_MS)
+    fn done(day: i64) -> ReminderState {
+        ReminderState::Done(1_000 + day * DAY_MS)
     }
 
     #[test]
     fn refreshers_are_due_after_one_and_three_months() {
-        assert_eq!(states(&[], 0), [State::Ahead, State::Ahead]);
-        assert_eq!(states(&[], 29), [State::Ahead, State::Ahead]);
-        assert_eq!(states(&[], 30), [State::Due, State::Ahead]);
-        assert_eq!(states(&[], 91), [State::Due, State::Due]);
+        assert_eq!(states(&[], 0), [ReminderState::Ahead, ReminderState::Ahead]);
+        assert_eq!(states(&[], 29), [ReminderState::Ahead, ReminderState::Ahead]);
+        assert_eq!(states(&[], 30), [ReminderState::Due, ReminderState::Ahead]);
+        assert_eq!(states(&[], 91), [ReminderState::Due, ReminderState::Due]);
         assert_eq!(reminders(1_000, &[], 0).map(|reminder| reminder.due_ms), [2_592_001_000, 7_862_401_000]);
     }
 
     #[test]
     fn practice_near_or_after_a_refresher_is_it_and_practice_long_before_is_not() {
-        assert_eq!(states(&[-3, 2, 22], 40), [State::Due, State::Ahead]);
-        assert_eq!(states(&[22, 23, 31], 40), [done(23), State::Ahead]);
+        assert_eq!(states(&[-3, 2, 22], 40), [ReminderState::Due, ReminderState::Ahead]);
+        assert_eq!(states(&[22, 23, 31], 40), [done(23), ReminderState::Ahead]);
         assert_eq!(states(&[90, 35], 95), [done(35), done(90)]);
-        assert_eq!(states(&[60], 95), [done(60), State::Due]);
-        assert_eq!(states(&[95], 100), [done(95), State::Due], "one session after both is one refresher");
-        assert_eq!(states(&[35], 34), [State::Due, State::Ahead], "a session of the future is none");
+        assert_eq!(states(&[60], 95), [done(60), ReminderState::Due]);
+        assert_eq!(states(&[95], 100), [done(95), ReminderState::Due], "one session after both is one refresher");
+        assert_eq!(states(&[35], 34), [ReminderState::Due, ReminderState::Ahead], "a session of the future is none");
     }
 }

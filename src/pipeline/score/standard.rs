@@ -11,29 +11,29 @@ pub mod contrasting_groups;
 pub mod experts;
 pub mod fls;
 
-pub use contrasting_groups::{ErrorRate, breaking, contrasting_groups, keeping};
-pub use experts::{FEWEST_EXPERTS, best_share, trimmed_experts};
+pub use contrasting_groups::{ErrorRate, contrasting_groups, meeting_rate, missing_rate};
+pub use experts::{MIN_EXPERTS, best_share, trimmed_experts};
 
-use super::interval::{Interval, Measured};
+use super::interval::{ConfidenceInterval, MeasuredValue};
 use super::no_answer::NoAnswer;
 use crate::pipeline::features::Direction;
 
 /// A limit that a feature has to meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Target {
+pub struct FeatureTarget {
     /// The limit, in the feature's unit; a value equal to it meets it.
     pub limit: f64,
     /// 95 % interval of the limit over other people of the same kind; `None` if it was fixed.
-    pub interval: Option<Interval>,
+    pub interval: Option<ConfidenceInterval>,
     /// The better side: lower or higher, never neither.
     pub direction: Direction,
     /// What it is based on.
-    pub basis: Basis,
+    pub basis: TargetBasis,
 }
 
 /// The basis of a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Basis {
+pub enum TargetBasis {
     /// The mean of experts without outliers.
     TrimmedExperts {
         /// Number of measured experts.
@@ -68,22 +68,22 @@ pub enum Basis {
     },
 }
 
-impl Basis {
+impl TargetBasis {
     /// Stable name for files, API and pages.
     pub fn name(self) -> &'static str {
         match self {
-            Basis::TrimmedExperts { .. } => "trimmed_experts",
-            Basis::ContrastingGroups { .. } => "contrasting_groups",
-            Basis::BestShare { .. } => "best_share",
-            Basis::Fixed => "fixed",
-            Basis::External { .. } => "external",
+            TargetBasis::TrimmedExperts { .. } => "trimmed_experts",
+            TargetBasis::ContrastingGroups { .. } => "contrasting_groups",
+            TargetBasis::BestShare { .. } => "best_share",
+            TargetBasis::Fixed => "fixed",
+            TargetBasis::External { .. } => "external",
         }
     }
 }
 
 /// The judgement on a measured value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Judgement {
+pub enum TargetJudgement {
     /// The whole error bar meets the limit.
     Pass,
     /// The whole error bar misses the limit.
@@ -96,46 +96,51 @@ pub enum Judgement {
     NotMeasured,
 }
 
-impl Judgement {
+impl TargetJudgement {
     /// Stable name for files, API and pages.
     pub fn name(self) -> &'static str {
         match self {
-            Judgement::Pass => "pass",
-            Judgement::Fail => "fail",
-            Judgement::Undecided => "undecided",
-            Judgement::ErrorUnknown => "error_unknown",
-            Judgement::NotMeasured => "not_measured",
+            TargetJudgement::Pass => "pass",
+            TargetJudgement::Fail => "fail",
+            TargetJudgement::Undecided => "undecided",
+            TargetJudgement::ErrorUnknown => "error_unknown",
+            TargetJudgement::NotMeasured => "not_measured",
         }
     }
 }
 
-impl Target {
+impl FeatureTarget {
     /// A limit that was chosen.
     ///
     /// # Errors
     /// [`NoAnswer`] for a limit that is not finite, or a feature where neither direction is better.
     pub fn fixed(limit: f64, direction: Direction) -> Result<Self, NoAnswer> {
-        Self::new(limit, None, direction, Basis::Fixed)
+        Self::new(limit, None, direction, TargetBasis::Fixed)
     }
 
-    fn new(limit: f64, interval: Option<Interval>, direction: Direction, basis: Basis) -> Result<Self, NoAnswer> {
+    fn new(
+        limit: f64,
+        interval: Option<ConfidenceInterval>,
+        direction: Direction,
+        basis: TargetBasis,
+    ) -> Result<Self, NoAnswer> {
         NoAnswer::finite(&[limit])?;
         sign(direction)?;
         Ok(Self { limit, interval, direction, basis })
     }
 
     /// Judges a value with its error bar.
-    pub fn judge(&self, measured: Option<Measured>) -> Judgement {
-        let Some(Ok(measured)) = measured.map(Measured::checked) else { return Judgement::NotMeasured };
-        let Some(bar) = measured.bar else { return Judgement::ErrorUnknown };
+    pub fn judge(&self, measured: Option<MeasuredValue>) -> TargetJudgement {
+        let Some(Ok(measured)) = measured.map(MeasuredValue::checked) else { return TargetJudgement::NotMeasured };
+        let Some(bar) = measured.bar else { return TargetJudgement::ErrorUnknown };
         let keeps = |end: f64| match self.direction {
             Direction::Higher => end >= self.limit,
             _ => end <= self.limit,
         };
         match (keeps(bar.low), keeps(bar.high)) {
-            (true, true) => Judgement::Pass,
-            (false, false) => Judgement::Fail,
-            _ => Judgement::Undecided,
+            (true, true) => TargetJudgement::Pass,
+            (false, false) => TargetJudgement::Fail,
+            _ => TargetJudgement::Undecided,
         }
     }
 }
@@ -158,42 +163,42 @@ mod tests {
 
     use super::*;
 
-    fn bar(low: f64, value: f64, high: f64) -> Option<Measured> {
-        Some(Measured { value, bar: Some(Interval { low, high }) })
+    fn bar(low: f64, value: f64, high: f64) -> Option<MeasuredValue> {
+        Some(MeasuredValue { value, bar: Some(ConfidenceInterval { low, high }) })
     }
 
     #[test]
     fn a_judgement_needs_the_whole_error_bar_on_one_side() {
-        let seconds = Target::fixed(48.0, Direction::Lower).unwrap();
-        assert_eq!(seconds.judge(bar(46.0, 47.0, 48.0)), Judgement::Pass);
-        assert_eq!(seconds.judge(bar(46.0, 47.9, 48.1)), Judgement::Undecided);
-        assert_eq!(seconds.judge(bar(47.9, 49.0, 50.0)), Judgement::Undecided);
-        assert_eq!(seconds.judge(bar(48.1, 49.0, 50.0)), Judgement::Fail);
-        let share = Target::fixed(0.5, Direction::Higher).unwrap();
-        assert_eq!(share.judge(bar(0.5, 0.6, 0.7)), Judgement::Pass);
-        assert_eq!(share.judge(bar(0.1, 0.2, 0.3)), Judgement::Fail);
-        assert_eq!(share.judge(bar(0.4, 0.6, 0.7)), Judgement::Undecided);
+        let seconds = FeatureTarget::fixed(48.0, Direction::Lower).unwrap();
+        assert_eq!(seconds.judge(bar(46.0, 47.0, 48.0)), TargetJudgement::Pass);
+        assert_eq!(seconds.judge(bar(46.0, 47.9, 48.1)), TargetJudgement::Undecided);
+        assert_eq!(seconds.judge(bar(47.9, 49.0, 50.0)), TargetJudgement::Undecided);
+        assert_eq!(seconds.judge(bar(48.1, 49.0, 50.0)), TargetJudgement::Fail);
+        let share = FeatureTarget::fixed(0.5, Direction::Higher).unwrap();
+        assert_eq!(share.judge(bar(0.5, 0.6, 0.7)), TargetJudgement::Pass);
+        assert_eq!(share.judge(bar(0.1, 0.2, 0.3)), TargetJudgement::Fail);
+        assert_eq!(share.judge(bar(0.4, 0.6, 0.7)), TargetJudgement::Undecided);
     }
 
     #[test]
     fn what_is_not_known_neither_passes_nor_fails() {
-        let target = Target::fixed(48.0, Direction::Lower).unwrap();
-        assert_eq!(target.judge(None), Judgement::NotMeasured);
-        assert_eq!(target.judge(bar(f64::NAN, 1.0, 2.0)), Judgement::NotMeasured);
-        assert_eq!(target.judge(Some(Measured { value: 10.0, bar: None })), Judgement::ErrorUnknown);
+        let target = FeatureTarget::fixed(48.0, Direction::Lower).unwrap();
+        assert_eq!(target.judge(None), TargetJudgement::NotMeasured);
+        assert_eq!(target.judge(bar(f64::NAN, 1.0, 2.0)), TargetJudgement::NotMeasured);
+        assert_eq!(target.judge(Some(MeasuredValue { value: 10.0, bar: None })), TargetJudgement::ErrorUnknown);
     }
 
     #[test]
     fn a_limit_is_a_number_and_one_of_its_sides_is_better() {
-        assert_eq!(Target::fixed(f64::NAN, Direction::Lower), Err(NoAnswer::NotFinite));
-        assert_eq!(Target::fixed(1.0, Direction::Neither), Err(NoAnswer::NoDirection));
+        assert_eq!(FeatureTarget::fixed(f64::NAN, Direction::Lower), Err(NoAnswer::NotFinite));
+        assert_eq!(FeatureTarget::fixed(1.0, Direction::Neither), Err(NoAnswer::NoDirection));
     }
 
     proptest! {
         #[test]
         fn mirrored_values_have_the_same_judgement(limit in -9.0f64..9.0, value in -9.0f64..9.0, half in 0.0f64..4.0) {
-            let lower = Target::fixed(limit, Direction::Lower).unwrap();
-            let higher = Target::fixed(-limit, Direction::Higher).unwrap();
+            let lower = FeatureTarget::fixed(limit, Direction::Lower).unwrap();
+            let higher = FeatureTarget::fixed(-limit, Direction::Higher).unwrap();
             let judgement = lower.judge(bar(value - half, value, value + half));
             prop_assert_eq!(judgement, higher.judge(bar(-value - half, -value, -value + half)));
         }

@@ -1,10 +1,10 @@
 //! Trial outcomes, as pass rules and control charts use them, in the order of the trials.
 
-use super::standard::Judgement;
+use super::standard::TargetJudgement;
 
 /// The outcome of one trial in a sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Trial {
+pub enum TrialOutcome {
     /// The standard was met.
     Passed,
     /// The standard was missed.
@@ -13,25 +13,27 @@ pub enum Trial {
     Unknown,
 }
 
-impl From<Judgement> for Trial {
-    fn from(judgement: Judgement) -> Self {
+impl From<TargetJudgement> for TrialOutcome {
+    fn from(judgement: TargetJudgement) -> Self {
         match judgement {
-            Judgement::Pass => Trial::Passed,
-            Judgement::Fail => Trial::Failed,
-            Judgement::Undecided | Judgement::ErrorUnknown | Judgement::NotMeasured => Trial::Unknown,
+            TargetJudgement::Pass => TrialOutcome::Passed,
+            TargetJudgement::Fail => TrialOutcome::Failed,
+            TargetJudgement::Undecided | TargetJudgement::ErrorUnknown | TargetJudgement::NotMeasured => {
+                TrialOutcome::Unknown
+            }
         }
     }
 }
 
-impl Trial {
+impl TrialOutcome {
     /// The outcome of a trial with several targets: one missed target fails it, and it is passed only if all were met.
     /// Without targets nothing was judged.
-    pub fn of_all(judgements: &[Judgement]) -> Self {
-        let has = |trial| judgements.iter().any(|judgement| Trial::from(*judgement) == trial);
-        match (has(Trial::Failed), has(Trial::Unknown), has(Trial::Passed)) {
-            (true, _, _) => Trial::Failed,
-            (false, false, true) => Trial::Passed,
-            _ => Trial::Unknown,
+    pub fn of_all(judgements: &[TargetJudgement]) -> Self {
+        let has = |trial| judgements.iter().any(|judgement| TrialOutcome::from(*judgement) == trial);
+        match (has(TrialOutcome::Failed), has(TrialOutcome::Unknown), has(TrialOutcome::Passed)) {
+            (true, _, _) => TrialOutcome::Failed,
+            (false, false, true) => TrialOutcome::Passed,
+            _ => TrialOutcome::Unknown,
         }
     }
 }
@@ -42,12 +44,12 @@ mod tests {
 
     #[test]
     fn one_missed_target_fails_a_trial_and_one_unknown_one_keeps_it_from_passing() {
-        use Judgement::{ErrorUnknown, Fail, NotMeasured, Pass, Undecided};
-        assert_eq!(Trial::of_all(&[Pass, Pass]), Trial::Passed);
-        assert_eq!(Trial::of_all(&[Pass, Undecided, Fail]), Trial::Failed);
+        use TargetJudgement::{ErrorUnknown, Fail, NotMeasured, Pass, Undecided};
+        assert_eq!(TrialOutcome::of_all(&[Pass, Pass]), TrialOutcome::Passed);
+        assert_eq!(TrialOutcome::of_all(&[Pass, Undecided, Fail]), TrialOutcome::Failed);
         for unknown in [Undecided, ErrorUnknown, NotMeasured] {
-            assert_eq!(Trial::of_all(&[Pass, unknown]), Trial::Unknown);
+            assert_eq!(TrialOutcome::of_all(&[Pass, unknown]), TrialOutcome::Unknown);
         }
-        assert_eq!(Trial::of_all(&[]), Trial::Unknown);
+        assert_eq!(TrialOutcome::of_all(&[]), TrialOutcome::Unknown);
     }
 }

@@ -19,7 +19,7 @@ const LUMA_WEIGHT: f64 = 0.4;
 const SPREADS_TO_UNKNOWN: f64 = 3.0;
 
 /// Minimum spread of a label, as a share of the full code range: noise and compression of any camera.
-const LEAST_SPREAD: f64 = 0.012;
+const MIN_SPREAD: f64 = 0.012;
 
 /// Factors on an unknown colour's brightness, to classify it again as if under other light.
 const OTHER_LIGHT: [f64; 6] = [0.85, 1.18, 0.72, 1.38, 0.6, 1.6];
@@ -48,11 +48,11 @@ impl Knn {
             .map(|class| {
                 let own = points.iter().zip(&label_of_sample).filter(|(_, l)| usize::from(**l) == class);
                 let own: Vec<[f32; 3]> = own.map(|(p, _)| *p).collect();
-                (SPREADS_TO_UNKNOWN * spread(&own).max(LEAST_SPREAD)) as f32
+                (SPREADS_TO_UNKNOWN * spread(&own).max(MIN_SPREAD)) as f32
             })
             .collect();
         let reach = reach_of_tools(&colours, &label_of_sample, &limit_of_label);
-        let (points, label_of_sample) = without_crowds(points, label_of_sample);
+        let (points, label_of_sample) = without_duplicates(points, label_of_sample);
         let tree = ImmutableKdTree::new_from_slice(&points).ok()?;
         Some(Self { tree, label_of_sample, limit_of_label, reach })
     }
@@ -105,7 +105,7 @@ fn majority(votes: &[u8]) -> Option<u8> {
 }
 
 /// Removes samples of one class at one place beyond the number that can vote: they change no vote.
-fn without_crowds(points: Vec<[f32; 3]>, classes: Vec<u8>) -> (Vec<[f32; 3]>, Vec<u8>) {
+fn without_duplicates(points: Vec<[f32; 3]>, classes: Vec<u8>) -> (Vec<[f32; 3]>, Vec<u8>) {
     let mut crowds: HashMap<(u8, [u32; 3]), usize> = HashMap::new();
     let has_a_say = |(point, class): &([f32; 3], u8)| {
         let crowd = crowds.entry((*class, point.map(f32::to_bits))).or_default();
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn marked_colours_are_known_and_far_ones_are_nobodys() {
+    fn marked_colours_are_known_and_far_ones_are_unknown() {
         let samples = samples();
         let knn = Knn::new(&samples, &[1, 0]).unwrap();
         let class = |yuv| knn.class_of(samples.encoding.colour_of(yuv));

@@ -83,7 +83,7 @@ impl CellBox {
         self.bottom - self.top
     }
 
-    fn joins(&self, column: usize, row: usize, reach: usize) -> bool {
+    fn is_near_cell(&self, column: usize, row: usize, reach: usize) -> bool {
         column + reach >= self.left
             && column < self.right + reach
             && row + reach >= self.top
@@ -108,7 +108,7 @@ pub fn class_at(frame: &Frame<'_>, table: &ColourTable, column: usize, row: usiz
 /// Searches the whole frame on the coarse grid. Returns boxes around the samples of this class, those with most
 /// samples first, each widened so that it contains the whole band.
 pub fn coarse_search(frame: &Frame<'_>, table: &ColourTable, class: u8) -> Vec<CellBox> {
-    const MOST_BOXES: usize = 64; // limits the time on a frame full of the colour
+    const MAX_BOXES: usize = 64; // limits the time on a frame full of the colour
     let whole = CellBox::whole(frame);
     let mut found: Vec<(CellBox, usize)> = Vec::new();
     for row in (COARSE_STEP / 2..whole.bottom).step_by(COARSE_STEP) {
@@ -116,11 +116,11 @@ pub fn coarse_search(frame: &Frame<'_>, table: &ColourTable, class: u8) -> Vec<C
             if class_at(frame, table, column, row) != class {
                 continue;
             }
-            let near = found.iter_mut().find(|(seen, _)| seen.joins(column, row, 2 * COARSE_STEP));
+            let near = found.iter_mut().find(|(seen, _)| seen.is_near_cell(column, row, 2 * COARSE_STEP));
             if let Some((seen, looks)) = near {
                 seen.include(column, row);
                 *looks += 1;
-            } else if found.len() < MOST_BOXES {
+            } else if found.len() < MAX_BOXES {
                 found.push((CellBox { left: column, top: row, right: column + 1, bottom: row + 1 }, 1));
             }
         }

@@ -5,7 +5,7 @@ use crate::pipeline::frame::{ColourEncoding, Frame};
 
 /// A marked rectangle, in pixels of the recorded frame; `x`, `y` is its first pixel.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Rectangle {
+pub struct MarkedRectangle {
     /// Name of the tool's colour, or a label that is no tool (`background`, `shaft`, …).
     pub label: String,
     /// First column.
@@ -43,7 +43,7 @@ pub struct ColourSamples {
 
 /// Maximum number of samples from one rectangle; in a larger one, pixels are taken at even steps. Otherwise a huge
 /// background rectangle would cost time and outvote the tape.
-const MOST_PER_RECTANGLE: usize = 400;
+const MAX_PER_RECTANGLE: usize = 400;
 
 impl ColourSamples {
     /// No samples yet, in this encoding.
@@ -53,27 +53,27 @@ impl ColourSamples {
 
     /// Adds the pixels inside a rectangle, without parts outside the frame. Codes of a frame in another encoding are
     /// converted to the samples' encoding.
-    pub fn collect(&mut self, frame: &Frame<'_>, rectangle: &Rectangle) {
+    pub fn collect(&mut self, frame: &Frame<'_>, rectangle: &MarkedRectangle) {
         self.collect_stroke(frame, std::slice::from_ref(rectangle));
     }
 
     /// The same for several rectangles of one label that were painted in one stroke: together they count as one
     /// rectangle.
-    pub fn collect_stroke(&mut self, frame: &Frame<'_>, rectangles: &[Rectangle]) {
+    pub fn collect_stroke(&mut self, frame: &Frame<'_>, rectangles: &[MarkedRectangle]) {
         let number = self.samples.last().map_or(0, |last| last.rectangle + 1);
-        let end = |of: &Rectangle| {
+        let end = |of: &MarkedRectangle| {
             (of.x.saturating_add(of.w).min(frame.width()), of.y.saturating_add(of.h).min(frame.height()))
         };
-        let size = |of: &Rectangle| end(of).0.saturating_sub(of.x) * end(of).1.saturating_sub(of.y);
+        let size = |of: &MarkedRectangle| end(of).0.saturating_sub(of.x) * end(of).1.saturating_sub(of.y);
         let pixels: usize = rectangles.iter().map(size).sum();
-        let too_many = pixels.div_ceil(MOST_PER_RECTANGLE).max(1);
+        let too_many = pixels.div_ceil(MAX_PER_RECTANGLE).max(1);
         // A single rectangle is sampled on a grid. Of a stroke, whose rectangles may be one row high, every n-th pixel
         // is taken: a new grid in each rectangle would take at least one pixel of each, however many there are.
         let (step, every) = match rectangles.len() {
             1 => ((too_many as f64).sqrt().ceil() as usize, 1),
             _ => (1, too_many),
         };
-        let on_grid = |of: &'_ Rectangle| {
+        let on_grid = |of: &'_ MarkedRectangle| {
             let (left, (right, bottom)) = (of.x, end(of));
             (of.y..bottom).step_by(step).flat_map(move |y| (left..right).step_by(step).map(move |x| (x, y)))
         };
@@ -124,7 +124,7 @@ mod tests {
     const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
 
     /// Number of samples from a stroke of these rectangles on a grey frame.
-    fn samples_of(rectangles: &[Rectangle]) -> usize {
+    fn samples_of(rectangles: &[MarkedRectangle]) -> usize {
         let grey = vec![128; SIZE * SIZE];
         let plane = Plane { data: &grey, stride: SIZE, width: SIZE, height: SIZE };
         let (y, u, v) = (plane, plane, plane);
@@ -142,14 +142,14 @@ mod tests {
             heights in proptest::collection::vec(1..4_usize, 2..40),
         ) {
             let mut top = y;
-            let strips: Vec<Rectangle> = heights.iter().map(|&h| {
+            let strips: Vec<MarkedRectangle> = heights.iter().map(|&h| {
                 top += h;
-                Rectangle { label: "background".into(), x, y: top - h, w, h }
+                MarkedRectangle { label: "background".into(), x, y: top - h, w, h }
             }).collect();
             let pixels = w * heights.iter().sum::<usize>();
             let taken = samples_of(&strips);
-            prop_assert!(taken <= MOST_PER_RECTANGLE, "{taken} of {pixels}");
-            prop_assert!(taken >= pixels.min(MOST_PER_RECTANGLE / 2), "{taken} of {pixels}");
+            prop_assert!(taken <= MAX_PER_RECTANGLE, "{taken} of {pixels}");
+            prop_assert!(taken >= pixels.min(MAX_PER_RECTANGLE / 2), "{taken} of {pixels}");
         }
     }
 }

@@ -15,10 +15,10 @@ use crate::pipeline::segmentation::samples::ColourSamples;
 use crate::pipeline::tracker::ToolSpec;
 
 /// Time between two searches, s.
-const EVERY_S: f64 = 0.4;
+const SEARCH_INTERVAL_S: f64 = 0.4;
 
 /// Maximum of searches. They are enough: the empty box is requested for 3 s at the beginning and some seconds later.
-const MOST_LOOKS: usize = 40;
+const MAX_SEARCHES: usize = 40;
 
 /// A region of the empty box that is taken for a tape.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,9 +52,9 @@ impl ColourWatch {
     }
 
     /// Searches a frame without tools, if the interval has passed.
-    pub fn look(&mut self, frame: &Frame<'_>) {
-        let is_known = self.colours.iter().all(|(_, seen)| seen.len() >= MOST_LOOKS);
-        if is_known || frame.time_s < self.last_s + EVERY_S {
+    pub fn search_frame(&mut self, frame: &Frame<'_>) {
+        let is_known = self.colours.iter().all(|(_, seen)| seen.len() >= MAX_SEARCHES);
+        if is_known || frame.time_s < self.last_s + SEARCH_INTERVAL_S {
             return;
         }
         let Some(table) = &self.table else { return };
@@ -67,7 +67,7 @@ impl ColourWatch {
     }
 
     /// The false colours found; empty if no frame was without tools.
-    pub fn into_found(self) -> Vec<FalseColour> {
+    pub fn into_false_colours(self) -> Vec<FalseColour> {
         let median = |(colour, seen)| Some(FalseColour { colour, largest_px: quantile(seen, 0.5)? });
         self.colours.into_iter().filter_map(median).collect()
     }
@@ -102,10 +102,19 @@ mod tests {
             let codes = [0, 1, 2].map(code);
             let [y, u, v] =
                 [0, 1, 2].map(|i| Plane { data: &codes[i], stride: SIZE[0], width: SIZE[0], height: SIZE[1] });
-            let time_s = EVERY_S * number as f64;
-            watch.look(&Frame { index: number as u64, time_s, y, u, v, shift_x: 0, shift_y: 0, encoding: ENCODING });
+            let time_s = SEARCH_INTERVAL_S * number as f64;
+            watch.search_frame(&Frame {
+                index: number as u64,
+                time_s,
+                y,
+                u,
+                v,
+                shift_x: 0,
+                shift_y: 0,
+                encoding: ENCODING,
+            });
         }
-        watch.into_found()
+        watch.into_false_colours()
     }
 
     #[test]

@@ -11,7 +11,7 @@ use nalgebra::{Point3, Vector3};
 
 /// A rod that leans by less than this against the board's normal (sine) rests on its whole end: no point of the rim is
 /// the lowest, and the middle counts. 3°: hands do not hold a rod straighter.
-const STRAIGHT: f64 = 0.05;
+const UPRIGHT_SINE: f64 = 0.05;
 
 /// The end of a rod.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +31,7 @@ impl Rod {
         }
         let across = axis * normal.dot(&axis) - normal;
         let lean = across.norm();
-        if lean < STRAIGHT { tip_mm } else { tip_mm + across * (self.radius_mm / lean) }
+        if lean < UPRIGHT_SINE { tip_mm } else { tip_mm + across * (self.radius_mm / lean) }
     }
 }
 

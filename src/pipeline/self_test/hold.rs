@@ -11,16 +11,16 @@ use crate::pipeline::quality::quantile;
 use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
 
 /// Minimum duration of a rest, s.
-const SHORTEST_S: f64 = 1.0;
+const MIN_HOLD_S: f64 = 1.0;
 
 /// Left out at both ends of a rest, s.
 const SETTLING_S: f64 = 0.2;
 
 /// Maximum time without the tool within one rest, s; a longer gap splits the rest in two.
-const LONGEST_GAP_S: f64 = 0.3;
+const MAX_GAP_S: f64 = 0.3;
 
 /// Minimum share of a rest's frames where the tool was measured, not bridged.
-const LEAST_OBSERVED: f64 = 0.5;
+const MIN_OBSERVED_SHARE: f64 = 0.5;
 
 /// A tool at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,26 +40,26 @@ pub struct Hold {
 }
 
 /// All rests of all tools.
-pub(super) fn of_path(path: &Trajectory) -> Vec<Hold> {
-    let mut holds: Vec<Hold> = (0..path.tools.len()).flat_map(|tool| of_tool(path, tool)).collect();
+pub(super) fn holds_of_path(path: &Trajectory) -> Vec<Hold> {
+    let mut holds: Vec<Hold> = (0..path.tools.len()).flat_map(|tool| holds_of_tool(path, tool)).collect();
     holds.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
     holds
 }
 
-fn of_tool(path: &Trajectory, tool: usize) -> Vec<Hold> {
+fn holds_of_tool(path: &Trajectory, tool: usize) -> Vec<Hold> {
     let samples: Vec<Sample> = path.of_tool(tool).copied().collect();
     let at_rest_mm_s = FeatureSettings::default().movement_speed_mm_s;
     let rests = |sample: &Sample| sample.velocity_mm_s.is_some_and(|velocity| velocity.norm() < at_rest_mm_s);
-    let together = |a: &Sample, b: &Sample| rests(a) == rests(b) && b.time_s - a.time_s <= LONGEST_GAP_S;
-    samples.chunk_by(together).filter(|run| rests(&run[0])).filter_map(of_run).collect()
+    let together = |a: &Sample, b: &Sample| rests(a) == rests(b) && b.time_s - a.time_s <= MAX_GAP_S;
+    samples.chunk_by(together).filter(|run| rests(&run[0])).filter_map(hold_of_run).collect()
 }
 
-fn of_run(run: &[Sample]) -> Option<Hold> {
+fn hold_of_run(run: &[Sample]) -> Option<Hold> {
     let (from_s, to_s) = (run.first()?.time_s, run.last()?.time_s);
     let settled = (from_s + SETTLING_S)..=(to_s - SETTLING_S);
     let inner: Vec<&Sample> = run.iter().filter(|sample| settled.contains(&sample.time_s)).collect();
     let observed = inner.iter().filter(|sample| sample.state == SampleState::Observed).count();
-    if to_s - from_s < SHORTEST_S || inner.is_empty() || (observed as f64) < LEAST_OBSERVED * inner.len() as f64 {
+    if to_s - from_s < MIN_HOLD_S || inner.is_empty() || (observed as f64) < MIN_OBSERVED_SHARE * inner.len() as f64 {
         return None;
     }
     let mean = inner.iter().map(|sample| sample.tip_mm.coords).sum::<Vector3<f64>>() / inner.len() as f64;

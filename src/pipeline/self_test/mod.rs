@@ -19,35 +19,35 @@
 //! | [`limits`] | the limits between green, yellow and red, with their grounds |
 //! | [`verdict`] | the traffic light, with advice |
 
+pub mod board_watch;
 pub mod colours;
 pub mod contact;
 pub mod hold;
 pub mod limits;
-pub mod looks;
 pub mod placement;
 pub mod touch;
 pub mod verdict;
 
+pub use board_watch::BoardWatch;
 pub use colours::{ColourWatch, FalseColour};
 pub use contact::Rod;
 pub use hold::Hold;
-pub use looks::BoardWatch;
-pub use placement::Placement;
-pub use touch::{Accuracy, Measured, Touch, Unusable};
-pub use verdict::{Part, PartVerdict, Signal, Verdict};
+pub use placement::BoardPlacement;
+pub use touch::{MeasuredTouch, Touch, TouchAccuracy, UnusableReason};
+pub use verdict::{PartVerdict, SelfTestPart, SelfTestVerdict, Signal};
 
+use super::camera::board_pose::{FocalChange, focal_change};
 use super::camera::checkerboard::BoardReason;
-use super::camera::placed::{FocalChange, focal_change};
 use super::camera::{Board, Camera};
 use super::quality::ports::Ports;
-use super::quality::{self, Figures, Shift};
-use super::segmentation::palette::Apart;
+use super::quality::{self, Displacement, Figures};
+use super::segmentation::palette::ColourSeparation;
 use super::tracker::{Quality, ToolSpec};
 use super::trajectory::Trajectory;
 
 /// The input of a self-test: the tracker's results for the recording, and what is known about the box.
 #[derive(Clone, Copy, Debug)]
-pub struct Evidence<'a> {
+pub struct SelfTestEvidence<'a> {
     /// The box's stored camera, used to track the recording.
     pub camera: Camera,
     /// The tools, in the tracker's order.
@@ -66,11 +66,11 @@ pub struct Evidence<'a> {
 
 /// The findings of a self-test.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Findings {
+pub struct SelfTestFindings {
     /// The board.
     pub board: Board,
     /// Places where it lay still, in order of time.
-    pub placements: Vec<Placement>,
+    pub placements: Vec<BoardPlacement>,
     /// Number of frames searched for the board.
     pub searched: usize,
     /// Why the board was not seen whole on the last frame without it.
@@ -80,12 +80,12 @@ pub struct Findings {
     /// Every rest of a tool, in order of time.
     pub touches: Vec<Touch>,
     /// Accuracy over all touches that count; `None` with fewer than [`limits::MIN_TOUCHES`].
-    pub accuracy: Option<Accuracy>,
+    pub accuracy: Option<TouchAccuracy>,
     /// Distance of the rod's trocar from its position in the box's sessions; with several tools, the largest distance
     /// that is certain. `None` if either position is not known, for example if the rod is held without a trocar.
-    pub trocar_shift: Option<Shift>,
+    pub trocar_shift: Option<Displacement>,
     /// Margin of each tool's colour against other colours.
-    pub colours: Vec<(String, Apart)>,
+    pub colours: Vec<(String, ColourSeparation)>,
     /// Largest region of today's empty box that has a tape's colour, with the colour's label, as a multiple of the
     /// tape's area as seen on the board. Empty if the box was never seen empty, or the board was never seen.
     pub false_regions: Vec<(String, f64)>,
@@ -96,19 +96,20 @@ pub struct Findings {
 }
 
 /// Combines the findings about the board with those of the tracker.
-pub fn measure(watch: BoardWatch, evidence: &Evidence<'_>) -> Findings {
+pub fn measure(watch: BoardWatch, evidence: &SelfTestEvidence<'_>) -> SelfTestFindings {
     let (board, searched, board_reason) = (watch.board(), watch.searched(), watch.last_reason());
-    let placements = placement::of_looks(watch.into_looks(), &evidence.camera, board);
+    let placements = placement::placements_of(watch.into_sightings(), &evidence.camera, board);
     let views: Vec<_> = placements.iter().map(|placement| placement.corners.clone()).collect();
     let focal_change = if views.is_empty() { None } else { focal_change(&evidence.camera, board, &views) };
-    let holds = hold::of_path(evidence.smoothed);
-    let touches = touch::of_holds(holds, &placements, board, evidence);
+    let holds = hold::holds_of_path(evidence.smoothed);
+    let touches = touch::measure_holds(holds, &placements, board, evidence);
     let false_regions = placements.first().map_or_else(Vec::new, |on| false_regions(on, evidence));
-    let path = quality::Evidence::of_path(evidence.smoothed);
-    let Figures { session, tools } = quality::measure(&quality::Evidence { tracker: Some(evidence.quality), ..path });
+    let path = quality::QualityInput::of_path(evidence.smoothed);
+    let Figures { session, tools } =
+        quality::measure(&quality::QualityInput { tracker: Some(evidence.quality), ..path });
     let fulcrums: Vec<_> = evidence.quality.tools.iter().map(|tool| tool.fulcrum).collect();
-    let shifts = evidence.ports.place(&fulcrums).tools.into_iter().flatten();
-    Findings {
+    let shifts = evidence.ports.compare(&fulcrums).tools.into_iter().flatten();
+    SelfTestFindings {
         board,
         searched,
         board_reason,
@@ -116,7 +117,7 @@ pub fn measure(watch: BoardWatch, evidence: &Evidence<'_>) -> Findings {
         accuracy: touch::accuracy(&touches, &evidence.camera),
         touches,
         placements,
-        trocar_shift: shifts.max_by(|a, b| a.is_sure().cmp(&b.is_sure()).then(a.mm.total_cmp(&b.mm))),
+        trocar_shift: shifts.max_by(|a, b| a.is_significant().cmp(&b.is_significant()).then(a.mm.total_cmp(&b.mm))),
         colours: tools.into_iter().map(|tool| (tool.tool, tool.colour)).collect(),
         false_regions,
         exposure_drift: session.exposure_drift,
@@ -125,7 +126,10 @@ pub fn measure(watch: BoardWatch, evidence: &Evidence<'_>) -> Findings {
 }
 
 /// Sizes of the false regions relative to the tape; if several tools have the colour, to the smallest tape.
-fn false_regions(on: &Placement, Evidence { camera, tools, false_colours, .. }: &Evidence<'_>) -> Vec<(String, f64)> {
+fn false_regions(
+    on: &BoardPlacement,
+    SelfTestEvidence { camera, tools, false_colours, .. }: &SelfTestEvidence<'_>,
+) -> Vec<(String, f64)> {
     /// Assumed length of a tape without a stated length, as a multiple of the diameter: 26 mm for 5 mm.
     const USUAL_LENGTH: f64 = 5.0;
     let px_per_mm2 = camera.fx * camera.fy / on.camera_from_board.translation.z.powi(2);

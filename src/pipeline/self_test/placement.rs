@@ -6,8 +6,8 @@
 
 use nalgebra::{Isometry3, Point3, Vector2, Vector3};
 
-use super::looks::{Look, readings};
-use crate::pipeline::camera::placed::locate;
+use super::board_watch::{BoardSighting, possible_orders};
+use crate::pipeline::camera::board_pose::locate;
 use crate::pipeline::camera::{Board, Camera};
 use crate::pipeline::quality::quantile;
 use crate::pipeline::space::Pixel;
@@ -18,13 +18,13 @@ const STILL_MM: f64 = 0.25;
 
 /// A board that lies still.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Placement {
+pub struct BoardPlacement {
     /// First sighting, s.
     pub from_s: f64,
     /// Last sighting, s.
     pub to_s: f64,
     /// Number of sightings that agree.
-    pub looks: usize,
+    pub sightings: usize,
     /// Pose, mm: z runs through the board, away from the camera.
     pub camera_from_board: Isometry3<f64>,
     /// Root mean square reprojection error of the corners, median over the sightings, px.
@@ -33,7 +33,7 @@ pub struct Placement {
     pub corners: Vec<Pixel>,
 }
 
-impl Placement {
+impl BoardPlacement {
     /// Unit normal, towards the camera.
     pub fn normal(&self) -> Vector3<f64> {
         -(self.camera_from_board.rotation * Vector3::z())
@@ -52,17 +52,17 @@ impl Placement {
 }
 
 /// Groups sightings into placements.
-pub(super) fn of_looks(looks: Vec<Look>, camera: &Camera, board: Board) -> Vec<Placement> {
-    let mut runs: Vec<Run> = Vec::new();
+pub(super) fn placements_of(looks: Vec<BoardSighting>, camera: &Camera, board: Board) -> Vec<BoardPlacement> {
+    let mut runs: Vec<SightingRun> = Vec::new();
     for look in looks {
         match runs.last_mut() {
             Some(run) if run.agrees(&look, camera, board) => run.looks.push(look),
-            _ => runs.push(Run { looks: vec![look] }),
+            _ => runs.push(SightingRun { looks: vec![look] }),
         }
     }
     // A single sighting is a moving board, or a shadow or a hand between two sightings that agree.
     runs.retain(|run| run.looks.len() > 1);
-    let mut joined: Vec<Run> = Vec::new();
+    let mut joined: Vec<SightingRun> = Vec::new();
     for run in runs {
         match joined.last_mut() {
             Some(last) if last.agrees(&run.looks[0], camera, board) => last.looks.extend(run.looks),
@@ -73,33 +73,33 @@ pub(super) fn of_looks(looks: Vec<Look>, camera: &Camera, board: Board) -> Vec<P
 }
 
 /// Sightings that agree with the first of them.
-struct Run {
-    looks: Vec<Look>,
+struct SightingRun {
+    looks: Vec<BoardSighting>,
 }
 
-impl Run {
-    fn agrees(&self, look: &Look, camera: &Camera, board: Board) -> bool {
+impl SightingRun {
+    fn agrees(&self, look: &BoardSighting, camera: &Camera, board: Board) -> bool {
         let first = &self.looks[0];
         let mm_per_px = first.placed.camera_from_board.translation.z / camera.fx;
         let apart = |other: &Vec<Pixel>| mean_distance_px(&first.corners, other) * mm_per_px;
-        readings(look.corners.clone(), board).iter().map(apart).fold(f64::INFINITY, f64::min) < STILL_MM
+        possible_orders(look.corners.clone(), board).iter().map(apart).fold(f64::INFINITY, f64::min) < STILL_MM
     }
 
-    fn placement(self, camera: &Camera, board: Board) -> Option<Placement> {
+    fn placement(self, camera: &Camera, board: Board) -> Option<BoardPlacement> {
         let first = self.looks[0].corners.clone();
         let (count, mut sums) = (self.looks.len(), vec![Vector2::zeros(); first.len()]);
         for look in &self.looks {
-            let readings = readings(look.corners.clone(), board);
+            let readings = possible_orders(look.corners.clone(), board);
             let like_first =
                 readings.iter().min_by(|a, b| mean_distance_px(&first, a).total_cmp(&mean_distance_px(&first, b)))?;
             sums.iter_mut().zip(like_first).for_each(|(sum, corner)| *sum += corner.0.coords);
         }
         let corners: Vec<Pixel> = sums.into_iter().map(|sum| Pixel((sum / count as f64).into())).collect();
         let placed = locate(camera, board, &corners)?;
-        Some(Placement {
+        Some(BoardPlacement {
             from_s: self.looks.first()?.time_s,
             to_s: self.looks.last()?.time_s,
-            looks: count,
+            sightings: count,
             camera_from_board: placed.camera_from_board,
             rms_px: quantile(self.looks.iter().map(|look| look.placed.rms_px).collect(), 0.5)?,
             corners,

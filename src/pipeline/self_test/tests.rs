@@ -28,7 +28,7 @@ fn lying(aside_mm: f64) -> Isometry3<f64> {
 }
 
 /// One minute at a box: a rod is held on corners from 3 s on, 3 s for each; the board is in sight all the time.
-struct Minute {
+struct TestRecording {
     /// The lens that records.
     lens: Camera,
     /// Where the board lies at a time, s.
@@ -45,7 +45,7 @@ struct Minute {
     orange_px: Option<f64>,
 }
 
-impl Default for Minute {
+impl Default for TestRecording {
     fn default() -> Self {
         Self {
             lens: wide(),
@@ -59,12 +59,15 @@ impl Default for Minute {
     }
 }
 
-impl Minute {
-    fn findings(&self) -> Findings {
+impl TestRecording {
+    fn findings(&self) -> SelfTestFindings {
         let last_s = 3.0 * (self.touched.len() + 2) as f64;
         let times = |step_s: f64| (0..(last_s / step_s) as usize).map(move |i| i as f64 * step_s);
-        let watch =
-            BoardWatch::that_saw(board(), wide(), times(0.4).map(|time_s| (time_s, self.corners(time_s))).collect());
+        let watch = BoardWatch::with_sightings(
+            board(),
+            wide(),
+            times(0.4).map(|time_s| (time_s, self.corners(time_s))).collect(),
+        );
         let smoothed = Trajectory {
             tools: vec!["orange".into()],
             samples: times(STEP_S).filter_map(|time_s| self.sample(time_s)).collect(),
@@ -81,7 +84,8 @@ impl Minute {
         let steady = |time_s| LightSample { time_s, luma_ratio: 1.0, chroma_shift: [0.0; 2] };
         let tool = ToolQuality { tool: "orange".into(), fulcrum: self.trocar.map(trocar), ..ToolQuality::default() };
         let apart = |margin_steps| Margin { margin_steps, spread_steps: 3.0, nearest: "background".into() };
-        let tool = ToolQuality { colour: Apart { from_tools: None, from_background: Some(apart(12.0)) }, ..tool };
+        let tool =
+            ToolQuality { colour: ColourSeparation { from_tools: None, from_background: Some(apart(12.0)) }, ..tool };
         let orange = |largest_px| FalseColour { colour: "orange".into(), largest_px };
         let quality = Quality {
             frames: smoothed.frame_times_s.len() as u64,
@@ -90,7 +94,7 @@ impl Minute {
         };
         measure(
             watch,
-            &Evidence {
+            &SelfTestEvidence {
                 camera: wide(),
                 tools: &[spec],
                 reach_mm: 0.0,
@@ -134,12 +138,12 @@ impl Minute {
     }
 }
 
-fn signal(findings: &Findings, part: Part) -> Signal {
+fn signal(findings: &SelfTestFindings, part: SelfTestPart) -> Signal {
     let verdict = verdict::judge(findings, Some(0.1));
     verdict.parts.iter().find(|verdict| verdict.part == part).unwrap().signal
 }
 
-fn reasons(findings: &Findings) -> Vec<Option<Unusable>> {
+fn reasons(findings: &SelfTestFindings) -> Vec<Option<UnusableReason>> {
     findings.touches.iter().map(|touch| touch.outcome.err()).collect()
 }
 
@@ -148,7 +152,7 @@ type Offset = fn(usize) -> Vector3<f64>;
 
 #[test]
 fn a_rod_that_is_seen_where_it_touches_is_green_and_every_corner_is_named() {
-    let minute = Minute::default();
+    let minute = TestRecording::default();
     let findings = minute.findings();
     let accuracy = findings.accuracy.unwrap();
     assert!(accuracy.rms_mm < 1e-4, "{accuracy:?}");
@@ -156,29 +160,29 @@ fn a_rod_that_is_seen_where_it_touches_is_green_and_every_corner_is_named() {
     let named: Vec<usize> = findings.touches.iter().map(|t| t.outcome.unwrap()).map(|m| m.row * 9 + m.column).collect();
     assert_eq!(named, minute.touched);
     assert_eq!(
-        (signal(&findings, Part::Accuracy), signal(&findings, Part::Calibration)),
+        (signal(&findings, SelfTestPart::Accuracy), signal(&findings, SelfTestPart::Calibration)),
         (Signal::Green, Signal::Green)
     );
     assert_eq!(findings.placements.len(), 1);
 }
 
 #[test]
-fn an_error_is_told_as_large_as_it_is_along_and_across_the_line_of_sight() {
-    let findings = Minute { error_mm: |_| Vector3::new(0.0, 0.0, 3.0), ..Minute::default() }.findings();
+fn an_error_is_reported_with_its_size_along_and_across_the_line_of_sight() {
+    let findings = TestRecording { error_mm: |_| Vector3::new(0.0, 0.0, 3.0), ..TestRecording::default() }.findings();
     let accuracy = findings.accuracy.unwrap();
     assert!((accuracy.rms_mm - 3.0).abs() < 1e-3 && accuracy.along_mean_mm > 2.7, "{accuracy:?}");
-    assert_eq!((accuracy.inside, signal(&findings, Part::Accuracy)), (0, Signal::Red));
+    assert_eq!((accuracy.inside, signal(&findings, SelfTestPart::Accuracy)), (0, Signal::Red));
     let advice = verdict::judge(&findings, None).parts[0].advice;
     assert!(advice.contains("same side in depth") && advice.contains("diameter"), "{advice}");
-    let yellow = Minute { error_mm: |_| Vector3::new(0.0, 0.0, 1.5), ..Minute::default() }.findings();
-    assert_eq!(signal(&yellow, Part::Accuracy), Signal::Yellow);
+    let yellow = TestRecording { error_mm: |_| Vector3::new(0.0, 0.0, 1.5), ..TestRecording::default() }.findings();
+    assert_eq!(signal(&yellow, SelfTestPart::Accuracy), Signal::Yellow);
 }
 
 #[test]
 fn a_touch_during_which_the_board_slid_does_not_count_and_those_before_and_after_do() {
     let slides = |time_s: f64| lying(if time_s < 10.5 { 0.0 } else { 4.0 });
-    let findings = Minute { board_at: slides, ..Minute::default() }.findings();
-    assert_eq!(reasons(&findings), [None, None, Some(Unusable::BoardMoved), None, None, None]);
+    let findings = TestRecording { board_at: slides, ..TestRecording::default() }.findings();
+    assert_eq!(reasons(&findings), [None, None, Some(UnusableReason::BoardMoved), None, None, None]);
     assert!(findings.accuracy.unwrap().rms_mm < 1e-4 && findings.placements.len() == 2);
     let said = verdict::judge(&findings, None).parts[0].finding.clone();
     assert!(said.contains("1 not counted: the board was moved"), "{said}");
@@ -186,7 +190,7 @@ fn a_touch_during_which_the_board_slid_does_not_count_and_those_before_and_after
 
 /// Offset from a touch's corner towards the camera, mm.
 fn lifted(touch: usize, mm: f64) -> Vector3<f64> {
-    let on_board = board().points_mm()[Minute::default().touched[touch]];
+    let on_board = board().points_mm()[TestRecording::default().touched[touch]];
     (lying(0.0) * Point3::new(on_board.x, on_board.y, 0.0)).coords.normalize() * -mm
 }
 
@@ -198,7 +202,7 @@ fn unsteady(touch: usize) -> Vector3<f64> {
 }
 
 #[test]
-fn waiting_above_the_board_is_no_touch_however_low_and_a_box_is_not_blamed_for_it() {
+fn waiting_above_the_board_at_any_height_is_no_touch_and_does_not_count_as_an_error() {
     let two_wait: [(Offset, &[usize]); 4] = [
         (|touch| if touch == 2 { lifted(touch, 30.0) } else { unsteady(touch) }, &[2]),
         (|touch| if touch == 4 { lifted(touch, 4.0) } else { unsteady(touch) }, &[4]),
@@ -206,11 +210,11 @@ fn waiting_above_the_board_is_no_touch_however_low_and_a_box_is_not_blamed_for_i
         (|touch| if touch == 1 || touch == 2 { lifted(touch, 3.5) } else { unsteady(touch) }, &[1, 2]),
     ];
     for (error_mm, waits) in two_wait {
-        let findings = Minute { error_mm, ..Minute::default() }.findings();
-        let found: Vec<usize> = (0..6).filter(|i| reasons(&findings)[*i] == Some(Unusable::AboveBoard)).collect();
+        let findings = TestRecording { error_mm, ..TestRecording::default() }.findings();
+        let found: Vec<usize> = (0..6).filter(|i| reasons(&findings)[*i] == Some(UnusableReason::AboveBoard)).collect();
         assert_eq!(found, waits, "{:?}", reasons(&findings));
         assert_eq!(findings.accuracy.as_ref().unwrap().touches, 6 - waits.len());
-        assert_eq!(signal(&findings, Part::Accuracy), Signal::Green, "{:?}", findings.accuracy);
+        assert_eq!(signal(&findings, SelfTestPart::Accuracy), Signal::Green, "{:?}", findings.accuracy);
         let said = verdict::judge(&findings, None).parts[0].finding.clone();
         assert!(said.contains(&format!("{} not counted: the rod was held above the board", waits.len())), "{said}");
     }
@@ -218,15 +222,15 @@ fn waiting_above_the_board_is_no_touch_however_low_and_a_box_is_not_blamed_for_i
 
 #[test]
 fn touches_that_are_only_unsteady_all_count() {
-    let findings = Minute { error_mm: unsteady, ..Minute::default() }.findings();
-    assert_eq!((reasons(&findings), signal(&findings, Part::Accuracy)), (vec![None; 6], Signal::Green));
+    let findings = TestRecording { error_mm: unsteady, ..TestRecording::default() }.findings();
+    assert_eq!((reasons(&findings), signal(&findings, SelfTestPart::Accuracy)), (vec![None; 6], Signal::Green));
 }
 
 #[test]
 fn errors_that_touches_share_or_that_scatter_are_the_boxes_and_are_left_in_the_figure() {
     /// Apparent offset of a rod that is thinner than stated.
     fn stretched(touch: usize, by: f64) -> Vector3<f64> {
-        let on_board = board().points_mm()[Minute::default().touched[touch]];
+        let on_board = board().points_mm()[TestRecording::default().touched[touch]];
         (lying(0.0) * Point3::new(on_board.x, on_board.y, 0.0)).coords * by
     }
     let wrong: [(&str, Offset); 4] = [
@@ -236,49 +240,60 @@ fn errors_that_touches_share_or_that_scatter_are_the_boxes_and_are_left_in_the_f
         ("half of them too high", |touch| lifted(touch, if touch % 2 == 0 { 6.0 } else { 0.0 })),
     ];
     for (what, error_mm) in wrong {
-        let findings = Minute { error_mm, ..Minute::default() }.findings();
-        assert_eq!((reasons(&findings), signal(&findings, Part::Accuracy)), (vec![None; 6], Signal::Red), "{what}");
+        let findings = TestRecording { error_mm, ..TestRecording::default() }.findings();
+        assert_eq!(
+            (reasons(&findings), signal(&findings, SelfTestPart::Accuracy)),
+            (vec![None; 6], Signal::Red),
+            "{what}"
+        );
     }
     let wrong_and_waits =
         |touch| stretched(touch, 0.02) + if touch == 3 { lifted(touch, 7.0) } else { unsteady(touch) };
-    let findings = Minute { error_mm: wrong_and_waits, ..Minute::default() }.findings();
-    assert_eq!(reasons(&findings)[3], Some(Unusable::AboveBoard), "against the others, although it lies on the board");
-    assert_eq!(signal(&findings, Part::Accuracy), Signal::Red);
+    let findings = TestRecording { error_mm: wrong_and_waits, ..TestRecording::default() }.findings();
+    assert_eq!(
+        reasons(&findings)[3],
+        Some(UnusableReason::AboveBoard),
+        "against the others, although it lies on the board"
+    );
+    assert_eq!(signal(&findings, SelfTestPart::Accuracy), Signal::Red);
 }
 
 #[test]
 fn a_rod_that_would_come_from_below_the_board_was_seen_the_wrong_way_round_and_does_not_count() {
-    let findings = Minute { axis: -Minute::default().axis, ..Minute::default() }.findings();
-    assert_eq!(reasons(&findings), [Some(Unusable::WrongWay); 6]);
-    assert_eq!(signal(&findings, Part::Accuracy), Signal::NotMeasured);
+    let findings = TestRecording { axis: -TestRecording::default().axis, ..TestRecording::default() }.findings();
+    assert_eq!(reasons(&findings), [Some(UnusableReason::WrongWay); 6]);
+    assert_eq!(signal(&findings, SelfTestPart::Accuracy), Signal::NotMeasured);
 }
 
 #[test]
 fn a_rest_between_corners_does_not_count_and_three_touches_are_too_few_for_a_figure() {
     let beside = |touch: usize| if touch < 3 { Vector3::x() * 10.5 } else { Vector3::zeros() };
-    let findings = Minute { error_mm: beside, ..Minute::default() }.findings();
-    assert_eq!(reasons(&findings)[..3], [Some(Unusable::NoCornerNear); 3]);
-    assert_eq!((findings.accuracy, signal(&findings, Part::Accuracy)), (None, Signal::NotMeasured));
+    let findings = TestRecording { error_mm: beside, ..TestRecording::default() }.findings();
+    assert_eq!(reasons(&findings)[..3], [Some(UnusableReason::NoCornerNear); 3]);
+    assert_eq!((findings.accuracy, signal(&findings, SelfTestPart::Accuracy)), (None, Signal::NotMeasured));
     assert!(verdict::judge(&findings, None).signal >= Signal::NotMeasured, "what was not measured is never green");
 }
 
 #[test]
 fn a_lens_that_was_turned_by_three_percent_is_red_although_the_touches_agree() {
     let turned = Camera { fx: wide().fx * 1.03, fy: wide().fy * 1.03, ..wide() };
-    let findings = Minute { lens: turned, ..Minute::default() }.findings();
+    let findings = TestRecording { lens: turned, ..TestRecording::default() }.findings();
     let change = findings.focal_change.unwrap();
     assert!((change.share - 0.03).abs() < 1e-3 && change.sigma < 1e-4, "{change:?}");
-    assert_eq!(signal(&findings, Part::Calibration), Signal::Red);
+    assert_eq!(signal(&findings, SelfTestPart::Calibration), Signal::Red);
     assert_eq!(verdict::judge(&findings, Some(0.1)).signal, Signal::Red);
     let slightly = Camera { fx: wide().fx * 1.004, fy: wide().fy * 1.004, ..wide() };
-    assert_eq!(signal(&Minute { lens: slightly, ..Minute::default() }.findings(), Part::Calibration), Signal::Green);
+    assert_eq!(
+        signal(&TestRecording { lens: slightly, ..TestRecording::default() }.findings(), SelfTestPart::Calibration),
+        Signal::Green
+    );
 }
 
 #[test]
-fn a_box_in_which_something_has_the_tapes_colour_today_is_not_green_however_well_it_was_marked() {
+fn a_box_that_contains_the_tapes_colour_today_is_not_green_even_if_it_was_marked_well() {
     let colours = |orange_px| {
-        let findings = Minute { orange_px, ..Minute::default() }.findings();
-        verdict::judge(&findings, None).parts.into_iter().find(|part| part.part == Part::Colours).unwrap()
+        let findings = TestRecording { orange_px, ..TestRecording::default() }.findings();
+        verdict::judge(&findings, None).parts.into_iter().find(|part| part.part == SelfTestPart::Colours).unwrap()
     };
     let tape_px = wide().fx * wide().fy / 230f64.powi(2) * 5.0 * 25.0;
     let clean = colours(Some(0.02 * tape_px));
@@ -297,8 +312,8 @@ fn a_box_in_which_something_has_the_tapes_colour_today_is_not_green_however_well
 #[test]
 fn a_trocar_that_lies_elsewhere_asks_whether_the_camera_has_moved() {
     let part = |at: Option<Point3<f64>>| {
-        let findings = Minute { trocar: at, ..Minute::default() }.findings();
-        verdict::judge(&findings, None).parts.into_iter().find(|part| part.part == Part::Place)
+        let findings = TestRecording { trocar: at, ..TestRecording::default() }.findings();
+        verdict::judge(&findings, None).parts.into_iter().find(|part| part.part == SelfTestPart::Place)
     };
     let signal = |beside_mm: f64| part(Some(Point3::new(beside_mm, -100.0, 120.0))).unwrap().signal;
     assert_eq!((signal(0.0), signal(4.0), signal(9.0)), (Signal::Green, Signal::Green, Signal::Yellow));
@@ -307,11 +322,11 @@ fn a_trocar_that_lies_elsewhere_asks_whether_the_camera_has_moved() {
 
 #[test]
 fn a_minute_without_a_board_measures_neither_accuracy_nor_calibration() {
-    let mut findings = Minute::default().findings();
+    let mut findings = TestRecording::default().findings();
     let spec: Vec<ToolSpec> = Vec::new();
     let nothing = Trajectory { tools: Vec::new(), samples: Vec::new(), frame_times_s: Vec::new(), cuts: Vec::new() };
     let (quality, ports) = (&Quality::default(), &Ports::default());
-    let evidence = Evidence {
+    let evidence = SelfTestEvidence {
         camera: wide(),
         tools: &spec,
         reach_mm: 0.0,
@@ -322,12 +337,12 @@ fn a_minute_without_a_board_measures_neither_accuracy_nor_calibration() {
     };
     let empty = measure(BoardWatch::new(board(), wide()), &evidence);
     let verdict = verdict::judge(&empty, None);
-    assert_eq!(verdict.parts.len(), Part::ALL.len() - 1, "an unknown trocar is not reported");
+    assert_eq!(verdict.parts.len(), SelfTestPart::ALL.len() - 1, "an unknown trocar is not reported");
     for part in verdict.parts {
         assert_eq!(part.signal, Signal::NotMeasured, "{part:?}");
     }
     findings.exposure_drift = Some(0.5);
-    assert_eq!(signal(&findings, Part::Lighting), Signal::Red);
+    assert_eq!(signal(&findings, SelfTestPart::Lighting), Signal::Red);
     findings.exposure_drift = Some(0.2);
-    assert_eq!(signal(&findings, Part::Lighting), Signal::Yellow);
+    assert_eq!(signal(&findings, SelfTestPart::Lighting), Signal::Yellow);
 }

@@ -9,21 +9,21 @@ use nalgebra::{Point3, Vector3};
 
 use super::contact::Rod;
 use super::hold::Hold;
-use super::limits::{FEWEST_TOUCHES, TOUCH_RMS_MM};
-use super::{Evidence, Placement};
+use super::limits::{MIN_TOUCHES, TOUCH_RMS_MM};
+use super::{BoardPlacement, SelfTestEvidence};
 use crate::pipeline::camera::{Board, Camera};
-use crate::pipeline::evaluation::WITHIN_95;
+use crate::pipeline::evaluation::CHI_SQUARE_95;
 use crate::pipeline::features::hull;
 use crate::pipeline::space::CameraPoint;
 
 /// Maximum distance of a point of contact from its corner in the picture, as a share of a square. Half would accept any
 /// point; hands place a rod to about half a millimetre.
-const NEAR: f64 = 0.35;
+const MAX_CORNER_DISTANCE: f64 = 0.35;
 
 /// A rest counts as above the board only if its height exceeds the others' by this many of their standard deviations.
 /// The deviation is that of the majority that agrees best, which is half as wide as that of all rests: scattered errors
 /// are the tracker's and count.
-const SCATTERS: f64 = 4.0;
+const OUTLIER_SIGMAS: f64 = 4.0;
 
 /// A rest of a tool, with its measured error.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,12 +31,12 @@ pub struct Touch {
     /// The rest.
     pub hold: Hold,
     /// Its error, or why it does not count.
-    pub outcome: Result<Measured, Unusable>,
+    pub outcome: Result<MeasuredTouch, UnusableReason>,
 }
 
 /// A touch that counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measured {
+pub struct MeasuredTouch {
     /// Index of the board's placement, from 0.
     pub placement: usize,
     /// Column of the corner on the board, from 0.
@@ -63,7 +63,7 @@ pub struct Measured {
 
 /// Why a rest does not count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unusable {
+pub enum UnusableReason {
     /// The board was not seen whole both before and after it.
     BoardNotSeen,
     /// The board lay elsewhere after the rest than before it.
@@ -76,22 +76,22 @@ pub enum Unusable {
     AboveBoard,
 }
 
-impl Unusable {
+impl UnusableReason {
     /// Stable name for files, API and pages.
     pub fn name(self) -> &'static str {
         match self {
-            Unusable::BoardNotSeen => "board_not_seen",
-            Unusable::BoardMoved => "board_moved",
-            Unusable::WrongWay => "wrong_way",
-            Unusable::NoCornerNear => "no_corner_near",
-            Unusable::AboveBoard => "above_board",
+            UnusableReason::BoardNotSeen => "board_not_seen",
+            UnusableReason::BoardMoved => "board_moved",
+            UnusableReason::WrongWay => "wrong_way",
+            UnusableReason::NoCornerNear => "no_corner_near",
+            UnusableReason::AboveBoard => "above_board",
         }
     }
 }
 
 /// The accuracy over all touches that count.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Accuracy {
+pub struct TouchAccuracy {
     /// Touches that count.
     pub touches: usize,
     /// Root mean square of the errors in space, mm.
@@ -115,13 +115,19 @@ pub struct Accuracy {
 }
 
 /// Compares every rest with the board.
-pub(super) fn of_holds(holds: Vec<Hold>, placements: &[Placement], board: Board, given: &Evidence<'_>) -> Vec<Touch> {
-    let touch = |hold: Hold| Touch { outcome: measured(&hold, placements, board, given), hold };
+pub(super) fn measure_holds(
+    holds: Vec<Hold>,
+    placements: &[BoardPlacement],
+    board: Board,
+    given: &SelfTestEvidence<'_>,
+) -> Vec<Touch> {
+    let touch = |hold: Hold| Touch { outcome: measure_hold(&hold, placements, board, given), hold };
     let mut touches: Vec<Touch> = holds.into_iter().map(touch).collect();
-    let measured: Vec<Measured> = touches.iter().filter_map(|touch| touch.outcome.ok()).collect();
+    let measured: Vec<MeasuredTouch> = touches.iter().filter_map(|touch| touch.outcome.ok()).collect();
     if let Some(usual) = UsualHeight::of(&measured) {
-        let hovers = touches.iter_mut().filter(|touch| touch.outcome.is_ok_and(|measured| usual.is_below(&measured)));
-        hovers.for_each(|touch| touch.outcome = Err(Unusable::AboveBoard));
+        let hovers =
+            touches.iter_mut().filter(|touch| touch.outcome.is_ok_and(|measured| usual.is_exceeded_by(&measured)));
+        hovers.for_each(|touch| touch.outcome = Err(UnusableReason::AboveBoard));
     }
     touches
 }
@@ -141,8 +147,8 @@ struct UsualHeight {
 }
 
 impl UsualHeight {
-    fn of(all: &[Measured]) -> Option<Self> {
-        let mut shares: Vec<f64> = all.iter().map(Measured::height_share).collect();
+    fn of(all: &[MeasuredTouch]) -> Option<Self> {
+        let mut shares: Vec<f64> = all.iter().map(MeasuredTouch::height_share).collect();
         shares.sort_by(f64::total_cmp);
         let width = |of: &&[f64]| of[of.len() - 1] - of[0];
         let agreeing = shares.windows(shares.len() / 2 + 1).min_by(|a, b| width(a).total_cmp(&width(b)))?;
@@ -152,43 +158,43 @@ impl UsualHeight {
         Some(Self { share, scatter })
     }
 
-    fn is_below(&self, rest: &Measured) -> bool {
+    fn is_exceeded_by(&self, rest: &MeasuredTouch) -> bool {
         let above_mm = (rest.height_share() - self.share) * rest.camera_mm;
-        let allowed_mm = TOUCH_RMS_MM.care.unwrap_or(0.0).hypot(WITHIN_95[0].sqrt() * rest.height_sigma_mm);
-        above_mm > allowed_mm.max(SCATTERS * self.scatter * rest.camera_mm)
+        let allowed_mm = TOUCH_RMS_MM.care.unwrap_or(0.0).hypot(CHI_SQUARE_95[0].sqrt() * rest.height_sigma_mm);
+        above_mm > allowed_mm.max(OUTLIER_SIGMAS * self.scatter * rest.camera_mm)
     }
 }
 
-impl Measured {
+impl MeasuredTouch {
     fn height_share(&self) -> f64 {
         self.height_mm / self.camera_mm
     }
 }
 
-fn measured(
+fn measure_hold(
     hold: &Hold,
-    placements: &[Placement],
+    placements: &[BoardPlacement],
     board: Board,
-    Evidence { camera, tools, reach_mm, .. }: &Evidence<'_>,
-) -> Result<Measured, Unusable> {
+    SelfTestEvidence { camera, tools, reach_mm, .. }: &SelfTestEvidence<'_>,
+) -> Result<MeasuredTouch, UnusableReason> {
     let place = placements.iter().position(|placement| placement.spans(hold.from_s, hold.to_s));
     let index = place.ok_or_else(|| why_not_spanned(hold, placements))?;
     let placement = &placements[index];
-    let spec = tools.get(hold.tool).ok_or(Unusable::NoCornerNear)?;
+    let spec = tools.get(hold.tool).ok_or(UnusableReason::NoCornerNear)?;
     let rod = Rod { radius_mm: 0.5 * spec.diameter_mm, reach_mm: *reach_mm };
     let normal = placement.normal();
     if hold.axis.dot(&normal) > 0.0 {
-        return Err(Unusable::WrongWay);
+        return Err(UnusableReason::WrongWay);
     }
     let contact = rod.contact(hold.tip_mm, hold.axis, normal);
-    let corner = nearest_corner(contact, placement, camera, board).ok_or(Unusable::NoCornerNear)?;
+    let corner = nearest_corner(contact, placement, camera, board).ok_or(UnusableReason::NoCornerNear)?;
     let corner_mm = placement.corner_mm(board, corner);
     let (error_mm, sight) = (contact - corner_mm, corner_mm.coords.normalize());
     let along_mm = error_mm.dot(&sight);
-    let is_inside = hold
-        .sigma_mm
-        .map(|[across, depth]| (error_mm.xy() / across).norm_squared() + (error_mm.z / depth).powi(2) <= WITHIN_95[2]);
-    Ok(Measured {
+    let is_inside = hold.sigma_mm.map(|[across, depth]| {
+        (error_mm.xy() / across).norm_squared() + (error_mm.z / depth).powi(2) <= CHI_SQUARE_95[2]
+    });
+    Ok(MeasuredTouch {
         placement: index,
         column: corner % board.columns(),
         row: corner / board.columns(),
@@ -206,16 +212,16 @@ fn measured(
 }
 
 /// Why no placement spans a rest: the board moved, or was not seen before or after it.
-fn why_not_spanned(hold: &Hold, placements: &[Placement]) -> Unusable {
+fn why_not_spanned(hold: &Hold, placements: &[BoardPlacement]) -> UnusableReason {
     let before = placements.iter().any(|placement| placement.from_s <= hold.from_s);
     let after = placements.iter().any(|placement| placement.to_s >= hold.to_s);
-    if before && after { Unusable::BoardMoved } else { Unusable::BoardNotSeen }
+    if before && after { UnusableReason::BoardMoved } else { UnusableReason::BoardNotSeen }
 }
 
 /// The corner nearest to a point in the picture, if it is close enough.
-fn nearest_corner(point: Point3<f64>, placement: &Placement, camera: &Camera, board: Board) -> Option<usize> {
+fn nearest_corner(point: Point3<f64>, placement: &BoardPlacement, camera: &Camera, board: Board) -> Option<usize> {
     let seen = camera.project(CameraPoint(point))?;
-    let corners: Vec<_> = (0..board.corners())
+    let corners: Vec<_> = (0..board.corner_count())
         .map(|corner| camera.project(CameraPoint(placement.corner_mm(board, corner))))
         .collect::<Option<_>>()?;
     let distance = |corner: usize| (corners[corner].0 - seen.0).norm();
@@ -225,20 +231,20 @@ fn nearest_corner(point: Point3<f64>, placement: &Placement, camera: &Camera, bo
     let along_column =
         if nearest + board.columns() < corners.len() { nearest + board.columns() } else { nearest - board.columns() };
     let square_px = [along_row, along_column].map(|beside| (corners[beside].0 - corners[nearest].0).norm());
-    (distance(nearest) < NEAR * square_px[0].min(square_px[1])).then_some(nearest)
+    (distance(nearest) < MAX_CORNER_DISTANCE * square_px[0].min(square_px[1])).then_some(nearest)
 }
 
 /// The accuracy over all touches that count; `None` if they are too few.
-pub(super) fn accuracy(touches: &[Touch], camera: &Camera) -> Option<Accuracy> {
-    let all: Vec<Measured> = touches.iter().filter_map(|touch| touch.outcome.ok()).collect();
-    if all.len() < FEWEST_TOUCHES {
+pub(super) fn accuracy(touches: &[Touch], camera: &Camera) -> Option<TouchAccuracy> {
+    let all: Vec<MeasuredTouch> = touches.iter().filter_map(|touch| touch.outcome.ok()).collect();
+    if all.len() < MIN_TOUCHES {
         return None;
     }
     let count = all.len() as f64;
-    let rms = |of: fn(&Measured) -> f64| (all.iter().map(|m| of(m).powi(2)).sum::<f64>() / count).sqrt();
+    let rms = |of: fn(&MeasuredTouch) -> f64| (all.iter().map(|m| of(m).powi(2)).sum::<f64>() / count).sqrt();
     let pixels: Vec<_> = all.iter().filter_map(|m| camera.project(CameraPoint(m.corner_mm))).map(|p| p.0).collect();
     let depths = all.iter().map(|m| m.corner_mm.z);
-    Some(Accuracy {
+    Some(TouchAccuracy {
         touches: all.len(),
         rms_mm: rms(|m| m.error_mm.norm()),
         along_rms_mm: rms(|m| m.along_mm),

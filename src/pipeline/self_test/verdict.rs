@@ -1,9 +1,9 @@
 //! The traffic light of a box: each part is compared with its limits; the worst part decides.
 
-use super::limits::{self, FEWEST_TOUCHES, FOCAL_SIGMA};
-use super::{Accuracy, Findings, Touch, Unusable};
-use crate::pipeline::quality::limits::Limits;
-use crate::pipeline::quality::{Cause, Severity};
+use super::limits::{self, MAX_FOCAL_SIGMA, MIN_TOUCHES};
+use super::{SelfTestFindings, Touch, TouchAccuracy, UnusableReason};
+use crate::pipeline::quality::limits::QualityLimits;
+use crate::pipeline::quality::{QualityCause, Severity};
 
 /// The result of a part or of the whole test, from best to worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -32,7 +32,7 @@ impl Signal {
 
 /// One part of the self-test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum SelfTestPart {
     /// The tracker's error while a rod touches a corner.
     Accuracy,
     /// Whether camera and lens still match the calibration.
@@ -45,18 +45,24 @@ pub enum Part {
     Lighting,
 }
 
-impl Part {
+impl SelfTestPart {
     /// Every part, in the order of presentation.
-    pub const ALL: [Part; 5] = [Part::Accuracy, Part::Calibration, Part::Place, Part::Colours, Part::Lighting];
+    pub const ALL: [SelfTestPart; 5] = [
+        SelfTestPart::Accuracy,
+        SelfTestPart::Calibration,
+        SelfTestPart::Place,
+        SelfTestPart::Colours,
+        SelfTestPart::Lighting,
+    ];
 
     /// Stable name for files, API and pages.
     pub fn name(self) -> &'static str {
         match self {
-            Part::Accuracy => "accuracy",
-            Part::Calibration => "calibration",
-            Part::Place => "place",
-            Part::Colours => "colours",
-            Part::Lighting => "lighting",
+            SelfTestPart::Accuracy => "accuracy",
+            SelfTestPart::Calibration => "calibration",
+            SelfTestPart::Place => "place",
+            SelfTestPart::Colours => "colours",
+            SelfTestPart::Lighting => "lighting",
         }
     }
 }
@@ -65,7 +71,7 @@ impl Part {
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartVerdict {
     /// The part.
-    pub part: Part,
+    pub part: SelfTestPart,
     /// Its signal.
     pub signal: Signal,
     /// The figure that decided; `None` if nothing was measured.
@@ -82,7 +88,7 @@ pub struct PartVerdict {
 
 /// A box's traffic light.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Verdict {
+pub struct SelfTestVerdict {
     /// The worst signal of all parts.
     pub signal: Signal,
     /// Every part that has a result, in the order of [`SelfTestPart::ALL`].
@@ -91,7 +97,7 @@ pub struct Verdict {
 
 /// Compares the findings with the limits; `calibration_rms_px` is the RMS error of the stored calibration's own photos,
 /// if known.
-pub fn judge(findings: &Findings, calibration_rms_px: Option<f64>) -> Verdict {
+pub fn judge(findings: &SelfTestFindings, calibration_rms_px: Option<f64>) -> SelfTestVerdict {
     let parts: Vec<PartVerdict> = [
         Some(accuracy(findings)),
         Some(calibration(findings, calibration_rms_px)),
@@ -103,19 +109,19 @@ pub fn judge(findings: &Findings, calibration_rms_px: Option<f64>) -> Verdict {
     .flatten()
     .collect();
     let signal = parts.iter().map(|part| part.signal).max().unwrap_or(Signal::NotMeasured);
-    Verdict { signal, parts }
+    SelfTestVerdict { signal, parts }
 }
 
 /// One figure with its limits.
-struct Check {
+struct LimitCheck {
     figure: f64,
-    limits: Limits,
+    limits: QualityLimits,
     unit: &'static str,
     finding: String,
     advice: &'static str,
 }
 
-impl Check {
+impl LimitCheck {
     fn signal(&self) -> Signal {
         match self.limits.breach(self.figure) {
             None => Signal::Green,
@@ -126,7 +132,11 @@ impl Check {
 }
 
 /// The verdict of the worst check; without checks the part is not measured, with the given finding and advice.
-fn worst(part: Part, checks: Vec<Check>, unmeasured: impl FnOnce() -> (String, &'static str)) -> PartVerdict {
+fn worst(
+    part: SelfTestPart,
+    checks: Vec<LimitCheck>,
+    unmeasured: impl FnOnce() -> (String, &'static str),
+) -> PartVerdict {
     let nothing = |(finding, advice)| PartVerdict {
         part,
         signal: Signal::NotMeasured,
@@ -137,7 +147,7 @@ fn worst(part: Part, checks: Vec<Check>, unmeasured: impl FnOnce() -> (String, &
         advice,
     };
     // The checks are ordered by importance, so among equally bad checks the first one decides.
-    let deciding = checks.into_iter().rev().max_by_key(Check::signal);
+    let deciding = checks.into_iter().rev().max_by_key(LimitCheck::signal);
     deciding.map_or_else(
         || nothing(unmeasured()),
         |check| {
@@ -155,8 +165,8 @@ fn worst(part: Part, checks: Vec<Check>, unmeasured: impl FnOnce() -> (String, &
     )
 }
 
-fn accuracy(findings: &Findings) -> PartVerdict {
-    let check = findings.accuracy.as_ref().map(|a| Check {
+fn accuracy(findings: &SelfTestFindings) -> PartVerdict {
+    let check = findings.accuracy.as_ref().map(|a| LimitCheck {
         figure: a.rms_mm,
         limits: limits::TOUCH_RMS_MM,
         unit: "mm",
@@ -171,15 +181,14 @@ fn accuracy(findings: &Findings) -> PartVerdict {
         ),
         advice: accuracy_advice(a),
     });
-    worst(Part::Accuracy, check.into_iter().collect(), || {
+    worst(SelfTestPart::Accuracy, check.into_iter().collect(), || {
         let counted = findings.touches.iter().filter(|touch| touch.outcome.is_ok()).count();
-        let finding =
-            format!("{counted} touches can be used, {FEWEST_TOUCHES} are needed{}", left_out(&findings.touches));
+        let finding = format!("{counted} touches can be used, {MIN_TOUCHES} are needed{}", left_out(&findings.touches));
         (finding, "hold the end of the rod still on six corners of the board, 2 s on each, and do not move the board")
     })
 }
 
-fn accuracy_advice(a: &Accuracy) -> &'static str {
+fn accuracy_advice(a: &TouchAccuracy) -> &'static str {
     const SHARED: f64 = 0.7;
     if a.along_mean_mm.abs() > SHARED * a.rms_mm {
         "all touches are off to the same side in depth: check that the rod's diameter and the tape's length are those \
@@ -191,31 +200,34 @@ fn accuracy_advice(a: &Accuracy) -> &'static str {
 
 /// Lists the rests that do not count, with the reasons.
 fn left_out(touches: &[Touch]) -> String {
-    let count = |why: Unusable| touches.iter().filter(|touch| touch.outcome.err() == Some(why)).count();
+    let count = |why: UnusableReason| touches.iter().filter(|touch| touch.outcome.err() == Some(why)).count();
     let words = [
-        (Unusable::BoardMoved, "the board was moved during the touch"),
-        (Unusable::BoardNotSeen, "the whole board was not visible before and after the touch"),
-        (Unusable::WrongWay, "the other end of the tape was taken for the tip; move the rod in over white squares"),
-        (Unusable::NoCornerNear, "the rod was not on a corner"),
-        (Unusable::AboveBoard, "the rod was held above the board"),
+        (UnusableReason::BoardMoved, "the board was moved during the touch"),
+        (UnusableReason::BoardNotSeen, "the whole board was not visible before and after the touch"),
+        (
+            UnusableReason::WrongWay,
+            "the other end of the tape was taken for the tip; move the rod in over white squares",
+        ),
+        (UnusableReason::NoCornerNear, "the rod was not on a corner"),
+        (UnusableReason::AboveBoard, "the rod was held above the board"),
     ];
     let each = words.into_iter().map(|(why, words)| (count(why), words)).filter(|(count, _)| *count > 0);
     each.map(|(count, words)| format!("; {count} not counted: {words}")).collect()
 }
 
-fn calibration(findings: &Findings, own_rms_px: Option<f64>) -> PartVerdict {
+fn calibration(findings: &SelfTestFindings, own_rms_px: Option<f64>) -> PartVerdict {
     const AGAIN: &str =
         "check whether the camera's zoom, focus or picture size was changed, then calibrate the camera again";
     let rms_px = findings.placements.iter().map(|placement| placement.rms_px).reduce(f64::max);
-    let board = rms_px.map(|figure| Check {
+    let board = rms_px.map(|figure| LimitCheck {
         figure,
         limits: limits::board_rms_px(own_rms_px),
         unit: "px",
         finding: format!("the board's corners are {figure:.2} px from where the stored calibration expects them (RMS)"),
         advice: AGAIN,
     });
-    let known = findings.focal_change.filter(|change| change.sigma <= FOCAL_SIGMA);
-    let focal = known.map(|change| Check {
+    let known = findings.focal_change.filter(|change| change.sigma <= MAX_FOCAL_SIGMA);
+    let focal = known.map(|change| LimitCheck {
         figure: change.share.abs(),
         limits: limits::FOCAL_CHANGE,
         unit: "1",
@@ -226,7 +238,7 @@ fn calibration(findings: &Findings, own_rms_px: Option<f64>) -> PartVerdict {
         ),
         advice: AGAIN,
     });
-    worst(Part::Calibration, board.into_iter().chain(focal).collect(), || {
+    worst(SelfTestPart::Calibration, board.into_iter().chain(focal).collect(), || {
         let reason =
             findings.board_reason.map_or_else(|| "no frame was searched".to_owned(), |reason| reason.to_string());
         let finding = format!("the whole board was never seen lying still ({reason})");
@@ -235,9 +247,10 @@ fn calibration(findings: &Findings, own_rms_px: Option<f64>) -> PartVerdict {
 }
 
 /// `None` if the shift is unknown, as in a box without sessions, or if it may be just measurement error.
-fn place(findings: &Findings) -> Option<PartVerdict> {
-    let known = findings.trocar_shift.filter(|shift| shift.is_sure() || limits::TROCAR_MM.breach(shift.mm).is_none());
-    let check = known.map(|shift| Check {
+fn place(findings: &SelfTestFindings) -> Option<PartVerdict> {
+    let known =
+        findings.trocar_shift.filter(|shift| shift.is_significant() || limits::TROCAR_MM.breach(shift.mm).is_none());
+    let check = known.map(|shift| LimitCheck {
         figure: shift.mm,
         limits: limits::TROCAR_MM,
         unit: "mm",
@@ -245,15 +258,15 @@ fn place(findings: &Findings) -> Option<PartVerdict> {
         advice: "if the rod went through a different port than the tools, this is fine; otherwise the camera was moved \
                  since its calibration: put it back",
     })?;
-    Some(worst(Part::Place, vec![check], Default::default))
+    Some(worst(SelfTestPart::Place, vec![check], Default::default))
 }
 
 /// Checks the colours as they were marked, and in today's picture. Without today's picture the part is not measured,
 /// unless the marked colours are red.
-fn colours(findings: &Findings) -> PartVerdict {
+fn colours(findings: &SelfTestFindings) -> PartVerdict {
     const CLEAR: &str = "take everything that has the tape's colour out of the box, and keep the light as it was; if this \
                          does not help, mark the tapes again or use tape of another colour (`trocar palette --advise`)";
-    let today = findings.false_regions.iter().map(|(colour, of_tape)| Check {
+    let today = findings.false_regions.iter().map(|(colour, of_tape)| LimitCheck {
         figure: *of_tape,
         limits: limits::FALSE_TAPE,
         unit: "tapes",
@@ -263,7 +276,7 @@ fn colours(findings: &Findings) -> PartVerdict {
         advice: CLEAR,
     });
     let largest = findings.false_regions.iter().map(|(_, of_tape)| *of_tape).reduce(f64::max);
-    let mut part = worst(Part::Colours, marked_colours(findings).into_iter().chain(today).collect(), || {
+    let mut part = worst(SelfTestPart::Colours, marked_colours(findings).into_iter().chain(today).collect(), || {
         ("the tapes' colours are not known".to_owned(), "mark the tapes again")
     });
     match largest {
@@ -285,14 +298,15 @@ fn colours(findings: &Findings) -> PartVerdict {
     part
 }
 
-fn marked_colours(findings: &Findings) -> Vec<Check> {
+fn marked_colours(findings: &SelfTestFindings) -> Vec<LimitCheck> {
     const OTHER_TAPE: &str = "mark the tapes again in today's light; if this does not help, use tape of another colour \
                               (`trocar palette --advise`)";
     let checks = findings.colours.iter().flat_map(|(tool, apart)| {
-        let margins = [(Cause::ColourBackground, &apart.from_background), (Cause::ColourPair, &apart.from_tools)];
+        let margins =
+            [(QualityCause::ColourBackground, &apart.from_background), (QualityCause::ColourPair, &apart.from_tools)];
         margins.into_iter().filter_map(move |(cause, margin)| {
             let margin = margin.as_ref()?;
-            Some(Check {
+            Some(LimitCheck {
                 figure: margin.margin_steps,
                 limits: cause.limits(),
                 unit: "steps",
@@ -305,28 +319,28 @@ fn marked_colours(findings: &Findings) -> Vec<Check> {
         })
     });
     // The smallest margin comes first, so that it is the one reported among equally bad colours.
-    let mut checks: Vec<Check> = checks.collect();
+    let mut checks: Vec<LimitCheck> = checks.collect();
     checks.sort_by(|a, b| a.figure.total_cmp(&b.figure));
     checks
 }
 
-fn lighting(findings: &Findings) -> PartVerdict {
+fn lighting(findings: &SelfTestFindings) -> PartVerdict {
     const HOLD: &str = "switch off the camera's automatic exposure and white balance, and keep daylight out of the box";
-    let exposure = findings.exposure_drift.map(|figure| Check {
+    let exposure = findings.exposure_drift.map(|figure| LimitCheck {
         figure,
         limits: limits::exposure(),
         unit: "1",
         finding: format!("the brightness changes by {:.0} % during the test", 100.0 * figure),
         advice: HOLD,
     });
-    let white = findings.white_drift_codes.map(|figure| Check {
+    let white = findings.white_drift_codes.map(|figure| LimitCheck {
         figure,
         limits: limits::white(),
         unit: "codes",
         finding: format!("the white balance changes by {figure:.1} codes during the test"),
         advice: HOLD,
     });
-    worst(Part::Lighting, exposure.into_iter().chain(white).collect(), || {
+    worst(SelfTestPart::Lighting, exposure.into_iter().chain(white).collect(), || {
         ("the picture is too dark to compare".to_owned(), "switch on the light of the box")
     })
 }

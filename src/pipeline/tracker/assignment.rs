@@ -3,10 +3,10 @@
 //! Each band is given to at most one tool. A tool gets its band only if giving that band to the other tool would cost
 //! at least [`DECISIVE_MARGIN`] more; otherwise the band stays undecided.
 
-use super::origin::DECISIVE;
+use super::origin::DECISIVE_MARGIN;
 
 /// Cost of giving a tool no band: more than any band that may be its own.
-pub const NO_BAND: f64 = 40.0;
+pub const NO_BAND_COST: f64 = 40.0;
 
 /// The assignment of one tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +32,7 @@ pub fn assign(costs: &[[Option<f64>; 2]], are_two: impl Fn(usize, usize) -> bool
     };
     let choice = |band: Option<usize>, given_away: f64| match band {
         None => Choice::Nothing,
-        Some(_) if given_away - best < DECISIVE => Choice::Undecided,
+        Some(_) if given_away - best < DECISIVE_MARGIN => Choice::Undecided,
         Some(band) => Choice::Band(band),
     };
     let to_second = cheapest(&|taken| first.zip(taken[1]).is_some_and(|(own, other)| !differ(own, other)));
@@ -44,7 +44,7 @@ pub fn assign(costs: &[[Option<f64>; 2]], are_two: impl Fn(usize, usize) -> bool
 fn combinations(costs: &[[Option<f64>; 2]], differ: impl Fn(usize, usize) -> bool) -> Vec<(f64, [Option<usize>; 2])> {
     let options = |tool: usize| {
         let bands = costs.iter().enumerate().filter_map(move |(i, cost)| Some((cost[tool]?, Some(i))));
-        bands.chain([(NO_BAND, None)])
+        bands.chain([(NO_BAND_COST, None)])
     };
     let pairs = options(0).flat_map(|first| options(1).map(move |second| (first, second)));
     let possible = pairs.filter(|((_, first), (_, second))| first.zip(*second).is_none_or(|(a, b)| differ(a, b)));
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn a_band_that_could_be_either_tools_is_nobodys() {
+    fn a_band_that_could_be_either_tools_stays_undecided() {
         assert_eq!(of(&[[3.0, 5.0]]), [Undecided, Nothing]);
         assert_eq!(of(&[[3.0, 5.0], [4.0, 5.0]]), [Undecided, Undecided]);
     }

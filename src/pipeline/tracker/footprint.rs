@@ -18,7 +18,7 @@ pub struct Footprint {
 }
 
 /// Two bands whose directions differ by less than this may be the same: sine of 17°.
-const ALIKE: f64 = 0.3;
+const SAME_DIRECTION_SINE: f64 = 0.3;
 
 impl Footprint {
     /// Footprint of a measured band; `None` if it is not in front of the camera.
@@ -36,15 +36,15 @@ impl Footprint {
     }
 
     /// Does the footprint contain this pixel, with a margin for blur?
-    pub fn holds(&self, at: Point2<f64>) -> bool {
+    pub fn contains(&self, at: Point2<f64>) -> bool {
         let margin = 4.0 + 0.2 * self.half_width;
         self.is_within(at, margin)
     }
 
     /// Are both the same band, perhaps measured from opposite ends?
-    pub fn is_same(&self, other: &Self) -> bool {
+    pub fn is_same_band(&self, other: &Self) -> bool {
         let turn = self.along.x * other.along.y - self.along.y * other.along.x;
-        turn.abs() < ALIKE && (self.is_within(other.middle, 0.0) || other.is_within(self.middle, 0.0))
+        turn.abs() < SAME_DIRECTION_SINE && (self.is_within(other.middle, 0.0) || other.is_within(self.middle, 0.0))
     }
 
     fn is_within(&self, at: Point2<f64>, margin: f64) -> bool {
@@ -63,17 +63,17 @@ mod tests {
     }
 
     #[test]
-    fn a_band_is_itself_from_either_end_and_no_other_that_it_crosses() {
+    fn a_band_is_recognised_from_either_end_and_differs_from_one_it_crosses() {
         let band = at(100.0, 100.0, Vector2::new(1.0, 0.1));
-        assert!(band.is_same(&at(110.0, 104.0, Vector2::new(-1.0, 0.0))));
-        assert!(!band.is_same(&at(100.0, 100.0, Vector2::new(0.5, 1.0))), "crosses it");
-        assert!(!band.is_same(&at(100.0, 130.0, Vector2::new(1.0, 0.1))), "lies beside it");
+        assert!(band.is_same_band(&at(110.0, 104.0, Vector2::new(-1.0, 0.0))));
+        assert!(!band.is_same_band(&at(100.0, 100.0, Vector2::new(0.5, 1.0))), "crosses it");
+        assert!(!band.is_same_band(&at(100.0, 130.0, Vector2::new(1.0, 0.1))), "lies beside it");
     }
 
     #[test]
     fn its_cells_are_those_under_it_and_its_blur() {
         let band = at(100.0, 100.0, Vector2::x());
-        assert!(band.holds(Point2::new(45.0, 90.0)) && band.holds(Point2::new(100.0, 117.0)));
-        assert!(!band.holds(Point2::new(100.0, 121.0)) && !band.holds(Point2::new(30.0, 100.0)));
+        assert!(band.contains(Point2::new(45.0, 90.0)) && band.contains(Point2::new(100.0, 117.0)));
+        assert!(!band.contains(Point2::new(100.0, 121.0)) && !band.contains(Point2::new(30.0, 100.0)));
     }
 }

@@ -6,16 +6,16 @@ use super::report::LightSample;
 use crate::pipeline::frame::Frame;
 
 /// Time between two samples, s: automatic exposure takes about as long to settle.
-const EVERY_S: f64 = 1.0;
+const INTERVAL_S: f64 = 1.0;
 
 /// Columns and rows of the grid: 0.01 ms per sample.
 const GRID: (usize, usize) = (32, 18);
 
 /// Luma range of usable pixels, as shares of white: neither noise nor overexposed.
-const TELLING: std::ops::RangeInclusive<f64> = 0.08..=0.92;
+const USABLE_LUMA: std::ops::RangeInclusive<f64> = 0.08..=0.92;
 
 /// Minimum number of pixels for a median.
-const FEWEST: usize = 64;
+const MIN_PIXELS: usize = 64;
 
 /// Samples a recording's light.
 #[derive(Default)]
@@ -28,20 +28,20 @@ pub struct LightWatch {
 
 impl LightWatch {
     /// Samples a frame if the interval has passed.
-    pub fn look(&mut self, frame: &Frame<'_>) {
-        if self.last_s.is_some_and(|last_s| frame.time_s < last_s + EVERY_S) {
+    pub fn sample_frame(&mut self, frame: &Frame<'_>) {
+        if self.last_s.is_some_and(|last_s| frame.time_s < last_s + INTERVAL_S) {
             return;
         }
-        if self.first.iter().filter(|first| TELLING.contains(&first[0])).count() < FEWEST {
+        if self.first.iter().filter(|first| USABLE_LUMA.contains(&first[0])).count() < MIN_PIXELS {
             self.first = pixels(frame).collect(); // no reference frame yet, or a dark one
         }
         self.last_s = Some(frame.time_s);
         self.changes.iter_mut().for_each(Vec::clear);
-        for (now, first) in pixels(frame).zip(&self.first).filter(|(_, first)| TELLING.contains(&first[0])) {
+        for (now, first) in pixels(frame).zip(&self.first).filter(|(_, first)| USABLE_LUMA.contains(&first[0])) {
             let change = [now[0] / first[0], now[1] - first[1], now[2] - first[2]];
             self.changes.iter_mut().zip(change).for_each(|(all, one)| all.push(one));
         }
-        if self.changes[0].len() >= FEWEST {
+        if self.changes[0].len() >= MIN_PIXELS {
             let [luma_ratio, blue, red] = self.changes.each_mut().map(|values| median(values));
             self.samples.push(LightSample { time_s: frame.time_s, luma_ratio, chroma_shift: [blue, red] });
         }
@@ -94,11 +94,11 @@ mod tests {
         let plane = |data| Plane { data, stride: WIDTH, width: WIDTH, height: HEIGHT };
         let encoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
         let (y, u, v) = (plane(&luma), plane(&blue), plane(&red));
-        watch.look(&Frame { index: 0, time_s, y, u, v, shift_x: 0, shift_y: 0, encoding });
+        watch.sample_frame(&Frame { index: 0, time_s, y, u, v, shift_x: 0, shift_y: 0, encoding });
     }
 
     #[test]
-    fn dimmer_light_and_another_white_are_seen_for_what_they_are_once_a_second() {
+    fn dimmer_light_and_another_white_balance_are_measured_once_a_second() {
         let mut watch = LightWatch::default();
         look_at(&mut watch, 0.0, [116, 128, 128], 0);
         look_at(&mut watch, 0.5, [20, 128, 128], 0);
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_through_the_picture_is_no_light() {
+    fn a_moving_tool_does_not_change_the_light() {
         let mut watch = LightWatch::default();
         look_at(&mut watch, 0.0, [116, 128, 128], 0);
         look_at(&mut watch, 1.0, [116, 128, 128], WIDTH * 2 / 5);

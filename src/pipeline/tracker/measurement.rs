@@ -19,7 +19,7 @@ pub struct Measurement {
     pub ends_seen: bool,
     /// By how many standard deviations the axis misses the fulcrum, squared, as fitted from the edges alone; 0 if no
     /// fulcrum is known.
-    pub beside_squared: f64,
+    pub fulcrum_miss_squared: f64,
     /// Motion blur of the edges: standard deviation, pixels.
     pub smear_px: f64,
     /// Its edges, as a range of the edges found on this frame.
@@ -34,12 +34,12 @@ impl Measurement {
 
     /// Do the pixels explain the tube so well that no other start need be tried?
     pub fn is_good(&self) -> bool {
-        self.estimate.residual_px < 0.4 && self.continues() && self.ends_seen
+        self.estimate.residual_px < 0.4 && self.is_plausible_continuation() && self.ends_seen
     }
 
     /// Are its edges reliable enough to learn the edge appearance from them?
-    pub fn teaches(&self) -> bool {
-        self.continues() && self.ends_seen
+    pub fn can_teach_edges(&self) -> bool {
+        self.is_plausible_continuation() && self.ends_seen
     }
 
     /// The residual without its expected increase by motion blur.
@@ -48,7 +48,7 @@ impl Measurement {
     }
 
     /// Do enough pixels agree with a tube that was expected about here?
-    pub(super) fn continues(&self) -> bool {
+    pub(super) fn is_plausible_continuation(&self) -> bool {
         self.sharp_residual_px() < 0.7 && self.seen_share > 0.55
     }
 }

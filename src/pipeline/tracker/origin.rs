@@ -7,9 +7,9 @@
 
 use nalgebra::{Matrix3, Matrix3x5, Point3, Vector3};
 
-use super::settings::Side;
+use super::settings::HandSide;
 use crate::pipeline::pose::fulcrum::{self, Fulcrum};
-use crate::pipeline::pose::{TubeEstimate, across};
+use crate::pipeline::pose::{TubeEstimate, perpendiculars};
 
 /// The best known origin of a tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,39 +17,39 @@ pub enum Origin {
     /// Its fulcrum, or an assumed one near its hand.
     Fulcrum(Fulcrum),
     /// A side of the picture.
-    Side(Side),
+    Side(HandSide),
 }
 
 /// A difference between two squared distances decides if it is at least this large: odds of 3000 to 1 if all errors
 /// were Gaussian.
-pub const DECISIVE: f64 = 16.0;
+pub const DECISIVE_MARGIN: f64 = 16.0;
 
 /// Maximum mismatch: a pose that matches neither origin then counts the same for both.
-const MOST_AGAINST: f64 = 1e3;
+const MAX_MISMATCH: f64 = 1e3;
 
 /// Usual distance from tip to trocar, mm.
-const HAND_MM: f64 = 180.0;
+const USUAL_TROCAR_DISTANCE_MM: f64 = 180.0;
 
 /// Uncertainty of an assumed trocar across the axis when the tool turns: standard deviation, mm.
-const HAND_SIGMA_MM: f64 = 25.0;
+const ASSUMED_TROCAR_SIGMA_MM: f64 = 25.0;
 
 /// How far a hand may reach across the picture's middle: standard deviation, mm.
 const SIDE_SIGMA_MM: f64 = 15.0;
 
 impl Origin {
     /// How badly a pose's edges match this origin: squared standard deviations.
-    pub fn against(&self, pose: &TubeEstimate) -> f64 {
+    pub fn mismatch_squared(&self, pose: &TubeEstimate) -> f64 {
         let pose = &pose.by_edges_alone();
         let squared = match self {
-            Origin::Fulcrum(fulcrum) if is_before(pose, fulcrum) => MOST_AGAINST,
+            Origin::Fulcrum(fulcrum) if is_ahead_of_tip(pose, fulcrum) => MAX_MISMATCH,
             Origin::Fulcrum(fulcrum) => fulcrum::miss_squared(pose, fulcrum),
-            Origin::Side(side) => beyond_squared(pose, *side),
+            Origin::Side(side) => side_mismatch_squared(pose, *side),
         };
-        squared.min(MOST_AGAINST)
+        squared.min(MAX_MISMATCH)
     }
 
     /// Position in the camera frame, mm, if known.
-    pub fn at(&self) -> Option<Point3<f64>> {
+    pub fn position(&self) -> Option<Point3<f64>> {
         match self {
             Origin::Fulcrum(fulcrum) => Some(fulcrum.at),
             Origin::Side(_) => None,
@@ -58,26 +58,32 @@ impl Origin {
 }
 
 /// The assumed trocar of a tool: at the usual distance behind its tip.
-pub fn hand_of(pose: &TubeEstimate) -> Fulcrum {
-    let covariance = Matrix3::identity() * (HAND_SIGMA_MM * HAND_SIGMA_MM);
-    Fulcrum { at: pose.tube.tip - pose.tube.axis * HAND_MM, covariance }
+pub fn assumed_trocar(pose: &TubeEstimate) -> Fulcrum {
+    let covariance = Matrix3::identity() * (ASSUMED_TROCAR_SIGMA_MM * ASSUMED_TROCAR_SIGMA_MM);
+    Fulcrum { at: pose.tube.tip - pose.tube.axis * USUAL_TROCAR_DISTANCE_MM, covariance }
 }
 
 /// Does the fulcrum lie ahead of the tip? A trocar always lies behind it.
-fn is_before(pose: &TubeEstimate, fulcrum: &Fulcrum) -> bool {
+fn is_ahead_of_tip(pose: &TubeEstimate, fulcrum: &Fulcrum) -> bool {
     (fulcrum.at - pose.tube.tip).dot(&pose.tube.axis) > 0.0
 }
 
 /// How far the hand lies on the other side of the picture's middle, squared and normalised; 0 on its own side.
-fn beyond_squared(pose: &TubeEstimate, side: Side) -> f64 {
-    let [first, second] = across(pose.tube.axis);
-    let columns: [Vector3<f64>; 5] = [Vector3::x(), Vector3::y(), Vector3::z(), first * -HAND_MM, second * -HAND_MM];
+fn side_mismatch_squared(pose: &TubeEstimate, side: HandSide) -> f64 {
+    let [first, second] = perpendiculars(pose.tube.axis);
+    let columns: [Vector3<f64>; 5] = [
+        Vector3::x(),
+        Vector3::y(),
+        Vector3::z(),
+        first * -USUAL_TROCAR_DISTANCE_MM,
+        second * -USUAL_TROCAR_DISTANCE_MM,
+    ];
     let hand_by_pose = Matrix3x5::from_columns(&columns);
     let spread = hand_by_pose * pose.covariance * hand_by_pose.transpose();
-    let right_mm = hand_of(pose).at.x;
+    let right_mm = assumed_trocar(pose).at.x;
     let beyond_mm = match side {
-        Side::Left => right_mm.max(0.0),
-        Side::Right => (-right_mm).max(0.0),
+        HandSide::Left => right_mm.max(0.0),
+        HandSide::Right => (-right_mm).max(0.0),
     };
     beyond_mm * beyond_mm / (spread[(0, 0)] + SIDE_SIGMA_MM * SIDE_SIGMA_MM)
 }
@@ -87,7 +93,7 @@ mod tests {
     use nalgebra::Matrix5;
 
     use super::*;
-    use crate::pipeline::pose::evidence::Evidence;
+    use crate::pipeline::pose::normal_equations::NormalEquations;
     use crate::pipeline::tube::Tube;
 
     const TROCAR: Point3<f64> = Point3::new(-112.0, 96.0, 60.0);
@@ -100,7 +106,7 @@ mod tests {
             tube,
             covariance,
             lasting: covariance,
-            evidence: Evidence::of_covariance(&covariance),
+            equations: NormalEquations::from_covariance(&covariance),
             residual_px: 0.2,
             support: 50.0,
         }
@@ -111,13 +117,14 @@ mod tests {
     }
 
     #[test]
-    fn each_origin_tells_a_hand_on_the_left_from_one_on_the_right() {
+    fn each_origin_distinguishes_a_hand_on_the_left_from_one_on_the_right() {
         let known = Fulcrum { at: TROCAR, covariance: Matrix3::identity() };
-        let seen = hand_of(&from(TROCAR, Point3::new(-30.0, 10.0, 190.0)));
-        for origin in [Origin::Fulcrum(known), Origin::Fulcrum(seen), Origin::Side(Side::Left)] {
+        let seen = assumed_trocar(&from(TROCAR, Point3::new(-30.0, 10.0, 190.0)));
+        for origin in [Origin::Fulcrum(known), Origin::Fulcrum(seen), Origin::Side(HandSide::Left)] {
             for tip in [Point3::new(25.0, -20.0, 200.0), Point3::new(-40.0, 5.0, 170.0)] {
-                let (own, other) = (origin.against(&from(TROCAR, tip)), origin.against(&from(opposite(), tip)));
-                assert!(other - own > DECISIVE, "{origin:?} at {tip}: {own} own, {other} other");
+                let (own, other) =
+                    (origin.mismatch_squared(&from(TROCAR, tip)), origin.mismatch_squared(&from(opposite(), tip)));
+                assert!(other - own > DECISIVE_MARGIN, "{origin:?} at {tip}: {own} own, {other} other");
             }
         }
     }
@@ -125,8 +132,8 @@ mod tests {
     #[test]
     fn a_hand_in_the_middle_is_on_neither_side() {
         let pose = from(Point3::new(3.0, 140.0, 60.0), Point3::new(0.0, 0.0, 190.0));
-        let against = [Side::Left, Side::Right].map(|side| Origin::Side(side).against(&pose));
-        assert!(against.iter().all(|a| *a < DECISIVE), "{against:?}");
+        let against = [HandSide::Left, HandSide::Right].map(|side| Origin::Side(side).mismatch_squared(&pose));
+        assert!(against.iter().all(|a| *a < DECISIVE_MARGIN), "{against:?}");
     }
 
     #[test]
@@ -134,6 +141,6 @@ mod tests {
         let pose = from(TROCAR, Point3::new(0.0, 0.0, 190.0));
         let ahead = pose.tube.tip + pose.tube.axis * 90.0;
         let origin = Origin::Fulcrum(Fulcrum { at: ahead, covariance: Matrix3::identity() });
-        assert!(origin.against(&pose) > 100.0);
+        assert!(origin.mismatch_squared(&pose) > 100.0);
     }
 }

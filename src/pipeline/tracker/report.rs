@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use super::motion::Motion;
+use super::motion::ToolMotion;
 use crate::pipeline::pose::fulcrum::Fulcrum;
-use crate::pipeline::reason::Reason;
-use crate::pipeline::segmentation::palette::Apart;
+use crate::pipeline::reason::MissReason;
+use crate::pipeline::segmentation::palette::ColourSeparation;
 use crate::pipeline::space::Pixel;
-use crate::pipeline::trajectory::{Kind, Paths, Sample, Trajectory};
+use crate::pipeline::trajectory::{PathKind, PathSource, Sample, Trajectory};
 
 /// One tool measured on one frame, before any filter over time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,7 +32,7 @@ pub struct ToolReport {
     /// Index into the settings' tools.
     pub tool: usize,
     /// The measurement, or why there is none.
-    pub outcome: Result<Observation, Reason>,
+    pub outcome: Result<Observation, MissReason>,
     /// The causal filter's estimate, where the tool is being tracked.
     pub filtered: Option<Sample>,
     /// Why the tool has no position, judged without later frames.
@@ -60,7 +60,7 @@ pub enum Absence {
     /// Its band was at the edge of the picture before or after, and was not in the picture in between.
     LeftView,
     /// It was lost inside the picture; the reason is the most frequent one of the gap.
-    Lost(Reason),
+    Lost(MissReason),
 }
 
 /// Consecutive frames without a position of a tool, neither measured nor bridged.
@@ -98,18 +98,18 @@ pub struct ToolQuality {
     /// Frames without a position.
     pub missing: u64,
     /// How often each reason prevented a measurement or caused its rejection.
-    pub reasons: BTreeMap<Reason, u64>,
+    pub reasons: BTreeMap<MissReason, u64>,
     /// RMS distance of border points from the fitted outline, pixels; `None` when never measured.
     pub border_residual_px: Option<f64>,
     /// Depth noise that can change from frame to frame: the median standard deviation of measured depth without its
     /// lasting part, mm; `None` when never measured.
-    pub passing_depth_mm: Option<f64>,
+    pub transient_depth_sigma_mm: Option<f64>,
     /// The apparent diameter of its tape; `None` when never measured.
     pub effective_diameter: Option<EffectiveDiameter>,
     /// Gaps in its path, in order.
     pub gaps: Vec<Gap>,
     /// How well its colour is separated from the other marked colours.
-    pub colour: Apart,
+    pub colour: ColourSeparation,
     /// Where its tube passes through the box's wall; `None` if not known well.
     pub fulcrum: Option<Fulcrum>,
 }
@@ -162,23 +162,23 @@ pub struct Quality {
 pub struct Tracking {
     /// Tracking quality.
     pub quality: Quality,
-    pub(super) motions: Vec<Motion>,
+    pub(super) motions: Vec<ToolMotion>,
     pub(super) frame_times_s: Vec<f64>,
 }
 
 impl Tracking {
     /// The path of every tool.
-    pub fn trajectory(&self, kind: Kind) -> Trajectory {
+    pub fn trajectory(&self, kind: PathKind) -> Trajectory {
         let mut samples = Vec::with_capacity(self.motions.len() * self.frame_times_s.len());
-        self.motions.iter().for_each(|motion| motion.add_to(&mut samples, kind));
+        self.motions.iter().for_each(|motion| motion.append_path(&mut samples, kind));
         samples.sort_unstable_by_key(|s| (s.frame, s.tool));
         let tools = self.quality.tools.iter().map(|tool| tool.tool.clone()).collect();
         Trajectory { tools, samples, frame_times_s: self.frame_times_s.clone(), cuts: Vec::new() }
     }
 }
 
-impl Paths for Tracking {
-    fn path(&self, kind: Kind, tool: usize) -> Vec<Sample> {
+impl PathSource for Tracking {
+    fn path(&self, kind: PathKind, tool: usize) -> Vec<Sample> {
         self.motions.get(tool).map_or_else(Vec::new, |motion| motion.path(kind))
     }
 }

@@ -11,7 +11,7 @@ pub struct ToolSpec {
     /// Colour of its tape: the label of its samples. Two tools may share a colour; their trocars distinguish them.
     pub colour: String,
     /// The side of the picture where its hand is, if stated. Used only for tools that share a colour.
-    pub side: Option<Side>,
+    pub side: Option<HandSide>,
     /// Outer diameter over the tape, mm.
     pub diameter_mm: f64,
     /// Length of the tape along the tube, mm, if it was measured: depth then becomes about three times sharper.
@@ -20,7 +20,7 @@ pub struct ToolSpec {
 
 /// The side of a tool's hand, as the camera sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Side {
+pub enum HandSide {
     /// Left in the picture.
     Left,
     /// Right in the picture.
@@ -29,7 +29,7 @@ pub enum Side {
 
 /// Position of the camera (T 6.4). Decides which end of a band is distal while nothing better is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum View {
+pub enum CameraView {
     /// Camera above the box: hands are below the picture, tips point up in it.
     Top,
     /// Camera at the side: hands are beside the picture, tips point to its centre.
@@ -61,11 +61,11 @@ pub struct MotionSettings {
     /// Measurements outside the gate are accepted once they have agreed with each other for this long, s.
     pub reacquire_s: f64,
     /// Longest gap that is bridged by prediction, s.
-    pub longest_prediction_s: f64,
+    pub max_prediction_s: f64,
     /// Longest gap that the second pass bridges, between two frames where the tool was seen, s. In the middle of a
     /// bridge four times as long as the longest prediction, the tip is known as well as at that prediction's end:
     /// `q·T³/192` and `q·t³/3` mm² are equal for `T = 4t`.
-    pub longest_bridge_s: f64,
+    pub max_bridge_s: f64,
     /// Smallest depth of a tip, mm.
     pub nearest_mm: f64,
     /// Largest depth of a tip, mm.
@@ -80,8 +80,8 @@ impl Default for MotionSettings {
             first_speed_mm_s: 150.0,
             gate: 16.3,
             reacquire_s: 0.15,
-            longest_prediction_s: 0.2,
-            longest_bridge_s: 0.8,
+            max_prediction_s: 0.2,
+            max_bridge_s: 0.8,
             nearest_mm: 20.0,
             farthest_mm: 1000.0,
         }
@@ -105,7 +105,7 @@ pub struct TrackerSettings {
     /// Colour samples that an instructor marked.
     pub samples: ColourSamples,
     /// Position of the camera, if known.
-    pub view: Option<View>,
+    pub view: Option<CameraView>,
     /// Pose method.
     pub pose: PoseMethod,
     /// Motion model.
@@ -120,7 +120,7 @@ impl TrackerSettings {
 }
 
 /// Maximum number of tools.
-const MOST_TOOLS: usize = 16;
+const MAX_TOOLS: usize = 16;
 
 impl TrackerSettings {
     /// Rejects settings that cannot work for frames of this size.
@@ -132,8 +132,8 @@ impl TrackerSettings {
         if self.tools.is_empty() {
             return Err(SettingsProblem::NoTool);
         }
-        if self.tools.len() > MOST_TOOLS {
-            return Err(SettingsProblem::TooManyLabels(self.tools.len(), MOST_TOOLS));
+        if self.tools.len() > MAX_TOOLS {
+            return Err(SettingsProblem::TooManyLabels(self.tools.len(), MAX_TOOLS));
         }
         self.tools.iter().try_for_each(|tool| self.check_tool(tool))?;
         self.colours().iter().try_for_each(|colour| self.check_colour(colour))?;
@@ -196,7 +196,7 @@ impl TrackerSettings {
         for (first, tool) in self.tools.iter().enumerate() {
             let rest = self.tools.iter().enumerate().skip(first + 1);
             for (second, other) in rest.filter(|(_, other)| other.colour == tool.colour) {
-                let turned = tool.side == Some(Side::Right) || other.side == Some(Side::Left);
+                let turned = tool.side == Some(HandSide::Right) || other.side == Some(HandSide::Left);
                 pairs.push(if turned { [second, first] } else { [first, second] });
             }
         }
@@ -258,13 +258,13 @@ mod tests {
     use crate::pipeline::segmentation::samples::ColourSample;
 
     /// Tools by name, colour and side; orange, cyan and the background are marked.
-    fn of(tools: &[(&str, &str, Option<Side>)]) -> TrackerSettings {
+    fn of(tools: &[(&str, &str, Option<HandSide>)]) -> TrackerSettings {
         let samples = ColourSamples {
             encoding: ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 },
             labels: ["orange", "background", "cyan"].map(str::to_owned).to_vec(),
             samples: (0..3).map(|label| ColourSample { label, rectangle: label as u32, yuv: [100; 3] }).collect(),
         };
-        let spec = |(name, colour, side): &(&str, &str, Option<Side>)| ToolSpec {
+        let spec = |(name, colour, side): &(&str, &str, Option<HandSide>)| ToolSpec {
             name: (*name).to_owned(),
             colour: (*colour).to_owned(),
             side: *side,
@@ -274,7 +274,7 @@ mod tests {
         TrackerSettings::new(CAMERA, tools.iter().map(spec).collect(), samples)
     }
 
-    fn problem(tools: &[(&str, &str, Option<Side>)]) -> Option<SettingsProblem> {
+    fn problem(tools: &[(&str, &str, Option<HandSide>)]) -> Option<SettingsProblem> {
         of(tools).check(CAMERA.width, CAMERA.height).err()
     }
 
@@ -288,17 +288,17 @@ mod tests {
     }
 
     #[test]
-    fn either_side_that_is_told_tells_both() {
+    fn one_stated_side_determines_both() {
         let pairs = |first, second| of(&[("a", "orange", first), ("b", "orange", second)]).pairs();
-        assert_eq!(pairs(Some(Side::Left), None), [[0, 1]]);
-        assert_eq!(pairs(None, Some(Side::Right)), [[0, 1]]);
-        assert_eq!(pairs(Some(Side::Right), None), [[1, 0]]);
-        assert_eq!(pairs(None, Some(Side::Left)), [[1, 0]]);
+        assert_eq!(pairs(Some(HandSide::Left), None), [[0, 1]]);
+        assert_eq!(pairs(None, Some(HandSide::Right)), [[0, 1]]);
+        assert_eq!(pairs(Some(HandSide::Right), None), [[1, 0]]);
+        assert_eq!(pairs(None, Some(HandSide::Left)), [[1, 0]]);
     }
 
     #[test]
-    fn what_cannot_be_told_apart_is_refused() {
-        let left = Some(Side::Left);
+    fn indistinguishable_tools_are_rejected() {
+        let left = Some(HandSide::Left);
         let same_side = problem(&[("a", "orange", left), ("b", "orange", left)]);
         assert_eq!(same_side, Some(SettingsProblem::SameSide("a".into(), "b".into())));
         let three = problem(&[("a", "orange", None), ("b", "orange", None), ("c", "orange", None)]);

@@ -2,12 +2,12 @@
 
 use nalgebra::{Point2, Point3, Vector2};
 
-use super::measure::Bench;
-use crate::pipeline::edges::line_fit::{self, Line};
-use crate::pipeline::edges::outline_probes::Place;
+use super::band_fit::BandFit;
+use crate::pipeline::edges::line_fit::{self, BorderLine};
+use crate::pipeline::edges::outline_probes::OutlinePoint;
 use crate::pipeline::edges::scan_lines::CoarseBand;
-use crate::pipeline::pose::evidence::Beliefs;
 use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
+use crate::pipeline::pose::normal_equations::OffsetPriors;
 use crate::pipeline::pose::{TubeEstimate, band_length};
 use crate::pipeline::space::{CameraPoint, Normalised, Pixel};
 use crate::pipeline::tube::Tube;
@@ -15,10 +15,10 @@ use crate::pipeline::tube::Tube;
 /// Standard deviation of a border point or end found with the colour table, pixels.
 const COARSE_SIGMA_PX: f64 = 0.7;
 
-impl Bench<'_> {
+impl BandFit<'_> {
     /// A start whose axis passes through the known fulcrum and one visible end. It needs neither the taper nor both
     /// ends, and its lean is unambiguous.
-    pub(super) fn by_fulcrum(&self, [distal, proximal]: [Normalised; 2], depth: f64) -> Option<Tube> {
+    pub(super) fn start_from_fulcrum(&self, [distal, proximal]: [Normalised; 2], depth: f64) -> Option<Tube> {
         let (fulcrum, (length_mm, _), radius) = (self.fulcrum?.at, self.length?, 0.5 * self.spec.diameter_mm);
         let (at_distal, at_proximal) = (Point3::from(distal.ray() * depth), Point3::from(proximal.ray() * depth));
         let in_sight = |point: Point3<f64>| {
@@ -37,14 +37,14 @@ impl Bench<'_> {
     /// Starts from a joint fit to the coarse borders and ends, if the band's length is known. The lean from the slight
     /// taper of the borders is rough; the one from the length is not. The length alone cannot distinguish leaning away
     /// from leaning towards the camera, so both are returned, the better one first.
-    pub(super) fn by_length(&self, coarse: &CoarseBand, ends: [Normalised; 2]) -> Vec<Tube> {
+    pub(super) fn starts_from_length(&self, coarse: &CoarseBand, ends: [Normalised; 2]) -> Vec<Tube> {
         let Some((length_mm, _)) = self.length else { return Vec::new() };
         let radius = 0.5 * self.spec.diameter_mm;
         let depth = 2.0 * radius * self.camera.fx / coarse.width_px + radius;
         let fits = [1.0, -1.0].into_iter().filter_map(|sign| {
             let start = band_length::leaning(ends, depth, length_mm, radius, sign)?;
             let edges = self.coarse_edges(coarse, &start, length_mm)?;
-            joint_fit::fit(&edges, &start, self.camera, Trust::All, &Beliefs::usual(length_mm), None)
+            joint_fit::fit(&edges, &start, self.camera, Trust::All, &OffsetPriors::usual(length_mm), None)
         });
         let mut fits: Vec<TubeEstimate> = fits.collect();
         fits.sort_by(|a, b| a.residual_px.total_cmp(&b.residual_px));
@@ -64,16 +64,17 @@ impl Bench<'_> {
         for border in &coarse.borders {
             let outward = if across.dot(&(border.first()?.0 - tip)) < 0.0 { -across } else { across };
             let side = usize::from(outward.dot(&to_first) < 0.0);
-            edges.extend(border.iter().filter_map(|at| edge(Place::Border { side, back_mm: 0.0 }, *at, outward)));
+            edges
+                .extend(border.iter().filter_map(|at| edge(OutlinePoint::Border { side, back_mm: 0.0 }, *at, outward)));
         }
         let [first, second] = coarse.ends;
         let (distal, proximal) = if (first.0 - second.0).dot(&along) > 0.0 { (first, second) } else { (second, first) };
-        edges.extend(edge(Place::Rim { back_mm: 0.0, across: 0.0 }, distal, along));
-        edges.extend(edge(Place::Rim { back_mm: length_mm, across: 0.0 }, proximal, -along));
+        edges.extend(edge(OutlinePoint::Rim { back_mm: 0.0, across: 0.0 }, distal, along));
+        edges.extend(edge(OutlinePoint::Rim { back_mm: length_mm, across: 0.0 }, proximal, -along));
         Some(edges)
     }
 
-    pub(super) fn border_lines(&self, coarse: &CoarseBand) -> Option<[Line; 2]> {
+    pub(super) fn border_lines(&self, coarse: &CoarseBand) -> Option<[BorderLine; 2]> {
         let line = |border: &Vec<Pixel>| {
             let sights: Vec<Point2<f64>> =
                 border.iter().filter_map(|p| self.camera.normalised_of(*p)).map(|n: Normalised| n.0).collect();

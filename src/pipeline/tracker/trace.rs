@@ -6,7 +6,7 @@
 use crate::pipeline::blob::components::Component;
 use crate::pipeline::edges::probe::Probe;
 use crate::pipeline::frame::Frame;
-use crate::pipeline::reason::Reason;
+use crate::pipeline::reason::MissReason;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::region_of_interest::{CellBox, class_at};
 use crate::pipeline::space::Pixel;
@@ -30,25 +30,25 @@ pub struct ToolTrace {
     /// Areas searched for regions of its colour.
     pub places: Vec<CellBox>,
     /// Regions that were measured, with the reason if rejected; the last one may be the band.
-    pub regions: Vec<(Component, Option<Reason>)>,
+    pub regions: Vec<(Component, Option<MissReason>)>,
     /// Fits of a tube to edges.
-    pub fits: Vec<Fit>,
+    pub fits: Vec<FitTrace>,
 }
 
 /// One fit of a tube to the edges in the pixels.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fit {
+pub struct FitTrace {
     /// The tube at the start.
     pub start: Tube,
     /// Length of its band, mm.
     pub length_mm: f64,
     /// The probe passes, from wide to close.
-    pub looks: Vec<Look>,
+    pub passes: Vec<ProbePassTrace>,
 }
 
 /// One pass of probes.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Look {
+pub struct ProbePassTrace {
     /// Every visible probe, and the edge it found.
     pub probes: Vec<(Probe, Option<Pixel>)>,
     /// The tube fitted to these edges; `None` if none fits.
@@ -57,62 +57,62 @@ pub struct Look {
 
 /// Records a trace if one was requested.
 #[derive(Default)]
-pub struct Tracing(Option<ToolTrace>);
+pub struct TraceRecorder(Option<ToolTrace>);
 
-impl Tracing {
+impl TraceRecorder {
     /// Starts recording.
-    pub fn begin(&mut self) {
+    pub fn start(&mut self) {
         self.0 = Some(ToolTrace::default());
     }
 
     /// Returns the trace and stops recording.
-    pub fn end(&mut self) -> ToolTrace {
+    pub fn finish(&mut self) -> ToolTrace {
         self.0.take().unwrap_or_default()
     }
 
-    pub(super) fn places(&mut self, places: &[CellBox]) {
+    pub(super) fn record_places(&mut self, places: &[CellBox]) {
         if let Some(trace) = &mut self.0 {
             trace.places.extend(places);
         }
     }
 
-    pub(super) fn region(&mut self, region: &Component, refused: Option<Reason>) {
+    pub(super) fn record_region(&mut self, region: &Component, refused: Option<MissReason>) {
         if let Some(trace) = &mut self.0 {
             trace.regions.push((*region, refused));
         }
     }
 
-    pub(super) fn fit(&mut self, start: &Tube, length_mm: f64) {
+    pub(super) fn start_fit(&mut self, start: &Tube, length_mm: f64) {
         if let Some(trace) = &mut self.0 {
-            trace.fits.push(Fit { start: *start, length_mm, looks: Vec::new() });
+            trace.fits.push(FitTrace { start: *start, length_mm, passes: Vec::new() });
         }
     }
 
-    pub(super) fn look(&mut self) {
+    pub(super) fn start_pass(&mut self) {
         if let Some(fit) = self.0.as_mut().and_then(|trace| trace.fits.last_mut()) {
-            fit.looks.push(Look::default());
+            fit.passes.push(ProbePassTrace::default());
         }
     }
 
-    pub(super) fn probe(&mut self, probe: &Probe, edge: Option<Pixel>) {
-        if let Some(look) = self.last_look() {
+    pub(super) fn record_probe(&mut self, probe: &Probe, edge: Option<Pixel>) {
+        if let Some(look) = self.last_pass() {
             look.probes.push((*probe, edge));
         }
     }
 
-    pub(super) fn fitted(&mut self, tube: &Tube) {
-        if let Some(look) = self.last_look() {
+    pub(super) fn record_fitted_tube(&mut self, tube: &Tube) {
+        if let Some(look) = self.last_pass() {
             look.fitted = Some(*tube);
         }
     }
 
-    fn last_look(&mut self) -> Option<&mut Look> {
-        self.0.as_mut()?.fits.last_mut()?.looks.last_mut()
+    fn last_pass(&mut self) -> Option<&mut ProbePassTrace> {
+        self.0.as_mut()?.fits.last_mut()?.passes.last_mut()
     }
 }
 
 /// The class of every cell of a frame, row by row, and the number of cells in a row.
-pub(super) fn classes(frame: &Frame<'_>, table: &ColourTable) -> (Vec<u8>, usize) {
+pub(super) fn classify_cells(frame: &Frame<'_>, table: &ColourTable) -> (Vec<u8>, usize) {
     let whole = CellBox::whole(frame);
     let rows = whole.top..whole.bottom;
     let of_row = |row| (whole.left..whole.right).map(move |column| class_at(frame, table, column, row));

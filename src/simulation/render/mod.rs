@@ -5,12 +5,12 @@
 //! or its shadow touches. Silhouettes are those of the exact solids (see [`moving`]). The noise depends on seed and
 //! time alone, so a frame does not depend on the frames rendered before it.
 
-mod film;
 mod moving;
 mod photo;
 mod picture;
 mod rays;
-mod still;
+mod sensor;
+mod static_scene;
 mod tile;
 
 #[cfg(test)]
@@ -21,14 +21,14 @@ pub use picture::{Chroma, Rendered};
 use nalgebra::Point3;
 use rayon::prelude::*;
 
-use self::film::{Film, Grain, GrainRow, Plate, REACH};
 use self::moving::{Exposure, hidden};
 use self::picture::chroma_length;
 use self::rays::Rays;
-use self::still::Still;
-use self::tile::{Square, TILE, Tiling};
+use self::sensor::{BLUR_REACH_PX, EncodedTile, NoiseRow, SensorModel, SensorNoise};
+use self::static_scene::StaticScene;
+use self::tile::{TILE, TileBounds, Tiling};
 use super::board::Scenery;
-use super::light::{LAMPS, Rgb};
+use super::light::{LAMP_COUNT, Rgb};
 use super::shape::RoundCone;
 use super::world::World;
 
@@ -38,22 +38,22 @@ pub struct Renderer<'w> {
     chroma: Chroma,
     tiling: Tiling,
     rays: Rays,
-    film: Film,
-    grain: Grain,
+    film: SensorModel,
+    grain: SensorNoise,
     /// The empty box for each stage of the world.
     backdrops: Vec<Backdrop>,
 }
 
 /// The empty box, traced once.
 struct Backdrop {
-    still: Still,
+    scene: StaticScene,
     /// The encoded tiles, before noise; most tiles of every frame are these.
-    plates: Vec<Plate>,
-    cones: Vec<Cone>,
+    tiles: Vec<EncodedTile>,
+    cones: Vec<TileCone>,
 }
 
 /// The cone of rays of a tile, and the part of the empty box that it covers.
-struct Cone {
+struct TileCone {
     unit: nalgebra::Vector3<f64>,
     sine: f64,
     middle: Point3<f64>,
@@ -73,19 +73,19 @@ impl<'w> Renderer<'w> {
         let camera = &world.rig.camera;
         let tiling = Tiling::new(camera.width as usize, camera.height as usize);
         let rays = Rays::new(camera);
-        let (film, grain) = (Film::new(&world.rig), Grain::new(&world.rig.optics));
+        let (film, grain) = (SensorModel::new(&world.rig), SensorNoise::new(&world.rig.optics));
         let mut renderer = Self { world, chroma, tiling, rays, film, grain, backdrops: Vec::new() };
         renderer.backdrops = world.stages.iter().map(|stage| renderer.backdrop(&stage.scenery)).collect();
         renderer
     }
 
     fn backdrop(&self, scenery: &Scenery) -> Backdrop {
-        let still = Still::new(|v| scenery.look(v), &self.rays, self.tiling.width, self.tiling.height);
+        let still = StaticScene::new(|v| scenery.trace(v), &self.rays, self.tiling.width, self.tiling.height);
         let tiles = 0..self.tiling.count();
-        let cones = tiles.clone().map(|i| Cone::new(self.tiling.square(i), &self.rays, &still)).collect();
-        let mut backdrop = Backdrop { still, plates: Vec::new(), cones };
+        let cones = tiles.clone().map(|i| TileCone::new(self.tiling.square(i), &self.rays, &still)).collect();
+        let mut backdrop = Backdrop { scene: still, tiles: Vec::new(), cones };
         let empty: Vec<Painted> = vec![None; tiles.len()];
-        backdrop.plates = tiles.into_par_iter().map(|i| self.develop(i, &backdrop, &empty)).collect();
+        backdrop.tiles = tiles.into_par_iter().map(|i| self.develop(i, &backdrop, &empty)).collect();
         backdrop
     }
 
@@ -96,7 +96,7 @@ impl<'w> Renderer<'w> {
         let painted: Vec<Painted> =
             (0..self.tiling.count()).into_par_iter().map(|tile| self.paint(tile, backdrop, &exposure)).collect();
         let mut picture = Rendered::black(self.tiling.width, self.tiling.height, self.chroma);
-        self.expose(backdrop, &painted, time_s, &mut picture);
+        self.fill_planes(backdrop, &painted, time_s, &mut picture);
         picture
     }
 
@@ -110,9 +110,9 @@ impl<'w> Renderer<'w> {
             return None;
         }
         let square = self.tiling.square(tile);
-        let shadows = Shadows::new(square, |u, v| self.lost((u, v), backdrop, &rods));
+        let shadows = Shadows::new(square, |u, v| self.shadow_loss((u, v), backdrop, &rods));
         let light = |(u, v): (usize, usize)| {
-            let still = backdrop.still.at(u, v);
+            let still = backdrop.scene.at(u, v);
             let lost = shadows.at(u, v);
             let behind = still.radiance.map(|c| c * (1.0 - lost));
             if bodies.is_empty() {
@@ -123,32 +123,32 @@ impl<'w> Renderer<'w> {
         Some(square.pixels().map(light).collect())
     }
 
-    fn may_shade(&self, cone: &Cone, rod: &RoundCone) -> bool {
+    fn may_shade(&self, cone: &TileCone, rod: &RoundCone) -> bool {
         self.world.rig.lighting.lamps.iter().any(|lamp| lamp.may_hide(cone.middle, cone.spread_mm, rod))
     }
 
     /// Share of the empty box's light at a pixel that the rods' shadows take.
-    fn lost(&self, (u, v): (usize, usize), backdrop: &Backdrop, rods: &[RoundCone]) -> f32 {
+    fn shadow_loss(&self, (u, v): (usize, usize), backdrop: &Backdrop, rods: &[RoundCone]) -> f32 {
         if rods.is_empty() {
             return 0.0;
         }
-        let still = backdrop.still.at(u, v);
+        let still = backdrop.scene.at(u, v);
         let point = Point3::from(self.rays.centre(u, v) * f64::from(still.depth));
         let hidden = hidden(self.world, point, rods.iter());
-        (0..LAMPS).map(|lamp| still.from_lamp[lamp] * hidden[lamp]).sum()
+        (0..LAMP_COUNT).map(|lamp| still.from_lamp[lamp] * hidden[lamp]).sum()
     }
 
     /// The tile as the sensor encodes it, without noise.
-    fn develop(&self, tile: usize, backdrop: &Backdrop, painted: &[Painted]) -> Plate {
+    fn develop(&self, tile: usize, backdrop: &Backdrop, painted: &[Painted]) -> EncodedTile {
         let square = self.tiling.square(tile);
-        let patch = self.tiling.patch(square, REACH, |u, v| self.light_at((u, v), backdrop, painted));
+        let patch = self.tiling.patch(square, BLUR_REACH_PX, |u, v| self.light_at((u, v), backdrop, painted));
         let encoded = self.film.develop(&patch, square.left, square.top, square.size());
-        Plate::new(&encoded, square.size(), self.chroma.shift())
+        EncodedTile::new(&encoded, square.size(), self.chroma.shift())
     }
 
     fn light_at(&self, (u, v): (usize, usize), backdrop: &Backdrop, painted: &[Painted]) -> Rgb {
         match &painted[(v / TILE) * self.tiling.columns + u / TILE] {
-            None => backdrop.still.at(u, v).radiance,
+            None => backdrop.scene.at(u, v).radiance,
             Some(lights) => {
                 let tile_width = TILE.min(self.tiling.width - u / TILE * TILE);
                 lights[v % TILE * tile_width + u % TILE]
@@ -157,7 +157,7 @@ impl<'w> Renderer<'w> {
     }
 
     /// Fills the planes, one row of tiles at a time.
-    fn expose(&self, backdrop: &Backdrop, painted: &[Painted], time_s: f64, picture: &mut Rendered) {
+    fn fill_planes(&self, backdrop: &Backdrop, painted: &[Painted], time_s: f64, picture: &mut Rendered) {
         let (width, columns) = (self.tiling.width, self.tiling.columns);
         let (sx, sy) = self.chroma.shift();
         let chroma_band = chroma_length(width, sx) * (TILE >> sy);
@@ -167,8 +167,8 @@ impl<'w> Renderer<'w> {
             let mut grain = self.grain.row(self.world.seed, &format!("frame {:016x} band {band}", time_s.to_bits()));
             for tile in band * columns..(band + 1) * columns {
                 let left = self.tiling.square(tile).left;
-                if self.is_still(tile, painted) {
-                    self.digitise(&backdrop.plates[tile], left, &mut grain, (y, u, v));
+                if self.is_static(tile, painted) {
+                    self.digitise(&backdrop.tiles[tile], left, &mut grain, (y, u, v));
                 } else {
                     self.digitise(&self.develop(tile, backdrop, painted), left, &mut grain, (y, u, v));
                 }
@@ -177,15 +177,21 @@ impl<'w> Renderer<'w> {
     }
 
     /// Adds noise to a tile's codes and writes them to its place in a band of the planes.
-    fn digitise(&self, plate: &Plate, left: usize, grain: &mut GrainRow, band: (&mut [u8], &mut [u8], &mut [u8])) {
+    fn digitise(
+        &self,
+        plate: &EncodedTile,
+        left: usize,
+        grain: &mut NoiseRow,
+        band: (&mut [u8], &mut [u8], &mut [u8]),
+    ) {
         let shift = self.chroma.shift().0;
         let (width, chroma_width) = (self.tiling.width, chroma_length(self.tiling.width, shift));
-        lay(&plate.y, plate.width, band.0, left, width, |code| grain.luma(code));
-        lay(&plate.u, plate.chroma_width, band.1, left >> shift, chroma_width, |code| grain.chroma(code));
-        lay(&plate.v, plate.chroma_width, band.2, left >> shift, chroma_width, |code| grain.chroma(code));
+        write_tile(&plate.y, plate.width, band.0, left, width, |code| grain.luma(code));
+        write_tile(&plate.u, plate.chroma_width, band.1, left >> shift, chroma_width, |code| grain.chroma(code));
+        write_tile(&plate.v, plate.chroma_width, band.2, left >> shift, chroma_width, |code| grain.chroma(code));
     }
 
-    fn is_still(&self, tile: usize, painted: &[Painted]) -> bool {
+    fn is_static(&self, tile: usize, painted: &[Painted]) -> bool {
         let (column, row) = (tile % self.tiling.columns, tile / self.tiling.columns);
         let (first, last) = (column.saturating_sub(1), (column + 1).min(self.tiling.columns - 1));
         let mut rows = row.saturating_sub(1)..=(row + 1).min(self.tiling.rows - 1);
@@ -197,12 +203,12 @@ impl<'w> Renderer<'w> {
 
 /// Share of light lost to shadows in a tile, computed once for every 2×2 pixels: shadow edges are softer than that.
 struct Shadows {
-    square: Square,
+    square: TileBounds,
     lost: Vec<f32>,
 }
 
 impl Shadows {
-    fn new(square: Square, lost_at: impl Fn(usize, usize) -> f32) -> Self {
+    fn new(square: TileBounds, lost_at: impl Fn(usize, usize) -> f32) -> Self {
         let rows = (square.top..square.bottom).step_by(2);
         let places = rows.flat_map(|v| (square.left..square.right).step_by(2).map(move |u| (u, v)));
         Self { square, lost: places.map(|(u, v)| lost_at(u, v)).collect() }
@@ -214,8 +220,8 @@ impl Shadows {
     }
 }
 
-impl Cone {
-    fn new(square: Square, rays: &Rays, still: &Still) -> Self {
+impl TileCone {
+    fn new(square: TileBounds, rays: &Rays, still: &StaticScene) -> Self {
         let at = |u: usize, v: usize| rays.centre(u, v);
         let corners = [
             (square.left, square.top),
@@ -235,7 +241,14 @@ impl Cone {
 }
 
 /// Writes a tile's codes into a plane's band, `left` samples from its edge.
-fn lay(codes: &[f32], tile_width: usize, band: &mut [u8], left: usize, width: usize, mut code: impl FnMut(f32) -> u8) {
+fn write_tile(
+    codes: &[f32],
+    tile_width: usize,
+    band: &mut [u8],
+    left: usize,
+    width: usize,
+    mut code: impl FnMut(f32) -> u8,
+) {
     for (row, line) in codes.chunks_exact(tile_width).enumerate() {
         for (sample, value) in band[row * width + left..][..tile_width].iter_mut().zip(line) {
             *sample = code(*value);

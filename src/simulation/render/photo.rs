@@ -3,11 +3,11 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::super::board::Sight;
+use super::super::board::SurfacePoint;
 use super::super::rig::Rig;
-use super::film::{Film, Grain, REACH};
 use super::rays::Rays;
-use super::still::Still;
+use super::sensor::{BLUR_REACH_PX, SensorModel, SensorNoise};
+use super::static_scene::StaticScene;
 use super::tile::Tiling;
 
 /// A photo, 8-bit sRGB, packed.
@@ -25,24 +25,24 @@ pub struct Photo {
 pub struct Photographer {
     tiling: Tiling,
     rays: Rays,
-    film: Film,
-    grain: Grain,
+    film: SensorModel,
+    grain: SensorNoise,
 }
 
 impl Photographer {
     /// The camera of a rig.
     pub fn new(rig: &Rig) -> Self {
         let tiling = Tiling::new(rig.camera.width as usize, rig.camera.height as usize);
-        Self { tiling, rays: Rays::new(&rig.camera), film: Film::new(rig), grain: Grain::new(&rig.optics) }
+        Self { tiling, rays: Rays::new(&rig.camera), film: SensorModel::new(rig), grain: SensorNoise::new(&rig.optics) }
     }
 
     /// Takes a photo; `look` gives the surface along each ray, and `seed` sets the noise.
-    pub fn take(&self, look: impl Fn(Vector3<f64>) -> Sight + Sync, seed: u64) -> Photo {
+    pub fn take(&self, look: impl Fn(Vector3<f64>) -> SurfacePoint + Sync, seed: u64) -> Photo {
         let (width, height) = (self.tiling.width, self.tiling.height);
-        let still = Still::new(look, &self.rays, width, height);
+        let still = StaticScene::new(look, &self.rays, width, height);
         let developed = |tile: usize| {
             let square = self.tiling.square(tile);
-            let patch = self.tiling.patch(square, REACH, |u, v| still.at(u, v).radiance);
+            let patch = self.tiling.patch(square, BLUR_REACH_PX, |u, v| still.at(u, v).radiance);
             (square, self.film.develop(&patch, square.left, square.top, square.size()))
         };
         let tiles: Vec<_> = (0..self.tiling.count()).into_par_iter().map(developed).collect();

@@ -70,11 +70,11 @@ impl PixelRays {
 
 /// Number of samples of a pixel where one is not enough; each has its own point in the pixel and moment in the
 /// exposure.
-pub const LOOKS: usize = 16;
+pub const SAMPLES_PER_PIXEL: usize = 16;
 
 /// One sample of a pixel.
 #[derive(Clone, Copy, Debug)]
-pub struct Look {
+pub struct PixelSample {
     /// Offset from the pixel's centre to the right, −½..½.
     pub right: f64,
     /// Offset downwards, −½..½.
@@ -85,14 +85,14 @@ pub struct Look {
 
 /// The samples of a pixel: a Sobol sequence in three dimensions. Each coordinate alone is spread evenly, and the two
 /// offsets together put one sample in each sixteenth of the pixel.
-pub const PATTERN: [Look; LOOKS] = pattern();
+pub const SAMPLE_PATTERN: [PixelSample; SAMPLES_PER_PIXEL] = pattern();
 
-const fn pattern() -> [Look; LOOKS] {
+const fn pattern() -> [PixelSample; SAMPLES_PER_PIXEL] {
     // Direction numbers of the first three Sobol dimensions (Joe & Kuo 2008), 4 bits.
     const DIRECTIONS: [[usize; 4]; 3] = [[8, 4, 2, 1], [8, 12, 10, 15], [8, 12, 6, 9]];
-    let mut looks = [Look { right: 0.0, down: 0.0, moment: 0.0 }; LOOKS];
+    let mut looks = [PixelSample { right: 0.0, down: 0.0, moment: 0.0 }; SAMPLES_PER_PIXEL];
     let mut i = 0;
-    while i < LOOKS {
+    while i < SAMPLES_PER_PIXEL {
         let mut share = [0.0; 3];
         let mut d = 0;
         while d < 3 {
@@ -103,10 +103,10 @@ const fn pattern() -> [Look; LOOKS] {
                 }
                 bit += 1;
             }
-            share[d] = (value as f64 + 0.5) / LOOKS as f64;
+            share[d] = (value as f64 + 0.5) / SAMPLES_PER_PIXEL as f64;
             d += 1;
         }
-        looks[i] = Look { right: share[0] - 0.5, down: share[1] - 0.5, moment: share[2] };
+        looks[i] = PixelSample { right: share[0] - 0.5, down: share[1] - 0.5, moment: share[2] };
         i += 1;
     }
     looks
@@ -118,16 +118,16 @@ mod tests {
 
     #[test]
     fn looks_are_spread_evenly_in_time_and_over_the_pixel() {
-        let widest_gap = |of: fn(&Look) -> f64| {
-            let mut values: Vec<f64> = PATTERN.iter().map(of).collect();
+        let widest_gap = |of: fn(&PixelSample) -> f64| {
+            let mut values: Vec<f64> = SAMPLE_PATTERN.iter().map(of).collect();
             values.sort_by(f64::total_cmp);
             values.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
         };
         assert_eq!([widest_gap(|l| l.right), widest_gap(|l| l.down), widest_gap(|l| l.moment)], [1.0 / 16.0; 3]);
         for sixteenth in 0..16 {
             let cell = (sixteenth % 4, sixteenth / 4);
-            let inside = |l: &&Look| (((l.right + 0.5) * 4.0) as usize, ((l.down + 0.5) * 4.0) as usize) == cell;
-            assert_eq!(PATTERN.iter().filter(inside).count(), 1);
+            let inside = |l: &&PixelSample| (((l.right + 0.5) * 4.0) as usize, ((l.down + 0.5) * 4.0) as usize) == cell;
+            assert_eq!(SAMPLE_PATTERN.iter().filter(inside).count(), 1);
         }
     }
 }

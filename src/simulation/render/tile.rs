@@ -18,7 +18,7 @@ pub struct Tiling {
 
 /// One tile's pixels: `left..right`, `top..bottom`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Square {
+pub struct TileBounds {
     /// First column.
     pub left: usize,
     /// First row.
@@ -36,13 +36,13 @@ impl Tiling {
     }
 
     /// The pixels of tile number `index`, counted along rows.
-    pub fn square(&self, index: usize) -> Square {
+    pub fn square(&self, index: usize) -> TileBounds {
         let (left, top) = ((index % self.columns) * TILE, (index / self.columns) * TILE);
-        Square { left, top, right: (left + TILE).min(self.width), bottom: (top + TILE).min(self.height) }
+        TileBounds { left, top, right: (left + TILE).min(self.width), bottom: (top + TILE).min(self.height) }
     }
 
     /// A tile with `more` extra pixels on each side, row by row; beyond the picture's edge the last pixels repeat.
-    pub fn patch<T>(&self, square: Square, more: usize, at: impl Fn(usize, usize) -> T) -> Vec<T> {
+    pub fn patch<T>(&self, square: TileBounds, more: usize, at: impl Fn(usize, usize) -> T) -> Vec<T> {
         let side = TILE + 2 * more;
         let mut patch = Vec::with_capacity(side * side);
         for row in 0..side {
@@ -59,7 +59,7 @@ impl Tiling {
     }
 }
 
-impl Square {
+impl TileBounds {
     /// Its pixels, row by row.
     pub fn pixels(self) -> impl Iterator<Item = (usize, usize)> {
         (self.top..self.bottom).flat_map(move |v| (self.left..self.right).map(move |u| (u, v)))

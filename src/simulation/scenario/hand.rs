@@ -3,12 +3,12 @@
 use nalgebra::{Point3, Vector3};
 
 use crate::random::Dice;
-use crate::simulation::motion::Course;
+use crate::simulation::motion::ReachSum;
 use crate::simulation::skill::Skill;
 
 /// How a reach ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ending {
+pub enum ReachEnding {
     /// At rest on the target.
     Stop,
     /// On the way to the next target; a fluent hand starts the next reach early.
@@ -16,19 +16,19 @@ pub enum Ending {
 }
 
 /// Angle between the open jaws, rad.
-const OPEN: f64 = 0.62;
+const OPEN_ANGLE: f64 = 0.62;
 
 /// A hand, and its movements so far.
 #[derive(Clone, Debug)]
-pub struct Hand {
+pub struct SimulatedHand {
     /// Aim of the closed jaws' point; board frame, mm.
-    pub aim: Course<Vector3<f64>>,
+    pub aim: ReachSum<Vector3<f64>>,
     /// Angle between the jaws, rad.
-    pub opening: Course<f64>,
+    pub opening: ReachSum<f64>,
     /// Turn about the axis, rad.
-    pub roll: Course<f64>,
+    pub roll: ReachSum<f64>,
     /// True if the hand is held by a fixture: it does not tremble or wander.
-    pub steady: bool,
+    pub is_steady: bool,
     now_s: f64,
     at: Vector3<f64>,
     open: bool,
@@ -36,14 +36,14 @@ pub struct Hand {
     dice: Dice,
 }
 
-impl Hand {
+impl SimulatedHand {
     /// A hand at rest, jaws closed.
     pub fn resting_at(home: Point3<f64>, skill: Skill, mut dice: Dice) -> Self {
         Self {
-            aim: Course::resting_at(home.coords),
-            opening: Course::resting_at(0.05),
-            roll: Course::resting_at(dice.within(0.2, 1.2)),
-            steady: false,
+            aim: ReachSum::resting_at(home.coords),
+            opening: ReachSum::resting_at(0.05),
+            roll: ReachSum::resting_at(dice.within(0.2, 1.2)),
+            is_steady: false,
             now_s: 0.0,
             at: home.coords,
             open: false,
@@ -54,7 +54,7 @@ impl Hand {
 
     /// The same hand, held by a fixture: no tremor, no detours.
     pub fn steady(mut self) -> Self {
-        self.steady = true;
+        self.is_steady = true;
         self
     }
 
@@ -79,72 +79,72 @@ impl Hand {
     }
 
     /// Reaches for a point with this skill's detour, first miss, corrections and rest.
-    pub fn reach(&mut self, target: Point3<f64>, ending: Ending) {
+    pub fn reach(&mut self, target: Point3<f64>, ending: ReachEnding) {
         let whole = target.coords - self.at;
         let length = whole.norm();
         if length < 1e-9 {
             return;
         }
-        let corrections = if ending == Ending::Stop { self.skill.corrections } else { 0 };
+        let corrections = if ending == ReachEnding::Stop { self.skill.corrections } else { 0 };
         let miss =
             if corrections > 0 { self.dice.gauss3() * (self.skill.miss * length).min(6.0) } else { Vector3::zeros() };
-        let took = self.bowed(whole + miss, length);
+        let took = self.add_bowed_reach(whole + miss, length);
         let mut left = -miss;
         for step in 0..corrections {
             self.now_s += 0.3 * self.skill.pause_s + self.dice.within(0.04, 0.14);
             let part = if step + 1 == corrections { left } else { left * self.dice.within(0.5, 1.3) };
             let seconds = self.dice.within(0.22, 0.4);
-            self.straight(part, seconds);
+            self.add_straight_reach(part, seconds);
             left -= part;
         }
         match ending {
-            Ending::Stop => {}
-            Ending::Flow => self.now_s -= self.skill.fluency * took,
+            ReachEnding::Stop => {}
+            ReachEnding::Flow => self.now_s -= self.skill.fluency * took,
         }
         self.at = target.coords;
     }
 
     /// Reaches in a straight line within this time, s, without miss or detour.
     pub fn glide(&mut self, target: Point3<f64>, seconds: f64) {
-        self.straight(target.coords - self.at, seconds);
+        self.add_straight_reach(target.coords - self.at, seconds);
         self.at = target.coords;
     }
 
     /// Opens the jaws.
     pub fn open(&mut self) {
-        self.jaws(true);
+        self.move_jaws(true);
     }
 
     /// Closes the jaws.
     pub fn close(&mut self) {
-        self.jaws(false);
+        self.move_jaws(false);
     }
 
-    fn jaws(&mut self, open: bool) {
+    fn move_jaws(&mut self, open: bool) {
         const MOVING_S: f64 = 0.22;
         if self.open != open {
-            self.opening.reach(self.now_s, MOVING_S, if open { OPEN } else { -OPEN });
+            self.opening.add_reach(self.now_s, MOVING_S, if open { OPEN_ANGLE } else { -OPEN_ANGLE });
             self.now_s += MOVING_S;
             self.open = open;
         }
     }
 
     /// Adds two overlapping reaches over a point beside the straight line; returns the time taken, s.
-    fn bowed(&mut self, whole: Vector3<f64>, length: f64) -> f64 {
-        const SHORTEST_S: f64 = 0.32; // a reach of a few mm still takes about this long
-        let seconds = SHORTEST_S + length / self.skill.reach_speed_mm_s * self.dice.within(0.85, 1.25);
+    fn add_bowed_reach(&mut self, whole: Vector3<f64>, length: f64) -> f64 {
+        const MIN_REACH_S: f64 = 0.32; // a reach of a few mm still takes about this long
+        let seconds = MIN_REACH_S + length / self.skill.reach_speed_mm_s * self.dice.within(0.85, 1.25);
         let sideways = self.dice.gauss3() * (self.skill.detour * length).min(14.0);
         let (first, second) = (whole * 0.5 + sideways, whole * 0.5 - sideways);
-        self.aim.reach(self.now_s, 0.72 * seconds, first);
-        self.aim.reach(self.now_s + 0.28 * seconds, 0.72 * seconds, second);
+        self.aim.add_reach(self.now_s, 0.72 * seconds, first);
+        self.aim.add_reach(self.now_s + 0.28 * seconds, 0.72 * seconds, second);
         let turn = self.dice.gauss() * 0.25;
-        self.roll.reach(self.now_s, seconds, turn);
+        self.roll.add_reach(self.now_s, seconds, turn);
         self.now_s += seconds;
         seconds
     }
 
-    fn straight(&mut self, by: Vector3<f64>, seconds: f64) {
-        self.aim.reach(self.now_s, seconds, by);
+    fn add_straight_reach(&mut self, by: Vector3<f64>, seconds: f64) {
+        self.aim.add_reach(self.now_s, seconds, by);
         self.now_s += seconds;
     }
 }

@@ -12,15 +12,15 @@
 //! | `self-test` | a rod touches corners of the printed checkerboard, on the mat and lifted | 1 |
 //! | `exchange` | each to the other's side and back, then both out of the picture, and back in the other order | 2 |
 
-mod bench;
 mod hand;
+mod measurement;
 mod pegs;
 mod self_test;
 mod tracing;
 
-pub(crate) use bench::slide_wobble;
-pub use hand::{Ending, Hand};
-pub(crate) use pegs::BEAD_MM;
+pub use hand::{ReachEnding, SimulatedHand};
+pub(crate) use measurement::slide_wobble;
+pub(crate) use pegs::BEAD_RADIUS_MM;
 pub(crate) use self_test::touch_wobble;
 
 use nalgebra::Isometry3;
@@ -90,17 +90,17 @@ impl Scenario {
 
     /// Performs the scene in this box as the setup states; the task is repeated until it is long enough.
     pub fn play(self, rig: &Rig, setup: &Setup) -> Script {
-        let Setup { skill, seed, at_least_s, .. } = *setup;
-        let cast = Cast { rig, skill, seed, at_least_s };
+        let Setup { skill, seed, min_duration_s: at_least_s, .. } = *setup;
+        let cast = SceneContext { rig, skill, seed, min_duration_s: at_least_s };
         match self {
             Scenario::Wire => tracing::wire(&cast),
             Scenario::Rectangle => tracing::rectangle(&cast),
-            Scenario::Approach => bench::approach(&cast),
-            Scenario::Slide => bench::slide(&cast),
-            Scenario::Rest => bench::rest(&cast),
+            Scenario::Approach => measurement::approach(&cast),
+            Scenario::Slide => measurement::slide(&cast),
+            Scenario::Rest => measurement::rest(&cast),
             Scenario::Pegs => pegs::pegs(&cast),
-            Scenario::Crossing => bench::crossing(&cast),
-            Scenario::Exchange => bench::exchange(&cast),
+            Scenario::Crossing => measurement::crossing(&cast),
+            Scenario::Exchange => measurement::exchange(&cast),
             Scenario::SelfTest => self_test::self_test(&cast, setup.diameter_mm),
         }
     }
@@ -110,7 +110,7 @@ impl Scenario {
 #[derive(Clone, Debug, Default)]
 pub struct Script {
     /// Hands with the trocar each uses (0 left, 1 right).
-    pub hands: Vec<(usize, Hand)>,
+    pub hands: Vec<(usize, SimulatedHand)>,
     /// Beads that are carried.
     pub beads: Vec<Bead>,
     /// Fixed objects on the mat.
@@ -125,14 +125,14 @@ pub struct Script {
 #[derive(Clone, Debug)]
 pub struct Bead {
     /// Places with their start times, s, in order; the first starts at 0.
-    pub stays: Vec<(f64, Place)>,
+    pub stays: Vec<(f64, BeadPlace)>,
     /// Matt reflectance.
     pub colour: super::light::Rgb,
 }
 
 /// The place of a bead.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Place {
+pub enum BeadPlace {
     /// On the board; board frame, mm.
     At(nalgebra::Point3<f64>),
     /// Between the jaws of the hand of this index.
@@ -140,29 +140,29 @@ pub enum Place {
 }
 
 /// What every scene needs: the box, the skill, the seed and the minimum duration.
-struct Cast<'a> {
+struct SceneContext<'a> {
     rig: &'a Rig,
     skill: Skill,
     seed: u64,
-    at_least_s: f64,
+    min_duration_s: f64,
 }
 
-impl Cast<'_> {
+impl SceneContext<'_> {
     /// A hand of this skill at its usual place.
-    fn hand(&self, left: bool) -> Hand {
+    fn hand(&self, left: bool) -> SimulatedHand {
         let home = if left { above(-46.0, 30.0, 42.0) } else { above(46.0, 30.0, 42.0) };
         self.hand_at(home, if left { "left hand" } else { "right hand" })
     }
 
-    fn hand_at(&self, home: nalgebra::Point3<f64>, purpose: &str) -> Hand {
-        Hand::resting_at(home, self.skill, Dice::new(self.seed, purpose))
+    fn hand_at(&self, home: nalgebra::Point3<f64>, purpose: &str) -> SimulatedHand {
+        SimulatedHand::resting_at(home, self.skill, Dice::new(self.seed, purpose))
     }
 
     /// Plays at least `least` laps, and more until the scene is long enough; a lap returns the time at its end.
     fn laps(&self, least: usize, mut lap: impl FnMut() -> f64) {
         const MOST: usize = 100_000;
         for played in 1..=MOST {
-            if lap() >= self.at_least_s && played >= least {
+            if lap() >= self.min_duration_s && played >= least {
                 break;
             }
         }

@@ -3,9 +3,9 @@
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use super::{Cast, Hand, Script};
+use super::{SceneContext, Script, SimulatedHand};
 use crate::random::Dice;
-use crate::simulation::checkerboard::{self, Held};
+use crate::simulation::checkerboard::{self, HeldBoard};
 use crate::simulation::motion::Oscillation;
 use crate::simulation::rig::above;
 
@@ -21,7 +21,7 @@ const LIFTED_MM: f64 = 30.0;
 const OVER_MM: f64 = 18.0;
 
 /// The left hand holds one rod.
-pub(super) fn self_test(cast: &Cast, diameter_mm: f64) -> Script {
+pub(super) fn self_test(cast: &SceneContext, diameter_mm: f64) -> Script {
     let trocar = cast.rig.camera_from_board.inverse() * cast.rig.fulcrums[0];
     let away = trocar + (above(-20.0, 10.0, 40.0) - trocar) * 0.24;
     let mut hand = cast.hand_at(away, "left hand");
@@ -34,7 +34,7 @@ pub(super) fn self_test(cast: &Cast, diameter_mm: f64) -> Script {
         hand.wait(3.0);
         hand.glide(above(-20.0, 10.0, 70.0), 1.0);
         for (column, row) in TOUCHED {
-            let corner = checkerboard::corner(&Held::flat(board_from_sheet), column, row);
+            let corner = checkerboard::corner(&HeldBoard::flat(board_from_sheet), column, row);
             touch(&mut hand, resting_on(corner, trocar, 0.5 * diameter_mm));
         }
         hand.glide(away, 1.0);
@@ -56,7 +56,7 @@ fn laid(dice: &mut Dice, up_mm: f64) -> Isometry3<f64> {
     Isometry3::from_parts(place, turn)
 }
 
-fn touch(hand: &mut Hand, target: Point3<f64>) {
+fn touch(hand: &mut SimulatedHand, target: Point3<f64>) {
     let over = target - Vector3::z() * OVER_MM;
     hand.glide(over, 0.7);
     hand.glide(target, 0.5);

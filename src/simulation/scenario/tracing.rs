@@ -2,7 +2,7 @@
 
 use nalgebra::Point3;
 
-use super::{Cast, Ending, Hand, Script};
+use super::{ReachEnding, SceneContext, Script, SimulatedHand};
 use crate::simulation::board::{Prop, Stroke};
 use crate::simulation::light::Material;
 use crate::simulation::rig::above;
@@ -13,17 +13,17 @@ const WIRE: [(f64, f64); 5] = [(-44.0, 26.0), (-27.0, -30.0), (0.0, 14.0), (27.0
 const BRIGHT_WIRE: Material = Material { matt: [0.32, 0.31, 0.29], gloss: 0.6, sharpness: 30, mirror: 0.3 };
 
 /// One tool follows the wire from end to end and back.
-pub(super) fn wire(cast: &Cast) -> Script {
+pub(super) fn wire(cast: &SceneContext) -> Script {
     let mut hand = cast.hand(true);
     hand.wait(0.6);
     cast.laps(1, || {
         for point in WIRE.iter().chain(WIRE.iter().rev().skip(1)) {
-            hand.reach(above(point.0, point.1, WIRE_UP_MM + 3.0), Ending::Flow);
+            hand.reach(above(point.0, point.1, WIRE_UP_MM + 3.0), ReachEnding::Flow);
             hand.pause();
         }
         hand.now_s()
     });
-    hand.reach(above(-46.0, 30.0, 42.0), Ending::Stop);
+    hand.reach(above(-46.0, 30.0, 42.0), ReachEnding::Stop);
     hand.wait(0.6);
     Script { hands: vec![(0, hand)], props: wire_props(), ..Script::default() }
 }
@@ -43,7 +43,7 @@ const GAP: f64 = 9.0; // between the tools where the halves meet
 const OVER_MM: f64 = 5.0;
 
 /// Each tool follows its half of the rectangle and back, resting at the corners.
-pub(super) fn rectangle(cast: &Cast) -> Script {
+pub(super) fn rectangle(cast: &SceneContext) -> Script {
     let (mut left, mut right) = (cast.hand(true), cast.hand(false));
     let mut dice = crate::random::Dice::new(cast.seed, "turns");
     left.wait(0.6);
@@ -60,16 +60,16 @@ pub(super) fn rectangle(cast: &Cast) -> Script {
         both
     });
     for (hand, x) in [(&mut left, -46.0), (&mut right, 46.0)] {
-        hand.reach(above(x, 30.0, 42.0), Ending::Stop);
+        hand.reach(above(x, 30.0, 42.0), ReachEnding::Stop);
         hand.wait(0.6);
     }
     Script { hands: vec![(0, left), (1, right)], strokes: rectangle_strokes(), ..Script::default() }
 }
 
-fn trace_half(hand: &mut Hand, side: f64) {
+fn trace_half(hand: &mut SimulatedHand, side: f64) {
     let corners = [(GAP, FAR), (HALF_WIDTH, FAR), (HALF_WIDTH, NEAR), (GAP, NEAR)];
     for (x, y) in corners.into_iter().chain(corners.into_iter().rev()) {
-        hand.reach(above(side * x, y, OVER_MM), Ending::Stop);
+        hand.reach(above(side * x, y, OVER_MM), ReachEnding::Stop);
         hand.pause();
     }
 }

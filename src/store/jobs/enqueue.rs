@@ -5,7 +5,7 @@ use sqlx::sqlite::SqliteConnection;
 use super::super::blobs;
 use super::super::error::{StoreResult, missing};
 use crate::domain::blob::{Blob, BlobHash};
-use crate::domain::job::{JobInput, JobKind, RescoreInput, TrackInput, Turn};
+use crate::domain::job::{JobInput, JobKind, JobPriority, RescoreInput, TrackInput};
 use crate::ids::{BoxId, CalibrationId, JobId, PaletteId, ResultId, SessionId};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::store::edits::revision;
@@ -19,14 +19,14 @@ pub(in crate::store) async fn insert(
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<JobId> {
-    insert_for(tx, input, input.turn(), versions, (now_ms, max_attempts)).await
+    insert_with_priority(tx, input, input.priority(), versions, (now_ms, max_attempts)).await
 }
 
 /// Like [`insert`], with another priority than the default of the input.
-async fn insert_for(
+async fn insert_with_priority(
     tx: &mut SqliteConnection,
     input: &JobInput,
-    turn: Turn,
+    turn: JobPriority,
     versions: &str,
     (now_ms, max_attempts): (i64, u32),
 ) -> StoreResult<JobId> {
@@ -34,7 +34,7 @@ async fn insert_for(
     let key = (input.kind(), Blob::of(text.as_bytes()).hash, versions);
     if let Some(id) = find(tx, key).await? {
         requeue(tx, id, now_ms).await?;
-        hasten(tx, id, turn).await?;
+        raise_priority(tx, id, turn).await?;
         // The files were sent again. If the job no longer refers to them, their rows let them be collected.
         for blob in input.blobs() {
             blobs::record(tx, blob, now_ms).await?;
@@ -48,7 +48,7 @@ async fn insert_for(
          VALUES ($1, $2, $3, $4, $5, $6, $7, $8, 'queued', $9, $10, $10)",
     );
     let insert = insert.bind(id).bind(key.0).bind(text).bind(key.1).bind(versions);
-    let insert = insert.bind(input.session()).bind(input.of_box()).bind(turn as i64);
+    let insert = insert.bind(input.session()).bind(input.box_id()).bind(turn as i64);
     let insert = insert.bind(max_attempts).bind(now_ms);
     insert.execute(&mut *tx).await.map_err(missing("box"))?;
     for blob in input.blobs() {
@@ -61,7 +61,7 @@ async fn insert_for(
 
 /// Raises a job's priority to `turn` if it is lower: a person now asks for work that a rescoring had queued at low
 /// priority.
-pub(super) async fn hasten(tx: &mut SqliteConnection, id: JobId, turn: Turn) -> StoreResult<()> {
+pub(super) async fn raise_priority(tx: &mut SqliteConnection, id: JobId, turn: JobPriority) -> StoreResult<()> {
     sqlx::query("UPDATE job SET turn = min(turn, $2) WHERE id = $1").bind(id).bind(turn as i64).execute(tx).await?;
     Ok(())
 }
@@ -84,19 +84,19 @@ pub(in crate::store) async fn enqueue_track(
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<Option<JobId>> {
-    enqueue_track_for(tx, session, Turn::Session, now_ms, max_attempts).await
+    enqueue_track_with_priority(tx, session, JobPriority::Session, now_ms, max_attempts).await
 }
 
 /// Like [`enqueue_track`], with the given priority.
-pub(in crate::store) async fn enqueue_track_for(
+pub(in crate::store) async fn enqueue_track_with_priority(
     tx: &mut SqliteConnection,
     session: SessionId,
-    turn: Turn,
+    turn: JobPriority,
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<Option<JobId>> {
     #[derive(sqlx::FromRow)]
-    struct Row {
+    struct TrackInputRow {
         hash: BlobHash,
         bytes: i64,
         calibration: Option<CalibrationId>,
@@ -109,11 +109,11 @@ pub(in crate::store) async fn enqueue_track_for(
          FROM session JOIN blob ON blob.hash = session.video
          WHERE session.id = $1 AND session.tracker IS NULL",
     );
-    let Some(row): Option<Row> = row.bind(session).fetch_optional(&mut *tx).await? else { return Ok(None) };
+    let Some(row): Option<TrackInputRow> = row.bind(session).fetch_optional(&mut *tx).await? else { return Ok(None) };
     let (Some(calibration), Some(palette)) = (row.calibration, row.palette) else { return Ok(None) };
     let video = Blob { hash: row.hash, bytes: row.bytes.unsigned_abs() };
     let input = JobInput::Track(TrackInput { session, video, calibration, palette });
-    insert_for(tx, &input, turn, &present(), (now_ms, max_attempts)).await.map(Some)
+    insert_with_priority(tx, &input, turn, &current_version(), (now_ms, max_attempts)).await.map(Some)
 }
 
 /// Queues the scoring of the current result's path with the edits that are in force.
@@ -123,21 +123,21 @@ pub(in crate::store) async fn enqueue_rescore(
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<Option<JobId>> {
-    let Some((result, trajectory, _)) = counting(tx, session).await? else { return Ok(None) };
+    let Some((result, trajectory, _)) = current_result(tx, session).await? else { return Ok(None) };
     let edits = revision(tx, session).await?;
     let input = JobInput::Rescore(RescoreInput { session, result, trajectory, edits });
-    insert(tx, &input, &present(), now_ms, max_attempts).await.map(Some)
+    insert(tx, &input, &current_version(), now_ms, max_attempts).await.map(Some)
 }
 
 /// Like [`enqueue_rescore`], but only if the current result was made with other edits than those in force. Called after
 /// each edit, and after each new result, whose work may have begun before an edit.
-pub(in crate::store) async fn catch_up(
+pub(in crate::store) async fn enqueue_rescore_if_outdated(
     tx: &mut SqliteConnection,
     session: SessionId,
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<Option<JobId>> {
-    let made_with = counting(tx, session).await?.map(|(_, _, edits)| edits);
+    let made_with = current_result(tx, session).await?.map(|(_, _, edits)| edits);
     if made_with.is_none() || made_with == Some(revision(tx, session).await?) {
         return Ok(None);
     }
@@ -145,7 +145,7 @@ pub(in crate::store) async fn catch_up(
 }
 
 /// The current result of a session: its id, its path and the revision of edits that it was made with.
-async fn counting(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<Option<(ResultId, Blob, u64)>> {
+async fn current_result(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<Option<(ResultId, Blob, u64)>> {
     let row = sqlx::query_as(
         "SELECT result.id, blob.hash, blob.bytes, result.edits FROM result JOIN blob ON blob.hash = result.trajectory
          WHERE result.session_id = $1 ORDER BY result.created_at_ms DESC, result.id DESC LIMIT 1",
@@ -178,7 +178,7 @@ pub(in crate::store) async fn enqueue_waiting_sessions(
 }
 
 /// The `versions` part of the key of a job on a session: the version of the pipeline.
-pub(in crate::store) fn present() -> String {
+pub(in crate::store) fn current_version() -> String {
     format!("pipeline {PIPELINE_VERSION}")
 }
 
@@ -186,7 +186,7 @@ pub(in crate::store) fn present() -> String {
 /// one job; sent again after another calibration they are a new one.
 pub(super) async fn versions_so_far(tx: &mut SqliteConnection, kind: JobKind, of: BoxId) -> StoreResult<String> {
     let sql = match kind {
-        JobKind::SelfTest => return Ok(present()), // its input names both versions
+        JobKind::SelfTest => return Ok(current_version()), // its input names both versions
         JobKind::Palette => "SELECT coalesce(max(version), 0) FROM palette WHERE box_id = $1",
         JobKind::Calibrate | JobKind::Track | JobKind::Import | JobKind::Rescore => {
             "SELECT coalesce(max(version), 0) FROM calibration WHERE box_id = $1"

@@ -4,16 +4,16 @@
 use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
-use super::super::calibrations::{self, Calibration};
+use super::super::calibrations::{self, CalibrationRecord};
 use super::super::columns::integer;
 use super::super::edits::revision;
 use super::super::error::StoreResult;
-use super::super::palettes::{self, Palette};
+use super::super::palettes::{self, PaletteRecord};
 use super::super::sessions::evidence;
 use super::super::{StoreError, blobs, self_tests};
-use super::enqueue::{catch_up, enqueue_waiting_sessions};
+use super::enqueue::{enqueue_rescore_if_outdated, enqueue_waiting_sessions};
 use super::lease::end_as_done;
-use super::{Jobs, Lease};
+use super::{JobStore, Lease};
 use crate::domain::calibration::NewCalibration;
 use crate::domain::evidence::EvidenceRow;
 use crate::domain::palette::{NewPalette, PaletteAdvice};
@@ -22,7 +22,7 @@ use crate::domain::session::{FeatureRow, NewResult, NewScore};
 use crate::ids::{BoxId, JobId, ResultId, SessionId};
 use crate::store::sessions::latest_result;
 
-impl Jobs<'_> {
+impl JobStore<'_> {
     /// Stores the result of tracking a session. If the session already has a result of the same versions, that one
     /// stays, because the same input gives the same numbers. If the session was edited since it was assessed, it is
     /// scored again.
@@ -33,7 +33,7 @@ impl Jobs<'_> {
             .write(async move |tx| {
                 end_as_done(tx, id, token, now_ms).await?;
                 insert_result(tx, (session, id), result, now_ms).await?;
-                catch_up(tx, session, now_ms, attempts).await?;
+                enqueue_rescore_if_outdated(tx, session, now_ms, attempts).await?;
                 Ok(())
             })
             .await
@@ -59,7 +59,7 @@ impl Jobs<'_> {
     }
 
     /// Stores the next version of a box's camera and queues the sessions that waited for it.
-    pub async fn finish_calibration(&self, held: &Lease, new: NewCalibration) -> StoreResult<Calibration> {
+    pub async fn finish_calibration(&self, held: &Lease, new: NewCalibration) -> StoreResult<CalibrationRecord> {
         let of = box_of(held)?;
         let (id, token, now_ms, attempts) = (held.job.id, held.token, self.0.now_ms(), self.0.max_attempts());
         self.0
@@ -87,7 +87,7 @@ impl Jobs<'_> {
     }
 
     /// Stores the next version of a box's colours and queues the sessions that waited for them.
-    pub async fn finish_palette(&self, held: &Lease, new: NewPalette) -> StoreResult<Palette> {
+    pub async fn finish_palette(&self, held: &Lease, new: NewPalette) -> StoreResult<PaletteRecord> {
         let of = box_of(held)?;
         let (id, token, now_ms, attempts) = (held.job.id, held.token, self.0.now_ms(), self.0.max_attempts());
         self.0
@@ -101,7 +101,7 @@ impl Jobs<'_> {
     }
 }
 
-impl Jobs<'_> {
+impl JobStore<'_> {
     /// Stores a box's self-test and releases its recording, which is not needed any more.
     pub async fn finish_self_test(&self, held: &Lease, new: NewSelfTest) -> StoreResult<()> {
         let of = box_of(held)?;
@@ -153,7 +153,7 @@ async fn insert_result(
         .bind(integer(new.edits));
     let inserted: Option<ResultId> = insert.fetch_optional(&mut *tx).await?;
     match inserted {
-        Some(result) => insert_assessed(tx, job, result, new.features, new.evidence).await,
+        Some(result) => insert_features_and_evidence(tx, job, result, new.features, new.evidence).await,
         None => Ok(()),
     }
 }
@@ -172,14 +172,14 @@ async fn insert_score(tx: &mut SqliteConnection, job: JobId, new: NewScore, now_
     let insert = insert.bind(new.tracked_with).bind(new.from).bind(integer(new.edits));
     let inserted: Option<ResultId> = insert.fetch_optional(&mut *tx).await?;
     match inserted {
-        Some(result) => insert_assessed(tx, job, result, new.features, new.evidence).await,
+        Some(result) => insert_features_and_evidence(tx, job, result, new.features, new.evidence).await,
         None => Ok(()),
     }
 }
 
 /// Inserts a new result's features and evidence, and links the result to the rescoring item that ordered it, if there
 /// is one.
-async fn insert_assessed(
+async fn insert_features_and_evidence(
     tx: &mut SqliteConnection,
     job: JobId,
     result: ResultId,

@@ -9,7 +9,7 @@ use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
 use super::super::error::{StoreError, StoreResult, not_found};
-use super::{Job, Jobs, job_columns, next_in_queue};
+use super::{JobRecord, JobStore, job_columns, next_in_queue};
 use crate::domain::job::JobState;
 use crate::domain::problem::Problem;
 use crate::ids::{JobId, LeaseToken};
@@ -19,19 +19,19 @@ use crate::time::millis;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lease {
     /// The job as it was claimed.
-    pub job: Job,
+    pub job: JobRecord,
     /// The token that every write on this job must carry.
     pub token: LeaseToken,
 }
 
 /// The result of a sweep.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Swept {
+pub struct SweepResult {
     /// Jobs whose lease had run out: queued again or quarantined.
-    pub rescued: Vec<Job>,
+    pub rescued: Vec<JobRecord>,
 }
 
-impl Jobs<'_> {
+impl JobStore<'_> {
     /// Claims the next job for this worker: the one with the highest priority that has waited longest. Jobs on boxes go
     /// first, since sessions wait for them.
     pub async fn claim(&self, worker: &str, lease: Duration) -> StoreResult<Option<Lease>> {
@@ -64,13 +64,13 @@ impl Jobs<'_> {
                      WHERE id = $1 AND lease_token = $2",
                 );
                 let beat = beat.bind(id).bind(token).bind(now_ms + millis(lease)).bind(progress);
-                held_or_lost(beat.execute(tx).await?.rows_affected())
+                require_held(beat.execute(tx).await?.rows_affected())
             })
             .await
     }
 
     /// Releases a job because the service is ending: it is queued again at its old position, and no attempt is counted.
-    pub async fn give_back(&self, held: &Lease) -> StoreResult<()> {
+    pub async fn release(&self, held: &Lease) -> StoreResult<()> {
         let (id, token) = (held.job.id, held.token);
         self.0
             .write(async move |tx| {
@@ -79,13 +79,13 @@ impl Jobs<'_> {
                                     lease_until_ms = NULL, worker = NULL, started_at_ms = NULL
                      WHERE id = $1 AND lease_token = $2",
                 );
-                held_or_lost(back.bind(id).bind(token).execute(tx).await?.rows_affected())
+                require_held(back.bind(id).bind(token).execute(tx).await?.rows_affected())
             })
             .await
     }
 
     /// Ends the job as failed, with a problem that another attempt would not solve.
-    pub async fn fail(&self, held: &Lease, problem: Problem) -> StoreResult<Job> {
+    pub async fn fail(&self, held: &Lease, problem: Problem) -> StoreResult<JobRecord> {
         let (token, id, now_ms) = (held.token, held.job.id, self.0.now_ms());
         self.0
             .write(async move |tx| {
@@ -95,14 +95,14 @@ impl Jobs<'_> {
                      WHERE id = $1 AND lease_token = $2",
                 );
                 let failed = failed.bind(id).bind(token).bind(Json(problem)).bind(now_ms);
-                held_or_lost(failed.execute(&mut *tx).await?.rows_affected())?;
+                require_held(failed.execute(&mut *tx).await?.rows_affected())?;
                 read(tx, id).await
             })
             .await
     }
 
     /// Records that the worker crashed or timed out: the job is queued again, or quarantined after the last attempt.
-    pub async fn crashed(&self, held: &Lease, problem: Problem) -> StoreResult<Job> {
+    pub async fn mark_crashed(&self, held: &Lease, problem: Problem) -> StoreResult<JobRecord> {
         let (token, id, now_ms) = (held.token, held.job.id, self.0.now_ms());
         self.0
             .write(async move |tx| {
@@ -116,7 +116,7 @@ impl Jobs<'_> {
 
     /// Rescues the jobs whose lease has run out. With `all` it rescues every running job: for the start after a crash,
     /// when no worker of this service can be alive.
-    pub async fn sweep(&self, all: bool, problem: Problem) -> StoreResult<Swept> {
+    pub async fn sweep(&self, all: bool, problem: Problem) -> StoreResult<SweepResult> {
         let now_ms = self.0.now_ms();
         self.0
             .write(async move |tx| {
@@ -127,14 +127,14 @@ impl Jobs<'_> {
                 for id in silent {
                     rescued.push(rescue(tx, id, problem.clone(), now_ms).await?);
                 }
-                Ok(Swept { rescued })
+                Ok(SweepResult { rescued })
             })
             .await
     }
 }
 
 /// Takes the lease away: the job is queued at its old position while attempts are left, else quarantined.
-async fn rescue(tx: &mut SqliteConnection, id: JobId, problem: Problem, now_ms: i64) -> StoreResult<Job> {
+async fn rescue(tx: &mut SqliteConnection, id: JobId, problem: Problem, now_ms: i64) -> StoreResult<JobRecord> {
     let row = sqlx::query_as(concat!(
         "UPDATE job SET state = CASE WHEN attempt < max_attempts THEN 'queued' ELSE 'quarantined' END,
                         ended_at_ms = CASE WHEN attempt < max_attempts THEN NULL ELSE $3 END,
@@ -159,14 +159,14 @@ pub(super) async fn end_as_done(
          WHERE id = $1 AND lease_token = $2",
     );
     let done = done.bind(id).bind(token).bind(now_ms).bind(JobState::Done);
-    held_or_lost(done.execute(tx).await?.rows_affected())
+    require_held(done.execute(tx).await?.rows_affected())
 }
 
-pub(super) async fn read(tx: &mut SqliteConnection, id: JobId) -> StoreResult<Job> {
+pub(super) async fn read(tx: &mut SqliteConnection, id: JobId) -> StoreResult<JobRecord> {
     let row = sqlx::query_as(concat!("SELECT ", job_columns!(), " FROM job WHERE id = $1"));
     row.bind(id).fetch_optional(tx).await?.ok_or(not_found("job"))
 }
 
-fn held_or_lost(rows: u64) -> StoreResult<()> {
+fn require_held(rows: u64) -> StoreResult<()> {
     if rows == 1 { Ok(()) } else { Err(StoreError::LeaseLost) }
 }

@@ -12,14 +12,15 @@ mod finish;
 mod lease;
 
 pub(super) use enqueue::{
-    catch_up, enqueue_rescore, enqueue_track, enqueue_track_for, enqueue_waiting_sessions, insert, present,
+    current_version, enqueue_rescore, enqueue_rescore_if_outdated, enqueue_track, enqueue_track_with_priority,
+    enqueue_waiting_sessions, insert,
 };
-pub use lease::{Lease, Swept};
+pub use lease::{Lease, SweepResult};
 
 use super::audit::note;
 use super::error::{StoreError, StoreResult, not_found};
 use super::page::{Page, PageRequest};
-use super::visibility::{AskedBy, require_staff, sees_trainee};
+use super::visibility::{BindScope, require_staff, sees_trainee};
 use super::{Scope, Store};
 use crate::domain::job::{JobInput, JobKind, JobState};
 use crate::domain::palette::PaletteAdvice;
@@ -27,11 +28,11 @@ use crate::domain::problem::Problem;
 use crate::ids::{BoxId, JobId, SessionId};
 
 /// Access to the job queue.
-pub struct Jobs<'s>(pub(super) &'s Store);
+pub struct JobStore<'s>(pub(super) &'s Store);
 
 /// A job.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
-pub struct Job {
+pub struct JobRecord {
     /// Its id.
     pub id: JobId,
     /// Its kind.
@@ -111,11 +112,11 @@ macro_rules! sees_job {
     };
 }
 
-impl Jobs<'_> {
+impl JobStore<'_> {
     /// Queues a job on a box. The same work requested twice is one job; a failed job is queued again.
-    pub async fn enqueue(&self, scope: &Scope, input: JobInput) -> StoreResult<Job> {
+    pub async fn enqueue(&self, scope: &Scope, input: JobInput) -> StoreResult<JobRecord> {
         require_staff(scope, "giving a box new colours, a new camera or a self-test")?;
-        let of = input.of_box().ok_or_else(|| StoreError::refused("a session's job is made with the session"))?;
+        let of = input.box_id().ok_or_else(|| StoreError::refused("a session's job is made with the session"))?;
         let (scope, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         self.0
             .write(async move |tx| {
@@ -128,7 +129,7 @@ impl Jobs<'_> {
     }
 
     /// The jobs that the scope sees, newest first. With `open` only queued and running ones.
-    pub async fn list(&self, scope: &Scope, open: bool, page: &PageRequest) -> StoreResult<Page<Job>> {
+    pub async fn list(&self, scope: &Scope, open: bool, page: &PageRequest) -> StoreResult<Page<JobRecord>> {
         let rows = sqlx::query_as(concat!(
             "SELECT ",
             job_columns!(),
@@ -137,20 +138,20 @@ impl Jobs<'_> {
             " AND ($3 IS NULL OR job.id < $3) AND (NOT $4 OR job.state IN ('queued', 'running'))
              ORDER BY job.id DESC LIMIT $5"
         ));
-        let rows = rows.asked_by(scope).bind(page.after()).bind(open).bind(page.rows());
+        let rows = rows.bind_scope(scope).bind(page.after()).bind(open).bind(page.row_limit());
         let rows = rows.fetch_all(self.0.readers()).await?;
-        Ok(Page::cut(rows, page, |job: &Job| job.id.to_string()))
+        Ok(Page::from_rows(rows, page, |job: &JobRecord| job.id.to_string()))
     }
 
     /// One job.
-    pub async fn get(&self, scope: &Scope, id: JobId) -> StoreResult<Job> {
+    pub async fn get(&self, scope: &Scope, id: JobId) -> StoreResult<JobRecord> {
         let row = sqlx::query_as(concat!("SELECT ", job_columns!(), " FROM job WHERE job.id = $3 AND ", sees_job!()));
-        let row = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        let row = row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("job"))
     }
 
     /// Queues a failed or quarantined job again; a job in another state stays as it is.
-    pub async fn retry(&self, scope: &Scope, id: JobId) -> StoreResult<Job> {
+    pub async fn retry(&self, scope: &Scope, id: JobId) -> StoreResult<JobRecord> {
         self.get(scope, id).await?;
         require_staff(scope, "trying a job again")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
@@ -158,7 +159,7 @@ impl Jobs<'_> {
             .write(async move |tx| {
                 if enqueue::requeue(tx, id, now_ms).await? {
                     let job = lease::read(tx, id).await?;
-                    enqueue::hasten(tx, id, job.input.turn()).await?;
+                    enqueue::raise_priority(tx, id, job.input.priority()).await?;
                     note(tx, &scope, now_ms, ("retry", "job"), id).await?;
                 }
                 lease::read(tx, id).await

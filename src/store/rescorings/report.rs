@@ -5,7 +5,7 @@ use sqlx::FromRow;
 use super::super::error::{StoreResult, not_found};
 use super::super::page::{Page, PageRequest};
 use super::super::visibility::require_administrator;
-use super::Rescorings;
+use super::RescoringStore;
 use crate::domain::problem::Problem;
 use crate::domain::rescoring::{RescoringItemState, RescoringSource};
 use crate::domain::standard::SessionJudgement;
@@ -15,7 +15,7 @@ use crate::store::Scope;
 
 /// An order and its progress.
 #[derive(Clone, Debug, PartialEq, FromRow)]
-pub struct Rescoring {
+pub struct RescoringRecord {
     /// Its id.
     pub id: RescoringId,
     /// The task whose sessions are scored again.
@@ -150,17 +150,17 @@ macro_rules! select_rescorings {
     };
 }
 
-impl Rescorings<'_> {
+impl RescoringStore<'_> {
     /// The orders, newest first.
-    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<Rescoring>> {
+    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<RescoringRecord>> {
         require_administrator(scope, "reading rescorings")?;
         let rows = sqlx::query_as(select_rescorings!("($1 IS NULL OR rescoring.id < $1)"));
-        let rows = rows.bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
-        Ok(Page::cut(rows, page, |rescoring: &Rescoring| rescoring.id.to_string()))
+        let rows = rows.bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
+        Ok(Page::from_rows(rows, page, |rescoring: &RescoringRecord| rescoring.id.to_string()))
     }
 
     /// One order.
-    pub async fn get(&self, scope: &Scope, id: RescoringId) -> StoreResult<Rescoring> {
+    pub async fn get(&self, scope: &Scope, id: RescoringId) -> StoreResult<RescoringRecord> {
         require_administrator(scope, "reading rescorings")?;
         let row = sqlx::query_as(select_rescorings!("rescoring.id = $1")).bind(id).bind(1);
         row.fetch_optional(self.0.readers()).await?.ok_or(not_found("rescoring"))
@@ -184,9 +184,9 @@ impl Rescorings<'_> {
              ORDER BY item.judgement_changed DESC, item.features_apart DESC, item.features_changed DESC, item.session_id
              LIMIT $6",
         );
-        let rows = rows.bind(id).bind(numbers[0]).bind(numbers[1]).bind(numbers[2]).bind(last).bind(page.rows());
+        let rows = rows.bind(id).bind(numbers[0]).bind(numbers[1]).bind(numbers[2]).bind(last).bind(page.row_limit());
         let rows = rows.fetch_all(self.0.readers()).await?;
-        Ok(Page::cut(rows, page, |item: &RescoringItem| {
+        Ok(Page::from_rows(rows, page, |item: &RescoringItem| {
             let changed = i64::from(item.judgement_changed);
             format!("{changed}.{}.{}.{}", item.features_apart, item.features_changed, item.session_id)
         }))
@@ -212,9 +212,9 @@ impl Rescorings<'_> {
                   OR ((sum(item.judgement_changed), sum(item.features_apart > 0)) = ($2, $3) AND session.trainee_id > $4)
               ORDER BY judgements DESC, apart DESC, session.trainee_id LIMIT $5"
         ));
-        let rows = rows.bind(id).bind(numbers[0]).bind(numbers[1]).bind(last).bind(page.rows());
+        let rows = rows.bind(id).bind(numbers[0]).bind(numbers[1]).bind(last).bind(page.row_limit());
         let rows = rows.fetch_all(self.0.readers()).await?;
-        Ok(Page::cut(rows, page, |one: &RescoringTrainee| {
+        Ok(Page::from_rows(rows, page, |one: &RescoringTrainee| {
             format!("{}.{}.{}", one.judgements, one.apart, one.trainee_id)
         }))
     }

@@ -1,15 +1,15 @@
 //! Recent sessions that need attention: one bounded query for each kind.
 
 use super::super::error::StoreResult;
-use super::super::visibility::{AskedBy, require_staff, sees_trainee};
-use super::{Sessions, counts};
+use super::super::visibility::{BindScope, require_staff, sees_trainee};
+use super::{SessionStore, counts};
 use crate::domain::text::{Code, Name};
 use crate::ids::{SessionId, TaskId, TraineeId};
 use crate::store::Scope;
 
 /// A session that needs attention.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
-pub struct Waiting {
+pub struct AttentionItem {
     /// The session.
     pub id: SessionId,
     /// Its trainee.
@@ -52,11 +52,11 @@ macro_rules! waiting {
     };
 }
 
-impl Sessions<'_> {
+impl SessionStore<'_> {
     /// Sessions that the quality gate refused, latest first, at most `most`.
-    pub async fn refused_since(&self, scope: &Scope, since_ms: i64, most: u32) -> StoreResult<Vec<Waiting>> {
+    pub async fn refused_since(&self, scope: &Scope, since_ms: i64, most: u32) -> StoreResult<Vec<AttentionItem>> {
         let rows = sqlx::query_as(waiting!("json_extract(result.quality, '$.verdict') = 'refused'"));
-        Ok(rows.asked_by(scope).bind(since_ms).bind(most).fetch_all(self.0.readers()).await?)
+        Ok(rows.bind_scope(scope).bind(since_ms).bind(most).fetch_all(self.0.readers()).await?)
     }
 
     /// Sessions without a rating, of tasks with at least one rating since `rated_since_ms`: other tasks are not rated
@@ -67,7 +67,7 @@ impl Sessions<'_> {
         since_ms: i64,
         rated_since_ms: i64,
         most: u32,
-    ) -> StoreResult<Vec<Waiting>> {
+    ) -> StoreResult<Vec<AttentionItem>> {
         require_staff(scope, "the list of unrated sessions")?;
         let rows = sqlx::query_as(waiting!(
             "json_extract(result.quality, '$.verdict') IS NOT 'refused' AND session.tracker IS NULL
@@ -75,7 +75,7 @@ impl Sessions<'_> {
              AND session.task_id IN (SELECT rated.task_id FROM rating JOIN session AS rated ON rated.id = rating.session_id
                                      WHERE rating.created_at_ms >= $5)"
         ));
-        let rows = rows.asked_by(scope).bind(since_ms).bind(most).bind(rated_since_ms);
+        let rows = rows.bind_scope(scope).bind(since_ms).bind(most).bind(rated_since_ms);
         Ok(rows.fetch_all(self.0.readers()).await?)
     }
 }

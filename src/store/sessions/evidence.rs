@@ -6,12 +6,12 @@ use sqlx::types::Json;
 
 use super::super::Scope;
 use super::super::error::StoreResult;
-use super::super::visibility::{AskedBy, sees_trainee};
-use super::Sessions;
+use super::super::visibility::{BindScope, sees_trainee};
+use super::SessionStore;
 use crate::domain::evidence::EvidenceRow;
 use crate::ids::{ResultId, SessionId};
 
-impl Sessions<'_> {
+impl SessionStore<'_> {
     /// The evidence of a session's latest result; `None` if there is no result or it was stored without evidence.
     pub async fn evidence(&self, scope: &Scope, id: SessionId) -> StoreResult<Option<Vec<EvidenceRow>>> {
         let row = sqlx::query_scalar(concat!(
@@ -22,7 +22,8 @@ impl Sessions<'_> {
              WHERE session.id = $3 AND ",
             sees_trainee!("session.trainee_id")
         ));
-        let row: Option<Json<Vec<EvidenceRow>>> = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        let row: Option<Json<Vec<EvidenceRow>>> =
+            row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
         match row {
             Some(Json(rows)) => Ok(Some(rows)),
             None => self.get(scope, id).await.map(|_| None),

@@ -12,19 +12,19 @@
 
 mod attention;
 pub(super) mod evidence;
-pub(super) mod places;
 pub(super) mod practice;
+pub(super) mod queue_positions;
 pub(super) mod result;
 mod write;
 
-pub use attention::Waiting;
-pub use practice::{Measurement, Outcome, Practice, Practised, Trained};
-pub use result::{SessionPlace, SessionResult};
+pub use attention::AttentionItem;
+pub use practice::{Practice, PracticeMeasurement, PracticeResult, PracticeSession, TraineeTask};
+pub use result::{SessionOrderKey, SessionResult};
 pub(super) use write::insert;
 
 use super::error::{StoreResult, not_found};
 use super::page::{Page, PageRequest};
-use super::visibility::{AskedBy, sees_trainee};
+use super::visibility::{BindScope, sees_trainee};
 use super::{Scope, Store};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::job::JobState;
@@ -52,11 +52,11 @@ macro_rules! counts {
 pub(in crate::store) use counts;
 
 /// Access to the sessions.
-pub struct Sessions<'s>(pub(super) &'s Store);
+pub struct SessionStore<'s>(pub(super) &'s Store);
 
 /// A recording of a trainee doing a task in a box, with its status.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
-pub struct Session {
+pub struct SessionRecord {
     /// Its id.
     pub id: SessionId,
     /// The trainee.
@@ -128,7 +128,7 @@ pub struct SessionFilter {
     pub only_counting: bool,
 }
 
-impl Session {
+impl SessionRecord {
     /// Its status, as people see it.
     pub fn status(&self) -> SessionStatus {
         if self.video.is_none() { SessionStatus::Receiving } else { self.job_state.into() }
@@ -189,9 +189,14 @@ macro_rules! select_sessions {
     };
 }
 
-impl Sessions<'_> {
+impl SessionStore<'_> {
     /// The sessions that the scope sees, newest first.
-    pub async fn list(&self, scope: &Scope, which: &SessionFilter, page: &PageRequest) -> StoreResult<Page<Session>> {
+    pub async fn list(
+        &self,
+        scope: &Scope,
+        which: &SessionFilter,
+        page: &PageRequest,
+    ) -> StoreResult<Page<SessionRecord>> {
         let rows = sqlx::query_as(concat!(
             select_sessions!(),
             " WHERE ",
@@ -209,24 +214,24 @@ impl Sessions<'_> {
             ")
               ORDER BY session.id DESC LIMIT $9"
         ));
-        let rows = rows.asked_by(scope).bind(&which.trainee).bind(&which.task).bind(&which.in_box);
+        let rows = rows.bind_scope(scope).bind(&which.trainee).bind(&which.task).bind(&which.in_box);
         let rows = rows
             .bind(which.status.map(SessionStatus::name))
             .bind(page.after())
             .bind(which.only_counting)
-            .bind(page.rows());
-        let mut rows: Vec<Session> = rows.fetch_all(self.0.readers()).await?;
-        self.find_places(&mut rows).await?;
-        Ok(Page::cut(rows, page, |session: &Session| session.id.to_string()))
+            .bind(page.row_limit());
+        let mut rows: Vec<SessionRecord> = rows.fetch_all(self.0.readers()).await?;
+        self.fill_queue_positions(&mut rows).await?;
+        Ok(Page::from_rows(rows, page, |session: &SessionRecord| session.id.to_string()))
     }
 
     /// One session.
-    pub async fn get(&self, scope: &Scope, id: SessionId) -> StoreResult<Session> {
+    pub async fn get(&self, scope: &Scope, id: SessionId) -> StoreResult<SessionRecord> {
         let row =
             sqlx::query_as(concat!(select_sessions!(), " WHERE session.id = $3 AND ", sees_trainee!("trainee.id")));
-        let row: Option<Session> = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        let row: Option<SessionRecord> = row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
         let mut session = row.ok_or(not_found("session"))?;
-        self.find_places(std::slice::from_mut(&mut session)).await?;
+        self.fill_queue_positions(std::slice::from_mut(&mut session)).await?;
         Ok(session)
     }
 }

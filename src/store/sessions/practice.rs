@@ -7,8 +7,8 @@ use serde::Serialize;
 use sqlx::types::Json;
 
 use super::super::error::StoreResult;
-use super::super::visibility::{AskedBy, sees_trainee};
-use super::{Sessions, counts};
+use super::super::visibility::{BindScope, sees_trainee};
+use super::{SessionStore, counts};
 use crate::domain::feature::FeatureKey;
 use crate::domain::job::JobState;
 use crate::domain::session::{FeatureSpace, SessionStatus};
@@ -22,12 +22,12 @@ pub struct Practice {
     /// Number of earlier sessions that are left out.
     pub earlier: usize,
     /// The sessions, in the order of recording.
-    pub sessions: Vec<Practised>,
+    pub sessions: Vec<PracticeSession>,
 }
 
 /// A trainee and a task that they practise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
-pub struct Trained {
+pub struct TraineeTask {
     /// The trainee.
     pub trainee: TraineeId,
     /// The task.
@@ -36,7 +36,7 @@ pub struct Trained {
 
 /// One session of a practice.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Practised {
+pub struct PracticeSession {
     /// Its id.
     pub id: SessionId,
     /// When it was recorded, epoch ms.
@@ -46,14 +46,14 @@ pub struct Practised {
     /// Is it set aside?
     pub is_set_aside: bool,
     /// Its latest result.
-    pub result: Option<Outcome>,
+    pub result: Option<PracticeResult>,
     /// The values of the requested features in that result.
-    pub measured: Vec<Measurement>,
+    pub measured: Vec<PracticeMeasurement>,
 }
 
 /// A result, without its features.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
+pub struct PracticeResult {
     /// Version of the program that made it.
     pub pipeline: String,
     /// The camera that it was made with; `None` if the session was measured by another program.
@@ -64,7 +64,7 @@ pub struct Outcome {
 
 /// A value of one feature.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Measurement {
+pub struct PracticeMeasurement {
     /// The feature.
     pub of: FeatureKey,
     /// The value, in the feature's unit; `None` if too little was seen.
@@ -74,7 +74,7 @@ pub struct Measurement {
 }
 
 #[derive(sqlx::FromRow)]
-struct Row {
+struct PracticeRow {
     id: SessionId,
     recorded_at_ms: i64,
     is_whole: bool,
@@ -89,14 +89,14 @@ struct Row {
 
 /// A [`PracticeRow`] with its trainee and task.
 #[derive(sqlx::FromRow)]
-struct RowOf {
+struct PracticeRowOfPair {
     trainee_id: TraineeId,
     task_id: TaskId,
     #[sqlx(flatten)]
-    of: Row,
+    of: PracticeRow,
 }
 
-type FeatureRow = (ResultId, String, Option<String>, FeatureSpace, Option<f64>, Option<f64>, Option<f64>);
+type PracticeFeatureRow = (ResultId, String, Option<String>, FeatureSpace, Option<f64>, Option<f64>, Option<f64>);
 
 /// The columns of a [`PracticeRow`].
 macro_rules! of_session {
@@ -174,7 +174,7 @@ macro_rules! measured {
 #[cfg(test)]
 pub(in crate::store) use {measured, of_session, practised, practised_by_many, with_result}; // for the plan tests
 
-impl Sessions<'_> {
+impl SessionStore<'_> {
     /// A trainee's last sessions of a task, at most `most`, with these features of their latest results.
     pub async fn practice(
         &self,
@@ -184,7 +184,7 @@ impl Sessions<'_> {
         features: &[&str],
         most: u32,
     ) -> StoreResult<Practice> {
-        let rows = sqlx::query_as::<_, Row>(practised!()).asked_by(scope).bind(trainee).bind(task).bind(most);
+        let rows = sqlx::query_as::<_, PracticeRow>(practised!()).bind_scope(scope).bind(trainee).bind(task).bind(most);
         let rows = rows.fetch_all(self.0.readers()).await?;
         if rows.is_empty() {
             self.0.trainees().get(scope, &Key::from(&trainee)).await?;
@@ -199,34 +199,40 @@ impl Sessions<'_> {
     pub async fn practice_of_many(
         &self,
         scope: &Scope,
-        pairs: &[Trained],
+        pairs: &[TraineeTask],
         features: &[&str],
         most: u32,
-    ) -> StoreResult<HashMap<Trained, Practice>> {
-        let rows = sqlx::query_as::<_, RowOf>(practised_by_many!()).asked_by(scope).bind(Json(pairs)).bind(most);
+    ) -> StoreResult<HashMap<TraineeTask, Practice>> {
+        let rows =
+            sqlx::query_as::<_, PracticeRowOfPair>(practised_by_many!()).bind_scope(scope).bind(Json(pairs)).bind(most);
         let rows = rows.fetch_all(self.0.readers()).await?;
         let results: Vec<ResultId> = rows.iter().filter_map(|row| row.of.result_id).collect();
         let mut measured = self.measured(results, features).await?;
-        let mut of_each: HashMap<Trained, Vec<Row>> = HashMap::with_capacity(pairs.len());
-        for RowOf { trainee_id, task_id, of } in rows {
-            of_each.entry(Trained { trainee: trainee_id, task: task_id }).or_default().push(of);
+        let mut of_each: HashMap<TraineeTask, Vec<PracticeRow>> = HashMap::with_capacity(pairs.len());
+        for PracticeRowOfPair { trainee_id, task_id, of } in rows {
+            of_each.entry(TraineeTask { trainee: trainee_id, task: task_id }).or_default().push(of);
         }
         Ok(of_each.into_iter().map(|(of, rows)| (of, practice(rows, &mut measured))).collect())
     }
 
     /// Trainees and the tasks with a standard that they practised since `since_ms`, with the number of sessions.
     /// Limited to trainees in the scope; latest first, at most `most`.
-    pub async fn trained(&self, scope: &Scope, since_ms: i64, most: u32) -> StoreResult<Vec<(Trained, usize)>> {
+    pub async fn trainee_tasks(
+        &self,
+        scope: &Scope,
+        since_ms: i64,
+        most: u32,
+    ) -> StoreResult<Vec<(TraineeTask, usize)>> {
         let rows = sqlx::query_as::<_, (TraineeId, TaskId, i64)>(concat!(
             "SELECT trainee_id, task_id, count(*) FROM session
              WHERE session.recorded_at_ms >= $3 AND task_id IN (SELECT standard.task_id FROM standard) AND ",
             sees_trainee!("session.trainee_id"),
             " GROUP BY trainee_id, task_id ORDER BY max(session.recorded_at_ms) DESC LIMIT $4"
         ));
-        let rows = rows.asked_by(scope).bind(since_ms).bind(most).fetch_all(self.0.readers()).await?;
+        let rows = rows.bind_scope(scope).bind(since_ms).bind(most).fetch_all(self.0.readers()).await?;
         Ok(rows
             .into_iter()
-            .map(|(trainee, task, of)| (Trained { trainee, task }, of.unsigned_abs() as usize))
+            .map(|(trainee, task, of)| (TraineeTask { trainee, task }, of.unsigned_abs() as usize))
             .collect())
     }
 
@@ -235,12 +241,12 @@ impl Sessions<'_> {
         &self,
         results: Vec<ResultId>,
         features: &[&str],
-    ) -> StoreResult<HashMap<ResultId, Vec<Measurement>>> {
-        let mut measured: HashMap<ResultId, Vec<Measurement>> = HashMap::with_capacity(results.len());
-        let found = sqlx::query_as::<_, FeatureRow>(measured!()).bind(Json(results)).bind(Json(features));
+    ) -> StoreResult<HashMap<ResultId, Vec<PracticeMeasurement>>> {
+        let mut measured: HashMap<ResultId, Vec<PracticeMeasurement>> = HashMap::with_capacity(results.len());
+        let found = sqlx::query_as::<_, PracticeFeatureRow>(measured!()).bind(Json(results)).bind(Json(features));
         for (result, feature, tool, space, value, low, high) in found.fetch_all(self.0.readers()).await? {
             let bar = low.zip(high).map(|(low, high)| [low, high]);
-            let measurement = Measurement { of: FeatureKey { feature, tool, space }, value, bar };
+            let measurement = PracticeMeasurement { of: FeatureKey { feature, tool, space }, value, bar };
             measured.entry(result).or_default().push(measurement);
         }
         Ok(measured)
@@ -253,27 +259,27 @@ impl Sessions<'_> {
             sees_trainee!("session.trainee_id"),
             " ORDER BY recorded_at_ms DESC, id DESC LIMIT 1"
         ));
-        Ok(row.asked_by(scope).bind(trainee).fetch_optional(self.0.readers()).await?)
+        Ok(row.bind_scope(scope).bind(trainee).fetch_optional(self.0.readers()).await?)
     }
 }
 
 /// Makes a [`Practice`] of rows in the order of newest first.
-fn practice(mut rows: Vec<Row>, measured: &mut HashMap<ResultId, Vec<Measurement>>) -> Practice {
+fn practice(mut rows: Vec<PracticeRow>, measured: &mut HashMap<ResultId, Vec<PracticeMeasurement>>) -> Practice {
     rows.reverse();
     let earlier = rows.first().map_or(0, |row| (row.in_all.unsigned_abs() as usize).saturating_sub(rows.len()));
-    Practice { earlier, sessions: rows.into_iter().map(|row| row.with(measured)).collect() }
+    Practice { earlier, sessions: rows.into_iter().map(|row| row.with_measured(measured)).collect() }
 }
 
-impl Row {
-    fn with(self, measured: &mut HashMap<ResultId, Vec<Measurement>>) -> Practised {
+impl PracticeRow {
+    fn with_measured(self, measured: &mut HashMap<ResultId, Vec<PracticeMeasurement>>) -> PracticeSession {
         let (calibration, refused) = (self.calibration_id, self.refused == Some(true));
-        Practised {
+        PracticeSession {
             id: self.id,
             recorded_at_ms: self.recorded_at_ms,
             status: if self.is_whole { self.job_state.into() } else { SessionStatus::Receiving },
             is_set_aside: !self.counts,
             measured: self.result_id.and_then(|result| measured.remove(&result)).unwrap_or_default(),
-            result: self.pipeline.map(|pipeline| Outcome { pipeline, calibration, refused }),
+            result: self.pipeline.map(|pipeline| PracticeResult { pipeline, calibration, refused }),
         }
     }
 }

@@ -6,10 +6,10 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::types::Json;
 
 use super::super::error::{StoreResult, not_found};
-use super::super::visibility::{AskedBy, sees_trainee};
-use super::Sessions;
+use super::super::visibility::{BindScope, sees_trainee};
+use super::SessionStore;
 use crate::domain::blob::BlobHash;
-use crate::domain::files::quality::fulcrums_of;
+use crate::domain::files::quality::stored_fulcrums;
 use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, Versions, VideoFacts};
 use crate::ids::{BoxId, CalibrationId, PaletteId, ResultId, SessionId};
 use crate::pipeline::pose::fulcrum::Fulcrum;
@@ -45,7 +45,7 @@ pub struct SessionResult {
 }
 
 #[derive(FromRow)]
-struct Row {
+struct SessionResultRow {
     id: ResultId,
     pipeline: String,
     tracked_with: Option<String>,
@@ -74,7 +74,7 @@ struct Row {
 /// Sort key for the order of arrival: when the session had arrived completely by the clock of the service, epoch ms,
 /// and its id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SessionPlace(pub i64, pub SessionId);
+pub struct SessionOrderKey(pub i64, pub SessionId);
 
 /// Selects the sessions of box `$1` with calibration `$2` that arrived before (`$3`, `$4`) and have trocar positions.
 /// The order is that of the index `session_box_order`, so that only the first `$5` are read.
@@ -95,47 +95,47 @@ macro_rules! fulcrums_before {
 #[cfg(test)]
 pub(in crate::store) use fulcrums_before;
 
-impl Sessions<'_> {
+impl SessionStore<'_> {
     /// The latest result of a session; `None` if there is none.
     pub async fn result(&self, scope: &Scope, id: SessionId) -> StoreResult<Option<SessionResult>> {
-        let row = sqlx::query_as::<_, Row>(concat!(
+        let row = sqlx::query_as::<_, SessionResultRow>(concat!(
             "SELECT result.* FROM result JOIN session ON session.id = session_id WHERE session_id = $3 AND ",
             sees_trainee!("session.trainee_id"),
             " ORDER BY result.created_at_ms DESC, result.id DESC LIMIT 1"
         ));
-        match row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await? {
+        match row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await? {
             None => self.get(scope, id).await.map(|_| None),
             Some(row) => {
                 let features = self.features(row.id).await?;
-                Ok(Some(row.with(features)))
+                Ok(Some(row.with_features(features)))
             }
         }
     }
 
     /// One result of a session, current or not.
     pub async fn result_of(&self, scope: &Scope, id: SessionId, result: ResultId) -> StoreResult<SessionResult> {
-        let row = sqlx::query_as::<_, Row>(concat!(
+        let row = sqlx::query_as::<_, SessionResultRow>(concat!(
             "SELECT result.* FROM result JOIN session ON session.id = session_id WHERE session_id = $3 AND result.id = $4 AND ",
             sees_trainee!("session.trainee_id"),
         ));
-        let row = row.asked_by(scope).bind(id).bind(result).fetch_optional(self.0.readers()).await?;
+        let row = row.bind_scope(scope).bind(id).bind(result).fetch_optional(self.0.readers()).await?;
         let row = row.ok_or(not_found("result"))?;
         let features = self.features(row.id).await?;
-        Ok(row.with(features))
+        Ok(row.with_features(features))
     }
 
     /// The results of a session without their features, the current one first; at most `most`.
     pub async fn results(&self, scope: &Scope, id: SessionId, most: u32) -> StoreResult<Vec<SessionResult>> {
-        let rows = sqlx::query_as::<_, Row>(concat!(
+        let rows = sqlx::query_as::<_, SessionResultRow>(concat!(
             "SELECT result.* FROM result JOIN session ON session.id = session_id WHERE session_id = $3 AND ",
             sees_trainee!("session.trainee_id"),
             " ORDER BY result.created_at_ms DESC, result.id DESC LIMIT $4"
         ));
-        let rows = rows.asked_by(scope).bind(id).bind(most).fetch_all(self.0.readers()).await?;
+        let rows = rows.bind_scope(scope).bind(id).bind(most).fetch_all(self.0.readers()).await?;
         if rows.is_empty() {
             self.get(scope, id).await?;
         }
-        Ok(rows.into_iter().map(|row| row.with(Vec::new())).collect())
+        Ok(rows.into_iter().map(|row| row.with_features(Vec::new())).collect())
     }
 
     /// Trocar positions in a box's earliest sessions with this calibration, before the session `before`; at most
@@ -145,24 +145,25 @@ impl Sessions<'_> {
         &self,
         of: BoxId,
         calibration: CalibrationId,
-        before: SessionPlace,
+        before: SessionOrderKey,
         most: usize,
-    ) -> StoreResult<Vec<(SessionPlace, Vec<Fulcrum>)>> {
+    ) -> StoreResult<Vec<(SessionOrderKey, Vec<Fulcrum>)>> {
         let rows = sqlx::query_as::<_, (i64, SessionId, Json<Value>)>(fulcrums_before!());
-        let SessionPlace(created_at_ms, session) = before;
+        let SessionOrderKey(created_at_ms, session) = before;
         let rows = rows.bind(of).bind(calibration).bind(created_at_ms).bind(session).bind(most as i64);
         let found = rows.fetch_all(self.0.readers()).await?;
-        let known =
-            |(at_ms, id, quality): &(i64, SessionId, Json<Value>)| (SessionPlace(*at_ms, *id), fulcrums_of(quality));
+        let known = |(at_ms, id, quality): &(i64, SessionId, Json<Value>)| {
+            (SessionOrderKey(*at_ms, *id), stored_fulcrums(quality))
+        };
         Ok(found.iter().map(known).collect())
     }
 
     /// True if an earlier session of this box is being tracked at present. Sessions that already have a result and are
     /// only scored or tracked again do not count, so that a long rescoring does not delay new sessions.
-    pub async fn is_tracked_before(&self, of: BoxId, before: SessionPlace) -> StoreResult<bool> {
+    pub async fn has_earlier_running(&self, of: BoxId, before: SessionOrderKey) -> StoreResult<bool> {
         let sql = "SELECT EXISTS (SELECT 1 FROM job JOIN session ON session.id = job.session_id
                    WHERE job.state = 'running' AND job.turn < 2 AND session.box_id = $1 AND (session.created_at_ms, session.id) < ($2, $3))";
-        let SessionPlace(created_at_ms, session) = before;
+        let SessionOrderKey(created_at_ms, session) = before;
         let found = sqlx::query_scalar(sql).bind(of).bind(created_at_ms).bind(session);
         Ok(found.fetch_one(self.0.readers()).await?)
     }
@@ -176,8 +177,8 @@ impl Sessions<'_> {
     }
 }
 
-impl Row {
-    fn with(self, features: Vec<FeatureRow>) -> SessionResult {
+impl SessionResultRow {
+    fn with_features(self, features: Vec<FeatureRow>) -> SessionResult {
         SessionResult {
             id: self.id,
             versions: Versions {

@@ -7,16 +7,16 @@ use super::super::error::{StoreError, StoreResult, missing, not_found};
 use super::super::jobs::{self, enqueue_track};
 use super::super::visibility::{require_staff, require_trainee};
 use super::super::{Scope, blobs, skill_models};
-use super::{Session, Sessions};
+use super::{SessionRecord, SessionStore};
 use crate::domain::job::{ImportInput, JobInput, JobState};
 use crate::domain::session::NewSession;
 use crate::domain::text::TrackerName;
 use crate::ids::{JobId, SessionId};
 
-impl Sessions<'_> {
+impl SessionStore<'_> {
     /// Creates a session from a recording in the vault and queues its tracking, in one transaction. If the same
     /// trainee, task and box already have this recording, the error is [`StoreError::Taken`] with the existing session.
-    pub async fn create(&self, scope: &Scope, new: NewSession) -> StoreResult<Session> {
+    pub async fn create(&self, scope: &Scope, new: NewSession) -> StoreResult<SessionRecord> {
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         let id = self.0.write(async move |tx| insert(tx, &by, new, now_ms, attempts).await).await?;
         self.get(scope, id).await
@@ -25,15 +25,15 @@ impl Sessions<'_> {
     /// Creates a session from a table that another tracker measured and that is stored in the vault as it was sent, and
     /// queues its scoring, in one transaction. The same table of the same trainee, task and box is
     /// [`StoreError::Taken`].
-    pub async fn import(&self, scope: &Scope, new: NewSession, tracker: TrackerName) -> StoreResult<Session> {
+    pub async fn import(&self, scope: &Scope, new: NewSession, tracker: TrackerName) -> StoreResult<SessionRecord> {
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         let id = self
             .0
             .write(async move |tx| {
                 let table = new.video;
-                let session = insert_whole(tx, &by, new, Some(&tracker), now_ms).await?;
+                let session = insert_session(tx, &by, new, Some(&tracker), now_ms).await?;
                 let input = JobInput::Import(ImportInput { session, table, tracker });
-                jobs::insert(tx, &input, &jobs::present(), now_ms, attempts).await?;
+                jobs::insert(tx, &input, &jobs::current_version(), now_ms, attempts).await?;
                 note(tx, &by, now_ms, ("import", "session"), session).await?;
                 Ok(session)
             })
@@ -43,7 +43,7 @@ impl Sessions<'_> {
 
     /// Tracks a session again: after a failure, or because pipeline, camera or colours have a newer version. Does
     /// nothing while the session is queued or running.
-    pub async fn retry(&self, scope: &Scope, id: SessionId) -> StoreResult<Session> {
+    pub async fn retry(&self, scope: &Scope, id: SessionId) -> StoreResult<SessionRecord> {
         if self.get(scope, id).await?.tracker.is_some() {
             return Err(StoreError::refused(
                 "this session was measured by another program: to score it again, rescore its task",
@@ -68,7 +68,7 @@ impl Sessions<'_> {
         require_staff(scope, "erasing sessions")?;
         let now_ms = self.0.now_ms();
         self.0
-            .erase(|| {
+            .write_with_delete_reserve(|| {
                 let scope = scope.clone();
                 async move |tx| {
                     skill_models::withdraw_of_session(tx, id, now_ms).await?;
@@ -91,14 +91,14 @@ pub(in crate::store) async fn insert(
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<SessionId> {
-    let id = insert_whole(tx, scope, new, None, now_ms).await?;
+    let id = insert_session(tx, scope, new, None, now_ms).await?;
     enqueue_track(tx, id, now_ms, max_attempts).await?;
     note(tx, scope, now_ms, ("create", "session"), id).await?;
     Ok(id)
 }
 
 /// Inserts a session whose file is in the vault.
-async fn insert_whole(
+async fn insert_session(
     tx: &mut SqliteConnection,
     scope: &Scope,
     new: NewSession,
@@ -106,7 +106,7 @@ async fn insert_whole(
     now_ms: i64,
 ) -> StoreResult<SessionId> {
     require_trainee(tx, scope, new.trainee).await?;
-    refuse_twice(tx, &new).await?;
+    refuse_duplicate(tx, &new).await?;
     blobs::record(tx, new.video, now_ms).await?;
     let id = SessionId::at(now_ms);
     let insert = sqlx::query(
@@ -122,7 +122,7 @@ async fn insert_whole(
 
 /// Refuses a recording that exists already. The check comes before the insert so that the error can name the session;
 /// the schema's UNIQUE constraint remains as a safeguard.
-async fn refuse_twice(tx: &mut SqliteConnection, new: &NewSession) -> StoreResult<()> {
+async fn refuse_duplicate(tx: &mut SqliteConnection, new: &NewSession) -> StoreResult<()> {
     let sql = "SELECT id FROM session WHERE trainee_id = $1 AND task_id = $2 AND box_id = $3 AND video = $4";
     let found = sqlx::query_scalar(sql).bind(new.trainee).bind(new.task).bind(new.in_box).bind(new.video.hash);
     let existing: Option<String> = found.fetch_optional(tx).await?;

@@ -8,22 +8,22 @@ use crate::domain::scope::Scope;
 use crate::domain::session::FeatureSpace;
 use crate::domain::text::Key;
 use crate::ids::{GroupId, TraineeId};
-use crate::store::testing::{Centre, NOW_MS, duration};
-use crate::store::{Cohort, PageRequest, StoreError, Trainee};
+use crate::store::testing::{NOW_MS, TestCentre, duration};
+use crate::store::{CohortRecord, PageRequest, StoreError, TraineeRecord};
 
-async fn cohort(centre: &Centre, body: serde_json::Value) -> Cohort {
+async fn cohort(centre: &TestCentre, body: serde_json::Value) -> CohortRecord {
     let new = serde_json::from_value(body).unwrap();
     centre.store.cohorts().create(&Scope::service(), new).await.unwrap()
 }
 
-async fn trainee(centre: &Centre, body: serde_json::Value) -> Trainee {
+async fn trainee(centre: &TestCentre, body: serde_json::Value) -> TraineeRecord {
     let new = serde_json::from_value(body).unwrap();
     centre.store.trainees().create(&Scope::service(), new).await.unwrap()
 }
 
 #[tokio::test]
-async fn a_cohort_is_a_list_or_everybody_whom_it_describes() {
-    let centre = Centre::new().await;
+async fn a_cohort_is_a_list_or_all_trainees_that_it_describes() {
+    let centre = TestCentre::new().await;
     let ana = trainee(&centre, json!({"name": "Ana", "level": "expert", "handedness": "left"})).await;
     let ben = trainee(&centre, json!({"name": "Ben", "level": "expert", "handedness": "right"})).await;
     let eve = trainee(&centre, json!({"name": "Eve"})).await;
@@ -47,7 +47,7 @@ async fn a_cohort_is_a_list_or_everybody_whom_it_describes() {
     assert!(matches!(gone, Err(StoreError::InUse { by: "cohorts", .. })), "{gone:?}");
 }
 
-async fn members(centre: &Centre, scope: &Scope, of: &Cohort) -> Vec<TraineeId> {
+async fn members(centre: &TestCentre, scope: &Scope, of: &CohortRecord) -> Vec<TraineeId> {
     let key = Key::from(&of.id);
     let page = centre.store.cohorts().members(scope, &key, &PageRequest::default()).await.unwrap();
     assert_eq!(page.next, None);
@@ -56,7 +56,7 @@ async fn members(centre: &Centre, scope: &Scope, of: &Cohort) -> Vec<TraineeId> 
 
 #[tokio::test]
 async fn cohorts_and_their_members_come_by_the_page() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let mut ids = Vec::new();
     for name in ["Ana", "Ben", "Eve"] {
         ids.push(centre.trainee(name).await.id);
@@ -83,7 +83,7 @@ async fn cohorts_and_their_members_come_by_the_page() {
 
 #[tokio::test]
 async fn a_cohort_changes_whole_and_names_only_what_is_there() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let (store, service) = (&centre.store, Scope::service());
     let ana = centre.trainee("Ana").await.id;
     let made = cohort(&centre, json!({"name": "Listed", "members": [ana]})).await;
@@ -110,8 +110,8 @@ async fn a_cohort_changes_whole_and_names_only_what_is_there() {
 }
 
 #[tokio::test]
-async fn people_see_of_a_cohort_only_those_whom_they_see_anyway() {
-    let centre = Centre::new().await;
+async fn people_see_only_cohort_members_in_their_scope() {
+    let centre = TestCentre::new().await;
     let (ana, ben) = (centre.trainee("Ana").await, centre.trainee("Ben").await);
     let teacher = centre.person("ina", Role::Instructor, None).await;
     let account = centre.person("ben", Role::Trainee, Some(ben.id)).await;
@@ -135,7 +135,7 @@ fn key(feature: &str) -> FeatureKey {
 
 #[tokio::test]
 async fn the_last_sessions_of_each_person_count_and_an_erased_person_is_in_no_cohort() {
-    let centre = Centre::ready().await;
+    let centre = TestCentre::with_camera_and_colours().await;
     let (ana, ben) = (centre.trainee("Ana").await, centre.trainee("Ben").await);
     for (trainee, seconds) in [(&ana, [90.0, 80.0, 70.0]), (&ben, [50.0, 40.0, 30.0])] {
         for (day, seconds) in seconds.into_iter().enumerate() {

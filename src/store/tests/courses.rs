@@ -4,31 +4,31 @@ use serde_json::{Value, json};
 
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
-use crate::domain::standard::{ChartDesign, Definition};
+use crate::domain::standard::{ChartDesign, StandardDefinition};
 use crate::domain::text::Key;
 use crate::ids::{CourseId, GroupId};
-use crate::store::testing::{Centre, NOW_MS};
-use crate::store::{Course, PageRequest, StoreError, StoreResult};
+use crate::store::testing::{NOW_MS, TestCentre};
+use crate::store::{CourseRecord, PageRequest, StoreError, StoreResult};
 use crate::time::Day;
 
-async fn make(centre: &Centre, scope: &Scope, name: &str, steps: Value) -> StoreResult<Course> {
+async fn make(centre: &TestCentre, scope: &Scope, name: &str, steps: Value) -> StoreResult<CourseRecord> {
     let new = serde_json::from_value(json!({"name": name, "steps": steps})).unwrap();
     centre.store.courses().create(scope, new).await
 }
 
-async fn ask_for_a_standard(centre: &Centre) {
-    let definition = Definition { targets: Vec::new(), rule: None, charts: ChartDesign::default() };
+async fn ask_for_a_standard(centre: &TestCentre) {
+    let definition = StandardDefinition { targets: Vec::new(), rule: None, charts: ChartDesign::default() };
     centre.store.standards().add(&Scope::service(), centre.task.id, definition).await.unwrap();
 }
 
-async fn group(centre: &Centre, name: &str) -> GroupId {
+async fn group(centre: &TestCentre, name: &str) -> GroupId {
     let groups = centre.store.groups().list(&Scope::service()).await.unwrap();
     groups.into_iter().find(|group| group.name.as_str() == name).unwrap().id
 }
 
 #[tokio::test]
 async fn a_plan_keeps_its_steps_in_their_order_and_is_changed_as_a_whole() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let ina = centre.person("ina", Role::Instructor, None).await.scope();
     ask_for_a_standard(&centre).await;
     let by_id = centre.task.id.to_string();
@@ -50,10 +50,10 @@ async fn a_plan_keeps_its_steps_in_their_order_and_is_changed_as_a_whole() {
 }
 
 #[tokio::test]
-async fn a_plan_that_nobody_could_pass_is_refused_and_leaves_nothing() {
-    let centre = Centre::new().await;
+async fn a_plan_that_cannot_be_passed_is_refused_and_leaves_nothing() {
+    let centre = TestCentre::new().await;
     let service = Scope::service();
-    let refused = |made: StoreResult<Course>, words: &str| match made {
+    let refused = |made: StoreResult<CourseRecord>, words: &str| match made {
         Err(StoreError::Refused { why }) => assert!(why.contains(words), "{why}"),
         other => panic!("{other:?}"),
     };
@@ -72,7 +72,7 @@ async fn a_plan_that_nobody_could_pass_is_refused_and_leaves_nothing() {
 
 #[tokio::test]
 async fn plans_come_by_the_page_and_by_name() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     for name in ["C", "A", "B"] {
         make(&centre, &Scope::service(), name, json!([{"task": "peg-transfer", "sessions": 1}])).await.unwrap();
     }
@@ -85,7 +85,7 @@ async fn plans_come_by_the_page_and_by_name() {
 
 #[tokio::test]
 async fn what_a_course_needs_stays_and_a_group_takes_its_course_with_it() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let (store, service) = (&centre.store, Scope::service());
     let course = make(&centre, &service, "A", json!([{"task": "peg-transfer", "sessions": 1}])).await.unwrap();
     let task = store.tasks().delete(&service, &Key::from("peg-transfer")).await;
@@ -94,9 +94,9 @@ async fn what_a_course_needs_stays_and_a_group_takes_its_course_with_it() {
     let autumn = group(&centre, "Autumn").await;
     let begins = Day::of(NOW_MS);
     store.courses().follow(&service, autumn, course.id, begins).await.unwrap();
-    store.courses().follow(&service, autumn, course.id, begins.after_days(1)).await.unwrap();
+    store.courses().follow(&service, autumn, course.id, begins.plus_days(1)).await.unwrap();
     let followed = store.groups().get(&service, autumn).await.unwrap().follows.unwrap();
-    assert_eq!((followed.course, followed.begins), (course.id, begins.after_days(1)), "the later one counts");
+    assert_eq!((followed.course, followed.begins), (course.id, begins.plus_days(1)), "the later one counts");
     let used = store.courses().delete(&service, course.id).await;
     assert!(matches!(used, Err(StoreError::InUse { by: "groups", .. })), "{used:?}");
     store.groups().delete(&service, autumn).await.unwrap();
@@ -106,8 +106,8 @@ async fn what_a_course_needs_stays_and_a_group_takes_its_course_with_it() {
 }
 
 #[tokio::test]
-async fn who_teaches_a_group_says_what_it_follows_and_nobody_else() {
-    let centre = Centre::new().await;
+async fn only_instructors_of_a_group_choose_its_course() {
+    let centre = TestCentre::new().await;
     let (store, service, begins) = (&centre.store, Scope::service(), Day::of(NOW_MS));
     let (ina, omar) =
         (centre.person("ina", Role::Instructor, None).await, centre.person("omar", Role::Instructor, None).await);

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use crate::domain::edit::{Change, ScoreState};
+use crate::domain::edit::{EditChange, ScoreState};
 use crate::domain::feature::FeatureKey;
 use crate::domain::job::JobInput;
 use crate::domain::problem::Problem;
@@ -14,26 +14,26 @@ use crate::domain::session::{FeatureSpace, NewResult, NewScore};
 use crate::domain::text::Key;
 use crate::ids::{SessionId, TraineeId};
 use crate::pipeline::PIPELINE_VERSION;
-use crate::store::testing::{Centre, NOW_MS, duration};
-use crate::store::{Edit, Lease, PageRequest, SessionResult, StoreError};
+use crate::store::testing::{NOW_MS, TestCentre, duration};
+use crate::store::{EditRecord, Lease, PageRequest, SessionResult, StoreError};
 
-const TRIM: Change = Change::Trim([2.0, 5.0]);
+const TRIM: EditChange = EditChange::Trim([2.0, 5.0]);
 
-async fn add(centre: &Centre, session: SessionId, change: Change) -> Result<Edit, StoreError> {
+async fn add(centre: &TestCentre, session: SessionId, change: EditChange) -> Result<EditRecord, StoreError> {
     let why = "It began late.".parse().unwrap();
     centre.clock.advance(Duration::from_millis(1));
     centre.store.edits().add(&Scope::service(), session, (change, why), None).await
 }
 
-async fn practised() -> (Centre, TraineeId, SessionId) {
-    let centre = Centre::ready().await;
+async fn practised() -> (TestCentre, TraineeId, SessionId) {
+    let centre = TestCentre::with_camera_and_colours().await;
     let ana = centre.trainee("Ana").await.id;
     let session = centre.practised(ana, NOW_MS, vec![duration(40.0, 1.0)]).await.id;
     (centre, ana, session)
 }
 
 /// Finishes the job with this duration and this revision of the edits.
-async fn score(centre: &Centre, lease: &Lease, seconds: f64, edits: u64) {
+async fn score(centre: &TestCentre, lease: &Lease, seconds: f64, edits: u64) {
     let JobInput::Rescore(input) = lease.job.input.clone() else { panic!("{:?}", lease.job) };
     centre.clock.advance(Duration::from_millis(1)); // the latest counts
     let score = NewScore {
@@ -48,11 +48,11 @@ async fn score(centre: &Centre, lease: &Lease, seconds: f64, edits: u64) {
     centre.store.jobs().finish_rescore(lease, score).await.unwrap();
 }
 
-async fn counting(centre: &Centre, session: SessionId) -> SessionResult {
+async fn current_result(centre: &TestCentre, session: SessionId) -> SessionResult {
     centre.store.sessions().result(&Scope::service(), session).await.unwrap().unwrap()
 }
 
-async fn score_state(centre: &Centre, session: SessionId) -> ScoreState {
+async fn score_state(centre: &TestCentre, session: SessionId) -> ScoreState {
     centre.store.edits().of_session(&Scope::service(), session).await.unwrap().score
 }
 
@@ -66,13 +66,16 @@ async fn each_edit_and_each_undoing_makes_one_result_and_the_last_counts() {
     let in_force = centre.store.edits().in_force(session).await.unwrap();
     assert_eq!((in_force.revision, in_force.changes), (1, vec![TRIM]));
     score(&centre, &lease, 3.0, 1).await;
-    assert_eq!((counting(&centre, session).await.edits, score_state(&centre, session).await), (1, ScoreState::Current));
+    assert_eq!(
+        (current_result(&centre, session).await.edits, score_state(&centre, session).await),
+        (1, ScoreState::Current)
+    );
 
     centre.store.edits().undo(&Scope::service(), session, edit.id).await.unwrap();
     centre.store.edits().undo(&Scope::service(), session, edit.id).await.unwrap();
     assert!(centre.store.edits().in_force(session).await.unwrap().changes.is_empty());
     score(&centre, &centre.claim().await.unwrap(), 40.0, 2).await;
-    assert_eq!(counting(&centre, session).await.edits, 2);
+    assert_eq!(current_result(&centre, session).await.edits, 2);
     assert_eq!((centre.store.count_results().await, centre.claim().await), (3, None), "undone once");
     let audit = centre.store.audit().list(&Scope::service(), &PageRequest::default()).await.unwrap().items;
     let noted =
@@ -85,15 +88,18 @@ async fn a_score_that_was_begun_before_an_edit_is_thrown_away_and_the_edits_own_
     let (centre, _, session) = practised().await;
     add(&centre, session, TRIM).await.unwrap();
     let stale = centre.claim().await.unwrap();
-    add(&centre, session, Change::Trim([3.0, 5.0])).await.unwrap();
+    add(&centre, session, EditChange::Trim([3.0, 5.0])).await.unwrap();
     score(&centre, &stale, 3.0, 1).await;
-    assert_eq!((counting(&centre, session).await.edits, centre.store.count_results().await), (0, 1));
+    assert_eq!((current_result(&centre, session).await.edits, centre.store.count_results().await), (0, 1));
     score(&centre, &centre.claim().await.unwrap(), 2.0, 2).await;
-    assert_eq!((counting(&centre, session).await.edits, score_state(&centre, session).await), (2, ScoreState::Current));
+    assert_eq!(
+        (current_result(&centre, session).await.edits, score_state(&centre, session).await),
+        (2, ScoreState::Current)
+    );
 }
 
 #[tokio::test]
-async fn a_recording_that_is_tracked_again_keeps_its_edits_also_where_one_came_meanwhile() {
+async fn a_recording_that_is_tracked_again_keeps_its_edits_and_those_made_meanwhile() {
     let (centre, _, session) = practised().await;
     add(&centre, session, TRIM).await.unwrap();
     score(&centre, &centre.claim().await.unwrap(), 3.0, 1).await;
@@ -108,7 +114,10 @@ async fn a_recording_that_is_tracked_again_keeps_its_edits_also_where_one_came_m
     centre.store.jobs().finish_track(&lease, centre.result(session).await).await.unwrap();
     assert_eq!(score_state(&centre, session).await, ScoreState::Waiting, "it is scored again by itself");
     score(&centre, &centre.claim().await.unwrap(), 3.0, 1).await;
-    assert_eq!((counting(&centre, session).await.edits, score_state(&centre, session).await), (1, ScoreState::Current));
+    assert_eq!(
+        (current_result(&centre, session).await.edits, score_state(&centre, session).await),
+        (1, ScoreState::Current)
+    );
 
     // A result with the present edits needs no further job.
     centre.calibrate().await;
@@ -129,18 +138,18 @@ async fn work_that_fails_says_so_and_the_old_score_stays() {
     assert_eq!((edits.score, edits.job), (ScoreState::Failed, Some(lease.job.id)));
     assert_eq!(edits.problem.unwrap().slug, "input-gone");
     let seen = centre.store.sessions().get(&Scope::service(), session).await.unwrap();
-    assert_eq!((seen.status().name(), counting(&centre, session).await.edits), ("done", 0));
+    assert_eq!((seen.status().name(), current_result(&centre, session).await.edits), ("done", 0));
 }
 
 #[tokio::test]
-async fn two_who_edit_at_once_do_not_overlook_each_other() {
+async fn two_people_who_edit_at_once_notice_each_other() {
     let (centre, _, session) = practised().await;
     let (edits, service) = (centre.store.edits(), Scope::service());
     let why = || "Why.".parse().unwrap();
     edits.add(&service, session, (TRIM, why()), Some(0)).await.unwrap();
     let late = edits.add(&service, session, (TRIM, why()), Some(0)).await;
     assert!(matches!(late, Err(StoreError::Refused { .. })), "{late:?}");
-    edits.add(&service, session, (Change::SetAside, why()), Some(0)).await.unwrap();
+    edits.add(&service, session, (EditChange::SetAside, why()), Some(0)).await.unwrap();
     edits.add(&service, session, (TRIM, why()), Some(1)).await.unwrap();
 }
 
@@ -161,7 +170,7 @@ async fn what_is_set_aside_is_in_no_cohort_no_model_and_no_practice_that_counts(
     centre.store.trainees().change(&service, &Key::from(&ana), level).await.unwrap();
     let declared = async || centre.store.skill_models().declared(centre.task.id, "1", 9, 9).await.unwrap().len();
     assert_eq!((values().await, declared().await), (vec![90.0], 2));
-    let edit = add(&centre, second, Change::SetAside).await.unwrap();
+    let edit = add(&centre, second, EditChange::SetAside).await.unwrap();
     assert_eq!((values().await, declared().await), (vec![40.0], 1), "the last one that counts");
     let practice = centre.store.sessions().practice(&service, ana, centre.task.id, &["duration"], 9).await.unwrap();
     let shown: Vec<(SessionId, bool)> = practice.sessions.iter().map(|one| (one.id, one.is_set_aside)).collect();
@@ -174,7 +183,7 @@ async fn what_is_set_aside_is_in_no_cohort_no_model_and_no_practice_that_counts(
 }
 
 #[tokio::test]
-async fn trainees_see_edits_and_make_none_and_nobody_sees_a_strangers() {
+async fn trainees_see_only_their_own_edits_and_make_none() {
     let (centre, ana, session) = practised().await;
     let eve = centre.trainee("Eve").await;
     let own = centre.person("ana", Role::Trainee, Some(ana)).await.scope();

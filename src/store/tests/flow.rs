@@ -4,12 +4,12 @@ use crate::domain::blob::Blob;
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::ids::UploadId;
-use crate::store::testing::{Centre, LEASE, NOW_MS};
-use crate::store::{Finished, NewUpload, StoreError};
+use crate::store::testing::{LEASE, NOW_MS, TestCentre};
+use crate::store::{FinishedUpload, NewUpload, StoreError};
 
 #[tokio::test]
 async fn an_upload_becomes_a_session_that_is_tracked_and_scored() {
-    let centre = Centre::ready().await;
+    let centre = TestCentre::with_camera_and_colours().await;
     let (store, service) = (&centre.store, Scope::service());
     let trainee = centre.trainee("Ana").await;
     let new = NewUpload {
@@ -29,8 +29,8 @@ async fn an_upload_becomes_a_session_that_is_tracked_and_scored() {
     let early = finish().await;
     assert!(matches!(early, Err(StoreError::Refused { .. })), "{early:?}");
     store.uploads().advance(upload.id, 5, NOW_MS + 2_000).await.unwrap();
-    let Finished { session: id, is_new: true } = finish().await.unwrap() else { panic!("there was none before") };
-    assert_eq!(finish().await.unwrap(), Finished { session: id, is_new: false });
+    let FinishedUpload { session: id, is_new: true } = finish().await.unwrap() else { panic!("there was none before") };
+    assert_eq!(finish().await.unwrap(), FinishedUpload { session: id, is_new: false });
 
     let session = store.sessions().get(&service, id).await.unwrap();
     assert_eq!((session.status(), session.queue_position), (SessionStatus::Queued, Some(1)));
@@ -61,7 +61,7 @@ async fn an_upload_becomes_a_session_that_is_tracked_and_scored() {
 
 #[tokio::test]
 async fn a_recording_that_comes_before_camera_and_colours_waits_and_says_for_what() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let service = Scope::service();
     let session = centre.session(centre.trainee("Ana").await.id, "video").await;
     assert_eq!(session.status(), SessionStatus::Queued);
@@ -76,7 +76,7 @@ async fn a_recording_that_comes_before_camera_and_colours_waits_and_says_for_wha
 
 #[tokio::test]
 async fn the_same_recording_twice_names_the_session_that_has_it() {
-    let centre = Centre::ready().await;
+    let centre = TestCentre::with_camera_and_colours().await;
     let (ana, ben) = (centre.trainee("Ana").await, centre.trainee("Ben").await);
     let first = centre.session(ana.id, "video").await;
     let twice = centre.store.sessions().create(&Scope::service(), centre.new_session(ana.id, "video")).await;

@@ -11,10 +11,13 @@ use crate::domain::scope::Scope;
 use crate::domain::secret::{Password, Secret, SecretHash};
 use crate::domain::task::NewTask;
 use crate::domain::text::Key;
-use crate::store::{ActsAs, Cookie, NewPerson, NewToken, PageRequest, Person, Store, StoreError, StoreSettings};
-use crate::time::Manual;
+use crate::store::{
+    ActsAs, CookieLifetime, NewPerson, NewToken, PageRequest, PersonRecord, Store, StoreError, StoreSettings,
+};
+use crate::time::ManualClock;
 
-const LASTS: Cookie = Cookie { idle: Duration::from_secs(30 * 60), most: Duration::from_secs(12 * 3600) };
+const LASTS: CookieLifetime =
+    CookieLifetime { idle: Duration::from_secs(30 * 60), max_age: Duration::from_secs(12 * 3600) };
 
 /// A small mounted file system, unmounted at the end.
 struct SmallDisk(tempfile::TempDir);
@@ -58,7 +61,7 @@ fn task(number: usize) -> NewTask {
 }
 
 /// Creates an administrator with a signed-in browser and a token.
-async fn let_in(store: &Store) -> (Person, SecretHash, SecretHash) {
+async fn sign_in(store: &Store) -> (PersonRecord, SecretHash, SecretHash) {
     let (service, role) = (Scope::service(), Role::Administrator);
     let (login, password) = ("root".parse().unwrap(), Password::new("correct horse").unwrap().hash());
     let person = NewPerson { login, name: "Root".parse().unwrap(), role, password, trainee: None };
@@ -77,12 +80,12 @@ async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is
         eprintln!("SKIPPED: mounting a small file system needs root");
         return;
     };
-    let clock = Manual::at(1_000);
+    let clock = ManualClock::at(1_000);
     let store = Store::open(&disk.path().join("trocar.db"), &StoreSettings::default(), clock.clone()).await.unwrap();
     let service = Scope::service();
     let new = serde_json::from_str(r#"{"name":"Ana"}"#).unwrap();
     let ana = store.trainees().create(&service, new).await.unwrap();
-    let (administrator, cookie, token) = let_in(&store).await;
+    let (administrator, cookie, token) = sign_in(&store).await;
     disk.fill();
     let mut acknowledged = 0;
     let refused = loop {
@@ -100,7 +103,7 @@ async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is
     assert_eq!(store.cookies().person_of(cookie, LASTS).await.unwrap().unwrap().id, administrator.id);
     assert!(store.tokens().scope_of(token).await.unwrap().is_some());
     store.cookies().create(Secret::random().hash(), &administrator, LASTS).await.unwrap();
-    store.cookies().replace(cookie).await.unwrap();
+    store.cookies().delete_replaced(cookie).await.unwrap();
     assert_eq!(fs::metadata(disk.path().join("ballast")).unwrap().len(), 4 << 20, "kept for deletions");
     store.trainees().erase(&service, &Key::from(&ana.id)).await.unwrap();
     assert!(store.trainees().get(&service, &Key::from(&ana.id)).await.is_err());
@@ -108,7 +111,7 @@ async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is
     disk.make_room();
     store.tasks().create(&service, task(acknowledged)).await.unwrap();
     assert_eq!(store.tasks().list(&service, &page).await.unwrap().items.len(), acknowledged + 1);
-    store.restore_ballast().await;
+    store.restore_reserves().await;
     assert_eq!(fs::metadata(disk.path().join("ballast")).unwrap().len(), 4 << 20);
     assert_eq!(store.check().await.unwrap(), Vec::<String>::new());
 }

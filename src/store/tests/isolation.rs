@@ -8,7 +8,7 @@ use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::domain::trainee::TraineeChange;
 use crate::ids::{JobId, SessionId, TaskId, TraineeId, UploadId};
-use crate::store::testing::{Centre, NOW_MS};
+use crate::store::testing::{NOW_MS, TestCentre};
 use crate::store::{NewUpload, PageRequest, SessionFilter, Store, StoreError, StoreResult};
 
 /// The things of one trainee.
@@ -51,7 +51,7 @@ fn may(role: Role, noun: &str) -> bool {
     }
 }
 
-async fn things_of(centre: &Centre, name: &str) -> Things {
+async fn things_of(centre: &TestCentre, name: &str) -> Things {
     let trainee = centre.trainee(name).await.id;
     let session = centre.session(trainee, name).await;
     let new = NewUpload {
@@ -75,8 +75,8 @@ fn missing() -> Things {
 }
 
 #[tokio::test]
-async fn every_role_sees_its_own_and_nothing_tells_anothers_from_what_does_not_exist() {
-    let centre = Centre::ready().await;
+async fn every_role_sees_its_own_and_others_look_like_missing() {
+    let centre = TestCentre::with_camera_and_colours().await;
     let (ana, ben) = (things_of(&centre, "Ana").await, things_of(&centre, "Ben").await);
     let instructor = centre.person("ina", Role::Instructor, None).await;
     let account = centre.person("ana", Role::Trainee, Some(ana.trainee)).await;
@@ -106,7 +106,7 @@ async fn every_role_sees_its_own_and_nothing_tells_anothers_from_what_does_not_e
 
 #[tokio::test]
 async fn an_agent_sees_its_box_and_no_person() {
-    let centre = Centre::ready().await;
+    let centre = TestCentre::with_camera_and_colours().await;
     let ana = things_of(&centre, "Ana").await;
     let new_box = serde_json::from_str(r#"{"name":"Box 2"}"#).unwrap();
     let other = centre.store.boxes().create(&Scope::service(), new_box).await.unwrap();
@@ -125,7 +125,7 @@ async fn an_agent_sees_its_box_and_no_person() {
 
 #[tokio::test]
 async fn only_administrators_run_the_centre_and_only_staff_change_it() {
-    let centre = Centre::ready().await;
+    let centre = TestCentre::with_camera_and_colours().await;
     let ana = things_of(&centre, "Ana").await;
     let account = centre.person("ana", Role::Trainee, Some(ana.trainee)).await;
     let instructor = centre.person("ina", Role::Instructor, None).await;
@@ -153,8 +153,8 @@ async fn only_administrators_run_the_centre_and_only_staff_change_it() {
 }
 
 #[tokio::test]
-async fn a_trainee_cannot_send_a_recording_of_somebody_else() {
-    let centre = Centre::ready().await;
+async fn a_trainee_cannot_send_a_recording_of_another_trainee() {
+    let centre = TestCentre::with_camera_and_colours().await;
     let (ana, ben) = (things_of(&centre, "Ana").await, things_of(&centre, "Ben").await);
     let account = centre.person("ana", Role::Trainee, Some(ana.trainee)).await;
     let own = centre.store.sessions().create(&account.scope(), centre.new_session(ana.trainee, "second try")).await;
@@ -172,7 +172,7 @@ proptest! {
 
     /// With any groups, an instructor's lists hold exactly the trainees and sessions of the groups that they teach.
     #[test]
-    fn lists_hold_exactly_what_the_groups_say(
+    fn lists_hold_exactly_the_trainees_of_the_groups(
         teaches in prop::array::uniform3(prop::array::uniform3(any::<bool>())),
         belongs in prop::array::uniform3(prop::array::uniform4(any::<bool>())),
     ) {
@@ -182,7 +182,7 @@ proptest! {
 }
 
 async fn check_lists(teaches: [[bool; INSTRUCTORS]; GROUPS], belongs: [[bool; TRAINEES]; GROUPS]) {
-    let centre = Centre::ready().await;
+    let centre = TestCentre::with_camera_and_colours().await;
     let (mut instructors, mut trainees) = (Vec::new(), Vec::new());
     for number in 0..INSTRUCTORS {
         instructors.push(centre.person(&format!("i{number}"), Role::Instructor, None).await);

@@ -10,19 +10,19 @@ use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::ids::SessionId;
 use crate::store::jobs::next_in_queue;
-use crate::store::sessions::places::places_in_queue;
+use crate::store::sessions::queue_positions::places_in_queue;
 use crate::store::sessions::result::fulcrums_before;
-use crate::store::testing::Centre;
-use crate::store::{PageRequest, SessionFilter, SessionPlace};
+use crate::store::testing::TestCentre;
+use crate::store::{PageRequest, SessionFilter, SessionOrderKey};
 
 /// SQLite's query plan of a statement: one line per loop.
-async fn plan(centre: &Centre, sql: &'static str) -> Vec<String> {
+async fn plan(centre: &TestCentre, sql: &'static str) -> Vec<String> {
     let rows = sqlx::query(sql).fetch_all(centre.store.readers()).await.unwrap();
     rows.iter().map(|row| row.get("detail")).collect()
 }
 
 /// Adds `sessions` waiting sessions that all arrived at the same instant.
-async fn fill(centre: &Centre, sessions: usize) {
+async fn fill(centre: &TestCentre, sessions: usize) {
     let trainee = centre.trainee("Ana").await.id;
     let news: Vec<NewSession> = (0..sessions).map(|i| centre.new_session(trainee, &format!("clip {i}"))).collect();
     for some in news.chunks(1_000) {
@@ -32,13 +32,13 @@ async fn fill(centre: &Centre, sessions: usize) {
     }
 }
 
-async fn places(centre: &Centre, most: u32) -> Vec<(SessionId, Option<i64>)> {
+async fn queue_positions(centre: &TestCentre, most: u32) -> Vec<(SessionId, Option<i64>)> {
     let (service, page) = (Scope::service(), PageRequest::new(most, None));
     let page = centre.store.sessions().list(&service, &SessionFilter::default(), &page).await.unwrap();
     page.items.iter().map(|session| (session.id, session.queue_position)).collect()
 }
 
-async fn mark_colours_again(centre: &Centre) {
+async fn mark_colours_again(centre: &TestCentre) {
     let annotations = r#"{"tool_diameter_mm":5,"labels":[{"frame":0,"label":"blue","x":1,"y":1,"w":2,"h":2}]}"#;
     let annotations = serde_json::from_str(annotations).unwrap();
     let input = PaletteInput { of: centre.the_box.id, annotations, files: vec![], is_video: true, frames: vec![] };
@@ -46,15 +46,15 @@ async fn mark_colours_again(centre: &Centre) {
 }
 
 #[tokio::test]
-async fn whose_turn_it_is_stands_at_the_head_of_the_index() {
-    let centre = Centre::ready().await;
+async fn the_next_job_is_the_first_of_the_index() {
+    let centre = TestCentre::with_camera_and_colours().await;
     let plan = plan(&centre, concat!("EXPLAIN QUERY PLAN ", next_in_queue!())).await;
     assert_eq!(plan, ["SCAN job USING COVERING INDEX job_waiting"], "no sorting");
 }
 
 #[tokio::test]
-async fn places_in_the_queue_are_counted_along_the_index() {
-    let centre = Centre::ready().await;
+async fn queue_positions_are_counted_along_the_index() {
+    let centre = TestCentre::with_camera_and_colours().await;
     let plan = plan(&centre, concat!("EXPLAIN QUERY PLAN ", places_in_queue!())).await;
     let from_place_to_place = "SEARCH ahead USING COVERING INDEX job_waiting \
         (turn=? AND (queued_at_ms,id)>(?,?) AND (queued_at_ms,id)<(?,?))";
@@ -63,8 +63,8 @@ async fn places_in_the_queue_are_counted_along_the_index() {
 }
 
 #[tokio::test]
-async fn the_sessions_before_one_are_read_from_the_first_on_and_no_further_than_needed() {
-    let centre = Centre::ready().await;
+async fn earlier_sessions_are_read_in_order_and_only_as_many_as_needed() {
+    let centre = TestCentre::with_camera_and_colours().await;
     let plan = plan(&centre, concat!("EXPLAIN QUERY PLAN ", fulcrums_before!())).await;
     let along_the_index =
         "SEARCH session USING COVERING INDEX session_box_order (box_id=? AND (created_at_ms,id)<(?,?))";
@@ -73,51 +73,52 @@ async fn the_sessions_before_one_are_read_from_the_first_on_and_no_further_than_
 }
 
 #[tokio::test]
-async fn a_session_is_behind_those_that_came_before_it_and_are_being_tracked() {
-    let centre = Centre::ready().await;
+async fn a_session_waits_for_earlier_ones_that_are_being_tracked() {
+    let centre = TestCentre::with_camera_and_colours().await;
     let trainee = centre.trainee("Ana").await.id;
     let mut places = Vec::new();
     for clip in ["a", "b", "c"] {
         centre.clock.advance(Duration::from_millis(1));
         let session = centre.session(trainee, clip).await;
-        places.push(SessionPlace(session.created_at_ms, session.id));
+        places.push(SessionOrderKey(session.created_at_ms, session.id));
     }
-    let tracked =
-        async |place: usize| centre.store.sessions().is_tracked_before(centre.the_box.id, places[place]).await.unwrap();
+    let tracked = async |place: usize| {
+        centre.store.sessions().has_earlier_running(centre.the_box.id, places[place]).await.unwrap()
+    };
     assert!(!tracked(2).await, "waiting sessions do not count");
     let (first, second) = (centre.claim().await.unwrap(), centre.claim().await.unwrap());
     assert_eq!([tracked(0).await, tracked(1).await, tracked(2).await], [false, true, true]);
-    centre.store.jobs().give_back(&first).await.unwrap();
+    centre.store.jobs().release(&first).await.unwrap();
     assert_eq!([tracked(1).await, tracked(2).await], [false, true]);
-    centre.store.jobs().give_back(&second).await.unwrap();
+    centre.store.jobs().release(&second).await.unwrap();
     assert!(!tracked(2).await);
 }
 
 #[tokio::test]
-async fn places_count_from_one_in_the_order_of_arrival_behind_work_about_boxes() {
-    let centre = Centre::ready().await;
+async fn queue_positions_count_from_one_behind_jobs_on_boxes() {
+    let centre = TestCentre::with_camera_and_colours().await;
     let trainee = centre.trainee("Ana").await.id;
     for clip in ["a", "b", "c", "d", "e"] {
         centre.clock.advance(Duration::from_millis(1)); // arrivals at the same instant have no order
         centre.session(trainee, clip).await;
     }
     let of_all = |places: Vec<(SessionId, Option<i64>)>| places.iter().rev().map(|p| p.1).collect::<Vec<_>>();
-    assert_eq!(of_all(places(&centre, 10).await), [1, 2, 3, 4, 5].map(Some));
+    assert_eq!(of_all(queue_positions(&centre, 10).await), [1, 2, 3, 4, 5].map(Some));
     mark_colours_again(&centre).await;
-    assert_eq!(of_all(places(&centre, 10).await), [2, 3, 4, 5, 6].map(Some));
+    assert_eq!(of_all(queue_positions(&centre, 10).await), [2, 3, 4, 5, 6].map(Some));
     let (first, second) = (centre.claim().await.unwrap(), centre.claim().await.unwrap());
     assert!(first.job.session_id.is_none() && second.job.session_id.is_some());
-    assert_eq!(of_all(places(&centre, 10).await), [None, Some(1), Some(2), Some(3), Some(4)]);
+    assert_eq!(of_all(queue_positions(&centre, 10).await), [None, Some(1), Some(2), Some(3), Some(4)]);
 }
 
 /// `TMPDIR=/dev/shm cargo test --lib ten_thousand -- --ignored --nocapture`
 #[tokio::test]
 #[ignore = "takes a minute"]
-async fn ten_thousand_waiting_jobs_slow_nobody_down() {
-    let centre = Centre::ready().await;
+async fn ten_thousand_waiting_jobs_do_not_slow_queries() {
+    let centre = TestCentre::with_camera_and_colours().await;
     fill(&centre, 10_000).await;
     let begun = Instant::now();
-    let page = places(&centre, 50).await;
+    let page = queue_positions(&centre, 50).await;
     let list = begun.elapsed();
     let different: HashSet<i64> =
         page.iter().filter_map(|(_, place)| *place).filter(|p| (1..=10_000).contains(p)).collect();

@@ -3,16 +3,16 @@
 use crate::domain::comment::NewComment;
 use crate::domain::evidence::{EvidenceRow, StretchRow};
 use crate::domain::feature::FeatureKey;
-use crate::domain::rating::{Form, Mark};
+use crate::domain::rating::{ItemMark, RatingForm};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::session::{FeatureSpace, NewResult};
 use crate::domain::text::Key;
-use crate::store::testing::Centre;
+use crate::store::testing::TestCentre;
 use crate::store::{PageRequest, StoreError};
 
-fn marks(mark: u8) -> Vec<Mark> {
-    vec![Mark { item: "autonomy".to_owned(), mark: Some(mark) }]
+fn marks(mark: u8) -> Vec<ItemMark> {
+    vec![ItemMark { item: "autonomy".to_owned(), mark: Some(mark) }]
 }
 
 fn comment(text: &str) -> NewComment {
@@ -26,8 +26,8 @@ fn evidence() -> Vec<EvidenceRow> {
 }
 
 #[tokio::test]
-async fn evidence_comes_back_as_it_was_stored_and_its_absence_is_no_empty_list() {
-    let centre = Centre::ready().await;
+async fn evidence_is_returned_as_stored_and_its_absence_is_no_empty_list() {
+    let centre = TestCentre::with_camera_and_colours().await;
     let session = centre.session(centre.trainee("Ana").await.id, "video").await;
     let (sessions, service) = (centre.store.sessions(), Scope::service());
     assert_eq!(sessions.evidence(&service, session.id).await.unwrap(), None);
@@ -41,8 +41,8 @@ async fn evidence_comes_back_as_it_was_stored_and_its_absence_is_no_empty_list()
 }
 
 #[tokio::test]
-async fn a_rating_is_blind_unless_the_rater_could_have_seen_anothers() {
-    let centre = Centre::ready().await;
+async fn a_rating_is_blind_unless_the_rater_could_have_seen_another() {
+    let centre = TestCentre::with_camera_and_colours().await;
     let (ana, one, two) = (
         centre.trainee("Ana").await,
         centre.person("ines", Role::Instructor, None).await,
@@ -55,28 +55,28 @@ async fn a_rating_is_blind_unless_the_rater_could_have_seen_anothers() {
         centre.store.ratings().give(by, session, (form, 1), marks(mark)).await.unwrap().is_blind
     };
     let give = async |by: &Scope, form, mark| give_to(session, by, form, mark).await;
-    assert!(give(&one, Form::Goals, 2).await);
-    assert!(give(&one, Form::Goals, 3).await, "there is no other rating yet");
-    assert!(give(&two, Form::Goals, 5).await);
-    assert!(!give(&one, Form::Goals, 5).await, "the other rating could be read by now");
-    assert!(!give(&one, Form::Osats, 4).await, "marks read on one form influence those on another");
+    assert!(give(&one, RatingForm::Goals, 2).await);
+    assert!(give(&one, RatingForm::Goals, 3).await, "there is no other rating yet");
+    assert!(give(&two, RatingForm::Goals, 5).await);
+    assert!(!give(&one, RatingForm::Goals, 5).await, "the other rating could be read by now");
+    assert!(!give(&one, RatingForm::Osats, 4).await, "marks read on one form influence those on another");
     let second = centre.session(ana.id, "another video").await.id;
-    assert!(give_to(second, &one, Form::Goals, 2).await);
+    assert!(give_to(second, &one, RatingForm::Goals, 2).await);
     centre.store.comments().add(&two, second, comment("poor"), [2.0, 2.0]).await.unwrap();
-    assert!(!give_to(second, &one, Form::Osats, 1).await, "the other's comment could be read");
-    let given = centre.store.ratings().given(&one, centre.task.id, Form::Goals).await.unwrap();
+    assert!(!give_to(second, &one, RatingForm::Osats, 1).await, "the other's comment could be read");
+    let given = centre.store.ratings().given(&one, centre.task.id, RatingForm::Goals).await.unwrap();
     let mut totals: Vec<_> = given.iter().map(|rating| rating.items[0].mark).collect();
     totals.sort();
     assert_eq!(totals, [Some(2), Some(3), Some(5)], "the last blind rating of each");
 }
 
 #[tokio::test]
-async fn what_people_said_and_gave_goes_with_the_trainee_and_every_change_is_noted() {
-    let centre = Centre::ready().await;
+async fn comments_and_ratings_are_erased_with_the_trainee_and_every_change_is_audited() {
+    let centre = TestCentre::with_camera_and_colours().await;
     let (ana, ines) = (centre.trainee("Ana").await, centre.person("ines", Role::Instructor, None).await);
     centre.group("One", &[&ines], &[&ana]).await;
     let (session, by) = (centre.session(ana.id, "video").await.id, Scope::instructor(ines.id));
-    centre.store.ratings().give(&by, session, (Form::Goals, 1), marks(3)).await.unwrap();
+    centre.store.ratings().give(&by, session, (RatingForm::Goals, 1), marks(3)).await.unwrap();
     let said = centre.store.comments().add(&by, session, comment("here"), [2.0, 2.0]).await.unwrap();
     centre.store.comments().withdraw(&by, session, said.id).await.unwrap();
     centre.store.comments().add(&by, session, comment("there"), [2.0, 2.0]).await.unwrap();
@@ -92,21 +92,21 @@ async fn what_people_said_and_gave_goes_with_the_trainee_and_every_change_is_not
         "{noted:?}"
     );
     centre.store.trainees().erase(&Scope::service(), &Key::from(&ana.id)).await.unwrap();
-    assert_eq!(centre.store.count_said().await, [0, 0]);
+    assert_eq!(centre.store.count_ratings_and_comments().await, [0, 0]);
     assert!(centre.store.check().await.unwrap().is_empty());
 }
 
 #[tokio::test]
 async fn only_people_rate_and_only_staff() {
-    let centre = Centre::ready().await;
+    let centre = TestCentre::with_camera_and_colours().await;
     let ana = centre.trainee("Ana").await;
     let account = centre.person("ana", Role::Trainee, Some(ana.id)).await;
     let session = centre.session(ana.id, "video").await.id;
     for by in [Scope::service(), Scope::trainee(account.id, ana.id)] {
-        let given = centre.store.ratings().give(&by, session, (Form::Goals, 1), marks(5)).await;
+        let given = centre.store.ratings().give(&by, session, (RatingForm::Goals, 1), marks(5)).await;
         assert!(matches!(given, Err(StoreError::Forbidden { .. })), "{by:?}");
     }
     let own = Scope::trainee(account.id, ana.id);
     assert!(centre.store.comments().add(&own, session, comment("I was lost"), [2.0, 2.0]).await.is_ok());
-    assert!(centre.store.ratings().given(&own, centre.task.id, Form::Goals).await.is_err());
+    assert!(centre.store.ratings().given(&own, centre.task.id, RatingForm::Goals).await.is_err());
 }

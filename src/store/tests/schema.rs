@@ -5,9 +5,9 @@ use std::sync::Arc;
 use sqlx::sqlite::SqliteConnection;
 use sqlx::{AssertSqlSafe, Connection};
 
-use crate::store::testing::{Centre, NOW_MS};
+use crate::store::testing::{NOW_MS, TestCentre};
 use crate::store::{Store, StoreError, StoreSettings};
-use crate::time::Manual;
+use crate::time::ManualClock;
 
 const FILES: [&str; 11] = [
     include_str!("../../../migrations/0001_people.sql"),
@@ -24,7 +24,7 @@ const FILES: [&str; 11] = [
 ];
 
 /// A connection that bypasses the store's functions.
-async fn raw(centre: &Centre) -> SqliteConnection {
+async fn raw(centre: &TestCentre) -> SqliteConnection {
     let path = centre.folder.path().join("trocar.sqlite");
     SqliteConnection::connect(path.to_str().unwrap()).await.unwrap()
 }
@@ -53,8 +53,8 @@ fn every_table_is_strict_and_every_table_and_column_is_commented() {
 }
 
 #[tokio::test]
-async fn nonsense_is_refused_whoever_writes_it() {
-    let centre = Centre::ready().await;
+async fn invalid_rows_are_refused_from_any_writer() {
+    let centre = TestCentre::with_camera_and_colours().await;
     let session = centre.session(centre.trainee("Ana").await.id, "video").await;
     let lease = centre.claim().await.unwrap();
     centre.store.jobs().finish_track(&lease, centre.result(session.id).await).await.unwrap();
@@ -134,7 +134,7 @@ async fn nonsense_is_refused_whoever_writes_it() {
 
 #[tokio::test]
 async fn a_database_of_a_newer_program_is_refused() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let newer = "INSERT INTO _sqlx_migrations VALUES (9999, 'later', '2027-01-01', TRUE, x'00', 1)";
     sqlx::query(newer).execute(&mut raw(&centre).await).await.unwrap();
     let path = centre.folder.path().join("trocar.sqlite");
@@ -144,14 +144,14 @@ async fn a_database_of_a_newer_program_is_refused() {
 
 #[tokio::test]
 async fn a_database_without_a_write_ahead_log_is_refused() {
-    let clock = Manual::at(NOW_MS);
+    let clock = ManualClock::at(NOW_MS);
     let opened = Store::open(":memory:".as_ref(), &StoreSettings::default(), Arc::clone(&clock) as _).await;
     assert!(matches!(opened, Err(StoreError::Unusable(why)) if why.contains("journal_mode")));
 }
 
 #[tokio::test]
 async fn a_sound_database_has_no_findings_and_a_dangling_row_is_one() {
-    let centre = Centre::ready().await;
+    let centre = TestCentre::with_camera_and_colours().await;
     centre.session(centre.trainee("Ana").await.id, "video").await;
     assert_eq!(centre.store.check().await.unwrap(), Vec::<String>::new());
     let mut raw = raw(&centre).await;

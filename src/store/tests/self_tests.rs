@@ -6,13 +6,13 @@ use crate::domain::blob::Blob;
 use crate::domain::job::{JobInput, JobKind, NamedBlob, SelfTestInput};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
-use crate::domain::self_test::{Light, NewSelfTest, SelfTestReport};
+use crate::domain::self_test::{NewSelfTest, SelfTestReport, TrafficLight};
 use crate::store::PageRequest;
-use crate::store::testing::Centre;
+use crate::store::testing::TestCentre;
 
 const DAY: Duration = Duration::from_secs(24 * 3600);
 
-fn report(light: Light) -> SelfTestReport {
+fn report(light: TrafficLight) -> SelfTestReport {
     SelfTestReport {
         light,
         parts: vec![],
@@ -29,7 +29,7 @@ fn report(light: Light) -> SelfTestReport {
 }
 
 /// Sends a recording and finishes its self-test.
-async fn test(centre: &Centre, by: &Scope, recording: &Blob, light: Light) {
+async fn test(centre: &TestCentre, by: &Scope, recording: &Blob, light: TrafficLight) {
     let SelfTestInput { calibration, palette, .. } = send(centre, by, recording).await;
     let lease = centre.claim().await.unwrap();
     assert_eq!(lease.job.kind, JobKind::SelfTest);
@@ -41,7 +41,7 @@ async fn test(centre: &Centre, by: &Scope, recording: &Blob, light: Light) {
     centre.store.jobs().finish_self_test(&lease, new).await.unwrap();
 }
 
-async fn send(centre: &Centre, by: &Scope, recording: &Blob) -> SelfTestInput {
+async fn send(centre: &TestCentre, by: &Scope, recording: &Blob) -> SelfTestInput {
     let (service, of) = (Scope::service(), centre.the_box.id);
     let calibration = centre.store.calibrations().latest(&service, of).await.unwrap().unwrap().id;
     let palette = centre.store.palettes().latest(&service, of).await.unwrap().unwrap().id;
@@ -60,15 +60,18 @@ async fn send(centre: &Centre, by: &Scope, recording: &Blob) -> SelfTestInput {
 }
 
 #[tokio::test]
-async fn a_self_test_is_kept_with_who_asked_for_it_and_its_recording_is_let_go() {
-    let centre = Centre::ready().await;
+async fn a_self_test_is_kept_with_its_author_and_its_recording_is_released() {
+    let centre = TestCentre::with_camera_and_colours().await;
     let ines = centre.person("ines", Role::Instructor, None).await;
     centre.person("adam", Role::Administrator, None).await;
     let recording = Blob::of(b"a minute");
-    test(&centre, &Scope::instructor(ines.id), &recording, Light::Yellow).await;
+    test(&centre, &Scope::instructor(ines.id), &recording, TrafficLight::Yellow).await;
     let list = centre.store.self_tests().list(&Scope::service(), centre.the_box.id, &PageRequest::default()).await;
     let [kept] = &list.unwrap().items[..] else { panic!("one test") };
-    assert_eq!((kept.light, kept.who.as_deref(), &kept.report), (Light::Yellow, Some("ines"), &report(Light::Yellow)));
+    assert_eq!(
+        (kept.light, kept.who.as_deref(), &kept.report),
+        (TrafficLight::Yellow, Some("ines"), &report(TrafficLight::Yellow))
+    );
     assert_eq!(centre.store.blobs().unreferenced(9).await.unwrap(), [recording.hash]);
     assert!(centre.store.blobs().forget_if_unreferenced(recording.hash).await.unwrap());
     send(&centre, &Scope::instructor(ines.id), &recording).await;
@@ -84,22 +87,22 @@ async fn a_self_test_is_kept_with_who_asked_for_it_and_its_recording_is_let_go()
 
 #[tokio::test]
 async fn days_are_listed_from_the_newest_in_pages_and_yesterday_is_not_today() {
-    let centre = Centre::ready().await;
+    let centre = TestCentre::with_camera_and_colours().await;
     let (service, of) = (Scope::service(), centre.the_box.id);
-    for (day, light) in [Light::Green, Light::Red, Light::NotMeasured].into_iter().enumerate() {
+    for (day, light) in [TrafficLight::Green, TrafficLight::Red, TrafficLight::NotMeasured].into_iter().enumerate() {
         test(&centre, &service, &Blob::of(&[day as u8]), light).await;
         centre.clock.advance(DAY);
     }
     let first = centre.store.self_tests().list(&service, of, &PageRequest::new(2, None)).await.unwrap();
     let second = centre.store.self_tests().list(&service, of, &PageRequest::new(2, first.next.clone())).await.unwrap();
-    let lights: Vec<Light> = first.items.iter().chain(&second.items).map(|test| test.light).collect();
-    assert_eq!((lights, second.next), (vec![Light::NotMeasured, Light::Red, Light::Green], None));
+    let lights: Vec<TrafficLight> = first.items.iter().chain(&second.items).map(|test| test.light).collect();
+    assert_eq!((lights, second.next), (vec![TrafficLight::NotMeasured, TrafficLight::Red, TrafficLight::Green], None));
     let last_ms = first.items[0].created_at_ms;
     let since = async |since_ms| centre.store.self_tests().light_since(&service, of, since_ms).await.unwrap();
-    assert_eq!(since(last_ms).await.map(|test| test.light), Some(Light::NotMeasured));
+    assert_eq!(since(last_ms).await.map(|test| test.light), Some(TrafficLight::NotMeasured));
     assert_eq!(since(last_ms + 1).await, None);
     // Spoils the reports: a list of boxes shows lights and must not read any figures.
     let spoil = "UPDATE self_test SET report = '{}'";
     centre.store.write(async move |tx| Ok(sqlx::query(spoil).execute(tx).await?)).await.unwrap();
-    assert_eq!(since(last_ms).await.map(|test| test.light), Some(Light::NotMeasured));
+    assert_eq!(since(last_ms).await.map(|test| test.light), Some(TrafficLight::NotMeasured));
 }

@@ -5,14 +5,15 @@ use std::time::Duration;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::{Password, Secret};
-use crate::store::testing::{Centre, NOW_MS};
-use crate::store::{ActsAs, Cookie, NewToken, PersonChange, StoreError};
+use crate::store::testing::{NOW_MS, TestCentre};
+use crate::store::{ActsAs, CookieLifetime, NewToken, PersonChange, StoreError};
 
-const LASTS: Cookie = Cookie { idle: Duration::from_secs(30 * 60), most: Duration::from_secs(12 * 3600) };
+const LASTS: CookieLifetime =
+    CookieLifetime { idle: Duration::from_secs(30 * 60), max_age: Duration::from_secs(12 * 3600) };
 
 #[tokio::test]
 async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_passed() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let person = centre.person("ina", Role::Instructor, None).await;
     let (cookies, secret) = (centre.store.cookies(), Secret::random().hash());
     cookies.create(secret, &person, LASTS).await.unwrap();
@@ -33,7 +34,7 @@ async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_pas
 
 #[tokio::test]
 async fn a_new_password_signs_all_browsers_out() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let person = centre.person("ina", Role::Instructor, None).await;
     let secret = Secret::random().hash();
     centre.store.cookies().create(secret, &person, LASTS).await.unwrap();
@@ -46,7 +47,7 @@ async fn a_new_password_signs_all_browsers_out() {
 
 #[tokio::test]
 async fn another_role_signs_all_browsers_out_and_another_name_none() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let (people, service) = (centre.store.people(), Scope::service());
     centre.person("root", Role::Administrator, None).await;
     let (ada, ina) =
@@ -54,7 +55,7 @@ async fn another_role_signs_all_browsers_out_and_another_name_none() {
     let (of_ada, of_ina) = (Secret::random().hash(), Secret::random().hash());
     centre.store.cookies().create(of_ada, &ada, LASTS).await.unwrap();
     centre.store.cookies().create(of_ina, &ina, LASTS).await.unwrap();
-    let counts = async |secret| centre.store.cookies().counts(secret, LASTS).await.unwrap();
+    let counts = async |secret| centre.store.cookies().is_valid(secret, LASTS).await.unwrap();
     let same = PersonChange { name: Some("Ada".parse().unwrap()), role: Some(Role::Administrator), login: None };
     people.change(&service, ada.id, same).await.unwrap();
     people.change(&service, ada.id, PersonChange::default()).await.unwrap();
@@ -67,7 +68,7 @@ async fn another_role_signs_all_browsers_out_and_another_name_none() {
 
 #[tokio::test]
 async fn a_token_never_has_more_rights_than_its_person_has_today() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let (tokens, service) = (centre.store.tokens(), Scope::service());
     centre.person("root", Role::Administrator, None).await;
     let ada = centre.person("ada", Role::Administrator, None).await;
@@ -90,7 +91,7 @@ async fn a_token_never_has_more_rights_than_its_person_has_today() {
 
 #[tokio::test]
 async fn a_token_ends_at_its_end_and_with_its_box() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let (tokens, service) = (centre.store.tokens(), Scope::service());
     let secret = Secret::random();
     let new = NewToken {
@@ -110,7 +111,7 @@ async fn a_token_ends_at_its_end_and_with_its_box() {
 
 #[tokio::test]
 async fn the_last_administrator_can_neither_go_nor_step_down() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let (people, service) = (centre.store.people(), Scope::service());
     let ada = centre.person("ada", Role::Administrator, None).await;
     assert!(matches!(people.delete(&service, ada.id).await, Err(StoreError::Refused { .. })));

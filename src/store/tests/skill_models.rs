@@ -4,11 +4,11 @@ use serde_json::json;
 
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
-use crate::domain::skill::{Definition, Reading};
+use crate::domain::skill::{ModelDefinition, Reading};
 use crate::domain::text::Key;
 use crate::domain::trainee::Level;
 use crate::ids::TraineeId;
-use crate::store::testing::{Centre, NOW_MS, duration};
+use crate::store::testing::{NOW_MS, TestCentre, duration};
 use crate::store::{NewSkillModel, PageRequest, StoreError};
 
 /// A model by the duration alone, with these trainees as training data.
@@ -34,8 +34,8 @@ fn model(trainees: &[TraineeId]) -> NewSkillModel {
 }
 
 #[tokio::test]
-async fn a_model_is_withdrawn_with_the_first_person_of_whom_it_was_made() {
-    let centre = Centre::new().await;
+async fn a_model_is_withdrawn_with_the_first_erased_person_in_its_data() {
+    let centre = TestCentre::new().await;
     let (store, service, task) = (&centre.store, Scope::service(), centre.task.id);
     let (ana, ben, eve) =
         (centre.trainee("Ana").await.id, centre.trainee("Ben").await.id, centre.trainee("Eve").await.id);
@@ -48,7 +48,7 @@ async fn a_model_is_withdrawn_with_the_first_person_of_whom_it_was_made() {
     let first = models.add(&service, task, new.clone()).await.unwrap();
     assert_eq!((first.version, first.definition.as_ref(), &first.report), (1, Some(&new.definition), &new.report));
     assert_eq!(models.add(&service, task, new.clone()).await.unwrap(), first, "the same is no new version");
-    let other = Definition { parameter: "another".to_owned(), ..new.definition.clone() };
+    let other = ModelDefinition { parameter: "another".to_owned(), ..new.definition.clone() };
     let second =
         models.add(&service, task, NewSkillModel { definition: other, trainees: vec![eve], ..new.clone() }).await;
     assert_eq!(second.unwrap().version, 2);
@@ -69,14 +69,14 @@ async fn a_model_is_withdrawn_with_the_first_person_of_whom_it_was_made() {
 }
 
 #[tokio::test]
-async fn a_model_is_withdrawn_with_the_first_session_that_it_may_hold() {
-    let centre = Centre::ready().await;
+async fn a_model_is_withdrawn_with_the_first_erased_session_in_its_data() {
+    let centre = TestCentre::with_camera_and_colours().await;
     let (models, service) = (centre.store.skill_models(), Scope::service());
     let (ana, ben) = (centre.trainee("Ana").await.id, centre.trainee("Ben").await.id);
     let [anas, bens] = [(ana, "a"), (ben, "b")].map(|(trainee, content)| centre.session(trainee, content));
     let (anas, bens) = (anas.await.id, bens.await.id);
     let made = models.add(&service, centre.task.id, model(&[ana])).await.unwrap();
-    assert!(models.is_made_of(made.id, ana).await.unwrap() && !models.is_made_of(made.id, ben).await.unwrap());
+    assert!(models.is_trained_on(made.id, ana).await.unwrap() && !models.is_trained_on(made.id, ben).await.unwrap());
     centre.store.sessions().erase(&service, bens).await.unwrap();
     assert!(models.in_use(&service, centre.task.id).await.unwrap().unwrap().definition.is_some());
     centre.store.sessions().erase(&service, anas).await.unwrap();
@@ -85,7 +85,7 @@ async fn a_model_is_withdrawn_with_the_first_session_that_it_may_hold() {
 
 #[tokio::test]
 async fn models_are_made_of_the_last_usable_sessions_of_people_of_a_declared_level() {
-    let centre = Centre::ready().await;
+    let centre = TestCentre::with_camera_and_colours().await;
     let trainee = async |body: serde_json::Value| {
         centre.store.trainees().create(&Scope::service(), serde_json::from_value(body).unwrap()).await.unwrap().id
     };

@@ -4,24 +4,24 @@ use sqlx::Row;
 
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
-use crate::domain::standard::{ChartDesign, Definition, Rule};
+use crate::domain::standard::{ChartDesign, StandardDefinition, StandardRule};
 use crate::domain::text::Key;
 use crate::store::StoreError;
 use crate::store::cohorts::{belongs, values_of, values_of_cohort, values_of_seen};
 use crate::store::sessions::counts;
 use crate::store::sessions::practice::{measured, of_session, practised, practised_by_many, with_result};
 use crate::store::standards::select_standards;
-use crate::store::testing::Centre;
+use crate::store::testing::TestCentre;
 use crate::store::visibility::sees_trainee;
 
-fn definition(in_a_row: usize) -> Definition {
-    let rule = Some(Rule { in_a_row, then_more: 0, at_most: None });
-    Definition { targets: Vec::new(), rule, charts: ChartDesign::default() }
+fn definition(in_a_row: usize) -> StandardDefinition {
+    let rule = Some(StandardRule { in_a_row, then_more: 0, at_most: None });
+    StandardDefinition { targets: Vec::new(), rule, charts: ChartDesign::default() }
 }
 
 #[tokio::test]
 async fn a_standard_is_a_new_version_unless_it_says_the_same() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let (store, task) = (&centre.store, centre.task.id);
     let teacher = centre.person("ina", Role::Instructor, None).await;
     centre.person("ada", Role::Administrator, None).await; // one administrator must stay
@@ -41,7 +41,7 @@ async fn a_standard_is_a_new_version_unless_it_says_the_same() {
 
 #[tokio::test]
 async fn trainees_read_standards_and_agents_do_not() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let (store, task) = (&centre.store, centre.task.id);
     store.standards().add(&Scope::service(), task, definition(2)).await.unwrap();
     let ana = centre.person("ana", Role::Trainee, Some(centre.trainee("Ana").await.id)).await;
@@ -54,7 +54,7 @@ async fn trainees_read_standards_and_agents_do_not() {
 /// Every table that progress reads is accessed by an index, from one person or one result.
 #[tokio::test]
 async fn progress_reads_no_table_from_end_to_end() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     for (sql, wanted) in [
         (
             concat!("EXPLAIN QUERY PLAN ", practised!()),

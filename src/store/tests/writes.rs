@@ -6,7 +6,7 @@ use crate::domain::scope::Scope;
 use crate::domain::task::NewTask;
 use crate::domain::text::Key;
 use crate::domain::trainee::TraineeChange;
-use crate::store::testing::{Centre, open};
+use crate::store::testing::{TestCentre, open};
 use crate::store::{PageRequest, StoreError};
 
 fn task(name: &str, code: Option<&str>) -> NewTask {
@@ -14,8 +14,8 @@ fn task(name: &str, code: Option<&str>) -> NewTask {
 }
 
 #[tokio::test]
-async fn a_request_that_fails_undoes_itself_and_not_its_neighbours_in_the_commit() {
-    let centre = Centre::new().await;
+async fn a_request_that_fails_is_rolled_back_alone() {
+    let centre = TestCentre::new().await;
     let (tasks, service) = (centre.store.tasks(), Scope::service());
     let wishes = (0..30).map(|n| task(&format!("Task {n}"), (n % 3 == 0).then_some("same")));
     let made = join_all(wishes.map(|wish| tasks.create(&service, wish))).await;
@@ -26,7 +26,7 @@ async fn a_request_that_fails_undoes_itself_and_not_its_neighbours_in_the_commit
 
 #[tokio::test]
 async fn things_of_one_name_get_codes_of_their_own() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let (tasks, service) = (centre.store.tasks(), Scope::service());
     let made = join_all((0..5).map(|_| tasks.create(&service, task("Knot", None)))).await;
     let mut codes: Vec<_> = made.into_iter().map(|made| made.unwrap().code.to_string()).collect();
@@ -35,8 +35,8 @@ async fn things_of_one_name_get_codes_of_their_own() {
 }
 
 #[tokio::test]
-async fn what_was_answered_is_there_for_another_life_of_the_service() {
-    let Centre { store, clock, folder, .. } = Centre::new().await;
+async fn acknowledged_writes_survive_a_restart() {
+    let TestCentre { store, clock, folder, .. } = TestCentre::new().await;
     let service = Scope::service();
     let made = store.tasks().create(&service, task("Knot", None)).await.unwrap();
     let other = open(&folder, &clock).await; // the first one ends without closing anything
@@ -45,7 +45,7 @@ async fn what_was_answered_is_there_for_another_life_of_the_service() {
 
 #[tokio::test]
 async fn pages_follow_each_other_without_gap_or_repetition() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let (tasks, service) = (centre.store.tasks(), Scope::service());
     join_all((0..10).map(|n| tasks.create(&service, task(&format!("Task {n}"), None)))).await;
     let (mut codes, mut after) = (Vec::new(), None);
@@ -65,7 +65,7 @@ async fn pages_follow_each_other_without_gap_or_repetition() {
 
 #[tokio::test]
 async fn a_task_or_box_that_sessions_need_stays() {
-    let centre = Centre::ready().await;
+    let centre = TestCentre::with_camera_and_colours().await;
     let service = Scope::service();
     centre.session(centre.trainee("Ana").await.id, "video").await;
     let task = centre.store.tasks().delete(&service, &Key::from(&centre.task.id)).await;
@@ -76,7 +76,7 @@ async fn a_task_or_box_that_sessions_need_stays() {
 
 #[tokio::test]
 async fn what_a_change_leaves_out_stays() {
-    let centre = Centre::new().await;
+    let centre = TestCentre::new().await;
     let service = Scope::service();
     let ana = centre.trainee("Ana").await;
     let change = TraineeChange { level: Some(crate::domain::trainee::Level::Expert), ..TraineeChange::default() };
@@ -89,7 +89,7 @@ async fn what_a_change_leaves_out_stays() {
 
 #[tokio::test]
 async fn a_newer_calibration_makes_a_scored_session_scorable_again_and_keeps_the_old_result() {
-    let centre = Centre::ready().await;
+    let centre = TestCentre::with_camera_and_colours().await;
     let (sessions, service) = (centre.store.sessions(), Scope::service());
     let session = centre.session(centre.trainee("Ana").await.id, "video").await;
     let score = async || {

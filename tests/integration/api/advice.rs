@@ -1,4 +1,4 @@
-//! Which tapes suit a box: asked with a picture of it, before any is wound.
+//! Which tapes suit a box: advice from a picture of the box, before a tape is on a tool.
 
 use image::{ImageFormat, Rgb, RgbImage};
 use reqwest::multipart::{Form, Part};
@@ -15,8 +15,8 @@ fn form(picture: Vec<u8>) -> Form {
     Form::new().part("picture", Part::bytes(picture).file_name("box.jpg"))
 }
 
-/// The job on this picture, once it has ended.
-async fn asked(client: &Client, picture: Vec<u8>) -> Value {
+/// Sends a picture and returns its job, once the job has ended.
+async fn advice_job(client: &Client, picture: Vec<u8>) -> Value {
     let answer = client.request(Method::POST, ADVICE).multipart(form(picture)).send().await.unwrap();
     let job = read(answer, StatusCode::ACCEPTED).await["job"].as_str().unwrap().to_owned();
     soon("the advice", async {
@@ -43,7 +43,7 @@ fn red_mat() -> Vec<u8> {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_picture_of_the_box_ranks_tapes_and_pairs_and_warns_of_its_own_colours() {
     let centre = Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await;
-    let job = asked(&centre.instructor, red_mat()).await;
+    let job = advice_job(&centre.instructor, red_mat()).await;
     assert_eq!((&job["kind"], &job["state"]), (&json!("palette"), &json!("done")), "{job}");
     let advice = &job["advice"];
     let [tapes, pairs, warnings] = ["tapes", "pairs", "warnings"].map(|part| advice[part].as_array().unwrap());
@@ -59,18 +59,18 @@ async fn a_picture_of_the_box_ranks_tapes_and_pairs_and_warns_of_its_own_colours
     assert!(!pairs[0]["tapes"].as_array().unwrap().contains(&json!("red")), "{}", pairs[0]);
     let listed = centre.instructor.read("/api/v1/jobs").await;
     assert_eq!(listed["items"][0]["advice"], Value::Null, "lists stay short");
-    assert_eq!(centre.instructor.read("/api/v1/boxes/box-1/palette").await["items"], json!([]), "nothing is learned");
+    assert_eq!(centre.instructor.read("/api/v1/boxes/box-1/palette").await["items"], json!([]), "no palette is stored");
 
     let recording = Folder::of("--seed 1 --frames 2 --size 320x180");
-    let job = asked(&centre.instructor, std::fs::read(recording.file("clip.mp4")).unwrap()).await;
+    let job = advice_job(&centre.instructor, std::fs::read(recording.file("clip.mp4")).unwrap()).await;
     assert_eq!(job["advice"]["tapes"].as_array().unwrap().len(), 10, "{job}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_no_picture_fails_in_words_and_strangers_do_not_ask() {
+async fn a_broken_picture_fails_with_an_explanation_and_trainees_get_no_advice() {
     let centre = Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await;
     for broken in [b"no picture".to_vec(), red_mat()[..200].to_vec()] {
-        let job = asked(&centre.instructor, broken).await;
+        let job = advice_job(&centre.instructor, broken).await;
         assert_eq!((&job["state"], &job["advice"]), (&json!("failed"), &Value::Null), "{job}");
         assert!(job["error"]["detail"].as_str().unwrap().len() > 10, "{job}");
     }

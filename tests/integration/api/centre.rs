@@ -18,7 +18,7 @@ pub struct Centre {
     pub trainee: Client,
     /// Trains in group two, as `bob`.
     pub other_trainee: Client,
-    /// The program beside the box.
+    /// The box's agent: the program that runs beside the box.
     pub agent: Client,
 }
 
@@ -32,7 +32,7 @@ impl Centre {
         administrator.make("/api/v1/boxes", json!({"name": "Box 1", "code": "box-1"})).await;
         administrator.make("/api/v1/tasks", json!({"name": "Peg transfer", "code": "peg"})).await;
         for (trainee, instructor, group) in [("ada", "ines", "One"), ("bob", "omar", "Two")] {
-            staff_a_group(&administrator, group, trainee, instructor).await;
+            create_group(&administrator, group, trainee, instructor).await;
         }
         let token = json!({"name": "beside box 1", "role": "agent", "box": "box-1"});
         let token = administrator.make("/api/v1/tokens", token).await;
@@ -48,7 +48,7 @@ impl Centre {
     }
 }
 
-async fn staff_a_group(administrator: &Client, group: &str, trainee: &str, instructor: &str) {
+async fn create_group(administrator: &Client, group: &str, trainee: &str, instructor: &str) {
     let group = administrator.make("/api/v1/groups", json!({"name": group})).await;
     let trainee_row =
         administrator.make("/api/v1/trainees", json!({"name": trainee, "code": trainee, "group": group["id"]})).await;
@@ -58,7 +58,7 @@ async fn staff_a_group(administrator: &Client, group: &str, trainee: &str, instr
     administrator.make("/api/v1/people", account).await;
 }
 
-/// A recording that no worker ever looks at; `salt` makes it different.
+/// Bytes that look like a recording; no worker analyses them. Each `salt` gives different bytes.
 pub fn recording(bytes: usize, salt: u64) -> Vec<u8> {
     let mut content = b"\0\0\0\x20ftypisom\0\0\x02\0isomiso2avc1mp41".to_vec();
     let mut state = salt.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
@@ -71,14 +71,14 @@ pub fn recording(bytes: usize, salt: u64) -> Vec<u8> {
     content
 }
 
-/// Sends a recording in one call.
+/// Sends a recording in one request.
 pub async fn send(client: &Client, trainee: &str, content: Vec<u8>) -> Response {
     let path = format!("/api/v1/sessions?trainee={trainee}&task=peg&box=box-1&filename=clip.mp4");
     let request = client.request(Method::POST, &path).header(header::CONTENT_TYPE, "video/mp4").body(content);
     request.send().await.unwrap()
 }
 
-/// A session made of a recording.
+/// Creates a session from a recording.
 pub async fn session(client: &Client, trainee: &str, content: Vec<u8>) -> Value {
     read(send(client, trainee, content).await, StatusCode::CREATED).await
 }

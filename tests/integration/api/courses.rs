@@ -1,4 +1,4 @@
-//! Course plans, and how far people have come in one, as a client sees them.
+//! Course plans and people's progress in them, as a client sees them.
 
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
@@ -6,11 +6,11 @@ use serde_json::{Value, json};
 use super::centre::Centre;
 use crate::planted::{DAY_MS, Planter, duration};
 use crate::support::{Client, problem, read};
-use trocar::time::{Clock, Day, System};
+use trocar::time::{Clock, Day, SystemClock};
 
 const COURSES: &str = "/api/v1/courses";
 
-async fn ask_for_50_s(centre: &Centre) {
+async fn set_standard_of_50_s(centre: &Centre) {
     let by = json!({"method": "fixed", "limit": 50.0, "unit": "s"});
     let body = json!({"targets": [{"feature": "duration", "by": by}], "rule": {"in_a_row": 2}});
     centre.administrator.make("/api/v1/tasks/peg/standards", body).await;
@@ -30,15 +30,15 @@ fn basics() -> Value {
     json!({"name": "Basics", "steps": [{"task": "peg", "sessions": 2, "within_days": 30}, {"task": "peg", "within_days": 3}]})
 }
 
-/// The day so many days ago.
-fn ago(days: i64) -> String {
-    Day::of(System.now_ms() - days * DAY_MS).to_string()
+/// The date `days` days ago.
+fn days_ago(days: i64) -> String {
+    Day::of(SystemClock.now_ms() - days * DAY_MS).to_string()
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_plan_is_made_read_changed_and_deleted() {
     let centre = Centre::open().await;
-    ask_for_50_s(&centre).await;
+    set_standard_of_50_s(&centre).await;
     let made = centre.instructor.make(COURSES, basics()).await;
     let path = format!("{COURSES}/{}", made["id"].as_str().unwrap());
     assert_eq!(centre.trainee.read(&path).await, made);
@@ -54,7 +54,7 @@ async fn a_plan_is_made_read_changed_and_deleted() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_cannot_be_a_plan_is_told_why() {
+async fn an_invalid_plan_is_refused_with_the_reason() {
     let centre = Centre::open().await;
     let make = async |steps: Value| centre.instructor.post(COURSES, json!({"name": "A", "steps": steps})).await;
     problem(make(json!([])).await, 422, "invalid").await;
@@ -64,7 +64,7 @@ async fn what_cannot_be_a_plan_is_told_why() {
     assert!(refused["detail"].as_str().unwrap().contains("has no standard to pass yet: set one"), "{refused}");
     let made = read(make(json!([{"task": "peg", "sessions": 1}])).await, StatusCode::CREATED).await;
     problem(make(json!([{"task": "peg", "sessions": 2}])).await, 409, "taken").await;
-    // What something needs is not deleted.
+    // A task or a plan that is in use cannot be deleted.
     let refused = problem(centre.administrator.delete("/api/v1/tasks/peg").await, 409, "in-use").await;
     assert!(refused["detail"].as_str().unwrap().contains("course plans"), "{refused}");
     let following = json!({"course": made["id"], "begins": "2026-01-05"});
@@ -82,24 +82,24 @@ async fn what_cannot_be_a_plan_is_told_why() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_groups_table_says_of_each_what_they_are_told_themselves() {
+async fn a_groups_table_and_a_trainees_own_view_show_the_same_progress() {
     let centre = Centre::open().await;
-    ask_for_50_s(&centre).await;
-    let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    set_standard_of_50_s(&centre).await;
+    let planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
     let course = centre.instructor.make(COURSES, basics()).await;
     let path = format!("/api/v1/groups/{}/course", group(&centre, "One").await);
     problem(centre.instructor.get(&path).await, 404, "not-found").await;
-    let begins = ago(5);
+    let begins = days_ago(5);
     let following = json!({"course": course["id"], "begins": begins});
     let empty = read(put(&centre.instructor, &path, following).await, StatusCode::OK).await;
     assert_eq!((&empty["course"]["begins"], &empty["rows"][0]["next"]), (&json!(begins), &json!(1)));
-    assert_eq!((&empty["steps"][0]["due"], &empty["steps"][1]["due"]), (&json!(ago(-25)), &json!(ago(2))));
+    assert_eq!((&empty["steps"][0]["due"], &empty["steps"][1]["due"]), (&json!(days_ago(-25)), &json!(days_ago(2))));
     let groups = centre.instructor.read("/api/v1/groups").await;
     assert_eq!(groups["items"][0]["course"], empty["course"]);
 
     let ada = planter.trainee("ada").await;
     for (days, seconds) in [(4, 60.0), (3, 40.0), (2, 90.0)] {
-        planter.session(ada, System.now_ms() - days * DAY_MS, vec![duration(seconds, 1.0)]).await;
+        planter.session(ada, SystemClock.now_ms() - days * DAY_MS, vec![duration(seconds, 1.0)]).await;
     }
     let table = centre.instructor.read(&path).await;
     let row = &table["rows"][0];
@@ -112,23 +112,23 @@ async fn a_groups_table_says_of_each_what_they_are_told_themselves() {
     assert_eq!((&step["overdue"], &row["steps"][0]["overdue"]), (&json!(true), &json!(false)));
 
     let own = centre.trainee.read("/api/v1/trainees/ada/course").await["items"][0].clone();
-    let told: Vec<&Value> = own["steps"].as_array().unwrap().iter().map(|step| &step["progress"]).collect();
-    assert_eq!(told, row["steps"].as_array().unwrap().iter().collect::<Vec<_>>());
+    let own_steps: Vec<&Value> = own["steps"].as_array().unwrap().iter().map(|step| &step["progress"]).collect();
+    assert_eq!(own_steps, row["steps"].as_array().unwrap().iter().collect::<Vec<_>>());
     assert_eq!((&own["next"], &own["course"], &own["group"]), (&json!(2), &table["course"], &Value::Null));
     let staff = centre.instructor.read("/api/v1/trainees/ada/course").await;
     assert_eq!(staff["items"][0]["group"]["name"], "One");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn one_reads_the_courses_of_those_whom_one_sees_and_nobody_elses() {
+async fn courses_are_limited_to_people_in_the_callers_scope() {
     let centre = Centre::open().await;
     let course =
         centre.administrator.make(COURSES, json!({"name": "A", "steps": [{"task": "peg", "sessions": 1}]})).await;
-    let following = json!({"course": course["id"], "begins": ago(0)});
+    let following = json!({"course": course["id"], "begins": days_ago(0)});
     let one = format!("/api/v1/groups/{}/course", group(&centre, "One").await);
     problem(put(&centre.other_instructor, &one, following.clone()).await, 404, "not-found").await;
     problem(put(&centre.trainee, &one, following.clone()).await, 403, "forbidden").await;
-    let nothing = json!({"course": "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44", "begins": ago(0)});
+    let nothing = json!({"course": "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44", "begins": days_ago(0)});
     problem(put(&centre.instructor, &one, nothing).await, 422, "unknown-reference").await;
     read(put(&centre.instructor, &one, following).await, StatusCode::OK).await;
     for (client, status, name) in [
@@ -154,16 +154,16 @@ async fn one_reads_the_courses_of_those_whom_one_sees_and_nobody_elses() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_is_erased_is_in_no_course_any_more() {
+async fn an_erased_trainee_leaves_every_course() {
     let centre = Centre::open().await;
     let course =
         centre.administrator.make(COURSES, json!({"name": "A", "steps": [{"task": "peg", "sessions": 1}]})).await;
     let path = format!("/api/v1/groups/{}/course", group(&centre, "One").await);
-    put(&centre.instructor, &path, json!({"course": course["id"], "begins": ago(1)})).await;
-    let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
-    planter.session(planter.trainee("ada").await, System.now_ms(), vec![duration(40.0, 1.0)]).await;
+    put(&centre.instructor, &path, json!({"course": course["id"], "begins": days_ago(1)})).await;
+    let planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
+    planter.session(planter.trainee("ada").await, SystemClock.now_ms(), vec![duration(40.0, 1.0)]).await;
     assert_eq!(centre.instructor.read(&path).await["rows"][0]["steps"][0]["state"], "passed");
     assert_eq!(centre.instructor.delete("/api/v1/trainees/ada").await.status(), StatusCode::NO_CONTENT);
-    let left = centre.instructor.read(&path).await;
-    assert_eq!((&left["trainees"], &left["rows"]), (&json!([]), &json!([])));
+    let remaining = centre.instructor.read(&path).await;
+    assert_eq!((&remaining["trainees"], &remaining["rows"]), (&json!([]), &json!([])));
 }

@@ -1,4 +1,4 @@
-//! The interface's description, the viewer, the pages, and what the people who run the service look at.
+//! The API description, its viewer, the pages, and the endpoints for operators.
 
 use std::collections::BTreeSet;
 use std::io::Read;
@@ -49,17 +49,17 @@ async fn every_operation_describes_its_problems_and_who_may_ask() {
             assert!(refused["application/problem+json"].is_object(), "{what}: {refused}");
             assert!(operation["security"].is_array(), "{what} does not say how to sign in");
         }
-        assert_eq!(path.contains('{'), responses.contains_key("404"), "{what} and 404");
+        assert_eq!(path.contains('{'), responses.contains_key("404"), "{what}: only a path with an id answers 404");
     }
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn every_described_route_exists_and_no_answer_is_a_failure_of_ours() {
+async fn every_described_route_exists_and_none_answers_with_a_server_error() {
     let centre = Centre::open().await;
     let document = centre.administrator.read("/api/v1/openapi.json").await;
     for (path, method, operation) in operations(&document) {
         if path.ends_with("/events") || path.ends_with("/sign-out") {
-            continue; // one never ends, the other ends the sign-in that asks
+            continue; // the first never ends; the second ends the sign-in of this client
         }
         let address = path.replace("{id}", "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44");
         let method = reqwest::Method::from_bytes(method.to_uppercase().as_bytes()).unwrap();
@@ -72,7 +72,7 @@ async fn every_described_route_exists_and_no_answer_is_a_failure_of_ours() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_viewer_needs_nothing_from_elsewhere() {
+async fn the_viewer_loads_nothing_from_other_hosts() {
     let service = Service::start().await;
     let stranger = service.stranger();
     assert_eq!(stranger.get("/docs").await.headers()[header::LOCATION], "/docs/");
@@ -117,34 +117,34 @@ async fn a_browser_keeps_the_files_of_a_version_and_asks_again_for_all_others() 
     let script = stranger.get("/app.js").await;
     assert_eq!(script.headers()[header::CACHE_CONTROL], "no-cache");
     let script = script.text().await.unwrap();
-    let of_another = stranger.get("/kept/another/app.js").await;
+    let other_version = stranger.get("/kept/another/app.js").await;
     assert_eq!(
-        of_another.headers()[header::CACHE_CONTROL],
+        other_version.headers()[header::CACHE_CONTROL],
         "no-cache",
-        "who asked for an earlier version gets this one once"
+        "a client of an earlier version gets this one, without caching"
     );
-    assert_eq!(of_another.text().await.unwrap(), script);
+    assert_eq!(other_version.text().await.unwrap(), script);
     assert_eq!(stranger.get(&format!("/kept/{version}/app.js")).await.text().await.unwrap(), script);
     problem(stranger.get(&format!("/kept/{version}/missing.js")).await, 404, "not-found").await;
     problem(stranger.get(&format!("/kept/{version}/sessions")).await, 404, "not-found").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_read_often_travels_squeezed_where_the_client_takes_it() {
+async fn files_that_are_read_often_are_compressed_if_the_client_accepts_it() {
     let service = Service::start().await;
     let stranger = service.stranger();
     for path in ["/", "/app.js", "/texts/en.js", "/api/v1/openapi.json"] {
         let plain = stranger.get(path).await;
         assert!(!plain.headers().contains_key(header::CONTENT_ENCODING), "{path}");
         let plain = plain.bytes().await.unwrap();
-        let squeezed = stranger.clone().with("accept-encoding", "gzip, deflate, br").get(path).await;
-        assert_eq!(squeezed.headers()[header::CONTENT_ENCODING], "gzip", "{path}");
-        assert!(squeezed.headers()[header::VARY].to_str().unwrap().contains("accept-encoding"), "{path}");
-        let squeezed = squeezed.bytes().await.unwrap();
-        assert!(squeezed.len() < plain.len() * 2 / 3, "{path}: {} of {} bytes", squeezed.len(), plain.len());
-        let mut opened = Vec::new();
-        flate2::read::GzDecoder::new(&squeezed[..]).read_to_end(&mut opened).unwrap();
-        assert_eq!(opened, plain, "{path}");
+        let compressed = stranger.clone().with("accept-encoding", "gzip, deflate, br").get(path).await;
+        assert_eq!(compressed.headers()[header::CONTENT_ENCODING], "gzip", "{path}");
+        assert!(compressed.headers()[header::VARY].to_str().unwrap().contains("accept-encoding"), "{path}");
+        let compressed = compressed.bytes().await.unwrap();
+        assert!(compressed.len() < plain.len() * 2 / 3, "{path}: {} of {} bytes", compressed.len(), plain.len());
+        let mut decompressed = Vec::new();
+        flate2::read::GzDecoder::new(&compressed[..]).read_to_end(&mut decompressed).unwrap();
+        assert_eq!(decompressed, plain, "{path}");
     }
 }
 

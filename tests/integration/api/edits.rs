@@ -1,4 +1,4 @@
-//! Trims, swapped names and sessions that are set aside: made, followed by the score, undone.
+//! Edits of sessions (trim, swap, set aside): they are made, the score follows, and they are undone.
 
 use reqwest::{Method, StatusCode, header};
 use serde_json::{Value, json};
@@ -9,7 +9,7 @@ use crate::support::{Client, Service, problem, read, soon};
 
 const MISSING: &str = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44";
 
-async fn at_work() -> Centre {
+async fn centre_with_worker() -> Centre {
     Centre::open_in(
         Service::start_with(|settings| {
             settings.workers = 1;
@@ -20,8 +20,9 @@ async fn at_work() -> Centre {
     .await
 }
 
-/// Two tools that go to and fro for twenty seconds, 25 frames a second, the right one three times as far.
-async fn imported(centre: &Centre) -> String {
+/// Imports two tools that move to and fro for 20 s at 25 frames a second, the right one three times as far. Returns the
+/// session's path.
+async fn import_session(centre: &Centre) -> String {
     let mut table = "frame,time_s,tool,x_mm,y_mm,z_mm,sigma_xy_mm,sigma_z_mm\n".to_owned();
     for frame in 0..500 {
         let time = f64::from(frame) * 0.04;
@@ -51,45 +52,45 @@ async fn until(client: &Client, path: &str, wanted: impl Fn(&Value) -> bool) -> 
     .await
 }
 
-/// Makes an edit, and waits for the score that it makes necessary.
-async fn edited(client: &Client, at: &str, body: Value) -> Value {
+/// Makes an edit and waits for the new score.
+async fn make_edit(client: &Client, at: &str, body: Value) -> Value {
     let edit = client.make(&format!("{at}/edits"), body).await;
-    scored(client, at).await;
+    wait_for_score(client, at).await;
     edit
 }
 
-async fn scored(client: &Client, at: &str) -> Value {
+async fn wait_for_score(client: &Client, at: &str) -> Value {
     until(client, &format!("{at}/edits"), |edits| edits["score"] == "current").await
 }
 
-async fn undone(client: &Client, at: &str, edit: &Value) -> Value {
-    let undone = client.delete(&format!("{at}/edits/{}", edit["id"].as_str().unwrap())).await;
-    let undone = read(undone, StatusCode::OK).await;
-    scored(client, at).await;
+async fn undo_edit(client: &Client, at: &str, edit: &Value) -> Value {
+    let answer = client.delete(&format!("{at}/edits/{}", edit["id"].as_str().unwrap())).await;
+    let undone = read(answer, StatusCode::OK).await;
+    wait_for_score(client, at).await;
     undone
 }
 
-async fn value(client: &Client, at: &str, name: &str, tool: Value) -> f64 {
+async fn feature_value(client: &Client, at: &str, name: &str, tool: Value) -> f64 {
     let session = client.read(at).await;
     let features = session["features"].as_array().unwrap();
-    let is_it = |row: &&Value| row["name"] == name && row["space"] == "3d" && row["tool"] == tool;
-    features.iter().find(is_it).unwrap()["value"].as_f64().unwrap()
+    let is_wanted = |row: &&Value| row["name"] == name && row["space"] == "3d" && row["tool"] == tool;
+    features.iter().find(is_wanted).unwrap()["value"].as_f64().unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_trim_is_scored_and_undone_it_is_as_if_it_had_never_been() {
-    let centre = at_work().await;
-    let at = imported(&centre).await;
+async fn a_trim_is_scored_and_undoing_it_restores_the_first_result() {
+    let centre = centre_with_worker().await;
+    let at = import_session(&centre).await;
     let before = centre.instructor.read(&at).await;
-    assert!(value(&centre.instructor, &at, "duration", Value::Null).await > 15.0);
+    assert!(feature_value(&centre.instructor, &at, "duration", Value::Null).await > 15.0);
 
     let trim = json!({"kind": "trim", "from_s": 4.0, "to_s": 12.0, "why": "Talked at first.", "revision": 0});
-    let edit = edited(&centre.instructor, &at, trim).await;
+    let edit = make_edit(&centre.instructor, &at, trim).await;
     assert_eq!(
         (&edit["who"], &edit["why"], &edit["undone"]),
         (&json!("ines"), &json!("Talked at first."), &Value::Null)
     );
-    let kept = value(&centre.instructor, &at, "duration", Value::Null).await;
+    let kept = feature_value(&centre.instructor, &at, "duration", Value::Null).await;
     assert!(kept > 5.0 && kept < 8.1, "{kept}");
     let session = centre.instructor.read(&at).await;
     assert_eq!((&session["quality"]["frames"], &session["status"]), (&json!(201), &json!("done")));
@@ -102,19 +103,19 @@ async fn a_trim_is_scored_and_undone_it_is_as_if_it_had_never_been() {
     let edits = centre.trainee.read(&format!("{at}/edits")).await;
     assert_eq!((&edits["kept"], &edits["revision"]), (&json!({"from_s": 4.0, "to_s": 12.0}), &json!(1)));
 
-    // A second trim by somebody who has seen the first; who has not is told.
+    // A second trim needs the current revision: with the old one it is refused.
     let late = json!({"kind": "trim", "from_s": 6.0, "to_s": 20.0, "why": "x", "revision": 0});
     problem(centre.administrator.post(&format!("{at}/edits"), late).await, 409, "conflict").await;
     let second = json!({"kind": "trim", "from_s": 6.0, "to_s": 99.0, "why": "x", "revision": 1});
-    let second = edited(&centre.administrator, &at, second).await;
-    assert_eq!(second["to_s"], 19.96, "brought within the recording");
-    assert!(value(&centre.instructor, &at, "duration", Value::Null).await < 6.1);
+    let second = make_edit(&centre.administrator, &at, second).await;
+    assert_eq!(second["to_s"], 19.96, "limited to the end of the recording");
+    assert!(feature_value(&centre.instructor, &at, "duration", Value::Null).await < 6.1);
 
-    undone(&centre.instructor, &at, &second).await;
-    assert_eq!(value(&centre.instructor, &at, "duration", Value::Null).await, kept);
-    let gone = undone(&centre.administrator, &at, &edit).await;
-    assert_eq!(gone["undone"]["who"], centre.administrator.read("/api/v1/me").await["name"]);
-    assert_eq!(undone(&centre.instructor, &at, &edit).await, gone, "once");
+    undo_edit(&centre.instructor, &at, &second).await;
+    assert_eq!(feature_value(&centre.instructor, &at, "duration", Value::Null).await, kept);
+    let withdrawn = undo_edit(&centre.administrator, &at, &edit).await;
+    assert_eq!(withdrawn["undone"]["who"], centre.administrator.read("/api/v1/me").await["name"]);
+    assert_eq!(undo_edit(&centre.instructor, &at, &edit).await, withdrawn, "undoing again changes nothing");
     let after = centre.instructor.read(&at).await;
     assert_eq!((&after["features"], &after["quality"]), (&before["features"], &before["quality"]));
     let results = centre.instructor.read(&format!("{at}/results")).await;
@@ -124,14 +125,15 @@ async fn a_trim_is_scored_and_undone_it_is_as_if_it_had_never_been() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn swapped_tools_have_each_others_numbers_and_rescoring_keeps_them() {
-    let centre = at_work().await;
-    let at = imported(&centre).await;
-    let of = async |tool: &str| value(&centre.instructor, &at, "path_length", json!(tool)).await;
+    let centre = centre_with_worker().await;
+    let at = import_session(&centre).await;
+    let of = async |tool: &str| feature_value(&centre.instructor, &at, "path_length", json!(tool)).await;
     let (left, right) = (of("left").await, of("right").await);
     assert!(right > 2.0 * left);
     let swap = json!({"kind": "swap", "tools": ["left", "right"], "from_s": 0.0, "to_s": 60.0, "why": "Other hands."});
-    let edit = edited(&centre.instructor, &at, swap).await;
-    let near = |a: f64, b: f64| (a / b - 1.0).abs() < 0.02; // error bars are of replicates by the tool's name
+    let edit = make_edit(&centre.instructor, &at, swap).await;
+    // Error bars come from replicates that depend on the tool's name.
+    let near = |a: f64, b: f64| (a / b - 1.0).abs() < 0.02;
     assert!(
         near(of("left").await, right) && near(of("right").await, left),
         "{} {}",
@@ -148,18 +150,18 @@ async fn swapped_tools_have_each_others_numbers_and_rescoring_keeps_them() {
     let order = format!("/api/v1/rescorings/{}", order["id"].as_str().unwrap());
     until(&centre.administrator, &order, |order| order["ended_at"] != Value::Null).await;
     assert_eq!(of("left").await, swapped);
-    undone(&centre.instructor, &at, &edit).await;
+    undo_edit(&centre.instructor, &at, &edit).await;
     assert_eq!((of("left").await, of("right").await), (left, right));
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_path_is_told_as_it_is_scored_or_whole_or_thinned() {
-    let centre = at_work().await;
-    let at = imported(&centre).await;
+async fn a_path_is_sent_trimmed_whole_or_thinned() {
+    let centre = centre_with_worker().await;
+    let at = import_session(&centre).await;
     let read = async |query: &str| centre.trainee.read(&format!("{at}/trajectory?{query}")).await;
     let rows = |path: &Value| path["columns"]["frame"].as_array().unwrap().len();
     let whole = read("").await;
-    edited(&centre.instructor, &at, json!({"kind": "trim", "from_s": 4.0, "to_s": 12.0, "why": "x"})).await;
+    make_edit(&centre.instructor, &at, json!({"kind": "trim", "from_s": 4.0, "to_s": 12.0, "why": "x"})).await;
     assert_eq!((rows(&read("").await), read("trimmed=false").await), (402, whole));
     assert_eq!(rows(&read("from_frame=110&to_frame=120").await), 20);
     let thin = read("points=90&trimmed=false").await;
@@ -173,9 +175,9 @@ async fn a_path_is_told_as_it_is_scored_or_whole_or_thinned() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_set_aside_counts_in_nothing_until_that_is_undone() {
+async fn a_session_that_is_set_aside_counts_nowhere_until_that_is_undone() {
     let centre = Centre::open().await;
-    let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    let planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
     let ada = planter.trainee("ada").await;
     for (day, seconds) in [40.0, 60.0].into_iter().enumerate() {
         planter.session(ada, NEW_YEAR_MS + day as i64 * DAY_MS, vec![duration(seconds, 1.0)]).await;
@@ -183,13 +185,13 @@ async fn what_is_set_aside_counts_in_nothing_until_that_is_undone() {
     let progress = async || centre.trainee.read("/api/v1/trainees/ada/progress?task=peg&feature=duration").await;
     let id = progress().await["sessions"][1]["id"].as_str().unwrap().to_owned();
     let at = format!("/api/v1/sessions/{id}");
-    let aside = json!({"kind": "set_aside", "why": "Somebody else trained under this name."});
+    let aside = json!({"kind": "set_aside", "why": "Another person trained under this name."});
     let edit = centre.instructor.make(&format!("{at}/edits"), aside.clone()).await;
     problem(centre.instructor.post(&format!("{at}/edits"), aside).await, 409, "conflict").await;
 
     let seen = progress().await;
     assert_eq!(seen["sessions"][1]["set_aside"], "by_hand");
-    assert_eq!(centre.trainee.read(&at).await["set_aside"], true, "it stays to be seen");
+    assert_eq!(centre.trainee.read(&at).await["set_aside"], true, "it stays visible");
     let table = async || {
         let table = centre.administrator.get("/api/v1/tasks/peg/features?format=csv").await.text().await.unwrap();
         table.lines().count() - 1
@@ -198,7 +200,7 @@ async fn what_is_set_aside_counts_in_nothing_until_that_is_undone() {
     let statements = centre.trainee.read("/api/v1/trainees/ada/xapi").await;
     assert_eq!(statements["statements"].as_array().unwrap().len(), 1);
     let edits = centre.trainee.read(&format!("{at}/edits")).await;
-    assert_eq!((&edits["score"], &edits["revision"]), (&json!("current"), &json!(0)), "its score is as it was");
+    assert_eq!((&edits["score"], &edits["revision"]), (&json!("current"), &json!(0)), "its score is unchanged");
 
     let undo = centre.instructor.delete(&format!("{at}/edits/{}", edit["id"].as_str().unwrap())).await;
     assert_eq!(read(undo, StatusCode::OK).await["undone"]["who"], "ines");
@@ -206,9 +208,9 @@ async fn what_is_set_aside_counts_in_nothing_until_that_is_undone() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_may_not_edit_is_refused_and_so_is_what_cannot_be() {
-    let centre = at_work().await;
-    let at = imported(&centre).await;
+async fn edits_without_permission_and_impossible_edits_are_refused() {
+    let centre = centre_with_worker().await;
+    let at = import_session(&centre).await;
     let edits = format!("{at}/edits");
     let trim = json!({"kind": "trim", "from_s": 4.0, "to_s": 12.0, "why": "x"});
     for client in [&centre.trainee, &centre.agent] {
@@ -219,7 +221,7 @@ async fn who_may_not_edit_is_refused_and_so_is_what_cannot_be() {
         problem(centre.other_instructor.get(path).await, 404, "not-found").await;
         problem(centre.other_instructor.post(path, trim.clone()).await, 404, "not-found").await;
     }
-    let made = edited(&centre.instructor, &at, trim).await;
+    let made = make_edit(&centre.instructor, &at, trim).await;
     let one = format!("{edits}/{}", made["id"].as_str().unwrap());
     problem(centre.other_instructor.delete(&one).await, 404, "not-found").await;
     problem(centre.trainee.delete(&one).await, 403, "forbidden").await;
@@ -239,13 +241,13 @@ async fn who_may_not_edit_is_refused_and_so_is_what_cannot_be() {
         problem(centre.instructor.post(&edits, body).await, 422, "invalid").await;
     }
     let kept = centre.trainee.read(&edits).await;
-    assert_eq!(kept["items"].as_array().unwrap().len(), 1, "nothing of what was refused is kept");
+    assert_eq!(kept["items"].as_array().unwrap().len(), 1, "no refused edit is kept");
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_session_that_is_being_tracked_is_edited_later_but_set_aside_at_once() {
     let centre = Centre::open().await;
-    Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    Planter::open(&centre.service.data.path().join("trocar.db")).await;
     let made = session(&centre.instructor, "ada", recording(100, 1)).await;
     let edits = format!("/api/v1/sessions/{}/edits", made["id"].as_str().unwrap());
     let trim = json!({"kind": "trim", "from_s": 4.0, "to_s": 12.0, "why": "x"});

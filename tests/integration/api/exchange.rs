@@ -1,4 +1,4 @@
-//! Paths of other trackers in; features and xAPI statements out.
+//! Import of paths from other trackers; export of features and xAPI statements.
 
 use bytes::Bytes;
 use parquet::file::reader::{FileReader, SerializedFileReader};
@@ -13,11 +13,11 @@ use crate::support::{Client, Service, problem, read, soon};
 const HEAD: &str = "frame,time_s,tool,x_mm,y_mm,z_mm";
 const IMPORT: &str = "/api/v1/sessions/import?task=peg&box=box-1";
 
-async fn at_work() -> Centre {
+async fn centre_with_worker() -> Centre {
     Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await
 }
 
-/// A tool that goes to and fro for twenty seconds, 25 frames a second; `sigma`: how far each row may be off, mm.
+/// Tools that move to and fro for 20 s at 25 frames a second; `sigma`: the stated error of each row, mm.
 fn table(tools: &[&str], sigma: Option<f64>) -> String {
     let mut table = HEAD.to_owned() + if sigma.is_some() { ",sigma_xy_mm,sigma_z_mm\n" } else { "\n" };
     for frame in 0..500 {
@@ -38,7 +38,7 @@ async fn import(client: &Client, query: &str, table: impl Into<reqwest::Body>) -
 }
 
 /// Imports a table and waits until it is scored.
-async fn imported(client: &Client, query: &str, table: String) -> Value {
+async fn import_and_wait(client: &Client, query: &str, table: String) -> Value {
     let made = read(import(client, query, table).await, StatusCode::CREATED).await;
     done(client, made["id"].as_str().unwrap()).await
 }
@@ -62,9 +62,10 @@ fn feature<'s>(session: &'s Value, name: &str) -> &'s Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn rows_of_another_tracker_become_a_session_that_says_whose_they_are() {
-    let centre = at_work().await;
-    let session = imported(&centre.instructor, "trainee=ada&tracker=Kinovea", table(&["left", "right"], None)).await;
+async fn rows_of_another_tracker_become_a_session_that_names_the_tracker() {
+    let centre = centre_with_worker().await;
+    let session =
+        import_and_wait(&centre.instructor, "trainee=ada&tracker=Kinovea", table(&["left", "right"], None)).await;
     assert_eq!(session["status"], "done", "{session}");
     assert_eq!(session["source"], json!({"kind": "import", "tracker": "Kinovea"}));
     assert_eq!(session["versions"]["pipeline"], format!("{PIPELINE_VERSION} on rows by Kinovea"));
@@ -73,12 +74,12 @@ async fn rows_of_another_tracker_become_a_session_that_says_whose_they_are() {
     assert_eq!(session["tools"], json!(["left", "right"]));
     let length = feature(&session, "path_length");
     assert!(length["value"].as_f64().unwrap() > 400.0, "{length}");
-    assert_eq!(length["error"], Value::Null, "nobody says how far the rows are off");
+    assert_eq!(length["error"], Value::Null, "the rows have no stated error");
     assert!(length["no_error"].as_str().unwrap().len() > 10, "{length}");
 
-    // The same rows with what they may be off by have error bars, and are another session.
-    let told = imported(&centre.instructor, "trainee=ada", table(&["left", "right"], Some(0.1))).await;
-    let length = feature(&told, "path_length");
+    // The same rows with stated errors have error bars, and are another session.
+    let with_errors = import_and_wait(&centre.instructor, "trainee=ada", table(&["left", "right"], Some(0.1))).await;
+    let length = feature(&with_errors, "path_length");
     assert!(length["error"]["low"].as_f64() < length["error"]["high"].as_f64(), "{length}");
 
     let id = session["id"].as_str().unwrap();
@@ -90,11 +91,15 @@ async fn rows_of_another_tracker_become_a_session_that_says_whose_they_are() {
     problem(centre.instructor.post(&format!("/api/v1/sessions/{id}/retry"), json!({})).await, 409, "conflict").await;
     let again = import(&centre.instructor, "trainee=ada&tracker=Kinovea", table(&["left", "right"], None)).await;
     assert!(problem(again, 409, "duplicate-recording").await["session"].as_str().unwrap().ends_with(id));
-    assert_eq!(centre.trainee.read(&format!("/api/v1/sessions/{id}")).await["id"], id, "it is theirs to see");
+    assert_eq!(
+        centre.trainee.read(&format!("/api/v1/sessions/{id}")).await["id"],
+        id,
+        "trainees see their own imports"
+    );
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_imports_what_is_checked_and_a_bad_table_is_refused_with_line_and_column() {
+async fn imports_need_permission_and_a_bad_table_is_refused_with_line_and_column() {
     let centre = Centre::open_in(Service::start_with(|settings| settings.uploads.import_bytes = 4096).await).await;
     let good = format!("{HEAD}\n0,0,left,1,2,150\n1,0.04,left,1,2,150\n");
     problem(import(&centre.trainee, "trainee=ada", good.clone()).await, 403, "forbidden").await;
@@ -119,13 +124,13 @@ async fn who_imports_what_is_checked_and_a_bad_table_is_refused_with_line_and_co
         assert_eq!(refused["errors"][0]["field"], "table");
     }
     let sessions = centre.administrator.read("/api/v1/sessions").await;
-    assert_eq!(sessions["items"], json!([]), "nothing of it is kept");
+    assert_eq!(sessions["items"], json!([]), "no refused table is kept");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_box_that_knows_its_tools_takes_rows_of_these_alone() {
+async fn a_box_that_knows_its_tools_takes_only_rows_of_these() {
     let centre = Centre::open().await;
-    Planter::beside(&centre.service.data.path().join("trocar.db")).await; // its one tool is orange
+    Planter::open(&centre.service.data.path().join("trocar.db")).await; // the box's one tool is orange
     let rows = |tool: &str| format!("{HEAD}\n0,0,{tool},1,2,150\n1,0.04,{tool},1,2,150\n");
     let refused = problem(import(&centre.instructor, "trainee=ada", rows("green")).await, 422, "invalid").await;
     let expected = "line 2: `tool` is `green`, which the box does not have; its tools are `orange`";
@@ -134,9 +139,9 @@ async fn a_box_that_knows_its_tools_takes_rows_of_these_alone() {
 }
 
 /// Ada has two sessions, the newer one over the limit of 50 s, and Bob one.
-async fn practised() -> Centre {
+async fn centre_with_sessions() -> Centre {
     let centre = Centre::open().await;
-    let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    let planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
     let (ada, bob) = (planter.trainee("ada").await, planter.trainee("bob").await);
     planter.session(ada, NEW_YEAR_MS, vec![duration(40.0, 1.0)]).await;
     planter.session(ada, NEW_YEAR_MS + DAY_MS, vec![duration(60.0, 1.0)]).await;
@@ -150,8 +155,8 @@ async fn session_of(client: &Client, trainee: &str) -> String {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn features_leave_in_three_forms_and_only_to_who_sees_them() {
-    let centre = practised().await;
+async fn features_are_exported_in_three_formats_and_only_in_the_callers_scope() {
+    let centre = centre_with_sessions().await;
     let path = format!("/api/v1/sessions/{}/features", session_of(&centre.trainee, "ada").await);
     let json = centre.trainee.read(&path).await;
     let row = &json["items"][0];
@@ -177,15 +182,15 @@ async fn features_leave_in_three_forms_and_only_to_who_sees_them() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_tasks_table_is_the_administrators_and_tells_no_name() {
-    let centre = practised().await;
+async fn only_administrators_export_a_tasks_table_and_it_contains_no_names() {
+    let centre = centre_with_sessions().await;
     let path = "/api/v1/tasks/peg/features";
     for client in [&centre.instructor, &centre.trainee, &centre.agent] {
         problem(client.get(path).await, 403, "forbidden").await;
     }
     let csv = centre.administrator.get(&format!("{path}?format=csv")).await.text().await.unwrap();
     assert_eq!(csv.lines().count(), 4, "{csv}");
-    assert!(!csv.contains(",ada,") && !csv.contains(",bob,"), "ids alone: {csv}");
+    assert!(!csv.contains(",ada,") && !csv.contains(",bob,"), "only ids: {csv}");
     let named = centre.administrator.get(&format!("{path}?format=csv&trainees=code")).await.text().await.unwrap();
     assert!(named.contains(",ada,") && named.contains(",bob,"), "{named}");
     let bob = centre.administrator.read("/api/v1/trainees/bob").await["id"].clone();
@@ -195,14 +200,14 @@ async fn a_tasks_table_is_the_administrators_and_tells_no_name() {
     assert_eq!(some["items"][0]["value"], 50.0);
     let bytes: Bytes = centre.administrator.get(&format!("{path}?format=parquet")).await.bytes().await.unwrap();
     assert_eq!(SerializedFileReader::new(bytes).unwrap().metadata().file_metadata().num_rows(), 3);
-    let unknown = centre.administrator.get(&format!("{path}?cohort=nobody")).await;
+    let unknown = centre.administrator.get(&format!("{path}?cohort=missing")).await;
     assert_eq!(problem(unknown, 422, "unknown-reference").await["field"], "cohort");
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_table_of_many_pages_has_every_session_once() {
     let centre = Centre::open().await;
-    let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    let planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
     let ada = planter.trainee("ada").await;
     let rows = (0..130).map(|n| (ada, NEW_YEAR_MS + n, vec![duration(n as f64, 1.0)])).collect();
     planter.sessions(rows).await;
@@ -219,23 +224,23 @@ async fn a_table_of_many_pages_has_every_session_once() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn statements_say_what_the_standard_made_of_each_session() {
-    let centre = practised().await;
+async fn statements_give_the_standards_judgement_of_each_session() {
+    let centre = centre_with_sessions().await;
     let ada = session_of(&centre.trainee, "ada").await;
     let path = format!("/api/v1/sessions/{ada}/xapi");
     let before = centre.trainee.read(&path).await;
-    assert_eq!(before["verb"]["id"], "http://adlnet.gov/expapi/verbs/completed", "nothing judges it");
+    assert_eq!(before["verb"]["id"], "http://adlnet.gov/expapi/verbs/completed", "no standard judges it");
     assert_eq!((before["result"].get("success"), before["result"].get("score")), (None, None));
     let limit = json!({"targets": [{"feature": "duration", "by": {"method": "fixed", "limit": 50.0, "unit": "s"}}]});
     centre.administrator.make("/api/v1/tasks/peg/standards", limit).await;
     let failed = centre.trainee.read(&path).await;
     assert_eq!((&failed["verb"]["display"]["en"], &failed["result"]["success"]), (&json!("failed"), &json!(false)));
-    assert_ne!(failed["id"], before["id"], "another word, another statement");
+    assert_ne!(failed["id"], before["id"], "another verb gives another statement");
     let account = &failed["actor"]["account"];
     assert_eq!(
         account["name"],
         centre.administrator.read("/api/v1/trainees/ada").await["id"],
-        "an id, not a code made of a name"
+        "an id, because a code may contain a name"
     );
     assert_eq!(account["homePage"], format!("http://{}", centre.service.address()));
     assert!(!failed.to_string().contains("\"name\":\"Ada"), "{failed}");
@@ -246,17 +251,17 @@ async fn statements_say_what_the_standard_made_of_each_session() {
     assert_eq!(second["statements"][0]["verb"]["display"]["en"], "passed");
     assert_eq!(second["more"], "", "the last page");
     let undecided = centre.other_trainee.read("/api/v1/trainees/bob/xapi").await;
-    assert_eq!(undecided["statements"][0]["verb"]["display"]["en"], "completed", "the bar covers the limit");
+    assert_eq!(undecided["statements"][0]["verb"]["display"]["en"], "completed", "the error bar covers the limit");
     problem(centre.trainee.get("/api/v1/trainees/bob/xapi").await, 404, "not-found").await;
     problem(centre.instructor.get("/api/v1/trainees/bob/xapi").await, 404, "not-found").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_address_that_is_set_is_the_one_that_statements_name() {
+async fn statements_use_the_public_address_from_the_settings() {
     let set =
         |settings: &mut trocar::settings::Settings| settings.http.public_url = Some("https://skills.example/".into());
     let centre = Centre::open_in(Service::start_with(set).await).await;
-    let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    let planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
     planter.session(planter.trainee("ada").await, NEW_YEAR_MS, vec![duration(40.0, 1.0)]).await;
     let statement = centre.trainee.read("/api/v1/trainees/ada/xapi").await["statements"][0].clone();
     assert_eq!(statement["actor"]["account"]["homePage"], "https://skills.example");

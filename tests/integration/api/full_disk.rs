@@ -1,4 +1,4 @@
-//! A full disk: nothing is lost, what is there stays readable, and the upload goes on once there is space.
+//! A full disk: no data is lost, stored data stays readable, and the upload continues once there is space.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::process::Command;
 use std::sync::Arc;
 
 use reqwest::{Method, StatusCode};
-use trocar::time::System;
+use trocar::time::SystemClock;
 
 use super::centre::{Centre, recording};
 use super::tus::Upload;
@@ -14,11 +14,11 @@ use crate::support::{Service, problem};
 
 const MIB: usize = 1024 * 1024;
 
-/// A small file system of its own, mounted for one test.
+/// A small separate file system, mounted for one test.
 struct SmallDisk(PathBuf);
 
 impl SmallDisk {
-    /// `None` where nobody may mount one.
+    /// `None` if the user may not mount a file system.
     fn mount(at: &Path, mib: usize) -> Option<Self> {
         let mount = ["-t", "tmpfs", "-o", &format!("size={mib}m"), "tmpfs"].map(str::to_owned);
         let mounted = Command::new("mount").args(mount).arg(at).output().ok()?.status.success();
@@ -33,22 +33,22 @@ impl Drop for SmallDisk {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_upload_meets_a_full_disk_and_goes_on_when_there_is_space() {
+async fn an_upload_that_meets_a_full_disk_continues_once_there_is_space() {
     let folder = tempfile::tempdir().unwrap();
     let Some(_disk) = SmallDisk::mount(folder.path(), 64) else {
         eprintln!("SKIPPED: mounting a small file system needs more rights");
         return;
     };
     let filler = folder.path().join("filler");
-    let centre = Centre::open_in(Service::start_in(folder, Arc::new(System), |_| ()).await).await;
+    let centre = Centre::open_in(Service::start_in(folder, Arc::new(SystemClock), |_| ()).await).await;
     let content = recording(24 * MIB, 1);
     let upload = Upload::begin(&centre.trainee, content.len()).await;
     fs::write(&filler, vec![1; 38 * MIB]).unwrap();
-    let told = problem(upload.patch(0, &content).await, 507, "disk-full").await;
-    assert!(told["detail"].as_str().unwrap().contains("space"), "{told}");
+    let refused = problem(upload.patch(0, &content).await, 507, "disk-full").await;
+    assert!(refused["detail"].as_str().unwrap().contains("space"), "{refused}");
     let kept = upload.offset().await;
-    assert!(kept > 8 * MIB && kept < content.len(), "{kept} bytes are safe");
-    assert_eq!(centre.trainee.get("/api/v1/sessions").await.status(), StatusCode::OK, "reading goes on");
+    assert!(kept > 8 * MIB && kept < content.len(), "{kept} bytes are stored");
+    assert_eq!(centre.trainee.get("/api/v1/sessions").await.status(), StatusCode::OK, "reading still works");
     fs::remove_file(filler).unwrap();
     let whole = upload.patch(kept, &content[kept..]).await;
     assert_eq!(whole.status(), StatusCode::NO_CONTENT, "{}", whole.text().await.unwrap());

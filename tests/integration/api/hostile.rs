@@ -1,4 +1,4 @@
-//! Clients that mean harm, or are broken in the same ways.
+//! Malicious clients, and clients that are broken in the same ways.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -10,8 +10,8 @@ use serde_json::json;
 use super::centre::Centre;
 use crate::support::{ADMINISTRATOR, Service, problem};
 
-/// What the service answers to these bytes until it closes the connection.
-fn raw(service: &Service, bytes: &[u8]) -> String {
+/// Sends bytes and returns the service's answer until it closes the connection.
+fn send_raw(service: &Service, bytes: &[u8]) -> String {
     let mut stream = TcpStream::connect(service.address()).unwrap();
     stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
     stream.write_all(bytes).unwrap();
@@ -24,17 +24,17 @@ fn raw(service: &Service, bytes: &[u8]) -> String {
 async fn another_sites_page_changes_nothing() {
     let centre = Centre::open().await;
     for (name, value) in [("origin", "http://evil.example"), ("origin", "null"), ("sec-fetch-site", "cross-site")] {
-        let lured = centre.administrator.clone().with(name, value);
-        problem(lured.post("/api/v1/tasks", json!({"name": "planted"})).await, 403, "foreign-origin").await;
-        problem(lured.delete("/api/v1/tasks/peg").await, 403, "foreign-origin").await;
-        assert_eq!(lured.get("/api/v1/tasks").await.status(), StatusCode::OK);
+        let cross_site = centre.administrator.clone().with(name, value);
+        problem(cross_site.post("/api/v1/tasks", json!({"name": "planted"})).await, 403, "foreign-origin").await;
+        problem(cross_site.delete("/api/v1/tasks/peg").await, 403, "foreign-origin").await;
+        assert_eq!(cross_site.get("/api/v1/tasks").await.status(), StatusCode::OK);
     }
     let own = format!("http://{}", centre.service.address());
     let ours = centre.administrator.clone().with("origin", &own);
     assert_eq!(ours.post("/api/v1/tasks", json!({"name": "ours"})).await.status(), StatusCode::CREATED);
     let login = json!({"login": ADMINISTRATOR.0, "password": ADMINISTRATOR.1});
-    let lured = centre.service.stranger().with("origin", "http://evil.example");
-    problem(lured.post("/api/v1/sign-in", login).await, 403, "foreign-origin").await;
+    let cross_site = centre.service.stranger().with("origin", "http://evil.example");
+    problem(cross_site.post("/api/v1/sign-in", login).await, 403, "foreign-origin").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -44,8 +44,8 @@ async fn bodies_that_are_too_long_wrong_or_broken_are_explained() {
         centre.administrator.request(Method::POST, "/api/v1/tasks").header(header::CONTENT_TYPE, kind).body(body).send()
     };
     let long = format!("{{\"name\":\"{}\"}}", "x".repeat(300_000));
-    let told = problem(post("application/json", long).await.unwrap(), 413, "too-large").await;
-    assert_eq!(told["limit_bytes"], 256 * 1024);
+    let refused = problem(post("application/json", long).await.unwrap(), 413, "too-large").await;
+    assert_eq!(refused["limit_bytes"], 256 * 1024);
     problem(post("text/plain", "{\"name\":\"x\"}".into()).await.unwrap(), 415, "unsupported-media-type").await;
     problem(post("application/json", "{\"name\":".into()).await.unwrap(), 400, "bad-request").await;
     for body in
@@ -58,7 +58,7 @@ async fn bodies_that_are_too_long_wrong_or_broken_are_explained() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn hostile_heads_are_refused_and_the_service_goes_on() {
+async fn hostile_heads_are_refused_and_the_service_keeps_running() {
     let service = Service::start().await;
     let many = format!("GET / HTTP/1.1\r\nHost: x\r\n{}\r\n", "a: b\r\n".repeat(1000));
     let long = format!("GET /{} HTTP/1.1\r\nHost: x\r\n\r\n", "a".repeat(1_000_000));
@@ -72,7 +72,7 @@ async fn hostile_heads_are_refused_and_the_service_goes_on() {
         ("GET /api/v1/sessions/%ff%00/../x HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n", &["401", "404"]),
         ("GET /../../etc/passwd HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n", &["404", "200"]),
     ] {
-        let answer = raw(&service, bytes.as_bytes());
+        let answer = send_raw(&service, bytes.as_bytes());
         let status = answer.split(' ').nth(1).unwrap_or_default();
         assert!(statuses.contains(&status), "{}: {answer:.200}", &bytes[..bytes.len().min(60)]);
         assert!(!answer.contains("root:"), "{answer}");
@@ -81,17 +81,17 @@ async fn hostile_heads_are_refused_and_the_service_goes_on() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_silent_client_and_a_dribbling_body_are_ended() {
+async fn a_silent_client_and_a_slow_body_are_disconnected() {
     let service = Service::start_with(|settings| {
         settings.http.head_timeout_s = 0.1;
         settings.http.body_grace_s = 0.1;
     })
     .await;
-    assert_eq!(raw(&service, b""), "", "closed without a word");
-    raw(&service, b"GET / HTTP/1.1\r\nHost:");
+    assert_eq!(send_raw(&service, b""), "", "closed without an answer");
+    send_raw(&service, b"GET / HTTP/1.1\r\nHost:");
     let head =
         "POST /api/v1/sign-in HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: 100\r\n\r\n{";
-    let answer = raw(&service, head.as_bytes());
+    let answer = send_raw(&service, head.as_bytes());
     assert!(answer.starts_with("HTTP/1.1 408"), "{answer}");
     assert!(answer.contains("/problems/too-slow"), "{answer}");
     service.administrator().await;

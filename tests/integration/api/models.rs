@@ -14,14 +14,14 @@ use trocar::pipeline::PIPELINE_VERSION;
 const MODELS: &str = "/api/v1/tasks/peg/models";
 const LEVELS: [&str; 3] = ["expert", "intermediate", "novice"];
 
-/// What somebody who takes so long measures; `off` is their own.
+/// The features of a session that takes `seconds`; `off` is the person's own deviation.
 fn features(seconds: f64, off: f64) -> Vec<FeatureRow> {
     let path = |tool| measured("path_length", "mm", Some(tool), FeatureSpace::Space3d, 900.0 + 40.0 * off, 8.0);
     vec![duration(seconds + 4.0 * off, 0.5), path("orange")]
 }
 
-/// People of the three levels in turn with one session each; levels lie half a minute apart.
-async fn people(centre: &Centre, planter: &Planter, numbers: Range<usize>) {
+/// Adds people with one session each, alternating between the three levels, which differ by 30 s.
+async fn add_people(centre: &Centre, planter: &Planter, numbers: Range<usize>) {
     for number in numbers {
         let (level, name) = (LEVELS[number % 3], format!("person-{number}"));
         centre.administrator.make("/api/v1/trainees", json!({"name": name, "level": level})).await;
@@ -35,25 +35,25 @@ async fn people(centre: &Centre, planter: &Planter, numbers: Range<usize>) {
 async fn verdict(client: &Client) -> Value {
     let sessions = client.read("/api/v1/sessions?trainee=ada").await;
     let id = sessions["items"][0]["id"].as_str().unwrap();
-    assert_eq!(sessions["items"][0]["verdict"], Value::Null, "lists have none");
+    assert_eq!(sessions["items"][0]["verdict"], Value::Null, "lists contain no verdict");
     client.read(&format!("/api/v1/sessions/{id}")).await["verdict"].clone()
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_model_is_made_of_people_judges_a_session_and_goes_with_the_first_of_them() {
+async fn a_model_judges_a_session_and_is_withdrawn_when_one_of_its_people_is_erased() {
     let centre = Centre::open().await;
-    let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    let planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
     let ada = planter.trainee("ada").await;
     planter.session(ada, NEW_YEAR_MS, features(41.0, 0.0)).await;
     assert_eq!(verdict(&centre.trainee).await["reason"]["name"], "no_model");
 
-    people(&centre, &planter, 0..21).await;
+    add_people(&centre, &planter, 0..21).await;
     let refused = problem(centre.administrator.post(MODELS, json!({})).await, 409, "conflict").await;
     assert_eq!(
         (&refused["reason"], &refused["missing"]),
         (&json!("too_few_people"), &json!({"novice": 1, "intermediate": 1, "expert": 1}))
     );
-    people(&centre, &planter, 21..24).await;
+    add_people(&centre, &planter, 21..24).await;
     for client in [&centre.instructor, &centre.trainee, &centre.agent] {
         problem(client.post(MODELS, json!({})).await, 403, "forbidden").await;
     }
@@ -67,31 +67,31 @@ async fn a_model_is_made_of_people_judges_a_session_and_goes_with_the_first_of_t
     assert!(baseline["p"].as_f64() <= Some(0.05) && baseline["permutations"] == 99, "{made}");
     assert_eq!(made["fingerprint"].as_str().unwrap().len(), 64);
 
-    // Everybody reads what it is worth; whose values it is made of, nobody.
+    // Everyone may read the report of the model. Its fingerprint, author and scorer are hidden from trainees.
     let read_by_trainee = centre.trainee.read(&format!("{MODELS}/1")).await;
     assert_eq!((&read_by_trainee["report"], &read_by_trainee["fingerprint"]), (&made["report"], &Value::Null));
     assert!(read_by_trainee["who"].is_null() && read_by_trainee["scorer"].is_null());
     problem(centre.trainee.get(&format!("{MODELS}/2")).await, 404, "not-found").await;
     problem(centre.trainee.get(&format!("{MODELS}/first")).await, 404, "not-found").await;
 
-    // The trainee and those who teach them see what it says; others do not see the session.
-    let said = verdict(&centre.trainee).await;
-    assert_eq!((&said["level"], &said["model"]), (&json!("expert"), &json!(1)), "{said}");
-    assert!(said["probabilities"]["expert"].as_f64() > Some(0.6) && said["accuracy"] == *accuracy, "{said}");
-    assert_eq!(said["accuracy_where_given"], made["report"]["speaking"]["of_level"][2], "{said}");
-    assert_eq!(said["carried"][0]["feature"], "duration", "{said}");
-    assert_eq!(verdict(&centre.instructor).await, said);
+    // The trainee and their instructor see the verdict; others do not see the session.
+    let judged = verdict(&centre.trainee).await;
+    assert_eq!((&judged["level"], &judged["model"]), (&json!("expert"), &json!(1)), "{judged}");
+    assert!(judged["probabilities"]["expert"].as_f64() > Some(0.6) && judged["accuracy"] == *accuracy, "{judged}");
+    assert_eq!(judged["accuracy_where_given"], made["report"]["speaking"]["of_level"][2], "{judged}");
+    assert_eq!(judged["carried"][0]["feature"], "duration", "{judged}");
+    assert_eq!(verdict(&centre.instructor).await, judged);
     let hidden = centre.other_instructor.read("/api/v1/sessions?trainee=ada").await;
     assert_eq!(hidden["items"], json!([]));
 
-    // Of those whom it was made of it says nothing.
-    let theirs = centre.administrator.read("/api/v1/sessions?trainee=person-1").await;
-    let theirs =
-        centre.administrator.read(&format!("/api/v1/sessions/{}", theirs["items"][0]["id"].as_str().unwrap())).await;
-    let said = &theirs["verdict"];
-    assert_eq!((&said["level"], &said["reason"]["name"]), (&Value::Null, &json!("in_training")), "{said}");
+    // The model gives no verdict about people in its own training data.
+    let list = centre.administrator.read("/api/v1/sessions?trainee=person-1").await;
+    let session =
+        centre.administrator.read(&format!("/api/v1/sessions/{}", list["items"][0]["id"].as_str().unwrap())).await;
+    let withheld = &session["verdict"];
+    assert_eq!((&withheld["level"], &withheld["reason"]["name"]), (&Value::Null, &json!("in_training")), "{withheld}");
 
-    // What it cannot judge it says so of.
+    // A session that the model cannot judge gets the reason.
     for (day, rows, made, why) in [
         (1, features(900.0, 0.0), (PIPELINE_VERSION, "valid"), "outside"),
         (2, vec![], (PIPELINE_VERSION, "valid"), "not_measured"),
@@ -99,11 +99,11 @@ async fn a_model_is_made_of_people_judges_a_session_and_goes_with_the_first_of_t
         (4, features(41.0, 0.0), (PIPELINE_VERSION, "refused"), "refused"),
     ] {
         planter.result(ada, NEW_YEAR_MS + day * DAY_MS, rows, made).await;
-        let said = verdict(&centre.trainee).await;
-        assert_eq!((&said["level"], &said["reason"]["name"]), (&Value::Null, &json!(why)), "{said}");
+        let withheld = verdict(&centre.trainee).await;
+        assert_eq!((&withheld["level"], &withheld["reason"]["name"]), (&Value::Null, &json!(why)), "{withheld}");
     }
 
-    // With one of them the model goes, and says why.
+    // Erasing one of its people withdraws the model, with the reason.
     let erased = centre.administrator.delete("/api/v1/trainees/person-0").await;
     assert_eq!(erased.status(), StatusCode::NO_CONTENT);
     planter.session(ada, NEW_YEAR_MS + 9 * DAY_MS, features(41.0, 0.0)).await;

@@ -16,7 +16,7 @@ async fn a_thing_is_found_by_id_and_by_code_and_changes_keep_the_rest() {
         ("trainees", json!({"name": "Side view", "level": "novice", "handedness": "left"})),
     ] {
         let made = administrator.make(&format!("/api/v1/{noun}"), body.clone()).await;
-        assert_eq!(made["code"], "side-view", "{noun}: a code made of the name");
+        assert_eq!(made["code"], "side-view", "{noun}: the code is made from the name");
         let by_code = administrator.read(&format!("/api/v1/{noun}/side-view")).await;
         let by_id = administrator.read(&format!("/api/v1/{noun}/{}", made["id"].as_str().unwrap())).await;
         assert_eq!((&by_code, &by_id), (&made, &made));
@@ -84,23 +84,23 @@ async fn photos_and_annotations_become_jobs() {
         .part("photo", part("a.jpg"))
         .part("photo", part("b.jpg"));
     let answer = centre.instructor.request(Method::POST, "/api/v1/boxes/box-1/calibrations").multipart(form);
-    let told = read(answer.send().await.unwrap(), StatusCode::ACCEPTED).await;
-    let job = centre.instructor.read(&format!("/api/v1/jobs/{}", told["job"].as_str().unwrap())).await;
+    let accepted = read(answer.send().await.unwrap(), StatusCode::ACCEPTED).await;
+    let job = centre.instructor.read(&format!("/api/v1/jobs/{}", accepted["job"].as_str().unwrap())).await;
     assert_eq!((&job["kind"], &job["state"]), (&json!("calibrate"), &json!("queued")));
 
     let annotations =
         r#"{"tool_diameter_mm":8.0,"view":"top","labels":[{"frame":1,"label":"orange","x":1,"y":2,"w":3,"h":4}]}"#;
     let form = reqwest::multipart::Form::new().text("annotations", annotations).part("video", part("clip.mp4"));
     let answer = centre.instructor.request(Method::PUT, "/api/v1/boxes/box-1/palette").multipart(form);
-    let told = read(answer.send().await.unwrap(), StatusCode::ACCEPTED).await;
-    let job = centre.instructor.read(&format!("/api/v1/jobs/{}", told["job"].as_str().unwrap())).await;
+    let accepted = read(answer.send().await.unwrap(), StatusCode::ACCEPTED).await;
+    let job = centre.instructor.read(&format!("/api/v1/jobs/{}", accepted["job"].as_str().unwrap())).await;
     assert_eq!(job["kind"], "palette");
-    problem(centre.trainee.get(&format!("/api/v1/jobs/{}", told["job"].as_str().unwrap())).await, 404, "not-found")
+    problem(centre.trainee.get(&format!("/api/v1/jobs/{}", accepted["job"].as_str().unwrap())).await, 404, "not-found")
         .await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_form_that_lacks_something_is_told_what() {
+async fn an_incomplete_or_invalid_form_is_refused() {
     let centre = Centre::open().await;
     let send =
         |path: &'static str, method: Method, form| centre.instructor.request(method, path).multipart(form).send();
@@ -122,7 +122,7 @@ async fn a_form_that_lacks_something_is_told_what() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_recordings_refer_to_is_not_deleted_under_them() {
+async fn a_task_or_box_with_recordings_cannot_be_deleted() {
     let centre = Centre::open().await;
     session(&centre.trainee, "ada", recording(100, 1)).await;
     for path in ["/api/v1/tasks/peg", "/api/v1/boxes/box-1"] {
@@ -141,7 +141,7 @@ async fn an_erased_trainee_takes_account_and_recordings_along() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn groups_decide_whom_an_instructor_sees() {
+async fn groups_decide_which_trainees_an_instructor_sees() {
     let centre = Centre::open().await;
     let groups = centre.administrator.read("/api/v1/groups").await;
     let one = groups["items"].as_array().unwrap().iter().find(|g| g["name"] == "One").unwrap();

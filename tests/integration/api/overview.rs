@@ -1,4 +1,5 @@
-//! Many people at once: lists of new ones, a group's table, spreads with a limit in them, who needs somebody, how the service stands.
+//! Many people at once: enrolment of lists, group tables, distributions with a limit, people who need attention, and
+//! the state of the service.
 
 use reqwest::StatusCode;
 use serde_json::{Value, json};
@@ -7,15 +8,15 @@ use super::centre::Centre;
 use crate::planted::{DAY_MS, Planter, duration};
 use crate::support::{problem, read};
 use trocar::pipeline::PIPELINE_VERSION;
-use trocar::time::{Clock, System};
+use trocar::time::{Clock, SystemClock};
 
 const ENROLMENTS: &str = "/api/v1/enrolments";
 
 async fn planter(centre: &Centre) -> Planter {
-    Planter::beside(&centre.service.data.path().join("trocar.db")).await
+    Planter::open(&centre.service.data.path().join("trocar.db")).await
 }
 
-async fn ask_for(centre: &Centre, seconds: f64, rule: Value) {
+async fn set_standard(centre: &Centre, seconds: f64, rule: Value) {
     let by = json!({"method": "fixed", "limit": seconds, "unit": "s"});
     let body = json!({"targets": [{"feature": "duration", "by": by}], "rule": rule});
     centre.administrator.make("/api/v1/tasks/peg/standards", body).await;
@@ -28,7 +29,7 @@ async fn group(centre: &Centre, name: &str) -> String {
 }
 
 fn now_ms() -> i64 {
-    System.now_ms()
+    SystemClock.now_ms()
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -36,20 +37,20 @@ async fn a_list_is_enrolled_whole_or_not_at_all() {
     let centre = Centre::open().await;
     let good = json!({"name": "Cleo", "code": "cleo", "level": "Novice", "handedness": "left", "group": "One"});
     let bad = json!([good, {"name": "Dan", "code": "ada"}, {"name": "", "group": "Three"}, {"name": "Eve", "group": "Three"}]);
-    let told = |problems: &Value| -> Vec<(u64, String)> {
+    let rows_and_fields = |problems: &Value| -> Vec<(u64, String)> {
         let of = |row: &Value| (row["row"].as_u64().unwrap(), row["field"].as_str().unwrap().to_owned());
         problems.as_array().unwrap().iter().map(of).collect()
     };
-    // What the rows themselves say is told first, then what the centre says.
+    // Problems within the rows are reported first, then conflicts with the data of the centre.
     let checked = centre.administrator.post(ENROLMENTS, json!({"rows": bad, "only_check": true})).await;
-    assert_eq!(told(&read(checked, StatusCode::OK).await["problems"]), [(3, "name".to_owned())]);
+    assert_eq!(rows_and_fields(&read(checked, StatusCode::OK).await["problems"]), [(3, "name".to_owned())]);
     let bad = json!([good, {"name": "Dan", "code": "ada"}, {"name": "Eve", "group": "Three"}]);
     let refused = problem(centre.administrator.post(ENROLMENTS, json!({"rows": bad})).await, 422, "invalid").await;
-    assert_eq!(told(&refused["problems"]), [(2, "code".to_owned()), (3, "group".to_owned())], "{refused}");
+    assert_eq!(rows_and_fields(&refused["problems"]), [(2, "code".to_owned()), (3, "group".to_owned())], "{refused}");
     assert!(refused["detail"].as_str().unwrap().starts_with("2 rows cannot be used"), "{refused}");
     assert_eq!(centre.administrator.read("/api/v1/trainees").await["items"].as_array().unwrap().len(), 2);
 
-    // A made code steps aside for one that a later row gives.
+    // A generated code avoids the codes that later rows state.
     let rows = json!([{"name": "Dan"}, {"name": "Danica", "code": "dan"}, good]);
     let checked = centre.administrator.post(ENROLMENTS, json!({"rows": rows, "only_check": true})).await;
     assert_eq!(read(checked, StatusCode::OK).await, json!({"enrolled": [], "problems": []}));
@@ -61,9 +62,9 @@ async fn a_list_is_enrolled_whole_or_not_at_all() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn however_many_share_a_name_each_has_a_code() {
+async fn people_with_the_same_name_get_different_codes() {
     let centre = Centre::open().await;
-    let rows: Vec<Value> = (0..100).map(|_| json!({"name": "王芳"})).collect(); // without a letter that a code may have
+    let rows: Vec<Value> = (0..100).map(|_| json!({"name": "王芳"})).collect(); // no letter of it may be in a code
     let mut codes = Vec::new();
     for _ in 0..2 {
         let done = read(centre.administrator.post(ENROLMENTS, json!({"rows": rows})).await, StatusCode::OK).await;
@@ -76,24 +77,28 @@ async fn however_many_share_a_name_each_has_a_code() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_enrols_does_so_into_groups_of_their_own() {
+async fn instructors_enrol_only_into_their_own_groups() {
     let centre = Centre::open().await;
     let rows = |group: Value| json!({"rows": [{"name": "Cleo", "group": group}]});
     let foreign = problem(centre.instructor.post(ENROLMENTS, rows(json!("Two"))).await, 422, "invalid").await;
     let missing = problem(centre.instructor.post(ENROLMENTS, rows(json!("Three"))).await, 422, "invalid").await;
-    let said = |of: &Value| of["problems"][0]["message"].as_str().unwrap().replace("Two", "Three");
-    assert_eq!(said(&foreign), said(&missing), "what one may not see is not there");
+    let message = |of: &Value| of["problems"][0]["message"].as_str().unwrap().replace("Two", "Three");
+    assert_eq!(message(&foreign), message(&missing), "a hidden group looks like a missing one");
     read(centre.instructor.post(ENROLMENTS, rows(Value::Null)).await, StatusCode::OK).await;
-    assert_eq!(centre.instructor.read("/api/v1/trainees/cleo").await["name"], "Cleo", "the only group is meant");
+    assert_eq!(
+        centre.instructor.read("/api/v1/trainees/cleo").await["name"],
+        "Cleo",
+        "the instructor's only group is used"
+    );
     problem(centre.trainee.post(ENROLMENTS, rows(Value::Null)).await, 403, "forbidden").await;
     problem(centre.administrator.post(ENROLMENTS, json!({"rows": []})).await, 422, "invalid").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_groups_table_says_of_each_what_their_own_progress_says() {
+async fn a_groups_table_agrees_with_each_trainees_own_progress() {
     let centre = Centre::open().await;
     let planter = planter(&centre).await;
-    ask_for(&centre, 50.0, json!({"in_a_row": 2})).await;
+    set_standard(&centre, 50.0, json!({"in_a_row": 2})).await;
     let (ada, start) = (planter.trainee("ada").await, now_ms() - 9 * DAY_MS);
     for (day, seconds) in [70.0, 45.0, 44.0].into_iter().enumerate() {
         planter.session(ada, start + day as i64 * DAY_MS, vec![duration(seconds, 1.0)]).await;
@@ -109,12 +114,12 @@ async fn a_groups_table_says_of_each_what_their_own_progress_says() {
     assert_eq!((table["trainees"].as_array().unwrap().len(), &table["trainees"][0]["code"]), (1, &json!("ada")));
     let row = &table["rows"][0];
     let points = own["features"][0]["points"].as_array().unwrap();
-    assert_eq!(row["points"].as_array().unwrap(), &points[..3], "the refused one counts for nothing");
+    assert_eq!(row["points"].as_array().unwrap(), &points[..3], "the refused session does not count");
     assert_eq!((&row["sessions"], &row["last_at"]), (&json!(4), &own["sessions"][3]["recorded_at"]));
     assert_eq!((&row["rule"], &row["passed"], &row["newest"]), (&own["rule"], &json!(true), &own["sessions"][2]["id"]));
     let passed = json!({"by": "rule", "session": 3, "at": own["sessions"][2]["recorded_at"], "sessions": [2, 3]});
     assert_eq!(own["passed"], passed);
-    // Others' groups are not there, for instructors, and trainees are given no tables.
+    // For instructors, the groups of others do not exist. Trainees may not read tables.
     let path = format!("/api/v1/groups/{one}/progress?task=peg");
     problem(centre.other_instructor.get(&path).await, 404, "not-found").await;
     problem(centre.trainee.get(&path).await, 403, "forbidden").await;
@@ -123,7 +128,7 @@ async fn a_groups_table_says_of_each_what_their_own_progress_says() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_moved_limit_says_what_a_standard_made_there_would_say() {
+async fn a_moved_limit_gives_the_same_shares_as_a_standard_with_that_limit() {
     let centre = Centre::open().await;
     let planter = planter(&centre).await;
     for (level, first) in [("expert", 40.0), ("novice", 60.0)] {
@@ -142,18 +147,18 @@ async fn a_moved_limit_says_what_a_standard_made_there_would_say() {
     let target = &made["targets"][0]["target"];
     let at =
         |limit: &Value| format!("/api/v1/tasks/peg/distribution?feature=duration&cohorts=novice,expert&limit={limit}");
-    let there = centre.administrator.read(&at(&target["limit"])).await;
-    assert_eq!(there["groups"][0]["keeping"], target["basis"]["false_pass"], "of novices, who passes");
-    assert_eq!(there["groups"][1]["breaking"], target["basis"]["false_fail"], "of experts, who fails");
+    let at_limit = centre.administrator.read(&at(&target["limit"])).await;
+    assert_eq!(at_limit["groups"][0]["keeping"], target["basis"]["false_pass"], "the share of novices who pass");
+    assert_eq!(at_limit["groups"][1]["breaking"], target["basis"]["false_fail"], "the share of experts who fail");
     let milder = centre.administrator.read(&at(&json!(80))).await;
     assert!(
-        milder["groups"][0]["keeping"]["seen"].as_f64() > there["groups"][0]["keeping"]["seen"].as_f64(),
+        milder["groups"][0]["keeping"]["seen"].as_f64() > at_limit["groups"][0]["keeping"]["seen"].as_f64(),
         "{milder}"
     );
-    let values = there["groups"][1]["values"].as_array().unwrap();
+    let values = at_limit["groups"][1]["values"].as_array().unwrap();
     assert_eq!((values.len(), &values[0], &values[11]), (12, &json!(40.0), &json!(73.0)));
 
-    // Of those whom one sees, and nobody else: the instructor's only trainee has no session.
+    // Values are limited to trainees in the caller's scope: the instructor's only trainee has no session.
     let seen = centre.instructor.read(&at(&json!(80))).await;
     for group in seen["groups"].as_array().unwrap() {
         assert_eq!((&group["values"], &group["keeping"]), (&json!([]), &Value::Null), "{seen}");
@@ -166,10 +171,10 @@ async fn a_moved_limit_says_what_a_standard_made_there_would_say() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn attention_names_those_whom_one_sees_and_nobody_else() {
+async fn attention_lists_only_people_in_the_callers_scope() {
     let centre = Centre::open().await;
     let planter = planter(&centre).await;
-    ask_for(&centre, 50.0, json!({"in_a_row": 2})).await;
+    set_standard(&centre, 50.0, json!({"in_a_row": 2})).await;
     let (ada, bob) = (planter.trainee("ada").await, planter.trainee("bob").await);
     let start = now_ms() - 60 * DAY_MS;
     for day in 0..2 {
@@ -208,28 +213,28 @@ async fn attention_names_those_whom_one_sees_and_nobody_else() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_waits_for_a_rating_is_of_tasks_that_are_rated() {
+async fn unrated_sessions_are_listed_only_for_tasks_that_are_rated() {
     let centre = Centre::open().await;
     let planter = planter(&centre).await;
     let ada = planter.trainee("ada").await;
     for day in 0..2 {
         planter.session(ada, now_ms() - day * DAY_MS, vec![duration(40.0, 1.0)]).await;
     }
-    assert_eq!(centre.instructor.read("/api/v1/attention").await["unrated"], json!([]), "nobody rates here");
+    assert_eq!(centre.instructor.read("/api/v1/attention").await["unrated"], json!([]), "this task is not rated");
     let sessions = centre.instructor.read("/api/v1/sessions").await;
     let first = sessions["items"][0]["id"].as_str().unwrap();
     let rating = super::ratings::goals(3);
     centre.instructor.make(&format!("/api/v1/sessions/{first}/ratings"), rating).await;
-    let told = centre.instructor.read("/api/v1/attention").await;
+    let attention = centre.instructor.read("/api/v1/attention").await;
     assert_eq!(
-        (told["unrated"].as_array().unwrap().len(), &told["unrated"][0]["session"]),
+        (attention["unrated"].as_array().unwrap().len(), &attention["unrated"][0]["session"]),
         (1, &sessions["items"][1]["id"])
     );
-    assert_eq!(centre.trainee.read("/api/v1/attention").await["unrated"], json!([]), "that is for staff");
+    assert_eq!(centre.trainee.read("/api/v1/attention").await["unrated"], json!([]), "only staff rate");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn administrators_read_how_the_service_stands_and_who_changed_what() {
+async fn administrators_read_the_state_of_the_service_and_the_audit_log() {
     let centre = Centre::open().await;
     let service = centre.administrator.read("/api/v1/service").await;
     assert_eq!((&service["pipeline"], &service["last_backup"]), (&json!(PIPELINE_VERSION), &Value::Null));
@@ -239,8 +244,8 @@ async fn administrators_read_how_the_service_stands_and_who_changed_what() {
     centre.instructor.make("/api/v1/tasks", json!({"name": "Cutting"})).await;
     let page = centre.administrator.read("/api/v1/audit?limit=1").await;
     let last = &page["items"][0];
-    let said = (&last["who"], &last["by"], &last["action"], &last["noun"]);
-    assert_eq!(said, (&json!("ines"), &json!("person"), &json!("create"), &json!("task")));
+    let entry = (&last["who"], &last["by"], &last["action"], &last["noun"]);
+    assert_eq!(entry, (&json!("ines"), &json!("person"), &json!("create"), &json!("task")));
     let cursor = page["next"].as_str().unwrap();
     let next = centre.administrator.read(&format!("/api/v1/audit?limit=1&cursor={cursor}")).await;
     assert!(next["items"][0]["id"].as_i64() < last["id"].as_i64(), "{next}");

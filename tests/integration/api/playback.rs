@@ -1,11 +1,11 @@
-//! Reading a recording back: whole, in part, again, and under a name that a stranger chose.
+//! Reading a recording back: whole, in part, from a cache, and with a hostile file name.
 
 use reqwest::{Method, StatusCode, header};
 
 use super::centre::{Centre, recording, session};
 use crate::support::{problem, read};
 
-async fn recorded() -> (Centre, String, Vec<u8>) {
+async fn centre_with_recording() -> (Centre, String, Vec<u8>) {
     let centre = Centre::open().await;
     let content = recording(10_000, 1);
     let made = session(&centre.trainee, "ada", content.clone()).await;
@@ -15,7 +15,7 @@ async fn recorded() -> (Centre, String, Vec<u8>) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_player_may_read_any_part() {
-    let (centre, path, content) = recorded().await;
+    let (centre, path, content) = centre_with_recording().await;
     for (range, first, last) in
         [("bytes=0-99", 0, 99), ("bytes=9000-", 9000, 9999), ("bytes=-1", 9999, 9999), ("bytes=0-99999", 0, 9999)]
     {
@@ -32,8 +32,8 @@ async fn a_player_may_read_any_part() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_head_tells_the_length_and_a_known_file_is_not_sent_again() {
-    let (centre, path, content) = recorded().await;
+async fn a_head_request_gives_the_length_and_a_known_file_is_not_sent_again() {
+    let (centre, path, content) = centre_with_recording().await;
     let head = centre.trainee.head(&path).await;
     assert_eq!(head.headers()[header::CONTENT_LENGTH], content.len().to_string().as_str());
     assert_eq!(head.headers()[header::ACCEPT_RANGES], "bytes");
@@ -68,10 +68,10 @@ async fn a_page_sent_as_a_recording_never_runs() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_not_computed_yet_is_said_so() {
-    let (centre, path, _) = recorded().await;
+async fn results_that_are_not_computed_yet_are_refused_with_the_reason() {
+    let (centre, path, _) = centre_with_recording().await;
     for part in ["trajectory", "trajectory?format=parquet", "preview.jpg", "diagnostics"] {
-        let told = problem(centre.trainee.get(&path.replace("video", part)).await, 409, "conflict").await;
-        assert!(told["detail"].as_str().unwrap().contains("not tracked"), "{told}");
+        let refused = problem(centre.trainee.get(&path.replace("video", part)).await, 409, "conflict").await;
+        assert!(refused["detail"].as_str().unwrap().contains("not tracked"), "{refused}");
     }
 }

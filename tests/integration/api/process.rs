@@ -1,4 +1,4 @@
-//! The program itself: its first start, its end, and its death at any moment.
+//! The program itself: its first start, its orderly end, and kills at any moment.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Lines};
@@ -20,30 +20,30 @@ use crate::support::{Client, read, soon};
 
 const MIB: usize = 1024 * 1024;
 
-/// `trocar serve` as a process of its own.
+/// `trocar serve` as a separate process.
 struct Process {
     child: Child,
-    /// What it says further on.
-    _words: Lines<BufReader<ChildStdout>>,
+    /// Kept open: its later output.
+    _stdout: Lines<BufReader<ChildStdout>>,
     base: String,
-    /// What it printed, beside the address.
+    /// The administrator's password, if this was the first start.
     password: Option<String>,
 }
 
 impl Process {
-    /// Starts it on this folder and waits until it says where it listens.
+    /// Starts it on this folder and waits until it prints its address.
     fn start(data: &Path) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trocar"));
         command.args(["serve", "--listen", "127.0.0.1:0", "--workers", "1", "--log", "warn", "--data"]).arg(data);
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        let mut said = || lines.next().expect("it says more").unwrap();
-        let first = said();
+        let mut next_line = || lines.next().expect("it prints another line").unwrap();
+        let first = next_line();
         let base = first.rsplit(' ').next().unwrap().trim_end_matches('/').to_owned();
         let is_first = !data.join("had-its-first-start").exists();
-        let password = is_first.then(|| said().rsplit(' ').next().unwrap().to_owned());
+        let password = is_first.then(|| next_line().rsplit(' ').next().unwrap().to_owned());
         fs::write(data.join("had-its-first-start"), "").unwrap();
-        Self { child, _words: lines, base, password }
+        Self { child, _stdout: lines, base, password }
     }
 
     fn client(&self) -> Client {
@@ -54,13 +54,13 @@ impl Process {
         self.client().signed_in("administrator", password).await
     }
 
-    /// As a power supply does it.
+    /// Kills it without warning.
     fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
 
-    /// As a service manager does it; the exit status.
+    /// Stops it with SIGTERM, as a service manager does. Returns the exit status.
     async fn terminate(mut self) -> Option<i32> {
         kill_process(Pid::from_child(&self.child), Signal::TERM).unwrap();
         let ended = tokio::task::spawn_blocking(move || self.child.wait().unwrap().code());
@@ -75,7 +75,7 @@ fn files(folder: &Path) -> Vec<Vec<u8>> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_first_password_is_told_once_and_kept_nowhere() {
+async fn the_first_password_is_printed_once_and_stored_nowhere() {
     let data = tempfile::tempdir().unwrap();
     let process = Process::start(data.path());
     let password = process.password.clone().unwrap();
@@ -96,14 +96,14 @@ async fn a_second_service_on_the_same_folder_is_refused_in_one_line() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trocar"));
     command.args(["serve", "--listen", "127.0.0.1:0", "--log", "error", "--data"]).arg(data.path());
     let second = command.output().unwrap();
-    let said = String::from_utf8(second.stderr).unwrap();
+    let stderr = String::from_utf8(second.stderr).unwrap();
     assert_eq!(second.status.code(), Some(1));
-    assert!(said.starts_with("trocar: ") && said.lines().count() == 1 && said.contains("in use"), "{said}");
+    assert!(stderr.starts_with("trocar: ") && stderr.lines().count() == 1 && stderr.contains("in use"), "{stderr}");
     process.kill();
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_end_is_orderly_though_streams_and_uploads_are_open() {
+async fn the_service_stops_in_order_while_streams_and_uploads_are_open() {
     let data = tempfile::tempdir().unwrap();
     let process = Process::start(data.path());
     let administrator = process.administrator(&process.password.clone().unwrap()).await;
@@ -116,7 +116,7 @@ async fn the_end_is_orderly_though_streams_and_uploads_are_open() {
     let started = std::time::Instant::now();
     assert_eq!(process.terminate().await, Some(0));
     assert!(started.elapsed().as_secs() < 10, "{:?}", started.elapsed());
-    let _ = sending.await.unwrap(); // answered or cut: the next start tells what came
+    let _ = sending.await.unwrap(); // an answer or a cut connection: both are correct
     drop((events, bytes));
 }
 
@@ -161,7 +161,7 @@ async fn killed_at_any_moment_of_an_upload_no_acknowledged_byte_is_lost() {
     process.kill();
 }
 
-/// An upload of a new trainee.
+/// Creates a box, a task and a trainee, and begins an upload. Returns its address.
 async fn begin(administrator: &Client, length: usize) -> String {
     administrator.make("/api/v1/boxes", json!({"name": "Box 1"})).await;
     administrator.make("/api/v1/tasks", json!({"name": "Peg"})).await;
@@ -184,7 +184,7 @@ async fn offset(client: &Client, address: &str) -> usize {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_service_is_ready_again_soon_after_a_sudden_death() {
+async fn the_service_is_ready_again_soon_after_a_kill() {
     let data = tempfile::tempdir().unwrap();
     Process::start(data.path()).kill();
     let started = std::time::Instant::now();

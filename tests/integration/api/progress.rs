@@ -13,11 +13,11 @@ const PROPOSALS: &str = "/api/v1/tasks/peg/standards/proposals";
 const ADA: &str = "/api/v1/trainees/ada/progress?task=peg";
 
 async fn planter(centre: &Centre) -> Planter {
-    Planter::beside(&centre.service.data.path().join("trocar.db")).await
+    Planter::open(&centre.service.data.path().join("trocar.db")).await
 }
 
-/// So many people of a level with one session each, `seconds` of the first, one more second for each further.
-async fn people(centre: &Centre, planter: &Planter, level: &str, count: usize, seconds: f64) {
+/// Adds `count` people of a level with one session each. The first takes `seconds`, each further one a second more.
+async fn add_people(centre: &Centre, planter: &Planter, level: &str, count: usize, seconds: f64) {
     for number in 0..count {
         let name = format!("{level}-{number}");
         let hand = if number % 2 == 0 { "right" } else { "left" };
@@ -29,7 +29,7 @@ async fn people(centre: &Centre, planter: &Planter, level: &str, count: usize, s
     }
 }
 
-/// Ada practises on days from New Year on.
+/// Adds one session of Ada per day, from New Year on.
 async fn practise(planter: &Planter, seconds: impl IntoIterator<Item = f64>) {
     let ada = planter.trainee("ada").await;
     for (day, seconds) in seconds.into_iter().enumerate() {
@@ -49,8 +49,8 @@ async fn cohort(administrator: &Client, level: &str) {
 async fn limits_are_made_from_people_and_say_from_how_many() {
     let centre = Centre::open().await;
     let planter = planter(&centre).await;
-    people(&centre, &planter, "expert", 12, 40.0).await;
-    people(&centre, &planter, "novice", 12, 90.0).await;
+    add_people(&centre, &planter, "expert", 12, 40.0).await;
+    add_people(&centre, &planter, "novice", 12, 90.0).await;
     cohort(&centre.administrator, "expert").await;
     cohort(&centre.administrator, "novice").await;
     let propose = async |by: Value| {
@@ -76,7 +76,7 @@ async fn limits_are_made_from_people_and_say_from_how_many() {
     let limit = propose(best).await["target"]["limit"].as_f64().unwrap();
     assert!((limit - 95.5).abs() < 1e-6, "{limit}");
 
-    // The same person on both sides, and too few of them, give no limit but a reason.
+    // The same person in both groups, or too few people, give a reason instead of a limit.
     let same = json!({"method": "contrasting_groups", "novices": "expert", "experts": "expert"});
     let refused = propose(same).await;
     assert_eq!((&refused["target"], &refused["withheld"]["reason"]), (&Value::Null, &json!("person_twice")));
@@ -88,9 +88,9 @@ async fn limits_are_made_from_people_and_say_from_how_many() {
     assert_eq!((&refused["withheld"]["reason"], &refused["withheld"]["missing"]), (&json!("too_few"), &json!(1)));
     let set = json!({"targets": [{"feature": "duration", "by": few}]});
     let refused = problem(centre.administrator.post(STANDARDS, set).await, 422, "invalid").await;
-    assert!(refused["detail"].as_str().unwrap().contains("it takes 10 novices, and has 9"), "{refused}");
+    assert!(refused["detail"].as_str().unwrap().contains("needs 10 novices; there are 9"), "{refused}");
 
-    // Whom the values are of could be found by their fingerprint: administrators alone are told it, wherever the target is shown.
+    // The fingerprint could reveal the people behind the values, so only administrators get it with the target.
     let by = json!({"method": "trimmed_experts", "experts": "expert"});
     let set = json!({"targets": [{"feature": "duration", "by": by}]});
     read(centre.administrator.post(STANDARDS, set).await, StatusCode::CREATED).await;
@@ -106,7 +106,7 @@ async fn limits_are_made_from_people_and_say_from_how_many() {
         assert!(!text.contains(experts["made_from"]["fingerprint"].as_str().unwrap()), "{text}");
     }
 
-    // A tool's limit is made of people who prefer one hand.
+    // A tool's limit uses people who prefer the same hand.
     let of_tool = |cohort: &str| {
         let by = json!({"method": "best_share", "cohort": cohort, "share": 0.5});
         json!({"targets": [{"feature": "path_length", "tool": "orange", "by": by}]})
@@ -123,7 +123,7 @@ async fn limits_are_made_from_people_and_say_from_how_many() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_cannot_be_a_standard_is_told_why() {
+async fn an_invalid_standard_is_refused_with_the_reason() {
     let centre = Centre::open().await;
     let by = |by: Value| json!({"targets": [{"feature": "duration", "by": by}]});
     let with = |key: &str, value: Value| {
@@ -146,7 +146,7 @@ async fn what_cannot_be_a_standard_is_told_why() {
         (by(json!({"method": "fixed", "limit": -1, "unit": "s"})), "lies between"),
         (by(json!({"method": "fixed", "limit": "NaN", "unit": "s"})), "NaN"),
         (by(json!({"method": "fls", "preset": "juggling"})), "peg_transfer"),
-        (by(json!({"method": "best_share", "cohort": "nobody", "share": 1.5})), "share"),
+        (by(json!({"method": "best_share", "cohort": "missing", "share": 1.5})), "share"),
         (json!({"targets": [fixed(1.0)["targets"][0], fixed(2.0)["targets"][0]]}), "twice"),
         (with("rule", json!({"in_a_row": 0})), "in_a_row"),
         (with("charts", json!({"adequate": 0.5})), "chances"),
@@ -158,10 +158,13 @@ async fn what_cannot_be_a_standard_is_told_why() {
     let nan = r#"{"targets": [{"feature": "duration", "by": {"method": "fixed", "limit": NaN, "unit": "s"}}]}"#;
     let sent = centre.instructor.request(Method::POST, STANDARDS).header("content-type", "application/json").body(nan);
     problem(sent.send().await.unwrap(), 400, "bad-request").await;
-    let nobody = by(json!({"method": "trimmed_experts", "experts": "nobody"}));
-    problem(centre.administrator.post(STANDARDS, nobody).await, 422, "unknown-reference").await;
+    let unknown_cohort = by(json!({"method": "trimmed_experts", "experts": "missing"}));
+    problem(centre.administrator.post(STANDARDS, unknown_cohort).await, 422, "unknown-reference").await;
     problem(centre.instructor.post("/api/v1/tasks/knots/standards", fixed(1.0)).await, 404, "not-found").await;
-    assert!(centre.trainee.read(STANDARDS).await["items"].as_array().unwrap().is_empty(), "nothing of this was kept");
+    assert!(
+        centre.trainee.read(STANDARDS).await["items"].as_array().unwrap().is_empty(),
+        "no refused standard is kept"
+    );
     problem(centre.trainee.post(STANDARDS, fixed(48.0)).await, 403, "forbidden").await;
     problem(centre.trainee.post(PROPOSALS, fixed(48.0)).await, 403, "forbidden").await;
     for path in [STANDARDS, "/api/v1/cohorts", "/api/v1/features", ADA] {
@@ -170,7 +173,7 @@ async fn what_cannot_be_a_standard_is_told_why() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_published_standard_is_set_kept_and_the_same_again_is_the_same() {
+async fn a_published_standard_is_stored_and_the_same_one_again_makes_no_new_version() {
     let centre = Centre::open().await;
     let presets = centre.trainee.read("/api/v1/tasks/peg/standards/presets").await;
     let peg = &presets["items"][0];
@@ -181,7 +184,7 @@ async fn a_published_standard_is_set_kept_and_the_same_again_is_the_same() {
     let by = json!({"method": "fls", "preset": "peg_transfer"});
     let body = json!({"targets": [{"feature": "duration", "by": by}], "rule": peg["rule"]});
     let first = centre.instructor.make(STANDARDS, body.clone()).await;
-    assert_eq!(first["targets"][0]["basis"]["method"], "external", "it says that it was not measured here");
+    assert_eq!(first["targets"][0]["basis"]["method"], "external", "the basis says that it was not measured here");
     let again = centre.instructor.make(STANDARDS, body).await;
     assert_eq!((&again["id"], &again["version"]), (&first["id"], &json!(1)));
     assert_eq!(centre.instructor.make(STANDARDS, fixed(60.0)).await["version"], 2);
@@ -235,12 +238,16 @@ async fn progress_judges_sessions_and_follows_rule_curve_charts_and_reminders() 
     assert!(charts["declared_wrongly"].as_f64().unwrap() <= 0.05 && charts["declared_rightly"].as_f64().unwrap() > 0.9);
     assert!((charts["declares_at"].as_f64().unwrap() - 4.150241).abs() < 1e-5, "{charts}");
     let [declared] = &charts["events"].as_array().unwrap()[..] else { panic!("{charts}") };
-    assert_eq!(declared["session"].as_u64().unwrap() as usize, first_pass + 16, "17 passes in a row declare");
+    assert_eq!(
+        declared["session"].as_u64().unwrap() as usize,
+        first_pass + 16,
+        "17 passes in a row declare proficiency"
+    );
     let due: Vec<&Value> = progress["reminders"].as_array().unwrap().iter().map(|r| &r["due_at"]).collect();
     let met_day = |days: i64| trocar::time::to_rfc3339(NEW_YEAR_MS + (met as i64 - 1 + days) * DAY_MS);
     assert_eq!(due, [&json!(met_day(30)), &json!(met_day(91))]);
 
-    // A single session says what it is worth, and lists do.
+    // A single session and a list contain the judgement.
     let id = sessions[39]["id"].as_str().unwrap();
     let one = centre.trainee.read(&format!("/api/v1/sessions/{id}")).await["features"][0].clone();
     assert_eq!(
@@ -252,7 +259,7 @@ async fn progress_judges_sessions_and_follows_rule_curve_charts_and_reminders() 
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn too_little_says_how_much_is_missing_and_what_does_not_count_keeps_its_number() {
+async fn too_few_sessions_say_how_many_are_missing_and_excluded_sessions_keep_their_number() {
     let centre = Centre::open().await;
     let empty = centre.trainee.read("/api/v1/trainees/ada/progress").await;
     assert_eq!((&empty["task"], &empty["sessions"], &empty["standard"]), (&Value::Null, &json!([]), &Value::Null));
@@ -282,7 +289,7 @@ async fn too_little_says_how_much_is_missing_and_what_does_not_count_keeps_its_n
         ("&feature=wizardry", 422, "invalid"),
         ("&feature=duration&space=image", 422, "invalid"),
         ("&feature=duration&space=4d", 400, "bad-request"),
-        ("&cohort=nobody", 422, "unknown-reference"),
+        ("&cohort=missing", 422, "unknown-reference"),
         ("&surprise=1", 400, "bad-request"),
     ] {
         problem(centre.trainee.get(&format!("{ADA}{query}")).await, status, slug).await;
@@ -290,10 +297,10 @@ async fn too_little_says_how_much_is_missing_and_what_does_not_count_keeps_its_n
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn people_are_placed_among_ten_others_and_left_handers_tools_among_left_handers() {
+async fn people_are_ranked_among_ten_others_and_left_handers_tools_among_left_handers() {
     let centre = Centre::open().await;
     let planter = planter(&centre).await;
-    people(&centre, &planter, "novice", 20, 50.0).await;
+    add_people(&centre, &planter, "novice", 20, 50.0).await;
     cohort(&centre.administrator, "novice").await;
     let left = json!({"handedness": "left", "level": "novice"});
     read(centre.administrator.patch("/api/v1/trainees/ada", left).await, StatusCode::OK).await;
@@ -313,13 +320,13 @@ async fn people_are_placed_among_ten_others_and_left_handers_tools_among_left_ha
     assert_eq!(whole["place"]["better_than"]["value"], 75.0);
     assert!(whole["place"]["percentile"]["low"].as_f64().unwrap() < 15.0, "{whole}");
     let tool = place(&centre.trainee, "feature=path_length").await;
-    assert_eq!(tool["place"]["people"], 10, "only the left-handed: {tool}");
-    let (right, nobody) = (json!({"handedness": "both"}), "path_length");
-    read(centre.administrator.patch("/api/v1/trainees/ada", right).await, StatusCode::OK).await;
-    let tool = place(&centre.instructor, &format!("feature={nobody}")).await;
+    assert_eq!(tool["place"]["people"], 10, "only left-handed people: {tool}");
+    let both = json!({"handedness": "both"});
+    read(centre.administrator.patch("/api/v1/trainees/ada", both).await, StatusCode::OK).await;
+    let tool = place(&centre.instructor, "feature=path_length").await;
     assert_eq!((&tool["place"], &tool["no_place"]["missing"]), (&Value::Null, &json!(10)), "{tool}");
 
-    // The cohort's answer names nobody whom one does not see.
+    // The cohort's answer names only people in the caller's scope.
     let answer = centre.instructor.read("/api/v1/cohorts/novice").await;
     let ada = centre.instructor.read("/api/v1/trainees/ada").await["id"].clone();
     assert_eq!(answer["people"], 21);
@@ -338,5 +345,9 @@ async fn people_are_placed_among_ten_others_and_left_handers_tools_among_left_ha
     let put = centre.administrator.put("/api/v1/cohorts/novice", json!({"name": "Just Ada", "members": [ada]})).await;
     assert_eq!(read(put, StatusCode::OK).await["people"], 1);
     assert_eq!(centre.administrator.delete("/api/v1/trainees/ada").await.status(), StatusCode::NO_CONTENT);
-    assert_eq!(centre.administrator.read("/api/v1/cohorts/novice").await["people"], 0, "erased with the person");
+    assert_eq!(
+        centre.administrator.read("/api/v1/cohorts/novice").await["people"],
+        0,
+        "the member is erased with the person"
+    );
 }

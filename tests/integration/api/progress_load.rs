@@ -1,5 +1,5 @@
-//! What a trainee's progress costs: 500 sessions of one trainee among 10,000, a curve fitted, a place among everybody found, while
-//! `/healthz` is asked in the same run. `make progress-load` prints it; nothing here judges by time.
+//! The cost of a trainee's progress: 500 sessions of one trainee among 10,000, with a fitted curve and a rank among
+//! everyone. The same run also requests `/healthz`. `make progress-load` prints the times; no test depends on them.
 
 use std::time::{Duration, Instant};
 
@@ -13,16 +13,16 @@ use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration, measured};
 use crate::process::Process;
 use crate::support::{ADMINISTRATOR, Client, Service, read};
 
-/// Sessions of the trainee who is looked at, and of all others together.
+/// Sessions of the measured trainee, and of all others together.
 const OWN: usize = 500;
 const OTHERS: usize = 9_500;
-/// How many others there are.
+/// Number of the other trainees.
 const PEOPLE: usize = 190;
-/// Planted at the same time: they share commits.
+/// Sessions that are planted at the same time, so that they share commits.
 const AT_ONCE: usize = 32;
-/// Requests of each kind, and those before them, which fill caches and do not count.
-const ASKED: usize = 400;
-const BEFORE: usize = 10;
+/// Measured requests of each kind, and requests before them that only fill caches.
+const REQUESTS: usize = 400;
+const WARM_UP: usize = 10;
 /// Pause between two requests of one kind.
 const PAUSE: Duration = Duration::from_millis(20);
 
@@ -48,29 +48,29 @@ async fn what_progress_costs_among_10000_sessions() {
     assert_eq!((&series["learning"]["state"], &shown["charts"]["standing"]), (&json!("curve"), &json!("proficient")));
     println!("| asked | answers | bytes | median, ms | 95 %, ms | 99 %, ms | most, ms |");
     println!("|---|---|---|---|---|---|---|");
-    println!("{}", row("/healthz, alone", ask(&client, "/healthz", ASKED).await));
-    println!("{}", row("progress, alone", ask(&client, PROGRESS, ASKED).await));
-    let (health, progress) = tokio::join!(ask(&client, "/healthz", ASKED), ask(&client, PROGRESS, ASKED));
+    println!("{}", row("/healthz, alone", ask(&client, "/healthz", REQUESTS).await));
+    println!("{}", row("progress, alone", ask(&client, PROGRESS, REQUESTS).await));
+    let (health, progress) = tokio::join!(ask(&client, "/healthz", REQUESTS), ask(&client, PROGRESS, REQUESTS));
     println!("{}", row("/healthz, beside progress", health));
     println!("{}", row("progress, beside /healthz", progress));
     let of_both_tools = format!("{PROGRESS}&feature=path_length");
-    println!("{}", row("two tools' feature: two curves", ask(&client, &of_both_tools, ASKED / 4).await));
+    println!("{}", row("two tools' feature: two curves", ask(&client, &of_both_tools, REQUESTS / 4).await));
     let no_curve = format!("{PROGRESS}&feature=tip_distance"); // neither more nor less of it is better
-    println!("{}", row("two tools' feature without curves", ask(&client, &no_curve, ASKED / 4).await));
+    println!("{}", row("two tools' feature without curves", ask(&client, &no_curve, REQUESTS / 4).await));
 }
 
-/// How long each answer took, ms, and how long it was.
+/// The time of each answer, ms, and the size of the last one, bytes.
 async fn ask(client: &Client, path: &str, times: usize) -> (Vec<f64>, usize) {
     let (mut took, mut bytes) = (Vec::with_capacity(times), 0);
-    for number in 0..BEFORE + times {
+    for number in 0..WARM_UP + times {
         let started = Instant::now();
         let answer = client.get(path).await;
         assert_eq!(answer.status(), StatusCode::OK);
         bytes = answer.bytes().await.unwrap().len();
-        if number >= BEFORE {
+        if number >= WARM_UP {
             took.push(started.elapsed().as_secs_f64() * 1e3);
         }
-        tokio::time::sleep(PAUSE).await; // a measurement, not a claim
+        tokio::time::sleep(PAUSE).await; // keeps the rate of requests even
     }
     (took, bytes)
 }
@@ -82,7 +82,7 @@ fn row(what: &str, (mut took, bytes): (Vec<f64>, usize)) -> String {
     format!("| {what} | {count} | {bytes} | {:.1} | {:.1} | {:.1} | {:.1} |", at(0.5), at(0.95), at(0.99), at(1.0))
 }
 
-/// A centre with so many sessions, a standard and a cohort of everybody.
+/// Fills the centre with the sessions, a standard and a cohort of everyone.
 async fn fill(service: &Service) {
     let administrator = service.administrator().await;
     administrator.make("/api/v1/boxes", json!({"name": "Box 1", "code": "box-1"})).await;
@@ -92,7 +92,7 @@ async fn fill(service: &Service) {
     let standard = json!({"targets": [target], "rule": {"in_a_row": 2, "then_more": 10}});
     let set = administrator.post("/api/v1/tasks/peg/standards", standard).await;
     read(set, StatusCode::CREATED).await;
-    let planter = Planter::beside(&service.data.path().join("trocar.db")).await;
+    let planter = Planter::open(&service.data.path().join("trocar.db")).await;
     administrator.make("/api/v1/trainees", json!({"name": "Ada", "code": "ada", "handedness": "right"})).await;
     let mut planted: Vec<(TraineeId, usize, usize)> = Vec::new();
     let ada = planter.trainee("ada").await;

@@ -9,7 +9,7 @@ use trocar::domain::feature::FeatureKey;
 use trocar::domain::session::FeatureSpace;
 use trocar::pipeline::PIPELINE_VERSION;
 use trocar::store::{Store, StoreSettings};
-use trocar::time::System;
+use trocar::time::SystemClock;
 
 use super::centre::{Centre, PASSWORD, recording, session};
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
@@ -35,7 +35,7 @@ async fn colleague(centre: &Centre, login: &str, group: &str) -> Client {
     centre.service.sign_in(login, PASSWORD).await
 }
 
-async fn of_ada(centre: &Centre) -> String {
+async fn session_of_ada(centre: &Centre) -> String {
     let made = session(&centre.instructor, "ada", recording(100, 1)).await;
     format!("/api/v1/sessions/{}", made["id"].as_str().unwrap())
 }
@@ -47,7 +47,7 @@ fn count(list: &Value) -> usize {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_rater_is_blind_until_they_have_rated_and_the_trainee_sees_all() {
     let centre = Centre::open().await;
-    let (at, second) = (of_ada(&centre).await, colleague(&centre, "iris", "One").await);
+    let (at, second) = (session_of_ada(&centre).await, colleague(&centre, "iris", "One").await);
     let forms = centre.trainee.read("/api/v1/rating-forms").await;
     assert_eq!(forms["items"][1]["items"].as_array().unwrap().len(), 5);
     let (ratings, comments) = (format!("{at}/ratings"), format!("{at}/comments"));
@@ -57,7 +57,7 @@ async fn a_rater_is_blind_until_they_have_rated_and_the_trainee_sees_all() {
     centre.instructor.make(&comments, json!({"from_s": 3.5, "text": "Marks: 4"})).await;
     centre.trainee.make(&comments, json!({"from_s": 1.0, "to_s": 2.0, "text": "I was lost here."})).await;
 
-    // The second rater, and the administrator, learn how many have rated, and nothing of what.
+    // The second rater and the administrator see how many people have rated, but not the ratings.
     for client in [&second, &centre.administrator] {
         let seen = client.read(&ratings).await;
         assert_eq!((count(&seen), &seen["raters"][1]), (0, &json!({"form": "goals", "raters": 1})));
@@ -68,8 +68,8 @@ async fn a_rater_is_blind_until_they_have_rated_and_the_trainee_sees_all() {
     assert_eq!(given["blind"], true);
     assert_eq!((count(&second.read(&ratings).await), count(&second.read(&comments).await)), (2, 2));
     let again = second.make(&ratings, goals(4)).await;
-    assert_eq!(again["blind"], false, "by now they could have read the other's");
-    assert_eq!(count(&second.read(&ratings).await), 2, "the last of each");
+    assert_eq!(again["blind"], false, "by now they could have read the other rating");
+    assert_eq!(count(&second.read(&ratings).await), 2, "the latest rating of each rater");
     assert_eq!(count(&centre.administrator.read(&ratings).await), 0);
 
     let own = centre.trainee.read(&ratings).await;
@@ -80,9 +80,9 @@ async fn a_rater_is_blind_until_they_have_rated_and_the_trainee_sees_all() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_does_not_see_the_session_sees_and_says_nothing() {
+async fn people_without_access_to_a_session_can_neither_read_nor_comment_on_it() {
     let centre = Centre::open().await;
-    let at = of_ada(&centre).await;
+    let at = session_of_ada(&centre).await;
     let made = centre.instructor.make(&format!("{at}/comments"), json!({"from_s": 3.5, "text": "Here."})).await;
     let comment = format!("{at}/comments/{}", made["id"].as_str().unwrap());
     for client in [&centre.other_instructor, &centre.other_trainee] {
@@ -102,7 +102,7 @@ async fn who_does_not_see_the_session_sees_and_says_nothing() {
         centre.instructor.read(&path).await;
         problem(centre.instructor.get(&format!("/api/v1/tasks/peg/{part}?form=charm")).await, 400, "bad-request").await;
     }
-    // Another's comment is not theirs to withdraw, not even the administrator's; one's own is, once.
+    // Only the author may withdraw a comment, and only once; not even the administrator may.
     problem(centre.administrator.delete(&comment).await, 404, "not-found").await;
     problem(centre.trainee.delete(&comment).await, 404, "not-found").await;
     assert_eq!(centre.instructor.delete(&comment).await.status(), StatusCode::NO_CONTENT);
@@ -110,9 +110,9 @@ async fn who_does_not_see_the_session_sees_and_says_nothing() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn hostile_and_impossible_ratings_and_comments_are_told_why() {
+async fn hostile_text_is_stored_unchanged_and_invalid_ratings_and_comments_are_refused() {
     let centre = Centre::open().await;
-    let at = of_ada(&centre).await;
+    let at = session_of_ada(&centre).await;
     let hostile = "<img src=x onerror=alert(1)>\n'); DROP TABLE comment; -- \u{202e}\u{1F600}";
     let made = centre.instructor.make(&format!("{at}/comments"), json!({"from_s": 2, "text": hostile})).await;
     assert_eq!(made["text"], hostile, "kept as it was typed, and sent as JSON");
@@ -138,14 +138,14 @@ async fn hostile_and_impossible_ratings_and_comments_are_told_why() {
     for _ in 0..20 {
         centre.instructor.make(&format!("{at}/ratings"), goals(3)).await;
     }
-    let told = problem(centre.instructor.post(&format!("{at}/ratings"), goals(3)).await, 409, "conflict").await;
-    assert!(told["detail"].as_str().unwrap().contains("20 times"), "{told}");
+    let refused = problem(centre.instructor.post(&format!("{at}/ratings"), goals(3)).await, 409, "conflict").await;
+    assert!(refused["detail"].as_str().unwrap().contains("20 times"), "{refused}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_was_said_and_given_is_erased_with_the_trainee_and_stays_without_its_author() {
+async fn comments_and_ratings_are_erased_with_the_trainee_and_outlive_their_author() {
     let centre = Centre::open().await;
-    let (at, second) = (of_ada(&centre).await, colleague(&centre, "iris", "One").await);
+    let (at, second) = (session_of_ada(&centre).await, colleague(&centre, "iris", "One").await);
     second.make(&format!("{at}/ratings"), goals(3)).await;
     second.make(&format!("{at}/comments"), json!({"from_s": 2, "text": "PLANTED-MARKER"})).await;
     let people = centre.administrator.read("/api/v1/people").await;
@@ -160,7 +160,7 @@ async fn what_was_said_and_given_is_erased_with_the_trainee_and_stays_without_it
     problem(centre.instructor.get(&format!("{at}/comments")).await, 404, "not-found").await;
     let database = centre.service.data.path().join("trocar.db");
     let settings = StoreSettings::default();
-    let store = Store::open(&database, &settings, Arc::new(System)).await.unwrap();
+    let store = Store::open(&database, &settings, Arc::new(SystemClock)).await.unwrap();
     assert!(store.check().await.unwrap().is_empty());
 }
 
@@ -175,9 +175,9 @@ async fn advice_of_newest(centre: &Centre) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn evidence_is_told_as_it_was_kept_and_advice_only_where_the_limit_is_surely_missed() {
+async fn evidence_is_sent_as_stored_and_advice_only_if_the_limit_is_surely_missed() {
     let centre = Centre::open().await;
-    let mut planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    let mut planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
     let ada = planter.trainee("ada").await;
     let stretch = StretchRow { from_s: 41.2, to_s: 47.9, amount: 6.7, share: Some(0.06), cause: None };
     planter.evidence = vec![EvidenceRow {
@@ -198,49 +198,49 @@ async fn evidence_is_told_as_it_was_kept_and_advice_only_where_the_limit_is_sure
     let standard = |limit: f64| json!({"targets": [{"feature": "duration", "by": {"method": "fixed", "limit": limit, "unit": "s"}}]});
     for (limit, sure) in [(100.0, true), (107.0, false), (130.0, false)] {
         centre.instructor.make("/api/v1/tasks/peg/standards", standard(limit)).await;
-        let told = centre.trainee.read(&advice).await;
-        assert_eq!(count(&told), usize::from(sure), "{told}");
+        let answer = centre.trainee.read(&advice).await;
+        assert_eq!(count(&answer), usize::from(sure), "{answer}");
         if sure {
-            let item = &told["items"][0];
+            let item = &answer["items"][0];
             assert_eq!(
                 (&item["rule"], &item["limit"], &item["stretches"][0]["to_s"]),
                 (&json!("rest_less"), &json!(100.0), &json!(47.9))
             );
             assert!(item["sentence"].as_str().unwrap().contains("0:41.2 to 0:47.9"), "{item}");
         } else {
-            assert_eq!(told["none"]["reason"], "nothing_sure");
+            assert_eq!(answer["none"]["reason"], "nothing_sure");
         }
     }
-    // What is missed without seconds to look at is not said to be kept.
+    // A missed limit without stretches to show is not reported as kept.
     let steady = json!({"targets": [{"feature": "duration", "by": {"method": "fixed", "limit": 20.0, "unit": "s"}}]});
     centre.instructor.make("/api/v1/tasks/peg/standards", steady).await;
     planter.evidence[0].stretches.clear();
     planter.result(ada, NEW_YEAR_MS + DAY_MS / 2, vec![duration(110.0, 4.0)], (PIPELINE_VERSION, "valid")).await;
-    let told = advice_of_newest(&centre).await;
-    assert_eq!(told["none"]["reason"], "no_seconds", "{told}");
-    // Of a refused session there is none, whatever it says.
+    let answer = advice_of_newest(&centre).await;
+    assert_eq!(answer["none"]["reason"], "no_seconds", "{answer}");
+    // A refused session gets no advice, even though its features miss the limit.
     let refused = (PIPELINE_VERSION, "refused");
     planter.result(ada, NEW_YEAR_MS + DAY_MS, vec![duration(110.0, 4.0)], refused).await;
-    let told = advice_of_newest(&centre).await;
-    assert_eq!(told["none"]["reason"], "refused", "{told}");
-    let waiting = of_ada(&centre).await;
+    let answer = advice_of_newest(&centre).await;
+    assert_eq!(answer["none"]["reason"], "refused", "{answer}");
+    let waiting = session_of_ada(&centre).await;
     assert_eq!(centre.trainee.read(&format!("{waiting}/advice")).await["none"]["reason"], "not_scored");
     assert_eq!(centre.trainee.read(&format!("{waiting}/evidence")).await["features"], Value::Null);
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn agreement_and_correlations_are_made_of_people_whom_the_asker_sees() {
+async fn agreement_and_correlations_use_only_people_in_the_callers_scope() {
     let centre = Centre::open().await;
     let second = colleague(&centre, "iris", "One").await;
-    let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    let planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
     let group = centre.administrator.read("/api/v1/groups").await["items"].as_array().unwrap()[0].clone();
     for number in 0..11u8 {
         let code = format!("t{number}");
         let new = json!({"name": code, "code": code, "group": group["id"]});
         centre.administrator.make("/api/v1/trainees", new).await;
-        let whose = planter.trainee(&code).await;
+        let trainee = planter.trainee(&code).await;
         let bend = if number % 3 == 0 { 12.0 } else { 0.0 };
-        planter.session(whose, NEW_YEAR_MS, vec![duration(150.0 - 9.0 * f64::from(number) + bend, 2.0)]).await;
+        planter.session(trainee, NEW_YEAR_MS, vec![duration(150.0 - 9.0 * f64::from(number) + bend, 2.0)]).await;
         let list = centre.administrator.read(&format!("/api/v1/sessions?trainee={code}")).await;
         let at = format!("/api/v1/sessions/{}/ratings", list["items"][0]["id"].as_str().unwrap());
         let [mut one, mut two] = [goals(1 + number / 3), goals(1 + (number + 1) / 3)];
@@ -249,17 +249,20 @@ async fn agreement_and_correlations_are_made_of_people_whom_the_asker_sees() {
         centre.instructor.make(&at, one).await;
         second.make(&at, two).await;
     }
-    let told = centre.instructor.read("/api/v1/tasks/peg/agreement?form=goals").await;
-    assert_eq!((&told["people"], &told["raters"]), (&json!(11), &json!(2)), "{told}");
-    assert!(told["single"]["value"].as_f64().unwrap() > 0.8, "{told}");
-    assert!(told["mean"]["value"].as_f64() > told["single"]["value"].as_f64(), "{told}");
-    let told = centre.instructor.read("/api/v1/tasks/peg/correlations?form=goals").await;
-    assert_eq!((&told["people"], &told["items"][0]["feature"]), (&json!(11), &json!("duration")), "{told}");
-    assert!(told["items"][0]["rho"]["value"].as_f64().unwrap() < -0.7 && told["items"][0]["found"] == true, "{told}");
-    // Who teaches another group sees none of them.
+    let answer = centre.instructor.read("/api/v1/tasks/peg/agreement?form=goals").await;
+    assert_eq!((&answer["people"], &answer["raters"]), (&json!(11), &json!(2)), "{answer}");
+    assert!(answer["single"]["value"].as_f64().unwrap() > 0.8, "{answer}");
+    assert!(answer["mean"]["value"].as_f64() > answer["single"]["value"].as_f64(), "{answer}");
+    let answer = centre.instructor.read("/api/v1/tasks/peg/correlations?form=goals").await;
+    assert_eq!((&answer["people"], &answer["items"][0]["feature"]), (&json!(11), &json!("duration")), "{answer}");
+    assert!(
+        answer["items"][0]["rho"]["value"].as_f64().unwrap() < -0.7 && answer["items"][0]["found"] == true,
+        "{answer}"
+    );
+    // The instructor of another group sees none of these people.
     for part in ["agreement", "correlations"] {
-        let told = centre.other_instructor.read(&format!("/api/v1/tasks/peg/{part}?form=goals")).await;
-        assert_eq!((&told["people"], &told["withheld"]["reason"]), (&json!(0), &json!("too_few")), "{told}");
+        let answer = centre.other_instructor.read(&format!("/api/v1/tasks/peg/{part}?form=goals")).await;
+        assert_eq!((&answer["people"], &answer["withheld"]["reason"]), (&json!(0), &json!("too_few")), "{answer}");
     }
     let none = read(centre.instructor.get("/api/v1/tasks/peg/agreement?form=osats").await, StatusCode::OK).await;
     assert_eq!(none["withheld"]["reason"], "too_few");

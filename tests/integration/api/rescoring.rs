@@ -10,14 +10,14 @@ use crate::support::{Service, problem, read, soon};
 
 const ORDERS: &str = "/api/v1/tasks/peg/rescorings";
 
-/// Ada's three sessions and Bob's one, of an older program; the limit is 50 s.
-async fn practised() -> (Centre, Planter) {
+/// Three sessions of Ada and one of Bob, with results of an older program; the limit is 50 s.
+async fn centre_with_old_results() -> (Centre, Planter) {
     let service = Service::start_with(|settings| {
         settings.rescoring.look_ms = 10;
         settings.rescoring.open = 2;
     });
     let centre = Centre::open_in(service.await).await;
-    let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    let planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
     let (ada, bob) = (planter.trainee("ada").await, planter.trainee("bob").await);
     for (day, seconds) in [40.0, 45.0, 60.0].into_iter().enumerate() {
         let rows = vec![duration(seconds, 1.0)];
@@ -44,20 +44,20 @@ async fn until(centre: &Centre, id: &str, wanted: impl Fn(&Value) -> bool) -> Va
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_report_says_what_changed_for_whom_and_whose_judgement_first() {
-    let (centre, planter) = practised().await;
+async fn a_report_lists_changes_by_session_and_trainee_with_changed_judgements_first() {
+    let (centre, planter) = centre_with_old_results().await;
     let made = centre.administrator.make(ORDERS, json!({"from": "trajectory", "which": "older"})).await;
     assert_eq!((&made["sessions"]["all"], &made["standard"], &made["progress"]), (&json!(4), &json!(1), &json!(0.0)));
     let id = made["id"].as_str().unwrap();
     problem(centre.administrator.post(ORDERS, json!({})).await, 409, "conflict").await;
 
-    // Two at a time are in the queue. While they are, the sessions stand as they stood.
+    // At most two are in the queue at a time. Meanwhile the sessions keep their status.
     let working = until(&centre, id, |order| order["sessions"]["working"] == 2).await;
-    assert_eq!(working["sessions"]["waiting"], 2, "no flood");
+    assert_eq!(working["sessions"]["waiting"], 2, "the queue is not flooded");
     let sessions = centre.administrator.read("/api/v1/sessions").await;
     assert!(sessions["items"].as_array().unwrap().iter().all(|session| session["status"] == "done"), "{sessions}");
 
-    // What the new program makes of 40, 45, 60 and 30 s: the same but for rounding, much slower, a bit faster, a bit slower.
+    // The new results for 40, 45, 60 and 30 s: equal but for rounding, much slower, a bit faster, a bit slower.
     for _ in 0..4 {
         planter
             .rescore(PIPELINE_VERSION, |old| match old as i64 {
@@ -83,14 +83,14 @@ async fn a_report_says_what_changed_for_whom_and_whose_judgement_first() {
     assert_eq!((&feature["feature"], &feature["change"]), (&json!("duration"), &json!("apart")));
     assert_eq!(feature["old"], json!({"value": 45.0, "low": 44.0, "high": 46.0}));
     assert_eq!(feature["new"], json!({"value": 55.0, "low": 54.0, "high": 56.0}));
-    let (mut told, mut next) = (vec![first["changed"].clone()], page["next"].clone());
+    let (mut changed, mut next) = (vec![first["changed"].clone()], page["next"].clone());
     while let Some(cursor) = next.as_str() {
         let page =
             centre.administrator.read(&format!("/api/v1/rescorings/{id}/sessions?limit=1&cursor={cursor}")).await;
-        told.extend(page["items"].as_array().unwrap().iter().map(|item| item["changed"].clone()));
+        changed.extend(page["items"].as_array().unwrap().iter().map(|item| item["changed"].clone()));
         next = page["next"].clone();
     }
-    assert_eq!(told, [1, 1, 1, 0].map(|n| json!(n)), "every session once, what did not change last");
+    assert_eq!(changed, [1, 1, 1, 0].map(|n| json!(n)), "every session once, unchanged ones last");
 
     let first = centre.administrator.read(&format!("/api/v1/rescorings/{id}/trainees?limit=1")).await;
     assert_eq!((&first["items"][0]["trainee"]["code"], &first["items"][0]["sessions"]), (&json!("ada"), &json!(3)));
@@ -99,7 +99,7 @@ async fn a_report_says_what_changed_for_whom_and_whose_judgement_first() {
     let second = centre.administrator.read(&format!("/api/v1/rescorings/{id}/trainees?cursor={cursor}")).await;
     assert_eq!((&second["items"][0]["trainee"]["code"], &second["next"]), (&json!("bob"), &Value::Null));
 
-    // Progress counts what was scored again as the new version, and nothing is set aside.
+    // Progress counts rescored sessions as the new version, and sets none aside.
     let progress = centre.trainee.read("/api/v1/trainees/ada/progress?task=peg&feature=duration").await;
     assert_eq!(progress["pipeline"], PIPELINE_VERSION);
     let steps = progress["sessions"].as_array().unwrap();
@@ -110,7 +110,7 @@ async fn a_report_says_what_changed_for_whom_and_whose_judgement_first() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn one_new_result_sets_the_old_ones_aside_until_they_are_scored_again() {
-    let (centre, planter) = practised().await;
+    let (centre, planter) = centre_with_old_results().await;
     let ada = planter.trainee("ada").await;
     planter.result(ada, NEW_YEAR_MS + 9 * DAY_MS, vec![duration(40.0, 1.0)], (PIPELINE_VERSION, "valid")).await;
     let aside = async || {
@@ -128,8 +128,8 @@ async fn one_new_result_sets_the_old_ones_aside_until_they_are_scored_again() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_somebody_edited_meanwhile_is_no_difference_of_the_programs() {
-    let (centre, planter) = practised().await;
+async fn a_session_edited_meanwhile_is_no_difference_between_the_programs() {
+    let (centre, planter) = centre_with_old_results().await;
     let id = centre.administrator.make(ORDERS, json!({})).await["id"].as_str().unwrap().to_owned();
     until(&centre, &id, |order| order["sessions"]["working"] == 2).await;
     let items = async || {
@@ -150,25 +150,25 @@ async fn what_somebody_edited_meanwhile_is_no_difference_of_the_programs() {
     };
     assert_eq!((&ended["sessions"]["done"], &ended["sessions"]["failed"]), (&json!(3), &json!(1)), "{ended}");
     assert_eq!(ended["changes"]["changed"], 3, "{ended}");
-    let told: Vec<_> = items().await.into_iter().filter(|item| item["session"] == *edited).collect();
-    assert!(told[0]["error"]["type"].as_str().unwrap().ends_with("edited-meanwhile"), "{}", told[0]);
-    assert_eq!(told[0]["features"], json!([]), "{}", told[0]);
+    let reported: Vec<_> = items().await.into_iter().filter(|item| item["session"] == *edited).collect();
+    assert!(reported[0]["error"]["type"].as_str().unwrap().ends_with("edited-meanwhile"), "{}", reported[0]);
+    assert_eq!(reported[0]["features"], json!([]), "{}", reported[0]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn new_sessions_go_before_what_is_scored_again() {
-    let (centre, planter) = practised().await;
+async fn new_sessions_come_before_rescorings_in_the_queue() {
+    let (centre, planter) = centre_with_old_results().await;
     let id = centre.administrator.make(ORDERS, json!({})).await["id"].as_str().unwrap().to_owned();
     until(&centre, &id, |order| order["sessions"]["working"] == 2).await;
     let sent = super::centre::session(&centre.trainee, "ada", super::centre::recording(100, 7)).await;
     let shown = centre.trainee.read(&format!("/api/v1/sessions/{}", sent["id"].as_str().unwrap())).await;
-    assert_eq!(shown["queue_position"], 1, "behind nothing");
+    assert_eq!(shown["queue_position"], 1, "no job is before it");
     assert_eq!(planter.next_kind().await, "track");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_order_that_is_called_off_leaves_the_rest_as_it_is() {
-    let (centre, planter) = practised().await;
+async fn a_cancelled_order_leaves_the_remaining_sessions_unchanged() {
+    let (centre, planter) = centre_with_old_results().await;
     let id = centre.administrator.make(ORDERS, json!({})).await["id"].as_str().unwrap().to_owned();
     until(&centre, &id, |order| order["sessions"]["working"] == 2).await;
     planter.rescore(PIPELINE_VERSION, |old| duration(old, 1.0)).await;
@@ -179,14 +179,18 @@ async fn an_order_that_is_called_off_leaves_the_rest_as_it_is() {
     assert_eq!((&ended["sessions"]["done"], &ended["sessions"]["cancelled"]), (&json!(1), &json!(3)), "{ended}");
     let open = centre.administrator.read("/api/v1/jobs?open=true").await;
     assert_eq!(open["items"], json!([]), "nothing is left in the queue");
-    assert_eq!(centre.administrator.delete(&path).await.status(), StatusCode::NO_CONTENT, "it has ended");
+    assert_eq!(
+        centre.administrator.delete(&path).await.status(),
+        StatusCode::NO_CONTENT,
+        "the order has ended already"
+    );
     let made = centre.administrator.make(ORDERS, json!({})).await;
-    assert_eq!(made["sessions"]["all"], 3, "what was done is done");
+    assert_eq!(made["sessions"]["all"], 3, "finished sessions are not scored again");
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn only_administrators_order_and_read_and_cancel() {
-    let (centre, _) = practised().await;
+    let (centre, _) = centre_with_old_results().await;
     let id = centre.administrator.make(ORDERS, json!({})).await["id"].as_str().unwrap().to_owned();
     for client in [&centre.instructor, &centre.trainee, &centre.agent] {
         problem(client.post(ORDERS, json!({})).await, 403, "forbidden").await;
@@ -201,7 +205,7 @@ async fn only_administrators_order_and_read_and_cancel() {
     }
     problem(centre.administrator.delete(missing).await, 404, "not-found").await;
     problem(centre.administrator.post(ORDERS, json!({"from": "memory"})).await, 422, "invalid").await;
-    // A session that is erased meanwhile takes its part of the order with it.
+    // A session that is erased meanwhile leaves the order.
     let session = centre.administrator.read("/api/v1/sessions").await["items"][0]["id"].as_str().unwrap().to_owned();
     centre.administrator.delete(&format!("/api/v1/sessions/{session}")).await;
     assert_eq!(
@@ -211,8 +215,8 @@ async fn only_administrators_order_and_read_and_cancel() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_cannot_be_scored_again_says_why_and_keeps_its_old_result() {
-    let (centre, planter) = practised().await;
+async fn a_session_that_cannot_be_scored_again_says_why_and_keeps_its_old_result() {
+    let (centre, planter) = centre_with_old_results().await;
     let id = centre.administrator.make(ORDERS, json!({})).await["id"].as_str().unwrap().to_owned();
     for _ in 0..4 {
         planter.refuse_rescoring().await;
@@ -222,6 +226,6 @@ async fn what_cannot_be_scored_again_says_why_and_keeps_its_old_result() {
     let page = centre.administrator.read(&format!("/api/v1/rescorings/{id}/sessions")).await;
     assert_eq!(page["items"][0]["error"]["type"], "/problems/path-alone");
     let sessions = centre.administrator.read("/api/v1/sessions").await;
-    let stands = |session: &Value| session["status"] == "done" && session["versions"]["pipeline"] == "7";
-    assert!(sessions["items"].as_array().unwrap().iter().all(stands), "{sessions}");
+    let keeps_its_result = |session: &Value| session["status"] == "done" && session["versions"]["pipeline"] == "7";
+    assert!(sessions["items"].as_array().unwrap().iter().all(keeps_its_result), "{sessions}");
 }

@@ -1,4 +1,4 @@
-//! Who may do what: every role against every noun; what one may not see is the same as what does not exist.
+//! Permissions: every role against every noun. Hidden data and missing data give the same answer.
 
 use reqwest::{Method, StatusCode};
 use serde_json::json;
@@ -8,8 +8,8 @@ use crate::support::{Client, problem};
 
 const MISSING: &str = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44";
 
-/// Status, content type and bytes: everything that a client can tell apart, but for the request's own id and the date.
-async fn seen(client: &Client, method: Method, path: &str) -> (StatusCode, String, String) {
+/// Status, headers and body: everything that a client can distinguish, except the request id and the date.
+async fn full_answer(client: &Client, method: Method, path: &str) -> (StatusCode, String, String) {
     let answer = client.request(method, path).send().await.unwrap();
     let mut headers: Vec<_> = answer
         .headers()
@@ -22,28 +22,28 @@ async fn seen(client: &Client, method: Method, path: &str) -> (StatusCode, Strin
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_one_may_not_see_is_the_same_bytes_as_what_is_missing() {
+async fn hidden_data_and_missing_data_give_the_same_bytes() {
     let centre = Centre::open().await;
     let foreign = session(&centre.administrator, "bob", recording(100, 1)).await["id"].as_str().unwrap().to_owned();
     let sessions = ["", "/video", "/trajectory", "/preview.jpg", "/diagnostics"];
     for client in [&centre.instructor, &centre.trainee] {
         for part in sessions {
-            let hidden = seen(client, Method::GET, &format!("/api/v1/sessions/{foreign}{part}")).await;
-            let missing = seen(client, Method::GET, &format!("/api/v1/sessions/{MISSING}{part}")).await;
+            let hidden = full_answer(client, Method::GET, &format!("/api/v1/sessions/{foreign}{part}")).await;
+            let missing = full_answer(client, Method::GET, &format!("/api/v1/sessions/{MISSING}{part}")).await;
             assert_eq!(hidden.0, StatusCode::NOT_FOUND, "{part}");
             assert_eq!(hidden, missing, "{part}");
         }
         for path in ["/api/v1/trainees/", "/api/v1/trainees/"] {
-            let hidden = seen(client, Method::GET, &format!("{path}bob")).await;
+            let hidden = full_answer(client, Method::GET, &format!("{path}bob")).await;
             assert_eq!(hidden.0, StatusCode::NOT_FOUND);
-            assert_eq!(hidden, seen(client, Method::GET, &format!("{path}nobody")).await);
+            assert_eq!(hidden, full_answer(client, Method::GET, &format!("{path}missing")).await);
         }
     }
     for method in [Method::DELETE, Method::PATCH] {
         let body = json!({"name": "taken over"});
         let ask =
             |id: &str| centre.instructor.request(method.clone(), &format!("/api/v1/trainees/{id}")).json(&body).send();
-        let (hidden, missing) = (ask("bob").await.unwrap(), ask("nobody").await.unwrap());
+        let (hidden, missing) = (ask("bob").await.unwrap(), ask("missing").await.unwrap());
         assert_eq!(hidden.status(), StatusCode::NOT_FOUND, "{method}");
         assert_eq!(hidden.text().await.unwrap(), missing.text().await.unwrap(), "{method}");
     }
@@ -106,7 +106,7 @@ async fn trainees_read_boxes_and_tasks_and_change_neither() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_agent_is_beside_its_box_and_nowhere_else() {
+async fn an_agent_has_no_access_beyond_its_box() {
     let centre = Centre::open().await;
     assert_eq!(centre.agent.read("/api/v1/me").await["role"], "agent");
     for path in ["people", "groups", "tokens", "trainees", "sessions", "jobs", "events"] {
@@ -117,7 +117,7 @@ async fn an_agent_is_beside_its_box_and_nowhere_else() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn without_a_sign_in_nothing_is_answered_but_how_to_get_one() {
+async fn without_a_sign_in_every_route_answers_only_that_one_is_needed() {
     let centre = Centre::open().await;
     let stranger = centre.service.stranger();
     for path in
@@ -136,9 +136,9 @@ async fn without_a_sign_in_nothing_is_answered_but_how_to_get_one() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_recording_goes_only_to_a_trainee_whom_the_sender_sees() {
+async fn a_recording_is_accepted_only_for_a_trainee_in_the_senders_scope() {
     let centre = Centre::open().await;
-    for (client, trainee) in [(&centre.trainee, "bob"), (&centre.instructor, "bob"), (&centre.administrator, "nobody")]
+    for (client, trainee) in [(&centre.trainee, "bob"), (&centre.instructor, "bob"), (&centre.administrator, "missing")]
     {
         let answer = super::centre::send(client, trainee, recording(100, 3)).await;
         let refused = problem(answer, 422, "unknown-reference").await;

@@ -1,4 +1,4 @@
-//! Coming in and going out.
+//! Signing in and out.
 
 use std::time::Duration;
 
@@ -48,7 +48,7 @@ async fn an_unknown_login_and_a_wrong_password_are_the_same_refusal() {
     let service = Service::start().await;
     let stranger = service.stranger();
     let mut answers = Vec::new();
-    for login in ["administrator", "nobody"] {
+    for login in ["administrator", "missing"] {
         let answer = stranger.post("/api/v1/sign-in", json!({"login": login, "password": "wrong wrong wrong"})).await;
         answers.push(problem(answer, 401, "wrong-credentials").await);
     }
@@ -56,7 +56,7 @@ async fn an_unknown_login_and_a_wrong_password_are_the_same_refusal() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn guessing_is_slowed_down_and_told_how_long_to_wait() {
+async fn guessing_is_slowed_down_and_the_answer_says_how_long_to_wait() {
     let service = Service::start_with(|settings| settings.http.attempts_per_min = 5).await;
     let stranger = service.stranger();
     let guess = || stranger.post("/api/v1/sign-in", json!({"login": "administrator", "password": "guess"}));
@@ -102,7 +102,7 @@ async fn a_new_password_replaces_the_old_one_and_ends_other_sign_ins() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_deleted_account_is_out_at_once() {
+async fn a_deleted_account_is_signed_out_at_once() {
     let centre = Centre::open().await;
     let people = centre.administrator.read("/api/v1/people").await;
     let bob = people["items"].as_array().unwrap().iter().find(|p| p["login"] == "bob").unwrap();
@@ -112,9 +112,9 @@ async fn a_deleted_account_is_out_at_once() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_sign_in_ends_when_idle_and_in_any_case() {
-    let clock = trocar::time::Manual::at(1_800_000_000_000);
-    let service = Service::start_by(clock.clone()).await;
+async fn a_sign_in_ends_after_30_idle_minutes_and_after_12_hours() {
+    let clock = trocar::time::ManualClock::at(1_800_000_000_000);
+    let service = Service::start_with_clock(clock.clone()).await;
     let administrator = service.administrator().await;
     for _ in 0..(12 * 60 / 29) {
         clock.advance(Duration::from_secs(29 * 60));

@@ -1,4 +1,4 @@
-//! Server-sent events: told to those who may see, ended with the sign-in and with the service.
+//! Server-sent events: each client gets only events in its scope, and streams end with the service.
 
 use futures_util::StreamExt;
 use reqwest::{StatusCode, header};
@@ -41,7 +41,7 @@ impl Watcher {
     async fn next_named(&mut self, name: &str) -> Value {
         soon(name, async {
             loop {
-                let (was, data) = self.next().await.expect("the stream goes on");
+                let (was, data) = self.next().await.expect("the stream continues");
                 if was == name {
                     return data;
                 }
@@ -52,19 +52,19 @@ impl Watcher {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_new_session_is_told_to_those_who_see_it_and_to_nobody_else() {
+async fn a_new_session_is_announced_only_to_people_who_may_see_it() {
     let centre = Centre::open().await;
     let mut own = Watcher::open(&centre.trainee).await;
     let mut foreign = Watcher::open(&centre.other_trainee).await;
     let adas = session(&centre.trainee, "ada", recording(100, 1)).await["id"].clone();
     let bobs = session(&centre.other_trainee, "bob", recording(100, 2)).await["id"].clone();
-    let told = own.next_named("session").await;
-    assert_eq!((&told["id"], &told["status"]), (&adas, &"queued".into()));
-    assert_eq!(foreign.next_named("session").await["id"], bobs, "Ada's came first and was not told to Bob");
+    let event = own.next_named("session").await;
+    assert_eq!((&event["id"], &event["status"]), (&adas, &"queued".into()));
+    assert_eq!(foreign.next_named("session").await["id"], bobs, "Ada's event came first and was not sent to Bob");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_queue_is_told_at_once_to_who_begins_to_watch() {
+async fn a_new_watcher_gets_the_state_of_the_queue_at_once() {
     let centre = Centre::open().await;
     let queue = Watcher::open(&centre.trainee).await.next_named("queue").await;
     assert!(queue["queued"].is_u64() && queue["running"].is_u64(), "{queue}");

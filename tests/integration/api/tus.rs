@@ -1,4 +1,4 @@
-//! Resumable uploads as a tus client speaks them.
+//! Resumable uploads, as a tus client sends them.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,14 +11,14 @@ use sha1::{Digest, Sha1};
 use sha2::Sha256;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
-use trocar::time::{Manual, System};
+use trocar::time::{ManualClock, SystemClock};
 
 use super::centre::{Centre, recording};
 use crate::support::{Client, Service, problem, read, soon};
 
 const MIB: usize = 1024 * 1024;
 
-/// An upload in the making.
+/// An unfinished upload.
 pub struct Upload {
     client: Client,
     pub address: String,
@@ -32,7 +32,7 @@ fn for_ada() -> String {
     metadata(&[("filename", "clip.mp4"), ("trainee", "ada"), ("task", "peg"), ("box", "box-1")])
 }
 
-/// Asks for an upload.
+/// Creates an upload.
 pub async fn create(client: &Client, length: usize, metadata: &str) -> Response {
     client
         .request(Method::POST, "/api/v1/uploads")
@@ -70,7 +70,7 @@ impl Upload {
         self.patch_at(offset).body(bytes.to_vec()).send().await.unwrap()
     }
 
-    /// How far the service is.
+    /// The offset that the service has reached.
     pub async fn offset(&self) -> usize {
         let answer = self.request(Method::HEAD).send().await.unwrap();
         assert_eq!(answer.status(), StatusCode::OK);
@@ -78,8 +78,8 @@ impl Upload {
         answer.headers()["upload-offset"].to_str().unwrap().parse().unwrap()
     }
 
-    /// Begins to send and leaves the body open: what is put into the channel is sent, dropping it ends the body well,
-    /// an error cuts the connection.
+    /// Begins to send and leaves the body open. Bytes in the channel are sent; dropping the channel ends the body
+    /// properly; an error cuts the connection.
     fn open_patch(&self, offset: usize) -> (mpsc::Sender<Result<Bytes, std::io::Error>>, PendingAnswer) {
         let (bytes, body) = mpsc::channel(1);
         let request = self.patch_at(offset).body(reqwest::Body::wrap_stream(ReceiverStream::new(body)));
@@ -114,7 +114,7 @@ async fn a_recording_in_two_parts_becomes_a_session() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_bytes_may_come_with_the_creation() {
+async fn the_bytes_may_be_sent_with_the_creation() {
     let centre = Centre::open().await;
     let content = recording(1000, 2);
     let answer = centre
@@ -134,14 +134,14 @@ async fn the_bytes_may_come_with_the_creation() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_cut_costs_at_most_eight_mebibytes() {
+async fn a_cut_connection_loses_at_most_eight_mebibytes() {
     let centre = Centre::open().await;
     let content = recording(20 * MIB, 3);
     let upload = Upload::begin(&centre.trainee, content.len()).await;
     let sent = 15 * MIB;
     let (bytes, answer) = upload.open_patch(0);
     bytes.send(Ok(Bytes::copy_from_slice(&content[..sent]))).await.unwrap();
-    // The next place in the channel is free once the body's stream took the first piece over.
+    // The channel has space again once the body's stream has taken the first piece.
     bytes.send(Err(std::io::Error::other("cut"))).await.unwrap();
     assert!(answer.await.unwrap().is_err(), "the client's own connection broke");
     let kept = unlocked_offset(&upload).await;
@@ -152,7 +152,7 @@ async fn a_cut_costs_at_most_eight_mebibytes() {
     assert_eq!(Sha256::digest(video.bytes().await.unwrap()), Sha256::digest(&content));
 }
 
-/// The offset once the service has noticed that the other end is gone: until then the upload is locked.
+/// The offset once the service has noticed that the client is gone: until then the upload is locked.
 async fn unlocked_offset(upload: &Upload) -> usize {
     soon("the cut to be noticed", async {
         loop {
@@ -161,7 +161,7 @@ async fn unlocked_offset(upload: &Upload) -> usize {
             match probe.status() {
                 StatusCode::LOCKED => tokio::task::yield_now().await,
                 StatusCode::NO_CONTENT => return offset,
-                StatusCode::CONFLICT => {} // it moved on in between
+                StatusCode::CONFLICT => {} // the offset has moved in between
                 other => panic!("{other}"),
             }
         }
@@ -170,13 +170,13 @@ async fn unlocked_offset(upload: &Upload) -> usize {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn two_writers_at_once_are_one_too_many() {
-    let centre = Centre::open_in(Service::start_by(Manual::at(1_800_000_000_000)).await).await;
+async fn a_second_writer_at_the_same_time_is_refused() {
+    let centre = Centre::open_in(Service::start_with_clock(ManualClock::at(1_800_000_000_000)).await).await;
     let content = recording(6 * MIB, 4);
     let upload = Upload::begin(&centre.trainee, content.len()).await;
     let (bytes, answer) = upload.open_patch(0);
     bytes.send(Ok(Bytes::copy_from_slice(&content[..5 * MIB]))).await.unwrap();
-    // A checkpoint shows that the first writer is at work; by the clock that stands still it is never silent.
+    // A checkpoint shows that the first writer is active. It is never silent, since the clock does not move.
     soon("a checkpoint", async { while upload.offset().await < 4 * MIB {} }).await;
     let kept = upload.offset().await;
     problem(upload.patch(kept, &content[kept..]).await, 423, "locked").await;
@@ -187,16 +187,16 @@ async fn two_writers_at_once_are_one_too_many() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_sender_who_comes_back_takes_over_from_their_silent_connection() {
-    let clock = Manual::at(1_800_000_000_000);
-    let centre = Centre::open_in(Service::start_by(clock.clone()).await).await;
+async fn a_returning_sender_takes_over_from_its_silent_connection() {
+    let clock = ManualClock::at(1_800_000_000_000);
+    let centre = Centre::open_in(Service::start_with_clock(clock.clone()).await).await;
     let content = recording(6 * MIB, 9);
     let upload = Upload::begin(&centre.trainee, content.len()).await;
     let (bytes, silent) = upload.open_patch(0);
     bytes.send(Ok(Bytes::copy_from_slice(&content[..5 * MIB]))).await.unwrap();
-    // While bytes come, a question changes nothing.
+    // While bytes arrive, a request for the offset changes nothing.
     soon("a checkpoint", async { while upload.offset().await < 4 * MIB {} }).await;
-    // Bytes under way when the clock moves end the silence: a sender that is told "locked" asks again.
+    // Bytes in transit when the clock moves end the silence: a sender that gets "locked" asks again.
     let rest = soon("the takeover", async {
         loop {
             clock.advance(Duration::from_secs(3));
@@ -238,7 +238,7 @@ async fn bytes_that_differ_from_their_checksum_are_dropped() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_finished_upload_tells_its_session_as_often_as_it_is_asked() {
+async fn a_finished_upload_names_its_session_in_every_answer() {
     let centre = Centre::open().await;
     let content = recording(1000, 6);
     let upload = Upload::begin(&centre.trainee, content.len()).await;
@@ -255,7 +255,7 @@ async fn a_finished_upload_tells_its_session_as_often_as_it_is_asked() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_same_recording_again_is_the_same_session_and_is_told() {
+async fn the_same_recording_again_gives_the_same_session_and_says_so() {
     let centre = Centre::open().await;
     let content = recording(1000, 7);
     let first = Upload::begin(&centre.trainee, content.len()).await;
@@ -265,8 +265,8 @@ async fn the_same_recording_again_is_the_same_session_and_is_told() {
     assert_eq!(answer.status(), StatusCode::NO_CONTENT);
     assert_eq!((session_of(&answer), &answer.headers()["trocar-duplicate"]), (id.clone(), &"true".parse().unwrap()));
     let in_one_call = super::centre::send(&centre.trainee, "ada", content).await;
-    let told = problem(in_one_call, 409, "duplicate-recording").await;
-    assert_eq!(told["session"], format!("/api/v1/sessions/{id}"));
+    let refused = problem(in_one_call, 409, "duplicate-recording").await;
+    assert_eq!(refused["session"], format!("/api/v1/sessions/{id}"));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -278,13 +278,13 @@ async fn a_terminated_upload_is_gone() {
     problem(upload.patch(500, &[1; 500]).await, 404, "not-found").await;
     assert_eq!(upload.request(Method::HEAD).send().await.unwrap().status(), StatusCode::NOT_FOUND);
     let left = std::fs::read_dir(centre.service.data.path().join("uploads")).unwrap().count();
-    assert_eq!(left, 0, "no file stays");
+    assert_eq!(left, 0, "no file remains");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_upload_that_nobody_goes_on_with_expires() {
-    let clock = Manual::at(1_800_000_000_000);
-    let centre = Centre::open_in(Service::start_by(clock.clone()).await).await;
+async fn an_abandoned_upload_expires() {
+    let clock = ManualClock::at(1_800_000_000_000);
+    let centre = Centre::open_in(Service::start_with_clock(clock.clone()).await).await;
     let upload = Upload::begin(&centre.administrator, 1000).await;
     upload.patch(0, &[1; 500]).await;
     clock.advance(Duration::from_secs(49 * 3600));
@@ -301,13 +301,13 @@ async fn an_upload_that_nobody_goes_on_with_expires() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_upload_goes_on_after_the_service_was_stopped() {
+async fn an_upload_continues_after_a_restart_of_the_service() {
     let centre = Centre::open().await;
     let content = recording(2 * MIB, 8);
     let upload = Upload::begin(&centre.administrator, content.len()).await;
     upload.patch(0, &content[..MIB]).await;
     let path = upload.address.replace(&format!("http://{}", centre.service.address()), "");
-    let service = Service::start_in(centre.service.stop().await, Arc::new(System), |_| ()).await;
+    let service = Service::start_in(centre.service.stop().await, Arc::new(SystemClock), |_| ()).await;
     let administrator = service.administrator().await;
     let upload = Upload { client: administrator.clone(), address: path };
     assert_eq!(upload.offset().await, MIB);
@@ -317,13 +317,13 @@ async fn an_upload_goes_on_after_the_service_was_stopped() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_cannot_become_a_session_is_refused_before_a_byte_is_sent() {
+async fn an_upload_that_cannot_become_a_session_is_refused_before_a_byte_is_sent() {
     let centre = Centre::open().await;
     let of = |trainee: &str, task: &str, in_box: &str| {
         metadata(&[("filename", "a.mp4"), ("trainee", trainee), ("task", task), ("box", in_box)])
     };
     for (field, metadata) in [
-        ("trainee", of("nobody", "peg", "box-1")),
+        ("trainee", of("missing", "peg", "box-1")),
         ("trainee", of("bob", "peg", "box-1")),
         ("task", of("ada", "knots", "box-1")),
         ("box", of("ada", "peg", "box-9")),
@@ -364,7 +364,7 @@ async fn the_protocol_is_described_and_its_mistakes_are_explained() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_foreign_upload_is_not_there() {
+async fn an_upload_of_another_person_is_not_found() {
     let centre = Centre::open().await;
     let upload = Upload::begin(&centre.trainee, 1000).await;
     for other in [&centre.other_trainee, &centre.other_instructor] {
@@ -377,7 +377,7 @@ async fn a_foreign_upload_is_not_there() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_empty_account_of_sessions_is_an_empty_page() {
+async fn a_trainee_without_sessions_gets_an_empty_page() {
     let centre = Centre::open().await;
     let sessions = read(centre.trainee.get("/api/v1/sessions").await, StatusCode::OK).await;
     assert_eq!(sessions, serde_json::json!({"items": [], "next": null}));

@@ -1,4 +1,4 @@
-//! A recording in one call, and what is refused.
+//! A recording in one request, and requests that are refused.
 
 use reqwest::{Method, StatusCode, header};
 
@@ -6,7 +6,7 @@ use super::centre::{Centre, recording, send, session};
 use crate::support::{Service, problem, read};
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_recording_in_one_call_becomes_a_session() {
+async fn a_recording_in_one_request_becomes_a_session() {
     let centre = Centre::open().await;
     let answer = send(&centre.instructor, "ada", recording(5000, 1)).await;
     let location = answer.headers()[header::LOCATION].to_str().unwrap().to_owned();
@@ -18,7 +18,7 @@ async fn a_recording_in_one_call_becomes_a_session() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn curls_habit_of_calling_everything_a_form_is_no_obstacle() {
+async fn a_recording_that_curl_declares_as_a_form_is_accepted() {
     let centre = Centre::open().await;
     let path = "/api/v1/sessions?trainee=ada&task=peg&box=box-1&recorded_at=2026-11-20T09:30:00%2B01:00";
     let request = centre.trainee.request(Method::POST, path);
@@ -30,11 +30,11 @@ async fn curls_habit_of_calling_everything_a_form_is_no_obstacle() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_recording_longer_than_the_limit_is_refused_with_the_limit() {
     let centre = Centre::open_in(Service::start_with(|s| s.uploads.max_bytes = 1000).await).await;
-    let told = problem(send(&centre.trainee, "ada", recording(1001, 1)).await, 413, "too-large").await;
-    assert_eq!(told["limit_bytes"], 1000);
+    let refused = problem(send(&centre.trainee, "ada", recording(1001, 1)).await, 413, "too-large").await;
+    assert_eq!(refused["limit_bytes"], 1000);
     session(&centre.trainee, "ada", recording(1000, 1)).await;
     let left = std::fs::read_dir(centre.service.data.path().join("uploads")).unwrap().count();
-    assert_eq!(left, 0, "nothing of a refused recording stays");
+    assert_eq!(left, 0, "no part of a refused recording remains");
 }
 
 async fn send_empty(centre: &Centre) -> reqwest::Response {

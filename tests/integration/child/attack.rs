@@ -1,44 +1,45 @@
-//! Files made to harm: to read what is not theirs, to hang, to fill the memory. Each ends with a reason, soon.
+//! Files made to do harm: to read other files, to hang, to fill the memory. Each one ends soon, with a reason.
 //!
-//! Beside them lie a secret text and another person's recording, which differ from everything else by content and size.
+//! A secret text and another person's recording lie in the same folder. Their content and size are unique, so that a
+//! leak shows.
 
 use super::forge::*;
 use super::*;
 
-/// Text that nobody may learn from a child.
+/// Text that no child may reveal.
 const SECRET: &str = "MARKER-7f3a9c51";
 
-/// Size of the other person's recording, macroblocks; no attack states it.
+/// Size of the other person's recording, macroblocks; no attack has this size.
 const FOREIGN: H264 = H264 { columns: 13, rows: 7, references: 1 };
 const FOREIGN_SIZE: (u32, u32) = (13 * 16, 7 * 16);
 
-/// Most memory a child may hold while it is attacked.
-const MEMORY: u64 = 512 << 20;
+/// Maximum memory that a child may hold during an attack, bytes.
+const MAX_MEMORY_BYTES: u64 = 512 << 20;
 
 /// How an attack may end.
 #[derive(Clone, Copy, PartialEq)]
-enum End {
+enum AllowedEnd {
     /// With a problem.
     Refused,
-    /// With a problem, or with frames of its own.
+    /// With a problem, or with frames of the attack file itself.
     Harmless,
 }
 
 struct Attack {
     name: &'static str,
     bytes: Vec<u8>,
-    end: End,
+    end: AllowedEnd,
 }
 
 fn refused(name: &'static str, bytes: impl Into<Vec<u8>>) -> Attack {
-    Attack { name, bytes: bytes.into(), end: End::Refused }
+    Attack { name, bytes: bytes.into(), end: AllowedEnd::Refused }
 }
 
 fn harmless(name: &'static str, bytes: impl Into<Vec<u8>>) -> Attack {
-    Attack { name, bytes: bytes.into(), end: End::Harmless }
+    Attack { name, bytes: bytes.into(), end: AllowedEnd::Harmless }
 }
 
-/// Text that some demuxer takes for a list of other files. `foreign` and `secret` are absolute paths.
+/// Texts that a demuxer may read as a list of other files. `foreign` and `secret` are absolute paths.
 fn playlists(foreign: &str, secret: &str) -> Vec<Attack> {
     let hls = |entry: &str| format!("#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\n{entry}\n");
     let dash = format!(
@@ -71,7 +72,7 @@ fn playlists(foreign: &str, secret: &str) -> Vec<Attack> {
     ]
 }
 
-/// MP4 that points elsewhere, counts too far or contradicts itself.
+/// MP4 files that refer to other files, state counts that are too large or contradict themselves.
 fn movies(foreign: &str) -> Vec<Attack> {
     let alias = {
         let mut record = vec![0; 150];
@@ -95,7 +96,7 @@ fn movies(foreign: &str) -> Vec<Attack> {
         atom("moof", &[mfhd, atom("traf", &[tfhd, full("trun", &be(&[samples]))].concat())].concat())
     };
     let fragmented = |samples: u32| {
-        let mut movie = Movie { samples: vec![], ..Movie::honest() };
+        let mut movie = Movie { samples: vec![], ..Movie::valid() };
         movie.duration = 0;
         let mvex = atom("mvex", &full("trex", &be(&[1, 1, 1, 0, 0])));
         let mut moov = movie.moov(0);
@@ -105,50 +106,50 @@ fn movies(foreign: &str) -> Vec<Attack> {
         [atom("ftyp", b"isom\0\0\0\x01iso5"), moov, trun(samples)].concat()
     };
     vec![
-        harmless("MP4, alias to another file", Movie { dref: alias, ..Movie::honest() }.bytes()),
+        harmless("MP4, alias to another file", Movie { dref: alias, ..Movie::valid() }.bytes()),
         harmless(
             "MP4, URL of another file",
-            Movie { dref: url(&format!("file://{foreign}")), ..Movie::honest() }.bytes(),
+            Movie { dref: url(&format!("file://{foreign}")), ..Movie::valid() }.bytes(),
         ),
-        harmless("MP4, data URL", Movie { dref: url("data:video/mp4;base64,AAAA"), ..Movie::honest() }.bytes()),
+        harmless("MP4, data URL", Movie { dref: url("data:video/mp4;base64,AAAA"), ..Movie::valid() }.bytes()),
         refused("MP4, reference movie", [atom("ftyp", b"qt  \0\0\0\0qt  "), reference_movie].concat()),
         refused("MP4, atom of 8 EiB", [atom("ftyp", b"isomisom"), be(&[1]), b"moov".to_vec(), vec![0x7f; 8]].concat()),
         refused("MP4, nested 20,000 deep", [atom("ftyp", b"isomisom"), nested].concat()),
-        refused("MP4, 100,000 tracks", Movie { tracks: 100_000, samples: vec![], ..Movie::honest() }.bytes()),
-        refused("MP4, no samples", Movie { samples: vec![], ..Movie::honest() }.bytes()),
-        refused("MP4, samples of 2³²−1", Movie { stsz: Some(counts("stsz", 1)), ..Movie::honest() }.bytes()),
+        refused("MP4, 100,000 tracks", Movie { tracks: 100_000, samples: vec![], ..Movie::valid() }.bytes()),
+        refused("MP4, no samples", Movie { samples: vec![], ..Movie::valid() }.bytes()),
+        refused("MP4, samples of 2³²−1", Movie { stsz: Some(counts("stsz", 1)), ..Movie::valid() }.bytes()),
         refused(
             "MP4, two thousand million samples of one byte",
             Movie {
                 stsz: Some(full("stsz", &be(&[1, 2_000_000_000]))),
                 stts: Some(full("stts", &be(&[1, 2_000_000_000, 1]))),
-                ..Movie::honest()
+                ..Movie::valid()
             }
             .bytes(),
         ),
         harmless(
             "MP4, time table beyond the file",
-            Movie { stts: Some(counts("stts", u32::MAX)), ..Movie::honest() }.bytes(),
+            Movie { stts: Some(counts("stts", u32::MAX)), ..Movie::valid() }.bytes(),
         ),
         harmless(
             "MP4, steps of 2³¹ ticks",
-            Movie { stts: Some(full("stts", &be(&[1, 50, i32::MAX as u32]))), ..Movie::honest() }.bytes(),
+            Movie { stts: Some(full("stts", &be(&[1, 50, i32::MAX as u32]))), ..Movie::valid() }.bytes(),
         ),
         harmless(
             "MP4, negative steps",
-            Movie { stts: Some(full("stts", &be(&[1, 50, u32::MAX]))), ..Movie::honest() }.bytes(),
+            Movie { stts: Some(full("stts", &be(&[1, 50, u32::MAX]))), ..Movie::valid() }.bytes(),
         ),
-        harmless("MP4, zero timescale", Movie { timescale: 0, ..Movie::honest() }.bytes()),
-        harmless("MP4, negative duration", Movie { duration: u32::MAX, ..Movie::honest() }.bytes()),
+        harmless("MP4, zero timescale", Movie { timescale: 0, ..Movie::valid() }.bytes()),
+        harmless("MP4, negative duration", Movie { duration: u32::MAX, ..Movie::valid() }.bytes()),
         harmless(
             "MP4, edit list of 2³² entries",
-            Movie { edits: atom("edts", &counts("elst", u32::MAX)), ..Movie::honest() }.bytes(),
+            Movie { edits: atom("edts", &counts("elst", u32::MAX)), ..Movie::valid() }.bytes(),
         ),
         harmless(
             "MP4, edits of negative length",
             Movie {
                 edits: atom("edts", &full("elst", &be(&[2, u32::MAX, 0, 0, 50, u32::MAX - 3, 0xffff_0000]))),
-                ..Movie::honest()
+                ..Movie::valid()
             }
             .bytes(),
         ),
@@ -157,18 +158,18 @@ fn movies(foreign: &str) -> Vec<Attack> {
     ]
 }
 
-/// Pictures too large, cut or changing.
+/// Pictures that are too large, are cut off or change their size.
 fn pictures() -> Vec<Attack> {
     let bomb = || H264 { columns: 1024, rows: 544, references: 16 };
     let truncated = {
-        let mut movie = Movie::honest();
+        let mut movie = Movie::valid();
         for sample in &mut movie.samples {
             sample.truncate(7);
             sample[..4].copy_from_slice(&be(&[0x7fff_ffff]));
         }
         movie
     };
-    let no_slices = Movie { samples: vec![sized(&[0x65]), sized(&[0x41]), vec![0, 0, 0, 0]], ..Movie::honest() };
+    let no_slices = Movie { samples: vec![sized(&[0x65]), sized(&[0x41]), vec![0, 0, 0, 0]], ..Movie::valid() };
     let grey = |columns, rows| H264 { columns, rows, references: 1 };
     let changing = {
         let (small, large) = (grey(20, 15), grey(40, 30));
@@ -198,7 +199,7 @@ fn pictures() -> Vec<Attack> {
     ]
 }
 
-/// Matroska that refers to others, to itself, or to nothing.
+/// Matroska files that refer to other files, to themselves or to nothing.
 fn matroskas() -> Vec<Attack> {
     let grey = H264 { columns: 20, rows: 15, references: 1 };
     let tracks = || matroska_tracks(&grey, 1);
@@ -232,7 +233,7 @@ fn matroskas() -> Vec<Attack> {
     ]
 }
 
-/// AVI and MPEG-TS that count too far or lead in circles.
+/// AVI and MPEG-TS files that state counts that are too large or contain loops.
 fn streams() -> Vec<Attack> {
     let frame = vec![0u8; 8];
     let super_index = chunk("indx", &[le(&[4, 3, u32::from_le_bytes(*b"00dc"), 0, 0, 0]), vec![0xff; 48]].concat());
@@ -257,7 +258,7 @@ fn streams() -> Vec<Attack> {
     ]
 }
 
-/// Whole formats that are not accepted, and no format at all.
+/// Formats that are not accepted, and files without a format.
 fn others() -> Vec<Attack> {
     vec![
         refused("nothing", ""),
@@ -277,7 +278,7 @@ fn others() -> Vec<Attack> {
     ]
 }
 
-/// A folder with a secret and another person's recording, where attacks are put one after the other.
+/// A folder with a secret and another person's recording; the attack files are written there one by one.
 struct Scene {
     folder: tempfile::TempDir,
 }
@@ -304,11 +305,11 @@ impl Scene {
     }
 }
 
-/// What is wrong with how an attack ended, if something is.
+/// Describes what is wrong with the end of an attack; `None` if it ended as it may.
 fn complaint(attack: &Attack, path: &Path) -> Option<String> {
     let patience = Budget { wall: Duration::from_secs(30), ..budget() };
     let (result, cost) = probe_with(path, &patience);
-    let told = format!("{result:?}");
+    let shown = format!("{result:?}");
     eprintln!(
         "| {} | {} B | {} | {:.2} s | {:.2} s CPU | {} MiB |",
         attack.name,
@@ -319,29 +320,30 @@ fn complaint(attack: &Attack, path: &Path) -> Option<String> {
         cost.peak_rss_bytes >> 20
     );
     let expected = match &result {
-        Err(Failure::Explained(_)) => true,
-        Ok(heard) => attack.end == End::Harmless && heard.size != Some(FOREIGN_SIZE),
+        Err(AttemptFailure::Impossible(_)) => true,
+        Ok(output) => attack.end == AllowedEnd::Harmless && output.size != Some(FOREIGN_SIZE),
         Err(_) => false,
     };
-    let leaked = told.contains(SECRET) || result.is_ok_and(|heard| leaks(heard.preview.as_deref().unwrap_or_default()));
-    (!expected || leaked || cost.peak_rss_bytes > MEMORY)
-        .then(|| format!("{}: leaked: {leaked}, {} MiB, {told}", attack.name, cost.peak_rss_bytes >> 20))
+    let leaked =
+        shown.contains(SECRET) || result.is_ok_and(|output| leaks(output.preview.as_deref().unwrap_or_default()));
+    (!expected || leaked || cost.peak_rss_bytes > MAX_MEMORY_BYTES)
+        .then(|| format!("{}: leaked: {leaked}, {} MiB, {shown}", attack.name, cost.peak_rss_bytes >> 20))
 }
 
 fn leaks(bytes: &[u8]) -> bool {
     bytes.windows(SECRET.len()).any(|window| window == SECRET.as_bytes())
 }
 
-fn summary(result: &Result<Heard, Failure>) -> String {
+fn summary(result: &Result<ChildOutput, AttemptFailure>) -> String {
     match result {
-        Ok(heard) => format!("{} frames", heard.times_s.len()),
-        Err(Failure::Explained(problem)) => problem.slug.clone(),
+        Ok(output) => format!("{} frames", output.times_s.len()),
+        Err(AttemptFailure::Impossible(problem)) => problem.slug.clone(),
         Err(other) => format!("{other:?}"),
     }
 }
 
 #[test]
-fn every_attack_ends_with_a_reason_in_time_and_learns_nothing() {
+fn every_attack_ends_with_a_reason_in_time_and_leaks_nothing() {
     let scene = Scene::new();
     let attacks = scene.attacks();
     assert!(attacks.len() >= 25);
@@ -359,18 +361,18 @@ fn every_attack_ends_with_a_reason_in_time_and_learns_nothing() {
 #[test]
 fn the_bait_is_a_recording_that_can_be_read() {
     let scene = Scene::new();
-    let heard = probe(&scene.path("foreign.mp4")).0.unwrap();
-    assert_eq!((heard.size, heard.times_s.len()), (Some(FOREIGN_SIZE), 10));
+    let output = probe(&scene.path("foreign.mp4")).0.unwrap();
+    assert_eq!((output.size, output.times_s.len()), (Some(FOREIGN_SIZE), 10));
 }
 
 #[test]
 fn the_largest_accepted_picture_is_decoded_within_the_memory_limit() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("large.mp4");
-    let grey = H264 { columns: 256, rows: 144, references: 5 }; // level 5.1's most at this size
+    let grey = H264 { columns: 256, rows: 144, references: 5 }; // the maximum of level 5.1 at this size
     std::fs::write(&path, Movie::of(grey, 30).bytes()).unwrap();
-    let (heard, cost) = probe(&path);
-    let heard = heard.unwrap();
-    assert_eq!((heard.size, heard.times_s.len()), (Some((4096, 2304)), 30));
+    let (output, cost) = probe(&path);
+    let output = output.unwrap();
+    assert_eq!((output.size, output.times_s.len()), (Some((4096, 2304)), 30));
     eprintln!("4096×2304: {cost:?}");
 }

@@ -1,4 +1,4 @@
-//! Calibration and colours in a child, from photos and pictures as people send them.
+//! Calibration and colours in a child, from photos and pictures as users send them.
 
 use trocar::analysis::protocol::{BoardShape, CalibrateWork, MarkShape, PaletteWork};
 use trocar::domain::files::camera::CameraFile;
@@ -8,28 +8,28 @@ use super::clips::ffmpeg;
 use super::tracking::{SharedScene, shared};
 use super::*;
 
-fn ask(work: Work, inputs: &[PathBuf]) -> Result<Heard, Failure> {
-    let attempt_at = Attempt {
+fn ask(work: ChildWork, inputs: &[PathBuf]) -> Result<ChildOutput, AttemptFailure> {
+    let attempt = ChildAttempt {
         program: &program(),
-        request: Request { threads: 2, work },
+        request: ChildRequest { threads: 2, work },
         inputs: inputs.iter().map(|path| File::open(path).unwrap()).collect(),
         budget: &Budget { wall: Duration::from_secs(300), ..budget() },
-        stop: &Stop::new().unwrap(),
+        stop: &StopSwitch::new().unwrap(),
     };
-    attempt(attempt_at, |_| {}).0
+    run_attempt(attempt, |_| {}).0
 }
 
-fn calibrate(columns: u32, rows: u32, photos: &[PathBuf]) -> Work {
-    Work::Calibrate(CalibrateWork {
+fn calibrate(columns: u32, rows: u32, photos: &[PathBuf]) -> ChildWork {
+    ChildWork::Calibrate(CalibrateWork {
         board: BoardShape { columns, rows, square_mm: 21.0 },
         photos: Some(photos.iter().map(|path| path.display().to_string()).collect()),
         calibrated_at: "2026-11-21T20:14:00Z".into(),
     })
 }
 
-fn problem(result: Result<Heard, Failure>) -> String {
+fn problem(result: Result<ChildOutput, AttemptFailure>) -> String {
     match result {
-        Err(Failure::Explained(problem)) => problem.slug,
+        Err(AttemptFailure::Impossible(problem)) => problem.slug,
         other => panic!("expected a problem, got {other:?}"),
     }
 }
@@ -42,8 +42,8 @@ fn photos_of_a_board_become_a_camera() {
     photos.retain(|path| path.extension().is_some_and(|e| e == "jpg" || e == "png"));
     photos.sort();
     photos.truncate(12);
-    let heard = ask(calibrate(9, 6, &photos), &photos).unwrap();
-    let camera = CameraFile::parse(&heard.calibration.unwrap().camera_json).unwrap();
+    let output = ask(calibrate(9, 6, &photos), &photos).unwrap();
+    let camera = CameraFile::parse(&output.calibration.unwrap().camera_json).unwrap();
     assert!(camera.more["rms_px"].as_f64().unwrap() < 0.5, "{camera:?}");
     assert_eq!(camera.more["photos"].as_array().unwrap().len(), photos.len());
     assert_eq!(camera.more["calibrated_at"], "2026-11-21T20:14:00Z");
@@ -75,7 +75,7 @@ fn pictures_of_frames_give_the_colours_that_the_clip_gives() {
         pictures.push(picture);
     }
     let colours = |frames, inputs: &[PathBuf]| {
-        let work = Work::Palette(PaletteWork { marks: marks.clone(), tools: scene.tools(), frames });
+        let work = ChildWork::Palette(PaletteWork { marks: marks.clone(), tools: scene.tools(), frames });
         ask(work, inputs).unwrap().palette.unwrap()
     };
     let of_pictures = colours(Some(frames.clone()), &pictures);
@@ -89,8 +89,8 @@ fn pictures_of_frames_give_the_colours_that_the_clip_gives() {
         rgb.sum::<nalgebra::Vector3<f64>>() / of_label.len() as f64
     };
     for (label, _) in of_clip.counts() {
-        let apart = (mean(&of_pictures, &label) - mean(&of_clip, &label)).abs().max();
-        assert!(apart < 0.04, "{label}: {apart}");
+        let difference = (mean(&of_pictures, &label) - mean(&of_clip, &label)).abs().max();
+        assert!(difference < 0.04, "{label}: {difference}");
     }
 }
 
@@ -98,7 +98,7 @@ fn pictures_of_frames_give_the_colours_that_the_clip_gives() {
 fn the_colours_of_the_given_scenes_are_good() {
     for name in ["V1", "V2", "V3", "V4", "V5"] {
         let Some(scene) = SharedScene::find(name) else { return };
-        let work = Work::Palette(PaletteWork { marks: scene.marks(), tools: scene.tools(), frames: None });
+        let work = ChildWork::Palette(PaletteWork { marks: scene.marks(), tools: scene.tools(), frames: None });
         let report = ask(work, &[scene.video()]).unwrap().palette_report.unwrap();
         assert_eq!(report.warnings, [""; 0], "{name}");
         assert_eq!(report.verdicts.len(), scene.tools().len());
@@ -115,6 +115,6 @@ fn a_mark_on_a_frame_that_was_not_sent_is_named() {
     let picture = folder.path().join("frame_3.png");
     image::RgbImage::new(20, 20).save(&picture).unwrap();
     let mark = MarkShape { frame: 4, label: "orange".into(), x_y_w_h: [1, 1, 2, 2], stroke: None };
-    let work = Work::Palette(PaletteWork { marks: vec![mark], tools: vec![], frames: Some(vec![3]) });
+    let work = ChildWork::Palette(PaletteWork { marks: vec![mark], tools: vec![], frames: Some(vec![3]) });
     assert_eq!(problem(ask(work, &[picture])), "mark-without-picture");
 }

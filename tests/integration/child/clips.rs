@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Runs `ffmpeg` with these arguments and the output's path; `None`, said loudly, if there is no such program.
+/// Runs `ffmpeg` with these arguments and the output's path; `None`, with a message, if the program is missing.
 pub fn ffmpeg(arguments: &str, out: &Path) -> Option<PathBuf> {
     let made = Command::new("ffmpeg")
         .args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y"])
@@ -22,7 +22,7 @@ pub fn ffmpeg(arguments: &str, out: &Path) -> Option<PathBuf> {
     }
 }
 
-/// Arguments for a moving test picture of this size and length, and what follows them.
+/// Arguments for a moving test picture of this size and length, followed by `more`.
 pub fn test_picture(size: &str, frames: u32, more: &str) -> String {
     format!("-f lavfi -i testsrc2=size={size}:rate=25 -frames:v {frames} {more}")
 }

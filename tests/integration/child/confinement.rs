@@ -1,27 +1,28 @@
-//! The confinement itself: this test binary runs as a child, confines itself as every child does, and then tries what
-//! is forbidden. What came of it, it says on standard error; how it ended, the parent sees.
+//! The confinement itself: this test binary runs as a child, confines itself as every child does, and then tries
+//! forbidden acts. It prints the result of each act on stderr; the parent sees how it ended.
 
 use std::io::Write;
 use std::os::fd::OwnedFd;
 use std::process::{Command, Stdio};
 
 use trocar::analysis::protocol::encode;
-use trocar::sandbox::{Ended, Limit, Order, Outcome, run};
+use trocar::sandbox::{ChildEnd, ChildOutcome, ChildSpec, TimeLimit, run};
 
 use super::*;
 
 /// Runs one act in a confined copy of this binary.
-fn confined(act: &str) -> Ended {
+fn confined(act: &str) -> ChildEnd {
     confined_within(act, &budget())
 }
 
-fn confined_within(act: &str, budget: &Budget) -> Ended {
+fn confined_within(act: &str, budget: &Budget) -> ChildEnd {
     let arguments = ["--exact", "child::confinement::the_confined_act", "--ignored", "--nocapture", "--test-threads=1"];
     let program = Program::this(&arguments);
-    // The test harness greets on standard output; as a length its greeting is below this, so it is no violation yet.
+    // The test harness prints to stdout. Read as the length of a record, its text stays below this limit.
     let budget = Budget { record_bytes: usize::MAX, ..*budget };
-    let order = Order { program: &program, request: act.into(), inputs: vec![File::open("/proc/self/exe").unwrap()] };
-    run(order, &budget, &Stop::new().unwrap(), |_| Ok(()))
+    let order =
+        ChildSpec { program: &program, request: act.into(), inputs: vec![File::open("/proc/self/exe").unwrap()] };
+    run(order, &budget, &StopSwitch::new().unwrap(), |_| Ok(()))
 }
 
 #[test]
@@ -29,15 +30,15 @@ fn confined_within(act: &str, budget: &Budget) -> Ended {
 fn the_confined_act() {
     let admission = trocar::sandbox::admit().unwrap();
     let act = String::from_utf8(admission.request).unwrap();
-    let came_of_it = acts::perform(&act);
-    eprintln!("[{act}: {came_of_it}]");
+    let result = acts::perform(&act);
+    eprintln!("[{act}: {result}]");
 }
 
 mod acts {
     use std::fs;
     use std::io::{self, Read};
 
-    /// What came of an act that did not end the process.
+    /// The result of an act that did not end the process.
     pub fn perform(act: &str) -> String {
         match act {
             "nothing" => "done".into(),
@@ -69,7 +70,7 @@ mod acts {
     }
 
     fn raw(act: &str) -> String {
-        // SAFETY: calls that the filter stops; if it did not, they would only touch this process.
+        // SAFETY: the filter stops these calls; without it they would affect only this process.
         let result = unsafe {
             match act {
                 "fork" => i64::from(libc::fork()),
@@ -103,9 +104,9 @@ mod acts {
 
 #[test]
 fn a_confined_process_works_and_has_no_environment() {
-    for (act, came_of_it) in [("nothing", "done"), ("read the environment", "0 variables"), ("start threads", "6")] {
+    for (act, result) in [("nothing", "done"), ("read the environment", "0 variables"), ("start threads", "6")] {
         let ended = confined(act);
-        assert!(ended.stderr_tail.contains(&format!("[{act}: {came_of_it}]")), "{ended:?}");
+        assert!(ended.stderr_tail.contains(&format!("[{act}: {result}]")), "{ended:?}");
     }
 }
 
@@ -118,7 +119,7 @@ fn no_file_can_be_opened_or_looked_at() {
 }
 
 #[test]
-fn any_other_act_kills() {
+fn any_other_act_kills_the_child() {
     let acts = [
         "remove a file",
         "make a socket",
@@ -134,7 +135,7 @@ fn any_other_act_kills() {
     ];
     for act in acts {
         let ended = confined(act);
-        assert!(matches!(ended.outcome, Outcome::Killed(libc::SIGSYS)), "{act}: {ended:?}");
+        assert!(matches!(ended.outcome, ChildOutcome::Killed(libc::SIGSYS)), "{act}: {ended:?}");
     }
 }
 
@@ -147,15 +148,15 @@ fn limits_cannot_be_raised() {
 #[test]
 fn memory_beyond_the_budget_is_named_as_the_reason() {
     let ended = confined("take much memory");
-    assert!(matches!(ended.outcome, Outcome::OutOfMemory(_)), "{ended:?}");
+    assert!(matches!(ended.outcome, ChildOutcome::OutOfMemory(_)), "{ended:?}");
     assert!(ended.cost.peak_rss_bytes < 1 << 30, "{ended:?}");
 }
 
 #[test]
-fn a_crash_and_a_panic_are_told_apart() {
-    assert!(matches!(confined("abort").outcome, Outcome::Killed(libc::SIGABRT)));
+fn a_crash_and_a_panic_are_distinguished() {
+    assert!(matches!(confined("abort").outcome, ChildOutcome::Killed(libc::SIGABRT)));
     let ended = confined("panic");
-    assert!(matches!(ended.outcome, Outcome::Exited(101)), "{ended:?}");
+    assert!(matches!(ended.outcome, ChildOutcome::Exited(101)), "{ended:?}");
     assert!(ended.stderr_tail.contains("as asked"), "{ended:?}");
 }
 
@@ -163,23 +164,23 @@ fn a_crash_and_a_panic_are_told_apart() {
 fn endless_computing_ends_at_the_processors_limit() {
     let limit = Duration::from_secs(1);
     let ended = confined_within("compute for ever", &Budget { cpu: limit, ..budget() });
-    assert!(matches!(ended.outcome, Outcome::TimedOut(Limit::Processor(_))), "{ended:?}");
+    assert!(matches!(ended.outcome, ChildOutcome::TimedOut(TimeLimit::Processor(_))), "{ended:?}");
 }
 
 #[test]
 fn endless_silence_ends_at_its_limit() {
     let limit = Duration::from_millis(300);
     let ended = confined_within("compute for ever", &Budget { silence: limit, ..budget() });
-    assert!(matches!(ended.outcome, Outcome::TimedOut(Limit::Silence(_))), "{ended:?}");
+    assert!(matches!(ended.outcome, ChildOutcome::TimedOut(TimeLimit::Silence(_))), "{ended:?}");
     let ended = confined_within("compute for ever", &Budget { wall: limit, ..budget() });
-    assert!(matches!(ended.outcome, Outcome::TimedOut(Limit::Wall(_))), "{ended:?}");
+    assert!(matches!(ended.outcome, ChildOutcome::TimedOut(TimeLimit::Wall(_))), "{ended:?}");
 }
 
-/// A real child whose recording never arrives: it waits, confined, until it is ended.
-fn waiting_child(stop: &Stop, on_first_record: impl Fn()) -> (Ended, OwnedFd) {
+/// A real child whose recording never arrives: it waits, confined, until it is stopped.
+fn waiting_child(stop: &StopSwitch, on_first_record: impl Fn()) -> (ChildEnd, OwnedFd) {
     let (recording, writer) = rustix::pipe::pipe().unwrap();
-    let request = encode(&Request { threads: 1, work: Work::Probe }).unwrap();
-    let order = Order { program: &program(), request, inputs: vec![File::from(recording)] };
+    let request = encode(&ChildRequest { threads: 1, work: ChildWork::Probe }).unwrap();
+    let order = ChildSpec { program: &program(), request, inputs: vec![File::from(recording)] };
     let ended = run(order, &budget(), stop, |_| {
         on_first_record();
         Ok(())
@@ -189,24 +190,27 @@ fn waiting_child(stop: &Stop, on_first_record: impl Fn()) -> (Ended, OwnedFd) {
 
 #[test]
 fn a_child_is_ended_on_request() {
-    let stop = Stop::new().unwrap();
+    let stop = StopSwitch::new().unwrap();
     let (ended, _writer) = waiting_child(&stop, || stop.pull());
-    assert!(matches!(ended.outcome, Outcome::Stopped), "{ended:?}");
+    assert!(matches!(ended.outcome, ChildOutcome::Stopped), "{ended:?}");
 }
 
 #[test]
 fn a_record_that_the_parent_refuses_ends_the_child() {
-    let request = encode(&Request { threads: 1, work: Work::Probe }).unwrap();
+    let request = encode(&ChildRequest { threads: 1, work: ChildWork::Probe }).unwrap();
     let (recording, _writer) = rustix::pipe::pipe().unwrap();
-    let order = Order { program: &program(), request, inputs: vec![File::from(recording)] };
-    let ended = run(order, &budget(), &Stop::new().unwrap(), |_| Err("not believed".into()));
-    assert!(matches!(&ended.outcome, Outcome::Violated(what) if what.to_string() == "not believed"), "{ended:?}");
+    let order = ChildSpec { program: &program(), request, inputs: vec![File::from(recording)] };
+    let ended = run(order, &budget(), &StopSwitch::new().unwrap(), |_| Err("not believed".into()));
+    assert!(
+        matches!(&ended.outcome, ChildOutcome::ProtocolViolation(what) if what.to_string() == "not believed"),
+        "{ended:?}"
+    );
 }
 
 #[test]
 #[ignore = "not a test: a parent that is killed while its child works"]
 fn the_doomed_parent() {
-    let (ended, _writer) = waiting_child(&Stop::new().unwrap(), || {
+    let (ended, _writer) = waiting_child(&StopSwitch::new().unwrap(), || {
         eprintln!("\nthe child is confined");
         std::io::stderr().flush().unwrap();
     });
@@ -234,7 +238,7 @@ fn a_child_does_not_survive_its_parent() {
     assert_eq!(rustix::event::poll(&mut ended, Some(&patience)).unwrap(), 1, "the child outlives its parent");
 }
 
-/// Processes whose parent this is.
+/// Child processes of this process.
 fn children_of(parent: u32) -> Vec<u32> {
     let processes = std::fs::read_dir("/proc").unwrap();
     let pids = processes.filter_map(|entry| entry.unwrap().file_name().to_str()?.parse().ok());

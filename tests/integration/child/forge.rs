@@ -1,4 +1,4 @@
-//! Bytes of H.264, MP4, Matroska, AVI and MPEG-TS, put together by hand: what no encoder would write.
+//! Bytes of H.264, MP4, Matroska, AVI and MPEG-TS, assembled by hand: files that no encoder would write.
 
 /// Writes bits, most significant first.
 #[derive(Default)]
@@ -67,7 +67,7 @@ impl H264 {
         bits.ue(0).ue(0).put(0, 2).ue(0).ue(0).ue(0).put(0, 3).ue(0).ue(0).ue(0).put(0b100, 3).nal(0x68)
     }
 
-    /// A whole picture of its own.
+    /// A picture that depends on no other picture.
     pub fn key_frame(&self) -> Vec<u8> {
         let mut bits = Bits::default();
         bits.ue(0).ue(7).ue(0).put(0, 4).ue(0).put(0, 2).ue(0).ue(1);
@@ -77,14 +77,14 @@ impl H264 {
         bits.nal(0x65)
     }
 
-    /// The picture before, again.
+    /// A repetition of the picture before.
     pub fn repeat_frame(&self, number: u64) -> Vec<u8> {
         let mut bits = Bits::default();
         bits.ue(0).ue(5).ue(0).put(number % 16, 4).put(0, 3).ue(0).ue(1);
         bits.ue(self.columns * self.rows).nal(0x41)
     }
 
-    /// As an MP4's `avcC` holds it.
+    /// The decoder configuration, as in an MP4's `avcC`.
     pub fn configuration(&self) -> Vec<u8> {
         let (sps, pps) = (self.sps(), Self::pps());
         let mut out = vec![1, sps[1], sps[2], sps[3], 0xff, 0xe1];
@@ -123,27 +123,28 @@ pub fn be(numbers: &[u32]) -> Vec<u8> {
     numbers.iter().flat_map(|n| n.to_be_bytes()).collect()
 }
 
-/// An MP4 with one video track, any part of which can be spoiled.
+/// An MP4 with one video track. Each part can be replaced by a damaged one.
 pub struct Movie {
     pub timescale: u32,
     pub duration: u32,
     pub stated_size: [u16; 2],
     pub configuration: Vec<u8>,
     pub samples: Vec<Vec<u8>>,
-    /// Instead of a data reference to the file itself.
+    /// The data reference; in a valid file it refers to the file itself.
     pub dref: Vec<u8>,
-    /// Instead of the honest `stts` and `stsz`.
+    /// Replaces the valid `stts`.
     pub stts: Option<Vec<u8>>,
+    /// Replaces the valid `stsz`.
     pub stsz: Option<Vec<u8>>,
-    /// Between `tkhd` and `mdia`.
+    /// Boxes between `tkhd` and `mdia`.
     pub edits: Vec<u8>,
-    /// How many times the track is there.
+    /// Number of copies of the track.
     pub tracks: usize,
 }
 
 impl Movie {
-    /// Two seconds of grey, 320×240, honest.
-    pub fn honest() -> Self {
+    /// Two seconds of grey, 320×240, undamaged.
+    pub fn valid() -> Self {
         let grey = H264 { columns: 20, rows: 15, references: 1 };
         Self {
             timescale: 25,
@@ -161,7 +162,7 @@ impl Movie {
 
     /// Grey of another size.
     pub fn of(grey: H264, frames: u64) -> Self {
-        Self { configuration: grey.configuration(), samples: grey.samples(frames), ..Self::honest() }
+        Self { configuration: grey.configuration(), samples: grey.samples(frames), ..Self::valid() }
     }
 
     pub fn bytes(&self) -> Vec<u8> {
@@ -193,13 +194,13 @@ impl Movie {
     fn stbl(&self, data_at: u32) -> Vec<u8> {
         let count = self.samples.len() as u32;
         let sizes: Vec<u32> = self.samples.iter().map(|s| s.len() as u32).collect();
-        let honest_stts = full("stts", &be(&[1, count, 1]));
-        let honest_stsz = full("stsz", &[be(&[0, count]), be(&sizes)].concat());
+        let valid_stts = full("stts", &be(&[1, count, 1]));
+        let valid_stsz = full("stsz", &[be(&[0, count]), be(&sizes)].concat());
         let parts = [
             full("stsd", &[be(&[1]), self.sample_entry()].concat()),
-            self.stts.clone().unwrap_or(honest_stts),
+            self.stts.clone().unwrap_or(valid_stts),
             full("stsc", &be(&[1, 1, count.max(1), 1])),
-            self.stsz.clone().unwrap_or(honest_stsz),
+            self.stsz.clone().unwrap_or(valid_stsz),
             full("stco", &be(&[1, data_at])),
         ];
         atom("stbl", &parts.concat())
@@ -222,7 +223,7 @@ pub fn element(id: u32, content: &[u8]) -> Vec<u8> {
     element_of_length(id, content.len() as u64, content)
 }
 
-/// An EBML element that lies about its length.
+/// An EBML element that states this length, which may be wrong.
 pub fn element_of_length(id: u32, length: u64, content: &[u8]) -> Vec<u8> {
     let id: Vec<u8> = id.to_be_bytes().into_iter().skip_while(|&b| b == 0).collect();
     let length = (length | 1 << 56).to_be_bytes();
@@ -278,7 +279,7 @@ pub fn le(numbers: &[u32]) -> Vec<u8> {
     numbers.iter().flat_map(|n| n.to_le_bytes()).collect()
 }
 
-/// An AVI of these frames in this codec, with `streams` equal headers and what else goes into each header.
+/// An AVI of these frames in this codec, with `streams` equal headers; `more` is added to each header.
 pub fn avi(codec: &[u8; 4], size: [u32; 2], frames: &[Vec<u8>], streams: usize, more: &[u8]) -> Vec<u8> {
     let avih = le(&[40_000, 0, 0, 0, frames.len() as u32, 0, streams as u32, 0, size[0], size[1], 0, 0, 0, 0]);
     let codec_number = u32::from_le_bytes(*codec);

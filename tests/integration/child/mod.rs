@@ -1,4 +1,4 @@
-//! The confined child from outside: what it says of healthy and of broken recordings, and that nothing gets past it.
+//! The confined child process from outside: its results for healthy and broken recordings, and its confinement.
 
 mod attack;
 mod calibrating;
@@ -7,48 +7,48 @@ mod confinement;
 mod forge;
 mod mutation;
 mod recordings;
-mod tracking;
+pub mod tracking;
 mod workers;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use trocar::analysis::protocol::{Request, Work};
-use trocar::analysis::{Attempt, Failure, Heard, attempt};
-use trocar::media::{Limits, VideoFile};
-use trocar::sandbox::{Budget, Cost, Program, Stop};
+use trocar::analysis::protocol::{ChildRequest, ChildWork};
+use trocar::analysis::{AttemptFailure, ChildAttempt, ChildOutput, run_attempt};
+use trocar::media::{MediaLimits, VideoFile};
+use trocar::sandbox::{Budget, Cost, Program, StopSwitch};
 
 /// The child of the program under test.
 fn program() -> Program {
     Program::at(env!("CARGO_BIN_EXE_trocar"), &["child"])
 }
 
-/// Generous for a loaded machine, but no test waits for it: a child that reaches it has failed the test.
+/// Generous for a loaded machine. No test waits for these limits: a child that reaches one fails the test.
 fn budget() -> Budget {
     Budget { wall: Duration::from_secs(60), silence: Duration::from_secs(60), ..Budget::default() }
 }
 
 /// Decodes a file from end to end in a child.
-fn probe(path: &Path) -> (Result<Heard, Failure>, Cost) {
+fn probe(path: &Path) -> (Result<ChildOutput, AttemptFailure>, Cost) {
     probe_with(path, &budget())
 }
 
-fn probe_with(path: &Path, budget: &Budget) -> (Result<Heard, Failure>, Cost) {
-    let attempt_at = Attempt {
+fn probe_with(path: &Path, budget: &Budget) -> (Result<ChildOutput, AttemptFailure>, Cost) {
+    let attempt = ChildAttempt {
         program: &program(),
-        request: Request { threads: 2, work: Work::Probe },
+        request: ChildRequest { threads: 2, work: ChildWork::Probe },
         inputs: vec![File::open(path).unwrap()],
         budget,
-        stop: &Stop::new().unwrap(),
+        stop: &StopSwitch::new().unwrap(),
     };
-    attempt(attempt_at, |_| {})
+    run_attempt(attempt, |_| {})
 }
 
-/// The name of the problem with which a file is refused; anything else fails the test.
+/// The slug of the problem that refuses a file; any other outcome fails the test.
 fn refusal(path: &Path) -> String {
     match probe(path).0 {
-        Err(Failure::Explained(problem)) => problem.slug,
+        Err(AttemptFailure::Impossible(problem)) => problem.slug,
         other => panic!("{}: expected a problem, got {other:?}", path.display()),
     }
 }

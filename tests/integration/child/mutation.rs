@@ -1,6 +1,6 @@
-//! Recordings with random damage: each ends, whatever the damage, and the parent goes on.
+//! Recordings with random damage: each child ends, and the parent continues.
 //!
-//! `TROCAR_MUTATIONS=10000` makes it the long run; the seed of each file is its number, so a finding can be repeated.
+//! `TROCAR_MUTATIONS=10000` selects the long run; the seed of each file is its number, so a finding can be repeated.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -9,10 +9,10 @@ use super::clips::{ffmpeg, test_picture};
 use super::forge::{H264, Movie, avi, matroska, matroska_cluster, matroska_tracks};
 use super::*;
 
-/// Files in a run that nobody waits for.
-const USUAL: u64 = 200;
+/// Files in an ordinary run.
+const DEFAULT_FILES: u64 = 200;
 
-/// A small generator, so that a number names a file for ever.
+/// A small random generator: the same seed always gives the same file.
 struct Seeded(u64);
 
 impl Seeded {
@@ -67,7 +67,7 @@ fn damage(healthy: &[u8], seed: u64) -> Vec<u8> {
 fn healthy_recordings(folder: &Path) -> Vec<Vec<u8>> {
     let grey = H264 { columns: 20, rows: 15, references: 1 };
     let mut recordings = vec![
-        Movie::honest().bytes(),
+        Movie::valid().bytes(),
         matroska(&[matroska_tracks(&grey, 1), matroska_cluster(&grey.samples(20))]),
         avi(b"H264", [320, 240], &[], 1, &[]),
     ];
@@ -93,17 +93,17 @@ fn healthy_recordings(folder: &Path) -> Vec<Vec<u8>> {
 #[test]
 fn damaged_recordings_neither_hang_nor_break_the_protocol() {
     let files = std::env::var_os("TROCAR_MUTATIONS")
-        .map_or(USUAL, |text| text.to_str().unwrap().parse().expect("TROCAR_MUTATIONS is a number of files"));
+        .map_or(DEFAULT_FILES, |text| text.to_str().unwrap().parse().expect("TROCAR_MUTATIONS is a number of files"));
     let folder = tempfile::tempdir().unwrap();
     let healthy = healthy_recordings(folder.path());
     let (next, findings) = (AtomicU64::new(0), Mutex::new(Vec::new()));
-    let (decoded, explained, most_memory) = (AtomicU64::new(0), AtomicU64::new(0), AtomicU64::new(0));
+    let (decoded, explained, max_memory) = (AtomicU64::new(0), AtomicU64::new(0), AtomicU64::new(0));
     let patience = Budget { wall: Duration::from_secs(60), ..budget() };
     std::thread::scope(|threads| {
         for worker in 0..2 {
             let path = folder.path().join(format!("damaged-{worker}"));
             let (next, findings, healthy, patience) = (&next, &findings, &healthy, &patience);
-            let (decoded, explained, most_memory) = (&decoded, &explained, &most_memory);
+            let (decoded, explained, max_memory) = (&decoded, &explained, &max_memory);
             threads.spawn(move || {
                 loop {
                     let seed = next.fetch_add(1, Ordering::Relaxed);
@@ -112,10 +112,10 @@ fn damaged_recordings_neither_hang_nor_break_the_protocol() {
                     }
                     std::fs::write(&path, damage(&healthy[seed as usize % healthy.len()], seed)).unwrap();
                     let (result, cost) = probe_with(&path, patience);
-                    most_memory.fetch_max(cost.peak_rss_bytes, Ordering::Relaxed);
+                    max_memory.fetch_max(cost.peak_rss_bytes, Ordering::Relaxed);
                     match result {
                         Ok(_) => decoded.fetch_add(1, Ordering::Relaxed),
-                        Err(Failure::Explained(_)) => explained.fetch_add(1, Ordering::Relaxed),
+                        Err(AttemptFailure::Impossible(_)) => explained.fetch_add(1, Ordering::Relaxed),
                         Err(other) => {
                             findings.lock().unwrap().push(format!("file {seed}: {other:?}"));
                             0
@@ -129,7 +129,7 @@ fn damaged_recordings_neither_hang_nor_break_the_protocol() {
         "{files} damaged files: {} decoded in part, {} explained, {} MiB at most",
         decoded.into_inner(),
         explained.into_inner(),
-        most_memory.into_inner() >> 20
+        max_memory.into_inner() >> 20
     );
     let findings = findings.into_inner().unwrap();
     assert!(findings.is_empty(), "\n{}\n", findings.join("\n"));

@@ -7,13 +7,13 @@ use trocar::analysis::protocol::{
 };
 use trocar::domain::files::annotations::AnnotationsFile;
 use trocar::domain::files::camera::CameraFile;
-use trocar::media::{Limits, Picture, VideoFile};
-use trocar::pipeline::tracker::{MOST_REHEARSED, Tracker, TrackerSettings, Tracking};
-use trocar::pipeline::trajectory::{Kind, Trajectory};
+use trocar::media::{MediaLimits, Picture, VideoFile};
+use trocar::pipeline::tracker::{MAX_WARM_UP_FRAMES, Tracker, TrackerSettings, Tracking};
+use trocar::pipeline::trajectory::{PathKind, Trajectory};
 
 use super::*;
 
-/// The folder of shared data, if it is at hand.
+/// The folder of shared data, if it is available.
 pub fn shared() -> Option<PathBuf> {
     let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
     let places = std::env::var_os("TROCAR_SHARED").map(PathBuf::from).into_iter();
@@ -25,7 +25,7 @@ pub fn shared() -> Option<PathBuf> {
     found
 }
 
-/// One of the shared rendered scenes, if they are at hand.
+/// One of the shared rendered scenes.
 pub struct SharedScene {
     folder: PathBuf,
     pub annotations: AnnotationsFile,
@@ -33,6 +33,7 @@ pub struct SharedScene {
 }
 
 impl SharedScene {
+    /// The scene of this name; `None` if the shared data is not available.
     pub fn find(name: &str) -> Option<Self> {
         let shared = shared()?;
         let folder = shared.join("scenes").join(name);
@@ -61,7 +62,7 @@ impl SharedScene {
     }
 
     fn palette(&self) -> PaletteShape {
-        let work = Work::Palette(PaletteWork { marks: self.marks(), tools: self.tools(), frames: None });
+        let work = ChildWork::Palette(PaletteWork { marks: self.marks(), tools: self.tools(), frames: None });
         ask(work, &self.video()).unwrap().palette.unwrap()
     }
 
@@ -82,29 +83,29 @@ impl SharedScene {
     }
 }
 
-fn ask(work: Work, input: &Path) -> Result<Heard, Failure> {
-    let attempt_at = Attempt {
+fn ask(work: ChildWork, input: &Path) -> Result<ChildOutput, AttemptFailure> {
+    let attempt = ChildAttempt {
         program: &program(),
-        request: Request { threads: 2, work },
+        request: ChildRequest { threads: 2, work },
         inputs: vec![File::open(input).unwrap()],
         budget: &Budget { wall: std::time::Duration::from_secs(600), ..budget() },
-        stop: &Stop::new().unwrap(),
+        stop: &StopSwitch::new().unwrap(),
     };
-    attempt(attempt_at, |_| {}).0
+    run_attempt(attempt, |_| {}).0
 }
 
-/// The same work in this process.
-fn tracked_here(scene: &SharedScene, work: TrackWork) -> Tracking {
-    let open = || VideoFile::open(BufReader::new(File::open(scene.video()).unwrap()), Limits::default()).unwrap();
+/// Tracks the same recording in this process.
+fn track_in_process(scene: &SharedScene, work: TrackWork) -> Tracking {
+    let open = || VideoFile::open(BufReader::new(File::open(scene.video()).unwrap()), MediaLimits::default()).unwrap();
     let pictures = |mut video: VideoFile| std::iter::from_fn(move || video.next_picture().unwrap());
     let tools = work.tools.into_iter().map(Into::into).collect();
     let mut settings = TrackerSettings::new(scene.camera.camera(), tools, work.palette.colour_samples().unwrap());
     settings.view = work.view.map(Into::into);
     let (video, info) = (open(), open().info());
-    let first: Vec<Picture> = pictures(video).take(MOST_REHEARSED).collect();
+    let first: Vec<Picture> = pictures(video).take(MAX_WARM_UP_FRAMES).collect();
     let first: Vec<_> = first.iter().map(Picture::frame).collect();
     let mut tracker = Tracker::new(settings, info.width, info.height, first[0].encoding).unwrap();
-    tracker.rehearse(&first);
+    tracker.warm_up(&first);
     pictures(open()).for_each(|picture| drop(tracker.observe(&picture.frame())));
     tracker.finish()
 }
@@ -113,16 +114,17 @@ fn tracked_here(scene: &SharedScene, work: TrackWork) -> Tracking {
 fn a_child_tracks_to_the_last_bit_as_the_tracker_does() {
     let Some(scene) = SharedScene::find("V1") else { return };
     let palette = scene.palette();
-    let heard = ask(Work::Track(scene.track_work(palette.clone())), &scene.video()).unwrap();
-    let tracking = tracked_here(&scene, scene.track_work(palette));
-    let [raw, filtered, smoothed] = [Kind::Raw, Kind::Filtered, Kind::Smoothed].map(|kind| tracking.trajectory(kind));
+    let output = ask(ChildWork::Track(scene.track_work(palette.clone())), &scene.video()).unwrap();
+    let tracking = track_in_process(&scene, scene.track_work(palette));
+    let [raw, filtered, smoothed] =
+        [PathKind::Raw, PathKind::Filtered, PathKind::Smoothed].map(|kind| tracking.trajectory(kind));
     let rows = |path: &Trajectory| path.samples.iter().map(PathRow::from).collect::<Vec<_>>();
-    assert!(!heard.smoothed.is_empty());
-    assert!(heard.raw == rows(&raw), "raw"); // thousands of rows: not worth printing
-    assert!(heard.filtered == rows(&filtered), "filtered");
-    assert!(heard.smoothed == rows(&smoothed), "smoothed");
-    assert_eq!(heard.times_s, smoothed.frame_times_s);
-    assert_eq!(heard.seen.len(), heard.times_s.len() * smoothed.tools.len());
+    assert!(!output.smoothed.is_empty());
+    assert!(output.raw == rows(&raw), "raw"); // thousands of rows: not worth printing
+    assert!(output.filtered == rows(&filtered), "filtered");
+    assert!(output.smoothed == rows(&smoothed), "smoothed");
+    assert_eq!(output.times_s, smoothed.frame_times_s);
+    assert_eq!(output.seen.len(), output.times_s.len() * smoothed.tools.len());
 }
 
 #[test]
@@ -130,8 +132,8 @@ fn a_camera_of_another_size_is_named() {
     let Some(scene) = SharedScene::find("V1") else { return };
     let camera = trocar::pipeline::camera::Camera { width: 640, height: 480, ..scene.camera.camera() };
     let work = TrackWork { camera: camera.into(), ..scene.track_work(scene.palette()) };
-    match ask(Work::Track(work), &scene.video()) {
-        Err(Failure::Explained(problem)) => assert_eq!(problem.slug, "camera-size", "{problem:?}"),
+    match ask(ChildWork::Track(work), &scene.video()) {
+        Err(AttemptFailure::Impossible(problem)) => assert_eq!(problem.slug, "camera-size", "{problem:?}"),
         other => panic!("{other:?}"),
     }
 }
@@ -144,14 +146,14 @@ fn a_recording_without_the_marker_says_so() {
     let CameraFile { width, height, .. } = scene.camera;
     let grey = format!("-f lavfi -i color=gray:size={width}x{height}:rate=25 -frames:v 10 -c:v libx264");
     let Some(clip) = clips::ffmpeg(&grey, &folder.path().join("grey.mp4")) else { return };
-    match ask(Work::Track(work), &clip) {
-        Err(Failure::Explained(problem)) => assert_eq!(problem.slug, "no-tool-seen", "{problem:?}"),
+    match ask(ChildWork::Track(work), &clip) {
+        Err(AttemptFailure::Impossible(problem)) => assert_eq!(problem.slug, "no-tool-seen", "{problem:?}"),
         other => panic!("{other:?}"),
     }
 }
 
 #[test]
-fn marks_that_cannot_be_are_named() {
+fn impossible_marks_are_refused_by_name() {
     let Some(scene) = SharedScene::find("V1") else { return };
     let mark = |frame, x_y_w_h| MarkShape { frame, label: "orange".into(), x_y_w_h, stroke: None };
     let cases = [
@@ -160,9 +162,9 @@ fn marks_that_cannot_be_are_named() {
         (mark(0, [1, 1, 0, 2]), "mark-outside"),
     ];
     for (mark, slug) in cases {
-        let work = Work::Palette(PaletteWork { marks: vec![mark], tools: vec![], frames: None });
+        let work = ChildWork::Palette(PaletteWork { marks: vec![mark], tools: vec![], frames: None });
         match ask(work, &scene.video()) {
-            Err(Failure::Explained(problem)) => assert_eq!(problem.slug, slug, "{problem:?}"),
+            Err(AttemptFailure::Impossible(problem)) => assert_eq!(problem.slug, slug, "{problem:?}"),
             other => panic!("{slug}: {other:?}"),
         }
     }

@@ -1,9 +1,9 @@
-//! Workers on a real store, vault and queue, with real children: what becomes of a job, however its child ends.
+//! Workers on a real store, vault and queue, with real children: the state of a job after each possible child end.
 
 use std::sync::Arc;
 
-use trocar::analysis::paths::Paths;
-use trocar::analysis::{AnalysisSettings, Workshop};
+use trocar::analysis::paths::SessionPaths;
+use trocar::analysis::{AnalysisSettings, WorkerPool};
 use trocar::domain::blob::Blob;
 use trocar::domain::calibration::{CalibrationSource, NewCalibration};
 use trocar::domain::files::annotations::AnnotationsFile;
@@ -13,13 +13,13 @@ use trocar::domain::palette::ColourGrade;
 use trocar::domain::scope::Scope;
 use trocar::domain::session::{NewResult, NewSession, SessionStatus, Versions, VideoFacts};
 use trocar::domain::text::Key;
-use trocar::events::{Event, Events, Heard as News, Listener};
+use trocar::events::{Event, EventBus, EventDelivery, EventSubscriber};
 use trocar::ids::{JobId, SessionId, TaskId, TraineeId};
-use trocar::pipeline::trajectory::Kind;
+use trocar::pipeline::trajectory::PathKind;
 use trocar::queue::{Queue, QueueSettings};
 use trocar::shutdown::Shutdown;
-use trocar::store::{Job, Store, StoreSettings, TrainingBox};
-use trocar::time::{Manual, SharedClock};
+use trocar::store::{BoxRecord, JobRecord, Store, StoreSettings};
+use trocar::time::{ManualClock, SharedClock};
 use trocar::vault::Vault;
 
 use super::tracking::SharedScene;
@@ -30,10 +30,10 @@ struct Centre {
     store: Store,
     vault: Vault,
     queue: Queue,
-    clock: Arc<Manual>,
-    news: Listener,
+    clock: Arc<ManualClock>,
+    subscriber: EventSubscriber,
     shutdown: Shutdown,
-    the_box: TrainingBox,
+    the_box: BoxRecord,
     trainee: TraineeId,
     task: TaskId,
     _folder: tempfile::TempDir,
@@ -42,13 +42,13 @@ struct Centre {
 impl Centre {
     async fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let clock = Manual::at(1_795_292_040_000);
+        let clock = ManualClock::at(1_795_292_040_000);
         let shared: SharedClock = clock.clone();
         let store =
             Store::open(&folder.path().join("trocar.db"), &StoreSettings::default(), shared.clone()).await.unwrap();
         let vault = Vault::open(folder.path()).await.unwrap();
-        let events = Events::new();
-        let news = events.listen();
+        let events = EventBus::new();
+        let subscriber = events.subscribe();
         let queue = Queue::new(store.clone(), QueueSettings::default(), events, shared);
         let service = Scope::service();
         let named = |name: &str| serde_json::json!({ "name": name });
@@ -57,11 +57,11 @@ impl Centre {
             store.trainees().create(&service, serde_json::from_value(named("Ada")).unwrap()).await.unwrap().id;
         let task = store.tasks().create(&service, serde_json::from_value(named("Pegs")).unwrap()).await.unwrap().id;
         let shutdown = Shutdown::new();
-        Self { store, vault, queue, clock, news, shutdown, the_box, trainee, task, _folder: folder }
+        Self { store, vault, queue, clock, subscriber, shutdown, the_box, trainee, task, _folder: folder }
     }
 
-    fn open_workshop(&self, program: Program) {
-        let workshop = Workshop {
+    fn start_workers(&self, program: Program) {
+        let workers = WorkerPool {
             store: self.store.clone(),
             vault: self.vault.clone(),
             queue: self.queue.clone(),
@@ -69,7 +69,7 @@ impl Centre {
             settings: AnalysisSettings::default(),
             program,
         };
-        workshop.open(1, &self.shutdown);
+        workers.start_workers(1, &self.shutdown);
     }
 
     async fn calibrate(&self, camera: CameraFile) {
@@ -107,26 +107,27 @@ impl Centre {
         session.id
     }
 
-    async fn job(&self, id: JobId) -> Job {
+    async fn job(&self, id: JobId) -> JobRecord {
         self.store.jobs().get(&Scope::service(), id).await.unwrap()
     }
 
-    /// Waits for news that satisfy this.
-    async fn hears(&mut self, expected: impl Fn(&Event) -> bool) {
+    /// Waits for an event that satisfies the condition.
+    async fn wait_for_event(&mut self, expected: impl Fn(&Event) -> bool) {
         let patience = Duration::from_secs(120);
-        let heard = async {
-            while let Some(news) = self.news.next().await {
-                if matches!(&news, News::Event(event) if expected(event)) {
+        let arrival = async {
+            while let Some(delivery) = self.subscriber.next().await {
+                if matches!(&delivery, EventDelivery::Event(event) if expected(event)) {
                     return;
                 }
             }
-            panic!("nobody tells anything any more");
+            panic!("the event bus is closed");
         };
-        tokio::time::timeout(patience, heard).await.expect("the news never came");
+        tokio::time::timeout(patience, arrival).await.expect("the event did not arrive");
     }
 
-    async fn hears_of_job(&mut self, job: JobId, states: &[JobState]) {
-        self.hears(|e| matches!(e, Event::Job { id, state, .. } if *id == job && states.contains(state))).await;
+    async fn wait_for_job(&mut self, job: JobId, states: &[JobState]) {
+        self.wait_for_event(|e| matches!(e, Event::Job { id, state, .. } if *id == job && states.contains(state)))
+            .await;
     }
 
     async fn close(&self) {
@@ -138,8 +139,8 @@ impl Centre {
 const MARKS: &str = r#"{"tool_diameter_mm":8,"labels":[{"frame":0,"label":"orange","x":1,"y":1,"w":2,"h":2},
                        {"frame":0,"label":"background","x":9,"y":9,"w":2,"h":2}]}"#;
 
-/// A program that never says a word.
-fn silent() -> Program {
+/// A program that never sends anything.
+fn silent_program() -> Program {
     Program::at("/bin/sleep", &["1000"])
 }
 
@@ -148,23 +149,25 @@ async fn a_recording_becomes_features_path_diagnostics_and_picture() {
     let Some(scene) = SharedScene::find("V1") else { return };
     let recording = std::fs::read(scene.video()).unwrap();
     let mut centre = Centre::new().await;
-    centre.open_workshop(program());
+    centre.start_workers(program());
     centre.calibrate(scene.camera.clone()).await;
     let session = centre.upload(&recording).await;
-    centre.mark(scene.annotations.clone(), &recording).await; // the session has waited for it
+    centre.mark(scene.annotations.clone(), &recording).await; // the session was waiting for it
     let ended = [SessionStatus::Done, SessionStatus::Failed];
-    centre.hears(|e| matches!(e, Event::Session { id, status, .. } if *id == session && ended.contains(status))).await;
+    centre
+        .wait_for_event(|e| matches!(e, Event::Session { id, status, .. } if *id == session && ended.contains(status)))
+        .await;
     let service = Scope::service();
-    let stands = centre.store.sessions().get(&service, session).await.unwrap();
-    assert_eq!((stands.status(), stands.problem()), (SessionStatus::Done, None));
+    let stored = centre.store.sessions().get(&service, session).await.unwrap();
+    assert_eq!((stored.status(), stored.problem()), (SessionStatus::Done, None));
     let result = centre.store.sessions().result(&service, session).await.unwrap().unwrap();
     assert_eq!(result.versions.pipeline, trocar::pipeline::PIPELINE_VERSION);
     assert_eq!((result.video.width, result.video.height), (Some(scene.camera.width), Some(scene.camera.height)));
     assert!(result.features.iter().any(|f| f.value.is_ok()), "{:?}", result.features);
-    let paths = Paths::from_bytes(&centre.vault.read(result.trajectory, 1 << 30).await.unwrap()).unwrap();
+    let paths = SessionPaths::from_bytes(&centre.vault.read(result.trajectory, 1 << 30).await.unwrap()).unwrap();
     assert_eq!(paths.tools, result.tools);
     assert_eq!(paths.frame_times_s.len() as u64, result.video.frames);
-    assert!(paths.trajectory(Kind::Smoothed).samples.len() as u64 > result.video.frames / 2);
+    assert!(paths.trajectory(PathKind::Smoothed).samples.len() as u64 > result.video.frames / 2);
     let diagnostics = centre.vault.read(result.diagnostics.unwrap(), 1 << 30).await.unwrap();
     let diagnostics: serde_json::Value = serde_json::from_slice(&diagnostics).unwrap();
     assert!(diagnostics["columns"]["tip_u_px"].as_array().unwrap().iter().any(|tip| tip.is_number()));
@@ -177,22 +180,22 @@ async fn a_recording_becomes_features_path_diagnostics_and_picture() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_cannot_be_done_fails_at_once_with_its_reason() {
+async fn an_impossible_job_fails_at_once_with_its_reason() {
     let mut centre = Centre::new().await;
-    centre.open_workshop(program());
+    centre.start_workers(program());
     let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"not a video").await;
-    centre.hears_of_job(job, &[JobState::Failed]).await;
+    centre.wait_for_job(job, &[JobState::Failed]).await;
     let job = centre.job(job).await;
     assert_eq!((job.attempt, job.problem.unwrap().slug.as_str()), (1, "not-a-video"));
     centre.close().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_child_that_dies_three_times_is_quarantined_with_the_reason() {
+async fn a_job_whose_child_dies_three_times_is_quarantined_with_the_reason() {
     let mut centre = Centre::new().await;
-    centre.open_workshop(Program::at("/bin/false", &[]));
-    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"whatever").await;
-    centre.hears_of_job(job, &[JobState::Quarantined]).await;
+    centre.start_workers(Program::at("/bin/false", &[]));
+    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"a clip").await;
+    centre.wait_for_job(job, &[JobState::Quarantined]).await;
     let job = centre.job(job).await;
     assert_eq!((job.attempt, job.max_attempts), (3, 3));
     assert!(job.problem.as_ref().unwrap().detail.contains("status 1"), "{job:?}");
@@ -200,11 +203,11 @@ async fn a_child_that_dies_three_times_is_quarantined_with_the_reason() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn at_the_services_end_the_job_is_handed_back_untouched() {
+async fn a_stopping_service_returns_its_job_to_the_queue_unchanged() {
     let mut centre = Centre::new().await;
-    centre.open_workshop(silent());
-    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"whatever").await;
-    centre.hears_of_job(job, &[JobState::Running]).await;
+    centre.start_workers(silent_program());
+    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"a clip").await;
+    centre.wait_for_job(job, &[JobState::Running]).await;
     centre.close().await;
     let job = centre.job(job).await;
     assert_eq!((job.state, job.attempt, job.problem), (JobState::Queued, 0, None));
@@ -213,13 +216,13 @@ async fn at_the_services_end_the_job_is_handed_back_untouched() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_worker_whose_lease_is_lost_ends_its_child_and_saves_nothing() {
     let mut centre = Centre::new().await;
-    centre.open_workshop(silent());
-    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"whatever").await;
-    centre.hears_of_job(job, &[JobState::Running]).await;
+    centre.start_workers(silent_program());
+    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"a clip").await;
+    centre.wait_for_job(job, &[JobState::Running]).await;
     centre.queue.recover().await.unwrap(); // takes the lease away, as a sweep would
-    centre.hears_of_job(job, &[JobState::Queued]).await;
-    centre.clock.advance(Duration::from_secs(10)); // the next heartbeat learns of it
-    centre.hears_of_job(job, &[JobState::Running]).await; // and the worker is free for the next job: this one again
+    centre.wait_for_job(job, &[JobState::Queued]).await;
+    centre.clock.advance(Duration::from_secs(10)); // the next heartbeat finds out
+    centre.wait_for_job(job, &[JobState::Running]).await; // the worker is free for the next job: this one again
     assert_eq!(centre.job(job).await.attempt, 2);
     assert!(centre.store.palettes().latest(&Scope::service(), centre.the_box.id).await.unwrap().is_none());
     centre.close().await;
@@ -228,18 +231,18 @@ async fn a_worker_whose_lease_is_lost_ends_its_child_and_saves_nothing() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_job_whose_file_is_gone_fails_with_that_reason() {
     let mut centre = Centre::new().await;
-    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"whatever").await;
+    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"a clip").await;
     let blob = centre.job(job).await.input.blobs()[0];
     centre.vault.delete_if(blob.hash, async { Ok::<_, trocar::vault::VaultError>(true) }).await.unwrap();
-    centre.open_workshop(program());
-    centre.hears_of_job(job, &[JobState::Failed]).await;
+    centre.start_workers(program());
+    centre.wait_for_job(job, &[JobState::Failed]).await;
     assert_eq!(centre.job(job).await.problem.unwrap().slug, "input-gone");
     assert!(centre.store.boxes().get(&Scope::service(), &Key::from(&centre.the_box.id)).await.is_ok());
     centre.close().await;
 }
 
-/// What tracking gave of a session whose trocars lay 30 mm beside those of V1.
-fn beside(versions: Versions, number: u64) -> NewResult {
+/// The result of a session whose trocars were 30 mm away from those of V1.
+fn result_with_moved_trocars(versions: Versions, number: u64) -> NewResult {
     let covariance = [2.0, 0.0, 0.0, 2.0, 0.0, 2.0];
     let tool = |name: &str, at_mm: [f64; 3]| serde_json::json!({"tool": name, "fulcrum": {"at_mm": at_mm, "covariance_mm2": covariance}});
     let tools = [tool("left", [-88.8, 108.7, 64.9]), tool("right", [150.6, 97.0, 54.1])];
@@ -259,18 +262,18 @@ fn beside(versions: Versions, number: u64) -> NewResult {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_a_session_is_held_against_does_not_depend_on_which_worker_was_quicker() {
+async fn the_earlier_sessions_for_comparison_do_not_depend_on_which_worker_was_quicker() {
     let Some(scene) = SharedScene::find("V1") else { return };
     let recording = std::fs::read(scene.video()).unwrap();
     let service = Scope::service();
     let mut centre = Centre::new().await;
-    centre.open_workshop(program());
+    centre.start_workers(program());
     centre.calibrate(scene.camera.clone()).await;
     let colours = centre.mark(scene.annotations.clone(), &recording).await;
-    centre.hears_of_job(colours, &[JobState::Done]).await;
+    centre.wait_for_job(colours, &[JobState::Done]).await;
     centre.close().await;
 
-    // Three came before, and another worker is still busy with the last of them.
+    // Three sessions came before, and another worker is still busy with the last of them.
     let mut leases = Vec::new();
     for number in 0..3 {
         centre.clock.advance(Duration::from_millis(1));
@@ -288,26 +291,29 @@ async fn what_a_session_is_held_against_does_not_depend_on_which_worker_was_quic
             palette: Some(palette),
             model: None,
         };
-        store.jobs().finish_track(&leases[number], beside(versions, number as u64)).await.unwrap();
+        store.jobs().finish_track(&leases[number], result_with_moved_trocars(versions, number as u64)).await.unwrap();
     };
     finish(0).await;
     finish(1).await;
     centre.clock.advance(Duration::from_millis(1));
     let session = centre.upload(&recording).await;
     centre.shutdown = Shutdown::new();
-    centre.open_workshop(program());
+    centre.start_workers(program());
     let begun = [SessionStatus::Tracking];
-    centre.hears(|e| matches!(e, Event::Session { id, status, .. } if *id == session && begun.contains(status))).await;
+    centre
+        .wait_for_event(|e| matches!(e, Event::Session { id, status, .. } if *id == session && begun.contains(status)))
+        .await;
     finish(2).await;
     let clock = centre.clock.clone();
     {
         let done = [SessionStatus::Done];
-        let heard =
-            centre.hears(|e| matches!(e, Event::Session { id, status, .. } if *id == session && done.contains(status)));
-        let mut heard = std::pin::pin!(heard);
+        let is_done = centre.wait_for_event(
+            |e| matches!(e, Event::Session { id, status, .. } if *id == session && done.contains(status)),
+        );
+        let mut is_done = std::pin::pin!(is_done);
         loop {
             tokio::select! {
-                () = &mut heard => break,
+                () = &mut is_done => break,
                 () = tokio::time::sleep(Duration::from_millis(50)) => clock.advance(Duration::from_secs(1)),
             }
         }

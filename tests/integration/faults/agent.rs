@@ -1,4 +1,5 @@
-//! The real `trocar agent` with a clip as its camera: what becomes a session is the clip, whatever dies on the way.
+//! The real `trocar agent` with a clip as its camera: the session has the clip's frames, even if agent or service are
+//! killed on the way.
 
 use std::collections::hash_map::DefaultHasher;
 use std::hash::{Hash, Hasher};
@@ -8,22 +9,22 @@ use std::time::{Duration, Instant};
 
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
-use trocar::domain::feed::numbers::Numbers;
+use trocar::domain::feed::numbers::FrameNumbers;
 use trocar::domain::feed::record::read_all;
-use trocar::media::{Limits, VideoFile};
+use trocar::media::{MediaLimits, VideoFile};
 
 use super::Centre;
 use crate::process::program;
 
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Number, time and samples of each frame.
-type Seen = Vec<(u64, f64, u64)>;
+/// Number, time in s and hash of the samples of each frame.
+type DecodedFrames = Vec<(u64, f64, u64)>;
 
-fn seen(path: &Path) -> Seen {
-    let mut video = VideoFile::open(std::fs::File::open(path).unwrap(), Limits::default()).unwrap();
+fn decode(path: &Path) -> DecodedFrames {
+    let mut video = VideoFile::open(std::fs::File::open(path).unwrap(), MediaLimits::default()).unwrap();
     let picture = std::iter::from_fn(|| video.next_picture().unwrap());
-    let seen = picture.map(|picture| {
+    let frames = picture.map(|picture| {
         let frame = picture.frame();
         let mut hasher = DefaultHasher::new();
         for plane in [frame.y, frame.u, frame.v] {
@@ -31,17 +32,17 @@ fn seen(path: &Path) -> Seen {
         }
         (frame.index, frame.time_s, hasher.finish())
     });
-    seen.collect()
+    frames.collect()
 }
 
-/// An agent, a place where it finds the service however often that moves, and its spool.
-struct Stand {
+/// A service, and what its agent needs: a relay with a fixed address, a token and a spool.
+struct AgentSetup {
     centre: Centre,
     folder: tempfile::TempDir,
     relay: Relay,
 }
 
-impl Stand {
+impl AgentSetup {
     async fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let data = folder.path().join("data");
@@ -56,43 +57,43 @@ impl Stand {
         self.folder.path().join("spool")
     }
 
-    /// `trocar agent`, with these words behind what it always needs.
-    fn agent(&self, words: &[&str]) -> Agent {
+    /// `trocar agent`, with these arguments behind those that it always needs.
+    fn agent(&self, arguments: &[&str]) -> Agent {
         let mut agent = program();
         agent.args(["agent", "--box", "box-1", "--server", &format!("http://{}", self.relay.host)]);
         agent.arg("--token-file").arg(self.folder.path().join("token")).arg("--spool").arg(self.spool());
-        Agent(agent.args(words).stderr(Stdio::inherit()).spawn().unwrap())
+        Agent(agent.args(arguments).stderr(Stdio::inherit()).spawn().unwrap())
     }
 
-    /// One that records a clip.
-    fn records(&self, clip: &Path, words: &[&str]) -> Agent {
+    /// An agent that records a clip.
+    fn record(&self, clip: &Path, arguments: &[&str]) -> Agent {
         let clip = clip.to_str().unwrap();
-        self.agent(&[words, &["--trainee", "ada", "--task", "pegs", clip][..]].concat())
+        self.agent(&[arguments, &["--trainee", "ada", "--task", "pegs", clip][..]].concat())
     }
 
-    /// The service is gone, and nobody answers at its place.
+    /// Kills the service; the relay then drops all connections.
     fn kill_the_service(&mut self) {
-        self.relay.leads.send_replace(None);
+        self.relay.target.send_replace(None);
         self.centre.kill();
     }
 
     async fn restart_the_service(&mut self) {
         self.centre.restart().await;
-        self.relay.leads.send_replace(Some(self.centre.host()));
+        self.relay.target.send_replace(Some(self.centre.host()));
     }
 
-    /// Bytes that the service has of recordings that arrive.
+    /// Bytes that the service has of unfinished recordings.
     fn arrived(&self) -> u64 {
         let logs = std::fs::read_dir(self.centre.data().join("feeds")).unwrap();
         logs.map(|log| log.unwrap().metadata().unwrap().len()).sum()
     }
 
-    /// The numbers of which the service has a record.
-    fn on_the_server(&self) -> Numbers {
-        let mut numbers = Numbers::default();
+    /// The frame numbers that the service has a record for.
+    fn on_the_server(&self) -> FrameNumbers {
+        let mut numbers = FrameNumbers::default();
         for log in std::fs::read_dir(self.centre.data().join("feeds")).unwrap() {
             let read = read_all(std::fs::File::open(log.unwrap().path()).unwrap(), |_, record| {
-                numbers.add(record.number, record.last()).unwrap();
+                numbers.add(record.number, record.last_number()).unwrap();
                 std::io::Result::Ok(())
             });
             read.unwrap();
@@ -100,20 +101,20 @@ impl Stand {
         numbers
     }
 
-    /// Bytes in the spool, as an agent that runs has them.
+    /// Bytes in the spool; an agent may be running.
     fn spooled(&self) -> u64 {
         files_in(&self.spool()).iter().map(|file| std::fs::metadata(file).map_or(0, |found| found.len())).sum()
     }
 
-    /// What the newest session shows.
-    async fn session(&self) -> Seen {
+    /// The frames of the newest session's recording.
+    async fn session_frames(&self) -> DecodedFrames {
         let sessions = self.centre.until("/sessions", |list| list["items"][0]["status"] != "receiving").await;
         let id = sessions["items"][0]["id"].as_str().unwrap();
         let video = self.centre.get(&format!("/sessions/{id}/video")).await;
         assert!(video.status().is_success());
         let path = self.folder.path().join("session.mp4");
         std::fs::write(&path, video.bytes().await.unwrap()).unwrap();
-        seen(&path)
+        decode(&path)
     }
 }
 
@@ -127,7 +128,7 @@ fn files_in(spool: &Path) -> Vec<PathBuf> {
 struct Agent(Child);
 
 impl Agent {
-    async fn ended(mut self) -> ExitStatus {
+    async fn wait_for_exit(mut self) -> ExitStatus {
         let begun = Instant::now();
         loop {
             if let Some(status) = self.0.try_wait().unwrap() {
@@ -146,17 +147,17 @@ impl Drop for Agent {
     }
 }
 
-/// A place that leads to the service wherever it listens, or nowhere.
+/// A fixed address that forwards to the service's present address, or drops connections.
 struct Relay {
     host: String,
-    leads: watch::Sender<Option<String>>,
+    target: watch::Sender<Option<String>>,
 }
 
 impl Relay {
     async fn to(service: String) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let host = listener.local_addr().unwrap().to_string();
-        let (leads, to) = watch::channel(Some(service));
+        let (target, to) = watch::channel(Some(service));
         tokio::spawn(async move {
             while let Ok((mut from, _)) = listener.accept().await {
                 let mut to = to.clone();
@@ -170,14 +171,14 @@ impl Relay {
                 });
             }
         });
-        Self { host, leads }
+        Self { host, target }
     }
 }
 
 async fn until(what: &str, mut is_so: impl FnMut() -> bool) {
     let begun = Instant::now();
     while !is_so() {
-        assert!(begun.elapsed() < PATIENCE, "{what} does not happen");
+        assert!(begun.elapsed() < PATIENCE, "{what} did not happen in {PATIENCE:?}");
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
 }
@@ -191,9 +192,9 @@ fn jpegs(clip: &Path, folder: &Path) -> PathBuf {
     path
 }
 
-/// The clip again and again, for so many seconds.
-fn looped(clip: &Path, seconds: u64) -> PathBuf {
-    let path = clip.with_file_name("looped.avi");
+/// The clip, repeated for `seconds`.
+fn repeated(clip: &Path, seconds: u64) -> PathBuf {
+    let path = clip.with_file_name("repeated.avi");
     let mut ffmpeg = Command::new("ffmpeg");
     ffmpeg.args(["-v", "error", "-stream_loop", "-1", "-i"]).arg(clip).args(["-c", "copy", "-t", &seconds.to_string()]);
     assert!(ffmpeg.arg(&path).status().unwrap().success());
@@ -202,52 +203,52 @@ fn looped(clip: &Path, seconds: u64) -> PathBuf {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_clip_as_camera_becomes_the_session_that_its_upload_would_be() {
-    let stand = Stand::new().await;
-    let clip = stand.centre.scene("clip.mp4");
-    assert!(stand.records(&clip, &["--as-fast-as-possible"]).ended().await.success());
-    assert_eq!(stand.session().await, seen(&clip), "the same frames at the same times, to the last bit");
-    assert_eq!(files_in(&stand.spool()), Vec::<PathBuf>::new(), "nothing is kept of what is whole");
+    let setup = AgentSetup::new().await;
+    let clip = setup.centre.scene("clip.mp4");
+    assert!(setup.record(&clip, &["--as-fast-as-possible"]).wait_for_exit().await.success());
+    assert_eq!(setup.session_frames().await, decode(&clip), "the same frames at the same times, to the last bit");
+    assert_eq!(files_in(&setup.spool()), Vec::<PathBuf>::new(), "the spool keeps nothing of a complete recording");
 }
 
-/// An agent whose service was killed while it recorded, and that goes on.
-async fn records_without_a_service(stand: &mut Stand, clip: &Path) -> Agent {
-    let agent = stand.records(clip, &[]);
-    until("the recording's arrival", || stand.arrived() > 0).await;
-    stand.kill_the_service();
-    let before = stand.spooled();
-    until("the recording going on", || stand.spooled() > before).await;
+/// An agent that continues to record after its service was killed.
+async fn record_without_a_service(setup: &mut AgentSetup, clip: &Path) -> Agent {
+    let agent = setup.record(clip, &[]);
+    until("the arrival of frames", || setup.arrived() > 0).await;
+    setup.kill_the_service();
+    let before = setup.spooled();
+    until("the growth of the spool", || setup.spooled() > before).await;
     agent
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_service_that_dies_and_stays_away_costs_nothing() {
-    let mut stand = Stand::new().await;
-    let clip = stand.centre.scene("clip.mp4");
-    let agent = records_without_a_service(&mut stand, &clip).await;
-    stand.restart_the_service().await;
-    assert!(agent.ended().await.success());
-    assert_eq!(stand.session().await, seen(&clip));
+async fn a_service_that_dies_and_stays_away_costs_no_frame() {
+    let mut setup = AgentSetup::new().await;
+    let clip = setup.centre.scene("clip.mp4");
+    let agent = record_without_a_service(&mut setup, &clip).await;
+    setup.restart_the_service().await;
+    assert!(agent.wait_for_exit().await.success());
+    assert_eq!(setup.session_frames().await, decode(&clip));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "takes ten minutes and more: make long-absence"]
 async fn a_service_that_was_away_for_long_soon_has_everything_and_live_frames_first() {
-    const GOES_ON: u64 = 120;
+    const RECORDS_ON_S: u64 = 120;
     let away: u64 = std::env::var_os("TROCAR_AWAY_S").map_or(600, |seconds| seconds.to_str().unwrap().parse().unwrap());
-    let mut stand = Stand::new().await;
-    let clip = looped(&jpegs(&stand.centre.scene("clip.mp4"), stand.folder.path()), away + GOES_ON);
-    let agent = stand.records(&clip, &[]);
-    until("the recording's arrival", || stand.arrived() > 0).await;
-    stand.kill_the_service();
+    let mut setup = AgentSetup::new().await;
+    let clip = repeated(&jpegs(&setup.centre.scene("clip.mp4"), setup.folder.path()), away + RECORDS_ON_S);
+    let agent = setup.record(&clip, &[]);
+    until("the arrival of frames", || setup.arrived() > 0).await;
+    setup.kill_the_service();
     tokio::time::sleep(Duration::from_secs(away)).await;
-    let recorded = captured(&stand.spool());
-    let waiting = stand.spooled();
-    stand.restart_the_service().await;
+    let recorded = captured(&setup.spool());
+    let waiting = setup.spooled();
+    setup.restart_the_service().await;
 
     let (back, mut live_at, mut lags) = (Instant::now(), None, Vec::new());
     loop {
         tokio::time::sleep(Duration::from_secs(1)).await; // the whole log is read each time
-        let (captured, arrived) = (captured(&stand.spool()), stand.on_the_server());
+        let (captured, arrived) = (captured(&setup.spool()), setup.on_the_server());
         let newest = arrived.ranges().last().map_or(0, |range| range[1]);
         if newest >= recorded {
             live_at.get_or_insert_with(|| back.elapsed());
@@ -256,97 +257,99 @@ async fn a_service_that_was_away_for_long_soon_has_everything_and_live_frames_fi
         if (0..recorded).all(|number| arrived.contains(number)) {
             break;
         }
-        assert!(back.elapsed() < Duration::from_secs(GOES_ON), "{:?} is there of {recorded}", arrived.ranges());
+        assert!(back.elapsed() < Duration::from_secs(RECORDS_ON_S), "{:?} is there of {recorded}", arrived.ranges());
     }
     lags.sort_unstable();
     println!(
-        "away {away} s: {recorded} frames, {:.0} MB; live frames {:.1} s after it was back, all others after {:.1} s; while these \
-         came the newest frame on the server was {} behind in the middle, {} at most",
+        "away {away} s: {recorded} frames, {:.0} MB; live frames {:.1} s after it was back, all others after {:.1} s; \
+         until then the newest frame on the server was {} frames behind (median), {} at most",
         waiting as f64 / 1e6,
         live_at.unwrap().as_secs_f64(),
         back.elapsed().as_secs_f64(),
         lags[lags.len() / 2],
         lags[lags.len() - 1],
     );
-    tokio::time::sleep(Duration::from_secs(GOES_ON).saturating_sub(back.elapsed())).await;
-    assert!(agent.ended().await.success());
-    // The clip's clock and the feed's are not the same: times agree to the microsecond.
-    let to_us = |seen: Seen| seen.into_iter().map(|(n, time_s, of)| (n, (time_s * 1e6).round() as u64, of)).collect();
-    let (session, clip): (Vec<_>, Vec<_>) = (to_us(stand.session().await), to_us(seen(&clip)));
-    let apart = session.iter().zip(&clip).position(|(one, other)| one != other);
-    assert_eq!((apart, session.len()), (None, clip.len()), "every frame, at its time, to the last bit");
+    tokio::time::sleep(Duration::from_secs(RECORDS_ON_S).saturating_sub(back.elapsed())).await;
+    assert!(agent.wait_for_exit().await.success());
+    // The clip and the feed have different time bases: times agree to the microsecond.
+    let to_us = |frames: DecodedFrames| {
+        frames.into_iter().map(|(n, time_s, of)| (n, (time_s * 1e6).round() as u64, of)).collect()
+    };
+    let (session, clip): (Vec<_>, Vec<_>) = (to_us(setup.session_frames().await), to_us(decode(&clip)));
+    let difference = session.iter().zip(&clip).position(|(one, other)| one != other);
+    assert_eq!((difference, session.len()), (None, clip.len()), "every frame, at its time, to the last bit");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_agent_that_is_killed_loses_nothing_that_was_in_its_spool() {
-    let mut stand = Stand::new().await;
-    let clip = stand.centre.scene("clip.mp4");
-    let agent = records_without_a_service(&mut stand, &clip).await;
+    let mut setup = AgentSetup::new().await;
+    let clip = setup.centre.scene("clip.mp4");
+    let agent = record_without_a_service(&mut setup, &clip).await;
     drop(agent); // SIGKILL
-    let captured = captured(&stand.spool());
+    let captured = captured(&setup.spool());
     assert!(captured > 5, "{captured}");
 
-    stand.restart_the_service().await;
-    assert!(stand.agent(&[]).ended().await.success());
-    let (session, clip) = (stand.session().await, seen(&clip));
-    // The last frames may wait for others that are decoded before them and were not captured any more.
+    setup.restart_the_service().await;
+    assert!(setup.agent(&[]).wait_for_exit().await.success());
+    let (session, clip) = (setup.session_frames().await, decode(&clip));
+    // The last frames may depend on frames that are decoded before them and were not captured.
     assert!(session.len() as u64 > captured - 4 && session.len() as u64 <= captured, "{} of {captured}", session.len());
     let shown = session.iter().filter(|frame| clip.contains(frame)).count();
     assert!(shown as u64 > captured - 4, "{shown} of {captured}");
-    assert_eq!(files_in(&stand.spool()), Vec::<PathBuf>::new());
+    assert_eq!(files_in(&setup.spool()), Vec::<PathBuf>::new());
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_frame_that_the_disk_lost_is_a_gap_and_costs_itself_alone() {
-    let mut stand = Stand::new().await;
-    let clip = jpegs(&stand.centre.scene("clip.mp4"), stand.folder.path());
-    stand.kill_the_service();
-    let agent = stand.records(&clip, &["--as-fast-as-possible"]);
-    let frames = seen(&clip).len() as u64;
-    until("the capture", || stand.spooled() >= std::fs::metadata(&clip).unwrap().len() * 9 / 10).await;
+async fn a_frame_that_the_disk_lost_is_a_gap_and_costs_no_other_frame() {
+    let mut setup = AgentSetup::new().await;
+    let clip = jpegs(&setup.centre.scene("clip.mp4"), setup.folder.path());
+    setup.kill_the_service();
+    let agent = setup.record(&clip, &["--as-fast-as-possible"]);
+    let frames = decode(&clip).len() as u64;
+    until("the capture", || setup.spooled() >= std::fs::metadata(&clip).unwrap().len() * 9 / 10).await;
     drop(agent);
-    let captured = captured(&stand.spool());
+    let captured = captured(&setup.spool());
     assert!(captured > frames / 2);
-    let segment = files_in(&stand.spool()).remove(0);
+    let segment = files_in(&setup.spool()).remove(0);
     let mut bytes = std::fs::read(&segment).unwrap();
     bytes[40] ^= 1; // in the first frame
     let cut = bytes.len() - 7; // and a torn write at the end
     std::fs::write(&segment, &bytes[..cut]).unwrap();
 
-    stand.restart_the_service().await;
-    assert!(stand.agent(&[]).ended().await.success());
-    let session: Vec<u64> = stand.session().await.iter().map(|frame| (frame.1 * 1e6).round() as u64).collect();
-    let expected = &seen(&clip)[1..captured as usize - 1];
+    setup.restart_the_service().await;
+    assert!(setup.agent(&[]).wait_for_exit().await.success());
+    let session: Vec<u64> = setup.session_frames().await.iter().map(|frame| (frame.1 * 1e6).round() as u64).collect();
+    let expected = &decode(&clip)[1..captured as usize - 1];
     let expected: Vec<u64> = expected.iter().map(|frame| ((frame.1 - expected[0].1) * 1e6).round() as u64).collect();
     let began = session[0];
     assert_eq!(session.iter().map(|time| time - began).collect::<Vec<_>>(), expected);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn what_the_server_refuses_is_said_and_stays_in_the_spool() {
-    let stand = Stand::new().await;
-    let clip = stand.centre.scene("clip.mp4");
-    let words = ["--trainee", "nobody", "--task", "pegs", clip.to_str().unwrap()];
-    assert_eq!(stand.agent(&words).ended().await.code(), Some(1));
-    assert_eq!(files_in(&stand.spool()).len(), 1);
-    std::fs::write(stand.folder.path().join("token"), "trc_wrong").unwrap();
-    assert_eq!(stand.agent(&[]).ended().await.code(), Some(1));
-    assert_eq!(files_in(&stand.spool()).len(), 1);
+async fn a_refused_recording_fails_the_agent_and_stays_in_the_spool() {
+    let setup = AgentSetup::new().await;
+    let clip = setup.centre.scene("clip.mp4");
+    let arguments = ["--trainee", "missing", "--task", "pegs", clip.to_str().unwrap()];
+    assert_eq!(setup.agent(&arguments).wait_for_exit().await.code(), Some(1));
+    assert_eq!(files_in(&setup.spool()).len(), 1);
+    std::fs::write(setup.folder.path().join("token"), "trc_wrong").unwrap();
+    assert_eq!(setup.agent(&[]).wait_for_exit().await.code(), Some(1));
+    assert_eq!(files_in(&setup.spool()).len(), 1);
 }
 
-/// One more than the largest number in a spool, by the bytes themselves.
+/// One more than the largest frame number in a spool's files.
 fn captured(spool: &Path) -> u64 {
     let end_of = |path: &PathBuf| {
         let mut end = 0;
-        let file = std::fs::File::open(path).ok()?; // what the server has may go while it is listed
+        let file = std::fs::File::open(path).ok()?; // the agent may delete a delivered file meanwhile
         let read = read_all(file, |_, record| {
-            end = end.max(record.last() + 1);
+            end = end.max(record.last_number() + 1);
             std::io::Result::Ok(())
         });
         read.unwrap();
         (end > 0).then_some(end)
     };
     let mut files = files_in(spool);
-    files.sort(); // by number: the last one with a record names the largest
+    files.sort(); // by number: the last file with a record has the largest
     files.iter().rev().find_map(end_of).unwrap_or(0)
 }

@@ -1,4 +1,4 @@
-//! A box, a trainee and a task in a real process of the service, and a client that asks it.
+//! A real service process with a box, a trainee and a task, and a client of it.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -13,12 +13,12 @@ use tokio::net::TcpStream;
 use super::Dice;
 use crate::process::{Launch, Process, program};
 
-/// A start after a kill may take this long.
-const READY: Duration = Duration::from_secs(5);
-/// Longest wait for work to end.
+/// Maximum time of a start after a kill.
+const MAX_START_TIME: Duration = Duration::from_secs(5);
+/// Maximum wait for work to end.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A box, a trainee and a task in a real process of the service.
+/// A real service process with a box, a trainee and a task.
 pub struct Centre {
     process: Option<Process>,
     launch: Launch,
@@ -29,7 +29,7 @@ pub struct Centre {
     http: Client,
     /// The slowest start after a kill so far.
     pub slowest_start: Duration,
-    /// Holds the scene and, unless it is elsewhere, the data.
+    /// Holds the scene and, unless `data` is elsewhere, the data.
     folder: TempDir,
 }
 
@@ -39,25 +39,25 @@ impl Centre {
         Self::open_with(|_| ()).await
     }
 
-    /// The same, its service started differently.
+    /// The same, with a changed start of the service.
     pub async fn open_with(launch: Launch) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let data = folder.path().join("data");
         Self::open_at(folder, data, launch).await
     }
 
-    /// The same with the data in a folder of its own.
+    /// The same, with the data in another folder.
     pub async fn open_at(folder: TempDir, data: PathBuf, launch: Launch) -> Self {
         let centre = Self::open_bare(folder, data, launch).await;
-        centre.furnish().await;
+        centre.set_up_box().await;
         centre
     }
 
-    /// A centre whose box still lacks camera and colours: nothing runs beside the requests.
+    /// A centre whose box still lacks camera and colours: no job runs beside the requests.
     pub async fn open_bare(folder: TempDir, data: PathBuf, launch: Launch) -> Self {
         simulate(&folder.path().join("scene"));
         let process = Process::launch(&data, launch);
-        let (base, password) = (interface(&process), process.password.clone());
+        let (base, password) = (api_base(&process), process.password.clone());
         let mut centre = Self {
             process: Some(process),
             launch,
@@ -68,24 +68,24 @@ impl Centre {
             slowest_start: Duration::ZERO,
             folder,
         };
-        centre.sign_in(&password.expect("the first start tells the password")).await;
+        centre.sign_in(&password.expect("the first start prints the password")).await;
         for (path, name) in [("/boxes", "Box 1"), ("/trainees", "Ada"), ("/tasks", "Pegs")] {
             centre.create(path, name).await;
         }
         centre
     }
 
-    /// Makes something that has a name.
+    /// Creates an object with a name.
     pub async fn create(&self, path: &str, name: &str) {
         json_of(self.request(Method::POST, path).json(&json!({"name": name})).send().await.unwrap()).await;
     }
 
-    /// A file of the scene that the centre records.
+    /// A file of the scene that is recorded.
     pub fn scene(&self, file: &str) -> PathBuf {
         self.folder.path().join("scene").join(file)
     }
 
-    /// What its programs sign in with.
+    /// The token of the centre's programs.
     pub fn token(&self) -> &str {
         &self.token
     }
@@ -109,7 +109,7 @@ impl Centre {
         self.token = json_of(request.send().await.unwrap()).await["token"].as_str().unwrap().to_owned();
     }
 
-    async fn furnish(&self) {
+    async fn set_up_box(&self) {
         let camera = std::fs::read(self.scene("camera.json")).unwrap();
         let put =
             self.request(Method::PUT, "/boxes/box-1/camera").header("content-type", "application/json").body(camera);
@@ -134,14 +134,14 @@ impl Centre {
     }
 
     pub async fn begin_upload(&self, length: usize) -> String {
-        let said = [("filename", "clip.mp4"), ("trainee", "ada"), ("task", "pegs"), ("box", "box-1")];
-        let metadata = said.map(|(key, value)| format!("{key} {}", base64(value))).join(",");
+        let fields = [("filename", "clip.mp4"), ("trainee", "ada"), ("task", "pegs"), ("box", "box-1")];
+        let metadata = fields.map(|(key, value)| format!("{key} {}", base64(value))).join(",");
         let request = self.request(Method::POST, "/uploads").header("tus-resumable", "1.0.0");
         let request = request.header("upload-length", length).header("upload-metadata", metadata);
         let answer = request.send().await.unwrap();
         assert_eq!(answer.status(), StatusCode::CREATED);
-        let place = answer.headers()["location"].to_str().unwrap();
-        place.rsplit('/').next().unwrap().to_owned()
+        let location = answer.headers()["location"].to_str().unwrap();
+        location.rsplit('/').next().unwrap().to_owned()
     }
 
     pub async fn offset(&self, upload: &str) -> usize {
@@ -157,8 +157,8 @@ impl Centre {
         request.body(piece.to_vec()).send().await.unwrap()
     }
 
-    /// Sends one piece that is acknowledged, then half of another one whose rest never comes. Returns what the service
-    /// said it has.
+    /// Sends one piece that is acknowledged, then half of another one whose rest never follows. Returns the
+    /// acknowledged offset.
     pub async fn send_until_killed(&self, upload: &str, recording: &[u8], offset: usize, piece: usize) -> usize {
         let end = (offset + piece).min(recording.len() - 1);
         let answer = self.patch(upload, offset, &recording[offset..end]).await;
@@ -190,8 +190,7 @@ impl Centre {
         json_of(request.send().await.unwrap()).await["id"].as_str().unwrap().to_owned()
     }
 
-    /// Asks again and again until the answer is as wanted: what a client does that does not listen to events, which a
-    /// kill would end.
+    /// Polls until the answer is as wanted. A kill would end a stream of events, so this client does not use one.
     pub async fn until(&self, path: &str, wanted: impl Fn(&Value) -> bool) -> Value {
         let begun = Instant::now();
         loop {
@@ -204,7 +203,8 @@ impl Centre {
         }
     }
 
-    /// Waits for the session's end. A child killed three times is quarantined: then a person tries again.
+    /// Waits for the session's end. A job whose child was killed three times is quarantined: it is then retried, as a
+    /// person would.
     pub async fn ends_with_one_result(&self, session: &str) {
         let ended = |s: &Value| s["status"] == "done" || s["status"] == "failed";
         let mut seen = self.until(&format!("/sessions/{session}"), ended).await;
@@ -223,26 +223,26 @@ impl Centre {
         assert!(all > 0);
     }
 
-    /// Ends the service as a kill does.
+    /// Kills the service.
     pub fn kill(&mut self) {
         drop(self.process.take()); // SIGKILL
     }
 
-    /// Starts the service again, which must be ready soon.
+    /// Starts the service again; it must be ready within [`MAX_START_TIME`].
     pub async fn restart(&mut self) {
         let begun = Instant::now();
         let process = Process::launch(&self.data, self.launch);
-        assert!(process.password.is_none(), "the administrator is still there");
-        self.base = interface(&process);
+        assert!(process.password.is_none(), "the administrator still exists");
+        self.base = api_base(&process);
         self.process = Some(process);
         let ready = self.http.get(format!("http://{}/readyz", self.host())).send().await.unwrap();
         assert_eq!(ready.status(), StatusCode::OK);
         self.slowest_start = self.slowest_start.max(begun.elapsed());
-        assert!(begun.elapsed() < READY, "ready after {:?}", begun.elapsed());
+        assert!(begun.elapsed() < MAX_START_TIME, "ready after {:?}", begun.elapsed());
     }
 
-    /// Waits until a child works, and `moment` longer, and kills it; another one if it ended meanwhile. `false` where the
-    /// session's job was quicker.
+    /// Waits until a child runs, and `moment` longer, and kills it, or another child if it ended meanwhile. `false` if
+    /// the session's job ended first.
     pub async fn kill_a_child(&self, session: &str, moment: Duration) -> bool {
         let begun = Instant::now();
         loop {
@@ -261,7 +261,7 @@ impl Centre {
         }
     }
 
-    /// Its children at this moment.
+    /// The present children of the service.
     pub fn children(&self) -> Vec<Pid> {
         let threads = std::fs::read_dir(format!("/proc/{}/task", self.process().id())).unwrap().flatten();
         let lists = threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("children")).ok());
@@ -272,11 +272,11 @@ impl Centre {
             .collect()
     }
 
-    /// What `trocar admin check` finds wrong with the folder of a service that has ended.
+    /// The findings of `trocar admin check` in the folder of a stopped service; empty if there are none.
     pub fn check(&self) -> String {
         let check = program().args(["admin", "check", "--thorough", "--data"]).arg(&self.data).output().unwrap();
-        let said = [check.stdout, check.stderr].concat();
-        if check.status.success() { String::new() } else { String::from_utf8_lossy(&said).into_owned() }
+        let output = [check.stdout, check.stderr].concat();
+        if check.status.success() { String::new() } else { String::from_utf8_lossy(&output).into_owned() }
     }
 
     pub fn host(&self) -> String {
@@ -284,7 +284,7 @@ impl Centre {
     }
 }
 
-fn interface(process: &Process) -> String {
+fn api_base(process: &Process) -> String {
     format!("http://{}/api/v1", process.address)
 }
 
@@ -296,7 +296,7 @@ fn simulate(folder: &Path) {
     assert!(made.unwrap().success());
 }
 
-/// The clip with an MP4 `free` box behind it: as long as asked for, and still a recording.
+/// The clip with an MP4 `free` box behind it: it has the wanted length and is still a recording.
 pub fn padded(clip: &Path, length: usize) -> Vec<u8> {
     padded_bytes(&std::fs::read(clip).unwrap(), length)
 }

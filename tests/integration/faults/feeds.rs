@@ -1,7 +1,7 @@
-//! Feeds through a proxy that does what networks do, to a service that is killed: no acknowledged frame is missing or
-//! doubled, and every hole is a gap that somebody spoke of.
+//! Feeds through a proxy that imitates network faults, to a service that is killed: no acknowledged frame is missing or
+//! doubled, and every missing frame was reported as a gap.
 //!
-//! Each recording meets ten faults. `TROCAR_FEEDS` says how many recordings there are: some in every run, 500 by
+//! Each recording meets ten faults. `TROCAR_FEEDS` is the number of recordings: six in an ordinary run, 500 by
 //! `make feed-faults`.
 
 use std::time::Duration;
@@ -12,20 +12,20 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
-use trocar::domain::feed::numbers::Numbers;
+use trocar::domain::feed::numbers::FrameNumbers;
 use uuid::Uuid;
 
 use super::{Centre, Dice};
 use crate::feed::numbers_in;
-use crate::feed::sender::{Heard, Sender, hello, open_at};
+use crate::feed::sender::{Received, Sender, hello, open_at};
 
 /// Faults that each recording meets.
 const FAULTS: usize = 10;
-/// How long a sender listens for acknowledgements between two faults.
-const LISTEN: Duration = Duration::from_millis(130);
+/// How long a sender waits for acknowledgements between two faults.
+const ACK_TIME: Duration = Duration::from_millis(130);
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn no_acknowledged_frame_is_lost_or_doubled_whatever_happens_on_the_way() {
+async fn no_acknowledged_frame_is_lost_or_doubled_by_faults_on_the_way() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");
     let mut centre = Centre::open_bare(folder, data, |_| ()).await;
@@ -36,7 +36,7 @@ async fn no_acknowledged_frame_is_lost_or_doubled_whatever_happens_on_the_way() 
         for _ in 0..FAULTS {
             let fault = dice.below(FAULTS);
             met[fault] += 1;
-            recording.go_on(&mut centre, &mut dice, fault).await;
+            recording.meet_fault(&mut centre, &mut dice, fault).await;
         }
         recording.end(&mut centre, &mut dice).await;
     }
@@ -56,22 +56,22 @@ struct Recording {
     id: String,
     /// Frames captured so far.
     captured: u64,
-    /// Those that nobody has any more, by whatever reason: told as gaps.
-    lost: Numbers,
-    /// Those that only the service can have.
+    /// Frames that no longer exist anywhere: they are reported as gaps.
+    lost: FrameNumbers,
+    /// Frames that only the service can have.
     doubtful: Vec<u64>,
     /// Everything that was ever acknowledged.
-    acknowledged: Numbers,
-    line: Option<Line>,
-    /// Lines that nobody has closed.
-    old: Vec<Line>,
+    acknowledged: FrameNumbers,
+    connection: Option<Connection>,
+    /// Earlier connections that are not closed.
+    abandoned: Vec<Connection>,
 }
 
-/// A connection, and what has been sent on it.
-struct Line {
+/// A connection, and the frames that were sent on it.
+struct Connection {
     sender: Sender,
     proxy: watch::Sender<Mode>,
-    sent: Numbers,
+    sent: FrameNumbers,
 }
 
 impl Recording {
@@ -79,81 +79,81 @@ impl Recording {
         Self {
             id: Uuid::from_u64_pair(dice.next(), dice.next()).to_string(),
             captured: 0,
-            lost: Numbers::default(),
+            lost: FrameNumbers::default(),
             doubtful: Vec::new(),
-            acknowledged: Numbers::default(),
-            line: None,
-            old: Vec::new(),
+            acknowledged: FrameNumbers::default(),
+            connection: None,
+            abandoned: Vec::new(),
         }
     }
 
     /// Captures and sends some frames, and meets a fault.
-    async fn go_on(&mut self, centre: &mut Centre, dice: &mut Dice, fault: usize) {
+    async fn meet_fault(&mut self, centre: &mut Centre, dice: &mut Dice, fault: usize) {
         self.captured += 2 + dice.below(8) as u64;
         self.send(centre, fault == 7).await;
         match fault {
-            0 => self.leave(Mode::Cut),
-            1 => self.leave(Mode::Hold), // half-open: neither end knows
+            0 => self.abandon(Mode::Cut),
+            1 => self.abandon(Mode::Hold), // half-open: neither end notices
             2 => {
-                // What lies on the way arrives after a later connection has begun.
-                self.leave(Mode::Hold);
+                // Frames in transit arrive after a later connection has begun.
+                self.abandon(Mode::Hold);
                 self.captured += 3;
-                if let Some(late) = self.old.last_mut() {
-                    late.sender.frames(self.captured - 3..self.captured).await;
+                if let Some(late) = self.abandoned.last_mut() {
+                    late.sender.send_frames(self.captured - 3..self.captured).await;
                 }
                 self.send(centre, false).await;
-                if let Some(late) = self.old.last_mut() {
+                if let Some(late) = self.abandoned.last_mut() {
                     late.proxy.send_replace(Mode::Pass);
                 }
             }
             3 => {
                 let again = self.captured.saturating_sub(10)..self.captured;
                 let kept: Vec<u64> = again.filter(|number| !self.lost.contains(*number)).collect();
-                if let Some(line) = &mut self.line {
-                    line.sender.frames(kept).await;
+                if let Some(connection) = &mut self.connection {
+                    connection.sender.send_frames(kept).await;
                 }
             }
             4 => {
-                if let Some(line) = &self.line {
-                    line.proxy.send_replace(Mode::Hold);
+                if let Some(connection) = &self.connection {
+                    connection.proxy.send_replace(Mode::Hold);
                     tokio::time::sleep(Duration::from_millis(20 + dice.below(180) as u64)).await;
-                    line.proxy.send_replace(Mode::Pass);
+                    connection.proxy.send_replace(Mode::Pass);
                 }
             }
             5 => {
                 tokio::time::sleep(Duration::from_millis(dice.below(120) as u64)).await;
                 centre.kill();
                 centre.restart().await;
-                self.line = None;
+                self.connection = None;
             }
             6 => {
-                // The sender is killed before its last frames were in its spool, and forgets what it was told.
-                self.line = None;
+                // The sender is killed before its last frames are in its spool.
+                self.connection = None;
                 self.doubtful.extend(self.captured - 2..self.captured);
             }
             8 => {
-                self.lost.add(self.captured, self.captured + 1).unwrap(); // the camera gave none
+                self.lost.add(self.captured, self.captured + 1).unwrap(); // the camera gave no frame
                 self.captured += 2;
             }
-            9 => self.leave(Mode::CutAfter(dice.below(3000))), // in the middle of a record
+            9 => self.abandon(Mode::CutAfter(dice.below(3000))), // in the middle of a record
             _ => {}
         }
-        self.listen(LISTEN).await;
+        self.receive_acks(ACK_TIME).await;
     }
 
-    /// Turns to another connection; this one is left as it is.
-    fn leave(&mut self, mode: Mode) {
-        if let Some(line) = self.line.take() {
-            line.proxy.send_replace(mode);
-            self.old.push(line);
+    /// Abandons the connection in this mode; the next send opens another one.
+    fn abandon(&mut self, mode: Mode) {
+        if let Some(connection) = self.connection.take() {
+            connection.proxy.send_replace(mode);
+            self.abandoned.push(connection);
         }
     }
 
-    /// Sends what was not acknowledged and not sent on this line: live first, the rest behind.
+    /// Sends the frames that were neither acknowledged nor sent on this connection: live frames first, then the rest.
     async fn send(&mut self, centre: &Centre, backwards: bool) {
         self.connect(centre).await;
-        let Some(line) = &mut self.line else { return };
-        let open = |number: &u64| !self.acknowledged.contains(*number) && !line.sent.contains(*number);
+        let Some(connection) = &mut self.connection else { return };
+        let open = |number: &u64| !self.acknowledged.contains(*number) && !connection.sent.contains(*number);
         let mut due: Vec<u64> = (0..self.captured).filter(open).collect();
         let live = due.len().saturating_sub(4);
         due.rotate_left(live);
@@ -162,17 +162,17 @@ impl Recording {
         }
         for number in due {
             if self.lost.contains(number) {
-                line.sender.gap(number, number).await;
+                connection.sender.send_gap(number, number).await;
             } else {
-                line.sender.frames([number]).await;
+                connection.sender.send_frames([number]).await;
             }
-            line.sent.add(number, number).unwrap();
+            connection.sent.add(number, number).unwrap();
         }
     }
 
-    /// Connects, if there is no connection; what was acknowledged must still be there.
+    /// Connects if there is no connection; all acknowledged frames must still be there.
     async fn connect(&mut self, centre: &Centre) {
-        while self.line.is_none() {
+        while self.connection.is_none() {
             let (host, proxy) = proxy_to(centre.host()).await;
             let mut headers = HeaderMap::new();
             let token = HeaderValue::from_str(&format!("Bearer {}", centre.token())).unwrap();
@@ -180,9 +180,9 @@ impl Recording {
             let mut sender = open_at(&host, &headers, "box-1").await.unwrap();
             let mut hello = hello(&self.id);
             hello["task"] = json!("pegs");
-            sender.say(&hello).await;
-            match sender.hear().await {
-                Heard::Word(welcome) if welcome["type"] == "welcome" => {
+            sender.send_json(&hello).await;
+            match sender.receive().await {
+                Received::Json(welcome) if welcome["type"] == "welcome" => {
                     sender.epoch = u32::try_from(welcome["epoch"].as_u64().unwrap()).unwrap();
                     let durable = numbers(&welcome["durable"]);
                     let forgotten: Vec<&[u64; 2]> = self
@@ -196,104 +196,107 @@ impl Recording {
                         self.lost.add(number, number).unwrap();
                     }
                     self.acknowledged = durable;
-                    self.line = Some(Line { sender, proxy, sent: Numbers::default() });
+                    self.connection = Some(Connection { sender, proxy, sent: FrameNumbers::default() });
                 }
-                // The recording before this one was left half-open: its box is busy until that is found out.
-                Heard::Closed(4409, _) => tokio::time::sleep(Duration::from_millis(200)).await,
+                // The recording before this one was left half-open: its box is busy until the service notices.
+                Received::Closed(4409, _) => tokio::time::sleep(Duration::from_millis(200)).await,
                 other => panic!("{other:?} instead of a welcome"),
             }
         }
     }
 
-    /// Hears acknowledgements for a while.
-    async fn listen(&mut self, long: Duration) {
-        let Some(line) = &mut self.line else { return };
+    /// Receives acknowledgements for a while.
+    async fn receive_acks(&mut self, long: Duration) {
+        let Some(connection) = &mut self.connection else { return };
         let until = tokio::time::Instant::now() + long;
-        while let Ok(heard) = tokio::time::timeout_at(until, line.sender.hear()).await {
-            match heard {
-                Heard::Word(word) if word["type"] == "ack" => self.acknowledged = numbers(&word["durable"]),
-                Heard::Word(word) => panic!("{word} though nothing was asked"),
-                Heard::Closed(..) | Heard::Cut => {
-                    self.line = None;
+        while let Ok(message) = tokio::time::timeout_at(until, connection.sender.receive()).await {
+            match message {
+                Received::Json(message) if message["type"] == "ack" => self.acknowledged = numbers(&message["durable"]),
+                Received::Json(message) => panic!("{message} without a request"),
+                Received::Closed(..) | Received::Disconnected => {
+                    self.connection = None;
                     return;
                 }
             }
         }
     }
 
-    /// Sends all that is left, ends the recording, and looks at what became of it.
+    /// Sends all remaining frames, ends the recording, and checks its session.
     async fn end(mut self, centre: &mut Centre, dice: &mut Dice) {
         let session = loop {
             self.send(centre, dice.below(2) == 0).await;
-            let Some(line) = &mut self.line else { continue };
-            line.sender.say(&json!({"type": "end", "frames": self.captured})).await;
-            match line.sender.answer().await {
-                Heard::Word(word) if word["type"] == "ended" => break word["session"].as_str().unwrap().to_owned(),
-                Heard::Word(word) if word["type"] == "missing" => panic!("{word}: all of it was sent"),
-                _ => self.line = None,
+            let Some(connection) = &mut self.connection else { continue };
+            connection.sender.send_json(&json!({"type": "end", "frames": self.captured})).await;
+            match connection.sender.next_answer().await {
+                Received::Json(message) if message["type"] == "ended" => {
+                    break message["session"].as_str().unwrap().to_owned();
+                }
+                Received::Json(message) if message["type"] == "missing" => panic!("{message}: all of it was sent"),
+                _ => self.connection = None,
             }
         };
         let video = centre.get(&format!("/sessions/{session}/video")).await;
         assert!(video.status().is_success());
         let shown = numbers_in(&video.bytes().await.unwrap());
         let kept: Vec<u64> = (0..self.captured).filter(|number| !self.lost.contains(*number)).collect();
-        let expected: Vec<u64> = kept.iter().map(|number| number - kept[0]).collect(); // time begins with the first frame
-        assert_eq!(shown, expected, "each frame is there once, but for the gaps");
-        for line in self.old {
-            line.proxy.send_replace(Mode::Cut);
+        // Times begin with the first frame.
+        let expected: Vec<u64> = kept.iter().map(|number| number - kept[0]).collect();
+        assert_eq!(shown, expected, "each frame is there once, except the gaps");
+        for connection in self.abandoned {
+            connection.proxy.send_replace(Mode::Cut);
         }
     }
 }
 
-fn numbers(ranges: &Value) -> Numbers {
-    let mut numbers = Numbers::default();
+fn numbers(ranges: &Value) -> FrameNumbers {
+    let mut numbers = FrameNumbers::default();
     for range in ranges.as_array().unwrap() {
         numbers.add(range[0].as_u64().unwrap(), range[1].as_u64().unwrap()).unwrap();
     }
     numbers
 }
 
-/// What the proxy does with bytes.
+/// How the proxy treats bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Mode {
     /// Passes them on.
     Pass,
-    /// Keeps them until it is told otherwise.
+    /// Holds them back until the mode changes.
     Hold,
-    /// Passes so many more to the service, and then ends both connections.
+    /// Passes this number of bytes, then ends both connections.
     CutAfter(usize),
     /// Ends both connections.
     Cut,
 }
 
-/// A proxy for one connection: where it listens, and how it is told what to do.
+/// A proxy for one connection. Returns its address and the sender that sets its mode.
 async fn proxy_to(service: String) -> (String, watch::Sender<Mode>) {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let host = listener.local_addr().unwrap().to_string();
-    let (tell, told) = watch::channel(Mode::Pass);
+    let (set_mode, mode) = watch::channel(Mode::Pass);
     tokio::spawn(async move {
         let (client, _) = listener.accept().await.unwrap();
         let Ok(service) = TcpStream::connect(service).await else { return };
         let ((from_client, to_client), (from_service, to_service)) = (client.into_split(), service.into_split());
-        tokio::join!(pass(from_client, to_service, told.clone()), pass(from_service, to_client, told));
+        tokio::join!(pass(from_client, to_service, mode.clone()), pass(from_service, to_client, mode));
     });
-    (host, tell)
+    (host, set_mode)
 }
 
-async fn pass(mut from: OwnedReadHalf, mut to: OwnedWriteHalf, mut told: watch::Receiver<Mode>) {
+async fn pass(mut from: OwnedReadHalf, mut to: OwnedWriteHalf, mut modes: watch::Receiver<Mode>) {
     let mut buffer = vec![0; 16 << 10];
-    let mut passed_since_told = 0;
+    let mut passed_before_cut = 0;
     loop {
         let read = tokio::select! {
             read = from.read(&mut buffer) => read.unwrap_or(0),
-            ended = told.wait_for(|mode| *mode == Mode::Cut) => { let _ = ended; 0 }
+            ended = modes.wait_for(|mode| *mode == Mode::Cut) => { let _ = ended; 0 }
         };
-        if read == 0 || told.wait_for(|mode| *mode != Mode::Hold).await.is_err() {
+        if read == 0 || modes.wait_for(|mode| *mode != Mode::Hold).await.is_err() {
             return;
         }
-        let mode = *told.borrow();
+        let mode = *modes.borrow();
         let passed = match mode {
-            Mode::CutAfter(most) => read.min(most.saturating_sub(passed_since_told)),
+            Mode::CutAfter(limit) => read.min(limit.saturating_sub(passed_before_cut)),
             Mode::Cut => return,
             _ => read,
         };
@@ -301,7 +304,7 @@ async fn pass(mut from: OwnedReadHalf, mut to: OwnedWriteHalf, mut told: watch::
             return;
         }
         if matches!(mode, Mode::CutAfter(_)) {
-            passed_since_told += passed;
+            passed_before_cut += passed;
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The service and its children killed without warning, at random moments: nothing that was acknowledged is lost, every
 //! job ends, and there is one result for each session.
 //!
-//! `TROCAR_KILLS` says how often each is killed: a few times in every run, 50 times by `make kills`.
+//! `TROCAR_KILLS` is the number of kills of each: three in an ordinary run, 50 by `make kills`.
 
 use std::time::Duration;
 
@@ -30,7 +30,7 @@ async fn no_acknowledged_byte_is_lost_when_the_service_is_killed_during_an_uploa
     }
     let session = centre.send_rest(&upload, &recording, acknowledged).await;
     let video = centre.get(&format!("/sessions/{session}/video")).await.bytes().await.unwrap();
-    assert_eq!(Sha256::digest(&video), Sha256::digest(&recording), "the recording is whole");
+    assert_eq!(Sha256::digest(&video), Sha256::digest(&recording), "the recording is complete");
     centre.ends_with_one_result(&session).await;
     eprintln!("{} kills during an upload; ready again after {:?} at most", kills(), centre.slowest_start);
 }
@@ -48,7 +48,7 @@ async fn every_job_ends_with_one_result_however_often_service_and_children_are_k
             let session = centre.send_whole(padded_bytes(&clip, padding)).await;
             sessions.push(session.clone());
             if round % 2 == 0 {
-                tokio::time::sleep(moment).await; // the moment of the kill, by chance
+                tokio::time::sleep(moment).await; // a random moment for the kill
                 centre.kill();
                 centre.restart().await;
                 break;
@@ -63,7 +63,7 @@ async fn every_job_ends_with_one_result_however_often_service_and_children_are_k
         centre.ends_with_one_result(session).await;
     }
     centre.kill();
-    assert_eq!(centre.check(), "", "nothing is lost, and nothing is there that should not be");
+    assert_eq!(centre.check(), "", "nothing is lost, and nothing is left over");
     let (kills, slowest) = (kills(), centre.slowest_start);
     eprintln!(
         "{kills} kills of the service and {kills} of children during jobs; ready again after {slowest:?} at most"

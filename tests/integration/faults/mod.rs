@@ -1,18 +1,18 @@
-//! Faults, on the real program as a process of its own: killed, cut from its power, watched at its system calls, besieged.
+//! Faults, on the real program as a separate process: killed, cut from power, traced at its system calls, overloaded.
 //!
 //! | file | claims |
 //! |---|---|
-//! | `agent.rs` | a box's agent brings its recording home, whoever dies on the way |
-//! | `feeds.rs` | no acknowledged frame is lost or doubled, whatever happens between a box and the service |
+//! | `agent.rs` | a box's agent delivers its recording, even if the agent or the service is killed on the way |
+//! | `feeds.rs` | no acknowledged frame is lost or doubled by faults between a box and the service |
 //! | `kills.rs` | nothing acknowledged is lost when service or children are killed |
 //! | `order.rs` | no acknowledgement leaves before its bytes and names were synced |
 //! | `power.rs` | nothing acknowledged is lost when the power is cut |
-//! | `pushes.rs` | what came of a pushed stream is a session, whoever dies |
-//! | `rescoring.rs` | what is scored again gives the same bytes, whoever dies |
-//! | `slow.rs` | a thousand slow clients hurt nobody else |
-//! | `unprivileged.rs` | the service needs no privilege, and says what it lacks |
+//! | `pushes.rs` | the part of a pushed stream that arrived becomes a session, even if service or child are killed |
+//! | `rescoring.rs` | scoring again gives the same bytes, even if the service is killed |
+//! | `slow.rs` | a thousand slow clients do not affect other clients |
+//! | `unprivileged.rs` | the service needs no privilege, and says what the system lacks |
 //!
-//! A kill cannot show a missing sync, since the system's cache outlives the process: that is what `order` and `power` are for.
+//! A kill cannot show a missing sync, since the system's cache outlives the process: `order` and `power` test that.
 
 mod agent;
 mod centre;
@@ -27,7 +27,7 @@ mod unprivileged;
 
 use centre::{Centre, padded, padded_bytes};
 
-/// Marsaglia's xorshift64: the same moments in every run.
+/// Marsaglia's xorshift64: the same random numbers in every run.
 pub struct Dice(u64);
 
 impl Dice {

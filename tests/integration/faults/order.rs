@@ -1,8 +1,8 @@
-//! No acknowledgement leaves before its bytes and names were synced: read from the system calls of the real service.
+//! No acknowledgement leaves before its bytes and names were synced: checked with the system calls of the real service.
 //!
-//! `strace` records what the service writes, syncs, names and answers; [`Disk`] follows what of it is durable. An answer
-//! of success while anything is not is a finding. This shows a missing sync wherever it runs; that the file system keeps
-//! what it was told to keep is shown by `power`.
+//! `strace` records the writes, syncs, new names and answers of the service; [`Disk`] tracks which of them are durable.
+//! A successful answer is a finding while anything is not durable. This shows a missing sync on every machine; `power`
+//! shows that the file system keeps what was synced.
 
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader};
@@ -14,7 +14,7 @@ use reqwest::{Method, StatusCode};
 use super::{Centre, padded, padded_bytes};
 use crate::support::soon;
 
-/// The calls that write, sync, name and answer.
+/// The calls that write, sync, create names and answer.
 const CALLS: &str = "openat,write,writev,pwrite64,pwritev,sendto,sendmsg,ftruncate,fsync,fdatasync,link,linkat,rename,\
                      renameat,renameat2,unlink,unlinkat";
 
@@ -23,8 +23,8 @@ async fn no_acknowledgement_leaves_before_its_bytes_and_names_were_synced() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");
     let centre = Centre::open_bare(folder, data.clone(), |_| ()).await;
-    let Some(watch) = Watch::begin(&centre, &data) else {
-        eprintln!("SKIPPED: strace cannot watch the service here; it is in Debian's package of the same name");
+    let Some(trace) = Trace::begin(&centre, &data) else {
+        eprintln!("SKIPPED: strace cannot trace the service here; Debian's package of the same name installs it");
         return;
     };
     let clip = std::fs::read(centre.scene("clip.mp4")).unwrap();
@@ -40,7 +40,7 @@ async fn no_acknowledgement_leaves_before_its_bytes_and_names_were_synced() {
     let another = centre.begin_upload(1_000).await;
     let path = format!("/uploads/{another}");
     centre.request(Method::DELETE, &path).header("tus-resumable", "1.0.0").send().await.unwrap();
-    let seen = watch.end(centre).await;
+    let seen = trace.end(centre).await;
     eprintln!("{} acknowledgements, {} syncs of files, {} of folders", seen.acknowledged, seen.synced, seen.folders);
     assert!(seen.findings.is_empty(), "\n{}\n", seen.findings.join("\n"));
     assert!(seen.acknowledged >= 9, "every answer was seen");
@@ -48,8 +48,8 @@ async fn no_acknowledgement_leaves_before_its_bytes_and_names_were_synced() {
 }
 
 #[test]
-fn the_watch_sees_what_is_missing() {
-    let honest = [
+fn the_trace_shows_a_missing_sync() {
+    let complete = [
         r#"7 openat(AT_FDCWD</>, "/data/uploads/a", O_WRONLY|O_CREAT|O_EXCL, 0600 <unfinished ...>"#,
         r#"7 <... openat resumed>)             = 9</data/uploads/a>"#,
         r#"7 write(9</data/uploads/a>, "xyz"..., 3) = 3"#,
@@ -65,25 +65,25 @@ fn the_watch_sees_what_is_missing() {
         lines.iter().for_each(|line| disk.read(line));
         (disk.acknowledged, disk.findings.is_empty())
     };
-    assert_eq!(judge(&honest), (1, true));
+    assert_eq!(judge(&complete), (1, true));
     for missing in [3..5, 5..6, 7..8] {
         let lines: Vec<&str> =
-            honest.iter().enumerate().filter(|(i, _)| !missing.contains(i)).map(|(_, l)| *l).collect();
+            complete.iter().enumerate().filter(|(i, _)| !missing.contains(i)).map(|(_, l)| *l).collect();
         assert_eq!(judge(&lines), (1, false), "without {missing:?}");
     }
-    let mut late = honest;
-    late.swap(2, 3); // written while the sync was under way: it may have come too late for it
+    let mut late = complete;
+    late.swap(2, 3); // written during the sync, which may not include it
     assert_eq!(judge(&late), (1, false));
 }
 
 /// `strace`, attached to the service.
-struct Watch {
+struct Trace {
     strace: Child,
     log: PathBuf,
     disk: Disk,
 }
 
-impl Watch {
+impl Trace {
     fn begin(centre: &Centre, data: &Path) -> Option<Self> {
         let log = centre.scene("system-calls");
         let mut strace = Command::new("strace")
@@ -93,24 +93,24 @@ impl Watch {
             .stderr(Stdio::piped())
             .spawn()
             .ok()?;
-        let mut words = BufReader::new(strace.stderr.take()?).lines().map_while(Result::ok);
-        words.find(|line| line.contains("attached"))?;
-        std::thread::spawn(move || words.for_each(drop)); // it must be able to go on speaking
+        let mut lines = BufReader::new(strace.stderr.take()?).lines().map_while(Result::ok);
+        lines.find(|line| line.contains("attached"))?;
+        std::thread::spawn(move || lines.for_each(drop)); // strace must be able to continue to print
         Some(Self { strace, log, disk: Disk::of(data) })
     }
 
-    /// Ends the service, and with it the watch.
+    /// Kills the service, which ends the trace, and reads the log.
     async fn end(mut self, mut centre: Centre) -> Disk {
         centre.kill();
         let strace = tokio::task::spawn_blocking(move || self.strace.wait());
-        soon("the watch's end", strace).await.unwrap().unwrap();
+        soon("the trace's end", strace).await.unwrap().unwrap();
         let log = std::fs::read(&self.log).unwrap();
         String::from_utf8_lossy(&log).lines().for_each(|line| self.disk.read(line));
         self.disk
     }
 }
 
-/// What is written and named in a folder, and not yet durable; with the number of the line that did it.
+/// Writes and new names in a folder that are not yet durable, with the number of the log line that made them.
 #[derive(Default)]
 struct Disk {
     data: PathBuf,
@@ -138,54 +138,55 @@ impl Disk {
         let Some((thread, text)) = line.split_once(' ') else { return };
         let text = text.trim_start();
         if let Some(beginning) = text.strip_suffix("<unfinished ...>") {
-            self.begins(beginning);
+            self.call_begins(beginning);
             self.begun.insert(thread.to_owned(), (beginning.to_owned(), self.line));
         } else if let Some((_, end)) = text.split_once(" resumed>") {
             let Some((beginning, since)) = self.begun.remove(thread) else { return };
-            self.ends(&(beginning + end), since);
+            self.call_ends(&(beginning + end), since);
         } else {
-            self.begins(text);
-            self.ends(text, self.line);
+            self.call_begins(text);
+            self.call_ends(text, self.line);
         }
     }
 
-    /// What counts from its beginning: writes, which may be seen at once, and answers, which may arrive at once.
-    fn begins(&mut self, call: &str) {
+    /// Handles events that count from the beginning of a call: writes, which may be visible at once, and answers, which
+    /// may arrive at once.
+    fn call_begins(&mut self, call: &str) {
         let is_write =
             ["write(", "writev(", "pwrite64(", "pwritev(", "ftruncate("].iter().any(|name| call.starts_with(name));
         match subject(call) {
-            Some(path) if is_write && self.counts(&path) => drop(self.written.insert(path, self.line)),
-            Some(path) if path.to_string_lossy().starts_with("socket:") => self.answers(call),
+            Some(path) if is_write && self.must_be_durable(&path) => drop(self.written.insert(path, self.line)),
+            Some(path) if path.to_string_lossy().starts_with("socket:") => self.check_answer(call),
             _ => {}
         }
     }
 
-    /// What counts once it has succeeded: syncs of what was written before they began, and names.
-    fn ends(&mut self, call: &str, since: usize) {
+    /// Handles events that count once a call has succeeded: syncs of earlier writes, and new names.
+    fn call_ends(&mut self, call: &str, since: usize) {
         if call.rsplit(" = ").next().is_some_and(|answer| answer.starts_with("-1 ")) {
             return;
         }
         let name = call.split('(').next().unwrap_or_default();
         match name {
-            "fsync" | "fdatasync" => subject(call).into_iter().for_each(|path| self.syncs(&path, since)),
-            "openat" if call.contains("O_CREAT") => result(call).into_iter().for_each(|path| self.names(path)),
+            "fsync" | "fdatasync" => subject(call).into_iter().for_each(|path| self.add_sync(&path, since)),
+            "openat" if call.contains("O_CREAT") => result(call).into_iter().for_each(|path| self.add_name(path)),
             "linkat" | "link" | "rename" | "renameat" | "renameat2" => {
                 if let [from, to] = &quoted(call)[..] {
                     if self.written.contains_key(from) {
                         self.written.insert(to.clone(), self.line);
                     }
                     if name.starts_with("rename") {
-                        self.forgets(from);
+                        self.forget(from);
                     }
-                    self.names(to.clone());
+                    self.add_name(to.clone());
                 }
             }
-            "unlink" | "unlinkat" => quoted(call).iter().for_each(|path| self.forgets(path)),
+            "unlink" | "unlinkat" => quoted(call).iter().for_each(|path| self.forget(path)),
             _ => {}
         }
     }
 
-    fn syncs(&mut self, path: &Path, since: usize) {
+    fn add_sync(&mut self, path: &Path, since: usize) {
         let folders = self.named.len();
         self.named.retain(|name, line| name.parent() != Some(path) || *line > since);
         self.folders += usize::from(self.named.len() < folders);
@@ -195,25 +196,26 @@ impl Disk {
         }
     }
 
-    fn names(&mut self, path: PathBuf) {
-        // Opening what exists makes no name; nor does a half-written file need one.
+    fn add_name(&mut self, path: PathBuf) {
+        // The database exists already, so opening it creates no name. A half-written file needs no durable name.
         let is_new = !path.ends_with("trocar.db-wal") && !path.ends_with("trocar.db");
-        if self.counts(&path) && is_new && !path.starts_with(self.data.join("incoming")) {
+        if self.must_be_durable(&path) && is_new && !path.starts_with(self.data.join("incoming")) {
             self.named.insert(path, self.line);
         }
     }
 
-    fn forgets(&mut self, path: &Path) {
+    fn forget(&mut self, path: &Path) {
         self.written.remove(path);
         self.named.remove(path);
     }
 
-    /// The database's file itself follows its log, which is what makes a commit durable; its shared memory is rebuilt.
-    fn counts(&self, path: &Path) -> bool {
+    /// True for files that must be durable before an answer. The log of the database makes a commit durable: its main
+    /// file may follow later, and its shared memory is rebuilt.
+    fn must_be_durable(&self, path: &Path) -> bool {
         path.starts_with(&self.data) && !path.ends_with("trocar.db") && !path.ends_with("trocar.db-shm")
     }
 
-    fn answers(&mut self, call: &str) {
+    fn check_answer(&mut self, call: &str) {
         if !call.contains("\"HTTP/1.1 2") {
             return;
         }
@@ -238,7 +240,7 @@ fn result(call: &str) -> Option<PathBuf> {
     Some(answer.split_once('<')?.1.strip_suffix('>')?.into())
 }
 
-/// The paths that stand in quotes.
+/// The paths in quotes.
 fn quoted(call: &str) -> Vec<PathBuf> {
     call.split('"').skip(1).step_by(2).map(PathBuf::from).collect()
 }

@@ -1,7 +1,7 @@
-//! The power cut at random moments: what was acknowledged is on the disk.
+//! Power cuts at random moments: all acknowledged data is on the disk.
 //!
-//! The data lie on a file system of their own (ext4 in a file, mounted by a loop device) that is shut down without
-//! flushing anything, then mounted again: what had not been synced is gone, as after a cut. `make power-cuts` runs it, as
+//! The data lie on a separate file system (ext4 in a file, mounted by a loop device). It is shut down without a flush
+//! and mounted again: data that was not synced is gone, as after a power cut. `make power-cuts` runs this test, as
 //! root.
 
 use std::fs::File;
@@ -36,7 +36,7 @@ async fn nothing_acknowledged_is_lost_when_the_power_is_cut() {
         whole.push((centre.send_whole(recording.clone()).await, Sha256::digest(&recording)));
         let piece = 1 + dice.below(UPLOAD / (2 * cuts()));
         acknowledged = centre.send_until_killed(&upload, &pieces, acknowledged, piece).await;
-        tokio::time::sleep(Duration::from_millis(dice.below(600) as u64)).await; // the moment of the cut, by chance
+        tokio::time::sleep(Duration::from_millis(dice.below(600) as u64)).await; // a random moment for the cut
         done.extend(centre.newly_done(whole.iter().map(|(session, _)| session), &done).await);
         disk.cut();
         centre.kill();
@@ -45,18 +45,18 @@ async fn nothing_acknowledged_is_lost_when_the_power_is_cut() {
         let kept = centre.offset(&upload).await;
         assert!(kept >= acknowledged, "cut {cut}: {acknowledged} bytes were acknowledged, {kept} are there");
         acknowledged = kept;
-        centre.still_has(&whole, &done).await;
+        centre.check_still_has(&whole, &done).await;
     }
     let session = centre.send_rest(&upload, &pieces, acknowledged).await;
     whole.push((session, Sha256::digest(&pieces)));
-    centre.still_has(&whole, &done).await;
+    centre.check_still_has(&whole, &done).await;
     for (session, _) in &whole {
         centre.ends_with_one_result(session).await;
     }
     centre.kill();
     assert_eq!(centre.check(), "");
     eprintln!(
-        "{} cuts, {} results seen before one; ready again after {:?} at most",
+        "{} cuts, {} results seen before a cut; ready again after {:?} at most",
         cuts(),
         done.len(),
         centre.slowest_start
@@ -64,7 +64,7 @@ async fn nothing_acknowledged_is_lost_when_the_power_is_cut() {
 }
 
 impl Centre {
-    /// The sessions that say that they are done and are not among these.
+    /// The sessions that are done and not yet among the known ones.
     async fn newly_done(&self, sessions: impl Iterator<Item = &String>, known: &[String]) -> Vec<String> {
         let mut new = Vec::new();
         for session in sessions.filter(|session| !known.contains(session)) {
@@ -74,8 +74,8 @@ impl Centre {
         new
     }
 
-    /// Recordings are whole, and what was done is done.
-    async fn still_has(&self, whole: &[(String, impl AsRef<[u8]>)], done: &[String]) {
+    /// Checks that recordings are complete and that finished sessions still have their results.
+    async fn check_still_has(&self, whole: &[(String, impl AsRef<[u8]>)], done: &[String]) {
         for (session, sum) in whole {
             let video = self.get(&format!("/sessions/{session}/video")).await;
             assert_eq!(video.status(), StatusCode::OK, "recording of {session}");
@@ -100,7 +100,7 @@ impl Disk {
         let disk = Self { mounted: folder.path().join("mounted"), folder };
         std::fs::create_dir(&disk.mounted).unwrap();
         File::create_new(disk.image()).unwrap().set_len(SPACE).unwrap();
-        assert!(tool("mkfs.ext4", &["-q".as_ref(), &disk.image()]), "mkfs.ext4 makes a file system");
+        assert!(tool("mkfs.ext4", &["-q".as_ref(), &disk.image()]), "mkfs.ext4 cannot make a file system");
         disk.mount();
         disk
     }
@@ -110,17 +110,20 @@ impl Disk {
     }
 
     fn mount(&self) {
-        assert!(tool("mount", &["-o".as_ref(), "loop".as_ref(), &self.image(), &self.mounted]), "root mounts it");
+        assert!(
+            tool("mount", &["-o".as_ref(), "loop".as_ref(), &self.image(), &self.mounted]),
+            "cannot mount the file system; run as root"
+        );
     }
 
-    /// From now on nothing more reaches the disk, and what has not reached it never will.
+    /// Cuts the power: from now on no data reaches the disk, and unwritten data is lost.
     fn cut(&self) {
         /// `_IOR('X', 125, __u32)` of the kernel's `ext4.h`.
         const EXT4_IOC_SHUTDOWN: libc::c_ulong = 0x8004_587d;
         /// Not even the journal is flushed.
         static NO_LOG_FLUSH: u32 = 2;
         let root = File::open(&self.mounted).unwrap();
-        // SAFETY: the call reads one number from a pointer to one, on a descriptor that is open.
+        // SAFETY: the call reads one `u32` through a valid pointer, on an open descriptor.
         let answer = unsafe { libc::ioctl(root.as_raw_fd(), EXT4_IOC_SHUTDOWN, &raw const NO_LOG_FLUSH) };
         assert_eq!(answer, 0, "{}", std::io::Error::last_os_error());
     }
@@ -130,7 +133,7 @@ impl Disk {
         self.mount();
     }
 
-    /// A child of the service may hold it for a moment longer.
+    /// Tries again for a while: a child of the service may hold the file system a moment longer.
     async fn unmount(&self) {
         for _ in 0..200 {
             if tool("umount", &[&self.mounted]) {
@@ -138,7 +141,7 @@ impl Disk {
             }
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
-        panic!("somebody holds the file system");
+        panic!("a process still holds the file system");
     }
 }
 

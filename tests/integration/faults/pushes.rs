@@ -1,5 +1,5 @@
-//! Streams that are pushed in one request, to a service that is killed, and whose children are: what came is a session, at
-//! once or at the next start.
+//! Streams that are pushed in one request, while the service or its child is killed: the part that arrived becomes a
+//! session, at once or at the next start.
 
 use std::time::Duration;
 
@@ -14,8 +14,8 @@ use crate::support::{problem, soon};
 
 const PATH: &str = "/boxes/box-1/feed.ts?trainee=ada&task=pegs";
 
-/// A push whose stream has come in part, and its session.
-async fn begun(centre: &Centre, stream: &[u8]) -> (Pushing, String) {
+/// Begins a push and sends a part of its stream. Returns the push and its session.
+async fn begin_push(centre: &Centre, stream: &[u8]) -> (Pushing, String) {
     let mut pushing = Pushing::begin(centre.request(Method::PUT, PATH));
     pushing.send(&stream[..stream.len() * 4 / 5]).await;
     let arrives = |sessions: &Value| sessions["items"][0]["id"].is_string();
@@ -37,10 +37,10 @@ async fn centre() -> Centre {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_a_killed_service_had_of_a_push_becomes_a_session_at_its_next_start() {
+async fn the_stored_part_of_a_push_becomes_a_session_at_the_next_start_after_a_kill() {
     let mut centre = centre().await;
     let Some(stream) = remuxed(&centre.scene("clip.mp4"), "mpegts") else { return };
-    let (pushing, session) = begun(&centre, &stream).await;
+    let (pushing, session) = begin_push(&centre, &stream).await;
     centre.kill();
     pushing.cut().await;
     centre.restart().await;
@@ -50,11 +50,11 @@ async fn what_a_killed_service_had_of_a_push_becomes_a_session_at_its_next_start
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_push_whose_child_dies_ends_with_what_came() {
+async fn a_push_whose_child_dies_ends_with_the_part_that_arrived() {
     let centre = centre().await;
     let Some(stream) = remuxed(&centre.scene("clip.mp4"), "matroska") else { return };
-    let (pushing, session) = begun(&centre, &stream).await;
-    let children = centre.children(); // the box is bare: nobody tracks
+    let (pushing, session) = begin_push(&centre, &stream).await;
+    let children = centre.children(); // the box has no camera and colours, so no child tracks
     assert_eq!(children.len(), 1);
     kill_process(children[0], Signal::KILL).unwrap();
     let refused = problem(pushing.answered().await, 500, "internal").await;

@@ -1,4 +1,4 @@
-//! What is scored again gives the same bytes, and an order survives whatever ends in the middle of it.
+//! Scoring again gives the same bytes, and an order survives kills of the service.
 
 use std::time::Duration;
 
@@ -13,8 +13,8 @@ use super::{Centre, Dice, padded_bytes};
 
 const SESSIONS: usize = 4;
 
-/// A centre whose sessions were scored; the results then say that a program before this one made them.
-async fn with_old_results() -> (Centre, Vec<Value>) {
+/// A centre with scored sessions. Their results are then changed to state that an older program made them.
+async fn centre_with_old_results() -> (Centre, Vec<Value>) {
     let mut centre = Centre::open().await;
     let clip = std::fs::read(centre.scene("clip.mp4")).unwrap();
     let mut sessions = Vec::new();
@@ -31,7 +31,7 @@ async fn with_old_results() -> (Centre, Vec<Value>) {
     (centre, sessions)
 }
 
-/// Changes the database of a service that has ended.
+/// Changes the database of a stopped service.
 async fn change(centre: &Centre, sql: &'static str) {
     let path = centre.data().join("trocar.db");
     let mut raw = SqliteConnection::connect(path.to_str().unwrap()).await.unwrap();
@@ -44,11 +44,11 @@ async fn order(centre: &Centre, order: Value) -> String {
     json_of(answer).await["id"].as_str().unwrap().to_owned()
 }
 
-/// Kills the service some times in the middle of an order, then waits for its end. Two kills cannot quarantine a job.
+/// Kills the service `kills` times during an order, then waits for the order's end. Two kills cannot quarantine a job.
 async fn ends_through_kills(centre: &mut Centre, id: &str, kills: usize) -> Value {
     let mut dice = Dice(0x9e37_79b9_7f4a_7c15);
     for _ in 0..kills {
-        tokio::time::sleep(Duration::from_millis(dice.below(1_500) as u64)).await; // the moment of the kill, by chance
+        tokio::time::sleep(Duration::from_millis(dice.below(1_500) as u64)).await; // a random moment for the kill
         centre.kill();
         centre.restart().await;
     }
@@ -57,7 +57,7 @@ async fn ends_through_kills(centre: &mut Centre, id: &str, kills: usize) -> Valu
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn scoring_stored_paths_again_gives_the_same_bytes_and_survives_kills() {
-    let (mut centre, before) = with_old_results().await;
+    let (mut centre, before) = centre_with_old_results().await;
     let id = order(&centre, json!({})).await;
     let ended = ends_through_kills(&mut centre, &id, 2).await;
     assert_eq!((&ended["sessions"]["done"], &ended["progress"]), (&json!(SESSIONS), &json!(1.0)), "{ended}");
@@ -78,19 +78,19 @@ async fn scoring_stored_paths_again_gives_the_same_bytes_and_survives_kills() {
         assert_eq!(
             in_use,
             [(&json!(PIPELINE_VERSION), &json!(true)), (&json!("7"), &json!(false))],
-            "the old one stays"
+            "the old result stays"
         );
         assert_eq!(new["status"], "done");
     }
     let again = centre.request(Method::POST, "/tasks/pegs/rescorings").json(&json!({})).send().await.unwrap();
-    assert_eq!(again.status(), 409, "nothing is older now");
+    assert_eq!(again.status(), 409, "no result is older now");
     centre.kill();
     assert_eq!(centre.check(), "");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn recordings_are_tracked_again_behind_new_sessions_and_give_the_same_bytes() {
-    let (mut centre, before) = with_old_results().await;
+    let (mut centre, before) = centre_with_old_results().await;
     let id = order(&centre, json!({"from": "recording"})).await;
     let ended = ends_through_kills(&mut centre, &id, 1).await;
     assert_eq!((&ended["sessions"]["done"], &ended["changes"]["changed"]), (&json!(SESSIONS), &json!(0)), "{ended}");

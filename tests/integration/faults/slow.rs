@@ -1,4 +1,4 @@
-//! A thousand slow clients: nobody else waits for them, and they take no memory to speak of.
+//! A thousand slow clients: other clients do not wait for them, and they take little memory.
 
 use std::time::{Duration, Instant};
 
@@ -12,59 +12,61 @@ use super::Centre;
 
 /// Clients of each kind.
 const OF_EACH: usize = 250;
-/// Between two bytes, or pieces, of a slow client: ended neither by the service's times nor by its least rate.
+/// Pause between two bytes, or pieces, of a slow client: within the service's timeouts and above its minimum rate.
 const DRIP: Duration = Duration::from_millis(500);
-/// How long the service is asked, longer than a request's head may take.
-const SIEGE: Duration = Duration::from_secs(45);
-const BETWEEN: Duration = Duration::from_millis(25);
-/// What the slow clients may add to the slowest hundredth of answers, beyond doubling it.
+/// How long the test sends requests: longer than the head of a request may take.
+const LOAD_TIME: Duration = Duration::from_secs(45);
+/// Pause between two requests of the test.
+const REQUEST_INTERVAL: Duration = Duration::from_millis(25);
+/// What the slow clients may add to the 99th percentile of the answer times, beyond doubling it.
 const SLACK: Duration = Duration::from_millis(10);
-/// Answers that a deaf client asks for.
+/// Answers that a client requests and does not read.
 const LARGE_ANSWERS: usize = 20;
-const MEMORY_KIB: u64 = 32 * 1024;
+/// Maximum memory that the slow clients may take.
+const MAX_MEMORY_KIB: u64 = 32 * 1024;
 
 /// How a client is slow.
 #[derive(Clone, Copy)]
 enum Slow {
-    /// It connects and says nothing.
+    /// It connects and sends nothing.
     Silent,
-    /// Its request's head comes byte by byte.
+    /// The head of its request arrives in small pieces.
     Head,
-    /// Its recording comes at a little more than the least rate.
+    /// Its recording arrives slightly above the minimum rate.
     Body,
-    /// It asks for more than fits between us and reads nothing of it.
-    Deaf,
+    /// It requests more than the buffers of the connection hold, and reads nothing.
+    NotReading,
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 #[ignore = "takes a minute and two thousand descriptors: make slow-clients"]
-async fn a_thousand_slow_clients_hurt_nobody_else() {
+async fn a_thousand_slow_clients_do_not_affect_others() {
     rlimit::increase_nofile_limit(8_192).unwrap();
     let centre = Centre::open().await;
-    let quiet = ask(&centre, SIEGE / 3).await;
+    let quiet = ask(&centre, LOAD_TIME / 3).await;
     let before = resident_kib(&centre);
-    let mut siege = JoinSet::new();
-    for kind in [Slow::Silent, Slow::Head, Slow::Body, Slow::Deaf] {
+    let mut slow_clients = JoinSet::new();
+    for kind in [Slow::Silent, Slow::Head, Slow::Body, Slow::NotReading] {
         for _ in 0..OF_EACH {
-            siege.spawn(besiege(kind, centre.host(), centre.token().to_owned()));
+            slow_clients.spawn(run_slow_client(kind, centre.host(), centre.token().to_owned()));
         }
     }
-    let besieged = ask(&centre, SIEGE).await;
+    let loaded = ask(&centre, LOAD_TIME).await;
     let grown = resident_kib(&centre).saturating_sub(before);
     let descriptors = std::fs::read_dir(format!("/proc/{}/fd", centre.process().id())).unwrap().count();
     eprintln!(
-        "p50 and p99 alone {quiet:?}, among {} slow clients {besieged:?}; memory grew {grown} KiB; {descriptors} descriptors",
+        "p50 and p99 alone {quiet:?}, among {} slow clients {loaded:?}; memory grew {grown} KiB; {descriptors} descriptors",
         4 * OF_EACH
     );
-    assert!(descriptors > 3 * OF_EACH, "they are really there");
-    assert!(besieged.1 <= 2 * quiet.1 + SLACK);
-    assert!(grown <= MEMORY_KIB);
+    assert!(descriptors > 3 * OF_EACH, "the slow clients are connected");
+    assert!(loaded.1 <= 2 * quiet.1 + SLACK);
+    assert!(grown <= MAX_MEMORY_KIB);
 }
 
-/// Asks for the sessions at even times; the answers' median and 99th percentile.
+/// Requests the sessions at regular times. Returns the median and the 99th percentile of the answer times.
 async fn ask(centre: &Centre, during: Duration) -> (Duration, Duration) {
     let mut times = Vec::new();
-    let (begun, mut ticks) = (Instant::now(), interval(BETWEEN));
+    let (begun, mut ticks) = (Instant::now(), interval(REQUEST_INTERVAL));
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     while begun.elapsed() < during {
         ticks.tick().await;
@@ -78,11 +80,11 @@ async fn ask(centre: &Centre, during: Duration) -> (Duration, Duration) {
     (times[times.len() / 2], times[times.len() * 99 / 100])
 }
 
-/// Is slow for ever: whoever is shown the door comes again.
-async fn besiege(how: Slow, host: String, token: String) {
+/// Runs a slow client for ever: it connects again when the service ends its connection.
+async fn run_slow_client(how: Slow, host: String, token: String) {
     loop {
         if let Ok(wire) = TcpStream::connect(&host).await {
-            let _ = drip(how, wire, &host, &token).await; // ended by the service, as it should be
+            let _ = drip(how, wire, &host, &token).await; // the service may end the connection
         }
         tokio::time::sleep(DRIP).await;
     }
@@ -108,7 +110,7 @@ async fn drip(how: Slow, mut wire: TcpStream, host: &str, token: &str) -> std::i
                 wire.write_all(&[0; 700]).await?;
             }
         }
-        Slow::Deaf => {
+        Slow::NotReading => {
             let asked = (head("GET /api/v1/openapi.json") + "\r\n").repeat(LARGE_ANSWERS);
             wire.write_all(asked.as_bytes()).await?;
             std::future::pending().await

@@ -9,13 +9,13 @@ use seccompiler::{BpfProgram, SeccompAction, SeccompFilter};
 use super::Centre;
 use crate::process::command;
 
-/// `nobody`, of the group `nogroup`.
+/// The id of the system's user and group without privileges.
 const NOBODY: u32 = 65_534;
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_user_without_any_privilege_can_run_the_service_and_its_confined_children() {
     if !rustix::process::getuid().is_root() {
-        eprintln!("SKIPPED: whoever runs this is no administrator, so every other test shows it already");
+        eprintln!("SKIPPED: this user is not root, so every other test shows it already");
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -35,16 +35,16 @@ fn where_landlock_is_required_and_missing_the_service_says_what_to_do() {
     let mut serve = command(data.path());
     without_landlock(&mut serve);
     let ended = serve.env("TROCAR_ANALYSIS__REQUIRE_LANDLOCK", "true").stdout(Stdio::null()).output().unwrap();
-    let said = String::from_utf8(ended.stderr).unwrap();
-    assert_eq!(ended.status.code(), Some(1), "{said}");
+    let stderr = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(1), "{stderr}");
     for needed in ["Landlock", "5.13", "require_landlock"] {
-        assert!(said.contains(needed), "no {needed} in: {said}");
+        assert!(stderr.contains(needed), "no {needed} in: {stderr}");
     }
-    assert_eq!(said.trim_end().lines().count(), 1, "{said}");
+    assert_eq!(stderr.trim_end().lines().count(), 1, "{stderr}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn where_landlock_is_missing_and_not_required_the_filter_of_system_calls_stands_alone() {
+async fn where_landlock_is_missing_and_not_required_the_system_call_filter_confines_children_alone() {
     let centre = Centre::open_with(without_landlock).await;
     let session = centre.send_whole(std::fs::read(centre.scene("clip.mp4")).unwrap()).await;
     centre.ends_with_one_result(&session).await;
@@ -62,7 +62,7 @@ fn without_landlock(command: &mut Command) {
     let filter: BpfProgram =
         SeccompFilter::new(unknown, SeccompAction::Allow, answer, architecture).unwrap().try_into().unwrap();
     let enter = move || seccompiler::apply_filter(&filter).map_err(io::Error::other);
-    // SAFETY: between fork and exec it makes two system calls with what was prepared before; nothing is allocated
+    // SAFETY: between fork and exec the closure makes two system calls with data prepared before; nothing is allocated
     // unless one fails.
     unsafe { command.pre_exec(enter) };
 }

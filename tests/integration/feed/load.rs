@@ -1,5 +1,5 @@
-//! How many boxes this machine sustains, against bare decoding of the same frames in the same run, and how long a frame takes
-//! to become a position. `make live-load` prints it; nothing here judges by time.
+//! The number of boxes that this machine sustains, compared with plain decoding of the same frames in the same run, and
+//! the latency from a frame to its position. `make live-load` prints both; no assertion depends on them.
 
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -13,50 +13,51 @@ use tokio::task::JoinHandle;
 use tokio_tungstenite::connect_async_with_config;
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
-use trocar::domain::feed::record::{Body, Record};
+use trocar::domain::feed::record::{FeedRecord, RecordBody};
 
-use super::scene::{Clip, furnish};
-use super::sender::{Heard, hello, open_at, short_words};
-use crate::process::{Process, Processors};
+use super::scene::{Clip, set_up_box};
+use super::sender::{Received, hello, open_at, short_messages};
+use crate::process::{CpuTimes, Process};
 use crate::support::{ADMINISTRATOR, Client};
 
 /// Frames of a box in a second.
 const FPS: u64 = 25;
-/// Boxes of the first look at what a frame costs.
+/// Boxes in the first measurement of a frame's cost.
 const PROBE: usize = 8;
-/// How long after its beginning a load does not count: until all boxes, which begin at once, have rehearsed their beginnings
-/// and caught up; and how long once they have paused.
-const BEGINS: Duration = Duration::from_secs(12);
-const GOES_ON: Duration = Duration::from_secs(1);
-/// How long it counts at a time, and how long where it is looked at once.
-const COUNTS: Duration = Duration::from_secs(4);
-const COUNTS_LONG: Duration = Duration::from_secs(20);
-/// How often bare decoding and boxes take their turns; the medians are told. Machines that others use as well are quicker or
-/// slower by a sixth from one second to the next, so turns are short and many.
+/// Time after the start of a load that does not count: all boxes start at once, rehearse the start of their recordings
+/// and catch up.
+const START_TIME: Duration = Duration::from_secs(12);
+/// Time after a pause that does not count.
+const RESUME_TIME: Duration = Duration::from_secs(1);
+/// Duration of one measurement of several, and of a single measurement.
+const MEASURE_TIME: Duration = Duration::from_secs(4);
+const LONG_MEASURE_TIME: Duration = Duration::from_secs(20);
+/// Rounds of plain decoding and boxes in alternation; the medians are printed. The speed of shared machines changes by
+/// a sixth from one second to the next, so rounds are short and many.
 const ROUNDS: usize = 15;
-/// Share of what can be sustained at which latency is measured.
+/// Share of the sustained boxes that the latency is measured at.
 const SHARE: f64 = 0.8;
 
-/// What the boxes of a load share.
+/// What all boxes of a load share.
 struct Load {
     host: String,
     client: Client,
     clip: Arc<Clip>,
-    /// Since when they hold, while they do, and how long they have held before.
-    holds: Mutex<(Option<Instant>, Duration)>,
-    counts: AtomicBool,
-    ends: AtomicBool,
+    /// The start of the present pause, if there is one, and the total of earlier pauses.
+    pauses: Mutex<(Option<Instant>, Duration)>,
+    is_measuring: AtomicBool,
+    is_ending: AtomicBool,
     sent: AtomicU64,
     tracked: AtomicU64,
     latencies_ms: Mutex<Vec<f64>>,
 }
 
 impl Load {
-    /// When to look again whether a frame that would be due then, had nobody held, may be sent; `None` now.
+    /// When to check again whether the frame that is due at `due`, without pauses, may be sent; `None`: it may be sent.
     fn waits_until(&self, due: Instant) -> Option<Instant> {
-        let (holds, held) = *self.holds.lock().unwrap();
+        let (pause, paused) = *self.pauses.lock().unwrap();
         let now = Instant::now();
-        let until = if holds.is_some() { now + Duration::from_millis(10) } else { due + held };
+        let until = if pause.is_some() { now + Duration::from_millis(10) } else { due + paused };
         (until > now).then_some(until)
     }
 }
@@ -66,7 +67,7 @@ impl Load {
 async fn boxes_that_this_machine_sustains() {
     println!("1080p at {FPS} frames a second, every frame tracked; sender, service and watchers on this machine");
     println!(
-        "| frames | Mbit/s a box | bare decoding, boxes | sustained, boxes | share | boxes at once | latency, ms: median, 99 % | 99 % in the worst turn | all at once: tracked in time, 99 % |"
+        "| frames | Mbit/s a box | plain decoding, boxes | sustained, boxes | share | boxes at once | latency, ms: median, 99 % | 99 % in the worst round | all at once: tracked in time, 99 % |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     let folder = tempfile::tempdir().unwrap();
@@ -77,12 +78,12 @@ async fn boxes_that_this_machine_sustains() {
     ] {
         let Some(clip) = Clip::new(folder.path(), coding) else { return };
         let clip = Arc::new(clip);
-        let probed = at_once(&clip, PROBE, COUNTS).await.boxes;
+        let probed = measure_once(&clip, PROBE, MEASURE_TIME).await.boxes;
         let boxes = ((SHARE * probed) as usize).max(1);
-        let [bare, sustained, share, usual, most, worst] = by_turns(&clip, boxes).await;
-        let all = at_once(&clip, sustained as usize, COUNTS_LONG).await;
+        let [plain, sustained, share, usual, high, worst] = measure_alternating(&clip, boxes).await;
+        let all = measure_once(&clip, sustained as usize, LONG_MEASURE_TIME).await;
         println!(
-            "| {name} | {:.1} | {bare:.1} | {sustained:.1} | {share:.0} % | {boxes} | {usual:.1}, {most:.1} | {worst:.1} | {}: {:.1} %, {:.0} |",
+            "| {name} | {:.1} | {plain:.1} | {sustained:.1} | {share:.0} % | {boxes} | {usual:.1}, {high:.1} | {worst:.1} | {}: {:.1} %, {:.0} |",
             clip.mbit_s(FPS),
             sustained as usize,
             all.in_time,
@@ -91,37 +92,38 @@ async fn boxes_that_this_machine_sustains() {
     }
 }
 
-/// Medians of what bare decoding and the service sustain by turns, boxes, of the share, %, and of each turn's median latency
-/// and its 99th percentile, ms; then the latter in the worst turn.
-async fn by_turns(clip: &Arc<Clip>, boxes: usize) -> [f64; 6] {
+/// Alternates plain decoding and the service. Returns medians over the rounds: boxes that plain decoding and the
+/// service sustain, their share, %, and each round's median latency and 99th percentile, ms; then the 99th percentile
+/// of the worst round.
+async fn measure_alternating(clip: &Arc<Clip>, boxes: usize) -> [f64; 6] {
     let running = Running::begin(clip, boxes).await;
-    tokio::time::sleep(BEGINS).await;
+    tokio::time::sleep(START_TIME).await;
     let mut figures: [Vec<f64>; 5] = Default::default();
     for _ in 0..ROUNDS {
-        running.hold().await;
-        let bare = sustained(bare_s(clip, boxes).await);
-        running.go_on();
-        tokio::time::sleep(GOES_ON).await;
-        let turn = running.turn(COUNTS).await;
-        let of_turn = [bare, turn.boxes, 100.0 * turn.boxes / bare, turn.latency_ms(0.5), turn.latency_ms(0.99)];
-        figures.iter_mut().zip(of_turn).for_each(|(values, value)| values.push(value));
+        running.pause().await;
+        let plain = sustained(decoding_s_per_frame(clip, boxes).await);
+        running.resume();
+        tokio::time::sleep(RESUME_TIME).await;
+        let round = running.measure(MEASURE_TIME).await;
+        let of_round = [plain, round.boxes, 100.0 * round.boxes / plain, round.latency_ms(0.5), round.latency_ms(0.99)];
+        figures.iter_mut().zip(of_round).for_each(|(values, value)| values.push(value));
     }
     running.end().await;
     let worst = figures[4].iter().copied().fold(0.0, f64::max);
-    let [bare, boxes, share, usual, most] = figures.map(median);
-    [bare, boxes, share, usual, most, worst]
+    let [plain, boxes, share, usual, high] = figures.map(median);
+    [plain, boxes, share, usual, high, worst]
 }
 
-/// What so many boxes at once are like, once.
-async fn at_once(clip: &Arc<Clip>, boxes: usize, counts: Duration) -> Turn {
+/// Measures a number of boxes at once, without alternation.
+async fn measure_once(clip: &Arc<Clip>, boxes: usize, time: Duration) -> Measurement {
     let running = Running::begin(clip, boxes).await;
-    tokio::time::sleep(BEGINS).await;
-    let turn = running.turn(counts).await;
+    tokio::time::sleep(START_TIME).await;
+    let measurement = running.measure(time).await;
     running.end().await;
-    turn
+    measurement
 }
 
-/// Boxes of which all processors together are in time, where a frame takes one of them so many seconds.
+/// Boxes that all processors together can keep up with, if a frame takes one processor `frame_s` seconds.
 fn sustained(frame_s: f64) -> f64 {
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     processors as f64 / (FPS as f64 * frame_s)
@@ -132,39 +134,38 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Seconds of a processor that a frame takes decoders of one thread each, as many as boxes, each at a box's rate; what their start
-/// takes is left out.
-async fn bare_s(clip: &Clip, decoders: usize) -> f64 {
-    let frames = COUNTS.as_secs() * FPS;
+/// CPU seconds per frame of `decoders` single-threaded decoders, each at the rate of a box, without their start.
+async fn decoding_s_per_frame(clip: &Clip, decoders: usize) -> f64 {
+    let frames = MEASURE_TIME.as_secs() * FPS;
     let (all, start) = (decoding_s(clip, decoders, 1 + frames).await, decoding_s(clip, decoders, 1).await);
     (all - start) / (decoders as u64 * frames) as f64
 }
 
-/// Seconds of the processors that so many decoders take for so many frames each.
+/// CPU seconds that `decoders` decoders take for `frames` frames each.
 async fn decoding_s(clip: &Clip, decoders: usize, frames: u64) -> f64 {
-    let before = Processors::of("self").unwrap().of_ended_s;
+    let before = CpuTimes::of("self").unwrap().ended_children_s;
     let mut begun = Vec::new();
     for _ in 0..decoders {
         let mut command = Command::new("ffmpeg");
         command.args(["-v", "error", "-nostdin", "-re", "-threads", "1", "-i"]).arg(&clip.file);
         begun.push(command.args(["-frames:v", &frames.to_string(), "-f", "null", "-"]).spawn().unwrap());
-        tokio::time::sleep(Duration::from_secs(1) / (FPS as u32 * decoders as u32)).await; // not in step
+        tokio::time::sleep(Duration::from_secs(1) / (FPS as u32 * decoders as u32)).await; // they must not run in step
     }
     begun.into_iter().for_each(|mut decoder| assert!(decoder.wait().unwrap().success()));
-    Processors::of("self").unwrap().of_ended_s - before
+    CpuTimes::of("self").unwrap().ended_children_s - before
 }
 
-/// What a load was like for a while.
-struct Turn {
-    /// What is sustained at this cost.
+/// The figures of a load over some time.
+struct Measurement {
+    /// Boxes that the machine sustains at this cost.
     boxes: f64,
-    /// Of the frames that were sent meanwhile, how many were tracked, %.
+    /// Frames that were tracked meanwhile, % of those sent.
     in_time: f64,
-    /// How long after its frame each position was told, in order.
+    /// Latency of each position after its frame, sorted.
     latencies_ms: Vec<f64>,
 }
 
-impl Turn {
+impl Measurement {
     fn latency_ms(&self, share: f64) -> f64 {
         self.latencies_ms[((self.latencies_ms.len() - 1) as f64 * share) as usize]
     }
@@ -190,15 +191,15 @@ impl Running {
             client
                 .make("/api/v1/boxes", json!({"name": format!("Box {number}"), "code": format!("box-{number}")}))
                 .await;
-            furnish(&client, &format!("box-{number}"), &clip.scene).await;
+            set_up_box(&client, &format!("box-{number}"), &clip.scene).await;
         }
         let load = Arc::new(Load {
             host: process.address.clone(),
             client,
             clip: clip.clone(),
-            holds: Mutex::default(),
-            counts: AtomicBool::new(false),
-            ends: AtomicBool::new(false),
+            pauses: Mutex::default(),
+            is_measuring: AtomicBool::new(false),
+            is_ending: AtomicBool::new(false),
             sent: AtomicU64::new(0),
             tracked: AtomicU64::new(0),
             latencies_ms: Mutex::default(),
@@ -207,31 +208,31 @@ impl Running {
         Self { load, senders, process, _data: data }
     }
 
-    /// What it is like for so long.
-    async fn turn(&self, counts: Duration) -> Turn {
+    /// Measures the load for this time.
+    async fn measure(&self, time: Duration) -> Measurement {
         let now = || {
             let count = |of: &AtomicU64| of.load(Ordering::Acquire) as f64;
-            (self.process.processors_s(), count(&self.load.sent), count(&self.load.tracked))
+            (self.process.cpu_s(), count(&self.load.sent), count(&self.load.tracked))
         };
         self.load.latencies_ms.lock().unwrap().clear();
-        self.load.counts.store(true, Ordering::Release);
+        self.load.is_measuring.store(true, Ordering::Release);
         let before = now();
-        tokio::time::sleep(counts).await;
+        tokio::time::sleep(time).await;
         let after = now();
-        self.load.counts.store(false, Ordering::Release);
+        self.load.is_measuring.store(false, Ordering::Release);
         let mut latencies_ms = std::mem::take(&mut *self.load.latencies_ms.lock().unwrap());
         latencies_ms.sort_by(f64::total_cmp);
         let tracked = after.2 - before.2;
-        Turn {
+        Measurement {
             boxes: sustained((after.0 - before.0) / tracked),
             in_time: 100.0 * tracked / (after.1 - before.1),
             latencies_ms,
         }
     }
 
-    /// Holds the senders, until all that is under way is tracked.
-    async fn hold(&self) {
-        self.load.holds.lock().unwrap().0 = Some(Instant::now());
+    /// Pauses the senders and waits until all sent frames are tracked.
+    async fn pause(&self) {
+        self.load.pauses.lock().unwrap().0 = Some(Instant::now());
         let mut before = u64::MAX;
         loop {
             let tracked = self.load.tracked.load(Ordering::Acquire);
@@ -243,15 +244,15 @@ impl Running {
         }
     }
 
-    /// Lets them go on, as if no time had passed.
-    fn go_on(&self) {
-        let mut holds = self.load.holds.lock().unwrap();
-        let held = holds.0.take().map_or(Duration::ZERO, |since| since.elapsed());
-        holds.1 += held;
+    /// Resumes the senders as if no time had passed.
+    fn resume(&self) {
+        let mut pauses = self.load.pauses.lock().unwrap();
+        let paused = pauses.0.take().map_or(Duration::ZERO, |since| since.elapsed());
+        pauses.1 += paused;
     }
 
     async fn end(self) {
-        self.load.ends.store(true, Ordering::Release);
+        self.load.is_ending.store(true, Ordering::Release);
         for sender in self.senders {
             sender.await.unwrap();
         }
@@ -260,20 +261,20 @@ impl Running {
 
 async fn send(load: Arc<Load>, number: usize) {
     let mut sender = open_at(&load.host, load.client.headers(), &format!("box-{number}")).await.unwrap();
-    let mut word = hello(&format!("0198c1f2-6a10-7d3e-9f00-{number:012x}"));
+    let mut message = hello(&format!("0198c1f2-6a10-7d3e-9f00-{number:012x}"));
     let codec = if load.clip.is_jpeg { "jpeg" } else { "h264" };
-    (word["codec"], word["width"], word["height"]) = (json!(codec), json!(1920), json!(1080));
-    sender.say(&word).await;
-    let Heard::Word(welcome) = sender.hear().await else { panic!("no welcome") };
+    (message["codec"], message["width"], message["height"]) = (json!(codec), json!(1920), json!(1080));
+    sender.send_json(&message).await;
+    let Received::Json(welcome) = sender.receive().await else { panic!("no welcome") };
     assert_eq!(welcome["type"], "welcome", "{welcome}");
     sender.epoch = welcome["epoch"].as_u64().unwrap() as u32;
     let sent: Arc<Mutex<Vec<Instant>>> = Arc::default();
     let watcher = tokio::spawn(watch(load.clone(), welcome["session"].as_str().unwrap().to_owned(), sent.clone()));
     let started = Instant::now();
-    // Boxes do not begin in step, and so their key frames do not come together.
+    // Boxes do not start in step, so that their key frames do not coincide.
     let phase = Duration::from_millis(157 * number as u64 % 2000);
     for at in 0.. {
-        if load.ends.load(Ordering::Acquire) {
+        if load.is_ending.load(Ordering::Acquire) {
             break;
         }
         let frame = &load.clip.frames[at % load.clip.frames.len()];
@@ -283,30 +284,30 @@ async fn send(load: Arc<Load>, number: usize) {
         }
         load.sent.fetch_add(1, Ordering::AcqRel);
         sent.lock().unwrap().push(Instant::now());
-        let body = Body::Frame { time: at as i64 * 3600, is_key: frame.is_key, payload: &frame.bytes };
-        sender.record(Record { epoch: sender.epoch, number: at as u64, body }).await;
+        let body = RecordBody::Frame { time: at as i64 * 3600, is_key: frame.is_key, payload: &frame.bytes };
+        sender.send_record(FeedRecord { epoch: sender.epoch, number: at as u64, body }).await;
     }
     watcher.abort();
 }
 
-/// Counts the positions that are told, and how long after their frames.
+/// Counts the positions that arrive, and records their latency.
 async fn watch(load: Arc<Load>, session: String, sent: Arc<Mutex<Vec<Instant>>>) {
     let address = format!("ws://{}/api/v1/sessions/{session}/live?pictures=false", load.host);
     let mut request = address.into_client_request().unwrap();
     request.headers_mut().extend(load.client.headers().clone());
-    let (mut socket, _) = connect_async_with_config(request, Some(short_words()), false).await.unwrap();
+    let (mut socket, _) = connect_async_with_config(request, Some(short_messages()), false).await.unwrap();
     while let Some(Ok(message)) = socket.next().await {
         let Message::Text(text) = message else { continue };
-        let word: Value = serde_json::from_str(&text).unwrap();
-        if word["type"] == "frame" {
+        let message: Value = serde_json::from_str(&text).unwrap();
+        if message["type"] == "frame" {
             load.tracked.fetch_add(1, Ordering::AcqRel);
-            if !load.counts.load(Ordering::Acquire) {
+            if !load.is_measuring.load(Ordering::Acquire) {
                 continue;
             }
-            let frame = word["frame"].as_u64().unwrap() as usize;
+            let frame = message["frame"].as_u64().unwrap() as usize;
             let took = sent.lock().unwrap()[frame].elapsed();
             load.latencies_ms.lock().unwrap().push(took.as_secs_f64() * 1e3);
         }
-        assert_ne!(word["type"], "missed", "the watcher is slow, not the service");
+        assert_ne!(message["type"], "missed", "the watcher is slow, not the service");
     }
 }

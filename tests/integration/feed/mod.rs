@@ -1,4 +1,4 @@
-//! Feeds over real connections to the real service: what is acknowledged stays, what is late or wrong is refused by name.
+//! Feeds over real connections to the real service: acknowledged frames stay; late or wrong input is refused.
 
 mod live;
 mod load;
@@ -12,13 +12,13 @@ use std::time::Duration;
 
 use reqwest::StatusCode;
 use serde_json::{Value, json};
-use trocar::domain::feed::record::{HEAD, LONGEST_HOLE};
-use trocar::media::{Limits, VideoFile};
-use trocar::time::Manual;
+use trocar::domain::feed::record::{HEADER_BYTES, MAX_HOLE_BYTES};
+use trocar::media::{MediaLimits, VideoFile};
+use trocar::time::ManualClock;
 
 use crate::api::centre::Centre;
 use crate::support::{Client, Service, problem, read, soon};
-use sender::{FRAME_TICKS, Heard, SIZE, begin, hello, open};
+use sender::{FRAME_TICKS, Received, SIZE, begin, hello, open};
 
 const RECORDING: &str = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44";
 const ANOTHER: &str = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a45";
@@ -34,13 +34,13 @@ async fn frames_of(client: &Client, session: &str) -> Vec<u64> {
 pub fn numbers_in(video: &[u8]) -> Vec<u64> {
     let path = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(path.path(), video).unwrap();
-    let mut video = VideoFile::open(path.reopen().unwrap(), Limits::default()).unwrap();
+    let mut video = VideoFile::open(path.reopen().unwrap(), MediaLimits::default()).unwrap();
     let mut numbers = Vec::new();
     while let Some(picture) = video.next_picture().unwrap() {
         let frame = picture.frame();
         assert_eq!((frame.width(), frame.height()), (SIZE.0 as usize, SIZE.1 as usize));
         let ticks = frame.time_s * 90_000.0;
-        assert!((ticks - ticks.round()).abs() < 1e-6, "times are what they were: {ticks}");
+        assert!((ticks - ticks.round()).abs() < 1e-6, "times are unchanged: {ticks}");
         numbers.push(ticks.round() as u64 / FRAME_TICKS as u64);
     }
     numbers
@@ -52,8 +52,8 @@ async fn frames_become_a_session_like_any_other() {
     let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
     assert_eq!((&welcome["epoch"], &welcome["durable"]), (&json!(1), &json!([])));
     let session = welcome["session"].as_str().unwrap().to_owned();
-    sender.frames(0..50).await;
-    sender.acknowledged(json!([[0, 49]])).await;
+    sender.send_frames(0..50).await;
+    sender.wait_for_ack(json!([[0, 49]])).await;
 
     let address = format!("/api/v1/sessions/{session}");
     let arriving = centre.instructor.read(&address).await;
@@ -61,93 +61,93 @@ async fn frames_become_a_session_like_any_other() {
     let listed = centre.instructor.read("/api/v1/sessions?status=receiving").await;
     assert_eq!(listed["items"][0]["id"], session);
     let video = centre.instructor.get(&format!("{address}/video")).await;
-    assert_eq!(video.status(), StatusCode::NOT_FOUND, "there is none yet");
+    assert_eq!(video.status(), StatusCode::NOT_FOUND, "there is no video yet");
 
     assert_eq!(sender.end(50).await, session);
     let whole = centre.instructor.read(&address).await;
     assert_eq!((&whole["status"], &whole["recorded_at"]), (&json!("queued"), &json!("2026-11-21T20:14:00Z")));
     assert_eq!(frames_of(&centre.instructor, &session).await, (0..50).collect::<Vec<_>>());
 
-    // Whoever missed the last word says hello again.
+    // A sender that missed the last message says hello again.
     let mut again = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
-    again.say(&hello(RECORDING)).await;
-    assert_eq!(again.hear().await, Heard::Word(json!({"type": "ended", "session": session})));
-    assert_eq!(again.closed().await, 1000);
+    again.send_json(&hello(RECORDING)).await;
+    assert_eq!(again.receive().await, Received::Json(json!({"type": "ended", "session": session})));
+    assert_eq!(again.close_code().await, 1000);
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_last_word_says_that_frames_and_gaps_to_the_end_are_durable() {
+async fn the_last_message_says_that_frames_and_gaps_to_the_end_are_durable() {
     let centre = Centre::open().await;
     let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
-    sender.frames((0..10).chain(15..20)).await;
-    sender.gap(10, 14).await;
-    sender.say(&json!({"type": "end", "frames": 20})).await; // before any acknowledgement need have come
+    sender.send_frames((0..10).chain(15..20)).await;
+    sender.send_gap(10, 14).await;
+    sender.send_json(&json!({"type": "end", "frames": 20})).await; // possibly before any acknowledgement
     let ended = json!({"type": "ended", "session": welcome["session"], "durable": [[0, 19]]});
-    assert_eq!(sender.answer().await, Heard::Word(ended));
-    assert_eq!(sender.closed().await, 1000);
+    assert_eq!(sender.next_answer().await, Received::Json(ended));
+    assert_eq!(sender.close_code().await, 1000);
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_recording_that_cannot_begin_leaves_neither_session_nor_finding_and_may_come_again() {
+async fn a_recording_that_cannot_begin_leaves_no_session_and_may_be_sent_again() {
     let centre = Centre::open().await;
     let in_the_way = centre.service.data.path().join("feeds").join(RECORDING);
     std::fs::create_dir(&in_the_way).unwrap();
     let mut refused = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
-    refused.say(&hello(RECORDING)).await;
-    assert_eq!(refused.closed().await, 4500);
+    refused.send_json(&hello(RECORDING)).await;
+    assert_eq!(refused.close_code().await, 4500);
     assert_eq!(centre.instructor.read("/api/v1/sessions").await["items"], json!([]));
     std::fs::remove_dir(&in_the_way).unwrap();
     let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
     assert_eq!(welcome["epoch"], 1);
-    sender.frames(0..5).await;
+    sender.send_frames(0..5).await;
     assert_eq!(sender.end(5).await, welcome["session"].as_str().unwrap());
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_cut_connection_goes_on_where_it_was_live_first_and_the_rest_behind() {
+async fn after_a_cut_the_next_connection_sends_live_frames_first_and_then_the_missing_ones() {
     let centre = Centre::open().await;
     let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
-    sender.frames(0..20).await;
-    sender.acknowledged(json!([[0, 19]])).await;
+    sender.send_frames(0..20).await;
+    sender.wait_for_ack(json!([[0, 19]])).await;
     drop(sender);
 
     let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
     assert_eq!((&welcome["epoch"], &welcome["durable"]), (&json!(2), &json!([[0, 19]])));
-    sender.frames(40..50).await; // live
-    sender.acknowledged(json!([[0, 19], [40, 49]])).await;
-    sender.frames(15..30).await; // behind it; some were durable already
-    sender.say(&json!({"type": "end", "frames": 50})).await;
-    assert_eq!(sender.answer().await, Heard::Word(json!({"type": "missing", "frames": [[30, 39]]})));
-    sender.gap(30, 39).await;
+    sender.send_frames(40..50).await; // live
+    sender.wait_for_ack(json!([[0, 19], [40, 49]])).await;
+    sender.send_frames(15..30).await; // older frames; some are durable already
+    sender.send_json(&json!({"type": "end", "frames": 50})).await;
+    assert_eq!(sender.next_answer().await, Received::Json(json!({"type": "missing", "frames": [[30, 39]]})));
+    sender.send_gap(30, 39).await;
     let session = sender.end(50).await;
     assert_eq!(frames_of(&centre.instructor, &session).await, (0..30).chain(40..50).collect::<Vec<_>>());
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_acknowledged_outlives_the_service() {
+async fn acknowledged_frames_survive_a_restart_of_the_service() {
     let centre = Centre::open().await;
     let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
-    sender.frames(0..30).await;
-    sender.acknowledged(json!([[0, 29]])).await;
+    sender.send_frames(0..30).await;
+    sender.wait_for_ack(json!([[0, 29]])).await;
     let agent = centre.agent.clone();
     let data = centre.service.stop().await;
-    assert_eq!(sender.closed().await, 1012);
+    assert_eq!(sender.close_code().await, 1012);
 
-    // A tail that was cut in the middle of a record is not taken for one.
+    // A record that is cut off at the end of the log does not count as a record.
     let log = data.path().join("feeds").join(RECORDING);
     let whole = std::fs::metadata(&log).unwrap().len();
     std::fs::File::options().append(true).open(&log).unwrap().set_len(whole - 5).unwrap();
 
-    let service = Service::start_in(data, std::sync::Arc::new(trocar::time::System), |_| ()).await;
+    let service = Service::start_in(data, std::sync::Arc::new(trocar::time::SystemClock), |_| ()).await;
     let (mut sender, welcome) = begin(&service, &agent, RECORDING).await;
     assert_eq!((&welcome["epoch"], &welcome["durable"]), (&json!(2), &json!([[0, 28]])));
-    sender.frames(29..31).await;
+    sender.send_frames(29..31).await;
     let session = sender.end(31).await;
     assert_eq!(frames_of(&service.administrator().await, &session).await, (0..31).collect::<Vec<_>>());
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_log_that_takes_long_to_be_read_through_holds_up_no_other_box() {
+async fn a_log_that_is_slow_to_read_delays_no_other_box() {
     const LENGTH: u32 = 200_000;
     let centre = Centre::open().await;
     centre.administrator.make("/api/v1/boxes", json!({"name": "Box 2", "code": "box-2"})).await;
@@ -156,21 +156,21 @@ async fn a_log_that_takes_long_to_be_read_through_holds_up_no_other_box() {
     begin(&centre.service, &centre.agent, RECORDING).await;
     let agent = centre.agent.clone();
     let data = centre.service.stop().await;
-    // A pipe in the log's place is read as long as it gives something, and then waited for.
+    // A pipe replaces the log: the service reads its bytes and then waits for more.
     let log = data.path().join("feeds").join(RECORDING);
     std::fs::remove_file(&log).unwrap();
     assert!(std::process::Command::new("mkfifo").arg(&log).status().unwrap().success());
     let mut pipe = std::fs::File::options().read(true).write(true).open(&log).unwrap();
 
-    let service = Service::start_in(data, std::sync::Arc::new(trocar::time::System), |_| ()).await;
+    let service = Service::start_in(data, std::sync::Arc::new(trocar::time::SystemClock), |_| ()).await;
     let mut slow = open(&service, agent.headers(), "box-1").await.unwrap();
-    slow.say(&hello(RECORDING)).await;
-    let mut head = [0; HEAD];
+    slow.send_json(&hello(RECORDING)).await;
+    let mut head = [0; HEADER_BYTES];
     head[0] = 1; // a frame
     head[24..28].copy_from_slice(&LENGTH.to_be_bytes());
     let half = [&head[..], &[7; LENGTH as usize / 2]].concat();
     let pipe = soon("the log is read", async {
-        // More than a pipe holds: written once somebody reads.
+        // More than a pipe holds: the write ends only if the service reads.
         let write = move || pipe.write_all(&half).map(|()| pipe);
         tokio::task::spawn_blocking(write).await.unwrap().unwrap()
     });
@@ -178,32 +178,32 @@ async fn a_log_that_takes_long_to_be_read_through_holds_up_no_other_box() {
 
     let other = service.stranger().with_token(token.as_str().unwrap());
     let mut quick = open(&service, other.headers(), "box-2").await.unwrap();
-    quick.say(&hello(ANOTHER)).await;
-    assert!(matches!(quick.hear().await, Heard::Word(word) if word["type"] == "welcome"));
+    quick.send_json(&hello(ANOTHER)).await;
+    assert!(matches!(quick.receive().await, Received::Json(message) if message["type"] == "welcome"));
 
     pipe.write_all(&[7; LENGTH as usize / 2]).unwrap(); // the record is whole, and damaged
-    // No record for longer than one is looked for: that was its end, and a pipe cannot be cut there.
-    let rest = LONGEST_HOLE - LENGTH as usize + 4 * HEAD; // no more: what is not read any more must fit into the pipe
+    // The service finds no record within its search limit and takes this for the log's end. It cannot truncate a pipe.
+    let rest = MAX_HOLE_BYTES - LENGTH as usize + 4 * HEADER_BYTES; // no more: unread bytes must fit into the pipe
     let written = tokio::task::spawn_blocking(move || pipe.write_all(&vec![0; rest]));
     soon("the rest is read", written).await.unwrap().unwrap();
-    assert_eq!(slow.closed().await, 4500);
+    assert_eq!(slow.close_code().await, 4500);
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn only_the_latest_connection_of_a_recording_may_send() {
     let centre = Centre::open().await;
     let (mut old, _) = begin(&centre.service, &centre.agent, RECORDING).await;
-    old.frames(0..5).await;
-    old.acknowledged(json!([[0, 4]])).await;
+    old.send_frames(0..5).await;
+    old.wait_for_ack(json!([[0, 4]])).await;
     let (mut new, _) = begin(&centre.service, &centre.agent, RECORDING).await;
-    old.frames(5..9).await; // held up on the way
-    assert_eq!(old.closed().await, 4410);
-    new.frames(9..10).await;
-    new.acknowledged(json!([[0, 4], [9, 9]])).await;
+    old.send_frames(5..9).await; // held up on the way
+    assert_eq!(old.close_code().await, 4410);
+    new.send_frames(9..10).await;
+    new.wait_for_ack(json!([[0, 4], [9, 9]])).await;
 
-    // What bears the old epoch is refused wherever it comes from.
-    new.frame(1, 5, 5 * FRAME_TICKS).await;
-    assert_eq!(new.closed().await, 4422);
+    // A record with the old epoch is refused on every connection.
+    new.send_frame(1, 5, 5 * FRAME_TICKS).await;
+    assert_eq!(new.close_code().await, 4422);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -211,29 +211,29 @@ async fn a_box_sends_one_recording_at_a_time() {
     let centre = Centre::open().await;
     let (first, _) = begin(&centre.service, &centre.agent, RECORDING).await;
     let mut second = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
-    second.say(&hello(ANOTHER)).await;
-    assert_eq!(second.closed().await, 4409);
+    second.send_json(&hello(ANOTHER)).await;
+    assert_eq!(second.close_code().await, 4409);
     drop(first);
     begin_when_free(&centre, ANOTHER).await;
 }
 
-/// A connection of the box's agent once it is found that the one before has gone, and its session.
+/// A connection of the box's agent and its session, once the service has noticed the end of the connection before.
 async fn begin_when_free(centre: &Centre, recording: &str) -> (sender::Sender, String) {
     for _ in 0..100 {
         let mut sender = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
-        sender.say(&hello(recording)).await;
-        if let Heard::Word(word) = sender.hear().await
-            && word["type"] == "welcome"
+        sender.send_json(&hello(recording)).await;
+        if let Received::Json(message) = sender.receive().await
+            && message["type"] == "welcome"
         {
-            sender.epoch = u32::try_from(word["epoch"].as_u64().unwrap()).unwrap();
-            return (sender, word["session"].as_str().unwrap().to_owned());
+            sender.epoch = u32::try_from(message["epoch"].as_u64().unwrap()).unwrap();
+            return (sender, message["session"].as_str().unwrap().to_owned());
         }
     }
-    panic!("the box is busy though nobody sends");
+    panic!("the box is busy although no connection sends");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn strangers_and_foreign_pages_do_not_get_as_far_as_hello() {
+async fn strangers_and_foreign_pages_are_refused_before_hello() {
     let centre = Centre::open().await;
     centre.administrator.make("/api/v1/boxes", json!({"name": "Box 2", "code": "box-2"})).await;
     let opened = async |client: &Client, in_box| open(&centre.service, client.headers(), in_box).await.err();
@@ -247,43 +247,43 @@ async fn strangers_and_foreign_pages_do_not_get_as_far_as_hello() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_token_that_is_withdrawn_sends_no_more() {
+async fn a_withdrawn_token_closes_its_feed() {
     let centre = Centre::open().await;
     let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
     let tokens = centre.administrator.read("/api/v1/tokens").await;
     let id = tokens["items"][0]["id"].as_str().unwrap();
     assert_eq!(centre.administrator.delete(&format!("/api/v1/tokens/{id}")).await.status(), StatusCode::NO_CONTENT);
-    assert_eq!(sender.closed().await, 4401);
+    assert_eq!(sender.close_code().await, 4401);
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn whoever_sends_frames_is_there_and_whoever_sends_none_is_not() {
-    const PART: Duration = Duration::from_secs(20 * 60); // of the half an hour after which the idle are signed out
-    let clock = Manual::at(1_795_000_000_000);
-    let centre = Centre::open_in(Service::start_by(clock.clone()).await).await;
+async fn frames_keep_a_sign_in_alive_and_idle_people_are_signed_out() {
+    const PART: Duration = Duration::from_secs(20 * 60); // of the 30 minutes after which idle people are signed out
+    let clock = ManualClock::at(1_795_000_000_000);
+    let centre = Centre::open_in(Service::start_with_clock(clock.clone()).await).await;
     let (mut sender, _) = begin(&centre.service, &centre.trainee, RECORDING).await;
     for minutes in 0..4 {
-        sender.frames(minutes..minutes + 1).await;
-        sender.acknowledged(json!([[0, minutes]])).await;
+        sender.send_frames(minutes..minutes + 1).await;
+        sender.wait_for_ack(json!([[0, minutes]])).await;
         clock.advance(PART);
     }
-    sender.frames(4..5).await;
-    sender.acknowledged(json!([[0, 4]])).await;
+    sender.send_frames(4..5).await;
+    sender.wait_for_ack(json!([[0, 4]])).await;
     centre.trainee.read("/api/v1/me").await;
     let idle = centre.other_trainee.get("/api/v1/me").await;
     assert_eq!(idle.status(), StatusCode::UNAUTHORIZED);
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_trainee_sends_nobody_elses_recording() {
+async fn a_trainee_cannot_send_the_recording_of_another_trainee() {
     let centre = Centre::open().await;
     let mut sender = open(&centre.service, centre.other_trainee.headers(), "box-1").await.unwrap();
-    sender.say(&hello(RECORDING)).await; // of ada
-    assert_eq!(sender.closed().await, 4404);
+    sender.send_json(&hello(RECORDING)).await; // a recording of Ada
+    assert_eq!(sender.close_code().await, 4404);
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_first_word_that_is_wrong_is_refused_by_name() {
+async fn a_wrong_first_message_is_refused_with_its_code() {
     let centre = Centre::open().await;
     let changed = |key: &str, value: Value| {
         let mut hello = hello(RECORDING);
@@ -299,41 +299,41 @@ async fn a_first_word_that_is_wrong_is_refused_by_name() {
         (changed("began_at", json!("yesterday")), 4400),
         (changed("recording", json!("mine")), 4400),
         (changed("colour", json!("blue")), 4400),
-        (changed("trainee", json!("nobody")), 4404),
+        (changed("trainee", json!("missing")), 4404),
         (changed("task", json!("nothing")), 4404),
         (changed("sender", json!("x".repeat(9000))), 4413),
     ];
-    for (word, code) in wrong {
+    for (message, code) in wrong {
         let mut sender = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
-        sender.say(&word).await;
-        assert_eq!(sender.closed().await, code, "{word}");
+        sender.send_json(&message).await;
+        assert_eq!(sender.close_code().await, code, "{message}");
     }
     let none = centre.administrator.read("/api/v1/sessions").await;
-    assert_eq!(none["items"], json!([]), "nothing was begun");
+    assert_eq!(none["items"], json!([]), "no session was begun");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_record_that_is_wrong_closes_the_feed_and_costs_nothing_that_was_acknowledged() {
+async fn a_wrong_record_closes_the_feed_and_costs_no_acknowledged_frame() {
     let centre = Centre::open().await;
     let mut damaged = Vec::new();
-    let body = trocar::domain::feed::record::Body::Frame { time: 0, is_key: true, payload: &[1, 2, 3] };
-    trocar::domain::feed::record::Record { epoch: 1, number: 9, body }.write(&mut damaged);
+    let body = trocar::domain::feed::record::RecordBody::Frame { time: 0, is_key: true, payload: &[1, 2, 3] };
+    trocar::domain::feed::record::FeedRecord { epoch: 1, number: 9, body }.write(&mut damaged);
     damaged[33] ^= 1;
     let wrong: [(Vec<u8>, u16); 4] =
         [(damaged, 4400), (b"nonsense".to_vec(), 4400), (vec![0; 2 << 20], 4413), (Vec::new(), 4400)];
     for (bytes, code) in wrong {
         let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
-        sender.frames(0..3).await;
-        sender.bytes(bytes).await;
-        assert_eq!(sender.closed().await, code);
+        sender.send_frames(0..3).await;
+        sender.send_bytes(bytes).await;
+        assert_eq!(sender.close_code().await, code);
     }
     let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
-    sender.frame(sender.epoch, 3, i64::MAX).await; // from the future
-    assert_eq!(sender.closed().await, 4422);
+    sender.send_frame(sender.epoch, 3, i64::MAX).await; // from the future
+    assert_eq!(sender.close_code().await, 4422);
     let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
     assert_eq!(welcome["durable"], json!([[0, 2]]));
-    sender.say(&json!({"type": "end", "frames": 2})).await; // fewer than came
-    assert_eq!(sender.closed().await, 4422);
+    sender.send_json(&json!({"type": "end", "frames": 2})).await; // fewer than were sent
+    assert_eq!(sender.close_code().await, 4422);
     let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
     let session = sender.end(3).await;
     assert_eq!(frames_of(&centre.instructor, &session).await, [0, 1, 2]);
@@ -345,12 +345,12 @@ async fn a_recording_without_a_frame_that_can_be_shown_leaves_no_session() {
     let mut sender = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
     let mut h264 = hello(RECORDING);
     h264["codec"] = json!("h264");
-    sender.say(&h264).await;
-    let Heard::Word(welcome) = sender.hear().await else { panic!("no welcome") };
+    sender.send_json(&h264).await;
+    let Received::Json(welcome) = sender.receive().await else { panic!("no welcome") };
     sender.epoch = 1;
-    sender.frames(0..3).await; // not one parameter set among them
-    sender.say(&json!({"type": "end", "frames": 3})).await;
-    assert_eq!(sender.closed().await, 4422);
+    sender.send_frames(0..3).await; // without any parameter set
+    sender.send_json(&json!({"type": "end", "frames": 3})).await;
+    assert_eq!(sender.close_code().await, 4422);
     let session = welcome["session"].as_str().unwrap();
     read(centre.instructor.get(&format!("/api/v1/sessions/{session}")).await, StatusCode::NOT_FOUND).await;
     assert!(std::fs::read_dir(centre.service.data.path().join("feeds")).unwrap().next().is_none(), "no log is left");
@@ -360,27 +360,27 @@ async fn a_recording_without_a_frame_that_can_be_shown_leaves_no_session() {
 async fn erasing_a_session_that_arrives_ends_its_feed() {
     let centre = Centre::open().await;
     let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
-    sender.frames(0..5).await;
-    sender.acknowledged(json!([[0, 4]])).await;
+    sender.send_frames(0..5).await;
+    sender.wait_for_ack(json!([[0, 4]])).await;
     let session = format!("/api/v1/sessions/{}", welcome["session"].as_str().unwrap());
     assert_eq!(centre.instructor.delete(&session).await.status(), StatusCode::NO_CONTENT);
-    sender.say(&json!({"type": "end", "frames": 5})).await;
-    let code = sender.closed().await;
+    sender.send_json(&json!({"type": "end", "frames": 5})).await;
+    let code = sender.close_code().await;
     assert!([4404, 4500].contains(&code), "{code}");
 
-    // What is erased does not come back by itself.
+    // The sender cannot create an erased session again.
     let mut again = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
-    again.say(&hello(RECORDING)).await;
-    assert_eq!(again.closed().await, 4404);
+    again.send_json(&hello(RECORDING)).await;
+    assert_eq!(again.close_code().await, 4404);
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_recording_that_nobody_ends_ends_with_what_came() {
-    let clock = Manual::at(1_795_000_000_000);
-    let centre = Centre::open_in(Service::start_by(clock.clone()).await).await;
+async fn an_abandoned_recording_ends_with_the_frames_that_arrived() {
+    let clock = ManualClock::at(1_795_000_000_000);
+    let centre = Centre::open_in(Service::start_with_clock(clock.clone()).await).await;
     let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
-    sender.frames((0..10).chain(15..20)).await;
-    sender.acknowledged(json!([[0, 9], [15, 19]])).await;
+    sender.send_frames((0..10).chain(15..20)).await;
+    sender.wait_for_ack(json!([[0, 9], [15, 19]])).await;
     drop(sender);
     let session = format!("/api/v1/sessions/{}", welcome["session"].as_str().unwrap());
     let status = async |client: &Client| client.read(&session).await["status"].as_str().unwrap().to_owned();
@@ -391,7 +391,7 @@ async fn a_recording_that_nobody_ends_ends_with_what_came() {
     for _ in 0..3 {
         clock.advance(Duration::from_secs(30));
         tokio::time::sleep(Duration::from_millis(100)).await;
-        assert_eq!(status(&administrator).await, "receiving", "only the clock was set");
+        assert_eq!(status(&administrator).await, "receiving", "setting the clock does not end a recording");
     }
     soon("the end", async {
         loop {
@@ -410,14 +410,14 @@ async fn a_recording_that_nobody_ends_ends_with_what_came() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_never_came_is_asked_for_again_where_ending_without_it_did_not_succeed() {
-    let clock = Manual::at(1_795_000_000_000);
-    let centre = Centre::open_in(Service::start_by(clock.clone()).await).await;
+async fn missing_frames_are_still_accepted_after_ending_without_them_has_failed() {
+    let clock = ManualClock::at(1_795_000_000_000);
+    let centre = Centre::open_in(Service::start_with_clock(clock.clone()).await).await;
     let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
-    sender.frames((0..10).chain(15..20)).await;
-    sender.acknowledged(json!([[0, 9], [15, 19]])).await;
+    sender.send_frames((0..10).chain(15..20)).await;
+    sender.wait_for_ack(json!([[0, 9], [15, 19]])).await;
     drop(sender);
-    // Where space cannot be measured nothing is put together.
+    // The service assembles no recording while it cannot measure the free space.
     let (incoming, away) = ["incoming", "away"].map(|name| centre.service.data.path().join(name)).into();
     std::fs::rename(&incoming, &away).unwrap();
     for _ in 0..4 {
@@ -429,26 +429,26 @@ async fn what_never_came_is_asked_for_again_where_ending_without_it_did_not_succ
 
     let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
     assert_eq!(welcome["durable"], json!([[0, 9], [15, 19]]));
-    sender.frames(10..15).await;
+    sender.send_frames(10..15).await;
     let session = sender.end(20).await;
     assert_eq!(frames_of(&centre.service.administrator().await, &session).await, (0..20).collect::<Vec<_>>());
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_was_erased_goes_while_another_recording_is_being_ended() {
-    const FIRST: usize = 200_000; // more than a pipe holds: written once somebody reads
+async fn an_erased_log_is_deleted_while_another_recording_is_being_ended() {
+    const FIRST: usize = 200_000; // more than a pipe holds: the write ends only if the service reads
     let centre = Centre::open().await;
     begin_when_free(&centre, RECORDING).await;
     let (_, session) = begin_when_free(&centre, ANOTHER).await;
     let data = centre.service.stop().await;
     let feeds = data.path().join("feeds");
     let (slow, erased) = (feeds.join(RECORDING), feeds.join(ANOTHER));
-    // A pipe in the log's place is read for as long as somebody may write to it.
+    // A pipe replaces the log: the service reads it while it is open for writing.
     std::fs::remove_file(&slow).unwrap();
     assert!(std::process::Command::new("mkfifo").arg(&slow).status().unwrap().success());
     let mut pipe = std::fs::File::options().read(true).write(true).open(&slow).unwrap();
 
-    let clock = Manual::at(1_795_000_000_000);
+    let clock = ManualClock::at(1_795_000_000_000);
     let service = Service::start_in(data, clock.clone(), |settings| settings.live.abandoned_s = 100).await;
     clock.advance(Duration::from_secs(200));
     let write = move || pipe.write_all(&[0; FIRST]).map(|()| pipe);
@@ -472,26 +472,26 @@ async fn what_was_erased_goes_while_another_recording_is_being_ended() {
         }
     })
     .await;
-    // No record for longer than one is looked for: that was its end.
-    let rest = LONGEST_HOLE + 4 * HEAD - FIRST;
+    // The service finds no record within its search limit and takes this for the log's end.
+    let rest = MAX_HOLE_BYTES + 4 * HEADER_BYTES - FIRST;
     let written = tokio::task::spawn_blocking(move || pipe.write_all(&vec![0; rest]));
     soon("the rest is read", written).await.unwrap().unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn one_recording_that_cannot_be_read_keeps_no_other_from_its_end() {
+async fn an_unreadable_recording_does_not_stop_others_from_ending() {
     let centre = Centre::open().await;
     for recording in [RECORDING, ANOTHER] {
         let (mut sender, _) = begin_when_free(&centre, recording).await;
-        sender.frames(0..3).await;
-        sender.acknowledged(json!([[0, 2]])).await;
+        sender.send_frames(0..3).await;
+        sender.wait_for_ack(json!([[0, 2]])).await;
     }
     let data = centre.service.stop().await;
-    let log = data.path().join("feeds").join(RECORDING); // the one that is looked at first
+    let log = data.path().join("feeds").join(RECORDING); // the recording that the service checks first
     std::fs::remove_file(&log).unwrap();
     std::fs::create_dir(&log).unwrap();
 
-    let clock = Manual::at(1_795_000_000_000);
+    let clock = ManualClock::at(1_795_000_000_000);
     let service = Service::start_in(data, clock.clone(), |_| ()).await;
     soon("the other's end", async {
         loop {
@@ -510,13 +510,16 @@ async fn one_recording_that_cannot_be_read_keeps_no_other_from_its_end() {
 async fn pictures_of_another_size_are_left_out() {
     let centre = Centre::open().await;
     let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
-    sender.frames(0..5).await;
+    sender.send_frames(0..5).await;
     let mut other = std::io::Cursor::new(Vec::new());
     image::RgbImage::new(80, 60).write_to(&mut other, image::ImageFormat::Jpeg).unwrap();
-    let body =
-        trocar::domain::feed::record::Body::Frame { time: 5 * FRAME_TICKS, is_key: true, payload: other.get_ref() };
-    sender.record(trocar::domain::feed::record::Record { epoch: sender.epoch, number: 5, body }).await;
-    sender.frames(6..9).await;
+    let body = trocar::domain::feed::record::RecordBody::Frame {
+        time: 5 * FRAME_TICKS,
+        is_key: true,
+        payload: other.get_ref(),
+    };
+    sender.send_record(trocar::domain::feed::record::FeedRecord { epoch: sender.epoch, number: 5, body }).await;
+    sender.send_frames(6..9).await;
     let session = sender.end(9).await;
     assert_eq!(frames_of(&centre.instructor, &session).await, [0, 1, 2, 3, 4, 6, 7, 8]);
 }

@@ -1,15 +1,16 @@
-//! A camera that was moved between two recordings: the trocars tell, while the second arrives and when it is whole.
+//! A camera that was moved between two recordings: the positions of the trocars show it, while the second recording
+//! arrives and in its result.
 
 use reqwest::{Method, StatusCode, header};
 use serde_json::{Value, json};
 
 use super::RECORDING;
-use super::live::{Watcher, begin, centre, done, send};
+use super::live::{Watcher, begin, centre, send, wait_until_done};
 use super::scene::{Folder, Scene};
 use crate::api::centre::Centre;
 use crate::support::read;
 
-/// Long enough for a trocar to be known well, at few frames a second.
+/// Options of scenes that locate a trocar well, at a low frame rate.
 const SCENE: &str = "--view side --size 640x360 --fps 10";
 const MOVED_MM: f64 = 30.0;
 
@@ -18,7 +19,7 @@ async fn upload(centre: &Centre, trainee: &str, task: &str, folder: &Folder) -> 
     let clip = std::fs::read(folder.file("clip.mp4")).unwrap();
     let request = centre.administrator.request(Method::POST, &path).header(header::CONTENT_TYPE, "video/mp4");
     let session = read(request.body(clip).send().await.unwrap(), StatusCode::CREATED).await;
-    done(&centre.administrator, session["id"].as_str().unwrap()).await
+    wait_until_done(&centre.administrator, session["id"].as_str().unwrap()).await
 }
 
 fn reasons(session: &Value) -> Vec<&str> {
@@ -26,7 +27,7 @@ fn reasons(session: &Value) -> Vec<&str> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_camera_that_was_moved_is_said_live_and_with_the_result() {
+async fn a_moved_camera_is_reported_live_and_with_the_result() {
     let options = format!("{SCENE} --seed 9 --seconds 14 --camera-moved-mm {MOVED_MM}");
     let Some(moved) = Scene::in_folder(Folder::of(&options)) else { return };
     let before = Folder::of(&format!("{SCENE} --seed 1 --seconds 10"));
@@ -36,7 +37,7 @@ async fn a_camera_that_was_moved_is_said_live_and_with_the_result() {
         let session = upload(&centre, trainee, task, &before).await;
         let tools = session["quality"]["tools"].as_array().unwrap();
         assert!(tools.iter().all(|tool| tool["fulcrum"].is_object()), "{tools:?}");
-        // Three are the fewest that are compared with.
+        // A comparison needs at least three earlier sessions.
         let is_compared = (trainee, task) == ("bob", "again");
         assert!(tools.iter().all(|tool| tool["port_shift"].is_object() == is_compared), "{tools:?}");
         assert!(!reasons(&session).iter().any(|reason| reason.ends_with("_moved")), "{}", session["quality"]);
@@ -46,23 +47,24 @@ async fn a_camera_that_was_moved_is_said_live_and_with_the_result() {
     let mut watcher = Watcher::of_tracked(&centre, &id).await;
     let all = moved.frames.len();
     send(&mut sender, &moved, 0..all).await;
-    sender.say(&json!({"type": "end", "frames": all})).await;
-    let mut words = Vec::new();
+    sender.send_json(&json!({"type": "end", "frames": all})).await;
+    let mut placements = Vec::new();
     let live = loop {
-        let word = watcher.word("features").await;
-        if word["placement"]["camera"].is_object() {
-            break word["placement"].clone();
+        let message = watcher.next_of_type("features").await;
+        if message["placement"]["camera"].is_object() {
+            break message["placement"].clone();
         }
-        words.push(word["placement"].clone());
+        placements.push(message["placement"].clone());
     };
-    assert_eq!(words[0], Value::Null, "nothing is known at once");
+    assert_eq!(placements[0], Value::Null, "nothing is known at the start");
     assert!((live["camera"]["mm"].as_f64().unwrap() - MOVED_MM).abs() < 5.0, "{live}");
-    assert_eq!(live["ports"], json!([null, null]), "one thing has moved");
+    assert_eq!(live["ports"], json!([null, null]), "only the camera has moved");
 
-    let session = done(&centre.administrator, &id).await;
+    let session = wait_until_done(&centre.administrator, &id).await;
     assert!(reasons(&session).contains(&"camera_moved"), "{}", session["quality"]);
-    let told = session["quality"]["reasons"].as_array().unwrap().iter().find(|r| r["name"] == "camera_moved").unwrap();
-    assert!((told["figure"].as_f64().unwrap() - MOVED_MM).abs() < 4.0, "{told}");
-    assert_eq!((told["severity"].as_str(), told["limit"].as_f64()), (Some("care"), Some(5.0)));
+    let reason =
+        session["quality"]["reasons"].as_array().unwrap().iter().find(|r| r["name"] == "camera_moved").unwrap();
+    assert!((reason["figure"].as_f64().unwrap() - MOVED_MM).abs() < 4.0, "{reason}");
+    assert_eq!((reason["severity"].as_str(), reason["limit"].as_f64()), (Some("care"), Some(5.0)));
     assert!(session["features"].as_array().unwrap().iter().any(|feature| feature["value"].is_number()), "kept");
 }

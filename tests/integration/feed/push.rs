@@ -1,4 +1,4 @@
-//! Streams that are pushed in one request: what becomes a session is the clip, or what came of it; everything else is
+//! Streams that are pushed in one request: the session is the clip, or the part of it that arrived. Everything else is
 //! refused with a reason.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -12,12 +12,12 @@ use tokio::net::TcpStream;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio_stream::wrappers::ReceiverStream;
-use trocar::media::{Limits, VideoFile};
-use trocar::pipeline::features::running::LIVE;
+use trocar::media::{MediaLimits, VideoFile};
+use trocar::pipeline::features::running::LIVE_FEATURES;
 use trocar::settings::Settings;
 
-use super::live::{Watcher, done};
-use super::scene::{Scene, furnish, remuxed};
+use super::live::{Watcher, wait_until_done};
+use super::scene::{Scene, remuxed, set_up_box};
 use super::sender::{hello, open};
 use super::{ANOTHER, RECORDING, begin};
 use crate::api::centre::{Centre, recording, session};
@@ -25,7 +25,7 @@ use crate::support::{Client, Service, problem, read, soon};
 
 const PATH: &str = "/api/v1/boxes/box-1/feed.ts?trainee=ada&task=peg";
 
-/// A request whose body is told piece by piece.
+/// A request whose body is sent piece by piece.
 pub struct Pushing {
     body: Option<mpsc::Sender<Result<Vec<u8>, std::io::Error>>>,
     answer: JoinHandle<reqwest::Result<Response>>,
@@ -42,18 +42,18 @@ impl Pushing {
     /// Sends bytes, some thousands at a time.
     pub async fn send(&mut self, bytes: &[u8]) {
         for piece in bytes.chunks(8192) {
-            // Where the service has answered already, nobody takes the rest.
+            // If the service has answered already, the rest has no receiver.
             let _ = soon("sending", self.body.as_mut().unwrap().send(Ok(piece.to_vec()))).await;
         }
     }
 
-    /// Ends the body as it should end.
+    /// Ends the body properly and waits for the answer.
     pub async fn end(mut self) -> Response {
         self.body = None;
         self.answered().await
     }
 
-    /// Waits for the answer, though the body goes on.
+    /// Waits for the answer while the body stays open.
     pub async fn answered(self) -> Response {
         soon("the answer", self.answer).await.unwrap().unwrap()
     }
@@ -74,7 +74,7 @@ async fn put(client: &Client, path: &str, bytes: Vec<u8>) -> Response {
     client.request(Method::PUT, path).body(bytes).send().await.unwrap()
 }
 
-/// The one session that arrives, once there is one.
+/// Waits for the one session that is being received, and returns its id.
 async fn arriving(client: &Client) -> String {
     soon("a session that arrives", async {
         loop {
@@ -88,8 +88,8 @@ async fn arriving(client: &Client) -> String {
     .await
 }
 
-/// A session that has become whole by itself.
-async fn ended(client: &Client, id: &str) {
+/// Waits until the service has ended a session by itself.
+async fn wait_for_end(client: &Client, id: &str) {
     soon("the end", async {
         while client.read(&format!("/api/v1/sessions/{id}")).await["status"] == "receiving" {
             tokio::time::sleep(Duration::from_millis(20)).await;
@@ -98,48 +98,48 @@ async fn ended(client: &Client, id: &str) {
     .await;
 }
 
-/// Time and look of a picture.
-type Seen = (f64, u64);
+/// Time of a picture, s, and a hash of its samples.
+type PictureHash = (f64, u64);
 
-/// What a session's recording shows.
-async fn shown(client: &Client, id: &str) -> Vec<Seen> {
+/// The pictures of a session's recording.
+async fn pictures_of(client: &Client, id: &str) -> Vec<PictureHash> {
     let video = client.get(&format!("/api/v1/sessions/{id}/video")).await;
     assert_eq!(video.status(), StatusCode::OK);
-    shown_in(video.bytes().await.unwrap().to_vec())
+    pictures_in(video.bytes().await.unwrap().to_vec())
 }
 
-fn shown_in(video: Vec<u8>) -> Vec<Seen> {
-    let mut video = VideoFile::open(Cursor::new(video), Limits::default()).unwrap();
+fn pictures_in(video: Vec<u8>) -> Vec<PictureHash> {
+    let mut video = VideoFile::open(Cursor::new(video), MediaLimits::default()).unwrap();
     let pictures = std::iter::from_fn(|| video.next_picture().unwrap());
-    let seen = pictures.map(|picture| {
-        let (frame, mut look) = (picture.frame(), DefaultHasher::new());
+    let hashes = pictures.map(|picture| {
+        let (frame, mut hash) = (picture.frame(), DefaultHasher::new());
         for plane in [frame.y, frame.u, frame.v] {
-            (0..plane.height).for_each(|row| plane.row(row).hash(&mut look));
+            (0..plane.height).for_each(|row| plane.row(row).hash(&mut hash));
         }
-        (frame.time_s, look.finish())
+        (frame.time_s, hash.finish())
     });
-    seen.collect()
+    hashes.collect()
 }
 
-/// Is each of these among those, but for what containers round of its time?
-fn are_of(these: &[Seen], those: &[Seen]) -> bool {
-    these.iter().all(|(time, look)| those.iter().any(|that| (time - that.0).abs() < 6e-4 && *look == that.1))
+/// True if `all` contains each of `some`. Times may differ by the rounding of containers.
+fn are_among(some: &[PictureHash], all: &[PictureHash]) -> bool {
+    some.iter().all(|(time, hash)| all.iter().any(|other| (time - other.0).abs() < 6e-4 && *hash == other.1))
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_pushed_stream_is_tracked_as_it_comes_and_becomes_the_clip_that_it_is() {
+async fn a_pushed_stream_is_tracked_as_it_arrives_and_becomes_the_whole_clip() {
     let Some(scene) = Scene::new(4) else { return };
-    // However long the first position takes, the stream waits for it.
+    // The stream waits for the first position, which may take long.
     let patient = |settings: &mut Settings| {
         settings.workers = 1;
         (settings.http.body_grace_s, settings.live.silent_s) = (60.0, 60);
     };
     let centre = Centre::open_in(Service::start_with(patient).await).await;
-    furnish(&centre.administrator, "box-1", &scene.folder).await;
+    set_up_box(&centre.administrator, "box-1", &scene.folder).await;
     let clip = std::fs::read(scene.file("clip.mp4")).unwrap();
     let uploaded = session(&centre.administrator, "bob", clip.clone()).await;
-    let uploaded = done(&centre.administrator, uploaded["id"].as_str().unwrap()).await;
-    let clip = shown_in(clip);
+    let uploaded = wait_until_done(&centre.administrator, uploaded["id"].as_str().unwrap()).await;
+    let clip = pictures_in(clip);
     for container in ["mpegts", "matroska"] {
         let Some(stream) = remuxed(&scene.file("clip.mp4"), container) else { return };
         let (first, rest) = stream.split_at(stream.len() * 4 / 5);
@@ -147,17 +147,17 @@ async fn a_pushed_stream_is_tracked_as_it_comes_and_becomes_the_clip_that_it_is(
         pushing.send(first).await;
         let id = arriving(&centre.instructor).await;
         let mut watcher = Watcher::of_tracked(&centre, &id).await;
-        let told = watcher.word("frame").await; // while the body goes on
-        assert!(told["tools"].is_array(), "{told}");
+        let position = watcher.next_of_type("frame").await; // while the body is still open
+        assert!(position["tools"].is_array(), "{position}");
         pushing.send(rest).await;
         let answer = pushing.end().await;
-        let place = answer.headers().get("location").cloned();
-        assert_eq!(read(answer, StatusCode::CREATED).await, json!({"id": id}), "an agent sees no more of it");
-        assert_eq!(place.unwrap(), format!("/api/v1/sessions/{id}"));
-        let pushed = done(&centre.instructor, &id).await;
-        assert_eq!(pushed["live_features"].as_array().unwrap().len(), 2 * LIVE.len());
-        let shown = shown(&centre.instructor, &id).await;
-        assert!(shown.len() == clip.len() && are_of(&shown, &clip), "{container}: {shown:?}");
+        let location = answer.headers().get("location").cloned();
+        assert_eq!(read(answer, StatusCode::CREATED).await, json!({"id": id}), "an agent sees only the id");
+        assert_eq!(location.unwrap(), format!("/api/v1/sessions/{id}"));
+        let pushed = wait_until_done(&centre.instructor, &id).await;
+        assert_eq!(pushed["live_features"].as_array().unwrap().len(), 2 * LIVE_FEATURES.len());
+        let shown = pictures_of(&centre.instructor, &id).await;
+        assert!(shown.len() == clip.len() && are_among(&shown, &clip), "{container}: {shown:?}");
         if container == "mpegts" {
             assert_eq!(pushed["features"], uploaded["features"], "to the last digit");
         }
@@ -165,22 +165,22 @@ async fn a_pushed_stream_is_tracked_as_it_comes_and_becomes_the_clip_that_it_is(
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_stream_that_is_cut_ends_with_what_came_and_the_box_is_free_again() {
+async fn a_cut_stream_ends_with_the_part_that_arrived_and_the_box_is_free_again() {
     let Some(scene) = Scene::new(3) else { return };
     let centre = Centre::open().await;
-    let clip = shown_in(std::fs::read(scene.file("clip.mp4")).unwrap());
+    let clip = pictures_in(std::fs::read(scene.file("clip.mp4")).unwrap());
     for container in ["mpegts", "matroska"] {
         let stream = remuxed(&scene.file("clip.mp4"), container).unwrap();
         let mut pushing = push(&centre.trainee);
         pushing.send(&stream[..stream.len() * 7 / 10]).await;
         let id = arriving(&centre.instructor).await;
         pushing.cut().await;
-        ended(&centre.instructor, &id).await;
-        let shown = shown(&centre.instructor, &id).await;
+        wait_for_end(&centre.instructor, &id).await;
+        let shown = pictures_of(&centre.instructor, &id).await;
         assert!(shown.len() > clip.len() / 3 && shown.len() < clip.len(), "{container}: {} frames", shown.len());
-        assert!(are_of(&shown, &clip), "{container}: no picture is half a one: {shown:?}");
-        // Those around the cut, shown in another order than they came in, may lack some among them.
-        assert!(are_of(&clip[..shown.len() - 4], &shown), "{container}: {shown:?}");
+        assert!(are_among(&shown, &clip), "{container}: no picture is damaged: {shown:?}");
+        // Pictures near the cut may be missing, since they arrive in another order than they are shown in.
+        assert!(are_among(&clip[..shown.len() - 4], &shown), "{container}: {shown:?}");
     }
     let whole = put(&centre.trainee, PATH, remuxed(&scene.file("clip.mp4"), "mpegts").unwrap()).await;
     let whole = read(whole, StatusCode::CREATED).await;
@@ -188,19 +188,19 @@ async fn a_stream_that_is_cut_ends_with_what_came_and_the_box_is_free_again() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_sender_that_falls_silent_is_given_up_and_what_came_is_a_session() {
+async fn a_silent_sender_times_out_and_the_part_that_arrived_becomes_a_session() {
     let Some(scene) = Scene::new(3) else { return };
     let centre = Centre::open_in(Service::start_with(|settings| settings.live.silent_s = 1).await).await;
     let stream = remuxed(&scene.file("clip.mp4"), "mpegts").unwrap();
     let mut pushing = push(&centre.administrator);
     pushing.send(&stream[..stream.len() / 2]).await;
     let refused = problem(pushing.answered().await, 408, "too-slow").await;
-    let place = refused["session"].as_str().unwrap();
-    assert_eq!(centre.instructor.read(place).await["status"], "queued");
+    let location = refused["session"].as_str().unwrap();
+    assert_eq!(centre.instructor.read(location).await["status"], "queued");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_no_stream_with_a_picture_is_refused_and_leaves_nothing() {
+async fn a_body_that_is_no_video_stream_is_refused_and_leaves_nothing() {
     let centre = Centre::open().await;
     let mut noise = recording(1 << 16, 7);
     noise.drain(..32);
@@ -216,11 +216,11 @@ async fn what_is_no_stream_with_a_picture_is_refused_and_leaves_nothing() {
         assert!(refused["detail"].as_str().unwrap().contains("-f mpegts"), "{what}: {refused}");
         assert_eq!(refused["session"], Value::Null);
     }
-    assert_eq!(centre.administrator.read("/api/v1/sessions").await["items"], json!([]), "nothing was begun");
+    assert_eq!(centre.administrator.read("/api/v1/sessions").await["items"], json!([]), "no session was begun");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_may_not_push_or_names_nobody_is_told_before_the_stream_is_read() {
+async fn a_push_without_permission_or_trainee_is_refused_before_the_stream_is_read() {
     let centre = Centre::open().await;
     centre.administrator.make("/api/v1/boxes", json!({"name": "Box 2", "code": "box-2"})).await;
     let at = |in_box: &str, query: &str| format!("/api/v1/boxes/{in_box}/feed.ts?{query}");
@@ -228,15 +228,15 @@ async fn who_may_not_push_or_names_nobody_is_told_before_the_stream_is_read() {
         (&centre.service.stranger().with_token("trc_nonsense"), PATH.to_owned(), 401, "not-signed-in"),
         (&centre.agent, at("box-2", "trainee=ada&task=peg"), 404, "not-found"),
         (&centre.administrator, at("box-9", "trainee=ada&task=peg"), 404, "not-found"),
-        (&centre.agent, at("box-1", "trainee=nobody&task=peg"), 422, "unknown-reference"),
+        (&centre.agent, at("box-1", "trainee=missing&task=peg"), 422, "unknown-reference"),
         (&centre.instructor, at("box-1", "trainee=bob&task=peg"), 422, "unknown-reference"),
         (&centre.agent, at("box-1", "task=peg"), 422, "invalid"),
         (&centre.agent, at("box-1", "trainee=ada"), 422, "invalid"),
     ];
     for (client, path, status, slug) in refused {
-        let pushing = Pushing::begin(client.request(Method::PUT, &path)); // not a byte of the body
+        let pushing = Pushing::begin(client.request(Method::PUT, &path)); // without any byte of the body
         let answer = pushing.answered().await;
-        assert_eq!(answer.headers()["connection"], "close", "or its next request meets a connection that goes away");
+        assert_eq!(answer.headers()["connection"], "close", "its next request must not meet a closing connection");
         problem(answer, status, slug).await;
     }
 }
@@ -261,7 +261,7 @@ async fn a_sender_that_asks_first_is_answered_before_it_sends() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_box_sends_one_stream_at_a_time_however_it_comes() {
+async fn a_box_sends_one_stream_at_a_time_by_feed_or_push() {
     let Some(scene) = Scene::new(2) else { return };
     let stream = remuxed(&scene.file("clip.mp4"), "mpegts").unwrap();
     let centre = Centre::open().await;
@@ -283,8 +283,8 @@ async fn a_box_sends_one_stream_at_a_time_however_it_comes() {
     .await;
     problem(push(&centre.agent).answered().await, 409, "conflict").await;
     let mut other = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
-    other.say(&hello(ANOTHER)).await;
-    assert_eq!(other.closed().await, 4409);
+    other.send_json(&hello(ANOTHER)).await;
+    assert_eq!(other.close_code().await, 4409);
     pushing.send(&stream[stream.len() * 4 / 5..]).await;
     assert_eq!(pushing.end().await.status(), StatusCode::CREATED);
 }
@@ -309,6 +309,6 @@ async fn a_token_that_is_withdrawn_or_a_session_that_is_erased_ends_the_push() {
     let id = tokens["items"][0]["id"].as_str().unwrap();
     centre.administrator.delete(&format!("/api/v1/tokens/{id}")).await;
     let refused = problem(pushing.answered().await, 401, "not-signed-in").await;
-    let place = refused["session"].as_str().unwrap();
-    assert_eq!(centre.instructor.read(place).await["status"], "queued", "what came until then is kept");
+    let location = refused["session"].as_str().unwrap();
+    assert_eq!(centre.instructor.read(location).await["status"], "queued", "the part that arrived is kept");
 }

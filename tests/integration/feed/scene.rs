@@ -1,4 +1,4 @@
-//! A simulated scene as a box would send it: the recording, taken apart into frames of H.264.
+//! A simulated scene as a box would send it: the recording, split into H.264 frames.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -18,7 +18,7 @@ pub const SIZE: (u32, u32) = (640, 360);
 pub struct Scene {
     pub folder: Folder,
     pub frames: Vec<Frame>,
-    /// Denominator of a tick, of which it lasts one.
+    /// Ticks per second: the unit of the frames' times.
     pub ticks_per_s: u32,
 }
 
@@ -29,7 +29,7 @@ pub struct Frame {
     pub bytes: Vec<u8>,
 }
 
-/// Where a scene's files lie.
+/// The folder of a scene's files.
 pub struct Folder(TempDir);
 
 impl Folder {
@@ -51,7 +51,7 @@ impl Folder {
 }
 
 impl Scene {
-    /// A scene of so many seconds; `None`, said loudly, without the programs that take a recording apart.
+    /// A scene of this length; `None`, with a message, without the programs that split a recording.
     pub fn new(seconds: u32) -> Option<Self> {
         Self::in_folder(Folder::simulated(seconds, "640x360"))
     }
@@ -67,7 +67,7 @@ impl Scene {
     }
 }
 
-/// A scene of 1080p, coded anew.
+/// A scene of 1080p, encoded again.
 pub struct Clip {
     pub scene: Folder,
     pub file: PathBuf,
@@ -76,7 +76,7 @@ pub struct Clip {
 }
 
 impl Clip {
-    /// Codes a scene with these options of `ffmpeg`, into a folder.
+    /// Encodes a scene with these options of `ffmpeg`, into a folder.
     pub fn new(folder: &Path, coding: &str) -> Option<Self> {
         let scene = Folder::simulated(8, "1920x1080");
         let is_jpeg = coding.contains("mjpeg");
@@ -88,7 +88,7 @@ impl Clip {
         Some(Self { scene, file, is_jpeg, frames })
     }
 
-    /// Bits a second at this frame rate, millions.
+    /// Millions of bits a second at this frame rate.
     pub fn mbit_s(&self, fps: u64) -> f64 {
         let bytes: usize = self.frames.iter().map(|frame| frame.bytes.len()).sum();
         8e-6 * bytes as f64 / self.frames.len() as f64 * fps as f64
@@ -113,10 +113,10 @@ fn frames_of_h264(clip: &Path) -> Option<(Vec<Frame>, u32)> {
     let units = ["-c", "copy", "-bsf:v", "h264_mp4toannexb,h264_metadata=aud=insert", "-f", "h264"];
     run(Command::new("ffmpeg").args(["-v", "error", "-y", "-i"]).arg(clip).args(units).arg(&raw))?;
     let entries = ["-v", "error", "-select_streams", "v", "-show_entries", "packet=pts,flags:stream=time_base"];
-    let told = run(Command::new("ffprobe").args(entries).args(["-of", "json"]).arg(clip))?;
-    let told: Value = serde_json::from_slice(&told).unwrap();
-    let time_base = told["streams"][0]["time_base"].as_str().unwrap().strip_prefix("1/").unwrap();
-    let packets = told["packets"].as_array().unwrap();
+    let json = run(Command::new("ffprobe").args(entries).args(["-of", "json"]).arg(clip))?;
+    let description: Value = serde_json::from_slice(&json).unwrap();
+    let time_base = description["streams"][0]["time_base"].as_str().unwrap().strip_prefix("1/").unwrap();
+    let packets = description["packets"].as_array().unwrap();
     let units = access_units(&std::fs::read(&raw).unwrap());
     assert_eq!(units.len(), packets.len());
     let frame = |(packet, bytes): (&Value, Vec<u8>)| Frame {
@@ -127,7 +127,7 @@ fn frames_of_h264(clip: &Path) -> Option<(Vec<Frame>, u32)> {
     Some((packets.iter().zip(units).map(frame).collect(), time_base.parse().unwrap()))
 }
 
-/// The bytes of a clip in another container, none of its frames coded anew.
+/// The bytes of a clip in another container; no frame is encoded again.
 pub fn remuxed(clip: &Path, container: &str) -> Option<Vec<u8>> {
     let path = clip.with_extension(container);
     let copy = ["-c", "copy", "-f", container];
@@ -136,7 +136,7 @@ pub fn remuxed(clip: &Path, container: &str) -> Option<Vec<u8>> {
 }
 
 /// Gives a box a scene's camera and colours.
-pub async fn furnish(administrator: &Client, in_box: &str, scene: &Folder) {
+pub async fn set_up_box(administrator: &Client, in_box: &str, scene: &Folder) {
     let camera = std::fs::read(scene.file("camera.json")).unwrap();
     let request = administrator.request(Method::PUT, &format!("/api/v1/boxes/{in_box}/camera"));
     let put = request.header("content-type", "application/json").body(camera).send().await.unwrap();
@@ -171,7 +171,7 @@ fn run(command: &mut Command) -> Option<Vec<u8>> {
     }
 }
 
-/// Cuts a stream where a delimiter begins.
+/// Splits a stream at its delimiters.
 fn access_units(stream: &[u8]) -> Vec<Vec<u8>> {
     const DELIMITER: [u8; 5] = [0, 0, 0, 1, 9];
     let starts: Vec<usize> =
@@ -180,7 +180,7 @@ fn access_units(stream: &[u8]) -> Vec<Vec<u8>> {
     starts.iter().zip(ends).map(|(start, end)| stream[*start..end].to_vec()).collect()
 }
 
-/// The causal path of a scene, by the command: frame and tool, and tip in mm.
+/// The causal path of a scene from `trocar track`: frame, tool, and tip in mm.
 pub fn causal_path(scene: &Scene) -> Vec<(u64, String, [f64; 3])> {
     let out = scene.file("causal.csv");
     let track = program()

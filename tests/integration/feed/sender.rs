@@ -1,4 +1,4 @@
-//! A sender of frames that does as it is told, mistakes included.
+//! A sender of frames that does what the test asks for, including mistakes.
 
 use std::io::Cursor;
 
@@ -12,7 +12,7 @@ use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
 use tokio_tungstenite::tungstenite::{Error, Message};
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async_with_config};
-use trocar::domain::feed::record::{Body, GapReason, Record};
+use trocar::domain::feed::record::{FeedRecord, GapReason, RecordBody};
 
 use crate::support::{Client, Service, soon};
 
@@ -21,12 +21,12 @@ pub const FRAME_TICKS: i64 = 3600;
 /// Width and height of the frames, pixels.
 pub const SIZE: (u32, u32) = (64, 48);
 
-/// What the server said last.
+/// A message from the server, or the end of the connection.
 #[derive(Debug, PartialEq)]
-pub enum Heard {
-    Word(Value),
+pub enum Received {
+    Json(Value),
     Closed(u16, String),
-    Cut,
+    Disconnected,
 }
 
 /// One connection.
@@ -35,7 +35,7 @@ pub struct Sender {
     pub epoch: u32,
 }
 
-/// Opens the connection, or tells the status of the refusal.
+/// Opens the connection, or returns the status of the refusal.
 pub async fn open(service: &Service, headers: &HeaderMap, in_box: &str) -> Result<Sender, u16> {
     open_at(&service.address().to_string(), headers, in_box).await
 }
@@ -45,19 +45,19 @@ pub async fn open_at(host: &str, headers: &HeaderMap, in_box: &str) -> Result<Se
     let address = format!("ws://{host}/api/v1/boxes/{in_box}/feed");
     let mut request = address.into_client_request().unwrap();
     request.headers_mut().extend(headers.clone());
-    match soon("the connection", connect_async_with_config(request, Some(short_words()), false)).await {
+    match soon("the connection", connect_async_with_config(request, Some(short_messages()), false)).await {
         Ok((socket, _)) => Ok(Sender { socket, epoch: 0 }),
         Err(Error::Http(answer)) => Err(answer.status().as_u16()),
         Err(error) => panic!("{error}"),
     }
 }
 
-/// What is heard is short: each read clears the whole buffer first.
-pub fn short_words() -> WebSocketConfig {
+/// A small buffer for short messages: each read clears the whole buffer first.
+pub fn short_messages() -> WebSocketConfig {
     WebSocketConfig::default().read_buffer_size(4096)
 }
 
-/// A hello for the box of the small centre.
+/// A hello message for the box of the small centre.
 pub fn hello(recording: &str) -> Value {
     json!({
         "type": "hello", "protocol": 1, "recording": recording, "trainee": "ada", "task": "peg", "codec": "jpeg",
@@ -65,17 +65,17 @@ pub fn hello(recording: &str) -> Value {
     })
 }
 
-/// A connection that has said hello and was welcomed; and what is durable.
+/// A connection after hello and welcome, and the welcome message.
 pub async fn begin(service: &Service, client: &Client, recording: &str) -> (Sender, Value) {
     let mut sender = open(service, client.headers(), "box-1").await.unwrap();
-    sender.say(&hello(recording)).await;
-    let Heard::Word(welcome) = sender.hear().await else { panic!("no welcome") };
+    sender.send_json(&hello(recording)).await;
+    let Received::Json(welcome) = sender.receive().await else { panic!("no welcome") };
     assert_eq!(welcome["type"], "welcome", "{welcome}");
     sender.epoch = u32::try_from(welcome["epoch"].as_u64().unwrap()).unwrap();
     (sender, welcome)
 }
 
-/// A JPEG that is not like that of another number.
+/// A JPEG that differs from those of other numbers.
 pub fn jpeg(number: u64) -> Vec<u8> {
     let shade = (number * 37 % 256) as u8;
     let picture = RgbImage::from_pixel(SIZE.0, SIZE.1, Rgb([shade, 255 - shade, 90]));
@@ -85,61 +85,66 @@ pub fn jpeg(number: u64) -> Vec<u8> {
 }
 
 impl Sender {
-    pub async fn say(&mut self, word: &Value) {
-        self.send(Message::text(word.to_string())).await;
+    pub async fn send_json(&mut self, message: &Value) {
+        self.send_message(Message::text(message.to_string())).await;
     }
 
     /// Sends frames of these numbers.
-    pub async fn frames(&mut self, numbers: impl IntoIterator<Item = u64>) {
+    pub async fn send_frames(&mut self, numbers: impl IntoIterator<Item = u64>) {
         for number in numbers {
-            self.frame(self.epoch, number, number as i64 * FRAME_TICKS).await;
+            self.send_frame(self.epoch, number, number as i64 * FRAME_TICKS).await;
         }
     }
 
-    pub async fn frame(&mut self, epoch: u32, number: u64, time: i64) {
+    pub async fn send_frame(&mut self, epoch: u32, number: u64, time: i64) {
         let payload = jpeg(number);
-        self.record(Record { epoch, number, body: Body::Frame { time, is_key: true, payload: &payload } }).await;
+        self.send_record(FeedRecord {
+            epoch,
+            number,
+            body: RecordBody::Frame { time, is_key: true, payload: &payload },
+        })
+        .await;
     }
 
-    pub async fn gap(&mut self, number: u64, last: u64) {
-        let body = Body::Gap { last, reason: GapReason::Camera };
-        self.record(Record { epoch: self.epoch, number, body }).await;
+    pub async fn send_gap(&mut self, number: u64, last: u64) {
+        let body = RecordBody::Gap { last, reason: GapReason::Camera };
+        self.send_record(FeedRecord { epoch: self.epoch, number, body }).await;
     }
 
-    pub async fn record(&mut self, record: Record<'_>) {
+    pub async fn send_record(&mut self, record: FeedRecord<'_>) {
         let mut bytes = Vec::new();
         record.write(&mut bytes);
-        self.bytes(bytes).await;
+        self.send_bytes(bytes).await;
     }
 
-    pub async fn bytes(&mut self, bytes: Vec<u8>) {
-        self.send(Message::binary(bytes)).await;
+    pub async fn send_bytes(&mut self, bytes: Vec<u8>) {
+        self.send_message(Message::binary(bytes)).await;
     }
 
-    /// Where the server has closed already, what is sent is lost: the reason is heard next.
-    async fn send(&mut self, message: Message) {
+    /// If the server has closed already, the message is lost, and the next receive gives the reason.
+    async fn send_message(&mut self, message: Message) {
         let _ = soon("sending", self.socket.send(message)).await;
     }
 
-    pub async fn hear(&mut self) -> Heard {
+    pub async fn receive(&mut self) -> Received {
         loop {
-            match soon("a word", self.socket.next()).await {
-                Some(Ok(Message::Text(text))) => return Heard::Word(serde_json::from_str(&text).unwrap()),
+            match soon("a message", self.socket.next()).await {
+                Some(Ok(Message::Text(text))) => return Received::Json(serde_json::from_str(&text).unwrap()),
                 Some(Ok(Message::Close(Some(frame)))) => {
-                    return Heard::Closed(frame.code.into(), frame.reason.to_string());
+                    return Received::Closed(frame.code.into(), frame.reason.to_string());
                 }
                 Some(Ok(Message::Ping(_) | Message::Pong(_))) => {}
-                _ => return Heard::Cut,
+                _ => return Received::Disconnected,
             }
         }
     }
 
     /// Waits until exactly these ranges are acknowledged.
-    pub async fn acknowledged(&mut self, ranges: Value) {
+    pub async fn wait_for_ack(&mut self, ranges: Value) {
         loop {
-            match self.hear().await {
-                Heard::Word(word) if word["type"] == "ack" => {
-                    if word["durable"] == ranges {
+            match self.receive().await {
+                Received::Json(message) if message["type"] == "ack" => {
+                    if message["durable"] == ranges {
                         return;
                     }
                 }
@@ -148,21 +153,21 @@ impl Sender {
         }
     }
 
-    /// The next word that is no acknowledgement.
-    pub async fn answer(&mut self) -> Heard {
+    /// The next message that is no acknowledgement.
+    pub async fn next_answer(&mut self) -> Received {
         loop {
-            match self.hear().await {
-                Heard::Word(word) if word["type"] == "ack" => {}
+            match self.receive().await {
+                Received::Json(message) if message["type"] == "ack" => {}
                 other => return other,
             }
         }
     }
 
-    /// The code with which the server closes next.
-    pub async fn closed(&mut self) -> u16 {
-        match self.answer().await {
-            Heard::Closed(code, why) => {
-                assert!(!why.is_empty(), "{code} says why");
+    /// The code of the server's close, which must come next.
+    pub async fn close_code(&mut self) -> u16 {
+        match self.next_answer().await {
+            Received::Closed(code, reason) => {
+                assert!(!reason.is_empty(), "the close with {code} gives a reason");
                 code
             }
             other => panic!("{other:?} where a close was expected"),
@@ -171,10 +176,10 @@ impl Sender {
 
     /// Ends the recording and returns its session.
     pub async fn end(&mut self, frames: u64) -> String {
-        self.say(&json!({"type": "end", "frames": frames})).await;
-        let Heard::Word(ended) = self.answer().await else { panic!("no end") };
+        self.send_json(&json!({"type": "end", "frames": frames})).await;
+        let Received::Json(ended) = self.next_answer().await else { panic!("no end") };
         assert_eq!(ended["type"], "ended", "{ended}");
-        assert_eq!(self.closed().await, 1000);
+        assert_eq!(self.close_code().await, 1000);
         ended["session"].as_str().unwrap().to_owned()
     }
 }

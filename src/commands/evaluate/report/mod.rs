@@ -11,30 +11,30 @@ mod summary;
 
 use nalgebra::Point3;
 
-use self::node::{Node, element};
+use self::node::{Markup, element};
 use super::figures;
-use crate::pipeline::evaluation::{Accuracy, Judged, Motion, Repeatability, Truth};
+use crate::pipeline::evaluation::{Accuracy, JudgedRow, Repeatability, TrueMotion, Truth};
 
 /// A tool and the data that is drawn for it.
-struct Drawn<'a> {
+struct DrawnTool<'a> {
     name: &'a str,
     /// Name of its colour in the style sheet.
     colour: &'static str,
     /// Its rows.
-    rows: Vec<Judged<'a>>,
-    motion: Motion,
+    rows: Vec<JudgedRow<'a>>,
+    motion: TrueMotion,
 }
 
 /// The page that compares a trajectory with the truth.
-pub fn accuracy(about: &str, accuracy: &Accuracy, rows: &[Judged], truth: &Truth) -> String {
+pub fn accuracy(about: &str, accuracy: &Accuracy, rows: &[JudgedRow], truth: &Truth) -> String {
     let names = accuracy.tools.iter().filter_map(|tool| tool.tool.as_deref());
-    let drawn = |(at, name): (usize, _)| Drawn {
+    let drawn = |(at, name): (usize, _)| DrawnTool {
         name,
         colour: colour(name, at),
         rows: rows.iter().filter(|row| row.tool == name).copied().collect(),
-        motion: Motion::of(truth, name),
+        motion: TrueMotion::of(truth, name),
     };
-    let drawn: Vec<Drawn> = names.enumerate().map(drawn).collect();
+    let drawn: Vec<DrawnTool> = names.enumerate().map(drawn).collect();
     let parts = [
         summary::lead(accuracy),
         summary::table(accuracy),
@@ -53,12 +53,12 @@ pub fn repeatability(about: &str, result: &Repeatability, paths: &[Vec<Point3<f6
 }
 
 /// A picture on its own card, in the tool's colour.
-fn of_tool(tool: &Drawn, picture: Node) -> Node {
+fn tool_card(tool: &DrawnTool, picture: Markup) -> Markup {
     element("div", &[("class", "card"), ("style", &format!("--tool: var(--tool-{})", tool.colour))], [picture])
 }
 
 /// Splits rows into stretches without missing frames.
-fn stretches<'a>(rows: &'a [&'a Judged<'a>]) -> impl Iterator<Item = &'a [&'a Judged<'a>]> {
+fn stretches<'a>(rows: &'a [&'a JudgedRow<'a>]) -> impl Iterator<Item = &'a [&'a JudgedRow<'a>]> {
     rows.chunk_by(|a, b| b.sample.frame <= a.sample.frame + 1)
 }
 

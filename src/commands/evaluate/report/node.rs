@@ -5,11 +5,11 @@ use std::fmt::Write;
 
 /// Markup of HTML or SVG.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Node(String);
+pub struct Markup(String);
 
-impl Node {
+impl Markup {
     /// The markup.
-    pub fn markup(&self) -> &str {
+    pub fn as_str(&self) -> &str {
         &self.0
     }
 }
@@ -18,7 +18,7 @@ impl Node {
 pub type Attributes<'a> = &'a [(&'static str, &'a str)];
 
 /// An element with its content.
-pub fn element(name: &'static str, attributes: Attributes, inside: impl IntoIterator<Item = Node>) -> Node {
+pub fn element(name: &'static str, attributes: Attributes, inside: impl IntoIterator<Item = Markup>) -> Markup {
     let mut markup = format!("<{name}");
     for (attribute, value) in attributes {
         let _ = write!(markup, " {attribute}=\"{}\"", escaped(value)); // writing to a string cannot fail
@@ -26,23 +26,23 @@ pub fn element(name: &'static str, attributes: Attributes, inside: impl IntoIter
     markup.push('>');
     inside.into_iter().for_each(|node| markup.push_str(&node.0));
     let _ = write!(markup, "</{name}>");
-    Node(markup)
+    Markup(markup)
 }
 
 /// A void element, such as `meta`.
-pub fn empty(name: &'static str, attributes: Attributes) -> Node {
-    let Node(whole) = element(name, attributes, []);
-    Node(whole.trim_end_matches(&format!("</{name}>")).to_owned())
+pub fn void_element(name: &'static str, attributes: Attributes) -> Markup {
+    let Markup(whole) = element(name, attributes, []);
+    Markup(whole.trim_end_matches(&format!("</{name}>")).to_owned())
 }
 
 /// Escaped text.
-pub fn text(text: impl AsRef<str>) -> Node {
-    Node(escaped(text.as_ref()))
+pub fn text(text: impl AsRef<str>) -> Markup {
+    Markup(escaped(text.as_ref()))
 }
 
 /// A style sheet of the program, inserted unescaped.
-pub fn style(sheets: &[&'static str]) -> Node {
-    Node(format!("<style>\n{}</style>", sheets.concat()))
+pub fn style(sheets: &[&'static str]) -> Markup {
+    Markup(format!("<style>\n{}</style>", sheets.concat()))
 }
 
 /// Escapes text so that it can end neither an element nor an attribute, with single or double quotes. Control
@@ -74,11 +74,11 @@ mod tests {
     fn hostile_text_stays_text_inside_and_in_attributes() {
         let node = element("g", &[("aria-label", HOSTILE)], [text(HOSTILE)]);
         let inert = "&lt;/svg&gt;&lt;script&gt;alert(&#39;&quot;&#39;)&lt;/script&gt;&amp;amp;\u{fffd}";
-        assert_eq!(node.markup(), format!("<g aria-label=\"{inert}\">{inert}</g>"));
+        assert_eq!(node.as_str(), format!("<g aria-label=\"{inert}\">{inert}</g>"));
     }
 
     #[test]
-    fn an_empty_element_is_not_closed() {
-        assert_eq!(empty("meta", &[("charset", "utf-8")]).markup(), "<meta charset=\"utf-8\">");
+    fn a_void_element_is_not_closed() {
+        assert_eq!(void_element("meta", &[("charset", "utf-8")]).as_str(), "<meta charset=\"utf-8\">");
     }
 }

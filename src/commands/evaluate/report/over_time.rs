@@ -2,33 +2,33 @@
 
 use nalgebra::Vector3;
 
-use super::node::Node;
-use super::plot::{MARGIN, Panel, Span, WIDTH, group, label, picture};
-use super::{Drawn, of_tool, page, stretches};
-use crate::pipeline::evaluation::{Judged, OUT_OF_SIGHT_BELOW, Truth, VISIBLE_FROM, WITHIN_95};
+use super::node::Markup;
+use super::plot::{AxisRange, MARGIN, Panel, WIDTH, group, label, picture};
+use super::{DrawnTool, page, stretches, tool_card};
+use crate::pipeline::evaluation::{CHI_SQUARE_95, JudgedRow, MIN_VISIBLE_SHARE, Truth, VISIBILITY_LEVELS};
 use crate::pipeline::trajectory::SampleState;
 
 /// Width of the lane names at the left.
-const NAMES: f64 = 96.0;
-const LANE: f64 = 14.0;
+const NAMES_WIDTH: f64 = 96.0;
+const LANE_HEIGHT: f64 = 14.0;
 
 /// The lanes of each tool: when it was visible, observed, predicted, missing or false.
-pub fn seen(tools: &[Drawn], truth: &Truth) -> Node {
+pub fn seen(tools: &[DrawnTool], truth: &Truth) -> Markup {
     let time = time(truth);
-    let pictures = tools.iter().map(|tool| of_tool(tool, lanes(tool, truth, time)));
+    let pictures = tools.iter().map(|tool| tool_card(tool, lanes(tool, truth, time)));
     let caption = format!(
         "Grey: visible share of the band. Missing: at least {:.0} % of the band is visible, but the track has no row. False: \
          the track has a row while the tool is out of sight.",
-        100.0 * VISIBLE_FROM[0]
+        100.0 * VISIBILITY_LEVELS[0]
     );
     page::section("Seen, predicted, missing", pictures.chain([page::caption(&caption)]))
 }
 
-fn lanes(tool: &Drawn, truth: &Truth, time: Span) -> Node {
+fn lanes(tool: &DrawnTool, truth: &Truth, time: AxisRange) -> Markup {
     let frames: Vec<(u64, f64, f64)> =
         truth.frames.iter().map(|f| (f.frame, f.time_s, visible(f, tool.name))).collect();
     let step_s = time.length() / frames.len().max(1) as f64;
-    let rows: std::collections::HashMap<u64, &Judged> = tool.rows.iter().map(|r| (r.sample.frame, r)).collect();
+    let rows: std::collections::HashMap<u64, &JudgedRow> = tool.rows.iter().map(|r| (r.sample.frame, r)).collect();
     let is = |lane: &str, frame: u64, visible: f64| match rows.get(&frame) {
         Some(row) => match lane {
             "observed" => !row.is_false() && row.sample.state == SampleState::Observed,
@@ -36,27 +36,28 @@ fn lanes(tool: &Drawn, truth: &Truth, time: Span) -> Node {
             "false" => row.is_false(),
             _ => false,
         },
-        None => lane == "missing" && visible >= VISIBLE_FROM[0],
+        None => lane == "missing" && visible >= VISIBILITY_LEVELS[0],
     };
     let head = Panel {
-        left: NAMES,
+        left: NAMES_WIDTH,
         top: 24.0,
-        width: WIDTH - NAMES - 10.0,
+        width: WIDTH - NAMES_WIDTH - 10.0,
         height: 30.0,
         x: time,
-        y: Span { from: 0.0, to: 1.0 },
+        y: AxisRange { from: 0.0, to: 1.0 },
     };
     let shares: Vec<_> = frames.iter().map(|(_, time_s, visible)| (*time_s, 0.0, *visible)).collect();
-    let mut parts = vec![label("title", (0.0, 14.0), tool.name), label("number end", (NAMES - 8.0, 44.0), "visible")];
+    let mut parts =
+        vec![label("title", (0.0, 14.0), tool.name), label("number end", (NAMES_WIDTH - 8.0, 44.0), "visible")];
     parts.push(head.band("share", &shares));
     let mut top = head.top + head.height + 8.0;
     for lane in ["observed", "predicted", "missing", "false"] {
-        let panel = Panel { top, height: LANE - 4.0, ..head };
+        let panel = Panel { top, height: LANE_HEIGHT - 4.0, ..head };
         let runs = runs(&frames.iter().map(|(frame, time_s, v)| (*time_s, is(lane, *frame, *v))).collect::<Vec<_>>());
         let count = frames.iter().filter(|(frame, _, v)| is(lane, *frame, *v)).count();
-        parts.push(label("number end", (NAMES - 8.0, top + 9.0), &format!("{lane} {count}")));
+        parts.push(label("number end", (NAMES_WIDTH - 8.0, top + 9.0), &format!("{lane} {count}")));
         parts.push(group("", runs.into_iter().map(|(from, to)| panel.bar(lane, (from, to + step_s), (0.0, 1.0)))));
-        top += LANE;
+        top += LANE_HEIGHT;
     }
     let whole = Panel { height: top - head.top, ..head };
     parts.push(whole.axes_below("time, s"));
@@ -73,26 +74,26 @@ fn runs(frames: &[(f64, bool)]) -> Vec<(f64, f64)> {
     holding.map(|run| (run[0].0, run[run.len() - 1].0)).collect()
 }
 
-fn time(truth: &Truth) -> Span {
+fn time(truth: &Truth) -> AxisRange {
     let ends = [truth.frames.first(), truth.frames.last()].map(|frame| frame.map_or(0.0, |frame| frame.time_s));
-    Span { from: ends[0], to: ends[1].max(ends[0] + 1e-3) }
+    AxisRange { from: ends[0], to: ends[1].max(ends[0] + 1e-3) }
 }
 
 /// Errors in x, y and z over time, with the band that should contain 95 % of them.
-pub fn errors(tools: &[Drawn]) -> Node {
+pub fn errors(tools: &[DrawnTool]) -> Markup {
     let caption = "Line: the error, measured minus true position. Band: the 95 % error bar that the track states. Below zero: too \
                    far left (x), up (y), near (z). Errors outside the plot are drawn at its edge.";
     let drawn = tools.iter().filter(|tool| tool.rows.iter().any(|row| !row.is_false()));
-    let pictures = drawn.map(|tool| of_tool(tool, errors_of(tool)));
+    let pictures = drawn.map(|tool| tool_card(tool, errors_of(tool)));
     page::section("Errors over time", pictures.chain([page::caption(caption)]))
 }
 
-fn errors_of(tool: &Drawn) -> Node {
+fn errors_of(tool: &DrawnTool) -> Markup {
     const HEIGHT: f64 = 96.0;
     const NEXT: f64 = HEIGHT + 14.0;
-    let rows: Vec<&Judged> = tool.rows.iter().filter(|row| row.visible >= OUT_OF_SIGHT_BELOW).collect();
-    let time = Span { from: rows[0].time_s, to: rows[rows.len() - 1].time_s.max(rows[0].time_s + 1e-3) };
-    let (lateral, depth) = (reach(&rows, &[0, 1]), reach(&rows, &[2]));
+    let rows: Vec<&JudgedRow> = tool.rows.iter().filter(|row| row.visible >= MIN_VISIBLE_SHARE).collect();
+    let time = AxisRange { from: rows[0].time_s, to: rows[rows.len() - 1].time_s.max(rows[0].time_s + 1e-3) };
+    let (lateral, depth) = (axis_limit(&rows, &[0, 1]), axis_limit(&rows, &[2]));
     let mut parts = vec![label("title", (0.0, 14.0), tool.name)];
     for (axis, name) in ["x, mm", "y, mm", "z (depth), mm"].into_iter().enumerate() {
         let reach = if axis == 2 { depth } else { lateral };
@@ -102,7 +103,7 @@ fn errors_of(tool: &Drawn) -> Node {
             width: WIDTH - MARGIN.0 - 10.0,
             height: HEIGHT,
             x: time,
-            y: Span { from: -reach, to: reach },
+            y: AxisRange { from: -reach, to: reach },
         };
         parts.push(if axis == 2 { panel.axes("time, s", name) } else { panel.axes_beside(name) });
         for stretch in stretches(&rows) {
@@ -115,14 +116,14 @@ fn errors_of(tool: &Drawn) -> Node {
 }
 
 /// Half of the stated 95 % interval of one axis, mm.
-fn bound(row: &Judged, axis: usize) -> Option<f64> {
+fn bound(row: &JudgedRow, axis: usize) -> Option<f64> {
     let sigma = if axis == 2 { row.sample.sigma_z_mm } else { row.sample.sigma_xy_mm };
-    sigma.map(|sigma| WITHIN_95[0].sqrt() * sigma)
+    sigma.map(|sigma| CHI_SQUARE_95[0].sqrt() * sigma)
 }
 
 /// Limit of the axis, mm: 99 % of the errors and bounds fit.
-fn reach(rows: &[&Judged], axes: &[usize]) -> f64 {
-    let of_row = |row: &&Judged| {
+fn axis_limit(rows: &[&JudgedRow], axes: &[usize]) -> f64 {
+    let of_row = |row: &&JudgedRow| {
         let error: &Vector3<f64> = &row.error_mm;
         axes.iter().map(|a| error[*a].abs().max(bound(row, *a).unwrap_or(0.0))).fold(0.0, f64::max)
     };

@@ -2,37 +2,37 @@
 
 use nalgebra::Point3;
 
-use super::node::Node;
-use super::plot::{MARGIN, Panel, Span, WIDTH, label, picture};
-use super::{Drawn, of_tool, page, stretches};
-use crate::pipeline::evaluation::Judged;
+use super::node::Markup;
+use super::plot::{AxisRange, MARGIN, Panel, WIDTH, label, picture};
+use super::{DrawnTool, page, stretches, tool_card};
+use crate::pipeline::evaluation::JudgedRow;
 
 /// Both views of each tool.
-pub fn views(tools: &[Drawn]) -> Node {
-    let pictures = tools.iter().filter(|tool| !tool.motion.is_empty()).map(|tool| of_tool(tool, view(tool)));
+pub fn views(tools: &[DrawnTool]) -> Markup {
+    let pictures = tools.iter().filter(|tool| !tool.motion.is_empty()).map(|tool| tool_card(tool, view(tool)));
     let caption = "Broad and grey: the truth. Thin and coloured: the track. Left: as the camera sees it. Right: from the side, \
                    with the camera above. Millimetres, same scale on both axes.";
     page::section("Path over truth", pictures.chain([page::caption(caption)]))
 }
 
-fn view(tool: &Drawn) -> Node {
+fn view(tool: &DrawnTool) -> Markup {
     const GAP: f64 = 70.0;
-    const HIGHEST: f64 = 520.0;
+    const MAX_HEIGHT: f64 = 520.0;
     let truth: Vec<Point3<f64>> = tool.motion.tips_mm().to_vec();
-    let rows: Vec<&Judged> = tool.rows.iter().filter(|row| !row.is_false()).collect();
+    let rows: Vec<&JudgedRow> = tool.rows.iter().filter(|row| !row.is_false()).collect();
     let track: Vec<Vec<Point3<f64>>> =
         stretches(&rows).map(|rows| rows.iter().map(|r| r.sample.tip_mm).collect()).collect();
-    let span = |axis: usize| Span::around(truth.iter().map(|p| p[axis])).with_room(6.0);
+    let span = |axis: usize| AxisRange::around(truth.iter().map(|p| p[axis])).with_margin(6.0);
     let (x, y, z) = (span(0), span(1), span(2));
     let width = 0.5 * (WIDTH - 2.0 * MARGIN.0 - GAP);
-    let per_mm = (width / x.length()).min(HIGHEST / y.length().max(z.length()));
-    let panel = |left: f64, down: Span| Panel {
+    let per_mm = (width / x.length()).min(MAX_HEIGHT / y.length().max(z.length()));
+    let panel = |left: f64, down: AxisRange| Panel {
         left,
         top: 24.0,
         width: per_mm * x.length(),
         height: per_mm * down.length(),
         x,
-        y: Span { from: down.to, to: down.from },
+        y: AxisRange { from: down.to, to: down.from },
     };
     let right = MARGIN.0 + width + GAP;
     let mut parts = vec![label("title", (0.0, 14.0), tool.name)];

@@ -5,7 +5,7 @@
 
 use std::fmt::Write;
 
-use super::node::{Attributes, Node, element, text};
+use super::node::{Attributes, Markup, element, text};
 
 /// Width of a picture, in picture units: pixels on a wide page.
 pub const WIDTH: f64 = 960.0;
@@ -15,25 +15,25 @@ pub const MARGIN: (f64, f64) = (58.0, 34.0);
 
 /// The range of numbers on an axis; `from` is at the left or bottom.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Span {
+pub struct AxisRange {
     /// Number at the left or bottom.
     pub from: f64,
     /// Number at the right or top.
     pub to: f64,
 }
 
-impl Span {
+impl AxisRange {
     /// A range that holds all values, with a small margin. Never empty.
-    pub fn around(values: impl IntoIterator<Item = f64>) -> Span {
+    pub fn around(values: impl IntoIterator<Item = f64>) -> AxisRange {
         let (low, high) = values.into_iter().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
         let (low, high) = if low > high { (0.0, 1.0) } else { (low, high) };
         let room = (0.04 * (high - low)).max(1e-3);
-        Span { from: low - room, to: high + room }
+        AxisRange { from: low - room, to: high + room }
     }
 
     /// The same range with this margin on both sides.
-    pub fn with_room(self, room: f64) -> Span {
-        Span { from: self.from - room, to: self.to + room }
+    pub fn with_margin(self, room: f64) -> AxisRange {
+        AxisRange { from: self.from - room, to: self.to + room }
     }
 
     /// Length of the range.
@@ -66,31 +66,31 @@ pub struct Panel {
     /// Height.
     pub height: f64,
     /// Range of the horizontal axis, to the right.
-    pub x: Span,
+    pub x: AxisRange,
     /// Range of the vertical axis, upwards; downwards if `from` is greater than `to`.
-    pub y: Span,
+    pub y: AxisRange,
 }
 
 impl Panel {
     /// Picture coordinates of a pair of numbers, clamped to the panel.
-    pub fn place(&self, (x, y): (f64, f64)) -> (f64, f64) {
+    pub fn position(&self, (x, y): (f64, f64)) -> (f64, f64) {
         let (across, up) =
             ((x - self.x.from) / (self.x.to - self.x.from), (y - self.y.from) / (self.y.to - self.y.from));
         (self.left + self.width * across.clamp(0.0, 1.0), self.top + self.height * (1.0 - up.clamp(0.0, 1.0)))
     }
 
     /// Grid, numbers and names of both axes.
-    pub fn axes(&self, x_name: &str, y_name: &str) -> Node {
+    pub fn axes(&self, x_name: &str, y_name: &str) -> Markup {
         group("axes", [self.axes_below(x_name), self.axes_beside(y_name)])
     }
 
     /// The horizontal axis alone.
-    pub fn axes_below(&self, name: &str) -> Node {
+    pub fn axes_below(&self, name: &str) -> Markup {
         let bottom = self.top + self.height;
         let (ticks, digits) = self.x.ticks(self.width / 90.0);
         let mut parts = Vec::new();
         for x in ticks {
-            let at = self.place((x, 0.0)).0;
+            let at = self.position((x, 0.0)).0;
             parts.push(line("grid", (at, self.top), (at, bottom)));
             parts.push(label("number middle", (at, bottom + 15.0), &number(x, digits)));
         }
@@ -99,11 +99,11 @@ impl Panel {
     }
 
     /// The vertical axis alone, with the frame.
-    pub fn axes_beside(&self, name: &str) -> Node {
+    pub fn axes_beside(&self, name: &str) -> Markup {
         let (ticks, digits) = self.y.ticks((self.height / 26.0).max(2.0));
         let mut parts = vec![self.rectangle("frame", (self.left, self.top), (self.width, self.height))];
         for y in ticks {
-            let at = self.place((0.0, y)).1;
+            let at = self.position((0.0, y)).1;
             let class = if y.abs() < 1e-12 { "zero" } else { "grid" };
             parts.push(line(class, (self.left, at), (self.left + self.width, at)));
             parts.push(label("number end", (self.left - 6.0, at + 4.0), &number(y, digits)));
@@ -114,12 +114,12 @@ impl Panel {
     }
 
     /// A line through the points in order.
-    pub fn line(&self, class: &str, points: &[(f64, f64)]) -> Node {
+    pub fn line(&self, class: &str, points: &[(f64, f64)]) -> Markup {
         path(class, &outline(&self.thinned(points)), "")
     }
 
     /// The area between two lines with the same x values.
-    pub fn band(&self, class: &str, points: &[(f64, f64, f64)]) -> Node {
+    pub fn band(&self, class: &str, points: &[(f64, f64, f64)]) -> Markup {
         let upper: Vec<_> = points.iter().map(|(x, _, high)| (*x, *high)).collect();
         let lower: Vec<_> = points.iter().map(|(x, low, _)| (*x, *low)).collect();
         let mut round = self.thinned(&upper);
@@ -128,12 +128,12 @@ impl Panel {
     }
 
     /// A bar from x to x and y to y.
-    pub fn bar(&self, class: &str, (from, to): (f64, f64), (low, high): (f64, f64)) -> Node {
-        let ((left, bottom), (right, top)) = (self.place((from, low)), self.place((to, high)));
+    pub fn bar(&self, class: &str, (from, to): (f64, f64), (low, high): (f64, f64)) -> Markup {
+        let ((left, bottom), (right, top)) = (self.position((from, low)), self.position((to, high)));
         self.rectangle(class, (left, top), ((right - left).max(0.6), bottom - top))
     }
 
-    fn rectangle(&self, class: &str, (left, top): (f64, f64), (width, height): (f64, f64)) -> Node {
+    fn rectangle(&self, class: &str, (left, top): (f64, f64), (width, height): (f64, f64)) -> Markup {
         let [left, top, width, height] = [left, top, width, height].map(|v| format!("{v:.1}"));
         let attributes: Attributes =
             &[("class", class), ("x", &left), ("y", &top), ("width", &width), ("height", &height)];
@@ -143,9 +143,9 @@ impl Panel {
     /// Picture coordinates of the points. If there are many, only the first, lowest, highest and last of each picture
     /// column: an hour of video then looks the same and takes no more space than a minute.
     fn thinned(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-        const FEW: usize = 2000;
-        let places: Vec<_> = points.iter().map(|p| self.place(*p)).collect();
-        if places.len() <= FEW {
+        const MAX_POINTS: usize = 2000;
+        let places: Vec<_> = points.iter().map(|p| self.position(*p)).collect();
+        if places.len() <= MAX_POINTS {
             return places;
         }
         let column = |place: &(f64, f64)| place.0.floor();
@@ -159,28 +159,28 @@ impl Panel {
 }
 
 /// A picture of this height.
-pub fn picture(name: &str, height: f64, parts: impl IntoIterator<Item = Node>) -> Node {
+pub fn picture(name: &str, height: f64, parts: impl IntoIterator<Item = Markup>) -> Markup {
     let size = format!("0 0 {WIDTH} {height}");
     element("svg", &[("viewBox", &size), ("role", "img"), ("aria-label", name)], parts)
 }
 
 /// A group of parts that share a class.
-pub fn group(class: &str, parts: impl IntoIterator<Item = Node>) -> Node {
+pub fn group(class: &str, parts: impl IntoIterator<Item = Markup>) -> Markup {
     element("g", &[("class", class)], parts)
 }
 
 /// A straight line between two points of the picture.
-pub fn line(class: &str, from: (f64, f64), to: (f64, f64)) -> Node {
+pub fn line(class: &str, from: (f64, f64), to: (f64, f64)) -> Markup {
     path(class, &outline(&[from, to]), "")
 }
 
 /// Text at a point of the picture.
-pub fn label(class: &str, (u, v): (f64, f64), words: &str) -> Node {
+pub fn label(class: &str, (u, v): (f64, f64), words: &str) -> Markup {
     let (u, v) = (format!("{u:.1}"), format!("{v:.1}"));
     element("text", &[("class", class), ("x", &u), ("y", &v)], [text(words)])
 }
 
-fn path(class: &str, outline: &str, end: &str) -> Node {
+fn path(class: &str, outline: &str, end: &str) -> Markup {
     element("path", &[("class", class), ("d", &format!("{outline}{end}"))], [])
 }
 
@@ -205,15 +205,15 @@ mod tests {
     use super::*;
 
     fn panel() -> Panel {
-        let x = Span { from: 0.0, to: 100.0 };
-        Panel { left: 50.0, top: 10.0, width: 800.0, height: 100.0, x, y: Span { from: -1.0, to: 1.0 } }
+        let x = AxisRange { from: 0.0, to: 100.0 };
+        Panel { left: 50.0, top: 10.0, width: 800.0, height: 100.0, x, y: AxisRange { from: -1.0, to: 1.0 } }
     }
 
     #[test]
-    fn up_is_up_and_what_lies_beyond_stays_at_the_edge() {
-        assert_eq!(panel().place((0.0, -1.0)), (50.0, 110.0));
-        assert_eq!(panel().place((100.0, 1.0)), (850.0, 10.0));
-        assert_eq!(panel().place((50.0, 7.0)), (450.0, 10.0));
+    fn up_is_up_and_points_outside_are_drawn_at_the_edge() {
+        assert_eq!(panel().position((0.0, -1.0)), (50.0, 110.0));
+        assert_eq!(panel().position((100.0, 1.0)), (850.0, 10.0));
+        assert_eq!(panel().position((50.0, 7.0)), (450.0, 10.0));
     }
 
     #[test]
@@ -230,7 +230,7 @@ mod tests {
         #[test]
         fn ticks_are_round_and_within(from in -100.0f64..100.0, decade in -2.0f64..4.0) {
             let length = 10_f64.powf(decade);
-            let span = Span { from, to: from + length };
+            let span = AxisRange { from, to: from + length };
             let (ticks, digits) = span.ticks(6.0);
             prop_assert!((2..=14).contains(&ticks.len()), "{ticks:?}");
             for tick in ticks {

@@ -1,16 +1,18 @@
 //! The main figures at the top, and the table of all figures with units.
 
-use super::figures::{self, NONE};
-use super::node::Node;
+use super::figures::{self, NO_VALUE};
+use super::node::Markup;
 use super::page;
-use crate::pipeline::evaluation::{Accuracy, Errors, Honesty, Level, Repeatability, Spread, ToolAccuracy};
+use crate::pipeline::evaluation::{
+    Accuracy, ErrorSpread, ErrorSummary, Repeatability, SigmaCheck, ToolAccuracy, VisibilityLevel,
+};
 
 /// The main figures of a track, over all tools.
-pub fn lead(accuracy: &Accuracy) -> Node {
+pub fn lead(accuracy: &Accuracy) -> Markup {
     let (all, level) = (&accuracy.all, &accuracy.all.levels[0]);
-    let or_none = |value: Option<String>| value.unwrap_or_else(|| NONE.to_owned());
+    let or_none = |value: Option<String>| value.unwrap_or_else(|| NO_VALUE.to_owned());
     let error = level.errors.map(|e| format!("{:.2} mm", e.three_d.rms));
-    let inside = level.honesty.map(|h| format!("{} %", figures::percent(h.three_d.inside)));
+    let inside = level.sigma_check.map(|h| format!("{} %", figures::percent(h.three_d.inside)));
     page::lead(&[
         ("3-D error", or_none(error), "root mean square, all tools"),
         ("Tips found", format!("{} %", figures::found(level)), "of frames that show at least 40 % of the band"),
@@ -23,12 +25,12 @@ pub fn lead(accuracy: &Accuracy) -> Node {
     ])
 }
 
-type Row = (&'static str, fn(&ToolAccuracy, &Level) -> String);
+type FigureRow = (&'static str, fn(&ToolAccuracy, &VisibilityLevel) -> String);
 
 /// The table of all figures, with a column per tool.
-pub fn table(accuracy: &Accuracy) -> Node {
+pub fn table(accuracy: &Accuracy) -> Markup {
     let columns = figures::rows(accuracy);
-    let head = |(tool, level): &(&ToolAccuracy, &Level)| match level.visible_from {
+    let head = |(tool, level): &(&ToolAccuracy, &VisibilityLevel)| match level.visible_from {
         from if from > 0.4 => format!("{}, ≥ {:.0} % visible", figures::name(tool), 100.0 * from),
         _ => figures::name(tool).to_owned(),
     };
@@ -40,13 +42,13 @@ pub fn table(accuracy: &Accuracy) -> Node {
         "Only frames that show at least 40 % of a tool's band count. {} rows are on frames without truth. The times of a frame \
          in the two files differ by at most {:.1} ms. The interval after a share is its 95 % interval for independent rows; \
          the rows of a smoothed track are not independent, so the true interval is wider.",
-        accuracy.unjudged,
+        accuracy.rows_without_truth,
         1000.0 * accuracy.largest_time_difference_s
     );
     page::section("Figures", [page::table(&rows), page::paragraph(&notes)])
 }
 
-const ROWS: [Row; 17] = [
+const ROWS: [FigureRow; 17] = [
     ("Frames with the tool in view", |_, level| level.frames.to_string()),
     ("Found, %", |_, level| figures::found(level)),
     ("Found by a measurement, frames", |_, level| level.observed.to_string()),
@@ -66,17 +68,17 @@ const ROWS: [Row; 17] = [
         honesty(level, |h| format!("{:.2}", h.three_d.mean_square))
     }),
     ("Speed while the tool rests: median · RMS, mm/s", |tool, _| {
-        tool.at_rest.map_or_else(|| "no rest".to_owned(), |f| format!("{:.2} · {:.2}", f.median_mm_s, f.rms_mm_s))
+        tool.rest_noise.map_or_else(|| "no rest".to_owned(), |f| format!("{:.2} · {:.2}", f.median_mm_s, f.rms_mm_s))
     }),
 ];
 
-fn sizes(level: &Level, of: fn(&Errors) -> Spread) -> String {
+fn sizes(level: &VisibilityLevel, of: fn(&ErrorSummary) -> ErrorSpread) -> String {
     let sizes = level.errors.as_ref().map(of);
-    sizes.map_or_else(|| NONE.to_owned(), |s| format!("{:.2} · {:.2} · {:.2}", s.rms, s.median, s.p95))
+    sizes.map_or_else(|| NO_VALUE.to_owned(), |s| format!("{:.2} · {:.2} · {:.2}", s.rms, s.median, s.p95))
 }
 
-fn mean(level: &Level, axis: usize) -> String {
-    level.errors.map_or_else(|| NONE.to_owned(), |e| signed(e.bias_mm[axis]))
+fn mean(level: &VisibilityLevel, axis: usize) -> String {
+    level.errors.map_or_else(|| NO_VALUE.to_owned(), |e| signed(e.bias_mm[axis]))
 }
 
 /// A number with a typographic minus sign; never "−0.00".
@@ -85,12 +87,12 @@ fn signed(mm: f64) -> String {
     format!("{mm:.2}").replace('-', "\u{2212}")
 }
 
-fn honesty(level: &Level, of: fn(&Honesty) -> String) -> String {
-    level.honesty.as_ref().map_or_else(|| "no error stated".to_owned(), of)
+fn honesty(level: &VisibilityLevel, of: fn(&SigmaCheck) -> String) -> String {
+    level.sigma_check.as_ref().map_or_else(|| "no error stated".to_owned(), of)
 }
 
 /// The main figures of repeatability.
-pub fn lead_of_slides(result: &Repeatability) -> Node {
+pub fn lead_of_slides(result: &Repeatability) -> Markup {
     let mm = |value: f64| format!("{value:.2} mm");
     page::lead(&[
         ("Repeatability", mm(result.others_mm), "mean distance of other slides' points to a slide's line"),
@@ -100,7 +102,7 @@ pub fn lead_of_slides(result: &Repeatability) -> Node {
 }
 
 /// The table of mean distances of each slide's points to each slide's line.
-pub fn distances(result: &Repeatability) -> Node {
+pub fn distances(result: &Repeatability) -> Markup {
     let head = (1..=result.lines.len()).map(|n| n.to_string());
     let mut rows = vec![["points of slide".to_owned()].into_iter().chain(head).collect::<Vec<_>>()];
     for (line, distances) in result.mean_distance_mm.iter().enumerate() {

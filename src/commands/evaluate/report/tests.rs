@@ -39,7 +39,7 @@ fn scene(name: &str) -> (Trajectory, Truth) {
 fn page(name: &str) -> String {
     let (track, truth) = scene(name);
     let result = evaluation::accuracy(&track, &truth).unwrap();
-    accuracy(name, &result, &evaluation::judge(&track, &truth).unwrap(), &truth)
+    accuracy(name, &result, &evaluation::pair_with_truth(&track, &truth).unwrap(), &truth)
 }
 
 #[test]
@@ -62,7 +62,7 @@ fn the_page_of_a_track_shows_its_figures_and_every_picture() {
 }
 
 #[test]
-fn a_tools_name_is_shown_and_not_obeyed() {
+fn a_tools_name_is_shown_escaped() {
     let page = page(HOSTILE);
     assert!(!page.contains("<script") && !page.contains("'onload"), "{page:.3000}");
     assert_eq!(page.matches("</style>").count(), 1);

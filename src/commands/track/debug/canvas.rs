@@ -20,7 +20,7 @@ const LINE_PX: usize = 16;
 /// The crop of a frame that is shown: its first column and row, its size, and the scale (picture pixels per frame
 /// pixel).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Part {
+pub(super) struct FrameCrop {
     pub(super) left: usize,
     pub(super) top: usize,
     pub(super) width: usize,
@@ -28,7 +28,7 @@ pub(super) struct Part {
     pub(super) scale: usize,
 }
 
-impl Part {
+impl FrameCrop {
     /// The whole frame at scale 1.
     pub(super) fn whole(frame: &Frame<'_>) -> Self {
         Self { left: 0, top: 0, width: frame.width(), height: frame.height(), scale: 1 }
@@ -36,13 +36,13 @@ impl Part {
 
     /// The crop between two corners, clipped to the frame and enlarged to at most 1000 pixels. `None` if it is empty.
     pub(super) fn around(low: Vector2<f64>, high: Vector2<f64>, frame: &Frame<'_>) -> Option<Self> {
-        const LARGEST_PX: usize = 1000;
-        const MOST: usize = 12;
+        const MAX_CROP_PX: usize = 1000;
+        const MAX_SCALE: usize = 12;
         let cut = |px: f64, most: usize| (px.max(0.0) as usize).min(most);
         let (left, top) = (cut(low.x, frame.width()), cut(low.y, frame.height()));
         let (right, bottom) = (cut(high.x + 1.0, frame.width()), cut(high.y + 1.0, frame.height()));
         let (width, height) = (right.checked_sub(left)?, bottom.checked_sub(top)?);
-        let scale = (LARGEST_PX / width.max(height).max(1)).clamp(1, MOST);
+        let scale = (MAX_CROP_PX / width.max(height).max(1)).clamp(1, MAX_SCALE);
         (width > 0 && height > 0).then_some(Self { left, top, width, height, scale })
     }
 }
@@ -50,21 +50,21 @@ impl Part {
 /// A picture to draw on: lines of text, and the crop of the frame below them.
 pub(super) struct Canvas {
     picture: RgbImage,
-    part: Part,
+    crop: FrameCrop,
     header_px: usize,
     pen_px: i64,
 }
 
 impl Canvas {
     /// The crop of the frame with text lines above it, each in its own colour. `brightness` dims the frame's pixels.
-    pub(super) fn new(frame: &Frame<'_>, part: Part, text: &[(Ink, String)], brightness: f64) -> Self {
+    pub(super) fn new(frame: &Frame<'_>, part: FrameCrop, text: &[(Ink, String)], brightness: f64) -> Self {
         const PAPER: Rgb<u8> = Rgb([16, 16, 16]);
         let header_px = text.len() * LINE_PX + LETTER_PX;
         let longest = text.iter().map(|(_, line)| line.chars().count()).max().unwrap_or(0);
         let width = (part.width * part.scale).max(letter_x(longest));
         let height = part.height * part.scale + header_px;
         let picture = RgbImage::from_pixel(width as u32, height as u32, PAPER);
-        let mut canvas = Self { picture, part, header_px, pen_px: 1 };
+        let mut canvas = Self { picture, crop: part, header_px, pen_px: 1 };
         canvas.show(frame, brightness);
         text.iter().enumerate().for_each(|(line, (ink, text))| canvas.write(line, text, *ink));
         canvas
@@ -76,7 +76,7 @@ impl Canvas {
     }
 
     fn show(&mut self, frame: &Frame<'_>, brightness: f64) {
-        let Part { left, top, width, height, scale } = self.part;
+        let FrameCrop { left, top, width, height, scale } = self.crop;
         for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
             let rgb = frame.encoding.rgb_of_codes(frame.yuv_at(left + x, top + y).map(f64::from));
             let ink = [rgb.x, rgb.y, rgb.z].map(|c| (c * 255.0 * brightness).round().clamp(0.0, 255.0) as u8);
@@ -101,17 +101,17 @@ impl Canvas {
 
     /// Draws a square dot of `size` picture pixels around a point of the frame.
     pub(super) fn dot(&mut self, at: Vector2<f64>, size: i64, ink: Ink) {
-        let [x, y] = self.place(at);
+        let [x, y] = self.to_canvas(at);
         for (dx, dy) in (0..size).flat_map(|dy| (0..size).map(move |dx| (dx - size / 2, dy - size / 2))) {
-            self.put_in_part(x + dx, y + dy, ink);
+            self.put_in_crop(x + dx, y + dy, ink);
         }
     }
 
     /// Draws a line between two points of the frame.
     pub(super) fn line(&mut self, from: Vector2<f64>, to: Vector2<f64>, ink: Ink) {
-        const LONGEST: f64 = 20_000.0;
-        const A_PIXEL: f64 = 2.0; // with one step per pixel, rounding leaves gaps
-        let steps = ((to - from).amax() * self.part.scale as f64 * A_PIXEL).ceil().clamp(1.0, LONGEST);
+        const MAX_STEPS: f64 = 20_000.0;
+        const STEPS_PER_PX: f64 = 2.0; // with one step per pixel, rounding leaves gaps
+        let steps = ((to - from).amax() * self.crop.scale as f64 * STEPS_PER_PX).ceil().clamp(1.0, MAX_STEPS);
         for step in 0..=steps as u32 {
             self.dot(from + (to - from) * (f64::from(step) / steps), self.pen_px, ink);
         }
@@ -135,15 +135,15 @@ impl Canvas {
     }
 
     /// Picture coordinates of a point of the frame. Frame pixel 0 is centred at 0 and covers `scale` picture pixels.
-    fn place(&self, at: Vector2<f64>) -> [i64; 2] {
-        let scale = self.part.scale as f64;
+    fn to_canvas(&self, at: Vector2<f64>) -> [i64; 2] {
+        let scale = self.crop.scale as f64;
         let shown = |px: f64, first: usize| ((px + 0.5 - first as f64) * scale).floor() as i64;
-        [shown(at.x, self.part.left), shown(at.y, self.part.top) + self.header_px as i64]
+        [shown(at.x, self.crop.left), shown(at.y, self.crop.top) + self.header_px as i64]
     }
 
     /// Puts a pixel inside the crop only, so that lines that leave the crop do not cross the text.
-    fn put_in_part(&mut self, x: i64, y: i64, ink: Ink) {
-        if y >= self.header_px as i64 && x < (self.part.width * self.part.scale) as i64 {
+    fn put_in_crop(&mut self, x: i64, y: i64, ink: Ink) {
+        if y >= self.header_px as i64 && x < (self.crop.width * self.crop.scale) as i64 {
             self.put(x, y, ink);
         }
     }
@@ -178,7 +178,7 @@ mod tests {
         let [y, u, v] = data.each_ref().map(|data| Plane { data, stride: 8, width: 8, height: 6 });
         let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
         let frame = Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding };
-        let part = Part { left: 2, top: 1, width: 4, height: 3, scale: 10 };
+        let part = FrameCrop { left: 2, top: 1, width: 4, height: 3, scale: 10 };
         Canvas::new(&frame, part, &[(INK, "h".to_owned()), (INK, "two lines".to_owned())], 0.5)
     }
 
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn the_frame_s_part_stands_below_the_text() {
+    fn the_crop_is_drawn_below_the_text() {
         let canvas = canvas();
         assert_eq!(canvas.picture.dimensions(), (76, 64), "as wide as nine letters, two lines and thirty rows high");
         let rectangle = |left, right, top, bottom| (top..bottom).flat_map(move |y| (left..right).map(move |x| (x, y)));
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_drawn_stands_where_the_frame_has_it_and_never_over_the_text() {
+    fn drawings_are_at_frame_coordinates_and_never_over_the_text() {
         let blank = canvas();
         let new = |canvas: &Canvas| {
             let was_there = inked(&blank, INK);
@@ -214,15 +214,15 @@ mod tests {
     }
 
     #[test]
-    fn a_part_is_cut_at_the_frame_and_as_large_as_a_thousand_pixels_hold() {
+    fn a_crop_is_clipped_to_the_frame_and_enlarged_to_a_thousand_pixels() {
         let data = [0; 300 * 200];
         let plane = Plane { data: &data, stride: 300, width: 300, height: 200 };
         let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
         let frame = Frame { index: 0, time_s: 0.0, y: plane, u: plane, v: plane, shift_x: 0, shift_y: 0, encoding };
-        let around = |low: [f64; 2], high: [f64; 2]| Part::around(low.into(), high.into(), &frame);
-        let corner = Part { left: 0, top: 0, width: 101, height: 51, scale: 9 };
+        let around = |low: [f64; 2], high: [f64; 2]| FrameCrop::around(low.into(), high.into(), &frame);
+        let corner = FrameCrop { left: 0, top: 0, width: 101, height: 51, scale: 9 };
         assert_eq!(around([-5.0, -9.0], [100.0, 50.0]), Some(corner));
-        let small = Part { left: 290, top: 190, width: 10, height: 10, scale: 12 };
+        let small = FrameCrop { left: 290, top: 190, width: 10, height: 10, scale: 12 };
         assert_eq!(around([290.0, 190.0], [400.0, 400.0]), Some(small));
         assert_eq!(around([310.0, 10.0], [400.0, 50.0]), None);
     }

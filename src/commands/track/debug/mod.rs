@@ -15,13 +15,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
 
-use super::{Failure, about};
+use super::{CommandFailure, about};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::tracker::{FrameReport, FrameTrace};
-pub(super) use pictures::Scene;
+pub(super) use pictures::DebugScene;
 
 /// Limit of drawn frames: about 500 MB of pictures at 1080p.
-const MOST_FRAMES: usize = 100;
+const MAX_FRAMES: usize = 100;
 
 /// Frames to draw, and the folder for the pictures.
 #[derive(clap::Args, Default)]
@@ -55,14 +55,14 @@ pub(super) struct DebugPictures {
 
 impl DebugPictures {
     /// Creates the folder. `None` without `--debug-dir`.
-    pub(super) fn open(args: &DebugArgs) -> Result<Option<Self>, Failure> {
+    pub(super) fn open(args: &DebugArgs) -> Result<Option<Self>, CommandFailure> {
         let Some(folder) = &args.dir else { return Ok(None) };
         std::fs::create_dir_all(folder).map_err(|e| about(folder, e))?;
         if std::fs::read_dir(folder).map_err(|e| about(folder, e))?.next().is_some() {
             let what = "is not empty; pictures of two runs would be mixed: name a new or an empty folder";
             return Err(about(folder, anyhow!(what)));
         }
-        is_writable(folder).map_err(|e| about(folder, e))?;
+        check_writable(folder).map_err(|e| about(folder, e))?;
         Ok(Some(Self {
             folder: folder.clone(),
             every: args.every,
@@ -75,13 +75,13 @@ impl DebugPictures {
     pub(super) fn wants(&self, frame: u64) -> bool {
         let chosen =
             if self.frames.is_empty() { frame.is_multiple_of(self.every) } else { self.frames.contains(&frame) };
-        chosen && (self.drawn.len() < MOST_FRAMES || self.drawn.contains(&frame))
+        chosen && (self.drawn.len() < MAX_FRAMES || self.drawn.contains(&frame))
     }
 
     /// Draws a frame.
     pub(super) fn draw(
         &mut self,
-        scene: &Scene,
+        scene: &DebugScene,
         frame: &Frame<'_>,
         report: &FrameReport,
         trace: &FrameTrace,
@@ -99,8 +99,8 @@ impl DebugPictures {
         let folder = self.folder.display();
         match self.drawn.len() {
             0 => format!("debug: none of the chosen frames is in the recording; {folder} is empty"),
-            MOST_FRAMES => {
-                format!("debug: {MOST_FRAMES} frames drawn in {folder}, the limit; choose others with --debug-frames")
+            MAX_FRAMES => {
+                format!("debug: {MAX_FRAMES} frames drawn in {folder}, the limit; choose others with --debug-frames")
             }
             1 => format!("debug: 1 frame drawn in {folder}"),
             drawn => format!("debug: {drawn} frames drawn in {folder}"),
@@ -109,7 +109,7 @@ impl DebugPictures {
 }
 
 /// Checks that the folder is writable before the long tracking starts.
-fn is_writable(folder: &Path) -> std::io::Result<()> {
+fn check_writable(folder: &Path) -> std::io::Result<()> {
     let probe = folder.join(".writable");
     std::fs::write(&probe, [])?;
     std::fs::remove_file(probe)
@@ -120,8 +120,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_frame_that_was_drawn_is_drawn_again_and_no_more_than_the_most_are() {
-        let all = MOST_FRAMES as u64;
+    fn drawn_frames_are_drawn_again_and_their_number_is_limited() {
+        let all = MAX_FRAMES as u64;
         let folder = PathBuf::from("pictures");
         let mut pictures = DebugPictures { folder, every: 2, frames: Vec::new(), drawn: BTreeSet::new() };
         assert!(pictures.wants(8) && !pictures.wants(9));

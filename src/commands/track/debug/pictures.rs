@@ -2,13 +2,15 @@
 
 use nalgebra::Vector2;
 
-use super::canvas::{Canvas, Ink, Part};
+use super::canvas::{Canvas, FrameCrop, Ink};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::edges::probe::Probe;
 use crate::pipeline::frame::Frame;
 use crate::pipeline::segmentation::region_of_interest::{CELL_PX, CellBox};
 use crate::pipeline::space::{CameraPoint, Pixel};
-use crate::pipeline::tracker::{Fit, FrameReport, FrameTrace, Look, ToolReport, ToolTrace, TrackerSettings};
+use crate::pipeline::tracker::{
+    FitTrace, FrameReport, FrameTrace, ProbePassTrace, ToolReport, ToolTrace, TrackerSettings,
+};
 use crate::pipeline::tube::Tube;
 
 const WHITE: Ink = [255, 255, 255];
@@ -24,13 +26,13 @@ const TOOLS: [Ink; 4] = [[255, 40, 255], [170, 255, 0], [0, 255, 255], [255, 140
 
 /// An edge within this distance of the fitted outline agrees with it, pixels. The tracker rejects tubes whose edges are
 /// farther off on average.
-const AGREES_PX: f64 = 0.7;
+const MAX_EDGE_DISTANCE_PX: f64 = 0.7;
 
 /// Length of the shaft drawn behind the tip, mm.
 const SHAFT_MM: f64 = 60.0;
 
 /// Data shared by all pictures of a recording.
-pub(in crate::commands::track) struct Scene {
+pub(in crate::commands::track) struct DebugScene {
     camera: Camera,
     tools: Vec<String>,
     /// For each tool, the index of the first tool with the same colour.
@@ -38,9 +40,9 @@ pub(in crate::commands::track) struct Scene {
 }
 
 /// A picture and its part of the file name.
-pub(super) type Named = (String, Canvas);
+pub(super) type NamedCanvas = (String, Canvas);
 
-impl Scene {
+impl DebugScene {
     /// The shared data for these settings.
     pub(in crate::commands::track) fn new(settings: &TrackerSettings) -> Self {
         let first_of = |colour: &str| settings.tools.iter().position(|tool| tool.colour == colour).unwrap_or(0);
@@ -52,7 +54,7 @@ impl Scene {
     }
 
     /// A note for a tool whose cells are drawn in another tool's colour, because both have the same tape.
-    fn tape_of_another(&self, tool: usize) -> String {
+    fn shared_tape_note(&self, tool: usize) -> String {
         let first = self.first_of_its_colour[tool];
         if first == tool { String::new() } else { format!("; same tape as {}", self.tools[first]) }
     }
@@ -64,7 +66,7 @@ impl Scene {
     }
 
     /// All pictures of a frame, in the order of the stages.
-    pub(super) fn pictures(&self, frame: &Frame<'_>, report: &FrameReport, trace: &FrameTrace) -> Vec<Named> {
+    pub(super) fn pictures(&self, frame: &Frame<'_>, report: &FrameReport, trace: &FrameTrace) -> Vec<NamedCanvas> {
         let mut pictures = vec![("1_colours".to_owned(), self.colours(frame, trace))];
         for (tool, of_tool) in trace.tools.iter().enumerate() {
             let fits = of_tool.fits.iter().enumerate();
@@ -84,10 +86,11 @@ impl Scene {
         let mut text = vec![(WHITE, head)];
         for (tool, of_tool) in trace.tools.iter().enumerate() {
             let followed = of_tool.places.is_empty() && !of_tool.fits.is_empty();
-            let how = if followed { "found at the expected place, not searched".to_owned() } else { searched(of_tool) };
-            text.push((ink_of(tool), format!("{}: {how}{}", self.tools[tool], self.tape_of_another(tool))));
+            let how =
+                if followed { "found at the expected place, not searched".to_owned() } else { search_summary(of_tool) };
+            text.push((ink_of(tool), format!("{}: {how}{}", self.tools[tool], self.shared_tape_note(tool))));
         }
-        let mut canvas = Canvas::new(frame, Part::whole(frame), &text, 0.45).with_pen(2);
+        let mut canvas = Canvas::new(frame, FrameCrop::whole(frame), &text, 0.45).with_pen(2);
         for (cell, class) in trace.classes.iter().enumerate() {
             let Some(ink) = self.ink_of_class(*class) else { continue };
             let corner = Vector2::new((cell % trace.columns) as f64, (cell / trace.columns) as f64);
@@ -109,11 +112,16 @@ impl Scene {
     }
 
     /// One fit of a tube: the probes of its last pass, and the edges that they found.
-    fn edges(&self, frame: &Frame<'_>, (tool, (number, of)): (usize, (usize, usize)), fit: &Fit) -> Option<Canvas> {
+    fn edges(
+        &self,
+        frame: &Frame<'_>,
+        (tool, (number, of)): (usize, (usize, usize)),
+        fit: &FitTrace,
+    ) -> Option<Canvas> {
         const AROUND_PX: f64 = 12.0;
-        let look = fit.looks.last()?;
+        let look = fit.passes.last()?;
         let start = self.outline_px(&fit.start, fit.length_mm);
-        let before = fit.looks.iter().rev().skip(1).find_map(|look| look.fitted).unwrap_or(fit.start);
+        let before = fit.passes.iter().rev().skip(1).find_map(|look| look.fitted).unwrap_or(fit.start);
         let laid = self.outline_px(&before, fit.length_mm);
         let fitted = look.fitted.map(|tube| self.outline_px(&tube, fit.length_mm)).unwrap_or_default();
         let ends = look.probes.iter().flat_map(|(probe, _)| probe_ends(probe));
@@ -125,17 +133,17 @@ impl Scene {
         let text = [
             (
                 ink_of(tool),
-                format!("frame {}: {}: fit {number} of {of}, pass {}", frame.index, self.tools[tool], fit.looks.len()),
+                format!("frame {}: {}: fit {number} of {of}, pass {}", frame.index, self.tools[tool], fit.passes.len()),
             ),
-            (WHITE, told(look, met.len(), agree)),
+            (WHITE, fit_summary(look, met.len(), agree)),
             (DARK_BLUE, "dark blue: start of the fit".to_owned()),
             (BLUE, "blue: outline that the probes follow".to_owned()),
             (WHITE, "white: fitted outline".to_owned()),
-            (GREEN, format!("green: edge within {AGREES_PX} px of it")),
+            (GREEN, format!("green: edge within {MAX_EDGE_DISTANCE_PX} px of it")),
             (RED, "red: edge elsewhere".to_owned()),
             (GREY, "grey: probe without an edge".to_owned()),
         ];
-        let mut canvas = Canvas::new(frame, Part::around(low, high, frame)?, &text, 1.0).with_pen(2);
+        let mut canvas = Canvas::new(frame, FrameCrop::around(low, high, frame)?, &text, 1.0).with_pen(2);
         canvas.path(&start, DARK_BLUE);
         canvas.path(&laid, BLUE);
         for (probe, edge) in &look.probes {
@@ -159,9 +167,9 @@ impl Scene {
         );
         let mut text = vec![(WHITE, head)];
         text.extend(
-            report.tools.iter().map(|of| (ink_of(of.tool), format!("{}: {}", self.tools[of.tool], outcome(of)))),
+            report.tools.iter().map(|of| (ink_of(of.tool), format!("{}: {}", self.tools[of.tool], result_summary(of)))),
         );
-        let mut canvas = Canvas::new(frame, Part::whole(frame), &text, 1.0).with_pen(3);
+        let mut canvas = Canvas::new(frame, FrameCrop::whole(frame), &text, 1.0).with_pen(3);
         for of in &report.tools {
             let ink = ink_of(of.tool);
             match &of.outcome {
@@ -209,19 +217,19 @@ fn ink_of(tool: usize) -> Ink {
     TOOLS[tool % TOOLS.len()]
 }
 
-fn searched(trace: &ToolTrace) -> String {
+fn search_summary(trace: &ToolTrace) -> String {
     let whys = trace.regions.iter().map(|(_, refused)| refused.map_or("measured", |reason| reason.name()));
     let whys: Vec<&str> = whys.collect();
     let regions = if whys.is_empty() { "no region tried".to_owned() } else { format!("regions: {}", whys.join(", ")) };
     format!("areas searched: {}; {regions}", trace.places.len())
 }
 
-fn told(look: &Look, met: usize, agree: usize) -> String {
+fn fit_summary(look: &ProbePassTrace, met: usize, agree: usize) -> String {
     let fitted = if look.fitted.is_some() { "" } else { "; no tube fits them" };
     format!("{} probes in view, {met} found an edge, {agree} agree{fitted}", look.probes.len())
 }
 
-fn outcome(report: &ToolReport) -> String {
+fn result_summary(report: &ToolReport) -> String {
     match &report.outcome {
         Ok(seen) => format!(
             "tip {:.1}, {:.1}, {:.1} mm; depth known to {:.1} mm; borders {:.2} px off",
@@ -242,7 +250,7 @@ fn probe_ends(probe: &Probe) -> [Vector2<f64>; 2] {
 
 /// True if the edge lies on the outline.
 fn agrees(edge: Pixel, outline: &[Vector2<f64>]) -> bool {
-    outline.windows(2).any(|pair| distance_px(edge.0.coords, pair[0], pair[1]) < AGREES_PX)
+    outline.windows(2).any(|pair| distance_px(edge.0.coords, pair[0], pair[1]) < MAX_EDGE_DISTANCE_PX)
 }
 
 /// Distance of a point from the segment between two others.
@@ -269,7 +277,7 @@ mod tests {
     use crate::pipeline::tracker::ToolSpec;
 
     #[test]
-    fn the_cells_of_a_colour_have_the_ink_of_the_first_tool_that_wears_it() {
+    fn cells_of_a_shared_colour_have_the_ink_of_its_first_tool() {
         let tool = |name: &str, colour: &str| ToolSpec {
             name: name.into(),
             colour: colour.into(),
@@ -279,8 +287,8 @@ mod tests {
         };
         let tools = vec![tool("left", "orange"), tool("right", "orange"), tool("cyan", "cyan")];
         let samples = ColourSamples::new(ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 });
-        let scene = Scene::new(&TrackerSettings::new(STRAIGHT, tools, samples));
-        assert_eq!([0, 1].map(|tool| scene.tape_of_another(tool)), ["", "; same tape as left"]);
+        let scene = DebugScene::new(&TrackerSettings::new(STRAIGHT, tools, samples));
+        assert_eq!([0, 1].map(|tool| scene.shared_tape_note(tool)), ["", "; same tape as left"]);
         assert_eq!([0, 1, 2, 3].map(|class| scene.ink_of_class(class)), [None, Some(TOOLS[0]), Some(TOOLS[2]), None]);
     }
 

@@ -4,45 +4,45 @@ use proptest::prelude::*;
 
 use super::*;
 
-fn bytes(record: &Record<'_>) -> Vec<u8> {
+fn bytes(record: &FeedRecord<'_>) -> Vec<u8> {
     let mut bytes = Vec::new();
     record.write(&mut bytes);
     bytes
 }
 
-fn frame(epoch: u32, number: u64, time: i64, is_key: bool, payload: &[u8]) -> Record<'_> {
-    Record { epoch, number, body: Body::Frame { time, is_key, payload } }
+fn frame(epoch: u32, number: u64, time: i64, is_key: bool, payload: &[u8]) -> FeedRecord<'_> {
+    FeedRecord { epoch, number, body: RecordBody::Frame { time, is_key, payload } }
 }
 
 proptest! {
     #[test]
     fn a_frame_comes_back(
-        epoch: u32, number in 0..MOST_FRAMES, time: i64, is_key: bool,
+        epoch: u32, number in 0..MAX_FRAMES, time: i64, is_key: bool,
         payload in prop::collection::vec(any::<u8>(), 1..300),
     ) {
         let record = frame(epoch, number, time, is_key, &payload);
         let written = bytes(&record);
-        prop_assert_eq!(Record::read(&written), Ok(record));
+        prop_assert_eq!(FeedRecord::read(&written), Ok(record));
     }
 
     #[test]
-    fn a_gap_comes_back(epoch: u32, first in 0..MOST_FRAMES, more in 0u64..1000, reason in 0usize..4) {
-        let last = (first + more).min(MOST_FRAMES - 1);
-        let record = Record { epoch, number: first, body: Body::Gap { last, reason: GapReason::ALL[reason] } };
+    fn a_gap_comes_back(epoch: u32, first in 0..MAX_FRAMES, more in 0u64..1000, reason in 0usize..4) {
+        let last = (first + more).min(MAX_FRAMES - 1);
+        let record = FeedRecord { epoch, number: first, body: RecordBody::Gap { last, reason: GapReason::ALL[reason] } };
         let written = bytes(&record);
-        prop_assert_eq!(Record::read(&written), Ok(record));
+        prop_assert_eq!(FeedRecord::read(&written), Ok(record));
     }
 
     #[test]
     fn one_damaged_byte_is_noticed(place in 0usize..60, by in 1u8..=255) {
         let mut damaged = bytes(&frame(3, 7, 40_000, true, &[5; 28]));
         damaged[place] ^= by;
-        prop_assert!(Record::read(&damaged).is_err());
+        prop_assert!(FeedRecord::read(&damaged).is_err());
     }
 
     #[test]
     fn any_bytes_are_a_record_or_an_error(any in prop::collection::vec(any::<u8>(), 0..200)) {
-        let _ = Record::read_first(&any);
+        let _ = FeedRecord::read_first(&any);
     }
 }
 
@@ -51,15 +51,15 @@ fn records_follow_one_another_and_the_last_may_be_cut() {
     let payload = [9; 20];
     let (first, second) = (frame(1, 0, 0, true, &payload), frame(1, 1, 3600, false, &payload));
     let both = [bytes(&first), bytes(&second)].concat();
-    let (read, rest) = Record::read_first(&both).unwrap();
-    assert_eq!((read, Record::read(rest)), (first, Ok(second)));
+    let (read, rest) = FeedRecord::read_first(&both).unwrap();
+    assert_eq!((read, FeedRecord::read(rest)), (first, Ok(second)));
     for cut in 0..rest.len() {
-        assert_eq!(Record::read_first(&rest[..cut]), Err(NotARecord::Cut(cut)));
+        assert_eq!(FeedRecord::read_first(&rest[..cut]), Err(NotARecord::Cut(cut)));
     }
 }
 
 #[test]
-fn a_damaged_record_costs_itself_alone_and_a_cut_tail_is_none() {
+fn damage_loses_only_the_damaged_record_and_a_cut_tail_is_ignored() {
     let payload = [7; 50];
     let all: Vec<u8> = (0..5).flat_map(|number| bytes(&frame(1, number, 0, true, &payload))).collect();
     let one = all.len() / 5;
@@ -85,26 +85,26 @@ fn a_damaged_record_costs_itself_alone_and_a_cut_tail_is_none() {
         headless[2 * one + place] = value; // the last value makes the payload seem to reach beyond the end
         assert_eq!(found(&headless), (vec![0, 1, 3, 4], 5 * one), "byte {place} of a head");
     }
-    let payload_of_one = one - HEAD;
+    let payload_of_one = one - HEADER_BYTES;
     for length in [1, payload_of_one - 1, payload_of_one + 9, payload_of_one + 2 * one, 3 * one] {
         let mut lying = all.clone();
         lying[one + 24..one + 28].copy_from_slice(&(length as u32).to_be_bytes());
         assert_eq!(found(&lying), (vec![0, 2, 3, 4], 5 * one), "a head that speaks of {length} bytes");
     }
-    let hole = [&all[..one], &vec![0; 3 * MOST_BYTES], &all[one..]].concat();
+    let hole = [&all[..one], &vec![0; 3 * MAX_RECORD_BYTES], &all[one..]].concat();
     assert_eq!(found(&hole), (vec![0, 1, 2, 3, 4], hole.len()), "what lies behind a hole is kept");
-    let endless = [&all[..one], &vec![0; LONGEST_HOLE + 2 * MOST_BYTES], &all[one..]].concat();
+    let endless = [&all[..one], &vec![0; MAX_HOLE_BYTES + 2 * MAX_RECORD_BYTES], &all[one..]].concat();
     assert_eq!(found(&endless).1, one, "but the search has a limit");
 }
 
 #[test]
-fn what_no_sender_may_say_is_refused_by_name() {
+fn invalid_records_are_refused_by_name() {
     let refused = |change: &dyn Fn(&mut Vec<u8>)| {
         let mut bytes = bytes(&frame(1, 5, 0, false, &[1, 2, 3]));
         change(&mut bytes);
-        let check = checksum(&bytes[..CHECK], &bytes[HEAD..]);
-        bytes[CHECK..HEAD].copy_from_slice(&check.to_be_bytes());
-        Record::read(&bytes).unwrap_err()
+        let check = checksum(&bytes[..CHECKSUM_OFFSET], &bytes[HEADER_BYTES..]);
+        bytes[CHECKSUM_OFFSET..HEADER_BYTES].copy_from_slice(&check.to_be_bytes());
+        FeedRecord::read(&bytes).unwrap_err()
     };
     assert_eq!(refused(&|b| b[0] = 3), NotARecord::Unknown(0));
     assert_eq!(refused(&|b| b[1] = 2), NotARecord::Unknown(1));
@@ -125,15 +125,15 @@ fn the_documents_test_vectors_are_these_records() {
     let jpeg = [0xff, 0xd8, 0xff, 0xd9];
     assert_eq!(vector("a key frame:"), bytes(&frame(2, 7, 25_200, true, &jpeg)));
     assert_eq!(vector("a frame that is none:"), bytes(&frame(1, 0, 0, false, &[0])));
-    let gap = Record { epoch: 2, number: 8, body: Body::Gap { last: 11, reason: GapReason::SpoolFull } };
+    let gap = FeedRecord { epoch: 2, number: 8, body: RecordBody::Gap { last: 11, reason: GapReason::SpoolFull } };
     assert_eq!(vector("a gap:"), bytes(&gap));
 }
 
 #[test]
 fn the_document_names_every_close_code() {
-    use crate::domain::feed::farewell::Code;
+    use crate::domain::feed::close_reason::CloseCode;
     let document = include_str!("../../../../docs/feed.md");
-    for code in Code::ALL {
+    for code in CloseCode::ALL {
         let row = format!("| {} |", code.number());
         assert!(document.lines().any(|line| line.starts_with(&row)), "{code:?}");
     }

@@ -14,7 +14,7 @@ fn a_tools_own_size_wins_and_background_is_no_tool() {
 }
 
 /// An annotations file with these entries of `tools` and rectangles of these labels.
-fn named(tools: &str, labels: &[&str]) -> Result<AnnotationsFile, AnnotationsError> {
+fn annotations_with(tools: &str, labels: &[&str]) -> Result<AnnotationsFile, AnnotationsError> {
     let label = |label: &&str| format!(r#"{{"frame":0,"label":"{label}","x":0,"y":0,"w":1,"h":1}}"#);
     let labels: Vec<String> = labels.iter().map(label).collect();
     AnnotationsFile::parse(&format!(r#"{{"tool_diameter_mm":5,"tools":[{tools}],"labels":[{}]}}"#, labels.join(",")))
@@ -24,7 +24,7 @@ fn named(tools: &str, labels: &[&str]) -> Result<AnnotationsFile, AnnotationsErr
 fn two_tools_of_one_colour_are_marked_by_its_label_or_by_either_name() {
     let pair = r#"{"tool":"left","colour":"orange"},{"tool":"b","colour":"orange","side":"right"}"#;
     for labels in [&["orange"][..], &["b", "background"], &["left", "b"]] {
-        let file = named(pair, labels).unwrap();
+        let file = annotations_with(pair, labels).unwrap();
         let tools = file.marked_tools().unwrap();
         let found: Vec<_> = tools.iter().map(|t| (t.name.as_str(), t.colour.as_str(), t.side)).collect();
         assert_eq!(found, [("left", "orange", Some(Side::Left)), ("b", "orange", Some(Side::Right))], "{labels:?}");
@@ -34,15 +34,16 @@ fn two_tools_of_one_colour_are_marked_by_its_label_or_by_either_name() {
 
 #[test]
 fn a_tool_of_its_colours_name_may_share_it() {
-    let tools = named(r#"{"tool":"orange"},{"tool":"second","colour":"orange"}"#, &["orange", "cyan"]).unwrap();
+    let tools =
+        annotations_with(r#"{"tool":"orange"},{"tool":"second","colour":"orange"}"#, &["orange", "cyan"]).unwrap();
     let names: Vec<String> = tools.marked_tools().unwrap().into_iter().map(|t| t.name).collect();
     assert_eq!(names, ["orange", "second", "cyan"]);
 }
 
 #[test]
-fn a_colour_that_is_none_or_not_one_is_refused() {
-    let refused = |tools: &str| named(tools, &["orange"]).unwrap_err();
-    let of = |colour: &str| AnnotationsError::Colour { tool: "a".into(), colour: colour.into() };
+fn an_invalid_or_ambiguous_colour_is_refused() {
+    let refused = |tools: &str| annotations_with(tools, &["orange"]).unwrap_err();
+    let of = |colour: &str| AnnotationsError::InvalidColour { tool: "a".into(), colour: colour.into() };
     assert_eq!(refused(r#"{"tool":"a","colour":"background"}"#), of("background"));
     assert_eq!(refused(r#"{"tool":"a","colour":" "}"#), of(" "));
     let twice = r#"{"tool":"a","colour":"orange"},{"tool":"a","colour":"cyan"}"#;
@@ -50,40 +51,40 @@ fn a_colour_that_is_none_or_not_one_is_refused() {
 }
 
 #[test]
-fn background_cannot_be_made_tape_by_naming_a_tool_so() {
-    let refused = named(r#"{"tool":"background","colour":"orange"}"#, &["orange", "background"]);
-    assert_eq!(refused, Err(AnnotationsError::NotATool("background".into())));
+fn a_tool_cannot_have_a_reserved_label_as_its_name() {
+    let refused = annotations_with(r#"{"tool":"background","colour":"orange"}"#, &["orange", "background"]);
+    assert_eq!(refused, Err(AnnotationsError::ReservedName("background".into())));
     assert!(
-        named(r#"{"tool":"jaw","diameter_mm":4}"#, &["orange", "jaw"]).is_ok(),
+        annotations_with(r#"{"tool":"jaw","diameter_mm":4}"#, &["orange", "jaw"]).is_ok(),
         "a size without a colour does no harm"
     );
 }
 
 #[test]
-fn a_tool_cannot_be_called_what_a_spreadsheet_would_calculate() {
+fn a_tool_name_cannot_be_a_spreadsheet_formula() {
     for name in ["=1+1", "+cyan", "-cyan", "@cyan", " cyan", "", "two\\nlines", &"c".repeat(65)] {
         let listed = format!(r#"{{"tool":"{name}","colour":"cyan"}}"#);
-        for file in [named(&listed, &["cyan"]), named("", &[name])] {
+        for file in [annotations_with(&listed, &["cyan"]), annotations_with("", &[name])] {
             let refused = file.and_then(|file| file.marked_tools()).unwrap_err();
-            assert!(matches!(refused, AnnotationsError::Name(_)), "{name:?}: {refused}");
+            assert!(matches!(refused, AnnotationsError::InvalidName(_)), "{name:?}: {refused}");
         }
     }
     for name in ["left", "2nd", "Änne", &"c".repeat(64)] {
-        assert!(named("", &[name]).unwrap().marked_tools().is_ok(), "{name:?}");
+        assert!(annotations_with("", &[name]).unwrap().marked_tools().is_ok(), "{name:?}");
     }
 }
 
 #[test]
-fn no_more_colours_are_accepted_than_can_be_told_apart() {
-    let colours: Vec<String> = (0..=MOST_COLOURS).map(|i| format!("colour {i}")).collect();
+fn at_most_the_maximum_number_of_colours_is_accepted() {
+    let colours: Vec<String> = (0..=MAX_COLOURS).map(|i| format!("colour {i}")).collect();
     let labels: Vec<&str> = colours.iter().map(String::as_str).collect();
-    assert!(named("", &labels[1..]).is_ok());
-    assert_eq!(named("", &labels), Err(AnnotationsError::TooManyColours(MOST_COLOURS + 1)));
+    assert!(annotations_with("", &labels[1..]).is_ok());
+    assert_eq!(annotations_with("", &labels), Err(AnnotationsError::TooManyColours(MAX_COLOURS + 1)));
 }
 
 #[test]
-fn a_name_tells_a_side_by_a_word_of_its_own() {
-    let side = |name| Side::in_name(name);
+fn a_side_is_read_from_a_whole_word_of_a_name() {
+    let side = |name| Side::from_name(name);
     assert_eq!(["Left", "grasper-left", "left hand"].map(side), [Some(Side::Left); 3]);
     assert_eq!(side("right_scissors"), Some(Side::Right));
     assert_eq!(["orange", "cleft", "left or right"].map(side), [None; 3]);
@@ -93,7 +94,7 @@ fn a_name_tells_a_side_by_a_word_of_its_own() {
 fn a_rectangle_that_leaves_the_frame_is_named() {
     let file = AnnotationsFile::parse(FILE).unwrap();
     assert_eq!(file.check_inside(12, 14), Ok(()));
-    assert!(matches!(file.check_inside(11, 14), Err(AnnotationsError::Outside { index: 1, .. })));
+    assert!(matches!(file.check_inside(11, 14), Err(AnnotationsError::OutsideFrame { index: 1, .. })));
 }
 
 #[test]

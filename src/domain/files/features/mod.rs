@@ -53,7 +53,7 @@ pub const COLUMNS: [&str; 21] = [
 
 /// The session's fields that each of its rows repeats.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Whose {
+pub struct ExportedSession {
     /// The session's id.
     pub session: String,
     /// The trainee: an id or a code, never a name.
@@ -102,8 +102,8 @@ pub struct ExportRow {
 
 impl ExportRow {
     /// The row of one feature of a session.
-    pub fn new(whose: &Whose, feature: &FeatureRow) -> Self {
-        let Whose { session, trainee, task, in_box, recorded_at, tracker, verdict, versions } = whose.clone();
+    pub fn new(whose: &ExportedSession, feature: &FeatureRow) -> Self {
+        let ExportedSession { session, trainee, task, in_box, recorded_at, tracker, verdict, versions } = whose.clone();
         let bar = feature.error.as_ref().and_then(|error| error.as_ref().ok());
         Self {
             session,

@@ -89,31 +89,31 @@ impl ParquetTable {
 
 /// Writes the columns in the schema's order: the format identifies columns by position.
 fn write_columns(group: &mut SerializedRowGroupWriter<'_, Sink>, rows: &[ExportRow]) -> Result<(), ParquetError> {
-    required(group, rows, |row| &row.session)?;
-    required(group, rows, |row| &row.trainee)?;
-    required(group, rows, |row| &row.task)?;
-    required(group, rows, |row| &row.in_box)?;
-    required(group, rows, |row| &row.recorded_at)?;
-    optional(group, rows, |row| row.tracker.as_deref())?;
-    optional(group, rows, |row| row.verdict.as_deref())?;
-    required(group, rows, |row| &row.feature)?;
-    optional(group, rows, |row| row.tool.as_deref())?;
-    required(group, rows, |row| row.space)?;
-    required(group, rows, |row| &row.unit)?;
+    write_required(group, rows, |row| &row.session)?;
+    write_required(group, rows, |row| &row.trainee)?;
+    write_required(group, rows, |row| &row.task)?;
+    write_required(group, rows, |row| &row.in_box)?;
+    write_required(group, rows, |row| &row.recorded_at)?;
+    write_optional(group, rows, |row| row.tracker.as_deref())?;
+    write_optional(group, rows, |row| row.verdict.as_deref())?;
+    write_required(group, rows, |row| &row.feature)?;
+    write_optional(group, rows, |row| row.tool.as_deref())?;
+    write_required(group, rows, |row| row.space)?;
+    write_required(group, rows, |row| &row.unit)?;
     for number in [|row: &ExportRow| row.value, |row: &ExportRow| row.low, |row: &ExportRow| row.high] {
-        let (values, present) = present(rows, number);
+        let (values, present) = split_present(rows, number);
         write::<DoubleType>(group, &values, Some(&present))?;
     }
-    optional(group, rows, |row| row.not_enough.as_deref())?;
-    optional(group, rows, |row| row.no_error.as_deref())?;
-    required(group, rows, |row| &row.pipeline)?;
-    optional(group, rows, |row| row.tracked_with.as_deref())?;
-    optional(group, rows, |row| row.calibration.as_deref())?;
-    optional(group, rows, |row| row.palette.as_deref())?;
-    optional(group, rows, |row| row.model.as_deref())
+    write_optional(group, rows, |row| row.not_enough.as_deref())?;
+    write_optional(group, rows, |row| row.no_error.as_deref())?;
+    write_required(group, rows, |row| &row.pipeline)?;
+    write_optional(group, rows, |row| row.tracked_with.as_deref())?;
+    write_optional(group, rows, |row| row.calibration.as_deref())?;
+    write_optional(group, rows, |row| row.palette.as_deref())?;
+    write_optional(group, rows, |row| row.model.as_deref())
 }
 
-fn required(
+fn write_required(
     group: &mut SerializedRowGroupWriter<'_, Sink>,
     rows: &[ExportRow],
     of: impl Fn(&ExportRow) -> &str,
@@ -122,16 +122,16 @@ fn required(
     write::<ByteArrayType>(group, &values, None)
 }
 
-fn optional(
+fn write_optional(
     group: &mut SerializedRowGroupWriter<'_, Sink>,
     rows: &[ExportRow],
     of: impl Fn(&ExportRow) -> Option<&str>,
 ) -> Result<(), ParquetError> {
-    let (values, present) = present(rows, |row| of(row).map(ByteArray::from));
+    let (values, present) = split_present(rows, |row| of(row).map(ByteArray::from));
     write::<ByteArrayType>(group, &values, Some(&present))
 }
 
-fn present<T>(rows: &[ExportRow], of: impl Fn(&ExportRow) -> Option<T>) -> (Vec<T>, Vec<i16>) {
+fn split_present<T>(rows: &[ExportRow], of: impl Fn(&ExportRow) -> Option<T>) -> (Vec<T>, Vec<i16>) {
     let present = rows.iter().map(|row| i16::from(of(row).is_some())).collect();
     (rows.iter().filter_map(of).collect(), present)
 }

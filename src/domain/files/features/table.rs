@@ -54,7 +54,7 @@ impl FeatureTable {
     pub fn new(format: TableFormat) -> Result<Self, TableProblem> {
         Ok(match format {
             TableFormat::Csv => {
-                let mut writer = lines();
+                let mut writer = csv_writer();
                 writer.write_record(COLUMNS)?;
                 Self::Csv(Box::new(writer))
             }
@@ -69,7 +69,7 @@ impl FeatureTable {
             Self::Csv(writer) => {
                 rows.iter().try_for_each(|row| writer.serialize(row))?;
                 writer.flush().map_err(|error| TableProblem::Flush(error.to_string()))?;
-                mem::replace(&mut **writer, lines())
+                mem::replace(&mut **writer, csv_writer())
                     .into_inner()
                     .map_err(|error| TableProblem::Flush(error.to_string()))
             }
@@ -100,7 +100,7 @@ impl FeatureTable {
 }
 
 /// A CSV writer without a header, which has been written already.
-fn lines() -> csv::Writer<Vec<u8>> {
+fn csv_writer() -> csv::Writer<Vec<u8>> {
     csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new())
 }
 

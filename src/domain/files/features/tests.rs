@@ -7,8 +7,8 @@ use super::*;
 use crate::domain::session::{FeatureError, FeatureSpace};
 use crate::ids::CalibrationId;
 
-fn whose(session: &str) -> Whose {
-    Whose {
+fn whose(session: &str) -> ExportedSession {
+    ExportedSession {
         session: session.to_owned(),
         trainee: "ada".to_owned(),
         task: "pegs".to_owned(),
@@ -66,7 +66,7 @@ fn csv_has_a_header_and_a_line_for_each_row() {
 }
 
 #[test]
-fn json_is_one_object_whatever_the_parts() {
+fn json_is_one_object_for_any_number_of_batches() {
     let read: serde_json::Value = serde_json::from_slice(&written(TableFormat::Json)).unwrap();
     let items = read["items"].as_array().unwrap();
     assert_eq!(items.len(), 3);

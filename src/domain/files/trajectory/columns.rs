@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Thinned, state_name};
+use super::{ThinnedTrajectory, state_name};
 use crate::pipeline::trajectory::{Sample, Trajectory};
 
 /// A trajectory, column by column. Serialises as `{"tools":[…],"columns":{"frame":[…],…,"state":[…]}}`, where the
@@ -12,13 +12,13 @@ pub struct TrajectoryColumns {
     /// Names of the tools.
     pub tools: Vec<String>,
     /// The columns, all of one length.
-    pub columns: Columns,
+    pub columns: SampleColumns,
 }
 
 /// The columns under their names in the table.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)] // the names are those of the table and document themselves
-pub struct Columns {
+pub struct SampleColumns {
     pub frame: Vec<u64>,
     pub time_s: Vec<f64>,
     pub tool: Vec<usize>,
@@ -40,13 +40,13 @@ pub struct Columns {
 
 impl From<&Trajectory> for TrajectoryColumns {
     fn from(trajectory: &Trajectory) -> Self {
-        let mut columns = Columns::default();
+        let mut columns = SampleColumns::default();
         trajectory.samples.iter().for_each(|sample| columns.push(sample));
         Self { tools: trajectory.tools.clone(), columns }
     }
 }
 
-impl Columns {
+impl SampleColumns {
     fn push(&mut self, sample: &Sample) {
         self.frame.push(sample.frame);
         self.time_s.push(sample.time_s);
@@ -75,14 +75,15 @@ pub fn to_json_columns(trajectory: &Trajectory) -> String {
 }
 
 /// A thinned trajectory as JSON columns, with `after_gap` for each row and `thinned`: whether any rows were removed.
-pub fn thinned_to_json(left: &Thinned) -> String {
+pub fn thinned_to_json(left: &ThinnedTrajectory) -> String {
     #[derive(Serialize)]
-    struct Document<'a> {
+    struct ThinnedDocument<'a> {
         #[serde(flatten)]
         table: TrajectoryColumns,
         after_gap: &'a [bool],
         thinned: bool,
     }
-    let Thinned { trajectory, after_gap, is_thinned } = left;
-    serde_json::to_string(&Document { table: trajectory.into(), after_gap, thinned: *is_thinned }).unwrap_or_default()
+    let ThinnedTrajectory { trajectory, after_gap, is_thinned } = left;
+    serde_json::to_string(&ThinnedDocument { table: trajectory.into(), after_gap, thinned: *is_thinned })
+        .unwrap_or_default()
 }

@@ -7,17 +7,17 @@
 //!
 //! [`read_csv`]: super::read_csv
 
-use super::read::{Lines, TrajectoryProblem, read_lines};
-use super::shown;
-use crate::domain::files::{LONGEST_TOOL_NAME, is_tool_name};
+use super::read::{NumberedRows, TrajectoryProblem, read_rows};
+use super::shortened;
+use crate::domain::files::{MAX_TOOL_NAME_LENGTH, is_tool_name};
 use crate::pipeline::trajectory::{Sample, Trajectory};
 
 /// Largest accepted magnitude of numbers other than the position: no picture has that many pixels, and no tool moves
 /// that fast in mm/s.
-const LARGEST: f64 = 1e7;
+const MAX_MAGNITUDE: f64 = 1e7;
 
 /// Tolerance for the length of a direction vector, which should be 1: the rounding error of parts with three decimals.
-const UNIT: f64 = 0.005;
+const UNIT_LENGTH_TOLERANCE: f64 = 0.005;
 
 /// Limits of an imported table.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,7 +46,7 @@ pub enum ImportProblem {
     },
     /// A tool with a single row.
     #[error("line {line}: `tool` is `{tool}`, which has one row only; a path needs at least two")]
-    OneRow {
+    SingleRow {
         /// Line of the row.
         line: u64,
         /// The tool.
@@ -77,7 +77,7 @@ pub enum ImportProblem {
     },
     /// A value outside the accepted range.
     #[error("line {line}: `{column}` is {value}; expected {expected}")]
-    Beyond {
+    OutOfRange {
         /// The line.
         line: u64,
         /// The column.
@@ -107,7 +107,7 @@ pub fn read_import(bytes: &[u8], known: &[String], limits: &ImportLimits) -> Res
         let before = &bytes[..error.valid_up_to()];
         return Err(ImportProblem::NotUtf8 { line: 1 + before.iter().filter(|byte| **byte == b'\n').count() as u64 });
     }
-    let (tools, rows) = read_lines(bytes, limits.rows)?;
+    let (tools, rows) = read_rows(bytes, limits.rows)?;
     check_tools(&tools, &rows, known, limits)?;
     rows.iter().try_for_each(|(sample, line)| check_numbers(sample, *line, limits))?;
     if rows.is_empty() {
@@ -127,11 +127,16 @@ impl ImportedTable {
     }
 }
 
-fn check_tools(tools: &[String], rows: &Lines, known: &[String], limits: &ImportLimits) -> Result<(), ImportProblem> {
+fn check_tools(
+    tools: &[String],
+    rows: &NumberedRows,
+    known: &[String],
+    limits: &ImportLimits,
+) -> Result<(), ImportProblem> {
     for (index, tool) in tools.iter().enumerate() {
         let mut lines = rows.iter().filter(|(sample, _)| sample.tool == index).map(|(_, line)| *line);
         let (line, second) = (lines.next().unwrap_or_default(), lines.next());
-        let shown = shown(tool);
+        let shown = shortened(tool);
         if index >= limits.tools {
             return Err(ImportProblem::TooManyTools { line, tool: shown, most: limits.tools });
         }
@@ -141,19 +146,19 @@ fn check_tools(tools: &[String], rows: &Lines, known: &[String], limits: &Import
         }
         if !is_tool_name(tool) {
             let expected =
-                format!("a name of at most {LONGEST_TOOL_NAME} characters that begins with a letter or a digit");
-            let value = format!("`{}…`", tool.escape_debug().take(LONGEST_TOOL_NAME).collect::<String>());
-            return Err(ImportProblem::Beyond { line, column: "tool", value, expected });
+                format!("a name of at most {MAX_TOOL_NAME_LENGTH} characters that begins with a letter or a digit");
+            let value = format!("`{}…`", tool.escape_debug().take(MAX_TOOL_NAME_LENGTH).collect::<String>());
+            return Err(ImportProblem::OutOfRange { line, column: "tool", value, expected });
         }
         if second.is_none() {
-            return Err(ImportProblem::OneRow { line, tool: shown });
+            return Err(ImportProblem::SingleRow { line, tool: shown });
         }
     }
     Ok(())
 }
 
 fn check_numbers(sample: &Sample, line: u64, limits: &ImportLimits) -> Result<(), ImportProblem> {
-    let beyond = |column, value: String, expected: String| ImportProblem::Beyond { line, column, value, expected };
+    let beyond = |column, value: String, expected: String| ImportProblem::OutOfRange { line, column, value, expected };
     if sample.frame >= limits.frames {
         let expected = format!("a frame number below {}", limits.frames);
         return Err(beyond("frame", sample.frame.to_string(), expected));
@@ -162,7 +167,7 @@ fn check_numbers(sample: &Sample, line: u64, limits: &ImportLimits) -> Result<()
         let expected = format!("seconds from 0 to {}", limits.duration_s);
         return Err(beyond("time_s", sample.time_s.to_string(), expected));
     }
-    if let Some(axis) = sample.axis.filter(|axis| (axis.norm() - 1.0).abs() > UNIT) {
+    if let Some(axis) = sample.axis.filter(|axis| (axis.norm() - 1.0).abs() > UNIT_LENGTH_TOLERANCE) {
         let value = format!("part of a vector of length {}", axis.norm());
         return Err(beyond("axis_x", value, "a vector of length 1".to_owned()));
     }
@@ -174,9 +179,9 @@ fn check_numbers(sample: &Sample, line: u64, limits: &ImportLimits) -> Result<()
     let numbers = vector(["vx_mm_s", "vy_mm_s", "vz_mm_s"], sample.velocity_mm_s).into_iter();
     let numbers = numbers.chain(vector(["axis_x", "axis_y", "axis_z"], sample.axis)).chain(pixel);
     let numbers = numbers.chain(sigma.into_iter().filter_map(|(column, sigma)| Some((column, sigma?))));
-    let too_large = numbers.into_iter().find(|(_, value)| value.abs() > LARGEST);
+    let too_large = numbers.into_iter().find(|(_, value)| value.abs() > MAX_MAGNITUDE);
     too_large.map_or(Ok(()), |(column, value)| {
-        Err(beyond(column, value.to_string(), format!("a number within {LARGEST} of 0")))
+        Err(beyond(column, value.to_string(), format!("a number within {MAX_MAGNITUDE} of 0")))
     })
 }
 
@@ -196,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_of_two_tools_is_taken_with_its_frames_and_its_time() {
+    fn a_table_of_two_tools_is_imported_with_frames_and_duration() {
         let table = read("0,0.5,left,1,2,150\n1,1,left,1,2,150\n1,1,right,1,2,150\n3,2.0,right,1,2,150\n").unwrap();
         assert_eq!((table.frames, table.duration_s), (3, 1.5));
         assert_eq!(table.trajectory.tools, ["left", "right"]);
@@ -240,14 +245,14 @@ mod tests {
     }
 
     #[test]
-    fn a_direction_that_is_none_is_refused() {
+    fn a_direction_of_wrong_length_is_refused() {
         let table = "frame,time_s,tool,x_mm,y_mm,z_mm,axis_x,axis_y,axis_z\n0,0,a,1,2,150,0,0,1\n1,1,a,1,2,150,0,3,4\n";
         let refused = read_import(table.as_bytes(), &[], &LIMITS).unwrap_err().to_string();
         assert!(refused.starts_with("line 3: `axis_x` is part of a vector of length 5"), "{refused}");
     }
 
     #[test]
-    fn a_number_beside_the_position_that_nothing_has_is_refused() {
+    fn an_implausibly_large_number_is_refused() {
         let table = "frame,time_s,tool,x_mm,y_mm,z_mm,sigma_z_mm\n0,0,a,1,2,150,1\n1,1,a,1,2,150,1e300\n";
         let refused = read_import(table.as_bytes(), &[], &LIMITS).unwrap_err().to_string();
         assert!(refused.starts_with("line 3: `sigma_z_mm` is"), "{refused}");

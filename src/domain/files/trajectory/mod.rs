@@ -17,7 +17,7 @@ pub use columns::{TrajectoryColumns, thinned_to_json, to_json_columns};
 pub use import::{ImportLimits, ImportProblem, ImportedTable, read_import};
 pub use parquet::{ParquetProblem, write_parquet};
 pub use read::{TrajectoryProblem, read_csv};
-pub use thin::{Thinned, thinned};
+pub use thin::{ThinnedTrajectory, thin_trajectory};
 pub use write::write_csv;
 
 use crate::pipeline::trajectory::SampleState;
@@ -45,12 +45,12 @@ pub const COLUMNS: [&str; 17] = [
 ];
 
 /// Number of required columns: the first ones of [`COLUMNS`].
-pub const REQUIRED: usize = 6;
+pub const REQUIRED_COLUMNS: usize = 6;
 
 /// Text from a file, shortened for a message: a field may be megabytes long.
-fn shown(text: &str) -> String {
-    const MOST: usize = 60;
-    match text.char_indices().nth(MOST) {
+fn shortened(text: &str) -> String {
+    const MAX_CHARACTERS: usize = 60;
+    match text.char_indices().nth(MAX_CHARACTERS) {
         Some((end, _)) => format!("{}…", &text[..end]),
         None => text.to_owned(),
     }

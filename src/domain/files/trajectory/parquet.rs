@@ -13,7 +13,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::parser::parse_message_type;
 
-use super::columns::{Columns, TrajectoryColumns};
+use super::columns::{SampleColumns, TrajectoryColumns};
 use crate::pipeline::trajectory::Trajectory;
 
 const SCHEMA: &str = "message trajectory {
@@ -72,7 +72,7 @@ fn write_columns<W: Write + Send>(
     rows: &mut SerializedRowGroupWriter<'_, W>,
     frames: &[i64],
     names: &[ByteArray],
-    columns: &Columns,
+    columns: &SampleColumns,
 ) -> Result<(), ParquetError> {
     write::<Int64Type, _>(rows, frames, None)?;
     write::<DoubleType, _>(rows, &columns.time_s, None)?;

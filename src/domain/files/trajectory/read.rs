@@ -10,24 +10,24 @@ use std::io::Read;
 use csv::StringRecord;
 use nalgebra::{Point2, Point3, Vector3};
 
-use super::{COLUMNS, REQUIRED, shown};
+use super::{COLUMNS, REQUIRED_COLUMNS, shortened};
 use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
 
 /// Largest accepted coordinate, mm: ten metres, far outside any box. It catches wrong units (micrometres instead of
 /// millimetres) and keeps all numbers that are computed from a path finite.
-pub const LARGEST_MM: f64 = 10_000.0;
+pub const MAX_COORDINATE_MM: f64 = 10_000.0;
 
 /// Latest accepted time, s: a week of recording.
-pub const LATEST_S: f64 = 604_800.0;
+pub const MAX_TIME_S: f64 = 604_800.0;
 
 /// Why a table cannot be read as a trajectory. Lines count from 1; the header is line 1.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum TrajectoryProblem {
     /// The file is empty.
-    #[error("the file is empty; expected a header line with {}", required())]
+    #[error("the file is empty; expected a header line with {}", required_columns())]
     Empty,
     /// A required column is missing.
-    #[error("the header has no column `{0}`; needed are {columns}, separated by commas", columns = required())]
+    #[error("the header has no column `{0}`; needed are {columns}, separated by commas", columns = required_columns())]
     MissingColumn(&'static str),
     /// A known column appears twice.
     #[error("the header names column `{0}` twice")]
@@ -37,7 +37,7 @@ pub enum TrajectoryProblem {
     Syntax(String),
     /// More rows than the reader accepts.
     #[error("more than {most} rows; send a shorter recording")]
-    TooMany {
+    TooManyRows {
         /// Maximum number of rows.
         most: usize,
     },
@@ -55,7 +55,7 @@ pub enum TrajectoryProblem {
     },
     /// Some, but not all, numbers of a vector.
     #[error("line {line}: only some of {columns} are filled in; give all of them or none")]
-    HalfGiven {
+    IncompleteVector {
         /// Its line.
         line: u64,
         /// The columns that belong together.
@@ -93,12 +93,12 @@ pub enum TrajectoryProblem {
     },
 }
 
-fn required() -> String {
-    COLUMNS[..REQUIRED].join(",")
+fn required_columns() -> String {
+    COLUMNS[..REQUIRED_COLUMNS].join(",")
 }
 
 /// Samples with their line numbers, ordered by frame, then tool.
-pub(super) type Lines = Vec<(Sample, u64)>;
+pub(super) type NumberedRows = Vec<(Sample, u64)>;
 
 /// Reads a trajectory from a table. Tools are numbered in order of first appearance in the file; samples are returned
 /// ordered by frame, then tool. Unknown columns are ignored; without a column `state` every row counts as observed.
@@ -106,23 +106,24 @@ pub(super) type Lines = Vec<(Sample, u64)>;
 /// A header without rows is a trajectory without samples. Frames without a tracked tool have no row in the table, so
 /// `frame_times_s` stays empty.
 pub fn read_csv(input: impl Read) -> Result<Trajectory, TrajectoryProblem> {
-    let (tools, rows) = read_lines(input, usize::MAX)?;
+    let (tools, rows) = read_rows(input, usize::MAX)?;
     let samples = rows.into_iter().map(|(sample, _)| sample).collect();
     Ok(Trajectory { tools, samples, frame_times_s: Vec::new(), cuts: Vec::new() })
 }
 
 /// Reads the tools' names and the samples with their line numbers, from a table of at most `most` rows.
-pub(super) fn read_lines(input: impl Read, most: usize) -> Result<(Vec<String>, Lines), TrajectoryProblem> {
+pub(super) fn read_rows(input: impl Read, most: usize) -> Result<(Vec<String>, NumberedRows), TrajectoryProblem> {
     let mut table = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(input);
-    let columns = Positions::find(table.headers().map_err(syntax)?)?;
-    let mut tools = Tools::default();
+    let columns = ColumnPositions::find(table.headers().map_err(syntax)?)?;
+    let mut tools = ToolNumbers::default();
     let mut rows = Vec::new();
     for record in table.records() {
         if rows.len() == most {
-            return Err(TrajectoryProblem::TooMany { most });
+            return Err(TrajectoryProblem::TooManyRows { most });
         }
         let record = record.map_err(syntax)?;
-        let row = Fields { record: &record, columns: &columns, line: record.position().map_or(0, csv::Position::line) };
+        let row =
+            RowFields { record: &record, columns: &columns, line: record.position().map_or(0, csv::Position::line) };
         rows.push((row.sample(&mut tools)?, row.line));
     }
     rows.sort_by_key(|(sample, _)| (sample.frame, sample.tool));
@@ -139,7 +140,7 @@ fn check_order(rows: &[(Sample, u64)], tools: &[String]) -> Result<(), Trajector
     for pair in rows.windows(2) {
         let [(before, earlier), (after, line)] = pair else { continue };
         if before.frame == after.frame && before.tool == after.tool {
-            let tool = shown(&tools[after.tool]);
+            let tool = shortened(&tools[after.tool]);
             let (earlier, line) = (*earlier.min(line), *earlier.max(line));
             return Err(TrajectoryProblem::RepeatedRow { line, tool, frame: after.frame, earlier });
         }
@@ -160,9 +161,9 @@ fn check_order(rows: &[(Sample, u64)], tools: &[String]) -> Result<(), Trajector
 }
 
 /// Position of each known column in the file.
-struct Positions([Option<usize>; COLUMNS.len()]);
+struct ColumnPositions([Option<usize>; COLUMNS.len()]);
 
-impl Positions {
+impl ColumnPositions {
     fn find(header: &StringRecord) -> Result<Self, TrajectoryProblem> {
         if header.iter().all(str::is_empty) {
             return Err(TrajectoryProblem::Empty);
@@ -176,7 +177,7 @@ impl Positions {
                 return Err(TrajectoryProblem::RepeatedColumn(COLUMNS[column]));
             }
         }
-        match (0..REQUIRED).find(|&column| positions[column].is_none()) {
+        match (0..REQUIRED_COLUMNS).find(|&column| positions[column].is_none()) {
             Some(missing) => Err(TrajectoryProblem::MissingColumn(COLUMNS[missing])),
             None => Ok(Self(positions)),
         }
@@ -189,12 +190,12 @@ impl Positions {
 
 /// The tools seen so far, numbered in order of appearance.
 #[derive(Default)]
-struct Tools {
+struct ToolNumbers {
     names: Vec<String>,
     numbers: HashMap<String, usize>,
 }
 
-impl Tools {
+impl ToolNumbers {
     fn number(&mut self, name: &str) -> usize {
         if let Some(&number) = self.numbers.get(name) {
             return number;
@@ -206,17 +207,17 @@ impl Tools {
 }
 
 /// One line of the file.
-struct Fields<'a> {
+struct RowFields<'a> {
     record: &'a StringRecord,
-    columns: &'a Positions,
+    columns: &'a ColumnPositions,
     line: u64,
 }
 
-impl Fields<'_> {
-    fn sample(&self, tools: &mut Tools) -> Result<Sample, TrajectoryProblem> {
+impl RowFields<'_> {
+    fn sample(&self, tools: &mut ToolNumbers) -> Result<Sample, TrajectoryProblem> {
         Ok(Sample {
             frame: self.frame()?,
-            time_s: self.bounded("time_s", LATEST_S, "seconds, at most a week")?,
+            time_s: self.bounded("time_s", MAX_TIME_S, "seconds, at most a week")?,
             tool: tools.number(self.tool()?),
             tip_mm: Point3::new(self.millimetres("x_mm")?, self.millimetres("y_mm")?, self.millimetres("z_mm")?),
             velocity_mm_s: self.vector(["vx_mm_s", "vy_mm_s", "vz_mm_s"], "vx_mm_s, vy_mm_s, vz_mm_s")?,
@@ -232,34 +233,34 @@ impl Fields<'_> {
         self.columns.of(column).and_then(|index| self.record.get(index)).unwrap_or("")
     }
 
-    fn wrong(&self, column: &'static str, expected: &'static str) -> TrajectoryProblem {
-        TrajectoryProblem::Field { line: self.line, column, text: shown(self.text(column)), expected }
+    fn field_error(&self, column: &'static str, expected: &'static str) -> TrajectoryProblem {
+        TrajectoryProblem::Field { line: self.line, column, text: shortened(self.text(column)), expected }
     }
 
     fn frame(&self) -> Result<u64, TrajectoryProblem> {
-        self.text("frame").parse().map_err(|_| self.wrong("frame", "a whole number from 0"))
+        self.text("frame").parse().map_err(|_| self.field_error("frame", "a whole number from 0"))
     }
 
     fn tool(&self) -> Result<&str, TrajectoryProblem> {
         let name = self.text("tool");
-        if name.is_empty() { Err(self.wrong("tool", "the tool's name")) } else { Ok(name) }
+        if name.is_empty() { Err(self.field_error("tool", "the tool's name")) } else { Ok(name) }
     }
 
     fn state(&self) -> Result<SampleState, TrajectoryProblem> {
         match self.text("state") {
             "" | "observed" => Ok(SampleState::Observed),
             "predicted" => Ok(SampleState::Predicted),
-            _ => Err(self.wrong("state", "observed or predicted")),
+            _ => Err(self.field_error("state", "observed or predicted")),
         }
     }
 
     fn bounded(&self, column: &'static str, limit: f64, expected: &'static str) -> Result<f64, TrajectoryProblem> {
         let value = self.text(column).parse::<f64>().ok().filter(|v| v.abs() <= limit); // NaN is not below anything
-        value.ok_or_else(|| self.wrong(column, expected))
+        value.ok_or_else(|| self.field_error(column, expected))
     }
 
     fn millimetres(&self, column: &'static str) -> Result<f64, TrajectoryProblem> {
-        self.bounded(column, LARGEST_MM, "millimetres with a decimal dot, within ten metres")
+        self.bounded(column, MAX_COORDINATE_MM, "millimetres with a decimal dot, within ten metres")
     }
 
     fn optional(&self, column: &'static str) -> Result<Option<f64>, TrajectoryProblem> {
@@ -267,7 +268,9 @@ impl Fields<'_> {
             "" => Ok(None),
             text => {
                 let value = text.parse::<f64>().ok().filter(|v| v.is_finite());
-                value.map(Some).ok_or_else(|| self.wrong(column, "a finite number with a decimal dot, or nothing"))
+                value
+                    .map(Some)
+                    .ok_or_else(|| self.field_error(column, "a finite number with a decimal dot, or nothing"))
             }
         }
     }
@@ -280,7 +283,7 @@ impl Fields<'_> {
         match (self.optional(x)?, self.optional(y)?, self.optional(z)?) {
             (Some(x), Some(y), Some(z)) => Ok(Some(Vector3::new(x, y, z))),
             (None, None, None) => Ok(None),
-            _ => Err(TrajectoryProblem::HalfGiven { line: self.line, columns }),
+            _ => Err(TrajectoryProblem::IncompleteVector { line: self.line, columns }),
         }
     }
 
@@ -288,14 +291,14 @@ impl Fields<'_> {
         match (self.optional("tip_u_px")?, self.optional("tip_v_px")?) {
             (Some(u), Some(v)) => Ok(Some(Point2::new(u, v))),
             (None, None) => Ok(None),
-            _ => Err(TrajectoryProblem::HalfGiven { line: self.line, columns: "tip_u_px, tip_v_px" }),
+            _ => Err(TrajectoryProblem::IncompleteVector { line: self.line, columns: "tip_u_px, tip_v_px" }),
         }
     }
 
     fn sigma(&self, column: &'static str) -> Result<Option<f64>, TrajectoryProblem> {
         let value = self.optional(column)?;
         if value.is_some_and(|v| v < 0.0) {
-            Err(self.wrong(column, "a standard deviation, not negative"))
+            Err(self.field_error(column, "a standard deviation, not negative"))
         } else {
             Ok(value)
         }

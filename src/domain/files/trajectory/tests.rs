@@ -48,7 +48,7 @@ fn two_tools() -> Trajectory {
 }
 
 #[test]
-fn the_header_and_a_row_are_the_contracts() {
+fn the_header_and_a_row_have_the_documented_form() {
     let text = csv_of(&two_tools());
     let mut lines = text.split('\n');
     assert_eq!(
@@ -86,7 +86,7 @@ fn rows_in_tool_order_come_out_in_frame_order() {
 }
 
 #[test]
-fn a_header_alone_is_a_trajectory_in_which_nothing_was_tracked() {
+fn a_header_alone_is_an_empty_trajectory() {
     assert_eq!(read(SHORT).unwrap().samples, []);
 }
 
@@ -104,7 +104,7 @@ fn missing_and_repeated_columns_are_named() {
 }
 
 #[test]
-fn a_field_that_cannot_be_meant_is_named_with_its_line() {
+fn an_invalid_field_is_named_with_its_line() {
     for bad in ["NaN", "nan", "inf", "-inf", "", "12,5", "x", "1e300"] {
         let rows = format!("0,0,a,1,1,1\n1,0.04,a,1,\"{bad}\",1\n");
         match read(&with_rows(&rows)) {
@@ -140,7 +140,7 @@ fn times_that_contradict_the_frame_numbers_are_refused() {
 #[test]
 fn half_a_velocity_is_refused() {
     let text = "frame,time_s,tool,x_mm,y_mm,z_mm,vx_mm_s,vy_mm_s,vz_mm_s\n0,0,a,1,1,1,5,,5\n";
-    assert!(matches!(read(text), Err(TrajectoryProblem::HalfGiven { line: 2, .. })));
+    assert!(matches!(read(text), Err(TrajectoryProblem::IncompleteVector { line: 2, .. })));
 }
 
 #[test]

@@ -4,14 +4,14 @@
 //! smallest and largest x, y, z and speed, so that no curve loses a spike. A gap in a tool's rows is kept if it is at
 //! least half a stretch long; shorter gaps are below the plot's resolution.
 
-use crate::pipeline::trajectory::{Sample, Trajectory, is_cut};
+use crate::pipeline::trajectory::{Sample, Trajectory, has_cut_between};
 
 /// Maximum number of rows kept per stretch: the first, and two extremes of four numbers.
-const OF_A_STRETCH: usize = 9;
+const MAX_ROWS_PER_STRETCH: usize = 9;
 
 /// A thinned trajectory, with a mark on each row that follows a gap.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Thinned {
+pub struct ThinnedTrajectory {
     /// The remaining rows.
     pub trajectory: Trajectory,
     /// For each row: whether its tool was absent, or a cut lies, between the tool's previous row and this one.
@@ -21,8 +21,8 @@ pub struct Thinned {
 }
 
 /// Reduces each tool to about `rows_of_a_tool` rows. If no tool has more than that, all rows stay.
-pub fn thinned(trajectory: &Trajectory, rows_of_a_tool: usize) -> Thinned {
-    let stretches = (rows_of_a_tool / OF_A_STRETCH).max(1);
+pub fn thin_trajectory(trajectory: &Trajectory, rows_of_a_tool: usize) -> ThinnedTrajectory {
+    let stretches = (rows_of_a_tool / MAX_ROWS_PER_STRETCH).max(1);
     let ends = trajectory.samples.first().zip(trajectory.samples.last());
     let [begin_s, end_s] = ends.map_or([0.0; 2], |(first, last)| [first.time_s, last.time_s]);
     let stretch_s = (end_s - begin_s) / stretches as f64;
@@ -40,7 +40,7 @@ pub fn thinned(trajectory: &Trajectory, rows_of_a_tool: usize) -> Thinned {
             before.is_none_or(|b| {
                 row.frame - b.frame >= min_gap
                     || row.time_s - b.time_s >= min_gap_s
-                    || is_cut(&cuts_s, [b.time_s, row.time_s])
+                    || has_cut_between(&cuts_s, [b.time_s, row.time_s])
             })
         };
         let gaps: Vec<bool> = rows.iter().map(|row| gap(before.replace(row), row)).collect();
@@ -53,7 +53,8 @@ pub fn thinned(trajectory: &Trajectory, rows_of_a_tool: usize) -> Thinned {
                 last += 1;
             }
             let ends_here = gaps.get(last + 1).is_none_or(|is_gap| *is_gap);
-            let keep = if is_thinned { telling(&rows[first..=last], ends_here) } else { (0..=last - first).collect() };
+            let keep =
+                if is_thinned { rows_to_keep(&rows[first..=last], ends_here) } else { (0..=last - first).collect() };
             left.extend(keep.into_iter().map(|index| (*rows[first + index], gaps[first + index])));
             first = last + 1;
         }
@@ -62,11 +63,11 @@ pub fn thinned(trajectory: &Trajectory, rows_of_a_tool: usize) -> Thinned {
     let (samples, after_gap) = left.into_iter().unzip();
     let (tools, frame_times_s) = (trajectory.tools.clone(), trajectory.frame_times_s.clone());
     let cuts = trajectory.cuts.clone();
-    Thinned { trajectory: Trajectory { tools, samples, frame_times_s, cuts }, after_gap, is_thinned }
+    ThinnedTrajectory { trajectory: Trajectory { tools, samples, frame_times_s, cuts }, after_gap, is_thinned }
 }
 
 /// Indices of a stretch's first row and of its extremes; also of its last row if a gap follows.
-fn telling(rows: &[&Sample], ends_here: bool) -> Vec<usize> {
+fn rows_to_keep(rows: &[&Sample], ends_here: bool) -> Vec<usize> {
     let numbers: [fn(&Sample) -> Option<f64>; 4] = [
         |row| Some(row.tip_mm.x),
         |row| Some(row.tip_mm.y),
@@ -114,20 +115,20 @@ mod tests {
     }
 
     #[test]
-    fn a_short_path_stays_as_it_is_and_its_gaps_are_told() {
+    fn a_short_path_stays_unchanged_and_its_gaps_are_marked() {
         let all = path(100, |frame| (frame != 40).then_some(frame as f64));
-        let left = thinned(&all, 99);
+        let left = thin_trajectory(&all, 99);
         assert_eq!((&left.trajectory, left.is_thinned), (&all, false));
         let gaps: Vec<u64> =
             all.samples.iter().zip(&left.after_gap).filter(|(_, gap)| **gap).map(|(s, _)| s.frame).collect();
         assert_eq!(gaps, [0, 41]);
-        assert!(thinned(&path(0, |_| None), 100).trajectory.samples.is_empty());
+        assert!(thin_trajectory(&path(0, |_| None), 100).trajectory.samples.is_empty());
     }
 
     #[test]
-    fn twenty_minutes_become_as_few_rows_as_asked_for_and_one_wild_frame_stays() {
+    fn twenty_minutes_are_thinned_to_the_limit_and_an_outlier_stays() {
         let all = path(30_000, |frame| Some(if frame == 17_003 { 900.0 } else { (frame as f64 / 40.0).sin() }));
-        let left = thinned(&all, 2_000);
+        let left = thin_trajectory(&all, 2_000);
         let count = left.trajectory.samples.len();
         assert!(left.is_thinned && (500..=2_010).contains(&count), "{count}");
         assert!(left.trajectory.samples.iter().any(|row| row.frame == 17_003));
@@ -135,9 +136,9 @@ mod tests {
     }
 
     #[test]
-    fn an_absence_stays_one_and_a_flicker_does_not_swell_the_rows() {
+    fn an_absence_is_kept_and_flicker_adds_no_rows() {
         let away = path(30_000, |frame| (!(9_000..12_000).contains(&frame)).then_some(1.0));
-        let left = thinned(&away, 2_000);
+        let left = thin_trajectory(&away, 2_000);
         let after: Vec<u64> = left
             .trajectory
             .samples
@@ -149,15 +150,15 @@ mod tests {
         assert_eq!(after, [0, 12_000]);
         assert!(left.trajectory.samples.iter().any(|row| row.frame == 8_999), "the last sight");
         let flickers = path(30_000, |frame| (frame % 3 != 0).then_some((frame as f64).sin()));
-        assert!(thinned(&flickers, 2_000).trajectory.samples.len() <= 2_010);
+        assert!(thin_trajectory(&flickers, 2_000).trajectory.samples.len() <= 2_010);
     }
 
     proptest! {
         #[test]
-        fn what_is_left_reaches_as_far_as_all_rows_wherever_one_looks(seed in 0u64..1000, at in 0.0..0.7f64) {
+        fn thinned_rows_keep_the_extremes_everywhere(seed in 0u64..1000, at in 0.0..0.7f64) {
             let x = |frame: u64| ((frame * (2 * seed + 1)) % 977) as f64;
             let all = path(9_000, |frame| Some(x(frame)));
-            let left = thinned(&all, 900);
+            let left = thin_trajectory(&all, 900);
             // 600 frames of the recording, and a stretch of 90 frames more on either side.
             let from = 100 + (at * 8_000.0) as u64;
             let extent = |rows: &[Sample], from: u64, to: u64| {

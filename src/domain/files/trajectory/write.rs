@@ -22,9 +22,9 @@ pub fn write_csv(trajectory: &Trajectory, out: impl Write) -> io::Result<()> {
 }
 
 fn fields(trajectory: &Trajectory, sample: &Sample) -> io::Result<[String; COLUMNS.len()]> {
-    let name = trajectory.tools.get(sample.tool).ok_or_else(|| unusable(sample, "tool"))?;
+    let name = trajectory.tools.get(sample.tool).ok_or_else(|| unusable_value(sample, "tool"))?;
     let number = |column: &str, value: f64| {
-        if value.is_finite() { Ok(value.to_string()) } else { Err(unusable(sample, column)) }
+        if value.is_finite() { Ok(value.to_string()) } else { Err(unusable_value(sample, column)) }
     };
     let maybe = |column: &str, value: Option<f64>| value.map_or(Ok(String::new()), |v| number(column, v));
     let [vx, vy, vz] = parts(sample.velocity_mm_s);
@@ -55,7 +55,7 @@ fn parts(vector: Option<Vector3<f64>>) -> [Option<f64>; 3] {
     vector.map_or([None; 3], |v| [Some(v.x), Some(v.y), Some(v.z)])
 }
 
-fn unusable(sample: &Sample, column: &str) -> io::Error {
+fn unusable_value(sample: &Sample, column: &str) -> io::Error {
     let what = format!("frame {}, tool {}: `{column}` is not a usable value", sample.frame, sample.tool);
     io::Error::new(io::ErrorKind::InvalidData, what)
 }

@@ -29,7 +29,7 @@ fn bent(pose: &Isometry3<f64>, bulge_mm: f64) -> Vec<Pixel> {
 }
 
 fn left_out(calibration: &Calibration) -> Vec<&str> {
-    calibration.photos.iter().filter(|p| !p.used()).map(|p| p.name.as_str()).collect()
+    calibration.photos.iter().filter(|p| !p.is_used()).map(|p| p.name.as_str()).collect()
 }
 
 /// Largest distance between the pixels where two cameras see the same direction, over the picture.
@@ -72,7 +72,7 @@ fn bent_boards_are_left_out_by_name_and_the_camera_is_as_good_as_without_them() 
         assert!((bulge_mm - 4.0).abs() < 0.4, "{bulge_mm}");
     }
     let without = calibrated(&straight).unwrap();
-    assert_eq!(calibration.used(), 13);
+    assert_eq!(calibration.used_count(), 13);
     assert!(largest_displacement_px(&calibration.camera, &without.camera) < 1e-3);
 }
 
@@ -118,7 +118,7 @@ fn fewer_than_three_photos_are_refused() {
 }
 
 #[test]
-fn a_wrongly_counted_board_is_told_what_the_photos_show() {
+fn a_wrongly_counted_board_is_refused_with_the_size_in_the_photos() {
     let reason = BoardReason::OtherBoard { columns: 8, rows: 6 };
     let views: Vec<_> = (0..5).map(|i| BoardView { name: i.to_string(), corners: Err(reason) }).collect();
     let message = calibrated(&views).unwrap_err().to_string();

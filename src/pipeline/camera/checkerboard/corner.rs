@@ -18,14 +18,14 @@ use super::grey::Grey;
 const UNKNOWNS: usize = 10;
 
 /// Maximum steps of one fit, and maximum windows for one corner.
-const MOST_STEPS: usize = 25;
-const MOST_WINDOWS: usize = 20;
+const MAX_STEPS: usize = 25;
+const MAX_WINDOWS: usize = 20;
 
 /// The fit has converged when window centre and corner are this close, px.
-const ARRIVED_PX: f64 = 0.01;
+const CONVERGED_PX: f64 = 0.01;
 
 /// Minimum blur of the model, px: a pixel's own area blurs by 0.29.
-const SHARPEST_PX: f64 = 0.35;
+const MIN_BLUR_PX: f64 = 0.35;
 
 /// A fitted corner.
 #[derive(Clone, Debug)]
@@ -48,14 +48,14 @@ pub(super) struct Corner {
 
 /// Rough position and steps of a corner, to start the fit.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct CornerGuess {
     /// Rough position, px.
     pub at: Point2<f64>,
     /// Steps to the next corner along the row and along the column, px.
     pub steps: [Vector2<f64>; 2],
 }
 
-impl Place {
+impl CornerGuess {
     /// Distance to the nearest edge that does not pass through the corner, px.
     pub fn square_px(&self) -> f64 {
         let [a, b] = self.steps;
@@ -65,21 +65,21 @@ impl Place {
 
 impl Corner {
     /// Fits a corner; `None` if the fit diverges or leaves the picture.
-    pub fn fit(picture: &Grey, place: &Place) -> Option<Self> {
+    pub fn fit(picture: &Grey, place: &CornerGuess) -> Option<Self> {
         let square = place.square_px();
-        let radius = (WINDOW_IN_SQUARES * square).clamp(SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX);
-        let mut model = Model::start(place);
+        let radius = (WINDOW_IN_SQUARES * square).clamp(MIN_WINDOW_PX, MAX_WINDOW_PX);
+        let mut model = CornerModel::start(place);
         let mut centre = place.at;
         let mut last: Option<(Vector2<f64>, Vector2<f64>)> = None;
-        for _ in 0..MOST_WINDOWS {
-            let window = Window::around(picture, centre, radius)?;
+        for _ in 0..MAX_WINDOWS {
+            let window = FitWindow::around(picture, centre, radius)?;
             model.start_levels(&window);
             model = model.fitted(&window)?;
             if (model.at() - place.at).norm() > 0.3 * square.max(6.0) {
                 return None;
             }
             let step = model.at() - centre;
-            if step.norm() < ARRIVED_PX {
+            if step.norm() < CONVERGED_PX {
                 return Some(model.corner(&window));
             }
             let shift = step * last.map_or(1.0, |(shift, before)| stride(shift, before, step));
@@ -113,16 +113,16 @@ fn stride(last_shift: Vector2<f64>, last_step: Vector2<f64>, step: Vector2<f64>)
 /// edge, blurred.
 const WINDOW_IN_SQUARES: f64 = 0.45;
 /// Below this a window holds too few pixels for ten unknowns.
-const SMALLEST_WINDOW_PX: f64 = 3.6;
+const MIN_WINDOW_PX: f64 = 3.6;
 /// Above this the bending of edges under distortion costs more than further pixels gain.
-const LARGEST_WINDOW_PX: f64 = 14.0;
+const MAX_WINDOW_PX: f64 = 14.0;
 
 /// Pixels around a point: offsets, levels and weights that fall to nothing at the rim.
-struct Window {
+struct FitWindow {
     pixels: Vec<(f64, f64, f64, f64)>,
 }
 
-impl Window {
+impl FitWindow {
     fn around(picture: &Grey, centre: Point2<f64>, radius: f64) -> Option<Self> {
         let last = |size: usize| size as f64 - 1.0;
         let inside = centre.x >= 1.0 && centre.y >= 1.0;
@@ -148,10 +148,10 @@ impl Window {
 
 /// u, v, direction 1, direction 2, σ, then the levels a, b, c, d, e.
 #[derive(Clone, Debug)]
-struct Model(SVector<f64, UNKNOWNS>);
+struct CornerModel(SVector<f64, UNKNOWNS>);
 
-impl Model {
-    fn start(place: &Place) -> Self {
+impl CornerModel {
+    fn start(place: &CornerGuess) -> Self {
         let [a, b] = place.steps.map(|s| s.y.atan2(s.x));
         Self(SVector::from([place.at.x, place.at.y, a, b, 1.2, 0.0, 0.0, 0.0, 0.0, 0.0]))
     }
@@ -161,7 +161,7 @@ impl Model {
     }
 
     /// Start values of the levels a and b for the present edges; c, d and e start at 0.
-    fn start_levels(&mut self, window: &Window) {
+    fn start_levels(&mut self, window: &FitWindow) {
         let (mut weights, mut mean) = (0.0, 0.0);
         for &(_, _, level, weight) in &window.pixels {
             weights += weight;
@@ -212,14 +212,14 @@ impl Model {
         (a + b * first * second + c * first + d * second + e * (first * second).powi(2), slopes)
     }
 
-    fn cost(&self, window: &Window) -> f64 {
+    fn cost(&self, window: &FitWindow) -> f64 {
         window.pixels.iter().map(|&(x, y, level, weight)| weight * (level - self.level(x, y).0).powi(2)).sum()
     }
 
-    fn fitted(mut self, window: &Window) -> Option<Self> {
+    fn fitted(mut self, window: &FitWindow) -> Option<Self> {
         let mut cost = self.cost(window);
         let mut damping = 1e-3;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let mut square = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
             let mut slope = SVector::<f64, UNKNOWNS>::zeros();
             for &(x, y, level, weight) in &window.pixels {
@@ -234,7 +234,7 @@ impl Model {
                     raised[(i, i)] *= 1.0 + damping;
                 }
                 let mut trial = Self(self.0 + raised.cholesky()?.solve(&slope));
-                trial.0[4] = trial.0[4].max(SHARPEST_PX);
+                trial.0[4] = trial.0[4].max(MIN_BLUR_PX);
                 let new_cost = trial.cost(window);
                 if new_cost < cost {
                     moved = Some((trial.at() - self.at()).norm());
@@ -251,7 +251,7 @@ impl Model {
         self.0.iter().all(|v| v.is_finite()).then_some(self)
     }
 
-    fn corner(&self, window: &Window) -> Corner {
+    fn corner(&self, window: &FitWindow) -> Corner {
         let weights: f64 = window.pixels.iter().map(|p| p.3).sum();
         Corner {
             at: self.at(),

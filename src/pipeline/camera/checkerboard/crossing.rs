@@ -12,19 +12,19 @@ use nalgebra::Point2;
 use super::grey::Grey;
 
 /// Minimum strength of a saddle, grey levels per px²: a corner of 15 levels' contrast, blurred by 1.5 px.
-const FAINTEST: f32 = 1.1;
+const MIN_SADDLE: f32 = 1.1;
 
 /// Minimum contrast on the ring, grey levels.
-const LEAST_CONTRAST: f32 = 10.0;
+const MIN_CONTRAST: f32 = 10.0;
 
 /// Radius of the ring, px: inside the four squares if these are at least 8 px wide.
 const RING_RADIUS: f64 = 5.0;
 
 /// Samples on the ring.
-const RING: usize = 32;
+const RING_SAMPLES: usize = 32;
 
 /// Maximum of saddles that are tested, the strongest first; it bounds the time for pictures full of texture.
-const MOST_SADDLES: usize = 4_000;
+const MAX_SADDLES: usize = 4_000;
 
 /// A candidate for an inner corner.
 #[derive(Clone, Debug)]
@@ -49,7 +49,7 @@ impl Crossing {
 pub(super) fn find(smooth: &Grey) -> Vec<Crossing> {
     let mut saddles = saddles(smooth);
     saddles.sort_by(|a, b| b.0.total_cmp(&a.0));
-    saddles.truncate(MOST_SADDLES);
+    saddles.truncate(MAX_SADDLES);
     saddles.into_iter().filter_map(|(_, at)| crossing_at(smooth, at)).collect()
 }
 
@@ -65,7 +65,7 @@ fn saddles(smooth: &Grey) -> Vec<(f32, Point2<f64>)> {
     for y in REACH..height - REACH {
         for x in REACH..width - REACH {
             let own = strength[y * width + x];
-            if own < FAINTEST * FAINTEST {
+            if own < MIN_SADDLE * MIN_SADDLE {
                 continue;
             }
             let rows = y - REACH..=y + REACH;
@@ -107,13 +107,13 @@ fn saddle_point(smooth: &Grey, x: usize, y: usize) -> Option<Point2<f64>> {
 
 /// Tests the ring around a saddle.
 fn crossing_at(smooth: &Grey, at: Point2<f64>) -> Option<Crossing> {
-    let mut ring = [0.0_f32; RING];
+    let mut ring = [0.0_f32; RING_SAMPLES];
     for (i, level) in ring.iter_mut().enumerate() {
         let (sin, cos) = angle(i as f64).sin_cos();
         *level = smooth.between(at.x + RING_RADIUS * cos, at.y + RING_RADIUS * sin)?;
     }
     let (lowest, highest) = ring.iter().fold((f32::MAX, f32::MIN), |(l, h), &v| (l.min(v), h.max(v)));
-    if highest - lowest < LEAST_CONTRAST {
+    if highest - lowest < MIN_CONTRAST {
         return None;
     }
     let middle = (lowest + highest) / 2.0;
@@ -125,16 +125,16 @@ fn crossing_at(smooth: &Grey, at: Point2<f64>) -> Option<Crossing> {
 }
 
 fn angle(sample: f64) -> f64 {
-    sample * TAU / RING as f64
+    sample * TAU / RING_SAMPLES as f64
 }
 
 /// The four angles at which the ring passes the middle level; `None` if these are not four.
-fn sign_changes(ring: &[f32; RING], middle: f32) -> Option<([f64; 4], bool)> {
+fn sign_changes(ring: &[f32; RING_SAMPLES], middle: f32) -> Option<([f64; 4], bool)> {
     let mut rays = [0.0; 4];
     let mut count = 0;
     let mut first_rises = false;
-    for i in 0..RING {
-        let (here, next) = (ring[i] - middle, ring[(i + 1) % RING] - middle);
+    for i in 0..RING_SAMPLES {
+        let (here, next) = (ring[i] - middle, ring[(i + 1) % RING_SAMPLES] - middle);
         if (here < 0.0) == (next < 0.0) {
             continue;
         }
@@ -151,9 +151,9 @@ fn sign_changes(ring: &[f32; RING], middle: f32) -> Option<([f64; 4], bool)> {
 }
 
 /// Whether opposite samples agree, as at a crossing but not at a square's outer corner or a blot.
-fn is_symmetric(ring: &[f32; RING]) -> bool {
-    let mean = ring.iter().sum::<f32>() / RING as f32;
-    let (first, second) = ring.split_at(RING / 2);
+fn is_symmetric(ring: &[f32; RING_SAMPLES]) -> bool {
+    let mean = ring.iter().sum::<f32>() / RING_SAMPLES as f32;
+    let (first, second) = ring.split_at(RING_SAMPLES / 2);
     let joint: f32 = first.iter().zip(second).map(|(a, b)| (a - mean) * (b - mean)).sum();
     let own: f32 = ring.iter().map(|v| (v - mean).powi(2)).sum();
     2.0 * joint > 0.6 * own

@@ -15,7 +15,7 @@ use super::crossing::Crossing;
 
 /// Maximum angle between a half edge's direction and its neighbour, radians: the edge bends under distortion, and its
 /// direction was measured on a small ring.
-const OFF_RAY: f64 = 0.3;
+const MAX_OFF_RAY: f64 = 0.3;
 
 /// Corners by column and row. In the picture (x right, y down), the direction along a column lies clockwise of the
 /// direction along a row.
@@ -25,13 +25,13 @@ pub(super) struct Grid {
 }
 
 /// Grids of at least four corners, the largest first.
-pub(super) fn grow(crossings: &[Crossing]) -> Vec<Grid> {
-    let links = mutual(&chosen_neighbours(crossings));
+pub(super) fn connect(crossings: &[Crossing]) -> Vec<Grid> {
+    let links = mutual_links(&chosen_neighbours(crossings));
     let mut taken = vec![false; crossings.len()];
     let mut grids: Vec<Grid> = Vec::new();
     for seed in 0..crossings.len() {
         if !taken[seed] {
-            grids.push(walk(seed, crossings, &links, &mut taken));
+            grids.push(grid_from_seed(seed, crossings, &links, &mut taken));
         }
     }
     grids.retain(|grid| grid.corners.len() >= 4);
@@ -54,11 +54,11 @@ fn nearest_along(own: &Crossing, slot: usize, crossings: &[Crossing]) -> Option<
         let way = other.at - own.at;
         let ahead = way.x * cos + way.y * sin;
         let aside = way.y * cos - way.x * sin;
-        if ahead <= 0.0 || aside.abs() > OFF_RAY * ahead || way.norm_squared() >= nearest.0 {
+        if ahead <= 0.0 || aside.abs() > MAX_OFF_RAY * ahead || way.norm_squared() >= nearest.0 {
             continue;
         }
         let back = way.y.atan2(way.x) + PI;
-        let fits = |&s: &usize| other.rises(s) != own.rises(slot) && off(other.rays[s], back) < OFF_RAY;
+        let fits = |&s: &usize| other.rises(s) != own.rises(slot) && angle_between(other.rays[s], back) < MAX_OFF_RAY;
         if let Some(met_by) = (0..4).find(fits) {
             nearest = (way.norm_squared(), Some((index, met_by)));
         }
@@ -67,12 +67,12 @@ fn nearest_along(own: &Crossing, slot: usize, crossings: &[Crossing]) -> Option<
 }
 
 /// Smallest difference between two directions, radians.
-fn off(a: f64, b: f64) -> f64 {
+fn angle_between(a: f64, b: f64) -> f64 {
     let difference = (a - b).rem_euclid(TAU);
     difference.min(TAU - difference)
 }
 
-fn mutual(chosen: &Links) -> Links {
+fn mutual_links(chosen: &Links) -> Links {
     let agreed = |own: usize, slot: usize| {
         chosen[own][slot].filter(|&(other, met_by)| chosen[other][met_by] == Some((own, slot)))
     };
@@ -81,7 +81,7 @@ fn mutual(chosen: &Links) -> Links {
 
 /// Follows all links from a seed. A crossing's half edge `slot` points to grid direction `slot − turn` (0: next column,
 /// 1: next row, 2: previous column, 3: previous row).
-fn walk(seed: usize, crossings: &[Crossing], links: &Links, taken: &mut [bool]) -> Grid {
+fn grid_from_seed(seed: usize, crossings: &[Crossing], links: &Links, taken: &mut [bool]) -> Grid {
     let mut grid = Grid::default();
     let mut queue = VecDeque::from([(seed, (0, 0), 0)]);
     taken[seed] = true;
@@ -110,7 +110,7 @@ fn walk(seed: usize, crossings: &[Crossing], links: &Links, taken: &mut [bool]) 
 impl Grid {
     /// Converts positions found after `halvings` of a picture to that picture's pixels. Pixel centres, not pixel
     /// corners, have whole coordinates.
-    pub fn enlarge(&mut self, halvings: usize) {
+    pub fn scale_to_full_size(&mut self, halvings: usize) {
         let factor = f64::from(1_u32 << halvings.min(16));
         for at in self.corners.values_mut() {
             *at = Point2::from((at.coords.add_scalar(0.5) * factor).add_scalar(-0.5));

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Point2, Vector2};
 
-use super::corner::{Corner, Place};
+use super::corner::{Corner, CornerGuess};
 use super::grey::Grey;
 use super::grid::Grid;
 use crate::pipeline::space::Pixel;
@@ -56,7 +56,7 @@ impl Lattice {
         for (&cell, &at) in &rough.corners {
             let steps = [(1, 0), (0, 1)].map(|axis| step(|c| rough.corners.get(&c).copied(), cell, axis));
             if let [Some(row), Some(column)] = steps {
-                lattice.try_place(picture, cell, &Place { at, steps: [row, column] });
+                lattice.try_place(picture, cell, &CornerGuess { at, steps: [row, column] });
             }
         }
         for _ in 0..2 * most {
@@ -146,11 +146,11 @@ impl Lattice {
     }
 
     /// The measured or predicted position of a cell's corner.
-    fn place(&self, cell: Cell) -> Option<Place> {
+    fn place(&self, cell: Cell) -> Option<CornerGuess> {
         let get = |c: Cell| self.position(c);
         let steps = [step(get, cell, (1, 0))?, step(get, cell, (0, 1))?];
         let at = get(cell).or_else(|| self.predict(cell))?;
-        Some(Place { at, steps })
+        Some(CornerGuess { at, steps })
     }
 
     /// Predicts a missing corner from its row and column: between two neighbours, or beyond two or three.
@@ -166,7 +166,7 @@ impl Lattice {
         (count > 0).then(|| Point2::from(sum / f64::from(count)))
     }
 
-    fn try_place(&mut self, picture: &Grey, cell: Cell, place: &Place) -> bool {
+    fn try_place(&mut self, picture: &Grey, cell: Cell, place: &CornerGuess) -> bool {
         let corner = Corner::fit(picture, place).filter(Corner::is_crossing);
         let found = corner.is_some();
         self.corners.extend(corner.map(|c| (cell, c)));

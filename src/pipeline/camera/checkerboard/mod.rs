@@ -22,16 +22,16 @@ use lattice::Lattice;
 
 /// Maximum blur of the edges (standard deviation, in squares); beyond it too little of the squares is left to locate a
 /// corner.
-const MOST_BLUR_IN_SQUARES: f64 = 0.2;
+const MAX_BLUR_IN_SQUARES: f64 = 0.2;
 
 /// Minimum of pixels on the shorter side of a scaled picture.
-const SMALLEST_SCALE_PX: usize = 120;
+const MIN_SCALE_PX: usize = 120;
 
 /// Minimum of pixels on the shorter side of a photo; a smaller one cannot hold the smallest board.
-const SMALLEST_PHOTO_PX: usize = 24;
+const MIN_PHOTO_PX: usize = 24;
 
 /// Maximum of grids tried at one scale, the largest first.
-const MOST_GRIDS: usize = 3;
+const MAX_GRIDS: usize = 3;
 
 /// Why a photo gives no corners.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -72,12 +72,12 @@ pub enum BoardReason {
 /// # Errors
 /// [`BoardReason`] if the board was not found whole.
 pub fn find(photo: &Plane<'_>, board: Board) -> Result<Vec<Pixel>, BoardReason> {
-    seek(photo, board).map_err(|missed| missed.reason)
+    find_or_partial(photo, board).map_err(|missed| missed.reason)
 }
 
 /// A board that was not found whole.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Missed {
+pub struct BoardNotFound {
     /// Why it was not found.
     pub reason: BoardReason,
     /// The corners that were seen, in no order; they show where the problem lies.
@@ -85,9 +85,9 @@ pub struct Missed {
 }
 
 /// As [`find`], but a failure also returns the corners that were seen.
-pub fn seek(photo: &Plane<'_>, board: Board) -> Result<Vec<Pixel>, Missed> {
-    let mut missed = Missed { reason: BoardReason::NoBoard, seen: Vec::new() };
-    if photo.width.min(photo.height) < SMALLEST_PHOTO_PX {
+pub fn find_or_partial(photo: &Plane<'_>, board: Board) -> Result<Vec<Pixel>, BoardNotFound> {
+    let mut missed = BoardNotFound { reason: BoardReason::NoBoard, seen: Vec::new() };
+    if photo.width.min(photo.height) < MIN_PHOTO_PX {
         return Err(missed);
     }
     let scales = Scales::of(photo);
@@ -96,10 +96,10 @@ pub fn seek(photo: &Plane<'_>, board: Board) -> Result<Vec<Pixel>, Missed> {
             match corners_of(&lattice, board) {
                 Ok(corners) => return Ok(corners),
                 Err(reason @ BoardReason::OtherBoard { .. }) => {
-                    return Err(Missed { reason, seen: lattice.positions() });
+                    return Err(BoardNotFound { reason, seen: lattice.positions() });
                 }
-                Err(reason) if weight(&reason) > weight(&missed.reason) => {
-                    missed = Missed { reason, seen: lattice.positions() };
+                Err(reason) if reason_rank(&reason) > reason_rank(&missed.reason) => {
+                    missed = BoardNotFound { reason, seen: lattice.positions() };
                 }
                 Err(_) => {}
             }
@@ -109,8 +109,8 @@ pub fn seek(photo: &Plane<'_>, board: Board) -> Result<Vec<Pixel>, Missed> {
 }
 
 fn corners_of(lattice: &Lattice, board: Board) -> Result<Vec<Pixel>, BoardReason> {
-    let (columns, rows) = upright(lattice.size(), board);
-    if columns < Board::FEWEST || rows < Board::FEWEST {
+    let (columns, rows) = oriented_size(lattice.size(), board);
+    if columns < Board::MIN_CORNERS || rows < Board::MIN_CORNERS {
         return Err(BoardReason::NoBoard);
     }
     if !lattice.is_full()
@@ -126,20 +126,20 @@ fn corners_of(lattice: &Lattice, board: Board) -> Result<Vec<Pixel>, BoardReason
         return Err(BoardReason::Irregular);
     }
     let blur = lattice.blur_in_squares();
-    if blur > MOST_BLUR_IN_SQUARES {
+    if blur > MAX_BLUR_IN_SQUARES {
         return Err(BoardReason::Blurred { blur_percent: 100.0 * blur });
     }
     Ok(corners.into_iter().map(Pixel).collect())
 }
 
 /// A seen size, with columns and rows swapped if that fits the board better.
-fn upright((a, b): (usize, usize), board: Board) -> (usize, usize) {
+fn oriented_size((a, b): (usize, usize), board: Board) -> (usize, usize) {
     let miss = |columns: usize, rows: usize| columns.abs_diff(board.columns()) + rows.abs_diff(board.rows());
     if miss(a, b) <= miss(b, a) { (a, b) } else { (b, a) }
 }
 
 /// Ranks a reason: of several, the one that saw most of the board is reported.
-fn weight(reason: &BoardReason) -> usize {
+fn reason_rank(reason: &BoardReason) -> usize {
     match reason {
         BoardReason::NoBoard => 0,
         BoardReason::Incomplete { columns, rows } => columns * rows,
@@ -158,7 +158,7 @@ struct Scales {
 impl Scales {
     fn of(photo: &Plane<'_>) -> Self {
         let mut pictures = vec![Grey::from_plane(photo)];
-        while let Some(last) = pictures.last().filter(|p| p.width.min(p.height) >= 2 * SMALLEST_SCALE_PX) {
+        while let Some(last) = pictures.last().filter(|p| p.width.min(p.height) >= 2 * MIN_SCALE_PX) {
             let half = last.halved();
             pictures.push(half);
         }
@@ -169,11 +169,11 @@ impl Scales {
     /// Lattices found at one scale and measured at full size.
     fn lattices(&self, scale: usize, board: Board) -> impl Iterator<Item = Lattice> {
         let crossings = crossing::find(&self.pictures[scale].smoothed());
-        let mut grids = grid::grow(&crossings);
-        grids.truncate(MOST_GRIDS);
+        let mut grids = grid::connect(&crossings);
+        grids.truncate(MAX_GRIDS);
         let most = board.columns().max(board.rows()) + 2;
         grids.into_iter().map(move |mut grid| {
-            grid.enlarge(scale);
+            grid.scale_to_full_size(scale);
             Lattice::measure(&self.fitted, &grid, most)
         })
     }

@@ -10,7 +10,7 @@ const WIDTH: usize = 480;
 const HEIGHT: usize = 360;
 
 /// A photo to draw.
-struct Shot {
+struct DrawnPhoto {
     camera: Camera,
     pose: Isometry3<f64>,
     board: Board,
@@ -25,7 +25,7 @@ struct Shot {
     noise: f32,
 }
 
-impl Shot {
+impl DrawnPhoto {
     fn new(pose: Isometry3<f64>) -> Self {
         let camera = Camera {
             width: WIDTH as u32,
@@ -133,7 +133,7 @@ fn pose(spin: f64, lean: f64, about: f64, at: (f64, f64, f64)) -> Isometry3<f64>
 fn corners_are_found_at_any_rotation_to_a_tenth_of_a_pixel() {
     for step in 0..12 {
         let spin = 30.0 * f64::from(step) + 7.0;
-        let shot = Shot::new(pose(spin, 25.0, 3.0 * spin, (10.0, -5.0, 330.0)));
+        let shot = DrawnPhoto::new(pose(spin, 25.0, 3.0 * spin, (10.0, -5.0, 330.0)));
         let misses = shot.misses();
         assert!(worst(&misses) < 0.15 && rms(&misses) < 0.06, "spin {spin}: {} {}", worst(&misses), rms(&misses));
     }
@@ -141,7 +141,7 @@ fn corners_are_found_at_any_rotation_to_a_tenth_of_a_pixel() {
 
 #[test]
 fn upright_boards_are_no_harder_than_slanted_ones() {
-    let misses = Shot::new(pose(0.0, 0.0, 0.0, (3.0, 2.0, 320.0))).misses();
+    let misses = DrawnPhoto::new(pose(0.0, 0.0, 0.0, (3.0, 2.0, 320.0))).misses();
     assert!(worst(&misses) < 0.15 && rms(&misses) < 0.06, "{} {}", worst(&misses), rms(&misses));
 }
 
@@ -150,8 +150,8 @@ fn blur_sharpening_and_tone_curve_do_not_shift_corners() {
     for (blur, sharpen, gamma, darkest) in
         [(0, 0.0, 1.0, 1.0), (0, 0.8, 0.45, 0.5), (4, 0.0, 0.45, 0.3), (9, 0.0, 0.45, 0.5), (9, 1.0, 1.0, 0.5)]
     {
-        let straight = Shot::new(pose(15.0, 30.0, 40.0, (0.0, 0.0, 320.0)));
-        let shot = Shot { blur, sharpen, gamma, darkest, ..straight };
+        let straight = DrawnPhoto::new(pose(15.0, 30.0, 40.0, (0.0, 0.0, 320.0)));
+        let shot = DrawnPhoto { blur, sharpen, gamma, darkest, ..straight };
         let misses = shot.misses();
         assert!(rms(&misses) < 0.1, "blur {blur}, sharpen {sharpen}, gamma {gamma}: {}", rms(&misses));
     }
@@ -160,28 +160,28 @@ fn blur_sharpening_and_tone_curve_do_not_shift_corners() {
 #[test]
 fn a_steeply_tilted_board_is_found() {
     for about in [0.0, 45.0, 90.0, 200.0] {
-        let misses = Shot::new(pose(20.0, 55.0, about, (0.0, 0.0, 330.0))).misses();
+        let misses = DrawnPhoto::new(pose(20.0, 55.0, about, (0.0, 0.0, 330.0))).misses();
         assert!(worst(&misses) < 0.3 && rms(&misses) < 0.1, "about {about}: {} {}", worst(&misses), rms(&misses));
     }
 }
 
 #[test]
 fn a_small_board_far_away_is_found() {
-    let misses = Shot::new(pose(33.0, 20.0, 70.0, (50.0, 40.0, 850.0))).misses(); // squares of 10 px
+    let misses = DrawnPhoto::new(pose(33.0, 20.0, 70.0, (50.0, 40.0, 850.0))).misses(); // squares of 10 px
     assert!(worst(&misses) < 0.3 && rms(&misses) < 0.12, "{} {}", worst(&misses), rms(&misses));
 }
 
 #[test]
 fn a_board_partly_outside_is_incomplete() {
     for at in [(130.0, 0.0, 300.0), (0.0, -110.0, 300.0), (-120.0, 90.0, 300.0)] {
-        let reason = Shot::new(pose(10.0, 10.0, 0.0, at)).find();
+        let reason = DrawnPhoto::new(pose(10.0, 10.0, 0.0, at)).find();
         assert!(matches!(reason, Err(BoardReason::Incomplete { .. })), "{at:?}: {reason:?}");
     }
 }
 
 #[test]
 fn a_hidden_corner_is_not_guessed() {
-    let shot = Shot::new(pose(10.0, 20.0, 30.0, (0.0, 0.0, 320.0)));
+    let shot = DrawnPhoto::new(pose(10.0, 20.0, 30.0, (0.0, 0.0, 320.0)));
     let mut data = shot.draw();
     let hidden = shot.truth()[22];
     for y in 0..HEIGHT {
@@ -198,16 +198,16 @@ fn a_hidden_corner_is_not_guessed() {
 #[test]
 fn a_washed_out_board_gives_a_reason_and_no_corners() {
     for blur in [30, 60, 150] {
-        let shot = Shot { blur, ..Shot::new(pose(10.0, 20.0, 30.0, (0.0, 0.0, 400.0))) };
+        let shot = DrawnPhoto { blur, ..DrawnPhoto::new(pose(10.0, 20.0, 30.0, (0.0, 0.0, 400.0))) };
         assert!(shot.find().is_err(), "blur {blur}: corners");
     }
-    let shot = Shot { blur: 30, noise: 0.5, ..Shot::new(pose(10.0, 20.0, 30.0, (0.0, 0.0, 400.0))) };
+    let shot = DrawnPhoto { blur: 30, noise: 0.5, ..DrawnPhoto::new(pose(10.0, 20.0, 30.0, (0.0, 0.0, 400.0))) };
     assert!(matches!(shot.find(), Err(BoardReason::Blurred { .. })), "{:?}", shot.find());
 }
 
 #[test]
-fn a_board_of_another_size_is_told_as_seen() {
-    let mut shot = Shot::new(pose(10.0, 20.0, 30.0, (0.0, 0.0, 320.0)));
+fn a_board_of_another_size_is_reported_with_its_size() {
+    let mut shot = DrawnPhoto::new(pose(10.0, 20.0, 30.0, (0.0, 0.0, 320.0)));
     let data = shot.draw();
     for (columns, rows) in [(8, 6), (9, 5), (6, 4), (5, 6), (7, 5)] {
         shot.board = Board::new(columns, rows, 21.0).unwrap();
@@ -224,7 +224,7 @@ fn a_board_of_another_size_is_told_as_seen() {
 
 #[test]
 fn a_quarter_turn_of_the_count_finds_the_same_corners() {
-    let shot = Shot::new(pose(10.0, 20.0, 30.0, (0.0, 0.0, 320.0)));
+    let shot = DrawnPhoto::new(pose(10.0, 20.0, 30.0, (0.0, 0.0, 320.0)));
     let data = shot.draw();
     let upright = find(&plane(&data), shot.board).unwrap();
     let turned = find(&plane(&data), Board::new(6, 9, 21.0).unwrap()).unwrap();

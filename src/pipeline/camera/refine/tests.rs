@@ -45,16 +45,16 @@ proptest! {
         let (camera, point) = (wide(), Point2::new(x, y));
         let (_, by_camera, by_pose) = project(&camera, &pose, &point).unwrap();
         let difference = |ahead: Pixel, behind: Pixel, step: f64| (ahead.0 - behind.0) / (2.0 * step);
-        for i in 0..INTRINSICS {
-            let mut step = SVector::<f64, INTRINSICS>::zeros();
+        for i in 0..INTRINSIC_COUNT {
+            let mut step = SVector::<f64, INTRINSIC_COUNT>::zeros();
             step[i] = 1e-5;
-            let at = |step: SVector<f64, INTRINSICS>| project(&adjusted(&camera, &step), &pose, &point).unwrap().0;
+            let at = |step: SVector<f64, INTRINSIC_COUNT>| project(&adjusted_camera(&camera, &step), &pose, &point).unwrap().0;
             prop_assert!((difference(at(step), at(-step), 1e-5) - by_camera.column(i)).norm() < 1e-4);
         }
         for i in 0..6 {
             let mut step = SVector::<f64, 6>::zeros();
             step[i] = 1e-5;
-            let at = |step: SVector<f64, 6>| project(&camera, &moved(&pose, &step), &point).unwrap().0;
+            let at = |step: SVector<f64, 6>| project(&camera, &moved_pose(&pose, &step), &point).unwrap().0;
             prop_assert!((difference(at(step), at(-step), 1e-5) - by_pose.column(i)).norm() < 1e-3);
         }
     }
@@ -81,9 +81,9 @@ fn the_camera_is_found_from_a_start_without_distortion() {
     let (truth, points) = (wide(), board().points_mm());
     let poses = poses(8);
     let corners: Vec<_> = poses.iter().map(|pose| seen(&truth, pose, board())).collect();
-    let photos = corners.iter().zip(&poses).map(|(seen, pose)| Posed { seen, pose: *pose }).collect();
+    let photos = corners.iter().zip(&poses).map(|(seen, pose)| PosedPhoto { seen, pose: *pose }).collect();
     let start = Camera { fx: 1100.0, fy: 1100.0, cx: 639.5, cy: 359.5, ..truth }.without_distortion();
-    let fit = everything(&points, start, photos).unwrap();
+    let fit = refine_all(&points, start, photos).unwrap();
     assert!((fit.camera.fx - truth.fx).abs() < 1e-5, "{:?}", fit.camera);
     assert!((fit.camera.k3 - truth.k3).abs() < 1e-6, "{:?}", fit.camera);
 }
@@ -94,20 +94,20 @@ fn standard_deviations_are_those_of_repeated_noisy_calibrations() {
     let (truth, points, poses) = (wide(), board().points_mm(), poses(8));
     let exact: Vec<_> = poses.iter().map(|pose| seen(&truth, pose, board())).collect();
     let mut random = SmallRng::seed_from_u64(1);
-    let mut squares = SVector::<f64, INTRINSICS>::zeros();
-    let mut predicted = SVector::<f64, INTRINSICS>::zeros();
+    let mut squares = SVector::<f64, INTRINSIC_COUNT>::zeros();
+    let mut predicted = SVector::<f64, INTRINSIC_COUNT>::zeros();
     for _ in 0..REPEATS {
         let mut corners = exact.clone();
         corners.iter_mut().for_each(|c| noisy(c, 0.2, &mut random));
-        let photos = corners.iter().zip(&poses).map(|(seen, pose)| Posed { seen, pose: *pose }).collect();
-        let fit = everything(&points, truth, photos).unwrap();
+        let photos = corners.iter().zip(&poses).map(|(seen, pose)| PosedPhoto { seen, pose: *pose }).collect();
+        let fit = refine_all(&points, truth, photos).unwrap();
         let (found, t) = (fit.camera, truth);
         let off = [found.fx - t.fx, found.fy - t.fy, found.cx - t.cx, found.cy - t.cy];
         let lens = [found.k1 - t.k1, found.k2 - t.k2, found.p1 - t.p1, found.p2 - t.p2, found.k3 - t.k3];
         squares += SVector::from_iterator(off.into_iter().chain(lens).map(|d| d * d));
         predicted += fit.covariance.diagonal();
     }
-    for i in 0..INTRINSICS {
+    for i in 0..INTRINSIC_COUNT {
         let ratio = (squares[i] / predicted[i]).sqrt();
         // Sixty repeats give a standard deviation to 9 %; 1 ± 0.3 allows more than three times that.
         assert!((0.7..1.3).contains(&ratio), "number {i}: scatter is {ratio:.2} times the predicted one");
@@ -121,8 +121,8 @@ fn one_wild_corner_hardly_moves_the_camera() {
     let mut random = SmallRng::seed_from_u64(2);
     corners.iter_mut().for_each(|c| noisy(c, 0.1, &mut random));
     let fit = |corners: &[Vec<Pixel>]| {
-        let photos = corners.iter().zip(&poses).map(|(seen, pose)| Posed { seen, pose: *pose }).collect();
-        let fit = everything(&points, truth, photos).unwrap();
+        let photos = corners.iter().zip(&poses).map(|(seen, pose)| PosedPhoto { seen, pose: *pose }).collect();
+        let fit = refine_all(&points, truth, photos).unwrap();
         (fit.camera.fx, fit.covariance[(0, 0)].sqrt())
     };
     let (clean, _) = fit(&corners);

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::*;
-use crate::pipeline::edges::mixing;
+use crate::pipeline::edges::blur_domain;
 use crate::pipeline::edges::probe::Shading;
 use crate::pipeline::edges::tone::Tone;
 use crate::pipeline::frame::{ColourEncoding, Matrix, Plane, Range};
@@ -22,7 +22,7 @@ struct Drawing {
     /// Its offset along the normal from the middle, pixels.
     edge: f64,
     outside: [f64; 3],
-    mixing: Mixing,
+    mixing: BlurDomain,
     /// Gaussian, pixels.
     blur: f64,
     /// Increase of the light outside per pixel away from the border, as a share.
@@ -40,7 +40,7 @@ const PLAIN: Drawing = Drawing {
     normal: Vector2::new(0.6, 0.8),
     edge: 0.3,
     outside: GREY_GREEN,
-    mixing: Mixing::Light,
+    mixing: BlurDomain::Light,
     blur: 0.8,
     shadow: 0.0,
     limb: None,
@@ -117,7 +117,7 @@ impl Drawing {
         let mut model = EdgeModel::new(self.tape, ENCODING);
         model.lens_px = self.blur;
         model.chroma_blur_px = 0.5; // chroma is drawn as the mean of two pixels each way
-        model.mixing = self.mixing;
+        model.blur_domain = self.mixing;
         model
     }
 
@@ -139,24 +139,24 @@ impl Drawing {
     /// Lets a model learn from this border, as one part of an outline.
     fn taught_to(&self, model: &mut EdgeModel, part: usize) {
         let planes = self.planes();
-        let first = model.found();
+        let first = model.found_count();
         model.locate(&frame(&planes), &Probe { part, ..self.probe() }, Fineness::Fine, is_tape).unwrap();
-        model.learn(&frame(&planes), first..model.found());
+        model.learn(&frame(&planes), first..model.found_count());
     }
 
-    fn looked_at(&self, model: &mut EdgeModel, probe: &Probe, fineness: Fineness) -> Option<Edge> {
+    fn looked_at(&self, model: &mut EdgeModel, probe: &Probe, fineness: Fineness) -> Option<LocatedEdge> {
         model.locate(&frame(&self.planes()), probe, fineness, is_tape)
     }
 
     /// Located finely, and accepted for learning.
-    fn located_by(&self, model: &mut EdgeModel, probe: &Probe) -> Option<Edge> {
-        let (planes, before) = (self.planes(), model.found());
+    fn located_by(&self, model: &mut EdgeModel, probe: &Probe) -> Option<LocatedEdge> {
+        let (planes, before) = (self.planes(), model.found_count());
         let edge = model.locate(&frame(&planes), probe, Fineness::Fine, is_tape);
-        model.learn(&frame(&planes), before..model.found());
+        model.learn(&frame(&planes), before..model.found_count());
         edge
     }
 
-    fn located(&self) -> Option<Edge> {
+    fn located(&self) -> Option<LocatedEdge> {
         self.located_by(&mut self.model(), &self.probe())
     }
 
@@ -173,7 +173,7 @@ fn normal(angle: f64) -> Vector2<f64> {
 #[test]
 fn a_border_is_found_to_a_fifth_of_a_pixel_at_any_angle_and_place() {
     for (angle, mixing) in
-        [0.0, 0.4, 0.785, 1.3, 2.5, -2.0].into_iter().zip([Mixing::Light, Mixing::Codes].into_iter().cycle())
+        [0.0, 0.4, 0.785, 1.3, 2.5, -2.0].into_iter().zip([BlurDomain::Light, BlurDomain::Codes].into_iter().cycle())
     {
         for edge in [-1.7, -0.4, 0.0, 0.3, 1.9] {
             let error = Drawing { normal: normal(angle), edge, mixing, ..PLAIN }.error_px();
@@ -186,7 +186,7 @@ fn a_border_is_found_to_a_fifth_of_a_pixel_at_any_angle_and_place() {
 fn mixed_light_taken_for_mixed_codes_moves_a_border() {
     let dark = Drawing { outside: [25.0, 128.0, 128.0], ..PLAIN };
     let mut model = dark.model();
-    model.mixing = Mixing::Codes;
+    model.blur_domain = BlurDomain::Codes;
     let wrong = dark.located_by(&mut model, &dark.probe()).unwrap().offset_px - dark.edge;
     assert!(wrong > 0.15, "{wrong}");
     assert!(dark.error_px().abs() < 0.05, "{}", dark.error_px());
@@ -194,7 +194,7 @@ fn mixed_light_taken_for_mixed_codes_moves_a_border() {
 
 #[test]
 fn a_limb_that_darkens_is_found_where_it_ends() {
-    for (limb, mixing) in [(0.3, Mixing::Light), (0.7, Mixing::Light), (0.5, Mixing::Codes)] {
+    for (limb, mixing) in [(0.3, BlurDomain::Light), (0.7, BlurDomain::Light), (0.5, BlurDomain::Codes)] {
         let error = Drawing { limb: Some(limb), mixing, ..PLAIN }.error_px();
         assert!(error.abs() < 0.1, "limb {limb}, {mixing:?}: {error}");
     }
@@ -250,9 +250,9 @@ fn tape_on_both_sides_and_tape_outside_are_no_borders() {
 }
 
 #[test]
-fn vivid_limbs_tell_whether_light_was_mixed_or_codes() {
+fn vivid_limbs_show_whether_light_was_mixed_or_codes() {
     let vivid = Drawing { tape: [150.0, 70.0, 190.0], ..PLAIN };
-    for mixing in [Mixing::Light, Mixing::Codes] {
+    for mixing in [BlurDomain::Light, BlurDomain::Codes] {
         let mut model = vivid.model();
         let backgrounds = [GREY_GREEN, [60.0, 150.0, 120.0], [140.0, 120.0, 120.0], [40.0, 128.0, 128.0]];
         for trial in 0..900 {
@@ -268,7 +268,7 @@ fn vivid_limbs_tell_whether_light_was_mixed_or_codes() {
         }
         let shift_px = model.chroma_shift_px();
         assert!(shift_px.is_some());
-        assert_eq!(mixing::of_recording(shift_px.into_iter()), mixing);
+        assert_eq!(blur_domain::decide(shift_px.into_iter()), mixing);
     }
 }
 
@@ -290,7 +290,7 @@ fn teach(model: &mut EdgeModel, like: Drawing) {
             let drawing = Drawing { normal: normal(0.7 * turn), edge: 0.9 * (1.7 * turn).sin(), outside, ..like };
             drawing.located_by(model, &drawing.probe());
         }
-        model.settle();
+        model.finish_frame();
     }
 }
 
@@ -302,10 +302,10 @@ fn edges_that_are_not_believed_teach_nothing() {
     for turn in 0..100 {
         let drawing = Drawing { normal: normal(0.7 * f64::from(turn)), ..PLAIN };
         assert!(drawing.looked_at(&mut model, &drawing.probe(), Fineness::Fine).is_some());
-        model.settle();
+        model.finish_frame();
     }
     assert_eq!(model.lens_px, 1.3);
-    assert_eq!(model.found(), 0);
+    assert_eq!(model.found_count(), 0);
 }
 
 #[test]

@@ -16,38 +16,38 @@ use crate::pipeline::trajectory::Sample;
 use crate::random::Dice;
 
 /// Shares of the variance of the lasting, the slow and the passing part.
-const SHARES: [f64; 3] = [0.25, 0.25, 0.5];
+const VARIANCE_SHARES: [f64; 3] = [0.25, 0.25, 0.5];
 /// Time constant of the slow part at [`REFERENCE_SPEED_MM_S`], s.
 const SLOW_S: f64 = 1.0;
 /// Time constant of the passing part at the same speed, s.
 const PASSING_S: f64 = 0.07;
 /// Tool speed at which the errors' clock runs in real time, mm/s.
-const USUAL_MM_S: f64 = 30.0;
+const REFERENCE_SPEED_MM_S: f64 = 30.0;
 /// Speed that a tool at rest is assumed to have, mm/s.
-const RESTING_MM_S: f64 = 3.0;
+const RESTING_SPEED_MM_S: f64 = 3.0;
 /// Maximum rate of the clock: the smoother does not follow faster changes.
-const FASTEST: f64 = 1.5;
+const MAX_CLOCK_RATE: f64 = 1.5;
 /// Size of a session's errors relative to the stated size, for the small motions that features depend on. The stated
 /// size is the error of a position.
-const SIZE: f64 = 1.6;
+const ERROR_SCALE: f64 = 1.6;
 /// Spread of that relative size between sessions: standard deviation of its logarithm.
-const SIZE_UNSURE: f64 = 0.3;
+const ERROR_SCALE_SPREAD: f64 = 0.3;
 
 /// Minimum depth of a tip in front of the camera, mm.
-const LEAST_DEPTH_MM: f64 = 1.0;
+const MIN_DEPTH_MM: f64 = 1.0;
 
 /// A tool's samples, in time order, moved by errors of the size that they state. `None` if a sample states no errors or
 /// does not lie in front of a camera.
 pub fn replicate(samples: &[Sample], dice: &mut Dice) -> Option<Vec<Sample>> {
-    let size = SIZE * (SIZE_UNSURE * dice.gauss()).exp();
-    let mut errors = [(); 3].map(|()| Error::new(dice));
+    let size = ERROR_SCALE * (ERROR_SCALE_SPREAD * dice.gauss()).exp();
+    let mut errors = [(); 3].map(|()| UnitError::new(dice));
     let mut before: Option<&Sample> = None;
     let mut moved = Vec::with_capacity(samples.len());
     for sample in samples {
-        let sigma = Sigma::of(sample)?;
+        let sigma = StatedSigma::of(sample)?;
         let rate = before.map_or(1.0, |before| clock_rate(before, sample));
         let passed_s = before.map_or(0.0, |before| rate * (sample.time_s - before.time_s));
-        let [x, y, depth] = errors.each_mut().map(|error| size * error.after(passed_s, dice));
+        let [x, y, depth] = errors.each_mut().map(|error| size * error.advance(passed_s, dice));
         let along = Vector3::new(sample.tip_mm.x, sample.tip_mm.y, sample.tip_mm.z) / sample.tip_mm.z;
         let error = |part: usize| {
             Vector3::new(x[part], y[part], 0.0) * sigma.across_mm + along * (depth[part] * sigma.depth_mm)
@@ -63,18 +63,18 @@ pub fn replicate(samples: &[Sample], dice: &mut Dice) -> Option<Vec<Sample>> {
 }
 
 /// The standard deviations that a sample states.
-struct Sigma {
+struct StatedSigma {
     /// Across the line of sight, in x and in y, mm.
     across_mm: f64,
     /// Along the line of sight, measured in z, mm.
     depth_mm: f64,
 }
 
-impl Sigma {
+impl StatedSigma {
     fn of(sample: &Sample) -> Option<Self> {
         let (xy_mm, depth_mm) = (sample.sigma_xy_mm?, sample.sigma_z_mm?);
         let tip = sample.tip_mm;
-        if tip.z < LEAST_DEPTH_MM {
+        if tip.z < MIN_DEPTH_MM {
             return None; // not a camera's path: the direction of its errors is unknown
         }
         let by_depth = depth_mm * depth_mm * (tip.x * tip.x + tip.y * tip.y) / (2.0 * tip.z * tip.z);
@@ -89,44 +89,44 @@ fn clock_rate(before: &Sample, after: &Sample) -> f64 {
         || (after.tip_mm - before.tip_mm).norm() / (after.time_s - before.time_s),
         |velocity| velocity.norm(),
     );
-    ((RESTING_MM_S + speed_mm_s) / (RESTING_MM_S + USUAL_MM_S)).min(FASTEST)
+    ((RESTING_SPEED_MM_S + speed_mm_s) / (RESTING_SPEED_MM_S + REFERENCE_SPEED_MM_S)).min(MAX_CLOCK_RATE)
 }
 
 /// An error of variance 1 with its three parts.
-struct Error {
+struct UnitError {
     lasting: f64,
-    changing: [Matern; 2],
+    changing: [MaternProcess; 2],
 }
 
-impl Error {
+impl UnitError {
     fn new(dice: &mut Dice) -> Self {
-        let changing = [SLOW_S, PASSING_S].map(|constant_s| Matern::new(constant_s, dice));
+        let changing = [SLOW_S, PASSING_S].map(|constant_s| MaternProcess::new(constant_s, dice));
         Self { lasting: dice.gauss(), changing }
     }
 
     /// Advances the clock by `passed_s` and returns value and rate, s⁻¹.
-    fn after(&mut self, passed_s: f64, dice: &mut Dice) -> Vector2<f64> {
-        let [slow, passing] = self.changing.each_mut().map(|part| part.after(passed_s, dice));
-        let [of_lasting, of_slow, of_passing] = SHARES.map(f64::sqrt);
+    fn advance(&mut self, passed_s: f64, dice: &mut Dice) -> Vector2<f64> {
+        let [slow, passing] = self.changing.each_mut().map(|part| part.advance(passed_s, dice));
+        let [of_lasting, of_slow, of_passing] = VARIANCE_SHARES.map(f64::sqrt);
         Vector2::new(of_lasting * self.lasting, 0.0) + of_slow * slow + of_passing * passing
     }
 }
 
 /// A Gaussian process of variance 1 of the Matérn 3/2 kind: value and rate (Hartikainen & Särkkä 2010).
-struct Matern {
+struct MaternProcess {
     state: Vector2<f64>,
     /// Inverse time constant, s⁻¹.
     lambda: f64,
 }
 
-impl Matern {
+impl MaternProcess {
     fn new(constant_s: f64, dice: &mut Dice) -> Self {
         let lambda = 1.0 / constant_s;
         Self { state: Vector2::new(dice.gauss(), lambda * dice.gauss()), lambda }
     }
 
     /// Advances the process by `passed_s` and returns value and rate; exact for any duration.
-    fn after(&mut self, passed_s: f64, dice: &mut Dice) -> Vector2<f64> {
+    fn advance(&mut self, passed_s: f64, dice: &mut Dice) -> Vector2<f64> {
         let (by, rate) = (self.lambda * passed_s, self.lambda);
         let step = Matrix2::new(1.0 + by, passed_s, -by * rate, 1.0 - by) * (-by).exp();
         let usual = Matrix2::from_diagonal(&Vector2::new(1.0, rate * rate));
@@ -187,8 +187,8 @@ mod tests {
                 (z, xy, n) = (z + error.z.powi(2), xy + 0.5 * error.xy().norm_squared(), n + 1.0);
             }
         }
-        let by_size = (2.0 * SIZE_UNSURE * SIZE_UNSURE).exp(); // mean square of a log-normal
-        let [z, xy] = [z, xy].map(|sum: f64| (sum / n / by_size).sqrt() / SIZE);
+        let by_size = (2.0 * ERROR_SCALE_SPREAD * ERROR_SCALE_SPREAD).exp(); // mean square of a log-normal
+        let [z, xy] = [z, xy].map(|sum: f64| (sum / n / by_size).sqrt() / ERROR_SCALE);
         assert!((z / 0.8 - 1.0).abs() < 0.12 && (xy / 0.2 - 1.0).abs() < 0.12, "{z} {xy}");
     }
 

@@ -45,11 +45,11 @@ proptest! {
         }
         let samples = path(&steps_s, &seen);
         let settings = FeatureSettings::default();
-        let mut running = Running::new(1, settings.clone());
-        samples.iter().for_each(|sample| running.take(sample));
-        running.end();
+        let mut running = RunningFeatures::new(1, settings.clone());
+        samples.iter().for_each(|sample| running.add_sample(sample));
+        running.finish();
         let motion = Motion::of_samples(&samples, &[], &settings);
-        let whole = features::measure(&[motion], &settings, |feature| LIVE.contains(&feature));
+        let whole = features::measure(&[motion], &settings, |feature| LIVE_FEATURES.contains(&feature));
         for live in running.values() {
             let batch = whole.iter().find(|v| v.feature == live.feature && v.space == live.space).unwrap();
             match (live.value, batch.value) {
@@ -63,22 +63,22 @@ proptest! {
 #[test]
 fn a_tool_that_is_gone_is_not_seen_for_longer_and_longer() {
     let samples = path(&[0.04; 100], &[true; 100]);
-    let mut running = Running::new(1, FeatureSettings::default());
-    samples.iter().for_each(|sample| running.take(sample));
+    let mut running = RunningFeatures::new(1, FeatureSettings::default());
+    samples.iter().for_each(|sample| running.add_sample(sample));
     let not_seen =
-        |running: &Running| running.values().into_iter().find(|v| v.feature == &NOT_SEEN_SHARE).unwrap().value;
-    running.pass(4.1);
+        |running: &RunningFeatures| running.values().into_iter().find(|v| v.feature == &NOT_SEEN_SHARE).unwrap().value;
+    running.advance_to(4.1);
     assert!(not_seen(&running).unwrap() < 0.03, "{:?}", not_seen(&running));
-    running.pass(8.25);
+    running.advance_to(8.25);
     assert!((not_seen(&running).unwrap() - 0.5).abs() < 0.03, "{:?}", not_seen(&running));
 }
 
 #[test]
 fn a_feed_of_an_hour_keeps_no_more_than_a_moment_of_it() {
     let samples = path(&vec![0.04; 3000], &vec![true; 3000]);
-    let mut running = Running::new(1, FeatureSettings::default());
+    let mut running = RunningFeatures::new(1, FeatureSettings::default());
     for sample in &samples {
-        running.take(sample);
+        running.add_sample(sample);
         assert!(running.tools[0].run.len() < 40, "{}", running.tools[0].run.len());
     }
 }
@@ -86,22 +86,22 @@ fn a_feed_of_an_hour_keeps_no_more_than_a_moment_of_it() {
 #[test]
 fn too_little_is_said_to_be_so() {
     let samples = path(&[0.04; 20], &[true; 20]);
-    let mut running = Running::new(2, FeatureSettings::default());
-    samples.iter().for_each(|sample| running.take(sample));
+    let mut running = RunningFeatures::new(2, FeatureSettings::default());
+    samples.iter().for_each(|sample| running.add_sample(sample));
     let values = running.values();
-    assert_eq!(values.len(), 2 * LIVE.len());
+    assert_eq!(values.len(), 2 * LIVE_FEATURES.len());
     assert!(values.iter().all(|value| value.value.is_err()), "{values:?}");
 }
 
 #[test]
-fn how_much_was_not_seen_is_told_though_less_than_a_second_was_seen() {
+fn the_share_not_seen_is_stated_even_if_less_than_a_second_was_seen() {
     let mut seen = [true; 60];
     seen[16..40].fill(false);
     let samples = path(&[0.02; 60], &seen);
     let settings = FeatureSettings::default();
-    let mut running = Running::new(1, settings.clone());
-    samples.iter().for_each(|sample| running.take(sample));
-    running.end();
+    let mut running = RunningFeatures::new(1, settings.clone());
+    samples.iter().for_each(|sample| running.add_sample(sample));
+    running.finish();
     let motions = [Motion::of_samples(&samples, &[], &settings)];
     let whole = features::measure(&motions, &settings, |feature| *feature == NOT_SEEN_SHARE);
     let live = running.values().into_iter().find(|value| value.feature == &NOT_SEEN_SHARE).unwrap();

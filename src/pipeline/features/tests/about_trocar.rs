@@ -52,7 +52,7 @@ fn doing_both_at_once_is_shorter_than_that_and_longer_than_straight() {
 }
 
 #[test]
-fn where_the_trocar_is_not_known_nothing_is_told_about_it() {
+fn features_about_an_unknown_trocar_have_no_values() {
     let mut still = with_axes(&|t| Point3::new(0.0, 30.0 * (0.5 * t).sin(), 180.0));
     let named = ["angular_path", "angular_velocity", "insertion_travelled", "fulcrum_path_ratio"];
     still.samples.iter_mut().for_each(|sample| sample.axis = None);

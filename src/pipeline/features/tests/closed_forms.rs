@@ -143,7 +143,7 @@ fn gain(hz: f64) -> f64 {
     let times: Vec<f64> = (-50..=50).map(|k| f64::from(k) * 0.02).collect();
     let values: Vec<Vector3<f64>> = times.iter().map(|t| Vector3::new((TAU * hz * t).sin(), 0.0, 0.0)).collect();
     let half_s = FeatureSettings::default().fit_half_window_s;
-    fit::Series { times_s: &times, values: &values }.fit(0.0, half_s).unwrap().first.x / (TAU * hz)
+    fit::VectorSeries { times_s: &times, values: &values }.fit(0.0, half_s).unwrap().first.x / (TAU * hz)
 }
 
 #[test]

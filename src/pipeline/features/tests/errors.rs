@@ -36,7 +36,7 @@ fn a_resting_tool_is_idle_and_its_path_is_none_within_its_error() {
 }
 
 #[test]
-fn nothing_is_told_of_how_a_resting_tool_moves() {
+fn a_resting_tool_has_no_values_of_movement() {
     let rest = score(&seen(&times(25.0, 40.0), &|_| Point3::new(20.0, -10.0, 0.0), 3));
     for name in [
         "median_curvature",
@@ -99,7 +99,7 @@ fn a_path_that_states_no_errors_gives_values_without_bars_and_one_without_a_valu
     let path = square(0.0);
     let plain = score(&record(&times(25.0, 40.0), &[&path]));
     for value in &plain.features {
-        let expected = if value.value.is_ok() { NoErrorBar::NotStated } else { NoErrorBar::NoValue };
+        let expected = if value.value.is_ok() { NoErrorBar::ErrorsNotStated } else { NoErrorBar::NoValue };
         assert_eq!(value.error, Err(expected), "{}", value.feature.name);
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 
 use super::*;
-use crate::pipeline::reason::Reason;
+use crate::pipeline::reason::MissReason;
 use crate::pipeline::tracker::{Absence, Gap, ToolQuality};
 
 const FPS: f64 = 25.0;
@@ -20,7 +20,7 @@ fn with_gaps(gaps_s: &[(f64, f64)], other: Point3<f64>) -> Trajectory {
     trajectory
 }
 
-fn told(gaps_s: &[(f64, f64)], absence: Absence) -> Vec<ToolQuality> {
+fn gaps_in_record(gaps_s: &[(f64, f64)], absence: Absence) -> Vec<ToolQuality> {
     let frame = |time_s: f64| (time_s * FPS).round() as u64;
     let gap = |(from, until): &(f64, f64)| Gap { first: frame(*from), last: frame(*until) - 1, absence };
     let tool =
@@ -37,10 +37,11 @@ const ASIDE: Point3<f64> = Point3::new(-90.0, 0.0, 120.0);
 const GAPS: [(f64, f64); 2] = [(10.0, 14.0), (30.0, 38.0)];
 
 #[test]
-fn what_was_not_seen_is_split_by_whose_doing_it_is() {
+fn absences_are_split_by_cause() {
     let trajectory = with_gaps(&GAPS, ASIDE);
-    let left = shares(&trajectory, &told(&GAPS, Absence::LeftView)).map(Result::unwrap);
-    let lost = shares(&trajectory, &told(&GAPS, Absence::Lost(Reason::BordersNotFound))).map(Result::unwrap);
+    let left = shares(&trajectory, &gaps_in_record(&GAPS, Absence::LeftView)).map(Result::unwrap);
+    let lost =
+        shares(&trajectory, &gaps_in_record(&GAPS, Absence::Lost(MissReason::BordersNotFound))).map(Result::unwrap);
     let not_seen = of_first(&score(&trajectory), "not_seen_share");
     near(not_seen, 0.2, 1e-2);
     near(left[0], not_seen, 1e-9);
@@ -51,7 +52,7 @@ fn what_was_not_seen_is_split_by_whose_doing_it_is() {
 #[test]
 fn a_tool_behind_the_other_is_neither_gone_nor_lost() {
     let gap = [(7.4, 8.2)]; // at 7.85 s it is at (30, 0, 180)
-    let lost = told(&gap, Absence::Lost(Reason::BordersNotFound));
+    let lost = gaps_in_record(&gap, Absence::Lost(MissReason::BordersNotFound));
     let [left, hidden, lost_by_tracker] = shares(&with_gaps(&gap, Point3::new(20.0, -20.0, 120.0)), &lost);
     assert!(left == Ok(0.0) && lost_by_tracker == Ok(0.0), "{left:?} {lost_by_tracker:?}");
     near(hidden.unwrap(), 0.8 / 60.0, 0.1);
@@ -60,7 +61,7 @@ fn a_tool_behind_the_other_is_neither_gone_nor_lost() {
 }
 
 #[test]
-fn a_path_alone_tells_how_often_and_how_long_and_not_why() {
+fn a_path_alone_shows_how_often_and_how_long_but_not_why() {
     let got = score(&with_gaps(&GAPS, ASIDE));
     assert_eq!(of_first(&got, "absences"), 2.0);
     near(of_first(&got, "longest_absence"), 8.0, 1e-2);
@@ -75,6 +76,6 @@ fn a_tool_that_never_came_was_out_of_view_all_the_time() {
     let mut trajectory = with_gaps(&[], ASIDE);
     trajectory.samples.retain(|sample| sample.tool == 1 || sample.time_s < 0.0);
     trajectory.samples.iter_mut().for_each(|sample| sample.tip_mm.x += 20.0 * sample.time_s.sin());
-    let never = told(&[(0.0, 60.04)], Absence::LeftView);
+    let never = gaps_in_record(&[(0.0, 60.04)], Absence::LeftView);
     assert_eq!(shares(&trajectory, &never), [Ok(1.0), Ok(0.0), Ok(0.0)]);
 }

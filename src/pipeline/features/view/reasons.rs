@@ -15,7 +15,7 @@ use crate::pipeline::trajectory::Sample;
 
 /// Why a tool is not seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Cause {
+pub enum UnseenCause {
     /// The hand moved it out of the picture.
     LeftView,
     /// The other tool covered it.
@@ -26,73 +26,73 @@ pub enum Cause {
 
 /// A stretch of time when a tool was not seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Absent {
+pub struct ExplainedAbsence {
     /// When it was not seen.
     pub interval: Interval,
     /// Why it was not seen.
-    pub cause: Cause,
+    pub cause: UnseenCause,
 }
 
 /// Maximum length of a stretch such that the tool is about halfway in its middle, s.
-const HALFWAY_S: f64 = 2.0;
+const MAX_HALFWAY_S: f64 = 2.0;
 
 /// A line of sight that passes a tube's axis at a smaller distance does not see all of the target's tape, mm: the radii
 /// of both tubes.
-const IN_THE_WAY_MM: f64 = 7.0;
+const BLOCKING_MM: f64 = 7.0;
 
 /// How far a tool extends in front of its tip (jaw) and behind it (shaft up to the wall), mm.
 const REACH_MM: (f64, f64) = (20.0, 300.0);
 
 /// An interval that contains every recording, in instants of the grid.
-const EVER: Interval = Interval { first: i64::MIN / 4, last: i64::MAX / 4 };
+const ALL_TIME: Interval = Interval { first: i64::MIN / 4, last: i64::MAX / 4 };
 
 /// The absences of each tool with their causes; `None` for a tool without a record from the tracker.
-pub fn why_absent(
+pub fn explain_absences(
     samples: &[Vec<Sample>],
     motions: &[Result<Motion, NotEnough>],
     tools: &[ToolQuality],
     settings: &FeatureSettings,
-) -> Vec<Option<Rc<[Absent]>>> {
+) -> Vec<Option<Rc<[ExplainedAbsence]>>> {
     let of_tool = |tool: usize| {
         let other = if samples.len() == 2 { samples[1 - tool].as_slice() } else { &[] };
-        Some(absent(&samples[tool], motions[tool].as_ref().ok(), &tools.get(tool)?.gaps, other, settings))
+        Some(explain_gaps(&samples[tool], motions[tool].as_ref().ok(), &tools.get(tool)?.gaps, other, settings))
     };
     (0..samples.len()).map(of_tool).collect()
 }
 
-fn absent(
+fn explain_gaps(
     samples: &[Sample],
     motion: Option<&Motion>,
     gaps: &[Gap],
     other: &[Sample],
     settings: &FeatureSettings,
-) -> Rc<[Absent]> {
+) -> Rc<[ExplainedAbsence]> {
     let spans = motion.map_or(&[][..], |motion| &motion.spans);
     let step_s = settings.step_s;
-    let ends = [EVER.first].into_iter().chain(spans.iter().map(|span| span.last()));
-    let starts = spans.iter().map(|span| span.first).chain([EVER.last]);
+    let ends = [ALL_TIME.first].into_iter().chain(spans.iter().map(|span| span.last()));
+    let starts = spans.iter().map(|span| span.first).chain([ALL_TIME.last]);
     let cause = |interval: Interval| {
         let until = samples.partition_point(|sample| sample.time_s <= interval.first as f64 * step_s);
         let again = samples.partition_point(|sample| sample.time_s < interval.last as f64 * step_s);
         let (before, after) = (until.checked_sub(1).and_then(|last| samples.get(last)), samples.get(again));
-        cause(before, after, gaps, other)
+        find_cause(before, after, gaps, other)
     };
     ends.zip(starts)
         .map(|(first, last)| Interval { first, last })
         .filter(|interval| interval.is_gap(settings))
-        .map(|i| Absent { interval: i, cause: cause(i) })
+        .map(|i| ExplainedAbsence { interval: i, cause: cause(i) })
         .collect()
 }
 
-fn cause(before: Option<&Sample>, after: Option<&Sample>, gaps: &[Gap], other: &[Sample]) -> Cause {
+fn find_cause(before: Option<&Sample>, after: Option<&Sample>, gaps: &[Gap], other: &[Sample]) -> UnseenCause {
     let (first, last) = (before.map_or(0, |sample| sample.frame), after.map_or(u64::MAX - 1, |sample| sample.frame));
     let frames = |gap: &Gap| (gap.last.min(last) + 1).saturating_sub(gap.first.max(first));
     let (left, lost): (Vec<&Gap>, Vec<&Gap>) = gaps.iter().partition(|gap| gap.absence == Absence::LeftView);
     let [left, lost] = [left, lost].map(|gaps| gaps.into_iter().map(frames).sum::<u64>());
     match before.zip(after) {
-        _ if left > lost => Cause::LeftView,
-        Some((before, after)) if is_hidden(before, after, other) => Cause::Hidden,
-        _ => Cause::Lost,
+        _ if left > lost => UnseenCause::LeftView,
+        Some((before, after)) if is_hidden(before, after, other) => UnseenCause::Hidden,
+        _ => UnseenCause::Lost,
     }
 }
 
@@ -100,10 +100,11 @@ fn cause(before: Option<&Sample>, after: Option<&Sample>, gaps: &[Gap], other: &
 fn is_hidden(before: &Sample, after: &Sample, other: &[Sample]) -> bool {
     let halfway_s = 0.5 * (before.time_s + after.time_s);
     let next = other.partition_point(|sample| sample.time_s < halfway_s);
-    let near = other[next.saturating_sub(1)..].iter().take(2).find(|s| (s.time_s - halfway_s).abs() < 0.5 * HALFWAY_S);
+    let near =
+        other[next.saturating_sub(1)..].iter().take(2).find(|s| (s.time_s - halfway_s).abs() < 0.5 * MAX_HALFWAY_S);
     let tube = near.and_then(|sample| Some((sample.tip_mm, sample.axis?)));
     let halfway = nalgebra::center(&before.tip_mm, &after.tip_mm);
-    after.time_s - before.time_s < HALFWAY_S && tube.is_some_and(|(tip, axis)| is_in_the_way(tip, axis, halfway))
+    after.time_s - before.time_s < MAX_HALFWAY_S && tube.is_some_and(|(tip, axis)| is_in_the_way(tip, axis, halfway))
 }
 
 /// True if the line of sight to a point passes a tube first.
@@ -119,7 +120,7 @@ fn is_in_the_way(tip: Point3<f64>, axis: Vector3<f64>, place: Point3<f64>) -> bo
     let s = (tip.coords.cross(&sight).dot(&across) / square).clamp(-REACH_MM.0, REACH_MM.1);
     let on_tube = tip - axis * s;
     let passes_mm = sight.cross(&on_tube.coords).norm();
-    passes_mm < IN_THE_WAY_MM && (0.0..distance - IN_THE_WAY_MM).contains(&t)
+    passes_mm < BLOCKING_MM && (0.0..distance - BLOCKING_MM).contains(&t)
 }
 
 #[cfg(test)]

@@ -7,11 +7,11 @@ use rand::{Rng, SeedableRng};
 use super::*;
 use crate::pipeline::camera::Camera;
 use crate::pipeline::camera::testing::wide;
-use crate::pipeline::pose::evidence::{Beliefs, Evidence, OWN_OFFSETS_PX};
 use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
+use crate::pipeline::pose::normal_equations::{NormalEquations, OWN_OFFSETS_PX, OffsetPriors};
 use crate::pipeline::pose::packed::PackedPoses;
 use crate::pipeline::pose::testing::{self, LENGTH_MM, gaussian};
-use crate::pipeline::pose::{KeptPose, across};
+use crate::pipeline::pose::{StoredPose, perpendiculars};
 
 const FULCRUM: Point3<f64> = Point3::new(-118.0, 108.0, 64.0);
 
@@ -40,7 +40,7 @@ fn session(reach_mm: f64, shared: [f64; 4], seed: u64) -> Vec<(Tube, TubeEstimat
     let (camera, mut random) = (wide(), SmallRng::seed_from_u64(seed));
     let measured = tubes(reach_mm).into_iter().filter_map(|tube| {
         let edges = edges(&tube, &camera, &shared.into(), &mut random);
-        let beliefs = Beliefs::usual(LENGTH_MM);
+        let beliefs = OffsetPriors::usual(LENGTH_MM);
         Some((tube, joint_fit::fit(&edges, &tube, &camera, Trust::Majority, &beliefs, None)?))
     });
     measured.collect()
@@ -75,7 +75,7 @@ fn steadied_poses_are_much_closer_than_single_ones() {
 }
 
 #[test]
-fn an_offset_of_both_borders_is_told_from_depth() {
+fn an_offset_of_both_borders_is_separated_from_depth() {
     let widening = 0.12;
     let session = session(40.0, [widening, 0.0, 0.0, 0.0], 3);
     let shared = estimate(&poses(&session)).unwrap();
@@ -112,11 +112,11 @@ fn poses_that_hardly_turn_do_not_claim_to_know_the_fulcrum() {
 }
 
 #[test]
-fn a_few_false_poses_do_not_hold_it() {
+fn a_few_false_poses_do_not_hold_the_fulcrum() {
     let session = session(30.0, [0.0; 4], 6);
     let mut spoiled = poses(&session);
     for pose in spoiled.iter_mut().step_by(12) {
-        pose.tube = turned(&pose.tube, &Vector5::new(0.0, 0.0, 0.0, 0.5, -0.3));
+        pose.tube = perturbed(&pose.tube, &Vector5::new(0.0, 0.0, 0.0, 0.5, -0.3));
     }
     let shared = estimate(&spoiled).unwrap();
     assert!((shared.fulcrum.at - FULCRUM).norm() < 12.0, "{}", shared.fulcrum.at);
@@ -127,10 +127,10 @@ fn a_pose_that_would_have_to_turn_far_is_refused() {
     let session = session(30.0, [0.0; 4], 7);
     let shared = estimate(&poses(&session)).unwrap();
     let (_, pose) = session[0];
-    let false_axis = across(pose.tube.axis)[0];
+    let false_axis = perpendiculars(pose.tube.axis)[0];
     let misread = TubeEstimate {
         tube: Tube { axis: (pose.tube.axis + false_axis).normalize(), ..pose.tube },
-        evidence: Evidence::of_covariance(&Matrix5::identity()),
+        equations: NormalEquations::from_covariance(&Matrix5::identity()),
         ..pose
     };
     assert!(steady(&pose, &shared).is_some());
@@ -144,10 +144,12 @@ fn too_few_poses_are_not_enough() {
 
 #[test]
 fn packed_poses_come_again_to_the_last_bit() {
-    let poses: Vec<KeptPose> = session(30.0, [0.0; 4], 9).iter().map(|(_, pose)| KeptPose::from(pose)).collect();
-    let bare =
-        TubeEstimate { evidence: Evidence::of_covariance(&Matrix5::identity()), ..session(30.0, [0.0; 4], 9)[0].1 };
-    let poses: Vec<KeptPose> = poses.into_iter().chain([KeptPose::from(&bare)]).collect();
+    let poses: Vec<StoredPose> = session(30.0, [0.0; 4], 9).iter().map(|(_, pose)| StoredPose::from(pose)).collect();
+    let bare = TubeEstimate {
+        equations: NormalEquations::from_covariance(&Matrix5::identity()),
+        ..session(30.0, [0.0; 4], 9)[0].1
+    };
+    let poses: Vec<StoredPose> = poses.into_iter().chain([StoredPose::from(&bare)]).collect();
     let poses = poses.repeat(9); // more than a block
     let mut packed = PackedPoses::default();
     poses.iter().for_each(|pose| packed.push(pose));
@@ -157,7 +159,7 @@ fn packed_poses_come_again_to_the_last_bit() {
 #[test]
 fn a_kept_pose_is_the_pose_again() {
     for (_, pose) in session(30.0, [0.0; 4], 9).iter().step_by(7) {
-        let again = KeptPose::from(pose).estimate().unwrap();
+        let again = StoredPose::from(pose).estimate().unwrap();
         assert_eq!(again.tube, pose.tube);
         assert!((again.covariance - pose.covariance).norm() < 1e-6 * pose.covariance.norm());
         assert!((again.lasting - pose.lasting).norm() < 1e-6 * pose.lasting.norm());
@@ -175,8 +177,8 @@ fn axes_that_meet_before_the_tips_are_those_of_poses_the_wrong_way_round() {
     for (reach_mm, seed) in [(30.0, 11), (15.0, 12)] {
         let right = poses(&session(reach_mm, [0.0; 4], seed));
         let wrong: Vec<TubeEstimate> = right.iter().map(reversed).collect();
-        assert!(!meet_before_the_tips(&right), "{reach_mm} mm");
-        assert!(meet_before_the_tips(&wrong), "{reach_mm} mm");
+        assert!(!axes_meet_ahead_of_tips(&right), "{reach_mm} mm");
+        assert!(axes_meet_ahead_of_tips(&wrong), "{reach_mm} mm");
         assert!(estimate(&wrong).is_none());
     }
 }
@@ -184,8 +186,8 @@ fn axes_that_meet_before_the_tips_are_those_of_poses_the_wrong_way_round() {
 #[test]
 fn a_tool_that_rests_or_goes_straight_is_not_said_to_be_the_wrong_way_round() {
     let right = poses(&session(30.0, [0.0; 4], 13));
-    assert!(!meet_before_the_tips(&vec![reversed(&right[0]); 60]), "nothing turns");
-    assert!(!meet_before_the_tips(&right[..8].iter().map(reversed).collect::<Vec<_>>()), "too few");
+    assert!(!axes_meet_ahead_of_tips(&vec![reversed(&right[0]); 60]), "nothing turns");
+    assert!(!axes_meet_ahead_of_tips(&right[..8].iter().map(reversed).collect::<Vec<_>>()), "too few");
     let straight = |k: usize| TubeEstimate {
         tube: Tube { tip: right[0].tube.tip + Vector3::x() * (k as f64), ..right[k].tube },
         ..right[k]
@@ -193,5 +195,5 @@ fn a_tool_that_rests_or_goes_straight_is_not_said_to_be_the_wrong_way_round() {
     let alongside: Vec<TubeEstimate> = (0..60)
         .map(|k| TubeEstimate { tube: Tube { axis: right[0].tube.axis, ..straight(k).tube }, ..straight(k) })
         .collect();
-    assert!(!meet_before_the_tips(&alongside), "axes that never meet");
+    assert!(!axes_meet_ahead_of_tips(&alongside), "axes that never meet");
 }

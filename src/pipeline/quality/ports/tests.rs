@@ -20,11 +20,11 @@ fn ports(sessions: usize, dice: &mut Dice) -> Ports {
     Ports::of_sessions(&(0..sessions).map(|_| session(&[LEFT, RIGHT], dice)).collect::<Vec<_>>())
 }
 
-fn placed(ports: &Ports, at: &[Point3<f64>], dice: &mut Dice) -> Placement {
-    ports.place(&session(at, dice).into_iter().map(Some).collect::<Vec<_>>())
+fn placed(ports: &Ports, at: &[Point3<f64>], dice: &mut Dice) -> PortPlacement {
+    ports.compare(&session(at, dice).into_iter().map(Some).collect::<Vec<_>>())
 }
 
-fn has_moved(placement: &Placement) -> bool {
+fn has_moved(placement: &PortPlacement) -> bool {
     placement.camera.is_some() || (0..placement.tools.len()).any(|tool| placement.port(tool).is_some())
 }
 
@@ -53,7 +53,7 @@ fn false_alarms(sigma_mm: f64) -> usize {
         };
         let before: Vec<Vec<Fulcrum>> = (0..3 + round % 18).map(|_| session([Vector3::zeros(); 2])).collect();
         let now = session([Vector3::x(), Vector3::z()]);
-        has_moved(&Ports::of_sessions(&before).place(&now.into_iter().map(Some).collect::<Vec<_>>()))
+        has_moved(&Ports::of_sessions(&before).compare(&now.into_iter().map(Some).collect::<Vec<_>>()))
     };
     (0..2000).filter(|round| is_alarm(*round)).count()
 }
@@ -93,9 +93,9 @@ fn tools_that_change_hands_have_moved_nothing() {
 #[test]
 fn too_few_sessions_know_nothing() {
     let mut dice = Dice::new(5, "moved");
-    let ports = ports(FEWEST - 1, &mut dice);
+    let ports = ports(MIN_SESSIONS - 1, &mut dice);
     let placement = placed(&ports, &[LEFT + Vector3::x() * 40.0, RIGHT], &mut dice);
-    assert_eq!(placement, Placement { camera: None, tools: vec![None, None] });
+    assert_eq!(placement, PortPlacement { camera: None, tools: vec![None, None] });
 }
 
 #[test]
@@ -108,18 +108,18 @@ fn a_session_that_was_odd_itself_moves_no_port() {
 }
 
 #[test]
-fn a_covariance_that_is_none_tells_nothing() {
+fn an_unusable_covariance_gives_no_displacement() {
     let mut dice = Dice::new(7, "moved");
     let ports = ports(8, &mut dice);
     let forged = Fulcrum { at: LEFT + Vector3::x() * 40.0, covariance: Matrix3::identity() * -9.0 };
-    assert_eq!(ports.place(&[Some(forged), None]).tools, [None, None]);
+    assert_eq!(ports.compare(&[Some(forged), None]).tools, [None, None]);
 }
 
 #[test]
 fn a_tool_through_a_port_that_is_not_known_has_not_moved_the_one_that_is() {
     let mut dice = Dice::new(5, "one-handed sessions");
-    let before: Vec<Vec<Fulcrum>> = (0..FEWEST).map(|_| session(&[LEFT], &mut dice)).collect();
+    let before: Vec<Vec<Fulcrum>> = (0..MIN_SESSIONS).map(|_| session(&[LEFT], &mut dice)).collect();
     let now = session(&[RIGHT], &mut dice);
-    let placed = Ports::of_sessions(&before).place(&[Some(now[0])]);
-    assert_eq!(placed, Placement { camera: None, tools: vec![None] });
+    let placed = Ports::of_sessions(&before).compare(&[Some(now[0])]);
+    assert_eq!(placed, PortPlacement { camera: None, tools: vec![None] });
 }

@@ -1,17 +1,17 @@
 //! Intraclass correlation: the share of the ratings' variance that lies between the rated people (Shrout & Fleiss 1979;
 //! McGraw & Wong 1996 for the intervals).
 
-use super::each_once;
+use super::check_each_once;
 use crate::pipeline::score::distribution::fisher_quantile;
-use crate::pipeline::score::interval::Interval;
+use crate::pipeline::score::interval::ConfidenceInterval;
 use crate::pipeline::score::no_answer::NoAnswer;
 
 /// Minimum number of rated people: as in Shrout and Fleiss's example, whose intervals already span half of the scale.
-pub const FEWEST_RATED: usize = 6;
+pub const MIN_RATED: usize = 6;
 
 /// The form of the intraclass correlation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
+pub enum IccForm {
     /// ICC(1,1): each person is rated by different raters.
     OneWay,
     /// ICC(2,1): the same raters rate all people and represent all raters; a strict rater counts as disagreement.
@@ -32,7 +32,7 @@ pub struct Reliability {
     /// The coefficient: 1 if raters agree; below 0 if they differ more within people than between them.
     pub value: f64,
     /// 95 % interval of the coefficient for all such people (and raters, depending on the form).
-    pub interval: Interval,
+    pub interval: ConfidenceInterval,
     /// Number of rated people.
     pub people: usize,
     /// Number of raters.
@@ -44,29 +44,29 @@ pub struct Reliability {
 /// # Errors
 /// [`NoAnswer`] for a person with two rows, too few people or raters, gaps, unusable ratings, or ratings that do not
 /// support the coefficient.
-pub fn icc<P: Ord>(rows: &[(P, Vec<f64>)], form: Form) -> Result<Reliability, NoAnswer> {
-    each_once(rows.iter().map(|(person, _)| person))?;
-    NoAnswer::at_least("people rated", rows.len(), FEWEST_RATED)?;
+pub fn icc<P: Ord>(rows: &[(P, Vec<f64>)], form: IccForm) -> Result<Reliability, NoAnswer> {
+    check_each_once(rows.iter().map(|(person, _)| person))?;
+    NoAnswer::at_least("people rated", rows.len(), MIN_RATED)?;
     let ratings: Vec<&[f64]> = rows.iter().map(|(_, ratings)| ratings.as_slice()).collect();
     if ratings.iter().any(|row| row.len() != ratings[0].len()) {
         return Err(NoAnswer::Ragged);
     }
     NoAnswer::at_least("raters", ratings[0].len(), 2)?;
     ratings.iter().try_for_each(|row| NoAnswer::finite(row))?;
-    let squares = Squares::of(&ratings)?;
+    let squares = MeanSquares::of(&ratings)?;
     let (value, interval) = match form {
-        Form::OneWay => squares.one_rater(squares.within, squares.n * (squares.k - 1.0))?,
-        Form::Consistency => squares.one_rater(squares.error, (squares.n - 1.0) * (squares.k - 1.0))?,
-        Form::Agreement => squares.agreement()?,
-        Form::OneWayMean => squares.of_mean(icc(rows, Form::OneWay)?)?,
-        Form::AgreementMean => squares.of_mean(icc(rows, Form::Agreement)?)?,
-        Form::ConsistencyMean => squares.of_mean(icc(rows, Form::Consistency)?)?,
+        IccForm::OneWay => squares.one_rater(squares.within, squares.n * (squares.k - 1.0))?,
+        IccForm::Consistency => squares.one_rater(squares.error, (squares.n - 1.0) * (squares.k - 1.0))?,
+        IccForm::Agreement => squares.agreement()?,
+        IccForm::OneWayMean => squares.of_mean(icc(rows, IccForm::OneWay)?)?,
+        IccForm::AgreementMean => squares.of_mean(icc(rows, IccForm::Agreement)?)?,
+        IccForm::ConsistencyMean => squares.of_mean(icc(rows, IccForm::Consistency)?)?,
     };
     Ok(Reliability { value, interval, people: rows.len(), raters: ratings[0].len() })
 }
 
 /// The mean squares of the rating table.
-struct Squares {
+struct MeanSquares {
     /// People, n.
     n: f64,
     /// Raters, k.
@@ -81,7 +81,7 @@ struct Squares {
     error: f64,
 }
 
-impl Squares {
+impl MeanSquares {
     fn of(ratings: &[&[f64]]) -> Result<Self, NoAnswer> {
         let (n, k) = (ratings.len() as f64, ratings[0].len() as f64);
         let person: Vec<f64> = ratings.iter().map(|row| row.iter().sum::<f64>() / k).collect();
@@ -108,7 +108,7 @@ impl Squares {
     }
 
     /// Forms 1 and 3: the error is one mean square with `freedom` degrees of freedom.
-    fn one_rater(&self, error: f64, freedom: f64) -> Result<(f64, Interval), NoAnswer> {
+    fn one_rater(&self, error: f64, freedom: f64) -> Result<(f64, ConfidenceInterval), NoAnswer> {
         if error == 0.0 {
             return Err(NoAnswer::Perfect);
         }
@@ -116,11 +116,11 @@ impl Squares {
         let of = |ratio: f64| (ratio - 1.0) / (ratio + self.k - 1.0);
         let low = of(ratio / fisher_quantile(0.975, self.n - 1.0, freedom));
         let high = of(ratio * fisher_quantile(0.975, freedom, self.n - 1.0));
-        Ok((of(ratio), Interval { low, high }))
+        Ok((of(ratio), ConfidenceInterval { low, high }))
     }
 
     /// Form 2: the raters are a sample too; degrees of freedom by Satterthwaite.
-    fn agreement(&self) -> Result<(f64, Interval), NoAnswer> {
+    fn agreement(&self) -> Result<(f64, ConfidenceInterval), NoAnswer> {
         let Self { n, k, people, raters, error, .. } = *self;
         if error == 0.0 {
             return Err(NoAnswer::Perfect);
@@ -138,7 +138,7 @@ impl Squares {
         let rest = k * raters + (k * n - k - n) * error;
         let low = n * (people - below * error) / (below * rest + n * people);
         let high = n * (above * people - error) / (rest + n * above * people);
-        Ok((value, Interval { low: low.max(self.lowest()), high }))
+        Ok((value, ConfidenceInterval { low: low.max(self.lowest()), high }))
     }
 
     /// The lowest possible value: people do not differ at all, but the ratings of each do.
@@ -147,7 +147,7 @@ impl Squares {
     }
 
     /// From one rater to the mean of all (Spearman and Brown); the formula has a pole at the lowest value.
-    fn of_mean(&self, one: Reliability) -> Result<(f64, Interval), NoAnswer> {
+    fn of_mean(&self, one: Reliability) -> Result<(f64, ConfidenceInterval), NoAnswer> {
         if one.interval.low <= self.lowest() {
             return Err(NoAnswer::Discord);
         }
@@ -179,17 +179,17 @@ mod tests {
         // Values to four decimals: those of the paper, recomputed. Intervals as printed by R's psych package for this
         // table.
         let cases = [
-            (Form::OneWay, 0.1657, [-0.133, 0.723]),
-            (Form::Agreement, 0.2898, [0.019, 0.761]),
-            (Form::Consistency, 0.7148, [0.342, 0.946]),
-            (Form::OneWayMean, 0.4428, [-0.884, 0.912]),
-            (Form::AgreementMean, 0.6201, [0.071, 0.927]),
-            (Form::ConsistencyMean, 0.9093, [0.676, 0.986]),
+            (IccForm::OneWay, 0.1657, [-0.133, 0.723]),
+            (IccForm::Agreement, 0.2898, [0.019, 0.761]),
+            (IccForm::Consistency, 0.7148, [0.342, 0.946]),
+            (IccForm::OneWayMean, 0.4428, [-0.884, 0.912]),
+            (IccForm::AgreementMean, 0.6201, [0.071, 0.927]),
+            (IccForm::ConsistencyMean, 0.9093, [0.676, 0.986]),
         ];
         for (form, value, [low, high]) in cases {
             let got = icc(&rows(&PUBLISHED), form).unwrap();
             assert!((got.value - value).abs() < 5e-5, "{form:?}: {got:?}");
-            let Interval { low: got_low, high: got_high } = got.interval;
+            let ConfidenceInterval { low: got_low, high: got_high } = got.interval;
             assert!((got_low - low).abs() < 1e-3 && (got_high - high).abs() < 1e-3, "{form:?}: {got:?}");
             assert_eq!((got.people, got.raters), (6, 4));
         }
@@ -199,15 +199,15 @@ mod tests {
     fn a_strict_rater_is_a_matter_of_agreement_not_of_consistency() {
         let stricter = PUBLISHED.map(|[a, b, c, d]| [a - 5.0, b, c, d]);
         let of = |table, form| icc(&rows(table), form).unwrap().value;
-        assert!((of(&stricter, Form::Consistency) - of(&PUBLISHED, Form::Consistency)).abs() < 1e-12);
+        assert!((of(&stricter, IccForm::Consistency) - of(&PUBLISHED, IccForm::Consistency)).abs() < 1e-12);
         let shifted = PUBLISHED.map(|ratings| ratings.map(|rating| 3.0 * rating - 40.0));
-        assert!((of(&shifted, Form::Agreement) - of(&PUBLISHED, Form::Agreement)).abs() < 1e-12);
-        assert!(of(&stricter, Form::Agreement) != of(&PUBLISHED, Form::Agreement));
+        assert!((of(&shifted, IccForm::Agreement) - of(&PUBLISHED, IccForm::Agreement)).abs() < 1e-12);
+        assert!(of(&stricter, IccForm::Agreement) != of(&PUBLISHED, IccForm::Agreement));
     }
 
     #[test]
-    fn what_bears_no_agreement_gives_a_reason() {
-        let of = |table: &[(usize, Vec<f64>)]| icc(table, Form::Agreement);
+    fn ratings_without_an_agreement_give_a_reason() {
+        let of = |table: &[(usize, Vec<f64>)]| icc(table, IccForm::Agreement);
         let mut twice = rows(&PUBLISHED);
         twice[0].0 = 1;
         assert_eq!(of(&twice), Err(NoAnswer::PersonTwice));
@@ -225,14 +225,14 @@ mod tests {
         assert_eq!(of(&rows(&PUBLISHED.map(|ratings| [ratings[0]; 2]))), Err(NoAnswer::Perfect));
         let crossed = [[1.0, 2.0], [2.0, 1.0], [1.0, 2.0], [2.0, 1.1], [1.0, 2.0], [2.0, 1.0]];
         assert_eq!(of(&rows(&crossed)), Err(NoAnswer::Discord));
-        assert!(icc(&rows(&crossed), Form::OneWay).unwrap().value < -0.9);
+        assert!(icc(&rows(&crossed), IccForm::OneWay).unwrap().value < -0.9);
     }
 
     #[test]
     fn an_interval_ends_at_the_lowest_value_and_from_there_the_mean_says_nothing() {
         let nearly = rows(&[[1.0, 2.0], [2.0, 1.0], [1.0, 2.0], [2.0, 2.0], [1.0, 2.0], [2.0, 1.0]]);
-        let one = icc(&nearly, Form::Agreement).unwrap();
+        let one = icc(&nearly, IccForm::Agreement).unwrap();
         assert!((one.value + 12.0 / 13.0).abs() < 1e-12 && one.interval.low == -1.0, "{one:?}");
-        assert_eq!(icc(&nearly, Form::AgreementMean), Err(NoAnswer::Discord));
+        assert_eq!(icc(&nearly, IccForm::AgreementMean), Err(NoAnswer::Discord));
     }
 }

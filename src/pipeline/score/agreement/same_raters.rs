@@ -48,7 +48,7 @@ pub fn same_raters<P: Clone, R: Ord + Clone, Q: Ord>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Form, icc};
+    use super::super::{IccForm, icc};
     use super::*;
 
     fn row<'r>(person: u32, marks: &[(&'r str, f64)]) -> (u32, BTreeMap<&'r str, f64>) {
@@ -87,7 +87,9 @@ mod tests {
         let same = same_raters(&rows, |person| *person).unwrap();
         assert_eq!((same.raters.as_slice(), same.rows.len(), same.left_out), (&names[..], 6, 1));
         let value = |form| icc(&same.rows, form).unwrap().value;
-        assert!((value(Form::Agreement) - 0.2898).abs() < 5e-5 && (value(Form::AgreementMean) - 0.6201).abs() < 5e-5);
+        assert!(
+            (value(IccForm::Agreement) - 0.2898).abs() < 5e-5 && (value(IccForm::AgreementMean) - 0.6201).abs() < 5e-5
+        );
     }
 
     #[test]

@@ -1,11 +1,11 @@
 //! Forecast of the session at which a learning curve reaches a limit.
 
-use super::{Curve, Parameters};
-use crate::pipeline::score::interval::of_resamples;
+use super::{CurveParameters, LearningCurve};
+use crate::pipeline::score::interval::interval_of_resamples;
 use crate::pipeline::score::no_answer::NoAnswer;
 
 /// Minimum number of sessions for a forecast; with only the sessions of a curve its interval would span everything.
-pub const FEWEST_FOR_FORECAST: usize = 8;
+pub const MIN_SESSIONS_FOR_FORECAST: usize = 8;
 
 /// When a curve reaches a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +39,7 @@ pub enum Forecast {
     },
 }
 
-impl Curve {
+impl LearningCurve {
     /// Forecasts the session at which the curve itself starts to meet the limit. Half of the single sessions around it
     /// do not yet.
     ///
@@ -47,28 +47,29 @@ impl Curve {
     /// [`NoAnswer::NotFinite`] for a limit that is not finite.
     pub fn forecast(&self, limit: f64) -> Result<Forecast, NoAnswer> {
         NoAnswer::finite(&[limit])?;
-        if self.sessions < FEWEST_FOR_FORECAST {
-            return Ok(Forecast::TooFew { found: self.sessions, needed: FEWEST_FOR_FORECAST });
+        if self.sessions < MIN_SESSIONS_FOR_FORECAST {
+            return Ok(Forecast::TooFew { found: self.sessions, needed: MIN_SESSIONS_FOR_FORECAST });
         }
-        let keeps_from = |parameters: &Parameters| {
-            keeps_after(*parameters, limit, self.sign).map_or(f64::INFINITY, |behind| f64::from(self.first) + behind)
+        let keeps_from = |parameters: &CurveParameters| {
+            sessions_to_limit(*parameters, limit, self.sign)
+                .map_or(f64::INFINITY, |behind| f64::from(self.first) + behind)
         };
-        let interval = of_resamples(self.resampled.iter().map(keeps_from).collect());
-        let earliest = number(interval.low);
-        Ok(match number(keeps_from(&self.best)) {
+        let interval = interval_of_resamples(self.resampled.iter().map(keeps_from).collect());
+        let earliest = session_number(interval.low);
+        Ok(match session_number(keeps_from(&self.best)) {
             None => Forecast::NotWithThisCurve { earliest },
             Some(at) if at <= self.last => Forecast::Reached { at },
             Some(at) => Forecast::Ahead {
                 at,
                 earliest: earliest.unwrap_or(at).min(at),
-                latest: number(interval.high).map(|latest| latest.max(at)),
+                latest: session_number(interval.high).map(|latest| latest.max(at)),
             },
         })
     }
 }
 
 /// Number of sessions after the first until a curve meets the limit; `None` if it never does.
-fn keeps_after(curve: Parameters, limit: f64, sign: f64) -> Option<f64> {
+fn sessions_to_limit(curve: CurveParameters, limit: f64, sign: f64) -> Option<f64> {
     let from_level = limit - curve.plateau;
     if sign * from_level >= 0.0 {
         return None;
@@ -81,6 +82,6 @@ fn keeps_after(curve: Parameters, limit: f64, sign: f64) -> Option<f64> {
 }
 
 /// The session number, if it is a possible one.
-fn number(number: f64) -> Option<u32> {
+fn session_number(number: f64) -> Option<u32> {
     (number <= f64::from(u32::MAX)).then_some(number as u32)
 }

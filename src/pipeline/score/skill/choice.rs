@@ -1,14 +1,14 @@
 //! Chooses the learner by folds that leave people out, calibrates its probabilities on the people left out, and fits it
 //! to all people.
 
-use super::data::{Dataset, Row};
-use super::folds::deal;
-use super::learner::{CANDIDATES, Learner, Table};
-use super::model::{Model, shares};
+use super::data::{SkillDataset, TrainingRow};
+use super::folds::assign_folds;
+use super::learner::{CANDIDATES, Learner, TrainingTable};
+use super::model::{LevelModel, shares};
 use super::region::{Region, SHARE_INSIDE};
 use super::scale::Scale;
-use super::{LEVELS, Level, PerLevel};
-use crate::pipeline::score::people::quantile;
+use super::{LEVELS, PerLevel, SkillLevel};
+use crate::pipeline::score::person_values::quantile;
 use crate::random::Dice;
 
 /// Number of folds of the inner round.
@@ -21,20 +21,20 @@ const FEATURES_USED: [usize; 2] = [4, 12];
 const TEMPERATURES: [f64; 9] = [0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0, 8.0];
 
 /// Some of a dataset's people, with levels that may differ from their own (shuffled).
-pub(super) struct Part<'d> {
-    pub data: &'d Dataset,
-    pub levels: &'d [Level],
+pub(super) struct TrainingPart<'d> {
+    pub data: &'d SkillDataset,
+    pub levels: &'d [SkillLevel],
     pub people: Vec<usize>,
 }
 
 /// A choice: the temperature, the index of the number of features, and the learner.
-type Choice = (f64, usize, &'static dyn Learner);
+type ModelChoice = (f64, usize, &'static dyn Learner);
 
 /// A candidate's scores for the people left out, each with the index of its row.
-type Said = Vec<(usize, PerLevel)>;
+type HeldOutScores = Vec<(usize, PerLevel)>;
 
-impl<'d> Part<'d> {
-    fn rows(&self) -> impl Iterator<Item = (usize, &'d Row)> {
+impl<'d> TrainingPart<'d> {
+    fn rows(&self) -> impl Iterator<Item = (usize, &'d TrainingRow)> {
         self.data.rows.iter().enumerate().filter(|(_, row)| self.people.contains(&row.person))
     }
 
@@ -44,8 +44,8 @@ impl<'d> Part<'d> {
         Scale::of(&readings, &people, self.levels, most)
     }
 
-    fn table(&self, scale: &Scale) -> Table {
-        let mut table = Table::default();
+    fn table(&self, scale: &Scale) -> TrainingTable {
+        let mut table = TrainingTable::default();
         for (_, row) in self.rows() {
             table.rows.push(scale.apply(|feature| row.readings[feature].value));
             table.levels.push(self.levels[row.person]);
@@ -55,18 +55,18 @@ impl<'d> Part<'d> {
     }
 
     /// Divides the people of this part into folds. For each fold: the people left out, and the rest.
-    pub fn folds(&self, folds: usize, dice: &mut Dice) -> Vec<(Vec<usize>, Part<'d>)> {
-        let dealt = deal(&self.people, self.levels, folds, dice);
+    pub fn folds(&self, folds: usize, dice: &mut Dice) -> Vec<(Vec<usize>, TrainingPart<'d>)> {
+        let dealt = assign_folds(&self.people, self.levels, folds, dice);
         let of = |fold: usize| {
             let (out, rest): (Vec<_>, Vec<_>) = dealt.iter().partition(|(_, own)| *own == fold);
             let people = |of: Vec<(usize, usize)>| of.into_iter().map(|(person, _)| person).collect::<Vec<_>>();
-            (people(out), Part { data: self.data, levels: self.levels, people: people(rest) })
+            (people(out), TrainingPart { data: self.data, levels: self.levels, people: people(rest) })
         };
         (0..folds).map(of).collect()
     }
 
     /// Fits the model of this part; `None` if no learner can be fitted.
-    pub fn model(&self, dice: &mut Dice) -> Option<Model> {
+    pub fn model(&self, dice: &mut Dice) -> Option<LevelModel> {
         let tried = self.try_all(dice);
         let (temperature, count_index, learner) = self.best(&tried)?;
         let scale = self.scale(FEATURES_USED[count_index])?;
@@ -81,13 +81,13 @@ impl<'d> Part<'d> {
         // Laplace's rule of succession: as if one more person of each level had been seen, with features that fit every
         // level.
         let doubt = LEVELS as f64 / (self.people.len() + LEVELS) as f64;
-        Some(Model { features, scale, learner, parameter, scorer, temperature, doubt, region, knows: true })
+        Some(LevelModel { features, scale, learner, parameter, scorer, temperature, doubt, region, has_skill: true })
     }
 
-    fn try_all(&self, dice: &mut Dice) -> Tried {
-        let mut tried = Tried::default();
+    fn try_all(&self, dice: &mut Dice) -> CandidateResults {
+        let mut tried = CandidateResults::default();
         for (out, rest) in self.folds(FOLDS, dice) {
-            let left = Part { data: self.data, levels: self.levels, people: out };
+            let left = TrainingPart { data: self.data, levels: self.levels, people: out };
             for (count_index, count) in FEATURES_USED.iter().enumerate() {
                 tried.try_fold(count_index, rest.scale(*count), &rest, &left);
             }
@@ -97,10 +97,10 @@ impl<'d> Part<'d> {
 
     /// The temperature, number of features and learner with the smallest log loss on the people left out: the mean
     /// logarithm of the probability of their level. Each person of a level counts the same, and so does each level.
-    fn best(&self, tried: &Tried) -> Option<Choice> {
+    fn best(&self, tried: &CandidateResults) -> Option<ModelChoice> {
         let weights = self.weights();
-        let mut best: Option<(f64, Choice)> = None;
-        for (count_index, of_count) in tried.said.iter().enumerate() {
+        let mut best: Option<(f64, ModelChoice)> = None;
+        for (count_index, of_count) in tried.scores.iter().enumerate() {
             for (learner, held_out) in CANDIDATES.iter().zip(of_count) {
                 let Some(held_out) = held_out else { continue };
                 for temperature in TEMPERATURES {
@@ -114,7 +114,7 @@ impl<'d> Part<'d> {
         best.map(|(_, chosen)| chosen)
     }
 
-    fn loss(&self, held_out: &Said, temperature: f64, weights: &[f64]) -> f64 {
+    fn loss(&self, held_out: &HeldOutScores, temperature: f64, weights: &[f64]) -> f64 {
         let surprise = |(row, scores): &(usize, PerLevel)| {
             let level = self.levels[self.data.rows[*row].person] as usize;
             -weights[*row] * shares(scores, temperature)[level].max(1e-6).ln()
@@ -131,23 +131,26 @@ impl<'d> Part<'d> {
 }
 
 /// The results of the inner round.
-struct Tried {
+struct CandidateResults {
     /// By number of features and learner; `None` if it could not be fitted in every fold.
-    said: [[Option<Said>; CANDIDATES.len()]; FEATURES_USED.len()],
+    scores: [[Option<HeldOutScores>; CANDIDATES.len()]; FEATURES_USED.len()],
     /// Distances of the people left out from the rest, by number of features.
     distances: [Vec<f64>; FEATURES_USED.len()],
 }
 
-impl Default for Tried {
+impl Default for CandidateResults {
     fn default() -> Self {
-        Self { said: std::array::from_fn(|_| std::array::from_fn(|_| Some(Vec::new()))), distances: Default::default() }
+        Self {
+            scores: std::array::from_fn(|_| std::array::from_fn(|_| Some(Vec::new()))),
+            distances: Default::default(),
+        }
     }
 }
 
-impl Tried {
-    fn try_fold(&mut self, count_index: usize, scale: Option<Scale>, rest: &Part, left: &Part) {
+impl CandidateResults {
+    fn try_fold(&mut self, count_index: usize, scale: Option<Scale>, rest: &TrainingPart, left: &TrainingPart) {
         let Some(scale) = scale else {
-            self.said[count_index].iter_mut().for_each(|held_out| *held_out = None);
+            self.scores[count_index].iter_mut().for_each(|held_out| *held_out = None);
             return;
         };
         let table = rest.table(&scale);
@@ -156,7 +159,7 @@ impl Tried {
         if let Some(region) = Region::of(&table) {
             self.distances[count_index].extend(out.iter().map(|(_, x)| region.distance(x)));
         }
-        for (learner, held_out) in CANDIDATES.iter().zip(&mut self.said[count_index]) {
+        for (learner, held_out) in CANDIDATES.iter().zip(&mut self.scores[count_index]) {
             let Some(all) = held_out else { continue };
             match learner.fit(&table) {
                 Some(scorer) => all.extend(out.iter().map(|(at, x)| (*at, scorer.scores(x)))),

@@ -1,13 +1,18 @@
 //! Divides people into folds, level by level, so that the rest of each fold contains every level; and shuffles levels
 //! between people.
 
-use super::Level;
+use super::SkillLevel;
 use crate::random::Dice;
 
 /// The fold of each person.
-pub(super) fn deal(people: &[usize], levels: &[Level], folds: usize, dice: &mut Dice) -> Vec<(usize, usize)> {
+pub(super) fn assign_folds(
+    people: &[usize],
+    levels: &[SkillLevel],
+    folds: usize,
+    dice: &mut Dice,
+) -> Vec<(usize, usize)> {
     let mut dealt = Vec::with_capacity(people.len());
-    for level in Level::ALL {
+    for level in SkillLevel::ALL {
         let mut group: Vec<usize> = people.iter().copied().filter(|person| levels[*person] == level).collect();
         shuffle(&mut group, dice);
         dealt.extend(group);

@@ -36,32 +36,32 @@ mod scale;
 mod validation;
 mod verdict;
 
-pub use data::{Dataset, Sample};
-pub use learner::{CANDIDATES, Learner, Scorer, Table, TreeNode};
-pub use model::Model;
+pub use data::{LabelledSession, SkillDataset};
+pub use learner::{CANDIDATES, Learner, LevelScorer, TrainingTable, TreeNode};
+pub use model::LevelModel;
 pub use region::Region;
-pub use report::{Baseline, LevelReport, Report, Share, Speaking};
+pub use report::{LevelReport, PermutationBaseline, PersonShare, ValidationReport, VerdictAccuracy};
 pub use scale::Scale;
-pub use validation::{Trained, train};
-pub use verdict::{Abstains, Contribution, Verdict};
+pub use validation::{TrainedModel, train};
+pub use verdict::{Abstention, Contribution, LevelVerdict};
 
 /// Minimum number of people of each level. With eight, each of the eight outer folds leaves out one of each level.
-pub const FEWEST_PER_LEVEL: usize = 8;
+pub const MIN_PER_LEVEL: usize = 8;
 
 /// Maximum number of people of each level; more would cost time and change little.
-pub const MOST_PER_LEVEL: usize = 40;
+pub const MAX_PER_LEVEL: usize = 40;
 
 /// Maximum number of sessions of one person: the last ones.
-pub const SESSIONS_EACH: usize = 3;
+pub const MAX_SESSIONS_EACH: usize = 3;
 
 /// Maximum number of features that are offered.
-pub const MOST_FEATURES: usize = 64;
+pub const MAX_FEATURES: usize = 64;
 
 /// Number of times the levels are shuffled between people: the smallest p-value is one in a hundred.
 pub const PERMUTATIONS: usize = 99;
 
 /// A model with a p-value above this has no skill.
-pub const SIGNIFICANT: f64 = 0.05;
+pub const SIGNIFICANCE: f64 = 0.05;
 
 /// Number of levels: novice, intermediate, expert.
 pub const LEVELS: usize = 3;
@@ -71,7 +71,7 @@ pub type PerLevel = [f64; LEVELS];
 
 /// A declared level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
+pub enum SkillLevel {
     /// First steps.
     Novice,
     /// Some operations.
@@ -80,9 +80,9 @@ pub enum Level {
     Expert,
 }
 
-impl Level {
+impl SkillLevel {
     /// All levels, from least to most practised.
-    pub const ALL: [Level; LEVELS] = [Level::Novice, Level::Intermediate, Level::Expert];
+    pub const ALL: [SkillLevel; LEVELS] = [SkillLevel::Novice, SkillLevel::Intermediate, SkillLevel::Expert];
 
     /// Stable name for files, API and pages.
     pub fn name(self) -> &'static str {
@@ -142,15 +142,15 @@ impl NoModel {
 }
 
 fn missing(found: &[usize; LEVELS]) -> String {
-    let each = Level::ALL.map(|level| {
+    let each = SkillLevel::ALL.map(|level| {
         let has = found[level as usize];
         let name = level.name();
-        match FEWEST_PER_LEVEL.saturating_sub(has) {
+        match MIN_PER_LEVEL.saturating_sub(has) {
             0 => format!("{name}: {has}"),
             missing => format!("{name}: {has}, {missing} missing"),
         }
     });
-    format!("a model needs {FEWEST_PER_LEVEL} people of each level with usable sessions ({})", each.join("; "))
+    format!("a model needs {MIN_PER_LEVEL} people of each level with usable sessions ({})", each.join("; "))
 }
 
 #[cfg(test)]

@@ -1,28 +1,28 @@
 //! The stored model: it reads a session's features and gives a verdict.
 
-use super::learner::Scorer;
+use super::learner::LevelScorer;
 use super::region::Region;
 use super::scale::Scale;
-use super::verdict::{Abstains, Contribution, Verdict};
-use super::{LEVELS, Level, PerLevel};
-use crate::pipeline::score::interval::{Interval, Measured};
+use super::verdict::{Abstention, Contribution, LevelVerdict};
+use super::{LEVELS, PerLevel, SkillLevel};
+use crate::pipeline::score::interval::{ConfidenceInterval, MeasuredValue};
 use crate::random::Dice;
 
 /// Minimum lead in probability of the likeliest level.
-const LEAST_LEAD: f64 = 0.2;
+const MIN_LEAD: f64 = 0.2;
 
 /// Number of sessions drawn at random from within a session's own error bars.
 const DRAWS: usize = 200;
 
 /// Minimum share of these that must get the same level.
-const SHARE_AGREEING: f64 = 0.95;
+const MIN_AGREEMENT: f64 = 0.95;
 
 /// Half of a bar, in standard deviations.
-const BAR: f64 = crate::pipeline::score::distribution::Z_95;
+const BAR_SIGMAS: f64 = crate::pipeline::score::distribution::Z_95;
 
 /// A model of skill.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Model {
+pub struct LevelModel {
     /// Names of its features, in the order of `scale`.
     pub features: Vec<String>,
     /// The means and deviations that standardise them.
@@ -32,7 +32,7 @@ pub struct Model {
     /// The learner's parameter in readable form.
     pub parameter: String,
     /// The fitted learner.
-    pub scorer: Scorer,
+    pub scorer: LevelScorer,
     /// Divisor of the scores before they become probabilities.
     pub temperature: f64,
     /// Share of the probability that is divided equally between all levels: a model trained on few people must not be
@@ -41,44 +41,48 @@ pub struct Model {
     /// The region of its training data.
     pub region: Region,
     /// True if it did better than models of shuffled levels; otherwise it gives no verdict.
-    pub knows: bool,
+    pub has_skill: bool,
 }
 
-impl Model {
+impl LevelModel {
     /// Judges a session; `reading` returns a feature's value by name.
-    pub fn judge(&self, reading: impl Fn(&str) -> Option<Measured>) -> Verdict {
-        if !self.knows {
-            return Abstains::KnowsNothing.into();
+    pub fn judge(&self, reading: impl Fn(&str) -> Option<MeasuredValue>) -> LevelVerdict {
+        if !self.has_skill {
+            return Abstention::KnowsNothing.into();
         }
         let mut readings = Vec::with_capacity(self.features.len());
         for name in &self.features {
-            match reading(name).map(Measured::checked) {
-                Some(Ok(Measured { value, bar: Some(bar) })) => readings.push((value, bar)),
-                Some(Ok(_)) => return Abstains::ErrorUnknown { feature: name.clone() }.into(),
-                _ => return Abstains::NotMeasured { feature: name.clone() }.into(),
+            match reading(name).map(MeasuredValue::checked) {
+                Some(Ok(MeasuredValue { value, bar: Some(bar) })) => readings.push((value, bar)),
+                Some(Ok(_)) => return Abstention::ErrorUnknown { feature: name.clone() }.into(),
+                _ => return Abstention::NotMeasured { feature: name.clone() }.into(),
             }
         }
         self.judge_readings(&readings)
     }
 
-    fn judge_readings(&self, readings: &[(f64, Interval)]) -> Verdict {
+    fn judge_readings(&self, readings: &[(f64, ConfidenceInterval)]) -> LevelVerdict {
         let x = self.standardised(|index| readings[index].0);
         let distance = self.region.distance(&x);
         if distance.is_nan() || distance > self.region.limit {
-            return Abstains::Outside { distance, limit: self.region.limit }.into();
+            return Abstention::Outside { distance, limit: self.region.limit }.into();
         }
         let probabilities = self.probabilities(&x);
         let level = likeliest(&probabilities);
         let lead = lead(&probabilities);
-        let agreeing = self.agreeing(level, readings);
-        let said = if lead < LEAST_LEAD {
-            Err(Abstains::NotClear { lead, least: LEAST_LEAD })
-        } else if agreeing < SHARE_AGREEING {
-            Err(Abstains::WithinErrors { agreeing, least: SHARE_AGREEING })
+        let agreeing = self.agreement(level, readings);
+        let said = if lead < MIN_LEAD {
+            Err(Abstention::NotClear { lead, least: MIN_LEAD })
+        } else if agreeing < MIN_AGREEMENT {
+            Err(Abstention::WithinErrors { agreeing, least: MIN_AGREEMENT })
         } else {
             Ok(level)
         };
-        Verdict { level: said, probabilities: Some(probabilities), carried: self.carried(level, readings, &x) }
+        LevelVerdict {
+            level: said,
+            probabilities: Some(probabilities),
+            contributions: self.contributions(level, readings, &x),
+        }
     }
 
     /// The probability of each level for standardised features.
@@ -94,11 +98,11 @@ impl Model {
 
     /// Share of the sessions drawn from within the error bars that get this level. The features' errors are
     /// independent, and normal on each side.
-    fn agreeing(&self, level: Level, readings: &[(f64, Interval)]) -> f64 {
+    fn agreement(&self, level: SkillLevel, readings: &[(f64, ConfidenceInterval)]) -> f64 {
         let mut dice = Dice::new(0, "error bars");
         let agrees = |_: &usize| {
-            let mut draw = |(value, bar): &(f64, Interval)| {
-                let z = dice.gauss() / BAR;
+            let mut draw = |(value, bar): &(f64, ConfidenceInterval)| {
+                let z = dice.gauss() / BAR_SIGMAS;
                 value + z * if z < 0.0 { value - bar.low } else { bar.high - value }
             };
             let drawn: Vec<f64> = readings.iter().map(&mut draw).collect();
@@ -110,7 +114,7 @@ impl Model {
     /// By how much each feature raises the level's probability, compared with the feature at the training sessions'
     /// mean and the others unchanged; the largest first. Features with the same information share its contribution.
     /// (The mean rather than the median, because a median may be one person's own value.)
-    fn carried(&self, level: Level, readings: &[(f64, Interval)], x: &[f64]) -> Vec<Contribution> {
+    fn contributions(&self, level: SkillLevel, readings: &[(f64, ConfidenceInterval)], x: &[f64]) -> Vec<Contribution> {
         let own = self.probabilities(x)[level as usize];
         let of = |index: usize| {
             let mut other = x.to_vec();
@@ -135,14 +139,14 @@ impl Model {
             && finite(&self.region.precision)
             && self.region.limit.is_finite();
         let scorer = match &self.scorer {
-            Scorer::Linear { weights, offsets } => weights.iter().all(|weights| of_n(weights)) && finite(offsets),
-            Scorer::Neighbours { k, rows, levels, counts } => {
+            LevelScorer::Linear { weights, offsets } => weights.iter().all(|weights| of_n(weights)) && finite(offsets),
+            LevelScorer::Neighbours { k, rows, levels, counts } => {
                 (1..=rows.len()).contains(k)
                     && rows.len() == levels.len()
                     && rows.iter().all(|row| of_n(row))
                     && finite(counts)
             }
-            Scorer::Tree { nodes } => !nodes.is_empty(),
+            LevelScorer::Tree { nodes } => !nodes.is_empty(),
         };
         let positive = self.temperature > 0.0 && self.temperature.is_finite() && (0.0..1.0).contains(&self.doubt);
         n > 0 && scale && self.scale.deviation.iter().all(|d| *d > 0.0) && region && scorer && positive
@@ -158,9 +162,9 @@ pub(super) fn shares(scores: &PerLevel, temperature: f64) -> PerLevel {
 }
 
 /// The likeliest level; of equally likely levels the lower one.
-pub(super) fn likeliest(probabilities: &PerLevel) -> Level {
+pub(super) fn likeliest(probabilities: &PerLevel) -> SkillLevel {
     let best = (1..LEVELS).fold(0, |best, level| if probabilities[level] > probabilities[best] { level } else { best });
-    Level::ALL[best]
+    SkillLevel::ALL[best]
 }
 
 fn lead(probabilities: &PerLevel) -> f64 {

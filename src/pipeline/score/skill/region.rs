@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::learner::Table;
-use super::{LEVELS, Level};
+use super::learner::TrainingTable;
+use super::{LEVELS, SkillLevel};
 
 /// Share of the covariance that is replaced by its diagonal: with so few people its small directions are unreliable.
 const SHRINKAGE: f64 = 0.3;
@@ -25,7 +25,7 @@ pub struct Region {
 
 impl Region {
     /// The region of a training part, without a limit yet.
-    pub(super) fn of(table: &Table) -> Option<Self> {
+    pub(super) fn of(table: &TrainingTable) -> Option<Self> {
         let (centres, covariance) = within_levels(table, SHRINKAGE)?;
         let precision = covariance.try_inverse()?;
         Some(Self { centres, precision: precision.iter().copied().collect(), limit: f64::INFINITY })
@@ -45,7 +45,7 @@ impl Region {
 
 /// Means of the levels, and the covariance within them; a share of the covariance is replaced by its diagonal (Friedman
 /// 1989). Every person has the same weight.
-pub(super) fn within_levels(table: &Table, shrinkage: f64) -> Option<([Vec<f64>; LEVELS], DMatrix<f64>)> {
+pub(super) fn within_levels(table: &TrainingTable, shrinkage: f64) -> Option<([Vec<f64>; LEVELS], DMatrix<f64>)> {
     let n = table.rows.first()?.len();
     let mut sums: [DVector<f64>; LEVELS] = std::array::from_fn(|_| DVector::zeros(n));
     let mut weights = [0.0; LEVELS];
@@ -69,6 +69,6 @@ pub(super) fn within_levels(table: &Table, shrinkage: f64) -> Option<([Vec<f64>;
         // of the spread over all sessions.
         covariance[(i, i)] += shrinkage * diagonal[i] + 1e-3;
     }
-    let centres = Level::ALL.map(|level| means[level as usize].iter().copied().collect());
+    let centres = SkillLevel::ALL.map(|level| means[level as usize].iter().copied().collect());
     Some((centres, covariance))
 }

@@ -1,12 +1,12 @@
 //! The results of the validation.
 
 use super::validation::Guess;
-use super::{LEVELS, Level, NoModel, PerLevel};
-use crate::pipeline::score::interval::{Interval, wilson};
+use super::{LEVELS, NoModel, PerLevel, SkillLevel};
+use crate::pipeline::score::interval::{ConfidenceInterval, wilson};
 
 /// How well models do on unseen people.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Report {
+pub struct ValidationReport {
     /// Number of people of each level.
     pub people: [usize; LEVELS],
     /// Number of sessions of each level.
@@ -17,7 +17,7 @@ pub struct Report {
     pub offered: usize,
     /// Share of sessions whose level was found, as the mean over people. The interval counts people, since one person's
     /// sessions are alike. The likeliest level counts, even if the model would have abstained.
-    pub accuracy: Share,
+    pub accuracy: PersonShare,
     /// Mean of the levels' shares. Guessing gives a third, regardless of the number of people of each level.
     pub balanced: f64,
     /// The share of each level.
@@ -26,20 +26,20 @@ pub struct Report {
     /// summed over people.
     pub confusion: [PerLevel; LEVELS],
     /// The result with shuffled levels.
-    pub baseline: Baseline,
+    pub baseline: PermutationBaseline,
     /// Accuracy on the sessions for which it gives a level.
-    pub speaking: Speaking,
+    pub speaking: VerdictAccuracy,
     /// Number of outer folds that chose each learner.
     pub chosen: Vec<(String, usize)>,
 }
 
 /// A share over people, 0 to 1, with Wilson's 95 % interval over people.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Share {
+pub struct PersonShare {
     /// The share.
     pub value: f64,
     /// Its 95 % interval.
-    pub interval: Interval,
+    pub interval: ConfidenceInterval,
     /// Number of people.
     pub people: usize,
 }
@@ -48,14 +48,14 @@ pub struct Share {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LevelReport {
     /// The level.
-    pub level: Level,
+    pub level: SkillLevel,
     /// Share of its people's sessions that were given this level.
-    pub found: Share,
+    pub found: PersonShare,
 }
 
 /// The result of the whole procedure where levels carry no information.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Baseline {
+pub struct PermutationBaseline {
     /// Number of times the levels were shuffled between people.
     pub permutations: usize,
     /// Their mean balanced accuracy.
@@ -68,17 +68,17 @@ pub struct Baseline {
 
 /// How often the model gives a level for people left out, and how often that level is right.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Speaking {
+pub struct VerdictAccuracy {
     /// Share of all sessions for which it gives a level, as the mean over people.
     pub share: f64,
     /// Of these, the share with the right level, over the people with any; `None` if it never gave a level.
-    pub right: Option<Share>,
+    pub right: Option<PersonShare>,
     /// The same among the sessions that were given this level, for each level.
-    pub of_level: [Option<Share>; LEVELS],
+    pub of_level: [Option<PersonShare>; LEVELS],
 }
 
 /// The mean of a value over each person's sessions, for people with any value.
-pub(super) fn by_person(guesses: &[Guess], value: impl Fn(&Guess) -> Option<f64>) -> Vec<(Level, f64)> {
+pub(super) fn by_person(guesses: &[Guess], value: impl Fn(&Guess) -> Option<f64>) -> Vec<(SkillLevel, f64)> {
     let mut sums = std::collections::BTreeMap::new();
     for guess in guesses {
         if let Some(value) = value(guess) {
@@ -93,19 +93,19 @@ pub(super) fn by_person(guesses: &[Guess], value: impl Fn(&Guess) -> Option<f64>
 /// Balanced accuracy: the mean over levels of the share of sessions that were given their own level.
 pub(super) fn balanced(guesses: &[Guess]) -> f64 {
     let right = by_person(guesses, |guess| Some(f64::from(guess.guessed == guess.level)));
-    Level::ALL.iter().map(|level| mean_of(&right, |of| of == *level)).sum::<f64>() / LEVELS as f64
+    SkillLevel::ALL.iter().map(|level| mean_of(&right, |of| of == *level)).sum::<f64>() / LEVELS as f64
 }
 
-pub(super) fn mean_of(people: &[(Level, f64)], wanted: impl Fn(Level) -> bool) -> f64 {
+pub(super) fn mean_of(people: &[(SkillLevel, f64)], wanted: impl Fn(SkillLevel) -> bool) -> f64 {
     let values: Vec<f64> = people.iter().filter(|(level, _)| wanted(*level)).map(|(_, value)| *value).collect();
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
 /// The share over the wanted people, with its interval.
-pub(super) fn share(people: &[(Level, f64)], wanted: impl Fn(Level) -> bool) -> Result<Share, NoModel> {
+pub(super) fn share(people: &[(SkillLevel, f64)], wanted: impl Fn(SkillLevel) -> bool) -> Result<PersonShare, NoModel> {
     let count = people.iter().filter(|(level, _)| wanted(*level)).count();
     let value = mean_of(people, wanted);
     // A person's share varies at most as much as a yes or no, so Wilson's interval is conservative.
     let interval = wilson(value, count).map_err(|_| NoModel::NothingFits)?;
-    Ok(Share { value, interval, people: count })
+    Ok(PersonShare { value, interval, people: count })
 }

@@ -1,7 +1,7 @@
 //! Standardised features, and which of them distinguish levels; both learnt on the training part alone.
 
-use super::{LEVELS, Level, PerLevel};
-use crate::pipeline::score::interval::{Measured, moments};
+use super::{LEVELS, PerLevel, SkillLevel};
+use crate::pipeline::score::interval::{MeasuredValue, moments};
 
 /// Selected features, each with its mean and standard deviation.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,7 +16,12 @@ pub struct Scale {
 
 impl Scale {
     /// Selects from the training sessions' features the `most` that distinguish people's levels best.
-    pub(super) fn of(readings: &[&[Measured]], people: &[usize], levels: &[Level], most: usize) -> Option<Self> {
+    pub(super) fn of(
+        readings: &[&[MeasuredValue]],
+        people: &[usize],
+        levels: &[SkillLevel],
+        most: usize,
+    ) -> Option<Self> {
         let features = readings.first()?.len();
         let mut ranked: Vec<(f64, usize)> = Vec::new();
         for feature in 0..features {
@@ -41,7 +46,7 @@ impl Scale {
 
 /// Variance of a feature between levels divided by that within them, over people's means: a person with many sessions
 /// counts once.
-fn between_to_within(values: &[f64], people: &[usize], levels: &[Level]) -> f64 {
+fn between_to_within(values: &[f64], people: &[usize], levels: &[SkillLevel]) -> f64 {
     let mut sums = vec![(0.0, 0.0); levels.len()];
     for (value, person) in values.iter().zip(people) {
         sums[*person].0 += value;

@@ -2,8 +2,8 @@
 
 use super::validation::train_against;
 use super::*;
-use crate::pipeline::score::distribution::normal_below;
-use crate::pipeline::score::interval::{Interval, Measured};
+use crate::pipeline::score::distribution::normal_cdf;
+use crate::pipeline::score::interval::{ConfidenceInterval, MeasuredValue};
 use crate::random::Dice;
 
 /// Number of repetitions with shuffled levels: the minimum for a significant model.
@@ -21,24 +21,24 @@ struct World {
     bar: f64,
 }
 
-fn measured(value: f64, half: f64) -> Option<Measured> {
-    Some(Measured { value, bar: Some(Interval { low: value - half, high: value + half }) })
+fn measured(value: f64, half: f64) -> Option<MeasuredValue> {
+    Some(MeasuredValue { value, bar: Some(ConfidenceInterval { low: value - half, high: value + half }) })
 }
 
 impl World {
     /// `each` people of each level with three sessions each. Another stream draws other people.
-    fn samples(&self, each: usize, stream: &str) -> Vec<Sample<usize>> {
+    fn samples(&self, each: usize, stream: &str) -> Vec<LabelledSession<usize>> {
         let mut dice = Dice::new(1, stream);
         let mut samples = Vec::new();
         for person in 0..3 * each {
-            let level = Level::ALL[person % 3];
+            let level = SkillLevel::ALL[person % 3];
             let own: Vec<f64> = (0..2 + self.noise).map(|_| dice.gauss()).collect();
             for _ in 0..3 {
                 let value = |(feature, own): (usize, &f64)| {
                     let tells = if feature < 2 { self.apart / 2f64.sqrt() * level as usize as f64 } else { 0.0 };
                     measured(10.0 + tells + own + self.within * dice.gauss(), self.bar)
                 };
-                samples.push(Sample { person, level, values: own.iter().enumerate().map(value).collect() });
+                samples.push(LabelledSession { person, level, values: own.iter().enumerate().map(value).collect() });
             }
         }
         samples
@@ -48,18 +48,18 @@ impl World {
         (0..2 + self.noise).map(|n| format!("feature_{n}")).collect()
     }
 
-    fn data(&self, each: usize, stream: &str) -> Dataset {
-        Dataset::of(&self.names(), &self.samples(each, stream)).unwrap()
+    fn data(&self, each: usize, stream: &str) -> SkillDataset {
+        SkillDataset::of(&self.names(), &self.samples(each, stream)).unwrap()
     }
 }
 
-fn trained(data: &Dataset) -> Trained {
+fn trained(data: &SkillDataset) -> TrainedModel {
     train_against(data, 7, FEW, |_, _| ()).unwrap()
 }
 
 /// Share of other people's sessions whose level a model finds.
-fn found_in(model: &Model, samples: &[Sample<usize>]) -> f64 {
-    let right = |sample: &&Sample<usize>| {
+fn found_in(model: &LevelModel, samples: &[LabelledSession<usize>]) -> f64 {
+    let right = |sample: &&LabelledSession<usize>| {
         let x = model.standardised(|place| value_of(sample, &model.features[place]));
         super::model::likeliest(&model.probabilities(&x)) == sample.level
     };
@@ -67,16 +67,16 @@ fn found_in(model: &Model, samples: &[Sample<usize>]) -> f64 {
 }
 
 #[test]
-fn people_who_were_left_out_are_told_apart_at_the_rate_that_can_be_reached() {
+fn levels_of_people_left_out_are_found_at_the_achievable_rate() {
     let world = World { apart: 2.5, noise: 8, within: 0.0, bar: 0.0 };
     let others = world.samples(200, "others");
     // With two normal features of one shape the best rule is a line: the outer levels are missed on one side, the
     // middle level on two.
-    let best = (4.0 * normal_below(world.apart / 2.0) - 1.0) / 3.0;
+    let best = (4.0 * normal_cdf(world.apart / 2.0) - 1.0) / 3.0;
     let centres: Vec<(f64, f64)> = (0..8)
         .map(|centre| {
             let data = world.data(20, &format!("bayes {centre}"));
-            let Trained { model, report } = train_against(&data, centre, 1, |_, _| ()).unwrap();
+            let TrainedModel { model, report } = train_against(&data, centre, 1, |_, _| ()).unwrap();
             assert!(model.is_sound() && report.accuracy.people == 60 && report.sessions == [60; 3]);
             (report.accuracy.value, found_in(&model, &others))
         })
@@ -89,106 +89,107 @@ fn people_who_were_left_out_are_told_apart_at_the_rate_that_can_be_reached() {
 }
 
 #[test]
-fn it_knows_something_where_there_is_something_and_beats_shuffled_levels() {
+fn a_model_of_real_differences_beats_shuffled_levels() {
     let world = World { apart: 2.5, noise: 8, within: 0.1, bar: 0.1 };
-    let Trained { model, report } = trained(&world.data(8, "knows"));
+    let TrainedModel { model, report } = trained(&world.data(8, "knows"));
     println!("{:?} {:?}", report.accuracy, report.baseline);
-    assert!(model.knows && report.baseline.p <= 0.05 && report.baseline.high < report.balanced, "{report:?}");
+    assert!(model.has_skill && report.baseline.p <= 0.05 && report.baseline.high < report.balanced, "{report:?}");
     assert!(report.baseline.mean < 0.45 && report.accuracy.interval.low > 1.0 / 3.0, "{report:?}");
     let sum: f64 = report.confusion.iter().flatten().sum();
     assert!((sum - 24.0).abs() < 1e-9 && report.chosen.iter().map(|(_, folds)| folds).sum::<usize>() == 8);
 }
 
-fn value_of(sample: &Sample<usize>, feature: &str) -> f64 {
+fn value_of(sample: &LabelledSession<usize>, feature: &str) -> f64 {
     let at: usize = feature.trim_start_matches("feature_").parse().unwrap();
     sample.values[at].unwrap().value
 }
 
 #[test]
-fn of_levels_that_say_nothing_it_knows_nothing_and_gives_no_verdict() {
+fn a_model_of_levels_without_information_gives_no_verdict() {
     // Sessions of one person are nearly the same, so a model that recognised people would find all levels. And some of
     // so many features seem to distinguish levels, so selecting them on all people first would be right far more often
     // than one in three.
     let world = World { apart: 0.0, noise: 58, within: 0.01, bar: 0.0 };
     let data = world.data(10, "nothing");
-    let Trained { model, report } = trained(&data);
+    let TrainedModel { model, report } = trained(&data);
     println!("balanced {:.3}, baseline {:?}", report.balanced, report.baseline);
-    assert!(report.balanced < 0.5 && report.baseline.p > 0.05 && !model.knows, "{report:?}");
-    assert!(report.accuracy.interval.holds(1.0 / 3.0), "{:?}", report.accuracy);
+    assert!(report.balanced < 0.5 && report.baseline.p > 0.05 && !model.has_skill, "{report:?}");
+    assert!(report.accuracy.interval.contains(1.0 / 3.0), "{:?}", report.accuracy);
     let verdict = model.judge(|_| measured(10.0, 0.0));
-    assert_eq!((verdict.level, verdict.probabilities), (Err(Abstains::KnowsNothing), None));
+    assert_eq!((verdict.level, verdict.probabilities), (Err(Abstention::KnowsNothing), None));
 }
 
 #[test]
-fn the_same_sessions_give_the_same_model_whatever_their_order_and_whatever_people_are_called() {
+fn neither_the_order_of_sessions_nor_names_change_the_model() {
     let world = World { apart: 3.0, noise: 2, within: 0.3, bar: 0.1 };
     let samples = world.samples(8, "order");
-    let mut turned: Vec<Sample<String>> = (samples.iter())
-        .map(|s| Sample { person: format!("{}", 999 - s.person), level: s.level, values: s.values.clone() })
+    let mut turned: Vec<LabelledSession<String>> = (samples.iter())
+        .map(|s| LabelledSession { person: format!("{}", 999 - s.person), level: s.level, values: s.values.clone() })
         .collect();
     turned.reverse();
-    let (a, b) = (Dataset::of(&world.names(), &samples).unwrap(), Dataset::of(&world.names(), &turned).unwrap());
+    let (a, b) =
+        (SkillDataset::of(&world.names(), &samples).unwrap(), SkillDataset::of(&world.names(), &turned).unwrap());
     assert_eq!(a, b);
-    let of = |data: &Dataset| train_against(data, 3, 2, |_, _| ()).unwrap();
+    let of = |data: &SkillDataset| train_against(data, 3, 2, |_, _| ()).unwrap();
     assert_eq!(of(&a), of(&b));
 }
 
 #[test]
-fn it_says_nothing_outside_its_data_between_levels_and_within_error_bars() {
+fn a_model_abstains_outside_its_data_between_levels_and_within_error_bars() {
     let world = World { apart: 5.0, noise: 2, within: 0.2, bar: 0.05 };
-    let Trained { model, report } = trained(&world.data(12, "abstains"));
-    assert!(model.knows && report.speaking.share > 0.6, "{:?}", report.speaking);
+    let TrainedModel { model, report } = trained(&world.data(12, "abstains"));
+    assert!(model.has_skill && report.speaking.share > 0.6, "{:?}", report.speaking);
     let step = 5.0 / 2f64.sqrt();
     let say = |steps: f64, half: f64| {
         let value = move |name: &str| if name < "feature_2" { 10.0 + step * steps } else { 10.0 };
         model.judge(move |name| measured(value(name), half))
     };
-    for level in Level::ALL {
+    for level in SkillLevel::ALL {
         let verdict = say(level as usize as f64, 0.05);
         assert_eq!(verdict.level, Ok(level), "{verdict:?}");
         // With 36 people no probability can exceed (36 + 1) / 39.
         let probability = verdict.probabilities.unwrap()[level as usize];
         assert!(probability > 0.6 && probability <= 37.0 / 39.0 + 1e-12, "{probability}");
-        let first = &verdict.carried[0];
-        assert!(first.raises.abs() >= verdict.carried[1].raises.abs());
+        let first = &verdict.contributions[0];
+        assert!(first.raises.abs() >= verdict.contributions[1].raises.abs());
     }
-    let carried = say(0.0, 0.05).carried;
+    let carried = say(0.0, 0.05).contributions;
     assert!(
         ["feature_0", "feature_1"].contains(&carried[0].feature.as_str()) && carried[0].raises > 0.0,
         "{carried:?}"
     );
-    assert!(matches!(say(9.0, 0.05).level, Err(Abstains::Outside { .. })));
-    assert!(matches!(say(1.0, 20.0).level, Err(Abstains::WithinErrors { .. })), "{:?}", say(1.0, 20.0).level);
+    assert!(matches!(say(9.0, 0.05).level, Err(Abstention::Outside { .. })));
+    assert!(matches!(say(1.0, 20.0).level, Err(Abstention::WithinErrors { .. })), "{:?}", say(1.0, 20.0).level);
     let between = (0..100).map(|n| say(0.3 + 0.004 * f64::from(n), 0.0).level);
     assert!(
-        between.clone().any(|level| matches!(level, Err(Abstains::NotClear { .. }))),
+        between.clone().any(|level| matches!(level, Err(Abstention::NotClear { .. }))),
         "{:?}",
         between.collect::<Vec<_>>()
     );
-    let judge = |reading: Option<Measured>| model.judge(|_| reading).level;
-    assert!(matches!(judge(None), Err(Abstains::NotMeasured { .. })));
-    assert!(matches!(judge(measured(f64::NAN, 1.0)), Err(Abstains::NotMeasured { .. })));
-    assert!(matches!(judge(Some(Measured { value: 10.0, bar: None })), Err(Abstains::ErrorUnknown { .. })));
+    let judge = |reading: Option<MeasuredValue>| model.judge(|_| reading).level;
+    assert!(matches!(judge(None), Err(Abstention::NotMeasured { .. })));
+    assert!(matches!(judge(measured(f64::NAN, 1.0)), Err(Abstention::NotMeasured { .. })));
+    assert!(matches!(judge(Some(MeasuredValue { value: 10.0, bar: None })), Err(Abstention::ErrorUnknown { .. })));
 }
 
 #[test]
 fn bad_or_too_little_data_give_a_reason_and_no_model() {
     let world = World { apart: 3.0, noise: 1, within: 0.1, bar: 0.1 };
-    let of = |samples: &[Sample<usize>]| Dataset::of(&world.names(), samples);
+    let of = |samples: &[LabelledSession<usize>]| SkillDataset::of(&world.names(), samples);
     let good = world.samples(8, "bad");
     assert!(of(&good).is_ok());
     assert_eq!(of(&[]), Err(NoModel::TooFewPeople { found: [0; 3] }));
     assert_eq!(of(&good[..1]), Err(NoModel::TooFewPeople { found: [1, 0, 0] }));
-    let one_expert: Vec<_> = good.iter().filter(|s| s.level != Level::Expert || s.person == 2).cloned().collect();
+    let one_expert: Vec<_> = good.iter().filter(|s| s.level != SkillLevel::Expert || s.person == 2).cloned().collect();
     let refused = of(&one_expert).unwrap_err();
     assert_eq!(refused, NoModel::TooFewPeople { found: [8, 8, 1] });
     assert!(refused.to_string().contains("expert: 1, 7 missing"), "{refused}");
-    let with = |change: &dyn Fn(&mut Sample<usize>)| {
+    let with = |change: &dyn Fn(&mut LabelledSession<usize>)| {
         let mut samples = good.clone();
         change(&mut samples[0]);
         of(&samples)
     };
-    assert_eq!(with(&|s| s.level = Level::Expert), Err(NoModel::TwoLevels), "two people with one id");
+    assert_eq!(with(&|s| s.level = SkillLevel::Expert), Err(NoModel::TwoLevels), "two people with one id");
     assert_eq!(with(&|s| s.values[0] = measured(f64::NAN, 1.0)), Err(NoModel::NotFinite));
     assert_eq!(with(&|s| s.values[0] = measured(1.0, -1.0)), Err(NoModel::NotFinite));
     assert_eq!(with(&|s| s.values.clear()), Err(NoModel::Ragged));
@@ -197,23 +198,24 @@ fn bad_or_too_little_data_give_a_reason_and_no_model() {
     let mut rarely = good.clone();
     rarely.iter_mut().step_by(3).for_each(|sample| sample.values[0] = None);
     assert_eq!(of(&rarely).unwrap().features(), ["feature_1", "feature_2"]);
-    let unbarred = |sample: &Sample<usize>| {
-        let bare = |value: &Option<Measured>| value.map(|m| Measured { bar: None, ..m });
-        Sample { values: sample.values.iter().map(bare).collect(), ..sample.clone() }
+    let unbarred = |sample: &LabelledSession<usize>| {
+        let bare = |value: &Option<MeasuredValue>| value.map(|m| MeasuredValue { bar: None, ..m });
+        LabelledSession { values: sample.values.iter().map(bare).collect(), ..sample.clone() }
     };
     assert_eq!(of(&good.iter().map(unbarred).collect::<Vec<_>>()), Err(NoModel::NoFeatures));
-    let same = |sample: &Sample<usize>| Sample { values: vec![measured(1.0, 0.1); 3], ..sample.clone() };
+    let same =
+        |sample: &LabelledSession<usize>| LabelledSession { values: vec![measured(1.0, 0.1); 3], ..sample.clone() };
     let same = of(&good.iter().map(same).collect::<Vec<_>>()).unwrap();
     assert_eq!(train_against(&same, 1, 1, |_, _| ()), Err(NoModel::NothingFits));
-    assert!(matches!(of(&world.samples(MOST_PER_LEVEL + 1, "many")), Err(NoModel::TooMany { .. })));
+    assert!(matches!(of(&world.samples(MAX_PER_LEVEL + 1, "many")), Err(NoModel::TooMany { .. })));
 }
 
 #[test]
 fn every_learner_finds_levels_that_lie_far_apart_and_a_rare_level_too() {
     let world = World { apart: 6.0, noise: 1, within: 0.2, bar: 0.1 };
     let mut samples = world.samples(30, "learners");
-    samples.retain(|sample| sample.level != Level::Expert || sample.person < 36); // experts are rare
-    let mut table = super::learner::Table::default();
+    samples.retain(|sample| sample.level != SkillLevel::Expert || sample.person < 36); // experts are rare
+    let mut table = super::learner::TrainingTable::default();
     for sample in &samples {
         table.rows.push(sample.values.iter().flatten().map(|value| (value.value - 14.0) / 3.0).collect());
         table.levels.push(sample.level);
@@ -221,12 +223,12 @@ fn every_learner_finds_levels_that_lie_far_apart_and_a_rare_level_too() {
     }
     for learner in CANDIDATES {
         let scorer = learner.fit(&table).unwrap();
-        let right = |level: Level| {
+        let right = |level: SkillLevel| {
             let of: Vec<_> = table.rows.iter().zip(&table.levels).filter(|(_, own)| **own == level).collect();
             of.iter().filter(|(x, own)| super::model::likeliest(&scorer.scores(x)) == **own).count() as f64
                 / of.len() as f64
         };
-        let found = Level::ALL.map(right);
+        let found = SkillLevel::ALL.map(right);
         println!("{} {}: {found:?}", learner.name(), learner.parameter());
         assert!(found.iter().all(|found| *found >= 0.9), "{} {}: {found:?}", learner.name(), learner.parameter());
     }
@@ -239,8 +241,8 @@ fn intervals_count_people_and_hold_what_can_be_reached() {
     let fresh = world.samples(300, "fresh");
     let held = (0..20).filter(|centre| {
         let data = world.data(8, &format!("centre {centre}"));
-        let Trained { model, report } = train_against(&data, *centre, 1, |_, _| ()).unwrap();
-        report.accuracy.interval.holds(found_in(&model, &fresh))
+        let TrainedModel { model, report } = train_against(&data, *centre, 1, |_, _| ()).unwrap();
+        report.accuracy.interval.contains(found_in(&model, &fresh))
     });
     let held = held.count();
     assert!(held >= 17, "{held} of 20");

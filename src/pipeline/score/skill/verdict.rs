@@ -1,17 +1,17 @@
 //! A model's verdict on a session: the level, the features that contributed to it, and why it may abstain.
 
-use super::{Level, PerLevel};
+use super::{PerLevel, SkillLevel};
 
 /// A model's verdict on a session.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Verdict {
+pub struct LevelVerdict {
     /// The level, or why none is given.
-    pub level: Result<Level, Abstains>,
+    pub level: Result<SkillLevel, Abstention>,
     /// The probability of each level; `None` if the model cannot read the session, or if the session is outside its
     /// data.
     pub probabilities: Option<PerLevel>,
     /// How each feature contributes to the likeliest level, for or against; the largest change first.
-    pub carried: Vec<Contribution>,
+    pub contributions: Vec<Contribution>,
 }
 
 /// The contribution of one feature to a verdict.
@@ -29,7 +29,7 @@ pub struct Contribution {
 
 /// Why a model gives no level.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Abstains {
+pub enum Abstention {
     /// Models of shuffled levels did as well.
     #[error("on unseen people the model did no better than models of shuffled levels, so it gives no verdicts")]
     KnowsNothing,
@@ -79,22 +79,22 @@ pub enum Abstains {
     },
 }
 
-impl Abstains {
+impl Abstention {
     /// Stable name for files, API and pages.
     pub fn name(&self) -> &'static str {
         match self {
-            Abstains::KnowsNothing => "knows_nothing",
-            Abstains::NotMeasured { .. } => "not_measured",
-            Abstains::ErrorUnknown { .. } => "error_unknown",
-            Abstains::Outside { .. } => "outside",
-            Abstains::NotClear { .. } => "not_clear",
-            Abstains::WithinErrors { .. } => "within_errors",
+            Abstention::KnowsNothing => "knows_nothing",
+            Abstention::NotMeasured { .. } => "not_measured",
+            Abstention::ErrorUnknown { .. } => "error_unknown",
+            Abstention::Outside { .. } => "outside",
+            Abstention::NotClear { .. } => "not_clear",
+            Abstention::WithinErrors { .. } => "within_errors",
         }
     }
 }
 
-impl From<Abstains> for Verdict {
-    fn from(why: Abstains) -> Self {
-        Self { level: Err(why), probabilities: None, carried: Vec::new() }
+impl From<Abstention> for LevelVerdict {
+    fn from(why: Abstention) -> Self {
+        Self { level: Err(why), probabilities: None, contributions: Vec::new() }
     }
 }

@@ -1,34 +1,34 @@
 //! Target times of the Fundamentals of Laparoscopic Surgery (PEERS 4d, S80). They are external: measured with other
 //! boxes and hand-held clocks, not here.
 
-use super::{Basis, Target};
+use super::{FeatureTarget, TargetBasis};
 use crate::pipeline::features::Direction;
 use crate::pipeline::score::pass_rule::PassRule;
 
 /// A published target of one task.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Preset {
+pub struct FlsTarget {
     /// Stable name of the task.
     pub task: &'static str,
     /// Display name.
     pub title: &'static str,
     /// The duration that must not be exceeded.
-    pub duration: Target,
+    pub duration: FeatureTarget,
     /// The pass rule; `None` if the available source does not state it.
     pub rule: Option<PassRule>,
 }
 
-const fn preset(task: &'static str, title: &'static str, limit_s: f64, rule: Option<PassRule>) -> Preset {
-    let basis = Basis::External { source: "Fundamentals of Laparoscopic Surgery" };
-    let duration = Target { limit: limit_s, interval: None, direction: Direction::Lower, basis };
-    Preset { task, title, duration, rule }
+const fn preset(task: &'static str, title: &'static str, limit_s: f64, rule: Option<PassRule>) -> FlsTarget {
+    let basis = TargetBasis::External { source: "Fundamentals of Laparoscopic Surgery" };
+    let duration = FeatureTarget { limit: limit_s, interval: None, direction: Direction::Lower, basis };
+    FlsTarget { task, title, duration, rule }
 }
 
 /// Twice in a row and ten times more, in 80 trials at most.
 const PEG_RULE: PassRule = PassRule { in_a_row: 2, then_more: 10, at_most: Some(80) };
 
 /// The five tasks. Limits in seconds.
-pub static FLS: [Preset; 5] = [
+pub static FLS: [FlsTarget; 5] = [
     preset("peg_transfer", "Peg transfer", 48.0, Some(PEG_RULE)),
     preset("pattern_cut", "Pattern cutting", 98.0, None),
     preset("loop", "Ligating loop", 53.0, None),

@@ -8,7 +8,7 @@
 //! roll differs from its nominal shade by some 10 steps, so check the chosen tape with [`super::verdict`] once it is
 //! on the tool.
 
-use super::light::Light;
+use super::light::LightCondition;
 use super::verdict::Grade;
 use super::{STEPS, distance_steps};
 use crate::pipeline::frame::{ColourEncoding, Frame};
@@ -51,7 +51,7 @@ pub const TAPES: [Tape; 10] = [
 
 /// Share of the picture that may be nearer to a tape than its margin: on a 720p picture 920 pixels, a quarter of a 26
 /// mm band on a 5 mm tube.
-pub const DISREGARDED: f64 = 0.001;
+pub const DISREGARDED_SHARE: f64 = 0.001;
 
 /// A pixel within this distance from a tape's line of colours has the tape's colour, steps. Pixels of one tape spread
 /// by 3 to 18 steps, mostly along that line.
@@ -68,7 +68,7 @@ const SHADES: [f64; 5] = [0.55, 0.66, 0.77, 0.88, 1.0];
 
 /// Ranking of every tape for a frame of the empty box.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Advice {
+pub struct TapeRanking {
     /// Every tape, best first.
     pub tapes: Vec<TapeAdvice>,
     /// Every pair, best first.
@@ -102,7 +102,7 @@ pub struct PairAdvice {
 }
 
 /// Ranks all [`TAPES`] against a frame without tools.
-pub fn advise(frame: &Frame<'_>) -> Advice {
+pub fn rank_tapes(frame: &Frame<'_>) -> TapeRanking {
     let colours = colours_of(frame);
     let mut tapes: Vec<TapeAdvice> = TAPES.iter().map(|tape| against_box(*tape, &colours, frame.encoding)).collect();
     tapes.sort_by(|a, b| b.margin_steps.total_cmp(&a.margin_steps));
@@ -112,7 +112,7 @@ pub fn advise(frame: &Frame<'_>) -> Advice {
     };
     let mut pairs: Vec<PairAdvice> = tapes.iter().enumerate().flat_map(pair).collect();
     pairs.sort_by(|a, b| b.margin_steps.total_cmp(&a.margin_steps));
-    Advice { tapes, pairs }
+    TapeRanking { tapes, pairs }
 }
 
 /// The frame's colours in the classifier's space, each with its share of the picture. Codes are grouped in fours.
@@ -138,8 +138,8 @@ fn colours_of(frame: &Frame<'_>) -> Vec<([f32; 3], f64)> {
 fn line_of(tape: Tape, encoding: ColourEncoding) -> Vec<[f32; 3]> {
     let nominal = encoding.colour_of_rgb(tape.srgb.map(|c| f64::from(c) / STEPS));
     let shaded = SHADES.iter().map(move |shade| nominal.map(|c| c * shade));
-    let lights = [Light::AsMarked, Light::Warmer, Light::Cooler];
-    shaded.flat_map(|colour| lights.map(|light| metric_of(light.on(colour, encoding)))).collect()
+    let lights = [LightCondition::AsMarked, LightCondition::Warmer, LightCondition::Cooler];
+    shaded.flat_map(|colour| lights.map(|light| metric_of(light.apply_to(colour, encoding)))).collect()
 }
 
 fn steps_to_line(at: [f32; 3], line: &[[f32; 3]]) -> f64 {
@@ -158,7 +158,7 @@ fn against_box(tape: Tape, colours: &[([f32; 3], f64)], encoding: ColourEncoding
     let mut passed = 0.0;
     let beyond = near.iter().find(|(_, share)| {
         passed += share;
-        passed > DISREGARDED
+        passed > DISREGARDED_SHARE
     });
     let margin_steps = 0.5 * beyond.map_or(STEPS, |(steps, _)| *steps);
     TapeAdvice { tape, margin_steps, in_box, grade: grade(margin_steps) }
@@ -189,7 +189,7 @@ mod tests {
     const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
 
     /// The advice for a box with these colours (sRGB), in stripes of equal width.
-    fn advice_for(stripes: &[[u8; 3]]) -> Advice {
+    fn advice_for(stripes: &[[u8; 3]]) -> TapeRanking {
         const ROWS: usize = 40;
         let codes: Vec<[u8; 3]> = stripes
             .iter()
@@ -202,10 +202,10 @@ mod tests {
         let [y, u, v] = [0, 1, 2].map(|i| codes.iter().map(|code| code[i]).collect::<Vec<u8>>().repeat(ROWS));
         let plane = |data| Plane { data, stride: width, width, height: ROWS };
         let (y, u, v) = (plane(&y), plane(&u), plane(&v));
-        advise(&Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding: ENCODING })
+        rank_tapes(&Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding: ENCODING })
     }
 
-    fn of<'a>(advice: &'a Advice, name: &str) -> &'a TapeAdvice {
+    fn of<'a>(advice: &'a TapeRanking, name: &str) -> &'a TapeAdvice {
         advice.tapes.iter().find(|tape| tape.tape.name == name).unwrap()
     }
 

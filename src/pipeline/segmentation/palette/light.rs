@@ -17,7 +17,7 @@ const GAMMA: f64 = 2.2;
 
 /// Light condition for judging colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Light {
+pub enum LightCondition {
     /// As it was when the colours were marked.
     AsMarked,
     /// 30 % less of it.
@@ -30,24 +30,30 @@ pub enum Light {
     Cooler,
 }
 
-impl Light {
+impl LightCondition {
     /// All conditions; the first is the light when the colours were marked.
-    pub const ALL: [Light; 5] = [Light::AsMarked, Light::Darker, Light::Brighter, Light::Warmer, Light::Cooler];
+    pub const ALL: [LightCondition; 5] = [
+        LightCondition::AsMarked,
+        LightCondition::Darker,
+        LightCondition::Brighter,
+        LightCondition::Warmer,
+        LightCondition::Cooler,
+    ];
 
     /// Human-readable name.
     pub fn name(self) -> &'static str {
         match self {
-            Light::AsMarked => "as marked",
-            Light::Darker => "30 % darker",
-            Light::Brighter => "30 % brighter",
-            Light::Warmer => "500 K warmer",
-            Light::Cooler => "500 K cooler",
+            LightCondition::AsMarked => "as marked",
+            LightCondition::Darker => "30 % darker",
+            LightCondition::Brighter => "30 % brighter",
+            LightCondition::Warmer => "500 K warmer",
+            LightCondition::Cooler => "500 K cooler",
         }
     }
 
     /// A gamma-coded `[Y', Pb, Pr]` as seen in this light. Values that the sensor cannot represent are clipped.
-    pub fn on(self, colour: [f64; 3], encoding: ColourEncoding) -> [f64; 3] {
-        if self == Light::AsMarked {
+    pub fn apply_to(self, colour: [f64; 3], encoding: ColourEncoding) -> [f64; 3] {
+        if self == LightCondition::AsMarked {
             return colour;
         }
         let gains = self.gains().map(|gain| gain.powf(1.0 / GAMMA));
@@ -59,11 +65,11 @@ impl Light {
     fn gains(self) -> [f64; 3] {
         let [from, drift] = TEMPERATURE_K;
         match self {
-            Light::AsMarked => [1.0; 3],
-            Light::Darker => [1.0 - EXPOSURE; 3],
-            Light::Brighter => [1.0 + EXPOSURE; 3],
-            Light::Warmer => black_body_gains(from, from - drift),
-            Light::Cooler => black_body_gains(from, from + drift),
+            LightCondition::AsMarked => [1.0; 3],
+            LightCondition::Darker => [1.0 - EXPOSURE; 3],
+            LightCondition::Brighter => [1.0 + EXPOSURE; 3],
+            LightCondition::Warmer => black_body_gains(from, from - drift),
+            LightCondition::Cooler => black_body_gains(from, from + drift),
         }
     }
 }
@@ -83,24 +89,24 @@ mod tests {
 
     const ENCODING: ColourEncoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
 
-    fn rgb_in(light: Light, rgb: [f64; 3]) -> nalgebra::Vector3<f64> {
-        let seen = light.on(ENCODING.colour_of_rgb(rgb), ENCODING);
+    fn rgb_in(light: LightCondition, rgb: [f64; 3]) -> nalgebra::Vector3<f64> {
+        let seen = light.apply_to(ENCODING.colour_of_rgb(rgb), ENCODING);
         ENCODING.rgb_from_colour() * nalgebra::Vector3::from(seen)
     }
 
     #[test]
     fn exposure_scales_all_and_temperature_turns_red_against_blue() {
         let grey = [0.5; 3];
-        let dark = rgb_in(Light::Darker, grey);
+        let dark = rgb_in(LightCondition::Darker, grey);
         assert!((dark.max() - dark.min()).abs() < 1e-9);
         assert!((dark[0].powf(GAMMA) / 0.5f64.powf(GAMMA) - 0.7).abs() < 1e-9);
-        let (warm, cool) = (rgb_in(Light::Warmer, grey), rgb_in(Light::Cooler, grey));
+        let (warm, cool) = (rgb_in(LightCondition::Warmer, grey), rgb_in(LightCondition::Cooler, grey));
         assert!(warm[0] > warm[1] && warm[1] > warm[2], "{warm}");
         assert!(cool[0] < cool[1] && cool[1] < cool[2], "{cool}");
     }
 
     #[test]
     fn more_light_than_the_sensor_shows_is_white() {
-        assert!((rgb_in(Light::Brighter, [1.0; 3]) - nalgebra::Vector3::repeat(1.0)).norm() < 1e-9);
+        assert!((rgb_in(LightCondition::Brighter, [1.0; 3]) - nalgebra::Vector3::repeat(1.0)).norm() < 1e-9);
     }
 }

@@ -18,8 +18,8 @@ pub mod light;
 pub mod margin;
 pub mod verdict;
 
-pub use margin::{Apart, Margin, apart};
-pub use verdict::{Cause, FalseArea, Grade, Verdict, verdicts};
+pub use margin::{ColourSeparation, Margin, colour_separations};
+pub use verdict::{FalseArea, Grade, TapeProblem, TapeVerdict, verdicts};
 
 /// Steps in the classifier's full range.
 const STEPS: f64 = 255.0;

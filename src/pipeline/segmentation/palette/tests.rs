@@ -1,8 +1,8 @@
 //! Properties of the palette checks, on synthetic colours.
 
 use super::confusion::Confusion;
-use super::light::Light;
-use super::{Apart, Cause, FalseArea, Grade, Verdict, apart, verdict, verdicts};
+use super::light::LightCondition;
+use super::{ColourSeparation, FalseArea, Grade, TapeProblem, TapeVerdict, colour_separations, verdict, verdicts};
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
 use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples};
 use crate::random::Dice;
@@ -40,7 +40,7 @@ fn tools(names: &[&str]) -> Vec<String> {
     names.iter().map(|name| (*name).to_owned()).collect()
 }
 
-fn only(verdicts: Vec<Verdict>) -> Verdict {
+fn only(verdicts: Vec<TapeVerdict>) -> TapeVerdict {
     assert_eq!(verdicts.len(), 1);
     verdicts.into_iter().next().unwrap()
 }
@@ -51,9 +51,9 @@ fn two_tapes_of_one_colour_are_confused_half_the_time_and_bad() {
     let confusion = Confusion::of(&samples, &tools(&["one", "other"]));
     for (tool, other) in [(0, 1), (1, 0)] {
         let row = confusion.row_of(tool).unwrap();
-        let taken = row.taken_for(other, Light::AsMarked);
+        let taken = row.taken_for(other, LightCondition::AsMarked);
         assert!((taken - 0.5).abs() < 0.12, "{row:?}");
-        assert!((row.taken_for(tool, Light::AsMarked) + taken - 1.0).abs() < 1e-9);
+        assert!((row.taken_for(tool, LightCondition::AsMarked) + taken - 1.0).abs() < 1e-9);
     }
     let verdicts = verdict::judge(&confusion, &[]);
     assert!(verdicts.iter().all(|v| v.grade == Grade::Bad), "{verdicts:?}");
@@ -68,7 +68,7 @@ fn colours_far_apart_are_never_confused_and_good_in_every_light() {
     let samples = four_each(&[("orange", ORANGE), ("cyan", CYAN), ("background", GREY)], 0.03);
     let confusion = Confusion::of(&samples, &tools(&["orange", "cyan"]));
     for row in &confusion.rows {
-        for light in Light::ALL {
+        for light in LightCondition::ALL {
             let own = row.tool.map_or(row.shares[light as usize][0], |tool| row.taken_for(tool, light));
             assert_eq!(own, 1.0, "{} {}", row.label, light.name());
         }
@@ -97,17 +97,17 @@ fn a_tape_marked_in_lights_of_all_kinds_is_far_from_the_background_in_a_session(
     let samples = marked(&[&looks[..], &[("background", GREY); 3]].concat(), 0.02);
     let tools = tools(&["tape"]);
     let before = Confusion::of(&samples, &tools).margins[0].as_ref().unwrap().margin_steps;
-    let Apart { from_tools, from_background } = apart(&samples, &tools).remove(0);
+    let ColourSeparation { from_tools, from_background } = colour_separations(&samples, &tools).remove(0);
     let within = from_background.unwrap().margin_steps;
     assert!(within > before + 8.0, "{before} before the recording, {within} in the session");
     assert_eq!(from_tools, None, "there is no other tool");
 }
 
 #[test]
-fn a_session_s_colours_are_held_against_the_other_tools_and_the_rest_apart() {
+fn a_sessions_colours_are_compared_with_the_other_tools_and_the_rest_separately() {
     let like_orange = [0.83, 0.40, 0.12];
     let samples = four_each(&[("one", ORANGE), ("other", like_orange), ("background", GREY), ("shaft", ORANGE)], 0.02);
-    for of_tool in apart(&samples, &tools(&["one", "other"])) {
+    for of_tool in colour_separations(&samples, &tools(&["one", "other"])) {
         let (tools, background) = (of_tool.from_tools.unwrap(), of_tool.from_background.unwrap());
         assert!(tools.margin_steps < 4.0 && background.margin_steps > 10.0, "{tools:?}, {background:?}");
         assert_eq!(background.nearest, "background", "the shaft joins the band");
@@ -115,7 +115,7 @@ fn a_session_s_colours_are_held_against_the_other_tools_and_the_rest_apart() {
 }
 
 #[test]
-fn pixels_of_one_rectangle_do_not_vouch_for_each_other() {
+fn pixels_of_one_rectangle_do_not_support_each_other() {
     // The tape looks different on every frame: each pixel has similar ones in its own rectangle, but none in the
     // others.
     let looks = [[0.9, 0.2, 0.1], [0.9, 0.8, 0.1], [0.3, 0.8, 0.2], [0.8, 0.2, 0.8]].map(|rgb| ("tape", rgb));
@@ -123,16 +123,16 @@ fn pixels_of_one_rectangle_do_not_vouch_for_each_other() {
     let samples = marked(&[looks, background].concat(), 0.01);
     let verdict = only(verdicts(&samples, &tools(&["tape"])));
     assert_eq!(verdict.grade, Grade::Bad, "{verdict:?}");
-    assert!(matches!(verdict.causes[0].1, Cause::Lost { share, .. } if share > 0.4), "{verdict:?}");
+    assert!(matches!(verdict.causes[0].1, TapeProblem::Lost { share, .. } if share > 0.4), "{verdict:?}");
 }
 
 #[test]
 fn a_colour_marked_once_is_at_risk_and_says_so() {
     let samples = marked(&[("tape", ORANGE), ("background", GREY), ("background", GREY)], 0.02);
     let verdict = only(verdicts(&samples, &tools(&["tape"])));
-    assert_eq!((verdict.grade, &verdict.causes[..]), (Grade::AtRisk, &[(Grade::AtRisk, Cause::MarkedOnce)][..]));
+    assert_eq!((verdict.grade, &verdict.causes[..]), (Grade::AtRisk, &[(Grade::AtRisk, TapeProblem::MarkedOnce)][..]));
     let unmarked = only(verdicts(&samples, &tools(&["cyan"])));
-    assert_eq!((unmarked.grade, &unmarked.causes[0].1), (Grade::Bad, &Cause::NotMarked));
+    assert_eq!((unmarked.grade, &unmarked.causes[0].1), (Grade::Bad, &TapeProblem::NotMarked));
 }
 
 #[test]
@@ -141,12 +141,12 @@ fn a_colour_that_the_background_takes_in_less_light_is_at_risk() {
     let apart = four_each(&[("tape", ORANGE), ("background", darker)], 0.012);
     let confusion = Confusion::of(&apart, &tools(&["tape"]));
     let row = confusion.row_of(0).unwrap();
-    assert!(row.taken_for(0, Light::AsMarked) > 0.95, "{row:?}");
-    assert!(row.taken_for(0, Light::Darker) < 0.05, "{row:?}");
+    assert!(row.taken_for(0, LightCondition::AsMarked) > 0.95, "{row:?}");
+    assert!(row.taken_for(0, LightCondition::Darker) < 0.05, "{row:?}");
     let verdict = only(verdict::judge(&confusion, &[]));
     assert_eq!(verdict.grade, Grade::AtRisk, "{verdict:?}");
-    let lost = verdict.causes.iter().find(|(_, cause)| matches!(cause, Cause::Lost { .. }));
-    assert!(matches!(lost, Some((_, Cause::Lost { light: Light::Darker, .. }))), "{verdict:?}");
+    let lost = verdict.causes.iter().find(|(_, cause)| matches!(cause, TapeProblem::Lost { .. }));
+    assert!(matches!(lost, Some((_, TapeProblem::Lost { light: LightCondition::Darker, .. }))), "{verdict:?}");
 }
 
 #[test]
@@ -174,7 +174,7 @@ fn a_false_region_half_as_large_as_the_band_is_bad() {
 }
 
 #[test]
-fn without_samples_there_is_nothing_to_say_but_that() {
+fn a_tape_without_samples_is_not_marked() {
     let verdict = only(verdicts(&ColourSamples::new(ENCODING), &tools(&["tape"])));
-    assert_eq!((verdict.grade, &verdict.causes[..]), (Grade::Bad, &[(Grade::Bad, Cause::NotMarked)][..]));
+    assert_eq!((verdict.grade, &verdict.causes[..]), (Grade::Bad, &[(Grade::Bad, TapeProblem::NotMarked)][..]));
 }

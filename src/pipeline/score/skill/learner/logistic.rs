@@ -4,8 +4,8 @@ use smartcore::linalg::basic::arrays::Array;
 use smartcore::linalg::basic::matrix::DenseMatrix;
 use smartcore::linear::logistic_regression::{LogisticRegression, LogisticRegressionParameters};
 
-use super::super::{LEVELS, Level};
-use super::{Learner, Scorer, Table};
+use super::super::{LEVELS, SkillLevel};
+use super::{Learner, LevelScorer, TrainingTable};
 
 /// Multinomial logistic regression. A larger ridge gives smaller weights.
 pub struct Logistic {
@@ -21,7 +21,7 @@ impl Learner for Logistic {
         format!("ridge {}", self.ridge)
     }
 
-    fn fit(&self, table: &Table) -> Option<Scorer> {
+    fn fit(&self, table: &TrainingTable) -> Option<LevelScorer> {
         let x = DenseMatrix::from_2d_vec(&table.rows).ok()?;
         let y: Vec<u32> = table.levels.iter().map(|level| *level as u32).collect();
         let fitted = LogisticRegression::fit(&x, &y, LogisticRegressionParameters::default().with_alpha(self.ridge));
@@ -31,7 +31,7 @@ impl Learner for Logistic {
         }
         let (coefficients, intercept) = (fitted.coefficients(), fitted.intercept());
         let (mut weights, mut offsets) = (std::array::from_fn(|_| Vec::new()), [0.0; LEVELS]);
-        for level in Level::ALL {
+        for level in SkillLevel::ALL {
             let row = fitted.classes().iter().position(|class| *class == level as u32)?;
             weights[level as usize] =
                 (0..table.rows[0].len()).map(|feature| *coefficients.get((row, feature))).collect();
@@ -39,6 +39,6 @@ impl Learner for Logistic {
             let sessions = table.levels.iter().filter(|of| **of == level).count() as f64;
             offsets[level as usize] = *intercept.get((row, 0)) - sessions.ln();
         }
-        Some(Scorer::Linear { weights, offsets })
+        Some(LevelScorer::Linear { weights, offsets })
     }
 }

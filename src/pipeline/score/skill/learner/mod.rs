@@ -20,20 +20,20 @@ mod vectors;
 
 pub use tree::TreeNode;
 
-use super::{LEVELS, Level, PerLevel};
+use super::{LEVELS, PerLevel, SkillLevel};
 
 /// Standardised sessions.
 #[derive(Clone, Debug, Default)]
-pub struct Table {
+pub struct TrainingTable {
     /// One row a session.
     pub rows: Vec<Vec<f64>>,
     /// Level of each session.
-    pub levels: Vec<Level>,
+    pub levels: Vec<SkillLevel>,
     /// Weight of each session: 1 divided by the number of its person's sessions.
     pub weights: Vec<f64>,
 }
 
-impl Table {
+impl TrainingTable {
     /// The total weight of each level.
     fn weight_of_levels(&self) -> PerLevel {
         let mut sums = [0.0; LEVELS];
@@ -51,13 +51,13 @@ pub trait Learner: Sync {
     fn parameter(&self) -> String;
 
     /// Fits the method to the sessions; `None` if this is impossible.
-    fn fit(&self, table: &Table) -> Option<Scorer>;
+    fn fit(&self, table: &TrainingTable) -> Option<LevelScorer>;
 }
 
 /// A fitted learner. A score is the logarithm of a level's share, up to a constant common to all levels, and up to a
 /// factor.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Scorer {
+pub enum LevelScorer {
     /// Each level's score is a sum over the features.
     Linear {
         /// The weights of the features for each level.
@@ -72,7 +72,7 @@ pub enum Scorer {
         /// The training sessions, standardised.
         rows: Vec<Vec<f64>>,
         /// Level of each training session.
-        levels: Vec<Level>,
+        levels: Vec<SkillLevel>,
         /// Weight of one session of each level.
         counts: PerLevel,
     },
@@ -83,22 +83,22 @@ pub enum Scorer {
     },
 }
 
-impl Scorer {
+impl LevelScorer {
     /// The score of each level.
     pub fn scores(&self, x: &[f64]) -> PerLevel {
         match self {
-            Scorer::Linear { weights, offsets } => {
+            LevelScorer::Linear { weights, offsets } => {
                 let sum = |level: usize| weights[level].iter().zip(x).map(|(w, x)| w * x).sum::<f64>();
                 std::array::from_fn(|level| offsets[level] + sum(level))
             }
-            Scorer::Neighbours { k, rows, levels, counts } => neighbours::scores(*k, rows, levels, counts, x),
-            Scorer::Tree { nodes } => tree::scores(nodes, x),
+            LevelScorer::Neighbours { k, rows, levels, counts } => neighbours::scores(*k, rows, levels, counts, x),
+            LevelScorer::Tree { nodes } => tree::scores(nodes, x),
         }
     }
 }
 
 /// Logarithms of shares that start from one session of each level, so that no level is impossible.
-fn smoothed(shares: PerLevel) -> PerLevel {
+fn smoothed_log_shares(shares: PerLevel) -> PerLevel {
     let all: f64 = shares.iter().map(|share| share + 1.0).sum();
     shares.map(|share| ((share + 1.0) / all).ln())
 }
@@ -109,8 +109,8 @@ pub static CANDIDATES: [&dyn Learner; 10] = [
     &discriminant::Discriminant { shrinkage: 0.3 },
     &logistic::Logistic { ridge: 10.0 },
     &logistic::Logistic { ridge: 1.0 },
-    &vectors::Vectors { ridge: 0.1 },
-    &vectors::Vectors { ridge: 0.01 },
+    &vectors::SupportVectors { ridge: 0.1 },
+    &vectors::SupportVectors { ridge: 0.01 },
     &tree::Tree { depth: 2 },
     &tree::Tree { depth: 3 },
     &neighbours::Neighbours { k: 15 },

@@ -1,7 +1,7 @@
 //! The k nearest training sessions.
 
-use super::super::{LEVELS, Level, PerLevel};
-use super::{Learner, Scorer, Table, smoothed};
+use super::super::{LEVELS, PerLevel, SkillLevel};
+use super::{Learner, LevelScorer, TrainingTable, smoothed_log_shares};
 
 /// The `k` nearest training sessions.
 pub struct Neighbours {
@@ -17,7 +17,7 @@ impl Learner for Neighbours {
         format!("k {}", self.k)
     }
 
-    fn fit(&self, table: &Table) -> Option<Scorer> {
+    fn fit(&self, table: &TrainingTable) -> Option<LevelScorer> {
         // A level whose people have more sessions has more of them nearby by chance, so each level is weighted to the
         // same total.
         let mut sessions = [0.0; LEVELS];
@@ -27,12 +27,12 @@ impl Learner for Neighbours {
         if rows.len() < self.k || counts.iter().any(|count| !count.is_finite()) {
             return None;
         }
-        Some(Scorer::Neighbours { k: self.k, rows, levels, counts })
+        Some(LevelScorer::Neighbours { k: self.k, rows, levels, counts })
     }
 }
 
 /// The share of each level among the `k` nearest sessions; of sessions at equal distance the first ones count.
-pub fn scores(k: usize, rows: &[Vec<f64>], levels: &[Level], counts: &PerLevel, x: &[f64]) -> PerLevel {
+pub fn scores(k: usize, rows: &[Vec<f64>], levels: &[SkillLevel], counts: &PerLevel, x: &[f64]) -> PerLevel {
     let distance = |row: &Vec<f64>| row.iter().zip(x).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
     let mut near: Vec<(f64, usize)> = rows.iter().enumerate().map(|(index, row)| (distance(row), index)).collect();
     let nearer = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
@@ -44,7 +44,7 @@ pub fn scores(k: usize, rows: &[Vec<f64>], levels: &[Level], counts: &PerLevel, 
         let level = levels[*index] as usize;
         shares[level] += counts[level];
     }
-    smoothed(shares)
+    smoothed_log_shares(shares)
 }
 
 #[cfg(test)]
@@ -56,14 +56,14 @@ mod tests {
     fn a_level_whose_people_have_more_sessions_is_not_guessed_more_often() {
         let mut dice = Dice::new(1, "neighbours");
         let (mut rows, mut levels, mut weights) = (Vec::new(), Vec::new(), Vec::new());
-        for (level, sessions) in Level::ALL.into_iter().zip([3, 1, 1]) {
+        for (level, sessions) in SkillLevel::ALL.into_iter().zip([3, 1, 1]) {
             for _ in 0..12 * sessions {
                 rows.push(vec![dice.gauss(), dice.gauss()]);
                 levels.push(level);
                 weights.push(1.0 / f64::from(sessions));
             }
         }
-        let scorer = Neighbours { k: 15 }.fit(&Table { rows, levels, weights }).unwrap();
+        let scorer = Neighbours { k: 15 }.fit(&TrainingTable { rows, levels, weights }).unwrap();
         let guess = |_: usize| {
             let scores = scorer.scores(&[dice.gauss(), dice.gauss()]);
             (0..LEVELS).max_by(|a, b| scores[*a].total_cmp(&scores[*b])).unwrap_or(0)

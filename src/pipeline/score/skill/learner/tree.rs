@@ -1,7 +1,7 @@
 //! A small decision tree (Breiman et al. 1984); with few people it may only ask few questions.
 
 use super::super::{LEVELS, PerLevel};
-use super::{Learner, Scorer, Table, smoothed};
+use super::{Learner, LevelScorer, TrainingTable, smoothed_log_shares};
 
 /// A tree with at most `depth` questions in sequence.
 pub struct Tree {
@@ -9,7 +9,7 @@ pub struct Tree {
 }
 
 /// Minimum weight of the sessions in a leaf; each person has weight 1.
-const FEWEST_IN_A_LEAF: f64 = 3.0;
+const MIN_LEAF_WEIGHT: f64 = 3.0;
 
 /// A node of the tree: a question or an answer.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,16 +41,16 @@ impl Learner for Tree {
         format!("depth {}", self.depth)
     }
 
-    fn fit(&self, table: &Table) -> Option<Scorer> {
+    fn fit(&self, table: &TrainingTable) -> Option<LevelScorer> {
         let weights = table.weight_of_levels();
         let mean = weights.iter().sum::<f64>() / LEVELS as f64;
-        let growth = Growth { table, counts: weights.map(|weight| mean / weight) };
+        let growth = TreeBuilder { table, counts: weights.map(|weight| mean / weight) };
         if growth.counts.iter().any(|count| !count.is_finite()) {
             return None;
         }
         let mut nodes = Vec::new();
         growth.grow(&mut nodes, (0..table.rows.len()).collect(), self.depth);
-        Some(Scorer::Tree { nodes })
+        Some(LevelScorer::Tree { nodes })
     }
 }
 
@@ -72,17 +72,17 @@ pub fn scores(nodes: &[TreeNode], x: &[f64]) -> PerLevel {
     }
 }
 
-struct Growth<'t> {
-    table: &'t Table,
+struct TreeBuilder<'t> {
+    table: &'t TrainingTable,
     counts: PerLevel,
 }
 
-impl Growth<'_> {
+impl TreeBuilder<'_> {
     fn grow(&self, nodes: &mut Vec<TreeNode>, rows: Vec<usize>, depth: usize) -> usize {
         let at = nodes.len();
         let fork = if depth > 0 { self.best_fork(&rows) } else { None };
         let Some((feature, limit)) = fork else {
-            nodes.push(TreeNode::Leaf { scores: smoothed(self.shares(&rows)) });
+            nodes.push(TreeNode::Leaf { scores: smoothed_log_shares(self.shares(&rows)) });
             return at;
         };
         nodes.push(TreeNode::Leaf { scores: [0.0; LEVELS] });
@@ -106,7 +106,7 @@ impl Growth<'_> {
     /// The question that leaves the levels least mixed (Gini).
     fn best_fork(&self, rows: &[usize]) -> Option<(usize, f64)> {
         let all = self.shares(rows);
-        let mut best = (mixed(all) - 1e-9, None);
+        let mut best = (impurity(all) - 1e-9, None);
         for feature in 0..self.table.rows.first()?.len() {
             let value = |row: usize| self.table.rows[row][feature];
             let mut order = rows.to_vec();
@@ -115,8 +115,8 @@ impl Growth<'_> {
             for pair in order.windows(2) {
                 below[self.table.levels[pair[0]] as usize] += self.weight(pair[0]);
                 let above: PerLevel = std::array::from_fn(|level| all[level] - below[level]);
-                let enough = [below, above].iter().all(|side| side.iter().sum::<f64>() >= FEWEST_IN_A_LEAF);
-                let left = mixed(below) + mixed(above);
+                let enough = [below, above].iter().all(|side| side.iter().sum::<f64>() >= MIN_LEAF_WEIGHT);
+                let left = impurity(below) + impurity(above);
                 if enough && value(pair[0]) < value(pair[1]) && left < best.0 {
                     best = (left, Some((feature, (value(pair[0]) + value(pair[1])) / 2.0)));
                 }
@@ -127,7 +127,7 @@ impl Growth<'_> {
 }
 
 /// Gini's impurity, multiplied by the weight of the sessions.
-fn mixed(shares: PerLevel) -> f64 {
+fn impurity(shares: PerLevel) -> f64 {
     let all: f64 = shares.iter().sum();
     if all > 0.0 { all - shares.iter().map(|share| share * share).sum::<f64>() / all } else { 0.0 }
 }

@@ -1,18 +1,18 @@
 //! Linear support vectors for all levels together (Crammer & Singer 2001), by projected subgradients (Pegasos,
 //! Shalev-Shwartz et al. 2011) over all sessions at once.
 
-use super::super::{LEVELS, Level, PerLevel};
-use super::{Learner, Scorer, Table};
+use super::super::{LEVELS, PerLevel, SkillLevel};
+use super::{Learner, LevelScorer, TrainingTable};
 
 /// Linear support vectors. A larger ridge gives smaller weights and a wider margin between levels.
-pub struct Vectors {
+pub struct SupportVectors {
     pub ridge: f64,
 }
 
 /// Number of steps; the result is the mean over the second half.
 const STEPS: usize = 200;
 
-impl Learner for Vectors {
+impl Learner for SupportVectors {
     fn name(&self) -> &'static str {
         "svm"
     }
@@ -21,13 +21,13 @@ impl Learner for Vectors {
         format!("ridge {}", self.ridge)
     }
 
-    fn fit(&self, table: &Table) -> Option<Scorer> {
+    fn fit(&self, table: &TrainingTable) -> Option<LevelScorer> {
         let of_levels = table.weight_of_levels();
         if of_levels.iter().any(|weight| *weight <= 0.0) {
             return None;
         }
         // Every level weighs a third, and every person of a level the same.
-        let share = |(level, weight): (&Level, &f64)| weight / of_levels[*level as usize] / LEVELS as f64;
+        let share = |(level, weight): (&SkillLevel, &f64)| weight / of_levels[*level as usize] / LEVELS as f64;
         let shares: Vec<f64> = table.levels.iter().zip(&table.weights).map(share).collect();
         // An additional feature, 1 in every session, carries the offsets.
         let rows: Vec<Vec<f64>> = table.rows.iter().map(|row| row.iter().copied().chain([1.0]).collect()).collect();
@@ -43,15 +43,15 @@ impl Learner for Vectors {
             }
         }
         let offsets = std::array::from_fn(|level| mean[level].pop().unwrap_or(0.0));
-        Some(Scorer::Linear { weights: mean, offsets })
+        Some(LevelScorer::Linear { weights: mean, offsets })
     }
 }
 
 type Planes = [Vec<f64>; LEVELS];
 
-impl Vectors {
+impl SupportVectors {
     /// One descent step, projected back into the ball that contains the best planes.
-    fn descend(&self, planes: &mut Planes, step: usize, rows: &[Vec<f64>], levels: &[Level], shares: &[f64]) {
+    fn descend(&self, planes: &mut Planes, step: usize, rows: &[Vec<f64>], levels: &[SkillLevel], shares: &[f64]) {
         let length = 1.0 / (self.ridge * step as f64);
         let mut to: Planes = planes.clone().map(|plane| plane.iter().map(|w| w * (1.0 - 1.0 / step as f64)).collect());
         for ((row, level), share) in rows.iter().zip(levels).zip(shares) {

@@ -1,0 +1,240 @@
+//! Looks up the rows and files that a job's child needs. Decides nothing.
+
+use std::fs::File;
+
+use super::protocol::{
+    BoardShape, CalibrateWork, CameraShape, ChildWork, FulcrumShape, MarkShape, PaletteShape, PaletteWork,
+    SelfTestWork, SideShape, ToolShape, TrackWork, ViewShape,
+};
+use super::worker::WorkError;
+use crate::domain::boxes::BoxTool;
+use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle, View};
+use crate::domain::job::{CalibrateInput, JobInput, PaletteInput, SelfTestInput, TrackInput};
+use crate::domain::problem::Problem;
+use crate::domain::scope::Scope;
+use crate::domain::text::Key;
+use crate::ids::{BoxId, CalibrationId, SessionId};
+use crate::pipeline::pose::fulcrum::Fulcrum;
+use crate::pipeline::quality::ports::{self, Ports};
+use crate::sandbox::MAX_INPUTS;
+use crate::store::{PaletteRecord, SessionOrderKey, Store, StoreError};
+use crate::vault::Vault;
+
+/// The work of a child, its input files, and the context for judging the result.
+pub(super) struct JobPlan {
+    /// What the child is to do.
+    pub(super) work: ChildWork,
+    /// The input files.
+    pub(super) inputs: Vec<File>,
+    /// Context for judging the result, still without the ports of earlier sessions.
+    pub(super) context: BoxContext,
+    /// The earlier sessions that a tracked recording is compared with.
+    pub(super) earlier_sessions: Option<EarlierSessions>,
+}
+
+/// The sessions of a box before a given one, with the same calibration.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct EarlierSessions {
+    in_box: BoxId,
+    calibration: CalibrationId,
+    before: SessionOrderKey,
+    /// Sessions still being tracked before this place can change the result; later ones cannot.
+    open_before: SessionOrderKey,
+}
+
+/// What is known about a recording's box before it is tracked.
+#[derive(Clone, Debug, Default)]
+pub(super) struct BoxContext {
+    /// RMS reprojection error of the camera's calibration, pixels, where it is known.
+    pub(super) calibration_rms_px: Option<f64>,
+    /// Trocar positions in earlier sessions.
+    pub(super) ports: Ports,
+}
+
+impl JobPlan {
+    /// Looks up what a job needs; `None` if nothing is decoded, so that no child is needed ([`super::rescore`]).
+    pub(super) async fn for_job(
+        job: &JobInput,
+        store: &Store,
+        vault: &Vault,
+        now: &str,
+    ) -> Result<Option<Self>, WorkError> {
+        let blobs = job.blobs();
+        if blobs.len() > MAX_INPUTS {
+            return Err(too_many_files_problem(blobs.len()).into());
+        }
+        let mut inputs = Vec::with_capacity(blobs.len());
+        for blob in blobs {
+            inputs.push(vault.open_blob(blob.hash).await?.0);
+        }
+        let (mut known, mut earlier) = (BoxContext::default(), None);
+        let work = match job {
+            JobInput::Track(input) => {
+                let camera = store.calibrations().get(&Scope::service(), input.calibration).await?;
+                known.calibration_rms_px = camera.rms_px;
+                earlier = Some(EarlierSessions::before(input.session, input.calibration, store).await?);
+                ChildWork::Track(track_work(input, camera.camera.camera().into(), store).await?)
+            }
+            JobInput::Import(_) | JobInput::Rescore(_) => return Ok(None),
+            JobInput::Palette(PaletteInput { annotations, frames, is_video, .. }) => {
+                ChildWork::Palette(palette_work(annotations, (!is_video).then(|| frames.clone()))?)
+            }
+            JobInput::Advice(_) => ChildWork::Advise,
+            JobInput::Calibrate(input) => ChildWork::Calibrate(calibrate_work(input, now)),
+            JobInput::SelfTest(input) => ChildWork::SelfTest(self_test_work(input, store).await?),
+        };
+        Ok(Some(Self { work, inputs, context: known, earlier_sessions: earlier }))
+    }
+}
+
+async fn track_work(input: &TrackInput, camera: CameraShape, store: &Store) -> Result<TrackWork, WorkError> {
+    let palette = store.palettes().get(&Scope::service(), input.palette).await?;
+    track_work_with(palette, camera, store).await
+}
+
+impl EarlierSessions {
+    /// The sessions before this one.
+    pub(super) async fn before(id: SessionId, calibration: CalibrationId, store: &Store) -> Result<Self, StoreError> {
+        let session = store.sessions().get(&Scope::service(), id).await?;
+        let before = SessionOrderKey(session.created_at_ms, session.id);
+        Ok(Self { in_box: session.box_id, calibration, before, open_before: before })
+    }
+
+    /// Trocar positions in these sessions; `None` while one that could contribute is being tracked, because the result
+    /// must not depend on which worker was quicker. Sessions that wait in the queue, as after a crash, are not waited
+    /// for: there may be no worker for them.
+    pub(super) async fn ports(&mut self, store: &Store) -> Result<Option<Ports>, StoreError> {
+        // Query this first: a session that ends between the two queries is then found by the second.
+        let is_open = store.sessions().has_earlier_running(self.in_box, self.open_before).await?;
+        let found = store.sessions().fulcrums(self.in_box, self.calibration, self.before, ports::MAX_SESSIONS).await?;
+        if let Some((last, _)) = found.get(ports::MAX_SESSIONS - 1) {
+            self.open_before = *last;
+        }
+        Ok((!is_open).then(|| ports_of_sessions(found)))
+    }
+}
+
+/// Trocar positions in all of a box's sessions with this calibration.
+async fn ports_so_far(of: BoxId, calibration: CalibrationId, store: &Store) -> Result<Ports, StoreError> {
+    let last = SessionOrderKey(i64::MAX, SessionId::at(0)); // a time later than any session's
+    Ok(ports_of_sessions(store.sessions().fulcrums(of, calibration, last, ports::MAX_SESSIONS).await?))
+}
+
+fn ports_of_sessions(found: Vec<(SessionOrderKey, Vec<Fulcrum>)>) -> Ports {
+    Ports::of_sessions(&found.into_iter().map(|(_, fulcrums)| fulcrums).collect::<Vec<_>>())
+}
+
+fn fulcrum_shapes(ports: &Ports) -> Vec<FulcrumShape> {
+    ports.all().iter().copied().map(FulcrumShape::from).collect()
+}
+
+async fn self_test_work(input: &SelfTestInput, store: &Store) -> Result<SelfTestWork, WorkError> {
+    let calibration = store.calibrations().get(&Scope::service(), input.calibration).await?;
+    let palette = store.palettes().get(&Scope::service(), input.palette).await?;
+    let SelfTestInput { board, square_mm, reach_mm, .. } = *input;
+    Ok(SelfTestWork {
+        track: track_work_with(palette, calibration.camera.camera().into(), store).await?,
+        board: BoardShape { columns: board.columns, rows: board.rows, square_mm },
+        reach_mm,
+        calibration_rms_px: calibration.rms_px,
+        ports: fulcrum_shapes(&ports_so_far(input.of, input.calibration, store).await?),
+    })
+}
+
+async fn track_work_with(palette: PaletteRecord, camera: CameraShape, store: &Store) -> Result<TrackWork, WorkError> {
+    let view = match palette.annotations.view {
+        Some(view) => Some(view),
+        None => view_of(palette.box_id, store).await?,
+    };
+    Ok(TrackWork {
+        camera,
+        tools: palette.tools.into_iter().map(ToolShape::from).collect(),
+        palette: PaletteShape::stored(&palette.samples).map_err(|_| unreadable_palette_problem())?,
+        view: view.map(ViewShape::from),
+    })
+}
+
+/// What a live recording in a box is tracked and judged with.
+pub struct LivePlan {
+    /// Camera, tools and colours.
+    pub track: TrackWork,
+    /// Trocar positions in earlier sessions.
+    pub ports: Vec<FulcrumShape>,
+}
+
+/// Looks up what a live recording in a box is tracked with, or the problem if the box lacks something.
+///
+/// # Errors
+/// The store's errors.
+pub async fn live_plan(of: BoxId, store: &Store) -> Result<Result<LivePlan, Problem>, StoreError> {
+    let scope = Scope::service();
+    let Some(calibration) = store.calibrations().latest(&scope, of).await? else {
+        return Ok(Err(Problem::new("box-not-ready", "The box is not ready", "the box's camera is not calibrated")));
+    };
+    let Some(palette) = store.palettes().latest(&scope, of).await? else {
+        return Ok(Err(Problem::new("box-not-ready", "The box is not ready", "the box's colours are not marked")));
+    };
+    let ports = fulcrum_shapes(&ports_so_far(of, calibration.id, store).await?);
+    Ok(match track_work_with(palette, calibration.camera.camera().into(), store).await {
+        Ok(track) => Ok(LivePlan { track, ports }),
+        Err(WorkError::Impossible(problem)) => Err(problem),
+        Err(WorkError::Store(error)) => return Err(error),
+        Err(error) => Err(Problem::new("box-not-ready", "The box is not ready", error.to_string())),
+    })
+}
+
+async fn view_of(of: BoxId, store: &Store) -> Result<Option<View>, WorkError> {
+    Ok(store.boxes().get(&Scope::service(), &Key::from(&of)).await?.view)
+}
+
+/// The marks on these frames, or on a clip's frames.
+pub(super) fn palette_work(annotations: &AnnotationsFile, frames: Option<Vec<u64>>) -> Result<PaletteWork, Problem> {
+    let colour_of = |label: &LabelledRectangle| annotations.colour_of(&label.label).to_owned();
+    let marks = annotations.labels.iter().map(|l| mark(l, colour_of(l))).collect::<Result<_, _>>()?;
+    Ok(PaletteWork { marks, tools: annotations.tape_colours(), frames })
+}
+
+/// Converts a rectangle into a mark with a colour.
+fn mark(label: &LabelledRectangle, colour: String) -> Result<MarkShape, Problem> {
+    let [x, y, w, h] = [label.x, label.y, label.w, label.h].map(u32::try_from);
+    match (x, y, w, h) {
+        (Ok(x), Ok(y), Ok(w), Ok(h)) => {
+            Ok(MarkShape { frame: label.frame, label: colour, x_y_w_h: [x, y, w, h], stroke: label.stroke })
+        }
+        _ => Err(mark_outside_problem(label)),
+    }
+}
+
+fn calibrate_work(input: &CalibrateInput, now: &str) -> CalibrateWork {
+    let CalibrateInput { board, square_mm, .. } = *input;
+    let names = || input.files.iter().map(|file| file.name.clone()).collect();
+    CalibrateWork {
+        board: BoardShape { columns: board.columns, rows: board.rows, square_mm },
+        photos: (!input.is_video).then(names),
+        calibrated_at: now.to_owned(),
+    }
+}
+
+impl From<BoxTool> for ToolShape {
+    fn from(BoxTool { name, colour, side, diameter_mm, band_length_mm }: BoxTool) -> Self {
+        let colour = colour.unwrap_or_else(|| name.clone());
+        Self { name, colour, side: side.map(SideShape::from), diameter_mm, band_length_mm }
+    }
+}
+
+fn mark_outside_problem(label: &LabelledRectangle) -> Problem {
+    let LabelledRectangle { frame, label, x, y, w, h, .. } = label;
+    let detail = format!(
+        "the rectangle `{label}` on frame {frame} begins at x {x}, y {y} and measures {w}×{h}, outside the picture"
+    );
+    Problem::new("mark-outside", "A rectangle is outside the picture", detail)
+}
+
+fn unreadable_palette_problem() -> Problem {
+    Problem::new("palette-unreadable", "The box's colours cannot be read", "mark the colours of the tools' tape again")
+}
+
+fn too_many_files_problem(given: usize) -> Problem {
+    let detail = format!("{given} files were sent; at most {MAX_INPUTS} are allowed in one job");
+    Problem::new("too-many-files", "Too many files for one job", detail)
+}

@@ -1,0 +1,145 @@
+//! Analyses photos and frames at once, outside the queue, for a user who holds the board or marks colours and waits. It
+//! takes a second or two. The result is not stored, and the files are deleted by garbage collection when no analysis
+//! uses them.
+//!
+//! The result is the same as a job's: the same work in the same confined child, validated by the same
+//! [`super::output_validator::OutputValidator`].
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::sync::{Semaphore, SemaphorePermit};
+
+use super::attempt::{AttemptFailure, ChildAttempt, run_attempt};
+use super::job_plan;
+use super::marked::colours_of;
+use super::output_validator::ChildOutput;
+use super::protocol::{BoardShape, ChildRequest, ChildWork};
+use super::settings::AnalysisSettings;
+use crate::domain::calibration::BoardSize;
+use crate::domain::files::annotations::AnnotationsFile;
+use crate::domain::job::NamedBlob;
+use crate::domain::palette::PalettePreview;
+use crate::domain::photo_check::PhotoCheck;
+use crate::domain::problem::Problem;
+use crate::sandbox::{Program, StopSwitch};
+use crate::shutdown::Shutdown;
+use crate::time::SharedClock;
+use crate::vault::{Vault, VaultError};
+
+/// A photo alone does not show the side of a square, so any value serves.
+const SQUARE_MM: f64 = 1.0;
+
+/// Analyses pictures for users who wait.
+pub struct QuickAnalysis {
+    vault: Vault,
+    program: Program,
+    settings: AnalysisSettings,
+    clock: SharedClock,
+    shutdown: Shutdown,
+    slots: Arc<Semaphore>,
+}
+
+/// Why a quick analysis gave no result.
+#[derive(Debug, thiserror::Error)]
+pub enum QuickAnalysisError {
+    /// The pictures cannot be analysed.
+    #[error("{}", .0.detail)]
+    Problem(Problem),
+    /// The child crashed on them, or took too long.
+    #[error("the analysis process {0}")]
+    Crashed(String),
+    /// The analysis did not start, or failed for a reason on this machine.
+    #[error("the analysis failed: {0}")]
+    Failed(String),
+    /// Too many analyses are waiting already, or the service is shutting down.
+    #[error("too many pictures are being analysed now")]
+    Busy,
+    /// A file could not be read.
+    #[error(transparent)]
+    Vault(#[from] VaultError),
+}
+
+impl QuickAnalysis {
+    /// Uses the same program as the workers' children, but its own slots.
+    pub fn new(
+        vault: Vault,
+        program: Program,
+        settings: AnalysisSettings,
+        clock: SharedClock,
+        shutdown: Shutdown,
+    ) -> Self {
+        let slots = Arc::new(Semaphore::new(settings.glances.max(1)));
+        Self { vault, program, settings, clock, shutdown, slots }
+    }
+
+    /// Looks for a board in a photo.
+    pub async fn check_photo(&self, board: BoardSize, photo: &NamedBlob) -> Result<PhotoCheck, QuickAnalysisError> {
+        let board = BoardShape { columns: board.columns, rows: board.rows, square_mm: SQUARE_MM };
+        let heard = self.run(ChildWork::Check(board), std::slice::from_ref(photo)).await?;
+        heard.photo_check.ok_or_else(|| QuickAnalysisError::Crashed("sent no result for the photo".to_owned()))
+    }
+
+    /// Shows the pixels that these marks classify as tape on these frames; file `n` shows frame `frames[n]`.
+    pub async fn preview(
+        &self,
+        annotations: &AnnotationsFile,
+        files: &[NamedBlob],
+        frames: &[u64],
+    ) -> Result<PalettePreview, QuickAnalysisError> {
+        let work = job_plan::palette_work(annotations, Some(frames.to_vec())).map_err(QuickAnalysisError::Problem)?;
+        let colours = colours_of(&work.tools);
+        let heard = self.run(ChildWork::Mask(work), files).await?;
+        match heard.palette_report {
+            Some(report) if heard.masks.len() == frames.len() => {
+                Ok(PalettePreview { colours, frames: heard.masks, report })
+            }
+            _ => Err(QuickAnalysisError::Crashed("did not send a mask for every frame".to_owned())),
+        }
+    }
+
+    async fn run(&self, work: ChildWork, files: &[NamedBlob]) -> Result<ChildOutput, QuickAnalysisError> {
+        let mut inputs = Vec::with_capacity(files.len());
+        for file in files {
+            inputs.push(self.vault.open_blob(file.blob.hash).await?.0);
+        }
+        let _place = self.acquire_slot().await?;
+        let failed = |error: std::io::Error| QuickAnalysisError::Failed(error.to_string());
+        let stop = QuickStopGuard(StopSwitch::new().map_err(failed)?);
+        let (program, budget, stopping) = (self.program.clone(), self.settings.quick_budget(), stop.0.clone());
+        let request = ChildRequest { threads: 1, work };
+        let mut child = tokio::task::spawn_blocking(move || {
+            run_attempt(ChildAttempt { program: &program, request, inputs, budget: &budget, stop: &stopping }, |_| ()).0
+        });
+        let ended = tokio::select! {
+            ended = &mut child => ended,
+            () = self.shutdown.begun() => { stop.0.pull(); child.await }
+        };
+        match ended {
+            Ok(Ok(heard)) => Ok(heard),
+            Ok(Err(AttemptFailure::Impossible(problem))) => Err(QuickAnalysisError::Problem(problem)),
+            Ok(Err(AttemptFailure::Crashed(why))) => Err(QuickAnalysisError::Crashed(why)),
+            Ok(Err(AttemptFailure::Stopped)) => Err(QuickAnalysisError::Busy),
+            Err(panic) => Err(QuickAnalysisError::Failed(panic.to_string())),
+        }
+    }
+
+    /// Waits for a slot.
+    async fn acquire_slot(&self) -> Result<SemaphorePermit<'_>, QuickAnalysisError> {
+        let longest = Duration::from_secs(self.settings.glance_s);
+        tokio::select! {
+            place = self.slots.acquire() => place.map_err(|_| QuickAnalysisError::Busy),
+            () = self.clock.sleep(longest) => Err(QuickAnalysisError::Busy),
+            () = self.shutdown.begun() => Err(QuickAnalysisError::Busy),
+        }
+    }
+}
+
+/// Stops the child when the caller has dropped the request.
+struct QuickStopGuard(StopSwitch);
+
+impl Drop for QuickStopGuard {
+    fn drop(&mut self) {
+        self.0.pull();
+    }
+}

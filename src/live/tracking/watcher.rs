@@ -1,0 +1,50 @@
+//! A watcher of a recording that arrives.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Weak};
+
+use tokio::sync::{broadcast, watch};
+
+use super::TrackingState;
+use crate::analysis::protocol::FollowReply;
+use crate::domain::feed::TimeBase;
+use crate::live::OpenFeed;
+use crate::store;
+
+/// A watcher of one recording.
+pub struct FeedWatcher {
+    /// The recording's row.
+    pub row: store::FeedRow,
+    /// Time base of its frames.
+    pub time_base: TimeBase,
+    /// Whether the recording is tracked.
+    pub state: watch::Receiver<TrackingState>,
+    /// The child's replies.
+    pub replies: broadcast::Receiver<Arc<FollowReply>>,
+    /// Present if the watcher wants pictures.
+    pub viewer: Option<Viewer>,
+    pub(super) feed: Weak<OpenFeed>, // weak: a watcher does not keep a recording open
+}
+
+impl FeedWatcher {
+    /// True if a connection sends the recording.
+    pub fn has_sender(&self) -> bool {
+        self.feed.upgrade().is_some_and(|feed| feed.has_sender())
+    }
+}
+
+/// Counts a watcher that wants pictures, for as long as it exists.
+pub struct Viewer(Arc<AtomicUsize>); // not the supervisor itself: the stream of replies would then never end
+
+impl Viewer {
+    pub(super) fn new(among: &Arc<AtomicUsize>) -> Self {
+        among.fetch_add(1, Ordering::AcqRel);
+        Self(among.clone())
+    }
+}
+
+impl Drop for Viewer {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::AcqRel);
+    }
+}

@@ -1,0 +1,81 @@
+//! The direction to the hand that holds a tool. It decides which end of a band is the tip.
+//!
+//! A single frame may be wrong, for example if another tool's shaft or a dark shape lies beyond the tip. So each frame
+//! votes, and the votes are added up. Once the fulcrum is known, voting stops: the fulcrum lies behind the tip. A band
+//! taken the wrong way round would be tracked just as smoothly, but one tape length off.
+
+use nalgebra::Vector2;
+
+/// Sum of the frames' votes: a vector in the picture from the band to the hand; its length is the certainty.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct HandDirection {
+    votes: Vector2<f64>,
+}
+
+/// Minimum contrast for a vote: below it, both ends look alike.
+const MIN_CONTRAST: f64 = 0.15;
+
+/// Factor on earlier votes with each new vote: a person may walk round the box.
+const VOTE_DECAY: f64 = 0.98;
+
+/// Sum of contrasts needed to use a direction, and to overrule the direction in use.
+const MIN_VOTES: f64 = 0.5;
+const DECISIVE_VOTES: f64 = 2.5;
+
+impl HandDirection {
+    /// Adds a frame's vote: `contrast` (−1 to 1) is how much darker it is beyond the end in direction `to_hand`.
+    pub fn add_vote(&mut self, to_hand: Vector2<f64>, contrast: f64) {
+        if let Some(direction) = to_hand.try_normalize(1e-9)
+            && contrast.abs() >= MIN_CONTRAST
+        {
+            self.votes = self.votes * VOTE_DECAY + direction * contrast;
+        }
+    }
+
+    /// Sets the opposite direction, when stronger evidence than the votes shows it.
+    pub fn set_opposite(&mut self, to_hand: Vector2<f64>) {
+        self.votes = to_hand.try_normalize(1e-9).map_or(Vector2::zeros(), |direction| -direction * DECISIVE_VOTES);
+    }
+
+    /// Direction from the band to the hand, if known.
+    pub fn direction(&self) -> Option<Vector2<f64>> {
+        (self.votes.norm() >= MIN_VOTES).then_some(self.votes)
+    }
+
+    /// Do the votes clearly contradict this direction?
+    pub fn contradicts(&self, to_hand: Vector2<f64>) -> bool {
+        to_hand.try_normalize(1e-9).is_some_and(|direction| self.votes.dot(&direction) < -DECISIVE_VOTES)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_wrong_frame_does_not_turn_a_tool_and_many_right_ones_do() {
+        let (left, right) = (-Vector2::x(), Vector2::x());
+        let mut hand = HandDirection::default();
+        assert!(hand.direction().is_none() && !hand.contradicts(left));
+        hand.add_vote(right, 0.6); // a shaft that crosses beyond the tip
+        assert!(hand.direction().unwrap().dot(&right) > 0.0);
+        for _ in 0..3 {
+            hand.add_vote(right, -0.6);
+            assert!(!hand.contradicts(right));
+        }
+        for _ in 0..8 {
+            hand.add_vote(right, -0.5);
+        }
+        assert!(hand.contradicts(right) && !hand.contradicts(left));
+        assert!(hand.direction().unwrap().dot(&left) > 0.0);
+    }
+
+    #[test]
+    fn frames_with_similar_ends_do_not_vote() {
+        let mut hand = HandDirection::default();
+        (0..100).for_each(|_| hand.add_vote(Vector2::x(), 0.1));
+        assert!(hand.direction().is_none());
+        hand.set_opposite(Vector2::x());
+        assert!(hand.direction().unwrap().x < 0.0);
+    }
+}
