@@ -1,49 +1,50 @@
-// Which language the pages speak, and its words. Another language is another file in texts/ with the same keys, and two lines here.
+// The language of the pages and its texts. To add a language, add a file with the same keys to texts/, and a line to
+// FILES and to LANGUAGES.
 const KEY = 'trocar.language';
 const FILES = { en: () => import('./texts/en.js'), de: () => import('./texts/de.js') };
-/** Every language's name, in itself. */
+/** The name of each language, in that language. */
 export const LANGUAGES = { en: 'English', de: 'Deutsch' };
 
-/** What the person chose, else the first of the browser's languages that is here, else English. */
-export const language = [chosen(), ...browsers().map(plain), 'en'].find(one => Object.hasOwn(FILES, one));
-/** The same as dates want it: with the region that the browser names, if it names one. */
-export const region = browsers().find(one => plain(one) === language) ?? language;
-/** The `lang` of a sentence that the service says in English; none where the page is English, too. */
-export const theirs = language === 'en' ? undefined : 'en';
+/** The language that the user chose, else the first of the browser's languages that Trocar has, else English. */
+export const language = [storedLanguage(), ...browserLanguages().map(baseLanguage), 'en'].find(tag => Object.hasOwn(FILES, tag));
+/** The language tag for dates and numbers, with the region if the browser names one, such as `de-AT`. */
+export const region = browserLanguages().find(tag => baseLanguage(tag) === language) ?? language;
+/** The `lang` attribute for English sentences of the service; undefined if the page is English too. */
+export const serviceLang = language === 'en' ? undefined : 'en';
 
 document.documentElement.lang = language;
-// Only this one is loaded, and nothing is drawn before it is there: no page shows another language first.
+// Only this language is loaded, and nothing is drawn before, so that no page shows another language first.
 export const { default: t } = await FILES[language]();
 
-/** Every word is read once, when its module is loaded: a change takes a new page, at the same place. */
+/** Stores the choice and reloads the page, because modules read their texts only once, when they are loaded. */
 export function chooseLanguage(name) {
   try {
     localStorage.setItem(KEY, name);
   } catch {
-    return; // Where storage is refused, a new page would be as this one.
+    return; // The browser refuses storage: a reload would show the same language again.
   }
   location.reload();
 }
 
-function chosen() {
+function storedLanguage() {
   try {
     return localStorage.getItem(KEY);
   } catch {
-    return null; // Storage is refused (private window): the browser's languages stand.
+    return null; // The browser refuses storage (private window): its own languages decide.
   }
 }
 
-/** What a browser names is not always a language: Chromium may say `en-US@posix`, which dates would throw at. */
-function browsers() {
-  return (navigator.languages ?? []).filter(one => {
+/** The valid language tags of the browser. Chromium may list `en-US@posix`, and formatting a date with that throws. */
+function browserLanguages() {
+  return (navigator.languages ?? []).filter(tag => {
     try {
-      return Intl.getCanonicalLocales(one).length > 0;
+      return Intl.getCanonicalLocales(tag).length > 0;
     } catch {
       return false;
     }
   });
 }
 
-function plain(one) {
-  return one.split('-')[0].toLowerCase();
+function baseLanguage(tag) {
+  return tag.split('-')[0].toLowerCase();
 }
