@@ -1,4 +1,4 @@
-// The shell: who is signed in, which page the address names, and what surrounds every page.
+// The app: who is signed in, which page the address names, and the shell around every page.
 import { html, render, useEffect, useErrorBoundary, useRef, useState } from './parts/preact.js';
 import { api, onSignedOut } from './api.js';
 import { asProblem } from './data.js';
@@ -8,11 +8,13 @@ import { may } from './roles.js';
 import { t } from './texts.js';
 import { Empty, Loading, ProblemNotice } from './parts/notice.js';
 import { Brand } from './parts/icons.js';
-import { now as recording } from './record/current.js';
+import { currentRecording } from './record/current_recording.js';
 import { Shell } from './parts/shell.js';
 import { SignIn } from './pages/sign_in.js';
 
-/** Every page: the first part of its address, its module (loaded when it is first shown), and who may see it. */
+/**
+ * Every page: its entry in the navigation, its address, its module (loaded on first use) and the permission it needs.
+ */
 const PAGES = [
   { name: 'today', at: path => path.length === 0, load: () => import('./pages/today.js') },
   {
@@ -30,7 +32,7 @@ const PAGES = [
     at: path => path[0] === 'sessions' && path.length === 3 && path[2] === 'report',
     load: () => import('./pages/session_report.js'),
   },
-  { name: 'wall', at: path => path[0] === 'live', load: () => import('./pages/wall.js'), needs: 'watch' },
+  { name: 'wall', at: path => path[0] === 'live', load: () => import('./pages/live_overview.js'), needs: 'watch' },
   { name: 'upload', at: path => path[0] === 'upload', load: () => import('./pages/upload.js') },
   { name: 'record', at: path => path[0] === 'record', load: () => import('./pages/record.js') },
   {
@@ -119,25 +121,28 @@ const PAGES = [
   { name: 'account', at: path => path[0] === 'account', load: () => import('./pages/account.js') },
 ];
 
-/** Styles hold a page up for so long at most, ms: one that failed before this module ran never says so. */
-const STYLED_WITHIN_MS = 5_000;
+/** How long style sheets may delay a page, ms: one that failed before this module ran fires no further event. */
+const MAX_STYLE_WAIT_MS = 5_000;
 
-/** The styles that the first paint does without, which would wait for them: here before a page is shown that may need them. */
-const styled = Promise.all([...document.querySelectorAll('link[media="not all"]')].map(async link => {
-  if (!link.sheet) await cameOrNot(link);
-  if (!isHere(link)) link.after(Object.assign(link.cloneNode(), { media: 'all' })); // Asked for again; nothing waits for that.
+/**
+ * The style sheets that the first paint must not wait for. They are enabled before a page that may need them is shown.
+ */
+const stylesReady = Promise.all([...document.querySelectorAll('link[media="not all"]')].map(async link => {
+  if (!link.sheet) await waitUntilSettled(link);
+  // Requests it again; nothing waits for that.
+  if (!isLoaded(link)) link.after(Object.assign(link.cloneNode(), { media: 'all' }));
   link.media = 'all';
 }));
 
-function cameOrNot(link) {
+function waitUntilSettled(link) {
   return new Promise(done => {
     Object.assign(link, { onload: done, onerror: done });
-    setTimeout(done, STYLED_WITHIN_MS);
+    setTimeout(done, MAX_STYLE_WAIT_MS);
   });
 }
 
-/** Of styles that failed a browser keeps nothing, an empty sheet, or one that nobody may read. */
-function isHere(link) {
+/** Whether a style sheet has loaded. After a failure, browsers keep none, an empty one, or one that cannot be read. */
+function isLoaded(link) {
   try {
     return link.sheet?.cssRules.length > 0;
   } catch {
@@ -145,17 +150,17 @@ function isHere(link) {
   }
 }
 
-/** The page that an address names. */
+/** The page that belongs to an address. */
 const pageAt = path => PAGES.find(page => page.at(path));
 
 function App() {
-  const [person, setPerson] = useState(undefined); // undefined: not known yet; null: nobody
+  const [person, setPerson] = useState(undefined); // undefined: not known yet; null: not signed in
   const [problem, setProblem] = useState(null);
   const [expired, setExpired] = useState(false);
 
-  const ask = () =>
+  const loadPerson = () =>
     api.me().then(setPerson, error => (error.status === 401 ? setPerson(null) : setProblem(asProblem(error))));
-  useEffect(() => void ask(), []);
+  useEffect(() => void loadPerson(), []);
   useEffect(
     () =>
       onSignedOut(() =>
@@ -173,14 +178,14 @@ function App() {
   }, [person?.id]);
 
   if (problem) {
-    const again = () => (setProblem(null), ask());
-    return html`<main class="gate"><${ProblemNotice} problem=${problem} onRetry=${again} /></main>`;
+    const retry = () => (setProblem(null), loadPerson());
+    return html`<main class="gate"><${ProblemNotice} problem=${problem} onRetry=${retry} /></main>`;
   }
   if (person === undefined) return html`<header class="top"><a class="brand" href=${href([])}><${Brand} />${t.product}</a></header>`;
   if (!person) return html`<${SignIn} expired=${expired} onSignedIn=${setPerson} />`;
   const signOut = async () => {
-    if (recording) (await import('./record/recorder.js')).forget();
-    await api.signOut().catch(() => {}); // Signed out here in any case; the cookie ends by itself.
+    if (currentRecording) (await import('./record/recorder.js')).discardRecording();
+    await api.signOut().catch(() => {}); // Signed out on this page in any case; the cookie expires by itself.
     setExpired(false);
     setPerson(null);
     go([]);
@@ -190,9 +195,9 @@ function App() {
 
 function Page({ person, onSignOut }) {
   const route = useRoute();
-  const place = route.path.join('/');
-  const named = pageAt(route.path);
-  const entry = !named?.needs || may(person, named.needs) ? named : undefined;
+  const address = route.path.join('/');
+  const matched = pageAt(route.path);
+  const entry = !matched?.needs || may(person, matched.needs) ? matched : undefined;
   const [loaded, setLoaded] = useState({});
   const [fault, clearFault] = useErrorBoundary(error => console.error(error));
   const first = useRef(true);
@@ -201,33 +206,34 @@ function Page({ person, onSignOut }) {
     clearFault();
     let stale = false;
     const fail = error => !stale && setLoaded({ entry, problem: asProblem(error) });
-    if (entry) Promise.all([entry.load(), styled]).then(([module]) => !stale && setLoaded({ entry, Show: module.default }), fail);
+    if (entry) Promise.all([entry.load(), stylesReady]).then(([module]) => !stale && setLoaded({ entry, Show: module.default }), fail);
     return () => (stale = true);
   }, [entry]);
 
-  // A screen reader hears the new page's title; a sighted keyboard user starts at its top.
+  // A screen reader announces the new page's title; a keyboard user starts at the top of the page.
   useEffect(() => {
     if (first.current) return void (first.current = false);
     scrollTo(0, 0);
     const heading = document.querySelector('main h1');
     (heading ?? document.querySelector('main'))?.focus({ preventScroll: true });
-  }, [place, loaded.Show]);
+  }, [address, loaded.Show]);
 
   const body = () => {
     if (fault) return html`<${ProblemNotice} problem=${asProblem(fault)} onRetry=${() => location.reload()} />`;
-    if (!entry) return html`<${Missing} />`;
+    if (!entry) return html`<${NotFound} />`;
     if (loaded.problem && loaded.entry === entry) return html`<${ProblemNotice} problem=${loaded.problem} />`;
     if (loaded.entry !== entry) return html`<${Loading} />`;
-    return html`<${loaded.Show} key=${place} person=${person} route=${route} onSignOut=${onSignOut} />`;
+    return html`<${loaded.Show} key=${address} person=${person} route=${route} onSignOut=${onSignOut} />`;
   };
   return html`<${Shell} person=${person} current=${entry?.name}>${body()}<//>`;
 }
 
-const Missing = () => html`
+const NotFound = () => html`
   <h1 tabindex="-1" class="unseen">${t.notFound.title}</h1>
   <${Empty} title=${t.notFound.title} body=${t.notFound.body}>
     <a class="button main" href=${href([])}>${t.notFound.action}</a>
   <//>`;
 
-pageAt(currentRoute().path)?.load().catch(() => {}); // While it is asked who is there; the page itself says what failed.
+// Loads the page's module while the user is being looked up; the page itself reports a failure.
+pageAt(currentRoute().path)?.load().catch(() => {});
 render(html`<${App} />`, document.getElementById('app'));

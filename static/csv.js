@@ -1,7 +1,7 @@
-// A table of text as spreadsheets save it (RFC 4180): commas, semicolons or tabs, quotes, any end of line.
+// Reads tables as spreadsheets save them (RFC 4180): commas, semicolons or tabs, quotes, any line ending.
 
-/** What a file says: as UTF-8, or as spreadsheets wrote it before they did that. */
-export async function textOf(file) {
+/** The text of a file: UTF-16 with a byte order mark, else UTF-8, else Windows-1252 as older spreadsheets write it. */
+export async function decodeFile(file) {
   const bytes = await file.arrayBuffer();
   const [first, second] = new Uint8Array(bytes);
   if (first === 0xff && second === 0xfe) return new TextDecoder('utf-16le').decode(bytes);
@@ -13,8 +13,8 @@ export async function textOf(file) {
 }
 
 /** The rows of a table, each a list of texts; empty lines are left out. */
-export function rowsOf(text) {
-  const { plain, separator } = begun(text.replace(/^\uFEFF/, '').replace(/\r\n?/g, '\n'));
+export function parseRows(text) {
+  const { plain, separator } = splitSeparatorLine(text.replace(/^\uFEFF/, '').replace(/\r\n?/g, '\n'));
   const rows = [];
   let [row, cell, isQuoted] = [[], '', false];
   const endCell = () => (row.push(cell.trim()), (cell = ''));
@@ -38,15 +38,15 @@ export function rowsOf(text) {
   return rows;
 }
 
-/** The text from its first row on; before it a spreadsheet may have told its separator. */
-function begun(text) {
-  const [whole, told] = /^\s*sep=(.)\n/i.exec(text) ?? [''];
+/** The text from its first row on, and its separator, which some spreadsheets declare in a `sep=` line before it. */
+function splitSeparatorLine(text) {
+  const [whole, declared] = /^\s*sep=(.)\n/i.exec(text) ?? [''];
   const plain = text.slice(whole.length).replace(/^\s*\n/, '');
-  return { plain, separator: told ?? separatorOf(plain) };
+  return { plain, separator: declared ?? guessSeparator(plain) };
 }
 
-/** Whichever stands most often in the first line, outside quotes. */
-function separatorOf(text) {
+/** The separator that occurs most often in the first line, outside quotes. */
+function guessSeparator(text) {
   const first = text.split('\n', 1)[0].replace(/"[^"]*"/g, '');
   const count = separator => first.split(separator).length;
   return [',', ';', '\t'].reduce((best, one) => (count(one) > count(best) ? one : best));

@@ -1,69 +1,73 @@
-// Loading for a page: data, problem and a way to load again, with the answer of an abandoned page thrown away.
+// Loads data for a page: data, problem and a way to load again. Answers for an abandoned page are discarded.
 import { useCallback, useEffect, useRef, useState } from './parts/preact.js';
 import { Problem } from './api.js';
 import { t } from './texts.js';
 
-/** What went wrong, as a problem, whatever was thrown. */
+/** Turns any error into a problem. */
 export function asProblem(error) {
   if (error instanceof Problem) return error;
   console.error(error);
   return new Problem({ title: t.problems.broken, status: 0, detail: t.problems.brokenDetail });
 }
 
-/** What is under way is waited for so long, ms, when it is asked for again; then its line may be gone, and it is begun anew. */
-const PATIENCE_MS = 10_000;
+/**
+ * A request that runs longer than this, ms, may have lost its connection: a reload then starts anew and does not wait.
+ */
+const STALE_REQUEST_MS = 10_000;
 
 /**
- * `load(signal)` runs at first, when `deps` change and on `reload()`; old `data` stays up until the new is there. A `reload()` while
- * one is under way runs behind it: events that come faster than answers hold no page up. `current` is that data only while it answers
- * the question that is asked now: for whatever would else stand under another choice.
+ * Runs `load(signal)` at first, when `deps` change and on `reload()`; old `data` stays until the new data arrive. A
+ * `reload()` during a running load starts another one after it, so that frequent events do not block the page.
+ * `current` is `data` only while it belongs to the present `deps`: use it where data of an earlier choice would be
+ * wrong.
  */
 export function useData(load, deps) {
-  const [{ data, problem, of }, setState] = useState({ data: undefined, problem: null, of: null });
-  const running = useRef(null); // { controller, since, isAsked: once more, whole: what is told when nothing more is to be read }
+  const [{ data, problem, loadedFor }, setState] = useState({ data: undefined, problem: null, loadedFor: null });
+  // { controller, since, reloadRequested, finished: resolves when no further load follows }
+  const running = useRef(null);
   const latest = useRef(null);
   latest.current = { load, deps };
   const begin = useCallback(() => {
     running.current?.controller.abort();
-    const run = (running.current = { controller: new AbortController(), since: Date.now(), isAsked: false });
-    run.whole = read(run);
-    return run.whole;
+    const run = (running.current = { controller: new AbortController(), since: Date.now(), reloadRequested: false });
+    run.finished = read(run);
+    return run.finished;
   }, []);
   async function read(run) {
     const { signal } = run.controller;
     const { load, deps } = latest.current;
     try {
       const data = await load(signal);
-      if (!signal.aborted) setState({ data, problem: null, of: deps });
+      if (!signal.aborted) setState({ data, problem: null, loadedFor: deps });
     } catch (error) {
       if (!signal.aborted) setState(before => ({ ...before, problem: asProblem(error) }));
     }
     if (signal.aborted) return undefined;
     running.current = null;
-    return run.isAsked ? begin() : undefined;
+    return run.reloadRequested ? begin() : undefined;
   }
   const reload = useCallback(() => {
     const run = running.current;
-    if (!run || Date.now() - run.since > PATIENCE_MS) return begin();
-    run.isAsked = true;
-    return run.whole;
+    if (!run || Date.now() - run.since > STALE_REQUEST_MS) return begin();
+    run.reloadRequested = true;
+    return run.finished;
   }, []);
   useEffect(() => {
     begin();
     return () => running.current?.controller.abort();
   }, deps);
-  const isCurrent = of?.every((dep, at) => Object.is(dep, deps[at]));
+  const isCurrent = loadedFor?.every((dep, at) => Object.is(dep, deps[at]));
   return { data, current: isCurrent ? data : undefined, problem, reload };
 }
 
 /**
- * A list that is read page by page with `load(cursor, signal)`, anew when `deps` change. `more()` reads on from where it stands,
- * after a failure, too, and does nothing while a page is under way.
+ * A list that is loaded page by page with `load(cursor, signal)`, restarted when `deps` change. `more()` loads the next
+ * page, also after a failure; it does nothing while a page is loading.
  */
 export function usePages(load, deps) {
   const [pages, setPages] = useState({ items: null, next: undefined, problem: null, busy: false });
   const running = useRef(null);
-  const next = useRef(undefined); // undefined: nothing is there yet; null: that was all.
+  const next = useRef(undefined); // undefined: nothing is loaded yet; null: the list is complete.
   const latest = useRef(load);
   latest.current = load;
   const read = useCallback(async () => {
@@ -89,7 +93,7 @@ export function usePages(load, deps) {
   return { ...pages, more };
 }
 
-/** At most one call per `ms`, the last one never lost: for reloading on bursts of events. */
+/** At most one call per `ms`, and the last call is never lost: for reloading on bursts of events. */
 export function useThrottled(callback, ms) {
   const latest = useRef(callback);
   latest.current = callback;

@@ -1,60 +1,61 @@
-// Numbers, times and sizes as people read them, in the page's language; times in the zone of the person's device.
+// Numbers, times and sizes in the page's language; times in the time zone of the device.
 import { language, region } from './texts.js';
 
-const when = new Intl.DateTimeFormat(region, { dateStyle: 'medium', timeStyle: 'short' });
-const day = new Intl.DateTimeFormat(region, { dateStyle: 'medium' });
-/** A day of the calendar is the same everywhere, whatever the zone of the device. */
-const calendar = new Intl.DateTimeFormat(region, { dateStyle: 'medium', timeZone: 'UTC' });
-const share = new Intl.NumberFormat(language, { style: 'percent', maximumFractionDigits: 1 });
-const plain = [0, 1, 2, 3].map(
+const dateTimeFormat = new Intl.DateTimeFormat(region, { dateStyle: 'medium', timeStyle: 'short' });
+const dateFormat = new Intl.DateTimeFormat(region, { dateStyle: 'medium' });
+/** A calendar day is the same in every time zone. */
+const calendarFormat = new Intl.DateTimeFormat(region, { dateStyle: 'medium', timeZone: 'UTC' });
+const percentFormat = new Intl.NumberFormat(language, { style: 'percent', maximumFractionDigits: 1 });
+const fixedFraction = [0, 1, 2, 3].map(
   digits => new Intl.NumberFormat(language, { minimumFractionDigits: digits, maximumFractionDigits: digits }),
 );
-const rounded = new Intl.NumberFormat(language, { maximumSignificantDigits: 3 });
-const telling = new Intl.NumberFormat(language, { maximumSignificantDigits: 2 });
-const whole = new Intl.NumberFormat(language, { maximumFractionDigits: 20, useGrouping: false });
-const [, POINT] = plain[1].format(0.5);
+const threeSignificant = new Intl.NumberFormat(language, { maximumSignificantDigits: 3 });
+const twoSignificant = new Intl.NumberFormat(language, { maximumSignificantDigits: 2 });
+const unrounded = new Intl.NumberFormat(language, { maximumFractionDigits: 20, useGrouping: false });
+const [, POINT] = fixedFraction[1].format(0.5);
 const TRUE_MINUS = '−';
 
-/** Three telling digits and no more: what follows is noise of the measurement. */
+/** Three significant digits: further digits are noise of the measurement. */
 export function number(value) {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
   const size = Math.abs(value);
-  if (Number.isInteger(value) && size < 10_000) return minus(plain[0].format(value)); // Counts are exact.
-  if (size !== 0 && (size < 0.1 || size >= 10_000)) return minus(rounded.format(value));
-  return minus(plain[size >= 100 ? 0 : size >= 10 ? 1 : 2].format(value));
+  // Counts are exact.
+  if (Number.isInteger(value) && size < 10_000) return withTrueMinus(fixedFraction[0].format(value));
+  if (size !== 0 && (size < 0.1 || size >= 10_000)) return withTrueMinus(threeSignificant.format(value));
+  return withTrueMinus(fixedFraction[size >= 100 ? 0 : size >= 10 ? 1 : 2].format(value));
 }
 
-/** All digits that it has: for the steps of an axis. */
-export const exact = value => minus(whole.format(value));
+/** All digits of a value: for the steps of an axis. */
+export const exact = value => withTrueMinus(unrounded.format(value));
 
-/** Numbers that stand beside each other, all with so many digits after the point. */
+/** A format for numbers that are shown side by side, all with the same number of decimal places. */
 export function withDigits(digits) {
   const format = new Intl.NumberFormat(language, { minimumFractionDigits: digits, maximumFractionDigits: digits });
-  return value => minus(format.format(value));
+  return value => withTrueMinus(format.format(value));
 }
 
-/** An error: two telling digits. */
-export const uncertain = value => (Number.isFinite(value) ? telling.format(value) : '–');
+/** An error, with two significant digits. */
+export const uncertainty = value => (Number.isFinite(value) ? twoSignificant.format(value) : '–');
 
-/** A fixed number of digits after the point: for read-outs, which must not jump in width. */
+/** A fixed number of decimal places: for readouts, whose width must not change. */
 export function fixed(value, digits) {
-  return Number.isFinite(value) ? minus(plain[digits].format(value)) : '–';
+  return Number.isFinite(value) ? withTrueMinus(fixedFraction[digits].format(value)) : '–';
 }
 
-/** What rounds to nothing has no sign: a tip near zero would flicker between 0.0 and −0.0. */
-const minus = text => text.replace('-', /[1-9]/.test(text) ? TRUE_MINUS : '');
+/** A value that rounds to zero has no sign: a tip near zero would flicker between 0.0 and −0.0. */
+const withTrueMinus = text => text.replace('-', /[1-9]/.test(text) ? TRUE_MINUS : '');
 
-export const percent = value => share.format(value);
+export const percent = value => percentFormat.format(value);
 
-/** `1` and the empty unit are ratios: nothing is written behind them. */
+/** `1` and the empty unit are ratios: no unit is written after them. */
 export const unit = name => (name === '1' || !name ? '' : name);
 
-export const dateTime = iso => (iso ? when.format(new Date(iso)) : '–');
-export const date = iso => (iso ? day.format(new Date(iso)) : '–');
-/** Of a day without a time, as `2026-01-05`. */
-export const calendarDay = iso => calendar.format(new Date(`${iso}T00:00:00Z`));
+export const dateTime = iso => (iso ? dateTimeFormat.format(new Date(iso)) : '–');
+export const date = iso => (iso ? dateFormat.format(new Date(iso)) : '–');
+/** Formats a day without a time, such as `2026-01-05`. */
+export const calendarDay = iso => calendarFormat.format(new Date(`${iso}T00:00:00Z`));
 
-/** Seconds as `1:02.3`, or `1:02:03.4` from an hour on, with the language's point. */
+/** Seconds as `1:02.3`, or `1:02:03.4` from an hour on, with the language's decimal separator. */
 export function clock(seconds, digits = 1) {
   if (!Number.isFinite(seconds)) return '–';
   const unit = 10 ** digits;
@@ -68,5 +69,5 @@ export function clock(seconds, digits = 1) {
 export function bytes(count) {
   const units = ['B', 'kB', 'MB', 'GB'];
   const step = Math.min(units.length - 1, Math.floor(Math.log10(Math.max(1, count)) / 3));
-  return `${step ? plain[1].format(count / 1000 ** step) : count} ${units[step]}`;
+  return `${step ? fixedFraction[1].format(count / 1000 ** step) : count} ${units[step]}`;
 }

@@ -1,11 +1,11 @@
-// Server-sent events with two safety nets: reconnecting by ourselves when the browser gives up, and asking again at
-// intervals for as long as the line is down. Pages reload on `resync`, since events may have been missed meanwhile.
+// Server-sent events with two safety nets: reconnecting when the browser gives up, and polling while the connection is
+// down. Pages reload on `resync`, since events may have been missed.
 import { useEffect, useRef, useState } from './parts/preact.js';
 import { api } from './api.js';
 
-const NAMES = ['session', 'job', 'queue'];
+const EVENT_NAMES = ['session', 'job', 'queue'];
 const POLL_MS = 5_000;
-const RETRY_MS = { first: 1_000, most: 30_000 };
+const RETRY_MS = { first: 1_000, max: 30_000 };
 
 const hub = new EventTarget();
 let source = null;
@@ -16,7 +16,7 @@ let retryMs = RETRY_MS.first;
 
 const emit = (name, detail) => hub.dispatchEvent(new CustomEvent(name, { detail }));
 
-function become(next) {
+function changeState(next) {
   if (state === next) return;
   state = next;
   emit('state', next);
@@ -24,7 +24,7 @@ function become(next) {
 
 export function startLive() {
   stopLive();
-  become('connecting');
+  changeState('connecting');
   connect();
 }
 
@@ -34,37 +34,37 @@ export function stopLive() {
   clearInterval(pollTimer);
   clearTimeout(retryTimer);
   pollTimer = retryTimer = null;
-  become('closed');
+  changeState('closed');
 }
 
-function opened() {
+function handleOpen() {
   const missed = pollTimer !== null;
   clearInterval(pollTimer);
   pollTimer = null;
   retryMs = RETRY_MS.first;
-  become('open');
+  changeState('open');
   if (missed) emit('resync');
 }
 
-function broke() {
-  become('polling');
+function handleError() {
+  changeState('polling');
   pollTimer ??= setInterval(() => emit('resync'), POLL_MS);
-  if (source.readyState !== EventSource.CLOSED) return; // The browser is already trying again.
+  if (source.readyState !== EventSource.CLOSED) return; // The browser is already reconnecting.
   clearTimeout(retryTimer);
   retryTimer = setTimeout(connect, retryMs);
-  retryMs = Math.min(retryMs * 2, RETRY_MS.most);
+  retryMs = Math.min(retryMs * 2, RETRY_MS.max);
 }
 
 function connect() {
   source?.close();
   source = api.events();
-  source.onopen = opened;
-  source.onerror = broke;
-  for (const name of NAMES) source.addEventListener(name, event => emit(name, JSON.parse(event.data)));
-  source.addEventListener('missed', () => emit('resync')); // We were too slow, and the service dropped some.
+  source.onopen = handleOpen;
+  source.onerror = handleError;
+  for (const name of EVENT_NAMES) source.addEventListener(name, event => emit(name, JSON.parse(event.data)));
+  source.addEventListener('missed', () => emit('resync')); // This page was too slow, and the service dropped events.
 }
 
-/** Runs `handler(detail)` for every event of that name while the component is on the page. */
+/** Runs `handler(detail)` for every event of that name while the component is mounted. */
 export function useLive(name, handler) {
   const latest = useRef(handler);
   latest.current = handler;

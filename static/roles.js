@@ -1,4 +1,4 @@
-// What each role is offered. The server decides; hiding only spares people buttons that would be refused.
+// The actions that each role is offered. The server decides; hiding only spares people buttons that would be refused.
 const ALLOWED = {
   administrator: [
     'upload',

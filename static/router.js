@@ -1,4 +1,5 @@
-// Addresses as pages: `/sessions/7?t=3.2`. The server answers them with the dashboard, and this file says which page it is.
+// Page addresses such as `/sessions/7?t=3.2`. The server answers all of them with the dashboard; app.js selects the
+// page.
 import { useEffect, useState } from './parts/preact.js';
 
 const CHANGED = 'trocar:route';
@@ -13,32 +14,32 @@ export function currentRoute() {
 
 /** The address of a page; empty query values are left out. */
 export function href(path, query = {}) {
-  const kept = Object.entries(query).filter(([, value]) => value !== undefined && value !== null && value !== '');
-  const search = new URLSearchParams(kept).toString();
+  const params = Object.entries(query).filter(([, value]) => value !== undefined && value !== null && value !== '');
+  const search = new URLSearchParams(params).toString();
   return `/${path.map(encodeURIComponent).join('/')}${search ? `?${search}` : ''}`;
 }
 
 export function go(path, query) {
-  visit(href(path, query));
+  pushAddress(href(path, query));
 }
 
-/** Changes the address without a step in the browser's history: filters, the moment in a video. */
+/** Changes the address without a new entry in the browser's history: for filters and the time in a video. */
 export function replace(path, query) {
   history.replaceState(null, '', href(path, query));
   dispatchEvent(new Event(CHANGED));
 }
 
-/** Writes into the address what a link to this place should say, without anything on the page changing by it. */
-export function note(path, query) {
+/** Writes into the address what a link to this state should contain, without changing the page. */
+export function setAddressSilently(path, query) {
   history.replaceState(null, '', href(path, query));
 }
 
-function visit(address) {
+function pushAddress(address) {
   history.pushState(null, '', address);
   dispatchEvent(new Event(CHANGED));
 }
 
-/** A plain click on one of our own links changes the page without loading everything anew. */
+/** A plain click on an internal link changes the page without reloading the app. */
 addEventListener('click', event => {
   const link = event.target.closest?.('a[href]');
   const plain = event.button === 0 && !event.metaKey && !event.ctrlKey && !event.shiftKey && !event.altKey;
@@ -46,7 +47,7 @@ addEventListener('click', event => {
   const address = link.getAttribute('href');
   if (!address.startsWith('/') || address.startsWith('//') || /^\/(api|docs)\b/.test(address)) return;
   event.preventDefault();
-  if (address !== location.pathname + location.search) visit(address);
+  if (address !== location.pathname + location.search) pushAddress(address);
 });
 
 export function useRoute() {
@@ -63,6 +64,6 @@ function decode(part) {
   try {
     return decodeURIComponent(part);
   } catch {
-    return part; // A hand-typed stray % is no reason to show nothing.
+    return part; // A stray % typed by hand is no reason to show nothing.
   }
 }

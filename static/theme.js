@@ -1,16 +1,16 @@
-// The person's choice of theme: system, light or dark. Remembered per browser.
+// The person's choice of theme: system, light or dark. Stored per browser.
 const KEY = 'trocar.theme';
 const watchers = new Set();
 const system = matchMedia('(prefers-color-scheme: dark)');
-const announce = () => watchers.forEach(watch => watch());
-system.addEventListener('change', announce);
+const notify = () => watchers.forEach(callback => callback());
+system.addEventListener('change', notify);
 
 /** `'system' | 'light' | 'dark'`. */
 export function themeChoice() {
   return document.documentElement.dataset.theme ?? 'system';
 }
 
-/** Is the page dark right now? Canvases ask, because they cannot inherit CSS colours. */
+/** Whether the page is dark now. Canvases ask, because they cannot inherit CSS colours. */
 export function isDark() {
   const choice = themeChoice();
   return choice === 'system' ? system.matches : choice === 'dark';
@@ -22,18 +22,18 @@ export function chooseTheme(choice) {
   try {
     localStorage.setItem(KEY, choice);
   } catch {
-    // Not remembered where storage is refused; the choice still holds for this page.
+    // Storage is refused: the choice holds for this page only.
   }
-  announce();
+  notify();
 }
 
-/** Calls back when the colours change; returns what ends it. */
+/** Calls back when the colours change; returns a function that unsubscribes. */
 export function onThemeChange(callback) {
   watchers.add(callback);
   return () => watchers.delete(callback);
 }
 
-/** A custom property's value, for canvases. */
+/** The value of a custom property, for canvases. */
 export function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 }

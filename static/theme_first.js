@@ -4,6 +4,6 @@
     const chosen = localStorage.getItem('trocar.theme');
     if (chosen === 'light' || chosen === 'dark') document.documentElement.dataset.theme = chosen;
   } catch {
-    // Storage is refused (private window): the system's theme stands.
+    // Storage is refused (private window): the system's theme applies.
   }
 })();

@@ -1,26 +1,26 @@
-// A session that is watched while it arrives, as docs/live.md has it: the socket, its reconnections, what was told last.
-// Positions and pictures are drawn when the screen is repainted; nothing of them goes through component state.
+// Watches a session while it arrives, as docs/live.md specifies: the socket, its reconnections, and the latest state.
+// Positions and pictures are drawn on repaint and do not pass through component state.
 import { useEffect, useMemo, useReducer, useRef } from './parts/preact.js';
 import { api } from './api.js';
-import { inOurWords } from './said.js';
+import { translateAnswer } from './translate.js';
 import { LiveTrack } from './parts/live_track.js';
 
-const RETRY_MS = { first: 1_000, most: 30_000 };
-/** A sender says something every 20 s: when nothing came for longer than that, it may be our line that is dead. */
+const RETRY_MS = { first: 1_000, max: 30_000 };
+/** A sender sends something every 20 s. After a longer silence the page's own connection may be dead. */
 const SILENT_MS = { noticed: 3_000, broken: 25_000 };
-/** A device is too slow when it misses so many messages, of some 25 a second, in such a time. */
-const MISSED = { most: 100, ms: 10_000 };
-const PICTURE_HEAD = 8; // Bytes: the number of the frame.
+/** The device is too slow if it misses more than `max` messages, of about 25 a second, within `ms`. */
+const MISSED = { max: 100, ms: 10_000 };
+const PICTURE_HEAD = 8; // Bytes: the frame number.
 
-export class Watch {
-  /** `'connecting'`, `'waiting'` (nobody sends), `'live'`, `'silent'` (nothing comes), `'broken'` or `'ended'`. */
+export class LiveWatch {
+  /** `'connecting'`, `'waiting'` (no sender), `'live'`, `'silent'` (nothing arrives), `'broken'` or `'ended'`. */
   state = 'connecting';
-  /** The last seconds of positions; null where it is not tracked, and then `why` may say why not. */
+  /** The last seconds of positions; null if the session is not tracked, and `why` may then give the reason. */
   track = null;
   why = null;
   features = [];
   light = null;
-  /** Whether camera and ports stand where they did; null where that is not known. */
+  /** How far camera and ports have moved since earlier recordings; null if not known. */
   placement = null;
   isBehind = false;
   /** The newest picture: `{ frame, bitmap }`. */
@@ -35,57 +35,63 @@ export class Watch {
   #isDecoding = false;
   #retryMs = RETRY_MS.first;
   #retryTimer;
-  #clock;
-  #heardAt = 0;
+  #checkTimer;
+  #receivedAt = 0;
   #missed = { since: 0, count: 0 };
-  #repaint = 0;
+  #repaintHandle = 0;
   #watchers = new Set();
   #listeners = new Set();
 
-  /** `onClosed` is called whenever the line ends: the session itself tells why. `pictures`: are they wanted? */
+  /**
+   * `onClosed` is called whenever the connection ends; the session itself has the reason. `pictures`: whether to
+   * receive pictures.
+   */
   constructor(id, onClosed, pictures = true) {
     [this.#id, this.#onClosed, this.#pictures] = [id, onClosed, pictures];
   }
 
   open() {
     this.#isOpen = true;
-    this.#clock = setInterval(() => this.#look(), 1000);
+    this.#checkTimer = setInterval(() => this.#checkHealth(), 1000);
     this.#connect();
   }
 
   close() {
     this.#isOpen = false;
-    clearInterval(this.#clock);
+    clearInterval(this.#checkTimer);
     clearTimeout(this.#retryTimer);
-    cancelAnimationFrame(this.#repaint);
-    this.#hangUp();
+    cancelAnimationFrame(this.#repaintHandle);
+    this.#closeSocket();
     this.#jpeg = null;
     this.picture?.bitmap.close();
     this.picture = null;
   }
 
-  /** Tries at once where it would have waited: for those who know that the line is there again. */
+  /** Reconnects immediately instead of waiting: for callers that know that the network is back. */
   retry() {
     if (this.state !== 'broken') return;
     clearTimeout(this.#retryTimer);
     this.#retryMs = RETRY_MS.first;
-    this.#renew();
+    this.#reconnect();
   }
 
-  /** Calls `watcher()` on the repaint after positions or a picture came; returns what ends it. */
+  /** Calls `watcher()` on the repaint after new positions or a new picture; returns a function that unsubscribes. */
   onTick(watcher) {
     this.#watchers.add(watcher);
     watcher();
     return () => this.#watchers.delete(watcher);
   }
 
-  /** Calls `listener()` when anything else changed: the state, features, light, tools. */
+  /** Calls `listener()` when anything else changes: the state, features, light, tools. */
   onChange(listener) {
     this.#listeners.add(listener);
     return () => this.#listeners.delete(listener);
   }
 
-  /** Are positions what is so now? Otherwise they are what was so when the line or the sender fell silent. */
+  /**
+   * Whether the positions are current. Otherwise they are the last ones before the connection or the sender fell
+   * silent.
+   */
   get isFresh() {
     return this.state === 'live';
   }
@@ -93,82 +99,82 @@ export class Watch {
   #connect() {
     const socket = (this.#socket = api.sessions.watch(this.#id, { pictures: this.#pictures }));
     socket.binaryType = 'arraybuffer';
-    socket.onmessage = ({ data }) => this.#hear(data);
-    socket.onclose = () => this.#broke();
+    socket.onmessage = ({ data }) => this.#receive(data);
+    socket.onclose = () => this.#handleClose();
   }
 
-  #hangUp() {
+  #closeSocket() {
     if (this.#socket) Object.assign(this.#socket, { onmessage: null, onclose: null }).close();
     this.#socket = null;
   }
 
-  #broke() {
-    this.#hangUp();
+  #handleClose() {
+    this.#closeSocket();
     if (this.state !== 'ended') {
-      this.#become('broken');
+      this.#setState('broken');
       this.#retryTimer = setTimeout(() => this.#connect(), this.#retryMs);
-      this.#retryMs = Math.min(this.#retryMs * 2, RETRY_MS.most);
+      this.#retryMs = Math.min(this.#retryMs * 2, RETRY_MS.max);
     }
     this.#onClosed();
   }
 
-  /** What was told stays until the new line says otherwise. */
-  #renew() {
-    this.#hangUp();
-    this.#heardAt = performance.now();
+  /** Reconnects; the latest state stays until the new connection replaces it. */
+  #reconnect() {
+    this.#closeSocket();
+    this.#receivedAt = performance.now();
     this.#connect();
   }
 
-  #hear(data) {
-    this.#heardAt = performance.now();
+  #receive(data) {
+    this.#receivedAt = performance.now();
     this.#retryMs = RETRY_MS.first;
-    if (typeof data !== 'string') return this.#takePicture(data);
-    const word = inOurWords(JSON.parse(data));
-    if (word.type === 'frame') return this.#takeFrame(word);
-    this.#take(word);
+    if (typeof data !== 'string') return this.#handlePicture(data);
+    const message = translateAnswer(JSON.parse(data));
+    if (message.type === 'frame') return this.#handleFrame(message);
+    this.#handleMessage(message);
   }
 
-  #takeFrame(frame) {
+  #handleFrame(frame) {
     this.track?.push(frame);
-    this.#become('live');
-    if (this.track?.frames === 1) this.#changed();
-    this.#soon();
+    this.#setState('live');
+    if (this.track?.frames === 1) this.#notifyListeners();
+    this.#requestRepaint();
   }
 
-  #take(word) {
-    if (word.type === 'waiting' || word.type === 'ended') return this.#become(word.type);
-    if (word.type === 'missed') return this.#miss(word.count);
-    if (word.type === 'live') {
-      if (!this.track?.fits(word)) this.track = word.tools && new LiveTrack(word);
-      this.why = word.why;
-      // Whether a sender that had fallen silent sends again, its first frame tells.
-      if (this.state !== 'silent' || !word.tools) this.#become('live');
+  #handleMessage(message) {
+    if (message.type === 'waiting' || message.type === 'ended') return this.#setState(message.type);
+    if (message.type === 'missed') return this.#countMissed(message.count);
+    if (message.type === 'live') {
+      if (!this.track?.matches(message)) this.track = message.tools && new LiveTrack(message);
+      this.why = message.why;
+      // If a silent sender sends again, its first frame shows it.
+      if (this.state !== 'silent' || !message.tools) this.#setState('live');
     }
-    if (word.type === 'features') [this.features, this.light, this.placement] = [word.features, word.light, word.placement];
-    this.#changed();
+    if (message.type === 'features') [this.features, this.light, this.placement] = [message.features, message.light, message.placement];
+    this.#notifyListeners();
   }
 
-  #miss(count) {
+  #countMissed(count) {
     const now = performance.now();
     if (now - this.#missed.since > MISSED.ms) this.#missed = { since: now, count: 0 };
     this.#missed.count += count;
   }
 
-  /** Once a second: does nothing come any more, and is too much missed? */
-  #look() {
+  /** Runs once a second: detects silence and too many missed messages. */
+  #checkHealth() {
     const now = performance.now();
-    const silentMs = now - this.#heardAt;
+    const silentMs = now - this.#receivedAt;
     const isUp = ['live', 'silent', 'waiting'].includes(this.state);
-    if (isUp && silentMs > SILENT_MS.broken) this.#renew();
-    else if (this.isFresh && this.track && silentMs > SILENT_MS.noticed) this.#become('silent');
-    const isBehind = this.#missed.count > MISSED.most && now - this.#missed.since < 2 * MISSED.ms;
+    if (isUp && silentMs > SILENT_MS.broken) this.#reconnect();
+    else if (this.isFresh && this.track && silentMs > SILENT_MS.noticed) this.#setState('silent');
+    const isBehind = this.#missed.count > MISSED.max && now - this.#missed.since < 2 * MISSED.ms;
     if (isBehind === this.isBehind) return;
     this.isBehind = isBehind;
-    this.#changed();
+    this.#notifyListeners();
   }
 
-  /** Of the pictures that come while one is being decoded, only the last is of interest. */
-  async #takePicture(data) {
+  /** Of the pictures that arrive while one is being decoded, only the last is decoded. */
+  async #handlePicture(data) {
     this.#jpeg = data;
     if (this.#isDecoding) return;
     this.#isDecoding = true;
@@ -176,50 +182,53 @@ export class Watch {
       const jpeg = this.#jpeg;
       this.#jpeg = null;
       const picture = new Blob([new Uint8Array(jpeg, PICTURE_HEAD)], { type: 'image/jpeg' });
-      const bitmap = await createImageBitmap(picture).catch(() => null); // A damaged one: the next comes soon.
-      if (bitmap) this.#show({ frame: Number(new DataView(jpeg).getBigUint64(0)), bitmap });
+      // A damaged picture: the next one arrives soon.
+      const bitmap = await createImageBitmap(picture).catch(() => null);
+      if (bitmap) this.#showPicture({ frame: Number(new DataView(jpeg).getBigUint64(0)), bitmap });
     }
     this.#isDecoding = false;
   }
 
-  #show(picture) {
+  #showPicture(picture) {
     if (!this.#isOpen) return picture.bitmap.close();
     this.picture?.bitmap.close();
     this.picture = picture;
-    this.#soon();
+    this.#requestRepaint();
   }
 
-  #become(state) {
+  #setState(state) {
     if (this.state === state) return;
     this.state = state;
-    this.#changed();
-    this.#soon();
+    this.#notifyListeners();
+    this.#requestRepaint();
   }
 
-  #changed() {
+  #notifyListeners() {
     for (const listener of this.#listeners) listener();
   }
 
-  #soon() {
-    this.#repaint ||= requestAnimationFrame(() => {
-      this.#repaint = 0;
+  #requestRepaint() {
+    this.#repaintHandle ||= requestAnimationFrame(() => {
+      this.#repaintHandle = 0;
       for (const watcher of this.#watchers) watcher();
     });
   }
 }
 
-/** Watches a session while the component is there, which is rendered again when anything but positions changes; without an
- *  id there is nothing to watch, and null. */
-export function useWatch(id, onClosed, pictures) {
+/**
+ * Watches a session while the component is mounted, and renders it again when anything but positions changes. Returns
+ * null without an id.
+ */
+export function useLiveWatch(id, onClosed, pictures) {
   const [, render] = useReducer(count => count + 1, 0);
   const latest = useRef(onClosed);
   latest.current = onClosed ?? (() => {});
-  const watch = useMemo(() => id && new Watch(id, () => latest.current(), pictures), [id]);
+  const watch = useMemo(() => id && new LiveWatch(id, () => latest.current(), pictures), [id]);
   useEffect(() => {
     if (!watch) return undefined;
-    const end = watch.onChange(render);
+    const unsubscribe = watch.onChange(render);
     watch.open();
-    return () => (end(), watch.close());
+    return () => (unsubscribe(), watch.close());
   }, [watch]);
   return watch;
 }

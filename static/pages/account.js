@@ -1,11 +1,11 @@
-// The signed-in person: who they are, their language, a new password, signing out.
+// The signed-in person: name, login, language, a new password, signing out.
 import { html, useState } from '../parts/preact.js';
 import { api, Problem } from '../api.js';
 import { Confirm } from '../parts/dialog.js';
 import { Form } from '../parts/form.js';
 import { LanguageChoice } from '../parts/language.js';
 import { Notice, PageHead } from '../parts/notice.js';
-import { isRecording } from '../record/current.js';
+import { isRecording } from '../record/current_recording.js';
 import { t } from '../texts.js';
 
 const words = t.account;

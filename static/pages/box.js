@@ -1,4 +1,4 @@
-// One box: its camera and its tape colours, each with the two ways to get them, and whether it still measures as it should.
+// One box: its camera and its tape colours, each with both ways to provide them, and its self-test.
 import { html } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
@@ -9,7 +9,7 @@ import { CameraForms, CameraSummary } from '../parts/box_camera.js';
 import { PaletteAdvice } from '../parts/box_advice.js';
 import { PaletteForm, PaletteSummary } from '../parts/box_palette.js';
 import { SelfTestForm, SelfTestSummary, TodaysLight } from '../parts/box_self_test.js';
-import { RowButtons, saveChanges, useEditing } from '../parts/managed.js';
+import { RowButtons, saveChanges, useEditing } from '../parts/editing.js';
 import { Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
 import { boxFields, CameraState, PaletteState } from './boxes.js';
 
@@ -55,7 +55,7 @@ export default function BoxPage({ person, route }) {
     <//>
     <div class="steps">
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
-      <${State} box=${box} ready=${isReady} palette=${box.palettes[0]} mayEdit=${mayEdit} />
+      <${Readiness} box=${box} ready=${isReady} palette=${box.palettes[0]} mayEdit=${mayEdit} />
       <section class="card">
         <header><h2>${words.camera}</h2><${CameraState} calibration=${box.calibration} /></header>
         <div class="body stack">
@@ -83,8 +83,8 @@ export default function BoxPage({ person, route }) {
     ${edit.dialogs}`;
 }
 
-/** A box that can score may still have a tape whose scores nobody should want. */
-const State = ({ box, ready, palette, mayEdit }) => {
+/** A box that is ready may still have a tape that gives useless scores. */
+const Readiness = ({ box, ready, palette, mayEdit }) => {
   const bad = (palette?.verdicts ?? []).filter(({ grade }) => grade === 'bad').map(({ tool }) => tool);
   const link = mayEdit && html`<a href=${href(['boxes', box.id, 'setup'])}>${t.setup.open}</a>`;
   if (!ready) return html`<${Notice} tone="warn" title=${words.needed}>${link}<//>`;

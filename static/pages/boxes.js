@@ -1,4 +1,4 @@
-// The boxes, and what each still lacks before its recordings can be scored.
+// The boxes, and what each box still needs before its recordings can be scored.
 import { html } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
@@ -7,7 +7,7 @@ import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
 import { TodaysLight } from '../parts/box_self_test.js';
-import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/managed.js';
+import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/editing.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 
 const words = t.boxes;
@@ -72,10 +72,10 @@ export default function Boxes({ person }) {
     ${edit.dialogs}`;
 }
 
-/** With its tape, where that is not its name. */
+/** The tool's name, with its tape if that has another name. */
 const toolName = ({ name, colour }) => (colour ? `${name} (${colour})` : name);
 
-/** A camera.json from elsewhere says nothing of its residual. */
+/** A camera.json from elsewhere may have no residual. */
 export const CameraState = ({ calibration }) => {
   if (!calibration) return html`<span class="pill warn">${words.notYet}</span>`;
   return html`<span class="pill good">${Number.isFinite(calibration.rms_px)

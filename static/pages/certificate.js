@@ -1,4 +1,5 @@
-// A certificate on one sheet of paper, for a trainee who has met a task's standard; who has not is told what is missing.
+// A certificate on one sheet of paper, for a trainee who has met a task's standard; otherwise the page says what is
+// missing.
 import { html } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
@@ -7,7 +8,7 @@ import { href } from '../router.js';
 import { t } from '../texts.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 import { Provenance, Sheet } from '../parts/report.js';
-import { limitWords, targetName } from '../parts/standard.js';
+import { limitText, targetName } from '../parts/standard.js';
 
 const words = t.certificate;
 
@@ -22,10 +23,10 @@ export default function Certificate({ route }) {
     return html`<${PageHead} title=${words.title} lead=${[data.trainee.name, data.task?.name].filter(Boolean).join(', ')} />
       <section class="card"><${Empty} title=${words.refused} body=${whyNot(data)}>
         <a class="button" href=${href(['trainees', id], { task })}>${words.back}</a><//></section>`;
-  return html`<${Paper} told=${data} />`;
+  return html`<${Paper} progress=${data} />`;
 }
 
-/** Why there is none, and what is missing. */
+/** Why there is no certificate, and what is missing. */
 export function whyNot({ task, standard, sessions, rule, charts }) {
   if (!task || !sessions.length) return words.reasons.none;
   if (!standard) return words.reasons.no_standard;
@@ -35,8 +36,8 @@ export function whyNot({ task, standard, sessions, rule, charts }) {
   return words.reasons.charts;
 }
 
-function Paper({ told: { trainee, task, standard, sessions, passed, pipeline, rule } }) {
-  const made = sessions.filter(session => passed.sessions.includes(session.number));
+function Paper({ progress: { trainee, task, standard, sessions, passed, pipeline, rule } }) {
+  const countedSessions = sessions.filter(session => passed.sessions.includes(session.number));
   return html`
     <${Sheet} title=${words.of(task.name)} back=${['trainees', trainee.id]} kind="certificate" footer=${words.printed}>
       <p>${words.says}</p>
@@ -45,16 +46,16 @@ function Paper({ told: { trainee, task, standard, sessions, passed, pipeline, ru
       <p>${words.on} <strong>${date(passed.at)}</strong>. ${words.standard}: ${words.setOn(standard.version, date(standard.created_at))}.</p>
       <section>
         <h2>${words.targets}</h2>
-        <ul>${standard.targets.map(target => html`<li key=${`${target.feature} ${target.tool}`}>${targetName(target)}: ${limitWords(target)}</li>`)}</ul>
+        <ul>${standard.targets.map(target => html`<li key=${`${target.feature} ${target.tool}`}>${targetName(target)}: ${limitText(target)}</li>`)}</ul>
       </section>
       <section>
         <h2>${words.sessions}</h2>
         <table><thead><tr><th scope="col">${t.report.number}</th><th scope="col">${words.date}</th><th scope="col">${words.result}</th></tr></thead>
-          <tbody>${made.map(session => html`<tr key=${session.id}><th scope="row">${session.number}</th><td>${date(session.recorded_at)}</td>
+          <tbody>${countedSessions.map(session => html`<tr key=${session.id}><th scope="row">${session.number}</th><td>${date(session.recorded_at)}</td>
             <td>${t.report.trials[session.trial]}</td></tr>`)}</tbody></table>
       </section>
       <div class="signatures"><div>${words.signature}</div><div>${words.signatureDate}</div></div>
-      <${Provenance} of=${[
+      <${Provenance} rows=${[
         [t.report.program, pipeline],
         [t.report.standard, `${t.report.versionOf(standard.version)}, ${standard.id}`],
         [t.report.traineeId, trainee.id],

@@ -1,15 +1,15 @@
-// One course plan, made or changed: its name, and its steps in their order.
+// One course plan, new or edited: its name and its ordered steps.
 import { html, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { go, href } from '../router.js';
 import { t } from '../texts.js';
-import { asked, CourseSteps, fresh } from '../parts/course_steps.js';
+import { CourseSteps, newStep, stepRequest } from '../parts/course_steps.js';
 import { Form } from '../parts/form.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 
 const words = t.courses;
-const NEW = 'new'; // In the address, in place of an id.
+const NEW = 'new'; // In the address, instead of an id.
 
 export default function CoursePage({ route }) {
   const id = route.path[1] === NEW ? null : route.path[1];
@@ -29,9 +29,9 @@ export default function CoursePage({ route }) {
 }
 
 function Plan({ course, tasks }) {
-  const [steps, setSteps] = useState(() => (course ? course.steps.map(fresh) : [fresh()]));
+  const [steps, setSteps] = useState(() => (course ? course.steps.map(newStep) : [newStep()]));
   const save = async ({ name }) => {
-    const plan = { name, steps: steps.map(asked) };
+    const plan = { name, steps: steps.map(stepRequest) };
     await (course ? api.courses.replace(course.id, plan) : api.courses.create(plan));
     go(['courses']);
   };

@@ -6,7 +6,7 @@ import { may } from '../roles.js';
 import { go, href } from '../router.js';
 import { t } from '../texts.js';
 import { Confirm } from '../parts/dialog.js';
-import { RowButtons } from '../parts/managed.js';
+import { RowButtons } from '../parts/editing.js';
 import { icons } from '../parts/icons.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 
@@ -18,7 +18,8 @@ export default function CoursesPage({ person }) {
     return { courses, groups };
   }, []);
   const [removing, setRemoving] = useState(null);
-  const nobody = may(person, 'people') ? words.nobody : words.noneOfYours; // Others' groups are told to administrators only.
+  // Only administrators see other people's groups.
+  const noneText = may(person, 'people') ? words.nobody : words.noneOfYours;
   const add = html`<a class="button main" href=${href(['courses', 'new'])}><${icons.add} />${words.add}</a>`;
   return html`
     <${PageHead} title=${words.title} lead=${words.lead}>
@@ -29,23 +30,23 @@ export default function CoursesPage({ person }) {
     <section class="card">
       ${!data && !problem && html`<${Loading} />`}
       ${data?.courses.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody}>${add}<//>`}
-      ${data?.courses.length > 0 && html`<${List} ...${data} nobody=${nobody} onRemove=${setRemoving} />`}
+      ${data?.courses.length > 0 && html`<${List} ...${data} noneText=${noneText} onRemove=${setRemoving} />`}
     </section>
     ${removing && html`<${Confirm} title=${t.people.removeTitle(removing.name)} body=${words.removeBody} yes=${t.form.remove}
       onYes=${() => api.courses.remove(removing.id).then(reload)} onClose=${() => setRemoving(null)} />`}`;
 }
 
-const List = ({ courses, groups, nobody, onRemove }) => html`
+const List = ({ courses, groups, noneText, onRemove }) => html`
   <div class="scroll"><table class="table">
     <thead><tr><th scope="col">${words.plan}</th><th scope="col" class="third">${words.steps}</th>
       <th scope="col">${words.followers}</th><td></td></tr></thead>
     <tbody>${courses.map(course => html`<tr key=${course.id}>
       <th scope="row"><a class="cover" href=${href(['courses', course.id])}>${course.name}</a></th>
       <td class="third">${course.steps.map(step => step.task.name).join(', ')}</td>
-      <td><${Followers} groups=${groups.filter(group => group.course?.id === course.id)} nobody=${nobody} /></td>
+      <td><${Followers} groups=${groups.filter(group => group.course?.id === course.id)} noneText=${noneText} /></td>
       <td><${RowButtons} item=${course} onEdit=${() => go(['courses', course.id])} onRemove=${onRemove} /></td></tr>`)}</tbody>
   </table></div>`;
 
-const Followers = ({ groups, nobody }) =>
+const Followers = ({ groups, noneText }) =>
   groups.length ? html`<ul>${groups.map(group => html`<li key=${group.id}><a href=${href(['groups', group.id])}>${group.name}</a></li>`)}</ul>`
-    : html`<span class="muted">${nobody}</span>`;
+    : html`<span class="muted">${noneText}</span>`;

@@ -1,10 +1,10 @@
-// Enrol many people from a table: read here, checked by the service, shown row by row, and then all are enrolled or nobody.
+// Enrols many people from a table: read here, checked by the service, shown row by row; then all are enrolled, or none.
 import { html, useEffect, useRef, useState } from '../parts/preact.js';
 import { api } from '../api.js';
-import { rowsOf, textOf } from '../csv.js';
+import { decodeFile, parseRows } from '../csv.js';
 import { asProblem, useData } from '../data.js';
 import { href } from '../router.js';
-import { t, theirs } from '../texts.js';
+import { serviceLang, t } from '../texts.js';
 import { Field } from '../parts/form.js';
 import { Announce, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
 
@@ -13,59 +13,59 @@ const FIELDS = Object.keys(words.columns);
 
 export default function Enrol({ route }) {
   const { data: groups } = useData(() => api.groups.all(), []);
-  const [looked, setLooked] = useState(null);
+  const [checked, setChecked] = useState(null);
   const [enrolled, setEnrolled] = useState(null);
   const [problem, setProblem] = useState(null);
   const [busy, setBusy] = useState(null);
-  const turn = useRef(0); // Counts the changes: an answer about what stood there before one is worth nothing.
+  const changeCount = useRef(0); // Counts changes of the input: an answer about an earlier input is discarded.
   const run = async (what, work) => {
     setBusy(what);
     setProblem(null);
     await work().catch(error => setProblem(asProblem(error)));
     setBusy(null);
   };
-  const look = (text, group) => run('look', async () => {
-    setLooked(null);
-    const now = turn.current;
+  const check = (text, group) => run('check', async () => {
+    setChecked(null);
+    const countAtStart = changeCount.current;
     const table = read(await text, group);
-    const told = table.why ? { problems: [] } : await api.enrol(table.rows, true);
-    if (now === turn.current) setLooked({ ...table, problems: told.problems });
+    const answer = table.why ? { problems: [] } : await api.enrol(table.rows, true);
+    if (countAtStart === changeCount.current) setChecked({ ...table, problems: answer.problems });
   });
   const change = () => {
-    turn.current += 1;
-    setLooked(null);
+    changeCount.current += 1;
+    setChecked(null);
   };
-  const enrol = () => run('enrol', async () => setEnrolled((await api.enrol(looked.rows, false)).enrolled));
+  const enrol = () => run('enrol', async () => setEnrolled((await api.enrol(checked.rows, false)).enrolled));
   useEffect(() => void (enrolled && document.querySelector('main h1').focus()), [enrolled]);
-  const heard = enrolled ? words.done(enrolled.length) : looked ? cameOf(looked) : '';
+  const announcement = enrolled ? words.done(enrolled.length) : checked ? summaryOf(checked) : '';
   return html`
-    <${Announce}>${heard}<//>
+    <${Announce}>${announcement}<//>
     ${enrolled ? html`<${Done} enrolled=${enrolled} />` : html`
       <${PageHead} title=${words.title} lead=${words.lead}><a class="button" href=${href(['groups'])}>${t.groups.all}</a><//>
       <div class="stack">
-        <${Source} groups=${groups ?? []} wanted=${route.query.get('group')} busy=${busy === 'look'} onLook=${look}
+        <${Source} groups=${groups ?? []} wanted=${route.query.get('group')} busy=${busy === 'check'} onCheck=${check}
           onChange=${change} />
         <${ProblemNotice} problem=${problem} />
-        ${looked && html`<${Looked} looked=${looked} busy=${busy === 'enrol'} onEnrol=${enrol} />`}
+        ${checked && html`<${CheckResult} checked=${checked} busy=${busy === 'enrol'} onEnrol=${enrol} />`}
       </div>`}`;
 }
 
-function Source({ groups, wanted, busy, onLook, onChange }) {
+function Source({ groups, wanted, busy, onCheck, onChange }) {
   const [file, text] = [useRef(null), useRef(null)];
-  const [joins, setJoins] = useState(wanted ?? '');
-  const look = event => {
+  const [groupName, setGroupName] = useState(wanted ?? '');
+  const submit = event => {
     event.preventDefault();
     const [chosen] = file.current.files;
-    onLook(chosen ? textOf(chosen) : text.current.value, joins);
+    onCheck(chosen ? decodeFile(chosen) : text.current.value, groupName);
   };
-  const join = event => (setJoins(event.target.value), onChange());
+  const chooseGroup = event => (setGroupName(event.target.value), onChange());
   const pick = () => ((text.current.value = ''), onChange());
   const type = () => ((file.current.value = ''), onChange());
   return html`
-    <form class="card" onSubmit=${look}><div class="body stack">
+    <form class="card" onSubmit=${submit}><div class="body stack">
       <div class="fields">
         <${Field} type="file" label=${words.file} hint=${words.fileHint} accept=".csv,.tsv,.txt,text/csv" inputRef=${file} onInput=${pick} />
-        <${Field} type="select" label=${words.group} value=${joins} onInput=${join}
+        <${Field} type="select" label=${words.group} value=${groupName} onInput=${chooseGroup}
           options=${[['', words.noGroup], ...groups.map(one => [one.name, one.name])]} key=${groups.length} />
       </div>
       <${Field} type="textarea" label=${words.paste} inputRef=${text} onInput=${type} spellcheck=${false} />
@@ -77,20 +77,23 @@ function Source({ groups, wanted, busy, onLook, onChange }) {
     </div></form>`;
 }
 
-/** The rows as REST takes them; or why there are none. */
+/** The rows as the REST API takes them; or `why` there are none. */
 function read(text, group) {
-  const [head, ...lines] = rowsOf(text);
-  const named = (head ?? []).map(name => name.toLowerCase());
-  const places = Object.fromEntries(FIELDS.map(field => [field, named.findIndex(name => words.headers[field].includes(name))]));
-  const unknown = (head ?? []).filter((name, at) => name && !Object.values(places).includes(at));
-  if (places.name < 0) return { why: words.noName };
+  const [head, ...lines] = parseRows(text);
+  const headers = (head ?? []).map(name => name.toLowerCase());
+  const columns = Object.fromEntries(FIELDS.map(field => [field, headers.findIndex(name => words.headers[field].includes(name))]));
+  const unknown = (head ?? []).filter((name, at) => name && !Object.values(columns).includes(at));
+  if (columns.name < 0) return { why: words.noName };
   if (!lines.length) return { why: words.noRows };
-  const of = line => Object.fromEntries(FIELDS.map(field => [field, codeOf(field, line[places[field]] ?? '')]));
-  const rows = lines.map(of).map(row => ({ ...row, group: row.group || group }));
+  const toRow = line => Object.fromEntries(FIELDS.map(field => [field, codeOf(field, line[columns[field]] ?? '')]));
+  const rows = lines.map(toRow).map(row => ({ ...row, group: row.group || group }));
   return { rows, unknown };
 }
 
-/** A table may name levels and hands as these pages do; REST knows them by their codes, which are the English words: tables travel. */
+/**
+ * A table may name levels and hands as these pages do. The REST API takes codes, which are the English words: tables in
+ * English work everywhere.
+ */
 const CODES = { level: t.trainees.levels, handedness: t.trainees.hands };
 const codeOf = (field, cell) =>
   Object.entries(CODES[field] ?? {}).find(words => words.some(word => word.toLowerCase() === cell.toLowerCase()))?.[0] ?? cell;
@@ -98,22 +101,22 @@ const wordsOf = (field, cell) => CODES[field]?.[cell] ?? cell;
 
 const wrongRows = ({ problems }) => new Set(problems.map(problem => problem.row)).size;
 
-/** What the look at a table came to, in one sentence. */
-function cameOf(looked) {
-  const wrong = looked.why ? 0 : wrongRows(looked);
-  return looked.why ?? (wrong ? words.problems(wrong, looked.rows.length) : words.count(looked.rows.length));
+/** The result of a check in one sentence. */
+function summaryOf(checked) {
+  const wrong = checked.why ? 0 : wrongRows(checked);
+  return checked.why ?? (wrong ? words.problems(wrong, checked.rows.length) : words.count(checked.rows.length));
 }
 
-function Looked({ looked, busy, onEnrol }) {
-  const { why, rows, unknown, problems } = looked;
+function CheckResult({ checked, busy, onEnrol }) {
+  const { why, rows, unknown, problems } = checked;
   if (why) return html`<${Notice} tone="warn" quiet title=${why} />`;
-  const wrong = wrongRows(looked);
+  const wrong = wrongRows(checked);
   return html`
     <section class="card">
       <header><h2>${words.result}</h2>${wrong === 0 && html`<button class="button main" type="button" disabled=${busy} onClick=${onEnrol}>
         ${busy ? words.enrolling : words.enrol(rows.length)}</button>`}</header>
       <div class="body stack">
-        <${Notice} tone=${wrong ? 'warn' : 'good'} quiet title=${cameOf(looked)} />
+        <${Notice} tone=${wrong ? 'warn' : 'good'} quiet title=${summaryOf(checked)} />
         ${unknown.length > 0 && html`<p class="muted">${words.unknownColumns(unknown)}</p>`}
       </div>
       <div class="scroll"><table class="table">
@@ -130,7 +133,7 @@ const Row = ({ number, row, problems }) => html`
     ${FIELDS.map(field => html`<td key=${field} class=${field === 'code' && !row.code ? 'muted' : ''}>
       ${wordsOf(field, row[field]) || (field === 'code' ? words.made : '–')}</td>`)}
     <td>${problems.length ? html`<ul class="row-problems">${problems.map(problem => html`<li key=${problem.field}>
-      ${words.columns[problem.field]}: <span lang=${theirs}>${problem.message}</span></li>`)}</ul>` : words.fine}</td>
+      ${words.columns[problem.field]}: <span lang=${serviceLang}>${problem.message}</span></li>`)}</ul>` : words.fine}</td>
   </tr>`;
 
 const Done = ({ enrolled }) => html`

@@ -1,4 +1,4 @@
-// How a group gets on at a task: one row a trainee, by name; a value is never shown without its error.
+// A group's progress at a task: one row per trainee, sorted by name at first; values are shown with their errors.
 import { html, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData, useThrottled } from '../data.js';
@@ -16,10 +16,10 @@ const words = t.groups;
 
 export default function GroupPage({ person, route }) {
   const id = route.path[1];
-  const runs = may(person, 'people');
+  const isAdministrator = may(person, 'people');
   const { data: base, problem, reload } = useData(async signal => {
     const [group, tasks, features, plans, people, trainees] = await Promise.all([
-      api.groups.get(id, signal), api.tasks.all(), api.features(signal), api.courses.all(), runs ? api.people.all() : [], runs ? api.trainees.all() : []]);
+      api.groups.get(id, signal), api.tasks.all(), api.features(signal), api.courses.all(), isAdministrator ? api.people.all() : [], isAdministrator ? api.trainees.all() : []]);
     return { group, tasks, features, plans, people, trainees };
   }, [id]);
   const [members, setMembers] = useState(false);
@@ -31,7 +31,7 @@ export default function GroupPage({ person, route }) {
   return html`
     <${PageHead} title=${group.name} lead=${words.count(group.trainees.length)}>
       <a class="button" href=${href(['groups'])}>${words.all}</a>
-      ${runs && html`<button class="button" type="button" onClick=${() => setMembers(true)}>${words.members}</button>`}
+      ${isAdministrator && html`<button class="button" type="button" onClick=${() => setMembers(true)}>${words.members}</button>`}
       <a class="button main" href=${href(['enrol'], { group: group.name })}>${words.enrol}</a>
     <//>
     <div class="stack">
@@ -45,19 +45,19 @@ export default function GroupPage({ person, route }) {
 }
 
 function Progress({ base: { group, tasks, features }, route }) {
-  const named = key => route.query.get(key) ?? undefined;
-  const task = tasks.find(one => one.id === named('task') || one.code === named('task')) ?? tasks[0];
-  const asked = { task: task.id, feature: named('feature'), tool: named('tool') };
-  const { data, current: told, problem, reload } = useData(
-    signal => api.groups.progress(group.id, asked, signal), [group.id, asked.task, asked.feature, asked.tool]);
-  const whole = features.find(one => one.name === data?.feature)?.of_session;
-  const soon = useThrottled(reload, 3000);
-  useLive('session', event => event.status === 'done' && soon());
-  useLive('resync', soon);
+  const param = key => route.query.get(key) ?? undefined;
+  const task = tasks.find(one => one.id === param('task') || one.code === param('task')) ?? tasks[0];
+  const query = { task: task.id, feature: param('feature'), tool: param('tool') };
+  const { data, current, problem, reload } = useData(
+    signal => api.groups.progress(group.id, query, signal), [group.id, query.task, query.feature, query.tool]);
+  const hasSessionValue = features.find(one => one.name === data?.feature)?.of_session;
+  const reloadSoon = useThrottled(reload, 3000);
+  useLive('session', event => event.status === 'done' && reloadSoon());
+  useLive('resync', reloadSoon);
   const set = (key, value) => {
-    // A tool is asked for with its feature: alone it would have to be one that the standard limits.
-    const beside = key === 'tool' ? { feature: asked.feature ?? data.feature } : { tool: undefined };
-    replace(['groups', group.id], { ...asked, ...beside, [key]: value || undefined });
+    // A tool is requested together with its feature: alone, it would have to be one that the standard limits.
+    const related = key === 'tool' ? { feature: query.feature ?? data.feature } : { tool: undefined };
+    replace(['groups', group.id], { ...query, ...related, [key]: value || undefined });
   };
   const choose = (label, key, value, options) => html`<${Field} type="select" label=${label} value=${value} options=${options}
     onInput=${event => set(key, event.target.value)} />`;
@@ -65,14 +65,14 @@ function Progress({ base: { group, tasks, features }, route }) {
     <section class="card">
       <div class="filters">
         ${choose(words.task, 'task', task.id, tasks.map(one => [one.id, one.name]))}
-        ${choose(words.feature, 'feature', asked.feature, [['', words.asked], ...features.map(one => [one.name, one.title])])}
-        ${data?.tools.length > 1 && choose(words.tool, 'tool', told ? told.tool : asked.tool, [...(whole ? [['', t.standardForm.whole]] : []), ...data.tools.map(one => [one, one])])}
+        ${choose(words.feature, 'feature', query.feature, [['', words.asked], ...features.map(one => [one.name, one.title])])}
+        ${data?.tools.length > 1 && choose(words.tool, 'tool', current ? current.tool : query.tool, [...(hasSessionValue ? [['', t.standardForm.whole]] : []), ...data.tools.map(one => [one, one])])}
       </div>
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
-      ${!told && !problem && html`<${Loading} />`}
-      ${told?.trainees.length === 0 && html`<${Empty} title=${words.empty} body=${words.emptyBody}>
+      ${!current && !problem && html`<${Loading} />`}
+      ${current?.trainees.length === 0 && html`<${Empty} title=${words.empty} body=${words.emptyBody}>
         <a class="button main" href=${href(['enrol'], { group: group.name })}>${words.enrol}</a><//>`}
-      ${told?.trainees.length > 0 && html`<${GroupTable} told=${told} />`}
-      ${told?.more && html`<p class="body small muted">${words.more(told.rows.length)}</p>`}
+      ${current?.trainees.length > 0 && html`<${GroupTable} progress=${current} />`}
+      ${current?.more && html`<p class="body small muted">${words.more(current.rows.length)}</p>`}
     </section>`;
 }

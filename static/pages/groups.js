@@ -1,4 +1,4 @@
-// Groups that the signed-in person may see; for administrators also the cohorts, with whom others are compared.
+// The groups that the signed-in person may see; for administrators also the cohorts that others are compared with.
 import { html, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
@@ -8,7 +8,7 @@ import { t } from '../texts.js';
 import { Cohorts } from '../parts/cohorts.js';
 import { Confirm, Dialog } from '../parts/dialog.js';
 import { Form } from '../parts/form.js';
-import { AddButton } from '../parts/managed.js';
+import { AddButton } from '../parts/editing.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 
 const words = t.groups;
@@ -16,23 +16,23 @@ const words = t.groups;
 export default function GroupsPage({ person }) {
   const { data: groups, problem, reload } = useData(() => api.groups.all(), []);
   const [open, setOpen] = useState(null);
-  const runs = may(person, 'people');
+  const isAdministrator = may(person, 'people');
   const close = () => setOpen(null);
   const create = ({ name }) => api.groups.create({ name }).then(() => (close(), reload()));
   return html`
     <${PageHead} title=${words.title} lead=${words.lead}>
       <a class="button" href=${href(['courses'])}>${t.courses.open}</a>
       <a class="button" href=${href(['enrol'])}>${words.enrol}</a>
-      ${runs && html`<${AddButton} label=${words.add} onClick=${() => setOpen('new')} />`}
+      ${isAdministrator && html`<${AddButton} label=${words.add} onClick=${() => setOpen('new')} />`}
     <//>
     <div class="stack">
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
       <section class="card">
         ${!groups && !problem && html`<${Loading} />`}
-        ${groups?.length === 0 && html`<${Empty} title=${words.none} body=${runs ? words.noneBody : words.noneOfYours} />`}
-        ${groups?.length > 0 && html`<${List} groups=${groups} onRemove=${runs && setOpen} />`}
+        ${groups?.length === 0 && html`<${Empty} title=${words.none} body=${isAdministrator ? words.noneBody : words.noneOfYours} />`}
+        ${groups?.length > 0 && html`<${List} groups=${groups} onRemove=${isAdministrator && setOpen} />`}
       </section>
-      ${runs && groups && html`<${Cohorts} groups=${groups} />`}
+      ${isAdministrator && groups && html`<${Cohorts} groups=${groups} />`}
     </div>
     ${open === 'new' && html`<${Dialog} title=${words.add} onClose=${close}>
       <${Form} fields=${[{ name: 'name', label: words.name, required: true, maxlength: 100 }]} onSave=${create} onCancel=${close} /><//>`}

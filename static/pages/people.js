@@ -5,14 +5,14 @@ import { useData } from '../data.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
 import { Groups, Tokens } from '../parts/groups_tokens.js';
-import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/managed.js';
+import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/editing.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 
 const words = t.people;
 
 const isTrainee = chosen => chosen.role === 'trainee';
 
-/** A trainee's account stays one: it belongs to the trainee whose recordings it shows. */
+/** The account of a trainee keeps its role: it belongs to the trainee whose recordings it shows. */
 function rolesFor(item) {
   const all = Object.entries(t.roles);
   if (!item) return all;

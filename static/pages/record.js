@@ -1,78 +1,80 @@
-// Record: this device's own camera as the camera of a box. The recording itself lives in record/recorder.js and outlasts
-// this page.
+// Record: uses this device's camera as the camera of a box. The recording runs in record/recorder.js and continues
+// after this page is left.
 import { html, useEffect, useRef, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { asProblem, useData } from '../data.js';
 import { t } from '../texts.js';
 import { Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
 import { CameraFields, CameraNotices } from '../parts/record_camera.js';
-import { RecordNews } from '../parts/record_news.js';
+import { RecordNotices } from '../parts/record_notices.js';
 import { RecordView } from '../parts/record_view.js';
-import { Standing } from '../parts/standing.js';
-import { maySend, Need, TargetFields, useTarget } from '../parts/target.js';
+import { RecordingStatus } from '../parts/recording_status.js';
+import { maySendRecordings, RecordingTargetFields, TargetNeeded, useRecordingTarget } from '../parts/recording_target.js';
 import { useCamera } from '../parts/use_camera.js';
-import { useWatch } from '../watch.js';
-import { isRecording, now as recording, onRecording } from '../record/current.js';
-import { begin, stop } from '../record/recorder.js';
+import { useLiveWatch } from '../watch.js';
+import { currentRecording, isRecording, onRecording } from '../record/current_recording.js';
+import { startRecording, stopRecording } from '../record/recorder.js';
 
 const words = t.record;
-const USUAL = '1920x1080';
-/** A second click on the button that has just changed its meaning. */
-const TWICE_MS = 1000;
+const DEFAULT_SIZE = '1920x1080';
+/** A second click within this time hits a button that has just changed its meaning, and is ignored. */
+const DOUBLE_CLICK_MS = 1000;
 
 export default function RecordPage({ person, route }) {
-  if (!maySend(person))
+  if (!maySendRecordings(person))
     return html`<${PageHead} title=${words.title} /><${Notice} tone="warn" title=${t.target.noTrainee} />`;
   return html`<${Recorder} person=${person} route=${route} />`;
 }
 
 function Recorder({ person, route }) {
-  const target = useTarget({ person, route });
-  const now = useRecording();
+  const target = useRecordingTarget({ person, route });
+  const recording = useRecording();
   const box = target.chosen.box;
-  const isKnown = Boolean(target.lists || target.problem);
+  const isTargetLoaded = Boolean(target.lists || target.problem);
   const { data: calibrated } = useData(async () => {
-    if (!isKnown) return undefined;
+    if (!isTargetLoaded) return undefined;
     return box?.calibration ? api.boxes.camera(box.id).catch(() => null) : null;
-  }, [isKnown, box?.id]);
-  const [runs] = useState(() => (isRecording() ? recording.picture : null)); // Whoever comes back sees what is recorded.
-  const camera = useCamera(sizeOf(runs ?? calibrated));
+  }, [isTargetLoaded, box?.id]);
+  // A person who comes back sees the size that is being recorded.
+  const [runningPicture] = useState(() => (isRecording() ? currentRecording.picture : null));
+  const camera = useCamera(wantedSize(runningPicture ?? calibrated));
   const [problem, setProblem] = useState(null);
-  const [heldUp, setHeldUp] = useState(false);
-  const [isBeginning, setBeginning] = useState(false);
-  const begunAt = useRef(-Infinity);
+  const [startRefused, setStartRefused] = useState(false);
+  const [isStarting, setStarting] = useState(false);
+  const startedAt = useRef(-Infinity);
   const start = async () => {
-    setHeldUp(!target.ids);
+    setStartRefused(!target.ids);
     if (!target.ids || !camera.stream) return;
     setProblem(null);
-    setBeginning(true);
-    begunAt.current = performance.now();
+    setStarting(true);
+    startedAt.current = performance.now();
     const { ids, names } = target;
-    await begin(camera.stream, { target: ids, names }).catch(error => setProblem(asProblem(error)));
-    setBeginning(false);
+    await startRecording(camera.stream, { target: ids, names }).catch(error => setProblem(asProblem(error)));
+    setStarting(false);
   };
   const press = () => {
-    if (isBeginning || performance.now() - begunAt.current < TWICE_MS) return;
-    if (now?.phase === 'recording') stop();
+    if (isStarting || performance.now() - startedAt.current < DOUBLE_CLICK_MS) return;
+    if (recording?.phase === 'recording') stopRecording();
     else start();
   };
   const isBusy = isRecording();
-  const watch = useWatch(isBusy ? now.session : null, null, false); // The picture is here already.
-  useEffect(() => void (now?.line === 'open' && watch?.retry()), [now?.line, watch]);
+  // Without pictures: this page shows its own camera's.
+  const watch = useLiveWatch(isBusy ? recording.session : null, null, false);
+  useEffect(() => void (recording?.connection === 'open' && watch?.retry()), [recording?.connection, watch]);
   return html`
-    <${PageHead} title=${words.title} lead=${isBusy ? now.names : words.lead} />
+    <${PageHead} title=${words.title} lead=${isBusy ? recording.names : words.lead} />
     <div class="stack">
       <${ProblemNotice} problem=${target.problem} onRetry=${target.reload} />
       <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
       <div class="record">
         <div class="stack">
-          <${RecordView} now=${now} camera=${camera} watch=${watch}
-            isReady=${camera.stream && target.lists && !isBeginning} onPress=${press} />
-          ${heldUp && !target.ids && html`<${Need} />`}
+          <${RecordView} recording=${recording} camera=${camera} watch=${watch}
+            isReady=${camera.stream && target.lists && !isStarting} onPress=${press} />
+          ${startRefused && !target.ids && html`<${TargetNeeded} />`}
         </div>
         <div class="stack">
-          <${RecordNews} now=${now} />
-          ${isBusy && html`<${Standing} now=${now} watch=${watch} />`}
+          <${RecordNotices} recording=${recording} />
+          ${isBusy && html`<${RecordingStatus} recording=${recording} watch=${watch} />`}
           ${!isBusy && html`<${Setup} target=${target} camera=${camera} calibrated=${calibrated} box=${box}
             person=${person} />`}
         </div>
@@ -80,10 +82,13 @@ function Recorder({ person, route }) {
     </div>`;
 }
 
-/** The picture that is wanted: what is recorded, or what the box is calibrated for; not known before that is. */
-function sizeOf(picture) {
+/**
+ * The size of what is recorded, else of the box's calibration, else the default; undefined until the calibration is
+ * loaded.
+ */
+function wantedSize(picture) {
   if (picture === undefined) return undefined;
-  return picture ? `${picture.width}x${picture.height}` : USUAL;
+  return picture ? `${picture.width}x${picture.height}` : DEFAULT_SIZE;
 }
 
 function Setup({ target, camera, calibrated, box, person }) {
@@ -93,7 +98,7 @@ function Setup({ target, camera, calibrated, box, person }) {
       <div class="body stack">
         ${!target.lists && !target.problem && html`<${Loading} />`}
         <div class="fields">
-          ${target.lists && html`<${TargetFields} target=${target} />`}
+          ${target.lists && html`<${RecordingTargetFields} target=${target} />`}
           <${CameraFields} camera=${camera} calibrated=${calibrated} />
         </div>
         <${CameraNotices} camera=${camera} calibrated=${calibrated} box=${box} person=${person} />
@@ -102,7 +107,7 @@ function Setup({ target, camera, calibrated, box, person }) {
 }
 
 function useRecording() {
-  const [now, setNow] = useState(recording);
-  useEffect(() => onRecording(() => setNow(recording)), []);
-  return now;
+  const [recording, setRecording] = useState(currentRecording);
+  useEffect(() => onRecording(() => setRecording(currentRecording)), []);
+  return recording;
 }

@@ -1,4 +1,4 @@
-// How the service stands, and who changed what: for administrators.
+// The state of the service, and who changed what. For administrators.
 import { html } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData, usePages, useThrottled } from '../data.js';
@@ -17,20 +17,20 @@ const PAGE = 25;
 
 export default function Service() {
   const { data, problem, reload } = useData(signal => api.service(signal), []);
-  const soon = useThrottled(reload, 5000);
-  useLive('queue', soon);
+  const reloadSoon = useThrottled(reload, 5000);
+  useLive('queue', reloadSoon);
   return html`
     <${PageHead} title=${words.title} lead=${words.lead}><a class="button" href=${href(['people'])}>${words.tokens}</a><//>
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     ${!data && !problem && html`<${Loading} />`}
-    ${data && html`<div class="stack"><${Stands} told=${data} /><${Audit} /></div>`}`;
+    ${data && html`<div class="stack"><${Status} status=${data} /><${Audit} /></div>`}`;
 }
 
 const Facts = ({ title, rows, children }) => html`
   <section class="card"><header><h2>${title}</h2></header><div class="body stack">
     <dl class="facts">${rows.map(([name, value]) => html`<dt>${name}</dt><dd>${value}</dd>`)}</dl>${children}</div></section>`;
 
-function Stands({ told: { version, pipeline, started_at, storage, queue, last_backup: backup, settings } }) {
+function Status({ status: { version, pipeline, started_at, storage, queue, last_backup: backup, settings } }) {
   const days = backup ? Math.floor((Date.now() - Date.parse(backup.at)) / DAY_MS) : 0;
   return html`
     ${storage.free_bytes < LOW_BYTES && html`<${Notice} tone="warn" title=${words.low}>${words.lowBody}<//>`}
@@ -79,9 +79,9 @@ function Audit() {
 
 const PAGES = { trainee: 'trainees', session: 'sessions', task: 'tasks', box: 'boxes', group: 'groups' };
 
-/** A link where the thing has a page, and was not taken away by this very change. */
+/** A link if the object has a page and this change did not delete it. */
 function subject({ noun, action, subject: id, called }) {
   const page = PAGES[noun];
-  const isGone = ['erase', 'delete'].includes(action);
-  return page && !isGone ? html`<a href=${href([page, id])}>${called ?? id}</a>` : called ?? id;
+  const isDeleted = ['erase', 'delete'].includes(action);
+  return page && !isDeleted ? html`<a href=${href([page, id])}>${called ?? id}</a>` : called ?? id;
 }

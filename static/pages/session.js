@@ -1,4 +1,4 @@
-// One session: how it stands while it is being scored, and what came out of it.
+// One session: its state while it is being scored, and then its results.
 import { html, useEffect, useRef, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { asProblem, useData } from '../data.js';
@@ -13,7 +13,7 @@ import { LiveFeatures, LiveView } from '../parts/live_view.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
 import { Review } from '../parts/review.js';
 import { Skill } from '../parts/skill.js';
-import { isMoving, ProgressBar, StatusPill, stateOf } from '../parts/status.js';
+import { isMoving, ProgressBar, stateOf, StatusPill } from '../parts/status.js';
 import { Prose } from '../parts/prose.js';
 import { Verdict } from '../parts/verdict.js';
 
@@ -22,22 +22,22 @@ const words = t.session;
 export default function Session({ person, route }) {
   const id = route.path[1];
   const { data: session, problem, reload } = useData(signal => api.sessions.get(id, signal), [id]);
-  const [moved, setMoved] = useState(null);
+  const [lastEvent, setLastEvent] = useState(null);
   const { edits, reload: readEdits } = useEdits(id, Boolean(session) && session.status !== 'receiving', reload);
 
   useLive('resync', () => (!session || isMoving(session)) && reload());
   useLive('session', event => {
     if (event.id !== session?.id) return;
-    setMoved(event);
+    setLastEvent(event);
     if (event.status !== session.status) reload();
     else readEdits();
   });
 
-  // One that was erased, or was the same recording as another, is no more.
+  // The session may be gone: erased, or found to be the same recording as another one.
   if (problem && (!session || problem.status === 404))
     return html`<${PageHead} title=${t.nav.sessions} /><${ProblemNotice} problem=${problem} onRetry=${reload} />`;
   if (!session) return html`<${PageHead} title=${t.nav.sessions} /><${Loading} />`;
-  const progress = moved?.status === session.status ? moved.progress : session.progress;
+  const progress = lastEvent?.status === session.status ? lastEvent.progress : session.progress;
   return html`
     <${PageHead} title=${words.title(session.trainee?.name, session.task?.name)} lead=${html`<${Lead} session=${session}
       person=${person} />`}>
@@ -46,19 +46,19 @@ export default function Session({ person, route }) {
     <div class="stack">
       <${Announce}>${t.status[stateOf(session)]}<//>
       ${session.status === 'receiving' && html`<${LiveView} session=${session} onClosed=${reload} />`}
-      ${isScored(session) && html`<${Waiting} session=${session} progress=${progress} />`}
-      ${isScored(session) && session.live_features && html`<${ToldLive} features=${session.live_features} />`}
+      ${isBeingScored(session) && html`<${Waiting} session=${session} progress=${progress} />`}
+      ${isBeingScored(session) && session.live_features && html`<${InterimFeatures} features=${session.live_features} />`}
       ${session.status === 'failed' && html`<${ProblemNotice}
         problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />`}
       <${SetAside} session=${session} edits=${edits} />
       ${session.status === 'done' && html`<${Verdict} quality=${session.quality} /><${Skill} verdict=${session.verdict} />`}
-      ${session.status !== 'receiving' && html`<${Loaded} key=${`${session.id} ${session.status}`} session=${session}
+      ${session.status !== 'receiving' && html`<${ReviewLoader} key=${`${session.id} ${session.status}`} session=${session}
         person=${person} edits=${edits} start=${Number(route.query.get('t')) || 0} onEdited=${() => (readEdits(), reload())} />`}
     </div>`;
 }
 
-/** Is it on its way to a score? */
-const isScored = session => ['queued', 'tracking'].includes(session.status);
+/** Whether the session is waiting for its score. */
+const isBeingScored = session => ['queued', 'tracking'].includes(session.status);
 
 const Lead = ({ session, person }) => html`
   ${dateTime(session.recorded_at ?? session.created_at)} · ${session.box?.name} · ${session.filename}
@@ -66,7 +66,7 @@ const Lead = ({ session, person }) => html`
   ${' '}${(may(person, 'see_trainees') || person.trainee) && session.trainee &&
     html`· <a href=${href(['trainees', session.trainee.id])}>${t.trainee.progress}</a>`}`;
 
-/** A recording may wait for something that a person must do, such as calibrating its box: then that is said. */
+/** A recording may wait for something that a person must do, such as calibrating its box; the notice then says so. */
 const Waiting = ({ session, progress }) => html`
   <section class="card">
     <div class="body stack tight">
@@ -80,8 +80,8 @@ const Waiting = ({ session, progress }) => html`
     </div>
   </section>`;
 
-/** Until the final features are there, those that were told live. */
-const ToldLive = ({ features }) => html`
+/** The live features, shown until the final features are there. */
+const InterimFeatures = ({ features }) => html`
   <section class="card">
     <header><h2>${words.live}</h2></header>
     <${LiveFeatures} features=${features} />
@@ -111,15 +111,15 @@ function Actions({ session, person, onChange }) {
     <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />`;
 }
 
-/** Rows of a tool that the page begins with; of a shorter recording these are all. */
+/** Rows per tool in the page's first request; a shorter recording has fewer in total. */
 const POINTS = 4000;
 
-/** The path is asked for only when there is one; a recording that failed can still be looked at. */
-function Loaded({ session, person, edits, start, onEdited }) {
+/** Requests the path only of a scored session. The video of a failed session can still be played. */
+function ReviewLoader({ session, person, edits, start, onEdited }) {
   const done = session.status === 'done';
   const { data, problem, reload } = useData(
     signal => (done ? api.sessions.trajectory(session.id, { points: POINTS, trimmed: false }, signal) : null),
-    [session.id, done, useSwaps(edits)],
+    [session.id, done, useSwapCount(edits)],
   );
   if (!done && !session.video) return null;
   return html`
@@ -129,8 +129,8 @@ function Loaded({ session, person, edits, start, onEdited }) {
       edits=${edits} start=${start} onEdited=${onEdited} />` : html`<${Loading} />`}`;
 }
 
-/** Counts up when other tools' names are exchanged than when the page began: its path then goes by other names. */
-function useSwaps(edits) {
+/** Counts the changes of swapped tool names since the page was opened: each one changes the names in the path. */
+function useSwapCount(edits) {
   const swaps = edits && edits.items.filter(edit => edit.kind === 'swap' && !edit.undone).map(edit => edit.id).join();
   const known = useRef({ swaps: null, count: 0 });
   if (edits && known.current.swaps !== null && known.current.swaps !== swaps) known.current.count++;
@@ -138,18 +138,18 @@ function useSwaps(edits) {
   return known.current.count;
 }
 
-const LOOK_MS = 2_000;
+const POLL_MS = 2_000;
 
-/** A session's edits; `onScored` when a score has been made with them. */
-function useEdits(id, isThere, onScored) {
-  const { data, reload } = useData(signal => (isThere ? api.sessions.edits(id, signal) : null), [id, isThere]);
-  const isMaking = ['waiting', 'working'].includes(data?.score);
-  const wasMaking = useRef(false);
+/** A session's edits. Calls `onScored` when a score has been made with them. */
+function useEdits(id, isEnabled, onScored) {
+  const { data, reload } = useData(signal => (isEnabled ? api.sessions.edits(id, signal) : null), [id, isEnabled]);
+  const isScoring = ['waiting', 'working'].includes(data?.score);
+  const wasScoring = useRef(false);
   useEffect(() => {
-    if (wasMaking.current && data?.score === 'current') onScored();
-    wasMaking.current = isMaking;
-    if (!isMaking) return undefined;
-    const timer = setInterval(reload, LOOK_MS); // Events tell at once, where they come through.
+    if (wasScoring.current && data?.score === 'current') onScored();
+    wasScoring.current = isScoring;
+    if (!isScoring) return undefined;
+    const timer = setInterval(reload, POLL_MS); // Events are faster, where they get through.
     return () => clearInterval(timer);
   }, [data?.score, data?.revision]);
   return { edits: data ?? null, reload };

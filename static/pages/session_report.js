@@ -1,18 +1,18 @@
-// A session on one sheet of paper: whether it may be believed, what the task asks for, what was measured, how they get on.
+// A session on one sheet of paper: quality, targets, measured values, learning curve.
 import { html } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { clock, dateTime } from '../format.js';
-import { t, theirs } from '../texts.js';
+import { serviceLang, t } from '../texts.js';
 import { featureRows } from '../parts/features.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 import { ProgressPlot } from '../parts/progress_plot.js';
-import { Facts, limitOf, measured, Provenance, Sheet } from '../parts/report.js';
+import { Facts, limitWithUnit, measuredText, Provenance, Sheet } from '../parts/report.js';
 
 const words = t.report;
-const MOST_TARGETS = 10; // Of one sheet; what does not fit is said.
-const MOST_ROWS = 15; // Of both tables together, which with the longest words still leaves room for the rest.
-const MOST_REASONS = 3;
+const MAX_TARGETS = 10; // Per sheet; the sheet says how many are left out.
+const MAX_ROWS = 15; // Both tables together: leaves space for the rest even with the longest texts.
+const MAX_REASONS = 3;
 
 export default function SessionReport({ route }) {
   const id = route.path[1];
@@ -21,8 +21,8 @@ export default function SessionReport({ route }) {
       const session = await api.sessions.get(id, signal);
       if (session.status !== 'done') return { session };
       const judged = session.features.find(feature => feature.target);
-      const asked = { task: session.task.id, feature: judged?.name ?? 'duration', tool: judged?.tool, space: judged?.space };
-      return { session, progress: await api.trainees.progress(session.trainee.id, asked, signal).catch(() => null) };
+      const query = { task: session.task.id, feature: judged?.name ?? 'duration', tool: judged?.tool, space: judged?.space };
+      return { session, progress: await api.trainees.progress(session.trainee.id, query, signal).catch(() => null) };
     },
     [id],
   );
@@ -34,7 +34,7 @@ export default function SessionReport({ route }) {
     return html`<${PageHead} title=${words.session} /><${Empty} title=${words.notDone} body=${words.notDoneBody} />`;
   return html`
     <${Sheet} title=${words.sessionOf(session.task.name)} back=${['sessions', id]}>
-      <${Facts} of=${[
+      <${Facts} rows=${[
         [words.trainee, `${session.trainee.name} (${session.trainee.code})`],
         [words.task, session.task.name],
         [words.recorded, dateTime(session.recorded_at)],
@@ -42,15 +42,15 @@ export default function SessionReport({ route }) {
         [words.box, session.box.name],
         [words.source, session.source.kind === 'import' ? words.imported(session.source.tracker) : null],
       ]} />
-      <${Gate} quality=${session.quality} />
+      <${QualityGate} quality=${session.quality} />
       <${Targets} features=${session.features} />
       <${Values} session=${session} />
       <${Learning} progress=${progress} session=${session} />
-      <${Made} session=${session} progress=${progress} />
+      <${ReportProvenance} session=${session} progress=${progress} />
     <//>`;
 }
 
-function Gate({ quality }) {
+function QualityGate({ quality }) {
   const verdict = t.session.verdict[quality?.verdict];
   if (!verdict) return null;
   const reasons = quality.reasons ?? [];
@@ -59,12 +59,12 @@ function Gate({ quality }) {
       <h2>${t.session.verdict.name}</h2>
       <p><strong>${verdict}.</strong></p>
       ${reasons.length > 0 && html`<ul>
-        ${reasons.slice(0, MOST_REASONS).map(one => html`<li key=${`${one.name} ${one.tool}`}>${one.finding}.</li>`)}
-        ${reasons.length > MOST_REASONS && html`<li>${t.session.verdict.more(reasons.length - MOST_REASONS)}</li>`}</ul>`}
+        ${reasons.slice(0, MAX_REASONS).map(one => html`<li key=${`${one.name} ${one.tool}`}>${one.finding}.</li>`)}
+        ${reasons.length > MAX_REASONS && html`<li>${t.session.verdict.more(reasons.length - MAX_REASONS)}</li>`}</ul>`}
     </section>`;
 }
 
-/** What the task asks for, and whether it was kept. */
+/** The targets of the task, and whether the session met them. */
 function Targets({ features }) {
   const judged = features.filter(feature => feature.target);
   if (!judged.length) return html`<section><h2>${words.targets}</h2><p>${words.noStandard}</p></section>`;
@@ -74,26 +74,26 @@ function Targets({ features }) {
       <table class="targets">
         <thead><tr><th scope="col">${t.session.feature}</th><th scope="col">${words.target}</th>
           <th scope="col">${words.measured}</th><th scope="col">${words.judgement}</th></tr></thead>
-        <tbody>${judged.slice(0, MOST_TARGETS).map(one => html`
+        <tbody>${judged.slice(0, MAX_TARGETS).map(one => html`
           <tr key=${`${one.name} ${one.tool} ${one.space}`}>
             <th scope="row">${[one.title, one.tool].filter(Boolean).join(', ')}</th>
-            <td>${limitOf(one.target, one.unit)}</td>
-            <td lang=${one.not_enough ? theirs : undefined}>${measured(one)}</td>
+            <td>${limitWithUnit(one.target, one.unit)}</td>
+            <td lang=${one.not_enough ? serviceLang : undefined}>${measuredText(one)}</td>
             <td><strong>${words.judgements[one.judgement]}</strong></td>
           </tr>`)}</tbody>
       </table>
-      ${judged.length > MOST_TARGETS && html`<p>${words.further(judged.length - MOST_TARGETS)}</p>`}
+      ${judged.length > MAX_TARGETS && html`<p>${words.further(judged.length - MAX_TARGETS)}</p>`}
     </section>`;
 }
 
-/** What was measured beside that, in space, as far as it fits. */
+/** The other measured values in space, as many as fit. */
 function Values({ session }) {
   if (session.quality?.verdict === 'refused')
     return html`<section><h2>${t.session.features}</h2><p>${t.session.withheldBody}</p></section>`;
   const all = featureRows(session.features.filter(feature => !feature.target), '3d');
   const rows = all.filter(row => [...row.byTool.values()].some(one => one.value !== null));
-  const targets = Math.min(MOST_TARGETS, session.features.filter(feature => feature.target).length);
-  const shown = rows.slice(0, Math.max(0, MOST_ROWS - Math.ceil(1.5 * targets)));
+  const targets = Math.min(MAX_TARGETS, session.features.filter(feature => feature.target).length);
+  const shown = rows.slice(0, Math.max(0, MAX_ROWS - Math.ceil(1.5 * targets)));
   const columns = [...session.tools, null].filter(tool => shown.some(row => row.byTool.has(tool)));
   if (!shown.length) return null;
   return html`
@@ -111,8 +111,8 @@ function Values({ session }) {
     </section>`;
 }
 
-/** In a narrow column a missing value is not explained: the session's page does. */
-const short = one => (one.value === null ? t.session.notEnough : measured(one));
+/** A narrow column does not explain a missing value; the session's page does. */
+const short = one => (one.value === null ? t.session.notEnough : measuredText(one));
 
 function Learning({ progress, session }) {
   const series = progress?.features[0];
@@ -126,9 +126,9 @@ function Learning({ progress, session }) {
     </section>`;
 }
 
-function Made({ session, progress }) {
+function ReportProvenance({ session, progress }) {
   const { versions, video } = session;
-  return html`<${Provenance} of=${[
+  return html`<${Provenance} rows=${[
     [words.session, session.id],
     [words.result, session.result],
     [words.file, `${session.filename}, ${words.bytes(video.bytes)}`],

@@ -1,4 +1,4 @@
-// All sessions, with filters that stand in the address, so that a filtered list can be sent to a colleague.
+// All sessions, with filters that are part of the address, so that a filtered list can be sent to a colleague.
 import { html, useEffect, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { asProblem, useData, useThrottled } from '../data.js';
@@ -9,7 +9,7 @@ import { href, replace } from '../router.js';
 import { t } from '../texts.js';
 import { Field } from '../parts/form.js';
 import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
-import { StatusPill, stateOf } from '../parts/status.js';
+import { stateOf, StatusPill } from '../parts/status.js';
 
 const words = t.sessions;
 const FILTERS = ['trainee', 'task', 'box', 'status'];
@@ -24,8 +24,8 @@ export default function Sessions({ person, route }) {
     [route.query.toString()],
   );
   const [more, setMore] = useState({ items: [], next: undefined, problem: null });
-  const soon = useThrottled(reload, 1500);
-  useLive('session', soon);
+  const reloadSoon = useThrottled(reload, 1500);
+  useLive('session', reloadSoon);
   useLive('resync', reload);
   useEffect(() => setMore({ items: [], next: undefined, problem: null }), [route.query.toString()]);
 
@@ -56,7 +56,7 @@ export default function Sessions({ person, route }) {
     </section>`;
 }
 
-/** A session that moved from one page to the next while we read must not stand twice. */
+/** A session that moves from one page to the next while the list is loaded must not appear twice. */
 const unique = items => [...new Map(items.map(item => [item.id, item])).values()];
 
 function Filters({ person, filter }) {

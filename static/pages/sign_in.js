@@ -1,4 +1,4 @@
-// Sign in. The address stays what it was, so that a deep link works through it.
+// Sign in. The address stays, so that a deep link works across it.
 import { html, useEffect } from '../parts/preact.js';
 import { api } from '../api.js';
 import { Brand } from '../parts/icons.js';

@@ -1,4 +1,4 @@
-// One task: what it asks for and where that comes from, where people stand, and what else is made of its sessions.
+// One task: its standard, the distribution of its values, its skill model, its raters, and rescoring.
 import { html, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
@@ -27,16 +27,16 @@ async function load(id, signal) {
 export default function TaskPage({ person, route }) {
   const id = route.path[1];
   const { data, problem, reload } = useData(signal => load(id, signal), [id]);
-  const [form, setForm] = useState(null); // What the form begins with, while it is open.
-  const [set, setSet] = useState(null);
+  const [form, setForm] = useState(null); // Initial content of the form; null while it is closed.
+  const [savedVersion, setSavedVersion] = useState(null);
   if (!data)
     return html`<${PageHead} title=${t.nav.tasks} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   const { task, standards } = data;
   const isAdministrator = may(person, 'people');
-  const open = first => (setSet(null), setForm({ first }));
+  const open = first => (setSavedVersion(null), setForm({ first }));
   const close = () => (setForm(null), focusSoon('standard-in-use'));
-  const finish = standard => (close(), setSet(standard.version), reload());
+  const finish = standard => (close(), setSavedVersion(standard.version), reload());
   return html`
     <${PageHead} title=${task.name} lead=${task.description}>
       <a class="button" href=${href(['tasks'])}>${words.all}</a>
@@ -44,17 +44,17 @@ export default function TaskPage({ person, route }) {
     <//>
     <div class="stack">
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
-      <${Announce}>${set ? t.standardForm.isSet(set) : ''}<//>
-      ${set && html`<${Notice} tone="good" quiet title=${t.standardForm.isSet(set)} />`}
+      <${Announce}>${savedVersion ? t.standardForm.isSet(savedVersion) : ''}<//>
+      ${savedVersion && html`<${Notice} tone="good" quiet title=${t.standardForm.isSet(savedVersion)} />`}
       ${form ? html`<${StandardForm} data=${data} first=${form.first} mayMake=${isAdministrator} onSet=${finish}
         onCancel=${close} />` : html`<${Standard} standard=${standards[0]} onSet=${() => open(null)} />`}
       <${Spread} data=${data} onTake=${open} />
-      <${Rest} task=${task} standards=${standards} person=${person} />
+      <${OtherSections} task=${task} standards=${standards} person=${person} />
     </div>`;
 }
 
-function Rest({ task, standards, person }) {
-  const [rated, setRated] = useState(false);
+function OtherSections({ task, standards, person }) {
+  const [showsRaters, setShowsRaters] = useState(false);
   return html`
     <div class="columns">
       <section class="card">
@@ -63,11 +63,11 @@ function Rest({ task, standards, person }) {
       </section>
       <section class="card">
         <header><h2>${words.raters}</h2><button class="button" type="button"
-          aria-label=${t.raters.title(task.name)} onClick=${() => setRated(true)}>${t.raters.open}</button></header>
+          aria-label=${t.raters.title(task.name)} onClick=${() => setShowsRaters(true)}>${t.raters.open}</button></header>
         <div class="body muted">${words.ratersBody}</div>
       </section>
       <${StandardHistory} standards=${standards.slice(1)} />
     </div>
     ${may(person, 'people') && html`<${Rescorings} task=${task} />`}
-    ${rated && html`<${RatersDialog} task=${task} onClose=${() => setRated(false)} />`}`;
+    ${showsRaters && html`<${RatersDialog} task=${task} onClose=${() => setShowsRaters(false)} />`}`;
 }

@@ -5,7 +5,7 @@ import { useData } from '../data.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
-import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/managed.js';
+import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/editing.js';
 import { SkillModel } from '../parts/skill_model.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 import { RatersDialog } from '../parts/raters.js';
@@ -15,7 +15,7 @@ const words = t.tasks;
 export default function Tasks({ person }) {
   const { data: tasks, problem, reload } = useData(() => api.tasks.all(), []);
   const mayEdit = may(person, 'edit_tasks');
-  const [rated, setRated] = useState(null);
+  const [ratedTask, setRatedTask] = useState(null);
   const fields = item => [
     { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name },
     { name: 'code', label: words.code, hint: t.trainees.codeHint, maxlength: 60, value: item?.code },
@@ -50,7 +50,7 @@ export default function Tasks({ person }) {
                   <td class="muted third">${task.description}</td>
                   <td><${SkillModel} task=${task} mayTrain=${may(person, 'people')} /></td>
                   <td><div class="row ends">${may(person, 'rate') && html`<button class="button" type="button"
-                    aria-label=${t.raters.title(task.name)} onClick=${() => setRated(task)}>${t.raters.open}</button>`}
+                    aria-label=${t.raters.title(task.name)} onClick=${() => setRatedTask(task)}>${t.raters.open}</button>`}
                     ${mayEdit && html`<${RowButtons} item=${task} onEdit=${edit.change}
                       onRemove=${may(person, 'people') && edit.remove} />`}</div></td>
                 </tr>`)}
@@ -58,6 +58,6 @@ export default function Tasks({ person }) {
           </table>
         </div>`}
     </section>
-    ${rated && html`<${RatersDialog} task=${rated} onClose=${() => setRated(null)} />`}
+    ${ratedTask && html`<${RatersDialog} task=${ratedTask} onClose=${() => setRatedTask(null)} />`}
     ${edit.dialogs}`;
 }

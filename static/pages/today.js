@@ -1,4 +1,4 @@
-// Today: the queue moving, what needs a person, and what is new.
+// Today: the queue, what needs a person's attention, and new results.
 import { html, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData, useThrottled } from '../data.js';
@@ -12,19 +12,19 @@ import { icons } from '../parts/icons.js';
 import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 import { OwnCourses } from '../parts/own_courses.js';
 import { traineeId } from '../parts/shell.js';
-import { isMoving, ProgressBar, StatusPill, stateOf } from '../parts/status.js';
+import { isMoving, ProgressBar, stateOf, StatusPill } from '../parts/status.js';
 import { Prose } from '../parts/prose.js';
 
 const words = t.today;
 const DAY_MS = 86_400_000;
-const SHOWN = 8;
-const COUNTED = 50;
-const AGAIN_MS = 5_000;
+const MAX_SHOWN = 8;
+const PAGE_SIZE = 50;
+const RELOAD_MS = 5_000;
 
-/** One request per state: a busy centre's newest page alone would hide what still waits below it. */
+/** One request per state: in a busy centre the newest sessions alone would hide those that still wait. */
 async function load(signal) {
-  const ask = status => api.sessions.page({ status, limit: COUNTED }, signal);
-  const [receiving, queued, tracking, failed] = await Promise.all(['receiving', 'queued', 'tracking', 'failed'].map(ask));
+  const pageOf = status => api.sessions.page({ status, limit: PAGE_SIZE }, signal);
+  const [receiving, queued, tracking, failed] = await Promise.all(['receiving', 'queued', 'tracking', 'failed'].map(pageOf));
   return {
     moving: [...tracking.items, ...queued.items, ...receiving.items],
     failed: failed.items,
@@ -32,52 +32,55 @@ async function load(signal) {
   };
 }
 
-/** The newest scored sessions, and how many are of the last day. They come with all their features: nothing else waits for them, and
- *  they are not read anew with every step of the queue. */
+/**
+ * The newest scored sessions, and how many of them are of the last 24 h. They come with all their features, so nothing
+ * else waits for them, and they are not loaded again with every step of the queue.
+ */
 function useScored() {
-  const { data, problem, reload } = useData(signal => api.sessions.page({ status: 'done', limit: COUNTED }, signal), []);
-  const soon = useThrottled(reload, AGAIN_MS);
-  useLive('session', event => event.status === 'done' && soon());
-  useLive('resync', soon);
+  const { data, problem, reload } = useData(signal => api.sessions.page({ status: 'done', limit: PAGE_SIZE }, signal), []);
+  const reloadSoon = useThrottled(reload, RELOAD_MS);
+  useLive('session', event => event.status === 'done' && reloadSoon());
+  useLive('resync', reloadSoon);
   if (!data) return { items: null, count: '…', problem, reload };
   const recent = data.items.filter(session => Date.now() - Date.parse(session.created_at) < DAY_MS).length;
-  const isMore = data.next && recent === data.items.length; // Those that are not read may be of the same day.
-  return { items: data.items.slice(0, SHOWN), count: `${recent}${isMore ? '+' : ''}`, problem, reload };
+  const isMore = data.next && recent === data.items.length; // Sessions beyond this page may be of the same day.
+  return { items: data.items.slice(0, MAX_SHOWN), count: `${recent}${isMore ? '+' : ''}`, problem, reload };
 }
 
 export default function Today({ person }) {
   const { data, problem, reload } = useData(load, []);
   const [progress, setProgress] = useState({});
-  const [said, setSaid] = useState('');
-  const [counted, setCounted] = useState(null); // The service's own count, also of what is below the first page.
-  const soon = useThrottled(reload, 700);
+  const [announcement, setAnnouncement] = useState('');
+  // The service's own counts, which include sessions beyond the first page.
+  const [serviceCounts, setServiceCounts] = useState(null);
+  const reloadSoon = useThrottled(reload, 700);
   const scored = useScored();
   const trainee = traineeId(person);
   const own = useData(async signal => (trainee ? api.trainees.courses(trainee, signal) : []), []);
-  const [isTold, setTold] = useState(false);
+  const [isAttentionLoaded, setAttentionLoaded] = useState(false);
 
   useLive('resync', () => {
     reload();
-    if (!own.data) own.reload(); // Once they are told, their own part asks again.
+    if (!own.data) own.reload(); // Once loaded, the courses reload by themselves.
   });
   useLive('queue', counts => {
-    setCounted(counts);
-    soon();
+    setServiceCounts(counts);
+    reloadSoon();
   });
   useLive('session', event => {
     setProgress(before => ({ ...before, [event.id]: event }));
     const known = data?.moving.find(session => session.id === event.id);
-    if (known?.status === event.status) return; // Only progress: the bar alone moves.
-    if (known) setSaid(words.announce(known.filename, t.status[event.status] ?? event.status));
-    soon();
+    if (known?.status === event.status) return; // Only the progress changed: the bar alone moves.
+    if (known) setAnnouncement(words.announce(known.filename, t.status[event.status] ?? event.status));
+    reloadSoon();
   });
 
-  if (!data || !(own.data ?? own.problem)) // All at once: nothing that comes later pushes it aside.
+  if (!data || !(own.data ?? own.problem)) // Everything appears at once, so that nothing is pushed aside later.
     return html`<${PageHead} title=${words.title} lead=${words.lead} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   const moving = data.moving.map(session => ({ ...session, ...progress[session.id] })).filter(isMoving);
   const count = status => moving.filter(session => session.status === status).length;
-  const whole = may(person, 'retry') ? counted : null; // A trainee is shown their own recordings only.
+  const shownCounts = may(person, 'retry') ? serviceCounts : null; // Trainees see only their own recordings.
   const failed = [{ problem, reload }, scored, own].find(one => one.problem);
   const mayUpload = may(person, 'upload') || may(person, 'upload_own');
   return html`
@@ -86,11 +89,11 @@ export default function Today({ person }) {
       ${mayUpload && html`<a class="button main" href=${href(['upload'])}><${icons.upload} />${words.upload}</a>`}
     <//>
     <${ProblemNotice} problem=${failed?.problem} onRetry=${failed?.reload} />
-    <${Announce}>${said}<//>
+    <${Announce}>${announcement}<//>
     ${trainee && own.data && html`<div class="stack own-courses"><${OwnCourses} trainee=${trainee} first=${own.data} brief /></div>`}
     <dl class="figures">
-      <${Figure} name=${words.queued} value=${whole?.queued ?? count('queued')} />
-      <${Figure} name=${words.running} value=${whole?.running ?? count('tracking')} />
+      <${Figure} name=${words.queued} value=${shownCounts?.queued ?? count('queued')} />
+      <${Figure} name=${words.running} value=${shownCounts?.running ?? count('tracking')} />
       <${Figure} name=${words.finished} value=${scored.count} />
       <${Figure} name=${words.attention} value=${`${data.failed.length}${data.moreFailed ? '+' : ''}`} />
     </dl>
@@ -100,8 +103,8 @@ export default function Today({ person }) {
         moreWords=${words.watch} />
       <${List} title=${words.attentionTitle} items=${data.failed} row=${Failed} empty=${words.emptyAttention}
         emptyBody=${words.emptyAttentionBody} />
-      <${Attention} own=${!may(person, 'see_trainees')} onTold=${() => setTold(true)} />
-      ${isTold && html`<${List} title=${words.recent} items=${scored.items} row=${Done} empty=${words.emptyRecent}
+      <${Attention} own=${!may(person, 'see_trainees')} onLoaded=${() => setAttentionLoaded(true)} />
+      ${isAttentionLoaded && html`<${List} title=${words.recent} items=${scored.items} row=${Done} empty=${words.emptyRecent}
         emptyBody=${words.emptyRecentBody} more=${href(['sessions'])} moreWords=${words.all} wide />`}
     </div>`;
 }

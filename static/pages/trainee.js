@@ -1,4 +1,4 @@
-// One trainee: a feature over the sessions of a task, what the task's standard makes of them, and the sessions.
+// One trainee: a feature over the sessions of a task, its judgement by the task's standard, and the sessions.
 import { html } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData, useThrottled } from '../data.js';
@@ -6,17 +6,17 @@ import { dateTime } from '../format.js';
 import { useLive } from '../live.js';
 import { href, replace } from '../router.js';
 import { t } from '../texts.js';
-import { Balance } from '../parts/balance.js';
+import { StrengthsAndWeaknesses } from '../parts/strengths.js';
 import { Field } from '../parts/form.js';
 import { MonitorCharts } from '../parts/monitor_chart.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 import { OwnCourses } from '../parts/own_courses.js';
 import { ProgressPlot } from '../parts/progress_plot.js';
-import { ProgressWords } from '../parts/progress_words.js';
+import { ProgressSummary } from '../parts/progress_summary.js';
 import { StatusPill } from '../parts/status.js';
 
 const words = t.trainee;
-const NOBODY = '-'; // No cohort, in the address.
+const NO_COHORT = '-'; // In the address: no cohort.
 
 export default function Trainee({ route }) {
   const id = route.path[1];
@@ -29,7 +29,8 @@ export default function Trainee({ route }) {
       const newest = api.sessions.page({ trainee: id, limit: 1 }, signal);
       const [trainee, tasks, last, features, cohorts, courses] = await Promise.all([
         api.trainees.get(id, signal), api.tasks.all(), newest, api.features(signal), api.cohorts.all(), api.trainees.courses(id, signal)]);
-      return { trainee, tasks, features, cohorts, courses, usual: tasks.find(task => task.id === last.items[0]?.task?.id) ?? tasks[0] }; // What they trained last.
+      // The task that they trained last.
+      return { trainee, tasks, features, cohorts, courses, usual: tasks.find(task => task.id === last.items[0]?.task?.id) ?? tasks[0] };
     },
     [id],
   );
@@ -51,22 +52,22 @@ export default function Trainee({ route }) {
 
 function Progress({ id, base, route }) {
   const { tasks, features, cohorts, usual } = base;
-  const named = key => route.query.get(key) ?? undefined;
-  const task = tasks.find(one => one.id === named('task') || one.code === named('task')) ?? usual;
-  const asked = { task: task.id, feature: named('feature'), cohort: named('cohort') ?? cohorts[0]?.code };
-  if (asked.cohort === NOBODY) delete asked.cohort;
+  const param = key => route.query.get(key) ?? undefined;
+  const task = tasks.find(one => one.id === param('task') || one.code === param('task')) ?? usual;
+  const query = { task: task.id, feature: param('feature'), cohort: param('cohort') ?? cohorts[0]?.code };
+  if (query.cohort === NO_COHORT) delete query.cohort;
   const { current: data, problem, reload } = useData(
-    signal => api.trainees.progress(id, asked, signal),
-    [id, asked.task, asked.feature, asked.cohort],
+    signal => api.trainees.progress(id, query, signal),
+    [id, query.task, query.feature, query.cohort],
   );
-  const soon = useThrottled(reload, 2000);
-  useLive('session', event => event.status === 'done' && soon());
-  useLive('resync', soon);
+  const reloadSoon = useThrottled(reload, 2000);
+  useLive('session', event => event.status === 'done' && reloadSoon());
+  useLive('resync', reloadSoon);
 
   const all = data?.features ?? [];
-  const series = all.find(one => keyOf(one) === named('series')) ?? all[0];
+  const series = all.find(one => seriesKey(one) === param('series')) ?? all[0];
   const set = (key, value) => {
-    const now = { task: task.id, feature: named('feature'), cohort: named('cohort'), series: named('series') };
+    const now = { task: task.id, feature: param('feature'), cohort: param('cohort'), series: param('series') };
     replace(['trainees', id], { ...now, [key]: value || undefined });
   };
   const choose = (label, key, value, options) => html`<${Field} type="select" label=${label} value=${value}
@@ -77,10 +78,10 @@ function Progress({ id, base, route }) {
       <header><h2>${words.progress}</h2></header>
       <div class="filters">
         ${choose(words.task, 'task', task.id, tasks.map(one => [one.id, one.name]))}
-        ${choose(words.feature, 'feature', named('feature'), [['', words.asked], ...features.map(one => [one.name, one.title])])}
-        ${all.length > 1 && choose(words.series, 'series', keyOf(series), all.map(one => [keyOf(one), nameOf(one)]))}
-        ${cohorts.length > 0 && choose(words.cohort, 'cohort', asked.cohort ?? NOBODY,
-          [...cohorts.map(one => [one.code, one.name]), [NOBODY, words.nobody]])}
+        ${choose(words.feature, 'feature', param('feature'), [['', words.asked], ...features.map(one => [one.name, one.title])])}
+        ${all.length > 1 && choose(words.series, 'series', seriesKey(series), all.map(one => [seriesKey(one), seriesName(one)]))}
+        ${cohorts.length > 0 && choose(words.cohort, 'cohort', query.cohort ?? NO_COHORT,
+          [...cohorts.map(one => [one.code, one.name]), [NO_COHORT, words.nobody]])}
       </div>
       <div class="body">
         <${ProblemNotice} problem=${problem} onRetry=${reload} />
@@ -88,23 +89,23 @@ function Progress({ id, base, route }) {
         ${none && html`<${Empty} title=${words.none} body=${words.noneBody}>
           <a class="button main" href=${href(['upload'], { trainee: id, task: task.id })}>${t.today.upload}</a><//>`}
         ${!none && series && html`
-          <h3>${nameOf(series)}</h3>
+          <h3>${seriesName(series)}</h3>
           <${ProgressPlot} series=${series} sessions=${data.sessions} />
           ${series.target && html`<p class="small muted">${words.legend}</p>`}
-          <${ProgressWords} progress=${data} series=${series} />`}
+          <${ProgressSummary} progress=${data} series=${series} />`}
       </div>
     </section>
-    ${data && !none && html`<div class="stack after">${!asked.feature && html`<${Balance} progress=${data} />`}
+    ${data && !none && html`<div class="stack after">${!query.feature && html`<${StrengthsAndWeaknesses} progress=${data} />`}
       ${data.charts && html`<${MonitorCharts} charts=${data.charts} />`}</div>`}
     ${data?.sessions.length > 0 && html`<${Sessions} sessions=${data.sessions} />`}`;
 }
 
-/** The cohort that the address names, if it names one. */
-const cohortOf = route => (route.query.get('cohort') === NOBODY ? undefined : route.query.get('cohort'));
+/** The cohort that the address names, if any. */
+const cohortOf = route => (route.query.get('cohort') === NO_COHORT ? undefined : route.query.get('cohort'));
 
-/** Which series, in the address. */
-const keyOf = one => [one.feature, one.tool ?? '', one.space].join('|');
-const nameOf = one => [one.title, one.tool].filter(Boolean).join(', ');
+/** Identifies a series in the address. */
+const seriesKey = one => [one.feature, one.tool ?? '', one.space].join('|');
+const seriesName = one => [one.title, one.tool].filter(Boolean).join(', ');
 
 const Sessions = ({ sessions }) => html`
   <section class="card list">

@@ -1,4 +1,4 @@
-// A trainee on one sheet of paper: how they get on at a task, by what it asks for, over their sessions.
+// A trainee on one sheet of paper: progress at a task, judged by its standard, over the sessions.
 import { html } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
@@ -6,39 +6,39 @@ import { date } from '../format.js';
 import { t } from '../texts.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 import { ProgressPlot } from '../parts/progress_plot.js';
-import { ProgressWords } from '../parts/progress_words.js';
-import { Facts, limitOf, measured, Provenance, Sheet } from '../parts/report.js';
+import { ProgressSummary } from '../parts/progress_summary.js';
+import { Facts, limitWithUnit, measuredText, Provenance, Sheet } from '../parts/report.js';
 
 const words = t.report;
-const MOST_SESSIONS = 14; // The last ones; how many came before is said.
-const MOST_FEATURES = 3;
+const MAX_SESSIONS = 14; // The last ones; the sheet says how many came before.
+const MAX_FEATURES = 3;
 
 export default function TraineeReport({ route }) {
   const id = route.path[1];
-  const asked = { task: route.query.get('task') ?? undefined, cohort: route.query.get('cohort') ?? undefined };
+  const query = { task: route.query.get('task') ?? undefined, cohort: route.query.get('cohort') ?? undefined };
   const { data, problem, reload } = useData(
-    signal => api.trainees.progress(id, asked, signal), [id, asked.task, asked.cohort]);
+    signal => api.trainees.progress(id, query, signal), [id, query.task, query.cohort]);
   if (!data)
     return html`<${PageHead} title=${words.traineeTitle} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   if (!data.task || !data.sessions.length)
     return html`<${PageHead} title=${words.traineeTitle} /><${Empty} title=${t.trainee.none} body=${t.trainee.noneBody} />`;
   const { trainee, task, sessions } = data;
-  const series = data.features.slice(0, MOST_FEATURES);
+  const series = data.features.slice(0, MAX_FEATURES);
   const counted = sessions.filter(one => !one.set_aside).length;
   return html`
     <${Sheet} title=${words.progressOf(task.name)} back=${['trainees', id]}>
-      <${Facts} of=${[
+      <${Facts} rows=${[
         [words.trainee, `${trainee.name} (${trainee.code})`],
         [words.level, t.trainees.levels[trainee.level]],
         [words.task, task.name],
         [words.period, [...new Set([sessions[0], sessions[sessions.length - 1]].map(one => date(one.recorded_at)))].join(' – ')],
         [words.sessions, words.counted(data.earlier + sessions.length, counted)],
       ]} />
-      <section class=${data.cohort ? 'words' : 'words alone'}>${series[0] && html`<${ProgressWords} progress=${data} series=${series[0]} />`}</section>
+      <section class=${data.cohort ? 'words' : 'words alone'}>${series[0] && html`<${ProgressSummary} progress=${data} series=${series[0]} />`}</section>
       <${Curves} series=${series} sessions=${sessions} />
       <${Sessions} sessions=${sessions} series=${series} earlier=${data.earlier} />
-      <${Provenance} of=${[
+      <${Provenance} rows=${[
         [words.program, data.pipeline],
         [words.standard, data.standard ? words.versionOf(data.standard.version) : words.noStandard],
         [words.cohort, data.cohort && words.people(data.cohort.name, data.cohort.people)],
@@ -54,13 +54,13 @@ const Curves = ({ series, sessions }) => series.some(one => one.points.some(poin
   <section class=${`curve curves-${series.length}`}>
     <h2>${words.curves}</h2>
     <div>${series.map(one => html`<figure key=${`${one.feature} ${one.tool} ${one.space}`}>
-      <figcaption>${nameOf(one)}${one.target ? `: ${limitOf(one.target, one.unit)}` : ''}</figcaption>
+      <figcaption>${nameOf(one)}${one.target ? `: ${limitWithUnit(one.target, one.unit)}` : ''}</figcaption>
       <${ProgressPlot} series=${one} sessions=${sessions} /></figure>`)}</div>
     <p>${series.some(one => one.target) ? t.trainee.legend : words.noLimit}</p>
   </section>`;
 
 function Sessions({ sessions, series, earlier }) {
-  const last = sessions.slice(-MOST_SESSIONS);
+  const last = sessions.slice(-MAX_SESSIONS);
   const before = earlier + sessions.length - last.length;
   const at = (one, session) => one.points.find(point => point.session === session.number);
   return html`
@@ -82,5 +82,5 @@ function Sessions({ sessions, series, earlier }) {
 function valueAt(point, { unit }) {
   if (!point || point.value === null) return '–';
   const error = point.low === null ? null : { low: point.low, high: point.high };
-  return measured({ value: point.value, error, unit });
+  return measuredText({ value: point.value, error, unit });
 }

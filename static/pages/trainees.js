@@ -6,28 +6,29 @@ import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
 import { Field } from '../parts/form.js';
-import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/managed.js';
+import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/editing.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 
 const words = t.trainees;
-const pairs = names => [['', words.unset], ...Object.entries(names)];
+const withUnset = names => [['', words.unset], ...Object.entries(names)];
 
 export default function Trainees({ person }) {
   const { data, problem, reload } = useData(async () => {
-    const [trainees, groups] = await Promise.all([api.trainees.all(), api.groups.all().catch(() => [])]); // Instructors may not list groups.
+    // Instructors may not list groups.
+    const [trainees, groups] = await Promise.all([api.trainees.all(), api.groups.all().catch(() => [])]);
     return { trainees, groups };
   }, []);
-  const [wanted, setWanted] = useState('');
+  const [searchText, setSearchText] = useState('');
   const mayEdit = may(person, 'edit_trainees');
   const fields = item => [
     { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name },
     { name: 'code', label: words.code, hint: words.codeHint, maxlength: 60, value: item?.code },
-    { name: 'level', label: words.level, type: 'select', options: pairs(words.levels), value: item?.level },
+    { name: 'level', label: words.level, type: 'select', options: withUnset(words.levels), value: item?.level },
     {
       name: 'handedness',
       label: words.handedness,
       type: 'select',
-      options: pairs(words.hands),
+      options: withUnset(words.hands),
       value: item?.handedness,
     },
     ...(!item && data.groups.length
@@ -52,7 +53,7 @@ export default function Trainees({ person }) {
     onChange: reload,
   });
   const shown =
-    data?.trainees.filter(trainee => `${trainee.name} ${trainee.code}`.toLowerCase().includes(wanted.toLowerCase())) ??
+    data?.trainees.filter(trainee => `${trainee.name} ${trainee.code}`.toLowerCase().includes(searchText.toLowerCase())) ??
     [];
   return html`
     <${PageHead} title=${words.title} lead=${words.lead}>${mayEdit && data && html`<${AddButton} label=${words.add}
@@ -62,8 +63,8 @@ export default function Trainees({ person }) {
       ${!data && !problem && html`<${Loading} />`}
       ${data && data.trainees.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
       ${data && data.trainees.length > 0 && html`
-        <div class="filters"><${Field} label=${words.find} type="search" value=${wanted}
-          onInput=${event => setWanted(event.target.value)} /></div>
+        <div class="filters"><${Field} label=${words.find} type="search" value=${searchText}
+          onInput=${event => setSearchText(event.target.value)} /></div>
         <div class="scroll">
           <table class="table">
             <thead>

@@ -1,4 +1,5 @@
-// Upload: choose for whom, then drop files or pick them. The sending itself lives in parts/uploads.js and outlasts this page.
+// Upload: choose trainee, task and box, then drop or pick files. The uploads run in parts/uploads.js and continue after
+// this page is left.
 import { html, useEffect, useRef, useState } from '../parts/preact.js';
 import { may } from '../roles.js';
 import { t } from '../texts.js';
@@ -6,19 +7,19 @@ import { Field } from '../parts/form.js';
 import { icons } from '../parts/icons.js';
 import { ImportTable } from '../parts/import_table.js';
 import { Empty, Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
-import { Sending } from '../parts/sending.js';
-import { maySend, Need, TargetFields, useTarget } from '../parts/target.js';
+import { UploadList } from '../parts/upload_list.js';
+import { maySendRecordings, RecordingTargetFields, TargetNeeded, useRecordingTarget } from '../parts/recording_target.js';
 import { addFiles, onUploads, uploads } from '../parts/uploads.js';
 
 const words = t.upload;
 const ACCEPT = 'video/*,.mp4,.mov,.mkv,.webm,.avi,.ts,.m4v';
 
 export default function UploadPage({ person, route }) {
-  const target = useTarget({ person, route });
+  const target = useRecordingTarget({ person, route });
   const [items, setItems] = useState(uploads);
   useEffect(() => onUploads(() => setItems(uploads())), []);
 
-  if (!maySend(person))
+  if (!maySendRecordings(person))
     return html`<${PageHead} title=${words.title} /><${Notice} tone="warn" title=${t.target.noTrainee} />`;
   return html`
     <${PageHead} title=${words.title} lead=${words.lead} />
@@ -27,7 +28,7 @@ export default function UploadPage({ person, route }) {
     ${target.lists && html`<${Target} target=${target} />`}
     <section class="card list">
       <header><h2>${words.list}</h2></header>
-      ${items.length ? html`<${Sending} items=${items} />`
+      ${items.length ? html`<${UploadList} items=${items} />`
         : html`<${Empty} title=${words.none} body=${words.noneBody} />`}
     </section>
     ${target.lists && may(person, 'upload') && html`<${ImportTable} target=${target} />`}`;
@@ -35,10 +36,10 @@ export default function UploadPage({ person, route }) {
 
 function Target({ target }) {
   const when = useRef(null);
-  const [heldUp, setHeldUp] = useState(false);
+  const [filesRefused, setFilesRefused] = useState(false);
   const take = files => {
-    if (!target.ids) return setHeldUp(true);
-    setHeldUp(false);
+    if (!target.ids) return setFilesRefused(true);
+    setFilesRefused(false);
     const recorded = when.current.value && new Date(when.current.value).toISOString();
     addFiles([...files], { ...target.ids, ...(recorded ? { recorded_at: recorded } : {}) }, target.names);
     return undefined;
@@ -47,11 +48,11 @@ function Target({ target }) {
     <section class="card">
       <div class="body stack">
         <div class="fields">
-          <${TargetFields} target=${target} />
+          <${RecordingTargetFields} target=${target} />
           <${Field} type="datetime-local" label=${words.when} hint=${words.whenHint} inputRef=${when} />
         </div>
         <${Drop} onFiles=${take} />
-        ${heldUp && !target.ids && html`<${Need} />`}
+        ${filesRefused && !target.ids && html`<${TargetNeeded} />`}
       </div>
     </section>`;
 }
@@ -69,7 +70,7 @@ function Drop({ onFiles }) {
   };
   const picked = () => {
     onFiles(input.current.files);
-    input.current.value = ''; // The same file may be chosen again.
+    input.current.value = ''; // Lets the same file be chosen again.
   };
   return html`
     <div class=${`drop ${over ? 'over'

@@ -1,8 +1,8 @@
-// What to work on next: at most three things, each with its number, its limit and the seconds that show it.
+// What to work on next: at most three things, each with its number, its limit and the stretches that show it.
 import { html } from './preact.js';
 import { number, unit } from '../format.js';
 import { t } from '../texts.js';
-import { amountOf, Jump } from './seconds.js';
+import { amountText, StretchButton } from './evidence.js';
 
 const words = t.session.advice;
 
@@ -22,14 +22,14 @@ export function Advice({ advice, playback }) {
 }
 
 function Item({ item, playback }) {
-  const of = unit(item.unit) ? ` ${unit(item.unit)}` : '';
+  const unitSuffix = unit(item.unit) ? ` ${unit(item.unit)}` : '';
   return html`
     <p><strong>${words.rules[item.rule] ?? item.sentence}</strong></p>
-    <p class="small">${words.measured(item.title, item.tool, `${number(item.value)}${of}`, number(item.error.low),
-      number(item.error.high))} ${words.limit[item.better](`${number(item.limit)}${of}`)}</p>
+    <p class="small">${words.measured(item.title, item.tool, `${number(item.value)}${unitSuffix}`, number(item.error.low),
+      number(item.error.high))} ${words.limit[item.better](`${number(item.limit)}${unitSuffix}`)}</p>
     <div class="row">
       <span class="small muted">${words.look}</span>
-      ${item.stretches.map(stretch => html`<${Jump} key=${stretch.from_s} stretch=${stretch} playback=${playback}>
-        <small>${amountOf(stretch, { unit: item.amount_unit })}</small><//>`)}
+      ${item.stretches.map(stretch => html`<${StretchButton} key=${stretch.from_s} stretch=${stretch} playback=${playback}>
+        <small>${amountText(stretch, { unit: item.amount_unit })}</small><//>`)}
     </div>`;
 }

@@ -1,4 +1,4 @@
-// Which tapes suit a box, asked with a picture of it before any is wound: tapes and pairs, best first.
+// Advice on tapes for a box, from a picture of it before any tape is wound: tapes and pairs, best first.
 import { html, useState } from './preact.js';
 import { api } from '../api.js';
 import { number, percent } from '../format.js';

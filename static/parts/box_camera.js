@@ -1,8 +1,8 @@
-// A box's camera: what is known of it, calibration from photos or a video, and a camera.json from elsewhere.
+// A box's camera: its calibration, a calibration from photos or a video, and a camera.json from elsewhere.
 import { html, useState } from './preact.js';
 import { api, Problem } from '../api.js';
 import { dateTime, number } from '../format.js';
-import { t, theirs } from '../texts.js';
+import { serviceLang, t } from '../texts.js';
 import { Form } from './form.js';
 import { jobIdOf, JobProgress } from './job.js';
 import { Notice } from './notice.js';
@@ -67,7 +67,7 @@ const Photos = ({ photos }) => html`
             <td><span class=${`pill ${photo.used ? 'good' : 'warn'}`}>${photo.used ? words.used
               : words.left}</span></td>
             <td class="number">${number(photo.rms_px)}</td>
-            <td lang=${theirs}>${photo.reason}</td>
+            <td lang=${serviceLang}>${photo.reason}</td>
           </tr>`)}
       </tbody>
     </table>
@@ -104,7 +104,7 @@ export function CameraForms({ box, onChange }) {
     </div>`;
 }
 
-/** Read here, so that a wrong file is named before anything is sent. */
+/** Parsed here, so that a wrong file is reported before anything is sent. */
 export async function readJson(file) {
   if (!file) throw new Problem({ title: words.noFile, status: 0 });
   try {

@@ -1,4 +1,4 @@
-// A box's tape colours: what was learned, and learning from annotations with the clip or the frames that they mark.
+// A box's tape colours: the learned palette, and learning from annotations with the clip or frames that they mark.
 import { html, useState } from './preact.js';
 import { api, Problem } from '../api.js';
 import { dateTime, number } from '../format.js';
@@ -23,7 +23,7 @@ const FIELDS = [
 
 export function PaletteSummary({ palette }) {
   if (!palette) return html`<p class="muted">${words.noPalette}</p>`;
-  const someSide = palette.tools.some(tool => sideOf(tool, palette.tools));
+  const hasSides = palette.tools.some(tool => sideOf(tool, palette.tools));
   return html`
     <p class="small muted">${words.learnedAs(palette.version, dateTime(palette.created_at))}</p>
     <div class="columns">
@@ -32,13 +32,13 @@ export function PaletteSummary({ palette }) {
           <tr>
             <th scope="col">${t.session.tool}</th>
             <th scope="col">${words.tape}</th>
-            ${someSide && html`<th scope="col">${words.hand}</th>`}
+            ${hasSides && html`<th scope="col">${words.hand}</th>`}
             <th scope="col" class="number">${words.diameter}</th>
             <th scope="col" class="number">${words.band}</th>
           </tr>
         </thead>
         <tbody>${palette.tools.map(tool => html`<${Tool} key=${tool.name} tool=${tool}
-          side=${someSide && (sideOf(tool, palette.tools) ?? '–')} />`)}</tbody>
+          side=${hasSides && (sideOf(tool, palette.tools) ?? '–')} />`)}</tbody>
       </table>
       <table class="table dense">
         <thead><tr><th scope="col">${words.label}</th><th scope="col" class="number">${words.samples}</th></tr></thead>
@@ -53,7 +53,7 @@ export function PaletteSummary({ palette }) {
 
 const GRADES = { good: 'good', at_risk: 'warn', bad: 'bad' };
 
-/** What the colours are worth, before anything is recorded with them. */
+/** The grades of the colours, before anything is recorded with them. */
 export const Verdicts = ({ verdicts }) => html`
   <ul class="stack">
     ${verdicts.map(({ tool, grade, reasons }) => html`
@@ -63,16 +63,18 @@ export const Verdicts = ({ verdicts }) => html`
       </li>`)}
   </ul>`;
 
-/** REST tells the colour of the tape only where it is not the name. */
+/** The service gives the tape's colour only if it is not the tool's name. */
 const tapeOf = tool => tool.colour ?? tool.name;
 
-/** Where a tool's hand is, as told; of two tools with the same tape the other side of the other's, else by their order. */
+/**
+ * The side of a tool's hand: as stated; for two tools with the same tape, opposite to the other's, else by their order.
+ */
 function sideOf(tool, tools) {
   if (tool.side) return words.sides[tool.side];
   const pair = tools.filter(other => tapeOf(other) === tapeOf(tool));
   if (pair.length < 2) return null;
-  const told = pair.find(other => other.side)?.side;
-  if (told) return words.sides[told === 'left' ? 'right' : 'left'];
+  const statedSide = pair.find(other => other.side)?.side;
+  if (statedSide) return words.sides[statedSide === 'left' ? 'right' : 'left'];
   return words.byOrder(words.sides[tool === pair[0] ? 'left' : 'right']);
 }
 

@@ -1,4 +1,4 @@
-// A box's self-test: how it is done, sending its recording, the light that came of it, and the lights of the days before.
+// A box's self-test: instructions, sending the recording, the resulting light, and the lights of earlier days.
 import { html, useState } from './preact.js';
 import { api } from '../api.js';
 import { date, dateTime, fixed } from '../format.js';
@@ -8,12 +8,12 @@ import { jobIdOf, JobProgress } from './job.js';
 import { Prose } from './prose.js';
 
 const words = t.selfTest;
-/** Never colour alone: each light has its word, and in the row of days its sign. */
+/** Never colour alone: each light has a word, and in the row of days a sign. */
 const TONES = { green: 'good', yellow: 'warn', red: 'bad', not_measured: '' };
 const SIGNS = { green: '✓', yellow: '!', red: '✕', not_measured: '?' };
-const MOST_DAYS = 28;
+const MAX_DAYS = 28;
 
-/** Asked only where the camera does not say with which board it was calibrated. */
+/** Needed only if the camera does not name the board that calibrated it. */
 const BOARD = [
   { name: 'columns', label: t.box.columns, type: 'number', min: 3, max: 50, required: true },
   { name: 'rows', label: t.box.rows, type: 'number', min: 3, max: 50, required: true },
@@ -32,7 +32,7 @@ const FIELDS = [
   { name: 'reach', label: words.reach, hint: words.reachHint, type: 'number', min: 0, max: 100, step: 'any' },
 ];
 
-/** The light of today, in the head of the card and in the list of boxes. */
+/** Today's light, in the head of the card and in the list of boxes. */
 export const TodaysLight = ({ test }) =>
   test ? html`<${LightPill} light=${test.light} />` : html`<span class="pill">${words.noneToday}</span>`;
 
@@ -89,14 +89,14 @@ const Holds = ({ holds }) => html`
     </table>
   </div>`;
 
-/** The last test of each day, the newest last, as days are read. */
+/** The last test of each day, the newest last. */
 function Days({ tests }) {
   const days = new Map();
   for (const test of tests) {
     const day = date(test.created_at);
     if (!days.has(day)) days.set(day, test.light);
   }
-  const shown = [...days].slice(0, MOST_DAYS).reverse();
+  const shown = [...days].slice(0, MAX_DAYS).reverse();
   return html`
     <section class="stack tight">
       <h3>${words.days}</h3>

@@ -1,15 +1,15 @@
-// Reference groups: listed, made, changed and deleted by administrators.
+// Reference groups (cohorts): list, create, edit, delete. For administrators.
 import { html, useState } from './preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { t } from '../texts.js';
 import { Confirm, Dialog } from './dialog.js';
 import { Form } from './form.js';
-import { AddButton, RowButtons } from './managed.js';
+import { AddButton, RowButtons } from './editing.js';
 import { Empty, Loading, ProblemNotice } from './notice.js';
 
 const words = t.cohorts;
-const any = names => [['', words.any], ...Object.entries(names)];
+const withAny = names => [['', words.any], ...Object.entries(names)];
 
 export function Cohorts({ groups }) {
   const { data, problem, reload } = useData(async () => {
@@ -21,10 +21,10 @@ export function Cohorts({ groups }) {
   const finish = () => (close(), reload());
   const change = async cohort => setOpen({ cohort, members: cohort.listed ? await api.cohorts.members(cohort.id) : [] });
   const save = values => {
-    const sent = asked(values);
+    const sent = cohortRequest(values);
     return (open.cohort ? api.cohorts.replace(open.cohort.id, sent) : api.cohorts.create(sent)).then(finish);
   };
-  const who = cohort => described(cohort, groups);
+  const describeCohort = cohort => describe(cohort, groups);
   return html`
     <section class="card">
       <header><div><h2>${words.title}</h2><p class="small muted">${words.lead}</p></div>
@@ -35,7 +35,7 @@ export function Cohorts({ groups }) {
       ${data?.cohorts.length > 0 && html`<div class="scroll"><table class="table">
         <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.who}</th><th scope="col" class="number">${words.people}</th><td></td></tr></thead>
         <tbody>${data.cohorts.map(cohort => html`<tr key=${cohort.id}>
-          <th scope="row">${cohort.name}<small class="code">${cohort.code}</small></th><td>${who(cohort)}</td>
+          <th scope="row">${cohort.name}<small class="code">${cohort.code}</small></th><td>${describeCohort(cohort)}</td>
           <td class="number">${cohort.people}</td>
           <td><${RowButtons} item=${cohort} onEdit=${change} onRemove=${() => setOpen({ removing: cohort })} /></td></tr>`)}</tbody>
       </table></div>`}
@@ -46,7 +46,7 @@ export function Cohorts({ groups }) {
     </section>`;
 }
 
-function described(cohort, groups) {
+function describe(cohort, groups) {
   if (cohort.listed) return words.listed;
   const group = groups.find(one => one.id === cohort.group)?.name;
   const parts = [t.trainees.levels[cohort.level], cohort.handedness && `${words.hand}: ${t.trainees.hands[cohort.handedness]}`, group];
@@ -60,14 +60,14 @@ const fields = ({ cohort, members = [] }, { trainees }, groups) => [
   { name: 'name', label: words.name, required: true, maxlength: 100, value: cohort?.name },
   { name: 'code', label: words.code, hint: t.trainees.codeHint, maxlength: 60, value: cohort?.code },
   { name: 'kind', label: words.kind, type: 'select', options: Object.entries(words.kinds), value: cohort?.listed ? 'listed' : 'described', wide: true },
-  { name: 'level', label: words.level, type: 'select', options: any(t.trainees.levels), value: cohort?.level ?? '', when: isDescribed },
-  { name: 'handedness', label: words.hand, type: 'select', options: any(t.trainees.hands), value: cohort?.handedness ?? '', when: isDescribed },
+  { name: 'level', label: words.level, type: 'select', options: withAny(t.trainees.levels), value: cohort?.level ?? '', when: isDescribed },
+  { name: 'handedness', label: words.hand, type: 'select', options: withAny(t.trainees.hands), value: cohort?.handedness ?? '', when: isDescribed },
   { name: 'group', label: words.group, type: 'select', options: [['', words.any], ...groups.map(one => [one.id, one.name])],
     value: cohort?.group ?? '', when: isDescribed },
   { name: 'members', label: words.members, type: 'checks', options: trainees.map(one => [one.id, one.name]), value: members, when: isListed },
 ];
 
-/** A list or a description, never both. */
-function asked({ kind, name, code, members, ...described }) {
-  return kind === 'listed' ? { name, code, members } : { name, code, ...described };
+/** A cohort is a list or a description, never both. */
+function cohortRequest({ kind, name, code, members, ...description }) {
+  return kind === 'listed' ? { name, code, members } : { name, code, ...description };
 }

@@ -1,4 +1,4 @@
-// What people say about seconds of a recording. A click goes there; a new one is pinned to where the recording stands.
+// Comments on moments of a recording. A click goes to the moment; a new comment is pinned to the current one.
 import { html, useEffect, useId, useRef, useState } from './preact.js';
 import { api } from '../api.js';
 import { asProblem, useData } from '../data.js';
@@ -6,13 +6,13 @@ import { clock, dateTime } from '../format.js';
 import { t } from '../texts.js';
 import { Confirm } from './dialog.js';
 import { ProblemNotice } from './notice.js';
-import { Jump } from './seconds.js';
+import { StretchButton } from './evidence.js';
 
 const words = t.session.comments;
 
 export function Comments({ session, playback, rated }) {
   const { data, problem, reload } = useData(signal => api.sessions.comments(session.id, signal), [session.id, rated]);
-  const [leaving, setLeaving] = useState(null);
+  const [withdrawing, setWithdrawing] = useState(null);
   return html`
     <section class="card">
       <header><h2>${words.title}</h2></header>
@@ -23,30 +23,30 @@ export function Comments({ session, playback, rated }) {
         ${data?.items.length > 0 && html`<ul class="comments">
           ${data.items.map(comment => html`
             <li key=${comment.id}>
-              <${Jump} stretch=${comment} playback=${playback} />
+              <${StretchButton} stretch=${comment} playback=${playback} />
               <div>
                 <p class="said">${comment.text}</p>
                 <p class="small muted">${comment.own ? words.you : (comment.who ?? words.gone)} · ${
                   dateTime(comment.created_at)}</p>
               </div>
               ${comment.own && html`<button class="button bare" type="button" aria-label=${words.withdrawThis(comment.text)}
-                onClick=${() => setLeaving(comment)}>${words.withdraw}</button>`}
+                onClick=${() => setWithdrawing(comment)}>${words.withdraw}</button>`}
             </li>`)}
         </ul>`}
-        <${Add} session=${session} playback=${playback} onAdded=${reload} />
+        <${CommentForm} session=${session} playback=${playback} onAdded=${reload} />
       </div>
-      ${leaving && html`<${Confirm} title=${words.withdrawTitle} body=${leaving.text} yes=${words.withdraw}
-        onYes=${() => api.sessions.withdraw(session.id, leaving.id).then(reload)} onClose=${() => setLeaving(null)} />`}
+      ${withdrawing && html`<${Confirm} title=${words.withdrawTitle} body=${withdrawing.text} yes=${words.withdraw}
+        onYes=${() => api.sessions.withdraw(session.id, withdrawing.id).then(reload)} onClose=${() => setWithdrawing(null)} />`}
     </section>`;
 }
 
-function Add({ session, playback, onAdded }) {
+function CommentForm({ session, playback, onAdded }) {
   const [busy, setBusy] = useState(false);
   const [problem, setProblem] = useState(null);
   const [at, setAt] = useState(0);
   const text = useRef(null);
   const id = useId();
-  // A second is enough for the button's words: more often would repaint it at every picture.
+  // Steps of 0.1 s are enough for the button's label: it is not rendered again at every picture.
   useEffect(() => playback.onTick(({ time }) => setAt(Math.floor(time * 10) / 10)), [playback]);
   const save = async event => {
     event.preventDefault();

@@ -19,7 +19,7 @@ export function Dialog({ title, onClose, children }) {
     </dialog>`;
 }
 
-/** Asks before something that cannot be undone; the harmless answer has the focus. */
+/** Asks before an action that cannot be undone; the harmless button has the focus. */
 export function Confirm({ title, body, yes, no = t.form.cancel, onYes, onClose }) {
   const [problem, setProblem] = useState(null);
   const act = () => onYes().then(onClose, error => setProblem(asProblem(error)));

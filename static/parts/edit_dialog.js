@@ -1,4 +1,4 @@
-// Asks for the reason of an edit, says what it will do, and makes it.
+// Asks for the reason of an edit, says what it will do, and submits it.
 import { html } from './preact.js';
 import { api } from '../api.js';
 import { t } from '../texts.js';

@@ -1,4 +1,4 @@
-// What is changed about a session: trimmed, tools' names exchanged, set aside. By whom, when and why, and how to undo it.
+// The edits of a session: trims, swapped tool names, set aside. Who made each, when and why, and how to undo it.
 import { html, useState } from './preact.js';
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
@@ -12,10 +12,12 @@ import { Prose } from './prose.js';
 
 const words = t.session.edits;
 
-/** `edits`: the answer of `GET edits`; `onEdited()` after each change; `tools`: the names of the session's tools. */
+/**
+ * `edits`: the answer of `GET edits`; `onEdited()` runs after each change; `tools`: the names of the session's tools.
+ */
 export function Edits({ session, person, edits, playback, tools, onEdited }) {
   const { marked } = useMarked(playback);
-  const [asked, setAsked] = useState(null);
+  const [dialogKind, setDialogKind] = useState(null);
   const [problem, setProblem] = useState(null);
   if (!edits) return null;
   const mayEdit = may(person, 'edit_sessions');
@@ -31,39 +33,39 @@ export function Edits({ session, person, edits, playback, tools, onEdited }) {
         <${Score} edits=${edits} mayEdit=${mayEdit} onAgain=${onEdited} />
         ${mayEdit && html`
           <div class="row">
-            ${scored && html`<button class="button" type="button" disabled=${!marked} onClick=${() => setAsked('trim')}>${
+            ${scored && html`<button class="button" type="button" disabled=${!marked} onClick=${() => setDialogKind('trim')}>${
               marked ? words.trim(spanName(marked)) : words.kinds.trim}</button>`}
             ${scored && tools.length > 1 && html`<button class="button" type="button" disabled=${!marked}
-              onClick=${() => setAsked('swap')}>${marked ? words.swap(spanName(marked)) : words.kinds.swap}</button>`}
-            ${!session.set_aside && html`<button class="button" type="button" onClick=${() => setAsked('set_aside')}>${
+              onClick=${() => setDialogKind('swap')}>${marked ? words.swap(spanName(marked)) : words.kinds.swap}</button>`}
+            ${!session.set_aside && html`<button class="button" type="button" onClick=${() => setDialogKind('set_aside')}>${
               words.kinds.set_aside}</button>`}
           </div>
           ${scored && !marked && html`<p class="small muted">${words.markFirst}</p>`}`}
         ${inForce.length > 0 && html`<ul class="edit-list">${inForce.map(edit => html`
-          <li key=${edit.id}><${Told} edit=${edit} />
-            ${mayEdit && html`<button class="button" type="button" aria-label=${words.undoThis(saying(edit))}
+          <li key=${edit.id}><${EditEntry} edit=${edit} />
+            ${mayEdit && html`<button class="button" type="button" aria-label=${words.undoThis(editText(edit))}
               onClick=${() => undo(edit)}>${words.undo}</button>`}</li>`)}</ul>`}
         ${undone.length > 0 && html`<details class="small"><summary>${words.undone(undone.length)}</summary>
-          <ul class="edit-list">${undone.map(edit => html`<li key=${edit.id}><${Told} edit=${edit} /></li>`)}</ul></details>`}
+          <ul class="edit-list">${undone.map(edit => html`<li key=${edit.id}><${EditEntry} edit=${edit} /></li>`)}</ul></details>`}
       </div>
-      ${asked && html`<${EditDialog} kind=${asked} session=${session} span=${marked} tools=${tools} revision=${edits.revision}
-        onDone=${() => (setAsked(null), playback.mark(0, 0), onEdited())} onClose=${() => setAsked(null)} />`}
+      ${dialogKind && html`<${EditDialog} kind=${dialogKind} session=${session} span=${marked} tools=${tools} revision=${edits.revision}
+        onDone=${() => (setDialogKind(null), playback.mark(0, 0), onEdited())} onClose=${() => setDialogKind(null)} />`}
     </section>`;
 }
 
-/** What it does, in words. */
-const saying = ({ kind, from_s: from, to_s: to, tools }) =>
+/** The effect of an edit, in words. */
+const editText = ({ kind, from_s: from, to_s: to, tools }) =>
   words.says[kind](from === null ? '' : spanName([from, to]), tools ?? []);
 
-const Told = ({ edit }) => html`
+const EditEntry = ({ edit }) => html`
   <div>
-    <strong>${saying(edit)}</strong>
+    <strong>${editText(edit)}</strong>
     <p class="said">${edit.why}</p>
     <p class="small muted">${edit.who ?? words.gone}, ${dateTime(edit.created_at)}${edit.undone &&
       ` · ${words.undoneBy(edit.undone.who ?? words.gone, dateTime(edit.undone.at))}`}</p>
   </div>`;
 
-/** Between an edit and its score the old numbers are shown, and that is said. */
+/** Between an edit and its score, the old numbers are shown, and the notice says so. */
 function Score({ edits, mayEdit, onAgain }) {
   if (edits.score === 'current') return null;
   if (edits.score !== 'failed') return html`<${Notice} title=${words.making}>${words.makingBody}<//>`;
@@ -72,7 +74,7 @@ function Score({ edits, mayEdit, onAgain }) {
   return html`<${ProblemNotice} problem=${{ title: words.failed, detail: why }} onRetry=${again} />`;
 }
 
-/** At the head of a page of a session that counts in nothing. */
+/** At the head of the page of a session that does not count. */
 export function SetAside({ session, edits }) {
   if (!session.set_aside) return null;
   const edit = edits?.items.find(one => one.kind === 'set_aside' && !one.undone);

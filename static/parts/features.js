@@ -1,15 +1,18 @@
 // The features of a session: one row per feature, one column per tool, "not enough" in words instead of a number.
 import { html, useState } from './preact.js';
 import { number, unit } from '../format.js';
-import { t, theirs } from '../texts.js';
+import { serviceLang, t } from '../texts.js';
 import { Empty } from './notice.js';
-import { PlaceChooser, PlaceOf } from './places.js';
-import { keyOf, Stretches } from './seconds.js';
+import { CohortChooser, CohortPlace } from './cohort_places.js';
+import { featureKey, Stretches } from './evidence.js';
 import { withError } from './with_error.js';
 
 const words = t.session;
 
-/** `[name, title, family, unit, {tool → feature}]`, in the order in which the service tells them; live features have no space. */
+/**
+ * One row per feature, in the order of the service: `{ name, title, family, unit, byTool: { tool → feature } }`. Live
+ * features have no space.
+ */
 export function featureRows(features, space) {
   const rows = new Map();
   for (const feature of features.filter(feature => feature.space === space)) {
@@ -32,12 +35,12 @@ export function Features({ features, live, tools, places, withheld, evidence, pl
   if (withheld) return html`<${Empty} title=${words.withheld} body=${words.withheldBody} />`;
   if (!features?.length) return html`<${Empty} title=${words.noFeatures} body=${words.noFeaturesBody} />`;
   const rows = featureRows(features, space);
-  const shared = rows.some(row => row.byTool.has(null));
-  const columns = [...tools, ...(shared ? [null] : [])];
+  const hasSessionFeatures = rows.some(row => row.byTool.has(null));
+  const columns = [...tools, ...(hasSessionFeatures ? [null] : [])];
   const general = generalReasons(rows);
-  const toldLive = new Map(space === '3d' ? featureRows(live ?? []).map(row => [row.name, row.byTool]) : []);
+  const liveRows = new Map(space === '3d' ? featureRows(live ?? []).map(row => [row.name, row.byTool]) : []);
   const spaces = ['3d', 'image'].filter(name => features.some(feature => feature.space === name));
-  /** Shows a feature's seconds and goes to the weightiest of them. */
+  /** Shows a feature's stretches and goes to the first, which contributed most. */
   const toggle = (row, first) => {
     setOpen(open === row.name ? null : row.name);
     if (open !== row.name && first) playback.show(first.from_s, first.to_s);
@@ -48,9 +51,9 @@ export function Features({ features, live, tools, places, withheld, evidence, pl
         ${spaces.map(name => html`<button key=${name} class="button" type="button" aria-pressed=${space === name}
           onClick=${() => setSpace(name)}>${name === '3d' ? words.space3d : words.image}</button>`)}
       </div>`}
-    <${PlaceChooser} places=${places} />
-    ${toldLive.size > 0 && html`<p class="small muted chooser">${words.liveDiffers}</p>`}
-    ${general.map(why => html`<p key=${why} class="small muted chooser" lang=${theirs}>${why}</p>`)}
+    <${CohortChooser} places=${places} />
+    ${liveRows.size > 0 && html`<p class="small muted chooser">${words.liveDiffers}</p>`}
+    ${general.map(why => html`<p key=${why} class="small muted chooser" lang=${serviceLang}>${why}</p>`)}
     <div class="scroll" tabindex="0" role="region" aria-label=${words.features}>
       <table class="table dense">
         <thead>
@@ -70,9 +73,9 @@ export function Features({ features, live, tools, places, withheld, evidence, pl
                 <th scope="row"><${Title} row=${row} space=${space} evidence=${evidence} open=${open === row.name}
                   onToggle=${stretch => toggle(row, stretch)} />${whyNot(row)
                   .filter(why => !general.includes(why))
-                  .map(why => html`<small key=${why} lang=${theirs}>${why}</small>`)}</th>
+                  .map(why => html`<small key=${why} lang=${serviceLang}>${why}</small>`)}</th>
                 ${columns.map(tool => html`<td key=${tool} class="number"><${Value}
-                  feature=${row.byTool.get(tool)} told=${places.told} /><${Live} feature=${toldLive.get(row.name)?.get(tool)} /></td>`)}
+                  feature=${row.byTool.get(tool)} answer=${places.answer} /><${LiveValue} feature=${liveRows.get(row.name)?.get(tool)} /></td>`)}
                 <td class="unit">${unit(row.unit)}</td>
               </tr>
               ${open === row.name && html`
@@ -86,16 +89,16 @@ export function Features({ features, live, tools, places, withheld, evidence, pl
     </div>`;
 }
 
-const rowOf = (evidence, row, tool, space) => evidence?.get(keyOf(row.name, tool, space));
+const rowOf = (evidence, row, tool, space) => evidence?.get(featureKey(row.name, tool, space));
 
-/** A feature with seconds is a button that shows them. */
+/** A feature with stretches is a button that shows them. */
 function Title({ row, space, evidence, open, onToggle }) {
   const rows = [...row.byTool.keys()].map(tool => rowOf(evidence, row, tool, space)).filter(Boolean);
-  const told = rows.filter(of => of.stretches.length);
-  if (!rows.some(of => of.stretches.length || of.none?.reason === 'nothing_stands_out')) return row.title;
+  const withStretches = rows.filter(evidenceRow => evidenceRow.stretches.length);
+  if (!rows.some(evidenceRow => evidenceRow.stretches.length || evidenceRow.none?.reason === 'nothing_stands_out')) return row.title;
   return html`<button class="feature-of" type="button" aria-expanded=${open}
-    title=${told.length ? words.evidence.show : words.evidence.none.nothing_stands_out}
-    onClick=${() => onToggle(told[0]?.stretches[0])}>${row.title}</button>`;
+    title=${withStretches.length ? words.evidence.show : words.evidence.none.nothing_stands_out}
+    onClick=${() => onToggle(withStretches[0]?.stretches[0])}>${row.title}</button>`;
 }
 
 /** `[family, rows]`, each in the order of its first row. */
@@ -105,8 +108,10 @@ export function families(rows) {
   return [...heads];
 }
 
-/** The reasons stand under the title, where there is room; the cell only says that there is no number. One that holds for every tool
- *  names none. */
+/**
+ * Why values are missing, shown under the title, where there is space; the cell only says that there is no number. A
+ * reason that holds for every tool names none.
+ */
 function whyNot(row) {
   const features = [...row.byTool.values()];
   const missing = features.filter(isMissing);
@@ -114,7 +119,7 @@ function whyNot(row) {
   return isSame ? [missing[0].not_enough] : missing.map(feature => [feature.tool, feature.not_enough].filter(Boolean).join(': '));
 }
 
-/** A reason of most rows, as that a tool was never seen, is said once above the table. */
+/** A reason of most rows, such as a tool that was never seen, is shown once above the table. */
 function generalReasons(rows) {
   const counts = new Map();
   for (const why of rows.flatMap(whyNot)) counts.set(why, (counts.get(why) ?? 0) + 1);
@@ -123,27 +128,30 @@ function generalReasons(rows) {
 
 const isMissing = feature => feature.value === null || feature.value === undefined;
 
-function Value({ feature, told }) {
+function Value({ feature, answer }) {
   if (!feature) return '';
   if (isMissing(feature)) return html`<span class="not-enough">${words.notEnough}</span>`;
   const [value, half] = feature.error && !feature.no_error ? withError(feature.value, feature.error) : [number(feature.value)];
-  return html`${value}<${Off} feature=${feature} half=${half} /><${Limit} feature=${feature} /><${PlaceOf}
-    feature=${feature} told=${told} />`;
+  return html`${value}<${Uncertainty} feature=${feature} half=${half} /><${Limit} feature=${feature} /><${CohortPlace}
+    feature=${feature} answer=${answer} />`;
 }
 
-/** How far the value may be off: half of what 95 of 100 sessions lie in. What the range ends at is no bound of the error. */
-function Off({ feature: { error, no_error: why }, half }) {
+/**
+ * The uncertainty of the value: half of the range that holds 95 of 100 sessions. The ends of the range do not bound the
+ * error.
+ */
+function Uncertainty({ feature: { error, no_error: why }, half }) {
   if (why) return html`<small class="off" title=${words.offUnknown(why)}>${words.off('?')}</small>`;
   if (!error) return '';
-  const told = words.offMeans(number(error.low), number(error.high));
-  return html`<small class="off" title=${told} aria-label=${told}>${words.off(half)}</small>`;
+  const explanation = words.offMeans(number(error.low), number(error.high));
+  return html`<small class="off" title=${explanation} aria-label=${explanation}>${words.off(half)}</small>`;
 }
 
-/** What the standard asks for, and whether it was kept. */
+/** The limit of the standard, and whether it was met. */
 const Limit = ({ feature: { target, judgement } }) => target && html`
   <small class=${`limit ${judgement}`}>${t.report.limits[target.better](number(target.limit))}<span class="unseen">: ${
     t.report.judgements[judgement]}</span></small>`;
 
-/** What was told while the recording arrived. */
-const Live = ({ feature }) => feature && html`
+/** The value shown while the recording arrived. */
+const LiveValue = ({ feature }) => feature && html`
   <small class="told-live">${words.toldLive(isMissing(feature) ? words.notEnough : number(feature.value))}</small>`;

@@ -1,10 +1,10 @@
-// Forms from a list of fields: labels, hints, the server's problem where the eyes are, and no double sending.
+// Forms from a list of fields: labels, hints, the server's problem inside the form, and no double submission.
 import { html, useId, useRef, useState } from './preact.js';
 import { asProblem } from '../data.js';
 import { t } from '../texts.js';
 import { ProblemNotice } from './notice.js';
 
-/** One labelled input. `type`: text, password, number, date…, file, select (`options: [value, words][]`), textarea, checks. */
+/** One labelled input. `type`: text, password, number, date…, file, select (`options: [value, text][]`), textarea, checks. */
 export function Field({
   name,
   label,
@@ -53,8 +53,8 @@ const Checks = ({ name, label, hint, options, value = [] }) => html`
   </fieldset>`;
 
 /**
- * Calls `onSave(values, form)` and shows what the server says against it. A field with `when(chosen)` is there only if
- * that holds; `chosen` has the value of every select.
+ * Calls `onSave(values, form)` and shows the problem if the service refuses. A field with `when(chosen)` is shown only
+ * while that holds; `chosen` has the value of every select.
  */
 export function Form({ fields, onSave, onCancel, submit = t.form.save, busyWords = t.form.saving, danger, children }) {
   const [busy, setBusy] = useState(false);
@@ -91,10 +91,10 @@ export function Form({ fields, onSave, onCancel, submit = t.form.save, busyWords
     </form>`;
 }
 
-/** Where nearly everything is needed, the few fields that are not are marked. A select says it by its first choice. */
+/** Most fields are required, so the few optional ones are marked. A select shows it by its first option. */
 const isOptional = ({ required, type }) => !required && type !== 'select' && type !== 'checks';
 
-/** What was typed: empty optional fields are left out, numbers are numbers, files are files. */
+/** The form's values: empty optional fields are left out, numbers are numbers, files are files. */
 function valuesOf(form, fields) {
   const data = new FormData(form);
   const values = {};

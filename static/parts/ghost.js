@@ -1,4 +1,5 @@
-// Another session of the same trainee and task, drawn pale under this one and in time with it: their best, or one chosen.
+// A ghost: another session of the same trainee and task, drawn pale under this one and in time with it: the best, or a
+// chosen one.
 import { html, useEffect, useMemo, useState } from './preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
@@ -8,10 +9,10 @@ import { t } from '../texts.js';
 import { buildTrack, firstSeen } from './track.js';
 
 const words = t.session.ghost;
-/** Rows of a tool: a path that lies under another need not be finer. */
+/** Rows per tool: a path that lies under another need not be finer. */
 const POINTS = 3000;
 
-/** The other sessions that may be compared with, the newest first, and which of them is the best by the first feature. */
+/** The other sessions that can be compared, newest first, and the best of them by the first feature. */
 function othersOf(progress, session) {
   const series = progress?.features[0];
   const valueOf = number => series?.points.find(point => point.session === number)?.value ?? null;
@@ -25,30 +26,30 @@ function othersOf(progress, session) {
   return { series, others, best };
 }
 
-/** `{ chooser, ghost }`: `ghost` is `{ track, shift, session }` once another session is chosen and here. */
+/** `{ chooser, ghost }`: `ghost` is `{ track, shift, session }` once another session is chosen and loaded. */
 export function useGhost(session, track) {
   const [id, setId] = useState('');
   const { data: progress } = useData(
     signal => (track && session.trainee ? api.trainees.progress(session.trainee.id, { task: session.task.id }, signal) : null),
     [session.id, Boolean(track)],
   );
-  const among = useMemo(() => othersOf(progress, session), [progress]);
+  const candidates = useMemo(() => othersOf(progress, session), [progress]);
   const [rows, setRows] = useState(null);
   useEffect(() => {
     if (!id) return void setRows(null);
-    const ending = new AbortController();
-    api.sessions.trajectory(id, { points: POINTS }, ending.signal).then(
+    const controller = new AbortController();
+    api.sessions.trajectory(id, { points: POINTS }, controller.signal).then(
       path => setRows({ id, path }),
       error => error.name !== 'AbortError' && setRows({ id, problem: error }),
     );
-    return () => ending.abort();
+    return () => controller.abort();
   }, [id]);
   const ghost = useMemo(() => {
     if (!track || !rows?.path?.columns.frame.length || rows.id !== id) return null;
     const other = buildTrack(rows.path);
-    return { track: other, shift: firstSeen(other) - firstSeen(track), session: among.others.find(one => one.id === id) };
+    return { track: other, shift: firstSeen(other) - firstSeen(track), session: candidates.others.find(one => one.id === id) };
   }, [rows, track, id]);
-  return { ghost, chooser: { ...among, id, setId, problem: rows?.problem, isLoading: Boolean(id) && rows?.id !== id } };
+  return { ghost, chooser: { ...candidates, id, setId, problem: rows?.problem, isLoading: Boolean(id) && rows?.id !== id } };
 }
 
 export function GhostChooser({ chooser: { series, others, best, id, setId, problem, isLoading } }) {

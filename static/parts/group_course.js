@@ -1,4 +1,4 @@
-// The course of a group: which plan it follows, how far everybody is, and a dialog to choose another.
+// The course of a group: the plan that it follows, the progress of its trainees, and a dialog to choose another plan.
 import { html, useState } from './preact.js';
 import { api } from '../api.js';
 import { useData, useThrottled } from '../data.js';
@@ -12,9 +12,9 @@ import { Form } from './form.js';
 import { Empty, Loading, ProblemNotice } from './notice.js';
 
 const words = t.courses;
-const AGAIN_MS = 3_000;
+const RELOAD_MS = 3_000;
 
-/** `plans`: those that can be chosen. `onChange()`: the group follows another plan, or none. */
+/** `plans`: those that can be chosen. `onChange()` runs when the group follows another plan, or none. */
 export function GroupCourse({ group, plans, onChange }) {
   const [open, setOpen] = useState(null);
   const close = () => setOpen(null);
@@ -29,7 +29,7 @@ export function GroupCourse({ group, plans, onChange }) {
           <button class="button bare" type="button" aria-label=${words.endOf(course.name)} onClick=${() => setOpen('end')}>${words.end}</button>
         </div>`}
       </header>
-      ${course ? html`<${Followed} group=${group} key=${`${course.id} ${course.begins}`} />` : plans.length ? html`
+      ${course ? html`<${CourseProgress} group=${group} key=${`${course.id} ${course.begins}`} />` : plans.length ? html`
         <${Empty} title=${words.notFollowed} body=${words.notFollowedBody}>
           <button class="button" type="button" onClick=${() => setOpen('choose')}>${words.follow}</button><//>` : html`
         <${Empty} title=${words.notFollowed} body=${words.noneBody}><a class="button" href=${href(['courses', 'new'])}>${words.add}</a><//>`}
@@ -39,16 +39,16 @@ export function GroupCourse({ group, plans, onChange }) {
       onYes=${() => api.groups.unfollow(group.id).then(onChange)} onClose=${close} />`}`;
 }
 
-function Followed({ group }) {
+function CourseProgress({ group }) {
   const { data, problem, reload } = useData(signal => api.groups.course(group.id, signal), [group.id, group.trainees.join()]);
-  const soon = useThrottled(reload, AGAIN_MS);
-  useLive('session', event => event.status === 'done' && soon());
-  useLive('resync', soon);
+  const reloadSoon = useThrottled(reload, RELOAD_MS);
+  useLive('session', event => event.status === 'done' && reloadSoon());
+  useLive('resync', reloadSoon);
   return html`
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     ${!data && !problem && html`<${Loading} />`}
     ${data?.rows.length === 0 && html`<${Empty} title=${t.groups.empty} body=${words.empty} />`}
-    ${data?.rows.length > 0 && html`<${CourseTable} told=${data} />`}
+    ${data?.rows.length > 0 && html`<${CourseTable} course=${data} />`}
     ${data?.more && html`<p class="body small muted">${t.groups.more(data.rows.length)}</p>`}`;
 }
 
@@ -63,7 +63,7 @@ function FollowDialog({ group, plans, onSaved, onClose }) {
   return html`<${Dialog} title=${words.follow} onClose=${onClose}><${Form} fields=${fields} onSave=${save} onCancel=${onClose} /><//>`;
 }
 
-/** The day on the device, as an input for dates wants it. */
+/** Today's date on the device, as a date input takes it. */
 function today() {
   const now = new Date();
   return [now.getFullYear(), now.getMonth() + 1, now.getDate()].map(part => String(part).padStart(2, '0')).join('-');

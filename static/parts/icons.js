@@ -1,4 +1,4 @@
-// Line icons, drawn here: 24-unit grid, one stroke width. They are decoration; the words beside them carry the meaning.
+// Line icons on a 24-unit grid with one stroke width. They are decoration; the text beside them carries the meaning.
 import { html } from './preact.js';
 
 const icon =
@@ -35,7 +35,7 @@ export const icons = {
   globe: icon(['M12 21a9 9 0 1 0 0-18 9 9 0 0 0 0 18z', 'M3 12h18', 'M12 3c5 5 5 13 0 18', 'M12 3c-5 5-5 13 0 18']),
 };
 
-/** The sign of the product: a tube with its tape band and tip. */
+/** The logo of the product: a tube with its tape band and tip. */
 export const Brand = ({ size = 28 }) => html`
   <svg width=${size} height=${size} viewBox="0 0 32 32" aria-hidden="true" focusable="false">
     <rect width="32" height="32" rx="7" fill="#0b5c63" />

@@ -1,4 +1,4 @@
-// The path that another tracker measured, as a session without a video.
+// Imports the path that another tracker measured, as a session without a video.
 import { html, useRef, useState } from './preact.js';
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
@@ -6,11 +6,11 @@ import { href } from '../router.js';
 import { t } from '../texts.js';
 import { Field } from './form.js';
 import { Notice, ProblemNotice } from './notice.js';
-import { Need } from './target.js';
+import { TargetNeeded } from './recording_target.js';
 
 const words = t.importing;
 
-/** `target`: for whom, of what and where, as chosen on the page. */
+/** `target`: trainee, task and box, as chosen on the page. */
 export function ImportTable({ target }) {
   const [file, tracker, when] = [useRef(null), useRef(null), useRef(null)];
   const [state, setState] = useState({});
@@ -20,9 +20,9 @@ export function ImportTable({ target }) {
     const table = file.current.files[0];
     setState({ busy: true });
     const recorded_at = when.current.value ? new Date(when.current.value).toISOString() : undefined;
-    const about = { ...target.ids, tracker: tracker.current.value.trim(), filename: table.name, recorded_at };
+    const query = { ...target.ids, tracker: tracker.current.value.trim(), filename: table.name, recorded_at };
     try {
-      setState({ session: await api.sessions.importTable(about, await table.text()) });
+      setState({ session: await api.sessions.importTable(query, await table.text()) });
       file.current.value = '';
     } catch (error) {
       setState({ problem: asProblem(error) });
@@ -39,7 +39,7 @@ export function ImportTable({ target }) {
             <${Field} label=${words.tracker} hint=${words.trackerHint} required maxlength="40" inputRef=${tracker} />
             <${Field} type="datetime-local" label=${words.when} hint=${words.whenHint} inputRef=${when} />
           </div>
-          ${state.needs && !target.ids && html`<${Need} />`}
+          ${state.needs && !target.ids && html`<${TargetNeeded} />`}
           <${ProblemNotice} problem=${state.problem} />
           ${state.session && html`<${Notice} tone="good" title=${words.done}><a href=${href(['sessions', state.session.id])}>${words.open}</a><//>`}
           <div><button class="button main" type="submit" disabled=${state.busy}>${state.busy ? words.sending : words.send}</button></div>

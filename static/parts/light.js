@@ -1,12 +1,15 @@
-// Has the light moved while a session arrives? Judged as the whole recording will be.
+// Whether the light has changed while a session arrives, judged with the limits for whole recordings.
 import { percent } from '../format.js';
 import { t } from '../texts.js';
 
 const words = t.watch.light;
-/** `Cause::Exposure`, `Cause::WhiteBalance` in src/pipeline/quality/limits.rs; src/http/dashboard.rs has a test of it. */
-const MOST_EXPOSURE = 0.15;
-const MOST_WHITE_BALANCE = 4;
-/** Codes that the shares of `chroma_shift` are of, as in src/pipeline/quality/session.rs. */
+/**
+ * `QualityCause::Exposure` and `QualityCause::WhiteBalance` in src/pipeline/quality/limits.rs; a test in src/http/dashboard.rs
+ * compares them.
+ */
+const MAX_EXPOSURE = 0.15;
+const MAX_WHITE_BALANCE = 4;
+/** The number of codes that `chroma_shift` is a share of, as in src/pipeline/quality/session.rs. */
 const CODES = 224;
 
 /** What is wrong with the light, in words; null while nothing is. */
@@ -16,8 +19,8 @@ export function lightFault(light) {
   const codes = CODES * Math.hypot(...light.chroma_shift);
   const whole = percent(Math.round(100 * Math.abs(change)) / 100);
   const faults = [
-    Math.abs(change) > MOST_EXPOSURE && (change > 0 ? words.brighter : words.darker)(whole),
-    codes > MOST_WHITE_BALANCE && words.colour,
+    Math.abs(change) > MAX_EXPOSURE && (change > 0 ? words.brighter : words.darker)(whole),
+    codes > MAX_WHITE_BALANCE && words.colour,
   ].filter(Boolean);
   return faults.length ? { title: faults.join(', '), advice: words.advice } : null;
 }

@@ -1,4 +1,4 @@
-// The picture of a box as it arrives, and over it what was seen on that very frame.
+// The picture of a box as it arrives, with the overlay of that very frame.
 import { html, useEffect, useRef } from './preact.js';
 import { t } from '../texts.js';
 import { drawOverlay } from './overlay.js';
@@ -21,27 +21,27 @@ export function LiveScreen({ watch, name, show = ALL }) {
     };
     const resize = new ResizeObserver(draw);
     resize.observe(screen.current);
-    const end = watch.onTick(draw);
-    return () => (end(), resize.disconnect());
+    const unsubscribe = watch.onTick(draw);
+    return () => (unsubscribe(), resize.disconnect());
   }, [watch]);
-  const said = wordsOf(watch);
+  const notice = noticeText(watch);
   return html`
     <div ref=${screen} class=${`screen live ${watch.isFresh ? '' : 'stale'}`}>
       <canvas ref=${picture} role="img" aria-label=${name}></canvas>
       <canvas ref=${overlay} aria-hidden="true"></canvas>
-      ${said && html`<p class="words" role="status">${said}</p>`}
+      ${notice && html`<p class="words" role="status">${notice}</p>`}
     </div>`;
 }
 
-/** Setting a canvas's size clears it, so that is done only when the size is another. */
+/** Setting a canvas's size clears it, so it is set only when the size changes. */
 function drawPicture(canvas, bitmap) {
   const { width, height } = bitmap;
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
   canvas.getContext('2d', { alpha: false }).drawImage(bitmap, 0, 0);
 }
 
-/** What stands in the way of a picture that is true now. */
-function wordsOf({ state, track, why }) {
+/** Why no current picture is shown, in words; null if one is. */
+function noticeText({ state, track, why }) {
   if (state !== 'live') return words.states[state];
   if (why) return words.notTracked(why);
   return track?.frames ? null : words.begins;

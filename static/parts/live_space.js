@@ -8,8 +8,8 @@ import { drawFloor, drawPath, drawTip } from './space_painter.js';
 import { MISSING } from './track.js';
 
 const words = t.session;
-const ZOOM = 1.1; // Moving tips are followed best large; the corners of their space are seldom visited.
-const FADES = [0.15, 0.3, 0.5, 0.75, 1]; // From the oldest part of a path to the newest.
+const ZOOM = 1.1; // Moving tips are easier to follow when large; they seldom reach the corners of their space.
+const FADE_ALPHAS = [0.15, 0.3, 0.5, 0.75, 1]; // From the oldest part of a path to the newest.
 
 export function LiveSpace({ watch }) {
   const canvas = useRef(null);
@@ -17,22 +17,22 @@ export function LiveSpace({ watch }) {
   const draw = useRef(() => {});
   useEffect(() => {
     let pending = 0;
-    const now = () => watch.track && paint(canvas.current, watch.track, orbit);
-    const soon = () => (pending ||= requestAnimationFrame(() => ((pending = 0), now())));
-    draw.current = soon;
-    const resize = new ResizeObserver(soon);
+    const paintNow = () => watch.track && paint(canvas.current, watch.track, orbit);
+    const repaintSoon = () => (pending ||= requestAnimationFrame(() => ((pending = 0), paintNow())));
+    draw.current = repaintSoon;
+    const resize = new ResizeObserver(repaintSoon);
     resize.observe(canvas.current);
-    const ends = [
-      watch.onTick(now), // It is a repaint already.
-      connectOrbit(canvas.current, orbit, soon),
-      onThemeChange(soon),
+    const cleanups = [
+      watch.onTick(paintNow), // Runs in a repaint already.
+      connectOrbit(canvas.current, orbit, repaintSoon),
+      onThemeChange(repaintSoon),
       () => resize.disconnect(),
       () => cancelAnimationFrame(pending),
     ];
-    return () => ends.forEach(end => end());
+    return () => cleanups.forEach(cleanup => cleanup());
   }, [watch]);
-  const look = view => {
-    orbit.look(view);
+  const showView = view => {
+    orbit.setView(view);
     draw.current();
   };
   return html`
@@ -41,7 +41,7 @@ export function LiveSpace({ watch }) {
         <h2>${t.watch.space}</h2>
         <div class="row" role="group" aria-label=${words.space}>
           ${Object.entries(VIEWS).map(([name, view]) => html`<button key=${name} class="button" type="button"
-            onClick=${() => look(view)}>${words.views[name]}</button>`)}
+            onClick=${() => showView(view)}>${words.views[name]}</button>`)}
         </div>
       </header>
       <div class="space"><canvas ref=${canvas} tabindex="0" role="img" aria-label=${words.spaceName}
@@ -52,34 +52,34 @@ export function LiveSpace({ watch }) {
 function paint(canvas, track, orbit) {
   const { pen, width, height } = fitCanvas(canvas);
   if (!width) return;
-  const place = orbit.projection(track.bounds, width, height);
+  const project = orbit.projection(track.bounds, width, height);
   pen.lineCap = pen.lineJoin = 'round';
-  drawFloor(pen, track.bounds, place);
-  for (const tool of track.tools) drawFading(pen, track, tool, place);
-  for (const tool of track.tools) drawPlumb(pen, track, tool, place);
-  for (const tool of track.tools) drawTip(pen, tool, track.last, place);
+  drawFloor(pen, track.bounds, project);
+  for (const tool of track.tools) drawFading(pen, track, tool, project);
+  for (const tool of track.tools) drawPlumb(pen, track, tool, project);
+  for (const tool of track.tools) drawTip(pen, tool, track.last, project);
 }
 
-function drawFading(pen, track, tool, place) {
+function drawFading(pen, track, tool, project) {
   const rows = track.frames - track.first;
-  FADES.forEach((alpha, part) => {
-    const [from, to] = [part, part + 1].map(at => track.first + Math.floor((rows * at) / FADES.length));
+  FADE_ALPHAS.forEach((alpha, part) => {
+    const [from, to] = [part, part + 1].map(at => track.first + Math.floor((rows * at) / FADE_ALPHAS.length));
     pen.globalAlpha = alpha;
-    drawPath(pen, track, tool, place, { from: Math.max(track.first, from - 1), to }); // Parts join.
+    drawPath(pen, track, tool, project, { from: Math.max(track.first, from - 1), to }); // The parts join.
   });
   pen.globalAlpha = 1;
 }
 
-/** Where the tip is over the floor: on a flat screen depth is told by it alone. */
-function drawPlumb(pen, { last, bounds }, tool, place) {
+/** Shows where the tip is over the floor: on a flat screen, nothing else shows the depth. */
+function drawPlumb(pen, { last, bounds }, tool, project) {
   if (last < 0 || tool.state[last] === MISSING || !Number.isFinite(tool.x_mm[last])) return;
   const [x, y, z] = [tool.x_mm[last], tool.y_mm[last], tool.z_mm[last]];
-  const foot = place(x, y, bounds.ends[2][1]);
+  const foot = project(x, y, bounds.ends[2][1]);
   pen.strokeStyle = pen.fillStyle = colour('--line-strong');
   pen.lineWidth = 1;
   pen.setLineDash([3, 4]);
   pen.beginPath();
-  pen.moveTo(...place(x, y, z));
+  pen.moveTo(...project(x, y, z));
   pen.lineTo(...foot);
   pen.stroke();
   pen.setLineDash([]);

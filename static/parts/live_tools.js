@@ -1,4 +1,4 @@
-// How each tool stands while a session arrives: its state, large enough to be read across a room, and where its tip is.
+// The state of each tool while a session arrives, large enough to be read from a distance, and the position of its tip.
 import { html, useEffect, useReducer, useRef } from './preact.js';
 import { fixed } from '../format.js';
 import { t } from '../texts.js';
@@ -7,26 +7,26 @@ import { Announce } from './notice.js';
 import { ToolMark } from './readouts.js';
 
 const words = t.watch;
-const LOOKS = {
+const STYLES = {
   seen: { tone: 'good', icon: icons.good },
   bridged: { tone: 'busy', icon: icons.bridge },
   left_view: { tone: 'warn', icon: icons.leave },
   lost: { tone: 'bad', icon: icons.warning },
   unknown: { tone: '', icon: icons.info },
 };
-/** Numbers are written so often and no more: faster ones cannot be read. */
-const EVERY_MS = 100;
+/** Numbers are updated at this interval, ms: faster ones cannot be read. */
+const UPDATE_MS = 100;
 
-/** The state that is shown: what was told last is not known any more when nothing comes. */
-export const stateOf = (watch, tool) => (watch.isFresh && tool.told.state) || 'unknown';
+/** The state to show. When nothing arrives any more, the last state is not valid: unknown. */
+export const toolStateOf = (watch, tool) => (watch.isFresh && tool.shown.state) || 'unknown';
 
-/** Renders the component again when the state or the reason of a tool is another. */
+/** Renders the component again when the state or the reason of a tool changes. */
 export function useToolStates(watch) {
   const [, render] = useReducer(count => count + 1, 0);
   useEffect(() => {
     let before = '';
     return watch.onTick(() => {
-      const now = watch.track?.tools.map(({ told }) => `${told.state} ${told.reason} ${told.spoken}`).join();
+      const now = watch.track?.tools.map(({ shown }) => `${shown.state} ${shown.reason} ${shown.spoken}`).join();
       if (now === before) return;
       before = now;
       render();
@@ -34,18 +34,18 @@ export function useToolStates(watch) {
   }, [watch]);
 }
 
-/** A tool's state as a sign and a word. */
+/** A tool's state as an icon and a word. */
 export function ToolState({ state }) {
-  const { tone, icon: Icon } = LOOKS[state];
+  const { tone, icon: Icon } = STYLES[state];
   return html`<span class=${`pill sign ${tone}`}><${Icon} size="18" />${words.tool[state]}</span>`;
 }
 
 export function LiveTools({ watch }) {
   useToolStates(watch);
   const { track } = watch;
-  const spoken = watch.isFresh && track.tools.filter(tool => tool.told.spoken);
+  const spoken = watch.isFresh && track.tools.filter(tool => tool.shown.spoken);
   return html`
-    <${Announce}>${spoken && spoken.map(tool => words.spoken(tool.name, words.tool[tool.told.spoken])).join(' ')}<//>
+    <${Announce}>${spoken && spoken.map(tool => words.spoken(tool.name, words.tool[tool.shown.spoken])).join(' ')}<//>
     <div class="live-tools">
       ${track.tools.map(tool => html`<${Tool} key=${tool.name} tool=${tool} watch=${watch} />`)}
     </div>
@@ -53,7 +53,7 @@ export function LiveTools({ watch }) {
 }
 
 function Tool({ tool, watch }) {
-  const state = stateOf(watch, tool);
+  const state = toolStateOf(watch, tool);
   const cells = useRef({});
   useEffect(() => {
     const write = (name, value, digits) => (cells.current[name].textContent = fixed(value, digits));
@@ -67,11 +67,11 @@ function Tool({ tool, watch }) {
   }, [watch, tool]);
   const cell = name => element => (cells.current[name] = element);
   return html`
-    <section class=${`card live-tool ${LOOKS[state].tone}`} aria-label=${tool.name}>
+    <section class=${`card live-tool ${STYLES[state].tone}`} aria-label=${tool.name}>
       <header><h2 class="tool"><${ToolMark} tool=${tool} />${tool.name}</h2></header>
       <div class="how">
         <strong><${Sign} state=${state} />${words.tool[state]}</strong>
-        <p class="small">${why(state, tool.told.reason)}</p>
+        <p class="small">${why(state, tool.shown.reason)}</p>
       </div>
       <table class="position">
         <tbody>
@@ -87,16 +87,16 @@ function Tool({ tool, watch }) {
 }
 
 function Sign({ state }) {
-  const Icon = LOOKS[state].icon;
+  const Icon = STYLES[state].icon;
   return html`<${Icon} size="24" />`;
 }
 
 /** Why a tool is not seen, or what its state means. */
 function why(state, reason) {
   if (state === 'left_view') return words.leftView;
-  const told = reason && (t.session.reasons[reason] ?? reason);
-  if (state === 'lost') return told ? words.because(told) : words.nowhere;
-  if (state === 'bridged') return told ? words.because(told) : words.byMotion;
+  const reasonText = reason && (t.session.reasons[reason] ?? reason);
+  if (state === 'lost') return reasonText ? words.because(reasonText) : words.nowhere;
+  if (state === 'bridged') return reasonText ? words.because(reasonText) : words.byMotion;
   return words.means[state];
 }
 
@@ -121,12 +121,12 @@ function Distance({ watch }) {
 
 const plusMinus = sigma => (Number.isFinite(sigma) ? `± ${fixed(sigma, 1)}` : '');
 
-/** As often as numbers can be read, and once more when nothing comes any more. */
+/** Calls `write` as often as numbers can be read, and once more when nothing arrives any more. */
 function onReadable(watch, write) {
   let [writtenAt, wasFresh] = [-Infinity, null];
   return watch.onTick(() => {
     const now = performance.now();
-    if (now - writtenAt < EVERY_MS && watch.isFresh === wasFresh) return;
+    if (now - writtenAt < UPDATE_MS && watch.isFresh === wasFresh) return;
     [writtenAt, wasFresh] = [now, watch.isFresh];
     write(watch);
   });

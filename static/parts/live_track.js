@@ -1,25 +1,28 @@
-// The last seconds of a session that arrives, in the shape from which overlay and space are drawn (`track.js`). Arrays do
-// not grow: when they are full, their newer half moves to the front.
-import { boundsRound } from './space_painter.js';
+// The last seconds of a session that arrives, in the shape that overlay and space are drawn from (`track.js`). Arrays
+// do not grow: when they are full, their newer half moves to the front.
+import { boundsAround } from './space_painter.js';
 import { BREAK_S, emptyTool, MISSING, OBSERVED, PREDICTED } from './track.js';
 
 const WINDOW_S = 10;
-const ROOM = 2400; // Rows: 10 s twice, at 120 frames a second.
-const AROUND_MM = 30; // Room round the first tip.
+const CAPACITY = 2400; // Rows: 10 s twice, at 120 frames a second.
+const MARGIN_MM = 30; // Space around the first tip.
 const STATES = { seen: OBSERVED, bridged: PREDICTED };
 const FIELDS = ['x_mm', 'y_mm', 'z_mm', 'speed', 'tip_u_px', 'tip_v_px', 'sigma_xy_mm', 'sigma_z_mm'];
-/** What changes from frame to frame cannot be read: so long a state, a reason, and what is spoken must last. */
+/**
+ * Values that change from frame to frame cannot be read: a state, a reason and what is announced last at least this
+ * long.
+ */
 const HOLD_S = { state: 0.15, reason: 1, spoken: 1 };
 
 export class LiveTrack {
   /** The window is rows `first` to `frames − 1`. */
   first = 0;
   frames = 0;
-  times = new Float64Array(ROOM);
-  numbers = new Float64Array(ROOM);
-  /** Between two tips, with its standard deviation, mm. */
+  times = new Float64Array(CAPACITY);
+  numbers = new Float64Array(CAPACITY);
+  /** The distance between two tips, with its standard deviation, mm. */
   distance = null;
-  bounds = boundsRound([
+  bounds = boundsAround([
     [-50, 50],
     [-50, 50],
     [100, 200],
@@ -27,11 +30,11 @@ export class LiveTrack {
   #extent = null;
 
   constructor({ width, height, tools }) {
-    Object.assign(this, { width, height, tools: tools.map(toolOf) });
+    Object.assign(this, { width, height, tools: tools.map(newTool) });
   }
 
-  /** Is it the same picture with the same tools? Then a connection that comes back goes on with this path. */
-  fits({ width, height, tools }) {
+  /** Whether picture size and tools are the same: a restored connection then continues this path. */
+  matches({ width, height, tools }) {
     const names = this.tools.map(tool => tool.name);
     return this.width === width && this.height === height && tools?.join() === names.join();
   }
@@ -44,7 +47,7 @@ export class LiveTrack {
     return this.frames ? this.times[this.last] : NaN;
   }
 
-  /** The row of a frame; of a frame that is not in the window, the last. */
+  /** The row of a frame; the last row if the frame is not in the window. */
   rowOf(number) {
     let row = this.last;
     while (row > this.first && this.numbers[row] > number) row--;
@@ -55,11 +58,11 @@ export class LiveTrack {
     if (this.frames && time_s - this.time > BREAK_S) this.#add(frame - 1, this.time, null);
     this.#add(frame, time_s, tools);
     this.distance = distance_mm;
-    tools.forEach((seen, index) => this.tools[index]?.told.hear(seen, time_s));
+    tools.forEach((seen, index) => this.tools[index]?.shown.update(seen, time_s));
   }
 
   #add(number, time, seen) {
-    if (this.frames === ROOM) this.#makeRoom();
+    if (this.frames === CAPACITY) this.#compact();
     const row = this.frames++;
     this.times[row] = time;
     this.numbers[row] = number;
@@ -70,8 +73,8 @@ export class LiveTrack {
     while (this.times[this.first] < time - WINDOW_S) this.first++;
   }
 
-  #makeRoom() {
-    const half = ROOM / 2;
+  #compact() {
+    const half = CAPACITY / 2;
     const arrays = tool => [tool.state, tool.reason, tool.borderA, tool.borderB, ...FIELDS.map(field => tool[field])];
     for (const array of [this.times, this.numbers, ...this.tools.flatMap(arrays)]) array.copyWithin(0, half);
     this.frames = half;
@@ -82,46 +85,46 @@ export class LiveTrack {
   #extend(tip) {
     if (this.#extent?.every(([low, high], axis) => low <= tip[axis] && tip[axis] <= high)) return;
     this.#extent = tip.map((at, axis) => {
-      const [low, high] = this.#extent?.[axis] ?? [at - AROUND_MM, at + AROUND_MM];
+      const [low, high] = this.#extent?.[axis] ?? [at - MARGIN_MM, at + MARGIN_MM];
       return [Math.min(low, at), Math.max(high, at)];
     });
-    this.bounds = boundsRound(this.#extent);
+    this.bounds = boundsAround(this.#extent);
   }
 }
 
-function toolOf(name, index) {
-  const tool = emptyTool(name, index, ROOM);
-  for (const field of ['sigma_xy_mm', 'sigma_z_mm']) tool[field] = new Float64Array(ROOM).fill(NaN);
-  return Object.assign(tool, { told: new Told() });
+function newTool(name, index) {
+  const tool = emptyTool(name, index, CAPACITY);
+  for (const field of ['sigma_xy_mm', 'sigma_z_mm']) tool[field] = new Float64Array(CAPACITY).fill(NaN);
+  return Object.assign(tool, { shown: new ShownState() });
 }
 
 function fill(tool, row, seen) {
   tool.state[row] = STATES[seen?.state] ?? MISSING;
   tool.reason[row] = seen?.state === 'left_view' ? 'left_view' : (seen?.reason ?? null);
   [tool.borderA[row], tool.borderB[row]] = seen?.borders_px ?? [null, null];
-  const px = seen?.state === 'seen' ? seen.tip_px : null; // What was found and not believed is no tip.
+  const px = seen?.state === 'seen' ? seen.tip_px : null; // A tip that was found and rejected is not shown.
   const { tip_mm: tip = null, speed_mm_s: speed = null, sigma_mm: sigma = null } = seen ?? {};
   const values = [tip ?? [NaN, NaN, NaN], speed ?? NaN, px ?? [NaN, NaN], sigma ?? [NaN, NaN]];
   values.flat().forEach((value, at) => (tool[FIELDS[at]][row] = value));
 }
 
-/** How a tool stands, in words that stay long enough to be read: `state`, `reason`, and `spoken` for screen readers. */
-class Told {
+/** A tool's state, held long enough to be read: `state`, `reason`, and `spoken` for screen readers. */
+class ShownState {
   state = null;
   reason = null;
   spoken = null;
   #since = { state: 0, reason: 0, spoken: 0 };
   #next = { state: null, spoken: null };
 
-  hear({ state, reason }, time) {
-    const changed = this.#settle('state', state, time);
-    this.#settle('spoken', state, time);
+  update({ state, reason }, time) {
+    const changed = this.#holdSteady('state', state, time);
+    this.#holdSteady('spoken', state, time);
     if (state !== this.state || (!changed && time - this.#since.reason < HOLD_S.reason)) return;
     this.reason = reason;
     this.#since.reason = time;
   }
 
-  #settle(what, state, time) {
+  #holdSteady(what, state, time) {
     if (this.#next[what] !== state) [this.#next[what], this.#since[what]] = [state, time];
     if (this[what] === state) return false;
     if (this[what] !== null && time - this.#since[what] < HOLD_S[what]) return false;

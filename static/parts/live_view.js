@@ -1,8 +1,8 @@
-// A session while it arrives: picture, state of the tools, tips in space, features so far, light, place of the camera.
+// A session while it arrives: picture, states of the tools, tips in space, features so far, light, camera position.
 import { html, useEffect, useRef } from './preact.js';
 import { clock, number, unit } from '../format.js';
 import { t } from '../texts.js';
-import { useWatch } from '../watch.js';
+import { useLiveWatch } from '../watch.js';
 import { featureRows } from './features.js';
 import { icons } from './icons.js';
 import { lightFault } from './light.js';
@@ -15,7 +15,7 @@ import { placementFault } from './placement.js';
 const words = t.watch;
 
 export function LiveView({ session, onClosed }) {
-  const watch = useWatch(session.id, onClosed);
+  const watch = useLiveWatch(session.id, onClosed);
   const { track } = watch;
   return html`
     <div class=${`live-view ${watch.why ? 'alone' : ''}`}>
@@ -23,8 +23,8 @@ export function LiveView({ session, onClosed }) {
         <section class="card">
           <${LiveScreen} watch=${watch} name=${words.picture(session.box?.name)} />
           <div class="live-bar">
-            <${Line} watch=${watch} />
-            ${track && html`<div class="row"><${Light} watch=${watch} /><${Placed} watch=${watch} /></div>`}
+            <${ConnectionPill} watch=${watch} />
+            ${track && html`<div class="row"><${LightState} watch=${watch} /><${PlacementState} watch=${watch} /></div>`}
             <${Elapsed} watch=${watch} />
           </div>
         </section>
@@ -43,30 +43,30 @@ export function LiveView({ session, onClosed }) {
 
 const TONES = { live: 'good', untracked: 'warn', waiting: 'warn', silent: 'warn', broken: 'bad', ended: 'busy' };
 
-/** How the line stands, in one word. */
-export function Line({ watch: { state, why, track } }) {
-  const told = why ? 'untracked' : track?.frames ? 'live' : 'begins';
-  const line = state === 'live' ? told : state;
-  return html`<span class=${`pill ${TONES[line] ?? ''}`}>${words.line[line]}</span>`;
+/** The state of the connection, in one word. */
+export function ConnectionPill({ watch: { state, why, track } }) {
+  const liveState = why ? 'untracked' : track?.frames ? 'live' : 'begins';
+  const connection = state === 'live' ? liveState : state;
+  return html`<span class=${`pill ${TONES[connection] ?? ''}`}>${words.line[connection]}</span>`;
 }
 
-/** Whether the light is what it was at first. */
-export const Light = ({ watch: { isFresh, light } }) => html`<${Steady} icon=${icons.sun} fault=${isFresh && lightFault(light)}
-  told=${words.light[isFresh && light ? 'steady' : 'unknown']} />`;
+/** Whether the light is as it was at first. */
+export const LightState = ({ watch: { isFresh, light } }) => html`<${SteadyCheck} icon=${icons.sun} fault=${isFresh && lightFault(light)}
+  steadyText=${words.light[isFresh && light ? 'steady' : 'unknown']} />`;
 
 /** Whether camera and ports are where they were in earlier recordings. */
-export const Placed = ({ watch: { isFresh, placement, track } }) => html`<${Steady} icon=${icons.camera}
+export const PlacementState = ({ watch: { isFresh, placement, track } }) => html`<${SteadyCheck} icon=${icons.camera}
   fault=${isFresh && placementFault(placement, track.tools)}
-  told=${words.placement[isFresh && placement ? 'steady' : 'unknown']} />`;
+  steadyText=${words.placement[isFresh && placement ? 'steady' : 'unknown']} />`;
 
-/** A word on what should stay as it is, or what is wrong with it. */
-function Steady({ icon: Icon, fault, told }) {
-  if (!fault) return html`<span class="light small muted"><${Icon} size="18" />${told}</span>`;
+/** One word on a condition that should stay as it is, or what is wrong with it. */
+function SteadyCheck({ icon: Icon, fault, steadyText }) {
+  if (!fault) return html`<span class="light small muted"><${Icon} size="18" />${steadyText}</span>`;
   return html`<span class="light notice warn" role="status"><${icons.warning} /><span><strong>${fault.title}</strong>
     ${' '}<span class="small">${fault.advice}</span></span></span>`;
 }
 
-/** How long the recording is by now. */
+/** The length of the recording so far. */
 export function Elapsed({ watch }) {
   const element = useRef(null);
   useEffect(
@@ -80,7 +80,7 @@ export function Elapsed({ watch }) {
   return html`<span class="elapsed" role="timer" aria-label=${words.elapsed} ref=${element}></span>`;
 }
 
-/** Features by tool. Too little to tell is said so: a zero would be a lie. */
+/** Features by tool. Too little data is said in words: a zero would be wrong. */
 export function LiveFeatures({ features }) {
   if (!features.length) return html`<${Empty} title=${words.noFeatures} body=${words.noFeaturesBody} />`;
   const tools = [...new Set(features.map(feature => feature.tool))];
@@ -97,12 +97,12 @@ export function LiveFeatures({ features }) {
         ${featureRows(features).map(row => html`
           <tr key=${row.name}>
             <th scope="row">${row.title}</th>
-            ${tools.map(tool => html`<td key=${tool} class="number">${told(row.byTool.get(tool)?.value)}</td>`)}
+            ${tools.map(tool => html`<td key=${tool} class="number">${liveValue(row.byTool.get(tool)?.value)}</td>`)}
             <td class="unit">${unit(row.unit)}</td>
           </tr>`)}
       </tbody>
     </table>`;
 }
 
-const told = value =>
+const liveValue = value =>
   Number.isFinite(value) ? number(value) : html`<span class="not-enough">${words.tooLittle}</span>`;

@@ -1,10 +1,10 @@
-// What a page says when there is nothing, nothing yet, or something went wrong.
+// What a page shows when it is empty, loading or has failed.
 import { html } from './preact.js';
 import { t } from '../texts.js';
 import { icons } from './icons.js';
 import { Prose } from './prose.js';
 
-const words = ({ detail, lang }) => (typeof detail === 'string' ? html`<${Prose} text=${detail} lang=${lang} />` : detail);
+const detailOf = ({ detail, lang }) => (typeof detail === 'string' ? html`<${Prose} text=${detail} lang=${lang} />` : detail);
 
 /** A problem: what happened (title) and what to do (detail). */
 export function ProblemNotice({ problem, onRetry, onDismiss }) {
@@ -14,7 +14,7 @@ export function ProblemNotice({ problem, onRetry, onDismiss }) {
       <${icons.warning} />
       <div>
         <strong>${problem.title}</strong>
-        ${problem.detail && html`<p>${words(problem)}</p>`}
+        ${problem.detail && html`<p>${detailOf(problem)}</p>`}
         ${onRetry && html`<p><button class="button" type="button" onClick=${onRetry}>${t.retry}</button></p>`}
       </div>
       ${onDismiss && html`<button class="button bare" type="button" aria-label=${t.problems.dismiss}
@@ -24,7 +24,7 @@ export function ProblemNotice({ problem, onRetry, onDismiss }) {
 
 const TONE_ICON = { good: icons.good, busy: icons.info, warn: icons.warning, bad: icons.warning };
 
-/** News that is no error. Announced politely; `quiet` ones, in which a number runs, are not. */
+/** A message that is not an error. Announced politely, except `quiet` ones, whose numbers change often. */
 export const Notice = ({ tone = 'busy', title, quiet, children }) => {
   const Icon = TONE_ICON[tone];
   return html`
@@ -44,10 +44,10 @@ export const Empty = ({ title, body, children }) => html`
 
 export const Loading = () => html`<div class="loading" role="status">${t.loading}</div>`;
 
-/** Words for screen readers alone, said when they change. */
+/** Text for screen readers only, announced when it changes. */
 export const Announce = ({ children }) => html`<div class="unseen" role="status" aria-live="polite">${children}</div>`;
 
-/** The head of a page: its one h1, a line of what it is for, and its main actions. */
+/** The head of a page: its one h1, a sentence on its purpose, and its main actions. */
 export const PageHead = ({ title, lead, children }) => {
   document.title = `${title} – ${t.product}`;
   return html`

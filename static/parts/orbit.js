@@ -1,5 +1,6 @@
-// A small view into space: turn, zoom, project. The camera frame's x goes right, its depth z goes down, y comes towards us,
-// so that the box stands on the table as the trainee sees it and "as the camera" looks straight down into it.
+// A small view into space: rotate, zoom, project. The camera frame's x points right, its depth z down and y towards the
+// viewer, so that the box is upright as the trainee sees it, and the view "camera" looks straight down into
+// it.
 export const VIEWS = { camera: [0, Math.PI / 2], front: [0, 0.35], side: [Math.PI / 2, 0.35] };
 const START = [0.6, 0.5];
 const DISTANCE = 3.2;
@@ -17,11 +18,11 @@ export class Orbit {
     this.zoom = this.start;
   }
 
-  look([yaw, pitch]) {
+  setView([yaw, pitch]) {
     [this.yaw, this.pitch] = [yaw, pitch];
   }
 
-  turn(yaw, pitch) {
+  rotate(yaw, pitch) {
     this.yaw += yaw;
     this.pitch = Math.min(Math.PI / 2, Math.max(-Math.PI / 2, this.pitch + pitch));
   }
@@ -34,12 +35,14 @@ export class Orbit {
   projection(bounds, width, height) {
     const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
     const [x, y, z] = bounds.ends.map(([low, high]) => (high - low) / 2);
-    // Turning about the upright sweeps a circle: a cylinder that fits at this pitch, with room for labels, fits at any yaw.
+    // Rotation about the vertical sweeps a circle: a cylinder that fits at this pitch, with space for labels, fits at
+    // any yaw.
     const across = Math.hypot(x, y);
-    const grown = towardsUs => DISTANCE / (DISTANCE - towardsUs / bounds.radius); // By perspective.
-    const rims = [-across, across].flatMap(away => [-z, z].map(up => (up * cp + away * sp) * grown(up * sp - away * cp)));
+    // Near points appear larger.
+    const perspectiveScale = towardsUs => DISTANCE / (DISTANCE - towardsUs / bounds.radius);
+    const rims = [-across, across].flatMap(away => [-z, z].map(up => (up * cp + away * sp) * perspectiveScale(up * sp - away * cp)));
     const [below, above] = [-Math.min(...rims), Math.max(...rims)];
-    const fit = Math.min((width / 2 - MARGIN) / (across * grown(z * Math.abs(sp))), (height - 2 * MARGIN) / (below + above));
+    const fit = Math.min((width / 2 - MARGIN) / (across * perspectiveScale(z * Math.abs(sp))), (height - 2 * MARGIN) / (below + above));
     const size = this.zoom * Math.max(fit, 0.1);
     const middle = height / 2 + (size * (above - below)) / 2;
     return (px, py, pz) => {
@@ -54,11 +57,11 @@ export class Orbit {
   }
 }
 
-/** Mouse, pen, one or two fingers, wheel and keys. Returns what disconnects them. */
-export function connectOrbit(canvas, orbit, changed) {
+/** Connects mouse, pen, one or two fingers, wheel and keys. Returns a function that disconnects them. */
+export function connectOrbit(canvas, orbit, onChange) {
   const fingers = new Map();
   let spread = 0;
-  const apart = () => {
+  const fingerDistance = () => {
     const [a, b] = [...fingers.values()];
     return Math.hypot(a[0] - b[0], a[1] - b[1]);
   };
@@ -66,32 +69,32 @@ export function connectOrbit(canvas, orbit, changed) {
     pointerdown(event) {
       canvas.setPointerCapture(event.pointerId);
       fingers.set(event.pointerId, [event.clientX, event.clientY]);
-      if (fingers.size === 2) spread = apart();
+      if (fingers.size === 2) spread = fingerDistance();
     },
     pointermove(event) {
       const before = fingers.get(event.pointerId);
       if (!before) return;
       fingers.set(event.pointerId, [event.clientX, event.clientY]);
-      if (fingers.size === 1) orbit.turn((event.clientX - before[0]) * 0.01, (event.clientY - before[1]) * 0.01);
+      if (fingers.size === 1) orbit.rotate((event.clientX - before[0]) * 0.01, (event.clientY - before[1]) * 0.01);
       if (fingers.size === 2) {
-        orbit.scale(apart() / (spread || 1));
-        spread = apart();
+        orbit.scale(fingerDistance() / (spread || 1));
+        spread = fingerDistance();
       }
-      changed();
+      onChange();
     },
     pointerup: event => fingers.delete(event.pointerId),
     pointercancel: event => fingers.delete(event.pointerId),
     wheel(event) {
       event.preventDefault();
       orbit.scale(Math.exp(-event.deltaY * 0.001));
-      changed();
+      onChange();
     },
     keydown(event) {
       const keys = {
-        ArrowLeft: () => orbit.turn(-0.1, 0),
-        ArrowRight: () => orbit.turn(0.1, 0),
-        ArrowUp: () => orbit.turn(0, -0.1),
-        ArrowDown: () => orbit.turn(0, 0.1),
+        ArrowLeft: () => orbit.rotate(-0.1, 0),
+        ArrowRight: () => orbit.rotate(0.1, 0),
+        ArrowUp: () => orbit.rotate(0, -0.1),
+        ArrowDown: () => orbit.rotate(0, 0.1),
         '+': () => orbit.scale(1.15),
         '=': () => orbit.scale(1.15),
         '-': () => orbit.scale(1 / 1.15),
@@ -99,9 +102,9 @@ export function connectOrbit(canvas, orbit, changed) {
       };
       if (!keys[event.key] || event.ctrlKey || event.metaKey) return;
       event.preventDefault();
-      event.stopPropagation(); // Here the arrows turn the path; elsewhere on the page they move in time.
+      event.stopPropagation(); // Here the arrow keys rotate the path; elsewhere on the page they move in time.
       keys[event.key]();
-      changed();
+      onChange();
     },
   };
   for (const [name, handler] of Object.entries(handlers)) canvas.addEventListener(name, handler, { passive: false });

@@ -13,7 +13,7 @@ function pictureBox(width, height, pictureWidth, pictureHeight) {
   return { scale, left: (width - pictureWidth * scale) / 2, top: (height - pictureHeight * scale) / 2 };
 }
 
-/** Makes the canvas as fine as the screen; returns its size in CSS pixels. */
+/** Gives a canvas the resolution of the screen and clears it; returns its size in CSS pixels. */
 export function fitCanvas(canvas) {
   const { clientWidth: width, clientHeight: height } = canvas;
   const ratio = devicePixelRatio || 1;
@@ -25,42 +25,42 @@ export function fitCanvas(canvas) {
   return { pen, width, height };
 }
 
-/** `show`: which layers; `hidden`: tools that are switched off. */
+/** `show`: the layers to draw; `hidden`: the tools that are switched off. */
 export function drawOverlay(canvas, track, frame, { show, hidden, size }) {
   const { pen, width, height } = fitCanvas(canvas);
   const picture = { width: track.width ?? size?.width, height: track.height ?? size?.height };
   if (!picture.width || !width || !isExact(track, frame)) return;
   const box = pictureBox(width, height, picture.width, picture.height);
   // OpenCV counts from the centre of the first pixel, a canvas from its corner.
-  const place = (u, v) => [box.left + (u + 0.5) * box.scale, box.top + (v + 0.5) * box.scale];
+  const project = (u, v) => [box.left + (u + 0.5) * box.scale, box.top + (v + 0.5) * box.scale];
   pen.lineCap = pen.lineJoin = 'round';
-  const unseen = [];
+  const missing = [];
   for (const tool of track.tools) {
     if (hidden.has(tool.name)) continue;
-    if (show.path) drawPath(pen, track, tool, frame, place);
-    if (show.mask) drawMask(pen, tool, frame, place);
-    if (show.borders) drawBorders(pen, tool, frame, place);
-    if (show.midline) drawMidline(pen, tool, frame, place);
-    if (tool.state[frame] === MISSING) unseen.push(tool);
+    if (show.path) drawPath(pen, track, tool, frame, project);
+    if (show.mask) drawMask(pen, tool, frame, project);
+    if (show.borders) drawBorders(pen, tool, frame, project);
+    if (show.midline) drawMidline(pen, tool, frame, project);
+    if (tool.state[frame] === MISSING) missing.push(tool);
     if (tool.state[frame] === MISSING || Number.isNaN(tool.tip_u_px[frame])) continue;
-    const [x, y] = place(tool.tip_u_px[frame], tool.tip_v_px[frame]);
+    const [x, y] = project(tool.tip_u_px[frame], tool.tip_v_px[frame]);
     if (show.tip) drawTip(pen, tool, tool.state[frame] === PREDICTED, x, y);
     if (show.depth) drawDepth(pen, tool, frame, x, y, width);
   }
   if (show.tip)
-    unseen.forEach((tool, line) =>
-      write(
+    missing.forEach((tool, row) =>
+      drawText(
         pen,
         tool.bright,
         t.session.unseen(tool.name, whyUnseen(tool, frame)),
         box.left + 12,
-        box.top + 24 + 20 * line,
+        box.top + 24 + 20 * row,
       ),
     );
 }
 
 /** The last two seconds, older parts fainter; a gap stays a gap. */
-function drawPath(pen, track, tool, frame, place) {
+function drawPath(pen, track, tool, frame, project) {
   const start = track.times[frame] - PATH_S;
   pen.lineWidth = 2.5;
   pen.strokeStyle = tool.bright;
@@ -69,33 +69,33 @@ function drawPath(pen, track, tool, frame, place) {
     if (Number.isNaN(tool.tip_u_px[i]) || Number.isNaN(tool.tip_u_px[i - 1])) continue;
     pen.globalAlpha = 0.1 + (0.8 * (track.times[i] - start)) / PATH_S;
     pen.beginPath();
-    pen.moveTo(...place(tool.tip_u_px[i - 1], tool.tip_v_px[i - 1]));
-    pen.lineTo(...place(tool.tip_u_px[i], tool.tip_v_px[i]));
+    pen.moveTo(...project(tool.tip_u_px[i - 1], tool.tip_v_px[i - 1]));
+    pen.lineTo(...project(tool.tip_u_px[i], tool.tip_v_px[i]));
     pen.stroke();
   }
   pen.globalAlpha = 1;
 }
 
-function drawBorders(pen, tool, frame, place) {
+function drawBorders(pen, tool, frame, project) {
   for (const border of [tool.borderA[frame], tool.borderB[frame]]) {
     if (!border) continue;
     const [u1, v1, u2, v2] = border;
     pen.beginPath();
-    pen.moveTo(...place(u1, v1));
-    pen.lineTo(...place(u2, v2));
+    pen.moveTo(...project(u1, v1));
+    pen.lineTo(...project(u2, v2));
     strokeTwice(pen, tool.bright, 1.5);
   }
 }
 
-/** The band: what lies between both borders, from its distal to its proximal end. */
-function drawMask(pen, tool, frame, place) {
+/** The band: the area between both borders, from its distal to its proximal end. */
+function drawMask(pen, tool, frame, project) {
   const [a, b] = [tool.borderA[frame], tool.borderB[frame]];
   if (!a || !b) return;
   pen.beginPath();
-  pen.moveTo(...place(a[0], a[1]));
-  pen.lineTo(...place(a[2], a[3]));
-  pen.lineTo(...place(b[2], b[3]));
-  pen.lineTo(...place(b[0], b[1]));
+  pen.moveTo(...project(a[0], a[1]));
+  pen.lineTo(...project(a[2], a[3]));
+  pen.lineTo(...project(b[2], b[3]));
+  pen.lineTo(...project(b[0], b[1]));
   pen.closePath();
   pen.globalAlpha = 0.3;
   pen.fillStyle = tool.bright;
@@ -103,15 +103,15 @@ function drawMask(pen, tool, frame, place) {
   pen.globalAlpha = 1;
 }
 
-/** The middle between the borders, and on to the tip. */
-function drawMidline(pen, tool, frame, place) {
+/** The midline between the borders, extended to the tip. */
+function drawMidline(pen, tool, frame, project) {
   const [a, b] = [tool.borderA[frame], tool.borderB[frame]];
   if (!a || !b) return;
   const middle = [0, 1, 2, 3].map(at => (a[at] + b[at]) / 2);
   pen.beginPath();
-  pen.moveTo(...place(middle[2], middle[3]));
-  pen.lineTo(...place(middle[0], middle[1]));
-  if (Number.isFinite(tool.tip_u_px[frame])) pen.lineTo(...place(tool.tip_u_px[frame], tool.tip_v_px[frame]));
+  pen.moveTo(...project(middle[2], middle[3]));
+  pen.lineTo(...project(middle[0], middle[1]));
+  if (Number.isFinite(tool.tip_u_px[frame])) pen.lineTo(...project(tool.tip_u_px[frame], tool.tip_v_px[frame]));
   pen.setLineDash([6, 4]);
   strokeTwice(pen, tool.bright, 1.5);
   pen.setLineDash([]);
@@ -130,7 +130,7 @@ function drawTip(pen, tool, predicted, x, y) {
   pen.fill();
 }
 
-/** A tool's sign: circle, diamond, square or triangle. */
+/** The shape of a tool: circle, diamond, square or triangle. */
 export function outline(pen, shape, x, y, r) {
   pen.beginPath();
   if (shape === 'circle') return void pen.arc(x, y, r, 0, 2 * Math.PI);
@@ -146,30 +146,30 @@ export function outline(pen, shape, x, y, r) {
 function drawDepth(pen, tool, frame, x, y, width) {
   const z = tool.z_mm[frame];
   if (!Number.isFinite(z)) return;
-  const words = `z ${Math.round(z)} mm`;
+  const text = `z ${Math.round(z)} mm`;
   pen.font = FONT;
-  const room = pen.measureText(words).width + 18;
-  const left = x + room > width ? x - room : x + 14;
-  write(pen, tool.bright, words, left, y - 10);
+  const labelWidth = pen.measureText(text).width + 18;
+  const left = x + labelWidth > width ? x - labelWidth : x + 14;
+  drawText(pen, tool.bright, text, left, y - 10);
 }
 
-/** Bright words with a dark rim. */
-function write(pen, bright, words, x, y) {
+/** Bright text with a dark outline. */
+function drawText(pen, bright, text, x, y) {
   pen.font = FONT;
   pen.lineWidth = 3.5;
   pen.strokeStyle = HALO;
-  pen.strokeText(words, x, y);
+  pen.strokeText(text, x, y);
   pen.fillStyle = bright;
-  pen.fillText(words, x, y);
+  pen.fillText(text, x, y);
 }
 
-/** The tracker's reason for a frame without the tool, in words; empty where it gave none. */
+/** The tracker's reason why a tool is missing on a frame, in words; empty if it gave none. */
 export function whyUnseen(tool, frame) {
   const reason = tool.state[frame] === MISSING ? tool.reason[frame] : null;
   return reason ? (t.session.reasons[reason] ?? reason) : '';
 }
 
-/** A dark line below a bright one reads on any picture. */
+/** A dark line below a bright one is visible on any picture. */
 function strokeTwice(pen, bright, width) {
   pen.strokeStyle = HALO;
   pen.lineWidth = width + 2;
@@ -179,5 +179,5 @@ function strokeTwice(pen, bright, width) {
   pen.stroke();
 }
 
-/** The canvas colour of ordinary words, for parts that draw axes. */
-export const inkOf = () => ({ ink: colour('--ink'), muted: colour('--muted'), line: colour('--line') });
+/** The canvas colours of text and axes. */
+export const textColours = () => ({ ink: colour('--ink'), muted: colour('--muted'), line: colour('--line') });

@@ -1,4 +1,5 @@
-// The paths of the tips in space, coloured by speed or by tool, with the current tips. Turns with mouse, touch and keys.
+// The paths of the tips in space, coloured by speed or by tool, with the current tips. Rotates with mouse, touch and
+// keys.
 import { html, useEffect, useMemo, useRef, useState } from './preact.js';
 import { number } from '../format.js';
 import { onThemeChange } from '../theme.js';
@@ -23,23 +24,23 @@ export function Path3d({ track, playback, hidden, ghost }) {
       pending = 0;
       if (canvas.current) painter.paint(canvas.current, orbit, playback.frame);
     };
-    const repaint = () => (painter.forget(), soon());
-    const soon = () => (pending ||= requestAnimationFrame(paint)); // Many changes, one painting per repaint.
-    draw.current = soon;
-    const resize = new ResizeObserver(soon);
+    const repaintAll = () => (painter.invalidate(), repaintSoon());
+    const repaintSoon = () => (pending ||= requestAnimationFrame(paint)); // Many changes, one painting per repaint.
+    draw.current = repaintSoon;
+    const resize = new ResizeObserver(repaintSoon);
     resize.observe(canvas.current);
-    const ends = [
-      playback.onTick(soon),
-      connectOrbit(canvas.current, orbit, soon),
-      onThemeChange(repaint),
+    const cleanups = [
+      playback.onTick(repaintSoon),
+      connectOrbit(canvas.current, orbit, repaintSoon),
+      onThemeChange(repaintAll),
       () => resize.disconnect(),
       () => cancelAnimationFrame(pending),
     ];
-    return () => ends.forEach(end => end());
+    return () => cleanups.forEach(cleanup => cleanup());
   }, [track, hidden, by, ghost]);
 
-  const look = view => {
-    orbit.look(view);
+  const showView = view => {
+    orbit.setView(view);
     draw.current();
   };
   return html`
@@ -48,7 +49,7 @@ export function Path3d({ track, playback, hidden, ghost }) {
       <div class="row apart">
         <div class="row" role="group" aria-label=${words.space}>
           ${Object.entries(VIEWS).map(([name, view]) => html`<button key=${name} class="button" type="button"
-            onClick=${() => look(view)}>${words.views[name]}</button>`)}
+            onClick=${() => showView(view)}>${words.views[name]}</button>`)}
         </div>
         ${ways.length > 1 && html`<div class="row" role="group" aria-label=${words.colourBy}>
           ${ways.map(way => html`<button key=${way} class="button" type="button" aria-pressed=${by === way}

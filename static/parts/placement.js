@@ -1,10 +1,11 @@
-// Do camera and ports stand where they did in earlier recordings? The service judges it, as it will judge the whole recording.
+// Whether camera and ports are where they were in earlier recordings. The service judges it, as for the whole
+// recording.
 import { fixed } from '../format.js';
 import { t } from '../texts.js';
 
 const words = t.watch.placement;
 
-/** What stands elsewhere, in words; null where nothing does, or it is not known. */
+/** What has moved, in words; null if nothing has, or if it is not known. */
 export function placementFault(placement, tools) {
   if (!placement) return null;
   if (placement.camera) return { title: words.camera(fixed(placement.camera.mm, 0)), advice: words.cameraAdvice };

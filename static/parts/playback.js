@@ -1,8 +1,8 @@
-// The one clock of a session page. The video drives it, or, where the browser cannot play the recording, it runs by
-// itself. Overlay, curves and path draw when it ticks; nothing of that goes through component state.
+// The one clock of a session page. The video drives it; where the browser cannot play the recording, it runs by itself.
+// Overlay, curves and path draw when it ticks, without component state.
 import { frameAt } from './track.js';
 
-/** Seeking lands inside a frame, not on its edge, where rounding would show the frame before. */
+/** Seeks to a point inside a frame: at its edge, rounding would show the frame before. */
 const INSIDE = 0.3;
 
 export class Playback {
@@ -15,9 +15,9 @@ export class Playback {
     this.fallbackDuration = 0;
     this.watchers = new Set();
     this.marked = null;
-    /** Does it begin again where a marked stretch ends? */
+    /** Whether playback starts again at the end of a marked stretch. */
     this.looping = false;
-    this.lookers = new Set();
+    this.viewCallbacks = new Set();
   }
 
   /** Goes to a stretch and marks it in the curves. */
@@ -28,43 +28,43 @@ export class Playback {
     this.seek(from);
   }
 
-  /** Marks a stretch, or with nothing, none. */
+  /** Marks a stretch; an empty one removes the mark. */
   mark(from, to) {
     this.marked = to > from ? [Math.max(0, from), Math.min(to, this.duration)] : null;
     if (!this.marked) this.looping = false;
-    this.#tell();
+    this.#notify();
   }
 
-  /** Plays the marked stretch again and again, or does so no more. */
+  /** Plays the marked stretch again and again, or stops doing so. */
   loop(wanted) {
     this.looping = wanted && this.marked !== null;
     if (this.looping && (this.time < this.marked[0] || this.time >= this.marked[1])) this.seek(this.marked[0]);
     if (this.looping) this.play();
-    this.#tell();
+    this.#notify();
   }
 
-  /** Something that is drawn has changed without the moment. */
+  /** Draws again: something other than the time has changed. */
   refresh() {
-    this.#tell();
+    this.#notify();
   }
 
-  /** The same for somebody who wants to look at it: the picture comes into sight, wherever on the page they are. */
-  lookAt(from, to) {
+  /** As `show`, and also scrolls the picture into view, for people elsewhere on the page. */
+  showInView(from, to) {
     this.show(from, to);
-    for (const look of this.lookers) look();
+    for (const callback of this.viewCallbacks) callback();
   }
 
-  /** Calls `look()` when somebody wants to see the picture; returns what ends it. */
-  onLook(look) {
-    this.lookers.add(look);
-    return () => this.lookers.delete(look);
+  /** Calls `callback()` when the picture should come into view; returns a function that unsubscribes. */
+  onShowInView(callback) {
+    this.viewCallbacks.add(callback);
+    return () => this.viewCallbacks.delete(callback);
   }
 
-  /** Calls `watch(this)` on every new picture and change; returns what ends it. */
-  onTick(watch) {
-    this.watchers.add(watch);
-    watch(this);
-    return () => this.watchers.delete(watch);
+  /** Calls `watcher(this)` on every new picture and change; returns a function that unsubscribes. */
+  onTick(watcher) {
+    this.watchers.add(watcher);
+    watcher(this);
+    return () => this.watchers.delete(watcher);
   }
 
   get frame() {
@@ -79,14 +79,14 @@ export class Playback {
 
   attach(video) {
     this.video = video;
-    const follow = () => this.#moved(video.currentTime);
-    const state = () => {
+    const follow = () => this.#setTime(video.currentTime);
+    const syncPlaying = () => {
       this.playing = !video.paused;
-      this.#tell();
+      this.#notify();
     };
     const handlers = {
-      play: state,
-      pause: state,
+      play: syncPlaying,
+      pause: syncPlaying,
       seeked: follow,
       loadedmetadata: follow,
       timeupdate: () => video.paused && follow(),
@@ -100,30 +100,32 @@ export class Playback {
     };
   }
 
-  /** The exact time of each picture as it is shown; where the browser has no such call, the video's clock on each repaint. */
+  /**
+   * The exact time of each picture as it is shown; in browsers without that call, the video's clock on each repaint.
+   */
   #followFrames(video) {
     let handle;
     if (video.requestVideoFrameCallback) {
       const shown = (_, picture) => {
-        this.#moved(picture.mediaTime);
+        this.#setTime(picture.mediaTime);
         handle = video.requestVideoFrameCallback(shown);
       };
       handle = video.requestVideoFrameCallback(shown);
       return () => video.cancelVideoFrameCallback(handle);
     }
     const repaint = () => {
-      if (!video.paused) this.#moved(video.currentTime);
+      if (!video.paused) this.#setTime(video.currentTime);
       handle = requestAnimationFrame(repaint);
     };
     handle = requestAnimationFrame(repaint);
     return () => cancelAnimationFrame(handle);
   }
 
-  /** The recording cannot be played here: go on without it. */
+  /** The recording cannot be played here: runs without it. */
   withoutVideo(duration) {
     this.video = null;
     this.fallbackDuration = duration;
-    this.#tell();
+    this.#notify();
   }
 
   toggle() {
@@ -133,12 +135,13 @@ export class Playback {
 
   play() {
     if (this.time >= this.duration - 0.01) this.seek(0);
-    if (this.video) return void this.video.play().catch(() => {}); // Refused or replaced by a pause: the state stays "paused".
+    // Refused, or replaced by a pause: the state stays "paused".
+    if (this.video) return void this.video.play().catch(() => {});
     this.playing = true;
     let before = performance.now();
     const run = now => {
       if (!this.playing) return;
-      this.#moved(Math.min(this.duration, this.time + ((now - before) / 1000) * this.rate));
+      this.#setTime(Math.min(this.duration, this.time + ((now - before) / 1000) * this.rate));
       before = now;
       if (this.time >= this.duration) this.pause();
       else requestAnimationFrame(run);
@@ -149,19 +152,19 @@ export class Playback {
   pause() {
     if (this.video) return this.video.pause();
     this.playing = false;
-    this.#tell();
+    this.#notify();
   }
 
   setRate(rate) {
     this.rate = rate;
     if (this.video) this.video.playbackRate = rate;
-    this.#tell();
+    this.#notify();
   }
 
   seek(time) {
     const wanted = Math.min(Math.max(0, time), this.duration);
     if (this.video) this.video.currentTime = wanted;
-    this.#moved(wanted);
+    this.#setTime(wanted);
   }
 
   seekFrame(frame) {
@@ -170,7 +173,7 @@ export class Playback {
     const index = Math.min(Math.max(0, frame), last);
     const step = (this.times[last] - this.times[0]) / Math.max(1, last);
     this.seek(this.times[index] + step * INSIDE);
-    this.#moved(this.times[index]);
+    this.#setTime(this.times[index]);
   }
 
   step(frames) {
@@ -178,13 +181,13 @@ export class Playback {
     this.seekFrame(this.frame + frames);
   }
 
-  #moved(time) {
+  #setTime(time) {
     this.time = time;
     if (this.looping && this.playing && time >= Math.min(this.marked[1], this.duration - 0.05)) return this.seek(this.marked[0]);
-    this.#tell();
+    this.#notify();
   }
 
-  #tell() {
-    for (const watch of this.watchers) watch(this);
+  #notify() {
+    for (const watcher of this.watchers) watcher(this);
   }
 }

@@ -19,17 +19,17 @@ export function Player({ address, size, track, playback, hidden }) {
   const [unplayable, setUnplayable] = useState(false);
 
   useEffect(() => playback.attach(video.current), [address]);
-  useEffect(() => playback.onLook(() => screen.current.scrollIntoView({ block: 'nearest' })), []);
+  useEffect(() => playback.onShowInView(() => screen.current.scrollIntoView({ block: 'nearest' })), []);
   useEffect(() => {
     if (!track) return undefined;
     const draw = () => canvas.current && drawOverlay(canvas.current, track, playback.frame, { show, hidden, size });
     const resize = new ResizeObserver(draw);
     resize.observe(canvas.current);
-    const end = playback.onTick(draw);
-    return () => (end(), resize.disconnect());
+    const unsubscribe = playback.onTick(draw);
+    return () => (unsubscribe(), resize.disconnect());
   }, [track, show, hidden]);
 
-  const failed = () => {
+  const showUnplayable = () => {
     setUnplayable(true);
     playback.withoutVideo(track?.duration ?? 0);
   };
@@ -38,7 +38,7 @@ export function Player({ address, size, track, playback, hidden }) {
   return html`
     <div ref=${screen} class="player">
       <div class="screen" style=${{ aspectRatio: shape }}>
-        <video ref=${video} src=${address} preload="auto" playsinline muted aria-label=${words.video} onError=${failed}
+        <video ref=${video} src=${address} preload="auto" playsinline muted aria-label=${words.video} onError=${showUnplayable}
           onClick=${() => playback.toggle()}></video>
         <canvas ref=${canvas} aria-hidden="true"></canvas>
         ${unplayable && html`<p class="words" role="alert">${words.noVideo}</p>`}
@@ -54,21 +54,21 @@ export function Player({ address, size, track, playback, hidden }) {
     </div>`;
 }
 
-/** The controls alone: what was measured elsewhere has no picture, and is played all the same. */
+/** The controls alone: an imported session has no picture and can still be played. */
 export function Transport({ playback, onFull, children }) {
   const slider = useRef(null);
-  const reading = useRef(null);
+  const clockText = useRef(null);
   const [playing, setPlaying] = useState(false);
   const [rate, setRate] = useState(1);
 
-  // Written straight to the elements: component state at 60 pictures a second would repaint the whole part each time.
+  // Written straight to the elements: component state at 60 pictures a second would render the whole part each time.
   useEffect(
     () =>
       playback.onTick(({ time, frame, duration }) => {
         setPlaying(playback.playing);
         Object.assign(slider.current, { max: duration, value: time });
         slider.current.setAttribute('aria-valuetext', words.clock(clock(time), clock(duration)));
-        reading.current.textContent = `${words.clock(clock(time, 2), clock(duration, 2))} · ${words.frame(frame)}`;
+        clockText.current.textContent = `${words.clock(clock(time, 2), clock(duration, 2))} · ${words.frame(frame)}`;
       }),
     [],
   );
@@ -80,7 +80,7 @@ export function Transport({ playback, onFull, children }) {
   return html`
     <div class="transport">
       <input ref=${slider} type="range" min="0" step="0.01" aria-label=${words.timeline}
-        onInput=${event => playback.seek(Number(event.target.value))} onKeyDown=${ownKeys(playback)} />
+        onInput=${event => playback.seek(Number(event.target.value))} onKeyDown=${sliderKeys(playback)} />
       <div class="row apart">
         <div class="row">
           <button class="button" type="button" aria-label=${words.back} title=${`${words.back} (,)`}
@@ -89,7 +89,7 @@ export function Transport({ playback, onFull, children }) {
             ? words.pause : words.play} onClick=${toggle}><${playing ? icons.pause : icons.play} /></button>
           <button class="button" type="button" aria-label=${words.forward} title=${`${words.forward} (.)`}
             onClick=${() => playback.step(1)}><${icons.forward} /></button>
-          <span ref=${reading} class="clock"></span>
+          <span ref=${clockText} class="clock"></span>
         </div>
         ${children}
         <div class="row">
@@ -104,19 +104,19 @@ export function Transport({ playback, onFull, children }) {
     </div>`;
 }
 
-const SECOND = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -10, PageUp: 10 };
+const KEY_SECONDS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -10, PageUp: 10 };
 
-/** The slider's own steps of a hundredth of a second are of no use to anyone: arrows move by a second. */
-function ownKeys(playback) {
+/** The slider's own steps of a hundredth of a second are too small: arrow keys move by a second. */
+function sliderKeys(playback) {
   return event => {
-    if (!(event.key in SECOND)) return;
+    if (!(event.key in KEY_SECONDS)) return;
     event.preventDefault();
     event.stopPropagation();
-    playback.seek(playback.time + SECOND[event.key]);
+    playback.seek(playback.time + KEY_SECONDS[event.key]);
   };
 }
 
-/** Keys that work wherever the focus is, unless something there has a use for them itself. */
+/** Keys that work anywhere on the page, unless the focused element uses them itself. */
 export function pageKeys(playback) {
   return event => {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector('dialog[open]')) return;

@@ -1,11 +1,12 @@
-// x, y, z and speed over time, one curve per tool, with a line at the moment of the video. Click or drag goes there, with
-// Shift it marks a span. What was trimmed off is shaded; another session's curves lie under these, in time with them.
+// x, y, z and speed over time, one curve per tool, with a playhead at the time of the video. Clicking or dragging goes
+// there; with Shift it marks a span. Trimmed parts are shaded; another session's curves lie under these, in time with
+// them.
 import { html, useEffect, useRef, useState } from './preact.js';
 import { onThemeChange } from '../theme.js';
 import { clock, exact } from '../format.js';
 import { t } from '../texts.js';
 import { curves } from './curves.js';
-import { inkOf } from './overlay.js';
+import { textColours } from './overlay.js';
 
 const words = t.session;
 const AXES = [
@@ -15,16 +16,16 @@ const AXES = [
   ['speed', 'speed'],
 ];
 const HEIGHT = 132;
-/** How close to the ends of the shown span the line may come, as a share of the span. */
-const EDGE = 0.1;
-/** From here on the axis tells minutes. */
+/** How close to the ends of the shown span the playhead may come, as a share of the span. */
+const EDGE_SHARE = 0.1;
+/** From here on the axis shows minutes. */
 const MINUTES_FROM_S = 120;
-/** Pixels that a label of the time axis needs, before an hour and after it. */
+/** Pixels that a label of the time axis needs, below an hour and from an hour on. */
 const LABEL_PX = [50, 72];
 
-/** `kept`: the seconds that trims leave, or null. `loader` brings exact rows of what is shown. */
+/** `kept`: the seconds that trims leave, or null. `loader` loads the exact rows of the shown span. */
 export function Plots({ track, playback, hidden, span, kept, ghost, loader }) {
-  const places = useRef({});
+  const containers = useRef({});
   const [uPlot, setLibrary] = useState(null);
   const [theme, setTheme] = useState(0);
   useEffect(() => void import('../vendor/uplot/uPlot.esm.js').then(module => setLibrary(() => module.default)), []);
@@ -35,22 +36,22 @@ export function Plots({ track, playback, hidden, span, kept, ghost, loader }) {
     const shown = { track, playback, span, kept, ghost, loader, tools: track.tools.filter(tool => !hidden.has(tool.name)) };
     const plots = [];
     let [pending, filled] = [0, 0];
-    // In each picture one is made, or its curves are drawn: four at once would hold the page up.
+    // One plot is made, or its curves drawn, per animation frame: four at once would block the page.
     const next = () => {
       const [name, field] = AXES[filled];
-      if (filled < plots.length) turnPage(plots[filled++], shown);
-      else plots.push(makePlot(uPlot, places.current[name], field, shown));
+      if (filled < plots.length) updatePlot(plots[filled++], shown);
+      else plots.push(makePlot(uPlot, containers.current[name], field, shown));
       pending = filled < AXES.length ? requestAnimationFrame(next) : 0;
     };
     pending = requestAnimationFrame(next);
     const resize = new ResizeObserver(() =>
-      plots.forEach(plot => plot.chart.setSize({ width: plot.place.clientWidth, height: HEIGHT })),
+      plots.forEach(plot => plot.chart.setSize({ width: plot.container.clientWidth, height: HEIGHT })),
     );
-    resize.observe(places.current.x);
-    const follow = playback.onTick(() => plots.forEach(plot => turnPage(plot, shown)));
+    resize.observe(containers.current.x);
+    const unsubscribe = playback.onTick(() => plots.forEach(plot => updatePlot(plot, shown)));
     return () => {
       cancelAnimationFrame(pending);
-      follow();
+      unsubscribe();
       resize.disconnect();
       plots.forEach(plot => plot.end());
     };
@@ -62,14 +63,14 @@ export function Plots({ track, playback, hidden, span, kept, ghost, loader }) {
           <div key=${name} class="plot" role="img" aria-label=${words.plotName(words.axis[name])}>
             <div class="title" aria-hidden="true">${words.axis[name]}</div>
             ${name === 'speed' && track.topSpeed === null && html`<p class="untold small muted">${words.noSpeed}</p>`}
-            <div ref=${element => (places.current[name] = element)}></div>
+            <div ref=${element => (containers.current[name] = element)}></div>
           </div>`)}
     </div>`;
 }
 
-function makePlot(uPlot, place, field, shown) {
+function makePlot(uPlot, container, field, shown) {
   const { track, tools, ghost, playback } = shown;
-  const { muted, line } = inkOf();
+  const { muted, line } = textColours();
   const axis = {
     stroke: muted,
     grid: { stroke: line, width: 1 },
@@ -77,17 +78,17 @@ function makePlot(uPlot, place, field, shown) {
     font: '12px system-ui, sans-serif',
   };
   const isLast = field === 'speed';
-  const isUntold = isLast && track.topSpeed === null; // Its time axis stays in line with those above.
+  const hasNoSpeed = isLast && track.topSpeed === null; // Its time axis stays aligned with those above.
   const chart = new uPlot(
     {
-      width: Math.max(place.clientWidth, 50),
+      width: Math.max(container.clientWidth, 50),
       height: HEIGHT,
-      padding: [16, 18, isLast ? 0 : 4, 0], // On the right, room for half of the last time.
+      padding: [16, 18, isLast ? 0 : 4, 0], // On the right, space for half of the last label.
       legend: { show: false },
-      hooks: { draw: [chart => placeAll(chart, shown)] }, // At first, and after every change of size or span.
+      hooks: { draw: [chart => placeMarkers(chart, shown)] }, // At first, and after every change of size or span.
       cursor: { drag: { x: false, y: false }, points: { show: false }, y: false },
       select: { show: false },
-      scales: { x: { time: false, range: (_, low, high) => [low, high] }, ...(isUntold && { y: { range: [0, 1] } }) },
+      scales: { x: { time: false, range: (_, low, high) => [low, high] }, ...(hasNoSpeed && { y: { range: [0, 1] } }) },
       axes: [
         {
           ...axis,
@@ -96,23 +97,23 @@ function makePlot(uPlot, place, field, shown) {
           space: (_, __, ___, last) => LABEL_PX[last < 3600 ? 0 : 1],
           values: isLast ? (_, all, __, ___, step) => timesOf(all, step) : (_, all) => all.map(() => ''),
         },
-        { ...axis, size: 56, space: 26, values: (_, all) => all.map(isUntold ? () => '' : exact), ...(isUntold && { grid: { show: false }, ticks: { show: false } }) },
+        { ...axis, size: 56, space: 26, values: (_, all) => all.map(hasNoSpeed ? () => '' : exact), ...(hasNoSpeed && { grid: { show: false }, ticks: { show: false } }) },
       ],
-      series: [{}, ...(ghost ? tools.map(faint) : []), ...tools.flatMap(tool => [stroke(tool, false), stroke(tool, true)])],
+      series: [{}, ...(ghost ? tools.map(ghostStroke) : []), ...tools.flatMap(tool => [stroke(tool, false), stroke(tool, true)])],
     },
     [[track.times[0], track.times[track.frames - 1]], ...tools.flatMap(() => (ghost ? [[], [], []] : [[], []]))],
-    place,
+    container,
   );
   const parts = ['trimmed before', 'trimmed after', 'marked', 'playhead'].map(name =>
     Object.assign(document.createElement('div'), { className: name, hidden: true }),
   );
   chart.over.append(...parts);
-  const plot = { chart, place, field, drawn: null, end: connect(chart, playback) };
-  placeAll(chart, shown);
+  const plot = { chart, container, field, drawn: null, end: connect(chart, playback) };
+  placeMarkers(chart, shown);
   return plot;
 }
 
-/** With as many digits as the step has: neighbours would read alike with fewer. */
+/** With as many digits as the step has: with fewer, neighbours would read alike. */
 function timesOf(all, step) {
   if (all[all.length - 1] < MINUTES_FROM_S) return all.map(value => `${exact(Number(value.toFixed(3)))} s`);
   const digits = (String(step).split('.')[1] ?? '').length;
@@ -127,10 +128,10 @@ const stroke = (tool, dashed) => ({
   points: { show: false },
 });
 
-/** Another session's: broad and pale. */
-const faint = tool => ({ stroke: tool.ink(), alpha: 0.3, width: 3.5, spanGaps: false, points: { show: false } });
+/** The other session's curve: broad and pale. */
+const ghostStroke = tool => ({ stroke: tool.ink(), alpha: 0.3, width: 3.5, spanGaps: false, points: { show: false } });
 
-/** Pointer → time. Capturing the pointer lets a drag leave the curve without losing it. */
+/** From the pointer to the time. Capturing the pointer lets a drag leave the curve without losing it. */
 function connect(chart, playback) {
   const { over } = chart;
   const secondOf = event => chart.posToVal(event.clientX - over.getBoundingClientRect().left, 'x');
@@ -153,12 +154,15 @@ function connect(chart, playback) {
   return () => chart.destroy();
 }
 
-/** Moves the line; with a span, also the part of the time axis that is shown, and what is drawn in it. Without one, all is drawn once. */
-function turnPage(plot, shown) {
+/**
+ * Moves the playhead; with a span, also the shown part of the time axis and what is drawn in it. Without one,
+ * everything is drawn once.
+ */
+function updatePlot(plot, shown) {
   const { track, playback, span, tools, ghost, loader } = shown;
   const { chart } = plot;
   const { time } = playback;
-  placeAll(chart, shown);
+  placeMarkers(chart, shown);
   if (!span) {
     if (plot.drawn === null) chart.setData(curves(track, tools, plot.field, { ghost }));
     plot.drawn = track.version;
@@ -166,23 +170,23 @@ function turnPage(plot, shown) {
   }
   const [first, last] = [track.times[0], track.times[track.times.length - 1]];
   const { min, max } = chart.scales.x;
-  const near = time > min + span * EDGE && time < max - span * EDGE;
+  const near = time > min + span * EDGE_SHARE && time < max - span * EDGE_SHARE;
   const start = Math.min(Math.max(first, time - span / 2), Math.max(first, last - span));
-  // Turned over like a page, not at every picture: drawing the curves anew costs more than anything else here.
-  const turns = plot.drawn === null || max - min > span * 1.01 || (!near && min !== start);
-  if (!turns && plot.drawn === track.version) return;
-  const from = turns ? start : min;
+  // The view changes like a page, not at every picture: drawing the curves again costs more than anything else here.
+  const mustRedraw = plot.drawn === null || max - min > span * 1.01 || (!near && min !== start);
+  if (!mustRedraw && plot.drawn === track.version) return;
+  const from = mustRedraw ? start : min;
   const to = Math.min(from + span, last);
-  loader?.want(from, to);
+  loader?.request(from, to);
   plot.drawn = track.version;
   chart.setData(curves(track, tools, plot.field, { ghost, within: [from, to] }), false);
   chart.setScale('x', { min: from, max: to });
 }
 
-/** The stretch that one has gone to, what was trimmed off, and the moment. */
-function placeAll(chart, { track, playback, kept }) {
+/** Places the marked stretch, the trimmed parts and the playhead. */
+function placeMarkers(chart, { track, playback, kept }) {
   const parts = chart.over.querySelectorAll(':scope > .trimmed, :scope > .marked, :scope > .playhead');
-  if (!parts.length) return; // uPlot draws once before we have added them.
+  if (!parts.length) return; // uPlot draws once before the elements are added.
   const { min, max } = chart.scales.x;
   const cover = (part, span) => {
     const [from, to] = span ? [Math.max(span[0], min), Math.min(span[1], max)] : [0, 0];

@@ -1,4 +1,4 @@
-// What the service says in sentences: what stands in backticks is to be typed or read as it is.
+// A sentence of the service; text in backticks is shown as code.
 import { html } from './preact.js';
 
 export const Prose = ({ text, lang }) => html`

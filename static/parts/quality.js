@@ -1,4 +1,4 @@
-// How much of each tool was seen, and why not more. A score without this would be half a truth.
+// How much of each tool was seen, and why not more. A score is only half true without it.
 import { html } from './preact.js';
 import { fixed, number, percent } from '../format.js';
 import { t } from '../texts.js';
@@ -48,7 +48,7 @@ function Tool({ tool }) {
     </section>`;
 }
 
-/** What is known of a tool besides its shares; shares of nothing are left out, as are gaps of one that was always seen. */
+/** The figures of a tool besides its shares; shares of zero are left out, and gaps of a tool that was always seen. */
 function figures(tool, all) {
   const { noise_floor: noise, effective_diameter: diameter, port_shift: port } = tool;
   return {

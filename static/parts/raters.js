@@ -1,4 +1,4 @@
-// What a task's ratings are worth: do raters agree, and with which features do their ratings go?
+// The quality of a task's ratings: whether raters agree, and which features correlate with their ratings.
 import { html, useState } from './preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
@@ -16,7 +16,7 @@ export function RatersDialog({ task, onClose }) {
     signal => Promise.all([api.agreement(task.id, form, signal), api.correlations(task.id, form, signal)]),
     [task.id, form],
   );
-  const told = data?.[0].form === form ? data : null;
+  const answers = data?.[0].form === form ? data : null;
   return html`
     <${Dialog} title=${words.title(task.name)} onClose=${onClose}>
       <div class="row" role="group" aria-label=${words.form}>
@@ -24,35 +24,35 @@ export function RatersDialog({ task, onClose }) {
           aria-pressed=${choice.form === form} onClick=${() => setForm(choice.form)}>${choice.title}</button>`)}
       </div>
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
-      ${told ? html`<${Agreement} told=${told[0]} /><${Correlations} told=${told[1]} />` : !problem && html`<${Loading} />`}
+      ${answers ? html`<${Agreement} agreement=${answers[0]} /><${Correlations} correlations=${answers[1]} />` : !problem && html`<${Loading} />`}
       <div class="actions"><button class="button" type="button" onClick=${onClose}>${words.close}</button></div>
     <//>`;
 }
 
 const estimate = value => words.estimate(fixed(value.value, 2), fixed(value.low, 2), fixed(value.high, 2));
 
-const Agreement = ({ told }) => html`
+const Agreement = ({ agreement }) => html`
   <section class="stack tight">
     <h3>${words.agreement}</h3>
-    ${told.withheld ? html`<p class="muted">${words.notEnough(told.withheld.detail)}</p>` : html`
+    ${agreement.withheld ? html`<p class="muted">${words.notEnough(agreement.withheld.detail)}</p>` : html`
       <dl class="facts">
-        <dt>${words.single}</dt><dd>${estimate(told.single)}</dd>
-        <dt>${words.mean(told.raters)}</dt><dd>${told.mean ? estimate(told.mean) : words.none}</dd>
+        <dt>${words.single}</dt><dd>${estimate(agreement.single)}</dd>
+        <dt>${words.mean(agreement.raters)}</dt><dd>${agreement.mean ? estimate(agreement.mean) : words.none}</dd>
       </dl>
-      <p class="small muted">${words.madeOf(told.people, told.raters, told.left_out)}</p>`}
+      <p class="small muted">${words.madeOf(agreement.people, agreement.raters, agreement.left_out)}</p>`}
   </section>`;
 
-const Correlations = ({ told }) => html`
+const Correlations = ({ correlations }) => html`
   <section class="stack tight">
     <h3>${words.correlations}</h3>
-    ${told.withheld ? html`<p class="muted">${words.notEnough(told.withheld.detail)}</p>` : html`
-      <p class="small muted">${words.adjusted(told.people, told.asked)}</p>
+    ${correlations.withheld ? html`<p class="muted">${words.notEnough(correlations.withheld.detail)}</p>` : html`
+      <p class="small muted">${words.adjusted(correlations.people, correlations.asked)}</p>
       <div class="scroll correlations" tabindex="0" role="region" aria-label=${words.correlations}>
         <table class="table dense">
           <thead><tr><th scope="col">${t.session.feature}</th><th scope="col" class="number">ρ</th><th scope="col">${
             words.found}</th></tr></thead>
           <tbody>
-            ${told.items.filter(row => row.rho).map(row => html`
+            ${correlations.items.filter(row => row.rho).map(row => html`
               <tr key=${`${row.feature} ${row.tool} ${row.space}`}>
                 <th scope="row">${row.title}<small>${[row.tool, row.space === 'image' && t.session.image]
                   .filter(Boolean).join(', ')}</small></th>

@@ -1,4 +1,4 @@
-// Instructors' forms: given blind, then seen beside the others'. Who trained sees what was given.
+// Instructors' rating forms: filled in blind, then shown beside the others'. Trainees see the ratings that they got.
 import { html, useId, useRef, useState } from './preact.js';
 import { api } from '../api.js';
 import { asProblem, useData } from '../data.js';
@@ -13,21 +13,21 @@ export function Ratings({ session, person, onRated }) {
   const { data: forms } = useData(signal => api.ratingForms(signal), []);
   const { data, problem, reload } = useData(signal => api.sessions.ratings(session.id, signal), [session.id]);
   const [open, setOpen] = useState(null);
-  const rated = () => (setOpen(null), reload(), onRated());
+  const handleRated = () => (setOpen(null), reload(), onRated());
   return html`
     <section class="card">
       <header><h2>${words.title}</h2></header>
       <div class="body stack">
         <${ProblemNotice} problem=${problem} onRetry=${reload} />
         ${data?.items.length === 0 && !may(person, 'rate') && html`<p class="muted">${words.empty}</p>`}
-        ${forms && data && forms.map(form => html`<${OfForm} key=${form.form} form=${form} ratings=${data} person=${person}
+        ${forms && data && forms.map(form => html`<${RatingsOfForm} key=${form.form} form=${form} ratings=${data} person=${person}
           session=${session} open=${open === form.form} onOpen=${() => setOpen(open === form.form ? null : form.form)}
-          onRated=${rated} />`)}
+          onRated=${handleRated} />`)}
       </div>
     </section>`;
 }
 
-function OfForm({ form, ratings, person, session, open, onOpen, onRated }) {
+function RatingsOfForm({ form, ratings, person, session, open, onOpen, onRated }) {
   const given = ratings.items.filter(rating => rating.form === form.form);
   const raters = ratings.raters.find(row => row.form === form.form)?.raters ?? 0;
   const own = given.find(rating => rating.own);
@@ -41,7 +41,7 @@ function OfForm({ form, ratings, person, session, open, onOpen, onRated }) {
       </div>
       ${may(person, 'rate') && html`<p class="small muted">${words.stands(Boolean(own), raters)}</p>`}
       ${given.length > 0 && html`<${Given} form=${form} given=${given} />`}
-      ${open && html`<${FormToFill} form=${form} session=${session} onRated=${onRated} onCancel=${onOpen} />`}
+      ${open && html`<${RatingForm} form=${form} session=${session} onRated=${onRated} onCancel=${onOpen} />`}
     </section>`;
 }
 
@@ -63,14 +63,14 @@ const Given = ({ form, given }) => html`
 
 const markOf = (rating, item) => rating.items.find(mark => mark.item === item.name)?.mark;
 
-function FormToFill({ form, session, onRated, onCancel }) {
+function RatingForm({ form, session, onRated, onCancel }) {
   const [busy, setBusy] = useState(false);
   const [problem, setProblem] = useState(null);
-  const box = useRef(null);
+  const formElement = useRef(null);
   const id = useId();
   const save = async event => {
     event.preventDefault();
-    const data = new FormData(box.current);
+    const data = new FormData(formElement.current);
     const mark = ({ name }) => (data.get(name) === 'none' ? null : Number(data.get(name)));
     setBusy(true);
     setProblem(null);
@@ -84,7 +84,7 @@ function FormToFill({ form, session, onRated, onCancel }) {
     setBusy(false);
   };
   return html`
-    <form class="stack rating" ref=${box} onSubmit=${save}>
+    <form class="stack rating" ref=${formElement} onSubmit=${save}>
       <p class="small muted">${words.blind}</p>
       ${form.items.map(item => html`<${Item} key=${item.name} item=${item} form=${form} id=${`${id}-${item.name}`} />`)}
       <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
@@ -96,7 +96,7 @@ function FormToFill({ form, session, onRated, onCancel }) {
     </form>`;
 }
 
-/** Radio buttons: arrows move between the marks, and each of them says what it means where the form does. */
+/** Radio buttons: arrow keys move between the marks; a text explains a mark if the form has one for it. */
 function Item({ item, form, id }) {
   const marks = Array.from({ length: form.most - form.least + 1 }, (_, index) => form.least + index);
   const [meaning, setMeaning] = useState(null);

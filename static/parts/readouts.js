@@ -1,4 +1,4 @@
-// The numbers of the moment, per tool. Switches a tool off and on in overlay, curves and path at once.
+// The current values per tool, and buttons that hide a tool in overlay, curves and path at once.
 import { html, useEffect, useRef } from './preact.js';
 import { fixed } from '../format.js';
 import { t } from '../texts.js';
@@ -13,7 +13,7 @@ const VALUES = [
   ['speed', 0],
 ];
 
-/** A tool's sign in its colour, as on the video. */
+/** A tool's shape in its colour, as on the video. */
 export const ToolMark = ({ tool }) => html`
   <svg class="mark" viewBox="0 0 16 16" width="14" height="14" fill="none" stroke=${tool.ink()} stroke-width="2.5"
     stroke-linejoin="round" aria-hidden="true">
@@ -38,7 +38,7 @@ export function Readouts({ track, playback }) {
     () =>
       playback.onTick(({ frame }) => {
         for (const tool of track.tools) {
-          const exact = isExact(track, frame); // What is drawn between is no number to be read.
+          const exact = isExact(track, frame); // Interpolated values are drawn, but not shown as numbers.
           for (const [field, digits] of VALUES)
             cells.current[`${tool.name} ${field}`].textContent = fixed(exact ? tool[field][frame] : NaN, digits);
           const why = whyUnseen(tool, frame);

@@ -1,9 +1,9 @@
-// Which camera, and what picture it gives; what stands in the way, and what to do about it.
+// The camera and its picture; what prevents a recording, and what to do about it.
 import { html } from './preact.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
-import { unheld } from '../record/camera.js';
+import { uncontrolledModes } from '../record/camera.js';
 import { Field } from './form.js';
 import { icons } from './icons.js';
 import { Notice } from './notice.js';
@@ -14,47 +14,47 @@ const RATES = ['60', '30', '25', '15'];
 
 export function CameraFields({ camera: { list, chosen, choose, stream }, calibrated }) {
   const { deviceId: inUse, width, height } = stream?.getVideoTracks()[0].getSettings() ?? {};
-  const given = stream && `${width}x${height}`;
-  const fitting = calibrated && `${calibrated.width}x${calibrated.height}`;
-  const sizes = [...new Set([fitting, chosen.size, ...SIZES].filter(Boolean))];
+  const actualSize = stream && `${width}x${height}`;
+  const calibratedSize = calibrated && `${calibrated.width}x${calibrated.height}`;
+  const sizes = [...new Set([calibratedSize, chosen.size, ...SIZES].filter(Boolean))];
   return html`
     <${Field} type="select" label=${words.camera} value=${inUse ?? chosen.camera} disabled=${!stream}
       options=${list.length ? list.map(({ id, name }) => [id, name]) : [['', words.noneYet]]}
       onInput=${event => choose({ camera: event.target.value })} />
-    <${Field} type="select" label=${words.size} value=${chosen.size} options=${sizes.map(size => [size, shown(size)])}
-      hint=${hintOf({ given, fitting, wanted: chosen.size })}
+    <${Field} type="select" label=${words.size} value=${chosen.size} options=${sizes.map(size => [size, sizeText(size)])}
+      hint=${hintOf({ actualSize, calibratedSize, wanted: chosen.size })}
       onInput=${event => choose({ size: event.target.value })} />
     <${Field} type="select" label=${words.rate} value=${chosen.rate}
       options=${RATES.map(rate => [rate, words.perSecond(rate)])}
       onInput=${event => choose({ rate: event.target.value })} />`;
 }
 
-/** What is not as somebody would think it is. */
-function hintOf({ given, fitting, wanted }) {
-  if (given && given !== wanted) return words.gives(shown(given));
-  return fitting && words.fitting(shown(fitting));
+/** Says that the picture is not as chosen, or which size fits the calibration. */
+function hintOf({ actualSize, calibratedSize, wanted }) {
+  if (actualSize && actualSize !== wanted) return words.gives(sizeText(actualSize));
+  return calibratedSize && words.fitting(sizeText(calibratedSize));
 }
 
-const shown = size => size.replace('x', '\u00a0×\u00a0');
+const sizeText = size => size.replace('x', '\u00a0×\u00a0');
 
 /** What would spoil a recording with this camera in this box. */
 export function CameraNotices({ camera: { stream }, calibrated, box, person }) {
   const track = stream?.getVideoTracks()[0];
   const { width, height } = track?.getSettings() ?? {};
-  const isOther = calibrated && track && (width !== calibrated.width || height !== calibrated.height);
-  const free = track ? unheld(track) : [];
-  const isUnready = box && !(box.calibration && box.palette);
+  const differs = calibrated && track && (width !== calibrated.width || height !== calibrated.height);
+  const uncontrolled = track ? uncontrolledModes(track) : [];
+  const boxIsNotReady = box && !(box.calibration && box.palette);
   const link = box && may(person, 'see_boxes') && html` <a href=${href(['boxes', box.id])}>${words.toBox}</a>`;
   return html`
-    ${isUnready && html`<${Notice} tone="warn" title=${words.unready}>${words.unreadyBody}${link}<//>`}
-    ${isOther && html`<${Notice} tone="warn"
-      title=${words.otherSize(shown(`${width}x${height}`), shown(`${calibrated.width}x${calibrated.height}`))}>
+    ${boxIsNotReady && html`<${Notice} tone="warn" title=${words.unready}>${words.unreadyBody}${link}<//>`}
+    ${differs && html`<${Notice} tone="warn"
+      title=${words.otherSize(sizeText(`${width}x${height}`), sizeText(`${calibrated.width}x${calibrated.height}`))}>
       ${words.otherSizeBody}${link}<//>`}
-    ${track && free.length > 0 && html`<${Notice} tone="warn" title=${words.unheld(free)}>${words.unheldBody}<//>`}
-    ${track && free.length === 0 && html`<p class="small muted">${words.held}</p>`}`;
+    ${track && uncontrolled.length > 0 && html`<${Notice} tone="warn" title=${words.unheld(uncontrolled)}>${words.unheldBody}<//>`}
+    ${track && uncontrolled.length === 0 && html`<p class="small muted">${words.held}</p>`}`;
 }
 
-/** In the place of the picture while the camera is off: why, and what to do. */
+/** Shown instead of the picture while the camera is off: why, and what to do. */
 export function CameraOff({ camera: { fault, isOpening, turnOn } }) {
   const { title, body, again } = words.faults[fault] ?? { title: words.off, body: words.offBody, again: words.turnOn };
   return html`

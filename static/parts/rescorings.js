@@ -1,4 +1,4 @@
-// A task's sessions scored again: ordered here, watched, called off, and what it changed for whom.
+// Rescoring a task's sessions: order it, watch it, cancel it, and see what it changed for each trainee.
 import { html, useEffect, useState } from './preact.js';
 import { api } from '../api.js';
 import { useData, usePages, useThrottled } from '../data.js';
@@ -12,9 +12,9 @@ import { Empty, Loading, ProblemNotice } from './notice.js';
 import { ProgressBar } from './status.js';
 
 const words = t.rescoring;
-const LOOK_MS = 3_000; // While one goes on; events of the queue tell sooner.
-/** So many at once of what changed. */
-const [TRAINEES, SESSIONS] = [50, 20];
+const POLL_MS = 3_000; // While one is running; events of the queue are faster.
+/** Items per page of the lists of changes. */
+const [TRAINEES_PAGE, SESSIONS_PAGE] = [50, 20];
 const CHANGES = ['no_longer_passed', 'now_passed', 'apart', 'changed'];
 
 export function Rescorings({ task }) {
@@ -23,16 +23,16 @@ export function Rescorings({ task }) {
     return all.filter(order => order.task.id === task.id);
   }, [task.id]);
   const [open, setOpen] = useState(null);
-  const soon = useThrottled(reload, 1500);
-  const runs = data?.some(order => !order.ended_at);
-  useLive('queue', () => runs && soon());
+  const reloadSoon = useThrottled(reload, 1500);
+  const isRunning = data?.some(order => !order.ended_at);
+  useLive('queue', () => isRunning && reloadSoon());
   useEffect(() => {
-    if (!runs) return undefined;
-    const timer = setInterval(soon, LOOK_MS);
+    if (!isRunning) return undefined;
+    const timer = setInterval(reloadSoon, POLL_MS);
     return () => clearInterval(timer);
-  }, [runs]);
+  }, [isRunning]);
   const close = () => setOpen(null);
-  const order = values => api.tasks.rescore(task.id, values).then(() => (close(), reload()));
+  const submitOrder = values => api.tasks.rescore(task.id, values).then(() => (close(), reload()));
   return html`
     <section class="card">
       <header><h2>${words.title}</h2><button class="button" type="button" onClick=${() => setOpen('new')}>${words.start}</button></header>
@@ -43,7 +43,7 @@ export function Rescorings({ task }) {
       ${data?.length > 0 && html`<ul class="queue history">${data.map(one => html`
         <${Order} key=${one.id} order=${one} onCancel=${() => setOpen(one)} />`)}</ul>`}
       ${open === 'new' && html`<${Dialog} title=${words.start} onClose=${close}>
-        <${Form} fields=${FIELDS} onSave=${order} onCancel=${close} submit=${words.order} busyWords=${words.ordering} /><//>`}
+        <${Form} fields=${FIELDS} onSave=${submitOrder} onCancel=${close} submit=${words.order} busyWords=${words.ordering} /><//>`}
       ${open?.id && html`<${Confirm} title=${words.cancelTitle} body=${words.cancelBody} yes=${words.cancel}
         onYes=${() => api.rescorings.remove(open.id).then(reload)} onClose=${close} />`}
     </section>`;
@@ -56,8 +56,8 @@ const FIELDS = [
 
 function Order({ order, onCancel }) {
   const { sessions, changes } = order;
-  const [shows, setShows] = useState(false);
-  const goesOn = !order.ended_at && !order.cancelled_at;
+  const [isOpen, setOpen] = useState(false);
+  const isRunning = !order.ended_at && !order.cancelled_at;
   const name = words.orderOf(dateTime(order.created_at), order.who);
   return html`
     <li>
@@ -66,41 +66,41 @@ function Order({ order, onCancel }) {
         <span class="row">
           <span class="small muted">${words.progress(sessions.done, sessions.all)}${sessions.failed ? `; ${words.failed(sessions.failed)}` : ''}${
             order.cancelled_at ? `; ${words.called}` : ''}</span>
-          ${goesOn && html`<button class="button danger" type="button" aria-label=${`${words.cancel}: ${name}`} onClick=${onCancel}>
+          ${isRunning && html`<button class="button danger" type="button" aria-label=${`${words.cancel}: ${name}`} onClick=${onCancel}>
             ${words.cancel}</button>`}
-          <button class="button" type="button" aria-expanded=${shows} aria-label=${`${words.report}: ${name}`}
-            onClick=${() => setShows(!shows)}>${shows ? words.hide : words.report}</button>
+          <button class="button" type="button" aria-expanded=${isOpen} aria-label=${`${words.report}: ${name}`}
+            onClick=${() => setOpen(!isOpen)}>${isOpen ? words.hide : words.report}</button>
         </span>
       </div>
-      ${goesOn && html`<${ProgressBar} value=${order.progress} name=${name} />`}
+      ${isRunning && html`<${ProgressBar} value=${order.progress} name=${name} />`}
       <p class="small">${changedWords(changes, sessions.done)}</p>
-      ${shows && html`<${Report} order=${order} />`}
+      ${isOpen && html`<${Report} order=${order} />`}
     </li>`;
 }
 
 const changedWords = (changes, done) => {
   if (!done) return words.notYet;
-  const said = CHANGES.filter(name => changes[name] > 0).map(name => `${changes[name]} ${words.changes[name]}`);
-  return said.length ? `${said.join('; ')}.` : words.nothing;
+  const parts = CHANGES.filter(name => changes[name] > 0).map(name => `${changes[name]} ${words.changes[name]}`);
+  return parts.length ? `${parts.join('; ')}.` : words.nothing;
 };
 
 function Report({ order }) {
   const now = [order.id, order.sessions.done];
-  const trainees = usePages((cursor, signal) => api.rescorings.trainees(order.id, { limit: TRAINEES, cursor }, signal), now);
-  const sessions = usePages((cursor, signal) => api.rescorings.sessions(order.id, { limit: SESSIONS, cursor }, signal), now);
+  const trainees = usePages((cursor, signal) => api.rescorings.trainees(order.id, { limit: TRAINEES_PAGE, cursor }, signal), now);
+  const sessions = usePages((cursor, signal) => api.rescorings.sessions(order.id, { limit: SESSIONS_PAGE, cursor }, signal), now);
   return html`
-    <${OfTrainees} pages=${trainees} />
-    <${OfSessions} pages=${sessions} />`;
+    <${ChangedTrainees} pages=${trainees} />
+    <${ChangedSessions} pages=${sessions} />`;
 }
 
-/** What is under way, what failed, and the way to the next page. */
-const Rest = ({ pages: { items, next, problem, busy, more }, name }) => html`
+/** What is loading, what failed, and the button for the next page. */
+const PageFooter = ({ pages: { items, next, problem, busy, more }, name }) => html`
   <${ProblemNotice} problem=${problem} onRetry=${more} />
   ${!items && !problem && html`<${Loading} />`}
   ${next && !problem && html`<div class="pager"><button class="button" type="button" aria-disabled=${busy} onClick=${more}>
     ${busy ? t.loading : name}</button></div>`}`;
 
-function OfTrainees({ pages }) {
+function ChangedTrainees({ pages }) {
   const { items } = pages;
   if (items?.length === 0) return html`<p class="muted">${words.noTrainees}</p>`;
   return html`
@@ -110,11 +110,11 @@ function OfTrainees({ pages }) {
         <th scope="row"><a href=${href(['trainees', one.trainee.id])}>${one.trainee.name}</a></th>
         <td class="number">${words.progress(one.done, one.sessions)}</td><td>${changedWords(one.changes, one.done)}</td></tr>`)}</tbody>
     </table></div>`}
-    <${Rest} pages=${pages} name=${words.moreTrainees} />`;
+    <${PageFooter} pages=${pages} name=${words.moreTrainees} />`;
 }
 
-/** The service tells those that changed most first: after one that did not change none did. */
-function OfSessions({ pages }) {
+/** The service lists the most changed sessions first: after one without a change, no session has changed. */
+function ChangedSessions({ pages }) {
   const isChanged = one => one.new && (one.changed > 0 || one.old.judgement !== one.new.judgement);
   const changed = pages.items?.filter(isChanged) ?? [];
   const isAll = pages.items && changed.length < pages.items.length;
@@ -125,10 +125,10 @@ function OfSessions({ pages }) {
       <tbody>${changed.map(one => html`<tr key=${one.session}>
         <th scope="row"><a href=${href(['sessions', one.session])}>${one.trainee.name}, ${dateTime(one.recorded_at)}</a></th>
         <td>${words.judgements[one.old.judgement] ?? '–'}</td><td>${words.judgements[one.new.judgement] ?? '–'}</td>
-        <td class="small">${one.features.filter(of => of.change === 'apart').slice(0, 4).map(of => html`<div key=${`${of.feature} ${of.tool}`}>
-          ${words.was([of.title, of.tool].filter(Boolean).join(', '), valueOf(of.old, of.unit), valueOf(of.new, of.unit))}</div>`)}</td></tr>`)}</tbody>
+        <td class="small">${one.features.filter(feature => feature.change === 'apart').slice(0, 4).map(feature => html`<div key=${`${feature.feature} ${feature.tool}`}>
+          ${words.was([feature.title, feature.tool].filter(Boolean).join(', '), valueOf(feature.old, feature.unit), valueOf(feature.new, feature.unit))}</div>`)}</td></tr>`)}</tbody>
     </table></div>`}
-    <${Rest} pages=${isAll ? { ...pages, next: null } : pages} name=${words.moreSessions} />`;
+    <${PageFooter} pages=${isAll ? { ...pages, next: null } : pages} name=${words.moreSessions} />`;
 }
 
-const valueOf = (of, name) => (of ? `${number(of.value)} ${unit(name)}`.trim() : '–');
+const valueOf = (feature, name) => (feature ? `${number(feature.value)} ${unit(name)}`.trim() : '–');

@@ -3,7 +3,7 @@ import { html, useEffect, useMemo, useState } from './preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { bytes, clock } from '../format.js';
-import { note } from '../router.js';
+import { setAddressSilently } from '../router.js';
 import { t } from '../texts.js';
 import { Advice } from './advice.js';
 import { Comments } from './comments.js';
@@ -11,23 +11,23 @@ import { Edits } from './edits.js';
 import { Features } from './features.js';
 import { GhostChooser, useGhost } from './ghost.js';
 import { Notice } from './notice.js';
-import { PartsLoader } from './parts_loader.js';
+import { ChunkLoader } from './chunk_loader.js';
 import { Path3d } from './path3d.js';
-import { usePlaces } from './places.js';
+import { useCohortPlaces } from './cohort_places.js';
 import { Playback } from './playback.js';
 import { pageKeys, Player, Transport } from './player.js';
 import { Plots } from './plots.js';
 import { Quality } from './quality.js';
 import { Ratings } from './ratings.js';
 import { Readouts, ToolSwitches } from './readouts.js';
-import { byFeature } from './seconds.js';
+import { evidenceByFeature } from './evidence.js';
 import { SpanBar } from './span_bar.js';
 import { buildTrack } from './track.js';
 
 const words = t.session;
 const SPANS = ['all', '20', '5'];
 const FORMATS = ['csv', 'json', 'parquet'];
-/** Exact rows are asked for so long before they are played, s. */
+/** Exact rows are requested this long before they are played, s. */
 const AHEAD_S = 10;
 
 export function Review({ session, person, trajectory, edits, start, onEdited }) {
@@ -37,7 +37,7 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
   const tools = trajectory?.tools ?? session.tools ?? [];
   const [hidden, setHidden] = useState(new Set());
   const [rated, setRated] = useState(0);
-  const { evidence, advice } = useSeconds(session);
+  const { evidence, advice } = useEvidence(session);
   const [span, setSpan] = useState('all');
 
   useEffect(() => {
@@ -45,8 +45,8 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
     document.addEventListener('keydown', keys);
     return () => (document.removeEventListener('keydown', keys), playback.pause());
   }, []);
-  useEffect(() => startAt(playback, start), [start]);
-  useEffect(() => keepAddress(playback, session.id), []);
+  useEffect(() => seekWhenReady(playback, start), [start]);
+  useEffect(() => keepTimeInAddress(playback, session.id), []);
 
   const toggle = name =>
     setHidden(before => new Set(before.has(name) ? [...before].filter(other => other !== name) : [...before, name]));
@@ -69,7 +69,7 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
         <div class="pair">
           ${session.quality?.tools && html`<${Card} title=${words.quality}><${Quality}
             quality=${session.quality} /><//>`}
-          <${Card} title=${words.versions}><${Made} session=${session} /><//>
+          <${Card} title=${words.versions}><${SessionVersions} session=${session} /><//>
         </div>
       </div>
       <div class="stack">
@@ -91,30 +91,30 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
         ${advice && html`<div class="advised"><${Advice} advice=${advice} playback=${playback} /></div>`}
         ${session.status === 'done' && html`<section class="card fourth"><header><h2>${words.features}</h2></header>
           ${evidence?.features === null && html`<p class="small muted chooser">${words.evidence.notKept}</p>`}
-          <${Measured} session=${session} evidence=${evidence?.map} playback=${playback} /></section>`}
+          <${MeasuredFeatures} session=${session} evidence=${evidence?.map} playback=${playback} /></section>`}
       </div>
     </div>`;
 }
 
-/** The features with their places; what is told of those late changes this table alone. */
-const Measured = ({ session, evidence, playback }) => html`
-  <${Features} features=${session.features} live=${session.live_features} tools=${session.tools} places=${usePlaces(session)}
+/** The features with their places. A component of its own: places that arrive late change this table alone. */
+const MeasuredFeatures = ({ session, evidence, playback }) => html`
+  <${Features} features=${session.features} live=${session.live_features} tools=${session.tools} places=${useCohortPlaces(session)}
     evidence=${evidence} playback=${playback} withheld=${session.quality?.verdict === 'refused'} />`;
 
-/** Where the features come from, and what to work on next; the page stands without either. */
-function useSeconds(session) {
+/** The evidence of the features, and what to work on next; the page works without either. */
+function useEvidence(session) {
   const load = async signal => {
     if (session.status !== 'done') return {};
     const [evidence, advice] = await Promise.all([
       api.sessions.evidence(session.id, signal).catch(() => null),
       api.sessions.advice(session.id, signal).catch(() => null),
     ]);
-    return { evidence: evidence && { ...evidence, map: byFeature(evidence.features) }, advice };
+    return { evidence: evidence && { ...evidence, map: evidenceByFeature(evidence.features) }, advice };
   };
   return useData(load, [session.id, session.status, session.result]).data ?? {};
 }
 
-/** The track of a trajectory, on the playback's clock, and what brings its exact rows as they are looked at. */
+/** The track of a trajectory, set on the playback's clock, and the loader of its exact rows. */
 function useTrack(session, trajectory, playback) {
   const isRecording = session.source?.kind !== 'import';
   const track = useMemo(
@@ -124,18 +124,18 @@ function useTrack(session, trajectory, playback) {
         : null,
     [trajectory],
   );
-  const loader = useMemo(() => track && new PartsLoader(session.id, track, isRecording), [track]);
+  const loader = useMemo(() => track && new ChunkLoader(session.id, track, isRecording), [track]);
   useEffect(() => {
     playback.times = track?.times ?? null;
     // Without a video the clock runs by itself.
     if (track && !isRecording) playback.withoutVideo(track.duration);
     playback.seek(playback.time);
     if (!loader) return undefined;
-    const ends = [
-      loader.onPart(() => playback.refresh()),
-      playback.onTick(({ time, playing, rate }) => loader.want(time, time + (playing ? AHEAD_S * Math.max(1, rate) : 0))),
+    const cleanups = [
+      loader.onChunk(() => playback.refresh()),
+      playback.onTick(({ time, playing, rate }) => loader.request(time, time + (playing ? AHEAD_S * Math.max(1, rate) : 0))),
     ];
-    return () => (ends.forEach(end => end()), loader.end());
+    return () => (cleanups.forEach(unsubscribe => unsubscribe()), loader.end());
   }, [track]);
   return { track, loader };
 }
@@ -149,32 +149,32 @@ const Card = ({ title, place = '', children }) =>
   html`<section class=${`card ${place}`}><header><h2>${title}</h2></header><div class="body">
     ${children}</div></section>`;
 
-/** A deep link's `?t=`: go there as soon as the recording can. */
-function startAt(playback, seconds) {
+/** A deep link's `?t=`: goes there as soon as the recording can. */
+function seekWhenReady(playback, seconds) {
   if (!seconds) return undefined;
-  const end = playback.onTick(({ duration }) => {
+  const unsubscribe = playback.onTick(({ duration }) => {
     if (duration < seconds) return;
-    queueMicrotask(() => (end?.(), playback.seek(seconds)));
+    queueMicrotask(() => (unsubscribe?.(), playback.seek(seconds)));
   });
-  return end;
+  return unsubscribe;
 }
 
-/** Where one stands still for a moment, the address says where, so that a copied link leads to the same picture. */
-const SETTLED_MS = 500;
+/** When playback has rested this long, the address gets the time, so that a copied link leads to the same picture. */
+const ADDRESS_DELAY_MS = 500;
 
-function keepAddress(playback, id) {
+function keepTimeInAddress(playback, id) {
   let timer;
-  const end = playback.onTick(({ time, playing }) => {
+  const unsubscribe = playback.onTick(({ time, playing }) => {
     clearTimeout(timer);
-    if (!playing && time > 0) timer = setTimeout(() => note(['sessions', id], { t: time.toFixed(2) }), SETTLED_MS);
+    if (!playing && time > 0) timer = setTimeout(() => setAddressSilently(['sessions', id], { t: time.toFixed(2) }), ADDRESS_DELAY_MS);
   });
-  return () => (end(), clearTimeout(timer));
+  return () => (unsubscribe(), clearTimeout(timer));
 }
 
-/** Ids are long; their end tells them apart. The whole of it is in the title and in REST. */
+/** Ids are long; their ends are enough to distinguish them. The title and the REST API have the whole id. */
 const short = version => (/^[0-9a-f-]{20,}$/.test(version) ? `…${version.slice(-8)}` : (version ?? words.noneYet));
 
-function Made({ session }) {
+function SessionVersions({ session }) {
   const { video, versions } = session;
   return html`
     <div class="stack">

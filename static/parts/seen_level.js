@@ -1,18 +1,19 @@
-// How well each tool was seen in the last seconds, large enough to be read beside a box: the share of frames, and a word.
+// How well each tool was seen in the last seconds, large enough to be read beside a box: the share of frames, and a
+// word.
 import { html, useEffect, useState } from './preact.js';
 import { percent } from '../format.js';
 import { t } from '../texts.js';
-import { stateOf, ToolState, useToolStates } from './live_tools.js';
+import { ToolState, toolStateOf, useToolStates } from './live_tools.js';
 import { ToolMark } from './readouts.js';
 import { OBSERVED } from './track.js';
 
 const words = t.record.seen;
-/** `Cause::Coverage` in src/pipeline/quality/limits.rs; src/http/dashboard.rs has a test of it. */
-const LEAST_SEEN = 0.9;
-const LEAST_SEEN_AT_ALL = 0.5;
-const EVERY_MS = 500;
-/** Of fewer seconds a share says nothing. */
-const LEAST_S = 1;
+/** `QualityCause::Coverage` in src/pipeline/quality/limits.rs; a test in src/http/dashboard.rs compares them. */
+const MIN_SEEN_GOOD = 0.9;
+const MIN_SEEN_USABLE = 0.5;
+const UPDATE_MS = 500;
+/** A share of a shorter time means nothing. */
+const MIN_WINDOW_S = 1;
 
 export function SeenLevel({ watch }) {
   useToolStates(watch);
@@ -20,7 +21,7 @@ export function SeenLevel({ watch }) {
   return html`
     <ul class="seen-level">
       ${watch.track.tools.map((tool, index) => html`<${Tool} key=${tool.name} tool=${tool} share=${shares?.[index]}
-        state=${stateOf(watch, tool)} />`)}
+        state=${toolStateOf(watch, tool)} />`)}
     </ul>`;
 }
 
@@ -41,25 +42,25 @@ function Tool({ tool, share, state }) {
     </li>`;
 }
 
-/** Judged as the whole recording will be. */
+/** Judged with the limits for whole recordings. */
 function levelOf(share) {
   if (share === undefined) return null;
-  if (share >= LEAST_SEEN) return 'good';
-  return share >= LEAST_SEEN_AT_ALL ? 'warn' : 'bad';
+  if (share >= MIN_SEEN_GOOD) return 'good';
+  return share >= MIN_SEEN_USABLE ? 'warn' : 'bad';
 }
 
 function useShares(watch) {
   const [shares, setShares] = useState(null);
   useEffect(() => {
     const count = () => setShares(watch.isFresh ? sharesOf(watch.track) : null);
-    const timer = setInterval(count, EVERY_MS);
+    const timer = setInterval(count, UPDATE_MS);
     return () => clearInterval(timer);
   }, [watch]);
   return shares;
 }
 
 function sharesOf({ tools, times, first, last, frames }) {
-  if (!frames || times[last] - times[first] < LEAST_S) return null;
+  if (!frames || times[last] - times[first] < MIN_WINDOW_S) return null;
   return tools.map(({ state }) => {
     let seen = 0;
     for (let row = first; row < frames; row++) seen += state[row] === OBSERVED;

@@ -1,17 +1,17 @@
-// What stands round every page: skip link, product, pages, language, theme, account.
+// The frame of every page: skip link, product, navigation, language, theme, account.
 import { html, useEffect, useState } from './preact.js';
 import { href } from '../router.js';
 import { may } from '../roles.js';
 import { chooseTheme, onThemeChange, themeChoice } from '../theme.js';
 import { t } from '../texts.js';
-import { isRecording, onRecording } from '../record/current.js';
+import { isRecording, onRecording } from '../record/current_recording.js';
 import { Brand, icons } from './icons.js';
 import { LanguageMenu } from './language.js';
 
 const NEXT_THEME = { system: 'light', light: 'dark', dark: 'system' };
 const THEME_ICON = { system: icons.system, light: icons.sun, dark: icons.moon };
 
-function places(person) {
+function navEntries(person) {
   const all = [
     ['today', []],
     ['wall', ['live'], ['watch']],
@@ -28,7 +28,7 @@ function places(person) {
   return [...all.filter(([, , needs]) => !needs || needs.some(action => may(person, action))), ...own];
 }
 
-/** `me` names the trainee by id or as an object, depending on the route that answered. */
+/** `me` gives the trainee as an id or as an object, depending on the route that answered. */
 export const traineeId = person => person.trainee?.id ?? person.trainee ?? null;
 
 export function Shell({ person, current, children }) {
@@ -38,9 +38,9 @@ export function Shell({ person, current, children }) {
       <a class="brand" href=${href([])}><${Brand} />${t.product}</a>
       <nav aria-label=${t.nav.label}>
         <ul>
-          ${places(person).map(([name, path]) => html`
+          ${navEntries(person).map(([name, path]) => html`
               <li key=${name}><a href=${href(path)} aria-current=${isCurrent(name, current, person) ? 'page'
-                : undefined}>${t.nav[name]}${name === 'record' && html`<${Runs} />`}</a></li>`)}
+                : undefined}>${t.nav[name]}${name === 'record' && html`<${RecordingMark} />`}</a></li>`)}
         </ul>
       </nav>
       <div class="account">
@@ -54,11 +54,11 @@ export function Shell({ person, current, children }) {
     <main id="main" tabindex="-1">${children}</main>`;
 }
 
-/** A recording goes on whatever page is shown. */
-function Runs() {
-  const [runs, setRuns] = useState(isRecording);
-  useEffect(() => onRecording(() => setRuns(isRecording())), []);
-  return runs && html`<span class="runs"><span class="unseen">${t.record.runs}</span></span>`;
+/** Shows on every page that a recording is running. */
+function RecordingMark() {
+  const [isRunning, setRunning] = useState(isRecording);
+  useEffect(() => onRecording(() => setRunning(isRecording())), []);
+  return isRunning && html`<span class="runs"><span class="unseen">${t.record.runs}</span></span>`;
 }
 
 /** A trainee's own page lies under `trainees`, which a trainee's navigation calls "My progress". */

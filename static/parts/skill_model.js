@@ -1,4 +1,4 @@
-// A task's model of skill: what it is worth, and the button by which administrators make the next one.
+// A task's skill model: its accuracy, and the button that administrators train the next one with.
 import { html, useState } from './preact.js';
 import { api } from '../api.js';
 import { asProblem, useData } from '../data.js';
@@ -7,7 +7,7 @@ import { t } from '../texts.js';
 import { ProblemNotice } from './notice.js';
 
 const words = t.tasks.model;
-const whole = share => percent(Math.round(100 * share) / 100);
+const wholePercent = share => percent(Math.round(100 * share) / 100);
 
 export function SkillModel({ task, mayTrain }) {
   const { data, reload } = useData(signal => api.tasks.models(task.id, signal), [task.id]);
@@ -20,15 +20,15 @@ export function SkillModel({ task, mayTrain }) {
     setBusy(false);
   };
   return html`
-    <span class="small muted">${stateOf(data?.items?.[0])}</span>
+    <span class="small muted">${modelText(data?.items?.[0])}</span>
     ${mayTrain && html` <button class="button small" type="button" disabled=${busy} aria-label=${words.trainFor(task.name)}
       onClick=${train}>${busy ? words.busy : words.train}</button>`}
     <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />`;
 }
 
-function stateOf(model) {
+function modelText(model) {
   if (!model) return words.none;
   if (model.withdrawn_at) return words.withdrawn(model.version, date(model.withdrawn_at));
   const { knows, accuracy: { value, low, high, people } } = model.report;
-  return knows ? words.knows(model.version, whole(value), whole(low), whole(high), people) : words.nothing(model.version);
+  return knows ? words.knows(model.version, wholePercent(value), wholePercent(low), wholePercent(high), people) : words.nothing(model.version);
 }

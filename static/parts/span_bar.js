@@ -1,11 +1,11 @@
-// The marked span: where it begins and ends, a loop over it. Everything that is about a stretch of the recording takes it.
+// The marked span: its start and end, and a loop over it. Everything about a stretch of the recording uses it.
 import { html, useEffect, useState } from './preact.js';
 import { clock } from '../format.js';
 import { t } from '../texts.js';
 
 const words = t.session.marking;
 
-/** The marked span of a playback, kept up to date: `[from, to]` in seconds, or null. */
+/** The marked span of a playback, kept up to date: `[from, to]` in seconds, or null; and whether it loops. */
 export function useMarked(playback) {
   const [state, setState] = useState({ marked: playback.marked, looping: playback.looping });
   useEffect(
@@ -25,9 +25,9 @@ export function SpanBar({ playback }) {
   return html`
     <div class="row marking" role="group" aria-label=${words.title}>
       <button class="button" type="button" title=${`${words.from} ([)`}
-        onClick=${() => playback.mark(playback.time, laterThan(playback, marked))}>${words.from}</button>
+        onClick=${() => playback.mark(playback.time, keptEnd(playback, marked))}>${words.from}</button>
       <button class="button" type="button" title=${`${words.to} (])`}
-        onClick=${() => playback.mark(earlierThan(playback, marked), playback.time)}>${words.to}</button>
+        onClick=${() => playback.mark(keptStart(playback, marked), playback.time)}>${words.to}</button>
       <span class="clock" role="status">${marked ? spanName(marked) : words.none}</span>
       ${marked && html`
         <button class="button" type="button" aria-pressed=${looping} title=${`${words.loop} (l)`}
@@ -36,13 +36,13 @@ export function SpanBar({ playback }) {
     </div>`;
 }
 
-/** The end that stays when the beginning moves, and the beginning that stays when the end does. */
-const laterThan = ({ time, duration }, marked) => (marked && marked[1] > time ? marked[1] : duration);
-const earlierThan = ({ time }, marked) => (marked && marked[0] < time ? marked[0] : 0);
+/** The end that stays when the start moves, and the start that stays when the end moves. */
+const keptEnd = ({ time, duration }, marked) => (marked && marked[1] > time ? marked[1] : duration);
+const keptStart = ({ time }, marked) => (marked && marked[0] < time ? marked[0] : 0);
 
-/** The keys `[`, `]` and `l`, as the buttons. */
+/** The keys `[`, `]` and `l` do the same as the buttons. */
 export const markingKeys = playback => ({
-  '[': () => playback.mark(playback.time, laterThan(playback, playback.marked)),
-  ']': () => playback.mark(earlierThan(playback, playback.marked), playback.time),
+  '[': () => playback.mark(playback.time, keptEnd(playback, playback.marked)),
+  ']': () => playback.mark(keptStart(playback, playback.marked), playback.time),
   l: () => playback.loop(!playback.looping),
 });

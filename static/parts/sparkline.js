@@ -1,15 +1,15 @@
-// The course of a few values, as large as a word: no axes, the newest marked with its error bar, the limit dashed.
+// The course of a few values, as large as a word: no axes, the newest with its error bar, the limit dashed.
 import { html } from './preact.js';
 
-const [WIDTH, HEIGHT, ROOM] = [160, 36, 4];
+const [WIDTH, HEIGHT, MARGIN] = [160, 36, 4];
 
-/** `points` as the service tells them, each with a value. */
+/** `points` as the service returns them, each with a value. */
 export function Sparkline({ points, limit, name }) {
   const all = points.flatMap(point => [point.value, point.low ?? point.value, point.high ?? point.value]);
   const known = Number.isFinite(limit) ? [...all, limit] : all;
   const [low, high] = [Math.min(...known), Math.max(...known)];
-  const x = at => (points.length === 1 ? WIDTH / 2 : ROOM + ((WIDTH - 2 * ROOM) * at) / (points.length - 1));
-  const y = value => HEIGHT - ROOM - ((HEIGHT - 2 * ROOM) * (value - low)) / (high - low || 1);
+  const x = at => (points.length === 1 ? WIDTH / 2 : MARGIN + ((WIDTH - 2 * MARGIN) * at) / (points.length - 1));
+  const y = value => HEIGHT - MARGIN - ((HEIGHT - 2 * MARGIN) * (value - low)) / (high - low || 1);
   const last = points[points.length - 1];
   const end = x(points.length - 1);
   return html`

@@ -1,4 +1,4 @@
-// What a task asks for: its targets, each with what it was made from, the pass rule and the chart's design.
+// The standard of a task: its targets, each with its source, the pass rule and the chart's design.
 import { html } from './preact.js';
 import { date, number, percent, unit } from '../format.js';
 import { t } from '../texts.js';
@@ -6,10 +6,10 @@ import { Empty } from './notice.js';
 
 const words = t.task;
 
-/** The limit as people say it: `at most 50 s`. */
-export const limitWords = target => words.limits[target.better](`${number(target.limit)} ${unit(target.unit)}`.trim());
+/** The limit as text: `at most 50 s`. */
+export const limitText = target => words.limits[target.better](`${number(target.limit)} ${unit(target.unit)}`.trim());
 
-/** The feature as people say it, with its tool. */
+/** The feature as text, with its tool. */
 export const targetName = target => [target.title, target.tool].filter(Boolean).join(', ');
 
 export function Standard({ standard, onSet }) {
@@ -35,33 +35,33 @@ export const Targets = ({ targets }) => html`
       <tbody>${targets.map(target => html`
         <tr key=${`${target.feature} ${target.tool} ${target.space}`}>
           <th scope="row">${targetName(target)}</th>
-          <td><strong>${limitWords(target)}</strong>${target.low !== null && html`<small class="muted">
+          <td><strong>${limitText(target)}</strong>${target.low !== null && html`<small class="muted">
             ${words.between(number(target.low), number(target.high))}</small>`}</td>
-          <td>${basisWords(target)}${wrongWords(target.basis)}<small class="muted">${madeFromWords(target.made_from)}</small></td>
+          <td>${basisText(target)}${wrongText(target.basis)}<small class="muted">${madeFromText(target.made_from)}</small></td>
         </tr>`)}</tbody>
     </table>
   </div>`;
 
-const basisWords = ({ basis }) => {
+const basisText = ({ basis }) => {
   const share = basis.share === undefined ? undefined : percent(basis.share);
   return words.basis[basis.method]({ ...basis, percent: share });
 };
 
-/** A share of people that a limit is wrong about, with its interval. */
-export const shareWords = share => words.share(percent(share.seen), percent(share.low), percent(share.high));
+/** A share of people that a limit judges wrongly, with its interval. */
+export const shareText = share => words.share(percent(share.seen), percent(share.low), percent(share.high));
 
-const wrongWords = basis => basis.false_pass && html`<small>
-  ${words.wrong(shareWords(basis.false_pass), shareWords(basis.false_fail))}</small>`;
+const wrongText = basis => basis.false_pass && html`<small>
+  ${words.wrong(shareText(basis.false_pass), shareText(basis.false_fail))}</small>`;
 
-const madeFromWords = from => from && [words.ofVersion(from.pipeline), from.handedness &&
+const madeFromText = from => from && [words.ofVersion(from.pipeline), from.handedness &&
   words.ofHand(t.trainees.hands[from.handedness].toLowerCase())].filter(Boolean).join(', ');
 
 /** `3 in a row and 2 more`, or that there is none. */
-export const ruleWords = rule => (rule ? t.trainee.rule(rule.in_a_row, rule.then_more, rule.at_most) : words.noRule);
+export const ruleText = rule => (rule ? t.trainee.rule(rule.in_a_row, rule.then_more, rule.at_most) : words.noRule);
 
 export const RuleAndChart = ({ standard: { rule, charts } }) => html`
   <dl class="facts">
-    <dt>${words.rule}</dt><dd>${ruleWords(rule)}</dd>
+    <dt>${words.rule}</dt><dd>${ruleText(rule)}</dd>
     <dt>${words.charts}</dt><dd>${words.design({
       inadequate: percent(charts.inadequate), adequate: percent(charts.adequate), within: charts.declare_within,
       wrong: percent(charts.false_declaration) })}</dd>

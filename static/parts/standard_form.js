@@ -1,4 +1,5 @@
-// A standard is set in two steps: worked out first, with from how many people and whom it would be wrong about, then set.
+// A standard is set in two steps: the service calculates it, with how many people it is based on and how many it would
+// judge wrongly; then it is set.
 import { html, useEffect, useRef, useState } from './preact.js';
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
@@ -7,32 +8,32 @@ import { focusSoon } from './focus.js';
 import { Field } from './form.js';
 import { Notice, ProblemNotice } from './notice.js';
 import { RuleAndChart, Targets } from './standard.js';
-import { another, asked, begun, isOf, taken, TargetFields } from './standard_target.js';
+import { initialTargets, isSameTarget, newTarget, TargetFields, targetRequest, withChosenLimit } from './standard_target.js';
 
 const words = t.standardForm;
-const [TOP, CHOSEN] = ['standard-form', 'standard-form-chosen']; // What gets the focus.
+const [TOP, CHOSEN] = ['standard-form', 'standard-form-chosen']; // Ids that get the focus.
 const RULE = ['in_a_row', 'then_more', 'at_most'];
 
 /**
- * `first`: a feature and a limit that were chosen elsewhere, anew for each choice: one that comes while the form is open is taken
- * into it, and what was typed stays. null: begin with the standard in use.
+ * `first`: a feature and a limit that were chosen elsewhere on the page, a new object for each choice. One that arrives
+ * while the form is open is added to it; typed values stay. null: begin with the standard in use.
  */
 export function StandardForm({ data, first, mayMake, onSet, onCancel }) {
-  const last = data.standards[0];
-  const [targets, setTargets] = useState(() => begun(first, data, mayMake));
-  const [rule, setRule] = useState(() => ({ in_a_row: '', then_more: '', at_most: '', ...kept(last?.rule) }));
+  const inUse = data.standards[0];
+  const [targets, setTargets] = useState(() => initialTargets(first, data, mayMake));
+  const [rule, setRule] = useState(() => ({ in_a_row: '', then_more: '', at_most: '', ...ruleValues(inUse?.rule) }));
   const [proposal, setProposal] = useState(null);
   const [problem, setProblem] = useState(null);
   const [busy, setBusy] = useState(null);
-  const known = useRef(first);
+  const lastFirst = useRef(first);
   useEffect(() => {
-    if (known.current !== first) setTargets(before => taken(before, first));
-    known.current = first;
+    if (lastFirst.current !== first) setTargets(before => withChosenLimit(before, first));
+    lastFirst.current = first;
     focusSoon(first ? CHOSEN : TOP);
   }, [first]);
-  const chosen = first ? targets.findIndex(target => isOf(target, first)) : -1;
+  const chosen = first ? targets.findIndex(target => isSameTarget(target, first)) : -1;
 
-  const body = { targets: targets.map(target => asked(target, data.features)), rule: askedRule(rule), charts: last?.charts };
+  const body = { targets: targets.map(target => targetRequest(target, data.features)), rule: ruleRequest(rule), charts: inUse?.charts };
   const sent = JSON.stringify(body);
   const isFresh = proposal?.sent === sent;
   const run = async (what, work) => {
@@ -43,9 +44,9 @@ export function StandardForm({ data, first, mayMake, onSet, onCancel }) {
   };
   const propose = event => {
     event.preventDefault();
-    return run('propose', async () => setProposal({ sent, told: await api.tasks.propose(data.task.id, body) }));
+    return run('propose', async () => setProposal({ sent, answer: await api.tasks.propose(data.task.id, body) }));
   };
-  const keep = () => run('set', async () => onSet(await api.tasks.setStandard(data.task.id, body)));
+  const save = () => run('set', async () => onSet(await api.tasks.setStandard(data.task.id, body)));
   const drop = target => (setTargets(targets.filter(one => one !== target)), focusSoon(TOP));
   const change = (at, more) => setTargets(before => before.map((target, i) => (i === at ? { ...target, ...more } : target)));
   return html`
@@ -61,7 +62,7 @@ export function StandardForm({ data, first, mayMake, onSet, onCancel }) {
             ${targets.length > 1 && html`<div><button class="button bare" type="button" aria-label=${words.drop(at + 1)}
               onClick=${() => drop(target)}>${t.form.remove}</button></div>`}
           </fieldset>`)}
-        <div><button class="button" type="button" onClick=${() => setTargets([...targets, another(data)])}>
+        <div><button class="button" type="button" onClick=${() => setTargets([...targets, newTarget(data)])}>
           ${words.addTarget}</button></div>
         <${RuleFields} rule=${rule} onChange=${more => setRule({ ...rule, ...more })} />
         <${ProblemNotice} problem=${problem} />
@@ -70,15 +71,15 @@ export function StandardForm({ data, first, mayMake, onSet, onCancel }) {
             ${busy === 'propose' ? words.proposing : words.propose}</button>
           <button class="button" type="button" onClick=${onCancel}>${t.form.cancel}</button>
         </div>
-        ${proposal && html`<${Proposal} told=${proposal.told} isFresh=${isFresh} busy=${busy} onSet=${keep} />`}
+        ${proposal && html`<${Proposal} answer=${proposal.answer} isFresh=${isFresh} busy=${busy} onSet=${save} />`}
       </form>
     </section>`;
 }
 
-const kept = rule => rule && Object.fromEntries(RULE.map(name => [name, rule[name] ?? '']));
+const ruleValues = rule => rule && Object.fromEntries(RULE.map(name => [name, rule[name] ?? '']));
 
 /** Without passes in a row there is no rule. */
-const askedRule = rule =>
+const ruleRequest = rule =>
   rule.in_a_row === '' ? undefined
     : { in_a_row: Number(rule.in_a_row), then_more: Number(rule.then_more), at_most: rule.at_most === '' ? undefined : Number(rule.at_most) };
 
@@ -96,17 +97,17 @@ function RuleFields({ rule, onChange }) {
     </fieldset>`;
 }
 
-function Proposal({ told, isFresh, busy, onSet }) {
-  const made = told.targets.filter(one => one.target).map(one => one.target);
-  const withheld = told.targets.filter(one => !one.target);
+function Proposal({ answer, isFresh, busy, onSet }) {
+  const computed = answer.targets.filter(one => one.target).map(one => one.target);
+  const withheld = answer.targets.filter(one => !one.target);
   return html`
     <section class="proposal stack" aria-label=${words.proposal} aria-live="polite">
       <h3>${words.proposal}</h3>
       ${!isFresh && html`<${Notice} tone="warn" title=${words.changed} />`}
-      ${made.length > 0 && html`<${Targets} targets=${made} />`}
+      ${computed.length > 0 && html`<${Targets} targets=${computed} />`}
       ${withheld.map((one, i) => html`<p key=${i} class="notice warn"><span>${words.withheld(words.target(
-        told.targets.indexOf(one) + 1), one.withheld.detail)} ${one.withheld.missing ? words.missing(one.withheld.missing) : ''}</span></p>`)}
-      <${RuleAndChart} standard=${told} />
+        answer.targets.indexOf(one) + 1), one.withheld.detail)} ${one.withheld.missing ? words.missing(one.withheld.missing) : ''}</span></p>`)}
+      <${RuleAndChart} standard=${answer} />
       ${withheld.length ? html`<p class="muted">${words.notYet}</p>`
         : html`<div><button class="button main" type="button" disabled=${!isFresh || busy !== null} onClick=${onSet}>
           ${busy === 'set' ? words.setting : words.set}</button></div>`}

@@ -1,4 +1,4 @@
-// The state of a session or job: a word with a colour, and a bar while it moves.
+// The state of a session or job: a word with a colour, and a bar while it is running.
 import { html } from './preact.js';
 import { t } from '../texts.js';
 import { percent } from '../format.js';
@@ -14,8 +14,10 @@ const TONES = {
   refused: 'bad',
 };
 
-/** One word for a session's state; a quarantined session is `failed` on the wire and set aside to people, one that the quality gate
- *  refused is `done` there and has no features. */
+/**
+ * One word for a session's state. A quarantined session is `failed` in the API; one that the quality gate refused is
+ * `done` in the API and has no features.
+ */
 export function stateOf({ status, quarantined, quality }) {
   if (quarantined) return 'quarantined';
   return status === 'done' && quality?.verdict === 'refused' ? 'refused' : status;

@@ -1,14 +1,14 @@
-// The uploads of this browser, outside any page: they go on while people look at other pages, and what was under way is
-// remembered, so that a reload can tell which file to choose again. The protocol is tus-js-client's.
+// The uploads of this browser, outside any page: they continue while people look at other pages. Unfinished ones are
+// stored, so that after a reload the page can ask for the right file. tus-js-client implements the protocol.
 import { Upload } from '../vendor/tus-js-client/tus.module.js';
 import { api, Problem } from '../api.js';
 
 const KEY = 'trocar.uploads';
-const AT_ONCE = 2;
-/** A cut costs at most one piece to be sent again. */
-const PIECE_BYTES = 8 * 1024 * 1024;
+const MAX_PARALLEL = 2;
+/** After a broken connection, at most one chunk is sent again. */
+const CHUNK_BYTES = 8 * 1024 * 1024;
 const RETRY_MS = [0, 1_000, 3_000, 5_000, 10_000, 20_000, 30_000];
-/** Answers that will not change by asking again. 409 and 423 (another request holds the upload) and 429 do. */
+/** Answers that do not change on a retry. 409 and 423 (another request holds the upload) and 429 do. */
 const isFinal = status => status >= 400 && status < 500 && ![409, 423, 429].includes(status);
 
 const watchers = new Set();
@@ -23,10 +23,10 @@ export function onUploads(callback) {
   return () => watchers.delete(callback);
 }
 
-/** Queues files for one trainee, task and box; a file that was interrupted goes on where it stopped. */
+/** Queues files for one trainee, task and box; a file that was interrupted continues where it stopped. */
 export function addFiles(files, target, words) {
   for (const file of files) {
-    const lost = items.find(
+    const interrupted = items.find(
       item =>
         item.state === 'lost' &&
         isSame(item, file) &&
@@ -34,7 +34,7 @@ export function addFiles(files, target, words) {
         item.target.task === target.task &&
         item.target.box === target.box,
     );
-    if (lost) resumeWith(lost.key, file);
+    if (interrupted) resumeWith(interrupted.key, file);
     else add(file, target, words);
   }
 }
@@ -61,7 +61,7 @@ function add(file, target, words) {
 const isSame = (item, file) =>
   item.name === file.name && item.size === file.size && item.modified === file.lastModified;
 
-/** After a reload: the person has chosen the file again. Returns false where it is another one. */
+/** After a reload, the person has chosen the file again. Returns false if it is another file. */
 export function resumeWith(key, file) {
   const item = find(key);
   if (!item || item.name !== file.name || item.size !== file.size) return false;
@@ -82,11 +82,12 @@ export function resume(key) {
   next();
 }
 
-/** Ends an upload for good: the service forgets the bytes, too. */
+/** Ends an upload for good: the service deletes the bytes, too. */
 export function cancel(key) {
   const item = find(key);
   running.get(key)?.upload?.abort();
-  if (item?.url && item.state !== 'done') Upload.terminate(item.url).catch(() => {}); // It expires there by itself otherwise.
+  // Without this request, it expires there by itself.
+  if (item?.url && item.state !== 'done') Upload.terminate(item.url).catch(() => {});
   forget(key);
 }
 
@@ -106,13 +107,14 @@ function change(key, more) {
 
 function changed() {
   save();
-  watchers.forEach(tell => tell());
+  watchers.forEach(callback => callback());
 }
 
 function next() {
   const busy = items.filter(item => item.state === 'sending').length;
-  const waiting = items.filter(item => item.state === 'waiting').reverse(); // Oldest first; the list shows the newest on top.
-  waiting.slice(0, Math.max(0, AT_ONCE - busy)).forEach(send);
+  // Oldest first; the list shows the newest on top.
+  const waiting = items.filter(item => item.state === 'waiting').reverse();
+  waiting.slice(0, Math.max(0, MAX_PARALLEL - busy)).forEach(send);
 }
 
 function send(item) {
@@ -122,9 +124,9 @@ function send(item) {
   const upload = new Upload(handle.file, {
     endpoint: api.uploadsAddress(),
     uploadUrl: item.url,
-    chunkSize: PIECE_BYTES,
+    chunkSize: CHUNK_BYTES,
     retryDelays: RETRY_MS,
-    storeFingerprintForResuming: false, // The list above remembers the address itself, with the words that a person needs.
+    storeFingerprintForResuming: false, // The list above stores the address itself, with the texts for people.
     metadata: { filename: name, filetype: handle.file.type, ...target },
     onUploadUrlAvailable: () => change(key, { url: upload.url }),
     onProgress: sent => {
@@ -155,7 +157,7 @@ function finish(key, more) {
   next();
 }
 
-/** An upload that the service no longer knows starts from the beginning when it is tried again. */
+/** An upload that the service no longer knows starts from the beginning when it is retried. */
 const isGone = error => [404, 410].includes(error.originalResponse?.getStatus());
 
 function problemOf(error) {
@@ -170,11 +172,11 @@ function save() {
   try {
     localStorage.setItem(KEY, JSON.stringify(kept));
   } catch {
-    // Storage is refused or full: uploads run all the same, they are only not remembered over a reload.
+    // Storage is refused or full: uploads run, but are not remembered after a reload.
   }
 }
 
-/** What was not finished when the page was closed: the file itself is gone with it, the bytes sent are not. */
+/** Uploads that were not finished when the page was closed: the file is gone with the page, the bytes sent are not. */
 function restore() {
   try {
     return (JSON.parse(localStorage.getItem(KEY)) ?? []).map(item => ({ ...item, state: 'lost' }));

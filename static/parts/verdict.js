@@ -1,28 +1,28 @@
-// May the numbers of this session be believed? One line, and under it why not, with what to do about it.
+// Whether the numbers of this session are reliable: one line, and under it the reasons with what to do.
 import { html } from './preact.js';
 import { t } from '../texts.js';
 import { icons } from './icons.js';
 import { Prose } from './prose.js';
 
 const words = t.session.verdict;
-const LOOKS = {
+const STYLES = {
   valid: { tone: 'good', icon: icons.good },
   usable_with_care: { tone: 'warn', icon: icons.warning },
   refused: { tone: 'bad', icon: icons.warning },
 };
 const TONES = { refuse: 'bad', care: 'warn' };
-const SHOWN = 3; // Those that weigh most; the others are behind a click.
+const MAX_SHOWN = 3; // The most important ones; the others are behind a click.
 
 /** Results of earlier versions have no verdict. */
 export function Verdict({ quality }) {
-  const look = LOOKS[quality?.verdict];
-  if (!look) return null;
+  const style = STYLES[quality?.verdict];
+  if (!style) return null;
   const reasons = quality.reasons ?? [];
-  const [first, more] = [reasons.slice(0, SHOWN), reasons.slice(SHOWN)];
+  const [first, more] = [reasons.slice(0, MAX_SHOWN), reasons.slice(MAX_SHOWN)];
   const mixed = new Set(reasons.map(reason => reason.severity)).size > 1;
   return html`
-    <section class=${`notice ${look.tone} verdict`} aria-label=${words.name}>
-      <${look.icon} />
+    <section class=${`notice ${style.tone} verdict`} aria-label=${words.name}>
+      <${style.icon} />
       <div>
         <strong>${words[quality.verdict]}</strong>
         <${Reasons} reasons=${first} mixed=${mixed} />
@@ -32,7 +32,7 @@ export function Verdict({ quality }) {
     </section>`;
 }
 
-/** Which of them refuse the session is said where some only ask for care. */
+/** The severity of each reason is shown only if they differ. */
 const Reasons = ({ reasons, mixed }) => reasons.length > 0 && html`
   <ul>
     ${reasons.map(reason => html`

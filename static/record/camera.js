@@ -1,6 +1,6 @@
-// The device's cameras: which there are, opening one, and keeping its exposure and white balance as they are.
+// The device's cameras: listing them, opening one, and locking its exposure and white balance.
 
-/** What may go wrong, by the name of the browser's error. */
+/** Our slugs for the names of the browser's errors. */
 const FAULTS = {
   NotAllowedError: 'denied',
   SecurityError: 'denied',
@@ -9,7 +9,7 @@ const FAULTS = {
   AbortError: 'busy',
   OverconstrainedError: 'none',
 };
-/** Modes of a camera that change the colours of a tape while somebody trains. */
+/** Modes of a camera that change the colours of a tape during training. */
 const MODES = ['exposureMode', 'whiteBalanceMode'];
 
 export class CameraFault extends Error {
@@ -20,39 +20,39 @@ export class CameraFault extends Error {
   }
 }
 
-/** Can this browser on this page record at all? Otherwise why not. */
-export function fault() {
+/** Why this browser cannot record on this page; null if it can. */
+export function recordingFault() {
   if (!isSecureContext || !navigator.mediaDevices?.getUserMedia) return new CameraFault('insecure');
-  const grabs = 'MediaStreamTrackProcessor' in window || 'requestVideoFrameCallback' in HTMLVideoElement.prototype;
-  return grabs && 'OffscreenCanvas' in window ? null : new CameraFault('unsupported');
+  const canGrabFrames = 'MediaStreamTrackProcessor' in window || 'requestVideoFrameCallback' in HTMLVideoElement.prototype;
+  return canGrabFrames && 'OffscreenCanvas' in window ? null : new CameraFault('unsupported');
 }
 
-/** Was it allowed before, so that nobody need be asked? Where a browser does not tell, no. */
+/** Whether the camera was allowed before, so that the browser will not ask. False if the browser does not say. */
 export async function isAllowed() {
   const answer = await navigator.permissions?.query({ name: 'camera' }).catch(() => null);
   return answer?.state === 'granted';
 }
 
-/** Cameras as `{ id, name }`; names are told only once a camera may be used. */
-export async function cameras() {
+/** Cameras as `{ id, name }`; browsers give the names only once a camera may be used. */
+export async function listCameras() {
   const devices = await navigator.mediaDevices.enumerateDevices();
   return devices
     .filter(({ kind, deviceId }) => kind === 'videoinput' && deviceId)
     .map(({ deviceId, label }, index) => ({ id: deviceId, name: label || `${index + 1}` }));
 }
 
-/** Opens a camera with the picture that is nearest to what is wanted; the browser must not scale or crop it. */
-export async function open({ camera, width, height, rate }) {
+/** Opens a camera with the picture nearest to the wanted one; the browser must not scale or crop it. */
+export async function openCamera({ camera, width, height, rate }) {
   const video = {
     width: { ideal: width },
     height: { ideal: height },
     frameRate: { ideal: rate },
     resizeMode: { ideal: 'none' },
   };
-  const which = camera ? { deviceId: { exact: camera } } : { facingMode: { ideal: 'environment' } };
+  const selector = camera ? { deviceId: { exact: camera } } : { facingMode: { ideal: 'environment' } };
   const ask = more => navigator.mediaDevices.getUserMedia({ audio: false, video: { ...video, ...more } });
   try {
-    return await ask(which).catch(error => {
+    return await ask(selector).catch(error => {
       if (camera && error.name === 'OverconstrainedError') return ask({}); // The chosen one is gone: any other.
       throw error;
     });
@@ -61,20 +61,22 @@ export async function open({ camera, width, height, rate }) {
   }
 }
 
-/** The modes that this camera lets nobody hold. */
-export function unheld(track) {
-  const able = track.getCapabilities?.() ?? {};
-  return MODES.filter(mode => !able[mode]?.includes('manual'));
+/** The modes of this camera that cannot be locked. */
+export function uncontrolledModes(track) {
+  const capabilities = track.getCapabilities?.() ?? {};
+  return MODES.filter(mode => !capabilities[mode]?.includes('manual'));
 }
 
-/** Holds exposure and white balance as they are now, or lets them go; what a camera lacks is left alone. */
-export async function hold(track, isHeld) {
-  const able = track.getCapabilities?.() ?? {};
-  const wanted = isHeld ? 'manual' : 'continuous';
-  const set = constraints => track.applyConstraints(constraints).catch(() => {}); // Whether it took, the settings tell.
-  for (const mode of MODES.filter(mode => able[mode]?.includes('manual') && able[mode].includes(wanted))) {
+/** Locks exposure and white balance as they are now, or releases them; what a camera lacks is left alone. */
+export async function lockSettings(track, isLocked) {
+  const capabilities = track.getCapabilities?.() ?? {};
+  const wanted = isLocked ? 'manual' : 'continuous';
+  // The settings show whether it worked.
+  const set = constraints => track.applyConstraints(constraints).catch(() => {});
+  for (const mode of MODES.filter(mode => capabilities[mode]?.includes('manual') && capabilities[mode].includes(wanted))) {
     const advanced = [{ [mode]: wanted }];
-    await set({ ...track.getConstraints(), advanced }); // By the standard, what is not said again is given up.
-    if (track.getSettings()[mode] !== wanted) await set({ advanced }); // Chromium takes them only by themselves.
+    // By the standard, constraints that are not repeated are dropped.
+    await set({ ...track.getConstraints(), advanced });
+    if (track.getSettings()[mode] !== wanted) await set({ advanced }); // Chromium accepts them only on their own.
   }
 }

@@ -1,11 +1,14 @@
-// Frames of a camera as bytes for a feed. Both encoders take `encode(frame, timestamp, wantsKey)`, close the frame, and
-// call `onFrame({ timestamp, isKey, payload })` in order; while `isFull` says so, a frame is better left out than queued.
-import { MOST_PAYLOAD } from './records.js';
+// Encode the frames of a camera for a feed. Both encoders take `encode(frame, timestamp, wantsKey)`, close the frame,
+// and call `onFrame({ timestamp, isKey, payload })` in order. While `isFull`, frames should be skipped instead of
+// queued.
+import { MAX_PAYLOAD } from './records.js';
 
-const MOST_QUEUED = 4;
-const JPEG_QUALITIES = [0.9, 0.7, 0.5]; // The next one where a frame is too large for a record.
-/** An encoder that is taken away, as devices do with hidden tabs, is made anew; one that never works is given up. */
-const MOST_FAILURES = 3;
+const MAX_QUEUED = 4;
+const JPEG_QUALITIES = [0.9, 0.7, 0.5]; // The next lower one if a frame is too large for a record.
+/**
+ * An encoder that is taken away, as devices do with hidden tabs, is created again; one that never works is given up.
+ */
+const MAX_FAILURES = 3;
 const SEQUENCE_PARAMETERS = 7;
 
 export class H264Encoder {
@@ -19,11 +22,11 @@ export class H264Encoder {
 
   constructor(config, onFrame, onFault) {
     [this.#config, this.#onFrame, this.#onFault] = [config, onFrame, onFault];
-    this.#make();
+    this.#createEncoder();
   }
 
   get isFull() {
-    return this.#encoder.encodeQueueSize >= MOST_QUEUED;
+    return this.#encoder.encodeQueueSize >= MAX_QUEUED;
   }
 
   encode(frame, _, wantsKey) {
@@ -36,17 +39,17 @@ export class H264Encoder {
 
   /** Resolves when every frame has come out. */
   async end() {
-    await this.#encoder.flush().catch(() => {}); // What an encoder that fails now still held is lost.
+    await this.#encoder.flush().catch(() => {}); // If the encoder fails now, the frames that it still holds are lost.
     if (this.#encoder.state !== 'closed') this.#encoder.close();
   }
 
-  #make() {
+  #createEncoder() {
     this.#needsKey = true;
-    this.#encoder = new VideoEncoder({ output: chunk => this.#take(chunk), error: error => this.#failed(error) });
+    this.#encoder = new VideoEncoder({ output: chunk => this.#handleChunk(chunk), error: error => this.#handleError(error) });
     this.#encoder.configure(this.#config);
   }
 
-  #take(chunk) {
+  #handleChunk(chunk) {
     this.#failures = 0;
     const bytes = new Uint8Array(chunk.byteLength);
     chunk.copyTo(bytes);
@@ -54,12 +57,12 @@ export class H264Encoder {
     this.#onFrame({ timestamp: chunk.timestamp, isKey, payload: isKey ? this.#withParameters(bytes) : bytes });
   }
 
-  /** Every key frame of a feed bears its parameter sets; some encoders give them once. */
+  /** Every key frame of a feed contains its parameter sets; some encoders emit them only once. */
   #withParameters(bytes) {
-    const units = startsOfUnits(bytes);
+    const units = unitOffsets(bytes);
     const firstSlice = units.find(at => [1, 5].includes(bytes[at] & 31));
     if (units.some(at => (bytes[at] & 31) === SEQUENCE_PARAMETERS)) {
-      this.#parameters = bytes.slice(0, firstSlice - 3); // A zero more before it is as good.
+      this.#parameters = bytes.slice(0, firstSlice - 3); // One more zero before it does no harm.
       return bytes;
     }
     const whole = new Uint8Array(this.#parameters.length + bytes.length);
@@ -68,14 +71,14 @@ export class H264Encoder {
     return whole;
   }
 
-  #failed(error) {
-    if (++this.#failures >= MOST_FAILURES) return this.#onFault(error);
-    this.#make();
+  #handleError(error) {
+    if (++this.#failures >= MAX_FAILURES) return this.#onFault(error);
+    this.#createEncoder();
   }
 }
 
-/** Where the units of Annex B begin, behind their start codes; slices are the last, so looking ends with the first. */
-function startsOfUnits(bytes) {
+/** The offsets of the Annex B units, after their start codes. Slices come last, so the search ends at the first one. */
+function unitOffsets(bytes) {
   const starts = [];
   for (let i = 0; i + 3 < bytes.length; i++) {
     if (bytes[i] !== 0 || bytes[i + 1] !== 0 || bytes[i + 2] !== 1) continue;
@@ -100,7 +103,7 @@ export class JpegEncoder {
   }
 
   get isFull() {
-    return this.#queued >= MOST_QUEUED;
+    return this.#queued >= MAX_QUEUED;
   }
 
   encode(frame, timestamp) {
@@ -120,7 +123,7 @@ export class JpegEncoder {
     frame.close();
     for (const quality of JPEG_QUALITIES) {
       const jpeg = await this.#canvas.convertToBlob({ type: 'image/jpeg', quality });
-      if (jpeg.size > MOST_PAYLOAD) continue;
+      if (jpeg.size > MAX_PAYLOAD) continue;
       return this.#onFrame({ timestamp, isKey: true, payload: new Uint8Array(await jpeg.arrayBuffer()) });
     }
   }

@@ -1,30 +1,37 @@
-// A sender's end of a feed, protocol 1 of docs/feed.md: connections one after the other until the recording is whole.
-import { Order } from './order.js';
+// The sender's end of a feed, protocol 1 of docs/feed.md: connects again until the recording is complete on the server.
+import { SendOrder } from './send_order.js';
 import { frameRecord, gapRecord } from './records.js';
 
-const RETRY_MS = { first: 500, most: 5_000 };
-/** Close codes after which it is worth coming again by oneself: the last column of the table in docs/feed.md; and 4401,
- *  since the person signs in again on this very page. */
-const COME_AGAIN = [1012, 4401, 4408, 4409, 4500];
-/** Close codes of the protocol; any other is a cut, of which a browser tells no more. */
-const isTold = code => code === 1012 || (code >= 4400 && code < 4600);
-/** Bytes that may wait in the browser: more would only make the picture that is live older. */
-const MOST_BUFFERED = 1 << 20;
-/** When nothing is acknowledged for so long, the line is dead and the browser has not noticed. */
-const SILENT_MS = 10_000;
-/** Putting a long recording together takes its time. */
-const SILENT_AT_END_MS = 120_000;
-/** A sender says something at least every 20 s. A browser cannot ping: what came before is said again, and ignored. */
-const SAY_EVERY_MS = 8_000;
+const RETRY_MS = { first: 500, max: 5_000 };
+/**
+ * Close codes after which the feed connects again by itself: the last column of the table in docs/feed.md; and 4401,
+ * since the person signs in again on this very page.
+ */
+const RECONNECT_CODES = [1012, 4401, 4408, 4409, 4500];
+/** Close codes of the protocol. Any other means a broken connection, for which a browser gives no reason. */
+const isProtocolCode = code => code === 1012 || (code >= 4400 && code < 4600);
+/** Bytes that may wait in the browser: more would only delay the live picture. */
+const MAX_BUFFERED = 1 << 20;
+/** Without an acknowledgement for this long, the connection is dead and the browser has not noticed. */
+const MAX_SILENCE_MS = 10_000;
+/** The server needs time to assemble a long recording. */
+const MAX_SILENCE_AT_END_MS = 120_000;
+/**
+ * A sender sends something at least every 20 s. A browser cannot ping, so the last frame is sent again, which the
+ * server ignores.
+ */
+const KEEP_ALIVE_MS = 8_000;
 const TICK_MS = 100;
 
 export class Feed {
-  /** `'connecting'`, `'open'`, `'lost'`, and at last `'ended'` (all is on the server), `'shortened'` (the server ended
-   *  it without what is still kept here) or `'refused'`. */
-  line = 'connecting';
-  /** The session that the recording is, once it is known. */
+  /**
+   * `'connecting'`, `'open'`, `'lost'`, and finally `'ended'` (all is on the server), `'shortened'` (the server ended
+   * it without what is still kept here) or `'refused'`.
+   */
+  connection = 'connecting';
+  /** The session of the recording, once it is known. */
   session = null;
-  /** Why the line is lost or refused: a close code. */
+  /** Why the connection is lost or refused: a close code. */
   code = null;
 
   #address;
@@ -35,10 +42,10 @@ export class Feed {
   #epoch = null;
   #order = null;
   #isLive = true;
-  #hasSaidEnd = false;
-  #heardAt = 0;
-  #saidAt = 0;
-  #last = null; // The newest frame that was sent, to be said again.
+  #endSent = false;
+  #receivedAt = 0;
+  #sentAt = 0;
+  #lastFrame = null; // The newest frame that was sent, to be sent again.
   #retryMs = RETRY_MS.first;
   #retryTimer;
   #ticker;
@@ -49,119 +56,120 @@ export class Feed {
     this.#connect();
   }
 
-  /** Sends what there is to send, as far as the line takes it. */
+  /** Sends what is due, as much as the connection takes. */
   pump() {
-    if (this.#epoch === null || this.#hasSaidEnd) return;
-    while (this.#socket.bufferedAmount < MOST_BUFFERED) {
+    if (this.#epoch === null || this.#endSent) return;
+    while (this.#socket.bufferedAmount < MAX_BUFFERED) {
       const item = this.#order.next(this.#spool, this.#isLive);
       if (!item) break;
-      this.#say(item.payload ? frameRecord(this.#epoch, item) : gapRecord(this.#epoch, [item.number, item.last]));
-      if (item.payload) this.#last = item;
+      this.#send(item.payload ? frameRecord(this.#epoch, item) : gapRecord(this.#epoch, [item.number, item.last]));
+      if (item.payload) this.#lastFrame = item;
     }
-    // Said once all is acknowledged: what is still kept here until then can be told to the person who waits.
+    // The end is sent only once everything is acknowledged, so that until then the page can show how much is still kept
+    // here.
     if (this.#isLive || !this.#spool.isEmpty) return;
-    this.#hasSaidEnd = true;
-    this.#say(JSON.stringify({ type: 'end', frames: this.#spool.end }));
+    this.#endSent = true;
+    this.#send(JSON.stringify({ type: 'end', frames: this.#spool.end }));
   }
 
-  /** No more frames come. */
+  /** No more frames will come. */
   finish() {
     this.#isLive = false;
     this.pump();
   }
 
-  /** Tries at once, and again after a refusal: for a person who has mended what was wrong. */
+  /** Connects immediately, also after a refusal: for a person who has corrected the cause. */
   retry() {
-    if (['open', 'ended', 'shortened'].includes(this.line)) return;
-    this.#hangUp();
+    if (['open', 'ended', 'shortened'].includes(this.connection)) return;
+    this.#closeSocket();
     this.#connect();
   }
 
   close() {
     clearInterval(this.#ticker);
-    this.#hangUp();
+    this.#closeSocket();
   }
 
   #connect() {
     clearTimeout(this.#retryTimer);
-    this.#heardAt = performance.now();
+    this.#receivedAt = performance.now();
     const socket = (this.#socket = new WebSocket(this.#address));
     socket.binaryType = 'arraybuffer';
-    socket.onopen = () => this.#say(JSON.stringify(this.#hello));
-    socket.onmessage = ({ data }) => this.#hear(JSON.parse(data));
-    socket.onclose = ({ code }) => this.#broke(code);
-    if (this.line === 'refused') this.#become('connecting');
+    socket.onopen = () => this.#send(JSON.stringify(this.#hello));
+    socket.onmessage = ({ data }) => this.#receive(JSON.parse(data));
+    socket.onclose = ({ code }) => this.#handleClose(code);
+    if (this.connection === 'refused') this.#setConnection('connecting');
   }
 
-  #hangUp() {
+  #closeSocket() {
     clearTimeout(this.#retryTimer);
     this.#epoch = null;
-    this.#hasSaidEnd = false;
+    this.#endSent = false;
     if (this.#socket) Object.assign(this.#socket, { onopen: null, onmessage: null, onclose: null }).close();
     this.#socket = null;
   }
 
-  #hear(word) {
-    this.#heardAt = performance.now();
-    if (word.type === 'welcome') this.#welcomed(word);
-    if (word.type === 'ack') this.#acknowledged(word.durable);
-    if (word.type === 'missing') {
-      this.#spool.miss(word.frames);
-      this.#order.again();
-      this.#hasSaidEnd = false;
+  #receive(message) {
+    this.#receivedAt = performance.now();
+    if (message.type === 'welcome') this.#handleWelcome(message);
+    if (message.type === 'ack') this.#handleAck(message.durable);
+    if (message.type === 'missing') {
+      this.#spool.reportMissing(message.frames);
+      this.#order.restart();
+      this.#endSent = false;
     }
-    if (word.type === 'ended') return this.#ended(word.session);
+    if (message.type === 'ended') return this.#handleEnded(message.session);
     this.pump();
   }
 
-  #welcomed({ session, epoch, durable }) {
-    [this.session, this.#epoch, this.#order] = [session, epoch, new Order()];
+  #handleWelcome({ session, epoch, durable }) {
+    [this.session, this.#epoch, this.#order] = [session, epoch, new SendOrder()];
     this.#retryMs = RETRY_MS.first;
-    this.#acknowledged(durable);
-    this.#become('open');
+    this.#handleAck(durable);
+    this.#setConnection('open');
   }
 
-  #acknowledged(durable) {
+  #handleAck(durable) {
     this.#spool.acknowledge(durable);
     this.#order.acknowledged(this.#spool);
   }
 
-  #ended(session) {
+  #handleEnded(session) {
     this.session = session;
     this.close();
-    // Whoever was away for an hour comes back to a recording that the server has ended with what came.
-    this.#become(this.#spool.isEmpty ? 'ended' : 'shortened');
+    // After a long outage, the server may have ended the recording with the frames that it had.
+    this.#setConnection(this.#spool.isEmpty ? 'ended' : 'shortened');
   }
 
-  #broke(code) {
+  #handleClose(code) {
     const isFirst = this.session === null;
-    this.#hangUp();
-    // Before anything was taken, whoever begins is told at once that the box is busy.
-    const isFinal = isTold(code) && (!COME_AGAIN.includes(code) || (isFirst && code === 4409));
-    if (isFinal) return this.#become('refused', code);
+    this.#closeSocket();
+    // If the server has not accepted anything yet, a busy box is reported at once.
+    const isFinal = isProtocolCode(code) && (!RECONNECT_CODES.includes(code) || (isFirst && code === 4409));
+    if (isFinal) return this.#setConnection('refused', code);
     this.#retryTimer = setTimeout(() => this.#connect(), this.#retryMs);
-    this.#retryMs = Math.min(this.#retryMs * 2, RETRY_MS.most);
-    this.#become('lost', isTold(code) ? code : null);
+    this.#retryMs = Math.min(this.#retryMs * 2, RETRY_MS.max);
+    this.#setConnection('lost', isProtocolCode(code) ? code : null);
   }
 
   #tick() {
     if (this.#socket === null) return;
     const now = performance.now();
-    const isAwaited = this.#epoch === null || this.#hasSaidEnd || this.#order.bytesUnderWay > 0;
-    if (isAwaited && now - this.#heardAt > (this.#hasSaidEnd ? SILENT_AT_END_MS : SILENT_MS)) return this.#broke(null);
-    if (!isAwaited) this.#heardAt = now;
+    const isAwaited = this.#epoch === null || this.#endSent || this.#order.bytesInFlight > 0;
+    if (isAwaited && now - this.#receivedAt > (this.#endSent ? MAX_SILENCE_AT_END_MS : MAX_SILENCE_MS)) return this.#handleClose(null);
+    if (!isAwaited) this.#receivedAt = now;
     this.pump();
-    if (this.#epoch !== null && !this.#hasSaidEnd && this.#last && now - this.#saidAt > SAY_EVERY_MS)
-      this.#say(frameRecord(this.#epoch, this.#last));
+    if (this.#epoch !== null && !this.#endSent && this.#lastFrame && now - this.#sentAt > KEEP_ALIVE_MS)
+      this.#send(frameRecord(this.#epoch, this.#lastFrame));
   }
 
-  #say(message) {
-    this.#saidAt = performance.now();
+  #send(message) {
+    this.#sentAt = performance.now();
     this.#socket.send(message);
   }
 
-  #become(line, code = null) {
-    [this.line, this.code] = [line, code];
+  #setConnection(connection, code = null) {
+    [this.connection, this.code] = [connection, code];
     this.#onChange();
   }
 }

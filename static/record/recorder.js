@@ -1,174 +1,178 @@
-// The recording of this browser, outside any page: it goes on while people look at other pages. One at a time.
+// The recording of this browser, outside any page: it continues while people look at other pages. One at a time.
 import { api } from '../api.js';
-import { hold } from './camera.js';
+import { lockSettings } from './camera.js';
 import { h264For } from './codec.js';
-import { change, now, onRecording } from './current.js';
+import { currentRecording, onRecording, updateRecording } from './current_recording.js';
 import { TICKS_PER_S } from './records.js';
 
-/** How much of the browser's name is told to the service. */
-const MOST_NAME = 200;
+/** How much of the browser's name is sent to the service. */
+const MAX_NAME_LENGTH = 200;
 
-let parts = null;
+let active = null;
 
-/** Begins with the camera as it is open. `target` has the ids of trainee, task and box, `names` how people call them. */
-export async function begin(stream, { target, names }) {
+/**
+ * Starts with the camera as it is open. `target` has the ids of trainee, task and box, `names` the same as text for
+ * people.
+ */
+export async function startRecording(stream, { target, names }) {
   const track = stream.getVideoTracks()[0].clone(); // The preview may end without the recording.
-  await hold(track, true);
+  await lockSettings(track, true);
   const { width, height, frameRate = 30 } = track.getSettings();
   const h264 = await h264For({ width, height, frameRate });
   const worker = new Worker(new URL('./worker.js', import.meta.url), { type: 'module' });
-  parts = { worker, track, source: null, lock: null };
-  worker.onmessage = ({ data }) => hear(data);
+  active = { worker, track, source: null, lock: null };
+  worker.onmessage = ({ data }) => handleMessage(data);
   worker.onerror = ({ message }) => fail(message ? 'fault' : 'unloaded');
-  track.onended = () => stop('camera'); // Where the worker does not see it by itself.
-  for (const event of ['mute', 'unmute']) track.addEventListener(event, () => now && change({ isMuted: track.muted }));
-  change(null);
-  change({ phase: 'recording', names, isMuted: track.muted });
-  const begins = { address: api.boxes.feedAddress(target.box), hello: helloOf(target), h264 };
-  if (!handOver(worker, track, begins)) {
-    parts.source = capture(worker, track, begins);
-    change({ isCaptured: true });
+  track.onended = () => stopRecording('camera'); // For browsers where the worker does not see it.
+  for (const event of ['mute', 'unmute']) track.addEventListener(event, () => currentRecording && updateRecording({ isMuted: track.muted }));
+  updateRecording(null);
+  updateRecording({ phase: 'recording', names, isMuted: track.muted });
+  const beginMessage = { address: api.boxes.feedAddress(target.box), hello: helloOf(target), h264 };
+  if (!transferTrack(worker, track, beginMessage)) {
+    active.source = capture(worker, track, beginMessage);
+    updateRecording({ isCaptured: true });
   }
   addEventListener('beforeunload', warn);
   stayAwake();
 }
 
-/** All but the picture, which its first frame tells. */
+/** Everything but the picture's size and codec, which depend on the first frame. */
 const helloOf = target => ({
   type: 'hello',
   protocol: 1,
-  recording: crypto.randomUUID(), // Where there is a camera, the page is secure and has it.
+  recording: crypto.randomUUID(), // A page with a camera is a secure context and has it.
   trainee: target.trainee,
   task: target.task,
   time_base: [1, TICKS_PER_S],
   began_at: new Date().toISOString(),
-  sender: `dashboard, ${navigator.userAgent}`.slice(0, MOST_NAME),
+  sender: `dashboard, ${navigator.userAgent}`.slice(0, MAX_NAME_LENGTH),
 });
 
-/** The camera's frames straight to the worker, where the browser has a way; false where it has none. */
-function handOver(worker, track, begins) {
+/** Transfers the camera's frames straight to the worker, if the browser can; returns false if it cannot. */
+function transferTrack(worker, track, beginMessage) {
   if ('MediaStreamTrackProcessor' in window) {
     const { readable } = new MediaStreamTrackProcessor({ track });
-    worker.postMessage({ begin: { ...begins, readable } }, [readable]);
+    worker.postMessage({ begin: { ...beginMessage, readable } }, [readable]);
     return true;
   }
   if (!('VideoFrame' in window)) return false;
-  const theirs = track.clone();
+  const workerTrack = track.clone();
   try {
-    worker.postMessage({ begin: { ...begins, track: theirs } }, [theirs]); // Only workers have the processor in Safari.
+    // In Safari, only workers have the processor.
+    worker.postMessage({ begin: { ...beginMessage, track: workerTrack } }, [workerTrack]);
     return true;
   } catch {
-    theirs.stop(); // Tracks cannot be handed over in this browser.
+    workerTrack.stop(); // This browser cannot transfer tracks.
     return false;
   }
 }
 
-/** Frame by frame from a video that nobody sees; it stands still while the tab is hidden. */
-function capture(worker, track, begins) {
-  worker.postMessage({ begin: begins });
+/** Captures frame by frame from an invisible video, which stops while the tab is hidden. */
+function capture(worker, track, beginMessage) {
+  worker.postMessage({ begin: beginMessage });
   const video = Object.assign(document.createElement('video'), { muted: true, playsInline: true });
   video.srcObject = new MediaStream([track]);
-  const grab = async (shownAt, { captureTime, mediaTime }) => {
+  const grabFrame = async (shownAt, { captureTime, mediaTime }) => {
     if (track.readyState !== 'live') return;
-    video.requestVideoFrameCallback(grab);
+    video.requestVideoFrameCallback(grabFrame);
     const timestamp = Math.round(captureTime ? captureTime * 1e3 : mediaTime * 1e6);
     let frame;
     try {
       frame = 'VideoFrame' in window ? new VideoFrame(video, { timestamp }) : await createImageBitmap(video);
     } catch {
-      return; // the camera is just being let go: the video has no picture any more
+      return; // the camera is just being released: the video has no picture any more
     }
     worker.postMessage({ frame, timestamp }, [frame]);
   };
-  video.requestVideoFrameCallback(grab);
+  video.requestVideoFrameCallback(grabFrame);
   video.play();
   return video;
 }
 
-function hear(data) {
-  if (data.type === 'stopped') return stopped(data.why);
-  if (data.type === 'nothing') return end('nothing');
-  const { type, ...standing } = data;
-  const before = now;
-  change(standing);
-  // A browser does not tell whether it was the network or the sign-in: asking does, and leads to the page for it.
-  if (now.line === 'lost' && before.line !== 'lost') api.me().catch(() => {});
-  if (['ended', 'shortened'].includes(now.line)) end(now.line);
-  if (now.line === 'refused' && before.line !== 'refused') refuse();
+function handleMessage(data) {
+  if (data.type === 'stopped') return handleStopped(data.why);
+  if (data.type === 'nothing') return endRecording('nothing');
+  const { type, ...status } = data;
+  const before = currentRecording;
+  updateRecording(status);
+  // A browser does not say whether the network or the sign-in failed: this request does, and leads to the sign-in page.
+  if (currentRecording.connection === 'lost' && before.connection !== 'lost') api.me().catch(() => {});
+  if (['ended', 'shortened'].includes(currentRecording.connection)) endRecording(currentRecording.connection);
+  if (currentRecording.connection === 'refused' && before.connection !== 'refused') handleRefusal();
 }
 
-/** Ends the recording; what is not on the server yet goes on being sent. */
-export function stop(why = null) {
-  if (now?.phase !== 'recording') return;
-  parts.worker.postMessage({ stop: true });
-  stopped(why);
+/** Ends the recording; what is not on the server yet is still sent. */
+export function stopRecording(why = null) {
+  if (currentRecording?.phase !== 'recording') return;
+  active.worker.postMessage({ stop: true });
+  handleStopped(why);
 }
 
-function stopped(why) {
-  if (now.phase !== 'recording') return;
-  letGo();
-  change({ phase: 'sending', why });
+function handleStopped(why) {
+  if (currentRecording.phase !== 'recording') return;
+  releaseCamera();
+  updateRecording({ phase: 'sending', why });
 }
 
-/** The service takes no more of it: it stops, and what is kept stays kept until the person decides. */
-function refuse() {
-  letGo();
-  parts.worker.postMessage({ stop: true });
-  change({ phase: 'refused' });
+/** The service accepts no more: recording stops, and what is kept stays until the person decides. */
+function handleRefusal() {
+  releaseCamera();
+  active.worker.postMessage({ stop: true });
+  updateRecording({ phase: 'refused' });
 }
 
-/** Without its worker nothing goes on. */
+/** Without its worker the recording cannot continue. */
 function fail(why) {
-  end('failed');
-  change({ why });
+  endRecording('failed');
+  updateRecording({ why });
 }
 
-/** Sends what is left of a recording that was refused. */
-export function retry() {
-  change({ phase: 'sending', line: 'connecting' });
-  parts.worker.postMessage({ retry: true });
+/** Sends the rest of a recording that was refused. */
+export function retrySending() {
+  updateRecording({ phase: 'sending', connection: 'connecting' });
+  active.worker.postMessage({ retry: true });
 }
 
-/** Forgets the recording, and what is left of it. */
-export function forget() {
-  if (!now) return;
-  end(now.phase);
-  change(null);
+/** Discards the recording, and what is left of it. */
+export function discardRecording() {
+  if (!currentRecording) return;
+  endRecording(currentRecording.phase);
+  updateRecording(null);
 }
 
-function end(phase) {
-  letGo();
-  parts.worker.terminate();
+function endRecording(phase) {
+  releaseCamera();
+  active.worker.terminate();
   removeEventListener('beforeunload', warn);
-  change({ phase });
+  updateRecording({ phase });
 }
 
-/** The camera is the preview's alone again, its exposure free. */
-function letGo() {
-  const { track, source, lock } = parts;
+/** Only the preview uses the camera again, and its exposure is released. */
+function releaseCamera() {
+  const { track, source, lock } = active;
   source?.pause();
   lock?.release();
   track.onended = null;
-  hold(track, false).finally(() => track.stop());
+  lockSettings(track, false).finally(() => track.stop());
 }
 
 function warn(event) {
   event.preventDefault();
-  event.returnValue = ''; // What older browsers look at.
+  event.returnValue = ''; // For older browsers.
 }
 
-/** A tablet that falls asleep would take the camera with it. */
+/** A tablet that falls asleep would stop the camera. */
 async function stayAwake() {
-  const of = parts;
+  const own = active;
   const ask = async () => {
-    if (document.hidden || now?.phase !== 'recording' || parts !== of) return;
-    of.lock = await navigator.wakeLock?.request('screen').catch(() => null); // Low battery: it says no.
+    if (document.hidden || currentRecording?.phase !== 'recording' || active !== own) return;
+    own.lock = await navigator.wakeLock?.request('screen').catch(() => null); // The browser refuses at low battery.
   };
-  document.addEventListener('visibilitychange', ask); // It is taken away from hidden pages.
-  const off = onRecording(() => {
-    if (parts === of && now?.phase === 'recording') return;
+  document.addEventListener('visibilitychange', ask); // Browsers release the lock on hidden pages.
+  const unsubscribe = onRecording(() => {
+    if (active === own && currentRecording?.phase === 'recording') return;
     document.removeEventListener('visibilitychange', ask);
-    off();
+    unsubscribe();
   });
   await ask();
 }

@@ -1,14 +1,14 @@
 // The records of a feed as bytes, protocol 1 of docs/feed.md. Numbers are big-endian.
 
-/** Ticks a second: the clock of MPEG, in which all usual frame rates are whole. */
+/** Ticks a second: the clock of MPEG. All usual frame durations are whole numbers of its ticks. */
 export const TICKS_PER_S = 90_000;
 /** Largest frame, bytes. */
-export const MOST_PAYLOAD = 1 << 20;
+export const MAX_PAYLOAD = 1 << 20;
 
 const HEAD = 32;
 const FRAME = 1;
 const GAP = 2;
-/** The sender's memory was full, and its oldest part went. */
+/** The reason of a gap: the sender's memory was full and its oldest part was dropped. */
 const SPOOL_FULL = 2;
 
 const TABLE = Uint32Array.from({ length: 256 }, (_, n) => {

@@ -1,29 +1,31 @@
-// What was recorded and is not yet safe on the server: frames in memory, up to a limit.
+// Frames that were recorded and are not yet safe on the server: kept in memory, up to a limit.
 import { TICKS_PER_S } from './records.js';
 
-/** Bytes of frames that are kept: some three minutes at 6 Mbit/s. Tabs of small tablets are ended at a few times as much. */
-export const MOST_BYTES = 128 * 2 ** 20;
-/** What goes at a time when memory is full: whole groups from a key frame on, which are of no use in part. */
+/**
+ * Bytes of frames that are kept: about three minutes at 6 Mbit/s. Small tablets end tabs that use a few times as much.
+ */
+export const MAX_BYTES = 128 * 2 ** 20;
+/** The unit that is dropped when memory is full: whole groups from a key frame on, since part of a group is useless. */
 const GROUP_TICKS = TICKS_PER_S;
 
 export class Spool {
   /** The next frame's number. */
   end = 0;
-  /** Of the frames that are kept. */
+  /** Bytes of the frames that are kept. */
   bytes = 0;
   /** Time of the newest frame, ticks. */
   newest = 0;
   newestKey = 0;
-  /** What went and is not known to have arrived. */
+  /** Time that was dropped and is not known to have arrived. */
   lostTicks = 0;
-  /** Ranges in which what the server has lies. */
-  pieces = 0;
-  #most;
-  #frames = new Map(); // By number, in the order of numbers.
-  #gaps = []; // What went, group by group, until the server knows of it: `{ number, last, ticks, isTold }`.
+  /** The number of ranges of frames that the server has. */
+  rangeCount = 0;
+  #maxBytes;
+  #frames = new Map(); // By number, in ascending order.
+  #gaps = []; // What was dropped, group by group, until the server knows of it: `{ number, last, ticks, isSent }`.
 
-  constructor(most = MOST_BYTES) {
-    this.#most = most;
+  constructor(maxBytes = MAX_BYTES) {
+    this.#maxBytes = maxBytes;
   }
 
   get count() {
@@ -46,14 +48,17 @@ export class Spool {
     this.newest = Math.max(this.newest, time);
     this.#frames.set(frame.number, frame);
     this.bytes += payload.length;
-    while (this.bytes > this.#most && this.#dropGroup());
+    while (this.bytes > this.#maxBytes && this.#dropGroup());
   }
 
   holds(number) {
     return this.#frames.has(number);
   }
 
-  /** What is to be sent of `number` or else of the next one that is kept: a frame or a gap. Whoever tells a gap marks it. */
+  /**
+   * What to send of `number`, or else of the next one that is kept: a frame or a gap. The caller that sends a gap marks
+   * it.
+   */
   atOrAfter(number) {
     for (; number < this.end; number++) {
       const frame = this.#frames.get(number);
@@ -64,39 +69,40 @@ export class Spool {
     return null;
   }
 
-  /** The server has these, `[first, last]` each. */
+  /** The server has these ranges, `[first, last]` each. */
   acknowledge(ranges) {
-    this.pieces = ranges.length;
-    const has = (first, last) => ranges.some(range => range[0] <= first && last <= range[1]);
-    for (const number of this.#frames.keys()) if (has(number, number)) this.#forget(number);
+    this.rangeCount = ranges.length;
+    const isCovered = (first, last) => ranges.some(range => range[0] <= first && last <= range[1]);
+    for (const number of this.#frames.keys()) if (isCovered(number, number)) this.#forget(number);
     this.#gaps = this.#gaps.filter(gap => {
-      if (!has(gap.number, gap.last)) return true;
-      if (!gap.isTold) this.lostTicks -= gap.ticks; // It had arrived, and a cut kept that from being heard.
+      if (!isCovered(gap.number, gap.last)) return true;
+      // It had arrived, but the acknowledgement was lost with a connection.
+      if (!gap.isSent) this.lostTicks -= gap.ticks;
       return false;
     });
   }
 
-  /** The server misses these; whatever of them is not kept will never come. */
-  miss(ranges) {
+  /** The server misses these; those that are not kept will never come. */
+  reportMissing(ranges) {
     for (const [first, last] of ranges)
       for (let number = first; number <= last; number++)
-        if (!this.holds(number) && !this.#gapAt(number)) this.#lose(number, number, 0);
+        if (!this.holds(number) && !this.#gapAt(number)) this.#addGap(number, number, 0);
   }
 
   #gapAt(number) {
     return this.#gaps.find(gap => gap.number <= number && number <= gap.last);
   }
 
-  /** The oldest group goes. The last one stays: more is coming that cannot be shown without it. */
+  /** Drops the oldest group. The last one stays: frames to come cannot be shown without it. */
   #dropGroup() {
-    const going = [];
+    const group = [];
     for (const frame of this.#frames.values()) {
-      if (frame.isKey && going.length && frame.time - going[0].time >= GROUP_TICKS) {
-        for (const { number } of going) this.#forget(number);
-        this.#lose(going[0].number, going.at(-1).number, frame.time - going[0].time);
+      if (frame.isKey && group.length && frame.time - group[0].time >= GROUP_TICKS) {
+        for (const { number } of group) this.#forget(number);
+        this.#addGap(group[0].number, group.at(-1).number, frame.time - group[0].time);
         return true;
       }
-      going.push(frame);
+      group.push(frame);
     }
     return false;
   }
@@ -106,8 +112,8 @@ export class Spool {
     this.#frames.delete(number);
   }
 
-  #lose(number, last, ticks) {
+  #addGap(number, last, ticks) {
     this.lostTicks += ticks;
-    this.#gaps.push({ number, last, ticks, isTold: false });
+    this.#gaps.push({ number, last, ticks, isSent: false });
   }
 }

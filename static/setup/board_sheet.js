@@ -6,9 +6,9 @@ const words = t.setup.board;
 const SHEET = { width: 297, height: 210 };
 const TOP_MM = 10;
 export const RULER_MM = 100;
-/** Below the board: a white margin, the ruler, a line of words. */
+/** Below the board: a white margin, the ruler, one line of text. */
 const BELOW_MM = 36;
-/** What printers leave white at the sides. */
+/** The margin that printers leave white at the sides. */
 const SIDE_MM = 8;
 
 export function fits({ columns, rows, printed }) {
@@ -33,7 +33,7 @@ export function BoardSheet({ plan }) {
     </svg>`;
 }
 
-/** A stroke each millimetre, longer ones each 5 and 10. */
+/** A line each millimetre, longer ones each 5 and 10. */
 function Ruler({ x, y }) {
   const strokes = Array.from({ length: RULER_MM + 1 }, (_, mm) => {
     const length = mm % 10 === 0 ? 6 : mm % 5 === 0 ? 4 : 2.5;

@@ -1,29 +1,29 @@
-// Step 3: the camera is computed from the good photos; what came of it, photo by photo, and what to do where it is poor.
+// Step 3: the camera is calculated from the good photos; the result, photo by photo, and what to do if it is poor.
 import { html, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
 import { dateTime, fixed, number, percent } from '../format.js';
-import { t, theirs } from '../texts.js';
-import { JobProgress, jobIdOf } from '../parts/job.js';
+import { serviceLang, t } from '../texts.js';
+import { jobIdOf, JobProgress } from '../parts/job.js';
 import { Notice, ProblemNotice } from '../parts/notice.js';
 import { CellMap } from './coverage.js';
-import { FEWEST } from './needs.js';
+import { MIN_PHOTOS } from './photo_needs.js';
 import { boardOf, goodPhotos } from './photos.js';
 import { isPoor } from './steps.js';
 
 const words = t.setup.calibration;
 
-export function CalibrationStep({ box, bench, at, onChange }) {
+export function CalibrationStep({ box, draft, stepHref, onChange }) {
   const [problem, setProblem] = useState(null);
   const [isSending, setSending] = useState(false);
-  const { plan, photos } = bench;
+  const { plan, photos } = draft;
   const good = goodPhotos(photos);
-  const job = bench.job.calibration;
-  const begin = async () => {
+  const job = draft.job.calibration;
+  const startCalibration = async () => {
     setSending(true);
     setProblem(null);
     try {
-      bench.job.calibration = jobIdOf(await api.boxes.calibrate(box.id, formOf(plan, good)));
+      draft.job.calibration = jobIdOf(await api.boxes.calibrate(box.id, formOf(plan, good)));
     } catch (error) {
       setProblem(asProblem(error));
     }
@@ -32,15 +32,15 @@ export function CalibrationStep({ box, bench, at, onChange }) {
   return html`
     <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
     <p>${words.with(good.length, photos.length, boardOf(plan), plan.square)}</p>
-    ${!plan.measured && good.length >= FEWEST && html`<${Notice} tone="warn" quiet title=${words.unmeasured(plan.square)}>
-      <a href=${at('board')}>${t.setup.photos.otherBoard}</a><//>`}
-    ${good.length < FEWEST && html`<p><a class="button" href=${at('photos')}>${words.needPhotos(FEWEST)}</a></p>`}
+    ${!plan.measured && good.length >= MIN_PHOTOS && html`<${Notice} tone="warn" quiet title=${words.unmeasured(plan.square)}>
+      <a href=${stepHref('board')}>${t.setup.photos.otherBoard}</a><//>`}
+    ${good.length < MIN_PHOTOS && html`<p><a class="button" href=${stepHref('photos')}>${words.needPhotos(MIN_PHOTOS)}</a></p>`}
     <div class="row">
-      <button class="button main" type="button" disabled=${good.length < FEWEST || isSending} onClick=${begin}>
+      <button class="button main" type="button" disabled=${good.length < MIN_PHOTOS || isSending} onClick=${startCalibration}>
         ${isSending ? t.box.sending : words.begin(good.length)}</button>
     </div>
     ${job && html`<${JobProgress} key=${job} id=${job} done=${t.box.saved} onDone=${onChange} />`}
-    ${box.camera && html`<${Result} camera=${box.camera} photos=${photos} at=${at} />`}`;
+    ${box.camera && html`<${Result} camera=${box.camera} photos=${photos} stepHref=${stepHref} />`}`;
 }
 
 function formOf(plan, good) {
@@ -51,7 +51,7 @@ function formOf(plan, good) {
   return form;
 }
 
-function Result({ camera, photos, at }) {
+function Result({ camera, photos, stepHref }) {
   const poor = isPoor(camera.rms_px);
   const left = (camera.photos ?? []).filter(({ used }) => !used);
   const isKnown = Number.isFinite(camera.rms_px);
@@ -75,13 +75,13 @@ function Result({ camera, photos, at }) {
         </div>`}
       ${left.length > 0 && html`<p class="small muted">${words.leftOut(left.length)}</p>`}
       ${poor && html`<ul class="bullets">${words.remedies.map(one => html`<li key=${one}>${one}</li>`)}</ul>
-        <p><a class="button" href=${at('photos')}>${words.again}</a></p>`}
+        <p><a class="button" href=${stepHref('photos')}>${words.again}</a></p>`}
     </section>`;
 }
 
-/** A bar for each photo, as long as its residual against the longest. */
+/** A bar for each photo: its residual relative to the largest. */
 function Residuals({ photos, taken }) {
-  const most = Math.max(...photos.map(({ rms_px }) => rms_px ?? 0), 0.001);
+  const largest = Math.max(...photos.map(({ rms_px }) => rms_px ?? 0), 0.001);
   const urls = new Map(taken.map(({ name, url }) => [name, url]));
   return html`
     <div class="scroll" role="region" aria-label=${words.perPhoto} tabindex="0">
@@ -94,9 +94,9 @@ function Residuals({ photos, taken }) {
             <tr key=${file} data-used=${String(used)}>
               <th scope="row">${urls.has(file) && html`<img class="tiny" src=${urls.get(file)} alt="" />`} ${file}</th>
               <td class="number">${fixed(rms_px, 3)}</td>
-              <td class="bars"><i class=${used ? '' : 'left'} style=${{ width: `${(100 * (rms_px ?? 0)) / most}%` }}></i></td>
+              <td class="bars"><i class=${used ? '' : 'left'} style=${{ width: `${(100 * (rms_px ?? 0)) / largest}%` }}></i></td>
               <td>${used ? html`<span class="pill good">${t.box.used}</span>` : html`<span class="pill warn">${t.box.left}</span>
-                <span class="small" lang=${theirs}>${reason}</span>`}</td>
+                <span class="small" lang=${serviceLang}>${reason}</span>`}</td>
             </tr>`)}
         </tbody>
       </table>

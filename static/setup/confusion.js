@@ -1,10 +1,10 @@
-// What every label's marked pixels are taken for.
+// How the marked pixels of each label are classified.
 import { html } from '../parts/preact.js';
 import { percent } from '../format.js';
 import { t } from '../texts.js';
 
 const words = t.setup.colours;
-/** In the light in which it was marked; the verdicts speak of other lights. */
+/** In the light of the marked frames; the verdicts cover other lights. */
 export function Confusion({ rows }) {
   const tapes = rows[0]?.lights[0].tools.map(({ tool }) => tool) ?? [];
   if (tapes.length === 0) return null;

@@ -4,21 +4,21 @@ import { clock } from '../format.js';
 import { t } from '../texts.js';
 import { Field } from '../parts/form.js';
 import { Notice } from '../parts/notice.js';
-import { addFrames, MOST_FRAMES } from './frames.js';
+import { addFrames, MAX_FRAMES } from './frames.js';
 import { frameOf } from './pictures.js';
-import { Shot } from './shot.js';
+import { CameraShot } from './camera_shot.js';
 
 const words = t.setup.colours;
-const WAYS = ['recording', 'camera', 'files'];
-const NOTHING = { url: null, isLoaded: false, length: 0, at: 0, broken: false, busy: false };
+const SOURCES = ['recording', 'camera', 'files'];
+const NO_RECORDING = { url: null, isLoaded: false, length: 0, at: 0, broken: false, busy: false };
 const BEYOND_S = 1e7;
-/** Frames taken at once from all over a recording. */
-const SPREAD = 5;
+/** Frames taken at once, spread over a recording. */
+const SPREAD_FRAMES = 5;
 
-export function FrameSources({ box, bench, onProblem }) {
-  const [way, setWay] = useState('recording');
-  const isFull = bench.frames.length >= MOST_FRAMES;
-  const add = pictures => addFrames(bench, pictures, onProblem);
+export function FrameSources({ box, draft, onProblem }) {
+  const [source, setSource] = useState('recording');
+  const isFull = draft.frames.length >= MAX_FRAMES;
+  const add = pictures => addFrames(draft, pictures, onProblem);
   const choose = event => {
     add([...event.target.files]);
     event.target.value = '';
@@ -26,44 +26,44 @@ export function FrameSources({ box, bench, onProblem }) {
   return html`
     <div class="stack">
       <div class="row" role="group" aria-label=${words.from}>
-        ${WAYS.map(one => html`<button key=${one} class="button" type="button" aria-pressed=${way === one}
-          onClick=${() => setWay(one)}>${words.ways[one]}</button>`)}
+        ${SOURCES.map(one => html`<button key=${one} class="button" type="button" aria-pressed=${source === one}
+          onClick=${() => setSource(one)}>${words.ways[one]}</button>`)}
       </div>
-      ${isFull && html`<${Notice} quiet title=${words.full(MOST_FRAMES)}>${words.fullBody}<//>`}
-      ${way === 'recording' && html`<${Recording} isFull=${isFull} most=${MOST_FRAMES - bench.frames.length} onTake=${add} />`}
-      ${way === 'camera' && html`<${Shot} calibrated=${box.calibration} label=${words.take} disabled=${isFull}
+      ${isFull && html`<${Notice} quiet title=${words.full(MAX_FRAMES)}>${words.fullBody}<//>`}
+      ${source === 'recording' && html`<${Recording} isFull=${isFull} remaining=${MAX_FRAMES - draft.frames.length} onTake=${add} />`}
+      ${source === 'camera' && html`<${CameraShot} calibrated=${box.calibration} label=${words.take} disabled=${isFull}
         onShot=${blob => add([blob])} />`}
-      ${way === 'files' && html`<${Field} type="file" label=${words.pictures} hint=${words.picturesHint} accept="image/*"
+      ${source === 'files' && html`<${Field} type="file" label=${words.pictures} hint=${words.picturesHint} accept="image/*"
         multiple disabled=${isFull} onInput=${choose} />`}
     </div>`;
 }
 
-/** A recording on this device: nothing of it is sent but the frames that are taken. */
-function Recording({ isFull, most, onTake }) {
+/** A recording on this device: only the frames that are taken are sent. */
+function Recording({ isFull, remaining, onTake }) {
   const video = useRef(null);
-  const [state, setState] = useState(NOTHING);
+  const [state, setState] = useState(NO_RECORDING);
   useEffect(() => () => state.url && URL.revokeObjectURL(state.url), [state.url]);
   const set = more => setState(before => ({ ...before, ...more }));
   const open = event => {
     const [file] = event.target.files;
-    if (file) setState({ ...NOTHING, url: URL.createObjectURL(file) });
+    if (file) setState({ ...NO_RECORDING, url: URL.createObjectURL(file) });
   };
-  const spread = async () => {
+  const takeSpread = async () => {
     set({ busy: true });
-    const count = Math.min(SPREAD, most);
+    const count = Math.min(SPREAD_FRAMES, remaining);
     const { url } = state;
-    const isHere = () => video.current?.src === url; // Another step, or another recording, ends it.
+    const isCurrent = () => video.current?.src === url; // Another step or another recording ends this.
     try {
-      for (let i = 0; i < count && isHere(); i++) {
-        await sought(video.current, ((i + 0.5) * state.length) / count);
-        if (isHere()) await onTake([await frameOf(video.current)]);
+      for (let i = 0; i < count && isCurrent(); i++) {
+        await seekTo(video.current, ((i + 0.5) * state.length) / count);
+        if (isCurrent()) await onTake([await frameOf(video.current)]);
       }
     } finally {
-      if (isHere()) set({ busy: false, at: video.current.currentTime });
+      if (isCurrent()) set({ busy: false, at: video.current.currentTime });
     }
   };
   const take = async () => video.current?.videoWidth && onTake([await frameOf(video.current)]);
-  /** What a browser has recorded may not say how long it is: looked for beyond its end, the browser finds out. */
+  /** A recording made by a browser may not state its length: a seek beyond its end makes the browser find it. */
   const loaded = ({ target }) => {
     set({ isLoaded: true, length: lengthOf(target) });
     if (!lengthOf(target)) target.currentTime = BEYOND_S;
@@ -88,16 +88,16 @@ function Recording({ isFull, most, onTake }) {
             onInput=${event => (video.current.currentTime = Number(event.target.value))} /></label>
         <div class="row">
           <button class="button" type="button" disabled=${isOff} onClick=${take}>${words.take}</button>
-          <button class="button" type="button" disabled=${isOff || !state.length} onClick=${spread}>${words.spread(Math.min(SPREAD, most))}</button>
+          <button class="button" type="button" disabled=${isOff || !state.length} onClick=${takeSpread}>${words.spread(Math.min(SPREAD_FRAMES, remaining))}</button>
         </div>
       </div>`}`;
 }
 
-/** Zero where it is not known. */
+/** Zero if it is not known. */
 const lengthOf = ({ duration }) => (Number.isFinite(duration) ? duration : 0);
 
-/** The video once it shows this moment, or will never show it. */
-function sought(video, second) {
+/** Resolves when the video shows this moment, or never will. */
+function seekTo(video, second) {
   return new Promise(resolve => {
     video.addEventListener('seeked', () => requestAnimationFrame(() => requestAnimationFrame(resolve)), { once: true });
     for (const end of ['error', 'emptied']) video.addEventListener(end, resolve, { once: true });

@@ -1,4 +1,4 @@
-// All frames, each with what would be taken for tape on it: also those on which nobody has painted, which tell most.
+// All frames, each with what would be taken for tape on it. Frames that nothing was painted on show the most.
 import { html } from '../parts/preact.js';
 import { t } from '../texts.js';
 import { focusSoon } from '../parts/focus.js';
@@ -7,14 +7,14 @@ import { MaskLayer } from './mask_layer.js';
 
 const words = t.setup.colours;
 
-const remove = (bench, frame) => (removeFrame(bench, frame), focusSoon('all-frames', 'setup-step'));
+const remove = (draft, frame) => (removeFrame(draft, frame), focusSoon('all-frames', 'setup-step'));
 
-export const FrameStrip = ({ bench, chosen, onChoose, maskOf, inkOf, isAsking, isShown }) => html`
+export const FrameStrip = ({ draft, chosen, onChoose, maskOf, inkOf, isAsking, isShown }) => html`
   <section class="stack tight">
     <div class="row apart"><h3 id="all-frames" tabindex="-1">${words.all}</h3>
       <span class="small muted" role="status">${isAsking ? words.asking : isShown ? words.shownHere : words.paintFirst}</span></div>
     <ul class="frames">
-      ${bench.frames.map(frame => html`
+      ${draft.frames.map(frame => html`
         <li key=${frame.number} data-frame=${frame.number} data-masked=${String(Boolean(maskOf(frame.number)))}>
           <button class="look" type="button" aria-pressed=${frame.number === chosen} aria-label=${words.chooseFrame(frame.number + 1)}
             onClick=${() => onChoose(frame.number)}>
@@ -23,7 +23,7 @@ export const FrameStrip = ({ bench, chosen, onChoose, maskOf, inkOf, isAsking, i
           </button>
           <div class="row apart"><span class="small">${words.frame(frame.number + 1, frame.marks.length)}</span>
             <button class="button bare" type="button" aria-label=${words.removeFrame(frame.number + 1)}
-              onClick=${() => remove(bench, frame)}>${t.setup.photos.remove}</button></div>
+              onClick=${() => remove(draft, frame)}>${t.setup.photos.remove}</button></div>
         </li>`)}
     </ul>
   </section>`;

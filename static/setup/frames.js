@@ -1,51 +1,54 @@
-// Frames of the box on a bench, with the instruments in view, and what is marked on them.
+// The frames of the box in a setup draft, with the instruments in view, and the marks on them.
 import { asProblem } from '../data.js';
 import { Problem } from '../api.js';
 import { t } from '../texts.js';
-import { pictureOf, shown } from './pictures.js';
+import { displayable, pictureOf } from './pictures.js';
 
-/** As many as the service looks over at once. */
-export const MOST_FRAMES = 8;
+/** As many as the service checks at once. */
+export const MAX_FRAMES = 8;
 let lastMark = 0;
 
-/** Adds pictures: chosen files, or blobs of a camera or a recording. Calls back with what cannot be used. */
-export async function addFrames(bench, pictures, onProblem) {
+/**
+ * Adds pictures: chosen files, or blobs of a camera or a recording. Calls back with the problem of each that cannot be
+ * used.
+ */
+export async function addFrames(draft, pictures, onProblem) {
   for (const picture of pictures) {
     try {
-      if (bench.frames.length >= MOST_FRAMES) throw full();
+      if (draft.frames.length >= MAX_FRAMES) throw full();
       const { blob } = picture instanceof File ? await pictureOf(picture) : { blob: picture };
-      const look = await shown(blob);
-      if (!look.width) throw unreadable(picture.name);
-      const number = 1 + Math.max(-1, ...bench.frames.map(frame => frame.number));
-      bench.frames = [...bench.frames, { number, blob, ...look, marks: [] }];
-      bench.tell();
+      const preview = await displayable(blob);
+      if (!preview.width) throw unreadable(picture.name);
+      const number = 1 + Math.max(-1, ...draft.frames.map(frame => frame.number));
+      draft.frames = [...draft.frames, { number, blob, ...preview, marks: [] }];
+      draft.notify();
     } catch (error) {
       onProblem(asProblem(error));
     }
   }
 }
 
-export function removeFrame(bench, frame) {
+export function removeFrame(draft, frame) {
   URL.revokeObjectURL(frame.url);
-  bench.frames = bench.frames.filter(({ number }) => number !== frame.number);
-  bench.tell();
+  draft.frames = draft.frames.filter(({ number }) => number !== frame.number);
+  draft.notify();
 }
 
-/** `rectangles` of one label, painted in one go. */
-export function mark(bench, number, label, rectangles) {
+/** Adds `rectangles` of one label, painted in one stroke. */
+export function addMark(draft, number, label, rectangles) {
   if (rectangles.length === 0) return;
-  changeMarks(bench, number, marks => [...marks, { id: ++lastMark, label, rectangles }]);
+  changeMarks(draft, number, marks => [...marks, { id: ++lastMark, label, rectangles }]);
 }
 
-export const undo = (bench, number) => changeMarks(bench, number, marks => marks.slice(0, -1));
-export const clear = (bench, number) => changeMarks(bench, number, () => []);
+export const undoMark = (draft, number) => changeMarks(draft, number, marks => marks.slice(0, -1));
+export const clearMarks = (draft, number) => changeMarks(draft, number, () => []);
 
-function changeMarks(bench, number, change) {
-  bench.frames = bench.frames.map(frame =>
+function changeMarks(draft, number, change) {
+  draft.frames = draft.frames.map(frame =>
     frame.number === number ? { ...frame, marks: change(frame.marks) } : frame,
   );
-  bench.tell();
+  draft.notify();
 }
 
-const full = () => new Problem({ title: t.setup.colours.full(MOST_FRAMES), status: 0, detail: t.setup.colours.fullBody });
+const full = () => new Problem({ title: t.setup.colours.full(MAX_FRAMES), status: 0, detail: t.setup.colours.fullBody });
 const unreadable = name => new Problem({ title: t.setup.notAPicture(name), status: 0, detail: t.setup.notAPictureBody });

@@ -1,11 +1,12 @@
-// Marks on frames: what was painted, as rectangles, and the annotations.json that they make. No pixels, no page: only numbers.
+// Marks on frames: what was painted, as rectangles, and the annotations.json made of them. No pixels, no page: only
+// numbers.
 
-/** A brush that is a disc, on a grid as fine as a quarter of it: a stroke becomes few rectangles and stays inside its edge. */
-export function strokeOf(path, diameter, { width, height }) {
+/** A round brush on a grid as fine as a quarter of it: a stroke becomes few rectangles and stays inside its edge. */
+export function strokeRectangles(path, diameter, { width, height }) {
   const grid = Math.max(1, Math.floor(diameter / 4));
   const cells = new Map(); // row → set of columns
   const reach = diameter / 2;
-  for (const [x, y] of dense(path, grid)) {
+  for (const [x, y] of densePath(path, grid)) {
     const last = Math.floor((y + reach) / grid);
     for (let row = Math.floor((y - reach) / grid); row <= last; row++) {
       const up = (row + 0.5) * grid - y;
@@ -16,13 +17,13 @@ export function strokeOf(path, diameter, { width, height }) {
     }
   }
   const runs = [...cells].sort(([a], [b]) => a - b).flatMap(([row, columns]) => runsOf(row, columns));
-  return joined(runs)
-    .map(run => inside({ x: run.from * grid, y: run.row * grid, w: run.length * grid, h: run.rows * grid }, width, height))
+  return mergeRuns(runs)
+    .map(run => clip({ x: run.from * grid, y: run.row * grid, w: run.length * grid, h: run.rows * grid }, width, height))
     .filter(Boolean);
 }
 
-/** The path with a point at least each `step` pixels. */
-function dense(path, step) {
+/** The path with a point at least every `step` pixels. */
+function densePath(path, step) {
   const points = [path[0]];
   for (const [x, y] of path.slice(1)) {
     const [fromX, fromY] = points[points.length - 1];
@@ -42,8 +43,8 @@ function runsOf(row, columns) {
   return runs;
 }
 
-/** Equal runs in neighbouring rows become one rectangle. */
-function joined(runs) {
+/** Equal runs in adjacent rows become one rectangle. */
+function mergeRuns(runs) {
   const whole = [];
   for (const run of runs) {
     const above = whole.find(
@@ -55,21 +56,21 @@ function joined(runs) {
   return whole;
 }
 
-/** The part inside the picture, in whole pixels; null where there is none. */
-function inside({ x, y, w, h }, width, height) {
+/** The part inside the picture, in whole pixels; null if there is none. */
+function clip({ x, y, w, h }, width, height) {
   const [left, top] = [Math.max(0, Math.round(x)), Math.max(0, Math.round(y))];
   const [right, bottom] = [Math.min(width, Math.round(x + w)), Math.min(height, Math.round(y + h))];
   return right > left && bottom > top ? { x: left, y: top, w: right - left, h: bottom - top } : null;
 }
 
-/** A rectangle by two of its corners; as many as fit into the picture, none or one. */
+/** The rectangle between two corners, clipped to the picture: a list of none or one. */
 export function rectangleOf([x, y], [toX, toY], { width, height }) {
   const [left, top] = [Math.min(x, toX), Math.min(y, toY)];
-  const whole = inside({ x: left, y: top, w: Math.abs(toX - x), h: Math.abs(toY - y) }, width, height);
+  const whole = clip({ x: left, y: top, w: Math.abs(toX - x), h: Math.abs(toY - y) }, width, height);
   return whole ? [whole] : [];
 }
 
-/** annotations.json: the tools with their sizes, and every mark. Rectangles of one stroke bear its number. */
+/** annotations.json: the tools with their sizes, and every mark. Rectangles of one stroke share its number. */
 export function annotationsOf({ tools, view, frames }) {
   const labels = frames.flatMap(({ number, marks }) =>
     marks.flatMap(({ id, label, rectangles }) =>
@@ -81,11 +82,11 @@ export function annotationsOf({ tools, view, frames }) {
       })),
     ),
   );
-  return { ...(view ? { view } : {}), tools: tools.map(entryOf), labels };
+  return { ...(view ? { view } : {}), tools: tools.map(toolEntry), labels };
 }
 
 /** A tool as annotations.json has it. */
-export function entryOf({ tape, name, side, diameter, band }) {
+export function toolEntry({ tape, name, side, diameter, band }) {
   const colour = tape.trim();
   return {
     tool: name?.trim() || colour,

@@ -1,4 +1,4 @@
-// What of a frame is taken for tape, laid over it.
+// What is taken for tape on a frame, drawn over it.
 import { html, useEffect, useRef } from '../parts/preact.js';
 import { drawMask } from './preview.js';
 

@@ -1,7 +1,8 @@
-// A frame under the brush: painting, rectangles and points, by mouse, pen, finger and keyboard, and what was painted over it.
+// Painting on a frame: strokes, rectangles and points, by mouse, pen, finger and keyboard; draws the marks over the
+// frame.
 import { html, useEffect, useRef, useState } from '../parts/preact.js';
 import { t } from '../texts.js';
-import { rectangleOf, strokeOf } from './marks.js';
+import { rectangleOf, strokeRectangles } from './marks.js';
 import { MaskLayer } from './mask_layer.js';
 
 const words = t.setup.colours;
@@ -12,16 +13,16 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], Arrow
 /** `brush`: `{ kind: brush|rectangle|move, size, label, zoom }`, sizes in pixels of the frame. `onMark(rectangles)`. */
 export function Painter({ frame, brush, mask, inkOf, onMark }) {
   const canvas = useRef(null);
-  const drawn = useRef(null); // The path under way.
-  const [cursor, setCursor] = useState(null); // Where the keys are.
+  const currentPath = useRef(null); // The path that is being drawn.
+  const [cursor, setCursor] = useState(null); // The position of the keyboard cursor.
   const { width, height } = frame;
   const rectanglesOf = path =>
-    brush.kind === 'rectangle' ? rectangleOf(path[0], path[path.length - 1], frame) : strokeOf(path, brush.size, frame);
-  const draw = () => paint(canvas.current, { frame, brush, inkOf, path: drawn.current, rectanglesOf, cursor });
+    brush.kind === 'rectangle' ? rectangleOf(path[0], path[path.length - 1], frame) : strokeRectangles(path, brush.size, frame);
+  const draw = () => paint(canvas.current, { frame, brush, inkOf, path: currentPath.current, rectanglesOf, cursor });
   useEffect(draw);
   useEffect(() => cursor && reveal(canvas.current, cursor), [cursor, brush.zoom]);
 
-  const at = event => {
+  const framePoint = event => {
     const box = canvas.current.getBoundingClientRect();
     return [((event.clientX - box.left) * width) / box.width, ((event.clientY - box.top) * height) / box.height];
   };
@@ -30,24 +31,24 @@ export function Painter({ frame, brush, mask, inkOf, onMark }) {
     canvas.current.setPointerCapture(event.pointerId);
     if (brush.kind === 'move') return;
     setCursor(null);
-    drawn.current = [at(event)];
+    currentPath.current = [framePoint(event)];
     draw();
   };
   const move = event => {
     if (brush.kind === 'move') return event.buttons && pan(canvas.current, event);
-    if (!drawn.current) return;
+    if (!currentPath.current) return;
     const all = event.getCoalescedEvents?.() ?? [];
-    drawn.current.push(...(all.length ? all : [event]).map(at));
+    currentPath.current.push(...(all.length ? all : [event]).map(framePoint));
     draw();
   };
   const up = () => {
-    if (!drawn.current) return;
-    const path = drawn.current;
-    drawn.current = null;
+    if (!currentPath.current) return;
+    const path = currentPath.current;
+    currentPath.current = null;
     onMark(rectanglesOf(path));
     draw();
   };
-  const cancel = () => ((drawn.current = null), draw());
+  const cancel = () => ((currentPath.current = null), draw());
   const key = event => {
     const [x, y] = cursor ?? [width / 2, height / 2];
     const arrow = ARROWS[event.key];
@@ -56,7 +57,7 @@ export function Painter({ frame, brush, mask, inkOf, onMark }) {
       setCursor([clamp(x + arrow[0] * step, width), clamp(y + arrow[1] * step, height)]);
     } else if (event.key === ' ' || event.key === 'Enter') {
       setCursor([x, y]);
-      onMark(strokeOf([[x, y]], brush.size, frame));
+      onMark(strokeRectangles([[x, y]], brush.size, frame));
     } else return;
     event.preventDefault();
   };
@@ -72,17 +73,17 @@ export function Painter({ frame, brush, mask, inkOf, onMark }) {
     </div>`;
 }
 
-/** Scrolls a picture that is larger than its frame to where the keys are, with some of it around. */
+/** Scrolls a zoomed picture to the cursor, with some space around it. */
 function reveal(canvas, [x, y]) {
-  const room = canvas.closest('.painter');
-  const near = (from, at, size) => Math.min(Math.max(from, at - 0.8 * size), at - 0.2 * size);
-  room.scrollTo(
-    near(room.scrollLeft, (x / canvas.width) * canvas.clientWidth, room.clientWidth),
-    near(room.scrollTop, (y / canvas.height) * canvas.clientHeight, room.clientHeight),
+  const container = canvas.closest('.painter');
+  const scrollTarget = (from, at, size) => Math.min(Math.max(from, at - 0.8 * size), at - 0.2 * size);
+  container.scrollTo(
+    scrollTarget(container.scrollLeft, (x / canvas.width) * canvas.clientWidth, container.clientWidth),
+    scrollTarget(container.scrollTop, (y / canvas.height) * canvas.clientHeight, container.clientHeight),
   );
 }
 
-/** A finger scrolls by itself; a mouse takes the picture along. */
+/** A finger scrolls by itself; a mouse drags the picture. */
 function pan(canvas, { movementX, movementY, pointerType }) {
   if (pointerType === 'mouse') canvas.closest('.painter').scrollBy(-movementX, -movementY);
 }
@@ -104,7 +105,7 @@ function paint(canvas, { frame, brush, inkOf, path, rectanglesOf, cursor }) {
   }
 }
 
-/** Half seen through, with no seams between the rectangles of one stroke. */
+/** Half transparent, without seams between the rectangles of one stroke. */
 function fill(pen, rectangles, ink) {
   pen.globalAlpha = 0.55;
   pen.fillStyle = ink;

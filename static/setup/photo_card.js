@@ -1,6 +1,6 @@
-// One photo of the board: what was found in it is drawn over it; where that is not enough, why, where and what to do.
+// One photo of the board, with what was found drawn over it; if that is not enough: why, where and what to do.
 import { html } from '../parts/preact.js';
-import { t, theirs } from '../texts.js';
+import { serviceLang, t } from '../texts.js';
 import { Prose } from '../parts/prose.js';
 import { sizeOf } from './photos.js';
 
@@ -27,12 +27,12 @@ export function PhotoCard({ photo, usual, onRemove, onRetry }) {
     </li>`;
 }
 
-/** What to do comes first; what the search says of it stands below. */
+/** What to do comes first, then the reason that the search gives. */
 const Why = ({ check }) => html`
   ${check.hints.map(hint => html`<p key=${hint} class="small">${words.hint(hint, check.cut_off)}</p>`)}
-  <p class="small muted begins" lang=${theirs}>${check.reason}</p>`;
+  <p class="small muted begins" lang=${serviceLang}>${check.reason}</p>`;
 
-/** Corners of a whole board come row by row, and are joined so; of a part, in no order. */
+/** The corners of a whole board come row by row and are joined by a line; those of a part have no order. */
 function Corners({ check: { width, height, corners, found } }) {
   const r = Math.max(width, height) / 160;
   return html`

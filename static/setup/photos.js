@@ -1,74 +1,74 @@
-// The photos of the board on a bench: each is checked by the service as soon as it is there.
+// The photos of the board in a setup draft: the service checks each as soon as it is added.
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
-import { pictureOf, shown } from './pictures.js';
+import { displayable, pictureOf } from './pictures.js';
 
-const AT_ONCE = 2;
+const MAX_PARALLEL = 2;
 let last = 0;
 
 /** Adds chosen files or pictures of the camera; calls back with the problem of a file that is no picture. */
-export async function addPhotos(bench, box, files, onProblem) {
+export async function addPhotos(draft, box, files, onProblem) {
   for (const file of files) {
     try {
       const { blob, name } = file instanceof File ? await pictureOf(file) : { blob: file, name: null };
       const id = ++last;
-      const look = await shown(blob);
-      bench.photos = [...bench.photos, { id, blob, name: name ?? `photo-${stamp()}-${id}.png`, ...look, state: 'waiting' }];
-      bench.tell();
+      const preview = await displayable(blob);
+      draft.photos = [...draft.photos, { id, blob, name: name ?? `photo-${stamp()}-${id}.png`, ...preview, state: 'waiting' }];
+      draft.notify();
     } catch (error) {
       onProblem(asProblem(error));
     }
   }
-  checkNext(bench, box);
+  checkNext(draft, box);
 }
 
-/** The time of day in a name: a calibration knows photos by theirs, also those that were taken before a reload. */
+/** Date and time for a name: a calibration identifies photos by name, also those that were taken before a reload. */
 const stamp = () => new Date().toISOString().replace(/\D/g, '').slice(0, 14);
 
-export function removePhoto(bench, photo) {
+export function removePhoto(draft, photo) {
   URL.revokeObjectURL(photo.url);
-  bench.photos = bench.photos.filter(({ id }) => id !== photo.id);
-  bench.tell();
+  draft.photos = draft.photos.filter(({ id }) => id !== photo.id);
+  draft.notify();
 }
 
-/** The board is another: what was found counts no more. */
-export function checkAgain(bench, box) {
-  bench.photos = bench.photos.map(photo => ({ ...photo, state: 'waiting', check: undefined, problem: undefined }));
-  bench.tell();
-  checkNext(bench, box);
+/** The board has changed: earlier results do not count any more. */
+export function checkAgain(draft, box) {
+  draft.photos = draft.photos.map(photo => ({ ...photo, state: 'waiting', check: undefined, problem: undefined }));
+  draft.notify();
+  checkNext(draft, box);
 }
 
-export const retry = (bench, box, photo) => (change(bench, photo.id, { state: 'waiting' }), checkNext(bench, box));
+export const retry = (draft, box, photo) => (change(draft, photo.id, { state: 'waiting' }), checkNext(draft, box));
 
-function checkNext(bench, box) {
-  const running = bench.photos.filter(({ state }) => state === 'checking').length;
-  for (const photo of bench.photos.filter(({ state }) => state === 'waiting').slice(0, AT_ONCE - running))
-    check(bench, box, photo);
+function checkNext(draft, box) {
+  const running = draft.photos.filter(({ state }) => state === 'checking').length;
+  for (const photo of draft.photos.filter(({ state }) => state === 'waiting').slice(0, MAX_PARALLEL - running))
+    check(draft, box, photo);
 }
 
-async function check(bench, box, { id, blob, name }) {
-  change(bench, id, { state: 'checking', problem: undefined });
-  const board = boardOf(bench.plan);
+async function check(draft, box, { id, blob, name }) {
+  change(draft, id, { state: 'checking', problem: undefined });
+  const board = boardOf(draft.plan);
   const form = new FormData();
   form.append('board', board);
   form.append('photo', blob, name);
-  const told = await api.boxes.checkPhoto(box, form).then(
+  const result = await api.boxes.checkPhoto(box, form).then(
     check => ({ state: 'checked', check }),
     error => ({ state: 'failed', problem: asProblem(error) }),
   );
-  // Of another board by now: it waits for its turn once more.
-  change(bench, id, board === boardOf(bench.plan) ? told : { state: 'waiting' });
-  checkNext(bench, box);
+  // The board has changed meanwhile: the photo is checked again.
+  change(draft, id, board === boardOf(draft.plan) ? result : { state: 'waiting' });
+  checkNext(draft, box);
 }
 
-function change(bench, id, more) {
-  bench.photos = bench.photos.map(photo => (photo.id === id ? { ...photo, ...more } : photo));
-  bench.tell();
+function change(draft, id, more) {
+  draft.photos = draft.photos.map(photo => (photo.id === id ? { ...photo, ...more } : photo));
+  draft.notify();
 }
 
 export const boardOf = ({ columns, rows }) => `${columns}x${rows}`;
 
-/** Photos in which the board was found, of the size that most of them have: a camera is calibrated at one picture size. */
+/** Photos with the board found, of the size that most of them have: a camera is calibrated at one picture size. */
 export function goodPhotos(photos) {
   const found = photos.filter(({ check }) => check?.found);
   const size = usualSize(found);

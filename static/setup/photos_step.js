@@ -1,35 +1,36 @@
-// Step 2: photos of the board, from this device's camera or from files. Each is judged at once, while the board is at hand.
+// Step 2: photos of the board, from this device's camera or from files. Each is judged at once, while the board is at
+// hand.
 import { html, useState } from '../parts/preact.js';
 import { t } from '../texts.js';
 import { focusSoon } from '../parts/focus.js';
 import { Field } from '../parts/form.js';
 import { Announce, Notice, ProblemNotice } from '../parts/notice.js';
 import { CoverageMap } from './coverage.js';
-import { needsOf, TILTS } from './needs.js';
+import { needsOf, TILTS } from './photo_needs.js';
 import { PhotoCard } from './photo_card.js';
 import { addPhotos, boardOf, goodPhotos, removePhoto, retry, usualSize } from './photos.js';
-import { Shot } from './shot.js';
+import { CameraShot } from './camera_shot.js';
 
 const words = t.setup.photos;
 
-export function PhotosStep({ box, bench, at }) {
+export function PhotosStep({ box, draft, stepHref }) {
   const [problem, setProblem] = useState(null);
-  const { photos, plan } = bench;
-  const add = files => addPhotos(bench, box.id, files, setProblem);
+  const { photos, plan } = draft;
+  const add = files => addPhotos(draft, box.id, files, setProblem);
   const choose = event => {
     add([...event.target.files]);
     event.target.value = '';
   };
-  const remove = photo => (removePhoto(bench, photo), focusSoon('photos-so-far', 'setup-step'));
+  const remove = photo => (removePhoto(draft, photo), focusSoon('photos-so-far', 'setup-step'));
   const good = goodPhotos(photos);
   const size = usualSize(photos.filter(({ check }) => check?.found));
   const latest = [...photos].reverse().find(({ state }) => state === 'checked' || state === 'failed');
   return html`
-    <p class="small muted">${words.withBoard(boardOf(plan), plan.square)} <a href=${at('board')}>${words.otherBoard}</a></p>
+    <p class="small muted">${words.withBoard(boardOf(plan), plan.square)} <a href=${stepHref('board')}>${words.otherBoard}</a></p>
     <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
     <div class="setup-two">
       <div class="stack">
-        <${Shot} calibrated=${box.calibration} label=${words.take} onShot=${blob => add([blob])} />
+        <${CameraShot} calibrated=${box.calibration} label=${words.take} onShot=${blob => add([blob])} />
         <${Field} type="file" label=${words.choose} hint=${words.chooseHint} accept="image/*" multiple onInput=${choose} />
       </div>
       <${Needs} good=${good} taken=${photos.length} />
@@ -41,7 +42,7 @@ export function PhotosStep({ box, bench, at }) {
         <ul class="photos">
           ${[...photos].reverse().map(photo => html`
             <${PhotoCard} key=${photo.id} photo=${photo} usual=${size} onRemove=${() => remove(photo)}
-              onRetry=${() => retry(bench, box.id, photo)} />`)}
+              onRetry=${() => retry(draft, box.id, photo)} />`)}
         </ul>
       </section>`}`;
 }

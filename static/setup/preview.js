@@ -1,41 +1,43 @@
-// What the marks take for tape on every frame, asked anew whenever somebody has painted: the service answers with the
-// tracker's own classifier, and this file only draws what it says.
+// What the marks take for tape on every frame, requested after each painting. The service answers with the tracker's
+// own classifier; this module only draws the result.
 import { useEffect, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
 import { annotationsOf, isMarked, tapesOf } from './marks.js';
-import { isWhole } from './steps.js';
+import { isComplete } from './steps.js';
 
-/** A hand that paints goes on for a while; it is asked when it rests. */
-const REST_MS = 400;
+/** A person paints several strokes in a row: the request waits for a pause, ms. */
+const PAUSE_MS = 400;
 
-/** `{ preview, problem, isAsking }`; a preview is of the marks as they were when it was asked for, and while it is of older ones than
- *  those that are there, it is being asked anew. */
-export function usePreview(box, bench) {
-  const [{ preview, problem, of }, setState] = useState({ preview: null, problem: null, of: null });
-  const { frames, plan } = bench;
-  const tools = plan.tools.filter(isWhole);
+/**
+ * `{ preview, problem, isAsking }`. A preview belongs to the marks at the time of its request; if there are newer
+ * marks, a new one is being requested.
+ */
+export function usePreview(box, draft) {
+  const [{ preview, problem, previewed }, setState] = useState({ preview: null, problem: null, previewed: null });
+  const { frames, plan } = draft;
+  const tools = plan.tools.filter(isComplete);
   const isReady = frames.length > 0 && tapesOf(tools).some(tape => isMarked(frames, tape));
-  const asked = JSON.stringify([isReady, tools, frames.map(({ number, marks }) => [number, marks])]);
+  const question = JSON.stringify([isReady, tools, frames.map(({ number, marks }) => [number, marks])]);
   useEffect(() => {
-    if (!isReady) return void setState({ preview: null, problem: null, of: null });
+    if (!isReady) return void setState({ preview: null, problem: null, previewed: null });
     const controller = new AbortController();
     const ask = async () => {
       try {
-        setState({ preview: await api.boxes.previewPalette(box.id, formOf(box, bench), controller.signal), problem: null, of: asked });
+        setState({ preview: await api.boxes.previewPalette(box.id, paletteForm(box, draft), controller.signal), problem: null, previewed: question });
       } catch (error) {
-        if (!controller.signal.aborted) setState(before => ({ ...before, problem: asProblem(error), of: asked }));
+        if (!controller.signal.aborted) setState(before => ({ ...before, problem: asProblem(error), previewed: question }));
       }
     };
-    const timer = setTimeout(ask, REST_MS);
+    const timer = setTimeout(ask, PAUSE_MS);
     return () => (clearTimeout(timer), controller.abort());
-  }, [asked]);
-  return { preview, problem, isAsking: isReady && of !== asked };
+  }, [question]);
+  return { preview, problem, isAsking: isReady && previewed !== question };
 }
 
-/** The form of learning and of previewing: the same marks, the same pictures. */
-export function formOf({ view }, { plan, frames }) {
-  const annotations = annotationsOf({ tools: plan.tools.filter(isWhole), view, frames });
+/** The form for learning and for previewing: the same marks, the same pictures. */
+export function paletteForm({ view }, { plan, frames }) {
+  const annotations = annotationsOf({ tools: plan.tools.filter(isComplete), view, frames });
   const form = new FormData();
   form.append('annotations', new Blob([JSON.stringify(annotations)], { type: 'application/json' }), 'annotations.json');
   for (const { number, blob } of frames) form.append(`frame_${number}`, blob, `frame_${number}`);

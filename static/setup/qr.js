@@ -5,7 +5,7 @@ import { qrcode } from '../vendor/qrcode-generator/qrcode.mjs';
 const MARGIN = 4;
 
 export function QrCode({ text, name }) {
-  const code = qrcode(0, 'M'); // As large as the text needs; it stands a smear.
+  const code = qrcode(0, 'M'); // As large as the text needs; it tolerates a smear.
   code.addData(text);
   code.make();
   const count = code.getModuleCount();

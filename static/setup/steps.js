@@ -1,16 +1,17 @@
-// The steps of setting up a box, in order, and how each stands. `done`, `todo`, `again` (look again), `free` (if wanted).
-import { entryOf } from './marks.js';
+// The steps of setting up a box, in order, and the state of each: `done`, `todo`, `again` (check again), `free`
+// (optional).
+import { toolEntry } from './marks.js';
 import { goodPhotos } from './photos.js';
-import { needsOf } from './needs.js';
+import { needsOf } from './photo_needs.js';
 
-/** Beyond this the quality gate marks every session of the box, pixels. */
-const MOST_RMS_PX = 1;
+/** Beyond this, the quality gate flags every session of the box, pixels. */
+const MAX_RMS_PX = 1;
 
 export const STEPS = ['board', 'photos', 'calibration', 'tools', 'colours', 'agent', 'test'];
 
-/** Every step's state, from what REST tells of the box and what lies on the bench. */
-export function statesOf(box, bench) {
-  const { plan, photos } = bench;
+/** The state of every step, from the REST API's data on the box and from the draft. */
+export function stepStates(box, draft) {
+  const { plan, photos } = draft;
   return {
     board: plan.measured || box.camera?.square_mm ? 'done' : 'todo',
     photos: photosState(photos, box),
@@ -22,13 +23,13 @@ export function statesOf(box, bench) {
   };
 }
 
-/** The first step that waits for somebody; where none does, the first. */
-export const nextOf = states => STEPS.find(step => states[step] === 'todo' || states[step] === 'again') ?? STEPS[0];
+/** The first step that is not done; if all are, the first. */
+export const nextStep = states => STEPS.find(step => states[step] === 'todo' || states[step] === 'again') ?? STEPS[0];
 
-export const isPoor = rms => Number.isFinite(rms) && rms > MOST_RMS_PX;
+export const isPoor = rms => Number.isFinite(rms) && rms > MAX_RMS_PX;
 
-/** A tool of the box as this page keeps it. */
-export const planned = ({ name, colour, side, diameter_mm, band_length_mm }, index) => ({
+/** A tool of the box as the draft keeps it. */
+export const plannedTool = ({ name, colour, side, diameter_mm, band_length_mm }, index) => ({
   id: index + 1,
   tape: colour ?? name,
   name: colour ? name : '',
@@ -49,12 +50,12 @@ function calibrationState({ calibration }) {
 }
 
 function toolsState(planned, known) {
-  if (planned.length > 0) return planned.every(isWhole) ? 'done' : 'again';
+  if (planned.length > 0) return planned.every(isComplete) ? 'done' : 'again';
   return known.length > 0 ? 'done' : 'todo';
 }
 
-/** Has it what a measurement needs? */
-export const isWhole = ({ tape, diameter }) => Boolean(tape?.trim() && diameter > 0);
+/** Whether the tool has what a measurement needs. */
+export const isComplete = ({ tape, diameter }) => Boolean(tape?.trim() && diameter > 0);
 
 function coloursState(palette, planned) {
   if (!palette) return 'todo';
@@ -62,22 +63,22 @@ function coloursState(palette, planned) {
   return (palette.verdicts ?? []).some(({ grade }) => grade === 'bad') ? 'again' : 'done';
 }
 
-/** Are the instruments described otherwise than they were when these colours were learned? They are saved with the colours. */
+/** Whether the instruments differ from those of the learned colours. They are saved with the colours. */
 export function isOutdated(planned, palette) {
-  if (!palette || planned.length === 0 || !planned.every(isWhole)) return false;
-  return alike(planned.map(entryOf)) !== alike(palette.tools.map(({ name, ...rest }) => ({ tool: name, ...rest })));
+  if (!palette || planned.length === 0 || !planned.every(isComplete)) return false;
+  return signature(planned.map(toolEntry)) !== signature(palette.tools.map(({ name, ...rest }) => ({ tool: name, ...rest })));
 }
 
-/** The same text for the same instruments, in whatever order. */
-const alike = tools =>
-  tools.map(of => JSON.stringify([of.tool, of.colour ?? null, of.side ?? null, of.diameter_mm, of.band_length_mm ?? null])).sort().join();
+/** The same text for the same instruments, in any order. */
+const signature = tools =>
+  tools.map(tool => JSON.stringify([tool.tool, tool.colour ?? null, tool.side ?? null, tool.diameter_mm, tool.band_length_mm ?? null])).sort().join();
 
 function testState(box) {
   const [test] = box.selfTests;
   if (!test) return 'todo';
-  return test.light === 'green' && !isOfOlder(test, box) ? 'done' : 'again';
+  return test.light === 'green' && !isTestOutdated(test, box) ? 'done' : 'again';
 }
 
-/** Was another camera or were other colours tested than those in use? */
-export const isOfOlder = (test, { calibration, palettes }) =>
+/** Whether the test used another camera or other colours than those in use. */
+export const isTestOutdated = (test, { calibration, palettes }) =>
   test.calibration !== calibration?.id || test.palette !== palettes[0]?.id;

@@ -40,9 +40,9 @@ function Made({ box, token }) {
     <${Notice} tone="warn" title=${words.once}>${words.onceBody}<//>
     <div class="token">
       <div class="stack">
-        <${Line} name=${words.secret} text=${token} />
-        <${Line} name=${words.keep} text=${keep} />
-        <${Line} name=${words.run} text=${record} />
+        <${CopyLine} name=${words.secret} text=${token} />
+        <${CopyLine} name=${words.keep} text=${keep} />
+        <${CopyLine} name=${words.run} text=${record} />
         <p class="small muted">${words.runBody}</p>
       </div>
       <figure class="stack tight">
@@ -52,7 +52,7 @@ function Made({ box, token }) {
     </div>`;
 }
 
-function Line({ name, text }) {
+function CopyLine({ name, text }) {
   const [isCopied, setCopied] = useState(false);
   const copy = () => navigator.clipboard?.writeText(text).then(() => setCopied(true), () => {});
   return html`

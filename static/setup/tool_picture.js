@@ -1,4 +1,4 @@
-// What is measured on an instrument: the diameter over the tape, and the length of the band along the tube.
+// What to measure on an instrument: the diameter over the tape, and the length of the band along the tube.
 import { html } from '../parts/preact.js';
 import { t } from '../texts.js';
 

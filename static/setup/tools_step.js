@@ -1,4 +1,4 @@
-// Step 4: which instruments there are, and their sizes: depth is measured by them, so that a tenth of a millimetre counts.
+// Step 4: the instruments and their sizes. Depth is measured by them, so a tenth of a millimetre counts.
 import { html, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
@@ -7,23 +7,23 @@ import { Field } from '../parts/form.js';
 import { focusSoon } from '../parts/focus.js';
 import { icons } from '../parts/icons.js';
 import { Empty, Notice, ProblemNotice } from '../parts/notice.js';
-import { isOutdated, planned } from './steps.js';
+import { isOutdated, plannedTool } from './steps.js';
 import { ToolPicture } from './tool_picture.js';
 import { tapeNames } from './tapes.js';
 
 const words = t.setup.tools;
-const MOST_TOOLS = 8;
+const MAX_TOOLS = 8;
 const ADD = 'add-tool';
 
-export function ToolsStep({ box, bench, at, onChange }) {
-  const { tools } = bench.plan;
+export function ToolsStep({ box, draft, stepHref, onChange }) {
+  const { tools } = draft.plan;
   const known = box.tools.length > 0 && tools.length === 0;
-  const set = list => bench.setPlan({ tools: list });
+  const set = list => draft.setPlan({ tools: list });
   const remove = index => (set(tools.filter((_, at) => at !== index)), focusSoon(ADD, 'setup-step'));
-  // Fields show what they began with: other ids make them begin anew.
-  const takeBack = () => {
+  // Fields keep their first value: new ids make them start again.
+  const restoreTools = () => {
     const last = Math.max(...tools.map(({ id }) => id));
-    set(box.palettes[0].tools.map(planned).map(tool => ({ ...tool, id: last + tool.id })));
+    set(box.palettes[0].tools.map(plannedTool).map(tool => ({ ...tool, id: last + tool.id })));
     focusSoon(ADD, 'setup-step');
   };
   const change = (index, more) => set(tools.map((tool, at) => (at === index ? { ...tool, ...more } : tool)));
@@ -33,19 +33,19 @@ export function ToolsStep({ box, bench, at, onChange }) {
       <ul class="bullets">${words.how.map(line => html`<li key=${line}>${line}</li>`)}</ul>
     </div>
     <datalist id="tapes">${tapeNames.map(name => html`<option key=${name} value=${name} />`)}</datalist>
-    ${known && html`<${Known} tools=${box.tools} onTake=${() => set(box.tools.map(planned))} />`}
+    ${known && html`<${Known} tools=${box.tools} onTake=${() => set(box.tools.map(plannedTool))} />`}
     ${tools.length === 0 && !known && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
     <ul class="stack">
       ${tools.map((tool, index) => html`<${Tool} key=${tool.id} tool=${tool} number=${index + 1}
         onChange=${more => change(index, more)} onRemove=${() => remove(index)} />`)}
     </ul>
-    ${!known && tools.length < MOST_TOOLS && html`<div class="row"><button id=${ADD} class="button" type="button"
+    ${!known && tools.length < MAX_TOOLS && html`<div class="row"><button id=${ADD} class="button" type="button"
       onClick=${() => set([...tools, { id: 1 + Math.max(0, ...tools.map(tool => tool.id)), tape: '', name: '', side: '' }])}><${icons.add} />${words.add}</button></div>`}
     ${isOutdated(tools, box.palettes[0]) && html`<${Notice} tone="warn" quiet title=${t.setup.colours.outdated}>
         ${t.setup.colours.outdatedBody}<//>
-      <div class="row"><button class="button" type="button" onClick=${takeBack}>${words.takeBack}</button></div>`}
-    ${tools.length > 0 && html`<p class="small muted">${words.next} <a href=${at('colours')}>${t.setup.colours.title}</a></p>`}
-    <${View} box=${box} onChange=${onChange} />
+      <div class="row"><button class="button" type="button" onClick=${restoreTools}>${words.takeBack}</button></div>`}
+    ${tools.length > 0 && html`<p class="small muted">${words.next} <a href=${stepHref('colours')}>${t.setup.colours.title}</a></p>`}
+    <${ViewField} box=${box} onChange=${onChange} />
     <p class="small muted">${words.trocars}</p>`;
 }
 
@@ -76,12 +76,12 @@ function Tool({ tool, number, onChange, onRemove }) {
     </li>`;
 }
 
-/** The one thing here that belongs to the box itself, and is saved at once. */
-function View({ box, onChange }) {
+/** The one setting here that belongs to the box itself; it is saved at once. */
+function ViewField({ box, onChange }) {
   const [problem, setProblem] = useState(null);
   const change = event => api.boxes.change(box.id, { view: event.target.value }).then(onChange, error => setProblem(asProblem(error)));
   const known = Object.entries(t.boxes.views);
-  const options = box.view ? known : [['', t.boxes.auto], ...known]; // Once told it cannot be unsaid, only changed.
+  const options = box.view ? known : [['', t.boxes.auto], ...known]; // Once set, it cannot be unset, only changed.
   return html`
     <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
     <div class="fields"><${Field} label=${t.boxes.view} hint=${words.viewHint} type="select" value=${box.view ?? ''}

@@ -1,31 +1,31 @@
-// The picture of this device's own camera, at once and not by way of the server, and over it what the tracker saw last.
+// The picture of this device's own camera, not via the server, with what the tracker saw last drawn over it.
 import { html, useEffect, useRef } from './preact.js';
 import { drawOverlay, fitCanvas } from './overlay.js';
 
 const SHOW = { tip: true, borders: true, path: true };
 const NONE = new Set();
-/** Positions that are older are not where the tools are any more, seconds. */
-const MOST_BEHIND_S = 1;
+/** Older positions are no longer where the tools are, s. */
+const MAX_DELAY_S = 1;
 
-/** `behind()` tells how old the newest position is, seconds. */
-export function OwnScreen({ stream, name, watch, behind, children }) {
+/** `delay()` returns the age of the newest position, s. */
+export function CameraScreen({ stream, name, watch, delay, children }) {
   const video = useRef(null);
   const overlay = useRef(null);
-  const late = useRef(behind);
-  late.current = behind;
+  const currentDelay = useRef(delay);
+  currentDelay.current = delay;
   useEffect(() => void (video.current.srcObject = stream), [stream]);
   useEffect(() => {
     if (!watch) return undefined;
     const draw = () => {
       const { track } = watch;
-      if (track?.frames && watch.isFresh && late.current() <= MOST_BEHIND_S)
+      if (track?.frames && watch.isFresh && currentDelay.current() <= MAX_DELAY_S)
         drawOverlay(overlay.current, track, track.last, { show: SHOW, hidden: NONE });
-      else fitCanvas(overlay.current); // Which clears it.
+      else fitCanvas(overlay.current); // This clears it.
     };
     const resize = new ResizeObserver(draw);
     resize.observe(overlay.current);
-    const end = watch.onTick(draw);
-    return () => (end(), resize.disconnect(), overlay.current && fitCanvas(overlay.current));
+    const unsubscribe = watch.onTick(draw);
+    return () => (unsubscribe(), resize.disconnect(), overlay.current && fitCanvas(overlay.current));
   }, [watch]);
   return html`
     <div class="screen own">

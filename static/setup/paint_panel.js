@@ -1,29 +1,29 @@
-// The frame under the brush with its tools: what is painted, with which brush, how near.
+// The frame that is painted on, with its controls: label, brush, size and zoom.
 import { html, useId, useState } from '../parts/preact.js';
 import { t } from '../texts.js';
-import { clear, mark, undo } from './frames.js';
+import { addMark, clearMarks, undoMark } from './frames.js';
 import { Painter } from './painter.js';
 import { NOT_TAPE } from './tapes.js';
 
 const words = t.setup.colours;
 const KINDS = ['brush', 'rectangle', 'move'];
 const ZOOMS = [1, 2, 4];
-const SIZES = { least: 3, most: 80, usual: 10 };
+const SIZES = { min: 3, max: 80, initial: 10 };
 
-export function PaintBench({ bench, frame, tapes, inkOf, mask }) {
+export function PaintPanel({ draft, frame, tapes, inkOf, mask }) {
   const [label, setLabel] = useState(tapes[0]);
   const [kind, setKind] = useState('brush');
-  const [size, setSize] = useState(SIZES.usual);
+  const [size, setSize] = useState(SIZES.initial);
   const [zoom, setZoom] = useState(1);
   const [isMasked, setMasked] = useState(false);
   const labels = [...tapes, ...NOT_TAPE];
-  const current = labels.includes(label) ? label : tapes[0];
-  const brush = { kind, size, zoom, label: current };
+  const chosen = labels.includes(label) ? label : tapes[0];
+  const brush = { kind, size, zoom, label: chosen };
   return html`
     <section class="stack tight">
       <h3>${words.paint(frame.number + 1)}</h3>
       <p class="small muted">${words.paintHow}</p>
-      <${Choice} name=${words.what} options=${labels} chosen=${current} onChoose=${setLabel}
+      <${Choice} name=${words.what} options=${labels} chosen=${chosen} onChoose=${setLabel}
         show=${one => html`<i class="ink" style=${{ background: inkOf(one) }}></i>${words.labels[one] ?? one}`} />
       <div class="row">
         <${Choice} name=${words.brush} options=${KINDS} chosen=${kind} onChoose=${setKind} show=${one => words.kinds[one]} />
@@ -31,13 +31,13 @@ export function PaintBench({ bench, frame, tapes, inkOf, mask }) {
         <${Size} size=${size} onSize=${setSize} />
       </div>
       <${Painter} frame=${frame} brush=${brush} mask=${isMasked && mask} inkOf=${inkOf}
-        onMark=${rectangles => mark(bench, frame.number, current, rectangles)} />
+        onMark=${rectangles => addMark(draft, frame.number, chosen, rectangles)} />
       <p id="painter-keys" class="small muted">${words.keys}</p>
       <div class="row">
         <button class="button" type="button" disabled=${frame.marks.length === 0}
-          onClick=${() => undo(bench, frame.number)}>${words.undo}</button>
+          onClick=${() => undoMark(draft, frame.number)}>${words.undo}</button>
         <button class="button" type="button" disabled=${frame.marks.length === 0}
-          onClick=${() => clear(bench, frame.number)}>${words.clear}</button>
+          onClick=${() => clearMarks(draft, frame.number)}>${words.clear}</button>
         <button class="button" type="button" aria-pressed=${isMasked} disabled=${!mask}
           onClick=${() => setMasked(!isMasked)}>${words.mask}</button>
         <span class="small muted" role="status">${words.marks(frame.marks.length)}</span>
@@ -55,6 +55,6 @@ function Size({ size, onSize }) {
   const id = useId();
   return html`
     <label class="row size" for=${id}><span class="label">${words.size(size)}</span>
-      <input id=${id} type="range" min=${SIZES.least} max=${SIZES.most} value=${size}
+      <input id=${id} type="range" min=${SIZES.min} max=${SIZES.max} value=${size}
         onInput=${event => onSize(Number(event.target.value))} /></label>`;
 }

@@ -1,4 +1,4 @@
-// The picture of this device's camera, with a button that takes it as it is: a photo of the board, a frame of the box.
+// The picture of this device's camera, with a button that captures it: a photo of the board, a frame of the box.
 import { html, useEffect, useRef, useState } from '../parts/preact.js';
 import { t } from '../texts.js';
 import { icons } from '../parts/icons.js';
@@ -7,16 +7,16 @@ import { useCamera } from '../parts/use_camera.js';
 import { frameOf } from './pictures.js';
 
 const words = t.setup.shot;
-const USUAL = '1920x1080';
+const DEFAULT_SIZE = '1920x1080';
 
-/** `calibrated` is the picture that the box is calibrated for, where it is. `onShot(blob)`. */
-export function Shot({ calibrated, label, onShot, disabled }) {
-  const camera = useCamera(calibrated ? `${calibrated.width}x${calibrated.height}` : USUAL);
+/** `calibrated`: the picture size that the box is calibrated for, if it is. `onShot(blob)`. */
+export function CameraShot({ calibrated, label, onShot, disabled }) {
+  const camera = useCamera(calibrated ? `${calibrated.width}x${calibrated.height}` : DEFAULT_SIZE);
   const video = useRef(null);
   const [isTaking, setTaking] = useState(false);
   useEffect(() => void (video.current && (video.current.srcObject = camera.stream)), [camera.stream]);
   const take = async () => {
-    if (!video.current?.videoWidth) return; // The camera is on, and has given no picture yet.
+    if (!video.current?.videoWidth) return; // The camera is on but has given no picture yet.
     setTaking(true);
     try {
       onShot(await frameOf(video.current));

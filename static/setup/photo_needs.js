@@ -1,7 +1,7 @@
-// What the photos so far lack: where in the picture no corners are, and to which side the board was never tilted. It is
-// advice for the next photo, and no measure of the camera: that comes with the calibration.
-export const FEWEST = 3;
-export const WANTED = 12;
+// What the photos so far lack: areas of the picture without corners, and sides that the board was never tilted to. It
+// is advice for the next photo, not a measure of the camera: the calibration gives that.
+export const MIN_PHOTOS = 3;
+export const WANTED_PHOTOS = 12;
 const AREAS = { columns: ['left', 'middle', 'right'], rows: ['top', 'middle', 'bottom'] };
 export const TILTS = ['left', 'right', 'top', 'bottom'];
 
@@ -12,11 +12,11 @@ export function needsOf(good) {
   const tilts = Object.fromEntries(TILTS.map(side => [side, good.filter(({ check }) => check.near === side).length]));
   const missing = coverage ? missingAreas(cells, coverage) : [];
   const untilted = TILTS.filter(side => tilts[side] === 0);
-  const more = Math.max(0, WANTED - good.length);
+  const more = Math.max(0, WANTED_PHOTOS - good.length);
   return { coverage, cells, missing, tilts, untilted, more, isEnough: good.length > 0 && !more && !missing.length };
 }
 
-/** A ninth of the picture is missing where less than half of its cells hold a corner. */
+/** A ninth of the picture is missing if less than half of its cells hold a corner. */
 function missingAreas(cells, { columns, rows }) {
   const areas = [];
   AREAS.rows.forEach((row, down) =>
@@ -32,4 +32,4 @@ function missingAreas(cells, { columns, rows }) {
   return areas;
 }
 
-const sum = (items, of) => items.reduce((total, item) => total + of(item), 0);
+const sum = (items, valueOf) => items.reduce((total, item) => total + valueOf(item), 0);

@@ -1,4 +1,4 @@
-// The wall: every recording that arrives now, each as a tile that leads to its page.
+// The live overview: every recording that arrives now, as a tile that links to its page.
 import { html } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData, useThrottled } from '../data.js';
@@ -6,28 +6,28 @@ import { number } from '../format.js';
 import { useLive } from '../live.js';
 import { href } from '../router.js';
 import { language, t } from '../texts.js';
-import { useWatch } from '../watch.js';
+import { useLiveWatch } from '../watch.js';
 import { LiveScreen } from '../parts/live_screen.js';
-import { stateOf, ToolState, useToolStates } from '../parts/live_tools.js';
-import { Elapsed, Line } from '../parts/live_view.js';
+import { ToolState, toolStateOf, useToolStates } from '../parts/live_tools.js';
+import { ConnectionPill, Elapsed } from '../parts/live_view.js';
 import { lightFault } from '../parts/light.js';
 import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 import { placementFault } from '../parts/placement.js';
 import { ToolMark } from '../parts/readouts.js';
 
 const words = t.wall;
-const MOST = 24; // Pictures that one screen can show, and one device draw.
+const MAX_TILES = 24; // Pictures that one screen can show and one device can draw.
 const TILE = { tip: true, borders: true };
 
-export default function Wall() {
+export default function LiveOverview() {
   const { data, problem, reload } = useData(
-    signal => api.sessions.page({ status: 'receiving', limit: MOST }, signal),
+    signal => api.sessions.page({ status: 'receiving', limit: MAX_TILES }, signal),
     [],
   );
-  const soon = useThrottled(reload, 700);
-  useLive('session', soon);
+  const reloadSoon = useThrottled(reload, 700);
+  useLive('session', reloadSoon);
   useLive('resync', reload);
-  // Each box keeps its place, whoever else begins or ends.
+  // Sorted by box: a tile keeps its place when other recordings begin or end.
   const items = [...(data?.items ?? [])].sort((a, b) => (a.box?.name ?? '').localeCompare(b.box?.name ?? '', language));
   return html`
     <${PageHead} title=${words.title} lead=${words.lead} />
@@ -37,13 +37,13 @@ export default function Wall() {
     ${data && items.length === 0 && html`<section class="card"><${Empty} title=${words.none} body=${words.noneBody}>
       <a class="button" href=${href(['boxes'])}>${words.boxes}</a><//></section>`}
     <div class="wall">
-      ${items.map(session => html`<${Tile} key=${session.id} session=${session} onClosed=${soon} />`)}
+      ${items.map(session => html`<${Tile} key=${session.id} session=${session} onClosed=${reloadSoon} />`)}
     </div>
-    ${data?.next && html`<p class="muted">${words.more(MOST)}</p>`}`;
+    ${data?.next && html`<p class="muted">${words.more(MAX_TILES)}</p>`}`;
 }
 
 function Tile({ session, onClosed }) {
-  const watch = useWatch(session.id, onClosed);
+  const watch = useLiveWatch(session.id, onClosed);
   useToolStates(watch);
   const faults = [lightFault(watch.light), placementFault(watch.placement, watch.track?.tools ?? [])].filter(Boolean);
   return html`
@@ -56,21 +56,21 @@ function Tile({ session, onClosed }) {
         </div>
         <div class="row apart small muted">
           <span>${session.task?.name} · ${session.box?.name}</span>
-          <${Line} watch=${watch} />
+          <${ConnectionPill} watch=${watch} />
         </div>
-        <ul>${watch.track?.tools.map(tool => html`<${ToolLine} key=${tool.name} tool=${tool} watch=${watch} />`)}</ul>
+        <ul>${watch.track?.tools.map(tool => html`<${ToolRow} key=${tool.name} tool=${tool} watch=${watch} />`)}</ul>
         ${faults.map(({ title }) => html`<p key=${title} class="small fault">${title}</p>`)}
       </div>
     </article>`;
 }
 
-function ToolLine({ tool, watch }) {
+function ToolRow({ tool, watch }) {
   const path = watch.features.find(feature => feature.name === 'path_length' && feature.tool === tool.name);
   return html`
     <li class="row apart">
       <span class="tool"><${ToolMark} tool=${tool} />${tool.name}</span>
       <span class="path small">${Number.isFinite(path?.value) ? html`${words.path} ${number(path.value)} ${path.unit}`
         : words.tooLittle}</span>
-      <${ToolState} state=${stateOf(watch, tool)} />
+      <${ToolState} state=${toolStateOf(watch, tool)} />
     </li>`;
 }

@@ -1,4 +1,4 @@
-// The list of uploads: what runs, what stopped and why, and which file to choose again after a reload.
+// The list of uploads: which run, which stopped and why, and which need their file again after a reload.
 import { html, useRef, useState } from './preact.js';
 import { bytes, clock, percent } from '../format.js';
 import { useLive } from '../live.js';
@@ -11,8 +11,8 @@ import { cancel, forget, pause, resume, resumeWith } from './uploads.js';
 const words = t.upload;
 const TONES = { sending: 'busy', done: 'good', failed: 'bad', lost: 'warn', paused: 'warn', waiting: '' };
 
-export function Sending({ items }) {
-  const [scoring, setScoring] = useState({}); // What becomes of those that have arrived, by session.
+export function UploadList({ items }) {
+  const [scoring, setScoring] = useState({}); // The scoring of uploads that have arrived, by session.
   useLive('session', event => setScoring(before => ({ ...before, [event.id]: event })));
   const state = item =>
     item.state === 'done' && scoring[item.session] ? t.status[scoring[item.session].status] : words.states[item.state];
@@ -36,17 +36,17 @@ const Item = ({ item, scoring }) => html`
       <div class="wide stack tight">
         <${ProgressBar} value=${item.size ? item.sent / item.size : 0} name=${words.progress(item.name)} />
         <span class="small muted">${percent(item.size ? item.sent / item.size
-          : 0)} · ${words.sent(bytes(item.sent), bytes(item.size))}${left(item)}</span>
+          : 0)} · ${words.sent(bytes(item.sent), bytes(item.size))}${timeLeft(item)}</span>
       </div>`}
     ${item.duplicate && html`<p class="wide small muted">${words.duplicate}</p>`}
     ${item.problem && html`<div class="wide"><${ProblemNotice} problem=${item.problem} /></div>`}
-    ${item.state === 'lost' ? html`<${Again} item=${item} />` : html`<${Buttons} item=${item} />`}
+    ${item.state === 'lost' ? html`<${ChooseFileAgain} item=${item} />` : html`<${Buttons} item=${item} />`}
   </li>`;
 
-const left = ({ state, rate, size, sent }) =>
+const timeLeft = ({ state, rate, size, sent }) =>
   state === 'sending' && rate > 0 ? ` · ${words.left(clock((size - sent) / rate, 0))}` : '';
 
-/** The file itself was refused: sending it again would be refused again. */
+/** The file itself was refused: the service would refuse it again. */
 const isRefused = problem => [400, 413, 415, 422].includes(problem?.status);
 
 function Buttons({ item: { key, state, session, problem } }) {
@@ -63,7 +63,7 @@ function Buttons({ item: { key, state, session, problem } }) {
     </div>`;
 }
 
-function Again({ item }) {
+function ChooseFileAgain({ item }) {
   const input = useRef(null);
   const [other, setOther] = useState(false);
   const chosen = () => {

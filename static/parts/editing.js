@@ -1,4 +1,4 @@
-// A list of things that people may add, edit and delete: trainees, tasks, boxes, people. One flow for all of them.
+// Lists of things that people add, edit and delete: trainees, tasks, boxes, people. One flow for all of them.
 import { html, useState } from './preact.js';
 import { t } from '../texts.js';
 import { Confirm, Dialog } from './dialog.js';
@@ -6,8 +6,9 @@ import { Form } from './form.js';
 import { icons } from './icons.js';
 
 /**
- * `const edit = useEditing({ title, fields, noun, onChange })` gives `edit.add()`, `edit.change(item)`, `edit.remove(item)`
- * and `edit.dialogs` to put on the page. `fields(item)` tells the form's fields, `item` null for a new one.
+ * `const edit = useEditing({ addTitle, editTitle, removeTitle, fields, save, remove, onChange })` gives `edit.add()`,
+ * `edit.change(item)`, `edit.remove(item)` and `edit.dialogs` to put on the page. `fields(item)` returns the form's
+ * fields; `item` is null for a new one.
  */
 export function useEditing({
   addTitle,
@@ -42,7 +43,7 @@ export function useEditing({
 export const AddButton = ({ label, onClick }) =>
   html`<button class="button main" type="button" onClick=${onClick}><${icons.add} />${label}</button>`;
 
-/** The buttons at the end of a row; the name is for those who hear it out of its row. */
+/** The buttons at the end of a row; they name the item for people who hear them outside the row. */
 export const RowButtons = ({ item, onEdit, onRemove }) => html`
   <div class="row ends">
     ${onEdit && html`<button class="button" type="button" aria-label=${`${t.tasks.edit}: ${item.name}`}
@@ -51,12 +52,14 @@ export const RowButtons = ({ item, onEdit, onRemove }) => html`
       onClick=${() => onRemove(item)}>${t.form.remove}</button>`}
   </div>`;
 
-/** Creating sends what was typed; changing sends only what differs, so that two people editing do not undo each other. */
-export async function saveChanges(noun, item, values) {
-  if (!item) return noun.create(values);
+/**
+ * Creating sends all values; changing sends only those that differ, so that two people editing do not undo each other.
+ */
+export async function saveChanges(resource, item, values) {
+  if (!item) return resource.create(values);
   const differs = Object.entries(values).filter(
     ([key, value]) =>
       value !== undefined && value !== (item[key] ?? null) && !(value === null && item[key] === undefined),
   );
-  return differs.length ? noun.change(item.id, Object.fromEntries(differs)) : item;
+  return differs.length ? resource.change(item.id, Object.fromEntries(differs)) : item;
 }

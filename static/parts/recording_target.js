@@ -1,4 +1,4 @@
-// For whom, of what and where a recording is: chosen on the page, kept in its address, so that a link can choose.
+// The trainee, task and box of a recording: chosen on the page and kept in its address, so that a link can preset them.
 import { html } from './preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
@@ -14,14 +14,14 @@ const words = t.target;
 const KINDS = ['trainee', 'task', 'box'];
 const PAGES = { trainee: 'trainees', task: 'tasks', box: 'boxes' };
 
-/** May this person send recordings of anybody? Whoever is no trainee and may not send others' has nothing to send. */
-export const maySend = person => may(person, 'upload') || traineeId(person) !== null;
+/** Whether this person may send recordings: of any trainee, or, as a trainee, their own. */
+export const maySendRecordings = person => may(person, 'upload') || traineeId(person) !== null;
 
 /**
- * `lists` by kind once they are loaded, what is `chosen` of each, `ids` and `names` once all three are, and `set(kind)`
- * for a select's `onInput`. A trainee sends their own recordings only.
+ * Returns `lists` by kind once they are loaded, the `chosen` item of each kind, `ids` and `names` once all three are
+ * chosen, and `set(kind)` for a select's `onInput`. A trainee sends their own recordings only.
  */
-export function useTarget({ person, route }) {
+export function useRecordingTarget({ person, route }) {
   const own = may(person, 'upload') ? null : traineeId(person);
   const { data: lists, problem, reload } = useData(async () => {
     const trainees = own
@@ -33,29 +33,29 @@ export function useTarget({ person, route }) {
     const [trainee, task, box] = await Promise.all([trainees, api.tasks.all(), api.boxes.all()]);
     return { trainee, task, box };
   }, []);
-  const chosen = Object.fromEntries(KINDS.map(kind => [kind, choice(lists?.[kind], route.query.get(kind))]));
+  const chosen = Object.fromEntries(KINDS.map(kind => [kind, findItem(lists?.[kind], route.query.get(kind))]));
   const ofEach = what => Object.fromEntries(KINDS.map(kind => [kind, chosen[kind]?.[what]]));
-  const isWhole = KINDS.every(kind => chosen[kind]);
+  const isTargetComplete = KINDS.every(kind => chosen[kind]);
   const set = kind => event => replace(route.path, { ...ofEach('id'), [kind]: event.target.value });
   return {
     ...{ lists, problem, reload, chosen, set },
-    ids: isWhole ? ofEach('id') : null,
-    names: isWhole ? words.forWhom(...KINDS.map(kind => chosen[kind].name)) : null,
+    ids: isTargetComplete ? ofEach('id') : null,
+    names: isTargetComplete ? words.forWhom(...KINDS.map(kind => chosen[kind].name)) : null,
   };
 }
 
-/** By id or code; where there is only one, it is chosen already. */
-const choice = (list = [], key) =>
+/** By id or code; a single item is chosen already. */
+const findItem = (list = [], key) =>
   list.find(item => item.id === key || item.code === key) ?? (list.length === 1 ? list[0] : null);
 
-/** The three choosers; what does not exist yet is said above them. */
-export const TargetFields = ({ target: { lists, chosen, set } }) => html`
+/** The three selects; a kind without any items is reported above them. */
+export const RecordingTargetFields = ({ target: { lists, chosen, set } }) => html`
   ${KINDS.filter(kind => lists[kind].length === 0).map(kind => html`
     <div key=${kind} class="wide"><${Notice} tone="warn" title=${words.missing[kind]}>
       <a href=${href([PAGES[kind]])}>${words.make}</a><//></div>`)}
   ${KINDS.map(kind => html`<${Field} key=${kind} type="select" label=${words[kind]} value=${chosen[kind]?.id}
     options=${[['', words.choose], ...lists[kind].map(item => [item.id, item.name])]} onInput=${set(kind)} />`)}`;
 
-/** Said where somebody goes on without having chosen. */
-export const Need = () => html`
+/** Shown when a person continues without having chosen. */
+export const TargetNeeded = () => html`
   <p class="notice warn" role="alert"><${icons.warning} /><strong>${words.need}</strong></p>`;
