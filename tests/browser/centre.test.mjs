@@ -1,13 +1,13 @@
-// The centre's pages in a real Chromium, as the people who run one would use them: enrol a group from a table, set a standard
-// from a published time, import two recordings of another tracker, see the pass and print its certificate; and as a trainee: see
-// oneself, and nothing of others. One scenario in steps; each step needs the ones before it.
+// Uses the pages of a training centre in a real Chromium. Its staff enrol a group from a table, set a standard from a
+// published time, import two recordings of another tracker, see the pass and print the certificate. A trainee sees
+// their own results, and nothing of others. One scenario in steps; each step needs the steps before it.
 //
 // Environment: as person.mjs.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 
 import { launch, LOOKS } from './chromium.mjs';
-import { pagesOf, patience, person, until, url } from './person.mjs';
+import { pagesOf, timeoutMs, person, waitUntil, url } from './person.mjs';
 
 const mark = Date.now().toString(36); // So that the scenario can run again in the same centre.
 const GROUP = `Autumn course ${mark}`;
@@ -15,17 +15,17 @@ const [ADA, BEN] = [`Ada Lindqvist ${mark}`, `Ben "Red" Okoye ${mark}`];
 const OWN_PASSWORD = 'a password of a trainee';
 
 let browser;
-let page, traces, ask, make, looks, picture, printed, button, heading, signIn, open;
-const made = {}; // What the steps made, by what it is.
+let page, pageFaults, getJson, create, checkLooks, takePictures, printToPdf, button, heading, signIn, open;
+const made = {}; // What the steps created: the group, trainees, task and box.
 
 before(async () => {
   browser = await launch();
-  ({ page, traces, ask, make, looks, picture, printed, button, heading, signIn, open } = await person(browser, { prefix: 'centre-' }));
+  ({ page, pageFaults, getJson, create, checkLooks, takePictures, printToPdf, button, heading, signIn, open } = await person(browser, { prefix: 'centre-' }));
 });
 
 after(() => browser?.close());
 
-test('a group is enrolled from a table, once its wrong row is mended', async () => {
+test('a group is enrolled from a table, after its wrong row is corrected', async () => {
   await page.goto(`${url}/groups`);
   await signIn();
   await heading('Groups').waitFor();
@@ -38,52 +38,52 @@ test('a group is enrolled from a table, once its wrong row is mended', async () 
   await heading('Enrol from a list').waitFor();
   const table = second => `Name;Level;Hand;Shoe size\n${ADA};novice;right;38\n"${BEN.replaceAll('"', '""')}";${second};left;44\n`;
   await page.getByLabel('Or paste the rows').fill(table('beginner'));
-  await button('Look at it').click();
+  await button('Check the table').click();
   await page.locator('.notice', { hasText: '1 of 2 rows cannot be used' }).waitFor();
   await page.locator('tr.wrong', { hasText: 'expected one of novice intermediate expert' }).waitFor();
-  await page.getByText('nothing here is called so: Shoe size').waitFor();
+  await page.getByText('these columns are not known: Shoe size').waitFor();
   assert.equal(await button('Enrol 2 people').count(), 0);
-  await picture('01-enrol-wrong');
+  await takePictures('01-enrol-wrong');
   await page.getByLabel('Or paste the rows').fill(table('novice'));
-  await button('Look at it').click();
-  await picture('02-enrol-fine');
+  await button('Check the table').click();
+  await takePictures('02-enrol-fine');
   await button('Enrol 2 people').click();
   await page.locator('.notice', { hasText: '2 people are enrolled' }).waitFor();
   await page.waitForFunction(() => document.activeElement === document.querySelector('main h1'));
   await page.locator('main .unseen', { hasText: '2 people are enrolled' }).waitFor({ state: 'attached' });
-  const groups = await ask('groups');
+  const groups = await getJson('groups');
   made.group = groups.items.find(group => group.name === GROUP);
-  assert.equal(made.group.trainees.length, 2, 'they are in the group that the page began with');
-  const all = await ask('trainees?limit=200');
+  assert.equal(made.group.trainees.length, 2, 'they are in the group from whose page the enrolment started');
+  const all = await getJson('trainees?limit=200');
   [made.ada, made.ben] = [ADA, BEN].map(name => all.items.find(one => one.name === name));
   assert.deepEqual([made.ben.level, made.ben.handedness], ['novice', 'left']);
 });
 
-test('a standard is set from a published time: first worked out, then set', async () => {
-  made.task = await make('tasks', { name: `Pegs ${mark}` });
+test('a standard is set from a published time: first proposed, then set', async () => {
+  made.task = await create('tasks', { name: `Pegs ${mark}` });
   await page.goto(`${url}/tasks`);
   await page.getByRole('link', { name: made.task.name }).click();
   await heading(made.task.name).waitFor();
   await button('Set a standard').click();
   assert.equal(await page.getByLabel('Where the limit comes from').inputValue(), 'fls');
-  const presets = (await ask(`tasks/${made.task.id}/standards/presets`)).items;
+  const presets = (await getJson(`tasks/${made.task.id}/standards/presets`)).items;
   await page.getByLabel('Exercise').selectOption(presets[0].preset);
   await page.getByLabel('Passes in a row').fill('2');
-  await button('Work it out').click();
+  await button('Calculate').click();
   await page.locator('.proposal', { hasText: `at most ${presets[0].limit} s` }).waitFor();
-  assert.equal((await ask(`tasks/${made.task.id}/standards`)).items.length, 0, 'nothing is set by looking');
-  // What was worked out before a change is not what would be set.
+  assert.equal((await getJson(`tasks/${made.task.id}/standards`)).items.length, 0, 'a proposal sets nothing');
+  // After a change the proposal is outdated, so it must not be set.
   await page.getByLabel('Passes in a row').fill('3');
   assert.ok(await button('Set this standard').isDisabled());
   await page.getByLabel('Passes in a row').fill('2');
-  await picture('03-standard-proposed');
+  await takePictures('03-standard-proposed');
   await button('Set this standard').click();
-  await page.locator('.notice', { hasText: 'Version 1 is the standard now' }).waitFor();
-  const [standard] = (await ask(`tasks/${made.task.id}/standards`)).items;
+  await page.locator('.notice', { hasText: 'Version 1 is now the standard' }).waitFor();
+  const [standard] = (await getJson(`tasks/${made.task.id}/standards`)).items;
   assert.deepEqual([standard.version, standard.targets[0].limit, standard.rule.in_a_row], [1, presets[0].limit, 2]);
 });
 
-/** Two tools that go to and fro for so many seconds, as another tracker would write them. */
+/** A CSV file as another tracker writes it: tools that move to and fro for this many seconds. */
 function tableOf(seconds, tools) {
   const lines = ['frame,time_s,tool,x_mm,y_mm,z_mm,sigma_xy_mm,sigma_z_mm'];
   for (let frame = 0; frame < seconds * 25; frame += 1) {
@@ -94,13 +94,13 @@ function tableOf(seconds, tools) {
   return `${lines.join('\n')}\n`;
 }
 
-test('before a pass the certificate is refused in words', async () => {
+test('before a pass the certificate page explains why there is no certificate', async () => {
   await page.goto(`${url}/trainees/${made.ada.id}/certificate?task=${made.task.id}`);
   await page.getByText('There is no session of this task yet').waitFor();
 });
 
-test('two paths of another tracker are imported on the upload page and passed', async () => {
-  made.box = await make('boxes', { name: `Table ${mark}` });
+test('two paths of another tracker are imported on the upload page, and the trainee passes', async () => {
+  made.box = await create('boxes', { name: `Table ${mark}` });
   for (const [seconds, day] of [[4, '2026-01-05T10:00'], [5, '2026-01-06T10:00']]) {
     await page.goto(`${url}/upload?trainee=${made.ada.id}&task=${made.task.id}&box=${made.box.id}`);
     await page.locator('summary', { hasText: 'Import the path' }).click();
@@ -110,69 +110,71 @@ test('two paths of another tracker are imported on the upload page and passed', 
     await form.getByLabel('What measured it').fill('Kinovea');
     await form.getByLabel('Recorded at').fill(day);
     await form.getByRole('button', { name: 'Import', exact: true }).click();
-    await form.getByText('The path is a session now').waitFor();
+    await form.getByText('The path was imported as a session').waitFor();
   }
-  await picture('04-imported');
-  const passed = async () => (await ask(`trainees/${made.ada.id}/progress?task=${made.task.id}`)).passed;
-  await until(passed, 'the pass');
+  await takePictures('04-imported');
+  const passed = async () => (await getJson(`trainees/${made.ada.id}/progress?task=${made.task.id}`)).passed;
+  await waitUntil(passed, 'the pass');
   const { by, sessions } = await passed();
   assert.deepEqual([by, sessions], ['rule', [1, 2]]);
 });
 
-test('the pass stands in the group’s table, and the certificate prints on one side', async () => {
+test('the group’s table shows the pass, and the certificate prints on one side', async () => {
   await page.goto(`${url}/groups/${made.group.id}?task=${made.task.id}`);
-  const told = await ask(`groups/${made.group.id}/progress?task=${made.task.id}`);
+  const progress = await getJson(`groups/${made.group.id}/progress?task=${made.task.id}`);
   const row = page.locator('tr', { hasText: ADA });
   await row.getByText('Passed').waitFor();
-  const newest = told.rows.find(one => one.trainee === made.ada.id).points.at(-1);
+  const newest = progress.rows.find(one => one.trainee === made.ada.id).points.at(-1);
   assert.ok(Math.abs(Number((await row.locator('td.number').first().innerText()).split('±')[0]) - newest.value) < 0.1);
   assert.equal(await row.locator('svg.spark polyline').count(), 1);
   const names = () => page.locator('tbody th').allInnerTexts();
   assert.deepEqual(await names(), [ADA, BEN]);
-  await page.getByText('so people stand by name').waitFor();
+  await page.getByText('so people are listed by name').waitFor();
   await page.locator('thead button', { hasText: 'Name' }).click();
   assert.deepEqual(await names(), [BEN, ADA]);
   await page.locator('thead button', { hasText: 'Newest value' }).click();
-  await page.getByText('it is no ranking').waitFor();
-  assert.deepEqual(await names(), [ADA, BEN], 'who has no value stands last');
-  await picture('05-group');
-  assert.equal(pagesOf(await printed('group')), 1);
+  await page.getByText('this is not a ranking').waitFor();
+  assert.deepEqual(await names(), [ADA, BEN], 'people without a value are sorted last');
+  await takePictures('05-group');
+  assert.equal(pagesOf(await printToPdf('group')), 1);
   await row.getByRole('link', { name: ADA }).click();
   await heading(ADA).waitFor();
-  await page.locator('.balance', { hasText: 'kept.' }).waitFor();
-  await picture('06-trainee');
-  assert.ok(pagesOf(await printed('trainee')) <= 2, 'a trainee’s page prints on two sides');
+  await page.locator('.balance', { hasText: ': met.' }).waitFor();
+  await takePictures('06-trainee');
+  assert.ok(pagesOf(await printToPdf('trainee')) <= 2, 'a trainee’s page prints on two sides');
   await page.getByRole('link', { name: 'Certificate' }).click();
   await page.locator('.certificate .who', { hasText: ADA }).waitFor();
   const paper = await page.locator('.certificate').innerText();
   assert.match(paper, /by the pass rule: 2 in a row/);
   assert.match(paper, /version 1 of /);
   assert.equal(await page.locator('.certificate table tbody tr').count(), 2);
-  await picture('07-certificate');
-  assert.equal(pagesOf(await printed('certificate')), 1, 'one side of A4');
+  await takePictures('07-certificate');
+  assert.equal(pagesOf(await printToPdf('certificate')), 1, 'one side of A4');
 });
 
-test('a task’s sessions are scored again: how far it is, and what changed for whom', async () => {
+test('a task’s sessions are scored again: the page shows the progress, and what changed for each trainee', async () => {
   await page.goto(`${url}/tasks/${made.task.id}`);
   const card = page.locator('section.card', { has: page.getByRole('heading', { name: 'Score sessions again' }) });
   await card.getByText('Nothing was scored again yet').waitFor();
   await card.getByRole('button', { name: 'Score sessions again' }).click();
   const dialog = page.locator('dialog');
   await dialog.getByLabel('Which sessions').selectOption('all');
-  await picture('08-rescoring-ordered');
-  await dialog.getByRole('button', { name: 'Order it' }).click();
+  await takePictures('08-rescoring-ordered');
+  await dialog.getByRole('button', { name: 'Start scoring' }).click();
   const order = card.locator('.history > li').first();
-  await order.locator('progress').or(order.getByText('2 of 2 sessions')).first().waitFor(); // It may be over before it is read.
-  await order.getByText('2 of 2 sessions').waitFor({ timeout: patience });
-  assert.equal(await order.locator('progress').count(), 0, 'what is over makes no progress');
-  const [told] = (await ask('rescorings')).items.filter(one => one.task.id === made.task.id);
-  assert.deepEqual([told.sessions.done, told.sessions.failed, told.progress, told.changes.changed], [2, 0, 1, 0]);
+  // The order may finish before its progress is read.
+  await order.locator('progress').or(order.getByText('2 of 2 sessions')).first().waitFor();
+  await order.getByText('2 of 2 sessions').waitFor({ timeout: timeoutMs });
+  assert.equal(await order.locator('progress').count(), 0, 'a finished order has no progress bar');
+  const [rescoring] = (await getJson('rescorings')).items.filter(one => one.task.id === made.task.id);
+  const { sessions, progress, changes } = rescoring;
+  assert.deepEqual([sessions.done, sessions.failed, progress, changes.changed], [2, 0, 1, 0]);
   const report = order.getByRole('button', { name: /^What changed/ });
   await report.click();
   const row = order.locator('tr', { has: page.getByRole('link', { name: ADA, exact: true }) });
   assert.match(await row.innerText(), /2 of 2 sessions\s+Nothing changed\./);
   await report.click();
-  // The same program makes the same of the same paths. What a change looks like, an answer tells that is altered on its way.
+  // The same program gives the same results for the same paths. So the test alters the answers to show changes.
   const alter = (path, change) => page.route(path, async route => {
     const answer = await route.fetch();
     const json = await answer.json();
@@ -187,28 +189,28 @@ test('a task’s sessions are scored again: how far it is, and what changed for 
     one.features = [{ feature: 'duration', title: 'Time', tool: null, space: '3d', unit: 's', old: { ...value, value: 48.16 }, new: value, change: 'apart' }];
   });
   await report.click();
-  await row.getByText('1 passed before, not any more; 1 with values apart, beyond their errors; 2 with any value changed.').waitFor();
+  await row.getByText('1 no longer passed; 1 with values that differ by more than their errors; 2 with any changed value.').waitFor();
   const changed = order.locator('table').nth(1).locator('tbody tr');
   assert.match(await changed.innerText(), /passed\s+not passed\s+Time: 48\.2 s → 61\.2 s/);
-  await picture('08-rescoring');
+  await takePictures('08-rescoring');
   await page.unrouteAll();
 });
 
-test('of an imported path alone nobody stands among people, and the page says so', async () => {
+test('an imported path alone gives no value to compare people by, and the page says so', async () => {
   await page.goto(`${url}/tasks/${made.task.id}`);
-  const spread = page.locator('section', { hasText: 'Where people stand' });
-  await spread.getByText('None of these people has a value of this yet').waitFor();
-  const told = await ask(`tasks/${made.task.id}/distribution?feature=duration&limit=30`);
-  assert.deepEqual([told.groups[0].values, told.groups[0].keeping], [[], null]);
+  const spread = page.locator('section', { hasText: 'the effect of a limit' });
+  await spread.getByText('None of these people has a value for this feature yet').waitFor();
+  const { groups } = await getJson(`tasks/${made.task.id}/distribution?feature=duration&limit=30`);
+  assert.deepEqual([groups[0].values, groups[0].keeping], [[], null]);
 });
 
 /** A share as the page writes it. */
 const percent = share => new Intl.NumberFormat('en', { style: 'percent', maximumFractionDigits: 1 }).format(share);
 
-test('a task with measured sessions has a dot for each person; moving the line says what the service says of it', async t => {
-  const tasks = (await ask('tasks?limit=200')).items;
+test('a task with measured sessions shows a dot for each person, and the service’s figures for a limit', async t => {
+  const tasks = (await getJson('tasks?limit=200')).items;
   for (const task of tasks) {
-    const { groups } = await ask(`tasks/${task.id}/distribution?feature=duration&limit=30`);
+    const { groups } = await getJson(`tasks/${task.id}/distribution?feature=duration&limit=30`);
     if (!groups[0].values.length) continue;
     await page.goto(`${url}/tasks/${task.id}`);
     const plot = page.locator('svg.spread');
@@ -218,7 +220,7 @@ test('a task with measured sessions has a dot for each person; moving the line s
     const shares = page.locator('.slide + ul');
     await typed.fill('30');
     await plot.getByText('limit 30 s').waitFor();
-    await shares.getByText(groups[0].keeping ? 'keep this limit' : groups[0].withheld.detail).waitFor();
+    await shares.getByText(groups[0].keeping ? 'meet this limit' : groups[0].withheld.detail).waitFor();
     const lineAt = () => plot.locator('line.limit').getAttribute('x1').then(Number);
     const before = await lineAt();
     const slider = page.getByLabel('Move the limit');
@@ -229,10 +231,10 @@ test('a task with measured sessions has a dot for each person; moving the line s
     const answer = await (await asked).json();
     const [moved] = answer.groups;
     assert.equal(Number(await typed.inputValue()), Number(answer.limit.toPrecision(4)));
-    assert.equal((await lineAt()) < before, isLeft, 'the line has moved');
+    assert.equal((await lineAt()) < before, isLeft, 'the limit line moved');
     await page.waitForFunction(() => document.querySelector('.slide + ul').getAttribute('aria-busy') === 'false');
     await shares.getByText(moved.keeping ? percent(moved.keeping.seen) : moved.withheld.detail).first().waitFor();
-    await picture('08-spread');
+    await takePictures('08-spread');
     await typed.fill('30');
     await button('Set a standard with this limit').click();
     const form = page.locator('section', { has: page.locator('#standard-form') });
@@ -248,23 +250,23 @@ test('a task with measured sessions has a dot for each person; moving the line s
     await page.waitForFunction(() => document.activeElement.id === 'standard-in-use');
     return;
   }
-  assert.equal(process.env.TROCAR_CLIP, undefined, 'the centre of the other scenarios has measured sessions');
-  t.skip('nothing is measured in this centre');
+  assert.equal(process.env.TROCAR_CLIP, undefined, 'the other scenarios leave measured sessions in the centre');
+  t.skip('this centre has no measured sessions');
 });
 
-test('the service’s page says what REST says, and who enrolled whom', async () => {
+test('the service page shows the version, storage and changes that REST returns', async () => {
   const guests = Array.from({ length: 30 }, (_, i) => ({ name: `Guest ${i} ${mark}` }));
-  await make('enrolments', { rows: guests }); // More changes than a page of them holds.
+  await create('enrolments', { rows: guests }); // More changes than the page shows at once.
   await page.goto(`${url}/service`);
-  const { version, storage } = await ask('service');
+  const { version, storage } = await getJson('service');
   await page.locator('.facts', { hasText: version }).first().waitFor();
   await page.getByText(`${storage.files} file`).waitFor();
   const first = page.locator('table tbody tr').first();
   await first.waitFor();
-  const [latest] = (await ask('audit?limit=1')).items;
+  const [latest] = (await getJson('audit?limit=1')).items;
   assert.match(await first.innerText(), new RegExp(`${latest.action} ${latest.noun}`));
   const rows = page.locator('tbody tr');
-  const all = (await ask('audit?limit=50')).items.length;
+  const all = (await getJson('audit?limit=50')).items.length;
   assert.equal(await rows.count(), Math.min(25, all));
   if (all > 25) {
     const wait = async route => (await new Promise(done => setTimeout(done, 500)), route.continue());
@@ -272,12 +274,12 @@ test('the service’s page says what REST says, and who enrolled whom', async ()
     await button('Earlier changes').dblclick();
     await page.waitForFunction(() => document.querySelectorAll('tbody tr').length > 25 && !document.querySelector('.pager [aria-disabled=true]'));
     await page.unroute('**/audit?*', wait);
-    assert.equal(await rows.count(), all, 'two clicks, one page');
+    assert.equal(await rows.count(), all, 'two clicks load one page of changes');
   } else assert.equal(await button('Earlier changes').count(), 0);
-  await picture('09-service');
+  await takePictures('09-service');
 });
 
-test('cohorts are described and named', async () => {
+test('a cohort is added with a name and conditions', async () => {
   await page.goto(`${url}/groups`);
   await button('Add a cohort').click();
   const dialog = page.locator('dialog');
@@ -290,7 +292,7 @@ test('cohorts are described and named', async () => {
   assert.match(await row.innerText(), /Novice, Autumn course .*\s2\s/);
 });
 
-test('every page of the centre is shown in both themes on a desk and on a tablet, and none is wider than the screen', async () => {
+test('in every look, no page of the centre is wider than the screen', async () => {
   const task = `?task=${made.task.id}`;
   const pages = {
     groups: '/groups', group: `/groups/${made.group.id}${task}`, enrol: '/enrol', task: `/tasks/${made.task.id}`,
@@ -299,13 +301,13 @@ test('every page of the centre is shown in both themes on a desk and on a tablet
   };
   for (const [name, path] of Object.entries(pages)) {
     await open(path);
-    await looks(`page-${name}`);
+    await checkLooks(`page-${name}`);
   }
 });
 
 test('a trainee sees their own pass, and nothing of others', async () => {
   const account = { login: `ada-${mark}`, name: ADA, role: 'trainee', password: OWN_PASSWORD, trainee: made.ada.id };
-  await make('people', account);
+  await create('people', account);
   const trainee = await person(browser, { viewport: LOOKS[1].viewport, prefix: 'centre-' });
   const own = trainee.page;
   await own.goto(`${url}/trainees/${made.ada.id}/certificate?task=${made.task.id}`);
@@ -313,7 +315,7 @@ test('a trainee sees their own pass, and nothing of others', async () => {
   await own.locator('.certificate .who', { hasText: ADA }).waitFor();
   await own.goto(`${url}/trainees/${made.ada.id}?task=${made.task.id}`);
   await own.locator('.balance').waitFor();
-  await trainee.picture('10-own');
+  await trainee.takePictures('10-own');
   for (const path of [`/trainees/${made.ben.id}`, `/trainees/${made.ben.id}/certificate?task=${made.task.id}`]) {
     await own.goto(url + path);
     await own.locator('main .notice.bad', { hasText: 'Not found' }).waitFor();
@@ -323,15 +325,15 @@ test('a trainee sees their own pass, and nothing of others', async () => {
     await own.locator('main', { hasText: 'There is no such page' }).waitFor();
   }
   await own.goto(url);
-  await own.getByText('What needs you').waitFor();
+  await own.getByText('Waiting for you').waitFor();
   await own.waitForFunction(() => !document.querySelector('main .loading'));
   assert.ok(!(await own.locator('body').innerText()).includes(BEN));
-  const { foreign, broken } = trainee.traces();
+  const { foreign, errors } = trainee.pageFaults();
   assert.deepEqual(foreign, []);
-  assert.deepEqual(broken.filter(line => !(/status of 404/.test(line) && line.includes(made.ben.id))), [], 'what is not theirs is refused, and nothing else');
+  assert.deepEqual(errors.filter(line => !(/status of 404/.test(line) && line.includes(made.ben.id))), [], 'only requests for another trainee’s data are refused');
   await own.context().close();
 });
 
-test('nothing was asked of another server, nothing broke the policy, nothing was thrown', () => {
-  assert.deepEqual(traces(), { foreign: [], broken: [] });
+test('no page sent a request to another origin, violated the security policy or threw an error', () => {
+  assert.deepEqual(pageFaults(), { foreign: [], errors: [] });
 });

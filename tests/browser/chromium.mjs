@@ -1,4 +1,4 @@
-// The Chromium of the tests, and the looks that pages are shown in.
+// Starts Chromium for the tests, and lists the looks: the combinations of theme and screen size.
 import { chromium } from 'playwright-core';
 
 const FLAGS = [
@@ -11,11 +11,11 @@ const FLAGS = [
   '--disable-sync',
 ];
 
-/** TROCAR_CHROMIUM names another than Debian's. */
+/** Uses Debian's Chromium unless TROCAR_CHROMIUM names another one. */
 export const launch = (more = []) =>
   chromium.launch({ executablePath: process.env.TROCAR_CHROMIUM ?? '/usr/bin/chromium', args: [...FLAGS, ...more] });
 
-/** Both themes, on a desk and on a tablet. */
+/** Both themes, on a desktop screen and on a tablet. */
 export const LOOKS = ['light', 'dark'].flatMap(colorScheme => [
   { name: `desk-${colorScheme}`, colorScheme, viewport: { width: 1440, height: 900 } },
   { name: `tablet-${colorScheme}`, colorScheme, viewport: { width: 820, height: 1180 } },

@@ -1,14 +1,14 @@
-// A course in a real Chromium, as its people go through it: an instructor makes a plan with the keyboard, lets a group follow it and
-// reads from its table who is how far; a trainee sees the next step and until when, and nothing of others; the plan is changed, and
-// followed no more. One scenario in steps; each step needs the ones before it.
+// A course in a real Chromium. An instructor makes a plan with the keyboard, lets a group follow it, and sees each
+// trainee's progress in its table. A trainee sees the next step and its due date, and nothing of others. The plan is
+// then changed, and the group stops following it. One scenario in steps; each step needs the steps before it.
 //
 // Environment: as person.mjs.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 
-import { violationsOf } from './access.mjs';
+import { violationsOf } from './accessibility.mjs';
 import { launch, LOOKS } from './chromium.mjs';
-import { person, until, url } from './person.mjs';
+import { person, waitUntil, url } from './person.mjs';
 
 const mark = Date.now().toString(36); // So that the scenario can run again in the same centre.
 const PLAN = `Basic skills ${mark}`;
@@ -16,62 +16,65 @@ const GROUP = `Spring course ${mark}`;
 const [ADA, BEN] = [`Ada Sjöberg ${mark}`, `Ben Abara ${mark}`];
 const SECRET = 'a password of a course';
 const DAY_MS = 86_400_000;
-const made = {}; // What the steps made, by what it is.
+const made = {}; // What the steps created: the box, tasks, group, trainees and plan.
 
 let browser;
-let desk; // The administrator, who lays the ground.
+let admin; // The administrator, who prepares the centre.
 let teacher;
 let trainee;
 
 before(async () => {
   browser = await launch();
-  [desk, teacher] = await Promise.all([person(browser), person(browser, { prefix: 'course-' })]);
+  [admin, teacher] = await Promise.all([person(browser), person(browser, { prefix: 'course-' })]);
   trainee = await person(browser, { viewport: LOOKS[1].viewport, prefix: 'course-' });
 });
 
 after(() => browser?.close());
 
-/** A day so many days from now, as the service and an input for dates write it. */
+/** The date this many days from now, in the format of the service and of date inputs. */
 const day = days => new Intl.DateTimeFormat('sv-SE').format(new Date(Date.now() + days * DAY_MS));
-/** The same as the pages write it. */
+/** The same date in the format of the pages. */
 const dayWords = days => new Intl.DateTimeFormat('en-US', { dateStyle: 'medium' }).format(new Date(Date.now() + days * DAY_MS));
 
-/** Two tools for so many seconds, recorded so many days ago, as another tracker would write them. */
-async function practise(who, task, seconds, days) {
+/**
+ * Imports a session with two tools, this many seconds long and recorded this many days ago, as a CSV of another
+ * tracker.
+ */
+async function importPractice(learner, task, seconds, days) {
   const lines = ['frame,time_s,tool,x_mm,y_mm,z_mm,sigma_xy_mm,sigma_z_mm'];
   for (let frame = 0; frame < seconds * 25; frame += 1)
     for (const tool of ['left', 'right'])
       lines.push(`${frame},${frame / 25},${tool},${40 * Math.sin(frame / 20)},${20 * Math.cos(frame / 30)},150,0.1,0.4`);
   const recorded = new Date(Date.now() - days * DAY_MS).toISOString();
-  const query = new URLSearchParams({ trainee: who.id, task: task.id, box: made.box.id, tracker: 'Kinovea', recorded_at: recorded });
-  const status = await desk.page.evaluate(async ([at, body]) =>
+  const query = new URLSearchParams({ trainee: learner.id, task: task.id, box: made.box.id, tracker: 'Kinovea', recorded_at: recorded });
+  const status = await admin.page.evaluate(async ([at, body]) =>
     (await fetch(at, { method: 'POST', headers: { 'Content-Type': 'text/csv' }, body })).status, [`/api/v1/sessions/import?${query}`, lines.join('\n')]);
   assert.equal(status, 201);
 }
 
-test('a centre has two tasks, one with a standard, and a group with an instructor of its own', async () => {
-  await desk.page.goto(url);
-  await desk.signIn();
-  await desk.page.locator('header.top nav').waitFor();
-  const { make } = desk;
-  made.box = await make('boxes', { name: `Course table ${mark}` });
-  made.pegs = await make('tasks', { name: `Course pegs ${mark}` });
-  made.wire = await make('tasks', { name: `Course wire ${mark}` });
+test('a centre is prepared with two tasks, one with a standard, and a group with its own instructor', async () => {
+  await admin.page.goto(url);
+  await admin.signIn();
+  await admin.page.locator('header.top nav').waitFor();
+  const { create } = admin;
+  made.box = await create('boxes', { name: `Course table ${mark}` });
+  made.pegs = await create('tasks', { name: `Course pegs ${mark}` });
+  made.wire = await create('tasks', { name: `Course wire ${mark}` });
   const by = { method: 'fixed', limit: 30, unit: 's' };
-  await make(`tasks/${made.pegs.id}/standards`, { targets: [{ feature: 'duration', by }], rule: { in_a_row: 2 } });
-  made.group = await make('groups', { name: GROUP });
-  [made.ada, made.ben] = await Promise.all([ADA, BEN].map(name => make('trainees', { name, group: made.group.id })));
+  await create(`tasks/${made.pegs.id}/standards`, { targets: [{ feature: 'duration', by }], rule: { in_a_row: 2 } });
+  made.group = await create('groups', { name: GROUP });
+  [made.ada, made.ben] = await Promise.all([ADA, BEN].map(name => create('trainees', { name, group: made.group.id })));
   const account = { name: 'x', password: SECRET };
-  await make('people', { ...account, login: `teacher-${mark}`, name: `Teacher ${mark}`, role: 'instructor', groups: [made.group.id] });
-  await make('people', { ...account, login: `ada-course-${mark}`, name: ADA, role: 'trainee', trainee: made.ada.id });
-  await practise(made.ada, made.pegs, 4, 3);
-  await practise(made.ada, made.pegs, 5, 2);
-  await practise(made.ada, made.wire, 4, 1);
-  const passed = async () => (await desk.ask(`trainees/${made.ada.id}/progress?task=${made.pegs.id}`)).passed;
-  await until(passed, 'the pass');
+  await create('people', { ...account, login: `teacher-${mark}`, name: `Teacher ${mark}`, role: 'instructor', groups: [made.group.id] });
+  await create('people', { ...account, login: `ada-course-${mark}`, name: ADA, role: 'trainee', trainee: made.ada.id });
+  await importPractice(made.ada, made.pegs, 4, 3);
+  await importPractice(made.ada, made.pegs, 5, 2);
+  await importPractice(made.ada, made.wire, 4, 1);
+  const passed = async () => (await admin.getJson(`trainees/${made.ada.id}/progress?task=${made.pegs.id}`)).passed;
+  await waitUntil(passed, 'the pass');
 });
 
-test('an instructor makes a plan with keys alone; a task without a standard asks for sessions', async () => {
+test('an instructor makes a plan with the keyboard alone; a task without a standard counts sessions', async () => {
   const { page, button, heading } = teacher;
   await page.goto(`${url}/groups`);
   await teacher.signIn(SECRET, `teacher-${mark}`);
@@ -97,24 +100,24 @@ test('an instructor makes a plan with keys alone; a task without a standard asks
   await button('Add a step').press('Enter');
   await button('Remove step 4').press('Enter');
   await page.locator('.unseen', { hasText: 'Step 4 is removed' }).waitFor({ state: 'attached' });
-  // What was typed goes along, and so does the focus: at the end to the button that still does something.
+  // A moved step keeps its input and the focus. At the end of the list the focus moves to the button that still works.
   await button('Move step 2 up').press('Enter');
-  await page.locator('.unseen', { hasText: 'Step 2 is step 1 now' }).waitFor({ state: 'attached' });
+  await page.locator('.unseen', { hasText: 'Step 2 is now step 1' }).waitFor({ state: 'attached' });
   await page.waitForFunction(() => document.activeElement.getAttribute('aria-label') === 'Move step 1 down');
   assert.equal(await step(1).getByLabel('Due after').inputValue(), '14');
   await page.keyboard.press('Enter');
   await page.waitForFunction(() => document.activeElement.getAttribute('aria-label') === 'Move step 2 down');
   await button('Move step 2 up').press('Enter');
-  await teacher.picture('01-plan');
+  await teacher.takePictures('01-plan');
   await button('Save').press('Enter');
   await heading('Course plans').waitFor();
   await page.locator('tr', { hasText: PLAN }).getByText('none of your groups').waitFor();
-  made.plan = (await teacher.ask('courses?limit=200')).items.find(one => one.name === PLAN);
-  const asked = made.plan.steps.map(one => [one.task.name, one.sessions, one.within_days]);
-  assert.deepEqual(asked, [[made.pegs.name, null, 14], [made.wire.name, 2, 3], [made.pegs.name, 10, null]]);
+  made.plan = (await teacher.getJson('courses?limit=200')).items.find(one => one.name === PLAN);
+  const steps = made.plan.steps.map(one => [one.task.name, one.sessions, one.within_days]);
+  assert.deepEqual(steps, [[made.pegs.name, null, 14], [made.wire.name, 2, 3], [made.pegs.name, 10, null]]);
 });
 
-test('the group follows it from a day on, and its table says how far everybody is', async () => {
+test('the group follows the plan from a chosen day, and its table shows each trainee’s progress', async () => {
   const { page, button, heading } = teacher;
   await page.goto(`${url}/groups/${made.group.id}`);
   await heading(GROUP).waitFor();
@@ -128,32 +131,32 @@ test('the group follows it from a day on, and its table says how far everybody i
   const table = page.locator('.course-table');
   await table.waitFor();
   assert.match(await table.locator('thead').innerText(), new RegExp(`until ${dayWords(10)}`));
-  const cell = (who, task, state) => table.getByRole('link', { name: `${who}, ${task}: ${state}` });
+  const cell = (name, task, state) => table.getByRole('link', { name: `${name}, ${task}: ${state}` });
   await cell(ADA, made.pegs.name, `Passed ${dayWords(-2)}`).waitFor();
   await cell(ADA, made.wire.name, 'In progress Overdue 1 of 2 sessions').waitFor();
   await cell(ADA, made.pegs.name, 'In progress 2 of 10 sessions').waitFor();
   await cell(BEN, made.wire.name, 'Not begun Overdue').waitFor();
   await page.locator('tr', { hasText: ADA }).first().getByText('1 of 3').waitFor();
-  await teacher.picture('02-table');
+  await teacher.takePictures('02-table');
   await cell(ADA, made.wire.name, 'In progress').click();
   await heading(ADA).waitFor();
   await page.getByText(`Next step: ${made.wire.name} (2 sessions), until ${dayWords(-1)}.`).waitFor();
-  await teacher.picture('03-trainee');
+  await teacher.takePictures('03-trainee');
 });
 
-test('a trainee sees the next step and until when, and nothing of others', async () => {
+test('a trainee sees the next step and its due date, and nothing of others', async () => {
   const { page, heading } = trainee;
   await page.goto(url);
   await trainee.signIn(SECRET, `ada-course-${mark}`);
   await page.getByText('Your course').waitFor();
   await page.getByText(`Next step: ${made.wire.name} (2 sessions), until ${dayWords(-1)}.`).waitFor();
   assert.ok(!(await page.locator('main').innerText()).includes(GROUP), 'groups are not shown to trainees');
-  await trainee.picture('04-today');
+  await trainee.takePictures('04-today');
   await page.getByRole('link', { name: 'All steps' }).click();
   await heading(ADA).waitFor();
   assert.equal(await page.locator('.own-course ol li').count(), 3);
   await page.locator('.own-course li', { hasText: made.wire.name }).getByText('Overdue').waitFor();
-  await trainee.picture('05-own');
+  await trainee.takePictures('05-own');
   for (const path of [`/groups/${made.group.id}`, '/courses', `/courses/${made.plan.id}`]) {
     await page.goto(url + path);
     await page.locator('main', { hasText: 'There is no such page' }).waitFor();
@@ -162,15 +165,16 @@ test('a trainee sees the next step and until when, and nothing of others', async
   assert.equal(status, 404);
 });
 
-test('what was missing is done: the step is passed on the open page', async () => {
+test('the open page shows that a step is done as soon as the missing session is scored', async () => {
   const { page, open } = trainee;
   await open('/');
-  await page.locator('.head [role=status]', { hasText: /^Live$/ }).waitFor(); // What happens before is told to nobody.
-  await practise(made.ada, made.wire, 5, 0);
+  // The page misses events that occur before it is connected.
+  await page.locator('.head [role=status]', { hasText: /^Live$/ }).waitFor();
+  await importPractice(made.ada, made.wire, 5, 0);
   await page.getByText(`Next step: ${made.pegs.name} (10 sessions), at any time.`).waitFor();
 });
 
-test('a plan that is changed is followed as it is now', async () => {
+test('a group follows the changed plan', async () => {
   const { page, button, heading } = teacher;
   await page.goto(`${url}/courses/${made.plan.id}`);
   await heading('Change the course plan').waitFor();
@@ -181,22 +185,22 @@ test('a plan that is changed is followed as it is now', async () => {
   await page.locator('.course-table tr', { hasText: ADA }).getByText('2 of 2').waitFor();
 });
 
-test('every page of a course is shown in both themes on a desk and on a tablet, none wider than the screen, all open to everybody', async () => {
+test('in every look, every page of a course fits the screen and is accessible', async () => {
   const pages = {
     courses: '/courses', course: `/courses/${made.plan.id}`, group: `/groups/${made.group.id}`, trainee: `/trainees/${made.ben.id}`,
   };
   const faults = [];
-  const look = async (who, name, path) => {
-    await who.open(path);
-    await who.looks(`page-${name}`, async look =>
-      faults.push(...(await violationsOf(who.page)).map(violation => `${name}, ${look.name}: ${violation}`)));
+  const checkPage = async (user, name, path) => {
+    await user.open(path);
+    await user.checkLooks(`page-${name}`, async look =>
+      faults.push(...(await violationsOf(user.page)).map(violation => `${name}, ${look.name}: ${violation}`)));
   };
-  for (const [name, path] of Object.entries(pages)) await look(teacher, name, path);
-  await look(trainee, 'own-today', '/');
+  for (const [name, path] of Object.entries(pages)) await checkPage(teacher, name, path);
+  await checkPage(trainee, 'own-today', '/');
   assert.deepEqual(faults, []);
 });
 
-test('a followed plan is not deleted; what is followed no more is', async () => {
+test('a plan cannot be deleted while a group follows it, and can be deleted afterwards', async () => {
   const { page, button } = teacher;
   const remove = async () => {
     await teacher.open('/courses');
@@ -206,19 +210,19 @@ test('a followed plan is not deleted; what is followed no more is', async () => 
   await remove();
   await page.locator('dialog .notice.bad', { hasText: 'Course plan is still used by groups' }).waitFor();
   await teacher.open(`/groups/${made.group.id}`);
-  await button(`End that ${PLAN} is followed`).click();
-  await page.locator('dialog').getByRole('button', { name: 'End', exact: true }).click();
+  await button(`Stop following ${PLAN}`).click();
+  await page.locator('dialog').getByRole('button', { name: 'Stop following', exact: true }).click();
   await page.getByText('This group follows no course plan').waitFor();
   await remove();
   await page.locator('tr', { hasText: PLAN }).waitFor({ state: 'detached' });
-  assert.deepEqual((await teacher.ask(`trainees/${made.ada.id}/course`)).items, []);
+  assert.deepEqual((await teacher.getJson(`trainees/${made.ada.id}/course`)).items, []);
 });
 
-test('nothing was asked of another server, nothing broke the policy, nothing was thrown', () => {
-  const refused = /status of 409 .*\/courses\//; // The plan that was still followed.
-  const foreign = /status of 404 .*\/course$/; // What a trainee asked of somebody else.
-  for (const who of [desk, teacher, trainee]) {
-    const { foreign: asked, broken } = who.traces();
-    assert.deepEqual([asked, broken.filter(line => !refused.test(line) && !foreign.test(line))], [[], []]);
+test('no page sent a request to another origin, violated the security policy or threw an error', () => {
+  const stillFollowed = /status of 409 .*\/courses\//; // The plan could not be deleted.
+  const otherTrainee = /status of 404 .*\/course$/; // A trainee may not see another trainee's course.
+  for (const user of [admin, teacher, trainee]) {
+    const { foreign, errors } = user.pageFaults();
+    assert.deepEqual([foreign, errors.filter(line => !stillFollowed.test(line) && !otherTrainee.test(line))], [[], []]);
   }
 });

@@ -1,9 +1,9 @@
-// A real Chromium in front of the real service, as a person would use it: sign in, upload a recording, wait for its score
-// without reloading, play the overlay, watch a box that sends. One scenario in steps; each step needs the ones before it.
+// Uses the service in a real Chromium as a person would: sign in, upload a recording, wait for its score without
+// reloading, play the overlay, watch a box that sends live. One scenario in steps; each step needs the steps before it.
 //
-// Environment: as person.mjs, and TROCAR_CLIP (a recording that TROCAR_BOX can score); optional TROCAR_BOX, TROCAR_TRAINEE,
-// TROCAR_TASK (names; otherwise the first of each), TROCAR_SELF_TEST (a recording of that box's self-test with a board of 9x6
-// corners and 21 mm).
+// Environment: as person.mjs, and TROCAR_CLIP (a recording that TROCAR_BOX can score); optional TROCAR_BOX,
+// TROCAR_TRAINEE, TROCAR_TASK (names; otherwise the first of each), TROCAR_SELF_TEST (a recording of that box's
+// self-test with a board of 9x6 corners and 21 mm).
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { mkdtempSync, readFileSync, rmSync, statSync } from 'node:fs';
@@ -11,36 +11,37 @@ import { tmpdir } from 'node:os';
 import { basename, join } from 'node:path';
 import { after, before, test } from 'node:test';
 
-import { violationsOf } from './access.mjs';
+import { violationsOf } from './accessibility.mjs';
 import { launch } from './chromium.mjs';
-import { HOSTILE, strangers } from './hostile.mjs';
-import { need, pagesOf, password, patience, person, url } from './person.mjs';
+import { HOSTILE, injectedElements } from './hostile.mjs';
+import { requiredEnv, pagesOf, password, timeoutMs, person, url } from './person.mjs';
 import { beginFeed, endFeed } from './sender.mjs';
 
-const clip = need('TROCAR_CLIP');
+const clip = requiredEnv('TROCAR_CLIP');
 const selfTest = process.env.TROCAR_SELF_TEST;
 
 let browser;
-let page, traces, ask, make, looks, picture, printed, heading, signIn, open;
+let page, pageFaults, getJson, create, checkLooks, takePictures, printToPdf, heading, signIn, open;
 let session;
 
 before(async () => {
   browser = await launch();
-  ({ page, traces, ask, make, looks, picture, printed, heading, signIn, open } = await person(browser));
+  const user = await person(browser);
+  ({ page, pageFaults, getJson, create, checkLooks, takePictures, printToPdf, heading, signIn, open } = user);
 });
 
 after(() => browser?.close());
 
-test('a wrong password is refused in words, the right one opens the page that was asked for', async () => {
+test('a wrong password shows an error message, the right one opens the requested page', async () => {
   await page.goto(`${url}/upload`);
   await signIn(`${password}, but wrong`);
   await page.locator('[role=alert]').waitFor();
-  await picture('01-sign-in-refused');
+  await takePictures('01-sign-in-refused');
   await signIn();
   await heading('Upload').waitFor();
 });
 
-test('a recording is uploaded, and the page leads to its session', async () => {
+test('a recording is uploaded, and the page links to its session', async () => {
   for (const [label, wanted] of [
     ['Trainee', process.env.TROCAR_TRAINEE],
     ['Task', process.env.TROCAR_TASK],
@@ -53,39 +54,39 @@ test('a recording is uploaded, and the page leads to its session', async () => {
   await page.setInputFiles('.drop input[type=file]', clip);
   const entry = page.locator('.sending li', { hasText: basename(clip) }).first();
   const open = entry.getByRole('link', { name: 'Open the session' });
-  await open.waitFor({ timeout: patience });
-  await picture('02-uploaded');
+  await open.waitFor({ timeout: timeoutMs });
+  await takePictures('02-uploaded');
   await open.click();
   await page.waitForURL('**/sessions/*');
   session = new URL(page.url()).pathname.split('/').pop();
-  const told = await ask(`sessions/${session}`);
-  assert.equal(told.filename, basename(clip));
-  assert.equal(told.video.bytes, statSync(clip).size, 'every byte arrived');
+  const uploaded = await getJson(`sessions/${session}`);
+  assert.equal(uploaded.filename, basename(clip));
+  assert.equal(uploaded.video.bytes, statSync(clip).size, 'every byte arrived');
 });
 
-test('the score appears by itself, without a reload', async () => {
+test('the score appears without a reload', async () => {
   await page.evaluate(() => (window.notReloaded = true));
   const ended = page.locator('.plots canvas').first().or(page.locator('main .notice.bad'));
-  await ended.first().waitFor({ timeout: patience });
+  await ended.first().waitFor({ timeout: timeoutMs });
   assert.equal(await page.locator('main .notice.bad').count(), 0, await page.locator('main').innerText());
   assert.equal(await page.evaluate(() => window.notReloaded), true);
   await page.waitForFunction(() => document.querySelector('video')?.readyState >= 2);
-  await picture('03-session');
+  await takePictures('03-session');
 });
 
-test('the features on the page are those that REST tells', async () => {
-  const { features, tools } = await ask(`sessions/${session}`);
+test('the page shows the same value and error of a feature as REST', async () => {
+  const { features, tools } = await getJson(`sessions/${session}`);
   const first = features.find(feature => feature.space === '3d' && feature.tool === tools[0] && feature.value !== null);
   const row = page.locator('tr', { has: page.locator('th', { hasText: first.title }) }).first();
   const [shown, off] = (await row.locator('td').first().innerText())
     .split('±')
     .map(text => Number(text.trim().replace('−', '-').replaceAll(',', '')));
-  const told = (first.error.high - first.error.low) / 2;
-  for (const [what, page, rest] of [['value', shown, first.value], ['error', off, told]])
+  const half = (first.error.high - first.error.low) / 2;
+  for (const [what, page, rest] of [['value', shown, first.value], ['error', off, half]])
     assert.ok(Math.abs(page - rest) <= 0.05 * Math.abs(rest), `${what} of ${first.name}: page ${page}, REST ${rest}`);
 });
 
-/** How much is drawn on the overlay, and a number that changes with what is drawn. */
+/** How many pixels of the overlay are drawn, and a checksum of them. */
 const overlay = () =>
   page.evaluate(() => {
     const canvas = document.querySelector('.screen canvas[aria-hidden]');
@@ -98,21 +99,21 @@ const overlay = () =>
 
 const moment = () => page.evaluate(() => document.querySelector('video').currentTime);
 
-test('playing moves the picture, the overlay and the line in the curves together', async () => {
+test('playing moves the video, the overlay and the playhead in the curves together', async () => {
   const still = await overlay();
   assert.ok(still.drawn > 100, 'the overlay shows the tools');
-  const line = () =>
+  const playhead = () =>
     page
       .locator('.playhead')
       .first()
       .evaluate(element => new DOMMatrix(getComputedStyle(element).transform).e);
-  const before = await line();
+  const before = await playhead();
   await page.getByRole('button', { name: 'Play', exact: true }).click();
   await page.waitForFunction(() => document.querySelector('video').currentTime > 1);
   await page.getByRole('button', { name: 'Pause', exact: true }).click();
-  assert.ok((await line()) > before, 'the line went on');
-  assert.notEqual((await overlay()).sum, still.sum, 'the overlay was drawn anew');
-  await picture('04-played');
+  assert.ok((await playhead()) > before, 'the playhead moved');
+  assert.notEqual((await overlay()).sum, still.sum, 'the overlay was redrawn');
+  await takePictures('04-played');
 });
 
 test('no curve is drawn across missing frames', async () => {
@@ -123,7 +124,7 @@ test('no curve is drawn across missing frames', async () => {
   assert.deepEqual(frames, [0, 1, 2, null, 3, 4]);
 });
 
-test('a click in a curve goes to that moment, and the keys step by one frame', async () => {
+test('a click on a curve seeks to that moment, and the keys step by one frame', async () => {
   const curve = page.locator('.plot .u-over').first();
   const box = await curve.boundingBox();
   const length = await page.evaluate(() => document.querySelector('video').duration);
@@ -131,12 +132,12 @@ test('a click in a curve goes to that moment, and the keys step by one frame', a
   await page.waitForFunction(() => !document.querySelector('video').seeking);
   assert.ok(
     Math.abs((await moment()) - length / 2) < length * 0.02,
-    `half-way of ${length} s is at ${await moment()} s`,
+    `half of ${length} s, but the video is at ${await moment()} s`,
   );
   const clock = page.locator('.transport .clock');
   const frame = async () => Number(/frame (\d+)/.exec(await clock.innerText())[1]);
   const shows = wanted => clock.filter({ hasText: new RegExp(`frame ${wanted}\\b`) }).waitFor();
-  // Half-way may be the edge of two frames; a step lands inside one.
+  // The middle may be the boundary of two frames; after one step the time lies inside a frame.
   await page.locator('main').press('.');
   await page.waitForFunction(() => !document.querySelector('video').seeking);
   const at = await frame();
@@ -146,7 +147,7 @@ test('a click in a curve goes to that moment, and the keys step by one frame', a
   await shows(at);
 });
 
-test('a link to a moment leads to it, in the video and in the curves', async () => {
+test('a link to a moment opens the video and the curves at this moment', async () => {
   await page.goto(`${url}/sessions/${session}?t=1.5`);
   await page.locator('.plots canvas').first().waitFor();
   await page.waitForFunction(() => Math.abs(document.querySelector('video')?.currentTime - 1.5) < 0.05);
@@ -155,11 +156,11 @@ test('a link to a moment leads to it, in the video and in the curves', async () 
   );
 });
 
-test('a feature leads to the seconds that made it, by mouse and by keyboard', async () => {
-  const { features } = await ask(`sessions/${session}/evidence`);
-  const told = features.find(row => row.space === '3d' && row.stretches.length && row.stretches[0].from_s > 0.2);
-  const { items } = await ask('features');
-  const title = items.find(feature => feature.name === told.feature).title;
+test('a feature shows the seconds that determined it, by keyboard, and a click seeks to them', async () => {
+  const { features } = await getJson(`sessions/${session}/evidence`);
+  const evidence = features.find(row => row.space === '3d' && row.stretches.length && row.stretches[0].from_s > 0.2);
+  const { items } = await getJson('features');
+  const title = items.find(feature => feature.name === evidence.feature).title;
   const opener = page.getByRole('button', { name: title, exact: true });
   await opener.focus();
   await page.keyboard.press('Enter');
@@ -168,31 +169,31 @@ test('a feature leads to the seconds that made it, by mouse and by keyboard', as
   const shown = await page.locator('.seconds .jump').first().innerText();
   await page.waitForFunction(() => !document.querySelector('.plot .marked').hidden);
   const stretch = features.find(
-    row => row.feature === told.feature && row.space === '3d' && row.stretches.length,
+    row => row.feature === evidence.feature && row.space === '3d' && row.stretches.length,
   ).stretches[0];
   await page.waitForFunction(
     second => Math.abs(document.querySelector('video').currentTime - second) < 0.05,
     stretch.from_s,
   );
   assert.match(shown, /^0:0\d\.\d–0:0\d\.\d$/);
-  await picture('04-seconds');
+  await takePictures('04-seconds');
 });
 
-test('a comment is pinned to the second where the recording stands, as text, and withdrawn', async () => {
+test('a comment is saved as plain text at the current second of the recording, and can be withdrawn', async () => {
   const words = '<b>Look</b> at the left tip.';
   const at = await moment();
   await page.getByLabel('What do you see at this moment?').fill(words);
   await page.getByRole('button', { name: /^Add at/ }).click();
   await page.locator('.comments .said', { hasText: words }).waitFor();
-  const { items } = await ask(`sessions/${session}/comments`);
+  const { items } = await getJson(`sessions/${session}/comments`);
   assert.ok(Math.abs(items[0].from_s - at) < 0.05, `${items[0].from_s} instead of ${at}`);
-  await picture('04-comment');
+  await takePictures('04-comment');
   await page.getByRole('button', { name: /^Withdraw:/ }).click();
   await page.locator('dialog').getByRole('button', { name: 'Withdraw' }).click();
   await page.locator('.comments').waitFor({ state: 'detached' });
 });
 
-test('a rating is given with the keyboard, and says who is waited for', async () => {
+test('a rating is given with the keyboard, and the page says that a second rater is missing', async () => {
   const form = page.getByRole('region', { name: 'GOALS' });
   await form.getByRole('button', { name: 'Rate', exact: true }).click();
   for (const group of await form.getByRole('group').all()) {
@@ -200,18 +201,18 @@ test('a rating is given with the keyboard, and says who is waited for', async ()
     await page.keyboard.press('Space');
     await page.keyboard.press('ArrowRight');
   }
-  await picture('04-rating');
+  await takePictures('04-rating');
   await form.getByRole('button', { name: 'Give this rating' }).click();
   await form.getByText('Rated by you; waiting for a second rater.').waitFor();
-  const { items } = await ask(`sessions/${session}/ratings`);
+  const { items } = await getJson(`sessions/${session}/ratings`);
   assert.deepEqual([items[0].form, items[0].total, items[0].blind], ['goals', 20, true]);
 });
 
 let sender;
 let arriving;
 
-test('a box is tested on its page: its light stands there in words, with every touch', { skip: !selfTest }, async () => {
-  const { box } = await ask(`sessions/${session}`);
+test('a self-test on the page of a box shows the result in words, and every touch', { skip: !selfTest }, async () => {
+  const { box } = await getJson(`sessions/${session}`);
   await page.goto(`${url}/boxes/${box.id}`);
   const card = page.locator('section.card', { has: page.getByRole('heading', { name: 'Self-test', exact: true }) });
   await card.getByText('not tested today').waitFor();
@@ -219,40 +220,40 @@ test('a box is tested on its page: its light stands there in words, with every t
   for (const [label, value] of [['Inner corners, across', 9], ['Inner corners, down', 6], ['Side of a square, mm', 21]])
     await card.getByLabel(label).fill(String(value));
   await card.getByRole('button', { name: 'Test the box' }).click();
-  await card.locator('[data-self-test]').waitFor({ timeout: patience });
-  const [told] = (await ask(`boxes/${box.id}/self-tests`)).items;
-  assert.equal(await card.locator('[data-self-test]').getAttribute('data-self-test'), told.light);
-  assert.equal(told.light, 'green', JSON.stringify(told.parts));
+  await card.locator('[data-self-test]').waitFor({ timeout: timeoutMs });
+  const [result] = (await getJson(`boxes/${box.id}/self-tests`)).items;
+  assert.equal(await card.locator('[data-self-test]').getAttribute('data-self-test'), result.light);
+  assert.equal(result.light, 'green', JSON.stringify(result.parts));
   assert.match(await card.locator('header').innerText(), /green: all well/);
   assert.equal(await card.locator('.lights li').count(), 1, 'one day so far');
-  await card.getByText(/^Every rest of the rod/).click();
-  assert.equal(await card.locator('tbody tr').count(), told.holds.length);
-  await looks('box-tested');
+  await card.getByText(/^Every time the rod was held still/).click();
+  assert.equal(await card.locator('tbody tr').count(), result.holds.length);
+  await checkLooks('box-tested');
   await page.goto(`${url}/boxes`);
   const row = name => page.locator('tbody tr', { has: page.getByRole('rowheader', { name, exact: true }) });
   await row(box.name).getByText('green: all well').waitFor();
   await row('Box 2').getByText('not tested today').waitFor();
 });
 
-test('a box that sends is on the wall, with the state of its tools', async () => {
-  const { box, trainee, task } = await ask(`sessions/${session}`);
+test('a box that sends live appears on the wall page, with the state of its tools', async () => {
+  const { box, trainee, task } = await getJson(`sessions/${session}`);
   sender = await page.context().newPage();
   await sender.goto(url);
   arriving = await beginFeed(sender, { recording: session, box: box.code, trainee: trainee.code, task: task.code });
   await page.goto(`${url}/live`);
   const tile = page.locator('.tile', { hasText: box.name });
-  await tile.getByText('Seen').first().waitFor({ timeout: patience });
-  await looks('page-wall');
-  assert.equal(pagesOf(await printed('page-wall')), 1);
+  await tile.getByText('Seen').first().waitFor({ timeout: timeoutMs });
+  await checkLooks('page-wall');
+  assert.equal(pagesOf(await printToPdf('page-wall')), 1);
   await tile.getByRole('link', { name: trainee.name }).click();
   await page.waitForURL(`**/sessions/${arriving}`);
 });
 
-test('while a session arrives its page shows the tips as they move', async () => {
-  await page.locator('.live-tool', { hasText: 'Seen' }).first().waitFor({ timeout: patience });
+test('the page of a session that is being received shows the tips as they move', async () => {
+  await page.locator('.live-tool', { hasText: 'Seen' }).first().waitFor({ timeout: timeoutMs });
   let drawn;
   do drawn = await overlay();
-  while (drawn.drawn < 100); // Where the clip begins anew the tools jump, and are not believed for a moment.
+  while (drawn.drawn < 100); // When the clip restarts the tools jump, and the tracker rejects them for a moment.
   const position = page.locator('.live-tool.good .position', { hasText: /x\s*−?\d+\.\d\s*± \d+\.\d\s*mm/ }).first();
   await position.waitFor();
   const before = await position.innerText();
@@ -262,42 +263,42 @@ test('while a session arrives its page shows the tips as they move', async () =>
     { timeout: 10_000 },
   );
   await page.locator('.live-features td.number', { hasText: /\d/ }).first().waitFor();
-  await looks('page-live');
-  assert.notEqual((await overlay()).sum, drawn.sum, 'the overlay was drawn anew');
+  await checkLooks('page-live');
+  assert.notEqual((await overlay()).sum, drawn.sum, 'the overlay was redrawn');
 });
 
-test('when it is whole its page becomes the usual one by itself, live features beside the final ones', async () => {
+test('after the end its page becomes the review page without a reload, live features beside final ones', async () => {
   await page.evaluate(() => (window.notReloaded = true));
   const frames = await endFeed(sender);
   await sender.close();
-  await page.locator('.plots canvas').first().waitFor({ timeout: patience });
+  await page.locator('.plots canvas').first().waitFor({ timeout: timeoutMs });
   assert.equal(await page.evaluate(() => window.notReloaded), true);
-  const told = await ask(`sessions/${arriving}`);
-  assert.equal(told.video.frames, frames, 'every frame is in the recording');
-  const known = told.live_features.filter(feature => feature.value !== null).length;
+  const arrived = await getJson(`sessions/${arriving}`);
+  assert.equal(arrived.video.frames, frames, 'every frame is in the recording');
+  const known = arrived.live_features.filter(feature => feature.value !== null).length;
   assert.equal(await page.locator('.told-live', { hasText: /\d/ }).count(), known);
-  await picture('05-arrived');
+  await takePictures('05-arrived');
 });
 
-test('a trainee’s page holds the sessions against the task’s standard, and says what is not enough', async () => {
-  const { trainee, task } = await ask(`sessions/${session}`);
+test('a trainee’s page compares the sessions with the task’s standard, and says what data are missing', async () => {
+  const { trainee, task } = await getJson(`sessions/${session}`);
   const target = { feature: 'duration', by: { method: 'fixed', limit: 60, unit: 's' } };
-  await make(`tasks/${task.id}/standards`, { targets: [target], rule: { in_a_row: 3, then_more: 2 } });
-  await make('cohorts', { name: 'Everybody' });
+  await create(`tasks/${task.id}/standards`, { targets: [target], rule: { in_a_row: 3, then_more: 2 } });
+  await create('cohorts', { name: 'Everybody' });
   await page.goto(`${url}/trainees/${trainee.id}`);
   const plot = page.locator('svg.progress-plot');
   await plot.waitFor();
-  const told = await ask(`trainees/${trainee.id}/progress?task=${task.id}&cohort=everybody`);
-  const points = told.features[0].points.filter(point => point.value !== null);
-  assert.ok(points.length >= 2, JSON.stringify(told));
+  const progress = await getJson(`trainees/${trainee.id}/progress?task=${task.id}&cohort=everybody`);
+  const points = progress.features[0].points.filter(point => point.value !== null);
+  assert.ok(points.length >= 2, JSON.stringify(progress));
   assert.equal(await plot.locator('.dot').count(), points.length);
   assert.equal(await plot.locator('.dot.pass').count(), points.filter(point => point.judgement === 'pass').length);
   await plot.getByText('limit 60 s').waitFor();
   const said = await page.locator('dl.facts').innerText();
-  assert.match(said, /Among others\s+Not enough: 10 more/);
-  assert.match(said, new RegExp(`Learning\\s+Not enough: ${6 - points.length} more`));
-  assert.match(said, new RegExp(`So far ${told.rule.have_in_a_row} of 3 in a row, 0 of 2 more`));
-  assert.match(said, /Not shown yet by \d+ judged sessions?\./);
+  assert.match(said, /Compared with others\s+Not enough data: 10 missing/);
+  assert.match(said, new RegExp(`Learning\\s+Not enough data: ${6 - points.length} missing`));
+  assert.match(said, new RegExp(`So far ${progress.rule.have_in_a_row} of 3 in a row, 0 of 2 more`));
+  assert.match(said, /Not shown yet in \d+ judged sessions?\./);
   await page.getByLabel('Feature').selectOption('path_length');
   await page.waitForURL('**feature=path_length**');
   await page.getByLabel('Shown').waitFor();
@@ -305,8 +306,8 @@ test('a trainee’s page holds the sessions against the task’s standard, and s
   await page.waitForURL('**/sessions/*');
 });
 
-test('a session and a trainee print on one side of A4, black on white, with what made the numbers', async () => {
-  const { trainee, task, versions, features } = await ask(`sessions/${session}`);
+test('the reports of a session and a trainee print on one side of A4, black on white, with versions', async () => {
+  const { trainee, task, versions, features } = await getJson(`sessions/${session}`);
   await page.goto(`${url}/sessions/${session}`);
   await page.getByRole('link', { name: 'Report' }).click();
   await page.waitForURL('**/report');
@@ -322,7 +323,7 @@ test('a session and a trainee print on one side of A4, black on white, with what
       assert.ok(said.includes(words), `${name} lacks ${words}: ${said}`);
     if (name === 'session') {
       const judged = features.find(feature => feature.target);
-      assert.ok(said.includes({ pass: 'Kept', fail: 'Missed' }[judged.judgement] ?? 'Undecided'), said);
+      assert.ok(said.includes({ pass: 'Met', fail: 'Missed' }[judged.judgement] ?? 'Undecided'), said);
       assert.ok(said.includes(versions.calibration) && /SHA-256\s+[0-9a-f]{64}/.test(said), said);
     }
     for (const colorScheme of ['light', 'dark']) {
@@ -334,14 +335,14 @@ test('a session and a trainee print on one side of A4, black on white, with what
       assert.deepEqual(look, ['rgb(0, 0, 0)', 'rgb(255, 255, 255)', 'none'], colorScheme);
     }
     await page.emulateMedia({ colorScheme: 'light', media: 'screen' });
-    assert.equal(pagesOf(await printed(`report-${name}`)), 1, `the report of the ${name} has so many pages`);
+    assert.equal(pagesOf(await printToPdf(`report-${name}`)), 1, `number of pages of the ${name}’s report`);
   }
 });
 
-/** Every page, about what the scenario made. */
+/** Every page, with the ids of the things that the scenario created. */
 async function pages() {
-  const { trainee, task, box } = await ask(`sessions/${session}`);
-  const group = (await ask('groups')).items[0];
+  const { trainee, task, box } = await getJson(`sessions/${session}`);
+  const group = (await getJson('groups')).items[0];
   const steps = ['board', 'photos', 'calibration', 'tools', 'colours', 'agent', 'test'];
   return {
     today: '/',
@@ -372,22 +373,22 @@ async function pages() {
   };
 }
 
-async function openWhole(name, path) {
+async function openCompletely(name, path) {
   await open(path);
   if (name === 'session') await page.locator('.plots canvas').first().waitFor();
 }
 
-test('every page is shown in both themes on a desk and on a tablet, none wider than the screen, all open to everybody', async () => {
+test('in every look, every page fits the screen and is accessible', async () => {
   const faults = [];
   for (const [name, path] of Object.entries(await pages())) {
-    await openWhole(name, path);
-    await looks(`page-${name}`, async look =>
+    await openCompletely(name, path);
+    await checkLooks(`page-${name}`, async look =>
       faults.push(...(await violationsOf(page)).map(violation => `${name}, ${look.name}: ${violation}`)));
   }
   assert.deepEqual(faults, []);
 });
 
-/** Where each dialog is, and the button that opens it. */
+/** For each dialog: the page that contains it, and the button that opens it. */
 const dialogs = ({ task, box }) => ({
   'trainee-new': ['/trainees', 'Add a trainee'],
   'trainee-delete': ['/trainees', /^Delete: /],
@@ -404,31 +405,31 @@ const dialogs = ({ task, box }) => ({
   'session-delete': [`/sessions/${session}`, 'Delete'],
 });
 
-test('every dialog is shown in every look, open to everybody, and leaves with Escape', async () => {
+test('in every look, every dialog fits the screen, is accessible and closes with Escape', async () => {
   const faults = [];
-  for (const [name, [path, button]] of Object.entries(dialogs(await ask(`sessions/${session}`)))) {
+  for (const [name, [path, button]] of Object.entries(dialogs(await getJson(`sessions/${session}`)))) {
     await open(path);
     const opener = page.getByRole('button', { name: button, exact: true }).first();
     await opener.click();
     const dialog = page.locator('dialog[open]');
     await dialog.waitFor();
     await page.waitForFunction(() => !document.querySelector('dialog .loading'));
-    await looks(`dialog-${name}`, async look =>
+    await checkLooks(`dialog-${name}`, async look =>
       faults.push(...(await violationsOf(page)).map(violation => `${name}, ${look.name}: ${violation}`)));
     await page.keyboard.press('Escape');
     await dialog.waitFor({ state: 'detached' });
-    assert.equal(await opener.evaluate(element => element === document.activeElement), true, `${name}: the focus is back`);
+    assert.equal(await opener.evaluate(element => element === document.activeElement), true, `${name}: the focus returns to the button`);
   }
   assert.deepEqual(faults, []);
 });
 
-test('text from people and from files stays text on every page', async () => {
+test('hostile text from people and files stays text on every page', async () => {
   await page.addInitScript(() => {
     window.hits = 0;
     window.hit = () => window.hits++;
   });
-  const { task } = await ask(`sessions/${session}`);
-  const refused = await page.evaluate(tell, { texts: HOSTILE, session, task: task.id });
+  const { task } = await getJson(`sessions/${session}`);
+  const refused = await page.evaluate(postEverywhere, { texts: HOSTILE, session, task: task.id });
   assert.deepEqual(refused, []);
   await page.goto(`${url}/upload`);
   for (const label of ['Trainee', 'Task'])
@@ -436,19 +437,19 @@ test('text from people and from files stays text on every page', async () => {
   await page.getByLabel('Box', { exact: true }).selectOption({ label: process.env.TROCAR_BOX });
   await page.setInputFiles('.drop input[type=file]', { name: `${HOSTILE[8]}.mp4`, mimeType: 'video/mp4', buffer: hostileClip() });
   const link = page.locator('.sending li', { hasText: 'onerror' }).getByRole('link', { name: 'Open the session' });
-  const theirs = new URL(await link.getAttribute('href', { timeout: patience }), url).pathname.split('/').pop();
-  const [{ items: [trainee] }, { items: [box] }] = [await ask('trainees?limit=1'), await ask('boxes?limit=1')];
+  const theirs = new URL(await link.getAttribute('href', { timeout: timeoutMs }), url).pathname.split('/').pop();
+  const [{ items: [trainee] }, { items: [box] }] = [await getJson('trainees?limit=1'), await getJson('boxes?limit=1')];
   const more = { hostile: `/sessions/${theirs}`, trainee: `/trainees/${trainee.id}`, report: `/trainees/${trainee.id}/report`,
     box: `/boxes/${box.id}` };
   for (const [name, path] of [...Object.entries(await pages()), ...Object.entries(more)]) {
-    await openWhole(name, path);
-    const found = { strangers: await strangers(page), hits: await page.evaluate(() => window.hits) };
-    assert.deepEqual(found, { strangers: [], hits: 0 }, name);
+    await openCompletely(name, path);
+    const found = { injectedElements: await injectedElements(page), hits: await page.evaluate(() => window.hits) };
+    assert.deepEqual(found, { injectedElements: [], hits: 0 }, name);
   }
 });
 
-/** Says each text wherever the service takes one; returns what was not taken. Runs in the page. */
-async function tell({ texts, session, task }) {
+/** Posts each text to every resource that takes text; returns the requests that were refused. Runs in the page. */
+async function postEverywhere({ texts, session, task }) {
   const post = async (path, json) => {
     const answer = await fetch(`/api/v1/${path}`, {
       method: 'POST', headers: { 'content-type': 'application/json' }, body: JSON.stringify(json) });
@@ -467,7 +468,7 @@ async function tell({ texts, session, task }) {
   return refused;
 }
 
-/** The clip, with such texts in all that its container says of it. */
+/** The first second of the clip, with hostile texts in the metadata of its container. */
 function hostileClip() {
   const said = ['title', 'artist', 'comment', 'description', 'copyright', 'genre'].flatMap((key, number) =>
     ['-metadata', `${key}=${HOSTILE[number]}`]);
@@ -481,11 +482,11 @@ function hostileClip() {
   }
 }
 
-test('nothing was asked of another server, nothing broke the policy, nothing was thrown', () => {
-  assert.deepEqual(traces(), { foreign: [], broken: [] });
+test('no page sent a request to another origin, violated the security policy or threw an error', () => {
+  assert.deepEqual(pageFaults(), { foreign: [], errors: [] });
 });
 
-test('signing out ends it: the next request is refused', async () => {
+test('after signing out the next request is refused', async () => {
   await page.goto(`${url}/account`);
   await page.getByRole('button', { name: 'Sign out' }).click();
   await page.locator('input[name=password]').waitFor();

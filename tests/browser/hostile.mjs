@@ -1,6 +1,6 @@
-// Text that tries to become code, and the places of the service that take text from people and from files.
+// Texts that try to run as code, and a check that no page executed or rendered them.
 
-/** Each would call `hit()` if a page took it for anything but text. */
+/** Each text calls `hit()` if a page treats it as anything but text. */
 export const HOSTILE = [
   '<script>hit()</script>',
   '</script><script>hit()</script>',
@@ -66,8 +66,8 @@ export const HOSTILE = [
   '\u202e<script>hit()</script>',
 ];
 
-/** What a page holds that none of ours holds: traces of text that became elements. */
-export const strangers = page =>
+/** Elements that none of our pages contains: injected text that became an element, a script or an event handler. */
+export const injectedElements = page =>
   page.evaluate(() => {
     const ours = /^\/kept\/[\w-]+\/(app|theme_first|modules_first)\.js$/;
     const scripts = [...document.scripts].filter(({ src }) => !ours.test(new URL(src || 'about:blank').pathname));

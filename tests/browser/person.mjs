@@ -1,20 +1,21 @@
-// Whoever sits in front of the pages in a test: how they sign in, look, take pictures, and ask REST what any program may ask.
+// A user of the pages in a test: signs in, checks every look, takes screenshots, and calls REST as any program may.
 //
-// Environment: TROCAR_URL, TROCAR_LOGIN, TROCAR_PASSWORD; optional TROCAR_SCREENSHOTS (a folder for pictures in all looks), TROCAR_CHROMIUM
-// (/usr/bin/chromium), TROCAR_PATIENCE_S (how long a score may take, 180).
+// Environment: TROCAR_URL, TROCAR_LOGIN, TROCAR_PASSWORD. Optional: TROCAR_SCREENSHOTS (a folder for screenshots in all
+// looks), TROCAR_CHROMIUM (default /usr/bin/chromium), TROCAR_PATIENCE_S (how many seconds a score may take, default
+// 180).
 import assert from 'node:assert/strict';
 import { mkdirSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 
 import { LOOKS } from './chromium.mjs';
-import { tracesOf } from './watch.mjs';
+import { watchForFaults } from './page_faults.mjs';
 
-export const need = name => process.env[name] ?? assert.fail(`set ${name}: see the head of this file`);
-export const url = need('TROCAR_URL').replace(/\/$/, '');
-export const [login, password] = [need('TROCAR_LOGIN'), need('TROCAR_PASSWORD')];
-export const patience = 1000 * Number(process.env.TROCAR_PATIENCE_S ?? 180);
-const shots = process.env.TROCAR_SCREENSHOTS;
-if (shots) mkdirSync(shots, { recursive: true });
+export const requiredEnv = name => process.env[name] ?? assert.fail(`set ${name}: see the head of this file`);
+export const url = requiredEnv('TROCAR_URL').replace(/\/$/, '');
+export const [login, password] = [requiredEnv('TROCAR_LOGIN'), requiredEnv('TROCAR_PASSWORD')];
+export const timeoutMs = 1000 * Number(process.env.TROCAR_PATIENCE_S ?? 180);
+const screenshotFolder = process.env.TROCAR_SCREENSHOTS;
+if (screenshotFolder) mkdirSync(screenshotFolder, { recursive: true });
 
 export async function signIn(page, secret = password, name = login) {
   await page.fill('input[name=login]', name);
@@ -22,11 +23,11 @@ export async function signIn(page, secret = password, name = login) {
   await page.click('button[type=submit]');
 }
 
-/** The same request that any program may send, with the browser's sign-in. */
-export const ask = (page, path) => page.evaluate(async at => (await fetch(at)).json(), `/api/v1/${path}`);
+/** Sends a GET request to REST with the browser's sign-in, and returns the JSON answer. */
+export const getJson = (page, path) => page.evaluate(async at => (await fetch(at)).json(), `/api/v1/${path}`);
 
-/** Makes what the path names, and returns what REST says of it. */
-export const make = (page, path, json) =>
+/** Creates the resource that the path names, and returns the JSON answer of REST. */
+export const create = (page, path, json) =>
   page.evaluate(
     async ([at, body]) => {
       const answer = await fetch(at, { method: 'POST', headers: { 'Content-Type': 'application/json' }, body });
@@ -36,39 +37,40 @@ export const make = (page, path, json) =>
     [`/api/v1/${path}`, JSON.stringify(json)],
   );
 
-async function wear(page, { colorScheme, viewport }) {
+async function applyLook(page, { colorScheme, viewport }) {
   await page.setViewportSize(viewport);
   await page.emulateMedia({ colorScheme });
 }
 
 /** How much wider the page is than the screen, pixels. */
-const excess = page => page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
+const excessWidth = page =>
+  page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
 
 /**
- * What the page shows now, in every look: nothing is wider than the screen, and `check(look)` may hold it to more. With
- * TROCAR_SCREENSHOTS a picture of each is kept.
+ * Shows the page in every look, asserts that it is not wider than the screen, and runs `check(look)`. With
+ * TROCAR_SCREENSHOTS it also saves a screenshot of each look.
  */
-export async function looks(page, name, check = () => {}) {
+export async function checkLooks(page, name, check = () => {}) {
   const viewport = page.viewportSize();
   for (const look of LOOKS) {
-    await wear(page, look);
-    await drawn(page); // Before, a curve has the width that another look left it.
-    if (shots) {
-      await page.evaluate(() => scrollTo(0, 0)); // The head of a page that was scrolled would stand in its middle.
-      await page.screenshot({ path: join(shots, `${name}-${look.name}.png`), fullPage: true });
+    await applyLook(page, look);
+    await waitForRedraw(page); // Until then a curve still has the width of the previous look.
+    if (screenshotFolder) {
+      await page.evaluate(() => scrollTo(0, 0)); // On a scrolled page the header would appear in the middle.
+      await page.screenshot({ path: join(screenshotFolder, `${name}-${look.name}.png`), fullPage: true });
     }
-    const over = await excess(page);
-    assert.ok(over <= 0, `${name} is ${over} px wider than a ${look.name}`);
+    const excess = await excessWidth(page);
+    assert.ok(excess <= 0, `${name} is ${excess} px wider than a ${look.name}`);
     await check(look);
   }
-  await wear(page, { colorScheme: 'light', viewport });
+  await applyLook(page, { colorScheme: 'light', viewport });
 }
 
-/** The same at any moment of a scenario, and only where pictures are wanted: it takes seconds. */
-export const picture = (page, name) => shots && looks(page, name);
+/** Saves a screenshot in every look, but only if TROCAR_SCREENSHOTS is set, because it takes seconds. */
+export const takePictures = (page, name) => screenshotFolder && checkLooks(page, name);
 
-/** What is drawn on canvases is drawn anew for another size and other colours: one in each frame. */
-const drawn = page =>
+/** Waits 12 animation frames: after a change of size or theme the pages redraw their canvases, one in each frame. */
+const waitForRedraw = page =>
   page.evaluate(() => new Promise(done => {
     let frames = 12;
     const next = () => (frames-- ? requestAnimationFrame(next) : done());
@@ -77,53 +79,58 @@ const drawn = page =>
 
 const A4_PX = { width: 794, height: 1123 };
 
-/** The page on paper, as a PDF; with TROCAR_SCREENSHOTS it is kept, and a picture of the paper beside it. */
-export async function printed(page, name) {
+/**
+ * Prints the page to a PDF and returns it. With TROCAR_SCREENSHOTS it also saves the PDF and a screenshot of the paper.
+ */
+export async function printToPdf(page, name) {
   const viewport = page.viewportSize();
   await page.emulateMedia({ media: 'print' });
   const pdf = await page.pdf({ preferCSSPageSize: true });
-  if (shots) {
-    writeFileSync(join(shots, `${name}-paper.pdf`), pdf);
+  if (screenshotFolder) {
+    writeFileSync(join(screenshotFolder, `${name}-paper.pdf`), pdf);
     await page.setViewportSize(A4_PX);
-    await drawn(page);
-    await page.screenshot({ path: join(shots, `${name}-paper.png`), fullPage: true });
+    await waitForRedraw(page);
+    await page.screenshot({ path: join(screenshotFolder, `${name}-paper.png`), fullPage: true });
     await page.setViewportSize(viewport);
   }
   await page.emulateMedia({ media: 'screen' });
   return pdf;
 }
 
-/** Opens an address and waits until the page has what it shows. */
+/** Opens an address and waits until the page has loaded its data. */
 export async function open(page, path) {
   await page.goto(url + path);
   await page.locator('main h1').waitFor();
   await page.waitForFunction(() => !document.querySelector('main .loading'));
 }
 
-export async function until(holds, what) {
-  const end = Date.now() + patience;
-  while (!(await holds())) {
+export async function waitUntil(condition, what) {
+  const end = Date.now() + timeoutMs;
+  while (!(await condition())) {
     assert.ok(Date.now() < end, `${what}: not in time`);
     await new Promise(done => setTimeout(done, 100));
   }
 }
 
-/** How many pages a PDF has: one object of the type Page for each. */
+/** How many pages a PDF has: it contains one object of type Page for each. */
 export const pagesOf = pdf => pdf.toString('latin1').match(/\/Type\s*\/Page\b(?!s)/g)?.length ?? 0;
 
-/** Somebody with a page of their own, and the same as above with that page; `prefix` stands before the names of their pictures. */
+/**
+ * Opens a page in a browser context of its own, and returns the functions above bound to that page. `prefix` begins the
+ * file names of this user's screenshots.
+ */
 export async function person(browser, { viewport = LOOKS[0].viewport, prefix = '' } = {}) {
   const context = await browser.newContext({ viewport, colorScheme: 'light' });
   const page = await context.newPage();
   return {
     page,
-    traces: tracesOf(page, url),
+    pageFaults: watchForFaults(page, url),
     signIn: (secret, name) => signIn(page, secret, name),
-    ask: path => ask(page, path),
-    make: (path, json) => make(page, path, json),
-    looks: (name, check) => looks(page, prefix + name, check),
-    picture: name => picture(page, prefix + name),
-    printed: name => printed(page, prefix + name),
+    getJson: path => getJson(page, path),
+    create: (path, json) => create(page, path, json),
+    checkLooks: (name, check) => checkLooks(page, prefix + name, check),
+    takePictures: name => takePictures(page, prefix + name),
+    printToPdf: name => printToPdf(page, prefix + name),
     open: path => open(page, path),
     button: name => page.getByRole('button', { name, exact: true }),
     heading: words => page.locator('main h1', { hasText: words }),

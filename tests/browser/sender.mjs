@@ -1,19 +1,21 @@
-// A box that sends: a page that plays a session's recording and streams its frames as JPEGs, as docs/feed.md has it. They
-// are frames of a real clip, so that tools are really tracked.
+// Simulates a box that sends live: a page plays a session's recording and streams its frames as JPEGs, following the
+// protocol of docs/feed.md. The frames come from a real clip, so that the service can track the tools.
 
-/** Begins to send in `page`, which is signed in; returns the id of the session that arrives. */
+/** Starts to send in `page`, which has to be signed in; returns the id of the session that receives the frames. */
 export function beginFeed(page, { recording, box, trainee, task }) {
   return page.evaluate(send, { recording, box, trainee, task });
 }
 
-/** Ends the recording that `page` sends, and waits until the service has it whole. */
+/**
+ * Ends the recording that `page` sends, waits until the service has all of it, and returns the number of frames sent.
+ */
 export function endFeed(page) {
   return page.evaluate(() => window.endFeed());
 }
 
 /** Runs in the page. */
 async function send({ recording, box, trainee, task }) {
-  const HEAD = 32;
+  const HEADER_BYTES = 32;
   const FRAME_MS = 40;
   const table = Uint32Array.from({ length: 256 }, (_, n) => {
     for (let bit = 0; bit < 8; bit++) n = n & 1 ? 0xedb88320 ^ (n >>> 1) : n >>> 1;
@@ -30,17 +32,17 @@ async function send({ recording, box, trainee, task }) {
   await new Promise((ready, failed) => Object.assign(video, { oncanplay: ready, onerror: failed }));
   const [width, height] = [video.videoWidth, video.videoHeight];
   const canvas = Object.assign(document.createElement('canvas'), { width, height });
-  const pen = canvas.getContext('2d', { alpha: false });
+  const context = canvas.getContext('2d', { alpha: false });
 
   const socket = new WebSocket(`ws://${location.host}/api/v1/boxes/${box}/feed`);
-  const heard = [];
-  socket.onmessage = ({ data }) => heard.push(JSON.parse(data));
-  socket.onclose = ({ code }) => heard.push({ type: 'closed', code });
-  const answer = async type => {
+  const received = [];
+  socket.onmessage = ({ data }) => received.push(JSON.parse(data));
+  socket.onclose = ({ code }) => received.push({ type: 'closed', code });
+  const receive = async type => {
     for (;;) {
-      const word = heard.find(word => word.type === type || word.type === 'closed');
-      if (word?.type === type) return word;
-      if (word) throw new Error(`the feed was closed with ${word.code}`);
+      const message = received.find(message => message.type === type || message.type === 'closed');
+      if (message?.type === type) return message;
+      if (message) throw new Error(`the feed was closed with ${message.code}`);
       await new Promise(later => setTimeout(later, 20));
     }
   };
@@ -54,26 +56,26 @@ async function send({ recording, box, trainee, task }) {
       began_at: new Date().toISOString(),
     }),
   );
-  const { session, epoch } = await answer('welcome');
+  const { session, epoch } = await receive('welcome');
 
-  let [frames, began, ends] = [0, null, false];
-  // By a timer: frames of a page that another one is opened over are not called back for.
+  let [frames, began, isEnding] = [0, null, false];
+  // Uses a timer, because Chromium runs no animation frame callbacks for a page that is hidden behind another one.
   const capture = async () => {
     const now = performance.now();
     began ??= now;
-    pen.drawImage(video, 0, 0);
+    context.drawImage(video, 0, 0);
     const jpeg = await new Promise(made => canvas.toBlob(made, 'image/jpeg', 0.92));
-    const record = new Uint8Array(HEAD + jpeg.size);
-    record.set(new Uint8Array(await jpeg.arrayBuffer()), HEAD);
+    const record = new Uint8Array(HEADER_BYTES + jpeg.size);
+    record.set(new Uint8Array(await jpeg.arrayBuffer()), HEADER_BYTES);
     const head = new DataView(record.buffer);
-    head.setUint8(0, 1); // A frame,
-    head.setUint8(1, 1); // that can be decoded by itself.
+    head.setUint8(0, 1); // Record type: a frame.
+    head.setUint8(1, 1); // Flag: a key frame.
     head.setUint32(4, epoch);
     head.setBigUint64(8, BigInt(frames));
     head.setBigInt64(16, BigInt(Math.round(now - began)));
     head.setUint32(24, jpeg.size);
-    head.setUint32(28, crc(record.subarray(0, 28), record.subarray(HEAD)));
-    if (ends || socket.readyState !== WebSocket.OPEN) return;
+    head.setUint32(28, crc(record.subarray(0, 28), record.subarray(HEADER_BYTES)));
+    if (isEnding || socket.readyState !== WebSocket.OPEN) return;
     socket.send(record);
     frames++;
     setTimeout(capture, Math.max(0, now + FRAME_MS - performance.now()));
@@ -82,9 +84,9 @@ async function send({ recording, box, trainee, task }) {
   capture();
 
   window.endFeed = async () => {
-    ends = true;
+    isEnding = true;
     socket.send(JSON.stringify({ type: 'end', frames }));
-    await answer('ended');
+    await receive('ended');
     video.remove();
     return frames;
   };

@@ -1,46 +1,46 @@
-// Somebody who has never calibrated sets up a new box through the page alone: board, photos (one of them bad), camera,
-// instruments, colours painted with the mouse, the box's token. The box is ready in the end, and REST says the same.
+// A beginner sets up a new box in the setup pages alone: board, photos (some of them bad), camera, instruments, tape
+// colours painted with the mouse, the box's token. At the end the box is ready on the page and in REST.
 //
-// Environment: as person.mjs, and TROCAR_SETUP (a simulated scene with clip.mp4, annotations.json, boards/ and bad/, photos
-// without a whole board).
+// Environment: as person.mjs, and TROCAR_SETUP (a simulated scene with clip.mp4, annotations.json, boards/, and bad/
+// with photos that are not usable).
 import assert from 'node:assert/strict';
 import { readdirSync, readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 
-import { strokeOf } from '../../static/setup/marks.js';
-import { violationsOf } from './access.mjs';
+import { strokeRectangles } from '../../static/setup/marks.js';
+import { violationsOf } from './accessibility.mjs';
 import { launch, LOOKS } from './chromium.mjs';
-import { need, patience, person, url } from './person.mjs';
+import { requiredEnv, timeoutMs, person, url } from './person.mjs';
 
-const scene = need('TROCAR_SETUP');
+const scene = requiredEnv('TROCAR_SETUP');
 const marks = JSON.parse(readFileSync(join(scene, 'annotations.json'), 'utf8'));
 const truth = JSON.parse(readFileSync(join(scene, 'truth.json'), 'utf8'));
 const NAME = `Box of a beginner ${Date.now()}`;
 const A4_PX = (297 / 25.4) * 96;
 
 let browser;
-let page, traces, ask, looks, signIn;
+let page, pageFaults, getJson, checkLooks, signIn;
 let box;
 
 before(async () => {
   browser = await launch();
-  ({ page, traces, ask, looks, signIn } = await person(browser, { prefix: 'setup-' }));
-  page.setDefaultTimeout(patience);
+  ({ page, pageFaults, getJson, checkLooks, signIn } = await person(browser, { prefix: 'setup-' }));
+  page.setDefaultTimeout(timeoutMs);
 });
 
 after(() => browser?.close());
 
 const files = folder => readdirSync(join(scene, folder)).sort().map(name => join(scene, folder, name));
 
-/** The step that is shown, in every look, open to everybody. */
-async function pictures(name) {
+/** Checks that the current step fits the screen and is accessible in every look. */
+async function checkStep(name) {
   const faults = [];
-  await looks(name, async look => faults.push(...(await violationsOf(page)).map(violation => `${look.name}: ${violation}`)));
+  await checkLooks(name, async look => faults.push(...(await violationsOf(page)).map(violation => `${look.name}: ${violation}`)));
   assert.deepEqual(faults, []);
 }
 
-const step = title => page.getByRole('navigation', { name: 'Steps of setting up' }).getByRole('link', { name: title });
+const step = title => page.getByRole('navigation', { name: 'Set-up steps' }).getByRole('link', { name: title });
 const state = async title => (await step(title).locator('.state').innerText()).trim();
 
 async function goTo(title) {
@@ -48,27 +48,27 @@ async function goTo(title) {
   await page.locator('.setup-step h2', { hasText: title }).waitFor();
 }
 
-test('a stroke’s rectangles lie within the brush’s reach, inside the picture, and none over another', () => {
+test('the rectangles of a stroke lie under the brush and inside the picture, and do not overlap', () => {
   const size = { width: 200, height: 120 };
   const path = [[-4, 10], [60, 50], [190, 118], [230, 119]];
   const along = path.slice(1).flatMap(([x, y], i) =>
     Array.from({ length: 401 }, (_, n) => [path[i][0] + ((x - path[i][0]) * n) / 400, path[i][1] + ((y - path[i][1]) * n) / 400]));
   for (const diameter of [3, 7, 24]) {
     const painted = new Set();
-    for (const { x, y, w, h } of strokeOf(path, diameter, size))
+    for (const { x, y, w, h } of strokeRectangles(path, diameter, size))
       for (let row = y; row < y + h; row++)
         for (let column = x; column < x + w; column++) {
           assert.ok(column >= 0 && column < size.width && row >= 0 && row < size.height);
-          assert.ok(!painted.has(row * size.width + column), 'twice');
+          assert.ok(!painted.has(row * size.width + column), `${column}, ${row} is painted twice`);
           painted.add(row * size.width + column);
           const off = Math.min(...along.map(([u, v]) => Math.hypot(u - column - 0.5, v - row - 0.5)));
           assert.ok(off <= diameter / 2 + diameter / 4 + 1, `${column}, ${row} is ${off} px beside the path`);
         }
-    assert.ok(painted.has(50 * size.width + 60), 'where the brush went is painted');
+    assert.ok(painted.has(50 * size.width + 60), 'the path of the brush is painted');
   }
 });
 
-test('a new box is made, and its row leads to the first step', async () => {
+test('a new box is added, and its row links to the first step', async () => {
   await page.goto(`${url}/boxes`);
   await signIn();
   await page.getByRole('button', { name: 'Add a box' }).click();
@@ -81,50 +81,50 @@ test('a new box is made, and its row leads to the first step', async () => {
   assert.equal(await state('Tape colours'), 'to do');
 });
 
-test('the board is printed alone and in true millimetres, and a measured ruler tells its squares', async () => {
+test('the board is printed alone and to scale, and the measured ruler sets the size of its squares', async () => {
   await page.emulateMedia({ media: 'print' });
   await page.setViewportSize({ width: Math.ceil(A4_PX), height: 800 });
   const sheet = await page.locator('.board-sheet svg').boundingBox();
-  const inked = await page.evaluate(() => document.querySelector('.top').getClientRects().length);
+  const printedElsewhere = await page.evaluate(() => document.querySelector('.top').getClientRects().length);
   await page.emulateMedia({ media: 'screen' });
   await page.setViewportSize(LOOKS[0].viewport);
   assert.ok(Math.abs(sheet.width - A4_PX) < 0.5, `297 mm are ${sheet.width} px`);
-  assert.equal(inked, 0, 'nothing else is on paper');
+  assert.equal(printedElsewhere, 0, 'the header is not printed');
   await page.getByLabel('Printed ruler').click();
-  await page.keyboard.type('98.5'); // Key by key: the first that makes a length must not turn the page.
+  await page.keyboard.type('98.5'); // Key by key: the first valid length must not interrupt the input.
   assert.equal(await page.getByLabel('Side of a square').inputValue(), '20.685');
   await page.getByLabel('Printed ruler').fill('100');
   await page.getByLabel('I have measured it').check();
   assert.equal(await state('Print the board'), 'done');
-  await pictures('1-board');
+  await checkStep('1-board');
 });
 
-test('each photo is told at once to be good, or why not and where', async () => {
+test('the page says at once whether a photo is good, and if not, why and where', async () => {
   await goTo('Photos of the board');
   const [good, bad] = [files('boards'), files('bad')];
   await page.getByLabel('Or choose photos').setInputFiles([bad[0]]);
   const card = page.locator('.photo').first();
   await card.locator('.pill', { hasText: 'not usable' }).waitFor();
   assert.match(await card.innerText(), /Cut off at the (left|right|upper|lower)/);
-  await page.getByText('In none of the photos was the board found').waitFor();
+  await page.getByText('The board was found in none of the photos').waitFor();
   await page.getByLabel('Or choose photos').setInputFiles([...good, ...bad.slice(1)]);
   await page.locator('.photo.good').nth(good.length - 1).waitFor();
   await page.waitForFunction(() => !document.querySelector('.photo.busy'));
   assert.equal(await page.locator('.photo.good').count(), good.length);
   assert.equal(await page.locator('.photo.good').first().locator('circle').count(), 54, 'corners are drawn');
   assert.equal(await page.locator('.photo.warn').count(), bad.length);
-  const told = await page.locator('.photo.warn').allInnerTexts();
-  assert.ok(told.some(text => text.includes('Too dark')), told.join('\n'));
+  const verdicts = await page.locator('.photo.warn').allInnerTexts();
+  assert.ok(verdicts.some(text => text.includes('Too dark')), verdicts.join('\n'));
   await page.getByText(/Corners in \d+ of 48 parts/).waitFor();
-  await pictures('2-photos');
+  await checkStep('2-photos');
 });
 
-test('the camera is calibrated from the good photos, and each photo’s residual is the one that REST tells', async () => {
+test('the camera is calibrated from the good photos, and each photo’s residual equals that of REST', async () => {
   await goTo('Calibrate');
   const good = files('boards').length;
   await page.getByRole('button', { name: `Calibrate from ${good} photos` }).click();
   await page.locator('[data-calibrated]').waitFor();
-  const camera = await ask(`boxes/${box}/camera`);
+  const camera = await getJson(`boxes/${box}/camera`);
   assert.equal(camera.photos.length, good);
   assert.ok(camera.rms_px < 1, `${camera.rms_px} px`);
   const rows = page.locator('.residuals tbody tr');
@@ -134,9 +134,9 @@ test('the camera is calibrated from the good photos, and each photo’s residual
     assert.ok(Math.abs(shown - photo.rms_px) <= 0.05 * photo.rms_px, `${photo.file}: ${shown}, ${photo.rms_px}`);
     assert.equal(await rows.nth(index).getAttribute('data-used'), String(photo.used));
   }
-  assert.ok(camera.photos.some(({ used, reason }) => !used && /bent/.test(reason)), 'the bent boards are left out');
+  assert.ok(camera.photos.some(({ used, reason }) => !used && /bent/.test(reason)), 'bent boards are left out');
   assert.equal(await state('Calibrate'), 'done');
-  await pictures('3-calibration');
+  await checkStep('3-calibration');
 });
 
 test('instruments are described by their tape and sizes', async () => {
@@ -150,11 +150,11 @@ test('instruments are described by their tape and sizes', async () => {
   }
   await page.getByLabel('Camera’s view').selectOption('top');
   assert.equal(await state('Instruments'), 'done');
-  await pictures('4-tools');
+  await checkStep('4-tools');
 });
 
-/** Frames of the clip on which every tape is marked, so that a person would paint there. */
 const tapes = marks.tools.map(tool => tool.colour ?? tool.tool);
+/** Frames of the clip on which this label is annotated, so that a person could paint it there. */
 const framesWith = label => [...new Set(marks.labels.filter(one => one.label === label).map(one => one.frame))];
 
 /** The moment in the middle of a frame. */
@@ -184,7 +184,7 @@ async function paint({ x, y, w, h }) {
   await page.mouse.up();
 }
 
-/** How much of a rectangle of a frame its mask covers, 0..1. */
+/** The share of a rectangle of a frame that the frame's mask covers, 0 to 1. */
 const covered = (frame, rectangle) =>
   page.locator(`.frames li[data-frame="${frame}"] canvas.mask`).evaluate((mask, { x, y, w, h }) => {
     const cell = 2;
@@ -194,7 +194,7 @@ const covered = (frame, rectangle) =>
     return inked / (pixels.length / 4);
   }, rectangle);
 
-test('strokes on some frames show the tape on frames on which nobody painted', async () => {
+test('strokes on some frames are enough to find the tape on other frames', async () => {
   await goTo('Tape colours');
   await page.getByLabel('A recording of the box').setInputFiles(join(scene, 'clip.mp4'));
   await page.waitForFunction(() => document.querySelector('.setup-step video')?.readyState >= 2);
@@ -213,18 +213,19 @@ test('strokes on some frames show the tape on frames on which nobody painted', a
       await paint(one);
     }
   }
-  await page.getByText('Only the tapes should be.').waitFor(); // Of all strokes: while masks are of fewer, the page says that it asks.
+  // The page shows this text only when the masks include all strokes.
+  await page.getByText('Only the tapes should be bright.').waitFor();
   for (const [index, frame] of unpainted.entries())
     for (const one of marks.labels.filter(label => label.frame === frame)) {
       const share = await covered(chosen.length + index, one);
       if (tapes.includes(one.label)) assert.ok(share > 0.5, `${one.label} on frame ${frame}: ${share}`);
       if (one.label === 'background') assert.ok(share < 0.2, `background of frame ${frame}: ${share}`);
     }
-  assert.ok((await page.locator('.setup-step table tbody tr').count()) >= tapes.length + 1, 'the confusion is told');
-  await pictures('5-colours');
+  assert.ok((await page.locator('.setup-step table tbody tr').count()) >= tapes.length + 1, 'the confusion table');
+  await checkStep('5-colours');
 });
 
-test('a stroke can be undone, and a point painted by keyboard alone', async () => {
+test('a stroke can be undone, and a point can be painted with the keyboard alone', async () => {
   const strokes = async () => Number(/\d+/.exec(await page.locator('.painter ~ .row [role=status]').innerText())?.[0] ?? 0);
   const before = await strokes();
   await page.locator('.painter').focus();
@@ -236,42 +237,42 @@ test('a stroke can be undone, and a point painted by keyboard alone', async () =
   assert.equal(await strokes(), before);
 });
 
-test('the colours are learned from what was painted, and the box is ready', async () => {
+test('the colours are learned from the strokes, and the box is ready', async () => {
   await page.getByRole('button', { name: 'Learn the colours' }).click();
   await page.locator('[data-palette="1"]').waitFor();
-  const { palette, calibration, tools, view } = await ask(`boxes/${box}`);
+  const { palette, calibration, tools, view } = await getJson(`boxes/${box}`);
   assert.ok(palette === 1 && calibration, 'REST says the same');
   assert.equal(view, 'top');
   assert.deepEqual(tools.map(({ diameter_mm }) => diameter_mm).sort(), marks.tools.map(tool => tool.diameter_mm).sort());
-  const [{ annotations, verdicts }] = (await ask(`boxes/${box}/palette`)).items;
-  assert.ok(annotations.labels.some(({ stroke }) => stroke > 0), 'strokes are known as such');
+  const [{ annotations, verdicts }] = (await getJson(`boxes/${box}/palette`)).items;
+  assert.ok(annotations.labels.some(({ stroke }) => stroke > 0), 'the annotations include strokes');
   assert.deepEqual(verdicts.map(({ grade }) => grade).filter(grade => grade === 'bad'), []);
   await page.getByText('This box is ready').waitFor();
   assert.equal(await state('Tape colours'), 'done');
-  await pictures('6-learned');
+  await checkStep('6-learned');
 });
 
-test('the token of the box is shown once, with the command that uses it and a code to read it by', async () => {
-  await goTo('The box’s own program');
+test('the token of the box is shown once, with the command that uses it and a QR code', async () => {
+  await goTo('Recording computer');
   await page.getByRole('button', { name: 'Make a token' }).click();
   const secret = page.locator('.secret').first();
   await secret.waitFor();
   const token = await secret.innerText();
   assert.match(token, /^trc_/);
   const run = await page.locator('.secret').last().innerText();
-  const { code } = await ask(`boxes/${box}`);
+  const { code } = await getJson(`boxes/${box}`);
   assert.ok(run.startsWith(`trocar agent --server ${url} --box ${code} --token-file ${code}.token`), run);
-  assert.ok((await page.locator('.qr path').getAttribute('d')).length > 1000, 'the code is drawn');
-  await pictures('7-token');
+  assert.ok((await page.locator('.qr path').getAttribute('d')).length > 1000, 'the QR code is drawn');
+  await checkStep('7-token');
   await goTo('Self-test');
   await page.getByText('How to do it').waitFor();
-  await pictures('8-test');
-  await goTo('The box’s own program');
-  assert.ok(!(await page.locator('main').innerText()).includes(token), 'nobody sees it again');
-  assert.equal(await state('The box’s own program'), 'done');
+  await checkStep('8-test');
+  await goTo('Recording computer');
+  assert.ok(!(await page.locator('main').innerText()).includes(token), 'the token is not shown again');
+  assert.equal(await state('Recording computer'), 'done');
 });
 
-test('a step has an address of its own, and what lies on the bench outlasts a look at another page', async () => {
+test('each step has its own address, and the photos remain after a visit to another page', async () => {
   await page.getByRole('link', { name: 'To the box' }).click();
   await page.getByRole('link', { name: 'Set up step by step' }).click();
   await page.goBack();
@@ -280,9 +281,9 @@ test('a step has an address of its own, and what lies on the bench outlasts a lo
   assert.equal(new URL(page.url()).searchParams.get('step'), 'photos');
   assert.equal(await page.locator('.photo.good').count(), files('boards').length);
   const focused = await page.evaluate(() => document.activeElement.id);
-  assert.equal(focused, 'setup-step', 'whoever hears the page hears the step’s title');
+  assert.equal(focused, 'setup-step', 'the step’s title has the focus, so that a screen reader reads it');
 });
 
-test('the page asked nobody else for anything, and nothing failed on it', () => {
-  assert.deepEqual(traces(), { foreign: [], broken: [] });
+test('no page sent a request to another origin, violated the security policy or threw an error', () => {
+  assert.deepEqual(pageFaults(), { foreign: [], errors: [] });
 });

@@ -1,5 +1,5 @@
-// The languages against each other, without a browser: the same keys, kinds and parameters everywhere, nothing left in English,
-// no function that says `undefined`. And against the service: every code that it says has its words.
+// Compares the languages of the pages without a browser: the same keys, types and parameters, no text left in English,
+// no function that returns `undefined`. Also checks that every code of the service has a German text.
 import assert from 'node:assert/strict';
 import { readdirSync, readFileSync } from 'node:fs';
 import { test } from 'node:test';
@@ -8,15 +8,15 @@ import de from '../../static/texts/de.js';
 import en from '../../static/texts/en.js';
 
 const source = path => readFileSync(new URL(`../../src/${path}`, import.meta.url), 'utf8');
-/** The service's own files, without what tests it. */
+/** The service's source files, without its tests. */
 const sources = readdirSync(new URL('../../src', import.meta.url), { recursive: true })
   .filter(name => name.endsWith('.rs') && !/(^|\/)tests(\/|\.rs$)/.test(name))
   .map(name => [name, source(name).split(/#\[cfg\(test\)\]\s+mod \w+ \{/)[0]]);
 
-/** Names, signs, units and words that are German, too. */
-const ALIKE = new Set([
+/** Texts that are the same in English and German: names, signs, units and shared words. */
+const SAME_IN_BOTH = new Set([
   'product', 'nav.wall', 'live.open', 'account.name', 'sessions.status', 'target.box', 'sessions.box', 'session.box',
-  'session.show.mask', 'session.spans.20', 'session.spans.5', 'session.clock', 'session.x', 'session.y', 'session.z',
+  'session.spans.20', 'session.spans.5', 'session.clock', 'session.x', 'session.y', 'session.z',
   'session.speed', 'session.slow', 'session.fast', 'session.off', 'session.toldLive', 'session.formats.csv',
   'session.formats.json', 'session.formats.parquet', 'session.portShift', 'session.noise', 'session.title',
   'session.edits.asideBy', 'session.ratings.anchor', 'session.pause', 'watch.line.live', 'watch.spoken', 'wall.title',
@@ -28,10 +28,10 @@ const ALIKE = new Set([
   'standardForm.presetOf', 'today.announce', 'upload.announce', 'target.forWhom', 'record.keptHere', 'selfTest.partLight',
   'selfTest.dayLight', 'trainee.point', 'trainee.judgements.plain',
 ]);
-/** Lists that each language has of its own length. */
+/** Lists whose length may differ between the languages. */
 const OF_ANY_LENGTH = ['enrol.headers.'];
-/** What a function is given where a few numbers will not do. */
-const GIVEN = {
+/** Arguments for text functions that need more than a few numbers. */
+const ARGUMENTS = {
   'balance.of': ['Duration', 'red'],
   'box.advice.and': [['red', 'blue']],
   'box.advice.best': [['red', 'blue']],
@@ -67,13 +67,13 @@ const kind = value => (Array.isArray(value) ? 'list' : value === null ? 'null' :
 const { said: theirs, ...pages } = en;
 const { said, ...german } = de;
 
-/** Every leaf of a tree of words as `[path, value]`. */
+/** Every leaf of a tree of texts as `[path, value]`. */
 function* leaves(value, path = '') {
   if (kind(value) !== 'object' && kind(value) !== 'list') return yield [path, value];
   for (const [key, inner] of Object.entries(value)) yield* leaves(inner, path ? `${path}.${key}` : key);
 }
 
-/** What keeps two trees from being of one shape. */
+/** The differences in shape between two trees of texts, one string each. */
 function* differences(one, other, path = '') {
   if (kind(one) !== kind(other)) return yield `${path}: ${kind(one)} here, ${kind(other)} there`;
   if (kind(one) === 'function' && one.length !== other.length) yield `${path}: ${one.length} parameters here, ${other.length} there`;
@@ -86,39 +86,39 @@ function* differences(one, other, path = '') {
   }
 }
 
-/** What a function says of none, one and several. */
-const calls = (path, say) => (GIVEN[path] ? [say(...GIVEN[path])] : [0, 1, 3].map(n => say(...Array(say.length).fill(n))));
-const sayings = (path, value) => (kind(value) === 'function' ? calls(path, value) : [value]);
+/** The texts of a function for 0, 1 and 3, or for its arguments in `ARGUMENTS`. */
+const callWithArguments = (path, say) => (ARGUMENTS[path] ? [say(...ARGUMENTS[path])] : [0, 1, 3].map(n => say(...Array(say.length).fill(n))));
+const textsOf = (path, value) => (kind(value) === 'function' ? callWithArguments(path, value) : [value]);
 
-test('the languages have the same keys, of the same kinds, with the same parameters', () => {
+test('the languages have the same keys, with the same types and parameters', () => {
   assert.deepEqual([...differences(pages, german)], []);
-  assert.deepEqual(Object.keys(theirs), [], 'the service speaks English by itself');
+  assert.deepEqual(Object.keys(theirs), [], 'English needs no texts for codes: the service answers in English');
 });
 
-test('nothing is left in English that is not German, too', () => {
+test('no German text equals the English one, except those listed', () => {
   const english = new Map(leaves(pages));
   const same = [...leaves(german)].filter(([path, value]) => {
-    const [own, its] = [sayings(path, value), sayings(path, english.get(path))];
+    const [own, its] = [textsOf(path, value), textsOf(path, english.get(path))];
     return own.some((text, at) => text === its[at]);
   });
-  const isAlike = path => ALIKE.has(path) || OF_ANY_LENGTH.some(begin => path.startsWith(begin));
-  assert.deepEqual(same.map(([path, value]) => `${path}: ${value}`).filter(line => !isAlike(line.split(':')[0])), []);
-  const needless = [...ALIKE].filter(path => !same.some(([other]) => other === path));
-  assert.deepEqual(needless, [], 'these differ, and are listed as alike');
+  const isSameInBoth = path => SAME_IN_BOTH.has(path) || OF_ANY_LENGTH.some(begin => path.startsWith(begin));
+  assert.deepEqual(same.filter(([path]) => !isSameInBoth(path)).map(([path, value]) => `${path}: ${value}`), []);
+  const needless = [...SAME_IN_BOTH].filter(path => !same.some(([other]) => other === path));
+  assert.deepEqual(needless, [], 'listed as the same in both languages, but they differ');
 });
 
 for (const [name, words] of Object.entries({ English: pages, German: german }))
-  test(`whatever ${name} says, it is words`, () => {
+  test(`every ${name} text is a string without undefined, NaN or null, and not empty`, () => {
     for (const [path, value] of leaves(words))
-      for (const text of sayings(path, value)) {
+      for (const text of textsOf(path, value)) {
         assert.equal(typeof text, 'string', path);
         assert.doesNotMatch(text, /undefined|NaN|\[object|=>|null/, path);
         if (path !== 'units.none' && path !== 'trainee.judgements.plain' && path !== 'trainee.point') assert.notEqual(text, '', path);
       }
   });
 
-/** What the words of the service's codes make of figures. */
-const SAID = {
+/** Arguments for the text functions of the service's codes. */
+const CODE_ARGUMENTS = {
   findings: [0.123, 0.5],
   nearest: ['background'],
   problems: [{ field: 'trainee', limit: 5, limit_bytes: 2_000_000, reason: 'too_few_people', missing: { novice: 3, intermediate: 0, expert: 1 } }],
@@ -126,12 +126,12 @@ const SAID = {
     holds: [{ not_counted: null }, { not_counted: 'board_moved' }], focal_change_percent: 0.1, focal_sigma_percent: 0.1 }],
 };
 function* everyGerman() {
-  for (const [path, value] of leaves(german)) for (const text of sayings(path, value)) yield [path, text];
+  for (const [path, value] of leaves(german)) for (const text of textsOf(path, value)) yield [path, text];
   for (const [path, value] of leaves(said))
-    for (const text of [kind(value) === 'function' ? value(...SAID[path.split('.')[0]]) : value].flat()) yield [`said.${path}`, text];
+    for (const text of [kind(value) === 'function' ? value(...CODE_ARGUMENTS[path.split('.')[0]]) : value].flat()) yield [`said.${path}`, text];
 }
 
-test('German is written as German is, and so is what it says by the service’s codes', () => {
+test('German texts use German quotation marks, dashes and ellipses', () => {
   for (const [path, text] of everyGerman()) {
     assert.equal(typeof text, 'string', path);
     assert.doesNotMatch(text, /undefined|NaN|\[object|=>/, path);
@@ -140,7 +140,7 @@ test('German is written as German is, and so is what it says by the service’s 
   }
 });
 
-test('every code that the service says has German words', () => {
+test('every code of the service has a German text', () => {
   const named = (text, pattern) => [...text.matchAll(pattern)].map(([, name]) => name);
   const folder = 'pipeline/features/';
   const files = readdirSync(new URL(`../../src/${folder}`, import.meta.url)).filter(name => name.endsWith('.rs'));
@@ -149,7 +149,7 @@ test('every code that the service says has German words', () => {
     features,
     exercises: named(source('pipeline/score/standard/fls.rs'), /^    preset\("([a-z_]+)"/gm),
     items: named(source('domain/rating/forms.rs'), /^        "([a-z_]+)",$/gm),
-    findings: named(source('pipeline/quality/cause.rs').split('pub fn unit')[0], /^            Cause::[A-Za-z]+ => "([a-z_]+)",$/gm),
+    findings: named(source('pipeline/quality/cause.rs').split('pub fn unit')[0], /^            QualityCause::[A-Za-z]+ => "([a-z_]+)",$/gm),
     withheld: named(source('pipeline/score/no_answer.rs'), /NoAnswer::[A-Za-z]+(?: \{ \.\. \})? => "([a-z_]+)"/g),
     problems: [
       ...named(source('http/error.rs'), /^    \(Refusal::[A-Za-z]+, "([a-z-]+)"/gm),
@@ -158,10 +158,10 @@ test('every code that the service says has German words', () => {
       ...sources.flatMap(([, text]) => named(text, /\bProblem::new\(\s*"([a-z-]+)"/g)),
     ],
   };
-  const otherwise = sources.filter(([, text]) => /\bProblem::new\((?!\s*(?:"|Problem::))/.test(text)).map(([name]) => name);
-  assert.deepEqual(otherwise, ['analysis/child/explain.rs'], 'codes that are not read here');
+  const unread = sources.filter(([, text]) => /\bProblem::new\((?!\s*(?:"|Problem::))/.test(text)).map(([name]) => name);
+  assert.deepEqual(unread, ['analysis/child/explain.rs'], 'files with problem codes that this test does not read');
   for (const [kindOf, codes] of Object.entries(lists)) {
     assert.ok(codes.length >= 5, `${kindOf}: ${codes.length} found in the source`);
-    assert.deepEqual(codes.filter(code => !(code in said[kindOf])), [], `${kindOf} without words`);
+    assert.deepEqual(codes.filter(code => !(code in said[kindOf])), [], `${kindOf} without a German text`);
   }
 });

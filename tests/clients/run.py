@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
-"""Two foreign tus clients send a large recording through a proxy that cuts: `run.py TROCAR [--mib 500] [--cuts 5]`.
+"""Two foreign tus clients upload a large recording through a proxy that cuts connections:
+`run.py TROCAR [--mib 500] [--cuts 5]`.
 
-Each client's upload must arrive whole (SHA-256 of what the service gives back) and become a session, each cut may cost at
-most 8 MiB sent again, and the service's memory may grow by at most 8 MiB an upload. Exit status 0 if all hold.
+Each upload must arrive complete (SHA-256 of the file that the service returns) and become a session. A client may send at
+most 8 MiB again for each cut, and the service's memory may grow by at most 8 MiB for each upload. Exit status 0 if all of
+this holds.
 """
 import argparse
 import asyncio
@@ -18,9 +20,9 @@ import urllib.request
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-GROWTH_LIMIT_KIB = 8 * 1024
-AGAIN_LIMIT = 8 << 20
-IN_FLIGHT = 1 << 20
+MAX_GROWTH_KIB = 8 * 1024
+MAX_RESENT_PER_CUT = 8 << 20
+MAX_IN_FLIGHT = 1 << 20
 
 
 def main():
@@ -30,7 +32,7 @@ def main():
     parser.add_argument("--cuts", type=int, default=5)
     options = parser.parse_args()
     tools = HERE.parent.parent / "target" / "clients"
-    python, node_folder = installed(tools)
+    python, node_folder = install_clients(tools)
     passed = failed = 0
     with tempfile.TemporaryDirectory() as folder:
         service = Service(options.trocar, Path(folder) / "data")
@@ -38,8 +40,8 @@ def main():
             token, names = service.prepare()
             for name, command in (("tus-js-client", ["node", str(node_folder / "upload.mjs")]),
                                   ("tus-py-client", [str(python), str(HERE / "upload.py")])):
-                clip = recording(options.trocar, Path(folder), name, options.mib)
-                ok = one_client(name, command, service, token, names, clip, options.cuts)
+                clip = make_recording(options.trocar, Path(folder), name, options.mib)
+                ok = check_client(name, command, service, token, names, clip, options.cuts)
                 passed, failed = passed + ok, failed + (not ok)
         finally:
             service.stop()
@@ -47,8 +49,8 @@ def main():
     sys.exit(1 if failed else 0)
 
 
-def installed(tools):
-    """Both clients from their registries, outside the tree."""
+def install_clients(tools):
+    """Installs both clients from their registries, outside the source tree."""
     tools.mkdir(parents=True, exist_ok=True)
     python = tools / "venv" / "bin" / "python"
     if not python.exists():
@@ -61,8 +63,8 @@ def installed(tools):
     return python, tools
 
 
-def recording(trocar, folder, name, mib):
-    """A simulated exercise in full HD, coded without loss and repeated until it is as long as asked for."""
+def make_recording(trocar, folder, name, mib):
+    """A simulated exercise in full HD, encoded losslessly and repeated until the file has the requested size."""
     scene = folder / f"scene-{name}"
     subprocess.run([trocar, "simulate", "--quiet", "--scene", "pegs", "--seed", str(len(name)), "--seconds", "4",
                     "--size", "1920x1080", "--boards", "0", "--out", scene], check=True)
@@ -72,30 +74,31 @@ def recording(trocar, folder, name, mib):
     return clip
 
 
-def one_client(name, command, service, token, names, clip, cuts):
-    """Sends the clip through a proxy that cuts `cuts` times; true if it came whole and memory stayed flat."""
+def check_client(name, command, service, token, names, clip, cuts):
+    """Uploads the clip through a proxy that cuts `cuts` times; true if it arrived complete within the limits above."""
     proxy = CuttingProxy(service.port, clip.stat().st_size, cuts)
     before = service.peak_kib(reset=True)
     endpoint = f"http://127.0.0.1:{proxy.port}/api/v1/uploads"
     sent = subprocess.run(command + [endpoint, token, str(clip), *names], capture_output=True, text=True)
-    grown = service.peak_kib() - before
+    growth = service.peak_kib() - before
     session = sent.stdout.strip()
     if sent.returncode or not session:
         print(f"{name}: failed: {sent.stderr.strip()[-500:]}")
         return False
-    same = service.sha256_of(f"/api/v1/sessions/{session}/video", token) == sha256_of_file(clip)
-    seen = service.session(session, token)
-    kept = seen["status"] in ("queued", "tracking", "done") and seen["video"]["bytes"] == clip.stat().st_size
-    again = proxy.taken - clip.stat().st_size
+    is_same = service.sha256_of(f"/api/v1/sessions/{session}/video", token) == sha256_of_file(clip)
+    stored = service.session(session, token)
+    is_stored = stored["status"] in ("queued", "tracking", "done") and stored["video"]["bytes"] == clip.stat().st_size
+    resent = proxy.received - clip.stat().st_size
     print(f"{name}: {clip.stat().st_size >> 20} MiB, {proxy.cut} cuts that lost {proxy.lost / (1 << 20):.1f} MiB on the "
-          f"way, {again / (1 << 20):.1f} MiB sent again, {'whole' if same else 'DAMAGED'}, session {seen['status']}, "
-          f"memory grew {grown / 1024:.1f} MiB")
-    honest = proxy.cut == cuts and 0 < proxy.lost <= again
-    return same and kept and honest and again <= cuts * AGAIN_LIMIT and grown <= GROWTH_LIMIT_KIB
+          f"way, {resent / (1 << 20):.1f} MiB sent again, {'complete' if is_same else 'DAMAGED'}, "
+          f"session {stored['status']}, memory grew {growth / 1024:.1f} MiB")
+    cuts_took_effect = proxy.cut == cuts and 0 < proxy.lost <= resent
+    within_limits = resent <= cuts * MAX_RESENT_PER_CUT and growth <= MAX_GROWTH_KIB
+    return is_same and is_stored and cuts_took_effect and within_limits
 
 
 class Service:
-    """The real service on a free port."""
+    """Runs the real service on a free port."""
 
     def __init__(self, trocar, data):
         self.process = subprocess.Popen([trocar, "serve", "--data", str(data), "--listen", "127.0.0.1:0", "--workers", "1"],
@@ -110,7 +113,7 @@ class Service:
         threading.Thread(target=self.process.stdout.read, daemon=True).start()
 
     def prepare(self):
-        """An administrator's token, and the codes of a trainee, a task and a box."""
+        """Creates and returns an administrator's token and the codes of a trainee, a task and a box."""
         reply, cookie = self.post("/sign-in", {"login": "administrator", "password": self.password})
         headers = {"Cookie": cookie}
         for path, name in (("/trainees", "Ada"), ("/tasks", "Pegs"), ("/boxes", "Box 1")):
@@ -140,7 +143,7 @@ class Service:
         return digest.hexdigest()
 
     def peak_kib(self, reset=False):
-        """Highest resident set since the last reset, KiB."""
+        """The largest resident set size since the last reset, KiB."""
         if reset:
             Path(f"/proc/{self.process.pid}/clear_refs").write_text("5")
         status = Path(f"/proc/{self.process.pid}/status").read_text()
@@ -152,11 +155,11 @@ class Service:
 
 
 class CuttingProxy:
-    """Carries TCP to the service like a long line: what it has taken from the client arrives later. It cuts `cuts` times,
-    evenly over the expected bytes; what is then on the way is lost, as on a real line."""
+    """A TCP proxy with a delay: the bytes that it receives from the client arrive at the service later. It cuts the connection
+    `cuts` times, evenly over the expected bytes. Bytes in flight at a cut are lost, as in a real network."""
 
     def __init__(self, to_port, size, cuts):
-        self.to_port, self.taken, self.lost, self.cut = to_port, 0, 0, 0
+        self.to_port, self.received, self.lost, self.cut = to_port, 0, 0, 0
         self.marks = [size * (i + 1) // (cuts + 1) for i in range(cuts)]
         ready = threading.Event()
         threading.Thread(target=lambda: asyncio.run(self.serve(ready)), daemon=True).start()
@@ -169,47 +172,47 @@ class CuttingProxy:
         await asyncio.Event().wait()
 
     async def connection(self, reader, writer):
-        """Both directions, until the line is cut or either side is gone: then neither has it any more."""
+        """Forwards both directions until the connection is cut or one side closes it; then closes both sides."""
         to_reader, to_writer = await asyncio.open_connection("127.0.0.1", self.to_port)
-        line = Line()
+        queue = DelayQueue()
         try:
             async with asyncio.TaskGroup() as both:
-                both.create_task(self.take(reader, line))
-                both.create_task(line.deliver(to_writer))
-                both.create_task(self.give_back(to_reader, writer))
+                both.create_task(self.receive(reader, queue))
+                both.create_task(queue.deliver(to_writer))
+                both.create_task(self.send_back(to_reader, writer))
         except* (ConnectionError, OSError):
             pass
         finally:
-            self.lost += line.bytes
+            self.lost += queue.bytes
             writer.transport.abort()
             to_writer.transport.abort()
 
-    async def take(self, reader, line):
+    async def receive(self, reader, queue):
         while block := await reader.read(64 * 1024):
-            self.taken += len(block)
-            await line.put(block)
-            if self.marks and self.taken >= self.marks[0]:
+            self.received += len(block)
+            await queue.put(block)
+            if self.marks and self.received >= self.marks[0]:
                 self.marks.pop(0)
                 self.cut += 1
                 raise ConnectionAbortedError
-        await line.put(b"")
+        await queue.put(b"")
 
-    async def give_back(self, reader, writer):
+    async def send_back(self, reader, writer):
         while block := await reader.read(64 * 1024):
             writer.write(block)
             await writer.drain()
         writer.close()
 
 
-class Line:
-    """Up to IN_FLIGHT bytes on their way, each block for a hundredth of a second. What is there when it is cut is lost."""
+class DelayQueue:
+    """Up to MAX_IN_FLIGHT bytes in flight; each block is delivered after 10 ms. Blocks in the queue at a cut are lost."""
 
     def __init__(self):
         self.blocks, self.bytes, self.changed = [], 0, asyncio.Condition()
 
     async def put(self, block):
         async with self.changed:
-            await self.changed.wait_for(lambda: self.bytes < IN_FLIGHT)
+            await self.changed.wait_for(lambda: self.bytes < MAX_IN_FLIGHT)
             self.blocks.append((asyncio.get_running_loop().time() + 0.01, block))
             self.bytes += len(block)
             self.changed.notify_all()

@@ -1,29 +1,29 @@
-// A network between browser and service that can be cut and mended.
+// A TCP proxy between browser and service whose connections a test can cut and restore.
 import { once } from 'node:events';
 import { connect, createServer } from 'node:net';
 
-export class Proxy {
+export class CuttableProxy {
   #isCut = false;
   #sockets = new Set();
   #server;
 
-  /** In front of the service at this address; `url` is its own. */
-  static async before(address) {
+  /** Starts a proxy in front of the service at this address; the proxy's own address is `url`. */
+  static async inFrontOf(address) {
     const { hostname, port } = new URL(address);
-    const proxy = new Proxy();
-    proxy.#server = createServer(client => proxy.#join(client, connect(Number(port), hostname))).listen(0, '127.0.0.1');
+    const proxy = new CuttableProxy();
+    proxy.#server = createServer(client => proxy.#pipe(client, connect(Number(port), hostname))).listen(0, '127.0.0.1');
     await once(proxy.#server, 'listening');
     proxy.url = `http://127.0.0.1:${proxy.#server.address().port}`;
     return proxy;
   }
 
-  /** Ends all connections; new ones are ended as well until it is mended. */
+  /** Closes all connections, and every new one until `restore()` is called. */
   cut() {
     this.#isCut = true;
     for (const socket of this.#sockets) socket.destroy();
   }
 
-  mend() {
+  restore() {
     this.#isCut = false;
   }
 
@@ -32,7 +32,7 @@ export class Proxy {
     this.#server.close();
   }
 
-  #join(client, service) {
+  #pipe(client, service) {
     for (const [socket, other] of [
       [client, service],
       [service, client],

@@ -1,11 +1,11 @@
-// What stands in the way of people who hear a page, or use it with keys alone, by axe-core's rules.
+// Finds accessibility violations with axe-core: obstacles for people who use a screen reader or only the keyboard.
 import { readFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 
 const axe = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
 const GRAVE = ['serious', 'critical'];
 
-/** The grave violations of what the page shows now, a line each. */
+/** The serious and critical violations on the page as it is now, one string each. */
 export async function violationsOf(page) {
   if (!(await page.evaluate(() => 'axe' in window))) await page.evaluate(axe);
   const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ['violations'] }));

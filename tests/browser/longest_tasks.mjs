@@ -1,7 +1,7 @@
-// How long a page's own thread is busy without a pause, in time of the processor: a machine that does other things meanwhile makes
-// a page wait, and nothing of that is the page's.
+// How long the page's main thread is busy without a pause, measured in CPU time: on a busy machine a page also waits
+// for other processes, and that time does not count.
 
-/** Runs `use()` and returns the longest tasks of the page meanwhile, ms, the longest first. */
+/** Runs `use()` and returns how long each task of the page's main thread took meanwhile, in ms, the longest first. */
 export async function longestTasks(browser, page, use) {
   await browser.startTracing(page, { categories: ['toplevel'] });
   await use();
