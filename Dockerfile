@@ -1,8 +1,8 @@
-# Trocar as a container: built in one image, run in a small one, never as root.
+# Trocar as a container. One image builds the program, a small one runs it, not as root.
 #
 #   docker build -t trocar . && docker run -p 8080:8080 -v trocar:/data trocar
 #
-# Both stages are Debian 12: FFmpeg's libraries must be of one major version at build and at run time.
+# Both stages use Debian 12: FFmpeg's libraries must have the same major version at build time and at run time.
 FROM rust:1.95-slim-bookworm AS build
 RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends \
     build-essential pkg-config clang libclang-dev libavcodec-dev libavformat-dev libavutil-dev libswscale-dev libswresample-dev \
@@ -15,7 +15,7 @@ COPY src src
 RUN cargo build --release --locked
 
 FROM debian:bookworm-slim
-# Debian's FFmpeg is a GPL build: an image that carries it is GPL as a whole (see README).
+# Debian's FFmpeg is a GPL build: an image that contains it is GPL as a whole (see README.md).
 RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends \
     libavcodec59 libavformat59 libavutil57 libswscale6 curl \
     && rm -rf /var/lib/apt/lists/* \

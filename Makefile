@@ -1,4 +1,4 @@
-# What people do with this project. `make run` and `make test` work on a bare Debian 12 with Rust ≥ 1.95.
+# Common tasks of this project. `make run` and `make test` work on a bare Debian 12 with Rust ≥ 1.95.
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
@@ -10,7 +10,7 @@ TEST_PACKAGES  := ffmpeg chromium nodejs curl jq openssl strace
 TARGET := $(or $(CARGO_TARGET_DIR),target)
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
-# Installs what is missing and nothing else; silent when all is there.
+# Installs only missing packages; silent if none is missing.
 define install
 	missing=$$(for p in $(1); do dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q 'ok installed' || echo $$p; done); \
 	if [ -n "$$missing" ]; then \
@@ -21,14 +21,14 @@ define install
 endef
 
 .PHONY: help
-help: ## this list
+help: ## print this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
 
 DATA   ?= trocar-data
 LISTEN ?= 127.0.0.1:8080
 
 .PHONY: run
-run: packages ## build, start the service with its demonstration centre, print how to sign in
+run: packages ## build, start the service with the demonstration centre, print how to sign in
 	exec cargo run --release --locked -- serve --data $(DATA) --listen $(LISTEN) --demo
 
 .PHONY: packages
@@ -41,8 +41,8 @@ test-packages: packages
 	@command -v npm >/dev/null || { $(call install,npm); }
 
 .PHONY: test
-test: test-packages ## everything that decides whether a change may land
-	cargo fetch --locked # all platforms' packages: the licence check reads them without the network
+test: test-packages ## run every check that a change must pass
+	cargo fetch --locked # the packages of all platforms: the licence check reads them without the network
 	cargo fmt --check
 	cargo clippy --locked --all-targets -- -D warnings
 	cargo test --locked
@@ -50,16 +50,20 @@ test: test-packages ## everything that decides whether a change may land
 	$(MAKE) browser-test
 
 .PHONY: browser-test
-browser-test: test-packages ## a real Chromium signs in, uploads, waits for the score and plays the overlay
-	cargo test --locked --no-run --test integration # builds the program, with the dependencies that the tests have built
+browser-test: test-packages ## test the pages in a real Chromium: sign in, upload, wait for the score, play the overlay
+	cargo test --locked --no-run --test integration # builds the program with the dependencies that the tests have built
 	tests/browser/run $(abspath $(TARGET)/debug/trocar)
 
+.PHONY: golden
+golden: test-packages ## replace the golden files after an intended change of numbers; explain it in the commit
+	TROCAR_GOLDEN=write cargo test --locked --test integration golden
+
 .PHONY: browser-demo
-browser-demo: release test-packages ## the same in the demonstration centre, once its recordings are scored
+browser-demo: release test-packages ## the same in the demonstration centre, after its recordings are scored
 	TROCAR_CENTRE=demo tests/browser/run $(abspath $(RELEASE))
 
 .PHONY: deny
-deny: packages ## licences, sources and banned crates with cargo-deny (installs it)
+deny: packages ## check licences, sources and banned crates with cargo-deny (installs it)
 	command -v cargo-deny >/dev/null || cargo install --locked cargo-deny
 	cargo deny check licenses bans sources
 
@@ -73,49 +77,49 @@ release: packages
 	cargo build --release --locked
 
 .PHONY: figures
-figures: release test-packages ## every figure of the README, beside the OpenCV peer and the limits; FIGURES="--quick --only rest" to try one
+figures: release test-packages ## measure all figures of docs/accuracy.md; FIGURES="--quick --only rest" to try one part
 	@$(call install,python3-venv)
-	python3 benches/figures $(RELEASE) $(SHARED) $(TARGET)/figures $(or $(FIGURES),--readme README.md)
+	python3 benches/figures $(RELEASE) $(SHARED) $(TARGET)/figures $(or $(FIGURES),--document docs/accuracy.md)
 
 .PHONY: foreign-clients
-foreign-clients: release test-packages ## 500 MB by tus-js-client and tus-py-client, with cuts; memory of the server
+foreign-clients: release test-packages ## upload 500 MB with tus-js-client and tus-py-client, with cuts; measure the server's memory
 	@$(call install,python3-venv)
 	tests/clients/run.py $(RELEASE)
 
 .PHONY: kills
-kills: test-packages ## the service and its children killed 50 times each, during uploads and jobs
+kills: test-packages ## kill the service and its child processes 50 times each, during uploads and jobs
 	TROCAR_KILLS=50 cargo test --locked --test integration faults -- --nocapture
 
 .PHONY: feed-faults
-feed-faults: test-packages ## 500 recordings sent frame by frame, each through ten faults on the way
+feed-faults: test-packages ## send 500 recordings frame by frame, each with ten faults on the way
 	TROCAR_FEEDS=500 cargo test --locked --test integration no_acknowledged_frame -- --nocapture
 
 .PHONY: long-absence
-long-absence: test-packages ## the service is away for ten minutes while an agent records; TROCAR_AWAY_S=60 to try one
+long-absence: test-packages ## stop the service for ten minutes while an agent records; TROCAR_AWAY_S=60 for one minute
 	cargo test --locked --test integration away_for_long -- --ignored --nocapture
 
 .PHONY: live-load
-live-load: release test-packages ## boxes that this machine sustains live, against bare decoding, and the latency of positions
+live-load: release test-packages ## measure how many boxes this machine sustains, compared with bare decoding, and the latency of positions
 	TROCAR_PROGRAM=$(abspath $(RELEASE)) cargo test --locked --test integration this_machine_sustains -- --ignored --nocapture
 
 .PHONY: progress-load
-progress-load: release test-packages ## a trainee's progress over 500 sessions among 10,000, beside /healthz; the queries behind it
+progress-load: release test-packages ## measure the progress of a trainee with 500 sessions among 10,000, beside /healthz; check its queries
 	cargo test --locked --lib progress_reads_no_table -- --nocapture
 	TROCAR_PROGRAM=$(abspath $(RELEASE)) cargo test --locked --test integration what_progress_costs -- --ignored --nocapture
 
 .PHONY: power-cuts
-power-cuts: test-packages ## 20 power cuts during uploads and jobs, on a file system of its own; needs root
+power-cuts: test-packages ## simulate 20 power cuts during uploads and jobs, on a separate file system; needs root
 	@$(call install,e2fsprogs mount)
 	TROCAR_KILLS=20 cargo test --locked --test integration power_is_cut -- --ignored --nocapture
 
 .PHONY: slow-clients
-slow-clients: test-packages ## a thousand slow clients beside a quick one: its 99th percentile, the service's memory
+slow-clients: test-packages ## connect a thousand slow clients and a quick one; measure its 99th percentile and the service's memory
 	cargo test --locked --test integration slow_clients -- --ignored --nocapture
 
 .PHONY: mutations
-mutations: test-packages ## 10,000 damaged recordings, each decoded in a child
+mutations: test-packages ## decode 10,000 damaged recordings, each in a child process
 	TROCAR_MUTATIONS=10000 cargo test --locked --test integration damaged_recordings -- --nocapture
 
 .PHONY: long-queue
-long-queue: packages ## 10,000 jobs with random deaths and pauses, and what 10,000 waiting ones cost
+long-queue: packages ## run 10,000 jobs with random crashes and pauses; measure the cost of 10,000 waiting jobs
 	TMPDIR=/dev/shm cargo test --locked --lib ten_thousand -- --ignored --nocapture

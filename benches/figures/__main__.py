@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""Measures the README's figures: calibrate → track → evaluate on every scene with known truth, beside the OpenCV peer and the
-theoretical limits.
+"""Measures the figures of docs/accuracy.md: calibrate → track → evaluate on every scene with known truth, beside the OpenCV peer
+and the theoretical limits.
 
-Usage: python3 benches/figures TROCAR SHARED WORK [--readme README.md] [--only PART,…] [--kept] [--quick]
+Usage: python3 benches/figures TROCAR SHARED WORK [--document docs/accuracy.md] [--only PART,…] [--kept] [--quick]
 
 TROCAR is the release binary, SHARED the folder with `scenes/` and `peer/`, WORK a folder for results. Each part works as a
 user would: its only inputs are photos and annotations. PART is a name in `PARTS` below. The results of each part are stored in
 WORK. With `--kept`, a part is measured only if WORK has no results of this binary and script; so timings can be measured alone,
-on a quiet machine. `--quick` runs each part once on short clips to check that it works; its figures are not for the README.
+on a quiet machine. `--document` replaces the figures between the two marks in this file. `--quick` runs each part once on short
+clips to check that it works; its figures are not for the document.
 """
 import argparse
 import hashlib
@@ -49,10 +50,10 @@ def main():
         tables += part.tables
     text = "\n\n".join([goals_table(goals), *tables, note(bench, options.only)])
     print(text)
-    if options.readme:
-        before, rest_of_it = options.readme.read_text().split(BEGIN)
+    if options.document:
+        before, rest_of_it = options.document.read_text().split(BEGIN)
         after = rest_of_it.split(END)[1]
-        options.readme.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{after}")
+        options.document.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{after}")
 
 
 def arguments():
@@ -60,15 +61,15 @@ def arguments():
     parser.add_argument("trocar", type=Path)
     parser.add_argument("shared", type=Path)
     parser.add_argument("work", type=Path)
-    parser.add_argument("--readme", type=Path)
+    parser.add_argument("--document", type=Path)
     parser.add_argument("--only", type=lambda names: names.split(","), default=list(PARTS))
     parser.add_argument("--kept", action="store_true")
     parser.add_argument("--quick", action="store_true")
     options = parser.parse_args()
     if unknown := set(options.only) - set(PARTS):
-        parser.error(f"no part is called {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
-    if options.readme and options.quick:
-        parser.error("--readme is not for what --quick measures")
+        parser.error(f"unknown part: {', '.join(sorted(unknown))}; the parts are {', '.join(PARTS)}")
+    if options.document and options.quick:
+        parser.error("--document and --quick exclude each other: figures of short clips are not for the document")
     return options
 
 
@@ -101,8 +102,8 @@ def goals_table(goals):
 
 def note(bench, only):
     missing = ", ".join(f"`{name}`" for name in PARTS if name not in only)
-    return (f"All from photos and annotations alone, unless a row says otherwise. {os.cpu_count()} cores; times are medians of "
-            f"{bench.rounds(ROUNDS)} interleaved rounds." + (f" Not measured for this table: {missing}." if missing else "") +
+    return (f"All figures use only photos and annotations, unless a row says otherwise. {os.cpu_count()} cores; times are medians "
+            f"of {bench.rounds(ROUNDS)} interleaved rounds." + (f" Not measured for this table: {missing}." if missing else "") +
             (" QUICK: not for quoting." if bench.quick else ""))
 
 

@@ -13,16 +13,17 @@ LIMIT_HEAD = ["scene", "contrast", "blur", "noise in Y, U, V", "one frame", "pat
 def measure(bench, scenes):
     run([bench.python, LIMIT, "--check"])
     results = [result(bench, scene) for scene in [*scenes.rendered, scenes.peer_1080p, *scenes.own]]
-    about = (f"Accuracy on every scene. *Tip found*: share of the frames where ≥ {100 * VISIBLE:.0f} % of the band is visible. "
-             "*Bound*: the 3-D RMS that noise alone would leave, see the limits below. *With the true camera*: the 3-D RMS without "
-             "calibration's part in it. *Inside stated 95 %*: share of the tips that lie within the error bar stated for them (95 "
-             "would be honest), and the mean normalised squared error (1 would be). The peer is an OpenCV program of the same "
-             "method; its share of found tips is in brackets.")
-    limits = ("Limits: the 3-D RMS error that the best use of the pictures could leave (Cramér–Rao), with the contrast and blur "
-              "measured along the true outlines, and noise (codes) as the edge's place scatters along them; sizes and camera known. "
-              "Of one frame, of a path smoothed as the tracker does, and of one whose trocar is known (the *bound*). They leave "
-              "out what shifts a whole edge: light, gloss, sharpening, coding. *Outline off*: of one frame, when each border and "
-              "end lies off by 0.1 px (one standard deviation) in an unknown direction.")
+    about = (f"Accuracy on every scene. *Tip found*: share of the frames with a measured tip, among frames with ≥ {100 * VISIBLE:.0f} % "
+             "of the band visible. *Bound*: the 3-D RMS error that noise alone would cause; see the limits below. *With the true "
+             "camera*: the 3-D RMS error without the errors of the calibration. *Inside stated 95 %*: share of the tips inside their "
+             "stated error bar; 95 % is ideal. *Mean square*: mean normalised squared error; 1 is ideal. The peer is an OpenCV "
+             "program that uses the same method; its share of found tips is in brackets.")
+    limits = ("Limits: the smallest 3-D RMS error that the pictures allow (Cramér–Rao bound). Contrast and blur are measured along "
+              "the true outlines. Noise (codes) is derived from the scatter of edge positions along the outlines. Sizes and camera "
+              "are assumed known. *One frame*: from one frame alone. *Path*: from a path smoothed as the tracker smooths it. *Path, "
+              "trocar known* (the *bound*): the same, if the position of the trocar is known. Effects that shift a whole edge (light, "
+              "gloss, sharpening, coding) are not included. *Outline off*: from one frame with each border and end off by "
+              "0.1 px (one standard deviation) in an unknown direction.")
     return Part(goals(results), [about, table(HEAD, [row(r) for r in results]),
                                  limits, table(LIMIT_HEAD, [limit_row(r) for r in results])])
 
@@ -80,7 +81,7 @@ def error_goal(results, along, name, most_mm):
     reached = " · ".join(f"{scene} {'nothing found' if error is None else f'{error:.2f}'}" for scene, error in errors.items())
     met = all(e is not None and e <= most_mm for e in errors.values())
     if not met:
-        for what, kind in [("bound, in this order", "pivoted"), ("outline off by 0.1 px", "offset")]:
+        for what, kind in [("bound, in the same order", "pivoted"), ("outline off by 0.1 px", "offset")]:
             reached += f"; {what}: " + " · ".join(f"{r['limit'][kind][along]:.2g}" for r in results)
     return Goal(f"{name}, mm", f"≤ {most_mm}", reached, met)
 

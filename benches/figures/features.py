@@ -2,7 +2,7 @@
 
 Each feature of the tracked path, with its error bar, is compared with the same feature of the true path, on the frames where the
 track has a position: error bars cover errors of positions, not missing positions. The size of the errors was fitted on other
-scenes (`src/pipeline/features`), with none of these seeds.
+scenes (`src/motion/features`), with none of these seeds.
 """
 import csv
 import json
@@ -28,7 +28,7 @@ def measure(bench, scenes):
     share = 100 * inside.total() / max(all_of.total(), 1)
     worst = sorted(all_of, key=lambda name: inside[name] / all_of[name])
     about = (f"Features of {len(people)} simulated people (three levels, {len({p[2:] for p in people})} tasks and views, {BOXES} boxes), tracked "
-             "from rendered clips: how often the true path's value lies within the feature's error bar. The worst first.")
+             "from rendered clips: share of the values with the true path's value inside the error bar. The worst first.")
     rows = [[name, str(all_of[name]), f"{100 * inside[name] / all_of[name]:.0f} %"] for name in worst]
     goal = Goal("true features inside the stated 95 %", "95 ± 3 %", f"{share:.1f} % of {all_of.total()}", 92 <= share <= 98)
     return Part([goal], [about, table(["feature", "values", "inside"], rows)])

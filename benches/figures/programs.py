@@ -28,7 +28,7 @@ class Goal:
 
 @dataclass
 class Part:
-    """The goals and tables that one part of the measurement adds to the README."""
+    """The goals and tables that one part of the measurement adds to docs/accuracy.md."""
     goals: list = field(default_factory=list)
     tables: list = field(default_factory=list)
 

@@ -14,7 +14,7 @@ from programs import Goal, Part, run, table
 PEOPLE = [(501, "novice", "pegs", "top", 2), (502, "intermediate", "crossing", "side", 3), (503, "expert", "wire", "top", 4)]
 # Of every OF frames, LOST are lost, far apart and at uneven distances.
 STEP, OF, LOST = 617, 101, 10
-WAYS = {"50 frames a second": lambda scenes, person: scenes.person(*person, fps=50),
+WAYS = {"50 frames per second": lambda scenes, person: scenes.person(*person, fps=50),
         "a tenth of the frames lost": lambda scenes, person: with_losses(scenes, person)}
 
 
@@ -32,11 +32,11 @@ def measure(bench, scenes):
         apart = [f"{name} ({all_of[key] - agree[key]} of {all_of[key]})" for key in all_of if (name := key[1]) and key[0] == way
                  and agree[key] < all_of[key]]
         rows.append([way, str(values), f"{share:.1f} %", ", ".join(apart) or "–"])
-        goals.append(Goal(f"features agree within their error bars: 25 frames a second and {way}", "≥ 95 %",
+        goals.append(Goal(f"features agree within their error bars: 25 frames per second and {way}", "≥ 95 %",
                           f"{share:.1f} % of {values}", share >= 95))
-    about = (f"Features of {len(people)} simulated people at 25 frames a second, held against those of the same performance seen otherwise: how "
-             "many agree within their error bars, and which do not.")
-    return Part(goals, [about, table(["seen otherwise", "values", "agree", "apart"], rows)])
+    about = (f"Features of {len(people)} simulated people at 25 frames per second, compared with a second recording of the same "
+             "performance: share of the values that agree within their error bars, and the features that do not.")
+    return Part(goals, [about, table(["second recording", "values", "agree", "do not agree"], rows)])
 
 
 def compared(bench, one, other):

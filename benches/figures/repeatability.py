@@ -14,8 +14,9 @@ def measure(bench, scenes):
         rows.append(("top", "V3 to V5, there and back", bench.repeatability(*tracks)))
     for view in ("top", "side"):
         rows.append((view, f"own slide, {view}", bench.repeatability(tracked(bench, scenes.simulated("slide", view)))))
-    about = ("Repeatability: mean distance of the other slides' points to the line of each, and of a slide's points to its own line. Each way "
-             "is a slide of its own, unless the row says otherwise; hands wobble by up to 0.3 mm on the guide.")
+    about = ("Repeatability: a line is fitted to each slide. *To others*: mean distance of the other slides' points from the line. *To its "
+             "own*: mean distance of the slide's own points. Each direction of motion is a slide of its own, unless the row says "
+             "otherwise. Hands wobble by up to 0.3 mm on the guide.")
     cells = [[name, str(r["paths"]), f"{r['others_mm']:.2f} mm", f"{r['own_mm']:.2f} mm"] for _, name, r in rows]
     return Part([goal(view, rows) for view in MOST_MM], [about, table(["slides", "number", "to others", "to its own"], cells)])
 

@@ -64,27 +64,28 @@ def trained(bench, folder, name, features, labels):
 def known(report):
     accuracy, baseline = report["accuracy"], report["baseline"]
     reached = (f"{percent(accuracy['value'])} ({percent(accuracy['low'])}–{percent(accuracy['high'])}) of the sessions of "
-               f"{accuracy['people']} people; balanced {percent(report['balanced'])} against {percent(baseline['mean'])} "
-               f"(95 % of them ≤ {percent(baseline['high'])}) with shuffled levels, p = {baseline['p']:.2f}")
+               f"{accuracy['people']} people; balanced {percent(report['balanced'])}, with shuffled levels {percent(baseline['mean'])} "
+               f"(95 % of shuffles ≤ {percent(baseline['high'])}), p = {baseline['p']:.2f}")
     return Goal("level of simulated people left out of training", "beats shuffled levels, p ≤ 0.05", reached, report["knows"])
 
 
 def unknown(reports):
     silent = sum(not report["knows"] for report in reports)
     chances = ", ".join(f"{report['baseline']['p']:.2f}" for report in reports)
-    reached = f"{silent} of {len(reports)}: knows nothing; p = {chances}"
-    return Goal("levels shuffled between those people", "knows nothing (19 of 20)", reached, silent >= len(reports) - 1)
+    reached = f"{silent} of {len(reports)} know nothing; p = {chances}"
+    return Goal("the same with levels shuffled between people", "model knows nothing (19 of 20)", reached, silent >= len(reports) - 1)
 
 
 def about(report):
     speaking = report["speaking"]
     right = speaking["right"]
-    worth = (f"Of people left out it would have given a level to {percent(speaking['share'])} of the sessions" +
-             (f", right in {percent(right['value'])} ({percent(right['low'])}–{percent(right['high'])})." if right else "."))
+    worth = (f"For people left out of training, it would have given a level to {percent(speaking['share'])} of the sessions" +
+             (f"; of these levels, {percent(right['value'])} ({percent(right['low'])}–{percent(right['high'])}) were right." if right
+              else "."))
     learners = ", ".join(f"{each['learner']} {each['folds']}" for each in report["chosen"])
     return (f"Model of skill: {sum(report['people'])} simulated people ({EACH} of each level, {sum(report['sessions'])} sessions "
-            f"of *pegs* in {BOXES} boxes, with the true camera), each with hands of their own. Learners chosen in the outer folds: "
-            f"{learners}. {worth} Rows: declared level; columns: share of these people's sessions that were given each.")
+            f"of *pegs* in {BOXES} boxes, with the true camera), each with individual skill. Learners chosen in the outer folds: "
+            f"{learners}. {worth} Rows: declared level. Columns: likeliest level, as a share of these people's sessions.")
 
 
 def confusion(report):
