@@ -1,12 +1,15 @@
 //! Trocar measures how surgeons move in a laparoscopic box trainer.
 //!
-//! **`pipeline` is the science and is pure. All other modules serve it.** A frame travels
+//! **The science is pure. All other modules serve it.** It has a folder for each question:
 //!
-//! ```text
-//! frame → segmentation → blob → edges → pose → filter → trajectory → features → score
-//! ```
+//! | folder | input → output |
+//! |---|---|
+//! | [`vision`] | pixels → trajectory: segmentation → blob → edges → pose → filter → trajectory |
+//! | [`motion`] | trajectory → features with error bars, the stretches that made them, the quality verdict |
+//! | [`statistics`] | numbers → judgements: standards, cohorts, learning curves, CUSUM, levels of skill, agreement |
+//! | [`checks`] | does a box, and the method, still measure correctly: self-test, evaluation against truth |
 //!
-//! through [`pipeline`], which has one folder per stage. [`pipeline::tracker`] shows that flow in a few lines.
+//! [`vision::tracker`] shows the way of a frame in a few lines, [`analysis`] the way of an uploaded recording.
 //!
 //! # Layers
 //! Imports point downwards only; `tests/integration/architecture.rs` enforces it.
@@ -14,19 +17,22 @@
 //! | layer | modules | must not name |
 //! |---|---|---|
 //! | 0 base | [`time`] [`ids`] [`shutdown`] [`heap`] [`random`] | any other module of this crate |
-//! | 1 pure | [`pipeline`] [`simulation`] | tokio, axum, sqlx, ffmpeg, `std::{fs, net, env, thread}`, the clock, serde |
+//! | 1 pure | [`numbers`] ← [`vision`] ← [`motion`] ← [`statistics`]; [`simulation`]; [`checks`] | tokio, axum, sqlx, ffmpeg, `std::{fs, net, env, thread}`, the clock, serde |
 //! | 2 domain | [`domain`] | tokio, axum, sqlx, ffmpeg, files, network |
 //! | 3 adapters | [`media`] [`store`] [`vault`] [`sandbox`] | axum, each other; sqlx only in `store`, ffmpeg only in `media` |
 //! | 4 services | [`queue`] [`analysis`] [`intake`] [`live`] [`capture`] [`cohorts`] [`rescoring`] [`events`] [`upkeep`] | axum, sqlx, ffmpeg |
-//! | 5 rim | [`http`] [`commands`] [`settings`] | sqlx in `http`; `http` never calls `pipeline` |
+//! | 5 rim | [`http`] [`commands`] [`settings`] | sqlx in `http`; `http` never calls the science |
+//!
+//! An arrow reads *is used by*. `simulation` uses only `vision`'s camera, space, frame and sample types, and `checks` may
+//! use all pure modules.
 //!
 //! # Invariants, as absences
-//! 1. The pipeline does no I/O and does not fail on input: it returns what it measured, and reasons for what is
+//! 1. The science does no I/O and does not fail on input: it returns what it measured, and reasons for what is
 //!    missing.
 //! 2. Pixels never run on an async thread, and never in the process that serves HTTP.
 //! 3. No database transaction spans a frame, a file or a network call.
 //! 4. Every stored result names the versions of calibration, palette and pipeline that made it.
-//! 5. Server, command line, tests and benches drive the same [`pipeline::tracker::Tracker`].
+//! 5. Server, command line, tests and benches drive the same [`vision::tracker::Tracker`].
 //! 6. A byte is acknowledged only when it is durable: first the file is synced, then the row written, then the answer
 //!    sent.
 //! 7. Every queue, buffer, upload, retry and loop has a limit with a name in [`settings`].
@@ -39,8 +45,12 @@ pub mod random;
 pub mod shutdown;
 pub mod time;
 
-pub mod pipeline;
+pub mod checks;
+pub mod motion;
+pub mod numbers;
 pub mod simulation;
+pub mod statistics;
+pub mod vision;
 
 pub mod domain;
 

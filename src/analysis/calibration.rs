@@ -5,9 +5,9 @@
 use std::io::{BufRead, Read, Seek};
 
 use crate::media::{MediaError, MediaLimits, VideoFile, photo};
-use crate::pipeline::camera::checkerboard;
-use crate::pipeline::camera::view_picker::ViewPicker;
-use crate::pipeline::camera::{Board, BoardView};
+use crate::vision::camera::checkerboard;
+use crate::vision::camera::view_picker::ViewPicker;
+use crate::vision::camera::{Board, BoardView};
 
 /// Most photos of one calibration; 40 are plenty.
 pub const MAX_PHOTOS: usize = 500;

@@ -6,7 +6,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::protocol::SeenRow;
-use crate::pipeline::reason::MissReason;
+use crate::vision::reason::MissReason;
 
 /// The JSON document.
 #[derive(Debug, Serialize)]

@@ -15,8 +15,8 @@ use super::paths::{PathKind, SessionPaths};
 use super::protocol::{PathRow, QualityShape, ReasonShape, SeenRow, ToolQualityShape};
 use crate::domain::edit::{EditChange, EditsInForce, kept_span};
 use crate::domain::text::Invalid;
-use crate::pipeline::reason::MissReason;
-use crate::pipeline::trajectory::{Cut, Trajectory};
+use crate::vision::reason::MissReason;
+use crate::vision::trajectory::{Cut, Trajectory};
 
 /// Shortest recording that trimming may leave, s: a shorter one is no practice, and no feature could be measured.
 pub const MIN_KEPT_S: f64 = 1.0;

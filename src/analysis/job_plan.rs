@@ -14,11 +14,11 @@ use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::ids::{BoxId, CalibrationId, SessionId};
-use crate::pipeline::pose::fulcrum::Fulcrum;
-use crate::pipeline::quality::ports::{self, Ports};
+use crate::motion::quality::ports::{self, Ports};
 use crate::sandbox::MAX_INPUTS;
 use crate::store::{PaletteRecord, SessionOrderKey, Store, StoreError};
 use crate::vault::Vault;
+use crate::vision::pose::fulcrum::Fulcrum;
 
 /// The work of a child, its input files, and the context for judging the result.
 pub(super) struct JobPlan {

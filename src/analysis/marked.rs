@@ -3,14 +3,14 @@
 
 use crate::domain::palette::{FrameMask, PaletteReport};
 use crate::media::Picture;
-use crate::pipeline::blob::false_area::false_area;
-use crate::pipeline::frame::Frame;
-use crate::pipeline::segmentation::colour_table::ColourTable;
-use crate::pipeline::segmentation::knn::Knn;
-use crate::pipeline::segmentation::palette::confusion::Confusion;
-use crate::pipeline::segmentation::palette::{FalseArea, verdict};
-use crate::pipeline::segmentation::region_of_interest::{CELL_PX, CellBox, class_at};
-use crate::pipeline::segmentation::samples::{ColourSamples, MarkedRectangle};
+use crate::vision::blob::false_area::false_area;
+use crate::vision::frame::Frame;
+use crate::vision::segmentation::colour_table::ColourTable;
+use crate::vision::segmentation::knn::Knn;
+use crate::vision::segmentation::palette::confusion::Confusion;
+use crate::vision::segmentation::palette::{FalseArea, verdict};
+use crate::vision::segmentation::region_of_interest::{CELL_PX, CellBox, class_at};
+use crate::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
 
 /// Most marked frames kept for the report, which needs all colours; further frames only give samples. A 1080p frame
 /// takes 3 MB.

@@ -19,7 +19,7 @@ use crate::domain::photo_check::PhotoCheck;
 use crate::domain::problem::Problem;
 use crate::domain::self_test::SelfTestReport;
 use crate::media::{CapturedFrame, MediaLimits, SourceInfo};
-use crate::pipeline::features::running::LIVE_FEATURES;
+use crate::motion::features::running::LIVE_FEATURES;
 
 /// Largest preview, bytes.
 const MAX_PREVIEW_BYTES: usize = 1 << 20;

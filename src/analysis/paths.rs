@@ -4,8 +4,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::protocol::{PathRow, QualityShape, decode, encode};
-pub use crate::pipeline::trajectory::PathKind;
-use crate::pipeline::trajectory::{self, Cut, Sample, Trajectory};
+pub use crate::vision::trajectory::PathKind;
+use crate::vision::trajectory::{self, Cut, Sample, Trajectory};
 
 /// Magic bytes at the start of every blob; the last byte is the version of the format.
 const MAGIC: [u8; 8] = *b"trocarP\x02";

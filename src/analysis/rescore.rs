@@ -14,7 +14,7 @@ use crate::domain::job::{ImportInput, JobInput, RescoreInput};
 use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
 use crate::domain::session::{NewResult, NewScore, Versions, VideoFacts, imported_pipeline_version};
-use crate::pipeline::PIPELINE_VERSION;
+use crate::motion::PIPELINE_VERSION;
 use crate::queue::HeldJob;
 use crate::shutdown::Shutdown;
 use crate::store::SessionResult;

@@ -20,13 +20,13 @@ use crate::domain::job::{SelfTestInput, TrackInput};
 use crate::domain::palette::{LabelCount, NewPalette, PaletteAdvice};
 use crate::domain::self_test::NewSelfTest;
 use crate::domain::session::{FeatureError, FeatureRow, Versions, VideoFacts};
-use crate::pipeline::PIPELINE_VERSION;
-use crate::pipeline::assessment::{AssessmentSettings, assess};
-use crate::pipeline::features::FeatureValue;
-use crate::pipeline::features::errors::ErrorBar;
-use crate::pipeline::quality::{self, QualityInput};
-use crate::pipeline::tracker::{MotionSettings, Quality, ToolQuality};
-use crate::pipeline::trajectory::{PathKind, SampleState, Trajectory};
+use crate::motion::PIPELINE_VERSION;
+use crate::motion::assessment::{AssessmentSettings, assess};
+use crate::motion::features::FeatureValue;
+use crate::motion::features::errors::ErrorBar;
+use crate::motion::quality::{self, QualityInput};
+use crate::vision::tracker::{MotionSettings, Quality, ToolQuality};
+use crate::vision::trajectory::{PathKind, SampleState, Trajectory};
 
 /// Why a child's output makes no result, although each record was valid.
 #[derive(Debug, thiserror::Error)]

@@ -2,14 +2,14 @@
 //!
 //! The command line and the service's confined child both go through here.
 
+use crate::checks::self_test::{BoardWatch, ColourWatch, SelfTestEvidence, measure, verdict};
 use crate::domain::self_test::SelfTestReport;
 use crate::media::{MediaError, Picture, ReadAhead, VideoFile};
-use crate::pipeline::camera::Board;
-use crate::pipeline::frame::Frame;
-use crate::pipeline::quality::ports::Ports;
-use crate::pipeline::self_test::{BoardWatch, ColourWatch, SelfTestEvidence, measure, verdict};
-use crate::pipeline::tracker::{MAX_WARM_UP_FRAMES, SettingsProblem, Tracker, TrackerSettings};
-use crate::pipeline::trajectory::PathKind;
+use crate::motion::quality::ports::Ports;
+use crate::vision::camera::Board;
+use crate::vision::frame::Frame;
+use crate::vision::tracker::{MAX_WARM_UP_FRAMES, SettingsProblem, Tracker, TrackerSettings};
+use crate::vision::trajectory::PathKind;
 
 /// What a self-test needs besides the recording and the tracker's settings.
 #[derive(Clone, Debug, PartialEq)]

@@ -15,7 +15,7 @@ use super::settings::AnalysisSettings;
 use crate::domain::job::JobInput;
 use crate::domain::problem::Problem;
 use crate::domain::session::NewResult;
-use crate::pipeline::quality::ports::Ports;
+use crate::motion::quality::ports::Ports;
 use crate::queue::{HeldJob, Queue, is_lease_lost};
 use crate::sandbox::{Budget, Program, StopSwitch};
 use crate::shutdown::Shutdown;

@@ -16,8 +16,8 @@ use crate::domain::named;
 use crate::domain::session::SessionStatus;
 use crate::domain::standard::{Judgement, Target};
 use crate::ids::SessionId;
-use crate::pipeline::score::interval::ConfidenceInterval;
-use crate::pipeline::score::{NoAnswer, TrialOutcome};
+use crate::statistics::interval::ConfidenceInterval;
+use crate::statistics::{NoAnswer, TrialOutcome};
 
 /// A trainee's progress over the sessions of one task.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, ToSchema)]

@@ -6,10 +6,10 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::domain::standard::ChartDesign;
-use crate::pipeline::features::Direction;
-use crate::pipeline::score::NoAnswer;
-use crate::pipeline::score::curve::{self, LearningFit, NumberedValue};
-use crate::pipeline::score::lc_cusum::LcCusumMonitor;
+use crate::motion::features::Direction;
+use crate::statistics::NoAnswer;
+use crate::statistics::curve::{self, LearningFit, NumberedValue};
+use crate::statistics::lc_cusum::LcCusumMonitor;
 
 /// Recently computed charts and learning curves.
 #[derive(Debug)]

@@ -16,7 +16,7 @@ use crate::domain::session::SessionStatus;
 use crate::domain::standard::StandardDefinition;
 use crate::domain::text::Key;
 use crate::ids::{CourseId, GroupId, SessionId, TaskId, TraineeId};
-use crate::pipeline::score::lc_cusum::LcCusumMonitor;
+use crate::statistics::lc_cusum::LcCusumMonitor;
 use crate::store::{
     CourseRecord, CourseStep, GroupCoursePlan, GroupRecord, Practice, PracticeSession, StandardRecord, StoreError,
     TraineeCourse, TraineeRecord, TraineeTask,

@@ -15,9 +15,9 @@ use crate::domain::standard::MisjudgedShare;
 use crate::domain::text::{Invalid, Key};
 use crate::domain::trainee::Handedness;
 use crate::ids::TaskId;
-use crate::pipeline::PIPELINE_VERSION;
-use crate::pipeline::features::Feature;
-use crate::pipeline::score::standard::{meeting_rate, missing_rate};
+use crate::motion::PIPELINE_VERSION;
+use crate::motion::features::Feature;
+use crate::statistics::standard::{meeting_rate, missing_rate};
 use crate::store::CohortValue;
 
 /// Parameters of a distribution.

@@ -1,5 +1,5 @@
 //! Standards, cohorts and progress: computes ranks, judgements, curves and alarms from stored sessions, with the
-//! methods of [`crate::pipeline::score`].
+//! methods of [`crate::statistics`].
 //!
 //! | file | holds |
 //! |---|---|

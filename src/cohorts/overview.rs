@@ -15,8 +15,8 @@ use crate::domain::scope::Scope;
 use crate::domain::standard::{StandardDefinition, Target};
 use crate::domain::text::Invalid;
 use crate::ids::{GroupId, SessionId, TraineeId};
-use crate::pipeline::features::find;
-use crate::pipeline::score::lc_cusum::LcCusumMonitor;
+use crate::motion::features::find;
+use crate::statistics::lc_cusum::LcCusumMonitor;
 use crate::store::{GroupRecord, Practice, StandardRecord, TaskRecord, TraineeRecord, TraineeTask};
 
 /// Limit of rows in a table, so that it stays readable.

@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 use crate::domain::feature::{FeatureKey, depends_on_camera};
 use crate::domain::trainee::Handedness;
 use crate::ids::{CalibrationId, TraineeId};
-use crate::pipeline::score::{NoAnswer, PersonValues};
+use crate::statistics::{NoAnswer, PersonValues};
 use crate::store::CohortValue;
 
 /// Number of last sessions per person that count. Their median is the person's value: current skill, not that of the

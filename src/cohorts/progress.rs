@@ -16,8 +16,8 @@ use crate::domain::session::{FeatureSpace, SessionStatus};
 use crate::domain::standard::StandardDefinition;
 use crate::domain::text::{Invalid, Key};
 use crate::domain::trainee::Handedness;
-use crate::pipeline::features::find;
-use crate::pipeline::score::lc_cusum::LcCusumMonitor;
+use crate::motion::features::find;
+use crate::statistics::lc_cusum::LcCusumMonitor;
 use crate::store::{CohortRecord, Practice, PracticeSession, StandardRecord, TaskRecord, TraineeRecord};
 use crate::time::to_rfc3339;
 

@@ -13,10 +13,10 @@ use crate::domain::standard::{
 use crate::domain::text::{Invalid, Key};
 use crate::domain::trainee::Handedness;
 use crate::ids::{TaskId, TraineeId};
-use crate::pipeline::PIPELINE_VERSION;
-use crate::pipeline::features::{Direction, Feature, time};
-use crate::pipeline::score::standard::{self, best_share, contrasting_groups, fls, trimmed_experts};
-use crate::pipeline::score::{NoAnswer, PersonValues};
+use crate::motion::PIPELINE_VERSION;
+use crate::motion::features::{Direction, Feature, time};
+use crate::statistics::standard::{self, best_share, contrasting_groups, fls, trimmed_experts};
+use crate::statistics::{NoAnswer, PersonValues};
 use crate::store::{CohortRecord, CohortValue, StoreError};
 
 /// A standard that is not stored yet.

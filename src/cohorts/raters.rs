@@ -20,10 +20,10 @@ use crate::domain::rating::{RatingForm, total};
 use crate::domain::scope::Scope;
 use crate::domain::trainee::Handedness;
 use crate::ids::{PersonId, SessionId, TaskId, TraineeId};
-use crate::pipeline::features;
-use crate::pipeline::score::agreement::{self, Correlation, MIN_RATED, SameRaters, icc, same_raters, spearman};
-use crate::pipeline::score::false_discovery::{adjusted_p_values, correlation_p_value};
-use crate::pipeline::score::{MIN_PEOPLE, NoAnswer};
+use crate::motion::features;
+use crate::statistics::agreement::{self, Correlation, MIN_RATED, SameRaters, icc, same_raters, spearman};
+use crate::statistics::false_discovery::{adjusted_p_values, correlation_p_value};
+use crate::statistics::{MIN_PEOPLE, NoAnswer};
 use crate::store::{GivenRating, SessionValue};
 
 /// Limit of rated sessions whose features are read; the newest ones are used.

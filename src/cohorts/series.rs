@@ -10,10 +10,10 @@ use crate::domain::feature::{FeatureKey, depends_on_camera};
 use crate::domain::standard::{StandardDefinition, Target, ValueToJudge};
 use crate::domain::trainee::Handedness;
 use crate::ids::TraineeId;
-use crate::pipeline::features::{Direction, Feature};
-use crate::pipeline::score::curve::{self, NumberedValue};
-use crate::pipeline::score::interval::MeasuredValue;
-use crate::pipeline::score::{NoAnswer, cohort};
+use crate::motion::features::{Direction, Feature};
+use crate::statistics::curve::{self, NumberedValue};
+use crate::statistics::interval::MeasuredValue;
+use crate::statistics::{NoAnswer, cohort};
 use crate::store::{CohortValue, PracticeMeasurement, PracticeResult, PracticeSession};
 
 /// Number of points of a fitted curve. Charts draw straight lines between them.

@@ -10,8 +10,8 @@ use crate::domain::skill::{
     verdict_features,
 };
 use crate::ids::{TaskId, TraineeId};
-use crate::pipeline::PIPELINE_VERSION;
-use crate::pipeline::score::skill::{
+use crate::motion::PIPELINE_VERSION;
+use crate::statistics::skill::{
     LabelledSession, MAX_PER_LEVEL, MAX_SESSIONS_EACH, MIN_PER_LEVEL, NoModel, SkillDataset, SkillLevel,
 };
 use crate::store::{DeclaredSession, NewSkillModel, SessionResult, SkillModelRecord, StoreError};

@@ -8,11 +8,11 @@ use super::series::NumberedSession;
 use crate::domain::session::SessionStatus;
 use crate::domain::standard::{ChartDesign, StandardDefinition, StandardRule, Target};
 use crate::domain::trainee::Handedness;
-use crate::pipeline::score::TrialOutcome;
-use crate::pipeline::score::lc_cusum::{CompetenceEvent, CompetenceHistory, LcCusumMonitor, LcCusumPoint, Standing};
-use crate::pipeline::score::pass_rule::{self, PassRule};
-use crate::pipeline::score::reminder::{self, ReminderState, reminders};
-use crate::pipeline::score::standard::TargetJudgement;
+use crate::statistics::TrialOutcome;
+use crate::statistics::lc_cusum::{CompetenceEvent, CompetenceHistory, LcCusumMonitor, LcCusumPoint, Standing};
+use crate::statistics::pass_rule::{self, PassRule};
+use crate::statistics::reminder::{self, ReminderState, reminders};
+use crate::statistics::standard::TargetJudgement;
 use crate::store::PracticeSession;
 use crate::time::to_rfc3339;
 

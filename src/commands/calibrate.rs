@@ -14,8 +14,8 @@ use super::CommandFailure;
 use crate::analysis::calibration::{self, Views, ViewsError};
 use crate::domain::files::calibration::camera_file;
 use crate::media::MediaLimits;
-use crate::pipeline::camera::report::CornerCounts;
-use crate::pipeline::camera::{Board, BoardView, Calibration, PhotoReason, PhotoReport, calibrate};
+use crate::vision::camera::report::CornerCounts;
+use crate::vision::camera::{Board, BoardView, Calibration, PhotoReason, PhotoReport, calibrate};
 
 /// Arguments of `trocar calibrate`.
 #[derive(clap::Args)]

@@ -11,7 +11,7 @@ use anyhow::Context;
 use clap::{Parser, Subcommand};
 
 use crate::domain::files::trajectory::read_csv;
-use crate::pipeline::trajectory::Trajectory;
+use crate::vision::trajectory::Trajectory;
 
 mod admin;
 mod agent;

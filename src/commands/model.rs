@@ -13,7 +13,7 @@ use super::{CommandFailure, print_result};
 use crate::domain::session::FeatureSpace;
 use crate::domain::skill::{ModelFile, ModelReport, Reading, Readings, most_common_tool_count, verdict_features};
 use crate::domain::trainee::Level;
-use crate::pipeline::score::skill::{LabelledSession, MAX_SESSIONS_EACH, SkillDataset};
+use crate::statistics::skill::{LabelledSession, MAX_SESSIONS_EACH, SkillDataset};
 
 /// Arguments of `trocar model`.
 #[derive(clap::Args)]

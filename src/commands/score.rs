@@ -10,11 +10,11 @@ use super::table::TextTable;
 use super::{CommandFailure, print_result, read_trajectory, verdict};
 use crate::domain::files::quality::ConcernDocument;
 use crate::domain::skill::{ModelFile, SkillVerdict};
-use crate::pipeline::PIPELINE_VERSION;
-use crate::pipeline::assessment::{Assessment, AssessmentSettings, assess};
-use crate::pipeline::features::FeatureValue;
-use crate::pipeline::quality::{self, QualityInput, QualityVerdict};
-use crate::pipeline::trajectory::Trajectory;
+use crate::motion::PIPELINE_VERSION;
+use crate::motion::assessment::{Assessment, AssessmentSettings, assess};
+use crate::motion::features::FeatureValue;
+use crate::motion::quality::{self, QualityInput, QualityVerdict};
+use crate::vision::trajectory::Trajectory;
 
 mod evidence;
 mod reference;

@@ -15,9 +15,9 @@ use crate::analysis::self_test::{MAX_REACH_MM, SelfTestSetup, test_video};
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::files::camera::CameraFile;
 use crate::domain::self_test::{HoldReport, SelfTestReport, TrafficLight};
-use crate::pipeline::camera::Board;
-use crate::pipeline::camera::report::CornerCounts;
-use crate::pipeline::quality::ports::Ports;
+use crate::motion::quality::ports::Ports;
+use crate::vision::camera::Board;
+use crate::vision::camera::report::CornerCounts;
 
 /// Arguments of `trocar self-test`.
 #[derive(clap::Args)]

@@ -31,7 +31,7 @@ use crate::http::watcher_slots::WatcherSlots;
 use crate::http::{router, server};
 use crate::intake::Intake;
 use crate::live::{self, FeedService, OpenFeeds};
-use crate::pipeline::PIPELINE_VERSION;
+use crate::motion::PIPELINE_VERSION;
 use crate::queue::Queue;
 use crate::rescoring::{self, RescoringSettings};
 use crate::sandbox::{self, Program};

@@ -24,14 +24,14 @@ use crate::domain::files::quality::QualityDocument;
 use crate::domain::files::trajectory::write_csv;
 use crate::heap;
 use crate::media::{MediaError, MediaLimits, Picture, ReadAhead, VideoFile};
-use crate::pipeline::frame::Frame;
-use crate::pipeline::quality::{self, QualityInput};
-use crate::pipeline::segmentation::palette::{self, TapeVerdict};
-use crate::pipeline::segmentation::samples::{ColourSamples, MarkedRectangle};
-use crate::pipeline::tracker::{
+use crate::motion::quality::{self, QualityInput};
+use crate::vision::frame::Frame;
+use crate::vision::segmentation::palette::{self, TapeVerdict};
+use crate::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
+use crate::vision::tracker::{
     CameraView, HandSide, MAX_WARM_UP_FRAMES, MotionSettings, PoseMethod, ToolSpec, Tracker, TrackerSettings, Tracking,
 };
-use crate::pipeline::trajectory::{PathKind, Sample, Trajectory};
+use crate::vision::trajectory::{PathKind, Sample, Trajectory};
 
 /// Arguments of `trocar track`.
 #[derive(clap::Args)]

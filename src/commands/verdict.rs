@@ -1,6 +1,6 @@
 //! The quality verdict on a session, as text for people.
 
-use crate::pipeline::quality::QualityVerdict;
+use crate::motion::quality::QualityVerdict;
 
 /// The verdict, and one line per reason: the finding and what to do about it.
 pub fn text(verdict: &QualityVerdict) -> String {

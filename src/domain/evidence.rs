@@ -5,8 +5,8 @@ use utoipa::ToSchema;
 
 use super::feature::FeatureKey;
 use super::named;
-use crate::pipeline::features::view::UnseenCause;
-use crate::pipeline::stretches::{FeatureStretches, MAX_STRETCHES, NoStretches, Stretch};
+use crate::motion::features::view::UnseenCause;
+use crate::motion::stretches::{FeatureStretches, MAX_STRETCHES, NoStretches, Stretch};
 
 /// Maximum number of rows of one session: more than there are combinations of features, tools and spaces.
 pub const MAX_ROWS: usize = 2_000;

@@ -6,7 +6,7 @@ use utoipa::ToSchema;
 use super::session::{FeatureRow, FeatureSpace};
 use super::text::Invalid;
 
-use crate::pipeline::features::{self, Family, Feature, Space};
+use crate::motion::features::{self, Family, Feature, Space};
 
 /// One feature of a session: of one tool, or of the session as a whole, in one space.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]

@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 use super::boxes::BoxTool;
 use super::files::annotations::AnnotationsFile;
 use super::named;
-use crate::pipeline::segmentation::palette::advice::{PairAdvice, TapeAdvice, TapeRanking};
-use crate::pipeline::segmentation::palette::confusion::{Confusion, LabelConfusion};
-use crate::pipeline::segmentation::palette::light::LightCondition;
-use crate::pipeline::segmentation::palette::{FalseArea, Grade, Margin, TapeVerdict, verdict};
+use crate::vision::segmentation::palette::advice::{PairAdvice, TapeAdvice, TapeRanking};
+use crate::vision::segmentation::palette::confusion::{Confusion, LabelConfusion};
+use crate::vision::segmentation::palette::light::LightCondition;
+use crate::vision::segmentation::palette::{FalseArea, Grade, Margin, TapeVerdict, verdict};
 
 /// Colour samples to be stored as a box's next version.
 #[derive(Clone, Debug, PartialEq)]

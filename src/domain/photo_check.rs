@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::named;
-use crate::pipeline::camera::photo_inspection;
-use crate::pipeline::camera::{Board, Coverage};
+use crate::vision::camera::photo_inspection;
+use crate::vision::camera::{Board, Coverage};
 
 named! {
     /// A side of a picture, or of a board in the picture.

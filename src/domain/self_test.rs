@@ -5,11 +5,11 @@ use utoipa::ToSchema;
 
 use super::calibration::BoardSize;
 use super::named;
-use crate::ids::{CalibrationId, PaletteId, PersonId};
-use crate::pipeline::self_test::{
+use crate::checks::self_test::{
     BoardPlacement, PartVerdict, SelfTestFindings, SelfTestPart, SelfTestVerdict, Signal, Touch, TouchAccuracy,
     UnusableReason,
 };
+use crate::ids::{CalibrationId, PaletteId, PersonId};
 
 named! {
     /// A traffic light.

@@ -9,7 +9,7 @@ use super::job::JobState;
 use super::named;
 use super::text::{FileName, TrackerName};
 use crate::ids::{BoxId, CalibrationId, PaletteId, ResultId, TaskId, TraineeId};
-use crate::pipeline::{PIPELINE_VERSION, features};
+use crate::motion::{PIPELINE_VERSION, features};
 
 named! {
     /// A session's status, for people.
@@ -67,7 +67,7 @@ pub fn imported_pipeline_version(tracker: &TrackerName) -> String {
 /// The versions that a result depends on, besides the recording.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct Versions {
-    /// [`crate::pipeline::PIPELINE_VERSION`] of the program that made it; with the tracker's name for an imported
+    /// [`crate::motion::PIPELINE_VERSION`] of the program that made it; with the tracker's name for an imported
     /// trajectory ([`imported_pipeline_version`]).
     pub pipeline: String,
     /// The version that tracked the recording, if a later version scored its trajectory again; `null`: same as

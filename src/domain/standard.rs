@@ -16,11 +16,11 @@ pub use new_standard::{LimitMethod, MAX_TARGETS, NewStandard, NewTarget, Preset}
 use super::feature::FeatureKey;
 use super::named;
 use super::trainee::Handedness;
-use crate::pipeline::features::{self, Direction};
-use crate::pipeline::score::interval::ConfidenceInterval;
-use crate::pipeline::score::lc_cusum;
-use crate::pipeline::score::pass_rule::PassRule;
-use crate::pipeline::score::standard::{self, ErrorRate};
+use crate::motion::features::{self, Direction};
+use crate::statistics::interval::ConfidenceInterval;
+use crate::statistics::lc_cusum;
+use crate::statistics::pass_rule::PassRule;
+use crate::statistics::standard::{self, ErrorRate};
 
 /// A task's standard as stored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]

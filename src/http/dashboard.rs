@@ -139,7 +139,7 @@ fn media_type(path: &str, guessed: &str) -> HeaderValue {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::quality::QualityCause;
+    use crate::motion::quality::QualityCause;
 
     #[test]
     fn a_view_differs_from_a_missing_file() {

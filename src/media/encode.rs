@@ -6,7 +6,7 @@ use std::io::{Seek, Write};
 use ff::{Dictionary, Packet, Rational, codec, encoder, format, frame, software::scaling, util::color};
 use ffmpeg_next as ff;
 
-use crate::pipeline::frame::{Frame, Matrix, Plane, Range};
+use crate::vision::frame::{Frame, Matrix, Plane, Range};
 
 /// Ticks of a recording's clock in a second; the usual rate of video containers.
 pub const TICKS_PER_S: i32 = 90_000;

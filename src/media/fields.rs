@@ -8,7 +8,7 @@
 //! need it can apply it to the recording with one command.
 
 use super::picture::OwnedPlane;
-use crate::pipeline::frame::Plane;
+use crate::vision::frame::Plane;
 
 /// Copies one field of a plane, which begins at line `first` (0 or 1), and fills the lines between with the mean of
 /// their neighbours.

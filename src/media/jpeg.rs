@@ -6,7 +6,7 @@ use ffmpeg_next::ffi;
 
 use super::encode::{EncodeError, copy_frame};
 use crate::domain::feed::MAX_PAYLOAD;
-use crate::pipeline::frame::{ColourEncoding, Frame, Matrix, Range};
+use crate::vision::frame::{ColourEncoding, Frame, Matrix, Range};
 
 /// Size and quality of JPEGs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -149,7 +149,7 @@ mod tests {
     use image::{DynamicImage, ImageFormat};
 
     use super::*;
-    use crate::pipeline::frame::Plane;
+    use crate::vision::frame::Plane;
 
     /// Codes a picture of one colour, given as camera samples, and returns the colour that a JPEG decoder shows.
     fn shown(codes: [u8; 3], encoding: ColourEncoding) -> [u8; 3] {

@@ -11,7 +11,7 @@ use image::{DynamicImage, ImageDecoder, ImageReader};
 
 use super::file::check_size;
 use super::{MediaError, MediaLimits, Picture, VideoFile};
-use crate::pipeline::frame::Plane;
+use crate::vision::frame::Plane;
 
 /// Maximum memory for decoding one photo, bytes. A picture of the largest size in [`MediaLimits`] with four channels of
 /// sixteen bits takes 75 MB.

@@ -2,7 +2,7 @@
 
 use ffmpeg_next::frame;
 
-use crate::pipeline::frame::{ColourEncoding, Frame, Matrix, Plane, Range};
+use crate::vision::frame::{ColourEncoding, Frame, Matrix, Plane, Range};
 
 /// One decoded picture; owns its memory.
 pub struct Picture {

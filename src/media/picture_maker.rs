@@ -6,7 +6,7 @@ use ffmpeg_next::{format, frame, software::scaling, util::color};
 use super::MediaError;
 use super::fields::keep_one_field;
 use super::picture::{OwnedPlane, Picture, PlanarFrame, Planes, plane_of};
-use crate::pipeline::frame::{ColourEncoding, Matrix, Plane, Range};
+use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
 
 /// The rotation needed for display, clockwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use std::io::Cursor;
 use std::sync::Arc;
 
 use super::{MediaLimits, SampleFormat, VideoFile, VideoSettings, VideoWriter};
-use crate::pipeline::frame::{ColourEncoding, Frame, Matrix, Plane, Range};
+use crate::vision::frame::{ColourEncoding, Frame, Matrix, Plane, Range};
 
 const WIDTH: usize = 96;
 const HEIGHT: usize = 64;

@@ -6,8 +6,8 @@ use super::board::SurfacePoint;
 use super::light::{Lighting, Material, Rgb};
 use super::render::{Photo, Photographer};
 use super::rig::Rig;
-use crate::pipeline::space::CameraPoint;
 use crate::random::Dice;
+use crate::vision::space::CameraPoint;
 
 /// Inner corners across.
 pub const COLUMNS: usize = 9;

@@ -5,8 +5,8 @@ use nalgebra::Point3;
 use super::tool::ToolPose;
 use super::truth;
 use super::world::World;
-use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::random::Dice;
+use crate::vision::space::{CameraPoint, Pixel};
 
 /// One rectangle, pixels of the recorded frame; `x`, `y` is the first pixel inside.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -3,8 +3,8 @@
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::light::{Lamp, Lighting};
-use crate::pipeline::camera::Camera;
 use crate::random::Dice;
+use crate::vision::camera::Camera;
 
 /// Position of the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

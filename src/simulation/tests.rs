@@ -6,8 +6,8 @@ use super::light::Lamp;
 use super::render::{Chroma, Renderer};
 use super::skill::Skill;
 use super::{RigView, Scenario, Setup, World, truth};
-use crate::pipeline::camera::Camera;
-use crate::pipeline::space::CameraPoint;
+use crate::vision::camera::Camera;
+use crate::vision::space::CameraPoint;
 
 fn small(scenario: Scenario, skill: Skill, seed: u64) -> Setup {
     Setup { width: 320, height: 180, ..Setup::new(scenario, skill, seed) }
@@ -93,7 +93,7 @@ fn both_cross_leave_and_return_in_the_other_order_in_exchange() {
     for view in [RigView::Top, RigView::Side] {
         let world = World::new(&Setup { view, ..small(Scenario::Exchange, Skill::INTERMEDIATE, 2) });
         let seen: Vec<_> = times(&world, 0.05).map(|t| truth::at(&world, t)).collect();
-        let crossed = |tools: &[crate::pipeline::evaluation::TruthTool]| tools[0].tip_mm.x > tools[1].tip_mm.x + 20.0;
+        let crossed = |tools: &[truth::TrueTool]| tools[0].tip_mm.x > tools[1].tip_mm.x + 20.0;
         assert!(seen.iter().any(|tools| crossed(tools)), "{view:?}: never crossed");
         let absent =
             |tool: usize| -> Vec<usize> { (0..seen.len()).filter(|k| seen[*k][tool].visible == 0.0).collect() };
@@ -267,7 +267,7 @@ fn middle_of(row: &[f64]) -> f64 {
 
 /// The column at which row `v` crosses a tangent plane's image, by bisection from a column inside.
 fn crossing(camera: &Camera, border: Vector3<f64>, v: f64, inside: f64) -> f64 {
-    let side = |u: f64| border.dot(&camera.normalised_of(crate::pipeline::space::Pixel::new(u, v)).unwrap().ray());
+    let side = |u: f64| border.dot(&camera.normalised_of(crate::vision::space::Pixel::new(u, v)).unwrap().ray());
     let reach = 60.0;
     let outside = if side(inside - reach) < 0.0 { inside - reach } else { inside + reach };
     let (mut out, mut within) = (outside, inside);

@@ -1,24 +1,38 @@
 //! The true pose and visibility of every tool at a time: the reference for measuring a tracker.
 
-use nalgebra::Point3;
+use nalgebra::{Point2, Point3, Vector3};
 
 use super::board::Scenery;
 use super::shape::RoundCone;
 use super::tool::{SimulatedTool, ToolPose, side_of};
 use super::world::World;
-use crate::pipeline::evaluation::TruthTool;
-use crate::pipeline::space::{CameraPoint, Pixel};
+use crate::vision::space::{CameraPoint, Pixel};
+
+/// The true pose of one tool at one time, and how much of its band can be seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrueTool {
+    /// The tool's name.
+    pub tool: String,
+    /// Tip in the camera frame, mm.
+    pub tip_mm: Point3<f64>,
+    /// Unit vector along the tube from the hand to the tip.
+    pub axis: Vector3<f64>,
+    /// Tip in the recorded frame, pixels; none if the tip is behind the camera.
+    pub tip_px: Option<Point2<f64>>,
+    /// Share of the band's camera-facing surface that is in the picture and not hidden, 0 to 1.
+    pub visible: f64,
+}
 
 /// Every tool at this time. `tip_px` is the projected tip, whether or not it is hidden or outside the picture; none if
 /// the tip is behind the camera. `visible` is the share of the band's surface facing the camera, by projected area,
 /// that is in the picture and not hidden by another tool or a prop.
-pub fn at(world: &World, time_s: f64) -> Vec<TruthTool> {
+pub fn at(world: &World, time_s: f64) -> Vec<TrueTool> {
     let poses = world.poses(time_s);
     let scenery = &world.stages[world.stage_at(time_s)].scenery;
-    let of_tool = |(index, pose): (usize, &ToolPose)| TruthTool {
+    let of_tool = |(index, pose): (usize, &ToolPose)| TrueTool {
         tool: world.tools[index].name.to_owned(),
         tip_mm: pose.tip,
-        axis: Some(pose.axis),
+        axis: pose.axis,
         tip_px: world.rig.camera.project(CameraPoint(pose.tip)).map(|pixel| pixel.0),
         visible: visible_share(world, scenery, &poses, index),
     };

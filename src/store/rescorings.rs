@@ -14,7 +14,7 @@ use crate::domain::problem::Problem;
 use crate::domain::rescoring::{NewRescoring, RescoringSelection, RescoringSource};
 use crate::domain::standard::SessionJudgement;
 use crate::ids::{RescoringId, ResultId, SessionId, StandardId, TaskId};
-use crate::pipeline::PIPELINE_VERSION;
+use crate::motion::PIPELINE_VERSION;
 
 mod report;
 

@@ -9,7 +9,7 @@ use super::visibility::{BindScope, sees_box};
 use super::{Scope, Store};
 use crate::domain::self_test::{NewSelfTest, SelfTestReport, TrafficLight};
 use crate::ids::{BoxId, CalibrationId, PaletteId, SelfTestId};
-use crate::pipeline::PIPELINE_VERSION;
+use crate::motion::PIPELINE_VERSION;
 
 /// Access to the boxes' self-tests. New ones come from a job ([`super::JobStore::finish_self_test`]).
 pub struct SelfTestStore<'s>(pub(super) &'s Store);

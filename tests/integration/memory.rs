@@ -3,9 +3,9 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use trocar::pipeline::frame::Frame;
-use trocar::pipeline::trajectory::PathKind;
 use trocar::simulation::{Scenario, Setup, Skill};
+use trocar::vision::frame::Frame;
+use trocar::vision::trajectory::PathKind;
 
 use crate::truth::Recording;
 

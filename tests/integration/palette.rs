@@ -1,21 +1,21 @@
 //! Tapes in the simulated box: the advice before a recording, and the result of the tracker.
 
-use trocar::pipeline::blob::false_area::false_area;
-use trocar::pipeline::evaluation::{Accuracy, Truth, TruthFrame, accuracy};
-use trocar::pipeline::frame::Frame;
-use trocar::pipeline::quality::{self, Concern, QualityCause, QualityInput, Severity};
-use trocar::pipeline::segmentation::colour_table::ColourTable;
-use trocar::pipeline::segmentation::knn::Knn;
-use trocar::pipeline::segmentation::palette::advice::{self, rank_tapes};
-use trocar::pipeline::segmentation::palette::confusion::Confusion;
-use trocar::pipeline::segmentation::palette::{FalseArea, Grade, TapeVerdict, verdict, verdicts};
-use trocar::pipeline::segmentation::samples::{ColourSamples, MarkedRectangle};
-use trocar::pipeline::tracker::{CameraView, MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
-use trocar::pipeline::trajectory::PathKind;
+use trocar::checks::evaluation::{Accuracy, Truth, TruthFrame, TruthTool, accuracy};
+use trocar::motion::quality::{self, Concern, QualityCause, QualityInput, Severity};
 use trocar::simulation::marks::{self, SimulatedMark};
 use trocar::simulation::render::{Rendered, Renderer};
 use trocar::simulation::tool::TapeDesign;
 use trocar::simulation::{Scenario, Setup, Skill, World, truth};
+use trocar::vision::blob::false_area::false_area;
+use trocar::vision::frame::Frame;
+use trocar::vision::segmentation::colour_table::ColourTable;
+use trocar::vision::segmentation::knn::Knn;
+use trocar::vision::segmentation::palette::advice::{self, rank_tapes};
+use trocar::vision::segmentation::palette::confusion::Confusion;
+use trocar::vision::segmentation::palette::{FalseArea, Grade, TapeVerdict, verdict, verdicts};
+use trocar::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
+use trocar::vision::tracker::{CameraView, MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
+use trocar::vision::trajectory::PathKind;
 
 const FRAMES: usize = 24;
 const FPS: f64 = 8.0;
@@ -98,7 +98,7 @@ impl TapedBox {
         let frame = |(index, time_s): (usize, &f64)| TruthFrame {
             frame: index as u64,
             time_s: *time_s,
-            tools: truth::at(&self.world, *time_s),
+            tools: truth::at(&self.world, *time_s).into_iter().map(TruthTool::from).collect(),
         };
         let truth = Truth { frames: self.times_s.iter().enumerate().map(frame).collect() };
         accuracy(&tracking.trajectory(PathKind::Smoothed), &truth).unwrap()

@@ -19,7 +19,7 @@ use trocar::domain::session::{
 };
 use trocar::domain::text::Key;
 use trocar::ids::{BoxId, CalibrationId, PaletteId, SessionId, TaskId, TraineeId};
-use trocar::pipeline::PIPELINE_VERSION;
+use trocar::motion::PIPELINE_VERSION;
 use trocar::store::{Lease, Store, StoreSettings};
 use trocar::time::SystemClock;
 

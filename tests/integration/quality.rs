@@ -1,17 +1,17 @@
 //! Pictures with known faults through the tracker and the quality gate: each fault is named, and good recordings pass.
 
-use trocar::pipeline::camera::Camera;
-use trocar::pipeline::frame::{Frame, Plane};
-use trocar::pipeline::quality::{
+use trocar::motion::quality::{
     Figures, NoiseFloorBasis, QualityCause, QualityInput, QualityVerdict, Severity, judge, measure,
 };
-use trocar::pipeline::segmentation::samples::{ColourSamples, MarkedRectangle};
-use trocar::pipeline::space::CameraPoint;
-use trocar::pipeline::tracker::{DiameterBasis, MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
-use trocar::pipeline::trajectory::PathKind;
 use trocar::random::Dice;
 use trocar::simulation::render::{Rendered, Renderer};
 use trocar::simulation::{Scenario, Setup, Skill, World, marks, truth};
+use trocar::vision::camera::Camera;
+use trocar::vision::frame::{Frame, Plane};
+use trocar::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
+use trocar::vision::space::CameraPoint;
+use trocar::vision::tracker::{DiameterBasis, MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
+use trocar::vision::trajectory::PathKind;
 
 const FRAME_S: f64 = 0.04;
 

@@ -1,9 +1,9 @@
 //! Two tools with the same tape, rendered and tracked: neither gets the name or path of the other.
 
-use trocar::pipeline::evaluation::{Accuracy, accuracy};
-use trocar::pipeline::trajectory::PathKind;
+use trocar::checks::evaluation::{Accuracy, accuracy};
 use trocar::simulation::tool::TapeDesign;
 use trocar::simulation::{RigView, Scenario, Setup, Skill};
+use trocar::vision::trajectory::PathKind;
 
 use crate::truth::Recording;
 

@@ -3,17 +3,15 @@
 //! Pixels come from the renderer, not from a file. These tests judge the measurement: the simulator and the tracker,
 //! which share only the camera model, must agree on the position of a tool.
 
-use trocar::pipeline::camera::Camera;
-use trocar::pipeline::evaluation::{Accuracy, Truth, TruthFrame, accuracy};
-use trocar::pipeline::frame::Frame;
-use trocar::pipeline::segmentation::samples::{ColourSamples, MarkedRectangle};
-use trocar::pipeline::space::CameraPoint;
-use trocar::pipeline::tracker::{
-    CameraView as TrackerView, DiameterBasis, ToolSpec, Tracker, TrackerSettings, Tracking,
-};
-use trocar::pipeline::trajectory::PathKind;
+use trocar::checks::evaluation::{Accuracy, Truth, TruthFrame, TruthTool, accuracy};
 use trocar::simulation::render::{Rendered, Renderer};
 use trocar::simulation::{RigView, Scenario, Setup, Skill, World, marks, truth};
+use trocar::vision::camera::Camera;
+use trocar::vision::frame::Frame;
+use trocar::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
+use trocar::vision::space::CameraPoint;
+use trocar::vision::tracker::{CameraView as TrackerView, DiameterBasis, ToolSpec, Tracker, TrackerSettings, Tracking};
+use trocar::vision::trajectory::PathKind;
 
 const FPS: f64 = 25.0;
 
@@ -78,7 +76,7 @@ impl Recording {
         let frame = |(index, time_s): (usize, &f64)| TruthFrame {
             frame: index as u64,
             time_s: *time_s,
-            tools: truth::at(&self.world, *time_s),
+            tools: truth::at(&self.world, *time_s).into_iter().map(TruthTool::from).collect(),
         };
         Truth { frames: self.times_s.iter().enumerate().map(frame).collect() }
     }
@@ -92,7 +90,7 @@ impl Recording {
             self.world.tools.iter().map(|t| (t.design.diameter_mm, t.design.band_mm)).collect();
         for (picture, time_s) in self.pictures.iter_mut().zip(&self.times_s).take(frames) {
             for (tool, (diameter_mm, band_mm)) in truth::at(&self.world, *time_s).iter().zip(&sizes) {
-                let axis = tool.axis.unwrap();
+                let axis = tool.axis;
                 let across = axis.cross(&tool.tip_mm.coords).normalize();
                 let mut paint = |ahead_mm: f64, aside: f64, luma: u8| {
                     let place = tool.tip_mm + axis * ahead_mm + across * (aside * diameter_mm);
@@ -139,7 +137,7 @@ fn tools(world: &World) -> Vec<ToolSpec> {
 }
 
 /// The figures for frames on which at least 80 % of the band is visible.
-fn mostly_visible(accuracy: &Accuracy) -> &trocar::pipeline::evaluation::VisibilityLevel {
+fn mostly_visible(accuracy: &Accuracy) -> &trocar::checks::evaluation::VisibilityLevel {
     &accuracy.all.levels[1]
 }
 

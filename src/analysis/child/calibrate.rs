@@ -9,7 +9,7 @@ use crate::analysis::calibration::{Views, views_of_photos, views_of_video};
 use crate::analysis::protocol::{BoardShape, CalibrateWork, CalibrationShape, ChildReply};
 use crate::domain::files::calibration::camera_file;
 use crate::media::MediaLimits;
-use crate::pipeline::camera::{Board, calibrate};
+use crate::vision::camera::{Board, calibrate};
 
 /// Frames of a video between two signs of life.
 const FRAMES_PER_ALIVE: u64 = 32;

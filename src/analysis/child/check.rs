@@ -8,8 +8,8 @@ use super::{StopReason, explain};
 use crate::analysis::protocol::{BoardShape, ChildReply};
 use crate::domain::photo_check::PhotoCheck;
 use crate::media::{MediaLimits, photo};
-use crate::pipeline::camera::Board;
-use crate::pipeline::camera::photo_inspection::inspect_photo;
+use crate::vision::camera::Board;
+use crate::vision::camera::photo_inspection::inspect_photo;
 
 pub(super) fn run(
     board: BoardShape,

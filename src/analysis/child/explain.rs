@@ -5,8 +5,8 @@ use crate::analysis::protocol::MarkShape;
 use crate::analysis::self_test::SelfTestError;
 use crate::domain::problem::Problem;
 use crate::media::{MediaError, MuxError, SourceError};
-use crate::pipeline::camera::{BoardProblem, CalibrationProblem};
-use crate::pipeline::tracker::{Quality, SettingsProblem, ToolQuality};
+use crate::vision::camera::{BoardProblem, CalibrationProblem};
+use crate::vision::tracker::{Quality, SettingsProblem, ToolQuality};
 
 /// An error that can be shown to users with advice.
 pub(super) trait ToProblem {

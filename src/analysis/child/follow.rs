@@ -16,12 +16,12 @@ use crate::analysis::protocol::{
 use crate::domain::feed::FrameCodec;
 use crate::domain::feed::record::{FeedRecord, MAX_RECORD_BYTES, RecordBody};
 use crate::media::{FeedDecoder, JpegMaker, JpegStyle, MediaLimits, Picture};
-use crate::pipeline::features::FeatureSettings;
-use crate::pipeline::features::running::RunningFeatures;
-use crate::pipeline::frame::Frame;
-use crate::pipeline::pose::fulcrum::Fulcrum;
-use crate::pipeline::quality::Ports;
-use crate::pipeline::tracker::{MAX_WARM_UP_FRAMES, Tracker, TrackerSettings};
+use crate::motion::features::FeatureSettings;
+use crate::motion::features::running::RunningFeatures;
+use crate::motion::quality::Ports;
+use crate::vision::frame::Frame;
+use crate::vision::pose::fulcrum::Fulcrum;
+use crate::vision::tracker::{MAX_WARM_UP_FRAMES, Tracker, TrackerSettings};
 
 /// Interval between replies with features and light, s of the recording.
 const FEATURES_INTERVAL_S: f64 = 1.0;

@@ -11,7 +11,7 @@ use crate::analysis::protocol::{ChildReply, MarkShape, PaletteShape};
 use crate::domain::palette::PaletteAdvice;
 use crate::domain::problem::Problem;
 use crate::media::{MediaLimits, Picture, VideoFile, photo};
-use crate::pipeline::segmentation::palette::advice::rank_tapes;
+use crate::vision::segmentation::palette::advice::rank_tapes;
 
 /// Frames between two signs of life.
 const FRAMES_PER_ALIVE: u64 = 32;

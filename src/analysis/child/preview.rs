@@ -3,7 +3,7 @@
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
-use crate::pipeline::frame::Frame;
+use crate::vision::frame::Frame;
 
 /// Largest width of a preview, pixels.
 const MAX_WIDTH: usize = 480;

@@ -5,9 +5,9 @@ use super::{StopReason, track};
 use crate::analysis::protocol::{BoardShape, ChildReply, SelfTestWork};
 use crate::analysis::self_test::{SelfTestSetup, test_video};
 use crate::media::VideoFile;
-use crate::pipeline::camera::Board;
-use crate::pipeline::pose::fulcrum::Fulcrum;
-use crate::pipeline::quality::ports::Ports;
+use crate::motion::quality::ports::Ports;
+use crate::vision::camera::Board;
+use crate::vision::pose::fulcrum::Fulcrum;
 
 /// Frames between two signs of life.
 const FRAMES_PER_ALIVE: u64 = 32;

@@ -7,9 +7,9 @@ use super::{StopReason, explain};
 use crate::analysis::protocol::{ChildReply, KindShape, PathRow, QualityShape, SeenRow, TrackWork};
 use crate::heap;
 use crate::media::{MediaError, Picture, ReadAhead, VideoFile};
-use crate::pipeline::frame::Frame;
-use crate::pipeline::tracker::{MAX_WARM_UP_FRAMES, Quality, Tracker, TrackerSettings, Tracking};
-use crate::pipeline::trajectory::PathKind;
+use crate::vision::frame::Frame;
+use crate::vision::tracker::{MAX_WARM_UP_FRAMES, Quality, Tracker, TrackerSettings, Tracking};
+use crate::vision::trajectory::PathKind;
 
 /// Rows of a path per record.
 const ROWS_PER_RECORD: usize = 1024;

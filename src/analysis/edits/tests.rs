@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::analysis::paths::TrackingSummary;
-use crate::pipeline::assessment::{AssessmentSettings, assess};
+use crate::motion::assessment::{AssessmentSettings, assess};
 
 const FRAMES: u64 = 250;
 const STEP_S: f64 = 0.04;

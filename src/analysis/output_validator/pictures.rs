@@ -5,7 +5,7 @@ use crate::analysis::protocol::BoardShape;
 use crate::domain::palette::FrameMask;
 use crate::domain::photo_check::{PhotoCheck, PhotoHint};
 use crate::media::MediaLimits;
-use crate::pipeline::camera::Coverage;
+use crate::vision::camera::Coverage;
 
 /// True if a found board has all its corners, a board that was not found has no more than a search returns, and all
 /// corners are within plausible pixel coordinates.

@@ -2,7 +2,7 @@
 
 use super::{MAX_TEXT_CHARS, is_plausible_number};
 use crate::domain::palette::{PairGrade, PaletteAdvice, TapeGrade};
-use crate::pipeline::segmentation::palette::advice::{TAPES, Tape};
+use crate::vision::segmentation::palette::advice::{TAPES, Tape};
 
 /// True if every known tape occurs once with its catalogue data, every pair of tapes occurs once, and the warnings and
 /// numbers are within bounds.

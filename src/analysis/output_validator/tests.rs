@@ -12,9 +12,9 @@ use crate::domain::palette::{ConfusionRow, LightShares, PaletteAdvice};
 use crate::domain::self_test::{
     HoldReport, NotCountedReason, PartReport, PlacementReport, SelfTestReport, TestedPart, TrafficLight,
 };
-use crate::pipeline::camera::Camera;
-use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
-use crate::pipeline::segmentation::samples::ColourSamples;
+use crate::vision::camera::Camera;
+use crate::vision::frame::{ColourEncoding, Matrix, Range};
+use crate::vision::segmentation::samples::ColourSamples;
 
 fn track_work() -> TrackWork {
     let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
@@ -351,8 +351,8 @@ fn a_self_test_is_accepted_once_and_only_if_it_matches_the_request() {
 
 #[test]
 fn advice_is_accepted_only_for_every_known_tape_and_pair() {
-    use crate::pipeline::frame::{Frame, Plane};
-    use crate::pipeline::segmentation::palette::advice::rank_tapes;
+    use crate::vision::frame::{Frame, Plane};
+    use crate::vision::segmentation::palette::advice::rank_tapes;
     let hears = |advice: &PaletteAdvice| {
         let mut receipt = OutputValidator::new(&ChildWork::Advise, MediaLimits::default());
         receipt.validate(&encode(&ChildReply::Confined { landlock: true }).unwrap())?;

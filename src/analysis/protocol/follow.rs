@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 use super::{FulcrumShape, PathRow, PlacementShape, SeenRow, TrackWork};
 use crate::domain::feed::{FrameCodec, TimeBase};
 use crate::domain::session::LiveFeature;
-use crate::pipeline::features::FeatureValue;
-use crate::pipeline::features::running::LIVE_FEATURES;
-use crate::pipeline::reason::MissReason;
-use crate::pipeline::tracker::{Absence, ToolReport};
+use crate::motion::features::FeatureValue;
+use crate::motion::features::running::LIVE_FEATURES;
+use crate::vision::reason::MissReason;
+use crate::vision::tracker::{Absence, ToolReport};
 
 /// What tracking a live recording needs besides its frames.
 #[derive(Debug, Serialize, Deserialize)]

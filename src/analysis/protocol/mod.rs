@@ -39,7 +39,7 @@ use crate::domain::photo_check::PhotoCheck;
 use crate::domain::problem::Problem;
 use crate::domain::self_test::SelfTestReport;
 use crate::media::{CapturedFrame, SourceInfo};
-use crate::pipeline::trajectory::PathKind;
+use crate::vision::trajectory::PathKind;
 
 /// The request to a child. Its inputs are descriptors, in the order that the work states.
 #[derive(Debug, Serialize, Deserialize)]

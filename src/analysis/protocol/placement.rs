@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::pipeline::pose::fulcrum::Fulcrum;
-use crate::pipeline::quality::{Displacement, PortPlacement};
+use crate::motion::quality::{Displacement, PortPlacement};
+use crate::vision::pose::fulcrum::Fulcrum;
 
 /// Wire form of [`Fulcrum`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

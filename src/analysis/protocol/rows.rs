@@ -3,9 +3,9 @@
 use nalgebra::{Point2, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::pipeline::reason::MissReason;
-use crate::pipeline::tracker::ToolReport;
-use crate::pipeline::trajectory::{Sample, SampleState};
+use crate::vision::reason::MissReason;
+use crate::vision::tracker::ToolReport;
+use crate::vision::trajectory::{Sample, SampleState};
 
 /// Wire form of [`Sample`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -97,7 +97,7 @@ impl SeenRow {
     pub fn new(frame: u64, report: &ToolReport) -> Self {
         let observed = report.outcome.as_ref().ok();
         let tip = observed.map(|o| o.tip_px.0).or_else(|| report.filtered.and_then(|s| s.tip_px));
-        let border = |[a, b]: [crate::pipeline::space::Pixel; 2]| [a.u(), a.v(), b.u(), b.v()].map(|x| x as f32);
+        let border = |[a, b]: [crate::vision::space::Pixel; 2]| [a.u(), a.v(), b.u(), b.v()].map(|x| x as f32);
         Self {
             frame,
             tool: report.tool as u32,

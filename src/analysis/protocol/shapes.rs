@@ -6,12 +6,12 @@ use super::decode;
 use super::placement::FulcrumShape;
 use super::rows::ReasonShape;
 use crate::domain::files::annotations;
-use crate::pipeline::camera::Camera;
-use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
-use crate::pipeline::pose::fulcrum::Fulcrum;
-use crate::pipeline::segmentation::palette::{ColourSeparation, Margin};
-use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples, MarkedRectangle};
-use crate::pipeline::tracker::{
+use crate::vision::camera::Camera;
+use crate::vision::frame::{ColourEncoding, Matrix, Range};
+use crate::vision::pose::fulcrum::Fulcrum;
+use crate::vision::segmentation::palette::{ColourSeparation, Margin};
+use crate::vision::segmentation::samples::{ColourSample, ColourSamples, MarkedRectangle};
+use crate::vision::tracker::{
     Absence, CameraView, DiameterBasis, EffectiveDiameter, Gap, HandSide, LightSample, Quality, ToolQuality, ToolSpec,
 };
 

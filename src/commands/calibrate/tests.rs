@@ -6,8 +6,8 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::domain::files::camera::CameraFile;
-use crate::pipeline::camera::Camera;
-use crate::pipeline::space::Pixel;
+use crate::vision::camera::Camera;
+use crate::vision::space::Pixel;
 
 fn shared(part: &str) -> Option<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -1,8 +1,6 @@
 //! Selects and formats the figures that people see, for the terminal and for the page.
 
-use crate::pipeline::evaluation::{
-    Accuracy, ErrorSummary, Lag, RestNoise, SigmaCoverage, ToolAccuracy, VisibilityLevel,
-};
+use crate::checks::evaluation::{Accuracy, ErrorSummary, Lag, RestNoise, SigmaCoverage, ToolAccuracy, VisibilityLevel};
 
 /// Text of a missing figure.
 pub(super) const NO_VALUE: &str = "–";

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::pipeline::evaluation::{
+use crate::checks::evaluation::{
     Accuracy, ErrorSpread, ErrorSummary, Lag, Repeatability, RestNoise, SigmaCheck, SigmaCoverage, ToolAccuracy,
     VisibilityLevel,
 };

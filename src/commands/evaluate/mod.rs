@@ -13,9 +13,9 @@ use nalgebra::Point3;
 use serde_json::Value;
 
 use super::{CommandFailure, print_result, read_trajectory};
+use crate::checks::evaluation::{self, Truth, accuracy, repeatability};
 use crate::domain::files::truth::TruthFile;
-use crate::pipeline::evaluation::{self, Truth, accuracy, repeatability};
-use crate::pipeline::trajectory::{SampleState, Trajectory};
+use crate::vision::trajectory::{SampleState, Trajectory};
 
 /// Arguments of `trocar evaluate`.
 #[derive(clap::Args)]

@@ -1,8 +1,8 @@
 //! The figures as text for the terminal: coverage, errors, and whether the stated error bars hold.
 
 use super::figures;
+use crate::checks::evaluation::{Accuracy, ErrorSummary, Repeatability, ToolAccuracy, VisibilityLevel};
 use crate::commands::table::TextTable;
-use crate::pipeline::evaluation::{Accuracy, ErrorSummary, Repeatability, ToolAccuracy, VisibilityLevel};
 
 const ERRORS: [&str; 15] = [
     "error, mm",

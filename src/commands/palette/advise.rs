@@ -10,7 +10,7 @@ use crate::commands::table::TextTable;
 use crate::commands::track::about;
 use crate::domain::palette::{ColourGrade, PairGrade, PaletteAdvice, TapeGrade};
 use crate::media::{MediaLimits, Picture, photo};
-use crate::pipeline::segmentation::palette::advice::rank_tapes;
+use crate::vision::segmentation::palette::advice::rank_tapes;
 
 /// Number of pairs in the text. JSON has all pairs.
 const PAIRS_SHOWN: usize = 5;

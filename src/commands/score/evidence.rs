@@ -4,8 +4,8 @@ use serde_json::{Value, json};
 
 use super::{significant, tool_name_of};
 use crate::domain::evidence::EvidenceRow;
-use crate::pipeline::assessment::Assessment;
-use crate::pipeline::stretches::{FeatureStretches, Stretch};
+use crate::motion::assessment::Assessment;
+use crate::motion::stretches::{FeatureStretches, Stretch};
 
 /// One line for each feature with stretches, and one line for each reason why other features have none.
 pub(super) fn text(assessment: &Assessment) -> String {

@@ -8,11 +8,11 @@ use serde_json::{Value, json};
 use super::significant;
 use crate::commands::table::TextTable;
 use crate::commands::{CommandFailure, read_trajectory};
-use crate::pipeline::assessment::motions;
-use crate::pipeline::features::motion::Motion;
-use crate::pipeline::features::reference::{Deviation, deviation};
-use crate::pipeline::features::{FeatureSettings, NotEnough};
-use crate::pipeline::trajectory::Trajectory;
+use crate::motion::assessment::motions;
+use crate::motion::features::motion::Motion;
+use crate::motion::features::reference::{Deviation, deviation};
+use crate::motion::features::{FeatureSettings, NotEnough};
+use crate::vision::trajectory::Trajectory;
 
 /// The path of an exemplary performance.
 pub struct Reference {

@@ -11,9 +11,9 @@ use crate::domain::session::FeatureSpace;
 use crate::domain::skill::{
     FeatureContribution, ModelFile, NoLevelReasonName, Reading, Readings, ShareOfPeople, SkillVerdict,
 };
-use crate::pipeline::PIPELINE_VERSION;
-use crate::pipeline::assessment::Assessment;
-use crate::pipeline::features::FeatureValue;
+use crate::motion::PIPELINE_VERSION;
+use crate::motion::assessment::Assessment;
+use crate::motion::features::FeatureValue;
 
 /// Reads a model. Refuses a model of another task or of another pipeline version.
 pub fn read_model(path: &Path, task: Option<&str>) -> Result<ModelFile, CommandFailure> {

@@ -7,11 +7,11 @@ use anyhow::Context;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
+use crate::checks::evaluation::{Truth, TruthFrame, TruthTool};
 use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle, ToolEntry, View as FileView};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::files::truth::TruthFile;
 use crate::media::{SampleFormat, TICKS_PER_S, VideoSettings, VideoWriter};
-use crate::pipeline::evaluation::{Truth, TruthFrame};
 use crate::simulation::checkerboard;
 use crate::simulation::marks::{self, SimulatedMark};
 use crate::simulation::render::{Chroma, Photographer, Renderer};
@@ -133,7 +133,7 @@ fn truth_of(world: &World, times: &[f64]) -> Truth {
     let frame = |(index, time_s): (usize, &f64)| TruthFrame {
         frame: index as u64,
         time_s: *time_s,
-        tools: truth::at(world, *time_s),
+        tools: truth::at(world, *time_s).into_iter().map(TruthTool::from).collect(),
     };
     Truth { frames: times.iter().enumerate().map(frame).collect() }
 }

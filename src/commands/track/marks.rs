@@ -10,8 +10,8 @@ use super::{CommandFailure, about, open, rectangle};
 use crate::analysis::marked::group_into_strokes;
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::media::{MediaError, VideoFile};
-use crate::pipeline::frame::Frame;
-use crate::pipeline::segmentation::samples::ColourSamples;
+use crate::vision::frame::Frame;
+use crate::vision::segmentation::samples::ColourSamples;
 
 /// The labelled rectangles of a clip.
 pub(super) struct ClipMarks<'a> {
@@ -111,8 +111,8 @@ impl SampleCollector<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::segmentation::colour_table::ColourTable;
-    use crate::pipeline::segmentation::knn::Knn;
+    use crate::vision::segmentation::colour_table::ColourTable;
+    use crate::vision::segmentation::knn::Knn;
 
     fn shared() -> Option<PathBuf> {
         let here = Path::new(env!("CARGO_MANIFEST_DIR"));

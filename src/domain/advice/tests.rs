@@ -3,7 +3,7 @@
 use super::*;
 use crate::domain::evidence::{AbsenceCause, NoEvidence};
 use crate::domain::standard::{Basis, ChartDesign};
-use crate::pipeline::features::{self, Direction};
+use crate::motion::features::{self, Direction};
 
 fn key(feature: &str, tool: Option<&str>) -> FeatureKey {
     let space = features::find(feature).unwrap().spaces[0].into();

@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::camera::CameraFile;
-use crate::pipeline::camera::{Calibration, Coverage, PhotoReport};
+use crate::vision::camera::{Calibration, Coverage, PhotoReport};
 
 /// One entry of `photos`.
 #[derive(Serialize)]
@@ -54,8 +54,8 @@ fn to_micro(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::camera::report::CameraSigma;
-    use crate::pipeline::camera::{Board, Camera, PhotoReason};
+    use crate::vision::camera::report::CameraSigma;
+    use crate::vision::camera::{Board, Camera, PhotoReason};
 
     fn calibration() -> Calibration {
         let photo = |name: &str, rms_px, reason| PhotoReport { name: name.to_owned(), rms_px, reason };

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::domain::calibration::BoardSize;
-use crate::pipeline::camera::Camera;
+use crate::vision::camera::Camera;
 
 /// A camera file as stored on disk: the camera, the calibration's own figures, and keys of other programs (written
 /// back unchanged).

@@ -6,12 +6,10 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::pipeline::pose::fulcrum::Fulcrum;
-use crate::pipeline::quality::{
-    Concern, Displacement, Figures, NoiseFloor, QualityVerdict, SessionFigures, ToolFigures,
-};
-use crate::pipeline::reason::MissReason;
-use crate::pipeline::tracker::{EffectiveDiameter, Quality, ToolQuality};
+use crate::motion::quality::{Concern, Displacement, Figures, NoiseFloor, QualityVerdict, SessionFigures, ToolFigures};
+use crate::vision::pose::fulcrum::Fulcrum;
+use crate::vision::reason::MissReason;
+use crate::vision::tracker::{EffectiveDiameter, Quality, ToolQuality};
 
 /// A session's tracking quality. Shares are 0 to 1; `null` where unknown.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]

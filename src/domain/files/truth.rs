@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::pipeline::evaluation::{Truth, TruthFrame, TruthTool};
+use crate::checks::evaluation::{Truth, TruthFrame, TruthTool};
 
 /// A truth file as stored on disk, including the keys of other programs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{ModelDefinition, ModelReport, NoLevelReasonName, Readings, SkillVerdict, fingerprint};
 use crate::domain::text::Invalid;
-use crate::pipeline::score::skill::{NoModel, SkillDataset, train};
+use crate::statistics::skill::{NoModel, SkillDataset, train};
 
 /// Version of the file format that this program writes and reads.
 const FILE_FORMAT: u32 = 1;

@@ -23,7 +23,7 @@ pub use verdict::{FeatureContribution, NoLevelReason, NoLevelReasonName, SkillVe
 
 use super::text::Invalid;
 use super::trainee::Level;
-use crate::pipeline::score::skill::{self, LevelModel, Region, Scale, SkillDataset, TreeNode};
+use crate::statistics::skill::{self, LevelModel, Region, Scale, SkillDataset, TreeNode};
 
 /// A model as stored. It holds no names. Only a nearest-neighbour model holds sessions: standardised values without the
 /// person.

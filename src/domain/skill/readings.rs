@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 
 use crate::domain::feature::{FeatureKey, depends_on_camera};
 use crate::domain::session::FeatureSpace;
-use crate::pipeline::features::FEATURES;
-use crate::pipeline::score::interval::{ConfidenceInterval, MeasuredValue};
+use crate::motion::features::FEATURES;
+use crate::statistics::interval::{ConfidenceInterval, MeasuredValue};
 
 /// One value of a session's result.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::Level;
-use crate::pipeline::score::skill;
+use crate::statistics::skill;
 
 /// How well models of a task do on held-out people.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]

@@ -4,9 +4,9 @@ use std::sync::LazyLock;
 
 use super::*;
 use crate::domain::session::FeatureSpace;
-use crate::pipeline::features::{self, Family};
-use crate::pipeline::score::interval::ConfidenceInterval;
-use crate::pipeline::score::skill::{CANDIDATES, LabelledSession};
+use crate::motion::features::{self, Family};
+use crate::statistics::interval::ConfidenceInterval;
+use crate::statistics::skill::{CANDIDATES, LabelledSession};
 
 fn reading(feature: &str, tool: Option<&str>, value: Option<f64>, half: f64) -> Reading {
     let bar = value.map(|value| [value - half, value + half]);
@@ -92,7 +92,7 @@ fn every_kind_of_model_can_be_stored_and_a_broken_file_is_refused() {
     let rows: Vec<Vec<f64>> =
         (0..24).map(|row| (0..n).map(|f| f64::from(row as u32 % 5) + f as f64).collect()).collect();
     let levels = (0..24).map(|row| skill::SkillLevel::ALL[row % 3]).collect();
-    let table = crate::pipeline::score::skill::TrainingTable { rows, levels, weights: vec![1.0; 24] };
+    let table = crate::statistics::skill::TrainingTable { rows, levels, weights: vec![1.0; 24] };
     for learner in CANDIDATES {
         let scorer: ScorerDefinition = learner.fit(&table).unwrap().into();
         let kept = ModelFile { model: ModelDefinition { scorer, ..file.model.clone() }, ..file.clone() };

@@ -6,8 +6,8 @@ use utoipa::ToSchema;
 use super::report::{ModelReport, PerLevel, ShareOfPeople};
 use crate::domain::named;
 use crate::domain::trainee::Level;
-use crate::pipeline::features;
-use crate::pipeline::score::skill::{self, Abstention};
+use crate::motion::features;
+use crate::statistics::skill::{self, Abstention};
 
 /// Maximum number of features listed as contributions to a verdict.
 const MAX_CONTRIBUTIONS: usize = 5;

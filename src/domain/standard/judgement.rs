@@ -5,9 +5,9 @@ use crate::domain::feature::FeatureKey;
 use crate::domain::named;
 use crate::domain::session::FeatureRow;
 use crate::domain::trainee::Handedness;
-use crate::pipeline::score::TrialOutcome;
-use crate::pipeline::score::interval::{ConfidenceInterval, MeasuredValue};
-use crate::pipeline::score::standard;
+use crate::statistics::TrialOutcome;
+use crate::statistics::interval::{ConfidenceInterval, MeasuredValue};
+use crate::statistics::standard;
 
 named! {
     /// The result of judging a value against a target. Only `pass` and `fail` count.
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
     use crate::domain::session::FeatureSpace;
     use crate::domain::standard::MadeFrom;
-    use crate::pipeline::features::{self, Direction};
+    use crate::motion::features::{self, Direction};
 
     #[test]
     fn a_limit_judges_only_values_of_its_own_version_and_hand() {

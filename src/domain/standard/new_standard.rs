@@ -6,9 +6,9 @@ use utoipa::ToSchema;
 use super::{ChartDesign, StandardRule};
 use crate::domain::session::FeatureSpace;
 use crate::domain::text::{Invalid, Key};
-use crate::pipeline::features;
-use crate::pipeline::score::pass_rule::PassRule;
-use crate::pipeline::score::standard::{self, fls};
+use crate::motion::features;
+use crate::statistics::pass_rule::PassRule;
+use crate::statistics::standard::{self, fls};
 
 /// Maximum number of targets in one standard.
 pub const MAX_TARGETS: usize = 20;

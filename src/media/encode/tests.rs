@@ -2,7 +2,7 @@ use std::fs::File;
 
 use super::*;
 use crate::media::{MediaLimits, VideoFile};
-use crate::pipeline::frame::ColourEncoding;
+use crate::vision::frame::ColourEncoding;
 
 const WIDTH: usize = 96;
 const HEIGHT: usize = 64;

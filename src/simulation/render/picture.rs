@@ -1,6 +1,6 @@
 //! A simulated picture: planes as a decoder would deliver them.
 
-use crate::pipeline::frame::{ColourEncoding, Frame, Matrix, Plane, Range};
+use crate::vision::frame::{ColourEncoding, Frame, Matrix, Plane, Range};
 
 /// Chroma resolution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

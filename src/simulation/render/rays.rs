@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use crate::pipeline::camera::Camera;
-use crate::pipeline::space::Pixel;
+use crate::vision::camera::Camera;
+use crate::vision::space::Pixel;
 
 /// Rays `(x, y, 1)` of all pixel centres.
 pub struct Rays {

@@ -7,7 +7,7 @@ use super::super::error::{StoreResult, missing};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::job::{JobInput, JobKind, JobPriority, RescoreInput, TrackInput};
 use crate::ids::{BoxId, CalibrationId, JobId, PaletteId, ResultId, SessionId};
-use crate::pipeline::PIPELINE_VERSION;
+use crate::motion::PIPELINE_VERSION;
 use crate::store::edits::revision;
 
 /// Inserts a job, or finds the one with the same natural key (kind, input, versions). A failed or quarantined job is

@@ -12,8 +12,8 @@ use crate::domain::blob::BlobHash;
 use crate::domain::files::quality::stored_fulcrums;
 use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, Versions, VideoFacts};
 use crate::ids::{BoxId, CalibrationId, PaletteId, ResultId, SessionId};
-use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::store::Scope;
+use crate::vision::pose::fulcrum::Fulcrum;
 
 /// The result of a session by one set of versions.
 #[derive(Clone, Debug, PartialEq)]

@@ -13,7 +13,7 @@ use crate::domain::scope::Scope;
 use crate::domain::session::{FeatureSpace, NewResult, NewScore};
 use crate::domain::text::Key;
 use crate::ids::{SessionId, TraineeId};
-use crate::pipeline::PIPELINE_VERSION;
+use crate::motion::PIPELINE_VERSION;
 use crate::store::testing::{NOW_MS, TestCentre, duration};
 use crate::store::{EditRecord, Lease, PageRequest, SessionResult, StoreError};
 

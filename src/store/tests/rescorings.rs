@@ -6,7 +6,7 @@ use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::session::{NewScore, NewSession};
 use crate::ids::SessionId;
-use crate::pipeline::PIPELINE_VERSION;
+use crate::motion::PIPELINE_VERSION;
 use crate::rescoring;
 use crate::store::testing::{NOW_MS, TestCentre, duration};
 use crate::store::{Lease, PageRequest, StoreError};

@@ -4,7 +4,7 @@ use bytes::Bytes;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use reqwest::{Method, Response, StatusCode, header};
 use serde_json::{Value, json};
-use trocar::pipeline::PIPELINE_VERSION;
+use trocar::motion::PIPELINE_VERSION;
 
 use super::centre::Centre;
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};

@@ -9,7 +9,7 @@ use super::centre::Centre;
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration, measured};
 use crate::support::{Client, problem, read};
 use trocar::domain::session::{FeatureRow, FeatureSpace};
-use trocar::pipeline::PIPELINE_VERSION;
+use trocar::motion::PIPELINE_VERSION;
 
 const MODELS: &str = "/api/v1/tasks/peg/models";
 const LEVELS: [&str; 3] = ["expert", "intermediate", "novice"];

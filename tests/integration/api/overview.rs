@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::centre::Centre;
 use crate::planted::{DAY_MS, Planter, duration};
 use crate::support::{problem, read};
-use trocar::pipeline::PIPELINE_VERSION;
+use trocar::motion::PIPELINE_VERSION;
 use trocar::time::{Clock, SystemClock};
 
 const ENROLMENTS: &str = "/api/v1/enrolments";

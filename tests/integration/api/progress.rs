@@ -207,7 +207,7 @@ async fn progress_judges_sessions_and_follows_rule_curve_charts_and_reminders() 
     let sessions = progress["sessions"].as_array().unwrap();
     assert_eq!(
         (sessions.len(), &sessions[39]["number"], &progress["pipeline"]),
-        (40, &json!(40), &json!(trocar::pipeline::PIPELINE_VERSION))
+        (40, &json!(40), &json!(trocar::motion::PIPELINE_VERSION))
     );
     let [series] = &progress["features"].as_array().unwrap()[..] else { panic!("{progress}") };
     assert_eq!(
@@ -269,7 +269,7 @@ async fn too_few_sessions_say_how_many_are_missing_and_excluded_sessions_keep_th
     let day = |day: i64| NEW_YEAR_MS + day * DAY_MS;
     let refused =
         trocar::domain::session::FeatureRow { value: Err("refused".to_owned()), error: None, ..duration(1.0, 0.1) };
-    planter.result(ada, day(10), vec![refused], (trocar::pipeline::PIPELINE_VERSION, "refused")).await;
+    planter.result(ada, day(10), vec![refused], (trocar::motion::PIPELINE_VERSION, "refused")).await;
     planter.result(ada, day(11), vec![duration(1.0, 0.1)], ("0", "valid")).await;
     planter.session(ada, day(12), vec![duration(45.0, 1.0)]).await;
     centre.instructor.make(STANDARDS, fixed(48.0)).await;

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use trocar::domain::evidence::{EvidenceRow, StretchRow};
 use trocar::domain::feature::FeatureKey;
 use trocar::domain::session::FeatureSpace;
-use trocar::pipeline::PIPELINE_VERSION;
+use trocar::motion::PIPELINE_VERSION;
 use trocar::store::{Store, StoreSettings};
 use trocar::time::SystemClock;
 

@@ -2,7 +2,7 @@
 
 use reqwest::StatusCode;
 use serde_json::{Value, json};
-use trocar::pipeline::PIPELINE_VERSION;
+use trocar::motion::PIPELINE_VERSION;
 
 use super::centre::Centre;
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};

@@ -8,8 +8,8 @@ use trocar::analysis::protocol::{
 use trocar::domain::files::annotations::AnnotationsFile;
 use trocar::domain::files::camera::CameraFile;
 use trocar::media::{MediaLimits, Picture, VideoFile};
-use trocar::pipeline::tracker::{MAX_WARM_UP_FRAMES, Tracker, TrackerSettings, Tracking};
-use trocar::pipeline::trajectory::{PathKind, Trajectory};
+use trocar::vision::tracker::{MAX_WARM_UP_FRAMES, Tracker, TrackerSettings, Tracking};
+use trocar::vision::trajectory::{PathKind, Trajectory};
 
 use super::*;
 
@@ -130,7 +130,7 @@ fn a_child_tracks_to_the_last_bit_as_the_tracker_does() {
 #[test]
 fn a_camera_of_another_size_is_named() {
     let Some(scene) = SharedScene::find("V1") else { return };
-    let camera = trocar::pipeline::camera::Camera { width: 640, height: 480, ..scene.camera.camera() };
+    let camera = trocar::vision::camera::Camera { width: 640, height: 480, ..scene.camera.camera() };
     let work = TrackWork { camera: camera.into(), ..scene.track_work(scene.palette()) };
     match ask(ChildWork::Track(work), &scene.video()) {
         Err(AttemptFailure::Impossible(problem)) => assert_eq!(problem.slug, "camera-size", "{problem:?}"),

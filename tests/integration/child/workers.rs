@@ -15,12 +15,12 @@ use trocar::domain::session::{NewResult, NewSession, SessionStatus, Versions, Vi
 use trocar::domain::text::Key;
 use trocar::events::{Event, EventBus, EventDelivery, EventSubscriber};
 use trocar::ids::{JobId, SessionId, TaskId, TraineeId};
-use trocar::pipeline::trajectory::PathKind;
 use trocar::queue::{Queue, QueueSettings};
 use trocar::shutdown::Shutdown;
 use trocar::store::{BoxRecord, JobRecord, Store, StoreSettings};
 use trocar::time::{ManualClock, SharedClock};
 use trocar::vault::Vault;
+use trocar::vision::trajectory::PathKind;
 
 use super::tracking::SharedScene;
 use super::*;
@@ -161,7 +161,7 @@ async fn a_recording_becomes_features_path_diagnostics_and_picture() {
     let stored = centre.store.sessions().get(&service, session).await.unwrap();
     assert_eq!((stored.status(), stored.problem()), (SessionStatus::Done, None));
     let result = centre.store.sessions().result(&service, session).await.unwrap().unwrap();
-    assert_eq!(result.versions.pipeline, trocar::pipeline::PIPELINE_VERSION);
+    assert_eq!(result.versions.pipeline, trocar::motion::PIPELINE_VERSION);
     assert_eq!((result.video.width, result.video.height), (Some(scene.camera.width), Some(scene.camera.height)));
     assert!(result.features.iter().any(|f| f.value.is_ok()), "{:?}", result.features);
     let paths = SessionPaths::from_bytes(&centre.vault.read(result.trajectory, 1 << 30).await.unwrap()).unwrap();

@@ -6,7 +6,7 @@ use reqwest::Method;
 use serde_json::{Value, json};
 use sqlx::sqlite::SqliteConnection;
 use sqlx::{AssertSqlSafe, Connection};
-use trocar::pipeline::PIPELINE_VERSION;
+use trocar::motion::PIPELINE_VERSION;
 
 use super::centre::json_of;
 use super::{Centre, Dice, padded_bytes};

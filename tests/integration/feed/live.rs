@@ -10,7 +10,7 @@ use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::{Error, Message};
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
 use trocar::domain::feed::record::{FeedRecord, RecordBody};
-use trocar::pipeline::features::running::LIVE_FEATURES;
+use trocar::motion::features::running::LIVE_FEATURES;
 
 use super::scene::{SIZE, Scene, causal_path, set_up_box};
 use super::sender::{Received, Sender, hello, open};

@@ -13,7 +13,7 @@ use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio_stream::wrappers::ReceiverStream;
 use trocar::media::{MediaLimits, VideoFile};
-use trocar::pipeline::features::running::LIVE_FEATURES;
+use trocar::motion::features::running::LIVE_FEATURES;
 use trocar::settings::Settings;
 
 use super::live::{Watcher, wait_until_done};

@@ -3,7 +3,7 @@
 use super::node::Markup;
 use super::plot::{AxisRange, MARGIN, Panel, WIDTH, label, picture};
 use super::{DrawnTool, page, tool_card};
-use crate::pipeline::evaluation::{CHI_SQUARE_95, VISIBILITY_LEVELS, chi_square_3_density, normalised_square};
+use crate::checks::evaluation::{CHI_SQUARE_95, VISIBILITY_LEVELS, chi_square_3_density, normalised_square};
 
 /// Largest value in the histogram, and width of its bars.
 const MAX_SHOWN: f64 = 16.0;

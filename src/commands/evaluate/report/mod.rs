@@ -13,7 +13,7 @@ use nalgebra::Point3;
 
 use self::node::{Markup, element};
 use super::figures;
-use crate::pipeline::evaluation::{Accuracy, JudgedRow, Repeatability, TrueMotion, Truth};
+use crate::checks::evaluation::{Accuracy, JudgedRow, Repeatability, TrueMotion, Truth};
 
 /// A tool and the data that is drawn for it.
 struct DrawnTool<'a> {

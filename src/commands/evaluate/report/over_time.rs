@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 use super::node::Markup;
 use super::plot::{AxisRange, MARGIN, Panel, WIDTH, group, label, picture};
 use super::{DrawnTool, page, stretches, tool_card};
-use crate::pipeline::evaluation::{CHI_SQUARE_95, JudgedRow, MIN_VISIBLE_SHARE, Truth, VISIBILITY_LEVELS};
-use crate::pipeline::trajectory::SampleState;
+use crate::checks::evaluation::{CHI_SQUARE_95, JudgedRow, MIN_VISIBLE_SHARE, Truth, VISIBILITY_LEVELS};
+use crate::vision::trajectory::SampleState;
 
 /// Width of the lane names at the left.
 const NAMES_WIDTH: f64 = 96.0;
@@ -64,7 +64,7 @@ fn lanes(tool: &DrawnTool, truth: &Truth, time: AxisRange) -> Markup {
     picture(&format!("when {} was seen", tool.name), top + MARGIN.1 + 4.0, parts)
 }
 
-fn visible(frame: &crate::pipeline::evaluation::TruthFrame, name: &str) -> f64 {
+fn visible(frame: &crate::checks::evaluation::TruthFrame, name: &str) -> f64 {
     frame.tools.iter().find(|tool| tool.tool == name).map_or(0.0, |tool| tool.visible)
 }
 

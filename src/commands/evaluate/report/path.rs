@@ -5,7 +5,7 @@ use nalgebra::Point3;
 use super::node::Markup;
 use super::plot::{AxisRange, MARGIN, Panel, WIDTH, label, picture};
 use super::{DrawnTool, page, stretches, tool_card};
-use crate::pipeline::evaluation::JudgedRow;
+use crate::checks::evaluation::JudgedRow;
 
 /// Both views of each tool.
 pub fn views(tools: &[DrawnTool]) -> Markup {

@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector3};
 use super::node::{Markup, element};
 use super::page;
 use super::plot::{AxisRange, MARGIN, Panel, WIDTH, label, picture};
-use crate::pipeline::evaluation::Line3;
+use crate::checks::evaluation::Line3;
 
 /// Distance from the common line over the position along the guide: across in the picture plane, and in depth.
 pub fn pictures(paths: &[Vec<Point3<f64>>]) -> Markup {

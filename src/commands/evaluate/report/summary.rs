@@ -3,7 +3,7 @@
 use super::figures::{self, NO_VALUE};
 use super::node::Markup;
 use super::page;
-use crate::pipeline::evaluation::{
+use crate::checks::evaluation::{
     Accuracy, ErrorSpread, ErrorSummary, Repeatability, SigmaCheck, ToolAccuracy, VisibilityLevel,
 };
 

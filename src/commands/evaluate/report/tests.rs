@@ -3,8 +3,8 @@
 use nalgebra::{Point3, Vector3};
 
 use super::*;
-use crate::pipeline::evaluation::{self, TruthFrame, TruthTool};
-use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
+use crate::checks::evaluation::{self, TruthFrame, TruthTool};
+use crate::vision::trajectory::{Sample, SampleState, Trajectory};
 
 const HOSTILE: &str = "</style><script>alert(\"1\")</script>'onload='";
 

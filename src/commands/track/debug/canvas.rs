@@ -6,7 +6,7 @@ use image::{ImageResult, Rgb, RgbImage};
 use nalgebra::Vector2;
 
 use super::letters;
-use crate::pipeline::frame::Frame;
+use crate::vision::frame::Frame;
 
 /// A colour to draw with.
 pub(super) type Ink = [u8; 3];
@@ -165,7 +165,7 @@ fn letter_x(place: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::frame::{ColourEncoding, Matrix, Plane, Range};
+    use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
 
     const INK: Ink = [255, 0, 0];
     const PAPER: Ink = [16, 16, 16];

@@ -16,8 +16,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow};
 
 use super::{CommandFailure, about};
-use crate::pipeline::frame::Frame;
-use crate::pipeline::tracker::{FrameReport, FrameTrace};
+use crate::vision::frame::Frame;
+use crate::vision::tracker::{FrameReport, FrameTrace};
 pub(super) use pictures::DebugScene;
 
 /// Limit of drawn frames: about 500 MB of pictures at 1080p.

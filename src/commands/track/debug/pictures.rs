@@ -3,15 +3,15 @@
 use nalgebra::Vector2;
 
 use super::canvas::{Canvas, FrameCrop, Ink};
-use crate::pipeline::camera::Camera;
-use crate::pipeline::edges::probe::Probe;
-use crate::pipeline::frame::Frame;
-use crate::pipeline::segmentation::region_of_interest::{CELL_PX, CellBox};
-use crate::pipeline::space::{CameraPoint, Pixel};
-use crate::pipeline::tracker::{
+use crate::vision::camera::Camera;
+use crate::vision::edges::probe::Probe;
+use crate::vision::frame::Frame;
+use crate::vision::segmentation::region_of_interest::{CELL_PX, CellBox};
+use crate::vision::space::{CameraPoint, Pixel};
+use crate::vision::tracker::{
     FitTrace, FrameReport, FrameTrace, ProbePassTrace, ToolReport, ToolTrace, TrackerSettings,
 };
-use crate::pipeline::tube::Tube;
+use crate::vision::tube::Tube;
 
 const WHITE: Ink = [255, 255, 255];
 const GREY: Ink = [150, 150, 150];
@@ -271,10 +271,10 @@ fn box_corners(place: &CellBox) -> [Vector2<f64>; 5] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::camera::testing::STRAIGHT;
-    use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
-    use crate::pipeline::segmentation::samples::ColourSamples;
-    use crate::pipeline::tracker::ToolSpec;
+    use crate::vision::camera::testing::STRAIGHT;
+    use crate::vision::frame::{ColourEncoding, Matrix, Range};
+    use crate::vision::segmentation::samples::ColourSamples;
+    use crate::vision::tracker::ToolSpec;
 
     #[test]
     fn cells_of_a_shared_colour_have_the_ink_of_its_first_tool() {

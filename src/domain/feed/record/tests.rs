@@ -124,7 +124,7 @@ fn the_documents_test_vectors_are_these_records() {
     };
     let jpeg = [0xff, 0xd8, 0xff, 0xd9];
     assert_eq!(vector("a key frame:"), bytes(&frame(2, 7, 25_200, true, &jpeg)));
-    assert_eq!(vector("a frame that is none:"), bytes(&frame(1, 0, 0, false, &[0])));
+    assert_eq!(vector("not a key frame:"), bytes(&frame(1, 0, 0, false, &[0])));
     let gap = FeedRecord { epoch: 2, number: 8, body: RecordBody::Gap { last: 11, reason: GapReason::SpoolFull } };
     assert_eq!(vector("a gap:"), bytes(&gap));
 }

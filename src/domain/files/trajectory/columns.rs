@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{ThinnedTrajectory, state_name};
-use crate::pipeline::trajectory::{Sample, Trajectory};
+use crate::vision::trajectory::{Sample, Trajectory};
 
 /// A trajectory, column by column. Serialises as `{"tools":[…],"columns":{"frame":[…],…,"state":[…]}}`, where the
 /// column `tool` holds indices into `tools` and an absent number is `null`.

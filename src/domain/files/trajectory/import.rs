@@ -10,7 +10,7 @@
 use super::read::{NumberedRows, TrajectoryProblem, read_rows};
 use super::shortened;
 use crate::domain::files::{MAX_TOOL_NAME_LENGTH, is_tool_name};
-use crate::pipeline::trajectory::{Sample, Trajectory};
+use crate::vision::trajectory::{Sample, Trajectory};
 
 /// Largest accepted magnitude of numbers other than the position: no picture has that many pixels, and no tool moves
 /// that fast in mm/s.

@@ -20,7 +20,7 @@ pub use read::{TrajectoryProblem, read_csv};
 pub use thin::{ThinnedTrajectory, thin_trajectory};
 pub use write::write_csv;
 
-use crate::pipeline::trajectory::SampleState;
+use crate::vision::trajectory::SampleState;
 
 /// The table's columns, in order. Readers need the first [`REQUIRED_COLUMNS`] of them; the others may be absent or
 /// empty.

@@ -14,7 +14,7 @@ use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::parser::parse_message_type;
 
 use super::columns::{SampleColumns, TrajectoryColumns};
-use crate::pipeline::trajectory::Trajectory;
+use crate::vision::trajectory::Trajectory;
 
 const SCHEMA: &str = "message trajectory {
     REQUIRED INT64 frame;

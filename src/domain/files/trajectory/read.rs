@@ -11,7 +11,7 @@ use csv::StringRecord;
 use nalgebra::{Point2, Point3, Vector3};
 
 use super::{COLUMNS, REQUIRED_COLUMNS, shortened};
-use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
+use crate::vision::trajectory::{Sample, SampleState, Trajectory};
 
 /// Largest accepted coordinate, mm: ten metres, far outside any box. It catches wrong units (micrometres instead of
 /// millimetres) and keeps all numbers that are computed from a path finite.

@@ -4,7 +4,7 @@ use nalgebra::{Point2, Point3, Vector3};
 use proptest::prelude::*;
 
 use super::*;
-use crate::pipeline::trajectory::{Sample, Trajectory};
+use crate::vision::trajectory::{Sample, Trajectory};
 
 fn csv_of(trajectory: &Trajectory) -> String {
     let mut bytes = Vec::new();

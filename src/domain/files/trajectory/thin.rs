@@ -4,7 +4,7 @@
 //! smallest and largest x, y, z and speed, so that no curve loses a spike. A gap in a tool's rows is kept if it is at
 //! least half a stretch long; shorter gaps are below the plot's resolution.
 
-use crate::pipeline::trajectory::{Sample, Trajectory, has_cut_between};
+use crate::vision::trajectory::{Sample, Trajectory, has_cut_between};
 
 /// Maximum number of rows kept per stretch: the first, and two extremes of four numbers.
 const MAX_ROWS_PER_STRETCH: usize = 9;
@@ -92,7 +92,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::pipeline::trajectory::SampleState;
+    use crate::vision::trajectory::SampleState;
 
     fn sample(frame: u64, tool: usize, x: f64) -> Sample {
         Sample {

@@ -6,7 +6,7 @@ use csv::Terminator;
 use nalgebra::{Point2, Vector3};
 
 use super::{COLUMNS, state_name};
-use crate::pipeline::trajectory::{Sample, Trajectory};
+use crate::vision::trajectory::{Sample, Trajectory};
 
 /// Writes the header and one line per sample, in the trajectory's order, ended by `\n`.
 ///

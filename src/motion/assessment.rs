@@ -1,0 +1,206 @@
+//! Measures every feature of a session, over the whole task and over windows of it.
+//!
+//! The *task* runs from the start of the first movement of any tool to the end of the last (see
+//! [`features::movement`]). If nothing moved, it is all of the time a tool was seen. Each tool is measured over the
+//! whole task, so a hand that rests while the other works is idle, not absent.
+
+use crate::motion::features::errors::replicate::replicate;
+use crate::motion::features::errors::{NoErrorBar, REPLICATES, error_bar};
+use crate::motion::features::motion::{Interval, Motion, ToolContext};
+use crate::motion::features::view::explain_absences;
+use crate::motion::features::{self, FeatureSettings, FeatureValue, NotEnough, fulcrum, movement};
+use crate::motion::stretches::{FeatureStretches, StretchCollector};
+use crate::random::Dice;
+use crate::vision::tracker::ToolQuality;
+use crate::vision::trajectory::{Sample, Trajectory};
+
+/// Settings of an assessment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AssessmentSettings {
+    /// How features are measured.
+    pub features: FeatureSettings,
+    /// Length of the windows, s (T 4.4). Shorter windows show better where a fault lies, but are noisier. Usual 10.
+    pub window_s: f64,
+}
+
+impl Default for AssessmentSettings {
+    fn default() -> Self {
+        Self { features: FeatureSettings::default(), window_s: 10.0 }
+    }
+}
+
+/// Maximum number of windows; with more, none is computed. No session is that long.
+pub const MAX_WINDOWS: i64 = 1000;
+
+/// Every feature of a session.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Assessment {
+    /// Names of the tools; [`FeatureValue::tool`] is an index into this list.
+    pub tools: Vec<String>,
+    /// Start and end of the task, s; `None` if no tool was seen.
+    pub task_s: Option<(f64, f64)>,
+    /// Features over the whole task.
+    pub features: Vec<FeatureValue>,
+    /// For each value of `features`, in the same order: the seconds that made it.
+    pub stretches: Vec<FeatureStretches>,
+    /// Features over each window of the task, in time order; the last window may be shorter.
+    pub windows: Vec<FeatureWindow>,
+}
+
+/// One window of the task and its features.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FeatureWindow {
+    /// Start, s.
+    pub start_s: f64,
+    /// End, s.
+    pub end_s: f64,
+    /// The features that make sense over a window.
+    pub features: Vec<FeatureValue>,
+}
+
+impl Assessment {
+    /// The same assessment with every value withheld, for a session whose measurements cannot be trusted
+    /// ([`crate::motion::quality`]).
+    pub fn withheld(mut self) -> Self {
+        let of_windows = self.windows.iter_mut().flat_map(|window| &mut window.features);
+        self.features.iter_mut().chain(of_windows).for_each(|value| {
+            (value.value, value.error) = (Err(NotEnough::Refused), Err(NoErrorBar::NoValue));
+        });
+        self.stretches = self.stretches.into_iter().map(FeatureStretches::withheld).collect();
+        self
+    }
+}
+
+/// Measures a session. Never fails: a feature that cannot be measured carries the reason. `tools` is the tracker's
+/// quality record of each tool; it is empty for a path that comes without one.
+pub fn assess(trajectory: &Trajectory, tools: &[ToolQuality], settings: &AssessmentSettings) -> Assessment {
+    let session = AssessedSession::new(trajectory, tools, &settings.features);
+    let task = task_interval(&session.motions, &settings.features);
+    let step_s = settings.features.step_s;
+    let mut features = session.measure_task(&session.motions);
+    let measured_on = task.map_or_else(|| session.motions.clone(), |task| session.clipped(&session.motions, task));
+    let mut evidence = StretchCollector::new(&features, &measured_on, &settings.features);
+    session.add_error_bars(&mut features, |motions| evidence.add_replicate(motions));
+    Assessment {
+        tools: trajectory.tools.clone(),
+        task_s: task.map(|task| (task.first as f64 * step_s, task.last as f64 * step_s)),
+        features,
+        stretches: evidence.finish(step_s),
+        windows: task.map_or_else(Vec::new, |task| session.windows(task, settings.window_s)),
+    }
+}
+
+/// The motion of each tool over the whole of a recording, or the reason why there is none.
+pub fn motions(trajectory: &Trajectory, settings: &FeatureSettings) -> Vec<Result<Motion, NotEnough>> {
+    AssessedSession::new(trajectory, &[], settings).motions
+}
+
+/// A session being measured. The vectors have one entry a tool, in the trajectory's order.
+struct AssessedSession<'a> {
+    settings: &'a FeatureSettings,
+    samples: Vec<Vec<Sample>>,
+    cuts_s: Vec<Vec<f64>>,
+    motions: Vec<Result<Motion, NotEnough>>,
+    known: Vec<ToolContext>,
+}
+
+impl<'a> AssessedSession<'a> {
+    fn new(trajectory: &Trajectory, tools: &[ToolQuality], settings: &'a FeatureSettings) -> Self {
+        let of_tool = |tool| trajectory.of_tool(tool).copied().collect();
+        let samples: Vec<Vec<Sample>> = (0..trajectory.tools.len()).map(of_tool).collect();
+        let cuts_s: Vec<Vec<f64>> = (0..trajectory.tools.len()).map(|tool| trajectory.cuts_of(tool)).collect();
+        let motions: Vec<_> =
+            samples.iter().zip(&cuts_s).map(|(samples, cuts_s)| motion(samples, cuts_s, settings)).collect();
+        let absent = explain_absences(&samples, &motions, tools, settings);
+        let known = samples
+            .iter()
+            .zip(absent)
+            .map(|(samples, absent)| ToolContext { fulcrum: fulcrum::find(samples), absences: absent });
+        Self { settings, known: known.collect(), samples, cuts_s, motions }
+    }
+
+    fn measure_task(&self, motions: &[Result<Motion, NotEnough>]) -> Vec<FeatureValue> {
+        let interval = task_interval(motions, self.settings);
+        let motions = interval.map_or_else(|| motions.to_vec(), |interval| self.clipped(motions, interval));
+        features::measure(&motions, self.settings, |_| true)
+    }
+
+    /// Adds an error bar to each value and removes the shift that errors cause ([`features::errors`]). The same path
+    /// always gives the same bars. `on_replicate` receives the motions of each replicate.
+    fn add_error_bars(&self, values: &mut [FeatureValue], mut on_replicate: impl FnMut(&[Result<Motion, NotEnough>])) {
+        let measure_replicate = |number| {
+            let motions = self.replicate_motions(number)?;
+            on_replicate(&motions);
+            Some(self.measure_task(&motions))
+        };
+        let replicates: Option<Vec<_>> = (0..REPLICATES).map(measure_replicate).collect();
+        for (index, value) in values.iter_mut().enumerate() {
+            let bar = match (value.value, &replicates) {
+                (Err(_), _) => Err(NoErrorBar::NoValue),
+                (Ok(_), None) => Err(NoErrorBar::ErrorsNotStated),
+                (Ok(measured), Some(all)) => {
+                    let of_this = all.iter().filter_map(|values| values.get(index)?.value.ok());
+                    error_bar(value.feature, measured, of_this)
+                }
+            };
+            value.value = bar.map_or(value.value, |(corrected, _)| Ok(corrected));
+            value.error = bar.map(|(_, bar)| bar);
+        }
+    }
+
+    /// The motions of one replicate: the session as the tracker could have seen it just as well. `None` if the path
+    /// states no errors.
+    fn replicate_motions(&self, number: usize) -> Option<Vec<Result<Motion, NotEnough>>> {
+        let of_tool = |(tool, samples): (usize, &Vec<Sample>)| {
+            let samples = replicate(samples, &mut Dice::new(number as u64, &format!("errors of tool {tool}")))?;
+            Some(motion(&samples, &self.cuts_s[tool], self.settings))
+        };
+        self.samples.iter().enumerate().map(of_tool).collect()
+    }
+
+    /// The motions within an interval. A tool that was never seen has an empty motion over it.
+    fn clipped(&self, motions: &[Result<Motion, NotEnough>], interval: Interval) -> Vec<Result<Motion, NotEnough>> {
+        let clip = |(motion, known): (&Result<Motion, NotEnough>, &ToolContext)| {
+            let mut clipped = match motion {
+                Ok(motion) => motion.clipped(interval),
+                Err(NotEnough::NeverSeen) => Motion::unseen(interval, self.settings),
+                Err(reason) => return Err(*reason),
+            };
+            clipped.context.clone_from(known);
+            Ok(clipped)
+        };
+        motions.iter().zip(&self.known).map(clip).collect()
+    }
+
+    fn windows(&self, task: Interval, window_s: f64) -> Vec<FeatureWindow> {
+        let step_s = self.settings.step_s;
+        let steps = (window_s / step_s).round() as i64;
+        if steps < 1 || task.steps() / steps >= MAX_WINDOWS {
+            return Vec::new();
+        }
+        let starts = (0..MAX_WINDOWS).map(|k| task.first + k * steps).take_while(|start| *start < task.last);
+        let window = |first: i64| {
+            let interval = Interval { first, last: (first + steps).min(task.last) };
+            FeatureWindow {
+                start_s: interval.first as f64 * step_s,
+                end_s: interval.last as f64 * step_s,
+                features: features::measure(&self.clipped(&self.motions, interval), self.settings, |f| f.windowed),
+            }
+        };
+        starts.map(window).collect()
+    }
+}
+
+/// The motion of one tool, from its samples.
+fn motion(samples: &[Sample], cuts_s: &[f64], settings: &FeatureSettings) -> Result<Motion, NotEnough> {
+    match settings.unusable_setting() {
+        Some(name) => Err(NotEnough::UnusableSetting(name)),
+        None => Motion::of_samples(samples, cuts_s, settings),
+    }
+}
+
+fn task_interval(motions: &[Result<Motion, NotEnough>], settings: &FeatureSettings) -> Option<Interval> {
+    let moved = motions.iter().flatten().filter_map(|motion| movement::extent(motion, settings));
+    let seen = motions.iter().flatten().map(|motion| motion.interval);
+    moved.reduce(Interval::hull).or(seen.reduce(Interval::hull))
+}

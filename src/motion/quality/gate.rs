@@ -1,0 +1,168 @@
+//! The quality gate: compares every figure with its limits. The worst result is the session's verdict.
+
+use super::{Figures, QualityCause, ToolFigures};
+use crate::vision::segmentation::palette::Margin;
+
+/// The quality verdict on a session: whether its measurements can be trusted.
+#[derive(Clone, Debug, PartialEq)]
+pub enum QualityVerdict {
+    /// They can be trusted.
+    Valid,
+    /// They can be trusted if the reader knows these concerns.
+    UsableWithCare(Vec<Concern>),
+    /// They cannot be trusted, and features are withheld. Refusing concerns come first.
+    Refused(Vec<Concern>),
+}
+
+/// The effect of a concern on a session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// The session is to be used with care.
+    Care,
+    /// The session is refused.
+    Refuse,
+}
+
+impl Severity {
+    /// Stable name for files, API and pages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Severity::Care => "care",
+            Severity::Refuse => "refuse",
+        }
+    }
+}
+
+/// A figure beyond its limit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Concern {
+    /// What is wrong.
+    pub cause: QualityCause,
+    /// The tool concerned; `None` for the session as a whole.
+    pub tool: Option<String>,
+    /// The marked colour label concerned, if the cause is about a colour.
+    pub label: Option<String>,
+    /// The figure, in the cause's unit.
+    pub figure: f64,
+    /// The limit that it broke.
+    pub limit: f64,
+    /// The effect on the session.
+    pub severity: Severity,
+}
+
+impl Concern {
+    /// What was found, in one sentence.
+    pub fn finding(&self) -> String {
+        let prefix = self.tool.as_ref().map(|tool| format!("{tool}: ")).unwrap_or_default();
+        let nearest = self.label.as_ref().map(|label| format!(" (nearest: `{label}`)")).unwrap_or_default();
+        prefix + &self.cause.finding(self.figure, self.limit) + &nearest
+    }
+
+    /// What to do about it.
+    pub fn advice(&self) -> &'static str {
+        self.cause.advice()
+    }
+}
+
+impl QualityVerdict {
+    /// Stable name for files, API and pages.
+    pub fn name(&self) -> &'static str {
+        match self {
+            QualityVerdict::Valid => "valid",
+            QualityVerdict::UsableWithCare(_) => "usable_with_care",
+            QualityVerdict::Refused(_) => "refused",
+        }
+    }
+
+    /// The verdict in words.
+    pub fn title(&self) -> &'static str {
+        match self {
+            QualityVerdict::Valid => "valid",
+            QualityVerdict::UsableWithCare(_) => "usable with care",
+            QualityVerdict::Refused(_) => "refused",
+        }
+    }
+
+    /// True if the session's features are withheld.
+    pub fn is_refused(&self) -> bool {
+        matches!(self, QualityVerdict::Refused(_))
+    }
+
+    /// The concerns, the worst first.
+    pub fn concerns(&self) -> &[Concern] {
+        match self {
+            QualityVerdict::Valid => &[],
+            QualityVerdict::UsableWithCare(concerns) | QualityVerdict::Refused(concerns) => concerns,
+        }
+    }
+}
+
+/// Compares every figure with its limits. An unknown figure breaks none.
+pub fn judge(figures: &Figures) -> QualityVerdict {
+    let of_tools = figures.tools.iter().flat_map(|tool| QualityCause::ALL.map(|cause| (cause, Some(tool))));
+    let of_session = QualityCause::ALL.map(|cause| (cause, None));
+    let concern = |(cause, tool): (QualityCause, Option<&ToolFigures>)| {
+        let figure = tool.map_or_else(|| session_figure(figures, cause), |tool| tool_figure(tool, cause))?;
+        let (severity, limit) = cause.limits().breach(figure)?;
+        let label = tool.and_then(|tool| colour_margin(tool, cause)).map(|margin| margin.nearest.clone());
+        Some(Concern { cause, tool: tool.map(|tool| tool.tool.clone()), label, figure, limit, severity })
+    };
+    let mut concerns: Vec<Concern> = of_session.into_iter().chain(of_tools).filter_map(concern).collect();
+    concerns.sort_by_key(|concern| (std::cmp::Reverse(concern.severity), concern.cause));
+    match concerns.first().map(|worst| worst.severity) {
+        None => QualityVerdict::Valid,
+        Some(Severity::Care) => QualityVerdict::UsableWithCare(concerns),
+        Some(Severity::Refuse) => QualityVerdict::Refused(concerns),
+    }
+}
+
+fn session_figure(figures: &Figures, cause: QualityCause) -> Option<f64> {
+    let session = &figures.session;
+    match cause {
+        QualityCause::NothingSeen => Some(session.observed as f64),
+        QualityCause::Calibration => session.calibration_rms_px,
+        QualityCause::CutFile => session.cut_share,
+        QualityCause::Interlaced => session.interlaced_share,
+        QualityCause::FrameRate => session.frame_rate_hz,
+        QualityCause::DroppedFrames => session.dropped_share,
+        QualityCause::Break => session.longest_interval_s,
+        QualityCause::BeginsInMotion => session.first_speed_mm_s,
+        QualityCause::EndsInMotion => session.last_speed_mm_s,
+        QualityCause::Exposure => session.exposure_drift,
+        QualityCause::WhiteBalance => session.white_drift_codes,
+        QualityCause::CameraMoved => session.camera_shift.map(|shift| shift.mm),
+        _ => None,
+    }
+}
+
+/// A tool that was never in the picture has only that cause.
+fn tool_figure(tool: &ToolFigures, cause: QualityCause) -> Option<f64> {
+    if tool.never_in_picture {
+        return (cause == QualityCause::NeverInPicture).then_some(0.0);
+    }
+    match cause {
+        QualityCause::ColourBackground | QualityCause::ColourPair => {
+            colour_margin(tool, cause).map(|margin| margin.margin_steps)
+        }
+        QualityCause::Coverage => tool.coverage,
+        QualityCause::LeftView => tool.left_view_share,
+        QualityCause::Lost => tool.lost_share,
+        QualityCause::Predicted => tool.predicted_share,
+        QualityCause::LongGap => tool.longest_gap_s,
+        QualityCause::Rejected => tool.rejected_share,
+        QualityCause::BorderResidual => tool.border_residual_px,
+        QualityCause::NoiseFloor => tool.noise_floor.map(|noise| noise.smoothed_mm_s),
+        QualityCause::ErrorBar => tool.error_bar.map(|bar| bar.median_mm),
+        QualityCause::PortMoved => tool.has_port_moved.then_some(tool.port_shift?.mm),
+        _ => None,
+    }
+}
+
+/// The colour margin that the cause is about; `None` for causes that are not about colour.
+fn colour_margin(tool: &ToolFigures, cause: QualityCause) -> Option<&Margin> {
+    match cause {
+        QualityCause::ColourBackground => tool.colour.from_background.as_ref(),
+        QualityCause::ColourPair => tool.colour.from_tools.as_ref(),
+        _ => None,
+    }
+}

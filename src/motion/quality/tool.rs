@@ -1,0 +1,149 @@
+//! Figures that describe how one tool was seen.
+
+use std::collections::BTreeMap;
+
+use super::noise_floor::{self, NoiseFloor};
+use super::{Displacement, MeasuredRange, PortPlacement, QualityInput};
+use crate::numbers::quantile::quantile;
+use crate::vision::pose::fulcrum::Fulcrum;
+use crate::vision::reason::MissReason;
+use crate::vision::segmentation::palette::ColourSeparation;
+use crate::vision::tracker::{Absence, EffectiveDiameter, ToolQuality};
+use crate::vision::trajectory::{Sample, SampleState};
+
+/// How one tool was seen. Shares are 0 to 1; `None` if the input does not contain the figure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ToolFigures {
+    /// The tool's name.
+    pub tool: String,
+    /// Number of frames on which it was measured.
+    pub observed: u64,
+    /// Share of the session's frames on which it was measured, from the first to the last frame with any tool.
+    pub coverage: Option<f64>,
+    /// The same share between its own first and last frame.
+    pub coverage_while_there: Option<f64>,
+    /// The same share of all frames of the recording.
+    pub coverage_of_recording: Option<f64>,
+    /// Share of its positions that are bridged, not measured.
+    pub predicted_share: Option<f64>,
+    /// Share of the session's frames on which it was out of view.
+    pub left_view_share: Option<f64>,
+    /// Share of the session's frames on which it was in view but has no position.
+    pub lost_share: Option<f64>,
+    /// Frames of the session in gaps caused by the tracker, by their main reason.
+    pub lost_frames: BTreeMap<MissReason, u64>,
+    /// Longest stretch of the session without a measurement, s.
+    pub longest_gap_s: Option<f64>,
+    /// RMS distance of border points from the fitted outline, pixels.
+    pub border_residual_px: Option<f64>,
+    /// The effective diameter of its tape.
+    pub effective_diameter: Option<EffectiveDiameter>,
+    /// Measurements that contradict the tool's motion, as a share of all measurements.
+    pub rejected_share: Option<f64>,
+    /// Speed at which it would appear to move at rest.
+    pub noise_floor: Option<NoiseFloor>,
+    /// The stated error of its positions.
+    pub error_bar: Option<PositionError>,
+    /// Distance of its colour from the other marked colours.
+    pub colour: ColourSeparation,
+    /// Position of its trocar.
+    pub fulcrum: Option<Fulcrum>,
+    /// Distance of the trocar from the nearest trocar of earlier sessions.
+    pub port_shift: Option<Displacement>,
+    /// True if this trocar alone has moved.
+    pub has_port_moved: bool,
+    /// True if it was never measured and its colour was never in the picture.
+    pub never_in_picture: bool,
+}
+
+/// The stated standard deviation of measured positions in space, mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PositionError {
+    /// Half of the positions have a smaller one.
+    pub median_mm: f64,
+    /// 95 % of the positions have a smaller one.
+    pub p95_mm: f64,
+}
+
+pub(super) fn measure(
+    evidence: &QualityInput<'_>,
+    index: usize,
+    shown: Option<MeasuredRange>,
+    placement: &PortPlacement,
+) -> ToolFigures {
+    let path: Vec<&Sample> = evidence.smoothed.of_tool(index).collect();
+    let seen: Vec<&Sample> = path.iter().copied().filter(|s| s.state == SampleState::Observed).collect();
+    let tracker = evidence.tracker.and_then(|quality| quality.tools.get(index));
+    let observed = seen.len() as u64;
+    let ends = seen.first().zip(seen.last());
+    let recorded = evidence.tracker.map(|quality| quality.frames);
+    let gaps = tracker.zip(shown).map(|(tool, shown)| ToolGaps::within(tool, shown));
+    let of_session = |frames: u64| shown.and_then(|shown| share(frames, shown.frames()));
+    ToolFigures {
+        tool: evidence.smoothed.tools[index].clone(),
+        observed,
+        coverage: of_session(observed),
+        coverage_while_there: ends.and_then(|(first, last)| share(observed, last.frame - first.frame + 1)),
+        coverage_of_recording: recorded.and_then(|frames| share(observed, frames)),
+        predicted_share: share(path.len() as u64 - observed, path.len() as u64),
+        left_view_share: gaps.as_ref().and_then(|gaps| of_session(gaps.left_view)),
+        lost_share: gaps.as_ref().and_then(|gaps| of_session(gaps.lost.values().sum())),
+        lost_frames: gaps.map(|gaps| gaps.lost).unwrap_or_default(),
+        longest_gap_s: shown.map(|shown| longest_gap_s(&seen, shown)),
+        border_residual_px: tracker.and_then(|tool| tool.border_residual_px),
+        effective_diameter: tracker.and_then(|tool| tool.effective_diameter),
+        rejected_share: tracker.and_then(|tool| {
+            let rejected = tool.reasons.get(&MissReason::GateRejected).copied().unwrap_or(0);
+            share(rejected, rejected + observed)
+        }),
+        noise_floor: noise_floor::estimate(evidence, index),
+        error_bar: error_bar(&seen),
+        colour: tracker.map(|tool| tool.colour.clone()).unwrap_or_default(),
+        fulcrum: tracker.and_then(|tool| tool.fulcrum),
+        port_shift: placement.tools.get(index).copied().flatten(),
+        has_port_moved: placement.port(index).is_some(),
+        never_in_picture: observed == 0 && tracker.is_some_and(never_in_picture),
+    }
+}
+
+fn share(part: u64, whole: u64) -> Option<f64> {
+    (whole > 0).then(|| part as f64 / whole as f64)
+}
+
+fn never_in_picture(tool: &ToolQuality) -> bool {
+    tool.gaps.iter().all(|gap| gap.absence == Absence::LeftView)
+}
+
+/// The gaps of a tool within the session by cause, in frames.
+struct ToolGaps {
+    left_view: u64,
+    lost: BTreeMap<MissReason, u64>,
+}
+
+impl ToolGaps {
+    fn within(tool: &ToolQuality, shown: MeasuredRange) -> Self {
+        let mut gaps = Self { left_view: 0, lost: BTreeMap::new() };
+        for gap in &tool.gaps {
+            let (first, last) = (gap.first.max(shown.first), gap.last.min(shown.last));
+            let frames = (last + 1).saturating_sub(first);
+            match gap.absence {
+                _ if frames == 0 => {}
+                Absence::LeftView => gaps.left_view += frames,
+                Absence::Lost(reason) => *gaps.lost.entry(reason).or_default() += frames,
+            }
+        }
+        gaps
+    }
+}
+
+fn longest_gap_s(seen: &[&Sample], shown: MeasuredRange) -> f64 {
+    let times = [shown.first_s].into_iter().chain(seen.iter().map(|s| s.time_s)).chain([shown.last_s]);
+    let times: Vec<f64> = times.collect();
+    times.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
+}
+
+fn error_bar(seen: &[&Sample]) -> Option<PositionError> {
+    let sigma = |s: &&Sample| s.sigma_xy_mm.zip(s.sigma_z_mm).map(|(xy, z)| (2.0 * xy * xy + z * z).sqrt());
+    let sigmas: Vec<f64> = seen.iter().filter_map(sigma).collect();
+    Some(PositionError { median_mm: quantile(sigmas.clone(), 0.5)?, p95_mm: quantile(sigmas, 0.95)? })
+}

@@ -1,0 +1,313 @@
+//! Appearance of one tool's edges in one recording, learned while tracking: blur, noise of each plane, exposure.
+//!
+//! **In** the edge fits along every accepted tube ([`EdgeModel::learn`]). **Out** the expected appearance of the next
+//! frame's edges. **Method** Lens blur and exposure are learned from the residuals at the band's ends, chroma blur
+//! from those at its borders, each by a Kalman filter with one state. The light inside each part of the outline is a
+//! mean over recent edges; noise follows the median. Whether blur mixed light or codes is decided by all tools of a
+//! recording together ([`super::blur_domain`]).
+
+use std::ops::Range;
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+use super::blur_domain::ChromaShiftEstimator;
+use super::edge_fit::{EdgeAppearance, EdgeFit, InsideLight};
+use super::equations::LearnedParameter;
+use super::probe::{Probe, Shading};
+use super::tone::{BlurDomain, Tone};
+use crate::vision::frame::{ColourEncoding, Frame};
+
+/// Appearance of edges in this recording: blur and noise of each plane, learned while tracking.
+#[derive(Clone)]
+pub struct EdgeModel {
+    /// Blur of light by the lens: standard deviation, pixels.
+    pub lens_px: f64,
+    /// Variance of pixels about the model in Y, U, V, codes². The median over edges, so that creases and patterns
+    /// beside some of them do not raise it.
+    pub(super) noise: [f64; 3],
+    /// The tape's usual chroma, codes.
+    pub(super) tape: Vector2<f64>,
+    /// What blur mixes: light or codes.
+    pub blur_domain: BlurDomain,
+    encoding: ColourEncoding,
+    codes_from_rgb: Matrix3<f64>,
+    black: Vector3<f64>,
+    /// Exposure time, s; learned from the motion blur of moving edges.
+    pub exposure_s: f64,
+    /// Additional blur of the chroma codes, pixels of luma per halving.
+    pub(super) chroma_blur_px: f64,
+    lens: ScalarFilter,
+    chroma_blur: ScalarFilter,
+    exposure: ScalarFilter,
+    /// Per plane: number of edges, and number of those with more residual variance than the noise.
+    noisier: [(f64, f64); 3],
+    /// Usual light inside each part of the outline.
+    inside: [UsualInside; 4],
+    chroma_shift: ChromaShiftEstimator,
+    frames: u32,
+    /// The edges found on this frame.
+    pub(super) found: Vec<(Probe, EdgeFit)>,
+}
+
+/// Estimate of one number learned from a recording: a Kalman filter with one state.
+#[derive(Clone, Copy, Debug)]
+struct ScalarFilter {
+    /// Variance of the number now, and before any evidence.
+    variance: f64,
+    usual_variance: f64,
+    gradient: f64,
+    information: f64,
+}
+
+impl ScalarFilter {
+    /// Share of the evidence that is counted: edges of one frame, and of consecutive frames, have similar errors.
+    const TRUST: f64 = 0.2;
+    /// Number of frames after which the number may have changed by its usual spread.
+    const MEMORY: f64 = 20_000.0;
+
+    fn new(sigma: f64) -> Self {
+        Self { variance: sigma * sigma, usual_variance: sigma * sigma, gradient: 0.0, information: 0.0 }
+    }
+
+    /// Adds a gradient and its information to the evidence.
+    fn add_evidence(&mut self, gradient: f64, information: f64) {
+        self.gradient += gradient;
+        self.information += information;
+    }
+
+    /// The updated number, from the evidence since the last update.
+    fn update(&mut self, value: f64) -> f64 {
+        let (gradient, information) = (std::mem::take(&mut self.gradient), std::mem::take(&mut self.information));
+        self.variance = 1.0 / (1.0 / self.variance + Self::TRUST * information);
+        let step = self.variance * Self::TRUST * gradient;
+        self.variance += self.usual_variance / Self::MEMORY;
+        value + step
+    }
+}
+
+/// Usual light inside one part of an outline: the mean of each channel, and the number of edges it was learned from.
+#[derive(Clone, Copy, Debug, Default)]
+struct UsualInside {
+    light: [InsideLight; 3],
+    edges: f64,
+}
+
+impl UsualInside {
+    /// Minimum number of edges to use the light.
+    const ENOUGH: f64 = 8.0;
+    /// Number of edges in the running mean.
+    const MEMORY: f64 = 200.0;
+
+    fn known(&self) -> Option<&Self> {
+        (self.edges >= Self::ENOUGH).then_some(self)
+    }
+
+    fn learn(&mut self, fit: &EdgeFit) {
+        self.edges = (self.edges + 1.0).min(Self::MEMORY);
+        for (mean, seen) in self.light.iter_mut().zip(fit.inside_light()) {
+            mean.base += (seen.base - mean.base) / self.edges;
+            mean.limb += (seen.limb - mean.limb) / self.edges;
+            mean.guessed += (seen.guessed - mean.guessed) / self.edges;
+        }
+    }
+}
+
+/// The first parts of an outline are limbs, the others are ends.
+const LIMBS: usize = 2;
+/// Mean light above this was partly cut off.
+const OVEREXPOSED: f64 = 0.85;
+/// Usual blur of a lens, pixels.
+const USUAL_LENS_PX: f64 = 0.7;
+/// Usual exposure time and its limits, s.
+const USUAL_EXPOSURE_S: f64 = 0.012;
+const EXPOSURES_S: (f64, f64) = (0.0005, 0.04);
+/// Limits of the lens blur, pixels.
+const LENSES_PX: (f64, f64) = (0.3, 4.0);
+/// Additional blur of the chroma codes, in pixels of luma per halving. The mean of two pixels has 0.5; compression
+/// adds a little.
+const USUAL_CHROMA_BLUR_PX: f64 = 0.8;
+/// Limits of that blur.
+const CHROMA_BLURS_PX: (f64, f64) = (0.1, 1.5);
+
+impl EdgeModel {
+    /// A model for tape of this mean colour (codes); blur and noise start at usual values and are learned.
+    pub fn new(tape_yuv: [f64; 3], encoding: ColourEncoding) -> Self {
+        let codes_from_rgb = encoding.codes_from_rgb();
+        Self {
+            lens_px: USUAL_LENS_PX,
+            noise: [6.0, 3.0, 3.0],
+            tape: Vector2::new(tape_yuv[1], tape_yuv[2]),
+            blur_domain: BlurDomain::Light,
+            encoding,
+            codes_from_rgb,
+            black: Vector3::from(encoding.black()),
+            exposure_s: USUAL_EXPOSURE_S,
+            chroma_blur_px: USUAL_CHROMA_BLUR_PX,
+            lens: ScalarFilter::new(0.3),
+            chroma_blur: ScalarFilter::new(0.3),
+            exposure: ScalarFilter::new(0.5 * USUAL_EXPOSURE_S),
+            noisier: Default::default(),
+            inside: Default::default(),
+            chroma_shift: ChromaShiftEstimator::default(),
+            frames: 0,
+            found: Vec::new(),
+        }
+    }
+
+    /// Expected appearance of an edge at a probe.
+    pub(super) fn appearance(&self, probe: &Probe, chroma_halvings: u8) -> EdgeAppearance<'static> {
+        self.appearance_in(self.blur_domain, probe, chroma_halvings)
+    }
+
+    /// The same, assuming this blur domain.
+    pub(super) fn appearance_in(
+        &self,
+        mixing: BlurDomain,
+        probe: &Probe,
+        chroma_halvings: u8,
+    ) -> EdgeAppearance<'static> {
+        EdgeAppearance {
+            light_blur_px: self.light_blur_px(probe),
+            lens_px: self.lens_px,
+            chroma_blur_px: self.chroma_blur_px * f64::from(chroma_halvings),
+            shading: probe.shading,
+            learned_parameter: self.is_learning().then_some(if probe.shading == Shading::Cut {
+                LearnedParameter::LightBlur
+            } else {
+                LearnedParameter::ChromaBlur
+            }),
+            tone: Tone::of(mixing),
+            codes_from_rgb: self.codes_from_rgb,
+            black: self.black,
+        }
+    }
+
+    /// The usual light inside this part of an outline, if known. At a tape's end, overexposed channels are taken from
+    /// the limbs, where the same tape is less bright. Otherwise the end would seem to lie farther out the more it is
+    /// blurred.
+    pub(super) fn usual_inside(&self, part: usize) -> Option<[InsideLight; 3]> {
+        let mut light = self.inside[part].known()?.light;
+        /// Minimum light of the other channels to compare an end's brightness with the limbs', and limits of that
+        /// ratio.
+        const MIN_COMPARABLE: f64 = 0.05;
+        const BRIGHTNESS_RATIOS: (f64, f64) = (0.5, 2.0);
+        let overexposed = |l: &InsideLight| l.guessed > OVEREXPOSED;
+        if let Some(facing) = self.facing_light().filter(|_| part >= LIMBS) {
+            let usable = light.iter().zip(facing).filter(|(l, _)| !overexposed(l));
+            let (here, there) = usable.fold((0.0, 0.0), |sum, (l, facing)| (sum.0 + l.base, sum.1 + facing));
+            let brighter = if there > MIN_COMPARABLE {
+                (here / there).clamp(BRIGHTNESS_RATIOS.0, BRIGHTNESS_RATIOS.1)
+            } else {
+                1.0
+            };
+            for (l, facing) in light.iter_mut().zip(facing).filter(|(l, _)| overexposed(l)) {
+                let expected = facing * brighter;
+                if expected > l.base {
+                    (l.base, l.limb) = (expected, 0.0);
+                }
+            }
+        }
+        Some(light)
+    }
+
+    /// Light of each channel where the tape faces the camera: the mean of both limbs.
+    fn facing_light(&self) -> Option<[f64; 3]> {
+        let [one, other] = [self.inside[0].known()?, self.inside[1].known()?];
+        Some(std::array::from_fn(|c| [one, other].map(|i| i.light[c].base + i.light[c].limb).iter().sum::<f64>() / 2.0))
+    }
+
+    /// The light with these codes, assuming this blur domain.
+    pub(super) fn light(&self, mixing: BlurDomain, codes: [f64; 3]) -> [f64; 3] {
+        let tone = Tone::of(mixing);
+        self.encoding.rgb_of_codes(codes).map(|code| tone.light(code.max(0.0))).into()
+    }
+
+    /// Blur of light across a probe: by the lens, and by motion during the exposure.
+    fn light_blur_px(&self, probe: &Probe) -> f64 {
+        let moved = probe.motion_px_s * self.exposure_s;
+        (self.lens_px * self.lens_px + moved * moved / 12.0).sqrt() // a uniform blur of length a has variance a²/12
+    }
+
+    /// How much farther out the limbs lie in chroma than in luma if blur mixes light, pixels; `None` until enough
+    /// edges were seen. Shows which blur domain a recording has ([`super::blur_domain::decide`]).
+    pub fn chroma_shift_px(&self) -> Option<f32> {
+        self.chroma_shift.median_px()
+    }
+
+    /// Sets what blur mixes, from now on.
+    pub fn set_blur_domain(&mut self, mixing: BlurDomain) {
+        if mixing != self.blur_domain {
+            self.blur_domain = mixing;
+            self.inside = Default::default(); // learned in the other blur domain
+        }
+    }
+
+    /// Updates blur and noise from the frame's edges. Call once per frame.
+    pub fn finish_frame(&mut self) {
+        self.found.clear();
+        self.frames += 1;
+        let pace = self.noise_rate();
+        let within = |value: f64, (least, most): (f64, f64)| value.clamp(least, most);
+        self.exposure_s = within(self.exposure.update(self.exposure_s), EXPOSURES_S);
+        self.chroma_blur_px = within(self.chroma_blur.update(self.chroma_blur_px), CHROMA_BLURS_PX);
+        self.lens_px = within(self.lens.update(self.lens_px), LENSES_PX);
+        for (noise, (edges, noisier)) in self.noise.iter_mut().zip(std::mem::take(&mut self.noisier)) {
+            if edges > 0.0 {
+                let lean = (noisier - 0.5 * edges) / edges; // 0 where the noise is the median
+                *noise = (*noise * (4.0 * pace * lean).exp()).clamp(0.3, 400.0);
+            }
+        }
+    }
+
+    /// Number of edges found on this frame so far. Two such counts delimit the edges of one tube.
+    pub fn found_count(&self) -> usize {
+        self.found.len()
+    }
+
+    /// Adds some of the edges found on this frame to the evidence: those of the accepted tube. Edges along a false
+    /// tube would teach the model to find that tube again.
+    pub fn learn(&mut self, frame: &Frame<'_>, believed: Range<usize>) {
+        let found = std::mem::take(&mut self.found);
+        for (probe, fit) in found.get(believed).unwrap_or_default() {
+            self.learn_from(fit, frame, probe);
+        }
+        self.found = found;
+    }
+
+    fn learn_from(&mut self, fit: &EdgeFit, frame: &Frame<'_>, probe: &Probe) {
+        let mut trial = std::mem::take(&mut self.chroma_shift);
+        trial.observe(self, frame, probe, fit);
+        self.chroma_shift = trial;
+        let usual = fit.variance.iter().zip(&self.noise).all(|(variance, noise)| *variance < 6.0 * noise);
+        if usual && fit.information > 1.0 {
+            self.inside[probe.part].learn(fit);
+        }
+        if probe.shading == Shading::Cut {
+            let blur = self.light_blur_px(probe);
+            let (gradient, information) = fit.learned_evidence;
+            // The variances of lens and motion blur add up; each parameter learns by its share of the total.
+            let (lens, motion) = (self.lens_px / blur, probe.motion_px_s.powi(2) * self.exposure_s / 12.0 / blur);
+            self.lens.add_evidence(gradient * lens, information * lens * lens);
+            self.exposure.add_evidence(gradient * motion, information * motion * motion);
+        } else if frame.shift_x > 0 {
+            let halvings = f64::from(frame.shift_x);
+            self.chroma_blur
+                .add_evidence(fit.learned_evidence.0 * halvings, fit.learned_evidence.1 * halvings * halvings);
+        }
+        for ((seen, variance), noise) in self.noisier.iter_mut().zip(fit.variance).zip(self.noise) {
+            *seen = (seen.0 + 1.0, seen.1 + f64::from(u8::from(variance > noise)));
+        }
+    }
+
+    /// Is blur learned on this frame? At first on all frames, later on some.
+    fn is_learning(&self) -> bool {
+        const ALL_UNTIL: u32 = 40;
+        const THEN_EVERY: u32 = 4;
+        self.frames < ALL_UNTIL || self.frames.is_multiple_of(THEN_EVERY)
+    }
+
+    /// Learning rate of the noise: fast at first, later a mean over the last fifty frames.
+    fn noise_rate(&self) -> f64 {
+        f64::max(0.02, 1.0 / (f64::from(self.frames) + 3.0))
+    }
+}

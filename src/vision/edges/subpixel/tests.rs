@@ -1,0 +1,332 @@
+//! Borders are drawn exactly and must be found again.
+
+use nalgebra::Vector3;
+
+use super::*;
+use crate::vision::edges::blur_domain;
+use crate::vision::edges::probe::Shading;
+use crate::vision::edges::tone::Tone;
+use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
+use crate::vision::space::Pixel;
+
+const ENCODING: ColourEncoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
+const SIZE: usize = 64;
+const TAPE: [f64; 3] = [110.0, 90.0, 190.0];
+const GREY_GREEN: [f64; 3] = [90.0, 140.0, 110.0];
+
+/// A border drawn exactly: 4:2:0, each sample at its own place.
+#[derive(Clone, Copy)]
+struct Drawing {
+    tape: [f64; 3],
+    normal: Vector2<f64>,
+    /// Its offset along the normal from the middle, pixels.
+    edge: f64,
+    outside: [f64; 3],
+    mixing: BlurDomain,
+    /// Gaussian, pixels.
+    blur: f64,
+    /// Increase of the light outside per pixel away from the border, as a share.
+    shadow: f64,
+    /// Share of the light inside that a limb of `RADIUS_PX` loses as it turns away.
+    limb: Option<f64>,
+    /// Factor on all light; light above white is cut off.
+    exposure: f64,
+    /// Radius of curvature of the border, pixels; infinite if it is straight.
+    bend: f64,
+}
+
+const PLAIN: Drawing = Drawing {
+    tape: TAPE,
+    normal: Vector2::new(0.6, 0.8),
+    edge: 0.3,
+    outside: GREY_GREEN,
+    mixing: BlurDomain::Light,
+    blur: 0.8,
+    shadow: 0.0,
+    limb: None,
+    exposure: 1.0,
+    bend: f64::INFINITY,
+};
+
+const RADIUS_PX: f64 = 14.0;
+
+fn is_tape(codes: [u8; 3]) -> bool {
+    codes[2] > 170
+}
+
+fn frame(planes: &[Vec<u8>; 3]) -> Frame<'_> {
+    let [y, u, v] = planes.each_ref();
+    let plane = |data, size| Plane { data, stride: size, width: size, height: size };
+    Frame {
+        index: 0,
+        time_s: 0.0,
+        y: plane(y, SIZE),
+        u: plane(u, SIZE / 2),
+        v: plane(v, SIZE / 2),
+        shift_x: 1,
+        shift_y: 1,
+        encoding: ENCODING,
+    }
+}
+
+impl Drawing {
+    fn codes_at(&self, at: Vector2<f64>) -> Vector3<f64> {
+        let from_middle = at - Vector2::repeat(SIZE as f64 / 2.0);
+        let beyond = if self.bend.is_finite() {
+            (from_middle + self.normal * (self.bend - self.edge)).norm() - self.bend
+        } else {
+            from_middle.dot(&self.normal) - self.edge
+        };
+        let tone = Tone::of(self.mixing);
+        let light = |codes: [f64; 3]| ENCODING.rgb_of_codes(codes).map(|code| tone.light(code));
+        let (tape, outside) = (light(self.tape), light(self.outside));
+        // 81 points of the blur, each with its own light.
+        let (mut sum, mut weights) = (Vector3::zeros(), 0.0);
+        for step in -40..=40 {
+            let z = f64::from(step) / 10.0;
+            let weight = (-0.5 * z * z).exp();
+            let there = beyond + z * self.blur;
+            let cos = |depth: f64| (1.0 - (1.0 - (depth / RADIUS_PX).clamp(0.0, 1.0)).powi(2)).sqrt();
+            let inside = tape * self.limb.map_or(1.0, |share| 1.0 - share * (1.0 - cos(-there)));
+            let half = 0.05 * self.blur; // each point covers this much on both sides
+            let share = ((half - there) / (2.0 * half)).clamp(0.0, 1.0);
+            let beside = outside * (1.0 + self.shadow * there.clamp(0.0, 8.0));
+            sum += (inside * share + beside * (1.0 - share)) * weight;
+            weights += weight;
+        }
+        let coded = (sum / weights).map(|light| tone.code(self.exposure * light));
+        ENCODING.codes_from_rgb() * coded + Vector3::from(ENCODING.black())
+    }
+
+    fn planes(&self) -> [Vec<u8>; 3] {
+        let whole = (0..SIZE * SIZE).map(|i| self.codes_at(Vector2::new((i % SIZE) as f64, (i / SIZE) as f64)));
+        let whole: Vec<Vector3<f64>> = whole.collect();
+        let code = |value: f64| value.round().clamp(0.0, 255.0) as u8;
+        let halved = |plane: usize| {
+            let four = |i: usize| {
+                let (x, y) = (i % (SIZE / 2) * 2, i / (SIZE / 2) * 2);
+                let at = |dx: usize, dy: usize| whole[(y + dy) * SIZE + x + dx][plane];
+                code(0.25 * (at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1)))
+            };
+            (0..SIZE * SIZE / 4).map(four).collect()
+        };
+        [whole.iter().map(|codes| code(codes[0])).collect(), halved(1), halved(2)]
+    }
+
+    fn model(&self) -> EdgeModel {
+        let mut model = EdgeModel::new(self.tape, ENCODING);
+        model.lens_px = self.blur;
+        model.chroma_blur_px = 0.5; // chroma is drawn as the mean of two pixels each way
+        model.blur_domain = self.mixing;
+        model
+    }
+
+    fn probe(&self) -> Probe {
+        Probe {
+            middle: Pixel::new(SIZE as f64 / 2.0, SIZE as f64 / 2.0),
+            outward: self.normal,
+            bend_per_px: -0.5 / self.bend,
+            lean: 0.0,
+            half_length_px: 3.0,
+            inwards_px: 5.0,
+            outwards_px: 5.0,
+            motion_px_s: 0.0,
+            part: if self.limb.is_some() { 0 } else { 2 },
+            shading: if self.limb.is_some() { Shading::Limb { radius_px: RADIUS_PX } } else { Shading::Cut },
+        }
+    }
+
+    /// Lets a model learn from this border, as one part of an outline.
+    fn taught_to(&self, model: &mut EdgeModel, part: usize) {
+        let planes = self.planes();
+        let first = model.found_count();
+        model.locate(&frame(&planes), &Probe { part, ..self.probe() }, Fineness::Fine, is_tape).unwrap();
+        model.learn(&frame(&planes), first..model.found_count());
+    }
+
+    fn looked_at(&self, model: &mut EdgeModel, probe: &Probe, fineness: Fineness) -> Option<LocatedEdge> {
+        model.locate(&frame(&self.planes()), probe, fineness, is_tape)
+    }
+
+    /// Located finely, and accepted for learning.
+    fn located_by(&self, model: &mut EdgeModel, probe: &Probe) -> Option<LocatedEdge> {
+        let (planes, before) = (self.planes(), model.found_count());
+        let edge = model.locate(&frame(&planes), probe, Fineness::Fine, is_tape);
+        model.learn(&frame(&planes), before..model.found_count());
+        edge
+    }
+
+    fn located(&self) -> Option<LocatedEdge> {
+        self.located_by(&mut self.model(), &self.probe())
+    }
+
+    /// How much too far outwards it is found.
+    fn error_px(&self) -> f64 {
+        self.located().unwrap().offset_px - self.edge
+    }
+}
+
+fn normal(angle: f64) -> Vector2<f64> {
+    Vector2::new(angle.cos(), angle.sin())
+}
+
+#[test]
+fn a_border_is_found_to_a_fifth_of_a_pixel_at_any_angle_and_place() {
+    for (angle, mixing) in
+        [0.0, 0.4, 0.785, 1.3, 2.5, -2.0].into_iter().zip([BlurDomain::Light, BlurDomain::Codes].into_iter().cycle())
+    {
+        for edge in [-1.7, -0.4, 0.0, 0.3, 1.9] {
+            let error = Drawing { normal: normal(angle), edge, mixing, ..PLAIN }.error_px();
+            assert!(error.abs() < 0.2, "angle {angle}, edge {edge}, {mixing:?}: {error}");
+        }
+    }
+}
+
+#[test]
+fn mixed_light_taken_for_mixed_codes_moves_a_border() {
+    let dark = Drawing { outside: [25.0, 128.0, 128.0], ..PLAIN };
+    let mut model = dark.model();
+    model.blur_domain = BlurDomain::Codes;
+    let wrong = dark.located_by(&mut model, &dark.probe()).unwrap().offset_px - dark.edge;
+    assert!(wrong > 0.15, "{wrong}");
+    assert!(dark.error_px().abs() < 0.05, "{}", dark.error_px());
+}
+
+#[test]
+fn a_limb_that_darkens_is_found_where_it_ends() {
+    for (limb, mixing) in [(0.3, BlurDomain::Light), (0.7, BlurDomain::Light), (0.5, BlurDomain::Codes)] {
+        let error = Drawing { limb: Some(limb), mixing, ..PLAIN }.error_px();
+        assert!(error.abs() < 0.1, "limb {limb}, {mixing:?}: {error}");
+    }
+}
+
+#[test]
+fn a_soft_shadow_beside_a_border_does_not_move_it() {
+    for shadow in [-0.05, 0.06, 0.1] {
+        let error = Drawing { outside: [110.0, 130.0, 126.0], shadow, ..PLAIN }.error_px();
+        assert!(error.abs() < 0.1, "shadow {shadow}: {error}");
+    }
+}
+
+#[test]
+fn a_bent_edge_is_found_only_by_a_probe_that_knows_its_bend() {
+    for angle in [0.2, 1.1, 2.9] {
+        let bent = Drawing { normal: normal(angle), bend: 9.0, ..PLAIN };
+        assert!(bent.error_px().abs() < 0.15, "angle {angle}: {}", bent.error_px());
+        let straight = Probe { bend_per_px: 0.0, ..bent.probe() };
+        let error = bent.located_by(&mut bent.model(), &straight).unwrap().offset_px - bent.edge;
+        assert!(error < bent.error_px() - 0.1, "angle {angle}: {error}");
+    }
+}
+
+#[test]
+fn what_is_overexposed_at_an_end_is_known_from_the_limbs() {
+    let end = Drawing { exposure: 2.0, blur: 3.0, ..PLAIN };
+    let limb = Drawing { exposure: 2.0, limb: Some(0.9), ..PLAIN };
+    let error_px = |limbs_are_known: bool| {
+        let mut model = limb.model();
+        for part in [0, 1].into_iter().cycle().take(if limbs_are_known { 40 } else { 0 }) {
+            limb.taught_to(&mut model, part);
+        }
+        model.lens_px = end.blur;
+        (0..20).for_each(|_| end.taught_to(&mut model, 2));
+        end.located_by(&mut model, &end.probe()).unwrap().offset_px - end.edge
+    };
+    let [unknown, known] = [false, true].map(error_px);
+    assert!(unknown > 0.2, "{unknown}");
+    assert!(known.abs() < 0.75 * unknown, "{unknown} {known}");
+}
+
+#[test]
+fn equal_luma_is_no_hindrance_while_colours_differ() {
+    let error = Drawing { outside: [110.0, 150.0, 90.0], ..PLAIN }.error_px();
+    assert!(error.abs() < 0.1, "{error}");
+}
+
+#[test]
+fn tape_on_both_sides_and_tape_outside_are_no_borders() {
+    assert_eq!(Drawing { outside: [110.0, 80.0, 180.0], ..PLAIN }.located(), None, "a crease");
+    assert_eq!(Drawing { edge: 30.0, ..PLAIN }.located(), None, "nothing in the window");
+}
+
+#[test]
+fn vivid_limbs_show_whether_light_was_mixed_or_codes() {
+    let vivid = Drawing { tape: [150.0, 70.0, 190.0], ..PLAIN };
+    for mixing in [BlurDomain::Light, BlurDomain::Codes] {
+        let mut model = vivid.model();
+        let backgrounds = [GREY_GREEN, [60.0, 150.0, 120.0], [140.0, 120.0, 120.0], [40.0, 128.0, 128.0]];
+        for trial in 0..900 {
+            let drawing = Drawing {
+                normal: normal(0.7 * f64::from(trial)),
+                edge: 0.9 * (f64::from(trial) * 1.7).sin(),
+                outside: backgrounds[trial as usize % backgrounds.len()],
+                limb: Some(0.5),
+                mixing,
+                ..vivid
+            };
+            drawing.located_by(&mut model, &drawing.probe());
+        }
+        let shift_px = model.chroma_shift_px();
+        assert!(shift_px.is_some());
+        assert_eq!(blur_domain::decide(shift_px.into_iter()), mixing);
+    }
+}
+
+#[test]
+fn a_step_is_known_to_half_a_pixel() {
+    let step = PLAIN.looked_at(&mut PLAIN.model(), &PLAIN.probe(), Fineness::Step).unwrap();
+    assert!((step.offset_px - PLAIN.edge).abs() <= 0.5, "{step:?}");
+}
+
+/// Teaches edges at many places and backgrounds, frame by frame.
+fn teach(model: &mut EdgeModel, like: Drawing) {
+    const FRAMES: u32 = 30;
+    const EDGES: u32 = 12;
+    let backgrounds = [GREY_GREEN, [60.0, 150.0, 120.0], [140.0, 120.0, 120.0], [40.0, 128.0, 128.0]];
+    for frame in 0..FRAMES {
+        for edge in 0..EDGES {
+            let turn = f64::from(frame * EDGES + edge);
+            let outside = backgrounds[(frame + edge) as usize % backgrounds.len()];
+            let drawing = Drawing { normal: normal(0.7 * turn), edge: 0.9 * (1.7 * turn).sin(), outside, ..like };
+            drawing.located_by(model, &drawing.probe());
+        }
+        model.finish_frame();
+    }
+}
+
+/// Edges are also found along a false tube; learning from them would keep that tube.
+#[test]
+fn edges_that_are_not_believed_teach_nothing() {
+    let mut model = PLAIN.model();
+    model.lens_px = 1.3;
+    for turn in 0..100 {
+        let drawing = Drawing { normal: normal(0.7 * f64::from(turn)), ..PLAIN };
+        assert!(drawing.looked_at(&mut model, &drawing.probe(), Fineness::Fine).is_some());
+        model.finish_frame();
+    }
+    assert_eq!(model.lens_px, 1.3);
+    assert_eq!(model.found_count(), 0);
+}
+
+#[test]
+fn limbs_teach_how_much_chroma_is_blurred() {
+    let limb = Drawing { limb: Some(0.5), ..PLAIN };
+    for wrong_px in [0.2, 0.9] {
+        let mut model = limb.model();
+        model.chroma_blur_px = wrong_px;
+        teach(&mut model, limb);
+        let left = (model.chroma_blur_px - 0.5) / (wrong_px - 0.5);
+        assert!(left.abs() < 0.5, "from {wrong_px} to {} px", model.chroma_blur_px);
+    }
+}
+
+#[test]
+fn ends_teach_how_sharp_the_lens_is() {
+    for wrong_px in [0.5, 1.3] {
+        let mut model = PLAIN.model();
+        model.lens_px = wrong_px;
+        teach(&mut model, PLAIN);
+        let left = (model.lens_px - PLAIN.blur) / (wrong_px - PLAIN.blur);
+        assert!(left.abs() < 0.5, "from {wrong_px} to {} px", model.lens_px);
+    }
+}

@@ -1,0 +1,264 @@
+//! The track of one tool through time: which measurements belong to it, when it is lost, and when it restarts
+//! elsewhere.
+//!
+//! A measurement outside the gate is rejected, but not for ever: rejected measurements that agree with each other for
+//! [`TrackSettings::reacquire_s`] restart the track at their position. A tool unseen for longer than
+//! [`TrackSettings::max_prediction_s`] is lost until it is seen again.
+
+use super::adaptive_noise::{AdaptiveNoise, PredictionStep};
+use super::kalman::KalmanState;
+use super::smoother::MeasuredPosition;
+use crate::vision::pose::TubeEstimate;
+use crate::vision::reason::MissReason;
+
+/// Settings of a track: a part of the tracker's motion settings, in the same units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackSettings {
+    /// Density of a steady hand's white acceleration, mm²/s³.
+    pub noise_density: f64,
+    /// Speed that a newly seen tool may have, mm/s.
+    pub first_speed_mm_s: f64,
+    /// Largest squared Mahalanobis distance of an accepted measurement.
+    pub gate: f64,
+    /// For how long rejected measurements must agree to be accepted, s.
+    pub reacquire_s: f64,
+    /// Longest gap that is bridged, s.
+    pub max_prediction_s: f64,
+    /// Smallest and largest depth of a tip, mm.
+    pub depth_mm: (f64, f64),
+}
+
+/// The track of one tool.
+#[derive(Clone, Debug, Default)]
+pub struct Track {
+    current: Option<TrackState>,
+    rival: Option<TrackState>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct TrackState {
+    state: KalmanState,
+    time_s: f64,
+    began_s: f64,
+    last_seen_s: f64,
+    /// Number of measurements accepted so far.
+    believed: u32,
+    liveliness: AdaptiveNoise,
+}
+
+impl TrackState {
+    fn start(time_s: f64, (tip, covariance): MeasuredPosition, settings: &TrackSettings) -> Self {
+        let state = KalmanState::first_seen(tip, covariance, settings.first_speed_mm_s);
+        Self { state, time_s, began_s: time_s, last_seen_s: time_s, believed: 1, liveliness: AdaptiveNoise::default() }
+    }
+
+    fn predict(&self, time_s: f64, settings: &TrackSettings) -> PredictionStep {
+        self.liveliness.predict(&self.state, time_s - self.time_s, settings.noise_density)
+    }
+
+    /// Predicts the state at a measurement's time; `None` if the measurement is outside the gate.
+    fn predict_towards(
+        &self,
+        time_s: f64,
+        measured: &MeasuredPosition,
+        settings: &TrackSettings,
+    ) -> Option<PredictionStep> {
+        let dt_s = time_s - self.time_s;
+        self.liveliness.predict_towards(&self.state, dt_s, settings.noise_density, measured, settings.gate)
+    }
+
+    /// Updates the state with a measurement that [`Self::predict_towards`] accepted.
+    fn update(&mut self, time_s: f64, step: &PredictionStep, (tip, covariance): MeasuredPosition) {
+        self.liveliness.learn(step, time_s - self.time_s);
+        self.state = step.state.updated(tip, covariance);
+        (self.time_s, self.last_seen_s) = (time_s, time_s);
+        self.believed += 1;
+    }
+}
+
+/// A track with fewer measurements than this is no more credible than a measurement that contradicts it. If one of two
+/// consecutive positions is false, it is unknown which one, and the speed between them is meaningless.
+const MIN_CREDIBLE_MEASUREMENTS: u32 = 4;
+
+/// Outcome of one frame for a track.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Advance {
+    /// The filter's state; `None` where the tool is not tracked.
+    pub state: Option<KalmanState>,
+    /// Acceleration density used for the prediction since the previous frame, mm²/s³; 0 if a new track starts.
+    pub noise_density: f64,
+    /// True if a new track starts with this state.
+    pub starts_track: bool,
+    /// True if the previous track was young and is contradicted: all of its frames are discarded.
+    pub discards_previous: bool,
+    /// True if the measurement was accepted.
+    pub observed: bool,
+    /// Why the measurement was rejected.
+    pub refused: Option<MissReason>,
+}
+
+impl Track {
+    /// The predicted state at a time; `None` if the tool is not being tracked.
+    pub fn expected(&self, time_s: f64, settings: &TrackSettings) -> Option<KalmanState> {
+        Some(self.current_if_recent(time_s, settings)?.predict(time_s, settings).state)
+    }
+
+    /// Would this pose pass the gate?
+    pub fn would_accept(&self, time_s: f64, pose: &TubeEstimate, settings: &TrackSettings) -> bool {
+        let measured = (pose.tube.tip, pose.tip_covariance());
+        self.current_if_recent(time_s, settings)
+            .is_some_and(|followed| followed.predict_towards(time_s, &measured, settings).is_some())
+    }
+
+    /// Advances the track by one frame, with its measurement if there is one.
+    pub fn advance(&mut self, time_s: f64, measured: Option<MeasuredPosition>, settings: &TrackSettings) -> Advance {
+        let out_of_bounds =
+            measured.is_some_and(|(tip, _)| !(settings.depth_mm.0..=settings.depth_mm.1).contains(&tip.z));
+        let mut refused = out_of_bounds.then_some(MissReason::OutOfBounds);
+        let measured = measured.filter(|_| !out_of_bounds);
+        let Some(mut followed) = self.current_if_recent(time_s, settings) else {
+            *self = Self::default();
+            return match measured {
+                Some(position) => self.start_track(TrackState::start(time_s, position, settings)),
+                None => {
+                    let (state, noise_density) = (None, 0.0);
+                    Advance {
+                        state,
+                        noise_density,
+                        starts_track: false,
+                        discards_previous: false,
+                        observed: false,
+                        refused,
+                    }
+                }
+            };
+        };
+        if let Some((position, step)) =
+            measured.and_then(|at| Some((at, followed.predict_towards(time_s, &at, settings)?)))
+        {
+            followed.update(time_s, &step, position);
+            *self = Self { current: Some(followed), rival: None };
+            return Advance::along(&step, followed.state, true, None);
+        }
+        if let Some(position) = measured {
+            refused = Some(MissReason::GateRejected);
+            if followed.believed < MIN_CREDIBLE_MEASUREMENTS {
+                return Advance {
+                    discards_previous: true,
+                    ..self.start_track(TrackState::start(time_s, position, settings))
+                };
+            }
+            if let Some(rival) = self.advance_rival(time_s, position, settings) {
+                return self.start_track(rival);
+            }
+        }
+        let step = followed.predict(time_s, settings);
+        self.current = Some(TrackState { state: step.state, time_s, ..followed });
+        Advance::along(&step, step.state, false, refused)
+    }
+
+    /// The current track, if it was measured recently enough.
+    fn current_if_recent(&self, time_s: f64, settings: &TrackSettings) -> Option<TrackState> {
+        self.current.filter(|followed| time_s - followed.last_seen_s <= settings.max_prediction_s)
+    }
+
+    fn start_track(&mut self, followed: TrackState) -> Advance {
+        *self = Self { current: Some(TrackState { began_s: followed.time_s, believed: 1, ..followed }), rival: None };
+        let (state, noise_density) = (Some(followed.state), 0.0);
+        Advance { state, noise_density, starts_track: true, discards_previous: false, observed: true, refused: None }
+    }
+
+    /// Tracks the rejected measurements as a rival. Returns the rival once its measurements have agreed for long
+    /// enough.
+    fn advance_rival(
+        &mut self,
+        time_s: f64,
+        measured: MeasuredPosition,
+        settings: &TrackSettings,
+    ) -> Option<TrackState> {
+        let agreeing = self.rival.and_then(|mut rival| {
+            let step = rival.predict_towards(time_s, &measured, settings)?;
+            rival.update(time_s, &step, measured);
+            Some(rival)
+        });
+        let rival = agreeing.unwrap_or_else(|| TrackState::start(time_s, measured, settings));
+        self.rival = Some(rival);
+        (time_s - rival.began_s >= settings.reacquire_s).then_some(rival)
+    }
+}
+
+impl Advance {
+    fn along(step: &PredictionStep, state: KalmanState, observed: bool, refused: Option<MissReason>) -> Self {
+        let (state, noise_density) = (Some(state), step.noise_density);
+        Self { state, noise_density, starts_track: false, discards_previous: false, observed, refused }
+    }
+}
+
+#[cfg(test)]
+pub(super) mod testing {
+    use super::TrackSettings;
+
+    /// The tracker's default settings.
+    pub const SETTINGS: TrackSettings = TrackSettings {
+        noise_density: 8000.0,
+        first_speed_mm_s: 150.0,
+        gate: 16.3,
+        reacquire_s: 0.15,
+        max_prediction_s: 0.2,
+        depth_mm: (20.0, 1000.0),
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix3, Point3};
+
+    use super::testing::SETTINGS;
+    use super::*;
+
+    fn at(x: f64) -> Option<(Point3<f64>, Matrix3<f64>)> {
+        Some((Point3::new(x, 0.0, 150.0), Matrix3::identity() * 0.05))
+    }
+
+    fn settled() -> Track {
+        let mut track = Track::default();
+        for k in 0..10 {
+            assert!(track.advance(f64::from(k) * 0.04, at(0.0), &SETTINGS).observed);
+        }
+        track
+    }
+
+    #[test]
+    fn one_wild_measurement_is_rejected_and_the_track_continues() {
+        let mut track = settled();
+        let wild = track.advance(0.40, at(60.0), &SETTINGS);
+        assert_eq!((wild.observed, wild.refused), (false, Some(MissReason::GateRejected)));
+        assert!(track.advance(0.44, at(0.0), &SETTINGS).observed);
+    }
+
+    #[test]
+    fn a_false_first_place_does_not_set_the_speed() {
+        let mut track = Track::default();
+        track.advance(0.0, at(14.0), &SETTINGS);
+        let followed: Vec<Advance> = (1..8).map(|k| track.advance(f64::from(k) * 0.04, at(0.0), &SETTINGS)).collect();
+        assert!(followed.iter().any(|a| a.discards_previous), "the false start is given up");
+        let last = followed.last().and_then(|a| a.state).unwrap();
+        assert!((last.tip().x).abs() < 0.5 && last.velocity().norm() < 20.0, "{:?}", last.mean);
+    }
+
+    #[test]
+    fn measurements_that_agree_elsewhere_are_not_refused_for_ever() {
+        let mut track = settled();
+        let taken =
+            (0..6).map(|k| track.advance(0.40 + f64::from(k) * 0.04, at(60.0), &SETTINGS)).position(|a| a.starts_track);
+        assert!(taken.is_some_and(|k| k >= 3), "{taken:?}");
+    }
+
+    #[test]
+    fn a_gap_is_bridged_up_to_its_limit_and_not_beyond() {
+        let mut track = settled();
+        let bridged = (1..=10).filter(|k| track.advance(0.36 + f64::from(*k) * 0.03, None, &SETTINGS).state.is_some());
+        assert_eq!(bridged.count(), 6);
+        assert!(track.advance(0.80, at(90.0), &SETTINGS).starts_track);
+    }
+}

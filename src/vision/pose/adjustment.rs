@@ -1,0 +1,318 @@
+//! Joint adjustment of all poses of a session: estimates the fulcrum, and by how much each part of the outline is off
+//! in all of them (bundle adjustment).
+//!
+//! One pose cannot separate an offset of its borders from its depth: for a 5 mm tool at 720 lines, a tenth of a pixel
+//! is a millimetre. Many poses can, because they share the band's length and the point that every axis passes through.
+//! **Method** Gauss–Newton. Each pose's edges are a quadratic cost of its own nine unknowns
+//! ([`super::normal_equations`]). Eliminating these (Schur complement) leaves seven that all poses share: three of the
+//! fulcrum, and four offsets. **Assumes** that a pose's offsets differ from the shared ones within its stated priors,
+//! and alike in similar poses, which therefore count as one ([`weights`]). **Gives up** if the axes turn too little to
+//! meet anywhere, or meet ahead of the tips.
+
+use nalgebra::{Matrix2, Matrix3, Matrix5, SMatrix, SVector, Vector3, Vector5};
+
+use super::fulcrum::{Fulcrum, FulcrumConstraint, MIN_TROCAR_DISTANCE_RADII, PLAY_MM, nearest_point};
+use super::normal_equations::{Information, OWN_UNKNOWNS, Offsets, SHARED_OFFSETS_PX};
+use super::{TubeEstimate, perturbed};
+use crate::vision::tube::Tube;
+
+/// Number of unknowns that all poses share: the fulcrum, then the offsets.
+const SHARED: usize = 7;
+type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
+type SharedVector = SVector<f64, SHARED>;
+type OwnVector = SVector<f64, OWN_UNKNOWNS>;
+
+/// Prior standard deviation of a band's length that was not measured, as a share of it.
+const LENGTH_WITHIN: f64 = 0.1;
+
+/// Maximum turn of a pose towards the fulcrum, radians: beyond it, the linearisation is invalid.
+const MAX_TURN_RAD: f64 = 0.35;
+
+/// The unknowns that a session's poses share.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Adjustment {
+    /// The point that all axes pass through.
+    pub fulcrum: Fulcrum,
+    /// By how much its edges are off, pixels. If the band was not measured, the last is in mm beyond
+    /// [`Adjustment::length_mm`].
+    pub offsets: Offsets,
+    /// Reference length of the band for the offsets, mm.
+    pub length_mm: f64,
+    /// Covariance of fulcrum and offsets.
+    covariance: SharedMatrix,
+}
+
+/// Estimates the shared unknowns; `None` if the poses are too few or turn too little.
+pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
+    const MIN_POSES: usize = 10;
+    const ROUNDS: usize = 30;
+    const SETTLED_MM: f64 = 1e-2;
+    if poses.len() < MIN_POSES {
+        return None;
+    }
+    let mut shared = Adjustment::start(poses)?;
+    let weights = weights(poses);
+    let mut solved: Vec<AdjustedPose> = poses.iter().map(AdjustedPose::new).collect();
+    for _ in 0..ROUNDS {
+        let (mut matrix, mut right) = shared.priors(poses[0].equations.is_length_unknown());
+        for (pose, weight) in solved.iter_mut().zip(&weights) {
+            let (information, pull) = pose.solve(&shared)?;
+            let weight = weight * robust_weight(&information, &pull);
+            matrix += information * weight;
+            right += pull * weight;
+        }
+        shared.covariance = matrix.cholesky()?.inverse();
+        let step = shared.covariance * right;
+        if !step.iter().all(|c| c.is_finite()) {
+            return None;
+        }
+        shared.apply_step(&step);
+        solved.iter_mut().for_each(|pose| pose.apply_shared_step(&step));
+        if step.fixed_rows::<3>(0).norm() < SETTLED_MM {
+            return poses.iter().all(|pose| shared.is_behind(&pose.tube)).then_some(shared);
+        }
+    }
+    None
+}
+
+/// Do the axes meet in a point ahead of the tips, where no trocar can be? Then the poses lie the wrong way round.
+pub fn axes_meet_ahead_of_tips(poses: &[TubeEstimate]) -> bool {
+    const MIN_POSES: usize = 16;
+    /// Largest distance from a tip to that point, mm; largest distance of the axes from it, and smallest spread of the
+    /// tips that is conclusive: root mean squares, mm.
+    const MAX_DISTANCE_MM: f64 = 400.0;
+    const MEET_MM: f64 = 4.0;
+    const APART_MM: f64 = 8.0;
+    if poses.len() < MIN_POSES {
+        return false;
+    }
+    let lines = || poses.iter().map(|pose| (pose.tube.tip, pose.tube.axis));
+    let Some(at) = nearest_point(lines()) else { return false };
+    let rms = |squares: f64| (squares / poses.len() as f64).sqrt();
+    let middle = lines().map(|(tip, _)| tip.coords).sum::<Vector3<f64>>() / poses.len() as f64;
+    let apart_mm = rms(lines().map(|(tip, _)| (tip.coords - middle).norm_squared()).sum());
+    let beside_mm = rms(lines().map(|(tip, axis)| (at - tip).cross(&axis).norm_squared()).sum());
+    let is_before = |pose: &TubeEstimate| {
+        let before_mm = (at - pose.tube.tip).dot(&pose.tube.axis);
+        (MIN_TROCAR_DISTANCE_RADII * pose.tube.radius..MAX_DISTANCE_MM).contains(&before_mm)
+    };
+    apart_mm > APART_MM && beside_mm < MEET_MM && poses.iter().all(is_before)
+}
+
+/// Steadies a pose: returns the most likely pose given the session's fulcrum and offsets and their uncertainty. `None`
+/// if the pose would have to turn by more than [`MAX_TURN_RAD`]: its edges then belong to something else.
+pub fn steady(pose: &TubeEstimate, shared: &Adjustment) -> Option<TubeEstimate> {
+    const ROUNDS: usize = 4;
+    let evidence = &pose.equations;
+    let (own_px, share) = (evidence.own_px(), evidence.shared_offset_scale());
+    // The axis may miss the fulcrum by the fulcrum's error and the play. The edges' offsets may differ from the shared
+    // ones by the shared offsets' error and the pose's own offsets.
+    let apart_px: [f64; 4] =
+        std::array::from_fn(|part| own_px[part].hypot(share[part] * shared.covariance[(3 + part, 3 + part)].sqrt()));
+    let information = evidence.information();
+    let mut change = OwnVector::zeros();
+    let mut result = None;
+    for _ in 0..ROUNDS {
+        let tube = perturbed(&pose.tube, &tube_part(&change));
+        let play = FulcrumConstraint::at(&tube, shared.fulcrum.at).play(&shared.fulcrum);
+        let equations = PoseEquations::at(pose, &information, &change, shared, &play, &apart_px)?;
+        let inverse = equations.own.cholesky()?.inverse();
+        change = inverse * equations.right;
+        // The edges' own noise changes from frame to frame; offsets, play, and errors of the shared unknowns last.
+        let through = inverse * equations.cross;
+        let passing = inverse * information * inverse;
+        let differing = inverse * equations.own_error_covariance(&own_px, &apart_px) * inverse;
+        result = Some((passing, through * shared.covariance * through.transpose() + differing));
+    }
+    if change.fixed_rows::<2>(3).norm() > MAX_TURN_RAD {
+        return None;
+    }
+    let (passing, lasting) = result?;
+    let of_tube = |all: Information| -> Matrix5<f64> {
+        let block = all.fixed_view::<5, 5>(0, 0).into_owned();
+        (block + block.transpose()) * 0.5
+    };
+    let (passing, lasting) = (of_tube(passing), of_tube(lasting));
+    Some(TubeEstimate {
+        tube: perturbed(&pose.tube, &tube_part(&change)),
+        covariance: passing + lasting,
+        lasting,
+        ..*pose
+    })
+}
+
+impl Adjustment {
+    fn start(poses: &[TubeEstimate]) -> Option<Self> {
+        let at = nearest_point(poses.iter().map(|p| (p.tube.tip, p.tube.axis)))?;
+        Some(Self {
+            fulcrum: Fulcrum { at, covariance: Matrix3::zeros() },
+            offsets: Offsets::zeros(),
+            length_mm: poses.last()?.equations.length_mm(),
+            covariance: SharedMatrix::zeros(),
+        })
+    }
+
+    /// Priors: the offsets are about 0, the fulcrum is anywhere.
+    fn priors(&self, is_of_unknown_length: bool) -> (SharedMatrix, SharedVector) {
+        let mut sigmas = SHARED_OFFSETS_PX;
+        if is_of_unknown_length {
+            sigmas[3] = LENGTH_WITHIN * self.length_mm;
+        }
+        let (mut matrix, mut right) = (SharedMatrix::zeros(), SharedVector::zeros());
+        for (part, sigma) in sigmas.into_iter().enumerate() {
+            matrix[(3 + part, 3 + part)] = 1.0 / square(sigma);
+            right[3 + part] = -self.offsets[part] / square(sigma);
+        }
+        (matrix, right)
+    }
+
+    /// Outward offset of both borders, pixels, and its standard deviation.
+    pub fn border_offset_px(&self) -> (f64, f64) {
+        (self.offsets[0], self.covariance[(3, 3)].sqrt())
+    }
+
+    fn apply_step(&mut self, step: &SharedVector) {
+        self.fulcrum.at += step.fixed_rows::<3>(0);
+        self.fulcrum.covariance = self.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+        self.offsets += step.fixed_rows::<4>(3);
+    }
+
+    /// Does the fulcrum lie behind the tube's band? If the axes hardly turn, their errors decide where they meet.
+    fn is_behind(&self, tube: &Tube) -> bool {
+        (tube.tip - self.fulcrum.at).dot(&tube.axis) > MIN_TROCAR_DISTANCE_RADII * tube.radius
+    }
+}
+
+/// One pose during the adjustment.
+struct AdjustedPose<'a> {
+    pose: &'a TubeEstimate,
+    information: Information,
+    /// Change of its own unknowns since its edges were fitted.
+    change: OwnVector,
+    /// The change with the current shared unknowns, and its decrease per step of each shared unknown.
+    alone: OwnVector,
+    through: SMatrix<f64, OWN_UNKNOWNS, SHARED>,
+}
+
+impl<'a> AdjustedPose<'a> {
+    fn new(pose: &'a TubeEstimate) -> Self {
+        let (change, through) = (OwnVector::zeros(), SMatrix::zeros());
+        Self { pose, information: pose.equations.information(), change, alone: change, through }
+    }
+
+    /// Information and right side that the pose contributes to the shared unknowns, with its own unknowns eliminated.
+    fn solve(&mut self, shared: &Adjustment) -> Option<(SharedMatrix, SharedVector)> {
+        let play = Matrix2::identity() * square(PLAY_MM);
+        let own_px = self.pose.equations.own_px();
+        let equations = PoseEquations::at(self.pose, &self.information, &self.change, shared, &play, &own_px)?;
+        let solver = equations.own.cholesky()?;
+        self.through = solver.solve(&equations.cross);
+        self.alone = solver.solve(&equations.right);
+        let back = equations.cross.transpose();
+        Some((equations.shared - back * self.through, equations.shared_right - back * self.alone))
+    }
+
+    fn apply_shared_step(&mut self, step: &SharedVector) {
+        self.change = self.alone - self.through * step;
+    }
+}
+
+/// The linearised equations of one pose: for its own unknowns, for the shared ones, and mixed.
+struct PoseEquations {
+    own: Information,
+    right: OwnVector,
+    cross: SMatrix<f64, OWN_UNKNOWNS, SHARED>,
+    shared: SharedMatrix,
+    shared_right: SharedVector,
+    constraint: FulcrumConstraint,
+    firm: Matrix2<f64>,
+}
+
+impl PoseEquations {
+    /// The equations of a pose changed by `change` since its edges were fitted. `play` is the covariance of the axis's
+    /// distance from the fulcrum, `apart_px` the standard deviation of its offsets about the shared ones.
+    fn at(
+        pose: &TubeEstimate,
+        information: &Information,
+        change: &OwnVector,
+        shared: &Adjustment,
+        play: &Matrix2<f64>,
+        apart_px: &[f64; 4],
+    ) -> Option<Self> {
+        let moved = tube_part(change);
+        let mut constraint = FulcrumConstraint::at(&perturbed(&pose.tube, &moved), shared.fulcrum.at);
+        constraint.miss -= constraint.by_pose * moved; // relative to the fitted pose
+        let firm = play.try_inverse()?;
+        let (to_pose, to_point) = (constraint.by_pose.transpose() * firm, constraint.by_point.transpose() * firm);
+        let mut all = Self {
+            own: *information,
+            right: pose.equations.right_side(),
+            cross: SMatrix::zeros(),
+            shared: SharedMatrix::zeros(),
+            shared_right: SharedVector::zeros(),
+            constraint,
+            firm,
+        };
+        let FulcrumConstraint { miss: missed, by_pose, by_point } = &all.constraint;
+        let mut of_tube = all.own.fixed_view_mut::<5, 5>(0, 0);
+        of_tube += to_pose * by_pose;
+        let mut of_tube = all.right.fixed_rows_mut::<5>(0);
+        of_tube -= to_pose * missed;
+        all.cross.fixed_view_mut::<5, 3>(0, 0).copy_from(&(to_pose * by_point));
+        all.shared.fixed_view_mut::<3, 3>(0, 0).copy_from(&(to_point * by_point));
+        all.shared_right.fixed_rows_mut::<3>(0).copy_from(&-(to_point * missed));
+        let (share, offsets) =
+            (pose.equations.shared_offset_scale(), pose.equations.offsets_for_length(shared.length_mm));
+        for part in 0..4 {
+            let (weight, share) = (1.0 / square(apart_px[part]), share[part]);
+            let ahead = offsets[part] - share * shared.offsets[part];
+            all.own[(5 + part, 5 + part)] += weight;
+            all.right[5 + part] -= weight * ahead;
+            all.cross[(5 + part, 3 + part)] = -weight * share;
+            all.shared[(3 + part, 3 + part)] = weight * square(share);
+            all.shared_right[3 + part] = weight * share * ahead;
+        }
+        Some(all)
+    }
+
+    /// Covariance of the right side from the pose's own lasting errors: the play, and its offsets relative to the
+    /// shared ones.
+    fn own_error_covariance(&self, own_px: &[f64; 4], apart_px: &[f64; 4]) -> Information {
+        let mut all = Information::zeros();
+        let to_pose = self.constraint.by_pose.transpose() * self.firm;
+        all.fixed_view_mut::<5, 5>(0, 0).copy_from(&(to_pose * to_pose.transpose() * square(PLAY_MM)));
+        for part in 0..4 {
+            all[(5 + part, 5 + part)] = square(own_px[part] / square(apart_px[part]));
+        }
+        all
+    }
+}
+
+/// Weight of each pose: similar poses have similar errors, and count as one together.
+fn weights(poses: &[TubeEstimate]) -> Vec<f64> {
+    const ALIKE_MM: f64 = 5.0;
+    let likeness = |one: &TubeEstimate, other: &TubeEstimate| {
+        (-0.5 * (one.tube.tip - other.tube.tip).norm_squared() / square(ALIKE_MM)).exp()
+    };
+    poses.iter().map(|pose| 1.0 / poses.iter().map(|other| likeness(pose, other)).sum::<f64>()).collect()
+}
+
+/// Lower weight for a pose that disagrees with all others, so that a false one does little harm.
+fn robust_weight(information: &SharedMatrix, pull: &SharedVector) -> f64 {
+    const MAX_SQUARED: f64 = 9.0;
+    let of_fulcrum = information.fixed_view::<3, 3>(0, 0) + Matrix3::identity() * 1e-9;
+    let pull = pull.fixed_rows::<3>(0).into_owned();
+    let distance = of_fulcrum.cholesky().map_or(0.0, |solver| pull.dot(&solver.solve(&pull)));
+    if distance > MAX_SQUARED { MAX_SQUARED / distance } else { 1.0 }
+}
+
+fn tube_part(all: &OwnVector) -> Vector5<f64> {
+    all.fixed_rows::<5>(0).into_owned()
+}
+
+fn square(value: f64) -> f64 {
+    value * value
+}
+
+#[cfg(test)]
+mod tests;

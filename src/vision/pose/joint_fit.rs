@@ -1,0 +1,334 @@
+//! Fits a tube to all measured edges at once: borders, and one or both ends of the band, with five unknowns of the
+//! tube (METHOD 4, *known band length*).
+//!
+//! **In** edges with their point on the outline, their pixel and its standard deviation; a tube close to the truth.
+//! **Out** the best tube, its covariance, the RMS residual. **Method** Gauss–Newton with robust weights (Tukey).
+//! Borders and ends also have unknown offsets, 0 ± [`OffsetPriors::offsets_px`]: light, compression and sharpening
+//! shift a whole edge alike, and averaging over many pixels does not remove that. **Gives up** if fewer than
+//! [`MIN_BORDER_EDGES`] edges support either border, or no end was seen.
+
+use nalgebra::{Matrix5, SMatrix, SVector, Vector2, Vector5};
+
+use super::fulcrum::{Fulcrum, FulcrumConstraint};
+use super::normal_equations::{NormalEquations, OWN_UNKNOWNS as UNKNOWNS, OffsetPriors, Offsets, offset_of_part};
+use super::{TubeEstimate, perturbed};
+use crate::vision::camera::Camera;
+use crate::vision::edges::outline_probes::OutlinePoint;
+use crate::vision::space::{CameraPoint, Normalised, Pixel};
+use crate::vision::tube::{Outline, Tube};
+
+/// One measured edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeasuredEdge {
+    /// The point of the outline that it belongs to.
+    pub point: OutlinePoint,
+    /// Its pixel.
+    pub at: Pixel,
+    /// Unit normal out of the tube, pixels.
+    pub outward: Vector2<f64>,
+    /// Standard deviation along the normal, pixels.
+    pub sigma_px: f64,
+    /// Viewing direction.
+    sight: Normalised,
+    /// Change of the viewing direction per pixel outwards.
+    sight_per_px: Vector2<f64>,
+}
+
+/// Minimum number of edges on each border.
+pub const MIN_BORDER_EDGES: usize = 2;
+
+/// Minimum standard deviation of a single edge, pixels: texture and compression that the noise does not include.
+const MIN_SIGMA_PX: f64 = 0.1;
+
+impl MeasuredEdge {
+    /// An edge at a pixel; `None` if the lens model has no direction for it.
+    pub fn new(place: OutlinePoint, at: Pixel, outward: Vector2<f64>, sigma_px: f64, camera: &Camera) -> Option<Self> {
+        let sight = camera.normalised_of(at)?;
+        let (_, jacobian) = camera.distort_with_jacobian(sight);
+        let per_px = Vector2::new(outward.x / camera.fx, outward.y / camera.fy);
+        Some(Self { point: place, at, outward, sigma_px, sight, sight_per_px: jacobian.try_inverse()? * per_px })
+    }
+
+    /// Outward distance of the edge from the outline, pixels.
+    pub fn residual_px(&self, outline: &Outline, camera: &Camera) -> Option<f64> {
+        match self.point {
+            OutlinePoint::Border { side, .. } => {
+                let normal = outline.normals[side];
+                let per_px = normal.xy().dot(&self.sight_per_px);
+                (per_px.abs() > 1e-9).then(|| normal.dot(&self.sight.ray()) / per_px)
+            }
+            OutlinePoint::Rim { back_mm, across } => {
+                let expected = camera.project(CameraPoint(outline.rim(back_mm, across)))?;
+                Some((self.at.0 - expected.0).dot(&self.outward))
+            }
+        }
+    }
+}
+
+/// Whether edges may be left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trust {
+    /// Edges that disagree with most others get little or no weight: for measured edges.
+    Majority,
+    /// All edges count: for a rough start, where one point per end must not be outvoted by the borders.
+    All,
+}
+
+/// Fits the tube to the edges, starting from `start`, under priors on the offsets of its parts. With a known fulcrum
+/// the tube is constrained to it, but normal equations and covariance are those of the edges alone.
+pub fn fit(
+    edges: &[MeasuredEdge],
+    start: &Tube,
+    camera: &Camera,
+    trust: Trust,
+    beliefs: &OffsetPriors,
+    fulcrum: Option<&Fulcrum>,
+) -> Option<TubeEstimate> {
+    const ROUNDS: usize = 8;
+    let count = |part: usize| edges.iter().filter(|e| e.point.part() == part).count();
+    if count(0).min(count(1)) < MIN_BORDER_EDGES || count(2) + count(3) == 0 {
+        return None;
+    }
+    let mut tube = *start;
+    let mut offsets = Offsets::zeros();
+    let mut last = f64::INFINITY;
+    for _ in 0..ROUNDS {
+        let system = EdgeEquations::build(edges, &tube, &offsets, camera, trust)?;
+        let step = system.constrained_step(&tube, &offsets, beliefs, fulcrum)?;
+        tube = perturbed(&tube, &Vector5::from(step.fixed_rows::<5>(0)));
+        offsets += step.fixed_rows::<4>(5);
+        let size = step.fixed_rows::<3>(0).norm();
+        if !size.is_finite() || size > 100.0 {
+            return None;
+        }
+        if size < 1e-4 || (size < 1e-2 && size > last) {
+            break;
+        }
+        last = size;
+    }
+    let system = EdgeEquations::build(edges, &tube, &offsets, camera, trust)?;
+    let noise = system.variance_factor.max(1.0);
+    let evidence = NormalEquations::new(&system.matrix, &system.right, &offsets, beliefs, noise);
+    let (covariance, lasting) = evidence.covariance()?;
+    Some(TubeEstimate {
+        tube,
+        covariance,
+        lasting,
+        equations: evidence,
+        residual_px: system.residual_px,
+        support: system.support,
+    })
+}
+
+/// The edges' normal equations at one linearisation.
+struct EdgeEquations {
+    matrix: SMatrix<f64, UNKNOWNS, UNKNOWNS>,
+    right: SVector<f64, UNKNOWNS>,
+    variance_factor: f64,
+    residual_px: f64,
+    support: f64,
+}
+
+impl EdgeEquations {
+    /// The step from edges, priors and fulcrum together.
+    fn constrained_step(
+        &self,
+        tube: &Tube,
+        offsets: &Offsets,
+        beliefs: &OffsetPriors,
+        fulcrum: Option<&Fulcrum>,
+    ) -> Option<SVector<f64, UNKNOWNS>> {
+        let (mut matrix, mut right) = (self.matrix, self.right);
+        for part in 0..4 {
+            let weight = beliefs.offsets_px[part].powi(-2);
+            matrix[(5 + part, 5 + part)] += weight;
+            right[5 + part] -= weight * offsets[part];
+        }
+        if let Some(fulcrum) = fulcrum {
+            let constraint = FulcrumConstraint::at(tube, fulcrum.at);
+            let to_pose = constraint.by_pose.transpose() * constraint.play(fulcrum).try_inverse()?;
+            let mut of_tube = matrix.fixed_view_mut::<5, 5>(0, 0);
+            of_tube += to_pose * constraint.by_pose;
+            let mut of_tube = right.fixed_rows_mut::<5>(0);
+            of_tube -= to_pose * constraint.miss;
+        }
+        Some(matrix.cholesky()?.solve(&right))
+    }
+
+    fn build(edges: &[MeasuredEdge], tube: &Tube, offsets: &Offsets, camera: &Camera, trust: Trust) -> Option<Self> {
+        let outline = tube.outline()?;
+        let nudged = nudged_outlines(tube)?;
+        let residuals: Vec<f64> = edges
+            .iter()
+            .map(|e| e.residual_px(&outline, camera).map(|r| r - offset_of_part(offsets, e.point.part())))
+            .collect::<Option<_>>()?;
+        let sigma = |e: &MeasuredEdge| (e.sigma_px * e.sigma_px + MIN_SIGMA_PX * MIN_SIGMA_PX).sqrt();
+        let scale = median(edges.iter().zip(&residuals).map(|(e, r)| (r / sigma(e)).abs())).max(0.67) / 0.6745;
+        // Each edge depends on the tube and on its own part's offset only: at most six of the nine unknowns.
+        let mut by_tube = Matrix5::zeros();
+        let (mut across, mut own) = ([Vector5::zeros(); 4], [0.0; 4]);
+        let (mut right, mut right_own) = (Vector5::zeros(), [0.0; 4]);
+        let (mut squares, mut weights) = (0.0, 0.0);
+        for (edge, residual) in edges.iter().zip(&residuals) {
+            let weight = match trust {
+                Trust::Majority => tukey(residual / (4.7 * scale * sigma(edge))),
+                Trust::All => 1.0,
+            };
+            let information = weight / sigma(edge).powi(2);
+            let part = edge.point.part();
+            let mut row = Vector5::zeros();
+            for (i, ahead) in nudged.iter().enumerate() {
+                // The outline moves outwards by as much as the residual decreases.
+                row[i] =
+                    (residual + offset_of_part(offsets, part) - edge.residual_px(ahead, camera)?) / DERIVATIVE_STEPS[i];
+            }
+            let weighed = row * information;
+            by_tube.ger(1.0, &weighed, &row, 1.0);
+            across[part] += weighed;
+            own[part] += information;
+            right += weighed * *residual;
+            right_own[part] += information * residual;
+            squares += weight * residual * residual;
+            weights += weight;
+        }
+        let mut system = (SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros(), SVector::<f64, UNKNOWNS>::zeros());
+        let (matrix, all_right) = (&mut system.0, &mut system.1);
+        matrix.fixed_view_mut::<5, 5>(0, 0).copy_from(&by_tube);
+        all_right.fixed_rows_mut::<5>(0).copy_from(&right);
+        for part in 0..4 {
+            matrix.fixed_view_mut::<5, 1>(0, 5 + part).copy_from(&across[part]);
+            matrix.fixed_view_mut::<1, 5>(5 + part, 0).copy_from(&across[part].transpose());
+            matrix[(5 + part, 5 + part)] = own[part];
+            all_right[5 + part] = right_own[part];
+        }
+        to_widening_and_displacement(matrix, all_right);
+        let (matrix, right) = system;
+        Some(Self {
+            matrix,
+            right,
+            variance_factor: scale * scale,
+            residual_px: (squares / weights.max(1e-9)).sqrt(),
+            support: weights,
+        })
+    }
+}
+
+/// Transforms one offset per border into one of both alike and one of both towards the first: see [`Offsets`].
+fn to_widening_and_displacement(matrix: &mut SMatrix<f64, UNKNOWNS, UNKNOWNS>, right: &mut SVector<f64, UNKNOWNS>) {
+    const BORDERS: [usize; 2] = [5, 6];
+    let [first, second] = BORDERS;
+    let [one, other] = BORDERS.map(|border| matrix.column(border).into_owned());
+    matrix.set_column(first, &(one + other));
+    matrix.set_column(second, &(one - other));
+    let [one, other] = BORDERS.map(|border| matrix.row(border).into_owned());
+    matrix.set_row(first, &(one + other));
+    matrix.set_row(second, &(one - other));
+    (right[first], right[second]) = (right[first] + right[second], right[first] - right[second]);
+}
+
+/// Steps of the numerical derivative: mm, mm, mm, rad, rad.
+const DERIVATIVE_STEPS: [f64; 5] = [1e-4, 1e-4, 1e-4, 1e-6, 1e-6];
+
+fn nudged_outlines(tube: &Tube) -> Option<[Outline; 5]> {
+    let mut all = [tube.outline()?; 5];
+    for (i, outline) in all.iter_mut().enumerate() {
+        let mut change = Vector5::zeros();
+        change[i] = DERIVATIVE_STEPS[i];
+        *outline = perturbed(tube, &change).outline()?;
+    }
+    Some(all)
+}
+
+fn tukey(ratio: f64) -> f64 {
+    let left = 1.0 - ratio * ratio;
+    if left > 0.0 { left * left } else { 0.0 }
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    if sorted.is_empty() {
+        return 0.0;
+    }
+    let middle = sorted.len() / 2;
+    *sorted.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::camera::testing::wide as camera;
+    use crate::vision::pose::normal_equations::single_pose_offsets_px;
+    use crate::vision::pose::testing::{self, LENGTH_MM, gaussian};
+    use nalgebra::{Point3, Vector3};
+    use rand::rngs::SmallRng;
+    use rand::{Rng, SeedableRng};
+
+    fn tube() -> Tube {
+        Tube { tip: Point3::new(-30.0, -8.0, 190.0), axis: Vector3::new(0.40, -0.62, 0.675).normalize(), radius: 2.5 }
+    }
+
+    /// Edges along the tube's true outline, each shifted by noise, and by offsets with these standard deviations.
+    fn edges(random: &mut impl Rng, sigma_px: f64, offsets_px: [f64; 4]) -> Vec<MeasuredEdge> {
+        let offsets = Offsets::from(offsets_px.map(|sigma| sigma * gaussian(random)));
+        let backs_mm: Vec<f64> = (1..25).map(f64::from).collect();
+        testing::edges(&tube(), &camera(), &backs_mm, &offsets, sigma_px, random)
+    }
+
+    fn rough_start() -> Tube {
+        perturbed(&tube(), &Vector5::new(1.0, -1.0, 6.0, 0.05, -0.08))
+    }
+
+    #[test]
+    fn clean_edges_give_the_tube_back_from_a_rough_start() {
+        let clean = edges(&mut SmallRng::seed_from_u64(1), 0.0, [0.0; 4]);
+        let fitted =
+            fit(&clean, &rough_start(), &camera(), Trust::Majority, &OffsetPriors::usual(LENGTH_MM), None).unwrap();
+        assert!((fitted.tube.tip - tube().tip).norm() < 1e-3, "{}", (fitted.tube.tip - tube().tip).norm());
+        assert!((fitted.tube.axis - tube().axis).norm() < 1e-4);
+    }
+
+    #[test]
+    fn a_fifth_of_the_edges_may_be_wrong() {
+        let mut spoiled = edges(&mut SmallRng::seed_from_u64(2), 0.05, [0.0; 4]);
+        for edge in spoiled.iter_mut().step_by(5) {
+            *edge = MeasuredEdge::new(
+                edge.point,
+                Pixel(edge.at.0 + edge.outward * 2.5),
+                edge.outward,
+                edge.sigma_px,
+                &camera(),
+            )
+            .unwrap();
+        }
+        let fitted =
+            fit(&spoiled, &rough_start(), &camera(), Trust::Majority, &OffsetPriors::usual(LENGTH_MM), None).unwrap();
+        assert!((fitted.tube.tip - tube().tip).norm() < 0.5, "{}", (fitted.tube.tip - tube().tip).norm());
+    }
+
+    /// Checks the stated covariance by sampling.
+    #[test]
+    fn ninety_five_of_a_hundred_tips_lie_inside_their_95_percent_region() {
+        const TRIALS: usize = 300;
+        const CHI_SQUARED_95: f64 = 7.815; // three degrees of freedom
+        let mut random = SmallRng::seed_from_u64(3);
+        let inside = (0..TRIALS)
+            .filter(|_| {
+                let sampled = edges(&mut random, 0.15, single_pose_offsets_px());
+                let fitted =
+                    fit(&sampled, &rough_start(), &camera(), Trust::Majority, &OffsetPriors::usual(LENGTH_MM), None)
+                        .unwrap();
+                let miss = fitted.tube.tip - tube().tip;
+                miss.dot(&(fitted.tip_covariance().try_inverse().unwrap() * miss)) < CHI_SQUARED_95
+            })
+            .count();
+        let share = inside as f64 / TRIALS as f64;
+        assert!((0.90..=0.99).contains(&share), "{share} inside");
+    }
+
+    #[test]
+    fn one_border_alone_is_not_enough() {
+        let mut one = edges(&mut SmallRng::seed_from_u64(4), 0.05, [0.0; 4]);
+        one.retain(|e| e.point.part() != 1);
+        assert_eq!(fit(&one, &rough_start(), &camera(), Trust::Majority, &OffsetPriors::usual(LENGTH_MM), None), None);
+    }
+}

@@ -1,0 +1,222 @@
+//! The normal equations of one pose's edges, kept for the joint adjustment: for the tube, and for its outline's
+//! offsets.
+
+use nalgebra::{Matrix5, SMatrix, SVector, Vector4, Vector5};
+
+#[cfg(doc)]
+use crate::vision::edges::outline_probes::OutlinePoint;
+
+/// Number of a pose's own unknowns: five of the tube (see [`super::perturbed`]), and four offsets of its outline,
+/// pixels (see [`Offsets`]).
+pub const OWN_UNKNOWNS: usize = 9;
+/// Information matrix of these unknowns.
+pub type Information = SMatrix<f64, OWN_UNKNOWNS, OWN_UNKNOWNS>;
+const PACKED: usize = OWN_UNKNOWNS * (OWN_UNKNOWNS + 1) / 2;
+/// Number of values in [`NormalEquations`].
+pub const VALUE_COUNT: usize = PACKED + 4 + OWN_UNKNOWNS + 4 + 4 + 3;
+
+/// Offsets of an outline's edges, pixels outwards: both borders alike (the tube seems wider), both towards the first
+/// one (it seems displaced), the distal end, the proximal end. Light from one side, and the position of a camera's
+/// chroma samples, displace a tube five times as much as they widen it, and only the width affects depth.
+pub type Offsets = Vector4<f64>;
+
+/// The offset of one of the outline's four parts (see [`OutlinePoint::part`]), pixels outwards.
+pub fn offset_of_part(offsets: &Offsets, part: usize) -> f64 {
+    match part {
+        0 => offsets[0] + offsets[1],
+        1 => offsets[0] - offsets[1],
+        _ => offsets[part],
+    }
+}
+
+/// Standard deviations of the offsets that a whole session shares, pixels: the effect of lens, light and compression
+/// on all edges; at the proximal end also the tape's thickness. RMS over scenes of three renderers.
+pub const SHARED_OFFSETS_PX: [f64; 4] = [0.05, 0.12, 0.2, 0.25];
+/// Standard deviations of a pose's own offsets about the shared ones, pixels: background, shadow and gloss.
+pub const OWN_OFFSETS_PX: [f64; 4] = [0.06, 0.1, 0.15, 0.25];
+/// Standard deviations of the offsets of a single pose, pixels: shared and own together.
+pub fn single_pose_offsets_px() -> [f64; 4] {
+    std::array::from_fn(|part| SHARED_OFFSETS_PX[part].hypot(OWN_OFFSETS_PX[part]))
+}
+
+/// The normal equations of a pose's edges, in single precision: a recording keeps one for each tool and frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NormalEquations {
+    information: [f32; PACKED],
+    /// Offsets in the fitted pose, pixels.
+    offsets: [f32; 4],
+    /// Right side of the normal equations: how the edges alone would still move tube and offsets.
+    right_side: [f32; OWN_UNKNOWNS],
+    /// Priors on the offsets: standard deviations, pixels.
+    prior_px: [f32; 4],
+    /// Difference of the offsets from those of similar poses: standard deviations, pixels.
+    own_px: [f32; 4],
+    length_mm: f32,
+    px_per_mm: f32,
+    /// Only the pose's covariance is known; all of it may last.
+    is_bare: bool,
+}
+
+/// Priors on a pose's offsets: standard deviations, pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OffsetPriors {
+    /// Of each offset.
+    pub offsets_px: [f64; 4],
+    /// Of their difference from the offsets that the session shares.
+    pub own_px: [f64; 4],
+    /// The assumed length of the band, mm.
+    pub length_mm: f64,
+    /// Pixels per millimetre along the axis at the band's proximal end; 0 if its length was measured.
+    pub px_per_mm: f64,
+}
+
+impl OffsetPriors {
+    /// The usual priors, for a band of known length.
+    pub fn usual(length_mm: f64) -> Self {
+        Self { offsets_px: single_pose_offsets_px(), own_px: OWN_OFFSETS_PX, length_mm, px_per_mm: 0.0 }
+    }
+}
+
+impl NormalEquations {
+    /// From the edges' normal equations at the pose and offsets fitted under these priors. `noise` is the factor on
+    /// the edges' stated variances.
+    pub fn new(
+        information: &Information,
+        pull: &SVector<f64, OWN_UNKNOWNS>,
+        offsets: &Offsets,
+        beliefs: &OffsetPriors,
+        noise: f64,
+    ) -> Self {
+        let all = (0..OWN_UNKNOWNS).flat_map(|row| (0..=row).map(move |column| (row, column)));
+        let mut packed = [0.0; PACKED];
+        for (packed, place) in packed.iter_mut().zip(all) {
+            *packed = (information[place] / noise) as f32;
+        }
+        Self {
+            information: packed,
+            offsets: std::array::from_fn(|part| offsets[part] as f32),
+            right_side: std::array::from_fn(|i| (pull[i] / noise) as f32),
+            prior_px: beliefs.offsets_px.map(|px| px as f32),
+            own_px: beliefs.own_px.map(|px| px as f32),
+            length_mm: beliefs.length_mm as f32,
+            px_per_mm: beliefs.px_per_mm as f32,
+            is_bare: false,
+        }
+    }
+
+    /// For a pose with only a covariance.
+    pub fn from_covariance(covariance: &Matrix5<f64>) -> Self {
+        let mut information = Information::zeros();
+        let of_tube = covariance.try_inverse().unwrap_or_else(Matrix5::zeros);
+        information.fixed_view_mut::<5, 5>(0, 0).copy_from(&of_tube);
+        let bare = Self::new(&information, &SVector::zeros(), &Vector4::zeros(), &OffsetPriors::usual(0.0), 1.0);
+        Self { is_bare: true, ..bare }
+    }
+
+    /// All values, for storage.
+    pub fn values(&self) -> [f32; VALUE_COUNT] {
+        let Self {
+            information,
+            offsets,
+            right_side: pull,
+            prior_px: believed_px,
+            own_px,
+            length_mm,
+            px_per_mm,
+            is_bare,
+        } = self;
+        let parts: [&[f32]; 5] = [information, offsets, pull, believed_px, own_px];
+        let others = [*length_mm, *px_per_mm, f32::from(u8::from(*is_bare))];
+        let mut numbers = [0.0; VALUE_COUNT];
+        let all = parts.into_iter().flatten().copied().chain(others);
+        numbers.iter_mut().zip(all).for_each(|(number, own)| *number = own);
+        numbers
+    }
+
+    /// From stored values.
+    pub fn from_values(numbers: &[f32; VALUE_COUNT]) -> Self {
+        fn part<const N: usize>(numbers: &mut impl Iterator<Item = f32>) -> [f32; N] {
+            std::array::from_fn(|_| numbers.next().unwrap_or(0.0))
+        }
+        let mut rest = numbers.iter().copied();
+        let (information, offsets, right_side) = (part(&mut rest), part(&mut rest), part(&mut rest));
+        let (prior_px, own_px) = (part(&mut rest), part(&mut rest));
+        let [length_mm, px_per_mm, is_bare] = part(&mut rest);
+        Self { information, offsets, right_side, prior_px, own_px, length_mm, px_per_mm, is_bare: is_bare != 0.0 }
+    }
+
+    /// The same with the variance of the noise multiplied by `times`.
+    pub fn with_variance_scaled(mut self, times: f64) -> Self {
+        self.information.iter_mut().chain(&mut self.right_side).for_each(|number| *number /= times as f32);
+        self
+    }
+
+    /// Information matrix of tube and offsets.
+    pub fn information(&self) -> Information {
+        Information::from_fn(|i, j| {
+            let (low, high) = (i.min(j), i.max(j));
+            f64::from(self.information[high * (high + 1) / 2 + low])
+        })
+    }
+
+    /// Right side of the normal equations of the edges alone.
+    pub fn right_side(&self) -> SVector<f64, OWN_UNKNOWNS> {
+        SVector::from(self.right_side.map(f64::from))
+    }
+
+    /// Difference of the offsets from the shared ones: standard deviations, pixels.
+    pub fn own_px(&self) -> [f64; 4] {
+        self.own_px.map(f64::from)
+    }
+
+    /// The band's length in the fit, mm.
+    pub fn length_mm(&self) -> f64 {
+        f64::from(self.length_mm)
+    }
+
+    /// Was the band's length not measured?
+    pub fn is_length_unknown(&self) -> bool {
+        self.px_per_mm > 0.0
+    }
+
+    /// Effect of each shared offset on this pose. If the band's length was not measured, the last shared offset is in
+    /// mm of that length.
+    pub fn shared_offset_scale(&self) -> [f64; 4] {
+        [1.0, 1.0, 1.0, if self.is_length_unknown() { f64::from(self.px_per_mm) } else { 1.0 }]
+    }
+
+    /// The offsets as if the pose had been fitted with this band length, pixels.
+    pub fn offsets_for_length(&self, length_mm: f64) -> Offsets {
+        let by_length = f64::from(self.px_per_mm) * (self.length_mm() - length_mm);
+        Vector4::from(self.offsets.map(f64::from)) + Vector4::w() * by_length
+    }
+
+    /// The tube's covariance under the priors alone, and the part that lasts from frame to frame: all but the edges'
+    /// own noise, which would remain if the offsets were known.
+    pub fn covariance(&self) -> Option<(Matrix5<f64>, Matrix5<f64>)> {
+        let information = self.information();
+        let all: Matrix5<f64> = self.with_priors().cholesky()?.inverse().fixed_view::<5, 5>(0, 0).into_owned();
+        if self.is_bare {
+            return Some((all, all));
+        }
+        let passing = information.fixed_view::<5, 5>(0, 0).into_owned().cholesky()?.inverse();
+        Some((all, all - passing))
+    }
+
+    /// How the edges alone, under the priors, would move the tube.
+    pub fn change_by_edges_alone(&self) -> Option<Vector5<f64>> {
+        let mut pull = self.right_side();
+        for offset in 0..4 {
+            pull[5 + offset] -= f64::from(self.offsets[offset]) / f64::from(self.prior_px[offset]).powi(2);
+        }
+        Some(self.with_priors().cholesky()?.solve(&pull).fixed_rows::<5>(0).into_owned())
+    }
+
+    fn with_priors(&self) -> Information {
+        let mut information = self.information();
+        for offset in 0..4 {
+            information[(5 + offset, 5 + offset)] += f64::from(self.prior_px[offset]).powi(-2);
+        }
+        information
+    }
+}

@@ -1,0 +1,235 @@
+//! Good, at risk or bad: judges each tool's colour from the confusion and the false regions.
+
+use std::fmt;
+
+use super::confusion::Confusion;
+use super::light::LightCondition;
+use super::margin::Margin;
+use crate::vision::segmentation::samples::ColourSamples;
+
+// The limits lie between two measured cases: scenes that are tracked well (the rendered scenes V1–V5, clips at 720p
+// and 1080p, the simulator's vivid tapes), and purple tape blended, step by step, into the purple of a simulated mat.
+
+/// Shares of a tape's pixels that are not recognised: at risk from the first on, bad from the second on. Well-tracked
+/// tapes lose at most 2.3 % in the marked light, and 24 % in 30 % less light (V1's orange, half in shadow).
+const LOST_SHARES: [f64; 2] = [0.15, 0.40];
+
+/// Shares of another label's pixels that are classified as the tape: at risk from the first on, bad from the second
+/// on. Well-tracked tapes: at most 2.0 % in the marked light (jaws, where they meet the band), 3.0 % in other light.
+/// One background rectangle of 16 is 6 %.
+const TAKEN_SHARES: [f64; 2] = [0.05, 0.20];
+
+/// Margins of a tape, steps: at risk below the first, bad below the second. Purple was tracked wrongly, by more than
+/// 90 mm, at 0.9, 1.8 and 2.2, and well from 2.8 on; the scenes' tapes have 5.8 to 23.
+pub const MARGIN_STEPS: [f64; 2] = [4.0, 2.5];
+
+/// Area of the largest false region, as a share of the band's: at risk from the first on, bad from the second on.
+/// Purple was tracked wrongly from 3.7 on; well-tracked tapes have at most 0.08.
+pub const FALSE_REGION: [f64; 2] = [0.2, 0.5];
+
+/// How reliable a colour is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Grade {
+    /// Recognised as itself, and nothing else is classified as it, in every light tried.
+    Good,
+    /// Fails in another light, or nearly fails in the marked light.
+    AtRisk,
+    /// Fails in the marked light.
+    Bad,
+}
+
+/// Judgement of one tool's colour.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TapeVerdict {
+    /// The tool.
+    pub tool: String,
+    /// The worst grade among its causes; good if there are none.
+    pub grade: Grade,
+    /// The problems found, worst first.
+    pub causes: Vec<(Grade, TapeProblem)>,
+}
+
+/// One problem of a colour. Shares are 0..1.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TapeProblem {
+    /// No rectangle marks it.
+    NotMarked,
+    /// Only one rectangle marks it, so there is nothing independent to test it with.
+    MarkedOnce,
+    /// Part of its own tape is not recognised.
+    Lost {
+        /// Share of its pixels.
+        share: f64,
+        /// The other tool that most of them are classified as, if it takes more than half.
+        to: Option<String>,
+        /// The light.
+        light: LightCondition,
+    },
+    /// Part of something else is classified as its tape.
+    Taken {
+        /// Share of the other label's pixels.
+        share: f64,
+        /// The other label.
+        from: String,
+        /// The light.
+        light: LightCondition,
+    },
+    /// The margin between its colour and another label's is thin.
+    Thin(Margin),
+    /// A region outside its band has its colour.
+    FalseRegion(FalseArea),
+}
+
+/// Area of a frame that has a tool's colour but is not the tool.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FalseArea {
+    /// The tool.
+    pub tool: String,
+    /// The frame.
+    pub frame: u64,
+    /// Share of the frame outside the band that has the tool's colour.
+    pub share: f64,
+    /// Area of the largest such region, as a multiple of the band's; above 1 it is larger than the band.
+    pub largest_of_band: f64,
+}
+
+/// Judges every tool from the marked colours alone; one verdict per tool, in their order. A colour that was not marked
+/// shows only on a frame: [`judge`] takes that into account.
+pub fn verdicts(samples: &ColourSamples, tools: &[String]) -> Vec<TapeVerdict> {
+    judge(&Confusion::of(samples, tools), &[])
+}
+
+/// Judges every tool from its confusion and from the false areas; one verdict per tool, in their order.
+pub fn judge(confusion: &Confusion, false_areas: &[FalseArea]) -> Vec<TapeVerdict> {
+    (0..confusion.tools.len()).map(|tool| verdict(confusion, tool, false_areas)).collect()
+}
+
+/// The frame with the largest false region of a tool's colour.
+pub fn worst<'a>(false_areas: &'a [FalseArea], tool: &str) -> Option<&'a FalseArea> {
+    let of_tool = false_areas.iter().filter(|area| area.tool == tool);
+    of_tool.max_by(|a, b| a.largest_of_band.total_cmp(&b.largest_of_band))
+}
+
+fn verdict(confusion: &Confusion, tool: usize, false_areas: &[FalseArea]) -> TapeVerdict {
+    let name = &confusion.tools[tool];
+    let mut causes: Vec<(Grade, TapeProblem)> = match confusion.row_of(tool) {
+        None => vec![(Grade::Bad, TapeProblem::NotMarked)],
+        Some(row) if row.rectangles == 1 => vec![(Grade::AtRisk, TapeProblem::MarkedOnce)],
+        Some(_) => Vec::new(),
+    };
+    causes.extend(lost(confusion, tool));
+    causes.extend(taken(confusion, tool));
+    causes.extend(thin(confusion, tool));
+    causes.extend(false_region(worst(false_areas, name)));
+    causes.sort_by_key(|(grade, _)| std::cmp::Reverse(*grade));
+    let grade = causes.first().map_or(Grade::Good, |(grade, _)| *grade);
+    TapeVerdict { tool: name.clone(), grade, causes }
+}
+
+/// Is too little of its own tape recognised? Tested in the marked light, else in the worst other.
+fn lost(confusion: &Confusion, tool: usize) -> Option<(Grade, TapeProblem)> {
+    let row = confusion.row_of(tool)?;
+    worst_light(LOST_SHARES, |light| 1.0 - row.taken_for(tool, light)).map(|(grade, share, light)| {
+        let others = (0..confusion.tools.len()).filter(|other| *other != tool);
+        let to = others.max_by(|a, b| row.taken_for(*a, light).total_cmp(&row.taken_for(*b, light)));
+        let to = to.filter(|other| row.taken_for(*other, light) > 0.5 * share);
+        (grade, TapeProblem::Lost { share, to: to.map(|other| confusion.tools[other].clone()), light })
+    })
+}
+
+/// Every other label with too many pixels classified as this tool.
+fn taken(confusion: &Confusion, tool: usize) -> impl Iterator<Item = (Grade, TapeProblem)> {
+    confusion.rows.iter().filter(move |row| row.tool != Some(tool)).filter_map(move |row| {
+        let (grade, share, light) = worst_light(TAKEN_SHARES, |light| row.taken_for(tool, light))?;
+        Some((grade, TapeProblem::Taken { share, from: row.label.clone(), light }))
+    })
+}
+
+fn thin(confusion: &Confusion, tool: usize) -> Option<(Grade, TapeProblem)> {
+    let margin = confusion.margins[tool].as_ref()?;
+    let [risk, bad] = MARGIN_STEPS;
+    let grade = if margin.margin_steps < bad { Grade::Bad } else { Grade::AtRisk };
+    (margin.margin_steps < risk).then(|| (grade, TapeProblem::Thin(margin.clone())))
+}
+
+fn false_region(area: Option<&FalseArea>) -> Option<(Grade, TapeProblem)> {
+    let grade = above(FALSE_REGION, area?.largest_of_band, LightCondition::AsMarked)?;
+    Some((grade, TapeProblem::FalseRegion(area?.clone())))
+}
+
+/// The grade of a share in its worst light; the marked light comes before any other.
+fn worst_light(limits: [f64; 2], share: impl Fn(LightCondition) -> f64) -> Option<(Grade, f64, LightCondition)> {
+    let found = LightCondition::ALL.map(|light| (above(limits, share(light), light), share(light), light));
+    let worst = found.into_iter().filter_map(|(grade, share, light)| Some((grade?, share, light)));
+    worst.reduce(|a, b| if (b.0, b.1) > (a.0, a.1) && a.2 != LightCondition::AsMarked { b } else { a })
+}
+
+/// Grade of a share in a light. In another light than the marked one it is at risk at most, because that light may
+/// never occur.
+fn above([risk, bad]: [f64; 2], share: f64, light: LightCondition) -> Option<Grade> {
+    match light {
+        LightCondition::AsMarked if share >= bad => Some(Grade::Bad),
+        LightCondition::AsMarked => (share >= risk).then_some(Grade::AtRisk),
+        _ => (share >= bad).then_some(Grade::AtRisk),
+    }
+}
+
+impl TapeVerdict {
+    /// Summary of the problems in one line; `None` if the colour is good.
+    pub fn warning(&self) -> Option<String> {
+        let causes: Vec<String> = self.causes.iter().map(|(_, cause)| cause.to_string()).collect();
+        (self.grade != Grade::Good)
+            .then(|| format!("the colour `{}` is {}: {}", self.tool, self.grade.name(), causes.join("; ")))
+    }
+}
+
+impl Grade {
+    /// Human-readable name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Grade::Good => "good",
+            Grade::AtRisk => "at risk",
+            Grade::Bad => "bad",
+        }
+    }
+}
+
+impl fmt::Display for TapeProblem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+        match self {
+            TapeProblem::NotMarked => f.write_str("no rectangle marks it"),
+            TapeProblem::MarkedOnce => {
+                f.write_str("only one rectangle marks it, so it cannot be tested; mark it on three frames or more")
+            }
+            TapeProblem::Lost { share, to, light } => {
+                write!(f, "{} of its own tape is not recognised", percent(*share))?;
+                if let Some(tool) = to {
+                    write!(f, ", most of that is mistaken for `{tool}`")?;
+                }
+                in_light(*light, f)
+            }
+            TapeProblem::Taken { share, from, light } => {
+                write!(f, "{} of `{from}` is mistaken for it", percent(*share))?;
+                in_light(*light, f)
+            }
+            TapeProblem::Thin(Margin { margin_steps, spread_steps, nearest }) => write!(
+                f,
+                "a shift of {:.1} of 255 steps turns it into `{nearest}`, and its own pixels spread over {spread_steps:.1}",
+                margin_steps.max(0.0) // negative: mistaken already, without any shift
+            ),
+            TapeProblem::FalseRegion(FalseArea { frame, share, largest_of_band, .. }) => write!(
+                f,
+                "on frame {frame}, {:.2} % of the picture outside its band has its colour, the largest region {largest_of_band:.1} × the band",
+                100.0 * share
+            ),
+        }
+    }
+}
+
+fn in_light(light: LightCondition, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    match light {
+        LightCondition::AsMarked => Ok(()),
+        other => write!(f, " when the light is {}", other.name()),
+    }
+}

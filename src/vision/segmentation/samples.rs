@@ -1,0 +1,155 @@
+//! Colour samples: the pixels inside the rectangles that an instructor marked. Plain data, so that they can be stored
+//! per box and read back.
+
+use crate::vision::frame::{ColourEncoding, Frame};
+
+/// A marked rectangle, in pixels of the recorded frame; `x`, `y` is its first pixel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MarkedRectangle {
+    /// Name of the tool's colour, or a label that is no tool (`background`, `shaft`, …).
+    pub label: String,
+    /// First column.
+    pub x: usize,
+    /// First row.
+    pub y: usize,
+    /// Columns.
+    pub w: usize,
+    /// Rows.
+    pub h: usize,
+}
+
+/// One marked colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ColourSample {
+    /// Index into [`ColourSamples::labels`].
+    pub label: usize,
+    /// The marked rectangle that it comes from, counted over all labels from 0. Pixels of one rectangle resemble each
+    /// other more than the same tape on the next frame.
+    pub rectangle: u32,
+    /// Codes as decoded, in the samples' encoding.
+    pub yuv: [u8; 3],
+}
+
+/// All marked colours of a box.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ColourSamples {
+    /// How the codes relate to colour.
+    pub encoding: ColourEncoding,
+    /// Label names.
+    pub labels: Vec<String>,
+    /// The samples.
+    pub samples: Vec<ColourSample>,
+}
+
+/// Maximum number of samples from one rectangle; in a larger one, pixels are taken at even steps. Otherwise a huge
+/// background rectangle would cost time and outvote the tape.
+const MAX_PER_RECTANGLE: usize = 400;
+
+impl ColourSamples {
+    /// No samples yet, in this encoding.
+    pub fn new(encoding: ColourEncoding) -> Self {
+        Self { encoding, labels: Vec::new(), samples: Vec::new() }
+    }
+
+    /// Adds the pixels inside a rectangle, without parts outside the frame. Codes of a frame in another encoding are
+    /// converted to the samples' encoding.
+    pub fn collect(&mut self, frame: &Frame<'_>, rectangle: &MarkedRectangle) {
+        self.collect_stroke(frame, std::slice::from_ref(rectangle));
+    }
+
+    /// The same for several rectangles of one label that were painted in one stroke: together they count as one
+    /// rectangle.
+    pub fn collect_stroke(&mut self, frame: &Frame<'_>, rectangles: &[MarkedRectangle]) {
+        let number = self.samples.last().map_or(0, |last| last.rectangle + 1);
+        let end = |of: &MarkedRectangle| {
+            (of.x.saturating_add(of.w).min(frame.width()), of.y.saturating_add(of.h).min(frame.height()))
+        };
+        let size = |of: &MarkedRectangle| end(of).0.saturating_sub(of.x) * end(of).1.saturating_sub(of.y);
+        let pixels: usize = rectangles.iter().map(size).sum();
+        let too_many = pixels.div_ceil(MAX_PER_RECTANGLE).max(1);
+        // A single rectangle is sampled on a grid. Of a stroke, whose rectangles may be one row high, every n-th pixel
+        // is taken: a new grid in each rectangle would take at least one pixel of each, however many there are.
+        let (step, every) = match rectangles.len() {
+            1 => ((too_many as f64).sqrt().ceil() as usize, 1),
+            _ => (1, too_many),
+        };
+        let on_grid = |of: &'_ MarkedRectangle| {
+            let (left, (right, bottom)) = (of.x, end(of));
+            (of.y..bottom).step_by(step).flat_map(move |y| (left..right).step_by(step).map(move |x| (x, y)))
+        };
+        let marked = rectangles.iter().flat_map(|of| on_grid(of).map(move |at| (of, at)));
+        for (of, (x, y)) in marked.step_by(every) {
+            let label = self.label_index(&of.label);
+            let yuv = self.encoding.codes_of(frame.encoding.colour_of(frame.yuv_at(x, y)));
+            self.samples.push(ColourSample { label, rectangle: number, yuv });
+        }
+    }
+
+    /// The class of each label for these tapes: 0 if it is none of them, else the tape's position counted from 1.
+    pub fn classes(&self, tapes: &[String]) -> Vec<u8> {
+        let place = |label: &String| tapes.iter().position(|tape| tape == label);
+        self.labels.iter().map(|label| place(label).map_or(0, |place| place as u8 + 1)).collect()
+    }
+
+    /// Number of samples of a label.
+    pub fn count(&self, label: &str) -> usize {
+        self.samples.iter().filter(|s| self.labels[s.label] == label).count()
+    }
+
+    /// Mean of a label's samples, as codes of the given encoding.
+    pub fn mean_codes(&self, label: &str, encoding: ColourEncoding) -> [f64; 3] {
+        let own = self.samples.iter().filter(|s| self.labels[s.label] == label);
+        let (count, sum) = own.fold((0.0, [0.0; 3]), |(n, sum), s| {
+            let codes = encoding.codes_of(self.encoding.colour_of(s.yuv));
+            (n + 1.0, [0, 1, 2].map(|i| sum[i] + f64::from(codes[i])))
+        });
+        sum.map(|s| s / f64::max(count, 1.0))
+    }
+
+    fn label_index(&mut self, name: &str) -> usize {
+        self.labels.iter().position(|l| l == name).unwrap_or_else(|| {
+            self.labels.push(name.to_owned());
+            self.labels.len() - 1
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::frame::{Matrix, Plane, Range};
+    use proptest::prelude::*;
+
+    const SIZE: usize = 200;
+    const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
+
+    /// Number of samples from a stroke of these rectangles on a grey frame.
+    fn samples_of(rectangles: &[MarkedRectangle]) -> usize {
+        let grey = vec![128; SIZE * SIZE];
+        let plane = Plane { data: &grey, stride: SIZE, width: SIZE, height: SIZE };
+        let (y, u, v) = (plane, plane, plane);
+        let frame = Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding: ENCODING };
+        let mut samples = ColourSamples::new(ENCODING);
+        samples.collect_stroke(&frame, rectangles);
+        assert!(samples.samples.iter().all(|sample| sample.rectangle == 0), "one stroke");
+        samples.samples.len()
+    }
+
+    proptest! {
+        #[test]
+        fn a_stroke_has_as_many_votes_as_a_rectangle_however_it_is_cut(
+            (x, y, w) in (0..60_usize, 0..60_usize, 1..140_usize),
+            heights in proptest::collection::vec(1..4_usize, 2..40),
+        ) {
+            let mut top = y;
+            let strips: Vec<MarkedRectangle> = heights.iter().map(|&h| {
+                top += h;
+                MarkedRectangle { label: "background".into(), x, y: top - h, w, h }
+            }).collect();
+            let pixels = w * heights.iter().sum::<usize>();
+            let taken = samples_of(&strips);
+            prop_assert!(taken <= MAX_PER_RECTANGLE, "{taken} of {pixels}");
+            prop_assert!(taken >= pixels.min(MAX_PER_RECTANGLE / 2), "{taken} of {pixels}");
+        }
+    }
+}

@@ -1,0 +1,230 @@
+//! One tool's motion through a recording, as unbroken runs of the filter. Each path is computed from them on request.
+//!
+//! An hour of two tools' motion takes 28 MiB, as much as one path of samples.
+
+use nalgebra::{Point2, Vector3};
+
+use super::blocks::Blocks;
+use crate::numbers::quantile::quantile;
+use crate::vision::camera::Camera;
+use crate::vision::filter::kalman::KalmanState;
+use crate::vision::filter::smoother::{self, MeasuredPosition};
+use crate::vision::pose::TubeEstimate;
+use crate::vision::pose::fulcrum::Fulcrum;
+use crate::vision::space::CameraPoint;
+use crate::vision::trajectory::{PathKind, Sample, SampleState};
+
+/// The standard deviations stated in results, as a share of those used by filter and adjustment. The latter are larger
+/// than the usual error on purpose, because some edges err by far more; stated as they are, they would exaggerate the
+/// errors. Over 27 tools of 16 scenes of three renderers, depth lay within the stated 95 % in more than 99 % of frames
+/// without this factor, and in 97.4, 98.5 and 97.5 % (raw, causal, smoothed) with it.
+pub const STATED_SIGMA_SHARE: f64 = 0.6;
+
+/// A frame's index and time, s.
+pub type FrameInstant = (u64, f64);
+
+/// One tool's motion.
+#[derive(Clone, Debug)]
+pub struct ToolMotion {
+    /// The tool's index.
+    pub tool: usize,
+    /// The unbroken runs of its filter, in time order.
+    pub runs: Vec<TrackedRun>,
+    /// The camera that saw it.
+    pub camera: Camera,
+    /// Where its tube passes through the box's wall, if known.
+    pub fulcrum: Option<Fulcrum>,
+    /// Longest gap that the filtered path bridges, s.
+    pub max_prediction_s: f64,
+}
+
+impl ToolMotion {
+    /// Appends one of its paths, in time order.
+    pub fn append_path(&self, path: &mut Vec<Sample>, kind: PathKind) {
+        for run in &self.runs {
+            match kind {
+                PathKind::Raw => path.extend(self.raw(run)),
+                PathKind::Filtered => path.extend(self.filtered(run)),
+                PathKind::Smoothed => {
+                    let before = path.len();
+                    path.extend(self.smoothed_reversed(run));
+                    path[before..].reverse();
+                }
+            }
+        }
+    }
+
+    /// One of its paths, in time order.
+    pub fn path(&self, kind: PathKind) -> Vec<Sample> {
+        let mut path = Vec::with_capacity(self.runs.iter().map(|run| run.frames.len()).sum());
+        self.append_path(&mut path, kind);
+        path
+    }
+
+    /// The median standard deviation of the part of a measured depth's error that does not last, mm.
+    pub fn transient_depth_sigma_mm(&self) -> Option<f64> {
+        let measured = self.runs.iter().flat_map(|run| run.filter.measurements().zip(run.frames.iter()));
+        let passing = measured.filter_map(|(position, frame)| {
+            let (_, covariance) = position?;
+            Some((covariance[(2, 2)] - frame.pose.as_ref()?.lasting.z).max(0.0).sqrt())
+        });
+        quantile(passing.collect(), 0.5)
+    }
+
+    /// Median depth of the measured tips, mm.
+    pub fn median_depth_mm(&self) -> Option<f64> {
+        let measured = self.runs.iter().flat_map(|run| run.filter.measurements()).flatten();
+        quantile(measured.map(|(tip, _)| tip.z).collect(), 0.5)
+    }
+
+    /// Each frame's own measurement.
+    fn raw(&self, run: &TrackedRun) -> impl Iterator<Item = Sample> {
+        let measured = run.filter.measurements().zip(run.frames.iter());
+        measured.filter_map(|(position, frame)| Some(self.raw_sample(position?, frame.pose.as_ref()?, frame.instant)))
+    }
+
+    /// The causal path. It ends within a gap that only the second pass bridges.
+    fn filtered(&self, run: &TrackedRun) -> impl Iterator<Item = Sample> {
+        let is_near = |place: usize| run.frames[place].instant.1 - run.last_measured(place).0 <= self.max_prediction_s;
+        let near = run.filter.filtered().enumerate().filter(move |(place, _)| is_near(*place));
+        let sample = |(place, state)| with_live_sigma(self.sample(run, place, &state));
+        near.map(sample).filter(|sample| is_supported(sample, &self.camera))
+    }
+
+    /// The smoothed path of a run, from the last frame to the first.
+    fn smoothed_reversed(&self, run: &TrackedRun) -> impl Iterator<Item = Sample> {
+        let length = run.smoothed_frames();
+        let states = (0..run.frames.len()).rev().zip(run.filter.smoothed()).filter(move |(place, _)| *place < length);
+        states.map(|(place, state)| self.sample(run, place, &state)).filter(|sample| is_supported(sample, &self.camera))
+    }
+
+    fn sample(&self, run: &TrackedRun, place: usize, state: &KalmanState) -> Sample {
+        let RunFrame { instant, pose } = &run.frames[place];
+        let seen = if pose.is_some() { SampleState::Observed } else { SampleState::Predicted };
+        let pose = run.last_measured(place).1;
+        state_sample(state, pose, self.tool, *instant, seen, &self.camera, self.fulcrum.as_ref())
+    }
+
+    fn raw_sample(&self, (tip, covariance): MeasuredPosition, pose: &PastPose, instant: FrameInstant) -> Sample {
+        let [sigma_xy_mm, sigma_z_mm] = stated_sigmas_mm(covariance.diagonal());
+        Sample {
+            frame: instant.0,
+            time_s: instant.1,
+            tool: self.tool,
+            tip_mm: tip,
+            velocity_mm_s: None,
+            axis: Some(pose.axis),
+            tip_px: self.camera.project(CameraPoint(tip)).map(|p| p.0),
+            sigma_xy_mm: Some(sigma_xy_mm),
+            sigma_z_mm: Some(sigma_z_mm),
+            state: SampleState::Observed,
+        }
+    }
+}
+
+/// An unbroken run of the filter.
+#[derive(Clone, Debug, Default)]
+pub struct TrackedRun {
+    filter: smoother::FilterRun,
+    frames: Blocks<RunFrame>,
+}
+
+#[derive(Clone, Debug)]
+struct RunFrame {
+    instant: FrameInstant,
+    pose: Option<PastPose>,
+}
+
+impl TrackedRun {
+    /// Adds the next frame: the filter's state, the acceleration density that it used since the previous frame,
+    /// mm²/s³, and the accepted pose.
+    pub fn add(&mut self, state: &KalmanState, noise_density: f64, instant: FrameInstant, pose: Option<TubeEstimate>) {
+        self.filter.push(instant.1, state, noise_density, pose.map(|p| (p.tube.tip, p.tip_covariance())));
+        self.frames.push(RunFrame { instant, pose: pose.as_ref().map(PastPose::from) });
+    }
+
+    /// Number of frames, and number of frames with a measurement.
+    pub fn frame_counts(&self) -> (u64, u64) {
+        (self.frames.len() as u64, self.frames.iter().filter(|frame| frame.pose.is_some()).count() as u64)
+    }
+
+    /// Time and pose of the last measurement up to and including a frame, s.
+    fn last_measured(&self, place: usize) -> (f64, Option<&PastPose>) {
+        let seen = (0..=place).rev().map(|place| &self.frames[place]).find(|frame| frame.pose.is_some());
+        seen.map_or((f64::NEG_INFINITY, None), |frame| (frame.instant.1, frame.pose.as_ref()))
+    }
+
+    /// Number of frames in the smoothed path: up to the last measured one. By then it is known that the tool did not
+    /// return, and every later position would be a guess.
+    fn smoothed_frames(&self) -> usize {
+        (0..self.frames.len()).rev().find(|place| self.frames[*place].pose.is_some()).map_or(0, |last| last + 1)
+    }
+}
+
+/// Was the tip measured, or predicted inside the picture? Outside the picture nothing supports a prediction.
+fn is_supported(sample: &Sample, camera: &Camera) -> bool {
+    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+    let in_picture = |at: Point2<f64>| (0.0..width).contains(&at.x) && (0.0..height).contains(&at.y);
+    sample.state == SampleState::Observed || sample.tip_px.is_some_and(in_picture)
+}
+
+/// The part of the last measured pose that a sample of the filter's state needs.
+#[derive(Clone, Copy, Debug)]
+pub struct PastPose {
+    axis: Vector3<f64>,
+    /// The lasting part of the tip's variances, mm².
+    lasting: Vector3<f64>,
+}
+
+impl From<&TubeEstimate> for PastPose {
+    fn from(pose: &TubeEstimate) -> Self {
+        Self { axis: pose.tube.axis, lasting: pose.lasting_tip_covariance().diagonal() }
+    }
+}
+
+/// A sample of a filter's state. The filter treats all errors as noise and averages them away, also their lasting
+/// part. That part is added again, as estimated for `pose`, the nearest measured one (Schmidt's "considered" errors).
+pub fn state_sample(
+    state: &KalmanState,
+    pose: Option<&PastPose>,
+    tool: usize,
+    instant: FrameInstant,
+    seen: SampleState,
+    camera: &Camera,
+    fulcrum: Option<&Fulcrum>,
+) -> Sample {
+    let tip = state.tip();
+    let variance = state.tip_covariance().diagonal() + pose.map_or_else(Vector3::zeros, |p| p.lasting);
+    let [sigma_xy_mm, sigma_z_mm] = stated_sigmas_mm(variance);
+    let by_fulcrum = fulcrum.and_then(|f| (tip - f.at).try_normalize(1e-9));
+    Sample {
+        frame: instant.0,
+        time_s: instant.1,
+        tool,
+        tip_mm: tip,
+        velocity_mm_s: Some(state.velocity()),
+        axis: by_fulcrum.or(pose.map(|p| p.axis)),
+        tip_px: camera.project(CameraPoint(tip)).map(|p| p.0),
+        sigma_xy_mm: Some(sigma_xy_mm),
+        sigma_z_mm: Some(sigma_z_mm),
+        state: seen,
+    }
+}
+
+/// The sample with the uncertainty that was stated live. A predicted tip is off by the hand's motion since the last
+/// measurement, and the filter's process noise for that is not too large. So its standard deviation is not reduced by
+/// [`STATED_SIGMA_SHARE`]: over 9 clips the RMS error of depth was then 0.8 to 1.2 of the stated one.
+pub fn with_live_sigma(sample: Sample) -> Sample {
+    let whole = |sigma_mm: f64| sigma_mm / STATED_SIGMA_SHARE;
+    match sample.state {
+        SampleState::Observed => sample,
+        SampleState::Predicted => {
+            Sample { sigma_xy_mm: sample.sigma_xy_mm.map(whole), sigma_z_mm: sample.sigma_z_mm.map(whole), ..sample }
+        }
+    }
+}
+
+/// Stated standard deviations across and along the line of sight, mm.
+fn stated_sigmas_mm(variance: Vector3<f64>) -> [f64; 2] {
+    [0.5 * (variance.x + variance.y), variance.z].map(|variance| STATED_SIGMA_SHARE * variance.sqrt())
+}

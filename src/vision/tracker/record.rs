@@ -1,0 +1,66 @@
+//! What is kept of each frame for the end of the recording.
+
+use super::blocks::Blocks;
+use crate::vision::pose::packed::PackedPoses;
+use crate::vision::pose::{StoredPose, TubeEstimate};
+use crate::vision::reason::MissReason;
+
+/// What is kept of one frame for one tool.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameRecord {
+    /// The measurement, before it was steadied.
+    pub pose: Option<StoredPose>,
+    /// The fit is good enough to be used in the adjustment.
+    pub is_good: bool,
+    /// Why there is no measurement, or why it was rejected.
+    pub reason: Option<MissReason>,
+}
+
+impl FrameRecord {
+    /// The measurement, with its covariance.
+    pub fn estimate(&self) -> Option<TubeEstimate> {
+        self.pose.as_ref().and_then(StoredPose::estimate)
+    }
+}
+
+/// The records of a recording in progress, packed.
+#[derive(Default)]
+pub struct PackedRecords {
+    poses: PackedPoses,
+    /// Per frame: is there a pose, is it good, and the reason.
+    others: Blocks<(bool, bool, Option<MissReason>)>,
+}
+
+impl PackedRecords {
+    /// Takes the next record.
+    pub fn push(&mut self, FrameRecord { pose, is_good, reason }: FrameRecord) {
+        pose.iter().for_each(|pose| self.poses.push(pose));
+        self.others.push((pose.is_some(), is_good, reason));
+    }
+
+    /// The same frames with all measurements withdrawn.
+    pub fn without_poses(self, reason: MissReason) -> Self {
+        let taken_back =
+            |record: FrameRecord| FrameRecord { pose: None, is_good: false, reason: record.reason.or(Some(reason)) };
+        self.unpack().into_iter().map(taken_back).collect()
+    }
+
+    /// Unpacks the records, and frees the packed memory on the way.
+    pub fn unpack(self) -> Blocks<FrameRecord> {
+        let mut poses = self.poses.unpack();
+        let record = |(has_pose, is_good, reason): (bool, bool, _)| FrameRecord {
+            pose: if has_pose { poses.next() } else { None },
+            is_good,
+            reason,
+        };
+        self.others.into_iter().map(record).collect()
+    }
+}
+
+impl FromIterator<FrameRecord> for PackedRecords {
+    fn from_iter<I: IntoIterator<Item = FrameRecord>>(records: I) -> Self {
+        let mut all = Self::default();
+        records.into_iter().for_each(|record| all.push(record));
+        all
+    }
+}

@@ -1,0 +1,302 @@
+//! Second pass over one tool's recording, after its last frame.
+//!
+//! [`super::pair_reassignment`] has assigned the records before. The errors that all poses share are estimated from
+//! all poses together and corrected in each of them, from the first frame on. Then the filter runs again over the
+//! corrected poses, and the smoother runs backwards over its result.
+
+use std::ops::Range;
+
+use super::blocks::Blocks;
+use super::gaps::{self, FrameMargin};
+use super::motion::{FrameInstant, STATED_SIGMA_SHARE, ToolMotion, TrackedRun};
+use super::record::FrameRecord;
+use super::report::{DiameterBasis, EffectiveDiameter, ToolQuality};
+use super::settings::{MotionSettings, ToolSpec};
+use super::tool;
+use crate::vision::camera::Camera;
+use crate::vision::filter::track::{Track, TrackSettings};
+use crate::vision::pose::adjustment::{self, Adjustment};
+use crate::vision::pose::fulcrum;
+use crate::vision::pose::normal_equations::SHARED_OFFSETS_PX;
+use crate::vision::pose::{StoredPose, TubeEstimate};
+use crate::vision::reason::MissReason;
+use crate::vision::trajectory::PathKind;
+
+/// Runs the second pass over one tool's records.
+pub fn run(
+    records: Blocks<FrameRecord>,
+    spec: &ToolSpec,
+    tool: usize,
+    instants: &[FrameInstant],
+    camera: &Camera,
+    motion: &MotionSettings,
+) -> (ToolMotion, ToolQuality) {
+    let islands = isolated_runs(&records, instants, motion.max_prediction_s);
+    let good = sample_good_poses(&records);
+    let adjustment = adjustment::estimate(&good).filter(tool::is_fulcrum_known);
+    let is_wrong_way_round = adjustment.is_none() && adjustment::axes_meet_ahead_of_tips(&good);
+    let border_residual_px = rms(records.iter().filter_map(|r| r.pose.as_ref()).map(StoredPose::residual_px));
+    let mut rework = SecondPass::new(tool, camera, motion);
+    rework.motion.fulcrum = adjustment.as_ref().map(|a| a.fulcrum);
+    let mut reasons = Vec::with_capacity(instants.len());
+    for (frame, (record, instant)) in records.into_iter().zip(instants).enumerate() {
+        let is_believed = !islands.iter().any(|island| island.contains(&frame));
+        let pose = record.estimate().filter(|_| is_believed).and_then(|e| match &adjustment {
+            Some(adjustment) => steadied(&e, adjustment),
+            None => Some(e).filter(|_| !is_wrong_way_round),
+        });
+        let misread = (record.pose.is_some() && pose.is_none()).then_some(MissReason::ImpossiblePose);
+        reasons.push(rework.add_frame(*instant, pose, record.reason.or(misread)));
+    }
+    let (motion, quality) = rework.finish();
+    let rim = FrameMargin::new(camera, spec.band_length_mm);
+    let gaps = gaps::find_gaps(&motion.path(PathKind::Smoothed), instants, &reasons, &rim);
+    let quality = ToolQuality {
+        tool: spec.name.clone(),
+        border_residual_px,
+        transient_depth_sigma_mm: motion.transient_depth_sigma_mm(),
+        effective_diameter: effective_diameter(&motion, adjustment.as_ref(), spec.diameter_mm),
+        gaps,
+        fulcrum: motion.fulcrum.and_then(|fulcrum| fulcrum.stated(STATED_SIGMA_SHARE)),
+        ..quality
+    };
+    (motion, quality)
+}
+
+fn effective_diameter(motion: &ToolMotion, adjustment: Option<&Adjustment>, own_mm: f64) -> Option<EffectiveDiameter> {
+    let mm_per_px = motion.median_depth_mm()? / motion.camera.fx;
+    let (px, sigma_px, basis) = match adjustment.map(Adjustment::border_offset_px) {
+        Some((px, sigma_px)) => (px, sigma_px, DiameterBasis::Session),
+        None => (0.0, SHARED_OFFSETS_PX[0], DiameterBasis::Usual),
+    };
+    let twice = 2.0 * mm_per_px;
+    Some(EffectiveDiameter { mm: own_mm + twice * px, sigma_mm: twice * sigma_px, basis })
+}
+
+/// The pose corrected with the session's fulcrum and offsets. `None` if its axis misses the fulcrum by too much: its
+/// edges then belong to something else, and the corrected pose would look plausible but be millimetres off.
+fn steadied(pose: &TubeEstimate, adjustment: &Adjustment) -> Option<TubeEstimate> {
+    const MAX_MISS_SQUARED: f64 = 30.0; // rejects 3 in 10 million good poses (two degrees of freedom)
+    let passes = fulcrum::miss_squared(pose, &adjustment.fulcrum) < MAX_MISS_SQUARED;
+    if passes { adjustment::steady(pose, adjustment) } else { None }
+}
+
+/// Good poses for the joint adjustment: at most `MAX_SAMPLED`, spread over the recording.
+fn sample_good_poses(records: &Blocks<FrameRecord>) -> Vec<TubeEstimate> {
+    const MAX_SAMPLED: usize = 256;
+    let good = || records.iter().filter(|record| record.is_good);
+    let every = good().count().div_ceil(MAX_SAMPLED).max(1);
+    good().step_by(every).filter_map(FrameRecord::estimate).collect()
+}
+
+/// Isolated runs with fewer than `MIN_MEASURED` measured frames, if there are other runs. A bridge to such a run could
+/// be wrong because nothing confirms its measurements; without it there is only a gap.
+fn isolated_runs(records: &Blocks<FrameRecord>, instants: &[FrameInstant], longest_gap_s: f64) -> Vec<Range<usize>> {
+    const MIN_MEASURED: usize = 4;
+    let mut pieces: Vec<(Range<usize>, usize)> = Vec::new();
+    for frame in (0..records.len()).filter(|frame| records[*frame].pose.is_some()) {
+        match pieces.last_mut() {
+            Some((piece, measured)) if instants[frame].1 - instants[piece.end - 1].1 <= longest_gap_s => {
+                (piece.end, *measured) = (frame + 1, *measured + 1);
+            }
+            _ => pieces.push((frame..frame + 1, 1)),
+        }
+    }
+    let are_several = pieces.len() > 1;
+    let is_small = |(_, measured): &(Range<usize>, usize)| are_several && *measured < MIN_MEASURED;
+    pieces.into_iter().filter(is_small).map(|(piece, _)| piece).collect()
+}
+
+/// State of the second pass over one tool's recording.
+struct SecondPass {
+    settings: TrackSettings,
+    track: Track,
+    run: TrackedRun,
+    motion: ToolMotion,
+    quality: ToolQuality,
+}
+
+impl SecondPass {
+    fn new(tool: usize, camera: &Camera, settings: &MotionSettings) -> Self {
+        let longest_prediction_s = settings.max_prediction_s;
+        Self {
+            settings: TrackSettings { max_prediction_s: settings.max_bridge_s, ..settings.track_settings() },
+            track: Track::default(),
+            run: TrackedRun::default(),
+            motion: ToolMotion {
+                tool,
+                runs: Vec::new(),
+                camera: *camera,
+                fulcrum: None,
+                max_prediction_s: longest_prediction_s,
+            },
+            quality: ToolQuality::default(),
+        }
+    }
+
+    /// Adds one frame: its pose, or the reason for having none. Returns why the frame was not measured or its pose was
+    /// rejected.
+    fn add_frame(
+        &mut self,
+        instant: FrameInstant,
+        pose: Option<TubeEstimate>,
+        reason: Option<MissReason>,
+    ) -> Option<MissReason> {
+        let measured = pose.map(|p| (p.tube.tip, p.tip_covariance()));
+        let advance = self.track.advance(instant.1, measured, &self.settings);
+        let refused = reason.or(advance.refused);
+        count(&mut self.quality, advance.observed, advance.state.is_some(), refused);
+        if advance.discards_previous {
+            let (all, seen) = self.start_run().frame_counts(); // discarded: subtract its frames from the counts
+            self.quality.observed -= seen;
+            self.quality.predicted -= all - seen;
+            self.quality.missing += all;
+        } else if advance.starts_track || advance.state.is_none() {
+            let ended = self.start_run();
+            self.motion.runs.extend(Some(ended).filter(|run| run.frame_counts().0 > 0));
+        }
+        if let Some(state) = advance.state {
+            self.run.add(&state, advance.noise_density, instant, pose.filter(|_| advance.observed));
+        }
+        refused
+    }
+
+    /// Starts a new run and returns the previous one.
+    fn start_run(&mut self) -> TrackedRun {
+        std::mem::take(&mut self.run)
+    }
+
+    /// Finishes the recording. Bridged frames that are not in the smoothed path move from `predicted` to `missing`.
+    fn finish(mut self) -> (ToolMotion, ToolQuality) {
+        let last = self.start_run();
+        self.motion.runs.push(last);
+        let all: u64 = self.motion.runs.iter().map(|run| run.frame_counts().0).sum();
+        let unsupported = all - self.motion.path(PathKind::Smoothed).len() as u64;
+        self.quality.predicted -= unsupported;
+        self.quality.missing += unsupported;
+        (self.motion, self.quality)
+    }
+}
+
+fn count(quality: &mut ToolQuality, observed: bool, tracked: bool, reason: Option<MissReason>) {
+    match (observed, tracked) {
+        (true, _) => quality.observed += 1,
+        (false, true) => quality.predicted += 1,
+        (false, false) => quality.missing += 1,
+    }
+    if let Some(reason) = reason {
+        *quality.reasons.entry(reason).or_default() += 1;
+    }
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (count, squares) = values.fold((0u64, 0.0), |(n, s), v| (n + 1, s + v * v));
+    (count > 0).then(|| (squares / count as f64).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point3, Vector3};
+
+    use super::*;
+    use crate::vision::camera::testing::STRAIGHT as CAMERA;
+    use crate::vision::pose::normal_equations::NormalEquations;
+    use crate::vision::trajectory::Sample;
+    use crate::vision::tube::Tube;
+
+    /// Chosen so that no multiple of it equals a time limit, where rounding would decide.
+    const FRAME_S: f64 = 0.039;
+
+    struct Paths {
+        filtered: Vec<Sample>,
+        smoothed: Vec<Sample>,
+        quality: ToolQuality,
+    }
+
+    /// A tool that points along the line of sight.
+    fn pose(tip: Point3<f64>) -> TubeEstimate {
+        let covariance = nalgebra::Matrix5::identity() * 0.01;
+        TubeEstimate {
+            tube: Tube { tip, axis: Vector3::z(), radius: 2.5 },
+            covariance,
+            lasting: covariance,
+            equations: NormalEquations::from_covariance(&covariance),
+            residual_px: 0.1,
+            support: 50.0,
+        }
+    }
+
+    fn paths(seen: &[bool]) -> Paths {
+        paths_from(0.0, 0.0, seen)
+    }
+
+    /// A tool that moves to the right (mm, mm/s), seen on some frames only.
+    fn paths_from(x_mm: f64, speed_mm_s: f64, seen: &[bool]) -> Paths {
+        let settings = MotionSettings::default();
+        let mut rework = SecondPass::new(0, &CAMERA, &settings);
+        for (frame, seen) in seen.iter().enumerate() {
+            let instant = (frame as u64, frame as f64 * FRAME_S);
+            let pose = pose(Point3::new(x_mm + speed_mm_s * instant.1, 0.0, 150.0));
+            rework.add_frame(instant, seen.then_some(pose), None);
+        }
+        let (motion, quality) = rework.finish();
+        Paths { filtered: motion.path(PathKind::Filtered), smoothed: motion.path(PathKind::Smoothed), quality }
+    }
+
+    fn frames(samples: &[Sample]) -> Vec<u64> {
+        samples.iter().map(|sample| sample.frame).collect()
+    }
+
+    fn with_gap(length: usize, after: usize) -> Vec<bool> {
+        [vec![true; 10], vec![false; length], vec![true; after]].concat()
+    }
+
+    #[test]
+    fn hindsight_bridges_a_gap_that_the_filter_does_not_and_says_how_unsure_it_is() {
+        let paths = paths(&with_gap(8, 10));
+        assert_eq!(frames(&paths.smoothed), (0..28).collect::<Vec<_>>());
+        assert_eq!(frames(&paths.filtered), (0..15).chain(18..28).collect::<Vec<_>>());
+        let sigma = |frame: usize| paths.smoothed[frame].sigma_z_mm.unwrap();
+        assert!(sigma(13) > 2.0 * sigma(5), "{} in the gap, {} before", sigma(13), sigma(5));
+        assert_eq!((paths.quality.observed, paths.quality.predicted, paths.quality.missing), (20, 8, 0));
+    }
+
+    #[test]
+    fn a_tool_that_does_not_come_back_is_predicted_for_a_short_time_and_with_hindsight_not_at_all() {
+        let paths = paths(&with_gap(30, 0));
+        assert_eq!(frames(&paths.smoothed), (0..10).collect::<Vec<_>>());
+        assert_eq!(frames(&paths.filtered), (0..15).collect::<Vec<_>>());
+        assert_eq!((paths.quality.observed, paths.quality.predicted, paths.quality.missing), (10, 0, 30));
+    }
+
+    #[test]
+    fn a_tip_that_leaves_the_picture_is_not_predicted_beyond_its_rim() {
+        let rim_mm = CAMERA.cx / CAMERA.fx * 150.0;
+        let paths = paths_from(rim_mm - 41.0, 100.0, &with_gap(10, 0)); // last seen 5.9 mm inside, 3.9 mm a frame
+        assert_eq!(frames(&paths.filtered), (0..11).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_few_measurements_between_two_gaps_are_not_believed() {
+        let instants: Vec<FrameInstant> = (0..60).map(|frame| (frame, frame as f64 * FRAME_S)).collect();
+        let found = |seen: &[Range<usize>]| {
+            let pose = StoredPose::from(&pose(Point3::new(0.0, 0.0, 150.0)));
+            let record = |frame: usize| {
+                let is_seen = seen.iter().any(|piece| piece.contains(&frame));
+                FrameRecord { pose: is_seen.then_some(pose), is_good: false, reason: None }
+            };
+            isolated_runs(&(0..60).map(record).collect(), &instants, 0.2)
+        };
+        assert_eq!(found(&[0..15, 31..33, 43..60]), vec![31..33]);
+        assert_eq!(found(&[0..15, 31..32, 33..34, 43..60]), vec![31..34]);
+        assert!(found(&[0..15, 18..20, 43..60]).is_empty(), "close to a long run");
+        assert!(found(&[0..15, 31..36, 43..60]).is_empty(), "long enough by itself");
+        assert!(found(std::slice::from_ref(&(31..33))).is_empty(), "the only run");
+    }
+
+    #[test]
+    fn a_long_gap_stays_one() {
+        let paths = paths(&with_gap(30, 5));
+        assert_eq!(frames(&paths.smoothed), (0..10).chain(40..45).collect::<Vec<_>>());
+    }
+}

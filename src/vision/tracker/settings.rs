@@ -1,0 +1,308 @@
+//! Settings of a tracker: camera, tools, colours, and how tools can move.
+
+use crate::vision::camera::Camera;
+use crate::vision::segmentation::samples::ColourSamples;
+
+/// One tool: a tube with a band of coloured tape that ends where the jaw begins.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ToolSpec {
+    /// The tool's name.
+    pub name: String,
+    /// Colour of its tape: the label of its samples. Two tools may share a colour; their trocars distinguish them.
+    pub colour: String,
+    /// The side of the picture where its hand is, if stated. Used only for tools that share a colour.
+    pub side: Option<HandSide>,
+    /// Outer diameter over the tape, mm.
+    pub diameter_mm: f64,
+    /// Length of the tape along the tube, mm, if it was measured: depth then becomes about three times sharper.
+    pub band_length_mm: Option<f64>,
+}
+
+/// The side of a tool's hand, as the camera sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum HandSide {
+    /// Left in the picture.
+    Left,
+    /// Right in the picture.
+    Right,
+}
+
+/// Position of the camera (T 6.4). Decides which end of a band is distal while nothing better is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum CameraView {
+    /// Camera above the box: hands are below the picture, tips point up in it.
+    Top,
+    /// Camera at the side: hands are beside the picture, tips point to its centre.
+    Side,
+}
+
+/// Method that turns borders into a position in space.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum PoseMethod {
+    /// Exact tangent planes, then a joint fit of borders and band ends: the default.
+    #[default]
+    TangentPlanes,
+    /// `z ≈ f·D/width`: the thesis's method, kept as the reference. Biased when the tool leans.
+    PinholeWidth,
+}
+
+/// How tools can move, and for how long a tool is predicted while it is not seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionSettings {
+    /// Typical acceleration, mm/s²: a larger value follows motion faster, a smaller one is smoother. Hands reach
+    /// 200–1000.
+    pub acceleration_mm_s2: f64,
+    /// How long such an acceleration lasts, s. With the acceleration it gives the motion noise `a²·t`, mm²/s³.
+    pub acceleration_lasts_s: f64,
+    /// Speed that a newly seen tool may have, mm/s (one standard deviation).
+    pub first_speed_mm_s: f64,
+    /// Largest squared Mahalanobis distance of an accepted measurement; 16.3 accepts 99.9 % of good ones.
+    pub gate: f64,
+    /// Measurements outside the gate are accepted once they have agreed with each other for this long, s.
+    pub reacquire_s: f64,
+    /// Longest gap that is bridged by prediction, s.
+    pub max_prediction_s: f64,
+    /// Longest gap that the second pass bridges, between two frames where the tool was seen, s. In the middle of a
+    /// bridge four times as long as the longest prediction, the tip is known as well as at that prediction's end:
+    /// `q·T³/192` and `q·t³/3` mm² are equal for `T = 4t`.
+    pub max_bridge_s: f64,
+    /// Smallest depth of a tip, mm.
+    pub nearest_mm: f64,
+    /// Largest depth of a tip, mm.
+    pub farthest_mm: f64,
+}
+
+impl Default for MotionSettings {
+    fn default() -> Self {
+        Self {
+            acceleration_mm_s2: 400.0,
+            acceleration_lasts_s: 0.05,
+            first_speed_mm_s: 150.0,
+            gate: 16.3,
+            reacquire_s: 0.15,
+            max_prediction_s: 0.2,
+            max_bridge_s: 0.8,
+            nearest_mm: 20.0,
+            farthest_mm: 1000.0,
+        }
+    }
+}
+
+impl MotionSettings {
+    /// Spectral density of the acceleration, mm²/s³: the process noise of the filter for a steady hand.
+    pub fn noise_density(&self) -> f64 {
+        self.acceleration_mm_s2.powi(2) * self.acceleration_lasts_s
+    }
+}
+
+/// All settings of a [`super::Tracker`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackerSettings {
+    /// The camera, calibrated at the size of the frames.
+    pub camera: Camera,
+    /// Tools to track; their order is the order of the reports.
+    pub tools: Vec<ToolSpec>,
+    /// Colour samples that an instructor marked.
+    pub samples: ColourSamples,
+    /// Position of the camera, if known.
+    pub view: Option<CameraView>,
+    /// Pose method.
+    pub pose: PoseMethod,
+    /// Motion model.
+    pub motion: MotionSettings,
+}
+
+impl TrackerSettings {
+    /// The usual settings.
+    pub fn new(camera: Camera, tools: Vec<ToolSpec>, samples: ColourSamples) -> Self {
+        Self { camera, tools, samples, view: None, pose: PoseMethod::default(), motion: MotionSettings::default() }
+    }
+}
+
+/// Maximum number of tools.
+const MAX_TOOLS: usize = 16;
+
+impl TrackerSettings {
+    /// Rejects settings that cannot work for frames of this size.
+    pub(super) fn check(&self, width: u32, height: u32) -> Result<(), SettingsProblem> {
+        let camera = (self.camera.width, self.camera.height);
+        if camera != (width, height) {
+            return Err(SettingsProblem::OtherSize { camera, frame: (width, height) });
+        }
+        if self.tools.is_empty() {
+            return Err(SettingsProblem::NoTool);
+        }
+        if self.tools.len() > MAX_TOOLS {
+            return Err(SettingsProblem::TooManyLabels(self.tools.len(), MAX_TOOLS));
+        }
+        self.tools.iter().try_for_each(|tool| self.check_tool(tool))?;
+        self.colours().iter().try_for_each(|colour| self.check_colour(colour))?;
+        let is_tape = |label: &String| self.class_of(label) > 0;
+        let has_background = self.samples.labels.iter().any(|l| !is_tape(l) && self.samples.count(l) > 0);
+        if has_background { Ok(()) } else { Err(SettingsProblem::NoBackground) }
+    }
+
+    fn check_tool(&self, tool: &ToolSpec) -> Result<(), SettingsProblem> {
+        let wrong = |what, value_mm| Err(SettingsProblem::Size { tool: tool.name.clone(), what, value_mm });
+        let possible = |value: f64| value.is_finite() && value > 0.0;
+        if !possible(tool.diameter_mm) {
+            return wrong("its diameter", tool.diameter_mm);
+        }
+        if let Some(length) = tool.band_length_mm.filter(|l| !possible(*l)) {
+            return wrong("its band's length", length);
+        }
+        if self.samples.count(&tool.colour) == 0 {
+            return Err(SettingsProblem::NoSamples(tool.name.clone()));
+        }
+        Ok(())
+    }
+
+    /// At most two tools may share a colour, and not on the same side.
+    fn check_colour(&self, colour: &str) -> Result<(), SettingsProblem> {
+        let tools: Vec<&ToolSpec> = self.tools.iter().filter(|t| t.colour == colour).collect();
+        match tools[..] {
+            [a, b] if a.side.is_some() && a.side == b.side => {
+                Err(SettingsProblem::SameSide(a.name.clone(), b.name.clone()))
+            }
+            [_] | [_, _] => Ok(()),
+            _ => Err(SettingsProblem::CrowdedColour(tools.len(), colour.to_owned())),
+        }
+    }
+
+    /// The tools' colours, each once, in the tools' order.
+    fn colours(&self) -> Vec<&str> {
+        let mut colours: Vec<&str> = Vec::new();
+        for tool in &self.tools {
+            if !colours.contains(&tool.colour.as_str()) {
+                colours.push(&tool.colour);
+            }
+        }
+        colours
+    }
+
+    /// A label's class in the colour table: 0 if it is no tool's colour.
+    pub(super) fn class_of(&self, label: &str) -> u8 {
+        self.colours().iter().position(|colour| *colour == label).map_or(0, |i| i as u8 + 1)
+    }
+
+    /// The class of each label of the samples.
+    pub(super) fn classes(&self) -> Vec<u8> {
+        self.samples.labels.iter().map(|label| self.class_of(label)).collect()
+    }
+
+    /// Pairs of tools that share a colour, the left hand's first: by their stated sides, else in their order.
+    pub(super) fn pairs(&self) -> Vec<[usize; 2]> {
+        let mut pairs = Vec::new();
+        for (first, tool) in self.tools.iter().enumerate() {
+            let rest = self.tools.iter().enumerate().skip(first + 1);
+            for (second, other) in rest.filter(|(_, other)| other.colour == tool.colour) {
+                let turned = tool.side == Some(HandSide::Right) || other.side == Some(HandSide::Left);
+                pairs.push(if turned { [second, first] } else { [first, second] });
+            }
+        }
+        pairs
+    }
+}
+
+/// Why a tracker cannot be created from its settings.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SettingsProblem {
+    /// The camera was calibrated at another picture size.
+    #[error(
+        "the camera is calibrated for {}×{} pixels, but the recording is {}×{}; calibrate at the recorded size",
+        camera.0, camera.1, frame.0, frame.1
+    )]
+    OtherSize {
+        /// Width and height in the calibration.
+        camera: (u32, u32),
+        /// Width and height of the frames.
+        frame: (u32, u32),
+    },
+    /// Nothing to track.
+    #[error("no tool is given; mark at least one rectangle on a tool's tape")]
+    NoTool,
+    /// More than two tools share a colour.
+    #[error("{0} tools have tape of the colour `{1}`; at most two can share one; use another colour for the others")]
+    CrowdedColour(usize, String),
+    /// Two tools of one colour have the same stated side.
+    #[error(
+        "tools `{0}` and `{1}` have the same colour and the same `side`; correct `side`, or use another colour for one of them"
+    )]
+    SameSide(String, String),
+    /// A tool's colour was not marked.
+    #[error("tool `{0}` has no colour samples; mark rectangles on its tape and label them `{0}`")]
+    NoSamples(String),
+    /// Only tool colours were marked, so every colour would be a tool.
+    #[error("nothing but tools was marked; also mark rectangles of the scene and label them `background`")]
+    NoBackground,
+    /// More tools than the colour table supports.
+    #[error("{0} tools are given; at most {1} can be tracked")]
+    TooManyLabels(usize, usize),
+    /// A tube's size is not a positive number.
+    #[error("tool `{tool}`: {what} is given as {value_mm} mm; it must be more than 0")]
+    Size {
+        /// The tool.
+        tool: String,
+        /// Diameter or band length.
+        what: &'static str,
+        /// The value given, mm.
+        value_mm: f64,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::camera::testing::STRAIGHT as CAMERA;
+    use crate::vision::frame::{ColourEncoding, Matrix, Range};
+    use crate::vision::segmentation::samples::ColourSample;
+
+    /// Tools by name, colour and side; orange, cyan and the background are marked.
+    fn of(tools: &[(&str, &str, Option<HandSide>)]) -> TrackerSettings {
+        let samples = ColourSamples {
+            encoding: ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 },
+            labels: ["orange", "background", "cyan"].map(str::to_owned).to_vec(),
+            samples: (0..3).map(|label| ColourSample { label, rectangle: label as u32, yuv: [100; 3] }).collect(),
+        };
+        let spec = |(name, colour, side): &(&str, &str, Option<HandSide>)| ToolSpec {
+            name: (*name).to_owned(),
+            colour: (*colour).to_owned(),
+            side: *side,
+            diameter_mm: 5.0,
+            band_length_mm: None,
+        };
+        TrackerSettings::new(CAMERA, tools.iter().map(spec).collect(), samples)
+    }
+
+    fn problem(tools: &[(&str, &str, Option<HandSide>)]) -> Option<SettingsProblem> {
+        of(tools).check(CAMERA.width, CAMERA.height).err()
+    }
+
+    #[test]
+    fn tools_of_one_colour_share_its_class() {
+        let pair = [("a", "orange", None), ("b", "cyan", None), ("c", "orange", None)];
+        assert_eq!(problem(&pair), None);
+        assert_eq!(of(&pair).classes(), [1, 0, 2]);
+        assert_eq!(of(&pair).pairs(), [[0, 2]]);
+        assert!(of(&pair[..2]).pairs().is_empty());
+    }
+
+    #[test]
+    fn one_stated_side_determines_both() {
+        let pairs = |first, second| of(&[("a", "orange", first), ("b", "orange", second)]).pairs();
+        assert_eq!(pairs(Some(HandSide::Left), None), [[0, 1]]);
+        assert_eq!(pairs(None, Some(HandSide::Right)), [[0, 1]]);
+        assert_eq!(pairs(Some(HandSide::Right), None), [[1, 0]]);
+        assert_eq!(pairs(None, Some(HandSide::Left)), [[1, 0]]);
+    }
+
+    #[test]
+    fn indistinguishable_tools_are_rejected() {
+        let left = Some(HandSide::Left);
+        let same_side = problem(&[("a", "orange", left), ("b", "orange", left)]);
+        assert_eq!(same_side, Some(SettingsProblem::SameSide("a".into(), "b".into())));
+        let three = problem(&[("a", "orange", None), ("b", "orange", None), ("c", "orange", None)]);
+        assert_eq!(three, Some(SettingsProblem::CrowdedColour(3, "orange".into())));
+        assert_eq!(problem(&[("a", "lime", None)]), Some(SettingsProblem::NoSamples("a".into())));
+    }
+}
