@@ -1,0 +1,88 @@
+//! A data folder that an earlier release made opens, migrates and answers as before.
+//!
+//! `tests/fixtures/make_data_folder.py` made each folder with the program of its release. Migrations and stored documents
+//! change only so that these folders stay readable.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use std::sync::Arc;
+
+use reqwest::StatusCode;
+use serde_json::Value;
+use trocar::time::SystemClock;
+
+use crate::process::program;
+use crate::support::Service;
+
+/// The folders that are kept, oldest first.
+const RELEASES: [&str; 1] = ["data_pipeline_11"];
+
+/// What may change between releases: sentences for people, the answer's own time, and what depends on today's date.
+const FREE: [&str; 12] = [
+    "title",
+    "detail",
+    "finding",
+    "advice",
+    "why",
+    "words",
+    "anchors",
+    "text",
+    "now",
+    "etag",
+    "sign_in",
+    "last_used_at",
+];
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_old_data_folder_migrates_and_answers_as_before() {
+    for release in RELEASES {
+        let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
+        let folder = tempfile::tempdir().unwrap();
+        unpack(&fixtures.join(format!("{release}.tar.gz")), folder.path());
+        let kept: Value = serde_json::from_slice(&fs::read(folder.path().join("answers.json")).unwrap()).unwrap();
+        let data = folder.path().join("data");
+
+        let service = Service::start_in(folder, Arc::new(SystemClock), |settings| settings.data = data.clone()).await;
+        let client = service.sign_in("administrator", kept["password"].as_str().unwrap()).await;
+        let mut differences = Vec::new();
+        for (path, old) in kept["answers"].as_object().unwrap() {
+            let answer = client.get(&format!("/api/v1/{path}")).await;
+            assert_eq!(answer.status(), StatusCode::OK, "{release}: {path}");
+            let text = answer.text().await.unwrap();
+            let new = if old.is_string() { Value::String(text) } else { serde_json::from_str(&text).unwrap() };
+            compare(path, old, &new, &mut differences);
+        }
+        assert!(differences.is_empty(), "{release}: answers changed:\n{}", differences.join("\n"));
+
+        let _folder = service.stop().await;
+        let check = program().args(["admin", "check", "--data"]).arg(&data).output().unwrap();
+        assert!(check.status.success(), "{release}: {}", String::from_utf8_lossy(&check.stdout));
+    }
+}
+
+fn unpack(archive: &Path, folder: &Path) {
+    let status = Command::new("tar").arg("-xzf").arg(archive).arg("-C").arg(folder).status().unwrap();
+    assert!(status.success(), "tar -xzf {}", archive.display());
+}
+
+/// Everything that was in the old answer is in the new one, with the same value; new keys may come.
+fn compare(path: &str, old: &Value, new: &Value, differences: &mut Vec<String>) {
+    match (old, new) {
+        (Value::Object(old), Value::Object(new)) => {
+            for (key, value) in old.iter().filter(|(key, _)| !FREE.contains(&key.as_str())) {
+                compare(&format!("{path} {key}"), value, new.get(key).unwrap_or(&Value::Null), differences);
+            }
+        }
+        (Value::Array(old), Value::Array(new)) if old.len() == new.len() => {
+            for (index, (old, new)) in old.iter().zip(new).enumerate() {
+                compare(&format!("{path} {index}"), old, new, differences);
+            }
+        }
+        _ if old == new => {}
+        _ => {
+            let short = |value: &Value| value.to_string().chars().take(200).collect::<String>();
+            differences.push(format!("{path}: was {}, is {}", short(old), short(new)));
+        }
+    }
+}
