@@ -1,0 +1,526 @@
+-- The schema of a fresh database, as SQLite stores it once all files of migrations/ were applied: tables, indexes,
+-- triggers, views. `make schema` writes this file and a test compares it. migrations/README.md has the conventions.
+
+CREATE TABLE audit (
+    id      INTEGER PRIMARY KEY AUTOINCREMENT,                               -- order of writing, never used again
+    at_ms   INTEGER NOT NULL CHECK (at_ms >= 0),                             -- when, epoch ms
+    actor   TEXT NOT NULL CHECK (length(actor) BETWEEN 1 AND 64),            -- person:ID, agent:BOX or service
+    action  TEXT NOT NULL CHECK (length(action) BETWEEN 1 AND 32),           -- create, change, erase, retry, …
+    noun    TEXT NOT NULL CHECK (length(noun) BETWEEN 1 AND 32),             -- trainee, person, session, …
+    subject TEXT NOT NULL CHECK (length(subject) BETWEEN 1 AND 64)           -- the id of what was changed
+) STRICT;
+
+CREATE TABLE blob (
+    hash          TEXT PRIMARY KEY CHECK (length(hash) = 64),                -- SHA-256 of the bytes, hexadecimal
+    bytes         INTEGER NOT NULL CHECK (bytes >= 0),                       -- length, bytes
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0)                -- when first stored, epoch ms
+) STRICT;
+
+CREATE TABLE calibration (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- CalibrationId
+    box_id        TEXT NOT NULL REFERENCES training_box (id) ON DELETE CASCADE, -- whose camera
+    version       INTEGER NOT NULL CHECK (version >= 1),                     -- 1, 2, … within the box
+    source        TEXT NOT NULL CHECK (source IN ('file', 'photos', 'video')), -- where it came from
+    camera        TEXT NOT NULL CHECK (json_valid(camera)),                  -- camera.json, whole (CameraFile)
+    width         INTEGER NOT NULL CHECK (width BETWEEN 1 AND 65535),        -- picture width, pixels
+    height        INTEGER NOT NULL CHECK (height BETWEEN 1 AND 65535),       -- picture height, pixels
+    rms_px        REAL CHECK (rms_px >= 0),                                  -- reprojection error, pixels; NULL: not said
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when stored, epoch ms
+    UNIQUE (box_id, version)
+) STRICT;
+
+CREATE TABLE cohort (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- CohortId
+    code          TEXT NOT NULL UNIQUE CHECK (length(code) BETWEEN 1 AND 64), -- short unique name, a-z 0-9 -
+    name          TEXT NOT NULL CHECK (length(name) BETWEEN 1 AND 120),      -- what people call it
+    is_list       INTEGER NOT NULL CHECK (is_list IN (0, 1)),                -- 1: who is in it stands in cohort_member
+    level         TEXT CHECK (level IN ('novice', 'intermediate', 'expert')), -- only people of this level; NULL: of any
+    handedness    TEXT CHECK (handedness IN ('left', 'right', 'both')),      -- only who prefers this hand; NULL: either
+    group_id      TEXT REFERENCES training_group (id) ON DELETE RESTRICT,    -- only people of this group; NULL: of any
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when made, epoch ms
+    CHECK (is_list = 0 OR (level IS NULL AND handedness IS NULL AND group_id IS NULL))
+) STRICT;
+
+CREATE TABLE cohort_member (
+    cohort_id  TEXT NOT NULL REFERENCES cohort (id) ON DELETE CASCADE,       -- the cohort
+    trainee_id TEXT NOT NULL REFERENCES trainee (id) ON DELETE CASCADE,      -- who is in it; erased, they are in it no more
+    PRIMARY KEY (cohort_id, trainee_id)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE comment (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- CommentId
+    session_id    TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,   -- about which session; erased with it
+    person_id     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who says it; NULL: here no more
+    from_s        REAL NOT NULL CHECK (from_s BETWEEN 0 AND 86400),          -- about which second of the recording, s
+    to_s          REAL NOT NULL CHECK (to_s BETWEEN from_s AND 86400),       -- end of the stretch, s; from_s: one moment
+    text          TEXT NOT NULL CHECK (length(text) BETWEEN 1 AND 2000),     -- what they say
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0)                -- when, epoch ms
+) STRICT;
+
+CREATE TABLE cookie_session (
+    secret_hash     BLOB PRIMARY KEY CHECK (length(secret_hash) = 32),       -- SHA-256 of the cookie's 32 bytes
+    person_id       TEXT NOT NULL REFERENCES person (id) ON DELETE CASCADE,  -- who is signed in
+    created_at_ms   INTEGER NOT NULL CHECK (created_at_ms >= 0),             -- when they signed in, epoch ms
+    last_seen_at_ms INTEGER NOT NULL CHECK (last_seen_at_ms >= created_at_ms), -- last request, to a minute, epoch ms
+    expires_at_ms   INTEGER NOT NULL CHECK (expires_at_ms > created_at_ms)   -- the end even for the busy, epoch ms
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE course (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- CourseId
+    name          TEXT NOT NULL UNIQUE CHECK (length(name) BETWEEN 1 AND 120), -- what people call it
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0)                -- when made, epoch ms
+) STRICT;
+
+CREATE TABLE course_step (
+    course_id   TEXT NOT NULL REFERENCES course (id) ON DELETE CASCADE,      -- of which plan
+    position    INTEGER NOT NULL CHECK (position >= 0),                      -- its place in the plan's order
+    task_id     TEXT NOT NULL REFERENCES task (id) ON DELETE RESTRICT,       -- what to train
+    within_days INTEGER CHECK (within_days BETWEEN 0 AND 3650),              -- due so many days after the beginning; NULL: at any time
+    sessions    INTEGER CHECK (sessions BETWEEN 1 AND 200),                  -- so many sessions; NULL: the task's standard, passed
+    PRIMARY KEY (course_id, position)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE erased_feed (
+    id TEXT PRIMARY KEY CHECK (length(id) = 36)                              -- FeedId
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE evidence (
+    result_id TEXT PRIMARY KEY REFERENCES result (id) ON DELETE CASCADE,     -- of which result
+    rows      TEXT NOT NULL CHECK (json_valid(rows) AND length(rows) <= 1048576) -- one row a feature ([EvidenceRow])
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE feature (
+    result_id  TEXT NOT NULL REFERENCES result (id) ON DELETE CASCADE,       -- of which result
+    position   INTEGER NOT NULL CHECK (position >= 0),                       -- order in which people read them
+    name       TEXT NOT NULL CHECK (length(name) BETWEEN 1 AND 64),          -- stable name, as path_length
+    title      TEXT NOT NULL CHECK (length(title) BETWEEN 1 AND 200),        -- title for people
+    unit       TEXT NOT NULL CHECK (length(unit) <= 32),                     -- unit, as mm; empty: a pure number
+    tool       TEXT CHECK (length(tool) BETWEEN 1 AND 64),                   -- marker of the tool; NULL: of the session
+    space      TEXT NOT NULL CHECK (space IN ('3d', 'image')),               -- where it was measured
+    value      REAL,                                                         -- the value, in `unit`
+    not_enough TEXT CHECK (length(not_enough) BETWEEN 1 AND 200), as_measured REAL, sigma REAL CHECK (sigma >= 0), low REAL, high REAL CHECK (high >= low), no_error TEXT CHECK (length(no_error) BETWEEN 1 AND 200),            -- why there is no value
+    PRIMARY KEY (result_id, position),
+    CHECK ((value IS NULL) <> (not_enough IS NULL))
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE feed (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- FeedId, made by the sender; its log has the same name
+    session_id    TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,   -- the session that it is
+    box_id        TEXT NOT NULL REFERENCES training_box (id) ON DELETE CASCADE, -- where
+    codec         TEXT NOT NULL CHECK (codec IN ('jpeg', 'h264')),           -- how frames are coded
+    width         INTEGER NOT NULL CHECK (width BETWEEN 1 AND 65535),        -- picture width, pixels
+    height        INTEGER NOT NULL CHECK (height BETWEEN 1 AND 65535),       -- picture height, pixels
+    tick_num      INTEGER NOT NULL CHECK (tick_num >= 1),                    -- a tick of its clock: tick_num / tick_den seconds
+    tick_den      INTEGER NOT NULL CHECK (tick_den >= 1),                    -- see tick_num
+    sender        TEXT NOT NULL CHECK (length(sender) <= 120),               -- the sender's program, for people
+    epoch         INTEGER NOT NULL CHECK (epoch >= 1),                       -- connections so far; only the last may send
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when first heard of, epoch ms
+    ended_at_ms   INTEGER CHECK (ended_at_ms >= created_at_ms),              -- when its recording was stored, epoch ms
+    live_features TEXT CHECK (json_valid(live_features))                     -- at its end, by the causal filter: [LiveFeature]
+, is_push INTEGER NOT NULL DEFAULT 0 CHECK (is_push IN (0, 1))) STRICT;
+
+CREATE TABLE group_course (
+    group_id  TEXT PRIMARY KEY REFERENCES training_group (id) ON DELETE CASCADE, -- the group
+    course_id TEXT NOT NULL REFERENCES course (id) ON DELETE RESTRICT,       -- the plan
+    begins    TEXT NOT NULL CHECK (begins GLOB '[0-9][0-9][0-9][0-9]-[0-9][0-9]-[0-9][0-9]') -- first day, as 2026-01-05
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE group_instructor (
+    group_id  TEXT NOT NULL REFERENCES training_group (id) ON DELETE CASCADE, -- the group
+    person_id TEXT NOT NULL REFERENCES person (id) ON DELETE CASCADE,         -- the instructor
+    PRIMARY KEY (group_id, person_id)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE group_trainee (
+    group_id   TEXT NOT NULL REFERENCES training_group (id) ON DELETE CASCADE, -- the group
+    trainee_id TEXT NOT NULL REFERENCES trainee (id) ON DELETE CASCADE,        -- the trainee
+    PRIMARY KEY (group_id, trainee_id)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE "job" (
+    id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- JobId
+    kind           TEXT NOT NULL CHECK (kind IN ('track', 'import', 'rescore', 'calibrate', 'palette', 'self_test')), -- what kind of work
+    input          TEXT NOT NULL CHECK (json_valid(input)),                  -- what it works on (JobInput)
+    input_hash     TEXT NOT NULL CHECK (length(input_hash) = 64),            -- SHA-256 of `input`, hexadecimal
+    versions       TEXT NOT NULL CHECK (length(versions) <= 200),            -- what else its result depends on
+    session_id     TEXT REFERENCES session (id) ON DELETE CASCADE,           -- the session it is about
+    box_id         TEXT REFERENCES training_box (id) ON DELETE CASCADE,      -- the box it is about
+    turn           INTEGER NOT NULL CHECK (turn IN (0, 1, 2)),               -- goes before higher ones: boxes, new sessions, rescorings
+    state          TEXT NOT NULL CHECK (state IN ('queued', 'running', 'done', 'failed', 'quarantined')), -- how it stands
+    attempt        INTEGER NOT NULL DEFAULT 0 CHECK (attempt BETWEEN 0 AND max_attempts), -- claims that ended in a crash, and this one
+    max_attempts   INTEGER NOT NULL CHECK (max_attempts BETWEEN 1 AND 20),   -- crashes after which it is quarantined
+    lease_token    TEXT CHECK (length(lease_token) = 36),                    -- whoever knows it holds the job
+    lease_until_ms INTEGER,                                                  -- until then it is theirs, epoch ms
+    worker         TEXT CHECK (length(worker) BETWEEN 1 AND 120),            -- who holds it, for people
+    progress       REAL NOT NULL DEFAULT 0 CHECK (progress BETWEEN 0 AND 1), -- share done
+    problem        TEXT CHECK (json_valid(problem)),                         -- why it failed or last crashed (Problem)
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0),              -- when queued first, epoch ms
+    queued_at_ms   INTEGER NOT NULL CHECK (queued_at_ms >= created_at_ms),   -- when queued last: its place, epoch ms
+    started_at_ms  INTEGER,                                                  -- when claimed last, epoch ms
+    ended_at_ms    INTEGER,                                                  -- when it ended, epoch ms
+    advice         TEXT CHECK (advice IS NULL OR json_valid(advice)),        -- PaletteAdvice; NULL: the job is about something else, or not done
+    UNIQUE (kind, input_hash, versions),
+    CHECK ((session_id IS NULL) <> (box_id IS NULL)),
+    CHECK ((kind IN ('track', 'import', 'rescore')) = (session_id IS NOT NULL)),
+    CHECK ((turn = 0) = (box_id IS NOT NULL)),
+    CHECK ((state = 'running') = (lease_token IS NOT NULL)),
+    CHECK ((state = 'running') = (lease_until_ms IS NOT NULL)),
+    CHECK ((state = 'running') = (worker IS NOT NULL)),
+    CHECK ((state IN ('done', 'failed', 'quarantined')) = (ended_at_ms IS NOT NULL)),
+    CHECK (state NOT IN ('failed', 'quarantined') OR problem IS NOT NULL)
+) STRICT;
+
+CREATE TABLE "job_file" (
+    job_id TEXT NOT NULL REFERENCES "job" (id) ON DELETE CASCADE,         -- the job
+    blob   TEXT NOT NULL REFERENCES blob (hash) ON DELETE RESTRICT,          -- the file
+    PRIMARY KEY (job_id, blob)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE palette (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- PaletteId
+    box_id        TEXT NOT NULL REFERENCES training_box (id) ON DELETE CASCADE, -- whose colours
+    version       INTEGER NOT NULL CHECK (version >= 1),                     -- 1, 2, … within the box
+    annotations   TEXT NOT NULL CHECK (json_valid(annotations)),             -- annotations.json, whole (AnnotationsFile)
+    tools         TEXT NOT NULL CHECK (json_valid(tools)),                   -- tools and sizes, mm ([BoxTool])
+    counts        TEXT NOT NULL CHECK (json_valid(counts)),                  -- samples of each label ([LabelCount])
+    samples       BLOB NOT NULL CHECK (length(samples) BETWEEN 1 AND 16777216), -- the samples, in the tracker's own form
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0), report TEXT CHECK (report IS NULL OR json_valid(report)),               -- when stored, epoch ms
+    UNIQUE (box_id, version)
+) STRICT;
+
+CREATE TABLE person (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- PersonId
+    login         TEXT NOT NULL UNIQUE CHECK (length(login) BETWEEN 1 AND 64 AND login = lower(login)), -- typed to sign in
+    name          TEXT NOT NULL CHECK (length(name) BETWEEN 1 AND 120),      -- what people call them
+    role          TEXT NOT NULL CHECK (role IN ('administrator', 'instructor', 'trainee')), -- what they may see
+    password_hash TEXT NOT NULL CHECK (password_hash LIKE '$argon2id$%'),    -- argon2id in PHC form, with salt and costs
+    trainee_id    TEXT UNIQUE REFERENCES trainee (id) ON DELETE CASCADE,     -- the trainee that a trainee's account is of
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when made, epoch ms
+    CHECK ((role = 'trainee') = (trainee_id IS NOT NULL))
+) STRICT;
+
+CREATE TABLE rating (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- RatingId
+    session_id    TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,   -- which session; erased with it
+    person_id     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- the rater; NULL: here no more
+    form          TEXT NOT NULL CHECK (form IN ('osats', 'goals')),          -- which form
+    form_version  INTEGER NOT NULL CHECK (form_version >= 1),                -- which wording of it
+    items         TEXT NOT NULL CHECK (json_valid(items)),                   -- a mark from 1 to 5 or null for each item ([Mark])
+    is_blind      INTEGER NOT NULL CHECK (is_blind IN (0, 1)),               -- 1: nobody else's of this form could be seen before
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0)                -- when given, epoch ms
+) STRICT;
+
+CREATE TABLE rescoring (
+    id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- RescoringId
+    task_id        TEXT NOT NULL REFERENCES task (id) ON DELETE CASCADE,     -- whose sessions
+    source         TEXT NOT NULL CHECK (source IN ('trajectory', 'recording')), -- what is read again
+    only_older     INTEGER NOT NULL CHECK (only_older IN (0, 1)),            -- 1: sessions whose result is of another version; 0: all
+    pipeline       TEXT NOT NULL CHECK (length(pipeline) BETWEEN 1 AND 64),  -- PIPELINE_VERSION when it was ordered
+    standard_id    TEXT REFERENCES standard (id) ON DELETE SET NULL,         -- what old and new are judged by; NULL: the task had none
+    person_id      TEXT REFERENCES person (id) ON DELETE SET NULL,           -- who ordered it; NULL for the service
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0),              -- when ordered, epoch ms
+    cancelled_at_ms INTEGER,                                                 -- when called off, epoch ms
+    ended_at_ms    INTEGER                                                   -- when its last session had ended, epoch ms
+) STRICT;
+
+CREATE TABLE rescoring_item (
+    rescoring_id   TEXT NOT NULL REFERENCES rescoring (id) ON DELETE CASCADE, -- the order
+    session_id     TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,  -- the session
+    old_result_id  TEXT NOT NULL REFERENCES result (id) ON DELETE CASCADE,   -- what counted when it was ordered
+    new_result_id  TEXT REFERENCES result (id) ON DELETE CASCADE,            -- what came of it
+    job_id         TEXT REFERENCES job (id) ON DELETE SET NULL,              -- its work, once its turn has come
+    state          TEXT NOT NULL CHECK (state IN ('waiting', 'working', 'done', 'failed', 'cancelled')), -- how it stands
+    problem        TEXT CHECK (json_valid(problem)),                         -- why it failed (Problem)
+    judged_before  TEXT CHECK (judged_before IN ('pass', 'fail', 'unknown')), -- by the standard; NULL: no standard, or not compared yet
+    judged_after   TEXT CHECK (judged_after IN ('pass', 'fail', 'unknown')), -- the same of the new result
+    judgement_changed INTEGER NOT NULL DEFAULT 0 CHECK (judgement_changed IN (0, 1)), -- 1: not what it was
+    features_apart INTEGER NOT NULL DEFAULT 0 CHECK (features_apart >= 0),   -- features whose old and new error bars do not overlap
+    features_changed INTEGER NOT NULL DEFAULT 0 CHECK (features_changed >= features_apart), -- features that differ beyond rounding, or that one result lacks
+    PRIMARY KEY (rescoring_id, session_id),
+    CHECK (state <> 'done' OR new_result_id IS NOT NULL),
+    CHECK (state <> 'failed' OR problem IS NOT NULL)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE result (
+    id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- ResultId
+    session_id     TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,  -- of which session
+    pipeline       TEXT NOT NULL CHECK (length(pipeline) BETWEEN 1 AND 64),  -- PIPELINE_VERSION
+    model          TEXT CHECK (length(model) BETWEEN 1 AND 120),             -- the model that scored it; NULL: none
+    frames         INTEGER NOT NULL CHECK (frames >= 1),                     -- decoded frames
+    duration_s     REAL NOT NULL CHECK (duration_s >= 0),                    -- from the first frame to the last, s
+    tools          TEXT NOT NULL CHECK (json_valid(tools)),                  -- names of the tools ([String])
+    quality        TEXT NOT NULL CHECK (json_valid(quality)),                -- counts and reasons per tool (object)
+    score          TEXT CHECK (json_valid(score)),                           -- place in a cohort (object); NULL: none
+    trajectory     TEXT NOT NULL REFERENCES blob (hash) ON DELETE RESTRICT,  -- raw, filtered and smoothed paths
+    preview        TEXT REFERENCES blob (hash) ON DELETE RESTRICT,           -- a JPEG of one frame
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0)               -- when stored, epoch ms
+, calibration_id TEXT REFERENCES calibration (id) ON DELETE RESTRICT, palette_id TEXT REFERENCES palette (id) ON DELETE RESTRICT, width INTEGER CHECK (width BETWEEN 1 AND 65535), height INTEGER CHECK (height BETWEEN 1 AND 65535), diagnostics TEXT REFERENCES blob (hash) ON DELETE RESTRICT, tracked_with TEXT CHECK (length(tracked_with) BETWEEN 1 AND 64), edits INTEGER NOT NULL DEFAULT 0 CHECK (edits >= 0)) STRICT;
+
+CREATE TABLE self_test (
+    id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- SelfTestId
+    box_id         TEXT NOT NULL REFERENCES training_box (id) ON DELETE CASCADE, -- of which box
+    calibration_id TEXT NOT NULL REFERENCES calibration (id) ON DELETE CASCADE, -- the camera that was tested
+    palette_id     TEXT NOT NULL REFERENCES palette (id) ON DELETE CASCADE,  -- the colours that were tested
+    person_id      TEXT REFERENCES person (id) ON DELETE SET NULL,           -- who tested it; NULL: the service, or gone
+    pipeline       TEXT NOT NULL CHECK (length(pipeline) BETWEEN 1 AND 64),  -- PIPELINE_VERSION
+    light          TEXT NOT NULL CHECK (light IN ('green', 'yellow', 'red', 'not_measured')), -- the worst of its parts
+    report         TEXT NOT NULL CHECK (json_valid(report)),                 -- all figures (SelfTestReport)
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0)               -- when stored, epoch ms
+) STRICT;
+
+CREATE TABLE session (
+    id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- SessionId
+    trainee_id     TEXT NOT NULL REFERENCES trainee (id) ON DELETE CASCADE,  -- who trained
+    task_id        TEXT NOT NULL REFERENCES task (id) ON DELETE RESTRICT,    -- what they did
+    box_id         TEXT NOT NULL REFERENCES training_box (id) ON DELETE RESTRICT, -- where
+    filename       TEXT NOT NULL CHECK (length(filename) BETWEEN 1 AND 255), -- the recording's name as it was sent
+    media_type     TEXT NOT NULL CHECK (length(media_type) BETWEEN 3 AND 127), -- the recording's type, as video/mp4
+    video          TEXT REFERENCES blob (hash) ON DELETE RESTRICT,           -- the recording; NULL: it is still arriving
+    recorded_at_ms INTEGER NOT NULL,                                         -- when it was recorded, epoch ms
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0), tracker TEXT CHECK (length(tracker) BETWEEN 1 AND 40),              -- when it was whole here, epoch ms
+    UNIQUE (trainee_id, task_id, box_id, video)
+) STRICT;
+
+CREATE TABLE session_edit (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- EditId
+    session_id    TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,   -- of which session; erased with it
+    person_id     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who made it; NULL: here no more
+    kind          TEXT NOT NULL CHECK (kind IN ('trim', 'swap', 'set_aside')), -- what is changed
+    from_s        REAL CHECK (from_s BETWEEN 0 AND 86400),                   -- from which second of the recording, s; NULL: all of it
+    to_s          REAL CHECK (to_s > from_s AND to_s <= 86400),              -- to which, s
+    tools         TEXT CHECK (json_valid(tools)),                            -- the two tools that change names ([String])
+    why           TEXT NOT NULL CHECK (length(why) BETWEEN 1 AND 2000),      -- why, in their words
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when made, epoch ms
+    undone_by     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who undid it; NULL: nobody, or here no more
+    undone_at_ms  INTEGER CHECK (undone_at_ms >= created_at_ms),             -- when undone, epoch ms; NULL: it is in force
+    CHECK ((kind = 'set_aside') = (from_s IS NULL)),
+    CHECK ((from_s IS NULL) = (to_s IS NULL)),
+    CHECK ((kind = 'swap') = (tools IS NOT NULL)),
+    CHECK (undone_by IS NULL OR undone_at_ms IS NOT NULL)
+) STRICT;
+
+CREATE TABLE skill_model (
+    id              TEXT PRIMARY KEY CHECK (length(id) = 36),                -- ModelId
+    task_id         TEXT NOT NULL REFERENCES task (id) ON DELETE CASCADE,    -- of which task
+    version         INTEGER NOT NULL CHECK (version >= 1),                   -- 1, 2, … within the task
+    pipeline        TEXT NOT NULL CHECK (length(pipeline) >= 1),             -- version of the program that measured its sessions
+    fingerprint     TEXT NOT NULL CHECK (length(fingerprint) = 64),          -- SHA-256 of the values that it was made of
+    definition      TEXT CHECK (json_valid(definition)),                     -- the model itself (Definition); NULL: withdrawn
+    report          TEXT NOT NULL CHECK (json_valid(report)),                -- how well it does on people left out (Report)
+    person_id       TEXT REFERENCES person (id) ON DELETE SET NULL,          -- who made it; NULL: the service, or gone
+    created_at_ms   INTEGER NOT NULL CHECK (created_at_ms >= 0),             -- when made, epoch ms
+    withdrawn_at_ms INTEGER CHECK (withdrawn_at_ms >= 0),                    -- when somebody of whom it was made was erased
+    UNIQUE (task_id, version),
+    CHECK ((definition IS NULL) = (withdrawn_at_ms IS NOT NULL))
+) STRICT;
+
+CREATE TABLE skill_model_trainee (
+    model_id   TEXT NOT NULL REFERENCES skill_model (id) ON DELETE CASCADE,  -- the model
+    trainee_id TEXT NOT NULL REFERENCES trainee (id) ON DELETE CASCADE,      -- whose sessions are in it
+    PRIMARY KEY (model_id, trainee_id)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE standard (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- StandardId
+    task_id       TEXT NOT NULL REFERENCES task (id) ON DELETE CASCADE,      -- of which task
+    version       INTEGER NOT NULL CHECK (version >= 1),                     -- 1, 2, … within the task
+    definition    TEXT NOT NULL CHECK (json_valid(definition)),              -- targets, pass rule and charts (Definition)
+    person_id     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who set it; NULL: the service, or gone
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when set, epoch ms
+    UNIQUE (task_id, version)
+) STRICT;
+
+CREATE TABLE task (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- TaskId
+    code          TEXT NOT NULL UNIQUE CHECK (length(code) BETWEEN 1 AND 64), -- short unique name, a-z 0-9 -
+    name          TEXT NOT NULL CHECK (length(name) BETWEEN 1 AND 120),      -- what people call it
+    description   TEXT NOT NULL DEFAULT '' CHECK (length(description) <= 10000), -- what to do
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0)                -- when registered, epoch ms
+) STRICT;
+
+CREATE TABLE token (
+    id              TEXT PRIMARY KEY CHECK (length(id) = 36),                -- TokenId
+    secret_hash     BLOB NOT NULL UNIQUE CHECK (length(secret_hash) = 32),   -- SHA-256 of the token's 32 bytes
+    name            TEXT NOT NULL CHECK (length(name) BETWEEN 1 AND 120),    -- what it is for
+    role            TEXT NOT NULL CHECK (role IN ('administrator', 'instructor', 'trainee', 'agent')), -- its rights
+    person_id       TEXT REFERENCES person (id) ON DELETE CASCADE,           -- as whom it acts; NULL for an agent
+    box_id          TEXT REFERENCES training_box (id) ON DELETE CASCADE,     -- the agent's box; NULL for people's programs
+    created_at_ms   INTEGER NOT NULL CHECK (created_at_ms >= 0),             -- when made, epoch ms
+    expires_at_ms   INTEGER CHECK (expires_at_ms > created_at_ms),           -- its end, epoch ms; NULL: none
+    last_used_at_ms INTEGER CHECK (last_used_at_ms >= created_at_ms),        -- last request, to a minute, epoch ms
+    CHECK ((role = 'agent') = (box_id IS NOT NULL)),
+    CHECK ((role = 'agent') = (person_id IS NULL))
+) STRICT;
+
+CREATE TABLE trainee (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- TraineeId
+    code          TEXT NOT NULL UNIQUE CHECK (length(code) BETWEEN 1 AND 64), -- short unique name, a-z 0-9 -
+    name          TEXT NOT NULL CHECK (length(name) BETWEEN 1 AND 120),      -- what people call them
+    level         TEXT CHECK (level IN ('novice', 'intermediate', 'expert')), -- said experience; NULL: not said
+    handedness    TEXT CHECK (handedness IN ('left', 'right', 'both')),      -- preferred hand; NULL: not said
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0)                -- when registered, epoch ms
+) STRICT;
+
+CREATE TABLE training_box (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- BoxId
+    code          TEXT NOT NULL UNIQUE CHECK (length(code) BETWEEN 1 AND 64), -- short unique name, a-z 0-9 -
+    name          TEXT NOT NULL CHECK (length(name) BETWEEN 1 AND 120),      -- what people call it
+    view          TEXT CHECK (view IN ('top', 'side')),                      -- from where the camera looks; NULL: not said
+    notes         TEXT NOT NULL DEFAULT '' CHECK (length(notes) <= 10000),   -- anything worth knowing
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0)                -- when registered, epoch ms
+) STRICT;
+
+CREATE TABLE training_group (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- GroupId
+    name          TEXT NOT NULL UNIQUE CHECK (length(name) BETWEEN 1 AND 120), -- what people call it
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0)                -- when made, epoch ms
+) STRICT;
+
+CREATE TABLE upload (
+    id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- UploadId; its file has the same name
+    person_id      TEXT REFERENCES person (id) ON DELETE CASCADE,            -- who sends; NULL for an agent or the service
+    trainee_id     TEXT NOT NULL REFERENCES trainee (id) ON DELETE CASCADE,  -- who trained
+    task_id        TEXT NOT NULL REFERENCES task (id) ON DELETE CASCADE,     -- what they did
+    box_id         TEXT NOT NULL REFERENCES training_box (id) ON DELETE CASCADE, -- where
+    filename       TEXT NOT NULL CHECK (length(filename) BETWEEN 1 AND 255), -- the recording's name at the sender's
+    metadata       TEXT NOT NULL CHECK (length(metadata) <= 8192),           -- Upload-Metadata as it was sent, to be sent back
+    recorded_at_ms INTEGER,                                                  -- when it was recorded, epoch ms; NULL: not said
+    length         INTEGER NOT NULL CHECK (length >= 0),                     -- bytes to come in all
+    received       INTEGER NOT NULL DEFAULT 0 CHECK (received BETWEEN 0 AND length), -- bytes that are durable
+    session_id     TEXT REFERENCES session (id) ON DELETE CASCADE,           -- the session that it became
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0),              -- when begun, epoch ms
+    expires_at_ms  INTEGER NOT NULL CHECK (expires_at_ms > created_at_ms),   -- when it is forgotten unless it goes on, epoch ms
+    CHECK (session_id IS NULL OR received = length)
+) STRICT;
+
+CREATE INDEX audit_backup ON audit (id) WHERE action = 'create' AND noun = 'backup';
+
+CREATE INDEX cohort_group ON cohort (group_id);
+
+CREATE INDEX cohort_member_trainee ON cohort_member (trainee_id);
+
+CREATE INDEX comment_person ON comment (person_id);
+
+CREATE INDEX comment_session ON comment (session_id, from_s);
+
+CREATE INDEX cookie_session_person ON cookie_session (person_id);
+
+CREATE UNIQUE INDEX course_step_once ON course_step (course_id, task_id, coalesce(sessions, 0));
+
+CREATE INDEX course_step_task ON course_step (task_id);
+
+CREATE INDEX feature_named ON feature (name, result_id, tool, space, value, low, high);
+
+CREATE UNIQUE INDEX feature_once ON feature (result_id, name, coalesce(tool, ''), space);
+
+CREATE INDEX feed_box ON feed (box_id);
+
+CREATE INDEX feed_session ON feed (session_id);
+
+CREATE INDEX feed_unfinished ON feed (id) WHERE ended_at_ms IS NULL;
+
+CREATE INDEX group_course_course ON group_course (course_id);
+
+CREATE INDEX group_instructor_person ON group_instructor (person_id);
+
+CREATE INDEX group_trainee_trainee ON group_trainee (trainee_id);
+
+CREATE INDEX job_box ON job (box_id, created_at_ms);
+
+CREATE INDEX job_lease ON job (lease_until_ms) WHERE state = 'running';
+
+CREATE INDEX job_quarantined ON job (id) WHERE state = 'quarantined';
+
+CREATE INDEX job_session ON job (session_id, created_at_ms);
+
+CREATE INDEX job_waiting ON job (turn, queued_at_ms, id) WHERE state = 'queued';
+
+CREATE INDEX job_file_blob ON job_file (blob);
+
+CREATE INDEX rating_person ON rating (person_id);
+
+CREATE INDEX rating_session ON rating (session_id, form, created_at_ms);
+
+CREATE INDEX rescoring_open ON rescoring (id) WHERE ended_at_ms IS NULL;
+
+CREATE INDEX rescoring_person ON rescoring (person_id);
+
+CREATE INDEX rescoring_standard ON rescoring (standard_id);
+
+CREATE INDEX rescoring_task ON rescoring (task_id);
+
+CREATE INDEX rescoring_item_job ON rescoring_item (job_id);
+
+CREATE INDEX rescoring_item_new ON rescoring_item (new_result_id);
+
+CREATE INDEX rescoring_item_old ON rescoring_item (old_result_id);
+
+CREATE INDEX rescoring_item_report ON rescoring_item (rescoring_id, judgement_changed DESC, features_apart DESC, features_changed DESC, session_id);
+
+CREATE INDEX rescoring_item_session ON rescoring_item (session_id);
+
+CREATE INDEX rescoring_item_state ON rescoring_item (rescoring_id, state, session_id);
+
+CREATE INDEX result_calibration ON result (calibration_id);
+
+CREATE INDEX result_diagnostics ON result (diagnostics);
+
+CREATE INDEX result_latest ON result (session_id, created_at_ms);
+
+CREATE UNIQUE INDEX result_once ON result (session_id, pipeline, coalesce(tracked_with, pipeline), coalesce(calibration_id, ''),
+                                           coalesce(palette_id, ''), coalesce(model, ''), edits);
+
+CREATE INDEX result_palette ON result (palette_id);
+
+CREATE INDEX result_preview ON result (preview);
+
+CREATE INDEX result_trajectory ON result (trajectory);
+
+CREATE INDEX self_test_box ON self_test (box_id, id);
+
+CREATE INDEX self_test_calibration ON self_test (calibration_id);
+
+CREATE INDEX self_test_palette ON self_test (palette_id);
+
+CREATE INDEX self_test_person ON self_test (person_id);
+
+CREATE INDEX session_box_order ON session (box_id, created_at_ms, id);
+
+CREATE INDEX session_came ON session (created_at_ms, id);
+
+CREATE INDEX session_practised ON session (trainee_id, task_id, recorded_at_ms, id);
+
+CREATE INDEX session_task ON session (task_id);
+
+CREATE INDEX session_video ON session (video);
+
+CREATE INDEX session_edit_person ON session_edit (person_id);
+
+CREATE INDEX session_edit_session ON session_edit (session_id, created_at_ms);
+
+CREATE INDEX session_edit_undone_by ON session_edit (undone_by);
+
+CREATE UNIQUE INDEX session_set_aside ON session_edit (session_id) WHERE kind = 'set_aside' AND undone_at_ms IS NULL;
+
+CREATE INDEX skill_model_person_id ON skill_model (person_id);
+
+CREATE INDEX skill_model_trainee_of ON skill_model_trainee (trainee_id);
+
+CREATE INDEX standard_person ON standard (person_id);
+
+CREATE INDEX upload_expires ON upload (expires_at_ms);
+
+CREATE INDEX upload_session ON upload (session_id);
+
+CREATE INDEX upload_trainee ON upload (trainee_id);
+
+CREATE TRIGGER feed_erased AFTER DELETE ON feed BEGIN
+    INSERT INTO erased_feed (id) VALUES (OLD.id) ON CONFLICT DO NOTHING;
+END;
+
+CREATE VIEW blob_reference (hash) AS
+    SELECT video FROM session WHERE video IS NOT NULL
+    UNION ALL SELECT blob FROM job_file
+    UNION ALL SELECT trajectory FROM result
+    UNION ALL SELECT diagnostics FROM result WHERE diagnostics IS NOT NULL
+    UNION ALL SELECT preview FROM result WHERE preview IS NOT NULL;
