@@ -149,7 +149,7 @@ fn features_name_the_seconds_that_they_come_from() {
     let line = text.lines().find(|line| line.contains("idle_share (3d) of left: rest")).expect(&text);
     let from: f64 = line.split("rest ").nth(1).unwrap().split('–').next().unwrap().parse().unwrap();
     assert!((from - 8.0).abs() < 0.3, "{line}");
-    assert!(text.contains("– the whole task made it alike: "), "{text}");
+    assert!(text.contains("– the whole task contributed equally: "), "{text}");
     let json = trocar(folder.path(), "score --json --evidence resting.csv");
     let sessions: Value = serde_json::from_slice(&json.stdout).unwrap();
     let rows = sessions[0]["evidence"].as_array().unwrap();

@@ -19,6 +19,7 @@ mod process;
 mod quality;
 mod readme;
 mod same_colour;
+mod schema;
 mod skill;
 mod support;
 mod truth;

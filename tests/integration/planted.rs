@@ -23,6 +23,8 @@ use trocar::motion::PIPELINE_VERSION;
 use trocar::store::{Lease, Store, StoreSettings};
 use trocar::time::SystemClock;
 
+use crate::support::poll;
+
 /// 2026-01-01.
 pub const NEW_YEAR_MS: i64 = 1_767_225_600_000;
 pub const DAY_MS: i64 = 86_400_000;
@@ -140,15 +142,7 @@ impl Planter {
     }
 
     async fn claim_when_there(&self) -> Lease {
-        let claimed = async {
-            loop {
-                if let Some(lease) = self.store.jobs().claim("planter", Duration::from_secs(60)).await.unwrap() {
-                    return lease;
-                }
-                tokio::task::yield_now().await;
-            }
-        };
-        crate::support::soon("a job", claimed).await
+        poll("a job", async || self.store.jobs().claim("planter", Duration::from_secs(60)).await.unwrap()).await
     }
 
     async fn create(&self, trainee: TraineeId, recorded_at_ms: i64) -> SessionId {

@@ -1,6 +1,7 @@
 //! The real service on port 0 with a data folder of its own, and clients that speak to it as browsers and programs do.
 
 use std::net::SocketAddr;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -12,12 +13,16 @@ use trocar::commands::serve::{self, RunningService};
 use trocar::domain::secret::Password;
 use trocar::sandbox::Program;
 use trocar::settings::Settings;
-use trocar::time::{SharedClock, SystemClock};
+use trocar::time::{ManualClock, SharedClock, SystemClock};
 
 /// The administrator's password that every test service starts with.
 pub const ADMINISTRATOR: (&str, &str) = ("administrator", "correct horse battery");
 /// Maximum wait of a test for an expected event.
-const PATIENCE: Duration = Duration::from_secs(60);
+pub const PATIENCE: Duration = Duration::from_secs(120);
+/// Pause between two looks of a test that polls.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
+/// Real time between two steps of a manual clock. Shorter, and leases would expire before their holders can renew them.
+const CLOCK_INTERVAL: Duration = Duration::from_millis(50);
 
 /// A running service. Dropping it stops it and deletes its data.
 pub struct Service {
@@ -161,6 +166,11 @@ impl Client {
         read(self.get(path).await, StatusCode::OK).await
     }
 
+    /// Polls until the JSON at this path is as wanted.
+    pub async fn read_until(&self, path: &str, wanted: impl Fn(&Value) -> bool) -> Value {
+        poll_json(path, async || self.read(path).await, wanted).await
+    }
+
     /// Posts JSON; the status must be 201. Returns the answer's JSON.
     pub async fn make(&self, path: &str, body: Value) -> Value {
         read(self.post(path, body).await, StatusCode::CREATED).await
@@ -189,4 +199,79 @@ pub async fn problem(answer: Response, status: u16, slug: &str) -> Value {
 /// Waits for a future that must end within [`PATIENCE`].
 pub async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {
     tokio::time::timeout(PATIENCE, future).await.unwrap_or_else(|_| panic!("{what} did not happen in {PATIENCE:?}"))
+}
+
+/// Polls until `look` returns a value.
+pub async fn poll<T>(what: &str, look: impl AsyncFnMut() -> Option<T>) -> T {
+    poll_or_give_up(look).await.unwrap_or_else(|| panic!("{what} did not happen in {PATIENCE:?}"))
+}
+
+/// Polls until a condition holds.
+pub async fn poll_until(what: &str, mut holds: impl FnMut() -> bool) {
+    poll(what, async || holds().then_some(())).await;
+}
+
+/// Polls until the JSON that `read` returns is as wanted. A failure shows the last JSON.
+pub async fn poll_json(what: &str, mut read: impl AsyncFnMut() -> Value, wanted: impl Fn(&Value) -> bool) -> Value {
+    let mut last = Value::Null;
+    let found = poll_or_give_up(async || {
+        last = read().await;
+        wanted(&last).then_some(())
+    });
+    assert!(found.await.is_some(), "{what} is still {last}");
+    last
+}
+
+/// `None` if `look` returns nothing within [`PATIENCE`].
+async fn poll_or_give_up<T>(mut look: impl AsyncFnMut() -> Option<T>) -> Option<T> {
+    let poll = async {
+        loop {
+            if let Some(found) = look().await {
+                return found;
+            }
+            tokio::time::sleep(POLL_INTERVAL).await;
+        }
+    };
+    tokio::time::timeout(PATIENCE, poll).await.ok()
+}
+
+/// Runs a future to its end while a manual clock advances by `step` again and again.
+pub async fn with_advancing_clock<T>(clock: &ManualClock, step: Duration, future: impl Future<Output = T>) -> T {
+    let advance = async {
+        loop {
+            tokio::time::sleep(CLOCK_INTERVAL).await;
+            clock.advance(step);
+        }
+    };
+    tokio::select! {
+        result = future => result,
+        () = advance => unreachable!("the clock advances for ever"),
+    }
+}
+
+/// Lets real time pass, for what cannot be polled: the random moment of a kill, the pace of a slow client or of a load,
+/// the length of a measurement, and something that must not happen. All other tests poll.
+pub async fn let_time_pass(time: Duration) {
+    tokio::time::sleep(time).await;
+}
+
+#[test]
+fn only_the_helpers_above_sleep() {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration");
+    let (mut folders, mut read, mut sleeping) = (vec![here.clone()], 0, Vec::new());
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                read += 1;
+                if std::fs::read_to_string(&path).unwrap().contains("::sleep") {
+                    sleeping.push(path.strip_prefix(&here).unwrap().to_owned());
+                }
+            }
+        }
+    }
+    assert!(read > 50, "{read} files were read");
+    assert_eq!(sleeping, [Path::new("support.rs")], "poll, or wait with `let_time_pass`");
 }

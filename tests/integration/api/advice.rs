@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::centre::Centre;
 use crate::feed::scene::Folder;
-use crate::support::{Client, Service, problem, read, soon};
+use crate::support::{Client, Service, problem, read};
 
 const ADVICE: &str = "/api/v1/boxes/box-1/palette/advice";
 
@@ -19,16 +19,7 @@ fn form(picture: Vec<u8>) -> Form {
 async fn advice_job(client: &Client, picture: Vec<u8>) -> Value {
     let answer = client.request(Method::POST, ADVICE).multipart(form(picture)).send().await.unwrap();
     let job = read(answer, StatusCode::ACCEPTED).await["job"].as_str().unwrap().to_owned();
-    soon("the advice", async {
-        loop {
-            let job = client.read(&format!("/api/v1/jobs/{job}")).await;
-            if job["state"] == "done" || job["state"] == "failed" {
-                return job;
-            }
-            tokio::time::sleep(std::time::Duration::from_millis(50)).await;
-        }
-    })
-    .await
+    client.read_until(&format!("/api/v1/jobs/{job}"), |job| job["state"] == "done" || job["state"] == "failed").await
 }
 
 /// A grey box with a red mat on a quarter of it.

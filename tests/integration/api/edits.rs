@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::centre::{Centre, recording, session};
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
-use crate::support::{Client, Service, problem, read, soon};
+use crate::support::{Client, Service, problem, read};
 
 const MISSING: &str = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44";
 
@@ -35,21 +35,8 @@ async fn import_session(centre: &Centre) -> String {
     let request = centre.instructor.request(Method::POST, path).header(header::CONTENT_TYPE, "text/csv").body(table);
     let made = read(request.send().await.unwrap(), StatusCode::CREATED).await;
     let at = format!("/api/v1/sessions/{}", made["id"].as_str().unwrap());
-    until(&centre.instructor, &at, |session| session["status"] == "done").await;
+    centre.instructor.read_until(&at, |session| session["status"] == "done").await;
     at
-}
-
-async fn until(client: &Client, path: &str, wanted: impl Fn(&Value) -> bool) -> Value {
-    soon(path, async {
-        loop {
-            let seen = client.read(path).await;
-            if wanted(&seen) {
-                return seen;
-            }
-            tokio::task::yield_now().await;
-        }
-    })
-    .await
 }
 
 /// Makes an edit and waits for the new score.
@@ -60,7 +47,7 @@ async fn make_edit(client: &Client, at: &str, body: Value) -> Value {
 }
 
 async fn wait_for_score(client: &Client, at: &str) -> Value {
-    until(client, &format!("{at}/edits"), |edits| edits["score"] == "current").await
+    client.read_until(&format!("{at}/edits"), |edits| edits["score"] == "current").await
 }
 
 async fn undo_edit(client: &Client, at: &str, edit: &Value) -> Value {
@@ -148,7 +135,7 @@ async fn swapped_tools_have_each_others_numbers_and_rescoring_keeps_them() {
 
     let order = centre.administrator.make("/api/v1/tasks/peg/rescorings", json!({"which": "all"})).await;
     let order = format!("/api/v1/rescorings/{}", order["id"].as_str().unwrap());
-    until(&centre.administrator, &order, |order| order["ended_at"] != Value::Null).await;
+    centre.administrator.read_until(&order, |order| order["ended_at"] != Value::Null).await;
     assert_eq!(of("left").await, swapped);
     undo_edit(&centre.instructor, &at, &edit).await;
     assert_eq!((of("left").await, of("right").await), (left, right));

@@ -8,7 +8,7 @@ use trocar::motion::PIPELINE_VERSION;
 
 use super::centre::Centre;
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
-use crate::support::{Client, Service, problem, read, soon};
+use crate::support::{Client, Service, problem, read};
 
 const HEAD: &str = "frame,time_s,tool,x_mm,y_mm,z_mm";
 const IMPORT: &str = "/api/v1/sessions/import?task=peg&box=box-1";
@@ -44,16 +44,8 @@ async fn import_and_wait(client: &Client, query: &str, table: String) -> Value {
 }
 
 async fn done(client: &Client, id: &str) -> Value {
-    soon("a session's end", async {
-        loop {
-            let session = client.read(&format!("/api/v1/sessions/{id}")).await;
-            if session["status"] == "done" || session["status"] == "failed" {
-                return session;
-            }
-            tokio::task::yield_now().await;
-        }
-    })
-    .await
+    let is_done = |session: &Value| session["status"] == "done" || session["status"] == "failed";
+    client.read_until(&format!("/api/v1/sessions/{id}"), is_done).await
 }
 
 fn feature<'s>(session: &'s Value, name: &str) -> &'s Value {

@@ -11,7 +11,7 @@ use trocar::ids::TraineeId;
 
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration, measured};
 use crate::process::Process;
-use crate::support::{ADMINISTRATOR, Client, Service, read};
+use crate::support::{ADMINISTRATOR, Client, Service, let_time_pass, read};
 
 /// Sessions of the measured trainee, and of all others together.
 const OWN: usize = 500;
@@ -70,7 +70,7 @@ async fn ask(client: &Client, path: &str, times: usize) -> (Vec<f64>, usize) {
         if number >= WARM_UP {
             took.push(started.elapsed().as_secs_f64() * 1e3);
         }
-        tokio::time::sleep(PAUSE).await; // keeps the rate of requests even
+        let_time_pass(PAUSE).await; // keeps the rate of requests even
     }
     (took, bytes)
 }

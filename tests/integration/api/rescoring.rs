@@ -6,7 +6,7 @@ use trocar::motion::PIPELINE_VERSION;
 
 use super::centre::Centre;
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
-use crate::support::{Service, problem, read, soon};
+use crate::support::{Service, problem, read};
 
 const ORDERS: &str = "/api/v1/tasks/peg/rescorings";
 
@@ -31,16 +31,7 @@ async fn centre_with_old_results() -> (Centre, Planter) {
 
 /// Waits until the order is as wanted.
 async fn until(centre: &Centre, id: &str, wanted: impl Fn(&Value) -> bool) -> Value {
-    soon("the order", async {
-        loop {
-            let order = centre.administrator.read(&format!("/api/v1/rescorings/{id}")).await;
-            if wanted(&order) {
-                return order;
-            }
-            tokio::task::yield_now().await;
-        }
-    })
-    .await
+    centre.administrator.read_until(&format!("/api/v1/rescorings/{id}"), wanted).await
 }
 
 #[tokio::test(flavor = "multi_thread")]

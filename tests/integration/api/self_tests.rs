@@ -7,7 +7,7 @@ use tempfile::TempDir;
 
 use super::centre::Centre;
 use crate::process::program;
-use crate::support::{Client, Service, problem, read, soon};
+use crate::support::{Client, Service, problem, read};
 
 const TESTS: &str = "/api/v1/boxes/box-1/self-tests";
 
@@ -53,16 +53,7 @@ async fn send_and_wait(by: &Client, method: Method, path: &str, form: Form) -> V
     let answer = by.request(method, path).multipart(form).send().await.unwrap();
     let queued = read(answer, StatusCode::ACCEPTED).await;
     let job = format!("/api/v1/jobs/{}", queued["job"].as_str().unwrap());
-    soon("the job", async {
-        loop {
-            let job = by.read(&job).await;
-            if !["queued", "running"].contains(&job["state"].as_str().unwrap()) {
-                return job;
-            }
-            tokio::time::sleep(std::time::Duration::from_millis(50)).await;
-        }
-    })
-    .await
+    by.read_until(&job, |job| job["state"] != "queued" && job["state"] != "running").await
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -14,7 +14,7 @@ use tokio_stream::wrappers::ReceiverStream;
 use trocar::time::{ManualClock, SystemClock};
 
 use super::centre::{Centre, recording};
-use crate::support::{Client, Service, problem, read, soon};
+use crate::support::{Client, Service, poll, poll_until, problem, read, soon};
 
 const MIB: usize = 1024 * 1024;
 
@@ -154,16 +154,14 @@ async fn a_cut_connection_loses_at_most_eight_mebibytes() {
 
 /// The offset once the service has noticed that the client is gone: until then the upload is locked.
 async fn unlocked_offset(upload: &Upload) -> usize {
-    soon("the cut to be noticed", async {
-        loop {
-            let offset = upload.offset().await;
-            let probe = upload.patch(offset, &[]).await;
-            match probe.status() {
-                StatusCode::LOCKED => tokio::task::yield_now().await,
-                StatusCode::NO_CONTENT => return offset,
-                StatusCode::CONFLICT => {} // the offset has moved in between
-                other => panic!("{other}"),
-            }
+    poll("the notice of the cut", async || {
+        let offset = upload.offset().await;
+        let probe = upload.patch(offset, &[]).await;
+        match probe.status() {
+            StatusCode::LOCKED => None,
+            StatusCode::NO_CONTENT => Some(offset),
+            StatusCode::CONFLICT => None, // the offset has moved in between
+            other => panic!("{other}"),
         }
     })
     .await
@@ -292,12 +290,8 @@ async fn an_abandoned_upload_expires() {
     let upload = Upload { client: administrator, address: upload.address };
     let answer = upload.patch(500, &[1; 500]).await;
     assert!([StatusCode::GONE, StatusCode::NOT_FOUND].contains(&answer.status()), "{}", answer.status());
-    soon("the file to be deleted", async {
-        while std::fs::read_dir(centre.service.data.path().join("uploads")).unwrap().count() > 0 {
-            tokio::task::yield_now().await;
-        }
-    })
-    .await;
+    let uploads = centre.service.data.path().join("uploads");
+    poll_until("the deletion of the file", || std::fs::read_dir(&uploads).unwrap().count() == 0).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

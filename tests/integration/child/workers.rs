@@ -24,6 +24,7 @@ use trocar::vision::trajectory::PathKind;
 
 use super::tracking::SharedScene;
 use super::*;
+use crate::support::with_advancing_clock;
 
 /// A centre with one box, trainee and task, whose workers a test starts.
 struct Centre {
@@ -310,13 +311,7 @@ async fn the_earlier_sessions_for_comparison_do_not_depend_on_which_worker_was_q
         let is_done = centre.wait_for_event(
             |e| matches!(e, Event::Session { id, status, .. } if *id == session && done.contains(status)),
         );
-        let mut is_done = std::pin::pin!(is_done);
-        loop {
-            tokio::select! {
-                () = &mut is_done => break,
-                () = tokio::time::sleep(Duration::from_millis(50)) => clock.advance(Duration::from_secs(1)),
-            }
-        }
+        with_advancing_clock(&clock, Duration::from_secs(1), is_done).await;
     }
     let quality = centre.store.sessions().result(&service, session).await.unwrap().unwrap().quality;
     let reasons: Vec<&str> = quality["reasons"].as_array().unwrap().iter().filter_map(|r| r["name"].as_str()).collect();

@@ -15,8 +15,7 @@ use trocar::media::{MediaLimits, VideoFile};
 
 use super::Centre;
 use crate::process::program;
-
-const PATIENCE: Duration = Duration::from_secs(60);
+use crate::support::{let_time_pass, poll, poll_until};
 
 /// Number, time in s and hash of the samples of each frame.
 type DecodedFrames = Vec<(u64, f64, u64)>;
@@ -129,14 +128,7 @@ struct Agent(Child);
 
 impl Agent {
     async fn wait_for_exit(mut self) -> ExitStatus {
-        let begun = Instant::now();
-        loop {
-            if let Some(status) = self.0.try_wait().unwrap() {
-                return status;
-            }
-            assert!(begun.elapsed() < PATIENCE, "the agent does not end");
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
+        poll("the end of the agent", async || self.0.try_wait().unwrap()).await
     }
 }
 
@@ -175,14 +167,6 @@ impl Relay {
     }
 }
 
-async fn until(what: &str, mut is_so: impl FnMut() -> bool) {
-    let begun = Instant::now();
-    while !is_so() {
-        assert!(begun.elapsed() < PATIENCE, "{what} did not happen in {PATIENCE:?}");
-        tokio::time::sleep(Duration::from_millis(10)).await;
-    }
-}
-
 /// The clip as MJPEG: each frame can be decoded without the others.
 fn jpegs(clip: &Path, folder: &Path) -> PathBuf {
     let path = folder.join("clip.avi");
@@ -213,10 +197,10 @@ async fn a_clip_as_camera_becomes_the_session_that_its_upload_would_be() {
 /// An agent that continues to record after its service was killed.
 async fn record_without_a_service(setup: &mut AgentSetup, clip: &Path) -> Agent {
     let agent = setup.record(clip, &[]);
-    until("the arrival of frames", || setup.arrived() > 0).await;
+    poll_until("the arrival of frames", || setup.arrived() > 0).await;
     setup.kill_the_service();
     let before = setup.spooled();
-    until("the growth of the spool", || setup.spooled() > before).await;
+    poll_until("the growth of the spool", || setup.spooled() > before).await;
     agent
 }
 
@@ -238,16 +222,16 @@ async fn a_service_that_was_away_for_long_soon_has_everything_and_live_frames_fi
     let mut setup = AgentSetup::new().await;
     let clip = repeated(&jpegs(&setup.centre.scene("clip.mp4"), setup.folder.path()), away + RECORDS_ON_S);
     let agent = setup.record(&clip, &[]);
-    until("the arrival of frames", || setup.arrived() > 0).await;
+    poll_until("the arrival of frames", || setup.arrived() > 0).await;
     setup.kill_the_service();
-    tokio::time::sleep(Duration::from_secs(away)).await;
+    let_time_pass(Duration::from_secs(away)).await;
     let recorded = captured(&setup.spool());
     let waiting = setup.spooled();
     setup.restart_the_service().await;
 
     let (back, mut live_at, mut lags) = (Instant::now(), None, Vec::new());
     loop {
-        tokio::time::sleep(Duration::from_secs(1)).await; // the whole log is read each time
+        let_time_pass(Duration::from_secs(1)).await; // the whole log is read each time
         let (captured, arrived) = (captured(&setup.spool()), setup.on_the_server());
         let newest = arrived.ranges().last().map_or(0, |range| range[1]);
         if newest >= recorded {
@@ -269,7 +253,7 @@ async fn a_service_that_was_away_for_long_soon_has_everything_and_live_frames_fi
         lags[lags.len() / 2],
         lags[lags.len() - 1],
     );
-    tokio::time::sleep(Duration::from_secs(RECORDS_ON_S).saturating_sub(back.elapsed())).await;
+    let_time_pass(Duration::from_secs(RECORDS_ON_S).saturating_sub(back.elapsed())).await;
     assert!(agent.wait_for_exit().await.success());
     // The clip and the feed have different time bases: times agree to the microsecond.
     let to_us = |frames: DecodedFrames| {
@@ -306,7 +290,7 @@ async fn a_frame_that_the_disk_lost_is_a_gap_and_costs_no_other_frame() {
     setup.kill_the_service();
     let agent = setup.record(&clip, &["--as-fast-as-possible"]);
     let frames = decode(&clip).len() as u64;
-    until("the capture", || setup.spooled() >= std::fs::metadata(&clip).unwrap().len() * 9 / 10).await;
+    poll_until("the capture", || setup.spooled() >= std::fs::metadata(&clip).unwrap().len() * 9 / 10).await;
     drop(agent);
     let captured = captured(&setup.spool());
     assert!(captured > frames / 2);

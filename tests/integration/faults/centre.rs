@@ -12,11 +12,10 @@ use tokio::net::TcpStream;
 
 use super::Dice;
 use crate::process::{Launch, Process, program};
+use crate::support::{PATIENCE, let_time_pass, poll_json};
 
 /// Maximum time of a start after a kill.
 const MAX_START_TIME: Duration = Duration::from_secs(5);
-/// Maximum wait for work to end.
-const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A real service process with a box, a trainee and a task.
 pub struct Centre {
@@ -192,15 +191,7 @@ impl Centre {
 
     /// Polls until the answer is as wanted. A kill would end a stream of events, so this client does not use one.
     pub async fn until(&self, path: &str, wanted: impl Fn(&Value) -> bool) -> Value {
-        let begun = Instant::now();
-        loop {
-            let seen = json_of(self.get(path).await).await;
-            if wanted(&seen) {
-                return seen;
-            }
-            assert!(begun.elapsed() < PATIENCE, "{path} is still {seen}");
-            tokio::time::sleep(Duration::from_millis(50)).await;
-        }
+        poll_json(path, async || json_of(self.get(path).await).await, wanted).await
     }
 
     /// Waits for the session's end. A job whose child was killed three times is quarantined: it is then retried, as a
@@ -254,7 +245,7 @@ impl Centre {
                 }
                 continue;
             }
-            tokio::time::sleep(moment.mul_f64(1.0 / (1.0 + begun.elapsed().as_secs_f64()))).await;
+            let_time_pass(moment.mul_f64(1.0 / (1.0 + begun.elapsed().as_secs_f64()))).await;
             if self.children().iter().any(|&child| kill_process(child, Signal::KILL).is_ok()) {
                 return true;
             }

@@ -18,6 +18,7 @@ use uuid::Uuid;
 use super::{Centre, Dice};
 use crate::feed::numbers_in;
 use crate::feed::sender::{Received, Sender, hello, open_at};
+use crate::support::let_time_pass;
 
 /// Faults that each recording meets.
 const FAULTS: usize = 10;
@@ -116,12 +117,12 @@ impl Recording {
             4 => {
                 if let Some(connection) = &self.connection {
                     connection.proxy.send_replace(Mode::Hold);
-                    tokio::time::sleep(Duration::from_millis(20 + dice.below(180) as u64)).await;
+                    let_time_pass(Duration::from_millis(20 + dice.below(180) as u64)).await;
                     connection.proxy.send_replace(Mode::Pass);
                 }
             }
             5 => {
-                tokio::time::sleep(Duration::from_millis(dice.below(120) as u64)).await;
+                let_time_pass(Duration::from_millis(dice.below(120) as u64)).await;
                 centre.kill();
                 centre.restart().await;
                 self.connection = None;
@@ -199,7 +200,7 @@ impl Recording {
                     self.connection = Some(Connection { sender, proxy, sent: FrameNumbers::default() });
                 }
                 // The recording before this one was left half-open: its box is busy until the service notices.
-                Received::Closed(4409, _) => tokio::time::sleep(Duration::from_millis(200)).await,
+                Received::Closed(4409, _) => let_time_pass(Duration::from_millis(200)).await,
                 other => panic!("{other:?} instead of a welcome"),
             }
         }

@@ -8,6 +8,7 @@ use std::time::Duration;
 use sha2::{Digest, Sha256};
 
 use super::{Centre, Dice, padded, padded_bytes};
+use crate::support::let_time_pass;
 
 /// Bytes of the recording that is uploaded: a clip with padding behind it.
 const UPLOAD: usize = 24 << 20;
@@ -48,7 +49,7 @@ async fn every_job_ends_with_one_result_however_often_service_and_children_are_k
             let session = centre.send_whole(padded_bytes(&clip, padding)).await;
             sessions.push(session.clone());
             if round % 2 == 0 {
-                tokio::time::sleep(moment).await; // a random moment for the kill
+                let_time_pass(moment).await; // a random moment for the kill
                 centre.kill();
                 centre.restart().await;
                 break;

@@ -15,6 +15,7 @@ use sha2::{Digest, Sha256};
 use tempfile::TempDir;
 
 use super::{Centre, Dice, padded, padded_bytes};
+use crate::support::{let_time_pass, poll_until};
 
 /// Bytes of the recording that arrives in pieces.
 const UPLOAD: usize = 12 << 20;
@@ -36,7 +37,7 @@ async fn nothing_acknowledged_is_lost_when_the_power_is_cut() {
         whole.push((centre.send_whole(recording.clone()).await, Sha256::digest(&recording)));
         let piece = 1 + dice.below(UPLOAD / (2 * cuts()));
         acknowledged = centre.send_until_killed(&upload, &pieces, acknowledged, piece).await;
-        tokio::time::sleep(Duration::from_millis(dice.below(600) as u64)).await; // a random moment for the cut
+        let_time_pass(Duration::from_millis(dice.below(600) as u64)).await; // a random moment for the cut
         done.extend(centre.newly_done(whole.iter().map(|(session, _)| session), &done).await);
         disk.cut();
         centre.kill();
@@ -135,13 +136,7 @@ impl Disk {
 
     /// Tries again for a while: a child of the service may hold the file system a moment longer.
     async fn unmount(&self) {
-        for _ in 0..200 {
-            if tool("umount", &[&self.mounted]) {
-                return;
-            }
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
-        panic!("a process still holds the file system");
+        poll_until("the unmount of the file system", || tool("umount", &[&self.mounted])).await;
     }
 }
 

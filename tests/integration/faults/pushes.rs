@@ -1,8 +1,6 @@
 //! Streams that are pushed in one request, while the service or its child is killed: the part that arrived becomes a
 //! session, at once or at the next start.
 
-use std::time::Duration;
-
 use reqwest::Method;
 use rustix::process::{Signal, kill_process};
 use serde_json::Value;
@@ -10,7 +8,7 @@ use serde_json::Value;
 use super::Centre;
 use crate::feed::push::Pushing;
 use crate::feed::scene::remuxed;
-use crate::support::{problem, soon};
+use crate::support::{poll_until, problem};
 
 const PATH: &str = "/boxes/box-1/feed.ts?trainee=ada&task=pegs";
 
@@ -21,12 +19,8 @@ async fn begin_push(centre: &Centre, stream: &[u8]) -> (Pushing, String) {
     let arrives = |sessions: &Value| sessions["items"][0]["id"].is_string();
     let sessions = centre.until("/sessions?status=receiving", arrives).await;
     let logs = centre.data().join("feeds");
-    soon("frames in the log", async {
-        while std::fs::read_dir(&logs).unwrap().flatten().all(|log| log.metadata().unwrap().len() == 0) {
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
-    })
-    .await;
+    let has_bytes = |log: std::fs::DirEntry| log.metadata().unwrap().len() > 0;
+    poll_until("frames in the log", || std::fs::read_dir(&logs).unwrap().flatten().any(has_bytes)).await;
     (pushing, sessions["items"][0]["id"].as_str().unwrap().to_owned())
 }
 

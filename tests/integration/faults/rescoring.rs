@@ -10,6 +10,7 @@ use trocar::motion::PIPELINE_VERSION;
 
 use super::centre::json_of;
 use super::{Centre, Dice, padded_bytes};
+use crate::support::let_time_pass;
 
 const SESSIONS: usize = 4;
 
@@ -48,7 +49,7 @@ async fn order(centre: &Centre, order: Value) -> String {
 async fn ends_through_kills(centre: &mut Centre, id: &str, kills: usize) -> Value {
     let mut dice = Dice(0x9e37_79b9_7f4a_7c15);
     for _ in 0..kills {
-        tokio::time::sleep(Duration::from_millis(dice.below(1_500) as u64)).await; // a random moment for the kill
+        let_time_pass(Duration::from_millis(dice.below(1_500) as u64)).await; // a random moment for the kill
         centre.kill();
         centre.restart().await;
     }

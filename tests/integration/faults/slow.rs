@@ -9,6 +9,7 @@ use tokio::task::JoinSet;
 use tokio::time::{MissedTickBehavior, interval};
 
 use super::Centre;
+use crate::support::let_time_pass;
 
 /// Clients of each kind.
 const OF_EACH: usize = 250;
@@ -86,7 +87,7 @@ async fn run_slow_client(how: Slow, host: String, token: String) {
         if let Ok(wire) = TcpStream::connect(&host).await {
             let _ = drip(how, wire, &host, &token).await; // the service may end the connection
         }
-        tokio::time::sleep(DRIP).await;
+        let_time_pass(DRIP).await;
     }
 }
 
@@ -97,7 +98,7 @@ async fn drip(how: Slow, mut wire: TcpStream, host: &str, token: &str) -> std::i
         Slow::Head => {
             wire.write_all(head("GET /api/v1/sessions").as_bytes()).await?;
             loop {
-                tokio::time::sleep(DRIP).await;
+                let_time_pass(DRIP).await;
                 wire.write_all(b"x-more: 1\r\n").await?;
             }
         }
@@ -106,7 +107,7 @@ async fn drip(how: Slow, mut wire: TcpStream, host: &str, token: &str) -> std::i
             let length = "content-type: video/mp4\r\ncontent-length: 100000000\r\n\r\n";
             wire.write_all((head(line) + length).as_bytes()).await?;
             loop {
-                tokio::time::sleep(DRIP).await;
+                let_time_pass(DRIP).await;
                 wire.write_all(&[0; 700]).await?;
             }
         }

@@ -1,8 +1,6 @@
 //! Watching a recording while it arrives: live positions equal those of the causal tracker on the same frames, and the
 //! recording's result equals that of the same clip uploaded.
 
-use std::time::Duration;
-
 use futures_util::StreamExt;
 use serde_json::{Value, json};
 use tokio::net::TcpStream;
@@ -102,17 +100,11 @@ pub(super) async fn send(sender: &mut Sender, scene: &Scene, numbers: std::ops::
 }
 
 pub(super) async fn wait_until_done(client: &Client, session: &str) -> Value {
-    soon("the result", async {
-        loop {
-            let session = client.read(&format!("/api/v1/sessions/{session}")).await;
-            if session["status"] == "done" {
-                return session;
-            }
-            assert_ne!(session["status"], "failed", "{session}");
-            tokio::time::sleep(Duration::from_millis(100)).await;
-        }
-    })
-    .await
+    let is_done = |session: &Value| {
+        assert_ne!(session["status"], "failed", "{session}");
+        session["status"] == "done"
+    };
+    client.read_until(&format!("/api/v1/sessions/{session}"), is_done).await
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -18,7 +18,7 @@ use trocar::domain::feed::record::{FeedRecord, RecordBody};
 use super::scene::{Clip, set_up_box};
 use super::sender::{Received, hello, open_at, short_messages};
 use crate::process::{CpuTimes, Process};
-use crate::support::{ADMINISTRATOR, Client};
+use crate::support::{ADMINISTRATOR, Client, let_time_pass};
 
 /// Frames of a box in a second.
 const FPS: u64 = 25;
@@ -97,13 +97,13 @@ async fn boxes_that_this_machine_sustains() {
 /// of the worst round.
 async fn measure_alternating(clip: &Arc<Clip>, boxes: usize) -> [f64; 6] {
     let running = Running::begin(clip, boxes).await;
-    tokio::time::sleep(START_TIME).await;
+    let_time_pass(START_TIME).await;
     let mut figures: [Vec<f64>; 5] = Default::default();
     for _ in 0..ROUNDS {
         running.pause().await;
         let plain = sustained(decoding_s_per_frame(clip, boxes).await);
         running.resume();
-        tokio::time::sleep(RESUME_TIME).await;
+        let_time_pass(RESUME_TIME).await;
         let round = running.measure(MEASURE_TIME).await;
         let of_round = [plain, round.boxes, 100.0 * round.boxes / plain, round.latency_ms(0.5), round.latency_ms(0.99)];
         figures.iter_mut().zip(of_round).for_each(|(values, value)| values.push(value));
@@ -117,7 +117,7 @@ async fn measure_alternating(clip: &Arc<Clip>, boxes: usize) -> [f64; 6] {
 /// Measures a number of boxes at once, without alternation.
 async fn measure_once(clip: &Arc<Clip>, boxes: usize, time: Duration) -> Measurement {
     let running = Running::begin(clip, boxes).await;
-    tokio::time::sleep(START_TIME).await;
+    let_time_pass(START_TIME).await;
     let measurement = running.measure(time).await;
     running.end().await;
     measurement
@@ -149,7 +149,7 @@ async fn decoding_s(clip: &Clip, decoders: usize, frames: u64) -> f64 {
         let mut command = Command::new("ffmpeg");
         command.args(["-v", "error", "-nostdin", "-re", "-threads", "1", "-i"]).arg(&clip.file);
         begun.push(command.args(["-frames:v", &frames.to_string(), "-f", "null", "-"]).spawn().unwrap());
-        tokio::time::sleep(Duration::from_secs(1) / (FPS as u32 * decoders as u32)).await; // they must not run in step
+        let_time_pass(Duration::from_secs(1) / (FPS as u32 * decoders as u32)).await; // they must not run in step
     }
     begun.into_iter().for_each(|mut decoder| assert!(decoder.wait().unwrap().success()));
     CpuTimes::of("self").unwrap().ended_children_s - before
@@ -217,7 +217,7 @@ impl Running {
         self.load.latencies_ms.lock().unwrap().clear();
         self.load.is_measuring.store(true, Ordering::Release);
         let before = now();
-        tokio::time::sleep(time).await;
+        let_time_pass(time).await;
         let after = now();
         self.load.is_measuring.store(false, Ordering::Release);
         let mut latencies_ms = std::mem::take(&mut *self.load.latencies_ms.lock().unwrap());
@@ -240,7 +240,7 @@ impl Running {
                 return;
             }
             before = tracked;
-            tokio::time::sleep(Duration::from_millis(300)).await;
+            let_time_pass(Duration::from_millis(300)).await; // no frame must arrive in it
         }
     }
 
@@ -280,7 +280,7 @@ async fn send(load: Arc<Load>, number: usize) {
         let frame = &load.clip.frames[at % load.clip.frames.len()];
         let due = started + phase + Duration::from_secs(1) / FPS as u32 * at as u32;
         while let Some(until) = load.waits_until(due) {
-            tokio::time::sleep_until(until.into()).await;
+            let_time_pass(until.saturating_duration_since(Instant::now())).await;
         }
         load.sent.fetch_add(1, Ordering::AcqRel);
         sent.lock().unwrap().push(Instant::now());

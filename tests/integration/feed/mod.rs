@@ -17,7 +17,7 @@ use trocar::media::{MediaLimits, VideoFile};
 use trocar::time::ManualClock;
 
 use crate::api::centre::Centre;
-use crate::support::{Client, Service, problem, read, soon};
+use crate::support::{Client, Service, let_time_pass, poll, poll_until, problem, read, soon, with_advancing_clock};
 use sender::{FRAME_TICKS, Received, SIZE, begin, hello, open};
 
 const RECORDING: &str = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44";
@@ -390,18 +390,13 @@ async fn an_abandoned_recording_ends_with_the_frames_that_arrived() {
     let administrator = centre.service.administrator().await;
     for _ in 0..3 {
         clock.advance(Duration::from_secs(30));
-        tokio::time::sleep(Duration::from_millis(100)).await;
+        let_time_pass(Duration::from_millis(100)).await;
         assert_eq!(status(&administrator).await, "receiving", "setting the clock does not end a recording");
     }
-    soon("the end", async {
-        loop {
-            clock.advance(Duration::from_secs(1800));
-            let administrator = centre.service.administrator().await;
-            if status(&administrator).await == "queued" {
-                break;
-            }
-            tokio::time::sleep(Duration::from_millis(50)).await;
-        }
+    poll("the end", async || {
+        clock.advance(Duration::from_secs(1800));
+        let administrator = centre.service.administrator().await;
+        (status(&administrator).await == "queued").then_some(())
     })
     .await;
     let id = session.rsplit('/').next().unwrap();
@@ -421,10 +416,10 @@ async fn missing_frames_are_still_accepted_after_ending_without_them_has_failed(
     let (incoming, away) = ["incoming", "away"].map(|name| centre.service.data.path().join(name)).into();
     std::fs::rename(&incoming, &away).unwrap();
     for _ in 0..4 {
-        tokio::time::sleep(Duration::from_millis(250)).await;
+        let_time_pass(Duration::from_millis(250)).await;
         clock.advance(Duration::from_secs(1800));
     }
-    tokio::time::sleep(Duration::from_millis(250)).await;
+    let_time_pass(Duration::from_millis(250)).await;
     std::fs::rename(&away, &incoming).unwrap();
 
     let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
@@ -453,25 +448,12 @@ async fn an_erased_log_is_deleted_while_another_recording_is_being_ended() {
     clock.advance(Duration::from_secs(200));
     let write = move || pipe.write_all(&[0; FIRST]).map(|()| pipe);
     let written = tokio::task::spawn_blocking(write);
-    let advance = async {
-        loop {
-            clock.advance(Duration::from_secs(30));
-            tokio::time::sleep(Duration::from_millis(50)).await;
-        }
-    };
-    let mut pipe = tokio::select! {
-        pipe = soon("the log is read", written) => pipe.unwrap().unwrap(),
-        () = advance => unreachable!(),
-    };
+    let read = soon("the log is read", written);
+    let mut pipe = with_advancing_clock(&clock, Duration::from_secs(30), read).await.unwrap().unwrap();
     let administrator = service.administrator().await;
     assert_eq!(administrator.delete(&format!("/api/v1/sessions/{session}")).await.status(), StatusCode::NO_CONTENT);
-    soon("the erased log's end", async {
-        while erased.exists() {
-            clock.advance(Duration::from_secs(30));
-            tokio::time::sleep(Duration::from_millis(50)).await;
-        }
-    })
-    .await;
+    let deleted = poll_until("the erased log's end", || !erased.exists());
+    with_advancing_clock(&clock, Duration::from_secs(30), deleted).await;
     // The service finds no record within its search limit and takes this for the log's end.
     let rest = MAX_HOLE_BYTES + 4 * HEADER_BYTES - FIRST;
     let written = tokio::task::spawn_blocking(move || pipe.write_all(&vec![0; rest]));
@@ -493,15 +475,10 @@ async fn an_unreadable_recording_does_not_stop_others_from_ending() {
 
     let clock = ManualClock::at(1_795_000_000_000);
     let service = Service::start_in(data, clock.clone(), |_| ()).await;
-    soon("the other's end", async {
-        loop {
-            clock.advance(Duration::from_secs(1800));
-            let queued = service.administrator().await.read("/api/v1/sessions?status=queued").await;
-            if queued["items"].as_array().unwrap().len() == 1 {
-                break;
-            }
-            tokio::time::sleep(Duration::from_millis(50)).await;
-        }
+    poll("the other's end", async || {
+        clock.advance(Duration::from_secs(1800));
+        let queued = service.administrator().await.read("/api/v1/sessions?status=queued").await;
+        (queued["items"].as_array().unwrap().len() == 1).then_some(())
     })
     .await;
 }

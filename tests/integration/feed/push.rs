@@ -3,7 +3,6 @@
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::Cursor;
-use std::time::Duration;
 
 use reqwest::{Body, Method, Response, StatusCode};
 use serde_json::{Value, json};
@@ -76,26 +75,14 @@ async fn put(client: &Client, path: &str, bytes: Vec<u8>) -> Response {
 
 /// Waits for the one session that is being received, and returns its id.
 async fn arriving(client: &Client) -> String {
-    soon("a session that arrives", async {
-        loop {
-            let arriving = client.read("/api/v1/sessions?status=receiving").await;
-            if let Some(id) = arriving["items"][0]["id"].as_str() {
-                return id.to_owned();
-            }
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
-    })
-    .await
+    let arrives = |sessions: &Value| sessions["items"][0]["id"].is_string();
+    let sessions = client.read_until("/api/v1/sessions?status=receiving", arrives).await;
+    sessions["items"][0]["id"].as_str().unwrap().to_owned()
 }
 
 /// Waits until the service has ended a session by itself.
 async fn wait_for_end(client: &Client, id: &str) {
-    soon("the end", async {
-        while client.read(&format!("/api/v1/sessions/{id}")).await["status"] == "receiving" {
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
-    })
-    .await;
+    client.read_until(&format!("/api/v1/sessions/{id}"), |session| session["status"] != "receiving").await;
 }
 
 /// Time of a picture, s, and a hash of its samples.
@@ -275,12 +262,8 @@ async fn a_box_sends_one_stream_at_a_time_by_feed_or_push() {
 
     let mut pushing = push(&centre.agent);
     pushing.send(&stream[..stream.len() * 4 / 5]).await;
-    soon("a push that sends", async {
-        while centre.instructor.read("/api/v1/sessions?status=receiving").await["items"].as_array().unwrap().len() < 2 {
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
-    })
-    .await;
+    let both_arrive = |sessions: &Value| sessions["items"].as_array().unwrap().len() == 2;
+    centre.instructor.read_until("/api/v1/sessions?status=receiving", both_arrive).await;
     problem(push(&centre.agent).answered().await, 409, "conflict").await;
     let mut other = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
     other.send_json(&hello(ANOTHER)).await;

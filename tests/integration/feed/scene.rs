@@ -9,7 +9,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::process::program;
-use crate::support::{Client, read, soon};
+use crate::support::{Client, read};
 
 /// Width and height of its pictures, pixels.
 pub const SIZE: (u32, u32) = (640, 360);
@@ -147,12 +147,7 @@ pub async fn set_up_box(administrator: &Client, in_box: &str, scene: &Folder) {
     let request = administrator.request(Method::PUT, &format!("/api/v1/boxes/{in_box}/palette")).multipart(form);
     let queued = read(request.send().await.unwrap(), reqwest::StatusCode::ACCEPTED).await;
     let job = format!("/api/v1/jobs/{}", queued["job"].as_str().unwrap());
-    soon("the colours", async {
-        while administrator.read(&job).await["state"] != "done" {
-            tokio::time::sleep(std::time::Duration::from_millis(50)).await;
-        }
-    })
-    .await;
+    administrator.read_until(&job, |job| job["state"] == "done").await;
 }
 
 fn run(command: &mut Command) -> Option<Vec<u8>> {
