@@ -3,6 +3,7 @@
 //! Each connection has one task. It reads a record, appends it to the log and keeps nothing; syncing to disk runs
 //! concurrently. While the log cannot be written, nothing is read, so TCP flow control slows the sender down.
 
+use std::error::Error;
 use std::future::ready;
 use std::pin::pin;
 use std::time::Duration;
@@ -15,17 +16,18 @@ use axum::response::Response;
 use futures_util::FutureExt;
 use futures_util::future::{Fuse, FusedFuture};
 use tokio::time::{Instant, sleep_until, timeout};
+use tokio_tungstenite::tungstenite;
 
 use super::auth::origin;
 use super::auth::signed_in::SignedIn;
 use super::error::{HandlerResult, Refusal, busy};
 use super::state::App;
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
-use crate::domain::feed::messages::{SenderMessage, ServerMessage};
+use crate::domain::feed::messages::{Hello, SenderMessage, ServerMessage};
 use crate::domain::feed::record::MAX_RECORD_BYTES;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
-use crate::live::ConnectResult;
+use crate::live::{ConnectResult, Connection};
 use crate::time::millis;
 
 /// Longest text message, bytes.
@@ -86,19 +88,19 @@ struct FeedSender {
 
 /// Receives the feed, then closes the connection with the reason.
 async fn run_and_close(app: App, by: FeedSender, in_box: Key, mut socket: WebSocket) {
-    let farewell = match run(&app, &by, &in_box, &mut socket).await {
+    let reason = match run(&app, &by, &in_box, &mut socket).await {
         Ok(()) => CloseReason::new(CloseCode::Done, "the recording is whole"),
         Err(FeedEnd::Disconnected) => {
             return tracing::debug!(in_box = in_box.as_str(), "feed connection lost; the sender may reconnect");
         }
-        Err(FeedEnd::Closed(farewell)) => farewell,
+        Err(FeedEnd::Closed(reason)) => reason,
     };
-    if farewell.code == CloseCode::Done {
+    if reason.code == CloseCode::Done {
         tracing::info!(in_box = in_box.as_str(), "feed ended; recording complete");
     } else {
-        tracing::warn!(in_box = in_box.as_str(), code = farewell.code.number(), why = farewell.why, "feed closed");
+        tracing::warn!(in_box = in_box.as_str(), code = reason.code.number(), why = reason.why, "feed closed");
     }
-    let frame = CloseFrame { code: farewell.code.number(), reason: farewell.truncated().into() };
+    let frame = CloseFrame { code: reason.code.number(), reason: reason.truncated().into() };
     let _ = timeout(SEND_TIMEOUT, socket.send(Message::Close(Some(frame)))).await; // the sender may be gone already
 }
 
@@ -111,26 +113,14 @@ enum FeedEnd {
 }
 
 impl From<CloseReason> for FeedEnd {
-    fn from(farewell: CloseReason) -> Self {
-        FeedEnd::Closed(farewell)
+    fn from(reason: CloseReason) -> Self {
+        FeedEnd::Closed(reason)
     }
 }
 
 async fn run(app: &App, by: &FeedSender, in_box: &Key, socket: &mut WebSocket) -> Result<(), FeedEnd> {
-    let FeedSender { scope, headers } = by;
-    let hello = tokio::select! {
-        first = timeout(HELLO_TIMEOUT, receive(socket)) => match first {
-            Ok(first) => first?,
-            Err(_) => return Err(CloseReason::new(CloseCode::Silent, "no hello arrived in time").into()),
-        },
-        () = app.shutdown.begun() => return Err(CloseReason::service_stopping().into()),
-    };
-    let ReceivedMessage::Control(SenderMessage::Hello(hello)) = hello else {
-        return Err(
-            CloseReason::new(CloseCode::NotUnderstood, "the first message of a connection must be hello").into()
-        );
-    };
-    let mut feed = match app.feeds.connect(scope, in_box, hello).await? {
+    let hello = receive_hello(app, socket).await?;
+    let mut feed = match app.feeds.connect(&by.scope, in_box, hello).await? {
         ConnectResult::Open(feed) => feed,
         ConnectResult::Ended(session) => return send(socket, &ServerMessage::Ended { session, durable: None }).await,
     };
@@ -139,17 +129,44 @@ async fn run(app: &App, by: &FeedSender, in_box: &Key, socket: &mut WebSocket) -
     if matches!(welcome, ServerMessage::Ended { .. }) {
         return Ok(());
     }
+    receive_recording(app, &by.headers, &mut feed, socket).await
+}
+
+async fn receive_hello(app: &App, socket: &mut WebSocket) -> Result<Hello, FeedEnd> {
+    let first = tokio::select! {
+        first = timeout(HELLO_TIMEOUT, receive(socket)) => match first {
+            Ok(first) => first?,
+            Err(_) => return Err(CloseReason::new(CloseCode::Silent, "no hello arrived in time").into()),
+        },
+        () = app.shutdown.begun() => return Err(CloseReason::service_stopping().into()),
+    };
+    match first {
+        ReceivedMessage::Control(SenderMessage::Hello(hello)) => Ok(hello),
+        _ => {
+            let why = "the first message of a connection must be hello";
+            Err(CloseReason::new(CloseCode::NotUnderstood, why).into())
+        }
+    }
+}
+
+/// Appends records and acknowledges what is durable, until the recording is complete.
+async fn receive_recording(
+    app: &App,
+    headers: &HeaderMap,
+    feed: &mut Connection,
+    socket: &mut WebSocket,
+) -> Result<(), FeedEnd> {
     let settings = app.feeds.settings();
     let mut ack_at = None;
     let mut syncing = pin!(Fuse::terminated());
     let mut signed_out = pin!(SignedIn::wait_until_ended(app, headers));
     let mut silent_at = Instant::now() + settings.silent();
-    let mut present_ms = app.clock.now_ms();
+    let mut activity = UserActivity { app, headers, recorded_ms: app.clock.now_ms() };
     loop {
         let has_room = feed.has_capacity();
-        let heard = tokio::select! {
+        let message = tokio::select! {
             biased;
-            farewell = feed.wait_until_closed() => return Err(farewell.into()),
+            reason = feed.wait_until_closed() => return Err(reason.into()),
             () = &mut signed_out => return Err(CloseReason::signed_out().into()),
             durable = &mut syncing, if !syncing.is_terminated() => {
                 send(socket, &ServerMessage::Ack { durable: durable? }).await?;
@@ -164,7 +181,7 @@ async fn run(app: &App, by: &FeedSender, in_box: &Key, socket: &mut WebSocket) -
                 silent_at = Instant::now() + settings.silent(); // the service did not read; the sender was not silent
                 continue;
             }
-            heard = receive(socket), if has_room => heard?,
+            message = receive(socket), if has_room => message?,
             () = ready(()), if feed.has_unwritten() => {
                 feed.write().await?; // no further record has arrived yet
                 continue;
@@ -175,14 +192,10 @@ async fn run(app: &App, by: &FeedSender, in_box: &Key, socket: &mut WebSocket) -
         };
         silent_at = Instant::now() + settings.silent();
         feed.record_contact();
-        match heard {
+        match message {
             ReceivedMessage::Record(record) => {
                 feed.take_record(record).await?;
-                // A page that records sends no other requests, and must not be signed out as idle meanwhile.
-                if app.clock.now_ms() - present_ms >= millis(ACTIVITY_INTERVAL) {
-                    present_ms = app.clock.now_ms();
-                    let _ = SignedIn::from_headers(app, headers).await; // `signed_out` above checks whether the sign-in is valid
-                }
+                activity.record().await;
                 if ack_at.is_none() && feed.is_unsynced() {
                     ack_at = Some(Instant::now() + settings.ack());
                 }
@@ -198,6 +211,26 @@ async fn run(app: &App, by: &FeedSender, in_box: &Key, socket: &mut WebSocket) -
                 return Err(CloseReason::new(CloseCode::NotUnderstood, "hello may be sent only once").into());
             }
             ReceivedMessage::Heartbeat => {}
+        }
+    }
+}
+
+/// Lets frames count as activity of the signed-in user. A page that records sends no other requests, and must not be
+/// signed out as idle meanwhile.
+struct UserActivity<'a> {
+    app: &'a App,
+    headers: &'a HeaderMap,
+    recorded_ms: i64,
+}
+
+impl UserActivity<'_> {
+    /// Records activity, at most once in [`ACTIVITY_INTERVAL`].
+    async fn record(&mut self) {
+        let now_ms = self.app.clock.now_ms();
+        if now_ms - self.recorded_ms >= millis(ACTIVITY_INTERVAL) {
+            self.recorded_ms = now_ms;
+            // `wait_until_ended` notices if the sign-in is no longer valid.
+            let _ = SignedIn::from_headers(self.app, self.headers).await;
         }
     }
 }
@@ -221,7 +254,7 @@ async fn receive(socket: &mut WebSocket) -> Result<ReceivedMessage, FeedEnd> {
             Err(CloseReason::new(CloseCode::TooLarge, why).into())
         }
         Some(Ok(Message::Text(text))) => match serde_json::from_str(&text) {
-            Ok(word) => Ok(ReceivedMessage::Control(word)),
+            Ok(message) => Ok(ReceivedMessage::Control(message)),
             Err(error) => {
                 Err(CloseReason::new(CloseCode::NotUnderstood, format!("a text message is not understood: {error}"))
                     .into())
@@ -232,8 +265,8 @@ async fn receive(socket: &mut WebSocket) -> Result<ReceivedMessage, FeedEnd> {
 
 /// A message that is too long is the sender's mistake; any other error is a lost connection.
 fn classify_socket_error(error: &axum::Error) -> FeedEnd {
-    let text = error.to_string();
-    if text.contains("too long") || text.contains("too big") || text.contains("Space limit") {
+    let cause = error.source().and_then(|cause| cause.downcast_ref::<tungstenite::Error>());
+    if matches!(cause, Some(tungstenite::Error::Capacity(_))) {
         return CloseReason::new(CloseCode::TooLarge, format!("a message is longer than {MAX_RECORD_BYTES} bytes"))
             .into();
     }
@@ -246,5 +279,25 @@ async fn send(socket: &mut WebSocket, message: &ServerMessage) -> Result<(), Fee
         Ok(Ok(())) => Ok(()),
         Ok(Err(_)) => Err(FeedEnd::Disconnected),
         Err(_) => Err(CloseReason::new(CloseCode::Silent, "the sender does not read").into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio_tungstenite::tungstenite::error::{CapacityError, ProtocolError};
+
+    use super::*;
+
+    #[test]
+    fn only_a_message_that_is_too_long_closes_the_feed_with_a_reason() {
+        let end = |error: tungstenite::Error| classify_socket_error(&axum::Error::new(error));
+        let too_long = CapacityError::MessageTooLong { size: MAX_RECORD_BYTES + 1, max_size: MAX_RECORD_BYTES };
+        let FeedEnd::Closed(reason) = end(too_long.into()) else { panic!("not closed") };
+        assert_eq!(reason.code, CloseCode::TooLarge);
+        let reset = ProtocolError::ResetWithoutClosingHandshake;
+        assert!(matches!(end(reset.into()), FeedEnd::Disconnected));
+        // The text of an error does not decide.
+        let text = std::io::Error::other("Space limit exceeded: message too long");
+        assert!(matches!(end(text.into()), FeedEnd::Disconnected));
     }
 }

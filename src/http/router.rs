@@ -23,19 +23,44 @@ use super::{error, openapi, trainees, uploads};
 /// The API under `/api/v1`.
 fn api_routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
+        .merge(account_routes())
+        .merge(group_routes())
+        .merge(box_routes())
+        .merge(trainee_routes())
+        .merge(task_routes())
+        .merge(rescoring_routes())
+        .merge(cohort_routes())
+        .merge(course_routes())
+        .merge(session_routes())
+        .merge(upload_routes())
+        .merge(operation_routes())
+}
+
+/// Sign-in, accounts and tokens.
+fn account_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
         .routes(routes!(sign_in::sign_in))
         .routes(routes!(sign_in::sign_out))
         .routes(routes!(people::me))
         .routes(routes!(sign_in::change_password))
         .routes(routes!(people::list, people::create))
         .routes(routes!(people::change, people::delete))
+        .routes(routes!(tokens::list, tokens::create))
+        .routes(routes!(tokens::delete))
+}
+
+/// Groups and their progress.
+fn group_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
         .routes(routes!(groups::list, groups::create))
         .routes(routes!(groups::get, groups::delete))
         .routes(routes!(groups::set_members))
         .routes(routes!(groups::progress))
-        .routes(routes!(courses::of_group, courses::follow, courses::unfollow))
-        .routes(routes!(tokens::list, tokens::create))
-        .routes(routes!(tokens::delete))
+}
+
+/// Boxes, and the recordings that they send live.
+fn box_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
         .routes(routes!(boxes::list, boxes::create))
         .routes(routes!(boxes::get, boxes::change, boxes::delete))
         .routes(routes!(boxes::camera, boxes::put_camera))
@@ -47,20 +72,25 @@ fn api_routes() -> OpenApiRouter<App> {
         .routes(routes!(boxes::self_tests, boxes::test))
         .routes(routes!(feed::feed))
         .routes(routes!(push::push))
+}
+
+/// Trainees and their progress.
+fn trainee_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
         .routes(routes!(trainees::list, trainees::create))
         .routes(routes!(trainees::get, trainees::change, trainees::erase))
         .routes(routes!(trainees::progress))
-        .routes(routes!(courses::of_trainee))
         .routes(routes!(trainees::enrol))
         .routes(routes!(trainees::xapi))
+}
+
+/// Tasks with their features, standards and models.
+fn task_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
         .routes(routes!(tasks::list, tasks::create))
         .routes(routes!(tasks::get, tasks::change, tasks::delete))
         .routes(routes!(tasks::features))
-        .routes(routes!(rescorings::create))
-        .routes(routes!(rescorings::list))
-        .routes(routes!(rescorings::get, rescorings::cancel))
-        .routes(routes!(rescorings::sessions))
-        .routes(routes!(rescorings::trainees))
+        .routes(routes!(features::list))
         .routes(routes!(tasks::standards, tasks::set_standard))
         .routes(routes!(tasks::propose_standard))
         .routes(routes!(tasks::presets))
@@ -69,12 +99,38 @@ fn api_routes() -> OpenApiRouter<App> {
         .routes(routes!(tasks::correlations))
         .routes(routes!(tasks::models, tasks::train_model))
         .routes(routes!(tasks::model))
-        .routes(routes!(features::list))
+}
+
+/// Orders to score the sessions of a task again.
+fn rescoring_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(rescorings::create))
+        .routes(routes!(rescorings::list))
+        .routes(routes!(rescorings::get, rescorings::cancel))
+        .routes(routes!(rescorings::sessions))
+        .routes(routes!(rescorings::trainees))
+}
+
+/// Groups of people to compare with.
+fn cohort_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
         .routes(routes!(cohorts::list, cohorts::create))
         .routes(routes!(cohorts::get, cohorts::replace, cohorts::delete))
         .routes(routes!(cohorts::members))
+}
+
+/// Courses, and who follows them.
+fn course_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
         .routes(routes!(courses::list, courses::create))
         .routes(routes!(courses::get, courses::replace, courses::delete))
+        .routes(routes!(courses::of_group, courses::follow, courses::unfollow))
+        .routes(routes!(courses::of_trainee))
+}
+
+/// Sessions: recordings, results, ratings, comments and edits.
+fn session_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
         .routes(routes!(sessions::list, sessions::send))
         .routes(routes!(sessions::import))
         .routes(routes!(sessions::get, sessions::erase))
@@ -95,7 +151,11 @@ fn api_routes() -> OpenApiRouter<App> {
         .routes(routes!(sessions::withdraw_comment))
         .routes(routes!(sessions::edits, sessions::edit))
         .routes(routes!(sessions::undo_edit))
-        .merge(upload_routes())
+}
+
+/// Jobs, the state of the service, events, and this description.
+fn operation_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
         .routes(routes!(jobs::list))
         .routes(routes!(jobs::get))
         .routes(routes!(jobs::retry))

@@ -132,94 +132,79 @@ impl QualityCause {
 
     /// What was found, with the limit that it broke. The sentence follows the tool's name if it is about one.
     pub fn finding(self, figure: f64, limit: f64) -> String {
-        let (percent, percents) = (100.0 * figure, 100.0 * limit);
-        let [whole, tenth, hundredth] = [0, 1, 2].map(|digits| digits_apart(figure, limit, digits));
-        let [percent_whole, percent_tenth] = [0, 1].map(|digits| digits_apart(percent, percents, digits));
+        let [figure, limit] = self.formatted(figure, limit);
+        self.observation(&figure) + &self.requirement(&limit)
+    }
+
+    /// Figure and limit as text: shares in per cent, with enough decimals that the two differ.
+    fn formatted(self, figure: f64, limit: f64) -> [String; 2] {
+        let (figure, limit) = match self {
+            // The distance of colours that overlap is negative.
+            QualityCause::ColourBackground | QualityCause::ColourPair => (figure.max(0.0), limit),
+            _ if self.unit() == "1" => (100.0 * figure, 100.0 * limit),
+            _ => (figure, limit),
+        };
+        let decimals = match self {
+            QualityCause::BorderResidual | QualityCause::Calibration => [2, 2],
+            QualityCause::BeginsInMotion | QualityCause::EndsInMotion => [0, 0],
+            QualityCause::FrameRate => [1, 0],
+            QualityCause::Rejected => [1, 1],
+            _ if self.unit() == "1" => [0, 0],
+            _ => [1, 1],
+        };
+        let [of_figure, of_limit] = decimals.map(|least| digits_apart(figure, limit, least));
+        [format!("{figure:.of_figure$}"), format!("{limit:.of_limit$}")]
+    }
+
+    /// The first part of the finding: what was found.
+    fn observation(self, figure: &str) -> String {
         match self {
             QualityCause::NothingSeen => "no tool was measured on any frame".to_owned(),
             QualityCause::NeverInPicture => "it was never in the picture".to_owned(),
             QualityCause::ColourBackground => {
-                let steps = figure.max(0.0);
-                format!(
-                    "its colour differs from the rest of the box by only {steps:.tenth$} of 255 steps; needs {limit:.tenth$}"
-                )
+                format!("its colour differs from the rest of the box by only {figure} of 255 steps")
             }
-            QualityCause::ColourPair => {
-                let steps = figure.max(0.0);
-                format!(
-                    "its colour differs from another tool's by only {steps:.tenth$} of 255 steps; needs {limit:.tenth$}"
-                )
-            }
-            QualityCause::Coverage => {
-                format!("measured on {percent:.percent_whole$} % of the frames; needs {percents:.percent_whole$} %")
-            }
-            QualityCause::LeftView => format!(
-                "out of view for {percent:.percent_whole$} % of the session (limit {percents:.percent_whole$} %)"
-            ),
-            QualityCause::Lost => format!(
-                "in view but not followed on {percent:.percent_whole$} % of the frames (limit {percents:.percent_whole$} %)"
-            ),
-            QualityCause::Predicted => {
-                format!(
-                    "{percent:.percent_whole$} % of the positions are bridged, not measured (limit {percents:.percent_whole$} %)"
-                )
-            }
-            QualityCause::LongGap => {
-                format!("not measured for {figure:.tenth$} s without a break (limit {limit:.tenth$} s)")
-            }
-            QualityCause::Rejected => {
-                format!(
-                    "{percent:.percent_tenth$} % of the measurements contradict the motion (limit {percents:.percent_tenth$} %)"
-                )
-            }
-            QualityCause::BorderResidual => {
-                format!(
-                    "its borders are {figure:.hundredth$} px off those of a straight tube (limit {limit:.hundredth$} px)"
-                )
-            }
-            QualityCause::NoiseFloor => {
-                format!("at rest it would appear to move at {figure:.tenth$} mm/s (limit {limit:.tenth$} mm/s)")
-            }
-            QualityCause::ErrorBar => {
-                format!("half of its positions may be off by {figure:.tenth$} mm or more (limit {limit:.tenth$} mm)")
-            }
-            QualityCause::Calibration => {
-                format!(
-                    "the calibration does not fit its own photos: {figure:.hundredth$} px off (limit {limit:.hundredth$} px)"
-                )
-            }
-            QualityCause::CutFile => {
-                format!(
-                    "{percent:.percent_whole$} % of the recording's frames are missing from the file (limit {percents:.percent_whole$} %)"
-                )
-            }
+            QualityCause::ColourPair => format!("its colour differs from another tool's by only {figure} of 255 steps"),
+            QualityCause::Coverage => format!("measured on {figure} % of the frames"),
+            QualityCause::LeftView => format!("out of view for {figure} % of the session"),
+            QualityCause::Lost => format!("in view but not followed on {figure} % of the frames"),
+            QualityCause::Predicted => format!("{figure} % of the positions are bridged, not measured"),
+            QualityCause::LongGap => format!("not measured for {figure} s without a break"),
+            QualityCause::Rejected => format!("{figure} % of the measurements contradict the motion"),
+            QualityCause::BorderResidual => format!("its borders are {figure} px off those of a straight tube"),
+            QualityCause::NoiseFloor => format!("at rest it would appear to move at {figure} mm/s"),
+            QualityCause::ErrorBar => format!("half of its positions may be off by {figure} mm or more"),
+            QualityCause::Calibration => format!("the calibration does not fit its own photos: {figure} px off"),
+            QualityCause::CutFile => format!("{figure} % of the recording's frames are missing from the file"),
             QualityCause::Interlaced => {
-                format!("{percent:.percent_whole$} % of the frames are interlaced: only every second line was used")
+                format!("{figure} % of the frames are interlaced: only every second line was used")
             }
-            QualityCause::FrameRate => format!("{figure:.tenth$} frames a second; needs {limit:.whole$}"),
-            QualityCause::DroppedFrames => {
-                format!("{percent:.percent_whole$} % of the frames were dropped (limit {percents:.percent_whole$} %)")
-            }
-            QualityCause::Break => format!("no frame for {figure:.tenth$} s (limit {limit:.tenth$} s)"),
-            QualityCause::BeginsInMotion => {
-                format!("a tool moves at {figure:.whole$} mm/s as the recording begins (limit {limit:.whole$} mm/s)")
-            }
-            QualityCause::EndsInMotion => {
-                format!("a tool moves at {figure:.whole$} mm/s as the recording ends (limit {limit:.whole$} mm/s)")
-            }
-            QualityCause::Exposure => format!(
-                "the picture's brightness changes by {percent:.percent_whole$} % (limit {percents:.percent_whole$} %)"
-            ),
-            QualityCause::WhiteBalance => {
-                format!("the picture's white balance changes by {figure:.tenth$} codes (limit {limit:.tenth$})")
-            }
+            QualityCause::FrameRate => format!("{figure} frames a second"),
+            QualityCause::DroppedFrames => format!("{figure} % of the frames were dropped"),
+            QualityCause::Break => format!("no frame for {figure} s"),
+            QualityCause::BeginsInMotion => format!("a tool moves at {figure} mm/s as the recording begins"),
+            QualityCause::EndsInMotion => format!("a tool moves at {figure} mm/s as the recording ends"),
+            QualityCause::Exposure => format!("the picture's brightness changes by {figure} %"),
+            QualityCause::WhiteBalance => format!("the picture's white balance changes by {figure} codes"),
             QualityCause::CameraMoved => format!(
-                "the camera has moved since earlier recordings with this calibration: all trocars are \
-                 {figure:.tenth$} mm from where they were (limit {limit:.tenth$} mm)"
+                "the camera has moved since earlier recordings with this calibration: all trocars are {figure} mm from \
+                 where they were"
             ),
-            QualityCause::PortMoved => format!(
-                "its trocar is {figure:.tenth$} mm from its position in earlier recordings (limit {limit:.tenth$} mm)"
-            ),
+            QualityCause::PortMoved => format!("its trocar is {figure} mm from its position in earlier recordings"),
+        }
+    }
+
+    /// The second part of the finding: the limit, if the first part does not imply it.
+    fn requirement(self, limit: &str) -> String {
+        match self {
+            QualityCause::NothingSeen | QualityCause::NeverInPicture | QualityCause::Interlaced => String::new(),
+            QualityCause::Coverage => format!("; needs {limit} %"),
+            QualityCause::ColourBackground | QualityCause::ColourPair | QualityCause::FrameRate => {
+                format!("; needs {limit}")
+            }
+            QualityCause::WhiteBalance => format!(" (limit {limit})"),
+            _ if self.unit() == "1" => format!(" (limit {limit} %)"),
+            _ => format!(" (limit {limit} {})", self.unit()),
         }
     }
 
@@ -241,7 +226,8 @@ impl QualityCause {
                 "keep the tip in the picture, or move the camera so that the whole task is in view"
             }
             QualityCause::Lost => {
-                "watch these moments in the recording: does something cover the tape or does it glare? Mark its colour in that light"
+                "watch these moments in the recording: does something cover the tape or does it glare? Mark its colour \
+                 in that light"
             }
             QualityCause::Predicted | QualityCause::LongGap => {
                 "sums such as the path length leave out what happened there; watch the gaps in the recording"
@@ -257,7 +243,8 @@ impl QualityCause {
             QualityCause::Calibration => "calibrate again with a flat board, sharp photos and tilted views",
             QualityCause::CutFile => "send the whole recording again; the file was cut off or damaged",
             QualityCause::Interlaced => {
-                "record progressive video (25p, not 50i), or deinterlace it first: ffmpeg -i IN -vf bwdif=mode=send_field OUT.mp4"
+                "record progressive video (25p, not 50i), or deinterlace it first: \
+                 ffmpeg -i IN -vf bwdif=mode=send_field OUT.mp4"
             }
             QualityCause::FrameRate => "record at 25 frames a second or more",
             QualityCause::DroppedFrames => {
@@ -275,12 +262,12 @@ impl QualityCause {
                 "switch off the camera's automatic white balance, and keep the light constant"
             }
             QualityCause::CameraMoved => {
-                "lengths and speeds are still right, but positions, depth and paths cannot be compared with earlier ones: put \
-                 the camera back, or upload the calibration of the box again to start a new comparison"
+                "lengths and speeds are still right, but positions, depth and paths cannot be compared with earlier \
+                 ones: put the camera back, or upload the calibration of the box again to start a new comparison"
             }
             QualityCause::PortMoved => {
-                "put the trocar back; if it stays there or the camera was moved, upload the calibration of the box again. \
-                 Positions and paths cannot be compared with earlier ones; lengths and speeds are still right"
+                "put the trocar back; if it stays there or the camera was moved, upload the calibration of the box \
+                 again. Positions and paths cannot be compared with earlier ones; lengths and speeds are still right"
             }
         }
     }
