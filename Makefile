@@ -58,6 +58,10 @@ browser-test: test-packages ## test the pages in a real Chromium: sign in, uploa
 golden: test-packages ## replace the golden files after an intended change of numbers; explain it in the commit
 	TROCAR_GOLDEN=write cargo test --locked --test integration golden
 
+.PHONY: schema
+schema: packages ## replace docs/schema.sql after a new migration
+	TROCAR_GOLDEN=write cargo test --locked --test integration schema
+
 .PHONY: browser-demo
 browser-demo: release test-packages ## the same in the demonstration centre, after its recordings are scored
 	TROCAR_CENTRE=demo tests/browser/run $(abspath $(RELEASE))

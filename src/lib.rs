@@ -17,14 +17,14 @@
 //! | layer | modules | must not name |
 //! |---|---|---|
 //! | 0 base | [`time`] [`ids`] [`shutdown`] [`heap`] [`random`] | any other module of this crate |
-//! | 1 pure | [`numbers`] ← [`vision`] ← [`motion`] ← [`statistics`]; [`simulation`]; [`checks`] | tokio, axum, sqlx, ffmpeg, `std::{fs, net, env, thread}`, the clock, serde |
+//! | 1 pure | [`numbers`] ← [`vision`] ← [`motion`] ← [`statistics`]; [`simulation`]; [`checks`] | tokio, axum, sqlx, ffmpeg, `std::{fs, net, env, thread}`, the clock, `serde_json` and other formats |
 //! | 2 domain | [`domain`] | tokio, axum, sqlx, ffmpeg, files, network |
 //! | 3 adapters | [`media`] [`store`] [`vault`] [`sandbox`] | axum, each other; sqlx only in `store`, ffmpeg only in `media` |
 //! | 4 services | [`queue`] [`analysis`] [`intake`] [`live`] [`capture`] [`cohorts`] [`rescoring`] [`events`] [`upkeep`] | axum, sqlx, ffmpeg |
 //! | 5 rim | [`http`] [`commands`] [`settings`] | sqlx in `http`; `http` never calls the science |
 //!
-//! An arrow reads *is used by*. `simulation` uses only `vision`'s camera, space, frame and sample types, and `checks` may
-//! use all pure modules.
+//! An arrow reads *is used by*. `simulation` uses only `vision`'s camera, space, frame and sample types, and `checks`
+//! may use all pure modules.
 //!
 //! # Invariants, as absences
 //! 1. The science does no I/O and does not fail on input: it returns what it measured, and reasons for what is
@@ -36,7 +36,8 @@
 //! 6. A byte is acknowledged only when it is durable: first the file is synced, then the row written, then the answer
 //!    sent.
 //! 7. Every queue, buffer, upload, retry and loop has a limit with a name in [`settings`].
-//! 8. Time comes from [`time::Clock`] or from the frame. Tests never sleep.
+//! 8. Time comes from [`time::Clock`] or from the frame. Tests poll with a deadline; only tests of faults and loads
+//!    wait, through one helper.
 //! 9. No full-frame copy, colour conversion or remap on the hot path: points are undistorted, pixels are looked up.
 
 pub mod heap;

@@ -88,7 +88,8 @@ fn warn_of_missing_landlock() {
     ONCE.call_once(|| {
         tracing::warn!(
             "this kernel does not enforce Landlock: child processes that decode recordings are confined by the system \
-             call filter alone. Enable Landlock in the kernel, or require it in the settings to refuse recordings instead."
+             call filter alone. Enable Landlock in the kernel, or require it in the settings to refuse recordings \
+             instead."
         );
     });
 }

@@ -39,7 +39,8 @@ pub enum ViewsError {
     },
     /// A photo has another size than the first.
     #[error(
-        "photo {name} is {}×{}, {first_name} is {}×{}: a camera is calibrated at the picture size of its recordings; give only photos of that size",
+        "photo {name} is {}×{}, {first_name} is {}×{}: a camera is calibrated at the picture size of its recordings; \
+         give only photos of that size",
         size.0, size.1, first_size.0, first_size.1
     )]
     SizeDiffers {

@@ -117,7 +117,12 @@ mod tests {
             SeenRow { reason: Some(ReasonShape::TipHidden), borders_px: None, tip_px: None, frame: 4, tool: 0 };
         let tools = ["orange".to_owned()];
         let text = Diagnostics::new((640, 480), &tools, &[seen, unseen]).to_json().unwrap();
-        let expected = r#"{"width":640,"height":480,"tools":["orange"],"columns":{"frame":[3,4],"tool":[0,0],"reason":[null,"tip_hidden"],"border_a":[[1.0,2.0,3.0,4.0],null],"border_b":[[5.0,6.0,7.0,8.5],null],"tip_u_px":[9.0,null],"tip_v_px":[10.25,null]}}"#;
+        let expected = [
+            r#"{"width":640,"height":480,"tools":["orange"],"columns":{"frame":[3,4],"tool":[0,0],"#,
+            r#""reason":[null,"tip_hidden"],"border_a":[[1.0,2.0,3.0,4.0],null],"border_b":[[5.0,6.0,7.0,8.5],null],"#,
+            r#""tip_u_px":[9.0,null],"tip_v_px":[10.25,null]}}"#,
+        ]
+        .concat();
         assert_eq!(String::from_utf8(text).unwrap(), expected);
     }
 

@@ -94,7 +94,10 @@ impl WorkerPool {
                     tracing::info!(%job, worker = name, "lease lost: another worker owns the job; result discarded");
                 }
                 Err(error) => {
-                    tracing::error!(%error, %job, worker = name, "job failed on this machine; retried later, pausing 5 s");
+                    tracing::error!(
+                        %error, %job, worker = name,
+                        "job failed on this machine; retried later, pausing 5 s"
+                    );
                     tokio::select! { () = shutdown.begun() => {}, () = self.clock.sleep(BACKOFF) => {} }
                 }
             }

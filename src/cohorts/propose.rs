@@ -145,13 +145,13 @@ impl Cohorts {
         let CohortRecord { id, handedness, .. } =
             self.store.cohorts().get(scope, cohort).await.map_err(unknown_field(field))?;
         if depends_on_camera(of) {
-            let why = "depends on the camera's direction, which differs between boxes: choose a fixed limit, or a feature \
-                       that does not depend on it, such as path_length in 3d";
+            let why = "depends on the camera's direction, which differs between boxes: choose a fixed limit, or a \
+                       feature that does not depend on it, such as path_length in 3d";
             return Err(Invalid::new("feature", why).into());
         }
         if of.tool.is_some() && handedness.is_none() {
-            let why = "has people who prefer either hand, but a tool is in one hand: choose a cohort of one preferred hand, \
-                       or limit a feature of the whole session";
+            let why = "has people who prefer either hand, but a tool is in one hand: choose a cohort of one preferred \
+                       hand, or limit a feature of the whole session";
             return Err(Invalid::new(field, why).into());
         }
         let values = self.store.cohorts().values(id, task, LAST_SESSIONS, std::slice::from_ref(of)).await?;

@@ -198,7 +198,10 @@ async fn send_left_over(
                 SendOutcome::Empty => {}
                 SendOutcome::Refused(why) => refused.push(why),
             },
-            () = stop.begun() => return Err(CommandFailure::Failed(anyhow!("ended by a signal; unsent frames stay in the spool"))),
+            () = stop.begun() => {
+                let why = anyhow!("ended by a signal; unsent frames stay in the spool");
+                return Err(CommandFailure::Failed(why));
+            }
         }
     }
     if refused.is_empty() { Ok(()) } else { Err(CommandFailure::Failed(anyhow!(refused.join("; ")))) }
@@ -276,7 +279,8 @@ fn log_control(camera: &str, name: &str, locked: &LockResult) {
 
 fn manual_control_hint(camera: &str) -> String {
     format!(
-        "the tapes' colours will change during the recording; set it by hand, `v4l2-ctl -d {camera} -L` lists the controls"
+        "the tapes' colours will change during the recording; set it by hand, `v4l2-ctl -d {camera} -L` lists the \
+         controls"
     )
 }
 

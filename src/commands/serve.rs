@@ -268,8 +268,8 @@ fn check_kernel(require_landlock: bool) -> anyhow::Result<()> {
     match sandbox::landlock_version() {
         Ok(_) => {}
         Err(why) if require_landlock => anyhow::bail!(
-            "{why}; or set `require_landlock = false` under [analysis]: child processes are then confined only by limits \
-             and the system call filter"
+            "{why}; or set `require_landlock = false` under [analysis]: child processes are then confined only by \
+             limits and the system call filter"
         ),
         Err(why) => tracing::warn!(%why, "child processes are confined only by limits and the system call filter"),
     }

@@ -117,7 +117,7 @@ fn advice_for_target(target: &Target, measured: MeasuredSession<'_>) -> Option<A
 /// The rule's words, then feature, value, limit and the seconds to look at.
 fn sentence(rule: &AdviceRule, target: &Target, row: &FeatureRow, error: FeatureError, first: &StretchRow) -> String {
     let whose = target.of.tool.as_ref().map_or(String::new(), |tool| format!(" of {tool}"));
-    let unit = if row.unit == "1" || row.unit.is_empty() { String::new() } else { format!(" {}", row.unit) };
+    let unit = if row.unit == "1" { String::new() } else { format!(" {}", row.unit) };
     let side = if target.better == Better::Lower { "at most" } else { "at least" };
     let value = row.value.as_ref().map_or(f64::NAN, |value| *value);
     format!(

@@ -96,7 +96,7 @@ pub struct PartReport {
     pub figure: Option<f64>,
     /// The limit that the figure broke; for a green part, the limit that it met.
     pub limit: Option<f64>,
-    /// Unit of both; `1` for shares.
+    /// Unit of both; `1` for shares, empty if the part was not measured.
     pub unit: String,
     /// The finding, for people.
     pub finding: String,

@@ -101,7 +101,7 @@ pub struct FeatureRow {
     pub name: String,
     /// Title for people.
     pub title: String,
-    /// Unit, such as `mm`; empty for a pure number.
+    /// Unit, such as `mm`; `1` for shares, counts and ratios.
     pub unit: String,
     /// The tool's marker; `None` for a feature of the whole session.
     pub tool: Option<String>,
@@ -142,7 +142,7 @@ pub struct LiveFeature {
     pub name: String,
     /// Title for people.
     pub title: String,
-    /// Unit of `value`; `1` for a pure number.
+    /// Unit of `value`; `1` for shares, counts and ratios.
     pub unit: String,
     /// The tool's marker.
     pub tool: String,
@@ -155,7 +155,7 @@ named! {
     FeatureSpace: "space" {
         /// In millimetres, in the camera frame.
         Space3d = "3d",
-        /// In pixels of the recorded frame.
+        /// In millimetres, in the camera's x and y only: the plane parallel to the image.
         Image = "image",
     }
 }

@@ -43,7 +43,8 @@ impl From<store::CohortRecord> for CohortResponse {
 }
 
 /// List the cohorts, by code
-#[utoipa::path(get, path = "/cohorts", tag = "cohorts", params(Paging), responses((status = OK, body = PageResponse<CohortResponse>)))]
+#[utoipa::path(get, path = "/cohorts", tag = "cohorts", params(Paging),
+    responses((status = OK, body = PageResponse<CohortResponse>)))]
 pub async fn list(
     State(app): State<App>,
     by: Member,
@@ -76,7 +77,8 @@ pub async fn get(State(app): State<App>, by: Member, PathKey(key): PathKey) -> H
 ///
 /// The cohort's `people` counts all members.
 #[utoipa::path(get, path = "/cohorts/{id}/members", tag = "cohorts",
-    params(("id" = String, Path, description = "id or code"), Paging), responses((status = OK, body = PageResponse<TraineeId>)))]
+    params(("id" = String, Path, description = "id or code"), Paging),
+    responses((status = OK, body = PageResponse<TraineeId>)))]
 pub async fn members(
     State(app): State<App>,
     by: Member,
@@ -105,7 +107,8 @@ pub async fn replace(
 /// Delete a cohort
 ///
 /// Its people stay, and so do the standards that were set from it.
-#[utoipa::path(delete, path = "/cohorts/{id}", tag = "cohorts", params(("id" = String, Path, description = "id or code")),
+#[utoipa::path(delete, path = "/cohorts/{id}", tag = "cohorts",
+    params(("id" = String, Path, description = "id or code")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Administrator, PathKey(key): PathKey) -> HandlerResult<StatusCode> {
     app.store.cohorts().delete(&by.scope, &key).await?;

@@ -153,11 +153,11 @@ mod tests {
         let [coverage, rate] = [QualityCause::Coverage, QualityCause::FrameRate].map(QualityCause::limits);
         let care = |cause: QualityCause| cause.limits().care;
         for (script, name, limit) in [
-            ("parts/light.js", "MAX_EXPOSURE", care(QualityCause::Exposure)),
-            ("parts/light.js", "MAX_WHITE_BALANCE", care(QualityCause::WhiteBalance)),
-            ("parts/seen_level.js", "MIN_SEEN_GOOD", coverage.care),
-            ("parts/seen_level.js", "MIN_SEEN_USABLE", coverage.refuse),
-            ("parts/record_notices.js", "MIN_FRAME_RATE", rate.care),
+            ("parts/live/light.js", "MAX_EXPOSURE", care(QualityCause::Exposure)),
+            ("parts/live/light.js", "MAX_WHITE_BALANCE", care(QualityCause::WhiteBalance)),
+            ("parts/live/seen_level.js", "MIN_SEEN_GOOD", coverage.care),
+            ("parts/live/seen_level.js", "MIN_SEEN_USABLE", coverage.refuse),
+            ("parts/recording/record_notices.js", "MIN_FRAME_RATE", rate.care),
             ("setup/steps.js", "MAX_RMS_PX", care(QualityCause::Calibration)),
         ] {
             let (text, limit) = (Pages::get(script).unwrap().data, limit.unwrap());

@@ -245,8 +245,10 @@ impl From<QuickAnalysisError> for ProblemResponse {
             }
             QuickAnalysisError::Crashed(why) => {
                 tracing::warn!(why, "quick analysis crashed; picture refused");
-                Refusal::Invalid
-                    .with("The picture could not be analysed: the analysis crashed or took too long. Send another picture, or a smaller one.")
+                Refusal::Invalid.with(
+                    "The picture could not be analysed: the analysis crashed or took too long. Send another picture, \
+                     or a smaller one.",
+                )
             }
             QuickAnalysisError::Failed(why) => ProblemResponse::internal("analysing a picture", why),
             QuickAnalysisError::Busy => busy("Other pictures are being checked. Try again in a moment."),

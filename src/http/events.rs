@@ -72,7 +72,8 @@ pub enum EventData {
 ///
 /// A stream of server-sent events, limited to what the caller may see. It ends when the sign-in ends.
 #[utoipa::path(get, path = "/events", tag = "events",
-    responses((status = OK, description = "`event: session|job|queue|missed`; `data:` is JSON of this schema", content_type = "text/event-stream", body = EventData)))]
+    responses((status = OK, description = "`event: session|job|queue|missed`; `data:` is JSON of this schema",
+            content_type = "text/event-stream", body = EventData)))]
 pub async fn events(State(app): State<App>, by: Member, headers: HeaderMap) -> HandlerResult<impl IntoResponse> {
     let full = || busy("Too many pages are open. Close a page that you no longer need, then try again.");
     let place = app.watcher_slots.take(&by.scope).ok_or_else(full)?;

@@ -53,7 +53,8 @@ pub struct NewGroup {
 }
 
 /// Create an empty group
-#[utoipa::path(post, path = "/groups", tag = "groups", request_body = NewGroup, responses((status = CREATED, body = GroupResponse)))]
+#[utoipa::path(post, path = "/groups", tag = "groups", request_body = NewGroup,
+    responses((status = CREATED, body = GroupResponse)))]
 pub async fn create(
     State(app): State<App>,
     by: Administrator,

@@ -83,7 +83,8 @@ pub struct JobsQuery {
 }
 
 /// List the jobs that the caller may see, newest first
-#[utoipa::path(get, path = "/jobs", tag = "jobs", params(JobsQuery), responses((status = OK, body = PageResponse<JobResponse>)))]
+#[utoipa::path(get, path = "/jobs", tag = "jobs", params(JobsQuery),
+    responses((status = OK, body = PageResponse<JobResponse>)))]
 pub async fn list(
     State(app): State<App>,
     by: Member,

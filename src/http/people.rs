@@ -38,7 +38,8 @@ impl From<store::PersonRecord> for PersonResponse {
 }
 
 /// List the accounts
-#[utoipa::path(get, path = "/people", tag = "people", params(Paging), responses((status = OK, body = PageResponse<PersonResponse>)))]
+#[utoipa::path(get, path = "/people", tag = "people", params(Paging),
+    responses((status = OK, body = PageResponse<PersonResponse>)))]
 pub async fn list(
     State(app): State<App>,
     by: Administrator,
@@ -68,7 +69,8 @@ pub struct NewPersonRequest {
 }
 
 /// Create an account
-#[utoipa::path(post, path = "/people", tag = "people", request_body = NewPersonRequest, responses((status = CREATED, body = PersonResponse)))]
+#[utoipa::path(post, path = "/people", tag = "people", request_body = NewPersonRequest,
+    responses((status = CREATED, body = PersonResponse)))]
 pub async fn create(
     State(app): State<App>,
     by: Administrator,

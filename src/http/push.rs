@@ -59,7 +59,8 @@ pub enum PushResponse {
 /// may send recordings.
 #[utoipa::path(put, path = "/boxes/{id}/feed.ts", tag = "boxes",
     params(("id" = String, Path, description = "id or code"), PushQuery),
-    request_body(content = Vec<u8>, content_type = "video/mp2t", description = "MPEG-TS or Matroska, while it is recorded"),
+    request_body(content = Vec<u8>, content_type = "video/mp2t",
+        description = "MPEG-TS or Matroska, while it is recorded"),
     responses((status = CREATED, body = PushResponse)))]
 pub async fn push(
     State(app): State<App>,

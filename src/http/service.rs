@@ -128,7 +128,8 @@ pub async fn service(State(app): State<App>, by: Administrator) -> HandlerResult
 }
 
 /// List the audit log: changes of people's data, newest first
-#[utoipa::path(get, path = "/audit", tag = "operation", params(Paging), responses((status = OK, body = PageResponse<AuditChange>)))]
+#[utoipa::path(get, path = "/audit", tag = "operation", params(Paging),
+    responses((status = OK, body = PageResponse<AuditChange>)))]
 pub async fn audit(
     State(app): State<App>,
     by: Administrator,

@@ -82,7 +82,8 @@ pub struct MadeToken {
 }
 
 /// Create a token
-#[utoipa::path(post, path = "/tokens", tag = "tokens", request_body = NewTokenRequest, responses((status = CREATED, body = MadeToken)))]
+#[utoipa::path(post, path = "/tokens", tag = "tokens", request_body = NewTokenRequest,
+    responses((status = CREATED, body = MadeToken)))]
 pub async fn create(
     State(app): State<App>,
     by: Administrator,

@@ -63,7 +63,8 @@ impl CpuSlots {
     /// timed out.
     pub(super) fn start_next(&self) {
         loop {
-            let next = self.lock_queue().grant_next(self.max_slots); // in the loop's head, the lock would last through its body
+            // In the loop's head, the lock would last through its body.
+            let next = self.lock_queue().grant_next(self.max_slots);
             let Some((waiter, turn)) = next else { return };
             if !waiter.start(turn) {
                 self.lock_queue().free(turn);

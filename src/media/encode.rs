@@ -52,7 +52,8 @@ pub enum EncodeError {
     NoEncoder,
     /// The encoder refuses the size or the sample format.
     #[error(
-        "libx264 cannot encode {width}×{height} pixels in this format ({source}); sizes must be even unless chroma is full"
+        "libx264 cannot encode {width}×{height} pixels in this format ({source}); sizes must be even unless chroma is \
+         full"
     )]
     Refused {
         /// Picture width, pixels.

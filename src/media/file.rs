@@ -15,7 +15,7 @@ use super::picture::Picture;
 use super::picture_maker::{PictureMaker, Rotation};
 use super::{MediaError, MediaLimits};
 
-/// Accepted containers. FFmpeg would otherwise follow playlists to other files (TRUST, finding 1).
+/// Accepted containers. FFmpeg would otherwise follow playlists to other files.
 const CONTAINERS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts";
 
 /// Decoders that may run, also while the file is probed: a decoder that never runs cannot be attacked.

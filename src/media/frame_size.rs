@@ -105,7 +105,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_no_frame_has_no_size_and_does_no_harm(bytes in prop::collection::vec(any::<u8>(), 0..300), at in 0usize..600) {
+        fn what_is_no_frame_has_no_size_and_does_no_harm(
+            bytes in prop::collection::vec(any::<u8>(), 0..300), at in 0usize..600,
+        ) {
             let mut damaged = jpeg(40, 30);
             let at = at % damaged.len();
             damaged[at] ^= bytes.first().unwrap_or(&1);

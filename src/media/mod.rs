@@ -63,7 +63,10 @@ pub enum MediaError {
         limit: String,
     },
     /// The picture changed its size during the recording.
-    #[error("the picture changes from {}×{} to {}×{} at frame {frame}; record each size in a separate file", from.0, from.1, to.0, to.1)]
+    #[error(
+        "the picture changes from {}×{} to {}×{} at frame {frame}; record each size in a separate file",
+        from.0, from.1, to.0, to.1
+    )]
     SizeChanged {
         /// Width and height so far.
         from: (u32, u32),
@@ -77,7 +80,8 @@ pub enum MediaError {
     NoFrames,
     /// The process's memory limit was reached.
     #[error(
-        "reading the recording needs more memory than allowed: its picture or its tables are too large, or it is damaged"
+        "reading the recording needs more memory than allowed: its picture or its tables are too large, or it is \
+         damaged"
     )]
     Memory,
     /// A pixel format that cannot be converted to planar YUV.

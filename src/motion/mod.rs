@@ -1,4 +1,5 @@
-//! Motion: a trajectory in, features with error bars out, and whether they can be trusted. Pure, like [`crate::vision`].
+//! Motion: a trajectory in, features with error bars out, and whether they can be trusted. Pure, like
+//! [`crate::vision`].
 //!
 //! | part | input | output | file | METHOD |
 //! |---|---|---|---|---|

@@ -175,8 +175,8 @@ async fn every_job_ends_and_every_session_has_one_result() {
     }
 }
 
-/// The same with the numbers that TRUST requires: `TMPDIR=/dev/shm cargo test --lib ten_thousand -- --ignored`. In
-/// memory, since 60,000 sequential commits take half an hour on a disk, and this property is not about durability.
+/// The same with many jobs; `make long-queue` runs it. The data are in memory (`TMPDIR=/dev/shm`), since 60,000
+/// sequential commits take half an hour on a disk, and this property is not about durability.
 #[tokio::test]
 #[ignore = "takes minutes"]
 async fn every_one_of_ten_thousand_jobs_ends() {

@@ -20,7 +20,8 @@ pub fn changes(old: &[FeatureRow], new: &[FeatureRow]) -> Vec<FeatureChange> {
         Some(FeatureChange { of, title: row.title.clone(), unit: row.unit.clone(), change, old, new })
     };
     let mut changes: Vec<FeatureChange> = new.iter().chain(only_old).filter_map(change).collect();
-    changes.sort_by_key(|change| change.change != FeatureChangeKind::Apart); // stable: otherwise in the order of display
+    // The sort is stable: otherwise the order of display remains.
+    changes.sort_by_key(|change| change.change != FeatureChangeKind::Apart);
     changes
 }
 
@@ -113,10 +114,12 @@ mod tests {
             old in prop::collection::vec((-1e6..1e6f64, 0.0..1e3f64), 1..8), shift in -1e3..1e3f64,
         ) {
             let rows = |shift: f64| -> Vec<FeatureRow> {
-                old.iter().enumerate().map(|(n, (value, half))| row(&n.to_string(), Some(value + shift), Some(*half))).collect()
+                let values = old.iter().enumerate();
+                values.map(|(n, (value, half))| row(&n.to_string(), Some(value + shift), Some(*half))).collect()
             };
             prop_assert_eq!(changes(&rows(0.0), &rows(0.0)), vec![]);
-            let count = |changes: &[FeatureChange]| changes.iter().filter(|change| change.change == FeatureChangeKind::Apart).count();
+            let is_apart = |change: &&FeatureChange| change.change == FeatureChangeKind::Apart;
+            let count = |changes: &[FeatureChange]| changes.iter().filter(is_apart).count();
             let (there, back) = (changes(&rows(0.0), &rows(shift)), changes(&rows(shift), &rows(0.0)));
             prop_assert_eq!((there.len(), count(&there)), (back.len(), count(&back)));
         }

@@ -79,7 +79,10 @@ async fn settle(store: &Store, item: EndedItem) -> StoreResult<()> {
             Err(StoreError::NotFound { .. }) => Ok(()), // the session was erased meanwhile, and its item with it
             // One damaged row must not block all orders. Other errors of the store are retried.
             Err(error) if error.is_unreadable() => {
-                tracing::warn!(%error, session = %item.session, "results not comparable; rescoring item marked as failed");
+                tracing::warn!(
+                    %error, session = %item.session,
+                    "results not comparable; rescoring item marked as failed"
+                );
                 store.rescorings().settle(&item, Err(not_compared())).await
             }
             Err(error) => Err(error),
@@ -114,19 +117,19 @@ async fn compare_results(store: &Store, item: &EndedItem) -> StoreResult<Result<
 }
 
 fn edited_meanwhile() -> Problem {
-    let detail = "the new score is valid, but the session was edited during the rescoring, so differences may come from the \
-                  edit instead of the program";
+    let detail = "the new score is valid, but the session was edited during the rescoring, so differences may come \
+                  from the edit instead of the program";
     Problem::new("edited-meanwhile", "The session was edited meanwhile", detail)
 }
 
 fn not_compared() -> Problem {
-    let detail = "the new score is valid, but the old or the new result cannot be read, so the changes are unknown; the log \
-                  of the service names the session";
+    let detail = "the new score is valid, but the old or the new result cannot be read, so the changes are unknown; \
+                  the log of the service names the session";
     Problem::new("not-compared", "The results could not be compared", detail)
 }
 
 fn job_gone() -> Problem {
-    let detail = "its box has no camera or no colours any more, or the job was removed from the queue; order the rescoring \
-                  again when the box is ready";
+    let detail = "its box has no camera or no colours any more, or the job was removed from the queue; order the \
+                  rescoring again when the box is ready";
     Problem::new("not-queued", "The session could not be scored again", detail)
 }

@@ -62,7 +62,8 @@ fn pose(rig: &Rig, dice: &mut Dice, index: usize, bent: bool) -> HeldBoard {
         }
         found = Some(held);
     }
-    found.unwrap_or_else(|| random_board(dice, index, bent)) // the picture is too narrow for a whole board: part of it is seen
+    // The picture is too narrow for a whole board: part of it is seen.
+    found.unwrap_or_else(|| random_board(dice, index, bent))
 }
 
 fn random_board(dice: &mut Dice, index: usize, bent: bool) -> HeldBoard {

@@ -1,5 +1,5 @@
-//! The learning curve y(n) = A + B·exp(−(n − n₁)/τ) of a trainee's sessions at one task, and a forecast from it (PEERS
-//! 3.5).
+//! The learning curve y(n) = A + B·exp(−(n − n₁)/τ) of a trainee's sessions at one task, and a forecast from it
+//! (METHOD 7.3).
 //!
 //! n is the session's number and n₁ that of the first session with a value. A is the level that practice leads to and B
 //! the distance of the first session from it. That distance shrinks to 37 % within τ sessions. For a given τ the best A

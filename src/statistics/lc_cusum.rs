@@ -1,5 +1,5 @@
 //! LC-CUSUM: detects when a trainee becomes proficient, and whether they have relapsed since (Biau & Porcher 2010, doi
-//! 10.1002/sim.3947; PEERS 3.5).
+//! 10.1002/sim.3947; METHOD 7.3).
 //!
 //! At first the trainee is assumed inadequate, and passes count towards proficiency: a pass adds ln((1 − p1)/(1 − p0)),
 //! a miss ln(p1/p0), with p0 the inadequate and p1 the adequate share of misses. After the declaration, a CUSUM with

@@ -199,8 +199,12 @@ mod tests {
             let (known, unknown) = (follow(&letters), RULE.evaluate(&less).unwrap());
             match (known, unknown) {
                 (PassProgress::Met { at: known }, PassProgress::Met { at: unknown }) => prop_assert!(unknown >= known),
-                (known, PassProgress::Met { .. }) => return Err(TestCaseError::fail(format!("promoted from {known:?}"))),
-                (PassProgress::Met { .. } | PassProgress::Open { .. }, unknown) => prop_assert!(unknown != PassProgress::OutOfReach),
+                (known, PassProgress::Met { .. }) => {
+                    return Err(TestCaseError::fail(format!("promoted from {known:?}")));
+                }
+                (PassProgress::Met { .. } | PassProgress::Open { .. }, unknown) => {
+                    prop_assert!(unknown != PassProgress::OutOfReach);
+                }
                 (PassProgress::OutOfReach, _) => {}
             }
         }

@@ -1,5 +1,5 @@
 //! Reminders to practise again. Skill is kept better with refreshers one and three months after proficiency (95 against
-//! 90 % at six months: Stefanidis 2006; PEERS 4d), and skill lost in a month returns in 40 minutes.
+//! 90 % at six months: Stefanidis 2006; METHOD 7.3), and skill lost in a month returns in 40 minutes.
 
 /// A day, in ms.
 const DAY_MS: i64 = 86_400_000;

@@ -1,6 +1,6 @@
 //! Standards: the limit that a feature has to meet, its origin, and the judgement on a measured value.
 //!
-//! Ways to set a limit (PEERS 3.5): the mean of experts without outliers ([`experts`]), the boundary between novices
+//! Ways to set a limit (METHOD 7.1): the mean of experts without outliers ([`experts`]), the boundary between novices
 //! and experts ([`contrasting_groups()`]), the best share of peers ([`best_share`]), or a fixed number
 //! ([`FeatureTarget::fixed`], [`fls`]). Published sets of limits differ so much that the choice changes who passes
 //! (Luursema 2015), so a target always states its basis. A judgement compares the value's error bar with the limit

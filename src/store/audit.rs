@@ -59,8 +59,10 @@ impl AuditStore<'_> {
                  WHEN 'cohort' THEN (SELECT name FROM cohort WHERE id = subject)
                  WHEN 'course' THEN (SELECT name FROM course WHERE id = subject)
                  WHEN 'token' THEN (SELECT name FROM token WHERE id = subject)
-                 WHEN 'standard' THEN (SELECT name FROM task JOIN standard ON task_id = task.id WHERE standard.id = subject)
-                 WHEN 'rescoring' THEN (SELECT name FROM task JOIN rescoring ON task_id = task.id WHERE rescoring.id = subject)
+                 WHEN 'standard' THEN (SELECT name FROM task JOIN standard ON task_id = task.id
+                     WHERE standard.id = subject)
+                 WHEN 'rescoring' THEN (SELECT name FROM task JOIN rescoring ON task_id = task.id
+                     WHERE rescoring.id = subject)
                  WHEN 'skill_model' THEN
                      (SELECT name FROM task JOIN skill_model ON task_id = task.id WHERE skill_model.id = subject)
                  WHEN 'session' THEN

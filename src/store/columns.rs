@@ -58,10 +58,11 @@ macro_rules! as_shown {
 }
 
 as_shown! {
-    PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId LeaseToken SelfTestId
-    StandardId CohortId CourseId RatingId CommentId RescoringId ModelId EditId
+    PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId
+    LeaseToken SelfTestId StandardId CohortId CourseId RatingId CommentId RescoringId ModelId EditId
     Name Login Code FileName TrackerName Paragraphs Remark BlobHash
-    Day Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm SessionJudgement RescoringSource RescoringItemState EditKind
+    Day Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm
+    SessionJudgement RescoringSource RescoringItemState EditKind
 }
 
 as_text! {

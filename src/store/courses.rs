@@ -271,7 +271,8 @@ async fn set_steps(tx: &mut SqliteConnection, id: CourseId, steps: &[NewStep]) -
 fn duplicate_step(error: sqlx::Error, number: i64, task: &Name) -> StoreError {
     match error.as_database_error() {
         Some(found) if found.is_unique_violation() => StoreError::refused(format!(
-            "step {number}: an earlier step requires the same of “{task}”: remove one of the two, or require more sessions"
+            "step {number}: an earlier step requires the same of “{task}”: remove one of the two, or require more \
+             sessions"
         )),
         _ => error.into(),
     }

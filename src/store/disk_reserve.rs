@@ -36,7 +36,10 @@ impl DiskReserve {
         let (path, bytes) = (self.path.clone(), self.bytes);
         let written = tokio::task::spawn_blocking(move || write_zeros(&path, bytes)).await;
         if let Ok(Err(error)) = written {
-            tracing::warn!(%error, file = %self.path.display(), "disk reserve not written; deleting on a full disk may fail");
+            tracing::warn!(
+                %error, file = %self.path.display(),
+                "disk reserve not written; deleting on a full disk may fail"
+            );
         }
     }
 }

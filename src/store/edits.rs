@@ -201,7 +201,8 @@ async fn insert(
     };
     let insert = sqlx::query(
         "INSERT INTO session_edit (id, session_id, person_id, kind, from_s, to_s, tools, why, created_at_ms)
-         SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9 WHERE (SELECT count(*) FROM session_edit WHERE session_id = $2) < $10",
+         SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9
+         WHERE (SELECT count(*) FROM session_edit WHERE session_id = $2) < $10",
     );
     let insert = insert.bind(id).bind(session).bind(person).bind(change.kind()).bind(from_s).bind(to_s).bind(tools);
     let insert = insert.bind(why).bind(now_ms).bind(MAX_EDITS).execute(tx).await.map_err(duplicate_or_missing)?;

@@ -98,7 +98,8 @@ impl StoreError {
 
     /// True if an fsync failed. Then no earlier write can be relied on.
     pub(super) fn is_failed_sync(&self) -> bool {
-        matches!(self, StoreError::Database(e) if [SQLITE_IOERR_FSYNC, SQLITE_IOERR_DIR_FSYNC].contains(&sqlite_code(e)))
+        const FAILED_SYNCS: [i32; 2] = [SQLITE_IOERR_FSYNC, SQLITE_IOERR_DIR_FSYNC];
+        matches!(self, StoreError::Database(error) if FAILED_SYNCS.contains(&sqlite_code(error)))
     }
 
     /// A [`StoreError::Refused`] with this reason.

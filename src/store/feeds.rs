@@ -163,7 +163,8 @@ impl FeedStore<'_> {
                     "SELECT id FROM session WHERE trainee_id = $1 AND task_id = $2 AND box_id = $3 AND video = $4";
                 let same = sqlx::query_scalar(sql).bind(feed.trainee_id).bind(feed.task_id).bind(feed.box_id);
                 let same: Option<SessionId> = same.bind(video.hash).fetch_optional(&mut *tx).await?;
-                let sql = "UPDATE feed SET ended_at_ms = max($2, created_at_ms), session_id = $3, live_features = $4 WHERE id = $1";
+                let sql = "UPDATE feed SET ended_at_ms = max($2, created_at_ms), session_id = $3, live_features = $4 \
+                           WHERE id = $1";
                 let session = same.unwrap_or(feed.session_id);
                 let ended = sqlx::query(sql).bind(id).bind(now_ms).bind(session).bind(live_features.map(Json));
                 ended.execute(&mut *tx).await?;
@@ -252,7 +253,8 @@ async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: 
     let insert = insert.bind(new.began_at_ms).bind(now_ms);
     insert.execute(&mut *tx).await.map_err(missing("trainee, task or box"))?;
     let insert = sqlx::query(
-        "INSERT INTO feed (id, session_id, box_id, codec, width, height, tick_num, tick_den, sender, epoch, created_at_ms, is_push)
+        "INSERT INTO feed (id, session_id, box_id, codec, width, height, tick_num, tick_den, sender, epoch,
+         created_at_ms, is_push)
          VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, 1, $10, $11)",
     );
     let (num, den) = new.time_base.fraction();

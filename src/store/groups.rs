@@ -101,7 +101,8 @@ impl GroupStore<'_> {
     pub async fn get(&self, scope: &Scope, id: GroupId) -> StoreResult<GroupRecord> {
         let row = sqlx::query_as::<_, GroupRow>(select_groups!(
             "training_group.id = $3 AND ($1 = 'administrator' OR ($1 = 'instructor' AND EXISTS
-                (SELECT 1 FROM group_instructor WHERE group_instructor.group_id = training_group.id AND person_id = $2)))"
+                (SELECT 1 FROM group_instructor
+                 WHERE group_instructor.group_id = training_group.id AND person_id = $2)))"
         ));
         let row = row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
         self.with_members(row.ok_or(not_found("group"))?).await

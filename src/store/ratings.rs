@@ -139,7 +139,8 @@ impl RatingStore<'_> {
                     "INSERT INTO rating (id, session_id, person_id, form, form_version, items, is_blind, created_at_ms)
                      SELECT $1, $2, $3, $4, $5, $6,
                             NOT EXISTS (SELECT 1 FROM rating AS own
-                                        JOIN rating AS other ON other.session_id = own.session_id AND other.form = own.form
+                                        JOIN rating AS other ON other.session_id = own.session_id
+                                        AND other.form = own.form
                                              AND other.person_id IS NOT own.person_id
                                         WHERE own.session_id = $2 AND own.person_id = $3)
                             AND NOT (EXISTS (SELECT 1 FROM rating WHERE session_id = $2 AND person_id = $3)
@@ -150,9 +151,13 @@ impl RatingStore<'_> {
                      WHERE (SELECT count(*) FROM rating WHERE session_id = $2 AND person_id = $3) < $8",
                 );
                 let insert = insert.bind(id).bind(session).bind(person).bind(form).bind(version).bind(Json(marks));
-                let insert = insert.bind(now_ms).bind(MAX_PER_RATER).execute(&mut *tx).await.map_err(missing("session"))?;
+                let insert =
+                    insert.bind(now_ms).bind(MAX_PER_RATER).execute(&mut *tx).await.map_err(missing("session"))?;
                 if insert.rows_affected() == 0 {
-                    let why = format!("you have rated this session {MAX_PER_RATER} times, which is the limit; your last rating counts");
+                    let why = format!(
+                        "you have rated this session {MAX_PER_RATER} times, which is the limit; your last rating \
+                         counts"
+                    );
                     return Err(StoreError::refused(why));
                 }
                 note(tx, &by, now_ms, ("create", "rating"), id).await
@@ -166,7 +171,8 @@ impl RatingStore<'_> {
     pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<VisibleRatings> {
         self.0.sessions().get(scope, session).await?;
         let rows = sqlx::query_as(
-            "SELECT rating.id, rating.person_id, person.name AS who, form, form_version, items, is_blind, rating.created_at_ms
+            "SELECT rating.id, rating.person_id, person.name AS who, form, form_version, items, is_blind,
+             rating.created_at_ms
              FROM rating LEFT JOIN person ON person.id = rating.person_id
              WHERE $1 <> 'agent' AND session_id = $3
              ORDER BY rating.created_at_ms DESC, rating.rowid DESC LIMIT $4",
@@ -214,7 +220,8 @@ impl RatingStore<'_> {
              JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
                                          ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
              WHERE session.id IN (SELECT value FROM json_each($3))
-               AND json_extract(result.quality, '$.verdict') IS NOT 'refused' AND result.calibration_id IS NOT NULL AND ",
+               AND json_extract(result.quality, '$.verdict') IS NOT 'refused'
+               AND result.calibration_id IS NOT NULL AND ",
             counts!(),
             " AND ",
             sees_trainee!("session.trainee_id")

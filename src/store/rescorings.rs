@@ -83,15 +83,19 @@ impl RescoringStore<'_> {
             .write(async move |tx| {
                 let sql = "SELECT EXISTS (SELECT 1 FROM rescoring WHERE task_id = $1 AND ended_at_ms IS NULL)";
                 if sqlx::query_scalar(sql).bind(task).fetch_one(&mut *tx).await? {
-                    return Err(StoreError::refused("a rescoring of this task is running: wait until it ends, or cancel it"));
+                    return Err(StoreError::refused(
+                        "a rescoring of this task is running: wait until it ends, or cancel it",
+                    ));
                 }
                 let from_recording = new.from == RescoringSource::Recording;
                 let insert = sqlx::query(
-                    "INSERT INTO rescoring (id, task_id, source, only_older, pipeline, standard_id, person_id, created_at_ms)
+                    "INSERT INTO rescoring (id, task_id, source, only_older, pipeline, standard_id, person_id,
+                     created_at_ms)
                      VALUES ($1, $2, $3, $4, $5,
                              (SELECT id FROM standard WHERE task_id = $2 ORDER BY version DESC LIMIT 1), $6, $7)",
                 );
-                let insert = insert.bind(id).bind(task).bind(new.from.name()).bind(new.which == RescoringSelection::Older);
+                let insert =
+                    insert.bind(id).bind(task).bind(new.from.name()).bind(new.which == RescoringSelection::Older);
                 insert.bind(PIPELINE_VERSION).bind(by.person()).bind(now_ms).execute(&mut *tx).await?;
                 let items = sqlx::query(INSERT_ITEMS).bind(id).bind(task).bind(PIPELINE_VERSION).bind(from_recording);
                 if items.bind(new.which == RescoringSelection::Older).execute(&mut *tx).await?.rows_affected() == 0 {
@@ -117,7 +121,8 @@ impl RescoringStore<'_> {
                 }
                 for sql in [
                     "UPDATE rescoring_item SET state = 'cancelled' WHERE rescoring_id = $1 AND state = 'waiting'",
-                    "UPDATE rescoring_item SET state = 'cancelled' WHERE rescoring_id = $1 AND state = 'working' AND job_id IN
+                    "UPDATE rescoring_item SET state = 'cancelled'
+                     WHERE rescoring_id = $1 AND state = 'working' AND job_id IN
                          (SELECT id FROM job WHERE state = 'queued' AND turn = 2)",
                     "DELETE FROM job WHERE state = 'queued' AND turn = 2 AND id IN
                          (SELECT job_id FROM rescoring_item WHERE rescoring_id = $1 AND state = 'cancelled')",
@@ -145,13 +150,16 @@ impl RescoringStore<'_> {
                     sqlx::query_as(SELECT_WAITING).bind(room.max(0)).fetch_all(&mut *tx).await?;
                 for (rescoring, session, source) in &waiting {
                     let job = match source == RescoringSource::Recording.name() {
-                        true => enqueue_track_with_priority(tx, *session, JobPriority::Rescore, now_ms, attempts).await?,
+                        true => {
+                            enqueue_track_with_priority(tx, *session, JobPriority::Rescore, now_ms, attempts).await?
+                        }
                         false => enqueue_rescore(tx, *session, now_ms, attempts).await?,
                     };
                     // Without a job the item is settled as having lost its job: the box has no camera or colours any
                     // more.
                     let update = sqlx::query(
-                        "UPDATE rescoring_item SET state = 'working', job_id = $3 WHERE rescoring_id = $1 AND session_id = $2",
+                        "UPDATE rescoring_item SET state = 'working', job_id = $3 \
+                         WHERE rescoring_id = $1 AND session_id = $2",
                     );
                     update.bind(rescoring).bind(session).bind(job).execute(&mut *tx).await?;
                 }
@@ -204,8 +212,9 @@ impl RescoringStore<'_> {
                     Ok(ResultComparison { new_result, judged, apart, changed }) => {
                         let [before, after] = judged.map_or([None; 2], |judged| judged.map(Some));
                         sqlx::query(
-                            "UPDATE rescoring_item SET state = 'done', new_result_id = $3, judged_before = $4, judged_after = $5,
-                                    judgement_changed = $6, features_apart = $7, features_changed = $8
+                            "UPDATE rescoring_item SET state = 'done', new_result_id = $3, judged_before = $4,
+                                    judged_after = $5, judgement_changed = $6, features_apart = $7,
+                                    features_changed = $8
                              WHERE rescoring_id = $1 AND session_id = $2 AND state = 'working'",
                         )
                         .bind(rescoring)

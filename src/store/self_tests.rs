@@ -78,7 +78,8 @@ impl SelfTestStore<'_> {
 /// Inserts a box's next self-test.
 pub(super) async fn insert(tx: &mut SqliteConnection, of: BoxId, new: NewSelfTest, now_ms: i64) -> StoreResult<()> {
     let insert = sqlx::query(
-        "INSERT INTO self_test (id, box_id, calibration_id, palette_id, person_id, pipeline, light, report, created_at_ms)
+        "INSERT INTO self_test (id, box_id, calibration_id, palette_id, person_id, pipeline, light, report,
+         created_at_ms)
          VALUES ($1, $2, $3, $4, (SELECT id FROM person WHERE id = $5), $6, $7, $8, $9)",
     );
     let insert = insert.bind(SelfTestId::at(now_ms)).bind(of).bind(new.calibration).bind(new.palette).bind(new.person);

@@ -90,8 +90,10 @@ macro_rules! declared {
     () => {
         concat!(
             "WITH usable AS (
-             SELECT trainee.id AS trainee_id, trainee.level, result.id AS result_id, json_array_length(result.tools) AS tools,
-                    row_number() OVER (PARTITION BY trainee.id ORDER BY session.recorded_at_ms DESC, session.id DESC) AS back,
+             SELECT trainee.id AS trainee_id, trainee.level, result.id AS result_id,
+                    json_array_length(result.tools) AS tools,
+                    row_number() OVER (PARTITION BY trainee.id
+                        ORDER BY session.recorded_at_ms DESC, session.id DESC) AS back,
                     max(session.recorded_at_ms) OVER (PARTITION BY trainee.id) AS last_ms
              FROM session JOIN trainee ON trainee.id = session.trainee_id
              JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
@@ -124,11 +126,13 @@ impl SkillModelStore<'_> {
         self.0
             .write(async move |tx| {
                 let insert = sqlx::query(
-                    "INSERT INTO skill_model (id, task_id, version, pipeline, fingerprint, definition, report, person_id,
-                                              created_at_ms)
-                     SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM skill_model WHERE task_id = $2",
+                    "INSERT INTO skill_model (id, task_id, version, pipeline, fingerprint, definition, report,
+                     person_id, created_at_ms)
+                     SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM skill_model
+                     WHERE task_id = $2",
                 );
-                let insert = insert.bind(id).bind(of).bind(new.pipeline).bind(new.fingerprint).bind(Json(new.definition));
+                let insert =
+                    insert.bind(id).bind(of).bind(new.pipeline).bind(new.fingerprint).bind(Json(new.definition));
                 let insert = insert.bind(Json(new.report)).bind(by.person()).bind(now_ms);
                 insert.execute(&mut *tx).await.map_err(super::error::missing("task"))?;
                 for trainee in new.trainees {
@@ -212,7 +216,8 @@ pub(super) async fn withdraw(tx: &mut SqliteConnection, trainee: TraineeId, now_
 /// sessions, since they may include this one.
 pub(super) async fn withdraw_of_session(tx: &mut SqliteConnection, session: SessionId, now_ms: i64) -> StoreResult<()> {
     let sql = "UPDATE skill_model SET definition = NULL, withdrawn_at_ms = $2 WHERE definition IS NOT NULL
-               AND task_id = (SELECT task_id FROM session WHERE id = $1) AND id IN (SELECT model_id FROM skill_model_trainee
+               AND task_id = (SELECT task_id FROM session WHERE id = $1)
+               AND id IN (SELECT model_id FROM skill_model_trainee
                               WHERE trainee_id = (SELECT trainee_id FROM session WHERE id = $1))";
     sqlx::query(sql).bind(session).bind(now_ms).execute(tx).await?;
     Ok(())

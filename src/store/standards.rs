@@ -76,7 +76,8 @@ impl StandardStore<'_> {
             "SELECT standard.id, task_id, version, definition, person.name AS who, standard.created_at_ms
              FROM standard LEFT JOIN person ON person.id = standard.person_id
              WHERE task_id IN (SELECT value FROM json_each($3)) AND $1 <> 'agent'
-               AND version = (SELECT max(latest.version) FROM standard AS latest WHERE latest.task_id = standard.task_id)",
+               AND version = (SELECT max(latest.version) FROM standard AS latest
+                   WHERE latest.task_id = standard.task_id)",
         );
         Ok(rows.bind_scope(scope).bind(Json(tasks)).fetch_all(self.0.readers()).await?)
     }

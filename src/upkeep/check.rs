@@ -52,8 +52,8 @@ impl fmt::Display for Finding {
                 let frames = ranges.join(", ");
                 write!(
                     f,
-                    "feed {id} has damaged records and lacks the frames {frames}: those that were acknowledged to its sender \
-                     are lost; it sends the others again when it connects"
+                    "feed {id} has damaged records and lacks the frames {frames}: those that were acknowledged to its \
+                     sender are lost; it sends the others again when it connects"
                 )
             }
             Finding::OrphanFeed(id) => write!(f, "log that no feed needs: {id} (the service removes it)"),

@@ -46,7 +46,10 @@ async fn recover_upload(
         Err(error) => return Err(error.into()),
     };
     if there < upload.received {
-        tracing::error!(upload = %upload.id, noted = upload.received, there, "acknowledged bytes lost; upload set back; check the disk");
+        tracing::error!(
+            upload = %upload.id, noted = upload.received, there,
+            "acknowledged bytes lost; upload set back; check the disk"
+        );
         store.uploads().set_back(upload.id, there).await?;
         recovered.set_back_uploads += 1;
     } else if upload.received == upload.length {

@@ -232,7 +232,10 @@ impl IncomingFile {
 impl Drop for IncomingFile {
     fn drop(&mut self) {
         if !self.finished && disk::remove(&self.path).is_err() {
-            tracing::warn!(path = %self.path.display(), "could not remove an unfinished file; the next start removes it");
+            tracing::warn!(
+                path = %self.path.display(),
+                "could not remove an unfinished file; the next start removes it"
+            );
         }
     }
 }

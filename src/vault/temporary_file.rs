@@ -72,7 +72,10 @@ impl TemporaryFile {
 impl Drop for TemporaryFile {
     fn drop(&mut self) {
         if disk::remove(&self.path).is_err() {
-            tracing::warn!(path = %self.path.display(), "could not remove an unfinished file; the next start removes it");
+            tracing::warn!(
+                path = %self.path.display(),
+                "could not remove an unfinished file; the next start removes it"
+            );
         }
     }
 }

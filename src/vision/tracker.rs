@@ -142,7 +142,8 @@ impl Tracker {
             let tool = &mut self.tools[i];
             let result = tool.observe(&scene);
             if result.advance.observed {
-                outlines[i] = tool.last_outline(); // hide others by the measured position, no longer by the expected one
+                // It hides others by its measured position, no longer by the expected one.
+                outlines[i] = tool.last_outline();
             }
             seen.push((i, result));
         }

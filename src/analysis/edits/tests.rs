@@ -191,14 +191,17 @@ fn an_edit_is_brought_within_the_recording_or_refused() {
 
 proptest! {
     #[test]
-    fn a_swap_made_twice_is_none_and_a_trim_comes_before_or_after(from in 0.0..8.0f64, for_s in 1.0..5.0f64, at in 0.0..9.0f64) {
+    fn a_swap_made_twice_is_none_and_a_trim_comes_before_or_after(
+        from in 0.0..8.0f64, for_s in 1.0..5.0f64, at in 0.0..9.0f64,
+    ) {
         let (paths, unmeasured) = paths();
         let swap = EditChange::Swap(pair(), [at, at + 3.0]);
         let twice = apply_edits(&paths, &[swap.clone(), swap.clone()], &unmeasured);
         prop_assert_eq!(&twice.smoothed, &paths.smoothed);
         prop_assert_eq!(&twice.tracking, &paths.tracking);
         let trim = EditChange::Trim([from, from + for_s]);
-        let both = [[swap.clone(), trim.clone()], [trim, swap]].map(|changes| apply_edits(&paths, &changes, &unmeasured));
+        let orders = [[swap.clone(), trim.clone()], [trim, swap]];
+        let both = orders.map(|changes| apply_edits(&paths, &changes, &unmeasured));
         prop_assert_eq!(&both[0], &both[1]);
         // Every frame is measured, bridged or missing, and each gap is missing.
         for tool in &both[0].tracking.as_ref().unwrap().quality.tools {

@@ -105,7 +105,8 @@ proptest! {
 
     #[test]
     fn every_missing_frame_is_sent_exactly_once(
-        frames in 1u64..400, spans in prop::collection::vec((0u64..400, 0u64..60), 0..5), later in 0u64..200, is_live: bool,
+        frames in 1u64..400, spans in prop::collection::vec((0u64..400, 0u64..60), 0..5), later in 0u64..200,
+        is_live: bool,
     ) {
         let (_folder, mut spool, id) = with(frames);
         let mut durable = FrameNumbers::default();

@@ -54,7 +54,8 @@ proptest! {
     fn a_cut_costs_only_what_lies_behind_it(frames in 1u64..40, acknowledged in 0u64..40, cut in 0.0f64..=1.0) {
         let (folder, mut spool, id) = spool(SMALL);
         add(&mut spool, 0..frames);
-        let durable = if acknowledged > 0 { numbers(&[[0, acknowledged.min(frames) - 1]]) } else { FrameNumbers::default() };
+        let acknowledged = acknowledged.min(frames);
+        let durable = if acknowledged > 0 { numbers(&[[0, acknowledged - 1]]) } else { FrameNumbers::default() };
         spool.acknowledge(id, durable.clone()).unwrap();
         let (before, _) = held(&mut spool, id);
         let last = files(&spool, id).pop().unwrap();
@@ -81,7 +82,9 @@ proptest! {
 
     /// A full spool keeps the newest frames, and every number is a frame, durable, or in a gap.
     #[test]
-    fn a_full_spool_keeps_the_newest_and_records_gaps_for_the_rest(frames in 81u64..400, acknowledged in 0u64..30, reopened: bool) {
+    fn a_full_spool_keeps_the_newest_and_records_gaps_for_the_rest(
+        frames in 81u64..400, acknowledged in 0u64..30, reopened: bool,
+    ) {
         let (folder, mut spool, id) = spool(SMALL);
         add(&mut spool, 0..60);
         let durable = if acknowledged > 0 { numbers(&[[0, acknowledged - 1]]) } else { FrameNumbers::default() };

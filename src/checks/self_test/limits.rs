@@ -38,8 +38,8 @@ pub const FOCAL_CHANGE: QualityLimits = at_most(0.01, 0.02);
 /// not show the change.
 pub const MAX_FOCAL_SIGMA: f64 = 0.005;
 
-/// Distance of the rod's trocar from its position in the box's sessions, mm: as for a session ([`MAX_DISPLACEMENT_MM`]). Never
-/// red: a moved camera still measures correctly, only in another place.
+/// Distance of the rod's trocar from its position in the box's sessions, mm: as for a session
+/// ([`MAX_DISPLACEMENT_MM`]). Never red: a moved camera still measures correctly, only in another place.
 pub const TROCAR_MM: QualityLimits =
     QualityLimits { better: BetterDirection::Less, care: Some(MAX_DISPLACEMENT_MM), refuse: None };
 

@@ -264,8 +264,9 @@ fn place(findings: &SelfTestFindings) -> Option<PartVerdict> {
 /// Checks the colours as they were marked, and in today's picture. Without today's picture the part is not measured,
 /// unless the marked colours are red.
 fn colours(findings: &SelfTestFindings) -> PartVerdict {
-    const CLEAR: &str = "take everything that has the tape's colour out of the box, and keep the light as it was; if this \
-                         does not help, mark the tapes again or use tape of another colour (`trocar palette --advise`)";
+    const CLEAR: &str = "take everything that has the tape's colour out of the box, and keep the light as it was; if \
+                         this does not help, mark the tapes again or use tape of another colour (`trocar palette \
+                         --advise`)";
     let today = findings.false_regions.iter().map(|(colour, of_tape)| LimitCheck {
         figure: *of_tape,
         limits: limits::FALSE_TAPE,

@@ -64,7 +64,8 @@ fn errors(errors: &ErrorSummary) -> Value {
 }
 
 fn honesty(honesty: SigmaCheck) -> Value {
-    let by = |of: fn(&SigmaCoverage) -> Value| json!({ "lateral": of(&honesty.lateral), "depth": of(&honesty.depth), "3d": of(&honesty.three_d) });
+    let SigmaCheck { lateral, depth, three_d, .. } = &honesty;
+    let by = |of: fn(&SigmaCoverage) -> Value| json!({ "lateral": of(lateral), "depth": of(depth), "3d": of(three_d) });
     let mut value = by(|share| json!(share.inside));
     value["rows"] = json!(honesty.rows);
     value["interval"] = by(|share| json!(share.interval));

@@ -10,7 +10,8 @@ use super::{CommandFailure, print_result};
 /// Arguments of `trocar palette`.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Exit status of --check: 0 if every colour is good or at risk, 1 if one is bad, 2 if the input cannot be used."
+    after_help = "Exit status of --check: 0 if every colour is good or at risk, 1 if one is bad, 2 if the input cannot \
+                  be used."
 )]
 pub struct PaletteArgs {
     /// Rank tapes for this empty box: a photo (JPEG, PNG) or a video; only the first frame of a video is used.

@@ -160,7 +160,8 @@ pub enum AnnotationsError {
     ReservedName(String),
     /// A name that is not allowed.
     #[error(
-        "`{0}…` cannot be a tool's name: use at most {MAX_TOOL_NAME_LENGTH} characters and begin with a letter or a digit"
+        "`{0}…` cannot be a tool's name: use at most {MAX_TOOL_NAME_LENGTH} characters and begin with a letter or a \
+         digit"
     )]
     InvalidName(String),
     /// More colours than the tracker can distinguish.
@@ -188,7 +189,8 @@ pub enum AnnotationsError {
     },
     /// A rectangle that reaches outside the frame.
     #[error(
-        "rectangle {index} (`{label}`, frame {frame}) spans x {x}..{right}, y {y}..{bottom}, outside the {width}×{height} frame"
+        "rectangle {index} (`{label}`, frame {frame}) spans x {x}..{right}, y {y}..{bottom}, outside the \
+         {width}×{height} frame"
     )]
     OutsideFrame {
         /// Position in the file, from 0.

@@ -39,7 +39,10 @@ pub struct SignInResponse {
 
 /// Sign in and receive a cookie
 #[utoipa::path(post, path = "/sign-in", tag = "sign-in", request_body = Credentials, security(()),
-    responses((status = OK, body = SignInResponse, headers(("Set-Cookie" = String, description = "`__Host-trocar`; ends after 30 minutes without a request and after 12 hours at the latest")))))]
+    responses((status = OK, body = SignInResponse,
+            headers(("Set-Cookie" = String,
+                    description = "`__Host-trocar`; ends after 30 minutes without a request and after 12 hours at the \
+                                   latest")))))]
 pub async fn sign_in(
     State(app): State<App>,
     ConnectInfo(peer): ConnectInfo<SocketAddr>,
@@ -82,7 +85,8 @@ pub struct PasswordChange {
 /// Change the own password
 ///
 /// Signs the account out in every browser.
-#[utoipa::path(post, path = "/me/password", tag = "sign-in", request_body = PasswordChange, responses((status = NO_CONTENT)))]
+#[utoipa::path(post, path = "/me/password", tag = "sign-in", request_body = PasswordChange,
+    responses((status = NO_CONTENT)))]
 pub async fn change_password(
     State(app): State<App>,
     ConnectInfo(peer): ConnectInfo<SocketAddr>,

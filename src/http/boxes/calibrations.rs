@@ -54,7 +54,8 @@ impl From<store::CalibrationRecord> for CalibrationResponse {
 }
 
 /// Read the calibration in use, as camera.json
-#[utoipa::path(get, path = "/boxes/{id}/camera", tag = "boxes", params(("id" = String, Path, description = "id or code")),
+#[utoipa::path(get, path = "/boxes/{id}/camera", tag = "boxes",
+    params(("id" = String, Path, description = "id or code")),
     responses((status = OK, description = "camera.json in OpenCV's convention", body = Object)))]
 pub async fn camera(State(app): State<App>, by: Member, PathKey(key): PathKey) -> HandlerResult<Json<CameraFile>> {
     let of = app.store.boxes().get(&by.scope, &key).await?;
@@ -65,7 +66,8 @@ pub async fn camera(State(app): State<App>, by: Member, PathKey(key): PathKey) -
 /// Set the box's calibration from a camera.json
 ///
 /// It becomes the next version and is used from now on.
-#[utoipa::path(put, path = "/boxes/{id}/camera", tag = "boxes", params(("id" = String, Path, description = "id or code")),
+#[utoipa::path(put, path = "/boxes/{id}/camera", tag = "boxes",
+    params(("id" = String, Path, description = "id or code")),
     request_body(content = Object, description = "camera.json: width, height, fx, fy, cx, cy, k1, k2, p1, p2, k3"),
     responses((status = OK, body = CalibrationResponse)))]
 pub async fn put_camera(
@@ -84,7 +86,8 @@ pub async fn put_camera(
 
 /// List the versions of a box's calibration, newest first
 #[utoipa::path(get, path = "/boxes/{id}/calibrations", tag = "boxes",
-    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = PageResponse<CalibrationResponse>)))]
+    params(("id" = String, Path, description = "id or code")),
+    responses((status = OK, body = PageResponse<CalibrationResponse>)))]
 pub async fn calibrations(
     State(app): State<App>,
     by: Member,
@@ -116,7 +119,8 @@ pub struct BoardForm {
 /// A job computes the next version of the calibration.
 #[utoipa::path(post, path = "/boxes/{id}/calibrations", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
-    request_body(content = BoardForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = QueuedJobResponse)))]
+    request_body(content = BoardForm, content_type = "multipart/form-data"),
+    responses((status = ACCEPTED, body = QueuedJobResponse)))]
 pub async fn calibrate(
     State(app): State<App>,
     by: Staff,

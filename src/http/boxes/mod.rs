@@ -68,7 +68,8 @@ impl App {
 }
 
 /// List the boxes
-#[utoipa::path(get, path = "/boxes", tag = "boxes", params(Paging), responses((status = OK, body = PageResponse<BoxResponse>)))]
+#[utoipa::path(get, path = "/boxes", tag = "boxes", params(Paging),
+    responses((status = OK, body = PageResponse<BoxResponse>)))]
 pub async fn list(
     State(app): State<App>,
     by: Member,
@@ -84,7 +85,8 @@ pub async fn list(
 }
 
 /// Register a box
-#[utoipa::path(post, path = "/boxes", tag = "boxes", request_body = NewBox, responses((status = CREATED, body = BoxResponse)))]
+#[utoipa::path(post, path = "/boxes", tag = "boxes", request_body = NewBox,
+    responses((status = CREATED, body = BoxResponse)))]
 pub async fn create(State(app): State<App>, by: Staff, Json(new): Json<NewBox>) -> HandlerResult<Created<BoxResponse>> {
     let made = app.store.boxes().create(&by.scope, new).await?;
     let location = format!("/api/v1/boxes/{}", made.id);

@@ -56,7 +56,8 @@ impl From<store::PaletteRecord> for PaletteResponse {
 
 /// List the versions of a box's colours, newest first
 #[utoipa::path(get, path = "/boxes/{id}/palette", tag = "boxes",
-    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = PageResponse<PaletteResponse>)))]
+    params(("id" = String, Path, description = "id or code")),
+    responses((status = OK, body = PageResponse<PaletteResponse>)))]
 pub async fn palette(
     State(app): State<App>,
     by: Member,
@@ -86,7 +87,8 @@ pub struct PaletteForm {
 /// A job learns the next version of the colours.
 #[utoipa::path(put, path = "/boxes/{id}/palette", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
-    request_body(content = PaletteForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = QueuedJobResponse)))]
+    request_body(content = PaletteForm, content_type = "multipart/form-data"),
+    responses((status = ACCEPTED, body = QueuedJobResponse)))]
 pub async fn put_palette(
     State(app): State<App>,
     by: Staff,
@@ -161,7 +163,8 @@ pub struct AdviceForm {
 /// the ranking.
 #[utoipa::path(post, path = "/boxes/{id}/palette/advice", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
-    request_body(content = AdviceForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = QueuedJobResponse)))]
+    request_body(content = AdviceForm, content_type = "multipart/form-data"),
+    responses((status = ACCEPTED, body = QueuedJobResponse)))]
 pub async fn advise(
     State(app): State<App>,
     by: Staff,

@@ -33,7 +33,8 @@ pub struct PhotoForm {
 /// Answers with the board's corners, or with the reason why they were not found. Nothing is stored.
 #[utoipa::path(post, path = "/boxes/{id}/calibrations/check", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
-    request_body(content = PhotoForm, content_type = "multipart/form-data"), responses((status = OK, body = PhotoCheck)))]
+    request_body(content = PhotoForm, content_type = "multipart/form-data"),
+    responses((status = OK, body = PhotoCheck)))]
 pub async fn check_photo(
     State(app): State<App>,
     by: Staff,
@@ -63,7 +64,8 @@ pub async fn check_photo(
 #[utoipa::path(post, path = "/boxes/{id}/palette/preview", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     request_body(content = PaletteForm, content_type = "multipart/form-data",
-        description = "The same form as for learning the colours, but with pictures only, at most 8. Frames without marks may be included."),
+        description = "The same form as for learning the colours, but with pictures only, at most 8. Frames without \
+                       marks may be included."),
     responses((status = OK, body = PalettePreview)))]
 pub async fn preview_palette(
     State(app): State<App>,

@@ -75,7 +75,8 @@ impl App {
 
 /// List a box's self-tests, newest first
 #[utoipa::path(get, path = "/boxes/{id}/self-tests", tag = "boxes",
-    params(("id" = String, Path, description = "id or code"), Paging), responses((status = OK, body = PageResponse<SelfTestResponse>)))]
+    params(("id" = String, Path, description = "id or code"), Paging),
+    responses((status = OK, body = PageResponse<SelfTestResponse>)))]
 pub async fn self_tests(
     State(app): State<App>,
     by: Member,
@@ -109,7 +110,8 @@ pub struct SelfTestForm {
 /// A job checks the recording and sets the box's traffic light.
 #[utoipa::path(post, path = "/boxes/{id}/self-tests", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
-    request_body(content = SelfTestForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = QueuedJobResponse)))]
+    request_body(content = SelfTestForm, content_type = "multipart/form-data"),
+    responses((status = ACCEPTED, body = QueuedJobResponse)))]
 pub async fn test(
     State(app): State<App>,
     by: Staff,
@@ -125,7 +127,8 @@ pub async fn test(
     let (board, square_mm) = board.or_else(|| calibration.camera.board()).ok_or_else(|| {
         ProblemResponse::invalid(
             "board",
-            "is missing, and the calibration does not name its board; give the inner corners, such as 9x6, and square_mm",
+            "is missing, and the calibration does not name its board; give the inner corners, such as 9x6, and \
+             square_mm",
         )
     })?;
     let input = SelfTestInput {

@@ -59,7 +59,8 @@ impl OwnCourseResponse {
 ///
 /// Instructors see the courses of the groups that they teach.
 #[utoipa::path(get, path = "/trainees/{id}/course", tag = "courses",
-    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = PageResponse<OwnCourseResponse>)))]
+    params(("id" = String, Path, description = "id or code")),
+    responses((status = OK, body = PageResponse<OwnCourseResponse>)))]
 pub async fn of_trainee(
     State(app): State<App>,
     by: Member,

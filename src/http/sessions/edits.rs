@@ -165,7 +165,8 @@ impl App {
                 .map_err(|cause| ProblemResponse::internal("reading a stored trajectory", cause))?;
             if paths.tracking.is_none() && !is_import {
                 return Err(Refusal::Conflict.with(
-                    "An older version of the program tracked this session, and its result cannot be edited. Track the session again, then edit it.",
+                    "An older version of the program tracked this session, and its result cannot be edited. Track the \
+                     session again, then edit it.",
                 ));
             }
             Ok((check_edit(&paths, &in_force, change)?, Some(in_force.revision)))

@@ -26,7 +26,8 @@ use crate::store::SessionResult;
 #[utoipa::path(get, path = "/sessions/{id}/video", tag = "sessions", params(("id" = String, Path, description = "id")),
     responses((status = OK, description = "The recording as it was sent", content_type = "video/*"),
         (status = PARTIAL_CONTENT, description = "The requested part", content_type = "video/*"),
-        (status = 416, description = "Refused: `range-not-satisfiable`", content_type = "application/problem+json", body = ProblemDocument)))]
+        (status = 416, description = "Refused: `range-not-satisfiable`", content_type = "application/problem+json",
+            body = ProblemDocument)))]
 pub async fn video(
     State(app): State<App>,
     by: Member,
@@ -77,7 +78,8 @@ pub struct FrameRangeQuery {
 /// trimmed off are included.
 #[utoipa::path(get, path = "/sessions/{id}/diagnostics", tag = "sessions",
     params(("id" = String, Path, description = "id"), FrameRangeQuery),
-    responses((status = OK, description = "Columns: borders and tips in pixels of the recorded frame, reasons", body = Object)))]
+    responses((status = OK, description = "Columns: borders and tips in pixels of the recorded frame, reasons",
+            body = Object)))]
 pub async fn diagnostics(
     State(app): State<App>,
     by: Member,
@@ -126,7 +128,8 @@ fn diagnostics_part(
 /// The problem for a session that was imported from another tracker: it has no recording.
 fn no_video(tracker: &TrackerName) -> ProblemResponse {
     Refusal::Conflict.with(format!(
-        "The session was imported from {tracker} and has no video. Read its path at `trajectory`; the session holds its features."
+        "The session was imported from {tracker} and has no video. Read its path at `trajectory`; the session holds \
+         its features."
     ))
 }
 
@@ -136,7 +139,8 @@ impl App {
         let result = self.store.sessions().result(scope, id).await?;
         result.ok_or_else(|| {
             Refusal::Conflict.with(
-                "The session is not tracked yet. Wait until its status is `done`. If tracking failed, `error` of the session gives the reason.",
+                "The session is not tracked yet. Wait until its status is `done`. If tracking failed, `error` of the \
+                 session gives the reason.",
             )
         })
     }

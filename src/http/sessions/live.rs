@@ -201,7 +201,8 @@ pub async fn live(
     let upgrade = upgrade.max_message_size(1024).max_frame_size(1024).read_buffer_size(1024).write_buffer_size(0);
     Ok(upgrade.on_upgrade(move |socket| async move {
         let shutdown = watcher.app.shutdown.clone();
-        let _ = shutdown.spawn(async move { watcher.run_and_close(socket).await }).await; // a panic is logged where it happened
+        let talk = shutdown.spawn(async move { watcher.run_and_close(socket).await });
+        let _ = talk.await; // a panic is logged where it happened
         drop(place);
     }))
 }
@@ -234,7 +235,8 @@ impl Watcher {
             () = ending => {}
         }
         let frame = CloseFrame { code: 1000, reason: "".into() };
-        let _ = timeout(SEND_TIMEOUT, socket.send(Message::Close(Some(frame)))).await; // the watcher may be gone already
+        // The watcher may be gone already.
+        let _ = timeout(SEND_TIMEOUT, socket.send(Message::Close(Some(frame)))).await;
     }
 
     /// Sends messages until the recording has ended.

@@ -45,7 +45,8 @@ pub struct SessionsQuery {
 }
 
 /// List the sessions that the caller may see, newest first
-#[utoipa::path(get, path = "/sessions", tag = "sessions", params(SessionsQuery), responses((status = OK, body = PageResponse<SessionResponse>)))]
+#[utoipa::path(get, path = "/sessions", tag = "sessions", params(SessionsQuery),
+    responses((status = OK, body = PageResponse<SessionResponse>)))]
 pub async fn list(
     State(app): State<App>,
     by: Member,

@@ -40,7 +40,8 @@ pub struct SendQuery {
 /// problem names its `session`. If the connection breaks, the recording has to be sent again from the beginning: over
 /// poor connections use `/uploads`, which resumes.
 #[utoipa::path(post, path = "/sessions", tag = "sessions", params(SendQuery),
-    request_body(content = Vec<u8>, content_type = "application/octet-stream", description = "The video: MP4/MOV, Matroska/WebM, AVI or MPEG-TS"),
+    request_body(content = Vec<u8>, content_type = "application/octet-stream",
+        description = "The video: MP4/MOV, Matroska/WebM, AVI or MPEG-TS"),
     responses((status = CREATED, body = SessionResponse)))]
 pub async fn send(
     State(app): State<App>,

@@ -100,7 +100,7 @@ pub struct FeatureResponse {
     /// Group of features: `time`, `speed`, `path`, `smoothness`, `movements`, `two_hands` or `view`; `null` if the
     /// feature is no longer measured.
     family: Option<&'static str>,
-    /// Unit of `value`; empty for a pure number.
+    /// Unit of `value`; `1` for shares, counts and ratios.
     unit: String,
     /// The tool's marker; `null` for a feature of the whole session.
     tool: Option<String>,

@@ -44,7 +44,8 @@ impl From<store::TaskRecord> for TaskResponse {
 }
 
 /// List the tasks
-#[utoipa::path(get, path = "/tasks", tag = "tasks", params(Paging), responses((status = OK, body = PageResponse<TaskResponse>)))]
+#[utoipa::path(get, path = "/tasks", tag = "tasks", params(Paging),
+    responses((status = OK, body = PageResponse<TaskResponse>)))]
 pub async fn list(
     State(app): State<App>,
     by: Member,
@@ -56,7 +57,8 @@ pub async fn list(
 }
 
 /// Register a task
-#[utoipa::path(post, path = "/tasks", tag = "tasks", request_body = NewTask, responses((status = CREATED, body = TaskResponse)))]
+#[utoipa::path(post, path = "/tasks", tag = "tasks", request_body = NewTask,
+    responses((status = CREATED, body = TaskResponse)))]
 pub async fn create(
     State(app): State<App>,
     by: Staff,

@@ -64,7 +64,8 @@ impl SkillModelResponse {
 ///
 /// The first one is in use.
 #[utoipa::path(get, path = "/tasks/{id}/models", tag = "tasks",
-    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = PageResponse<SkillModelResponse>)))]
+    params(("id" = String, Path, description = "id or code")),
+    responses((status = OK, body = PageResponse<SkillModelResponse>)))]
 pub async fn models(
     State(app): State<App>,
     by: Member,
@@ -82,7 +83,8 @@ pub async fn models(
 /// people of a level. It takes some minutes and continues if the client disconnects; one model is trained at a time.
 /// Training is refused with fewer than eight people of a level; `missing` then gives the number of people still needed.
 #[utoipa::path(post, path = "/tasks/{id}/models", tag = "tasks",
-    params(("id" = String, Path, description = "id or code")), responses((status = CREATED, body = SkillModelResponse)))]
+    params(("id" = String, Path, description = "id or code")),
+    responses((status = CREATED, body = SkillModelResponse)))]
 pub async fn train_model(
     State(app): State<App>,
     by: Administrator,

@@ -27,7 +27,8 @@ pub struct RatingFormQuery {
 /// complete ratings of people who were rated by the same raters; each person counts once, with the newest such session.
 /// Limited to people that the caller may see.
 #[utoipa::path(get, path = "/tasks/{id}/agreement", tag = "ratings",
-    params(("id" = String, Path, description = "id or code"), RatingFormQuery), responses((status = OK, body = Agreement)))]
+    params(("id" = String, Path, description = "id or code"), RatingFormQuery),
+    responses((status = OK, body = Agreement)))]
 pub async fn agreement(
     State(app): State<App>,
     by: Staff,
@@ -43,7 +44,8 @@ pub async fn agreement(
 /// Spearman's ρ over people, computed from each person's means over the rated sessions, with 95 % intervals and
 /// p-values adjusted for the number of features. Limited to people that the caller may see.
 #[utoipa::path(get, path = "/tasks/{id}/correlations", tag = "ratings",
-    params(("id" = String, Path, description = "id or code"), RatingFormQuery), responses((status = OK, body = Correlations)))]
+    params(("id" = String, Path, description = "id or code"), RatingFormQuery),
+    responses((status = OK, body = Correlations)))]
 pub async fn correlations(
     State(app): State<App>,
     by: Staff,

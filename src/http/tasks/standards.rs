@@ -44,7 +44,8 @@ impl StandardResponse {
 ///
 /// The first one is in use.
 #[utoipa::path(get, path = "/tasks/{id}/standards", tag = "tasks",
-    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = PageResponse<StandardResponse>)))]
+    params(("id" = String, Path, description = "id or code")),
+    responses((status = OK, body = PageResponse<StandardResponse>)))]
 pub async fn standards(
     State(app): State<App>,
     by: Member,

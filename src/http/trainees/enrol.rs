@@ -64,7 +64,8 @@ fn enrolment_problem(problems: Vec<RowProblem>) -> ProblemResponse {
     let rows = problems.iter().map(|problem| problem.row).collect::<std::collections::BTreeSet<_>>().len();
     let what = if rows == 1 { "row cannot" } else { "rows cannot" };
     let detail = format!(
-        "{rows} {what} be used, so no trainee was enrolled. Correct the rows listed in `problems` and send the list again."
+        "{rows} {what} be used, so no trainee was enrolled. Correct the rows listed in `problems` and send the list \
+         again."
     );
     Refusal::Invalid.with(detail).member("problems", serde_json::json!(problems))
 }

@@ -41,7 +41,8 @@ impl From<store::TraineeRecord> for TraineeResponse {
 }
 
 /// List the trainees that the caller may see
-#[utoipa::path(get, path = "/trainees", tag = "trainees", params(Paging), responses((status = OK, body = PageResponse<TraineeResponse>)))]
+#[utoipa::path(get, path = "/trainees", tag = "trainees", params(Paging),
+    responses((status = OK, body = PageResponse<TraineeResponse>)))]
 pub async fn list(
     State(app): State<App>,
     by: Member,

@@ -52,7 +52,8 @@ pub struct TraineeProgressResponse {
 
 /// Read a trainee's progress in a task
 #[utoipa::path(get, path = "/trainees/{id}/progress", tag = "trainees",
-    params(("id" = String, Path, description = "id or code"), ProgressQuery), responses((status = OK, body = TraineeProgressResponse)))]
+    params(("id" = String, Path, description = "id or code"), ProgressQuery),
+    responses((status = OK, body = TraineeProgressResponse)))]
 pub async fn progress(
     State(app): State<App>,
     by: Member,

@@ -25,7 +25,8 @@ const MAX_STATEMENTS_PER_PAGE: u32 = 50;
 /// The format is that of a learning record store: `more` is the address of the next page, and empty on the last one.
 /// Sessions without a result and sessions that were set aside have no statement.
 #[utoipa::path(get, path = "/trainees/{id}/xapi", tag = "trainees",
-    params(("id" = String, Path, description = "id or code"), Paging), responses((status = OK, body = StatementResult)))]
+    params(("id" = String, Path, description = "id or code"), Paging),
+    responses((status = OK, body = StatementResult)))]
 pub async fn xapi(
     State(app): State<App>,
     by: Member,

@@ -19,7 +19,8 @@ use crate::intake::{Piece, UploadProgress};
 /// Read an upload's offset
 #[utoipa::path(head, path = "/uploads/{id}", tag = "uploads",
     params(("id" = String, Path, description = "id"), ("Tus-Resumable" = String, Header, description = "`1.0.0`")),
-    responses((status = OK, description = "`Upload-Offset`, `Upload-Length`; once the upload is complete, `Trocar-Session`")))]
+    responses((status = OK,
+            description = "`Upload-Offset`, `Upload-Length`; once the upload is complete, `Trocar-Session`")))]
 pub async fn progress(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Response> {
     let id = at.id()?;
     let received = app.intake.resume(&by.scope, id).await?;
@@ -40,7 +41,9 @@ pub async fn progress(State(app): State<App>, by: Member, at: PathKey) -> Handle
         ("Upload-Offset" = u64, Header, description = "Offset of the piece, bytes"),
         ("Upload-Checksum" = Option<String>, Header, description = "`sha1 BASE64` or `sha256 BASE64` of the piece")),
     request_body(content = Vec<u8>, content_type = "application/offset+octet-stream"),
-    responses((status = NO_CONTENT, description = "`Upload-Offset`; once the upload is complete, `Trocar-Session`, and `Trocar-Duplicate: true` if that session existed before")))]
+    responses((status = NO_CONTENT,
+            description = "`Upload-Offset`; once the upload is complete, `Trocar-Session`, and `Trocar-Duplicate: \
+                           true` if that session existed before")))]
 pub async fn append(State(app): State<App>, by: Member, at: PathKey, request: Request) -> HandlerResult<Response> {
     expect_piece(request.headers())?;
     let (offset, sum) = (header_number(request.headers(), &UPLOAD_OFFSET)?, checksum(request.headers())?);

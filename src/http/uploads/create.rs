@@ -15,7 +15,8 @@ use crate::intake::{RecordingDescription, UploadProgress};
 
 /// Read the supported version and extensions of tus
 #[utoipa::path(options, path = "/uploads", tag = "uploads",
-    responses((status = NO_CONTENT, description = "`Tus-Version`, `Tus-Extension`, `Tus-Max-Size`, `Tus-Checksum-Algorithm`")))]
+    responses((status = NO_CONTENT,
+            description = "`Tus-Version`, `Tus-Extension`, `Tus-Max-Size`, `Tus-Checksum-Algorithm`")))]
 pub async fn describe(State(app): State<App>, _by: Member) -> Response {
     let headers = [
         (TUS_VERSION, HeaderValue::from_static(VERSION)),
@@ -34,8 +35,10 @@ pub async fn describe(State(app): State<App>, _by: Member) -> Response {
     params(("Tus-Resumable" = String, Header, description = "`1.0.0`"),
         ("Upload-Length" = u64, Header, description = "Total number of bytes"),
         ("Upload-Metadata" = String, Header, description = "`key base64, …`")),
-    request_body(content = Vec<u8>, content_type = "application/offset+octet-stream", description = "The first piece, or an empty body"),
-    responses((status = CREATED, description = "`Location`: address of the upload; `Upload-Offset`, `Upload-Expires`")))]
+    request_body(content = Vec<u8>, content_type = "application/offset+octet-stream",
+        description = "The first piece, or an empty body"),
+    responses((status = CREATED,
+            description = "`Location`: address of the upload; `Upload-Offset`, `Upload-Expires`")))]
 pub async fn create(State(app): State<App>, by: Member, request: Request) -> HandlerResult<Response> {
     let headers = request.headers();
     let metadata = header_text(headers, &UPLOAD_METADATA)?.unwrap_or_default();

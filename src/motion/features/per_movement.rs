@@ -248,6 +248,7 @@ mod tests {
             }
         };
         let stroke = Span { first: 0, nodes: (0..=100).map(node).collect() };
-        assert!((normalised_jerk_of(&stroke, 0.02).unwrap() - 360f64.sqrt()).abs() < 0.02); // 40 mm in 2 s: ∫ j² = 720 · 40² / 2⁵
+        // 40 mm in 2 s: ∫ j² = 720 · 40² / 2⁵
+        assert!((normalised_jerk_of(&stroke, 0.02).unwrap() - 360f64.sqrt()).abs() < 0.02);
     }
 }

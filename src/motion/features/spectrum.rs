@@ -18,8 +18,10 @@ pub const TREMOR_SHARE: Feature = Feature {
     family: Family::Smoothness,
     unit: "1",
     direction: Direction::Lower,
-    description: "The share of the velocity's power that lies between 3 and 6 Hz, after the smoothing by the path's fit.",
-    source: "band power of 3–6 Hz, the strongest feature after jerk in a study of the JIGSAWS recordings; Welch's estimate",
+    description: "The share of the velocity's power that lies between 3 and 6 Hz, after the smoothing by the path's \
+                  fit.",
+    source: "band power of 3–6 Hz, the strongest feature after jerk in a study of the JIGSAWS recordings; Welch's \
+             estimate",
     range: (0.0, 1.0),
     spaces: IMAGE,
     windowed: false,

@@ -11,8 +11,8 @@ pub const MEAN_VELOCITY: Feature = Feature {
     family: Family::Speed,
     unit: "mm/s",
     direction: Direction::Neither,
-    description: "Mean over the seen time of the task of the speed. Skilled hands tend to be faster, but noise and haste \
-                  raise it too.",
+    description: "Mean over the seen time of the task of the speed. Skilled hands tend to be faster, but noise and \
+                  haste raise it too.",
     source: "thesis eq. 4.34",
     range: (0.0, 5_000.0),
     spaces: BOTH,

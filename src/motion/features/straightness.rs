@@ -36,9 +36,9 @@ pub const FULCRUM_PATH_RATIO: Feature = Feature {
     family: Family::Movements,
     unit: "1",
     direction: Direction::Lower,
-    description: "A movement's path length divided by the shortest way from its start to its end that retracts, turns about \
-                  the trocar and inserts, one after the other; median over the movements of at most 10 s, weighted by their \
-                  duration. 1 is that way; a hand that does all at once reaches 0.7.",
+    description: "A movement's path length divided by the shortest way from its start to its end that retracts, turns \
+                  about the trocar and inserts, one after the other; median over the movements of at most 10 s, \
+                  weighted by their duration. 1 is that way; a hand that does all at once reaches 0.7.",
     source: "ours, after Chmarra 2008: the straight line is no suitable reference",
     range: (0.7, MAX_RATIO),
     spaces: THREE_D,

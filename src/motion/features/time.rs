@@ -11,9 +11,9 @@ pub const DURATION: Feature = Feature {
     family: Family::Time,
     unit: "s",
     direction: Direction::Lower,
-    description: "Time from the start of the first movement to the end of the last, of the tool or, for the session, of \
-                  any tool. A movement is a stretch of at least 0.2 s in which the speed stays above 7 mm/s and reaches \
-                  10 mm/s.",
+    description: "Time from the start of the first movement to the end of the last, of the tool or, for the session, \
+                  of any tool. A movement is a stretch of at least 0.2 s in which the speed stays above 7 mm/s and \
+                  reaches 10 mm/s.",
     source: "thesis eq. 4.37; start and end rule after PerkTutor's hysteresis",
     range: (0.0, 86_400.0),
     spaces: THREE_D,

@@ -17,8 +17,8 @@ pub const ANGULAR_PATH: Feature = Feature {
     family: Family::Path,
     unit: "rad",
     direction: Direction::Lower,
-    description: "Sum of the angles through which the line from the trocar to the tip turns during the seen time of the \
-                  task.",
+    description: "Sum of the angles through which the line from the trocar to the tip turns during the seen time of \
+                  the task.",
     source: "Simball Box (angular distance), without the shaft's own roll",
     range: (0.0, 1e5),
     spaces: THREE_D,
@@ -48,7 +48,8 @@ pub const INSERTION_TRAVELLED: Feature = Feature {
     family: Family::Path,
     unit: "mm",
     direction: Direction::Lower,
-    description: "Sum of the changes of the tip's distance from the trocar, both ways: how far the hand pushes and pulls.",
+    description: "Sum of the changes of the tip's distance from the trocar, both ways: how far the hand pushes and \
+                  pulls.",
     source: "EndoViS and PerkTutor (depth perception along the trocar's axis)",
     range: (0.0, MAX_PATH_MM),
     spaces: THREE_D,

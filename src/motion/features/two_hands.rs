@@ -29,7 +29,8 @@ pub const TOGETHER_SHARE: Feature = Feature {
     family: Family::TwoHands,
     unit: "1",
     direction: Direction::Higher,
-    description: "Of the time at which both tools are seen and at least one is in a movement, the share in which both are.",
+    description: "Of the time at which both tools are seen and at least one is in a movement, the share in which both \
+                  are.",
     source: "ours: two-hand synchrony in time",
     range: (0.0, 1.0),
     spaces: THREE_D,
@@ -42,7 +43,8 @@ pub const ONE_HAND_SHARE: Feature = Feature {
     name: "one_hand_share",
     title: "Share of one hand alone",
     direction: Direction::Neither,
-    description: "Of the time at which both tools are seen, the share in which one is in a movement and the other is not.",
+    description: "Of the time at which both tools are seen, the share in which one is in a movement and the other is \
+                  not.",
     measures: &[MeasureFn::Pair(
         |a, b, settings| Ok(JointActivity::of(a, b, settings)?.share(|together| together.one)),
     )],
@@ -69,8 +71,8 @@ pub const SPEED_BALANCE: Feature = Feature {
     family: Family::TwoHands,
     unit: "1",
     direction: Direction::Higher,
-    description: "Mean of the slower tip's speed divided by the faster one's, over the instants at which both tools are seen and \
-                  at least one is in a movement.",
+    description: "Mean of the slower tip's speed divided by the faster one's, over the instants at which both tools \
+                  are seen and at least one is in a movement.",
     source: "AIMotion (speed balance), without the instants at which it would compare noise with noise",
     range: (0.0, 1.0),
     spaces: BOTH,
@@ -85,8 +87,8 @@ pub const HANDEDNESS: Feature = Feature {
     family: Family::TwoHands,
     unit: "1",
     direction: Direction::Neither,
-    description: "This tool's share of both tools' path length; 0.5 is balance, and at most 0.65 for either is SurgTrac's \
-                  target.",
+    description: "This tool's share of both tools' path length; 0.5 is balance, and at most 0.65 for either is \
+                  SurgTrac's target.",
     source: "SurgTrac",
     range: (0.0, 1.0),
     spaces: BOTH,

@@ -43,7 +43,8 @@ pub const HIDDEN_SHARE: Feature = Feature {
     name: "hidden_share",
     title: "Share behind the other tool",
     direction: Direction::Neither,
-    description: "Share of the task in which the tool was not seen because the other tool's tube was between it and the camera.",
+    description: "Share of the task in which the tool was not seen because the other tool's tube was between it and \
+                  the camera.",
     source: "ours: neither the hand's fault nor the tracker's",
     windowed: false,
     measures: &[MeasureFn::Tool(|motion, settings| share_by_cause(motion, settings, UnseenCause::Hidden))],
@@ -79,7 +80,8 @@ pub const LONGEST_ABSENCE: Feature = Feature {
     name: "longest_absence",
     title: "Longest time not seen",
     unit: "s",
-    description: "The longest time during the task, of more than 0.25 s, in which the tool was not seen, for any reason.",
+    description: "The longest time during the task, of more than 0.25 s, in which the tool was not seen, for any \
+                  reason.",
     source: "SurgTrac's time off-screen, in episodes",
     range: (0.0, 86_400.0),
     windowed: false,

@@ -63,7 +63,9 @@ proptest! {
     }
 
     #[test]
-    fn near_never_overlooks_a_ray_that_meets(solid in rod(), offset in (-9.0..9.0, -9.0..9.0, -9.0..9.0), aside in direction()) {
+    fn near_never_overlooks_a_ray_that_meets(
+        solid in rod(), offset in (-9.0..9.0, -9.0..9.0, -9.0..9.0), aside in direction(),
+    ) {
         let v = ray_near(&solid, Vector3::new(offset.0, offset.1, offset.2));
         if solid.meet(v).is_some() {
             let unit = v.normalize();
@@ -74,7 +76,9 @@ proptest! {
     }
 
     #[test]
-    fn a_tubes_silhouette_is_where_the_tangent_planes_say(tip in somewhere(), axis in direction(), behind in 2.0..24.0) {
+    fn a_tubes_silhouette_is_where_the_tangent_planes_say(
+        tip in somewhere(), axis in direction(), behind in 2.0..24.0,
+    ) {
         let tube = TapedTube::new(tip, axis, (4.0, 3.94), 26.0, 200.0);
         let on_axis: Point3<f64> = tip - axis * behind;
         // Seen along its own axis a tube shows its face and has no borders.

@@ -192,7 +192,8 @@ proptest! {
         let mut chance = Resampler::of([f64::from(seed)]);
         let at = exact(50.0, 120.0, 4.0);
         let rows = sessions(12, |number| at(number) + 5.0 * gauss(&mut chance));
-        let turned: Vec<NumberedValue> = rows.iter().map(|row| NumberedValue { value: -scale * row.value, ..*row }).collect();
+        let turn = |row: &NumberedValue| NumberedValue { value: -scale * row.value, ..*row };
+        let turned: Vec<NumberedValue> = rows.iter().map(turn).collect();
         let (one, other) = (curve(&rows, Direction::Lower), curve(&turned, Direction::Higher));
         prop_assert!((other.plateau.value + scale * one.plateau.value).abs() < 1e-4 * scale * one.plateau.value.abs());
         prop_assert!((other.tau_sessions.value - one.tau_sessions.value).abs() < 1e-4 * one.tau_sessions.value);

@@ -17,7 +17,7 @@ const OUTLIER_SIGMAS: f64 = 2.0;
 /// Standard deviation of a normal distribution that is cut off at ±2 σ, in σ: √(1 − 4φ(2)/(2Φ(2) − 1)).
 const TRIMMED_DEVIATION: f64 = 0.8796;
 
-/// The mean of the experts who lie within two standard deviations of the mean of all (jamasurgery 508246; PEERS 3.5),
+/// The mean of the experts who lie within two standard deviations of the mean of all (jamasurgery 508246; METHOD 7.1),
 /// with the mean's 95 % interval. Half of the experts miss it: it is a goal to train to, not a minimum.
 ///
 /// # Errors

@@ -1,5 +1,5 @@
-//! Target times of the Fundamentals of Laparoscopic Surgery (PEERS 4d, S80). They are external: measured with other
-//! boxes and hand-held clocks, not here.
+//! Target times that the Fundamentals of Laparoscopic Surgery (FLS) publish (METHOD 7.1). They are external: measured
+//! with other boxes and hand-held clocks, not here.
 
 use super::{FeatureTarget, TargetBasis};
 use crate::motion::features::Direction;

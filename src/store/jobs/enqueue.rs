@@ -69,7 +69,8 @@ pub(super) async fn raise_priority(tx: &mut SqliteConnection, id: JobId, turn: J
 /// Queues a failed or quarantined job again with all its attempts; `false` if it is in another state.
 pub(super) async fn requeue(tx: &mut SqliteConnection, id: JobId, now_ms: i64) -> StoreResult<bool> {
     let update = sqlx::query(
-        "UPDATE job SET state = 'queued', attempt = 0, progress = 0, problem = NULL, queued_at_ms = max($2, queued_at_ms),
+        "UPDATE job SET state = 'queued', attempt = 0, progress = 0, problem = NULL,
+         queued_at_ms = max($2, queued_at_ms),
                         started_at_ms = NULL, ended_at_ms = NULL
          WHERE id = $1 AND state IN ('failed', 'quarantined')",
     );

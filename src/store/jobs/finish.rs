@@ -80,7 +80,8 @@ impl JobStore<'_> {
                 end_as_done(tx, id, token, now_ms).await?;
                 let update = sqlx::query("UPDATE job SET advice = $2 WHERE id = $1").bind(id).bind(Json(advice));
                 update.execute(&mut *tx).await?;
-                sqlx::query("DELETE FROM job_file WHERE job_id = $1").bind(id).execute(&mut *tx).await?; // no longer used
+                let no_longer_used = sqlx::query("DELETE FROM job_file WHERE job_id = $1").bind(id);
+                no_longer_used.execute(&mut *tx).await?;
                 Ok(())
             })
             .await

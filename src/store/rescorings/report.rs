@@ -136,8 +136,10 @@ macro_rules! select_rescorings {
             "SELECT rescoring.id, rescoring.task_id, task.name AS task_name, task.code AS task_code, rescoring.source,
                     rescoring.only_older, rescoring.pipeline, standard.version AS standard, person.name AS who,
                     rescoring.created_at_ms, rescoring.cancelled_at_ms, rescoring.ended_at_ms,
-                    coalesce(sum(item.state = 'waiting'), 0) AS waiting, coalesce(sum(item.state = 'working'), 0) AS working,
-                    coalesce(sum(item.state = 'failed'), 0) AS failed, coalesce(sum(item.state = 'cancelled'), 0) AS cancelled, ",
+                    coalesce(sum(item.state = 'waiting'), 0) AS waiting,
+                    coalesce(sum(item.state = 'working'), 0) AS working,
+                    coalesce(sum(item.state = 'failed'), 0) AS failed,
+                    coalesce(sum(item.state = 'cancelled'), 0) AS cancelled, ",
             counts!(),
             " FROM rescoring JOIN task ON task.id = rescoring.task_id
               LEFT JOIN standard ON standard.id = rescoring.standard_id
@@ -174,7 +176,8 @@ impl RescoringStore<'_> {
         let rows = sqlx::query_as(
             "SELECT item.session_id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
                     session.recorded_at_ms, item.state, item.problem, item.old_result_id, item.new_result_id,
-                    item.judged_before, item.judged_after, item.judgement_changed, item.features_apart, item.features_changed
+                    item.judged_before, item.judged_after, item.judgement_changed, item.features_apart,
+                    item.features_changed
              FROM rescoring_item AS item JOIN session ON session.id = item.session_id
              JOIN trainee ON trainee.id = session.trainee_id
              WHERE item.rescoring_id = $1
@@ -209,7 +212,8 @@ impl RescoringStore<'_> {
               JOIN trainee ON trainee.id = session.trainee_id
               WHERE item.rescoring_id = $1 GROUP BY session.trainee_id
               HAVING (sum(item.judgement_changed), sum(item.features_apart > 0)) < ($2, $3)
-                  OR ((sum(item.judgement_changed), sum(item.features_apart > 0)) = ($2, $3) AND session.trainee_id > $4)
+                  OR ((sum(item.judgement_changed), sum(item.features_apart > 0)) = ($2, $3)
+                  AND session.trainee_id > $4)
               ORDER BY judgements DESC, apart DESC, session.trainee_id LIMIT $5"
         ));
         let rows = rows.bind(id).bind(numbers[0]).bind(numbers[1]).bind(last).bind(page.row_limit());

@@ -72,7 +72,8 @@ impl SessionStore<'_> {
         let rows = sqlx::query_as(waiting!(
             "json_extract(result.quality, '$.verdict') IS NOT 'refused' AND session.tracker IS NULL
              AND NOT EXISTS (SELECT 1 FROM rating WHERE rating.session_id = session.id)
-             AND session.task_id IN (SELECT rated.task_id FROM rating JOIN session AS rated ON rated.id = rating.session_id
+             AND session.task_id IN (SELECT rated.task_id
+                                     FROM rating JOIN session AS rated ON rated.id = rating.session_id
                                      WHERE rating.created_at_ms >= $5)"
         ));
         let rows = rows.bind_scope(scope).bind(since_ms).bind(most).bind(rated_since_ms);

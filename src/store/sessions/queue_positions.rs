@@ -24,7 +24,8 @@ macro_rules! places_in_queue {
          SELECT id, (SELECT count(*) FROM job WHERE state = 'queued' AND turn < asked.turn)
                     + sum((SELECT count(*) FROM job AS ahead WHERE ahead.state = 'queued' AND ahead.turn = asked.turn
                            AND (ahead.queued_at_ms, ahead.id) > (asked.last_ms, asked.last)
-                           AND (ahead.queued_at_ms, ahead.id) <= (asked.at_ms, +asked.id))) OVER (PARTITION BY turn ORDER BY at_ms, id)
+                           AND (ahead.queued_at_ms, ahead.id) <= (asked.at_ms, +asked.id)))
+                OVER (PARTITION BY turn ORDER BY at_ms, id)
          FROM asked"
     };
 }

@@ -115,7 +115,8 @@ impl SessionStore<'_> {
     /// One result of a session, current or not.
     pub async fn result_of(&self, scope: &Scope, id: SessionId, result: ResultId) -> StoreResult<SessionResult> {
         let row = sqlx::query_as::<_, SessionResultRow>(concat!(
-            "SELECT result.* FROM result JOIN session ON session.id = session_id WHERE session_id = $3 AND result.id = $4 AND ",
+            "SELECT result.* FROM result JOIN session ON session.id = session_id \
+             WHERE session_id = $3 AND result.id = $4 AND ",
             sees_trainee!("session.trainee_id"),
         ));
         let row = row.bind_scope(scope).bind(id).bind(result).fetch_optional(self.0.readers()).await?;
@@ -162,7 +163,8 @@ impl SessionStore<'_> {
     /// only scored or tracked again do not count, so that a long rescoring does not delay new sessions.
     pub async fn has_earlier_running(&self, of: BoxId, before: SessionOrderKey) -> StoreResult<bool> {
         let sql = "SELECT EXISTS (SELECT 1 FROM job JOIN session ON session.id = job.session_id
-                   WHERE job.state = 'running' AND job.turn < 2 AND session.box_id = $1 AND (session.created_at_ms, session.id) < ($2, $3))";
+                   WHERE job.state = 'running' AND job.turn < 2 AND session.box_id = $1
+                   AND (session.created_at_ms, session.id) < ($2, $3))";
         let SessionOrderKey(created_at_ms, session) = before;
         let found = sqlx::query_scalar(sql).bind(of).bind(created_at_ms).bind(session);
         Ok(found.fetch_one(self.0.readers()).await?)

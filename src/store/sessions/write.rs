@@ -110,8 +110,8 @@ async fn insert_session(
     blobs::record(tx, new.video, now_ms).await?;
     let id = SessionId::at(now_ms);
     let insert = sqlx::query(
-        "INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms, created_at_ms,
-                              tracker)
+        "INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms,
+         created_at_ms, tracker)
          VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)",
     );
     let insert = insert.bind(id).bind(new.trainee).bind(new.task).bind(new.in_box).bind(new.filename);

@@ -32,7 +32,8 @@ async fn a_plan_keeps_its_steps_in_their_order_and_is_changed_as_a_whole() {
     let ina = centre.person("ina", Role::Instructor, None).await.scope();
     ask_for_a_standard(&centre).await;
     let by_id = centre.task.id.to_string();
-    let steps = json!([{"task": "peg-transfer", "sessions": 3, "within_days": 7}, {"task": by_id}, {"task": by_id, "sessions": 1}]);
+    let first = json!({"task": "peg-transfer", "sessions": 3, "within_days": 7});
+    let steps = json!([first, {"task": by_id}, {"task": by_id, "sessions": 1}]);
     let made = make(&centre, &ina, "Basics", steps).await.unwrap();
     let asked: Vec<_> = made.steps.iter().map(|step| (step.task_id, step.within_days, step.sessions)).collect();
     let task = centre.task.id;

@@ -91,29 +91,32 @@ async fn invalid_rows_are_refused_from_any_writer() {
         "UPDATE job SET turn = 0 WHERE kind = 'track'",
         "UPDATE job SET kind = 'rescore' WHERE kind = 'palette'",
         "UPDATE session SET tracker = ''",
-        "INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms, created_at_ms)
+        "INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms,
+         created_at_ms)
          SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', trainee_id, task_id, box_id, filename, media_type,
          video, recorded_at_ms, created_at_ms FROM session",
-        "INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames, duration_s, tools,
-         quality, score, trajectory, diagnostics, preview, created_at_ms)
+        "INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames,
+         duration_s, tools, quality, score, trajectory, diagnostics, preview, created_at_ms)
          SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', session_id, pipeline, calibration_id, palette_id,
-         model, width, height, frames, duration_s, tools, quality, score, trajectory, diagnostics, preview, created_at_ms
-         FROM result",
+         model, width, height, frames, duration_s, tools, quality, score, trajectory, diagnostics, preview,
+         created_at_ms FROM result",
         "UPDATE result SET width = 0",
-        "INSERT INTO rescoring VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', (SELECT id FROM task), 'memory', 1, '8', NULL, NULL, 1,
-         NULL, NULL)",
+        "INSERT INTO rescoring VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', (SELECT id FROM task), 'memory', 1, '8',
+         NULL, NULL, 1, NULL, NULL)",
         "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 0, '{}', NULL, 1 FROM task",
         "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, 'no json', NULL, 1 FROM task",
         "UPDATE evidence SET rows = 'no json'",
-        "INSERT INTO rating SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 'charm', 1, '[]', 1, 1 FROM session",
-        "INSERT INTO rating SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 'goals', 1, '[]', 2, 1 FROM session",
+        "INSERT INTO rating SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 'charm', 1, '[]', 1, 1 \
+         FROM session",
+        "INSERT INTO rating SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 'goals', 1, '[]', 2, 1 \
+         FROM session",
         "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 5, 4, 'x', 1 FROM session",
         "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, -1, 4, 'x', 1 FROM session",
         "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 1, 4, '', 1 FROM session",
-        "INSERT INTO skill_model SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, '8', printf('%064d', 0), NULL, '{}', NULL, 1, NULL
-         FROM task",
-        "INSERT INTO skill_model SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, '8', 'short', '{}', '{}', NULL, 1, NULL
-         FROM task",
+        "INSERT INTO skill_model SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, '8', printf('%064d', 0), NULL,
+         '{}', NULL, 1, NULL FROM task",
+        "INSERT INTO skill_model SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, '8', 'short', '{}', '{}', NULL,
+         1, NULL FROM task",
         "INSERT INTO course VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', '', 1)",
         "INSERT INTO course_step SELECT 'nowhere', 0, id, NULL, NULL FROM task",
         "INSERT INTO course_step SELECT course.id, 0, task.id, -1, NULL FROM course, task",
@@ -121,9 +124,12 @@ async fn invalid_rows_are_refused_from_any_writer() {
         "INSERT INTO group_course SELECT training_group.id, course.id, 'tomorrow' FROM course, training_group",
         "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 1, 'expert', NULL, NULL, 1)",
         "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 0, NULL, NULL, 'nowhere', 1)",
-        "INSERT INTO person VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'administrator', 'plain text', NULL, 1)",
-        "INSERT INTO person VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'trainee', '$argon2id$x', NULL, 1)",
-        "INSERT INTO person VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'agent', '$argon2id$x', NULL, 1)",
+        "INSERT INTO person \
+         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'administrator', 'plain text', NULL, 1)",
+        "INSERT INTO person \
+         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'trainee', '$argon2id$x', NULL, 1)",
+        "INSERT INTO person \
+         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'agent', '$argon2id$x', NULL, 1)",
     ] {
         let written = sqlx::query(AssertSqlSafe(nonsense)).execute(&mut raw).await;
         let error = written.expect_err(nonsense).to_string();

@@ -15,13 +15,15 @@ use crate::store::{NewSkillModel, PageRequest, StoreError};
 fn model(trainees: &[TraineeId]) -> NewSkillModel {
     let share = json!({"value": 0.8, "low": 0.6, "high": 0.9, "people": 24});
     let report = json!({
-        "knows": true, "people": [8, 8, 8], "sessions": [8, 8, 8], "left_out": 0, "offered": 1, "accuracy": share, "balanced": 0.8,
-        "levels": [], "confusion": [], "baseline": {"permutations": 99, "mean": 0.33, "high": 0.5, "p": 0.01},
+        "knows": true, "people": [8, 8, 8], "sessions": [8, 8, 8], "left_out": 0, "offered": 1,
+        "accuracy": share, "balanced": 0.8, "levels": [], "confusion": [],
+        "baseline": {"permutations": 99, "mean": 0.33, "high": 0.5, "p": 0.01},
         "speaking": {"share": 0.9, "right": share, "of_level": [share, null, share]}, "chosen": [],
     });
     let definition = json!({
-        "tools": 1, "features": [{"feature": "duration", "mean": 60.0, "deviation": 20.0}], "learner": "lda", "parameter": "",
-        "scorer": {"kind": "linear", "weights": [[1.0], [0.0], [-1.0]], "offsets": [0.0, 0.0, 0.0]}, "temperature": 1.0, "doubt": 0.1,
+        "tools": 1, "features": [{"feature": "duration", "mean": 60.0, "deviation": 20.0}], "learner": "lda",
+        "parameter": "", "temperature": 1.0, "doubt": 0.1,
+        "scorer": {"kind": "linear", "weights": [[1.0], [0.0], [-1.0]], "offsets": [0.0, 0.0, 0.0]},
         "centres": [[1.0], [0.0], [-1.0]], "precision": [4.0], "limit": 3.0, "knows": true,
     });
     NewSkillModel {

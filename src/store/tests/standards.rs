@@ -83,7 +83,8 @@ async fn progress_reads_no_table_from_end_to_end() {
     ] {
         let rows = sqlx::query(sql).fetch_all(centre.store.readers()).await.unwrap();
         let plan: Vec<String> = rows.iter().map(|row| row.get("detail")).collect();
-        println!("\n{}\n  {}", sql.trim_start_matches("EXPLAIN QUERY PLAN "), plan.join("\n  ")); // `make progress-load`
+        // `make progress-load` shows this.
+        println!("\n{}\n  {}", sql.trim_start_matches("EXPLAIN QUERY PLAN "), plan.join("\n  "));
         assert!(plan.iter().any(|line| line == wanted), "{plan:#?}");
         let whole = ["SCAN session", "SCAN result", "SCAN feature", "SCAN job", "SCAN standard"];
         assert!(!plan.iter().any(|line| whole.iter().any(|scan| line.starts_with(scan))), "{plan:#?}");

@@ -15,7 +15,8 @@ pub struct Board {
 pub enum BoardProblem {
     /// Too few or too many inner corners to be found.
     #[error(
-        "a board of {columns}x{rows} inner corners is not supported; count the points where four squares meet, {}x{} to {}x{}",
+        "a board of {columns}x{rows} inner corners is not supported; count the points where four squares meet, {}x{} \
+         to {}x{}",
         Board::MIN_CORNERS,
         Board::MIN_CORNERS,
         Board::MAX_CORNERS,

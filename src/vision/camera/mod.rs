@@ -1,6 +1,6 @@
 //! The camera: which pixel shows a point in space, and how the camera is calibrated from photos of a checkerboard.
 //!
-//! [`model`] is the projection used everywhere; the other files make a camera from photos (METHOD section 1):
+//! [`model`] is the projection used everywhere; the other files make a camera from photos (METHOD 1):
 //!
 //! ```text
 //! luma plane → checkerboard::find → corners → calibrate (initial → refine → leave out) → Calibration

@@ -81,7 +81,8 @@ pub enum PhotoReason {
     },
     /// The corners contradict the camera that the other photos agree on.
     #[error(
-        "the corners are {rms_px:.2} px from where the camera of the other photos expects them: the board moved during the exposure, or zoom or focus changed"
+        "the corners are {rms_px:.2} px from where the camera of the other photos expects them: the board moved during \
+         the exposure, or zoom or focus changed"
     )]
     Misfit {
         /// Root mean square distance, px.
@@ -179,7 +180,8 @@ pub enum CalibrationProblem {
     },
     /// The board has nearly the same tilt in all photos.
     #[error(
-        "the board's tilt differs by only {widest_deg:.1}° between all photos, too little to find the focal length; take photos with the board tilted by 20° to 40° to different sides"
+        "the board's tilt differs by only {widest_deg:.1}° between all photos, too little to find the focal length; \
+         take photos with the board tilted by 20° to 40° to different sides"
     )]
     SamePose {
         /// Widest angle between two boards, degrees.
@@ -187,7 +189,8 @@ pub enum CalibrationProblem {
     },
     /// The photos do not determine the camera well enough.
     #[error(
-        "the focal length is uncertain by {percent:.0} %; take more photos, with the board tilted to different sides and near the edges of the picture"
+        "the focal length is uncertain by {percent:.0} %; take more photos, with the board tilted to different sides \
+         and near the edges of the picture"
     )]
     Undetermined {
         /// Standard deviation of the focal length, percent.
@@ -195,7 +198,8 @@ pub enum CalibrationProblem {
     },
     /// The photos contradict each other.
     #[error(
-        "the photos do not agree on one camera; take all photos with the same zoom and focus, use a flat board, and check the board's size"
+        "the photos do not agree on one camera; take all photos with the same zoom and focus, use a flat board, and \
+         check the board's size"
     )]
     Contradiction,
 }

@@ -1,4 +1,4 @@
-//! A tube's lean from the known length of its band (METHOD 4): a start for [`super::joint_fit`].
+//! A tube's lean from the known length of its band (METHOD 4.3): a start for [`super::joint_fit`].
 //!
 //! Both ends are seen in known directions. At a known mean depth two leans put them one band length apart: away from
 //! the camera, and towards it.

@@ -1,4 +1,4 @@
-//! The fulcrum: the fixed point of a tool's rotation, in its trocar (METHOD 4, *beyond*).
+//! The fulcrum: the fixed point of a tool's rotation, in its trocar (METHOD 4.4, *beyond*).
 //!
 //! The axis of every pose passes through it, within [`PLAY_MM`]. [`super::adjustment`] estimates it from all poses,
 //! and uses it to correct the lean, and through that the depth, of each pose.

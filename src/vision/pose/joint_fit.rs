@@ -1,5 +1,5 @@
 //! Fits a tube to all measured edges at once: borders, and one or both ends of the band, with five unknowns of the
-//! tube (METHOD 4, *known band length*).
+//! tube (METHOD 4.3).
 //!
 //! **In** edges with their point on the outline, their pixel and its standard deviation; a tube close to the truth.
 //! **Out** the best tube, its covariance, the RMS residual. **Method** Gauss–Newton with robust weights (Tukey).

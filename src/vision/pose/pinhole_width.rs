@@ -1,8 +1,8 @@
 //! `z ≈ f·D/width`: the thesis's method after Tonet (T 4.12–4.14), kept as the reference.
 //!
 //! It takes the width perpendicular to the midline at the band's end for the tube's diameter at the tip, as if the
-//! tube lay in the image plane. It is biased by lean, by distance from the picture's centre, and by the rim (METHOD,
-//! last section).
+//! tube lay in the image plane. It is biased by lean, by distance from the picture's centre, and by the rim
+//! (METHOD 4.1).
 
 use nalgebra::{Point3, Vector3};
 

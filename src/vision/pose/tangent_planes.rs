@@ -1,4 +1,4 @@
-//! The tube's axis from its two border lines, exact under perspective for any lean (METHOD 4; Zhou & Payandeh).
+//! The tube's axis from its two border lines, exact under perspective for any lean (METHOD 4.2; Zhou & Payandeh).
 //!
 //! A border seen as the normalised line `a x + b y + c = 0` spans, with the camera, a plane that touches the cylinder,
 //! with unit normal `n = (a, b, c)/|(a, b, c)|`. Then `d = n₁×n₂/|n₁×n₂|` and `N = r·(n₁+n₂)/(1+n₁·n₂)`. The band's
@@ -72,10 +72,12 @@ mod tests {
             let tube = Tube { tip: Point3::from(tip), axis: axis.normalize(), radius };
             prop_assume!(tube.nearest_to_camera().norm() > 5.0 * radius); // not seen end-on
             let Some(outline) = tube.outline() else { return Ok(()) };
-            let points = |side| (0..5).map(|k| seen(outline.border(side, f64::from(k) * 4.0))).collect::<Option<Vec<_>>>();
+            let point = |side, k| seen(outline.border(side, f64::from(k) * 4.0));
+            let points = |side| (0..5).map(|k| point(side, k)).collect::<Option<Vec<_>>>();
             let (Some(left), Some(right)) = (points(0), points(1)) else { return Ok(()) };
             let (Some(a), Some(b)) = (line_fit::fit(&left), line_fit::fit(&right)) else { return Ok(()) };
-            let (Some(end), Some(back)) = (seen(outline.rim(0.0, 0.0)), seen(outline.rim(16.0, 0.0))) else { return Ok(()) };
+            let ends = (seen(outline.rim(0.0, 0.0)), seen(outline.rim(16.0, 0.0)));
+            let (Some(end), Some(back)) = ends else { return Ok(()) };
             let found = locate([a, b], Normalised(end), Normalised(back), radius);
             prop_assert!(found.is_some());
             let found = found.unwrap();

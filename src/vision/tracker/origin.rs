@@ -1,4 +1,4 @@
-//! Where a tool comes from. This distinguishes two tools of one colour (METHOD 4, *beyond*).
+//! Where a tool comes from. This distinguishes two tools of one colour (METHOD 4.4, *beyond*).
 //!
 //! Two trocars are centimetres apart and do not move, and each tool's axis passes through its own. If a tool has
 //! turned too little to determine its trocar, an assumed one at the usual distance behind the tip is used; if the tool

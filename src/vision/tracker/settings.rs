@@ -226,7 +226,8 @@ pub enum SettingsProblem {
     CrowdedColour(usize, String),
     /// Two tools of one colour have the same stated side.
     #[error(
-        "tools `{0}` and `{1}` have the same colour and the same `side`; correct `side`, or use another colour for one of them"
+        "tools `{0}` and `{1}` have the same colour and the same `side`; correct `side`, or use another colour for one \
+         of them"
     )]
     SameSide(String, String),
     /// A tool's colour was not marked.

@@ -12,10 +12,10 @@ const BAR_WIDTH: f64 = 0.5;
 /// A histogram for each tool that states its errors.
 pub fn histograms(tools: &[DrawnTool]) -> Markup {
     let pictures: Vec<Markup> = tools.iter().filter_map(histogram).collect();
-    let caption = "Squared 3-D error divided by the stated variance, summed over three axes. Bars: the track. Curve: the χ² \
-                   distribution with three degrees of freedom, expected if the stated errors are true. Bars left of the \
-                   curve: the track is better than stated. A long tail to the right: it is worse. If the stated errors are \
-                   true, 5 % lie beyond the dashed line.";
+    let caption = "Squared 3-D error divided by the stated variance, summed over three axes. Bars: the track. Curve: \
+                   the χ² distribution with three degrees of freedom, expected if the stated errors are true. Bars \
+                   left of the curve: the track is better than stated. A long tail to the right: it is worse. If the \
+                   stated errors are true, 5 % lie beyond the dashed line.";
     let caption = if pictures.is_empty() { "The track states no errors." } else { caption };
     page::section("Stated against true errors", pictures.into_iter().chain([page::caption(caption)]))
 }

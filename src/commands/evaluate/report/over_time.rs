@@ -17,8 +17,8 @@ pub fn seen(tools: &[DrawnTool], truth: &Truth) -> Markup {
     let time = time(truth);
     let pictures = tools.iter().map(|tool| tool_card(tool, lanes(tool, truth, time)));
     let caption = format!(
-        "Grey: visible share of the band. Missing: at least {:.0} % of the band is visible, but the track has no row. False: \
-         the track has a row while the tool is out of sight.",
+        "Grey: visible share of the band. Missing: at least {:.0} % of the band is visible, but the track has no row. \
+         False: the track has a row while the tool is out of sight.",
         100.0 * VISIBILITY_LEVELS[0]
     );
     page::section("Seen, predicted, missing", pictures.chain([page::caption(&caption)]))
@@ -81,8 +81,8 @@ fn time(truth: &Truth) -> AxisRange {
 
 /// Errors in x, y and z over time, with the band that should contain 95 % of them.
 pub fn errors(tools: &[DrawnTool]) -> Markup {
-    let caption = "Line: the error, measured minus true position. Band: the 95 % error bar that the track states. Below zero: too \
-                   far left (x), up (y), near (z). Errors outside the plot are drawn at its edge.";
+    let caption = "Line: the error, measured minus true position. Band: the 95 % error bar that the track states. \
+                   Below zero: too far left (x), up (y), near (z). Errors outside the plot are drawn at its edge.";
     let drawn = tools.iter().filter(|tool| tool.rows.iter().any(|row| !row.is_false()));
     let pictures = drawn.map(|tool| tool_card(tool, errors_of(tool)));
     page::section("Errors over time", pictures.chain([page::caption(caption)]))

@@ -10,8 +10,8 @@ use crate::checks::evaluation::JudgedRow;
 /// Both views of each tool.
 pub fn views(tools: &[DrawnTool]) -> Markup {
     let pictures = tools.iter().filter(|tool| !tool.motion.is_empty()).map(|tool| tool_card(tool, view(tool)));
-    let caption = "Broad and grey: the truth. Thin and coloured: the track. Left: as the camera sees it. Right: from the side, \
-                   with the camera above. Millimetres, same scale on both axes.";
+    let caption = "Broad and grey: the truth. Thin and coloured: the track. Left: as the camera sees it. Right: from \
+                   the side, with the camera above. Millimetres, same scale on both axes.";
     page::section("Path over truth", pictures.chain([page::caption(caption)]))
 }
 

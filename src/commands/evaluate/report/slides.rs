@@ -11,9 +11,9 @@ use crate::checks::evaluation::Line3;
 pub fn pictures(paths: &[Vec<Point3<f64>>]) -> Markup {
     let all: Vec<Point3<f64>> = paths.iter().flatten().copied().collect();
     let picture = Line3::fit(&all).map(|line| element("div", &[("class", "card")], [deviation_plot(&line, paths)]));
-    let caption = "Zero is the line through all slides. If the curves run together but bend away from zero, there is a systematic \
-                   error along the guide. If they run apart, slides were measured differently. Early slides are blue, late \
-                   ones orange.";
+    let caption = "Zero is the line through all slides. If the curves run together but bend away from zero, there is a \
+                   systematic error along the guide. If they run apart, slides were measured differently. Early slides \
+                   are blue, late ones orange.";
     page::section("Slides along the guide", picture.into_iter().chain([page::caption(caption)]))
 }
 

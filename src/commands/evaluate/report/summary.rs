@@ -39,9 +39,9 @@ pub fn table(accuracy: &Accuracy) -> Markup {
         rows.push([name.to_owned()].into_iter().chain(columns.iter().map(|(tool, level)| of(tool, level))).collect());
     }
     let notes = format!(
-        "Only frames that show at least 40 % of a tool's band count. {} rows are on frames without truth. The times of a frame \
-         in the two files differ by at most {:.1} ms. The interval after a share is its 95 % interval for independent rows; \
-         the rows of a smoothed track are not independent, so the true interval is wider.",
+        "Only frames that show at least 40 % of a tool's band count. {} rows are on frames without truth. The times of \
+         a frame in the two files differ by at most {:.1} ms. The interval after a share is its 95 % interval for \
+         independent rows; the rows of a smoothed track are not independent, so the true interval is wider.",
         accuracy.rows_without_truth,
         1000.0 * accuracy.largest_time_difference_s
     );

@@ -28,7 +28,8 @@ proptest! {
     #[test]
     fn a_gap_comes_back(epoch: u32, first in 0..MAX_FRAMES, more in 0u64..1000, reason in 0usize..4) {
         let last = (first + more).min(MAX_FRAMES - 1);
-        let record = FeedRecord { epoch, number: first, body: RecordBody::Gap { last, reason: GapReason::ALL[reason] } };
+        let body = RecordBody::Gap { last, reason: GapReason::ALL[reason] };
+        let record = FeedRecord { epoch, number: first, body };
         let written = bytes(&record);
         prop_assert_eq!(FeedRecord::read(&written), Ok(record));
     }

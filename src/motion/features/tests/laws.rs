@@ -220,7 +220,10 @@ proptest! {
 
     #[test]
     fn no_trajectory_makes_a_feature_leave_its_range(
-        rows in prop::collection::vec((0.0f64..0.3, prop::array::uniform3(-400.0f64..400.0), 0usize..2, any::<bool>()), 0..200),
+        rows in prop::collection::vec(
+            (0.0f64..0.3, prop::array::uniform3(-400.0f64..400.0), 0usize..2, any::<bool>()),
+            0..200,
+        ),
     ) {
         let mut time_s = 0.0;
         let samples = rows.into_iter().enumerate().map(|(frame, (dt, tip, tool, seen))| {

@@ -39,7 +39,8 @@ pub(in crate::vision::camera) fn noisy(corners: &mut [Pixel], sigma_px: f64, ran
 proptest! {
     #[test]
     fn slopes_agree_with_differences(
-        x in -90.0..90.0_f64, y in -60.0..60.0_f64, tilt in -0.6..0.6_f64, turn in -3.0..3.0_f64, depth in 200.0..500.0_f64
+        x in -90.0..90.0_f64, y in -60.0..60.0_f64,
+        tilt in -0.6..0.6_f64, turn in -3.0..3.0_f64, depth in 200.0..500.0_f64,
     ) {
         let pose = Isometry3::new(Vector3::new(12.0, -7.0, depth), Vector3::new(tilt, -0.5 * tilt, turn));
         let (camera, point) = (wide(), Point2::new(x, y));
@@ -48,7 +49,9 @@ proptest! {
         for i in 0..INTRINSIC_COUNT {
             let mut step = SVector::<f64, INTRINSIC_COUNT>::zeros();
             step[i] = 1e-5;
-            let at = |step: SVector<f64, INTRINSIC_COUNT>| project(&adjusted_camera(&camera, &step), &pose, &point).unwrap().0;
+            let at = |step: SVector<f64, INTRINSIC_COUNT>| {
+                project(&adjusted_camera(&camera, &step), &pose, &point).unwrap().0
+            };
             prop_assert!((difference(at(step), at(-step), 1e-5) - by_camera.column(i)).norm() < 1e-4);
         }
         for i in 0..6 {

@@ -215,12 +215,14 @@ impl fmt::Display for TapeProblem {
             }
             TapeProblem::Thin(Margin { margin_steps, spread_steps, nearest }) => write!(
                 f,
-                "a shift of {:.1} of 255 steps turns it into `{nearest}`, and its own pixels spread over {spread_steps:.1}",
+                "a shift of {:.1} of 255 steps turns it into `{nearest}`, and its own pixels spread over \
+                 {spread_steps:.1}",
                 margin_steps.max(0.0) // negative: mistaken already, without any shift
             ),
             TapeProblem::FalseRegion(FalseArea { frame, share, largest_of_band, .. }) => write!(
                 f,
-                "on frame {frame}, {:.2} % of the picture outside its band has its colour, the largest region {largest_of_band:.1} × the band",
+                "on frame {frame}, {:.2} % of the picture outside its band has its colour, the largest region \
+                 {largest_of_band:.1} × the band",
                 100.0 * share
             ),
         }
