@@ -1,24 +1,23 @@
 // The only module that calls the REST API. Pages use the same routes as other programs.
-import { translateAnswer } from './translate.js';
 import { t } from './texts.js';
 
 const ROOT = '/api/v1';
 const signedOutCallbacks = new Set();
 
 /**
- * An RFC 9457 problem: `title` says what happened, `detail` what to do; `lang` is the language of the detail if it is
- * not the page's.
+ * An RFC 9457 problem with all of its members: `title` says what happened, `detail` what to do. translate.js has both
+ * in the page's language.
  */
 export class Problem extends Error {
-  constructor({ type, title, status, detail, lang, ...more }) {
+  constructor({ type, title, status, detail, ...more }) {
     super(title);
-    Object.assign(this, { type: type ?? 'about:blank', title, status, detail: detail ?? '', lang, more });
+    Object.assign(this, more, { type: type ?? 'about:blank', title, status, detail: detail ?? '' });
   }
 
   /** Parses the body of a response. A proxy may have replaced the service's JSON with something else. */
   static fromText(status, text) {
     try {
-      const body = translateAnswer(JSON.parse(text));
+      const body = JSON.parse(text);
       if (body?.title) return new Problem({ status, ...body });
     } catch {
       // Not JSON: the general text below applies.
@@ -65,7 +64,7 @@ async function request(method, path, { query, json, form, table, signal } = {}) 
 }
 
 /** The parsed JSON, or null for an empty body (a 201 or 202 may have one). */
-const parse = text => (text ? translateAnswer(JSON.parse(text)) : null);
+const parse = text => (text ? JSON.parse(text) : null);
 
 /** Loads a list page by page until it is complete or has `limit` items. For selects, which must offer all items. */
 async function fetchAll(path, query = {}, limit = 1000) {

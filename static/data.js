@@ -1,5 +1,5 @@
 // Loads data for a page: data, problem and a way to load again. Answers for an abandoned page are discarded.
-import { useCallback, useEffect, useRef, useState } from './parts/preact.js';
+import { useCallback, useEffect, useRef, useState } from './preact.js';
 import { Problem } from './api.js';
 import { t } from './texts.js';
 

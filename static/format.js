@@ -47,7 +47,7 @@ const withTrueMinus = text => text.replace('-', /[1-9]/.test(text) ? TRUE_MINUS 
 
 export const percent = value => percentFormat.format(value);
 
-/** `1` and the empty unit are ratios: no unit is written after them. */
+/** Empty for `1`, the unit of shares, counts and ratios, and where nothing was measured. */
 export const unit = name => (name === '1' || !name ? '' : name);
 
 export const dateTime = iso => (iso ? dateTimeFormat.format(new Date(iso)) : '–');

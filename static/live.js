@@ -1,6 +1,6 @@
 // Server-sent events with two safety nets: reconnecting when the browser gives up, and polling while the connection is
 // down. Pages reload on `resync`, since events may have been missed.
-import { useEffect, useRef, useState } from './parts/preact.js';
+import { useEffect, useRef, useState } from './preact.js';
 import { api } from './api.js';
 
 const EVENT_NAMES = ['session', 'job', 'queue'];

@@ -4,23 +4,27 @@
 (() => {
   const MODULES = {
     today: `
-      format.js pages/today.js parts/attention.js parts/course_state.js parts/own_courses.js parts/status.js`,
+      format.js pages/today.js parts/courses/course_state.js parts/courses/own_courses.js parts/page/status.js
+      parts/people/attention.js`,
     session: `
-      format.js pages/session.js parts/advice.js parts/chunk_loader.js parts/cohort_places.js parts/comments.js
-      parts/curves.js parts/dialog.js parts/edit_dialog.js parts/edits.js parts/evidence.js parts/features.js
-      parts/ghost.js parts/light.js parts/live_screen.js parts/live_space.js parts/live_tools.js parts/live_track.js
-      parts/live_view.js parts/orbit.js parts/overlay.js parts/path3d.js parts/placement.js parts/playback.js
-      parts/player.js parts/plots.js parts/quality.js parts/ratings.js parts/readouts.js parts/review.js
-      parts/skill.js parts/space_painter.js parts/span_bar.js parts/status.js parts/track.js parts/verdict.js
-      parts/with_error.js watch.js`,
+      format.js pages/session.js parts/forms/dialog.js parts/live/light.js parts/live/live_screen.js
+      parts/live/live_space.js parts/live/live_tools.js parts/live/live_track.js parts/live/live_view.js
+      parts/live/placement.js parts/page/status.js parts/playback/chunk_loader.js parts/playback/curves.js
+      parts/playback/orbit.js parts/playback/overlay.js parts/playback/path3d.js parts/playback/playback.js
+      parts/playback/player.js parts/playback/plots.js parts/playback/readouts.js parts/playback/space_painter.js
+      parts/playback/track.js parts/session/advice.js parts/session/cohort_places.js parts/session/comments.js
+      parts/session/edit_dialog.js parts/session/edits.js parts/session/evidence.js parts/session/features.js
+      parts/session/ghost.js parts/session/quality.js parts/session/ratings.js parts/session/review.js
+      parts/session/skill.js parts/session/span_bar.js parts/session/verdict.js watch.js with_error.js`,
     trainee: `
-      format.js pages/trainee.js parts/axis.js parts/course_state.js parts/monitor_chart.js parts/own_courses.js
-      parts/progress_plot.js parts/progress_summary.js parts/standard.js parts/status.js parts/strengths.js
-      parts/with_error.js`,
+      format.js pages/trainee.js parts/charts/axis.js parts/charts/monitor_chart.js parts/charts/progress_plot.js
+      parts/courses/course_state.js parts/courses/own_courses.js parts/page/status.js
+      parts/people/progress_summary.js parts/people/strengths.js parts/tasks/standard.js with_error.js`,
     task: `
-      format.js pages/task.js parts/axis.js parts/dialog.js parts/focus.js parts/raters.js parts/rescorings.js
-      parts/skill_model.js parts/spread.js parts/spread_plot.js parts/standard.js parts/standard_form.js
-      parts/standard_target.js parts/status.js`,
+      format.js pages/task.js parts/charts/axis.js parts/charts/spread_plot.js parts/forms/dialog.js
+      parts/forms/focus.js parts/page/status.js parts/tasks/raters.js parts/tasks/rescorings.js
+      parts/tasks/skill_model.js parts/tasks/spread.js parts/tasks/standard.js parts/tasks/standard_form.js
+      parts/tasks/standard_target.js`,
   };
   const ROOT = new URL('.', document.currentScript.src).pathname; // The folder of this version's files.
   const LANGUAGES = ['en', 'de'];

@@ -1,6 +1,6 @@
-// Page addresses such as `/sessions/7?t=3.2`. The server answers all of them with the dashboard; app.js selects the
-// page.
-import { useEffect, useState } from './parts/preact.js';
+// Page addresses such as `/sessions/7?t=3.2`. The server answers all of them with the dashboard; routes.js
+// lists the pages.
+import { useEffect, useState } from './preact.js';
 
 const CHANGED = 'trocar:route';
 

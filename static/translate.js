@@ -1,63 +1,61 @@
-// Translates the service's English texts into the page's language, by the code that accompanies each text. A text
-// without a code, or without a translation of its code, stays English; `lang` then marks a problem's detail or a
-// self-test's part.
+// The service answers in English and gives each text a code. These functions return a text in the page's language, by
+// its code. A text without a code, or without a translation of its code, stays English; `lang` then marks a problem's
+// detail and a self-test's part.
 import { serviceLang, t } from './texts.js';
 
-const { said: translations } = t;
-/** For objects with a `title`: the kind of object and the key that holds its code. */
-const TITLE_KEYS = [['features', 'feature'], ['features', 'name'], ['forms', 'form'], ['exercises', 'task']];
 const PROBLEM = '/problems/';
 
-/** Translates a response of the service in place, at any depth. Arrays of numbers are skipped. */
-export function translateAnswer(answer) {
-  if (serviceLang && answer && typeof answer === 'object') walk(answer);
-  return answer;
+/** English has no translations, because the service speaks it. */
+const translationOf = (kind, code) => t.said[kind]?.[code];
+
+/** `feature` holds the code in an object about a feature, and `name` in the feature itself. */
+export const featureTitle = ({ feature, name, title }) => translationOf('features', feature ?? name) ?? title;
+
+/** The feature and its tool, if it has one: `Path length, red`. */
+export const featureWithTool = one => [featureTitle(one), one.tool].filter(Boolean).join(', ');
+
+/** The title of a rating form. */
+export const formTitle = ({ form, title }) => translationOf('forms', form) ?? title;
+
+/** The title of the exercise that a published limit belongs to. */
+export const exerciseTitle = ({ preset, title }) => translationOf('exercises', preset) ?? title;
+
+/** Why there is no number. */
+export const reasonText = ({ reason, detail }) => translationOf('withheld', reason) ?? detail;
+
+export const ratingItemTitle = ({ name, title }) => translationOf('items', name)?.[0] ?? title;
+
+/** What the mark of an item's anchor means. */
+export const anchorText = (item, index) => translationOf('items', item.name)?.[1][index] ?? item.anchors[index].words;
+
+/** What the quality gate found, with the tool; without a full stop. */
+export function findingText({ name, finding, tool, label, figure, limit }) {
+  const translated = translationOf('findings', name)?.[0];
+  if (!translated) return finding;
+  const toolPrefix = tool ? `${tool}: ` : '';
+  const nearest = label ? t.said.nearest(label) : '';
+  return `${toolPrefix}${translated(figure, limit)}${nearest}`;
 }
 
-function walk(value) {
-  if (!Array.isArray(value)) translateObject(value);
-  const inside = Array.isArray(value) ? value : Object.values(value);
-  if (Array.isArray(value) && typeof value[0] !== 'object') return;
-  for (const object of inside) if (object && typeof object === 'object') walk(object);
+/** What to do about a finding; without a full stop. */
+export const findingAdvice = ({ name, advice }) => translationOf('findings', name)?.[1] ?? advice;
+
+/** `{ finding, advice, lang }` of a part of a self-test; a part without advice gets none. */
+export function selfTestTexts(part, test) {
+  const [finding, advice] = translationOf('selfTest', `${part.part} ${part.unit}`)?.(part, test) || [];
+  if (!finding) return { finding: part.finding, advice: part.advice, lang: serviceLang };
+  return { finding, advice: part.advice && advice, lang: undefined };
 }
 
-function translateObject(object) {
-  if ('title' in object) object.title = titleOf(object) ?? object.title;
-  if ('detail' in object && 'title' in object) translateProblem(object);
-  else if ('detail' in object && 'reason' in object) object.detail = translations.withheld[object.reason] ?? object.detail;
-  if ('anchors' in object) translateRatingItem(object);
-  if ('finding' in object && 'name' in object) translateConcern(object);
-  if (Array.isArray(object.parts)) object.parts.forEach(part => translateSelfTestPart(part, object));
-}
+/** The code of a problem is in `type` for a response and in `slug` for a job. The page's own problems have none. */
+const problemCode = ({ slug, type }) => slug ?? (type?.startsWith(PROBLEM) ? type.slice(PROBLEM.length) : undefined);
 
-const titleOf = object => TITLE_KEYS.map(([kind, key]) => translations[kind][object[key]]).find(words => typeof words === 'string');
+/** What happened. */
+export const problemTitle = problem => translationOf('problems', problemCode(problem))?.[0] ?? problem.title;
 
-/** The code is in `type` for a response and in `slug` for a job's problem. The detail may depend on other members. */
-function translateProblem(problem) {
-  const code = problem.slug ?? problem.type?.replace(PROBLEM, '');
-  const [title, translated] = translations.problems[code] ?? [];
-  const detail = typeof translated === 'function' ? translated(problem) : translated;
-  Object.assign(problem, { title: title ?? problem.title, detail: detail ?? problem.detail, lang: detail ? undefined : serviceLang });
-}
-
-function translateRatingItem(item) {
-  const [title, meanings] = translations.items[item.name] ?? [];
-  if (!meanings) return;
-  item.title = title;
-  item.anchors.forEach((anchor, index) => (anchor.words = meanings[index] ?? anchor.words));
-}
-
-function translateConcern(concern) {
-  const [finding, advice] = translations.findings[concern.name] ?? [];
-  if (!finding) return;
-  const toolPrefix = concern.tool ? `${concern.tool}: ` : '';
-  const nearest = concern.label ? translations.nearest(concern.label) : '';
-  concern.finding = `${toolPrefix}${finding(concern.figure, concern.limit)}${nearest}`;
-  concern.advice = advice;
-}
-
-/** Translates a part of a self-test; a part without advice gets none. */
-function translateSelfTestPart(part, test) {
-  const [finding, advice] = translations.selfTest[`${part.part} ${part.unit}`]?.(part, test) || [];
-  Object.assign(part, finding ? { finding, advice: part.advice && advice } : { lang: serviceLang });
+/** What to do, as `{ text, lang }`. The translation may depend on other members of the problem. */
+export function problemDetail(problem) {
+  const translated = translationOf('problems', problemCode(problem))?.[1];
+  const text = typeof translated === 'function' ? translated(problem) : translated;
+  return text ? { text, lang: undefined } : { text: problem.detail, lang: problemCode(problem) && serviceLang };
 }

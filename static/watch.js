@@ -1,9 +1,8 @@
 // Watches a session while it arrives, as docs/live.md specifies: the socket, its reconnections, and the latest state.
 // Positions and pictures are drawn on repaint and do not pass through component state.
-import { useEffect, useMemo, useReducer, useRef } from './parts/preact.js';
+import { useEffect, useMemo, useReducer, useRef } from './preact.js';
 import { api } from './api.js';
-import { translateAnswer } from './translate.js';
-import { LiveTrack } from './parts/live_track.js';
+import { LiveTrack } from './parts/live/live_track.js';
 
 const RETRY_MS = { first: 1_000, max: 30_000 };
 /** A sender sends something every 20 s. After a longer silence the page's own connection may be dead. */
@@ -129,7 +128,7 @@ export class LiveWatch {
     this.#receivedAt = performance.now();
     this.#retryMs = RETRY_MS.first;
     if (typeof data !== 'string') return this.#handlePicture(data);
-    const message = translateAnswer(JSON.parse(data));
+    const message = JSON.parse(data);
     if (message.type === 'frame') return this.#handleFrame(message);
     this.#handleMessage(message);
   }

@@ -48,7 +48,7 @@ impl NumberedSession<'_> {
     }
 
     /// The measurement in the form that a target judges.
-    pub fn to_judge(&self, of: &FeatureKey, handedness: Option<Handedness>) -> Option<ValueToJudge<'_>> {
+    pub fn value_to_judge(&self, of: &FeatureKey, handedness: Option<Handedness>) -> Option<ValueToJudge<'_>> {
         let (outcome, PracticeMeasurement { value, bar, .. }) = self.measurement(of)?;
         Some(ValueToJudge { value: *value, bar: *bar, pipeline: &outcome.pipeline, handedness })
     }
@@ -91,7 +91,7 @@ fn point(
     target: Option<&Target>,
     handedness: Option<Handedness>,
 ) -> Option<SeriesPoint> {
-    let judged = session.to_judge(of, handedness)?;
+    let judged = session.value_to_judge(of, handedness)?;
     let [low, high] = judged.bar.map_or([None; 2], |bar| bar.map(Some));
     let judgement = target.map(|target| target.judge(judged));
     Some(SeriesPoint { session: session.number, value: judged.value, low, high, judgement })
@@ -107,7 +107,7 @@ fn cohort_rank(
 ) -> Result<CohortRank, Withheld> {
     let newest = sessions.iter().rev().filter(|session| session.counts).find_map(|session| {
         let (outcome, _) = session.measurement(of)?;
-        let measured = session.to_judge(of, None)?.measured()?;
+        let measured = session.value_to_judge(of, None)?.measured()?;
         Some((session.number, outcome, measured))
     });
     let (session, outcome, measured) =
@@ -145,7 +145,7 @@ fn learning_answer(
     known: &ComputedCache,
 ) -> LearningAnswer {
     let value = |session: &NumberedSession<'_>| {
-        let MeasuredValue { value, .. } = session.to_judge(of, None)?.measured()?;
+        let MeasuredValue { value, .. } = session.value_to_judge(of, None)?.measured()?;
         Some(NumberedValue { number: session.number as u32, value })
     };
     let camera = |session: &NumberedSession<'_>| session.measurement(of).map(|(outcome, _)| outcome.calibration);

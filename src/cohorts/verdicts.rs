@@ -112,7 +112,7 @@ fn trials(
             return TrialOutcome::Unknown;
         }
         let judged = |target: &Target| {
-            let judged = session.to_judge(&target.of, handedness);
+            let judged = session.value_to_judge(&target.of, handedness);
             judged.map_or(TargetJudgement::NotMeasured, |judged| target.judge(judged).into())
         };
         TrialOutcome::of_all(&definition.targets.iter().map(judged).collect::<Vec<_>>())

@@ -45,7 +45,7 @@ impl Picture {
     }
 
     /// The same picture, marked as one field of an interlaced frame.
-    pub(super) fn as_one_field(self) -> Self {
+    pub(super) fn into_one_field(self) -> Self {
         Self { is_interlaced: true, ..self }
     }
 

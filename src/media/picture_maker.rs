@@ -91,7 +91,7 @@ impl PictureMaker {
             }
         };
         let picture = Picture::new(planes, shift, encoding, index, time_s);
-        if first_line.is_some() { picture.as_one_field() } else { picture }
+        if first_line.is_some() { picture.into_one_field() } else { picture }
     }
 
     /// Converts to 8-bit planar: 8-bit planar frames stay unchanged, deeper ones keep their chroma resolution, any

@@ -1,10 +1,10 @@
 // The signed-in person: name, login, language, a new password, signing out.
-import { html, useState } from '../parts/preact.js';
+import { html, useState } from '../preact.js';
 import { api, Problem } from '../api.js';
-import { Confirm } from '../parts/dialog.js';
-import { Form } from '../parts/form.js';
-import { LanguageChoice } from '../parts/language.js';
-import { Notice, PageHead } from '../parts/notice.js';
+import { Confirm } from '../parts/forms/dialog.js';
+import { Form } from '../parts/forms/form.js';
+import { LanguageChoice } from '../parts/page/language.js';
+import { Notice, PageHead } from '../parts/page/notice.js';
 import { isRecording } from '../record/current_recording.js';
 import { t } from '../texts.js';
 

@@ -1,22 +1,22 @@
 // One box: its camera and its tape colours, each with both ways to provide them, and its self-test.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
-import { CameraForms, CameraSummary } from '../parts/box_camera.js';
-import { PaletteAdvice } from '../parts/box_advice.js';
-import { PaletteForm, PaletteSummary } from '../parts/box_palette.js';
-import { SelfTestForm, SelfTestSummary, TodaysLight } from '../parts/box_self_test.js';
-import { RowButtons, saveChanges, useEditing } from '../parts/editing.js';
-import { Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
+import { CameraForms, CameraSummary } from '../parts/boxes/box_camera.js';
+import { PaletteAdvice } from '../parts/boxes/box_advice.js';
+import { PaletteForm, PaletteSummary } from '../parts/boxes/box_palette.js';
+import { SelfTestForm, SelfTestSummary, TodaysLight } from '../parts/boxes/box_self_test.js';
+import { RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
+import { Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { boxFields, CameraState, PaletteState } from './boxes.js';
 
 const words = t.box;
 
 export default function BoxPage({ person, route }) {
-  const id = route.path[1];
+  const { id } = route.params;
   const {
     data: box,
     problem,

@@ -1,14 +1,14 @@
 // The boxes, and what each box still needs before its recordings can be scored.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { number } from '../format.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
-import { TodaysLight } from '../parts/box_self_test.js';
-import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/editing.js';
-import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { TodaysLight } from '../parts/boxes/box_self_test.js';
+import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 
 const words = t.boxes;
 

@@ -1,19 +1,20 @@
 // A certificate on one sheet of paper, for a trainee who has met a task's standard; otherwise the page says what is
 // missing.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { date } from '../format.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
-import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
-import { Provenance, Sheet } from '../parts/report.js';
-import { limitText, targetName } from '../parts/standard.js';
+import { featureWithTool } from '../translate.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { Provenance, Sheet } from '../parts/page/report.js';
+import { limitText } from '../parts/tasks/standard.js';
 
 const words = t.certificate;
 
 export default function Certificate({ route }) {
-  const id = route.path[1];
+  const { id } = route.params;
   const task = route.query.get('task') ?? undefined;
   const { data, problem, reload } = useData(signal => api.trainees.progress(id, { task }, signal), [id, task]);
   if (!data)
@@ -46,7 +47,7 @@ function Paper({ progress: { trainee, task, standard, sessions, passed, pipeline
       <p>${words.on} <strong>${date(passed.at)}</strong>. ${words.standard}: ${words.setOn(standard.version, date(standard.created_at))}.</p>
       <section>
         <h2>${words.targets}</h2>
-        <ul>${standard.targets.map(target => html`<li key=${`${target.feature} ${target.tool}`}>${targetName(target)}: ${limitText(target)}</li>`)}</ul>
+        <ul>${standard.targets.map(target => html`<li key=${`${target.feature} ${target.tool}`}>${featureWithTool(target)}: ${limitText(target)}</li>`)}</ul>
       </section>
       <section>
         <h2>${words.sessions}</h2>

@@ -1,18 +1,18 @@
 // One course plan, new or edited: its name and its ordered steps.
-import { html, useState } from '../parts/preact.js';
+import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { go, href } from '../router.js';
 import { t } from '../texts.js';
-import { CourseSteps, newStep, stepRequest } from '../parts/course_steps.js';
-import { Form } from '../parts/form.js';
-import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { CourseSteps, newStep, stepRequest } from '../parts/courses/course_steps.js';
+import { Form } from '../parts/forms/form.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 
 const words = t.courses;
 const NEW = 'new'; // In the address, instead of an id.
 
 export default function CoursePage({ route }) {
-  const id = route.path[1] === NEW ? null : route.path[1];
+  const id = route.params.id === NEW ? null : route.params.id;
   const { data, problem, reload } = useData(async signal => {
     const [course, tasks] = await Promise.all([id && api.courses.get(id, signal), api.tasks.all()]);
     return { course, tasks };

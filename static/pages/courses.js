@@ -1,14 +1,14 @@
 // The centre's course plans, and which groups follow them.
-import { html, useState } from '../parts/preact.js';
+import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { may } from '../roles.js';
 import { go, href } from '../router.js';
 import { t } from '../texts.js';
-import { Confirm } from '../parts/dialog.js';
-import { RowButtons } from '../parts/editing.js';
-import { icons } from '../parts/icons.js';
-import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { Confirm } from '../parts/forms/dialog.js';
+import { RowButtons } from '../parts/forms/editing.js';
+import { icons } from '../parts/page/icons.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 
 const words = t.courses;
 

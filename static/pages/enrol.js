@@ -1,12 +1,12 @@
 // Enrols many people from a table: read here, checked by the service, shown row by row; then all are enrolled, or none.
-import { html, useEffect, useRef, useState } from '../parts/preact.js';
+import { html, useEffect, useRef, useState } from '../preact.js';
 import { api } from '../api.js';
 import { decodeFile, parseRows } from '../csv.js';
 import { asProblem, useData } from '../data.js';
 import { href } from '../router.js';
 import { serviceLang, t } from '../texts.js';
-import { Field } from '../parts/form.js';
-import { Announce, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
+import { Field } from '../parts/forms/form.js';
+import { Announce, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 
 const words = t.enrol;
 const FIELDS = Object.keys(words.columns);

@@ -1,21 +1,22 @@
 // A group's progress at a task: one row per trainee, sorted by name at first; values are shown with their errors.
-import { html, useState } from '../parts/preact.js';
+import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { useData, useThrottled } from '../data.js';
 import { useLive } from '../live.js';
 import { may } from '../roles.js';
 import { href, replace } from '../router.js';
 import { t } from '../texts.js';
-import { Field } from '../parts/form.js';
-import { GroupCourse } from '../parts/group_course.js';
-import { GroupTable } from '../parts/group_table.js';
-import { MembersDialog } from '../parts/groups_tokens.js';
-import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { featureTitle } from '../translate.js';
+import { Field } from '../parts/forms/form.js';
+import { GroupCourse } from '../parts/courses/group_course.js';
+import { GroupTable } from '../parts/people/group_table.js';
+import { MembersDialog } from '../parts/people/groups_tokens.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 
 const words = t.groups;
 
 export default function GroupPage({ person, route }) {
-  const id = route.path[1];
+  const { id } = route.params;
   const isAdministrator = may(person, 'people');
   const { data: base, problem, reload } = useData(async signal => {
     const [group, tasks, features, plans, people, trainees] = await Promise.all([
@@ -65,7 +66,7 @@ function Progress({ base: { group, tasks, features }, route }) {
     <section class="card">
       <div class="filters">
         ${choose(words.task, 'task', task.id, tasks.map(one => [one.id, one.name]))}
-        ${choose(words.feature, 'feature', query.feature, [['', words.asked], ...features.map(one => [one.name, one.title])])}
+        ${choose(words.feature, 'feature', query.feature, [['', words.asked], ...features.map(one => [one.name, featureTitle(one)])])}
         ${data?.tools.length > 1 && choose(words.tool, 'tool', current ? current.tool : query.tool, [...(hasSessionValue ? [['', t.standardForm.whole]] : []), ...data.tools.map(one => [one, one])])}
       </div>
       <${ProblemNotice} problem=${problem} onRetry=${reload} />

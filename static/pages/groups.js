@@ -1,15 +1,15 @@
 // The groups that the signed-in person may see; for administrators also the cohorts that others are compared with.
-import { html, useState } from '../parts/preact.js';
+import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
-import { Cohorts } from '../parts/cohorts.js';
-import { Confirm, Dialog } from '../parts/dialog.js';
-import { Form } from '../parts/form.js';
-import { AddButton } from '../parts/editing.js';
-import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { Cohorts } from '../parts/people/cohorts.js';
+import { Confirm, Dialog } from '../parts/forms/dialog.js';
+import { Form } from '../parts/forms/form.js';
+import { AddButton } from '../parts/forms/editing.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 
 const words = t.groups;
 

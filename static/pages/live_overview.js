@@ -1,5 +1,5 @@
 // The live overview: every recording that arrives now, as a tile that links to its page.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData, useThrottled } from '../data.js';
 import { number } from '../format.js';
@@ -7,13 +7,13 @@ import { useLive } from '../live.js';
 import { href } from '../router.js';
 import { language, t } from '../texts.js';
 import { useLiveWatch } from '../watch.js';
-import { LiveScreen } from '../parts/live_screen.js';
-import { ToolState, toolStateOf, useToolStates } from '../parts/live_tools.js';
-import { ConnectionPill, Elapsed } from '../parts/live_view.js';
-import { lightFault } from '../parts/light.js';
-import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
-import { placementFault } from '../parts/placement.js';
-import { ToolMark } from '../parts/readouts.js';
+import { LiveScreen } from '../parts/live/live_screen.js';
+import { ToolState, toolStateOf, useToolStates } from '../parts/live/live_tools.js';
+import { ConnectionPill, Elapsed } from '../parts/live/live_view.js';
+import { lightFault } from '../parts/live/light.js';
+import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { placementFault } from '../parts/live/placement.js';
+import { ToolMark } from '../parts/playback/readouts.js';
 
 const words = t.wall;
 const MAX_TILES = 24; // Pictures that one screen can show and one device can draw.

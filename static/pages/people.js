@@ -1,12 +1,12 @@
 // Administration of people, groups and tokens.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
-import { Groups, Tokens } from '../parts/groups_tokens.js';
-import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/editing.js';
-import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { Groups, Tokens } from '../parts/people/groups_tokens.js';
+import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 
 const words = t.people;
 

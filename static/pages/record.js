@@ -1,16 +1,16 @@
 // Record: uses this device's camera as the camera of a box. The recording runs in record/recorder.js and continues
 // after this page is left.
-import { html, useEffect, useRef, useState } from '../parts/preact.js';
+import { html, useEffect, useRef, useState } from '../preact.js';
 import { api } from '../api.js';
 import { asProblem, useData } from '../data.js';
 import { t } from '../texts.js';
-import { Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
-import { CameraFields, CameraNotices } from '../parts/record_camera.js';
-import { RecordNotices } from '../parts/record_notices.js';
-import { RecordView } from '../parts/record_view.js';
-import { RecordingStatus } from '../parts/recording_status.js';
-import { maySendRecordings, RecordingTargetFields, TargetNeeded, useRecordingTarget } from '../parts/recording_target.js';
-import { useCamera } from '../parts/use_camera.js';
+import { Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { CameraFields, CameraNotices } from '../parts/recording/record_camera.js';
+import { RecordNotices } from '../parts/recording/record_notices.js';
+import { RecordView } from '../parts/recording/record_view.js';
+import { RecordingStatus } from '../parts/recording/recording_status.js';
+import { maySendRecordings, RecordingTargetFields, TargetNeeded, useRecordingTarget } from '../parts/recording/recording_target.js';
+import { useCamera } from '../parts/recording/use_camera.js';
 import { useLiveWatch } from '../watch.js';
 import { currentRecording, isRecording, onRecording } from '../record/current_recording.js';
 import { startRecording, stopRecording } from '../record/recorder.js';

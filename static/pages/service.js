@@ -1,13 +1,13 @@
 // The state of the service, and who changed what. For administrators.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData, usePages, useThrottled } from '../data.js';
 import { bytes, dateTime } from '../format.js';
 import { useLive } from '../live.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
-import { Empty, Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
-import { Prose } from '../parts/prose.js';
+import { Empty, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { Prose } from '../parts/page/prose.js';
 
 const words = t.service;
 const DAY_MS = 86_400_000;

@@ -1,5 +1,5 @@
 // One session: its state while it is being scored, and then its results.
-import { html, useEffect, useRef, useState } from '../parts/preact.js';
+import { html, useEffect, useRef, useState } from '../preact.js';
 import { api } from '../api.js';
 import { asProblem, useData } from '../data.js';
 import { dateTime } from '../format.js';
@@ -7,20 +7,21 @@ import { useLive } from '../live.js';
 import { may } from '../roles.js';
 import { go, href } from '../router.js';
 import { t } from '../texts.js';
-import { Confirm } from '../parts/dialog.js';
-import { SetAside } from '../parts/edits.js';
-import { LiveFeatures, LiveView } from '../parts/live_view.js';
-import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
-import { Review } from '../parts/review.js';
-import { Skill } from '../parts/skill.js';
-import { isMoving, ProgressBar, stateOf, StatusPill } from '../parts/status.js';
-import { Prose } from '../parts/prose.js';
-import { Verdict } from '../parts/verdict.js';
+import { problemTitle } from '../translate.js';
+import { Confirm } from '../parts/forms/dialog.js';
+import { SetAside } from '../parts/session/edits.js';
+import { LiveFeatures, LiveView } from '../parts/live/live_view.js';
+import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { Review } from '../parts/session/review.js';
+import { Skill } from '../parts/session/skill.js';
+import { isMoving, ProgressBar, stateOf, StatusPill } from '../parts/page/status.js';
+import { ProblemDetail } from '../parts/page/prose.js';
+import { Verdict } from '../parts/session/verdict.js';
 
 const words = t.session;
 
 export default function Session({ person, route }) {
-  const id = route.path[1];
+  const { id } = route.params;
   const { data: session, problem, reload } = useData(signal => api.sessions.get(id, signal), [id]);
   const [lastEvent, setLastEvent] = useState(null);
   const { edits, reload: readEdits } = useEdits(id, Boolean(session) && session.status !== 'receiving', reload);
@@ -70,7 +71,7 @@ const Lead = ({ session, person }) => html`
 const Waiting = ({ session, progress }) => html`
   <section class="card">
     <div class="body stack tight">
-      ${session.error && html`<${Notice} tone="warn" title=${session.error.title}><span lang=${session.error.lang}>${session.error.detail}</span><//>`}
+      ${session.error && html`<${Notice} tone="warn" title=${problemTitle(session.error)}><${ProblemDetail} problem=${session.error} /><//>`}
       <${Notice}
         title=${{ queued: words.waiting, tracking: words.tracking }[session.status]}>
         ${session.status === 'queued' && Number.isFinite(session.queue_position)
@@ -124,7 +125,7 @@ function ReviewLoader({ session, person, edits, start, onEdited }) {
   if (!done && !session.video) return null;
   return html`
     ${problem && html`<${ProblemNotice}
-      problem=${{ title: words.noPath, detail: html`${problem.title}. <${Prose} text=${problem.detail} lang=${problem.lang} />` }} onRetry=${reload} />`}
+      problem=${{ title: words.noPath, detail: html`${problemTitle(problem)}. <${ProblemDetail} problem=${problem} />` }} onRetry=${reload} />`}
     ${data !== undefined || problem ? html`<${Review} session=${session} person=${person} trajectory=${data}
       edits=${edits} start=${start} onEdited=${onEdited} />` : html`<${Loading} />`}`;
 }

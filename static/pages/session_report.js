@@ -1,13 +1,14 @@
 // A session on one sheet of paper: quality, targets, measured values, learning curve.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { clock, dateTime } from '../format.js';
 import { serviceLang, t } from '../texts.js';
-import { featureRows } from '../parts/features.js';
-import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
-import { ProgressPlot } from '../parts/progress_plot.js';
-import { Facts, limitWithUnit, measuredText, Provenance, Sheet } from '../parts/report.js';
+import { featureWithTool, findingText } from '../translate.js';
+import { featureRows } from '../parts/session/features.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { ProgressPlot } from '../parts/charts/progress_plot.js';
+import { Facts, limitWithUnit, measuredText, Provenance, Sheet } from '../parts/page/report.js';
 
 const words = t.report;
 const MAX_TARGETS = 10; // Per sheet; the sheet says how many are left out.
@@ -15,7 +16,7 @@ const MAX_ROWS = 15; // Both tables together: leaves space for the rest even wit
 const MAX_REASONS = 3;
 
 export default function SessionReport({ route }) {
-  const id = route.path[1];
+  const { id } = route.params;
   const { data, problem, reload } = useData(
     async signal => {
       const session = await api.sessions.get(id, signal);
@@ -59,7 +60,7 @@ function QualityGate({ quality }) {
       <h2>${t.session.verdict.name}</h2>
       <p><strong>${verdict}.</strong></p>
       ${reasons.length > 0 && html`<ul>
-        ${reasons.slice(0, MAX_REASONS).map(one => html`<li key=${`${one.name} ${one.tool}`}>${one.finding}.</li>`)}
+        ${reasons.slice(0, MAX_REASONS).map(one => html`<li key=${`${one.name} ${one.tool}`}>${findingText(one)}.</li>`)}
         ${reasons.length > MAX_REASONS && html`<li>${t.session.verdict.more(reasons.length - MAX_REASONS)}</li>`}</ul>`}
     </section>`;
 }
@@ -76,7 +77,7 @@ function Targets({ features }) {
           <th scope="col">${words.measured}</th><th scope="col">${words.judgement}</th></tr></thead>
         <tbody>${judged.slice(0, MAX_TARGETS).map(one => html`
           <tr key=${`${one.name} ${one.tool} ${one.space}`}>
-            <th scope="row">${[one.title, one.tool].filter(Boolean).join(', ')}</th>
+            <th scope="row">${featureWithTool(one)}</th>
             <td>${limitWithUnit(one.target, one.unit)}</td>
             <td lang=${one.not_enough ? serviceLang : undefined}>${measuredText(one)}</td>
             <td><strong>${words.judgements[one.judgement]}</strong></td>
@@ -120,7 +121,7 @@ function Learning({ progress, session }) {
   const number = progress.sessions.find(one => one.id === session.id)?.number;
   return html`
     <section class="curve">
-      <h2>${words.learning([series.title, series.tool].filter(Boolean).join(', '))}</h2>
+      <h2>${words.learning(featureWithTool(series))}</h2>
       <${ProgressPlot} series=${series} sessions=${progress.sessions} />
       <p>${number ? words.thisOne(number) : ''} ${series.target ? t.trainee.legend : words.noLimit}</p>
     </section>`;

@@ -1,5 +1,5 @@
 // All sessions, with filters that are part of the address, so that a filtered list can be sent to a colleague.
-import { html, useEffect, useState } from '../parts/preact.js';
+import { html, useEffect, useState } from '../preact.js';
 import { api } from '../api.js';
 import { asProblem, useData, useThrottled } from '../data.js';
 import { clock, dateTime } from '../format.js';
@@ -7,9 +7,9 @@ import { useLive } from '../live.js';
 import { may } from '../roles.js';
 import { href, replace } from '../router.js';
 import { t } from '../texts.js';
-import { Field } from '../parts/form.js';
-import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
-import { stateOf, StatusPill } from '../parts/status.js';
+import { Field } from '../parts/forms/form.js';
+import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { stateOf, StatusPill } from '../parts/page/status.js';
 
 const words = t.sessions;
 const FILTERS = ['trainee', 'task', 'box', 'status'];

@@ -1,12 +1,12 @@
 // Setting up a box, step by step, for people who have never done it: one step on the page at a time, each with its
 // state.
-import { html, useEffect, useRef } from '../parts/preact.js';
+import { html, useEffect, useRef } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
-import { Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
+import { Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { useSetupDraft } from '../setup/draft.js';
 import { BoardStep } from '../setup/board_step.js';
 import { CalibrationStep } from '../setup/calibration_step.js';
@@ -29,7 +29,7 @@ const BODIES = {
 };
 
 export default function SetupPage({ person, route }) {
-  const id = route.path[1];
+  const { id } = route.params;
   const draft = useSetupDraft(person.id, id);
   const mayCreateTokens = may(person, 'people');
   const load = async signal => {

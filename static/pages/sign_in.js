@@ -1,10 +1,10 @@
 // Sign in. The address stays, so that a deep link works across it.
-import { html, useEffect } from '../parts/preact.js';
+import { html, useEffect } from '../preact.js';
 import { api } from '../api.js';
-import { Brand } from '../parts/icons.js';
-import { Form } from '../parts/form.js';
-import { LanguageChoice } from '../parts/language.js';
-import { Notice } from '../parts/notice.js';
+import { Brand } from '../parts/page/icons.js';
+import { Form } from '../parts/forms/form.js';
+import { LanguageChoice } from '../parts/page/language.js';
+import { Notice } from '../parts/page/notice.js';
 import { t } from '../texts.js';
 
 const FIELDS = [

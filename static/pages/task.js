@@ -1,18 +1,18 @@
 // One task: its standard, the distribution of its values, its skill model, its raters, and rescoring.
-import { html, useState } from '../parts/preact.js';
+import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
-import { focusSoon } from '../parts/focus.js';
-import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
-import { RatersDialog } from '../parts/raters.js';
-import { Rescorings } from '../parts/rescorings.js';
-import { SkillModel } from '../parts/skill_model.js';
-import { Spread } from '../parts/spread.js';
-import { Standard, StandardHistory } from '../parts/standard.js';
-import { StandardForm } from '../parts/standard_form.js';
+import { focusSoon } from '../parts/forms/focus.js';
+import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { RatersDialog } from '../parts/tasks/raters.js';
+import { Rescorings } from '../parts/tasks/rescorings.js';
+import { SkillModel } from '../parts/tasks/skill_model.js';
+import { Spread } from '../parts/tasks/spread.js';
+import { Standard, StandardHistory } from '../parts/tasks/standard.js';
+import { StandardForm } from '../parts/tasks/standard_form.js';
 
 const words = t.task;
 
@@ -25,7 +25,7 @@ async function load(id, signal) {
 }
 
 export default function TaskPage({ person, route }) {
-  const id = route.path[1];
+  const { id } = route.params;
   const { data, problem, reload } = useData(signal => load(id, signal), [id]);
   const [form, setForm] = useState(null); // Initial content of the form; null while it is closed.
   const [savedVersion, setSavedVersion] = useState(null);

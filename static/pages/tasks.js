@@ -1,14 +1,14 @@
 // The exercises that are recorded.
-import { html, useState } from '../parts/preact.js';
+import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
-import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/editing.js';
-import { SkillModel } from '../parts/skill_model.js';
-import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
-import { RatersDialog } from '../parts/raters.js';
+import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
+import { SkillModel } from '../parts/tasks/skill_model.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { RatersDialog } from '../parts/tasks/raters.js';
 
 const words = t.tasks;
 

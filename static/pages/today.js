@@ -1,5 +1,5 @@
 // Today: the queue, what needs a person's attention, and new results.
-import { html, useState } from '../parts/preact.js';
+import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { useData, useThrottled } from '../data.js';
 import { dateTime } from '../format.js';
@@ -7,13 +7,14 @@ import { useLive, useLiveState } from '../live.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
-import { Attention } from '../parts/attention.js';
-import { icons } from '../parts/icons.js';
-import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
-import { OwnCourses } from '../parts/own_courses.js';
-import { traineeId } from '../parts/shell.js';
-import { isMoving, ProgressBar, stateOf, StatusPill } from '../parts/status.js';
-import { Prose } from '../parts/prose.js';
+import { problemTitle } from '../translate.js';
+import { Attention } from '../parts/people/attention.js';
+import { icons } from '../parts/page/icons.js';
+import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { OwnCourses } from '../parts/courses/own_courses.js';
+import { traineeId } from '../parts/page/shell.js';
+import { isMoving, ProgressBar, stateOf, StatusPill } from '../parts/page/status.js';
+import { ProblemDetail } from '../parts/page/prose.js';
 
 const words = t.today;
 const DAY_MS = 86_400_000;
@@ -145,7 +146,7 @@ const Failed = ({ session }) => html`
   <li>
     <${Name} session=${session} />
     <${StatusPill} state=${stateOf(session)} />
-    ${session.error && html`<p class="why">${session.error.title}. <${Prose} text=${session.error.detail} lang=${session.error.lang} /></p>`}
+    ${session.error && html`<p class="why">${problemTitle(session.error)}. <${ProblemDetail} problem=${session.error} /></p>`}
   </li>`;
 
 const Done = ({ session }) => html`<li><${Name} session=${session} /><${StatusPill} state=${stateOf(session)} /></li>`;

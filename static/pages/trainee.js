@@ -1,25 +1,26 @@
 // One trainee: a feature over the sessions of a task, its judgement by the task's standard, and the sessions.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData, useThrottled } from '../data.js';
 import { dateTime } from '../format.js';
 import { useLive } from '../live.js';
 import { href, replace } from '../router.js';
 import { t } from '../texts.js';
-import { StrengthsAndWeaknesses } from '../parts/strengths.js';
-import { Field } from '../parts/form.js';
-import { MonitorCharts } from '../parts/monitor_chart.js';
-import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
-import { OwnCourses } from '../parts/own_courses.js';
-import { ProgressPlot } from '../parts/progress_plot.js';
-import { ProgressSummary } from '../parts/progress_summary.js';
-import { StatusPill } from '../parts/status.js';
+import { featureTitle, featureWithTool } from '../translate.js';
+import { StrengthsAndWeaknesses } from '../parts/people/strengths.js';
+import { Field } from '../parts/forms/form.js';
+import { MonitorCharts } from '../parts/charts/monitor_chart.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { OwnCourses } from '../parts/courses/own_courses.js';
+import { ProgressPlot } from '../parts/charts/progress_plot.js';
+import { ProgressSummary } from '../parts/people/progress_summary.js';
+import { StatusPill } from '../parts/page/status.js';
 
 const words = t.trainee;
 const NO_COHORT = '-'; // In the address: no cohort.
 
 export default function Trainee({ route }) {
-  const id = route.path[1];
+  const { id } = route.params;
   const {
     data: base,
     problem,
@@ -78,8 +79,8 @@ function Progress({ id, base, route }) {
       <header><h2>${words.progress}</h2></header>
       <div class="filters">
         ${choose(words.task, 'task', task.id, tasks.map(one => [one.id, one.name]))}
-        ${choose(words.feature, 'feature', param('feature'), [['', words.asked], ...features.map(one => [one.name, one.title])])}
-        ${all.length > 1 && choose(words.series, 'series', seriesKey(series), all.map(one => [seriesKey(one), seriesName(one)]))}
+        ${choose(words.feature, 'feature', param('feature'), [['', words.asked], ...features.map(one => [one.name, featureTitle(one)])])}
+        ${all.length > 1 && choose(words.series, 'series', seriesKey(series), all.map(one => [seriesKey(one), featureWithTool(one)]))}
         ${cohorts.length > 0 && choose(words.cohort, 'cohort', query.cohort ?? NO_COHORT,
           [...cohorts.map(one => [one.code, one.name]), [NO_COHORT, words.nobody]])}
       </div>
@@ -89,7 +90,7 @@ function Progress({ id, base, route }) {
         ${none && html`<${Empty} title=${words.none} body=${words.noneBody}>
           <a class="button main" href=${href(['upload'], { trainee: id, task: task.id })}>${t.today.upload}</a><//>`}
         ${!none && series && html`
-          <h3>${seriesName(series)}</h3>
+          <h3>${featureWithTool(series)}</h3>
           <${ProgressPlot} series=${series} sessions=${data.sessions} />
           ${series.target && html`<p class="small muted">${words.legend}</p>`}
           <${ProgressSummary} progress=${data} series=${series} />`}
@@ -105,7 +106,6 @@ const cohortOf = route => (route.query.get('cohort') === NO_COHORT ? undefined :
 
 /** Identifies a series in the address. */
 const seriesKey = one => [one.feature, one.tool ?? '', one.space].join('|');
-const seriesName = one => [one.title, one.tool].filter(Boolean).join(', ');
 
 const Sessions = ({ sessions }) => html`
   <section class="card list">

@@ -1,20 +1,21 @@
 // A trainee on one sheet of paper: progress at a task, judged by its standard, over the sessions.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { date } from '../format.js';
 import { t } from '../texts.js';
-import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
-import { ProgressPlot } from '../parts/progress_plot.js';
-import { ProgressSummary } from '../parts/progress_summary.js';
-import { Facts, limitWithUnit, measuredText, Provenance, Sheet } from '../parts/report.js';
+import { featureWithTool } from '../translate.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { ProgressPlot } from '../parts/charts/progress_plot.js';
+import { ProgressSummary } from '../parts/people/progress_summary.js';
+import { Facts, limitWithUnit, measuredText, Provenance, Sheet } from '../parts/page/report.js';
 
 const words = t.report;
 const MAX_SESSIONS = 14; // The last ones; the sheet says how many came before.
 const MAX_FEATURES = 3;
 
 export default function TraineeReport({ route }) {
-  const id = route.path[1];
+  const { id } = route.params;
   const query = { task: route.query.get('task') ?? undefined, cohort: route.query.get('cohort') ?? undefined };
   const { data, problem, reload } = useData(
     signal => api.trainees.progress(id, query, signal), [id, query.task, query.cohort]);
@@ -48,13 +49,11 @@ export default function TraineeReport({ route }) {
     <//>`;
 }
 
-const nameOf = one => [one.title, one.tool].filter(Boolean).join(', ');
-
 const Curves = ({ series, sessions }) => series.some(one => one.points.some(point => point.value !== null)) && html`
   <section class=${`curve curves-${series.length}`}>
     <h2>${words.curves}</h2>
     <div>${series.map(one => html`<figure key=${`${one.feature} ${one.tool} ${one.space}`}>
-      <figcaption>${nameOf(one)}${one.target ? `: ${limitWithUnit(one.target, one.unit)}` : ''}</figcaption>
+      <figcaption>${featureWithTool(one)}${one.target ? `: ${limitWithUnit(one.target, one.unit)}` : ''}</figcaption>
       <${ProgressPlot} series=${one} sessions=${sessions} /></figure>`)}</div>
     <p>${series.some(one => one.target) ? t.trainee.legend : words.noLimit}</p>
   </section>`;
@@ -68,11 +67,11 @@ function Sessions({ sessions, series, earlier }) {
       <h2>${words.sessionsTable}</h2>
       <table>
         <thead><tr><th scope="col">${words.number}</th><th scope="col">${words.recorded}</th>
-          ${series.map(one => html`<th key=${nameOf(one)} scope="col">${nameOf(one)}</th>`)}
+          ${series.map(one => html`<th key=${featureWithTool(one)} scope="col">${featureWithTool(one)}</th>`)}
           <th scope="col">${words.judgement}</th></tr></thead>
         <tbody>${last.map(session => html`
           <tr key=${session.id}><th scope="row">${session.number}</th><td>${date(session.recorded_at)}</td>
-            ${series.map(one => html`<td key=${nameOf(one)}>${valueAt(at(one, session), one)}</td>`)}
+            ${series.map(one => html`<td key=${featureWithTool(one)}>${valueAt(at(one, session), one)}</td>`)}
             <td>${t.trainee.setAside[session.set_aside] ?? words.trials[session.trial] ?? '–'}</td></tr>`)}</tbody>
       </table>
       ${before > 0 && html`<p>${words.before(before)}</p>`}

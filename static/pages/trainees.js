@@ -1,13 +1,13 @@
 // The trainees that the signed-in person may see.
-import { html, useState } from '../parts/preact.js';
+import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
-import { Field } from '../parts/form.js';
-import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/editing.js';
-import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { Field } from '../parts/forms/form.js';
+import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 
 const words = t.trainees;
 const withUnset = names => [['', words.unset], ...Object.entries(names)];

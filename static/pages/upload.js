@@ -1,15 +1,15 @@
-// Upload: choose trainee, task and box, then drop or pick files. The uploads run in parts/uploads.js and continue after
-// this page is left.
-import { html, useEffect, useRef, useState } from '../parts/preact.js';
+// Upload: choose trainee, task and box, then drop or pick files. The uploads run in parts/recording/uploads.js and
+// continue after this page is left.
+import { html, useEffect, useRef, useState } from '../preact.js';
 import { may } from '../roles.js';
 import { t } from '../texts.js';
-import { Field } from '../parts/form.js';
-import { icons } from '../parts/icons.js';
-import { ImportTable } from '../parts/import_table.js';
-import { Empty, Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
-import { UploadList } from '../parts/upload_list.js';
-import { maySendRecordings, RecordingTargetFields, TargetNeeded, useRecordingTarget } from '../parts/recording_target.js';
-import { addFiles, onUploads, uploads } from '../parts/uploads.js';
+import { Field } from '../parts/forms/form.js';
+import { icons } from '../parts/page/icons.js';
+import { ImportTable } from '../parts/recording/import_table.js';
+import { Empty, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { UploadList } from '../parts/recording/upload_list.js';
+import { maySendRecordings, RecordingTargetFields, TargetNeeded, useRecordingTarget } from '../parts/recording/recording_target.js';
+import { addFiles, onUploads, uploads } from '../parts/recording/uploads.js';
 
 const words = t.upload;
 const ACCEPT = 'video/*,.mp4,.mov,.mkv,.webm,.avi,.ts,.m4v';

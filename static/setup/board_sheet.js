@@ -1,5 +1,5 @@
 // The checkerboard on a sheet of A4, in true millimetres: one user unit of the picture is one millimetre of paper.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { t } from '../texts.js';
 
 const words = t.setup.board;

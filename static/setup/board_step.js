@@ -1,8 +1,8 @@
 // Step 1: the board, printed at its true size and then measured: the paper counts, not the intended size.
-import { html, useId, useState } from '../parts/preact.js';
+import { html, useId, useState } from '../preact.js';
 import { t } from '../texts.js';
-import { Field } from '../parts/form.js';
-import { Notice } from '../parts/notice.js';
+import { Field } from '../parts/forms/form.js';
+import { Notice } from '../parts/page/notice.js';
 import { BoardSheet, fits, RULER_MM } from './board_sheet.js';
 import { checkAgain } from './photos.js';
 

@@ -1,11 +1,11 @@
 // Step 3: the camera is calculated from the good photos; the result, photo by photo, and what to do if it is poor.
-import { html, useState } from '../parts/preact.js';
+import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
 import { dateTime, fixed, number, percent } from '../format.js';
 import { serviceLang, t } from '../texts.js';
-import { jobIdOf, JobProgress } from '../parts/job.js';
-import { Notice, ProblemNotice } from '../parts/notice.js';
+import { jobIdOf, JobProgress } from '../parts/forms/job.js';
+import { Notice, ProblemNotice } from '../parts/page/notice.js';
 import { CellMap } from './coverage.js';
 import { MIN_PHOTOS } from './photo_needs.js';
 import { boardOf, goodPhotos } from './photos.js';

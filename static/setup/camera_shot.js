@@ -1,9 +1,9 @@
 // The picture of this device's camera, with a button that captures it: a photo of the board, a frame of the box.
-import { html, useEffect, useRef, useState } from '../parts/preact.js';
+import { html, useEffect, useRef, useState } from '../preact.js';
 import { t } from '../texts.js';
-import { icons } from '../parts/icons.js';
-import { CameraFields, CameraOff } from '../parts/record_camera.js';
-import { useCamera } from '../parts/use_camera.js';
+import { icons } from '../parts/page/icons.js';
+import { CameraFields, CameraOff } from '../parts/recording/record_camera.js';
+import { useCamera } from '../parts/recording/use_camera.js';
 import { frameOf } from './pictures.js';
 
 const words = t.setup.shot;

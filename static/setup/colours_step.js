@@ -1,14 +1,14 @@
 // Step 5: the tapes' colours. The person paints on frames of the box; all frames show what the tracker would take for
 // tape.
-import { html, useState } from '../parts/preact.js';
+import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
 import { dateTime } from '../format.js';
 import { t } from '../texts.js';
-import { jobIdOf, JobProgress } from '../parts/job.js';
-import { Empty, Notice, ProblemNotice } from '../parts/notice.js';
-import { PaletteAdvice } from '../parts/box_advice.js';
-import { Verdicts } from '../parts/box_palette.js';
+import { jobIdOf, JobProgress } from '../parts/forms/job.js';
+import { Empty, Notice, ProblemNotice } from '../parts/page/notice.js';
+import { PaletteAdvice } from '../parts/boxes/box_advice.js';
+import { Verdicts } from '../parts/boxes/box_palette.js';
 import { Confusion } from './confusion.js';
 import { FrameSources } from './frame_sources.js';
 import { FrameStrip } from './frame_strip.js';

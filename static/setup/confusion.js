@@ -1,5 +1,5 @@
 // How the marked pixels of each label are classified.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { percent } from '../format.js';
 import { t } from '../texts.js';
 

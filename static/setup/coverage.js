@@ -1,5 +1,5 @@
 // Where in the picture corners were found: a cell for each part of it, and a dot for each corner.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { t } from '../texts.js';
 
 export const CoverageMap = ({ needs: { coverage, cells }, photos }) => html`

@@ -1,6 +1,6 @@
 // The unsaved work of a box setup: photos, frames, marks. It outlasts the page, so that a look at another page loses
 // nothing; sizes and tools are stored in this browser. Every person has their own.
-import { useEffect, useMemo, useState } from '../parts/preact.js';
+import { useEffect, useMemo, useState } from '../preact.js';
 
 const KEY = 'trocar.setup';
 /** `printed`: a square's side on the sheet; `square`: as measured on paper, mm. */

@@ -1,9 +1,9 @@
 // Where frames come from: this device's camera, a recording of the box, or picture files.
-import { html, useEffect, useRef, useState } from '../parts/preact.js';
+import { html, useEffect, useRef, useState } from '../preact.js';
 import { clock } from '../format.js';
 import { t } from '../texts.js';
-import { Field } from '../parts/form.js';
-import { Notice } from '../parts/notice.js';
+import { Field } from '../parts/forms/form.js';
+import { Notice } from '../parts/page/notice.js';
 import { addFrames, MAX_FRAMES } from './frames.js';
 import { frameOf } from './pictures.js';
 import { CameraShot } from './camera_shot.js';

@@ -1,7 +1,7 @@
 // All frames, each with what would be taken for tape on it. Frames that nothing was painted on show the most.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { t } from '../texts.js';
-import { focusSoon } from '../parts/focus.js';
+import { focusSoon } from '../parts/forms/focus.js';
 import { removeFrame } from './frames.js';
 import { MaskLayer } from './mask_layer.js';
 

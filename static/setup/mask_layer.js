@@ -1,5 +1,5 @@
 // What is taken for tape on a frame, drawn over it.
-import { html, useEffect, useRef } from '../parts/preact.js';
+import { html, useEffect, useRef } from '../preact.js';
 import { drawMask } from './preview.js';
 
 /** `mask` is a frame's, with `colours`, the labels of its classes. */

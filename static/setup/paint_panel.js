@@ -1,5 +1,5 @@
 // The frame that is painted on, with its controls: label, brush, size and zoom.
-import { html, useId, useState } from '../parts/preact.js';
+import { html, useId, useState } from '../preact.js';
 import { t } from '../texts.js';
 import { addMark, clearMarks, undoMark } from './frames.js';
 import { Painter } from './painter.js';

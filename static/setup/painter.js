@@ -1,6 +1,6 @@
 // Painting on a frame: strokes, rectangles and points, by mouse, pen, finger and keyboard; draws the marks over the
 // frame.
-import { html, useEffect, useRef, useState } from '../parts/preact.js';
+import { html, useEffect, useRef, useState } from '../preact.js';
 import { t } from '../texts.js';
 import { rectangleOf, strokeRectangles } from './marks.js';
 import { MaskLayer } from './mask_layer.js';

@@ -1,7 +1,8 @@
 // One photo of the board, with what was found drawn over it; if that is not enough: why, where and what to do.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { serviceLang, t } from '../texts.js';
-import { Prose } from '../parts/prose.js';
+import { problemTitle } from '../translate.js';
+import { ProblemDetail } from '../parts/page/prose.js';
 import { sizeOf } from './photos.js';
 
 const words = t.setup.photos;
@@ -21,7 +22,7 @@ export function PhotoCard({ photo, usual, onRemove, onRetry }) {
         <p class="small code">${name}</p>
         ${isOther && html`<p class="small">${words.otherSize(sizeOf(check), usual)}</p>`}
         ${check && !check.found && html`<${Why} check=${check} />`}
-        ${problem && html`<p class="small">${problem.title}. <${Prose} text=${problem.detail} lang=${problem.lang} /></p>
+        ${problem && html`<p class="small">${problemTitle(problem)}. <${ProblemDetail} problem=${problem} /></p>
           <p><button class="button" type="button" onClick=${onRetry}>${t.retry}</button></p>`}
       </div>
     </li>`;

@@ -1,10 +1,10 @@
 // Step 2: photos of the board, from this device's camera or from files. Each is judged at once, while the board is at
 // hand.
-import { html, useState } from '../parts/preact.js';
+import { html, useState } from '../preact.js';
 import { t } from '../texts.js';
-import { focusSoon } from '../parts/focus.js';
-import { Field } from '../parts/form.js';
-import { Announce, Notice, ProblemNotice } from '../parts/notice.js';
+import { focusSoon } from '../parts/forms/focus.js';
+import { Field } from '../parts/forms/form.js';
+import { Announce, Notice, ProblemNotice } from '../parts/page/notice.js';
 import { CoverageMap } from './coverage.js';
 import { needsOf, TILTS } from './photo_needs.js';
 import { PhotoCard } from './photo_card.js';

@@ -1,6 +1,6 @@
 // What the marks take for tape on every frame, requested after each painting. The service answers with the tracker's
 // own classifier; this module only draws the result.
-import { useEffect, useState } from '../parts/preact.js';
+import { useEffect, useState } from '../preact.js';
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
 import { annotationsOf, isMarked, tapesOf } from './marks.js';

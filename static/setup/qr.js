@@ -1,5 +1,5 @@
 // A text as a QR code: dark on light in both themes, with the margin that readers need.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { qrcode } from '../vendor/qrcode-generator/qrcode.mjs';
 
 const MARGIN = 4;

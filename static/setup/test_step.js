@@ -1,8 +1,8 @@
 // Step 7: the self-test of one minute, which shows whether everything is right.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { t } from '../texts.js';
-import { SelfTestForm, SelfTestSummary } from '../parts/box_self_test.js';
-import { Empty, Notice } from '../parts/notice.js';
+import { SelfTestForm, SelfTestSummary } from '../parts/boxes/box_self_test.js';
+import { Empty, Notice } from '../parts/page/notice.js';
 import { isTestOutdated } from './steps.js';
 
 const words = t.setup.test;

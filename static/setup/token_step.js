@@ -1,12 +1,12 @@
 // Step 6: the token of the box's own program, shown once, and what to type on the computer beside the box.
-import { html, useState } from '../parts/preact.js';
+import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { dateTime } from '../format.js';
 import { may } from '../roles.js';
 import { t } from '../texts.js';
-import { focusSoon } from '../parts/focus.js';
-import { Form } from '../parts/form.js';
-import { Notice } from '../parts/notice.js';
+import { focusSoon } from '../parts/forms/focus.js';
+import { Form } from '../parts/forms/form.js';
+import { Notice } from '../parts/page/notice.js';
 import { QrCode } from './qr.js';
 
 const words = t.setup.agent;

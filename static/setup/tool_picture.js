@@ -1,5 +1,5 @@
 // What to measure on an instrument: the diameter over the tape, and the length of the band along the tube.
-import { html } from '../parts/preact.js';
+import { html } from '../preact.js';
 import { t } from '../texts.js';
 
 const words = t.setup.tools;

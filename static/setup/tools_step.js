@@ -1,12 +1,12 @@
 // Step 4: the instruments and their sizes. Depth is measured by them, so a tenth of a millimetre counts.
-import { html, useState } from '../parts/preact.js';
+import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
 import { t } from '../texts.js';
-import { Field } from '../parts/form.js';
-import { focusSoon } from '../parts/focus.js';
-import { icons } from '../parts/icons.js';
-import { Empty, Notice, ProblemNotice } from '../parts/notice.js';
+import { Field } from '../parts/forms/form.js';
+import { focusSoon } from '../parts/forms/focus.js';
+import { icons } from '../parts/page/icons.js';
+import { Empty, Notice, ProblemNotice } from '../parts/page/notice.js';
 import { isOutdated, plannedTool } from './steps.js';
 import { ToolPicture } from './tool_picture.js';
 import { tapeNames } from './tapes.js';

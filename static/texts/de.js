@@ -751,7 +751,7 @@ export default {
     why: 'Warum nicht beobachtet',
     shares: (o, p, m) => `${o} beobachtet, ${p} vorhergesagt, ${m} nicht gesehen`,
     reasons: {
-      no_marker_colour: 'keine Fläche in der Farbe des Klebebands',
+      no_marker_colour: 'keine Bandfarbe',
       too_small: 'die farbige Fläche ist zum Messen zu klein',
       wrong_shape: 'die farbige Fläche hat nicht die Form eines Bands',
       borders_not_found: 'von einem Rand war zu wenig sichtbar',
@@ -1577,7 +1577,7 @@ export default {
     tool: 'Instrument',
     first: 'Anfänger, oder alle',
     second: 'Experten',
-    everybody: 'Alle, die ich sehen darf',
+    everybody: 'Alle, die ich sehe',
     nobody: 'Keine',
     hand: 'Dominante Hand',
     limit: unit => (unit ? `Grenzwert, ${unit}` : 'Grenzwert'),

@@ -145,7 +145,7 @@ test('the group’s table shows the pass, and the certificate prints on one side
   await page.getByRole('link', { name: 'Certificate' }).click();
   await page.locator('.certificate .who', { hasText: ADA }).waitFor();
   const paper = await page.locator('.certificate').innerText();
-  assert.match(paper, /by the pass rule: 2 in a row/);
+  assert.match(paper, /by the pass rule: 2 passes in a row/);
   assert.match(paper, /version 1 of /);
   assert.equal(await page.locator('.certificate table tbody tr').count(), 2);
   await takePictures('07-certificate');

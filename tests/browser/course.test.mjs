@@ -130,7 +130,7 @@ test('the group follows the plan from a chosen day, and its table shows each tra
   await button('Save').click();
   const table = page.locator('.course-table');
   await table.waitFor();
-  assert.match(await table.locator('thead').innerText(), new RegExp(`until ${dayWords(10)}`));
+  assert.match(await table.locator('thead').innerText(), new RegExp(`by ${dayWords(10)}`));
   const cell = (name, task, state) => table.getByRole('link', { name: `${name}, ${task}: ${state}` });
   await cell(ADA, made.pegs.name, `Passed ${dayWords(-2)}`).waitFor();
   await cell(ADA, made.wire.name, 'In progress Overdue 1 of 2 sessions').waitFor();
@@ -140,7 +140,7 @@ test('the group follows the plan from a chosen day, and its table shows each tra
   await teacher.takePictures('02-table');
   await cell(ADA, made.wire.name, 'In progress').click();
   await heading(ADA).waitFor();
-  await page.getByText(`Next step: ${made.wire.name} (2 sessions), until ${dayWords(-1)}.`).waitFor();
+  await page.getByText(`Next step: ${made.wire.name} (2 sessions), by ${dayWords(-1)}.`).waitFor();
   await teacher.takePictures('03-trainee');
 });
 
@@ -149,7 +149,7 @@ test('a trainee sees the next step and its due date, and nothing of others', asy
   await page.goto(url);
   await trainee.signIn(SECRET, `ada-course-${mark}`);
   await page.getByText('Your course').waitFor();
-  await page.getByText(`Next step: ${made.wire.name} (2 sessions), until ${dayWords(-1)}.`).waitFor();
+  await page.getByText(`Next step: ${made.wire.name} (2 sessions), by ${dayWords(-1)}.`).waitFor();
   assert.ok(!(await page.locator('main').innerText()).includes(GROUP), 'groups are not shown to trainees');
   await trainee.takePictures('04-today');
   await page.getByRole('link', { name: 'All steps' }).click();

@@ -118,7 +118,7 @@ test('playing moves the video, the overlay and the playhead in the curves togeth
 
 test('no curve is drawn across missing frames', async () => {
   const frames = await page.evaluate(async () => {
-    const { curveFrames } = await import('/parts/track.js');
+    const { curveFrames } = await import('/parts/playback/track.js');
     return curveFrames({ times: [0, 0.04, 0.2, 2.2, 2.24] });
   });
   assert.deepEqual(frames, [0, 1, 2, null, 3, 4]);

@@ -142,15 +142,15 @@ test('German texts use German quotation marks, dashes and ellipses', () => {
 
 test('every code of the service has a German text', () => {
   const named = (text, pattern) => [...text.matchAll(pattern)].map(([, name]) => name);
-  const folder = 'pipeline/features/';
+  const folder = 'motion/features/';
   const files = readdirSync(new URL(`../../src/${folder}`, import.meta.url)).filter(name => name.endsWith('.rs'));
   const features = files.flatMap(name => named(source(folder + name).split('#[cfg(test)]')[0], /^    name: "([a-z_0-9]+)",$/gm));
   const lists = {
     features,
-    exercises: named(source('pipeline/score/standard/fls.rs'), /^    preset\("([a-z_]+)"/gm),
+    exercises: named(source('statistics/standard/fls.rs'), /^    preset\("([a-z_]+)"/gm),
     items: named(source('domain/rating/forms.rs'), /^        "([a-z_]+)",$/gm),
-    findings: named(source('pipeline/quality/cause.rs').split('pub fn unit')[0], /^            QualityCause::[A-Za-z]+ => "([a-z_]+)",$/gm),
-    withheld: named(source('pipeline/score/no_answer.rs'), /NoAnswer::[A-Za-z]+(?: \{ \.\. \})? => "([a-z_]+)"/g),
+    findings: named(source('motion/quality/cause.rs').split('pub fn unit')[0], /^            QualityCause::[A-Za-z]+ => "([a-z_]+)",$/gm),
+    withheld: named(source('statistics/no_answer.rs'), /NoAnswer::[A-Za-z]+(?: \{ \.\. \})? => "([a-z_]+)"/g),
     problems: [
       ...named(source('http/error.rs'), /^    \(Refusal::[A-Za-z]+, "([a-z-]+)"/gm),
       ...named(source('analysis/child/explain.rs'), /"([a-z]+(?:-[a-z]+)+)"/g),

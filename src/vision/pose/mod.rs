@@ -92,7 +92,7 @@ impl StoredPose {
         f64::from(self.residual_px)
     }
 
-    fn to_words(&self) -> Words {
+    fn as_words(&self) -> Words {
         let Self { tube: Tube { tip, axis, radius }, equations: evidence, residual_px, support } = self;
         let of_tube = tip.iter().chain(axis.iter()).chain([radius]).flat_map(|number| {
             let bits = number.to_bits();

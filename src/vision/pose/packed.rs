@@ -34,7 +34,7 @@ impl PackedPoses {
     /// Takes the next pose.
     pub fn push(&mut self, pose: &StoredPose) {
         const MAX_POSE_BYTES: usize = TAG_BYTES + 4 * WORDS;
-        let words = pose.to_words();
+        let words = pose.as_words();
         let mut block = self.blocks.pop().unwrap_or_default();
         if block.len() + MAX_POSE_BYTES > block.capacity() {
             self.blocks.extend(Some(block).filter(|full| !full.is_empty()));

@@ -1,0 +1,67 @@
+// One feature over a trainee's sessions: values with their error bars, the limit, the learning curve with its band.
+// Each point links to its session.
+import { axisSteps } from './axis.js';
+import { html } from '../../preact.js';
+import { date, number, unit } from '../../format.js';
+import { href } from '../../router.js';
+import { t } from '../../texts.js';
+import { featureWithTool } from '../../translate.js';
+
+const words = t.trainee;
+const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [760, 300, 56, 16, 16, 34];
+
+/** `series` and `sessions` as the service returns them. */
+export function ProgressPlot({ series, sessions }) {
+  const byNumber = new Map(sessions.map(session => [session.number, session]));
+  const points = series.points.filter(point => point.value !== null);
+  const line = series.learning.curve?.line ?? [];
+  const first = sessions[0]?.number ?? 1;
+  const last = sessions[sessions.length - 1]?.number ?? 1;
+  const [low, high] = valueRange([
+    ...points.flatMap(point => [point.value, point.low, point.high]),
+    ...line.flatMap(at => [at.low, at.high]),
+    series.target?.limit,
+  ]);
+  const x = session => LEFT + ((WIDTH - LEFT - RIGHT) * (session - first + 0.5)) / (last - first + 1);
+  const y = value => TOP + (HEIGHT - TOP - BOTTOM) * (1 - (value - low) / (high - low));
+  const path = valueOf => line.map((at, i) => `${i ? 'L' : 'M'}${x(at.session)} ${y(valueOf(at))}`).join('');
+  const lowerEdge = [...line].reverse().map(at => `L${x(at.session)} ${y(at.low)}`).join('');
+  return html`
+    <svg class="progress-plot" viewBox="0 0 ${WIDTH} ${HEIGHT}" role="group"
+      aria-label=${words.spark(featureWithTool(series), points.length)}>
+      ${axisSteps(low, high).map(([value, label]) => html`<g key=${value}>
+        <line class="grid-line" x1=${LEFT} x2=${WIDTH - RIGHT} y1=${y(value)} y2=${y(value)} />
+        <text class="axis" x=${LEFT - 8} y=${y(value) + 4} text-anchor="end">${label}</text></g>`)}
+      <text class="axis" x=${LEFT} y=${TOP - 5}>${unit(series.unit)}</text>
+      <text class="axis" x=${x(first)} y=${HEIGHT - 18} text-anchor="middle">${first}</text>
+      ${last > first && html`<text class="axis" x=${x(last)} y=${HEIGHT - 18} text-anchor="middle">${last}</text>`}
+      <text class="axis" x=${(LEFT + WIDTH - RIGHT) / 2} y=${HEIGHT - 4} text-anchor="middle">${words.sessionAxis}</text>
+      ${line.length > 1 && html`<path class="band" d=${`${path(at => at.high)}${lowerEdge}Z`} />
+        <path class="curve" d=${path(at => at.value)} fill="none" />`}
+      ${series.target && html`<line class="limit" x1=${LEFT} x2=${WIDTH - RIGHT} y1=${y(series.target.limit)}
+        y2=${y(series.target.limit)} /><text class="axis" x=${WIDTH - RIGHT} y=${y(series.target.limit) - 5}
+        text-anchor="end">${words.limit(number(series.target.limit), unit(series.unit))}</text>`}
+      ${points.map(point => html`<${Dot} key=${point.session} point=${point} session=${byNumber.get(point.session)}
+        x=${x(point.session)} y=${y} name=${unit(series.unit)} />`)}
+    </svg>`;
+}
+
+function Dot({ point, session, x, y, name }) {
+  const kind = session.set_aside ? 'aside' : (point.judgement ?? 'plain');
+  const label = words.point(date(session.recorded_at), `${number(point.value)} ${name}`, words.judgements[kind]);
+  return html`
+    <a href=${href(['sessions', session.id])} aria-label=${label}>
+      ${point.low !== null && html`<line class="bar" x1=${x} x2=${x} y1=${y(point.low)} y2=${y(point.high)} />`}
+      <circle class="hit" cx=${x} cy=${y(point.value)} r="9" />
+      <circle class=${`dot ${kind}`} cx=${x} cy=${y(point.value)} r="4"><title>${label}</title></circle>
+    </a>`;
+}
+
+/** Adds a margin above and below, and starts at zero if the values come near it. */
+function valueRange(values) {
+  const known = values.filter(value => Number.isFinite(value));
+  if (!known.length) return [0, 1];
+  const [low, high] = [Math.min(...known), Math.max(...known)];
+  const margin = (high - low || Math.abs(high) || 1) * 0.08;
+  return [low >= 0 && low < high / 2 ? 0 : low - margin, high + margin];
+}

@@ -1,0 +1,77 @@
+// The frame of every page: skip link, product, navigation, language, theme, account.
+import { html, useEffect, useState } from '../../preact.js';
+import { href } from '../../router.js';
+import { may } from '../../roles.js';
+import { chooseTheme, onThemeChange, themeChoice } from '../../theme.js';
+import { t } from '../../texts.js';
+import { isRecording, onRecording } from '../../record/current_recording.js';
+import { Brand, icons } from './icons.js';
+import { LanguageMenu } from './language.js';
+
+const NEXT_THEME = { system: 'light', light: 'dark', dark: 'system' };
+const THEME_ICON = { system: icons.system, light: icons.sun, dark: icons.moon };
+
+function navEntries(person) {
+  const all = [
+    ['today', []],
+    ['wall', ['live'], ['watch']],
+    ['sessions', ['sessions']],
+    ['record', ['record'], ['upload', 'upload_own']],
+    ['upload', ['upload'], ['upload', 'upload_own']],
+    ['trainees', ['trainees'], ['see_trainees']],
+    ['groups', ['groups'], ['see_trainees']],
+    ['tasks', ['tasks'], ['edit_tasks']],
+    ['boxes', ['boxes'], ['see_boxes']],
+    ['people', ['people'], ['people']],
+  ];
+  const own = person.trainee ? [['own', ['trainees', traineeId(person)]]] : [];
+  return [...all.filter(([, , needs]) => !needs || needs.some(action => may(person, action))), ...own];
+}
+
+/** `me` gives the trainee as an id or as an object, depending on the route that answered. */
+export const traineeId = person => person.trainee?.id ?? person.trainee ?? null;
+
+export function Shell({ person, current, children }) {
+  return html`
+    <a class="button skip" href="#main">${t.skip}</a>
+    <header class="top">
+      <a class="brand" href=${href([])}><${Brand} />${t.product}</a>
+      <nav aria-label=${t.nav.label}>
+        <ul>
+          ${navEntries(person).map(([name, path]) => html`
+              <li key=${name}><a href=${href(path)} aria-current=${isCurrent(name, current, person) ? 'page'
+                : undefined}>${t.nav[name]}${name === 'record' && html`<${RecordingMark} />`}</a></li>`)}
+        </ul>
+      </nav>
+      <div class="account">
+        <${LanguageMenu} />
+        <${ThemeSwitch} />
+        <a class="who" href=${href(['account'])} aria-current=${current === 'account' ? 'page' : undefined}>
+          ${person.name}<small>${t.roles[person.role] ?? person.role}</small>
+        </a>
+      </div>
+    </header>
+    <main id="main" tabindex="-1">${children}</main>`;
+}
+
+/** Shows on every page that a recording is running. */
+function RecordingMark() {
+  const [isRunning, setRunning] = useState(isRecording);
+  useEffect(() => onRecording(() => setRunning(isRecording())), []);
+  return isRunning && html`<span class="runs"><span class="unseen">${t.record.runs}</span></span>`;
+}
+
+/** A trainee's own page lies under `trainees`, which a trainee's navigation calls "My progress". */
+const isCurrent = (name, current, person) =>
+  name === current || (name === 'own' && current === 'trainees' && person.role === 'trainee');
+
+function ThemeSwitch() {
+  const [choice, setChoice] = useState(themeChoice);
+  useEffect(() => onThemeChange(() => setChoice(themeChoice())), []);
+  const next = NEXT_THEME[choice];
+  const label = t.theme.label(t.theme[next]);
+  return html`
+    <button class="button bare" type="button" aria-label=${label} title=${label} onClick=${() => chooseTheme(next)}>
+      <${THEME_ICON[choice]} />
+    </button>`;
+}

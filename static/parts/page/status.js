@@ -1,0 +1,33 @@
+// The state of a session or job: a word with a colour, and a bar while it is running.
+import { html } from '../../preact.js';
+import { t } from '../../texts.js';
+import { percent } from '../../format.js';
+
+const TONES = {
+  receiving: 'busy',
+  queued: '',
+  tracking: 'busy',
+  running: 'busy',
+  done: 'good',
+  failed: 'bad',
+  quarantined: 'warn',
+  refused: 'bad',
+};
+
+/**
+ * One word for a session's state. A quarantined session is `failed` in the API; one that the quality gate refused is
+ * `done` in the API and has no features.
+ */
+export function stateOf({ status, quarantined, quality }) {
+  if (quarantined) return 'quarantined';
+  return status === 'done' && quality?.verdict === 'refused' ? 'refused' : status;
+}
+
+export const StatusPill = ({ state }) =>
+  html`<span class=${`pill ${TONES[state] ?? ''}`}>${t.status[state] ?? t.jobStates[state] ?? state}</span>`;
+
+export const ProgressBar = ({ value, name }) => html`
+  <progress class="bar" max="1" value=${value ?? 0} aria-label=${name}
+    aria-valuetext=${percent(value ?? 0)}></progress>`;
+
+export const isMoving = session => ['receiving', 'queued', 'tracking'].includes(session.status);

@@ -1,0 +1,64 @@
+// What a person who records must know now: nothing while all is well.
+import { html } from '../../preact.js';
+import { fixed } from '../../format.js';
+import { href } from '../../router.js';
+import { t } from '../../texts.js';
+import { discardRecording, retrySending } from '../../record/recorder.js';
+import { Announce, Notice } from '../page/notice.js';
+
+const words = t.record;
+/** `QualityCause::FrameRate` in src/motion/quality/limits.rs; a test in src/http/dashboard.rs compares it. */
+const MIN_FRAME_RATE = 14;
+/** The share of frames that an encoder may skip before a notice appears. */
+const MAX_SKIPPED_SHARE = 0.05;
+
+export function RecordNotices({ recording }) {
+  if (!recording) return null;
+  return html`
+    <${Announce}>${words.phases[recording.phase]}<//>
+    ${recording.phase === 'recording' && html`<${WhileRecording} recording=${recording} />`}
+    ${recording.connection === 'lost' && html`<${ConnectionLost} recording=${recording} />`}
+    ${recording.lostSeconds > 0 && html`<${Notice} quiet tone="bad" title=${words.lost(fixed(recording.lostSeconds, 0))}>
+      ${words.lostBody}<//>`}
+    ${recording.why && html`<${Notice} tone="warn" title=${words.stopped[recording.why].title}>${words.stopped[recording.why].body}<//>`}
+    <${Outcome} recording=${recording} />`;
+}
+
+function WhileRecording({ recording: { isMuted, isTurned, rate, skipped = 0, frames = 0, isCaptured } }) {
+  const warnings = {
+    muted: isMuted,
+    turned: isTurned,
+    skipped: skipped > MAX_SKIPPED_SHARE * (skipped + frames),
+    slow: rate !== null && rate < MIN_FRAME_RATE,
+    captured: isCaptured,
+  };
+  return Object.keys(warnings).filter(name => warnings[name]).map(name => html`
+    <${Notice} key=${name} tone="warn" title=${words.warns[name].title}>${words.warns[name].body}<//>`);
+}
+
+function ConnectionLost({ recording: { code, kept, session } }) {
+  const why = words.away[code] ?? (session ? words.cut : words.unreached);
+  return html`
+    <${Announce}>${why.title}<//>
+    <${Notice} quiet tone="warn" title=${why.title}>${words.keeps(fixed(kept.seconds, 0))} ${why.body}<//>`;
+}
+
+/** The result of the recording, and the next actions. */
+function Outcome({ recording: { phase, code, session, names, kept } }) {
+  const openLink = session && html`<a class="button main" href=${href(['sessions', session])}>${words.open}</a>`;
+  const dismissButton = label => html`<button class="button" type="button" onClick=${discardRecording}>${label}</button>`;
+  if (phase === 'nothing') return html`<${Notice} tone="warn" title=${words.nothing}>${words.nothingBody}<//>`;
+  if (phase === 'ended')
+    return html`<${Notice} tone="good" title=${words.ended}>${names}
+      <span class="row after">${openLink}${dismissButton(words.done)}</span><//>`;
+  if (phase === 'shortened')
+    return html`<${Notice} tone="bad" title=${words.shortened(fixed(Math.max(1, kept.seconds), 0))}>${words.shortenedBody}
+      <span class="row after">${openLink}${dismissButton(words.done)}</span><//>`;
+  if (phase !== 'refused') return null;
+  const { title, body } = words.refused[code] ?? words.refused.other;
+  if (!session)
+    return html`<${Notice} tone="bad" title=${title}>${body}<span class="row after">${dismissButton(words.done)}</span><//>`;
+  const retryButton = html`<button class="button" type="button" onClick=${retrySending}>${t.retry}</button>`;
+  return html`<${Notice} tone="bad" title=${title}>${body}
+    <span class="row after">${retryButton}${openLink}${dismissButton(words.giveUp)}</span><//>`;
+}

@@ -1,0 +1,61 @@
+// The trainee, task and box of a recording: chosen on the page and kept in its address, so that a link can preset them.
+import { html } from '../../preact.js';
+import { api } from '../../api.js';
+import { useData } from '../../data.js';
+import { may } from '../../roles.js';
+import { href, replace } from '../../router.js';
+import { t } from '../../texts.js';
+import { Field } from '../forms/form.js';
+import { icons } from '../page/icons.js';
+import { Notice } from '../page/notice.js';
+import { traineeId } from '../page/shell.js';
+
+const words = t.target;
+const KINDS = ['trainee', 'task', 'box'];
+const PAGES = { trainee: 'trainees', task: 'tasks', box: 'boxes' };
+
+/** Whether this person may send recordings: of any trainee, or, as a trainee, their own. */
+export const maySendRecordings = person => may(person, 'upload') || traineeId(person) !== null;
+
+/**
+ * Returns `lists` by kind once they are loaded, the `chosen` item of each kind, `ids` and `names` once all three are
+ * chosen, and `set(kind)` for a select's `onInput`. A trainee sends their own recordings only.
+ */
+export function useRecordingTarget({ person, route }) {
+  const own = may(person, 'upload') ? null : traineeId(person);
+  const { data: lists, problem, reload } = useData(async () => {
+    const trainees = own
+      ? api.trainees.get(own).then(
+          one => [one],
+          () => [{ id: own, name: person.trainee?.name ?? person.name }],
+        )
+      : api.trainees.all();
+    const [trainee, task, box] = await Promise.all([trainees, api.tasks.all(), api.boxes.all()]);
+    return { trainee, task, box };
+  }, []);
+  const chosen = Object.fromEntries(KINDS.map(kind => [kind, findItem(lists?.[kind], route.query.get(kind))]));
+  const ofEach = what => Object.fromEntries(KINDS.map(kind => [kind, chosen[kind]?.[what]]));
+  const isTargetComplete = KINDS.every(kind => chosen[kind]);
+  const set = kind => event => replace(route.path, { ...ofEach('id'), [kind]: event.target.value });
+  return {
+    ...{ lists, problem, reload, chosen, set },
+    ids: isTargetComplete ? ofEach('id') : null,
+    names: isTargetComplete ? words.forWhom(...KINDS.map(kind => chosen[kind].name)) : null,
+  };
+}
+
+/** By id or code; a single item is chosen already. */
+const findItem = (list = [], key) =>
+  list.find(item => item.id === key || item.code === key) ?? (list.length === 1 ? list[0] : null);
+
+/** The three selects; a kind without any items is reported above them. */
+export const RecordingTargetFields = ({ target: { lists, chosen, set } }) => html`
+  ${KINDS.filter(kind => lists[kind].length === 0).map(kind => html`
+    <div key=${kind} class="wide"><${Notice} tone="warn" title=${words.missing[kind]}>
+      <a href=${href([PAGES[kind]])}>${words.make}</a><//></div>`)}
+  ${KINDS.map(kind => html`<${Field} key=${kind} type="select" label=${words[kind]} value=${chosen[kind]?.id}
+    options=${[['', words.choose], ...lists[kind].map(item => [item.id, item.name])]} onInput=${set(kind)} />`)}`;
+
+/** Shown when a person continues without having chosen. */
+export const TargetNeeded = () => html`
+  <p class="notice warn" role="alert"><${icons.warning} /><strong>${words.need}</strong></p>`;

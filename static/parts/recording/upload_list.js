@@ -1,0 +1,84 @@
+// The list of uploads: which run, which stopped and why, and which need their file again after a reload.
+import { html, useRef, useState } from '../../preact.js';
+import { bytes, clock, percent } from '../../format.js';
+import { useLive } from '../../live.js';
+import { href } from '../../router.js';
+import { t } from '../../texts.js';
+import { Announce, ProblemNotice } from '../page/notice.js';
+import { ProgressBar, StatusPill } from '../page/status.js';
+import { cancel, forget, pause, resume, resumeWith } from './uploads.js';
+
+const words = t.upload;
+const TONES = { sending: 'busy', done: 'good', failed: 'bad', lost: 'warn', paused: 'warn', waiting: '' };
+
+export function UploadList({ items }) {
+  const [scoring, setScoring] = useState({}); // The scoring of uploads that have arrived, by session.
+  useLive('session', event => setScoring(before => ({ ...before, [event.id]: event })));
+  const state = item =>
+    item.state === 'done' && scoring[item.session] ? t.status[scoring[item.session].status] : words.states[item.state];
+  return html`
+    <${Announce}>${items.map(item => words.announce(item.name, state(item))).join('. ')}<//>
+    <ul class="sending">${items.map(item => html`<${Item} key=${item.key} item=${item} scoring=${item.state === 'done'
+      ? scoring[item.session] : null} />`)}</ul>`;
+}
+
+const Item = ({ item, scoring }) => html`
+  <li>
+    <div>
+      <div class="name">${item.name}</div>
+      <div class="small muted">${item.words}</div>
+    </div>
+    ${scoring ? html`<${StatusPill} state=${scoring.status} />`
+      : html`<span class=${`pill ${TONES[item.state]}`}>${words.states[item.state]}</span>`}
+    ${scoring?.status === 'tracking' && html`<div class="wide"><${ProgressBar} value=${scoring.progress}
+      name=${item.name} /></div>`}
+    ${item.state !== 'done' && html`
+      <div class="wide stack tight">
+        <${ProgressBar} value=${item.size ? item.sent / item.size : 0} name=${words.progress(item.name)} />
+        <span class="small muted">${percent(item.size ? item.sent / item.size
+          : 0)} · ${words.sent(bytes(item.sent), bytes(item.size))}${timeLeft(item)}</span>
+      </div>`}
+    ${item.duplicate && html`<p class="wide small muted">${words.duplicate}</p>`}
+    ${item.problem && html`<div class="wide"><${ProblemNotice} problem=${item.problem} /></div>`}
+    ${item.state === 'lost' ? html`<${ChooseFileAgain} item=${item} />` : html`<${Buttons} item=${item} />`}
+  </li>`;
+
+const timeLeft = ({ state, rate, size, sent }) =>
+  state === 'sending' && rate > 0 ? ` · ${words.left(clock((size - sent) / rate, 0))}` : '';
+
+/** The file itself was refused: the service would refuse it again. */
+const isRefused = problem => [400, 413, 415, 422].includes(problem?.status);
+
+function Buttons({ item: { key, state, session, problem } }) {
+  const button = (label, act, kind = '') =>
+    html`<button class=${`button ${kind}`} type="button" onClick=${() => act(key)}>${label}</button>`;
+  return html`
+    <div class="wide row">
+      ${(state === 'sending' || state === 'waiting') && button(words.pause, pause)}
+      ${state === 'paused' && button(words.resume, resume, 'main')}
+      ${state === 'failed' && !isRefused(problem) && button(words.retry, resume, 'main')}
+      ${state === 'done' && session && html`<a class="button main" href=${href(['sessions', session])}>
+        ${words.open}</a>`}
+      ${state === 'done' || isRefused(problem) ? button(words.clear, forget) : button(words.cancel, cancel)}
+    </div>`;
+}
+
+function ChooseFileAgain({ item }) {
+  const input = useRef(null);
+  const [other, setOther] = useState(false);
+  const chosen = () => {
+    const [file] = input.current.files;
+    if (file) setOther(!resumeWith(item.key, file));
+    input.current.value = '';
+  };
+  return html`
+    <div class="wide stack tight">
+      <p>${words.lost(item.name)}</p>
+      ${other && html`<${ProblemNotice} problem=${{ title: words.wrongFile(item.name) }} />`}
+      <div class="row drop-again">
+        <label class="button main"><input ref=${input} class="unseen" type="file" onChange=${chosen} />
+          ${words.again}</label>
+        <button class="button" type="button" onClick=${() => cancel(item.key)}>${words.cancel}</button>
+      </div>
+    </div>`;
+}

@@ -1,0 +1,84 @@
+// The edits of a session: trims, swapped tool names, set aside. Who made each, when and why, and how to undo it.
+import { html, useState } from '../../preact.js';
+import { api } from '../../api.js';
+import { asProblem } from '../../data.js';
+import { dateTime } from '../../format.js';
+import { may } from '../../roles.js';
+import { t } from '../../texts.js';
+import { problemTitle } from '../../translate.js';
+import { EditDialog } from './edit_dialog.js';
+import { Notice, ProblemNotice } from '../page/notice.js';
+import { spanName, useMarked } from './span_bar.js';
+import { ProblemDetail } from '../page/prose.js';
+
+const words = t.session.edits;
+
+/**
+ * `edits`: the answer of `GET edits`; `onEdited()` runs after each change; `tools`: the names of the session's tools.
+ */
+export function Edits({ session, person, edits, playback, tools, onEdited }) {
+  const { marked } = useMarked(playback);
+  const [dialogKind, setDialogKind] = useState(null);
+  const [problem, setProblem] = useState(null);
+  if (!edits) return null;
+  const mayEdit = may(person, 'edit_sessions');
+  const [inForce, undone] = [edits.items.filter(edit => !edit.undone), edits.items.filter(edit => edit.undone)];
+  if (!mayEdit && !inForce.length) return null;
+  const undo = edit => api.sessions.undo(session.id, edit.id).then(onEdited, error => setProblem(asProblem(error)));
+  const scored = session.status === 'done' && tools.length > 0;
+  return html`
+    <section class="card edits">
+      <header><h2>${words.title}</h2></header>
+      <div class="body stack">
+        <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
+        <${Score} edits=${edits} mayEdit=${mayEdit} onAgain=${onEdited} />
+        ${mayEdit && html`
+          <div class="row">
+            ${scored && html`<button class="button" type="button" disabled=${!marked} onClick=${() => setDialogKind('trim')}>${
+              marked ? words.trim(spanName(marked)) : words.kinds.trim}</button>`}
+            ${scored && tools.length > 1 && html`<button class="button" type="button" disabled=${!marked}
+              onClick=${() => setDialogKind('swap')}>${marked ? words.swap(spanName(marked)) : words.kinds.swap}</button>`}
+            ${!session.set_aside && html`<button class="button" type="button" onClick=${() => setDialogKind('set_aside')}>${
+              words.kinds.set_aside}</button>`}
+          </div>
+          ${scored && !marked && html`<p class="small muted">${words.markFirst}</p>`}`}
+        ${inForce.length > 0 && html`<ul class="edit-list">${inForce.map(edit => html`
+          <li key=${edit.id}><${EditEntry} edit=${edit} />
+            ${mayEdit && html`<button class="button" type="button" aria-label=${words.undoThis(editText(edit))}
+              onClick=${() => undo(edit)}>${words.undo}</button>`}</li>`)}</ul>`}
+        ${undone.length > 0 && html`<details class="small"><summary>${words.undone(undone.length)}</summary>
+          <ul class="edit-list">${undone.map(edit => html`<li key=${edit.id}><${EditEntry} edit=${edit} /></li>`)}</ul></details>`}
+      </div>
+      ${dialogKind && html`<${EditDialog} kind=${dialogKind} session=${session} span=${marked} tools=${tools} revision=${edits.revision}
+        onDone=${() => (setDialogKind(null), playback.mark(0, 0), onEdited())} onClose=${() => setDialogKind(null)} />`}
+    </section>`;
+}
+
+/** The effect of an edit, in words. */
+const editText = ({ kind, from_s: from, to_s: to, tools }) =>
+  words.says[kind](from === null ? '' : spanName([from, to]), tools ?? []);
+
+const EditEntry = ({ edit }) => html`
+  <div>
+    <strong>${editText(edit)}</strong>
+    <p class="said">${edit.why}</p>
+    <p class="small muted">${edit.who ?? words.gone}, ${dateTime(edit.created_at)}${edit.undone &&
+      ` · ${words.undoneBy(edit.undone.who ?? words.gone, dateTime(edit.undone.at))}`}</p>
+  </div>`;
+
+/** Between an edit and its score, the old numbers are shown, and the notice says so. */
+function Score({ edits, mayEdit, onAgain }) {
+  if (edits.score === 'current') return null;
+  if (edits.score !== 'failed') return html`<${Notice} title=${words.making}>${words.makingBody}<//>`;
+  const again = mayEdit && edits.job ? () => api.jobs.retry(edits.job).then(onAgain, onAgain) : undefined;
+  const why = edits.error && html`${problemTitle(edits.error)}. <${ProblemDetail} problem=${edits.error} />`;
+  return html`<${ProblemNotice} problem=${{ title: words.failed, detail: why }} onRetry=${again} />`;
+}
+
+/** At the head of the page of a session that does not count. */
+export function SetAside({ session, edits }) {
+  if (!session.set_aside) return null;
+  const edit = edits?.items.find(one => one.kind === 'set_aside' && !one.undone);
+  return html`<${Notice} tone="warn" title=${words.aside}>${edit
+    ? words.asideBy(edit.why, edit.who ?? words.gone, dateTime(edit.created_at)) : words.asideBody}<//>`;
+}

@@ -1,0 +1,158 @@
+// The features of a session: one row per feature, one column per tool, "not enough" in words instead of a number.
+import { html, useState } from '../../preact.js';
+import { number, unit } from '../../format.js';
+import { serviceLang, t } from '../../texts.js';
+import { featureTitle } from '../../translate.js';
+import { Empty } from '../page/notice.js';
+import { CohortChooser, CohortPlace } from './cohort_places.js';
+import { featureKey, Stretches } from './evidence.js';
+import { withError } from '../../with_error.js';
+
+const words = t.session;
+
+/**
+ * One row per feature, in the order of the service: `{ name, title, family, unit, byTool: { tool → feature } }`. Live
+ * features have no space.
+ */
+export function featureRows(features, space) {
+  const rows = new Map();
+  for (const feature of features.filter(feature => feature.space === space)) {
+    if (!rows.has(feature.name))
+      rows.set(feature.name, {
+        name: feature.name,
+        title: featureTitle(feature),
+        family: feature.family,
+        unit: feature.unit,
+        byTool: new Map(),
+      });
+    rows.get(feature.name).byTool.set(feature.tool, feature);
+  }
+  return [...rows.values()];
+}
+
+export function Features({ features, live, tools, places, withheld, evidence, playback }) {
+  const [open, setOpen] = useState(null);
+  const [space, setSpace] = useState('3d');
+  if (withheld) return html`<${Empty} title=${words.withheld} body=${words.withheldBody} />`;
+  if (!features?.length) return html`<${Empty} title=${words.noFeatures} body=${words.noFeaturesBody} />`;
+  const rows = featureRows(features, space);
+  const hasSessionFeatures = rows.some(row => row.byTool.has(null));
+  const columns = [...tools, ...(hasSessionFeatures ? [null] : [])];
+  const general = generalReasons(rows);
+  const liveRows = new Map(space === '3d' ? featureRows(live ?? []).map(row => [row.name, row.byTool]) : []);
+  const spaces = ['3d', 'image'].filter(name => features.some(feature => feature.space === name));
+  /** Shows a feature's stretches and goes to the first, which contributed most. */
+  const toggle = (row, first) => {
+    setOpen(open === row.name ? null : row.name);
+    if (open !== row.name && first) playback.show(first.from_s, first.to_s);
+  };
+  return html`
+    ${spaces.length > 1 && html`
+      <div class="row chooser" role="group" aria-label=${words.plane}>
+        ${spaces.map(name => html`<button key=${name} class="button" type="button" aria-pressed=${space === name}
+          onClick=${() => setSpace(name)}>${name === '3d' ? words.space3d : words.image}</button>`)}
+      </div>`}
+    <${CohortChooser} places=${places} />
+    ${liveRows.size > 0 && html`<p class="small muted chooser">${words.liveDiffers}</p>`}
+    ${general.map(why => html`<p key=${why} class="small muted chooser" lang=${serviceLang}>${why}</p>`)}
+    <div class="scroll" tabindex="0" role="region" aria-label=${words.features}>
+      <table class="table dense">
+        <thead>
+          <tr>
+            <th scope="col">${words.feature}</th>
+            ${columns.map(tool => html`<th key=${tool} scope="col" class="number">${tool ?? words.both}</th>`)}
+            <th scope="col"><span class="unseen">${words.unit}</span></th>
+          </tr>
+        </thead>
+        ${families(rows).map(([family, members]) => html`
+          <tbody key=${family}>
+            ${words.families[family] && html`<tr><th class="family" scope="rowgroup" colspan=${columns.length + 2}>${
+              words.families[family]
+            }</th></tr>`}
+            ${members.map(row => html`
+              <tr key=${row.name}>
+                <th scope="row"><${Title} row=${row} space=${space} evidence=${evidence} open=${open === row.name}
+                  onToggle=${stretch => toggle(row, stretch)} />${whyNot(row)
+                  .filter(why => !general.includes(why))
+                  .map(why => html`<small key=${why} lang=${serviceLang}>${why}</small>`)}</th>
+                ${columns.map(tool => html`<td key=${tool} class="number"><${Value}
+                  feature=${row.byTool.get(tool)} answer=${places.answer} /><${LiveValue} feature=${liveRows.get(row.name)?.get(tool)} /></td>`)}
+                <td class="unit">${unit(row.unit)}</td>
+              </tr>
+              ${open === row.name && html`
+                <tr key=${`${row.name} seconds`} class="seconds"><td colspan=${columns.length + 2}>
+                  ${columns.filter(tool => rowOf(evidence, row, tool, space)).map(tool => html`
+                    <div key=${tool} class="row seconds-row">${tool && html`<strong class="small">${tool}</strong>`}
+                      <${Stretches} row=${rowOf(evidence, row, tool, space)} playback=${playback} /></div>`)}
+                </td></tr>`}`)}
+          </tbody>`)}
+      </table>
+    </div>`;
+}
+
+const rowOf = (evidence, row, tool, space) => evidence?.get(featureKey(row.name, tool, space));
+
+/** A feature with stretches is a button that shows them. */
+function Title({ row, space, evidence, open, onToggle }) {
+  const rows = [...row.byTool.keys()].map(tool => rowOf(evidence, row, tool, space)).filter(Boolean);
+  const withStretches = rows.filter(evidenceRow => evidenceRow.stretches.length);
+  if (!rows.some(evidenceRow => evidenceRow.stretches.length || evidenceRow.none?.reason === 'nothing_stands_out')) return row.title;
+  return html`<button class="feature-of" type="button" aria-expanded=${open}
+    title=${withStretches.length ? words.evidence.show : words.evidence.none.nothing_stands_out}
+    onClick=${() => onToggle(withStretches[0]?.stretches[0])}>${row.title}</button>`;
+}
+
+/** `[family, rows]`, each in the order of its first row. */
+export function families(rows) {
+  const heads = new Map();
+  for (const row of rows) heads.set(row.family, [...(heads.get(row.family) ?? []), row]);
+  return [...heads];
+}
+
+/**
+ * Why values are missing, shown under the title, where there is space; the cell only says that there is no number. A
+ * reason that holds for every tool names none.
+ */
+function whyNot(row) {
+  const features = [...row.byTool.values()];
+  const missing = features.filter(isMissing);
+  const isSame = features.length > 1 && missing.length === features.length && new Set(missing.map(one => one.not_enough)).size === 1;
+  return isSame ? [missing[0].not_enough] : missing.map(feature => [feature.tool, feature.not_enough].filter(Boolean).join(': '));
+}
+
+/** A reason of most rows, such as a tool that was never seen, is shown once above the table. */
+function generalReasons(rows) {
+  const counts = new Map();
+  for (const why of rows.flatMap(whyNot)) counts.set(why, (counts.get(why) ?? 0) + 1);
+  return [...counts].filter(([, count]) => count > rows.length / 2).map(([why]) => why);
+}
+
+const isMissing = feature => feature.value === null || feature.value === undefined;
+
+function Value({ feature, answer }) {
+  if (!feature) return '';
+  if (isMissing(feature)) return html`<span class="not-enough">${words.notEnough}</span>`;
+  const [value, half] = feature.error && !feature.no_error ? withError(feature.value, feature.error) : [number(feature.value)];
+  return html`${value}<${Uncertainty} feature=${feature} half=${half} /><${Limit} feature=${feature} /><${CohortPlace}
+    feature=${feature} answer=${answer} />`;
+}
+
+/**
+ * The uncertainty of the value: half of the range that holds 95 of 100 sessions. The ends of the range do not bound the
+ * error.
+ */
+function Uncertainty({ feature: { error, no_error: why }, half }) {
+  if (why) return html`<small class="off" title=${words.offUnknown(why)}>${words.off('?')}</small>`;
+  if (!error) return '';
+  const explanation = words.offMeans(number(error.low), number(error.high));
+  return html`<small class="off" title=${explanation} aria-label=${explanation}>${words.off(half)}</small>`;
+}
+
+/** The limit of the standard, and whether it was met. */
+const Limit = ({ feature: { target, judgement } }) => target && html`
+  <small class=${`limit ${judgement}`}>${t.report.limits[target.better](number(target.limit))}<span class="unseen">: ${
+    t.report.judgements[judgement]}</span></small>`;
+
+/** The value shown while the recording arrived. */
+const LiveValue = ({ feature }) => feature && html`
+  <small class="told-live">${words.toldLive(isMissing(feature) ? words.notEnough : number(feature.value))}</small>`;

@@ -1,0 +1,66 @@
+// The quality of a task's ratings: whether raters agree, and which features correlate with their ratings.
+import { html, useState } from '../../preact.js';
+import { api } from '../../api.js';
+import { useData } from '../../data.js';
+import { fixed } from '../../format.js';
+import { t } from '../../texts.js';
+import { featureTitle, formTitle, reasonText } from '../../translate.js';
+import { Dialog } from '../forms/dialog.js';
+import { Loading, ProblemNotice } from '../page/notice.js';
+
+const words = t.raters;
+
+export function RatersDialog({ task, onClose }) {
+  const [form, setForm] = useState('goals');
+  const { data: forms } = useData(signal => api.ratingForms(signal), []);
+  const { data, problem, reload } = useData(
+    signal => Promise.all([api.agreement(task.id, form, signal), api.correlations(task.id, form, signal)]),
+    [task.id, form],
+  );
+  const answers = data?.[0].form === form ? data : null;
+  return html`
+    <${Dialog} title=${words.title(task.name)} onClose=${onClose}>
+      <div class="row" role="group" aria-label=${words.form}>
+        ${(forms ?? []).map(choice => html`<button key=${choice.form} class="button" type="button"
+          aria-pressed=${choice.form === form} onClick=${() => setForm(choice.form)}>${formTitle(choice)}</button>`)}
+      </div>
+      <${ProblemNotice} problem=${problem} onRetry=${reload} />
+      ${answers ? html`<${Agreement} agreement=${answers[0]} /><${Correlations} correlations=${answers[1]} />` : !problem && html`<${Loading} />`}
+      <div class="actions"><button class="button" type="button" onClick=${onClose}>${words.close}</button></div>
+    <//>`;
+}
+
+const estimate = value => words.estimate(fixed(value.value, 2), fixed(value.low, 2), fixed(value.high, 2));
+
+const Agreement = ({ agreement }) => html`
+  <section class="stack tight">
+    <h3>${words.agreement}</h3>
+    ${agreement.withheld ? html`<p class="muted">${words.notEnough(reasonText(agreement.withheld))}</p>` : html`
+      <dl class="facts">
+        <dt>${words.single}</dt><dd>${estimate(agreement.single)}</dd>
+        <dt>${words.mean(agreement.raters)}</dt><dd>${agreement.mean ? estimate(agreement.mean) : words.none}</dd>
+      </dl>
+      <p class="small muted">${words.madeOf(agreement.people, agreement.raters, agreement.left_out)}</p>`}
+  </section>`;
+
+const Correlations = ({ correlations }) => html`
+  <section class="stack tight">
+    <h3>${words.correlations}</h3>
+    ${correlations.withheld ? html`<p class="muted">${words.notEnough(reasonText(correlations.withheld))}</p>` : html`
+      <p class="small muted">${words.adjusted(correlations.people, correlations.asked)}</p>
+      <div class="scroll correlations" tabindex="0" role="region" aria-label=${words.correlations}>
+        <table class="table dense">
+          <thead><tr><th scope="col">${t.session.feature}</th><th scope="col" class="number">ρ</th><th scope="col">${
+            words.found}</th></tr></thead>
+          <tbody>
+            ${correlations.items.filter(row => row.rho).map(row => html`
+              <tr key=${`${row.feature} ${row.tool} ${row.space}`}>
+                <th scope="row">${featureTitle(row)}<small>${[row.tool, row.space === 'image' && t.session.image]
+                  .filter(Boolean).join(', ')}</small></th>
+                <td class="number">${estimate(row.rho)}</td>
+                <td>${row.found ? words.yes : words.no}</td>
+              </tr>`)}
+          </tbody>
+        </table>
+      </div>`}
+  </section>`;
