@@ -1,25 +1,51 @@
 //! Tracks the tools: processes each frame, and turns a whole recording into paths and quality figures.
+//!
+//! On each frame every tool goes through the same stages, in the file of that name. Two tools of one colour go through
+//! them together ([`pair`]).
+//!
+//! | stage | question | input → output |
+//! |---|---|---|
+//! | [`predict`] | where is the band expected, and how fast does it move? | track → expected band |
+//! | [`find`] | which regions have the tape's colour? | frame → regions |
+//! | [`measure`] | which tube explains the edges in the pixels? | expected band or region → measurement |
+//! | [`learn`] | how do edges look, how long is the band, where are fulcrum and hand? | measurement → what the next frames need |
+//! | [`accept`] | does the measurement agree with the tool's motion? | measurement → track |
+//!
+//! A band that is measured at its expected place need not be found ([`search`]). After the last frame
+//! [`second_pass`] processes all measurements again.
 
+mod accept;
 mod assignment;
 mod band_fit;
+mod band_length_estimator;
 mod blocks;
+mod find;
 mod footprint;
+mod frame_context;
+mod frame_report;
 mod gaps;
 mod hand_direction;
+mod learn;
 mod light;
+mod measure;
 mod measurement;
 mod motion;
 mod origin;
 mod pair;
 mod pair_reassignment;
+mod predict;
 mod probe_pass;
 mod record;
+mod refine;
 mod report;
+mod search;
 mod second_pass;
 mod settings;
 mod starts;
+mod tape_cover;
 mod tool;
 mod trace;
+mod width_method;
 
 pub use motion::STATED_SIGMA_SHARE;
 pub use report::{
@@ -29,22 +55,20 @@ pub use report::{
 pub use settings::{CameraView, HandSide, MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings};
 pub use trace::{FitTrace, FrameTrace, ProbePassTrace, ToolTrace};
 
-use crate::vision::edges::blur_domain;
 use crate::vision::edges::edge_model::EdgeModel;
 use crate::vision::frame::{ColourEncoding, Frame};
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::segmentation::colour_table::ColourTable;
 use crate::vision::segmentation::knn::Knn;
 use crate::vision::segmentation::palette;
-use crate::vision::space::{CameraPoint, Pixel};
-use crate::vision::trajectory::{Sample, SampleState};
+use crate::vision::trajectory::Sample;
 use crate::vision::tube::Outline;
-use gaps::FrameMargin;
+use accept::ToolFrameResult;
+use frame_context::FrameContext;
 use light::LightWatch;
-use measurement::Measurement;
-use motion::{FrameInstant, PastPose};
+use motion::FrameInstant;
 use record::PackedRecords;
-use tool::{FrameContext, ToolFrameResult, ToolTracker};
+use tool::ToolTracker;
 
 /// Number of frames for [`Tracker::warm_up`]: enough edges to learn their appearance, and enough views to learn a
 /// band's length.
@@ -130,35 +154,49 @@ impl Tracker {
         self.tools.iter().map(|tool| tool.fulcrum()?.stated(STATED_SIGMA_SHARE)).collect()
     }
 
-    /// Tracks the next frame.
+    /// Tracks the next frame: predict → find → measure → learn → accept, for each tool, and each pair of one colour.
     pub fn observe(&mut self, frame: &Frame<'_>) -> FrameReport {
         self.instants.push((frame.index, frame.time_s));
         self.light.sample_frame(frame);
         let mut outlines = self.expected_outlines(frame.time_s);
+        let mut results: Vec<(usize, ToolFrameResult)> = Vec::with_capacity(self.tools.len());
+        for tool in self.nearest_first(&outlines) {
+            results.push((tool, self.observe_alone(tool, frame, &mut outlines)));
+        }
+        for pair in 0..self.pairs.len() {
+            results.extend(self.observe_pair(self.pairs[pair], frame, &outlines));
+        }
+        learn::share_blur_domain(&mut self.tools);
+        self.frame_report(frame, results)
+    }
+
+    /// Tracks a tool that shares its colour with no other. Its measured outline, no longer the expected one, then shows
+    /// what it may hide.
+    fn observe_alone(&mut self, i: usize, frame: &Frame<'_>, outlines: &mut [Option<Outline>]) -> ToolFrameResult {
         let (table, settings) = (&self.table, &self.settings);
-        let mut seen: Vec<(usize, ToolFrameResult)> = Vec::with_capacity(self.tools.len());
-        for i in self.nearest_first(&outlines) {
-            let scene = FrameContext { frame, table, settings, obstacles: &outlines_of_others(&outlines, i) };
-            let tool = &mut self.tools[i];
-            let result = tool.observe(&scene);
-            if result.advance.observed {
-                // It hides others by its measured position, no longer by the expected one.
-                outlines[i] = tool.last_outline();
-            }
-            seen.push((i, result));
+        let obstacles = outlines_of_others(outlines, i);
+        let tool = &mut self.tools[i];
+        let result = tool.observe(&FrameContext { frame, table, settings, obstacles: &obstacles });
+        if result.advance.observed {
+            outlines[i] = tool.last_outline();
         }
-        for pair in &self.pairs {
-            let obstacles = pair.map(|i| outlines_of_others(&outlines, i));
-            let scenes = [0, 1].map(|of| FrameContext { frame, table, settings, obstacles: &obstacles[of] });
-            if let Ok(tools) = self.tools.get_disjoint_mut(*pair) {
-                seen.extend(pair.iter().copied().zip(pair::observe(tools, scenes)));
-            }
+        result
+    }
+
+    /// Tracks two tools of one colour.
+    fn observe_pair(
+        &mut self,
+        pair: [usize; 2],
+        frame: &Frame<'_>,
+        outlines: &[Option<Outline>],
+    ) -> Vec<(usize, ToolFrameResult)> {
+        let (table, settings) = (&self.table, &self.settings);
+        let obstacles = pair.map(|i| outlines_of_others(outlines, i));
+        let scenes = [0, 1].map(|of| FrameContext { frame, table, settings, obstacles: &obstacles[of] });
+        match self.tools.get_disjoint_mut(pair) {
+            Ok(tools) => pair.into_iter().zip(pair::observe(tools, scenes)).collect(),
+            Err(_) => Vec::new(),
         }
-        self.share_blur_domain();
-        seen.sort_by_key(|(i, _)| *i);
-        let instant = (frame.index, frame.time_s);
-        let tools: Vec<ToolReport> = seen.into_iter().map(|(i, seen)| self.tool_report(i, instant, seen)).collect();
-        FrameReport { frame: frame.index, time_s: frame.time_s, tools }
     }
 
     /// Like [`Self::observe`], and also records each step of the search, to find out why a frame failed. Classifying
@@ -192,75 +230,6 @@ impl Tracker {
         }
         let frame_times_s = self.instants.iter().map(|instant| instant.1).collect();
         Tracking { quality, motions, frame_times_s }
-    }
-
-    /// Decides from all tools together whether blur mixed light or codes: one camera recorded them all.
-    fn share_blur_domain(&mut self) {
-        let mixing = blur_domain::decide(self.tools.iter().filter_map(|tool| tool.edges.chroma_shift_px()));
-        self.tools.iter_mut().for_each(|tool| tool.edges.set_blur_domain(mixing));
-    }
-
-    /// The expected outline of each tool, so that the other tools know what may hide them.
-    fn expected_outlines(&self, time_s: f64) -> Vec<Option<Outline>> {
-        let motion = self.settings.motion.track_settings();
-        self.tools.iter().map(|tool| tool.expected_tube(time_s, &motion).and_then(|(tube, _)| tube.outline())).collect()
-    }
-
-    /// The tools that share no colour with another, the nearest to the camera first because it may hide the others.
-    fn nearest_first(&self, outlines: &[Option<Outline>]) -> Vec<usize> {
-        let is_alone = |tool: &usize| !self.pairs.iter().flatten().any(|paired| paired == tool);
-        let depth_mm = |tool: &usize| outlines[*tool].map_or(f64::INFINITY, |outline| outline.rim(0.0, 0.0).z);
-        let mut alone: Vec<usize> = (0..self.tools.len()).filter(is_alone).collect();
-        alone.sort_by(|one, other| depth_mm(one).total_cmp(&depth_mm(other)));
-        alone
-    }
-
-    fn tool_report(&mut self, tool: usize, instant: FrameInstant, seen: ToolFrameResult) -> ToolReport {
-        let camera = &self.settings.camera;
-        let pose = self.tools[tool].last_pose.as_ref().map(PastPose::from);
-        let state = if seen.advance.observed { SampleState::Observed } else { SampleState::Predicted };
-        let filtered = seen
-            .advance
-            .state
-            .map(|filtered| motion::state_sample(&filtered, pose.as_ref(), tool, instant, state, camera, None))
-            .map(motion::with_live_sigma);
-        let refused = seen.outcome.as_ref().err().copied();
-        let absence = refused.filter(|_| filtered.is_none()).map(|reason| {
-            let rim = FrameMargin::new(camera, self.settings.tools[tool].band_length_mm);
-            gaps::absence_now(self.last_samples[tool].as_ref(), reason, &rim)
-        });
-        let drawn = seen.outcome.as_ref().ok().and_then(|m| self.drawing(m));
-        let outcome =
-            seen.outcome.and_then(|m| self.observation(&m).ok_or(crate::vision::reason::MissReason::ImpossiblePose));
-        self.last_samples[tool] = filtered.or(self.last_samples[tool]);
-        ToolReport {
-            tool,
-            outcome,
-            filtered,
-            absence,
-            borders_px: drawn.map(|(borders, _)| borders),
-            band_end_px: drawn.map(|(_, end)| end),
-        }
-    }
-
-    fn observation(&self, measurement: &Measurement) -> Option<Observation> {
-        let estimate = &measurement.estimate;
-        Some(Observation {
-            tip_mm: estimate.tube.tip,
-            axis: estimate.tube.axis,
-            covariance_mm2: estimate.tip_covariance(),
-            tip_px: self.settings.camera.project(CameraPoint(estimate.tube.tip))?,
-            border_residual_px: estimate.residual_px,
-        })
-    }
-
-    /// Both borders and the distal end, as drawn over the frame.
-    fn drawing(&self, measurement: &Measurement) -> Option<([[Pixel; 2]; 2], Pixel)> {
-        let outline = measurement.estimate.tube.outline()?;
-        let pixel = |point| self.settings.camera.project(CameraPoint(point));
-        let border =
-            |side| Some([pixel(outline.border(side, 0.0))?, pixel(outline.border(side, measurement.length_mm))?]);
-        Some(([border(0)?, border(1)?], pixel(outline.rim(0.0, 0.0))?))
     }
 }
 

@@ -5,6 +5,8 @@
 //! (METHOD 4). Each plane touches the cylinder along a line; these two lines are the borders of the tube in the
 //! picture. Of a circle round the axis, the camera sees the *near* half between the two lines.
 
+use std::ops::{Index, IndexMut};
+
 use nalgebra::{Point3, Vector3};
 
 /// A tube that ends at its tip.
@@ -24,7 +26,7 @@ pub struct Tube {
 pub struct Outline {
     tube: Tube,
     /// Unit normals of the two tangent planes, both pointing to the side of the tube.
-    pub normals: [Vector3<f64>; 2],
+    normals: [Vector3<f64>; 2],
     towards_camera: Vector3<f64>,
     sideways: Vector3<f64>,
     half_angle: f64,
@@ -57,6 +59,76 @@ impl Tube {
     }
 }
 
+/// One of the two borders of a tube in the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BorderSide {
+    /// Where [`Outline::rim`] begins: `across` = −1.
+    First,
+    /// Where it ends: `across` = 1.
+    Second,
+}
+
+impl BorderSide {
+    /// Both borders.
+    pub const BOTH: [Self; 2] = [Self::First, Self::Second];
+
+    /// The other border.
+    pub fn opposite(self) -> Self {
+        match self {
+            Self::First => Self::Second,
+            Self::Second => Self::First,
+        }
+    }
+}
+
+/// A part of a band's outline: each has its own light, and its own offset from the true outline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OutlinePart {
+    /// A border, where the surface turns away from the camera.
+    Border(BorderSide),
+    /// The rim of the band's distal end.
+    DistalEnd,
+    /// The rim of the band's proximal end.
+    ProximalEnd,
+}
+
+impl OutlinePart {
+    /// Both ends of the band.
+    pub const ENDS: [Self; 2] = [Self::DistalEnd, Self::ProximalEnd];
+
+    /// Its place in arrays with one entry for each part: borders first.
+    pub fn index(self) -> usize {
+        match self {
+            Self::Border(side) => side as usize,
+            Self::DistalEnd => 2,
+            Self::ProximalEnd => 3,
+        }
+    }
+
+    /// Is it a border, not an end?
+    pub fn is_border(self) -> bool {
+        matches!(self, Self::Border(_))
+    }
+}
+
+/// One value for each part of an outline.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PerPart<T>(pub [T; 4]);
+
+impl<T> Index<OutlinePart> for PerPart<T> {
+    type Output = T;
+
+    fn index(&self, part: OutlinePart) -> &T {
+        &self.0[part.index()]
+    }
+}
+
+impl<T> IndexMut<OutlinePart> for PerPart<T> {
+    fn index_mut(&mut self, part: OutlinePart) -> &mut T {
+        &mut self.0[part.index()]
+    }
+}
+
 /// Reach of the jaws beyond the tip, mm. Generous, because points that the jaws may hide are only left out.
 const JAWS_MM: f64 = 30.0;
 
@@ -80,13 +152,26 @@ impl Outline {
         ahead_mm < JAWS_MM && there.z > 0.0 && there.z < depth_mm
     }
 
-    /// Point of border 0 or 1 on the tube, `back_mm` behind the tip.
-    pub fn border(&self, side: usize, back_mm: f64) -> Point3<f64> {
-        self.tube.tip - self.tube.axis * back_mm - self.normals[side] * self.tube.radius
+    /// Unit normal of the plane through the camera that touches the tube at a border; it points to the side of the
+    /// tube.
+    pub fn normal(&self, side: BorderSide) -> Vector3<f64> {
+        self.normals[side as usize]
     }
 
-    /// Point on the near half of the circle `back_mm` behind the tip. `across` goes from −1 (border 0) through 0
-    /// (midline) to 1 (border 1).
+    /// Point of a border on the tube, `back_mm` behind the tip.
+    pub fn border(&self, side: BorderSide, back_mm: f64) -> Point3<f64> {
+        self.tube.tip - self.tube.axis * back_mm - self.normal(side) * self.tube.radius
+    }
+
+    /// The corners of a band of this length on the borders, first the distal ones.
+    pub fn corners(&self, length_mm: f64) -> [Point3<f64>; 4] {
+        let [first, second] = BorderSide::BOTH;
+        [(first, 0.0), (second, 0.0), (first, length_mm), (second, length_mm)]
+            .map(|(side, back_mm)| self.border(side, back_mm))
+    }
+
+    /// Point on the near half of the circle `back_mm` behind the tip. `across` goes from −1 (first border) through 0
+    /// (midline) to 1 (second border).
     pub fn rim(&self, back_mm: f64, across: f64) -> Point3<f64> {
         let (sin, cos) = (across * self.half_angle).sin_cos();
         let outwards = self.towards_camera * cos + self.sideways * sin;
@@ -109,12 +194,13 @@ mod tests {
             prop_assume!(axis.norm() > 0.1);
             let tube = Tube { tip: Point3::from(tip), axis: axis.normalize(), radius: 4.0 };
             let Some(outline) = tube.outline() else { return Ok(()) };
-            for (side, normal) in outline.normals.iter().enumerate() {
+            for side in BorderSide::BOTH {
+                let normal = outline.normal(side);
                 prop_assert!((normal.norm() - 1.0).abs() < 1e-9);
                 prop_assert!(normal.dot(&tube.axis).abs() < 1e-9);
                 prop_assert!((normal.dot(&tube.nearest_to_camera()) - tube.radius).abs() < 1e-9);
                 prop_assert!(normal.dot(&outline.border(side, 7.0).coords).abs() < 1e-9);
-                let across = if side == 0 { -1.0 } else { 1.0 };
+                let across = if side == BorderSide::First { -1.0 } else { 1.0 };
                 prop_assert!((outline.rim(7.0, across) - outline.border(side, 7.0)).norm() < 1e-9);
             }
         }

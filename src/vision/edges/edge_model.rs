@@ -6,16 +6,15 @@
 //! mean over recent edges; noise follows the median. Whether blur mixed light or codes is decided by all tools of a
 //! recording together ([`super::blur_domain`]).
 
-use std::ops::Range;
-
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::blur_domain::ChromaShiftEstimator;
 use super::edge_fit::{EdgeAppearance, EdgeFit, InsideLight};
 use super::equations::LearnedParameter;
-use super::probe::{Probe, Shading};
+use super::probe::{FittedEdge, Probe, Shading};
 use super::tone::{BlurDomain, Tone};
 use crate::vision::frame::{ColourEncoding, Frame};
+use crate::vision::tube::{BorderSide, OutlinePart, PerPart};
 
 /// Appearance of edges in this recording: blur and noise of each plane, learned while tracking.
 #[derive(Clone)]
@@ -42,11 +41,9 @@ pub struct EdgeModel {
     /// Per plane: number of edges, and number of those with more residual variance than the noise.
     noisier: [(f64, f64); 3],
     /// Usual light inside each part of the outline.
-    inside: [UsualInside; 4],
+    inside: PerPart<UsualInside>,
     chroma_shift: ChromaShiftEstimator,
     frames: u32,
-    /// The edges found on this frame.
-    pub(super) found: Vec<(Probe, EdgeFit)>,
 }
 
 /// Estimate of one number learned from a recording: a Kalman filter with one state.
@@ -112,8 +109,6 @@ impl UsualInside {
     }
 }
 
-/// The first parts of an outline are limbs, the others are ends.
-const LIMBS: usize = 2;
 /// Mean light above this was partly cut off.
 const OVEREXPOSED: f64 = 0.85;
 /// Usual blur of a lens, pixels.
@@ -150,7 +145,6 @@ impl EdgeModel {
             inside: Default::default(),
             chroma_shift: ChromaShiftEstimator::default(),
             frames: 0,
-            found: Vec::new(),
         }
     }
 
@@ -185,14 +179,14 @@ impl EdgeModel {
     /// The usual light inside this part of an outline, if known. At a tape's end, overexposed channels are taken from
     /// the limbs, where the same tape is less bright. Otherwise the end would seem to lie farther out the more it is
     /// blurred.
-    pub(super) fn usual_inside(&self, part: usize) -> Option<[InsideLight; 3]> {
+    pub(super) fn usual_inside(&self, part: OutlinePart) -> Option<[InsideLight; 3]> {
         let mut light = self.inside[part].known()?.light;
         /// Minimum light of the other channels to compare an end's brightness with the limbs', and limits of that
         /// ratio.
         const MIN_COMPARABLE: f64 = 0.05;
         const BRIGHTNESS_RATIOS: (f64, f64) = (0.5, 2.0);
         let overexposed = |l: &InsideLight| l.guessed > OVEREXPOSED;
-        if let Some(facing) = self.facing_light().filter(|_| part >= LIMBS) {
+        if let Some(facing) = self.facing_light().filter(|_| !part.is_border()) {
             let usable = light.iter().zip(facing).filter(|(l, _)| !overexposed(l));
             let (here, there) = usable.fold((0.0, 0.0), |sum, (l, facing)| (sum.0 + l.base, sum.1 + facing));
             let brighter = if there > MIN_COMPARABLE {
@@ -212,7 +206,8 @@ impl EdgeModel {
 
     /// Light of each channel where the tape faces the camera: the mean of both limbs.
     fn facing_light(&self) -> Option<[f64; 3]> {
-        let [one, other] = [self.inside[0].known()?, self.inside[1].known()?];
+        let [first, second] = BorderSide::BOTH.map(|side| self.inside[OutlinePart::Border(side)].known());
+        let [one, other] = [first?, second?];
         Some(std::array::from_fn(|c| [one, other].map(|i| i.light[c].base + i.light[c].limb).iter().sum::<f64>() / 2.0))
     }
 
@@ -242,9 +237,8 @@ impl EdgeModel {
         }
     }
 
-    /// Updates blur and noise from the frame's edges. Call once per frame.
+    /// Updates blur and noise from the frame's evidence. Call once per frame.
     pub fn finish_frame(&mut self) {
-        self.found.clear();
         self.frames += 1;
         let pace = self.noise_rate();
         let within = |value: f64, (least, most): (f64, f64)| value.clamp(least, most);
@@ -259,19 +253,12 @@ impl EdgeModel {
         }
     }
 
-    /// Number of edges found on this frame so far. Two such counts delimit the edges of one tube.
-    pub fn found_count(&self) -> usize {
-        self.found.len()
-    }
-
-    /// Adds some of the edges found on this frame to the evidence: those of the accepted tube. Edges along a false
-    /// tube would teach the model to find that tube again.
-    pub fn learn(&mut self, frame: &Frame<'_>, believed: Range<usize>) {
-        let found = std::mem::take(&mut self.found);
-        for (probe, fit) in found.get(believed).unwrap_or_default() {
+    /// Adds edges to the evidence: those of the measured tube. Edges along a false tube would teach the model to find
+    /// that tube again.
+    pub fn learn(&mut self, frame: &Frame<'_>, edges: &[FittedEdge]) {
+        for FittedEdge { probe, fit } in edges {
             self.learn_from(fit, frame, probe);
         }
-        self.found = found;
     }
 
     fn learn_from(&mut self, fit: &EdgeFit, frame: &Frame<'_>, probe: &Probe) {

@@ -5,15 +5,15 @@ use nalgebra::{Point3, Vector2};
 use super::probe::{Probe, Shading};
 use crate::vision::camera::Camera;
 use crate::vision::space::{CameraPoint, Pixel};
-use crate::vision::tube::Outline;
+use crate::vision::tube::{BorderSide, Outline, OutlinePart};
 
 /// A point on a band's outline.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum OutlinePoint {
-    /// On border 0 or 1.
+    /// On a border.
     Border {
-        /// The border, 0 or 1.
-        side: usize,
+        /// The border.
+        side: BorderSide,
         /// Distance behind the tip, mm.
         back_mm: f64,
     },
@@ -35,11 +35,12 @@ impl OutlinePoint {
         }
     }
 
-    /// The part of the outline: 0 and 1 for the borders, 2 for the distal end, 3 for the proximal end.
-    pub fn part(&self) -> usize {
+    /// The part of the outline on which it lies.
+    pub fn part(&self) -> OutlinePart {
         match *self {
-            OutlinePoint::Border { side, .. } => side,
-            OutlinePoint::Rim { back_mm, .. } => 2 + usize::from(back_mm > 0.0),
+            OutlinePoint::Border { side, .. } => OutlinePart::Border(side),
+            OutlinePoint::Rim { back_mm, .. } if back_mm > 0.0 => OutlinePart::ProximalEnd,
+            OutlinePoint::Rim { .. } => OutlinePart::DistalEnd,
         }
     }
 }
@@ -72,7 +73,7 @@ pub fn border_probes(
     layout: ProbeLayout,
     into: &mut Vec<(OutlinePoint, Probe)>,
 ) {
-    for side in 0..2 {
+    for side in BorderSide::BOTH {
         let seen = |back| pixel_of(camera, outline.border(side, back));
         let (Some(start), Some(end)) = (seen(from_mm), seen(to_mm)) else { continue };
         let length = (end.0 - start.0).norm();
@@ -81,7 +82,7 @@ pub fn border_probes(
         for i in 0..count {
             let middle = from_mm + (to_mm - from_mm) * (i as f64 + 0.5) / count as f64;
             let (near, far) = (middle - half_mm, middle + half_mm);
-            let opposite = pixel_of(camera, outline.border(1 - side, middle));
+            let opposite = pixel_of(camera, outline.border(side.opposite(), middle));
             let chord = [seen(near), seen(middle), seen(far), opposite];
             let place = OutlinePoint::Border { side, back_mm: middle };
             if let Some(probe) = probe_of(chord, layout, place) {
@@ -152,7 +153,11 @@ fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, place: OutlinePoint)
         inwards_px: reach_px.min(0.45 * depth),
         outwards_px: reach_px,
         part: place.part(),
-        shading: if place.part() < 2 { Shading::Limb { radius_px: (0.5 * depth).max(2.0) } } else { Shading::Cut },
+        shading: if place.part().is_border() {
+            Shading::Limb { radius_px: (0.5 * depth).max(2.0) }
+        } else {
+            Shading::Cut
+        },
     })
 }
 

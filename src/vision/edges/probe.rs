@@ -2,7 +2,9 @@
 
 use nalgebra::Vector2;
 
+use super::edge_fit::EdgeFit;
 use crate::vision::space::Pixel;
+use crate::vision::tube::OutlinePart;
 
 /// A search window for an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,8 +26,8 @@ pub struct Probe {
     pub outwards_px: f64,
     /// Speed across the chord, along the normal, pixels/s.
     pub motion_px_s: f64,
-    /// The outline's part, 0 to 3: each part has its own lighting.
-    pub part: usize,
+    /// The outline's part.
+    pub part: OutlinePart,
     /// Shading of the surface inside towards the edge.
     pub shading: Shading,
 }
@@ -43,10 +45,21 @@ pub enum Shading {
 }
 
 /// An edge found at a probe.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub struct LocatedEdge {
     /// Distance from the probe's chord along its normal, pixels.
     pub offset_px: f64,
     /// Its standard deviation, pixels: from the noise, and from what the model leaves out.
     pub sigma_px: f64,
+    /// The fitted model; `None` for a plain step, which was not fitted.
+    pub fit: Option<EdgeFit>,
+}
+
+/// An edge to learn from: its probe, and the model fitted to the pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct FittedEdge {
+    /// The probe that found it.
+    pub probe: Probe,
+    /// The fitted model.
+    pub fit: EdgeFit,
 }

@@ -236,7 +236,7 @@ mod tests {
             inwards_px: 12.0,
             outwards_px: 12.0,
             motion_px_s: 0.0,
-            part: 2,
+            part: crate::vision::tube::OutlinePart::DistalEnd,
             shading: Shading::Cut,
         }
     }

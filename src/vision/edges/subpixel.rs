@@ -55,7 +55,7 @@ const STEP_SIGMA_PX: f64 = 0.7;
 impl EdgeModel {
     /// Locates the edge near a probe; `is_tape` returns whether codes have the tape's colour.
     pub fn locate(
-        &mut self,
+        &self,
         frame: &Frame<'_>,
         probe: &Probe,
         fineness: Fineness,
@@ -87,7 +87,7 @@ impl EdgeModel {
             off_tape(inside) < off_tape(outside) && is_surely_tape() && !is_tape(outside)
         };
         if fineness == Fineness::Step {
-            return is_border(&first).then_some(LocatedEdge { offset_px: guess, sigma_px: STEP_SIGMA_PX });
+            return is_border(&first).then_some(LocatedEdge { offset_px: guess, sigma_px: STEP_SIGMA_PX, fit: None });
         }
         let mut fit = first;
         let mut noise = self.noise;
@@ -111,8 +111,7 @@ impl EdgeModel {
         if !is_border(&fit) {
             return None;
         }
-        self.found.push((*probe, fit));
-        Some(LocatedEdge { offset_px: fit.offset_px, sigma_px: MODEL_ERROR / fit.information.sqrt() })
+        Some(LocatedEdge { offset_px: fit.offset_px, sigma_px: MODEL_ERROR / fit.information.sqrt(), fit: Some(fit) })
     }
 
     /// First guess: the mean light on both sides of a guessed step.

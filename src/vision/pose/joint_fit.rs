@@ -15,7 +15,7 @@ use super::{TubeEstimate, perturbed};
 use crate::vision::camera::Camera;
 use crate::vision::edges::outline_probes::OutlinePoint;
 use crate::vision::space::{CameraPoint, Normalised, Pixel};
-use crate::vision::tube::{Outline, Tube};
+use crate::vision::tube::{BorderSide, Outline, OutlinePart, Tube};
 
 /// One measured edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,7 +53,7 @@ impl MeasuredEdge {
     pub fn residual_px(&self, outline: &Outline, camera: &Camera) -> Option<f64> {
         match self.point {
             OutlinePoint::Border { side, .. } => {
-                let normal = outline.normals[side];
+                let normal = outline.normal(side);
                 let per_px = normal.xy().dot(&self.sight_per_px);
                 (per_px.abs() > 1e-9).then(|| normal.dot(&self.sight.ray()) / per_px)
             }
@@ -85,8 +85,9 @@ pub fn fit(
     fulcrum: Option<&Fulcrum>,
 ) -> Option<TubeEstimate> {
     const ROUNDS: usize = 8;
-    let count = |part: usize| edges.iter().filter(|e| e.point.part() == part).count();
-    if count(0).min(count(1)) < MIN_BORDER_EDGES || count(2) + count(3) == 0 {
+    let count = |part: OutlinePart| edges.iter().filter(|e| e.point.part() == part).count();
+    let is_border_thin = |side: BorderSide| count(OutlinePart::Border(side)) < MIN_BORDER_EDGES;
+    if BorderSide::BOTH.into_iter().any(is_border_thin) || OutlinePart::ENDS.map(count) == [0, 0] {
         return None;
     }
     let mut tube = *start;
@@ -175,12 +176,12 @@ impl EdgeEquations {
                 Trust::All => 1.0,
             };
             let information = weight / sigma(edge).powi(2);
-            let part = edge.point.part();
+            let part = edge.point.part().index();
             let mut row = Vector5::zeros();
             for (i, ahead) in nudged.iter().enumerate() {
                 // The outline moves outwards by as much as the residual decreases.
-                row[i] =
-                    (residual + offset_of_part(offsets, part) - edge.residual_px(ahead, camera)?) / DERIVATIVE_STEPS[i];
+                row[i] = (residual + offset_of_part(offsets, edge.point.part()) - edge.residual_px(ahead, camera)?)
+                    / DERIVATIVE_STEPS[i];
             }
             let weighed = row * information;
             by_tube.ger(1.0, &weighed, &row, 1.0);
@@ -328,7 +329,7 @@ mod tests {
     #[test]
     fn one_border_alone_is_not_enough() {
         let mut one = edges(&mut SmallRng::seed_from_u64(4), 0.05, [0.0; 4]);
-        one.retain(|e| e.point.part() != 1);
+        one.retain(|e| e.point.part() != OutlinePart::Border(BorderSide::Second));
         assert_eq!(fit(&one, &rough_start(), &camera(), Trust::Majority, &OffsetPriors::usual(LENGTH_MM), None), None);
     }
 }

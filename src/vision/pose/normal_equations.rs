@@ -3,8 +3,7 @@
 
 use nalgebra::{Matrix5, SMatrix, SVector, Vector4, Vector5};
 
-#[cfg(doc)]
-use crate::vision::edges::outline_probes::OutlinePoint;
+use crate::vision::tube::{BorderSide, OutlinePart};
 
 /// Number of a pose's own unknowns: five of the tube (see [`super::perturbed`]), and four offsets of its outline,
 /// pixels (see [`Offsets`]).
@@ -20,12 +19,13 @@ pub const VALUE_COUNT: usize = PACKED + 4 + OWN_UNKNOWNS + 4 + 4 + 3;
 /// chroma samples, displace a tube five times as much as they widen it, and only the width affects depth.
 pub type Offsets = Vector4<f64>;
 
-/// The offset of one of the outline's four parts (see [`OutlinePoint::part`]), pixels outwards.
-pub fn offset_of_part(offsets: &Offsets, part: usize) -> f64 {
+/// The offset of one part of the outline, pixels outwards.
+pub fn offset_of_part(offsets: &Offsets, part: OutlinePart) -> f64 {
     match part {
-        0 => offsets[0] + offsets[1],
-        1 => offsets[0] - offsets[1],
-        _ => offsets[part],
+        OutlinePart::Border(BorderSide::First) => offsets[0] + offsets[1],
+        OutlinePart::Border(BorderSide::Second) => offsets[0] - offsets[1],
+        OutlinePart::DistalEnd => offsets[2],
+        OutlinePart::ProximalEnd => offsets[3],
     }
 }
 

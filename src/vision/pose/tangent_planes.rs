@@ -53,6 +53,7 @@ mod tests {
     use super::*;
     use crate::vision::edges::line_fit;
     use crate::vision::space::CameraPoint;
+    use crate::vision::tube::BorderSide;
     use nalgebra::Point2;
     use proptest::prelude::*;
 
@@ -74,7 +75,7 @@ mod tests {
             let Some(outline) = tube.outline() else { return Ok(()) };
             let point = |side, k| seen(outline.border(side, f64::from(k) * 4.0));
             let points = |side| (0..5).map(|k| point(side, k)).collect::<Option<Vec<_>>>();
-            let (Some(left), Some(right)) = (points(0), points(1)) else { return Ok(()) };
+            let (Some(left), Some(right)) = (points(BorderSide::First), points(BorderSide::Second)) else { return Ok(()) };
             let (Some(a), Some(b)) = (line_fit::fit(&left), line_fit::fit(&right)) else { return Ok(()) };
             let ends = (seen(outline.rim(0.0, 0.0)), seen(outline.rim(16.0, 0.0)));
             let (Some(end), Some(back)) = ends else { return Ok(()) };

@@ -8,7 +8,7 @@ use super::normal_equations::{Offsets, offset_of_part};
 use crate::vision::camera::Camera;
 use crate::vision::edges::outline_probes::OutlinePoint;
 use crate::vision::space::{CameraPoint, Pixel};
-use crate::vision::tube::Tube;
+use crate::vision::tube::{BorderSide, Tube};
 
 /// Length of the bands, mm.
 pub const LENGTH_MM: f64 = 26.0;
@@ -29,8 +29,9 @@ pub fn edges(
     random: &mut impl Rng,
 ) -> Vec<MeasuredEdge> {
     let outline = tube.outline().unwrap();
-    let borders =
-        (0..2).flat_map(|side| backs_mm.iter().map(move |back| OutlinePoint::Border { side, back_mm: *back }));
+    let borders = BorderSide::BOTH
+        .into_iter()
+        .flat_map(|side| backs_mm.iter().map(move |back| OutlinePoint::Border { side, back_mm: *back }));
     let rims = [0.0, LENGTH_MM]
         .into_iter()
         .flat_map(|back_mm| (-2..=2).map(move |k| OutlinePoint::Rim { back_mm, across: 0.3 * f64::from(k) }));

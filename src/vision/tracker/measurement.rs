@@ -1,7 +1,6 @@
-//! A band measured on one frame, and how reliable the measurement is.
+//! A band measured on one frame, and how far the pixels support the measurement.
 
-use std::ops::Range;
-
+use crate::vision::edges::probe::FittedEdge;
 use crate::vision::pose::TubeEstimate;
 
 /// A measured band.
@@ -22,33 +21,66 @@ pub struct Measurement {
     pub fulcrum_miss_squared: f64,
     /// Motion blur of the edges: standard deviation, pixels.
     pub smear_px: f64,
-    /// Its edges, as a range of the edges found on this frame.
-    pub edges: Range<usize>,
+    /// The edges found in the last pass, to learn from.
+    pub fitted_edges: Vec<FittedEdge>,
 }
 
+/// How far the pixels support a measurement, from worst to best. Each grade includes those before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Grade {
+    /// Too few pixels agree with the tube: it is no band.
+    Impossible,
+    /// Enough pixels agree that it may be a band.
+    Possible,
+    /// Enough pixels agree with a tube that was expected about here.
+    Plausible,
+    /// Also every visible end was found, so the tube cannot have slid along its axis: its edges may be learned from.
+    Complete,
+    /// The pixels agree so well that no other start need be tried.
+    Good,
+}
+
+/// Maximum residual of a possible band, pixels: about that of edges located as plain steps (0.7), hence without a
+/// model of blur and light.
+const MAX_POSSIBLE_RESIDUAL_PX: f64 = 0.8;
+/// Minimum share of the outline that agrees: with both ends, a third is enough.
+const MIN_POSSIBLE_SHARE: f64 = 0.35;
+/// The same while an end is missing: the borders alone also fit a tube that slid along its axis, so half must agree.
+const MIN_POSSIBLE_SHARE_WITHOUT_END: f64 = 0.5;
+/// Maximum residual of a tube at its expected place, pixels: not above that of edges located as plain steps.
+const MAX_PLAUSIBLE_RESIDUAL_PX: f64 = 0.7;
+/// Minimum share of its outline that agrees: a majority, so that no other tube explains as much of it.
+const MIN_PLAUSIBLE_SHARE: f64 = 0.55;
+/// Maximum residual of a good fit, pixels. Below half a pixel, each edge is nearer to the tube than a plain step could
+/// show.
+const MAX_GOOD_RESIDUAL_PX: f64 = 0.4;
+/// Increase of the residual per pixel of motion blur, as a share: the wider an edge, the less precise its place.
+const RESIDUAL_PER_SMEAR: f64 = 0.4;
+
 impl Measurement {
-    /// Do enough pixels agree with the tube that it may be a band at all?
-    pub fn is_possible(&self) -> bool {
-        self.sharp_residual_px() < 0.8 && self.seen_share > if self.ends_seen { 0.35 } else { 0.5 }
+    /// How far the pixels support it.
+    pub fn grade(&self) -> Grade {
+        if !self.is_plausible() {
+            return if self.is_possible() { Grade::Possible } else { Grade::Impossible };
+        }
+        match self.ends_seen {
+            false => Grade::Plausible,
+            true if self.estimate.residual_px < MAX_GOOD_RESIDUAL_PX => Grade::Good,
+            true => Grade::Complete,
+        }
     }
 
-    /// Do the pixels explain the tube so well that no other start need be tried?
-    pub fn is_good(&self) -> bool {
-        self.estimate.residual_px < 0.4 && self.is_plausible_continuation() && self.ends_seen
+    fn is_possible(&self) -> bool {
+        let min_share = if self.ends_seen { MIN_POSSIBLE_SHARE } else { MIN_POSSIBLE_SHARE_WITHOUT_END };
+        self.sharp_residual_px() < MAX_POSSIBLE_RESIDUAL_PX && self.seen_share > min_share
     }
 
-    /// Are its edges reliable enough to learn the edge appearance from them?
-    pub fn can_teach_edges(&self) -> bool {
-        self.is_plausible_continuation() && self.ends_seen
+    fn is_plausible(&self) -> bool {
+        self.sharp_residual_px() < MAX_PLAUSIBLE_RESIDUAL_PX && self.seen_share > MIN_PLAUSIBLE_SHARE
     }
 
     /// The residual without its expected increase by motion blur.
     fn sharp_residual_px(&self) -> f64 {
-        self.estimate.residual_px / (1.0 + 0.4 * self.smear_px)
-    }
-
-    /// Do enough pixels agree with a tube that was expected about here?
-    pub(super) fn is_plausible_continuation(&self) -> bool {
-        self.sharp_residual_px() < 0.7 && self.seen_share > 0.55
+        self.estimate.residual_px / (1.0 + RESIDUAL_PER_SMEAR * self.smear_px)
     }
 }

@@ -8,15 +8,18 @@
 
 use nalgebra::Point2;
 
+use super::accept::ToolFrameResult;
 use super::assignment::{self, Choice};
 use super::footprint::Footprint;
-use super::measurement::Measurement;
+use super::frame_context::FrameContext;
+use super::measurement::{Grade, Measurement};
 use super::origin::{DECISIVE_MARGIN, Origin};
+use super::predict::Prediction;
+use super::record::FrameRecord;
 use super::settings::HandSide;
-use super::tool::{FrameContext, ToolFrameResult, ToolTracker};
+use super::tool::ToolTracker;
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::region_of_interest::{CELL_PX, CellBox};
-use crate::vision::tube::Tube;
 
 /// Maximum number of regions measured.
 const MAX_REGIONS: usize = 4;
@@ -27,19 +30,19 @@ const MAX_DISTANCE_COST: f64 = 9.0;
 /// Maximum cost of the origin, for a band that does not clearly belong to the other tool.
 const MAX_ORIGIN_COST: f64 = 30.0;
 
-/// Finds both tools; the left hand's comes first.
+/// Finds and measures both tools on a frame: predict → find → measure → learn → accept. The left hand's tool comes
+/// first.
 pub fn observe(tools: [&mut ToolTracker; 2], scenes: [FrameContext<'_>; 2]) -> [ToolFrameResult; 2] {
-    let mut look = PairSearch::new(tools, &scenes);
-    look.follow();
-    let nearby = look.expected_areas();
-    if let Some(places) = &nearby {
-        look.search(places);
+    let mut search = PairSearch::predict(tools, &scenes);
+    search.measure_at_predictions();
+    if let Some(areas) = search.expected_areas() {
+        search.find_and_measure(&areas);
     }
-    if look.is_any_missing() {
-        let anywhere = look.tools[0].search_areas(&scenes[0], None);
-        look.search(&anywhere);
+    if search.is_any_missing() {
+        let anywhere = search.tools[0].search_areas(&scenes[0], None);
+        search.find_and_measure(&anywhere);
     }
-    look.accept()
+    search.learn_and_accept()
 }
 
 /// Search for both tools on one frame.
@@ -47,7 +50,7 @@ struct PairSearch<'a, 's> {
     tools: [&'a mut ToolTracker; 2],
     scenes: &'a [FrameContext<'s>; 2],
     origins: [Origin; 2],
-    expected: [Option<(Tube, f64)>; 2],
+    predictions: [Prediction; 2],
     found: [Option<Measurement>; 2],
     reasons: [MissReason; 2],
 }
@@ -56,20 +59,20 @@ struct PairSearch<'a, 's> {
 type RegionMeasurements = [Result<Measurement, MissReason>; 2];
 
 impl<'a, 's> PairSearch<'a, 's> {
-    fn new(tools: [&'a mut ToolTracker; 2], scenes: &'a [FrameContext<'s>; 2]) -> Self {
+    fn predict(tools: [&'a mut ToolTracker; 2], scenes: &'a [FrameContext<'s>; 2]) -> Self {
         let [left, right] = tools;
         let origins = [left.origin(HandSide::Left), right.origin(HandSide::Right)];
-        let expected = [left.predict(&scenes[0]), right.predict(&scenes[1])];
+        let predictions = [left.predict(&scenes[0]), right.predict(&scenes[1])];
         let reasons = [MissReason::NoMarkerColour; 2];
-        Self { tools: [left, right], scenes, origins, expected, found: [None, None], reasons }
+        Self { tools: [left, right], scenes, origins, predictions, found: [None, None], reasons }
     }
 
-    /// Follows both tools at their predicted positions. If both find the same band, neither keeps it, and both are
+    /// Measures both tools at their predicted positions. If both find the same band, neither keeps it, and both are
     /// searched for.
-    fn follow(&mut self) {
+    fn measure_at_predictions(&mut self) {
         for tool in 0..2 {
-            let followed = self.tools[tool].follow(&self.scenes[tool], self.expected[tool]);
-            self.found[tool] = followed.filter(|m| !self.belongs_to_other(tool, m));
+            let measured = self.tools[tool].try_prediction(&self.scenes[tool], &self.predictions[tool]);
+            self.found[tool] = measured.filter(|m| !self.belongs_to_other(tool, m));
         }
         if let [Some(left), Some(right)] = &self.found
             && self.are_same_band(left, right)
@@ -85,29 +88,23 @@ impl<'a, 's> PairSearch<'a, 's> {
     /// Areas around the predicted positions of the missing tools; `None` if one has no prediction, or nothing is
     /// missing.
     fn expected_areas(&self) -> Option<Vec<CellBox>> {
-        let mut places: Vec<CellBox> = Vec::new();
+        let mut areas: Vec<CellBox> = Vec::new();
         for tool in (0..2).filter(|tool| self.found[*tool].is_none()) {
-            for place in self.tools[tool].search_areas(&self.scenes[tool], Some(self.expected[tool]?)) {
-                match places.iter_mut().find(|other| other.overlaps(&place)) {
-                    Some(other) => *other = other.joined(&place),
-                    None => places.push(place),
+            for area in self.tools[tool].search_areas(&self.scenes[tool], Some(self.predictions[tool].band?)) {
+                match areas.iter_mut().find(|other| other.overlaps(&area)) {
+                    Some(other) => *other = other.joined(&area),
+                    None => areas.push(area),
                 }
             }
         }
-        (!places.is_empty()).then_some(places)
+        (!areas.is_empty()).then_some(areas)
     }
 
     /// Measures the regions in these areas for each missing tool, and assigns them.
-    fn search(&mut self, places: &[CellBox]) {
+    fn find_and_measure(&mut self, areas: &[CellBox]) {
         let missing = [0, 1].map(|tool| self.found[tool].is_none());
-        let mut candidates = self.measure_regions(places, missing);
-        let costs: Vec<[Option<f64>; 2]> =
-            candidates.iter().map(|measured| [0, 1].map(|tool| self.cost(tool, measured))).collect();
-        let are_two = |a: usize, b: usize| match (&candidates[a][0], &candidates[b][1]) {
-            (Ok(left), Ok(right)) => !self.are_same_band(left, right),
-            _ => true,
-        };
-        let choices = assignment::assign(&costs, are_two);
+        let mut candidates = self.measure_regions(areas, missing);
+        let choices = self.assign(&candidates);
         for tool in (0..2).filter(|tool| missing[*tool]) {
             match choices[tool] {
                 Choice::Band(band) => {
@@ -115,20 +112,29 @@ impl<'a, 's> PairSearch<'a, 's> {
                     self.found[tool] = std::mem::replace(&mut candidates[band][tool], nothing).ok();
                 }
                 Choice::Undecided => self.reasons[tool] = MissReason::EitherTool,
-                Choice::Nothing => {
-                    let given = match choices[1 - tool] {
-                        Choice::Band(band) => Some(band),
-                        _ => None,
-                    };
-                    let own = candidates.iter().enumerate().filter(|(band, _)| Some(*band) != given);
-                    let reasons = own.filter_map(|(_, measured)| self.rejection_reason(tool, measured));
-                    self.reasons[tool] = reasons.fold(MissReason::NoMarkerColour, MissReason::max);
-                }
+                Choice::Nothing => self.reasons[tool] = self.best_reason(tool, &candidates, choices[1 - tool]),
             }
         }
     }
 
-    fn measure_regions(&mut self, places: &[CellBox], missing: [bool; 2]) -> Vec<RegionMeasurements> {
+    fn assign(&self, candidates: &[RegionMeasurements]) -> [Choice; 2] {
+        let costs: Vec<[Option<f64>; 2]> =
+            candidates.iter().map(|measured| [0, 1].map(|tool| self.cost(tool, measured))).collect();
+        let are_two = |a: usize, b: usize| match (&candidates[a][0], &candidates[b][1]) {
+            (Ok(left), Ok(right)) => !self.are_same_band(left, right),
+            _ => true,
+        };
+        assignment::assign(&costs, are_two)
+    }
+
+    /// Why a tool got no band: the reason from the latest stage, over all regions but the one given to the other tool.
+    fn best_reason(&self, tool: usize, candidates: &[RegionMeasurements], others: Choice) -> MissReason {
+        let own = candidates.iter().enumerate().filter(|(band, _)| others != Choice::Band(*band));
+        let reasons = own.filter_map(|(_, measured)| self.rejection_reason(tool, measured));
+        reasons.fold(MissReason::NoMarkerColour, MissReason::max)
+    }
+
+    fn measure_regions(&mut self, areas: &[CellBox], missing: [bool; 2]) -> Vec<RegionMeasurements> {
         let camera = &self.scenes[0].settings.camera;
         let taken: Vec<Footprint> = self.found.iter().flatten().filter_map(|m| Footprint::of(m, camera)).collect();
         let counts = |column: usize, row: usize| {
@@ -136,13 +142,16 @@ impl<'a, 's> PairSearch<'a, 's> {
             !taken.iter().any(|band| band.contains(Point2::new(middle(column), middle(row))))
         };
         let finder = usize::from(!missing[0]);
-        let regions = self.tools[finder].find_regions_in(&self.scenes[finder], places, counts);
+        let regions = self.tools[finder].find_regions_in(&self.scenes[finder], areas, counts);
         let measured = regions.iter().take(MAX_REGIONS).map(|region| {
             [0, 1].map(|tool| {
                 let not_needed = Err(MissReason::NoMarkerColour);
                 // Measured without the direction to this tool's hand: it would take the wrong end of the other tool's
                 // band for the tip.
-                if missing[tool] { self.tools[tool].measure(&self.scenes[tool], region, None) } else { not_needed }
+                if !missing[tool] {
+                    return not_needed;
+                }
+                self.tools[tool].try_region(&self.scenes[tool], &self.predictions[tool], region, None)
             })
         });
         measured.collect()
@@ -160,9 +169,7 @@ impl<'a, 's> PairSearch<'a, 's> {
         if self.found[1 - tool].as_ref().is_some_and(|other| self.are_same_band(band, other)) {
             return None;
         }
-        let FrameContext { frame, settings, .. } = &self.scenes[tool];
-        let distance =
-            self.tools[tool].mahalanobis_squared(frame.time_s, &band.estimate, &settings.motion.track_settings());
+        let distance = self.tools[tool].mahalanobis_squared(&self.scenes[tool], &band.estimate);
         let by_distance = distance.map_or(MAX_DISTANCE_COST, |squared| squared.min(MAX_DISTANCE_COST));
         Some(by_distance + self.origins[tool].mismatch_squared(&band.estimate).min(MAX_ORIGIN_COST))
     }
@@ -170,8 +177,8 @@ impl<'a, 's> PairSearch<'a, 's> {
     /// Could the region be the band of the other tool, although it could not be measured for that tool? If this tool
     /// is lost and the other was not found on this frame either, only a good fit may claim the region.
     fn may_be_the_others(&self, tool: usize, measured: &RegionMeasurements) -> bool {
-        let is_lost = |tool: usize| self.found[tool].is_none() && self.expected[tool].is_none();
-        let is_doubtful = measured[tool].as_ref().is_ok_and(|band| !band.is_good());
+        let is_lost = |tool: usize| self.found[tool].is_none() && self.predictions[tool].band.is_none();
+        let is_doubtful = measured[tool].as_ref().is_ok_and(|band| band.grade() < Grade::Good);
         is_lost(tool) && self.found[1 - tool].is_none() && measured[1 - tool].is_err() && is_doubtful
     }
 
@@ -196,10 +203,15 @@ impl<'a, 's> PairSearch<'a, 's> {
         of(one).zip(of(other)).is_some_and(|(one, other)| one.is_same_band(&other))
     }
 
-    fn accept(self) -> [ToolFrameResult; 2] {
+    fn learn_and_accept(self) -> [ToolFrameResult; 2] {
         let Self { tools: [left, right], scenes, found: [at_left, at_right], reasons, .. } = self;
-        let left = left.accept(&scenes[0], at_left.ok_or(reasons[0]));
-        let right = right.accept(&scenes[1], at_right.ok_or(reasons[1]));
+        let finish = |tool: &mut ToolTracker, scene: &FrameContext<'_>, measured: Result<Measurement, MissReason>| {
+            tool.learn(scene.frame, measured.as_ref().ok());
+            tool.records.push(FrameRecord::new(&measured));
+            tool.accept(scene, measured)
+        };
+        let left = finish(left, &scenes[0], at_left.ok_or(reasons[0]));
+        let right = finish(right, &scenes[1], at_right.ok_or(reasons[1]));
         [left, right]
     }
 }

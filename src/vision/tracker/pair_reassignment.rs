@@ -13,10 +13,11 @@ use std::ops::Range;
 use nalgebra::Point3;
 
 use super::blocks::Blocks;
+use super::learn;
 use super::motion::FrameInstant;
 use super::origin::{self, DECISIVE_MARGIN, Origin};
 use super::record::{FrameRecord, PackedRecords};
-use super::tool::{self, ToolTracker};
+use super::tool::ToolTracker;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::pose::{TubeEstimate, adjustment};
 use crate::vision::reason::MissReason;
@@ -110,7 +111,8 @@ fn estimate_origins(records: &Records, runs: &[TrackSegment]) -> [Option<Origin>
         let poses = |good: bool| -> Vec<TubeEstimate> {
             seen.iter().step_by(step).filter(|r| r.is_good || !good).filter_map(|r| r.estimate()).collect()
         };
-        let trocar = adjustment::estimate(&poses(true)).filter(tool::is_fulcrum_known).map(|adjusted| adjusted.fulcrum);
+        let trocar =
+            adjustment::estimate(&poses(true)).filter(learn::is_fulcrum_known).map(|adjusted| adjusted.fulcrum);
         trocar.or_else(|| median_assumed_trocar(&poses(false))).map(Origin::Fulcrum)
     })
 }

@@ -1,15 +1,14 @@
 //! One pass of probes along a tube's outline: which probes are visible, and the edges that they find.
 
-use nalgebra::Point3;
-
 use super::band_fit::BandFit;
+use super::trace::FitRecorder;
 use crate::vision::edges::outline_probes::{OutlinePoint, ProbeLayout, border_probes, rim_probes};
-use crate::vision::edges::probe::{LocatedEdge, Probe};
+use crate::vision::edges::probe::{FittedEdge, LocatedEdge, Probe};
 use crate::vision::edges::subpixel::Fineness;
 use crate::vision::pose::joint_fit::MeasuredEdge;
 use crate::vision::reason::MissReason;
 use crate::vision::space::Pixel;
-use crate::vision::tube::Tube;
+use crate::vision::tube::{BorderSide, Outline, OutlinePart, PerPart, Tube};
 
 /// Settings of one probe pass, for a tube at rest.
 #[derive(Clone, Copy)]
@@ -21,6 +20,17 @@ pub(super) struct ProbePass {
     /// Precision of the edges.
     pub(super) fineness: Fineness,
 }
+
+const STEP: ProbePass = ProbePass { chord_px: 8.0, reach_px: 9.0, fineness: Fineness::Step };
+const FINE: ProbePass = ProbePass { chord_px: 10.0, reach_px: 5.0, fineness: Fineness::Fine };
+const CLOSE: ProbePass = ProbePass { chord_px: 10.0, reach_px: 3.2, fineness: Fineness::Fine };
+
+/// Probe passes from wide to close: coarse border lines may be two pixels off, the first fit is closer.
+pub(super) const PROBE_PASSES: &[ProbePass] = &[STEP, FINE, CLOSE];
+/// The passes for a tube that is about right.
+pub(super) const FINE_PASSES: &[ProbePass] = &[FINE, CLOSE];
+/// The pass for a tube that is right to a few pixels.
+pub(super) const CLOSE_PASS: &[ProbePass] = &[CLOSE];
 
 /// Maximum number of chords along one border: errors of an edge come from background and light, and more edges hardly
 /// average them out.
@@ -36,9 +46,11 @@ const END_MARGIN_RADII: f64 = 0.35;
 pub(super) struct FoundEdges {
     pub(super) edges: Vec<MeasuredEdge>,
     /// Number of visible probes on each of the four parts.
-    pub(super) visible: [f64; 4],
+    pub(super) visible: PerPart<f64>,
     /// Sum of the motion blur across them: standard deviations, pixels.
-    smears_px: [f64; 4],
+    smears_px: PerPart<f64>,
+    /// The fits to learn from: also of edges that another tool's tape makes doubtful.
+    pub(super) fitted: Vec<FittedEdge>,
 }
 
 /// Extra error of a part's offset when it is smeared, as a share of the smear.
@@ -47,16 +59,17 @@ const SMEAR_ERROR: f64 = 0.3;
 impl FoundEdges {
     /// Standard deviations of the offsets, pixels: the usual ones, more where edges are smeared.
     pub(super) fn offsets_px(&self, usual: [f64; 4]) -> [f64; 4] {
-        let smear = |part: usize| SMEAR_ERROR * self.smears_px[part] / self.visible[part].max(1.0);
-        let of_borders = 0.5 * smear(0).hypot(smear(1));
-        let more = [of_borders, of_borders, smear(2), smear(3)];
+        let smear = |part: OutlinePart| SMEAR_ERROR * self.smears_px[part] / self.visible[part].max(1.0);
+        let [first, second] = BorderSide::BOTH.map(|side| smear(OutlinePart::Border(side)));
+        let of_borders = 0.5 * first.hypot(second);
+        let more = [of_borders, of_borders, smear(OutlinePart::DistalEnd), smear(OutlinePart::ProximalEnd)];
         std::array::from_fn(|offset| usual[offset].hypot(more[offset]))
     }
 
     /// Was every visible end found?
     pub(super) fn ends_seen(&self) -> bool {
         const MIN_EDGES: usize = 2;
-        [2, 3].into_iter().all(|part| {
+        OutlinePart::ENDS.into_iter().all(|part| {
             let met = self.edges.iter().filter(|e| e.point.part() == part).count();
             met >= MIN_EDGES || self.visible[part] < MIN_EDGES as f64
         })
@@ -64,68 +77,109 @@ impl FoundEdges {
 }
 
 impl BandFit<'_> {
-    pub(super) fn layout(&self, look: ProbePass) -> ProbeLayout {
+    pub(super) fn layout(&self, pass: ProbePass) -> ProbeLayout {
         ProbeLayout {
-            chord_px: look.chord_px,
+            chord_px: pass.chord_px,
             max_chords: MAX_CHORDS,
-            reach_px: look.reach_px,
+            reach_px: pass.reach_px,
             motion_px_s: self.motion_px_s,
             exposure_s: self.edges.exposure_s,
         }
     }
 
-    pub(super) fn locate(&mut self, probe: &Probe, fineness: Fineness) -> Option<LocatedEdge> {
-        let (table, class) = (self.table, self.class);
-        self.edges.locate(self.frame, probe, fineness, |codes| table.class_of(codes) == class)
+    pub(super) fn locate(&self, probe: &Probe, fineness: Fineness) -> Option<LocatedEdge> {
+        let (table, class) = (self.scene.table, self.class);
+        self.edges.locate(self.scene.frame, probe, fineness, |codes| table.class_of(codes) == class)
     }
 
     /// Finds the edges along a tube's outline, and counts the probes that are visible.
     pub(super) fn edges_along(
-        &mut self,
+        &self,
         tube: &Tube,
         length_mm: f64,
-        look: ProbePass,
+        pass: ProbePass,
+        recorder: &mut FitRecorder,
     ) -> Result<FoundEdges, MissReason> {
         let outline = tube.outline().ok_or(MissReason::ImpossiblePose)?;
-        let layout = self.layout(look);
-        let margin = END_MARGIN_RADII * tube.radius;
+        let layout = self.layout(pass);
+        let mut probes = self.visible_border_probes(&outline, tube.radius, length_mm, layout);
+        self.add_end_probes(tube, &outline, length_mm, layout, &mut probes);
+        let mut found = FoundEdges::default();
+        recorder.start_pass();
+        for (place, probe) in &probes {
+            if self.scene.is_visible(place.position_on(&outline), probe.middle) {
+                self.probe_edge(*place, probe, pass.fineness, &mut found, recorder);
+            }
+        }
+        Ok(found)
+    }
+
+    /// The visible probes along both borders. If only a piece of the band is visible, few chords are left: then the
+    /// chords are shorter.
+    fn visible_border_probes(
+        &self,
+        outline: &Outline,
+        radius_mm: f64,
+        length_mm: f64,
+        layout: ProbeLayout,
+    ) -> Vec<(OutlinePoint, Probe)> {
+        let margin = END_MARGIN_RADII * radius_mm;
         let mut probes: Vec<(OutlinePoint, Probe)> = Vec::new();
-        // If only a piece of the band is visible, few chords are left: use shorter ones.
         for shorter in [1.0, 2.0] {
             let layout =
                 ProbeLayout { chord_px: layout.chord_px / shorter, max_chords: MAX_CHORDS * shorter, ..layout };
             probes.clear();
-            border_probes(&outline, self.camera, margin, length_mm - margin, layout, &mut probes);
-            probes.retain(|(place, probe)| self.is_visible(place.position_on(&outline), probe.middle));
-            if (0..2).all(|side| probes.iter().filter(|(place, _)| place.part() == side).count() >= ENOUGH_CHORDS) {
+            border_probes(outline, self.camera(), margin, length_mm - margin, layout, &mut probes);
+            probes.retain(|(place, probe)| self.scene.is_visible(place.position_on(outline), probe.middle));
+            let count = |part| probes.iter().filter(|(place, _)| place.part() == part).count();
+            if BorderSide::BOTH.into_iter().all(|side| count(OutlinePart::Border(side)) >= ENOUGH_CHORDS) {
                 break;
             }
         }
-        rim_probes(&outline, self.camera, 0.0, 0.5 * length_mm, layout, &mut probes);
+        probes
+    }
+
+    /// Adds the probes of the distal end, and those of the proximal end if the band's length is known. The latter
+    /// reach farther while the length is uncertain.
+    fn add_end_probes(
+        &self,
+        tube: &Tube,
+        outline: &Outline,
+        length_mm: f64,
+        layout: ProbeLayout,
+        into: &mut Vec<(OutlinePoint, Probe)>,
+    ) {
+        const MAX_UNSURE_PX: f64 = 6.0;
+        rim_probes(outline, self.camera(), 0.0, 0.5 * length_mm, layout, into);
         if let Some((_, sigma_mm)) = self.length {
-            const MAX_UNSURE_PX: f64 = 6.0;
             let unsure_px = (2.0 * sigma_mm * self.px_per_mm_along(tube, length_mm)).min(MAX_UNSURE_PX);
             let wider = ProbeLayout { reach_px: layout.reach_px + unsure_px, ..layout };
-            rim_probes(&outline, self.camera, length_mm, 0.5 * length_mm, wider, &mut probes);
+            rim_probes(outline, self.camera(), length_mm, 0.5 * length_mm, wider, into);
         }
-        let mut found = FoundEdges::default();
-        self.trace.start_pass();
-        for (place, probe) in &probes {
-            if !self.is_visible(place.position_on(&outline), probe.middle) {
-                continue;
-            }
-            let edge = self.locate(probe, look.fineness);
-            let at = edge.map(|edge| Pixel(probe.middle.0 + probe.outward * edge.offset_px));
-            if at.is_some_and(|at| self.is_next_to_other_tape(at, probe)) {
-                continue;
-            }
-            found.visible[place.part()] += 1.0;
-            found.smears_px[place.part()] += probe.motion_px_s.abs() * self.edges.exposure_s / 12f64.sqrt();
-            self.trace.record_probe(probe, at);
-            let (Some(edge), Some(at)) = (edge, at) else { continue };
-            found.edges.extend(MeasuredEdge::new(*place, at, probe.outward, edge.sigma_px, self.camera));
+    }
+
+    /// Locates the edge at one visible probe.
+    fn probe_edge(
+        &self,
+        place: OutlinePoint,
+        probe: &Probe,
+        fineness: Fineness,
+        found: &mut FoundEdges,
+        recorder: &mut FitRecorder,
+    ) {
+        let edge = self.locate(probe, fineness);
+        found.fitted.extend(edge.and_then(|edge| edge.fit).map(|fit| FittedEdge { probe: *probe, fit }));
+        let at = edge.map(|edge| Pixel(probe.middle.0 + probe.outward * edge.offset_px));
+        if at.is_some_and(|at| self.is_next_to_other_tape(at, probe)) {
+            return;
         }
-        Ok(found)
+        let part = place.part();
+        found.visible[part] += 1.0;
+        found.smears_px[part] += probe.motion_px_s.abs() * self.edges.exposure_s / 12f64.sqrt();
+        recorder.record_probe(probe, at);
+        if let (Some(edge), Some(at)) = (edge, at) {
+            found.edges.extend(MeasuredEdge::new(place, at, probe.outward, edge.sigma_px, self.camera()));
+        }
     }
 
     /// Does another tool's tape lie just outside an edge? That tool may then be in front of this one, nearer than
@@ -133,19 +187,9 @@ impl BandFit<'_> {
     fn is_next_to_other_tape(&self, edge: Pixel, probe: &Probe) -> bool {
         const OUTSIDE_PX: f64 = 3.0; // past the blur of halved chroma
         let at = edge.0 + probe.outward * OUTSIDE_PX;
-        let inside =
-            at.x >= 0.0 && at.y >= 0.0 && at.x < self.frame.width() as f64 && at.y < self.frame.height() as f64;
-        let class = if inside { self.table.class_of(self.frame.yuv_at(at.x as usize, at.y as usize)) } else { 0 };
+        let (width, height) = (self.scene.frame.width() as f64, self.scene.frame.height() as f64);
+        let inside = at.x >= 0.0 && at.y >= 0.0 && at.x < width && at.y < height;
+        let class = if inside { self.scene.class_at(at.x, at.y) } else { 0 };
         class != 0 && class != self.class
-    }
-
-    /// Is a point of the outline inside the frame, and in front of all other tools?
-    pub(super) fn is_visible(&self, place: Point3<f64>, at: Pixel) -> bool {
-        const RIM_PX: f64 = 3.0;
-        const CLEAR_PX: f64 = 4.0;
-        let (width, height) = (self.frame.width() as f64, self.frame.height() as f64);
-        let in_frame = at.u() > RIM_PX && at.v() > RIM_PX && at.u() < width - RIM_PX && at.v() < height - RIM_PX;
-        let clear = CLEAR_PX / self.camera.fx;
-        in_frame && !self.obstacles.iter().any(|other| other.hides(place.coords, place.z, clear))
     }
 }

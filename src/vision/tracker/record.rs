@@ -1,6 +1,7 @@
 //! What is kept of each frame for the end of the recording.
 
 use super::blocks::Blocks;
+use super::measurement::{Grade, Measurement};
 use crate::vision::pose::packed::PackedPoses;
 use crate::vision::pose::{StoredPose, TubeEstimate};
 use crate::vision::reason::MissReason;
@@ -17,6 +18,16 @@ pub struct FrameRecord {
 }
 
 impl FrameRecord {
+    /// The record of a frame's measurement.
+    pub fn new(measured: &Result<Measurement, MissReason>) -> Self {
+        match measured {
+            Ok(m) => {
+                Self { pose: Some(StoredPose::from(&m.estimate)), is_good: m.grade() == Grade::Good, reason: None }
+            }
+            Err(reason) => Self { pose: None, is_good: false, reason: Some(*reason) },
+        }
+    }
+
     /// The measurement, with its covariance.
     pub fn estimate(&self) -> Option<TubeEstimate> {
         self.pose.as_ref().and_then(StoredPose::estimate)

@@ -8,11 +8,11 @@ use std::ops::Range;
 
 use super::blocks::Blocks;
 use super::gaps::{self, FrameMargin};
+use super::learn;
 use super::motion::{FrameInstant, STATED_SIGMA_SHARE, ToolMotion, TrackedRun};
 use super::record::FrameRecord;
 use super::report::{DiameterBasis, EffectiveDiameter, ToolQuality};
 use super::settings::{MotionSettings, ToolSpec};
-use super::tool;
 use crate::vision::camera::Camera;
 use crate::vision::filter::track::{Track, TrackSettings};
 use crate::vision::pose::adjustment::{self, Adjustment};
@@ -33,7 +33,7 @@ pub fn run(
 ) -> (ToolMotion, ToolQuality) {
     let islands = isolated_runs(&records, instants, motion.max_prediction_s);
     let good = sample_good_poses(&records);
-    let adjustment = adjustment::estimate(&good).filter(tool::is_fulcrum_known);
+    let adjustment = adjustment::estimate(&good).filter(learn::is_fulcrum_known);
     let is_wrong_way_round = adjustment.is_none() && adjustment::axes_meet_ahead_of_tips(&good);
     let border_residual_px = rms(records.iter().filter_map(|r| r.pose.as_ref()).map(StoredPose::residual_px));
     let mut rework = SecondPass::new(tool, camera, motion);

@@ -10,19 +10,36 @@ use crate::vision::pose::joint_fit::{self, MeasuredEdge, Trust};
 use crate::vision::pose::normal_equations::OffsetPriors;
 use crate::vision::pose::{TubeEstimate, band_length};
 use crate::vision::space::{CameraPoint, Normalised, Pixel};
-use crate::vision::tube::Tube;
+use crate::vision::tube::{BorderSide, Tube};
 
 /// Standard deviation of a border point or end found with the colour table, pixels.
 const COARSE_SIGMA_PX: f64 = 0.7;
 
 impl BandFit<'_> {
+    /// The starts for a region, the most certain first; the tube from the taper only if there are no others.
+    pub(super) fn starts(&self, coarse: &CoarseBand, ends: [Normalised; 2], by_taper: Option<Tube>) -> Vec<Tube> {
+        let depths = [Some(self.depth_by_width(coarse)), self.last_depth_mm];
+        let mut starts: Vec<Tube> =
+            depths.iter().flatten().filter_map(|depth| self.start_from_fulcrum(ends, *depth)).collect();
+        starts.extend(self.starts_from_length(coarse, ends));
+        if starts.is_empty() {
+            starts.extend(by_taper);
+        }
+        starts
+    }
+
+    /// Depth of a tube that faces the camera and looks as wide as the band, mm.
+    fn depth_by_width(&self, coarse: &CoarseBand) -> f64 {
+        2.0 * self.radius_mm() * self.camera().fx / coarse.width_px + self.radius_mm()
+    }
+
     /// A start whose axis passes through the known fulcrum and one visible end. It needs neither the taper nor both
     /// ends, and its lean is unambiguous.
-    pub(super) fn start_from_fulcrum(&self, [distal, proximal]: [Normalised; 2], depth: f64) -> Option<Tube> {
-        let (fulcrum, (length_mm, _), radius) = (self.fulcrum?.at, self.length?, 0.5 * self.spec.diameter_mm);
+    fn start_from_fulcrum(&self, [distal, proximal]: [Normalised; 2], depth: f64) -> Option<Tube> {
+        let (fulcrum, (length_mm, _), radius) = (self.fulcrum?.at, self.length?, self.radius_mm());
         let (at_distal, at_proximal) = (Point3::from(distal.ray() * depth), Point3::from(proximal.ray() * depth));
         let in_sight = |point: Point3<f64>| {
-            self.camera.project(CameraPoint(point)).is_some_and(|pixel| self.is_visible(point, pixel))
+            self.camera().project(CameraPoint(point)).is_some_and(|pixel| self.scene.is_visible(point, pixel))
         };
         let from_hand = |point: Point3<f64>| (point - fulcrum).try_normalize(1e-9);
         let (tip, axis) = if in_sight(at_distal) || !in_sight(at_proximal) {
@@ -37,14 +54,14 @@ impl BandFit<'_> {
     /// Starts from a joint fit to the coarse borders and ends, if the band's length is known. The lean from the slight
     /// taper of the borders is rough; the one from the length is not. The length alone cannot distinguish leaning away
     /// from leaning towards the camera, so both are returned, the better one first.
-    pub(super) fn starts_from_length(&self, coarse: &CoarseBand, ends: [Normalised; 2]) -> Vec<Tube> {
+    fn starts_from_length(&self, coarse: &CoarseBand, ends: [Normalised; 2]) -> Vec<Tube> {
         let Some((length_mm, _)) = self.length else { return Vec::new() };
-        let radius = 0.5 * self.spec.diameter_mm;
-        let depth = 2.0 * radius * self.camera.fx / coarse.width_px + radius;
+        let radius = self.radius_mm();
+        let depth = self.depth_by_width(coarse);
         let fits = [1.0, -1.0].into_iter().filter_map(|sign| {
             let start = band_length::leaning(ends, depth, length_mm, radius, sign)?;
             let edges = self.coarse_edges(coarse, &start, length_mm)?;
-            joint_fit::fit(&edges, &start, self.camera, Trust::All, &OffsetPriors::usual(length_mm), None)
+            joint_fit::fit(&edges, &start, self.camera(), Trust::All, &OffsetPriors::usual(length_mm), None)
         });
         let mut fits: Vec<TubeEstimate> = fits.collect();
         fits.sort_by(|a, b| a.residual_px.total_cmp(&b.residual_px));
@@ -53,17 +70,18 @@ impl BandFit<'_> {
 
     /// The border points and ends of the scan lines, as edges of a tube's outline.
     fn coarse_edges(&self, coarse: &CoarseBand, tube: &Tube, length_mm: f64) -> Option<Vec<MeasuredEdge>> {
-        let pixel = |point| self.camera.project(CameraPoint(point)).map(|p| p.0);
+        let pixel = |point| self.camera().project(CameraPoint(point)).map(|p| p.0);
         let outline = tube.outline()?;
         let (tip, back) = (pixel(outline.rim(0.0, 0.0))?, pixel(outline.rim(length_mm, 0.0))?);
         let along = (tip - back).try_normalize(1e-9)?;
-        let to_first = pixel(outline.border(0, 0.5 * length_mm))? - pixel(outline.rim(0.5 * length_mm, 0.0))?;
-        let edge = |place, at: Pixel, outward| MeasuredEdge::new(place, at, outward, COARSE_SIGMA_PX, self.camera);
+        let to_first =
+            pixel(outline.border(BorderSide::First, 0.5 * length_mm))? - pixel(outline.rim(0.5 * length_mm, 0.0))?;
+        let edge = |place, at: Pixel, outward| MeasuredEdge::new(place, at, outward, COARSE_SIGMA_PX, self.camera());
         let mut edges = Vec::with_capacity(2 * coarse.borders[0].len() + 2);
         let across = Vector2::new(-along.y, along.x);
         for border in &coarse.borders {
             let outward = if across.dot(&(border.first()?.0 - tip)) < 0.0 { -across } else { across };
-            let side = usize::from(outward.dot(&to_first) < 0.0);
+            let side = if outward.dot(&to_first) < 0.0 { BorderSide::Second } else { BorderSide::First };
             edges
                 .extend(border.iter().filter_map(|at| edge(OutlinePoint::Border { side, back_mm: 0.0 }, *at, outward)));
         }
@@ -77,7 +95,7 @@ impl BandFit<'_> {
     pub(super) fn border_lines(&self, coarse: &CoarseBand) -> Option<[BorderLine; 2]> {
         let line = |border: &Vec<Pixel>| {
             let sights: Vec<Point2<f64>> =
-                border.iter().filter_map(|p| self.camera.normalised_of(*p)).map(|n: Normalised| n.0).collect();
+                border.iter().filter_map(|p| self.camera().normalised_of(*p)).map(|n: Normalised| n.0).collect();
             line_fit::fit(&sights)
         };
         Some([line(&coarse.borders[0])?, line(&coarse.borders[1])?])

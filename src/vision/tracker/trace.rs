@@ -55,7 +55,7 @@ pub struct ProbePassTrace {
     pub fitted: Option<Tube>,
 }
 
-/// Records a trace if one was requested.
+/// Records a tool's trace if one was requested.
 #[derive(Default)]
 pub struct TraceRecorder(Option<ToolTrace>);
 
@@ -70,6 +70,10 @@ impl TraceRecorder {
         self.0.take().unwrap_or_default()
     }
 
+    pub(super) fn is_recording(&self) -> bool {
+        self.0.is_some()
+    }
+
     pub(super) fn record_places(&mut self, places: &[CellBox]) {
         if let Some(trace) = &mut self.0 {
             trace.places.extend(places);
@@ -82,14 +86,34 @@ impl TraceRecorder {
         }
     }
 
-    pub(super) fn start_fit(&mut self, start: &Tube, length_mm: f64) {
+    pub(super) fn record_fits(&mut self, fits: Vec<FitTrace>) {
         if let Some(trace) = &mut self.0 {
-            trace.fits.push(FitTrace { start: *start, length_mm, passes: Vec::new() });
+            trace.fits.extend(fits);
+        }
+    }
+}
+
+/// Collects the fits of one attempt to measure, if a trace was requested.
+pub(super) struct FitRecorder(Option<Vec<FitTrace>>);
+
+impl FitRecorder {
+    pub(super) fn new(is_traced: bool) -> Self {
+        Self(is_traced.then(Vec::new))
+    }
+
+    /// The fits that were tried; empty unless a trace was requested.
+    pub(super) fn into_fits(self) -> Vec<FitTrace> {
+        self.0.unwrap_or_default()
+    }
+
+    pub(super) fn start_fit(&mut self, start: &Tube, length_mm: f64) {
+        if let Some(fits) = &mut self.0 {
+            fits.push(FitTrace { start: *start, length_mm, passes: Vec::new() });
         }
     }
 
     pub(super) fn start_pass(&mut self) {
-        if let Some(fit) = self.0.as_mut().and_then(|trace| trace.fits.last_mut()) {
+        if let Some(fit) = self.0.as_mut().and_then(|fits| fits.last_mut()) {
             fit.passes.push(ProbePassTrace::default());
         }
     }
@@ -107,7 +131,7 @@ impl TraceRecorder {
     }
 
     fn last_pass(&mut self) -> Option<&mut ProbePassTrace> {
-        self.0.as_mut()?.fits.last_mut()?.passes.last_mut()
+        self.0.as_mut()?.last_mut()?.passes.last_mut()
     }
 }
 

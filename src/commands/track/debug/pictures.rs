@@ -11,7 +11,7 @@ use crate::vision::space::{CameraPoint, Pixel};
 use crate::vision::tracker::{
     FitTrace, FrameReport, FrameTrace, ProbePassTrace, ToolReport, ToolTrace, TrackerSettings,
 };
-use crate::vision::tube::Tube;
+use crate::vision::tube::{BorderSide, Tube};
 
 const WHITE: Ink = [255, 255, 255];
 const GREY: Ink = [150, 150, 150];
@@ -196,9 +196,9 @@ impl DebugScene {
         let Some(outline) = tube.outline() else { return Vec::new() };
         let part = |step: i32| f64::from(step) / f64::from(STEPS);
         let distal = (-STEPS..=STEPS).map(|step| outline.rim(0.0, part(step)));
-        let there = (0..=STEPS).map(|step| outline.border(1, part(step) * length_mm));
+        let there = (0..=STEPS).map(|step| outline.border(BorderSide::Second, part(step) * length_mm));
         let proximal = (-STEPS..=STEPS).rev().map(|step| outline.rim(length_mm, part(step)));
-        let back = (0..=STEPS).rev().map(|step| outline.border(0, part(step) * length_mm));
+        let back = (0..=STEPS).rev().map(|step| outline.border(BorderSide::First, part(step) * length_mm));
         let around = distal.chain(there).chain(proximal).chain(back);
         around.filter_map(|point| self.camera.project(CameraPoint(point))).map(|pixel| pixel.0.coords).collect()
     }

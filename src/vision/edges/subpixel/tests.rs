@@ -4,10 +4,12 @@ use nalgebra::Vector3;
 
 use super::*;
 use crate::vision::edges::blur_domain;
+use crate::vision::edges::probe::FittedEdge;
 use crate::vision::edges::probe::Shading;
 use crate::vision::edges::tone::Tone;
 use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
 use crate::vision::space::Pixel;
+use crate::vision::tube::{BorderSide, OutlinePart};
 
 const ENCODING: ColourEncoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
 const SIZE: usize = 64;
@@ -131,29 +133,27 @@ impl Drawing {
             inwards_px: 5.0,
             outwards_px: 5.0,
             motion_px_s: 0.0,
-            part: if self.limb.is_some() { 0 } else { 2 },
+            part: if self.limb.is_some() { OutlinePart::Border(BorderSide::First) } else { OutlinePart::DistalEnd },
             shading: if self.limb.is_some() { Shading::Limb { radius_px: RADIUS_PX } } else { Shading::Cut },
         }
     }
 
     /// Lets a model learn from this border, as one part of an outline.
-    fn taught_to(&self, model: &mut EdgeModel, part: usize) {
-        let planes = self.planes();
-        let first = model.found_count();
-        model.locate(&frame(&planes), &Probe { part, ..self.probe() }, Fineness::Fine, is_tape).unwrap();
-        model.learn(&frame(&planes), first..model.found_count());
+    fn taught_to(&self, model: &mut EdgeModel, part: OutlinePart) {
+        self.located_by(model, &Probe { part, ..self.probe() }).unwrap();
     }
 
-    fn looked_at(&self, model: &mut EdgeModel, probe: &Probe, fineness: Fineness) -> Option<LocatedEdge> {
+    fn looked_at(&self, model: &EdgeModel, probe: &Probe, fineness: Fineness) -> Option<LocatedEdge> {
         model.locate(&frame(&self.planes()), probe, fineness, is_tape)
     }
 
     /// Located finely, and accepted for learning.
     fn located_by(&self, model: &mut EdgeModel, probe: &Probe) -> Option<LocatedEdge> {
-        let (planes, before) = (self.planes(), model.found_count());
-        let edge = model.locate(&frame(&planes), probe, Fineness::Fine, is_tape);
-        model.learn(&frame(&planes), before..model.found_count());
-        edge
+        let planes = self.planes();
+        let edge = model.locate(&frame(&planes), probe, Fineness::Fine, is_tape)?;
+        let fitted: Vec<FittedEdge> = edge.fit.map(|fit| FittedEdge { probe: *probe, fit }).into_iter().collect();
+        model.learn(&frame(&planes), &fitted);
+        Some(edge)
     }
 
     fn located(&self) -> Option<LocatedEdge> {
@@ -225,11 +225,13 @@ fn what_is_overexposed_at_an_end_is_known_from_the_limbs() {
     let limb = Drawing { exposure: 2.0, limb: Some(0.9), ..PLAIN };
     let error_px = |limbs_are_known: bool| {
         let mut model = limb.model();
-        for part in [0, 1].into_iter().cycle().take(if limbs_are_known { 40 } else { 0 }) {
+        for part in
+            BorderSide::BOTH.map(OutlinePart::Border).into_iter().cycle().take(if limbs_are_known { 40 } else { 0 })
+        {
             limb.taught_to(&mut model, part);
         }
         model.lens_px = end.blur;
-        (0..20).for_each(|_| end.taught_to(&mut model, 2));
+        (0..20).for_each(|_| end.taught_to(&mut model, OutlinePart::DistalEnd));
         end.located_by(&mut model, &end.probe()).unwrap().offset_px - end.edge
     };
     let [unknown, known] = [false, true].map(error_px);
@@ -245,8 +247,8 @@ fn equal_luma_is_no_hindrance_while_colours_differ() {
 
 #[test]
 fn tape_on_both_sides_and_tape_outside_are_no_borders() {
-    assert_eq!(Drawing { outside: [110.0, 80.0, 180.0], ..PLAIN }.located(), None, "a crease");
-    assert_eq!(Drawing { edge: 30.0, ..PLAIN }.located(), None, "nothing in the window");
+    assert!(Drawing { outside: [110.0, 80.0, 180.0], ..PLAIN }.located().is_none(), "a crease");
+    assert!(Drawing { edge: 30.0, ..PLAIN }.located().is_none(), "nothing in the window");
 }
 
 #[test]
@@ -274,7 +276,7 @@ fn vivid_limbs_show_whether_light_was_mixed_or_codes() {
 
 #[test]
 fn a_step_is_known_to_half_a_pixel() {
-    let step = PLAIN.looked_at(&mut PLAIN.model(), &PLAIN.probe(), Fineness::Step).unwrap();
+    let step = PLAIN.looked_at(&PLAIN.model(), &PLAIN.probe(), Fineness::Step).unwrap();
     assert!((step.offset_px - PLAIN.edge).abs() <= 0.5, "{step:?}");
 }
 
@@ -301,11 +303,10 @@ fn edges_that_are_not_believed_teach_nothing() {
     model.lens_px = 1.3;
     for turn in 0..100 {
         let drawing = Drawing { normal: normal(0.7 * f64::from(turn)), ..PLAIN };
-        assert!(drawing.looked_at(&mut model, &drawing.probe(), Fineness::Fine).is_some());
+        assert!(drawing.looked_at(&model, &drawing.probe(), Fineness::Fine).is_some());
         model.finish_frame();
     }
     assert_eq!(model.lens_px, 1.3);
-    assert_eq!(model.found_count(), 0);
 }
 
 #[test]

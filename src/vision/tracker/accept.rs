@@ -1,0 +1,68 @@
+//! Stage 4, accept: which measurements the tool's fulcrum and motion allow.
+
+use super::frame_context::FrameContext;
+use super::measurement::{Grade, Measurement};
+use super::predict::Band;
+use super::tool::ToolTracker;
+use crate::vision::filter::track::Advance;
+use crate::vision::pose::TubeEstimate;
+use crate::vision::pose::adjustment;
+use crate::vision::reason::MissReason;
+
+/// Maximum squared distance of an axis from the fulcrum: 99.99 % of good measurements are nearer (chi-squared, two
+/// degrees of freedom).
+const MAX_FULCRUM_MISS_SQUARED: f64 = 18.4;
+
+/// Result of one frame for one tool.
+pub struct ToolFrameResult {
+    /// The steadied measurement, or the reason for having none.
+    pub outcome: Result<Measurement, MissReason>,
+    /// How the track advanced.
+    pub advance: Advance,
+}
+
+impl ToolTracker {
+    /// Advances the track with the frame's measurement, which the track accepts or refuses.
+    pub(super) fn accept(
+        &mut self,
+        scene: &FrameContext<'_>,
+        measured: Result<Measurement, MissReason>,
+    ) -> ToolFrameResult {
+        let steadied = measured.map(|measurement| self.steady(measurement));
+        let position = steadied.as_ref().ok().map(|m| (m.estimate.tube.tip, m.estimate.tip_covariance()));
+        let advance = self.track.advance(scene.frame.time_s, position, &scene.track_settings());
+        if let (Ok(accepted), true) = (&steadied, advance.observed) {
+            self.last_band = Some(Band { tube: accepted.estimate.tube, length_mm: accepted.length_mm });
+            self.last_pose = Some(accepted.estimate);
+        }
+        let outcome = match advance.refused {
+            Some(reason) => Err(reason),
+            None => steadied,
+        };
+        ToolFrameResult { outcome, advance }
+    }
+
+    /// Does a measurement at the predicted position agree with the tool's motion and with its fulcrum?
+    pub(super) fn continues_track(&self, scene: &FrameContext<'_>, measurement: &Measurement) -> bool {
+        self.track.would_accept(scene.frame.time_s, &measurement.estimate, &scene.track_settings())
+            && self.passes_through_fulcrum(measurement)
+    }
+
+    /// Does the axis pass through the known fulcrum? A measurement that explains the pixels well is accepted even if
+    /// not: it may lead to a better fulcrum.
+    pub(super) fn passes_through_fulcrum(&self, measurement: &Measurement) -> bool {
+        measurement.grade() == Grade::Good || measurement.fulcrum_miss_squared < MAX_FULCRUM_MISS_SQUARED
+    }
+
+    /// Squared Mahalanobis distance of a pose from the predicted position; `None` if the tool is not being tracked.
+    pub(super) fn mahalanobis_squared(&self, scene: &FrameContext<'_>, pose: &TubeEstimate) -> Option<f64> {
+        let state = self.track.expected(scene.frame.time_s, &scene.track_settings())?;
+        Some(state.distance_squared(pose.tube.tip, pose.tip_covariance()))
+    }
+
+    /// The measurement, corrected with the fulcrum and the offsets that all poses share, once they are known.
+    fn steady(&self, measurement: Measurement) -> Measurement {
+        let steadied = self.adjustment.as_ref().and_then(|a| adjustment::steady(&measurement.estimate, a));
+        Measurement { estimate: steadied.unwrap_or(measurement.estimate), ..measurement }
+    }
+}

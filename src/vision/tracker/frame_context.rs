@@ -1,0 +1,62 @@
+//! What all stages need of one frame.
+
+use nalgebra::Point3;
+
+use super::settings::{MotionSettings, TrackerSettings};
+use crate::vision::camera::Camera;
+use crate::vision::filter::track::TrackSettings;
+use crate::vision::frame::Frame;
+use crate::vision::segmentation::colour_table::ColourTable;
+use crate::vision::space::Pixel;
+use crate::vision::tube::Outline;
+
+/// A frame, and what is known about it before a tool is looked for.
+pub struct FrameContext<'a> {
+    /// The frame.
+    pub frame: &'a Frame<'a>,
+    /// The class of every colour.
+    pub table: &'a ColourTable,
+    /// Camera and tracking methods.
+    pub settings: &'a TrackerSettings,
+    /// Expected outlines of the other tools, which may hide this one.
+    pub obstacles: &'a [Outline],
+}
+
+impl FrameContext<'_> {
+    pub(super) fn camera(&self) -> &Camera {
+        &self.settings.camera
+    }
+
+    pub(super) fn track_settings(&self) -> TrackSettings {
+        self.settings.motion.track_settings()
+    }
+
+    /// Class of the frame's pixel in this column and row.
+    pub(super) fn class_at(&self, column: f64, row: f64) -> u8 {
+        self.table.class_of(self.frame.yuv_at(column as usize, row as usize))
+    }
+
+    /// Is a point of the outline inside the frame, and in front of all other tools?
+    pub(super) fn is_visible(&self, place: Point3<f64>, at: Pixel) -> bool {
+        const RIM_PX: f64 = 3.0;
+        const CLEAR_PX: f64 = 4.0;
+        let (width, height) = (self.frame.width() as f64, self.frame.height() as f64);
+        let in_frame = at.u() > RIM_PX && at.v() > RIM_PX && at.u() < width - RIM_PX && at.v() < height - RIM_PX;
+        let clear = CLEAR_PX / self.camera().fx;
+        in_frame && !self.obstacles.iter().any(|other| other.hides(place.coords, place.z, clear))
+    }
+}
+
+impl MotionSettings {
+    /// The settings of one track.
+    pub(super) fn track_settings(&self) -> TrackSettings {
+        TrackSettings {
+            noise_density: self.noise_density(),
+            first_speed_mm_s: self.first_speed_mm_s,
+            gate: self.gate,
+            reacquire_s: self.reacquire_s,
+            max_prediction_s: self.max_prediction_s,
+            depth_mm: (self.nearest_mm, self.farthest_mm),
+        }
+    }
+}

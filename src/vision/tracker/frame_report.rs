@@ -1,0 +1,78 @@
+//! The report of one frame: measurements, filtered samples, and the lines drawn over the picture.
+
+use super::Tracker;
+use super::accept::ToolFrameResult;
+use super::gaps::{self, FrameMargin};
+use super::measurement::Measurement;
+use super::motion::{self, FrameInstant, PastPose};
+use super::report::{FrameReport, Observation, ToolReport};
+use crate::vision::frame::Frame;
+use crate::vision::reason::MissReason;
+use crate::vision::space::{CameraPoint, Pixel};
+use crate::vision::trajectory::{Sample, SampleState};
+use crate::vision::tube::BorderSide;
+
+impl Tracker {
+    /// The report of a frame, from the result of each tool.
+    pub(super) fn frame_report(
+        &mut self,
+        frame: &Frame<'_>,
+        mut results: Vec<(usize, ToolFrameResult)>,
+    ) -> FrameReport {
+        results.sort_by_key(|(tool, _)| *tool);
+        let instant = (frame.index, frame.time_s);
+        let tools = results.into_iter().map(|(tool, result)| self.tool_report(tool, instant, result)).collect();
+        FrameReport { frame: frame.index, time_s: frame.time_s, tools }
+    }
+
+    fn tool_report(&mut self, tool: usize, instant: FrameInstant, result: ToolFrameResult) -> ToolReport {
+        let filtered = self.filtered_sample(tool, instant, &result);
+        let refused = result.outcome.as_ref().err().copied();
+        let absence = refused.filter(|_| filtered.is_none()).map(|reason| {
+            let rim = FrameMargin::new(&self.settings.camera, self.settings.tools[tool].band_length_mm);
+            gaps::absence_now(self.last_samples[tool].as_ref(), reason, &rim)
+        });
+        let drawn = result.outcome.as_ref().ok().and_then(|m| self.drawing(m));
+        let outcome = result.outcome.and_then(|m| self.observation(&m).ok_or(MissReason::ImpossiblePose));
+        self.last_samples[tool] = filtered.or(self.last_samples[tool]);
+        ToolReport {
+            tool,
+            outcome,
+            filtered,
+            absence,
+            borders_px: drawn.map(|(borders, _)| borders),
+            band_end_px: drawn.map(|(_, end)| end),
+        }
+    }
+
+    /// The causal filter's estimate, if the tool is being tracked.
+    fn filtered_sample(&self, tool: usize, instant: FrameInstant, result: &ToolFrameResult) -> Option<Sample> {
+        let camera = &self.settings.camera;
+        let pose = self.tools[tool].last_pose.as_ref().map(PastPose::from);
+        let seen = if result.advance.observed { SampleState::Observed } else { SampleState::Predicted };
+        let state = result.advance.state?;
+        let sample = motion::state_sample(&state, pose.as_ref(), tool, instant, seen, camera, None);
+        Some(motion::with_live_sigma(sample))
+    }
+
+    fn observation(&self, measurement: &Measurement) -> Option<Observation> {
+        let estimate = &measurement.estimate;
+        Some(Observation {
+            tip_mm: estimate.tube.tip,
+            axis: estimate.tube.axis,
+            covariance_mm2: estimate.tip_covariance(),
+            tip_px: self.settings.camera.project(CameraPoint(estimate.tube.tip))?,
+            border_residual_px: estimate.residual_px,
+        })
+    }
+
+    /// Both borders and the distal end, as drawn over the frame.
+    fn drawing(&self, measurement: &Measurement) -> Option<([[Pixel; 2]; 2], Pixel)> {
+        let outline = measurement.estimate.tube.outline()?;
+        let pixel = |point| self.settings.camera.project(CameraPoint(point));
+        let border =
+            |side| Some([pixel(outline.border(side, 0.0))?, pixel(outline.border(side, measurement.length_mm))?]);
+        let borders = [border(BorderSide::First)?, border(BorderSide::Second)?];
+        Some((borders, pixel(outline.rim(0.0, 0.0))?))
+    }
+}

@@ -1,0 +1,85 @@
+//! Stage 5, learn: what a frame's measurements say about edges, band length, fulcrum, and the side of the hand.
+//!
+//! Edges, band length and fulcrum are learned from every measurement, before the track accepts or refuses it: the
+//! fulcrum learned from this frame already steadies this frame's pose.
+
+use super::accept::ToolFrameResult;
+use super::frame_context::FrameContext;
+use super::measure::direction_in_picture;
+use super::measurement::{Grade, Measurement};
+use super::predict::Band;
+use super::tool::ToolTracker;
+use crate::vision::edges::blur_domain;
+use crate::vision::edges::shaft;
+use crate::vision::frame::Frame;
+use crate::vision::pose::adjustment::{self, Adjustment};
+use crate::vision::reason::MissReason;
+
+/// The causal adjustment is computed from this many poses, and again each time their number has doubled. At the
+/// maximum every second pose is dropped.
+const MIN_KEYFRAMES: usize = 16;
+const MAX_KEYFRAMES: usize = 128;
+
+/// The fulcrum is used only once its standard deviation is below this, mm; a less certain one would mislead.
+const MAX_FULCRUM_SIGMA_MM: f64 = 30.0;
+
+impl ToolTracker {
+    /// Learns from the frame's measurement: edges, band length, fulcrum. Call once per frame, also without a
+    /// measurement.
+    pub(super) fn learn(&mut self, frame: &Frame<'_>, measured: Option<&Measurement>) {
+        if let Some(measurement) = measured.filter(|m| m.grade() >= Grade::Complete) {
+            self.edges.learn(frame, &measurement.fitted_edges);
+        }
+        self.edges.finish_frame();
+        if let Some(measurement) = measured.filter(|m| m.grade() == Grade::Good) {
+            self.lengths.add(measurement.length_mm, measurement.length_sigma_mm);
+            self.learn_fulcrum(measurement);
+        }
+    }
+
+    fn learn_fulcrum(&mut self, measurement: &Measurement) {
+        self.keyframes.push(measurement.estimate);
+        if self.keyframes.len() >= MIN_KEYFRAMES && self.keyframes.len().is_power_of_two() {
+            self.adjustment = adjustment::estimate(&self.keyframes).filter(is_fulcrum_known).or(self.adjustment.take());
+        }
+        if self.keyframes.len() >= MAX_KEYFRAMES {
+            let mut keep = false;
+            self.keyframes.retain(|_| {
+                keep = !keep;
+                keep
+            });
+        }
+    }
+
+    /// Learns from an accepted measurement on which side of the band the hand is. If the votes contradict the current
+    /// direction, the tool was tracked the wrong way round: tracking restarts and its measurements so far are
+    /// withdrawn. Needless once the fulcrum is known, because a fulcrum behind the tip confirms the direction.
+    pub(super) fn learn_hand_side(&mut self, scene: &FrameContext<'_>, result: &ToolFrameResult) {
+        if !result.advance.observed || self.adjustment.is_some() {
+            return;
+        }
+        let Some(Band { tube: last, length_mm }) = self.last_band else { return };
+        let Some(to_hand) = direction_in_picture(scene.camera(), &last, -last.axis) else { return };
+        let is_visible = |place, at| scene.is_visible(place, at);
+        if let Some(contrast) = shaft::contrast(scene.frame, scene.camera(), &last, length_mm, is_visible) {
+            self.hand_direction.add_vote(to_hand, contrast);
+        }
+        if self.keyframes.len().is_power_of_two() && adjustment::axes_meet_ahead_of_tips(&self.keyframes) {
+            self.hand_direction.set_opposite(to_hand);
+        }
+        if self.hand_direction.contradicts(to_hand) {
+            self.withdraw(MissReason::ImpossiblePose);
+        }
+    }
+}
+
+/// Is the fulcrum known well enough to be used?
+pub fn is_fulcrum_known(adjustment: &Adjustment) -> bool {
+    adjustment.fulcrum.covariance.trace() < MAX_FULCRUM_SIGMA_MM * MAX_FULCRUM_SIGMA_MM
+}
+
+/// Decides from all tools together whether blur mixed light or codes: one camera recorded them all.
+pub fn share_blur_domain(tools: &mut [ToolTracker]) {
+    let mixing = blur_domain::decide(tools.iter().filter_map(|tool| tool.edges.chroma_shift_px()));
+    tools.iter_mut().for_each(|tool| tool.edges.set_blur_domain(mixing));
+}

@@ -1,0 +1,89 @@
+//! Stage 3, measure: fits a tube to a tool's band, at its predicted position or in a region of its colour.
+//!
+//! Measuring changes nothing. What it collects for learning is returned in the [`Measurement`], and what it collects
+//! for the trace in the [`Attempt`].
+
+use nalgebra::{Vector2, Vector3};
+
+use super::band_fit::BandFit;
+use super::frame_context::FrameContext;
+use super::measurement::Measurement;
+use super::predict::{Band, Prediction};
+use super::tool::ToolTracker;
+use super::trace::FitTrace;
+use crate::vision::blob::components::Component;
+use crate::vision::blob::select;
+use crate::vision::camera::Camera;
+use crate::vision::reason::MissReason;
+use crate::vision::space::CameraPoint;
+use crate::vision::tube::Tube;
+
+/// An attempt to measure a band at one place.
+pub struct Attempt<T> {
+    /// The measurement, or why there is none.
+    pub outcome: T,
+    /// The fits that were tried; empty unless a trace was requested.
+    pub fits: Vec<FitTrace>,
+}
+
+/// An attempt to measure the band in a region.
+pub type RegionAttempt = Attempt<Result<Measurement, MissReason>>;
+
+impl ToolTracker {
+    /// Measures the tool at its predicted position from edges alone, without a colour search. The measurement counts
+    /// only if it continues the track.
+    pub(super) fn measure_at_prediction(
+        &self,
+        scene: &FrameContext<'_>,
+        prediction: &Prediction,
+    ) -> Attempt<Option<Measurement>> {
+        let Some(band) = &prediction.band else { return Attempt { outcome: None, fits: Vec::new() } };
+        let Attempt { outcome, fits } = self.band_fit(scene, prediction).follow(band);
+        Attempt { outcome: outcome.filter(|found| self.continues_track(scene, found)), fits }
+    }
+
+    /// Measures a region. Without a direction to the hand, the picture alone decides which end is the tip.
+    pub(super) fn measure_region(
+        &self,
+        scene: &FrameContext<'_>,
+        prediction: &Prediction,
+        region: &Component,
+        to_hand: Option<Vector2<f64>>,
+    ) -> RegionAttempt {
+        match select::check_shape(region) {
+            Err(reason) => Attempt { outcome: Err(reason), fits: Vec::new() },
+            Ok(rectangle) => self.band_fit(scene, prediction).measure(&rectangle, |first, second| {
+                to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0)
+            }),
+        }
+    }
+
+    fn band_fit<'a>(&'a self, scene: &'a FrameContext<'a>, prediction: &Prediction) -> BandFit<'a> {
+        BandFit {
+            scene,
+            class: self.class,
+            spec: &self.spec,
+            length: self.spec.band_length_mm.map(|known| (known, 0.0)).or_else(|| self.lengths.estimate()),
+            motion_px_s: prediction.motion_px_s,
+            fulcrum: self.fulcrum(),
+            last_depth_mm: self.last_band.map(|band| band.tube.tip.z),
+            edges: &self.edges,
+            is_traced: self.trace.is_recording(),
+        }
+    }
+
+    /// Direction in the picture from the tip to the hand, if known: from the last tube towards the fulcrum, else
+    /// opposite to its axis; without a last tube, by the votes of earlier frames.
+    pub(super) fn direction_to_hand(&self, camera: &Camera) -> Option<Vector2<f64>> {
+        let Some(Band { tube: last, .. }) = self.last_band else { return self.hand_direction.direction() };
+        let to_hand = self.fulcrum().and_then(|fulcrum| (fulcrum.at - last.tip).try_normalize(1e-9));
+        direction_in_picture(camera, &last, to_hand.unwrap_or(-last.axis))
+    }
+}
+
+/// A direction from a tube's tip, projected into the picture.
+pub(super) fn direction_in_picture(camera: &Camera, tube: &Tube, direction: Vector3<f64>) -> Option<Vector2<f64>> {
+    const STEP_MM: f64 = 5.0;
+    let pixel = |point| camera.project(CameraPoint(point));
+    Some(pixel(tube.tip + direction * STEP_MM)?.0 - pixel(tube.tip)?.0)
+}

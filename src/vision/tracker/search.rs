@@ -1,0 +1,97 @@
+//! Alternates finding and measuring for one tool, and records both in the trace.
+
+use nalgebra::Vector2;
+
+use super::frame_context::FrameContext;
+use super::measure::Attempt;
+use super::measurement::Measurement;
+use super::predict::{Band, Prediction};
+use super::tool::ToolTracker;
+use crate::vision::blob::components::Component;
+use crate::vision::blob::moments::Moments;
+use crate::vision::reason::MissReason;
+
+/// Maximum number of regions measured in one search.
+const MAX_REGIONS: usize = 3;
+
+/// Regions that were measured and rejected on this frame.
+type Rejected = Vec<(Moments, MissReason)>;
+
+impl ToolTracker {
+    /// Measures at the predicted position, without a colour search.
+    pub(super) fn try_prediction(&mut self, scene: &FrameContext<'_>, prediction: &Prediction) -> Option<Measurement> {
+        let Attempt { outcome, fits } = self.measure_at_prediction(scene, prediction);
+        self.trace.record_fits(fits);
+        outcome
+    }
+
+    /// Searches by colour, first around the predicted position, then on the whole frame.
+    pub(super) fn find_and_measure(
+        &mut self,
+        scene: &FrameContext<'_>,
+        prediction: &Prediction,
+    ) -> Result<Measurement, MissReason> {
+        let mut rejected = Rejected::new();
+        let nearby = self.search_near(scene, prediction, prediction.band, &mut rejected);
+        match nearby {
+            Err(_) if prediction.band.is_some() => self.search_near(scene, prediction, None, &mut rejected),
+            found => found,
+        }
+    }
+
+    /// Finds the regions near a band, or anywhere, and measures the largest until one is accepted. A region that was
+    /// rejected earlier on this frame is not measured again: the visible part of a hidden band is the same in both
+    /// searches.
+    fn search_near(
+        &mut self,
+        scene: &FrameContext<'_>,
+        prediction: &Prediction,
+        band: Option<Band>,
+        rejected: &mut Rejected,
+    ) -> Result<Measurement, MissReason> {
+        let mut best_reason = MissReason::NoMarkerColour;
+        for region in self.find_regions(scene, band).iter().take(MAX_REGIONS) {
+            let earlier = rejected.iter().find(|(moments, _)| *moments == region.moments);
+            let reason = match earlier {
+                Some((_, reason)) => *reason,
+                None => match self.try_region_as_own(scene, prediction, region) {
+                    Ok(measurement) => return Ok(measurement),
+                    Err(reason) => {
+                        rejected.push((region.moments, reason));
+                        reason
+                    }
+                },
+            };
+            best_reason = best_reason.max(reason);
+        }
+        Err(best_reason)
+    }
+
+    /// Measures a region, and rejects it if its axis does not pass through the fulcrum.
+    fn try_region_as_own(
+        &mut self,
+        scene: &FrameContext<'_>,
+        prediction: &Prediction,
+        region: &Component,
+    ) -> Result<Measurement, MissReason> {
+        let to_hand = self.direction_to_hand(scene.camera());
+        let measured = self.try_region(scene, prediction, region, to_hand).and_then(|measurement| {
+            if self.passes_through_fulcrum(&measurement) { Ok(measurement) } else { Err(MissReason::ImpossiblePose) }
+        });
+        self.trace.record_region(region, measured.as_ref().err().copied());
+        measured
+    }
+
+    /// Measures a region.
+    pub(super) fn try_region(
+        &mut self,
+        scene: &FrameContext<'_>,
+        prediction: &Prediction,
+        region: &Component,
+        to_hand: Option<Vector2<f64>>,
+    ) -> Result<Measurement, MissReason> {
+        let Attempt { outcome, fits } = self.measure_region(scene, prediction, region, to_hand);
+        self.trace.record_fits(fits);
+        outcome
+    }
+}
