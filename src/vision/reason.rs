@@ -1,6 +1,6 @@
 //! Reasons why a tool was not seen or its measurement was rejected: a closed set, so that pages can explain each one.
 
-/// Why a tool has no observation on a frame.
+/// Why a tool has no observation on a frame, in the order of the stages: the greater one got farther.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum MissReason {
     /// No region of the marker's colour.
@@ -11,8 +11,25 @@ pub enum MissReason {
     WrongShape,
     /// Too little of a border was visible to fit a line.
     BordersNotFound,
-    /// The borders do not enclose a tube of the known diameter.
+    /// A pose was rejected, for a cause that was not recorded: only in results of earlier versions. Now one of the
+    /// reasons down to [`MissReason::Misread`].
     ImpossiblePose,
+    /// The band lies where the lens model has no viewing direction, or its tip would.
+    OutsideLensModel,
+    /// The band's length is neither entered nor learned, and cannot be seen on this frame.
+    LengthUnknown,
+    /// No tube of the known diameter fits the edges well enough.
+    PoorFit,
+    /// A tube fits the edges, but the tape's colour is missing on it, or goes on beyond its end.
+    NotTape,
+    /// The tool was tracked with tip and hand exchanged.
+    WrongWayRound,
+    /// The tube does not point at the tool's fulcrum.
+    OffFulcrum,
+    /// The only band in sight is already the other tool's.
+    OtherToolsBand,
+    /// The rest of the recording does not confirm the measurement.
+    Misread,
     /// The band's distal end is outside the frame or hidden.
     TipHidden,
     /// The measured position lies outside the box.
@@ -24,6 +41,15 @@ pub enum MissReason {
 }
 
 impl MissReason {
+    /// The reason without its cause: [`MissReason::ImpossiblePose`] for each cause to reject a pose.
+    pub fn general(self) -> Self {
+        if (MissReason::ImpossiblePose..=MissReason::Misread).contains(&self) {
+            MissReason::ImpossiblePose
+        } else {
+            self
+        }
+    }
+
     /// Stable name for files, API and pages.
     pub fn name(self) -> &'static str {
         match self {
@@ -32,6 +58,14 @@ impl MissReason {
             MissReason::WrongShape => "wrong_shape",
             MissReason::BordersNotFound => "borders_not_found",
             MissReason::ImpossiblePose => "impossible_pose",
+            MissReason::OutsideLensModel => "outside_lens_model",
+            MissReason::LengthUnknown => "length_unknown",
+            MissReason::PoorFit => "poor_fit",
+            MissReason::NotTape => "not_tape",
+            MissReason::WrongWayRound => "wrong_way_round",
+            MissReason::OffFulcrum => "off_fulcrum",
+            MissReason::OtherToolsBand => "other_tools_band",
+            MissReason::Misread => "misread",
             MissReason::TipHidden => "tip_hidden",
             MissReason::OutOfBounds => "out_of_bounds",
             MissReason::GateRejected => "gate_rejected",

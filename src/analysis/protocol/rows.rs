@@ -140,6 +140,7 @@ macro_rules! reason_shape {
     };
 }
 
+// Stored by position: append only. `ImpossiblePose` stays readable for results of earlier versions.
 reason_shape!(
     NoMarkerColour,
     TooSmall,
@@ -150,4 +151,12 @@ reason_shape!(
     OutOfBounds,
     GateRejected,
     EitherTool,
+    OutsideLensModel,
+    LengthUnknown,
+    PoorFit,
+    NotTape,
+    WrongWayRound,
+    OffFulcrum,
+    OtherToolsBand,
+    Misread,
 );

@@ -100,14 +100,14 @@ fn time_out_of_view_and_lost_time_are_separate_within_the_session() {
     let counts = counts(vec![
         gap(0, 49, Absence::LeftView),
         gap(200, 269, Absence::LeftView),
-        gap(270, 299, Absence::Lost(MissReason::ImpossiblePose)),
+        gap(270, 299, Absence::Lost(MissReason::PoorFit)),
         gap(400, 499, Absence::LeftView),
     ]);
     let figures = measure(&QualityInput { tracker: Some(&counts), ..QualityInput::of_path(&path) });
     let tool = &figures.tools[0];
     assert_eq!((tool.coverage, tool.coverage_of_recording), (Some(250.0 / 350.0), Some(0.5)));
     assert_eq!((tool.left_view_share, tool.lost_share), (Some(70.0 / 350.0), Some(30.0 / 350.0)));
-    assert_eq!(tool.lost_frames.get(&MissReason::ImpossiblePose), Some(&30));
+    assert_eq!(tool.lost_frames.get(&MissReason::PoorFit), Some(&30));
     assert!((tool.longest_gap_s.unwrap() - 101.0 * FRAME_S).abs() < 1e-9);
     let verdict = judge(&figures);
     assert_eq!(

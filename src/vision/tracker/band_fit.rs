@@ -76,7 +76,7 @@ impl BandFit<'_> {
         let [distal, proximal] = self.ends(&coarse, hand_first)?;
         if self.scene.settings.pose == PoseMethod::PinholeWidth {
             let tube = pinhole_width::locate(lines, distal, proximal, self.radius_mm());
-            return Ok(self.measurement_from_width(tube.ok_or(MissReason::ImpossiblePose)?, &coarse));
+            return Ok(self.measurement_from_width(tube.ok_or(MissReason::PoorFit)?, &coarse));
         }
         let by_taper = tangent_planes::locate(lines, distal, proximal, self.radius_mm());
         let starts = self.starts(&coarse, [distal, proximal], by_taper);
@@ -95,7 +95,7 @@ impl BandFit<'_> {
             .or_else(|| shaft::is_shaft_beyond_first(self.scene.frame, coarse))
             .unwrap_or_else(|| self.hand_first_by_view(back, front));
         let (distal, proximal) = if hand_at_back { (front, back) } else { (back, front) };
-        let sight = |pixel| self.camera().normalised_of(pixel).ok_or(MissReason::ImpossiblePose);
+        let sight = |pixel| self.camera().normalised_of(pixel).ok_or(MissReason::OutsideLensModel);
         Ok([sight(distal)?, sight(proximal)?])
     }
 
@@ -117,9 +117,9 @@ impl BandFit<'_> {
         seen_mm: Option<f64>,
         recorder: &mut FitRecorder,
     ) -> Result<Measurement, MissReason> {
-        let length_mm = self.length.map(|l| l.0).or(seen_mm).ok_or(MissReason::ImpossiblePose)?;
+        let length_mm = self.length.map(|l| l.0).or(seen_mm).ok_or(MissReason::LengthUnknown)?;
         let mut refined: Vec<Tube> = Vec::new();
-        let mut best: Result<Measurement, MissReason> = Err(MissReason::ImpossiblePose);
+        let mut best: Result<Measurement, MissReason> = Err(MissReason::PoorFit);
         for start in starts {
             if refined.iter().any(|tube| self.is_similar(start, tube, length_mm)) {
                 continue;
@@ -181,7 +181,7 @@ impl BandFit<'_> {
 
 /// The measurement, if it may be a band.
 fn possible(measurement: Measurement) -> Result<Measurement, MissReason> {
-    if measurement.grade() >= Grade::Possible { Ok(measurement) } else { Err(MissReason::ImpossiblePose) }
+    if measurement.grade() >= Grade::Possible { Ok(measurement) } else { Err(MissReason::PoorFit) }
 }
 
 /// The measurement with which more of the outline agrees; without one, the reason from the later stage.

@@ -33,7 +33,7 @@ impl Tracker {
             gaps::absence_now(self.last_samples[tool].as_ref(), reason, &rim)
         });
         let drawn = result.outcome.as_ref().ok().and_then(|m| self.drawing(m));
-        let outcome = result.outcome.and_then(|m| self.observation(&m).ok_or(MissReason::ImpossiblePose));
+        let outcome = result.outcome.and_then(|m| self.observation(&m).ok_or(MissReason::OutsideLensModel));
         self.last_samples[tool] = filtered.or(self.last_samples[tool]);
         ToolReport {
             tool,

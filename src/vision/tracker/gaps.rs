@@ -73,17 +73,24 @@ fn classify_absence(
     reasons: &[Option<MissReason>],
     rim: &FrameMargin<'_>,
 ) -> Absence {
-    let main = most_frequent(reasons).unwrap_or(MissReason::NoMarkerColour);
+    let main = main_reason(reasons).unwrap_or(MissReason::NoMarkerColour);
     let vanished = matches!(main, MissReason::NoMarkerColour | MissReason::TooSmall | MissReason::TipHidden);
     let by_the_rim = [before, after].into_iter().flatten().any(|sample| rim.is_reached_by(sample));
     let never_there = before.is_none() && after.is_none() && main == MissReason::NoMarkerColour;
     if never_there || (vanished && by_the_rim) { Absence::LeftView } else { Absence::Lost(main) }
 }
 
-/// The most frequent reason; among equally frequent ones, the one from the latest stage.
-fn most_frequent(reasons: &[Option<MissReason>]) -> Option<MissReason> {
-    let count = |reason: MissReason| reasons.iter().filter(|r| **r == Some(reason)).count();
-    let mut kinds: Vec<MissReason> = reasons.iter().flatten().copied().collect();
+/// The most frequent reason. The causes to reject a pose count together: however many there are, the band was there.
+fn main_reason(reasons: &[Option<MissReason>]) -> Option<MissReason> {
+    let all = || reasons.iter().flatten().copied();
+    let general = most_frequent(all().map(MissReason::general).collect())?;
+    most_frequent(all().filter(|reason| reason.general() == general).collect())
+}
+
+/// The most frequent of these; among equally frequent ones, the one from the latest stage.
+fn most_frequent(reasons: Vec<MissReason>) -> Option<MissReason> {
+    let count = |reason: MissReason| reasons.iter().filter(|other| **other == reason).count();
+    let mut kinds = reasons.clone();
     kinds.sort_unstable();
     kinds.dedup();
     kinds.into_iter().max_by_key(|reason| (count(*reason), *reason))
@@ -137,8 +144,16 @@ mod tests {
     #[test]
     fn a_band_that_is_there_but_cannot_be_measured_is_lost_even_at_the_rim() {
         let path = [at(0, 560.0), at(5, 560.0)];
-        let lost = Gap { first: 1, last: 4, absence: Absence::Lost(MissReason::ImpossiblePose) };
-        assert_eq!(gaps(&path, 6, MissReason::ImpossiblePose), [lost]);
+        let lost = Gap { first: 1, last: 4, absence: Absence::Lost(MissReason::PoorFit) };
+        assert_eq!(gaps(&path, 6, MissReason::PoorFit), [lost]);
+    }
+
+    #[test]
+    fn causes_to_reject_a_pose_count_together() {
+        let reasons = [MissReason::TipHidden, MissReason::TipHidden, MissReason::NotTape, MissReason::PoorFit];
+        let one_more = reasons.into_iter().chain([MissReason::NotTape]);
+        assert_eq!(main_reason(&reasons.map(Some)), Some(MissReason::TipHidden));
+        assert_eq!(main_reason(&one_more.map(Some).collect::<Vec<_>>()), Some(MissReason::NotTape));
     }
 
     #[test]

@@ -68,7 +68,7 @@ impl ToolTracker {
             self.hand_direction.set_opposite(to_hand);
         }
         if self.hand_direction.contradicts(to_hand) {
-            self.withdraw(MissReason::ImpossiblePose);
+            self.withdraw(MissReason::WrongWayRound);
         }
     }
 }

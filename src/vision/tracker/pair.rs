@@ -188,7 +188,8 @@ impl<'a, 's> PairSearch<'a, 's> {
             Err(reason) => Some(*reason),
             Ok(band) if self.belongs_to_other(tool, band) => None,
             Ok(_) if self.may_be_the_others(tool, measured) => Some(MissReason::EitherTool),
-            Ok(_) => Some(MissReason::ImpossiblePose),
+            Ok(band) if !self.tools[tool].passes_through_fulcrum(band) => Some(MissReason::OffFulcrum),
+            Ok(_) => Some(MissReason::OtherToolsBand),
         }
     }
 

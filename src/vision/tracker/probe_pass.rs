@@ -100,7 +100,7 @@ impl BandFit<'_> {
         pass: ProbePass,
         recorder: &mut FitRecorder,
     ) -> Result<FoundEdges, MissReason> {
-        let outline = tube.outline().ok_or(MissReason::ImpossiblePose)?;
+        let outline = tube.outline().ok_or(MissReason::PoorFit)?;
         let layout = self.layout(pass);
         let mut probes = self.visible_border_probes(&outline, tube.radius, length_mm, layout);
         self.add_end_probes(tube, &outline, length_mm, layout, &mut probes);

@@ -51,7 +51,7 @@ impl BandFit<'_> {
         };
         self.use_fulcrum(&mut measurement, &found);
         if !self.covers_tape(&measurement.estimate.tube, length_mm) {
-            return Err(MissReason::ImpossiblePose);
+            return Err(MissReason::NotTape);
         }
         if measurement.grade() < Grade::Good {
             doubt(&mut measurement.estimate);

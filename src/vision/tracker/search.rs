@@ -76,7 +76,7 @@ impl ToolTracker {
     ) -> Result<Measurement, MissReason> {
         let to_hand = self.direction_to_hand(scene.camera());
         let measured = self.try_region(scene, prediction, region, to_hand).and_then(|measurement| {
-            if self.passes_through_fulcrum(&measurement) { Ok(measurement) } else { Err(MissReason::ImpossiblePose) }
+            if self.passes_through_fulcrum(&measurement) { Ok(measurement) } else { Err(MissReason::OffFulcrum) }
         });
         self.trace.record_region(region, measured.as_ref().err().copied());
         measured

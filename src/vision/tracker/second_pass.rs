@@ -40,13 +40,14 @@ pub fn run(
     rework.motion.fulcrum = adjustment.as_ref().map(|a| a.fulcrum);
     let mut reasons = Vec::with_capacity(instants.len());
     for (frame, (record, instant)) in records.into_iter().zip(instants).enumerate() {
-        let is_believed = !islands.iter().any(|island| island.contains(&frame));
-        let pose = record.estimate().filter(|_| is_believed).and_then(|e| match &adjustment {
-            Some(adjustment) => steadied(&e, adjustment),
-            None => Some(e).filter(|_| !is_wrong_way_round),
-        });
-        let misread = (record.pose.is_some() && pose.is_none()).then_some(MissReason::ImpossiblePose);
-        reasons.push(rework.add_frame(*instant, pose, record.reason.or(misread)));
+        let is_isolated = islands.iter().any(|island| island.contains(&frame));
+        let confirmed = match record.pose {
+            None => Err(None),
+            Some(_) if is_isolated => Err(Some(MissReason::Misread)),
+            Some(_) => confirm(record.estimate(), adjustment.as_ref(), is_wrong_way_round).map_err(Some),
+        };
+        let rejected = confirmed.err().flatten();
+        reasons.push(rework.add_frame(*instant, confirmed.ok(), record.reason.or(rejected)));
     }
     let (motion, quality) = rework.finish();
     let rim = FrameMargin::new(camera, spec.band_length_mm);
@@ -73,12 +74,29 @@ fn effective_diameter(motion: &ToolMotion, adjustment: Option<&Adjustment>, own_
     Some(EffectiveDiameter { mm: own_mm + twice * px, sigma_mm: twice * sigma_px, basis })
 }
 
-/// The pose corrected with the session's fulcrum and offsets. `None` if its axis misses the fulcrum by too much: its
-/// edges then belong to something else, and the corrected pose would look plausible but be millimetres off.
-fn steadied(pose: &TubeEstimate, adjustment: &Adjustment) -> Option<TubeEstimate> {
+/// The pose as the whole recording confirms it, or why it is rejected.
+fn confirm(
+    estimate: Option<TubeEstimate>,
+    adjustment: Option<&Adjustment>,
+    is_wrong_way_round: bool,
+) -> Result<TubeEstimate, MissReason> {
+    let pose = estimate.ok_or(MissReason::Misread)?;
+    match adjustment {
+        Some(adjustment) => steadied(&pose, adjustment),
+        None if is_wrong_way_round => Err(MissReason::WrongWayRound),
+        None => Ok(pose),
+    }
+}
+
+/// The pose corrected with the session's fulcrum and offsets. It is rejected if its axis misses the fulcrum by too
+/// much: its edges then belong to something else, and the corrected pose would look plausible but be millimetres off.
+fn steadied(pose: &TubeEstimate, adjustment: &Adjustment) -> Result<TubeEstimate, MissReason> {
     const MAX_MISS_SQUARED: f64 = 30.0; // rejects 3 in 10 million good poses (two degrees of freedom)
     let passes = fulcrum::miss_squared(pose, &adjustment.fulcrum) < MAX_MISS_SQUARED;
-    if passes { adjustment::steady(pose, adjustment) } else { None }
+    if !passes {
+        return Err(MissReason::OffFulcrum);
+    }
+    adjustment::steady(pose, adjustment).ok_or(MissReason::Misread)
 }
 
 /// Good poses for the joint adjustment: at most `MAX_SAMPLED`, spread over the recording.
