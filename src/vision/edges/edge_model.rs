@@ -12,7 +12,9 @@ use super::blur_domain::ChromaShiftEstimator;
 use super::edge_fit::{EdgeAppearance, EdgeFit, InsideLight};
 use super::equations::LearnedParameter;
 use super::probe::{FittedEdge, Probe, Shading};
+use super::scalar_filter::ScalarFilter;
 use super::tone::{BlurDomain, Tone};
+use super::usual_light::UsualInside;
 use crate::vision::frame::{ColourEncoding, Frame};
 use crate::vision::tube::{BorderSide, OutlinePart, PerPart};
 
@@ -44,69 +46,6 @@ pub struct EdgeModel {
     inside: PerPart<UsualInside>,
     chroma_shift: ChromaShiftEstimator,
     frames: u32,
-}
-
-/// Estimate of one number learned from a recording: a Kalman filter with one state.
-#[derive(Clone, Copy, Debug)]
-struct ScalarFilter {
-    /// Variance of the number now, and before any evidence.
-    variance: f64,
-    usual_variance: f64,
-    gradient: f64,
-    information: f64,
-}
-
-impl ScalarFilter {
-    /// Share of the evidence that is counted: edges of one frame, and of consecutive frames, have similar errors.
-    const TRUST: f64 = 0.2;
-    /// Number of frames after which the number may have changed by its usual spread.
-    const MEMORY: f64 = 20_000.0;
-
-    fn new(sigma: f64) -> Self {
-        Self { variance: sigma * sigma, usual_variance: sigma * sigma, gradient: 0.0, information: 0.0 }
-    }
-
-    /// Adds a gradient and its information to the evidence.
-    fn add_evidence(&mut self, gradient: f64, information: f64) {
-        self.gradient += gradient;
-        self.information += information;
-    }
-
-    /// The updated number, from the evidence since the last update.
-    fn update(&mut self, value: f64) -> f64 {
-        let (gradient, information) = (std::mem::take(&mut self.gradient), std::mem::take(&mut self.information));
-        self.variance = 1.0 / (1.0 / self.variance + Self::TRUST * information);
-        let step = self.variance * Self::TRUST * gradient;
-        self.variance += self.usual_variance / Self::MEMORY;
-        value + step
-    }
-}
-
-/// Usual light inside one part of an outline: the mean of each channel, and the number of edges it was learned from.
-#[derive(Clone, Copy, Debug, Default)]
-struct UsualInside {
-    light: [InsideLight; 3],
-    edges: f64,
-}
-
-impl UsualInside {
-    /// Minimum number of edges to use the light.
-    const ENOUGH: f64 = 8.0;
-    /// Number of edges in the running mean.
-    const MEMORY: f64 = 200.0;
-
-    fn known(&self) -> Option<&Self> {
-        (self.edges >= Self::ENOUGH).then_some(self)
-    }
-
-    fn learn(&mut self, fit: &EdgeFit) {
-        self.edges = (self.edges + 1.0).min(Self::MEMORY);
-        for (mean, seen) in self.light.iter_mut().zip(fit.inside_light()) {
-            mean.base += (seen.base - mean.base) / self.edges;
-            mean.limb += (seen.limb - mean.limb) / self.edges;
-            mean.guessed += (seen.guessed - mean.guessed) / self.edges;
-        }
-    }
 }
 
 /// Mean light above this was partly cut off.

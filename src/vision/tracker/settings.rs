@@ -1,5 +1,9 @@
 //! Settings of a tracker: camera, tools, colours, and how tools can move.
 
+mod problem;
+
+pub use problem::SettingsProblem;
+
 use crate::vision::camera::Camera;
 use crate::vision::segmentation::samples::ColourSamples;
 
@@ -204,106 +208,5 @@ impl TrackerSettings {
     }
 }
 
-/// Why a tracker cannot be created from its settings.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SettingsProblem {
-    /// The camera was calibrated at another picture size.
-    #[error(
-        "the camera is calibrated for {}×{} pixels, but the recording is {}×{}; calibrate at the recorded size",
-        camera.0, camera.1, frame.0, frame.1
-    )]
-    OtherSize {
-        /// Width and height in the calibration.
-        camera: (u32, u32),
-        /// Width and height of the frames.
-        frame: (u32, u32),
-    },
-    /// Nothing to track.
-    #[error("no tool is given; mark at least one rectangle on a tool's tape")]
-    NoTool,
-    /// More than two tools share a colour.
-    #[error("{0} tools have tape of the colour `{1}`; at most two can share one; use another colour for the others")]
-    CrowdedColour(usize, String),
-    /// Two tools of one colour have the same stated side.
-    #[error(
-        "tools `{0}` and `{1}` have the same colour and the same `side`; correct `side`, or use another colour for one \
-         of them"
-    )]
-    SameSide(String, String),
-    /// A tool's colour was not marked.
-    #[error("tool `{0}` has no colour samples; mark rectangles on its tape and label them `{0}`")]
-    NoSamples(String),
-    /// Only tool colours were marked, so every colour would be a tool.
-    #[error("nothing but tools was marked; also mark rectangles of the scene and label them `background`")]
-    NoBackground,
-    /// More tools than the colour table supports.
-    #[error("{0} tools are given; at most {1} can be tracked")]
-    TooManyLabels(usize, usize),
-    /// A tube's size is not a positive number.
-    #[error("tool `{tool}`: {what} is given as {value_mm} mm; it must be more than 0")]
-    Size {
-        /// The tool.
-        tool: String,
-        /// Diameter or band length.
-        what: &'static str,
-        /// The value given, mm.
-        value_mm: f64,
-    },
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::vision::camera::testing::STRAIGHT as CAMERA;
-    use crate::vision::frame::{ColourEncoding, Matrix, Range};
-    use crate::vision::segmentation::samples::ColourSample;
-
-    /// Tools by name, colour and side; orange, cyan and the background are marked.
-    fn of(tools: &[(&str, &str, Option<HandSide>)]) -> TrackerSettings {
-        let samples = ColourSamples {
-            encoding: ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 },
-            labels: ["orange", "background", "cyan"].map(str::to_owned).to_vec(),
-            samples: (0..3).map(|label| ColourSample { label, rectangle: label as u32, yuv: [100; 3] }).collect(),
-        };
-        let spec = |(name, colour, side): &(&str, &str, Option<HandSide>)| ToolSpec {
-            name: (*name).to_owned(),
-            colour: (*colour).to_owned(),
-            side: *side,
-            diameter_mm: 5.0,
-            band_length_mm: None,
-        };
-        TrackerSettings::new(CAMERA, tools.iter().map(spec).collect(), samples)
-    }
-
-    fn problem(tools: &[(&str, &str, Option<HandSide>)]) -> Option<SettingsProblem> {
-        of(tools).check(CAMERA.width, CAMERA.height).err()
-    }
-
-    #[test]
-    fn tools_of_one_colour_share_its_class() {
-        let pair = [("a", "orange", None), ("b", "cyan", None), ("c", "orange", None)];
-        assert_eq!(problem(&pair), None);
-        assert_eq!(of(&pair).classes(), [1, 0, 2]);
-        assert_eq!(of(&pair).pairs(), [[0, 2]]);
-        assert!(of(&pair[..2]).pairs().is_empty());
-    }
-
-    #[test]
-    fn one_stated_side_determines_both() {
-        let pairs = |first, second| of(&[("a", "orange", first), ("b", "orange", second)]).pairs();
-        assert_eq!(pairs(Some(HandSide::Left), None), [[0, 1]]);
-        assert_eq!(pairs(None, Some(HandSide::Right)), [[0, 1]]);
-        assert_eq!(pairs(Some(HandSide::Right), None), [[1, 0]]);
-        assert_eq!(pairs(None, Some(HandSide::Left)), [[1, 0]]);
-    }
-
-    #[test]
-    fn indistinguishable_tools_are_rejected() {
-        let left = Some(HandSide::Left);
-        let same_side = problem(&[("a", "orange", left), ("b", "orange", left)]);
-        assert_eq!(same_side, Some(SettingsProblem::SameSide("a".into(), "b".into())));
-        let three = problem(&[("a", "orange", None), ("b", "orange", None), ("c", "orange", None)]);
-        assert_eq!(three, Some(SettingsProblem::CrowdedColour(3, "orange".into())));
-        assert_eq!(problem(&[("a", "lime", None)]), Some(SettingsProblem::NoSamples("a".into())));
-    }
-}
+mod tests;

@@ -1,0 +1,105 @@
+//! Gaps of known length: which frames are bridged, and what the counts say.
+
+use nalgebra::{Point3, Vector3};
+
+use super::*;
+use crate::vision::camera::testing::STRAIGHT as CAMERA;
+use crate::vision::pose::normal_equations::NormalEquations;
+use crate::vision::trajectory::Sample;
+use crate::vision::tube::Tube;
+
+/// Chosen so that no multiple of it equals a time limit, where rounding would decide.
+const FRAME_S: f64 = 0.039;
+
+struct Paths {
+    filtered: Vec<Sample>,
+    smoothed: Vec<Sample>,
+    quality: ToolQuality,
+}
+
+/// A tool that points along the line of sight.
+fn pose(tip: Point3<f64>) -> TubeEstimate {
+    let covariance = nalgebra::Matrix5::identity() * 0.01;
+    TubeEstimate {
+        tube: Tube { tip, axis: Vector3::z(), radius: 2.5 },
+        covariance,
+        lasting: covariance,
+        equations: NormalEquations::from_covariance(&covariance),
+        residual_px: 0.1,
+        support: 50.0,
+    }
+}
+
+fn paths(seen: &[bool]) -> Paths {
+    paths_from(0.0, 0.0, seen)
+}
+
+/// A tool that moves to the right (mm, mm/s), seen on some frames only.
+fn paths_from(x_mm: f64, speed_mm_s: f64, seen: &[bool]) -> Paths {
+    let settings = MotionSettings::default();
+    let mut rework = SecondPass::new(0, &CAMERA, &settings);
+    for (frame, seen) in seen.iter().enumerate() {
+        let instant = (frame as u64, frame as f64 * FRAME_S);
+        let pose = pose(Point3::new(x_mm + speed_mm_s * instant.1, 0.0, 150.0));
+        rework.add_frame(instant, seen.then_some(pose), None);
+    }
+    let (motion, quality) = rework.finish();
+    Paths { filtered: motion.path(PathKind::Filtered), smoothed: motion.path(PathKind::Smoothed), quality }
+}
+
+fn frames(samples: &[Sample]) -> Vec<u64> {
+    samples.iter().map(|sample| sample.frame).collect()
+}
+
+fn with_gap(length: usize, after: usize) -> Vec<bool> {
+    [vec![true; 10], vec![false; length], vec![true; after]].concat()
+}
+
+#[test]
+fn hindsight_bridges_a_gap_that_the_filter_does_not_and_says_how_unsure_it_is() {
+    let paths = paths(&with_gap(8, 10));
+    assert_eq!(frames(&paths.smoothed), (0..28).collect::<Vec<_>>());
+    assert_eq!(frames(&paths.filtered), (0..15).chain(18..28).collect::<Vec<_>>());
+    let sigma = |frame: usize| paths.smoothed[frame].sigma_z_mm.unwrap();
+    assert!(sigma(13) > 2.0 * sigma(5), "{} in the gap, {} before", sigma(13), sigma(5));
+    assert_eq!((paths.quality.observed, paths.quality.predicted, paths.quality.missing), (20, 8, 0));
+}
+
+#[test]
+fn a_tool_that_does_not_come_back_is_predicted_for_a_short_time_and_with_hindsight_not_at_all() {
+    let paths = paths(&with_gap(30, 0));
+    assert_eq!(frames(&paths.smoothed), (0..10).collect::<Vec<_>>());
+    assert_eq!(frames(&paths.filtered), (0..15).collect::<Vec<_>>());
+    assert_eq!((paths.quality.observed, paths.quality.predicted, paths.quality.missing), (10, 0, 30));
+}
+
+#[test]
+fn a_tip_that_leaves_the_picture_is_not_predicted_beyond_its_rim() {
+    let rim_mm = CAMERA.cx / CAMERA.fx * 150.0;
+    let paths = paths_from(rim_mm - 41.0, 100.0, &with_gap(10, 0)); // last seen 5.9 mm inside, 3.9 mm a frame
+    assert_eq!(frames(&paths.filtered), (0..11).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_few_measurements_between_two_gaps_are_not_believed() {
+    let instants: Vec<FrameInstant> = (0..60).map(|frame| (frame, frame as f64 * FRAME_S)).collect();
+    let found = |seen: &[Range<usize>]| {
+        let pose = StoredPose::from(&pose(Point3::new(0.0, 0.0, 150.0)));
+        let record = |frame: usize| {
+            let is_seen = seen.iter().any(|piece| piece.contains(&frame));
+            FrameRecord { pose: is_seen.then_some(pose), is_good: false, reason: None }
+        };
+        isolated_runs(&(0..60).map(record).collect(), &instants, 0.2)
+    };
+    assert_eq!(found(&[0..15, 31..33, 43..60]), vec![31..33]);
+    assert_eq!(found(&[0..15, 31..32, 33..34, 43..60]), vec![31..34]);
+    assert!(found(&[0..15, 18..20, 43..60]).is_empty(), "close to a long run");
+    assert!(found(&[0..15, 31..36, 43..60]).is_empty(), "long enough by itself");
+    assert!(found(std::slice::from_ref(&(31..33))).is_empty(), "the only run");
+}
+
+#[test]
+fn a_long_gap_stays_one() {
+    let paths = paths(&with_gap(30, 5));
+    assert_eq!(frames(&paths.smoothed), (0..10).chain(40..45).collect::<Vec<_>>());
+}
