@@ -20,7 +20,7 @@ pub enum MissReason {
     LengthUnknown,
     /// No tube of the known diameter fits the edges well enough.
     PoorFit,
-    /// A tube fits the edges, but the tape's colour is missing on it, or goes on beyond its end.
+    /// A tube fits the edges, but the tape's colour is missing on it, or continues beyond its end.
     NotTape,
     /// The tool was tracked with tip and hand exchanged.
     WrongWayRound,
