@@ -1,4 +1,4 @@
-//! Stage 4, accept: which measurements the tool's fulcrum and motion allow.
+//! Accept: which measurements the tool's fulcrum and motion allow.
 
 use super::frame_context::FrameContext;
 use super::measurement::{Grade, Measurement};

@@ -1,4 +1,4 @@
-//! Stage 2, find: the regions of a tool's colour, around its predicted position or anywhere on the frame.
+//! Find: the regions of a tool's colour, around its predicted position or anywhere on the frame.
 
 use super::frame_context::FrameContext;
 use super::predict::Band;

@@ -1,4 +1,4 @@
-//! Stage 5, learn: what a frame's measurements say about edges, band length, fulcrum, and the side of the hand.
+//! Learn: what a frame's measurements say about edges, band length, fulcrum, and the side of the hand.
 //!
 //! Edges, band length and fulcrum are learned from every measurement, before the track accepts or refuses it: the
 //! fulcrum learned from this frame already steadies this frame's pose.

@@ -1,4 +1,4 @@
-//! Stage 3, measure: fits a tube to a tool's band, at its predicted position or in a region of its colour.
+//! Measure: fits a tube to a tool's band, at its predicted position or in a region of its colour.
 //!
 //! Measuring changes nothing. What it collects for learning is returned in the [`Measurement`], and what it collects
 //! for the trace in the [`Attempt`].

@@ -1,4 +1,4 @@
-//! Stage 1, predict: where a tool's band is expected on the frame, and how fast it moves in the picture.
+//! Predict: where a tool's band is expected on the frame, and how fast it moves in the picture.
 
 use nalgebra::Vector2;
 
