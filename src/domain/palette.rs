@@ -8,7 +8,7 @@ use super::named;
 use crate::vision::segmentation::palette::advice::{PairAdvice, TapeAdvice, TapeRanking};
 use crate::vision::segmentation::palette::confusion::{Confusion, LabelConfusion};
 use crate::vision::segmentation::palette::light::LightCondition;
-use crate::vision::segmentation::palette::{FalseArea, Grade, Margin, TapeVerdict, verdict};
+use crate::vision::segmentation::palette::{FalseArea, Margin, PaletteGrade, TapeVerdict, verdict};
 
 /// Colour samples to be stored as a box's next version.
 #[derive(Clone, Debug, PartialEq)]
@@ -242,7 +242,7 @@ impl PaletteReport {
 
 impl From<&TapeRanking> for PaletteAdvice {
     fn from(advice: &TapeRanking) -> Self {
-        let bad = advice.tapes.iter().filter(|tape| tape.grade == Grade::Bad);
+        let bad = advice.tapes.iter().filter(|tape| tape.grade == PaletteGrade::Bad);
         let warning = |TapeAdvice { tape, in_box, .. }: &TapeAdvice| {
             format!("Do not take {}: {:.2} % of this picture has its colour.", tape.name, 100.0 * in_box)
         };
@@ -299,12 +299,12 @@ fn confusion_row(row: &LabelConfusion, tools: &[String]) -> ConfusionRow {
     }
 }
 
-impl From<Grade> for ColourGrade {
-    fn from(grade: Grade) -> Self {
+impl From<PaletteGrade> for ColourGrade {
+    fn from(grade: PaletteGrade) -> Self {
         match grade {
-            Grade::Good => Self::Good,
-            Grade::AtRisk => Self::AtRisk,
-            Grade::Bad => Self::Bad,
+            PaletteGrade::Good => Self::Good,
+            PaletteGrade::AtRisk => Self::AtRisk,
+            PaletteGrade::Bad => Self::Bad,
         }
     }
 }

@@ -118,7 +118,7 @@ struct OpenFeed {
     /// The epoch that may send now.
     epoch: watch::Sender<u32>,
     connections: AtomicU32,
-    /// Last contact with its sender, by [`Clock::monotonic_ms`](crate::time::Clock::passed_ms).
+    /// Last contact with its sender, by [`Clock::monotonic_ms`](crate::time::Clock::monotonic_ms).
     last_contact_ms: AtomicI64,
     state: Mutex<FeedState>,
     /// Failed attempts to assemble it that were not its own fault.

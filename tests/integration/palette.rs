@@ -12,7 +12,7 @@ use trocar::vision::segmentation::colour_table::ColourTable;
 use trocar::vision::segmentation::knn::Knn;
 use trocar::vision::segmentation::palette::advice::{self, rank_tapes};
 use trocar::vision::segmentation::palette::confusion::Confusion;
-use trocar::vision::segmentation::palette::{FalseArea, Grade, TapeVerdict, verdict, verdicts};
+use trocar::vision::segmentation::palette::{FalseArea, PaletteGrade, TapeVerdict, verdict, verdicts};
 use trocar::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
 use trocar::vision::tracker::{CameraView, MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
 use trocar::vision::trajectory::PathKind;
@@ -125,7 +125,7 @@ fn rectangle(mark: &SimulatedMark) -> MarkedRectangle {
 fn vivid_tapes_are_good() {
     let scene = TapedBox::with(["orange", "cyan"].map(|name| TapeDesign::named(name).unwrap()));
     let verdicts = scene.verdicts();
-    assert!(verdicts.iter().all(|verdict| verdict.grade == Grade::Good), "{verdicts:?}");
+    assert!(verdicts.iter().all(|verdict| verdict.grade == PaletteGrade::Good), "{verdicts:?}");
     assert_eq!(colour_concerns(&scene.tracked()), []);
 }
 
@@ -152,8 +152,8 @@ fn purple_on_a_mat_with_red_blue_and_purple_is_graded_bad_before_it_is_tracked_w
     assert_eq!((concern.cause, concern.severity), (QualityCause::ColourBackground, Severity::Refuse), "{concern:?}");
     assert_eq!((concern.tool.as_deref(), concern.label.as_deref()), (Some("purple"), Some("background")));
     for verdicts in [scene.verdicts(), verdicts(&scene.samples(), &scene.tools())] {
-        let grades: Vec<Grade> = verdicts.iter().map(|verdict| verdict.grade).collect();
-        assert_eq!(grades, [Grade::Bad, Grade::Good], "{verdicts:?}");
+        let grades: Vec<PaletteGrade> = verdicts.iter().map(|verdict| verdict.grade).collect();
+        assert_eq!(grades, [PaletteGrade::Bad, PaletteGrade::Good], "{verdicts:?}");
     }
     let warning = scene.verdicts()[0].warning().unwrap();
     assert!(warning.contains("× the band") && warning.contains("turns it into `background`"), "{warning}");
@@ -168,11 +168,11 @@ fn the_pair_advised_for_an_empty_box_is_good_in_it_and_the_last_tape_is_bad() {
         let verdicts = TapedBox::with(tapes.map(tape_design)).verdicts();
         verdicts.into_iter().map(|verdict| verdict.grade).collect::<Vec<_>>()
     };
-    assert_eq!(advice.pairs[0].grade, Grade::Good);
-    assert_eq!(grades(advice.pairs[0].tapes), [Grade::Good; 2], "{:?}", advice.pairs[0]);
+    assert_eq!(advice.pairs[0].grade, PaletteGrade::Good);
+    assert_eq!(grades(advice.pairs[0].tapes), [PaletteGrade::Good; 2], "{:?}", advice.pairs[0]);
     let [first, .., last] = &advice.tapes[..] else { panic!("{advice:?}") };
-    assert_eq!(last.grade, Grade::Bad);
-    assert_eq!(grades([first.tape, last.tape]), [Grade::Good, Grade::Bad], "{last:?}");
+    assert_eq!(last.grade, PaletteGrade::Bad);
+    assert_eq!(grades([first.tape, last.tape]), [PaletteGrade::Good, PaletteGrade::Bad], "{last:?}");
 }
 
 /// The advised tape as a simulated tool's tape.

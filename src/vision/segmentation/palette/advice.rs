@@ -9,7 +9,7 @@
 //! on the tool.
 
 use super::light::LightCondition;
-use super::verdict::Grade;
+use super::verdict::PaletteGrade;
 use super::{STEPS, distance_steps};
 use crate::vision::frame::{ColourEncoding, Frame};
 use crate::vision::segmentation::knn::metric_of;
@@ -85,7 +85,7 @@ pub struct TapeAdvice {
     /// Share of the picture that has its colour, 0..1.
     pub in_box: f64,
     /// The grade of this margin.
-    pub grade: Grade,
+    pub grade: PaletteGrade,
 }
 
 /// Two tapes against the box and each other.
@@ -98,7 +98,7 @@ pub struct PairAdvice {
     /// The smallest of that and both tapes' own margins, steps.
     pub margin_steps: f64,
     /// The grade of this margin.
-    pub grade: Grade,
+    pub grade: PaletteGrade,
 }
 
 /// Ranks all [`TAPES`] against a frame without tools.
@@ -172,12 +172,12 @@ fn against_each_other(a: &TapeAdvice, b: &TapeAdvice, encoding: ColourEncoding) 
     PairAdvice { tapes: [a.tape, b.tape], apart_steps, margin_steps, grade: grade(margin_steps) }
 }
 
-fn grade(margin_steps: f64) -> Grade {
+fn grade(margin_steps: f64) -> PaletteGrade {
     let [bad, risk] = MARGINS_STEPS;
     match margin_steps {
-        m if m < bad => Grade::Bad,
-        m if m < risk => Grade::AtRisk,
-        _ => Grade::Good,
+        m if m < bad => PaletteGrade::Bad,
+        m if m < risk => PaletteGrade::AtRisk,
+        _ => PaletteGrade::Good,
     }
 }
 
@@ -214,7 +214,7 @@ mod tests {
         for tape in TAPES {
             let advice = advice_for(&[tape.srgb, [120, 120, 118], [40, 40, 42], [200, 198, 190]]);
             let own = of(&advice, tape.name);
-            assert_eq!(own.grade, Grade::Bad, "{own:?}");
+            assert_eq!(own.grade, PaletteGrade::Bad, "{own:?}");
             assert!((own.in_box - 0.25).abs() < 1e-9, "{own:?}");
             assert_eq!(advice.tapes.last().unwrap().tape.name, tape.name);
             assert!(!advice.pairs[0].tapes.contains(&tape), "{:?}", advice.pairs[0]);
@@ -224,9 +224,9 @@ mod tests {
     #[test]
     fn purple_is_not_for_a_box_of_red_blue_and_their_mixture() {
         let advice = advice_for(&[[170, 52, 58], [52, 75, 155], [105, 68, 114], [120, 120, 118]]);
-        assert_eq!(of(&advice, "violet").grade, Grade::Bad, "{advice:?}");
+        assert_eq!(of(&advice, "violet").grade, PaletteGrade::Bad, "{advice:?}");
         let best = &advice.pairs[0];
-        assert_eq!(best.grade, Grade::Good, "{best:?}");
+        assert_eq!(best.grade, PaletteGrade::Good, "{best:?}");
         assert!(best.tapes.iter().all(|tape| !["violet", "red", "blue"].contains(&tape.name)), "{best:?}");
     }
 
@@ -239,7 +239,7 @@ mod tests {
         }
         let blues = |pair: &&PairAdvice| pair.tapes.iter().all(|tape| tape.name.ends_with("blue"));
         let alike = advice.pairs.iter().find(blues).unwrap();
-        assert_eq!(alike.grade, Grade::Bad, "two blues cannot be told apart: {alike:?}");
+        assert_eq!(alike.grade, PaletteGrade::Bad, "two blues cannot be told apart: {alike:?}");
         assert_eq!(advice.pairs.len(), TAPES.len() * (TAPES.len() - 1) / 2);
         assert!(advice.pairs.is_sorted_by(|a, b| a.margin_steps >= b.margin_steps));
     }

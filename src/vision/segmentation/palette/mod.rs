@@ -19,7 +19,7 @@ pub mod margin;
 pub mod verdict;
 
 pub use margin::{ColourSeparation, Margin, colour_separations};
-pub use verdict::{FalseArea, Grade, TapeProblem, TapeVerdict, verdicts};
+pub use verdict::{FalseArea, PaletteGrade, TapeProblem, TapeVerdict, verdicts};
 
 /// Steps in the classifier's full range.
 const STEPS: f64 = 255.0;

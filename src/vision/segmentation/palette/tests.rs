@@ -2,7 +2,9 @@
 
 use super::confusion::Confusion;
 use super::light::LightCondition;
-use super::{ColourSeparation, FalseArea, Grade, TapeProblem, TapeVerdict, colour_separations, verdict, verdicts};
+use super::{
+    ColourSeparation, FalseArea, PaletteGrade, TapeProblem, TapeVerdict, colour_separations, verdict, verdicts,
+};
 use crate::random::Dice;
 use crate::vision::frame::{ColourEncoding, Matrix, Range};
 use crate::vision::segmentation::samples::{ColourSample, ColourSamples};
@@ -56,7 +58,7 @@ fn two_tapes_of_one_colour_are_confused_half_the_time_and_bad() {
         assert!((row.taken_for(tool, LightCondition::AsMarked) + taken - 1.0).abs() < 1e-9);
     }
     let verdicts = verdict::judge(&confusion, &[]);
-    assert!(verdicts.iter().all(|v| v.grade == Grade::Bad), "{verdicts:?}");
+    assert!(verdicts.iter().all(|v| v.grade == PaletteGrade::Bad), "{verdicts:?}");
     let said = verdicts[0].warning().unwrap();
     assert!(said.contains("`one` is bad") && said.contains("most of that is mistaken for `other`"), "{said}");
     let margin = confusion.margins[0].as_ref().unwrap().margin_steps;
@@ -74,7 +76,7 @@ fn colours_far_apart_are_never_confused_and_good_in_every_light() {
         }
     }
     for verdict in verdict::judge(&confusion, &[]) {
-        assert_eq!((verdict.grade, verdict.warning()), (Grade::Good, None), "{verdict:?}");
+        assert_eq!((verdict.grade, verdict.warning()), (PaletteGrade::Good, None), "{verdict:?}");
     }
 }
 
@@ -122,7 +124,7 @@ fn pixels_of_one_rectangle_do_not_support_each_other() {
     let background = [("background", GREY); 4];
     let samples = marked(&[looks, background].concat(), 0.01);
     let verdict = only(verdicts(&samples, &tools(&["tape"])));
-    assert_eq!(verdict.grade, Grade::Bad, "{verdict:?}");
+    assert_eq!(verdict.grade, PaletteGrade::Bad, "{verdict:?}");
     assert!(matches!(verdict.causes[0].1, TapeProblem::Lost { share, .. } if share > 0.4), "{verdict:?}");
 }
 
@@ -130,9 +132,12 @@ fn pixels_of_one_rectangle_do_not_support_each_other() {
 fn a_colour_marked_once_is_at_risk_and_says_so() {
     let samples = marked(&[("tape", ORANGE), ("background", GREY), ("background", GREY)], 0.02);
     let verdict = only(verdicts(&samples, &tools(&["tape"])));
-    assert_eq!((verdict.grade, &verdict.causes[..]), (Grade::AtRisk, &[(Grade::AtRisk, TapeProblem::MarkedOnce)][..]));
+    assert_eq!(
+        (verdict.grade, &verdict.causes[..]),
+        (PaletteGrade::AtRisk, &[(PaletteGrade::AtRisk, TapeProblem::MarkedOnce)][..])
+    );
     let unmarked = only(verdicts(&samples, &tools(&["cyan"])));
-    assert_eq!((unmarked.grade, &unmarked.causes[0].1), (Grade::Bad, &TapeProblem::NotMarked));
+    assert_eq!((unmarked.grade, &unmarked.causes[0].1), (PaletteGrade::Bad, &TapeProblem::NotMarked));
 }
 
 #[test]
@@ -144,7 +149,7 @@ fn a_colour_that_the_background_takes_in_less_light_is_at_risk() {
     assert!(row.taken_for(0, LightCondition::AsMarked) > 0.95, "{row:?}");
     assert!(row.taken_for(0, LightCondition::Darker) < 0.05, "{row:?}");
     let verdict = only(verdict::judge(&confusion, &[]));
-    assert_eq!(verdict.grade, Grade::AtRisk, "{verdict:?}");
+    assert_eq!(verdict.grade, PaletteGrade::AtRisk, "{verdict:?}");
     let lost = verdict.causes.iter().find(|(_, cause)| matches!(cause, TapeProblem::Lost { .. }));
     assert!(matches!(lost, Some((_, TapeProblem::Lost { light: LightCondition::Darker, .. }))), "{verdict:?}");
 }
@@ -154,9 +159,9 @@ fn exposure_that_changes_all_colours_alike_keeps_the_verdict() {
     for exposure in [0.7, 1.0, 1.15] {
         let lit = |rgb: [f64; 3]| rgb.map(|c| c * exposure);
         let good = four_each(&[("tape", lit(ORANGE)), ("background", lit(GREY))], 0.02);
-        assert_eq!(only(verdicts(&good, &tools(&["tape"]))).grade, Grade::Good, "exposure {exposure}");
+        assert_eq!(only(verdicts(&good, &tools(&["tape"]))).grade, PaletteGrade::Good, "exposure {exposure}");
         let bad = four_each(&[("tape", lit(ORANGE)), ("background", lit(ORANGE))], 0.02);
-        assert_eq!(only(verdicts(&bad, &tools(&["tape"]))).grade, Grade::Bad, "exposure {exposure}");
+        assert_eq!(only(verdicts(&bad, &tools(&["tape"]))).grade, PaletteGrade::Bad, "exposure {exposure}");
     }
 }
 
@@ -166,15 +171,18 @@ fn a_false_region_half_as_large_as_the_band_is_bad() {
     let confusion = Confusion::of(&samples, &tools(&["tape"]));
     let area = |largest_of_band| FalseArea { tool: "tape".into(), frame: 3, share: 0.01, largest_of_band };
     let grade = |areas: &[FalseArea]| only(verdict::judge(&confusion, areas)).grade;
-    assert_eq!(grade(&[area(0.05)]), Grade::Good);
-    assert_eq!(grade(&[area(0.05), area(0.3)]), Grade::AtRisk);
-    assert_eq!(grade(&[area(0.6), area(0.05)]), Grade::Bad);
+    assert_eq!(grade(&[area(0.05)]), PaletteGrade::Good);
+    assert_eq!(grade(&[area(0.05), area(0.3)]), PaletteGrade::AtRisk);
+    assert_eq!(grade(&[area(0.6), area(0.05)]), PaletteGrade::Bad);
     let other = FalseArea { tool: "another".into(), ..area(0.6) };
-    assert_eq!(grade(&[other]), Grade::Good);
+    assert_eq!(grade(&[other]), PaletteGrade::Good);
 }
 
 #[test]
 fn a_tape_without_samples_is_not_marked() {
     let verdict = only(verdicts(&ColourSamples::new(ENCODING), &tools(&["tape"])));
-    assert_eq!((verdict.grade, &verdict.causes[..]), (Grade::Bad, &[(Grade::Bad, TapeProblem::NotMarked)][..]));
+    assert_eq!(
+        (verdict.grade, &verdict.causes[..]),
+        (PaletteGrade::Bad, &[(PaletteGrade::Bad, TapeProblem::NotMarked)][..])
+    );
 }

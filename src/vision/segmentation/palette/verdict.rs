@@ -29,7 +29,7 @@ pub const FALSE_REGION: [f64; 2] = [0.2, 0.5];
 
 /// How reliable a colour is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Grade {
+pub enum PaletteGrade {
     /// Recognised as itself, and nothing else is classified as it, in every light tried.
     Good,
     /// Fails in another light, or nearly fails in the marked light.
@@ -44,9 +44,9 @@ pub struct TapeVerdict {
     /// The tool.
     pub tool: String,
     /// The worst grade among its causes; good if there are none.
-    pub grade: Grade,
+    pub grade: PaletteGrade,
     /// The problems found, worst first.
-    pub causes: Vec<(Grade, TapeProblem)>,
+    pub causes: Vec<(PaletteGrade, TapeProblem)>,
 }
 
 /// One problem of a colour. Shares are 0..1.
@@ -112,9 +112,9 @@ pub fn worst<'a>(false_areas: &'a [FalseArea], tool: &str) -> Option<&'a FalseAr
 
 fn verdict(confusion: &Confusion, tool: usize, false_areas: &[FalseArea]) -> TapeVerdict {
     let name = &confusion.tools[tool];
-    let mut causes: Vec<(Grade, TapeProblem)> = match confusion.row_of(tool) {
-        None => vec![(Grade::Bad, TapeProblem::NotMarked)],
-        Some(row) if row.rectangles == 1 => vec![(Grade::AtRisk, TapeProblem::MarkedOnce)],
+    let mut causes: Vec<(PaletteGrade, TapeProblem)> = match confusion.row_of(tool) {
+        None => vec![(PaletteGrade::Bad, TapeProblem::NotMarked)],
+        Some(row) if row.rectangles == 1 => vec![(PaletteGrade::AtRisk, TapeProblem::MarkedOnce)],
         Some(_) => Vec::new(),
     };
     causes.extend(lost(confusion, tool));
@@ -122,12 +122,12 @@ fn verdict(confusion: &Confusion, tool: usize, false_areas: &[FalseArea]) -> Tap
     causes.extend(thin(confusion, tool));
     causes.extend(false_region(worst(false_areas, name)));
     causes.sort_by_key(|(grade, _)| std::cmp::Reverse(*grade));
-    let grade = causes.first().map_or(Grade::Good, |(grade, _)| *grade);
+    let grade = causes.first().map_or(PaletteGrade::Good, |(grade, _)| *grade);
     TapeVerdict { tool: name.clone(), grade, causes }
 }
 
 /// Is too little of its own tape recognised? Tested in the marked light, else in the worst other.
-fn lost(confusion: &Confusion, tool: usize) -> Option<(Grade, TapeProblem)> {
+fn lost(confusion: &Confusion, tool: usize) -> Option<(PaletteGrade, TapeProblem)> {
     let row = confusion.row_of(tool)?;
     worst_light(LOST_SHARES, |light| 1.0 - row.taken_for(tool, light)).map(|(grade, share, light)| {
         let others = (0..confusion.tools.len()).filter(|other| *other != tool);
@@ -138,27 +138,27 @@ fn lost(confusion: &Confusion, tool: usize) -> Option<(Grade, TapeProblem)> {
 }
 
 /// Every other label with too many pixels classified as this tool.
-fn taken(confusion: &Confusion, tool: usize) -> impl Iterator<Item = (Grade, TapeProblem)> {
+fn taken(confusion: &Confusion, tool: usize) -> impl Iterator<Item = (PaletteGrade, TapeProblem)> {
     confusion.rows.iter().filter(move |row| row.tool != Some(tool)).filter_map(move |row| {
         let (grade, share, light) = worst_light(TAKEN_SHARES, |light| row.taken_for(tool, light))?;
         Some((grade, TapeProblem::Taken { share, from: row.label.clone(), light }))
     })
 }
 
-fn thin(confusion: &Confusion, tool: usize) -> Option<(Grade, TapeProblem)> {
+fn thin(confusion: &Confusion, tool: usize) -> Option<(PaletteGrade, TapeProblem)> {
     let margin = confusion.margins[tool].as_ref()?;
     let [risk, bad] = MARGIN_STEPS;
-    let grade = if margin.margin_steps < bad { Grade::Bad } else { Grade::AtRisk };
+    let grade = if margin.margin_steps < bad { PaletteGrade::Bad } else { PaletteGrade::AtRisk };
     (margin.margin_steps < risk).then(|| (grade, TapeProblem::Thin(margin.clone())))
 }
 
-fn false_region(area: Option<&FalseArea>) -> Option<(Grade, TapeProblem)> {
+fn false_region(area: Option<&FalseArea>) -> Option<(PaletteGrade, TapeProblem)> {
     let grade = above(FALSE_REGION, area?.largest_of_band, LightCondition::AsMarked)?;
     Some((grade, TapeProblem::FalseRegion(area?.clone())))
 }
 
 /// The grade of a share in its worst light; the marked light comes before any other.
-fn worst_light(limits: [f64; 2], share: impl Fn(LightCondition) -> f64) -> Option<(Grade, f64, LightCondition)> {
+fn worst_light(limits: [f64; 2], share: impl Fn(LightCondition) -> f64) -> Option<(PaletteGrade, f64, LightCondition)> {
     let found = LightCondition::ALL.map(|light| (above(limits, share(light), light), share(light), light));
     let worst = found.into_iter().filter_map(|(grade, share, light)| Some((grade?, share, light)));
     worst.reduce(|a, b| if (b.0, b.1) > (a.0, a.1) && a.2 != LightCondition::AsMarked { b } else { a })
@@ -166,11 +166,11 @@ fn worst_light(limits: [f64; 2], share: impl Fn(LightCondition) -> f64) -> Optio
 
 /// Grade of a share in a light. In another light than the marked one it is at risk at most, because that light may
 /// never occur.
-fn above([risk, bad]: [f64; 2], share: f64, light: LightCondition) -> Option<Grade> {
+fn above([risk, bad]: [f64; 2], share: f64, light: LightCondition) -> Option<PaletteGrade> {
     match light {
-        LightCondition::AsMarked if share >= bad => Some(Grade::Bad),
-        LightCondition::AsMarked => (share >= risk).then_some(Grade::AtRisk),
-        _ => (share >= bad).then_some(Grade::AtRisk),
+        LightCondition::AsMarked if share >= bad => Some(PaletteGrade::Bad),
+        LightCondition::AsMarked => (share >= risk).then_some(PaletteGrade::AtRisk),
+        _ => (share >= bad).then_some(PaletteGrade::AtRisk),
     }
 }
 
@@ -178,18 +178,18 @@ impl TapeVerdict {
     /// Summary of the problems in one line; `None` if the colour is good.
     pub fn warning(&self) -> Option<String> {
         let causes: Vec<String> = self.causes.iter().map(|(_, cause)| cause.to_string()).collect();
-        (self.grade != Grade::Good)
+        (self.grade != PaletteGrade::Good)
             .then(|| format!("the colour `{}` is {}: {}", self.tool, self.grade.name(), causes.join("; ")))
     }
 }
 
-impl Grade {
+impl PaletteGrade {
     /// Human-readable name.
     pub fn name(self) -> &'static str {
         match self {
-            Grade::Good => "good",
-            Grade::AtRisk => "at risk",
-            Grade::Bad => "bad",
+            PaletteGrade::Good => "good",
+            PaletteGrade::AtRisk => "at risk",
+            PaletteGrade::Bad => "bad",
         }
     }
 }
