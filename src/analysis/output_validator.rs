@@ -20,6 +20,7 @@ use crate::domain::problem::Problem;
 use crate::domain::self_test::SelfTestReport;
 use crate::media::{CapturedFrame, MediaLimits, SourceInfo};
 use crate::motion::features::running::LIVE_FEATURES;
+use crate::vision::reason::MissReason;
 
 /// Largest preview, bytes.
 const MAX_PREVIEW_BYTES: usize = 1 << 20;
@@ -334,7 +335,7 @@ impl OutputValidator {
             && quality.tools.len() == self.tools
             && quality.tools.iter().all(|tool| {
                 tool.observed_predicted_missing.iter().all(|&n| n <= frames)
-                    && tool.reasons.is_sorted_by(|a, b| a.0 < b.0)
+                    && tool.reasons.is_sorted_by(|a, b| MissReason::from(a.0) < MissReason::from(b.0))
                     && tool.reasons.iter().all(|&(_, n)| n <= frames)
                     && [tool.border_residual_px, tool.passing_depth_mm].into_iter().flatten().all(is_plausible_number)
                     && tool.effective_diameter.is_none_or(|(numbers, _)| numbers.into_iter().all(is_plausible_number))

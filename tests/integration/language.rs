@@ -231,8 +231,14 @@ fn files() -> Vec<PathBuf> {
         collect(&root().join(place), &mut found);
     }
     found.extend(["README.md", "CHANGELOG.md", "CONTRIBUTING.md"].map(|name| root().join(name)));
-    let is_foreign = |file: &Path| shown(file).starts_with("static/vendor") || file.ends_with("texts/de.js");
-    found.retain(|file| !is_foreign(file) && !file.ends_with("docs/schema.sql"));
+    let released = fs::read_to_string(root().join("migrations/RELEASED")).unwrap();
+    let is_ours = |file: &Path| {
+        let name = file.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        !shown(file).starts_with("static/vendor")
+            && !["de.js", "schema.sql"].contains(&name)
+            && !released.lines().any(|line| line.ends_with(name))
+    };
+    found.retain(|file| is_ours(file));
     found.sort();
     found
 }

@@ -197,6 +197,18 @@ fn a_fulcrum_is_nine_numbers() {
 }
 
 #[test]
+fn the_reasons_of_a_summary_come_in_the_order_of_the_stages_once_each() {
+    let hear = |reasons: Vec<MissReason>| {
+        let reasons = reasons.into_iter().map(|reason| (reason.into(), 1)).collect();
+        let tools = vec![ToolQualityShape { reasons, ..tool() }];
+        validate_all(vec![ChildReply::Quality(QualityShape { frames: 2, frames_interlaced: 0, tools, light: vec![] })])
+    };
+    assert!(hear(vec![MissReason::NoMarkerColour, MissReason::PoorFit, MissReason::TipHidden]).is_ok());
+    assert!(hear(vec![MissReason::TipHidden, MissReason::PoorFit]).is_err());
+    assert!(hear(vec![MissReason::PoorFit, MissReason::PoorFit]).is_err());
+}
+
+#[test]
 fn no_more_frames_are_interlaced_than_there_are() {
     let hear = |frames_interlaced| {
         validate_all(vec![ChildReply::Quality(QualityShape {
