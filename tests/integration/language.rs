@@ -247,6 +247,9 @@ fn collect(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+        if path.ends_with("node_modules") {
+            continue; // the browser tests' libraries
+        }
         if path.is_dir() {
             collect(&path, found);
         } else if ["rs", "js", "mjs", "sql", "md"].contains(&extension) {

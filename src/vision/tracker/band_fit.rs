@@ -184,7 +184,7 @@ fn possible(measurement: Measurement) -> Result<Measurement, MissReason> {
     if measurement.grade() >= Grade::Possible { Ok(measurement) } else { Err(MissReason::PoorFit) }
 }
 
-/// The measurement with which more of the outline agrees; without one, the reason from the later stage.
+/// The measurement that agrees with more of the outline; without one, the reason from the later stage.
 fn better_of(
     old: Result<Measurement, MissReason>,
     new: Result<Measurement, MissReason>,
