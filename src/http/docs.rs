@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use axum::extract::Path;
+use axum::extract::rejection::PathRejection;
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::{IntoResponse, Redirect, Response};
 use utoipa_swagger_ui::{Config, SwaggerFile};
@@ -23,7 +24,8 @@ pub async fn index() -> HandlerResult<Response> {
 }
 
 /// One of the viewer's files.
-pub async fn asset(Path(path): Path<String>) -> HandlerResult<Response> {
+pub async fn asset(path: Result<Path<String>, PathRejection>) -> HandlerResult<Response> {
+    let Path(path) = path.map_err(|_| ProblemResponse::not_found())?;
     file(&path)
 }
 

@@ -124,7 +124,8 @@ impl Refusal {
 
     /// The problem with this detail: what happened and what to do, in one or two sentences for people.
     pub fn with(self, detail: impl Into<String>) -> ProblemResponse {
-        ProblemResponse { refusal: self, detail: detail.into(), members: Map::new(), headers: Vec::new() }
+        let (errors, members, headers) = (Vec::new(), Map::new(), Vec::new());
+        ProblemResponse { refusal: self, detail: detail.into(), errors, members, headers }
     }
 }
 
@@ -134,6 +135,7 @@ pub struct ProblemResponse {
     /// The kind of refusal.
     pub refusal: Refusal,
     detail: String,
+    errors: Vec<FieldError>,
     members: Map<String, Value>,
     headers: Vec<(header::HeaderName, HeaderValue)>,
 }
@@ -154,8 +156,20 @@ impl ProblemResponse {
 
     /// A field whose value cannot be used. `message` continues the field's name and says what to do.
     pub fn invalid(field: &str, message: impl Display) -> Self {
-        let error = serde_json::json!({ "field": field, "message": message.to_string() });
-        Refusal::Invalid.with(format!("`{field}`: {message}.")).member("errors", vec![error])
+        let error = FieldError { field: field.to_owned(), message: message.to_string() };
+        Refusal::Invalid.with(format!("`{field}`: {message}.")).errors([error])
+    }
+
+    /// Names the field that the detail is about, in `errors`.
+    pub fn of_field(self, field: &str) -> Self {
+        let error = FieldError { field: field.to_owned(), message: self.detail.clone() };
+        self.errors([error])
+    }
+
+    /// Adds fields that cannot be used.
+    pub fn errors(mut self, errors: impl IntoIterator<Item = FieldError>) -> Self {
+        self.errors.extend(errors);
+        self
     }
 
     /// Adds a member besides the standard ones, e.g. a limit or a link.
@@ -185,6 +199,7 @@ impl ProblemResponse {
         document.insert("title".to_owned(), title.into());
         document.insert("status".to_owned(), status.as_u16().into());
         document.insert("detail".to_owned(), self.detail.as_str().into());
+        document.insert("errors".to_owned(), serde_json::json!(self.errors));
         Value::Object(document)
     }
 }
@@ -345,7 +360,9 @@ impl From<PushFailure> for ProblemResponse {
     fn from(PushFailure { why, session }: PushFailure) -> Self {
         let problem: ProblemResponse = match why {
             PushError::Cut(cause) => super::read::unreadable_body(&*cause, u64::MAX),
-            PushError::Stream(problem) => Refusal::Invalid.with(format!("{}.", capitalised(&problem.detail))),
+            PushError::Stream(problem) => {
+                Refusal::Invalid.with(format!("{}.", capitalised(&problem.detail))).of_field("body")
+            }
             PushError::Closed(farewell) => farewell.into(),
         };
         match session {
@@ -359,6 +376,7 @@ impl From<PushFailure> for ProblemResponse {
 pub fn unknown_reference(field: &str, what: &str) -> ProblemResponse {
     Refusal::UnknownReference
         .with(format!("`{field}` names no {what} that exists and that you may see. Give its id or code."))
+        .of_field(field)
         .member("field", field)
 }
 
@@ -404,6 +422,17 @@ pub struct ProblemDocument {
     pub status: u16,
     /// What happened and what to do, for people.
     pub detail: String,
+    /// The fields that cannot be used; empty if the problem is not about a field.
+    pub errors: Vec<FieldError>,
+}
+
+/// A field of the request that cannot be used.
+#[derive(Clone, Debug, serde::Serialize, utoipa::ToSchema)]
+pub struct FieldError {
+    /// Name of the field, parameter, header or form part; `body` or `query` if the whole of it cannot be read.
+    pub field: String,
+    /// What is wrong, and what is expected.
+    pub message: String,
 }
 
 #[cfg(test)]
@@ -426,9 +455,30 @@ mod tests {
 
     #[test]
     fn members_never_replace_the_standard_ones() {
-        let document = Refusal::Taken.with("x").member("status", 200).member("code", "a").document();
+        let document =
+            Refusal::Taken.with("x").member("status", 200).member("errors", "none").member("code", "a").document();
         assert_eq!(document["status"], 409);
         assert_eq!(document["type"], "/problems/taken");
+        assert_eq!(document["errors"], serde_json::json!([]));
         assert_eq!(document["code"], "a");
+    }
+
+    #[test]
+    fn errors_is_a_list_in_every_problem_and_names_the_field_if_there_is_one() {
+        for (refusal, ..) in REFUSALS {
+            assert_eq!(refusal.with("x").document()["errors"], serde_json::json!([]), "{refusal:?}");
+        }
+        let message = serde_json::json!([{ "field": "name", "message": "is empty" }]);
+        assert_eq!(ProblemResponse::invalid("name", "is empty").document()["errors"], message);
+        assert_eq!(unknown_reference("task", "task").document()["errors"][0]["field"], "task");
+    }
+
+    #[tokio::test]
+    async fn the_answer_after_a_panic_has_errors_too() {
+        let answer = panic_response(Box::new("out of range"));
+        assert_eq!(answer.status(), StatusCode::INTERNAL_SERVER_ERROR);
+        let body = axum::body::to_bytes(answer.into_body(), 4096).await.unwrap();
+        let document: Value = serde_json::from_slice(&body).unwrap();
+        assert_eq!((&document["type"], &document["errors"]), (&"/problems/internal".into(), &Value::Array(Vec::new())));
     }
 }

@@ -8,9 +8,9 @@ use std::future::ready;
 use std::pin::pin;
 use std::time::Duration;
 
+use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
-use axum::extract::{Path, State};
 use axum::http::HeaderMap;
 use axum::response::Response;
 use futures_util::FutureExt;
@@ -21,6 +21,7 @@ use tokio_tungstenite::tungstenite;
 use super::auth::origin;
 use super::auth::signed_in::SignedIn;
 use super::error::{HandlerResult, Refusal, busy};
+use super::read::PathKey;
 use super::state::App;
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
 use crate::domain::feed::messages::{Hello, SenderMessage, ServerMessage};
@@ -52,7 +53,7 @@ const HELLO_TIMEOUT: Duration = Duration::from_secs(10);
 pub async fn feed(
     State(app): State<App>,
     by: SignedIn,
-    Path(in_box): Path<String>,
+    PathKey(in_box): PathKey,
     headers: HeaderMap,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> HandlerResult<Response> {
@@ -61,7 +62,6 @@ pub async fn feed(
             .with("This address accepts only WebSocket connections. docs/feed.md describes the protocol.")
     })?;
     origin::refuse_foreign(&headers)?;
-    let in_box = Key::from(&in_box);
     app.store.boxes().get(&by.scope, &in_box).await?;
     let full = |_| busy("Too many boxes are recording at once. Try again when one of them has ended.");
     let place = app.feed_slots.clone().try_acquire_owned().map_err(full)?;

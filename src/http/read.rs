@@ -27,8 +27,18 @@ impl<T: DeserializeOwned> FromRequest<App> for Json<T> {
         let limit = app.settings.max_json_bytes;
         let body = Limited::new(request.into_body(), limit).collect().await;
         let bytes = body.map_err(|cause| unreadable_body(&*cause, limit as u64))?.to_bytes();
-        serde_json::from_slice(&bytes).map(Self).map_err(json_problem)
+        parse_json(&bytes).map(Self)
     }
+}
+
+fn parse_json<T: DeserializeOwned>(text: &[u8]) -> Result<T, ProblemResponse> {
+    let mut parser = serde_json::Deserializer::from_slice(text);
+    let value = serde_path_to_error::deserialize(&mut parser).map_err(|error| {
+        let field = error.path().to_string();
+        json_problem(error.into_inner(), &field)
+    })?;
+    parser.end().map_err(|error| json_problem(error, BODY))?;
+    Ok(value)
 }
 
 fn expect_json(headers: &HeaderMap) -> Result<(), ProblemResponse> {
@@ -40,11 +50,19 @@ fn expect_json(headers: &HeaderMap) -> Result<(), ProblemResponse> {
     Err(Refusal::UnsupportedMediaType.with("Send JSON with `Content-Type: application/json`."))
 }
 
-fn json_problem(error: serde_json::Error) -> ProblemResponse {
+/// The field at fault if it is the whole body, or if the body lacks a field or has an unknown one.
+const BODY: &str = "body";
+
+/// `field` is the path to the value, such as `steps[0].task`; `.` and `?` are paths without a name.
+fn json_problem(error: serde_json::Error, field: &str) -> ProblemResponse {
     match error.classify() {
-        Category::Data => Refusal::Invalid.with(format!("{error}. See /docs for the fields of this request.")),
+        Category::Data => {
+            let field = if field.contains(char::is_alphanumeric) { field } else { BODY };
+            let detail = format!("{error}. See /docs for the fields of this request.");
+            Refusal::Invalid.with(detail).of_field(field)
+        }
         Category::Io | Category::Syntax | Category::Eof => {
-            Refusal::BadRequest.with(format!("The body is not JSON: {error}."))
+            Refusal::BadRequest.with(format!("The body is not JSON: {error}.")).of_field(BODY)
         }
     }
 }
@@ -85,7 +103,8 @@ impl<T: DeserializeOwned + Send> FromRequestParts<App> for Params<T> {
     async fn from_request_parts(parts: &mut Parts, _app: &App) -> Result<Self, ProblemResponse> {
         let query = Query::try_from_uri(&parts.uri);
         let refused = |error: axum::extract::rejection::QueryRejection| {
-            Refusal::BadRequest.with(format!("{}. See /docs for the parameters.", error.body_text()))
+            let detail = format!("{}. See /docs for the parameters.", error.body_text());
+            Refusal::BadRequest.with(detail).of_field("query")
         };
         query.map(|Query(params)| Self(params)).map_err(refused)
     }
@@ -110,17 +129,17 @@ impl FromRequestParts<App> for PathKey {
     }
 }
 
-/// The `{id}` and the `{version}` of an address. A version that is not a number gives 404.
-pub struct PathKeyAndVersion(pub Key, pub i64);
+/// The two variable parts of an address, such as `{id}` and `{version}`. Text that cannot be parsed gives 404.
+pub struct PathPair<A, B>(pub A, pub B);
 
-impl FromRequestParts<App> for PathKeyAndVersion {
+impl<A: FromStr, B: FromStr> FromRequestParts<App> for PathPair<A, B> {
     type Rejection = ProblemResponse;
 
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, ProblemResponse> {
         let path = Path::<(String, String)>::from_request_parts(parts, app).await;
-        let (key, version) = path.map(|Path(both)| both).map_err(|_| ProblemResponse::not_found())?;
-        let version = version.parse().map_err(|_| ProblemResponse::not_found())?;
-        Ok(Self(Key::from(key.as_str()), version))
+        let (first, second) = path.map(|Path(both)| both).map_err(|_| ProblemResponse::not_found())?;
+        let both = first.parse().ok().zip(second.parse().ok());
+        both.map(|(first, second)| Self(first, second)).ok_or_else(ProblemResponse::not_found)
     }
 }
 

@@ -193,6 +193,7 @@ pub async fn problem(answer: Response, status: u16, slug: &str) -> Value {
     assert_eq!(document["type"], format!("/problems/{slug}"), "{document}");
     assert_eq!(document["status"], status);
     assert!(document["detail"].as_str().unwrap().len() > 20, "the detail says what to do: {document}");
+    assert!(document["errors"].is_array(), "{document}");
     document
 }
 

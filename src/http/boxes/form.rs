@@ -111,7 +111,10 @@ impl FormPart<'_> {
 /// The problem for a form that could not be read to its end.
 fn form_problem(error: &MultipartError, limit: u64) -> ProblemResponse {
     match error.status().is_client_error() && error.status() != axum::http::StatusCode::PAYLOAD_TOO_LARGE {
-        true => Refusal::BadRequest.with(format!("The form cannot be read: {}. Send it again.", error.body_text())),
+        true => {
+            let detail = format!("The form cannot be read: {}. Send it again.", error.body_text());
+            Refusal::BadRequest.with(detail).of_field("form")
+        }
         false => unreadable_body(error, limit),
     }
 }

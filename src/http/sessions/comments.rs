@@ -1,6 +1,6 @@
 //! Comments on moments and stretches of sessions.
 
-use axum::extract::{Path, State};
+use axum::extract::State;
 use axum::http::StatusCode;
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -8,8 +8,8 @@ use utoipa::ToSchema;
 use crate::domain::comment::NewComment;
 use crate::domain::scope::Scope;
 use crate::http::auth::signed_in::Member;
-use crate::http::error::{HandlerResult, ProblemResponse};
-use crate::http::read::{Json, PathKey};
+use crate::http::error::HandlerResult;
+use crate::http::read::{Json, PathKey, PathPair};
 use crate::http::show::{Created, Time};
 use crate::http::state::App;
 use crate::ids::{CommentId, SessionId};
@@ -83,9 +83,8 @@ pub async fn comment(
 pub async fn withdraw_comment(
     State(app): State<App>,
     by: Member,
-    Path((session, comment)): Path<(String, String)>,
+    PathPair(session, comment): PathPair<SessionId, CommentId>,
 ) -> HandlerResult<StatusCode> {
-    let (session, comment) = session.parse().ok().zip(comment.parse().ok()).ok_or_else(ProblemResponse::not_found)?;
     app.store.comments().withdraw(&by.scope, session, comment).await?;
     Ok(StatusCode::NO_CONTENT)
 }

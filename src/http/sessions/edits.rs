@@ -1,6 +1,6 @@
 //! Edits of a scored session: trim it, swap the names of its tools, set it aside. Each edit can be undone.
 
-use axum::extract::{Path, State};
+use axum::extract::State;
 use serde::Serialize;
 use utoipa::ToSchema;
 
@@ -10,7 +10,7 @@ use crate::domain::edit::{EditChange, EditKind, NewEdit, ScoreState, kept_span};
 use crate::domain::scope::Scope;
 use crate::http::auth::signed_in::{Member, Staff};
 use crate::http::error::{HandlerResult, ProblemDocument, ProblemResponse, Refusal};
-use crate::http::read::{Json, PathKey};
+use crate::http::read::{Json, PathKey, PathPair};
 use crate::http::show::{Created, Time};
 use crate::http::state::App;
 use crate::ids::{EditId, JobId, SessionId};
@@ -138,9 +138,8 @@ pub async fn edit(
 pub async fn undo_edit(
     State(app): State<App>,
     by: Staff,
-    Path((session, edit)): Path<(String, String)>,
+    PathPair(session, edit): PathPair<SessionId, EditId>,
 ) -> HandlerResult<Json<EditResponse>> {
-    let (session, edit) = session.parse().ok().zip(edit.parse().ok()).ok_or_else(ProblemResponse::not_found)?;
     let undone = app.store.edits().undo(&by.scope, session, edit).await?;
     app.notify_edited(&by.scope, session).await?;
     Ok(Json(undone.into()))

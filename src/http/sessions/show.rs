@@ -254,6 +254,6 @@ impl From<problem::Problem> for ProblemDocument {
     /// A stored problem of a job. It never was an answer, so its status is always 422.
     fn from(problem: problem::Problem) -> Self {
         let problem::Problem { slug, title, detail } = problem;
-        Self { kind: format!("/problems/{slug}"), title, status: 422, detail }
+        Self { kind: format!("/problems/{slug}"), title, status: 422, detail, errors: Vec::new() }
     }
 }

@@ -7,9 +7,10 @@ use utoipa::ToSchema;
 
 use crate::domain::scope::Scope;
 use crate::domain::skill::ModelReport;
+use crate::domain::text::Key;
 use crate::http::auth::signed_in::{Administrator, Member};
 use crate::http::error::HandlerResult;
-use crate::http::read::{Json, PathKey, PathKeyAndVersion};
+use crate::http::read::{Json, PathKey, PathPair};
 use crate::http::show::{Created, PageResponse, Time};
 use crate::http::state::App;
 use crate::ids::ModelId;
@@ -102,9 +103,9 @@ pub async fn train_model(
 pub async fn model(
     State(app): State<App>,
     by: Member,
-    PathKeyAndVersion(key, version): PathKeyAndVersion,
+    PathPair(key, version): PathPair<String, i64>,
 ) -> HandlerResult<Json<SkillModelResponse>> {
-    let of = app.store.tasks().get(&by.scope, &key).await?.id;
+    let of = app.store.tasks().get(&by.scope, &Key::from(&key)).await?.id;
     let model = app.store.skill_models().get(&by.scope, of, version).await?;
     Ok(Json(SkillModelResponse::new(model, &by.scope)))
 }

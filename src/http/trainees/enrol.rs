@@ -7,7 +7,7 @@ use utoipa::ToSchema;
 use super::TraineeResponse;
 use crate::domain::enrolment::{self, EnrolmentRow, MAX_ROWS, RowProblem};
 use crate::http::auth::signed_in::Staff;
-use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
+use crate::http::error::{FieldError, HandlerResult, ProblemResponse, Refusal};
 use crate::http::read::Json;
 use crate::http::state::App;
 use crate::store::Enrolment;
@@ -67,5 +67,9 @@ fn enrolment_problem(problems: Vec<RowProblem>) -> ProblemResponse {
         "{rows} {what} be used, so no trainee was enrolled. Correct the rows listed in `problems` and send the list \
          again."
     );
-    Refusal::Invalid.with(detail).member("problems", serde_json::json!(problems))
+    let errors = problems.iter().map(|RowProblem { row, field, message }| FieldError {
+        field: format!("rows[{}].{field}", row - 1),
+        message: message.clone(),
+    });
+    Refusal::Invalid.with(detail).errors(errors).member("problems", serde_json::json!(problems))
 }

@@ -5,10 +5,12 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
 use super::append::receive;
-use super::headers::{TUS_VERSION, UPLOAD_LENGTH, UPLOAD_METADATA, checksum, header_number, header_text, is_piece};
+use super::headers::{
+    TUS_VERSION, UPLOAD_LENGTH, UPLOAD_METADATA, checksum, header_number, header_problem, header_text, is_piece,
+};
 use super::progress_headers;
 use crate::http::auth::signed_in::Member;
-use crate::http::error::{HandlerResult, Refusal};
+use crate::http::error::HandlerResult;
 use crate::http::state::App;
 use crate::intake::tus::{CHECKSUMS, EXTENSIONS, Metadata, VERSION};
 use crate::intake::{RecordingDescription, UploadProgress};
@@ -56,7 +58,8 @@ pub async fn create(State(app): State<App>, by: Member, request: Request) -> Han
 
 fn upload_length(headers: &HeaderMap) -> HandlerResult<u64> {
     if headers.contains_key("upload-defer-length") {
-        return Err(Refusal::BadRequest.with("Send `Upload-Length` now: deferred lengths are not supported."));
+        let detail = "Send `Upload-Length` now: deferred lengths are not supported.";
+        return Err(header_problem(&UPLOAD_LENGTH, detail));
     }
     header_number(headers, &UPLOAD_LENGTH)
 }

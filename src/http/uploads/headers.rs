@@ -20,6 +20,8 @@ pub const UPLOAD_OFFSET: HeaderName = HeaderName::from_static("upload-offset");
 pub const UPLOAD_LENGTH: HeaderName = HeaderName::from_static("upload-length");
 /// The sender's metadata on the recording.
 pub const UPLOAD_METADATA: HeaderName = HeaderName::from_static("upload-metadata");
+/// Checksum of the bytes in the request.
+pub const UPLOAD_CHECKSUM: HeaderName = HeaderName::from_static("upload-checksum");
 /// When the upload is deleted unless it continues.
 pub const UPLOAD_EXPIRES: HeaderName = HeaderName::from_static("upload-expires");
 /// The session that the upload became.
@@ -50,7 +52,7 @@ pub fn header_text(headers: &HeaderMap, name: &HeaderName) -> HandlerResult<Opti
     let Some(value) = headers.get(name) else { return Ok(None) };
     let text = value
         .to_str()
-        .map_err(|_| Refusal::BadRequest.with(format!("`{name}` may contain only visible ASCII characters.")))?;
+        .map_err(|_| header_problem(name, format!("`{name}` may contain only visible ASCII characters.")))?;
     Ok(Some(text.to_owned()))
 }
 
@@ -60,8 +62,13 @@ pub fn header_number(headers: &HeaderMap, name: &HeaderName) -> HandlerResult<u6
     let number = value.as_deref().map(u64::from_str);
     match number {
         Some(Ok(number)) => Ok(number),
-        _ => Err(Refusal::BadRequest.with(format!("`{name}` must be a number of bytes, 0 or more."))),
+        _ => Err(header_problem(name, format!("`{name}` must be a number of bytes, 0 or more."))),
     }
+}
+
+/// The problem for a header that cannot be used.
+pub fn header_problem(name: &HeaderName, detail: impl Into<String>) -> ProblemResponse {
+    Refusal::BadRequest.with(detail).of_field(name.as_str())
 }
 
 /// Whether the body is a piece of a recording.
@@ -79,12 +86,16 @@ pub fn expect_piece(headers: &HeaderMap) -> HandlerResult<()> {
 
 /// The body's checksum, if the request states one.
 pub fn checksum(headers: &HeaderMap) -> HandlerResult<Option<Checksum>> {
-    let value = header_text(headers, &HeaderName::from_static("upload-checksum"))?;
+    let value = header_text(headers, &UPLOAD_CHECKSUM)?;
     Ok(value.as_deref().map(Checksum::parse).transpose()?)
 }
 
 impl From<HeaderProblem> for ProblemResponse {
     fn from(problem: HeaderProblem) -> Self {
-        Refusal::BadRequest.with(format!("{problem}."))
+        let name = match problem {
+            HeaderProblem::Metadata(_) => &UPLOAD_METADATA,
+            HeaderProblem::Checksum => &UPLOAD_CHECKSUM,
+        };
+        header_problem(name, format!("{problem}."))
     }
 }

@@ -9,7 +9,8 @@ use serde_json::Value;
 use super::centre::Centre;
 use crate::support::{Service, problem};
 
-fn operations(document: &Value) -> Vec<(String, String, &Value)> {
+/// Path, method in lower case, and description of each operation.
+pub fn operations(document: &Value) -> Vec<(String, String, &Value)> {
     let paths = document["paths"].as_object().unwrap();
     paths
         .iter()

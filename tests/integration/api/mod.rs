@@ -13,6 +13,7 @@ mod models;
 mod nouns;
 mod overview;
 mod playback;
+mod problems;
 mod process;
 mod progress;
 mod progress_load;
