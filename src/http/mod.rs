@@ -2,7 +2,7 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | [`router`] | every route, in one list |
+//! | [`router`] [`replaced_routes`] | every route, in one list; the old names of routes that were replaced |
 //! | [`error`] | every error as a status and a problem document |
 //! | [`auth`] | authentication: the one place that creates a [`Scope`](crate::domain::scope::Scope) |
 //! | [`read`] [`show`] | parts of requests (bodies, queries, ids); parts of answers (JSON, pages, times) |
@@ -43,6 +43,7 @@ pub mod protect;
 mod push;
 pub mod range;
 pub mod read;
+mod replaced_routes;
 pub mod rescorings;
 pub mod router;
 pub mod server;

@@ -154,9 +154,9 @@ pub async fn get(State(app): State<App>, by: Administrator, at: PathKey) -> Hand
 
 /// Cancel a rescoring
 ///
-/// Waiting sessions keep their results; running ones are stopped.
-#[utoipa::path(delete, path = "/rescorings/{id}", tag = "rescorings", params(("id" = String, Path, description = "id")),
-    responses((status = NO_CONTENT)))]
+/// Waiting and queued sessions keep their results; running ones run to their end.
+#[utoipa::path(post, path = "/rescorings/{id}/cancel", tag = "rescorings",
+    params(("id" = String, Path, description = "id")), responses((status = NO_CONTENT)))]
 pub async fn cancel(State(app): State<App>, by: Administrator, at: PathKey) -> HandlerResult<StatusCode> {
     app.store.rescorings().cancel(&by.scope, at.id()?).await?;
     app.events.publish(crate::events::Event::Queue);

@@ -16,7 +16,7 @@ use super::state::App;
 use super::{attention, service};
 use super::{
     boxes, cohorts, courses, dashboard, docs, events, features, feed, groups, health, jobs, observe, people, protect,
-    push, rescorings, sessions, tasks, tokens,
+    push, replaced_routes, rescorings, sessions, tasks, tokens,
 };
 use super::{error, openapi, trainees, uploads};
 
@@ -34,6 +34,7 @@ fn api_routes() -> OpenApiRouter<App> {
         .merge(session_routes())
         .merge(upload_routes())
         .merge(operation_routes())
+        .merge(replaced_routes::replaced_routes())
 }
 
 /// Sign-in, accounts and tokens.
@@ -66,7 +67,7 @@ fn box_routes() -> OpenApiRouter<App> {
         .routes(routes!(boxes::camera, boxes::put_camera))
         .routes(routes!(boxes::calibrations, boxes::calibrate))
         .routes(routes!(boxes::check_photo))
-        .routes(routes!(boxes::palette, boxes::put_palette))
+        .routes(routes!(boxes::palettes, boxes::learn_palette))
         .routes(routes!(boxes::preview_palette))
         .routes(routes!(boxes::advise))
         .routes(routes!(boxes::self_tests, boxes::test))
@@ -106,7 +107,8 @@ fn rescoring_routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(rescorings::create))
         .routes(routes!(rescorings::list))
-        .routes(routes!(rescorings::get, rescorings::cancel))
+        .routes(routes!(rescorings::get))
+        .routes(routes!(rescorings::cancel))
         .routes(routes!(rescorings::sessions))
         .routes(routes!(rescorings::trainees))
 }

@@ -127,8 +127,8 @@ pub async fn service(State(app): State<App>, by: Administrator) -> HandlerResult
     }))
 }
 
-/// List the audit log: changes of people's data, newest first
-#[utoipa::path(get, path = "/audit", tag = "operation", params(Paging),
+/// List the entries of the audit trail: changes of people's data, newest first
+#[utoipa::path(get, path = "/audit-entries", tag = "operation", params(Paging),
     responses((status = OK, body = PageResponse<AuditChange>)))]
 pub async fn audit(
     State(app): State<App>,

@@ -55,10 +55,10 @@ impl From<store::PaletteRecord> for PaletteResponse {
 }
 
 /// List the versions of a box's colours, newest first
-#[utoipa::path(get, path = "/boxes/{id}/palette", tag = "boxes",
+#[utoipa::path(get, path = "/boxes/{id}/palettes", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     responses((status = OK, body = PageResponse<PaletteResponse>)))]
-pub async fn palette(
+pub async fn palettes(
     State(app): State<App>,
     by: Member,
     PathKey(key): PathKey,
@@ -85,11 +85,11 @@ pub struct PaletteForm {
 /// Learn the box's colours from marked frames
 ///
 /// A job learns the next version of the colours.
-#[utoipa::path(put, path = "/boxes/{id}/palette", tag = "boxes",
+#[utoipa::path(post, path = "/boxes/{id}/palettes", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     request_body(content = PaletteForm, content_type = "multipart/form-data"),
     responses((status = ACCEPTED, body = QueuedJobResponse)))]
-pub async fn put_palette(
+pub async fn learn_palette(
     State(app): State<App>,
     by: Staff,
     PathKey(key): PathKey,
@@ -161,7 +161,7 @@ pub struct AdviceForm {
 ///
 /// Takes a picture of the box without tools. A job ranks the tapes; read the job once it is done: its `advice` holds
 /// the ranking.
-#[utoipa::path(post, path = "/boxes/{id}/palette/advice", tag = "boxes",
+#[utoipa::path(post, path = "/boxes/{id}/palettes/advice", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     request_body(content = AdviceForm, content_type = "multipart/form-data"),
     responses((status = ACCEPTED, body = QueuedJobResponse)))]

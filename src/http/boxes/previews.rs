@@ -61,7 +61,7 @@ pub async fn check_photo(
 /// Preview what the marked colours would detect as tape
 ///
 /// Takes a few frames, with or without marks. Nothing is learned or stored.
-#[utoipa::path(post, path = "/boxes/{id}/palette/preview", tag = "boxes",
+#[utoipa::path(post, path = "/boxes/{id}/palettes/preview", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     request_body(content = PaletteForm, content_type = "multipart/form-data",
         description = "The same form as for learning the colours, but with pictures only, at most 8. Frames without \

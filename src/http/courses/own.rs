@@ -58,7 +58,7 @@ impl OwnCourseResponse {
 /// Read a trainee's progress in the courses of their groups, latest first
 ///
 /// Instructors see the courses of the groups that they teach.
-#[utoipa::path(get, path = "/trainees/{id}/course", tag = "courses",
+#[utoipa::path(get, path = "/trainees/{id}/courses", tag = "courses",
     params(("id" = String, Path, description = "id or code")),
     responses((status = OK, body = PageResponse<OwnCourseResponse>)))]
 pub async fn of_trainee(

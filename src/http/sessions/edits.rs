@@ -131,8 +131,9 @@ pub async fn edit(
 
 /// Undo an edit
 ///
-/// It stays in the list, with the time of the undo and the name of the person.
-#[utoipa::path(delete, path = "/sessions/{id}/edits/{edit}", tag = "sessions",
+/// It stays in the list, with the time of the undo and the name of the person. A job computes the new score, if the
+/// edit changed it.
+#[utoipa::path(post, path = "/sessions/{id}/edits/{edit}/undo", tag = "sessions",
     params(("id" = String, Path, description = "id"), ("edit" = String, Path, description = "id of the edit")),
     responses((status = OK, body = EditResponse)))]
 pub async fn undo_edit(

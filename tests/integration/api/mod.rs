@@ -18,6 +18,7 @@ mod process;
 mod progress;
 mod progress_load;
 mod ratings;
+mod replaced_routes;
 mod rescoring;
 mod roles;
 mod self_tests;
