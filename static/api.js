@@ -132,12 +132,13 @@ export const api = {
     ...resource('rescorings'),
     trainees: (id, query, signal) => request('GET', ['rescorings', id, 'trainees'], { query, signal }),
     sessions: (id, query, signal) => request('GET', ['rescorings', id, 'sessions'], { query, signal }),
+    cancel: id => request('POST', ['rescorings', id, 'cancel']),
   },
   /** Enrols many trainees at once: all or none. */
   enrol: (rows, onlyCheck) => request('POST', ['enrolments'], { json: { rows, only_check: onlyCheck } }),
   attention: signal => request('GET', ['attention'], { signal }),
   service: signal => request('GET', ['service'], { signal }),
-  audit: (query, signal) => request('GET', ['audit'], { query, signal }),
+  audit: (query, signal) => request('GET', ['audit-entries'], { query, signal }),
   /** The catalogue of features that can be measured. */
   features: signal => request('GET', ['features'], { signal }).then(page => page.items),
   /** The forms for rating sessions. */
@@ -151,7 +152,7 @@ export const api = {
     /** `query`: task, feature, tool, space, cohort. */
     progress: (id, query, signal) => request('GET', ['trainees', id, 'progress'], { query, signal }),
     /** The courses of the trainee's groups, latest first. */
-    courses: (id, signal) => request('GET', ['trainees', id, 'course'], { signal }).then(page => page.items),
+    courses: (id, signal) => request('GET', ['trainees', id, 'courses'], { signal }).then(page => page.items),
   },
   boxes: {
     ...resource('boxes'),
@@ -162,12 +163,12 @@ export const api = {
     /** Checks one photo of the board immediately. */
     checkPhoto: (id, form) => request('POST', ['boxes', id, 'calibrations', 'check'], { form }),
     /** The versions of the palette, newest first. */
-    palettes: id => fetchAll(['boxes', id, 'palette']),
-    putPalette: (id, form) => request('PUT', ['boxes', id, 'palette'], { form }),
+    palettes: id => fetchAll(['boxes', id, 'palettes']),
+    learnPalette: (id, form) => request('POST', ['boxes', id, 'palettes'], { form }),
     /** Shows what the marks would classify as tape on a few frames, immediately; nothing is learned. */
-    previewPalette: (id, form, signal) => request('POST', ['boxes', id, 'palette', 'preview'], { form, signal }),
+    previewPalette: (id, form, signal) => request('POST', ['boxes', id, 'palettes', 'preview'], { form, signal }),
     /** Asks which tapes suit the box in a picture: starts a job, which holds the advice when it is done. */
-    advise: (id, form) => request('POST', ['boxes', id, 'palette', 'advice'], { form }),
+    advise: (id, form) => request('POST', ['boxes', id, 'palettes', 'advice'], { form }),
     /** The latest 100, newest first. */
     selfTests: id => fetchAll(['boxes', id, 'self-tests'], {}, 100),
     selfTest: (id, form) => request('POST', ['boxes', id, 'self-tests'], { form }),
@@ -187,7 +188,7 @@ export const api = {
     /** The session's edits: trims, swapped tool names, set aside. */
     edits: (id, signal) => request('GET', ['sessions', id, 'edits'], { signal }),
     edit: (id, json) => request('POST', ['sessions', id, 'edits'], { json }),
-    undo: (id, edit) => request('DELETE', ['sessions', id, 'edits', edit]),
+    undo: (id, edit) => request('POST', ['sessions', id, 'edits', edit, 'undo']),
     /** `evidence`: which stretches of the recording produced the features. `advice`: what to work on next. */
     evidence: (id, signal) => request('GET', ['sessions', id, 'evidence'], { signal }),
     advice: (id, signal) => request('GET', ['sessions', id, 'advice'], { signal }),

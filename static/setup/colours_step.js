@@ -73,7 +73,7 @@ function Learn({ box, draft, tapes, onProblem, onChange }) {
     setSending(true);
     onProblem(null);
     try {
-      draft.job.colours = jobIdOf(await api.boxes.putPalette(box.id, paletteForm(box, draft)));
+      draft.job.colours = jobIdOf(await api.boxes.learnPalette(box.id, paletteForm(box, draft)));
     } catch (error) {
       onProblem(asProblem(error));
     }

@@ -263,17 +263,17 @@ test('the service page shows the version, storage and changes that REST returns'
   await page.getByText(`${storage.files} file`).waitFor();
   const first = page.locator('table tbody tr').first();
   await first.waitFor();
-  const [latest] = (await getJson('audit?limit=1')).items;
+  const [latest] = (await getJson('audit-entries?limit=1')).items;
   assert.match(await first.innerText(), new RegExp(`${latest.action} ${latest.noun}`));
   const rows = page.locator('tbody tr');
-  const all = (await getJson('audit?limit=50')).items.length;
+  const all = (await getJson('audit-entries?limit=50')).items.length;
   assert.equal(await rows.count(), Math.min(25, all));
   if (all > 25) {
     const wait = async route => (await new Promise(done => setTimeout(done, 500)), route.continue());
-    await page.route('**/audit?*', wait);
+    await page.route('**/audit-entries?*', wait);
     await button('Earlier changes').dblclick();
     await page.waitForFunction(() => document.querySelectorAll('tbody tr').length > 25 && !document.querySelector('.pager [aria-disabled=true]'));
-    await page.unroute('**/audit?*', wait);
+    await page.unroute('**/audit-entries?*', wait);
     assert.equal(await rows.count(), all, 'two clicks load one page of changes');
   } else assert.equal(await button('Earlier changes').count(), 0);
   await takePictures('09-service');

@@ -161,7 +161,7 @@ test('a trainee sees the next step and its due date, and nothing of others', asy
     await page.goto(url + path);
     await page.locator('main', { hasText: 'There is no such page' }).waitFor();
   }
-  const status = await page.evaluate(async at => (await fetch(at)).status, `/api/v1/trainees/${made.ben.id}/course`);
+  const status = await page.evaluate(async at => (await fetch(at)).status, `/api/v1/trainees/${made.ben.id}/courses`);
   assert.equal(status, 404);
 });
 
@@ -215,12 +215,12 @@ test('a plan cannot be deleted while a group follows it, and can be deleted afte
   await page.getByText('This group follows no course plan').waitFor();
   await remove();
   await page.locator('tr', { hasText: PLAN }).waitFor({ state: 'detached' });
-  assert.deepEqual((await teacher.getJson(`trainees/${made.ada.id}/course`)).items, []);
+  assert.deepEqual((await teacher.getJson(`trainees/${made.ada.id}/courses`)).items, []);
 });
 
 test('no page sent a request to another origin, violated the security policy or threw an error', () => {
   const stillFollowed = /status of 409 .*\/courses\//; // The plan could not be deleted.
-  const otherTrainee = /status of 404 .*\/course$/; // A trainee may not see another trainee's course.
+  const otherTrainee = /status of 404 .*\/courses$/; // A trainee may not see another trainee's course.
   for (const user of [admin, teacher, trainee]) {
     const { foreign, errors } = user.pageFaults();
     assert.deepEqual([foreign, errors.filter(line => !stillFollowed.test(line) && !otherTrainee.test(line))], [[], []]);

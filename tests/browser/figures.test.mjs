@@ -327,7 +327,7 @@ async function figuresOfBoxes() {
 
 async function figuresOfBox() {
   const at = `boxes/${session.box.id}`;
-  const [camera, palettes, tests] = [await getJson(`${at}/camera`), await getAll(`${at}/palette`), await getAll(`${at}/self-tests`)];
+  const [camera, palettes, tests] = [await getJson(`${at}/camera`), await getAll(`${at}/palettes`), await getAll(`${at}/self-tests`)];
   const card = name => page.locator('section.card', { has: page.getByRole('heading', { level: 2, name, exact: true }) });
   const said = await facts(card('Camera').locator('dl.facts').first());
   const figures = [

@@ -49,7 +49,7 @@ async function importSession(name, frames, outlier) {
   const [trainee, task] = [(await getJson('trainees')).items[0].code, (await getJson('tasks')).items[0].code];
   const boxes = (await getJson('boxes')).items;
   const box = boxes.find(one => one.name === process.env.TROCAR_BOX) ?? boxes[0];
-  const path = await getJson(`boxes/${box.id}/palette`).then(answer => answer.items?.[0]?.tools?.map(tool => tool.name ?? tool.tool));
+  const path = await getJson(`boxes/${box.id}/palettes`).then(answer => answer.items?.[0]?.tools?.map(tool => tool.name ?? tool.tool));
   tools = path?.length > 1 ? path.slice(0, 2) : (tools ?? ['orange', 'cyan']);
   const at = `/api/v1/sessions/import?trainee=${trainee}&task=${task}&box=${box.code}&tracker=Test&filename=${name}-${Date.now()}.csv`;
   const made = await page.evaluate(
@@ -119,7 +119,7 @@ const near = (a, b, share = 0.02) => Math.abs(a - b) <= share * Math.abs(b);
 
 async function undoAll(id) {
   for (const one of (await getJson(`sessions/${id}/edits`)).items.filter(item => !item.undone))
-    await page.evaluate(at => fetch(at, { method: 'DELETE' }), `/api/v1/sessions/${id}/edits/${one.id}`);
+    await page.evaluate(at => fetch(at, { method: 'POST' }), `/api/v1/sessions/${id}/edits/${one.id}/undo`);
   await undone(id);
 }
 

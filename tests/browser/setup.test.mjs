@@ -244,7 +244,7 @@ test('the colours are learned from the strokes, and the box is ready', async () 
   assert.ok(palette === 1 && calibration, 'REST says the same');
   assert.equal(view, 'top');
   assert.deepEqual(tools.map(({ diameter_mm }) => diameter_mm).sort(), marks.tools.map(tool => tool.diameter_mm).sort());
-  const [{ annotations, verdicts }] = (await getJson(`boxes/${box}/palette`)).items;
+  const [{ annotations, verdicts }] = (await getJson(`boxes/${box}/palettes`)).items;
   assert.ok(annotations.labels.some(({ stroke }) => stroke > 0), 'the annotations include strokes');
   assert.deepEqual(verdicts.map(({ grade }) => grade).filter(grade => grade === 'bad'), []);
   await page.getByText('This box is ready').waitFor();

@@ -95,7 +95,7 @@ export function PaletteForm({ box, onChange }) {
     form.append('annotations', file, 'annotations.json');
     if (clip) form.append('video', clip, clip.name);
     else for (const frame of frames) form.append(`frame_${frameNumber(frame.name)}`, frame, frame.name);
-    setJob(jobIdOf(await api.boxes.putPalette(box.id, form)));
+    setJob(jobIdOf(await api.boxes.learnPalette(box.id, form)));
   };
   return html`
     <section class="stack">

@@ -46,7 +46,7 @@ export function Rescorings({ task }) {
       ${open === 'new' && html`<${Dialog} title=${words.start} onClose=${close}>
         <${Form} fields=${FIELDS} onSave=${submitOrder} onCancel=${close} submit=${words.order} busyWords=${words.ordering} /><//>`}
       ${open?.id && html`<${Confirm} title=${words.cancelTitle} body=${words.cancelBody} yes=${words.cancel}
-        onYes=${() => api.rescorings.remove(open.id).then(reload)} onClose=${close} />`}
+        onYes=${() => api.rescorings.cancel(open.id).then(reload)} onClose=${close} />`}
     </section>`;
 }
 
