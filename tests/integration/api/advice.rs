@@ -9,7 +9,7 @@ use super::centre::Centre;
 use crate::feed::scene::Folder;
 use crate::support::{Client, Service, problem, read};
 
-const ADVICE: &str = "/api/v1/boxes/box-1/palette/advice";
+const ADVICE: &str = "/api/v1/boxes/box-1/palettes/advice";
 
 fn form(picture: Vec<u8>) -> Form {
     Form::new().part("picture", Part::bytes(picture).file_name("box.jpg"))
@@ -50,7 +50,11 @@ async fn a_picture_of_the_box_ranks_tapes_and_pairs_and_warns_of_its_own_colours
     assert!(!pairs[0]["tapes"].as_array().unwrap().contains(&json!("red")), "{}", pairs[0]);
     let listed = centre.instructor.read("/api/v1/jobs").await;
     assert_eq!(listed["items"][0]["advice"], Value::Null, "lists stay short");
-    assert_eq!(centre.instructor.read("/api/v1/boxes/box-1/palette").await["items"], json!([]), "no palette is stored");
+    assert_eq!(
+        centre.instructor.read("/api/v1/boxes/box-1/palettes").await["items"],
+        json!([]),
+        "no palette is stored"
+    );
 
     let recording = Folder::of("--seed 1 --frames 2 --size 320x180");
     let job = advice_job(&centre.instructor, std::fs::read(recording.file("clip.mp4")).unwrap()).await;

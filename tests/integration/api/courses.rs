@@ -47,7 +47,7 @@ async fn a_plan_is_made_read_changed_and_deleted() {
     let changed = read(put(&centre.other_instructor, &path, fewer).await, StatusCode::OK).await;
     assert_eq!((&changed["name"], changed["steps"].as_array().unwrap().len()), (&json!("Fewer"), 1));
     assert_eq!(centre.instructor.read(COURSES).await["items"], json!([changed]));
-    let last = centre.administrator.read("/api/v1/audit?limit=1").await["items"][0].clone();
+    let last = centre.administrator.read("/api/v1/audit-entries?limit=1").await["items"][0].clone();
     assert_eq!((&last["who"], &last["action"], &last["called"]), (&json!("omar"), &json!("change"), &json!("Fewer")));
     assert_eq!(centre.instructor.delete(&path).await.status(), StatusCode::NO_CONTENT);
     problem(centre.instructor.get(&path).await, 404, "not-found").await;
@@ -111,11 +111,11 @@ async fn a_groups_table_and_a_trainees_own_view_show_the_same_progress() {
     assert_eq!((&step["state"], &step["sessions"], &step["missing"]), (&json!("in_work"), &json!(3), &json!(2)));
     assert_eq!((&step["overdue"], &row["steps"][0]["overdue"]), (&json!(true), &json!(false)));
 
-    let own = centre.trainee.read("/api/v1/trainees/ada/course").await["items"][0].clone();
+    let own = centre.trainee.read("/api/v1/trainees/ada/courses").await["items"][0].clone();
     let own_steps: Vec<&Value> = own["steps"].as_array().unwrap().iter().map(|step| &step["progress"]).collect();
     assert_eq!(own_steps, row["steps"].as_array().unwrap().iter().collect::<Vec<_>>());
     assert_eq!((&own["next"], &own["course"], &own["group"]), (&json!(2), &table["course"], &Value::Null));
-    let staff = centre.instructor.read("/api/v1/trainees/ada/course").await;
+    let staff = centre.instructor.read("/api/v1/trainees/ada/courses").await;
     assert_eq!(staff["items"][0]["group"]["name"], "One");
 }
 
@@ -139,13 +139,13 @@ async fn courses_are_limited_to_people_in_the_callers_scope() {
         problem(client.get(&one).await, status, name).await;
         problem(client.delete(&one).await, status, name).await;
     }
-    let own = "/api/v1/trainees/ada/course";
+    let own = "/api/v1/trainees/ada/courses";
     for client in [&centre.administrator, &centre.instructor, &centre.trainee] {
         assert_eq!(client.read(own).await["items"].as_array().unwrap().len(), 1);
     }
     for client in [&centre.other_instructor, &centre.other_trainee] {
         problem(client.get(own).await, 404, "not-found").await;
-        assert_eq!(client.read("/api/v1/trainees/bob/course").await["items"], json!([]));
+        assert_eq!(client.read("/api/v1/trainees/bob/courses").await["items"], json!([]));
     }
     problem(centre.agent.get(COURSES).await, 403, "forbidden").await;
     problem(centre.trainee.post(COURSES, json!({"name": "Mine", "steps": []})).await, 403, "forbidden").await;

@@ -51,7 +51,7 @@ async fn wait_for_score(client: &Client, at: &str) -> Value {
 }
 
 async fn undo_edit(client: &Client, at: &str, edit: &Value) -> Value {
-    let answer = client.delete(&format!("{at}/edits/{}", edit["id"].as_str().unwrap())).await;
+    let answer = client.post(&format!("{at}/edits/{}/undo", edit["id"].as_str().unwrap()), Value::Null).await;
     let undone = read(answer, StatusCode::OK).await;
     wait_for_score(client, at).await;
     undone
@@ -189,7 +189,7 @@ async fn a_session_that_is_set_aside_counts_nowhere_until_that_is_undone() {
     let edits = centre.trainee.read(&format!("{at}/edits")).await;
     assert_eq!((&edits["score"], &edits["revision"]), (&json!("current"), &json!(0)), "its score is unchanged");
 
-    let undo = centre.instructor.delete(&format!("{at}/edits/{}", edit["id"].as_str().unwrap())).await;
+    let undo = centre.instructor.post(&format!("{at}/edits/{}/undo", edit["id"].as_str().unwrap()), Value::Null).await;
     assert_eq!(read(undo, StatusCode::OK).await["undone"]["who"], "ines");
     assert_eq!((&progress().await["sessions"][1]["set_aside"], table().await), (&Value::Null, 2));
 }
@@ -209,10 +209,10 @@ async fn edits_without_permission_and_impossible_edits_are_refused() {
         problem(centre.other_instructor.post(path, trim.clone()).await, 404, "not-found").await;
     }
     let made = make_edit(&centre.instructor, &at, trim).await;
-    let one = format!("{edits}/{}", made["id"].as_str().unwrap());
-    problem(centre.other_instructor.delete(&one).await, 404, "not-found").await;
-    problem(centre.trainee.delete(&one).await, 403, "forbidden").await;
-    problem(centre.instructor.delete(&format!("{edits}/{MISSING}")).await, 404, "not-found").await;
+    let undo = format!("{edits}/{}/undo", made["id"].as_str().unwrap());
+    problem(centre.other_instructor.post(&undo, Value::Null).await, 404, "not-found").await;
+    problem(centre.trainee.post(&undo, Value::Null).await, 403, "forbidden").await;
+    problem(centre.instructor.post(&format!("{edits}/{MISSING}/undo"), Value::Null).await, 404, "not-found").await;
     for body in [
         json!({"kind": "trim", "from_s": 40.0, "to_s": 50.0, "why": "x"}),
         json!({"kind": "trim", "from_s": 12.0, "to_s": 20.0, "why": "x"}),

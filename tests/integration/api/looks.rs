@@ -10,7 +10,7 @@ use crate::process::program;
 use crate::support::{Client, problem, read};
 
 const CHECK: &str = "/api/v1/boxes/box-1/calibrations/check";
-const PREVIEW: &str = "/api/v1/boxes/box-1/palette/preview";
+const PREVIEW: &str = "/api/v1/boxes/box-1/palettes/preview";
 
 fn board_photo() -> DynamicImage {
     let folder = tempfile::tempdir().unwrap();
@@ -150,7 +150,7 @@ async fn marks_on_one_frame_show_the_tape_on_another_and_nothing_is_stored() {
     assert_eq!(rectangles(&mask), [json!(2), json!(2)]);
     let painted = ask(&marks(Some(1)), &[(0, 40)]).await;
     assert_eq!(rectangles(&painted), [json!(1), json!(1)], "marks of one stroke count as one rectangle");
-    assert_eq!(ines.read("/api/v1/boxes/box-1/palette").await["items"], json!([]));
+    assert_eq!(ines.read("/api/v1/boxes/box-1/palettes").await["items"], json!([]));
 
     let refused = async |form: Form| {
         problem(ines.request(Method::POST, PREVIEW).multipart(form).send().await.unwrap(), 422, "invalid").await

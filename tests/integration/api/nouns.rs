@@ -91,7 +91,7 @@ async fn photos_and_annotations_become_jobs() {
     let annotations =
         r#"{"tool_diameter_mm":8.0,"view":"top","labels":[{"frame":1,"label":"orange","x":1,"y":2,"w":3,"h":4}]}"#;
     let form = reqwest::multipart::Form::new().text("annotations", annotations).part("video", part("clip.mp4"));
-    let answer = centre.instructor.request(Method::PUT, "/api/v1/boxes/box-1/palette").multipart(form);
+    let answer = centre.instructor.request(Method::POST, "/api/v1/boxes/box-1/palettes").multipart(form);
     let accepted = read(answer.send().await.unwrap(), StatusCode::ACCEPTED).await;
     let job = centre.instructor.read(&format!("/api/v1/jobs/{}", accepted["job"].as_str().unwrap())).await;
     assert_eq!(job["kind"], "palette");
@@ -114,11 +114,11 @@ async fn an_incomplete_or_invalid_form_is_refused() {
     ] {
         problem(send(calibrations, Method::POST, form).await.unwrap(), 422, "invalid").await;
     }
-    let palette = "/api/v1/boxes/box-1/palette";
+    let palettes = "/api/v1/boxes/box-1/palettes";
     for form in [form().text("annotations", "{}"), form().text("annotations", "{").text("video", "x")] {
-        problem(send(palette, Method::PUT, form).await.unwrap(), 422, "invalid").await;
+        problem(send(palettes, Method::POST, form).await.unwrap(), 422, "invalid").await;
     }
-    problem(centre.instructor.put(palette, json!({})).await, 415, "unsupported-media-type").await;
+    problem(centre.instructor.post(palettes, json!({})).await, 415, "unsupported-media-type").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -242,14 +242,14 @@ async fn administrators_read_the_state_of_the_service_and_the_audit_log() {
     assert!(service["storage"]["free_bytes"].as_u64() > Some(1_000_000), "{service}");
     assert_eq!(service["settings"]["unfinished_upload_h"], 48);
     centre.instructor.make("/api/v1/tasks", json!({"name": "Cutting"})).await;
-    let page = centre.administrator.read("/api/v1/audit?limit=1").await;
+    let page = centre.administrator.read("/api/v1/audit-entries?limit=1").await;
     let last = &page["items"][0];
     let entry = (&last["who"], &last["by"], &last["action"], &last["noun"]);
     assert_eq!(entry, (&json!("ines"), &json!("person"), &json!("create"), &json!("task")));
     let cursor = page["next"].as_str().unwrap();
-    let next = centre.administrator.read(&format!("/api/v1/audit?limit=1&cursor={cursor}")).await;
+    let next = centre.administrator.read(&format!("/api/v1/audit-entries?limit=1&cursor={cursor}")).await;
     assert!(next["items"][0]["id"].as_i64() < last["id"].as_i64(), "{next}");
-    for path in ["/api/v1/service", "/api/v1/audit"] {
+    for path in ["/api/v1/service", "/api/v1/audit-entries"] {
         for client in [&centre.instructor, &centre.trainee, &centre.agent] {
             problem(client.get(path).await, 403, "forbidden").await;
         }

@@ -164,14 +164,14 @@ async fn a_cancelled_order_leaves_the_remaining_sessions_unchanged() {
     until(&centre, &id, |order| order["sessions"]["working"] == 2).await;
     planter.rescore(PIPELINE_VERSION, |old| duration(old, 1.0)).await;
     until(&centre, &id, |order| order["sessions"]["done"] == 1).await;
-    let path = format!("/api/v1/rescorings/{id}");
-    assert_eq!(centre.administrator.delete(&path).await.status(), StatusCode::NO_CONTENT);
+    let cancel = format!("/api/v1/rescorings/{id}/cancel");
+    assert_eq!(centre.administrator.post(&cancel, Value::Null).await.status(), StatusCode::NO_CONTENT);
     let ended = until(&centre, &id, |order| order["ended_at"] != Value::Null).await;
     assert_eq!((&ended["sessions"]["done"], &ended["sessions"]["cancelled"]), (&json!(1), &json!(3)), "{ended}");
     let open = centre.administrator.read("/api/v1/jobs?open=true").await;
     assert_eq!(open["items"], json!([]), "nothing is left in the queue");
     assert_eq!(
-        centre.administrator.delete(&path).await.status(),
+        centre.administrator.post(&cancel, Value::Null).await.status(),
         StatusCode::NO_CONTENT,
         "the order has ended already"
     );
@@ -188,13 +188,13 @@ async fn only_administrators_order_and_read_and_cancel() {
         for part in ["", "/sessions", "/trainees"] {
             problem(client.get(&format!("/api/v1/rescorings/{id}{part}")).await, 403, "forbidden").await;
         }
-        problem(client.delete(&format!("/api/v1/rescorings/{id}")).await, 403, "forbidden").await;
+        problem(client.post(&format!("/api/v1/rescorings/{id}/cancel"), Value::Null).await, 403, "forbidden").await;
     }
     let missing = "/api/v1/rescorings/0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44";
     for part in ["", "/sessions", "/trainees"] {
         problem(centre.administrator.get(&format!("{missing}{part}")).await, 404, "not-found").await;
     }
-    problem(centre.administrator.delete(missing).await, 404, "not-found").await;
+    problem(centre.administrator.post(&format!("{missing}/cancel"), Value::Null).await, 404, "not-found").await;
     problem(centre.administrator.post(ORDERS, json!({"from": "memory"})).await, 422, "invalid").await;
     // A session that is erased meanwhile leaves the order.
     let session = centre.administrator.read("/api/v1/sessions").await["items"][0]["id"].as_str().unwrap().to_owned();

@@ -69,7 +69,7 @@ async fn a_box_is_tested_and_its_light_is_red_once_its_tool_is_described_wrongly
     assert_eq!(ada.read("/api/v1/boxes/box-1").await["self_test"], Value::Null);
 
     send_and_wait(ines, Method::POST, "/api/v1/boxes/box-1/calibrations", scene.calibration()).await;
-    send_and_wait(ines, Method::PUT, "/api/v1/boxes/box-1/palette", scene.palette(5.0)).await;
+    send_and_wait(ines, Method::POST, "/api/v1/boxes/box-1/palettes", scene.palette(5.0)).await;
     let without_video = Form::new().text("reach_mm", "0");
     for form in [without_video, scene.recording().text("board", "9x6"), scene.recording().text("reach_mm", "-1")] {
         problem(send(ines, form).await.unwrap(), 422, "invalid").await;
@@ -99,7 +99,7 @@ async fn a_box_is_tested_and_its_light_is_red_once_its_tool_is_described_wrongly
         "the same test again is not repeated"
     );
 
-    send_and_wait(ines, Method::PUT, "/api/v1/boxes/box-1/palette", scene.palette(6.0)).await;
+    send_and_wait(ines, Method::POST, "/api/v1/boxes/box-1/palettes", scene.palette(6.0)).await;
     send_and_wait(ines, Method::POST, TESTS, scene.recording()).await;
     let tests = ines.read(TESTS).await["items"].clone();
     let lights: Vec<&Value> = tests.as_array().unwrap().iter().map(|test| &test["light"]).collect();

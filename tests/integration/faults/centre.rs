@@ -117,7 +117,7 @@ impl Centre {
             .text("annotations", std::fs::read_to_string(self.scene("annotations.json")).unwrap())
             .part("video", reqwest::multipart::Part::bytes(std::fs::read(self.scene("clip.mp4")).unwrap()));
         let queued =
-            json_of(self.request(Method::PUT, "/boxes/box-1/palette").multipart(form).send().await.unwrap()).await;
+            json_of(self.request(Method::POST, "/boxes/box-1/palettes").multipart(form).send().await.unwrap()).await;
         let job = queued["job"].as_str().unwrap().to_owned();
         let state =
             self.until(&format!("/jobs/{job}"), |job| job["state"] != "queued" && job["state"] != "running").await;

@@ -144,7 +144,7 @@ pub async fn set_up_box(administrator: &Client, in_box: &str, scene: &Folder) {
     let form = Form::new()
         .text("annotations", std::fs::read_to_string(scene.file("annotations.json")).unwrap())
         .part("video", Part::bytes(std::fs::read(scene.file("clip.mp4")).unwrap()));
-    let request = administrator.request(Method::PUT, &format!("/api/v1/boxes/{in_box}/palette")).multipart(form);
+    let request = administrator.request(Method::POST, &format!("/api/v1/boxes/{in_box}/palettes")).multipart(form);
     let queued = read(request.send().await.unwrap(), reqwest::StatusCode::ACCEPTED).await;
     let job = format!("/api/v1/jobs/{}", queued["job"].as_str().unwrap());
     administrator.read_until(&job, |job| job["state"] == "done").await;
