@@ -79,7 +79,7 @@ impl JobPlan {
             JobInput::Palette(PaletteInput { annotations, frames, is_video, .. }) => {
                 ChildWork::Palette(palette_work(annotations, (!is_video).then(|| frames.clone()))?)
             }
-            JobInput::Advice(_) => ChildWork::Advise,
+            JobInput::Advise(_) => ChildWork::Advise,
             JobInput::Calibrate(input) => ChildWork::Calibrate(calibrate_work(input, now)),
             JobInput::SelfTest(input) => ChildWork::SelfTest(self_test_work(input, store).await?),
         };

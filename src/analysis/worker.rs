@@ -248,7 +248,7 @@ impl WorkerPool {
                 }
                 Err(error) => Ok(held.report_crash(crash_problem(&error.to_string())).await.map(drop)?),
             },
-            JobInput::Advice(_) => match results::advice(heard) {
+            JobInput::Advise(_) => match results::advice(heard) {
                 Ok(advice) => {
                     Ok(held.finish(async |store, lease| store.jobs().finish_advice(lease, advice).await).await?)
                 }

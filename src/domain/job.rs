@@ -32,8 +32,10 @@ named! {
         Rescore = "rescore",
         /// Make a box's next calibration from pictures of a checkerboard.
         Calibrate = "calibrate",
-        /// Collect a box's next colour samples from marked frames, or find suitable tapes for it.
+        /// Collect a box's next colour samples from marked frames.
         Palette = "palette",
+        /// Rank the tapes that suit a box. Earlier versions called such a job `palette`.
+        Advise = "advise",
         /// Test whether a box still measures correctly.
         SelfTest = "self_test",
     }
@@ -80,8 +82,10 @@ pub enum JobInput {
     Calibrate(CalibrateInput),
     /// Collect a box's colour samples.
     Palette(PaletteInput),
-    /// Find suitable tapes for a box.
-    Advice(AdviceInput),
+    /// Rank the tapes that suit a box. Jobs of earlier versions are stored as `advice`; another name would change the
+    /// hash of the same input.
+    #[serde(rename = "advice")]
+    Advise(AdviseInput),
     /// Test a box.
     #[serde(rename = "self_test")]
     SelfTest(SelfTestInput),
@@ -165,7 +169,7 @@ pub struct PaletteInput {
 
 /// A picture of a box without tools.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct AdviceInput {
+pub struct AdviseInput {
     /// The box.
     #[serde(rename = "box")]
     pub of: BoxId,
@@ -212,7 +216,8 @@ impl JobInput {
             JobInput::Import(_) => JobKind::Import,
             JobInput::Rescore(_) => JobKind::Rescore,
             JobInput::Calibrate(_) => JobKind::Calibrate,
-            JobInput::Palette(_) | JobInput::Advice(_) => JobKind::Palette,
+            JobInput::Palette(_) => JobKind::Palette,
+            JobInput::Advise(_) => JobKind::Advise,
             JobInput::SelfTest(_) => JobKind::SelfTest,
         }
     }
@@ -222,7 +227,7 @@ impl JobInput {
         match self {
             JobInput::Track(_) | JobInput::Import(_) => JobPriority::Session,
             JobInput::Rescore(_) => JobPriority::Rescore,
-            JobInput::Calibrate(_) | JobInput::Palette(_) | JobInput::Advice(_) | JobInput::SelfTest(_) => {
+            JobInput::Calibrate(_) | JobInput::Palette(_) | JobInput::Advise(_) | JobInput::SelfTest(_) => {
                 JobPriority::Box
             }
         }
@@ -234,7 +239,7 @@ impl JobInput {
             JobInput::Track(track) => Some(track.session),
             JobInput::Import(import) => Some(import.session),
             JobInput::Rescore(rescore) => Some(rescore.session),
-            JobInput::Calibrate(_) | JobInput::Palette(_) | JobInput::Advice(_) | JobInput::SelfTest(_) => None,
+            JobInput::Calibrate(_) | JobInput::Palette(_) | JobInput::Advise(_) | JobInput::SelfTest(_) => None,
         }
     }
 
@@ -244,7 +249,7 @@ impl JobInput {
             JobInput::Track(_) | JobInput::Import(_) | JobInput::Rescore(_) => None,
             JobInput::Calibrate(calibrate) => Some(calibrate.of),
             JobInput::Palette(palette) => Some(palette.of),
-            JobInput::Advice(advice) => Some(advice.of),
+            JobInput::Advise(advice) => Some(advice.of),
             JobInput::SelfTest(test) => Some(test.of),
         }
     }
@@ -255,11 +260,28 @@ impl JobInput {
             JobInput::Track(track) => vec![track.video],
             JobInput::Import(import) => vec![import.table],
             JobInput::Rescore(rescore) => vec![rescore.trajectory],
-            JobInput::Advice(advice) => vec![advice.picture.blob],
+            JobInput::Advise(advice) => vec![advice.picture.blob],
             JobInput::SelfTest(test) => vec![test.file.blob],
             JobInput::Calibrate(CalibrateInput { files, .. }) | JobInput::Palette(PaletteInput { files, .. }) => {
                 files.iter().map(|file| file.blob).collect()
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn advice_keeps_the_stored_text_of_earlier_versions_and_so_its_hash() {
+        let stored = r#"{"kind":"advice","box":"01a21932-1d8c-72d4-ad4e-751dd27019c2","picture":{"name":"clip.mp4","#
+            .to_owned()
+            + r#""blob":{"hash":"b3d294d78eb4710de5fd03f444d4bddba66be3ae1fcd0a52b51c7e9898928d27","bytes":607725}}}"#;
+        let input: JobInput = serde_json::from_str(&stored).unwrap();
+        assert_eq!(input.kind(), JobKind::Advise);
+        assert_eq!(serde_json::to_string(&input).unwrap(), stored);
+        let hash = "8f46d94c843df7b3e08a881b6ac8b86b36c5c45b4c979658afe734bceffbeeb6";
+        assert_eq!(Blob::of(stored.as_bytes()).hash.to_string(), hash);
     }
 }

@@ -18,6 +18,7 @@ use crate::store;
 #[derive(Debug, Serialize, ToSchema)]
 pub struct JobResponse {
     id: JobId,
+    /// Kind of work. Advice on tapes is `advise`, also in jobs that earlier versions listed as `palette`.
     kind: JobKind,
     state: JobState,
     /// Share done, 0 to 1.
@@ -33,7 +34,7 @@ pub struct JobResponse {
     /// The box that the job works on; `null`: none.
     #[serde(rename = "box")]
     of_box: Option<BoxId>,
-    /// The tapes that suit the box, once the job has ranked them; always `null` in lists.
+    /// The tapes that suit the box, once a job of the kind `advise` has ranked them; always `null` in lists.
     advice: Option<PaletteAdvice>,
     created_at: Time,
     started_at: Option<Time>,

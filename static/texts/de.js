@@ -173,7 +173,7 @@ export default {
     quarantined: 'Zurückgestellt',
     refused: 'Abgelehnt',
   },
-  kinds: { track: 'Aufnahme auswerten', import: 'Importierte Bahn auswerten', rescore: 'Sitzung neu auswerten', calibrate: 'Kamera kalibrieren', palette: 'Bandfarben lernen', self_test: 'Box prüfen' },
+  kinds: { track: 'Aufnahme auswerten', import: 'Importierte Bahn auswerten', rescore: 'Sitzung neu auswerten', calibrate: 'Kamera kalibrieren', palette: 'Bandfarben lernen', advise: 'Bänder für die Box vergleichen', self_test: 'Box prüfen' },
   jobStates: { queued: 'Wartet', running: 'Läuft', done: 'Fertig', failed: 'Fehlgeschlagen', quarantined: 'Zurückgestellt' },
 
   today: {

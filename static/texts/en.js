@@ -85,7 +85,7 @@ export default {
     quarantined: 'On hold',
     refused: 'Refused',
   },
-  kinds: { track: 'Scoring a recording', import: 'Scoring an imported path', rescore: 'Scoring a session again', calibrate: 'Calibrating a camera', palette: 'Learning tape colours', self_test: 'Testing a box' },
+  kinds: { track: 'Scoring a recording', import: 'Scoring an imported path', rescore: 'Scoring a session again', calibrate: 'Calibrating a camera', palette: 'Learning tape colours', advise: 'Ranking tapes for a box', self_test: 'Testing a box' },
   jobStates: { queued: 'Queued', running: 'Running', done: 'Done', failed: 'Failed', quarantined: 'On hold' },
 
   today: {

@@ -34,6 +34,11 @@ const FREE: [&str; 12] = [
     "last_used_at",
 ];
 
+/// What a later release changes on purpose: release, path of the value, old and new value.
+const CHANGED: [(&str, &str, &str, &str); 1] =
+    // Advice on tapes has a kind of its own.
+    [("data_pipeline_11", "jobs/01a21932-2832-77e7-9de9-e2b613698be0 kind", "palette", "advise")];
+
 #[tokio::test(flavor = "multi_thread")]
 async fn an_old_data_folder_migrates_and_answers_as_before() {
     for release in RELEASES {
@@ -52,6 +57,11 @@ async fn an_old_data_folder_migrates_and_answers_as_before() {
             let text = answer.text().await.unwrap();
             let new = if old.is_string() { Value::String(text) } else { serde_json::from_str(&text).unwrap() };
             compare(path, old, &new, &mut differences);
+        }
+        let meant = CHANGED.iter().filter(|(of, ..)| *of == release);
+        for line in meant.map(|(_, path, old, new)| format!("{path}: was \"{old}\", is \"{new}\"")) {
+            let found = differences.iter().position(|difference| *difference == line);
+            differences.remove(found.unwrap_or_else(|| panic!("{release}: not found: {line}")));
         }
         assert!(differences.is_empty(), "{release}: answers changed:\n{}", differences.join("\n"));
 

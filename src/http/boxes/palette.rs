@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 use super::form::{FormPictures, MultipartForm};
 use crate::domain::boxes::BoxTool;
 use crate::domain::files::annotations::AnnotationsFile;
-use crate::domain::job::{AdviceInput, JobInput, PaletteInput};
+use crate::domain::job::{AdviseInput, JobInput, PaletteInput};
 use crate::domain::palette::{ColourVerdict, ConfusionRow, LabelCount, PaletteReport};
 use crate::http::auth::signed_in::{Member, Staff};
 use crate::http::error::{HandlerResult, ProblemResponse};
@@ -185,8 +185,8 @@ pub async fn advise(
             "must be sent exactly once: a photo of the box without tools, or a recording",
         ));
     };
-    let input = AdviceInput { of: of.id, picture: picture.clone() };
-    let job = app.store.jobs().enqueue(&by.scope, JobInput::Advice(input)).await?;
+    let input = AdviseInput { of: of.id, picture: picture.clone() };
+    let job = app.store.jobs().enqueue(&by.scope, JobInput::Advise(input)).await?;
     app.queue.work_arrived();
     Ok((StatusCode::ACCEPTED, Json(QueuedJobResponse { job: job.id })))
 }

@@ -188,7 +188,7 @@ pub(in crate::store) fn current_version() -> String {
 pub(super) async fn versions_so_far(tx: &mut SqliteConnection, kind: JobKind, of: BoxId) -> StoreResult<String> {
     let sql = match kind {
         JobKind::SelfTest => return Ok(current_version()), // its input names both versions
-        JobKind::Palette => "SELECT coalesce(max(version), 0) FROM palette WHERE box_id = $1",
+        JobKind::Palette | JobKind::Advise => "SELECT coalesce(max(version), 0) FROM palette WHERE box_id = $1",
         JobKind::Calibrate | JobKind::Track | JobKind::Import | JobKind::Rescore => {
             "SELECT coalesce(max(version), 0) FROM calibration WHERE box_id = $1"
         }

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use sqlx::sqlite::SqliteConnection;
 use sqlx::{AssertSqlSafe, Connection};
 
+use crate::domain::job::JobKind;
 use crate::store::testing::{NOW_MS, TestCentre};
 use crate::store::{Store, StoreError, StoreSettings};
 use crate::time::ManualClock;
 
-const FILES: [&str; 11] = [
+const FILES: [&str; 12] = [
     include_str!("../../../migrations/0001_people.sql"),
     include_str!("../../../migrations/0002_boxes.sql"),
     include_str!("../../../migrations/0003_work.sql"),
@@ -21,6 +22,7 @@ const FILES: [&str; 11] = [
     include_str!("../../../migrations/0015_session_edits.sql"),
     include_str!("../../../migrations/0016_lately.sql"),
     include_str!("../../../migrations/0017_courses.sql"),
+    include_str!("../../../migrations/0018_job_kinds.sql"),
 ];
 
 /// A connection that bypasses the store's functions.
@@ -90,6 +92,8 @@ async fn invalid_rows_are_refused_from_any_writer() {
          '', NULL, 10, 11, NULL, 1, 2 FROM session",
         "UPDATE job SET turn = 0 WHERE kind = 'track'",
         "UPDATE job SET kind = 'rescore' WHERE kind = 'palette'",
+        "UPDATE job SET kind = 'unknown'",
+        "DELETE FROM job_kind",
         "UPDATE session SET tracker = ''",
         "INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms,
          created_at_ms)
@@ -136,6 +140,16 @@ async fn invalid_rows_are_refused_from_any_writer() {
         let expected = ["constraint failed", "cannot store TEXT"];
         assert!(expected.iter().any(|words| error.contains(words)), "{nonsense}: {error}");
     }
+}
+
+#[tokio::test]
+async fn the_database_has_each_job_kind_and_no_other() {
+    let centre = TestCentre::with_camera_and_colours().await;
+    let sql = "SELECT name FROM job_kind ORDER BY name";
+    let stored: Vec<String> = sqlx::query_scalar(sql).fetch_all(&mut raw(&centre).await).await.unwrap();
+    let mut known: Vec<&str> = JobKind::ALL.iter().map(|kind| kind.name()).collect();
+    known.sort_unstable();
+    assert_eq!(stored, known);
 }
 
 #[tokio::test]

@@ -35,7 +35,7 @@ fn red_mat() -> Vec<u8> {
 async fn a_picture_of_the_box_ranks_tapes_and_pairs_and_warns_of_its_own_colours() {
     let centre = Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await;
     let job = advice_job(&centre.instructor, red_mat()).await;
-    assert_eq!((&job["kind"], &job["state"]), (&json!("palette"), &json!("done")), "{job}");
+    assert_eq!((&job["kind"], &job["state"]), (&json!("advise"), &json!("done")), "{job}");
     let advice = &job["advice"];
     let [tapes, pairs, warnings] = ["tapes", "pairs", "warnings"].map(|part| advice[part].as_array().unwrap());
     let worst = tapes.last().unwrap();
