@@ -146,7 +146,10 @@ pub(in crate::store) async fn enqueue_rescore_if_outdated(
 }
 
 /// The current result of a session: its id, its path and the revision of edits that it was made with.
-async fn current_result(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<Option<(ResultId, Blob, u64)>> {
+pub(super) async fn current_result(
+    tx: &mut SqliteConnection,
+    session: SessionId,
+) -> StoreResult<Option<(ResultId, Blob, u64)>> {
     let row = sqlx::query_as(
         "SELECT result.id, blob.hash, blob.bytes, result.edits FROM result JOIN blob ON blob.hash = result.trajectory
          WHERE result.session_id = $1 ORDER BY result.created_at_ms DESC, result.id DESC LIMIT 1",

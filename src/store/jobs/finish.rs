@@ -11,7 +11,7 @@ use super::super::error::StoreResult;
 use super::super::palettes::{self, PaletteRecord};
 use super::super::sessions::evidence;
 use super::super::{StoreError, blobs, self_tests};
-use super::enqueue::{enqueue_rescore_if_outdated, enqueue_waiting_sessions};
+use super::enqueue::{current_result, enqueue_rescore_if_outdated, enqueue_waiting_sessions};
 use super::lease::end_as_done;
 use super::{JobStore, Lease};
 use crate::domain::calibration::NewCalibration;
@@ -20,7 +20,10 @@ use crate::domain::palette::{NewPalette, PaletteAdvice};
 use crate::domain::self_test::NewSelfTest;
 use crate::domain::session::{FeatureRow, NewResult, NewScore};
 use crate::ids::{BoxId, JobId, ResultId, SessionId};
-use crate::store::sessions::latest_result;
+
+const SET_ADVICE: &str = "UPDATE job SET advice = $2 WHERE id = $1";
+
+const RELEASE_FILES: &str = "DELETE FROM job_file WHERE job_id = $1";
 
 impl JobStore<'_> {
     /// Stores the result of tracking a session. If the session already has a result of the same versions, that one
@@ -48,9 +51,8 @@ impl JobStore<'_> {
         self.0
             .write(async move |tx| {
                 end_as_done(tx, id, token, now_ms).await?;
-                let latest: Option<ResultId> =
-                    sqlx::query_scalar(latest_result!()).bind(session).fetch_optional(&mut *tx).await?;
-                match latest == Some(score.from) && score.edits == revision(tx, session).await? {
+                let current = current_result(tx, session).await?.map(|(current, ..)| current);
+                match current == Some(score.from) && score.edits == revision(tx, session).await? {
                     true => insert_score(tx, id, score, now_ms).await,
                     false => Ok(()),
                 }
@@ -72,16 +74,14 @@ impl JobStore<'_> {
             .await
     }
 
-    /// Stores the advice on tape colours in the job itself.
+    /// Stores the advice on tape colours in the job itself and releases its picture, which is not needed any more.
     pub async fn finish_advice(&self, held: &Lease, advice: PaletteAdvice) -> StoreResult<()> {
         let (id, token, now_ms) = (held.job.id, held.token, self.0.now_ms());
         self.0
             .write(async move |tx| {
                 end_as_done(tx, id, token, now_ms).await?;
-                let update = sqlx::query("UPDATE job SET advice = $2 WHERE id = $1").bind(id).bind(Json(advice));
-                update.execute(&mut *tx).await?;
-                let no_longer_used = sqlx::query("DELETE FROM job_file WHERE job_id = $1").bind(id);
-                no_longer_used.execute(&mut *tx).await?;
+                sqlx::query(SET_ADVICE).bind(id).bind(Json(advice)).execute(&mut *tx).await?;
+                sqlx::query(RELEASE_FILES).bind(id).execute(&mut *tx).await?;
                 Ok(())
             })
             .await
@@ -100,9 +100,7 @@ impl JobStore<'_> {
             })
             .await
     }
-}
 
-impl JobStore<'_> {
     /// Stores a box's self-test and releases its recording, which is not needed any more.
     pub async fn finish_self_test(&self, held: &Lease, new: NewSelfTest) -> StoreResult<()> {
         let of = box_of(held)?;
@@ -110,7 +108,7 @@ impl JobStore<'_> {
         self.0
             .write(async move |tx| {
                 end_as_done(tx, id, token, now_ms).await?;
-                sqlx::query("DELETE FROM job_file WHERE job_id = $1").bind(id).execute(&mut *tx).await?;
+                sqlx::query(RELEASE_FILES).bind(id).execute(&mut *tx).await?;
                 self_tests::insert(tx, of, new, now_ms).await
             })
             .await
@@ -125,6 +123,12 @@ fn wrong_kind(expected: &str) -> StoreError {
     StoreError::refused(format!("this result belongs to a job on {expected}, but the job has none"))
 }
 
+const INSERT_RESULT: &str = "
+    INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames, duration_s,
+                        tools, quality, score, trajectory, diagnostics, preview, created_at_ms, tracked_with, edits)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19)
+    ON CONFLICT DO NOTHING RETURNING id";
+
 async fn insert_result(
     tx: &mut SqliteConnection,
     (session, job): (SessionId, JobId),
@@ -134,14 +138,7 @@ async fn insert_result(
     for blob in [Some(new.trajectory), new.diagnostics, new.preview].into_iter().flatten() {
         blobs::record(tx, blob, now_ms).await?;
     }
-    let insert = sqlx::query_scalar(
-        "INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames,
-                             duration_s, tools, quality, score, trajectory, diagnostics, preview, created_at_ms,
-                             tracked_with, edits)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19)
-         ON CONFLICT DO NOTHING RETURNING id",
-    );
-    let insert = insert.bind(ResultId::at(now_ms)).bind(session);
+    let insert = sqlx::query_scalar(INSERT_RESULT).bind(ResultId::at(now_ms)).bind(session);
     let versions = new.versions;
     let insert = insert.bind(versions.pipeline).bind(versions.calibration).bind(versions.palette).bind(versions.model);
     let insert = insert.bind(new.video.width).bind(new.video.height).bind(integer(new.video.frames));
@@ -159,17 +156,20 @@ async fn insert_result(
     }
 }
 
+const INSERT_SCORE: &str = "
+    INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames, duration_s,
+                        tools, quality, score, trajectory, diagnostics, preview, created_at_ms, tracked_with, edits)
+    SELECT $1, session_id, $2, calibration_id, palette_id, NULL, width, height, frames, duration_s,
+           tools, $3, NULL, trajectory, diagnostics, preview, $4, $5, $7 FROM result WHERE id = $6
+    ON CONFLICT DO NOTHING RETURNING id";
+
 /// Inserts a new result for the path of an earlier one, with that result's files, video facts, camera and colours.
 async fn insert_score(tx: &mut SqliteConnection, job: JobId, new: NewScore, now_ms: i64) -> StoreResult<()> {
-    let insert = sqlx::query_scalar(
-        "INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames,
-                             duration_s, tools, quality, score, trajectory, diagnostics, preview, created_at_ms,
-                             tracked_with, edits)
-         SELECT $1, session_id, $2, calibration_id, palette_id, NULL, width, height, frames,
-                duration_s, tools, $3, NULL, trajectory, diagnostics, preview, $4, $5, $7 FROM result WHERE id = $6
-         ON CONFLICT DO NOTHING RETURNING id",
-    );
-    let insert = insert.bind(ResultId::at(now_ms)).bind(new.pipeline).bind(Json(new.quality)).bind(now_ms);
+    let insert = sqlx::query_scalar(INSERT_SCORE)
+        .bind(ResultId::at(now_ms))
+        .bind(new.pipeline)
+        .bind(Json(new.quality))
+        .bind(now_ms);
     let insert = insert.bind(new.tracked_with).bind(new.from).bind(integer(new.edits));
     let inserted: Option<ResultId> = insert.fetch_optional(&mut *tx).await?;
     match inserted {
@@ -177,6 +177,13 @@ async fn insert_score(tx: &mut SqliteConnection, job: JobId, new: NewScore, now_
         None => Ok(()),
     }
 }
+
+const LINK_RESCORING: &str = "UPDATE rescoring_item SET new_result_id = $2 WHERE job_id = $1 AND state = 'working'";
+
+const INSERT_FEATURE: &str = "
+    INSERT INTO feature (result_id, position, name, title, unit, tool, space, value, not_enough,
+                         as_measured, sigma, low, high, no_error)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14)";
 
 /// Inserts a new result's features and evidence, and links the result to the rescoring item that ordered it, if there
 /// is one.
@@ -188,17 +195,13 @@ async fn insert_features_and_evidence(
     evidence: Vec<EvidenceRow>,
 ) -> StoreResult<()> {
     evidence::insert(tx, result, evidence).await?;
-    let link = sqlx::query("UPDATE rescoring_item SET new_result_id = $2 WHERE job_id = $1 AND state = 'working'")
-        .bind(job)
-        .bind(result);
-    link.execute(&mut *tx).await?;
+    sqlx::query(LINK_RESCORING).bind(job).bind(result).execute(&mut *tx).await?;
     for (position, feature) in features.into_iter().enumerate() {
-        let insert = sqlx::query(
-            "INSERT INTO feature (result_id, position, name, title, unit, tool, space, value, not_enough,
-                                  as_measured, sigma, low, high, no_error)
-             VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14)",
-        );
-        let insert = insert.bind(result).bind(integer(position as u64)).bind(feature.name).bind(feature.title);
+        let insert = sqlx::query(INSERT_FEATURE)
+            .bind(result)
+            .bind(integer(position as u64))
+            .bind(feature.name)
+            .bind(feature.title);
         let insert = insert.bind(feature.unit).bind(feature.tool).bind(feature.space);
         let insert = insert.bind(feature.value.as_ref().ok().copied()).bind(feature.value.err());
         let (bar, no_bar) = feature.error.transpose().map_or_else(|reason| (None, Some(reason)), |bar| (bar, None));

@@ -9,8 +9,7 @@ use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
 use super::super::error::{StoreError, StoreResult, not_found};
-use super::{JobRecord, JobStore, job_columns, next_in_queue};
-use crate::domain::job::JobState;
+use super::{JobRecord, JobStore};
 use crate::domain::problem::Problem;
 use crate::ids::{JobId, LeaseToken};
 use crate::time::millis;
@@ -31,6 +30,30 @@ pub struct SweepResult {
     pub rescued: Vec<JobRecord>,
 }
 
+/// The index `job_waiting` has the queue's order.
+pub(in crate::store) const CLAIM: &str = "
+    UPDATE job SET state = 'running', attempt = attempt + 1, lease_token = $1, lease_until_ms = $2, worker = $3,
+                   progress = 0, started_at_ms = $4
+    WHERE id = (SELECT id FROM job WHERE state = 'queued' ORDER BY turn, queued_at_ms, id LIMIT 1)
+    RETURNING *";
+
+const HEARTBEAT: &str = "
+    UPDATE job SET lease_until_ms = $3, progress = max(progress, $4) WHERE id = $1 AND lease_token = $2";
+
+const RELEASE: &str = "
+    UPDATE job SET state = 'queued', attempt = attempt - 1, progress = 0, lease_token = NULL, lease_until_ms = NULL,
+                   worker = NULL, started_at_ms = NULL
+    WHERE id = $1 AND lease_token = $2";
+
+const FAIL: &str = "
+    UPDATE job SET state = 'failed', problem = $3, ended_at_ms = $4, lease_token = NULL, lease_until_ms = NULL,
+                   worker = NULL
+    WHERE id = $1 AND lease_token = $2";
+
+const IS_HELD: &str = "SELECT 1 FROM job WHERE id = $1 AND lease_token = $2";
+
+const EXPIRED_LEASES: &str = "SELECT id FROM job WHERE state = 'running' AND lease_until_ms <= $1 ORDER BY id";
+
 impl JobStore<'_> {
     /// Claims the next job for this worker: the one with the highest priority that has waited longest. Jobs on boxes go
     /// first, since sessions wait for them.
@@ -39,15 +62,7 @@ impl JobStore<'_> {
         self.0
             .write(async move |tx| {
                 let token = LeaseToken::at(now_ms);
-                let row = sqlx::query_as(concat!(
-                    "UPDATE job SET state = 'running', attempt = attempt + 1, lease_token = $1, lease_until_ms = $2,
-                                    worker = $3, progress = 0, started_at_ms = $4
-                     WHERE id = (",
-                    next_in_queue!(),
-                    ") RETURNING ",
-                    job_columns!()
-                ));
-                let row = row.bind(token).bind(now_ms + millis(lease)).bind(worker).bind(now_ms);
+                let row = sqlx::query_as(CLAIM).bind(token).bind(now_ms + millis(lease)).bind(worker).bind(now_ms);
                 Ok(row.fetch_optional(tx).await?.map(|job| Lease { job, token }))
             })
             .await
@@ -59,11 +74,7 @@ impl JobStore<'_> {
         let progress = if progress.is_finite() { progress.clamp(0.0, 1.0) } else { 0.0 };
         self.0
             .write(async move |tx| {
-                let beat = sqlx::query(
-                    "UPDATE job SET lease_until_ms = $3, progress = max(progress, $4)
-                     WHERE id = $1 AND lease_token = $2",
-                );
-                let beat = beat.bind(id).bind(token).bind(now_ms + millis(lease)).bind(progress);
+                let beat = sqlx::query(HEARTBEAT).bind(id).bind(token).bind(now_ms + millis(lease)).bind(progress);
                 require_held(beat.execute(tx).await?.rows_affected())
             })
             .await
@@ -74,12 +85,7 @@ impl JobStore<'_> {
         let (id, token) = (held.job.id, held.token);
         self.0
             .write(async move |tx| {
-                let back = sqlx::query(
-                    "UPDATE job SET state = 'queued', attempt = attempt - 1, progress = 0, lease_token = NULL,
-                                    lease_until_ms = NULL, worker = NULL, started_at_ms = NULL
-                     WHERE id = $1 AND lease_token = $2",
-                );
-                require_held(back.bind(id).bind(token).execute(tx).await?.rows_affected())
+                require_held(sqlx::query(RELEASE).bind(id).bind(token).execute(tx).await?.rows_affected())
             })
             .await
     }
@@ -89,12 +95,7 @@ impl JobStore<'_> {
         let (token, id, now_ms) = (held.token, held.job.id, self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let failed = sqlx::query(
-                    "UPDATE job SET state = 'failed', problem = $3, ended_at_ms = $4, lease_token = NULL,
-                                    lease_until_ms = NULL, worker = NULL
-                     WHERE id = $1 AND lease_token = $2",
-                );
-                let failed = failed.bind(id).bind(token).bind(Json(problem)).bind(now_ms);
+                let failed = sqlx::query(FAIL).bind(id).bind(token).bind(Json(problem)).bind(now_ms);
                 require_held(failed.execute(&mut *tx).await?.rows_affected())?;
                 read(tx, id).await
             })
@@ -106,8 +107,8 @@ impl JobStore<'_> {
         let (token, id, now_ms) = (held.token, held.job.id, self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let sql = "SELECT 1 FROM job WHERE id = $1 AND lease_token = $2";
-                let held: Option<i64> = sqlx::query_scalar(sql).bind(id).bind(token).fetch_optional(&mut *tx).await?;
+                let held: Option<i64> =
+                    sqlx::query_scalar(IS_HELD).bind(id).bind(token).fetch_optional(&mut *tx).await?;
                 held.ok_or(StoreError::LeaseLost)?;
                 rescue(tx, id, problem, now_ms).await
             })
@@ -120,9 +121,8 @@ impl JobStore<'_> {
         let now_ms = self.0.now_ms();
         self.0
             .write(async move |tx| {
-                let sql = "SELECT id FROM job WHERE state = 'running' AND lease_until_ms <= $1 ORDER BY id";
                 let until_ms = if all { i64::MAX } else { now_ms };
-                let silent: Vec<JobId> = sqlx::query_scalar(sql).bind(until_ms).fetch_all(&mut *tx).await?;
+                let silent: Vec<JobId> = sqlx::query_scalar(EXPIRED_LEASES).bind(until_ms).fetch_all(&mut *tx).await?;
                 let mut rescued = Vec::with_capacity(silent.len());
                 for id in silent {
                     rescued.push(rescue(tx, id, problem.clone(), now_ms).await?);
@@ -133,18 +133,23 @@ impl JobStore<'_> {
     }
 }
 
+const RESCUE: &str = "
+    UPDATE job SET state = CASE WHEN attempt < max_attempts THEN 'queued' ELSE 'quarantined' END,
+                   ended_at_ms = CASE WHEN attempt < max_attempts THEN NULL ELSE $3 END,
+                   problem = $2, progress = 0, lease_token = NULL, lease_until_ms = NULL, worker = NULL
+    WHERE id = $1 AND state = 'running'
+    RETURNING *";
+
 /// Takes the lease away: the job is queued at its old position while attempts are left, else quarantined.
 async fn rescue(tx: &mut SqliteConnection, id: JobId, problem: Problem, now_ms: i64) -> StoreResult<JobRecord> {
-    let row = sqlx::query_as(concat!(
-        "UPDATE job SET state = CASE WHEN attempt < max_attempts THEN 'queued' ELSE 'quarantined' END,
-                        ended_at_ms = CASE WHEN attempt < max_attempts THEN NULL ELSE $3 END,
-                        problem = $2, progress = 0, lease_token = NULL, lease_until_ms = NULL, worker = NULL
-         WHERE id = $1 AND state = 'running' RETURNING ",
-        job_columns!()
-    ));
-    let row = row.bind(id).bind(Json(problem)).bind(now_ms).fetch_optional(&mut *tx).await?;
+    let row = sqlx::query_as(RESCUE).bind(id).bind(Json(problem)).bind(now_ms).fetch_optional(&mut *tx).await?;
     row.ok_or(StoreError::LeaseLost)
 }
+
+const END_AS_DONE: &str = "
+    UPDATE job SET state = 'done', progress = 1, problem = NULL, ended_at_ms = $3, lease_token = NULL,
+                   lease_until_ms = NULL, worker = NULL
+    WHERE id = $1 AND lease_token = $2";
 
 /// Ends a job as done, if the lease is still held.
 pub(super) async fn end_as_done(
@@ -153,18 +158,14 @@ pub(super) async fn end_as_done(
     token: LeaseToken,
     now_ms: i64,
 ) -> StoreResult<()> {
-    let done = sqlx::query(
-        "UPDATE job SET state = $4, progress = 1, problem = NULL, ended_at_ms = $3, lease_token = NULL,
-                        lease_until_ms = NULL, worker = NULL
-         WHERE id = $1 AND lease_token = $2",
-    );
-    let done = done.bind(id).bind(token).bind(now_ms).bind(JobState::Done);
+    let done = sqlx::query(END_AS_DONE).bind(id).bind(token).bind(now_ms);
     require_held(done.execute(tx).await?.rows_affected())
 }
 
+const READ: &str = "SELECT * FROM job WHERE id = $1";
+
 pub(super) async fn read(tx: &mut SqliteConnection, id: JobId) -> StoreResult<JobRecord> {
-    let row = sqlx::query_as(concat!("SELECT ", job_columns!(), " FROM job WHERE id = $1"));
-    row.bind(id).fetch_optional(tx).await?.ok_or(not_found("job"))
+    sqlx::query_as(READ).bind(id).fetch_optional(tx).await?.ok_or(not_found("job"))
 }
 
 fn require_held(rows: u64) -> StoreResult<()> {

@@ -15,12 +15,14 @@ pub(super) use enqueue::{
     current_version, enqueue_rescore, enqueue_rescore_if_outdated, enqueue_track, enqueue_track_with_priority,
     enqueue_waiting_sessions, insert,
 };
+#[cfg(test)]
+pub(super) use lease::CLAIM; // for the test of its query plan
 pub use lease::{Lease, SweepResult};
 
 use super::audit::note;
 use super::error::{StoreError, StoreResult, not_found};
 use super::page::{Page, PageRequest};
-use super::visibility::{BindScope, require_staff, sees_trainee};
+use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store};
 use crate::domain::job::{JobInput, JobKind, JobState};
 use crate::domain::palette::PaletteAdvice;
@@ -81,36 +83,20 @@ pub struct QueueCounts {
     pub quarantined: i64,
 }
 
-/// The columns of a [`JobRecord`].
-macro_rules! job_columns {
-    () => {
-        "job.id, job.kind, job.input, job.session_id, job.box_id, job.state, job.attempt, job.max_attempts, \
-         job.progress, job.problem, job.advice, job.worker, job.created_at_ms, job.queued_at_ms, job.started_at_ms, \
-         job.ended_at_ms"
-    };
-}
-pub(super) use job_columns;
+const LIST: &str = "
+    SELECT * FROM job
+    WHERE EXISTS (SELECT 1 FROM visible_job WHERE role = $1 AND subject IS $2 AND job_id = job.id)
+          AND ($3 IS NULL OR id < $3) AND (NOT $4 OR state IN ('queued', 'running'))
+    ORDER BY id DESC LIMIT $5";
 
-/// Selects the next job of the queue, in the order of the index `job_waiting`.
-macro_rules! next_in_queue {
-    () => {
-        "SELECT id FROM job WHERE state = 'queued' ORDER BY turn, queued_at_ms, id LIMIT 1"
-    };
-}
-pub(super) use next_in_queue;
+const GET: &str = "
+    SELECT * FROM job
+    WHERE id = $3 AND EXISTS (SELECT 1 FROM visible_job WHERE role = $1 AND subject IS $2 AND job_id = job.id)";
 
-/// Condition: the job in this row is within the scope. Staff see jobs on boxes; a job on a session is visible with its
-/// trainee.
-macro_rules! sees_job {
-    () => {
-        concat!(
-            "($1 = 'administrator' OR ($1 = 'instructor' AND job.box_id IS NOT NULL) OR EXISTS (",
-            "SELECT 1 FROM session WHERE session.id = job.session_id AND ",
-            sees_trainee!("session.trainee_id"),
-            "))"
-        )
-    };
-}
+const COUNTS: &str = "
+    SELECT (SELECT count(*) FROM job WHERE state = 'queued') AS queued,
+           (SELECT count(*) FROM job WHERE state = 'running') AS running,
+           (SELECT count(*) FROM job WHERE state = 'quarantined') AS quarantined";
 
 impl JobStore<'_> {
     /// Queues a job on a box. The same work requested twice is one job; a failed job is queued again.
@@ -130,23 +116,14 @@ impl JobStore<'_> {
 
     /// The jobs that the scope sees, newest first. With `open` only queued and running ones.
     pub async fn list(&self, scope: &Scope, open: bool, page: &PageRequest) -> StoreResult<Page<JobRecord>> {
-        let rows = sqlx::query_as(concat!(
-            "SELECT ",
-            job_columns!(),
-            " FROM job WHERE ",
-            sees_job!(),
-            " AND ($3 IS NULL OR job.id < $3) AND (NOT $4 OR job.state IN ('queued', 'running'))
-             ORDER BY job.id DESC LIMIT $5"
-        ));
-        let rows = rows.bind_scope(scope).bind(page.after()).bind(open).bind(page.row_limit());
+        let rows = sqlx::query_as(LIST).bind_scope(scope).bind(page.after()).bind(open).bind(page.row_limit());
         let rows = rows.fetch_all(self.0.readers()).await?;
         Ok(Page::from_rows(rows, page, |job: &JobRecord| job.id.to_string()))
     }
 
     /// One job.
     pub async fn get(&self, scope: &Scope, id: JobId) -> StoreResult<JobRecord> {
-        let row = sqlx::query_as(concat!("SELECT ", job_columns!(), " FROM job WHERE job.id = $3 AND ", sees_job!()));
-        let row = row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        let row = sqlx::query_as(GET).bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("job"))
     }
 
@@ -169,11 +146,6 @@ impl JobStore<'_> {
 
     /// The number of jobs in each state, of all sessions and boxes: no personal data.
     pub async fn counts(&self) -> StoreResult<QueueCounts> {
-        let row = sqlx::query_as(
-            "SELECT (SELECT count(*) FROM job WHERE state = 'queued') AS queued,
-                    (SELECT count(*) FROM job WHERE state = 'running') AS running,
-                    (SELECT count(*) FROM job WHERE state = 'quarantined') AS quarantined",
-        );
-        Ok(row.fetch_one(self.0.readers()).await?)
+        Ok(sqlx::query_as(COUNTS).fetch_one(self.0.readers()).await?)
     }
 }

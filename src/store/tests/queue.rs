@@ -3,21 +3,22 @@
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
-use sqlx::Row;
+use sqlx::{AssertSqlSafe, Row};
 
 use crate::domain::job::{JobInput, PaletteInput};
 use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::ids::SessionId;
-use crate::store::jobs::next_in_queue;
+use crate::store::jobs::CLAIM;
 use crate::store::sessions::queue_positions::places_in_queue;
 use crate::store::sessions::result::fulcrums_before;
 use crate::store::testing::TestCentre;
 use crate::store::{PageRequest, SessionFilter, SessionOrderKey};
 
 /// SQLite's query plan of a statement: one line per loop.
-async fn plan(centre: &TestCentre, sql: &'static str) -> Vec<String> {
-    let rows = sqlx::query(sql).fetch_all(centre.store.readers()).await.unwrap();
+async fn plan(centre: &TestCentre, statement: &str) -> Vec<String> {
+    let explain = AssertSqlSafe(format!("EXPLAIN QUERY PLAN {statement}"));
+    let rows = sqlx::query(explain).fetch_all(centre.store.readers()).await.unwrap();
     rows.iter().map(|row| row.get("detail")).collect()
 }
 
@@ -48,14 +49,14 @@ async fn mark_colours_again(centre: &TestCentre) {
 #[tokio::test]
 async fn the_next_job_is_the_first_of_the_index() {
     let centre = TestCentre::with_camera_and_colours().await;
-    let plan = plan(&centre, concat!("EXPLAIN QUERY PLAN ", next_in_queue!())).await;
-    assert_eq!(plan, ["SCAN job USING COVERING INDEX job_waiting"], "no sorting");
+    let plan = plan(&centre, CLAIM).await;
+    assert_eq!(plan.last().unwrap(), "SCAN job USING COVERING INDEX job_waiting", "no sorting: {plan:#?}");
 }
 
 #[tokio::test]
 async fn queue_positions_are_counted_along_the_index() {
     let centre = TestCentre::with_camera_and_colours().await;
-    let plan = plan(&centre, concat!("EXPLAIN QUERY PLAN ", places_in_queue!())).await;
+    let plan = plan(&centre, places_in_queue!()).await;
     let from_place_to_place = "SEARCH ahead USING COVERING INDEX job_waiting \
         (turn=? AND (queued_at_ms,id)>(?,?) AND (queued_at_ms,id)<(?,?))";
     assert!(plan.iter().any(|line| line == from_place_to_place), "{plan:#?}");
@@ -65,7 +66,7 @@ async fn queue_positions_are_counted_along_the_index() {
 #[tokio::test]
 async fn earlier_sessions_are_read_in_order_and_only_as_many_as_needed() {
     let centre = TestCentre::with_camera_and_colours().await;
-    let plan = plan(&centre, concat!("EXPLAIN QUERY PLAN ", fulcrums_before!())).await;
+    let plan = plan(&centre, fulcrums_before!()).await;
     let along_the_index =
         "SEARCH session USING COVERING INDEX session_box_order (box_id=? AND (created_at_ms,id)<(?,?))";
     assert_eq!(plan[0], along_the_index, "{plan:#?}");
