@@ -59,7 +59,7 @@ impl JobPlan {
         vault: &Vault,
         now: &str,
     ) -> Result<Option<Self>, WorkError> {
-        let blobs = job.blobs();
+        let blobs = job.facts().blobs;
         if blobs.len() > MAX_INPUTS {
             return Err(too_many_files_problem(blobs.len()).into());
         }

@@ -208,62 +208,72 @@ pub struct NamedBlob {
     pub blob: Blob,
 }
 
-impl JobInput {
+/// What else a job's result depends on besides its input: a part of its natural key.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum KeyVersion {
+    /// The version of the pipeline; the input names everything else.
+    Pipeline,
+    /// The box's latest calibration: the same photos sent after another calibration are a new job.
+    Calibration(BoxId),
+    /// The box's latest colour samples.
+    Palette(BoxId),
+}
+
+/// What the queue needs to know about a job.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JobFacts {
     /// The job's kind.
-    pub fn kind(&self) -> JobKind {
-        match self {
-            JobInput::Track(_) => JobKind::Track,
-            JobInput::Import(_) => JobKind::Import,
-            JobInput::Rescore(_) => JobKind::Rescore,
-            JobInput::Calibrate(_) => JobKind::Calibrate,
-            JobInput::Palette(_) => JobKind::Palette,
-            JobInput::Advise(_) => JobKind::Advise,
-            JobInput::SelfTest(_) => JobKind::SelfTest,
-        }
+    pub kind: JobKind,
+    /// Its usual priority.
+    pub priority: JobPriority,
+    /// The session that it works on, if any. The row of the kind in `job_kind` says whether it has one.
+    pub session: Option<SessionId>,
+    /// The box that it works on, if any; every job works on a session or on a box.
+    pub of_box: Option<BoxId>,
+    /// The files that it reads.
+    pub blobs: Vec<Blob>,
+    /// The rest of its natural key.
+    pub key_version: KeyVersion,
+}
+
+impl JobFacts {
+    fn on_session(kind: JobKind, session: SessionId, blob: Blob) -> Self {
+        let (priority, key_version) = (JobPriority::Session, KeyVersion::Pipeline);
+        Self { kind, priority, session: Some(session), of_box: None, blobs: vec![blob], key_version }
     }
 
-    /// The job's priority in the queue.
-    pub fn priority(&self) -> JobPriority {
+    fn on_box<'f>(
+        kind: JobKind,
+        of: BoxId,
+        files: impl IntoIterator<Item = &'f NamedBlob>,
+        key_version: KeyVersion,
+    ) -> Self {
+        let blobs = files.into_iter().map(|file| file.blob).collect();
+        Self { kind, priority: JobPriority::Box, session: None, of_box: Some(of), blobs, key_version }
+    }
+}
+
+impl JobInput {
+    /// What the queue needs to know about a job with this input.
+    pub fn facts(&self) -> JobFacts {
         match self {
-            JobInput::Track(_) | JobInput::Import(_) => JobPriority::Session,
-            JobInput::Rescore(_) => JobPriority::Rescore,
-            JobInput::Calibrate(_) | JobInput::Palette(_) | JobInput::Advise(_) | JobInput::SelfTest(_) => {
-                JobPriority::Box
+            JobInput::Track(track) => JobFacts::on_session(JobKind::Track, track.session, track.video),
+            JobInput::Import(import) => JobFacts::on_session(JobKind::Import, import.session, import.table),
+            JobInput::Rescore(RescoreInput { session, trajectory, .. }) => JobFacts {
+                priority: JobPriority::Rescore,
+                ..JobFacts::on_session(JobKind::Rescore, *session, *trajectory)
+            },
+            JobInput::Calibrate(CalibrateInput { of, files, .. }) => {
+                JobFacts::on_box(JobKind::Calibrate, *of, files, KeyVersion::Calibration(*of))
             }
-        }
-    }
-
-    /// The session that the job is about, if any.
-    pub fn session(&self) -> Option<SessionId> {
-        match self {
-            JobInput::Track(track) => Some(track.session),
-            JobInput::Import(import) => Some(import.session),
-            JobInput::Rescore(rescore) => Some(rescore.session),
-            JobInput::Calibrate(_) | JobInput::Palette(_) | JobInput::Advise(_) | JobInput::SelfTest(_) => None,
-        }
-    }
-
-    /// The box that the job is about, if any.
-    pub fn box_id(&self) -> Option<BoxId> {
-        match self {
-            JobInput::Track(_) | JobInput::Import(_) | JobInput::Rescore(_) => None,
-            JobInput::Calibrate(calibrate) => Some(calibrate.of),
-            JobInput::Palette(palette) => Some(palette.of),
-            JobInput::Advise(advice) => Some(advice.of),
-            JobInput::SelfTest(test) => Some(test.of),
-        }
-    }
-
-    /// The files that the job reads.
-    pub fn blobs(&self) -> Vec<Blob> {
-        match self {
-            JobInput::Track(track) => vec![track.video],
-            JobInput::Import(import) => vec![import.table],
-            JobInput::Rescore(rescore) => vec![rescore.trajectory],
-            JobInput::Advise(advice) => vec![advice.picture.blob],
-            JobInput::SelfTest(test) => vec![test.file.blob],
-            JobInput::Calibrate(CalibrateInput { files, .. }) | JobInput::Palette(PaletteInput { files, .. }) => {
-                files.iter().map(|file| file.blob).collect()
+            JobInput::Palette(PaletteInput { of, files, .. }) => {
+                JobFacts::on_box(JobKind::Palette, *of, files, KeyVersion::Palette(*of))
+            }
+            JobInput::Advise(AdviseInput { of, picture }) => {
+                JobFacts::on_box(JobKind::Advise, *of, [picture], KeyVersion::Palette(*of))
+            }
+            JobInput::SelfTest(SelfTestInput { of, file, .. }) => {
+                JobFacts::on_box(JobKind::SelfTest, *of, [file], KeyVersion::Pipeline)
             }
         }
     }
@@ -279,7 +289,7 @@ mod tests {
             .to_owned()
             + r#""blob":{"hash":"b3d294d78eb4710de5fd03f444d4bddba66be3ae1fcd0a52b51c7e9898928d27","bytes":607725}}}"#;
         let input: JobInput = serde_json::from_str(&stored).unwrap();
-        assert_eq!(input.kind(), JobKind::Advise);
+        assert_eq!(input.facts().kind, JobKind::Advise);
         assert_eq!(serde_json::to_string(&input).unwrap(), stored);
         let hash = "8f46d94c843df7b3e08a881b6ac8b86b36c5c45b4c979658afe734bceffbeeb6";
         assert_eq!(Blob::of(stored.as_bytes()).hash.to_string(), hash);

@@ -5,7 +5,7 @@ use sqlx::sqlite::SqliteConnection;
 use super::super::blobs;
 use super::super::error::{StoreResult, missing};
 use crate::domain::blob::{Blob, BlobHash};
-use crate::domain::job::{JobInput, JobKind, JobPriority, RescoreInput, TrackInput};
+use crate::domain::job::{JobInput, JobPriority, KeyVersion, RescoreInput, TrackInput};
 use crate::ids::{BoxId, CalibrationId, JobId, PaletteId, ResultId, SessionId};
 use crate::motion::PIPELINE_VERSION;
 use crate::store::edits::revision;
@@ -15,66 +15,87 @@ use crate::store::edits::revision;
 pub(in crate::store) async fn insert(
     tx: &mut SqliteConnection,
     input: &JobInput,
-    versions: &str,
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<JobId> {
-    insert_with_priority(tx, input, input.priority(), versions, (now_ms, max_attempts)).await
+    insert_with_priority(tx, input, input.facts().priority, now_ms, max_attempts).await
 }
 
-/// Like [`insert`], with another priority than the default of the input.
+const FIND: &str = "SELECT id FROM job WHERE kind = $1 AND input_hash = $2 AND versions = $3";
+
+const INSERT: &str = "
+    INSERT INTO job (id, kind, input, input_hash, versions, session_id, box_id, turn, state, max_attempts,
+                     created_at_ms, queued_at_ms)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, 'queued', $9, $10, $10)";
+
+const LINK_FILE: &str = "INSERT INTO job_file (job_id, blob) VALUES ($1, $2) ON CONFLICT DO NOTHING";
+
+/// Like [`insert`], with another priority than the usual one of the input.
 async fn insert_with_priority(
     tx: &mut SqliteConnection,
     input: &JobInput,
-    turn: JobPriority,
-    versions: &str,
-    (now_ms, max_attempts): (i64, u32),
+    priority: JobPriority,
+    now_ms: i64,
+    max_attempts: u32,
 ) -> StoreResult<JobId> {
+    let facts = input.facts();
     let text = serde_json::to_string(input).unwrap_or_default(); // plain data; the schema refuses an empty text
-    let key = (input.kind(), Blob::of(text.as_bytes()).hash, versions);
-    if let Some(id) = find(tx, key).await? {
+    let hash = Blob::of(text.as_bytes()).hash;
+    let versions = versions(tx, facts.key_version).await?;
+    let found = sqlx::query_scalar(FIND).bind(facts.kind).bind(hash).bind(&versions);
+    if let Some(id) = found.fetch_optional(&mut *tx).await? {
         requeue(tx, id, now_ms).await?;
-        raise_priority(tx, id, turn).await?;
+        raise_priority(tx, id, priority).await?;
         // The files were sent again. If the job no longer refers to them, their rows let them be collected.
-        for blob in input.blobs() {
+        for blob in facts.blobs {
             blobs::record(tx, blob, now_ms).await?;
         }
         return Ok(id);
     }
     let id = JobId::at(now_ms);
-    let insert = sqlx::query(
-        "INSERT INTO job (id, kind, input, input_hash, versions, session_id, box_id, turn, state, max_attempts,
-                          created_at_ms, queued_at_ms)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, 'queued', $9, $10, $10)",
-    );
-    let insert = insert.bind(id).bind(key.0).bind(text).bind(key.1).bind(versions);
-    let insert = insert.bind(input.session()).bind(input.box_id()).bind(turn as i64);
+    let insert = sqlx::query(INSERT).bind(id).bind(facts.kind).bind(text).bind(hash).bind(versions);
+    let insert = insert.bind(facts.session).bind(facts.of_box).bind(priority as i64);
     let insert = insert.bind(max_attempts).bind(now_ms);
     insert.execute(&mut *tx).await.map_err(missing("box"))?;
-    for blob in input.blobs() {
+    for blob in facts.blobs {
         blobs::record(tx, blob, now_ms).await?;
-        let link = sqlx::query("INSERT INTO job_file (job_id, blob) VALUES ($1, $2) ON CONFLICT DO NOTHING");
-        link.bind(id).bind(blob.hash).execute(&mut *tx).await?;
+        sqlx::query(LINK_FILE).bind(id).bind(blob.hash).execute(&mut *tx).await?;
     }
     Ok(id)
 }
 
-/// Raises a job's priority to `turn` if it is lower: a person now asks for work that a rescoring had queued at low
+const LATEST_CALIBRATION: &str = "SELECT coalesce(max(version), 0) FROM calibration WHERE box_id = $1";
+
+const LATEST_PALETTE: &str = "SELECT coalesce(max(version), 0) FROM palette WHERE box_id = $1";
+
+/// The `versions` part of a job's key.
+async fn versions(tx: &mut SqliteConnection, key: KeyVersion) -> StoreResult<String> {
+    let (latest, of) = match key {
+        KeyVersion::Pipeline => return Ok(format!("pipeline {PIPELINE_VERSION}")),
+        KeyVersion::Calibration(of) => (LATEST_CALIBRATION, of),
+        KeyVersion::Palette(of) => (LATEST_PALETTE, of),
+    };
+    let version: i64 = sqlx::query_scalar(latest).bind(of).fetch_one(tx).await?;
+    Ok(format!("after {version}"))
+}
+
+const RAISE_PRIORITY: &str = "UPDATE job SET turn = min(turn, $2) WHERE id = $1";
+
+/// Raises a job's priority to this one if it is lower: a person now asks for work that a rescoring had queued at low
 /// priority.
-pub(super) async fn raise_priority(tx: &mut SqliteConnection, id: JobId, turn: JobPriority) -> StoreResult<()> {
-    sqlx::query("UPDATE job SET turn = min(turn, $2) WHERE id = $1").bind(id).bind(turn as i64).execute(tx).await?;
+pub(super) async fn raise_priority(tx: &mut SqliteConnection, id: JobId, priority: JobPriority) -> StoreResult<()> {
+    sqlx::query(RAISE_PRIORITY).bind(id).bind(priority as i64).execute(tx).await?;
     Ok(())
 }
 
+const REQUEUE: &str = "
+    UPDATE job SET state = 'queued', attempt = 0, progress = 0, problem = NULL, queued_at_ms = max($2, queued_at_ms),
+                   started_at_ms = NULL, ended_at_ms = NULL
+    WHERE id = $1 AND state IN ('failed', 'quarantined')";
+
 /// Queues a failed or quarantined job again with all its attempts; `false` if it is in another state.
 pub(super) async fn requeue(tx: &mut SqliteConnection, id: JobId, now_ms: i64) -> StoreResult<bool> {
-    let update = sqlx::query(
-        "UPDATE job SET state = 'queued', attempt = 0, progress = 0, problem = NULL,
-         queued_at_ms = max($2, queued_at_ms),
-                        started_at_ms = NULL, ended_at_ms = NULL
-         WHERE id = $1 AND state IN ('failed', 'quarantined')",
-    );
-    Ok(update.bind(id).bind(now_ms).execute(tx).await?.rows_affected() > 0)
+    Ok(sqlx::query(REQUEUE).bind(id).bind(now_ms).execute(tx).await?.rows_affected() > 0)
 }
 
 /// Queues the tracking of a session with its box's latest camera and colours. Returns `None` if the box lacks one of
@@ -88,11 +109,18 @@ pub(in crate::store) async fn enqueue_track(
     enqueue_track_with_priority(tx, session, JobPriority::Session, now_ms, max_attempts).await
 }
 
+const TRACK_INPUT: &str = "
+    SELECT blob.hash, blob.bytes,
+           (SELECT id FROM calibration WHERE box_id = session.box_id ORDER BY version DESC LIMIT 1) AS calibration,
+           (SELECT id FROM palette WHERE box_id = session.box_id ORDER BY version DESC LIMIT 1) AS palette
+    FROM session JOIN blob ON blob.hash = session.video
+    WHERE session.id = $1 AND session.tracker IS NULL";
+
 /// Like [`enqueue_track`], with the given priority.
 pub(in crate::store) async fn enqueue_track_with_priority(
     tx: &mut SqliteConnection,
     session: SessionId,
-    turn: JobPriority,
+    priority: JobPriority,
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<Option<JobId>> {
@@ -103,18 +131,12 @@ pub(in crate::store) async fn enqueue_track_with_priority(
         calibration: Option<CalibrationId>,
         palette: Option<PaletteId>,
     }
-    let row = sqlx::query_as(
-        "SELECT blob.hash, blob.bytes,
-                (SELECT id FROM calibration WHERE box_id = session.box_id ORDER BY version DESC LIMIT 1) AS calibration,
-                (SELECT id FROM palette WHERE box_id = session.box_id ORDER BY version DESC LIMIT 1) AS palette
-         FROM session JOIN blob ON blob.hash = session.video
-         WHERE session.id = $1 AND session.tracker IS NULL",
-    );
-    let Some(row): Option<TrackInputRow> = row.bind(session).fetch_optional(&mut *tx).await? else { return Ok(None) };
+    let row: Option<TrackInputRow> = sqlx::query_as(TRACK_INPUT).bind(session).fetch_optional(&mut *tx).await?;
+    let Some(row) = row else { return Ok(None) };
     let (Some(calibration), Some(palette)) = (row.calibration, row.palette) else { return Ok(None) };
     let video = Blob { hash: row.hash, bytes: row.bytes.unsigned_abs() };
     let input = JobInput::Track(TrackInput { session, video, calibration, palette });
-    insert_with_priority(tx, &input, turn, &current_version(), (now_ms, max_attempts)).await.map(Some)
+    insert_with_priority(tx, &input, priority, now_ms, max_attempts).await.map(Some)
 }
 
 /// Queues the scoring of the current result's path with the edits that are in force.
@@ -127,7 +149,7 @@ pub(in crate::store) async fn enqueue_rescore(
     let Some((result, trajectory, _)) = current_result(tx, session).await? else { return Ok(None) };
     let edits = revision(tx, session).await?;
     let input = JobInput::Rescore(RescoreInput { session, result, trajectory, edits });
-    insert(tx, &input, &current_version(), now_ms, max_attempts).await.map(Some)
+    insert(tx, &input, now_ms, max_attempts).await.map(Some)
 }
 
 /// Like [`enqueue_rescore`], but only if the current result was made with other edits than those in force. Called after
@@ -145,21 +167,26 @@ pub(in crate::store) async fn enqueue_rescore_if_outdated(
     enqueue_rescore(tx, session, now_ms, max_attempts).await
 }
 
+const CURRENT_RESULT: &str = "
+    SELECT result.id, blob.hash, blob.bytes, result.edits FROM result JOIN blob ON blob.hash = result.trajectory
+    WHERE result.session_id = $1 ORDER BY result.created_at_ms DESC, result.id DESC LIMIT 1";
+
 /// The current result of a session: its id, its path and the revision of edits that it was made with.
 pub(super) async fn current_result(
     tx: &mut SqliteConnection,
     session: SessionId,
 ) -> StoreResult<Option<(ResultId, Blob, u64)>> {
-    let row = sqlx::query_as(
-        "SELECT result.id, blob.hash, blob.bytes, result.edits FROM result JOIN blob ON blob.hash = result.trajectory
-         WHERE result.session_id = $1 ORDER BY result.created_at_ms DESC, result.id DESC LIMIT 1",
-    );
-    let row: Option<(ResultId, BlobHash, i64, i64)> = row.bind(session).fetch_optional(tx).await?;
+    let row: Option<(ResultId, BlobHash, i64, i64)> =
+        sqlx::query_as(CURRENT_RESULT).bind(session).fetch_optional(tx).await?;
     let of = |(id, hash, bytes, edits): (ResultId, BlobHash, i64, i64)| {
         (id, Blob { hash, bytes: bytes.unsigned_abs() }, edits.unsigned_abs())
     };
     Ok(row.map(of))
 }
+
+const SESSIONS_WITHOUT_JOB: &str = "
+    SELECT id FROM session
+    WHERE box_id = $1 AND NOT EXISTS (SELECT 1 FROM job WHERE session_id = session.id) ORDER BY id";
 
 /// Queues the sessions of a box that have waited for its camera or colours.
 pub(in crate::store) async fn enqueue_waiting_sessions(
@@ -168,39 +195,9 @@ pub(in crate::store) async fn enqueue_waiting_sessions(
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<()> {
-    let waiting: Vec<SessionId> = sqlx::query_scalar(
-        "SELECT id FROM session
-         WHERE box_id = $1 AND NOT EXISTS (SELECT 1 FROM job WHERE session_id = session.id) ORDER BY id",
-    )
-    .bind(of)
-    .fetch_all(&mut *tx)
-    .await?;
+    let waiting: Vec<SessionId> = sqlx::query_scalar(SESSIONS_WITHOUT_JOB).bind(of).fetch_all(&mut *tx).await?;
     for session in waiting {
         enqueue_track(tx, session, now_ms, max_attempts).await?;
     }
     Ok(())
-}
-
-/// The `versions` part of the key of a job on a session: the version of the pipeline.
-pub(in crate::store) fn current_version() -> String {
-    format!("pipeline {PIPELINE_VERSION}")
-}
-
-/// The `versions` part of the key of a job on a box: the latest version so far. The same photos sent twice in a row are
-/// one job; sent again after another calibration they are a new one.
-pub(super) async fn versions_so_far(tx: &mut SqliteConnection, kind: JobKind, of: BoxId) -> StoreResult<String> {
-    let sql = match kind {
-        JobKind::SelfTest => return Ok(current_version()), // its input names both versions
-        JobKind::Palette | JobKind::Advise => "SELECT coalesce(max(version), 0) FROM palette WHERE box_id = $1",
-        JobKind::Calibrate | JobKind::Track | JobKind::Import | JobKind::Rescore => {
-            "SELECT coalesce(max(version), 0) FROM calibration WHERE box_id = $1"
-        }
-    };
-    let version: i64 = sqlx::query_scalar(sql).bind(of).fetch_one(tx).await?;
-    Ok(format!("after {version}"))
-}
-
-async fn find(tx: &mut SqliteConnection, key: (JobKind, BlobHash, &str)) -> StoreResult<Option<JobId>> {
-    let found = sqlx::query_scalar("SELECT id FROM job WHERE kind = $1 AND input_hash = $2 AND versions = $3");
-    Ok(found.bind(key.0).bind(key.1).bind(key.2.to_owned()).fetch_optional(tx).await?)
 }

@@ -12,8 +12,8 @@ mod finish;
 mod lease;
 
 pub(super) use enqueue::{
-    current_version, enqueue_rescore, enqueue_rescore_if_outdated, enqueue_track, enqueue_track_with_priority,
-    enqueue_waiting_sessions, insert,
+    enqueue_rescore, enqueue_rescore_if_outdated, enqueue_track, enqueue_track_with_priority, enqueue_waiting_sessions,
+    insert,
 };
 #[cfg(test)]
 pub(super) use lease::CLAIM; // for the test of its query plan
@@ -102,12 +102,13 @@ impl JobStore<'_> {
     /// Queues a job on a box. The same work requested twice is one job; a failed job is queued again.
     pub async fn enqueue(&self, scope: &Scope, input: JobInput) -> StoreResult<JobRecord> {
         require_staff(scope, "giving a box new colours, a new camera or a self-test")?;
-        let of = input.box_id().ok_or_else(|| StoreError::refused("a session's job is made with the session"))?;
+        if input.facts().of_box.is_none() {
+            return Err(StoreError::refused("a session's job is made with the session"));
+        }
         let (scope, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         self.0
             .write(async move |tx| {
-                let versions = enqueue::versions_so_far(tx, input.kind(), of).await?;
-                let id = enqueue::insert(tx, &input, &versions, now_ms, attempts).await?;
+                let id = enqueue::insert(tx, &input, now_ms, attempts).await?;
                 note(tx, &scope, now_ms, ("enqueue", "job"), id).await?;
                 lease::read(tx, id).await
             })
@@ -136,7 +137,7 @@ impl JobStore<'_> {
             .write(async move |tx| {
                 if enqueue::requeue(tx, id, now_ms).await? {
                     let job = lease::read(tx, id).await?;
-                    enqueue::raise_priority(tx, id, job.input.priority()).await?;
+                    enqueue::raise_priority(tx, id, job.input.facts().priority).await?;
                     note(tx, &scope, now_ms, ("retry", "job"), id).await?;
                 }
                 lease::read(tx, id).await

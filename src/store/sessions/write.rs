@@ -33,7 +33,7 @@ impl SessionStore<'_> {
                 let table = new.video;
                 let session = insert_session(tx, &by, new, Some(&tracker), now_ms).await?;
                 let input = JobInput::Import(ImportInput { session, table, tracker });
-                jobs::insert(tx, &input, &jobs::current_version(), now_ms, attempts).await?;
+                jobs::insert(tx, &input, now_ms, attempts).await?;
                 note(tx, &by, now_ms, ("import", "session"), session).await?;
                 Ok(session)
             })
