@@ -9,7 +9,7 @@ use super::protocol::{
 use super::worker::WorkError;
 use crate::domain::boxes::BoxTool;
 use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle, View};
-use crate::domain::job::{CalibrateInput, JobInput, PaletteInput, SelfTestInput, TrackInput};
+use crate::domain::job::{CalibrateInput, JobInput, SelfTestInput, TrackInput};
 use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
@@ -20,16 +20,12 @@ use crate::store::{PaletteRecord, SessionOrderKey, Store, StoreError};
 use crate::vault::Vault;
 use crate::vision::pose::fulcrum::Fulcrum;
 
-/// The work of a child, its input files, and the context for judging the result.
+/// The work of a child and its input files.
 pub(super) struct JobPlan {
     /// What the child is to do.
     pub(super) work: ChildWork,
     /// The input files.
     pub(super) inputs: Vec<File>,
-    /// Context for judging the result, still without the ports of earlier sessions.
-    pub(super) context: BoxContext,
-    /// The earlier sessions that a tracked recording is compared with.
-    pub(super) earlier_sessions: Option<EarlierSessions>,
 }
 
 /// The sessions of a box before a given one, with the same calibration.
@@ -52,13 +48,8 @@ pub(super) struct BoxContext {
 }
 
 impl JobPlan {
-    /// Looks up what a job needs; `None` if nothing is decoded, so that no child is needed ([`super::rescore`]).
-    pub(super) async fn for_job(
-        job: &JobInput,
-        store: &Store,
-        vault: &Vault,
-        now: &str,
-    ) -> Result<Option<Self>, WorkError> {
+    /// Opens the files that a job reads.
+    pub(super) async fn new(work: ChildWork, job: &JobInput, vault: &Vault) -> Result<Self, WorkError> {
         let blobs = job.facts().blobs;
         if blobs.len() > MAX_INPUTS {
             return Err(too_many_files_problem(blobs.len()).into());
@@ -67,27 +58,11 @@ impl JobPlan {
         for blob in blobs {
             inputs.push(vault.open_blob(blob.hash).await?.0);
         }
-        let (mut known, mut earlier) = (BoxContext::default(), None);
-        let work = match job {
-            JobInput::Track(input) => {
-                let camera = store.calibrations().get(&Scope::service(), input.calibration).await?;
-                known.calibration_rms_px = camera.rms_px;
-                earlier = Some(EarlierSessions::before(input.session, input.calibration, store).await?);
-                ChildWork::Track(track_work(input, camera.camera.camera().into(), store).await?)
-            }
-            JobInput::Import(_) | JobInput::Rescore(_) => return Ok(None),
-            JobInput::Palette(PaletteInput { annotations, frames, is_video, .. }) => {
-                ChildWork::Palette(palette_work(annotations, (!is_video).then(|| frames.clone()))?)
-            }
-            JobInput::Advise(_) => ChildWork::Advise,
-            JobInput::Calibrate(input) => ChildWork::Calibrate(calibrate_work(input, now)),
-            JobInput::SelfTest(input) => ChildWork::SelfTest(self_test_work(input, store).await?),
-        };
-        Ok(Some(Self { work, inputs, context: known, earlier_sessions: earlier }))
+        Ok(Self { work, inputs })
     }
 }
 
-async fn track_work(input: &TrackInput, camera: CameraShape, store: &Store) -> Result<TrackWork, WorkError> {
+pub(super) async fn track_work(input: &TrackInput, camera: CameraShape, store: &Store) -> Result<TrackWork, WorkError> {
     let palette = store.palettes().get(&Scope::service(), input.palette).await?;
     track_work_with(palette, camera, store).await
 }
@@ -128,7 +103,7 @@ fn fulcrum_shapes(ports: &Ports) -> Vec<FulcrumShape> {
     ports.all().iter().copied().map(FulcrumShape::from).collect()
 }
 
-async fn self_test_work(input: &SelfTestInput, store: &Store) -> Result<SelfTestWork, WorkError> {
+pub(super) async fn self_test_work(input: &SelfTestInput, store: &Store) -> Result<SelfTestWork, WorkError> {
     let calibration = store.calibrations().get(&Scope::service(), input.calibration).await?;
     let palette = store.palettes().get(&Scope::service(), input.palette).await?;
     let SelfTestInput { board, square_mm, reach_mm, .. } = *input;
@@ -205,7 +180,7 @@ fn mark(label: &LabelledRectangle, colour: String) -> Result<MarkShape, Problem>
     }
 }
 
-fn calibrate_work(input: &CalibrateInput, now: &str) -> CalibrateWork {
+pub(super) fn calibrate_work(input: &CalibrateInput, now: &str) -> CalibrateWork {
     let CalibrateInput { board, square_mm, .. } = *input;
     let names = || input.files.iter().map(|file| file.name.clone()).collect();
     CalibrateWork {

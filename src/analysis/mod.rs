@@ -20,6 +20,7 @@ pub mod self_test;
 
 mod attempt;
 pub mod diagnostics;
+mod job_kinds;
 mod job_plan;
 mod output_validator;
 mod quick;

@@ -7,10 +7,10 @@ use super::job_plan::{BoxContext, EarlierSessions};
 use super::paths::{PathKind, PathsError, SessionPaths};
 use super::protocol::PathRow;
 use super::results::{self, AssessmentRows, ProductError};
-use super::worker::{WorkError, WorkerPool, crash_problem};
+use super::worker::{WorkError, WorkerPool};
 use crate::domain::edit::EditsInForce;
 use crate::domain::files::trajectory::{ImportedTable, TrajectoryProblem, read_csv};
-use crate::domain::job::{ImportInput, JobInput, RescoreInput};
+use crate::domain::job::{ImportInput, RescoreInput};
 use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
 use crate::domain::session::{NewResult, NewScore, Versions, VideoFacts, imported_pipeline_version};
@@ -45,26 +45,17 @@ struct ScoredImport {
 }
 
 impl WorkerPool {
-    /// Scores the session that a job names and stores the result beside earlier results.
-    pub(super) async fn score_without_tracking(&self, held: HeldJob, ending: &Shutdown) -> Result<(), WorkError> {
-        let done = match held.job().input.clone() {
-            JobInput::Import(input) => self.score_rows(&held, input, ending).await,
-            JobInput::Rescore(input) => self.score_paths(&held, input, ending).await,
-            _ => Ok(()),
-        };
-        match done {
-            Ok(()) => Ok(()),
-            Err(error) => self.settle_failure(held, error).await,
-        }
-    }
-
-    async fn score_rows(&self, held: &HeldJob, input: ImportInput, ending: &Shutdown) -> Result<(), WorkError> {
+    /// Scores a table that another tracker measured and stores the result of its session.
+    pub(super) async fn score_rows(
+        &self,
+        held: &HeldJob,
+        input: ImportInput,
+        ending: &Shutdown,
+    ) -> Result<(), WorkError> {
         let table = self.vault.read(input.table.hash, MAX_PATHS_BYTES).await?;
         let edits = self.store.edits().in_force(input.session).await?;
         let revision = edits.revision;
-        let Some(scored) = self.run_blocking(held, ending, move || score_table(&table, &edits)).await? else {
-            return Ok(());
-        };
+        let scored = self.run_blocking(held, ending, move || score_table(&table, &edits)).await?;
         let versions = Versions {
             pipeline: imported_pipeline_version(&input.tracker),
             tracked_with: None,
@@ -89,7 +80,13 @@ impl WorkerPool {
         Ok(held.finish(async |store, lease| store.jobs().finish_track(lease, result).await).await?)
     }
 
-    async fn score_paths(&self, held: &HeldJob, input: RescoreInput, ending: &Shutdown) -> Result<(), WorkError> {
+    /// Scores a session's stored path again and stores the result beside earlier results.
+    pub(super) async fn score_paths(
+        &self,
+        held: &HeldJob,
+        input: RescoreInput,
+        ending: &Shutdown,
+    ) -> Result<(), WorkError> {
         let service = Scope::service();
         let session = self.store.sessions().get(&service, input.session).await?;
         let old = self.store.sessions().result_of(&service, input.session, input.result).await?;
@@ -97,10 +94,7 @@ impl WorkerPool {
         if let Some(calibration) = old.versions.calibration {
             known.calibration_rms_px = self.store.calibrations().get(&service, calibration).await?.rms_px;
             let earlier = EarlierSessions::before(input.session, calibration, &self.store).await?;
-            let Some(ports) = self.earlier_ports(held, Some(earlier), ending).await? else {
-                return Ok(held.release().await?);
-            };
-            known.ports = ports;
+            known.ports = self.earlier_ports(held, earlier, ending).await?;
         }
         let blob = self.vault.read(input.trajectory.hash, MAX_PATHS_BYTES).await?;
         let (is_import, frames) = (session.tracker.is_some(), old.video.frames);
@@ -114,38 +108,33 @@ impl WorkerPool {
             true => assess_stored_import(&blob, frames, &edits),
             false => assess_stored_tracking((&blob, &seen), &known, &edits),
         };
-        let Some(assessed) = self.run_blocking(held, ending, work).await? else { return Ok(()) };
+        let assessed = self.run_blocking(held, ending, work).await?;
         let pipeline = session.tracker.as_ref().map_or_else(|| PIPELINE_VERSION.to_owned(), imported_pipeline_version);
         let score = new_score(&old, pipeline, revision, assessed);
         Ok(held.finish(async |store, lease| store.jobs().finish_rescore(lease, score).await).await?)
     }
 
-    /// Runs `work` on a blocking thread and renews the lease meanwhile. Returns `None` if the job ended in another way:
-    /// the service shuts down, or the work cannot be done.
+    /// Runs `work` on a blocking thread and renews the lease meanwhile.
     async fn run_blocking<T: Send + 'static>(
         &self,
         held: &HeldJob,
         ending: &Shutdown,
         work: impl FnOnce() -> Result<T, RescoreError> + Send + 'static,
-    ) -> Result<Option<T>, WorkError> {
+    ) -> Result<T, WorkError> {
         let mut work = tokio::task::spawn_blocking(work);
         let ended = loop {
             tokio::select! {
                 ended = &mut work => break ended,
-                () = ending.begun() => {
-                    held.release().await?;
-                    return Ok(None);
-                }
+                () = ending.begun() => return Err(WorkError::Stopped),
                 () = self.clock.sleep(held.heartbeat_interval()) => held.renew_lease().await?,
             }
         };
         match ended {
-            Ok(Ok(scored)) => return Ok(Some(scored)),
-            Ok(Err(RescoreError::NoTrackingSummary)) => held.fail(no_tracking_summary_problem()).await?,
-            Ok(Err(error)) => held.report_crash(crash_problem(&error.to_string())).await?,
-            Err(panic) => held.report_crash(crash_problem(&panic.to_string())).await?,
-        };
-        Ok(None)
+            Ok(Ok(scored)) => Ok(scored),
+            Ok(Err(RescoreError::NoTrackingSummary)) => Err(no_tracking_summary_problem().into()),
+            Ok(Err(error)) => Err(WorkError::Crashed(error.to_string())),
+            Err(panic) => Err(WorkError::Crashed(panic.to_string())),
+        }
     }
 }
 

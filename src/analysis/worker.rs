@@ -1,27 +1,25 @@
-//! The worker pool: each worker takes one job at a time, runs its child process and saves the result.
+//! The worker pool: each worker takes one job at a time, supervises its child process and settles failures. What it does
+//! for each kind of job is in [`super::job_kinds`].
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::watch;
-use tokio::task::JoinError;
 
 use super::attempt::{AttemptFailure, ChildAttempt, run_attempt};
-use super::job_plan::{BoxContext, EarlierSessions, JobPlan};
+use super::job_plan::{EarlierSessions, JobPlan};
 use super::output_validator::{ChildEvent, ChildOutput};
 use super::protocol::{ChildRequest, ChildWork};
-use super::results::{self, ProductError, TrackResult};
+use super::results::ProductError;
 use super::settings::AnalysisSettings;
-use crate::domain::job::JobInput;
 use crate::domain::problem::Problem;
-use crate::domain::session::NewResult;
 use crate::motion::quality::ports::Ports;
 use crate::queue::{HeldJob, Queue, is_lease_lost};
 use crate::sandbox::{Budget, Program, StopSwitch};
 use crate::shutdown::Shutdown;
 use crate::store::{Store, StoreError};
-use crate::time::{SharedClock, to_rfc3339};
-use crate::vault::{PinnedBlob, Vault, VaultError};
+use crate::time::SharedClock;
+use crate::vault::{Vault, VaultError};
 
 /// Interval between progress updates: each one is a database commit.
 const PROGRESS_INTERVAL: Duration = Duration::from_secs(1);
@@ -51,6 +49,15 @@ pub(super) enum WorkError {
     /// The job itself cannot be done.
     #[error("{}", .0.detail)]
     Impossible(Problem),
+    /// The child or the assessment crashed, or gave no result.
+    #[error("the analysis process {0}")]
+    Crashed(String),
+    /// The service shuts down, or the lease was lost.
+    #[error("stopped")]
+    Stopped,
+    /// The result could not be stored.
+    #[error(transparent)]
+    NotStored(StoreError),
     /// The store failed.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -65,6 +72,22 @@ pub(super) enum WorkError {
 impl From<Problem> for WorkError {
     fn from(problem: Problem) -> Self {
         WorkError::Impossible(problem)
+    }
+}
+
+impl From<ProductError> for WorkError {
+    fn from(error: ProductError) -> Self {
+        WorkError::Crashed(error.to_string())
+    }
+}
+
+impl From<AttemptFailure> for WorkError {
+    fn from(failure: AttemptFailure) -> Self {
+        match failure {
+            AttemptFailure::Impossible(problem) => WorkError::Impossible(problem),
+            AttemptFailure::Crashed(reason) => WorkError::Crashed(reason),
+            AttemptFailure::Stopped => WorkError::Stopped,
+        }
     }
 }
 
@@ -90,7 +113,7 @@ impl WorkerPool {
             let job = held.job().id;
             match self.run_job(held, shutdown).await {
                 Ok(()) => {}
-                Err(WorkError::Store(error)) if is_lease_lost(&error) => {
+                Err(WorkError::Store(error) | WorkError::NotStored(error)) if is_lease_lost(&error) => {
                     tracing::info!(%job, worker = name, "lease lost: another worker owns the job; result discarded");
                 }
                 Err(error) => {
@@ -106,54 +129,33 @@ impl WorkerPool {
 
     /// Runs one job until it is finished, failed or released.
     async fn run_job(&self, mut held: HeldJob, shutdown: &Shutdown) -> Result<(), WorkError> {
-        let now = to_rfc3339(self.clock.now_ms());
-        let orders = match JobPlan::for_job(&held.job().input, &self.store, &self.vault, &now).await {
-            Ok(Some(orders)) => orders,
-            Ok(None) => return self.score_without_tracking(held, shutdown).await,
-            Err(error) => return self.settle_failure(held, error).await,
-        };
-        let (tools, known, earlier) = (tool_names(&orders.work), orders.context.clone(), orders.earlier_sessions);
-        match self.supervise_child(&mut held, orders, shutdown).await {
-            Ok(Ok(heard)) => match self.earlier_ports(&held, earlier, shutdown).await {
-                Ok(Some(ports)) => self.save(held, tools, BoxContext { ports, ..known }, heard).await,
-                Ok(None) => Ok(held.release().await?),
-                Err(error) => self.settle_failure(held, error.into()).await,
-            },
-            Ok(Err(AttemptFailure::Impossible(problem))) => Ok(held.fail(problem).await.map(drop)?),
-            Ok(Err(AttemptFailure::Crashed(reason))) => {
-                Ok(held.report_crash(crash_problem(&reason)).await.map(drop)?)
-            }
-            Ok(Err(AttemptFailure::Stopped)) => Ok(held.release().await?),
-            Err(error) => self.settle_failure(held, error.into()).await,
+        match self.work_on(&mut held, shutdown).await {
+            Ok(()) => Ok(()),
+            Err(error) => settle_failure(&held, error).await,
         }
     }
 
-    /// Fails a job that cannot be done. If the machine failed, releases the job without counting an attempt.
-    pub(super) async fn settle_failure(&self, held: HeldJob, error: WorkError) -> Result<(), WorkError> {
-        match error {
-            WorkError::Impossible(problem) => Ok(held.fail(problem).await.map(drop)?),
-            WorkError::Store(StoreError::NotFound { what }) => Ok(held.fail(deleted_problem(what)).await.map(drop)?),
-            WorkError::Vault(VaultError::Damaged | VaultError::TooLong { .. }) => {
-                Ok(held.fail(damaged_problem()).await.map(drop)?)
-            }
-            WorkError::Vault(VaultError::NotFound) => Ok(held.fail(deleted_problem("file")).await.map(drop)?),
-            error => {
-                held.release().await?;
-                Err(error)
-            }
-        }
+    /// Runs a child on the files of a job.
+    pub(super) async fn run_child(
+        &self,
+        held: &mut HeldJob,
+        work: ChildWork,
+        ending: &Shutdown,
+    ) -> Result<ChildOutput, WorkError> {
+        let plan = JobPlan::new(work, &held.job().input, &self.vault).await?;
+        Ok(self.supervise_child(held, plan, ending).await??)
     }
 
     /// Runs the child; meanwhile reports its progress and renews the lease.
     async fn supervise_child(
         &self,
         held: &mut HeldJob,
-        orders: JobPlan,
+        plan: JobPlan,
         shutdown: &Shutdown,
     ) -> std::io::Result<Result<ChildOutput, AttemptFailure>> {
         let stop = StopSwitch::new()?;
         let (progress_sender, mut progress_seen) = watch::channel(0.0);
-        let mut child = self.spawn_child(orders, stop.clone(), progress_sender);
+        let mut child = self.spawn_child(plan, stop.clone(), progress_sender);
         let mut beat = self.clock.sleep(held.heartbeat_interval());
         let mut pause = self.clock.sleep(Duration::ZERO);
         let mut may_report = true;
@@ -187,22 +189,20 @@ impl WorkerPool {
         }
     }
 
-    /// Trocar positions from earlier sessions, once none of those sessions is being tracked; `None` if the service
-    /// shuts down.
+    /// Trocar positions from earlier sessions, once none of those sessions is being tracked.
     pub(super) async fn earlier_ports(
         &self,
         held: &HeldJob,
-        earlier: Option<EarlierSessions>,
+        mut earlier: EarlierSessions,
         ending: &Shutdown,
-    ) -> Result<Option<Ports>, StoreError> {
-        let Some(mut earlier) = earlier else { return Ok(Some(Ports::default())) };
+    ) -> Result<Ports, WorkError> {
         let mut beat = self.clock.sleep(held.heartbeat_interval());
         loop {
             if let Some(ports) = earlier.ports(&self.store).await? {
-                return Ok(Some(ports));
+                return Ok(ports);
             }
             tokio::select! {
-                () = ending.begun() => return Ok(None),
+                () = ending.begun() => return Err(WorkError::Stopped),
                 () = &mut beat => {
                     beat = self.clock.sleep(held.heartbeat_interval());
                     held.renew_lease().await?;
@@ -215,114 +215,43 @@ impl WorkerPool {
     /// Starts the child on a blocking thread, which lives as long as the child.
     fn spawn_child(
         &self,
-        orders: JobPlan,
+        plan: JobPlan,
         stop: StopSwitch,
         progress: watch::Sender<f64>,
     ) -> tokio::task::JoinHandle<Result<ChildOutput, AttemptFailure>> {
         let (program, budget, threads) = (self.program.clone(), self.settings.budget(), self.settings.decoder_threads);
-        tokio::task::spawn_blocking(move || run_child(&program, &budget, threads, orders, &stop, &progress))
-    }
-
-    /// Stores the child's output and ends the job in one transaction; files first, row second.
-    async fn save(
-        &self,
-        held: HeldJob,
-        tools: Vec<String>,
-        known: BoxContext,
-        heard: ChildOutput,
-    ) -> Result<(), WorkError> {
-        match held.job().input.clone() {
-            JobInput::Track(input) => {
-                let edits = match self.store.edits().in_force(input.session).await {
-                    Ok(edits) => edits,
-                    Err(error) => return self.settle_failure(held, error.into()).await,
-                };
-                let assess = move || TrackResult::new(&input, tools, &known, &edits, heard);
-                self.save_tracking(held, tokio::task::spawn_blocking(assess).await).await
-            }
-            JobInput::Import(_) | JobInput::Rescore(_) => Ok(held.release().await?), // these jobs have no child
-            JobInput::Palette(input) => match results::palette(&input.annotations, heard) {
-                Ok(new) => {
-                    held.finish(async |store, lease| store.jobs().finish_palette(lease, new).await).await?;
-                    Ok(())
-                }
-                Err(error) => Ok(held.report_crash(crash_problem(&error.to_string())).await.map(drop)?),
-            },
-            JobInput::Advise(_) => match results::advice(heard) {
-                Ok(advice) => {
-                    Ok(held.finish(async |store, lease| store.jobs().finish_advice(lease, advice).await).await?)
-                }
-                Err(error) => Ok(held.report_crash(crash_problem(&error.to_string())).await.map(drop)?),
-            },
-            JobInput::SelfTest(input) => match results::self_test(&input, heard) {
-                Ok(new) => {
-                    Ok(held.finish(async |store, lease| store.jobs().finish_self_test(lease, new).await).await?)
-                }
-                Err(error) => Ok(held.report_crash(crash_problem(&error.to_string())).await.map(drop)?),
-            },
-            JobInput::Calibrate(input) => match results::calibration(input.is_video, heard) {
-                Ok(new) => {
-                    held.finish(async |store, lease| store.jobs().finish_calibration(lease, new).await).await?;
-                    Ok(())
-                }
-                Err(error) => Ok(held.report_crash(crash_problem(&error.to_string())).await.map(drop)?),
-            },
-        }
-    }
-
-    async fn save_tracking(
-        &self,
-        held: HeldJob,
-        assessed: Result<Result<TrackResult, ProductError>, JoinError>,
-    ) -> Result<(), WorkError> {
-        let tracked = match assessed {
-            Ok(Ok(tracked)) => tracked,
-            Ok(Err(error)) => return Ok(held.report_crash(crash_problem(&error.to_string())).await.map(drop)?),
-            Err(panic) => return Ok(held.report_crash(crash_problem(&panic.to_string())).await.map(drop)?),
-        };
-        match self.put_files(tracked).await {
-            Ok((result, _kept)) => {
-                Ok(held.finish(async |store, lease| store.jobs().finish_track(lease, result).await).await?)
-            }
-            Err(error) => self.settle_failure(held, error.into()).await,
-        }
-    }
-
-    /// Puts a result's files into the vault, which protects them from garbage collection until their row exists.
-    async fn put_files(&self, tracked: TrackResult) -> Result<(NewResult, Vec<PinnedBlob>), VaultError> {
-        let trajectory = self.vault.put(&tracked.paths).await?;
-        let diagnostics = self.vault.put(&tracked.diagnostics).await?;
-        let preview = match &tracked.preview {
-            Some(jpeg) => Some(self.vault.put(jpeg).await?),
-            None => None,
-        };
-        let result = NewResult {
-            versions: tracked.versions,
-            edits: tracked.edits,
-            video: tracked.video,
-            tools: tracked.tools,
-            features: tracked.features,
-            evidence: tracked.evidence,
-            quality: tracked.quality,
-            score: None,
-            trajectory: trajectory.blob(),
-            diagnostics: Some(diagnostics.blob()),
-            preview: preview.as_ref().map(PinnedBlob::blob),
-        };
-        Ok((result, [Some(trajectory), Some(diagnostics), preview].into_iter().flatten().collect()))
+        tokio::task::spawn_blocking(move || attempt_plan(&program, &budget, threads, plan, &stop, &progress))
     }
 }
 
-fn run_child(
+/// Ends a job that gave no result. If the machine failed, releases the job without counting an attempt.
+async fn settle_failure(held: &HeldJob, error: WorkError) -> Result<(), WorkError> {
+    let problem = match error {
+        WorkError::Impossible(problem) => problem,
+        WorkError::Store(StoreError::NotFound { what }) => deleted_problem(what),
+        WorkError::Vault(VaultError::Damaged | VaultError::TooLong { .. }) => damaged_problem(),
+        WorkError::Vault(VaultError::NotFound) => deleted_problem("file"),
+        WorkError::Crashed(reason) => return Ok(held.report_crash(crash_problem(&reason)).await.map(drop)?),
+        WorkError::Stopped => return Ok(held.release().await?),
+        WorkError::NotStored(_) => return Err(error), // the sweep counts an attempt when the lease runs out
+        WorkError::Store(_) | WorkError::Vault(_) | WorkError::System(_) => {
+            held.release().await?;
+            return Err(error);
+        }
+    };
+    Ok(held.fail(problem).await.map(drop)?)
+}
+
+fn attempt_plan(
     program: &Program,
     budget: &Budget,
     threads: usize,
-    orders: JobPlan,
+    plan: JobPlan,
     stop: &StopSwitch,
     progress_sender: &watch::Sender<f64>,
 ) -> Result<ChildOutput, AttemptFailure> {
-    let request = ChildRequest { threads, work: orders.work };
-    let (result, cost) = run_attempt(ChildAttempt { program, request, inputs: orders.inputs, budget, stop }, |event| {
+    let request = ChildRequest { threads, work: plan.work };
+    let (result, cost) = run_attempt(ChildAttempt { program, request, inputs: plan.inputs, budget, stop }, |event| {
         if let ChildEvent::Progress(progress) = event {
             progress_sender.send_replace(progress);
         }
@@ -337,15 +266,7 @@ fn run_child(
     result
 }
 
-/// The tool names in the child's order.
-fn tool_names(work: &ChildWork) -> Vec<String> {
-    match work {
-        ChildWork::Track(track) => track.tools.iter().map(|tool| tool.name.clone()).collect(),
-        _ => Vec::new(), // no other work has rows per tool
-    }
-}
-
-pub(super) fn crash_problem(reason: &str) -> Problem {
+fn crash_problem(reason: &str) -> Problem {
     let detail = format!("the analysis process {reason}; after three attempts it is not tried again automatically");
     Problem::new("analysis-crashed", "The analysis process failed on this file", detail)
 }

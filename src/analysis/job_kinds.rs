@@ -1,0 +1,106 @@
+//! What a worker does for each kind of job: look up what the child needs, run the child, store the result. A new kind is
+//! a branch of [`WorkerPool::work_on`] and the function that it calls.
+
+use super::job_plan::{self, BoxContext, EarlierSessions};
+use super::protocol::ChildWork;
+use super::results::{self, TrackResult};
+use super::worker::{WorkError, WorkerPool};
+use crate::domain::job::{CalibrateInput, JobInput, PaletteInput, SelfTestInput, TrackInput};
+use crate::domain::scope::Scope;
+use crate::domain::session::NewResult;
+use crate::queue::HeldJob;
+use crate::shutdown::Shutdown;
+use crate::time::to_rfc3339;
+use crate::vault::{PinnedBlob, VaultError};
+
+impl WorkerPool {
+    /// Does the work of a job and stores its result.
+    pub(super) async fn work_on(&self, held: &mut HeldJob, ending: &Shutdown) -> Result<(), WorkError> {
+        match held.job().input.clone() {
+            JobInput::Track(input) => self.track(held, input, ending).await,
+            JobInput::Import(input) => self.score_rows(held, input, ending).await,
+            JobInput::Rescore(input) => self.score_paths(held, input, ending).await,
+            JobInput::Calibrate(input) => self.calibrate(held, &input, ending).await,
+            JobInput::Palette(input) => self.collect_colours(held, &input, ending).await,
+            JobInput::Advise(_) => self.advise_on_tapes(held, ending).await,
+            JobInput::SelfTest(input) => self.test_box(held, &input, ending).await,
+        }
+    }
+
+    async fn track(&self, held: &mut HeldJob, input: TrackInput, ending: &Shutdown) -> Result<(), WorkError> {
+        let calibration = self.store.calibrations().get(&Scope::service(), input.calibration).await?;
+        let earlier = EarlierSessions::before(input.session, input.calibration, &self.store).await?;
+        let work = job_plan::track_work(&input, calibration.camera.camera().into(), &self.store).await?;
+        let tools = work.tools.iter().map(|tool| tool.name.clone()).collect();
+        let output = self.run_child(held, ChildWork::Track(work), ending).await?;
+        let ports = self.earlier_ports(held, earlier, ending).await?;
+        let known = BoxContext { calibration_rms_px: calibration.rms_px, ports };
+        let edits = self.store.edits().in_force(input.session).await?;
+        let assess = move || TrackResult::new(&input, tools, &known, &edits, output);
+        let assessed = tokio::task::spawn_blocking(assess).await;
+        let tracked = assessed.map_err(|panic| WorkError::Crashed(panic.to_string()))??;
+        let (result, _kept) = self.put_files(tracked).await?;
+        let stored = held.finish(async |store, lease| store.jobs().finish_track(lease, result).await).await;
+        stored.map_err(WorkError::NotStored)
+    }
+
+    async fn calibrate(&self, held: &mut HeldJob, input: &CalibrateInput, ending: &Shutdown) -> Result<(), WorkError> {
+        let work = job_plan::calibrate_work(input, &to_rfc3339(self.clock.now_ms()));
+        let output = self.run_child(held, ChildWork::Calibrate(work), ending).await?;
+        let new = results::calibration(input.is_video, output)?;
+        let stored = held.finish(async |store, lease| store.jobs().finish_calibration(lease, new).await).await;
+        stored.map(drop).map_err(WorkError::NotStored)
+    }
+
+    async fn collect_colours(
+        &self,
+        held: &mut HeldJob,
+        input: &PaletteInput,
+        ending: &Shutdown,
+    ) -> Result<(), WorkError> {
+        let work = job_plan::palette_work(&input.annotations, (!input.is_video).then(|| input.frames.clone()))?;
+        let output = self.run_child(held, ChildWork::Palette(work), ending).await?;
+        let new = results::palette(&input.annotations, output)?;
+        let stored = held.finish(async |store, lease| store.jobs().finish_palette(lease, new).await).await;
+        stored.map(drop).map_err(WorkError::NotStored)
+    }
+
+    async fn advise_on_tapes(&self, held: &mut HeldJob, ending: &Shutdown) -> Result<(), WorkError> {
+        let output = self.run_child(held, ChildWork::Advise, ending).await?;
+        let advice = results::advice(output)?;
+        let stored = held.finish(async |store, lease| store.jobs().finish_advice(lease, advice).await).await;
+        stored.map_err(WorkError::NotStored)
+    }
+
+    async fn test_box(&self, held: &mut HeldJob, input: &SelfTestInput, ending: &Shutdown) -> Result<(), WorkError> {
+        let work = job_plan::self_test_work(input, &self.store).await?;
+        let output = self.run_child(held, ChildWork::SelfTest(work), ending).await?;
+        let new = results::self_test(input, output)?;
+        let stored = held.finish(async |store, lease| store.jobs().finish_self_test(lease, new).await).await;
+        stored.map_err(WorkError::NotStored)
+    }
+
+    /// Puts a result's files into the vault, which protects them from garbage collection until their row exists.
+    async fn put_files(&self, tracked: TrackResult) -> Result<(NewResult, Vec<PinnedBlob>), VaultError> {
+        let trajectory = self.vault.put(&tracked.paths).await?;
+        let diagnostics = self.vault.put(&tracked.diagnostics).await?;
+        let preview = match &tracked.preview {
+            Some(jpeg) => Some(self.vault.put(jpeg).await?),
+            None => None,
+        };
+        let result = NewResult {
+            versions: tracked.versions,
+            edits: tracked.edits,
+            video: tracked.video,
+            tools: tracked.tools,
+            features: tracked.features,
+            evidence: tracked.evidence,
+            quality: tracked.quality,
+            score: None,
+            trajectory: trajectory.blob(),
+            diagnostics: Some(diagnostics.blob()),
+            preview: preview.as_ref().map(PinnedBlob::blob),
+        };
+        Ok((result, [Some(trajectory), Some(diagnostics), preview].into_iter().flatten().collect()))
+    }
+}
