@@ -1,7 +1,9 @@
-use std::io::{PipeReader, Read};
+use std::future::{pending, ready};
+use std::io::{PipeReader, Read, pipe};
 
 use tokio::task::yield_now;
 
+use super::coverage::RecordCoverage;
 use super::*;
 use crate::analysis::protocol::LogPosition;
 
@@ -10,13 +12,25 @@ fn supervisor(is_fresh: bool) -> TrackingSupervisor {
     TrackingSupervisor::new(is_fresh, Arc::default())
 }
 
-/// Connects a child; returns how many positions it receives at once.
-fn begin(follower: &TrackingSupervisor) -> usize {
-    let (mut theirs, ours) = pipe().unwrap();
+/// Connects a child of a task; returns the child's end of the pipe.
+fn attach(follower: &TrackingSupervisor, task: impl Future<Output = ()> + Send + 'static) -> PipeReader {
+    follower.child().phase = ChildPhase::Starting { task: tokio::spawn(task) };
+    let (theirs, ours) = pipe().unwrap();
     follower.attach_child(ours);
-    follower.child().feed.close();
+    theirs
+}
+
+/// Connects a child and stops it; returns how many positions it receives.
+fn attach_and_stop(follower: &TrackingSupervisor, task: impl Future<Output = ()> + Send + 'static) -> usize {
+    let theirs = attach(follower, task);
+    follower.child().close_input();
+    positions(theirs)
+}
+
+/// Number of positions in a pipe that is closed.
+fn positions(mut theirs: PipeReader) -> usize {
     let mut received = Vec::new();
-    theirs.read_to_end(&mut received).unwrap();
+    theirs.read_to_end(&mut received).unwrap(); // would block for ever if the pipe stayed open
     received.len() / LogPosition::Beat.to_bytes().len()
 }
 
@@ -27,107 +41,98 @@ fn key_frames(follower: &TrackingSupervisor, count: u64) {
 }
 
 fn is_whole(follower: &TrackingSupervisor) -> bool {
-    follower.child().has_all_records
+    matches!(follower.child().coverage, RecordCoverage::Whole { .. })
 }
 
-#[test]
-fn the_first_child_receives_all_earlier_records() {
+#[tokio::test]
+async fn the_first_child_receives_all_earlier_records() {
     let follower = supervisor(true);
     key_frames(&follower, 5);
-    assert_eq!(begin(&follower), 5);
+    assert_eq!(attach_and_stop(&follower, ready(())), 5);
     assert!(is_whole(&follower));
 }
 
-#[test]
-fn features_of_a_child_that_began_later_are_not_the_recordings() {
+#[tokio::test]
+async fn features_of_a_child_that_began_later_are_not_the_recordings() {
     let follower = supervisor(true);
-    assert_eq!(begin(&follower), 0);
+    assert_eq!(attach_and_stop(&follower, ready(())), 0);
     key_frames(&follower, 5);
     assert!(is_whole(&follower));
-    assert_eq!(begin(&follower), 1, "only the last key frame and the frames after it");
+    assert_eq!(attach_and_stop(&follower, ready(())), 1, "only the last key frame and the frames after it");
     assert!(!is_whole(&follower));
 }
 
-#[test]
-fn features_of_a_recording_that_an_earlier_service_began_are_none() {
+#[tokio::test]
+async fn features_of_a_recording_that_an_earlier_service_began_are_none() {
     let follower = supervisor(false);
-    begin(&follower);
+    attach_and_stop(&follower, ready(()));
     assert!(!is_whole(&follower));
 }
 
-#[test]
-fn a_child_that_starts_at_the_end_receives_only_the_earlier_records() {
+#[tokio::test]
+async fn a_child_that_starts_at_the_end_receives_only_the_earlier_records() {
     let follower = supervisor(true);
     key_frames(&follower, 2);
-    let (mut theirs, ours) = pipe().unwrap();
-    follower.child().is_ending = true;
+    let (theirs, ours) = pipe().unwrap();
+    follower.child().phase = ChildPhase::Starting { task: tokio::spawn(ready(())) };
+    follower.finish().await;
     follower.attach_child(ours);
-    let mut received = Vec::new();
-    theirs.read_to_end(&mut received).unwrap(); // would block for ever if the pipe stayed open
-    assert_eq!(received.len(), 2 * LogPosition::Beat.to_bytes().len());
+    assert_eq!(positions(theirs), 2);
 }
 
 #[tokio::test]
 async fn a_recording_that_has_to_be_ended_again_has_the_same_features() {
     let follower = supervisor(true);
-    begin(&follower);
+    attach_and_stop(&follower, ready(()));
     key_frames(&follower, 3);
     follower.0.state.send_replace(TrackingState::Tracking(Vec::new()));
-    follower.child().last_features = Some(Vec::new());
+    follower.handle_reply(FollowReply { running: Some(Vec::new()), ..FollowReply::default() });
     let features = follower.finish().await;
     assert!(features.is_some());
-    begin(&follower); // its sender connected again
+    attach_and_stop(&follower, ready(())); // its sender connected again
     assert_eq!(follower.finish().await, features);
     key_frames(&follower, 1);
     assert_eq!(follower.finish().await, None, "a record arrived and no child had received them all");
 }
 
-/// Sets a task that is not finished, in place of the one that runs children.
-fn set_running_task(follower: &TrackingSupervisor) {
-    follower.child().task = Some(tokio::spawn(std::future::pending()));
-}
-
 #[tokio::test]
 async fn a_sender_that_connects_while_its_child_is_stopped_gets_another() {
     let follower = supervisor(true);
-    set_running_task(&follower);
-    assert!(follower.child().request_child(), "the first child is about to start");
+    follower.child().phase = ChildPhase::Starting { task: tokio::spawn(pending()) };
+    assert!(follower.child().phase.request_child(), "the first child is about to start");
     assert!(!follower.finish_run(Ok(())), "one child is enough");
-    begin(&follower); // this stops it
-    set_running_task(&follower);
-    assert!(follower.child().request_child(), "it has not ended yet");
+    attach_and_stop(&follower, pending());
+    assert!(follower.child().phase.request_child(), "it has not ended yet");
     assert!(follower.finish_run(Ok(())));
     assert!(!follower.finish_run(Ok(())), "one more is enough");
-    assert!(!follower.child().request_child(), "the next sender starts another child");
+    assert!(!follower.child().phase.request_child(), "the next sender starts another child");
 }
 
 #[tokio::test]
 async fn a_child_is_not_stopped_if_a_sender_connected_before() {
     let follower = supervisor(true);
-    let (_theirs, ours) = pipe().unwrap();
-    follower.attach_child(ours);
+    let _theirs = attach(&follower, pending());
     follower.stop_if(|| false);
-    assert!(follower.child().feed.is_open());
+    assert!(follower.child().phase.input().is_some());
     follower.stop_if(|| true);
-    assert!(!follower.child().feed.is_open());
+    assert!(follower.child().phase.input().is_none());
 }
 
 /// A supervisor whose child shares these slots, and the child's end of the pipe.
 fn sharing_slots(turns: &Arc<CpuSlots>) -> (TrackingSupervisor, PipeReader) {
     let follower = TrackingSupervisor::new(true, turns.clone());
-    let (theirs, ours) = pipe().unwrap();
-    follower.attach_child(ours);
+    let theirs = attach(&follower, pending());
     (follower, theirs)
 }
 
 /// Numbers of records in flight and queued.
 fn in_flight_and_queued(follower: &TrackingSupervisor) -> (usize, usize) {
     let child = follower.child();
-    (child.feed.in_flight(), child.feed.queued())
+    (child.sent.in_flight(), child.queued())
 }
 
-#[test]
-fn a_child_waits_until_that_of_another_box_is_done() {
+#[tokio::test]
+async fn a_child_waits_until_that_of_another_box_is_done() {
     let turns = Arc::new(CpuSlots::new(1));
     let ((one, _keeps_one), (other, _keeps_other)) = (sharing_slots(&turns), sharing_slots(&turns));
     key_frames(&one, 1);
@@ -138,8 +143,8 @@ fn a_child_waits_until_that_of_another_box_is_done() {
     assert_eq!(in_flight_and_queued(&other), (1, 0));
 }
 
-#[test]
-fn a_child_with_a_backlog_leaves_others_their_slot() {
+#[tokio::test]
+async fn a_child_with_a_backlog_leaves_others_their_slot() {
     let turns = Arc::new(CpuSlots::new(1));
     let ((one, _keeps_one), (other, _keeps_other)) = (sharing_slots(&turns), sharing_slots(&turns));
     key_frames(&one, 2 + MAX_RECORDS_PER_SLOT as u64);
@@ -150,8 +155,8 @@ fn a_child_with_a_backlog_leaves_others_their_slot() {
     assert_eq!(in_flight_and_queued(&one), (0, 2));
 }
 
-#[test]
-fn a_child_receives_no_frame_before_it_is_written() {
+#[tokio::test]
+async fn a_child_receives_no_frame_before_it_is_written() {
     let turns = Arc::new(CpuSlots::new(1));
     let (follower, _keeps) = sharing_slots(&turns);
     for number in 0..3 {
@@ -168,8 +173,8 @@ fn a_child_receives_no_frame_before_it_is_written() {
     assert_eq!(in_flight_and_queued(&follower), (1, 0));
 }
 
-#[test]
-fn a_child_with_a_backlog_lets_another_start_at_its_last_frame() {
+#[tokio::test]
+async fn a_child_with_a_backlog_lets_another_start_at_its_last_frame() {
     let turns = Arc::new(CpuSlots::new(1));
     let ((one, _keeps_one), (other, _keeps_other)) = (sharing_slots(&turns), sharing_slots(&turns));
     key_frames(&one, 1 + MAX_RECORDS_PER_SLOT as u64);
