@@ -7,7 +7,7 @@ use bytes::Bytes;
 use tokio::sync::watch;
 
 use super::recording::{EndTrigger, FinishOutcome};
-use super::{FeedService, OpenFeed, reason_of_vault_error};
+use super::{FeedPhase, FeedService, FeedState, OpenFeed, reason_of_vault_error};
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
 use crate::domain::feed::messages::ServerMessage;
 use crate::domain::feed::record::{FeedRecord, NotARecord, RecordBody};
@@ -40,8 +40,8 @@ impl Connection {
     /// The first message: what is durable already; or the end, if the recording was being ended when this connection
     /// began.
     pub async fn welcome(&mut self) -> Result<ServerMessage, CloseReason> {
-        if let Some(session) = self.feed.state.lock().await.ended {
-            return Ok(ServerMessage::Ended { session, durable: None });
+        if let FeedState::Ended(session) = &*self.feed.state.lock().await {
+            return Ok(ServerMessage::Ended { session: *session, durable: None });
         }
         let durable = self.make_durable().await?;
         Ok(ServerMessage::Welcome { session: self.feed.row.session_id, epoch: self.epoch, durable })
@@ -55,34 +55,32 @@ impl Connection {
         let feed = self.feed.clone();
         let mut state = feed.state.lock().await;
         self.check_may_send()?;
-        if state.ended.is_some() {
-            return Err(CloseReason::new(CloseCode::Done, "the recording has ended"));
-        }
+        let records = state.records()?;
         let (first, last) = (record.number, record.last_number());
         let is_key = match record.body {
             RecordBody::Frame { is_key, .. } => Some(is_key || feed.row.codec == FrameCodec::Jpeg),
             RecordBody::Gap { .. } => None,
         };
         let is_known = match record.body {
-            RecordBody::Frame { .. } => state.numbers.contains(first),
-            RecordBody::Gap { .. } => state.numbers.contains_all(first, last),
+            RecordBody::Frame { .. } => records.numbers.contains(first),
+            RecordBody::Gap { .. } => records.numbers.contains_all(first, last),
         };
         if is_known {
             return Ok(()); // a repetition: its acknowledgement was lost
         }
         let most = self.feeds.0.settings.max_bytes;
-        if state.log.bytes() + message.len() as u64 > most {
+        if records.log.bytes() + message.len() as u64 > most {
             return Err(CloseReason::new(CloseCode::TooLarge, format!("the recording has more than {most} bytes")));
         }
-        state.numbers.add(first, last).map_err(|error| CloseReason::new(CloseCode::TooLarge, error.to_string()))?;
-        let (offset, bytes) = (state.log.bytes(), message.len());
-        let appended = state.log.append(message).await;
+        records.numbers.add(first, last).map_err(|error| CloseReason::new(CloseCode::TooLarge, error.to_string()))?;
+        let (offset, bytes) = (records.log.bytes(), message.len());
+        let appended = records.log.append(message).await;
         self.close_on_error(appended).await?;
         self.is_unsynced = true;
         if let Some(is_key) = is_key {
             feed.tracking.frame_appended(offset, bytes, is_key);
         }
-        feed.tracking.bytes_written(state.log.written());
+        feed.tracking.bytes_written(records.log.written());
         Ok(())
     }
 
@@ -96,9 +94,11 @@ impl Connection {
         let feed = self.feed.clone();
         let mut state = feed.state.lock().await;
         self.check_may_send()?;
-        let written = state.log.write_waiting().await;
-        self.close_on_error(written).await?;
-        feed.tracking.bytes_written(state.log.written());
+        if let FeedState::Receiving(records) = &mut *state {
+            let written = records.log.write_waiting().await;
+            self.close_on_error(written).await?;
+            feed.tracking.bytes_written(records.log.written());
+        }
         Ok(())
     }
 
@@ -138,15 +138,13 @@ impl Connection {
         let feed = self.feed.clone();
         let mut state = feed.state.lock().await;
         self.check_may_send()?;
-        if state.ended.is_some() {
-            return Err(CloseReason::new(CloseCode::Done, "the recording has ended"));
-        }
-        let (bytes, durable) = (state.log.bytes(), state.numbers.ranges().to_vec());
-        let syncing = match state.synced < bytes {
+        let records = state.records()?;
+        let (bytes, durable) = (records.log.bytes(), records.numbers.ranges().to_vec());
+        let syncing = match records.synced < bytes {
             true => {
-                let begun = state.log.begin_sync().await;
+                let begun = records.log.begin_sync().await;
                 let begun = self.close_on_error(begun).await?;
-                feed.tracking.bytes_written(state.log.written());
+                feed.tracking.bytes_written(records.log.written());
                 Some(begun)
             }
             false => None,
@@ -156,8 +154,9 @@ impl Connection {
         Ok(async move {
             if let Some(syncing) = syncing {
                 syncing.end().await.map_err(reason_of_vault_error)?;
-                let mut state = feed.state.lock().await;
-                state.synced = state.synced.max(bytes);
+                if let FeedState::Receiving(records) = &mut *feed.state.lock().await {
+                    records.synced = records.synced.max(bytes);
+                }
             }
             Ok(durable)
         })
@@ -227,7 +226,7 @@ impl Connection {
     }
 
     fn check_may_send(&self) -> Result<(), CloseReason> {
-        if self.feed.is_removed.load(Ordering::Acquire) {
+        if self.feed.phase() == FeedPhase::Removed {
             return Err(CloseReason::new(CloseCode::Unknown, "the session was erased: a new recording needs a new id"));
         }
         if *self.feed.epoch.borrow() == self.epoch {

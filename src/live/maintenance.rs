@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use super::{FeedService, LiveError, OpenFeed};
+use super::{FeedPhase, FeedService, LiveError, OpenFeed};
 use crate::domain::scope::Scope;
 use crate::ids::FeedId;
 use crate::store::{self, StoreError};
@@ -126,7 +126,7 @@ impl FeedService {
             return Ok(()); // its row was created after the listing
         }
         if let Some(erased) = self.0.open.all.lock().await.remove(&id) {
-            erased.is_removed.store(true, Ordering::Release);
+            erased.set_phase(FeedPhase::Removed);
             erased.epoch.send_replace(u32::MAX); // closes the connection that still sends it
         }
         Ok(self.0.vault.delete_feed(id).await?)

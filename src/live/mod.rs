@@ -18,6 +18,7 @@
 mod connection;
 mod cpu_slots;
 mod maintenance;
+mod open_feed;
 mod push;
 mod recording;
 mod settings;
@@ -25,23 +26,21 @@ mod tracking;
 
 pub use connection::Connection;
 pub use cpu_slots::CpuSlots;
+pub use open_feed::OpenFeeds;
 pub use push::{Push, PushError, PushFailure};
 pub use settings::LiveSettings;
 pub use tracking::{FeedWatcher, TrackingState};
 
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, Ordering};
-use std::sync::{Arc, PoisonError, Weak};
+use std::sync::Arc;
 
-use tokio::sync::{Mutex, OwnedMutexGuard, watch};
-
+use open_feed::{FeedPhase, FeedState, OpenFeed, ReceivedRecords};
 use tracking::TrackingSupervisor;
 
 use crate::analysis::AnalysisSettings;
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
 use crate::domain::feed::messages::Hello;
-use crate::domain::feed::numbers::FrameNumbers;
-use crate::domain::feed::{MAX_DURATION_S, MAX_FRAMES, PROTOCOL, TimeBase};
+use crate::domain::feed::{MAX_FRAMES, PROTOCOL};
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
@@ -53,7 +52,7 @@ use crate::sandbox::Program;
 use crate::shutdown::Shutdown;
 use crate::store::{self, NewFeed, Store, StoreError};
 use crate::time::{SharedClock, from_rfc3339};
-use crate::vault::{FeedLog, Vault, VaultError};
+use crate::vault::{Vault, VaultError};
 
 /// Longest name of a sender's program, characters.
 const MAX_SENDER_CHARS: usize = 120;
@@ -86,63 +85,6 @@ pub struct FeedServiceParts {
     pub open: OpenFeeds,
     /// Slots for tracking their frames.
     pub cpu_slots: Arc<CpuSlots>,
-}
-
-/// The recordings that are open in a service and not ended.
-#[derive(Default)]
-pub struct OpenFeeds {
-    all: Mutex<HashMap<FeedId, Arc<OpenFeed>>>,
-    /// A lock per recording, held while the recording is opened or removed, so that reading one log does not delay the
-    /// others. These locks are taken before `all`.
-    locks: std::sync::Mutex<HashMap<FeedId, Weak<Mutex<()>>>>,
-}
-
-impl OpenFeeds {
-    /// Locks the opening and removal of this recording.
-    async fn lock_feed(&self, id: FeedId) -> OwnedMutexGuard<()> {
-        let lock = {
-            let mut locks = self.locks.lock().unwrap_or_else(PoisonError::into_inner);
-            locks.retain(|_, lock| lock.strong_count() > 0);
-            let lock = locks.get(&id).and_then(Weak::upgrade).unwrap_or_default();
-            locks.insert(id, Arc::downgrade(&lock));
-            lock
-        };
-        lock.lock_owned().await
-    }
-}
-
-/// A recording that is arriving.
-struct OpenFeed {
-    row: store::FeedRow,
-    time_base: TimeBase,
-    /// The epoch that may send now.
-    epoch: watch::Sender<u32>,
-    connections: AtomicU32,
-    /// Last contact with its sender, by [`Clock::monotonic_ms`](crate::time::Clock::monotonic_ms).
-    last_contact_ms: AtomicI64,
-    state: Mutex<FeedState>,
-    /// Failed attempts to assemble it that were not its own fault.
-    failures: AtomicU32,
-    /// True while it is being assembled.
-    is_finishing: AtomicBool,
-    is_removed: AtomicBool,
-    tracking: TrackingSupervisor,
-}
-
-impl Drop for OpenFeed {
-    fn drop(&mut self) {
-        self.tracking.stop();
-    }
-}
-
-struct FeedState {
-    log: FeedLog,
-    /// Frames and gaps in the log.
-    numbers: FrameNumbers,
-    /// Bytes of the log that are known to be durable.
-    synced: u64,
-    /// The session, once the recording is complete.
-    ended: Option<SessionId>,
 }
 
 /// The result of a hello.
@@ -193,7 +135,7 @@ impl FeedService {
         let _lock = self.0.open.lock_feed(id).await;
         let mut open = self.0.open.all.lock().await;
         check_free(&open, in_box, Some(id))?;
-        if open.get(&id).is_some_and(|feed| feed.is_finishing.load(Ordering::Acquire)) {
+        if open.get(&id).is_some_and(|feed| feed.phase() == FeedPhase::Finishing) {
             return Err(CloseReason::new(CloseCode::Busy, "the recording is being assembled: connect again"));
         }
         let of_box = |row: &store::FeedRow| row.box_id == in_box && row.id != id;
@@ -239,20 +181,9 @@ impl FeedService {
     /// Opens a recording's log.
     async fn open_feed(&self, row: store::FeedRow) -> Result<Arc<OpenFeed>, CloseReason> {
         let time_base = row.time_base().map_err(|error| CloseReason::new(CloseCode::Failed, error.to_string()))?;
-        let (log, numbers) = self.0.vault.open_feed(row.id).await.map_err(reason_of_vault_error)?;
-        let follower = TrackingSupervisor::new(numbers.ranges().is_empty(), self.0.cpu_slots.clone());
-        Ok(Arc::new(OpenFeed {
-            epoch: watch::Sender::new(row.epoch),
-            time_base,
-            connections: AtomicU32::new(0),
-            last_contact_ms: AtomicI64::new(self.0.clock.monotonic_ms()),
-            state: Mutex::new(FeedState { synced: log.bytes(), log, numbers, ended: None }),
-            failures: AtomicU32::new(0),
-            is_finishing: AtomicBool::new(false),
-            is_removed: AtomicBool::new(false),
-            tracking: follower,
-            row,
-        }))
+        let opened = self.0.vault.open_feed(row.id).await.map_err(reason_of_vault_error)?;
+        let tracking = TrackingSupervisor::new(opened.1.ranges().is_empty(), self.0.cpu_slots.clone());
+        Ok(Arc::new(OpenFeed::new(row, time_base, opened, tracking, self.0.clock.monotonic_ms())))
     }
 
     /// The same for a new recording: if it cannot be opened, its row and session are deleted again.
@@ -312,22 +243,6 @@ impl FeedService {
 
     fn publish_status(&self, id: SessionId, trainee: TraineeId, status: SessionStatus) {
         self.0.events.publish(Event::Session { id, trainee, status, progress: 0.0 });
-    }
-}
-
-impl OpenFeed {
-    fn has_sender(&self) -> bool {
-        self.connections.load(Ordering::Acquire) > 0
-    }
-
-    fn is_abandoned(&self, long_ago_ms: i64) -> bool {
-        !self.has_sender() && self.last_contact_ms.load(Ordering::Acquire) < long_ago_ms
-    }
-
-    /// Length of the longest recording, ticks: no frame has a later time.
-    fn max_ticks(&self) -> i64 {
-        let (num, den) = self.time_base.fraction();
-        (MAX_DURATION_S * f64::from(den) / f64::from(num)) as i64
     }
 }
 

@@ -3,7 +3,10 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use super::{CloseCode, CloseReason, FeedService, FeedState, LiveError, OpenFeed, is_valid_end, reason_of_vault_error};
+use super::{
+    CloseCode, CloseReason, FeedPhase, FeedService, FeedState, LiveError, OpenFeed, ReceivedRecords, is_valid_end,
+    reason_of_vault_error,
+};
 use crate::analysis::protocol::{AssembleWork, ChildRequest, ChildWork};
 use crate::analysis::{AttemptFailure, ChildAttempt, run_attempt};
 use crate::domain::problem::Problem;
@@ -43,10 +46,11 @@ impl FeedService {
     /// added meanwhile.
     pub(super) async fn finish(&self, feed: &Arc<OpenFeed>, ending: EndTrigger) -> Result<FinishOutcome, CloseReason> {
         let mut state = feed.state.lock().await;
-        if let Some(session) = state.ended {
-            return Ok(FinishOutcome::Complete(session));
-        }
-        if feed.is_removed.load(Ordering::Acquire) {
+        let records = match &mut *state {
+            FeedState::Receiving(records) => records,
+            FeedState::Ended(session) => return Ok(FinishOutcome::Complete(*session)),
+        };
+        if feed.phase() == FeedPhase::Removed {
             return Err(CloseReason::new(CloseCode::Unknown, "the session was erased"));
         }
         if feed.failures.load(Ordering::Acquire) >= MAX_FAILURES {
@@ -55,23 +59,23 @@ impl FeedService {
             return Err(CloseReason::new(CloseCode::OutOfPlace, why));
         }
         let not_yet = match ending {
-            EndTrigger::Requested { epoch, frames } => check_complete(feed, &state, epoch, frames)?,
+            EndTrigger::Requested { epoch, frames } => check_complete(feed, records, epoch, frames)?,
             EndTrigger::Abandoned { since_ms } => (!feed.is_abandoned(since_ms)).then_some(FinishOutcome::StillSending),
         };
         if let Some(not_yet) = not_yet {
             return Ok(not_yet);
         }
-        if let Err(error) = state.log.sync().await {
+        if let Err(error) = records.log.sync().await {
             self.close_feed(feed).await;
             return Err(reason_of_vault_error(error));
         }
-        feed.tracking.bytes_written(state.log.written());
+        feed.tracking.bytes_written(records.log.written());
         // Check the disk space before anything ends: no attempt is counted, and it works again once there is space.
-        self.0.vault.require_space(state.log.bytes()).await.map_err(reason_of_vault_error)?;
-        feed.is_finishing.store(true, Ordering::Release);
+        self.0.vault.require_space(records.log.bytes()).await.map_err(reason_of_vault_error)?;
+        feed.set_phase(FeedPhase::Finishing);
         let live = feed.tracking.finish().await;
         let finished = self.store_recording(feed, &mut state, live, ending).await;
-        feed.is_finishing.store(false, Ordering::Release);
+        feed.set_phase(FeedPhase::Open);
         finished.map(FinishOutcome::Complete)
     }
 
@@ -106,7 +110,7 @@ impl FeedService {
         };
         let session = self.0.store.feeds().end(feed.row.id, kept.blob(), live).await.map_err(LiveError::from)?;
         drop(kept); // from now on its row protects the file
-        state.ended = Some(session);
+        *state = FeedState::Ended(session);
         self.close_feed(feed).await;
         self.0.vault.delete_feed(feed.row.id).await.map_err(LiveError::from)?;
         self.publish_status(session, feed.row.trainee_id, SessionStatus::Queued);
@@ -130,7 +134,7 @@ impl FeedService {
     /// Discards a recording without a decodable frame. A sender that was only disconnected may start it again.
     async fn discard(&self, feed: &Arc<OpenFeed>, ending: EndTrigger) -> Result<(), CloseReason> {
         let _lock = self.0.open.lock_feed(feed.row.id).await;
-        feed.is_removed.store(true, Ordering::Release);
+        feed.set_phase(FeedPhase::Removed);
         let may_come_again = matches!(ending, EndTrigger::Abandoned { .. });
         self.0.store.feeds().forget(feed.row.id, may_come_again).await.map_err(LiveError::from)?;
         self.close_feed(feed).await;
@@ -170,18 +174,18 @@ impl FeedService {
 /// Returns `None` if a recording of this many frames is complete.
 fn check_complete(
     feed: &OpenFeed,
-    state: &FeedState,
+    records: &ReceivedRecords,
     epoch: u32,
     frames: u64,
 ) -> Result<Option<FinishOutcome>, CloseReason> {
     if *feed.epoch.borrow() != epoch {
         return Err(CloseReason::new(CloseCode::Superseded, "another connection sends this recording now"));
     }
-    let end = state.numbers.end();
+    let end = records.numbers.end();
     if frames < end || !is_valid_end(frames) {
         let why = format!("the end message announces {frames} frames, but frame {} arrived", end.saturating_sub(1));
         return Err(CloseReason::new(CloseCode::OutOfPlace, why));
     }
-    let missing = state.numbers.missing_below(frames);
+    let missing = records.numbers.missing_below(frames);
     Ok(if missing.is_empty() { None } else { Some(FinishOutcome::Missing(missing)) })
 }

@@ -53,7 +53,7 @@ async fn a_connection_made_while_the_recording_is_ended_receives_its_session() {
     let centre = TestCentre::new().await;
     let mut connection = connected(&centre).await;
     let session = connection.feed.row.session_id;
-    connection.feed.state.lock().await.ended = Some(session);
+    *connection.feed.state.lock().await = FeedState::Ended(session);
     assert_eq!(connection.welcome().await.unwrap(), ServerMessage::Ended { session, durable: None });
 }
 
@@ -71,6 +71,7 @@ async fn frames_that_arrive_during_a_sync_are_acknowledged_after_it() {
     let second = connection.begin_sync().await.unwrap();
     assert_eq!(second.await.unwrap(), [[0, 1]]);
     assert_eq!(first.await.unwrap(), [[0, 0]], "an acknowledgement covers what arrived before its sync began");
-    let state = connection.feed.state.lock().await;
-    assert_eq!(state.synced, state.log.bytes(), "a sync that ends late does not lower the synced length");
+    let mut state = connection.feed.state.lock().await;
+    let records = state.records().unwrap();
+    assert_eq!(records.synced, records.log.bytes(), "a sync that ends late does not lower the synced length");
 }
