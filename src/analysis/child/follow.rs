@@ -60,24 +60,34 @@ pub(super) fn run(
 struct LiveTracker {
     codec: FrameCodec,
     decoder: FeedDecoder,
-    /// Kept until the first picture shows the colour encoding.
-    work: Option<TrackWork>,
-    tracker: Option<Tracker>,
+    stage: FollowStage,
     ports: Ports,
     /// Last reliable position of each tool's trocar.
     fulcrums: Vec<Option<Fulcrum>>,
     size: (u32, u32),
-    /// The first pictures, until there are enough for the rehearsal.
-    first: Vec<Picture>,
-    is_rehearsed: bool,
     /// The number that continues what was decoded.
     next: Option<u64>,
     running: RunningFeatures,
     features_at_s: f64,
     frames_since_forget: u64,
     stills: JpegMaker,
-    last: Option<Picture>,
     reply: FollowReply,
+}
+
+/// What happens with the pictures.
+///
+/// ```text
+///            enough pictures, or the end
+/// Collecting ───────────────────────────▶ Tracking
+///      └──────── the end, no picture ───▶ Empty
+/// ```
+enum FollowStage {
+    /// The first pictures are collected for the rehearsal; the first of them shows the colour encoding.
+    Collecting { work: TrackWork, first: Vec<Picture> },
+    /// Each picture is tracked. The last one is kept for the still.
+    Tracking { tracker: Box<Tracker>, last: Option<Picture> },
+    /// The recording ended without a picture.
+    Empty,
 }
 
 impl LiveTracker {
@@ -88,17 +98,13 @@ impl LiveTracker {
             decoder: FeedDecoder::new(codec, size, time_base, limits)?,
             running: RunningFeatures::new(track.tools.len(), FeatureSettings::default()),
             fulcrums: vec![None; track.tools.len()],
-            work: Some(track),
+            stage: FollowStage::Collecting { work: track, first: Vec::new() },
             ports: Ports::new(ports.into_iter().map(Fulcrum::from).collect()),
-            tracker: None,
             size,
-            first: Vec::new(),
-            is_rehearsed: false,
             next: None,
             features_at_s: 0.0,
             frames_since_forget: 0,
             stills: JpegMaker::new(JpegStyle::SMALL),
-            last: None,
             reply: FollowReply::default(),
         })
     }
@@ -124,36 +130,41 @@ impl LiveTracker {
     /// Tracks all pictures that the decoder has ready.
     fn track_ready_pictures(&mut self) -> Result<(), StopReason> {
         while let Some(picture) = self.decoder.next_picture()? {
-            if self.is_rehearsed {
-                self.track(&picture)?;
-                self.keep_for_still(picture);
-            } else {
-                self.first.push(picture.copied());
+            if let FollowStage::Collecting { first, .. } = &mut self.stage {
+                first.push(picture.copied());
                 self.decoder.recycle(picture);
-                if self.first.len() >= MAX_WARM_UP_FRAMES {
+                if first.len() >= MAX_WARM_UP_FRAMES {
                     self.rehearse()?;
                 }
+            } else {
+                self.track(&picture)?;
+                self.keep_for_still(picture);
             }
         }
         Ok(())
     }
 
-    /// Passes the first pictures twice: once to learn how edges look, then to track them like all others.
+    /// Passes the first pictures twice, unless that is done: once to learn how edges look, then to track them like all
+    /// others.
     fn rehearse(&mut self) -> Result<(), StopReason> {
-        self.is_rehearsed = true;
-        let first = std::mem::take(&mut self.first);
+        let (work, first) = match std::mem::replace(&mut self.stage, FollowStage::Empty) {
+            FollowStage::Collecting { work, first } => (work, first),
+            rehearsed => {
+                self.stage = rehearsed;
+                return Ok(());
+            }
+        };
         let frames: Vec<Frame<'_>> = first.iter().map(Picture::frame).collect();
-        if let (Some(frame), Some(work)) = (frames.first(), self.work.take()) {
-            let settings: TrackerSettings = track::settings(work)?;
-            let mut tracker = Tracker::new(settings, self.size.0, self.size.1, frame.encoding)?;
-            tracker.warm_up(&frames);
-            self.tracker = Some(tracker);
-        }
+        let Some(frame) = frames.first() else { return Ok(()) };
+        let settings: TrackerSettings = track::settings(work)?;
+        let mut tracker = Box::new(Tracker::new(settings, self.size.0, self.size.1, frame.encoding)?);
+        tracker.warm_up(&frames);
+        self.stage = FollowStage::Tracking { tracker, last: None };
         first.iter().try_for_each(|picture| self.track(picture))
     }
 
     fn track(&mut self, picture: &Picture) -> Result<(), StopReason> {
-        let Some(tracker) = &mut self.tracker else { return Ok(()) };
+        let FollowStage::Tracking { tracker, .. } = &mut self.stage else { return Ok(()) };
         let frame = picture.frame();
         let report = tracker.observe(&frame);
         report
@@ -178,24 +189,33 @@ impl LiveTracker {
 
     fn add_features(&mut self) {
         self.reply.running = Some(self.running.values().iter().filter_map(RunningRow::new).collect());
-        let light = self.tracker.as_ref().and_then(Tracker::light);
-        for (known, now) in self.fulcrums.iter_mut().zip(self.tracker.iter().flat_map(Tracker::fulcrums)) {
-            *known = now.or(*known);
+        if let FollowStage::Tracking { tracker, .. } = &self.stage {
+            for (known, now) in self.fulcrums.iter_mut().zip(tracker.fulcrums()) {
+                *known = now.or(*known);
+            }
+            let light = tracker.light();
+            self.reply.light = light.map(|light| [light.luma_ratio, light.chroma_shift[0], light.chroma_shift[1]]);
         }
         self.reply.placement = PlacementShape::new(&self.ports.compare(&self.fulcrums));
-        self.reply.light = light.map(|light| [light.luma_ratio, light.chroma_shift[0], light.chroma_shift[1]]);
     }
 
     /// Keeps a picture for the still; returns the previous one to the decoder.
     fn keep_for_still(&mut self, picture: Picture) {
-        if let Some(before) = self.last.replace(picture) {
+        if let FollowStage::Tracking { last, .. } = &mut self.stage
+            && let Some(before) = last.replace(picture)
+        {
             self.decoder.recycle(before);
         }
     }
 
     /// The last picture as a small JPEG. If encoding fails, the page only lacks the picture.
     fn still(&mut self) -> Option<(u64, Vec<u8>)> {
-        let frame = self.last.as_ref().or(self.first.last())?.frame();
+        let picture = match &self.stage {
+            FollowStage::Collecting { first, .. } => first.last(),
+            FollowStage::Tracking { last, .. } => last.as_ref(),
+            FollowStage::Empty => None,
+        };
+        let frame = picture?.frame();
         self.stills.code(&frame).ok().map(|jpeg| (frame.index, jpeg))
     }
 
@@ -207,9 +227,7 @@ impl LiveTracker {
     fn finish(&mut self) -> Result<(), StopReason> {
         self.decoder.finish_input();
         self.track_ready_pictures()?;
-        if !self.is_rehearsed {
-            self.rehearse()?;
-        }
+        self.rehearse()?;
         self.running.finish();
         self.add_features();
         Ok(())
