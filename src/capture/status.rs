@@ -11,40 +11,50 @@ pub struct Status {
     pub captured: u64,
     /// Frames and gaps of the recording that the server has acknowledged.
     pub acknowledged: u64,
-    /// True if a server has sent a welcome in this run.
-    pub was_welcome: bool,
-    is_connected: bool,
+    link: ServerLink,
     since: Instant,
     message: String,
+}
+
+/// The link to the server.
+///
+/// ```text
+/// NeverConnected ──welcome──▶ Connected ──connection ends──▶ Away ──welcome──▶ Connected
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum ServerLink {
+    /// No server has sent a welcome in this run.
+    NeverConnected,
+    Connected,
+    /// The connection has ended.
+    Away,
 }
 
 impl Default for Status {
     fn default() -> Self {
         let since = Instant::now();
-        Self {
-            captured: 0,
-            acknowledged: 0,
-            was_welcome: false,
-            is_connected: false,
-            since,
-            message: "connecting".into(),
-        }
+        Self { captured: 0, acknowledged: 0, link: ServerLink::NeverConnected, since, message: "connecting".into() }
     }
 }
 
 impl Status {
     /// A connection was established.
     pub fn connected(&mut self) {
-        (self.is_connected, self.was_welcome, self.since) = (true, true, Instant::now());
+        (self.link, self.since) = (ServerLink::Connected, Instant::now());
         self.message = "welcome".into();
     }
 
     /// There is no connection, or it has ended.
     pub fn disconnected(&mut self, why: &str) {
-        if self.is_connected {
-            (self.is_connected, self.since) = (false, Instant::now());
+        if self.link == ServerLink::Connected {
+            (self.link, self.since) = (ServerLink::Away, Instant::now());
         }
         self.message = why.to_owned();
+    }
+
+    /// True if a server has sent a welcome in this run.
+    pub fn was_welcome(&self) -> bool {
+        self.link != ServerLink::NeverConnected
     }
 }
 
@@ -57,7 +67,7 @@ pub fn line(agent: &Agent) -> String {
         (frames, bytes, spool.bytes())
     };
     let status = agent.status();
-    let link = if status.is_connected { "connected" } else { "AWAY" };
+    let link = if status.link == ServerLink::Connected { "connected" } else { "AWAY" };
     let seconds = status.since.elapsed().as_secs();
     format!(
         "{link} {}:{:02} · captured {} · acknowledged {} · waiting {waiting} ({:.1} MB) · spool {:.1} MB · {}",

@@ -165,7 +165,7 @@ async fn record_and_send(
         stop.begin();
     });
     let outcome = send(agent, server, id).await;
-    if matches!(outcome, SendOutcome::Refused(_)) && !agent.status().was_welcome {
+    if matches!(outcome, SendOutcome::Refused(_)) && !agent.status().was_welcome() {
         recording.begin(); // the server never accepted it and never will: stop now, so that the user sees the error
     }
     recorder.await.context("recording")?;
