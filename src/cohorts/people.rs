@@ -114,8 +114,9 @@ mod tests {
 
     #[test]
     fn a_fingerprint_depends_on_values_and_groups_and_not_on_people() {
-        let people =
-            |values: &[f64]| PersonValues::of(&values.iter().copied().enumerate().collect::<Vec<_>>()).unwrap();
+        let people = |values: &[f64]| {
+            PersonValues::of_sessions(&values.iter().copied().enumerate().collect::<Vec<_>>()).unwrap()
+        };
         let print = |groups: &[&[f64]]| {
             let groups: Vec<PersonValues> = groups.iter().map(|values| people(values)).collect();
             fingerprint(&groups.iter().collect::<Vec<_>>())

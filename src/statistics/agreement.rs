@@ -26,23 +26,14 @@ pub struct Correlation {
     pub people: usize,
 }
 
-/// Pearson's r of one row per person, with Fisher's interval: atanh r ± 1.96 / √(n − 3).
-///
-/// # Errors
-/// [`NoAnswer`] for a person with two rows, too few people, unusable values, or values without spread or scatter.
-pub fn pearson<P: Ord>(rows: &[(P, f64, f64)]) -> Result<Correlation, NoAnswer> {
-    let [a, b] = columns(rows)?;
-    correlation(&a, &b, |_| 1.0)
-}
-
 /// Spearman's ρ of one row per person: Pearson's r of the ranks, where equal values share a rank. The interval is that
 /// of Bonett & Wright (2000): the variance of atanh ρ is (1 + ρ²/2) / (n − 3).
 ///
 /// # Errors
-/// As [`pearson`].
+/// [`NoAnswer`] for a person with two rows, too few people, unusable values, or values without spread or scatter.
 pub fn spearman<P: Ord>(rows: &[(P, f64, f64)]) -> Result<Correlation, NoAnswer> {
     let [a, b] = columns(rows)?;
-    correlation(&ranks(&a), &ranks(&b), |rho| 1.0 + rho * rho / 2.0)
+    correlation(&ranks(&a), &ranks(&b))
 }
 
 fn columns<P: Ord>(rows: &[(P, f64, f64)]) -> Result<[Vec<f64>; 2], NoAnswer> {
@@ -53,7 +44,8 @@ fn columns<P: Ord>(rows: &[(P, f64, f64)]) -> Result<[Vec<f64>; 2], NoAnswer> {
     Ok(columns)
 }
 
-fn correlation(a: &[f64], b: &[f64], variance: impl Fn(f64) -> f64) -> Result<Correlation, NoAnswer> {
+/// Pearson's r with the interval for ranks.
+fn correlation(a: &[f64], b: &[f64]) -> Result<Correlation, NoAnswer> {
     let ((mean_a, spread_a), (mean_b, spread_b)) = (moments(a), moments(b));
     if spread_a == 0.0 || spread_b == 0.0 {
         return Err(NoAnswer::NoSpread);
@@ -64,7 +56,7 @@ fn correlation(a: &[f64], b: &[f64], variance: impl Fn(f64) -> f64) -> Result<Co
     if value.abs() > 1.0 - 1e-12 {
         return Err(NoAnswer::Perfect);
     }
-    let half = Z_95 * (variance(value) / (n - 3.0)).sqrt();
+    let half = Z_95 * ((1.0 + value * value / 2.0) / (n - 3.0)).sqrt();
     let interval = ConfidenceInterval::around(value.atanh(), half).map(f64::tanh);
     Ok(Correlation { value, interval, people: a.len() })
 }
@@ -120,14 +112,12 @@ mod tests {
 
     #[test]
     fn the_published_correlation_of_score_and_time_is_reproduced() {
-        let got = pearson(&rows(&SUTURES)).unwrap();
+        let [scores, times] = columns(&rows(&SUTURES)).unwrap();
+        let got = correlation(&scores, &times).unwrap();
         assert!((got.value + 0.763_925_876_091_347_8).abs() < 1e-12, "{got:?}");
-        // Intervals and ρ: SciPy 1.17; the interval of ρ by Bonett & Wright's formula.
-        assert!(
-            (got.interval.low + 0.896_720_677_4).abs() < 1e-9 && (got.interval.high + 0.504_950_758_8).abs() < 1e-9
-        );
-        assert_eq!(got.people, 22);
+        // ρ: SciPy 1.17; its interval by Bonett & Wright's formula.
         let ranked = spearman(&rows(&SUTURES)).unwrap();
+        assert_eq!(ranked.people, 22);
         assert!((ranked.value + 0.945_762_862_804_898_7).abs() < 1e-12, "{ranked:?}");
         assert!(
             (ranked.interval.low + 0.9812799354).abs() < 1e-9 && (ranked.interval.high + 0.8480289173).abs() < 1e-9,
@@ -147,14 +137,12 @@ mod tests {
     fn what_cannot_be_correlated_gives_a_reason() {
         let mut twice = rows(&SUTURES);
         twice[3].0 = twice[7].0;
-        assert_eq!(pearson(&twice), Err(NoAnswer::PersonTwice));
         assert_eq!(spearman(&twice), Err(NoAnswer::PersonTwice));
-        assert_eq!(pearson(&rows(&SUTURES[..9])), Err(NoAnswer::TooFew { of: "people", found: 9, needed: 10 }));
-        assert_eq!(pearson::<u8>(&[]), Err(NoAnswer::TooFew { of: "people", found: 0, needed: 10 }));
+        assert_eq!(spearman(&rows(&SUTURES[..9])), Err(NoAnswer::TooFew { of: "people", found: 9, needed: 10 }));
+        assert_eq!(spearman::<u8>(&[]), Err(NoAnswer::TooFew { of: "people", found: 0, needed: 10 }));
         let with = |change: fn((f64, f64)) -> (f64, f64)| rows(&SUTURES.map(change));
-        assert_eq!(pearson(&with(|(a, _)| (a, 3.0))), Err(NoAnswer::NoSpread));
-        assert_eq!(pearson(&with(|(a, _)| (a, f64::NAN))), Err(NoAnswer::NotFinite));
-        assert_eq!(pearson(&with(|(a, _)| (a, 2.0 - 3.0 * a))), Err(NoAnswer::Perfect));
+        assert_eq!(spearman(&with(|(a, _)| (a, 3.0))), Err(NoAnswer::NoSpread));
+        assert_eq!(spearman(&with(|(a, _)| (a, f64::NAN))), Err(NoAnswer::NotFinite));
         assert_eq!(spearman(&with(|(a, _)| (a, a.exp()))), Err(NoAnswer::Perfect));
     }
 }

@@ -4,12 +4,11 @@
 //! selects the cohort: same task, features version and role of the hand; for features in the camera's own axes also the
 //! same box and calibration; and without the person who is ranked. Below [`MIN_PEOPLE`] there is no percentile. Its
 //! interval contains both uncertainties: the cohort is a sample of people (Wilson), and the value is measured with an
-//! error. Where two intervals overlap, neither person is ahead ([`rank_ranges`]).
+//! error.
 
 use super::interval::{ConfidenceInterval, MeasuredValue, wilson};
 use super::no_answer::NoAnswer;
 use super::person_values::{MIN_PEOPLE, PersonValues};
-use super::standard::sign;
 use crate::motion::features::Direction;
 
 /// The percentile of a value.
@@ -56,36 +55,6 @@ fn share_below(value: f64, cohort: &PersonValues) -> f64 {
     let below = cohort.values().partition_point(|reference| *reference < value);
     let not_above = cohort.values().partition_point(|reference| *reference <= value);
     (below + not_above) as f64 / 2.0 / cohort.count() as f64
-}
-
-/// The ranks that a person can have, 1 for the best. A range means a tie with some of the others.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RankRange {
-    /// 1 + the number of people who are certainly better.
-    pub best: usize,
-    /// Number of people who are not certainly worse, including the person.
-    pub worst: usize,
-}
-
-/// Ranks people by one value each. A person is ahead of another only if their bars do not overlap; a value with unknown
-/// error ties with all.
-///
-/// # Errors
-/// [`NoAnswer`] for an unusable value, or a feature where neither direction is better.
-pub fn rank_ranges(measured: &[MeasuredValue], direction: Direction) -> Result<Vec<RankRange>, NoAnswer> {
-    let bars = measured.iter().map(|one| signed_bar(*one, direction)).collect::<Result<Vec<_>, _>>()?;
-    let rank = |own: &ConfidenceInterval| RankRange {
-        best: 1 + bars.iter().filter(|other| other.low > own.high).count(),
-        worst: bars.iter().filter(|other| other.high >= own.low).count(),
-    };
-    Ok(bars.iter().map(rank).collect())
-}
-
-/// The value's bar, with the sign set so that more is better.
-fn signed_bar(measured: MeasuredValue, direction: Direction) -> Result<ConfidenceInterval, NoAnswer> {
-    let sign = sign(direction)?;
-    let unknown = ConfidenceInterval { low: f64::NEG_INFINITY, high: f64::INFINITY };
-    Ok(measured.checked()?.bar.unwrap_or(unknown).map(|end| sign * end))
 }
 
 #[cfg(test)]
@@ -142,20 +111,6 @@ mod tests {
         assert_eq!(of(9, 1.0), Err(NoAnswer::TooFew { of: "people", found: 9, needed: 10 }));
         assert_eq!(of(0, 1.0), Err(NoAnswer::TooFew { of: "people", found: 0, needed: 10 }));
         assert_eq!(of(10, f64::NAN), Err(NoAnswer::NotFinite));
-    }
-
-    #[test]
-    fn no_person_is_ahead_inside_the_noise() {
-        let values = [measured(10.0, 1.0), measured(11.5, 1.0), measured(13.0, 0.4), measured(20.0, 1.0)];
-        let ranks_of =
-            |direction| rank_ranges(&values, direction).unwrap().iter().map(|r| (r.best, r.worst)).collect::<Vec<_>>();
-        assert_eq!(ranks_of(Direction::Lower), [(1, 2), (1, 2), (3, 3), (4, 4)]);
-        assert_eq!(ranks_of(Direction::Higher), [(3, 4), (3, 4), (2, 2), (1, 1)]);
-        let with_unknown = [measured(1.0, 0.1), MeasuredValue { value: 9.0, bar: None }, measured(2.0, 0.1)];
-        let got = rank_ranges(&with_unknown, Direction::Lower).unwrap();
-        assert_eq!((got[1].best, got[1].worst, got[0].best, got[0].worst), (1, 3, 1, 2));
-        assert_eq!(rank_ranges(&values, Direction::Neither), Err(NoAnswer::NoDirection));
-        assert_eq!(rank_ranges(&[exact(f64::NAN)], Direction::Lower), Err(NoAnswer::NotFinite));
     }
 
     proptest! {

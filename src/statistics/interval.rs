@@ -18,11 +18,6 @@ impl ConfidenceInterval {
         self.low <= value && value <= self.high
     }
 
-    /// True if the two have a value in common. Then it is unknown which of the two quantities is larger.
-    pub fn overlaps(self, other: ConfidenceInterval) -> bool {
-        self.low <= other.high && other.low <= self.high
-    }
-
     pub(super) fn around(centre: f64, half: f64) -> Self {
         Self { low: centre - half, high: centre + half }
     }

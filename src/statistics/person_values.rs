@@ -18,15 +18,6 @@ pub struct PersonValues {
 }
 
 impl PersonValues {
-    /// From one row per person.
-    ///
-    /// # Errors
-    /// [`NoAnswer`] if a person appears twice, or for NaN and infinity.
-    pub fn of<P: Ord>(rows: &[(P, f64)]) -> Result<Self, NoAnswer> {
-        check_each_once(rows.iter().map(|(person, _)| person))?;
-        Self::of_values(rows.iter().map(|(_, value)| *value).collect())
-    }
-
     /// From any number of sessions per person; the median of each person's sessions counts, so one bad day does not
     /// move it.
     ///
@@ -77,13 +68,11 @@ mod tests {
     fn a_person_counts_once_however_many_sessions_there_are() {
         let rows = [("b", 9.0), ("a", 1.0), ("a", 100.0), ("a", 2.0), ("c", 4.0), ("c", 5.0)];
         assert_eq!(PersonValues::of_sessions(&rows).unwrap().values(), [2.0, 4.5, 9.0]);
-        assert_eq!(PersonValues::of(&rows), Err(NoAnswer::PersonTwice));
-        assert_eq!(PersonValues::of(&[("b", 9.0), ("a", 1.0)]).unwrap().values(), [1.0, 9.0]);
     }
 
     #[test]
     fn what_is_no_number_is_refused() {
-        assert_eq!(PersonValues::of(&[(1, 1.0), (2, f64::NAN)]), Err(NoAnswer::NotFinite));
+        assert_eq!(PersonValues::of_sessions(&[(1, 1.0), (2, f64::NAN)]), Err(NoAnswer::NotFinite));
         assert_eq!(PersonValues::of_sessions(&[(1, 1.0), (1, f64::INFINITY)]), Err(NoAnswer::NotFinite));
     }
 }

@@ -68,19 +68,6 @@ pub enum TargetBasis {
     },
 }
 
-impl TargetBasis {
-    /// Stable name for files, API and pages.
-    pub fn name(self) -> &'static str {
-        match self {
-            TargetBasis::TrimmedExperts { .. } => "trimmed_experts",
-            TargetBasis::ContrastingGroups { .. } => "contrasting_groups",
-            TargetBasis::BestShare { .. } => "best_share",
-            TargetBasis::Fixed => "fixed",
-            TargetBasis::External { .. } => "external",
-        }
-    }
-}
-
 /// The judgement on a measured value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TargetJudgement {
@@ -94,19 +81,6 @@ pub enum TargetJudgement {
     ErrorUnknown,
     /// There is no usable value: neither pass nor fail.
     NotMeasured,
-}
-
-impl TargetJudgement {
-    /// Stable name for files, API and pages.
-    pub fn name(self) -> &'static str {
-        match self {
-            TargetJudgement::Pass => "pass",
-            TargetJudgement::Fail => "fail",
-            TargetJudgement::Undecided => "undecided",
-            TargetJudgement::ErrorUnknown => "error_unknown",
-            TargetJudgement::NotMeasured => "not_measured",
-        }
-    }
 }
 
 impl FeatureTarget {

@@ -12,18 +12,10 @@ pub const MIN_RATED: usize = 6;
 /// The form of the intraclass correlation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum IccForm {
-    /// ICC(1,1): each person is rated by different raters.
-    OneWay,
     /// ICC(2,1): the same raters rate all people and represent all raters; a strict rater counts as disagreement.
     Agreement,
-    /// ICC(3,1): the same raters rate all people and represent only themselves; a strict rater does not count.
-    Consistency,
-    /// ICC(1,k): the mean of all raters, as [`IccForm::OneWay`].
-    OneWayMean,
     /// ICC(2,k): the mean of all raters, as [`IccForm::Agreement`].
     AgreementMean,
-    /// ICC(3,k): the mean of all raters, as [`IccForm::Consistency`].
-    ConsistencyMean,
 }
 
 /// An intraclass correlation.
@@ -55,12 +47,8 @@ pub fn icc<P: Ord>(rows: &[(P, Vec<f64>)], form: IccForm) -> Result<Reliability,
     ratings.iter().try_for_each(|row| NoAnswer::finite(row))?;
     let squares = MeanSquares::of(&ratings)?;
     let (value, interval) = match form {
-        IccForm::OneWay => squares.one_rater(squares.within, squares.n * (squares.k - 1.0))?,
-        IccForm::Consistency => squares.one_rater(squares.error, (squares.n - 1.0) * (squares.k - 1.0))?,
         IccForm::Agreement => squares.agreement()?,
-        IccForm::OneWayMean => squares.of_mean(icc(rows, IccForm::OneWay)?)?,
         IccForm::AgreementMean => squares.of_mean(icc(rows, IccForm::Agreement)?)?,
-        IccForm::ConsistencyMean => squares.of_mean(icc(rows, IccForm::Consistency)?)?,
     };
     Ok(Reliability { value, interval, people: rows.len(), raters: ratings[0].len() })
 }
@@ -75,8 +63,6 @@ struct MeanSquares {
     people: f64,
     /// Mean square between raters.
     raters: f64,
-    /// Mean square within people.
-    within: f64,
     /// Residual mean square, explained neither by people nor by raters.
     error: f64,
 }
@@ -102,26 +88,13 @@ impl MeanSquares {
             k,
             people: people / (n - 1.0),
             raters: raters / (k - 1.0),
-            within: left(total - people) / (n * (k - 1.0)),
             error: left(total - people - raters) / ((n - 1.0) * (k - 1.0)),
         })
     }
 
-    /// Forms 1 and 3: the error is one mean square with `freedom` degrees of freedom.
-    fn one_rater(&self, error: f64, freedom: f64) -> Result<(f64, ConfidenceInterval), NoAnswer> {
-        if error == 0.0 {
-            return Err(NoAnswer::Perfect);
-        }
-        let ratio = self.people / error;
-        let of = |ratio: f64| (ratio - 1.0) / (ratio + self.k - 1.0);
-        let low = of(ratio / fisher_quantile(0.975, self.n - 1.0, freedom));
-        let high = of(ratio * fisher_quantile(0.975, freedom, self.n - 1.0));
-        Ok((of(ratio), ConfidenceInterval { low, high }))
-    }
-
-    /// Form 2: the raters are a sample too; degrees of freedom by Satterthwaite.
+    /// ICC(2,1): the raters are a sample too; degrees of freedom by Satterthwaite.
     fn agreement(&self) -> Result<(f64, ConfidenceInterval), NoAnswer> {
-        let Self { n, k, people, raters, error, .. } = *self;
+        let Self { n, k, people, raters, error } = *self;
         if error == 0.0 {
             return Err(NoAnswer::Perfect);
         }
@@ -175,17 +148,10 @@ mod tests {
     }
 
     #[test]
-    fn all_six_forms_have_the_published_values_and_intervals() {
+    fn both_forms_have_the_published_values_and_intervals() {
         // Values to four decimals: those of the paper, recomputed. Intervals as printed by R's psych package for this
         // table.
-        let cases = [
-            (IccForm::OneWay, 0.1657, [-0.133, 0.723]),
-            (IccForm::Agreement, 0.2898, [0.019, 0.761]),
-            (IccForm::Consistency, 0.7148, [0.342, 0.946]),
-            (IccForm::OneWayMean, 0.4428, [-0.884, 0.912]),
-            (IccForm::AgreementMean, 0.6201, [0.071, 0.927]),
-            (IccForm::ConsistencyMean, 0.9093, [0.676, 0.986]),
-        ];
+        let cases = [(IccForm::Agreement, 0.2898, [0.019, 0.761]), (IccForm::AgreementMean, 0.6201, [0.071, 0.927])];
         for (form, value, [low, high]) in cases {
             let got = icc(&rows(&PUBLISHED), form).unwrap();
             assert!((got.value - value).abs() < 5e-5, "{form:?}: {got:?}");
@@ -196,10 +162,9 @@ mod tests {
     }
 
     #[test]
-    fn a_strict_rater_is_a_matter_of_agreement_not_of_consistency() {
+    fn a_strict_rater_changes_the_agreement_and_another_scale_does_not() {
         let stricter = PUBLISHED.map(|[a, b, c, d]| [a - 5.0, b, c, d]);
         let of = |table, form| icc(&rows(table), form).unwrap().value;
-        assert!((of(&stricter, IccForm::Consistency) - of(&PUBLISHED, IccForm::Consistency)).abs() < 1e-12);
         let shifted = PUBLISHED.map(|ratings| ratings.map(|rating| 3.0 * rating - 40.0));
         assert!((of(&shifted, IccForm::Agreement) - of(&PUBLISHED, IccForm::Agreement)).abs() < 1e-12);
         assert!(of(&stricter, IccForm::Agreement) != of(&PUBLISHED, IccForm::Agreement));
@@ -225,7 +190,6 @@ mod tests {
         assert_eq!(of(&rows(&PUBLISHED.map(|ratings| [ratings[0]; 2]))), Err(NoAnswer::Perfect));
         let crossed = [[1.0, 2.0], [2.0, 1.0], [1.0, 2.0], [2.0, 1.1], [1.0, 2.0], [2.0, 1.0]];
         assert_eq!(of(&rows(&crossed)), Err(NoAnswer::Discord));
-        assert!(icc(&rows(&crossed), IccForm::OneWay).unwrap().value < -0.9);
     }
 
     #[test]

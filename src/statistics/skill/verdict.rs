@@ -79,20 +79,6 @@ pub enum Abstention {
     },
 }
 
-impl Abstention {
-    /// Stable name for files, API and pages.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Abstention::KnowsNothing => "knows_nothing",
-            Abstention::NotMeasured { .. } => "not_measured",
-            Abstention::ErrorUnknown { .. } => "error_unknown",
-            Abstention::Outside { .. } => "outside",
-            Abstention::NotClear { .. } => "not_clear",
-            Abstention::WithinErrors { .. } => "within_errors",
-        }
-    }
-}
-
 impl From<Abstention> for LevelVerdict {
     fn from(why: Abstention) -> Self {
         Self { level: Err(why), probabilities: None, contributions: Vec::new() }

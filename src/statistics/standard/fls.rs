@@ -44,7 +44,8 @@ mod tests {
     fn the_published_times_are_targets_to_keep_from_below_and_say_that_they_are_external() {
         assert_eq!(FLS.each_ref().map(|preset| preset.duration.limit), [48.0, 98.0, 53.0, 136.0, 112.0]);
         for preset in &FLS {
-            assert_eq!((preset.duration.direction, preset.duration.basis.name()), (Direction::Lower, "external"));
+            assert_eq!(preset.duration.direction, Direction::Lower);
+            assert!(matches!(preset.duration.basis, TargetBasis::External { .. }));
             assert!(preset.rule.is_none_or(|rule| rule.checked().is_ok()));
         }
     }
