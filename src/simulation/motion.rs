@@ -40,11 +40,6 @@ impl<V: Copy + Add<Output = V> + Mul<f64, Output = V>> ReachSum<V> {
         let begun = self.reaches.iter().filter(|r| r.start_s < time_s);
         begun.fold(self.start, |sum, r| sum + r.by * progress((time_s - r.start_s) / r.duration_s))
     }
-
-    /// When the last reach ends, s.
-    pub fn end_s(&self) -> f64 {
-        self.reaches.iter().map(|r| r.start_s + r.duration_s).fold(0.0, f64::max)
-    }
 }
 
 /// Share of a minimum-jerk reach that is done after the share `tau` of its time.
@@ -101,7 +96,6 @@ mod tests {
         let mut course = ReachSum::resting_at(0.0);
         course.add_reach(0.0, 2.0, 3.0);
         course.add_reach(1.0, 2.0, -1.0);
-        assert_eq!(course.end_s(), 3.0);
         assert!((course.at(3.0) - 2.0).abs() < 1e-12);
     }
 

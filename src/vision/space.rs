@@ -44,11 +44,6 @@ impl Normalised {
 }
 
 impl CameraPoint {
-    /// The point `(x, y, z)`, millimetres.
-    pub fn new(x: f64, y: f64, z: f64) -> Self {
-        Self(Point3::new(x, y, z))
-    }
-
     /// Where the point is seen; `None` behind the camera or in its plane.
     pub fn normalised(&self) -> Option<Normalised> {
         (self.0.z > 0.0).then(|| Normalised::new(self.0.x / self.0.z, self.0.y / self.0.z))

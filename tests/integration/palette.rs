@@ -52,7 +52,7 @@ impl TapedBox {
 
     fn samples(&self) -> ColourSamples {
         let mut samples = ColourSamples::new(self.frame(0).encoding);
-        self.marks.iter().for_each(|mark| samples.collect(&self.frame(mark.frame), &rectangle(mark)));
+        self.marks.iter().for_each(|mark| samples.collect_stroke(&self.frame(mark.frame), &[rectangle(mark)]));
         samples
     }
 

@@ -37,7 +37,7 @@ impl RestingTool {
         let mut samples = ColourSamples::new(first.encoding);
         for mark in marks::mark_recording(&self.world, &[0.0]) {
             let [x, y, w, h] = [mark.x, mark.y, mark.w, mark.h].map(|n| n as usize);
-            samples.collect(&first, &MarkedRectangle { label: mark.label.to_owned(), x, y, w, h });
+            samples.collect_stroke(&first, &[MarkedRectangle { label: mark.label.to_owned(), x, y, w, h }]);
         }
         samples
     }

@@ -67,7 +67,8 @@ impl Recording {
         let mut samples = ColourSamples::new(self.frame(0).encoding);
         for mark in marks::mark_recording(&self.world, &self.times_s) {
             let [x, y, w, h] = [mark.x, mark.y, mark.w, mark.h].map(|n| n as usize);
-            samples.collect(&self.frame(mark.frame), &MarkedRectangle { label: mark.label.to_owned(), x, y, w, h });
+            let rectangle = MarkedRectangle { label: mark.label.to_owned(), x, y, w, h };
+            samples.collect_stroke(&self.frame(mark.frame), &[rectangle]);
         }
         samples
     }

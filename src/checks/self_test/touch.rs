@@ -76,19 +76,6 @@ pub enum UnusableReason {
     AboveBoard,
 }
 
-impl UnusableReason {
-    /// Stable name for files, API and pages.
-    pub fn name(self) -> &'static str {
-        match self {
-            UnusableReason::BoardNotSeen => "board_not_seen",
-            UnusableReason::BoardMoved => "board_moved",
-            UnusableReason::WrongWay => "wrong_way",
-            UnusableReason::NoCornerNear => "no_corner_near",
-            UnusableReason::AboveBoard => "above_board",
-        }
-    }
-}
-
 /// The accuracy over all touches that count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TouchAccuracy {

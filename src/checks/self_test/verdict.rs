@@ -18,18 +18,6 @@ pub enum Signal {
     Red,
 }
 
-impl Signal {
-    /// Stable name for files, API and pages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Signal::Green => "green",
-            Signal::Yellow => "yellow",
-            Signal::NotMeasured => "not_measured",
-            Signal::Red => "red",
-        }
-    }
-}
-
 /// One part of the self-test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SelfTestPart {
@@ -43,28 +31,6 @@ pub enum SelfTestPart {
     Colours,
     /// Whether brightness and white stay constant.
     Lighting,
-}
-
-impl SelfTestPart {
-    /// Every part, in the order of presentation.
-    pub const ALL: [SelfTestPart; 5] = [
-        SelfTestPart::Accuracy,
-        SelfTestPart::Calibration,
-        SelfTestPart::Place,
-        SelfTestPart::Colours,
-        SelfTestPart::Lighting,
-    ];
-
-    /// Stable name for files, API and pages.
-    pub fn name(self) -> &'static str {
-        match self {
-            SelfTestPart::Accuracy => "accuracy",
-            SelfTestPart::Calibration => "calibration",
-            SelfTestPart::Place => "place",
-            SelfTestPart::Colours => "colours",
-            SelfTestPart::Lighting => "lighting",
-        }
-    }
 }
 
 /// The result of one part, and the figure that decided it.

@@ -58,29 +58,6 @@ pub enum NotEnough {
     OutOfRange,
 }
 
-impl NotEnough {
-    /// Stable name for files, API and pages.
-    pub fn name(self) -> &'static str {
-        match self {
-            NotEnough::NeverSeen => "never_seen",
-            NotEnough::TooShort { .. } => "too_short",
-            NotEnough::TooLittleSeen { .. } => "too_little_seen",
-            NotEnough::NoMovement => "no_movement",
-            NotEnough::MovementsTooLong { .. } => "movements_too_long",
-            NotEnough::ReturnsToStart => "returns_to_start",
-            NotEnough::NoFulcrum => "no_fulcrum",
-            NotEnough::NoReasons => "no_reasons",
-            NotEnough::NoStretch { .. } => "no_stretch",
-            NotEnough::NotTwoTools { .. } => "not_two_tools",
-            NotEnough::OtherTool => "other_tool",
-            NotEnough::UnusableSamples => "unusable_samples",
-            NotEnough::UnusableSetting(_) => "unusable_setting",
-            NotEnough::Refused => "refused",
-            NotEnough::OutOfRange => "out_of_range",
-        }
-    }
-}
-
 impl fmt::Display for NotEnough {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

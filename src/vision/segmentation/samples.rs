@@ -51,14 +51,9 @@ impl ColourSamples {
         Self { encoding, labels: Vec::new(), samples: Vec::new() }
     }
 
-    /// Adds the pixels inside a rectangle, without parts outside the frame. Codes of a frame in another encoding are
-    /// converted to the samples' encoding.
-    pub fn collect(&mut self, frame: &Frame<'_>, rectangle: &MarkedRectangle) {
-        self.collect_stroke(frame, std::slice::from_ref(rectangle));
-    }
-
-    /// The same for several rectangles of one label that were painted in one stroke: together they count as one
-    /// rectangle.
+    /// Adds the pixels inside rectangles of one label, without parts outside the frame. Several rectangles were painted
+    /// in one stroke: together they count as one. Codes of a frame in another encoding are converted to the samples'
+    /// encoding.
     pub fn collect_stroke(&mut self, frame: &Frame<'_>, rectangles: &[MarkedRectangle]) {
         let number = self.samples.last().map_or(0, |last| last.rectangle + 1);
         let end = |of: &MarkedRectangle| {
