@@ -34,7 +34,6 @@ pub(super) struct FrameClock {
     interval_is_stated: bool,
     shift_s: f64,
     last_s: Option<f64>,
-    repaired: u64,
 }
 
 impl FrameClock {
@@ -48,7 +47,6 @@ impl FrameClock {
             interval_is_stated: stated,
             shift_s: 0.0,
             last_s: None,
-            repaired: 0,
         }
     }
 
@@ -69,11 +67,6 @@ impl FrameClock {
         time_s
     }
 
-    /// Frames whose stamp was missing or did not advance.
-    pub(super) fn repaired(&self) -> u64 {
-        self.repaired
-    }
-
     fn stamped_s(&mut self, ticks: i64) -> f64 {
         let start = *self.start_ticks.get_or_insert(ticks);
         ticks.saturating_sub(start) as f64 * self.seconds_per_tick + self.shift_s
@@ -91,7 +84,6 @@ impl FrameClock {
     }
 
     fn repair(&mut self, last: f64, stamped: Option<f64>) -> f64 {
-        self.repaired += 1;
         let time_s = last + self.interval_s;
         if let Some(stamped) = stamped.filter(|s| last - s > JITTER_S || s - last > GAP_S) {
             self.shift_s += time_s - stamped;

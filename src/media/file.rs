@@ -128,11 +128,6 @@ impl VideoFile {
         self.info
     }
 
-    /// Number of frames so far whose time stamp was missing or did not advance; their times continue at the frame rate.
-    pub fn repaired_times(&self) -> u64 {
-        self.clock.repaired()
-    }
-
     /// The next frame in presentation order, or `None` at the end. A damaged packet is skipped; a file that was cut
     /// ends where its bytes end.
     ///

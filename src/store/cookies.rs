@@ -4,12 +4,11 @@ use std::time::Duration;
 
 use sqlx::SqliteConnection;
 
+use super::Store;
 use super::error::{StoreResult, ignore_full_or_busy};
 use super::people::PersonRecord;
-use super::{Scope, Store};
 use crate::domain::role::Role;
 use crate::domain::secret::SecretHash;
-use crate::ids::PersonId;
 use crate::time::millis;
 
 /// Access to the signed-in browsers.
@@ -90,19 +89,6 @@ impl CookieStore<'_> {
         self.0
             .write(async move |tx| {
                 sqlx::query("DELETE FROM cookie_session WHERE secret_hash = $1").bind(secret).execute(tx).await?;
-                Ok(())
-            })
-            .await
-    }
-
-    /// Signs all browsers of a person out.
-    pub async fn delete_all_of(&self, scope: &Scope, person: PersonId) -> StoreResult<()> {
-        if !scope.is_administrator() && scope.person() != Some(person) {
-            return Err(super::error::not_found("person"));
-        }
-        self.0
-            .write(async move |tx| {
-                sqlx::query("DELETE FROM cookie_session WHERE person_id = $1").bind(person).execute(tx).await?;
                 Ok(())
             })
             .await
