@@ -192,11 +192,6 @@ impl Swaps {
         Self(changes.iter().filter_map(swap).collect())
     }
 
-    /// True if no names are exchanged.
-    pub fn is_none(&self) -> bool {
-        self.0.is_empty()
-    }
-
     /// The index under which a tool appears at this time.
     pub fn name_at(&self, tool: u32, time_s: f64) -> u32 {
         let in_time = self.0.iter().filter(|(_, span)| is_within(time_s, *span));

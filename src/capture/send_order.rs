@@ -41,11 +41,6 @@ pub struct SendOrder {
 }
 
 impl SendOrder {
-    /// Nothing has been sent yet.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// What to send next, if anything may be sent now.
     pub fn next(&mut self, recording: &SpooledRecording, is_live: bool) -> Option<NextSend> {
         if let Some(next) = self.next_requested(recording) {

@@ -172,12 +172,6 @@ impl RunningService {
             tracing::warn!("some tasks did not end in time; the next start recovers them");
         }
     }
-
-    /// Ends the service.
-    pub async fn stop(self) {
-        self.shutdown.begin();
-        self.ended().await;
-    }
 }
 
 /// Starts a service: recovers the data, listens, and starts the workers. `password` is for the first administrator, who

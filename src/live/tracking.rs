@@ -205,7 +205,6 @@ impl TrackingSupervisor {
     pub(super) fn watch(&self, feed: &Arc<OpenFeed>, wants_pictures: bool) -> FeedWatcher {
         FeedWatcher {
             row: feed.row.clone(),
-            time_base: feed.time_base,
             state: self.0.state.subscribe(),
             replies: self.0.replies.subscribe(),
             viewer: wants_pictures.then(|| Viewer::new(&self.0.viewers)),

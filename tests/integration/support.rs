@@ -59,7 +59,8 @@ impl Service {
 
     /// Stops the service in order and returns its data folder, for another start.
     pub async fn stop(self) -> TempDir {
-        self.running.stop().await;
+        self.running.shutdown.begin();
+        self.running.ended().await;
         self.data
     }
 

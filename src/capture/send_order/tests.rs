@@ -31,7 +31,7 @@ fn all(order: &mut SendOrder, recording: &SpooledRecording, is_live: bool) -> Ve
 fn after_an_outage_live_goes_out_first_from_a_key_frame_and_the_rest_behind_it() {
     let (_folder, mut spool, id) = with(505);
     spool.acknowledge(id, numbers(&[[0, 99]])).unwrap();
-    let mut order = SendOrder::new();
+    let mut order = SendOrder::default();
     let recording = spool.get(id).unwrap();
     let sent: Vec<u64> = (0..20)
         .map_while(|_| order.next(recording, true))
@@ -51,16 +51,16 @@ fn after_an_outage_live_goes_out_first_from_a_key_frame_and_the_rest_behind_it()
 fn a_short_cut_and_a_recording_that_is_over_go_out_in_order() {
     let (_folder, mut spool, id) = with(160);
     spool.acknowledge(id, numbers(&[[0, 99]])).unwrap();
-    assert_eq!(all(&mut SendOrder::new(), spool.get(id).unwrap(), true), (100..160).collect::<Vec<_>>());
+    assert_eq!(all(&mut SendOrder::default(), spool.get(id).unwrap(), true), (100..160).collect::<Vec<_>>());
     spool.acknowledge(id, FrameNumbers::default()).unwrap();
-    assert_eq!(all(&mut SendOrder::new(), spool.get(id).unwrap(), false), (0..160).collect::<Vec<_>>());
+    assert_eq!(all(&mut SendOrder::default(), spool.get(id).unwrap(), false), (0..160).collect::<Vec<_>>());
 }
 
 #[test]
 fn the_rest_waits_while_much_is_under_way_and_live_does_not() {
     let (_folder, mut spool, id) = spool(1 << 30);
     add_sized(&mut spool, 0..200, 100_000);
-    let mut order = SendOrder::new();
+    let mut order = SendOrder::default();
     let first = all(&mut order, spool.get(id).unwrap(), true);
     assert_eq!((first[0], first.len() as u64), (199, 1 + MAX_IN_FLIGHT_BYTES as u64 / 100_032));
     add_sized(&mut spool, 200..201, 100_000);
@@ -77,11 +77,11 @@ fn a_recording_is_done_if_the_server_has_all_or_the_spool_lacks_the_last() {
     let (_folder, mut spool, id) = with(30);
     spool.end_live();
     spool.acknowledge(id, numbers(&[[0, 34]])).unwrap(); // the agent lost its last frames in a power cut
-    let mut order = SendOrder::new();
+    let mut order = SendOrder::default();
     assert_eq!(all(&mut order, spool.get(id).unwrap(), false), Vec::<u64>::new());
     assert!(order.is_done(spool.get(id).unwrap()));
     spool.acknowledge(id, numbers(&[[0, 3], [34, 34]])).unwrap();
-    let mut order = SendOrder::new();
+    let mut order = SendOrder::default();
     assert_eq!(all(&mut order, spool.get(id).unwrap(), false), (4..30).collect::<Vec<_>>());
     assert!(order.is_done(spool.get(id).unwrap()), "the server asks for the rest");
 }
@@ -90,7 +90,7 @@ fn a_recording_is_done_if_the_server_has_all_or_the_spool_lacks_the_last() {
 fn missing_frames_are_sent_again_or_reported_as_lost() {
     let (_folder, spool, id) = with(30);
     let recording = spool.get(id).unwrap();
-    let mut order = SendOrder::new();
+    let mut order = SendOrder::default();
     all(&mut order, recording, false);
     assert!(order.is_done(recording));
     order.request_missing(vec![[4, 5], [28, 40]]);
@@ -114,7 +114,7 @@ proptest! {
             durable.add(first, (first + more).min(frames - 1)).unwrap();
         }
         spool.acknowledge(id, durable.clone()).unwrap();
-        let mut order = SendOrder::new();
+        let mut order = SendOrder::default();
         let mut sent = all(&mut order, spool.get(id).unwrap(), is_live);
         add_groups(&mut spool, frames..frames + later, 10);
         sent.extend(all(&mut order, spool.get(id).unwrap(), is_live));

@@ -7,7 +7,6 @@ use tokio::sync::{broadcast, watch};
 
 use super::TrackingState;
 use crate::analysis::protocol::FollowReply;
-use crate::domain::feed::TimeBase;
 use crate::live::OpenFeed;
 use crate::store;
 
@@ -15,8 +14,6 @@ use crate::store;
 pub struct FeedWatcher {
     /// The recording's row.
     pub row: store::FeedRow,
-    /// Time base of its frames.
-    pub time_base: TimeBase,
     /// Whether the recording is tracked.
     pub state: watch::Receiver<TrackingState>,
     /// The child's replies.
