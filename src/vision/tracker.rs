@@ -8,8 +8,8 @@
 //! | [`predict`] | where is the band expected, and how fast does it move? | track → expected band |
 //! | [`find`] | which regions have the tape's colour? | frame → regions |
 //! | [`measure`] | which tube explains the edges in the pixels? | expected band or region → measurement |
-//! | [`learn`] | how do edges look, how long is the band, where are fulcrum and hand? | measurement → what the next frames need |
 //! | [`accept`] | does the measurement agree with the tool's motion? | measurement → track |
+//! | [`learn`] | what are edge shape, band length, fulcrum and hand side? | accepted measurement → next frames |
 //!
 //! A band that is measured at its expected place need not be found ([`search`]). After the last frame
 //! [`second_pass`] processes all measurements again.
@@ -154,7 +154,7 @@ impl Tracker {
         self.tools.iter().map(|tool| tool.fulcrum()?.stated(STATED_SIGMA_SHARE)).collect()
     }
 
-    /// Tracks the next frame: predict → find → measure → learn → accept, for each tool, and each pair of one colour.
+    /// Tracks the next frame: predict → find → measure → accept → learn, for each tool, and each pair of one colour.
     pub fn observe(&mut self, frame: &Frame<'_>) -> FrameReport {
         self.instants.push((frame.index, frame.time_s));
         self.light.sample_frame(frame);

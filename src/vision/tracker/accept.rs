@@ -13,10 +13,18 @@ use crate::vision::reason::MissReason;
 /// degrees of freedom).
 const MAX_FULCRUM_MISS_SQUARED: f64 = 18.4;
 
+/// A measured band, steadied with what is known of the tool.
+pub struct SteadiedBand {
+    /// Tube and covariance.
+    pub estimate: TubeEstimate,
+    /// Length of the band, known or as seen, mm.
+    pub length_mm: f64,
+}
+
 /// Result of one frame for one tool.
 pub struct ToolFrameResult {
-    /// The steadied measurement, or the reason for having none.
-    pub outcome: Result<Measurement, MissReason>,
+    /// The steadied band, or the reason for having none.
+    pub outcome: Result<SteadiedBand, MissReason>,
     /// How the track advanced.
     pub advance: Advance,
 }
@@ -26,10 +34,10 @@ impl ToolTracker {
     pub(super) fn accept(
         &mut self,
         scene: &FrameContext<'_>,
-        measured: Result<Measurement, MissReason>,
+        measured: &Result<Measurement, MissReason>,
     ) -> ToolFrameResult {
-        let steadied = measured.map(|measurement| self.steady(measurement));
-        let position = steadied.as_ref().ok().map(|m| (m.estimate.tube.tip, m.estimate.tip_covariance()));
+        let steadied = measured.as_ref().map(|measurement| self.steady(measurement)).map_err(|reason| *reason);
+        let position = steadied.as_ref().ok().map(|band| (band.estimate.tube.tip, band.estimate.tip_covariance()));
         let advance = self.track.advance(scene.frame.time_s, position, &scene.track_settings());
         if let (Ok(accepted), true) = (&steadied, advance.observed) {
             self.last_band = Some(Band { tube: accepted.estimate.tube, length_mm: accepted.length_mm });
@@ -60,9 +68,9 @@ impl ToolTracker {
         Some(state.distance_squared(pose.tube.tip, pose.tip_covariance()))
     }
 
-    /// The measurement, corrected with the fulcrum and the offsets that all poses share, once they are known.
-    fn steady(&self, measurement: Measurement) -> Measurement {
+    /// The measured band, corrected with the fulcrum and the offsets that all poses share, once they are known.
+    fn steady(&self, measurement: &Measurement) -> SteadiedBand {
         let steadied = self.adjustment.as_ref().and_then(|a| adjustment::steady(&measurement.estimate, a));
-        Measurement { estimate: steadied.unwrap_or(measurement.estimate), ..measurement }
+        SteadiedBand { estimate: steadied.unwrap_or(measurement.estimate), length_mm: measurement.length_mm }
     }
 }

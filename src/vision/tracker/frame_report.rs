@@ -1,9 +1,8 @@
 //! The report of one frame: measurements, filtered samples, and the lines drawn over the picture.
 
 use super::Tracker;
-use super::accept::ToolFrameResult;
+use super::accept::{SteadiedBand, ToolFrameResult};
 use super::gaps::{self, FrameMargin};
-use super::measurement::Measurement;
 use super::motion::{self, FrameInstant, PastPose};
 use super::report::{FrameReport, Observation, ToolReport};
 use crate::vision::frame::Frame;
@@ -32,8 +31,8 @@ impl Tracker {
             let rim = FrameMargin::new(&self.settings.camera, self.settings.tools[tool].band_length_mm);
             gaps::absence_now(self.last_samples[tool].as_ref(), reason, &rim)
         });
-        let drawn = result.outcome.as_ref().ok().and_then(|m| self.drawing(m));
-        let outcome = result.outcome.and_then(|m| self.observation(&m).ok_or(MissReason::OutsideLensModel));
+        let drawn = result.outcome.as_ref().ok().and_then(|band| self.drawing(band));
+        let outcome = result.outcome.and_then(|band| self.observation(&band).ok_or(MissReason::OutsideLensModel));
         self.last_samples[tool] = filtered.or(self.last_samples[tool]);
         ToolReport {
             tool,
@@ -55,8 +54,8 @@ impl Tracker {
         Some(motion::with_live_sigma(sample))
     }
 
-    fn observation(&self, measurement: &Measurement) -> Option<Observation> {
-        let estimate = &measurement.estimate;
+    fn observation(&self, band: &SteadiedBand) -> Option<Observation> {
+        let estimate = &band.estimate;
         Some(Observation {
             tip_mm: estimate.tube.tip,
             axis: estimate.tube.axis,
@@ -67,11 +66,10 @@ impl Tracker {
     }
 
     /// Both borders and the distal end, as drawn over the frame.
-    fn drawing(&self, measurement: &Measurement) -> Option<([[Pixel; 2]; 2], Pixel)> {
-        let outline = measurement.estimate.tube.outline()?;
+    fn drawing(&self, band: &SteadiedBand) -> Option<([[Pixel; 2]; 2], Pixel)> {
+        let outline = band.estimate.tube.outline()?;
         let pixel = |point| self.settings.camera.project(CameraPoint(point));
-        let border =
-            |side| Some([pixel(outline.border(side, 0.0))?, pixel(outline.border(side, measurement.length_mm))?]);
+        let border = |side| Some([pixel(outline.border(side, 0.0))?, pixel(outline.border(side, band.length_mm))?]);
         let borders = [border(BorderSide::First)?, border(BorderSide::Second)?];
         Some((borders, pixel(outline.rim(0.0, 0.0))?))
     }

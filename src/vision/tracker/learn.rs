@@ -1,7 +1,7 @@
-//! Learn: what a frame's measurements say about edges, band length, fulcrum, and the side of the hand.
+//! Learn: what an accepted measurement says about edges, band length, fulcrum, and the side of the hand.
 //!
-//! Edges, band length and fulcrum are learned from every measurement, before the track accepts or refuses it: the
-//! fulcrum learned from this frame already steadies this frame's pose.
+//! A measurement that the track refused teaches nothing: it may be of something else. What is learned from a frame
+//! serves the frames after it.
 
 use super::accept::ToolFrameResult;
 use super::frame_context::FrameContext;
@@ -24,14 +24,15 @@ const MAX_KEYFRAMES: usize = 128;
 const MAX_FULCRUM_SIGMA_MM: f64 = 30.0;
 
 impl ToolTracker {
-    /// Learns from the frame's measurement: edges, band length, fulcrum. Call once per frame, also without a
-    /// measurement.
-    pub(super) fn learn(&mut self, frame: &Frame<'_>, measured: Option<&Measurement>) {
-        if let Some(measurement) = measured.filter(|m| m.grade() >= Grade::Complete) {
+    /// Learns edges, band length and fulcrum from the frame's measurement, if the track accepted it. Call once per
+    /// frame, also without a measurement.
+    pub(super) fn learn(&mut self, frame: &Frame<'_>, measured: Option<&Measurement>, result: &ToolFrameResult) {
+        let accepted = measured.filter(|_| result.advance.observed);
+        if let Some(measurement) = accepted.filter(|m| m.grade() >= Grade::Complete) {
             self.edges.learn(frame, &measurement.fitted_edges);
         }
         self.edges.finish_frame();
-        if let Some(measurement) = measured.filter(|m| m.grade() == Grade::Good) {
+        if let Some(measurement) = accepted.filter(|m| m.grade() == Grade::Good) {
             self.lengths.add(measurement.length_mm, measurement.length_sigma_mm);
             self.learn_fulcrum(measurement);
         }

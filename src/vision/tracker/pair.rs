@@ -15,7 +15,6 @@ use super::frame_context::FrameContext;
 use super::measurement::{Grade, Measurement};
 use super::origin::{DECISIVE_MARGIN, Origin};
 use super::predict::Prediction;
-use super::record::FrameRecord;
 use super::settings::HandSide;
 use super::tool::ToolTracker;
 use crate::vision::reason::MissReason;
@@ -30,7 +29,7 @@ const MAX_DISTANCE_COST: f64 = 9.0;
 /// Maximum cost of the origin, for a band that does not clearly belong to the other tool.
 const MAX_ORIGIN_COST: f64 = 30.0;
 
-/// Finds and measures both tools on a frame: predict → find → measure → learn → accept. The left hand's tool comes
+/// Finds and measures both tools on a frame: predict → find → measure → accept → learn. The left hand's tool comes
 /// first.
 pub fn observe(tools: [&mut ToolTracker; 2], scenes: [FrameContext<'_>; 2]) -> [ToolFrameResult; 2] {
     let mut search = PairSearch::predict(tools, &scenes);
@@ -42,7 +41,7 @@ pub fn observe(tools: [&mut ToolTracker; 2], scenes: [FrameContext<'_>; 2]) -> [
         let anywhere = search.tools[0].search_areas(&scenes[0], None);
         search.find_and_measure(&anywhere);
     }
-    search.learn_and_accept()
+    search.accept_and_learn()
 }
 
 /// Search for both tools on one frame.
@@ -204,15 +203,10 @@ impl<'a, 's> PairSearch<'a, 's> {
         of(one).zip(of(other)).is_some_and(|(one, other)| one.is_same_band(&other))
     }
 
-    fn learn_and_accept(self) -> [ToolFrameResult; 2] {
+    fn accept_and_learn(self) -> [ToolFrameResult; 2] {
         let Self { tools: [left, right], scenes, found: [at_left, at_right], reasons, .. } = self;
-        let finish = |tool: &mut ToolTracker, scene: &FrameContext<'_>, measured: Result<Measurement, MissReason>| {
-            tool.learn(scene.frame, measured.as_ref().ok());
-            tool.records.push(FrameRecord::new(&measured));
-            tool.accept(scene, measured)
-        };
-        let left = finish(left, &scenes[0], at_left.ok_or(reasons[0]));
-        let right = finish(right, &scenes[1], at_right.ok_or(reasons[1]));
+        let left = left.accept_and_learn(&scenes[0], &at_left.ok_or(reasons[0]));
+        let right = right.accept_and_learn(&scenes[1], &at_right.ok_or(reasons[1]));
         [left, right]
     }
 }

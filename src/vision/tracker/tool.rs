@@ -4,6 +4,7 @@ use super::accept::ToolFrameResult;
 use super::band_length_estimator::BandLengthEstimator;
 use super::frame_context::FrameContext;
 use super::hand_direction::HandDirection;
+use super::measurement::Measurement;
 use super::origin::{self, Origin};
 use super::predict::Band;
 use super::record::{FrameRecord, PackedRecords};
@@ -69,17 +70,27 @@ impl ToolTracker {
         (self.records, self.trace) = (records.without_poses(reason), trace);
     }
 
-    /// Finds and measures the tool on a frame: predict → find → measure → learn → accept.
+    /// Finds and measures the tool on a frame: predict → find → measure → accept → learn.
     pub(super) fn observe(&mut self, scene: &FrameContext<'_>) -> ToolFrameResult {
         let prediction = self.predict(scene);
         let measured = match self.try_prediction(scene, &prediction) {
             Some(measurement) => Ok(measurement),
             None => self.find_and_measure(scene, &prediction),
         };
-        self.learn(scene.frame, measured.as_ref().ok());
-        self.records.push(FrameRecord::new(&measured));
-        let result = self.accept(scene, measured);
+        let result = self.accept_and_learn(scene, &measured);
         self.learn_hand_side(scene, &result);
+        result
+    }
+
+    /// The last two stages of a frame, and its record for the second pass.
+    pub(super) fn accept_and_learn(
+        &mut self,
+        scene: &FrameContext<'_>,
+        measured: &Result<Measurement, MissReason>,
+    ) -> ToolFrameResult {
+        self.records.push(FrameRecord::new(measured));
+        let result = self.accept(scene, measured);
+        self.learn(scene.frame, measured.as_ref().ok(), &result);
         result
     }
 
