@@ -139,30 +139,29 @@ CREATE TABLE group_trainee (
 
 CREATE TABLE "job" (
     id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- JobId
-    kind           TEXT NOT NULL,                                            -- JobKind
-    input          TEXT NOT NULL CHECK (json_valid(input)),                  -- JobInput
+    kind           TEXT NOT NULL CHECK (kind IN ('track', 'import', 'rescore', 'calibrate', 'palette', 'self_test')), -- what kind of work
+    input          TEXT NOT NULL CHECK (json_valid(input)),                  -- what it works on (JobInput)
     input_hash     TEXT NOT NULL CHECK (length(input_hash) = 64),            -- SHA-256 of `input`, hexadecimal
     versions       TEXT NOT NULL CHECK (length(versions) <= 200),            -- what else its result depends on
-    session_id     TEXT REFERENCES session (id) ON DELETE CASCADE,           -- the session that it works on; NULL: none
-    box_id         TEXT REFERENCES training_box (id) ON DELETE CASCADE,      -- the box that it works on; NULL: none
-    subject        TEXT NOT NULL AS (iif(session_id IS NULL, 'box', 'session')), -- which of the two it works on
-    turn           INTEGER NOT NULL CHECK (turn IN (0, 1, 2)),               -- JobPriority: lower numbers run first
-    state          TEXT NOT NULL CHECK (state IN ('queued', 'running', 'done', 'failed', 'quarantined')), -- JobState
-    attempt        INTEGER NOT NULL DEFAULT 0 CHECK (attempt BETWEEN 0 AND max_attempts), -- crashes, and this attempt
+    session_id     TEXT REFERENCES session (id) ON DELETE CASCADE,           -- the session it is about
+    box_id         TEXT REFERENCES training_box (id) ON DELETE CASCADE,      -- the box it is about
+    turn           INTEGER NOT NULL CHECK (turn IN (0, 1, 2)),               -- goes before higher ones: boxes, new sessions, rescorings
+    state          TEXT NOT NULL CHECK (state IN ('queued', 'running', 'done', 'failed', 'quarantined')), -- how it stands
+    attempt        INTEGER NOT NULL DEFAULT 0 CHECK (attempt BETWEEN 0 AND max_attempts), -- claims that ended in a crash, and this one
     max_attempts   INTEGER NOT NULL CHECK (max_attempts BETWEEN 1 AND 20),   -- crashes after which it is quarantined
-    lease_token    TEXT CHECK (length(lease_token) = 36),                    -- LeaseToken; NULL: no worker has it
-    lease_until_ms INTEGER,                                                  -- end of the lease, epoch ms
-    worker         TEXT CHECK (length(worker) BETWEEN 1 AND 120),            -- worker that has the lease, for people
+    lease_token    TEXT CHECK (length(lease_token) = 36),                    -- whoever knows it holds the job
+    lease_until_ms INTEGER,                                                  -- until then it is theirs, epoch ms
+    worker         TEXT CHECK (length(worker) BETWEEN 1 AND 120),            -- who holds it, for people
     progress       REAL NOT NULL DEFAULT 0 CHECK (progress BETWEEN 0 AND 1), -- share done
     problem        TEXT CHECK (json_valid(problem)),                         -- why it failed or last crashed (Problem)
-    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0),              -- when it was first queued, epoch ms
-    queued_at_ms   INTEGER NOT NULL CHECK (queued_at_ms >= created_at_ms),   -- when it was last queued, epoch ms
-    started_at_ms  INTEGER,                                                  -- when it was last claimed, epoch ms
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0),              -- when queued first, epoch ms
+    queued_at_ms   INTEGER NOT NULL CHECK (queued_at_ms >= created_at_ms),   -- when queued last: its place, epoch ms
+    started_at_ms  INTEGER,                                                  -- when claimed last, epoch ms
     ended_at_ms    INTEGER,                                                  -- when it ended, epoch ms
-    advice         TEXT CHECK (json_valid(advice)),                          -- PaletteAdvice; NULL: none (yet)
+    advice         TEXT CHECK (advice IS NULL OR json_valid(advice)),        -- PaletteAdvice; NULL: the job is about something else, or not done
     UNIQUE (kind, input_hash, versions),
-    FOREIGN KEY (kind, subject) REFERENCES job_kind (name, subject) ON DELETE RESTRICT, -- a known kind, on its subject
     CHECK ((session_id IS NULL) <> (box_id IS NULL)),
+    CHECK ((kind IN ('track', 'import', 'rescore')) = (session_id IS NOT NULL)),
     CHECK ((turn = 0) = (box_id IS NOT NULL)),
     CHECK ((state = 'running') = (lease_token IS NOT NULL)),
     CHECK ((state = 'running') = (lease_until_ms IS NOT NULL)),
@@ -175,12 +174,6 @@ CREATE TABLE "job_file" (
     job_id TEXT NOT NULL REFERENCES "job" (id) ON DELETE CASCADE,         -- the job
     blob   TEXT NOT NULL REFERENCES blob (hash) ON DELETE RESTRICT,          -- the file
     PRIMARY KEY (job_id, blob)
-) STRICT, WITHOUT ROWID;
-
-CREATE TABLE job_kind (
-    name    TEXT PRIMARY KEY CHECK (length(name) BETWEEN 1 AND 32),          -- JobKind
-    subject TEXT NOT NULL CHECK (subject IN ('session', 'box')),             -- what its jobs work on
-    UNIQUE (name, subject)
 ) STRICT, WITHOUT ROWID;
 
 CREATE TABLE palette (
@@ -525,6 +518,12 @@ CREATE TRIGGER feed_erased AFTER DELETE ON feed BEGIN
     INSERT INTO erased_feed (id) VALUES (OLD.id) ON CONFLICT DO NOTHING;
 END;
 
+CREATE VIEW assessed_session AS
+    SELECT session.id, session.trainee_id, session.task_id, session.tracker, session.recorded_at_ms, session.created_at_ms,
+           result.id AS result_id, result.pipeline, result.calibration_id, result.tools, result.verdict
+    FROM session JOIN current_result AS result ON result.session_id = session.id
+    WHERE NOT EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id);
+
 CREATE VIEW blob_reference (hash) AS
     SELECT video FROM session WHERE video IS NOT NULL
     UNION ALL SELECT blob FROM job_file
@@ -532,14 +531,84 @@ CREATE VIEW blob_reference (hash) AS
     UNION ALL SELECT diagnostics FROM result WHERE diagnostics IS NOT NULL
     UNION ALL SELECT preview FROM result WHERE preview IS NOT NULL;
 
-CREATE VIEW visible_job (role, subject, job_id) AS
-    SELECT 'administrator', CAST(NULL AS TEXT), id FROM job
+CREATE VIEW cohort_person (cohort_id, trainee_id, handedness) AS
+    SELECT cohort.id, member.id, member.handedness FROM cohort CROSS JOIN trainee AS member
+    WHERE CASE WHEN cohort.is_list
+               THEN EXISTS (SELECT 1 FROM cohort_member
+                            WHERE cohort_member.cohort_id = cohort.id AND cohort_member.trainee_id = member.id)
+               ELSE (cohort.level IS NULL OR cohort.level = member.level)
+                    AND (cohort.handedness IS NULL OR cohort.handedness = member.handedness)
+                    AND (cohort.group_id IS NULL
+                         OR EXISTS (SELECT 1 FROM group_trainee WHERE group_trainee.group_id = cohort.group_id
+                                    AND group_trainee.trainee_id = member.id)) END;
+
+CREATE VIEW comment_record AS
+    SELECT comment.id, comment.session_id, comment.person_id, person.name AS who, comment.from_s, comment.to_s, comment.text,
+           comment.created_at_ms, coalesce(person.role = 'trainee', FALSE) AS is_by_trainee
+    FROM comment LEFT JOIN person ON person.id = comment.person_id;
+
+CREATE VIEW completed_rescoring (id) AS
+    SELECT id FROM rescoring
+    WHERE ended_at_ms IS NULL AND NOT EXISTS
+        (SELECT 1 FROM rescoring_item WHERE rescoring_id = rescoring.id AND state IN ('waiting', 'working'));
+
+CREATE VIEW current_result AS
+    SELECT result.*, json_extract(result.quality, '$.verdict') AS verdict FROM result
+    WHERE result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = result.session_id
+                       ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1);
+
+CREATE VIEW feed_record AS
+    SELECT feed.*, session.trainee_id, session.task_id
+    FROM feed JOIN session ON session.id = feed.session_id;
+
+CREATE VIEW group_record AS
+    SELECT training_group.id, training_group.name, training_group.created_at_ms,
+           group_course.course_id, course.name AS course_name, group_course.begins
+    FROM training_group
+    LEFT JOIN group_course ON group_course.group_id = training_group.id
+    LEFT JOIN course ON course.id = group_course.course_id;
+
+CREATE VIEW practised_session AS
+    SELECT session.id, session.trainee_id, session.task_id, session.recorded_at_ms, session.video IS NOT NULL AS is_whole,
+           NOT EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id) AS counts,
+           job.state AS job_state, result.id AS result_id, result.pipeline, result.calibration_id,
+           result.verdict = 'refused' AS refused
+    FROM session
+    LEFT JOIN tracking_job AS job ON job.session_id = session.id
+    LEFT JOIN current_result AS result ON result.session_id = session.id;
+
+CREATE VIEW session_record AS
+    SELECT session.id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
+           trainee.handedness AS trainee_handedness,
+           session.task_id, task.name AS task_name, task.code AS task_code,
+           session.box_id, training_box.name AS box_name, training_box.code AS box_code,
+           session.filename, session.media_type, session.video, blob.bytes AS video_bytes, session.tracker,
+           session.recorded_at_ms, session.created_at_ms,
+           job.id AS job_id, job.state AS job_state, job.progress AS job_progress, job.problem AS job_problem,
+           EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id) AS is_set_aside,
+           EXISTS (SELECT 1 FROM calibration WHERE calibration.box_id = session.box_id) AS box_has_camera,
+           EXISTS (SELECT 1 FROM palette WHERE palette.box_id = session.box_id) AS box_has_palette
+    FROM session
+    JOIN trainee ON trainee.id = session.trainee_id
+    JOIN task ON task.id = session.task_id
+    JOIN training_box ON training_box.id = session.box_id
+    LEFT JOIN blob ON blob.hash = session.video
+    LEFT JOIN tracking_job AS job ON job.session_id = session.id;
+
+CREATE VIEW set_aside_session (session_id) AS
+    SELECT session_id FROM session_edit WHERE kind = 'set_aside' AND undone_at_ms IS NULL;
+
+CREATE VIEW standard_record AS
+    SELECT standard.id, standard.task_id, standard.version, standard.definition, person.name AS who, standard.created_at_ms
+    FROM standard LEFT JOIN person ON person.id = standard.person_id;
+
+CREATE VIEW tracking_job AS
+    SELECT job.* FROM job
+    WHERE job.id = (SELECT latest.id FROM job AS latest WHERE latest.session_id = job.session_id AND latest.turn < 2
+                    ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1);
+
+CREATE VIEW visible_trainee (role, subject, trainee_id) AS
+    SELECT 'trainee', id, id FROM trainee
     UNION ALL
-    SELECT 'instructor', person.id, job.id FROM job CROSS JOIN person WHERE job.box_id IS NOT NULL
-    UNION ALL
-    SELECT 'instructor', group_instructor.person_id, job.id FROM job
-    JOIN session ON session.id = job.session_id
-    JOIN group_trainee ON group_trainee.trainee_id = session.trainee_id
-    JOIN group_instructor ON group_instructor.group_id = group_trainee.group_id
-    UNION ALL
-    SELECT 'trainee', session.trainee_id, job.id FROM job JOIN session ON session.id = job.session_id;
+    SELECT 'instructor', group_instructor.person_id, group_trainee.trainee_id
+    FROM group_instructor JOIN group_trainee ON group_trainee.group_id = group_instructor.group_id;
