@@ -45,42 +45,48 @@ pub struct Backup {
     pub files: u64,
 }
 
+const SELECT_ENTRIES: &str = "
+    SELECT audit.id, at_ms, actor, action, noun, subject, person.name AS who, CASE noun
+        WHEN 'trainee' THEN (SELECT name FROM trainee WHERE id = subject)
+        WHEN 'person' THEN (SELECT name FROM person WHERE id = subject)
+        WHEN 'group' THEN (SELECT name FROM training_group WHERE id = subject)
+        WHEN 'box' THEN (SELECT name FROM training_box WHERE id = subject)
+        WHEN 'task' THEN (SELECT name FROM task WHERE id = subject)
+        WHEN 'cohort' THEN (SELECT name FROM cohort WHERE id = subject)
+        WHEN 'course' THEN (SELECT name FROM course WHERE id = subject)
+        WHEN 'token' THEN (SELECT name FROM token WHERE id = subject)
+        WHEN 'standard' THEN (SELECT name FROM task JOIN standard ON task_id = task.id
+            WHERE standard.id = subject)
+        WHEN 'rescoring' THEN (SELECT name FROM task JOIN rescoring ON task_id = task.id
+            WHERE rescoring.id = subject)
+        WHEN 'skill_model' THEN
+            (SELECT name FROM task JOIN skill_model ON task_id = task.id WHERE skill_model.id = subject)
+        WHEN 'session' THEN
+            (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id WHERE session.id = subject)
+        WHEN 'rating' THEN
+            (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id
+                JOIN rating ON session_id = session.id WHERE rating.id = subject)
+        WHEN 'comment' THEN
+            (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id
+                JOIN comment ON session_id = session.id WHERE comment.id = subject)
+        WHEN 'session_edit' THEN
+            (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id
+                JOIN session_edit ON session_id = session.id WHERE session_edit.id = subject)
+        END AS called
+    FROM audit
+    LEFT JOIN person ON actor LIKE 'person:%' AND person.id = substr(actor, 8)
+    WHERE $1 IS NULL OR audit.id < CAST($1 AS INTEGER) ORDER BY audit.id DESC LIMIT $2";
+
+const SELECT_LAST_BACKUP: &str = "
+    SELECT at_ms, subject FROM audit WHERE action = 'create' AND noun = 'backup' ORDER BY id DESC LIMIT 1";
+
+const INSERT_ENTRY: &str = "INSERT INTO audit (at_ms, actor, action, noun, subject) VALUES ($1, $2, $3, $4, $5)";
+
 impl AuditStore<'_> {
     /// Changes, newest first.
     pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<AuditEntry>> {
         require_administrator(scope, "the audit trail")?;
-        let rows = sqlx::query_as(
-            "SELECT audit.id, at_ms, actor, action, noun, subject, person.name AS who, CASE noun
-                 WHEN 'trainee' THEN (SELECT name FROM trainee WHERE id = subject)
-                 WHEN 'person' THEN (SELECT name FROM person WHERE id = subject)
-                 WHEN 'group' THEN (SELECT name FROM training_group WHERE id = subject)
-                 WHEN 'box' THEN (SELECT name FROM training_box WHERE id = subject)
-                 WHEN 'task' THEN (SELECT name FROM task WHERE id = subject)
-                 WHEN 'cohort' THEN (SELECT name FROM cohort WHERE id = subject)
-                 WHEN 'course' THEN (SELECT name FROM course WHERE id = subject)
-                 WHEN 'token' THEN (SELECT name FROM token WHERE id = subject)
-                 WHEN 'standard' THEN (SELECT name FROM task JOIN standard ON task_id = task.id
-                     WHERE standard.id = subject)
-                 WHEN 'rescoring' THEN (SELECT name FROM task JOIN rescoring ON task_id = task.id
-                     WHERE rescoring.id = subject)
-                 WHEN 'skill_model' THEN
-                     (SELECT name FROM task JOIN skill_model ON task_id = task.id WHERE skill_model.id = subject)
-                 WHEN 'session' THEN
-                     (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id WHERE session.id = subject)
-                 WHEN 'rating' THEN
-                     (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id
-                         JOIN rating ON session_id = session.id WHERE rating.id = subject)
-                 WHEN 'comment' THEN
-                     (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id
-                         JOIN comment ON session_id = session.id WHERE comment.id = subject)
-                 WHEN 'session_edit' THEN
-                     (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id
-                         JOIN session_edit ON session_id = session.id WHERE session_edit.id = subject)
-                 END AS called
-             FROM audit
-             LEFT JOIN person ON actor LIKE 'person:%' AND person.id = substr(actor, 8)
-             WHERE $1 IS NULL OR audit.id < CAST($1 AS INTEGER) ORDER BY audit.id DESC LIMIT $2",
-        );
+        let rows = sqlx::query_as(SELECT_ENTRIES);
         let rows = rows.bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
         Ok(Page::from_rows(rows, page, |entry: &AuditEntry| entry.id.to_string()))
     }
@@ -94,9 +100,7 @@ impl AuditStore<'_> {
     /// The latest backup of this centre.
     pub async fn last_backup(&self, scope: &Scope) -> StoreResult<Option<Backup>> {
         require_administrator(scope, "the state of backups")?;
-        let sql =
-            "SELECT at_ms, subject FROM audit WHERE action = 'create' AND noun = 'backup' ORDER BY id DESC LIMIT 1";
-        let row = sqlx::query_as::<_, (i64, String)>(sql);
+        let row = sqlx::query_as::<_, (i64, String)>(SELECT_LAST_BACKUP);
         let row = row.fetch_optional(self.0.readers()).await?;
         Ok(row.map(|(at_ms, files)| Backup { at_ms, files: files.parse().unwrap_or_default() }))
     }
@@ -115,7 +119,7 @@ pub(super) async fn note(
         Actor::Agent(of) => format!("agent:{of}"),
         Actor::Service => "service".to_owned(),
     };
-    sqlx::query("INSERT INTO audit (at_ms, actor, action, noun, subject) VALUES ($1, $2, $3, $4, $5)")
+    sqlx::query(INSERT_ENTRY)
         .bind(now_ms)
         .bind(actor)
         .bind(action)

@@ -12,11 +12,24 @@ use crate::domain::blob::{Blob, BlobHash};
 /// Access to the rows of files.
 pub struct BlobStore<'s>(pub(super) &'s Store);
 
+const SELECT_UNREFERENCED: &str = "
+    SELECT hash FROM blob WHERE hash NOT IN (SELECT hash FROM blob_reference) LIMIT $1";
+
+const DELETE_IF_UNREFERENCED: &str = "
+    DELETE FROM blob WHERE hash = $1 AND hash NOT IN (SELECT hash FROM blob_reference)";
+
+const SELECT_BLOB: &str = "SELECT 1 FROM blob WHERE hash = $1";
+
+const SELECT_TOTAL: &str = "SELECT count(*), coalesce(sum(bytes), 0) FROM blob";
+
+const SELECT_BLOBS: &str = "SELECT hash, bytes FROM blob WHERE $1 IS NULL OR hash > $1 ORDER BY hash LIMIT $2";
+
+const INSERT_BLOB: &str = "INSERT INTO blob (hash, bytes, created_at_ms) VALUES ($1, $2, $3) ON CONFLICT DO NOTHING";
+
 impl BlobStore<'_> {
     /// Files that nothing refers to any more, at most `most` of them.
     pub async fn unreferenced(&self, most: u32) -> StoreResult<Vec<BlobHash>> {
-        let sql = "SELECT hash FROM blob WHERE hash NOT IN (SELECT hash FROM blob_reference) LIMIT $1";
-        Ok(sqlx::query_scalar(sql).bind(most).fetch_all(self.0.readers()).await?)
+        Ok(sqlx::query_scalar(SELECT_UNREFERENCED).bind(most).fetch_all(self.0.readers()).await?)
     }
 
     /// Deletes a file's row unless something refers to it; `true` if nothing does, so that the file may be deleted.
@@ -24,10 +37,8 @@ impl BlobStore<'_> {
         self.0
             .write_with_delete_reserve(|| {
                 async move |tx| {
-                    let sql = "DELETE FROM blob WHERE hash = $1 AND hash NOT IN (SELECT hash FROM blob_reference)";
-                    sqlx::query(sql).bind(hash).execute(&mut *tx).await?;
-                    let left: Option<i64> =
-                        sqlx::query_scalar("SELECT 1 FROM blob WHERE hash = $1").bind(hash).fetch_optional(tx).await?;
+                    sqlx::query(DELETE_IF_UNREFERENCED).bind(hash).execute(&mut *tx).await?;
+                    let left: Option<i64> = sqlx::query_scalar(SELECT_BLOB).bind(hash).fetch_optional(tx).await?;
                     Ok(left.is_none())
                 }
             })
@@ -42,35 +53,26 @@ impl BlobStore<'_> {
 
     /// Is there a row for this file?
     pub async fn has(&self, hash: BlobHash) -> StoreResult<bool> {
-        let found: Option<i64> = sqlx::query_scalar("SELECT 1 FROM blob WHERE hash = $1")
-            .bind(hash)
-            .fetch_optional(self.0.readers())
-            .await?;
+        let found: Option<i64> = sqlx::query_scalar(SELECT_BLOB).bind(hash).fetch_optional(self.0.readers()).await?;
         Ok(found.is_some())
     }
 
     /// The number of files and their total size in bytes: no personal data.
     pub async fn total(&self) -> StoreResult<(u64, u64)> {
-        let sql = "SELECT count(*), coalesce(sum(bytes), 0) FROM blob";
-        let (files, bytes): (i64, i64) = sqlx::query_as(sql).fetch_one(self.0.readers()).await?;
+        let (files, bytes): (i64, i64) = sqlx::query_as(SELECT_TOTAL).fetch_one(self.0.readers()).await?;
         Ok((files.unsigned_abs(), bytes.unsigned_abs()))
     }
 
     /// Every file that should be in the vault, by hash; `after` continues.
     pub async fn all(&self, after: Option<BlobHash>, most: u32) -> StoreResult<Vec<Blob>> {
-        let sql = "SELECT hash, bytes FROM blob WHERE $1 IS NULL OR hash > $1 ORDER BY hash LIMIT $2";
-        let rows: Vec<(BlobHash, i64)> = sqlx::query_as(sql).bind(after).bind(most).fetch_all(self.0.readers()).await?;
+        let rows: Vec<(BlobHash, i64)> =
+            sqlx::query_as(SELECT_BLOBS).bind(after).bind(most).fetch_all(self.0.readers()).await?;
         Ok(rows.into_iter().map(|(hash, bytes)| Blob { hash, bytes: bytes.unsigned_abs() }).collect())
     }
 }
 
 /// Adds a file's row if it is missing, in the transaction that refers to it.
 pub(super) async fn record(tx: &mut SqliteConnection, blob: Blob, now_ms: i64) -> StoreResult<()> {
-    sqlx::query("INSERT INTO blob (hash, bytes, created_at_ms) VALUES ($1, $2, $3) ON CONFLICT DO NOTHING")
-        .bind(blob.hash)
-        .bind(integer(blob.bytes))
-        .bind(now_ms)
-        .execute(tx)
-        .await?;
+    sqlx::query(INSERT_BLOB).bind(blob.hash).bind(integer(blob.bytes)).bind(now_ms).execute(tx).await?;
     Ok(())
 }

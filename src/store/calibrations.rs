@@ -6,7 +6,7 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreResult, missing, not_found};
 use super::jobs::enqueue_waiting_sessions;
-use super::visibility::{BindScope, require_staff, sees_box};
+use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store};
 use crate::domain::calibration::{CalibrationSource, NewCalibration};
 use crate::domain::files::camera::CameraFile;
@@ -35,6 +35,24 @@ pub struct CalibrationRecord {
     pub created_at_ms: i64,
 }
 
+const SELECT_LATEST: &str = "
+    SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration
+    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY version DESC LIMIT 1";
+
+const SELECT_CALIBRATION: &str = "
+    SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration
+    WHERE id = $3 AND ($1 <> 'agent' OR $2 = box_id)";
+
+const SELECT_CALIBRATIONS: &str = "
+    SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration
+    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY version DESC LIMIT 100";
+
+const INSERT_CALIBRATION: &str = "
+    INSERT INTO calibration (id, box_id, version, source, camera, width, height, rms_px, created_at_ms)
+    SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM calibration
+    WHERE box_id = $2
+    RETURNING id, box_id, version, source, camera, rms_px, created_at_ms";
+
 impl CalibrationStore<'_> {
     /// Stores an uploaded camera as the box's next version and queues the sessions that waited for one.
     pub async fn add(&self, scope: &Scope, of: BoxId, new: NewCalibration) -> StoreResult<CalibrationRecord> {
@@ -52,33 +70,20 @@ impl CalibrationStore<'_> {
 
     /// The version in use, if the box has one.
     pub async fn latest(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<CalibrationRecord>> {
-        let row = sqlx::query_as(concat!(
-            "SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration
-             WHERE box_id = $3 AND ",
-            sees_box!("box_id"),
-            " ORDER BY version DESC LIMIT 1"
-        ));
+        let row = sqlx::query_as(SELECT_LATEST);
         Ok(row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?)
     }
 
     /// One version.
     pub async fn get(&self, scope: &Scope, id: CalibrationId) -> StoreResult<CalibrationRecord> {
-        let row = sqlx::query_as(concat!(
-            "SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration WHERE id = $3 AND ",
-            sees_box!("box_id")
-        ));
+        let row = sqlx::query_as(SELECT_CALIBRATION);
         let row = row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("calibration"))
     }
 
     /// The last hundred versions, newest first.
     pub async fn list(&self, scope: &Scope, of: BoxId) -> StoreResult<Vec<CalibrationRecord>> {
-        let rows = sqlx::query_as(concat!(
-            "SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration
-             WHERE box_id = $3 AND ",
-            sees_box!("box_id"),
-            " ORDER BY version DESC LIMIT 100"
-        ));
+        let rows = sqlx::query_as(SELECT_CALIBRATIONS);
         Ok(rows.bind_scope(scope).bind(of).fetch_all(self.0.readers()).await?)
     }
 }
@@ -90,11 +95,7 @@ pub(super) async fn insert(
     new: NewCalibration,
     now_ms: i64,
 ) -> StoreResult<CalibrationRecord> {
-    let row = sqlx::query_as(
-        "INSERT INTO calibration (id, box_id, version, source, camera, width, height, rms_px, created_at_ms)
-         SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM calibration WHERE box_id = $2
-         RETURNING id, box_id, version, source, camera, rms_px, created_at_ms",
-    );
+    let row = sqlx::query_as(INSERT_CALIBRATION);
     let rms_px = new.camera.rms_px();
     let (width, height) = (new.camera.width, new.camera.height);
     let row = row.bind(CalibrationId::at(now_ms)).bind(of).bind(new.source).bind(Json(new.camera));

@@ -7,7 +7,7 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
-use super::visibility::{BindScope, require_administrator, sees_trainee};
+use super::visibility::{BindScope, require_administrator};
 use super::{Scope, Store, codes};
 use crate::domain::cohort::NewCohort;
 use crate::domain::feature::FeatureKey;
@@ -62,91 +62,67 @@ pub struct CohortValue {
     pub value: f64,
 }
 
-/// Condition: the trainee `member` is in the cohort `cohort`.
-macro_rules! belongs {
-    () => {
-        "CASE WHEN cohort.is_list
-              THEN EXISTS (SELECT 1 FROM cohort_member
-                           WHERE cohort_member.cohort_id = cohort.id AND cohort_member.trainee_id = member.id)
-              ELSE (cohort.level IS NULL OR cohort.level = member.level)
-                   AND (cohort.handedness IS NULL OR cohort.handedness = member.handedness)
-                   AND (cohort.group_id IS NULL
-                        OR EXISTS (SELECT 1 FROM group_trainee WHERE group_trainee.group_id = cohort.group_id
-                                   AND group_trainee.trainee_id = member.id)) END"
-    };
-}
-
-/// Selects [`CohortRecord`]s; conditions follow.
-macro_rules! select_cohorts {
-    () => {
-        concat!(
-            "SELECT id, code, name, is_list, level, handedness, group_id, created_at_ms,
-                    (SELECT count(*) FROM trainee AS member WHERE ",
-            belongs!(),
-            ") AS people FROM cohort WHERE $1 <> 'agent' AND "
-        )
-    };
-}
-
-/// Selects values of at most `$7` people at task `$4`, from their last `$5` sessions that were not refused, for the
-/// features `$6` (a JSON array of keys). It goes from each person to their sessions and to each session's latest
-/// result, along indices only. Each person is one row, because returning rows from SQLite costs more than building them
-/// there. Sessions that were measured by another program or set aside are left out.
-macro_rules! values_of {
-    ($($members:tt)*) => {
-        concat!(
-            "SELECT member.id, member.handedness, result.calibration_id, result.pipeline,
-                    feature.name, feature.tool, feature.space, json_group_array(feature.value)
-             FROM (",
-            $($members)*,
-            " ORDER BY member.id DESC LIMIT $7) AS member
-             CROSS JOIN session ON session.id IN
-                 (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = member.id AND recent.task_id = $4
-                  AND NOT EXISTS (SELECT 1 FROM session_edit WHERE session_edit.session_id = recent.id
-                                  AND session_edit.kind = 'set_aside' AND session_edit.undone_at_ms IS NULL)
-                  AND (SELECT counted.calibration_id IS NOT NULL AND counted.quality ->> '$.verdict' IS NOT 'refused'
-                       FROM result AS counted WHERE counted.session_id = recent.id
-                       ORDER BY counted.created_at_ms DESC, counted.id DESC LIMIT 1)
-                  ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $5)
-             CROSS JOIN result ON result.id =
-                 (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
-                  ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
-             CROSS JOIN json_each($6) AS wanted
-             CROSS JOIN feature INDEXED BY feature_named
-                 ON feature.name = wanted.value ->> 'feature' AND feature.result_id = result.id
-                 AND feature.tool IS wanted.value ->> 'tool' AND feature.space = wanted.value ->> 'space'
-             WHERE feature.value IS NOT NULL AND result.calibration_id IS NOT NULL
-             GROUP BY member.id, result.calibration_id, result.pipeline, feature.name, feature.tool, feature.space"
-        )
-    };
-}
-
-/// `values_of!` for the people of cohort `$3` in the scope.
-macro_rules! values_of_cohort {
-    () => {
-        values_of!(
-            "SELECT member.id, member.handedness FROM cohort CROSS JOIN trainee AS member WHERE cohort.id = $3 AND ",
-            belongs!(),
-            " AND ",
-            sees_trainee!("member.id")
-        )
-    };
-}
-
-/// `values_of!` for everyone in the scope; `$3` is NULL.
-macro_rules! values_of_seen {
-    () => {
-        values_of!(
-            "SELECT member.id, member.handedness FROM trainee AS member WHERE $3 IS NULL AND ",
-            sees_trainee!("member.id")
-        )
-    };
-}
-#[cfg(test)]
-pub(super) use {belongs, values_of, values_of_cohort, values_of_seen}; // for the test of their query plans
-
 type CohortValueRow =
     (TraineeId, Option<Handedness>, CalibrationId, String, String, Option<String>, FeatureSpace, Json<Vec<f64>>);
+
+const SELECT_COHORTS: &str = "
+    SELECT cohort.*, (SELECT count(*) FROM cohort_person WHERE cohort_id = cohort.id) AS people FROM cohort
+    WHERE $1 <> 'agent' AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4";
+
+const SELECT_COHORT: &str = "
+    SELECT cohort.*, (SELECT count(*) FROM cohort_person WHERE cohort_id = cohort.id) AS people FROM cohort
+    WHERE $1 <> 'agent' AND $3 IN (id, code)";
+
+const SELECT_MEMBERS: &str = "
+    SELECT trainee_id FROM cohort_person
+    WHERE cohort_id = $3 AND ($4 IS NULL OR trainee_id > $4)
+      AND ($1 = 'administrator'
+           OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+    ORDER BY trainee_id LIMIT $5";
+
+/// Selects values of at most `$7` people at task `$4`, from their last `$5` sessions that were not refused, for the
+/// features `$6` (a JSON array of keys). The people are those of cohort `$3` in the scope; if `$3` is NULL, all in the
+/// scope. It goes from each person to their sessions and to each session's current result, along indices only. Each
+/// person is one row, because returning rows from SQLite costs more than building them there. Sessions that were
+/// measured by another program or set aside are left out.
+pub(super) const SELECT_VALUES: &str = "
+    SELECT member.id, member.handedness, result.calibration_id, result.pipeline,
+           feature.name, feature.tool, feature.space, json_group_array(feature.value)
+    FROM (SELECT trainee.id, trainee.handedness FROM trainee
+          WHERE ($3 IS NULL OR EXISTS (SELECT 1 FROM cohort_person WHERE cohort_id = $3 AND trainee_id = trainee.id))
+            AND ($1 = 'administrator'
+                 OR trainee.id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+          ORDER BY trainee.id DESC LIMIT $7) AS member
+    CROSS JOIN session ON session.id IN
+        (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = member.id AND recent.task_id = $4
+         AND NOT EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = recent.id)
+         AND EXISTS (SELECT 1 FROM current_result AS counted WHERE counted.session_id = recent.id
+                     AND counted.calibration_id IS NOT NULL AND counted.verdict IS NOT 'refused')
+         ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $5)
+    CROSS JOIN current_result AS result ON result.session_id = session.id
+    CROSS JOIN json_each($6) AS wanted
+    CROSS JOIN feature INDEXED BY feature_named
+        ON feature.name = wanted.value ->> 'feature' AND feature.result_id = result.id
+        AND feature.tool IS wanted.value ->> 'tool' AND feature.space = wanted.value ->> 'space'
+    WHERE feature.value IS NOT NULL AND result.calibration_id IS NOT NULL
+    GROUP BY member.id, result.calibration_id, result.pipeline, feature.name, feature.tool, feature.space";
+
+const SELECT_CODE: &str = "SELECT 1 FROM cohort WHERE code = $1";
+
+const INSERT_COHORT: &str = "
+    INSERT INTO cohort (id, code, name, is_list, level, handedness, group_id, created_at_ms)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8)";
+
+const UPDATE_COHORT: &str = "
+    UPDATE cohort
+    SET code = coalesce($2, code), name = $3, is_list = $4, level = $5, handedness = $6, group_id = $7
+    WHERE id = $1";
+
+const DELETE_MEMBERS: &str = "DELETE FROM cohort_member WHERE cohort_id = $1";
+
+const DELETE_COHORT: &str = "DELETE FROM cohort WHERE id = $1";
+
+const INSERT_MEMBER: &str = "INSERT INTO cohort_member (cohort_id, trainee_id) VALUES ($1, $2)";
 
 impl CohortStore<'_> {
     /// Creates a cohort.
@@ -155,12 +131,8 @@ impl CohortStore<'_> {
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), CohortId::at(self.0.now_ms()));
         self.0
             .write(async move |tx| {
-                let taken_sql = "SELECT 1 FROM cohort WHERE code = $1";
-                let code = codes::choose(tx, taken_sql, new.code.clone(), &new.name, "cohort").await?;
-                let insert = sqlx::query(
-                    "INSERT INTO cohort (id, code, name, is_list, level, handedness, group_id, created_at_ms)
-                     VALUES ($1, $2, $3, $4, $5, $6, $7, $8)",
-                );
+                let code = codes::choose(tx, SELECT_CODE, new.code.clone(), &new.name, "cohort").await?;
+                let insert = sqlx::query(INSERT_COHORT);
                 let insert = insert.bind(id).bind(code).bind(&new.name).bind(new.members.is_some()).bind(new.level);
                 let insert = insert.bind(new.handedness).bind(new.group).bind(now_ms).execute(&mut *tx).await;
                 insert.map_err(|error| taken_or_missing(error, "group"))?;
@@ -173,14 +145,14 @@ impl CohortStore<'_> {
 
     /// All cohorts, by code.
     pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<CohortRecord>> {
-        let rows = sqlx::query_as(concat!(select_cohorts!(), "($3 IS NULL OR code > $3) ORDER BY code LIMIT $4"));
+        let rows = sqlx::query_as(SELECT_COHORTS);
         let rows = rows.bind_scope(scope).bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
         Ok(Page::from_rows(rows, page, |cohort: &CohortRecord| cohort.code.to_string()))
     }
 
     /// One cohort, by id or code.
     pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<CohortRecord> {
-        let row = sqlx::query_as(concat!(select_cohorts!(), "$3 IN (id, code)"));
+        let row = sqlx::query_as(SELECT_COHORT);
         let row = row.bind_scope(scope).bind(key).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("cohort"))
     }
@@ -188,14 +160,7 @@ impl CohortStore<'_> {
     /// Its members that the scope sees, in the order of enrolment.
     pub async fn members(&self, scope: &Scope, key: &Key, page: &PageRequest) -> StoreResult<Page<TraineeId>> {
         let id = self.get(scope, key).await?.id;
-        let rows = sqlx::query_scalar(concat!(
-            "SELECT member.id FROM cohort CROSS JOIN trainee AS member
-             WHERE cohort.id = $3 AND ($4 IS NULL OR member.id > $4) AND ",
-            sees_trainee!("member.id"),
-            " AND ",
-            belongs!(),
-            " ORDER BY member.id LIMIT $5"
-        ));
+        let rows = sqlx::query_scalar(SELECT_MEMBERS);
         let rows =
             rows.bind_scope(scope).bind(id).bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers());
         Ok(Page::from_rows(rows.await?, page, TraineeId::to_string))
@@ -207,16 +172,13 @@ impl CohortStore<'_> {
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let update = sqlx::query(
-                    "UPDATE cohort SET code = coalesce($2, code), name = $3, is_list = $4, level = $5, handedness = $6,
-                            group_id = $7 WHERE id = $1",
-                );
+                let update = sqlx::query(UPDATE_COHORT);
                 let update = update.bind(id).bind(&new.code).bind(&new.name).bind(new.members.is_some());
                 let update = update.bind(new.level).bind(new.handedness).bind(new.group).execute(&mut *tx).await;
                 if update.map_err(|error| taken_or_missing(error, "group"))?.rows_affected() == 0 {
                     return Err(not_found("cohort"));
                 }
-                sqlx::query("DELETE FROM cohort_member WHERE cohort_id = $1").bind(id).execute(&mut *tx).await?;
+                sqlx::query(DELETE_MEMBERS).bind(id).execute(&mut *tx).await?;
                 list_members(tx, id, new.members.unwrap_or_default()).await?;
                 note(tx, &by, now_ms, ("change", "cohort"), id).await
             })
@@ -231,7 +193,7 @@ impl CohortStore<'_> {
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                sqlx::query("DELETE FROM cohort WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                sqlx::query(DELETE_COHORT).bind(id).execute(&mut *tx).await?;
                 note(tx, &by, now_ms, ("delete", "cohort"), id).await
             })
             .await
@@ -258,8 +220,7 @@ impl CohortStore<'_> {
         sessions: u32,
         features: &[FeatureKey],
     ) -> StoreResult<Vec<CohortValue>> {
-        let sql = if cohort.is_some() { values_of_cohort!() } else { values_of_seen!() };
-        let rows = sqlx::query_as::<_, CohortValueRow>(sql).bind_scope(scope).bind(cohort).bind(task);
+        let rows = sqlx::query_as::<_, CohortValueRow>(SELECT_VALUES).bind_scope(scope).bind(cohort).bind(task);
         let rows = rows.bind(sessions).bind(Json(features)).bind(MAX_COMPARED);
         let mut found = Vec::new();
         for (trainee, handedness, calibration, pipeline, feature, tool, space, Json(values)) in
@@ -282,8 +243,7 @@ impl CohortStore<'_> {
 
 async fn list_members(tx: &mut SqliteConnection, id: CohortId, members: Vec<TraineeId>) -> StoreResult<()> {
     for member in members {
-        let sql = "INSERT INTO cohort_member (cohort_id, trainee_id) VALUES ($1, $2)";
-        let insert = sqlx::query(sql).bind(id).bind(member);
+        let insert = sqlx::query(INSERT_MEMBER).bind(id).bind(member);
         insert.execute(&mut *tx).await.map_err(missing("trainee"))?;
     }
     Ok(())

@@ -43,13 +43,24 @@ pub struct VisibleComments {
     pub hidden: i64,
 }
 
-/// Condition: person `$4` may read the comment on session `$3`. These are their own comments, the trainee's, and all if
-/// `$5` is true. Comments of deleted accounts count as those of staff.
-macro_rules! readable {
-    () => {
-        "($5 OR coalesce(comment.person_id = $4, FALSE) OR coalesce(person.role = 'trainee', FALSE))"
-    };
-}
+/// Selects at most `$6` comments on session `$3` that person `$4` may read: their own, the trainee's, and all if `$5`
+/// is true.
+const SELECT_READABLE: &str = "
+    SELECT * FROM comment_record
+    WHERE $1 <> 'agent' AND session_id = $3 AND ($5 OR is_by_trainee OR coalesce(person_id = $4, FALSE))
+    ORDER BY from_s, id LIMIT $6";
+
+/// Counts the other comments.
+const COUNT_HIDDEN: &str = "
+    SELECT count(*) FROM comment_record
+    WHERE $1 <> 'agent' AND session_id = $3 AND NOT ($5 OR is_by_trainee OR coalesce(person_id = $4, FALSE))";
+
+const INSERT_COMMENT: &str = "
+    INSERT INTO comment (id, session_id, person_id, from_s, to_s, text, created_at_ms)
+    SELECT $1, $2, $3, $4, $5, $6, $7
+    WHERE (SELECT count(*) FROM comment WHERE session_id = $2) < $8";
+
+const DELETE_OWN_COMMENT: &str = "DELETE FROM comment WHERE id = $1 AND session_id = $2 AND person_id = $3";
 
 impl CommentStore<'_> {
     /// Adds a comment. Its times are not checked against the length of the recording, which may be unknown.
@@ -66,10 +77,7 @@ impl CommentStore<'_> {
         let [from_s, to_s] = span;
         self.0
             .write(async move |tx| {
-                let insert = sqlx::query(
-                    "INSERT INTO comment (id, session_id, person_id, from_s, to_s, text, created_at_ms)
-                     SELECT $1, $2, $3, $4, $5, $6, $7 WHERE (SELECT count(*) FROM comment WHERE session_id = $2) < $8",
-                );
+                let insert = sqlx::query(INSERT_COMMENT);
                 let insert = insert.bind(id).bind(session).bind(person).bind(from_s).bind(to_s).bind(new.text);
                 let insert =
                     insert.bind(now_ms).bind(MAX_COMMENTS).execute(&mut *tx).await.map_err(missing("session"))?;
@@ -89,20 +97,10 @@ impl CommentStore<'_> {
     pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<VisibleComments> {
         self.0.sessions().get(scope, session).await?;
         let all = !scope.is_staff() || self.0.ratings().has_rated(scope, session).await?;
-        let rows = sqlx::query_as(concat!(
-            "SELECT comment.id, comment.person_id, person.name AS who, from_s, to_s, text, comment.created_at_ms
-             FROM comment LEFT JOIN person ON person.id = comment.person_id
-             WHERE $1 <> 'agent' AND session_id = $3 AND ",
-            readable!(),
-            " ORDER BY from_s, comment.id LIMIT $6"
-        ));
+        let rows = sqlx::query_as(SELECT_READABLE);
         let rows = rows.bind_scope(scope).bind(session).bind(scope.person()).bind(all).bind(MAX_COMMENTS);
         let items = rows.fetch_all(self.0.readers()).await?;
-        let count = sqlx::query_scalar(concat!(
-            "SELECT count(*) FROM comment LEFT JOIN person ON person.id = comment.person_id
-             WHERE $1 <> 'agent' AND session_id = $3 AND NOT ",
-            readable!()
-        ));
+        let count = sqlx::query_scalar(COUNT_HIDDEN);
         let count = count.bind_scope(scope).bind(session).bind(scope.person()).bind(all);
         Ok(VisibleComments { items, hidden: count.fetch_one(self.0.readers()).await? })
     }
@@ -115,8 +113,8 @@ impl CommentStore<'_> {
             .write_with_delete_reserve(|| {
                 let by = by.clone();
                 async move |tx| {
-                    let sql = "DELETE FROM comment WHERE id = $1 AND session_id = $2 AND person_id = $3";
-                    let deleted = sqlx::query(sql).bind(id).bind(session).bind(person).execute(&mut *tx).await?;
+                    let deleted =
+                        sqlx::query(DELETE_OWN_COMMENT).bind(id).bind(session).bind(person).execute(&mut *tx).await?;
                     if deleted.rows_affected() == 0 {
                         return Err(not_found("comment"));
                     }

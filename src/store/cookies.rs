@@ -33,6 +33,29 @@ struct SignedInRow {
     last_seen_at_ms: i64,
 }
 
+const INSERT_COOKIE: &str = "
+    INSERT INTO cookie_session (secret_hash, person_id, created_at_ms, last_seen_at_ms, expires_at_ms)
+    VALUES ($1, $2, $3, $3, $4)";
+
+const SELECT_PERSON: &str = "
+    SELECT person.id, login, name, role, trainee_id, person.created_at_ms, last_seen_at_ms
+    FROM cookie_session JOIN person ON person.id = person_id
+    WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3";
+
+const SELECT_VALID: &str = "
+    SELECT 1 FROM cookie_session WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3";
+
+const DELETE_COOKIE: &str = "DELETE FROM cookie_session WHERE secret_hash = $1";
+
+pub(super) const DELETE_COOKIES_OF: &str = "DELETE FROM cookie_session WHERE person_id = $1";
+
+const DELETE_EXPIRED: &str = "DELETE FROM cookie_session WHERE expires_at_ms <= $1";
+
+const DELETE_ALL: &str = "DELETE FROM cookie_session";
+
+const UPDATE_LAST_SEEN: &str = "
+    UPDATE cookie_session SET last_seen_at_ms = max($2, last_seen_at_ms) WHERE secret_hash = $1";
+
 impl CookieStore<'_> {
     /// Signs in a browser of this person. Instructors and administrators can sign in even on a full disk, in order to
     /// delete something.
@@ -41,10 +64,7 @@ impl CookieStore<'_> {
         let expires_at_ms = now_ms + millis(lasts.max_age).max(1);
         let insert = || {
             async move |tx: &mut SqliteConnection| {
-                let sql =
-                    "INSERT INTO cookie_session (secret_hash, person_id, created_at_ms, last_seen_at_ms, expires_at_ms)
-                     VALUES ($1, $2, $3, $3, $4)";
-                sqlx::query(sql).bind(secret).bind(id).bind(now_ms).bind(expires_at_ms).execute(tx).await?;
+                sqlx::query(INSERT_COOKIE).bind(secret).bind(id).bind(now_ms).bind(expires_at_ms).execute(tx).await?;
                 Ok(())
             }
         };
@@ -57,11 +77,7 @@ impl CookieStore<'_> {
     /// The person of this cookie, if it is still valid; records that they were seen.
     pub async fn person_of(&self, secret: SecretHash, lasts: CookieLifetime) -> StoreResult<Option<PersonRecord>> {
         let now_ms = self.0.now_ms();
-        let row = sqlx::query_as::<_, SignedInRow>(
-            "SELECT person.id, login, name, role, trainee_id, person.created_at_ms, last_seen_at_ms
-             FROM cookie_session JOIN person ON person.id = person_id
-             WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3",
-        );
+        let row = sqlx::query_as::<_, SignedInRow>(SELECT_PERSON);
         let row = row.bind(secret).bind(now_ms).bind(now_ms - millis(lasts.idle));
         let Some(row) = row.fetch_optional(self.0.readers()).await? else { return Ok(None) };
         if now_ms - row.last_seen_at_ms > SEEN_RESOLUTION_MS.min(millis(lasts.idle) / 2) {
@@ -74,8 +90,7 @@ impl CookieStore<'_> {
     /// unattended.
     pub async fn is_valid(&self, secret: SecretHash, lasts: CookieLifetime) -> StoreResult<bool> {
         let now_ms = self.0.now_ms();
-        let sql = "SELECT 1 FROM cookie_session WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3";
-        let row = sqlx::query(sql).bind(secret).bind(now_ms).bind(now_ms - millis(lasts.idle));
+        let row = sqlx::query(SELECT_VALID).bind(secret).bind(now_ms).bind(now_ms - millis(lasts.idle));
         Ok(row.fetch_optional(self.0.readers()).await?.is_some())
     }
 
@@ -88,7 +103,7 @@ impl CookieStore<'_> {
     pub async fn delete(&self, secret: SecretHash) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
-                sqlx::query("DELETE FROM cookie_session WHERE secret_hash = $1").bind(secret).execute(tx).await?;
+                sqlx::query(DELETE_COOKIE).bind(secret).execute(tx).await?;
                 Ok(())
             })
             .await
@@ -99,7 +114,7 @@ impl CookieStore<'_> {
         let now_ms = self.0.now_ms();
         self.0
             .write(async move |tx| {
-                let delete = sqlx::query("DELETE FROM cookie_session WHERE expires_at_ms <= $1").bind(now_ms);
+                let delete = sqlx::query(DELETE_EXPIRED).bind(now_ms);
                 Ok(delete.execute(tx).await?.rows_affected())
             })
             .await
@@ -109,7 +124,7 @@ impl CookieStore<'_> {
     pub async fn forget_all(&self) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
-                sqlx::query("DELETE FROM cookie_session").execute(tx).await?;
+                sqlx::query(DELETE_ALL).execute(tx).await?;
                 Ok(())
             })
             .await
@@ -118,8 +133,7 @@ impl CookieStore<'_> {
     async fn record_seen(&self, secret: SecretHash, now_ms: i64) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
-                let sql = "UPDATE cookie_session SET last_seen_at_ms = max($2, last_seen_at_ms) WHERE secret_hash = $1";
-                sqlx::query(sql).bind(secret).bind(now_ms).execute(tx).await?;
+                sqlx::query(UPDATE_LAST_SEEN).bind(secret).bind(now_ms).execute(tx).await?;
                 Ok(())
             })
             .await

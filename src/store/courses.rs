@@ -92,6 +92,52 @@ struct CourseStepRow {
     step: CourseStep,
 }
 
+const INSERT_COURSE: &str = "INSERT INTO course (id, name, created_at_ms) VALUES ($1, $2, $3)";
+
+const SELECT_COURSES: &str = "
+    SELECT id, name, created_at_ms FROM course
+    WHERE $1 <> 'agent' AND ($3 IS NULL OR name > $3) ORDER BY name LIMIT $4";
+
+const SELECT_NAMED_COURSES: &str = "
+    SELECT id, name, created_at_ms FROM course
+    WHERE id IN (SELECT value FROM json_each($3)) AND $1 <> 'agent' ORDER BY name";
+
+const UPDATE_COURSE: &str = "UPDATE course SET name = $2 WHERE id = $1";
+
+const DELETE_STEPS: &str = "DELETE FROM course_step WHERE course_id = $1";
+
+const DELETE_COURSE: &str = "DELETE FROM course WHERE id = $1";
+
+const SET_GROUP_COURSE: &str = "
+    INSERT INTO group_course (group_id, course_id, begins)
+    VALUES ($1, $2, $3)
+    ON CONFLICT (group_id) DO UPDATE SET course_id = excluded.course_id, begins = excluded.begins";
+
+const DELETE_GROUP_COURSE: &str = "DELETE FROM group_course WHERE group_id = $1";
+
+const SELECT_TRAINEE_COURSES: &str = "
+    SELECT group_course.group_id, training_group.name AS group_name, course_id, begins
+    FROM group_trainee
+    JOIN group_course ON group_course.group_id = group_trainee.group_id
+    JOIN training_group ON training_group.id = group_trainee.group_id
+    WHERE group_trainee.trainee_id = $3
+      AND ($1 = 'administrator' OR ($1 = 'trainee' AND $2 = $3)
+           OR ($1 = 'instructor' AND EXISTS (SELECT 1 FROM group_instructor
+               WHERE group_instructor.group_id = group_trainee.group_id AND person_id = $2)))
+    ORDER BY begins DESC, group_name";
+
+const SELECT_STEPS: &str = "
+    SELECT course_id, task_id, task.code AS task_code, task.name AS task_name, within_days, sessions
+    FROM course_step
+    JOIN task ON task.id = task_id
+    WHERE course_id IN (SELECT value FROM json_each($1)) ORDER BY course_id, position";
+
+const SELECT_STEP_TASK: &str = "
+    SELECT id, name, EXISTS (SELECT 1 FROM standard WHERE task_id = task.id) FROM task WHERE $1 IN (id, code)";
+
+const INSERT_STEP: &str = "
+    INSERT INTO course_step (course_id, position, task_id, within_days, sessions) VALUES ($1, $2, $3, $4, $5)";
+
 impl CourseStore<'_> {
     /// Creates a plan.
     pub async fn create(&self, scope: &Scope, new: NewCourse) -> StoreResult<CourseRecord> {
@@ -99,7 +145,7 @@ impl CourseStore<'_> {
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), CourseId::at(self.0.now_ms()));
         self.0
             .write(async move |tx| {
-                let insert = sqlx::query("INSERT INTO course (id, name, created_at_ms) VALUES ($1, $2, $3)");
+                let insert = sqlx::query(INSERT_COURSE);
                 let insert = insert.bind(id).bind(&new.name).bind(now_ms).execute(&mut *tx);
                 insert.await.map_err(taken("course's name"))?;
                 set_steps(tx, id, &new.steps).await?;
@@ -111,10 +157,7 @@ impl CourseStore<'_> {
 
     /// All plans, by name.
     pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<CourseRecord>> {
-        let rows = sqlx::query_as::<_, CourseHeadRow>(
-            "SELECT id, name, created_at_ms FROM course
-             WHERE $1 <> 'agent' AND ($3 IS NULL OR name > $3) ORDER BY name LIMIT $4",
-        );
+        let rows = sqlx::query_as::<_, CourseHeadRow>(SELECT_COURSES);
         let rows = rows.bind_scope(scope).bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
         let Page { items, next } = Page::from_rows(rows, page, |row| row.name.to_string());
         Ok(Page { items: self.with_steps(items).await?, next })
@@ -127,10 +170,7 @@ impl CourseStore<'_> {
 
     /// These plans, by name.
     pub async fn of(&self, scope: &Scope, ids: &[CourseId]) -> StoreResult<Vec<CourseRecord>> {
-        let rows = sqlx::query_as::<_, CourseHeadRow>(
-            "SELECT id, name, created_at_ms FROM course
-             WHERE id IN (SELECT value FROM json_each($3)) AND $1 <> 'agent' ORDER BY name",
-        );
+        let rows = sqlx::query_as::<_, CourseHeadRow>(SELECT_NAMED_COURSES);
         let rows = rows.bind_scope(scope).bind(Json(ids)).fetch_all(self.0.readers()).await?;
         self.with_steps(rows).await
     }
@@ -141,12 +181,12 @@ impl CourseStore<'_> {
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let update = sqlx::query("UPDATE course SET name = $2 WHERE id = $1").bind(id).bind(&new.name);
+                let update = sqlx::query(UPDATE_COURSE).bind(id).bind(&new.name);
                 let updated = update.execute(&mut *tx).await.map_err(taken("course's name"))?;
                 if updated.rows_affected() == 0 {
                     return Err(not_found("course"));
                 }
-                sqlx::query("DELETE FROM course_step WHERE course_id = $1").bind(id).execute(&mut *tx).await?;
+                sqlx::query(DELETE_STEPS).bind(id).execute(&mut *tx).await?;
                 set_steps(tx, id, &new.steps).await?;
                 note(tx, &by, now_ms, ("change", "course"), id).await
             })
@@ -160,7 +200,7 @@ impl CourseStore<'_> {
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let delete = sqlx::query("DELETE FROM course WHERE id = $1").bind(id).execute(&mut *tx);
+                let delete = sqlx::query(DELETE_COURSE).bind(id).execute(&mut *tx);
                 if delete.await.map_err(in_use("course plan", "groups"))?.rows_affected() == 0 {
                     return Err(not_found("course"));
                 }
@@ -175,10 +215,7 @@ impl CourseStore<'_> {
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let set = sqlx::query(
-                    "INSERT INTO group_course (group_id, course_id, begins) VALUES ($1, $2, $3)
-                     ON CONFLICT (group_id) DO UPDATE SET course_id = excluded.course_id, begins = excluded.begins",
-                );
+                let set = sqlx::query(SET_GROUP_COURSE);
                 let set = set.bind(group).bind(course).bind(begins).execute(&mut *tx);
                 set.await.map_err(missing("course"))?;
                 note(tx, &by, now_ms, ("set course", "group"), group).await
@@ -192,7 +229,7 @@ impl CourseStore<'_> {
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let delete = sqlx::query("DELETE FROM group_course WHERE group_id = $1").bind(group);
+                let delete = sqlx::query(DELETE_GROUP_COURSE).bind(group);
                 if delete.execute(&mut *tx).await?.rows_affected() == 0 {
                     return Err(not_found("course"));
                 }
@@ -204,17 +241,7 @@ impl CourseStore<'_> {
     /// The courses of a trainee, latest first: those of all their groups, or for an instructor those of the groups that
     /// they teach. The caller has checked that the scope sees the trainee.
     pub async fn of_trainee(&self, scope: &Scope, trainee: TraineeId) -> StoreResult<Vec<TraineeCourse>> {
-        let rows = sqlx::query_as(
-            "SELECT group_course.group_id, training_group.name AS group_name, course_id, begins
-             FROM group_trainee
-             JOIN group_course ON group_course.group_id = group_trainee.group_id
-             JOIN training_group ON training_group.id = group_trainee.group_id
-             WHERE group_trainee.trainee_id = $3
-               AND ($1 = 'administrator' OR ($1 = 'trainee' AND $2 = $3)
-                    OR ($1 = 'instructor' AND EXISTS (SELECT 1 FROM group_instructor
-                        WHERE group_instructor.group_id = group_trainee.group_id AND person_id = $2)))
-             ORDER BY begins DESC, group_name",
-        );
+        let rows = sqlx::query_as(SELECT_TRAINEE_COURSES);
         Ok(rows.bind_scope(scope).bind(trainee).fetch_all(self.0.readers()).await?)
     }
 
@@ -225,11 +252,7 @@ impl CourseStore<'_> {
 
     async fn with_steps(&self, rows: Vec<CourseHeadRow>) -> StoreResult<Vec<CourseRecord>> {
         let ids: Vec<CourseId> = rows.iter().map(|row| row.id).collect();
-        let steps = sqlx::query_as::<_, CourseStepRow>(
-            "SELECT course_id, task_id, task.code AS task_code, task.name AS task_name, within_days, sessions
-             FROM course_step JOIN task ON task.id = task_id
-             WHERE course_id IN (SELECT value FROM json_each($1)) ORDER BY course_id, position",
-        );
+        let steps = sqlx::query_as::<_, CourseStepRow>(SELECT_STEPS);
         let mut of_each: HashMap<CourseId, Vec<CourseStep>> = HashMap::with_capacity(rows.len());
         for CourseStepRow { course_id, step } in steps.bind(Json(ids)).fetch_all(self.0.readers()).await? {
             of_each.entry(course_id).or_default().push(step);
@@ -249,9 +272,7 @@ impl CourseStore<'_> {
 async fn set_steps(tx: &mut SqliteConnection, id: CourseId, steps: &[NewStep]) -> StoreResult<()> {
     for (position, step) in (0_i64..).zip(steps) {
         let number = position + 1;
-        let task = sqlx::query_as::<_, (TaskId, Name, bool)>(
-            "SELECT id, name, EXISTS (SELECT 1 FROM standard WHERE task_id = task.id) FROM task WHERE $1 IN (id, code)",
-        );
+        let task = sqlx::query_as::<_, (TaskId, Name, bool)>(SELECT_STEP_TASK);
         let task = task.bind(&step.task).fetch_optional(&mut *tx).await?;
         let (task, name, has_standard) = task.ok_or(not_found("task"))?;
         if step.sessions.is_none() && !has_standard {
@@ -259,9 +280,7 @@ async fn set_steps(tx: &mut SqliteConnection, id: CourseId, steps: &[NewStep]) -
                 "step {number}: “{name}” has no standard to pass yet: set one, or require a number of sessions"
             )));
         }
-        let insert = sqlx::query(
-            "INSERT INTO course_step (course_id, position, task_id, within_days, sessions) VALUES ($1, $2, $3, $4, $5)",
-        );
+        let insert = sqlx::query(INSERT_STEP);
         let insert = insert.bind(id).bind(position).bind(task).bind(step.within_days).bind(step.sessions);
         insert.execute(&mut *tx).await.map_err(|error| duplicate_step(error, number, &name))?;
     }

@@ -11,7 +11,7 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::jobs::enqueue_rescore_if_outdated;
-use super::sessions::latest_result;
+use super::sessions::SELECT_CURRENT_RESULT;
 use super::visibility::require_staff;
 use super::{Scope, Store};
 use crate::domain::edit::{EditChange, EditKind, EditsInForce, ScoreState};
@@ -81,12 +81,35 @@ impl EditRecord {
 }
 
 /// Selects the [`EditRecord`]s of session `$1`, oldest first.
-const SELECT_EDITS: &str =
-    "SELECT edit.id, edit.kind, edit.from_s, edit.to_s, edit.tools, edit.why, maker.name AS who, edit.created_at_ms,
-            undoer.name AS undone_by, edit.undone_at_ms
-     FROM session_edit AS edit LEFT JOIN person AS maker ON maker.id = edit.person_id
-     LEFT JOIN person AS undoer ON undoer.id = edit.undone_by
-     WHERE edit.session_id = $1 ORDER BY edit.created_at_ms, edit.rowid LIMIT $2";
+const SELECT_EDITS: &str = "
+    SELECT edit.id, edit.kind, edit.from_s, edit.to_s, edit.tools, edit.why, maker.name AS who, edit.created_at_ms,
+           undoer.name AS undone_by, edit.undone_at_ms
+    FROM session_edit AS edit
+    LEFT JOIN person AS maker ON maker.id = edit.person_id
+    LEFT JOIN person AS undoer ON undoer.id = edit.undone_by
+    WHERE edit.session_id = $1 ORDER BY edit.created_at_ms, edit.rowid LIMIT $2";
+
+/// Selects the revision of the edits that session `$1` was scored with.
+const SELECT_SCORED_EDITS: &str = "SELECT edits FROM current_result WHERE session_id = $1";
+
+const SELECT_RESCORE_JOB: &str = "
+    SELECT id, state, problem FROM job
+    WHERE session_id = $1 AND kind = 'rescore' ORDER BY created_at_ms DESC, id DESC LIMIT 1";
+
+const UNDO_EDIT: &str = "
+    UPDATE session_edit
+    SET undone_at_ms = max($2, created_at_ms), undone_by = $3
+    WHERE id = $1 AND undone_at_ms IS NULL";
+
+const INSERT_EDIT: &str = "
+    INSERT INTO session_edit (id, session_id, person_id, kind, from_s, to_s, tools, why, created_at_ms)
+    SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9
+    WHERE (SELECT count(*) FROM session_edit WHERE session_id = $2) < $10";
+
+const SELECT_TRACKING_STATE: &str = "SELECT state FROM tracking_job WHERE session_id = $1";
+
+const SELECT_REVISION: &str = "
+    SELECT count(*) + count(undone_at_ms) FROM session_edit WHERE session_id = $1 AND kind <> 'set_aside'";
 
 impl EditStore<'_> {
     /// A session's edits.
@@ -97,17 +120,11 @@ impl EditStore<'_> {
         let revision = revision_of(&items);
         let of = |score| SessionEdits { items, revision, score, job: None, problem: None };
         let made_with: Option<i64> =
-            sqlx::query_scalar(concat!("SELECT edits FROM result WHERE id = (", latest_result!(), ")"))
-                .bind(session)
-                .fetch_optional(self.0.readers())
-                .await?;
+            sqlx::query_scalar(SELECT_SCORED_EDITS).bind(session).fetch_optional(self.0.readers()).await?;
         if made_with.is_none_or(|made_with| made_with.unsigned_abs() == revision) {
             return Ok(of(ScoreState::Current));
         }
-        let job = sqlx::query_as(
-            "SELECT id, state, problem FROM job WHERE session_id = $1 AND kind = 'rescore'
-             ORDER BY created_at_ms DESC, id DESC LIMIT 1",
-        );
+        let job = sqlx::query_as(SELECT_RESCORE_JOB);
         let job: Option<(JobId, JobState, Option<Json<Problem>>)> =
             job.bind(session).fetch_optional(self.0.readers()).await?;
         Ok(match job {
@@ -166,10 +183,7 @@ impl EditStore<'_> {
         self.0
             .write(async move |tx| {
                 refuse_if_open(tx, session, edit.kind).await?;
-                let update = sqlx::query(
-                    "UPDATE session_edit SET undone_at_ms = max($2, created_at_ms), undone_by = $3
-                     WHERE id = $1 AND undone_at_ms IS NULL",
-                );
+                let update = sqlx::query(UNDO_EDIT);
                 let update = update.bind(id).bind(now_ms).bind(by.person()).execute(&mut *tx).await?;
                 if update.rows_affected() == 0 {
                     return Ok(());
@@ -199,11 +213,7 @@ async fn insert(
         EditChange::Swap(tools, _) => Some(Json(tools)),
         EditChange::Trim(_) | EditChange::SetAside => None,
     };
-    let insert = sqlx::query(
-        "INSERT INTO session_edit (id, session_id, person_id, kind, from_s, to_s, tools, why, created_at_ms)
-         SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9
-         WHERE (SELECT count(*) FROM session_edit WHERE session_id = $2) < $10",
-    );
+    let insert = sqlx::query(INSERT_EDIT);
     let insert = insert.bind(id).bind(session).bind(person).bind(change.kind()).bind(from_s).bind(to_s).bind(tools);
     let insert = insert.bind(why).bind(now_ms).bind(MAX_EDITS).execute(tx).await.map_err(duplicate_or_missing)?;
     match insert.rows_affected() {
@@ -226,12 +236,12 @@ async fn refuse_if_open(tx: &mut SqliteConnection, session: SessionId, kind: Edi
     if !affects_path(kind) {
         return Ok(());
     }
-    let sql = "SELECT state FROM job WHERE session_id = $1 AND turn < 2 ORDER BY created_at_ms DESC, id DESC LIMIT 1";
-    let state: Option<JobState> = sqlx::query_scalar(sql).bind(session).fetch_optional(&mut *tx).await?;
+    let state: Option<JobState> =
+        sqlx::query_scalar(SELECT_TRACKING_STATE).bind(session).fetch_optional(&mut *tx).await?;
     if matches!(state, Some(JobState::Queued | JobState::Running)) {
         return Err(StoreError::refused("the session is being tracked: wait until it is scored, then edit it"));
     }
-    let result: Option<String> = sqlx::query_scalar(latest_result!()).bind(session).fetch_optional(tx).await?;
+    let result: Option<String> = sqlx::query_scalar(SELECT_CURRENT_RESULT).bind(session).fetch_optional(tx).await?;
     result.map(drop).ok_or_else(|| StoreError::refused("the session cannot be edited before it is scored"))
 }
 
@@ -256,7 +266,6 @@ fn revision_of(items: &[EditRecord]) -> u64 {
 
 /// Like [`revision_of`], read in a transaction.
 pub(super) async fn revision(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<u64> {
-    let sql = "SELECT count(*) + count(undone_at_ms) FROM session_edit WHERE session_id = $1 AND kind <> 'set_aside'";
-    let revision: i64 = sqlx::query_scalar(sql).bind(session).fetch_one(tx).await?;
+    let revision: i64 = sqlx::query_scalar(SELECT_REVISION).bind(session).fetch_one(tx).await?;
     Ok(revision.unsigned_abs())
 }

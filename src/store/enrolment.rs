@@ -6,7 +6,7 @@ use sqlx::sqlite::SqliteConnection;
 
 use super::audit::note;
 use super::error::StoreResult;
-use super::trainees::{TraineeRecord, TraineeStore, insert};
+use super::trainees::{INSERT_GROUP_TRAINEE, SELECT_CODE, TraineeRecord, TraineeStore, insert};
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, codes};
 use crate::domain::enrolment::{CheckedEnrolment, RowProblem, row_problem};
@@ -22,6 +22,11 @@ pub enum Enrolment {
     /// None is enrolled, because of these rows.
     Refused(Vec<RowProblem>),
 }
+
+const SELECT_GROUPS_BY_NAME: &str = "
+    SELECT name, id FROM training_group
+    WHERE $1 = 'administrator'
+      OR EXISTS (SELECT 1 FROM group_instructor WHERE group_id = training_group.id AND person_id = $2)";
 
 impl TraineeStore<'_> {
     /// Enrols all trainees of a list in one transaction, or none; with `only_check` it only checks the list. Rows name
@@ -69,10 +74,9 @@ async fn enrol(
     let mut enrolled: Vec<(usize, TraineeRecord)> = Vec::with_capacity(rows.len());
     for index in order {
         let row = &rows[index];
-        let taken = "SELECT 1 FROM trainee WHERE code = $1";
         let trainee = TraineeRecord {
             id: TraineeId::at(now_ms),
-            code: codes::choose(tx, taken, row.code.clone(), &row.name, "trainee").await?,
+            code: codes::choose(tx, SELECT_CODE, row.code.clone(), &row.name, "trainee").await?,
             name: row.name.clone(),
             level: row.level,
             handedness: row.handedness,
@@ -80,8 +84,7 @@ async fn enrol(
         };
         insert(tx, &trainee).await?;
         if let Some(group) = joins[index] {
-            let sql = "INSERT INTO group_trainee (group_id, trainee_id) VALUES ($1, $2)";
-            sqlx::query(sql).bind(group).bind(trainee.id).execute(&mut *tx).await?;
+            sqlx::query(INSERT_GROUP_TRAINEE).bind(group).bind(trainee.id).execute(&mut *tx).await?;
         }
         note(tx, scope, now_ms, ("create", "trainee"), trainee.id).await?;
         enrolled.push((index, trainee));
@@ -92,18 +95,13 @@ async fn enrol(
 
 /// The groups that the scope sees, by name.
 async fn groups_of(tx: &mut SqliteConnection, scope: &Scope) -> StoreResult<HashMap<String, GroupId>> {
-    let rows = sqlx::query_as::<_, (String, GroupId)>(
-        "SELECT name, id FROM training_group
-         WHERE $1 = 'administrator'
-            OR EXISTS (SELECT 1 FROM group_instructor WHERE group_id = training_group.id AND person_id = $2)",
-    );
+    let rows = sqlx::query_as::<_, (String, GroupId)>(SELECT_GROUPS_BY_NAME);
     Ok(rows.bind_scope(scope).fetch_all(tx).await?.into_iter().collect())
 }
 
 /// True if the code is taken. Codes are unique in the centre; the caller does not learn who has it.
 async fn is_taken(tx: &mut SqliteConnection, code: &Code) -> StoreResult<bool> {
-    let found: Option<i64> =
-        sqlx::query_scalar("SELECT 1 FROM trainee WHERE code = $1").bind(code).fetch_optional(tx).await?;
+    let found: Option<i64> = sqlx::query_scalar(SELECT_CODE).bind(code).fetch_optional(tx).await?;
     Ok(found.is_some())
 }
 

@@ -7,7 +7,8 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::jobs::enqueue_track;
-use super::visibility::{BindScope, sees_box, sees_trainee};
+use super::sessions::{DELETE_SESSION, SELECT_SAME_SESSION};
+use super::visibility::BindScope;
 use super::{Scope, Store, blobs};
 use crate::domain::blob::Blob;
 use crate::domain::feed::{FrameCodec, TimeBase};
@@ -80,14 +81,6 @@ pub struct NewFeed {
     pub is_push: bool,
 }
 
-macro_rules! select_feeds {
-    () => {
-        "SELECT feed.id, feed.session_id, session.trainee_id, session.task_id, feed.box_id, feed.codec, feed.width,
-                feed.height, feed.tick_num, feed.tick_den, feed.epoch, feed.ended_at_ms, feed.is_push
-         FROM feed JOIN session ON session.id = feed.session_id"
-    };
-}
-
 impl FeedRow {
     /// The time base of its frames.
     pub fn time_base(&self) -> Result<TimeBase, Invalid> {
@@ -106,6 +99,48 @@ impl FeedRow {
     }
 }
 
+const SELECT_VISIBLE_BOX: &str = "SELECT 1 FROM training_box WHERE id = $3 AND ($1 <> 'agent' OR $2 = id)";
+
+const SELECT_VISIBLE_FEED: &str = "SELECT * FROM feed_record WHERE id = $3 AND ($1 <> 'agent' OR $2 = box_id)";
+
+const SELECT_FEED: &str = "SELECT * FROM feed_record WHERE id = $1";
+
+const SELECT_UNFINISHED: &str = "SELECT * FROM feed_record WHERE ended_at_ms IS NULL ORDER BY id";
+
+const SELECT_LIVE_FEATURES: &str = "
+    SELECT feed.live_features FROM feed JOIN session ON session.id = feed.session_id
+    WHERE feed.live_features IS NOT NULL AND session.id = $3
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+    ORDER BY feed.id DESC LIMIT 1";
+
+const SELECT_ERASED: &str = "SELECT 1 FROM erased_feed WHERE id = $1";
+
+const UPDATE_EPOCH: &str = "UPDATE feed SET epoch = epoch + 1 WHERE id = $1";
+
+const END_FEED: &str = "
+    UPDATE feed SET ended_at_ms = max($2, created_at_ms), session_id = $3, live_features = $4 WHERE id = $1";
+
+const COMPLETE_SESSION: &str = "UPDATE session SET video = $2, created_at_ms = $3 WHERE id = $1";
+
+const DELETE_EMPTY_SESSION: &str = "
+    DELETE FROM session WHERE video IS NULL AND id = (SELECT session_id FROM feed WHERE id = $1)";
+
+const DELETE_ERASED: &str = "DELETE FROM erased_feed WHERE id = $1";
+
+const SELECT_UNFINISHED_IDS: &str = "SELECT id FROM feed WHERE ended_at_ms IS NULL";
+
+const DELETE_EMPTY_SESSIONS: &str = "DELETE FROM session WHERE video IS NULL";
+
+const INSERT_SESSION: &str = "
+    INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, recorded_at_ms, created_at_ms)
+    VALUES ($1, $2, $3, $4, $5, 'video/mp4', $6, $7)";
+
+const INSERT_FEED: &str = "
+    INSERT INTO feed (id, session_id, box_id, codec, width, height, tick_num, tick_den, sender, epoch, created_at_ms,
+                      is_push)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, 1, $10, $11)";
+
 impl FeedStore<'_> {
     /// Begins or resumes a recording: from now on only the connection with the returned epoch may send. A recording
     /// that has ended keeps its epoch.
@@ -116,12 +151,11 @@ impl FeedStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let sql = "SELECT 1 FROM training_box WHERE id = $3 AND ($1 <> 'agent' OR $2 = training_box.id)";
-                let sees: Option<i64> =
-                    sqlx::query_scalar(sql).bind_scope(&scope).bind(new.in_box).fetch_optional(&mut *tx).await?;
+                let sees = sqlx::query_scalar(SELECT_VISIBLE_BOX).bind_scope(&scope).bind(new.in_box);
+                let sees: Option<i64> = sees.fetch_optional(&mut *tx).await?;
                 sees.ok_or(not_found("box"))?;
-                let sql = "SELECT 1 FROM erased_feed WHERE id = $1";
-                let erased: Option<i64> = sqlx::query_scalar(sql).bind(new.id).fetch_optional(&mut *tx).await?;
+                let erased: Option<i64> =
+                    sqlx::query_scalar(SELECT_ERASED).bind(new.id).fetch_optional(&mut *tx).await?;
                 if erased.is_some() {
                     return Err(StoreError::refused("this recording was erased: start a new recording with a new id"));
                 }
@@ -135,8 +169,7 @@ impl FeedStore<'_> {
                 if known.ended_at_ms.is_some() {
                     return Ok(known);
                 }
-                let sql = "UPDATE feed SET epoch = epoch + 1 WHERE id = $1";
-                sqlx::query(sql).bind(new.id).execute(&mut *tx).await?;
+                sqlx::query(UPDATE_EPOCH).bind(new.id).execute(&mut *tx).await?;
                 find(tx, new.id).await?.ok_or(not_found("feed"))
             })
             .await
@@ -159,22 +192,17 @@ impl FeedStore<'_> {
                     return Ok(feed.session_id);
                 }
                 blobs::record(tx, video, now_ms).await?;
-                let sql =
-                    "SELECT id FROM session WHERE trainee_id = $1 AND task_id = $2 AND box_id = $3 AND video = $4";
-                let same = sqlx::query_scalar(sql).bind(feed.trainee_id).bind(feed.task_id).bind(feed.box_id);
+                let same =
+                    sqlx::query_scalar(SELECT_SAME_SESSION).bind(feed.trainee_id).bind(feed.task_id).bind(feed.box_id);
                 let same: Option<SessionId> = same.bind(video.hash).fetch_optional(&mut *tx).await?;
-                let sql = "UPDATE feed SET ended_at_ms = max($2, created_at_ms), session_id = $3, live_features = $4 \
-                           WHERE id = $1";
                 let session = same.unwrap_or(feed.session_id);
-                let ended = sqlx::query(sql).bind(id).bind(now_ms).bind(session).bind(live_features.map(Json));
+                let ended = sqlx::query(END_FEED).bind(id).bind(now_ms).bind(session).bind(live_features.map(Json));
                 ended.execute(&mut *tx).await?;
                 if same.is_some() {
-                    let sql = "DELETE FROM session WHERE id = $1";
-                    sqlx::query(sql).bind(feed.session_id).execute(&mut *tx).await?;
+                    sqlx::query(DELETE_SESSION).bind(feed.session_id).execute(&mut *tx).await?;
                     return Ok(session);
                 }
-                let sql = "UPDATE session SET video = $2, created_at_ms = $3 WHERE id = $1";
-                sqlx::query(sql).bind(session).bind(video.hash).bind(now_ms).execute(&mut *tx).await?;
+                sqlx::query(COMPLETE_SESSION).bind(session).bind(video.hash).bind(now_ms).execute(&mut *tx).await?;
                 enqueue_track(tx, session, now_ms, attempts).await?;
                 Ok(session)
             })
@@ -183,12 +211,7 @@ impl FeedStore<'_> {
 
     /// The final features of live tracking of a session's recording; `None` if it was not tracked live.
     pub async fn live_features(&self, scope: &Scope, of: SessionId) -> StoreResult<Option<Vec<LiveFeature>>> {
-        let row = sqlx::query_scalar(concat!(
-            "SELECT feed.live_features FROM feed JOIN session ON session.id = feed.session_id
-             WHERE feed.live_features IS NOT NULL AND session.id = $3 AND ",
-            sees_trainee!("session.trainee_id"),
-            " ORDER BY feed.id DESC LIMIT 1"
-        ));
+        let row = sqlx::query_scalar(SELECT_LIVE_FEATURES);
         let row: Option<Json<Vec<LiveFeature>>> =
             row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?;
         Ok(row.map(|Json(features)| features))
@@ -199,11 +222,9 @@ impl FeedStore<'_> {
     pub async fn forget(&self, id: FeedId, may_come_again: bool) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
-                let sql =
-                    "DELETE FROM session WHERE video IS NULL AND id = (SELECT session_id FROM feed WHERE id = $1)";
-                sqlx::query(sql).bind(id).execute(&mut *tx).await?;
+                sqlx::query(DELETE_EMPTY_SESSION).bind(id).execute(&mut *tx).await?;
                 if may_come_again {
-                    sqlx::query("DELETE FROM erased_feed WHERE id = $1").bind(id).execute(tx).await?;
+                    sqlx::query(DELETE_ERASED).bind(id).execute(tx).await?;
                 }
                 Ok(())
             })
@@ -214,11 +235,10 @@ impl FeedStore<'_> {
     pub async fn forget_unfinished(&self) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
-                let sql = "SELECT id FROM feed WHERE ended_at_ms IS NULL";
-                let unfinished: Vec<FeedId> = sqlx::query_scalar(sql).fetch_all(&mut *tx).await?;
-                sqlx::query("DELETE FROM session WHERE video IS NULL").execute(&mut *tx).await?;
+                let unfinished: Vec<FeedId> = sqlx::query_scalar(SELECT_UNFINISHED_IDS).fetch_all(&mut *tx).await?;
+                sqlx::query(DELETE_EMPTY_SESSIONS).execute(&mut *tx).await?;
                 for id in unfinished {
-                    sqlx::query("DELETE FROM erased_feed WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                    sqlx::query(DELETE_ERASED).bind(id).execute(&mut *tx).await?;
                 }
                 Ok(())
             })
@@ -227,36 +247,29 @@ impl FeedStore<'_> {
 
     /// One feed.
     pub async fn get(&self, scope: &Scope, id: FeedId) -> StoreResult<FeedRow> {
-        let row = sqlx::query_as(concat!(select_feeds!(), " WHERE feed.id = $3 AND ", sees_box!("feed.box_id")));
+        let row = sqlx::query_as(SELECT_VISIBLE_FEED);
         row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?.ok_or(not_found("feed"))
     }
 
     /// The feeds that have not ended.
     pub async fn unfinished(&self) -> StoreResult<Vec<FeedRow>> {
-        let rows = sqlx::query_as(concat!(select_feeds!(), " WHERE feed.ended_at_ms IS NULL ORDER BY feed.id"));
+        let rows = sqlx::query_as(SELECT_UNFINISHED);
         Ok(rows.fetch_all(self.0.readers()).await?)
     }
 }
 
 async fn find(tx: &mut SqliteConnection, id: FeedId) -> StoreResult<Option<FeedRow>> {
-    let row = sqlx::query_as(concat!(select_feeds!(), " WHERE feed.id = $1"));
+    let row = sqlx::query_as(SELECT_FEED);
     Ok(row.bind(id).fetch_optional(tx).await?)
 }
 
 async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: i64) -> StoreResult<FeedRow> {
     let session = SessionId::at(now_ms);
-    let insert = sqlx::query(
-        "INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, recorded_at_ms, created_at_ms)
-         VALUES ($1, $2, $3, $4, $5, 'video/mp4', $6, $7)",
-    );
+    let insert = sqlx::query(INSERT_SESSION);
     let insert = insert.bind(session).bind(new.trainee).bind(new.task).bind(new.in_box).bind(FILENAME);
     let insert = insert.bind(new.began_at_ms).bind(now_ms);
     insert.execute(&mut *tx).await.map_err(missing("trainee, task or box"))?;
-    let insert = sqlx::query(
-        "INSERT INTO feed (id, session_id, box_id, codec, width, height, tick_num, tick_den, sender, epoch,
-         created_at_ms, is_push)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, 1, $10, $11)",
-    );
+    let insert = sqlx::query(INSERT_FEED);
     let (num, den) = new.time_base.fraction();
     let insert = insert.bind(new.id).bind(session).bind(new.in_box).bind(new.codec).bind(new.size.0).bind(new.size.1);
     let insert = insert.bind(num).bind(den).bind(new.sender).bind(now_ms).bind(new.is_push);

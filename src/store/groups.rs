@@ -49,20 +49,41 @@ struct GroupRow {
     begins: Option<Day>,
 }
 
-/// Selects [`GroupRow`]s; conditions follow.
-macro_rules! select_groups {
-    ($conditions:literal) => {
-        concat!(
-            "SELECT training_group.id, training_group.name, training_group.created_at_ms,
-                    group_course.course_id, course.name AS course_name, group_course.begins
-             FROM training_group
-             LEFT JOIN group_course ON group_course.group_id = training_group.id
-             LEFT JOIN course ON course.id = group_course.course_id
-             WHERE ",
-            $conditions
-        )
-    };
-}
+/// Selects the groups that the scope sees: an administrator's are all, an instructor's those that they teach. For staff
+/// only.
+const SELECT_GROUPS: &str = "
+    SELECT * FROM group_record
+    WHERE $1 = 'administrator'
+       OR EXISTS (SELECT 1 FROM group_instructor WHERE group_instructor.group_id = group_record.id AND person_id = $2)
+    ORDER BY name";
+
+const SELECT_GROUP: &str = "
+    SELECT * FROM group_record
+    WHERE id = $3
+      AND ($1 = 'administrator'
+           OR ($1 = 'instructor'
+               AND EXISTS (SELECT 1 FROM group_instructor
+                           WHERE group_instructor.group_id = group_record.id AND person_id = $2)))";
+
+const INSERT_GROUP: &str = "INSERT INTO training_group (id, name, created_at_ms) VALUES ($1, $2, $3)";
+
+const DELETE_INSTRUCTORS: &str = "DELETE FROM group_instructor WHERE group_id = $1";
+
+const DELETE_TRAINEES: &str = "DELETE FROM group_trainee WHERE group_id = $1";
+
+const INSERT_INSTRUCTOR: &str = "
+    INSERT INTO group_instructor (group_id, person_id)
+    SELECT $1, id FROM person
+    WHERE id = $2 AND role <> 'trainee' ON CONFLICT DO NOTHING";
+
+const INSERT_TRAINEE: &str = "
+    INSERT INTO group_trainee (group_id, trainee_id) VALUES ($1, $2) ON CONFLICT DO NOTHING";
+
+const DELETE_GROUP: &str = "DELETE FROM training_group WHERE id = $1";
+
+const SELECT_INSTRUCTORS: &str = "SELECT person_id FROM group_instructor WHERE group_id = $1";
+
+const SELECT_TRAINEES: &str = "SELECT trainee_id FROM group_trainee WHERE group_id = $1";
 
 impl GroupStore<'_> {
     /// Creates an empty group.
@@ -73,8 +94,7 @@ impl GroupStore<'_> {
         let group = GroupRecord { id, name, created_at_ms: now_ms, members, follows: None };
         self.0
             .write(async move |tx| {
-                let sql = "INSERT INTO training_group (id, name, created_at_ms) VALUES ($1, $2, $3)";
-                let insert = sqlx::query(sql).bind(group.id).bind(&group.name).bind(now_ms);
+                let insert = sqlx::query(INSERT_GROUP).bind(group.id).bind(&group.name).bind(now_ms);
                 insert.execute(&mut *tx).await.map_err(taken("group name"))?;
                 note(tx, &scope, now_ms, ("create", "group"), group.id).await?;
                 Ok(group)
@@ -85,11 +105,7 @@ impl GroupStore<'_> {
     /// The groups that the scope sees, by name: all for an administrator, their own for an instructor.
     pub async fn list(&self, scope: &Scope) -> StoreResult<Vec<GroupRecord>> {
         require_staff(scope, "the list of groups")?;
-        let rows = sqlx::query_as::<_, GroupRow>(select_groups!(
-            "$1 = 'administrator' OR EXISTS
-                (SELECT 1 FROM group_instructor WHERE group_instructor.group_id = training_group.id AND person_id = $2)
-             ORDER BY training_group.name"
-        ));
+        let rows = sqlx::query_as::<_, GroupRow>(SELECT_GROUPS);
         let mut groups = Vec::new();
         for row in rows.bind_scope(scope).fetch_all(self.0.readers()).await? {
             groups.push(self.with_members(row).await?);
@@ -99,11 +115,7 @@ impl GroupStore<'_> {
 
     /// One group that the scope sees.
     pub async fn get(&self, scope: &Scope, id: GroupId) -> StoreResult<GroupRecord> {
-        let row = sqlx::query_as::<_, GroupRow>(select_groups!(
-            "training_group.id = $3 AND ($1 = 'administrator' OR ($1 = 'instructor' AND EXISTS
-                (SELECT 1 FROM group_instructor
-                 WHERE group_instructor.group_id = training_group.id AND person_id = $2)))"
-        ));
+        let row = sqlx::query_as::<_, GroupRow>(SELECT_GROUP);
         let row = row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
         self.with_members(row.ok_or(not_found("group"))?).await
     }
@@ -114,17 +126,14 @@ impl GroupStore<'_> {
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                sqlx::query("DELETE FROM group_instructor WHERE group_id = $1").bind(id).execute(&mut *tx).await?;
-                sqlx::query("DELETE FROM group_trainee WHERE group_id = $1").bind(id).execute(&mut *tx).await?;
+                sqlx::query(DELETE_INSTRUCTORS).bind(id).execute(&mut *tx).await?;
+                sqlx::query(DELETE_TRAINEES).bind(id).execute(&mut *tx).await?;
                 for person in members.instructors {
-                    let sql = "INSERT INTO group_instructor (group_id, person_id)
-                               SELECT $1, id FROM person WHERE id = $2 AND role <> 'trainee' ON CONFLICT DO NOTHING";
-                    let insert = sqlx::query(sql).bind(id).bind(person);
+                    let insert = sqlx::query(INSERT_INSTRUCTOR).bind(id).bind(person);
                     insert.execute(&mut *tx).await.map_err(missing("group"))?;
                 }
                 for trainee in members.trainees {
-                    let sql = "INSERT INTO group_trainee (group_id, trainee_id) VALUES ($1, $2) ON CONFLICT DO NOTHING";
-                    let insert = sqlx::query(sql).bind(id).bind(trainee);
+                    let insert = sqlx::query(INSERT_TRAINEE).bind(id).bind(trainee);
                     insert.execute(&mut *tx).await.map_err(missing("group or trainee"))?;
                 }
                 note(tx, &by, now_ms, ("set members", "group"), id).await
@@ -139,7 +148,7 @@ impl GroupStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let delete = sqlx::query("DELETE FROM training_group WHERE id = $1").bind(id).execute(&mut *tx);
+                let delete = sqlx::query(DELETE_GROUP).bind(id).execute(&mut *tx);
                 let deleted = delete.await.map_err(in_use("group", "cohorts"))?;
                 if deleted.rows_affected() == 0 {
                     return Err(not_found("group"));
@@ -151,8 +160,8 @@ impl GroupStore<'_> {
 
     async fn with_members(&self, row: GroupRow) -> StoreResult<GroupRecord> {
         let GroupRow { id, name, created_at_ms, course_id, course_name, begins } = row;
-        let instructors = sqlx::query_scalar("SELECT person_id FROM group_instructor WHERE group_id = $1");
-        let trainees = sqlx::query_scalar("SELECT trainee_id FROM group_trainee WHERE group_id = $1");
+        let instructors = sqlx::query_scalar(SELECT_INSTRUCTORS);
+        let trainees = sqlx::query_scalar(SELECT_TRAINEES);
         let members = Members {
             instructors: instructors.bind(id).fetch_all(self.0.readers()).await?,
             trainees: trainees.bind(id).fetch_all(self.0.readers()).await?,

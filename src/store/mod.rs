@@ -152,6 +152,12 @@ struct StoreInner {
     has_erased_data: AtomicBool,
 }
 
+const CHECK_INTEGRITY: &str = "PRAGMA integrity_check";
+
+const SELECT_DANGLING: &str = "SELECT \"table\" FROM pragma_foreign_key_check";
+
+const SELECT_BYTES: &str = "SELECT page_count * page_size FROM pragma_page_count(), pragma_page_size()";
+
 impl Store {
     /// Opens the database at this path, creates it if it is missing, and migrates its schema.
     pub async fn open(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
@@ -180,9 +186,8 @@ impl Store {
 
     /// Damage that SQLite finds in its file and dangling references between rows; empty if all is well.
     pub async fn check(&self) -> StoreResult<Vec<String>> {
-        let integrity: Vec<String> = sqlx::query_scalar("PRAGMA integrity_check").fetch_all(self.readers()).await?;
-        let dangling: Vec<String> =
-            sqlx::query_scalar("SELECT \"table\" FROM pragma_foreign_key_check").fetch_all(self.readers()).await?;
+        let integrity: Vec<String> = sqlx::query_scalar(CHECK_INTEGRITY).fetch_all(self.readers()).await?;
+        let dangling: Vec<String> = sqlx::query_scalar(SELECT_DANGLING).fetch_all(self.readers()).await?;
         let dangling = dangling.into_iter().map(|table| format!("a row of `{table}` refers to one that is not there"));
         Ok(integrity.into_iter().filter(|line| line != "ok").chain(dangling).collect())
     }
@@ -202,8 +207,7 @@ impl Store {
 
     /// Size of the database in bytes, without its write-ahead log.
     pub async fn bytes(&self) -> StoreResult<u64> {
-        let sql = "SELECT page_count * page_size FROM pragma_page_count(), pragma_page_size()";
-        let pages: i64 = sqlx::query_scalar(sql).fetch_one(self.readers()).await?;
+        let pages: i64 = sqlx::query_scalar(SELECT_BYTES).fetch_one(self.readers()).await?;
         Ok(pages.unsigned_abs())
     }
 

@@ -15,6 +15,23 @@ static MIGRATIONS: Migrator = sqlx::migrate!("./migrations");
 /// In older versions, a checkpoint that races with a reset of the write-ahead log can corrupt the file.
 const MIN_SQLITE: (u32, u32, u32) = (3, 51, 3);
 
+const SNAPSHOT: &str = "VACUUM INTO $1";
+
+const SELECT_VERSION: &str = "SELECT sqlite_version()";
+
+const JOURNAL_MODE: &str = "PRAGMA journal_mode";
+
+const BUSY_TIMEOUT: &str = "PRAGMA busy_timeout";
+
+/// The settings that durability and privacy depend on, with their values.
+const SETTINGS: [(&str, i64); 5] = [
+    ("PRAGMA synchronous", 2), // FULL
+    ("PRAGMA foreign_keys", 1),
+    ("PRAGMA secure_delete", 1),
+    ("PRAGMA trusted_schema", 0),
+    ("PRAGMA temp_store", 2), // MEMORY
+];
+
 /// Opens the writing connection and migrates the schema.
 pub(super) async fn open_writer(path: &Path, settings: &StoreSettings) -> StoreResult<SqliteConnection> {
     let options = options(path, settings).create_if_missing(true).journal_mode(SqliteJournalMode::Wal);
@@ -63,7 +80,7 @@ pub(super) async fn snapshot(path: &Path, settings: &StoreSettings, into: &Path)
     }
     let mut connection = options(path, settings).read_only(true).connect().await?;
     let target = into.to_str().ok_or_else(|| StoreError::refused("the folder's name is not UTF-8"))?.to_owned();
-    sqlx::query("VACUUM INTO $1").bind(target).execute(&mut connection).await?;
+    sqlx::query(SNAPSHOT).bind(target).execute(&mut connection).await?;
     connection.close().await?;
     let folder = into.parent().unwrap_or(into);
     for file in [into, folder] {
@@ -89,7 +106,7 @@ fn options(path: &Path, settings: &StoreSettings) -> SqliteConnectOptions {
 }
 
 async fn check_version(connection: &mut SqliteConnection) -> StoreResult<()> {
-    let version: String = sqlx::query_scalar("SELECT sqlite_version()").fetch_one(connection).await?;
+    let version: String = sqlx::query_scalar(SELECT_VERSION).fetch_one(connection).await?;
     let mut parts = version.split('.').map(|part| part.parse().unwrap_or(0));
     let mut next = || parts.next().unwrap_or(0);
     if (next(), next(), next()) >= MIN_SQLITE {
@@ -100,16 +117,10 @@ async fn check_version(connection: &mut SqliteConnection) -> StoreResult<()> {
 
 /// Fails if a setting did not take effect (read-only folder, unusual file system, old library).
 async fn check_settings(connection: &mut SqliteConnection, settings: &StoreSettings) -> StoreResult<()> {
-    let journal: String = sqlx::query_scalar("PRAGMA journal_mode").fetch_one(&mut *connection).await?;
+    let journal: String = sqlx::query_scalar(JOURNAL_MODE).fetch_one(&mut *connection).await?;
     expect("journal_mode", &journal, "wal")?;
-    for (pragma, wanted) in [
-        ("PRAGMA synchronous", 2), // FULL
-        ("PRAGMA foreign_keys", 1),
-        ("PRAGMA secure_delete", 1),
-        ("PRAGMA trusted_schema", 0),
-        ("PRAGMA temp_store", 2), // MEMORY
-        ("PRAGMA busy_timeout", i64::try_from(settings.busy_timeout_ms).unwrap_or(i64::MAX)),
-    ] {
+    let busy_timeout_ms = i64::try_from(settings.busy_timeout_ms).unwrap_or(i64::MAX);
+    for (pragma, wanted) in SETTINGS.into_iter().chain([(BUSY_TIMEOUT, busy_timeout_ms)]) {
         let found: i64 = sqlx::query_scalar(pragma).fetch_one(&mut *connection).await?;
         expect(pragma, &found.to_string(), &wanted.to_string())?;
     }

@@ -4,7 +4,7 @@ use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
 use super::error::{StoreResult, missing, not_found};
-use super::visibility::{BindScope, sees_box};
+use super::visibility::BindScope;
 use super::{Scope, Store};
 use crate::domain::boxes::BoxTool;
 use crate::domain::files::annotations::AnnotationsFile;
@@ -41,37 +41,43 @@ pub struct PaletteRecord {
     pub created_at_ms: i64,
 }
 
+const SELECT_LATEST: &str = "
+    SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
+    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY version DESC LIMIT 1";
+
+const SELECT_PALETTE: &str = "
+    SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
+    WHERE id = $3 AND ($1 <> 'agent' OR $2 = box_id)";
+
+const SELECT_PALETTES: &str = "
+    SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
+    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY version DESC LIMIT 100";
+
+const UPDATE_VIEW: &str = "UPDATE training_box SET view = coalesce($2, view) WHERE id = $1";
+
+const INSERT_PALETTE: &str = "
+    INSERT INTO palette (id, box_id, version, annotations, tools, counts, samples, report, created_at_ms)
+    SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM palette
+    WHERE box_id = $2
+    RETURNING id, box_id, version, annotations, tools, counts, samples, report, created_at_ms";
+
 impl PaletteStore<'_> {
     /// The version in use, if the box has one.
     pub async fn latest(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<PaletteRecord>> {
-        let row = sqlx::query_as(concat!(
-            "SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
-             WHERE box_id = $3 AND ",
-            sees_box!("box_id"),
-            " ORDER BY version DESC LIMIT 1"
-        ));
+        let row = sqlx::query_as(SELECT_LATEST);
         Ok(row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?)
     }
 
     /// One version.
     pub async fn get(&self, scope: &Scope, id: PaletteId) -> StoreResult<PaletteRecord> {
-        let row = sqlx::query_as(concat!(
-            "SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
-             WHERE id = $3 AND ",
-            sees_box!("box_id")
-        ));
+        let row = sqlx::query_as(SELECT_PALETTE);
         let row = row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("palette"))
     }
 
     /// The last hundred versions, newest first.
     pub async fn list(&self, scope: &Scope, of: BoxId) -> StoreResult<Vec<PaletteRecord>> {
-        let rows = sqlx::query_as(concat!(
-            "SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
-             WHERE box_id = $3 AND ",
-            sees_box!("box_id"),
-            " ORDER BY version DESC LIMIT 100"
-        ));
+        let rows = sqlx::query_as(SELECT_PALETTES);
         Ok(rows.bind_scope(scope).bind(of).fetch_all(self.0.readers()).await?)
     }
 }
@@ -83,16 +89,8 @@ pub(super) async fn insert(
     new: NewPalette,
     now_ms: i64,
 ) -> StoreResult<PaletteRecord> {
-    sqlx::query("UPDATE training_box SET view = coalesce($2, view) WHERE id = $1")
-        .bind(of)
-        .bind(new.annotations.view)
-        .execute(&mut *tx)
-        .await?;
-    let row = sqlx::query_as(
-        "INSERT INTO palette (id, box_id, version, annotations, tools, counts, samples, report, created_at_ms)
-         SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM palette WHERE box_id = $2
-         RETURNING id, box_id, version, annotations, tools, counts, samples, report, created_at_ms",
-    );
+    sqlx::query(UPDATE_VIEW).bind(of).bind(new.annotations.view).execute(&mut *tx).await?;
+    let row = sqlx::query_as(INSERT_PALETTE);
     let row = row.bind(PaletteId::at(now_ms)).bind(of).bind(Json(new.annotations)).bind(Json(new.tools));
     let row = row.bind(Json(new.counts)).bind(new.samples).bind(Json(new.report)).bind(now_ms);
     row.fetch_one(tx).await.map_err(missing("box"))

@@ -1,6 +1,7 @@
 //! Accounts that can sign in. For administrators only, except the functions that sign-in itself needs.
 
 use super::audit::note;
+use super::cookies::DELETE_COOKIES_OF;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
 use super::visibility::require_administrator;
@@ -68,6 +69,40 @@ impl PersonRecord {
     }
 }
 
+const INSERT_PERSON: &str = "
+    INSERT INTO person (id, login, name, role, password_hash, trainee_id, created_at_ms)
+    VALUES ($1, $2, $3, $4, $5, $6, $7)";
+
+const SELECT_PEOPLE: &str = "
+    SELECT id, login, name, role, trainee_id, created_at_ms FROM person
+    WHERE $1 IS NULL OR login > $1 ORDER BY login LIMIT $2";
+
+const SELECT_PERSON: &str = "SELECT id, login, name, role, trainee_id, created_at_ms FROM person WHERE id = $1";
+
+const SIGN_OUT_IF_ROLE_CHANGES: &str = "
+    DELETE FROM cookie_session
+    WHERE person_id = (SELECT id FROM person WHERE id = $1 AND trainee_id IS NULL AND role <> $2)";
+
+const UPDATE_PERSON: &str = "
+    UPDATE person
+    SET login = coalesce($2, login), name = coalesce($3, name),
+        role = CASE WHEN trainee_id IS NULL THEN coalesce($4, role) ELSE role END
+    WHERE id = $1
+    RETURNING id, login, name, role, trainee_id, created_at_ms";
+
+const DELETE_PERSON: &str = "DELETE FROM person WHERE id = $1";
+
+const UPDATE_PASSWORD: &str = "UPDATE person SET password_hash = $2 WHERE id = $1";
+
+const SELECT_BY_LOGIN: &str = "
+    SELECT id, login, name, role, trainee_id, created_at_ms, password_hash FROM person WHERE login = $1";
+
+const COUNT_PEOPLE: &str = "SELECT count(*) FROM person";
+
+const SELECT_ACCOUNT_OF: &str = "SELECT id FROM person WHERE trainee_id = $1";
+
+const COUNT_ADMINISTRATORS: &str = "SELECT count(*) FROM person WHERE role = 'administrator'";
+
 impl PersonStore<'_> {
     /// Creates an account.
     pub async fn create(&self, scope: &Scope, new: NewPerson) -> StoreResult<PersonRecord> {
@@ -92,9 +127,7 @@ impl PersonStore<'_> {
         self.0
             .write(async move |tx| {
                 refuse_second_account(tx, person.trainee_id).await?;
-                let sql = "INSERT INTO person (id, login, name, role, password_hash, trainee_id, created_at_ms)
-                           VALUES ($1, $2, $3, $4, $5, $6, $7)";
-                sqlx::query(sql)
+                sqlx::query(INSERT_PERSON)
                     .bind(person.id)
                     .bind(&person.login)
                     .bind(&person.name)
@@ -114,10 +147,7 @@ impl PersonStore<'_> {
     /// All accounts, by login.
     pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<PersonRecord>> {
         require_administrator(scope, "the list of accounts")?;
-        let rows = sqlx::query_as(
-            "SELECT id, login, name, role, trainee_id, created_at_ms FROM person
-             WHERE $1 IS NULL OR login > $1 ORDER BY login LIMIT $2",
-        );
+        let rows = sqlx::query_as(SELECT_PEOPLE);
         let rows = rows.bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
         Ok(Page::from_rows(rows, page, |person: &PersonRecord| person.login.to_string()))
     }
@@ -127,8 +157,7 @@ impl PersonStore<'_> {
         if !scope.is_administrator() && scope.person() != Some(id) {
             return Err(not_found("person"));
         }
-        let sql = "SELECT id, login, name, role, trainee_id, created_at_ms FROM person WHERE id = $1";
-        let person = sqlx::query_as(sql).bind(id).fetch_optional(self.0.readers()).await?;
+        let person = sqlx::query_as(SELECT_PERSON).bind(id).fetch_optional(self.0.readers()).await?;
         person.ok_or(not_found("person"))
     }
 
@@ -142,13 +171,9 @@ impl PersonStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let sql = "DELETE FROM cookie_session WHERE person_id = (
-                               SELECT id FROM person WHERE id = $1 AND trainee_id IS NULL AND role <> $2)";
-                sqlx::query(sql).bind(id).bind(change.role).execute(&mut *tx).await?;
-                let sql = "UPDATE person SET login = coalesce($2, login), name = coalesce($3, name),
-                                  role = CASE WHEN trainee_id IS NULL THEN coalesce($4, role) ELSE role END
-                           WHERE id = $1 RETURNING id, login, name, role, trainee_id, created_at_ms";
-                let changed = sqlx::query_as(sql).bind(id).bind(change.login).bind(change.name).bind(change.role);
+                sqlx::query(SIGN_OUT_IF_ROLE_CHANGES).bind(id).bind(change.role).execute(&mut *tx).await?;
+                let changed =
+                    sqlx::query_as(UPDATE_PERSON).bind(id).bind(change.login).bind(change.name).bind(change.role);
                 let person = changed.fetch_optional(&mut *tx).await.map_err(taken("login"))?;
                 require_an_administrator(tx).await?;
                 note(tx, &scope, now_ms, ("change", "person"), id).await?;
@@ -163,7 +188,7 @@ impl PersonStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let deleted = sqlx::query("DELETE FROM person WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                let deleted = sqlx::query(DELETE_PERSON).bind(id).execute(&mut *tx).await?;
                 if deleted.rows_affected() == 0 {
                     return Err(not_found("person"));
                 }
@@ -182,11 +207,11 @@ impl PersonStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let set = sqlx::query("UPDATE person SET password_hash = $2 WHERE id = $1").bind(id).bind(password);
+                let set = sqlx::query(UPDATE_PASSWORD).bind(id).bind(password);
                 if set.execute(&mut *tx).await?.rows_affected() == 0 {
                     return Err(not_found("person"));
                 }
-                sqlx::query("DELETE FROM cookie_session WHERE person_id = $1").bind(id).execute(&mut *tx).await?;
+                sqlx::query(DELETE_COOKIES_OF).bind(id).execute(&mut *tx).await?;
                 note(tx, &scope, now_ms, ("set password", "person"), id).await
             })
             .await
@@ -200,22 +225,21 @@ impl PersonStore<'_> {
             person: PersonRecord,
             password_hash: PasswordHash,
         }
-        let sql = "SELECT id, login, name, role, trainee_id, created_at_ms, password_hash FROM person WHERE login = $1";
-        let row: Option<LoginRow> = sqlx::query_as(sql).bind(login).fetch_optional(self.0.readers()).await?;
+        let row: Option<LoginRow> =
+            sqlx::query_as(SELECT_BY_LOGIN).bind(login).fetch_optional(self.0.readers()).await?;
         Ok(row.map(|row| (row.person, row.password_hash)))
     }
 
     /// The number of accounts: 0 at the first start.
     pub async fn count(&self) -> StoreResult<i64> {
-        Ok(sqlx::query_scalar("SELECT count(*) FROM person").fetch_one(self.0.readers()).await?)
+        Ok(sqlx::query_scalar(COUNT_PEOPLE).fetch_one(self.0.readers()).await?)
     }
 }
 
 /// Refuses a second account for a trainee. The check comes before the insert, since SQLite does not say which key an
 /// insert violated.
 async fn refuse_second_account(tx: &mut sqlx::SqliteConnection, trainee: Option<TraineeId>) -> StoreResult<()> {
-    let sql = "SELECT id FROM person WHERE trainee_id = $1";
-    let existing: Option<String> = sqlx::query_scalar(sql).bind(trainee).fetch_optional(tx).await?;
+    let existing: Option<String> = sqlx::query_scalar(SELECT_ACCOUNT_OF).bind(trainee).fetch_optional(tx).await?;
     existing.map_or(Ok(()), |id| Err(StoreError::Taken { what: "trainee's account", existing: Some(id) }))
 }
 
@@ -227,7 +251,6 @@ fn taken_or_missing(error: sqlx::Error) -> StoreError {
 }
 
 async fn require_an_administrator(tx: &mut sqlx::SqliteConnection) -> StoreResult<()> {
-    let sql = "SELECT count(*) FROM person WHERE role = 'administrator'";
-    let left: i64 = sqlx::query_scalar(sql).fetch_one(tx).await?;
+    let left: i64 = sqlx::query_scalar(COUNT_ADMINISTRATORS).fetch_one(tx).await?;
     if left > 0 { Ok(()) } else { Err(StoreError::refused("this is the last administrator: create another one first")) }
 }

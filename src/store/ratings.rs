@@ -10,8 +10,7 @@ use sqlx::types::Json;
 
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found};
-use super::sessions::counts;
-use super::visibility::{BindScope, require_staff, sees_trainee};
+use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store};
 use crate::domain::feature::FeatureKey;
 use crate::domain::rating::{ItemMark, RatingForm};
@@ -101,24 +100,57 @@ type RatedValueRow = (ResultId, String, Option<String>, FeatureSpace, f64);
 
 /// Selects the latest blind rating on form `$4` by each rater of each session of task `$3` that is not set aside;
 /// newest sessions first, at most `$5`.
-macro_rules! given {
-    () => {
-        concat!(
-            "SELECT session.id, session.recorded_at_ms, session.trainee_id, rating.person_id, rating.items
-             FROM session CROSS JOIN rating ON rating.session_id = session.id AND rating.form = $4
-             WHERE session.task_id = $3 AND rating.is_blind = 1 AND rating.person_id IS NOT NULL AND ",
-            counts!(),
-            " AND ",
-            sees_trainee!("session.trainee_id"),
-            " AND rating.form_version = (SELECT max(form_version) FROM rating AS any WHERE any.form = $4)
-              AND NOT EXISTS (SELECT 1 FROM rating AS later
-                              WHERE later.session_id = rating.session_id AND later.form = rating.form
-                              AND later.person_id = rating.person_id AND later.is_blind = 1
-                              AND (later.created_at_ms, later.rowid) > (rating.created_at_ms, rating.rowid))
-             ORDER BY session.recorded_at_ms DESC, session.id DESC, rating.id LIMIT $5"
-        )
-    };
-}
+const SELECT_BLIND_RATINGS: &str = "
+    SELECT session.id, session.recorded_at_ms, session.trainee_id, rating.person_id, rating.items
+    FROM session CROSS JOIN rating ON rating.session_id = session.id AND rating.form = $4
+    WHERE session.task_id = $3 AND rating.is_blind = 1 AND rating.person_id IS NOT NULL
+      AND NOT EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id)
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND rating.form_version = (SELECT max(form_version) FROM rating AS any WHERE any.form = $4)
+      AND NOT EXISTS (SELECT 1 FROM rating AS later
+                      WHERE later.session_id = rating.session_id AND later.form = rating.form
+                      AND later.person_id = rating.person_id AND later.is_blind = 1
+                      AND (later.created_at_ms, later.rowid) > (rating.created_at_ms, rating.rowid))
+    ORDER BY session.recorded_at_ms DESC, session.id DESC, rating.id LIMIT $5";
+
+/// Selects the current results of those of the sessions `$3` (a JSON array) that count, were tracked here and were not
+/// refused.
+const SELECT_RATED_RESULTS: &str = "
+    SELECT session.result_id, session.id, trainee.handedness, session.pipeline, session.calibration_id
+    FROM assessed_session AS session JOIN trainee ON trainee.id = session.trainee_id
+    WHERE session.id IN (SELECT value FROM json_each($3))
+      AND session.verdict IS NOT 'refused' AND session.calibration_id IS NOT NULL
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))";
+
+/// Adds rating `$1` of session `$2` by person `$3`, unless they have given `$8`. It is blind unless the rater could
+/// have read another person's rating on a form that both used, or, having rated before, another staff member's comment.
+const INSERT_RATING: &str = "
+    INSERT INTO rating (id, session_id, person_id, form, form_version, items, is_blind, created_at_ms)
+    SELECT $1, $2, $3, $4, $5, $6,
+           NOT EXISTS (SELECT 1 FROM rating AS own
+                       JOIN rating AS other ON other.session_id = own.session_id AND other.form = own.form
+                            AND other.person_id IS NOT own.person_id
+                       WHERE own.session_id = $2 AND own.person_id = $3)
+           AND NOT (EXISTS (SELECT 1 FROM rating WHERE session_id = $2 AND person_id = $3)
+                    AND EXISTS (SELECT 1 FROM comment LEFT JOIN person ON person.id = comment.person_id
+                                WHERE session_id = $2 AND person_id IS NOT $3
+                                      AND coalesce(person.role, 'instructor') <> 'trainee')),
+           $7
+    WHERE (SELECT count(*) FROM rating WHERE session_id = $2 AND person_id = $3) < $8";
+
+const SELECT_RATINGS: &str = "
+    SELECT rating.id, rating.person_id, person.name AS who, form, form_version, items, is_blind,
+           rating.created_at_ms
+    FROM rating LEFT JOIN person ON person.id = rating.person_id
+    WHERE $1 <> 'agent' AND session_id = $3 ORDER BY rating.created_at_ms DESC, rating.rowid DESC LIMIT $4";
+
+const SELECT_HAS_RATED: &str = "SELECT EXISTS (SELECT 1 FROM rating WHERE session_id = $1 AND person_id = $2)";
+
+const SELECT_VALUES: &str = "
+    SELECT result_id, name, tool, space, value FROM feature
+    WHERE result_id IN (SELECT value FROM json_each($1)) AND value IS NOT NULL";
 
 impl RatingStore<'_> {
     /// Adds a rating to a session. An earlier one by the same rater on the same form is kept but no longer counts.
@@ -135,21 +167,7 @@ impl RatingStore<'_> {
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), RatingId::at(self.0.now_ms()));
         self.0
             .write(async move |tx| {
-                let insert = sqlx::query(
-                    "INSERT INTO rating (id, session_id, person_id, form, form_version, items, is_blind, created_at_ms)
-                     SELECT $1, $2, $3, $4, $5, $6,
-                            NOT EXISTS (SELECT 1 FROM rating AS own
-                                        JOIN rating AS other ON other.session_id = own.session_id
-                                        AND other.form = own.form
-                                             AND other.person_id IS NOT own.person_id
-                                        WHERE own.session_id = $2 AND own.person_id = $3)
-                            AND NOT (EXISTS (SELECT 1 FROM rating WHERE session_id = $2 AND person_id = $3)
-                                     AND EXISTS (SELECT 1 FROM comment LEFT JOIN person ON person.id = comment.person_id
-                                                 WHERE session_id = $2 AND person_id IS NOT $3
-                                                       AND coalesce(person.role, 'instructor') <> 'trainee')),
-                            $7
-                     WHERE (SELECT count(*) FROM rating WHERE session_id = $2 AND person_id = $3) < $8",
-                );
+                let insert = sqlx::query(INSERT_RATING);
                 let insert = insert.bind(id).bind(session).bind(person).bind(form).bind(version).bind(Json(marks));
                 let insert =
                     insert.bind(now_ms).bind(MAX_PER_RATER).execute(&mut *tx).await.map_err(missing("session"))?;
@@ -170,13 +188,7 @@ impl RatingStore<'_> {
     /// The ratings of a session that the caller may see.
     pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<VisibleRatings> {
         self.0.sessions().get(scope, session).await?;
-        let rows = sqlx::query_as(
-            "SELECT rating.id, rating.person_id, person.name AS who, form, form_version, items, is_blind,
-             rating.created_at_ms
-             FROM rating LEFT JOIN person ON person.id = rating.person_id
-             WHERE $1 <> 'agent' AND session_id = $3
-             ORDER BY rating.created_at_ms DESC, rating.rowid DESC LIMIT $4",
-        );
+        let rows = sqlx::query_as(SELECT_RATINGS);
         let rows = rows.bind_scope(scope).bind(session).bind(MAX_READ);
         let mut rows: Vec<RatingRecord> = rows.fetch_all(self.0.readers()).await?;
         let mut met = HashSet::new();
@@ -190,15 +202,14 @@ impl RatingStore<'_> {
 
     /// True if the caller has rated this session on any form.
     pub async fn has_rated(&self, scope: &Scope, session: SessionId) -> StoreResult<bool> {
-        let sql = "SELECT EXISTS (SELECT 1 FROM rating WHERE session_id = $1 AND person_id = $2)";
-        Ok(sqlx::query_scalar(sql).bind(session).bind(scope.person()).fetch_one(self.0.readers()).await?)
+        Ok(sqlx::query_scalar(SELECT_HAS_RATED).bind(session).bind(scope.person()).fetch_one(self.0.readers()).await?)
     }
 
     /// The blind ratings on a form of the task's sessions in the scope: the latest of each rater, newest sessions
     /// first.
     pub async fn given(&self, scope: &Scope, task: TaskId, form: RatingForm) -> StoreResult<Vec<GivenRating>> {
         require_staff(scope, "the agreement of raters")?;
-        let rows = sqlx::query_as::<_, GivenRow>(given!());
+        let rows = sqlx::query_as::<_, GivenRow>(SELECT_BLIND_RATINGS);
         let rows = rows.bind_scope(scope).bind(task).bind(form).bind(MAX_RATINGS).fetch_all(self.0.readers()).await?;
         let given = |(session, recorded_at_ms, trainee, rater, Json(items))| GivenRating {
             session,
@@ -214,24 +225,10 @@ impl RatingStore<'_> {
     /// or measured by another program are left out.
     pub async fn values(&self, scope: &Scope, sessions: &[SessionId]) -> StoreResult<Vec<SessionValue>> {
         require_staff(scope, "the correlation of ratings with features")?;
-        let results = sqlx::query_as::<_, RatedResultRow>(concat!(
-            "SELECT result.id, session.id, trainee.handedness, result.pipeline, result.calibration_id
-             FROM session JOIN trainee ON trainee.id = session.trainee_id
-             JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
-                                         ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
-             WHERE session.id IN (SELECT value FROM json_each($3))
-               AND json_extract(result.quality, '$.verdict') IS NOT 'refused'
-               AND result.calibration_id IS NOT NULL AND ",
-            counts!(),
-            " AND ",
-            sees_trainee!("session.trainee_id")
-        ));
+        let results = sqlx::query_as::<_, RatedResultRow>(SELECT_RATED_RESULTS);
         let results = results.bind_scope(scope).bind(Json(sessions)).fetch_all(self.0.readers()).await?;
         let ids: Vec<ResultId> = results.iter().map(|row| row.0).collect();
-        let rows = sqlx::query_as::<_, RatedValueRow>(
-            "SELECT result_id, name, tool, space, value FROM feature
-             WHERE result_id IN (SELECT value FROM json_each($1)) AND value IS NOT NULL",
-        );
+        let rows = sqlx::query_as::<_, RatedValueRow>(SELECT_VALUES);
         let rows = rows.bind(Json(ids)).fetch_all(self.0.readers()).await?;
         let results: std::collections::HashMap<ResultId, RatedResultRow> =
             results.into_iter().map(|row| (row.0, row)).collect();

@@ -53,26 +53,82 @@ pub struct ResultComparison {
 
 /// Inserts the sessions of task `$2` for order `$1`: those that have a result and, if `$5`, one of another version than
 /// `$3`. `$4` is true if they are tracked anew.
-const INSERT_ITEMS: &str = "INSERT INTO rescoring_item (rescoring_id, session_id, old_result_id, state)
-     SELECT $1, session.id, result.id, 'waiting' FROM session
-     JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
-                                 ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
-     JOIN job ON job.id = (SELECT latest.id FROM job AS latest
-                           WHERE latest.session_id = session.id AND latest.turn < 2
-                           ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
-     WHERE session.task_id = $2 AND job.state = 'done' AND (NOT $4 OR session.tracker IS NULL)
-       AND (NOT $5 OR CASE WHEN $4 THEN coalesce(result.tracked_with, result.pipeline) ELSE result.pipeline END
-                      <> CASE WHEN session.tracker IS NULL THEN $3 ELSE $3 || ' on rows by ' || session.tracker END)";
+const INSERT_ITEMS: &str = "
+    INSERT INTO rescoring_item (rescoring_id, session_id, old_result_id, state)
+    SELECT $1, session.id, result.id, 'waiting' FROM session
+    JOIN current_result AS result ON result.session_id = session.id
+    JOIN tracking_job AS job ON job.session_id = session.id
+    WHERE session.task_id = $2 AND job.state = 'done' AND (NOT $4 OR session.tracker IS NULL)
+      AND (NOT $5 OR CASE WHEN $4 THEN coalesce(result.tracked_with, result.pipeline) ELSE result.pipeline END
+                     <> CASE WHEN session.tracker IS NULL THEN $3 ELSE $3 || ' on rows by ' || session.tracker END)";
 
-/// Condition: the order is open although none of its sessions is.
-macro_rules! is_over {
-    () => {
-        " FROM rescoring WHERE ended_at_ms IS NULL AND NOT EXISTS
-             (SELECT 1 FROM rescoring_item WHERE rescoring_id = rescoring.id AND state IN ('waiting', 'working'))"
-    };
-}
+/// Selects at most `$1` waiting sessions, those of the oldest order first.
+const SELECT_WAITING: &str = "
+    SELECT item.rescoring_id, item.session_id, rescoring.source
+    FROM rescoring JOIN rescoring_item AS item ON item.rescoring_id = rescoring.id AND item.state = 'waiting'
+    WHERE rescoring.ended_at_ms IS NULL ORDER BY rescoring.id, item.session_id LIMIT $1";
+
+/// Selects at most `$1` sessions whose job has ended, with the result that is current now.
+const SELECT_ENDED: &str = "
+    SELECT item.rescoring_id, item.session_id, item.old_result_id,
+           coalesce(item.new_result_id, (SELECT id FROM current_result WHERE session_id = item.session_id)),
+           job.state, job.problem, rescoring.standard_id
+    FROM rescoring JOIN rescoring_item AS item ON item.rescoring_id = rescoring.id AND item.state = 'working'
+    LEFT JOIN job ON job.id = item.job_id
+    WHERE rescoring.ended_at_ms IS NULL AND (job.id IS NULL OR job.state IN ('done', 'failed', 'quarantined'))
+    LIMIT $1";
+
+const SELECT_COMPLETED: &str = "SELECT id FROM completed_rescoring";
+
+const END_COMPLETED: &str = "
+    UPDATE rescoring SET ended_at_ms = $1 WHERE id IN (SELECT id FROM completed_rescoring)";
+
 type EndedRow =
     (RescoringId, SessionId, ResultId, Option<ResultId>, Option<JobState>, Option<Json<Problem>>, Option<StandardId>);
+
+const SELECT_IS_OPEN: &str = "SELECT EXISTS (SELECT 1 FROM rescoring WHERE task_id = $1 AND ended_at_ms IS NULL)";
+
+const INSERT_RESCORING: &str = "
+    INSERT INTO rescoring (id, task_id, source, only_older, pipeline, standard_id, person_id, created_at_ms)
+    VALUES ($1, $2, $3, $4, $5,
+            (SELECT id FROM standard WHERE task_id = $2 ORDER BY version DESC LIMIT 1), $6, $7)";
+
+const CANCEL_RESCORING: &str = "UPDATE rescoring SET cancelled_at_ms = $2 WHERE id = $1 AND ended_at_ms IS NULL";
+
+const SELECT_RESCORING: &str = "SELECT 1 FROM rescoring WHERE id = $1";
+
+const CANCEL_WAITING: &str = "
+    UPDATE rescoring_item SET state = 'cancelled' WHERE rescoring_id = $1 AND state = 'waiting'";
+
+const CANCEL_QUEUED: &str = "
+    UPDATE rescoring_item
+    SET state = 'cancelled'
+    WHERE rescoring_id = $1 AND state = 'working'
+      AND job_id IN (SELECT id FROM job WHERE state = 'queued' AND turn = 2)";
+
+const DELETE_CANCELLED_JOBS: &str = "
+    DELETE FROM job
+    WHERE state = 'queued' AND turn = 2
+      AND id IN (SELECT job_id FROM rescoring_item WHERE rescoring_id = $1 AND state = 'cancelled')";
+
+const COUNT_WORKING: &str = "
+    SELECT count(*) FROM rescoring_item
+    JOIN rescoring ON rescoring.id = rescoring_id
+    WHERE rescoring.ended_at_ms IS NULL AND rescoring_item.state = 'working'";
+
+const START_ITEM: &str = "
+    UPDATE rescoring_item SET state = 'working', job_id = $3 WHERE rescoring_id = $1 AND session_id = $2";
+
+const FAIL_ITEM: &str = "
+    UPDATE rescoring_item
+    SET state = 'failed', problem = $3
+    WHERE rescoring_id = $1 AND session_id = $2 AND state = 'working'";
+
+const FINISH_ITEM: &str = "
+    UPDATE rescoring_item
+    SET state = 'done', new_result_id = $3, judged_before = $4, judged_after = $5, judgement_changed = $6,
+        features_apart = $7, features_changed = $8
+    WHERE rescoring_id = $1 AND session_id = $2 AND state = 'working'";
 
 impl RescoringStore<'_> {
     /// Creates an order to score a task's sessions again. A task can have only one open order.
@@ -81,19 +137,13 @@ impl RescoringStore<'_> {
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), RescoringId::at(self.0.now_ms()));
         self.0
             .write(async move |tx| {
-                let sql = "SELECT EXISTS (SELECT 1 FROM rescoring WHERE task_id = $1 AND ended_at_ms IS NULL)";
-                if sqlx::query_scalar(sql).bind(task).fetch_one(&mut *tx).await? {
+                if sqlx::query_scalar(SELECT_IS_OPEN).bind(task).fetch_one(&mut *tx).await? {
                     return Err(StoreError::refused(
                         "a rescoring of this task is running: wait until it ends, or cancel it",
                     ));
                 }
                 let from_recording = new.from == RescoringSource::Recording;
-                let insert = sqlx::query(
-                    "INSERT INTO rescoring (id, task_id, source, only_older, pipeline, standard_id, person_id,
-                     created_at_ms)
-                     VALUES ($1, $2, $3, $4, $5,
-                             (SELECT id FROM standard WHERE task_id = $2 ORDER BY version DESC LIMIT 1), $6, $7)",
-                );
+                let insert = sqlx::query(INSERT_RESCORING);
                 let insert =
                     insert.bind(id).bind(task).bind(new.from.name()).bind(new.which == RescoringSelection::Older);
                 insert.bind(PIPELINE_VERSION).bind(by.person()).bind(now_ms).execute(&mut *tx).await?;
@@ -113,21 +163,13 @@ impl RescoringStore<'_> {
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let sql = "UPDATE rescoring SET cancelled_at_ms = $2 WHERE id = $1 AND ended_at_ms IS NULL";
-                if sqlx::query(sql).bind(id).bind(now_ms).execute(&mut *tx).await?.rows_affected() == 0 {
-                    let sql = "SELECT 1 FROM rescoring WHERE id = $1";
-                    let found: Option<i64> = sqlx::query_scalar(sql).bind(id).fetch_optional(&mut *tx).await?;
+                if sqlx::query(CANCEL_RESCORING).bind(id).bind(now_ms).execute(&mut *tx).await?.rows_affected() == 0 {
+                    let found: Option<i64> =
+                        sqlx::query_scalar(SELECT_RESCORING).bind(id).fetch_optional(&mut *tx).await?;
                     return found.map(drop).ok_or(not_found("rescoring")); // it has ended: nothing to cancel
                 }
-                for sql in [
-                    "UPDATE rescoring_item SET state = 'cancelled' WHERE rescoring_id = $1 AND state = 'waiting'",
-                    "UPDATE rescoring_item SET state = 'cancelled'
-                     WHERE rescoring_id = $1 AND state = 'working' AND job_id IN
-                         (SELECT id FROM job WHERE state = 'queued' AND turn = 2)",
-                    "DELETE FROM job WHERE state = 'queued' AND turn = 2 AND id IN
-                         (SELECT job_id FROM rescoring_item WHERE rescoring_id = $1 AND state = 'cancelled')",
-                ] {
-                    sqlx::query(sql).bind(id).execute(&mut *tx).await?;
+                for statement in [CANCEL_WAITING, CANCEL_QUEUED, DELETE_CANCELLED_JOBS] {
+                    sqlx::query(statement).bind(id).execute(&mut *tx).await?;
                 }
                 note(tx, &by, now_ms, ("cancel", "rescoring"), id).await
             })
@@ -142,9 +184,7 @@ impl RescoringStore<'_> {
         }
         self.0
             .write(async move |tx| {
-                let sql = "SELECT count(*) FROM rescoring_item JOIN rescoring ON rescoring.id = rescoring_id
-                           WHERE rescoring.ended_at_ms IS NULL AND rescoring_item.state = 'working'";
-                let working: i64 = sqlx::query_scalar(sql).fetch_one(&mut *tx).await?;
+                let working: i64 = sqlx::query_scalar(COUNT_WORKING).fetch_one(&mut *tx).await?;
                 let room = i64::from(open) - working;
                 let waiting: Vec<(RescoringId, SessionId, String)> =
                     sqlx::query_as(SELECT_WAITING).bind(room.max(0)).fetch_all(&mut *tx).await?;
@@ -157,10 +197,7 @@ impl RescoringStore<'_> {
                     };
                     // Without a job the item is settled as having lost its job: the box has no camera or colours any
                     // more.
-                    let update = sqlx::query(
-                        "UPDATE rescoring_item SET state = 'working', job_id = $3 \
-                         WHERE rescoring_id = $1 AND session_id = $2",
-                    );
+                    let update = sqlx::query(START_ITEM);
                     update.bind(rescoring).bind(session).bind(job).execute(&mut *tx).await?;
                 }
                 Ok(waiting.len())
@@ -174,17 +211,7 @@ impl RescoringStore<'_> {
 
     /// Sessions whose job has ended but that are not settled yet.
     pub async fn ended(&self, most: u32) -> StoreResult<Vec<EndedItem>> {
-        let rows = sqlx::query_as::<_, EndedRow>(
-            "SELECT item.rescoring_id, item.session_id, item.old_result_id,
-                    coalesce(item.new_result_id,
-                             (SELECT latest.id FROM result AS latest WHERE latest.session_id = item.session_id
-                              ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)),
-                    job.state, job.problem, rescoring.standard_id
-             FROM rescoring JOIN rescoring_item AS item ON item.rescoring_id = rescoring.id AND item.state = 'working'
-             LEFT JOIN job ON job.id = item.job_id
-             WHERE rescoring.ended_at_ms IS NULL AND (job.id IS NULL OR job.state IN ('done', 'failed', 'quarantined'))
-             LIMIT $1",
-        );
+        let rows = sqlx::query_as::<_, EndedRow>(SELECT_ENDED);
         let rows = rows.bind(most).fetch_all(self.0.readers()).await?;
         let item = |(rescoring, session, old_result, latest, state, problem, standard): EndedRow| {
             let new_result = match (state, latest) {
@@ -202,29 +229,18 @@ impl RescoringStore<'_> {
         self.0
             .write(async move |tx| {
                 let update = match outcome {
-                    Err(problem) => sqlx::query(
-                        "UPDATE rescoring_item SET state = 'failed', problem = $3
-                         WHERE rescoring_id = $1 AND session_id = $2 AND state = 'working'",
-                    )
-                    .bind(rescoring)
-                    .bind(session)
-                    .bind(Json(problem)),
+                    Err(problem) => sqlx::query(FAIL_ITEM).bind(rescoring).bind(session).bind(Json(problem)),
                     Ok(ResultComparison { new_result, judged, apart, changed }) => {
                         let [before, after] = judged.map_or([None; 2], |judged| judged.map(Some));
-                        sqlx::query(
-                            "UPDATE rescoring_item SET state = 'done', new_result_id = $3, judged_before = $4,
-                                    judged_after = $5, judgement_changed = $6, features_apart = $7,
-                                    features_changed = $8
-                             WHERE rescoring_id = $1 AND session_id = $2 AND state = 'working'",
-                        )
-                        .bind(rescoring)
-                        .bind(session)
-                        .bind(new_result)
-                        .bind(before)
-                        .bind(after)
-                        .bind(before != after)
-                        .bind(integer(apart))
-                        .bind(integer(changed))
+                        sqlx::query(FINISH_ITEM)
+                            .bind(rescoring)
+                            .bind(session)
+                            .bind(new_result)
+                            .bind(before)
+                            .bind(after)
+                            .bind(before != after)
+                            .bind(integer(apart))
+                            .bind(integer(changed))
                     }
                 };
                 update.execute(tx).await?;
@@ -235,23 +251,16 @@ impl RescoringStore<'_> {
 
     /// Ends the orders without waiting or running sessions.
     pub async fn end_completed(&self) -> StoreResult<()> {
-        let open: Vec<RescoringId> =
-            sqlx::query_scalar(concat!("SELECT id", is_over!())).fetch_all(self.0.readers()).await?;
+        let open: Vec<RescoringId> = sqlx::query_scalar(SELECT_COMPLETED).fetch_all(self.0.readers()).await?;
         if open.is_empty() {
             return Ok(());
         }
         let now_ms = self.0.now_ms();
         self.0
             .write(async move |tx| {
-                let sql = concat!("UPDATE rescoring SET ended_at_ms = $1 WHERE id IN (SELECT id", is_over!(), ")");
-                sqlx::query(sql).bind(now_ms).execute(tx).await?;
+                sqlx::query(END_COMPLETED).bind(now_ms).execute(tx).await?;
                 Ok(())
             })
             .await
     }
 }
-
-/// Selects at most `$1` waiting sessions, those of the oldest order first.
-const SELECT_WAITING: &str = "SELECT item.rescoring_id, item.session_id, rescoring.source
-     FROM rescoring JOIN rescoring_item AS item ON item.rescoring_id = rescoring.id AND item.state = 'waiting'
-     WHERE rescoring.ended_at_ms IS NULL ORDER BY rescoring.id, item.session_id LIMIT $1";

@@ -5,7 +5,7 @@ use sqlx::types::Json;
 
 use super::error::{StoreResult, missing};
 use super::page::{Page, PageRequest};
-use super::visibility::{BindScope, sees_box};
+use super::visibility::BindScope;
 use super::{Scope, Store};
 use crate::domain::self_test::{NewSelfTest, SelfTestReport, TrafficLight};
 use crate::ids::{BoxId, CalibrationId, PaletteId, SelfTestId};
@@ -47,17 +47,27 @@ pub struct SelfTestLight {
     pub created_at_ms: i64,
 }
 
+const SELECT_SELF_TESTS: &str = "
+    SELECT self_test.id, box_id, calibration_id, palette_id, person.name AS who, light, report,
+           self_test.created_at_ms
+    FROM self_test
+    LEFT JOIN person ON person.id = self_test.person_id
+    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) AND ($4 IS NULL OR self_test.id < $4)
+    ORDER BY self_test.id DESC LIMIT $5";
+
+const SELECT_LATEST_LIGHT: &str = "
+    SELECT id, light, created_at_ms FROM self_test
+    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY id DESC LIMIT 1";
+
+const INSERT_SELF_TEST: &str = "
+    INSERT INTO self_test (id, box_id, calibration_id, palette_id, person_id, pipeline, light, report,
+        created_at_ms)
+    VALUES ($1, $2, $3, $4, (SELECT id FROM person WHERE id = $5), $6, $7, $8, $9)";
+
 impl SelfTestStore<'_> {
     /// A box's self-tests, newest first.
     pub async fn list(&self, scope: &Scope, of: BoxId, page: &PageRequest) -> StoreResult<Page<SelfTestRecord>> {
-        let rows = sqlx::query_as(concat!(
-            "SELECT self_test.id, box_id, calibration_id, palette_id, person.name AS who, light, report,
-                    self_test.created_at_ms
-             FROM self_test LEFT JOIN person ON person.id = self_test.person_id
-             WHERE box_id = $3 AND ",
-            sees_box!("box_id"),
-            " AND ($4 IS NULL OR self_test.id < $4) ORDER BY self_test.id DESC LIMIT $5"
-        ));
+        let rows = sqlx::query_as(SELECT_SELF_TESTS);
         let rows = rows.bind_scope(scope).bind(of).bind(page.after()).bind(page.row_limit());
         let rows = rows.fetch_all(self.0.readers()).await?;
         Ok(Page::from_rows(rows, page, |test: &SelfTestRecord| test.id.to_string()))
@@ -65,11 +75,7 @@ impl SelfTestStore<'_> {
 
     /// The light of the latest self-test, if it was made since `since_ms`, epoch ms.
     pub async fn light_since(&self, scope: &Scope, of: BoxId, since_ms: i64) -> StoreResult<Option<SelfTestLight>> {
-        let row = sqlx::query_as(concat!(
-            "SELECT id, light, created_at_ms FROM self_test WHERE box_id = $3 AND ",
-            sees_box!("box_id"),
-            " ORDER BY id DESC LIMIT 1"
-        ));
+        let row = sqlx::query_as(SELECT_LATEST_LIGHT);
         let last: Option<SelfTestLight> = row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?;
         Ok(last.filter(|test| test.created_at_ms >= since_ms))
     }
@@ -77,11 +83,7 @@ impl SelfTestStore<'_> {
 
 /// Inserts a box's next self-test.
 pub(super) async fn insert(tx: &mut SqliteConnection, of: BoxId, new: NewSelfTest, now_ms: i64) -> StoreResult<()> {
-    let insert = sqlx::query(
-        "INSERT INTO self_test (id, box_id, calibration_id, palette_id, person_id, pipeline, light, report,
-         created_at_ms)
-         VALUES ($1, $2, $3, $4, (SELECT id FROM person WHERE id = $5), $6, $7, $8, $9)",
-    );
+    let insert = sqlx::query(INSERT_SELF_TEST);
     let insert = insert.bind(SelfTestId::at(now_ms)).bind(of).bind(new.calibration).bind(new.palette).bind(new.person);
     let insert = insert.bind(PIPELINE_VERSION).bind(new.report.light).bind(Json(new.report)).bind(now_ms);
     insert.execute(tx).await.map_err(missing("box")).map(drop)

@@ -8,7 +8,6 @@ use sqlx::types::Json;
 
 use super::audit::note;
 use super::error::{StoreError, StoreResult, not_found};
-use super::sessions::counts;
 use super::visibility::{BindScope, require_administrator};
 use super::{Scope, Store};
 use crate::domain::session::FeatureSpace;
@@ -74,43 +73,57 @@ pub struct DeclaredSession {
     pub readings: Vec<Reading>,
 }
 
-/// Selects [`SkillModelRecord`]s.
-macro_rules! select_models {
-    () => {
-        "SELECT skill_model.id, task_id, version, pipeline, fingerprint, definition, report, person.name AS who,
-                skill_model.created_at_ms, withdrawn_at_ms
-         FROM skill_model LEFT JOIN person ON person.id = skill_model.person_id
-         WHERE task_id = $3 AND $1 <> 'agent' AND ($4 IS NULL OR version = $4) ORDER BY version DESC LIMIT $5"
-    };
-}
+/// Selects the last `$5` versions of the model of task `$3`, or version `$4` only.
+const SELECT_MODELS: &str = "
+    SELECT skill_model.id, task_id, version, pipeline, fingerprint, definition, report, person.name AS who,
+           skill_model.created_at_ms, withdrawn_at_ms
+    FROM skill_model LEFT JOIN person ON person.id = skill_model.person_id
+    WHERE task_id = $3 AND $1 <> 'agent' AND ($4 IS NULL OR version = $4) ORDER BY version DESC LIMIT $5";
 
 /// Selects usable sessions of task `$1` by people of a declared level, measured by version `$2`: the last `$3` of each
 /// person, for the `$4` people of each level who practised last.
-macro_rules! declared {
-    () => {
-        concat!(
-            "WITH usable AS (
-             SELECT trainee.id AS trainee_id, trainee.level, result.id AS result_id,
-                    json_array_length(result.tools) AS tools,
-                    row_number() OVER (PARTITION BY trainee.id
-                        ORDER BY session.recorded_at_ms DESC, session.id DESC) AS back,
-                    max(session.recorded_at_ms) OVER (PARTITION BY trainee.id) AS last_ms
-             FROM session JOIN trainee ON trainee.id = session.trainee_id
-             JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
-                                         ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
-             WHERE session.task_id = $1 AND trainee.level IS NOT NULL AND result.pipeline = $2
-               AND coalesce(json_extract(result.quality, '$.verdict'), '') <> 'refused' AND ",
-            counts!(),
-            "),
-         ranked AS (
-             SELECT *, dense_rank() OVER (PARTITION BY level ORDER BY last_ms DESC, trainee_id) AS place
-             FROM usable WHERE back <= $3)
-         SELECT trainee_id, level, tools, result_id FROM ranked WHERE place <= $4 ORDER BY trainee_id, back"
-        )
-    };
-}
+const SELECT_DECLARED: &str = "
+    WITH usable AS (
+        SELECT trainee.id AS trainee_id, trainee.level, session.result_id, json_array_length(session.tools) AS tools,
+               row_number() OVER (PARTITION BY trainee.id
+                   ORDER BY session.recorded_at_ms DESC, session.id DESC) AS back,
+               max(session.recorded_at_ms) OVER (PARTITION BY trainee.id) AS last_ms
+        FROM assessed_session AS session JOIN trainee ON trainee.id = session.trainee_id
+        WHERE session.task_id = $1 AND trainee.level IS NOT NULL AND session.pipeline = $2
+          AND coalesce(session.verdict, '') <> 'refused'),
+    ranked AS (
+        SELECT *, dense_rank() OVER (PARTITION BY level ORDER BY last_ms DESC, trainee_id) AS place
+        FROM usable WHERE back <= $3)
+    SELECT trainee_id, level, tools, result_id FROM ranked WHERE place <= $4 ORDER BY trainee_id, back";
 
 type DeclaredFeatureRow = (ResultId, String, Option<String>, FeatureSpace, Option<f64>, Option<f64>, Option<f64>);
+
+const INSERT_MODEL: &str = "
+    INSERT INTO skill_model (id, task_id, version, pipeline, fingerprint, definition, report, person_id,
+        created_at_ms)
+    SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM skill_model
+    WHERE task_id = $2";
+
+const INSERT_MODEL_TRAINEE: &str = "INSERT INTO skill_model_trainee (model_id, trainee_id) VALUES ($1, $2)";
+
+const SELECT_IS_TRAINED_ON: &str = "
+    SELECT EXISTS (SELECT 1 FROM skill_model_trainee WHERE model_id = $1 AND trainee_id = $2)";
+
+const SELECT_READINGS: &str = "
+    SELECT result_id, name, tool, space, value, low, high FROM feature
+    WHERE result_id IN (SELECT value FROM json_each($1)) AND space = '3d' ORDER BY result_id, position";
+
+const WITHDRAW_MODELS_OF_TRAINEE: &str = "
+    UPDATE skill_model
+    SET definition = NULL, withdrawn_at_ms = $2
+    WHERE definition IS NOT NULL AND id IN (SELECT model_id FROM skill_model_trainee WHERE trainee_id = $1)";
+
+const WITHDRAW_MODELS_OF_SESSION: &str = "
+    UPDATE skill_model
+    SET definition = NULL, withdrawn_at_ms = $2
+    WHERE definition IS NOT NULL AND task_id = (SELECT task_id FROM session WHERE id = $1)
+      AND id IN (SELECT model_id FROM skill_model_trainee
+                 WHERE trainee_id = (SELECT trainee_id FROM session WHERE id = $1))";
 
 impl SkillModelStore<'_> {
     /// Adds a task's next version. If the version in use is identical, that one is returned.
@@ -125,18 +138,13 @@ impl SkillModelStore<'_> {
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), ModelId::at(self.0.now_ms()));
         self.0
             .write(async move |tx| {
-                let insert = sqlx::query(
-                    "INSERT INTO skill_model (id, task_id, version, pipeline, fingerprint, definition, report,
-                     person_id, created_at_ms)
-                     SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM skill_model
-                     WHERE task_id = $2",
-                );
+                let insert = sqlx::query(INSERT_MODEL);
                 let insert =
                     insert.bind(id).bind(of).bind(new.pipeline).bind(new.fingerprint).bind(Json(new.definition));
                 let insert = insert.bind(Json(new.report)).bind(by.person()).bind(now_ms);
                 insert.execute(&mut *tx).await.map_err(super::error::missing("task"))?;
                 for trainee in new.trainees {
-                    let link = sqlx::query("INSERT INTO skill_model_trainee (model_id, trainee_id) VALUES ($1, $2)");
+                    let link = sqlx::query(INSERT_MODEL_TRAINEE);
                     link.bind(id).bind(trainee).execute(&mut *tx).await.map_err(erased_meanwhile)?;
                 }
                 note(tx, &by, now_ms, ("create", "skill_model"), id).await
@@ -147,25 +155,24 @@ impl SkillModelStore<'_> {
 
     /// The version in use, if the task has one; it may be withdrawn.
     pub async fn in_use(&self, scope: &Scope, of: TaskId) -> StoreResult<Option<SkillModelRecord>> {
-        let row = sqlx::query_as(select_models!()).bind_scope(scope).bind(of).bind(None::<i64>).bind(1);
+        let row = sqlx::query_as(SELECT_MODELS).bind_scope(scope).bind(of).bind(None::<i64>).bind(1);
         Ok(row.fetch_optional(self.0.readers()).await?)
     }
 
     /// One version.
     pub async fn get(&self, scope: &Scope, of: TaskId, version: i64) -> StoreResult<SkillModelRecord> {
-        let row = sqlx::query_as(select_models!()).bind_scope(scope).bind(of).bind(version).bind(1);
+        let row = sqlx::query_as(SELECT_MODELS).bind_scope(scope).bind(of).bind(version).bind(1);
         row.fetch_optional(self.0.readers()).await?.ok_or(not_found("model"))
     }
 
     /// True if this trainee's sessions are among its training data.
     pub async fn is_trained_on(&self, model: ModelId, trainee: TraineeId) -> StoreResult<bool> {
-        let sql = "SELECT EXISTS (SELECT 1 FROM skill_model_trainee WHERE model_id = $1 AND trainee_id = $2)";
-        Ok(sqlx::query_scalar(sql).bind(model).bind(trainee).fetch_one(self.0.readers()).await?)
+        Ok(sqlx::query_scalar(SELECT_IS_TRAINED_ON).bind(model).bind(trainee).fetch_one(self.0.readers()).await?)
     }
 
     /// The last hundred versions, newest first.
     pub async fn list(&self, scope: &Scope, of: TaskId) -> StoreResult<Vec<SkillModelRecord>> {
-        let rows = sqlx::query_as(select_models!()).bind_scope(scope).bind(of).bind(None::<i64>).bind(100);
+        let rows = sqlx::query_as(SELECT_MODELS).bind_scope(scope).bind(of).bind(None::<i64>).bind(100);
         Ok(rows.fetch_all(self.0.readers()).await?)
     }
 
@@ -179,14 +186,11 @@ impl SkillModelStore<'_> {
         sessions_each: usize,
         most_per_level: usize,
     ) -> StoreResult<Vec<DeclaredSession>> {
-        let rows = sqlx::query_as::<_, (TraineeId, Level, i64, ResultId)>(declared!());
+        let rows = sqlx::query_as::<_, (TraineeId, Level, i64, ResultId)>(SELECT_DECLARED);
         let rows = rows.bind(of).bind(pipeline).bind(sessions_each as i64).bind(most_per_level as i64);
         let rows = rows.fetch_all(self.0.readers()).await?;
         let results: Vec<ResultId> = rows.iter().map(|row| row.3).collect();
-        let values = sqlx::query_as::<_, DeclaredFeatureRow>(
-            "SELECT result_id, name, tool, space, value, low, high FROM feature
-             WHERE result_id IN (SELECT value FROM json_each($1)) AND space = '3d' ORDER BY result_id, position",
-        );
+        let values = sqlx::query_as::<_, DeclaredFeatureRow>(SELECT_READINGS);
         let mut readings: HashMap<ResultId, Vec<Reading>> = HashMap::new();
         for (result, feature, tool, space, value, low, high) in
             values.bind(Json(results)).fetch_all(self.0.readers()).await?
@@ -206,20 +210,14 @@ impl SkillModelStore<'_> {
 
 /// Withdraws the models with this person's sessions among their training data, before the person is erased.
 pub(super) async fn withdraw(tx: &mut SqliteConnection, trainee: TraineeId, now_ms: i64) -> StoreResult<()> {
-    let sql = "UPDATE skill_model SET definition = NULL, withdrawn_at_ms = $2 WHERE definition IS NOT NULL
-               AND id IN (SELECT model_id FROM skill_model_trainee WHERE trainee_id = $1)";
-    sqlx::query(sql).bind(trainee).bind(now_ms).execute(tx).await?;
+    sqlx::query(WITHDRAW_MODELS_OF_TRAINEE).bind(trainee).bind(now_ms).execute(tx).await?;
     Ok(())
 }
 
 /// Like [`withdraw`], before a session is erased: for the models of its task that were trained on this trainee's
 /// sessions, since they may include this one.
 pub(super) async fn withdraw_of_session(tx: &mut SqliteConnection, session: SessionId, now_ms: i64) -> StoreResult<()> {
-    let sql = "UPDATE skill_model SET definition = NULL, withdrawn_at_ms = $2 WHERE definition IS NOT NULL
-               AND task_id = (SELECT task_id FROM session WHERE id = $1)
-               AND id IN (SELECT model_id FROM skill_model_trainee
-                              WHERE trainee_id = (SELECT trainee_id FROM session WHERE id = $1))";
-    sqlx::query(sql).bind(session).bind(now_ms).execute(tx).await?;
+    sqlx::query(WITHDRAW_MODELS_OF_SESSION).bind(session).bind(now_ms).execute(tx).await?;
     Ok(())
 }
 

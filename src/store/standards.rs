@@ -30,16 +30,21 @@ pub struct StandardRecord {
     pub created_at_ms: i64,
 }
 
-/// Selects [`StandardRecord`]s; conditions follow.
-macro_rules! select_standards {
-    () => {
-        "SELECT standard.id, task_id, version, definition, person.name AS who, standard.created_at_ms
-         FROM standard LEFT JOIN person ON person.id = standard.person_id WHERE task_id = $3 AND $1 <> 'agent'
-         ORDER BY version DESC LIMIT $4"
-    };
-}
-#[cfg(test)]
-pub(super) use select_standards; // for the test of its query plan
+pub(super) const SELECT_STANDARDS: &str = "
+    SELECT * FROM standard_record WHERE task_id = $3 AND $1 <> 'agent' ORDER BY version DESC LIMIT $4";
+
+const SELECT_STANDARDS_IN_USE: &str = "
+    SELECT * FROM standard_record
+    WHERE task_id IN (SELECT value FROM json_each($3)) AND $1 <> 'agent'
+      AND version = (SELECT max(latest.version) FROM standard AS latest
+                     WHERE latest.task_id = standard_record.task_id)";
+
+const SELECT_STANDARD: &str = "SELECT * FROM standard_record WHERE id = $3 AND $1 <> 'agent'";
+
+const INSERT_STANDARD: &str = "
+    INSERT INTO standard (id, task_id, version, definition, person_id, created_at_ms)
+    SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5 FROM standard
+    WHERE task_id = $2";
 
 impl StandardStore<'_> {
     /// Adds a task's next version. If the version in use has the same definition, that one is returned.
@@ -51,10 +56,7 @@ impl StandardStore<'_> {
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), StandardId::at(self.0.now_ms()));
         self.0
             .write(async move |tx| {
-                let insert = sqlx::query(
-                    "INSERT INTO standard (id, task_id, version, definition, person_id, created_at_ms)
-                     SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5 FROM standard WHERE task_id = $2",
-                );
+                let insert = sqlx::query(INSERT_STANDARD);
                 let insert = insert.bind(id).bind(of).bind(Json(definition)).bind(by.person()).bind(now_ms);
                 insert.execute(&mut *tx).await.map_err(missing("task"))?;
                 note(tx, &by, now_ms, ("create", "standard"), id).await
@@ -66,34 +68,25 @@ impl StandardStore<'_> {
 
     /// The version in use, if the task has one.
     pub async fn in_use(&self, scope: &Scope, of: TaskId) -> StoreResult<Option<StandardRecord>> {
-        let row = sqlx::query_as(select_standards!()).bind_scope(scope).bind(of).bind(1);
+        let row = sqlx::query_as(SELECT_STANDARDS).bind_scope(scope).bind(of).bind(1);
         Ok(row.fetch_optional(self.0.readers()).await?)
     }
 
     /// The versions in use of those of these tasks that have one.
     pub async fn in_use_of(&self, scope: &Scope, tasks: &[TaskId]) -> StoreResult<Vec<StandardRecord>> {
-        let rows = sqlx::query_as(
-            "SELECT standard.id, task_id, version, definition, person.name AS who, standard.created_at_ms
-             FROM standard LEFT JOIN person ON person.id = standard.person_id
-             WHERE task_id IN (SELECT value FROM json_each($3)) AND $1 <> 'agent'
-               AND version = (SELECT max(latest.version) FROM standard AS latest
-                   WHERE latest.task_id = standard.task_id)",
-        );
+        let rows = sqlx::query_as(SELECT_STANDARDS_IN_USE);
         Ok(rows.bind_scope(scope).bind(Json(tasks)).fetch_all(self.0.readers()).await?)
     }
 
     /// One version.
     pub async fn get(&self, scope: &Scope, id: StandardId) -> StoreResult<StandardRecord> {
-        let row = sqlx::query_as(
-            "SELECT standard.id, task_id, version, definition, person.name AS who, standard.created_at_ms
-             FROM standard LEFT JOIN person ON person.id = standard.person_id WHERE standard.id = $3 AND $1 <> 'agent'",
-        );
+        let row = sqlx::query_as(SELECT_STANDARD);
         row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?.ok_or(not_found("standard"))
     }
 
     /// The last hundred versions, newest first.
     pub async fn list(&self, scope: &Scope, of: TaskId) -> StoreResult<Vec<StandardRecord>> {
-        let rows = sqlx::query_as(select_standards!()).bind_scope(scope).bind(of).bind(100);
+        let rows = sqlx::query_as(SELECT_STANDARDS).bind_scope(scope).bind(of).bind(100);
         Ok(rows.fetch_all(self.0.readers()).await?)
     }
 }

@@ -27,6 +27,28 @@ pub struct TaskRecord {
     pub created_at_ms: i64,
 }
 
+const SELECT_CODE: &str = "SELECT 1 FROM task WHERE code = $1";
+
+const INSERT_TASK: &str = "
+    INSERT INTO task (id, code, name, description, created_at_ms)
+    VALUES ($1, $2, $3, coalesce($4, ''), $5)
+    RETURNING id, code, name, description, created_at_ms";
+
+const SELECT_TASKS: &str = "
+    SELECT id, code, name, description, created_at_ms FROM task
+    WHERE $1 <> 'agent' AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4";
+
+const SELECT_TASK: &str = "
+    SELECT id, code, name, description, created_at_ms FROM task WHERE $3 IN (id, code) AND $1 <> 'agent'";
+
+const UPDATE_TASK: &str = "
+    UPDATE task
+    SET code = coalesce($2, code), name = coalesce($3, name), description = coalesce($4, description)
+    WHERE id = $1
+    RETURNING id, code, name, description, created_at_ms";
+
+const DELETE_TASK: &str = "DELETE FROM task WHERE id = $1";
+
 impl TaskStore<'_> {
     /// Registers a task.
     pub async fn create(&self, scope: &Scope, new: NewTask) -> StoreResult<TaskRecord> {
@@ -34,11 +56,8 @@ impl TaskStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let code = codes::choose(tx, "SELECT 1 FROM task WHERE code = $1", new.code, &new.name, "task").await?;
-                let insert = sqlx::query_as(
-                    "INSERT INTO task (id, code, name, description, created_at_ms)
-                     VALUES ($1, $2, $3, coalesce($4, ''), $5) RETURNING id, code, name, description, created_at_ms",
-                );
+                let code = codes::choose(tx, SELECT_CODE, new.code, &new.name, "task").await?;
+                let insert = sqlx::query_as(INSERT_TASK);
                 let insert = insert.bind(TaskId::at(now_ms)).bind(code).bind(new.name).bind(new.description);
                 let task: TaskRecord = insert.bind(now_ms).fetch_one(&mut *tx).await.map_err(taken("code"))?;
                 note(tx, &scope, now_ms, ("create", "task"), task.id).await?;
@@ -49,19 +68,14 @@ impl TaskStore<'_> {
 
     /// All tasks, by code.
     pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<TaskRecord>> {
-        let rows = sqlx::query_as(
-            "SELECT id, code, name, description, created_at_ms FROM task
-             WHERE $1 <> 'agent' AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4",
-        );
+        let rows = sqlx::query_as(SELECT_TASKS);
         let rows = rows.bind_scope(scope).bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
         Ok(Page::from_rows(rows, page, |task: &TaskRecord| task.code.to_string()))
     }
 
     /// One task, by id or code.
     pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<TaskRecord> {
-        let row = sqlx::query_as(
-            "SELECT id, code, name, description, created_at_ms FROM task WHERE $3 IN (id, code) AND $1 <> 'agent'",
-        );
+        let row = sqlx::query_as(SELECT_TASK);
         let row = row.bind_scope(scope).bind(key).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("task"))
     }
@@ -73,11 +87,7 @@ impl TaskStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let row = sqlx::query_as(
-                    "UPDATE task SET code = coalesce($2, code), name = coalesce($3, name),
-                            description = coalesce($4, description)
-                     WHERE id = $1 RETURNING id, code, name, description, created_at_ms",
-                );
+                let row = sqlx::query_as(UPDATE_TASK);
                 let row = row.bind(id).bind(change.code).bind(change.name).bind(change.description);
                 let row = row.fetch_optional(&mut *tx).await.map_err(taken("code"))?;
                 note(tx, &scope, now_ms, ("change", "task"), id).await?;
@@ -93,7 +103,7 @@ impl TaskStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let delete = sqlx::query("DELETE FROM task WHERE id = $1").bind(id);
+                let delete = sqlx::query(DELETE_TASK).bind(id);
                 delete.execute(&mut *tx).await.map_err(in_use("task", "sessions or course plans"))?;
                 note(tx, &scope, now_ms, ("delete", "task"), id).await
             })

@@ -68,6 +68,29 @@ struct TokenScopeRow {
     trainee_id: Option<TraineeId>,
 }
 
+const INSERT_TOKEN: &str = "
+    INSERT INTO token (id, secret_hash, name, role, person_id, box_id, created_at_ms, expires_at_ms)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8)";
+
+const SELECT_TOKENS: &str = "
+    SELECT id, name, role, person_id, box_id, created_at_ms, expires_at_ms, last_used_at_ms FROM token
+    ORDER BY id DESC";
+
+const DELETE_TOKEN: &str = "DELETE FROM token WHERE id = $1";
+
+const SELECT_TOKEN_SCOPE: &str = "
+    SELECT token.id, token.name, token.role, person_id, box_id, token.created_at_ms, expires_at_ms,
+           last_used_at_ms, person.trainee_id
+    FROM token
+    LEFT JOIN person ON person.id = person_id
+    WHERE secret_hash = $1 AND (expires_at_ms IS NULL OR expires_at_ms > $2)
+      AND (token.role IN ('agent', person.role) OR person.role = 'administrator')";
+
+const UPDATE_LAST_USED: &str = "
+    UPDATE token SET last_used_at_ms = max($2, coalesce(last_used_at_ms, $2)) WHERE id = $1";
+
+const SELECT_ROLE: &str = "SELECT role FROM person WHERE id = $1";
+
 impl TokenStore<'_> {
     /// Makes a token.
     pub async fn create(&self, scope: &Scope, new: NewToken) -> StoreResult<TokenRecord> {
@@ -94,10 +117,7 @@ impl TokenStore<'_> {
         self.0
             .write(async move |tx| {
                 require_rights(tx, new.acts_as).await?;
-                let sql =
-                    "INSERT INTO token (id, secret_hash, name, role, person_id, box_id, created_at_ms, expires_at_ms)
-                           VALUES ($1, $2, $3, $4, $5, $6, $7, $8)";
-                sqlx::query(sql)
+                sqlx::query(INSERT_TOKEN)
                     .bind(token.id)
                     .bind(new.secret)
                     .bind(&token.name)
@@ -118,9 +138,7 @@ impl TokenStore<'_> {
     /// All tokens, newest first.
     pub async fn list(&self, scope: &Scope) -> StoreResult<Vec<TokenRecord>> {
         require_administrator(scope, "the list of tokens")?;
-        let sql = "SELECT id, name, role, person_id, box_id, created_at_ms, expires_at_ms, last_used_at_ms
-                   FROM token ORDER BY id DESC";
-        Ok(sqlx::query_as(sql).fetch_all(self.0.readers()).await?)
+        Ok(sqlx::query_as(SELECT_TOKENS).fetch_all(self.0.readers()).await?)
     }
 
     /// Withdraws a token.
@@ -129,7 +147,7 @@ impl TokenStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let deleted = sqlx::query("DELETE FROM token WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                let deleted = sqlx::query(DELETE_TOKEN).bind(id).execute(&mut *tx).await?;
                 if deleted.rows_affected() == 0 {
                     return Err(not_found("token"));
                 }
@@ -142,13 +160,7 @@ impl TokenStore<'_> {
     /// person has today.
     pub async fn scope_of(&self, secret: SecretHash) -> StoreResult<Option<Scope>> {
         let now_ms = self.0.now_ms();
-        let row = sqlx::query_as::<_, TokenScopeRow>(
-            "SELECT token.id, token.name, token.role, person_id, box_id, token.created_at_ms, expires_at_ms,
-                    last_used_at_ms, person.trainee_id
-             FROM token LEFT JOIN person ON person.id = person_id
-             WHERE secret_hash = $1 AND (expires_at_ms IS NULL OR expires_at_ms > $2)
-               AND (token.role IN ('agent', person.role) OR person.role = 'administrator')",
-        );
+        let row = sqlx::query_as::<_, TokenScopeRow>(SELECT_TOKEN_SCOPE);
         let Some(row) = row.bind(secret).bind(now_ms).fetch_optional(self.0.readers()).await? else { return Ok(None) };
         if row.token.last_used_at_ms.is_none_or(|used| now_ms - used > USED_RESOLUTION_MS) {
             ignore_full_or_busy(self.record_used(row.token.id, now_ms).await)?;
@@ -159,8 +171,7 @@ impl TokenStore<'_> {
     async fn record_used(&self, id: TokenId, now_ms: i64) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
-                let sql = "UPDATE token SET last_used_at_ms = max($2, coalesce(last_used_at_ms, $2)) WHERE id = $1";
-                sqlx::query(sql).bind(id).bind(now_ms).execute(tx).await?;
+                sqlx::query(UPDATE_LAST_USED).bind(id).bind(now_ms).execute(tx).await?;
                 Ok(())
             })
             .await
@@ -170,8 +181,7 @@ impl TokenStore<'_> {
 /// Refuses a token with more rights than its person has: it would never be accepted.
 async fn require_rights(tx: &mut SqliteConnection, acts_as: ActsAs) -> StoreResult<()> {
     let ActsAs::Person(person, wanted) = acts_as else { return Ok(()) };
-    let has: Option<Role> =
-        sqlx::query_scalar("SELECT role FROM person WHERE id = $1").bind(person).fetch_optional(tx).await?;
+    let has: Option<Role> = sqlx::query_scalar(SELECT_ROLE).bind(person).fetch_optional(tx).await?;
     match has.ok_or(not_found("person"))? {
         has if has == wanted => Ok(()),
         Role::Administrator if wanted == Role::Instructor => Ok(()),

@@ -5,7 +5,7 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
-use super::visibility::{BindScope, require_staff, sees_trainee};
+use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store, codes, skill_models};
 use crate::domain::role::Role;
 use crate::domain::text::{Code, Key, Name};
@@ -32,6 +32,50 @@ pub struct TraineeRecord {
     pub created_at_ms: i64,
 }
 
+pub(super) const SELECT_CODE: &str = "SELECT 1 FROM trainee WHERE code = $1";
+
+pub(super) const INSERT_GROUP_TRAINEE: &str = "INSERT INTO group_trainee (group_id, trainee_id) VALUES ($1, $2)";
+
+const SELECT_TRAINEES: &str = "
+    SELECT id, code, name, level, handedness, created_at_ms FROM trainee
+    WHERE ($1 = 'administrator'
+           OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4";
+
+const SELECT_GROUP_TRAINEES: &str = "
+    SELECT id, code, name, level, handedness, created_at_ms FROM trainee
+    WHERE id IN (SELECT trainee_id FROM group_trainee WHERE group_id = $3)
+      AND ($1 = 'administrator'
+           OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+    ORDER BY name, code LIMIT $4";
+
+const SELECT_NAMED_TRAINEES: &str = "
+    SELECT id, code, name, level, handedness, created_at_ms FROM trainee
+    WHERE id IN (SELECT value FROM json_each($3))
+      AND ($1 = 'administrator'
+           OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+    ORDER BY name, code";
+
+const SELECT_TRAINEE: &str = "
+    SELECT id, code, name, level, handedness, created_at_ms FROM trainee
+    WHERE $3 IN (id, code)
+      AND ($1 = 'administrator'
+           OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))";
+
+const UPDATE_TRAINEE: &str = "
+    UPDATE trainee
+    SET code = coalesce($2, code), name = coalesce($3, name), level = coalesce($4, level),
+        handedness = coalesce($5, handedness)
+    WHERE id = $1
+    RETURNING id, code, name, level, handedness, created_at_ms";
+
+const DELETE_TRAINEE: &str = "DELETE FROM trainee WHERE id = $1";
+
+const INSERT_TRAINEE: &str = "
+    INSERT INTO trainee (id, code, name, level, handedness, created_at_ms) VALUES ($1, $2, $3, $4, $5, $6)";
+
+const SELECT_TAUGHT_GROUPS: &str = "SELECT group_id FROM group_instructor WHERE person_id = $1";
+
 impl TraineeStore<'_> {
     /// Registers a trainee. An instructor's trainee joins one of the instructor's groups; otherwise no instructor would
     /// see them.
@@ -40,11 +84,10 @@ impl TraineeStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let taken_sql = "SELECT 1 FROM trainee WHERE code = $1";
                 let group = joined_group(tx, &scope, new.group).await?;
                 let trainee = TraineeRecord {
                     id: TraineeId::at(now_ms),
-                    code: codes::choose(tx, taken_sql, new.code, &new.name, "trainee").await?,
+                    code: codes::choose(tx, SELECT_CODE, new.code, &new.name, "trainee").await?,
                     name: new.name,
                     level: new.level,
                     handedness: new.handedness,
@@ -52,8 +95,7 @@ impl TraineeStore<'_> {
                 };
                 insert(tx, &trainee).await?;
                 if let Some(group) = group {
-                    let sql = "INSERT INTO group_trainee (group_id, trainee_id) VALUES ($1, $2)";
-                    let join = sqlx::query(sql).bind(group).bind(trainee.id);
+                    let join = sqlx::query(INSERT_GROUP_TRAINEE).bind(group).bind(trainee.id);
                     join.execute(&mut *tx).await.map_err(missing("group"))?;
                 }
                 note(tx, &scope, now_ms, ("create", "trainee"), trainee.id).await?;
@@ -64,43 +106,26 @@ impl TraineeStore<'_> {
 
     /// The trainees that the scope sees, by code.
     pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<TraineeRecord>> {
-        let rows = sqlx::query_as(concat!(
-            "SELECT id, code, name, level, handedness, created_at_ms FROM trainee WHERE ",
-            sees_trainee!("trainee.id"),
-            " AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4"
-        ));
+        let rows = sqlx::query_as(SELECT_TRAINEES);
         let rows = rows.bind_scope(scope).bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
         Ok(Page::from_rows(rows, page, |trainee: &TraineeRecord| trainee.code.to_string()))
     }
 
     /// The trainees of a group that the scope sees, by name; at most `most`.
     pub async fn of_group(&self, scope: &Scope, group: GroupId, most: u32) -> StoreResult<Vec<TraineeRecord>> {
-        let rows = sqlx::query_as(concat!(
-            "SELECT id, code, name, level, handedness, created_at_ms FROM trainee
-             WHERE id IN (SELECT trainee_id FROM group_trainee WHERE group_id = $3) AND ",
-            sees_trainee!("trainee.id"),
-            " ORDER BY name, code LIMIT $4"
-        ));
+        let rows = sqlx::query_as(SELECT_GROUP_TRAINEES);
         Ok(rows.bind_scope(scope).bind(group).bind(most).fetch_all(self.0.readers()).await?)
     }
 
     /// Those of these trainees that the scope sees, by name.
     pub async fn named(&self, scope: &Scope, ids: &[TraineeId]) -> StoreResult<Vec<TraineeRecord>> {
-        let rows = sqlx::query_as(concat!(
-            "SELECT id, code, name, level, handedness, created_at_ms FROM trainee
-             WHERE id IN (SELECT value FROM json_each($3)) AND ",
-            sees_trainee!("trainee.id"),
-            " ORDER BY name, code"
-        ));
+        let rows = sqlx::query_as(SELECT_NAMED_TRAINEES);
         Ok(rows.bind_scope(scope).bind(Json(ids)).fetch_all(self.0.readers()).await?)
     }
 
     /// One trainee, by id or code.
     pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<TraineeRecord> {
-        let row = sqlx::query_as(concat!(
-            "SELECT id, code, name, level, handedness, created_at_ms FROM trainee WHERE $3 IN (id, code) AND ",
-            sees_trainee!("trainee.id")
-        ));
+        let row = sqlx::query_as(SELECT_TRAINEE);
         let row = row.bind_scope(scope).bind(key).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("trainee"))
     }
@@ -112,11 +137,7 @@ impl TraineeStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let row = sqlx::query_as(
-                    "UPDATE trainee SET code = coalesce($2, code), name = coalesce($3, name),
-                            level = coalesce($4, level), handedness = coalesce($5, handedness)
-                     WHERE id = $1 RETURNING id, code, name, level, handedness, created_at_ms",
-                );
+                let row = sqlx::query_as(UPDATE_TRAINEE);
                 let row = row.bind(id).bind(change.code).bind(change.name).bind(change.level).bind(change.handedness);
                 let row = row.fetch_optional(&mut *tx).await.map_err(taken("code"))?;
                 note(tx, &scope, now_ms, ("change", "trainee"), id).await?;
@@ -136,7 +157,7 @@ impl TraineeStore<'_> {
                 let scope = scope.clone();
                 async move |tx| {
                     skill_models::withdraw(tx, id, now_ms).await?;
-                    let deleted = sqlx::query("DELETE FROM trainee WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                    let deleted = sqlx::query(DELETE_TRAINEE).bind(id).execute(&mut *tx).await?;
                     if deleted.rows_affected() == 0 {
                         return Err(not_found("trainee"));
                     }
@@ -148,8 +169,7 @@ impl TraineeStore<'_> {
 }
 
 pub(super) async fn insert(tx: &mut sqlx::SqliteConnection, trainee: &TraineeRecord) -> StoreResult<()> {
-    let sql = "INSERT INTO trainee (id, code, name, level, handedness, created_at_ms) VALUES ($1, $2, $3, $4, $5, $6)";
-    sqlx::query(sql)
+    sqlx::query(INSERT_TRAINEE)
         .bind(trainee.id)
         .bind(&trainee.code)
         .bind(&trainee.name)
@@ -172,10 +192,7 @@ async fn joined_group(
     if scope.role() != Role::Instructor {
         return Ok(wanted);
     }
-    let own: Vec<GroupId> = sqlx::query_scalar("SELECT group_id FROM group_instructor WHERE person_id = $1")
-        .bind(scope.subject())
-        .fetch_all(tx)
-        .await?;
+    let own: Vec<GroupId> = sqlx::query_scalar(SELECT_TAUGHT_GROUPS).bind(scope.subject()).fetch_all(tx).await?;
     match (wanted, own.as_slice()) {
         (Some(group), own) if own.contains(&group) => Ok(Some(group)),
         (Some(_), _) => Err(not_found("group")),

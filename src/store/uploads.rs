@@ -5,7 +5,7 @@ use super::audit::note;
 use super::columns::integer;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::sessions;
-use super::visibility::{BindScope, require_trainee, sees_trainee};
+use super::visibility::{BindScope, require_trainee};
 use super::{Scope, Store};
 use crate::domain::blob::Blob;
 use crate::domain::session::NewSession;
@@ -80,20 +80,37 @@ pub struct FinishedUpload {
     pub is_new: bool,
 }
 
-macro_rules! upload_columns {
-    () => {
-        "upload.id, upload.person_id, upload.trainee_id, upload.task_id, upload.box_id, upload.filename, \
-         upload.metadata, upload.recorded_at_ms, upload.length, upload.received, \
-         upload.session_id, upload.created_at_ms, upload.expires_at_ms"
-    };
-}
+/// An upload is within the scope if its trainee is, or if its box is the agent's own.
+const SELECT_UPLOAD: &str = "
+    SELECT * FROM upload
+    WHERE id = $3
+      AND (($1 = 'administrator'
+            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+           OR ($1 = 'agent' AND $2 = box_id))";
 
-/// Condition: the upload in this row is within the scope: its trainee is, or its box is the agent's own.
-macro_rules! sees_upload {
-    () => {
-        concat!("(", sees_trainee!("upload.trainee_id"), " OR ($1 = 'agent' AND $2 = upload.box_id))")
-    };
-}
+const SELECT_UNFINISHED: &str = "SELECT * FROM upload WHERE session_id IS NULL";
+
+const UPDATE_RECEIVED: &str = "
+    UPDATE upload
+    SET received = max(received, $2), expires_at_ms = max(expires_at_ms, $3)
+    WHERE id = $1 AND session_id IS NULL";
+
+const LOWER_RECEIVED: &str = "UPDATE upload SET received = min(received, $2) WHERE id = $1 AND session_id IS NULL";
+
+const LINK_SESSION: &str = "UPDATE upload SET session_id = $2 WHERE id = $1 AND session_id IS NULL";
+
+const DELETE_UPLOAD: &str = "DELETE FROM upload WHERE id = $1";
+
+const SELECT_EXPIRED: &str = "SELECT id FROM upload WHERE expires_at_ms <= $1 LIMIT $2";
+
+const SELECT_IS_UNFINISHED: &str = "SELECT 1 FROM upload WHERE id = $1 AND session_id IS NULL";
+
+const COUNT_UNFINISHED: &str = "SELECT count(*) FROM upload WHERE session_id IS NULL";
+
+const INSERT_UPLOAD: &str = "
+    INSERT INTO upload (id, person_id, trainee_id, task_id, box_id, filename, metadata, recorded_at_ms, length,
+                        created_at_ms, expires_at_ms)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11) RETURNING *";
 
 impl UploadStore<'_> {
     /// Begins an upload.
@@ -102,12 +119,7 @@ impl UploadStore<'_> {
         self.0
             .write(async move |tx| {
                 require_trainee(tx, &scope, new.trainee).await?;
-                let row = sqlx::query_as(concat!(
-                    "INSERT INTO upload (id, person_id, trainee_id, task_id, box_id, filename, metadata, recorded_at_ms,
-                                         length, created_at_ms, expires_at_ms)
-                     VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11) RETURNING ",
-                    upload_columns!()
-                ));
+                let row = sqlx::query_as(INSERT_UPLOAD);
                 let row = row.bind(new.id).bind(scope.person());
                 let row = row.bind(new.trainee).bind(new.task).bind(new.in_box);
                 let row = row.bind(new.filename).bind(new.metadata).bind(new.recorded_at_ms);
@@ -119,12 +131,7 @@ impl UploadStore<'_> {
 
     /// One upload.
     pub async fn get(&self, scope: &Scope, id: UploadId) -> StoreResult<UploadRecord> {
-        let row = sqlx::query_as(concat!(
-            "SELECT ",
-            upload_columns!(),
-            " FROM upload WHERE upload.id = $3 AND ",
-            sees_upload!()
-        ));
+        let row = sqlx::query_as(SELECT_UPLOAD);
         let row = row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("upload"))
     }
@@ -134,9 +141,12 @@ impl UploadStore<'_> {
     pub async fn advance(&self, id: UploadId, received: u64, expires_at_ms: i64) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
-                let sql = "UPDATE upload SET received = max(received, $2), expires_at_ms = max(expires_at_ms, $3)
-                           WHERE id = $1 AND session_id IS NULL";
-                let done = sqlx::query(sql).bind(id).bind(integer(received)).bind(expires_at_ms).execute(tx).await?;
+                let done = sqlx::query(UPDATE_RECEIVED)
+                    .bind(id)
+                    .bind(integer(received))
+                    .bind(expires_at_ms)
+                    .execute(tx)
+                    .await?;
                 if done.rows_affected() == 1 { Ok(()) } else { Err(not_found("upload")) }
             })
             .await
@@ -146,8 +156,7 @@ impl UploadStore<'_> {
     pub async fn set_back(&self, id: UploadId, received: u64) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
-                let sql = "UPDATE upload SET received = min(received, $2) WHERE id = $1 AND session_id IS NULL";
-                sqlx::query(sql).bind(id).bind(integer(received)).execute(tx).await?;
+                sqlx::query(LOWER_RECEIVED).bind(id).bind(integer(received)).execute(tx).await?;
                 Ok(())
             })
             .await
@@ -183,8 +192,7 @@ impl UploadStore<'_> {
         self.0
             .write(async move |tx| {
                 let finished = made_or_found(sessions::insert(tx, &scope, new, now_ms, attempts).await)?;
-                let sql = "UPDATE upload SET session_id = $2 WHERE id = $1 AND session_id IS NULL";
-                let linked = sqlx::query(sql).bind(id).bind(finished.session).execute(&mut *tx).await?;
+                let linked = sqlx::query(LINK_SESSION).bind(id).bind(finished.session).execute(&mut *tx).await?;
                 if linked.rows_affected() == 1 { Ok(finished) } else { Err(not_found("upload")) }
             })
             .await
@@ -198,7 +206,7 @@ impl UploadStore<'_> {
             .write_with_delete_reserve(|| {
                 let scope = scope.clone();
                 async move |tx| {
-                    sqlx::query("DELETE FROM upload WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                    sqlx::query(DELETE_UPLOAD).bind(id).execute(&mut *tx).await?;
                     note(tx, &scope, now_ms, ("delete", "upload"), id).await
                 }
             })
@@ -207,27 +215,25 @@ impl UploadStore<'_> {
 
     /// Expired uploads, at most `most`, whose rows and files should be deleted.
     pub async fn expired(&self, most: u32) -> StoreResult<Vec<UploadId>> {
-        let sql = "SELECT id FROM upload WHERE expires_at_ms <= $1 LIMIT $2";
-        Ok(sqlx::query_scalar(sql).bind(self.0.now_ms()).bind(most).fetch_all(self.0.readers()).await?)
+        Ok(sqlx::query_scalar(SELECT_EXPIRED).bind(self.0.now_ms()).bind(most).fetch_all(self.0.readers()).await?)
     }
 
     /// True if there is an upload with this id that has not become a session.
     pub async fn is_unfinished(&self, id: UploadId) -> StoreResult<bool> {
-        let sql = "SELECT 1 FROM upload WHERE id = $1 AND session_id IS NULL";
-        let found: Option<i64> = sqlx::query_scalar(sql).bind(id).fetch_optional(self.0.readers()).await?;
+        let found: Option<i64> =
+            sqlx::query_scalar(SELECT_IS_UNFINISHED).bind(id).fetch_optional(self.0.readers()).await?;
         Ok(found.is_some())
     }
 
     /// The number of unfinished uploads of all senders.
     pub async fn count_unfinished(&self) -> StoreResult<u64> {
-        let sql = "SELECT count(*) FROM upload WHERE session_id IS NULL";
-        let count: i64 = sqlx::query_scalar(sql).fetch_one(self.0.readers()).await?;
+        let count: i64 = sqlx::query_scalar(COUNT_UNFINISHED).fetch_one(self.0.readers()).await?;
         Ok(count.unsigned_abs())
     }
 
     /// All uploads that have a file: those that have not become a session.
     pub async fn unfinished(&self) -> StoreResult<Vec<UploadRecord>> {
-        let rows = sqlx::query_as(concat!("SELECT ", upload_columns!(), " FROM upload WHERE session_id IS NULL"));
+        let rows = sqlx::query_as(SELECT_UNFINISHED);
         Ok(rows.fetch_all(self.0.readers()).await?)
     }
 }

@@ -1,5 +1,14 @@
 //! Visibility rules as SQL conditions. In every statement that uses them, `$1` is the role of the scope and `$2` its
 //! subject; `bind_scope` binds both.
+//!
+//! | what the scope sees | condition, with the column in place of `…` |
+//! |---|---|
+//! | trainees | `($1 = 'administrator' OR … IN (SELECT trainee_id FROM visible_trainee WHERE …))`, as below |
+//! | boxes: people all, an agent its own | `($1 <> 'agent' OR $2 = …)` |
+//! | what all people may read | `$1 <> 'agent'` |
+//!
+//! The view `visible_trainee` (`migrations/0019_views.sql`) has the trainees of instructors and of trainees. The column
+//! stands outside the subquery: inside, a name of the view could hide it.
 
 use sqlx::Sqlite;
 use sqlx::query::{Query, QueryAs, QueryScalar};
@@ -8,30 +17,6 @@ use sqlx::sqlite::{SqliteArguments, SqliteConnection, SqliteRow};
 use super::error::{StoreError, StoreResult, not_found};
 use crate::domain::scope::Scope;
 use crate::ids::TraineeId;
-
-/// The trainee in this column is within the scope.
-macro_rules! sees_trainee {
-    ($column:literal) => {
-        concat!(
-            "($1 = 'administrator' OR ($1 = 'trainee' AND $2 = ",
-            $column,
-            ") OR ($1 = 'instructor' AND EXISTS (",
-            "SELECT 1 FROM group_trainee JOIN group_instructor USING (group_id) ",
-            "WHERE group_trainee.trainee_id = ",
-            $column,
-            " AND group_instructor.person_id = $2)))"
-        )
-    };
-}
-
-/// The box in this column is within the scope: people see all boxes, an agent its own.
-macro_rules! sees_box {
-    ($column:literal) => {
-        concat!("($1 <> 'agent' OR $2 = ", $column, ")")
-    };
-}
-
-pub(super) use {sees_box, sees_trainee};
 
 /// Binds the scope as `$1` and `$2`.
 pub(super) trait BindScope: Sized {
@@ -59,10 +44,16 @@ where
     }
 }
 
+const SELECT_VISIBLE_TRAINEE: &str = "
+    SELECT 1 FROM trainee
+    WHERE id = $3
+      AND ($1 = 'administrator'
+           OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))";
+
 /// Does the scope reach this trainee?
 pub(super) async fn require_trainee(tx: &mut SqliteConnection, scope: &Scope, trainee: TraineeId) -> StoreResult<()> {
-    let sql = concat!("SELECT 1 FROM trainee WHERE id = $3 AND ", sees_trainee!("trainee.id"));
-    let found: Option<i64> = sqlx::query_scalar(sql).bind_scope(scope).bind(trainee).fetch_optional(tx).await?;
+    let found: Option<i64> =
+        sqlx::query_scalar(SELECT_VISIBLE_TRAINEE).bind_scope(scope).bind(trainee).fetch_optional(tx).await?;
     found.map(drop).ok_or(not_found("trainee"))
 }
 

@@ -160,8 +160,10 @@ async fn commit_batch(connection: &mut SqliteConnection, requests: Vec<Box<dyn W
     }
 }
 
+const CHECKPOINT: &str = "PRAGMA wal_checkpoint(TRUNCATE)";
+
 async fn empty_log(connection: &mut SqliteConnection) -> StoreResult<bool> {
-    let busy: i64 = sqlx::query_scalar("PRAGMA wal_checkpoint(TRUNCATE)").fetch_one(connection).await?;
+    let busy: i64 = sqlx::query_scalar(CHECKPOINT).fetch_one(connection).await?;
     Ok(busy == 0)
 }
 

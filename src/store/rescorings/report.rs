@@ -119,52 +119,79 @@ pub struct RescoringTrainee {
     pub changed: i64,
 }
 
-/// Columns that count the items of an order.
-macro_rules! counts {
-    () => {
-        "count(item.session_id) AS sessions, coalesce(sum(item.state = 'done'), 0) AS done,
-         coalesce(sum(item.judged_before = 'pass' AND item.judged_after <> 'pass'), 0) AS no_longer_passed,
-         coalesce(sum(item.judged_before <> 'pass' AND item.judged_after = 'pass'), 0) AS now_passed,
-         coalesce(sum(item.features_apart > 0), 0) AS apart, coalesce(sum(item.features_changed > 0), 0) AS changed"
-    };
-}
+/// Selects at most `$2` orders before order `$1`, or order `$3` only; newest first.
+const SELECT_RESCORINGS: &str = "
+    SELECT rescoring.id, rescoring.task_id, task.name AS task_name, task.code AS task_code, rescoring.source,
+           rescoring.only_older, rescoring.pipeline, standard.version AS standard, person.name AS who,
+           rescoring.created_at_ms, rescoring.cancelled_at_ms, rescoring.ended_at_ms,
+           count(item.session_id) AS sessions,
+           coalesce(sum(item.state = 'waiting'), 0) AS waiting,
+           coalesce(sum(item.state = 'working'), 0) AS working,
+           coalesce(sum(item.state = 'done'), 0) AS done,
+           coalesce(sum(item.state = 'failed'), 0) AS failed,
+           coalesce(sum(item.state = 'cancelled'), 0) AS cancelled,
+           coalesce(sum(item.judged_before = 'pass' AND item.judged_after <> 'pass'), 0) AS no_longer_passed,
+           coalesce(sum(item.judged_before <> 'pass' AND item.judged_after = 'pass'), 0) AS now_passed,
+           coalesce(sum(item.features_apart > 0), 0) AS apart,
+           coalesce(sum(item.features_changed > 0), 0) AS changed
+    FROM rescoring JOIN task ON task.id = rescoring.task_id
+    LEFT JOIN standard ON standard.id = rescoring.standard_id
+    LEFT JOIN person ON person.id = rescoring.person_id
+    LEFT JOIN rescoring_item AS item ON item.rescoring_id = rescoring.id
+    WHERE ($1 IS NULL OR rescoring.id < $1) AND ($3 IS NULL OR rescoring.id = $3)
+    GROUP BY rescoring.id ORDER BY rescoring.id DESC LIMIT $2";
 
-/// Selects [`RescoringRecord`]s; conditions on `rescoring` follow.
-macro_rules! select_rescorings {
-    ($conditions:literal) => {
-        concat!(
-            "SELECT rescoring.id, rescoring.task_id, task.name AS task_name, task.code AS task_code, rescoring.source,
-                    rescoring.only_older, rescoring.pipeline, standard.version AS standard, person.name AS who,
-                    rescoring.created_at_ms, rescoring.cancelled_at_ms, rescoring.ended_at_ms,
-                    coalesce(sum(item.state = 'waiting'), 0) AS waiting,
-                    coalesce(sum(item.state = 'working'), 0) AS working,
-                    coalesce(sum(item.state = 'failed'), 0) AS failed,
-                    coalesce(sum(item.state = 'cancelled'), 0) AS cancelled, ",
-            counts!(),
-            " FROM rescoring JOIN task ON task.id = rescoring.task_id
-              LEFT JOIN standard ON standard.id = rescoring.standard_id
-              LEFT JOIN person ON person.id = rescoring.person_id
-              LEFT JOIN rescoring_item AS item ON item.rescoring_id = rescoring.id
-              WHERE ",
-            $conditions,
-            " GROUP BY rescoring.id ORDER BY rescoring.id DESC LIMIT $2"
-        )
-    };
-}
+/// Selects at most `$6` items of order `$1` after the item with the sort key `$2` to `$5`.
+const SELECT_ITEMS: &str = "
+    SELECT item.session_id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
+           session.recorded_at_ms, item.state, item.problem, item.old_result_id, item.new_result_id,
+           item.judged_before, item.judged_after, item.judgement_changed, item.features_apart, item.features_changed
+    FROM rescoring_item AS item
+    JOIN session ON session.id = item.session_id
+    JOIN trainee ON trainee.id = session.trainee_id
+    WHERE item.rescoring_id = $1
+      AND ((item.judgement_changed, item.features_apart, item.features_changed) < ($2, $3, $4)
+           OR ((item.judgement_changed, item.features_apart, item.features_changed) = ($2, $3, $4)
+               AND item.session_id > $5))
+    ORDER BY item.judgement_changed DESC, item.features_apart DESC, item.features_changed DESC, item.session_id
+    LIMIT $6";
+
+/// Selects at most `$5` trainees of order `$1` after the trainee with the sort key `$2` to `$4`.
+const SELECT_TRAINEES: &str = "
+    SELECT session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
+           sum(item.judgement_changed) AS judgements,
+           count(item.session_id) AS sessions,
+           sum(item.state = 'done') AS done,
+           coalesce(sum(item.judged_before = 'pass' AND item.judged_after <> 'pass'), 0) AS no_longer_passed,
+           coalesce(sum(item.judged_before <> 'pass' AND item.judged_after = 'pass'), 0) AS now_passed,
+           sum(item.features_apart > 0) AS apart,
+           sum(item.features_changed > 0) AS changed
+    FROM rescoring_item AS item
+    JOIN session ON session.id = item.session_id
+    JOIN trainee ON trainee.id = session.trainee_id
+    WHERE item.rescoring_id = $1 GROUP BY session.trainee_id
+    HAVING (sum(item.judgement_changed), sum(item.features_apart > 0)) < ($2, $3)
+        OR ((sum(item.judgement_changed), sum(item.features_apart > 0)) = ($2, $3) AND session.trainee_id > $4)
+    ORDER BY judgements DESC, apart DESC, session.trainee_id LIMIT $5";
 
 impl RescoringStore<'_> {
     /// The orders, newest first.
     pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<RescoringRecord>> {
         require_administrator(scope, "reading rescorings")?;
-        let rows = sqlx::query_as(select_rescorings!("($1 IS NULL OR rescoring.id < $1)"));
-        let rows = rows.bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
+        let rows = sqlx::query_as(SELECT_RESCORINGS);
+        let rows = rows
+            .bind(page.after())
+            .bind(page.row_limit())
+            .bind(None::<RescoringId>)
+            .fetch_all(self.0.readers())
+            .await?;
         Ok(Page::from_rows(rows, page, |rescoring: &RescoringRecord| rescoring.id.to_string()))
     }
 
     /// One order.
     pub async fn get(&self, scope: &Scope, id: RescoringId) -> StoreResult<RescoringRecord> {
         require_administrator(scope, "reading rescorings")?;
-        let row = sqlx::query_as(select_rescorings!("rescoring.id = $1")).bind(id).bind(1);
+        let row = sqlx::query_as(SELECT_RESCORINGS).bind(None::<&str>).bind(1).bind(id);
         row.fetch_optional(self.0.readers()).await?.ok_or(not_found("rescoring"))
     }
 
@@ -173,20 +200,7 @@ impl RescoringStore<'_> {
     pub async fn items(&self, scope: &Scope, id: RescoringId, page: &PageRequest) -> StoreResult<Page<RescoringItem>> {
         self.get(scope, id).await?;
         let (numbers, last) = cursor::<3>(page);
-        let rows = sqlx::query_as(
-            "SELECT item.session_id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
-                    session.recorded_at_ms, item.state, item.problem, item.old_result_id, item.new_result_id,
-                    item.judged_before, item.judged_after, item.judgement_changed, item.features_apart,
-                    item.features_changed
-             FROM rescoring_item AS item JOIN session ON session.id = item.session_id
-             JOIN trainee ON trainee.id = session.trainee_id
-             WHERE item.rescoring_id = $1
-               AND ((item.judgement_changed, item.features_apart, item.features_changed) < ($2, $3, $4)
-                    OR ((item.judgement_changed, item.features_apart, item.features_changed) = ($2, $3, $4)
-                        AND item.session_id > $5))
-             ORDER BY item.judgement_changed DESC, item.features_apart DESC, item.features_changed DESC, item.session_id
-             LIMIT $6",
-        );
+        let rows = sqlx::query_as(SELECT_ITEMS);
         let rows = rows.bind(id).bind(numbers[0]).bind(numbers[1]).bind(numbers[2]).bind(last).bind(page.row_limit());
         let rows = rows.fetch_all(self.0.readers()).await?;
         Ok(Page::from_rows(rows, page, |item: &RescoringItem| {
@@ -204,18 +218,7 @@ impl RescoringStore<'_> {
     ) -> StoreResult<Page<RescoringTrainee>> {
         self.get(scope, id).await?;
         let (numbers, last) = cursor::<2>(page);
-        let rows = sqlx::query_as(concat!(
-            "SELECT session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
-                    sum(item.judgement_changed) AS judgements, ",
-            counts!(),
-            " FROM rescoring_item AS item JOIN session ON session.id = item.session_id
-              JOIN trainee ON trainee.id = session.trainee_id
-              WHERE item.rescoring_id = $1 GROUP BY session.trainee_id
-              HAVING (sum(item.judgement_changed), sum(item.features_apart > 0)) < ($2, $3)
-                  OR ((sum(item.judgement_changed), sum(item.features_apart > 0)) = ($2, $3)
-                  AND session.trainee_id > $4)
-              ORDER BY judgements DESC, apart DESC, session.trainee_id LIMIT $5"
-        ));
+        let rows = sqlx::query_as(SELECT_TRAINEES);
         let rows = rows.bind(id).bind(numbers[0]).bind(numbers[1]).bind(last).bind(page.row_limit());
         let rows = rows.fetch_all(self.0.readers()).await?;
         Ok(Page::from_rows(rows, page, |one: &RescoringTrainee| {

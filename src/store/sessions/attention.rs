@@ -1,8 +1,8 @@
 //! Recent sessions that need attention: one bounded query for each kind.
 
 use super::super::error::StoreResult;
-use super::super::visibility::{BindScope, require_staff, sees_trainee};
-use super::{SessionStore, counts};
+use super::super::visibility::{BindScope, require_staff};
+use super::SessionStore;
 use crate::domain::text::{Code, Name};
 use crate::ids::{SessionId, TaskId, TraineeId};
 use crate::store::Scope;
@@ -28,34 +28,37 @@ pub struct AttentionItem {
     pub recorded_at_ms: i64,
 }
 
-/// Selects an [`AttentionItem`] for each session that arrived since `$3`, has a result and is not set aside; further
-/// conditions follow.
-macro_rules! waiting {
-    ($($conditions:tt)*) => {
-        concat!(
-            "SELECT session.id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
-                    session.task_id, task.name AS task_name, task.code AS task_code, session.recorded_at_ms
-             FROM session
-             JOIN trainee ON trainee.id = session.trainee_id
-             JOIN task ON task.id = session.task_id
-             JOIN result ON result.id =
-                 (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
-                  ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
-             WHERE session.created_at_ms >= $3 AND ",
-            sees_trainee!("session.trainee_id"),
-            " AND ",
-            counts!(),
-            " AND ",
-            $($conditions)*,
-            " ORDER BY session.created_at_ms DESC, session.id DESC LIMIT $4"
-        )
-    };
-}
+const SELECT_REFUSED: &str = "
+    SELECT session.id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
+           session.task_id, task.name AS task_name, task.code AS task_code, session.recorded_at_ms
+    FROM assessed_session AS session
+    JOIN trainee ON trainee.id = session.trainee_id
+    JOIN task ON task.id = session.task_id
+    WHERE session.created_at_ms >= $3
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND session.verdict = 'refused'
+    ORDER BY session.created_at_ms DESC, session.id DESC LIMIT $4";
+
+const SELECT_UNRATED: &str = "
+    SELECT session.id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
+           session.task_id, task.name AS task_name, task.code AS task_code, session.recorded_at_ms
+    FROM assessed_session AS session
+    JOIN trainee ON trainee.id = session.trainee_id
+    JOIN task ON task.id = session.task_id
+    WHERE session.created_at_ms >= $3
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND session.verdict IS NOT 'refused' AND session.tracker IS NULL
+      AND NOT EXISTS (SELECT 1 FROM rating WHERE rating.session_id = session.id)
+      AND session.task_id IN (SELECT rated.task_id FROM rating JOIN session AS rated ON rated.id = rating.session_id
+                              WHERE rating.created_at_ms >= $5)
+    ORDER BY session.created_at_ms DESC, session.id DESC LIMIT $4";
 
 impl SessionStore<'_> {
     /// Sessions that the quality gate refused, latest first, at most `most`.
     pub async fn refused_since(&self, scope: &Scope, since_ms: i64, most: u32) -> StoreResult<Vec<AttentionItem>> {
-        let rows = sqlx::query_as(waiting!("json_extract(result.quality, '$.verdict') = 'refused'"));
+        let rows = sqlx::query_as(SELECT_REFUSED);
         Ok(rows.bind_scope(scope).bind(since_ms).bind(most).fetch_all(self.0.readers()).await?)
     }
 
@@ -69,13 +72,7 @@ impl SessionStore<'_> {
         most: u32,
     ) -> StoreResult<Vec<AttentionItem>> {
         require_staff(scope, "the list of unrated sessions")?;
-        let rows = sqlx::query_as(waiting!(
-            "json_extract(result.quality, '$.verdict') IS NOT 'refused' AND session.tracker IS NULL
-             AND NOT EXISTS (SELECT 1 FROM rating WHERE rating.session_id = session.id)
-             AND session.task_id IN (SELECT rated.task_id
-                                     FROM rating JOIN session AS rated ON rated.id = rating.session_id
-                                     WHERE rating.created_at_ms >= $5)"
-        ));
+        let rows = sqlx::query_as(SELECT_UNRATED);
         let rows = rows.bind_scope(scope).bind(since_ms).bind(most).bind(rated_since_ms);
         Ok(rows.fetch_all(self.0.readers()).await?)
     }

@@ -20,11 +20,11 @@ mod write;
 pub use attention::AttentionItem;
 pub use practice::{Practice, PracticeMeasurement, PracticeResult, PracticeSession, TraineeTask};
 pub use result::{SessionOrderKey, SessionResult};
-pub(super) use write::insert;
+pub(super) use write::{DELETE_SESSION, SELECT_SAME_SESSION, insert};
 
 use super::error::{StoreResult, not_found};
 use super::page::{Page, PageRequest};
-use super::visibility::{BindScope, sees_trainee};
+use super::visibility::BindScope;
 use super::{Scope, Store};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::job::JobState;
@@ -34,22 +34,7 @@ use crate::domain::text::{Code, FileName, Key, Name, TrackerName};
 use crate::domain::trainee::Handedness;
 use crate::ids::{BoxId, JobId, SessionId, TaskId, TraineeId};
 
-/// Selects the current result of session `$1`.
-macro_rules! latest_result {
-    () => {
-        "SELECT id FROM result WHERE session_id = $1 ORDER BY created_at_ms DESC, id DESC LIMIT 1"
-    };
-}
-pub(in crate::store) use latest_result;
-
-/// Condition: the session in this row is not set aside. Uses the index `session_set_aside`.
-macro_rules! counts {
-    () => {
-        "NOT EXISTS (SELECT 1 FROM session_edit WHERE session_edit.session_id = session.id
-                     AND session_edit.kind = 'set_aside' AND session_edit.undone_at_ms IS NULL)"
-    };
-}
-pub(in crate::store) use counts;
+pub(in crate::store) const SELECT_CURRENT_RESULT: &str = "SELECT id FROM current_result WHERE session_id = $1";
 
 /// Access to the sessions.
 pub struct SessionStore<'s>(pub(super) &'s Store);
@@ -163,31 +148,26 @@ impl SessionRecord {
     }
 }
 
-/// Selects [`SessionRecord`]s; conditions follow. A job that only scores again (`turn` 2) does not affect a session's
-/// status, since the session keeps its result even if that job fails.
-macro_rules! select_sessions {
-    () => {
-        "SELECT session.id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
-                trainee.handedness AS trainee_handedness,
-                session.task_id, task.name AS task_name, task.code AS task_code,
-                session.box_id, training_box.name AS box_name, training_box.code AS box_code,
-                session.filename, session.media_type, session.video, blob.bytes AS video_bytes, session.tracker,
-                session.recorded_at_ms, session.created_at_ms,
-                job.id AS job_id, job.state AS job_state, job.progress AS job_progress, job.problem AS job_problem,
-                EXISTS (SELECT 1 FROM session_edit WHERE session_edit.session_id = session.id
-                        AND kind = 'set_aside' AND undone_at_ms IS NULL) AS is_set_aside,
-                EXISTS (SELECT 1 FROM calibration WHERE calibration.box_id = session.box_id) AS box_has_camera,
-                EXISTS (SELECT 1 FROM palette WHERE palette.box_id = session.box_id) AS box_has_palette
-         FROM session
-         JOIN trainee ON trainee.id = session.trainee_id
-         JOIN task ON task.id = session.task_id
-         JOIN training_box ON training_box.id = session.box_id
-         LEFT JOIN blob ON blob.hash = session.video
-         LEFT JOIN job ON job.id = (SELECT latest.id FROM job AS latest
-                                    WHERE latest.session_id = session.id AND latest.turn < 2
-                                    ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)"
-    };
-}
+const SELECT_SESSIONS: &str = "
+    SELECT * FROM session_record
+    WHERE ($1 = 'administrator'
+           OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($3 IS NULL OR $3 IN (trainee_id, trainee_code))
+      AND ($4 IS NULL OR $4 IN (task_id, task_code))
+      AND ($5 IS NULL OR $5 IN (box_id, box_code))
+      AND ($6 IS NULL OR $6 = CASE WHEN video IS NULL THEN 'receiving'
+                              WHEN job_state = 'running' THEN 'tracking' WHEN job_state = 'done' THEN 'done'
+                              WHEN job_state IN ('failed', 'quarantined') THEN 'failed'
+                              ELSE 'queued' END)
+      AND ($7 IS NULL OR id < $7)
+      AND (NOT $8 OR NOT is_set_aside)
+    ORDER BY id DESC LIMIT $9";
+
+const SELECT_SESSION: &str = "
+    SELECT * FROM session_record
+    WHERE id = $3
+      AND ($1 = 'administrator'
+           OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))";
 
 impl SessionStore<'_> {
     /// The sessions that the scope sees, newest first.
@@ -197,23 +177,7 @@ impl SessionStore<'_> {
         which: &SessionFilter,
         page: &PageRequest,
     ) -> StoreResult<Page<SessionRecord>> {
-        let rows = sqlx::query_as(concat!(
-            select_sessions!(),
-            " WHERE ",
-            sees_trainee!("session.trainee_id"),
-            " AND ($3 IS NULL OR $3 IN (trainee.id, trainee.code))
-              AND ($4 IS NULL OR $4 IN (task.id, task.code))
-              AND ($5 IS NULL OR $5 IN (training_box.id, training_box.code))
-              AND ($6 IS NULL OR $6 = CASE WHEN session.video IS NULL THEN 'receiving'
-                                      WHEN job.state = 'running' THEN 'tracking' WHEN job.state = 'done' THEN 'done'
-                                      WHEN job.state IN ('failed', 'quarantined') THEN 'failed'
-                                      ELSE 'queued' END)
-              AND ($7 IS NULL OR session.id < $7)
-              AND (NOT $8 OR ",
-            counts!(),
-            ")
-              ORDER BY session.id DESC LIMIT $9"
-        ));
+        let rows = sqlx::query_as(SELECT_SESSIONS);
         let rows = rows.bind_scope(scope).bind(&which.trainee).bind(&which.task).bind(&which.in_box);
         let rows = rows
             .bind(which.status.map(SessionStatus::name))
@@ -227,9 +191,8 @@ impl SessionStore<'_> {
 
     /// One session.
     pub async fn get(&self, scope: &Scope, id: SessionId) -> StoreResult<SessionRecord> {
-        let row =
-            sqlx::query_as(concat!(select_sessions!(), " WHERE session.id = $3 AND ", sees_trainee!("trainee.id")));
-        let row: Option<SessionRecord> = row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        let row: Option<SessionRecord> =
+            sqlx::query_as(SELECT_SESSION).bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?;
         let mut session = row.ok_or(not_found("session"))?;
         self.fill_queue_positions(std::slice::from_mut(&mut session)).await?;
         Ok(session)

@@ -7,8 +7,8 @@ use serde::Serialize;
 use sqlx::types::Json;
 
 use super::super::error::StoreResult;
-use super::super::visibility::{BindScope, sees_trainee};
-use super::{SessionStore, counts};
+use super::super::visibility::BindScope;
+use super::SessionStore;
 use crate::domain::feature::FeatureKey;
 use crate::domain::job::JobState;
 use crate::domain::session::{FeatureSpace, SessionStatus};
@@ -98,81 +98,50 @@ struct PracticeRowOfPair {
 
 type PracticeFeatureRow = (ResultId, String, Option<String>, FeatureSpace, Option<f64>, Option<f64>, Option<f64>);
 
-/// The columns of a [`PracticeRow`].
-macro_rules! of_session {
-    () => {
-        concat!(
-            "session.id, session.recorded_at_ms, session.video IS NOT NULL AS is_whole, job.state AS job_state,
-                    result.id AS result_id, result.pipeline, result.calibration_id, ",
-            counts!(),
-            " AS counts,
-                    json_extract(result.quality, '$.verdict') = 'refused' AS refused"
-        )
-    };
-}
-
-/// Joins a session's job and latest result.
-macro_rules! with_result {
-    () => {
-        "
-             LEFT JOIN job ON job.id = (SELECT latest.id FROM job AS latest
-                                    WHERE latest.session_id = session.id AND latest.turn < 2
-                                        ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
-             LEFT JOIN result ON result.id =
-                 (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
-                  ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1) "
-    };
-}
-
 /// Selects the last `$5` sessions of trainee `$3` at task `$4`, newest first.
-macro_rules! practised {
-    () => {
-        concat!(
-            "SELECT ",
-            of_session!(),
-            ", count(*) OVER () AS in_all FROM session",
-            with_result!(),
-            "WHERE session.trainee_id = $3 AND session.task_id = $4 AND ",
-            sees_trainee!("session.trainee_id"),
-            " ORDER BY session.recorded_at_ms DESC, session.id DESC LIMIT $5"
-        )
-    };
-}
+pub(in crate::store) const SELECT_PRACTICE: &str = "
+    SELECT session.*, (SELECT count(*) FROM session WHERE trainee_id = $3 AND task_id = $4) AS in_all
+    FROM practised_session AS session
+    WHERE session.trainee_id = $3 AND session.task_id = $4
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+    ORDER BY session.recorded_at_ms DESC, session.id DESC LIMIT $5";
 
 /// Selects the last `$4` sessions of each pair of a trainee and a task in `$3` (a JSON array), newest first.
-macro_rules! practised_by_many {
-    () => {
-        concat!(
-            "WITH pair AS MATERIALIZED
-                 (SELECT value ->> 'trainee' AS trainee, value ->> 'task' AS task,
-                         (SELECT count(*) FROM session AS every WHERE every.trainee_id = wanted.value ->> 'trainee'
-                          AND every.task_id = wanted.value ->> 'task') AS in_all
-                  FROM json_each($3) AS wanted)
-             SELECT session.trainee_id, session.task_id, pair.in_all, ",
-            of_session!(),
-            " FROM pair
-             CROSS JOIN session ON session.id IN
-                 (SELECT recent.id FROM session AS recent
-                  WHERE recent.trainee_id = pair.trainee AND recent.task_id = pair.task
-                  ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $4)",
-            with_result!(),
-            "WHERE ",
-            sees_trainee!("session.trainee_id"),
-            " ORDER BY session.recorded_at_ms DESC, session.id DESC"
-        )
-    };
-}
+pub(in crate::store) const SELECT_PRACTICE_OF_MANY: &str = "
+    WITH pair AS MATERIALIZED
+        (SELECT value ->> 'trainee' AS trainee, value ->> 'task' AS task,
+                (SELECT count(*) FROM session AS every WHERE every.trainee_id = wanted.value ->> 'trainee'
+                 AND every.task_id = wanted.value ->> 'task') AS in_all
+         FROM json_each($3) AS wanted)
+    SELECT session.*, pair.in_all
+    FROM pair
+    CROSS JOIN practised_session AS session ON session.id IN
+        (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = pair.trainee AND recent.task_id = pair.task
+         ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $4)
+    WHERE ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+    ORDER BY session.recorded_at_ms DESC, session.id DESC";
 
 /// Selects the features named in `$2` of the results `$1`, both JSON arrays. By default, SQLite would read all features
 /// of each result.
-macro_rules! measured {
-    () => {
-        "SELECT result_id, name, tool, space, value, low, high FROM feature INDEXED BY feature_named
-         WHERE result_id IN (SELECT value FROM json_each($1)) AND name IN (SELECT value FROM json_each($2))"
-    };
-}
-#[cfg(test)]
-pub(in crate::store) use {measured, of_session, practised, practised_by_many, with_result}; // for the plan tests
+pub(in crate::store) const SELECT_MEASURED: &str = "
+    SELECT result_id, name, tool, space, value, low, high FROM feature INDEXED BY feature_named
+    WHERE result_id IN (SELECT value FROM json_each($1)) AND name IN (SELECT value FROM json_each($2))";
+
+const SELECT_TRAINEE_TASKS: &str = "
+    SELECT trainee_id, task_id, count(*) FROM session
+    WHERE recorded_at_ms >= $3 AND task_id IN (SELECT standard.task_id FROM standard)
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+    GROUP BY trainee_id, task_id ORDER BY max(recorded_at_ms) DESC LIMIT $4";
+
+const SELECT_LAST_TASK: &str = "
+    SELECT task_id FROM session
+    WHERE trainee_id = $3
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+    ORDER BY recorded_at_ms DESC, id DESC LIMIT 1";
 
 impl SessionStore<'_> {
     /// A trainee's last sessions of a task, at most `most`, with these features of their latest results.
@@ -184,7 +153,8 @@ impl SessionStore<'_> {
         features: &[&str],
         most: u32,
     ) -> StoreResult<Practice> {
-        let rows = sqlx::query_as::<_, PracticeRow>(practised!()).bind_scope(scope).bind(trainee).bind(task).bind(most);
+        let rows =
+            sqlx::query_as::<_, PracticeRow>(SELECT_PRACTICE).bind_scope(scope).bind(trainee).bind(task).bind(most);
         let rows = rows.fetch_all(self.0.readers()).await?;
         if rows.is_empty() {
             self.0.trainees().get(scope, &Key::from(&trainee)).await?;
@@ -203,8 +173,10 @@ impl SessionStore<'_> {
         features: &[&str],
         most: u32,
     ) -> StoreResult<HashMap<TraineeTask, Practice>> {
-        let rows =
-            sqlx::query_as::<_, PracticeRowOfPair>(practised_by_many!()).bind_scope(scope).bind(Json(pairs)).bind(most);
+        let rows = sqlx::query_as::<_, PracticeRowOfPair>(SELECT_PRACTICE_OF_MANY)
+            .bind_scope(scope)
+            .bind(Json(pairs))
+            .bind(most);
         let rows = rows.fetch_all(self.0.readers()).await?;
         let results: Vec<ResultId> = rows.iter().filter_map(|row| row.of.result_id).collect();
         let mut measured = self.measured(results, features).await?;
@@ -223,12 +195,7 @@ impl SessionStore<'_> {
         since_ms: i64,
         most: u32,
     ) -> StoreResult<Vec<(TraineeTask, usize)>> {
-        let rows = sqlx::query_as::<_, (TraineeId, TaskId, i64)>(concat!(
-            "SELECT trainee_id, task_id, count(*) FROM session
-             WHERE session.recorded_at_ms >= $3 AND task_id IN (SELECT standard.task_id FROM standard) AND ",
-            sees_trainee!("session.trainee_id"),
-            " GROUP BY trainee_id, task_id ORDER BY max(session.recorded_at_ms) DESC LIMIT $4"
-        ));
+        let rows = sqlx::query_as::<_, (TraineeId, TaskId, i64)>(SELECT_TRAINEE_TASKS);
         let rows = rows.bind_scope(scope).bind(since_ms).bind(most).fetch_all(self.0.readers()).await?;
         Ok(rows
             .into_iter()
@@ -243,7 +210,7 @@ impl SessionStore<'_> {
         features: &[&str],
     ) -> StoreResult<HashMap<ResultId, Vec<PracticeMeasurement>>> {
         let mut measured: HashMap<ResultId, Vec<PracticeMeasurement>> = HashMap::with_capacity(results.len());
-        let found = sqlx::query_as::<_, PracticeFeatureRow>(measured!()).bind(Json(results)).bind(Json(features));
+        let found = sqlx::query_as::<_, PracticeFeatureRow>(SELECT_MEASURED).bind(Json(results)).bind(Json(features));
         for (result, feature, tool, space, value, low, high) in found.fetch_all(self.0.readers()).await? {
             let bar = low.zip(high).map(|(low, high)| [low, high]);
             let measurement = PracticeMeasurement { of: FeatureKey { feature, tool, space }, value, bar };
@@ -254,11 +221,7 @@ impl SessionStore<'_> {
 
     /// The task of a trainee's latest session, if there is one.
     pub async fn last_task(&self, scope: &Scope, trainee: TraineeId) -> StoreResult<Option<TaskId>> {
-        let row = sqlx::query_scalar(concat!(
-            "SELECT task_id FROM session WHERE trainee_id = $3 AND ",
-            sees_trainee!("session.trainee_id"),
-            " ORDER BY recorded_at_ms DESC, id DESC LIMIT 1"
-        ));
+        let row = sqlx::query_scalar(SELECT_LAST_TASK);
         Ok(row.bind_scope(scope).bind(trainee).fetch_optional(self.0.readers()).await?)
     }
 }

@@ -6,7 +6,7 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::types::Json;
 
 use super::super::error::{StoreResult, not_found};
-use super::super::visibility::{BindScope, sees_trainee};
+use super::super::visibility::BindScope;
 use super::SessionStore;
 use crate::domain::blob::BlobHash;
 use crate::domain::files::quality::stored_fulcrums;
@@ -78,31 +78,50 @@ pub struct SessionOrderKey(pub i64, pub SessionId);
 
 /// Selects the sessions of box `$1` with calibration `$2` that arrived before (`$3`, `$4`) and have trocar positions.
 /// The order is that of the index `session_box_order`, so that only the first `$5` are read.
-macro_rules! fulcrums_before {
-    () => {
-        "SELECT session.created_at_ms, session.id, result.quality FROM session JOIN result ON result.id =
-             (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
-              ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
-         WHERE session.box_id = $1 AND result.calibration_id = $2 AND (session.created_at_ms, session.id) < ($3, $4)
-           AND json_extract(result.quality, '$.verdict') <> 'refused'
-           AND EXISTS (SELECT 1 FROM json_each(result.quality, '$.tools') AS tool
-                       WHERE json_extract(tool.value, '$.fulcrum') IS NOT NULL)
-           AND NOT EXISTS (SELECT 1 FROM json_each(result.quality, '$.reasons') AS reason
-                           WHERE json_extract(reason.value, '$.name') IN ('camera_moved', 'port_moved'))
-         ORDER BY session.created_at_ms, session.id LIMIT $5"
-    };
-}
-#[cfg(test)]
-pub(in crate::store) use fulcrums_before;
+pub(in crate::store) const SELECT_FULCRUMS_BEFORE: &str = "
+    SELECT session.created_at_ms, session.id, result.quality
+    FROM session JOIN current_result AS result ON result.session_id = session.id
+    WHERE session.box_id = $1 AND result.calibration_id = $2 AND (session.created_at_ms, session.id) < ($3, $4)
+      AND result.verdict <> 'refused'
+      AND EXISTS (SELECT 1 FROM json_each(result.quality, '$.tools') AS tool
+                  WHERE json_extract(tool.value, '$.fulcrum') IS NOT NULL)
+      AND NOT EXISTS (SELECT 1 FROM json_each(result.quality, '$.reasons') AS reason
+                      WHERE json_extract(reason.value, '$.name') IN ('camera_moved', 'port_moved'))
+    ORDER BY session.created_at_ms, session.id LIMIT $5";
+
+const SELECT_SESSION_RESULT: &str = "
+    SELECT result.* FROM current_result AS result JOIN session ON session.id = result.session_id
+    WHERE result.session_id = $3
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))";
+
+const SELECT_RESULT: &str = "
+    SELECT result.* FROM result JOIN session ON session.id = result.session_id
+    WHERE result.session_id = $3 AND result.id = $4
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))";
+
+const SELECT_RESULTS: &str = "
+    SELECT result.* FROM result JOIN session ON session.id = result.session_id
+    WHERE result.session_id = $3
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+    ORDER BY result.created_at_ms DESC, result.id DESC LIMIT $4";
+
+const SELECT_HAS_EARLIER_RUNNING: &str = "
+    SELECT EXISTS (SELECT 1 FROM job JOIN session ON session.id = job.session_id
+                   WHERE job.state = 'running' AND job.turn < 2 AND session.box_id = $1
+                   AND (session.created_at_ms, session.id) < ($2, $3))";
+
+const SELECT_FEATURES: &str = "
+    SELECT name, title, unit, tool, space, value, not_enough, as_measured, sigma, low, high, no_error
+    FROM feature
+    WHERE result_id = $1 ORDER BY position";
 
 impl SessionStore<'_> {
     /// The latest result of a session; `None` if there is none.
     pub async fn result(&self, scope: &Scope, id: SessionId) -> StoreResult<Option<SessionResult>> {
-        let row = sqlx::query_as::<_, SessionResultRow>(concat!(
-            "SELECT result.* FROM result JOIN session ON session.id = session_id WHERE session_id = $3 AND ",
-            sees_trainee!("session.trainee_id"),
-            " ORDER BY result.created_at_ms DESC, result.id DESC LIMIT 1"
-        ));
+        let row = sqlx::query_as::<_, SessionResultRow>(SELECT_SESSION_RESULT);
         match row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await? {
             None => self.get(scope, id).await.map(|_| None),
             Some(row) => {
@@ -114,11 +133,7 @@ impl SessionStore<'_> {
 
     /// One result of a session, current or not.
     pub async fn result_of(&self, scope: &Scope, id: SessionId, result: ResultId) -> StoreResult<SessionResult> {
-        let row = sqlx::query_as::<_, SessionResultRow>(concat!(
-            "SELECT result.* FROM result JOIN session ON session.id = session_id \
-             WHERE session_id = $3 AND result.id = $4 AND ",
-            sees_trainee!("session.trainee_id"),
-        ));
+        let row = sqlx::query_as::<_, SessionResultRow>(SELECT_RESULT);
         let row = row.bind_scope(scope).bind(id).bind(result).fetch_optional(self.0.readers()).await?;
         let row = row.ok_or(not_found("result"))?;
         let features = self.features(row.id).await?;
@@ -127,11 +142,7 @@ impl SessionStore<'_> {
 
     /// The results of a session without their features, the current one first; at most `most`.
     pub async fn results(&self, scope: &Scope, id: SessionId, most: u32) -> StoreResult<Vec<SessionResult>> {
-        let rows = sqlx::query_as::<_, SessionResultRow>(concat!(
-            "SELECT result.* FROM result JOIN session ON session.id = session_id WHERE session_id = $3 AND ",
-            sees_trainee!("session.trainee_id"),
-            " ORDER BY result.created_at_ms DESC, result.id DESC LIMIT $4"
-        ));
+        let rows = sqlx::query_as::<_, SessionResultRow>(SELECT_RESULTS);
         let rows = rows.bind_scope(scope).bind(id).bind(most).fetch_all(self.0.readers()).await?;
         if rows.is_empty() {
             self.get(scope, id).await?;
@@ -149,7 +160,7 @@ impl SessionStore<'_> {
         before: SessionOrderKey,
         most: usize,
     ) -> StoreResult<Vec<(SessionOrderKey, Vec<Fulcrum>)>> {
-        let rows = sqlx::query_as::<_, (i64, SessionId, Json<Value>)>(fulcrums_before!());
+        let rows = sqlx::query_as::<_, (i64, SessionId, Json<Value>)>(SELECT_FULCRUMS_BEFORE);
         let SessionOrderKey(created_at_ms, session) = before;
         let rows = rows.bind(of).bind(calibration).bind(created_at_ms).bind(session).bind(most as i64);
         let found = rows.fetch_all(self.0.readers()).await?;
@@ -162,19 +173,13 @@ impl SessionStore<'_> {
     /// True if an earlier session of this box is being tracked at present. Sessions that already have a result and are
     /// only scored or tracked again do not count, so that a long rescoring does not delay new sessions.
     pub async fn has_earlier_running(&self, of: BoxId, before: SessionOrderKey) -> StoreResult<bool> {
-        let sql = "SELECT EXISTS (SELECT 1 FROM job JOIN session ON session.id = job.session_id
-                   WHERE job.state = 'running' AND job.turn < 2 AND session.box_id = $1
-                   AND (session.created_at_ms, session.id) < ($2, $3))";
         let SessionOrderKey(created_at_ms, session) = before;
-        let found = sqlx::query_scalar(sql).bind(of).bind(created_at_ms).bind(session);
+        let found = sqlx::query_scalar(SELECT_HAS_EARLIER_RUNNING).bind(of).bind(created_at_ms).bind(session);
         Ok(found.fetch_one(self.0.readers()).await?)
     }
 
     async fn features(&self, result: ResultId) -> StoreResult<Vec<FeatureRow>> {
-        let rows = sqlx::query_as(
-            "SELECT name, title, unit, tool, space, value, not_enough, as_measured, sigma, low, high, no_error
-             FROM feature WHERE result_id = $1 ORDER BY position",
-        );
+        let rows = sqlx::query_as(SELECT_FEATURES);
         Ok(rows.bind(result).fetch_all(self.0.readers()).await?)
     }
 }

@@ -13,6 +13,18 @@ use crate::domain::session::NewSession;
 use crate::domain::text::TrackerName;
 use crate::ids::{JobId, SessionId};
 
+pub(in crate::store) const DELETE_SESSION: &str = "DELETE FROM session WHERE id = $1";
+
+const INSERT_SESSION: &str = "
+    INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms, created_at_ms,
+                         tracker)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)";
+
+pub(in crate::store) const SELECT_SAME_SESSION: &str = "
+    SELECT id FROM session WHERE trainee_id = $1 AND task_id = $2 AND box_id = $3 AND video = $4";
+
+const SELECT_JOB_STATE: &str = "SELECT state FROM job WHERE id = $1";
+
 impl SessionStore<'_> {
     /// Creates a session from a recording in the vault and queues its tracking, in one transaction. If the same
     /// trainee, task and box already have this recording, the error is [`StoreError::Taken`] with the existing session.
@@ -72,7 +84,7 @@ impl SessionStore<'_> {
                 let scope = scope.clone();
                 async move |tx| {
                     skill_models::withdraw_of_session(tx, id, now_ms).await?;
-                    let deleted = sqlx::query("DELETE FROM session WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                    let deleted = sqlx::query(DELETE_SESSION).bind(id).execute(&mut *tx).await?;
                     if deleted.rows_affected() == 0 {
                         return Err(not_found("session"));
                     }
@@ -109,11 +121,7 @@ async fn insert_session(
     refuse_duplicate(tx, &new).await?;
     blobs::record(tx, new.video, now_ms).await?;
     let id = SessionId::at(now_ms);
-    let insert = sqlx::query(
-        "INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms,
-         created_at_ms, tracker)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)",
-    );
+    let insert = sqlx::query(INSERT_SESSION);
     let insert = insert.bind(id).bind(new.trainee).bind(new.task).bind(new.in_box).bind(new.filename);
     let insert = insert.bind(new.media_type).bind(new.video.hash).bind(new.recorded_at_ms.unwrap_or(now_ms));
     insert.bind(now_ms).bind(tracker).execute(&mut *tx).await.map_err(missing("task or box"))?;
@@ -123,14 +131,14 @@ async fn insert_session(
 /// Refuses a recording that exists already. The check comes before the insert so that the error can name the session;
 /// the schema's UNIQUE constraint remains as a safeguard.
 async fn refuse_duplicate(tx: &mut SqliteConnection, new: &NewSession) -> StoreResult<()> {
-    let sql = "SELECT id FROM session WHERE trainee_id = $1 AND task_id = $2 AND box_id = $3 AND video = $4";
-    let found = sqlx::query_scalar(sql).bind(new.trainee).bind(new.task).bind(new.in_box).bind(new.video.hash);
+    let found =
+        sqlx::query_scalar(SELECT_SAME_SESSION).bind(new.trainee).bind(new.task).bind(new.in_box).bind(new.video.hash);
     let existing: Option<String> = found.fetch_optional(tx).await?;
     existing.map_or(Ok(()), |id| Err(StoreError::Taken { what: "recording", existing: Some(id) }))
 }
 
 async fn refuse_if_done(tx: &mut SqliteConnection, job: JobId) -> StoreResult<()> {
-    let state: JobState = sqlx::query_scalar("SELECT state FROM job WHERE id = $1").bind(job).fetch_one(tx).await?;
+    let state: JobState = sqlx::query_scalar(SELECT_JOB_STATE).bind(job).fetch_one(tx).await?;
     if state == JobState::Done {
         return Err(StoreError::refused(
             "the session is already scored with the current versions of program, camera and colours",

@@ -10,8 +10,8 @@ use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::ids::SessionId;
 use crate::store::jobs::CLAIM;
-use crate::store::sessions::queue_positions::places_in_queue;
-use crate::store::sessions::result::fulcrums_before;
+use crate::store::sessions::queue_positions::SELECT_QUEUE_POSITIONS;
+use crate::store::sessions::result::SELECT_FULCRUMS_BEFORE;
 use crate::store::testing::TestCentre;
 use crate::store::{PageRequest, SessionFilter, SessionOrderKey};
 
@@ -56,7 +56,7 @@ async fn the_next_job_is_the_first_of_the_index() {
 #[tokio::test]
 async fn queue_positions_are_counted_along_the_index() {
     let centre = TestCentre::with_camera_and_colours().await;
-    let plan = plan(&centre, places_in_queue!()).await;
+    let plan = plan(&centre, SELECT_QUEUE_POSITIONS).await;
     let from_place_to_place = "SEARCH ahead USING COVERING INDEX job_waiting \
         (turn=? AND (queued_at_ms,id)>(?,?) AND (queued_at_ms,id)<(?,?))";
     assert!(plan.iter().any(|line| line == from_place_to_place), "{plan:#?}");
@@ -66,7 +66,7 @@ async fn queue_positions_are_counted_along_the_index() {
 #[tokio::test]
 async fn earlier_sessions_are_read_in_order_and_only_as_many_as_needed() {
     let centre = TestCentre::with_camera_and_colours().await;
-    let plan = plan(&centre, fulcrums_before!()).await;
+    let plan = plan(&centre, SELECT_FULCRUMS_BEFORE).await;
     let along_the_index =
         "SEARCH session USING COVERING INDEX session_box_order (box_id=? AND (created_at_ms,id)<(?,?))";
     assert_eq!(plan[0], along_the_index, "{plan:#?}");

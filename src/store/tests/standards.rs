@@ -1,18 +1,16 @@
 //! Versions of standards, and the queries behind a trainee's progress.
 
-use sqlx::Row;
+use sqlx::{AssertSqlSafe, Row};
 
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::standard::{ChartDesign, StandardDefinition, StandardRule};
 use crate::domain::text::Key;
 use crate::store::StoreError;
-use crate::store::cohorts::{belongs, values_of, values_of_cohort, values_of_seen};
-use crate::store::sessions::counts;
-use crate::store::sessions::practice::{measured, of_session, practised, practised_by_many, with_result};
-use crate::store::standards::select_standards;
+use crate::store::cohorts::SELECT_VALUES;
+use crate::store::sessions::practice::{SELECT_MEASURED, SELECT_PRACTICE, SELECT_PRACTICE_OF_MANY};
+use crate::store::standards::SELECT_STANDARDS;
 use crate::store::testing::TestCentre;
-use crate::store::visibility::sees_trainee;
 
 fn definition(in_a_row: usize) -> StandardDefinition {
     let rule = Some(StandardRule { in_a_row, then_more: 0, at_most: None });
@@ -56,35 +54,19 @@ async fn trainees_read_standards_and_agents_do_not() {
 async fn progress_reads_no_table_from_end_to_end() {
     let centre = TestCentre::new().await;
     for (sql, wanted) in [
-        (
-            concat!("EXPLAIN QUERY PLAN ", practised!()),
-            "SEARCH session USING INDEX session_practised (trainee_id=? AND task_id=?)",
-        ),
-        (
-            concat!("EXPLAIN QUERY PLAN ", measured!()),
-            "SEARCH feature USING COVERING INDEX feature_named (name=? AND result_id=?)",
-        ),
-        (
-            concat!("EXPLAIN QUERY PLAN ", select_standards!()),
-            "SEARCH standard USING INDEX sqlite_autoindex_standard_2 (task_id=?)",
-        ),
-        (
-            concat!("EXPLAIN QUERY PLAN ", values_of_cohort!()),
-            "SEARCH recent USING COVERING INDEX session_practised (trainee_id=? AND task_id=?)",
-        ),
-        (
-            concat!("EXPLAIN QUERY PLAN ", values_of_seen!()),
-            "SEARCH recent USING COVERING INDEX session_practised (trainee_id=? AND task_id=?)",
-        ),
-        (
-            concat!("EXPLAIN QUERY PLAN ", practised_by_many!()),
-            "SEARCH recent USING COVERING INDEX session_practised (trainee_id=? AND task_id=?)",
-        ),
+        (SELECT_PRACTICE, "SEARCH session USING INDEX session_practised (trainee_id=? AND task_id=?)"),
+        (SELECT_MEASURED, "SEARCH feature USING COVERING INDEX feature_named (name=? AND result_id=?)"),
+        (SELECT_STANDARDS, "SEARCH standard USING INDEX sqlite_autoindex_standard_2 (task_id=?)"),
+        (SELECT_VALUES, "SEARCH recent USING COVERING INDEX session_practised (trainee_id=? AND task_id=?)"),
+        (SELECT_PRACTICE_OF_MANY, "SEARCH recent USING COVERING INDEX session_practised (trainee_id=? AND task_id=?)"),
     ] {
-        let rows = sqlx::query(sql).fetch_all(centre.store.readers()).await.unwrap();
+        let rows = sqlx::query(AssertSqlSafe(format!("EXPLAIN QUERY PLAN {sql}")))
+            .fetch_all(centre.store.readers())
+            .await
+            .unwrap();
         let plan: Vec<String> = rows.iter().map(|row| row.get("detail")).collect();
         // `make progress-load` shows this.
-        println!("\n{}\n  {}", sql.trim_start_matches("EXPLAIN QUERY PLAN "), plan.join("\n  "));
+        println!("\n{}\n  {}", sql, plan.join("\n  "));
         assert!(plan.iter().any(|line| line == wanted), "{plan:#?}");
         let whole = ["SCAN session", "SCAN result", "SCAN feature", "SCAN job", "SCAN standard"];
         assert!(!plan.iter().any(|line| whole.iter().any(|scan| line.starts_with(scan))), "{plan:#?}");
