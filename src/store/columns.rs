@@ -2,7 +2,8 @@
 
 use sqlx::encode::IsNull;
 use sqlx::error::BoxDynError;
-use sqlx::sqlite::{SqliteArgumentsBuffer, SqliteTypeInfo, SqliteValueRef};
+use sqlx::query::Query;
+use sqlx::sqlite::{SqliteArguments, SqliteArgumentsBuffer, SqliteTypeInfo, SqliteValueRef};
 use sqlx::{Decode, Encode, Sqlite, Type};
 
 use crate::domain::blob::BlobHash;
@@ -26,6 +27,10 @@ use crate::ids::{
     TraineeId, UploadId,
 };
 use crate::time::Day;
+
+/// An `INSERT` whose values are bound. A row with many columns has a method that returns one: it binds the fields in the
+/// order of the columns of a statement that stands beside it.
+pub(super) type Insert = Query<'static, Sqlite, SqliteArguments>;
 
 /// Implements storage as text with the given write and read functions.
 macro_rules! as_text {

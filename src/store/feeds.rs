@@ -5,9 +5,10 @@ use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
 use super::audit::note;
+use super::columns::Insert;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::jobs::enqueue_track;
-use super::sessions::{DELETE_SESSION, SELECT_SAME_SESSION};
+use super::sessions::{DELETE_SESSION, NewSessionRow, SELECT_SAME_SESSION};
 use super::visibility::BindScope;
 use super::{Scope, Store, blobs};
 use crate::domain::blob::Blob;
@@ -18,6 +19,9 @@ use crate::ids::{BoxId, FeedId, SessionId, TaskId, TraineeId};
 
 /// File name of a recording that was streamed.
 const FILENAME: &str = "live.mp4";
+
+/// Media type of a recording that was streamed.
+const MEDIA_TYPE: &str = "video/mp4";
 
 /// Access to the feeds.
 pub struct FeedStore<'s>(pub(super) &'s Store);
@@ -132,14 +136,20 @@ const SELECT_UNFINISHED_IDS: &str = "SELECT id FROM feed WHERE ended_at_ms IS NU
 
 const DELETE_EMPTY_SESSIONS: &str = "DELETE FROM session WHERE video IS NULL";
 
-const INSERT_SESSION: &str = "
-    INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, recorded_at_ms, created_at_ms)
-    VALUES ($1, $2, $3, $4, $5, 'video/mp4', $6, $7)";
-
 const INSERT_FEED: &str = "
     INSERT INTO feed (id, session_id, box_id, codec, width, height, tick_num, tick_den, sender, epoch, created_at_ms,
                       is_push)
     VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, 1, $10, $11)";
+
+impl NewFeed {
+    fn insert(self, session: SessionId, now_ms: i64) -> Insert {
+        let (width, height) = self.size;
+        let (num, den) = self.time_base.fraction();
+        let insert = sqlx::query(INSERT_FEED).bind(self.id).bind(session).bind(self.in_box).bind(self.codec);
+        let insert = insert.bind(width).bind(height).bind(num).bind(den).bind(self.sender);
+        insert.bind(now_ms).bind(self.is_push)
+    }
+}
 
 impl FeedStore<'_> {
     /// Begins or resumes a recording: from now on only the connection with the returned epoch may send. A recording
@@ -264,16 +274,21 @@ async fn find(tx: &mut SqliteConnection, id: FeedId) -> StoreResult<Option<FeedR
 }
 
 async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: i64) -> StoreResult<FeedRow> {
-    let session = SessionId::at(now_ms);
-    let insert = sqlx::query(INSERT_SESSION);
-    let insert = insert.bind(session).bind(new.trainee).bind(new.task).bind(new.in_box).bind(FILENAME);
-    let insert = insert.bind(new.began_at_ms).bind(now_ms);
-    insert.execute(&mut *tx).await.map_err(missing("trainee, task or box"))?;
-    let insert = sqlx::query(INSERT_FEED);
-    let (num, den) = new.time_base.fraction();
-    let insert = insert.bind(new.id).bind(session).bind(new.in_box).bind(new.codec).bind(new.size.0).bind(new.size.1);
-    let insert = insert.bind(num).bind(den).bind(new.sender).bind(now_ms).bind(new.is_push);
-    insert.execute(&mut *tx).await?;
+    let (id, session) = (new.id, SessionId::at(now_ms));
+    let row = NewSessionRow {
+        id: session,
+        trainee_id: new.trainee,
+        task_id: new.task,
+        box_id: new.in_box,
+        filename: FILENAME.to_owned(),
+        media_type: MEDIA_TYPE.to_owned(),
+        video: None,
+        recorded_at_ms: new.began_at_ms,
+        created_at_ms: now_ms,
+        tracker: None,
+    };
+    row.insert().execute(&mut *tx).await.map_err(missing("trainee, task or box"))?;
+    new.insert(session, now_ms).execute(&mut *tx).await?;
     note(tx, scope, now_ms, ("create", "session"), session).await?;
-    find(tx, new.id).await?.ok_or(not_found("feed"))
+    find(tx, id).await?.ok_or(not_found("feed"))
 }

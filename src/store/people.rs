@@ -1,6 +1,7 @@
 //! Accounts that can sign in. For administrators only, except the functions that sign-in itself needs.
 
 use super::audit::note;
+use super::columns::Insert;
 use super::cookies::DELETE_COOKIES_OF;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
@@ -103,6 +104,13 @@ const SELECT_ACCOUNT_OF: &str = "SELECT id FROM person WHERE trainee_id = $1";
 
 const COUNT_ADMINISTRATORS: &str = "SELECT count(*) FROM person WHERE role = 'administrator'";
 
+impl PersonRecord {
+    fn insert(&self, password: PasswordHash) -> Insert {
+        let insert = sqlx::query(INSERT_PERSON).bind(self.id).bind(&self.login).bind(&self.name).bind(self.role);
+        insert.bind(password).bind(self.trainee_id).bind(self.created_at_ms)
+    }
+}
+
 impl PersonStore<'_> {
     /// Creates an account.
     pub async fn create(&self, scope: &Scope, new: NewPerson) -> StoreResult<PersonRecord> {
@@ -127,17 +135,7 @@ impl PersonStore<'_> {
         self.0
             .write(async move |tx| {
                 refuse_second_account(tx, person.trainee_id).await?;
-                sqlx::query(INSERT_PERSON)
-                    .bind(person.id)
-                    .bind(&person.login)
-                    .bind(&person.name)
-                    .bind(person.role)
-                    .bind(new.password)
-                    .bind(person.trainee_id)
-                    .bind(now_ms)
-                    .execute(&mut *tx)
-                    .await
-                    .map_err(taken_or_missing)?;
+                person.insert(new.password).execute(&mut *tx).await.map_err(taken_or_missing)?;
                 note(tx, &scope, now_ms, ("create", "person"), person.id).await?;
                 Ok(person)
             })

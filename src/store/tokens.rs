@@ -4,6 +4,7 @@
 use sqlx::sqlite::SqliteConnection;
 
 use super::audit::note;
+use super::columns::Insert;
 use super::error::{StoreError, StoreResult, ignore_full_or_busy, missing, not_found};
 use super::visibility::require_administrator;
 use super::{Scope, Store};
@@ -91,6 +92,13 @@ const UPDATE_LAST_USED: &str = "
 
 const SELECT_ROLE: &str = "SELECT role FROM person WHERE id = $1";
 
+impl TokenRecord {
+    fn insert(&self, secret: SecretHash) -> Insert {
+        let insert = sqlx::query(INSERT_TOKEN).bind(self.id).bind(secret).bind(&self.name).bind(self.role);
+        insert.bind(self.person_id).bind(self.box_id).bind(self.created_at_ms).bind(self.expires_at_ms)
+    }
+}
+
 impl TokenStore<'_> {
     /// Makes a token.
     pub async fn create(&self, scope: &Scope, new: NewToken) -> StoreResult<TokenRecord> {
@@ -117,18 +125,7 @@ impl TokenStore<'_> {
         self.0
             .write(async move |tx| {
                 require_rights(tx, new.acts_as).await?;
-                sqlx::query(INSERT_TOKEN)
-                    .bind(token.id)
-                    .bind(new.secret)
-                    .bind(&token.name)
-                    .bind(role)
-                    .bind(person_id)
-                    .bind(box_id)
-                    .bind(now_ms)
-                    .bind(token.expires_at_ms)
-                    .execute(&mut *tx)
-                    .await
-                    .map_err(missing("box or person"))?;
+                token.insert(new.secret).execute(&mut *tx).await.map_err(missing("box or person"))?;
                 note(tx, &scope, now_ms, ("create", "token"), token.id).await?;
                 Ok(token)
             })

@@ -169,16 +169,9 @@ impl TraineeStore<'_> {
 }
 
 pub(super) async fn insert(tx: &mut sqlx::SqliteConnection, trainee: &TraineeRecord) -> StoreResult<()> {
-    sqlx::query(INSERT_TRAINEE)
-        .bind(trainee.id)
-        .bind(&trainee.code)
-        .bind(&trainee.name)
-        .bind(trainee.level)
-        .bind(trainee.handedness)
-        .bind(trainee.created_at_ms)
-        .execute(tx)
-        .await
-        .map_err(taken("code"))?;
+    let insert = sqlx::query(INSERT_TRAINEE).bind(trainee.id).bind(&trainee.code).bind(&trainee.name);
+    let insert = insert.bind(trainee.level).bind(trainee.handedness).bind(trainee.created_at_ms);
+    insert.execute(tx).await.map_err(taken("code"))?;
     Ok(())
 }
 

@@ -2,7 +2,7 @@
 //! durable.
 
 use super::audit::note;
-use super::columns::integer;
+use super::columns::{Insert, integer};
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::sessions;
 use super::visibility::{BindScope, require_trainee};
@@ -108,23 +108,43 @@ const SELECT_IS_UNFINISHED: &str = "SELECT 1 FROM upload WHERE id = $1 AND sessi
 const COUNT_UNFINISHED: &str = "SELECT count(*) FROM upload WHERE session_id IS NULL";
 
 const INSERT_UPLOAD: &str = "
-    INSERT INTO upload (id, person_id, trainee_id, task_id, box_id, filename, metadata, recorded_at_ms, length,
-                        created_at_ms, expires_at_ms)
-    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11) RETURNING *";
+    INSERT INTO upload (id, person_id, trainee_id, task_id, box_id, filename, metadata, recorded_at_ms, length, received,
+                        session_id, created_at_ms, expires_at_ms)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)";
+
+impl UploadRecord {
+    fn insert(&self) -> Insert {
+        let insert = sqlx::query(INSERT_UPLOAD).bind(self.id).bind(self.person_id).bind(self.trainee_id);
+        let insert = insert.bind(self.task_id).bind(self.box_id).bind(&self.filename).bind(&self.metadata);
+        let insert = insert.bind(self.recorded_at_ms).bind(integer(self.length)).bind(integer(self.received));
+        insert.bind(self.session_id).bind(self.created_at_ms).bind(self.expires_at_ms)
+    }
+}
 
 impl UploadStore<'_> {
     /// Begins an upload.
     pub async fn create(&self, scope: &Scope, new: NewUpload) -> StoreResult<UploadRecord> {
-        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        let scope = scope.clone();
+        let upload = UploadRecord {
+            id: new.id,
+            person_id: scope.person(),
+            trainee_id: new.trainee,
+            task_id: new.task,
+            box_id: new.in_box,
+            filename: new.filename,
+            metadata: new.metadata,
+            recorded_at_ms: new.recorded_at_ms,
+            length: new.length,
+            received: 0,
+            session_id: None,
+            created_at_ms: self.0.now_ms(),
+            expires_at_ms: new.expires_at_ms,
+        };
         self.0
             .write(async move |tx| {
-                require_trainee(tx, &scope, new.trainee).await?;
-                let row = sqlx::query_as(INSERT_UPLOAD);
-                let row = row.bind(new.id).bind(scope.person());
-                let row = row.bind(new.trainee).bind(new.task).bind(new.in_box);
-                let row = row.bind(new.filename).bind(new.metadata).bind(new.recorded_at_ms);
-                let row = row.bind(integer(new.length)).bind(now_ms).bind(new.expires_at_ms);
-                row.fetch_one(tx).await.map_err(missing("task or box"))
+                require_trainee(tx, &scope, upload.trainee_id).await?;
+                upload.insert().execute(tx).await.map_err(missing("task or box"))?;
+                Ok(upload)
             })
             .await
     }

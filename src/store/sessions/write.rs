@@ -3,15 +3,17 @@
 use sqlx::sqlite::SqliteConnection;
 
 use super::super::audit::note;
+use super::super::columns::Insert;
 use super::super::error::{StoreError, StoreResult, missing, not_found};
 use super::super::jobs::{self, enqueue_track};
 use super::super::visibility::{require_staff, require_trainee};
 use super::super::{Scope, blobs, skill_models};
 use super::{SessionRecord, SessionStore};
+use crate::domain::blob::BlobHash;
 use crate::domain::job::{ImportInput, JobInput, JobState};
 use crate::domain::session::NewSession;
 use crate::domain::text::TrackerName;
-use crate::ids::{JobId, SessionId};
+use crate::ids::{BoxId, JobId, SessionId, TaskId, TraineeId};
 
 pub(in crate::store) const DELETE_SESSION: &str = "DELETE FROM session WHERE id = $1";
 
@@ -19,6 +21,28 @@ const INSERT_SESSION: &str = "
     INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms, created_at_ms,
                          tracker)
     VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)";
+
+/// A row of the table `session`.
+pub(in crate::store) struct NewSessionRow {
+    pub id: SessionId,
+    pub trainee_id: TraineeId,
+    pub task_id: TaskId,
+    pub box_id: BoxId,
+    pub filename: String,
+    pub media_type: String,
+    pub video: Option<BlobHash>,
+    pub recorded_at_ms: i64,
+    pub created_at_ms: i64,
+    pub tracker: Option<TrackerName>,
+}
+
+impl NewSessionRow {
+    pub fn insert(self) -> Insert {
+        let insert = sqlx::query(INSERT_SESSION).bind(self.id).bind(self.trainee_id).bind(self.task_id);
+        let insert = insert.bind(self.box_id).bind(self.filename).bind(self.media_type).bind(self.video);
+        insert.bind(self.recorded_at_ms).bind(self.created_at_ms).bind(self.tracker)
+    }
+}
 
 pub(in crate::store) const SELECT_SAME_SESSION: &str = "
     SELECT id FROM session WHERE trainee_id = $1 AND task_id = $2 AND box_id = $3 AND video = $4";
@@ -43,7 +67,7 @@ impl SessionStore<'_> {
             .0
             .write(async move |tx| {
                 let table = new.video;
-                let session = insert_session(tx, &by, new, Some(&tracker), now_ms).await?;
+                let session = insert_session(tx, &by, new, Some(tracker.clone()), now_ms).await?;
                 let input = JobInput::Import(ImportInput { session, table, tracker });
                 jobs::insert(tx, &input, now_ms, attempts).await?;
                 note(tx, &by, now_ms, ("import", "session"), session).await?;
@@ -114,17 +138,26 @@ async fn insert_session(
     tx: &mut SqliteConnection,
     scope: &Scope,
     new: NewSession,
-    tracker: Option<&TrackerName>,
+    tracker: Option<TrackerName>,
     now_ms: i64,
 ) -> StoreResult<SessionId> {
     require_trainee(tx, scope, new.trainee).await?;
     refuse_duplicate(tx, &new).await?;
     blobs::record(tx, new.video, now_ms).await?;
     let id = SessionId::at(now_ms);
-    let insert = sqlx::query(INSERT_SESSION);
-    let insert = insert.bind(id).bind(new.trainee).bind(new.task).bind(new.in_box).bind(new.filename);
-    let insert = insert.bind(new.media_type).bind(new.video.hash).bind(new.recorded_at_ms.unwrap_or(now_ms));
-    insert.bind(now_ms).bind(tracker).execute(&mut *tx).await.map_err(missing("task or box"))?;
+    let row = NewSessionRow {
+        id,
+        trainee_id: new.trainee,
+        task_id: new.task,
+        box_id: new.in_box,
+        filename: new.filename.to_string(),
+        media_type: new.media_type,
+        video: Some(new.video.hash),
+        recorded_at_ms: new.recorded_at_ms.unwrap_or(now_ms),
+        created_at_ms: now_ms,
+        tracker,
+    };
+    row.insert().execute(&mut *tx).await.map_err(missing("task or box"))?;
     Ok(id)
 }
 
