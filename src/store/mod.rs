@@ -4,6 +4,9 @@
 //! that cannot write. Functions on personal data take a [`Scope`]: rows outside it are reported as not found. A list is
 //! a [`Page`]. Times are epoch milliseconds. Every function either completes durably or changes nothing.
 //!
+//! A statement is a constant above the functions that run it; a test prepares all of them. Parts that several statements
+//! have in common are views (`migrations/0019_views.sql`). Visibility rules are in `visibility`.
+//!
 //! | accessor | functions |
 //! |---|---|
 //! | [`Store::people`] | `create` `list` `get` `change` `delete` `set_password` · for sign-in: `by_login` · `count` |

@@ -15,4 +15,5 @@ mod self_tests;
 mod sign_in;
 mod skill_models;
 mod standards;
+mod statements;
 mod writes;
