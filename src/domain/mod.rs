@@ -65,8 +65,10 @@ pub mod trainee;
 pub mod xapi;
 
 /// Defines an enumeration whose variants have one name each, used in files, the API and the database alike.
+///
+/// A name is matched as `tt`: the API description would not see the name behind a `literal` and list the variant.
 macro_rules! named {
-    ($(#[$doc:meta])* $name:ident: $what:literal { $($(#[$variant_doc:meta])* $variant:ident = $text:literal,)* }) => {
+    ($(#[$doc:meta])* $name:ident: $what:literal { $($(#[$variant_doc:meta])* $variant:ident = $text:tt,)* }) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
         pub enum $name { $($(#[$variant_doc])* #[serde(rename = $text)] $variant,)* }

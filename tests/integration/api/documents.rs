@@ -73,6 +73,34 @@ async fn every_described_route_exists_and_none_answers_with_a_server_error() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn described_values_are_written_as_answers_write_them() {
+    let centre = Centre::open().await;
+    let document = centre.administrator.read("/api/v1/openapi.json").await;
+    let role = centre.administrator.read("/api/v1/me").await["role"].clone();
+    let roles = document["components"]["schemas"]["Role"]["enum"].as_array().unwrap();
+    assert!(roles.contains(&role), "{role} is not in {roles:?}");
+    let values = described_values(&document);
+    assert!(values.len() > 100, "{values:?}");
+    let names: Vec<_> = values.iter().filter(|value| value.chars().any(char::is_uppercase)).collect();
+    assert!(names.is_empty(), "names of variants, not values of the API: {names:?}");
+}
+
+/// The values of all enumerations below `part`.
+fn described_values(part: &Value) -> Vec<String> {
+    match part {
+        Value::Object(members) => members
+            .iter()
+            .flat_map(|(name, member)| match (name.as_str(), member) {
+                ("enum", Value::Array(values)) => values.iter().filter_map(|v| Some(v.as_str()?.to_owned())).collect(),
+                _ => described_values(member),
+            })
+            .collect(),
+        Value::Array(items) => items.iter().flat_map(described_values).collect(),
+        _ => Vec::new(),
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn the_viewer_loads_nothing_from_other_hosts() {
     let service = Service::start().await;
     let stranger = service.stranger();
