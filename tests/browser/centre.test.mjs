@@ -59,8 +59,15 @@ test('a group is enrolled from a table, after its wrong row is corrected', async
   assert.deepEqual([made.ben.level, made.ben.handedness], ['novice', 'left']);
 });
 
-test('a standard is set from a published time: first proposed, then set', async () => {
+test('the group’s table is sorted by state, also without a standard', async () => {
   made.task = await create('tasks', { name: `Pegs ${mark}` });
+  await page.goto(`${url}/groups/${made.group.id}?task=${made.task.id}`);
+  await page.locator('thead button', { hasText: 'Standard' }).click();
+  await page.locator('th[aria-sort="ascending"]', { hasText: 'Standard' }).waitFor();
+  assert.deepEqual(await page.locator('tbody th').allInnerTexts(), [ADA, BEN]);
+});
+
+test('a standard is set from a published time: first proposed, then set', async () => {
   await page.goto(`${url}/tasks`);
   await page.getByRole('link', { name: made.task.name }).click();
   await heading(made.task.name).waitFor();

@@ -17,7 +17,7 @@ const TONES = { pass: 'good', fail: 'bad' };
 const KEYS = {
   name: row => row.person.name,
   value: row => newest(row)?.value ?? null,
-  state: row => stateOf(row).words,
+  state: row => stateOf(row)?.words ?? null,
   sessions: row => row.sessions,
   last: row => row.last_at,
 };
