@@ -20,7 +20,7 @@ async function load(id, signal) {
   const task = await api.tasks.get(id, signal);
   const [standards, presets, features, cohorts, boxes] = await Promise.all([
     api.tasks.standards(task.id, signal), api.tasks.presets(task.id, signal), api.features(signal), api.cohorts.all(), api.boxes.all()]);
-  const tools = [...new Set(boxes.flatMap(box => (box.tools ?? []).map(tool => tool.tool ?? tool.name)))].filter(Boolean).sort();
+  const tools = [...new Set(boxes.flatMap(box => box.tools.map(tool => tool.name)))].filter(Boolean).sort();
   return { task, standards, presets, features, cohorts, tools };
 }
 

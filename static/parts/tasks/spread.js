@@ -3,7 +3,7 @@
 import { html, useEffect, useState } from '../../preact.js';
 import { api } from '../../api.js';
 import { useData } from '../../data.js';
-import { number, percent, unit } from '../../format.js';
+import { percent, unit } from '../../format.js';
 import { t } from '../../texts.js';
 import { featureTitle, reasonText } from '../../translate.js';
 import { Field } from '../forms/form.js';
