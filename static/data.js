@@ -35,10 +35,10 @@ export function useData(load, deps) {
   }, []);
   async function read(run) {
     const { signal } = run.controller;
-    const { load, deps } = latest.current;
+    const wanted = latest.current;
     try {
-      const data = await load(signal);
-      if (!signal.aborted) setState({ data, problem: null, loadedFor: deps });
+      const loaded = await wanted.load(signal);
+      if (!signal.aborted) setState({ data: loaded, problem: null, loadedFor: wanted.deps });
     } catch (error) {
       if (!signal.aborted) setState(before => ({ ...before, problem: asProblem(error) }));
     }

@@ -58,8 +58,8 @@ export const calendarDay = iso => calendarFormat.format(new Date(`${iso}T00:00:0
 /** Seconds as `1:02.3`, or `1:02:03.4` from an hour on, with the language's decimal separator. */
 export function clock(seconds, digits = 1) {
   if (!Number.isFinite(seconds)) return '–';
-  const unit = 10 ** digits;
-  const total = Math.round(Math.max(0, seconds) * unit) / unit;
+  const perSecond = 10 ** digits;
+  const total = Math.round(Math.max(0, seconds) * perSecond) / perSecond;
   const hours = Math.floor(total / 3600);
   const minutes = Math.floor((total % 3600) / 60);
   const rest = (total % 60).toFixed(digits).replace('.', POINT).padStart(digits ? digits + 3 : 2, '0');

@@ -96,7 +96,7 @@ function read(text, group) {
  */
 const CODES = { level: t.trainees.levels, handedness: t.trainees.hands };
 const codeOf = (field, cell) =>
-  Object.entries(CODES[field] ?? {}).find(words => words.some(word => word.toLowerCase() === cell.toLowerCase()))?.[0] ?? cell;
+  Object.entries(CODES[field] ?? {}).find(names => names.some(name => name.toLowerCase() === cell.toLowerCase()))?.[0] ?? cell;
 const wordsOf = (field, cell) => CODES[field]?.[cell] ?? cell;
 
 const wrongRows = ({ problems }) => new Set(problems.map(problem => problem.row)).size;

@@ -73,7 +73,7 @@ export async function lockSettings(track, isLocked) {
   const wanted = isLocked ? 'manual' : 'continuous';
   // The settings show whether it worked.
   const set = constraints => track.applyConstraints(constraints).catch(() => {});
-  for (const mode of MODES.filter(mode => capabilities[mode]?.includes('manual') && capabilities[mode].includes(wanted))) {
+  for (const mode of MODES.filter(one => capabilities[one]?.includes('manual') && capabilities[one].includes(wanted))) {
     const advanced = [{ [mode]: wanted }];
     // By the standard, constraints that are not repeated are dropped.
     await set({ ...track.getConstraints(), advanced });

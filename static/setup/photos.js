@@ -43,17 +43,17 @@ export const retry = (draft, box, photo) => (change(draft, photo.id, { state: 'w
 function checkNext(draft, box) {
   const running = draft.photos.filter(({ state }) => state === 'checking').length;
   for (const photo of draft.photos.filter(({ state }) => state === 'waiting').slice(0, MAX_PARALLEL - running))
-    check(draft, box, photo);
+    checkPhoto(draft, box, photo);
 }
 
-async function check(draft, box, { id, blob, name }) {
+async function checkPhoto(draft, box, { id, blob, name }) {
   change(draft, id, { state: 'checking', problem: undefined });
   const board = boardOf(draft.plan);
   const form = new FormData();
   form.append('board', board);
   form.append('photo', blob, name);
   const result = await api.boxes.checkPhoto(box, form).then(
-    check => ({ state: 'checked', check }),
+    answer => ({ state: 'checked', check: answer }),
     error => ({ state: 'failed', problem: asProblem(error) }),
   );
   // The board has changed meanwhile: the photo is checked again.

@@ -56,7 +56,7 @@ const ACTIONS = {
 /** A number with a decimal comma and as many digits as JavaScript writes. */
 const decimal = value => `${value}`.replace('.', ',');
 
-const mm = value => decimal(value.toFixed(2));
+const twoDecimals = value => decimal(value.toFixed(2));
 
 const megabytes = count => `${decimal((count / 1e6).toFixed(1))} MB`;
 const LEVELS = { novice: ['Anfänger', 'Anfänger'], intermediate: ['Fortgeschrittene/r', 'Fortgeschrittene'], expert: ['Experte', 'Experten'] };
@@ -75,7 +75,7 @@ const roundApart = (value, limit, minDecimals) => {
   return [value, limit].map(number => decimal(number.toFixed(decimals)));
 };
 const figure = (minDecimals, sentence) => (value, limit) => sentence(...roundApart(value, limit, minDecimals));
-const share = (minDecimals, sentence) => (value, limit) => sentence(...roundApart(100 * value, 100 * limit, minDecimals));
+const shareFigure = (minDecimals, sentence) => (value, limit) => sentence(...roundApart(100 * value, 100 * limit, minDecimals));
 /** Distance of two colours. Colours that overlap have a negative distance, which is shown as 0. */
 const steps = sentence => (value, limit) => figure(1, sentence)(Math.max(0, value), limit);
 
@@ -2108,17 +2108,17 @@ export default {
         'nehmen Sie ein Klebeband in einer Farbe, die sonst nichts in der Box hat, und markieren Sie es neu'],
       colour_pair: [steps((is, limit) => `seine Farbe hebt sich von der eines anderen Instruments nur um ${is} von 255 Stufen ab; nötig sind ${limit}`),
         'nehmen Sie für eines der beiden Instrumente ein Klebeband in anderer Farbe, und markieren Sie beide neu'],
-      coverage: [share(0, (is, limit) => `auf ${is} % der Bilder gemessen; nötig sind ${limit} %`),
+      coverage: [shareFigure(0, (is, limit) => `auf ${is} % der Bilder gemessen; nötig sind ${limit} %`),
         'halten Sie das Klebeband im Blick der Kamera; was es verdeckt hat, steht bei „Was zu sehen war“'],
-      left_view: [share(0, (is, limit) => `${is} % der Sitzung aus dem Bild; höchstens ${limit} %`),
+      left_view: [shareFigure(0, (is, limit) => `${is} % der Sitzung aus dem Bild; höchstens ${limit} %`),
         'halten Sie die Spitze im Bild, oder stellen Sie die Kamera so, dass die ganze Aufgabe zu sehen ist'],
-      lost: [share(0, (is, limit) => `auf ${is} % der Bilder zu sehen, aber nicht verfolgt; höchstens ${limit} %`),
+      lost: [shareFigure(0, (is, limit) => `auf ${is} % der Bilder zu sehen, aber nicht verfolgt; höchstens ${limit} %`),
         'sehen Sie in der Aufnahme nach, was das Klebeband dort verdeckt oder überstrahlt; markieren Sie seine Farbe in jenem Licht'],
-      predicted: [share(0, (is, limit) => `${is} % der Positionen sind überbrückt, nicht gemessen; höchstens ${limit} %`),
+      predicted: [shareFigure(0, (is, limit) => `${is} % der Positionen sind überbrückt, nicht gemessen; höchstens ${limit} %`),
         'Summen wie die Weglänge verpassen, was dort geschah; sehen Sie sich die Lücken an'],
       long_gap: [figure(1, (is, limit) => `${is} s am Stück nicht gemessen; höchstens ${limit} s`),
         'Summen wie die Weglänge verpassen, was dort geschah; sehen Sie sich die Lücken an'],
-      rejected: [share(1, (is, limit) => `${is} % der Messungen widersprechen der Bewegung; höchstens ${limit} %`),
+      rejected: [shareFigure(1, (is, limit) => `${is} % der Messungen widersprechen der Bewegung; höchstens ${limit} %`),
         'suchen Sie im Bild nach etwas anderem in der Farbe des Klebebands, und markieren Sie es als Hintergrund'],
       border_residual: [figure(2, (is, limit) => `seine Ränder liegen ${is} px neben denen eines geraden Rohrs; höchstens ${limit} px`),
         'stellen Sie die Kamera scharf, vermeiden Sie Glanz auf dem Klebeband, und erneuern Sie zerknittertes Klebeband'],
@@ -2128,13 +2128,13 @@ export default {
         'stellen Sie die Kamera näher, nehmen Sie ein größeres Bild auf, und geben Sie die Länge des Klebebands an'],
       calibration: [figure(2, (is, limit) => `die Kalibrierung verfehlt ihre eigenen Fotos um ${is} px; höchstens ${limit} px`),
         'kalibrieren Sie neu, mit ebenem Schachbrett, scharfen Fotos und gekippten Ansichten'],
-      cut_file: [share(0, (is, limit) => `${is} % der Bilder der Aufnahme fehlen in der Datei; höchstens ${limit} %`),
+      cut_file: [shareFigure(0, (is, limit) => `${is} % der Bilder der Aufnahme fehlen in der Datei; höchstens ${limit} %`),
         'senden Sie die Aufnahme noch einmal ganz; sie wurde unterwegs abgeschnitten oder beschädigt'],
-      interlaced: [share(0, is => `${is} % der Bilder bestehen aus Halbbildern: Nur jede zweite Zeile wurde verwendet`),
+      interlaced: [shareFigure(0, is => `${is} % der Bilder bestehen aus Halbbildern: Nur jede zweite Zeile wurde verwendet`),
         'nehmen Sie progressiv auf (25p, nicht 50i), oder senden Sie ohne Halbbilder: ffmpeg -i IN -vf bwdif=mode=send_field OUT.mp4'],
       frame_rate: [figure(1, (is, limit) => `${is} Bilder pro Sekunde; nötig sind ${limit}`),
         'nehmen Sie mit mindestens 25 Bildern pro Sekunde auf'],
-      dropped_frames: [share(0, (is, limit) => `${is} % der Bilder sind ausgefallen; höchstens ${limit} %`),
+      dropped_frames: [shareFigure(0, (is, limit) => `${is} % der Bilder sind ausgefallen; höchstens ${limit} %`),
         'nehmen Sie auf einen schnelleren Datenträger, über eine bessere Leitung oder in einem kleineren Bild auf'],
       break: [figure(1, (is, limit) => `${is} s lang kein Bild; höchstens ${limit} s`),
         'nehmen Sie die Aufgabe in einem Stück auf'],
@@ -2142,7 +2142,7 @@ export default {
         'starten Sie die Aufnahme, bevor sich die Instrumente bewegen; Dauer und Summen verpassen den Anfang'],
       ends_in_motion: [figure(0, (is, limit) => `ein Instrument bewegt sich mit ${is} mm/s, als die Aufnahme endet; höchstens ${limit} mm/s`),
         'beenden Sie die Aufnahme, nachdem die Instrumente ruhen; Dauer und Summen verpassen das Ende'],
-      exposure: [share(0, (is, limit) => `die Helligkeit des Bilds ändert sich um ${is} %; höchstens ${limit} %`),
+      exposure: [shareFigure(0, (is, limit) => `die Helligkeit des Bilds ändert sich um ${is} %; höchstens ${limit} %`),
         'schalten Sie die automatische Belichtung der Kamera aus, und lassen Sie das Licht, wie es ist'],
       white_balance: [figure(1, (is, limit) => `das Weiß des Bilds ändert sich um ${is} Stufen; höchstens ${limit}`),
         'schalten Sie den automatischen Weißabgleich der Kamera aus, und lassen Sie das Licht, wie es ist'],
@@ -2156,10 +2156,10 @@ export default {
     /** Finding and advice for a part of a self-test, by part and unit. A part without an entry keeps its English
      *  sentence, which says more than the figures. */
     selfTest: {
-      'accuracy mm': (part, { accuracy: of, holds }) => part.light === 'green' && [`${of.touches} Berührungen liegen ${mm(of.rms_mm)} mm daneben (RMS; ${
-        mm(of.along_rms_mm)} in Blickrichtung, ${mm(of.across_rms_mm)} quer dazu; höchstens ${mm(of.largest_mm)})${leftOut(holds)}`],
-      'calibration px': part => [`die Ecken des Schachbretts liegen ${mm(part.figure)} px von dort, wo die gespeicherte Kamera sie erwartet (RMS)`, AGAIN],
-      'calibration 1': (_, test) => [`die Brennweite scheint um ${mm(test.focal_change_percent)} ± ${mm(test.focal_sigma_percent)} % von der gespeicherten abzuweichen; alle Tiefen ebenso`, AGAIN],
+      'accuracy mm': (part, { accuracy: of, holds }) => part.light === 'green' && [`${of.touches} Berührungen liegen ${twoDecimals(of.rms_mm)} mm daneben (RMS; ${
+        twoDecimals(of.along_rms_mm)} in Blickrichtung, ${twoDecimals(of.across_rms_mm)} quer dazu; höchstens ${twoDecimals(of.largest_mm)})${leftOut(holds)}`],
+      'calibration px': part => [`die Ecken des Schachbretts liegen ${twoDecimals(part.figure)} px von dort, wo die gespeicherte Kamera sie erwartet (RMS)`, AGAIN],
+      'calibration 1': (_, test) => [`die Brennweite scheint um ${twoDecimals(test.focal_change_percent)} ± ${twoDecimals(test.focal_sigma_percent)} % von der gespeicherten abzuweichen; alle Tiefen ebenso`, AGAIN],
       'place mm': part => [`der Trokar liegt ${decimal(part.figure.toFixed(0))} mm von seinem Ort in früheren Sitzungen`,
         'kam der Stab durch einen anderen Zugang als die Instrumente, ist alles gut; sonst wurde die Kamera seit der Kalibrierung bewegt: Stellen Sie sie zurück'],
       'colours steps': part => part.light === 'green' && [`wie sie markiert wurden, heben sich die Farben um ${decimal(part.figure.toFixed(1))} Stufen und mehr ab; auch heute hat nichts Größeres in der leeren Box ihre Farbe`],

@@ -5,7 +5,7 @@ import { withDigits } from '../../format.js';
 export function axisSteps(low, high) {
   const roughStep = (high - low) / 4;
   const power = Math.floor(Math.log10(roughStep));
-  const factor = [1, 2, 5, 10].find(factor => factor * 10 ** power >= roughStep);
+  const factor = [1, 2, 5, 10].find(one => one * 10 ** power >= roughStep);
   const step = factor * 10 ** power;
   const format = withDigits(Math.max(0, -power - (factor === 10)));
   const first = Math.ceil(low / step);

@@ -85,7 +85,7 @@ function makePlot(uPlot, container, field, shown) {
       height: HEIGHT,
       padding: [16, 18, isLast ? 0 : 4, 0], // On the right, space for half of the last label.
       legend: { show: false },
-      hooks: { draw: [chart => placeMarkers(chart, shown)] }, // At first, and after every change of size or span.
+      hooks: { draw: [drawn => placeMarkers(drawn, shown)] }, // At first, and after every change of size or span.
       cursor: { drag: { x: false, y: false }, points: { show: false }, y: false },
       select: { show: false },
       scales: { x: { time: false, range: (_, low, high) => [low, high] }, ...(hasNoSpeed && { y: { range: [0, 1] } }) },

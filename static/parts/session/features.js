@@ -16,7 +16,7 @@ const words = t.session;
  */
 export function featureRows(features, space) {
   const rows = new Map();
-  for (const feature of features.filter(feature => feature.space === space)) {
+  for (const feature of features.filter(one => one.space === space)) {
     if (!rows.has(feature.name))
       rows.set(feature.name, {
         name: feature.name,
