@@ -2,6 +2,7 @@
 import { t } from './texts.js';
 
 const ROOT = '/api/v1';
+/** @type {Set<() => void>} */
 const signedOutCallbacks = new Set();
 
 /**
@@ -9,12 +10,23 @@ const signedOutCallbacks = new Set();
  * in the page's language.
  */
 export class Problem extends Error {
+  status = 0;
+  title = '';
+  detail = '';
+  type = 'about:blank';
+
+  /** @param {{ type?: string, title: string, status: number, detail?: string, [member: string]: unknown }} members */
   constructor({ type, title, status, detail, ...more }) {
     super(title);
     Object.assign(this, more, { type: type ?? 'about:blank', title, status, detail: detail ?? '' });
   }
 
-  /** Parses the body of a response. A proxy may have replaced the service's JSON with something else. */
+  /**
+   * Parses the body of a response. A proxy may have replaced the service's JSON with something else.
+   *
+   * @param {number} status
+   * @param {string} text
+   */
   static fromText(status, text) {
     try {
       const body = JSON.parse(text);
@@ -30,21 +42,42 @@ export class Problem extends Error {
   }
 }
 
-/** Calls back when a response says that no user is signed in, or no longer. */
+/**
+ * Calls back when a response says that no user is signed in, or no longer.
+ *
+ * @param {() => void} callback
+ */
 export function onSignedOut(callback) {
   signedOutCallbacks.add(callback);
   return () => signedOutCallbacks.delete(callback);
 }
 
+/**
+ * @param {ApiPath} path
+ * @param {ApiQuery} [query]
+ */
 function address(path, query = {}) {
   const url = `${ROOT}/${path.map(encodeURIComponent).join('/')}`;
   const params = Object.entries(query).filter(([, value]) => value !== undefined && value !== null && value !== '');
-  return params.length ? `${url}?${new URLSearchParams(params)}` : url;
+  return params.length ? `${url}?${new URLSearchParams(/** @type {[string, string][]} */ (params))}` : url;
 }
 
-/** The URL of a WebSocket. */
+/**
+ * The URL of a WebSocket.
+ *
+ * @param {ApiPath} path
+ * @param {ApiQuery} [query]
+ */
 const socketAddress = (path, query) => `${location.origin.replace(/^http/, 'ws')}${address(path, query)}`;
 
+/**
+ * @template {ApiMethod} M
+ * @template {ApiPath} const P
+ * @param {M} method
+ * @param {KnownPath<M, P>} path
+ * @param {{ query?: ApiQuery, json?: ApiBody<M, P>, form?: FormData, table?: string, signal?: AbortSignal }} [options]
+ * @returns {Promise<ApiAnswer<M, P>>}
+ */
 async function request(method, path, { query, json, form, table, signal } = {}) {
   const headers = { accept: 'application/json' };
   if (json !== undefined) headers['content-type'] = 'application/json';
@@ -63,144 +96,242 @@ async function request(method, path, { query, json, form, table, signal } = {}) 
   throw problem;
 }
 
-/** The parsed JSON, or null for an empty body (a 201 or 202 may have one). */
+/**
+ * The parsed JSON, or null for an empty body (a 201 or 202 may have one).
+ *
+ * @param {string} text
+ */
 const parse = text => (text ? JSON.parse(text) : null);
 
-/** Loads a list page by page until it is complete or has `limit` items. For selects, which must offer all items. */
+/**
+ * `request` for a path that is a parameter itself: the types of `fetchAll` and `resource` then say what is answered.
+ *
+ * @type {(method: ApiMethod, path: ApiPath, options?: object) => Promise<any>}
+ */
+const requestAny = /** @type {any} */ (request);
+
+/**
+ * Loads a list page by page until it is complete or has `limit` items. For selects, which must offer all items.
+ *
+ * @template {ApiPath} const P
+ * @param {P} path
+ * @param {ApiQuery} [query]
+ * @param {number} [limit]
+ * @returns {Promise<ApiItem<P>[]>}
+ */
 async function fetchAll(path, query = {}, limit = 1000) {
+  /** @type {ApiItem<P>[]} */
   const items = [];
   let cursor;
   do {
-    const page = await request('GET', path, { query: { ...query, limit: 200, cursor } });
+    const page = await requestAny('GET', path, { query: { ...query, limit: 200, cursor } });
     items.push(...page.items);
     cursor = page.next;
   } while (cursor && items.length < limit);
   return items;
 }
 
-/** The usual operations on a resource: list, get, create, change, delete. */
+/**
+ * The usual operations on a resource: list, get, create, change, delete.
+ *
+ * @template {string} N
+ * @param {N} name
+ * @returns {ApiResource<N>}
+ */
 const resource = name => ({
   all: query => fetchAll([name], query),
-  page: (query, signal) => request('GET', [name], { query, signal }),
-  get: (id, signal) => request('GET', [name, id], { signal }),
-  create: json => request('POST', [name], { json }),
-  change: (id, json) => request('PATCH', [name, id], { json }),
-  remove: id => request('DELETE', [name, id]),
+  page: (query, signal) => requestAny('GET', [name], { query, signal }),
+  get: (id, signal) => requestAny('GET', [name, id], { signal }),
+  create: json => requestAny('POST', [name], { json }),
+  change: (id, json) => requestAny('PATCH', [name, id], { json }),
+  remove: id => requestAny('DELETE', [name, id]),
 });
 
 export const api = {
   me: () => request('GET', ['me']),
+  /** @param {string} login @param {string} password */
   signIn: (login, password) => request('POST', ['sign-in'], { json: { login, password } }),
   signOut: () => request('POST', ['sign-out']),
+  /** @param {string} old @param {string} fresh */
   changePassword: (old, fresh) => request('POST', ['me', 'password'], { json: { old, new: fresh } }),
 
   people: resource('people'),
   groups: {
     ...resource('groups'),
-    /** `query`: task, feature, tool, space. */
+    /**
+     * `query`: task, feature, tool, space.
+     * @param {string} id @param {ApiQuery} [query] @param {AbortSignal} [signal]
+     */
     progress: (id, query, signal) => request('GET', ['groups', id, 'progress'], { query, signal }),
+    /** @param {string} id @param {ApiBody<'PUT', ['groups', string, 'members']>} json */
     setMembers: (id, json) => request('PUT', ['groups', id, 'members'], { json }),
-    /** The group's trainees against the steps of the course plan that it follows. */
+    /**
+     * The group's trainees against the steps of the course plan that it follows.
+     * @param {string} id @param {AbortSignal} [signal]
+     */
     course: (id, signal) => request('GET', ['groups', id, 'course'], { signal }),
+    /** @param {string} id @param {ApiBody<'PUT', ['groups', string, 'course']>} json */
     follow: (id, json) => request('PUT', ['groups', id, 'course'], { json }),
+    /** @param {string} id */
     unfollow: id => request('DELETE', ['groups', id, 'course']),
   },
   tokens: resource('tokens'),
   tasks: {
     ...resource('tasks'),
+    /** @param {string} id @param {AbortSignal} [signal] */
     models: (id, signal) => request('GET', ['tasks', id, 'models'], { signal }),
+    /** @param {string} id */
     train: id => request('POST', ['tasks', id, 'models']),
-    /** Newest first; the first is the one in use. */
+    /** Newest first; the first is the one in use. @param {string} id @param {AbortSignal} [signal] */
     standards: (id, signal) => request('GET', ['tasks', id, 'standards'], { signal }).then(page => page.items),
+    /** @param {string} id @param {AbortSignal} [signal] */
     presets: (id, signal) => request('GET', ['tasks', id, 'standards', 'presets'], { signal }).then(page => page.items),
+    /** @param {string} id @param {ApiBody<'POST', ['tasks', string, 'standards', 'proposals']>} json */
     propose: (id, json) => request('POST', ['tasks', id, 'standards', 'proposals'], { json }),
+    /** @param {string} id @param {ApiBody<'POST', ['tasks', string, 'standards']>} json */
     setStandard: (id, json) => request('POST', ['tasks', id, 'standards'], { json }),
-    /** `query`: feature, tool, space, cohorts, hand, limit. */
+    /**
+     * `query`: feature, tool, space, cohorts, hand, limit.
+     * @param {string} id @param {ApiQuery} [query] @param {AbortSignal} [signal]
+     */
     distribution: (id, query, signal) => request('GET', ['tasks', id, 'distribution'], { query, signal }),
+    /** @param {string} id @param {ApiBody<'POST', ['tasks', string, 'rescorings']>} json */
     rescore: (id, json) => request('POST', ['tasks', id, 'rescorings'], { json }),
   },
   cohorts: {
     ...resource('cohorts'),
+    /** @param {string} id */
     members: id => fetchAll(['cohorts', id, 'members']),
+    /** @param {string} id @param {ApiBody<'PUT', ['cohorts', string]>} json */
     replace: (id, json) => request('PUT', ['cohorts', id], { json }),
   },
   courses: {
     ...resource('courses'),
+    /** @param {string} id @param {ApiBody<'PUT', ['courses', string]>} json */
     replace: (id, json) => request('PUT', ['courses', id], { json }),
   },
   rescorings: {
     ...resource('rescorings'),
+    /** @param {string} id @param {ApiQuery} [query] @param {AbortSignal} [signal] */
     trainees: (id, query, signal) => request('GET', ['rescorings', id, 'trainees'], { query, signal }),
+    /** @param {string} id @param {ApiQuery} [query] @param {AbortSignal} [signal] */
     sessions: (id, query, signal) => request('GET', ['rescorings', id, 'sessions'], { query, signal }),
+    /** @param {string} id */
     cancel: id => request('POST', ['rescorings', id, 'cancel']),
   },
-  /** Enrols many trainees at once: all or none. */
+  /**
+   * Enrols many trainees at once: all or none.
+   * @param {Schemas['NewEnrolment']['rows']} rows @param {boolean} onlyCheck
+   */
   enrol: (rows, onlyCheck) => request('POST', ['enrolments'], { json: { rows, only_check: onlyCheck } }),
+  /** @param {AbortSignal} [signal] */
   attention: signal => request('GET', ['attention'], { signal }),
+  /** @param {AbortSignal} [signal] */
   service: signal => request('GET', ['service'], { signal }),
+  /** @param {ApiQuery} [query] @param {AbortSignal} [signal] */
   audit: (query, signal) => request('GET', ['audit-entries'], { query, signal }),
-  /** The catalogue of features that can be measured. */
+  /** The catalogue of features that can be measured. @param {AbortSignal} [signal] */
   features: signal => request('GET', ['features'], { signal }).then(page => page.items),
-  /** The forms for rating sessions. */
+  /** The forms for rating sessions. @param {AbortSignal} [signal] */
   ratingForms: signal => request('GET', ['rating-forms'], { signal }).then(page => page.items),
-  /** `agreement`: whether a task's raters agree. `correlations`: which features correlate with their ratings. */
+  /**
+   * `agreement`: whether a task's raters agree. `correlations`: which features correlate with their ratings.
+   * @param {string} task @param {string} form @param {AbortSignal} [signal]
+   */
   agreement: (task, form, signal) => request('GET', ['tasks', task, 'agreement'], { query: { form }, signal }),
+  /** @param {string} task @param {string} form @param {AbortSignal} [signal] */
   correlations: (task, form, signal) => request('GET', ['tasks', task, 'correlations'], { query: { form }, signal }),
-  jobs: { ...resource('jobs'), retry: id => request('POST', ['jobs', id, 'retry']) },
+  jobs: { ...resource('jobs'), /** @param {string} id */ retry: id => request('POST', ['jobs', id, 'retry']) },
   trainees: {
     ...resource('trainees'),
-    /** `query`: task, feature, tool, space, cohort. */
+    /**
+     * `query`: task, feature, tool, space, cohort.
+     * @param {string} id @param {ApiQuery} [query] @param {AbortSignal} [signal]
+     */
     progress: (id, query, signal) => request('GET', ['trainees', id, 'progress'], { query, signal }),
-    /** The courses of the trainee's groups, latest first. */
+    /** The courses of the trainee's groups, latest first. @param {string} id @param {AbortSignal} [signal] */
     courses: (id, signal) => request('GET', ['trainees', id, 'courses'], { signal }).then(page => page.items),
   },
   boxes: {
     ...resource('boxes'),
+    /** @param {string} id */
     camera: id => request('GET', ['boxes', id, 'camera']),
+    /** @param {string} id @param {ApiBody<'PUT', ['boxes', string, 'camera']>} json */
     putCamera: (id, json) => request('PUT', ['boxes', id, 'camera'], { json }),
+    /** @param {string} id */
     calibrations: id => fetchAll(['boxes', id, 'calibrations']),
+    /** @param {string} id @param {FormData} form */
     calibrate: (id, form) => request('POST', ['boxes', id, 'calibrations'], { form }),
-    /** Checks one photo of the board immediately. */
+    /** Checks one photo of the board immediately. @param {string} id @param {FormData} form */
     checkPhoto: (id, form) => request('POST', ['boxes', id, 'calibrations', 'check'], { form }),
-    /** The versions of the palette, newest first. */
+    /** The versions of the palette, newest first. @param {string} id */
     palettes: id => fetchAll(['boxes', id, 'palettes']),
+    /** @param {string} id @param {FormData} form */
     learnPalette: (id, form) => request('POST', ['boxes', id, 'palettes'], { form }),
-    /** Shows what the marks would classify as tape on a few frames, immediately; nothing is learned. */
+    /**
+     * Shows what the marks would classify as tape on a few frames, immediately; nothing is learned.
+     * @param {string} id @param {FormData} form @param {AbortSignal} [signal]
+     */
     previewPalette: (id, form, signal) => request('POST', ['boxes', id, 'palettes', 'preview'], { form, signal }),
-    /** Asks which tapes suit the box in a picture: starts a job, which holds the advice when it is done. */
+    /**
+     * Asks which tapes suit the box in a picture: starts a job, which holds the advice when it is done.
+     * @param {string} id @param {FormData} form
+     */
     advise: (id, form) => request('POST', ['boxes', id, 'palettes', 'advice'], { form }),
-    /** The latest 100, newest first. */
+    /** The latest 100, newest first. @param {string} id */
     selfTests: id => fetchAll(['boxes', id, 'self-tests'], {}, 100),
+    /** @param {string} id @param {FormData} form */
     selfTest: (id, form) => request('POST', ['boxes', id, 'self-tests'], { form }),
-    /** The address that takes frames while they are recorded; record/feed.js implements the protocol. */
+    /**
+     * The address that takes frames while they are recorded; record/feed.js implements the protocol.
+     * @param {string} id
+     */
     feedAddress: id => socketAddress(['boxes', id, 'feed']),
   },
   sessions: {
     ...resource('sessions'),
-    /** `query`: trainee, task, box, tracker, filename, recorded_at. */
+    /** `query`: trainee, task, box, tracker, filename, recorded_at. @param {ApiQuery} query @param {string} table */
     importTable: (query, table) => request('POST', ['sessions', 'import'], { query, table }),
+    /** @param {string} id */
     retry: id => request('POST', ['sessions', id, 'retry']),
-    /** `query`: kind, trimmed, from_frame, to_frame, points. */
+    /**
+     * `query`: kind, trimmed, from_frame, to_frame, points.
+     * @param {string} id @param {ApiQuery} [query] @param {AbortSignal} [signal]
+     */
     trajectory: (id, query, signal) =>
       request('GET', ['sessions', id, 'trajectory'], { query: { format: 'json', ...query }, signal }),
-    /** `query`: from_frame, to_frame. */
+    /** `query`: from_frame, to_frame. @param {string} id @param {ApiQuery} [query] @param {AbortSignal} [signal] */
     diagnostics: (id, query, signal) => request('GET', ['sessions', id, 'diagnostics'], { query, signal }),
-    /** The session's edits: trims, swapped tool names, set aside. */
+    /** The session's edits: trims, swapped tool names, set aside. @param {string} id @param {AbortSignal} [signal] */
     edits: (id, signal) => request('GET', ['sessions', id, 'edits'], { signal }),
+    /** @param {string} id @param {ApiBody<'POST', ['sessions', string, 'edits']>} json */
     edit: (id, json) => request('POST', ['sessions', id, 'edits'], { json }),
+    /** @param {string} id @param {string} edit */
     undo: (id, edit) => request('POST', ['sessions', id, 'edits', edit, 'undo']),
-    /** `evidence`: which stretches of the recording produced the features. `advice`: what to work on next. */
+    /**
+     * `evidence`: which stretches of the recording produced the features. `advice`: what to work on next.
+     * @param {string} id @param {AbortSignal} [signal]
+     */
     evidence: (id, signal) => request('GET', ['sessions', id, 'evidence'], { signal }),
+    /** @param {string} id @param {AbortSignal} [signal] */
     advice: (id, signal) => request('GET', ['sessions', id, 'advice'], { signal }),
+    /** @param {string} id @param {AbortSignal} [signal] */
     comments: (id, signal) => request('GET', ['sessions', id, 'comments'], { signal }),
+    /** @param {string} id @param {ApiBody<'POST', ['sessions', string, 'comments']>} json */
     comment: (id, json) => request('POST', ['sessions', id, 'comments'], { json }),
+    /** @param {string} id @param {string} comment */
     withdraw: (id, comment) => request('DELETE', ['sessions', id, 'comments', comment]),
+    /** @param {string} id @param {AbortSignal} [signal] */
     ratings: (id, signal) => request('GET', ['sessions', id, 'ratings'], { signal }),
+    /** @param {string} id @param {ApiBody<'POST', ['sessions', string, 'ratings']>} json */
     rate: (id, json) => request('POST', ['sessions', id, 'ratings'], { json }),
-    /** Opens the live stream of a session that is arriving. */
+    /** Opens the live stream of a session that is arriving. @param {string} id @param {ApiQuery} [query] */
     watch: (id, query) => new WebSocket(socketAddress(['sessions', id, 'live'], query)),
+    /** @param {string} id */
     videoAddress: id => address(['sessions', id, 'video']),
+    /** @param {string} id @param {string} format */
     featuresAddress: (id, format) => address(['sessions', id, 'features'], { format }),
+    /** @param {string} id @param {string} format */
     trajectoryAddress: (id, format) => address(['sessions', id, 'trajectory'], { format, kind: 'smoothed' }),
   },
   /** tus 1.0.0; tus-js-client implements the protocol. */

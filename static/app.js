@@ -1,6 +1,7 @@
 // The app: who is signed in, which page the address names, and the shell around every page.
 import { html, render, useEffect, useErrorBoundary, useRef, useState } from './preact.js';
 import { api, onSignedOut } from './api.js';
+/** @import { Problem } from './api.js' */
 import { asProblem } from './data.js';
 import { startLive, stopLive } from './live.js';
 import { may } from './roles.js';
@@ -19,7 +20,7 @@ const MAX_STYLE_WAIT_MS = 5_000;
 /**
  * The style sheets that the first paint must not wait for. They are enabled before a page that may need them is shown.
  */
-const stylesReady = Promise.all([...document.querySelectorAll('link[media="not all"]')].map(async link => {
+const stylesReady = Promise.all([.../** @type {NodeListOf<HTMLLinkElement>} */ (document.querySelectorAll('link[media="not all"]'))].map(async link => {
   if (!link.sheet) await waitUntilSettled(link);
   // Requests it again; nothing waits for that.
   if (!isLoaded(link)) link.after(Object.assign(link.cloneNode(), { media: 'all' }));
@@ -87,7 +88,7 @@ function Page({ person, onSignOut }) {
   const address = route.path.join('/');
   const { page, params } = matchPage(route.path) ?? {};
   const entry = !page?.needs || may(person, page.needs) ? page : undefined;
-  const [loaded, setLoaded] = useState({});
+  const [loaded, setLoaded] = useState(/** @type {{ entry?: object, problem?: Problem, Show?: any }} */ ({}));
   const [fault, clearFault] = useErrorBoundary(error => console.error(error));
   const first = useRef(true);
 
@@ -103,8 +104,9 @@ function Page({ person, onSignOut }) {
   useEffect(() => {
     if (first.current) return void (first.current = false);
     scrollTo(0, 0);
-    const heading = document.querySelector('main h1');
-    (heading ?? document.querySelector('main'))?.focus({ preventScroll: true });
+    /** @type {HTMLElement | null} */
+    const heading = document.querySelector('main h1') ?? document.querySelector('main');
+    heading?.focus({ preventScroll: true });
   }, [address, loaded.Show]);
 
   const body = () => {
@@ -125,4 +127,4 @@ const NotFound = () => html`
 
 // Loads the page's module while the user is being looked up; the page itself reports a failure.
 matchPage(currentRoute().path)?.page.load().catch(() => {});
-render(html`<${App} />`, document.getElementById('app'));
+render(html`<${App} />`, /** @type {HTMLElement} */ (document.getElementById('app')));

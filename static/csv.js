@@ -16,7 +16,7 @@ export async function decodeFile(file) {
 export function parseRows(text) {
   const { plain, separator } = splitSeparatorLine(text.replace(/^\uFEFF/, '').replace(/\r\n?/g, '\n'));
   const rows = [];
-  let [row, cell, isQuoted] = [[], '', false];
+  let [row, cell, isQuoted] = [/** @type {string[]} */ ([]), '', false];
   const endCell = () => (row.push(cell.trim()), (cell = ''));
   const endRow = () => {
     endCell();

@@ -3,7 +3,11 @@ import { useCallback, useEffect, useRef, useState } from './preact.js';
 import { Problem } from './api.js';
 import { t } from './texts.js';
 
-/** Turns any error into a problem. */
+/**
+ * Turns any error into a problem.
+ *
+ * @param {unknown} error
+ */
 export function asProblem(error) {
   if (error instanceof Problem) return error;
   console.error(error);
@@ -20,15 +24,22 @@ const STALE_REQUEST_MS = 10_000;
  * `reload()` during a running load starts another one after it, so that frequent events do not block the page.
  * `current` is `data` only while it belongs to the present `deps`: use it where data of an earlier choice would be
  * wrong.
+ *
+ * @template T
+ * @param {(signal: AbortSignal) => T} load
+ * @param {unknown[]} deps
  */
 export function useData(load, deps) {
-  const [{ data, problem, loadedFor }, setState] = useState({ data: undefined, problem: null, loadedFor: null });
+  /** @type {{ data: Awaited<T> | undefined, problem: Problem | null, loadedFor: unknown[] | null }} */
+  const initial = { data: undefined, problem: null, loadedFor: null };
+  const [{ data, problem, loadedFor }, setState] = useState(initial);
   // { controller, since, reloadRequested, finished: resolves when no further load follows }
   const running = useRef(null);
   const latest = useRef(null);
   latest.current = { load, deps };
   const begin = useCallback(() => {
     running.current?.controller.abort();
+    /** @type {{ controller: AbortController, since: number, reloadRequested: boolean, finished?: Promise<void> }} */
     const run = (running.current = { controller: new AbortController(), since: Date.now(), reloadRequested: false });
     run.finished = read(run);
     return run.finished;
@@ -63,9 +74,15 @@ export function useData(load, deps) {
 /**
  * A list that is loaded page by page with `load(cursor, signal)`, restarted when `deps` change. `more()` loads the next
  * page, also after a failure; it does nothing while a page is loading.
+ *
+ * @template T
+ * @param {(cursor: string | undefined, signal: AbortSignal) => Promise<{ items: T[], next?: string | null }>} load
+ * @param {unknown[]} deps
  */
 export function usePages(load, deps) {
-  const [pages, setPages] = useState({ items: null, next: undefined, problem: null, busy: false });
+  /** @type {{ items: T[] | null, next: string | null | undefined, problem: Problem | null, busy: boolean }} */
+  const initial = { items: null, next: undefined, problem: null, busy: false };
+  const [pages, setPages] = useState(initial);
   const running = useRef(null);
   const next = useRef(undefined); // undefined: nothing is loaded yet; null: the list is complete.
   const latest = useRef(load);
@@ -78,7 +95,7 @@ export function usePages(load, deps) {
       const page = await latest.current(next.current, controller.signal);
       if (controller.signal.aborted) return;
       next.current = page.next ?? null;
-      setPages(before => ({ items: isFirst ? page.items : [...before.items, ...page.items], next: next.current, problem: null, busy: false }));
+      setPages(before => ({ items: isFirst ? page.items : [...(before.items ?? []), ...page.items], next: next.current, problem: null, busy: false }));
     } catch (error) {
       if (!controller.signal.aborted) setPages(before => ({ ...before, problem: asProblem(error), busy: false }));
     }
@@ -93,7 +110,12 @@ export function usePages(load, deps) {
   return { ...pages, more };
 }
 
-/** At most one call per `ms`, and the last call is never lost: for reloading on bursts of events. */
+/**
+ * At most one call per `ms`, and the last call is never lost: for reloading on bursts of events.
+ *
+ * @param {() => unknown} callback
+ * @param {number} ms
+ */
 export function useThrottled(callback, ms) {
   const latest = useRef(callback);
   latest.current = callback;

@@ -64,7 +64,13 @@ function connect() {
   source.addEventListener('missed', () => emit('resync')); // This page was too slow, and the service dropped events.
 }
 
-/** Runs `handler(detail)` for every event of that name while the component is mounted. */
+/**
+ * Runs `handler(detail)` for every event of that name while the component is mounted.
+ *
+ * @template {keyof LiveEvents} N
+ * @param {N} name
+ * @param {(detail: LiveEvents[N]) => unknown} handler
+ */
 export function useLive(name, handler) {
   const latest = useRef(handler);
   latest.current = handler;

@@ -26,11 +26,11 @@
       parts/tasks/skill_model.js parts/tasks/spread.js parts/tasks/standard.js parts/tasks/standard_form.js
       parts/tasks/standard_target.js`,
   };
-  const ROOT = new URL('.', document.currentScript.src).pathname; // The folder of this version's files.
+  const ROOT = new URL('.', /** @type {HTMLScriptElement} */ (document.currentScript).src).pathname; // The folder of this version's files.
   const LANGUAGES = ['en', 'de'];
   // Same choice as in texts.js: otherwise a file would be loaded for nothing.
   const candidates = [storedLanguage(), ...navigator.languages.map(language => language.split('-')[0].toLowerCase()), 'en'];
-  const textFile = `texts/${candidates.find(language => LANGUAGES.includes(language))}.js`;
+  const textFile = `texts/${candidates.find(language => language && LANGUAGES.includes(language))}.js`;
   const [first, second, third] = location.pathname.split('/').filter(Boolean);
   const page = third ? null : !first ? 'today' : second && { sessions: 'session', trainees: 'trainee', tasks: 'task' }[first];
   for (const name of [textFile, ...(MODULES[page]?.trim().split(/\s+/) ?? [])])

@@ -41,10 +41,10 @@ function pushAddress(address) {
 
 /** A plain click on an internal link changes the page without reloading the app. */
 addEventListener('click', event => {
-  const link = event.target.closest?.('a[href]');
+  const link = /** @type {HTMLAnchorElement | null} */ (/** @type {Element} */ (event.target).closest?.('a[href]'));
   const plain = event.button === 0 && !event.metaKey && !event.ctrlKey && !event.shiftKey && !event.altKey;
   if (!link || !plain || event.defaultPrevented || link.target || link.hasAttribute('download')) return;
-  const address = link.getAttribute('href');
+  const address = link.getAttribute('href') ?? '';
   if (!address.startsWith('/') || address.startsWith('//') || /^\/(api|docs)\b/.test(address)) return;
   event.preventDefault();
   if (address !== location.pathname + location.search) pushAddress(address);

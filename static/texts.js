@@ -14,7 +14,9 @@ export const serviceLang = language === 'en' ? undefined : 'en';
 
 document.documentElement.lang = language;
 // Only this language is loaded, and nothing is drawn before, so that no page shows another language first.
-export const { default: t } = await FILES[language]();
+const loaded = await FILES[language]();
+/** @type {Texts<typeof import('./texts/en.js').default>} */
+export const t = loaded.default;
 
 /** Stores the choice and reloads the page, because modules read their texts only once, when they are loaded. */
 export function chooseLanguage(name) {

@@ -5,10 +5,16 @@ import { serviceLang, t } from './texts.js';
 
 const PROBLEM = '/problems/';
 
-/** English has no translations, because the service speaks it. */
-const translationOf = (kind, code) => t.said[kind]?.[code];
+/** English has no translations, because the service speaks it. @type {Record<string, any>} */
+const translations = t.said;
 
-/** `feature` holds the code in an object about a feature, and `name` in the feature itself. */
+const translationOf = (kind, code) => translations[kind]?.[code];
+
+/**
+ * `feature` holds the code in an object about a feature, and `name` in the feature itself.
+ *
+ * @param {{ feature?: string, name?: string, title: string }} one
+ */
 export const featureTitle = ({ feature, name, title }) => translationOf('features', feature ?? name) ?? title;
 
 /** The feature and its tool, if it has one: `Path length, red`. */
@@ -28,12 +34,12 @@ export const ratingItemTitle = ({ name, title }) => translationOf('items', name)
 /** What the mark of an item's anchor means. */
 export const anchorText = (item, index) => translationOf('items', item.name)?.[1][index] ?? item.anchors[index].words;
 
-/** What the quality gate found, with the tool; without a full stop. */
+/** What the quality gate found, with the tool; without a full stop. @param {Schemas['ConcernDocument']} reason */
 export function findingText({ name, finding, tool, label, figure, limit }) {
   const translated = translationOf('findings', name)?.[0];
   if (!translated) return finding;
   const toolPrefix = tool ? `${tool}: ` : '';
-  const nearest = label ? t.said.nearest(label) : '';
+  const nearest = label ? translations.nearest(label) : '';
   return `${toolPrefix}${translated(figure, limit)}${nearest}`;
 }
 

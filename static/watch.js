@@ -14,7 +14,10 @@ const PICTURE_HEAD = 8; // Bytes: the frame number.
 export class LiveWatch {
   /** `'connecting'`, `'waiting'` (no sender), `'live'`, `'silent'` (nothing arrives), `'broken'` or `'ended'`. */
   state = 'connecting';
-  /** The last seconds of positions; null if the session is not tracked, and `why` may then give the reason. */
+  /**
+   * The last seconds of positions; null if the session is not tracked, and `why` may then give the reason.
+   * @type {LiveTrack | null}
+   */
   track = null;
   why = null;
   features = [];
@@ -22,13 +25,14 @@ export class LiveWatch {
   /** How far camera and ports have moved since earlier recordings; null if not known. */
   placement = null;
   isBehind = false;
-  /** The newest picture: `{ frame, bitmap }`. */
+  /** The newest picture. @type {{ frame: number, bitmap: ImageBitmap } | null} */
   picture = null;
 
   #id;
   #pictures;
   #onClosed;
   #isOpen = false;
+  /** @type {WebSocket | null} */
   #socket = null;
   #jpeg = null;
   #isDecoding = false;

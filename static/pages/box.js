@@ -47,7 +47,7 @@ export default function BoxPage({ person, route }) {
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   const isReady = box.calibration && box.palette;
   return html`
-    <${PageHead} title=${box.name} lead=${[box.code, t.boxes.views[box.view], box.notes].filter(Boolean).join(' · ')}>
+    <${PageHead} title=${box.name} lead=${[box.code, box.view && t.boxes.views[box.view], box.notes].filter(Boolean).join(' · ')}>
       ${mayEdit && html`<a class=${`button ${isReady ? '' : 'main'}`} href=${href(['boxes', box.id, 'setup'])}>${t.setup.open}</a>`}
       <a class="button" href=${href(['record'], { box: box.id })}>${t.nav.record}</a>
       <a class="button" href=${href(['sessions'], { box: box.id })}>${t.sessions.title}</a>

@@ -44,7 +44,7 @@ export default function Boxes({ person }) {
     <section class="card">
       ${!boxes && !problem && html`<${Loading} />`}
       ${boxes?.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
-      ${boxes?.length > 0 && html`
+      ${boxes && boxes.length > 0 && html`
         <div class="scroll">
           <table class="table">
             <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.camera}</th><th scope="col">
@@ -59,7 +59,7 @@ export default function Boxes({ person }) {
                   <td><${PaletteState} palette=${box.palette} /></td>
                   <td><${TodaysLight} test=${box.self_test} /></td>
                   <td class="third">${box.tools.map(toolName).join(', ') || '–'}</td>
-                  <td class="third">${words.views[box.view] ?? words.auto}</td>
+                  <td class="third">${(box.view && words.views[box.view]) ?? words.auto}</td>
                   <td>${mayEdit && html`<div class="row">${!(box.calibration && box.palette) && html`<a class="button main nowrap"
                     href=${href(['boxes', box.id, 'setup'])} aria-label=${t.setup.openNamed(box.name)}>${words.setUp}</a>`}
                     <${RowButtons} item=${box} onEdit=${edit.change}
@@ -72,7 +72,11 @@ export default function Boxes({ person }) {
     ${edit.dialogs}`;
 }
 
-/** The tool's name, with its tape if that has another name. */
+/**
+ * The tool's name, with its tape if that has another name.
+ *
+ * @param {Schemas['BoxTool']} tool
+ */
 const toolName = ({ name, colour }) => (colour ? `${name} (${colour})` : name);
 
 /** A camera.json from elsewhere may have no residual. */

@@ -27,7 +27,11 @@ export default function Certificate({ route }) {
   return html`<${Paper} progress=${data} />`;
 }
 
-/** Why there is no certificate, and what is missing. */
+/**
+ * Why there is no certificate, and what is missing.
+ *
+ * @param {Schemas['TraineeProgressResponse']} progress
+ */
 export function whyNot({ task, standard, sessions, rule, charts }) {
   if (!task || !sessions.length) return words.reasons.none;
   if (!standard) return words.reasons.no_standard;
@@ -37,6 +41,7 @@ export function whyNot({ task, standard, sessions, rule, charts }) {
   return words.reasons.charts;
 }
 
+/** @param {{ progress: PassedProgress }} props */
 function Paper({ progress: { trainee, task, standard, sessions, passed, pipeline, rule } }) {
   const countedSessions = sessions.filter(session => passed.sessions.includes(session.number));
   return html`
@@ -53,7 +58,7 @@ function Paper({ progress: { trainee, task, standard, sessions, passed, pipeline
         <h2>${words.sessions}</h2>
         <table><thead><tr><th scope="col">${t.report.number}</th><th scope="col">${words.date}</th><th scope="col">${words.result}</th></tr></thead>
           <tbody>${countedSessions.map(session => html`<tr key=${session.id}><th scope="row">${session.number}</th><td>${date(session.recorded_at)}</td>
-            <td>${t.report.trials[session.trial]}</td></tr>`)}</tbody></table>
+            <td>${t.report.trials[session.trial ?? '']}</td></tr>`)}</tbody></table>
       </section>
       <div class="signatures"><div>${words.signature}</div><div>${words.signatureDate}</div></div>
       <${Provenance} rows=${[

@@ -25,7 +25,7 @@ export default function CoursePage({ route }) {
     ${!data && !problem && html`<${Loading} />`}
     ${data?.tasks.length === 0 && html`<${Empty} title=${t.groups.noTasks} body=${words.noTasksBody}>
       <a class="button main" href=${href(['tasks'])}>${words.toTasks}</a><//>`}
-    ${data?.tasks.length > 0 && html`<${Plan} ...${data} />`}`;
+    ${data && data.tasks.length > 0 && html`<${Plan} ...${data} />`}`;
 }
 
 function Plan({ course, tasks }) {

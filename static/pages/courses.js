@@ -24,13 +24,13 @@ export default function CoursesPage({ person }) {
   return html`
     <${PageHead} title=${words.title} lead=${words.lead}>
       <a class="button" href=${href(['groups'])}>${t.groups.all}</a>
-      ${data?.courses.length > 0 && add}
+      ${data && data.courses.length > 0 && add}
     <//>
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     <section class="card">
       ${!data && !problem && html`<${Loading} />`}
       ${data?.courses.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody}>${add}<//>`}
-      ${data?.courses.length > 0 && html`<${List} ...${data} noneText=${noneText} onRemove=${setRemoving} />`}
+      ${data && data.courses.length > 0 && html`<${List} ...${data} noneText=${noneText} onRemove=${setRemoving} />`}
     </section>
     ${removing && html`<${Confirm} title=${t.people.removeTitle(removing.name)} body=${words.removeBody} yes=${t.form.remove}
       onYes=${() => api.courses.remove(removing.id).then(reload)} onClose=${() => setRemoving(null)} />`}`;

@@ -28,7 +28,7 @@ export default function Enrol({ route }) {
     setChecked(null);
     const countAtStart = changeCount.current;
     const table = read(await text, group);
-    const answer = table.why ? { problems: [] } : await api.enrol(table.rows, true);
+    const answer = table.rows ? await api.enrol(table.rows, true) : { problems: [] };
     if (countAtStart === changeCount.current) setChecked({ ...table, problems: answer.problems });
   });
   const change = () => {
@@ -36,7 +36,7 @@ export default function Enrol({ route }) {
     setChecked(null);
   };
   const enrol = () => run('enrol', async () => setEnrolled((await api.enrol(checked.rows, false)).enrolled));
-  useEffect(() => void (enrolled && document.querySelector('main h1').focus()), [enrolled]);
+  useEffect(() => void (enrolled && /** @type {HTMLElement} */ (document.querySelector('main h1')).focus()), [enrolled]);
   const announcement = enrolled ? words.done(enrolled.length) : checked ? summaryOf(checked) : '';
   return html`
     <${Announce}>${announcement}<//>

@@ -30,14 +30,14 @@ export default function GroupPage({ person, route }) {
   const { group, tasks, plans } = base;
   const course = html`<${GroupCourse} group=${group} plans=${plans} onChange=${reload} />`;
   return html`
-    <${PageHead} title=${group.name} lead=${words.count(group.trainees.length)}>
+    <${PageHead} title=${group.name} lead=${words.count(group.trainees?.length ?? 0)}>
       <a class="button" href=${href(['groups'])}>${words.all}</a>
       ${isAdministrator && html`<button class="button" type="button" onClick=${() => setMembers(true)}>${words.members}</button>`}
       <a class="button main" href=${href(['enrol'], { group: group.name })}>${words.enrol}</a>
     <//>
     <div class="stack">
       ${group.course && course}
-      ${tasks.length ? html`<${Progress} base=${base} route=${route} key=${group.trainees.join()} />`
+      ${tasks.length ? html`<${Progress} base=${base} route=${route} key=${group.trainees?.join()} />`
         : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}
       ${!group.course && tasks.length > 0 && course}
     </div>
@@ -57,7 +57,7 @@ function Progress({ base: { group, tasks, features }, route }) {
   useLive('resync', reloadSoon);
   const set = (key, value) => {
     // A tool is requested together with its feature: alone, it would have to be one that the standard limits.
-    const related = key === 'tool' ? { feature: query.feature ?? data.feature } : { tool: undefined };
+    const related = key === 'tool' ? { feature: query.feature ?? data?.feature } : { tool: undefined };
     replace(['groups', group.id], { ...query, ...related, [key]: value || undefined });
   };
   const choose = (label, key, value, options) => html`<${Field} type="select" label=${label} value=${value} options=${options}
@@ -67,13 +67,13 @@ function Progress({ base: { group, tasks, features }, route }) {
       <div class="filters">
         ${choose(words.task, 'task', task.id, tasks.map(one => [one.id, one.name]))}
         ${choose(words.feature, 'feature', query.feature, [['', words.asked], ...features.map(one => [one.name, featureTitle(one)])])}
-        ${data?.tools.length > 1 && choose(words.tool, 'tool', current ? current.tool : query.tool, [...(hasSessionValue ? [['', t.standardForm.whole]] : []), ...data.tools.map(one => [one, one])])}
+        ${data && data.tools.length > 1 && choose(words.tool, 'tool', current ? current.tool : query.tool, [...(hasSessionValue ? [['', t.standardForm.whole]] : []), ...data.tools.map(one => [one, one])])}
       </div>
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
       ${!current && !problem && html`<${Loading} />`}
       ${current?.trainees.length === 0 && html`<${Empty} title=${words.empty} body=${words.emptyBody}>
         <a class="button main" href=${href(['enrol'], { group: group.name })}>${words.enrol}</a><//>`}
-      ${current?.trainees.length > 0 && html`<${GroupTable} progress=${current} />`}
+      ${current && current.trainees.length > 0 && html`<${GroupTable} progress=${current} />`}
       ${current?.more && html`<p class="body small muted">${words.more(current.rows.length)}</p>`}
     </section>`;
 }

@@ -30,7 +30,7 @@ export default function GroupsPage({ person }) {
       <section class="card">
         ${!groups && !problem && html`<${Loading} />`}
         ${groups?.length === 0 && html`<${Empty} title=${words.none} body=${isAdministrator ? words.noneBody : words.noneOfYours} />`}
-        ${groups?.length > 0 && html`<${List} groups=${groups} onRemove=${isAdministrator && setOpen} />`}
+        ${groups && groups.length > 0 && html`<${List} groups=${groups} onRemove=${isAdministrator && setOpen} />`}
       </section>
       ${isAdministrator && groups && html`<${Cohorts} groups=${groups} />`}
     </div>

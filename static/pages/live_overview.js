@@ -45,7 +45,7 @@ export default function LiveOverview() {
 function Tile({ session, onClosed }) {
   const watch = useLiveWatch(session.id, onClosed);
   useToolStates(watch);
-  const faults = [lightFault(watch.light), placementFault(watch.placement, watch.track?.tools ?? [])].filter(Boolean);
+  const faults = [lightFault(watch.light), placementFault(watch.placement, watch.track?.tools ?? [])].flatMap(fault => fault ?? []);
   return html`
     <article class="card tile">
       <${LiveScreen} watch=${watch} name=${t.watch.picture(session.box?.name)} show=${TILE} />

@@ -62,11 +62,11 @@ export default function People() {
             label: words.trainee,
             type: 'select',
             required: true,
-            options: [['', t.target.choose], ...data.trainees.map(one => [one.id, one.name])],
+            options: [['', t.target.choose], ...(data?.trainees ?? []).map(one => [one.id, one.name])],
             when: isTrainee,
           },
         ]),
-    ...(!item && data.groups.length
+    ...(!item && data?.groups.length
       ? [
           {
             name: 'groups',

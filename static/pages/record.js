@@ -36,7 +36,7 @@ function Recorder({ person, route }) {
     return box?.calibration ? api.boxes.camera(box.id).catch(() => null) : null;
   }, [isTargetLoaded, box?.id]);
   // A person who comes back sees the size that is being recorded.
-  const [runningPicture] = useState(() => (isRecording() ? currentRecording.picture : null));
+  const [runningPicture] = useState(() => (isRecording() ? currentRecording?.picture : null));
   const camera = useCamera(wantedSize(runningPicture ?? calibrated));
   const [problem, setProblem] = useState(null);
   const [startRefused, setStartRefused] = useState(false);
@@ -59,10 +59,10 @@ function Recorder({ person, route }) {
   };
   const isBusy = isRecording();
   // Without pictures: this page shows its own camera's.
-  const watch = useLiveWatch(isBusy ? recording.session : null, null, false);
+  const watch = useLiveWatch(isBusy ? recording?.session : null, null, false);
   useEffect(() => void (recording?.connection === 'open' && watch?.retry()), [recording?.connection, watch]);
   return html`
-    <${PageHead} title=${words.title} lead=${isBusy ? recording.names : words.lead} />
+    <${PageHead} title=${words.title} lead=${isBusy ? recording?.names : words.lead} />
     <div class="stack">
       <${ProblemNotice} problem=${target.problem} onRetry=${target.reload} />
       <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />

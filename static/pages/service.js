@@ -65,7 +65,7 @@ function Audit() {
       <${ProblemNotice} problem=${problem} onRetry=${more} />
       ${!items && !problem && html`<${Loading} />`}
       ${items?.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
-      ${items?.length > 0 && html`<div class="scroll"><table class="table">
+      ${items && items.length > 0 && html`<div class="scroll"><table class="table">
         <thead><tr><th scope="col">${words.when}</th><th scope="col">${words.who}</th><th scope="col">${words.what}</th>
           <th scope="col">${words.which}</th></tr></thead>
         <tbody>${items.map(one => html`<tr key=${one.id}>
@@ -79,7 +79,11 @@ function Audit() {
 
 const PAGES = { trainee: 'trainees', session: 'sessions', task: 'tasks', box: 'boxes', group: 'groups' };
 
-/** A link if the object has a page and this change did not delete it. */
+/**
+ * A link if the object has a page and this change did not delete it.
+ *
+ * @param {Schemas['AuditChange']} change
+ */
 function subject({ noun, action, subject: id, called }) {
   const page = PAGES[noun];
   const isDeleted = ['erase', 'delete'].includes(action);

@@ -24,11 +24,11 @@ export default function Session({ person, route }) {
   const { id } = route.params;
   const { data: session, problem, reload } = useData(signal => api.sessions.get(id, signal), [id]);
   const [lastEvent, setLastEvent] = useState(null);
-  const { edits, reload: readEdits } = useEdits(id, Boolean(session) && session.status !== 'receiving', reload);
+  const { edits, reload: readEdits } = useEdits(id, Boolean(session && session.status !== 'receiving'), reload);
 
   useLive('resync', () => (!session || isMoving(session)) && reload());
   useLive('session', event => {
-    if (event.id !== session?.id) return;
+    if (!session || event.id !== session.id) return;
     setLastEvent(event);
     if (event.status !== session.status) reload();
     else readEdits();
@@ -144,7 +144,7 @@ const POLL_MS = 2_000;
 /** A session's edits. Calls `onScored` when a score has been made with them. */
 function useEdits(id, isEnabled, onScored) {
   const { data, reload } = useData(signal => (isEnabled ? api.sessions.edits(id, signal) : null), [id, isEnabled]);
-  const isScoring = ['waiting', 'working'].includes(data?.score);
+  const isScoring = data?.score === 'waiting' || data?.score === 'working';
   const wasScoring = useRef(false);
   useEffect(() => {
     if (wasScoring.current && data?.score === 'current') onScored();

@@ -52,7 +52,7 @@ export default function SessionReport({ route }) {
 }
 
 function QualityGate({ quality }) {
-  const verdict = t.session.verdict[quality?.verdict];
+  const verdict = t.session.verdict[quality?.verdict ?? ''];
   if (!verdict) return null;
   const reasons = quality.reasons ?? [];
   return html`
@@ -127,6 +127,7 @@ function Learning({ progress, session }) {
     </section>`;
 }
 
+/** @param {{ session: Present<Schemas['SessionResponse'], 'versions'>, progress: Props['progress'] | null }} props */
 function ReportProvenance({ session, progress }) {
   const { versions, video } = session;
   return html`<${Provenance} rows=${[

@@ -15,6 +15,8 @@ const words = t.sessions;
 const FILTERS = ['trainee', 'task', 'box', 'status'];
 const STATES = ['receiving', 'queued', 'tracking', 'done', 'failed'];
 const PAGE = 50;
+/** @type {{ items: Schemas['SessionResponse'][], next?: string | null, problem: object | null }} */
+const NO_MORE = { items: [], next: undefined, problem: null };
 
 export default function Sessions({ person, route }) {
   const filter = Object.fromEntries(FILTERS.map(name => [name, route.query.get(name) ?? undefined]));
@@ -23,11 +25,11 @@ export default function Sessions({ person, route }) {
     signal => api.sessions.page({ ...filter, limit: PAGE }, signal),
     [route.query.toString()],
   );
-  const [more, setMore] = useState({ items: [], next: undefined, problem: null });
+  const [more, setMore] = useState(NO_MORE);
   const reloadSoon = useThrottled(reload, 1500);
   useLive('session', reloadSoon);
   useLive('resync', reload);
-  useEffect(() => setMore({ items: [], next: undefined, problem: null }), [route.query.toString()]);
+  useEffect(() => setMore(NO_MORE), [route.query.toString()]);
 
   const next = more.next === undefined ? data?.next : more.next;
   const showMore = async () => {

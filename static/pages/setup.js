@@ -49,7 +49,7 @@ export default function SetupPage({ person, route }) {
   // If the address names no step: the step that was next at first. Typing in a step must not switch to another one.
   const first = useRef(null);
   first.current ??= states ? nextStep(states) : null;
-  const step = STEPS.includes(requestedStep) ? requestedStep : first.current;
+  const step = requestedStep && STEPS.includes(requestedStep) ? requestedStep : first.current;
   useFocusOnStep(box && step);
   if (!box)
     return html`<${PageHead} title=${t.nav.boxes} />${problem

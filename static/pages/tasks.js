@@ -37,7 +37,7 @@ export default function Tasks({ person }) {
     <section class="card">
       ${!tasks && !problem && html`<${Loading} />`}
       ${tasks?.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
-      ${tasks?.length > 0 && html`
+      ${tasks && tasks.length > 0 && html`
         <div class="scroll">
           <table class="table">
             <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.code}</th><th scope="col" class="third">

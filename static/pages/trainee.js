@@ -39,7 +39,7 @@ export default function Trainee({ route }) {
     return html`<${PageHead} title=${t.nav.trainees} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   const { trainee, tasks } = base;
-  const level = t.trainees.levels[trainee.level];
+  const level = trainee.level && t.trainees.levels[trainee.level];
   return html`
     <${PageHead} title=${trainee.name} lead=${[trainee.code, level].filter(Boolean).join(' · ')}>
       <a class="button" href=${href(['trainees', id, 'certificate'], { task: route.query.get('task') ?? base.usual?.id })}>${t.certificate.open}</a>
@@ -89,7 +89,7 @@ function Progress({ id, base, route }) {
         ${!data && !problem && html`<${Loading} />`}
         ${none && html`<${Empty} title=${words.none} body=${words.noneBody}>
           <a class="button main" href=${href(['upload'], { trainee: id, task: task.id })}>${t.today.upload}</a><//>`}
-        ${!none && series && html`
+        ${data && !none && series && html`
           <h3>${featureWithTool(series)}</h3>
           <${ProgressPlot} series=${series} sessions=${data.sessions} />
           ${series.target && html`<p class="small muted">${words.legend}</p>`}
@@ -98,7 +98,7 @@ function Progress({ id, base, route }) {
     </section>
     ${data && !none && html`<div class="stack after">${!query.feature && html`<${StrengthsAndWeaknesses} progress=${data} />`}
       ${data.charts && html`<${MonitorCharts} charts=${data.charts} />`}</div>`}
-    ${data?.sessions.length > 0 && html`<${Sessions} sessions=${data.sessions} />`}`;
+    ${data && data.sessions.length > 0 && html`<${Sessions} sessions=${data.sessions} />`}`;
 }
 
 /** The cohort that the address names, if any. */
@@ -113,7 +113,7 @@ const Sessions = ({ sessions }) => html`
     <ul class="queue">
       ${[...sessions].reverse().map(session => html`<li key=${session.id}><div>
         <a href=${href(['sessions', session.id])}>${dateTime(session.recorded_at)}</a>
-        ${words.setAside[session.set_aside] && html`<span class="small muted">${words.setAside[session.set_aside]}</span>`}</div>
+        ${words.setAside[session.set_aside ?? ''] && html`<span class="small muted">${words.setAside[session.set_aside ?? '']}</span>`}</div>
         <${StatusPill} state=${session.set_aside === 'refused' ? 'refused' : session.status} /></li>`)}
     </ul>
   </section>`;

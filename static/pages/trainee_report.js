@@ -31,7 +31,7 @@ export default function TraineeReport({ route }) {
     <${Sheet} title=${words.progressOf(task.name)} back=${['trainees', id]}>
       <${Facts} rows=${[
         [words.trainee, `${trainee.name} (${trainee.code})`],
-        [words.level, t.trainees.levels[trainee.level]],
+        [words.level, trainee.level && t.trainees.levels[trainee.level]],
         [words.task, task.name],
         [words.period, [...new Set([sessions[0], sessions[sessions.length - 1]].map(one => date(one.recorded_at)))].join(' – ')],
         [words.sessions, words.counted(data.earlier + sessions.length, counted)],
@@ -72,7 +72,7 @@ function Sessions({ sessions, series, earlier }) {
         <tbody>${last.map(session => html`
           <tr key=${session.id}><th scope="row">${session.number}</th><td>${date(session.recorded_at)}</td>
             ${series.map(one => html`<td key=${featureWithTool(one)}>${valueAt(at(one, session), one)}</td>`)}
-            <td>${t.trainee.setAside[session.set_aside] ?? words.trials[session.trial] ?? '–'}</td></tr>`)}</tbody>
+            <td>${t.trainee.setAside[session.set_aside ?? ''] ?? words.trials[session.trial ?? ''] ?? '–'}</td></tr>`)}</tbody>
       </table>
       ${before > 0 && html`<p>${words.before(before)}</p>`}
     </section>`;

@@ -31,7 +31,7 @@ export default function Trainees({ person }) {
       options: withUnset(words.hands),
       value: item?.handedness,
     },
-    ...(!item && data.groups.length
+    ...(!item && data?.groups.length
       ? [
           {
             name: 'group',
@@ -79,8 +79,8 @@ export default function Trainees({ person }) {
                 <tr key=${trainee.id}>
                   <th scope="row"><a class="cover" href=${href(['trainees', trainee.id])}>${trainee.name}</a></th>
                   <td class="code">${trainee.code}</td>
-                  <td>${words.levels[trainee.level] ?? '–'}</td>
-                  <td>${words.hands[trainee.handedness] ?? '–'}</td>
+                  <td>${(trainee.level && words.levels[trainee.level]) ?? '–'}</td>
+                  <td>${(trainee.handedness && words.hands[trainee.handedness]) ?? '–'}</td>
                   ${mayEdit && html`<td><${RowButtons} item=${trainee} onEdit=${edit.change}
                     onRemove=${edit.remove} /></td>`}
                 </tr>`)}

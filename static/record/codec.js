@@ -13,6 +13,7 @@ export async function h264For({ width, height, frameRate }) {
   // Small pictures need more bits per pixel.
   const share = ((width * height) / REFERENCE.pixels) ** 0.75 * (frameRate / REFERENCE.rate);
   for (const codec of PROFILES) {
+    /** @type {VideoEncoderConfig} */
     const config = {
       codec,
       width,
@@ -23,7 +24,7 @@ export async function h264For({ width, height, frameRate }) {
       avc: { format: 'annexb' },
     };
     const answer = await VideoEncoder.isConfigSupported(config).catch(() => null);
-    if (answer?.supported && answer.config.avc?.format === 'annexb') return config;
+    if (answer?.supported && answer.config?.avc?.format === 'annexb') return config;
   }
   return null;
 }

@@ -13,6 +13,8 @@ const watchers = new Set();
 /**
  * Null, or the state of the recording: `{ phase, names, why, …status }`. `why` is the reason if it stopped by itself;
  * `isCaptured` says that no frames are captured while the tab is hidden; the status is as worker.js posts it.
+ *
+ * @type {any}
  */
 export let currentRecording = null;
 

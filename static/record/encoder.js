@@ -62,7 +62,7 @@ export class H264Encoder {
     const units = unitOffsets(bytes);
     const firstSlice = units.find(at => [1, 5].includes(bytes[at] & 31));
     if (units.some(at => (bytes[at] & 31) === SEQUENCE_PARAMETERS)) {
-      this.#parameters = bytes.slice(0, firstSlice - 3); // One more zero before it does no harm.
+      this.#parameters = bytes.slice(0, Number(firstSlice) - 3); // One more zero before it does no harm.
       return bytes;
     }
     const whole = new Uint8Array(this.#parameters.length + bytes.length);
@@ -92,6 +92,7 @@ export class JpegEncoder {
   #onFrame;
   #onFault;
   #canvas;
+  /** @type {OffscreenCanvasRenderingContext2D} */
   #pen;
   #queued = 0;
   #last = Promise.resolve();
@@ -99,7 +100,8 @@ export class JpegEncoder {
   constructor({ width, height }, onFrame, onFault) {
     [this.#onFrame, this.#onFault] = [onFrame, onFault];
     this.#canvas = new OffscreenCanvas(width, height);
-    this.#pen = this.#canvas.getContext('2d', { alpha: false, willReadFrequently: true });
+    const pen = this.#canvas.getContext('2d', { alpha: false, willReadFrequently: true });
+    this.#pen = /** @type {OffscreenCanvasRenderingContext2D} */ (pen);
   }
 
   get isFull() {

@@ -38,8 +38,10 @@ export class Feed {
   #hello;
   #spool;
   #onChange;
+  /** @type {any} A WebSocket while there is a connection. */
   #socket = null;
   #epoch = null;
+  /** @type {any} A SendOrder once the server has answered. */
   #order = null;
   #isLive = true;
   #endSent = false;

@@ -8,7 +8,12 @@ import { TICKS_PER_S } from './records.js';
 /** How much of the browser's name is sent to the service. */
 const MAX_NAME_LENGTH = 200;
 
-let active = null;
+/**
+ * The running recording. Null only before the first one, when nothing uses it.
+ *
+ * @type {{ worker: Worker, track: MediaStreamTrack, source: HTMLVideoElement | null, lock: any }}
+ */
+let active = /** @type {any} */ (null);
 
 /**
  * Starts with the camera as it is open. `target` has the ids of trainee, task and box, `names` the same as text for
@@ -72,6 +77,7 @@ function capture(worker, track, beginMessage) {
   worker.postMessage({ begin: beginMessage });
   const video = Object.assign(document.createElement('video'), { muted: true, playsInline: true });
   video.srcObject = new MediaStream([track]);
+  /** @type {(shownAt: number, times: { captureTime?: number, mediaTime: number }) => Promise<void>} */
   const grabFrame = async (shownAt, { captureTime, mediaTime }) => {
     if (track.readyState !== 'live') return;
     video.requestVideoFrameCallback(grabFrame);
@@ -102,7 +108,7 @@ function handleMessage(data) {
 }
 
 /** Ends the recording; what is not on the server yet is still sent. */
-export function stopRecording(why = null) {
+export function stopRecording(why = /** @type {string | null} */ (null)) {
   if (currentRecording?.phase !== 'recording') return;
   active.worker.postMessage({ stop: true });
   handleStopped(why);

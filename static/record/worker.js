@@ -21,7 +21,11 @@ let encoder = null;
 let feed = null;
 let reader = null;
 let isStopped = false;
-/** The first frame's timestamp, µs; the times of the last frame and of the last key frame, ticks. */
+/**
+ * The first frame's timestamp, µs; the times of the last frame and of the last key frame, ticks.
+ *
+ * @type {{ began: any, last: number, key: number, recent: any[] }}
+ */
 const times = { began: null, last: -1, key: -Infinity, recent: [] };
 let skipped = 0; // Frames that the encoder had no time for.
 let isTurned = false; // The camera gives another size, as it does when a tablet is rotated.
@@ -106,7 +110,7 @@ function storeFrame({ timestamp, isKey, payload }) {
 }
 
 /** `why` is given if recording stops by itself: `camera` (no more frames), `encoder`, `length`. */
-async function stop(why = null) {
+async function stop(why = /** @type {string | null} */ (null)) {
   if (isStopped) return;
   isStopped = true;
   if (why) postMessage({ type: 'stopped', why });

@@ -32,7 +32,7 @@ export function ColoursStep({ box, draft, stepHref, onChange }) {
   const frame = frames.find(({ number }) => number === chosen) ?? frames[0];
   const maskOf = number => {
     const mask = preview?.frames.find(one => one.frame === number);
-    return mask && { ...mask, colours: preview.colours };
+    return mask && { ...mask, colours: preview?.colours };
   };
   const isDescribed = draft.plan.tools.length > 0 && draft.plan.tools.every(isComplete);
   if (draft.plan.tools.length === 0 && box.tools.length > 0)

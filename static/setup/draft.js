@@ -54,7 +54,7 @@ export function useSetupDraft(person, box) {
 
 function loadPlan(key) {
   try {
-    return { ...DEFAULT_PLAN, ...JSON.parse(localStorage.getItem(key)) };
+    return { ...DEFAULT_PLAN, ...JSON.parse(localStorage.getItem(key) ?? '{}') };
   } catch {
     return DEFAULT_PLAN;
   }

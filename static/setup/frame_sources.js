@@ -10,6 +10,7 @@ import { CameraShot } from './camera_shot.js';
 
 const words = t.setup.colours;
 const SOURCES = ['recording', 'camera', 'files'];
+/** @type {{ url: string | null, isLoaded: boolean, length: number, at: number, broken: boolean, busy: boolean }} */
 const NO_RECORDING = { url: null, isLoaded: false, length: 0, at: 0, broken: false, busy: false };
 const BEYOND_S = 1e7;
 /** Frames taken at once, spread over a recording. */

@@ -20,7 +20,7 @@ export const frameOf = video => toPng(video, video.videoWidth, video.videoHeight
 
 async function toPng(drawable, width, height) {
   const canvas = new OffscreenCanvas(width, height);
-  canvas.getContext('2d').drawImage(drawable, 0, 0, width, height);
+  canvas.getContext('2d')?.drawImage(drawable, 0, 0, width, height);
   return canvas.convertToBlob({ type: 'image/png' });
 }
 

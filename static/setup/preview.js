@@ -8,19 +8,21 @@ import { isComplete } from './steps.js';
 
 /** A person paints several strokes in a row: the request waits for a pause, ms. */
 const PAUSE_MS = 400;
+/** @type {{ preview: Schemas['PalettePreview'] | null, problem: object | null, previewed: string | null }} */
+const NOTHING = { preview: null, problem: null, previewed: null };
 
 /**
  * `{ preview, problem, isAsking }`. A preview belongs to the marks at the time of its request; if there are newer
  * marks, a new one is being requested.
  */
 export function usePreview(box, draft) {
-  const [{ preview, problem, previewed }, setState] = useState({ preview: null, problem: null, previewed: null });
+  const [{ preview, problem, previewed }, setState] = useState(NOTHING);
   const { frames, plan } = draft;
   const tools = plan.tools.filter(isComplete);
   const isReady = frames.length > 0 && tapesOf(tools).some(tape => isMarked(frames, tape));
   const question = JSON.stringify([isReady, tools, frames.map(({ number, marks }) => [number, marks])]);
   useEffect(() => {
-    if (!isReady) return void setState({ preview: null, problem: null, previewed: null });
+    if (!isReady) return void setState(NOTHING);
     const controller = new AbortController();
     const ask = async () => {
       try {
@@ -35,7 +37,12 @@ export function usePreview(box, draft) {
   return { preview, problem, isAsking: isReady && previewed !== question };
 }
 
-/** The form for learning and for previewing: the same marks, the same pictures. */
+/**
+ * The form for learning and for previewing: the same marks, the same pictures.
+ *
+ * @param {Schemas['BoxResponse']} box
+ * @param {any} draft
+ */
 export function paletteForm({ view }, { plan, frames }) {
   const annotations = annotationsOf({ tools: plan.tools.filter(isComplete), view, frames });
   const form = new FormData();

@@ -28,7 +28,12 @@ export const nextStep = states => STEPS.find(step => states[step] === 'todo' || 
 
 export const isPoor = rms => Number.isFinite(rms) && rms > MAX_RMS_PX;
 
-/** A tool of the box as the draft keeps it. */
+/**
+ * A tool of the box as the draft keeps it.
+ *
+ * @param {Schemas['BoxTool']} tool
+ * @param {number} index
+ */
 export const plannedTool = ({ name, colour, side, diameter_mm, band_length_mm }, index) => ({
   id: index + 1,
   tape: colour ?? name,
@@ -79,6 +84,11 @@ function testState(box) {
   return test.light === 'green' && !isTestOutdated(test, box) ? 'done' : 'again';
 }
 
-/** Whether the test used another camera or other colours than those in use. */
+/**
+ * Whether the test used another camera or other colours than those in use.
+ *
+ * @param {Schemas['SelfTestResponse']} test
+ * @param {Props['box']} box
+ */
 export const isTestOutdated = (test, { calibration, palettes }) =>
   test.calibration !== calibration?.id || test.palette !== palettes[0]?.id;

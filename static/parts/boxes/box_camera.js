@@ -50,7 +50,7 @@ export function CameraSummary({ camera, calibrations }) {
     <dl class="facts">${facts.map(([name, value]) => html`<dt key=${name}>${name}</dt><dd>${value}</dd>`)}</dl>
     ${camera.photos?.length > 0 && html`<details><summary>${words.photos}</summary>
       <${Photos} photos=${camera.photos} /></details>`}
-    ${calibrations?.length > 1 && html`<details><summary>${words.history}</summary><ul>
+    ${calibrations && calibrations.length > 1 && html`<details><summary>${words.history}</summary><ul>
       ${calibrations.map(one => html`<li key=${one.id}>
       ${dateTime(one.created_at)} · ${words.rms} ${number(one.rms_px)} px</li>`)}</ul></details>`}`;
 }

@@ -5,9 +5,9 @@ import { withDigits } from '../../format.js';
 export function axisSteps(low, high) {
   const roughStep = (high - low) / 4;
   const power = Math.floor(Math.log10(roughStep));
-  const factor = [1, 2, 5, 10].find(one => one * 10 ** power >= roughStep);
+  const factor = [1, 2, 5].find(one => one * 10 ** power >= roughStep) ?? 10;
   const step = factor * 10 ** power;
-  const format = withDigits(Math.max(0, -power - (factor === 10)));
+  const format = withDigits(Math.max(0, -power - Number(factor === 10)));
   const first = Math.ceil(low / step);
   return Array.from({ length: Math.floor(high / step) - first + 1 }, (_, i) => [(first + i) * step, format((first + i) * step)]);
 }

@@ -8,7 +8,7 @@ const words = t.monitor;
 const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [760, 190, 44, 110, 16, 34];
 
 export function MonitorCharts({ charts }) {
-  const points = charts.path.filter(Boolean);
+  const points = charts.path.flatMap(point => point ?? []);
   const parts = [
     { name: words.learning, explain: words.explain, limit: charts.declares_at, line: words.declares, event: 'declared', points: points.filter(point => point.learning) },
     { name: words.keeping, explain: words.explainKeeping, limit: charts.alarms_at, line: words.alarms, event: 'relapsed', points: points.filter(point => !point.learning) },
@@ -47,6 +47,7 @@ function Chart({ part: { name, points, limit, line, event }, charts }) {
 
 /** Stretches of one chart without a session of the other chart between: a chart starts again after each event. */
 function runsOf(path, learning) {
+  /** @type {{ session: number, score: number }[][]} */
   const parts = [[]];
   for (const point of path) {
     if (point && point.learning === learning) parts[parts.length - 1].push(point);

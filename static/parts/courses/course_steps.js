@@ -13,7 +13,11 @@ const words = t.courses;
 const USUAL_SESSIONS = 3;
 let lastKey = 0;
 
-/** A step as the form holds it: the typed values, and a key that stays when the step moves. */
+/**
+ * A step as the form holds it: the typed values, and a key that stays when the step moves.
+ *
+ * @param {{ task?: { id: string }, sessions?: number | null, within_days?: number | null }} [step]
+ */
 export const newStep = ({ task, sessions = null, within_days: within = null } = {}) => ({
   key: (lastKey += 1),
   task: task?.id ?? '',

@@ -35,12 +35,12 @@ export function GroupCourse({ group, plans, onChange }) {
         <${Empty} title=${words.notFollowed} body=${words.noneBody}><a class="button" href=${href(['courses', 'new'])}>${words.add}</a><//>`}
     </section>
     ${open === 'choose' && html`<${FollowDialog} group=${group} plans=${plans} onSaved=${() => (close(), onChange())} onClose=${close} />`}
-    ${open === 'end' && html`<${Confirm} title=${words.endTitle(course.name)} body=${words.endBody} yes=${words.end}
+    ${open === 'end' && html`<${Confirm} title=${words.endTitle(course?.name)} body=${words.endBody} yes=${words.end}
       onYes=${() => api.groups.unfollow(group.id).then(onChange)} onClose=${close} />`}`;
 }
 
 function CourseProgress({ group }) {
-  const { data, problem, reload } = useData(signal => api.groups.course(group.id, signal), [group.id, group.trainees.join()]);
+  const { data, problem, reload } = useData(signal => api.groups.course(group.id, signal), [group.id, group.trainees?.join()]);
   const reloadSoon = useThrottled(reload, RELOAD_MS);
   useLive('session', event => event.status === 'done' && reloadSoon());
   useLive('resync', reloadSoon);
@@ -48,7 +48,7 @@ function CourseProgress({ group }) {
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     ${!data && !problem && html`<${Loading} />`}
     ${data?.rows.length === 0 && html`<${Empty} title=${t.groups.empty} body=${words.empty} />`}
-    ${data?.rows.length > 0 && html`<${CourseTable} course=${data} />`}
+    ${data && data.rows.length > 0 && html`<${CourseTable} course=${data} />`}
     ${data?.more && html`<p class="body small muted">${t.groups.more(data.rows.length)}</p>`}`;
 }
 

@@ -8,7 +8,11 @@ import { icons } from '../page/icons.js';
 /**
  * `const edit = useEditing({ addTitle, editTitle, removeTitle, fields, save, remove, onChange })` gives `edit.add()`,
  * `edit.change(item)`, `edit.remove(item)` and `edit.dialogs` to put on the page. `fields(item)` returns the form's
- * fields; `item` is null for a new one.
+ * fields; `item` is null for a new one. A list that only changes its items needs neither `addTitle` nor `remove`.
+ *
+ * @param {{ addTitle?: string, editTitle: string, removeTitle?: (name: string) => string, removeBody?: string,
+ *   fields: (item: any) => object[], save: (item: any, values: any) => Promise<unknown>,
+ *   remove?: (item: any) => Promise<unknown>, onChange: () => unknown }} options
  */
 export function useEditing({
   addTitle,
@@ -27,8 +31,8 @@ export function useEditing({
   const dialogs =
     open &&
     (open.removing
-      ? html`<${Confirm} title=${removeTitle(item.name)} body=${removeBody} yes=${t.form.remove}
-        onYes=${() => remove(item).then(onChange)} onClose=${close} />` : html`
+      ? html`<${Confirm} title=${removeTitle?.(item.name)} body=${removeBody} yes=${t.form.remove}
+        onYes=${() => remove?.(item).then(onChange)} onClose=${close} />` : html`
       <${Dialog} title=${item ? `${editTitle}: ${item.name}` : addTitle} onClose=${close}>
         <${Form} fields=${fields(item)} onSave=${values => save(item, values).then(finish)} onCancel=${close} />
       <//>`);

@@ -100,7 +100,7 @@ function valuesOf(form, fields) {
   const values = {};
   for (const { name, type, clears } of fields) {
     if (type === 'checks') values[name] = data.getAll(name);
-    else if (type === 'file') values[name] = data.getAll(name).filter(file => file.size > 0);
+    else if (type === 'file') values[name] = data.getAll(name).filter(file => file instanceof File && file.size > 0);
     else if (type === 'number') values[name] = data.get(name) === '' ? undefined : Number(data.get(name));
     else values[name] = data.get(name) || (clears ? null : undefined);
   }

@@ -22,14 +22,14 @@ export const toolStateOf = (watch, tool) => (watch.isFresh && tool.shown.state) 
 
 /** Renders the component again when the state or the reason of a tool changes. */
 export function useToolStates(watch) {
-  const [, render] = useReducer(count => count + 1, 0);
+  const [, render] = useReducer(/** @param {number} count */ count => count + 1, 0);
   useEffect(() => {
     let before = '';
     return watch.onTick(() => {
       const now = watch.track?.tools.map(({ shown }) => `${shown.state} ${shown.reason} ${shown.spoken}`).join();
       if (now === before) return;
       before = now;
-      render();
+      render(undefined);
     });
   }, [watch]);
 }

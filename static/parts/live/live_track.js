@@ -27,10 +27,15 @@ export class LiveTrack {
     [-50, 50],
     [100, 200],
   ]);
+  /** @type {[number, number][] | null} */
   #extent = null;
+  /** The picture's size. */
+  width;
+  height;
+  tools;
 
   constructor({ width, height, tools }) {
-    Object.assign(this, { width, height, tools: tools.map(newTool) });
+    [this.width, this.height, this.tools] = [width, height, tools.map(newTool)];
   }
 
   /** Whether picture size and tools are the same: a restored connection then continues this path. */

@@ -63,7 +63,7 @@ function sharesOf({ tools, times, first, last, frames }) {
   if (!frames || times[last] - times[first] < MIN_WINDOW_S) return null;
   return tools.map(({ state }) => {
     let seen = 0;
-    for (let row = first; row < frames; row++) seen += state[row] === OBSERVED;
+    for (let row = first; row < frames; row++) seen += Number(state[row] === OBSERVED);
     return seen / (frames - first);
   });
 }

@@ -36,7 +36,12 @@ export const Provenance = ({ rows }) => html`
       <div key=${name}><dt>${name}</dt><dd>${value}</dd></div>`)}</dl>
   </section>`;
 
-/** `61.2 ± 0.8 s`. Says if the error is not known; without a value, gives the reason. */
+/**
+ * `61.2 ± 0.8 s`. Says if the error is not known; without a value, gives the reason.
+ *
+ * @param {{ value?: number | null, error?: { low: number, high: number } | null, not_enough?: string | null,
+ *   unit: string }} feature
+ */
 export function measuredText({ value, error, not_enough: why, unit: name }) {
   if (value === null || value === undefined) return why ?? words.notMeasured;
   const text = error ? withError(value, error).join(' ± ') : `${number(value)} ${words.errorUnknown}`;

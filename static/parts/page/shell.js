@@ -11,7 +11,9 @@ import { LanguageMenu } from './language.js';
 const NEXT_THEME = { system: 'light', light: 'dark', dark: 'system' };
 const THEME_ICON = { system: icons.system, light: icons.sun, dark: icons.moon };
 
+/** @returns {[name: string, path: string[], needs?: string[]][]} */
 function navEntries(person) {
+  /** @type {[name: string, path: string[], needs?: string[]][]} */
   const all = [
     ['today', []],
     ['wall', ['live'], ['watch']],
@@ -24,6 +26,7 @@ function navEntries(person) {
     ['boxes', ['boxes'], ['see_boxes']],
     ['people', ['people'], ['people']],
   ];
+  /** @type {[string, string[]][]} */
   const own = person.trainee ? [['own', ['trainees', traineeId(person)]]] : [];
   return [...all.filter(([, , needs]) => !needs || needs.some(action => may(person, action))), ...own];
 }

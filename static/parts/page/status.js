@@ -17,6 +17,8 @@ const TONES = {
 /**
  * One word for a session's state. A quarantined session is `failed` in the API; one that the quality gate refused is
  * `done` in the API and has no features.
+ *
+ * @param {Pick<Schemas['SessionResponse'], 'status' | 'quarantined' | 'quality'>} session
  */
 export function stateOf({ status, quarantined, quality }) {
   if (quarantined) return 'quarantined';

@@ -35,6 +35,7 @@ export function Attention({ own, onLoaded }) {
     </section>`;
 }
 
+/** @param {Schemas['Attention']['alarms'][number]} alarm */
 const alarmItem = ({ kind, trainee, trainee_name, task, task_name, session, since }) => ({
   key: `${kind} ${trainee} ${task}`, kind, session, name: `${trainee_name} · ${task_name}`,
   to: href(['trainees', trainee], { task }), when: words.since(date(since)),

@@ -32,14 +32,14 @@ export function Cohorts({ groups }) {
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
       ${!data && !problem && html`<${Loading} />`}
       ${data?.cohorts.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
-      ${data?.cohorts.length > 0 && html`<div class="scroll"><table class="table">
+      ${data && data.cohorts.length > 0 && html`<div class="scroll"><table class="table">
         <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.who}</th><th scope="col" class="number">${words.people}</th><td></td></tr></thead>
         <tbody>${data.cohorts.map(cohort => html`<tr key=${cohort.id}>
           <th scope="row">${cohort.name}<small class="code">${cohort.code}</small></th><td>${describeCohort(cohort)}</td>
           <td class="number">${cohort.people}</td>
           <td><${RowButtons} item=${cohort} onEdit=${change} onRemove=${() => setOpen({ removing: cohort })} /></td></tr>`)}</tbody>
       </table></div>`}
-      ${open && !open.removing && html`<${Dialog} title=${open.cohort ? words.edit : words.add} onClose=${close}>
+      ${data && open && !open.removing && html`<${Dialog} title=${open.cohort ? words.edit : words.add} onClose=${close}>
         <${Form} fields=${fields(open, data, groups)} onSave=${save} onCancel=${close} /><//>`}
       ${open?.removing && html`<${Confirm} title=${t.people.removeTitle(open.removing.name)} body=${words.removeBody} yes=${t.form.remove}
         onYes=${() => api.cohorts.remove(open.removing.id).then(reload)} onClose=${close} />`}

@@ -22,6 +22,7 @@ const KEYS = {
   last: row => row.last_at,
 };
 
+/** @param {{ progress: Schemas['GroupProgress'] }} props */
 export function GroupTable({ progress }) {
   const [by, setBy] = useState({ key: 'name', falling: false });
   const all = progress.rows.map(row => ({ ...row, person: progress.trainees.find(one => one.id === row.trainee) })).filter(row => row.person);
@@ -48,7 +49,7 @@ function sorted(rows, { key, falling }) {
   const compare = (one, other) => {
     const [a, b] = [sortKeyOf(one), sortKeyOf(other)];
     // Rows without a value come last in both directions.
-    if (a === null || b === null) return (a === null) - (b === null);
+    if (a === null || b === null) return Number(a === null) - Number(b === null);
     const order = typeof a === 'string' ? a.localeCompare(b, language) : a - b;
     return falling ? -order : order;
   };
@@ -59,6 +60,7 @@ const Head = ({ name, kind, order, onSort }) => html`
   <th scope="col" class=${kind} aria-sort=${order === 'falling' ? 'descending' : order ? 'ascending' : undefined}>
     <button class="sorted" type="button" data-by=${order} title=${words.sort(name)} onClick=${onSort}>${name}</button></th>`;
 
+/** @param {{ row: any, progress: Schemas['GroupProgress'] }} props */
 function Row({ row, progress }) {
   const point = newest(row);
   const state = stateOf(row);

@@ -23,6 +23,10 @@ export function ProgressSummary({ progress, series }) {
 /** `not enough: 4 more`, or the reason. */
 const withheld = why => (why.missing ? words.notEnough(why.missing, reasonText(why)) : words.withheld(reasonText(why)));
 
+/**
+ * @param {Schemas['TraineeProgressResponse']['features'][number]} series
+ * @param {{ name: string }} cohort
+ */
 function placeText({ place: at, no_place: why }, cohort) {
   if (!at) return why ? withheld(why) : words.noCohort;
   const interval = at.better_than ?? at.percentile;
@@ -31,14 +35,16 @@ function placeText({ place: at, no_place: why }, cohort) {
   return `${phrase(Math.round(interval.value), low, high, at.people, cohort.name)}${at.error_known ? '' : ` ${words.ownErrorUnknown}`}`;
 }
 
+/** @param {Schemas['TraineeProgressResponse']['features'][number]} series */
 function learningText({ learning: { state, curve, forecast, withheld: why }, unit: name }) {
-  if (state !== 'curve') return why ? withheld(why) : words.learning[state];
+  if (state !== 'curve' || !curve) return why ? withheld(why) : words.learning[state];
   const { plateau, tau_sessions: tau } = curve;
   const level = `${number(plateau.value)} (${number(plateau.low)} – ${number(plateau.high)}) ${unit(name)}`.trim();
   const text = words.curve(level, number(tau.value), number(tau.low), number(tau.high));
   return forecast ? `${text} ${forecastWords(forecast)}` : text;
 }
 
+/** @param {NonNullable<Schemas['TraineeProgressResponse']['features'][number]['learning']['forecast']>} forecast */
 function forecastWords({ state, at, earliest, latest, withheld: why }) {
   if (state === 'withheld') return withheld(why);
   if (state === 'reached') return words.forecast.reached(at);
@@ -61,5 +67,6 @@ function chartsText(charts) {
   return `${state} ${rates}`;
 }
 
+/** @param {Schemas['TraineeProgressResponse']['reminders'][number]} reminder */
 const reminderText = ({ due_at, state, done_at }) =>
   words.reminder[state](date(due_at), done_at && date(done_at));

@@ -5,6 +5,11 @@ import { curveFrames, frameAt, MISSING, OBSERVED, PREDICTED } from './track.js';
 /**
  * Columns for uPlot: of the frames that determine the curve's shape, or of every frame `within` two times. `ghost`
  * comes first.
+ *
+ * @param {any} track
+ * @param {any[]} tools
+ * @param {string} field
+ * @param {{ ghost?: any, within?: [number, number] }} options
  */
 export function curves(track, tools, field, { ghost, within }) {
   const frames = curveFrames(track, within);

@@ -7,6 +7,10 @@ const DISTANCE = 3.2;
 const MARGIN = 24; // Pixels left free on each side.
 
 export class Orbit {
+  /** Angles of the view, rad. */
+  yaw = START[0];
+  pitch = START[1];
+
   /** `zoom`: at first and after a reset. */
   constructor(zoom = 1) {
     this.start = zoom;

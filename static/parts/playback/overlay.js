@@ -25,7 +25,14 @@ export function fitCanvas(canvas) {
   return { pen, width, height };
 }
 
-/** `show`: the layers to draw; `hidden`: the tools that are switched off. */
+/**
+ * `show`: the layers to draw; `hidden`: the tools that are switched off.
+ *
+ * @param {HTMLCanvasElement} canvas
+ * @param {any} track
+ * @param {number} frame
+ * @param {{ show: Record<string, boolean>, hidden: Set<string>, size?: { width: number, height: number } }} options
+ */
 export function drawOverlay(canvas, track, frame, { show, hidden, size }) {
   const { pen, width, height } = fitCanvas(canvas);
   const picture = { width: track.width ?? size?.width, height: track.height ?? size?.height };

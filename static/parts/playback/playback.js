@@ -10,10 +10,13 @@ export class Playback {
     this.time = 0;
     this.playing = false;
     this.rate = 1;
+    /** @type {HTMLVideoElement | null} */
     this.video = null;
+    /** @type {ArrayLike<number> | null} */
     this.times = null;
     this.fallbackDuration = 0;
     this.watchers = new Set();
+    /** @type {[number, number] | null} */
     this.marked = null;
     /** Whether playback starts again at the end of a marked stretch. */
     this.looping = false;
@@ -38,7 +41,7 @@ export class Playback {
   /** Plays the marked stretch again and again, or stops doing so. */
   loop(wanted) {
     this.looping = wanted && this.marked !== null;
-    if (this.looping && (this.time < this.marked[0] || this.time >= this.marked[1])) this.seek(this.marked[0]);
+    if (this.looping && this.marked && (this.time < this.marked[0] || this.time >= this.marked[1])) this.seek(this.marked[0]);
     if (this.looping) this.play();
     this.#notify();
   }
@@ -73,7 +76,7 @@ export class Playback {
 
   get duration() {
     const tracked = this.times?.[this.times.length - 1] ?? 0;
-    const video = this.video?.duration;
+    const video = this.video?.duration ?? 0;
     return Math.max(Number.isFinite(video) ? video : 0, tracked, this.fallbackDuration);
   }
 
@@ -183,7 +186,7 @@ export class Playback {
 
   #setTime(time) {
     this.time = time;
-    if (this.looping && this.playing && time >= Math.min(this.marked[1], this.duration - 0.05)) return this.seek(this.marked[0]);
+    if (this.looping && this.marked && this.playing && time >= Math.min(this.marked[1], this.duration - 0.05)) return this.seek(this.marked[0]);
     this.#notify();
   }
 

@@ -25,7 +25,7 @@ const LABEL_PX = [50, 72];
 
 /** `kept`: the seconds that trims leave, or null. `loader` loads the exact rows of the shown span. */
 export function Plots({ track, playback, hidden, span, kept, ghost, loader }) {
-  const containers = useRef({});
+  const containers = useRef(/** @type {Record<string, HTMLElement>} */ ({}));
   const [uPlot, setLibrary] = useState(null);
   const [theme, setTheme] = useState(0);
   useEffect(() => void import('../../vendor/uplot/uPlot.esm.js').then(module => setLibrary(() => module.default)), []);

@@ -13,10 +13,23 @@ const GHOST_ALPHA = 0.35;
 export class SpacePainter {
   #layer = document.createElement('canvas');
   #painted = '';
+  track;
+  tools;
+  by;
+  ghost;
+  bounds;
 
-  /** `ghost`: another session's `{ track, shift }`, drawn faint under this one. */
+  /**
+   * `ghost`: another session's `{ track, shift }`, drawn faint under this one.
+   *
+   * @param {any} track
+   * @param {any[]} tools
+   * @param {string} by
+   * @param {{ track: any, shift: number } | null} [ghost]
+   */
   constructor(track, tools, by, ghost = null) {
-    Object.assign(this, { track, tools, by, ghost, bounds: boundsOf([...track.tools, ...(ghost?.track.tools ?? [])]) });
+    [this.track, this.tools, this.by, this.ghost] = [track, tools, by, ghost];
+    this.bounds = boundsOf([...track.tools, ...(ghost?.track.tools ?? [])]);
   }
 
   /** The colours have changed: the painted layer is out of date. */
@@ -38,7 +51,7 @@ export class SpacePainter {
 
   #paintLayer({ width, height, clientWidth }, project) {
     Object.assign(this.#layer, { width, height }); // Setting the size clears it, too.
-    const pen = this.#layer.getContext('2d');
+    const pen = /** @type {CanvasRenderingContext2D} */ (this.#layer.getContext('2d'));
     pen.scale(width / clientWidth, width / clientWidth);
     [pen.lineCap, pen.lineJoin] = ['butt', 'bevel']; // Round ones cost more, and at two pixels they look the same.
     drawFloor(pen, this.bounds, project);
@@ -134,7 +147,15 @@ function label(pen, words, [[x0, y0], [x1, y1]], middle) {
   pen.fillText(words, ...at);
 }
 
-/** Segments are grouped by shade and painted shade by shade: a stroke per segment would be too slow. */
+/**
+ * Segments are grouped by shade and painted shade by shade: a stroke per segment would be too slow.
+ *
+ * @param {CanvasRenderingContext2D} pen
+ * @param {any} track
+ * @param {any} tool
+ * @param {(x: number, y: number, z: number) => number[]} project
+ * @param {{ shades?: string[] | null, from?: number, to?: number, ink?: string }} [options]
+ */
 export function drawPath(pen, track, tool, project, { shades, from = 0, to = track.frames, ink = tool.ink() } = {}) {
   // For a long recording, only the frames that determine its shape.
   const shapeFrames = from === 0 && to === track.frames ? track.shapeFrames : null;
@@ -142,7 +163,7 @@ export function drawPath(pen, track, tool, project, { shades, from = 0, to = tra
   const stride = Math.max(1, Math.ceil(count / MAX_SEGMENTS));
   const paths = new Map();
   const top = track.topSpeed || 1;
-  let [before, last] = [null, 0];
+  let [before, last] = [/** @type {number[] | null} */ (null), 0];
   for (let at = 0; at < count; at += stride) {
     const i = shapeFrames ? shapeFrames[at] : from + at;
     // Rows may have been left out by the service or by `stride`: only a missing tool or a pause is a break.
@@ -157,7 +178,7 @@ export function drawPath(pen, track, tool, project, { shades, from = 0, to = tra
       const speed = Number.isFinite(tool.speed[i]) ? tool.speed[i] : 0;
       const style = shades ? shades[Math.min(SHADES - 1, Math.floor((speed / top) * SHADES))] : ink;
       if (!paths.has(style)) paths.set(style, { path: new Path2D(), end: null });
-      const stroke = paths.get(style);
+      const stroke = /** @type {{ path: Path2D, end: number[] | null }} */ (paths.get(style));
       if (stroke.end !== before) stroke.path.moveTo(before[0], before[1]);
       stroke.path.lineTo(point[0], point[1]);
       stroke.end = point;

@@ -13,7 +13,9 @@ const words = t.importing;
 /** `target`: trainee, task and box, as chosen on the page. */
 export function ImportTable({ target }) {
   const [file, tracker, when] = [useRef(null), useRef(null), useRef(null)];
-  const [state, setState] = useState({});
+  /** @type {{ busy?: boolean, needs?: boolean, session?: Schemas['SessionResponse'], problem?: object }} */
+  const untouched = {};
+  const [state, setState] = useState(untouched);
   const send = async event => {
     event.preventDefault();
     if (!target.ids) return setState({ needs: true });

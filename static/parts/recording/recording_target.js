@@ -40,7 +40,7 @@ export function useRecordingTarget({ person, route }) {
   return {
     ...{ lists, problem, reload, chosen, set },
     ids: isTargetComplete ? ofEach('id') : null,
-    names: isTargetComplete ? words.forWhom(...KINDS.map(kind => chosen[kind].name)) : null,
+    names: isTargetComplete ? words.forWhom(.../** @type {[string, string, string]} */ (KINDS.map(kind => chosen[kind].name))) : null,
   };
 }
 

@@ -120,6 +120,7 @@ function next() {
 function send(item) {
   const { key, name, target } = item;
   const handle = running.get(key);
+  /** @type {{ at: number, sent: any }} */
   const started = { at: performance.now(), sent: null };
   const upload = new Upload(handle.file, {
     endpoint: api.uploadsAddress(),
@@ -179,7 +180,7 @@ function save() {
 /** Uploads that were not finished when the page was closed: the file is gone with the page, the bytes sent are not. */
 function restore() {
   try {
-    return (JSON.parse(localStorage.getItem(KEY)) ?? []).map(item => ({ ...item, state: 'lost' }));
+    return JSON.parse(localStorage.getItem(KEY) ?? '[]').map(item => ({ ...item, state: 'lost' }));
   } catch {
     return [];
   }

@@ -12,8 +12,13 @@ const KEY = 'trocar.camera';
  */
 export function useCamera(wanted) {
   const [chosen, setChosen] = useState(loadChoice);
-  const [state, setState] = useState({ stream: null, fault: recordingFault()?.slug ?? null, isOpening: false, list: [] });
-  const running = useRef({ stream: null, generation: 0 });
+  /**
+   * @type {{ stream: MediaStream | null, fault: string | null, isOpening: boolean,
+   *   list: { id: string, name: string }[] }}
+   */
+  const initial = { stream: null, fault: recordingFault()?.slug ?? null, isOpening: false, list: [] };
+  const [state, setState] = useState(initial);
+  const running = useRef({ stream: /** @type {MediaStream | null} */ (null), generation: 0 });
   const size = chosen.size || wanted;
 
   const close = () => {
@@ -45,7 +50,7 @@ export function useCamera(wanted) {
     let isUnmounted = false;
     const isOn = running.current.stream !== null;
     if (isOn) turnOn();
-    else if (!recordingFault()) isAllowed().then(yes => yes && !isUnmounted && turnOn());
+    else if (!recordingFault()) isAllowed().then(yes => void (yes && !isUnmounted && turnOn()));
     return () => (isUnmounted = true);
   }, [turnOn]);
   useEffect(() => close, []);
@@ -69,7 +74,7 @@ export function useCamera(wanted) {
 function loadChoice() {
   const defaults = { camera: '', rate: '30' };
   try {
-    return { ...defaults, ...JSON.parse(localStorage.getItem(KEY)) };
+    return { ...defaults, ...JSON.parse(localStorage.getItem(KEY) ?? '{}') };
   } catch {
     return defaults;
   }

@@ -38,6 +38,7 @@ export function useCohortPlaces(session) {
 
 async function loadPlaces({ id, trainee, task, features }, cohort, isAll, signal) {
   const names = new Set(isAll ? features.filter(one => one.space === '3d' && one.value !== null).map(one => one.name) : [undefined]);
+  /** @type {{ cohort?: Props['progress']['cohort'], newest: object | null, places: Map<string, any> }} */
   const result = { cohort: null, newest: null, places: new Map() };
   for (const feature of names) {
     const progress = await api.trainees.progress(trainee.id, { task: task.id, feature, space: feature && '3d', cohort }, signal);
@@ -88,7 +89,7 @@ export function CohortPlace({ feature, answer }) {
   if (!featurePlace.place) return null;
   const { better_than: better, percentile, people, error_known: isKnown } = featurePlace.place;
   const { value, low, high } = better ?? percentile;
-  const rounded = [value, low, high].map(Math.round);
+  const rounded = /** @type {[number, number, number]} */ ([value, low, high].map(Math.round));
   const whole = `${t.trainee[better ? 'better' : 'above'](...rounded, people, answer.cohort.name)}${isKnown ? '' : ` ${t.trainee.ownErrorUnknown}`}`;
   return html`<small class="place" title=${whole}>${words[better ? 'better' : 'above'](...rounded)}</small>`;
 }

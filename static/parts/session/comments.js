@@ -19,8 +19,8 @@ export function Comments({ session, playback, rated }) {
       <div class="body stack">
         <${ProblemNotice} problem=${problem} onRetry=${reload} />
         ${data?.items.length === 0 && !data.hidden && html`<p class="muted">${words.empty}</p>`}
-        ${data?.hidden > 0 && html`<p class="muted">${words.hidden(data.hidden)}</p>`}
-        ${data?.items.length > 0 && html`<ul class="comments">
+        ${data && data.hidden > 0 && html`<p class="muted">${words.hidden(data.hidden)}</p>`}
+        ${data && data.items.length > 0 && html`<ul class="comments">
           ${data.items.map(comment => html`
             <li key=${comment.id}>
               <${StretchButton} stretch=${comment} playback=${playback} />

@@ -13,9 +13,7 @@ import { ProblemDetail } from '../page/prose.js';
 
 const words = t.session.edits;
 
-/**
- * `edits`: the answer of `GET edits`; `onEdited()` runs after each change; `tools`: the names of the session's tools.
- */
+/** `edits`: the answer of `GET edits`; `onEdited()` runs after each change; `tools`: the names of the session's tools. */
 export function Edits({ session, person, edits, playback, tools, onEdited }) {
   const { marked } = useMarked(playback);
   const [dialogKind, setDialogKind] = useState(null);
@@ -54,7 +52,7 @@ export function Edits({ session, person, edits, playback, tools, onEdited }) {
     </section>`;
 }
 
-/** The effect of an edit, in words. */
+/** The effect of an edit, in words. @param {Schemas['EditResponse']} edit */
 const editText = ({ kind, from_s: from, to_s: to, tools }) =>
   words.says[kind](from === null ? '' : spanName([from, to]), tools ?? []);
 

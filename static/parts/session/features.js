@@ -151,7 +151,7 @@ function Uncertainty({ feature: { error, no_error: why }, half }) {
 /** The limit of the standard, and whether it was met. */
 const Limit = ({ feature: { target, judgement } }) => target && html`
   <small class=${`limit ${judgement}`}>${t.report.limits[target.better](number(target.limit))}<span class="unseen">: ${
-    t.report.judgements[judgement]}</span></small>`;
+    t.report.judgements[judgement ?? '']}</span></small>`;
 
 /** The value shown while the recording arrived. */
 const LiveValue = ({ feature }) => feature && html`

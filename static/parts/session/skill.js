@@ -17,8 +17,8 @@ export function Skill({ verdict }) {
     <section class="card">
       <header><h2>${words.title}</h2>${model && html`<span class="small muted">${words.version(model)}</span>`}</header>
       <div class="body stack tight">
-        <p><strong>${level ? words.levels[level] : words.none}</strong>${level
-          ? ` ${words.probability(wholePercent(probabilities[level]))}` : `: ${words.reasons[reason?.name] ?? reason?.detail}`}</p>
+        <p><strong>${level ? words.levels[level] : words.none}</strong>${level && probabilities
+          ? ` ${words.probability(wholePercent(probabilities[level]))}` : `: ${words.reasons[reason?.name ?? ''] ?? reason?.detail}`}</p>
         ${!level && probabilities && html`<p class="small muted">${words.all(LEVELS.map(name =>
           `${words.levels[name]} ${wholePercent(probabilities[name])}`))}</p>`}
         ${carried.length > 0 && html`<${Carried} carried=${carried} likeliest=${likeliest(probabilities)} />`}

@@ -41,7 +41,7 @@ export function Rescorings({ task }) {
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
       ${!data && !problem && html`<${Loading} />`}
       ${data?.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
-      ${data?.length > 0 && html`<ul class="queue history">${data.map(one => html`
+      ${data && data.length > 0 && html`<ul class="queue history">${data.map(one => html`
         <${Order} key=${one.id} order=${one} onCancel=${() => setOpen(one)} />`)}</ul>`}
       ${open === 'new' && html`<${Dialog} title=${words.start} onClose=${close}>
         <${Form} fields=${FIELDS} onSave=${submitOrder} onCancel=${close} submit=${words.order} busyWords=${words.ordering} /><//>`}
