@@ -83,6 +83,7 @@ function App() {
   return html`<${Page} person=${person} onSignOut=${signOut} />`;
 }
 
+/** @param {Props} props */
 function Page({ person, onSignOut }) {
   const route = useRoute();
   const address = route.path.join('/');

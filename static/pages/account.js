@@ -23,6 +23,7 @@ const FIELDS = [
   { name: 'again', label: words.again, type: 'password', required: true, autocomplete: 'new-password' },
 ];
 
+/** @param {Props} props */
 export default function Account({ person, onSignOut }) {
   const [changed, setChanged] = useState(false);
   const [asking, setAsking] = useState(false);

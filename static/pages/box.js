@@ -15,6 +15,7 @@ import { boxFields, CameraState, PaletteState } from './boxes.js';
 
 const words = t.box;
 
+/** @param {Props} props */
 export default function BoxPage({ person, route }) {
   const { id } = route.params;
   const {
@@ -83,7 +84,7 @@ export default function BoxPage({ person, route }) {
     ${edit.dialogs}`;
 }
 
-/** A box that is ready may still have a tape that gives useless scores. */
+/** A box that is ready may still have a tape that gives useless scores. @param {Props} props */
 const Readiness = ({ box, ready, palette, mayEdit }) => {
   const bad = (palette?.verdicts ?? []).filter(({ grade }) => grade === 'bad').map(({ tool }) => tool);
   const link = mayEdit && html`<a href=${href(['boxes', box.id, 'setup'])}>${t.setup.open}</a>`;

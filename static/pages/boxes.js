@@ -25,6 +25,7 @@ export const boxFields = item => [
   { name: 'notes', label: words.notes, type: 'textarea', value: item?.notes },
 ];
 
+/** @param {Props} props */
 export default function Boxes({ person }) {
   const { data: boxes, problem, reload } = useData(() => api.boxes.all(), []);
   const mayEdit = may(person, 'edit_boxes');
@@ -79,7 +80,7 @@ export default function Boxes({ person }) {
  */
 const toolName = ({ name, colour }) => (colour ? `${name} (${colour})` : name);
 
-/** A camera.json from elsewhere may have no residual. */
+/** A camera.json from elsewhere may have no residual. @param {Props} props */
 export const CameraState = ({ calibration }) => {
   if (!calibration) return html`<span class="pill warn">${words.notYet}</span>`;
   return html`<span class="pill good">${Number.isFinite(calibration.rms_px)

@@ -13,6 +13,7 @@ import { limitText } from '../parts/tasks/standard.js';
 
 const words = t.certificate;
 
+/** @param {Props} props */
 export default function Certificate({ route }) {
   const { id } = route.params;
   const task = route.query.get('task') ?? undefined;

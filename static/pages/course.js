@@ -11,6 +11,7 @@ import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js
 const words = t.courses;
 const NEW = 'new'; // In the address, instead of an id.
 
+/** @param {Props} props */
 export default function CoursePage({ route }) {
   const id = route.params.id === NEW ? null : route.params.id;
   const { data, problem, reload } = useData(async signal => {
@@ -28,6 +29,7 @@ export default function CoursePage({ route }) {
     ${data && data.tasks.length > 0 && html`<${Plan} ...${data} />`}`;
 }
 
+/** @param {Props} props */
 function Plan({ course, tasks }) {
   const [steps, setSteps] = useState(() => (course ? course.steps.map(newStep) : [newStep()]));
   const save = async ({ name }) => {

@@ -12,6 +12,7 @@ import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js
 
 const words = t.courses;
 
+/** @param {Props} props */
 export default function CoursesPage({ person }) {
   const { data, problem, reload } = useData(async () => {
     const [courses, groups] = await Promise.all([api.courses.all(), api.groups.all()]);

@@ -11,6 +11,7 @@ import { Announce, Notice, PageHead, ProblemNotice } from '../parts/page/notice.
 const words = t.enrol;
 const FIELDS = Object.keys(words.columns);
 
+/** @param {Props} props */
 export default function Enrol({ route }) {
   const { data: groups } = useData(() => api.groups.all(), []);
   const [checked, setChecked] = useState(null);

@@ -15,6 +15,7 @@ import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js
 
 const words = t.groups;
 
+/** @param {Props} props */
 export default function GroupPage({ person, route }) {
   const { id } = route.params;
   const isAdministrator = may(person, 'people');
@@ -45,6 +46,7 @@ export default function GroupPage({ person, route }) {
       onClose=${() => setMembers(false)} />`}`;
 }
 
+/** @param {Props} props */
 function Progress({ base: { group, tasks, features }, route }) {
   const param = key => route.query.get(key) ?? undefined;
   const task = tasks.find(one => one.id === param('task') || one.code === param('task')) ?? tasks[0];

@@ -13,6 +13,7 @@ import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js
 
 const words = t.groups;
 
+/** @param {Props} props */
 export default function GroupsPage({ person }) {
   const { data: groups, problem, reload } = useData(() => api.groups.all(), []);
   const [open, setOpen] = useState(null);

@@ -42,6 +42,7 @@ export default function LiveOverview() {
     ${data?.next && html`<p class="muted">${words.more(MAX_TILES)}</p>`}`;
 }
 
+/** @param {Props} props */
 function Tile({ session, onClosed }) {
   const watch = useLiveWatch(session.id, onClosed);
   useToolStates(watch);
@@ -64,6 +65,7 @@ function Tile({ session, onClosed }) {
     </article>`;
 }
 
+/** @param {Props} props */
 function ToolRow({ tool, watch }) {
   const path = watch.features.find(feature => feature.name === 'path_length' && feature.tool === tool.name);
   return html`

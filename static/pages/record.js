@@ -20,12 +20,14 @@ const DEFAULT_SIZE = '1920x1080';
 /** A second click within this time hits a button that has just changed its meaning, and is ignored. */
 const DOUBLE_CLICK_MS = 1000;
 
+/** @param {Props} props */
 export default function RecordPage({ person, route }) {
   if (!maySendRecordings(person))
     return html`<${PageHead} title=${words.title} /><${Notice} tone="warn" title=${t.target.noTrainee} />`;
   return html`<${Recorder} person=${person} route=${route} />`;
 }
 
+/** @param {Props} props */
 function Recorder({ person, route }) {
   const target = useRecordingTarget({ person, route });
   const recording = useRecording();
@@ -91,6 +93,7 @@ function wantedSize(picture) {
   return picture ? `${picture.width}x${picture.height}` : DEFAULT_SIZE;
 }
 
+/** @param {Props} props */
 function Setup({ target, camera, calibrated, box, person }) {
   return html`
     <section class="card">

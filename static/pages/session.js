@@ -20,6 +20,7 @@ import { Verdict } from '../parts/session/verdict.js';
 
 const words = t.session;
 
+/** @param {Props} props */
 export default function Session({ person, route }) {
   const { id } = route.params;
   const { data: session, problem, reload } = useData(signal => api.sessions.get(id, signal), [id]);
@@ -61,13 +62,18 @@ export default function Session({ person, route }) {
 /** Whether the session is waiting for its score. */
 const isBeingScored = session => ['queued', 'tracking'].includes(session.status);
 
+/** @param {Props} props */
 const Lead = ({ session, person }) => html`
   ${dateTime(session.recorded_at ?? session.created_at)} · ${session.box?.name} · ${session.filename}
   ${session.source?.kind === 'import' && ` · ${words.imported(session.source.tracker)}`}
   ${' '}${(may(person, 'see_trainees') || person.trainee) && session.trainee &&
     html`· <a href=${href(['trainees', session.trainee.id])}>${t.trainee.progress}</a>`}`;
 
-/** A recording may wait for something that a person must do, such as calibrating its box; the notice then says so. */
+/**
+ * A recording may wait for something that a person must do, such as calibrating its box; the notice then says so.
+ *
+ * @param {Props} props
+ */
 const Waiting = ({ session, progress }) => html`
   <section class="card">
     <div class="body stack tight">
@@ -89,6 +95,7 @@ const InterimFeatures = ({ features }) => html`
     <p class="small muted keys">${words.liveDiffers}</p>
   </section>`;
 
+/** @param {Props} props */
 function Actions({ session, person, onChange }) {
   const [asking, setAsking] = useState(false);
   const [busy, setBusy] = useState(false);
@@ -115,7 +122,11 @@ function Actions({ session, person, onChange }) {
 /** Rows per tool in the page's first request; a shorter recording has fewer in total. */
 const POINTS = 4000;
 
-/** Requests the path only of a scored session. The video of a failed session can still be played. */
+/**
+ * Requests the path only of a scored session. The video of a failed session can still be played.
+ *
+ * @param {Props} props
+ */
 function ReviewLoader({ session, person, edits, start, onEdited }) {
   const done = session.status === 'done';
   const { data, problem, reload } = useData(

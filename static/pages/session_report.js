@@ -15,6 +15,7 @@ const MAX_TARGETS = 10; // Per sheet; the sheet says how many are left out.
 const MAX_ROWS = 15; // Both tables together: leaves space for the rest even with the longest texts.
 const MAX_REASONS = 3;
 
+/** @param {Props} props */
 export default function SessionReport({ route }) {
   const { id } = route.params;
   const { data, problem, reload } = useData(
@@ -51,6 +52,7 @@ export default function SessionReport({ route }) {
     <//>`;
 }
 
+/** @param {Props} props */
 function QualityGate({ quality }) {
   const verdict = t.session.verdict[quality?.verdict ?? ''];
   if (!verdict) return null;
@@ -87,7 +89,7 @@ function Targets({ features }) {
     </section>`;
 }
 
-/** The other measured values in space, as many as fit. */
+/** The other measured values in space, as many as fit. @param {Props} props */
 function Values({ session }) {
   if (session.quality?.verdict === 'refused')
     return html`<section><h2>${t.session.features}</h2><p>${t.session.withheldBody}</p></section>`;
@@ -115,6 +117,7 @@ function Values({ session }) {
 /** A narrow column does not explain a missing value; the session's page does. */
 const short = one => (one.value === null ? t.session.notEnough : measuredText(one));
 
+/** @param {Props} props */
 function Learning({ progress, session }) {
   const series = progress?.features[0];
   if (!series?.points.some(point => point.value !== null)) return null;

@@ -18,6 +18,7 @@ const PAGE = 50;
 /** @type {{ items: Schemas['SessionResponse'][], next?: string | null, problem: object | null }} */
 const NO_MORE = { items: [], next: undefined, problem: null };
 
+/** @param {Props} props */
 export default function Sessions({ person, route }) {
   const filter = Object.fromEntries(FILTERS.map(name => [name, route.query.get(name) ?? undefined]));
   const filtered = FILTERS.some(name => filter[name]);
@@ -61,6 +62,7 @@ export default function Sessions({ person, route }) {
 /** A session that moves from one page to the next while the list is loaded must not appear twice. */
 const unique = items => [...new Map(items.map(item => [item.id, item])).values()];
 
+/** @param {Props} props */
 function Filters({ person, filter }) {
   const lists = useData(async () => {
     const trainees = may(person, 'see_trainees') ? api.trainees.all() : [];

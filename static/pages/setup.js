@@ -28,6 +28,7 @@ const BODIES = {
   test: TestStep,
 };
 
+/** @param {Props} props */
 export default function SetupPage({ person, route }) {
   const { id } = route.params;
   const draft = useSetupDraft(person.id, id);

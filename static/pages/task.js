@@ -24,6 +24,7 @@ async function load(id, signal) {
   return { task, standards, presets, features, cohorts, tools };
 }
 
+/** @param {Props} props */
 export default function TaskPage({ person, route }) {
   const { id } = route.params;
   const { data, problem, reload } = useData(signal => load(id, signal), [id]);
@@ -53,6 +54,7 @@ export default function TaskPage({ person, route }) {
     </div>`;
 }
 
+/** @param {Props} props */
 function OtherSections({ task, standards, person }) {
   const [showsRaters, setShowsRaters] = useState(false);
   return html`

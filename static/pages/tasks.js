@@ -12,6 +12,7 @@ import { RatersDialog } from '../parts/tasks/raters.js';
 
 const words = t.tasks;
 
+/** @param {Props} props */
 export default function Tasks({ person }) {
   const { data: tasks, problem, reload } = useData(() => api.tasks.all(), []);
   const mayEdit = may(person, 'edit_tasks');

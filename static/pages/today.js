@@ -48,6 +48,7 @@ function useScored() {
   return { items: data.items.slice(0, MAX_SHOWN), count: `${recent}${isMore ? '+' : ''}`, problem, reload };
 }
 
+/** @param {Props} props */
 export default function Today({ person }) {
   const { data, problem, reload } = useData(load, []);
   const [progress, setProgress] = useState({});
@@ -126,12 +127,14 @@ const List = ({ title, items, row: Row, empty, emptyBody, more, moreWords, wide 
       session=${session} />`)}</ul>` : html`<${Empty} title=${empty} body=${emptyBody} />`}
   </section>`;
 
+/** @param {Props} props */
 const Name = ({ session }) => html`
   <div>
     <a href=${href(['sessions', session.id])}>${session.trainee?.name} · ${session.task?.name}</a>
     <span class="small muted">${session.filename} · ${dateTime(session.recorded_at ?? session.created_at)}</span>
   </div>`;
 
+/** @param {Props} props */
 const Moving = ({ session }) => html`
   <li>
     <${Name} session=${session} />
@@ -142,6 +145,7 @@ const Moving = ({ session }) => html`
       : session.status === 'tracking' && html`<${ProgressBar} value=${session.progress} name=${session.filename} />`}
   </li>`;
 
+/** @param {Props} props */
 const Failed = ({ session }) => html`
   <li>
     <${Name} session=${session} />
@@ -149,4 +153,5 @@ const Failed = ({ session }) => html`
     ${session.error && html`<p class="why">${problemTitle(session.error)}. <${ProblemDetail} problem=${session.error} /></p>`}
   </li>`;
 
+/** @param {Props} props */
 const Done = ({ session }) => html`<li><${Name} session=${session} /><${StatusPill} state=${stateOf(session)} /></li>`;

@@ -19,6 +19,7 @@ import { StatusPill } from '../parts/page/status.js';
 const words = t.trainee;
 const NO_COHORT = '-'; // In the address: no cohort.
 
+/** @param {Props} props */
 export default function Trainee({ route }) {
   const { id } = route.params;
   const {
@@ -51,6 +52,7 @@ export default function Trainee({ route }) {
     </div>`;
 }
 
+/** @param {Props} props */
 function Progress({ id, base, route }) {
   const { tasks, features, cohorts, usual } = base;
   const param = key => route.query.get(key) ?? undefined;
@@ -107,6 +109,7 @@ const cohortOf = route => (route.query.get('cohort') === NO_COHORT ? undefined :
 /** Identifies a series in the address. */
 const seriesKey = one => [one.feature, one.tool ?? '', one.space].join('|');
 
+/** @param {Props} props */
 const Sessions = ({ sessions }) => html`
   <section class="card list">
     <header><h2>${words.table}</h2></header>

@@ -14,6 +14,7 @@ const words = t.report;
 const MAX_SESSIONS = 14; // The last ones; the sheet says how many came before.
 const MAX_FEATURES = 3;
 
+/** @param {Props} props */
 export default function TraineeReport({ route }) {
   const { id } = route.params;
   const query = { task: route.query.get('task') ?? undefined, cohort: route.query.get('cohort') ?? undefined };
@@ -49,6 +50,7 @@ export default function TraineeReport({ route }) {
     <//>`;
 }
 
+/** @param {Props} props */
 const Curves = ({ series, sessions }) => series.some(one => one.points.some(point => point.value !== null)) && html`
   <section class=${`curve curves-${series.length}`}>
     <h2>${words.curves}</h2>
@@ -58,6 +60,7 @@ const Curves = ({ series, sessions }) => series.some(one => one.points.some(poin
     <p>${series.some(one => one.target) ? t.trainee.legend : words.noLimit}</p>
   </section>`;
 
+/** @param {Props} props */
 function Sessions({ sessions, series, earlier }) {
   const last = sessions.slice(-MAX_SESSIONS);
   const before = earlier + sessions.length - last.length;

@@ -12,6 +12,7 @@ import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js
 const words = t.trainees;
 const withUnset = names => [['', words.unset], ...Object.entries(names)];
 
+/** @param {Props} props */
 export default function Trainees({ person }) {
   const { data, problem, reload } = useData(async () => {
     // Instructors may not list groups.

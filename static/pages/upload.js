@@ -14,6 +14,7 @@ import { addFiles, onUploads, uploads } from '../parts/recording/uploads.js';
 const words = t.upload;
 const ACCEPT = 'video/*,.mp4,.mov,.mkv,.webm,.avi,.ts,.m4v';
 
+/** @param {Props} props */
 export default function UploadPage({ person, route }) {
   const target = useRecordingTarget({ person, route });
   const [items, setItems] = useState(uploads);

@@ -8,6 +8,7 @@ import { checkAgain } from './photos.js';
 
 const words = t.setup.board;
 
+/** @param {Props} props */
 export function BoardStep({ box, draft }) {
   const { plan } = draft;
   const set = more => draft.setPlan(more);

@@ -13,6 +13,7 @@ import { isPoor } from './steps.js';
 
 const words = t.setup.calibration;
 
+/** @param {Props} props */
 export function CalibrationStep({ box, draft, stepHref, onChange }) {
   const [problem, setProblem] = useState(null);
   const [isSending, setSending] = useState(false);

@@ -20,6 +20,7 @@ import { inkOf } from './tapes.js';
 
 const words = t.setup.colours;
 
+/** @param {Props} props */
 export function ColoursStep({ box, draft, stepHref, onChange }) {
   const [problem, setProblem] = useState(null);
   const [chosen, setChosen] = useState(null);
@@ -63,7 +64,7 @@ export function ColoursStep({ box, draft, stepHref, onChange }) {
     <${PaletteAdvice} box=${box} />`;
 }
 
-/** What is still to be painted, or the button. */
+/** What is still to be painted, or the button. @param {Props} props */
 function Learn({ box, draft, tapes, onProblem, onChange }) {
   const [isSending, setSending] = useState(false);
   const unmarked = tapes.filter(tape => !isMarked(draft.frames, tape));

@@ -16,6 +16,7 @@ const BEYOND_S = 1e7;
 /** Frames taken at once, spread over a recording. */
 const SPREAD_FRAMES = 5;
 
+/** @param {Props} props */
 export function FrameSources({ box, draft, onProblem }) {
   const [source, setSource] = useState('recording');
   const isFull = draft.frames.length >= MAX_FRAMES;

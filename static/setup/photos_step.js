@@ -13,6 +13,7 @@ import { CameraShot } from './camera_shot.js';
 
 const words = t.setup.photos;
 
+/** @param {Props} props */
 export function PhotosStep({ box, draft, stepHref }) {
   const [problem, setProblem] = useState(null);
   const { photos, plan } = draft;

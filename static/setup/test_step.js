@@ -7,6 +7,7 @@ import { isTestOutdated } from './steps.js';
 
 const words = t.setup.test;
 
+/** @param {Props} props */
 export function TestStep({ box, stepHref, onChange }) {
   const missingStep = box.calibration ? (box.palette ? null : 'colours') : 'calibration';
   if (missingStep)

@@ -11,6 +11,7 @@ import { QrCode } from './qr.js';
 
 const words = t.setup.agent;
 
+/** @param {Props} props */
 export function TokenStep({ box, person, onChange }) {
   const [made, setMade] = useState(null);
   const create = async ({ name }) => {
@@ -30,6 +31,7 @@ export function TokenStep({ box, person, onChange }) {
     ${made && html`<${Made} box=${box} token=${made} />`}`;
 }
 
+/** @param {Props} props */
 function Made({ box, token }) {
   const file = `${box.code}.token`;
   const keep = `(umask 077; echo ${token} > ${file})`;

@@ -15,6 +15,7 @@ const words = t.setup.tools;
 const MAX_TOOLS = 8;
 const ADD = 'add-tool';
 
+/** @param {Props} props */
 export function ToolsStep({ box, draft, stepHref, onChange }) {
   const { tools } = draft.plan;
   const known = box.tools.length > 0 && tools.length === 0;
@@ -76,7 +77,7 @@ function Tool({ tool, number, onChange, onRemove }) {
     </li>`;
 }
 
-/** The one setting here that belongs to the box itself; it is saved at once. */
+/** The one setting here that belongs to the box itself; it is saved at once. @param {Props} props */
 function ViewField({ box, onChange }) {
   const [problem, setProblem] = useState(null);
   const change = event => api.boxes.change(box.id, { view: event.target.value }).then(onChange, error => setProblem(asProblem(error)));

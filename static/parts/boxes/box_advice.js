@@ -14,6 +14,7 @@ const FIELDS = [
   { name: 'picture', label: words.picture, hint: words.pictureHint, type: 'file', accept: 'image/*,video/*', required: true },
 ];
 
+/** @param {Props} props */
 export function PaletteAdvice({ box }) {
   const [job, setJob] = useState(null);
   const [advice, setAdvice] = useState(null);

@@ -34,6 +34,7 @@ const FILE_FIELDS = [
   },
 ];
 
+/** @param {Props} props */
 export function CameraSummary({ camera, calibrations }) {
   if (!camera) return html`<p class="muted">${words.noCamera}</p>`;
   const facts = [
@@ -73,6 +74,7 @@ const Photos = ({ photos }) => html`
     </table>
   </div>`;
 
+/** @param {Props} props */
 export function CameraForms({ box, onChange }) {
   const [job, setJob] = useState(null);
   const [saved, setSaved] = useState(false);

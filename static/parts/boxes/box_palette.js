@@ -87,6 +87,7 @@ const Tool = ({ tool, side }) => html`
     <td class="number">${tool.band_length_mm ? `${number(tool.band_length_mm)} mm` : '–'}</td>
   </tr>`;
 
+/** @param {Props} props */
 export function PaletteForm({ box, onChange }) {
   const [job, setJob] = useState(null);
   const learn = async ({ annotations: [file], clip: [clip], frames }) => {

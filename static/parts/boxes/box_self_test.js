@@ -33,13 +33,14 @@ const FIELDS = [
   { name: 'reach', label: words.reach, hint: words.reachHint, type: 'number', min: 0, max: 100, step: 'any' },
 ];
 
-/** Today's light, in the head of the card and in the list of boxes. */
+/** Today's light, in the head of the card and in the list of boxes. @param {Props} props */
 export const TodaysLight = ({ test }) =>
   test ? html`<${LightPill} light=${test.light} />` : html`<span class="pill">${words.noneToday}</span>`;
 
 const LightPill = ({ light, name }) => html`
   <span class=${`pill ${TONES[light]}`}>${name ? words.partLight(name, words.lights[light]) : words.lights[light]}</span>`;
 
+/** @param {Props} props */
 export function SelfTestSummary({ tests }) {
   const [last] = tests;
   if (!last) return html`<p class="muted">${words.none}</p>`;
@@ -53,6 +54,7 @@ export function SelfTestSummary({ tests }) {
     <${Days} tests=${tests} />`;
 }
 
+/** @param {Props} props */
 function Part({ part, test }) {
   const { finding, advice, lang } = selfTestTexts(part, test);
   return html`
@@ -95,7 +97,7 @@ const Holds = ({ holds }) => html`
     </table>
   </div>`;
 
-/** The last test of each day, the newest last. */
+/** The last test of each day, the newest last. @param {Props} props */
 function Days({ tests }) {
   const days = new Map();
   for (const test of tests) {
@@ -116,6 +118,7 @@ function Days({ tests }) {
     </section>`;
 }
 
+/** @param {Props} props */
 export function SelfTestForm({ box, camera, isFirst, onChange }) {
   const [job, setJob] = useState(null);
   const namesBoard = Boolean(camera?.board && camera?.square_mm);

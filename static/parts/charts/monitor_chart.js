@@ -7,6 +7,7 @@ import { Empty } from '../page/notice.js';
 const words = t.monitor;
 const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [760, 190, 44, 110, 16, 34];
 
+/** @param {Props} props */
 export function MonitorCharts({ charts }) {
   const points = charts.path.flatMap(point => point ?? []);
   const parts = [
@@ -23,6 +24,7 @@ export function MonitorCharts({ charts }) {
     </section>`;
 }
 
+/** @param {Props} props */
 function Chart({ part: { name, points, limit, line, event }, charts }) {
   const [first, last] = [points[0].session, points[points.length - 1].session];
   const top = Math.max(limit, ...points.map(point => point.score)) * 1.1 || 1;

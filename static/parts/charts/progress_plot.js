@@ -10,7 +10,7 @@ import { featureWithTool } from '../../translate.js';
 const words = t.trainee;
 const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [760, 300, 56, 16, 16, 34];
 
-/** `series` and `sessions` as the service returns them. */
+/** `series` and `sessions` as the service returns them. @param {Props} props */
 export function ProgressPlot({ series, sessions }) {
   const byNumber = new Map(sessions.map(session => [session.number, session]));
   const points = series.points.filter(point => point.value !== null);
@@ -46,6 +46,7 @@ export function ProgressPlot({ series, sessions }) {
     </svg>`;
 }
 
+/** @param {Props} props */
 function Dot({ point, session, x, y, name }) {
   const kind = session.set_aside ? 'aside' : (point.judgement ?? 'plain');
   const label = words.point(date(session.recorded_at), `${number(point.value)} ${name}`, words.judgements[kind]);

@@ -9,6 +9,7 @@ import { featureWithTool } from '../../translate.js';
 const words = t.spread;
 const [WIDTH, LEFT, RIGHT, ROW, BOTTOM, DOT] = [760, 150, 20, 96, 34, 4];
 
+/** @param {Props} props */
 export function SpreadPlot({ distribution, limit, range: [low, high] }) {
   const height = distribution.groups.length * ROW + BOTTOM;
   const x = value => LEFT + ((WIDTH - LEFT - RIGHT) * (value - low)) / (high - low);

@@ -31,7 +31,7 @@ export const stepRequest = ({ task, way, sessions, within }) => ({
   task, sessions: way === 'sessions' ? Number(sessions) : undefined, within_days: within === '' ? undefined : Number(within),
 });
 
-/** `onChange(change)` gets a function from the old steps to the new ones. */
+/** `onChange(change)` gets a function from the old steps to the new ones. @param {Props} props */
 export function CourseSteps({ steps, tasks, onChange }) {
   const standards = useStandards(steps.map(step => step.task));
   const [announcement, setAnnouncement] = useState('');
@@ -64,6 +64,7 @@ export function CourseSteps({ steps, tasks, onChange }) {
 const fieldsOf = step => `course-step-${step?.key}`;
 const buttonOf = (step, way) => `${fieldsOf(step)}-${way}`;
 
+/** @param {Props} props */
 function Step({ step, number, count, tasks, hasStandard, onChange, onMove, onDrop }) {
   const input = name => event => onChange({ [name]: event.target.value });
   const ways = Object.entries(words.ways).filter(([way]) => way !== 'standard' || hasStandard !== false);

@@ -14,7 +14,11 @@ import { Empty, Loading, ProblemNotice } from '../page/notice.js';
 const words = t.courses;
 const RELOAD_MS = 3_000;
 
-/** `plans`: those that can be chosen. `onChange()` runs when the group follows another plan, or none. */
+/**
+ * `plans`: those that can be chosen. `onChange()` runs when the group follows another plan, or none.
+ *
+ * @param {Props} props
+ */
 export function GroupCourse({ group, plans, onChange }) {
   const [open, setOpen] = useState(null);
   const close = () => setOpen(null);
@@ -39,6 +43,7 @@ export function GroupCourse({ group, plans, onChange }) {
       onYes=${() => api.groups.unfollow(group.id).then(onChange)} onClose=${close} />`}`;
 }
 
+/** @param {Props} props */
 function CourseProgress({ group }) {
   const { data, problem, reload } = useData(signal => api.groups.course(group.id, signal), [group.id, group.trainees?.join()]);
   const reloadSoon = useThrottled(reload, RELOAD_MS);
@@ -52,6 +57,7 @@ function CourseProgress({ group }) {
     ${data?.more && html`<p class="body small muted">${t.groups.more(data.rows.length)}</p>`}`;
 }
 
+/** @param {Props} props */
 function FollowDialog({ group, plans, onSaved, onClose }) {
   const { course } = group;
   const fields = [

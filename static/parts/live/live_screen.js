@@ -7,6 +7,7 @@ const words = t.watch;
 const ALL = { tip: true, borders: true, path: true, depth: true };
 const NONE = new Set();
 
+/** @param {Props} props */
 export function LiveScreen({ watch, name, show = ALL }) {
   const screen = useRef(null);
   const picture = useRef(null);

@@ -11,6 +11,7 @@ const words = t.session;
 const ZOOM = 1.1; // Moving tips are easier to follow when large; they seldom reach the corners of their space.
 const FADE_ALPHAS = [0.15, 0.3, 0.5, 0.75, 1]; // From the oldest part of a path to the newest.
 
+/** @param {Props} props */
 export function LiveSpace({ watch }) {
   const canvas = useRef(null);
   const orbit = useMemo(() => new Orbit(ZOOM), []);

@@ -40,6 +40,7 @@ export function ToolState({ state }) {
   return html`<span class=${`pill sign ${tone}`}><${Icon} size="18" />${words.tool[state]}</span>`;
 }
 
+/** @param {Props} props */
 export function LiveTools({ watch }) {
   useToolStates(watch);
   const { track } = watch;
@@ -52,6 +53,7 @@ export function LiveTools({ watch }) {
     ${track.tools.length === 2 && html`<${Distance} watch=${watch} />`}`;
 }
 
+/** @param {Props} props */
 function Tool({ tool, watch }) {
   const state = toolStateOf(watch, tool);
   const cells = useRef({});
@@ -100,6 +102,7 @@ function why(state, reason) {
   return words.means[state];
 }
 
+/** @param {Props} props */
 function Distance({ watch }) {
   const value = useRef(null);
   const sigma = useRef(null);

@@ -14,6 +14,7 @@ import { placementFault } from './placement.js';
 
 const words = t.watch;
 
+/** @param {Props} props */
 export function LiveView({ session, onClosed }) {
   const watch = useLiveWatch(session.id, onClosed);
   const { track } = watch;
@@ -43,18 +44,18 @@ export function LiveView({ session, onClosed }) {
 
 const TONES = { live: 'good', untracked: 'warn', waiting: 'warn', silent: 'warn', broken: 'bad', ended: 'busy' };
 
-/** The state of the connection, in one word. */
+/** The state of the connection, in one word. @param {Props} props */
 export function ConnectionPill({ watch: { state, why, track } }) {
   const liveState = why ? 'untracked' : track?.frames ? 'live' : 'begins';
   const connection = state === 'live' ? liveState : state;
   return html`<span class=${`pill ${TONES[connection] ?? ''}`}>${words.line[connection]}</span>`;
 }
 
-/** Whether the light is as it was at first. */
+/** Whether the light is as it was at first. @param {Props} props */
 export const LightState = ({ watch: { isFresh, light } }) => html`<${SteadyCheck} icon=${icons.sun} fault=${isFresh && lightFault(light)}
   steadyText=${words.light[isFresh && light ? 'steady' : 'unknown']} />`;
 
-/** Whether camera and ports are where they were in earlier recordings. */
+/** Whether camera and ports are where they were in earlier recordings. @param {Props} props */
 export const PlacementState = ({ watch: { isFresh, placement, track } }) => html`<${SteadyCheck} icon=${icons.camera}
   fault=${isFresh && placementFault(placement, track.tools)}
   steadyText=${words.placement[isFresh && placement ? 'steady' : 'unknown']} />`;
@@ -66,7 +67,7 @@ function SteadyCheck({ icon: Icon, fault, steadyText }) {
     ${' '}<span class="small">${fault.advice}</span></span></span>`;
 }
 
-/** The length of the recording so far. */
+/** The length of the recording so far. @param {Props} props */
 export function Elapsed({ watch }) {
   const element = useRef(null);
   useEffect(

@@ -15,6 +15,7 @@ const UPDATE_MS = 500;
 /** A share of a shorter time means nothing. */
 const MIN_WINDOW_S = 1;
 
+/** @param {Props} props */
 export function SeenLevel({ watch }) {
   useToolStates(watch);
   const shares = useShares(watch);

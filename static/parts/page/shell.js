@@ -34,6 +34,7 @@ function navEntries(person) {
 /** `me` gives the trainee as an id or as an object, depending on the route that answered. */
 export const traineeId = person => person.trainee?.id ?? person.trainee ?? null;
 
+/** @param {Props} props */
 export function Shell({ person, current, children }) {
   return html`
     <a class="button skip" href="#main">${t.skip}</a>

@@ -35,7 +35,7 @@ export function Groups({ data, onChange }) {
     </section>`;
 }
 
-/** Who is in a group, all at once. `data`: the people and trainees to choose from. */
+/** Who is in a group, all at once. `data`: the people and trainees to choose from. @param {Props} props */
 export function MembersDialog({ group, data, onSaved, onClose }) {
   const save = ({ instructors, trainees }) => api.groups.setMembers(group.id, { instructors, trainees }).then(onSaved);
   return html`

@@ -7,7 +7,7 @@ import { reasonText } from '../../translate.js';
 
 const words = t.trainee;
 
-/** Rows about one feature and about the whole standard. */
+/** Rows about one feature and about the whole standard. @param {Props} props */
 export function ProgressSummary({ progress, series }) {
   const rows = [
     [words.placeName, progress.cohort ? placeText(series, progress.cohort) : words.noCohort],

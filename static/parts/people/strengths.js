@@ -11,7 +11,7 @@ import { withError } from '../../with_error.js';
 const words = t.balance;
 const PLACE_LIMITS = { strong: 75, weak: 25 }; // Per cent of the cohort; the whole interval must also lie beyond 50.
 
-/** `progress` must contain the features that the standard limits. */
+/** `progress` must contain the features that the standard limits. @param {Props} props */
 export function StrengthsAndWeaknesses({ progress }) {
   const newest = Math.max(0, ...progress.sessions.filter(session => !session.set_aside).map(session => session.number));
   const judged = progress.features.map(one => judge(one, newest, progress.cohort)).filter(one => one?.kind);

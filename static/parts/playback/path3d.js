@@ -9,6 +9,7 @@ import { SpacePainter } from './space_painter.js';
 
 const words = t.session;
 
+/** @param {Props} props */
 export function Path3d({ track, playback, hidden, ghost }) {
   const canvas = useRef(null);
   const orbit = useMemo(() => new Orbit(), []);

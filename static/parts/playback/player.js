@@ -11,6 +11,7 @@ const RATES = [0.1, 0.25, 0.5, 1, 2, 4];
 const LAYERS = ['tip', 'borders', 'mask', 'midline', 'path', 'depth'];
 const SHOWN = { tip: true, borders: true, mask: true, midline: false, path: true, depth: true };
 
+/** @param {Props} props */
 export function Player({ address, size, track, playback, hidden }) {
   const screen = useRef(null);
   const video = useRef(null);
@@ -54,7 +55,7 @@ export function Player({ address, size, track, playback, hidden }) {
     </div>`;
 }
 
-/** The controls alone: an imported session has no picture and can still be played. */
+/** The controls alone: an imported session has no picture and can still be played. @param {Props} props */
 export function Transport({ playback, onFull, children }) {
   const slider = useRef(null);
   const clockText = useRef(null);

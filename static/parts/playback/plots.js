@@ -23,7 +23,11 @@ const MINUTES_FROM_S = 120;
 /** Pixels that a label of the time axis needs, below an hour and from an hour on. */
 const LABEL_PX = [50, 72];
 
-/** `kept`: the seconds that trims leave, or null. `loader` loads the exact rows of the shown span. */
+/**
+ * `kept`: the seconds that trims leave, or null. `loader` loads the exact rows of the shown span.
+ *
+ * @param {Props} props
+ */
 export function Plots({ track, playback, hidden, span, kept, ghost, loader }) {
   const containers = useRef(/** @type {Record<string, HTMLElement>} */ ({}));
   const [uPlot, setLibrary] = useState(null);

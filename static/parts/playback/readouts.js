@@ -32,6 +32,7 @@ export const ToolSwitches = ({ track, hidden, onToggle }) => html`
       </button>`)}
   </div>`;
 
+/** @param {Props} props */
 export function Readouts({ track, playback }) {
   const cells = useRef({});
   useEffect(

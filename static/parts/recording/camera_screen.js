@@ -7,7 +7,7 @@ const NONE = new Set();
 /** Older positions are no longer where the tools are, s. */
 const MAX_DELAY_S = 1;
 
-/** `delay()` returns the age of the newest position, s. */
+/** `delay()` returns the age of the newest position, s. @param {Props} props */
 export function CameraScreen({ stream, name, watch, delay, children }) {
   const video = useRef(null);
   const overlay = useRef(null);

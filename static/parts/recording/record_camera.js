@@ -37,7 +37,7 @@ function hintOf({ actualSize, calibratedSize, wanted }) {
 
 const sizeText = size => size.replace('x', '\u00a0×\u00a0');
 
-/** What would spoil a recording with this camera in this box. */
+/** What would spoil a recording with this camera in this box. @param {Props} props */
 export function CameraNotices({ camera: { stream }, calibrated, box, person }) {
   const track = stream?.getVideoTracks()[0];
   const { width, height } = track?.getSettings() ?? {};

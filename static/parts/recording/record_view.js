@@ -8,6 +8,7 @@ import { CameraOff } from './record_camera.js';
 
 const words = t.record;
 
+/** @param {Props} props */
 export function RecordView({ recording, camera, watch, isReady, onPress }) {
   const [isDrawn, setDrawn] = useState(true);
   const isPhase = phase => recording?.phase === phase;

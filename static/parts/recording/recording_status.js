@@ -12,6 +12,7 @@ const CODECS = { h264: 'H.264', jpeg: 'JPEG' };
 /** Delays that begin to be noticed, and delays that a person should know of, s. */
 const DELAY_S = { noticed: 0.5, much: 2 };
 
+/** @param {Props} props */
 export const RecordingStatus = ({ recording, watch }) => html`
   <section class="card">
     <header>
@@ -28,6 +29,7 @@ export const RecordingStatus = ({ recording, watch }) => html`
     <div class="body"><${Facts} recording=${recording} /></div>
   </section>`;
 
+/** @param {Props} props */
 function Untracked({ recording, watch }) {
   if (watch?.why) return html`<${Empty} title=${words.untracked} body=${t.watch.because(watch.why)} />`;
   return html`<${Empty} title=${recording.phase === 'sending' ? words.sending : t.watch.begins} body=${words.beginsBody} />`;

@@ -7,6 +7,7 @@ import { amountText, StretchButton } from './evidence.js';
 
 const words = t.session.advice;
 
+/** @param {Props} props */
 export function Advice({ advice, playback }) {
   if (!advice) return null;
   return html`
@@ -22,6 +23,7 @@ export function Advice({ advice, playback }) {
     </section>`;
 }
 
+/** @param {Props} props */
 function Item({ item, playback }) {
   const unitSuffix = unit(item.unit) ? ` ${unit(item.unit)}` : '';
   return html`

@@ -80,7 +80,7 @@ function statusText(answer) {
 
 const whyNot = why => (why.missing ? t.trainee.notEnough(why.missing, reasonText(why)) : t.trainee.withheld(reasonText(why)));
 
-/** The place of one value, shown under it. */
+/** The place of one value, shown under it. @param {Props} props */
 export function CohortPlace({ feature, answer }) {
   const featurePlace = answer?.places?.get(featureKey(feature.name, feature.tool, feature.space));
   if (!featurePlace) return null;

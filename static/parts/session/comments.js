@@ -10,6 +10,7 @@ import { StretchButton } from './evidence.js';
 
 const words = t.session.comments;
 
+/** @param {Props} props */
 export function Comments({ session, playback, rated }) {
   const { data, problem, reload } = useData(signal => api.sessions.comments(session.id, signal), [session.id, rated]);
   const [withdrawing, setWithdrawing] = useState(null);
@@ -40,6 +41,7 @@ export function Comments({ session, playback, rated }) {
     </section>`;
 }
 
+/** @param {Props} props */
 function CommentForm({ session, playback, onAdded }) {
   const [busy, setBusy] = useState(false);
   const [problem, setProblem] = useState(null);

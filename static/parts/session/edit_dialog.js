@@ -8,6 +8,7 @@ import { spanName } from './span_bar.js';
 
 const words = t.session.edits;
 
+/** @param {Props} props */
 export function EditDialog({ kind, session, span, tools, revision, onDone, onClose }) {
   const pairs = tools.flatMap((one, index) => tools.slice(index + 1).map(other => [one, other]));
   const fields = [

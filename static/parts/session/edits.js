@@ -13,7 +13,11 @@ import { ProblemDetail } from '../page/prose.js';
 
 const words = t.session.edits;
 
-/** `edits`: the answer of `GET edits`; `onEdited()` runs after each change; `tools`: the names of the session's tools. */
+/**
+ * `edits`: the answer of `GET edits`; `onEdited()` runs after each change; `tools`: the names of the session's tools.
+ *
+ * @param {Props} props
+ */
 export function Edits({ session, person, edits, playback, tools, onEdited }) {
   const { marked } = useMarked(playback);
   const [dialogKind, setDialogKind] = useState(null);
@@ -56,6 +60,7 @@ export function Edits({ session, person, edits, playback, tools, onEdited }) {
 const editText = ({ kind, from_s: from, to_s: to, tools }) =>
   words.says[kind](from === null ? '' : spanName([from, to]), tools ?? []);
 
+/** @param {Props} props */
 const EditEntry = ({ edit }) => html`
   <div>
     <strong>${editText(edit)}</strong>
@@ -64,7 +69,7 @@ const EditEntry = ({ edit }) => html`
       ` · ${words.undoneBy(edit.undone.who ?? words.gone, dateTime(edit.undone.at))}`}</p>
   </div>`;
 
-/** Between an edit and its score, the old numbers are shown, and the notice says so. */
+/** Between an edit and its score, the old numbers are shown, and the notice says so. @param {Props} props */
 function Score({ edits, mayEdit, onAgain }) {
   if (edits.score === 'current') return null;
   if (edits.score !== 'failed') return html`<${Notice} title=${words.making}>${words.makingBody}<//>`;
@@ -73,7 +78,7 @@ function Score({ edits, mayEdit, onAgain }) {
   return html`<${ProblemNotice} problem=${{ title: words.failed, detail: why }} onRetry=${again} />`;
 }
 
-/** At the head of the page of a session that does not count. */
+/** At the head of the page of a session that does not count. @param {Props} props */
 export function SetAside({ session, edits }) {
   if (!session.set_aside) return null;
   const edit = edits?.items.find(one => one.kind === 'set_aside' && !one.undone);

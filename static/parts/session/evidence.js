@@ -13,7 +13,7 @@ export const featureKey = (feature, tool, space) => [feature, tool ?? '', space]
 /** The times of a stretch as text. */
 export const stretchName = ({ from_s: from, to_s: to }) => (to > from ? `${clock(from)}–${clock(to)}` : clock(from));
 
-/** One stretch: a button that goes there. */
+/** One stretch: a button that goes there. @param {Props} props */
 export const StretchButton = ({ stretch, playback, children }) => html`
   <button class="button jump" type="button" aria-label=${words.jump(stretchName(stretch))}
     onClick=${() => playback.showInView(stretch.from_s, stretch.to_s)}>${stretchName(stretch)}${children}</button>`;
@@ -26,7 +26,7 @@ export function amountText(stretch, row) {
   return parts.filter(Boolean).join(', ');
 }
 
-/** All stretches of one row, the largest contribution first; or why there are none. */
+/** All stretches of one row, the largest contribution first; or why there are none. @param {Props} props */
 export function Stretches({ row, playback }) {
   if (!row) return null;
   if (!row.stretches.length) return html`<span class="small muted">${row.none && (words.none[row.none.reason] ?? reasonText(row.none))}</span>`;

@@ -30,6 +30,7 @@ export function featureRows(features, space) {
   return [...rows.values()];
 }
 
+/** @param {Props} props */
 export function Features({ features, live, tools, places, withheld, evidence, playback }) {
   const [open, setOpen] = useState(null);
   const [space, setSpace] = useState('3d');
@@ -92,7 +93,7 @@ export function Features({ features, live, tools, places, withheld, evidence, pl
 
 const rowOf = (evidence, row, tool, space) => evidence?.get(featureKey(row.name, tool, space));
 
-/** A feature with stretches is a button that shows them. */
+/** A feature with stretches is a button that shows them. @param {Props} props */
 function Title({ row, space, evidence, open, onToggle }) {
   const rows = [...row.byTool.keys()].map(tool => rowOf(evidence, row, tool, space)).filter(Boolean);
   const withStretches = rows.filter(evidenceRow => evidenceRow.stretches.length);
@@ -129,6 +130,7 @@ function generalReasons(rows) {
 
 const isMissing = feature => feature.value === null || feature.value === undefined;
 
+/** @param {Props} props */
 function Value({ feature, answer }) {
   if (!feature) return '';
   if (isMissing(feature)) return html`<span class="not-enough">${words.notEnough}</span>`;
@@ -140,6 +142,8 @@ function Value({ feature, answer }) {
 /**
  * The uncertainty of the value: half of the range that holds 95 of 100 sessions. The ends of the range do not bound the
  * error.
+ *
+ * @param {Props} props
  */
 function Uncertainty({ feature: { error, no_error: why }, half }) {
   if (why) return html`<small class="off" title=${words.offUnknown(why)}>${words.off('?')}</small>`;
@@ -148,11 +152,11 @@ function Uncertainty({ feature: { error, no_error: why }, half }) {
   return html`<small class="off" title=${explanation} aria-label=${explanation}>${words.off(half)}</small>`;
 }
 
-/** The limit of the standard, and whether it was met. */
+/** The limit of the standard, and whether it was met. @param {Props} props */
 const Limit = ({ feature: { target, judgement } }) => target && html`
   <small class=${`limit ${judgement}`}>${t.report.limits[target.better](number(target.limit))}<span class="unseen">: ${
     t.report.judgements[judgement ?? '']}</span></small>`;
 
-/** The value shown while the recording arrived. */
+/** The value shown while the recording arrived. @param {Props} props */
 const LiveValue = ({ feature }) => feature && html`
   <small class="told-live">${words.toldLive(isMissing(feature) ? words.notEnough : number(feature.value))}</small>`;

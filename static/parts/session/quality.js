@@ -6,6 +6,7 @@ import { t } from '../../texts.js';
 const words = t.session;
 const STATES = ['observed', 'predicted', 'missing'];
 
+/** @param {Props} props */
 export const Quality = ({ quality }) => html`
   <div class="stack">
     <p class="small muted">${words.frames(quality.frames)}</p>

@@ -10,6 +10,7 @@ import { ProblemNotice } from '../page/notice.js';
 
 const words = t.session.ratings;
 
+/** @param {Props} props */
 export function Ratings({ session, person, onRated }) {
   const { data: forms } = useData(signal => api.ratingForms(signal), []);
   const { data, problem, reload } = useData(signal => api.sessions.ratings(session.id, signal), [session.id]);
@@ -28,6 +29,7 @@ export function Ratings({ session, person, onRated }) {
     </section>`;
 }
 
+/** @param {Props} props */
 function RatingsOfForm({ form, ratings, person, session, open, onOpen, onRated }) {
   const given = ratings.items.filter(rating => rating.form === form.form);
   const raters = ratings.raters.find(row => row.form === form.form)?.raters ?? 0;
@@ -46,7 +48,7 @@ function RatingsOfForm({ form, ratings, person, session, open, onOpen, onRated }
     </section>`;
 }
 
-/** One column for each rater, one row for each item. */
+/** One column for each rater, one row for each item. @param {Props} props */
 const Given = ({ form, given }) => html`
   <div class="scroll" tabindex="0" role="region" aria-label=${formTitle(form)}>
     <table class="table dense">
@@ -64,6 +66,7 @@ const Given = ({ form, given }) => html`
 
 const markOf = (rating, item) => rating.items.find(mark => mark.item === item.name)?.mark;
 
+/** @param {Props} props */
 function RatingForm({ form, session, onRated, onCancel }) {
   const [busy, setBusy] = useState(false);
   const [problem, setProblem] = useState(null);
@@ -97,7 +100,11 @@ function RatingForm({ form, session, onRated, onCancel }) {
     </form>`;
 }
 
-/** Radio buttons: arrow keys move between the marks; a text explains a mark if the form has one for it. */
+/**
+ * Radio buttons: arrow keys move between the marks; a text explains a mark if the form has one for it.
+ *
+ * @param {Props} props
+ */
 function Item({ item, form, id }) {
   const marks = Array.from({ length: form.most - form.least + 1 }, (_, index) => form.least + index);
   const [meaning, setMeaning] = useState(null);

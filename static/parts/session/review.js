@@ -30,6 +30,7 @@ const FORMATS = ['csv', 'json', 'parquet'];
 /** Exact rows are requested this long before they are played, s. */
 const AHEAD_S = 10;
 
+/** @param {Props} props */
 export function Review({ session, person, trajectory, edits, start, onEdited }) {
   const playback = useMemo(() => new Playback(), []);
   const { track, loader } = useTrack(session, trajectory, playback);
@@ -96,7 +97,11 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
     </div>`;
 }
 
-/** The features with their places. A component of its own: places that arrive late change this table alone. */
+/**
+ * The features with their places. A component of its own: places that arrive late change this table alone.
+ *
+ * @param {Props} props
+ */
 const MeasuredFeatures = ({ session, evidence, playback }) => html`
   <${Features} features=${session.features} live=${session.live_features} tools=${session.tools} places=${useCohortPlaces(session)}
     evidence=${evidence} playback=${playback} withheld=${session.quality?.verdict === 'refused'} />`;
@@ -174,6 +179,7 @@ function keepTimeInAddress(playback, id) {
 /** Ids are long; their ends are enough to distinguish them. The title and the REST API have the whole id. */
 const short = version => (/^[0-9a-f-]{20,}$/.test(version) ? `…${version.slice(-8)}` : (version ?? words.noneYet));
 
+/** @param {Props} props */
 function SessionVersions({ session }) {
   const { video, versions } = session;
   return html`

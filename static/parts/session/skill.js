@@ -9,7 +9,7 @@ const words = t.session.skill;
 const LEVELS = ['novice', 'intermediate', 'expert'];
 const wholePercent = share => percent(Math.round(100 * share) / 100);
 
-/** For a refused session, the page already says everything. */
+/** For a refused session, the page already says everything. @param {Props} props */
 export function Skill({ verdict }) {
   if (!verdict || verdict.reason?.name === 'refused') return null;
   const { level, reason, probabilities, carried, accuracy, accuracy_where_given: given, model } = verdict;

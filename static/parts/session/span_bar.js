@@ -20,6 +20,7 @@ export function useMarked(playback) {
 
 export const spanName = ([from, to]) => `${clock(from, 2)}–${clock(to, 2)}`;
 
+/** @param {Props} props */
 export function SpanBar({ playback }) {
   const { marked, looping } = useMarked(playback);
   return html`

@@ -14,7 +14,7 @@ const STYLES = {
 const TONES = { refuse: 'bad', care: 'warn' };
 const MAX_SHOWN = 3; // The most important ones; the others are behind a click.
 
-/** Results of earlier versions have no verdict. */
+/** Results of earlier versions have no verdict. @param {Props} props */
 export function Verdict({ quality }) {
   const style = STYLES[quality?.verdict];
   if (!style) return null;

@@ -10,6 +10,7 @@ import { Loading, ProblemNotice } from '../page/notice.js';
 
 const words = t.raters;
 
+/** @param {Props} props */
 export function RatersDialog({ task, onClose }) {
   const [form, setForm] = useState('goals');
   const { data: forms } = useData(signal => api.ratingForms(signal), []);
@@ -32,6 +33,7 @@ export function RatersDialog({ task, onClose }) {
 
 const estimate = value => words.estimate(fixed(value.value, 2), fixed(value.low, 2), fixed(value.high, 2));
 
+/** @param {Props} props */
 const Agreement = ({ agreement }) => html`
   <section class="stack tight">
     <h3>${words.agreement}</h3>
@@ -43,6 +45,7 @@ const Agreement = ({ agreement }) => html`
       <p class="small muted">${words.madeOf(agreement.people, agreement.raters, agreement.left_out)}</p>`}
   </section>`;
 
+/** @param {Props} props */
 const Correlations = ({ correlations }) => html`
   <section class="stack tight">
     <h3>${words.correlations}</h3>

@@ -18,6 +18,7 @@ const POLL_MS = 3_000; // While one is running; events of the queue are faster.
 const [TRAINEES_PAGE, SESSIONS_PAGE] = [50, 20];
 const CHANGES = ['no_longer_passed', 'now_passed', 'apart', 'changed'];
 
+/** @param {Props} props */
 export function Rescorings({ task }) {
   const { data, problem, reload } = useData(async () => {
     const all = await api.rescorings.all();

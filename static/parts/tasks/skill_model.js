@@ -9,6 +9,7 @@ import { ProblemNotice } from '../page/notice.js';
 const words = t.tasks.model;
 const wholePercent = share => percent(Math.round(100 * share) / 100);
 
+/** @param {Props} props */
 export function SkillModel({ task, mayTrain }) {
   const { data, reload } = useData(signal => api.tasks.models(task.id, signal), [task.id]);
   const [busy, setBusy] = useState(false);

@@ -76,6 +76,8 @@ function useSettled(value) {
 /**
  * `isFresh`: whether `distribution` belongs to this limit. Meanwhile the dots stay, but shares of another limit are not
  * shown.
+ *
+ * @param {Props} props
  */
 function DistributionView({ distribution, isFresh, limit, known, isNovices, onMove, onTake }) {
   const values = distribution.groups.flatMap(group => group.values);

@@ -10,6 +10,7 @@ const words = t.task;
 /** The limit as text: `at most 50 s`. */
 export const limitText = target => words.limits[target.better](`${number(target.limit)} ${unit(target.unit)}`.trim());
 
+/** @param {Props} props */
 export function Standard({ standard, onSet }) {
   return html`
     <section class="card">
@@ -26,6 +27,7 @@ export function Standard({ standard, onSet }) {
     </section>`;
 }
 
+/** @param {Props} props */
 export const Targets = ({ targets }) => html`
   <div class="scroll">
     <table class="table dense">
@@ -57,6 +59,7 @@ const madeFromText = from => from && [words.ofVersion(from.pipeline), from.hande
 /** `3 in a row and 2 more`, or that there is none. */
 export const ruleText = rule => (rule ? t.trainee.rule(rule.in_a_row, rule.then_more, rule.at_most) : words.noRule);
 
+/** @param {Props} props */
 export const RuleAndChart = ({ standard: { rule, charts } }) => html`
   <dl class="facts">
     <dt>${words.rule}</dt><dd>${ruleText(rule)}</dd>
@@ -65,6 +68,7 @@ export const RuleAndChart = ({ standard: { rule, charts } }) => html`
       wrong: percent(charts.false_declaration) })}</dd>
   </dl>`;
 
+/** @param {Props} props */
 export const StandardHistory = ({ standards }) => html`
   <section class="card wide">
     <header><h2>${words.history}</h2></header>
