@@ -47,7 +47,13 @@ test: test-packages ## run every check that a change must pass
 	cargo clippy --locked --all-targets -- -D warnings
 	cargo test --locked
 	RUSTDOCFLAGS='-D warnings' cargo doc --locked --no-deps --document-private-items
+	$(MAKE) page-check
 	$(MAKE) browser-test
+
+.PHONY: page-check
+page-check: test-packages ## check the pages' code with tsc and ESLint, against the types of the service's OpenAPI document
+	cargo test --locked --no-run --test integration # builds the program with the dependencies that the tests have built
+	tests/pages/run $(abspath $(TARGET)/debug/trocar)
 
 .PHONY: browser-test
 browser-test: test-packages ## test the pages in a real Chromium: sign in, upload, wait for the score, play the overlay
