@@ -75,7 +75,8 @@ const socketAddress = (path, query) => `${location.origin.replace(/^http/, 'ws')
  * @template {ApiPath} const P
  * @param {M} method
  * @param {KnownPath<M, P>} path
- * @param {{ query?: ApiQuery, json?: ApiBody<M, P>, form?: FormData, table?: string, signal?: AbortSignal }} [options]
+ * @param {{ query?: ApiQueryOf<M, P>, json?: ApiBody<M, P>, form?: FormData, table?: string,
+ *   signal?: AbortSignal }} [options]
  * @returns {Promise<ApiAnswer<M, P>>}
  */
 async function request(method, path, { query, json, form, table, signal } = {}) {
@@ -85,7 +86,8 @@ async function request(method, path, { query, json, form, table, signal } = {}) 
   const body = json !== undefined ? JSON.stringify(json) : (table ?? form);
   let answer, text;
   try {
-    answer = await fetch(address(path, query), { method, headers, body, signal, credentials: 'same-origin' });
+    const url = address(path, /** @type {ApiQuery} */ (query));
+    answer = await fetch(url, { method, headers, body, signal, credentials: 'same-origin' });
     text = await answer.text(); // A response that breaks off in its body counts as offline, too.
   } catch (error) {
     throw error.name === 'AbortError' ? error : Problem.offline();
@@ -139,7 +141,7 @@ async function fetchAll(path, query = {}, limit = 1000) {
  * @returns {ApiResource<N>}
  */
 const resource = name => ({
-  all: query => fetchAll([name], query),
+  all: query => fetchAll([name], /** @type {ApiQuery} */ (query)),
   page: (query, signal) => requestAny('GET', [name], { query, signal }),
   get: (id, signal) => requestAny('GET', [name, id], { signal }),
   create: json => requestAny('POST', [name], { json }),
@@ -159,8 +161,8 @@ export const api = {
   groups: {
     ...resource('groups'),
     /**
-     * `query`: task, feature, tool, space.
-     * @param {string} id @param {ApiQuery} [query] @param {AbortSignal} [signal]
+     * @param {string} id @param {ApiQueryOf<'GET', ['groups', string, 'progress']>} [query]
+     * @param {AbortSignal} [signal]
      */
     progress: (id, query, signal) => request('GET', ['groups', id, 'progress'], { query, signal }),
     /** @param {string} id @param {ApiBody<'PUT', ['groups', string, 'members']>} json */
@@ -191,8 +193,8 @@ export const api = {
     /** @param {string} id @param {ApiBody<'POST', ['tasks', string, 'standards']>} json */
     setStandard: (id, json) => request('POST', ['tasks', id, 'standards'], { json }),
     /**
-     * `query`: feature, tool, space, cohorts, hand, limit.
-     * @param {string} id @param {ApiQuery} [query] @param {AbortSignal} [signal]
+     * @param {string} id @param {ApiQueryOf<'GET', ['tasks', string, 'distribution']>} [query]
+     * @param {AbortSignal} [signal]
      */
     distribution: (id, query, signal) => request('GET', ['tasks', id, 'distribution'], { query, signal }),
     /** @param {string} id @param {ApiBody<'POST', ['tasks', string, 'rescorings']>} json */
@@ -212,9 +214,15 @@ export const api = {
   },
   rescorings: {
     ...resource('rescorings'),
-    /** @param {string} id @param {ApiQuery} [query] @param {AbortSignal} [signal] */
+    /**
+     * @param {string} id @param {ApiQueryOf<'GET', ['rescorings', string, 'trainees']>} [query]
+     * @param {AbortSignal} [signal]
+     */
     trainees: (id, query, signal) => request('GET', ['rescorings', id, 'trainees'], { query, signal }),
-    /** @param {string} id @param {ApiQuery} [query] @param {AbortSignal} [signal] */
+    /**
+     * @param {string} id @param {ApiQueryOf<'GET', ['rescorings', string, 'sessions']>} [query]
+     * @param {AbortSignal} [signal]
+     */
     sessions: (id, query, signal) => request('GET', ['rescorings', id, 'sessions'], { query, signal }),
     /** @param {string} id */
     cancel: id => request('POST', ['rescorings', id, 'cancel']),
@@ -228,7 +236,7 @@ export const api = {
   attention: signal => request('GET', ['attention'], { signal }),
   /** @param {AbortSignal} [signal] */
   service: signal => request('GET', ['service'], { signal }),
-  /** @param {ApiQuery} [query] @param {AbortSignal} [signal] */
+  /** @param {ApiQueryOf<'GET', ['audit-entries']>} [query] @param {AbortSignal} [signal] */
   audit: (query, signal) => request('GET', ['audit-entries'], { query, signal }),
   /** The catalogue of features that can be measured. @param {AbortSignal} [signal] */
   features: signal => request('GET', ['features'], { signal }).then(page => page.items),
@@ -236,17 +244,17 @@ export const api = {
   ratingForms: signal => request('GET', ['rating-forms'], { signal }).then(page => page.items),
   /**
    * `agreement`: whether a task's raters agree. `correlations`: which features correlate with their ratings.
-   * @param {string} task @param {string} form @param {AbortSignal} [signal]
+   * @param {string} task @param {Schemas['RatingForm']} form @param {AbortSignal} [signal]
    */
   agreement: (task, form, signal) => request('GET', ['tasks', task, 'agreement'], { query: { form }, signal }),
-  /** @param {string} task @param {string} form @param {AbortSignal} [signal] */
+  /** @param {string} task @param {Schemas['RatingForm']} form @param {AbortSignal} [signal] */
   correlations: (task, form, signal) => request('GET', ['tasks', task, 'correlations'], { query: { form }, signal }),
   jobs: { ...resource('jobs'), /** @param {string} id */ retry: id => request('POST', ['jobs', id, 'retry']) },
   trainees: {
     ...resource('trainees'),
     /**
-     * `query`: task, feature, tool, space, cohort.
-     * @param {string} id @param {ApiQuery} [query] @param {AbortSignal} [signal]
+     * @param {string} id @param {ApiQueryOf<'GET', ['trainees', string, 'progress']>} [query]
+     * @param {AbortSignal} [signal]
      */
     progress: (id, query, signal) => request('GET', ['trainees', id, 'progress'], { query, signal }),
     /** The courses of the trainee's groups, latest first. @param {string} id @param {AbortSignal} [signal] */
@@ -290,17 +298,20 @@ export const api = {
   },
   sessions: {
     ...resource('sessions'),
-    /** `query`: trainee, task, box, tracker, filename, recorded_at. @param {ApiQuery} query @param {string} table */
+    /** @param {ApiQueryOf<'POST', ['sessions', 'import']>} query @param {string} table */
     importTable: (query, table) => request('POST', ['sessions', 'import'], { query, table }),
     /** @param {string} id */
     retry: id => request('POST', ['sessions', id, 'retry']),
     /**
-     * `query`: kind, trimmed, from_frame, to_frame, points.
-     * @param {string} id @param {ApiQuery} [query] @param {AbortSignal} [signal]
+     * @param {string} id @param {ApiQueryOf<'GET', ['sessions', string, 'trajectory']>} [query]
+     * @param {AbortSignal} [signal]
      */
     trajectory: (id, query, signal) =>
       request('GET', ['sessions', id, 'trajectory'], { query: { format: 'json', ...query }, signal }),
-    /** `query`: from_frame, to_frame. @param {string} id @param {ApiQuery} [query] @param {AbortSignal} [signal] */
+    /**
+     * @param {string} id @param {ApiQueryOf<'GET', ['sessions', string, 'diagnostics']>} [query]
+     * @param {AbortSignal} [signal]
+     */
     diagnostics: (id, query, signal) => request('GET', ['sessions', id, 'diagnostics'], { query, signal }),
     /** The session's edits: trims, swapped tool names, set aside. @param {string} id @param {AbortSignal} [signal] */
     edits: (id, signal) => request('GET', ['sessions', id, 'edits'], { signal }),

@@ -19,6 +19,10 @@ declare global {
   type ApiBody<M extends ApiMethod, P extends ApiPath> = ApiOperation<M, P> extends
     { requestBody: { content: { 'application/json': infer Body } } } ? FreeForm<Body> : undefined;
 
+  /** The query parameters of an operation; one that is null is left out of the address. */
+  type ApiQueryOf<M extends ApiMethod, P extends ApiPath> =
+    ApiOperation<M, P> extends { parameters: { query?: infer Query } } ? { [K in keyof Query]: Query[K] | null } : never;
+
   /** `P` if the document has the operation, else `never`: the call is then an error. */
   type KnownPath<M extends ApiMethod, P extends ApiPath> = [ApiOperation<M, P>] extends [never] ? never : P;
 
@@ -36,8 +40,8 @@ declare global {
 
   /** The usual operations on a resource; one that the service lacks answers `never`. */
   interface ApiResource<N extends string> {
-    all(query?: ApiQuery): Promise<ApiItem<[N]>[]>;
-    page(query?: ApiQuery, signal?: AbortSignal): Promise<ApiAnswer<'GET', [N]>>;
+    all(query?: ApiQueryOf<'GET', [N]>): Promise<ApiItem<[N]>[]>;
+    page(query?: ApiQueryOf<'GET', [N]>, signal?: AbortSignal): Promise<ApiAnswer<'GET', [N]>>;
     get(id: string, signal?: AbortSignal): Promise<ApiAnswer<'GET', [N, string]>>;
     create(json: ApiBody<'POST', [N]>): Promise<ApiAnswer<'POST', [N]>>;
     change(id: string, json: ApiBody<'PATCH', [N, string]>): Promise<ApiAnswer<'PATCH', [N, string]>>;

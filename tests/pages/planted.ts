@@ -11,6 +11,8 @@ session.quality.verdict;
 session.status === 'finished';
 // @ts-expect-error a missing field of a request
 api.sessions.edit('1', { kind: 'trim' });
+// @ts-expect-error a misspelt query parameter
+api.tasks.distribution('1', { feature: 'duration', lmit: 1 });
 // @ts-expect-error a missing argument
 api.sessions.get();
 // @ts-expect-error a missing argument of a text

@@ -12,7 +12,7 @@ const words = t.raters;
 
 /** @param {Props} props */
 export function RatersDialog({ task, onClose }) {
-  const [form, setForm] = useState('goals');
+  const [form, setForm] = useState(/** @type {Schemas['RatingForm']} */ ('goals'));
   const { data: forms } = useData(signal => api.ratingForms(signal), []);
   const { data, problem, reload } = useData(
     signal => Promise.all([api.agreement(task.id, form, signal), api.correlations(task.id, form, signal)]),
