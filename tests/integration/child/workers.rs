@@ -233,7 +233,7 @@ async fn a_worker_whose_lease_is_lost_ends_its_child_and_saves_nothing() {
 async fn a_job_whose_file_is_gone_fails_with_that_reason() {
     let mut centre = Centre::new().await;
     let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"a clip").await;
-    let blob = centre.job(job).await.input.blobs()[0];
+    let blob = centre.job(job).await.input.facts().blobs[0];
     centre.vault.delete_if(blob.hash, async { Ok::<_, trocar::vault::VaultError>(true) }).await.unwrap();
     centre.start_workers(program());
     centre.wait_for_job(job, &[JobState::Failed]).await;
