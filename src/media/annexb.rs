@@ -79,7 +79,7 @@ fn check(result: i32) -> Result<(), ff::Error> {
     if result < 0 { Err(ff::Error::from(result)) } else { Ok(()) }
 }
 
-/// True if the frame is needed to decode others, but must not be shown.
+/// True if the frame is needed to decode others, but must not be shown (an edit list of MP4).
 pub(super) fn is_hidden(packet: &Packet) -> bool {
     // SAFETY: the packet is valid, and lives while its flags are read.
     unsafe { (*packet.as_ptr()).flags & ffi::AV_PKT_FLAG_DISCARD != 0 }

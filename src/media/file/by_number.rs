@@ -7,10 +7,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ff::{Rescale, codec, packet::Ref};
+use ff::Rescale;
 use ffmpeg_next as ff;
 
 use super::{Picture, VideoFile};
+use crate::media::annexb::is_hidden;
 
 /// Packets read beyond the last requested frame, as earlier frames may be stored after it: more than any codec reorders
 /// (H.264 and H.265: 16).
@@ -61,7 +62,7 @@ impl VideoFile {
             && let Some(packet) = self.read_packet()
         {
             if packet.stream() == self.stream {
-                let is_usable = !packet.is_corrupt() && !is_discarded(&packet);
+                let is_usable = !packet.is_corrupt() && !is_hidden(&packet);
                 let (pts, dts) = packet.pts().zip(packet.dts()).filter(|_| is_usable)?;
                 listed.push(ListedPacket { pts, dts, is_key: packet.is_key() });
             }
@@ -125,13 +126,6 @@ impl VideoFile {
         }
         Some(())
     }
-}
-
-/// True if the frame is decoded, but not part of the recording (an edit list of MP4).
-fn is_discarded(packet: &codec::packet::Packet) -> bool {
-    // SAFETY: the packet lives as long as the reference, and its flags are a plain number.
-    let flags = unsafe { (*packet.as_ptr()).flags };
-    flags & ff::ffi::AV_PKT_FLAG_DISCARD != 0
 }
 
 #[cfg(test)]
