@@ -57,10 +57,10 @@ pub const DISREGARDED_SHARE: f64 = 0.001;
 /// by 3 to 18 steps, mostly along that line.
 const SAME_COLOUR_STEPS: f64 = 8.0;
 
-/// Margins below these are bad, and at risk, steps. Of all ten tapes tried in a simulated box, the one at 1.6 was
-/// tracked wrongly (violet, on a mat with violet). The one at 4.2 had the thinnest margin of those tracked well
-/// (green), and those from 6.8 on could be distinguished with 11 steps to spare.
-const MARGINS_STEPS: [f64; 2] = [3.0, 6.0];
+/// Margins of a tape, steps: at risk below the first, bad below the second. Of all ten tapes tried in a simulated box,
+/// the one at 1.6 was tracked wrongly (violet, on a mat with violet). The one at 4.2 had the thinnest margin of those
+/// tracked well (green), and those from 6.8 on could be distinguished with 11 steps to spare.
+const ADVICE_MARGIN_STEPS: [f64; 2] = [6.0, 3.0];
 
 /// Brightness of a tape's pixels relative to its nominal shade, gamma-coded: from the flank of the tube to the side
 /// facing the lamp.
@@ -161,7 +161,7 @@ fn against_box(tape: Tape, colours: &[([f32; 3], f64)], encoding: ColourEncoding
         passed > DISREGARDED_SHARE
     });
     let margin_steps = 0.5 * beyond.map_or(STEPS, |(steps, _)| *steps);
-    TapeAdvice { tape, margin_steps, in_box, grade: grade(margin_steps) }
+    TapeAdvice { tape, margin_steps, in_box, grade: PaletteGrade::of_margin(margin_steps, ADVICE_MARGIN_STEPS) }
 }
 
 fn against_each_other(a: &TapeAdvice, b: &TapeAdvice, encoding: ColourEncoding) -> PairAdvice {
@@ -169,15 +169,11 @@ fn against_each_other(a: &TapeAdvice, b: &TapeAdvice, encoding: ColourEncoding) 
     let steps = line_of(a.tape, encoding).into_iter().map(|at| steps_to_line(at, &other)).fold(f64::INFINITY, f64::min);
     let apart_steps = 0.5 * steps;
     let margin_steps = apart_steps.min(a.margin_steps).min(b.margin_steps);
-    PairAdvice { tapes: [a.tape, b.tape], apart_steps, margin_steps, grade: grade(margin_steps) }
-}
-
-fn grade(margin_steps: f64) -> PaletteGrade {
-    let [bad, risk] = MARGINS_STEPS;
-    match margin_steps {
-        m if m < bad => PaletteGrade::Bad,
-        m if m < risk => PaletteGrade::AtRisk,
-        _ => PaletteGrade::Good,
+    PairAdvice {
+        tapes: [a.tape, b.tape],
+        apart_steps,
+        margin_steps,
+        grade: PaletteGrade::of_margin(margin_steps, ADVICE_MARGIN_STEPS),
     }
 }
 

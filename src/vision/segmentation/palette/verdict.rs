@@ -38,6 +38,17 @@ pub enum PaletteGrade {
     Bad,
 }
 
+impl PaletteGrade {
+    /// The grade of a margin, steps: at risk below the first limit, bad below the second.
+    pub(super) fn of_margin(margin_steps: f64, [risk, bad]: [f64; 2]) -> Self {
+        match margin_steps {
+            margin if margin < bad => PaletteGrade::Bad,
+            margin if margin < risk => PaletteGrade::AtRisk,
+            _ => PaletteGrade::Good,
+        }
+    }
+}
+
 /// Judgement of one tool's colour.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TapeVerdict {
@@ -147,9 +158,8 @@ fn taken(confusion: &Confusion, tool: usize) -> impl Iterator<Item = (PaletteGra
 
 fn thin(confusion: &Confusion, tool: usize) -> Option<(PaletteGrade, TapeProblem)> {
     let margin = confusion.margins[tool].as_ref()?;
-    let [risk, bad] = MARGIN_STEPS;
-    let grade = if margin.margin_steps < bad { PaletteGrade::Bad } else { PaletteGrade::AtRisk };
-    (margin.margin_steps < risk).then(|| (grade, TapeProblem::Thin(margin.clone())))
+    let grade = PaletteGrade::of_margin(margin.margin_steps, MARGIN_STEPS);
+    (grade != PaletteGrade::Good).then(|| (grade, TapeProblem::Thin(margin.clone())))
 }
 
 fn false_region(area: Option<&FalseArea>) -> Option<(PaletteGrade, TapeProblem)> {
