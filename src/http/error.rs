@@ -244,6 +244,7 @@ impl From<VaultError> for ProblemResponse {
             VaultError::TooLong { most } => super::read::too_large(most),
             VaultError::InUse(_) => Refusal::Locked
                 .with("Another request is writing to this upload. Wait until it has ended, then ask for the offset."),
+            VaultError::ShuttingDown => busy("The service is shutting down. Try again in a minute."),
             VaultError::NotFound | VaultError::Damaged | VaultError::Lost { .. } | VaultError::Io { .. } => {
                 ProblemResponse::internal("handling a file", error)
             }

@@ -16,7 +16,7 @@ pub(super) async fn run_blocking<T: Send + 'static>(
     match tokio::task::spawn_blocking(work).await {
         Ok(result) => result,
         Err(error) if error.is_panic() => std::panic::resume_unwind(error.into_panic()),
-        Err(_) => Err(VaultError::InUse("the runtime, which is shutting down,".to_owned())),
+        Err(_) => Err(VaultError::ShuttingDown),
     }
 }
 
@@ -115,5 +115,19 @@ pub(super) fn lock(path: &Path) -> VaultResult<File> {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => Err(VaultError::InUse("the data folder".to_owned())),
         Err(TryLockError::Error(error)) => Err(failed("locking", path)(error)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_that_a_stopped_runtime_does_not_begin_reports_the_shutdown() {
+        let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).build().unwrap();
+        let stopped = runtime.handle().clone();
+        runtime.shutdown_background();
+        let result: VaultResult<()> = stopped.block_on(run_blocking(|| panic!("must not begin")));
+        assert!(matches!(result, Err(VaultError::ShuttingDown)), "{result:?}");
     }
 }

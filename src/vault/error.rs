@@ -25,6 +25,9 @@ pub enum VaultError {
     /// Another sender has this upload open, or another service uses this folder.
     #[error("{0} is in use")]
     InUse(String),
+    /// The service is shutting down, so the file work did not begin.
+    #[error("the service is shutting down")]
+    ShuttingDown,
     /// The bytes differ from those that were stored.
     #[error("a stored file is damaged: its content no longer matches its name")]
     Damaged,
