@@ -117,22 +117,14 @@ impl Queue {
 
     /// Rescues the jobs whose lease has run out; returns how many.
     pub async fn sweep(&self) -> StoreResult<usize> {
-        let problem = Problem::new(
-            "worker-silent",
-            "The worker stopped responding",
-            "the worker did not report progress in time; the work is tried again, three times in all",
-        );
-        self.rescue(false, problem).await
+        let detail = self.detail("the worker did not report progress in time");
+        self.rescue(false, Problem::new("worker-silent", "The worker stopped responding", detail)).await
     }
 
     /// At a start: rescues every running job, since its worker ended with the previous process.
     pub async fn recover(&self) -> StoreResult<usize> {
-        let problem = Problem::new(
-            "service-ended",
-            "The service stopped during the work",
-            "the service stopped suddenly during this work; the work is tried again, three times in all",
-        );
-        self.rescue(true, problem).await
+        let detail = self.detail("the service stopped suddenly during this work");
+        self.rescue(true, Problem::new("service-ended", "The service stopped during the work", detail)).await
     }
 
     /// Sweeps every [`QueueSettings::sweep_s`] seconds until the service ends.
@@ -146,6 +138,11 @@ impl Queue {
                 () = self.inner.clock.sleep(Duration::from_secs(self.inner.settings.sweep_s)) => {}
             }
         }
+    }
+
+    /// What happened, and how often the work is tried.
+    fn detail(&self, what: &str) -> String {
+        format!("{what}; the work is tried at most {} times in all", self.inner.store.max_attempts())
     }
 
     async fn rescue(&self, all: bool, problem: Problem) -> StoreResult<usize> {

@@ -283,7 +283,8 @@ impl Store {
         self.inner.clock.now_ms()
     }
 
-    fn max_attempts(&self) -> u32 {
+    /// Number of crashes or lost leases after which a job is quarantined.
+    pub fn max_attempts(&self) -> u32 {
         self.inner.settings.max_attempts
     }
 }
