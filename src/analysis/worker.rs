@@ -64,6 +64,9 @@ pub(super) enum WorkError {
     /// The vault failed.
     #[error(transparent)]
     Vault(#[from] VaultError),
+    /// The machine failed: the job is released, and no attempt is counted.
+    #[error(transparent)]
+    Released(Box<WorkError>),
     /// The system refused a thread, a descriptor or memory.
     #[error("preparing the child process failed: {0}")]
     System(#[from] std::io::Error),
@@ -117,10 +120,16 @@ impl WorkerPool {
                     tracing::info!(%job, worker = name, "lease lost: another worker owns the job; result discarded");
                 }
                 Err(error) => {
-                    tracing::error!(
-                        %error, %job, worker = name,
-                        "job failed on this machine; retried later, pausing 5 s"
-                    );
+                    match error {
+                        WorkError::Store(error) | WorkError::NotStored(error) => tracing::warn!(
+                            %error, %job, worker = name,
+                            "the job's end could not be stored; tried again after the lease, pausing 5 s"
+                        ),
+                        error => tracing::error!(
+                            %error, %job, worker = name,
+                            "job failed on this machine; retried later, pausing 5 s"
+                        ),
+                    }
                     tokio::select! { () = shutdown.begun() => {}, () = self.clock.sleep(BACKOFF) => {} }
                 }
             }
@@ -233,10 +242,11 @@ async fn settle_failure(held: &HeldJob, error: WorkError) -> Result<(), WorkErro
         WorkError::Vault(VaultError::NotFound) => deleted_problem("file"),
         WorkError::Crashed(reason) => return Ok(held.report_crash(crash_problem(&reason)).await.map(drop)?),
         WorkError::Stopped => return Ok(held.release().await?),
-        WorkError::NotStored(_) => return Err(error), // the sweep counts an attempt when the lease runs out
+        // The sweep counts an attempt when the lease runs out.
+        WorkError::NotStored(_) | WorkError::Released(_) => return Err(error),
         WorkError::Store(_) | WorkError::Vault(_) | WorkError::System(_) => {
             held.release().await?;
-            return Err(error);
+            return Err(WorkError::Released(Box::new(error)));
         }
     };
     Ok(held.fail(problem).await.map(drop)?)
