@@ -1,21 +1,31 @@
 //! An enlarged crop of a frame, to draw on in the frame's pixel coordinates.
 
+use std::convert::Infallible;
 use std::path::Path;
 
+use embedded_graphics::Pixel;
+use embedded_graphics::mono_font::iso_8859_1::FONT_8X13;
+use embedded_graphics::mono_font::{MonoFont, MonoTextStyle};
+use embedded_graphics::pixelcolor::Rgb888;
+use embedded_graphics::prelude::{DrawTarget, Drawable, OriginDimensions, Point, PointsIter, RgbColor, Size};
+use embedded_graphics::primitives::{Line, Rectangle};
+use embedded_graphics::text::{Baseline, Text};
 use image::{ImageResult, Rgb, RgbImage};
 use nalgebra::Vector2;
 
-use super::letters;
 use crate::vision::frame::Frame;
 
 /// A colour to draw with.
-pub(super) type Ink = [u8; 3];
+pub(super) type Ink = Rgb888;
 
-/// Picture pixels per letter pixel.
-const LETTER_PX: usize = 2;
+/// Of the text above the picture.
+const FONT: MonoFont = FONT_8X13;
 
 /// Distance between text lines, picture pixels.
 const LINE_PX: usize = 16;
+
+/// Left and upper margin of the text, picture pixels.
+const TEXT_MARGIN: Point = Point::new(4, 2);
 
 /// The crop of a frame that is shown: its first column and row, its size, and the scale (picture pixels per frame
 /// pixel).
@@ -52,68 +62,47 @@ pub(super) struct Canvas {
     picture: RgbImage,
     crop: FrameCrop,
     header_px: usize,
-    pen_px: i64,
+    pen_px: u32,
 }
 
 impl Canvas {
     /// The crop of the frame with text lines above it, each in its own colour. `brightness` dims the frame's pixels.
-    pub(super) fn new(frame: &Frame<'_>, part: FrameCrop, text: &[(Ink, String)], brightness: f64) -> Self {
+    pub(super) fn new(frame: &Frame<'_>, crop: FrameCrop, text: &[(Ink, String)], brightness: f64) -> Self {
         const PAPER: Rgb<u8> = Rgb([16, 16, 16]);
-        let header_px = text.len() * LINE_PX + LETTER_PX;
-        let longest = text.iter().map(|(_, line)| line.chars().count()).max().unwrap_or(0);
-        let width = (part.width * part.scale).max(letter_x(longest));
-        let height = part.height * part.scale + header_px;
-        let picture = RgbImage::from_pixel(width as u32, height as u32, PAPER);
-        let mut canvas = Self { picture, crop: part, header_px, pen_px: 1 };
-        canvas.show(frame, brightness);
-        text.iter().enumerate().for_each(|(line, (ink, text))| canvas.write(line, text, *ink));
+        let FrameCrop { left, top, width, height, scale } = crop;
+        let header_px = text.len() * LINE_PX + TEXT_MARGIN.y as usize;
+        let letters = text.iter().map(|(_, line)| line.chars().count()).max().unwrap_or(0);
+        let text_px = letters * FONT.character_size.width as usize + TEXT_MARGIN.x as usize;
+        let size = [(width * scale).max(text_px), height * scale + header_px].map(|px| px as u32);
+        let picture = RgbImage::from_fn(size[0], size[1], |column, row| {
+            let column = column as usize / scale;
+            match (row as usize).checked_sub(header_px) {
+                Some(row) if column < width => dimmed_pixel(frame, left + column, top + row / scale, brightness),
+                _ => PAPER,
+            }
+        });
+        let mut canvas = Self { picture, crop, header_px, pen_px: 1 };
+        for (line, (ink, text)) in text.iter().enumerate() {
+            let at = TEXT_MARGIN + Point::new(0, (line * LINE_PX) as i32);
+            let Ok(_) = Text::with_baseline(text, at, MonoTextStyle::new(&FONT, *ink), Baseline::Top).draw(&mut canvas);
+        }
         canvas
     }
 
     /// Sets the width of lines, picture pixels.
-    pub(super) fn with_pen(self, pen_px: i64) -> Self {
+    pub(super) fn with_pen(self, pen_px: u32) -> Self {
         Self { pen_px, ..self }
     }
 
-    fn show(&mut self, frame: &Frame<'_>, brightness: f64) {
-        let FrameCrop { left, top, width, height, scale } = self.crop;
-        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
-            let rgb = frame.encoding.rgb_of_codes(frame.yuv_at(left + x, top + y).map(f64::from));
-            let ink = [rgb.x, rgb.y, rgb.z].map(|c| (c * 255.0 * brightness).round().clamp(0.0, 255.0) as u8);
-            for (dx, dy) in (0..scale).flat_map(|dy| (0..scale).map(move |dx| (dx, dy))) {
-                let (column, row) = (x * scale + dx, y * scale + dy + self.header_px);
-                self.picture.put_pixel(column as u32, row as u32, Rgb(ink));
-            }
-        }
-    }
-
-    fn write(&mut self, line: usize, text: &str, ink: Ink) {
-        let top = line * LINE_PX + LETTER_PX;
-        let (columns, rows) = letters::SIZE;
-        for (place, letter) in text.chars().enumerate() {
-            for (x, y) in (0..rows * LETTER_PX).flat_map(|y| (0..columns * LETTER_PX).map(move |x| (x, y))) {
-                if letters::is_ink(letter, x / LETTER_PX, y / LETTER_PX) {
-                    self.put((letter_x(place) + x) as i64, (top + y) as i64, ink);
-                }
-            }
-        }
-    }
-
     /// Draws a square dot of `size` picture pixels around a point of the frame.
-    pub(super) fn dot(&mut self, at: Vector2<f64>, size: i64, ink: Ink) {
-        let [x, y] = self.to_canvas(at);
-        for (dx, dy) in (0..size).flat_map(|dy| (0..size).map(move |dx| (dx - size / 2, dy - size / 2))) {
-            self.put_in_crop(x + dx, y + dy, ink);
-        }
+    pub(super) fn dot(&mut self, at: Vector2<f64>, size: u32, ink: Ink) {
+        self.square(self.to_canvas(at), size, ink);
     }
 
     /// Draws a line between two points of the frame.
     pub(super) fn line(&mut self, from: Vector2<f64>, to: Vector2<f64>, ink: Ink) {
-        const MAX_STEPS: f64 = 20_000.0;
-        const STEPS_PER_PX: f64 = 2.0; // with one step per pixel, rounding leaves gaps
-        let steps = ((to - from).amax() * self.crop.scale as f64 * STEPS_PER_PX).ceil().clamp(1.0, MAX_STEPS);
-        for step in 0..=steps as u32 {
-            self.dot(from + (to - from) * (f64::from(step) / steps), self.pen_px, ink);
+        for point in Line::new(self.to_canvas(from), self.to_canvas(to)).points() {
+            self.square(point, self.pen_px, ink);
         }
     }
 
@@ -135,31 +124,49 @@ impl Canvas {
     }
 
     /// Picture coordinates of a point of the frame. Frame pixel 0 is centred at 0 and covers `scale` picture pixels.
-    fn to_canvas(&self, at: Vector2<f64>) -> [i64; 2] {
+    fn to_canvas(&self, at: Vector2<f64>) -> Point {
+        /// Points farther outside are drawn at this distance: it limits the length of a line.
+        const MAX_PX: f64 = 20_000.0;
         let scale = self.crop.scale as f64;
-        let shown = |px: f64, first: usize| ((px + 0.5 - first as f64) * scale).floor() as i64;
-        [shown(at.x, self.crop.left), shown(at.y, self.crop.top) + self.header_px as i64]
+        let shown = |px: f64, first: usize| ((px + 0.5 - first as f64) * scale).floor().clamp(-MAX_PX, MAX_PX) as i32;
+        Point::new(shown(at.x, self.crop.left), shown(at.y, self.crop.top) + self.header_px as i32)
     }
 
-    /// Puts a pixel inside the crop only, so that lines that leave the crop do not cross the text.
-    fn put_in_crop(&mut self, x: i64, y: i64, ink: Ink) {
-        if y >= self.header_px as i64 && x < (self.crop.width * self.crop.scale) as i64 {
-            self.put(x, y, ink);
-        }
-    }
-
-    fn put(&mut self, x: i64, y: i64, ink: Ink) {
-        if let (Ok(x), Ok(y)) = (u32::try_from(x), u32::try_from(y))
-            && let Some(pixel) = self.picture.get_pixel_mut_checked(x, y)
-        {
-            *pixel = Rgb(ink);
-        }
+    /// Fills a square inside the crop only, so that lines that leave the crop do not cross the text.
+    fn square(&mut self, centre: Point, size: u32, ink: Ink) {
+        let FrameCrop { width, height, scale, .. } = self.crop;
+        let crop_size = Size::new((width * scale) as u32, (height * scale) as u32);
+        let crop = Rectangle::new(Point::new(0, self.header_px as i32), crop_size);
+        let square = Rectangle::new(centre - Point::new_equal(size as i32 / 2), Size::new_equal(size));
+        let Ok(()) = self.fill_solid(&square.intersection(&crop), ink);
     }
 }
 
-/// Left edge of the letter with this index, picture pixels.
-fn letter_x(place: usize) -> usize {
-    (place * (letters::SIZE.0 + 1) + 2) * LETTER_PX
+impl OriginDimensions for Canvas {
+    fn size(&self) -> Size {
+        Size::new(self.picture.width(), self.picture.height())
+    }
+}
+
+impl DrawTarget for Canvas {
+    type Color = Ink;
+    type Error = Infallible;
+
+    fn draw_iter<I: IntoIterator<Item = Pixel<Ink>>>(&mut self, pixels: I) -> Result<(), Infallible> {
+        for Pixel(at, ink) in pixels {
+            if let (Ok(x), Ok(y)) = (u32::try_from(at.x), u32::try_from(at.y))
+                && let Some(pixel) = self.picture.get_pixel_mut_checked(x, y)
+            {
+                *pixel = Rgb([ink.r(), ink.g(), ink.b()]);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn dimmed_pixel(frame: &Frame<'_>, column: usize, row: usize, brightness: f64) -> Rgb<u8> {
+    let rgb = frame.encoding.rgb_of_codes(frame.yuv_at(column, row).map(f64::from));
+    Rgb([rgb.x, rgb.y, rgb.z].map(|c| (c * 255.0 * brightness).round().clamp(0.0, 255.0) as u8))
 }
 
 #[cfg(test)]
@@ -167,10 +174,10 @@ mod tests {
     use super::*;
     use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
 
-    const INK: Ink = [255, 0, 0];
-    const PAPER: Ink = [16, 16, 16];
+    const INK: Ink = Ink::new(255, 0, 0);
+    const PAPER: Ink = Ink::new(16, 16, 16);
     /// The grey with code 100 in full range, at half brightness.
-    const GREY: Ink = [50, 50, 50];
+    const GREY: Ink = Ink::new(50, 50, 50);
 
     /// Four columns by three rows of a frame from its pixel (2, 1), at scale 10, below two lines of text.
     fn canvas() -> Canvas {
@@ -183,7 +190,8 @@ mod tests {
     }
 
     fn inked(canvas: &Canvas, ink: Ink) -> Vec<(u32, u32)> {
-        canvas.picture.enumerate_pixels().filter(|(_, _, pixel)| pixel.0 == ink).map(|(x, y, _)| (x, y)).collect()
+        let is_ink = |pixel: &Rgb<u8>| Ink::new(pixel.0[0], pixel.0[1], pixel.0[2]) == ink;
+        canvas.picture.enumerate_pixels().filter(|(_, _, pixel)| is_ink(pixel)).map(|(x, y, _)| (x, y)).collect()
     }
 
     #[test]
@@ -192,8 +200,12 @@ mod tests {
         assert_eq!(canvas.picture.dimensions(), (76, 64), "as wide as nine letters, two lines and thirty rows high");
         let rectangle = |left, right, top, bottom| (top..bottom).flat_map(move |y| (left..right).map(move |x| (x, y)));
         assert_eq!(inked(&canvas, GREY), rectangle(0, 40, 34, 64).collect::<Vec<_>>());
-        let h: Vec<_> = inked(&canvas, INK).into_iter().filter(|(_, y)| *y < 18).collect();
-        assert_eq!((h.len(), h.first(), h.last()), (44, Some(&(4, 2)), Some(&(9, 11))), "eleven dots of two by two");
+        let [first, second] = [0, 1].map(|line| {
+            let rows = LINE_PX as u32 * line..LINE_PX as u32 * (line + 1);
+            inked(&canvas, INK).into_iter().filter(|(_, y)| rows.contains(y)).map(|(x, _)| x).collect::<Vec<_>>()
+        });
+        assert!(first.len() > 10 && first.iter().all(|x| (4..12).contains(x)), "one letter: {first:?}");
+        assert!(second.iter().any(|x| *x > 66), "nine letters: {second:?}");
     }
 
     #[test]

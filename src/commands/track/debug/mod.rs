@@ -7,7 +7,6 @@
 //! | `frame_000123_3_result.png` | outline, axis and tip, or the reason why there are none |
 
 mod canvas;
-mod letters;
 mod pictures;
 
 use std::collections::BTreeSet;

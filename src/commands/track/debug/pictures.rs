@@ -13,16 +13,17 @@ use crate::vision::tracker::{
 };
 use crate::vision::tube::{BorderSide, Tube};
 
-const WHITE: Ink = [255, 255, 255];
-const GREY: Ink = [150, 150, 150];
-const RED: Ink = [255, 60, 60];
-const GREEN: Ink = [70, 230, 70];
-const BLUE: Ink = [90, 150, 255];
-const DARK_BLUE: Ink = [50, 80, 170];
-const YELLOW: Ink = [255, 230, 0];
+const WHITE: Ink = Ink::new(255, 255, 255);
+const BLACK: Ink = Ink::new(0, 0, 0);
+const GREY: Ink = Ink::new(150, 150, 150);
+const RED: Ink = Ink::new(255, 60, 60);
+const GREEN: Ink = Ink::new(70, 230, 70);
+const BLUE: Ink = Ink::new(90, 150, 255);
+const DARK_BLUE: Ink = Ink::new(50, 80, 170);
+const YELLOW: Ink = Ink::new(255, 230, 0);
 
 /// Colours of the tools, in order and repeated: colours that a tape is unlikely to have.
-const TOOLS: [Ink; 4] = [[255, 40, 255], [170, 255, 0], [0, 255, 255], [255, 140, 0]];
+const TOOLS: [Ink; 4] = [Ink::new(255, 40, 255), Ink::new(170, 255, 0), Ink::new(0, 255, 255), Ink::new(255, 140, 0)];
 
 /// An edge within this distance of the fitted outline agrees with it, pixels. The tracker rejects tubes whose edges are
 /// farther off on average.
@@ -95,7 +96,7 @@ impl DebugScene {
             let Some(ink) = self.ink_of_class(*class) else { continue };
             let corner = Vector2::new((cell % trace.columns) as f64, (cell / trace.columns) as f64);
             let centre = (corner * CELL_PX as f64).add_scalar(0.5 * CELL_PX as f64);
-            canvas.dot(centre, CELL_PX as i64, ink);
+            canvas.dot(centre, CELL_PX as u32, ink);
         }
         for of_tool in &trace.tools {
             of_tool.places.iter().for_each(|place| canvas.path(&box_corners(place), WHITE));
@@ -153,7 +154,7 @@ impl DebugScene {
         }
         canvas.path(&fitted, WHITE);
         for at in met.iter().filter_map(|(_, edge)| *edge) {
-            canvas.dot(at.0.coords, 7, [0, 0, 0]);
+            canvas.dot(at.0.coords, 7, BLACK);
             canvas.dot(at.0.coords, 5, if agrees(at, &fitted) { GREEN } else { RED });
         }
         Some(canvas)
