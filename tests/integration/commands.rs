@@ -183,7 +183,7 @@ fn a_report_is_one_page_beside_the_figures() {
     let output = trocar(folder.path(), "evaluate --report report.html track.csv truth.json");
     assert!(output.status.success() && output.stdout == plain.stdout, "{output:?}");
     let page = fs::read_to_string(folder.path().join("report.html")).unwrap();
-    assert!(page.starts_with("<!doctype html>") && page.contains("track.csv against truth.json"), "{page:.500}");
+    assert!(page.starts_with("<!DOCTYPE html>") && page.contains("track.csv against truth.json"), "{page:.500}");
     let nowhere = trocar(folder.path(), "evaluate --report nowhere/report.html track.csv truth.json");
     let stderr = String::from_utf8(nowhere.stderr).unwrap();
     assert!(nowhere.status.code() == Some(1) && stderr.contains("nowhere/report.html"), "{stderr}");

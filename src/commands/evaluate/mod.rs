@@ -76,7 +76,7 @@ fn compare_with_truth(track: &Path, truth: &Path) -> Result<EvaluationOutput, Co
     Ok(EvaluationOutput {
         json: json::accuracy(&result),
         text: text::accuracy(&result),
-        page: report::accuracy(&against(), &result, &rows, &truth_read),
+        page: report::accuracy(&against(), &result, &rows, &truth_read)?,
     })
 }
 
@@ -98,7 +98,7 @@ fn compare_paths(files: &[PathBuf], tool: Option<&str>) -> Result<EvaluationOutp
     Ok(EvaluationOutput {
         json: json::repeatability(&result),
         text: text::repeatability(&result),
-        page: report::repeatability(&names, &result, &paths),
+        page: report::repeatability(&names, &result, &paths)?,
     })
 }
 

@@ -1,7 +1,9 @@
 //! Shows whether the stated errors are true: a histogram of normalised errors beside their expected distribution.
 
-use super::node::Markup;
-use super::plot::{AxisRange, MARGIN, Panel, WIDTH, label, picture};
+use maud::{Markup, html};
+use plotters::style::Color;
+
+use super::plot::{INK, TOOL, UNITS, axes, bar, dashed_line, line, plot};
 use super::{DrawnTool, page, tool_card};
 use crate::checks::evaluation::{CHI_SQUARE_95, VISIBILITY_LEVELS, chi_square_3_density, normalised_square};
 
@@ -10,49 +12,36 @@ const MAX_SHOWN: f64 = 16.0;
 const BAR_WIDTH: f64 = 0.5;
 
 /// A histogram for each tool that states its errors.
-pub fn histograms(tools: &[DrawnTool]) -> Markup {
-    let pictures: Vec<Markup> = tools.iter().filter_map(histogram).collect();
+pub fn histograms(tools: &[DrawnTool]) -> anyhow::Result<Markup> {
+    let pictures = tools.iter().filter_map(|tool| histogram(tool).transpose()).collect::<anyhow::Result<Vec<_>>>()?;
     let caption = "Squared 3-D error divided by the stated variance, summed over three axes. Bars: the track. Curve: \
                    the χ² distribution with three degrees of freedom, expected if the stated errors are true. Bars \
                    left of the curve: the track is better than stated. A long tail to the right: it is worse. If the \
                    stated errors are true, 5 % lie beyond the dashed line.";
     let caption = if pictures.is_empty() { "The track states no errors." } else { caption };
-    page::section("Stated against true errors", pictures.into_iter().chain([page::caption(caption)]))
+    Ok(page::pictures("Stated against true errors", &pictures, caption))
 }
 
-fn histogram(tool: &DrawnTool) -> Option<Markup> {
+fn histogram(tool: &DrawnTool) -> anyhow::Result<Option<Markup>> {
     let seen = tool.rows.iter().filter(|row| row.visible >= VISIBILITY_LEVELS[0]);
     let squares: Vec<f64> = seen.filter_map(normalised_square).collect();
-    let bars = density(&squares)?;
+    let Some(bars) = density(&squares) else { return Ok(None) };
     let top = bars.iter().copied().fold(chi_square_3_density(1.0), f64::max);
-    let panel = Panel {
-        left: MARGIN.0,
-        top: 24.0,
-        width: WIDTH - MARGIN.0 - 10.0,
-        height: 190.0,
-        x: AxisRange { from: 0.0, to: MAX_SHOWN },
-        y: AxisRange { from: 0.0, to: 1.08 * top },
-    };
-    let mut parts = vec![label("title", (0.0, 14.0), tool.name), panel.axes("normalised squared error", "density")];
-    for (index, height) in bars.iter().enumerate() {
-        let from = BAR_WIDTH * index as f64;
-        parts.push(panel.bar("bars", (from + 0.04 * BAR_WIDTH, from + 0.96 * BAR_WIDTH), (0.0, *height)));
-    }
     let curve: Vec<_> =
         (0..=320).map(|i| MAX_SHOWN * f64::from(i) / 320.0).map(|x| (x, chi_square_3_density(x))).collect();
-    parts.push(panel.line("curve", &curve));
-    parts.push(panel.line("limit", &[(CHI_SQUARE_95[2], 0.0), (CHI_SQUARE_95[2], top)]));
-    let share = |part: usize| 100.0 * part as f64 / squares.len() as f64;
-    let beyond = share(squares.iter().filter(|s| **s > CHI_SQUARE_95[2]).count());
-    let far = share(squares.iter().filter(|s| **s > MAX_SHOWN).count());
-    let (u, v) = panel.position((CHI_SQUARE_95[2], top));
-    parts.push(label(
-        "number",
-        (u + 8.0, v + 14.0),
-        &format!("{beyond:.1} % beyond (expected: 5 %), {far:.1} % outside the plot"),
-    ));
-    let name = format!("histogram of the normalised errors of {}", tool.name);
-    Some(tool_card(tool, picture(&name, 24.0 + 190.0 + MARGIN.1 + 4.0, parts)))
+    let drawn = plot(&format!("histogram of the normalised errors of {}", tool.name), 236, |area| {
+        let axes = axes(area, (0.0..MAX_SHOWN, "normalised squared error"), (0.0..1.08 * top, "density"))?;
+        for (index, height) in bars.iter().enumerate() {
+            let edge = |share: f64| BAR_WIDTH * (index as f64 + share);
+            bar(&axes, [(edge(0.04), 0.0), (edge(0.96), *height)], TOOL.mix(0.55))?;
+        }
+        line(&axes, &curve, INK.stroke_width(2 * UNITS))?;
+        dashed_line(&axes, vec![(CHI_SQUARE_95[2], 0.0), (CHI_SQUARE_95[2], top)], INK.stroke_width(UNITS))
+    })?;
+    let share = |limit: f64| 100.0 * squares.iter().filter(|s| **s > limit).count() as f64 / squares.len() as f64;
+    let (beyond, outside) = (share(CHI_SQUARE_95[2]), share(MAX_SHOWN));
+    let note = format!("{beyond:.1} % beyond the dashed line (expected: 5 %), {outside:.1} % outside the plot");
+    Ok(Some(tool_card(tool, &html! { (drawn) p.caption { (note) } })))
 }
 
 /// Density in each bar. Values beyond the last bar count but are not drawn. `None` without values.

@@ -1,7 +1,6 @@
 //! The report page: tables and plots.
 
 mod honesty;
-mod node;
 mod over_time;
 mod page;
 mod path;
@@ -9,9 +8,9 @@ mod plot;
 mod slides;
 mod summary;
 
+use maud::{Markup, html};
 use nalgebra::Point3;
 
-use self::node::{Markup, element};
 use super::figures;
 use crate::checks::evaluation::{Accuracy, JudgedRow, Repeatability, TrueMotion, Truth};
 
@@ -26,7 +25,7 @@ struct DrawnTool<'a> {
 }
 
 /// The page that compares a trajectory with the truth.
-pub fn accuracy(about: &str, accuracy: &Accuracy, rows: &[JudgedRow], truth: &Truth) -> String {
+pub fn accuracy(about: &str, accuracy: &Accuracy, rows: &[JudgedRow], truth: &Truth) -> anyhow::Result<String> {
     let names = accuracy.tools.iter().filter_map(|tool| tool.tool.as_deref());
     let drawn = |(at, name): (usize, _)| DrawnTool {
         name,
@@ -38,23 +37,28 @@ pub fn accuracy(about: &str, accuracy: &Accuracy, rows: &[JudgedRow], truth: &Tr
     let parts = [
         summary::lead(accuracy),
         summary::table(accuracy),
-        over_time::seen(&drawn, truth),
-        over_time::errors(&drawn),
-        honesty::histograms(&drawn),
-        path::views(&drawn),
+        over_time::seen(&drawn, truth)?,
+        over_time::errors(&drawn)?,
+        honesty::histograms(&drawn)?,
+        path::views(&drawn)?,
     ];
-    page::page("Track against truth", about, parts)
+    Ok(page::page("Track against truth", about, &parts))
 }
 
 /// The page that compares paths along one guide with each other.
-pub fn repeatability(about: &str, result: &Repeatability, paths: &[Vec<Point3<f64>>]) -> String {
-    let parts = [summary::lead_of_slides(result), slides::pictures(paths), summary::distances(result)];
-    page::page("Repeatability", about, parts)
+pub fn repeatability(about: &str, result: &Repeatability, paths: &[Vec<Point3<f64>>]) -> anyhow::Result<String> {
+    let parts = [summary::lead_of_slides(result), slides::pictures(paths)?, summary::distances(result)];
+    Ok(page::page("Repeatability", about, &parts))
 }
 
-/// A picture on its own card, in the tool's colour.
-fn tool_card(tool: &DrawnTool, picture: Markup) -> Markup {
-    element("div", &[("class", "card"), ("style", &format!("--tool: var(--tool-{})", tool.colour))], [picture])
+/// A plot on its own card, in the tool's colour.
+fn tool_card(tool: &DrawnTool, plot: &Markup) -> Markup {
+    html! {
+        div.card style={ "--tool: var(--tool-" (tool.colour) ")" } {
+            h3 { (tool.name) }
+            (plot)
+        }
+    }
 }
 
 /// Splits rows into stretches without missing frames.

@@ -1,54 +1,64 @@
 //! Plots of slides along one guide: the deviation of each slide from the line through all slides.
 
+use maud::{Markup, html};
 use nalgebra::{Point3, Vector3};
+use plotters::style::{Color, RGBColor};
 
-use super::node::{Markup, element};
 use super::page;
-use super::plot::{AxisRange, MARGIN, Panel, WIDTH, label, picture};
+use super::plot::{BELOW, UNITS, WIDTH, axes, line, part, plot, range_around, zero_line};
 use crate::checks::evaluation::Line3;
 
 /// Distance from the common line over the position along the guide: across in the picture plane, and in depth.
-pub fn pictures(paths: &[Vec<Point3<f64>>]) -> Markup {
+pub fn pictures(paths: &[Vec<Point3<f64>>]) -> anyhow::Result<Markup> {
     let all: Vec<Point3<f64>> = paths.iter().flatten().copied().collect();
-    let picture = Line3::fit(&all).map(|line| element("div", &[("class", "card")], [deviation_plot(&line, paths)]));
+    let plot = Line3::fit(&all).map(|line| deviation_plot(&line, paths)).transpose()?;
+    let card = |plot| {
+        html! {
+            div.card {
+                p.legend { @for n in 0..paths.len() { (legend(n, paths.len())) } }
+                (plot)
+            }
+        }
+    };
     let caption = "Zero is the line through all slides. If the curves run together but bend away from zero, there is a \
                    systematic error along the guide. If they run apart, slides were measured differently. Early slides \
                    are blue, late ones orange.";
-    page::section("Slides along the guide", picture.into_iter().chain([page::caption(caption)]))
+    Ok(page::pictures("Slides along the guide", &plot.map(card).into_iter().collect::<Vec<_>>(), caption))
 }
 
-fn deviation_plot(line: &Line3, paths: &[Vec<Point3<f64>>]) -> Markup {
-    const HEIGHT: f64 = 150.0;
-    let (across, deep) = cross_directions(&line.direction);
+fn deviation_plot(guide: &Line3, paths: &[Vec<Point3<f64>>]) -> anyhow::Result<Markup> {
+    const HEIGHT: u32 = 166;
+    let (across, deep) = cross_directions(&guide.direction);
     let places = |side: Vector3<f64>| {
-        let of_point = move |p: &Point3<f64>| (line.position_mm(p), (p - line.centre).dot(&side));
+        let of_point = move |p: &Point3<f64>| (guide.position_mm(p), (p - guide.centre).dot(&side));
         paths.iter().map(|path| path.iter().map(of_point).collect::<Vec<_>>()).collect::<Vec<_>>()
     };
-    let drawn = [(across, "across, mm"), (deep, "in depth, mm")].map(|(side, name)| (places(side), name));
-    let x = AxisRange::around(drawn[0].0.iter().flatten().map(|(place, _)| *place));
-    let mut parts: Vec<Markup> = paths.iter().enumerate().map(|(n, _)| name(n, paths.len())).collect();
-    for (index, (slides, name)) in drawn.iter().enumerate() {
-        let reach = slides.iter().flatten().map(|(_, off)| off.abs()).fold(0.2, f64::max) * 1.1;
-        let top = 28.0 + (HEIGHT + 16.0) * index as f64;
-        let y = AxisRange { from: -reach, to: reach };
-        let panel = Panel { left: MARGIN.0, top, width: WIDTH - MARGIN.0 - 10.0, height: HEIGHT, x, y };
-        parts.push(if index == 1 { panel.axes("along the guide, mm", name) } else { panel.axes_beside(name) });
-        parts.extend(
-            slides.iter().enumerate().map(|(n, slide)| coloured_by_order(n, slides.len(), panel.line("slide", slide))),
-        );
-    }
-    picture("slides along the guide", 28.0 + 2.0 * (HEIGHT + 16.0) + MARGIN.1, parts)
+    let drawn = [(places(across), "across, mm", "", 0), (places(deep), "in depth, mm", "along the guide, mm", BELOW)];
+    let x = range_around(drawn[0].0.iter().flatten().map(|(place, _)| *place));
+    plot("slides along the guide", 2 * HEIGHT + BELOW, |area| {
+        for (index, (slides, name, x_name, below)) in drawn.iter().enumerate() {
+            let reach = slides.iter().flatten().map(|(_, off)| off.abs()).fold(0.2, f64::max) * 1.1;
+            let area = part(area, (0, HEIGHT * index as u32), (WIDTH, HEIGHT + below));
+            let axes = axes(&area, (x.clone(), x_name), (-reach..reach, name))?;
+            zero_line(&axes)?;
+            for (n, slide) in slides.iter().enumerate() {
+                line(&axes, slide, colour(n, slides.len()).stroke_width(3 * UNITS / 2))?;
+            }
+        }
+        Ok(())
+    })
 }
 
-fn name(n: usize, count: usize) -> Markup {
-    let step = ((WIDTH - MARGIN.0) / count as f64).min(70.0);
-    coloured_by_order(n, count, label("slide", (MARGIN.0 + step * n as f64, 14.0), &format!("slide {}", n + 1)))
+fn legend(n: usize, count: usize) -> Markup {
+    let RGBColor(r, g, b) = colour(n, count);
+    html! { span { span style=(format!("color: rgb({r} {g} {b})")) { "■" } " slide " (n + 1) } " " }
 }
 
-/// A part in the colour of slide `n` of `count`.
-fn coloured_by_order(n: usize, count: usize, part: Markup) -> Markup {
+/// The colour of slide `n` of `count`, from blue to orange, readable on light and dark.
+fn colour(n: usize, count: usize) -> RGBColor {
     let place = n as f64 / (count - 1).max(1) as f64;
-    element("g", &[("style", &format!("--place: {place:.3}"))], [part])
+    let mixed = |early: f64, late: f64| (early + place * (late - early)).round() as u8;
+    RGBColor(mixed(75.0, 224.0), mixed(112.0, 96.0), mixed(214.0, 24.0))
 }
 
 /// Two directions perpendicular to the guide: one in the picture plane, the other as close to the line of sight as

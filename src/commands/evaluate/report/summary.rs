@@ -1,7 +1,8 @@
 //! The main figures at the top, and the table of all figures with units.
 
+use maud::{Markup, html};
+
 use super::figures::{self, NO_VALUE};
-use super::node::Markup;
 use super::page;
 use crate::checks::evaluation::{
     Accuracy, ErrorSpread, ErrorSummary, Repeatability, SigmaCheck, ToolAccuracy, VisibilityLevel,
@@ -45,7 +46,7 @@ pub fn table(accuracy: &Accuracy) -> Markup {
         accuracy.rows_without_truth,
         1000.0 * accuracy.largest_time_difference_s
     );
-    page::section("Figures", [page::table(&rows), page::paragraph(&notes)])
+    page::section("Figures", html! { (page::table(&rows)) p { (notes) } })
 }
 
 const ROWS: [FigureRow; 17] = [
@@ -109,5 +110,5 @@ pub fn distances(result: &Repeatability) -> Markup {
         let cells = distances.iter().map(|mm| format!("{mm:.2}"));
         rows.push([format!("to the line of slide {}", line + 1)].into_iter().chain(cells).collect());
     }
-    page::section("Mean distance of a slide's points, mm", [page::table(&rows)])
+    page::section("Mean distance of a slide's points, mm", page::table(&rows))
 }

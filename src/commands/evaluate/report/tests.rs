@@ -39,7 +39,7 @@ fn scene(name: &str) -> (Trajectory, Truth) {
 fn page(name: &str) -> String {
     let (track, truth) = scene(name);
     let result = evaluation::accuracy(&track, &truth).unwrap();
-    accuracy(name, &result, &evaluation::pair_with_truth(&track, &truth).unwrap(), &truth)
+    accuracy(name, &result, &evaluation::pair_with_truth(&track, &truth).unwrap(), &truth).unwrap()
 }
 
 #[test]
@@ -64,9 +64,19 @@ fn the_page_of_a_track_shows_its_figures_and_every_picture() {
 #[test]
 fn a_tools_name_is_shown_escaped() {
     let page = page(HOSTILE);
-    assert!(!page.contains("<script") && !page.contains("'onload"), "{page:.3000}");
+    assert!(!page.contains("<script"), "{page:.3000}");
+    assert!(page.contains("aria-label=\"when &lt;/style&gt;"), "in an attribute, too: {page:.3000}");
     assert_eq!(page.matches("</style>").count(), 1);
     assert!(page.contains("&lt;/style&gt;&lt;script&gt;alert(&quot;1&quot;)"));
+}
+
+#[test]
+fn a_page_asks_for_nothing_from_elsewhere_and_holds_no_script() {
+    let page = page("<img src=//evil.example/x onerror=alert(1)>").replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
+    assert!(page.starts_with("<!DOCTYPE html><html lang=\"en\"><head><meta charset=\"utf-8\">"), "{page:.200}");
+    for asks in ["<script", "<img", "<link", "src=\"", "url(", "@import", "http://", "https://"] {
+        assert!(!page.contains(asks), "{asks}");
+    }
 }
 
 #[test]
@@ -74,7 +84,7 @@ fn a_track_in_which_nothing_was_found_has_a_page() {
     let (mut track, truth) = scene("orange");
     track.samples.clear();
     let result = evaluation::accuracy(&track, &truth).unwrap();
-    let page = accuracy("nothing", &result, &[], &truth);
+    let page = accuracy("nothing", &result, &[], &truth).unwrap();
     assert!(page.contains("missing 80") && page.contains("The track states no errors."));
 }
 
@@ -82,6 +92,6 @@ fn a_track_in_which_nothing_was_found_has_a_page() {
 fn the_page_of_slides_shows_each_of_them() {
     let slide = |n: u32| (0..50).map(|i| Point3::new(f64::from(i), 0.1 * f64::from(n), 180.0)).collect::<Vec<_>>();
     let paths: Vec<_> = (0..5).map(slide).collect();
-    let page = repeatability("five", &evaluation::repeatability(&paths).unwrap(), &paths);
+    let page = repeatability("five", &evaluation::repeatability(&paths).unwrap(), &paths).unwrap();
     assert!(page.contains("0.20 mm") && page.contains("slide 5") && page.contains("in depth, mm"), "{page:.3000}");
 }
