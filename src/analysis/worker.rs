@@ -277,7 +277,8 @@ fn attempt_plan(
 }
 
 fn crash_problem(reason: &str) -> Problem {
-    let detail = format!("the analysis process {reason}; after three attempts it is not tried again automatically");
+    let detail =
+        format!("the analysis process {reason}; once no attempts are left, it is not tried again automatically");
     Problem::new("analysis-crashed", "The analysis process failed on this file", detail)
 }
 
