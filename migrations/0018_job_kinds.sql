@@ -1,6 +1,7 @@
 -- Kinds of jobs as rows, so that a new kind is a row in a migration and the table of jobs is not made again. Advice on
 -- tapes has its own kind: until now it was a job of the kind `palette` with another input.
 
+-- What a job can do.
 CREATE TABLE job_kind (
     name    TEXT PRIMARY KEY CHECK (length(name) BETWEEN 1 AND 32),          -- JobKind
     subject TEXT NOT NULL CHECK (subject IN ('session', 'box')),             -- what its jobs work on
