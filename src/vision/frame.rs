@@ -1,5 +1,7 @@
 //! One picture as the decoder returned it: borrowed Y, U and V planes with their time stamp. Nothing is copied.
 
+use serde::{Deserialize, Serialize};
+
 /// One 8-bit plane; `data[row * stride + column]`.
 #[derive(Clone, Copy, Debug)]
 pub struct Plane<'a> {
@@ -28,7 +30,7 @@ impl<'a> Plane<'a> {
 }
 
 /// The codes of black and white.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Range {
     /// 16–235 (luma), 16–240 (chroma): most H.264.
     Limited,
@@ -37,7 +39,7 @@ pub enum Range {
 }
 
 /// The weights that convert R, G, B to Y, U, V.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Matrix {
     /// ITU-R BT.601: standard definition and JPEG.
     Bt601,
@@ -48,7 +50,7 @@ pub enum Matrix {
 }
 
 /// How the codes in the planes represent colour.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct ColourEncoding {
     /// Code range.
     pub range: Range,

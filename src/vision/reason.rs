@@ -1,7 +1,10 @@
 //! Reasons why a tool was not seen or its measurement was rejected: a closed set, so that pages can explain each one.
 
+use serde::{Deserialize, Serialize};
+
 /// Why a tool has no observation on a frame, in the order of the stages: the greater one got farther.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(into = "u8", try_from = "u8")]
 pub enum MissReason {
     /// No region of the marker's colour.
     NoMarkerColour,
@@ -41,6 +44,27 @@ pub enum MissReason {
 }
 
 impl MissReason {
+    /// All reasons. Results store the position in this list: append only.
+    pub const ALL: [MissReason; 17] = [
+        MissReason::NoMarkerColour,
+        MissReason::TooSmall,
+        MissReason::WrongShape,
+        MissReason::BordersNotFound,
+        MissReason::ImpossiblePose,
+        MissReason::TipHidden,
+        MissReason::OutOfBounds,
+        MissReason::GateRejected,
+        MissReason::EitherTool,
+        MissReason::OutsideLensModel,
+        MissReason::LengthUnknown,
+        MissReason::PoorFit,
+        MissReason::NotTape,
+        MissReason::WrongWayRound,
+        MissReason::OffFulcrum,
+        MissReason::OtherToolsBand,
+        MissReason::Misread,
+    ];
+
     /// The reason without its cause: [`MissReason::ImpossiblePose`] for each cause to reject a pose.
     pub fn general(self) -> Self {
         if (MissReason::ImpossiblePose..=MissReason::Misread).contains(&self) {
@@ -71,5 +95,38 @@ impl MissReason {
             MissReason::GateRejected => "gate_rejected",
             MissReason::EitherTool => "either_tool",
         }
+    }
+}
+
+impl From<MissReason> for u8 {
+    fn from(reason: MissReason) -> u8 {
+        MissReason::ALL.iter().take_while(|listed| **listed != reason).count() as u8
+    }
+}
+
+/// No reason has this number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no reason has the number {0}")]
+pub struct UnknownReason(u8);
+
+impl TryFrom<u8> for MissReason {
+    type Error = UnknownReason;
+
+    fn try_from(number: u8) -> Result<Self, UnknownReason> {
+        MissReason::ALL.get(usize::from(number)).copied().ok_or(UnknownReason(number))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_reason_is_listed_once_and_reads_back() {
+        let mut stages: Vec<usize> = MissReason::ALL.iter().map(|reason| *reason as usize).collect();
+        stages.sort_unstable();
+        assert!(stages.into_iter().eq(0..=MissReason::EitherTool as usize));
+        assert!(MissReason::ALL.iter().all(|reason| MissReason::try_from(u8::from(*reason)) == Ok(*reason)));
+        assert!(MissReason::try_from(17).is_err() && MissReason::try_from(255).is_err());
     }
 }

@@ -1,9 +1,10 @@
 //! Position of each tool at each frame: the product of the tracker and the input of the features.
 
 use nalgebra::{Point2, Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// The kind of estimate in a trajectory.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum PathKind {
     /// Each frame's own measurement, unfiltered.
     Raw,
@@ -14,17 +15,17 @@ pub enum PathKind {
     Smoothed,
 }
 
-/// Was the tool measured on this frame?
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+/// Was the tool measured on this frame? Results store it by position in this list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum SampleState {
-    /// Measured on this frame.
-    Observed,
     /// Bridged by the motion model over a short gap.
     Predicted,
+    /// Measured on this frame.
+    Observed,
 }
 
-/// One tool at one frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// One tool at one frame. Results store its fields in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// Decoded frames before this one.
     pub frame: u64,
@@ -46,6 +47,21 @@ pub struct Sample {
     pub sigma_z_mm: Option<f64>,
     /// Measured or bridged.
     pub state: SampleState,
+}
+
+impl Sample {
+    /// True if it was measured, false if it was bridged.
+    pub fn is_observed(&self) -> bool {
+        self.state == SampleState::Observed
+    }
+
+    /// Every number but the frame and the tool.
+    pub fn numbers(&self) -> impl Iterator<Item = f64> + use<> {
+        let vectors = [self.velocity_mm_s, self.axis].into_iter().flatten().flat_map(<[f64; 3]>::from);
+        let pixels = self.tip_px.into_iter().flat_map(<[f64; 2]>::from);
+        let sigmas = [self.sigma_xy_mm, self.sigma_z_mm].into_iter().flatten();
+        <[f64; 3]>::from(self.tip_mm).into_iter().chain([self.time_s]).chain(vectors).chain(pixels).chain(sigmas)
+    }
 }
 
 /// The path of every tool of a session, ordered by frame, then tool. A frame without a sample of a tool means that the

@@ -12,6 +12,7 @@
 //! session stay right, but paths of different days are no longer in one frame.
 
 use nalgebra::{Matrix3, Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::limits::MAX_DISPLACEMENT_MM;
 use crate::numbers::quantile::quantile;
@@ -42,11 +43,11 @@ const OTHER_PORT_MM: f64 = 2.0 * SAME_PORT_MM;
 const MEDIAN_VARIANCE_RATIO: f64 = std::f64::consts::FRAC_PI_2;
 
 /// Positions of a box's trocars, from earlier sessions.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ports(Vec<Fulcrum>);
 
 /// How far something has moved.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Displacement {
     /// Distance, mm.
     pub mm: f64,
@@ -55,7 +56,7 @@ pub struct Displacement {
 }
 
 /// Positions of a session's trocars relative to the box's ports.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PortPlacement {
     /// Set if the camera has moved: the displacement of the trocar that seems to have moved most.
     pub camera: Option<Displacement>,

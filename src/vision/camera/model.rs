@@ -3,11 +3,12 @@
 //! Undistortion is applied to points, never to frames: a remap of 1080p costs more than all tracking.
 
 use nalgebra::{Matrix2, Point2, Vector2};
+use serde::{Deserialize, Serialize};
 
 use crate::vision::space::{CameraPoint, Normalised, Pixel};
 
 /// Intrinsics and distortion of one camera at one picture size.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     /// Picture width, pixels.
     pub width: u32,

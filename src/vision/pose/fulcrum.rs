@@ -4,12 +4,14 @@
 //! and uses it to correct the lean, and through that the depth, of each pose.
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix2x5, Matrix3, Point3, Vector2, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::{TubeEstimate, perpendiculars};
 use crate::vision::tube::Tube;
 
-/// A fulcrum with its covariance.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A fulcrum with its covariance. Results store the upper triangle of the covariance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "UpperFulcrum", into = "UpperFulcrum")]
 pub struct Fulcrum {
     /// Position in the camera frame, mm.
     pub at: Point3<f64>,
@@ -31,9 +33,30 @@ impl Fulcrum {
         is_well_known.then_some(Self { covariance, ..self })
     }
 
+    /// Every number of it.
+    pub fn numbers(&self) -> impl Iterator<Item = f64> + use<> {
+        <[f64; 3]>::from(self.at).into_iter().chain(self.upper())
+    }
+
     /// Its covariance as xx, xy, xz, yy, yz, zz.
     pub fn upper(&self) -> [f64; 6] {
         [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|place| self.covariance[place])
+    }
+}
+
+/// Position, and covariance as xx, xy, xz, yy, yz, zz.
+#[derive(Serialize, Deserialize)]
+struct UpperFulcrum(Point3<f64>, [f64; 6]);
+
+impl From<Fulcrum> for UpperFulcrum {
+    fn from(fulcrum: Fulcrum) -> Self {
+        Self(fulcrum.at, fulcrum.upper())
+    }
+}
+
+impl From<UpperFulcrum> for Fulcrum {
+    fn from(UpperFulcrum(at, upper): UpperFulcrum) -> Self {
+        Self::from_upper(at, upper)
     }
 }
 

@@ -1,10 +1,12 @@
 //! Colour samples: the pixels inside the rectangles that an instructor marked. Plain data, so that they can be stored
 //! per box and read back.
 
+use serde::{Deserialize, Serialize};
+
 use crate::vision::frame::{ColourEncoding, Frame};
 
 /// A marked rectangle, in pixels of the recorded frame; `x`, `y` is its first pixel.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MarkedRectangle {
     /// Name of the tool's colour, or a label that is no tool (`background`, `shaft`, …).
     pub label: String,
@@ -19,7 +21,7 @@ pub struct MarkedRectangle {
 }
 
 /// One marked colour.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct ColourSample {
     /// Index into [`ColourSamples::labels`].
     pub label: usize,
@@ -31,7 +33,7 @@ pub struct ColourSample {
 }
 
 /// All marked colours of a box.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ColourSamples {
     /// How the codes relate to colour.
     pub encoding: ColourEncoding,
@@ -89,6 +91,11 @@ impl ColourSamples {
     /// Number of samples of a label.
     pub fn count(&self, label: &str) -> usize {
         self.samples.iter().filter(|s| self.labels[s.label] == label).count()
+    }
+
+    /// Number of samples per label, in the order of the labels.
+    pub fn counts(&self) -> Vec<(String, u64)> {
+        self.labels.iter().map(|label| (label.clone(), self.count(label) as u64)).collect()
     }
 
     /// Mean of a label's samples, as codes of the given encoding.

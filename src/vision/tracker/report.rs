@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::motion::ToolMotion;
 use crate::vision::pose::fulcrum::Fulcrum;
@@ -54,8 +55,8 @@ pub struct FrameReport {
     pub tools: Vec<ToolReport>,
 }
 
-/// Why a tool has no position for a while.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Why a tool has no position for a while. Results store it by position in this list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Absence {
     /// Its band was at the edge of the picture before or after, and was not in the picture in between.
     LeftView,
@@ -64,7 +65,7 @@ pub enum Absence {
 }
 
 /// Consecutive frames without a position of a tool, neither measured nor bridged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Gap {
     /// First frame without a position.
     pub first: u64,
@@ -76,7 +77,7 @@ pub struct Gap {
 
 /// The scene's light at one moment, relative to the first frame. Medians over the picture, so that moving tools do not
 /// count.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LightSample {
     /// Presentation time, s.
     pub time_s: f64,
@@ -86,10 +87,11 @@ pub struct LightSample {
     pub chroma_shift: [f64; 2],
 }
 
-/// Tracking quality of one tool over a recording.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// Tracking quality of one tool over a recording. Results store its fields in this order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ToolQuality {
-    /// The tool's name.
+    /// The tool's name. Results store the names of all tools once, beside the paths.
+    #[serde(skip)]
     pub tool: String,
     /// Frames on which it was measured.
     pub observed: u64,
@@ -116,7 +118,7 @@ pub struct ToolQuality {
 
 /// Apparent diameter of a tape in a recording: its true diameter plus twice the outward shift of its borders by lens,
 /// light and compression, at the median depth.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EffectiveDiameter {
     /// Diameter, mm.
     pub mm: f64,
@@ -126,13 +128,13 @@ pub struct EffectiveDiameter {
     pub basis: DiameterBasis,
 }
 
-/// How an effective diameter was determined.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How an effective diameter was determined. Results store it by position in this list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DiameterBasis {
-    /// From the session's poses together: they share a fulcrum and the band's length.
-    Session,
     /// The poses were too few or turned too little: the tube's true diameter, with the usual uncertainty of borders.
     Usual,
+    /// From the session's poses together: they share a fulcrum and the band's length.
+    Session,
 }
 
 impl DiameterBasis {

@@ -4,11 +4,13 @@ mod problem;
 
 pub use problem::SettingsProblem;
 
+use serde::{Deserialize, Serialize};
+
 use crate::vision::camera::Camera;
 use crate::vision::segmentation::samples::ColourSamples;
 
 /// One tool: a tube with a band of coloured tape that ends where the jaw begins.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ToolSpec {
     /// The tool's name.
     pub name: String,
@@ -23,7 +25,7 @@ pub struct ToolSpec {
 }
 
 /// The side of a tool's hand, as the camera sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum HandSide {
     /// Left in the picture.
     Left,
@@ -32,7 +34,7 @@ pub enum HandSide {
 }
 
 /// Position of the camera (T 6.4). Decides which end of a band is distal while nothing better is known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum CameraView {
     /// Camera above the box: hands are below the picture, tips point up in it.
     Top,
@@ -41,7 +43,7 @@ pub enum CameraView {
 }
 
 /// Method that turns borders into a position in space.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum PoseMethod {
     /// Exact tangent planes, then a joint fit of borders and band ends: the default.
     #[default]
@@ -51,7 +53,7 @@ pub enum PoseMethod {
 }
 
 /// How tools can move, and for how long a tool is predicted while it is not seen.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MotionSettings {
     /// Typical acceleration, mm/s²: a larger value follows motion faster, a smaller one is smoother. Hands reach
     /// 200–1000.
@@ -100,7 +102,7 @@ impl MotionSettings {
 }
 
 /// All settings of a [`super::Tracker`].
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrackerSettings {
     /// The camera, calibrated at the size of the frames.
     pub camera: Camera,

@@ -4,6 +4,8 @@
 //! pixels of one rectangle may not support each other ([`super::confusion`]). After a session was tracked
 //! ([`colour_separations`]): its coverage shows how well the tape was recognised, but not whether it was the tape.
 
+use serde::{Deserialize, Serialize};
+
 use super::confusion::{TestPixel, group_of_samples, select_test_pixels};
 use super::{distance_steps, quantile};
 use crate::vision::segmentation::knn::metric_of;
@@ -20,7 +22,7 @@ const DECIDING_NEIGHBOUR: usize = 3;
 const MARGIN_QUANTILE: f64 = 0.05;
 
 /// Distance of a tape's colour from everything else that was marked, except the tool's own parts.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Margin {
     /// The shift of colour that its pixels tolerate before the vote changes: half the difference between the distances
     /// to the third neighbour of another label and to its own third neighbour, valid for all but 5 % of its pixels.
@@ -33,7 +35,7 @@ pub struct Margin {
 }
 
 /// Separation of a tool's colour in recordings that are tracked with it. `None` if no such colours were marked.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ColourSeparation {
     /// From the other tools' tapes.
     pub from_tools: Option<Margin>,
