@@ -18,7 +18,7 @@ use progress::TrackProgress;
 use stages::{StageClock, TrackStage};
 
 use super::{CommandFailure, verdict};
-use crate::domain::files::annotations::{self, AnnotationsFile, LabelledRectangle, MarkedTool};
+use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::files::trajectory::write_csv;
@@ -29,7 +29,7 @@ use crate::vision::frame::Frame;
 use crate::vision::segmentation::palette::{self, TapeVerdict};
 use crate::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
 use crate::vision::tracker::{
-    CameraView, HandSide, MAX_WARM_UP_FRAMES, MotionSettings, PoseMethod, ToolSpec, Tracker, TrackerSettings, Tracking,
+    CameraView, MAX_WARM_UP_FRAMES, MotionSettings, PoseMethod, ToolSpec, Tracker, TrackerSettings, Tracking,
 };
 use crate::vision::trajectory::{PathKind, Sample, Trajectory};
 
@@ -181,10 +181,7 @@ pub(super) fn tracker_settings(
     samples: &ColourSamples,
 ) -> Result<TrackerSettings, CommandFailure> {
     let mut settings = TrackerSettings::new(camera.camera(), tools(marked, annotations)?, samples.clone());
-    settings.view = marked.view.map(|view| match view {
-        annotations::View::Top => CameraView::Top,
-        annotations::View::Side => CameraView::Side,
-    });
+    settings.view = marked.view.map(CameraView::from);
     Ok(settings)
 }
 
@@ -287,16 +284,7 @@ pub(super) fn rectangle(marked: &AnnotationsFile, label: &LabelledRectangle) -> 
 
 fn tools(marked: &AnnotationsFile, path: &Path) -> Result<Vec<ToolSpec>, CommandFailure> {
     let tools = marked.marked_tools().map_err(|e| about(path, e))?;
-    Ok(tools.into_iter().map(tool).collect())
-}
-
-fn tool(marked: MarkedTool) -> ToolSpec {
-    let MarkedTool { name, colour, side, diameter_mm, band_length_mm } = marked;
-    let side = side.map(|side| match side {
-        annotations::Side::Left => HandSide::Left,
-        annotations::Side::Right => HandSide::Right,
-    });
-    ToolSpec { name, colour, side, diameter_mm, band_length_mm }
+    Ok(tools.into_iter().map(ToolSpec::from).collect())
 }
 
 fn report(tracking: &Tracking) {

@@ -15,6 +15,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{MAX_TOOL_NAME_LENGTH, is_tool_name};
+use crate::vision::tracker::{CameraView, HandSide, ToolSpec};
 
 /// Labels that are not tools.
 pub const NOT_TOOLS: [&str; 5] = ["background", "shaft", "jaw", "glove", "other"];
@@ -30,6 +31,15 @@ pub enum View {
     Top,
     /// Camera at the side of the box.
     Side,
+}
+
+impl From<View> for CameraView {
+    fn from(view: View) -> Self {
+        match view {
+            View::Top => Self::Top,
+            View::Side => Self::Side,
+        }
+    }
 }
 
 /// One marked rectangle, in pixels of the recorded frame. `x`, `y` is the first pixel inside.
@@ -61,6 +71,15 @@ pub enum Side {
     Left,
     /// The tool comes from the right.
     Right,
+}
+
+impl From<Side> for HandSide {
+    fn from(side: Side) -> Self {
+        match side {
+            Side::Left => Self::Left,
+            Side::Right => Self::Right,
+        }
+    }
 }
 
 impl Side {
@@ -136,6 +155,12 @@ pub struct MarkedTool {
     pub diameter_mm: f64,
     /// Band length, mm, where known.
     pub band_length_mm: Option<f64>,
+}
+
+impl From<MarkedTool> for ToolSpec {
+    fn from(MarkedTool { name, colour, side, diameter_mm, band_length_mm }: MarkedTool) -> Self {
+        Self { name, colour, side: side.map(HandSide::from), diameter_mm, band_length_mm }
+    }
 }
 
 /// Why annotations cannot be used.
