@@ -2,7 +2,8 @@
 
 use std::fs::File;
 
-use super::output_validator::{ChildEvent, ChildOutput, OutputValidator};
+use super::child::{ChildEvent, ChildOutput};
+use super::output_validator::OutputValidator;
 use super::protocol::{self, ChildRequest};
 use crate::domain::problem::Problem;
 use crate::media::MediaLimits;

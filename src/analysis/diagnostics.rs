@@ -35,7 +35,7 @@ impl<'a> Diagnostics<'a> {
         for row in rows {
             columns.frame.push(row.frame);
             columns.tool.push(row.tool);
-            columns.reason.push(row.reason.map(|reason| MissReason::from(reason).name()));
+            columns.reason.push(row.reason.map(MissReason::name));
             columns.border_a.push(row.borders_px.map(|[a, _]| a));
             columns.border_b.push(row.borders_px.map(|[_, b]| b));
             columns.tip_u_px.push(row.tip_px.map(|[u, _]| u));
@@ -102,7 +102,6 @@ pub fn select_frames(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::analysis::protocol::ReasonShape;
 
     #[test]
     fn every_row_has_a_place_in_every_column() {
@@ -113,8 +112,7 @@ mod tests {
             borders_px: Some([[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.5]]),
             tip_px: Some([9.0, 10.25]),
         };
-        let unseen =
-            SeenRow { reason: Some(ReasonShape::TipHidden), borders_px: None, tip_px: None, frame: 4, tool: 0 };
+        let unseen = SeenRow { reason: Some(MissReason::TipHidden), borders_px: None, tip_px: None, frame: 4, tool: 0 };
         let tools = ["orange".to_owned()];
         let text = Diagnostics::new((640, 480), &tools, &[seen, unseen]).to_json().unwrap();
         let expected = [
@@ -131,7 +129,7 @@ mod tests {
         let row = |frame: u64, tool: u32| SeenRow {
             frame,
             tool,
-            reason: (tool == 1).then_some(ReasonShape::TooSmall),
+            reason: (tool == 1).then_some(MissReason::TooSmall),
             borders_px: (tool == 0).then_some([[0.1, 0.2, 0.3, 0.4]; 2]),
             tip_px: Some([frame as f32 / 3.0, 7.0]),
         };

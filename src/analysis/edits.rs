@@ -12,11 +12,12 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 
 use super::paths::{PathKind, SessionPaths};
-use super::protocol::{PathRow, QualityShape, ReasonShape, SeenRow, ToolQualityShape};
+use super::protocol::{QualitySummary, SeenRow};
 use crate::domain::edit::{EditChange, EditsInForce, kept_span};
 use crate::domain::text::Invalid;
 use crate::vision::reason::MissReason;
-use crate::vision::trajectory::{Cut, Trajectory};
+use crate::vision::tracker::{Absence, Gap, ToolQuality};
+use crate::vision::trajectory::{Cut, Sample, Trajectory};
 
 /// Shortest recording that trimming may leave, s: a shorter one is no practice, and no feature could be measured.
 pub const MIN_KEPT_S: f64 = 1.0;
@@ -25,7 +26,7 @@ pub const MIN_KEPT_S: f64 = 1.0;
 const WHOLE_RECORDING: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 /// Frame and tool of each measurement that failed, and why.
-pub type Unmeasured = Vec<(u64, u32, ReasonShape)>;
+pub type Unmeasured = Vec<(u64, u32, MissReason)>;
 
 /// The unmeasured frames in a child's output.
 pub fn unmeasured(seen: &[SeenRow]) -> Unmeasured {
@@ -44,7 +45,7 @@ pub fn unmeasured_of_diagnostics(json: &[u8]) -> Unmeasured {
         tool: Vec<u32>,
         reason: Vec<Option<String>>,
     }
-    let named = |name: &str| ReasonShape::ALL.iter().copied().find(|shape| MissReason::from(*shape).name() == name);
+    let named = |name: &str| MissReason::ALL.into_iter().find(|reason| reason.name() == name);
     let Ok(ReasonDocument { columns }) = serde_json::from_slice(json) else { return Vec::new() };
     let rows = columns.frame.into_iter().zip(columns.tool).zip(columns.reason);
     rows.filter_map(|((frame, tool), reason)| Some((frame, tool, named(&reason?)?))).collect()
@@ -54,16 +55,16 @@ pub fn unmeasured_of_diagnostics(json: &[u8]) -> Unmeasured {
 pub fn apply_edits(
     paths: &SessionPaths,
     changes: &[EditChange],
-    unmeasured: &[(u64, u32, ReasonShape)],
+    unmeasured: &[(u64, u32, MissReason)],
 ) -> SessionPaths {
     if changes.is_empty() {
         return paths.clone();
     }
     let span = kept_span(changes).unwrap_or(WHOLE_RECORDING);
     let swaps = Swaps::of(paths, changes);
-    let rows = |rows: &[PathRow]| {
-        let mut rows: Vec<PathRow> = rows.iter().filter(|row| is_within(row.time_s, span)).copied().collect();
-        rows.iter_mut().for_each(|row| row.tool = swaps.name_at(row.tool, row.time_s));
+    let rows = |rows: &[Sample]| {
+        let mut rows: Vec<Sample> = rows.iter().filter(|row| is_within(row.time_s, span)).copied().collect();
+        rows.iter_mut().for_each(|row| row.tool = swaps.name_at(row.tool as u32, row.time_s) as usize);
         rows.sort_by_key(|row| (row.frame, row.tool));
         rows
     };
@@ -75,7 +76,11 @@ pub fn apply_edits(
         smoothed: rows(&paths.smoothed),
         tracking: paths.tracking.clone(),
         cuts: swaps.cuts(
-            paths.smoothed.iter().map(|row| (row.tool, row.time_s)).filter(|(_, time_s)| is_within(*time_s, span)),
+            paths
+                .smoothed
+                .iter()
+                .map(|row| (row.tool as u32, row.time_s))
+                .filter(|(_, time_s)| is_within(*time_s, span)),
         ),
     };
     if let Some(tracking) = &mut left.tracking {
@@ -150,7 +155,7 @@ pub fn check_edit(paths: &SessionPaths, in_force: &EditsInForce, new: EditChange
             }
             let all: Vec<EditChange> = in_force.changes.iter().cloned().chain([EditChange::Trim(span)]).collect();
             let [from, to] = kept_span(&all).unwrap_or(span);
-            let has_rows = paths.smoothed.iter().any(|row| row.observed && is_within(row.time_s, [from, to]));
+            let has_rows = paths.smoothed.iter().any(|row| row.is_observed() && is_within(row.time_s, [from, to]));
             if to - from >= MIN_KEPT_S && has_rows {
                 return Ok(EditChange::Trim(span));
             }
@@ -217,11 +222,11 @@ impl Swaps {
 
 /// The tracker's summary of the remaining part.
 fn remaining_summary(
-    whole: &QualityShape,
-    (paths, smoothed): (&SessionPaths, &[PathRow]),
+    whole: &QualitySummary,
+    (paths, smoothed): (&SessionPaths, &[Sample]),
     (span, swaps): ([f64; 2], &Swaps),
-    unmeasured: &[(u64, u32, ReasonShape)],
-) -> QualityShape {
+    unmeasured: &[(u64, u32, MissReason)],
+) -> QualitySummary {
     // Frames are numbered from 0, and each has a time.
     let times = &paths.frame_times_s;
     let left = |frame: u64| times.get(frame as usize).is_some_and(|time_s| is_within(*time_s, span));
@@ -229,11 +234,11 @@ fn remaining_summary(
     let name_at = |tool: u32, frame: u64| times.get(frame as usize).map_or(tool, |time_s| swaps.name_at(tool, *time_s));
     let mut counts = vec![[0u64; 2]; whole.tools.len()];
     for row in smoothed {
-        if let Some(count) = counts.get_mut(row.tool as usize) {
-            count[usize::from(!row.observed)] += 1;
+        if let Some(count) = counts.get_mut(row.tool) {
+            count[usize::from(!row.is_observed())] += 1;
         }
     }
-    let mut reasons = vec![BTreeMap::<ReasonShape, u64>::new(); whole.tools.len()];
+    let mut reasons = vec![BTreeMap::<MissReason, u64>::new(); whole.tools.len()];
     for (frame, tool, reason) in unmeasured.iter().filter(|(frame, ..)| left(*frame)) {
         if let Some(of_tool) = reasons.get_mut(name_at(*tool, *frame) as usize) {
             *of_tool.entry(*reason).or_default() += 1;
@@ -241,39 +246,37 @@ fn remaining_summary(
     }
     let mut gaps = vec![Vec::new(); whole.tools.len()];
     for (index, tool) in whole.tools.iter().enumerate() {
-        for &(first, last, reason) in &tool.gaps {
+        for &Gap { first, last, absence } in &tool.gaps {
             let frames = (first..=last).filter(|frame| left(*frame));
-            frames.for_each(|frame| add_to_gaps(&mut gaps, name_at(index as u32, frame), (frame, reason)));
+            frames.for_each(|frame| add_to_gaps(&mut gaps, name_at(index as u32, frame), (frame, absence)));
         }
     }
-    gaps.iter_mut().for_each(|of_tool| of_tool.sort_by_key(|gap| gap.0));
-    let tool = |(index, tool): (usize, &ToolQualityShape)| {
+    gaps.iter_mut().for_each(|of_tool| of_tool.sort_by_key(|gap| gap.first));
+    let tool = |(index, tool): (usize, &ToolQuality)| {
         let [observed, predicted] = counts[index];
-        ToolQualityShape {
-            observed_predicted_missing: [observed, predicted, frames.saturating_sub(observed + predicted)],
-            reasons: std::mem::take(&mut reasons[index]).into_iter().collect(),
+        ToolQuality {
+            observed,
+            predicted,
+            missing: frames.saturating_sub(observed + predicted),
+            reasons: std::mem::take(&mut reasons[index]),
             gaps: std::mem::take(&mut gaps[index]),
             ..tool.clone()
         }
     };
-    QualityShape {
+    QualitySummary {
         frames,
         frames_interlaced: scale_count(whole.frames_interlaced, frames, whole.frames),
         tools: whole.tools.iter().enumerate().map(tool).collect(),
-        light: whole.light.iter().copied().filter(|[time_s, ..]| is_within(*time_s, span)).collect(),
+        light: whole.light.iter().copied().filter(|light| is_within(light.time_s, span)).collect(),
     }
 }
 
 /// Adds a frame to a tool's gaps: extends the last gap, or starts a new one.
-fn add_to_gaps(
-    gaps: &mut [Vec<(u64, u64, Option<ReasonShape>)>],
-    tool: u32,
-    (frame, reason): (u64, Option<ReasonShape>),
-) {
+fn add_to_gaps(gaps: &mut [Vec<Gap>], tool: u32, (frame, absence): (u64, Absence)) {
     let Some(gaps) = gaps.get_mut(tool as usize) else { return };
     match gaps.last_mut() {
-        Some(last) if last.1 + 1 == frame && last.2 == reason => last.1 = frame,
-        _ => gaps.push((frame, frame, reason)),
+        Some(last) if last.last + 1 == frame && last.absence == absence => last.last = frame,
+        _ => gaps.push(Gap { first: frame, last: frame, absence }),
     }
 }
 

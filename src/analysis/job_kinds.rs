@@ -2,7 +2,7 @@
 //! a branch of [`WorkerPool::work_on`] and the function that it calls.
 
 use super::job_plan::{self, BoxContext, EarlierSessions};
-use super::protocol::ChildWork;
+use super::protocol::{AdviseWork, ChildWork};
 use super::results::{self, TrackResult};
 use super::worker::{WorkError, WorkerPool};
 use crate::domain::job::{CalibrateInput, JobInput, PaletteInput, SelfTestInput, TrackInput};
@@ -30,7 +30,7 @@ impl WorkerPool {
     async fn track(&self, held: &mut HeldJob, input: TrackInput, ending: &Shutdown) -> Result<(), WorkError> {
         let calibration = self.store.calibrations().get(&Scope::service(), input.calibration).await?;
         let earlier = EarlierSessions::before(input.session, input.calibration, &self.store).await?;
-        let work = job_plan::track_work(&input, calibration.camera.camera().into(), &self.store).await?;
+        let work = job_plan::track_work(&input, calibration.camera.camera(), &self.store).await?;
         let tools = work.tools.iter().map(|tool| tool.name.clone()).collect();
         let output = self.run_child(held, ChildWork::Track(work), ending).await?;
         let ports = self.earlier_ports(held, earlier, ending).await?;
@@ -66,7 +66,7 @@ impl WorkerPool {
     }
 
     async fn advise_on_tapes(&self, held: &mut HeldJob, ending: &Shutdown) -> Result<(), WorkError> {
-        let output = self.run_child(held, ChildWork::Advise, ending).await?;
+        let output = self.run_child(held, ChildWork::Advise(AdviseWork), ending).await?;
         let advice = results::advice(output)?;
         let stored = held.finish(async |store, lease| store.jobs().finish_advice(lease, advice).await).await;
         stored.map_err(WorkError::NotStored)

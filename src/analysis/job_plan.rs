@@ -2,10 +2,8 @@
 
 use std::fs::File;
 
-use super::protocol::{
-    BoardShape, CalibrateWork, CameraShape, ChildWork, FulcrumShape, MarkShape, PaletteShape, PaletteWork,
-    SelfTestWork, SideShape, ToolShape, TrackWork, ViewShape,
-};
+use super::protocol::{CalibrateWork, ChildWork, ColourMark, PaletteWork, RequestedBoard, SelfTestWork};
+use super::stored_palette::read_palette;
 use super::worker::WorkError;
 use crate::domain::boxes::BoxTool;
 use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle, View};
@@ -18,7 +16,10 @@ use crate::motion::quality::ports::{self, Ports};
 use crate::sandbox::MAX_INPUTS;
 use crate::store::{PaletteRecord, SessionOrderKey, Store, StoreError};
 use crate::vault::Vault;
+use crate::vision::camera::Camera;
 use crate::vision::pose::fulcrum::Fulcrum;
+use crate::vision::segmentation::samples::MarkedRectangle;
+use crate::vision::tracker::{CameraView, HandSide, ToolSpec, TrackerSettings};
 
 /// The work of a child and its input files.
 pub(super) struct JobPlan {
@@ -62,9 +63,14 @@ impl JobPlan {
     }
 }
 
-pub(super) async fn track_work(input: &TrackInput, camera: CameraShape, store: &Store) -> Result<TrackWork, WorkError> {
+/// Settings of the tracker for a recording.
+pub(super) async fn track_work(
+    input: &TrackInput,
+    camera: Camera,
+    store: &Store,
+) -> Result<TrackerSettings, WorkError> {
     let palette = store.palettes().get(&Scope::service(), input.palette).await?;
-    track_work_with(palette, camera, store).await
+    tracker_settings(palette, camera, store).await
 }
 
 impl EarlierSessions {
@@ -99,42 +105,35 @@ fn ports_of_sessions(found: Vec<(SessionOrderKey, Vec<Fulcrum>)>) -> Ports {
     Ports::of_sessions(&found.into_iter().map(|(_, fulcrums)| fulcrums).collect::<Vec<_>>())
 }
 
-fn fulcrum_shapes(ports: &Ports) -> Vec<FulcrumShape> {
-    ports.all().iter().copied().map(FulcrumShape::from).collect()
-}
-
 pub(super) async fn self_test_work(input: &SelfTestInput, store: &Store) -> Result<SelfTestWork, WorkError> {
     let calibration = store.calibrations().get(&Scope::service(), input.calibration).await?;
     let palette = store.palettes().get(&Scope::service(), input.palette).await?;
     let SelfTestInput { board, square_mm, reach_mm, .. } = *input;
     Ok(SelfTestWork {
-        track: track_work_with(palette, calibration.camera.camera().into(), store).await?,
-        board: BoardShape { columns: board.columns, rows: board.rows, square_mm },
+        track: tracker_settings(palette, calibration.camera.camera(), store).await?,
+        board: RequestedBoard { columns: board.columns, rows: board.rows, square_mm },
         reach_mm,
         calibration_rms_px: calibration.rms_px,
-        ports: fulcrum_shapes(&ports_so_far(input.of, input.calibration, store).await?),
+        ports: ports_so_far(input.of, input.calibration, store).await?,
     })
 }
 
-async fn track_work_with(palette: PaletteRecord, camera: CameraShape, store: &Store) -> Result<TrackWork, WorkError> {
+async fn tracker_settings(palette: PaletteRecord, camera: Camera, store: &Store) -> Result<TrackerSettings, WorkError> {
     let view = match palette.annotations.view {
         Some(view) => Some(view),
         None => view_of(palette.box_id, store).await?,
     };
-    Ok(TrackWork {
-        camera,
-        tools: palette.tools.into_iter().map(ToolShape::from).collect(),
-        palette: PaletteShape::stored(&palette.samples).map_err(|_| unreadable_palette_problem())?,
-        view: view.map(ViewShape::from),
-    })
+    let samples = read_palette(&palette.samples).ok_or_else(unreadable_palette_problem)?;
+    let tools = palette.tools.into_iter().map(ToolSpec::from).collect();
+    Ok(TrackerSettings { view: view.map(CameraView::from), ..TrackerSettings::new(camera, tools, samples) })
 }
 
 /// What a live recording in a box is tracked and judged with.
 pub struct LivePlan {
     /// Camera, tools and colours.
-    pub track: TrackWork,
+    pub track: TrackerSettings,
     /// Trocar positions in earlier sessions.
-    pub ports: Vec<FulcrumShape>,
+    pub ports: Ports,
 }
 
 /// Looks up what a live recording in a box is tracked with, or the problem if the box lacks something.
@@ -149,8 +148,8 @@ pub async fn live_plan(of: BoxId, store: &Store) -> Result<Result<LivePlan, Prob
     let Some(palette) = store.palettes().latest(&scope, of).await? else {
         return Ok(Err(Problem::new("box-not-ready", "The box is not ready", "the box's colours are not marked")));
     };
-    let ports = fulcrum_shapes(&ports_so_far(of, calibration.id, store).await?);
-    Ok(match track_work_with(palette, calibration.camera.camera().into(), store).await {
+    let ports = ports_so_far(of, calibration.id, store).await?;
+    Ok(match tracker_settings(palette, calibration.camera.camera(), store).await {
         Ok(track) => Ok(LivePlan { track, ports }),
         Err(WorkError::Impossible(problem)) => Err(problem),
         Err(WorkError::Store(error)) => return Err(error),
@@ -170,30 +169,27 @@ pub(super) fn palette_work(annotations: &AnnotationsFile, frames: Option<Vec<u64
 }
 
 /// Converts a rectangle into a mark with a colour.
-fn mark(label: &LabelledRectangle, colour: String) -> Result<MarkShape, Problem> {
-    let [x, y, w, h] = [label.x, label.y, label.w, label.h].map(u32::try_from);
-    match (x, y, w, h) {
-        (Ok(x), Ok(y), Ok(w), Ok(h)) => {
-            Ok(MarkShape { frame: label.frame, label: colour, x_y_w_h: [x, y, w, h], stroke: label.stroke })
-        }
-        _ => Err(mark_outside_problem(label)),
-    }
+fn mark(label: &LabelledRectangle, colour: String) -> Result<ColourMark, Problem> {
+    let pixels = |n: i64| u32::try_from(n).map(|n| n as usize).map_err(|_| mark_outside_problem(label));
+    let [x, y, w, h] = [pixels(label.x)?, pixels(label.y)?, pixels(label.w)?, pixels(label.h)?];
+    let rectangle = MarkedRectangle { label: colour, x, y, w, h };
+    Ok(ColourMark { frame: label.frame, rectangle, stroke: label.stroke })
 }
 
 pub(super) fn calibrate_work(input: &CalibrateInput, now: &str) -> CalibrateWork {
     let CalibrateInput { board, square_mm, .. } = *input;
     let names = || input.files.iter().map(|file| file.name.clone()).collect();
     CalibrateWork {
-        board: BoardShape { columns: board.columns, rows: board.rows, square_mm },
+        board: RequestedBoard { columns: board.columns, rows: board.rows, square_mm },
         photos: (!input.is_video).then(names),
         calibrated_at: now.to_owned(),
     }
 }
 
-impl From<BoxTool> for ToolShape {
+impl From<BoxTool> for ToolSpec {
     fn from(BoxTool { name, colour, side, diameter_mm, band_length_mm }: BoxTool) -> Self {
         let colour = colour.unwrap_or_else(|| name.clone());
-        Self { name, colour, side: side.map(SideShape::from), diameter_mm, band_length_mm }
+        Self { name, colour, side: side.map(HandSide::from), diameter_mm, band_length_mm }
     }
 }
 

@@ -27,11 +27,12 @@ mod quick;
 mod rescore;
 mod results;
 mod settings;
+pub mod stored_palette;
 mod worker;
 
 pub use attempt::{AttemptFailure, ChildAttempt, run_attempt};
+pub use child::{ChildEvent, ChildOutput};
 pub use job_plan::{LivePlan, live_plan};
-pub use output_validator::{ChildEvent, ChildOutput};
 pub use quick::{QuickAnalysis, QuickAnalysisError};
 pub use settings::AnalysisSettings;
 pub use worker::WorkerPool;

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::protocol::{PathRow, QualityShape, decode, encode};
+use super::protocol::{QualitySummary, decode, encode};
 pub use crate::vision::trajectory::PathKind;
 use crate::vision::trajectory::{self, Cut, Sample, Trajectory};
 
@@ -35,11 +35,11 @@ pub struct SessionPaths {
     /// Presentation time of every decoded frame, s.
     pub frame_times_s: Vec<f64>,
     /// Unfiltered path.
-    pub raw: Vec<PathRow>,
+    pub raw: Vec<Sample>,
     /// Path from the causal filter.
-    pub filtered: Vec<PathRow>,
+    pub filtered: Vec<Sample>,
     /// Path from the smoother.
-    pub smoothed: Vec<PathRow>,
+    pub smoothed: Vec<Sample>,
     /// The tracker's summary; `None` if another tracker made the path, or if the blob is older than this field.
     pub tracking: Option<TrackingSummary>,
     /// Where edits exchange two tools' names; stored paths have none.
@@ -51,7 +51,7 @@ pub struct SessionPaths {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrackingSummary {
     /// Counts, gaps, colours, light.
-    pub quality: QualityShape,
+    pub quality: QualitySummary,
     /// Number of frames that the container announced, if it did.
     pub frames_expected: Option<u64>,
 }
@@ -77,13 +77,13 @@ impl SessionPaths {
     pub fn trajectory(&self, kind: PathKind) -> Trajectory {
         Trajectory {
             tools: self.tools.clone(),
-            samples: self.rows(kind).iter().map(|&row| row.into()).collect(),
+            samples: self.rows(kind).to_vec(),
             frame_times_s: self.frame_times_s.clone(),
             cuts: self.cuts.clone(),
         }
     }
 
-    fn rows(&self, kind: PathKind) -> &[PathRow] {
+    fn rows(&self, kind: PathKind) -> &[Sample] {
         match kind {
             PathKind::Raw => &self.raw,
             PathKind::Filtered => &self.filtered,
@@ -94,32 +94,93 @@ impl SessionPaths {
 
 impl trajectory::PathSource for SessionPaths {
     fn path(&self, kind: PathKind, tool: usize) -> Vec<Sample> {
-        self.rows(kind).iter().filter(|row| row.tool as usize == tool).map(|&row| row.into()).collect()
+        self.rows(kind).iter().filter(|row| row.tool == tool).copied().collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{Matrix3, Point3, Vector3};
     use proptest::prelude::*;
 
     use super::*;
+    use crate::vision::pose::fulcrum::Fulcrum;
+    use crate::vision::reason::MissReason;
+    use crate::vision::segmentation::palette::Margin;
+    use crate::vision::tracker::{Absence, DiameterBasis, EffectiveDiameter, Gap, LightSample, ToolQuality};
+    use crate::vision::trajectory::SampleState;
 
-    fn row() -> impl Strategy<Value = PathRow> {
+    fn row() -> impl Strategy<Value = Sample> {
         let three = || prop::array::uniform3(-1e6..1e6f64);
         (any::<u32>(), three(), prop::option::of(three()), prop::option::of(0.0..9.0), any::<bool>()).prop_map(
-            |(frame, tip_mm, axis, sigma, observed)| PathRow {
+            |(frame, tip_mm, axis, sigma, observed)| Sample {
                 frame: frame.into(),
                 time_s: f64::from(frame) / 30.0,
                 tool: 0,
-                tip_mm,
-                velocity_mm_s: axis,
-                axis,
+                tip_mm: Point3::from(tip_mm),
+                velocity_mm_s: axis.map(Vector3::from),
+                axis: axis.map(Vector3::from),
                 tip_px: None,
                 sigma_xy_mm: sigma,
                 sigma_z_mm: sigma,
-                observed,
+                state: if observed { SampleState::Observed } else { SampleState::Predicted },
             },
         )
+    }
+
+    #[test]
+    fn a_stored_row_is_its_numbers_in_a_fixed_order() {
+        let row = Sample {
+            frame: 300,
+            time_s: 10.0,
+            tool: 1,
+            tip_mm: Point3::new(1.0, 2.0, 3.0),
+            velocity_mm_s: Some(Vector3::new(4.0, 5.0, 6.0)),
+            axis: None,
+            tip_px: Some([7.0, 8.0].into()),
+            sigma_xy_mm: Some(0.1),
+            sigma_z_mm: None,
+            state: SampleState::Observed,
+        };
+        let none = None::<[f64; 3]>;
+        let start = (300u64, 10.0, 1u32, [1.0, 2.0, 3.0], Some([4.0, 5.0, 6.0]), none, Some([7.0, 8.0]));
+        let stored = |is_observed: bool| encode(&(start, Some(0.1), None::<f64>, is_observed)).unwrap();
+        assert_eq!(encode(&row).unwrap(), stored(true));
+        assert_eq!(encode(&Sample { state: SampleState::Predicted, ..row }).unwrap(), stored(false));
+    }
+
+    #[test]
+    fn a_stored_summary_is_its_numbers_in_a_fixed_order() {
+        let covariance = Matrix3::new(4.0, 0.1, 0.2, 0.1, 5.0, 0.3, 0.2, 0.3, 6.0);
+        let mut tool = ToolQuality {
+            tool: "orange".into(),
+            observed: 200,
+            predicted: 5,
+            missing: 6,
+            reasons: [(MissReason::TipHidden, 4), (MissReason::PoorFit, 300)].into(),
+            border_residual_px: Some(0.2),
+            transient_depth_sigma_mm: None,
+            effective_diameter: Some(EffectiveDiameter { mm: 5.0, sigma_mm: 0.1, basis: DiameterBasis::Session }),
+            gaps: vec![
+                Gap { first: 1, last: 2, absence: Absence::LeftView },
+                Gap { first: 4, last: 7, absence: Absence::Lost(MissReason::Misread) },
+            ],
+            fulcrum: Some(Fulcrum { at: Point3::new(1.0, 2.0, 3.0), covariance }),
+            ..ToolQuality::default()
+        };
+        tool.colour.from_background = Some(Margin { margin_steps: 9.0, spread_steps: 2.0, nearest: "shaft".into() });
+        let light = vec![LightSample { time_s: 1.0, luma_ratio: 0.9, chroma_shift: [0.2, 0.3] }];
+        let summary = QualitySummary { frames: 211, frames_interlaced: 3, tools: vec![tool.clone()], light };
+        let reasons = vec![(11u32, 300u64), (5, 4)]; // in the order of the stages
+        let gaps = vec![(1u64, 2u64, None), (4, 7, Some(16u32))];
+        let colour = [None, Some(([9.0, 2.0], "shaft"))];
+        let fulcrum = Some(([1.0, 2.0, 3.0], [4.0, 0.1, 0.2, 5.0, 0.3, 6.0]));
+        let diameter = Some(([5.0, 0.1], true));
+        let stored = ([200u64, 5, 6], reasons, Some(0.2), None::<f64>, diameter, gaps, colour, fulcrum);
+        let bytes = encode(&(211u64, 3u64, vec![stored], vec![[1.0, 0.9, 0.2, 0.3]])).unwrap();
+        assert_eq!(encode(&summary).unwrap(), bytes);
+        let read: QualitySummary = decode(&bytes).unwrap();
+        assert_eq!(read.quality(&["orange".into()]).tools, [tool]);
     }
 
     proptest! {
@@ -136,8 +197,7 @@ mod tests {
             };
             let read = SessionPaths::from_bytes(&paths.to_bytes().unwrap()).unwrap();
             prop_assert_eq!(&read, &paths);
-            let rows: Vec<PathRow> = read.trajectory(PathKind::Smoothed).samples.iter().map(PathRow::from).collect();
-            prop_assert_eq!(rows, paths.smoothed);
+            prop_assert_eq!(read.trajectory(PathKind::Smoothed).samples, paths.smoothed);
         }
 
         #[test]

@@ -11,10 +11,10 @@ use std::time::Duration;
 use tokio::sync::{Semaphore, SemaphorePermit};
 
 use super::attempt::{AttemptFailure, ChildAttempt, run_attempt};
+use super::child::ChildOutput;
 use super::job_plan;
 use super::marked::colours_of;
-use super::output_validator::ChildOutput;
-use super::protocol::{BoardShape, ChildRequest, ChildWork};
+use super::protocol::{CheckWork, ChildRequest, ChildWork, MaskWork, PaletteWork, RequestedBoard};
 use super::settings::AnalysisSettings;
 use crate::domain::calibration::BoardSize;
 use crate::domain::files::annotations::AnnotationsFile;
@@ -75,8 +75,8 @@ impl QuickAnalysis {
 
     /// Looks for a board in a photo.
     pub async fn check_photo(&self, board: BoardSize, photo: &NamedBlob) -> Result<PhotoCheck, QuickAnalysisError> {
-        let board = BoardShape { columns: board.columns, rows: board.rows, square_mm: SQUARE_MM };
-        let heard = self.run(ChildWork::Check(board), std::slice::from_ref(photo)).await?;
+        let board = RequestedBoard { columns: board.columns, rows: board.rows, square_mm: SQUARE_MM };
+        let heard = self.run(ChildWork::Check(CheckWork(board)), std::slice::from_ref(photo)).await?;
         heard.photo_check.ok_or_else(|| QuickAnalysisError::Crashed("sent no result for the photo".to_owned()))
     }
 
@@ -87,10 +87,11 @@ impl QuickAnalysis {
         files: &[NamedBlob],
         frames: &[u64],
     ) -> Result<PalettePreview, QuickAnalysisError> {
-        let work = job_plan::palette_work(annotations, Some(frames.to_vec())).map_err(QuickAnalysisError::Problem)?;
-        let colours = colours_of(&work.tools);
-        let heard = self.run(ChildWork::Mask(work), files).await?;
-        match heard.palette_report {
+        let work = job_plan::palette_work(annotations, None).map_err(QuickAnalysisError::Problem)?;
+        let PaletteWork { marks, tools, .. } = work;
+        let colours = colours_of(&tools);
+        let heard = self.run(ChildWork::Mask(MaskWork { marks, tools, frames: frames.to_vec() }), files).await?.mask;
+        match heard.report {
             Some(report) if heard.masks.len() == frames.len() => {
                 Ok(PalettePreview { colours, frames: heard.masks, report })
             }

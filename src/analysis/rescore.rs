@@ -5,7 +5,6 @@
 use super::edits;
 use super::job_plan::{BoxContext, EarlierSessions};
 use super::paths::{PathKind, PathsError, SessionPaths};
-use super::protocol::PathRow;
 use super::results::{self, AssessmentRows, ProductError};
 use super::worker::{WorkError, WorkerPool};
 use crate::domain::edit::EditsInForce;
@@ -176,14 +175,13 @@ fn assess_import(paths: &SessionPaths, frames: u64, edits: &EditsInForce) -> Res
 /// Scores a table that was validated once already on arrival.
 fn score_table(table: &[u8], edits: &EditsInForce) -> Result<ScoredImport, RescoreError> {
     let ImportedTable { trajectory, frames, duration_s } = ImportedTable::of(read_csv(table)?);
-    let smoothed = trajectory.samples.iter().map(PathRow::from).collect();
     let (raw, filtered, frame_times_s) = (Vec::new(), Vec::new(), Vec::new());
     let paths = SessionPaths {
         tools: trajectory.tools,
         frame_times_s,
         raw,
         filtered,
-        smoothed,
+        smoothed: trajectory.samples,
         tracking: None,
         cuts: Vec::new(),
     };

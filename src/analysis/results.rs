@@ -3,12 +3,14 @@
 
 use serde_json::Value;
 
+use super::child::ChildOutput;
+use super::child::recording::RecordingOutput;
+use super::child::track::TrackOutput;
 use super::diagnostics::Diagnostics;
 use super::edits;
 use super::job_plan::BoxContext;
-use super::output_validator::ChildOutput;
 use super::paths::{self, PathsError, SessionPaths};
-use super::protocol::{PaletteShape, encode};
+use super::stored_palette::store_palette;
 use crate::domain::boxes::BoxTool;
 use crate::domain::calibration::{CalibrationSource, NewCalibration};
 use crate::domain::edit::EditsInForce;
@@ -72,20 +74,22 @@ impl TrackResult {
         edits: &EditsInForce,
         heard: ChildOutput,
     ) -> Result<Self, ProductError> {
-        let (width, height) = heard.size.ok_or(ProductError::Missing("a picture size"))?;
-        let summary = heard.quality.ok_or(ProductError::Missing("a summary"))?;
-        let diagnostics = Diagnostics::new((width, height), &tools, &heard.seen).to_json()?;
-        let video = video_facts(width, height, &heard.times_s);
+        let TrackOutput { recording, raw, filtered, smoothed, quality } = heard.track;
+        let RecordingOutput { size, frames_expected, times_s, seen, preview } = recording;
+        let (width, height) = size.ok_or(ProductError::Missing("a picture size"))?;
+        let summary = quality.ok_or(ProductError::Missing("a summary"))?;
+        let diagnostics = Diagnostics::new((width, height), &tools, &seen).to_json()?;
+        let video = video_facts(width, height, &times_s);
         let paths = SessionPaths {
             tools: tools.clone(),
-            frame_times_s: heard.times_s,
-            raw: heard.raw,
-            filtered: heard.filtered,
-            smoothed: heard.smoothed,
-            tracking: Some(paths::TrackingSummary { quality: summary, frames_expected: heard.frames_expected }),
+            frame_times_s: times_s,
+            raw,
+            filtered,
+            smoothed,
+            tracking: Some(paths::TrackingSummary { quality: summary, frames_expected }),
             cuts: Vec::new(),
         };
-        let left = edits::apply_edits(&paths, &edits.changes, &edits::unmeasured(&heard.seen));
+        let left = edits::apply_edits(&paths, &edits.changes, &edits::unmeasured(&seen));
         let AssessmentRows { features, evidence, quality } = assess_tracked(&left, known)?;
         Ok(Self {
             versions: versions(input),
@@ -96,7 +100,7 @@ impl TrackResult {
             quality,
             paths: paths.to_bytes()?,
             diagnostics,
-            preview: heard.preview,
+            preview,
             tools,
         })
     }
@@ -193,27 +197,27 @@ fn feature_error(ErrorBar { as_measured, sigma, low, high }: ErrorBar) -> Featur
 
 /// The colours as a box stores them.
 pub(super) fn palette(annotations: &AnnotationsFile, heard: ChildOutput) -> Result<NewPalette, ProductError> {
-    let palette: PaletteShape = heard.palette.ok_or(ProductError::Missing("colours"))?;
+    let palette = heard.palette.samples.ok_or(ProductError::Missing("colours"))?;
     let count = |(label, samples)| LabelCount { label, samples };
     Ok(NewPalette {
         tools: annotations.marked_tools().unwrap_or_default().into_iter().map(BoxTool::from).collect(),
         annotations: annotations.clone(),
         counts: palette.counts().into_iter().map(count).collect(),
-        samples: encode(&palette)?,
-        report: heard.palette_report.ok_or(ProductError::Missing("a report on the colours"))?,
+        samples: store_palette(&palette)?,
+        report: heard.palette.report.ok_or(ProductError::Missing("a report on the colours"))?,
     })
 }
 
 /// Which tapes suit the box.
 pub(super) fn advice(heard: ChildOutput) -> Result<PaletteAdvice, ProductError> {
-    heard.palette_advice.ok_or(ProductError::Missing("advice on tapes"))
+    heard.advice.ok_or(ProductError::Missing("advice on tapes"))
 }
 
 /// The camera as a box stores it.
 pub(super) fn calibration(is_video: bool, heard: ChildOutput) -> Result<NewCalibration, ProductError> {
-    let shape = heard.calibration.ok_or(ProductError::Missing("a calibration"))?;
+    let camera_json = heard.camera_json.ok_or(ProductError::Missing("a calibration"))?;
     let source = if is_video { CalibrationSource::Video } else { CalibrationSource::Photos };
-    Ok(NewCalibration { camera: CameraFile::parse(&shape.camera_json)?, source })
+    Ok(NewCalibration { camera: CameraFile::parse(&camera_json)?, source })
 }
 
 /// The self-test as a box stores it.
@@ -224,51 +228,47 @@ pub(super) fn self_test(input: &SelfTestInput, heard: ChildOutput) -> Result<New
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{Point3, Vector3};
+
     use super::*;
-    use crate::analysis::protocol::{PathRow, QualityShape, ToolQualityShape};
+    use crate::analysis::protocol::QualitySummary;
     use crate::domain::blob::Blob;
     use crate::ids::{CalibrationId, PaletteId, SessionId};
+    use crate::vision::tracker::{DiameterBasis, EffectiveDiameter};
+    use crate::vision::trajectory::Sample;
 
     const FRAMES: u64 = 100;
 
     /// The result for a tool that moves to the right at 20 mm/s and is seen on some frames.
     fn tracked(seen: impl Fn(u64) -> bool) -> TrackResult {
-        let row = |frame: u64| PathRow {
+        let row = |frame: u64| Sample {
             frame,
             time_s: frame as f64 * 0.04,
             tool: 0,
-            tip_mm: [0.8 * frame as f64, 0.0, 150.0],
-            velocity_mm_s: Some([20.0, 0.0, 0.0]),
+            tip_mm: Point3::new(0.8 * frame as f64, 0.0, 150.0),
+            velocity_mm_s: Some(Vector3::new(20.0, 0.0, 0.0)),
             axis: None,
             tip_px: None,
             sigma_xy_mm: Some(0.1),
             sigma_z_mm: Some(0.5),
-            observed: true,
+            state: SampleState::Observed,
         };
-        let smoothed: Vec<PathRow> = (0..FRAMES).filter(|frame| seen(*frame)).map(row).collect();
+        let smoothed: Vec<Sample> = (0..FRAMES).filter(|frame| seen(*frame)).map(row).collect();
         let observed = smoothed.len() as u64;
-        let tool = ToolQualityShape {
-            observed_predicted_missing: [observed, 0, FRAMES - observed],
-            reasons: vec![],
+        let tool = ToolQuality {
+            observed,
+            missing: FRAMES - observed,
             border_residual_px: Some(0.2),
-            passing_depth_mm: Some(0.3),
-            effective_diameter: Some(([5.02, 0.03], true)),
-            gaps: vec![],
-            colour: [None, None],
-            fulcrum: None,
+            transient_depth_sigma_mm: Some(0.3),
+            effective_diameter: Some(EffectiveDiameter { mm: 5.02, sigma_mm: 0.03, basis: DiameterBasis::Session }),
+            ..ToolQuality::default()
         };
-        let heard = ChildOutput {
-            size: Some((1280, 720)),
-            times_s: (0..FRAMES).map(|frame| frame as f64 * 0.04).collect(),
-            smoothed,
-            quality: Some(QualityShape {
-                frames: FRAMES,
-                frames_interlaced: FRAMES / 2,
-                tools: vec![tool],
-                light: vec![],
-            }),
-            ..ChildOutput::default()
-        };
+        let times_s = (0..FRAMES).map(|frame| frame as f64 * 0.04).collect();
+        let recording = RecordingOutput { size: Some((1280, 720)), times_s, ..RecordingOutput::default() };
+        let (tools, light) = (vec![tool], vec![]);
+        let quality = Some(QualitySummary { frames: FRAMES, frames_interlaced: FRAMES / 2, tools, light });
+        let track = TrackOutput { recording, smoothed, quality, ..TrackOutput::default() };
+        let heard = ChildOutput { track, ..ChildOutput::default() };
         let video = Blob::of(b"a recording");
         let (session, calibration, palette) = (SessionId::at(0), CalibrationId::at(0), PaletteId::at(0));
         let known = BoxContext { calibration_rms_px: Some(0.3), ..BoxContext::default() };

@@ -7,8 +7,8 @@ use std::time::Duration;
 use tokio::sync::watch;
 
 use super::attempt::{AttemptFailure, ChildAttempt, run_attempt};
+use super::child::{ChildEvent, ChildOutput};
 use super::job_plan::{EarlierSessions, JobPlan};
-use super::output_validator::{ChildEvent, ChildOutput};
 use super::protocol::{ChildRequest, ChildWork};
 use super::results::ProductError;
 use super::settings::AnalysisSettings;

@@ -8,16 +8,28 @@ use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 
-use super::reporter::Reporter;
-use super::{StopReason, explain};
-use crate::analysis::protocol::{AssembleWork, ChildReply};
-use crate::domain::feed::FrameCodec;
+use serde::{Deserialize, Serialize};
+
+use super::limits::set_once;
+use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord};
 use crate::domain::feed::record::{HEADER_BYTES, RecordBody, read_all};
+use crate::domain::feed::{FrameCodec, MAX_FRAMES, TimeBase};
 use crate::domain::problem::Problem;
-use crate::media::{CodedFrame, Muxer, Stream, can_start_decoding, frame_size};
+use crate::media::{CodedFrame, MediaLimits, Muxer, Stream, can_start_decoding, frame_size};
 
 /// Frames between two signs of life.
 const FRAMES_PER_ALIVE: usize = 250;
+
+/// What assembling needs besides the log.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct AssembleWork {
+    /// Codec of the frames.
+    pub codec: FrameCodec,
+    /// Picture width and height, pixels.
+    pub size: (u32, u32),
+    /// Time base of the frames.
+    pub time_base: TimeBase,
+}
 
 /// A frame in the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,31 +42,48 @@ struct LoggedFrame {
     bytes: usize,
 }
 
-pub(super) fn run(work: AssembleWork, mut inputs: Vec<File>, reporter: &mut Reporter) -> Result<(), StopReason> {
-    let (Some(output), Some(log)) = (inputs.pop(), inputs.pop()) else {
-        return Err(StopReason::Impossible(explain::no_input()));
-    };
-    let all = frames_of(&log, reporter)?;
-    let arrived = all.len() as u64;
-    let mut bytes = Vec::new();
-    let fitting = keep_matching_size(&log, all, &work, &mut bytes)?;
-    let mut frames = keep_decodable(fitting, work.codec);
-    let Some(first) = first_start_frame(&log, &frames, work.codec, &mut bytes)? else {
-        return Err(StopReason::Impossible(nothing_playable_problem(arrived)));
-    };
-    frames.drain(..first);
-    let stream = Stream { codec: work.codec, size: work.size, time_base: work.time_base, first: &bytes };
-    let mut muxer = Muxer::create(output, stream)?;
-    for (done, (frame, (dts, duration))) in frames.iter().zip(decoding_times(&frames)).enumerate() {
-        if done % FRAMES_PER_ALIVE == 0 {
-            reporter.send(&ChildReply::Alive { done: done as u64, of: Some(frames.len() as u64) })?;
+impl ChildTask for AssembleWork {
+    /// Frames in the recording, and frames that were left out because they cannot be decoded or shown.
+    type Record = [u64; 2];
+    type Output = Option<[u64; 2]>;
+
+    fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
+        let [log, output] = inputs.pair()?;
+        let all = frames_of(&log, reporter)?;
+        let arrived = all.len() as u64;
+        let mut bytes = Vec::new();
+        let fitting = keep_matching_size(&log, all, &self, &mut bytes)?;
+        let mut frames = keep_decodable(fitting, self.codec);
+        let Some(first) = first_start_frame(&log, &frames, self.codec, &mut bytes)? else {
+            return Err(StopReason::Impossible(nothing_playable_problem(arrived)));
+        };
+        frames.drain(..first);
+        let stream = Stream { codec: self.codec, size: self.size, time_base: self.time_base, first: &bytes };
+        let mut muxer = Muxer::create(output, stream)?;
+        for (done, (frame, (dts, duration))) in frames.iter().zip(decoding_times(&frames)).enumerate() {
+            if done % FRAMES_PER_ALIVE == 0 {
+                reporter.alive(done as u64, Some(frames.len() as u64))?;
+            }
+            read_frame(&log, frame, &mut bytes)?;
+            muxer.write(CodedFrame { pts: frame.time, dts, duration, is_key: frame.is_key, bytes: &bytes })?;
         }
-        read_frame(&log, frame, &mut bytes)?;
-        muxer.write(CodedFrame { pts: frame.time, dts, duration, is_key: frame.is_key, bytes: &bytes })?;
+        muxer.finish()?;
+        let written = frames.len() as u64;
+        Ok(reporter.record(WorkRecord::Assemble([written, arrived - written]))?)
     }
-    muxer.finish()?;
-    let written = frames.len() as u64;
-    Ok(reporter.send(&ChildReply::Assembled { frames: written, left_out: arrived - written })?)
+
+    fn accept(
+        &self,
+        [frames, left_out]: [u64; 2],
+        output: &mut Option<[u64; 2]>,
+        _: MediaLimits,
+    ) -> Result<ChildEvent, String> {
+        if frames == 0 || frames.max(left_out) > MAX_FRAMES {
+            return Err("an assembled recording with an impossible number of frames".into());
+        }
+        set_once(output, [frames, left_out], "recording")?;
+        Ok(ChildEvent::Nothing)
+    }
 }
 
 /// All frames of the log in the order of their numbers, each once.
@@ -66,7 +95,7 @@ fn frames_of(log: &File, reporter: &mut Reporter) -> Result<Vec<LoggedFrame>, St
     log.seek(SeekFrom::Start(0)).map_err(unreadable)?;
     read_all(log, |place, record| {
         if place >= word_at {
-            reporter.send(&ChildReply::Alive { done: 0, of: None }).map_err(LogReadError::ParentGone)?;
+            reporter.alive(0, None).map_err(LogReadError::ParentGone)?;
             word_at = place + BYTES_PER_ALIVE;
         }
         if let RecordBody::Frame { time, is_key, payload } = record.body {

@@ -1,15 +1,16 @@
 //! Turns errors of decoding and tracking into problems for users.
 
+use super::palette::ColourMark;
 use crate::analysis::calibration::ViewsError;
-use crate::analysis::protocol::MarkShape;
 use crate::analysis::self_test::SelfTestError;
 use crate::domain::problem::Problem;
 use crate::media::{MediaError, MuxError, SourceError};
 use crate::vision::camera::{BoardProblem, CalibrationProblem};
+use crate::vision::segmentation::samples::MarkedRectangle;
 use crate::vision::tracker::{Quality, SettingsProblem, ToolQuality};
 
 /// An error that can be shown to users with advice.
-pub(super) trait ToProblem {
+pub trait ToProblem {
     /// The error as a problem.
     fn to_problem(&self) -> Problem;
 }
@@ -128,11 +129,6 @@ pub(super) fn never_seen(quality: &Quality) -> Problem {
     Problem::new("no-tool-seen", "No tool was seen", detail)
 }
 
-/// The palette was stored by another version.
-pub(super) fn unreadable_palette() -> Problem {
-    Problem::new("palette-unreadable", "The box's colours cannot be read", "mark the colours of the tools' tape again")
-}
-
 /// A rectangle is on a frame beyond the end of the clip.
 pub(super) fn mark_beyond_the_end(frame: u64, frames: u64) -> Problem {
     let detail = format!("a rectangle is on frame {frame}, but the clip has only {frames} frames, counted from 0");
@@ -147,12 +143,12 @@ pub(super) fn mark_without_picture(frame: u64) -> Problem {
 }
 
 /// A rectangle is empty or reaches outside the frame.
-pub(super) fn mark_outside(mark: &MarkShape, width: usize, height: usize) -> Problem {
-    let MarkShape { frame, label, x_y_w_h: [x, y, w, h], .. } = mark;
+pub(super) fn mark_outside(mark: &ColourMark, width: usize, height: usize) -> Problem {
+    let ColourMark { frame, rectangle: MarkedRectangle { label, x, y, w, h }, .. } = mark;
     let detail = format!(
         "the rectangle `{label}` on frame {frame} spans x {x}..{}, y {y}..{}, outside the {width}×{height} frame",
-        u64::from(*x) + u64::from(*w),
-        u64::from(*y) + u64::from(*h)
+        x.saturating_add(*w),
+        y.saturating_add(*h)
     );
     Problem::new("mark-outside", "A rectangle is outside the picture", detail)
 }

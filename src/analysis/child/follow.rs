@@ -4,15 +4,15 @@
 //! Frames are taken in the order of their numbers. A late frame, sent after the live ones because of an outage, is
 //! skipped; the job that tracks the whole recording covers it.
 
-use std::fs::File;
+mod messages;
+mod validation;
+
 use std::os::unix::fs::FileExt;
 
-use super::reporter::Reporter;
-use super::{StopReason, explain, track};
-use crate::analysis::protocol::{
-    ChildReply, FollowReply, FollowWork, FollowedFrame, FollowedTool, LogPosition, PlacementShape, RunningRow,
-    TrackWork,
-};
+pub use messages::{FollowReply, FollowWork, FollowedFrame, FollowedTool, LogPosition, RunningRow, live_features};
+pub use validation::FollowOutput;
+
+use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord};
 use crate::domain::feed::FrameCodec;
 use crate::domain::feed::record::{FeedRecord, MAX_RECORD_BYTES, RecordBody};
 use crate::media::{FeedDecoder, JpegMaker, JpegStyle, MediaLimits, Picture};
@@ -29,32 +29,35 @@ const FEATURES_INTERVAL_S: f64 = 1.0;
 /// Frames between two calls of [`Tracker::forget_past`].
 const FORGET_INTERVAL_FRAMES: u64 = 1024;
 
-pub(super) fn run(
-    work: FollowWork,
-    mut inputs: Vec<File>,
-    limits: MediaLimits,
-    reporter: &mut Reporter,
-) -> Result<(), StopReason> {
-    let (Some(mut places), Some(log)) = (inputs.pop(), inputs.pop()) else {
-        return Err(StopReason::Impossible(explain::no_input()));
-    };
-    let mut follower = LiveTracker::new(work, limits)?;
-    let mut bytes = Vec::new();
-    while let Some(place) = LogPosition::read(&mut places).map_err(StopReason::ParentGone)? {
-        let LogPosition::Record { offset, bytes: length, wants_picture } = place else {
-            reporter.send(&ChildReply::Alive { done: 0, of: None })?;
-            continue;
-        };
-        bytes.resize((length as usize).min(MAX_RECORD_BYTES), 0);
-        let record = log.read_exact_at(&mut bytes, offset).ok().and_then(|()| FeedRecord::read(&bytes).ok());
-        if let Some(record) = record {
-            follower.take_record(&record)?;
+impl ChildTask for FollowWork {
+    type Record = FollowReply;
+    type Output = FollowOutput;
+
+    fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
+        let limits = inputs.limits;
+        let [log, mut places] = inputs.pair()?;
+        let mut follower = LiveTracker::new(self, limits)?;
+        let mut bytes = Vec::new();
+        while let Some(place) = LogPosition::read(&mut places).map_err(StopReason::ParentGone)? {
+            let LogPosition::Record { offset, bytes: length, wants_picture } = place else {
+                reporter.alive(0, None)?;
+                continue;
+            };
+            bytes.resize((length as usize).min(MAX_RECORD_BYTES), 0);
+            let record = log.read_exact_at(&mut bytes, offset).ok().and_then(|()| FeedRecord::read(&bytes).ok());
+            if let Some(record) = record {
+                follower.take_record(&record)?;
+            }
+            let picture = if wants_picture { follower.still() } else { None };
+            reporter.record(WorkRecord::Follow(FollowReply { picture, ..follower.take_reply() }))?;
         }
-        let picture = if wants_picture { follower.still() } else { None };
-        reporter.send(&ChildReply::Followed(FollowReply { picture, ..follower.take_reply() }))?;
+        follower.finish()?;
+        Ok(reporter.record(WorkRecord::Follow(follower.take_reply()))?)
     }
-    follower.finish()?;
-    Ok(reporter.send(&ChildReply::Followed(follower.take_reply()))?)
+
+    fn accept(&self, reply: FollowReply, output: &mut FollowOutput, limits: MediaLimits) -> Result<ChildEvent, String> {
+        validation::accept(self, reply, output, limits)
+    }
 }
 
 struct LiveTracker {
@@ -83,7 +86,7 @@ struct LiveTracker {
 /// ```
 enum FollowStage {
     /// The first pictures are collected for the rehearsal; the first of them shows the colour encoding.
-    Collecting { work: TrackWork, first: Vec<Picture> },
+    Collecting { settings: Box<TrackerSettings>, first: Vec<Picture> },
     /// Each picture is tracked. The last one is kept for the still.
     Tracking { tracker: Box<Tracker>, last: Option<Picture> },
     /// The recording ended without a picture.
@@ -98,8 +101,8 @@ impl LiveTracker {
             decoder: FeedDecoder::new(codec, size, time_base, limits)?,
             running: RunningFeatures::new(track.tools.len(), FeatureSettings::default()),
             fulcrums: vec![None; track.tools.len()],
-            stage: FollowStage::Collecting { work: track, first: Vec::new() },
-            ports: Ports::new(ports.into_iter().map(Fulcrum::from).collect()),
+            stage: FollowStage::Collecting { settings: Box::new(track), first: Vec::new() },
+            ports,
             size,
             next: None,
             features_at_s: 0.0,
@@ -147,8 +150,8 @@ impl LiveTracker {
     /// Passes the first pictures twice, unless that is done: once to learn how edges look, then to track them like all
     /// others.
     fn rehearse(&mut self) -> Result<(), StopReason> {
-        let (work, first) = match std::mem::replace(&mut self.stage, FollowStage::Empty) {
-            FollowStage::Collecting { work, first } => (work, first),
+        let (settings, first) = match std::mem::replace(&mut self.stage, FollowStage::Empty) {
+            FollowStage::Collecting { settings, first } => (settings, first),
             rehearsed => {
                 self.stage = rehearsed;
                 return Ok(());
@@ -156,8 +159,7 @@ impl LiveTracker {
         };
         let frames: Vec<Frame<'_>> = first.iter().map(Picture::frame).collect();
         let Some(frame) = frames.first() else { return Ok(()) };
-        let settings: TrackerSettings = track::settings(work)?;
-        let mut tracker = Box::new(Tracker::new(settings, self.size.0, self.size.1, frame.encoding)?);
+        let mut tracker = Box::new(Tracker::new(*settings, self.size.0, self.size.1, frame.encoding)?);
         tracker.warm_up(&frames);
         self.stage = FollowStage::Tracking { tracker, last: None };
         first.iter().try_for_each(|picture| self.track(picture))
@@ -193,10 +195,10 @@ impl LiveTracker {
             for (known, now) in self.fulcrums.iter_mut().zip(tracker.fulcrums()) {
                 *known = now.or(*known);
             }
-            let light = tracker.light();
-            self.reply.light = light.map(|light| [light.luma_ratio, light.chroma_shift[0], light.chroma_shift[1]]);
+            self.reply.light = tracker.light();
         }
-        self.reply.placement = PlacementShape::new(&self.ports.compare(&self.fulcrums));
+        let placement = self.ports.compare(&self.fulcrums);
+        self.reply.placement = placement.tools.iter().any(Option::is_some).then_some(placement);
     }
 
     /// Keeps a picture for the still; returns the previous one to the decoder.

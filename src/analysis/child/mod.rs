@@ -1,26 +1,194 @@
-//! What runs inside the confinement: decode, track, report. It opens no file, reads no clock and stores nothing.
+//! Kinds of child work, one file each: what the parent requests, what the confined child does, which records the parent
+//! accepts, and what it keeps of them. A new kind is a new file and a line in the table below.
+//!
+//! The child's half opens no file, reads no clock and stores nothing. The parent's half trusts no record: the file that
+//! the child decoded may have taken over its decoder.
 
-mod assemble;
-mod calibrate;
-mod check;
-mod demux;
+pub mod advise;
+pub mod assemble;
+pub mod calibrate;
+pub mod check;
+pub mod demux;
 mod explain;
-mod follow;
-mod palette;
+pub mod follow;
+mod limits;
+pub mod mask;
+pub mod palette;
 mod preview;
-mod probe;
+pub mod probe;
+pub mod recording;
 mod reporter;
-mod self_test;
-mod track;
+pub mod self_test;
+pub mod track;
 
 use std::fs::File;
 
-use reporter::Reporter;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
-use super::protocol::{self, ChildReply, ChildRequest, ChildWork, PaletteWork};
+use super::protocol::{self, ChildReply, ChildRequest};
 use crate::domain::problem::Problem;
-use crate::media::{MediaLimits, VideoFile};
+use crate::media::{CapturedFrame, MediaLimits, SourceInfo, VideoFile};
 use crate::sandbox::{self, ConfinementError, LandlockStatus};
+
+pub(super) use limits::MAX_TEXT_CHARS;
+pub use reporter::Reporter;
+
+/// One kind of child work.
+pub trait ChildTask: Serialize + DeserializeOwned {
+    /// A record that the child sends, besides those of every child.
+    type Record: Serialize + DeserializeOwned;
+    /// What the parent keeps of the records.
+    type Output: Default;
+
+    /// The child's half: does the work and sends the records.
+    ///
+    /// # Errors
+    /// The work cannot be done, or the parent has closed the pipe.
+    fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason>;
+
+    /// The parent's half: keeps a record, if an honest child could have sent it at this point.
+    ///
+    /// # Errors
+    /// No honest child sends this record.
+    fn accept(
+        &self,
+        record: Self::Record,
+        output: &mut Self::Output,
+        limits: MediaLimits,
+    ) -> Result<ChildEvent, String>;
+}
+
+/// Declares the kinds of work: each with its name, the field of [`ChildOutput`], and the type of its request.
+macro_rules! child_works {
+    ($($(#[$doc:meta])* $kind:ident, $output:ident: $task:ty;)*) => {
+        /// What a child is to do.
+        #[derive(Debug, Serialize, Deserialize)]
+        pub enum ChildWork {
+            $($(#[$doc])* $kind($task),)*
+        }
+
+        /// A record of one kind of work.
+        #[derive(Debug, Serialize, Deserialize)]
+        pub enum WorkRecord {
+            $($(#[$doc])* $kind(<$task as ChildTask>::Record),)*
+        }
+
+        /// The validated output of a child.
+        #[derive(Debug, Default)]
+        pub struct ChildOutput {
+            /// Set once the child is confined; true if Landlock is enforced.
+            pub landlock: Option<bool>,
+            /// Why the work cannot be done.
+            pub(super) problem: Option<Problem>,
+            /// The child reported that it was done.
+            pub(super) done: bool,
+            $($(#[$doc])* pub $output: <$task as ChildTask>::Output,)*
+        }
+
+        impl ChildWork {
+            fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
+                match self {
+                    $(Self::$kind(task) => task.run(inputs, reporter),)*
+                }
+            }
+
+            /// Keeps a record in the output, if an honest child could have sent it at this point.
+            pub(super) fn accept(
+                &self,
+                record: WorkRecord,
+                output: &mut ChildOutput,
+                limits: MediaLimits,
+            ) -> Result<ChildEvent, String> {
+                match (self, record) {
+                    $((Self::$kind(task), WorkRecord::$kind(record)) => {
+                        task.accept(record, &mut output.$output, limits)
+                    })*
+                    _ => Err("a reply that does not belong to this work".into()),
+                }
+            }
+        }
+    };
+}
+
+child_works! {
+    /// Decode one recording: size, frames, a preview.
+    Probe, probe: probe::ProbeWork;
+    /// Track one recording.
+    Track, track: crate::vision::tracker::TrackerSettings;
+    /// Collect colours and report on them: from one clip, or from one picture per frame.
+    Palette, palette: palette::PaletteWork;
+    /// Find out which tapes suit a box: from a photo of the box without tools, or from a video's first frame.
+    Advise, advice: advise::AdviseWork;
+    /// Make a mask of the tape colours on each marked picture, and a report on the colours; nothing is stored.
+    Mask, mask: mask::MaskWork;
+    /// Look for a board in one photo.
+    Check, photo_check: check::CheckWork;
+    /// Calibrate from one video, or from photos.
+    Calibrate, camera_json: calibrate::CalibrateWork;
+    /// Test a box: the board and a rod, both in one recording.
+    SelfTest, self_test: self_test::SelfTestWork;
+    /// Track a live recording. Inputs: its log, and a pipe of positions in it.
+    Follow, followed: follow::FollowWork;
+    /// Assemble a recording from a feed's log. Inputs: the log, and last the output file, open for writing.
+    Assemble, assembled: assemble::AssembleWork;
+    /// Split a live stream into coded frames. Input: a pipe with its bytes as they are pushed.
+    Demux, demuxed: demux::DemuxWork;
+}
+
+/// What a reply means for the caller at once.
+#[derive(Debug)]
+pub enum ChildEvent {
+    /// Nothing: the content is kept, or the reply is only a sign of life.
+    Nothing,
+    /// Progress of the child, 0..1.
+    Progress(f64),
+    /// The result of one record of a feed.
+    Followed(follow::FollowReply),
+    /// What a pushed stream contains.
+    Stream(SourceInfo),
+    /// The next coded frame of a pushed stream.
+    Coded(CapturedFrame),
+}
+
+impl ChildEvent {
+    /// The progress after this many of all pictures, if their number is known.
+    pub(super) fn progress(done: u64, of: Option<u64>) -> Self {
+        let share = of.filter(|&of| of > 0).map(|of| (done as f64 / of as f64).min(1.0));
+        share.map_or(ChildEvent::Nothing, ChildEvent::Progress)
+    }
+}
+
+/// The child's input files, in the order that the work states, and the limits of decoding.
+pub struct ChildInputs {
+    files: Vec<File>,
+    limits: MediaLimits,
+}
+
+impl ChildInputs {
+    /// The first file.
+    fn first(self) -> Result<File, StopReason> {
+        self.files.into_iter().next().ok_or_else(no_input)
+    }
+
+    /// The last two files.
+    fn pair(mut self) -> Result<[File; 2], StopReason> {
+        match (self.files.pop(), self.files.pop()) {
+            (Some(last), Some(before)) => Ok([before, last]),
+            _ => Err(no_input()),
+        }
+    }
+
+    /// Opens the only recording.
+    fn video(self) -> Result<VideoFile, StopReason> {
+        let limits = self.limits;
+        Ok(VideoFile::open(self.first()?, limits)?)
+    }
+}
+
+fn no_input() -> StopReason {
+    StopReason::Impossible(explain::no_input())
+}
 
 /// Why a child ends without reporting a problem to its parent.
 #[derive(Debug, thiserror::Error)]
@@ -37,7 +205,7 @@ pub enum ChildError {
 }
 
 /// Why a piece of work stopped early.
-enum StopReason {
+pub enum StopReason {
     /// The work cannot be done; the parent receives the reason.
     Impossible(Problem),
     /// The parent has closed the pipe.
@@ -63,7 +231,8 @@ pub fn run() -> Result<(), ChildError> {
     reporter.send(&ChildReply::Confined { landlock: admission.enforced != LandlockStatus::NoLandlock })?;
     let request: ChildRequest = protocol::decode(&admission.request).map_err(ChildError::Request)?;
     limit_rayon_threads(request.threads);
-    let last = match run_work(request, admission.inputs, &mut reporter) {
+    let limits = MediaLimits { threads: request.threads, ..MediaLimits::default() };
+    let last = match request.work.run(ChildInputs { files: admission.inputs, limits }, &mut reporter) {
         Ok(()) => ChildReply::Done,
         Err(StopReason::Impossible(problem)) => ChildReply::Problem(problem),
         Err(StopReason::ParentGone(error)) => return Err(error.into()),
@@ -76,36 +245,4 @@ pub fn run() -> Result<(), ChildError> {
 fn limit_rayon_threads(threads: usize) {
     // This fails only if the pool exists already, and then it has the right size: this runs once.
     let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build_global();
-}
-
-fn run_work(request: ChildRequest, inputs: Vec<File>, reporter: &mut Reporter) -> Result<(), StopReason> {
-    let limits = MediaLimits { threads: request.threads, ..MediaLimits::default() };
-    match request.work {
-        ChildWork::Probe => probe::run(open(inputs, limits)?, reporter),
-        ChildWork::Track(work) => track::run(work, open(inputs, limits)?, reporter),
-        ChildWork::Palette(PaletteWork { marks, tools, frames: None }) => {
-            palette::from_clip(&marks, &tools, open(inputs, limits)?, reporter)
-        }
-        ChildWork::Palette(PaletteWork { marks, tools, frames: Some(frames) }) => {
-            let pictures = palette::PictureInputs { frames: &frames, inputs, limits };
-            palette::from_pictures(&marks, &tools, pictures, reporter)
-        }
-        ChildWork::Advise => palette::advise_on_tapes(inputs, limits, reporter),
-        ChildWork::Mask(PaletteWork { marks, tools, frames }) => {
-            let pictures = palette::PictureInputs { frames: &frames.unwrap_or_default(), inputs, limits };
-            palette::mask_on(&marks, &tools, pictures, reporter)
-        }
-        ChildWork::Check(board) => check::run(board, inputs, limits, reporter),
-        ChildWork::Calibrate(work) => calibrate::run(work, inputs, limits, reporter),
-        ChildWork::SelfTest(work) => self_test::run(work, open(inputs, limits)?, reporter),
-        ChildWork::Follow(work) => follow::run(work, inputs, limits, reporter),
-        ChildWork::Assemble(work) => assemble::run(work, inputs, reporter),
-        ChildWork::Demux => demux::run(inputs, limits, reporter),
-    }
-}
-
-/// Opens the only recording among the inputs.
-fn open(inputs: Vec<File>, limits: MediaLimits) -> Result<VideoFile, StopReason> {
-    let file = inputs.into_iter().next().ok_or_else(|| StopReason::Impossible(explain::no_input()))?;
-    Ok(VideoFile::open(file, limits)?)
 }

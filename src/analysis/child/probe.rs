@@ -1,20 +1,40 @@
-//! Decodes a recording from end to end: its size, the times of its frames, a preview.
+//! Decodes a recording from end to end: its size, the times of its frames, a preview. Only tests request it.
 
-use super::StopReason;
+use serde::{Deserialize, Serialize};
+
 use super::preview::Preview;
-use super::reporter::Reporter;
-use crate::analysis::protocol::ChildReply;
-use crate::media::VideoFile;
+use super::recording::{FrameReporter, RecordingOutput, RecordingRecord};
+use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord};
+use crate::media::MediaLimits;
 
-pub(super) fn run(mut video: VideoFile, reporter: &mut Reporter) -> Result<(), StopReason> {
-    let info = video.info();
-    reporter.recording(info)?;
-    let mut preview = Preview::new(info.frames_expected);
-    while let Some(picture) = video.next_picture()? {
-        let frame = picture.frame();
-        preview.consider(&frame);
-        reporter.frame(frame.time_s, std::iter::empty())?;
+/// Needs nothing besides the recording.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct ProbeWork;
+
+impl ChildTask for ProbeWork {
+    type Record = RecordingRecord;
+    type Output = RecordingOutput;
+
+    fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
+        let mut video = inputs.video()?;
+        let info = video.info();
+        let mut frames = FrameReporter::start(info, WorkRecord::Probe, reporter)?;
+        let mut preview = Preview::new(info.frames_expected);
+        while let Some(picture) = video.next_picture()? {
+            let frame = picture.frame();
+            preview.consider(&frame);
+            frames.frame(frame.time_s, std::iter::empty(), reporter)?;
+        }
+        frames.flush(reporter)?;
+        Ok(frames.preview(preview.into_jpeg(), reporter)?)
     }
-    reporter.flush_frames()?;
-    Ok(reporter.send(&ChildReply::Preview(preview.into_jpeg()))?)
+
+    fn accept(
+        &self,
+        record: RecordingRecord,
+        output: &mut RecordingOutput,
+        limits: MediaLimits,
+    ) -> Result<ChildEvent, String> {
+        output.accept(record, 0, limits)
+    }
 }

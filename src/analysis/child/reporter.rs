@@ -2,12 +2,9 @@
 
 use std::io::{self, BufWriter, Write};
 
-use crate::analysis::protocol::{self, ChildReply, SeenRow};
-use crate::media::RecordingInfo;
+use super::WorkRecord;
+use crate::analysis::protocol::{self, ChildReply};
 use crate::sandbox::write_record;
-
-/// Frames per record: few enough to show progress, many enough to cost little.
-const FRAMES_PER_RECORD: usize = 32;
 
 /// Standard output as a pipe. Rust's own is line-buffered: it splits the output at the last newline and writes both
 /// parts separately, and each write would wake the parent.
@@ -23,16 +20,14 @@ impl Write for StdoutPipe {
     }
 }
 
-/// Sends replies, and collects frames into fewer, larger ones.
-pub(super) struct Reporter {
+/// Sends replies to the parent.
+pub struct Reporter {
     out: BufWriter<StdoutPipe>,
-    times_s: Vec<f64>,
-    seen: Vec<SeenRow>,
 }
 
 impl Reporter {
     pub(super) fn new() -> Self {
-        Self { out: BufWriter::new(StdoutPipe), times_s: Vec::new(), seen: Vec::new() }
+        Self { out: BufWriter::new(StdoutPipe) }
     }
 
     pub(super) fn send(&mut self, answer: &ChildReply) -> io::Result<()> {
@@ -40,19 +35,13 @@ impl Reporter {
         write_record(&mut self.out, &bytes)
     }
 
-    pub(super) fn recording(&mut self, info: RecordingInfo) -> io::Result<()> {
-        let RecordingInfo { width, height, frames_expected, .. } = info;
-        self.send(&ChildReply::Recording { width, height, frames_expected })
+    /// Sends a record of the work.
+    pub(super) fn record(&mut self, record: WorkRecord) -> io::Result<()> {
+        self.send(&ChildReply::Record(record))
     }
 
-    pub(super) fn frame(&mut self, time_s: f64, seen: impl Iterator<Item = SeenRow>) -> io::Result<()> {
-        self.times_s.push(time_s);
-        self.seen.extend(seen);
-        if self.times_s.len() < FRAMES_PER_RECORD { Ok(()) } else { self.flush_frames() }
-    }
-
-    pub(super) fn flush_frames(&mut self) -> io::Result<()> {
-        let (times_s, seen) = (std::mem::take(&mut self.times_s), std::mem::take(&mut self.seen));
-        if times_s.is_empty() { Ok(()) } else { self.send(&ChildReply::Frames { times_s, seen }) }
+    /// A sign of life: this many pictures are done, of all, if their number is known.
+    pub(super) fn alive(&mut self, done: u64, of: Option<u64>) -> io::Result<()> {
+        self.send(&ChildReply::Alive { done, of })
     }
 }

@@ -1,69 +1,170 @@
 //! Tracks one recording: every frame passes the [`Tracker`], then the paths are smoothed. Decoding runs ahead on a
 //! second thread; everything else stays on this one.
 
+use serde::{Deserialize, Serialize};
+
+use super::limits::{MAX_TEXT_CHARS, is_plausible_number, set_once};
 use super::preview::Preview;
-use super::reporter::Reporter;
-use super::{StopReason, explain};
-use crate::analysis::protocol::{ChildReply, KindShape, PathRow, QualityShape, SeenRow, TrackWork};
+use super::recording::{FrameReporter, RecordingOutput, RecordingRecord};
+use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord, explain};
+use crate::analysis::protocol::{QualitySummary, SeenRow};
 use crate::heap;
-use crate::media::{MediaError, Picture, ReadAhead, VideoFile};
+use crate::media::{MediaError, MediaLimits, Picture, ReadAhead};
 use crate::vision::frame::Frame;
-use crate::vision::tracker::{MAX_WARM_UP_FRAMES, Quality, Tracker, TrackerSettings, Tracking};
-use crate::vision::trajectory::PathKind;
+use crate::vision::pose::fulcrum::Fulcrum;
+use crate::vision::tracker::{
+    LightSample, MAX_WARM_UP_FRAMES, Quality, ToolQuality, Tracker, TrackerSettings, Tracking,
+};
+use crate::vision::trajectory::{PathKind, Sample};
 
 /// Rows of a path per record.
 const ROWS_PER_RECORD: usize = 1024;
 
-pub(super) fn run(work: TrackWork, video: VideoFile, reporter: &mut Reporter) -> Result<(), StopReason> {
-    let info = video.info();
-    reporter.recording(info)?;
-    let mut pictures = ReadAhead::new(video)?;
-    let first: Vec<Frame<'_>> = pictures.first_pictures(MAX_WARM_UP_FRAMES)?.iter().map(Picture::frame).collect();
-    let encoding = first.first().ok_or(MediaError::NoFrames)?.encoding;
-    let mut tracker = Tracker::new(settings(work)?, info.width, info.height, encoding)?;
-    tracker.warm_up(&first);
-    let mut preview = Preview::new(info.frames_expected);
-    let mut frames_interlaced = 0;
-    while let Some(seen) = pictures.next_picture()? {
-        let frame = seen.frame();
-        frames_interlaced += u64::from(seen.is_interlaced());
-        preview.consider(&frame);
-        let report = tracker.observe(&frame);
-        reporter.frame(frame.time_s, report.tools.iter().map(|tool| SeenRow::new(frame.index, tool)))?;
-    }
-    reporter.flush_frames()?;
-    drop(pictures);
-    let tracking = tracker.finish();
-    heap::release_free_memory(); // the paths need the memory now
-    send_results(&tracking, frames_interlaced, reporter)?;
-    Ok(reporter.send(&ChildReply::Preview(preview.into_jpeg()))?)
+/// A record about a tracked recording.
+#[derive(Debug, Serialize, Deserialize)]
+pub enum TrackRecord {
+    /// Size, frames and preview.
+    Recording(RecordingRecord),
+    /// Part of a path, in order.
+    Path {
+        /// Which path.
+        kind: PathKind,
+        /// Its rows.
+        rows: Vec<Sample>,
+    },
+    /// The tracker's summary.
+    Quality(QualitySummary),
 }
 
-pub(super) fn settings(work: TrackWork) -> Result<TrackerSettings, StopReason> {
-    let samples = work.palette.colour_samples().ok_or_else(|| StopReason::Impossible(explain::unreadable_palette()))?;
-    let tools = work.tools.into_iter().map(Into::into).collect();
-    let mut settings = TrackerSettings::new(work.camera.into(), tools, samples);
-    settings.view = work.view.map(Into::into);
-    Ok(settings)
+/// What is kept of a tracked recording.
+#[derive(Debug, Default)]
+pub struct TrackOutput {
+    /// Size, frames and preview.
+    pub recording: RecordingOutput,
+    /// Unfiltered path.
+    pub raw: Vec<Sample>,
+    /// Causal path.
+    pub filtered: Vec<Sample>,
+    /// Smoothed path.
+    pub smoothed: Vec<Sample>,
+    /// The tracker's summary.
+    pub quality: Option<QualitySummary>,
+}
+
+/// The request is the settings: camera, tools and colours.
+impl ChildTask for TrackerSettings {
+    type Record = TrackRecord;
+    type Output = TrackOutput;
+
+    fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
+        let video = inputs.video()?;
+        let info = video.info();
+        let wrap = |record| WorkRecord::Track(TrackRecord::Recording(record));
+        let mut frames = FrameReporter::start(info, wrap, reporter)?;
+        let mut pictures = ReadAhead::new(video)?;
+        let first: Vec<Frame<'_>> = pictures.first_pictures(MAX_WARM_UP_FRAMES)?.iter().map(Picture::frame).collect();
+        let encoding = first.first().ok_or(MediaError::NoFrames)?.encoding;
+        let mut tracker = Tracker::new(self, info.width, info.height, encoding)?;
+        tracker.warm_up(&first);
+        let mut preview = Preview::new(info.frames_expected);
+        let mut frames_interlaced = 0;
+        while let Some(seen) = pictures.next_picture()? {
+            let frame = seen.frame();
+            frames_interlaced += u64::from(seen.is_interlaced());
+            preview.consider(&frame);
+            let report = tracker.observe(&frame);
+            let rows = report.tools.iter().map(|tool| SeenRow::new(frame.index, tool));
+            frames.frame(frame.time_s, rows, reporter)?;
+        }
+        frames.flush(reporter)?;
+        drop(pictures);
+        let tracking = tracker.finish();
+        heap::release_free_memory(); // the paths need the memory now
+        send_results(&tracking, frames_interlaced, reporter)?;
+        Ok(frames.preview(preview.into_jpeg(), reporter)?)
+    }
+
+    fn accept(&self, record: TrackRecord, output: &mut TrackOutput, limits: MediaLimits) -> Result<ChildEvent, String> {
+        match record {
+            TrackRecord::Recording(record) => return output.recording.accept(record, self.tools.len(), limits),
+            TrackRecord::Path { kind, rows } => output.accept_path(kind, rows, self.tools.len())?,
+            TrackRecord::Quality(quality) => output.accept_quality(quality, self.tools.len())?,
+        }
+        Ok(ChildEvent::Nothing)
+    }
 }
 
 fn send_results(tracking: &Tracking, frames_interlaced: u64, reporter: &mut Reporter) -> Result<(), StopReason> {
     if was_never_seen(&tracking.quality) {
         return Err(StopReason::Impossible(explain::never_seen(&tracking.quality)));
     }
-    let kinds = [
-        (PathKind::Raw, KindShape::Raw),
-        (PathKind::Filtered, KindShape::Filtered),
-        (PathKind::Smoothed, KindShape::Smoothed),
-    ];
-    for (kind, shape) in kinds {
+    for kind in [PathKind::Raw, PathKind::Filtered, PathKind::Smoothed] {
         for rows in tracking.trajectory(kind).samples.chunks(ROWS_PER_RECORD) {
-            reporter.send(&ChildReply::Path { kind: shape, rows: rows.iter().map(PathRow::from).collect() })?;
+            reporter.record(WorkRecord::Track(TrackRecord::Path { kind, rows: rows.to_vec() }))?;
         }
     }
-    Ok(reporter.send(&ChildReply::Quality(QualityShape::new(&tracking.quality, frames_interlaced)))?)
+    let summary = QualitySummary::new(&tracking.quality, frames_interlaced);
+    Ok(reporter.record(WorkRecord::Track(TrackRecord::Quality(summary)))?)
 }
 
 fn was_never_seen(quality: &Quality) -> bool {
     quality.tools.iter().all(|tool| tool.observed == 0)
 }
+
+impl TrackOutput {
+    fn accept_path(&mut self, kind: PathKind, rows: Vec<Sample>, tools: usize) -> Result<(), String> {
+        let path = match kind {
+            PathKind::Raw => &mut self.raw,
+            PathKind::Filtered => &mut self.filtered,
+            PathKind::Smoothed => &mut self.smoothed,
+        };
+        let times_s = &self.recording.times_s;
+        let place = |row: &Sample| (row.frame, row.tool);
+        for row in rows {
+            let on_its_frame = times_s.get(row.frame as usize).is_some_and(|&t| t == row.time_s);
+            let in_order = path.last().is_none_or(|last| place(last) < place(&row));
+            if !(on_its_frame && in_order && row.tool < tools && row.numbers().all(is_plausible_number)) {
+                return Err("an invalid row of a path".into());
+            }
+            path.push(row);
+        }
+        Ok(())
+    }
+
+    fn accept_quality(&mut self, quality: QualitySummary, tools: usize) -> Result<(), String> {
+        let frames = self.recording.times_s.len() as u64;
+        let consistent = quality.frames == frames
+            && quality.frames_interlaced <= frames
+            && quality.tools.len() == tools
+            && quality.tools.iter().all(|tool| is_possible_quality(tool, frames))
+            && quality.light.len() as u64 <= frames
+            && quality.light.iter().all(is_plausible_light);
+        if !consistent {
+            return Err("a summary that contradicts its frames".into());
+        }
+        set_once(&mut self.quality, quality, "summary")
+    }
+}
+
+/// True if a recording with this many frames can have this summary of a tool.
+fn is_possible_quality(tool: &ToolQuality, frames: u64) -> bool {
+    let ToolQuality { border_residual_px, transient_depth_sigma_mm, effective_diameter, gaps, colour, .. } = tool;
+    let diameter = effective_diameter.iter().flat_map(|of| [of.mm, of.sigma_mm]);
+    let margins = || [&colour.from_tools, &colour.from_background].into_iter().flatten();
+    let steps = margins().flat_map(|margin| [margin.margin_steps, margin.spread_steps]);
+    let fulcrum = tool.fulcrum.iter().flat_map(Fulcrum::numbers);
+    let lengths = [*border_residual_px, *transient_depth_sigma_mm].into_iter().flatten();
+    [tool.observed, tool.predicted, tool.missing].iter().chain(tool.reasons.values()).all(|n| *n <= frames)
+        && lengths.chain(diameter).chain(steps).chain(fulcrum).all(is_plausible_number)
+        && gaps.iter().all(|gap| gap.first <= gap.last && gap.last < frames)
+        && gaps.is_sorted_by(|a, b| a.last < b.first)
+        && margins().all(|margin| margin.nearest.chars().count() <= MAX_TEXT_CHARS[0])
+}
+
+pub(super) fn is_plausible_light(light: &LightSample) -> bool {
+    let LightSample { time_s, luma_ratio, chroma_shift: [blue, red] } = *light;
+    [time_s, luma_ratio, blue, red].into_iter().all(is_plausible_number)
+}
+
+#[cfg(test)]
+pub(in crate::analysis) mod tests;

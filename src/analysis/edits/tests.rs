@@ -1,57 +1,62 @@
 //! What edits leave of a recording, and which edits are accepted.
 
+use nalgebra::{Point3, Vector3};
 use proptest::prelude::*;
 
 use super::*;
 use crate::analysis::paths::TrackingSummary;
 use crate::motion::assessment::{AssessmentSettings, assess};
+use crate::vision::tracker::LightSample;
+use crate::vision::trajectory::SampleState;
 
 const FRAMES: u64 = 250;
 const STEP_S: f64 = 0.04;
 
-fn row(frame: u64, tool: u32) -> PathRow {
-    PathRow {
+fn row(frame: u64, tool: usize) -> Sample {
+    Sample {
         frame,
         time_s: frame as f64 * STEP_S,
         tool,
-        tip_mm: [frame as f64, f64::from(tool), 150.0],
-        velocity_mm_s: Some([25.0, 0.0, 0.0]),
+        tip_mm: Point3::new(frame as f64, tool as f64, 150.0),
+        velocity_mm_s: Some(Vector3::new(25.0, 0.0, 0.0)),
         axis: None,
         tip_px: None,
         sigma_xy_mm: Some(0.1),
         sigma_z_mm: Some(0.5),
-        observed: frame % 10 != 9,
+        state: if frame % 10 == 9 { SampleState::Predicted } else { SampleState::Observed },
     }
 }
 
 /// Ten seconds of two tools; cyan is out of view from frame 100 to 149, for a reason from 120 on.
 fn paths() -> (SessionPaths, Unmeasured) {
-    let is_there = |frame: u64, tool: u32| tool == 0 || !(100..150).contains(&frame);
-    let rows: Vec<PathRow> = (0..FRAMES)
+    let is_there = |frame: u64, tool: usize| tool == 0 || !(100..150).contains(&frame);
+    let rows: Vec<Sample> = (0..FRAMES)
         .flat_map(|f| [0, 1].map(|t| (f, t)))
         .filter(|(f, t)| is_there(*f, *t))
         .map(|(f, t)| row(f, t))
         .collect();
-    let gaps = vec![(100, 119, None), (120, 149, Some(ReasonShape::TooSmall))];
-    let tool = |gaps: Vec<_>| {
-        let missing: u64 = gaps.iter().map(|(first, last, _)| last - first + 1).sum();
-        let predicted = rows.iter().filter(|row| row.tool == u32::from(missing > 0) && !row.observed).count() as u64;
-        ToolQualityShape {
-            observed_predicted_missing: [FRAMES - missing - predicted, predicted, missing],
-            reasons: if missing > 0 { vec![(ReasonShape::TooSmall, 30)] } else { Vec::new() },
+    let gaps = vec![left_view(100, 119), lost(120, 149)];
+    let tool = |gaps: Vec<Gap>| {
+        let missing: u64 = gaps.iter().map(|gap| gap.last - gap.first + 1).sum();
+        let of_tool = rows.iter().filter(|row| row.tool == usize::from(missing > 0));
+        let predicted = of_tool.filter(|row| !row.is_observed()).count() as u64;
+        ToolQuality {
+            observed: FRAMES - missing - predicted,
+            predicted,
+            missing,
+            reasons: (missing > 0).then_some((MissReason::TooSmall, 30)).into_iter().collect(),
             border_residual_px: Some(0.2),
-            passing_depth_mm: Some(0.3),
-            effective_diameter: None,
+            transient_depth_sigma_mm: Some(0.3),
             gaps,
-            colour: [None, None],
-            fulcrum: None,
+            ..ToolQuality::default()
         }
     };
-    let quality = QualityShape {
+    let light = |second: u32| LightSample { time_s: second.into(), luma_ratio: 1.0, chroma_shift: [0.0; 2] };
+    let quality = QualitySummary {
         frames: FRAMES,
         frames_interlaced: 50,
         tools: vec![tool(Vec::new()), tool(gaps)],
-        light: (0..10).map(|second| [f64::from(second), 1.0, 0.0, 0.0]).collect(),
+        light: (0..10).map(light).collect(),
     };
     let paths = SessionPaths {
         tools: vec!["orange".to_owned(), "cyan".to_owned()],
@@ -62,7 +67,15 @@ fn paths() -> (SessionPaths, Unmeasured) {
         tracking: Some(TrackingSummary { quality, frames_expected: Some(500) }),
         cuts: Vec::new(),
     };
-    (paths, (120..150).map(|frame| (frame, 1, ReasonShape::TooSmall)).collect())
+    (paths, (120..150).map(|frame| (frame, 1, MissReason::TooSmall)).collect())
+}
+
+fn left_view(first: u64, last: u64) -> Gap {
+    Gap { first, last, absence: Absence::LeftView }
+}
+
+fn lost(first: u64, last: u64) -> Gap {
+    Gap { first, last, absence: Absence::Lost(MissReason::TooSmall) }
 }
 
 fn pair() -> [String; 2] {
@@ -70,7 +83,8 @@ fn pair() -> [String; 2] {
 }
 
 fn counts(paths: &SessionPaths, tool: usize) -> [u64; 3] {
-    paths.tracking.as_ref().unwrap().quality.tools[tool].observed_predicted_missing
+    let tool = &paths.tracking.as_ref().unwrap().quality.tools[tool];
+    [tool.observed, tool.predicted, tool.missing]
 }
 
 #[test]
@@ -87,12 +101,12 @@ fn a_trim_keeps_the_span_and_counts_only_the_span() {
         "half is cut, as ever"
     );
     assert_eq!(quality.frames_interlaced, 18, "a fifth, as ever");
-    assert_eq!((quality.light[0][0], quality.light.len()), (5.0, 4));
-    assert_eq!(quality.tools[1].gaps, [(110, 119, None), (120, 149, Some(ReasonShape::TooSmall))]);
+    assert_eq!((quality.light[0].time_s, quality.light.len()), (5.0, 4));
+    assert_eq!(quality.tools[1].gaps, [left_view(110, 119), lost(120, 149)]);
     assert_eq!((counts(&left, 0), counts(&left, 1)), ([82, 9, 0], [46, 5, 40]));
-    assert_eq!(quality.tools[1].reasons, [(ReasonShape::TooSmall, 30)]);
+    assert_eq!(quality.tools[1].reasons, [(MissReason::TooSmall, 30)].into());
     let late = apply_edits(&paths, &[EditChange::Trim([5.2, 8.0])], &unmeasured); // from frame 130
-    assert_eq!(late.tracking.unwrap().quality.tools[1].reasons, [(ReasonShape::TooSmall, 20)]);
+    assert_eq!(late.tracking.unwrap().quality.tools[1].reasons, [(MissReason::TooSmall, 20)].into());
 }
 
 #[test]
@@ -100,10 +114,10 @@ fn a_swap_exchanges_rows_gaps_and_reasons_within_and_nothing_outside() {
     let (paths, unmeasured) = paths();
     let left = apply_edits(&paths, &[EditChange::Swap(pair(), [4.8, 9.96])], &unmeasured); // frames 120 to 249
     let tools = &left.tracking.as_ref().unwrap().quality.tools;
-    assert_eq!(tools[0].gaps, [(120, 149, Some(ReasonShape::TooSmall))]);
-    assert_eq!(tools[1].gaps, [(100, 119, None)]);
+    assert_eq!(tools[0].gaps, [lost(120, 149)]);
+    assert_eq!(tools[1].gaps, [left_view(100, 119)]);
     assert_eq!((tools[0].reasons.len(), tools[1].reasons.len()), (1, 0));
-    let of = |frame: u64, tool: u32| left.smoothed.iter().find(|row| (row.frame, row.tool) == (frame, tool));
+    let of = |frame: u64, tool: usize| left.smoothed.iter().find(|row| (row.frame, row.tool) == (frame, tool));
     assert_eq!(of(50, 0).unwrap().tip_mm[1], 0.0);
     assert_eq!(of(200, 0).unwrap().tip_mm[1], 1.0, "cyan's rows are orange's now");
     assert!(of(130, 0).is_none() && of(130, 1).is_some());
@@ -121,8 +135,10 @@ fn a_swap_exchanges_rows_gaps_and_reasons_within_and_nothing_outside() {
 
 #[test]
 fn a_swap_of_two_tools_at_rest_moves_neither() {
-    let row =
-        |frame: u64, tool: u32| PathRow { tip_mm: [100.0 * f64::from(tool), 0.0, 150.0], ..self::row(frame, tool) };
+    let row = |frame: u64, tool: usize| {
+        let tip_mm = Point3::new(100.0 * tool as f64, 0.0, 150.0);
+        Sample { tip_mm, ..self::row(frame, tool) }
+    };
     let smoothed = (0..750).flat_map(|frame| [row(frame, 0), row(frame, 1)]).collect();
     let (raw, filtered, frame_times_s) = (Vec::new(), Vec::new(), (0..750).map(|frame| frame as f64 * 0.04).collect());
     let paths = SessionPaths {
@@ -152,7 +168,7 @@ fn stored_diagnostics_give_the_same_reasons_as_the_childs_output() {
         .map(|frame| SeenRow {
             frame,
             tool: (frame % 2) as u32,
-            reason: ReasonShape::ALL.get(frame as usize).copied(),
+            reason: MissReason::ALL.get(frame as usize).copied(),
             borders_px: None,
             tip_px: None,
         })
@@ -205,10 +221,10 @@ proptest! {
         prop_assert_eq!(&both[0], &both[1]);
         // Every frame is measured, bridged or missing, and each gap is missing.
         for tool in &both[0].tracking.as_ref().unwrap().quality.tools {
-            let [observed, predicted, missing] = tool.observed_predicted_missing;
+            let ToolQuality { observed, predicted, missing, .. } = *tool;
             prop_assert_eq!(observed + predicted + missing, both[0].frame_times_s.len() as u64);
-            prop_assert_eq!(tool.gaps.iter().map(|(first, last, _)| last - first + 1).sum::<u64>(), missing);
-            prop_assert!(tool.gaps.is_sorted_by(|a, b| a.1 < b.0));
+            prop_assert_eq!(tool.gaps.iter().map(|gap| gap.last - gap.first + 1).sum::<u64>(), missing);
+            prop_assert!(tool.gaps.is_sorted_by(|a, b| a.last < b.first));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Makes the texts of a child's problem safe to show.
 
-use super::MAX_TEXT_CHARS;
+use crate::analysis::child::MAX_TEXT_CHARS;
 use crate::domain::problem::Problem;
 
 /// Returns the problem with texts of limited length and without control characters.

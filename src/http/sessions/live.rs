@@ -11,13 +11,12 @@ use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
 use axum::http::HeaderMap;
 use axum::response::Response;
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{interval, timeout};
 use utoipa::IntoParams;
 
-use crate::analysis::protocol::{FollowReply, FollowedFrame, FollowedTool, PathRow, PlacementShape, live_features};
+use crate::analysis::protocol::{FollowReply, FollowedFrame, FollowedTool, live_features};
 use crate::domain::scope::Scope;
 use crate::domain::session::{LiveFeature, SessionStatus};
 use crate::domain::standard::Target;
@@ -95,10 +94,13 @@ struct LiveShift {
     sigma_mm: f64,
 }
 
-impl From<&PlacementShape> for LivePlacement {
-    fn from(PlacementShape { camera, ports }: &PlacementShape) -> Self {
-        let shift = |numbers: &Option<[f64; 2]>| numbers.map(|[mm, sigma_mm]| LiveShift { mm, sigma_mm });
-        Self { camera: shift(camera), ports: ports.iter().map(shift).collect() }
+impl LivePlacement {
+    /// `None` while no trocar is known.
+    fn new(reply: &FollowReply) -> Option<Self> {
+        let placement = reply.placement.as_ref()?;
+        let port = |tool| placement.port(tool).map(|of| LiveShift { mm: of.mm, sigma_mm: of.sigma_mm });
+        let camera = placement.camera.map(|of| LiveShift { mm: of.mm, sigma_mm: of.sigma_mm });
+        Some(Self { camera, ports: (0..placement.tools.len()).map(port).collect() })
     }
 }
 
@@ -120,18 +122,17 @@ impl From<&FollowedTool> for LiveTool {
     fn from(tool: &FollowedTool) -> Self {
         let FollowedTool { seen, path, left_view } = tool;
         let state = match path {
-            Some(row) if row.observed => "seen",
+            Some(row) if row.is_observed() => "seen",
             Some(_) => "bridged",
             None if *left_view => "left_view",
             None => "lost",
         };
-        let sigmas = |row: &PathRow| Some([row.sigma_xy_mm?, row.sigma_z_mm?]);
         Self {
             state,
             reason: tool.reason(),
-            tip_mm: path.map(|row| row.tip_mm),
-            sigma_mm: path.as_ref().and_then(sigmas),
-            speed_mm_s: path.and_then(|row| row.velocity_mm_s).map(|v| Vector3::from(v).norm()),
+            tip_mm: path.map(|row| row.tip_mm.into()),
+            sigma_mm: path.and_then(|row| Some([row.sigma_xy_mm?, row.sigma_z_mm?])),
+            speed_mm_s: path.and_then(|row| row.velocity_mm_s).map(|v| v.norm()),
             tip_px: seen.tip_px,
             borders_px: seen.borders_px,
         }
@@ -139,24 +140,11 @@ impl From<&FollowedTool> for LiveTool {
 }
 
 impl From<&FollowedFrame> for LiveFrame {
-    fn from(FollowedFrame { frame, time_s, tools }: &FollowedFrame) -> Self {
-        let distance_mm = match &tools[..] {
-            [FollowedTool { path: Some(one), .. }, FollowedTool { path: Some(other), .. }] => distance(one, other),
-            _ => None,
-        };
-        Self { frame: *frame, time_s: *time_s, tools: tools.iter().map(LiveTool::from).collect(), distance_mm }
+    fn from(followed: &FollowedFrame) -> Self {
+        let FollowedFrame { frame, time_s, ref tools } = *followed;
+        let tools = tools.iter().map(LiveTool::from).collect();
+        Self { frame, time_s, tools, distance_mm: followed.distance_mm() }
     }
-}
-
-/// The distance of two tips and its standard deviation to first order, mm; `None` if the tips coincide.
-fn distance(one: &PathRow, other: &PathRow) -> Option<[f64; 2]> {
-    let between = Vector3::from(one.tip_mm) - Vector3::from(other.tip_mm);
-    let towards = between.try_normalize(1e-6)?;
-    let variance = |row: &PathRow| {
-        let (across, along) = (row.sigma_xy_mm?, row.sigma_z_mm?);
-        Some(Vector3::new(across, across, along).component_mul(&towards).norm_squared())
-    };
-    Some([between.norm(), (variance(one)? + variance(other)?).sqrt()])
 }
 
 /// Selects what a watcher receives.
@@ -342,8 +330,8 @@ async fn send_followed(
             TrackingState::Tracking(tools) => tools.clone(),
             TrackingState::NotStarted | TrackingState::Unavailable(_) | TrackingState::Refused(_) => Vec::new(),
         };
-        let light = followed.light.map(|[luma_ratio, blue, red]| LiveLight { luma_ratio, chroma_shift: [blue, red] });
-        let placement = followed.placement.as_ref().map(LivePlacement::from);
+        let light = followed.light.map(|of| LiveLight { luma_ratio: of.luma_ratio, chroma_shift: of.chroma_shift });
+        let placement = LivePlacement::new(followed);
         send_message(socket, &LiveMessage::Features { features: live_features(rows, &tools), light, placement })
             .await?;
     }

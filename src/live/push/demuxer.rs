@@ -15,7 +15,7 @@ use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
 use super::{BoxError, PushError};
-use crate::analysis::protocol::{ChildRequest, ChildWork};
+use crate::analysis::protocol::{ChildRequest, ChildWork, DemuxWork};
 use crate::analysis::{AttemptFailure, ChildAttempt, ChildEvent, ChildOutput, run_attempt};
 use crate::domain::feed::MAX_DURATION_S;
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
@@ -55,7 +55,7 @@ impl FeedService {
         let (program, stopping) = (self.0.program.clone(), stop.0.clone());
         let (sender, news) = mpsc::channel(MAX_WAITING_FRAMES);
         let ended = tokio::task::spawn_blocking(move || {
-            let request = ChildRequest { threads: 1, work: ChildWork::Demux };
+            let request = ChildRequest { threads: 1, work: ChildWork::Demux(DemuxWork) };
             let what = ChildAttempt { program: &program, request, inputs, budget: &budget, stop: &stopping };
             // A failed send means that the receiver is dropped and the child is being stopped.
             run_attempt(what, |event| drop(sender.blocking_send(event))).0

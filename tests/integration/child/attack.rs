@@ -321,11 +321,11 @@ fn complaint(attack: &Attack, path: &Path) -> Option<String> {
     );
     let expected = match &result {
         Err(AttemptFailure::Impossible(_)) => true,
-        Ok(output) => attack.end == AllowedEnd::Harmless && output.size != Some(FOREIGN_SIZE),
+        Ok(output) => attack.end == AllowedEnd::Harmless && output.probe.size != Some(FOREIGN_SIZE),
         Err(_) => false,
     };
     let leaked =
-        shown.contains(SECRET) || result.is_ok_and(|output| leaks(output.preview.as_deref().unwrap_or_default()));
+        shown.contains(SECRET) || result.is_ok_and(|output| leaks(output.probe.preview.as_deref().unwrap_or_default()));
     (!expected || leaked || cost.peak_rss_bytes > MAX_MEMORY_BYTES)
         .then(|| format!("{}: leaked: {leaked}, {} MiB, {shown}", attack.name, cost.peak_rss_bytes >> 20))
 }
@@ -336,7 +336,7 @@ fn leaks(bytes: &[u8]) -> bool {
 
 fn summary(result: &Result<ChildOutput, AttemptFailure>) -> String {
     match result {
-        Ok(output) => format!("{} frames", output.times_s.len()),
+        Ok(output) => format!("{} frames", output.probe.times_s.len()),
         Err(AttemptFailure::Impossible(problem)) => problem.slug.clone(),
         Err(other) => format!("{other:?}"),
     }
@@ -362,7 +362,7 @@ fn every_attack_ends_with_a_reason_in_time_and_leaks_nothing() {
 fn the_bait_is_a_recording_that_can_be_read() {
     let scene = Scene::new();
     let output = probe(&scene.path("foreign.mp4")).0.unwrap();
-    assert_eq!((output.size, output.times_s.len()), (Some(FOREIGN_SIZE), 10));
+    assert_eq!((output.probe.size, output.probe.times_s.len()), (Some(FOREIGN_SIZE), 10));
 }
 
 #[test]
@@ -373,6 +373,6 @@ fn the_largest_accepted_picture_is_decoded_within_the_memory_limit() {
     std::fs::write(&path, Movie::of(grey, 30).bytes()).unwrap();
     let (output, cost) = probe(&path);
     let output = output.unwrap();
-    assert_eq!((output.size, output.times_s.len()), (Some((4096, 2304)), 30));
+    assert_eq!((output.probe.size, output.probe.times_s.len()), (Some((4096, 2304)), 30));
     eprintln!("4096×2304: {cost:?}");
 }

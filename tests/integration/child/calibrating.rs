@@ -1,8 +1,9 @@
 //! Calibration and colours in a child, from photos and pictures as users send them.
 
-use trocar::analysis::protocol::{BoardShape, CalibrateWork, MarkShape, PaletteWork};
+use trocar::analysis::protocol::{CalibrateWork, ColourMark, PaletteWork, RequestedBoard};
 use trocar::domain::files::camera::CameraFile;
 use trocar::domain::palette::ColourGrade;
+use trocar::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
 
 use super::clips::ffmpeg;
 use super::tracking::{SharedScene, shared};
@@ -21,7 +22,7 @@ fn ask(work: ChildWork, inputs: &[PathBuf]) -> Result<ChildOutput, AttemptFailur
 
 fn calibrate(columns: u32, rows: u32, photos: &[PathBuf]) -> ChildWork {
     ChildWork::Calibrate(CalibrateWork {
-        board: BoardShape { columns, rows, square_mm: 21.0 },
+        board: RequestedBoard { columns, rows, square_mm: 21.0 },
         photos: Some(photos.iter().map(|path| path.display().to_string()).collect()),
         calibrated_at: "2026-11-21T20:14:00Z".into(),
     })
@@ -43,7 +44,7 @@ fn photos_of_a_board_become_a_camera() {
     photos.sort();
     photos.truncate(12);
     let output = ask(calibrate(9, 6, &photos), &photos).unwrap();
-    let camera = CameraFile::parse(&output.calibration.unwrap().camera_json).unwrap();
+    let camera = CameraFile::parse(&output.camera_json.unwrap()).unwrap();
     assert!(camera.more["rms_px"].as_f64().unwrap() < 0.5, "{camera:?}");
     assert_eq!(camera.more["photos"].as_array().unwrap().len(), photos.len());
     assert_eq!(camera.more["calibrated_at"], "2026-11-21T20:14:00Z");
@@ -76,13 +77,12 @@ fn pictures_of_frames_give_the_colours_that_the_clip_gives() {
     }
     let colours = |frames, inputs: &[PathBuf]| {
         let work = ChildWork::Palette(PaletteWork { marks: marks.clone(), tools: scene.tools(), frames });
-        ask(work, inputs).unwrap().palette.unwrap()
+        ask(work, inputs).unwrap().palette.samples.unwrap()
     };
     let of_pictures = colours(Some(frames.clone()), &pictures);
     let of_clip = colours(None, &[scene.video()]);
     assert_eq!(of_pictures.counts(), of_clip.counts());
-    let mean = |palette: &trocar::analysis::protocol::PaletteShape, label: &str| {
-        let samples = palette.colour_samples().unwrap();
+    let mean = |samples: &ColourSamples, label: &str| {
         let index = samples.labels.iter().position(|l| l == label).unwrap();
         let of_label: Vec<_> = samples.samples.iter().filter(|s| s.label == index).collect();
         let rgb = of_label.iter().map(|s| samples.encoding.rgb_of_codes(s.yuv.map(f64::from)));
@@ -99,7 +99,7 @@ fn the_colours_of_the_given_scenes_are_good() {
     for name in ["V1", "V2", "V3", "V4", "V5"] {
         let Some(scene) = SharedScene::find(name) else { return };
         let work = ChildWork::Palette(PaletteWork { marks: scene.marks(), tools: scene.tools(), frames: None });
-        let report = ask(work, &[scene.video()]).unwrap().palette_report.unwrap();
+        let report = ask(work, &[scene.video()]).unwrap().palette.report.unwrap();
         assert_eq!(report.warnings, [""; 0], "{name}");
         assert_eq!(report.verdicts.len(), scene.tools().len());
         for verdict in report.verdicts {
@@ -114,7 +114,8 @@ fn a_mark_on_a_frame_that_was_not_sent_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let picture = folder.path().join("frame_3.png");
     image::RgbImage::new(20, 20).save(&picture).unwrap();
-    let mark = MarkShape { frame: 4, label: "orange".into(), x_y_w_h: [1, 1, 2, 2], stroke: None };
+    let rectangle = MarkedRectangle { label: "orange".into(), x: 1, y: 1, w: 2, h: 2 };
+    let mark = ColourMark { frame: 4, rectangle, stroke: None };
     let work = ChildWork::Palette(PaletteWork { marks: vec![mark], tools: vec![], frames: Some(vec![3]) });
     assert_eq!(problem(ask(work, &[picture])), "mark-without-picture");
 }

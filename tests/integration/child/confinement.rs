@@ -179,7 +179,7 @@ fn endless_silence_ends_at_its_limit() {
 /// A real child whose recording never arrives: it waits, confined, until it is stopped.
 fn waiting_child(stop: &StopSwitch, on_first_record: impl Fn()) -> (ChildEnd, OwnedFd) {
     let (recording, writer) = rustix::pipe::pipe().unwrap();
-    let request = encode(&ChildRequest { threads: 1, work: ChildWork::Probe }).unwrap();
+    let request = encode(&ChildRequest { threads: 1, work: ChildWork::Probe(ProbeWork) }).unwrap();
     let order = ChildSpec { program: &program(), request, inputs: vec![File::from(recording)] };
     let ended = run(order, &budget(), stop, |_| {
         on_first_record();
@@ -197,7 +197,7 @@ fn a_child_is_ended_on_request() {
 
 #[test]
 fn a_record_that_the_parent_refuses_ends_the_child() {
-    let request = encode(&ChildRequest { threads: 1, work: ChildWork::Probe }).unwrap();
+    let request = encode(&ChildRequest { threads: 1, work: ChildWork::Probe(ProbeWork) }).unwrap();
     let (recording, _writer) = rustix::pipe::pipe().unwrap();
     let order = ChildSpec { program: &program(), request, inputs: vec![File::from(recording)] };
     let ended = run(order, &budget(), &StopSwitch::new().unwrap(), |_| Err("not believed".into()));

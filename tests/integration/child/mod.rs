@@ -14,7 +14,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use trocar::analysis::protocol::{ChildRequest, ChildWork};
+use trocar::analysis::protocol::{ChildRequest, ChildWork, ProbeWork};
 use trocar::analysis::{AttemptFailure, ChildAttempt, ChildOutput, run_attempt};
 use trocar::media::{MediaLimits, VideoFile};
 use trocar::sandbox::{Budget, Cost, Program, StopSwitch};
@@ -37,7 +37,7 @@ fn probe(path: &Path) -> (Result<ChildOutput, AttemptFailure>, Cost) {
 fn probe_with(path: &Path, budget: &Budget) -> (Result<ChildOutput, AttemptFailure>, Cost) {
     let attempt = ChildAttempt {
         program: &program(),
-        request: ChildRequest { threads: 2, work: ChildWork::Probe },
+        request: ChildRequest { threads: 2, work: ChildWork::Probe(ProbeWork) },
         inputs: vec![File::open(path).unwrap()],
         budget,
         stop: &StopSwitch::new().unwrap(),

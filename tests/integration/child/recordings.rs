@@ -24,8 +24,8 @@ fn every_accepted_container_and_codec_gives_every_frame() {
     ];
     for (name, codec) in cases {
         let Some(output) = decode_clip(name, &test_picture("320x240", 50, codec)) else { return };
-        assert_eq!((output.size, output.times_s.len()), (Some((320, 240)), 50), "{name}");
-        assert!((output.times_s[49] - 49.0 / 25.0).abs() < 0.011, "{name}: {:?}", output.times_s);
+        assert_eq!((output.probe.size, output.probe.times_s.len()), (Some((320, 240)), 50), "{name}");
+        assert!((output.probe.times_s[49] - 49.0 / 25.0).abs() < 0.011, "{name}: {:?}", output.probe.times_s);
     }
 }
 
@@ -46,9 +46,9 @@ fn odd_sizes_depths_and_subsampling_are_decoded() {
         // Unlike testsrc2, testsrc keeps an odd size.
         let picture = format!("-f lavfi -i testsrc=size={size}:rate=25 -frames:v 10 {codec}");
         let Some(output) = decode_clip(name, &picture) else { return };
-        let stated = output.size.map(|(width, height)| format!("{width}x{height}"));
-        assert_eq!((stated.as_deref(), output.times_s.len()), (Some(size), 10), "{name}");
-        assert!(output.preview.is_some(), "{name}");
+        let stated = output.probe.size.map(|(width, height)| format!("{width}x{height}"));
+        assert_eq!((stated.as_deref(), output.probe.times_s.len()), (Some(size), 10), "{name}");
+        assert!(output.probe.preview.is_some(), "{name}");
     }
 }
 
@@ -66,7 +66,7 @@ fn colours_do_not_depend_on_how_they_were_coded() {
     let mut reference: Option<Vec<u8>> = None;
     for (name, codec) in cases {
         let Some(output) = decode_clip(name, &bars(codec)) else { return };
-        let picture = image::load_from_memory(&output.preview.unwrap()).unwrap().to_rgb8();
+        let picture = image::load_from_memory(&output.probe.preview.unwrap()).unwrap().to_rgb8();
         let colours: Vec<u8> = (0..7).flat_map(|bar| picture.get_pixel(bar * 45 + 22, 60).0).collect();
         let first = reference.get_or_insert_with(|| colours.clone());
         let worst = colours.iter().zip(first.iter()).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
@@ -81,7 +81,7 @@ fn a_rotated_recording_has_its_displayed_size() {
     let Some(upright) = ffmpeg(&test_picture("320x240", 5, "-c:v libx264 -preset ultrafast"), &upright) else { return };
     let rotate = format!("-i {} -c copy -metadata:s:v:0 rotate=90", upright.display());
     let rotated = ffmpeg(&rotate, &folder.path().join("rotated.mp4")).unwrap();
-    assert_eq!(probe(&rotated).0.unwrap().size, Some((240, 320)));
+    assert_eq!(probe(&rotated).0.unwrap().probe.size, Some((240, 320)));
 }
 
 #[test]
@@ -90,9 +90,9 @@ fn a_variable_rate_and_dropped_frames_keep_their_times() {
     let dropped = "-vf select='not(between(n\\,10\\,19))' -vsync passthrough -c:v libx264 -preset ultrafast";
     for name in ["dropped.mp4", "dropped.mkv", "dropped.ts"] {
         let Some(output) = decode_clip(name, &test_picture("320x240", 30, dropped)) else { return };
-        assert_eq!(output.times_s.len(), 30, "{name}");
-        let gap = output.times_s[10] - output.times_s[9];
-        assert!((gap - 11.0 / 25.0).abs() < 0.002, "{name}: {:?}", output.times_s);
+        assert_eq!(output.probe.times_s.len(), 30, "{name}");
+        let gap = output.probe.times_s[10] - output.probe.times_s[9];
+        assert!((gap - 11.0 / 25.0).abs() < 0.002, "{name}: {:?}", output.probe.times_s);
     }
 }
 
@@ -108,8 +108,8 @@ fn times_count_from_the_streams_start_in_every_container() {
     ];
     for (name, arguments) in cases {
         let Some(output) = decode_clip(name, &arguments) else { return };
-        assert!(output.times_s[0].abs() < 0.001, "{name}: {:?}", &output.times_s[..3]);
-        assert!((output.times_s[24] - 24.0 / 25.0).abs() < 0.002, "{name}: {:?}", output.times_s);
+        assert!(output.probe.times_s[0].abs() < 0.001, "{name}: {:?}", &output.probe.times_s[..3]);
+        assert!((output.probe.times_s[24] - 24.0 / 25.0).abs() < 0.002, "{name}: {:?}", output.probe.times_s);
     }
 }
 
@@ -124,7 +124,7 @@ fn times_continue_after_the_clock_was_set_back() {
     let (Some(late), Some(early)) = (part("5000", "late.ts"), part("10", "early.ts")) else { return };
     let joined = folder.path().join("joined.ts");
     std::fs::write(&joined, [late, early].concat()).unwrap();
-    let times_s = probe(&joined).0.unwrap().times_s;
+    let times_s = probe(&joined).0.unwrap().probe.times_s;
     assert_eq!(times_s.len(), 50);
     assert!(times_s.windows(2).all(|pair| (pair[1] - pair[0] - 0.04).abs() < 0.01), "{times_s:?}");
 }
@@ -140,7 +140,7 @@ fn a_recording_cut_anywhere_ends_where_its_bytes_end_or_says_why_not() {
         for percent in [1, 10, 50, 90, 99] {
             std::fs::write(&cut, &bytes[..bytes.len() * percent / 100]).unwrap();
             match probe(&cut).0 {
-                Ok(output) => assert!(output.times_s.len() <= 50 * percent / 100 + 2, "{name} {percent} %"),
+                Ok(output) => assert!(output.probe.times_s.len() <= 50 * percent / 100 + 2, "{name} {percent} %"),
                 Err(AttemptFailure::Impossible(_)) => {
                     assert!(name == "whole.mp4" || percent < 50, "{name} {percent} %")
                 }

@@ -2,14 +2,13 @@
 
 use std::io::BufReader;
 
-use trocar::analysis::protocol::{
-    CameraShape, MarkShape, PaletteShape, PaletteWork, PathRow, ToolShape, TrackWork, ViewShape,
-};
-use trocar::domain::files::annotations::AnnotationsFile;
+use trocar::analysis::protocol::{ColourMark, PaletteWork};
+use trocar::domain::files::annotations::{AnnotationsFile, LabelledRectangle};
 use trocar::domain::files::camera::CameraFile;
 use trocar::media::{MediaLimits, Picture, VideoFile};
+use trocar::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
 use trocar::vision::tracker::{MAX_WARM_UP_FRAMES, Tracker, TrackerSettings, Tracking};
-use trocar::vision::trajectory::{PathKind, Trajectory};
+use trocar::vision::trajectory::PathKind;
 
 use super::*;
 
@@ -51,35 +50,24 @@ impl SharedScene {
         self.annotations.marked_tools().unwrap().into_iter().map(|tool| tool.name).collect()
     }
 
-    pub fn marks(&self) -> Vec<MarkShape> {
-        let mark = |l: &trocar::domain::files::annotations::LabelledRectangle| MarkShape {
-            frame: l.frame,
-            label: l.label.clone(),
-            x_y_w_h: [l.x, l.y, l.w, l.h].map(|n| n.try_into().unwrap()),
-            stroke: l.stroke,
+    pub fn marks(&self) -> Vec<ColourMark> {
+        let mark = |l: &LabelledRectangle| {
+            let [x, y, w, h] = [l.x, l.y, l.w, l.h].map(|n| n.try_into().unwrap());
+            let rectangle = MarkedRectangle { label: l.label.clone(), x, y, w, h };
+            ColourMark { frame: l.frame, rectangle, stroke: l.stroke }
         };
         self.annotations.labels.iter().map(mark).collect()
     }
 
-    fn palette(&self) -> PaletteShape {
+    fn palette(&self) -> ColourSamples {
         let work = ChildWork::Palette(PaletteWork { marks: self.marks(), tools: self.tools(), frames: None });
-        ask(work, &self.video()).unwrap().palette.unwrap()
+        ask(work, &self.video()).unwrap().palette.samples.unwrap()
     }
 
-    fn track_work(&self, palette: PaletteShape) -> TrackWork {
-        let tool = |t: trocar::domain::files::annotations::MarkedTool| ToolShape {
-            name: t.name,
-            colour: t.colour,
-            side: t.side.map(Into::into),
-            diameter_mm: t.diameter_mm,
-            band_length_mm: t.band_length_mm,
-        };
-        TrackWork {
-            camera: CameraShape::from(self.camera.camera()),
-            tools: self.annotations.marked_tools().unwrap().into_iter().map(tool).collect(),
-            palette,
-            view: self.annotations.view.map(ViewShape::from),
-        }
+    fn settings(&self, samples: ColourSamples) -> TrackerSettings {
+        let tools = self.annotations.marked_tools().unwrap().into_iter().map(Into::into).collect();
+        let view = self.annotations.view.map(Into::into);
+        TrackerSettings { view, ..TrackerSettings::new(self.camera.camera(), tools, samples) }
     }
 }
 
@@ -95,12 +83,9 @@ fn ask(work: ChildWork, input: &Path) -> Result<ChildOutput, AttemptFailure> {
 }
 
 /// Tracks the same recording in this process.
-fn track_in_process(scene: &SharedScene, work: TrackWork) -> Tracking {
+fn track_in_process(scene: &SharedScene, settings: TrackerSettings) -> Tracking {
     let open = || VideoFile::open(BufReader::new(File::open(scene.video()).unwrap()), MediaLimits::default()).unwrap();
     let pictures = |mut video: VideoFile| std::iter::from_fn(move || video.next_picture().unwrap());
-    let tools = work.tools.into_iter().map(Into::into).collect();
-    let mut settings = TrackerSettings::new(scene.camera.camera(), tools, work.palette.colour_samples().unwrap());
-    settings.view = work.view.map(Into::into);
     let (video, info) = (open(), open().info());
     let first: Vec<Picture> = pictures(video).take(MAX_WARM_UP_FRAMES).collect();
     let first: Vec<_> = first.iter().map(Picture::frame).collect();
@@ -114,24 +99,23 @@ fn track_in_process(scene: &SharedScene, work: TrackWork) -> Tracking {
 fn a_child_tracks_to_the_last_bit_as_the_tracker_does() {
     let Some(scene) = SharedScene::find("V1") else { return };
     let palette = scene.palette();
-    let output = ask(ChildWork::Track(scene.track_work(palette.clone())), &scene.video()).unwrap();
-    let tracking = track_in_process(&scene, scene.track_work(palette));
+    let output = ask(ChildWork::Track(scene.settings(palette.clone())), &scene.video()).unwrap().track;
+    let tracking = track_in_process(&scene, scene.settings(palette));
     let [raw, filtered, smoothed] =
         [PathKind::Raw, PathKind::Filtered, PathKind::Smoothed].map(|kind| tracking.trajectory(kind));
-    let rows = |path: &Trajectory| path.samples.iter().map(PathRow::from).collect::<Vec<_>>();
     assert!(!output.smoothed.is_empty());
-    assert!(output.raw == rows(&raw), "raw"); // thousands of rows: not worth printing
-    assert!(output.filtered == rows(&filtered), "filtered");
-    assert!(output.smoothed == rows(&smoothed), "smoothed");
-    assert_eq!(output.times_s, smoothed.frame_times_s);
-    assert_eq!(output.seen.len(), output.times_s.len() * smoothed.tools.len());
+    assert!(output.raw == raw.samples, "raw"); // thousands of rows: not worth printing
+    assert!(output.filtered == filtered.samples, "filtered");
+    assert!(output.smoothed == smoothed.samples, "smoothed");
+    assert_eq!(output.recording.times_s, smoothed.frame_times_s);
+    assert_eq!(output.recording.seen.len(), output.recording.times_s.len() * smoothed.tools.len());
 }
 
 #[test]
 fn a_camera_of_another_size_is_named() {
     let Some(scene) = SharedScene::find("V1") else { return };
     let camera = trocar::vision::camera::Camera { width: 640, height: 480, ..scene.camera.camera() };
-    let work = TrackWork { camera: camera.into(), ..scene.track_work(scene.palette()) };
+    let work = TrackerSettings { camera, ..scene.settings(scene.palette()) };
     match ask(ChildWork::Track(work), &scene.video()) {
         Err(AttemptFailure::Impossible(problem)) => assert_eq!(problem.slug, "camera-size", "{problem:?}"),
         other => panic!("{other:?}"),
@@ -141,7 +125,7 @@ fn a_camera_of_another_size_is_named() {
 #[test]
 fn a_recording_without_the_marker_says_so() {
     let Some(scene) = SharedScene::find("V1") else { return };
-    let work = scene.track_work(scene.palette());
+    let work = scene.settings(scene.palette());
     let folder = tempfile::tempdir().unwrap();
     let CameraFile { width, height, .. } = scene.camera;
     let grey = format!("-f lavfi -i color=gray:size={width}x{height}:rate=25 -frames:v 10 -c:v libx264");
@@ -155,10 +139,14 @@ fn a_recording_without_the_marker_says_so() {
 #[test]
 fn impossible_marks_are_refused_by_name() {
     let Some(scene) = SharedScene::find("V1") else { return };
-    let mark = |frame, x_y_w_h| MarkShape { frame, label: "orange".into(), x_y_w_h, stroke: None };
+    let mark = |frame, [x, y, w, h]: [usize; 4]| ColourMark {
+        frame,
+        rectangle: MarkedRectangle { label: "orange".into(), x, y, w, h },
+        stroke: None,
+    };
     let cases = [
         (mark(1_000_000, [1, 1, 2, 2]), "mark-beyond-the-end"),
-        (mark(0, [1, 1, u32::MAX, 2]), "mark-outside"),
+        (mark(0, [1, 1, u32::MAX as usize, 2]), "mark-outside"),
         (mark(0, [1, 1, 0, 2]), "mark-outside"),
     ];
     for (mark, slug) in cases {

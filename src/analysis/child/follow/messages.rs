@@ -5,21 +5,24 @@
 
 use std::io::{self, Read};
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{FulcrumShape, PathRow, PlacementShape, SeenRow, TrackWork};
+use crate::analysis::protocol::SeenRow;
 use crate::domain::feed::{FrameCodec, TimeBase};
 use crate::domain::session::LiveFeature;
 use crate::motion::features::FeatureValue;
 use crate::motion::features::running::LIVE_FEATURES;
+use crate::motion::quality::ports::{PortPlacement, Ports};
 use crate::vision::reason::MissReason;
-use crate::vision::tracker::{Absence, ToolReport};
+use crate::vision::tracker::{Absence, LightSample, ToolReport, TrackerSettings};
+use crate::vision::trajectory::Sample;
 
 /// What tracking a live recording needs besides its frames.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct FollowWork {
     /// The same as for a complete recording.
-    pub track: TrackWork,
+    pub track: TrackerSettings,
     /// Codec of the frames.
     pub codec: FrameCodec,
     /// Picture width and height, pixels.
@@ -27,7 +30,7 @@ pub struct FollowWork {
     /// Time base of the frames.
     pub time_base: TimeBase,
     /// Trocar positions in the box's earlier sessions.
-    pub ports: Vec<FulcrumShape>,
+    pub ports: Ports,
 }
 
 /// A message on the pipe to the child: 16 bytes.
@@ -89,11 +92,10 @@ pub struct FollowReply {
     pub frames: Vec<FollowedFrame>,
     /// Features so far, about once a second.
     pub running: Option<Vec<RunningRow>>,
-    /// Scene light relative to the first frame: luma ratio, shifts of blue and red as shares of the code range. Sent
-    /// with the features.
-    pub light: Option<[f64; 3]>,
+    /// Scene light relative to the first frame. Sent with the features.
+    pub light: Option<LightSample>,
     /// Shifts of camera and trocars, once they are known. Sent with the features.
-    pub placement: Option<PlacementShape>,
+    pub placement: Option<PortPlacement>,
     /// A small JPEG, and the number of its frame.
     pub picture: Option<(u64, Vec<u8>)>,
 }
@@ -109,13 +111,30 @@ pub struct FollowedFrame {
     pub tools: Vec<FollowedTool>,
 }
 
+impl FollowedFrame {
+    /// The distance of two tips and its standard deviation to first order, mm; `None` if the tips coincide, or if there
+    /// are not two.
+    pub fn distance_mm(&self) -> Option<[f64; 2]> {
+        let [FollowedTool { path: Some(one), .. }, FollowedTool { path: Some(other), .. }] = &self.tools[..] else {
+            return None;
+        };
+        let between = one.tip_mm - other.tip_mm;
+        let towards = between.try_normalize(1e-6)?;
+        let variance = |row: &Sample| {
+            let (across, along) = (row.sigma_xy_mm?, row.sigma_z_mm?);
+            Some(Vector3::new(across, across, along).component_mul(&towards).norm_squared())
+        };
+        Some([between.norm(), (variance(one)? + variance(other)?).sqrt()])
+    }
+}
+
 /// A tool on a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FollowedTool {
     /// What the tracker saw of it.
     pub seen: SeenRow,
     /// Its position by the causal filter, if there is one.
-    pub path: Option<PathRow>,
+    pub path: Option<Sample>,
     /// True if it has no position because it left the view.
     pub left_view: bool,
 }
@@ -125,14 +144,14 @@ impl FollowedTool {
     pub fn new(frame: u64, report: &ToolReport) -> Self {
         Self {
             seen: SeenRow::new(frame, report),
-            path: report.filtered.as_ref().map(PathRow::from),
+            path: report.filtered,
             left_view: report.absence == Some(Absence::LeftView),
         }
     }
 
     /// Why it was not measured on this frame, by the name used in files, API and pages.
     pub fn reason(&self) -> Option<&'static str> {
-        self.seen.reason.map(|reason| MissReason::from(reason).name())
+        self.seen.reason.map(MissReason::name)
     }
 }
 

@@ -1,0 +1,115 @@
+//! Which replies about a live recording an honest child may send.
+
+use super::{FollowReply, FollowWork, FollowedFrame, FollowedTool, RunningRow};
+use crate::analysis::child::ChildEvent;
+use crate::analysis::child::limits::{is_plausible_number, is_small_jpeg};
+use crate::analysis::child::track::is_plausible_light;
+use crate::domain::feed::MAX_FRAMES;
+use crate::media::MediaLimits;
+use crate::motion::features::running::LIVE_FEATURES;
+use crate::motion::quality::ports::PortPlacement;
+
+/// Most frames in one reply about a feed: those that a decoder held back, or that were rehearsed.
+const MAX_FRAMES_PER_REPLY: u64 = 64;
+
+/// Number and time of the last frame that was tracked. Replies are passed on at once.
+#[derive(Debug, Default)]
+pub struct FollowOutput {
+    last_frame: Option<(u64, f64)>,
+}
+
+/// Passes on a reply.
+pub(super) fn accept(
+    work: &FollowWork,
+    followed: FollowReply,
+    output: &mut FollowOutput,
+    limits: MediaLimits,
+) -> Result<ChildEvent, String> {
+    let tools = work.track.tools.len();
+    for frame in &followed.frames {
+        let is_later = output.last_frame.is_none_or(|(number, time_s)| frame.frame != number && frame.time_s > time_s);
+        let in_time = (0.0..=limits.duration_s).contains(&frame.time_s);
+        let are_tools = frame.tools.len() == tools
+            && frame.tools.iter().enumerate().all(|(index, tool)| belongs_to_frame(tool, frame, index as u32));
+        if !(is_later && in_time && are_tools && frame.frame < MAX_FRAMES) {
+            return Err("an invalid frame of a feed".into());
+        }
+        output.last_frame = Some((frame.frame, frame.time_s));
+    }
+    let is_running = |row: &RunningRow| {
+        (row.tool as usize) < tools
+            && (row.feature as usize) < LIVE_FEATURES.len()
+            && row.value.is_none_or(is_plausible_number)
+    };
+    let consistent = followed.frames.len() as u64 <= MAX_FRAMES_PER_REPLY
+        && followed.running.iter().flatten().count() <= tools * LIVE_FEATURES.len()
+        && followed.running.iter().flatten().all(is_running)
+        && followed.light.iter().all(is_plausible_light)
+        && followed.placement.iter().all(|placement| is_plausible_placement(placement, tools))
+        && followed.picture.as_ref().is_none_or(|(_, jpeg)| is_small_jpeg(jpeg));
+    if consistent { Ok(ChildEvent::Followed(followed)) } else { Err("an invalid reply about a feed".into()) }
+}
+
+fn is_plausible_placement(placement: &PortPlacement, tools: usize) -> bool {
+    let shifts = placement.tools.iter().chain([&placement.camera]).flatten();
+    placement.tools.len() == tools && shifts.flat_map(|shift| [shift.mm, shift.sigma_mm]).all(is_plausible_number)
+}
+
+/// True if the tool's rows belong to this frame.
+fn belongs_to_frame(tool: &FollowedTool, frame: &FollowedFrame, index: u32) -> bool {
+    let FollowedTool { seen, path, .. } = tool;
+    (seen.frame, seen.tool) == (frame.frame, index)
+        && seen.numbers().all(|x| is_plausible_number(x.into()))
+        && path.is_none_or(|row| {
+            (row.frame, row.tool, row.time_s) == (frame.frame, index as usize, frame.time_s)
+                && row.numbers().all(is_plausible_number)
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::analysis::child::track::tests::settings;
+    use crate::analysis::child::{ChildWork, WorkRecord};
+    use crate::analysis::output_validator::validate_records;
+    use crate::analysis::protocol::SeenRow;
+    use crate::domain::feed::FrameCodec;
+    use crate::motion::quality::ports::{Displacement, Ports};
+    use crate::vision::tracker::LightSample;
+
+    fn reply(frame: u64, time_s: f64) -> FollowReply {
+        let seen = SeenRow { frame, tool: 0, reason: None, borders_px: None, tip_px: None };
+        let tools = vec![FollowedTool { seen, path: None, left_view: false }];
+        FollowReply { frames: vec![FollowedFrame { frame, time_s, tools }], ..FollowReply::default() }
+    }
+
+    fn validate(replies: Vec<FollowReply>) -> Result<(), String> {
+        let (time_base, ports) = ([1, 30].try_into().unwrap(), Ports::default());
+        let work = FollowWork { track: settings(), codec: FrameCodec::Jpeg, size: (640, 480), time_base, ports };
+        validate_records(&ChildWork::Follow(work), replies.into_iter().map(WorkRecord::Follow).collect()).map(drop)
+    }
+
+    #[test]
+    fn frames_follow_each_other_and_have_every_tool() {
+        assert!(validate(vec![reply(4, 0.1), reply(5, 0.2)]).is_ok());
+        assert!(validate(vec![reply(4, 0.1), reply(4, 0.2)]).is_err());
+        assert!(validate(vec![reply(4, 0.1), reply(5, 0.1)]).is_err());
+        let mut toolless = reply(4, 0.1);
+        toolless.frames[0].tools.clear();
+        assert!(validate(vec![toolless]).is_err());
+    }
+
+    #[test]
+    fn light_and_placement_are_plausible_numbers_for_every_tool() {
+        let sends = |mm: f64, tools: usize, luma_ratio: f64| {
+            let shift = Some(Displacement { mm, sigma_mm: 1.0 });
+            let placement = Some(PortPlacement { camera: shift, tools: vec![shift; tools] });
+            let light = Some(LightSample { time_s: 0.1, luma_ratio, chroma_shift: [0.0; 2] });
+            validate(vec![FollowReply { light, placement, ..reply(4, 0.1) }])
+        };
+        assert!(sends(7.0, 1, 0.9).is_ok());
+        assert!(sends(f64::NAN, 1, 0.9).is_err());
+        assert!(sends(7.0, 2, 0.9).is_err());
+        assert!(sends(7.0, 1, f64::INFINITY).is_err());
+    }
+}

@@ -1,0 +1,120 @@
+//! Makes a mask of the tape colours on each picture, marked or not, and a report on the marked colours.
+
+use serde::{Deserialize, Serialize};
+
+use super::limits::is_size;
+use super::palette::{ColourMark, accept_report, add_pictures};
+use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord, no_input};
+use crate::analysis::marked::{MarkedFrames, colours_of};
+use crate::domain::palette::{FrameMask, PaletteReport};
+use crate::domain::problem::Problem;
+use crate::media::MediaLimits;
+
+/// What masks need besides the pictures.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct MaskWork {
+    /// Marked rectangles.
+    pub marks: Vec<ColourMark>,
+    /// The tape colour of each tool: a colour occurs twice if two tools wear it.
+    pub tools: Vec<String>,
+    /// The frame that each input shows.
+    pub frames: Vec<u64>,
+}
+
+/// A record about the pictures.
+#[derive(Debug, Serialize, Deserialize)]
+pub enum MaskRecord {
+    /// The report on the colours.
+    Report(PaletteReport),
+    /// The pixels classified as tape in the next picture.
+    Mask(FrameMask),
+}
+
+/// What is kept of the pictures.
+#[derive(Debug, Default)]
+pub struct MaskOutput {
+    /// The report on the colours.
+    pub report: Option<PaletteReport>,
+    /// For each picture, the pixels classified as tape.
+    pub masks: Vec<FrameMask>,
+}
+
+impl ChildTask for MaskWork {
+    type Record = MaskRecord;
+    type Output = MaskOutput;
+
+    fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
+        let mut marked = MarkedFrames::keeping_all();
+        add_pictures(&mut marked, &self.marks, &self.frames, inputs, reporter)?;
+        let report = marked.report(&self.tools).ok_or_else(no_input)?;
+        reporter.record(WorkRecord::Mask(MaskRecord::Report(report)))?;
+        let unmarked = || {
+            let how = "mark at least one tape and some background, then try again";
+            StopReason::Impossible(Problem::new("no-marks", "Nothing is marked", how))
+        };
+        for mask in marked.masks(&colours_of(&self.tools)).ok_or_else(unmarked)? {
+            reporter.record(WorkRecord::Mask(MaskRecord::Mask(mask)))?;
+        }
+        Ok(())
+    }
+
+    fn accept(&self, record: MaskRecord, output: &mut MaskOutput, limits: MediaLimits) -> Result<ChildEvent, String> {
+        match record {
+            MaskRecord::Report(report) => accept_report(&mut output.report, report)?,
+            MaskRecord::Mask(mask) => {
+                let next = self.frames.get(output.masks.len()).ok_or("a mask without a picture")?;
+                if !is_possible(&mask, *next, colours_of(&self.tools).len(), limits) {
+                    return Err("an invalid mask".into());
+                }
+                output.masks.push(mask);
+            }
+        }
+        Ok(ChildEvent::Nothing)
+    }
+}
+
+/// True if the cells fill a picture of this frame and name no more colours than there are.
+fn is_possible(mask: &FrameMask, frame: u64, colours: usize, limits: MediaLimits) -> bool {
+    let FrameMask { width, height, cell_px, columns, rows, runs, .. } = mask;
+    let fills = |cells: u32, size: u32| *cell_px > 0 && cells == size.div_ceil(*cell_px);
+    let cells: u64 = runs.iter().map(|[_, cells]| u64::from(*cells)).sum();
+    mask.frame == frame
+        && is_size(*width, *height, limits)
+        && fills(*columns, *width)
+        && fills(*rows, *height)
+        && cells == u64::from(*columns) * u64::from(*rows)
+        && runs.iter().all(|[class, cells]| *class as usize <= colours && *cells > 0)
+        && runs.windows(2).all(|pair| pair[0][0] != pair[1][0])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::analysis::child::ChildWork;
+    use crate::analysis::child::probe::ProbeWork;
+    use crate::analysis::output_validator::validate_records;
+
+    #[test]
+    fn a_mask_fills_its_picture_with_known_colours_and_arrives_in_order() {
+        let work = ChildWork::Mask(MaskWork { marks: vec![], tools: vec!["orange".into()], frames: vec![3, 9] });
+        let mask = |frame, runs: &[[u32; 2]]| {
+            let runs = runs.to_vec();
+            let mask = FrameMask { frame, width: 9, height: 4, cell_px: 2, columns: 5, rows: 2, runs };
+            WorkRecord::Mask(MaskRecord::Mask(mask))
+        };
+        let whole: &[[u32; 2]] = &[[0, 4], [1, 6]];
+        let heard = validate_records(&work, vec![mask(3, whole), mask(9, &[[0, 10]])]).unwrap();
+        assert_eq!(heard.mask.masks.len(), 2);
+        for (what, records) in [
+            ("another picture", vec![mask(9, whole)]),
+            ("one picture too many", vec![mask(3, whole), mask(9, whole), mask(3, whole)]),
+            ("an unknown colour", vec![mask(3, &[[0, 4], [2, 6]])]),
+            ("too few cells", vec![mask(3, &[[0, 4], [1, 5]])]),
+            ("an empty run", vec![mask(3, &[[0, 4], [1, 0], [0, 6]])]),
+            ("a run in two", vec![mask(3, &[[0, 4], [0, 6]])]),
+        ] {
+            assert!(validate_records(&work, records).is_err(), "{what}");
+        }
+        assert!(validate_records(&ChildWork::Probe(ProbeWork), vec![mask(3, whole)]).is_err());
+    }
+}
