@@ -18,6 +18,7 @@ use super::feature::FeatureKey;
 use super::session::{FeatureError, FeatureRow};
 use super::standard::{Better, Judgement, StandardDefinition, Target, ValueToJudge};
 use super::trainee::Handedness;
+use crate::motion::features;
 
 /// Maximum pieces of advice for one session: a trainee cannot work on four things at once.
 pub const MAX_ADVICE: usize = 3;
@@ -90,7 +91,8 @@ fn advice_for_target(target: &Target, measured: MeasuredSession<'_>) -> Option<A
     if target.judge(to_judge) != Judgement::Fail {
         return None;
     }
-    let rule = RULES.iter().find(|rule| rule.covers(&target.of.feature, target.better))?;
+    let feature = features::find(&target.of.feature)?;
+    let rule = RULES.iter().find(|rule| rule.covers(feature, target.better))?;
     let evidence = measured.evidence.iter().find(|row| row.of == target.of)?;
     let stretches: Vec<StretchRow> =
         evidence.stretches.iter().filter(|stretch| rule.accepts_stretch(stretch)).copied().collect();

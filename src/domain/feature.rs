@@ -61,7 +61,7 @@ impl From<&'static Feature> for FeatureInfo {
 impl FeatureInfo {
     /// All features, in display order.
     pub fn all() -> Vec<Self> {
-        features::FEATURES.iter().map(Self::from).collect()
+        features::FEATURES.iter().copied().map(Self::from).collect()
     }
 }
 

@@ -3,11 +3,12 @@
 use super::*;
 use crate::domain::evidence::{AbsenceCause, NoEvidence};
 use crate::domain::standard::{Basis, ChartDesign};
-use crate::motion::features::{self, Direction};
+use crate::motion::features::{self, Direction, FEATURES};
 
 fn key(feature: &str, tool: Option<&str>) -> FeatureKey {
-    let space = features::find(feature).unwrap().spaces[0].into();
-    FeatureKey { feature: feature.to_owned(), tool: tool.map(str::to_owned), space }
+    let feature = features::find(feature).unwrap();
+    let space = feature.spaces[0].into();
+    FeatureKey { feature: feature.name.to_owned(), tool: tool.map(str::to_owned), space }
 }
 
 fn target(feature: &str, tool: Option<&str>, better: Better, limit: f64) -> Target {
@@ -109,19 +110,19 @@ fn at_most_three_the_farthest_first_and_a_rule_once_for_each_tool() {
 }
 
 #[test]
-fn rules_match_the_features_direction_and_skip_tracker_losses() {
-    let mut spoken: Vec<&str> = Vec::new();
-    for rule in RULES {
-        for (names, direction) in [(rule.lower, Direction::Lower), (rule.higher, Direction::Higher)] {
-            for name in names {
-                let feature = features::find(name).unwrap_or_else(|| panic!("no feature `{name}`"));
-                let is_neutral = *name == "one_hand_share"; // has no better side until a standard sets one
-                assert!(feature.direction == direction || is_neutral, "{name}");
-                spoken.push(name);
-            }
-        }
+fn each_habit_has_one_rule_and_a_worse_side_and_tracker_losses_have_none() {
+    for feature in FEATURES.iter().filter(|feature| feature.habit.is_some()) {
+        let covers = |better| RULES.iter().filter(|rule| rule.covers(feature, better)).count();
+        let [lower, higher] = [Better::Lower, Better::Higher].map(covers);
+        let expected = if feature.direction == Direction::Higher { (0, 1) } else { (1, 0) };
+        assert_eq!((lower, higher), expected, "{feature}");
+        // A share of one hand alone has no better side until a standard sets one.
+        assert!(feature.direction != Direction::Neither || feature.name == "one_hand_share", "{feature}");
     }
-    assert!(!spoken.contains(&"lost_share") && !spoken.contains(&"hidden_share"));
-    spoken.sort_unstable();
-    assert!(spoken.windows(2).all(|pair| pair[0] != pair[1]), "{spoken:?}");
+    for name in ["lost_share", "hidden_share", "not_seen_share"] {
+        assert_eq!(features::find(name).unwrap().habit, None, "the tracker may have caused it");
+    }
+    for rule in RULES {
+        assert!(FEATURES.iter().any(|feature| feature.habit == Some(rule.habit)), "{}", rule.id);
+    }
 }

@@ -2,11 +2,11 @@
 //! of 0.4 mm bend straight strokes by 0.015/mm.
 
 use super::motion::{Motion, MotionNode};
-use super::{Direction, Family, Feature, FeatureSettings, IMAGE, MeasureFn, NotEnough};
+use super::{Direction, Family, Feature, FeatureSettings, Habit, IMAGE, MeasureFn, NotEnough, StretchSource};
 use crate::numbers::quantile::weighted_quantile;
 
 /// The usual curvature: the median along the path.
-pub const MEDIAN_CURVATURE: Feature = Feature {
+pub static MEDIAN_CURVATURE: Feature = Feature {
     name: "median_curvature",
     title: "Median curvature",
     description: "The curvature |v × a|/|v|³ that is exceeded along half of the path, where the speed is at least 10 \
@@ -16,7 +16,7 @@ pub const MEDIAN_CURVATURE: Feature = Feature {
 };
 
 /// The highest curvature without outliers: the 95 % quantile along the path.
-pub const PEAK_CURVATURE: Feature = Feature {
+pub static PEAK_CURVATURE: Feature = Feature {
     name: "peak_curvature",
     title: "Peak curvature (95 %)",
     description: "The curvature |v × a|/|v|³ that is exceeded along 5 % of the path, where the speed is at least 10 \
@@ -36,6 +36,8 @@ const CURVATURE: Feature = Feature {
     range: (0.0, 1e3),
     spaces: IMAGE,
     windowed: false,
+    stretches: StretchSource::BendingSeconds,
+    habit: Some(Habit::FlowingMovements),
     measures: &[],
 };
 

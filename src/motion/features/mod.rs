@@ -14,6 +14,7 @@ pub mod errors;
 mod family;
 pub mod fit;
 pub mod fulcrum;
+mod habit;
 pub(crate) mod hull;
 pub mod motion;
 pub mod movement;
@@ -28,6 +29,7 @@ pub mod smoothness;
 pub mod spectrum;
 pub mod speed;
 pub mod straightness;
+mod stretch_source;
 pub mod submovements;
 pub mod time;
 pub mod tip_distance;
@@ -36,11 +38,16 @@ pub mod two_hands;
 pub mod view;
 
 pub use family::Family;
+pub use habit::Habit;
 pub use not_enough::NotEnough;
 pub use settings::{FeatureSettings, MOVEMENT_END_RATIO};
 
+use std::fmt;
+use std::hash::{Hash, Hasher};
+
 use errors::{ErrorBar, NoErrorBar};
 use motion::Motion;
+pub(in crate::motion) use stretch_source::StretchSource;
 
 /// The space that a feature is measured in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -87,8 +94,8 @@ impl Direction {
     }
 }
 
-/// A feature: its name, its meaning, and how it is measured.
-#[derive(Debug)]
+/// A feature: all that the program knows about it. Each feature is a static in its family's file. The program passes it
+/// as `&'static Feature`. Only stored rows, files and requests hold its name, which [`find`] resolves.
 pub struct Feature {
     /// Stable name for files, API and pages.
     pub name: &'static str,
@@ -110,6 +117,10 @@ pub struct Feature {
     pub spaces: &'static [Space],
     /// Whether it is also measured over windows of the task.
     pub windowed: bool,
+    /// The stretches of the recording that explain its value ([`crate::motion::stretches`]).
+    pub(in crate::motion) stretches: StretchSource,
+    /// What a trainee can change about it; `None` if there is no advice.
+    pub habit: Option<Habit>,
     /// How it is measured, and on whose motion.
     measures: &'static [MeasureFn],
 }
@@ -117,6 +128,28 @@ pub struct Feature {
 impl PartialEq for Feature {
     fn eq(&self, other: &Self) -> bool {
         self.name == other.name
+    }
+}
+
+impl Eq for Feature {}
+
+impl Hash for Feature {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.name.hash(state);
+    }
+}
+
+/// Shown as its name, so that keys and rows stay readable in messages of tests.
+impl fmt::Debug for Feature {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+/// Shown as its name.
+impl fmt::Display for Feature {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
     }
 }
 
@@ -151,66 +184,66 @@ pub struct FeatureValue {
 }
 
 /// Every feature, in reading order: family by family.
-pub static FEATURES: &[Feature] = &[
-    time::DURATION,
-    time::THINKING_TIME,
-    time::IDLE_SHARE,
-    pauses::SHORT_PAUSES,
-    pauses::MEDIUM_PAUSES,
-    pauses::LONG_PAUSES,
-    pauses::SHORT_PAUSE_SHARE,
-    pauses::MEDIUM_PAUSE_SHARE,
-    pauses::LONG_PAUSE_SHARE,
-    speed::MEAN_VELOCITY,
-    speed::MEDIAN_VELOCITY,
-    speed::PEAK_VELOCITY,
-    speed::JITTER,
-    speed::RELATIVE_JITTER,
-    turning::ANGULAR_VELOCITY,
-    path::PATH_LENGTH,
-    path::DEPTH_TRAVELLED,
-    path::ECONOMY_OF_AREA,
-    path::ECONOMY_OF_VOLUME,
-    path::WORKING_AREA,
-    path::WORKING_VOLUME,
-    path::SPREAD,
-    turning::ANGULAR_PATH,
-    turning::INSERTION_TRAVELLED,
-    smoothness::SMOOTHNESS,
-    curvature::MEDIAN_CURVATURE,
-    curvature::PEAK_CURVATURE,
-    per_movement::LOG_DIMENSIONLESS_JERK,
-    per_movement::NORMALISED_JERK,
-    per_movement::SPECTRAL_ARC_LENGTH,
-    spectrum::TREMOR_SHARE,
-    spectrum::MOTION_FREQUENCY,
-    per_movement::MOVEMENTS,
-    per_movement::MOVEMENT_RATE,
-    submovements::SUBMOVEMENTS,
-    straightness::PATH_RATIO,
-    straightness::FULCRUM_PATH_RATIO,
-    tip_distance::TIP_DISTANCE,
-    tip_distance::TIP_DISTANCE_SPREAD,
-    tip_distance::TIP_DISTANCE_LOW,
-    tip_distance::TIP_DISTANCE_HIGH,
-    two_hands::SYNCHRONY,
-    two_hands::SPEED_BALANCE,
-    two_hands::TOGETHER_SHARE,
-    two_hands::ONE_HAND_SHARE,
-    two_hands::NEITHER_SHARE,
-    two_hands::HANDEDNESS,
-    two_hands::HANDEDNESS_IN_TIME,
-    view::NOT_SEEN_SHARE,
-    view::LEFT_VIEW_SHARE,
-    view::HIDDEN_SHARE,
-    view::LOST_SHARE,
-    view::ABSENCES,
-    view::LONGEST_ABSENCE,
+pub static FEATURES: &[&Feature] = &[
+    &time::DURATION,
+    &time::THINKING_TIME,
+    &time::IDLE_SHARE,
+    &pauses::SHORT_PAUSES,
+    &pauses::MEDIUM_PAUSES,
+    &pauses::LONG_PAUSES,
+    &pauses::SHORT_PAUSE_SHARE,
+    &pauses::MEDIUM_PAUSE_SHARE,
+    &pauses::LONG_PAUSE_SHARE,
+    &speed::MEAN_VELOCITY,
+    &speed::MEDIAN_VELOCITY,
+    &speed::PEAK_VELOCITY,
+    &speed::JITTER,
+    &speed::RELATIVE_JITTER,
+    &turning::ANGULAR_VELOCITY,
+    &path::PATH_LENGTH,
+    &path::DEPTH_TRAVELLED,
+    &path::ECONOMY_OF_AREA,
+    &path::ECONOMY_OF_VOLUME,
+    &path::WORKING_AREA,
+    &path::WORKING_VOLUME,
+    &path::SPREAD,
+    &turning::ANGULAR_PATH,
+    &turning::INSERTION_TRAVELLED,
+    &smoothness::SMOOTHNESS,
+    &curvature::MEDIAN_CURVATURE,
+    &curvature::PEAK_CURVATURE,
+    &per_movement::LOG_DIMENSIONLESS_JERK,
+    &per_movement::NORMALISED_JERK,
+    &per_movement::SPECTRAL_ARC_LENGTH,
+    &spectrum::TREMOR_SHARE,
+    &spectrum::MOTION_FREQUENCY,
+    &per_movement::MOVEMENTS,
+    &per_movement::MOVEMENT_RATE,
+    &submovements::SUBMOVEMENTS,
+    &straightness::PATH_RATIO,
+    &straightness::FULCRUM_PATH_RATIO,
+    &tip_distance::TIP_DISTANCE,
+    &tip_distance::TIP_DISTANCE_SPREAD,
+    &tip_distance::TIP_DISTANCE_LOW,
+    &tip_distance::TIP_DISTANCE_HIGH,
+    &two_hands::SYNCHRONY,
+    &two_hands::SPEED_BALANCE,
+    &two_hands::TOGETHER_SHARE,
+    &two_hands::ONE_HAND_SHARE,
+    &two_hands::NEITHER_SHARE,
+    &two_hands::HANDEDNESS,
+    &two_hands::HANDEDNESS_IN_TIME,
+    &view::NOT_SEEN_SHARE,
+    &view::LEFT_VIEW_SHARE,
+    &view::HIDDEN_SHARE,
+    &view::LOST_SHARE,
+    &view::ABSENCES,
+    &view::LONGEST_ABSENCE,
 ];
 
 /// The feature with this name.
 pub fn find(name: &str) -> Option<&'static Feature> {
-    FEATURES.iter().find(|feature| feature.name == name)
+    FEATURES.iter().copied().find(|feature| feature.name == name)
 }
 
 /// Measures every feature that `wanted` selects. Each motion must already be clipped to the interval to measure; a tool
@@ -220,7 +253,7 @@ pub fn measure(
     settings: &FeatureSettings,
     wanted: impl Fn(&Feature) -> bool,
 ) -> Vec<FeatureValue> {
-    let wanted: Vec<&'static Feature> = FEATURES.iter().filter(|feature| wanted(feature)).collect();
+    let wanted: Vec<&'static Feature> = FEATURES.iter().copied().filter(|feature| wanted(feature)).collect();
     let spaces = [Space::ThreeD, Space::Image].map(|space| (space, in_space(motions, space)));
     let of_feature = |feature: &'static Feature| {
         let spaces = spaces.iter().filter(|(space, _)| feature.spaces.contains(space));

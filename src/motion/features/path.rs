@@ -4,13 +4,15 @@ use nalgebra::{Point3, Vector3};
 
 use super::hull;
 use super::motion::Motion;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, IMAGE, MeasureFn, NotEnough, THREE_D};
+use super::{
+    BOTH, Direction, Family, Feature, FeatureSettings, Habit, IMAGE, MeasureFn, NotEnough, StretchSource, THREE_D,
+};
 
 /// Maximum path length of a hand, mm: ten kilometres.
 pub(super) const MAX_PATH_MM: f64 = 1e7;
 
 /// Length of the path.
-pub const PATH_LENGTH: Feature = Feature {
+pub static PATH_LENGTH: Feature = Feature {
     name: "path_length",
     title: "Path length",
     family: Family::Path,
@@ -21,11 +23,13 @@ pub const PATH_LENGTH: Feature = Feature {
     range: (0.0, MAX_PATH_MM),
     spaces: BOTH,
     windowed: true,
+    stretches: StretchSource::Detours,
+    habit: Some(Habit::ShorterWay),
     measures: &[MeasureFn::Tool(path_length)],
 };
 
 /// Distance moved towards and away from the camera.
-pub const DEPTH_TRAVELLED: Feature = Feature {
+pub static DEPTH_TRAVELLED: Feature = Feature {
     name: "depth_travelled",
     title: "Depth travelled",
     family: Family::Path,
@@ -36,11 +40,13 @@ pub const DEPTH_TRAVELLED: Feature = Feature {
     range: (0.0, MAX_PATH_MM),
     spaces: THREE_D,
     windowed: true,
+    stretches: StretchSource::DepthDetours,
+    habit: Some(Habit::JudgeDepth),
     measures: &[MeasureFn::Tool(depth_travelled)],
 };
 
 /// Size of the area used in the picture, relative to the path length.
-pub const ECONOMY_OF_AREA: Feature = Feature {
+pub static ECONOMY_OF_AREA: Feature = Feature {
     name: "economy_of_area",
     title: "Economy of area",
     family: Family::Path,
@@ -52,11 +58,13 @@ pub const ECONOMY_OF_AREA: Feature = Feature {
     range: (0.0, 1.0),
     spaces: IMAGE,
     windowed: false,
+    stretches: StretchSource::UnsummedDetours,
+    habit: Some(Habit::ShorterWay),
     measures: &[MeasureFn::Tool(economy_of_area)],
 };
 
 /// Size of the volume used, relative to the path length.
-pub const ECONOMY_OF_VOLUME: Feature = Feature {
+pub static ECONOMY_OF_VOLUME: Feature = Feature {
     name: "economy_of_volume",
     title: "Economy of volume",
     family: Family::Path,
@@ -68,11 +76,13 @@ pub const ECONOMY_OF_VOLUME: Feature = Feature {
     range: (0.0, 1.0),
     spaces: THREE_D,
     windowed: false,
+    stretches: StretchSource::UnsummedDetours,
+    habit: Some(Habit::ShorterWay),
     measures: &[MeasureFn::Tool(economy_of_volume)],
 };
 
 /// Area used in the picture.
-pub const WORKING_AREA: Feature = Feature {
+pub static WORKING_AREA: Feature = Feature {
     name: "working_area",
     title: "Working area",
     family: Family::Path,
@@ -83,11 +93,13 @@ pub const WORKING_AREA: Feature = Feature {
     range: (0.0, 1e9),
     spaces: IMAGE,
     windowed: false,
+    stretches: StretchSource::OutlyingSeconds,
+    habit: Some(Habit::StayClose),
     measures: &[MeasureFn::Tool(working_area)],
 };
 
 /// Volume used.
-pub const WORKING_VOLUME: Feature = Feature {
+pub static WORKING_VOLUME: Feature = Feature {
     name: "working_volume",
     title: "Working volume",
     family: Family::Path,
@@ -98,11 +110,13 @@ pub const WORKING_VOLUME: Feature = Feature {
     range: (0.0, 1e13),
     spaces: THREE_D,
     windowed: false,
+    stretches: StretchSource::OutlyingSeconds,
+    habit: Some(Habit::StayClose),
     measures: &[MeasureFn::Tool(working_volume)],
 };
 
 /// How far the tip spreads around its mean position.
-pub const SPREAD: Feature = Feature {
+pub static SPREAD: Feature = Feature {
     name: "spread",
     title: "Spread",
     family: Family::Path,
@@ -113,8 +127,13 @@ pub const SPREAD: Feature = Feature {
     range: (0.0, 20_000.0),
     spaces: BOTH,
     windowed: true,
+    stretches: StretchSource::OutlyingSeconds,
+    habit: Some(Habit::StayClose),
     measures: &[MeasureFn::Tool(spread)],
 };
+
+/// The features that are measured along the camera's axes: another direction of the camera gives another value.
+pub static ALONG_CAMERA_AXES: [&Feature; 2] = [&DEPTH_TRAVELLED, &ECONOMY_OF_VOLUME];
 
 /// Maximum number of points in a hull: every instant of six minutes. A longer path is thinned to every second or third
 /// instant. That costs almost nothing: a hand is slow at the turning points, which determine the hull.

@@ -5,59 +5,71 @@
 
 use super::motion::{Interval, Motion};
 use super::movement::rests;
-use super::{Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, THREE_D};
+use super::{Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource, THREE_D};
 
 /// How often the tool stops briefly.
-pub const SHORT_PAUSES: Feature = Feature {
+pub static SHORT_PAUSES: Feature = Feature {
     name: "short_pauses",
     title: "Pauses below 1 s",
     description: "Rests of less than 1 s between movements, per minute of the seen time of the task.",
+    stretches: StretchSource::CountedPauses(PauseTier::Short),
+    habit: Some(Habit::StopLessOften),
     measures: &[MeasureFn::Tool(|motion, settings| pauses_per_minute(motion, settings, PauseTier::Short))],
     ..PAUSE_RATE
 };
 
 /// How often the tool stops long enough for a look.
-pub const MEDIUM_PAUSES: Feature = Feature {
+pub static MEDIUM_PAUSES: Feature = Feature {
     name: "medium_pauses",
     title: "Pauses of 1 to 3 s",
     description: "Rests of at least 1 s and less than 3 s between movements, per minute of the seen time of the task.",
+    stretches: StretchSource::CountedPauses(PauseTier::Medium),
+    habit: Some(Habit::RestLess),
     measures: &[MeasureFn::Tool(|motion, settings| pauses_per_minute(motion, settings, PauseTier::Medium))],
     ..PAUSE_RATE
 };
 
 /// How often the tool stops for long.
-pub const LONG_PAUSES: Feature = Feature {
+pub static LONG_PAUSES: Feature = Feature {
     name: "long_pauses",
     title: "Pauses of 3 s and more",
     description: "Rests of at least 3 s between movements, per minute of the seen time of the task.",
+    stretches: StretchSource::CountedPauses(PauseTier::Long),
+    habit: Some(Habit::RestLess),
     measures: &[MeasureFn::Tool(|motion, settings| pauses_per_minute(motion, settings, PauseTier::Long))],
     ..PAUSE_RATE
 };
 
 /// Share of the time in brief stops.
-pub const SHORT_PAUSE_SHARE: Feature = Feature {
+pub static SHORT_PAUSE_SHARE: Feature = Feature {
     name: "short_pause_share",
     title: "Share in pauses below 1 s",
     description: "Share of the seen time of the task that lies in rests of less than 1 s between movements.",
+    stretches: StretchSource::TimedPauses(PauseTier::Short),
+    habit: Some(Habit::StopLessOften),
     measures: &[MeasureFn::Tool(|motion, settings| share_in_pauses(motion, settings, PauseTier::Short))],
     ..PAUSE_SHARE
 };
 
 /// Share of the time in stops long enough for a look.
-pub const MEDIUM_PAUSE_SHARE: Feature = Feature {
+pub static MEDIUM_PAUSE_SHARE: Feature = Feature {
     name: "medium_pause_share",
     title: "Share in pauses of 1 to 3 s",
     description: "Share of the seen time of the task that lies in rests of at least 1 s and less than 3 s between \
                   movements.",
+    stretches: StretchSource::TimedPauses(PauseTier::Medium),
+    habit: Some(Habit::RestLess),
     measures: &[MeasureFn::Tool(|motion, settings| share_in_pauses(motion, settings, PauseTier::Medium))],
     ..PAUSE_SHARE
 };
 
 /// Share of the time in long pauses.
-pub const LONG_PAUSE_SHARE: Feature = Feature {
+pub static LONG_PAUSE_SHARE: Feature = Feature {
     name: "long_pause_share",
     title: "Share in pauses of 3 s and more",
     description: "Share of the seen time of the task that lies in rests of at least 3 s between movements.",
+    stretches: StretchSource::TimedPauses(PauseTier::Long),
+    habit: Some(Habit::RestLess),
     measures: &[MeasureFn::Tool(|motion, settings| share_in_pauses(motion, settings, PauseTier::Long))],
     ..PAUSE_SHARE
 };
@@ -74,6 +86,8 @@ const PAUSE_RATE: Feature = Feature {
     range: (0.0, 600.0),
     spaces: THREE_D,
     windowed: false,
+    stretches: StretchSource::WholeTask,
+    habit: None,
     measures: &[],
 };
 

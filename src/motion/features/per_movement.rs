@@ -5,11 +5,11 @@
 
 use super::motion::{Motion, Span};
 use super::movement::movements;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, IMAGE, MeasureFn, NotEnough};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, Habit, IMAGE, MeasureFn, NotEnough, StretchSource};
 use crate::numbers::quantile::weighted_quantile;
 
 /// Number of movements.
-pub const MOVEMENTS: Feature = Feature {
+pub static MOVEMENTS: Feature = Feature {
     name: "movements",
     title: "Number of movements",
     family: Family::Movements,
@@ -21,11 +21,13 @@ pub const MOVEMENTS: Feature = Feature {
     range: (0.0, 1e6),
     spaces: BOTH,
     windowed: true,
+    stretches: StretchSource::CountedMovements,
+    habit: Some(Habit::FewerCorrections),
     measures: &[MeasureFn::Tool(movement_count)],
 };
 
 /// Number of movements per minute.
-pub const MOVEMENT_RATE: Feature = Feature {
+pub static MOVEMENT_RATE: Feature = Feature {
     name: "movement_rate",
     title: "Movements per minute",
     family: Family::Movements,
@@ -36,11 +38,13 @@ pub const MOVEMENT_RATE: Feature = Feature {
     range: (0.0, 600.0),
     spaces: BOTH,
     windowed: false,
+    stretches: StretchSource::MovementsPerMinute,
+    habit: None,
     measures: &[MeasureFn::Tool(movement_rate)],
 };
 
 /// Smoothness of the speed over time.
-pub const LOG_DIMENSIONLESS_JERK: Feature = Feature {
+pub static LOG_DIMENSIONLESS_JERK: Feature = Feature {
     name: "log_dimensionless_jerk",
     title: "Log dimensionless jerk",
     family: Family::Smoothness,
@@ -52,11 +56,13 @@ pub const LOG_DIMENSIONLESS_JERK: Feature = Feature {
     range: (-50.0, 10.0),
     spaces: BOTH,
     windowed: false,
+    stretches: StretchSource::WorstLogJerk,
+    habit: Some(Habit::FlowingMovements),
     measures: &[MeasureFn::Tool(log_dimensionless_jerk)],
 };
 
 /// Smoothness of the motion in space over time.
-pub const NORMALISED_JERK: Feature = Feature {
+pub static NORMALISED_JERK: Feature = Feature {
     name: "normalised_jerk",
     title: "Normalised jerk",
     family: Family::Smoothness,
@@ -68,11 +74,13 @@ pub const NORMALISED_JERK: Feature = Feature {
     range: (0.0, 1e6),
     spaces: IMAGE,
     windowed: false,
+    stretches: StretchSource::WorstNormalisedJerk,
+    habit: Some(Habit::FlowingMovements),
     measures: &[MeasureFn::Tool(normalised_jerk)],
 };
 
 /// Smoothness of the speed's frequency spectrum.
-pub const SPECTRAL_ARC_LENGTH: Feature = Feature {
+pub static SPECTRAL_ARC_LENGTH: Feature = Feature {
     name: "spectral_arc_length",
     title: "Spectral arc length",
     family: Family::Smoothness,
@@ -84,6 +92,8 @@ pub const SPECTRAL_ARC_LENGTH: Feature = Feature {
     range: (-1e4, 0.0),
     spaces: BOTH,
     windowed: false,
+    stretches: StretchSource::WorstSpectralArcLength,
+    habit: Some(Habit::FlowingMovements),
     measures: &[MeasureFn::Tool(spectral_arc_length)],
 };
 

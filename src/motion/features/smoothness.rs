@@ -7,10 +7,10 @@ use nalgebra::Point3;
 
 use super::motion::{Motion, Span};
 use super::movement::movements;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource};
 
 /// How sharply the path turns.
-pub const SMOOTHNESS: Feature = Feature {
+pub static SMOOTHNESS: Feature = Feature {
     name: "smoothness",
     title: "Smoothness",
     family: Family::Smoothness,
@@ -23,6 +23,8 @@ pub const SMOOTHNESS: Feature = Feature {
     range: (0.0, 1e9),
     spaces: BOTH,
     windowed: true,
+    stretches: StretchSource::CrookedMovements,
+    habit: Some(Habit::FlowingMovements),
     measures: &[MeasureFn::Tool(smoothness)],
 };
 

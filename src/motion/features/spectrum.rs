@@ -9,10 +9,10 @@ use nalgebra::Complex;
 
 use super::motion::{Motion, MotionNode, Span};
 use super::movement::movements;
-use super::{Direction, Family, Feature, FeatureSettings, IMAGE, MeasureFn, NotEnough};
+use super::{Direction, Family, Feature, FeatureSettings, Habit, IMAGE, MeasureFn, NotEnough, StretchSource};
 
 /// Share of tremor in the motion.
-pub const TREMOR_SHARE: Feature = Feature {
+pub static TREMOR_SHARE: Feature = Feature {
     name: "tremor_share",
     title: "Share of 3 to 6 Hz",
     family: Family::Smoothness,
@@ -25,11 +25,13 @@ pub const TREMOR_SHARE: Feature = Feature {
     range: (0.0, 1.0),
     spaces: IMAGE,
     windowed: false,
+    stretches: StretchSource::TremorBursts,
+    habit: Some(Habit::SteadyHand),
     measures: &[MeasureFn::Tool(tremor_share)],
 };
 
 /// Frequency of the hand's corrections.
-pub const MOTION_FREQUENCY: Feature = Feature {
+pub static MOTION_FREQUENCY: Feature = Feature {
     name: "motion_frequency",
     title: "Motion frequency (95 %)",
     family: Family::Smoothness,
@@ -40,6 +42,8 @@ pub const MOTION_FREQUENCY: Feature = Feature {
     range: (0.0, 500.0),
     spaces: IMAGE,
     windowed: false,
+    stretches: StretchSource::FastBursts,
+    habit: Some(Habit::SteadyHand),
     measures: &[MeasureFn::Tool(motion_frequency)],
 };
 

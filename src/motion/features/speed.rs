@@ -1,11 +1,11 @@
 //! Features of speed and acceleration.
 
 use super::motion::{Motion, MotionNode};
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource};
 use crate::numbers::quantile::quantile;
 
 /// Mean speed.
-pub const MEAN_VELOCITY: Feature = Feature {
+pub static MEAN_VELOCITY: Feature = Feature {
     name: "mean_velocity",
     title: "Mean velocity",
     family: Family::Speed,
@@ -17,11 +17,13 @@ pub const MEAN_VELOCITY: Feature = Feature {
     range: (0.0, 5_000.0),
     spaces: BOTH,
     windowed: true,
+    stretches: StretchSource::WholeTask,
+    habit: None,
     measures: &[MeasureFn::Tool(mean_velocity)],
 };
 
 /// Usual speed: the median.
-pub const MEDIAN_VELOCITY: Feature = Feature {
+pub static MEDIAN_VELOCITY: Feature = Feature {
     name: "median_velocity",
     title: "Median velocity",
     family: Family::Speed,
@@ -32,11 +34,13 @@ pub const MEDIAN_VELOCITY: Feature = Feature {
     range: (0.0, 5_000.0),
     spaces: BOTH,
     windowed: false,
+    stretches: StretchSource::WholeTask,
+    habit: None,
     measures: &[MeasureFn::Tool(|motion, settings| velocity_quantile(motion, settings, 0.5))],
 };
 
 /// Highest speed without outliers: the 95 % quantile.
-pub const PEAK_VELOCITY: Feature = Feature {
+pub static PEAK_VELOCITY: Feature = Feature {
     name: "peak_velocity",
     title: "Peak velocity (95 %)",
     family: Family::Speed,
@@ -47,11 +51,13 @@ pub const PEAK_VELOCITY: Feature = Feature {
     range: (0.0, 5_000.0),
     spaces: BOTH,
     windowed: true,
+    stretches: StretchSource::FastSeconds,
+    habit: None,
     measures: &[MeasureFn::Tool(|motion, settings| velocity_quantile(motion, settings, 0.95))],
 };
 
 /// How unsteady the motion is.
-pub const JITTER: Feature = Feature {
+pub static JITTER: Feature = Feature {
     name: "jitter",
     title: "Jitter",
     family: Family::Speed,
@@ -63,11 +69,13 @@ pub const JITTER: Feature = Feature {
     range: (0.0, 1e6),
     spaces: BOTH,
     windowed: true,
+    stretches: StretchSource::UnsteadySeconds,
+    habit: Some(Habit::SteadyHand),
     measures: &[MeasureFn::Tool(jitter)],
 };
 
 /// How unsteady the motion is relative to its speed.
-pub const RELATIVE_JITTER: Feature = Feature {
+pub static RELATIVE_JITTER: Feature = Feature {
     name: "relative_jitter",
     title: "Relative jitter",
     family: Family::Speed,
@@ -78,6 +86,8 @@ pub const RELATIVE_JITTER: Feature = Feature {
     range: (0.0, 1e4),
     spaces: BOTH,
     windowed: true,
+    stretches: StretchSource::UnsteadySeconds,
+    habit: Some(Habit::SteadyHand),
     measures: &[MeasureFn::Tool(relative_jitter)],
 };
 

@@ -11,10 +11,10 @@ use nalgebra::Point3;
 use super::motion::{Motion, Span};
 use super::per_movement::median_over_movements;
 use super::turning::angle;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, THREE_D};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource, THREE_D};
 
 /// Length compared with the straight line.
-pub const PATH_RATIO: Feature = Feature {
+pub static PATH_RATIO: Feature = Feature {
     name: "path_ratio",
     title: "Path ratio",
     family: Family::Movements,
@@ -26,11 +26,13 @@ pub const PATH_RATIO: Feature = Feature {
     range: (1.0, MAX_RATIO),
     spaces: BOTH,
     windowed: false,
+    stretches: StretchSource::IndirectMovements,
+    habit: Some(Habit::ShorterWay),
     measures: &[MeasureFn::Tool(path_ratio)],
 };
 
 /// Length compared with the shortest way about the trocar.
-pub const FULCRUM_PATH_RATIO: Feature = Feature {
+pub static FULCRUM_PATH_RATIO: Feature = Feature {
     name: "fulcrum_path_ratio",
     title: "Path ratio about the trocar",
     family: Family::Movements,
@@ -43,6 +45,8 @@ pub const FULCRUM_PATH_RATIO: Feature = Feature {
     range: (0.7, MAX_RATIO),
     spaces: THREE_D,
     windowed: false,
+    stretches: StretchSource::IndirectAboutTrocar,
+    habit: Some(Habit::ShorterWay),
     measures: &[MeasureFn::Tool(fulcrum_path_ratio)],
 };
 

@@ -1,10 +1,10 @@
 //! Submovements: the single pushes that a movement consists of.
 
 use super::motion::{Motion, Span};
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource};
 
 /// Number of pushes.
-pub const SUBMOVEMENTS: Feature = Feature {
+pub static SUBMOVEMENTS: Feature = Feature {
     name: "submovements",
     title: "Number of submovements",
     family: Family::Movements,
@@ -16,6 +16,8 @@ pub const SUBMOVEMENTS: Feature = Feature {
     range: (0.0, 1e6),
     spaces: BOTH,
     windowed: false,
+    stretches: StretchSource::CorrectedMovements,
+    habit: Some(Habit::FewerCorrections),
     measures: &[MeasureFn::Tool(submovements)],
 };
 

@@ -2,10 +2,10 @@
 
 use super::motion::{Interval, Motion};
 use super::movement::{extent, rests};
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, THREE_D};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource, THREE_D};
 
 /// Time from the first to the last movement.
-pub const DURATION: Feature = Feature {
+pub static DURATION: Feature = Feature {
     name: "duration",
     title: "Duration",
     family: Family::Time,
@@ -18,11 +18,13 @@ pub const DURATION: Feature = Feature {
     range: (0.0, 86_400.0),
     spaces: THREE_D,
     windowed: false,
+    stretches: StretchSource::OwnRests,
+    habit: Some(Habit::RestLess),
     measures: &[MeasureFn::Session(task_duration), MeasureFn::Tool(tool_duration)],
 };
 
 /// Time below the thinking speed.
-pub const THINKING_TIME: Feature = Feature {
+pub static THINKING_TIME: Feature = Feature {
     name: "thinking_time",
     title: "Thinking time",
     family: Family::Time,
@@ -33,11 +35,13 @@ pub const THINKING_TIME: Feature = Feature {
     range: (0.0, 86_400.0),
     spaces: BOTH,
     windowed: true,
+    stretches: StretchSource::SlowMotion,
+    habit: Some(Habit::RestLess),
     measures: &[MeasureFn::Tool(thinking_time)],
 };
 
 /// Share of the time in rests between movements.
-pub const IDLE_SHARE: Feature = Feature {
+pub static IDLE_SHARE: Feature = Feature {
     name: "idle_share",
     title: "Idle share",
     family: Family::Time,
@@ -48,6 +52,8 @@ pub const IDLE_SHARE: Feature = Feature {
     range: (0.0, 1.0),
     spaces: THREE_D,
     windowed: true,
+    stretches: StretchSource::Rests,
+    habit: Some(Habit::RestLess),
     measures: &[MeasureFn::Tool(idle_share)],
 };
 

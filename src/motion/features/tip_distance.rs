@@ -2,11 +2,11 @@
 
 use super::motion::Motion;
 use super::two_hands::common_nodes;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, THREE_D};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, StretchSource, THREE_D};
 use crate::numbers::quantile::quantile;
 
 /// Mean distance.
-pub const TIP_DISTANCE: Feature = Feature {
+pub static TIP_DISTANCE: Feature = Feature {
     name: "tip_distance",
     title: "Distance between the tips",
     family: Family::TwoHands,
@@ -17,38 +17,43 @@ pub const TIP_DISTANCE: Feature = Feature {
     range: (0.0, 20_000.0),
     spaces: BOTH,
     windowed: true,
+    stretches: StretchSource::WholeTask,
+    habit: None,
     measures: &[MeasureFn::Pair(tip_distance)],
 };
 
 /// How much the distance varies.
-pub const TIP_DISTANCE_SPREAD: Feature = Feature {
+pub static TIP_DISTANCE_SPREAD: Feature = Feature {
     name: "tip_distance_spread",
     title: "Spread of the tips' distance",
     description: "Standard deviation of the distance between the two tips while both are seen.",
     spaces: THREE_D,
     windowed: false,
+    stretches: StretchSource::UnusualTipDistance,
     measures: &[MeasureFn::Pair(tip_distance_spread)],
     ..TIP_DISTANCE
 };
 
 /// The shortest distance without outliers: the 5 % quantile.
-pub const TIP_DISTANCE_LOW: Feature = Feature {
+pub static TIP_DISTANCE_LOW: Feature = Feature {
     name: "tip_distance_low",
     title: "Distance between the tips (5 %)",
     description: "The tips are closer than this in 5 % of the time in which both are seen.",
     spaces: THREE_D,
     windowed: false,
+    stretches: StretchSource::ShortTipDistance,
     measures: &[MeasureFn::Pair(|a, b, settings| tip_distance_quantile(a, b, settings, 0.05))],
     ..TIP_DISTANCE
 };
 
 /// The largest distance without outliers: the 95 % quantile.
-pub const TIP_DISTANCE_HIGH: Feature = Feature {
+pub static TIP_DISTANCE_HIGH: Feature = Feature {
     name: "tip_distance_high",
     title: "Distance between the tips (95 %)",
     description: "The tips are farther apart than this in 5 % of the time in which both are seen.",
     spaces: THREE_D,
     windowed: false,
+    stretches: StretchSource::LongTipDistance,
     measures: &[MeasureFn::Pair(|a, b, settings| tip_distance_quantile(a, b, settings, 0.95))],
     ..TIP_DISTANCE
 };

@@ -8,10 +8,10 @@ use nalgebra::{Point3, Vector3};
 
 use super::motion::Motion;
 use super::path::MAX_PATH_MM;
-use super::{Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, THREE_D};
+use super::{Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource, THREE_D};
 
 /// Total angle that the tool turns.
-pub const ANGULAR_PATH: Feature = Feature {
+pub static ANGULAR_PATH: Feature = Feature {
     name: "angular_path",
     title: "Angular path",
     family: Family::Path,
@@ -23,11 +23,13 @@ pub const ANGULAR_PATH: Feature = Feature {
     range: (0.0, 1e5),
     spaces: THREE_D,
     windowed: true,
+    stretches: StretchSource::TurningDetours,
+    habit: Some(Habit::ShorterWay),
     measures: &[MeasureFn::Tool(angular_path)],
 };
 
 /// Mean speed of turning.
-pub const ANGULAR_VELOCITY: Feature = Feature {
+pub static ANGULAR_VELOCITY: Feature = Feature {
     name: "angular_velocity",
     title: "Mean angular velocity",
     family: Family::Speed,
@@ -38,11 +40,13 @@ pub const ANGULAR_VELOCITY: Feature = Feature {
     range: (0.0, 100.0),
     spaces: THREE_D,
     windowed: true,
+    stretches: StretchSource::TurningSeconds,
+    habit: None,
     measures: &[MeasureFn::Tool(angular_velocity)],
 };
 
 /// Distance moved in and out.
-pub const INSERTION_TRAVELLED: Feature = Feature {
+pub static INSERTION_TRAVELLED: Feature = Feature {
     name: "insertion_travelled",
     title: "Insertion travelled",
     family: Family::Path,
@@ -54,6 +58,8 @@ pub const INSERTION_TRAVELLED: Feature = Feature {
     range: (0.0, MAX_PATH_MM),
     spaces: THREE_D,
     windowed: true,
+    stretches: StretchSource::InsertionDetours,
+    habit: Some(Habit::JudgeDepth),
     measures: &[MeasureFn::Tool(insertion_travelled)],
 };
 

@@ -5,10 +5,10 @@ use std::ops::RangeInclusive;
 use super::motion::{Interval, Motion, MotionNode, Span};
 use super::movement::movements;
 use super::path::path_length;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, THREE_D};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource, THREE_D};
 
 /// Whether the hands speed up and slow down together.
-pub const SYNCHRONY: Feature = Feature {
+pub static SYNCHRONY: Feature = Feature {
     name: "synchrony",
     title: "Synchrony of the hands",
     family: Family::TwoHands,
@@ -19,11 +19,13 @@ pub const SYNCHRONY: Feature = Feature {
     range: (-1.0, 1.0),
     spaces: BOTH,
     windowed: false,
+    stretches: StretchSource::EitherHandAlone,
+    habit: Some(Habit::BothHands),
     measures: &[MeasureFn::Pair(synchrony)],
 };
 
 /// Whether both hands move at the same time.
-pub const TOGETHER_SHARE: Feature = Feature {
+pub static TOGETHER_SHARE: Feature = Feature {
     name: "together_share",
     title: "Share of moving together",
     family: Family::TwoHands,
@@ -35,16 +37,20 @@ pub const TOGETHER_SHARE: Feature = Feature {
     range: (0.0, 1.0),
     spaces: THREE_D,
     windowed: false,
+    stretches: StretchSource::EitherHandAlone,
+    habit: Some(Habit::BothHands),
     measures: &[MeasureFn::Pair(together_share)],
 };
 
 /// How much one hand moves while the other does not.
-pub const ONE_HAND_SHARE: Feature = Feature {
+pub static ONE_HAND_SHARE: Feature = Feature {
     name: "one_hand_share",
     title: "Share of one hand alone",
     direction: Direction::Neither,
     description: "Of the time at which both tools are seen, the share in which one is in a movement and the other is \
                   not.",
+    stretches: StretchSource::OneHandTime,
+    habit: Some(Habit::BothHands),
     measures: &[MeasureFn::Pair(
         |a, b, settings| Ok(JointActivity::of(a, b, settings)?.share(|together| together.one)),
     )],
@@ -52,12 +58,14 @@ pub const ONE_HAND_SHARE: Feature = Feature {
 };
 
 /// How much both hands rest.
-pub const NEITHER_SHARE: Feature = Feature {
+pub static NEITHER_SHARE: Feature = Feature {
     name: "neither_share",
     title: "Share of both at rest",
     direction: Direction::Lower,
     description: "Of the time at which both tools are seen, the share in which neither is in a movement.",
     source: "AIMotion (idle time of both hands); D'Angelo 2016",
+    stretches: StretchSource::RestsOfBothHands,
+    habit: Some(Habit::RestLess),
     measures: &[MeasureFn::Pair(|a, b, settings| {
         Ok(JointActivity::of(a, b, settings)?.share(|together| together.neither))
     })],
@@ -65,7 +73,7 @@ pub const NEITHER_SHARE: Feature = Feature {
 };
 
 /// How similar the speeds of the hands are.
-pub const SPEED_BALANCE: Feature = Feature {
+pub static SPEED_BALANCE: Feature = Feature {
     name: "speed_balance",
     title: "Balance of the speeds",
     family: Family::TwoHands,
@@ -77,11 +85,13 @@ pub const SPEED_BALANCE: Feature = Feature {
     range: (0.0, 1.0),
     spaces: BOTH,
     windowed: false,
+    stretches: StretchSource::EitherHandAlone,
+    habit: Some(Habit::BothHands),
     measures: &[MeasureFn::Pair(speed_balance)],
 };
 
 /// How the path length is divided between the hands.
-pub const HANDEDNESS: Feature = Feature {
+pub static HANDEDNESS: Feature = Feature {
     name: "handedness",
     title: "Share of the work",
     family: Family::TwoHands,
@@ -93,18 +103,24 @@ pub const HANDEDNESS: Feature = Feature {
     range: (0.0, 1.0),
     spaces: BOTH,
     windowed: false,
+    stretches: StretchSource::OwnHandAlone,
+    habit: None,
     measures: &[MeasureFn::EachOfPair(handedness)],
 };
 
 /// How the moving time is divided between the hands.
-pub const HANDEDNESS_IN_TIME: Feature = Feature {
+pub static HANDEDNESS_IN_TIME: Feature = Feature {
     name: "handedness_in_time",
     title: "Share of the moving time",
     description: "This tool's share of both tools' time in movements; 0.5 is balance.",
     spaces: THREE_D,
+    stretches: StretchSource::OwnHandAlone,
     measures: &[MeasureFn::EachOfPair(handedness_in_time)],
     ..HANDEDNESS
 };
+
+/// Each tool's share of a total over both tools: the mean over both is always a half.
+pub static SHARES_OF_A_PAIR: [&Feature; 2] = [&HANDEDNESS, &HANDEDNESS_IN_TIME];
 
 fn synchrony(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     let both = common_nodes(a, b, settings)?;

@@ -5,14 +5,14 @@
 //! or it was lost in plain view. For a path that comes without the tracker's reasons only the amount is measured.
 
 use super::motion::{Interval, Motion};
-use super::{Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, THREE_D};
+use super::{Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource, THREE_D};
 
 mod reasons;
 
 pub use reasons::{ExplainedAbsence, UnseenCause, explain_absences};
 
 /// Share of the time when the tool was neither observed nor in a bridged gap.
-pub const NOT_SEEN_SHARE: Feature = Feature {
+pub static NOT_SEEN_SHARE: Feature = Feature {
     name: "not_seen_share",
     title: "Share not seen",
     family: Family::View,
@@ -24,22 +24,26 @@ pub const NOT_SEEN_SHARE: Feature = Feature {
     range: (0.0, 1.0),
     spaces: THREE_D,
     windowed: true,
+    stretches: StretchSource::TimedAbsences(None),
+    habit: None,
     measures: &[MeasureFn::Tool(not_seen_share)],
 };
 
 /// Absence caused by the hand.
-pub const LEFT_VIEW_SHARE: Feature = Feature {
+pub static LEFT_VIEW_SHARE: Feature = Feature {
     name: "left_view_share",
     title: "Share out of view",
     description: "Share of the task in which the tool was not seen because it had left the picture.",
     source: "SurgTrac's time off-screen, without what the tracker lost",
     windowed: false,
+    stretches: StretchSource::TimedAbsences(Some(UnseenCause::LeftView)),
+    habit: Some(Habit::StayInView),
     measures: &[MeasureFn::Tool(|motion, settings| share_by_cause(motion, settings, UnseenCause::LeftView))],
     ..NOT_SEEN_SHARE
 };
 
 /// Absence caused by the other tool.
-pub const HIDDEN_SHARE: Feature = Feature {
+pub static HIDDEN_SHARE: Feature = Feature {
     name: "hidden_share",
     title: "Share behind the other tool",
     direction: Direction::Neither,
@@ -47,36 +51,39 @@ pub const HIDDEN_SHARE: Feature = Feature {
                   the camera.",
     source: "ours: neither the hand's fault nor the tracker's",
     windowed: false,
+    stretches: StretchSource::TimedAbsences(Some(UnseenCause::Hidden)),
     measures: &[MeasureFn::Tool(|motion, settings| share_by_cause(motion, settings, UnseenCause::Hidden))],
     ..NOT_SEEN_SHARE
 };
 
 /// Absence caused by the tracker.
-pub const LOST_SHARE: Feature = Feature {
+pub static LOST_SHARE: Feature = Feature {
     name: "lost_share",
     title: "Share lost by the tracker",
     direction: Direction::Neither,
     description: "Share of the task in which the tool was in view but could not be followed.",
     source: "ours: says nothing about the hand, but how far to trust the other features",
     windowed: false,
+    stretches: StretchSource::TimedAbsences(Some(UnseenCause::Lost)),
     measures: &[MeasureFn::Tool(|motion, settings| share_by_cause(motion, settings, UnseenCause::Lost))],
     ..NOT_SEEN_SHARE
 };
 
 /// Number of absences.
-pub const ABSENCES: Feature = Feature {
+pub static ABSENCES: Feature = Feature {
     name: "absences",
     title: "Times not seen",
     description: "How often during the task the tool was not seen for longer than 0.25 s, for any reason.",
     source: "SurgTrac's time off-screen, in episodes",
     range: (0.0, 1e6),
     windowed: false,
+    stretches: StretchSource::Absences,
     measures: &[MeasureFn::Tool(|motion, settings| Ok(absences(motion, settings)?.count() as f64))],
     ..NOT_SEEN_SHARE
 };
 
 /// The longest absence.
-pub const LONGEST_ABSENCE: Feature = Feature {
+pub static LONGEST_ABSENCE: Feature = Feature {
     name: "longest_absence",
     title: "Longest time not seen",
     unit: "s",
@@ -85,6 +92,7 @@ pub const LONGEST_ABSENCE: Feature = Feature {
     source: "SurgTrac's time off-screen, in episodes",
     range: (0.0, 86_400.0),
     windowed: false,
+    stretches: StretchSource::Absences,
     measures: &[MeasureFn::Tool(longest_absence)],
     ..NOT_SEEN_SHARE
 };

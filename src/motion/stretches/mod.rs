@@ -4,8 +4,8 @@
 //! just as well ([`crate::motion::features::errors::replicate`]). **Out:** for each feature, tool and space at most
 //! [`MAX_STRETCHES`] stretches of time that do not overlap, the weightiest first, or the reason why there are none.
 //!
-//! **Method.** One table, [`kinds`], states the kind of stretch for each feature: for pauses the rests, for a long path
-//! the detours, for tremor the bursts of 3 to 6 Hz. Each kind proposes stretches and measures how much each contains.
+//! **Method.** Each feature states the kind of stretch that explains it: for pauses the rests, for a long path the
+//! detours, for tremor the bursts in its band. Each kind proposes stretches and measures how much each contains.
 //! The weightiest ones are measured again on every replicate of the path. The amount that errors alone add is removed.
 //! A stretch is reported only if the remaining amount exceeds the session's usual one by more than errors can explain
 //! for the weightiest of so many: trembling of the tracker must not count as tremor of the hand. A stretch lies where
@@ -13,7 +13,7 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `kinds.rs` | the kind of stretch for each feature |
+//! | `kinds.rs` | how the stretches of each kind are found |
 //! | `rests.rs` | rests, slow motion, hands at rest or alone |
 //! | `movements.rs` | movements, their detours and their measures |
 //! | `seconds.rs` | the fastest, most crooked, farthest seconds |

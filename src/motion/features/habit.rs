@@ -1,0 +1,27 @@
+//! Habits: what a trainee can change about a feature.
+
+/// What a trainee can change about a feature whose value is on the worse side of a limit. The worse side is that of
+/// [`super::Feature::direction`]; for a feature without a direction it is the high side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Habit {
+    /// The tools rest for too long.
+    RestLess,
+    /// The tools stop briefly between movements.
+    StopLessOften,
+    /// The tip takes a detour.
+    ShorterWay,
+    /// The tool is pushed in and pulled back on the way.
+    JudgeDepth,
+    /// The tip moves far from the work.
+    StayClose,
+    /// The hand trembles.
+    SteadyHand,
+    /// The speed changes more than a movement needs.
+    FlowingMovements,
+    /// The target is reached in several movements.
+    FewerCorrections,
+    /// One hand waits for the other.
+    BothHands,
+    /// The tool leaves the picture.
+    StayInView,
+}
