@@ -165,7 +165,7 @@ impl Cohorts {
     ) -> Result<Vec<UnnamedAlarm>, CohortsError> {
         let Some(standard) = self.store.standards().in_use(scope, task).await? else { return Ok(Vec::new()) };
         let shown = FeatureSelection::of(&ProgressSelection::default(), Some(&standard.definition))?;
-        let of_each = self.practices(scope, &pairs, &shown.names()).await?;
+        let of_each = self.practices(scope, &pairs, &shown.features()).await?;
         let ids: Vec<TraineeId> = pairs.iter().map(|pair| pair.trainee).collect();
         let trainees = self.store.trainees().named(scope, &ids).await?;
         let (known, definition) = (self.cache.clone(), standard.definition);

@@ -185,12 +185,12 @@ impl Cohorts {
     ) -> Result<Vec<(usize, Vec<StepProgress>)>, CohortsError> {
         let is_judged = asking.steps.iter().any(|step| step.task_id == task && step.sessions.is_none());
         let definition = standard.filter(|_| is_judged).map(|standard| standard.definition.clone());
-        let names = match &definition {
-            Some(definition) => FeatureSelection::of(&ProgressSelection::default(), Some(definition))?.names(),
+        let features = match &definition {
+            Some(definition) => FeatureSelection::of(&ProgressSelection::default(), Some(definition))?.features(),
             None => Vec::new(),
         };
         let pairs: Vec<TraineeTask> = trainees.iter().map(|of| TraineeTask { trainee: of.id, task }).collect();
-        let of_each = self.practices(scope, &pairs, &names).await?;
+        let of_each = self.practices(scope, &pairs, &features).await?;
         let (known, asking, trainees) = (self.cache.clone(), asking.clone(), trainees.to_vec());
         let calculation = move || {
             let monitor = definition.as_ref().and_then(|definition| known.charts(definition.charts).ok());

@@ -16,7 +16,6 @@ use crate::domain::text::{Invalid, Key};
 use crate::domain::trainee::Handedness;
 use crate::ids::TaskId;
 use crate::motion::PIPELINE_VERSION;
-use crate::motion::features::Feature;
 use crate::statistics::standard::{meeting_rate, missing_rate};
 use crate::store::CohortValue;
 
@@ -92,7 +91,7 @@ impl Cohorts {
         asked: DistributionSelection,
     ) -> Result<Distribution, CohortsError> {
         let DistributionSelection { feature, tool, space, cohorts, hand, limit } = asked;
-        let (feature, key) = find_limited_feature(LimitedFeature { feature: &feature, tool: tool.as_deref(), space })?;
+        let key = find_limited_feature(LimitedFeature { feature: &feature, tool: tool.as_deref(), space })?;
         if depends_on_camera(&key) {
             let why = "depends on the camera's direction, which differs between boxes: choose a feature that does not";
             return Err(Invalid::new("feature", why).into());
@@ -112,7 +111,8 @@ impl Cohorts {
             over.push(self.group_values(scope, of, &key, Some(cohort), hand).await?);
         }
         let calculation = move || {
-            let groups = over.iter().map(|over| group_spread(&key, feature, over, limit)).collect();
+            let feature = key.feature;
+            let groups = over.iter().map(|over| group_spread(&key, over, limit)).collect();
             let (title, unit, better) = (feature.title, feature.unit, feature.direction.name());
             let hand = key.tool.as_ref().and(hand);
             Distribution { of: key, title, unit, better, pipeline: PIPELINE_VERSION, hand, limit, groups }
@@ -140,7 +140,7 @@ impl Cohorts {
     }
 }
 
-fn group_spread(of: &FeatureKey, feature: &'static Feature, over: &GroupValues, limit: Option<f64>) -> GroupSpread {
+fn group_spread(of: &FeatureKey, over: &GroupValues, limit: Option<f64>) -> GroupSpread {
     let like = ComparableWith {
         of,
         pipeline: PIPELINE_VERSION,
@@ -157,7 +157,8 @@ fn group_spread(of: &FeatureKey, feature: &'static Feature, over: &GroupValues, 
     };
     let values = people.values().to_vec();
     let Some(limit) = limit else { return without_shares(values, None) };
-    match (meeting_rate(&people, limit, feature.direction), missing_rate(&people, limit, feature.direction)) {
+    let direction = of.feature.direction;
+    match (meeting_rate(&people, limit, direction), missing_rate(&people, limit, direction)) {
         (Ok(kept), Ok(broken)) => {
             GroupSpread { keeping: Some(kept.into()), breaking: Some(broken.into()), ..without_shares(values, None) }
         }

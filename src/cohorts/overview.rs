@@ -15,7 +15,7 @@ use crate::domain::scope::Scope;
 use crate::domain::standard::{StandardDefinition, Target};
 use crate::domain::text::Invalid;
 use crate::ids::{GroupId, SessionId, TraineeId};
-use crate::motion::features::find;
+use crate::motion::features::Feature;
 use crate::statistics::lc_cusum::LcCusumMonitor;
 use crate::store::{GroupRecord, Practice, StandardRecord, TaskRecord, TraineeRecord, TraineeTask};
 
@@ -103,7 +103,7 @@ impl Cohorts {
         trainees.truncate(MAX_ROWS);
         let pairs: Vec<TraineeTask> = trainees.iter().map(|of| TraineeTask { trainee: of.id, task: task.id }).collect();
         let shown = FeatureSelection::of(&asked, standard.as_ref().map(|standard| &standard.definition))?;
-        let of_each = self.practices(scope, &pairs, &shown.names()).await?;
+        let of_each = self.practices(scope, &pairs, &shown.features()).await?;
         let definition = standard.as_ref().map(|standard| standard.definition.clone().without_fingerprints());
         let (known, now_ms) = (self.cache.clone(), self.clock.now_ms());
         let (at, trained) = (task.id, trainees.clone());
@@ -124,11 +124,10 @@ impl Cohorts {
             });
             let rows = rows.collect();
             let target = definition.as_ref().and_then(|definition| definition.target(&of)).cloned();
-            let feature = find(&of.feature);
             GroupTable {
-                title: feature.map_or("", |feature| feature.title),
-                unit: feature.map_or("", |feature| feature.unit),
-                better: feature.map_or("neither", |feature| feature.direction.name()),
+                title: of.feature.title,
+                unit: of.feature.unit,
+                better: of.feature.direction.name(),
                 of,
                 target,
                 tools,
@@ -144,10 +143,9 @@ impl Cohorts {
         &self,
         scope: &Scope,
         of: &[TraineeTask],
-        names: &[String],
+        features: &[&'static Feature],
     ) -> Result<HashMap<TraineeTask, Practice>, CohortsError> {
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        Ok(self.store.sessions().practice_of_many(scope, of, &names, MAX_SESSIONS).await?)
+        Ok(self.store.sessions().practice_of_many(scope, of, features, MAX_SESSIONS).await?)
     }
 }
 

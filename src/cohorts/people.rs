@@ -65,9 +65,10 @@ pub fn fingerprint(groups: &[&PersonValues]) -> String {
 mod tests {
     use super::*;
     use crate::domain::session::FeatureSpace;
+    use crate::motion::features::find;
 
     fn key(feature: &str, tool: Option<&str>, space: FeatureSpace) -> FeatureKey {
-        FeatureKey { feature: feature.to_owned(), tool: tool.map(str::to_owned), space }
+        FeatureKey { feature: find(feature).unwrap(), tool: tool.map(str::to_owned), space }
     }
 
     fn value(of: &FeatureKey, at: i64, handedness: Option<Handedness>, value: f64) -> CohortValue {

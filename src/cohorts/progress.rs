@@ -4,19 +4,21 @@
 //! refused, failed, set aside or of another pipeline version do not count otherwise. The version that counts is that of
 //! the newest valid result: after an update of the program, older sessions count again once they are rescored.
 
+use std::collections::HashSet;
+
 use super::answer::{ProgressAnswer, SessionStep, SetAside};
 use super::cache::ComputedCache;
 use super::people::LAST_SESSIONS;
 use super::series::{NumberedSession, TraineeContext, feature_series};
 use super::verdicts::Verdicts;
 use super::{Cohorts, CohortsError, unknown_field};
-use crate::domain::feature::{self, FeatureKey};
+use crate::domain::feature::{FeatureKey, resolve_space};
 use crate::domain::scope::Scope;
 use crate::domain::session::{FeatureSpace, SessionStatus};
 use crate::domain::standard::StandardDefinition;
 use crate::domain::text::{Invalid, Key};
 use crate::domain::trainee::Handedness;
-use crate::motion::features::find;
+use crate::motion::features::{self, FEATURES, Feature, time};
 use crate::statistics::lc_cusum::LcCusumMonitor;
 use crate::store::{CohortRecord, Practice, PracticeSession, StandardRecord, TaskRecord, TraineeRecord};
 use crate::time::to_rfc3339;
@@ -25,7 +27,7 @@ use crate::time::to_rfc3339;
 pub const MAX_SESSIONS: u32 = 1000;
 
 /// The feature that is shown if neither the request nor a standard names one.
-const DEFAULT_FEATURE: &str = "duration";
+static DEFAULT_FEATURE: &Feature = &time::DURATION;
 
 /// Selects the task, the features and the cohort of a progress request.
 #[derive(Clone, Debug, Default)]
@@ -81,9 +83,8 @@ impl Cohorts {
         };
         let standard = self.store.standards().in_use(scope, task.id).await?;
         let shown = FeatureSelection::of(&asked, standard.as_ref().map(|standard| &standard.definition))?;
-        let names = shown.names();
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let practice = self.store.sessions().practice(scope, trainee.id, task.id, &names, MAX_SESSIONS).await?;
+        let features = shown.features();
+        let practice = self.store.sessions().practice(scope, trainee.id, task.id, &features, MAX_SESSIONS).await?;
         let keys = shown.keys([&practice]);
         let among = match &cohort {
             Some(cohort) => Some(self.store.cohorts().values(cohort.id, task.id, LAST_SESSIONS, &keys).await?),
@@ -121,7 +122,7 @@ impl Cohorts {
 pub(super) struct FeatureSelection {
     keys: Vec<FeatureKey>,
     /// A feature to show for every tool that has it.
-    of_all_tools: Option<(String, FeatureSpace)>,
+    of_all_tools: Option<(&'static Feature, FeatureSpace)>,
     judged: Vec<FeatureKey>,
 }
 
@@ -129,8 +130,8 @@ impl FeatureSelection {
     pub(super) fn of(asked: &ProgressSelection, standard: Option<&StandardDefinition>) -> Result<Self, CohortsError> {
         let judged: Vec<FeatureKey> = standard
             .map_or_else(Vec::new, |standard| standard.targets.iter().map(|target| target.of.clone()).collect());
-        let name = match &asked.feature {
-            Some(name) => name,
+        let feature = match &asked.feature {
+            Some(name) => features::find(name).map_err(Invalid::from)?,
             None if !judged.is_empty() => {
                 let is_asked = |of: &&FeatureKey| {
                     (asked.tool.is_none() || of.tool == asked.tool) && asked.space.is_none_or(|space| of.space == space)
@@ -144,42 +145,39 @@ impl FeatureSelection {
             }
             None => DEFAULT_FEATURE,
         };
-        let feature = feature::find_feature(name)?;
-        let space = feature::resolve_space(feature, asked.space)?;
-        let key = |tool| FeatureKey { feature: feature.name.to_owned(), tool, space };
+        let space = resolve_space(feature, asked.space)?;
+        let key = |tool| FeatureKey { feature, tool, space };
         let (keys, of_all_tools) = match (&asked.tool, &asked.feature) {
             (Some(tool), _) => (vec![key(Some(tool.clone()))], None),
-            (None, Some(_)) => (Vec::new(), Some((feature.name.to_owned(), space))),
+            (None, Some(_)) => (Vec::new(), Some((feature, space))),
             (None, None) => (vec![key(None)], None),
         };
         Ok(Self { keys, of_all_tools, judged })
     }
 
-    pub(super) fn names(&self) -> Vec<String> {
-        let keys = self.keys.iter().chain(&self.judged).map(|key| &key.feature);
-        let mut names: Vec<String> = keys.chain(self.of_all_tools.iter().map(|(name, _)| name)).cloned().collect();
-        names.sort();
-        names.dedup();
-        names
+    pub(super) fn features(&self) -> Vec<&'static Feature> {
+        let keys = self.keys.iter().chain(&self.judged).map(|key| key.feature);
+        let wanted: HashSet<&'static Feature> = keys.chain(self.of_all_tools.map(|(feature, _)| feature)).collect();
+        FEATURES.iter().copied().filter(|feature| wanted.contains(feature)).collect()
     }
 
     /// The feature to show if none of the sessions has a value for it.
     pub(super) fn default_key(&self) -> FeatureKey {
-        let (feature, space) = self.of_all_tools.clone().unwrap_or((DEFAULT_FEATURE.to_owned(), FeatureSpace::Space3d));
+        let (feature, space) = self.of_all_tools.unwrap_or((DEFAULT_FEATURE, FeatureSpace::Space3d));
         FeatureKey { feature, tool: None, space }
     }
 
     /// The features to show. For a feature of all tools: one per tool that has it in these sessions, in the order of
     /// names.
     pub(super) fn keys<'p>(&self, practised: impl IntoIterator<Item = &'p Practice>) -> Vec<FeatureKey> {
-        let Some((name, space)) = &self.of_all_tools else { return self.keys.clone() };
+        let Some((feature, space)) = self.of_all_tools else { return self.keys.clone() };
         let sessions = practised.into_iter().flat_map(|practice| &practice.sessions);
         let measured = sessions.flat_map(|session| &session.measured).map(|measured| &measured.of);
         let mut tools: Vec<Option<String>> =
-            measured.filter(|of| of.feature == *name && of.space == *space).map(|of| of.tool.clone()).collect();
+            measured.filter(|of| of.feature == feature && of.space == space).map(|of| of.tool.clone()).collect();
         tools.sort();
         tools.dedup();
-        tools.into_iter().map(|tool| FeatureKey { feature: name.clone(), tool, space: *space }).collect()
+        tools.into_iter().map(|tool| FeatureKey { feature, tool, space }).collect()
     }
 }
 
@@ -194,10 +192,8 @@ fn progress_answer(
 ) -> ProgressAnswer {
     let (sessions, course) = judge_sessions(practice, standard, context.handedness, now_ms);
     let definition = standard.map(|(definition, _)| definition);
-    let of = |key: FeatureKey| {
-        find(&key.feature).map(|feature| feature_series(&key, feature, &sessions, definition, context, known))
-    };
-    ProgressAnswer { features: keys.into_iter().filter_map(of).collect(), ..course }
+    let of = |key: &FeatureKey| feature_series(key, &sessions, definition, context, known);
+    ProgressAnswer { features: keys.iter().map(of).collect(), ..course }
 }
 
 /// Numbers the sessions and judges them. The answer's features are still empty.

@@ -4,7 +4,7 @@
 use super::answer::Withheld;
 use super::people::{ComparableWith, LAST_SESSIONS, fingerprint};
 use super::{Cohorts, CohortsError, unknown_field};
-use crate::domain::feature::{self, FeatureKey, depends_on_camera};
+use crate::domain::feature::{FeatureKey, depends_on_camera, resolve_space};
 use crate::domain::scope::Scope;
 use crate::domain::session::FeatureSpace;
 use crate::domain::standard::{
@@ -14,7 +14,7 @@ use crate::domain::text::{Invalid, Key};
 use crate::domain::trainee::Handedness;
 use crate::ids::{TaskId, TraineeId};
 use crate::motion::PIPELINE_VERSION;
-use crate::motion::features::{Direction, Feature, time};
+use crate::motion::features::{self, Direction, Feature, time};
 use crate::statistics::standard::{self, best_share, contrasting_groups, fls, trimmed_experts};
 use crate::statistics::{NoAnswer, PersonValues};
 use crate::store::{CohortRecord, CohortValue, StoreError};
@@ -75,19 +75,18 @@ impl Cohorts {
         let mut ready = Vec::with_capacity(targets.len());
         for target in targets {
             let NewTarget { feature, tool, space, by } = target;
-            let (feature, key) =
-                find_limited_feature(LimitedFeature { feature: &feature, tool: tool.as_deref(), space })?;
-            if ready.iter().any(|(_, known, _)| *known == key) {
+            let key = find_limited_feature(LimitedFeature { feature: &feature, tool: tool.as_deref(), space })?;
+            if ready.iter().any(|(known, _)| *known == key) {
                 return Err(Invalid::new("targets", format!("limit {} twice", key.feature)).into());
             }
-            let way = self.limit_source(scope, of, feature, &key, by).await?;
-            ready.push((feature, key, way));
+            let way = self.limit_source(scope, of, &key, by).await?;
+            ready.push((key, way));
         }
         let charts = charts.unwrap_or_default();
         let known = self.cache.clone();
         let calculation = move || {
             known.charts(charts).map_err(|why| Invalid::new("charts", why.to_string()))?;
-            let targets = ready.into_iter().map(|(feature, key, way)| propose_target(feature, key, &way)).collect();
+            let targets = ready.into_iter().map(|(key, way)| propose_target(key, &way)).collect();
             Ok::<_, Invalid>(Proposal { targets, rule, charts })
         };
         Ok(self.calculate(calculation).await??)
@@ -98,12 +97,11 @@ impl Cohorts {
         &self,
         scope: &Scope,
         of: TaskId,
-        feature: &'static Feature,
         key: &FeatureKey,
         way: LimitMethod,
     ) -> Result<LimitSource, CohortsError> {
         Ok(match way {
-            LimitMethod::Fixed { limit, unit } => LimitSource::Chosen(fixed_target(feature, limit, &unit)?),
+            LimitMethod::Fixed { limit, unit } => LimitSource::Chosen(fixed_target(key.feature, limit, &unit)?),
             LimitMethod::Fls { preset } => LimitSource::Chosen(published_target(key, &preset)?),
             LimitMethod::TrimmedExperts { experts } => {
                 LimitSource::Experts(self.cohort_values(scope, of, key, "experts", &experts).await?)
@@ -174,9 +172,9 @@ pub(super) struct LimitedFeature<'t> {
 }
 
 /// Finds the feature that a target limits, and checks that it can have a limit.
-pub(super) fn find_limited_feature(target: LimitedFeature<'_>) -> Result<(&'static Feature, FeatureKey), Invalid> {
-    let feature = feature::find_feature(target.feature)?;
-    let space = feature::resolve_space(feature, target.space)?;
+pub(super) fn find_limited_feature(target: LimitedFeature<'_>) -> Result<FeatureKey, Invalid> {
+    let feature = features::find(target.feature)?;
+    let space = resolve_space(feature, target.space)?;
     if feature.direction == Direction::Neither {
         let why = format!("cannot have a limit: neither a higher nor a lower {} is better", feature.name);
         return Err(Invalid::new("feature", why));
@@ -192,7 +190,7 @@ pub(super) fn find_limited_feature(target: LimitedFeature<'_>) -> Result<(&'stat
         Some(tool) if tool.is_empty() || tool.chars().count() > MAX_TOOL_CHARS => {
             Err(Invalid::new("tool", format!("is not a tool's name: expected 1 to {MAX_TOOL_CHARS} characters")))
         }
-        _ => Ok((feature, FeatureKey { feature: name.to_owned(), tool: target.tool.map(str::to_owned), space })),
+        _ => Ok(FeatureKey { feature, tool: target.tool.map(str::to_owned), space }),
     }
 }
 
@@ -208,7 +206,7 @@ fn fixed_target(feature: &Feature, limit: f64, unit: &str) -> Result<standard::F
 }
 
 fn published_target(key: &FeatureKey, preset: &str) -> Result<standard::FeatureTarget, Invalid> {
-    if key.feature != time::DURATION.name || key.tool.is_some() {
+    if key.feature != &time::DURATION || key.tool.is_some() {
         return Err(Invalid::new("method", "fls gives times: use it only for the duration of the whole session"));
     }
     let known = fls::FLS.iter().find(|known| known.task == preset);
@@ -218,18 +216,18 @@ fn published_target(key: &FeatureKey, preset: &str) -> Result<standard::FeatureT
     })
 }
 
-fn propose_target(feature: &'static Feature, key: FeatureKey, way: &LimitSource) -> ProposedTarget {
-    match compute_target(feature, &key, way) {
-        Ok((target, from)) => ProposedTarget { target: Some(Target::of(key, feature, target, from)), withheld: None },
+fn propose_target(key: FeatureKey, way: &LimitSource) -> ProposedTarget {
+    match compute_target(&key, way) {
+        Ok((target, from)) => ProposedTarget { target: Some(Target::of(key, target, from)), withheld: None },
         Err(why) => ProposedTarget { target: None, withheld: Some(why.into()) },
     }
 }
 
 fn compute_target(
-    feature: &Feature,
     key: &FeatureKey,
     way: &LimitSource,
 ) -> Result<(standard::FeatureTarget, Option<MadeFrom>), NoAnswer> {
+    let direction = key.feature.direction;
     let from = |groups: &[&PersonValues], handedness| {
         let handedness = key.tool.as_ref().and(handedness);
         Some(MadeFrom { pipeline: PIPELINE_VERSION.to_owned(), fingerprint: Some(fingerprint(groups)), handedness })
@@ -238,16 +236,16 @@ fn compute_target(
         LimitSource::Chosen(target) => (*target, None),
         LimitSource::Experts(experts) => {
             let people = experts.people(key)?;
-            (trimmed_experts(&people, feature.direction)?, from(&[&people], experts.handedness))
+            (trimmed_experts(&people, direction)?, from(&[&people], experts.handedness))
         }
         LimitSource::Groups(novices, experts) => {
             let [novice_people, expert_people] = distinct_people(novices, experts, key)?;
-            let target = contrasting_groups(&novice_people, &expert_people, feature.direction)?;
+            let target = contrasting_groups(&novice_people, &expert_people, direction)?;
             (target, from(&[&novice_people, &expert_people], experts.handedness))
         }
         LimitSource::Best(group, share) => {
             let people = group.people(key)?;
-            (best_share(&people, *share, feature.direction)?, from(&[&people], group.handedness))
+            (best_share(&people, *share, direction)?, from(&[&people], group.handedness))
         }
     })
 }

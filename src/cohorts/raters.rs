@@ -215,12 +215,9 @@ fn correlations_of(
         let why = NoAnswer::TooFew { of: "people with rated sessions", found: people.len(), needed: MIN_PEOPLE };
         return Correlations { withheld: Some(why.into()), ..answer };
     }
-    let mut by_feature: BTreeMap<(usize, Option<String>, &'static str), Vec<&SessionValue>> = BTreeMap::new();
+    let mut by_feature: BTreeMap<_, Vec<&SessionValue>> = BTreeMap::new();
     for value in &values {
-        // Skips features that the program no longer computes.
-        let Some(place) = features::FEATURES.iter().position(|feature| feature.name == value.of.feature) else {
-            continue;
-        };
+        let place = features::FEATURES.iter().position(|feature| *feature == value.of.feature);
         by_feature.entry((place, value.of.tool.clone(), value.of.space.name())).or_default().push(value);
     }
     let rating_of = |session: &SessionId| {
@@ -265,7 +262,6 @@ fn correlate(
     rating_of: impl Fn(&SessionId) -> Option<f64>,
 ) -> Option<CorrelationRow> {
     let first = *values.first()?;
-    let feature = features::find(&first.of.feature)?;
     let mut sums = RatingSums::new();
     for value in &values {
         let (Some(&(_, trainee)), Some(rating)) = (trainee_of.get(&value.session), rating_of(&value.session)) else {
@@ -282,8 +278,8 @@ fn correlate(
     let estimate = |found: Correlation| IntervalEstimate::of(found.value, found.interval);
     Some(CorrelationRow {
         of: first.of.clone(),
-        title: feature.title.to_owned(),
-        better: feature.direction.name(),
+        title: first.of.feature.title.to_owned(),
+        better: first.of.feature.direction.name(),
         people,
         handedness: first.handedness.filter(|_| first.of.tool.is_some()),
         rho: found.ok().map(estimate),

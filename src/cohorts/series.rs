@@ -10,7 +10,7 @@ use crate::domain::feature::{FeatureKey, depends_on_camera};
 use crate::domain::standard::{StandardDefinition, Target, ValueToJudge};
 use crate::domain::trainee::Handedness;
 use crate::ids::TraineeId;
-use crate::motion::features::{Direction, Feature};
+use crate::motion::features::Direction;
 use crate::statistics::curve::{self, NumberedValue};
 use crate::statistics::interval::MeasuredValue;
 use crate::statistics::{NoAnswer, cohort};
@@ -57,7 +57,6 @@ impl NumberedSession<'_> {
 /// The complete answer for one feature.
 pub fn feature_series(
     of: &FeatureKey,
-    feature: &'static Feature,
     sessions: &[NumberedSession<'_>],
     standard: Option<&StandardDefinition>,
     context: &TraineeContext<'_>,
@@ -65,13 +64,13 @@ pub fn feature_series(
 ) -> FeatureSeries {
     let target = standard.and_then(|standard| standard.target(of));
     let points = points(of, sessions, target, context.handedness);
-    let (place, no_place) = match context.among.map(|among| cohort_rank(of, feature, sessions, context, among)) {
+    let (place, no_place) = match context.among.map(|among| cohort_rank(of, sessions, context, among)) {
         None => (None, None),
         Some(Ok(place)) => (Some(place), None),
         Some(Err(why)) => (None, Some(why)),
     };
-    let learning = learning_answer(of, feature.direction, sessions, target, known);
-    let (title, unit, better) = (feature.title, feature.unit, feature.direction.name());
+    let learning = learning_answer(of, of.feature.direction, sessions, target, known);
+    let (title, unit, better) = (of.feature.title, of.feature.unit, of.feature.direction.name());
     FeatureSeries { of: of.clone(), title, unit, better, target: target.cloned(), points, place, no_place, learning }
 }
 
@@ -100,7 +99,6 @@ fn point(
 /// Ranks the newest counted value in the cohort.
 fn cohort_rank(
     of: &FeatureKey,
-    feature: &Feature,
     sessions: &[NumberedSession<'_>],
     context: &TraineeContext<'_>,
     among: &[CohortValue],
@@ -125,7 +123,7 @@ fn cohort_rank(
         without: Some(context.trainee),
     };
     let people = like.people(among)?;
-    let place = cohort::percentile_in_cohort(measured, &people, feature.direction)?;
+    let place = cohort::percentile_in_cohort(measured, &people, of.feature.direction)?;
     Ok(CohortRank {
         session,
         percentile: IntervalEstimate::of(place.percentile, place.interval),

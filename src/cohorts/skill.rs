@@ -10,7 +10,7 @@ use crate::domain::skill::{
     verdict_features,
 };
 use crate::ids::{TaskId, TraineeId};
-use crate::motion::PIPELINE_VERSION;
+use crate::motion::{PIPELINE_VERSION, features};
 use crate::statistics::skill::{
     LabelledSession, MAX_PER_LEVEL, MAX_SESSIONS_EACH, MIN_PER_LEVEL, NoModel, SkillDataset, SkillLevel,
 };
@@ -89,7 +89,7 @@ impl Cohorts {
                 SkillVerdict::without_level(NoLevelReasonName::InTraining, detail)
             }
             Ok(definition) => {
-                let (readings, tools) = (Readings::of(result.features.iter().map(reading)), result.tools.len());
+                let (readings, tools) = (Readings::of(result.features.iter().filter_map(reading)), result.tools.len());
                 self.calculate(move || definition.judge(&readings, tools)).await?
             }
         };
@@ -135,8 +135,10 @@ fn train_model(sessions: Vec<DeclaredSession>) -> Result<NewSkillModel, NoModel>
     Ok(NewSkillModel { pipeline, fingerprint, definition: model, report, trainees })
 }
 
-fn reading(row: &FeatureRow) -> Reading {
+/// A stored value; `None` for a feature that this version does not measure.
+fn reading(row: &FeatureRow) -> Option<Reading> {
+    let feature = features::find(&row.name).ok()?;
     let bar = row.error.as_ref().and_then(|error| error.as_ref().ok()).map(|error| [error.low, error.high]);
     let value = row.value.as_ref().ok().copied();
-    Reading { feature: row.name.clone(), tool: row.tool.clone(), space: row.space, value, bar }
+    Some(Reading { feature, tool: row.tool.clone(), space: row.space, value, bar })
 }

@@ -13,6 +13,7 @@ use super::{CommandFailure, print_result};
 use crate::domain::session::FeatureSpace;
 use crate::domain::skill::{ModelFile, ModelReport, Reading, Readings, most_common_tool_count, verdict_features};
 use crate::domain::trainee::Level;
+use crate::motion::features;
 use crate::statistics::skill::{LabelledSession, MAX_SESSIONS_EACH, SkillDataset};
 
 /// Arguments of `trocar model`.
@@ -135,7 +136,7 @@ fn usable_samples(
         if session.verdict == "refused" || session.tools.len() != tools {
             continue;
         }
-        let values = Readings::of(session.features.into_iter().map(Reading::from)).values(&features);
+        let values = Readings::of(session.features.into_iter().filter_map(ScoredFeature::reading)).values(&features);
         let sample = LabelledSession { person: label.person.clone(), level: label.level.into(), values };
         by_person.entry(label.person).or_default().push(sample);
     }
@@ -149,10 +150,12 @@ fn usable_samples(
     Ok((by_person.into_values().flat_map(last).collect(), (pipeline, tools)))
 }
 
-impl From<ScoredFeature> for Reading {
-    fn from(of: ScoredFeature) -> Self {
-        let bar = of.low.zip(of.high).map(|(low, high)| [low, high]);
-        Self { feature: of.name, tool: of.tool, space: of.space, value: of.value, bar }
+impl ScoredFeature {
+    /// The value; `None` for a feature that this version does not measure.
+    fn reading(self) -> Option<Reading> {
+        let bar = self.low.zip(self.high).map(|(low, high)| [low, high]);
+        let feature = features::find(&self.name).ok()?;
+        Some(Reading { feature, tool: self.tool, space: self.space, value: self.value, bar })
     }
 }
 

@@ -14,11 +14,10 @@ use utoipa::ToSchema;
 pub use rules::{AdviceRule, RULES, RequiredStretch};
 
 use super::evidence::{EvidenceRow, StretchRow};
-use super::feature::FeatureKey;
+use super::feature::{FeatureKey, StoredFeatureKey};
 use super::session::{FeatureError, FeatureRow};
 use super::standard::{Better, Judgement, StandardDefinition, Target, ValueToJudge};
 use super::trainee::Handedness;
-use crate::motion::features;
 
 /// Maximum pieces of advice for one session: a trainee cannot work on four things at once.
 pub const MAX_ADVICE: usize = 3;
@@ -84,15 +83,14 @@ pub fn advise(definition: &StandardDefinition, measured: MeasuredSession<'_>) ->
 }
 
 fn advice_for_target(target: &Target, measured: MeasuredSession<'_>) -> Option<Advice> {
-    let row = measured.features.iter().find(|row| FeatureKey::from(*row) == target.of)?;
+    let row = measured.features.iter().find(|row| StoredFeatureKey::from(*row) == target.of)?;
     let (value, error) = (*row.value.as_ref().ok()?, *row.error.as_ref()?.as_ref().ok()?);
     let MeasuredSession { pipeline, handedness, .. } = measured;
     let to_judge = ValueToJudge { value: Some(value), bar: Some([error.low, error.high]), pipeline, handedness };
     if target.judge(to_judge) != Judgement::Fail {
         return None;
     }
-    let feature = features::find(&target.of.feature)?;
-    let rule = RULES.iter().find(|rule| rule.covers(feature, target.better))?;
+    let rule = RULES.iter().find(|rule| rule.covers(target.of.feature, target.better))?;
     let evidence = measured.evidence.iter().find(|row| row.of == target.of)?;
     let stretches: Vec<StretchRow> =
         evidence.stretches.iter().filter(|stretch| rule.accepts_stretch(stretch)).copied().collect();

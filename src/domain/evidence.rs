@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::feature::FeatureKey;
+use super::feature::StoredFeatureKey;
 use super::named;
 use crate::motion::features::view::UnseenCause;
 use crate::motion::stretches::{FeatureStretches, MAX_STRETCHES, NoStretches, Stretch};
@@ -16,7 +16,7 @@ pub const MAX_ROWS: usize = 2_000;
 pub struct EvidenceRow {
     /// The feature.
     #[serde(flatten)]
-    pub of: FeatureKey,
+    pub of: StoredFeatureKey,
     /// What the stretches show, such as `rest` or `detour`; `null` where the feature has no place in time.
     pub what: Option<String>,
     /// Unit of their amounts; `1` for counts and ratios.
@@ -71,7 +71,7 @@ impl EvidenceRow {
             Err(reason) => (Vec::new(), Some(NoEvidence::from(*reason))),
         };
         Self {
-            of: FeatureKey {
+            of: StoredFeatureKey {
                 feature: evidence.feature.name.to_owned(),
                 tool: evidence.tool.and_then(|tool| tools.get(tool).cloned()),
                 space: evidence.space.into(),

@@ -1,16 +1,30 @@
 //! The list of features, and the key that identifies one feature of a session.
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use utoipa::ToSchema;
 
 use super::session::{FeatureRow, FeatureSpace};
 use super::text::Invalid;
-
-use crate::motion::features::{self, Family, Feature, Space};
+use crate::motion::features::{self, Family, Feature, Space, UnknownFeature, path};
 
 /// One feature of a session: of one tool, or of the session as a whole, in one space.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
 pub struct FeatureKey {
+    /// Stable name, such as `path_length`.
+    #[schema(value_type = String)]
+    pub feature: &'static Feature,
+    /// The tool's marker; `null` for a feature of the whole session.
+    pub tool: Option<String>,
+    /// Where it was measured.
+    pub space: FeatureSpace,
+}
+
+/// A [`FeatureKey`] by name, as stored rows have it. An earlier version may have measured a feature that this one does
+/// not.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[schema(as = FeatureKey)]
+pub struct StoredFeatureKey {
     /// Stable name, such as `path_length`.
     pub feature: String,
     /// The tool's marker; `null` for a feature of the whole session.
@@ -19,9 +33,35 @@ pub struct FeatureKey {
     pub space: FeatureSpace,
 }
 
-impl From<&FeatureRow> for FeatureKey {
+impl From<&FeatureRow> for StoredFeatureKey {
     fn from(row: &FeatureRow) -> Self {
         Self { feature: row.name.clone(), tool: row.tool.clone(), space: row.space }
+    }
+}
+
+impl PartialEq<FeatureKey> for StoredFeatureKey {
+    fn eq(&self, key: &FeatureKey) -> bool {
+        self.feature == key.feature.name && self.tool == key.tool && self.space == key.space
+    }
+}
+
+/// Written as its name.
+impl Serialize for Feature {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name)
+    }
+}
+
+/// Read by its name.
+impl<'de> Deserialize<'de> for &'static Feature {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        features::find(&String::deserialize(deserializer)?).map_err(D::Error::custom)
+    }
+}
+
+impl From<UnknownFeature> for Invalid {
+    fn from(unknown: UnknownFeature) -> Self {
+        Self::new("feature", format!("{unknown}; see GET /api/v1/features"))
     }
 }
 
@@ -74,12 +114,6 @@ impl From<Space> for FeatureSpace {
     }
 }
 
-/// Finds a feature by its name.
-pub fn find_feature(name: &str) -> Result<&'static Feature, Invalid> {
-    features::find(name)
-        .ok_or_else(|| Invalid::new("feature", format!("`{name}` is not a feature; see GET /api/v1/features")))
-}
-
 /// The space to use for a feature: the named one, or the first space that the feature is measured in.
 pub fn resolve_space(feature: &Feature, named: Option<FeatureSpace>) -> Result<FeatureSpace, Invalid> {
     let measured: Vec<FeatureSpace> = feature.spaces.iter().map(|space| (*space).into()).collect();
@@ -93,30 +127,37 @@ pub fn resolve_space(feature: &Feature, named: Option<FeatureSpace>) -> Result<F
 /// True if another camera position would give another value: features in the image, along the camera's axes, and of the
 /// field of view. Lengths, times and hull volumes in three dimensions do not depend on the camera.
 pub fn depends_on_camera(key: &FeatureKey) -> bool {
-    let name = key.feature.as_str();
     key.space == FeatureSpace::Image
-        || ["depth_travelled", "economy_of_volume"].contains(&name)
-        || features::find(name).is_some_and(|feature| feature.family == Family::View)
+        || path::ALONG_CAMERA_AXES.contains(&key.feature)
+        || key.feature.family == Family::View
 }
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
+
+    #[test]
+    fn a_key_is_read_and_written_by_name_and_an_unknown_name_is_an_error() {
+        let key = FeatureKey { feature: &path::SPREAD, tool: Some("red".into()), space: FeatureSpace::Image };
+        let written = json!({"feature": "spread", "tool": "red", "space": "image"});
+        assert_eq!(json!(key), written);
+        assert_eq!(serde_json::from_value::<FeatureKey>(written.clone()).unwrap(), key);
+        assert_eq!(serde_json::from_value::<StoredFeatureKey>(written).unwrap(), key);
+        let unknown = json!({"feature": "wizardry", "tool": null, "space": "3d"});
+        let error = serde_json::from_value::<FeatureKey>(unknown).unwrap_err().to_string();
+        assert_eq!(error, "`wizardry` is not a feature");
+        let refused = Invalid::from(features::find("wizardry").unwrap_err()).to_string();
+        assert_eq!(refused, "feature: `wizardry` is not a feature; see GET /api/v1/features");
+    }
 
     #[test]
     fn every_feature_is_listed_and_found_and_has_a_space() {
         for info in FeatureInfo::all() {
-            let feature = find_feature(info.name).unwrap();
+            let feature = features::find(info.name).unwrap();
             assert_eq!(resolve_space(feature, None).unwrap(), info.spaces[0], "{}", info.name);
         }
-        assert!(find_feature("wizardry").is_err());
-        assert!(resolve_space(find_feature("duration").unwrap(), Some(FeatureSpace::Image)).is_err());
-    }
-
-    #[test]
-    fn features_along_the_cameras_axes_exist() {
-        for name in ["depth_travelled", "economy_of_volume"] {
-            assert!(features::find(name).is_some(), "{name}");
-        }
+        assert!(resolve_space(features::find("duration").unwrap(), Some(FeatureSpace::Image)).is_err());
     }
 }

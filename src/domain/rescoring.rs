@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::feature::FeatureKey;
+use super::feature::StoredFeatureKey;
 use super::named;
 
 named! {
@@ -92,7 +92,7 @@ pub struct ValueWithError {
 pub struct FeatureChange {
     /// The feature.
     #[serde(flatten)]
-    pub of: FeatureKey,
+    pub of: StoredFeatureKey,
     /// Title for people.
     pub title: String,
     /// Unit of the values.

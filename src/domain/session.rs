@@ -117,7 +117,7 @@ pub struct FeatureRow {
 impl FeatureRow {
     /// The feature's family; `None` for a feature that is no longer measured.
     pub fn family(&self) -> Option<&'static str> {
-        features::find(&self.name).map(|feature| feature.family.name())
+        features::find(&self.name).ok().map(|feature| feature.family.name())
     }
 }
 

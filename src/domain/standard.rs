@@ -16,7 +16,7 @@ pub use new_standard::{LimitMethod, MAX_TARGETS, NewStandard, NewTarget, Preset}
 use super::feature::FeatureKey;
 use super::named;
 use super::trainee::Handedness;
-use crate::motion::features::{self, Direction};
+use crate::motion::features::Direction;
 use crate::statistics::interval::ConfidenceInterval;
 use crate::statistics::lc_cusum;
 use crate::statistics::pass_rule::PassRule;
@@ -168,17 +168,12 @@ pub struct ChartDesign {
 
 impl Target {
     /// A computed target in its stored form.
-    pub fn of(
-        of: FeatureKey,
-        feature: &features::Feature,
-        target: standard::FeatureTarget,
-        from: Option<MadeFrom>,
-    ) -> Self {
+    pub fn of(of: FeatureKey, target: standard::FeatureTarget, from: Option<MadeFrom>) -> Self {
         let better = if target.direction == Direction::Higher { Better::Higher } else { Better::Lower };
         Self {
+            title: of.feature.title.to_owned(),
+            unit: of.feature.unit.to_owned(),
             of,
-            title: feature.title.to_owned(),
-            unit: feature.unit.to_owned(),
             better,
             limit: target.limit,
             low: target.interval.map(|interval| interval.low),
@@ -205,8 +200,8 @@ impl StandardDefinition {
     }
 
     /// The target of a feature, if it has one.
-    pub fn target(&self, of: &FeatureKey) -> Option<&Target> {
-        self.targets.iter().find(|target| target.of == *of)
+    pub fn target(&self, of: &impl PartialEq<FeatureKey>) -> Option<&Target> {
+        self.targets.iter().find(|target| *of == target.of)
     }
 }
 
@@ -278,12 +273,13 @@ impl From<ChartDesign> for lc_cusum::LcCusumDesign {
 mod tests {
     use super::*;
     use crate::domain::session::FeatureSpace;
+    use crate::motion::features::time::DURATION;
 
     #[test]
     fn a_stored_definition_reads_back_unchanged() {
-        let key = FeatureKey { feature: "duration".to_owned(), tool: None, space: FeatureSpace::Space3d };
+        let key = FeatureKey { feature: &DURATION, tool: None, space: FeatureSpace::Space3d };
         let limit = standard::FeatureTarget::fixed(48.0, Direction::Lower).unwrap();
-        let target = Target::of(key, &features::time::DURATION, limit, None);
+        let target = Target::of(key, limit, None);
         let definition = StandardDefinition { targets: vec![target], rule: None, charts: ChartDesign::default() };
         let text = serde_json::to_string(&definition).unwrap();
         assert_eq!(serde_json::from_str::<StandardDefinition>(&text).unwrap(), definition);

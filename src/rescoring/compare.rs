@@ -1,6 +1,6 @@
 //! The differences between two results of a session. Pure; used for both the report's counts and its rows.
 
-use crate::domain::feature::FeatureKey;
+use crate::domain::feature::StoredFeatureKey;
 use crate::domain::rescoring::{FeatureChange, FeatureChangeKind, ValueWithError};
 use crate::domain::session::FeatureRow;
 
@@ -9,12 +9,13 @@ pub const ROUNDING: f64 = 1e-9;
 
 /// The features that changed: those whose error bars do not overlap first, then in the order of display.
 pub fn changes(old: &[FeatureRow], new: &[FeatureRow]) -> Vec<FeatureChange> {
-    let find = |rows: &[FeatureRow], of: &FeatureKey| {
-        rows.iter().find(|row| FeatureKey::from(*row) == *of).and_then(value_with_error)
+    let find = |rows: &[FeatureRow], of: &StoredFeatureKey| {
+        rows.iter().find(|row| StoredFeatureKey::from(*row) == *of).and_then(value_with_error)
     };
-    let only_old = old.iter().filter(|row| !new.iter().any(|other| FeatureKey::from(other) == FeatureKey::from(*row)));
+    let only_old =
+        old.iter().filter(|row| !new.iter().any(|other| StoredFeatureKey::from(other) == StoredFeatureKey::from(*row)));
     let change = |row: &FeatureRow| {
-        let of = FeatureKey::from(row);
+        let of = StoredFeatureKey::from(row);
         let (old, new) = (find(old, &of), find(new, &of));
         let change = between(old, new)?;
         Some(FeatureChange { of, title: row.title.clone(), unit: row.unit.clone(), change, old, new })

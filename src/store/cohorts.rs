@@ -15,6 +15,7 @@ use crate::domain::session::FeatureSpace;
 use crate::domain::text::{Code, Key, Name};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{CalibrationId, CohortId, GroupId, TaskId, TraineeId};
+use crate::motion::features::Feature;
 
 /// Access to the cohorts.
 pub struct CohortStore<'s>(pub(super) &'s Store);
@@ -62,8 +63,16 @@ pub struct CohortValue {
     pub value: f64,
 }
 
-type CohortValueRow =
-    (TraineeId, Option<Handedness>, CalibrationId, String, String, Option<String>, FeatureSpace, Json<Vec<f64>>);
+type CohortValueRow = (
+    TraineeId,
+    Option<Handedness>,
+    CalibrationId,
+    String,
+    &'static Feature,
+    Option<String>,
+    FeatureSpace,
+    Json<Vec<f64>>,
+);
 
 const SELECT_COHORTS: &str = "
     SELECT cohort.*, (SELECT count(*) FROM cohort_person WHERE cohort_id = cohort.id) AS people FROM cohort

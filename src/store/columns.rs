@@ -26,6 +26,7 @@ use crate::ids::{
     PaletteId, PersonId, RatingId, RescoringId, ResultId, SelfTestId, SessionId, StandardId, TaskId, TokenId,
     TraineeId, UploadId,
 };
+use crate::motion::features::{self, Feature};
 use crate::time::Day;
 
 /// An `INSERT` whose values are bound. A row with many columns has a method that returns one: it binds the fields in the
@@ -85,6 +86,18 @@ fn view_name(view: View) -> &'static str {
 
 fn view_named(name: &str) -> Result<View, BoxDynError> {
     [View::Top, View::Side].into_iter().find(|view| view_name(*view) == name).ok_or_else(|| "not a view".into())
+}
+
+impl Type<Sqlite> for Feature {
+    fn type_info() -> SqliteTypeInfo {
+        <str as Type<Sqlite>>::type_info()
+    }
+}
+
+impl<'r> Decode<'r, Sqlite> for &'static Feature {
+    fn decode(value: SqliteValueRef<'r>) -> Result<Self, BoxDynError> {
+        Ok(features::find(<&str as Decode<'r, Sqlite>>::decode(value)?)?)
+    }
 }
 
 impl Type<Sqlite> for SecretHash {

@@ -18,6 +18,7 @@ use crate::domain::session::FeatureSpace;
 use crate::domain::text::Name;
 use crate::domain::trainee::Handedness;
 use crate::ids::{CalibrationId, PersonId, RatingId, ResultId, SessionId, TaskId, TraineeId};
+use crate::motion::features;
 
 /// Access to the ratings.
 pub struct RatingStore<'s>(pub(super) &'s Store);
@@ -222,7 +223,7 @@ impl RatingStore<'_> {
     }
 
     /// The features in the latest results of those of these sessions that are in the scope; sessions that were refused
-    /// or measured by another program are left out.
+    /// or measured by another program are left out, and so are features that this version does not measure.
     pub async fn values(&self, scope: &Scope, sessions: &[SessionId]) -> StoreResult<Vec<SessionValue>> {
         require_staff(scope, "the correlation of ratings with features")?;
         let results = sqlx::query_as::<_, RatedResultRow>(SELECT_RATED_RESULTS);
@@ -232,14 +233,14 @@ impl RatingStore<'_> {
         let rows = rows.bind(Json(ids)).fetch_all(self.0.readers()).await?;
         let results: std::collections::HashMap<ResultId, RatedResultRow> =
             results.into_iter().map(|row| (row.0, row)).collect();
-        let value = |(result, feature, tool, space, value): RatedValueRow| {
+        let value = |(result, name, tool, space, value): RatedValueRow| {
             let (_, session, handedness, pipeline, calibration) = results.get(&result)?.clone();
             Some(SessionValue {
                 session,
                 handedness,
                 pipeline,
                 calibration,
-                of: FeatureKey { feature, tool, space },
+                of: FeatureKey { feature: features::find(&name).ok()?, tool, space },
                 value,
             })
         };

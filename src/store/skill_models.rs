@@ -14,6 +14,7 @@ use crate::domain::session::FeatureSpace;
 use crate::domain::skill::{ModelDefinition, ModelReport, Reading};
 use crate::domain::trainee::Level;
 use crate::ids::{ModelId, ResultId, SessionId, TaskId, TraineeId};
+use crate::motion::features;
 
 /// Access to the tasks' skill models.
 pub struct SkillModelStore<'s>(pub(super) &'s Store);
@@ -192,9 +193,10 @@ impl SkillModelStore<'_> {
         let results: Vec<ResultId> = rows.iter().map(|row| row.3).collect();
         let values = sqlx::query_as::<_, DeclaredFeatureRow>(SELECT_READINGS);
         let mut readings: HashMap<ResultId, Vec<Reading>> = HashMap::new();
-        for (result, feature, tool, space, value, low, high) in
+        for (result, name, tool, space, value, low, high) in
             values.bind(Json(results)).fetch_all(self.0.readers()).await?
         {
+            let Ok(feature) = features::find(&name) else { continue }; // measured by an earlier version only
             let bar = low.zip(high).map(|(low, high)| [low, high]);
             readings.entry(result).or_default().push(Reading { feature, tool, space, value, bar });
         }

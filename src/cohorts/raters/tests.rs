@@ -94,7 +94,11 @@ fn value(ids: &Ids, person: usize, second: usize, feature: &str, tool: Option<&s
         handedness: Some(if person == 0 { Handedness::Left } else { Handedness::Right }),
         pipeline: "9".to_owned(),
         calibration: CalibrationId::at(1),
-        of: FeatureKey { feature: feature.to_owned(), tool: tool.map(str::to_owned), space: FeatureSpace::Space3d },
+        of: FeatureKey {
+            feature: features::find(feature).unwrap(),
+            tool: tool.map(str::to_owned),
+            space: FeatureSpace::Space3d,
+        },
         value,
     }
 }
@@ -124,7 +128,7 @@ fn a_person_counts_once_and_a_real_correlation_is_found_beside_noise() {
     assert_eq!((answer.people, answer.sessions, answer.asked), (12, 24, 2));
     let [duration, path] = [&answer.items[0], &answer.items[1]];
     assert_eq!(
-        (duration.of.feature.as_str(), duration.people, duration.found, duration.better),
+        (duration.of.feature.name, duration.people, duration.found, duration.better),
         ("duration", 12, true, "lower")
     );
     assert!(duration.rho.unwrap().value < -0.8, "{duration:?}");
@@ -147,7 +151,7 @@ fn the_hand_that_most_people_prefer_is_compared() {
         value.handedness = Some(if number(value) < 10 { Handedness::Left } else { Handedness::Right });
     }
     let answer = correlations_of(RatingForm::Osats, &given, &totals(&given), values);
-    let path = answer.items.iter().find(|row| row.of.feature == "path_length").unwrap();
+    let path = answer.items.iter().find(|row| row.of.feature.name == "path_length").unwrap();
     assert_eq!((path.people, path.handedness), (7, Some(Handedness::Right)));
 }
 

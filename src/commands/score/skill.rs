@@ -48,7 +48,7 @@ pub fn verdict(model: &ModelFile, assessment: &Assessment, is_refused: bool) -> 
 
 fn reading(value: &FeatureValue, tools: &[String]) -> Reading {
     Reading {
-        feature: value.feature.name.to_owned(),
+        feature: value.feature,
         tool: value.tool.and_then(|tool| tools.get(tool)).cloned(),
         space: FeatureSpace::from(value.space),
         value: value.value.ok(),

@@ -8,7 +8,7 @@ use crate::motion::features::{self, Direction, FEATURES};
 fn key(feature: &str, tool: Option<&str>) -> FeatureKey {
     let feature = features::find(feature).unwrap();
     let space = feature.spaces[0].into();
-    FeatureKey { feature: feature.name.to_owned(), tool: tool.map(str::to_owned), space }
+    FeatureKey { feature, tool: tool.map(str::to_owned), space }
 }
 
 fn target(feature: &str, tool: Option<&str>, better: Better, limit: f64) -> Target {
@@ -36,7 +36,13 @@ fn row(feature: &str, tool: Option<&str>, value: f64, half: f64) -> FeatureRow {
 fn seen(feature: &str, tool: Option<&str>, cause: Option<AbsenceCause>) -> EvidenceRow {
     let stretch = StretchRow { from_s: 61.25, to_s: 64.0, amount: 2.75, share: None, cause };
     let (what, unit) = (Some("rest".to_owned()), Some("s".to_owned()));
-    EvidenceRow { of: key(feature, tool), what, unit, stretches: vec![stretch], none: None }
+    EvidenceRow {
+        of: StoredFeatureKey::from(&row(feature, tool, 0.0, 0.0)),
+        what,
+        unit,
+        stretches: vec![stretch],
+        none: None,
+    }
 }
 
 fn advice_for(targets: Vec<Target>, features: &[FeatureRow], evidence: &[EvidenceRow]) -> Vec<Advice> {
@@ -105,7 +111,7 @@ fn at_most_three_the_farthest_first_and_a_rule_once_for_each_tool() {
         names.iter().zip(values).map(|(name, value)| row(name, left, value, 0.01)).collect();
     let evidence: Vec<EvidenceRow> = names.iter().map(|name| seen(name, left, None)).collect();
     let got: Vec<String> =
-        advice_for(targets, &features, &evidence).into_iter().map(|advice| advice.of.feature).collect();
+        advice_for(targets, &features, &evidence).into_iter().map(|advice| advice.of.feature.name.to_owned()).collect();
     assert_eq!(got, ["idle_share", "path_length", "jitter"], "of the two that say the same only the farther one");
 }
 

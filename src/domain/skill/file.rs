@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{ModelDefinition, ModelReport, NoLevelReasonName, Readings, SkillVerdict, fingerprint};
 use crate::domain::text::Invalid;
+use crate::motion::features;
 use crate::statistics::skill::{NoModel, SkillDataset, train};
 
 /// Version of the file format that this program writes and reads.
@@ -61,7 +62,7 @@ impl ModelDefinition {
             return SkillVerdict::without_level(NoLevelReasonName::OtherTools, detail);
         }
         match self.clone().model() {
-            Ok(model) => model.judge(|feature| readings.get(feature)).into(),
+            Ok(model) => model.judge(|name| features::find(name).ok().and_then(|feature| readings.get(feature))).into(),
             Err(why) => SkillVerdict::without_level(NoLevelReasonName::NoModel, why.to_string()),
         }
     }

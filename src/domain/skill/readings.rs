@@ -5,18 +5,18 @@
 //! marker may be in one person's dominant hand and in another person's other hand, so that a single tool's value would
 //! reflect hands and tapes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use crate::domain::feature::{FeatureKey, depends_on_camera};
 use crate::domain::session::FeatureSpace;
-use crate::motion::features::FEATURES;
+use crate::motion::features::{FEATURES, Feature, two_hands};
 use crate::statistics::interval::{ConfidenceInterval, MeasuredValue};
 
 /// One value of a session's result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
-    /// Stable name of the feature.
-    pub feature: String,
+    /// The feature.
+    pub feature: &'static Feature,
     /// The tool's marker; `None` for the whole session.
     pub tool: Option<String>,
     /// The space that it was measured in.
@@ -29,28 +29,27 @@ pub struct Reading {
 
 /// A session's values of the features that a verdict may use.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Readings(BTreeMap<String, Option<MeasuredValue>>);
+pub struct Readings(HashMap<&'static Feature, Option<MeasuredValue>>);
 
-/// Each tool's share of a total over both tools: the mean over both is always a half.
-const SHARES_OF_A_PAIR: [&str; 2] = ["handedness", "handedness_in_time"];
+/// The features that a verdict may use.
+pub fn verdict_features() -> Vec<&'static Feature> {
+    FEATURES.iter().copied().filter(|feature| is_for_verdicts(feature)).collect()
+}
 
-/// Names of the features that a verdict may use.
-pub fn verdict_features() -> Vec<String> {
-    let key = |name: &str| FeatureKey { feature: name.to_owned(), tool: None, space: FeatureSpace::Space3d };
-    let offered =
-        FEATURES.iter().filter(|f| f.spaces.iter().any(|space| FeatureSpace::from(*space) == FeatureSpace::Space3d));
-    let speaks = |name: &&str| !depends_on_camera(&key(name)) && !SHARES_OF_A_PAIR.contains(name);
-    offered.map(|feature| feature.name).filter(speaks).map(str::to_owned).collect()
+fn is_for_verdicts(feature: &'static Feature) -> bool {
+    let space = FeatureSpace::Space3d;
+    feature.spaces.iter().any(|measured| FeatureSpace::from(*measured) == space)
+        && !depends_on_camera(&FeatureKey { feature, tool: None, space })
+        && !two_hands::SHARES_OF_A_PAIR.contains(&feature)
 }
 
 impl Readings {
     /// The readings of a result: the session's own value, else the mean over its tools if every tool has a value.
     pub fn of(values: impl IntoIterator<Item = Reading>) -> Self {
-        let offered = verdict_features();
-        let mut own: BTreeMap<String, Option<MeasuredValue>> = BTreeMap::new();
-        let mut of_tools: BTreeMap<String, Vec<Option<MeasuredValue>>> = BTreeMap::new();
+        let mut own: HashMap<&'static Feature, Option<MeasuredValue>> = HashMap::new();
+        let mut of_tools: HashMap<&'static Feature, Vec<Option<MeasuredValue>>> = HashMap::new();
         for reading in values {
-            if reading.space != FeatureSpace::Space3d || !offered.contains(&reading.feature) {
+            if reading.space != FeatureSpace::Space3d || !is_for_verdicts(reading.feature) {
                 continue;
             }
             let bar = reading.bar.map(|[low, high]| ConfidenceInterval { low, high });
@@ -67,12 +66,12 @@ impl Readings {
     }
 
     /// The value of a feature, if it was measured.
-    pub fn get(&self, feature: &str) -> Option<MeasuredValue> {
+    pub fn get(&self, feature: &'static Feature) -> Option<MeasuredValue> {
         self.0.get(feature).copied().flatten()
     }
 
     /// The values of these features.
-    pub fn values(&self, features: &[String]) -> Vec<Option<MeasuredValue>> {
+    pub fn values(&self, features: &[&'static Feature]) -> Vec<Option<MeasuredValue>> {
         features.iter().map(|feature| self.get(feature)).collect()
     }
 }

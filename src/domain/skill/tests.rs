@@ -4,23 +4,31 @@ use std::sync::LazyLock;
 
 use super::*;
 use crate::domain::session::FeatureSpace;
+use crate::motion::features::path::{DEPTH_TRAVELLED, PATH_LENGTH};
+use crate::motion::features::two_hands::HANDEDNESS;
 use crate::motion::features::{self, Family};
 use crate::statistics::interval::ConfidenceInterval;
 use crate::statistics::skill::{CANDIDATES, LabelledSession};
 
 fn reading(feature: &str, tool: Option<&str>, value: Option<f64>, half: f64) -> Reading {
     let bar = value.map(|value| [value - half, value + half]);
-    Reading { feature: feature.to_owned(), tool: tool.map(str::to_owned), space: FeatureSpace::Space3d, value, bar }
+    Reading {
+        feature: features::find(feature).unwrap(),
+        tool: tool.map(str::to_owned),
+        space: FeatureSpace::Space3d,
+        value,
+        bar,
+    }
 }
 
 #[test]
 fn features_of_the_box_are_not_used() {
     let offered = verdict_features();
     assert!(offered.len() > 20, "{offered:?}");
-    for name in &offered {
-        assert_ne!(features::find(name).unwrap().family, Family::View, "{name}");
+    for feature in &offered {
+        assert_ne!(feature.family, Family::View, "{feature}");
     }
-    assert!(!offered.iter().any(|name| name == "depth_travelled"));
+    assert!(!offered.contains(&&DEPTH_TRAVELLED) && !offered.contains(&&HANDEDNESS));
     let image = Reading { space: FeatureSpace::Image, ..reading("path_length", Some("orange"), Some(1.0), 0.1) };
     assert_eq!(Readings::of([image, reading("lost_share", Some("orange"), Some(0.5), 0.1)]), Readings::default());
 }
@@ -31,12 +39,12 @@ fn a_feature_of_tools_is_their_mean_if_all_of_them_have_it() {
         reading("path_length", Some("orange"), Some(100.0), 4.0),
         reading("path_length", Some("cyan"), Some(50.0), 2.0),
     ];
-    let mean = Readings::of(both.clone()).get("path_length").unwrap();
+    let mean = Readings::of(both.clone()).get(&PATH_LENGTH).unwrap();
     assert_eq!((mean.value, mean.bar), (75.0, Some(ConfidenceInterval { low: 72.0, high: 78.0 })));
-    let turned = Readings::of([both[1].clone(), both[0].clone()]).get("path_length").unwrap();
+    let turned = Readings::of([both[1].clone(), both[0].clone()]).get(&PATH_LENGTH).unwrap();
     assert_eq!(turned, mean, "whichever hand has which tape");
     let one = Readings::of([both[0].clone(), reading("path_length", Some("cyan"), None, 0.0)]);
-    assert_eq!(one.get("path_length"), None);
+    assert_eq!(one.get(&PATH_LENGTH), None);
     assert_eq!(most_common_tool_count([2, 1, 2, 1, 2]), 2);
 }
 

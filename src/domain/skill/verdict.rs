@@ -135,7 +135,7 @@ impl From<skill::LevelVerdict> for SkillVerdict {
 
 impl From<skill::Contribution> for FeatureContribution {
     fn from(of: skill::Contribution) -> Self {
-        let known = features::find(&of.feature);
+        let known = features::find(&of.feature).ok();
         let title = known.map_or_else(|| of.feature.clone(), |feature| feature.title.to_owned());
         let unit = known.map_or_else(String::new, |feature| feature.unit.to_owned());
         Self { feature: of.feature, title, unit, value: of.value, mean: of.mean, raises: of.raises }

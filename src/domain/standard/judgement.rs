@@ -1,7 +1,7 @@
 //! Judging values and sessions against targets.
 
 use super::{StandardDefinition, Target};
-use crate::domain::feature::FeatureKey;
+use crate::domain::feature::StoredFeatureKey;
 use crate::domain::named;
 use crate::domain::session::FeatureRow;
 use crate::domain::trainee::Handedness;
@@ -73,7 +73,7 @@ impl StandardDefinition {
     /// Judges a session by all targets, in the same way as a trainee's progress.
     pub fn judge(&self, features: &[FeatureRow], pipeline: &str, handedness: Option<Handedness>) -> SessionJudgement {
         let judged = |target: &Target| {
-            let Some(row) = features.iter().find(|row| FeatureKey::from(*row) == target.of) else {
+            let Some(row) = features.iter().find(|row| StoredFeatureKey::from(*row) == target.of) else {
                 return standard::TargetJudgement::NotMeasured;
             };
             let bar = row.error.as_ref().and_then(|error| error.as_ref().ok()).map(|error| [error.low, error.high]);
@@ -125,21 +125,19 @@ impl From<Judgement> for standard::TargetJudgement {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::feature::FeatureKey;
     use crate::domain::session::FeatureSpace;
     use crate::domain::standard::MadeFrom;
-    use crate::motion::features::{self, Direction};
+    use crate::motion::features::Direction;
+    use crate::motion::features::path::PATH_LENGTH;
 
     #[test]
     fn a_limit_judges_only_values_of_its_own_version_and_hand() {
-        let key = FeatureKey {
-            feature: "path_length".to_owned(),
-            tool: Some("orange".to_owned()),
-            space: FeatureSpace::Space3d,
-        };
+        let key = FeatureKey { feature: &PATH_LENGTH, tool: Some("orange".to_owned()), space: FeatureSpace::Space3d };
         let limit = standard::FeatureTarget::fixed(100.0, Direction::Lower).unwrap();
         let handedness = Some(Handedness::Right);
         let from = MadeFrom { pipeline: "7".to_owned(), fingerprint: None, handedness };
-        let target = Target::of(key, &features::path::PATH_LENGTH, limit, Some(from));
+        let target = Target::of(key, limit, Some(from));
         let right = ValueToJudge { value: Some(90.0), bar: Some([85.0, 95.0]), pipeline: "7", handedness };
         assert_eq!(target.judge(right), Judgement::Pass);
         assert_eq!(target.judge(ValueToJudge { bar: Some([85.0, 101.0]), ..right }), Judgement::Undecided);

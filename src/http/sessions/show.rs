@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use crate::domain::feature::FeatureKey;
+use crate::domain::feature::StoredFeatureKey;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::problem;
 use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, LiveFeature, SessionStatus, Versions};
@@ -242,7 +242,7 @@ impl From<FeatureRow> for FeatureResponse {
 
 impl FeatureResponse {
     fn judge(&mut self, standard: &store::StandardRecord, pipeline: &str, handedness: Option<Handedness>) {
-        let key = FeatureKey { feature: self.name.clone(), tool: self.tool.clone(), space: self.space };
+        let key = StoredFeatureKey { feature: self.name.clone(), tool: self.tool.clone(), space: self.space };
         let Some(target) = standard.definition.target(&key) else { return };
         let bar = self.error.map(|error| [error.low, error.high]);
         self.judgement = Some(target.judge(ValueToJudge { value: self.value, bar, pipeline, handedness }));

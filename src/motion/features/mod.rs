@@ -153,6 +153,11 @@ impl fmt::Display for Feature {
     }
 }
 
+/// A name that no feature has.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is not a feature")]
+pub struct UnknownFeature(pub String);
+
 type FeatureResult = Result<f64, NotEnough>;
 
 /// How a feature is measured, by the motion that it needs.
@@ -241,9 +246,13 @@ pub static FEATURES: &[&Feature] = &[
     &view::LONGEST_ABSENCE,
 ];
 
-/// The feature with this name.
-pub fn find(name: &str) -> Option<&'static Feature> {
-    FEATURES.iter().copied().find(|feature| feature.name == name)
+/// Finds a feature by its name.
+///
+/// # Errors
+/// No feature has this name: it is misspelled, or an earlier version measured it and this one does not.
+pub fn find(name: &str) -> Result<&'static Feature, UnknownFeature> {
+    let found = FEATURES.iter().find(|feature| feature.name == name);
+    found.copied().ok_or_else(|| UnknownFeature(name.to_owned()))
 }
 
 /// Measures every feature that `wanted` selects. Each motion must already be clipped to the interval to measure; a tool

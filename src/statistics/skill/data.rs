@@ -1,6 +1,7 @@
 //! The given sessions, and the features and people that a model can be trained on.
 
 use std::collections::BTreeMap;
+use std::fmt::Display;
 
 use super::{LEVELS, MAX_FEATURES, MAX_PER_LEVEL, MAX_SESSIONS_EACH, MIN_PER_LEVEL, NoModel, SkillLevel};
 use crate::statistics::interval::MeasuredValue;
@@ -45,7 +46,7 @@ impl SkillDataset {
     ///
     /// # Errors
     /// [`NoModel`] if the data are unusable, too few or too many.
-    pub fn of<P: Ord>(features: &[String], samples: &[LabelledSession<P>]) -> Result<Self, NoModel> {
+    pub fn of<P: Ord>(features: &[impl Display], samples: &[LabelledSession<P>]) -> Result<Self, NoModel> {
         let at_most = |of, found, most| if found > most { Err(NoModel::TooMany { of, found, most }) } else { Ok(()) };
         at_most("features", features.len(), MAX_FEATURES)?;
         at_most("sessions", samples.len(), LEVELS * MAX_PER_LEVEL * MAX_SESSIONS_EACH)?;
@@ -78,7 +79,7 @@ impl SkillDataset {
             .flat_map(|(person, (_, own))| own.into_iter().map(move |readings| TrainingRow { person, readings }))
             .collect();
         let left_out = samples.len() - rows.len();
-        Ok(Self { features: chosen.iter().map(|f| features[*f].clone()).collect(), rows, levels, left_out })
+        Ok(Self { features: chosen.iter().map(|f| features[*f].to_string()).collect(), rows, levels, left_out })
     }
 
     /// Names of the features offered to the learners.

@@ -14,6 +14,7 @@ use crate::domain::job::JobState;
 use crate::domain::session::{FeatureSpace, SessionStatus};
 use crate::domain::text::Key;
 use crate::ids::{CalibrationId, ResultId, SessionId, TaskId, TraineeId};
+use crate::motion::features::Feature;
 use crate::store::Scope;
 
 /// A trainee's practice of one task.
@@ -96,7 +97,8 @@ struct PracticeRowOfPair {
     of: PracticeRow,
 }
 
-type PracticeFeatureRow = (ResultId, String, Option<String>, FeatureSpace, Option<f64>, Option<f64>, Option<f64>);
+type PracticeFeatureRow =
+    (ResultId, &'static Feature, Option<String>, FeatureSpace, Option<f64>, Option<f64>, Option<f64>);
 
 /// Selects the last `$5` sessions of trainee `$3` at task `$4`, newest first.
 pub(in crate::store) const SELECT_PRACTICE: &str = "
@@ -150,7 +152,7 @@ impl SessionStore<'_> {
         scope: &Scope,
         trainee: TraineeId,
         task: TaskId,
-        features: &[&str],
+        features: &[&'static Feature],
         most: u32,
     ) -> StoreResult<Practice> {
         let rows =
@@ -170,7 +172,7 @@ impl SessionStore<'_> {
         &self,
         scope: &Scope,
         pairs: &[TraineeTask],
-        features: &[&str],
+        features: &[&'static Feature],
         most: u32,
     ) -> StoreResult<HashMap<TraineeTask, Practice>> {
         let rows = sqlx::query_as::<_, PracticeRowOfPair>(SELECT_PRACTICE_OF_MANY)
@@ -207,7 +209,7 @@ impl SessionStore<'_> {
     async fn measured(
         &self,
         results: Vec<ResultId>,
-        features: &[&str],
+        features: &[&'static Feature],
     ) -> StoreResult<HashMap<ResultId, Vec<PracticeMeasurement>>> {
         let mut measured: HashMap<ResultId, Vec<PracticeMeasurement>> = HashMap::with_capacity(results.len());
         let found = sqlx::query_as::<_, PracticeFeatureRow>(SELECT_MEASURED).bind(Json(results)).bind(Json(features));

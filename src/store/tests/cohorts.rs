@@ -8,6 +8,7 @@ use crate::domain::scope::Scope;
 use crate::domain::session::FeatureSpace;
 use crate::domain::text::Key;
 use crate::ids::{GroupId, TraineeId};
+use crate::motion::features::find;
 use crate::store::testing::{NOW_MS, TestCentre, duration};
 use crate::store::{CohortRecord, PageRequest, StoreError, TraineeRecord};
 
@@ -130,7 +131,7 @@ async fn people_see_only_cohort_members_in_their_scope() {
 }
 
 fn key(feature: &str) -> FeatureKey {
-    FeatureKey { feature: feature.to_owned(), tool: None, space: FeatureSpace::Space3d }
+    FeatureKey { feature: find(feature).unwrap(), tool: None, space: FeatureSpace::Space3d }
 }
 
 #[tokio::test]

@@ -14,6 +14,7 @@ use crate::domain::session::{FeatureSpace, NewResult, NewScore};
 use crate::domain::text::Key;
 use crate::ids::{SessionId, TraineeId};
 use crate::motion::PIPELINE_VERSION;
+use crate::motion::features::time::DURATION;
 use crate::store::testing::{NOW_MS, TestCentre, duration};
 use crate::store::{EditRecord, Lease, PageRequest, SessionResult, StoreError};
 
@@ -160,7 +161,7 @@ async fn what_is_set_aside_is_in_no_cohort_no_model_and_no_practice_that_counts(
     let service = Scope::service();
     let new = serde_json::from_value(json!({"name": "Listed", "members": [ana]})).unwrap();
     let cohort = centre.store.cohorts().create(&service, new).await.unwrap();
-    let key = FeatureKey { feature: "duration".to_owned(), tool: None, space: FeatureSpace::Space3d };
+    let key = FeatureKey { feature: &DURATION, tool: None, space: FeatureSpace::Space3d };
     let values = async || {
         let rows =
             centre.store.cohorts().values(cohort.id, centre.task.id, 1, std::slice::from_ref(&key)).await.unwrap();
@@ -172,7 +173,7 @@ async fn what_is_set_aside_is_in_no_cohort_no_model_and_no_practice_that_counts(
     assert_eq!((values().await, declared().await), (vec![90.0], 2));
     let edit = add(&centre, second, EditChange::SetAside).await.unwrap();
     assert_eq!((values().await, declared().await), (vec![40.0], 1), "the last one that counts");
-    let practice = centre.store.sessions().practice(&service, ana, centre.task.id, &["duration"], 9).await.unwrap();
+    let practice = centre.store.sessions().practice(&service, ana, centre.task.id, &[&DURATION], 9).await.unwrap();
     let shown: Vec<(SessionId, bool)> = practice.sessions.iter().map(|one| (one.id, one.is_set_aside)).collect();
     assert_eq!(shown, [(first, false), (second, true)]);
     let rated = centre.store.ratings().values(&service, &[first, second]).await.unwrap();

@@ -4,6 +4,7 @@ use crate::domain::blob::Blob;
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::ids::UploadId;
+use crate::motion::features::path::PATH_LENGTH;
 use crate::store::testing::{LEASE, NOW_MS, TestCentre};
 use crate::store::{FinishedUpload, NewUpload, StoreError};
 
@@ -47,7 +48,7 @@ async fn an_upload_becomes_a_session_that_is_tracked_and_scored() {
     let stored = store.sessions().result(&service, id).await.unwrap().unwrap();
     assert_eq!((&stored.features, &stored.versions), (&result.features, &result.versions));
     assert_eq!((stored.video, &stored.quality), (result.video, &result.quality));
-    let practice = store.sessions().practice(&service, trainee.id, centre.task.id, &["path_length"], 10).await.unwrap();
+    let practice = store.sessions().practice(&service, trainee.id, centre.task.id, &[&PATH_LENGTH], 10).await.unwrap();
     let [practised] = &practice.sessions[..] else { panic!("{practice:?}") };
     assert_eq!((practised.id, practised.status, practice.earlier), (session.id, SessionStatus::Done, 0));
     let [measured] = &practised.measured[..] else { panic!("only what was asked for: {practised:?}") };

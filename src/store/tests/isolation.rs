@@ -8,6 +8,7 @@ use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::domain::trainee::TraineeChange;
 use crate::ids::{JobId, SessionId, TaskId, TraineeId, UploadId};
+use crate::motion::features::time::DURATION;
 use crate::store::testing::{NOW_MS, TestCentre};
 use crate::store::{NewUpload, PageRequest, SessionFilter, Store, StoreError, StoreResult};
 
@@ -32,7 +33,7 @@ async fn ask(store: &Store, scope: &Scope, noun: &str, of: &Things) -> StoreResu
         "session" => store.sessions().get(scope, of.session).await.map(drop),
         "result" => store.sessions().result(scope, of.session).await.map(drop),
         "retry" => store.sessions().retry(scope, of.session).await.map(drop),
-        "practice" => store.sessions().practice(scope, of.trainee, of.task, &["duration"], 10).await.map(drop),
+        "practice" => store.sessions().practice(scope, of.trainee, of.task, &[&DURATION], 10).await.map(drop),
         "last task" => {
             store.sessions().last_task(scope, of.trainee).await?.map(drop).ok_or(StoreError::NotFound { what: "task" })
         }

@@ -2,7 +2,7 @@
 
 use crate::domain::comment::NewComment;
 use crate::domain::evidence::{EvidenceRow, StretchRow};
-use crate::domain::feature::FeatureKey;
+use crate::domain::feature::StoredFeatureKey;
 use crate::domain::rating::{ItemMark, RatingForm};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
@@ -21,7 +21,8 @@ fn comment(text: &str) -> NewComment {
 
 fn evidence() -> Vec<EvidenceRow> {
     let stretch = StretchRow { from_s: 1.0, to_s: 2.0, amount: 1.0, share: None, cause: None };
-    let of = FeatureKey { feature: "idle_share".into(), tool: Some("orange".into()), space: FeatureSpace::Space3d };
+    let of =
+        StoredFeatureKey { feature: "idle_share".into(), tool: Some("orange".into()), space: FeatureSpace::Space3d };
     vec![EvidenceRow { of, what: Some("rest".into()), unit: Some("s".into()), stretches: vec![stretch], none: None }]
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use reqwest::StatusCode;
 use serde_json::{Value, json};
 use trocar::domain::evidence::{EvidenceRow, StretchRow};
-use trocar::domain::feature::FeatureKey;
+use trocar::domain::feature::StoredFeatureKey;
 use trocar::domain::session::FeatureSpace;
 use trocar::motion::PIPELINE_VERSION;
 use trocar::store::{Store, StoreSettings};
@@ -164,8 +164,8 @@ async fn comments_and_ratings_are_erased_with_the_trainee_and_outlive_their_auth
     assert!(store.check().await.unwrap().is_empty());
 }
 
-fn key(feature: &str) -> FeatureKey {
-    FeatureKey { feature: feature.to_owned(), tool: None, space: FeatureSpace::Space3d }
+fn key(feature: &str) -> StoredFeatureKey {
+    StoredFeatureKey { feature: feature.to_owned(), tool: None, space: FeatureSpace::Space3d }
 }
 
 async fn advice_of_newest(centre: &Centre) -> Value {
