@@ -6,7 +6,7 @@ use utoipa::ToSchema;
 
 use super::session::{FeatureRow, FeatureSpace};
 use super::text::Invalid;
-use crate::motion::features::{self, Family, Feature, Space, UnknownFeature, path};
+use crate::motion::features::{self, Family, Feature, FeatureSettings, Space, UnknownFeature, path};
 
 /// One feature of a session: of one tool, or of the session as a whole, in one space.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
@@ -77,7 +77,7 @@ pub struct FeatureInfo {
     /// Which values are better: `lower`, `higher` or `neither`.
     pub better: &'static str,
     /// Definition, in one or two sentences.
-    pub description: &'static str,
+    pub description: String,
     /// Where the definition comes from.
     pub source: &'static str,
     /// Where it is measured.
@@ -90,7 +90,8 @@ pub struct FeatureInfo {
 
 impl From<&'static Feature> for FeatureInfo {
     fn from(feature: &'static Feature) -> Self {
-        let Feature { name, title, unit, description, source, .. } = feature;
+        let Feature { name, title, unit, source, .. } = feature;
+        let description = feature.describe(&FeatureSettings::default());
         let spaces = feature.spaces.iter().map(|space| FeatureSpace::from(*space)).collect();
         let (better, of_tools, of_session) =
             (feature.direction.name(), feature.has_tool_values(), feature.has_session_value());

@@ -9,8 +9,8 @@ use crate::numbers::quantile::weighted_quantile;
 pub static MEDIAN_CURVATURE: Feature = Feature {
     name: "median_curvature",
     title: "Median curvature",
-    description: "The curvature |v × a|/|v|³ that is exceeded along half of the path, where the speed is at least 10 \
-                  mm/s.",
+    description: "The curvature |v × a|/|v|³ that is exceeded along half of the path, where the speed is at least \
+                  {movement_speed} mm/s.",
     measures: &[MeasureFn::Tool(|motion, settings| curvature(motion, settings, 0.5))],
     ..CURVATURE
 };
@@ -19,8 +19,8 @@ pub static MEDIAN_CURVATURE: Feature = Feature {
 pub static PEAK_CURVATURE: Feature = Feature {
     name: "peak_curvature",
     title: "Peak curvature (95 %)",
-    description: "The curvature |v × a|/|v|³ that is exceeded along 5 % of the path, where the speed is at least 10 \
-                  mm/s.",
+    description: "The curvature |v × a|/|v|³ that is exceeded along 5 % of the path, where the speed is at least \
+                  {movement_speed} mm/s.",
     measures: &[MeasureFn::Tool(|motion, settings| curvature(motion, settings, 0.95))],
     ..CURVATURE
 };

@@ -107,8 +107,8 @@ pub struct Feature {
     pub unit: &'static str,
     /// What a larger value means for skill.
     pub direction: Direction,
-    /// Definition, in one or two sentences.
-    pub description: &'static str,
+    /// Definition, in one or two sentences; `{…}` stands for a setting ([`Feature::describe`]).
+    pub(in crate::motion) description: &'static str,
     /// Where the definition comes from.
     pub source: &'static str,
     /// Smallest and largest value that a hand can produce; a value outside is withheld.
@@ -276,6 +276,13 @@ fn in_space(motions: &[Result<Motion, NotEnough>], space: Space) -> Vec<Result<M
 }
 
 impl Feature {
+    /// The definition, in one or two sentences, with the values of the settings.
+    pub fn describe(&self, settings: &FeatureSettings) -> String {
+        let filled =
+            |text: String, (name, value): &(&str, f64)| text.replace(&format!("{{{name}}}"), &value.to_string());
+        settings.for_descriptions().iter().fold(self.description.to_owned(), filled)
+    }
+
     /// True if each tool has a value of its own.
     pub fn has_tool_values(&self) -> bool {
         self.measures.iter().any(|measure| matches!(measure, MeasureFn::Tool(_) | MeasureFn::EachOfPair(_)))

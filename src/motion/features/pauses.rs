@@ -11,7 +11,7 @@ use super::{Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEn
 pub static SHORT_PAUSES: Feature = Feature {
     name: "short_pauses",
     title: "Pauses below 1 s",
-    description: "Rests of less than 1 s between movements, per minute of the seen time of the task.",
+    description: "Rests of less than {pause_min} s between movements, per minute of the seen time of the task.",
     stretches: StretchSource::CountedPauses(PauseTier::Short),
     habit: Some(Habit::StopLessOften),
     measures: &[MeasureFn::Tool(|motion, settings| pauses_per_minute(motion, settings, PauseTier::Short))],
@@ -22,7 +22,8 @@ pub static SHORT_PAUSES: Feature = Feature {
 pub static MEDIUM_PAUSES: Feature = Feature {
     name: "medium_pauses",
     title: "Pauses of 1 to 3 s",
-    description: "Rests of at least 1 s and less than 3 s between movements, per minute of the seen time of the task.",
+    description: "Rests of at least {pause_min} s and less than {long_pause} s between movements, per minute of the \
+                  seen time of the task.",
     stretches: StretchSource::CountedPauses(PauseTier::Medium),
     habit: Some(Habit::RestLess),
     measures: &[MeasureFn::Tool(|motion, settings| pauses_per_minute(motion, settings, PauseTier::Medium))],
@@ -33,7 +34,7 @@ pub static MEDIUM_PAUSES: Feature = Feature {
 pub static LONG_PAUSES: Feature = Feature {
     name: "long_pauses",
     title: "Pauses of 3 s and more",
-    description: "Rests of at least 3 s between movements, per minute of the seen time of the task.",
+    description: "Rests of at least {long_pause} s between movements, per minute of the seen time of the task.",
     stretches: StretchSource::CountedPauses(PauseTier::Long),
     habit: Some(Habit::RestLess),
     measures: &[MeasureFn::Tool(|motion, settings| pauses_per_minute(motion, settings, PauseTier::Long))],
@@ -44,7 +45,7 @@ pub static LONG_PAUSES: Feature = Feature {
 pub static SHORT_PAUSE_SHARE: Feature = Feature {
     name: "short_pause_share",
     title: "Share in pauses below 1 s",
-    description: "Share of the seen time of the task that lies in rests of less than 1 s between movements.",
+    description: "Share of the seen time of the task that lies in rests of less than {pause_min} s between movements.",
     stretches: StretchSource::TimedPauses(PauseTier::Short),
     habit: Some(Habit::StopLessOften),
     measures: &[MeasureFn::Tool(|motion, settings| share_in_pauses(motion, settings, PauseTier::Short))],
@@ -55,8 +56,8 @@ pub static SHORT_PAUSE_SHARE: Feature = Feature {
 pub static MEDIUM_PAUSE_SHARE: Feature = Feature {
     name: "medium_pause_share",
     title: "Share in pauses of 1 to 3 s",
-    description: "Share of the seen time of the task that lies in rests of at least 1 s and less than 3 s between \
-                  movements.",
+    description: "Share of the seen time of the task that lies in rests of at least {pause_min} s and less than \
+                  {long_pause} s between movements.",
     stretches: StretchSource::TimedPauses(PauseTier::Medium),
     habit: Some(Habit::RestLess),
     measures: &[MeasureFn::Tool(|motion, settings| share_in_pauses(motion, settings, PauseTier::Medium))],
@@ -67,7 +68,7 @@ pub static MEDIUM_PAUSE_SHARE: Feature = Feature {
 pub static LONG_PAUSE_SHARE: Feature = Feature {
     name: "long_pause_share",
     title: "Share in pauses of 3 s and more",
-    description: "Share of the seen time of the task that lies in rests of at least 3 s between movements.",
+    description: "Share of the seen time of the task that lies in rests of at least {long_pause} s between movements.",
     stretches: StretchSource::TimedPauses(PauseTier::Long),
     habit: Some(Habit::RestLess),
     measures: &[MeasureFn::Tool(|motion, settings| share_in_pauses(motion, settings, PauseTier::Long))],

@@ -15,8 +15,8 @@ pub static MOVEMENTS: Feature = Feature {
     family: Family::Movements,
     unit: "1",
     direction: Direction::Lower,
-    description: "How many movements the task took: stretches of at least 0.2 s in which the speed stays above 7 mm/s \
-                  and reaches 10 mm/s.",
+    description: "How many movements the task took: stretches of at least {movement_min} s in which the speed stays \
+                  above {movement_end} mm/s and reaches {movement_speed} mm/s.",
     source: "ICSAD's third measure, with PerkTutor's hysteresis",
     range: (0.0, 1e6),
     spaces: BOTH,
@@ -51,7 +51,7 @@ pub static LOG_DIMENSIONLESS_JERK: Feature = Feature {
     unit: "1",
     direction: Direction::Higher,
     description: "−ln(T³/v² · ∫ (d²s/dt²)² dt) of a movement's speed s with duration T and peak v; median over the \
-                  movements of at most 10 s, weighted by their duration. Closer to 0 is smoother.",
+                  movements of at most {longest_movement} s, weighted by their duration. Closer to 0 is smoother.",
     source: "Balasubramanian 2012, 2015 (LDLJ)",
     range: (-50.0, 10.0),
     spaces: BOTH,
@@ -69,7 +69,7 @@ pub static NORMALISED_JERK: Feature = Feature {
     unit: "1",
     direction: Direction::Lower,
     description: "√(T⁵/(2·L²) · ∫ j² dt) of a movement's jerk j with duration T and path length L; median over the \
-                  movements of at most 10 s, weighted by their duration. The smoothest stroke has 19.",
+                  movements of at most {longest_movement} s, weighted by their duration. The smoothest stroke has 19.",
     source: "Cotin 2002; EVA (Oropesa 2013)",
     range: (0.0, 1e6),
     spaces: IMAGE,
@@ -86,8 +86,8 @@ pub static SPECTRAL_ARC_LENGTH: Feature = Feature {
     family: Family::Smoothness,
     unit: "1",
     direction: Direction::Higher,
-    description: "Minus the length of the curve of a movement's normalised speed spectrum up to 10 Hz; median over the \
-                  movements of at most 10 s, weighted by their duration. Closer to 0 is smoother.",
+    description: "Minus the length of the curve of a movement's normalised speed spectrum up to 10 Hz; median over \
+                  the movements of at most {longest_movement} s, weighted by their duration. Closer to 0 is smoother.",
     source: "Balasubramanian 2012, 2015 (SPARC; cut-off 10 Hz, threshold 0.05, padding 4)",
     range: (-1e4, 0.0),
     spaces: BOTH,

@@ -62,6 +62,21 @@ impl Default for FeatureSettings {
 }
 
 impl FeatureSettings {
+    /// The settings that descriptions of features quote, by the names that they use.
+    pub(super) fn for_descriptions(&self) -> [(&'static str, f64); 9] {
+        [
+            ("movement_speed", self.movement_speed_mm_s),
+            ("movement_end", MOVEMENT_END_RATIO * self.movement_speed_mm_s),
+            ("movement_min", self.movement_min_s),
+            ("thinking_speed", self.thinking_speed_mm_s),
+            ("pause_min", self.pause_min_s),
+            ("long_pause", self.long_pause_s),
+            ("max_gap", self.max_gap_s),
+            ("smoothness_step", self.smoothness_step_mm),
+            ("longest_movement", self.longest_movement_s),
+        ]
+    }
+
     /// The name of the first setting with an unusable value.
     pub fn unusable_setting(&self) -> Option<&'static str> {
         let positive = [

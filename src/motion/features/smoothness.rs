@@ -16,9 +16,10 @@ pub static SMOOTHNESS: Feature = Feature {
     family: Family::Smoothness,
     unit: "1/mm²",
     direction: Direction::Lower,
-    description: "Sum over all movements, on points of their path 1 mm apart, of the squared turn per length: (2·(π − \
-                  angle) / (a + b))², where a and b are the lengths of two neighbouring steps and the angle is the one \
-                  between them. Turning at rest does not count. 0 is a straight line; larger is more crooked.",
+    description: "Sum over all movements, on points of their path {smoothness_step} mm apart, of the squared turn per \
+                  length: (2·(π − angle) / (a + b))², where a and b are the lengths of two neighbouring steps and the \
+                  angle is the one between them. Turning at rest does not count. 0 is a straight line; larger is more \
+                  crooked.",
     source: "thesis eq. 4.38 with the cosine rule's denominator corrected to 2ab; Moll 2014 (OMPL)",
     range: (0.0, 1e9),
     spaces: BOTH,

@@ -20,8 +20,8 @@ pub static PATH_RATIO: Feature = Feature {
     family: Family::Movements,
     unit: "1",
     direction: Direction::Lower,
-    description: "A movement's path length divided by the straight distance from its start to its end; median over the \
-                  movements of at most 10 s, weighted by their duration. 1 is a straight line.",
+    description: "A movement's path length divided by the straight distance from its start to its end; median over \
+                  the movements of at most {longest_movement} s, weighted by their duration. 1 is a straight line.",
     source: "PerkTutor (path inefficiency), per movement, because a task ends where it began",
     range: (1.0, MAX_RATIO),
     spaces: BOTH,
@@ -39,8 +39,9 @@ pub static FULCRUM_PATH_RATIO: Feature = Feature {
     unit: "1",
     direction: Direction::Lower,
     description: "A movement's path length divided by the shortest way from its start to its end that retracts, turns \
-                  about the trocar and inserts, one after the other; median over the movements of at most 10 s, \
-                  weighted by their duration. 1 is that way; a hand that does all at once reaches 0.7.",
+                  about the trocar and inserts, one after the other; median over the movements of at most \
+                  {longest_movement} s, weighted by their duration. 1 is that way; a hand that does all at once \
+                  reaches 0.7.",
     source: "ours, after Chmarra 2008: the straight line is no suitable reference",
     range: (0.7, MAX_RATIO),
     spaces: THREE_D,

@@ -10,8 +10,8 @@ pub static SUBMOVEMENTS: Feature = Feature {
     family: Family::Movements,
     unit: "1",
     direction: Direction::Lower,
-    description: "How often the speed has a maximum that stands out by at least 10 mm/s from the dips on both its \
-                  sides. A hand that knows its way needs one or two a movement.",
+    description: "How often the speed has a maximum that stands out by at least {movement_speed} mm/s from the dips \
+                  on both its sides. A hand that knows its way needs one or two a movement.",
     source: "speed peaks by their prominence (Rohrer 2004); the threshold is the movement speed, well above the noise",
     range: (0.0, 1e6),
     spaces: BOTH,

@@ -12,8 +12,8 @@ pub static DURATION: Feature = Feature {
     unit: "s",
     direction: Direction::Lower,
     description: "Time from the start of the first movement to the end of the last, of the tool or, for the session, \
-                  of any tool. A movement is a stretch of at least 0.2 s in which the speed stays above 7 mm/s and \
-                  reaches 10 mm/s.",
+                  of any tool. A movement is a stretch of at least {movement_min} s in which the speed stays above \
+                  {movement_end} mm/s and reaches {movement_speed} mm/s.",
     source: "thesis eq. 4.37; start and end rule after PerkTutor's hysteresis",
     range: (0.0, 86_400.0),
     spaces: THREE_D,
@@ -30,7 +30,7 @@ pub static THINKING_TIME: Feature = Feature {
     family: Family::Time,
     unit: "s",
     direction: Direction::Lower,
-    description: "Time during the task in which the tool is seen and its speed is below 5 mm/s.",
+    description: "Time during the task in which the tool is seen and its speed is below {thinking_speed} mm/s.",
     source: "thesis eq. 4.36, corrected: below the threshold, not above it; threshold as EndoViS",
     range: (0.0, 86_400.0),
     spaces: BOTH,
@@ -47,7 +47,7 @@ pub static IDLE_SHARE: Feature = Feature {
     family: Family::Time,
     unit: "1",
     direction: Direction::Lower,
-    description: "Share of the seen time of the task that lies in rests of at least 1 s between movements.",
+    description: "Share of the seen time of the task that lies in rests of at least {pause_min} s between movements.",
     source: "D'Angelo 2016 (idle time)",
     range: (0.0, 1.0),
     spaces: THREE_D,

@@ -18,8 +18,8 @@ pub static NOT_SEEN_SHARE: Feature = Feature {
     family: Family::View,
     unit: "1",
     direction: Direction::Lower,
-    description: "Share of the task in which the tool was neither observed nor in a gap of at most 0.25 s between two \
-                  observations: out of view, hidden, or lost by the tracker.",
+    description: "Share of the task in which the tool was neither observed nor in a gap of at most {max_gap} s \
+                  between two observations: out of view, hidden, or lost by the tracker.",
     source: "SurgTrac's time off-screen",
     range: (0.0, 1.0),
     spaces: THREE_D,
@@ -73,7 +73,7 @@ pub static LOST_SHARE: Feature = Feature {
 pub static ABSENCES: Feature = Feature {
     name: "absences",
     title: "Times not seen",
-    description: "How often during the task the tool was not seen for longer than 0.25 s, for any reason.",
+    description: "How often during the task the tool was not seen for longer than {max_gap} s, for any reason.",
     source: "SurgTrac's time off-screen, in episodes",
     range: (0.0, 1e6),
     windowed: false,
@@ -87,7 +87,7 @@ pub static LONGEST_ABSENCE: Feature = Feature {
     name: "longest_absence",
     title: "Longest time not seen",
     unit: "s",
-    description: "The longest time during the task, of more than 0.25 s, in which the tool was not seen, for any \
+    description: "The longest time during the task, of more than {max_gap} s, in which the tool was not seen, for any \
                   reason.",
     source: "SurgTrac's time off-screen, in episodes",
     range: (0.0, 86_400.0),

@@ -13,7 +13,25 @@ fn every_feature_has_its_own_name_and_says_what_it_is() {
     for feature in FEATURES {
         assert!(feature.range.0 < feature.range.1 && !feature.spaces.is_empty() && !feature.measures.is_empty());
         assert!([feature.title, feature.unit, feature.description, feature.source].iter().all(|text| !text.is_empty()));
+        let described = feature.describe(&FeatureSettings::default());
+        assert!(!described.contains(['{', '}']), "no such setting: {described}");
     }
+}
+
+#[test]
+fn titles_and_descriptions_state_the_settings() {
+    let settings = FeatureSettings::default();
+    let (short, long) = (settings.pause_min_s, settings.long_pause_s);
+    assert_eq!(pauses::SHORT_PAUSES.title, format!("Pauses below {short} s"));
+    assert_eq!(pauses::MEDIUM_PAUSES.title, format!("Pauses of {short} to {long} s"));
+    assert_eq!(pauses::LONG_PAUSES.title, format!("Pauses of {long} s and more"));
+    assert_eq!(pauses::SHORT_PAUSE_SHARE.title, format!("Share in pauses below {short} s"));
+    assert_eq!(pauses::MEDIUM_PAUSE_SHARE.title, format!("Share in pauses of {short} to {long} s"));
+    assert_eq!(pauses::LONG_PAUSE_SHARE.title, format!("Share in pauses of {long} s and more"));
+    let (low_hz, high_hz) = spectrum::TREMOR_HZ;
+    assert_eq!(spectrum::TREMOR_SHARE.title, format!("Share of {low_hz} to {high_hz} Hz"));
+    let faster = FeatureSettings { thinking_speed_mm_s: 6.5, ..settings };
+    assert!(time::THINKING_TIME.describe(&faster).ends_with("its speed is below 6.5 mm/s."));
 }
 
 #[test]
