@@ -4,11 +4,10 @@
 //! of the size that the path states. The feature is measured on each copy; the spread of these values is the spread of
 //! the feature. Errors can shift a feature to one side (they lengthen every path, in any direction). The same shift
 //! appears a second time between the path and its replicates, so it is estimated there and removed. **Assumes** that a
-//! path's errors are correlated in time as [`replicate`] describes. Their size was set on 17 scenes of three renderers
-//! and chosen among three on six simulated scenes. On twelve simulated people that were not used for this, 92.5 of 100
-//! features lay within the bar around the value of the true path. `benches/figures` (part `features`) measures the bars
-//! on twelve other people, with the additional share of [`super::Family`], which was added since. **Gives up** if the
-//! path states no errors, or if a feature has no value on too many replicates.
+//! path's errors are correlated in time as [`replicate`] describes. **Goal:** in 95 of 100 sessions the value on the
+//! true path lies within the bar. `docs/accuracy.md` states the share that `benches/figures` (part `features`) measures,
+//! on simulated people that were not used to set the errors. **Gives up** if the path states no errors, or if a feature
+//! has no value on too many replicates.
 
 pub mod replicate;
 
@@ -39,7 +38,7 @@ pub struct ErrorBar {
     pub as_measured: f64,
     /// Standard deviation, in the feature's unit.
     pub sigma: f64,
-    /// Lower end of the bar: in 95 of 100 sessions the value on the true path lies within the bar.
+    /// Lower end of the bar, which is meant to hold the value on the true path in 95 of 100 sessions.
     pub low: f64,
     /// Upper end of the bar.
     pub high: f64,
