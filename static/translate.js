@@ -34,6 +34,15 @@ export const ratingItemTitle = ({ name, title }) => translationOf('items', name)
 /** What the mark of an item's anchor means. */
 export const anchorText = (item, index) => translationOf('items', item.name)?.[1][index] ?? item.anchors[index].words;
 
+/**
+ * What to do about a feature that misses its limit.
+ * @param {{ rule: string, words: string }} advice
+ */
+export const adviceText = ({ rule, words }) => translationOf('rules', rule) ?? words;
+
+/** Why a session has no advice. @param {{ reason: string, detail: string }} answer */
+export const noAdviceText = ({ reason, detail }) => translationOf('noAdvice', reason) ?? detail;
+
 /** What the quality gate found, with the tool; without a full stop. @param {Schemas['ConcernDocument']} reason */
 export function findingText({ name, finding, tool, label, figure, limit }) {
   const translated = translationOf('findings', name)?.[0];
@@ -46,11 +55,16 @@ export function findingText({ name, finding, tool, label, figure, limit }) {
 /** What to do about a finding; without a full stop. */
 export const findingAdvice = ({ name, advice }) => translationOf('findings', name)?.[1] ?? advice;
 
-/** `{ finding, advice, lang }` of a part of a self-test; a part without advice gets none. */
-export function selfTestTexts(part, test) {
-  const [finding, advice] = translationOf('selfTest', `${part.part} ${part.unit}`)?.(part, test) || [];
-  if (!finding) return { finding: part.finding, advice: part.advice, lang: serviceLang };
-  return { finding, advice: part.advice && advice, lang: undefined };
+/** What a self-test found about a part, as `{ text, lang }`. */
+export function selfTestFinding(part, test) {
+  const text = translationOf('selfTest', `${part.part} ${part.unit}`)?.(part, test);
+  return text ? { text, lang: undefined } : { text: part.finding, lang: serviceLang };
+}
+
+/** What to do about a part of a self-test, as `{ text, lang }`; the text is empty where there is nothing to do. */
+export function selfTestAdvice({ advice, advice_name: name }) {
+  const text = translationOf('selfTestAdvice', name);
+  return text ? { text, lang: undefined } : { text: advice, lang: serviceLang };
 }
 
 /** The code of a problem is in `type` for a response and in `slug` for a job. The page's own problems have none. */

@@ -50,7 +50,9 @@ pub struct Advice {
     pub amount_unit: Option<String>,
     /// The stretches to look at, the one with the largest contribution first.
     pub stretches: Vec<StretchRow>,
-    /// The advice as text.
+    /// What to do, as the rule says it.
+    pub words: &'static str,
+    /// The same with feature, value, limit and the first seconds to look at.
     pub sentence: String,
 }
 
@@ -98,7 +100,8 @@ fn advice_for_target(target: &Target, measured: MeasuredSession<'_>) -> Option<A
     let distance = (value - target.limit).abs() / value.abs().max(target.limit.abs()).max(f64::MIN_POSITIVE);
     let sentence = sentence(rule, target, row, error, first);
     Some(Advice {
-        rule: rule.id,
+        rule: rule.habit.name(),
+        words: rule.words,
         of: target.of.clone(),
         title: row.title.clone(),
         unit: row.unit.clone(),

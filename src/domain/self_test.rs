@@ -6,8 +6,8 @@ use utoipa::ToSchema;
 use super::calibration::BoardSize;
 use super::named;
 use crate::checks::self_test::{
-    BoardPlacement, PartVerdict, SelfTestFindings, SelfTestPart, SelfTestVerdict, Signal, Touch, TouchAccuracy,
-    UnusableReason,
+    BoardPlacement, PartVerdict, SelfTestAdvice, SelfTestFindings, SelfTestPart, SelfTestVerdict, Signal, Touch,
+    TouchAccuracy, UnusableReason,
 };
 use crate::ids::{CalibrationId, PaletteId, PersonId};
 
@@ -102,6 +102,9 @@ pub struct PartReport {
     pub finding: String,
     /// What to do about it; empty where there is nothing to do.
     pub advice: String,
+    /// Stable name of the advice; `null` where there is nothing to do, and in tests from before the names existed.
+    #[serde(default)]
+    pub advice_name: Option<String>,
 }
 
 /// A board that lay still.
@@ -225,7 +228,9 @@ impl SelfTestReport {
 
     /// All texts.
     pub fn texts(&self) -> impl Iterator<Item = &str> {
-        let of_parts = self.parts.iter().flat_map(|part| [&part.unit, &part.finding, &part.advice]);
+        let parts = self.parts.iter();
+        let of_parts =
+            parts.flat_map(|part| [&part.unit, &part.finding, &part.advice].into_iter().chain(&part.advice_name));
         of_parts.chain(self.holds.iter().map(|hold| &hold.tool)).map(String::as_str)
     }
 }
@@ -292,7 +297,8 @@ impl From<&PartVerdict> for PartReport {
             limit: *limit,
             unit: (*unit).to_owned(),
             finding: finding.clone(),
-            advice: (*advice).to_owned(),
+            advice: advice.map_or("", SelfTestAdvice::words).to_owned(),
+            advice_name: advice.map(|advice| advice.name().to_owned()),
         }
     }
 }

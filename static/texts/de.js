@@ -91,8 +91,6 @@ const leftOut = holds => Object.entries(NOT_COUNTED)
   .map(([why, words]) => [holds.filter(hold => hold.not_counted === why).length, words])
   .map(([n, words]) => (n ? `; ${n} nicht gezählt: ${words}` : '')).join('');
 
-const AGAIN = 'prüfen Sie, ob Zoom oder Schärfe des Objektivs verstellt oder die Bildgröße geändert wurde, und kalibrieren Sie die Kamera neu';
-const HOLD = 'schalten Sie automatische Belichtung und automatischen Weißabgleich der Kamera aus, und halten Sie Tageslicht von der Box fern';
 
 export default {
   product: 'Trocar',
@@ -634,26 +632,6 @@ export default {
       measured: (title, tool, value, low, high) => `${title}${tool ? ` (${tool})` : ''}: ${value} (${low} bis ${high}).`,
       limit: { lower: limit => `Der Standard verlangt höchstens ${limit}.`, higher: limit => `Der Standard verlangt mindestens ${limit}.` },
       look: 'Ansehen',
-      none: {
-        not_scored: 'Hinweise gibt es, sobald die Aufnahme ausgewertet ist.',
-        refused: 'Diese Sitzung ist abgelehnt: Hinweise aus ihren Zahlen wären so falsch wie diese.',
-        no_standard: 'Diese Aufgabe hat noch keinen Standard. Hinweise beruhen auf den Grenzwerten eines Standards.',
-        no_evidence: 'Die Sekunden zu diesen Kennwerten wurden noch nicht gespeichert. Werten Sie die Aufnahme neu aus, um Hinweise zu erhalten.',
-        no_seconds: 'Ein Grenzwert des Standards ist verfehlt, aber keine Sekunden der Aufnahme zeigen deutlich, warum.',
-        nothing_sure: 'Kein Kennwert verfehlt den Standard um mehr als seine Unsicherheit.',
-      },
-      rules: {
-        rest_less: 'Überlegen Sie den nächsten Schritt, bevor der letzte endet, damit die Instrumente kürzer ruhen.',
-        stop_less_often: 'Verbinden Sie eine Bewegung mit der nächsten, statt dazwischen kurz anzuhalten.',
-        shorter_way: 'Nehmen Sie einen kürzeren Weg zum Ziel.',
-        judge_depth: 'Schätzen Sie die Tiefe ab, bevor Sie greifen, damit das Instrument unterwegs nicht vor- und zurückgeschoben wird.',
-        stay_close: 'Halten Sie die Spitze nahe am Arbeitsfeld.',
-        steady_hand: 'Beruhigen Sie die Hand: Stützen Sie das Handgelenk, und lockern Sie den Griff.',
-        flowing_movements: 'Lassen Sie jede Bewegung einmal schneller und einmal langsamer werden.',
-        fewer_corrections: 'Erreichen Sie das Ziel in einer Bewegung statt in mehreren kleinen.',
-        both_hands: 'Lassen Sie die andere Hand den nächsten Schritt vorbereiten, während diese arbeitet.',
-        stay_in_view: 'Halten Sie die Spitze im Bild.',
-      },
     },
     comments: {
       title: 'Kommentare',
@@ -2100,6 +2078,28 @@ export default {
         'Kommt allein zum Ende, ohne Ansage',
       ]],
     },
+    /** What to do about a feature that misses its limit, by the rule. */
+    rules: {
+      rest_less: 'Überlegen Sie den nächsten Schritt, bevor der letzte endet, damit die Instrumente kürzer ruhen.',
+      stop_less_often: 'Verbinden Sie eine Bewegung mit der nächsten, statt dazwischen kurz anzuhalten.',
+      shorter_way: 'Nehmen Sie einen kürzeren Weg zum Ziel.',
+      judge_depth: 'Schätzen Sie die Tiefe ab, bevor Sie greifen, damit das Instrument unterwegs nicht vor- und zurückgeschoben wird.',
+      stay_close: 'Halten Sie die Spitze nahe am Arbeitsfeld.',
+      steady_hand: 'Beruhigen Sie die Hand: Stützen Sie das Handgelenk, und lockern Sie den Griff.',
+      flowing_movements: 'Lassen Sie jede Bewegung einmal schneller und einmal langsamer werden.',
+      fewer_corrections: 'Erreichen Sie das Ziel in einer Bewegung statt in mehreren kleinen.',
+      both_hands: 'Lassen Sie die andere Hand den nächsten Schritt vorbereiten, während diese arbeitet.',
+      stay_in_view: 'Halten Sie die Spitze im Bild.',
+    },
+    /** Why a session has no advice. */
+    noAdvice: {
+      not_scored: 'Hinweise gibt es, sobald die Aufnahme ausgewertet ist.',
+      refused: 'Diese Sitzung ist abgelehnt: Hinweise aus ihren Zahlen wären so falsch wie diese.',
+      no_standard: 'Diese Aufgabe hat noch keinen Standard. Hinweise beruhen auf den Grenzwerten eines Standards.',
+      no_evidence: 'Die Sekunden zu diesen Kennwerten wurden noch nicht gespeichert. Werten Sie die Aufnahme neu aus, um Hinweise zu erhalten.',
+      no_seconds: 'Ein Grenzwert des Standards ist verfehlt, aber keine Sekunden der Aufnahme zeigen deutlich, warum.',
+      nothing_sure: 'Kein Kennwert verfehlt den Standard um mehr als seine Unsicherheit.',
+    },
     /** Findings of the quality gate, and what to do about them. Without a full stop, because the pages add it. */
     findings: {
       nothing_seen: [() => 'auf keinem Bild wurde ein Instrument gemessen', 'markieren Sie das Klebeband auf einem Bild dieser Aufnahme neu, in diesem Licht'],
@@ -2153,19 +2153,33 @@ export default {
     },
     /** Added to a finding about a colour: the label whose colour is nearest. */
     nearest: label => ` (am nächsten: „${label}“)`,
-    /** Finding and advice for a part of a self-test, by part and unit. A part without an entry keeps its English
-     *  sentence, which says more than the figures. */
+    /** The finding about a part of a self-test, by part and unit. A part without an entry keeps its English sentence,
+     *  which says more than the figures. */
     selfTest: {
-      'accuracy mm': (part, { accuracy: of, holds }) => part.light === 'green' && [`${of.touches} Berührungen liegen ${twoDecimals(of.rms_mm)} mm daneben (RMS; ${
-        twoDecimals(of.along_rms_mm)} in Blickrichtung, ${twoDecimals(of.across_rms_mm)} quer dazu; höchstens ${twoDecimals(of.largest_mm)})${leftOut(holds)}`],
-      'calibration px': part => [`die Ecken des Schachbretts liegen ${twoDecimals(part.figure)} px von dort, wo die gespeicherte Kamera sie erwartet (RMS)`, AGAIN],
-      'calibration 1': (_, test) => [`die Brennweite scheint um ${twoDecimals(test.focal_change_percent)} ± ${twoDecimals(test.focal_sigma_percent)} % von der gespeicherten abzuweichen; alle Tiefen ebenso`, AGAIN],
-      'place mm': part => [`der Trokar liegt ${decimal(part.figure.toFixed(0))} mm von seinem Ort in früheren Sitzungen`,
-        'kam der Stab durch einen anderen Zugang als die Instrumente, ist alles gut; sonst wurde die Kamera seit der Kalibrierung bewegt: Stellen Sie sie zurück'],
-      'colours steps': part => part.light === 'green' && [`wie sie markiert wurden, heben sich die Farben um ${decimal(part.figure.toFixed(1))} Stufen und mehr ab; auch heute hat nichts Größeres in der leeren Box ihre Farbe`],
-      'lighting 1': part => [`die Helligkeit ändert sich innerhalb der Minute um ${decimal((100 * part.figure).toFixed(0))} %`, HOLD],
-      'lighting codes': part => [`das Weiß ändert sich innerhalb der Minute um ${decimal(part.figure.toFixed(1))} Stufen`, HOLD],
-      'lighting ': () => ['das Bild ist zum Vergleichen zu dunkel', 'schalten Sie das Licht der Box ein'],
+      'accuracy mm': (part, { accuracy: of, holds }) => part.light === 'green' && `${of.touches} Berührungen liegen ${twoDecimals(of.rms_mm)} mm daneben (RMS; ${
+        twoDecimals(of.along_rms_mm)} in Blickrichtung, ${twoDecimals(of.across_rms_mm)} quer dazu; höchstens ${twoDecimals(of.largest_mm)})${leftOut(holds)}`,
+      'calibration px': part => `die Ecken des Schachbretts liegen ${twoDecimals(part.figure)} px von dort, wo die gespeicherte Kamera sie erwartet (RMS)`,
+      'calibration 1': (_, test) => `die Brennweite scheint um ${twoDecimals(test.focal_change_percent)} ± ${twoDecimals(test.focal_sigma_percent)} % von der gespeicherten abzuweichen; alle Tiefen ebenso`,
+      'place mm': part => `der Trokar liegt ${decimal(part.figure.toFixed(0))} mm von seinem Ort in früheren Sitzungen`,
+      'colours steps': part => part.light === 'green' && `wie sie markiert wurden, heben sich die Farben um ${decimal(part.figure.toFixed(1))} Stufen und mehr ab; auch heute hat nichts Größeres in der leeren Box ihre Farbe`,
+      'lighting 1': part => `die Helligkeit ändert sich innerhalb der Minute um ${decimal((100 * part.figure).toFixed(0))} %`,
+      'lighting codes': part => `das Weiß ändert sich innerhalb der Minute um ${decimal(part.figure.toFixed(1))} Stufen`,
+      'lighting ': () => 'das Bild ist zum Vergleichen zu dunkel',
+    },
+    /** What to do about a part of a self-test. */
+    selfTestAdvice: {
+      hold_still: 'halten Sie das Ende des Stabs auf sechs Ecken des Schachbretts still, je 2 s, und bewegen Sie das Brett nicht',
+      check_rod: 'alle Berührungen weichen in der Tiefe zur selben Seite ab: Prüfen Sie, ob Durchmesser des Stabs und Länge des Klebebands denen bei den Farben der Box entsprechen und ob das Klebeband am Ende des Stabs endet; kalibrieren Sie dann die Kamera neu',
+      repeat_touches: 'wiederholen Sie die Berührungen sorgfältig; bleibt der Fehler, kalibrieren Sie die Kamera mit etwa 20 Fotos neu',
+      recalibrate: 'prüfen Sie, ob Zoom oder Schärfe des Objektivs verstellt oder die Bildgröße geändert wurde, und kalibrieren Sie die Kamera neu',
+      show_board: 'legen Sie das Schachbrett der Kalibrierung ganz ins Bild, und lassen Sie es 3 s ohne Instrument im Bild liegen',
+      check_port: 'kam der Stab durch einen anderen Zugang als die Instrumente, ist alles gut; sonst wurde die Kamera seit der Kalibrierung bewegt: Stellen Sie sie zurück',
+      clear_box: 'nehmen Sie alles aus der Box, was die Farbe des Klebebands hat, und lassen Sie das Licht, wie es war; hilft das nicht, markieren Sie die Klebebänder neu, oder nehmen Sie eine andere Farbe (`trocar palette --advise`)',
+      mark_tapes: 'markieren Sie die Klebebänder neu',
+      mark_in_light: 'markieren Sie die Klebebänder im heutigen Licht neu; hilft das nicht, nehmen Sie eine andere Farbe (`trocar palette --advise`)',
+      clear_view: 'legen Sie das Schachbrett ins Bild, und halten Sie Instrumente und Hände 3 s lang aus dem Bild',
+      hold_light: 'schalten Sie automatische Belichtung und automatischen Weißabgleich der Kamera aus, und halten Sie Tageslicht von der Box fern',
+      switch_light_on: 'schalten Sie das Licht der Box ein',
     },
     /** Why there is no number. */
     withheld: {

@@ -140,16 +140,26 @@ test('German texts use German quotation marks, dashes and ellipses', () => {
   }
 });
 
+/** The source of the features, without tests. */
+const featureSource = sources.filter(([name]) => /^motion\/features\/\w+\.rs$/.test(name)).map(([, text]) => text).join('\n');
+
+test('a German title of a feature has the numbers of the English one', () => {
+  const titles = [...featureSource.matchAll(/^    name: "([a-z_0-9]+)",\n    title: "([^"]+)",$/gm)];
+  assert.ok(titles.length > 40, `${titles.length} titles found in the source`);
+  const numbers = text => text.match(/\d+/g) ?? [];
+  for (const [, name, title] of titles) assert.deepEqual(numbers(said.features[name]), numbers(title), name);
+});
+
 test('every code of the service has a German text', () => {
   const named = (text, pattern) => [...text.matchAll(pattern)].map(([, name]) => name);
-  const folder = 'motion/features/';
-  const files = readdirSync(new URL(`../../src/${folder}`, import.meta.url)).filter(name => name.endsWith('.rs'));
-  const features = files.flatMap(name => named(source(folder + name).split('#[cfg(test)]')[0], /^    name: "([a-z_0-9]+)",$/gm));
   const lists = {
-    features,
+    features: named(featureSource, /^    name: "([a-z_0-9]+)",$/gm),
+    rules: named(source('motion/features/habit.rs'), /^            Habit::[A-Za-z]+ => "([a-z_]+)",$/gm),
+    noAdvice: named(source('http/sessions/evidence.rs'), /\breason: "([a-z_]+)"/g),
     exercises: named(source('statistics/standard/fls.rs'), /^    preset\("([a-z_]+)"/gm),
     items: named(source('domain/rating/forms.rs'), /^        "([a-z_]+)",$/gm),
     findings: named(source('motion/quality/cause.rs').split('pub fn unit')[0], /^            QualityCause::[A-Za-z]+ => "([a-z_]+)",$/gm),
+    selfTestAdvice: named(source('checks/self_test/advice.rs'), /^            SelfTestAdvice::[A-Za-z]+ => "([a-z_]+)",$/gm),
     withheld: named(source('statistics/no_answer.rs'), /NoAnswer::[A-Za-z]+(?: \{ \.\. \})? => "([a-z_]+)"/g),
     problems: [
       ...named(source('http/error.rs'), /^    \(Refusal::[A-Za-z]+, "([a-z-]+)"/gm),

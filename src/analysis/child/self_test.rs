@@ -127,6 +127,7 @@ mod tests {
             unit: "mm".into(),
             finding: "6 touches".into(),
             advice: String::new(),
+            advice_name: None,
         };
         let hold = HoldReport {
             tool: "orange".into(),
@@ -181,12 +182,13 @@ mod tests {
         placeless.parts.remove(2);
         assert!(hears(&[&placeless]).is_ok(), "an unknown trocar is left out");
         assert!(hears(&[&honest, &honest]).is_err());
-        let forgeries: [fn(&mut SelfTestReport); 16] = [
+        let forgeries: [fn(&mut SelfTestReport); 17] = [
             |r| r.light = TrafficLight::Green,
             |r| r.parts[0].light = TrafficLight::Red,
             |r| r.parts[0].figure = Some(f64::NAN),
             |r| r.parts[0].finding = "\u{1b}[31m".into(),
             |r| r.parts[0].advice = "x".repeat(5000),
+            |r| r.parts[0].advice_name = Some("x".repeat(5000)),
             |r| r.parts.push(r.parts[4].clone()),
             |r| r.parts.swap(0, 1),
             |r| drop(r.parts.remove(0)),

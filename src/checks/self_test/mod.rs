@@ -17,8 +17,10 @@
 //! | [`contact`] | the point where a resting rod meets the board |
 //! | [`touch`] | rests against corners: errors along and across the line of sight |
 //! | [`limits`] | the limits between green, yellow and red, with their grounds |
+//! | [`advice`] | what to do about a part that is not green |
 //! | [`verdict`] | the traffic light, with advice |
 
+pub mod advice;
 pub mod board_watch;
 pub mod colours;
 pub mod contact;
@@ -28,6 +30,7 @@ pub mod placement;
 pub mod touch;
 pub mod verdict;
 
+pub use advice::SelfTestAdvice;
 pub use board_watch::BoardWatch;
 pub use colours::{ColourWatch, FalseColour};
 pub use contact::Rod;

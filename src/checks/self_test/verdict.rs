@@ -1,5 +1,6 @@
 //! The traffic light of a box: each part is compared with its limits; the worst part decides.
 
+use super::advice::SelfTestAdvice;
 use super::limits::{self, MAX_FOCAL_SIGMA, MIN_TOUCHES};
 use super::{SelfTestFindings, Touch, TouchAccuracy, UnusableReason};
 use crate::motion::quality::limits::QualityLimits;
@@ -48,8 +49,8 @@ pub struct PartVerdict {
     pub unit: &'static str,
     /// The finding, in one sentence.
     pub finding: String,
-    /// What to do; empty if there is nothing to do.
-    pub advice: &'static str,
+    /// What to do; `None` if there is nothing to do.
+    pub advice: Option<SelfTestAdvice>,
 }
 
 /// A box's traffic light.
@@ -84,7 +85,7 @@ struct LimitCheck {
     limits: QualityLimits,
     unit: &'static str,
     finding: String,
-    advice: &'static str,
+    advice: SelfTestAdvice,
 }
 
 impl LimitCheck {
@@ -101,7 +102,7 @@ impl LimitCheck {
 fn worst(
     part: SelfTestPart,
     checks: Vec<LimitCheck>,
-    unmeasured: impl FnOnce() -> (String, &'static str),
+    unmeasured: impl FnOnce() -> (String, Option<SelfTestAdvice>),
 ) -> PartVerdict {
     let nothing = |(finding, advice)| PartVerdict {
         part,
@@ -125,7 +126,7 @@ fn worst(
                 limit: check.limits.breach(check.figure).map(|(_, limit)| limit).or(check.limits.care),
                 unit: check.unit,
                 finding: check.finding,
-                advice: if signal == Signal::Green { "" } else { check.advice },
+                advice: (signal != Signal::Green).then_some(check.advice),
             }
         },
     )
@@ -150,18 +151,13 @@ fn accuracy(findings: &SelfTestFindings) -> PartVerdict {
     worst(SelfTestPart::Accuracy, check.into_iter().collect(), || {
         let counted = findings.touches.iter().filter(|touch| touch.outcome.is_ok()).count();
         let finding = format!("{counted} touches can be used, {MIN_TOUCHES} are needed{}", left_out(&findings.touches));
-        (finding, "hold the end of the rod still on six corners of the board, 2 s on each, and do not move the board")
+        (finding, Some(SelfTestAdvice::HoldStill))
     })
 }
 
-fn accuracy_advice(a: &TouchAccuracy) -> &'static str {
+fn accuracy_advice(a: &TouchAccuracy) -> SelfTestAdvice {
     const SHARED: f64 = 0.7;
-    if a.along_mean_mm.abs() > SHARED * a.rms_mm {
-        "all touches are off to the same side in depth: check that the rod's diameter and the tape's length are those \
-         entered with the box's colours, and that the tape ends at the rod's end; then calibrate the camera again"
-    } else {
-        "repeat the touches carefully; if the error stays, calibrate the camera again with about 20 photos"
-    }
+    if a.along_mean_mm.abs() > SHARED * a.rms_mm { SelfTestAdvice::CheckRod } else { SelfTestAdvice::RepeatTouches }
 }
 
 /// Lists the rests that do not count, with the reasons.
@@ -182,15 +178,13 @@ fn left_out(touches: &[Touch]) -> String {
 }
 
 fn calibration(findings: &SelfTestFindings, own_rms_px: Option<f64>) -> PartVerdict {
-    const AGAIN: &str =
-        "check whether the camera's zoom, focus or picture size was changed, then calibrate the camera again";
     let rms_px = findings.placements.iter().map(|placement| placement.rms_px).reduce(f64::max);
     let board = rms_px.map(|figure| LimitCheck {
         figure,
         limits: limits::board_rms_px(own_rms_px),
         unit: "px",
         finding: format!("the board's corners are {figure:.2} px from where the stored calibration expects them (RMS)"),
-        advice: AGAIN,
+        advice: SelfTestAdvice::Recalibrate,
     });
     let known = findings.focal_change.filter(|change| change.sigma <= MAX_FOCAL_SIGMA);
     let focal = known.map(|change| LimitCheck {
@@ -202,13 +196,13 @@ fn calibration(findings: &SelfTestFindings, own_rms_px: Option<f64>) -> PartVerd
             100.0 * change.share,
             100.0 * change.sigma
         ),
-        advice: AGAIN,
+        advice: SelfTestAdvice::Recalibrate,
     });
     worst(SelfTestPart::Calibration, board.into_iter().chain(focal).collect(), || {
         let reason =
             findings.board_reason.map_or_else(|| "no frame was searched".to_owned(), |reason| reason.to_string());
         let finding = format!("the whole board was never seen lying still ({reason})");
-        (finding, "put the board used for the calibration fully into view, and leave it for 3 s without a tool in view")
+        (finding, Some(SelfTestAdvice::ShowBoard))
     })
 }
 
@@ -221,8 +215,7 @@ fn place(findings: &SelfTestFindings) -> Option<PartVerdict> {
         limits: limits::TROCAR_MM,
         unit: "mm",
         finding: format!("the trocar is {:.0} ± {:.0} mm from its place in earlier sessions", shift.mm, shift.sigma_mm),
-        advice: "if the rod went through a different port than the tools, this is fine; otherwise the camera was moved \
-                 since its calibration: put it back",
+        advice: SelfTestAdvice::CheckPort,
     })?;
     Some(worst(SelfTestPart::Place, vec![check], Default::default))
 }
@@ -230,9 +223,6 @@ fn place(findings: &SelfTestFindings) -> Option<PartVerdict> {
 /// Checks the colours as they were marked, and in today's picture. Without today's picture the part is not measured,
 /// unless the marked colours are red.
 fn colours(findings: &SelfTestFindings) -> PartVerdict {
-    const CLEAR: &str = "take everything that has the tape's colour out of the box, and keep the light as it was; if \
-                         this does not help, mark the tapes again or use tape of another colour (`trocar palette \
-                         --advise`)";
     let today = findings.false_regions.iter().map(|(colour, of_tape)| LimitCheck {
         figure: *of_tape,
         limits: limits::FALSE_TAPE,
@@ -240,11 +230,11 @@ fn colours(findings: &SelfTestFindings) -> PartVerdict {
         finding: format!(
             "today a region of the empty box has the colour `{colour}`; it is {of_tape:.2} × as large as the tape"
         ),
-        advice: CLEAR,
+        advice: SelfTestAdvice::ClearBox,
     });
     let largest = findings.false_regions.iter().map(|(_, of_tape)| *of_tape).reduce(f64::max);
     let mut part = worst(SelfTestPart::Colours, marked_colours(findings).into_iter().chain(today).collect(), || {
-        ("the tapes' colours are not known".to_owned(), "mark the tapes again")
+        ("the tapes' colours are not known".to_owned(), Some(SelfTestAdvice::MarkTapes))
     });
     match largest {
         Some(of_tape) if part.unit == "steps" => {
@@ -258,7 +248,7 @@ fn colours(findings: &SelfTestFindings) -> PartVerdict {
         None if part.signal < Signal::NotMeasured => {
             part.signal = Signal::NotMeasured;
             part.finding += "; today the box was never seen with the board and without a tool";
-            part.advice = "put the board into view, and keep tools and hands out of the picture for 3 s";
+            part.advice = Some(SelfTestAdvice::ClearView);
         }
         _ => {}
     }
@@ -266,8 +256,6 @@ fn colours(findings: &SelfTestFindings) -> PartVerdict {
 }
 
 fn marked_colours(findings: &SelfTestFindings) -> Vec<LimitCheck> {
-    const OTHER_TAPE: &str = "mark the tapes again in today's light; if this does not help, use tape of another colour \
-                              (`trocar palette --advise`)";
     let checks = findings.colours.iter().flat_map(|(tool, apart)| {
         let margins =
             [(QualityCause::ColourBackground, &apart.from_background), (QualityCause::ColourPair, &apart.from_tools)];
@@ -281,7 +269,7 @@ fn marked_colours(findings: &SelfTestFindings) -> Vec<LimitCheck> {
                     "{tool}: when it was marked, its colour was {:.1} steps from `{}`",
                     margin.margin_steps, margin.nearest
                 ),
-                advice: OTHER_TAPE,
+                advice: SelfTestAdvice::MarkInLight,
             })
         })
     });
@@ -292,22 +280,21 @@ fn marked_colours(findings: &SelfTestFindings) -> Vec<LimitCheck> {
 }
 
 fn lighting(findings: &SelfTestFindings) -> PartVerdict {
-    const HOLD: &str = "switch off the camera's automatic exposure and white balance, and keep daylight out of the box";
     let exposure = findings.exposure_drift.map(|figure| LimitCheck {
         figure,
         limits: limits::exposure(),
         unit: "1",
         finding: format!("the brightness changes by {:.0} % during the test", 100.0 * figure),
-        advice: HOLD,
+        advice: SelfTestAdvice::HoldLight,
     });
     let white = findings.white_drift_codes.map(|figure| LimitCheck {
         figure,
         limits: limits::white(),
         unit: "codes",
         finding: format!("the white balance changes by {figure:.1} codes during the test"),
-        advice: HOLD,
+        advice: SelfTestAdvice::HoldLight,
     });
     worst(SelfTestPart::Lighting, exposure.into_iter().chain(white).collect(), || {
-        ("the picture is too dark to compare".to_owned(), "switch on the light of the box")
+        ("the picture is too dark to compare".to_owned(), Some(SelfTestAdvice::SwitchLightOn))
     })
 }

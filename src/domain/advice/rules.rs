@@ -1,5 +1,5 @@
-//! The rules: a closed list, one for each habit. Each rule names the required kind of stretch and the advice. The page
-//! has its own texts, found by the rule's id (`static/texts/en.js`).
+//! The rules: a closed list, one for each habit. Each rule names the required kind of stretch and the advice. A
+//! page translates the advice by the habit's name (`static/texts/de.js`).
 
 use crate::domain::evidence::{AbsenceCause, StretchRow};
 use crate::domain::standard::Better;
@@ -10,8 +10,6 @@ use crate::motion::features::{Direction, Feature, Habit};
 pub struct AdviceRule {
     /// The habit that it advises on.
     pub habit: Habit,
-    /// Stable id.
-    pub id: &'static str,
     /// The kind of stretch that the rule needs, besides a missed limit.
     pub support: RequiredStretch,
     /// The advice, in one sentence.
@@ -31,64 +29,46 @@ pub enum RequiredStretch {
 pub const RULES: &[AdviceRule] = &[
     AdviceRule {
         habit: Habit::RestLess,
-        id: "rest_less",
         support: RequiredStretch::InView,
         words: "Decide on the next step before the last one ends, so that the tools rest for less time.",
     },
     AdviceRule {
         habit: Habit::StopLessOften,
-        id: "stop_less_often",
         support: RequiredStretch::InView,
         words: "Link one movement to the next instead of stopping for a moment between them.",
     },
     AdviceRule {
         habit: Habit::ShorterWay,
-        id: "shorter_way",
         support: RequiredStretch::InView,
         words: "Go to the target by a shorter way.",
     },
     AdviceRule {
         habit: Habit::JudgeDepth,
-        id: "judge_depth",
         support: RequiredStretch::InView,
         words: "Judge the depth before you reach, so that the tool is not pushed in and pulled back on the way.",
     },
-    AdviceRule {
-        habit: Habit::StayClose,
-        id: "stay_close",
-        support: RequiredStretch::InView,
-        words: "Keep the tip near the work.",
-    },
+    AdviceRule { habit: Habit::StayClose, support: RequiredStretch::InView, words: "Keep the tip near the work." },
     AdviceRule {
         habit: Habit::SteadyHand,
-        id: "steady_hand",
         support: RequiredStretch::InView,
         words: "Steady the hand: support the wrist and loosen the grip.",
     },
     AdviceRule {
         habit: Habit::FlowingMovements,
-        id: "flowing_movements",
         support: RequiredStretch::InView,
         words: "Let each movement speed up once and slow down once.",
     },
     AdviceRule {
         habit: Habit::FewerCorrections,
-        id: "fewer_corrections",
         support: RequiredStretch::InView,
         words: "Reach the target in one movement instead of several small ones.",
     },
     AdviceRule {
         habit: Habit::BothHands,
-        id: "both_hands",
         support: RequiredStretch::InView,
         words: "Let the other hand prepare the next step while this one works.",
     },
-    AdviceRule {
-        habit: Habit::StayInView,
-        id: "stay_in_view",
-        support: RequiredStretch::LeftView,
-        words: "Keep the tip in the picture.",
-    },
+    AdviceRule { habit: Habit::StayInView, support: RequiredStretch::LeftView, words: "Keep the tip in the picture." },
 ];
 
 impl AdviceRule {

@@ -129,6 +129,6 @@ fn each_habit_has_one_rule_and_a_worse_side_and_tracker_losses_have_none() {
         assert_eq!(features::find(name).unwrap().habit, None, "the tracker may have caused it");
     }
     for rule in RULES {
-        assert!(FEATURES.iter().any(|feature| feature.habit == Some(rule.habit)), "{}", rule.id);
+        assert!(FEATURES.iter().any(|feature| feature.habit == Some(rule.habit)), "{}", rule.habit.name());
     }
 }

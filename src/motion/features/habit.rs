@@ -25,3 +25,21 @@ pub enum Habit {
     /// The tool leaves the picture.
     StayInView,
 }
+
+impl Habit {
+    /// Stable name for the API and the pages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Habit::RestLess => "rest_less",
+            Habit::StopLessOften => "stop_less_often",
+            Habit::ShorterWay => "shorter_way",
+            Habit::JudgeDepth => "judge_depth",
+            Habit::StayClose => "stay_close",
+            Habit::SteadyHand => "steady_hand",
+            Habit::FlowingMovements => "flowing_movements",
+            Habit::FewerCorrections => "fewer_corrections",
+            Habit::BothHands => "both_hands",
+            Habit::StayInView => "stay_in_view",
+        }
+    }
+}

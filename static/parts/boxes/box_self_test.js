@@ -3,7 +3,7 @@ import { html, useState } from '../../preact.js';
 import { api } from '../../api.js';
 import { date, dateTime, fixed } from '../../format.js';
 import { t } from '../../texts.js';
-import { selfTestTexts } from '../../translate.js';
+import { selfTestAdvice, selfTestFinding } from '../../translate.js';
 import { Form } from '../forms/form.js';
 import { jobIdOf, JobProgress } from '../forms/job.js';
 import { Prose } from '../page/prose.js';
@@ -56,12 +56,12 @@ export function SelfTestSummary({ tests }) {
 
 /** @param {Props} props */
 function Part({ part, test }) {
-  const { finding, advice, lang } = selfTestTexts(part, test);
+  const [finding, advice] = [selfTestFinding(part, test), selfTestAdvice(part)];
   return html`
     <li class="stack tight">
       <div><${LightPill} light=${part.light} name=${words.parts[part.part]} /></div>
-      <p class="small"><${Prose} text=${finding} lang=${lang} /></p>
-      ${advice && html`<p class="small muted">${words.todo}: <span lang=${lang}>${advice}</span></p>`}
+      <p class="small"><${Prose} text=${finding.text} lang=${finding.lang} /></p>
+      ${advice.text && html`<p class="small muted">${words.todo}: <span lang=${advice.lang}>${advice.text}</span></p>`}
     </li>`;
 }
 

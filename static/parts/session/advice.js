@@ -2,7 +2,7 @@
 import { html } from '../../preact.js';
 import { number, unit } from '../../format.js';
 import { t } from '../../texts.js';
-import { featureTitle, reasonText } from '../../translate.js';
+import { adviceText, featureTitle, noAdviceText } from '../../translate.js';
 import { amountText, StretchButton } from './evidence.js';
 
 const words = t.session.advice;
@@ -14,7 +14,7 @@ export function Advice({ advice, playback }) {
     <section class="card">
       <header><h2>${words.title}</h2></header>
       <div class="body stack">
-        ${advice.none && html`<p class="muted">${words.none[advice.none.reason] ?? reasonText(advice.none)}</p>`}
+        ${advice.none && html`<p class="muted">${noAdviceText(advice.none)}</p>`}
         ${advice.items.length > 0 && html`<ol class="advice">
           ${advice.items.map(item => html`<li key=${`${item.feature} ${item.tool} ${item.space}`}><${Item} item=${item}
             playback=${playback} /></li>`)}
@@ -27,7 +27,7 @@ export function Advice({ advice, playback }) {
 function Item({ item, playback }) {
   const unitSuffix = unit(item.unit) ? ` ${unit(item.unit)}` : '';
   return html`
-    <p><strong>${words.rules[item.rule] ?? item.sentence}</strong></p>
+    <p><strong>${adviceText(item)}</strong></p>
     <p class="small">${words.measured(featureTitle(item), item.tool, `${number(item.value)}${unitSuffix}`, number(item.error.low),
       number(item.error.high))} ${words.limit[item.better](`${number(item.limit)}${unitSuffix}`)}</p>
     <div class="row">
