@@ -139,29 +139,30 @@ CREATE TABLE group_trainee (
 
 CREATE TABLE "job" (
     id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- JobId
-    kind           TEXT NOT NULL CHECK (kind IN ('track', 'import', 'rescore', 'calibrate', 'palette', 'self_test')), -- what kind of work
-    input          TEXT NOT NULL CHECK (json_valid(input)),                  -- what it works on (JobInput)
+    kind           TEXT NOT NULL,                                            -- JobKind
+    input          TEXT NOT NULL CHECK (json_valid(input)),                  -- JobInput
     input_hash     TEXT NOT NULL CHECK (length(input_hash) = 64),            -- SHA-256 of `input`, hexadecimal
     versions       TEXT NOT NULL CHECK (length(versions) <= 200),            -- what else its result depends on
-    session_id     TEXT REFERENCES session (id) ON DELETE CASCADE,           -- the session it is about
-    box_id         TEXT REFERENCES training_box (id) ON DELETE CASCADE,      -- the box it is about
-    turn           INTEGER NOT NULL CHECK (turn IN (0, 1, 2)),               -- goes before higher ones: boxes, new sessions, rescorings
-    state          TEXT NOT NULL CHECK (state IN ('queued', 'running', 'done', 'failed', 'quarantined')), -- how it stands
-    attempt        INTEGER NOT NULL DEFAULT 0 CHECK (attempt BETWEEN 0 AND max_attempts), -- claims that ended in a crash, and this one
+    session_id     TEXT REFERENCES session (id) ON DELETE CASCADE,           -- the session that it works on; NULL: none
+    box_id         TEXT REFERENCES training_box (id) ON DELETE CASCADE,      -- the box that it works on; NULL: none
+    subject        TEXT NOT NULL AS (iif(session_id IS NULL, 'box', 'session')), -- which of the two it works on
+    turn           INTEGER NOT NULL CHECK (turn IN (0, 1, 2)),               -- JobPriority: lower numbers run first
+    state          TEXT NOT NULL CHECK (state IN ('queued', 'running', 'done', 'failed', 'quarantined')), -- JobState
+    attempt        INTEGER NOT NULL DEFAULT 0 CHECK (attempt BETWEEN 0 AND max_attempts), -- crashes, and this attempt
     max_attempts   INTEGER NOT NULL CHECK (max_attempts BETWEEN 1 AND 20),   -- crashes after which it is quarantined
-    lease_token    TEXT CHECK (length(lease_token) = 36),                    -- whoever knows it holds the job
-    lease_until_ms INTEGER,                                                  -- until then it is theirs, epoch ms
-    worker         TEXT CHECK (length(worker) BETWEEN 1 AND 120),            -- who holds it, for people
+    lease_token    TEXT CHECK (length(lease_token) = 36),                    -- LeaseToken; NULL: no worker has it
+    lease_until_ms INTEGER,                                                  -- end of the lease, epoch ms
+    worker         TEXT CHECK (length(worker) BETWEEN 1 AND 120),            -- worker that has the lease, for people
     progress       REAL NOT NULL DEFAULT 0 CHECK (progress BETWEEN 0 AND 1), -- share done
     problem        TEXT CHECK (json_valid(problem)),                         -- why it failed or last crashed (Problem)
-    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0),              -- when queued first, epoch ms
-    queued_at_ms   INTEGER NOT NULL CHECK (queued_at_ms >= created_at_ms),   -- when queued last: its place, epoch ms
-    started_at_ms  INTEGER,                                                  -- when claimed last, epoch ms
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0),              -- when it was first queued, epoch ms
+    queued_at_ms   INTEGER NOT NULL CHECK (queued_at_ms >= created_at_ms),   -- when it was last queued, epoch ms
+    started_at_ms  INTEGER,                                                  -- when it was last claimed, epoch ms
     ended_at_ms    INTEGER,                                                  -- when it ended, epoch ms
-    advice         TEXT CHECK (advice IS NULL OR json_valid(advice)),        -- PaletteAdvice; NULL: the job is about something else, or not done
+    advice         TEXT CHECK (json_valid(advice)),                          -- PaletteAdvice; NULL: none (yet)
     UNIQUE (kind, input_hash, versions),
+    FOREIGN KEY (kind, subject) REFERENCES job_kind (name, subject) ON DELETE RESTRICT, -- a known kind, on its subject
     CHECK ((session_id IS NULL) <> (box_id IS NULL)),
-    CHECK ((kind IN ('track', 'import', 'rescore')) = (session_id IS NOT NULL)),
     CHECK ((turn = 0) = (box_id IS NOT NULL)),
     CHECK ((state = 'running') = (lease_token IS NOT NULL)),
     CHECK ((state = 'running') = (lease_until_ms IS NOT NULL)),
@@ -174,6 +175,12 @@ CREATE TABLE "job_file" (
     job_id TEXT NOT NULL REFERENCES "job" (id) ON DELETE CASCADE,         -- the job
     blob   TEXT NOT NULL REFERENCES blob (hash) ON DELETE RESTRICT,          -- the file
     PRIMARY KEY (job_id, blob)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE job_kind (
+    name    TEXT PRIMARY KEY CHECK (length(name) BETWEEN 1 AND 32),          -- JobKind
+    subject TEXT NOT NULL CHECK (subject IN ('session', 'box')),             -- what its jobs work on
+    UNIQUE (name, subject)
 ) STRICT, WITHOUT ROWID;
 
 CREATE TABLE palette (
@@ -606,6 +613,18 @@ CREATE VIEW tracking_job AS
     SELECT job.* FROM job
     WHERE job.id = (SELECT latest.id FROM job AS latest WHERE latest.session_id = job.session_id AND latest.turn < 2
                     ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1);
+
+CREATE VIEW visible_job (role, subject, job_id) AS
+    SELECT 'administrator', CAST(NULL AS TEXT), id FROM job
+    UNION ALL
+    SELECT 'instructor', person.id, job.id FROM job CROSS JOIN person WHERE job.box_id IS NOT NULL
+    UNION ALL
+    SELECT 'instructor', group_instructor.person_id, job.id FROM job
+    JOIN session ON session.id = job.session_id
+    JOIN group_trainee ON group_trainee.trainee_id = session.trainee_id
+    JOIN group_instructor ON group_instructor.group_id = group_trainee.group_id
+    UNION ALL
+    SELECT 'trainee', session.trainee_id, job.id FROM job JOIN session ON session.id = job.session_id;
 
 CREATE VIEW visible_trainee (role, subject, trainee_id) AS
     SELECT 'trainee', id, id FROM trainee
