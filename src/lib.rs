@@ -12,7 +12,7 @@
 //! [`vision::tracker`] shows the way of a frame in a few lines, [`analysis`] the way of an uploaded recording.
 //!
 //! # Layers
-//! Imports point downwards only; `tests/integration/architecture.rs` enforces it.
+//! Imports point downwards only; `tests/integration/architecture/` enforces it.
 //!
 //! | layer | modules | must not name |
 //! |---|---|---|

@@ -1,4 +1,4 @@
-// The order of sending on a connection, as in the agent (src/capture/send_order.rs): live frames first, in their order.
+// The order of sending on a connection, as in the agent (src/capture/send_order/): live frames first, in their order.
 // A sender that has fallen behind continues with the newest key frame and sends the skipped frames later, oldest first.
 
 /** Frames that live sending may lag behind before it skips some: five seconds at 25 Hz. */

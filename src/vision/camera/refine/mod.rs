@@ -327,5 +327,4 @@ impl CalibrationStep {
 }
 
 #[cfg(test)]
-#[path = "refine/tests.rs"]
 pub(super) mod tests;
