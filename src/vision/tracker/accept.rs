@@ -1,4 +1,5 @@
-//! Accept: which measurements the tool's fulcrum and motion allow.
+//! Accept: does the track allow the measurement (depth limits, Mahalanobis gate)? [`super::search`] and [`super::pair`]
+//! have compared it with the fulcrum before.
 
 use super::frame_context::FrameContext;
 use super::measurement::{Grade, Measurement};
@@ -53,12 +54,12 @@ impl ToolTracker {
     /// Does a measurement at the predicted position agree with the tool's motion and with its fulcrum?
     pub(super) fn continues_track(&self, scene: &FrameContext<'_>, measurement: &Measurement) -> bool {
         self.track.would_accept(scene.frame.time_s, &measurement.estimate, &scene.track_settings())
-            && self.passes_through_fulcrum(measurement)
+            && self.agrees_with_fulcrum(measurement)
     }
 
-    /// Does the axis pass through the known fulcrum? A measurement that explains the pixels well is accepted even if
-    /// not: it may lead to a better fulcrum.
-    pub(super) fn passes_through_fulcrum(&self, measurement: &Measurement) -> bool {
+    /// Does the axis pass through the known fulcrum, or do the pixels support the measurement so well that it is
+    /// accepted even if not? It may then lead to a better fulcrum.
+    pub(super) fn agrees_with_fulcrum(&self, measurement: &Measurement) -> bool {
         measurement.grade() == Grade::Good || measurement.fulcrum_miss_squared < MAX_FULCRUM_MISS_SQUARED
     }
 

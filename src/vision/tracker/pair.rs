@@ -159,7 +159,7 @@ impl<'a, 's> PairSearch<'a, 's> {
     /// Cost of giving a region to a tool; `None` if it cannot be that tool's.
     fn cost(&self, tool: usize, measured: &RegionMeasurements) -> Option<f64> {
         let band = measured[tool].as_ref().ok()?;
-        if !self.tools[tool].passes_through_fulcrum(band)
+        if !self.tools[tool].agrees_with_fulcrum(band)
             || self.belongs_to_other(tool, band)
             || self.may_be_the_others(tool, measured)
         {
@@ -187,7 +187,7 @@ impl<'a, 's> PairSearch<'a, 's> {
             Err(reason) => Some(*reason),
             Ok(band) if self.belongs_to_other(tool, band) => None,
             Ok(_) if self.may_be_the_others(tool, measured) => Some(MissReason::EitherTool),
-            Ok(band) if !self.tools[tool].passes_through_fulcrum(band) => Some(MissReason::OffFulcrum),
+            Ok(band) if !self.tools[tool].agrees_with_fulcrum(band) => Some(MissReason::OffFulcrum),
             Ok(_) => Some(MissReason::OtherToolsBand),
         }
     }

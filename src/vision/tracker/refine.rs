@@ -30,7 +30,7 @@ struct PassFit {
 }
 
 impl BandFit<'_> {
-    /// Fits a rough tube to the edges in the pixels.
+    /// Refines a rough tube with the edges in the pixels.
     pub(super) fn refine(
         &self,
         start: &Tube,

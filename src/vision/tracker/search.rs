@@ -67,7 +67,7 @@ impl ToolTracker {
         Err(best_reason)
     }
 
-    /// Measures a region, and rejects it if its axis does not pass through the fulcrum.
+    /// Measures a region, and rejects it if its axis misses the fulcrum and the pixels do not support it well.
     fn try_region_as_own(
         &mut self,
         scene: &FrameContext<'_>,
@@ -76,7 +76,7 @@ impl ToolTracker {
     ) -> Result<Measurement, MissReason> {
         let to_hand = self.direction_to_hand(scene.camera());
         let measured = self.try_region(scene, prediction, region, to_hand).and_then(|measurement| {
-            if self.passes_through_fulcrum(&measurement) { Ok(measurement) } else { Err(MissReason::OffFulcrum) }
+            if self.agrees_with_fulcrum(&measurement) { Ok(measurement) } else { Err(MissReason::OffFulcrum) }
         });
         self.trace.record_region(region, measured.as_ref().err().copied());
         measured
