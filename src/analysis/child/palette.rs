@@ -1,6 +1,7 @@
 //! Collects the colours that an instructor marked, from the marked clip or from pictures of its frames, and reports on
 //! them.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::BufReader;
 
@@ -83,7 +84,9 @@ impl ChildTask for PaletteWork {
     ) -> Result<ChildEvent, String> {
         match record {
             PaletteWorkRecord::Samples(samples) => {
-                let named = samples.labels.iter().all(|label| label.chars().count() <= MAX_TEXT_CHARS[0]);
+                let marked: BTreeSet<&str> = self.marks.iter().map(|mark| mark.rectangle.label.as_str()).collect();
+                let labels: BTreeSet<&str> = samples.labels.iter().map(String::as_str).collect();
+                let named = labels.len() == samples.labels.len() && labels.is_subset(&marked);
                 let labelled = samples.samples.iter().all(|sample| sample.label < samples.labels.len());
                 if !named || !labelled || samples.samples.len() > MAX_SAMPLES {
                     return Err("invalid colour samples".into());
@@ -182,22 +185,28 @@ mod tests {
     use crate::vision::frame::{ColourEncoding, Matrix, Range};
     use crate::vision::segmentation::samples::ColourSample;
 
+    /// Validates the records of work whose only mark is on an orange tape.
     fn validate(records: Vec<PaletteWorkRecord>) -> Result<PaletteOutput, String> {
-        let work = ChildWork::Palette(PaletteWork { marks: vec![], tools: vec![], frames: None });
+        let rectangle = MarkedRectangle { label: "orange".into(), x: 0, y: 0, w: 9, h: 9 };
+        let marks = vec![ColourMark { frame: 0, rectangle, stroke: None }];
+        let work = ChildWork::Palette(PaletteWork { marks, tools: vec![], frames: None });
         let records = records.into_iter().map(WorkRecord::Palette).collect();
         Ok(validate_records(&work, records)?.palette)
     }
 
     #[test]
-    fn every_colour_sample_has_a_label() {
-        let hear = |label: usize| {
+    fn every_colour_sample_has_a_label_that_was_marked() {
+        let hear = |labels: &[&str], label: usize| {
             let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
             let samples = vec![ColourSample { label, rectangle: 7, yuv: [1, 2, 3] }];
-            let palette = ColourSamples { encoding, labels: vec!["orange".into()], samples };
+            let palette =
+                ColourSamples { encoding, labels: labels.iter().map(|label| (*label).to_owned()).collect(), samples };
             validate(vec![PaletteWorkRecord::Samples(palette)])
         };
-        assert!(hear(0).is_ok());
-        assert!(hear(1).is_err());
+        assert!(hear(&["orange"], 0).is_ok());
+        assert!(hear(&["orange"], 1).is_err());
+        assert!(hear(&["cyan"], 0).is_err());
+        assert!(hear(&["orange", "orange"], 0).is_err());
     }
 
     #[test]

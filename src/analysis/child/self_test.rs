@@ -6,7 +6,8 @@ use super::calibrate::RequestedBoard;
 use super::limits::{MAX_TEXT_CHARS, is_plausible_number, set_once};
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord};
 use crate::analysis::self_test::{SelfTestSetup, test_video};
-use crate::domain::self_test::{HoldReport, SelfTestReport, TestedPart, TrafficLight};
+use crate::checks::self_test::SelfTestAdvice;
+use crate::domain::self_test::{HoldReport, PartReport, SelfTestReport, TestedPart, TrafficLight};
 use crate::media::MediaLimits;
 use crate::motion::quality::ports::Ports;
 use crate::vision::tracker::TrackerSettings;
@@ -80,8 +81,19 @@ fn is_possible(report: &SelfTestReport, board: RequestedBoard, tools: &[&str]) -
         && has_each_part_once(report)
         && report.light == worst(report)
         && report.holds.iter().all(is_known)
+        && report.parts.iter().all(is_known_advice)
         && report.numbers().all(is_plausible_number)
         && report.texts().all(is_text)
+}
+
+/// True if a part has no advice, or one of the closed list with its own words: pages translate the name.
+fn is_known_advice(part: &PartReport) -> bool {
+    match &part.advice_name {
+        None => part.advice.is_empty(),
+        Some(name) => {
+            SelfTestAdvice::ALL.iter().any(|advice| advice.name() == name.as_str() && advice.words() == part.advice)
+        }
+    }
 }
 
 /// True if the parts are in their fixed order; only `Place` may be missing.
@@ -115,7 +127,7 @@ mod tests {
     use crate::analysis::child::ChildWork;
     use crate::analysis::child::track::tests::settings;
     use crate::analysis::output_validator::validate_records;
-    use crate::domain::self_test::{NotCountedReason, PartReport, PlacementReport};
+    use crate::domain::self_test::{NotCountedReason, PlacementReport};
 
     #[test]
     fn a_self_test_is_accepted_once_and_only_if_it_matches_the_request() {
@@ -126,8 +138,8 @@ mod tests {
             limit: None,
             unit: "mm".into(),
             finding: "6 touches".into(),
-            advice: String::new(),
-            advice_name: None,
+            advice: SelfTestAdvice::MarkTapes.words().into(),
+            advice_name: Some("mark_tapes".into()),
         };
         let hold = HoldReport {
             tool: "orange".into(),
@@ -188,7 +200,7 @@ mod tests {
             |r| r.parts[0].figure = Some(f64::NAN),
             |r| r.parts[0].finding = "\u{1b}[31m".into(),
             |r| r.parts[0].advice = "x".repeat(5000),
-            |r| r.parts[0].advice_name = Some("x".repeat(5000)),
+            |r| r.parts[0].advice_name = Some("hold_still".into()),
             |r| r.parts.push(r.parts[4].clone()),
             |r| r.parts.swap(0, 1),
             |r| drop(r.parts.remove(0)),

@@ -30,6 +30,22 @@ pub enum SelfTestAdvice {
 }
 
 impl SelfTestAdvice {
+    /// Every advice.
+    pub const ALL: [SelfTestAdvice; 12] = [
+        SelfTestAdvice::HoldStill,
+        SelfTestAdvice::CheckRod,
+        SelfTestAdvice::RepeatTouches,
+        SelfTestAdvice::Recalibrate,
+        SelfTestAdvice::ShowBoard,
+        SelfTestAdvice::CheckPort,
+        SelfTestAdvice::ClearBox,
+        SelfTestAdvice::MarkTapes,
+        SelfTestAdvice::MarkInLight,
+        SelfTestAdvice::ClearView,
+        SelfTestAdvice::HoldLight,
+        SelfTestAdvice::SwitchLightOn,
+    ];
+
     /// Stable name for files, API and pages.
     pub fn name(self) -> &'static str {
         match self {
