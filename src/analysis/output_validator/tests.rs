@@ -5,8 +5,10 @@ use proptest::prelude::*;
 use super::*;
 use crate::analysis::child::probe::ProbeWork;
 use crate::analysis::child::recording::RecordingRecord;
+use crate::analysis::child::track::TrackRecord;
 use crate::analysis::protocol::encode;
 use crate::domain::problem::Problem;
+use crate::vision::trajectory::PathKind;
 
 /// Validates these replies after the confinement.
 fn validate_all(replies: Vec<ChildReply>) -> Result<ChildOutput, String> {
@@ -54,10 +56,14 @@ proptest! {
         records in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..80), 1..8),
     ) {
         let work = ChildWork::Track(crate::analysis::child::track::tests::settings());
+        let path = TrackRecord::Path { kind: PathKind::Raw, rows: vec![] };
+        // Two bytes select the records of tracking; random bytes alone would seldom reach them.
+        let tracking = encode(&ChildReply::Record(WorkRecord::Track(path))).unwrap()[..2].to_vec();
         let mut validator = OutputValidator::new(&work, MediaLimits::default());
         validator.validate(&encode(&ChildReply::Confined { landlock: true }).unwrap()).unwrap();
         for record in records {
             let _ = validator.validate(&record);
+            let _ = validator.validate(&[&tracking[..], &record].concat());
         }
     }
 }

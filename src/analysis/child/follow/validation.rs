@@ -84,7 +84,7 @@ mod tests {
     }
 
     fn validate(replies: Vec<FollowReply>) -> Result<(), String> {
-        let (time_base, ports) = ([1, 30].try_into().unwrap(), Ports::default());
+        let (time_base, ports) = ([1, 1000].try_into().unwrap(), Ports::default());
         let work = FollowWork { track: settings(), codec: FrameCodec::Jpeg, size: (640, 480), time_base, ports };
         validate_records(&ChildWork::Follow(work), replies.into_iter().map(WorkRecord::Follow).collect()).map(drop)
     }
