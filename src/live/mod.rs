@@ -135,9 +135,7 @@ impl FeedService {
         let _lock = self.0.open.lock_feed(id).await;
         let mut open = self.0.open.all.lock().await;
         check_free(&open, in_box, Some(id))?;
-        if open.get(&id).is_some_and(|feed| feed.phase() == FeedPhase::Finishing) {
-            return Err(CloseReason::new(CloseCode::Busy, "the recording is being assembled: connect again"));
-        }
+        check_not_finishing(&open, id)?;
         let of_box = |row: &store::FeedRow| row.box_id == in_box && row.id != id;
         let unfinished = self.0.store.feeds().unfinished().await.map_err(reason_of_store_error)?;
         if unfinished.into_iter().filter(of_box).count() >= self.0.settings.max_unfinished {
@@ -152,6 +150,7 @@ impl FeedService {
         let begin = |feed| Ok(ConnectResult::Open(Connection::take_over(self.clone(), feed, epoch)));
         // Counted while the lock is held, so that the next connection finds the box busy.
         if let Some(feed) = open.get(&id) {
+            check_not_finishing(&open, id)?; // it may have been ended meanwhile
             return begin(feed.clone());
         }
         let feed = if epoch == 1 {
@@ -302,6 +301,16 @@ fn check_free(open: &HashMap<FeedId, Arc<OpenFeed>>, in_box: BoxId, mine: Option
     let Some(other) = open.values().find(is_other) else { return Ok(()) };
     let why = format!("the box is sending another recording ({}): end that one, or stop its sender", other.row.id);
     Err(CloseReason::new(CloseCode::Busy, why))
+}
+
+/// Fails while the recording is being assembled.
+fn check_not_finishing(open: &HashMap<FeedId, Arc<OpenFeed>>, id: FeedId) -> Result<(), CloseReason> {
+    match open.get(&id) {
+        Some(feed) if feed.phase() == FeedPhase::Finishing => {
+            Err(CloseReason::new(CloseCode::Busy, "the recording is being assembled: connect again"))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// True if a recording can end with this number of frames.
