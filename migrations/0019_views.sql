@@ -1,8 +1,8 @@
--- What many statements share. A statement that reads one of these views is as fast as one that repeats its text: SQLite merges the view
--- into the statement, which then uses the indexes of the tables.
+-- What many statements share. A statement that reads one of these views is as fast as one that repeats its text: SQLite
+-- merges the view into the statement, which then uses the indexes of the tables.
 
--- The trainees that an instructor or a trainee sees: those of the instructor's groups, and oneself. Administrators see all and agents
--- none, so neither has a row here. Each statement on personal data has the condition
+-- The trainees that an instructor or a trainee sees: those of the instructor's groups, and oneself. Administrators see
+-- all and agents none, so neither has a row here. Statements on trainees and their sessions have the condition
 -- `($1 = 'administrator' OR … IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))`.
 CREATE VIEW visible_trainee (role, subject, trainee_id) AS
     SELECT 'trainee', id, id FROM trainee

@@ -168,8 +168,8 @@ pub(in crate::store) async fn enqueue_rescore_if_outdated(
 }
 
 const CURRENT_RESULT: &str = "
-    SELECT result.id, blob.hash, blob.bytes, result.edits FROM result JOIN blob ON blob.hash = result.trajectory
-    WHERE result.session_id = $1 ORDER BY result.created_at_ms DESC, result.id DESC LIMIT 1";
+    SELECT result.id, blob.hash, blob.bytes, result.edits
+    FROM current_result AS result JOIN blob ON blob.hash = result.trajectory WHERE result.session_id = $1";
 
 /// The current result of a session: its id, its path and the revision of edits that it was made with.
 pub(super) async fn current_result(
