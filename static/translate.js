@@ -1,6 +1,6 @@
 // The service answers in English and gives each text a code. These functions return a text in the page's language, by
 // its code. A text without a code, or without a translation of its code, stays English; `lang` then marks a problem's
-// detail and a self-test's part.
+// detail and a self-test's part. The reasons for a missing position are in `session.reasons` of both languages.
 import { serviceLang, t } from './texts.js';
 
 const PROBLEM = '/problems/';

@@ -16,8 +16,8 @@ pub struct AnalysisSettings {
     /// Memory that a child may take beyond the program's own, MiB. Less refuses large pictures and long recordings,
     /// more lets a hostile file take more. 448 decodes 4096×2304 and tracks an hour of two tools.
     pub memory_mib: u64,
-    /// Longest time that a child may work, s. Then it is killed and the job is tried again, three times in all. Usually
-    /// 14400.
+    /// Longest time that a child may work, s. Then it is killed and the job is tried again, up to
+    /// `store.max_attempts` times in all. Usually 14400.
     pub longest_s: u64,
     /// Longest time that a child may go without reporting progress, s. Usually 60.
     pub silence_s: u64,

@@ -66,7 +66,7 @@ impl HeldJob {
     }
 
     /// Records that the process working on the job crashed or timed out. The job is tried again, or quarantined after
-    /// the third time.
+    /// its last attempt (`store.max_attempts`, usually the third).
     pub async fn report_crash(&self, problem: Problem) -> StoreResult<JobRecord> {
         let job = self.store().jobs().mark_crashed(&self.lease, problem).await?;
         self.queue.publish_job_state(&job).await;
