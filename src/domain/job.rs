@@ -4,13 +4,13 @@
 //!            claim                finish
 //! queued ───────────▶ running ───────────▶ done
 //!   ▲ ▲                │ │ │    fail
-//!   │ └── give back ───┘ │ └─────────────▶ failed ──────────┐
+//!   │ └─── release ────┘ │ └─────────────▶ failed ──────────┐
 //!   ├──── crash, 1st 2nd ┤                                  │
 //!   │                    └─ crash, 3rd ──▶ quarantined ─────┤
 //!   └───────────────────── retry by a person ───────────────┘
 //! ```
 //! `failed`: the job cannot be done, and the problem says why (not a video, no marker colour). `quarantined`: the
-//! process that ran the job crashed or stopped responding three times.
+//! process that ran the job crashed or stopped responding in its last attempt, usually the third.
 
 use serde::{Deserialize, Serialize};
 
@@ -68,7 +68,7 @@ pub enum JobPriority {
     Rescore = 2,
 }
 
-/// A job's input, as stored.
+/// A job's input, as stored. A kind of two words needs a `rename`, because its name is in rows and natural keys.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum JobInput {

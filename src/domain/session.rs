@@ -28,7 +28,8 @@ named! {
 }
 
 impl From<Option<JobState>> for SessionStatus {
-    /// A session has the state of its latest job; without a job, it waits for its box to be ready.
+    /// A session has the state of its latest job that tracks or imports it; without a job, it waits for its box to be
+    /// ready.
     fn from(latest_job: Option<JobState>) -> Self {
         match latest_job {
             None | Some(JobState::Queued) => SessionStatus::Queued,
@@ -196,7 +197,7 @@ pub struct NewResult {
     pub evidence: Vec<EvidenceRow>,
     /// Counts and reasons per tool; an object.
     pub quality: Value,
-    /// Rank in a reference cohort, if a model scored it; an object.
+    /// Always empty: reserved for a rank in a reference cohort. Standards and the verdict of skill judge a session.
     pub score: Option<Value>,
     /// Raw, filtered and smoothed paths, in the analysis' own format.
     pub trajectory: Blob,

@@ -430,7 +430,8 @@ pub struct ProblemDocument {
 /// A field of the request that cannot be used.
 #[derive(Clone, Debug, serde::Serialize, utoipa::ToSchema)]
 pub struct FieldError {
-    /// Name of the field, parameter, header or form part; `body` or `query` if the whole of it cannot be read.
+    /// Name of the field, parameter, header or form part; `body`, `query` or `form` if the whole of it cannot
+    /// be read.
     pub field: String,
     /// What is wrong, and what is expected.
     pub message: String,

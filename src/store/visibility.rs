@@ -4,6 +4,7 @@
 //! | what the scope sees | condition, with the column in place of `…` |
 //! |---|---|
 //! | trainees | `($1 = 'administrator' OR … IN (SELECT trainee_id FROM visible_trainee WHERE …))`, as below |
+//! | jobs | the view `visible_job` (`migrations/0018_job_kinds.sql`), which needs `subject IS $2` |
 //! | boxes: people all, an agent its own | `($1 <> 'agent' OR $2 = …)` |
 //! | what all people may read | `$1 <> 'agent'` |
 //!

@@ -1,8 +1,9 @@
-//! Reasons why a tool was not seen or its measurement was rejected: a closed set, so that pages can explain each one.
+//! Reasons why a tool was not seen or its measurement was rejected: a closed set, so that pages can explain each one
+//! (`session.reasons` in `static/texts/`).
 
 use serde::{Deserialize, Serialize};
 
-/// Why a tool has no observation on a frame, in the order of the stages: the greater one got farther.
+/// Why a tool has no observation on a frame, in the order of priority: of several reasons, the greatest is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(into = "u8", try_from = "u8")]
 pub enum MissReason {
@@ -35,7 +36,7 @@ pub enum MissReason {
     Misread,
     /// The band's distal end is outside the frame or hidden.
     TipHidden,
-    /// The measured position lies outside the box.
+    /// The depth of the measured position is outside the limits `nearest_mm` and `farthest_mm`.
     OutOfBounds,
     /// The measured position contradicts the tool's motion (Mahalanobis gate).
     GateRejected,

@@ -58,7 +58,7 @@ pub struct PartVerdict {
 pub struct SelfTestVerdict {
     /// The worst signal of all parts.
     pub signal: Signal,
-    /// Every part that has a result, in the order of [`SelfTestPart::ALL`].
+    /// Every part that has a result, in the order of [`SelfTestPart`].
     pub parts: Vec<PartVerdict>,
 }
 

@@ -48,7 +48,7 @@ pub struct SessionResponse {
     /// Features at the end of live tracking, if the session was tracked live. The causal filter computes them from all
     /// frames without later smoothing, so they differ from `features`.
     live_features: Option<Vec<LiveFeature>>,
-    /// Rank in a reference cohort, if a model scored the session.
+    /// Always `null`: reserved for a rank in a reference cohort. `verdict` and the task's standards judge a session.
     score: Option<Value>,
     /// Verdict of the task's model of skill, or why it gives none; `null` in lists, and while there is no result.
     verdict: Option<SkillVerdict>,

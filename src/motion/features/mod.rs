@@ -107,7 +107,7 @@ pub struct Feature {
     pub unit: &'static str,
     /// What a larger value means for skill.
     pub direction: Direction,
-    /// Definition, in one or two sentences; `{…}` stands for a setting ([`Feature::describe`]).
+    /// Definition, in one or two sentences; `{…}` is replaced by a setting ([`Feature::describe`]).
     pub(in crate::motion) description: &'static str,
     /// Where the definition comes from.
     pub source: &'static str,

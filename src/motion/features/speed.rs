@@ -56,7 +56,7 @@ pub static PEAK_VELOCITY: Feature = Feature {
     measures: &[MeasureFn::Tool(|motion, settings| velocity_quantile(motion, settings, 0.95))],
 };
 
-/// How unsteady the motion is.
+/// Mean acceleration: how unsteady the motion is.
 pub static JITTER: Feature = Feature {
     name: "jitter",
     title: "Jitter",

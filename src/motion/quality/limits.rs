@@ -2,7 +2,8 @@
 //!
 //! A figure refuses the session where the features would no longer describe the hand, even if they look plausible. It
 //! asks for care where they still describe the hand, but a reader who does not know the figure would read too much into
-//! them.
+//! them. A changed limit raises `PIPELINE_VERSION`. docs/method.md 6.6 lists the limits, and pages repeat some of them
+//! (`static/parts/live/seen_level.js`; a test compares them).
 
 use super::{QualityCause, Severity};
 use crate::motion::features::{FeatureSettings, MOVEMENT_END_RATIO};

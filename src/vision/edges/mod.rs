@@ -1,4 +1,4 @@
-//! Band candidate in; borders, midline and band ends out, to a fraction of a pixel (METHOD 3.2–3.5).
+//! Band candidate in; borders and band ends out, to a fraction of a pixel (METHOD 3.2–3.5).
 //!
 //! First coarsely, with the colour table: scan lines across the region ([`scan_lines`]) and robust lines through their
 //! border points ([`line_fit`]). Then finely: short chords along the outline of the tube fitted to the coarse lines
