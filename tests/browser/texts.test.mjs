@@ -140,6 +140,12 @@ test('German texts use German quotation marks, dashes and ellipses', () => {
   }
 });
 
+test('every reason for a missing position has words in both languages', () => {
+  const names = [...source('vision/reason.rs').matchAll(/^            MissReason::[A-Za-z]+ => "([a-z_]+)",$/gm)].map(([, name]) => name);
+  assert.ok(names.length >= 17, `${names.length} reasons found in the source`);
+  for (const texts of [en, de]) assert.deepEqual(names.filter(name => !(name in texts.session.reasons)), []);
+});
+
 /** The source of the features, without tests. */
 const featureSource = sources.filter(([name]) => /^motion\/features\/\w+\.rs$/.test(name)).map(([, text]) => text).join('\n');
 
