@@ -6,19 +6,19 @@
 use std::fs;
 use std::path::Path;
 use std::process::Command;
-use std::sync::Arc;
 
 use reqwest::StatusCode;
 use serde_json::Value;
-use trocar::time::SystemClock;
+use trocar::time::ManualClock;
 
 use crate::process::program;
 use crate::support::Service;
 
-/// The folders that are kept, oldest first.
-const RELEASES: [&str; 1] = ["data_pipeline_11"];
+/// The folders that are kept, oldest first, and a time of the day on which each was made (Unix, ms): some answers, as a
+/// box's light of today, depend on the date.
+const RELEASES: [(&str, i64); 1] = [("data_pipeline_11", 1_795_719_600_000)];
 
-/// What may change between releases: sentences for people, the answer's own time, and what depends on today's date.
+/// What may change between releases: sentences for people, and the answer's own time.
 const FREE: [&str; 12] = [
     "title",
     "detail",
@@ -41,14 +41,15 @@ const CHANGED: [(&str, &str, &str, &str); 1] =
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_old_data_folder_migrates_and_answers_as_before() {
-    for release in RELEASES {
+    for (release, made_ms) in RELEASES {
         let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
         let folder = tempfile::tempdir().unwrap();
         unpack(&fixtures.join(format!("{release}.tar.gz")), folder.path());
         let kept: Value = serde_json::from_slice(&fs::read(folder.path().join("answers.json")).unwrap()).unwrap();
         let data = folder.path().join("data");
 
-        let service = Service::start_in(folder, Arc::new(SystemClock), |settings| settings.data = data.clone()).await;
+        let service =
+            Service::start_in(folder, ManualClock::at(made_ms), |settings| settings.data = data.clone()).await;
         let client = service.sign_in("administrator", kept["password"].as_str().unwrap()).await;
         let mut differences = Vec::new();
         for (path, old) in kept["answers"].as_object().unwrap() {

@@ -11,6 +11,9 @@
 //! | [`accept`] | does the measurement agree with the tool's motion? | measurement → track |
 //! | [`learn`] | what are edge shape, band length, fulcrum and hand side? | accepted measurement → next frames |
 //!
+//! The position in mm is computed by [`joint_fit::fit`](crate::vision::pose::joint_fit::fit), which [`measure`] reaches
+//! through [`band_fit`] and [`refine`].
+//!
 //! A band that is measured at its expected place need not be found ([`search`]). After the last frame
 //! [`second_pass`] processes all measurements again.
 
