@@ -5,8 +5,8 @@
 //! queued ───────────▶ running ───────────▶ done
 //!   ▲ ▲                │ │ │    fail
 //!   │ └─── release ────┘ │ └─────────────▶ failed ──────────┐
-//!   ├──── crash, 1st 2nd ┤                                  │
-//!   │                    └─ crash, 3rd ──▶ quarantined ─────┤
+//!   ├─── crash, not last ┤                                  │
+//!   │                    └─ crash, last ─▶ quarantined ─────┤
 //!   └───────────────────── retry by a person ───────────────┘
 //! ```
 //! `failed`: the job cannot be done, and the problem says why (not a video, no marker colour). `quarantined`: the
