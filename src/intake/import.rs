@@ -24,13 +24,17 @@ const MEDIA_TYPE: &str = "text/csv";
 
 /// A permit to hold one table in memory.
 #[derive(Debug)]
-pub struct ImportPermit(#[allow(dead_code, reason = "held until the table is read")] OwnedSemaphorePermit);
+pub struct ImportPermit {
+    /// Held until the table is read.
+    _permit: OwnedSemaphorePermit,
+}
 
 impl Intake {
     /// Acquires a permit for one more table; call it before reading a byte of the table.
     pub fn acquire_import_permit(&self) -> IntakeResult<ImportPermit> {
         let permit = self.imports.clone().try_acquire_owned();
-        permit.map(ImportPermit).map_err(|_| IntakeError::TooManyImports { most: MAX_CONCURRENT_IMPORTS })
+        let too_many = |_| IntakeError::TooManyImports { most: MAX_CONCURRENT_IMPORTS };
+        permit.map(|permit| ImportPermit { _permit: permit }).map_err(too_many)
     }
 
     /// Maximum size of a table, bytes.
