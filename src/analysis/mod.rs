@@ -6,7 +6,8 @@
 //!    ▲                                       │ records
 //!    └── save (one transaction) ◀── assess ◀── OutputValidator (checks every record)
 //! ```
-//! The claim is in `worker.rs`, `assess` in `results.rs`, the save in `store::jobs::finish`.
+//! The worker's loop is in `worker.rs`, the claim in `queue`, `assess` in `results.rs`, the save in
+//! `store::jobs::finish`.
 //!
 //! Only the child touches pixels. The parent receives numbers and checks every one of them. A stored path, or a path
 //! that another tracker sent, has no pixels: `rescore.rs` assesses it without a child. Photos and frames for a user who
