@@ -73,3 +73,7 @@ pub mod upkeep;
 pub mod commands;
 pub mod http;
 pub mod settings;
+
+#[cfg(test)]
+#[path = "../tests/integration/resources.rs"]
+mod test_resources;

@@ -144,7 +144,15 @@ pub enum SettingsError {
 pub const DATABASE_FILE: &str = "trocar.db";
 
 /// Variables with our prefix that are not settings: they choose the settings file, or belong to tests and logging.
-const OTHER_VARIABLES: [&str; 4] = ["TROCAR_SETTINGS", "TROCAR_LOG", "TROCAR_SHARED", "TROCAR_TEST"];
+const OTHER_VARIABLES: [&str; 7] = [
+    "TROCAR_SETTINGS",
+    "TROCAR_LOG",
+    "TROCAR_SHARED",
+    "TROCAR_TEST",
+    "TROCAR_GOLDEN",
+    "TROCAR_SKIPS",
+    "TROCAR_MUST_NOT_SKIP",
+];
 const PREFIX: &str = "TROCAR_";
 
 impl Settings {

@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::child::tracking::shared;
 use crate::process::program;
+use crate::resources::shared;
 
 /// The two ways to track a recording: the name in the file names, and the flag.
 const MODES: [(&str, Option<&str>); 2] = [("smoothed", None), ("causal", Some("--causal"))];
@@ -109,9 +109,7 @@ impl Source {
                 Some(Files { camera, annotations, video })
             }
             Self::Shared { camera, annotations, video } => {
-                let shared = shared()?;
-                let [camera, annotations, video] = [camera, annotations, video].map(|file| shared.join(file));
-                video.exists().then_some(Files { camera, annotations, video })
+                Some(Files { camera: shared(camera)?, annotations: shared(annotations)?, video: shared(video)? })
             }
         }
     }
@@ -120,15 +118,14 @@ impl Source {
 #[test]
 fn paths_and_features_of_ten_clips_are_the_same_to_the_last_byte() {
     if !rounds_like_the_golden_files() {
-        eprintln!("SKIPPED: golden files: they hold for x86-64 with FMA only");
+        crate::resources::skip("x86-64 with FMA, for which the golden files hold");
         return;
     }
     let mut differences = Vec::new();
     for (name, source) in &CLIPS {
         let folder = tempfile::tempdir().unwrap();
         let Some(files) = source.files(folder.path()) else {
-            eprintln!("SKIPPED: golden files of {name}: the shared data is absent");
-            continue;
+            continue; // reported as skipped
         };
         for (mode, flag) in MODES {
             let (path, features) = measure(&folder, &files, flag);

@@ -18,6 +18,7 @@ mod planted;
 mod process;
 mod quality;
 mod readme;
+mod resources;
 mod same_colour;
 mod schema;
 mod skill;

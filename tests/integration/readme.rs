@@ -8,7 +8,7 @@ use crate::process::Process;
 fn the_transcript_of_the_readme_works_as_printed() {
     if Command::new("curl").arg("--version").output().is_err() || Command::new("jq").arg("--version").output().is_err()
     {
-        eprintln!("SKIPPED: the README's transcript needs curl and jq; `make test` installs them");
+        crate::resources::skip("curl or jq; `make test` installs them");
         return;
     }
     let folder = tempfile::tempdir().unwrap();

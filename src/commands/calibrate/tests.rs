@@ -6,19 +6,9 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::domain::files::camera::CameraFile;
+use crate::test_resources::shared;
 use crate::vision::camera::Camera;
 use crate::vision::space::Pixel;
-
-fn shared(part: &str) -> Option<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let places = [std::env::var_os("TROCAR_SHARED").map(PathBuf::from), Some(root.join("../shared"))];
-    let places = places.into_iter().flatten().chain([root.join("../../shared")]);
-    let found = places.map(|p| p.join(part)).find(|p| p.exists());
-    if found.is_none() {
-        eprintln!("SKIPPED: {part} is not beside this checkout (set TROCAR_SHARED)");
-    }
-    found
-}
 
 fn photos(folder: &Path) -> Vec<PathBuf> {
     let is_photo = |p: &PathBuf| p.extension().is_some_and(|e| e == "jpg" || e == "png");

@@ -111,25 +111,16 @@ impl SampleCollector<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_resources::shared;
     use crate::vision::segmentation::colour_table::ColourTable;
     use crate::vision::segmentation::knn::Knn;
-
-    fn shared() -> Option<PathBuf> {
-        let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let named = std::env::var_os("TROCAR_SHARED").map(PathBuf::from);
-        let beside = ["../shared", "../../shared"].map(|p| here.join(p));
-        named.into_iter().chain(beside).find(|p| p.join("scenes").is_dir())
-    }
 
     /// Error of the quantised table, on every pixel that tracking would look up.
     #[test]
     fn the_table_agrees_with_exact_neighbours_on_nearly_all_real_pixels() {
-        let Some(shared) = shared() else {
-            eprintln!("SKIPPED: no shared scenes; set TROCAR_SHARED");
-            return;
-        };
+        let Some(scenes) = shared("scenes") else { return };
         for scene in ["V1", "V2"] {
-            let folder = shared.join("scenes").join(scene);
+            let folder = scenes.join(scene);
             let (annotations, video) = (folder.join("annotations.json"), folder.join("video.mp4"));
             let marked = AnnotationsFile::parse(&fs::read_to_string(&annotations).unwrap()).unwrap();
             let samples = ClipMarks::new(&marked, &annotations, &video).collect(&mut StageClock::start()).unwrap();

@@ -36,7 +36,7 @@ impl Drop for SmallDisk {
 async fn an_upload_that_meets_a_full_disk_continues_once_there_is_space() {
     let folder = tempfile::tempdir().unwrap();
     let Some(_disk) = SmallDisk::mount(folder.path(), 64) else {
-        eprintln!("SKIPPED: mounting a small file system needs more rights");
+        crate::resources::skip("the right to mount a small file system");
         return;
     };
     let filler = folder.path().join("filler");

@@ -6,8 +6,9 @@ use trocar::domain::palette::ColourGrade;
 use trocar::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
 
 use super::clips::ffmpeg;
-use super::tracking::{SharedScene, shared};
+use super::tracking::SharedScene;
 use super::*;
+use crate::resources::shared;
 
 fn ask(work: ChildWork, inputs: &[PathBuf]) -> Result<ChildOutput, AttemptFailure> {
     let attempt = ChildAttempt {
@@ -37,8 +38,8 @@ fn problem(result: Result<ChildOutput, AttemptFailure>) -> String {
 
 #[test]
 fn photos_of_a_board_become_a_camera() {
-    let Some(shared) = shared() else { return };
-    let folder = std::fs::read_dir(shared.join("scenes/calib/V")).unwrap();
+    let Some(folder) = shared("scenes/calib/V") else { return };
+    let folder = std::fs::read_dir(folder).unwrap();
     let mut photos: Vec<PathBuf> = folder.map(|entry| entry.unwrap().path()).collect();
     photos.retain(|path| path.extension().is_some_and(|e| e == "jpg" || e == "png"));
     photos.sort();

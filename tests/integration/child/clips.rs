@@ -16,7 +16,7 @@ pub fn ffmpeg(arguments: &str, out: &Path) -> Option<PathBuf> {
             Some(out.to_owned())
         }
         Err(error) => {
-            eprintln!("SKIPPED: the ffmpeg program cannot be run ({error}); install it to make test clips");
+            crate::resources::skip(format_args!("the ffmpeg program ({error}); `make test` installs it"));
             None
         }
     }

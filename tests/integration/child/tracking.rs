@@ -11,18 +11,7 @@ use trocar::vision::tracker::{MAX_WARM_UP_FRAMES, Tracker, TrackerSettings, Trac
 use trocar::vision::trajectory::PathKind;
 
 use super::*;
-
-/// The folder of shared data, if it is available.
-pub fn shared() -> Option<PathBuf> {
-    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let places = std::env::var_os("TROCAR_SHARED").map(PathBuf::from).into_iter();
-    let mut places = places.chain(["../shared", "../../shared"].map(|place| manifest.join(place)));
-    let found = places.find(|place| place.join("scenes").is_dir());
-    if found.is_none() {
-        eprintln!("SKIPPED: no shared scenes; set TROCAR_SHARED to the folder that holds scenes/");
-    }
-    found
-}
+use crate::resources::shared;
 
 /// One of the shared rendered scenes.
 pub struct SharedScene {
@@ -34,8 +23,7 @@ pub struct SharedScene {
 impl SharedScene {
     /// The scene of this name; `None` if the shared data is not available.
     pub fn find(name: &str) -> Option<Self> {
-        let shared = shared()?;
-        let folder = shared.join("scenes").join(name);
+        let folder = shared("scenes")?.join(name);
         let text = |file: &str| std::fs::read_to_string(folder.join(file)).unwrap();
         let annotations = AnnotationsFile::parse(&text("annotations.json")).unwrap();
         let camera = CameraFile::parse(&text("camera_true.json")).unwrap();

@@ -24,7 +24,7 @@ async fn no_acknowledgement_leaves_before_its_bytes_and_names_were_synced() {
     let data = folder.path().join("data");
     let centre = Centre::open_bare(folder, data.clone(), |_| ()).await;
     let Some(trace) = Trace::begin(&centre, &data) else {
-        eprintln!("SKIPPED: strace cannot trace the service here; Debian's package of the same name installs it");
+        crate::resources::skip("strace, or the right to trace the service; `make test` installs it");
         return;
     };
     let clip = std::fs::read(centre.scene("clip.mp4")).unwrap();

@@ -157,10 +157,7 @@ fn run(command: &mut Command) -> Option<Vec<u8>> {
             Some(output.stdout)
         }
         Err(error) => {
-            eprintln!(
-                "SKIPPED: {:?} cannot be run ({error}); install ffmpeg to try feeds of H.264",
-                command.get_program()
-            );
+            crate::resources::skip(format_args!("{:?} ({error}); `make test` installs it", command.get_program()));
             None
         }
     }
