@@ -53,6 +53,23 @@ pub enum ViewsError {
         /// Its width and height.
         first_size: (u32, u32),
     },
+    /// A photo was turned for display by another angle than the first. A camera's centre is not in the middle of its
+    /// picture, so a photo that is turned by itself shows another camera.
+    #[error(
+        "photo {name} is turned by its orientation tag (EXIF {turn}), {first_name} has EXIF {first_turn}: hold the camera \
+         the same way for all photos, as it is for recordings, or remove the tag from photos whose pixels are right as \
+         stored"
+    )]
+    TurnDiffers {
+        /// The photo that differs.
+        name: String,
+        /// Its EXIF orientation, 1 to 8.
+        turn: u8,
+        /// Name of the first photo.
+        first_name: String,
+        /// Its EXIF orientation.
+        first_turn: u8,
+    },
     /// The video cannot be read.
     #[error("video {name}: {source}")]
     Video {
@@ -80,10 +97,16 @@ pub fn views_of_photos<R: BufRead + Seek>(
         return Err(ViewsError::Count(count));
     }
     let mut views: Vec<BoardView> = Vec::with_capacity(count);
-    let mut first_size = None;
+    let (mut first_size, mut first_turn) = (None, None);
     for (name, bytes) in photos {
         let luma =
             photo::read_luma(bytes, limits).map_err(|source| ViewsError::Photo { name: name.clone(), source })?;
+        let turn = luma.orientation().to_exif();
+        let first = *first_turn.get_or_insert(turn);
+        if let Some(first_view) = views.first().filter(|_| first != turn) {
+            let first_name = first_view.name.clone();
+            return Err(ViewsError::TurnDiffers { name, turn, first_name, first_turn: first });
+        }
         let size = (luma.width(), luma.height());
         let first = *first_size.get_or_insert(size);
         if let Some(first_view) = views.first().filter(|_| first != size) {

@@ -87,6 +87,13 @@ pub enum MediaError {
     /// A pixel format that cannot be converted to planar YUV.
     #[error("pixel format {0} cannot be converted")]
     PixelFormat(String),
+    /// Codes of high dynamic range. The tracker takes codes for those of standard video, so colours and the light at
+    /// edges would both be wrong.
+    #[error(
+        "the recording has high dynamic range ({0}), which cannot be measured: switch off HDR video in the settings of \
+         the camera or its app, and record again"
+    )]
+    HighDynamicRange(&'static str),
     /// Not a photo, or a damaged one.
     #[error("not a photo that can be read ({0}); accepted are JPEG and PNG")]
     Photo(String),

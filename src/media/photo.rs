@@ -7,6 +7,7 @@
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
 
+use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageReader};
 
 use super::file::check_size;
@@ -23,6 +24,7 @@ pub struct Luma {
     data: Vec<u8>,
     width: u32,
     height: u32,
+    orientation: Orientation,
 }
 
 impl Luma {
@@ -41,6 +43,11 @@ impl Luma {
     pub fn height(&self) -> u32 {
         self.height
     }
+
+    /// How its stored pixels were turned or mirrored for display.
+    pub fn orientation(&self) -> Orientation {
+        self.orientation
+    }
 }
 
 /// True if a file with these first bytes is a photo of any format, and not a video.
@@ -51,9 +58,9 @@ pub fn is_photo(first_bytes: &[u8]) -> bool {
 /// Reads a JPEG or PNG photo. [`MediaError::Photo`] if it is none or damaged, [`MediaError::OverLimit`] if it is larger
 /// than a recording may be.
 pub fn read_luma(bytes: impl BufRead + Seek, limits: MediaLimits) -> Result<Luma, MediaError> {
-    let picture = decode(bytes, limits)?;
+    let (picture, orientation) = decode(bytes, limits)?;
     let (width, height) = (picture.width(), picture.height());
-    Ok(Luma { data: luma(picture), width, height })
+    Ok(Luma { data: luma(picture), width, height, orientation })
 }
 
 /// The picture of a photo, or the first frame of a video. Errors as [`read_luma`] and [`VideoFile`].
@@ -70,12 +77,13 @@ pub fn first_picture(mut file: File, limits: MediaLimits) -> Result<Picture, Med
 
 /// Reads a JPEG or PNG photo in colour, as the frame of this number in a recording. Errors as [`read_luma`].
 pub fn read_picture(bytes: impl BufRead + Seek, index: u64, limits: MediaLimits) -> Result<Picture, MediaError> {
-    let rgb = decode(bytes, limits)?.into_rgb8();
+    let rgb = decode(bytes, limits)?.0.into_rgb8();
     let (width, height) = rgb.dimensions();
     Ok(Picture::from_rgb(rgb.as_raw(), width as usize, height as usize, index))
 }
 
-fn decode(bytes: impl BufRead + Seek, limits: MediaLimits) -> Result<DynamicImage, MediaError> {
+/// The picture as displayed, and how it was turned for that.
+fn decode(bytes: impl BufRead + Seek, limits: MediaLimits) -> Result<(DynamicImage, Orientation), MediaError> {
     let mut reader = ImageReader::new(bytes).with_guessed_format().map_err(unreadable)?;
     let mut bounds = image::Limits::default();
     bounds.max_alloc = Some(MAX_BYTES);
@@ -86,7 +94,7 @@ fn decode(bytes: impl BufRead + Seek, limits: MediaLimits) -> Result<DynamicImag
     let orientation = decoder.orientation().map_err(unreadable)?;
     let mut picture = DynamicImage::from_decoder(decoder).map_err(unreadable)?;
     picture.apply_orientation(orientation);
-    Ok(picture)
+    Ok((picture, orientation))
 }
 
 /// Luma of a picture. Grey pictures stay unchanged; colour uses the weights of BT.601, which give the Y stored in a
@@ -152,7 +160,7 @@ mod tests {
         encoder.write_image(picture.as_raw(), 32, 16, ExtendedColorType::L8).unwrap();
         bytes.rewind().unwrap();
         let luma = read_luma(bytes, MediaLimits::default()).unwrap();
-        assert_eq!((luma.width(), luma.height()), (16, 32));
+        assert_eq!((luma.width(), luma.height(), luma.orientation().to_exif()), (16, 32, 6));
         assert!(luma.plane().at(8, 2) < 60 && luma.plane().at(8, 29) > 180);
     }
 

@@ -68,6 +68,7 @@ impl PictureMaker {
     /// The decoded picture, or its first field if interlaced; nothing is copied if it is planar, of 8 bits, progressive
     /// and upright.
     pub(super) fn make(&mut self, decoded: frame::Video, index: u64, time_s: f64) -> Result<Picture, MediaError> {
+        check_dynamic_range(&decoded)?;
         let first_line = decoded.is_interlaced().then(|| usize::from(!decoded.is_top_first()));
         let planar = self.planar(decoded)?;
         Ok(self.picture_of(planar, first_line, index, time_s))
@@ -146,6 +147,15 @@ unsafe impl Send for Scaler {}
 
 fn chroma_shift(format: format::Pixel) -> (u8, u8) {
     format.descriptor().map_or((0, 0), |d| (d.log2_chroma_w(), d.log2_chroma_h()))
+}
+
+/// Refuses the transfer functions of high dynamic range (ITU-R BT.2100).
+fn check_dynamic_range(video: &frame::Video) -> Result<(), MediaError> {
+    match video.color_transfer_characteristic() {
+        color::TransferCharacteristic::SMPTE2084 => Err(MediaError::HighDynamicRange("PQ")),
+        color::TransferCharacteristic::ARIB_STD_B67 => Err(MediaError::HighDynamicRange("HLG")),
+        _ => Ok(()),
+    }
 }
 
 fn is_planar_8_bit(format: format::Pixel) -> bool {
@@ -234,6 +244,23 @@ mod tests {
             codes.for_each(|(line, code)| line.fill(code));
         }
         PlanarFrame { frame, is_converted: false }
+    }
+
+    #[test]
+    fn high_dynamic_range_is_refused_by_name_and_unlabelled_video_is_not() {
+        let made = |transfer: color::TransferCharacteristic| {
+            let mut frame = lined(format::Pixel::YUV422P).frame;
+            frame.set_color_transfer_characteristic(transfer);
+            PictureMaker::new(Rotation::None).make(frame, 0, 0.0)
+        };
+        for (transfer, name) in
+            [(color::TransferCharacteristic::SMPTE2084, "PQ"), (color::TransferCharacteristic::ARIB_STD_B67, "HLG")]
+        {
+            let refused = made(transfer).err().unwrap().to_string();
+            assert!(refused.contains(name) && refused.contains("switch off HDR"), "{refused}");
+        }
+        assert!(made(color::TransferCharacteristic::BT709).is_ok());
+        assert!(made(color::TransferCharacteristic::Unspecified).is_ok());
     }
 
     #[test]

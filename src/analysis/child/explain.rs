@@ -27,6 +27,7 @@ impl ToProblem for MediaError {
             MediaError::Memory => ("too-much-memory", "The recording needs too much memory"),
             MediaError::Photo(_) => ("not-a-photo", "The file is not a readable photo"),
             MediaError::PixelFormat(_) => ("pixel-format", "The pixel format cannot be used"),
+            MediaError::HighDynamicRange(_) => ("high-dynamic-range", "The recording has high dynamic range"),
             MediaError::Ffmpeg { .. } => ("cannot-decode", "The recording cannot be decoded"),
         };
         Problem::new(slug, title, self.to_string())
@@ -87,6 +88,7 @@ impl ToProblem for ViewsError {
             ViewsError::Count(_) => ("photo-count", "Too few or too many photos"),
             ViewsError::Photo { .. } => ("not-a-photo", "A photo cannot be read"),
             ViewsError::SizeDiffers { .. } => ("photo-sizes-differ", "The photos differ in size"),
+            ViewsError::TurnDiffers { .. } => ("photo-turns-differ", "The photos are turned differently"),
             ViewsError::Video { source, .. } => return source.to_problem(),
         };
         Problem::new(slug, title, self.to_string())

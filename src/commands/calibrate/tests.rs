@@ -1,6 +1,7 @@
 //! The command on published photos with published calibrations, on rendered photos, and on unusable input.
 
-use image::{GrayImage, RgbImage};
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, GrayImage, ImageEncoder, RgbImage};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use tempfile::TempDir;
 
@@ -208,6 +209,28 @@ fn unusable_input_is_refused_in_one_line_with_advice() {
     assert!(one.contains("found in 0 of 1 photos, at least 3"), "{one}");
     let neither = refusal(&[("notes.txt", b"dear diary")]);
     assert!(neither.contains("taken as a video"), "{neither}");
+}
+
+/// A grey photo with this orientation tag, 1 to 8.
+fn tagged_jpeg(orientation: u8) -> Vec<u8> {
+    let mut tag = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
+    tag.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
+    let mut bytes = Vec::new();
+    let mut encoder = JpegEncoder::new_with_quality(&mut bytes, 90);
+    encoder.set_exif_metadata(tag).unwrap();
+    encoder.write_image(&[128; 320 * 240], 320, 240, ExtendedColorType::L8).unwrap();
+    bytes
+}
+
+#[test]
+fn photos_that_are_turned_differently_are_refused_by_name() {
+    let [upright, upside_down, quarter] = [1, 3, 6].map(tagged_jpeg);
+    for (turned, tag) in [(&upside_down, "EXIF 3"), (&quarter, "EXIF 6")] {
+        let text = refusal(&[("a.jpg", &upright), ("b.jpg", turned), ("c.jpg", &upright)]);
+        assert!(text.contains("b.jpg") && text.contains(tag) && text.contains("the same way"), "{text}");
+    }
+    let alike = refusal(&[("a.jpg", &upside_down), ("b.jpg", &upside_down), ("c.jpg", &upside_down)]);
+    assert!(alike.contains("found in 0 of 3"), "one turn for all photos is right: {alike}");
 }
 
 #[test]
