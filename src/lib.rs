@@ -76,4 +76,4 @@ pub mod settings;
 
 #[cfg(test)]
 #[path = "../tests/integration/resources.rs"]
-mod test_resources;
+mod resources;

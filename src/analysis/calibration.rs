@@ -53,12 +53,12 @@ pub enum ViewsError {
         /// Its width and height.
         first_size: (u32, u32),
     },
-    /// A photo was turned for display by another angle than the first. A camera's centre is not in the middle of its
+    /// A photo is turned or mirrored for display in another way than the first. A camera's centre is not in the middle of its
     /// picture, so a photo that is turned by itself shows another camera.
     #[error(
-        "photo {name} is turned by its orientation tag (EXIF {turn}), {first_name} has EXIF {first_turn}: hold the camera \
-         the same way for all photos, as it is for recordings, or remove the tag from photos whose pixels are right as \
-         stored"
+        "the photos' orientation tags differ: photo {name} has EXIF {turn}, {first_name} has EXIF {first_turn}; hold the \
+         camera the same way for all photos, as it is for recordings, or remove the tag from photos whose pixels are \
+         right as stored"
     )]
     TurnDiffers {
         /// The photo that differs.

@@ -44,7 +44,7 @@ mod tests {
     fn a_thread_uses_its_slice_length_and_passes_it_to_new_threads() {
         let own = || scheduling_attributes().unwrap().sched_runtime;
         if own() == 0 {
-            return crate::test_resources::skip("slices of this kernel (Linux 6.12 has them)");
+            return crate::resources::skip("slices of this kernel (Linux 6.12 has them)");
         }
         let (first, inherited) = std::thread::spawn(move || {
             set_length(20_000_000);

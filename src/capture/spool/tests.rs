@@ -143,7 +143,7 @@ fn a_file_that_has_no_room_for_its_first_record_is_none() {
         output.is_ok_and(|output| output.status.success())
     };
     if !in_the_disk("mount", &["-t", "tmpfs", "-o", "size=4m", "tmpfs"]) {
-        crate::test_resources::skip("the right to mount a small file system");
+        crate::resources::skip("the right to mount a small file system");
         return;
     }
     let mut spool = Spool::open(&disk.path().join("spool"), 8 * 500_000).unwrap();

@@ -7,7 +7,7 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::domain::files::camera::CameraFile;
-use crate::test_resources::shared;
+use crate::resources::shared;
 use crate::vision::camera::Camera;
 use crate::vision::space::Pixel;
 

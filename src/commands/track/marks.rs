@@ -111,7 +111,7 @@ impl SampleCollector<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_resources::shared;
+    use crate::resources::shared;
     use crate::vision::segmentation::colour_table::ColourTable;
     use crate::vision::segmentation::knn::Knn;
 

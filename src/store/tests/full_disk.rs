@@ -77,7 +77,7 @@ async fn sign_in(store: &Store) -> (PersonRecord, SecretHash, SecretHash) {
 #[tokio::test]
 async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is_room() {
     let Some(disk) = SmallDisk::mount(16 << 20) else {
-        crate::test_resources::skip("the right to mount a small file system");
+        crate::resources::skip("the right to mount a small file system");
         return;
     };
     let clock = ManualClock::at(1_000);
