@@ -27,7 +27,7 @@ mod picture_maker;
 mod read_ahead;
 mod source;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 
 pub use encode::{EncodeError, SampleFormat, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
 pub use feed_decoder::FeedDecoder;

@@ -121,19 +121,13 @@ mod tests {
     use image::{ExtendedColorType, GrayImage, ImageEncoder, ImageFormat, Luma as Grey, Rgb, RgbImage};
 
     use super::*;
+    use crate::media::testing::exif;
 
     fn png(picture: &DynamicImage) -> Cursor<Vec<u8>> {
         let mut bytes = Cursor::new(Vec::new());
         picture.write_to(&mut bytes, ImageFormat::Png).unwrap();
         bytes.rewind().unwrap();
         bytes
-    }
-
-    /// The smallest EXIF block with an orientation.
-    fn exif(orientation: u8) -> Vec<u8> {
-        let mut block = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
-        block.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
-        block
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Recordings for this folder's tests, and hashes of their frames.
+//! Recordings and EXIF blocks for tests, and hashes of frames.
 
 use std::fs::File;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -59,4 +59,11 @@ pub(super) fn seen(frame: &Frame<'_>) -> (u64, f64, u64) {
 pub(super) fn all(recording: &Arc<[u8]>) -> Vec<(u64, f64, u64)> {
     let mut video = open(recording, MediaLimits::default());
     std::iter::from_fn(|| video.next_picture().unwrap()).map(|picture| seen(&picture.frame())).collect()
+}
+
+/// The smallest EXIF block with an orientation, 1 to 8.
+pub fn exif(orientation: u8) -> Vec<u8> {
+    let mut block = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
+    block.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
+    block
 }

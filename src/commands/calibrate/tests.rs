@@ -7,6 +7,7 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::domain::files::camera::CameraFile;
+use crate::media::testing::exif;
 use crate::resources::shared;
 use crate::vision::camera::Camera;
 use crate::vision::space::Pixel;
@@ -213,11 +214,9 @@ fn unusable_input_is_refused_in_one_line_with_advice() {
 
 /// A grey photo with this orientation tag, 1 to 8.
 fn tagged_jpeg(orientation: u8) -> Vec<u8> {
-    let mut tag = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
-    tag.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
     let mut bytes = Vec::new();
     let mut encoder = JpegEncoder::new_with_quality(&mut bytes, 90);
-    encoder.set_exif_metadata(tag).unwrap();
+    encoder.set_exif_metadata(exif(orientation)).unwrap();
     encoder.write_image(&[128; 320 * 240], 320, 240, ExtendedColorType::L8).unwrap();
     bytes
 }
