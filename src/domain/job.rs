@@ -42,6 +42,26 @@ named! {
 }
 
 named! {
+    /// What a job works on.
+    JobSubject: "subject of a job" {
+        /// A session.
+        Session = "session",
+        /// A box.
+        Box = "box",
+    }
+}
+
+impl JobKind {
+    /// What jobs of this kind work on. The store refuses a job of the kind on another subject.
+    pub fn subject(self) -> JobSubject {
+        match self {
+            Self::Track | Self::Import | Self::Rescore => JobSubject::Session,
+            Self::Calibrate | Self::Palette | Self::Advise | Self::SelfTest => JobSubject::Box,
+        }
+    }
+}
+
+named! {
     /// State of a job.
     JobState: "job state" {
         /// Waits for a worker.
@@ -226,7 +246,7 @@ pub struct JobFacts {
     pub kind: JobKind,
     /// Its usual priority.
     pub priority: JobPriority,
-    /// The session that it works on, if any. The row of the kind in `job_kind` says whether it has one.
+    /// The session that it works on, if any: see [`JobKind::subject`].
     pub session: Option<SessionId>,
     /// The box that it works on, if any; every job works on a session or on a box.
     pub of_box: Option<BoxId>,

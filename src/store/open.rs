@@ -1,4 +1,5 @@
-//! Opens the database: sets and verifies the settings that durability depends on, then migrates the schema.
+//! Opens the database: sets and verifies the settings that durability depends on, migrates the schema, then adds the
+//! program's kinds of jobs.
 
 use std::path::Path;
 use std::time::Duration;
@@ -9,6 +10,7 @@ use sqlx::{ConnectOptions, Connection, SqlitePool};
 
 use super::StoreSettings;
 use super::error::{StoreError, StoreResult};
+use crate::domain::job::JobKind;
 
 static MIGRATIONS: Migrator = sqlx::migrate!("./migrations");
 
@@ -43,7 +45,26 @@ pub(super) async fn open_writer(path: &Path, settings: &StoreSettings) -> StoreR
             "its schema does not match this program ({error}); was it created by a newer version?"
         ))
     })?;
+    store_job_kinds(&mut connection).await?;
     Ok(connection)
+}
+
+const INSERT_JOB_KIND: &str = "INSERT INTO job_kind (name, subject) VALUES ($1, $2)";
+
+const SELECT_JOB_KINDS: &str = "SELECT name FROM job_kind";
+
+/// Adds the kinds of jobs that the database does not have yet. Fails if it has one that this program does not know.
+async fn store_job_kinds(connection: &mut SqliteConnection) -> StoreResult<()> {
+    let stored: Vec<String> = sqlx::query_scalar(SELECT_JOB_KINDS).fetch_all(&mut *connection).await?;
+    if let Some(unknown) = stored.iter().find(|name| name.parse::<JobKind>().is_err()) {
+        return Err(StoreError::Unusable(format!(
+            "it has jobs of the kind `{unknown}`, which this program does not know; was it created by a newer version?"
+        )));
+    }
+    for kind in JobKind::ALL.iter().filter(|kind| !stored.iter().any(|name| name == kind.name())) {
+        sqlx::query(INSERT_JOB_KIND).bind(kind.name()).bind(kind.subject().name()).execute(&mut *connection).await?;
+    }
+    Ok(())
 }
 
 /// Page cache of each reading connection, in SQLite's notation: minus KiB. A cohort query reads 10 MiB; with the

@@ -153,6 +153,26 @@ async fn the_database_has_each_job_kind_and_no_other() {
 }
 
 #[tokio::test]
+async fn a_kind_of_job_that_the_database_lacks_is_added_when_it_is_opened() {
+    let centre = TestCentre::new().await;
+    let (raw, path) = (&mut raw(&centre).await, centre.folder.path().join("trocar.sqlite"));
+    sqlx::query("DELETE FROM job_kind WHERE name = 'advise'").execute(&mut *raw).await.unwrap();
+    let _opened = Store::open(&path, &StoreSettings::default(), centre.clock.clone()).await.unwrap();
+    let subject = "SELECT subject FROM job_kind WHERE name = 'advise'";
+    assert_eq!(sqlx::query_scalar::<_, String>(subject).fetch_one(raw).await.unwrap(), "box");
+}
+
+#[tokio::test]
+async fn a_database_with_a_kind_of_job_of_a_newer_program_is_refused() {
+    let centre = TestCentre::new().await;
+    let newer = "INSERT INTO job_kind (name, subject) VALUES ('foresee', 'box')";
+    sqlx::query(newer).execute(&mut raw(&centre).await).await.unwrap();
+    let path = centre.folder.path().join("trocar.sqlite");
+    let opened = Store::open(&path, &StoreSettings::default(), centre.clock.clone()).await;
+    assert!(matches!(opened, Err(StoreError::Unusable(why)) if why.contains("`foresee`") && why.contains("newer")));
+}
+
+#[tokio::test]
 async fn a_database_of_a_newer_program_is_refused() {
     let centre = TestCentre::new().await;
     let newer = "INSERT INTO _sqlx_migrations VALUES (9999, 'later', '2027-01-01', TRUE, x'00', 1)";
