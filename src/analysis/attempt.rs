@@ -28,7 +28,7 @@ pub struct ChildAttempt<'a> {
 pub enum AttemptFailure {
     /// The work cannot be done, however often it is tried.
     Impossible(Problem),
-    /// The child crashed, timed out or sent invalid records; another attempt may succeed.
+    /// The child crashed, timed out, sent invalid records or could not be run; another attempt may succeed.
     Crashed(String),
     /// Ended on request.
     Stopped,
@@ -39,33 +39,33 @@ pub fn run_attempt(
     what: ChildAttempt<'_>,
     mut on_event: impl FnMut(ChildEvent),
 ) -> (Result<ChildOutput, AttemptFailure>, Cost) {
-    let mut receipt = OutputValidator::new(&what.request.work, MediaLimits::default());
+    let mut validator = OutputValidator::new(&what.request.work, MediaLimits::default());
     let request = match protocol::encode(&what.request) {
         Ok(bytes) => bytes,
         Err(error) => {
             return (Err(AttemptFailure::Crashed(format!("the request cannot be encoded: {error}"))), Cost::default());
         }
     };
-    let order = ChildSpec { program: what.program, request, inputs: what.inputs };
-    let ended = sandbox::run(order, what.budget, what.stop, |record| {
-        on_event(receipt.validate(record)?);
+    let spec = ChildSpec { program: what.program, request, inputs: what.inputs };
+    let ended = sandbox::run(spec, what.budget, what.stop, |record| {
+        on_event(validator.validate(record)?);
         Ok(())
     });
-    let heard = receipt.into_output();
-    if heard.landlock == Some(false) {
+    let output = validator.into_output();
+    if output.landlock == Some(false) {
         warn_of_missing_landlock();
     }
-    (classify_end(ended.outcome, &ended.stderr_tail, heard), ended.cost)
+    (classify_end(ended.outcome, &ended.stderr_tail, output), ended.cost)
 }
 
 fn classify_end(
     outcome: ChildOutcome,
     stderr_tail: &str,
-    mut heard: ChildOutput,
+    mut output: ChildOutput,
 ) -> Result<ChildOutput, AttemptFailure> {
-    match (outcome, heard.problem.take()) {
+    match (outcome, output.problem.take()) {
         (ChildOutcome::Finished, Some(problem)) => Err(AttemptFailure::Impossible(problem)),
-        (ChildOutcome::Finished, None) if heard.done => Ok(heard),
+        (ChildOutcome::Finished, None) if output.done => Ok(output),
         (ChildOutcome::Finished, None) => Err(AttemptFailure::Crashed("ended without reporting a result".into())),
         (ChildOutcome::Stopped, _) => Err(AttemptFailure::Stopped),
         (ChildOutcome::OutOfMemory(known_by), _) => Err(AttemptFailure::Impossible(out_of_memory_problem(known_by))),

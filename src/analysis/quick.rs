@@ -76,8 +76,8 @@ impl QuickAnalysis {
     /// Looks for a board in a photo.
     pub async fn check_photo(&self, board: BoardSize, photo: &NamedBlob) -> Result<PhotoCheck, QuickAnalysisError> {
         let board = RequestedBoard { columns: board.columns, rows: board.rows, square_mm: SQUARE_MM };
-        let heard = self.run(ChildWork::Check(CheckWork(board)), std::slice::from_ref(photo)).await?;
-        heard.photo_check.ok_or_else(|| QuickAnalysisError::Crashed("sent no result for the photo".to_owned()))
+        let output = self.run(ChildWork::Check(CheckWork(board)), std::slice::from_ref(photo)).await?;
+        output.photo_check.ok_or_else(|| QuickAnalysisError::Crashed("sent no result for the photo".to_owned()))
     }
 
     /// Shows the pixels that these marks classify as tape on these frames; file `n` shows frame `frames[n]`.
@@ -90,10 +90,10 @@ impl QuickAnalysis {
         let work = job_plan::palette_work(annotations, None).map_err(QuickAnalysisError::Problem)?;
         let PaletteWork { marks, tools, .. } = work;
         let colours = colours_of(&tools);
-        let heard = self.run(ChildWork::Mask(MaskWork { marks, tools, frames: frames.to_vec() }), files).await?.mask;
-        match heard.report {
-            Some(report) if heard.masks.len() == frames.len() => {
-                Ok(PalettePreview { colours, frames: heard.masks, report })
+        let output = self.run(ChildWork::Mask(MaskWork { marks, tools, frames: frames.to_vec() }), files).await?.mask;
+        match output.report {
+            Some(report) if output.masks.len() == frames.len() => {
+                Ok(PalettePreview { colours, frames: output.masks, report })
             }
             _ => Err(QuickAnalysisError::Crashed("did not send a mask for every frame".to_owned())),
         }
@@ -117,7 +117,7 @@ impl QuickAnalysis {
             () = self.shutdown.begun() => { stop.0.pull(); child.await }
         };
         match ended {
-            Ok(Ok(heard)) => Ok(heard),
+            Ok(Ok(output)) => Ok(output),
             Ok(Err(AttemptFailure::Impossible(problem))) => Err(QuickAnalysisError::Problem(problem)),
             Ok(Err(AttemptFailure::Crashed(why))) => Err(QuickAnalysisError::Crashed(why)),
             Ok(Err(AttemptFailure::Stopped)) => Err(QuickAnalysisError::Busy),

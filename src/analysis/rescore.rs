@@ -155,8 +155,8 @@ fn assess_stored_tracking(
     if paths.tracking.is_none() {
         return Err(RescoreError::NoTrackingSummary);
     }
-    let left = edits::apply_edits(&paths, &edits.changes, &edits::unmeasured_of_diagnostics(seen));
-    Ok(results::assess_tracked(&left, known)?)
+    let edited = edits::apply_edits(&paths, &edits.changes, &edits::unmeasured_of_diagnostics(seen));
+    Ok(results::assess_tracked(&edited, known)?)
 }
 
 /// Assesses the stored path of rows from another tracker.
@@ -165,10 +165,10 @@ fn assess_stored_import(blob: &[u8], frames: u64, edits: &EditsInForce) -> Resul
 }
 
 fn assess_import(paths: &SessionPaths, frames: u64, edits: &EditsInForce) -> Result<AssessmentRows, ProductError> {
-    let left = edits::apply_edits(paths, &edits.changes, &[]);
+    let edited = edits::apply_edits(paths, &edits.changes, &[]);
     results::assess_imported(
-        &left.trajectory(PathKind::Smoothed),
-        edits::count_remaining_frames(&left, frames, &edits.changes),
+        &edited.trajectory(PathKind::Smoothed),
+        edits::count_remaining_frames(&edited, frames, &edits.changes),
     )
 }
 

@@ -72,9 +72,9 @@ impl TrackResult {
         tools: Vec<String>,
         known: &BoxContext,
         edits: &EditsInForce,
-        heard: ChildOutput,
+        output: ChildOutput,
     ) -> Result<Self, ProductError> {
-        let TrackOutput { recording, raw, filtered, smoothed, quality } = heard.track;
+        let TrackOutput { recording, raw, filtered, smoothed, quality } = output.track;
         let RecordingOutput { size, frames_expected, times_s, seen, preview } = recording;
         let (width, height) = size.ok_or(ProductError::Missing("a picture size"))?;
         let summary = quality.ok_or(ProductError::Missing("a summary"))?;
@@ -89,8 +89,8 @@ impl TrackResult {
             tracking: Some(paths::TrackingSummary { quality: summary, frames_expected }),
             cuts: Vec::new(),
         };
-        let left = edits::apply_edits(&paths, &edits.changes, &edits::unmeasured(&seen));
-        let AssessmentRows { features, evidence, quality } = assess_tracked(&left, known)?;
+        let edited = edits::apply_edits(&paths, &edits.changes, &edits::unmeasured(&seen));
+        let AssessmentRows { features, evidence, quality } = assess_tracked(&edited, known)?;
         Ok(Self {
             versions: versions(input),
             edits: edits.revision,
@@ -196,33 +196,33 @@ fn feature_error(ErrorBar { as_measured, sigma, low, high }: ErrorBar) -> Featur
 }
 
 /// The colours as a box stores them.
-pub(super) fn palette(annotations: &AnnotationsFile, heard: ChildOutput) -> Result<NewPalette, ProductError> {
-    let palette = heard.palette.samples.ok_or(ProductError::Missing("colours"))?;
+pub(super) fn palette(annotations: &AnnotationsFile, output: ChildOutput) -> Result<NewPalette, ProductError> {
+    let palette = output.palette.samples.ok_or(ProductError::Missing("colours"))?;
     let count = |(label, samples)| LabelCount { label, samples };
     Ok(NewPalette {
         tools: annotations.marked_tools().unwrap_or_default().into_iter().map(BoxTool::from).collect(),
         annotations: annotations.clone(),
         counts: palette.counts().into_iter().map(count).collect(),
         samples: store_palette(&palette)?,
-        report: heard.palette.report.ok_or(ProductError::Missing("a report on the colours"))?,
+        report: output.palette.report.ok_or(ProductError::Missing("a report on the colours"))?,
     })
 }
 
 /// Which tapes suit the box.
-pub(super) fn advice(heard: ChildOutput) -> Result<PaletteAdvice, ProductError> {
-    heard.advice.ok_or(ProductError::Missing("advice on tapes"))
+pub(super) fn advice(output: ChildOutput) -> Result<PaletteAdvice, ProductError> {
+    output.advice.ok_or(ProductError::Missing("advice on tapes"))
 }
 
 /// The camera as a box stores it.
-pub(super) fn calibration(is_video: bool, heard: ChildOutput) -> Result<NewCalibration, ProductError> {
-    let camera_json = heard.camera_json.ok_or(ProductError::Missing("a calibration"))?;
+pub(super) fn calibration(is_video: bool, output: ChildOutput) -> Result<NewCalibration, ProductError> {
+    let camera_json = output.camera_json.ok_or(ProductError::Missing("a calibration"))?;
     let source = if is_video { CalibrationSource::Video } else { CalibrationSource::Photos };
     Ok(NewCalibration { camera: CameraFile::parse(&camera_json)?, source })
 }
 
 /// The self-test as a box stores it.
-pub(super) fn self_test(input: &SelfTestInput, heard: ChildOutput) -> Result<NewSelfTest, ProductError> {
-    let report = heard.self_test.ok_or(ProductError::Missing("a self-test"))?;
+pub(super) fn self_test(input: &SelfTestInput, output: ChildOutput) -> Result<NewSelfTest, ProductError> {
+    let report = output.self_test.ok_or(ProductError::Missing("a self-test"))?;
     Ok(NewSelfTest { calibration: input.calibration, palette: input.palette, person: input.person, report })
 }
 
@@ -268,12 +268,12 @@ mod tests {
         let (tools, light) = (vec![tool], vec![]);
         let quality = Some(QualitySummary { frames: FRAMES, frames_interlaced: FRAMES / 2, tools, light });
         let track = TrackOutput { recording, smoothed, quality, ..TrackOutput::default() };
-        let heard = ChildOutput { track, ..ChildOutput::default() };
+        let output = ChildOutput { track, ..ChildOutput::default() };
         let video = Blob::of(b"a recording");
         let (session, calibration, palette) = (SessionId::at(0), CalibrationId::at(0), PaletteId::at(0));
         let known = BoxContext { calibration_rms_px: Some(0.3), ..BoxContext::default() };
         let input = TrackInput { session, video, calibration, palette };
-        TrackResult::new(&input, vec!["orange".into()], &known, &EditsInForce::default(), heard)
+        TrackResult::new(&input, vec!["orange".into()], &known, &EditsInForce::default(), output)
             .unwrap_or_else(|e| panic!("{e}"))
     }
 

@@ -364,7 +364,7 @@ impl From<PushFailure> for ProblemResponse {
             PushError::Stream(problem) => {
                 Refusal::Invalid.with(format!("{}.", capitalised(&problem.detail))).of_field("body")
             }
-            PushError::Closed(farewell) => farewell.into(),
+            PushError::Closed(reason) => reason.into(),
         };
         match session {
             Some(session) => problem.member("session", format!("/api/v1/sessions/{session}")),

@@ -74,8 +74,8 @@ pub async fn feed(
         .max_write_buffer_size(1 << 17);
     Ok(upgrade.on_upgrade(move |socket| async move {
         // Spawned through `shutdown`, so that the service waits for it before it exits.
-        let talk = app.shutdown.spawn(run_and_close(app.clone(), by, in_box, socket));
-        let _ = talk.await; // a panic is logged where it happened
+        let connection = app.shutdown.spawn(run_and_close(app.clone(), by, in_box, socket));
+        let _ = connection.await; // a panic is logged where it happened
         drop(place);
     }))
 }

@@ -68,7 +68,8 @@ impl Intake {
             return Err(IntakeError::TooMany { most });
         }
         let id = UploadId::at(self.clock.now_ms());
-        let _open_until_it_has_a_row = self.vault.create_upload(id).await?;
+        // Open until its row exists: an upload's file that is neither open nor in the database is deleted.
+        let _open_file = self.vault.create_upload(id).await?;
         let ResolvedRecording { trainee, task, in_box, filename, recorded_at_ms } = recording;
         let expires_at_ms = self.expires_at_ms();
         let new = NewUpload { id, trainee, task, in_box, filename, metadata, recorded_at_ms, length, expires_at_ms };

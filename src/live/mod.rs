@@ -257,8 +257,8 @@ enum LiveError {
 }
 
 impl From<CloseReason> for LiveError {
-    fn from(farewell: CloseReason) -> Self {
-        LiveError::Closed(farewell)
+    fn from(reason: CloseReason) -> Self {
+        LiveError::Closed(reason)
     }
 }
 
@@ -267,7 +267,7 @@ impl From<LiveError> for CloseReason {
         match error {
             LiveError::Store(error) => reason_of_store_error(error),
             LiveError::Vault(error) => reason_of_vault_error(error),
-            LiveError::Closed(farewell) => farewell,
+            LiveError::Closed(reason) => reason,
         }
     }
 }

@@ -162,8 +162,8 @@ impl FeedService {
             ended = &mut child => ended,
             () = self.0.shutdown.begun() => { stop.pull(); child.await }
         };
-        let heard = ended.map_err(|panic| AttemptFailure::Crashed(panic.to_string()))??;
-        match heard.assembled {
+        let child_output = ended.map_err(|panic| AttemptFailure::Crashed(panic.to_string()))??;
+        match child_output.assembled {
             Some([frames, left_out]) => tracing::info!(feed = %feed.row.id, frames, left_out, "recording assembled"),
             None => return Err(AttemptFailure::Crashed("sent no result for the recording".to_owned())),
         }

@@ -69,13 +69,13 @@ pub struct ChildSpec<'a> {
 ///
 /// Blocks until the child has ended. It has to: the kernel kills the child when the *thread* that started it ends.
 pub fn run(
-    order: ChildSpec<'_>,
+    spec: ChildSpec<'_>,
     budget: &Budget,
     stop: &StopSwitch,
     on_record: impl FnMut(&[u8]) -> Result<(), String>,
 ) -> ChildEnd {
     let started = Instant::now();
-    match RunningChild::start(order, budget, started) {
+    match RunningChild::start(spec, budget, started) {
         Ok(mut running) => running.supervise(stop, on_record),
         Err(error) => {
             let cost = Cost { wall: started.elapsed(), ..Cost::default() };
@@ -114,14 +114,14 @@ struct ReadyStreams {
 }
 
 impl RunningChild {
-    fn start(order: ChildSpec<'_>, budget: &Budget, started: Instant) -> io::Result<Self> {
-        if order.inputs.len() > MAX_INPUTS {
+    fn start(spec: ChildSpec<'_>, budget: &Budget, started: Instant) -> io::Result<Self> {
+        if spec.inputs.len() > MAX_INPUTS {
             return Err(io::Error::other(format!("more than {MAX_INPUTS} inputs for one child")));
         }
         let (ours, theirs) = UnixStream::pair()?;
         ours.set_nonblocking(true)?;
-        let mut child = Command::new(&order.program.path)
-            .args(&order.program.arguments)
+        let mut child = Command::new(&spec.program.path)
+            .args(&spec.program.arguments)
             .env_clear()
             .current_dir("/")
             .stdin(Stdio::from(OwnedFd::from(theirs)))
@@ -134,7 +134,7 @@ impl RunningChild {
             pid,
             pidfd: pidfd_open(pid, PidfdFlags::empty())?,
             reaped: false,
-            request: Some(OutgoingRequest::new(ours, order.request, order.inputs, budget)),
+            request: Some(OutgoingRequest::new(ours, spec.request, spec.inputs, budget)),
             stdout: child.stdout.take(),
             stderr: child.stderr.take(),
             buffer: vec![0; READ_BYTES].into(),

@@ -68,7 +68,7 @@ pub fn apply_edits(
         rows.sort_by_key(|row| (row.frame, row.tool));
         rows
     };
-    let mut left = SessionPaths {
+    let mut edited = SessionPaths {
         tools: paths.tools.clone(),
         frame_times_s: paths.frame_times_s.iter().copied().filter(|time_s| is_within(*time_s, span)).collect(),
         raw: rows(&paths.raw),
@@ -83,12 +83,12 @@ pub fn apply_edits(
                 .filter(|(_, time_s)| is_within(*time_s, span)),
         ),
     };
-    if let Some(tracking) = &mut left.tracking {
+    if let Some(tracking) = &mut edited.tracking {
         let whole = tracking.quality.frames;
-        tracking.quality = remaining_summary(&tracking.quality, (paths, &left.smoothed), (span, &swaps), unmeasured);
+        tracking.quality = remaining_summary(&tracking.quality, (paths, &edited.smoothed), (span, &swaps), unmeasured);
         tracking.frames_expected = tracking.frames_expected.map(|n| scale_count(n, tracking.quality.frames, whole));
     }
-    left
+    edited
 }
 
 /// One of the paths with these edits applied.
@@ -229,7 +229,7 @@ fn remaining_summary(
 ) -> QualitySummary {
     // Frames are numbered from 0, and each has a time.
     let times = &paths.frame_times_s;
-    let left = |frame: u64| times.get(frame as usize).is_some_and(|time_s| is_within(*time_s, span));
+    let is_kept = |frame: u64| times.get(frame as usize).is_some_and(|time_s| is_within(*time_s, span));
     let frames = times.iter().filter(|time_s| is_within(**time_s, span)).count() as u64;
     let name_at = |tool: u32, frame: u64| times.get(frame as usize).map_or(tool, |time_s| swaps.name_at(tool, *time_s));
     let mut counts = vec![[0u64; 2]; whole.tools.len()];
@@ -239,7 +239,7 @@ fn remaining_summary(
         }
     }
     let mut reasons = vec![BTreeMap::<MissReason, u64>::new(); whole.tools.len()];
-    for (frame, tool, reason) in unmeasured.iter().filter(|(frame, ..)| left(*frame)) {
+    for (frame, tool, reason) in unmeasured.iter().filter(|(frame, ..)| is_kept(*frame)) {
         if let Some(of_tool) = reasons.get_mut(name_at(*tool, *frame) as usize) {
             *of_tool.entry(*reason).or_default() += 1;
         }
@@ -247,7 +247,7 @@ fn remaining_summary(
     let mut gaps = vec![Vec::new(); whole.tools.len()];
     for (index, tool) in whole.tools.iter().enumerate() {
         for &Gap { first, last, absence } in &tool.gaps {
-            let frames = (first..=last).filter(|frame| left(*frame));
+            let frames = (first..=last).filter(|frame| is_kept(*frame));
             frames.for_each(|frame| add_to_gaps(&mut gaps, name_at(index as u32, frame), (frame, absence)));
         }
     }

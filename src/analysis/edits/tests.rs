@@ -90,20 +90,20 @@ fn counts(paths: &SessionPaths, tool: usize) -> [u64; 3] {
 #[test]
 fn a_trim_keeps_the_span_and_counts_only_the_span() {
     let (paths, unmeasured) = paths();
-    let left = apply_edits(&paths, &[EditChange::Trim([4.4, 8.0])], &unmeasured); // frames 110 to 200
-    assert_eq!((left.smoothed.first().unwrap().frame, left.smoothed.last().unwrap().frame), (110, 200));
-    assert_eq!([&left.raw, &left.filtered].map(Vec::len), [left.smoothed.len(); 2]);
-    assert_eq!((left.frame_times_s.len(), left.frame_times_s[0]), (91, 4.4));
-    let quality = &left.tracking.as_ref().unwrap().quality;
+    let edited = apply_edits(&paths, &[EditChange::Trim([4.4, 8.0])], &unmeasured); // frames 110 to 200
+    assert_eq!((edited.smoothed.first().unwrap().frame, edited.smoothed.last().unwrap().frame), (110, 200));
+    assert_eq!([&edited.raw, &edited.filtered].map(Vec::len), [edited.smoothed.len(); 2]);
+    assert_eq!((edited.frame_times_s.len(), edited.frame_times_s[0]), (91, 4.4));
+    let quality = &edited.tracking.as_ref().unwrap().quality;
     assert_eq!(
-        (quality.frames, left.tracking.as_ref().unwrap().frames_expected),
+        (quality.frames, edited.tracking.as_ref().unwrap().frames_expected),
         (91, Some(182)),
         "half is cut, as ever"
     );
     assert_eq!(quality.frames_interlaced, 18, "a fifth, as ever");
     assert_eq!((quality.light[0].time_s, quality.light.len()), (5.0, 4));
     assert_eq!(quality.tools[1].gaps, [left_view(110, 119), lost(120, 149)]);
-    assert_eq!((counts(&left, 0), counts(&left, 1)), ([82, 9, 0], [46, 5, 40]));
+    assert_eq!((counts(&edited, 0), counts(&edited, 1)), ([82, 9, 0], [46, 5, 40]));
     assert_eq!(quality.tools[1].reasons, [(MissReason::TooSmall, 30)].into());
     let late = apply_edits(&paths, &[EditChange::Trim([5.2, 8.0])], &unmeasured); // from frame 130
     assert_eq!(late.tracking.unwrap().quality.tools[1].reasons, [(MissReason::TooSmall, 20)].into());
@@ -112,16 +112,16 @@ fn a_trim_keeps_the_span_and_counts_only_the_span() {
 #[test]
 fn a_swap_exchanges_rows_gaps_and_reasons_within_and_nothing_outside() {
     let (paths, unmeasured) = paths();
-    let left = apply_edits(&paths, &[EditChange::Swap(pair(), [4.8, 9.96])], &unmeasured); // frames 120 to 249
-    let tools = &left.tracking.as_ref().unwrap().quality.tools;
+    let edited = apply_edits(&paths, &[EditChange::Swap(pair(), [4.8, 9.96])], &unmeasured); // frames 120 to 249
+    let tools = &edited.tracking.as_ref().unwrap().quality.tools;
     assert_eq!(tools[0].gaps, [lost(120, 149)]);
     assert_eq!(tools[1].gaps, [left_view(100, 119)]);
     assert_eq!((tools[0].reasons.len(), tools[1].reasons.len()), (1, 0));
-    let of = |frame: u64, tool: usize| left.smoothed.iter().find(|row| (row.frame, row.tool) == (frame, tool));
+    let of = |frame: u64, tool: usize| edited.smoothed.iter().find(|row| (row.frame, row.tool) == (frame, tool));
     assert_eq!(of(50, 0).unwrap().tip_mm[1], 0.0);
     assert_eq!(of(200, 0).unwrap().tip_mm[1], 1.0, "cyan's rows are orange's now");
     assert!(of(130, 0).is_none() && of(130, 1).is_some());
-    assert!(left.smoothed.is_sorted_by_key(|row| (row.frame, row.tool)));
+    assert!(edited.smoothed.is_sorted_by_key(|row| (row.frame, row.tool)));
     assert_eq!(
         apply_edits_to_path(
             &paths,
@@ -150,10 +150,10 @@ fn a_swap_of_two_tools_at_rest_moves_neither() {
         tracking: None,
         cuts: Vec::new(),
     };
-    let left = apply_edits_to_path(&paths, PathKind::Smoothed, &[EditChange::Swap(pair(), [10.0, 20.0])]);
-    let cuts: Vec<(usize, f64)> = left.cuts.iter().map(|cut| (cut.tool, (cut.time_s * 100.0).round())).collect();
+    let edited = apply_edits_to_path(&paths, PathKind::Smoothed, &[EditChange::Swap(pair(), [10.0, 20.0])]);
+    let cuts: Vec<(usize, f64)> = edited.cuts.iter().map(|cut| (cut.tool, (cut.time_s * 100.0).round())).collect();
     assert_eq!(cuts, [(1, 1000.0), (0, 1000.0), (0, 2004.0), (1, 2004.0)]);
-    let assessment = assess(&left, &[], &AssessmentSettings::default());
+    let assessment = assess(&edited, &[], &AssessmentSettings::default());
     for name in ["path_length", "peak_velocity", "movements", "absences", "not_seen_share", "lost_share"] {
         let of = assessment.features.iter().filter(|value| value.feature.name == name);
         let values: Vec<_> = of.map(|value| value.value).collect();

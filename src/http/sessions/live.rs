@@ -189,8 +189,8 @@ pub async fn live(
     let upgrade = upgrade.max_message_size(1024).max_frame_size(1024).read_buffer_size(1024).write_buffer_size(0);
     Ok(upgrade.on_upgrade(move |socket| async move {
         let shutdown = watcher.app.shutdown.clone();
-        let talk = shutdown.spawn(async move { watcher.run_and_close(socket).await });
-        let _ = talk.await; // a panic is logged where it happened
+        let connection = shutdown.spawn(async move { watcher.run_and_close(socket).await });
+        let _ = connection.await; // a panic is logged where it happened
         drop(place);
     }))
 }

@@ -2,8 +2,8 @@
 //!
 //! If the kernel divides the time among all children that have a frame, all of them finish late, and the one with a key
 //! frame is by far the last. So only as many children as there are processors receive frames at a time; the others wait
-//! in a queue. A child may be stuck, or rehearse the start of a recording: after [`MAX_SLOT_TIME`] its slot is given to
-//! the next one.
+//! in a queue. A child may be stuck, or warm up at the start of a recording: after [`MAX_SLOT_TIME`] its slot is given
+//! to the next one.
 //!
 //! No task runs between two slots: the thread that reads the reply of a child starts the next one. Each extra wake-up
 //! would leave a processor idle, or take it from a child.
@@ -19,7 +19,7 @@ pub(super) const MAX_SLOT_TIME: Duration = Duration::from_millis(100);
 pub(super) trait Waiter: Send + Sync {
     /// Called when the slot is granted. Starts the work and returns true if there was any; the slot is then held until
     /// [`CpuSlots::release`].
-    fn start(&self, turn: SlotId) -> bool;
+    fn start(&self, slot: SlotId) -> bool;
 }
 
 /// Identifies a granted slot.
@@ -54,8 +54,8 @@ impl CpuSlots {
     }
 
     /// Releases a slot, unless its time had already run out, and starts the next waiter.
-    pub(super) fn release(&self, turn: SlotId) {
-        self.lock_queue().free(turn);
+    pub(super) fn release(&self, slot: SlotId) {
+        self.lock_queue().free(slot);
         self.start_next();
     }
 
@@ -65,9 +65,9 @@ impl CpuSlots {
         loop {
             // In the loop's head, the lock would last through its body.
             let next = self.lock_queue().grant_next(self.max_slots);
-            let Some((waiter, turn)) = next else { return };
-            if !waiter.start(turn) {
-                self.lock_queue().free(turn);
+            let Some((waiter, slot)) = next else { return };
+            if !waiter.start(slot) {
+                self.lock_queue().free(slot);
             }
         }
     }
@@ -86,13 +86,13 @@ impl SlotQueue {
         }
         let waiter = self.waiting.pop_front()?;
         self.granted += 1;
-        let turn = SlotId(self.granted);
-        self.in_use.push((turn, now));
-        Some((waiter, turn))
+        let slot = SlotId(self.granted);
+        self.in_use.push((slot, now));
+        Some((waiter, slot))
     }
 
-    fn free(&mut self, turn: SlotId) {
-        self.in_use.retain(|(given, _)| *given != turn);
+    fn free(&mut self, slot: SlotId) {
+        self.in_use.retain(|(given, _)| *given != slot);
     }
 }
 

@@ -2,7 +2,7 @@ use super::*;
 
 /// Slots, and the waiters in the order of their starts.
 struct Children {
-    turns: CpuSlots,
+    slots: CpuSlots,
     begun: Arc<Mutex<Vec<(char, SlotId)>>>,
 }
 
@@ -13,19 +13,19 @@ struct Named {
 }
 
 impl Waiter for Named {
-    fn start(&self, turn: SlotId) -> bool {
-        self.begun.lock().unwrap().push((self.name, turn));
+    fn start(&self, slot: SlotId) -> bool {
+        self.begun.lock().unwrap().push((self.name, slot));
         self.has_something
     }
 }
 
 impl Children {
     fn new(at_a_time: usize) -> Self {
-        Self { turns: CpuSlots::new(at_a_time), begun: Arc::default() }
+        Self { slots: CpuSlots::new(at_a_time), begun: Arc::default() }
     }
 
     fn stand(&self, name: char, has_something: bool) {
-        self.turns.enqueue(Arc::new(Named { name, has_something, begun: self.begun.clone() }));
+        self.slots.enqueue(Arc::new(Named { name, has_something, begun: self.begun.clone() }));
     }
 
     fn begun(&self) -> String {
@@ -42,9 +42,9 @@ fn waiters_start_in_order_and_never_more_than_there_are_slots() {
     let children = Children::new(2);
     "abcd".chars().for_each(|name| children.stand(name, true));
     assert_eq!(children.begun(), "ab");
-    children.turns.release(children.slot_of('a'));
+    children.slots.release(children.slot_of('a'));
     assert_eq!(children.begun(), "abc");
-    children.turns.release(children.slot_of('a'));
+    children.slots.release(children.slot_of('a'));
     assert_eq!(children.begun(), "abc", "a slot is released once");
 }
 
@@ -54,7 +54,7 @@ fn a_waiter_without_work_leaves_the_slot_to_the_next() {
     children.stand('a', true);
     children.stand('b', false);
     children.stand('c', true);
-    children.turns.release(children.slot_of('a'));
+    children.slots.release(children.slot_of('a'));
     assert_eq!(children.begun(), "abc");
     children.stand('d', true);
     assert_eq!(children.begun(), "abc", "c holds the slot");
@@ -67,10 +67,10 @@ fn a_stuck_child_loses_its_slot() {
     children.stand('a', true);
     children.stand('b', true);
     while children.begun() == "a" {
-        children.turns.start_next();
+        children.slots.start_next();
     }
     assert!(began.elapsed() >= MAX_SLOT_TIME);
     children.stand('c', true);
-    children.turns.release(children.slot_of('a'));
+    children.slots.release(children.slot_of('a'));
     assert_eq!(children.begun(), "ab", "a slot that timed out is not released again");
 }

@@ -81,8 +81,8 @@ pub enum PushError {
 }
 
 impl From<CloseReason> for PushError {
-    fn from(farewell: CloseReason) -> Self {
-        PushError::Closed(farewell)
+    fn from(reason: CloseReason) -> Self {
+        PushError::Closed(reason)
     }
 }
 

@@ -119,8 +119,8 @@ async fn a_child_is_not_stopped_if_a_sender_connected_before() {
 }
 
 /// A supervisor whose child shares these slots, and the child's end of the pipe.
-fn sharing_slots(turns: &Arc<CpuSlots>) -> (TrackingSupervisor, PipeReader) {
-    let follower = TrackingSupervisor::new(true, turns.clone());
+fn sharing_slots(slots: &Arc<CpuSlots>) -> (TrackingSupervisor, PipeReader) {
+    let follower = TrackingSupervisor::new(true, slots.clone());
     let theirs = attach(&follower, pending());
     (follower, theirs)
 }
@@ -133,8 +133,8 @@ fn in_flight_and_queued(follower: &TrackingSupervisor) -> (usize, usize) {
 
 #[tokio::test]
 async fn a_child_waits_until_that_of_another_box_is_done() {
-    let turns = Arc::new(CpuSlots::new(1));
-    let ((one, _keeps_one), (other, _keeps_other)) = (sharing_slots(&turns), sharing_slots(&turns));
+    let slots = Arc::new(CpuSlots::new(1));
+    let ((one, _keeps_one), (other, _keeps_other)) = (sharing_slots(&slots), sharing_slots(&slots));
     key_frames(&one, 1);
     assert_eq!(in_flight_and_queued(&one), (1, 0));
     key_frames(&other, 1);
@@ -145,8 +145,8 @@ async fn a_child_waits_until_that_of_another_box_is_done() {
 
 #[tokio::test]
 async fn a_child_with_a_backlog_leaves_others_their_slot() {
-    let turns = Arc::new(CpuSlots::new(1));
-    let ((one, _keeps_one), (other, _keeps_other)) = (sharing_slots(&turns), sharing_slots(&turns));
+    let slots = Arc::new(CpuSlots::new(1));
+    let ((one, _keeps_one), (other, _keeps_other)) = (sharing_slots(&slots), sharing_slots(&slots));
     key_frames(&one, 2 + MAX_RECORDS_PER_SLOT as u64);
     assert_eq!(in_flight_and_queued(&one), (MAX_RECORDS_PER_SLOT, 2));
     key_frames(&other, 1);
@@ -157,8 +157,8 @@ async fn a_child_with_a_backlog_leaves_others_their_slot() {
 
 #[tokio::test]
 async fn a_child_receives_no_frame_before_it_is_written() {
-    let turns = Arc::new(CpuSlots::new(1));
-    let (follower, _keeps) = sharing_slots(&turns);
+    let slots = Arc::new(CpuSlots::new(1));
+    let (follower, _keeps) = sharing_slots(&slots);
     for number in 0..3 {
         follower.frame_appended(100 * number, 100, true);
     }
@@ -175,8 +175,8 @@ async fn a_child_receives_no_frame_before_it_is_written() {
 
 #[tokio::test]
 async fn a_child_with_a_backlog_lets_another_start_at_its_last_frame() {
-    let turns = Arc::new(CpuSlots::new(1));
-    let ((one, _keeps_one), (other, _keeps_other)) = (sharing_slots(&turns), sharing_slots(&turns));
+    let slots = Arc::new(CpuSlots::new(1));
+    let ((one, _keeps_one), (other, _keeps_other)) = (sharing_slots(&slots), sharing_slots(&slots));
     key_frames(&one, 1 + MAX_RECORDS_PER_SLOT as u64);
     assert_eq!(in_flight_and_queued(&one), (MAX_RECORDS_PER_SLOT, 1));
     key_frames(&other, 1);
@@ -189,8 +189,8 @@ async fn a_child_with_a_backlog_lets_another_start_at_its_last_frame() {
 
 #[tokio::test]
 async fn a_feed_that_was_slowed_goes_on_once_there_is_room_for_several() {
-    let turns = Arc::new(CpuSlots::new(1));
-    let (follower, _keeps) = sharing_slots(&turns);
+    let slots = Arc::new(CpuSlots::new(1));
+    let (follower, _keeps) = sharing_slots(&slots);
     let frames = MAX_BACKLOG as u64;
     (0..frames).for_each(|number| follower.frame_appended(100 * number, 100, true));
     assert!(!follower.has_capacity(), "frames that are not written yet count");

@@ -97,9 +97,9 @@ pub struct Figures {
 
 /// Computes every figure that the input supports.
 pub fn measure(evidence: &QualityInput<'_>) -> Figures {
-    let shown = MeasuredRange::of(evidence.smoothed);
+    let measured_range = MeasuredRange::of(evidence.smoothed);
     let placement = placement(evidence).unwrap_or_default();
-    let tool = |index| tool::measure(evidence, index, shown, &placement);
+    let tool = |index| tool::measure(evidence, index, measured_range, &placement);
     Figures {
         session: session::measure(evidence, &placement),
         tools: (0..evidence.smoothed.tools.len()).map(tool).collect(),

@@ -85,7 +85,7 @@ struct LiveTracker {
 ///      └──────── the end, no picture ───▶ Empty
 /// ```
 enum FollowStage {
-    /// The first pictures are collected for the rehearsal; the first of them shows the colour encoding.
+    /// The first pictures are collected for the warm-up; the first of them shows the colour encoding.
     Collecting { settings: Box<TrackerSettings>, first: Vec<Picture> },
     /// Each picture is tracked. The last one is kept for the still.
     Tracking { tracker: Box<Tracker>, last: Option<Picture> },
@@ -137,7 +137,7 @@ impl LiveTracker {
                 first.push(picture.copied());
                 self.decoder.recycle(picture);
                 if first.len() >= MAX_WARM_UP_FRAMES {
-                    self.rehearse()?;
+                    self.warm_up()?;
                 }
             } else {
                 self.track(&picture)?;
@@ -149,11 +149,11 @@ impl LiveTracker {
 
     /// Passes the first pictures twice, unless that is done: once to learn how edges look, then to track them like all
     /// others.
-    fn rehearse(&mut self) -> Result<(), StopReason> {
+    fn warm_up(&mut self) -> Result<(), StopReason> {
         let (settings, first) = match std::mem::replace(&mut self.stage, FollowStage::Empty) {
             FollowStage::Collecting { settings, first } => (settings, first),
-            rehearsed => {
-                self.stage = rehearsed;
+            other => {
+                self.stage = other;
                 return Ok(());
             }
         };
@@ -229,7 +229,7 @@ impl LiveTracker {
     fn finish(&mut self) -> Result<(), StopReason> {
         self.decoder.finish_input();
         self.track_ready_pictures()?;
-        self.rehearse()?;
+        self.warm_up()?;
         self.running.finish();
         self.add_features();
         Ok(())

@@ -9,7 +9,7 @@ use crate::media::MediaLimits;
 use crate::motion::features::running::LIVE_FEATURES;
 use crate::motion::quality::ports::PortPlacement;
 
-/// Most frames in one reply about a feed: those that a decoder held back, or that were rehearsed.
+/// Most frames in one reply about a feed: those that a decoder held back, or those of the warm-up.
 const MAX_FRAMES_PER_REPLY: u64 = 64;
 
 /// Number and time of the last frame that was tracked. Replies are passed on at once.

@@ -21,7 +21,8 @@ const MIN_REPLICATES: usize = 28;
 const STUDENT_T: f64 = 2.04;
 /// A shift is removed only if it exceeds this many times its own standard error.
 const SHIFT_SIGNIFICANCE: f64 = 2.0;
-/// Units of lengths, including angles on a sphere around the trocar. Errors add to these in squares.
+/// Units of lengths, including angles on a sphere around the trocar. Errors add to these in squares. No feature in
+/// these units has a sign.
 const LENGTH_UNITS: [&str; 4] = ["mm", "mm/s", "rad", "rad/s"];
 /// For a quantity that is not a length: a shift above this share of the value is too uncertain to be removed.
 const MAX_SHIFT_SHARE: f64 = 0.4;
@@ -81,9 +82,9 @@ pub fn error_bar(
     let is_whole = values.iter().chain([&measured]).all(|value| value.fract() == 0.0);
     let is_count = is_whole && feature.unit == "1" && range.1 > 1.0;
     let shift = mean - measured;
-    let is_seen = !is_count && shift.abs() > SHIFT_SIGNIFICANCE * spread / n.sqrt();
+    let is_significant = !is_count && shift.abs() > SHIFT_SIGNIFICANCE * spread / n.sqrt();
     let value = match () {
-        _ if !is_seen => measured,
+        _ if !is_significant => measured,
         // Errors add to a length in squares. This matters where there is little else: at rest the whole length comes
         // from errors.
         _ if LENGTH_UNITS.contains(&feature.unit) && shift > 0.0 => {
@@ -94,7 +95,7 @@ pub fn error_bar(
     };
     let value = value.clamp(range.0, range.1);
     let sigma = spread
-        .hypot(if is_seen { SHIFT_SIGMA_RATIO * shift } else { 0.0 })
+        .hypot(if is_significant { SHIFT_SIGMA_RATIO * shift } else { 0.0 })
         .hypot(feature.family.extra_sigma_share() * value);
     let sigma = if is_count { sigma.hypot(COUNT_SIGMA) } else { sigma };
     let [low, high] = [value - STUDENT_T * sigma, value + STUDENT_T * sigma].map(|end| end.clamp(range.0, range.1));
