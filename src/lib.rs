@@ -21,24 +21,29 @@
 //! | 2 domain | [`domain`] | tokio, axum, sqlx, ffmpeg, files, network |
 //! | 3 adapters | [`media`] [`store`] [`vault`] [`sandbox`] | axum, each other; sqlx only in `store`, ffmpeg only in `media` |
 //! | 4 services | [`queue`] [`analysis`] [`intake`] [`live`] [`capture`] [`cohorts`] [`rescoring`] [`events`] [`upkeep`] | axum, sqlx, ffmpeg |
-//! | 5 rim | [`http`] [`commands`] [`settings`] | sqlx in `http`; `http` never calls the science |
+//! | 5 outside | [`http`] [`commands`] [`settings`] | `http` names neither sqlx nor the science |
 //!
 //! An arrow reads *is used by*. `simulation` uses only `vision`'s camera, space, frame and sample types, and `checks`
 //! may use all pure modules.
 //!
-//! # Invariants, as absences
-//! 1. The science does no I/O and does not fail on input: it returns what it measured, and reasons for what is
+//! # Invariants
+//! docs/architecture.md explains them, under the same numbers.
+//!
+//! 1. The pure layer does no I/O and does not fail on its input: it returns what it measured, and a reason for what is
 //!    missing.
-//! 2. Pixels never run on an async thread, and never in the process that serves HTTP.
+//! 2. Pixels are never processed on an async thread, and never in the process that serves HTTP.
 //! 3. No database transaction spans a frame, a file or a network call.
-//! 4. Every stored result names the versions of calibration, palette and pipeline that made it.
-//! 5. Server, command line, tests and benches drive the same [`vision::tracker::Tracker`].
-//! 6. A byte is acknowledged only when it is durable: first the file is synced, then the row written, then the answer
-//!    sent.
-//! 7. Every queue, buffer, upload, retry and loop has a limit with a name in [`settings`].
+//! 4. Every stored result names its versions of pipeline, calibration, colours and model.
+//! 5. Service, command line, tests and benches drive the same [`vision::tracker::Tracker`] and the same assessment.
+//! 6. A byte is acknowledged only when it is durable: sync the file, write the row, then answer.
+//! 7. Every queue, buffer, upload, retry and loop has a limit with a name. Limits that people may want to change are
+//!    [`settings`].
 //! 8. Time comes from [`time::Clock`] or from the frame. Tests poll with a deadline; only tests of faults and loads
 //!    wait, through one helper.
-//! 9. No full-frame copy, colour conversion or remap on the hot path: points are undistorted, pixels are looked up.
+//! 9. No copy, colour conversion or remap of a whole frame on the way of a frame: points are undistorted, pixels are
+//!    looked up.
+//! 10. Personal data need a [`domain::scope::Scope`].
+//! 11. A released migration never changes.
 
 pub mod heap;
 pub mod ids;

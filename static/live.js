@@ -1,5 +1,6 @@
-// Server-sent events with two safety nets: reconnecting when the browser gives up, and polling while the connection is
-// down. Pages reload on `resync`, since events may have been missed.
+// Server-sent events, which report changes of sessions, jobs and the queue to all pages; watch.js has the live view of
+// one session. Two safety nets: reconnecting when the browser gives up, and polling while the connection is down. Pages
+// reload on `resync`, since events may have been missed.
 import { useEffect, useRef, useState } from './preact.js';
 import { api } from './api.js';
 

@@ -64,7 +64,7 @@ pub(super) enum WorkError {
     /// The vault failed.
     #[error(transparent)]
     Vault(#[from] VaultError),
-    /// The machine failed: the job is released, and no attempt is counted.
+    /// The database, the vault or the system failed: the job was released, and no attempt is counted.
     #[error(transparent)]
     Released(Box<WorkError>),
     /// The system refused a thread, a descriptor or memory.
@@ -233,7 +233,8 @@ impl WorkerPool {
     }
 }
 
-/// Ends a job that gave no result. If the machine failed, releases the job without counting an attempt.
+/// Ends a job that gave no result. If the database, the vault or the system failed, releases the job without counting
+/// an attempt. A child that could not be run counts as a crash.
 async fn settle_failure(held: &HeldJob, error: WorkError) -> Result<(), WorkError> {
     let problem = match error {
         WorkError::Impossible(problem) => problem,

@@ -1,8 +1,8 @@
 //! Scopes: what a caller may see and change. Every store function that touches personal data takes a [`Scope`].
 //!
-//! Only code that has just authenticated the caller creates one: the sign-in extractor from a cookie or token, and
-//! [`Scope::service`] for work that the service does on its own behalf. Data outside the scope do not exist for the
-//! caller: the store answers "not found", never "not yours".
+//! Code that has just authenticated the caller creates one from a cookie or token. [`Scope::service`] is for work that
+//! the service does on its own behalf, and for the trainees of an agent's recordings ([`Scope::upload_scope`]). Data
+//! outside the scope do not exist for the caller: the store answers "not found", never "not yours".
 
 use super::role::Role;
 use crate::ids::{BoxId, PersonId, TraineeId};

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`router`] [`replaced_routes`] | every route, in one list; the old names of routes that were replaced |
 //! | [`error`] | every error as a status and a problem document |
-//! | [`auth`] | authentication: the one place that creates a [`Scope`](crate::domain::scope::Scope) |
+//! | [`auth`] | authentication: turns a cookie or a token into a [`Scope`](crate::domain::scope::Scope) |
 //! | [`read`] [`show`] | parts of requests (bodies, queries, ids); parts of answers (JSON, pages, times) |
 //! | one module for each noun | its routes, one function each |
 //! | [`export`] | tables of features, of any length |

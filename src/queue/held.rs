@@ -65,8 +65,8 @@ impl HeldJob {
         Ok(job)
     }
 
-    /// Records that the process working on the job crashed or timed out. The job is tried again, or quarantined after
-    /// its last attempt (`store.max_attempts`, usually the third).
+    /// Records that the job's child crashed or timed out. The job is tried again, or quarantined after its last attempt
+    /// (`store.max_attempts`, usually the third).
     pub async fn report_crash(&self, problem: Problem) -> StoreResult<JobRecord> {
         let job = self.store().jobs().mark_crashed(&self.lease, problem).await?;
         self.queue.publish_job_state(&job).await;
@@ -74,7 +74,7 @@ impl HeldJob {
         Ok(job)
     }
 
-    /// Releases the job because the service is ending; no attempt is counted.
+    /// Releases the job because the service is ending or the machine failed; no attempt is counted.
     pub async fn release(&self) -> StoreResult<()> {
         self.store().jobs().release(&self.lease).await?;
         self.queue

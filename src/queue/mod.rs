@@ -9,7 +9,7 @@
 //! | [`HeldJob::finish`] | done; its result is stored in the same transaction |
 //! | [`HeldJob::fail`] | failed, with a problem for people: another attempt would not help |
 //! | [`HeldJob::report_crash`] | queued again; quarantined with the reason after `store.max_attempts`, usually the third time |
-//! | [`HeldJob::release`] | queued again at its old position, no attempt counted: the service is ending |
+//! | [`HeldJob::release`] | queued again at its old position, no attempt counted: the service ends or the machine failed |
 //! | no heartbeat | treated as a crash by the first sweep after the lease has run out |
 //!
 //! The token of the lease guards every write, so that a worker that has lost its lease changes nothing

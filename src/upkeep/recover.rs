@@ -19,7 +19,7 @@ pub struct Recovered {
     /// Complete uploads that became sessions now.
     pub finished_uploads: usize,
     /// Uploads whose file is shorter than recorded: set back to its length. After a power cut, this happens only if the
-    /// disk lied about a sync.
+    /// disk reported a sync as done before the bytes were safe.
     pub set_back_uploads: usize,
 }
 

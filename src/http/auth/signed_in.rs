@@ -1,7 +1,9 @@
-//! Identifies the caller: the one place that turns a cookie or a token into a [`Scope`].
+//! Identifies the caller: the place that turns a cookie or a token into a [`Scope`].
 //!
-//! A handler names the roles it accepts by the extractor in its arguments, and every store function takes a scope. A
-//! route that forgets the check does not compile: without an extractor there is no scope, and without a scope no data.
+//! A handler names the roles it accepts by the extractor in its arguments, and passes the extractor's scope to the
+//! store. A route without an extractor has no scope to pass on, so a forgotten check does not compile. Nothing prevents a
+//! handler from using [`Scope::service`], which sees everything: handlers must not use it. Only [`Scope::upload_scope`]
+//! does, for an agent.
 
 use std::time::Duration;
 

@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 
-/// Most frames since a key frame for a new child to begin at that key frame.
+/// Most frames since a key frame for a new child to begin at that key frame. With more, it begins at the next one.
 const MAX_RECENT_FRAMES: usize = 1024;
 
 /// A frame's position in the log, bytes.

@@ -1,4 +1,4 @@
-//! Runs the children of a recording one after the other, and gives up after too many crashes.
+//! Runs the children of a recording one after the other, and gives up after too many crashes until the next connection.
 
 use std::fs::File;
 use std::io::pipe;
@@ -17,7 +17,7 @@ use crate::live::{FeedService, cpu_slots};
 use crate::sandbox::{Budget, StopSwitch};
 use crate::store;
 
-/// Crashes of children per recording before live tracking is given up.
+/// Crashes after which live tracking is given up. The next connection of the sender starts the count at zero.
 const MAX_CRASHES: u32 = 3;
 
 /// A child that receives nothing for this long gets a heartbeat to answer.

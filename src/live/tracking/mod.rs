@@ -4,9 +4,13 @@
 //! record ─▶ log ─▶ position ─slot─▶ child: decode, track ─▶ reply ─▶ watchers
 //! ```
 //! Frames wait in the log for a [slot](super::cpu_slots), so a slow child costs no memory. A sender that is too fast
-//! for the child is slowed down: its connection reads nothing while [`TrackingSupervisor::has_capacity`] is false. A
-//! crashed child does not affect the recording: another one starts at the next frame, up to three times in all. A slow
-//! watcher loses old replies but never the feed.
+//! for the child is slowed down: its connection reads nothing while [`TrackingSupervisor::has_capacity`] is false.
+//! Without a running child there is no backlog, so the sender is not slowed down. A slow watcher loses old replies but
+//! never the feed.
+//!
+//! A crashed child does not affect the recording: the next child begins at the last key frame. After three crashes the
+//! recording is no longer tracked while it arrives, until its sender connects again. Each connection that finds no
+//! child starts the count at zero.
 //!
 //! [`child_process`] runs the children. [`child_state`] is their state behind one lock: the [phase](child_phase), the
 //! [records](child_input) of the running child, the [frames](arrived_frames) that a new child needs, and whether a
@@ -40,8 +44,8 @@ use super::{FeedService, OpenFeed};
 use crate::analysis::protocol::{FollowReply, live_features};
 use crate::domain::session::LiveFeature;
 
-/// Largest backlog of a child in records; beyond it the sender is slowed down. This is half a second of a camera: the
-/// rehearsal at the start of a recording needs it, nothing else should.
+/// Largest backlog of a child in records; beyond it the sender is slowed down. This is half a second of a camera. Only
+/// the warm-up at the start of a recording should need it: the child then tracks the first frames twice.
 const MAX_BACKLOG: usize = 16;
 
 /// Backlog at which a slowed sender continues: several records are then read and written at once.

@@ -27,7 +27,8 @@ pub enum QualityCause {
     BorderResidual,
     /// A resting tool would appear to move.
     NoiseFloor,
-    /// Positions are too uncertain.
+    /// Positions are too uncertain: the median of their stated standard deviations is too large. The name does not mean
+    /// the error bars of features.
     ErrorBar,
     /// The camera's calibration does not fit its own photos.
     Calibration,

@@ -90,9 +90,9 @@ impl QualityCause {
             QualityCause::Predicted => at_most(0.1, 0.4),
             // A movement lasts one to two seconds; no bridge can guess what a longer gap hides.
             QualityCause::LongGap => care_at_most(2.0),
-            // The gate passes 99.9 % of good measurements. If it rejects twenty times as many as that, the stated
-            // errors are wrong or a second object of the tape's colour is in the picture. At a fifth, it is uncertain
-            // which of the two is the tool.
+            // The filter's Mahalanobis gate passes 99.9 % of good measurements. If it rejects twenty times as many as
+            // that, the stated errors are wrong or a second object of the tape's colour is in the picture. At a fifth,
+            // it is uncertain which of the two is the tool.
             QualityCause::Rejected => at_most(0.02, 0.2),
             // Whole-pixel masks are off by 0.5 to 1.2 px a side, and 1 px of width moves depth by 4.5 mm at 150 mm.
             // Clean tape leaves a residual of 0.1 to 0.4. A residual of 1 means that edges were found no better than to

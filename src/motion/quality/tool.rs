@@ -42,7 +42,7 @@ pub struct ToolFigures {
     pub rejected_share: Option<f64>,
     /// Speed at which it would appear to move at rest.
     pub noise_floor: Option<NoiseFloor>,
-    /// The stated error of its positions.
+    /// The stated standard deviation of its measured positions. The name does not mean the error bars of features.
     pub error_bar: Option<PositionError>,
     /// Distance of its colour from the other marked colours.
     pub colour: ColourSeparation,

@@ -80,7 +80,8 @@ impl JobStore<'_> {
             .await
     }
 
-    /// Releases a job because the service is ending: it is queued again at its old position, and no attempt is counted.
+    /// Releases a job because the service is ending or the machine failed: it is queued again at its old position, and
+    /// no attempt is counted.
     pub async fn release(&self, held: &Lease) -> StoreResult<()> {
         let (id, token) = (held.job.id, held.token);
         self.0
@@ -102,7 +103,8 @@ impl JobStore<'_> {
             .await
     }
 
-    /// Records that the worker crashed or timed out: the job is queued again, or quarantined after the last attempt.
+    /// Records that the job's child crashed or timed out: the job is queued again, or quarantined after the last
+    /// attempt.
     pub async fn mark_crashed(&self, held: &Lease, problem: Problem) -> StoreResult<JobRecord> {
         let (token, id, now_ms) = (held.token, held.job.id, self.0.now_ms());
         self.0

@@ -30,7 +30,7 @@ pub struct SessionResult {
     pub tools: Vec<String>,
     /// Counts and reasons for each tool; a JSON object.
     pub quality: Value,
-    /// Rank in a reference cohort, if a model scored it; a JSON object.
+    /// Always empty: reserved for a rank in a reference cohort.
     pub score: Option<Value>,
     /// Raw, filtered and smoothed paths: a file in the vault.
     pub trajectory: BlobHash,

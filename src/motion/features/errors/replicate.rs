@@ -4,9 +4,10 @@
 //! errors of that size. **Method:** an error has three parts, each with a share of the variance. The *lasting* part is
 //! constant through the session (the tape's diameter, the focal length). The *slow* part changes over a few centimetres
 //! of motion and the *passing* part over millimetres (the background behind the tape shifts its borders). The last two
-//! are Gaussian processes of the Matérn 3/2 kind, which have a velocity. Their clock runs with the tool's motion: a
-//! tool at rest in front of a resting background has the same error all the time. Errors along the line of sight and
-//! across it are independent. The size of a session's errors relative to the stated size is random as well.
+//! are Gaussian processes of the Matérn 3/2 kind, which have a velocity. They change with the tool's motion, not with
+//! time alone ([`clock_rate`]): at rest, in front of a resting background, an error changes eleven times more slowly
+//! than at [`REFERENCE_SPEED_MM_S`]. Errors along the line of sight and across it are independent. The size of a
+//! session's errors relative to the stated size is random as well.
 //!
 //! **Source:** autocorrelation of the smoothed path's errors over 29 tools in 19 scenes of three renderers.
 
@@ -21,11 +22,11 @@ const VARIANCE_SHARES: [f64; 3] = [0.25, 0.25, 0.5];
 const SLOW_S: f64 = 1.0;
 /// Time constant of the passing part at the same speed, s.
 const PASSING_S: f64 = 0.07;
-/// Tool speed at which the errors' clock runs in real time, mm/s.
+/// Tool speed at which the two time constants hold, mm/s.
 const REFERENCE_SPEED_MM_S: f64 = 30.0;
 /// Speed that a tool at rest is assumed to have, mm/s.
 const RESTING_SPEED_MM_S: f64 = 3.0;
-/// Maximum rate of the clock: the smoother does not follow faster changes.
+/// Maximum of [`clock_rate`]: the smoother does not follow faster changes.
 const MAX_CLOCK_RATE: f64 = 1.5;
 /// Size of a session's errors relative to the stated size, for the small motions that features depend on. The stated
 /// size is the error of a position.
@@ -83,7 +84,7 @@ impl StatedSigma {
     }
 }
 
-/// The rate of the errors' clock between two samples.
+/// How fast errors change between two samples, relative to [`REFERENCE_SPEED_MM_S`]: faster for a faster tool.
 fn clock_rate(before: &Sample, after: &Sample) -> f64 {
     let speed_mm_s = after.velocity_mm_s.map_or_else(
         || (after.tip_mm - before.tip_mm).norm() / (after.time_s - before.time_s),
@@ -104,7 +105,7 @@ impl UnitError {
         Self { lasting: dice.gauss(), changing }
     }
 
-    /// Advances the clock by `passed_s` and returns value and rate, s⁻¹.
+    /// Advances the error by `passed_s` and returns value and rate, s⁻¹.
     fn advance(&mut self, passed_s: f64, dice: &mut Dice) -> Vector2<f64> {
         let [slow, passing] = self.changing.each_mut().map(|part| part.advance(passed_s, dice));
         let [of_lasting, of_slow, of_passing] = VARIANCE_SHARES.map(f64::sqrt);
