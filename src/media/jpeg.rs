@@ -157,7 +157,8 @@ mod tests {
         let planes = codes.map(plane);
         let lend = |data| Plane { data, stride: 64, width: 64, height: 48 };
         let [y, u, v] = [&planes[0], &planes[1], &planes[2]].map(|data| lend(data.as_slice()));
-        let frame = Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding };
+        let frame =
+            Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, chroma_first_px: [0.0; 2], encoding };
         let bytes = JpegMaker::new(JpegStyle::FULL).code(&frame).unwrap();
         let decoded: DynamicImage = image::load_from_memory_with_format(&bytes, ImageFormat::Jpeg).unwrap();
         decoded.into_rgb8().get_pixel(30, 20).0
@@ -169,7 +170,17 @@ mod tests {
         let luma = vec![90; width * height];
         let plane = Plane { data: &luma[..], stride: width, width, height };
         let encoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
-        let frame = Frame { index: 0, time_s: 0.0, y: plane, u: plane, v: plane, shift_x: 0, shift_y: 0, encoding };
+        let frame = Frame {
+            index: 0,
+            time_s: 0.0,
+            y: plane,
+            u: plane,
+            v: plane,
+            shift_x: 0,
+            shift_y: 0,
+            chroma_first_px: [0.0; 2],
+            encoding,
+        };
         let mut maker = JpegMaker::new(JpegStyle::SMALL);
         for _ in 0..2 {
             let small = image::load_from_memory(&maker.code(&frame).unwrap()).unwrap();

@@ -10,6 +10,7 @@ pub struct Picture {
     time_s: f64,
     planes: Planes,
     shift: (u8, u8),
+    chroma_first_px: [f32; 2],
     encoding: ColourEncoding,
     is_interlaced: bool,
 }
@@ -27,6 +28,8 @@ pub(super) enum Planes {
 /// An FFmpeg frame in planar 8-bit YUV.
 pub(super) struct PlanarFrame {
     pub(super) frame: frame::Video,
+    /// Position of its first chroma sample, pixels of luma.
+    pub(super) chroma_first_px: [f32; 2],
     /// True if the frame was converted into a separate buffer; otherwise the buffer is the decoder's.
     pub(super) is_converted: bool,
 }
@@ -40,8 +43,15 @@ pub(super) struct OwnedPlane {
 }
 
 impl Picture {
+    /// A picture whose first chroma sample lies midway between its pixels.
     pub(super) fn new(planes: Planes, shift: (u8, u8), encoding: ColourEncoding, index: u64, time_s: f64) -> Self {
-        Self { index, time_s, planes, shift, encoding, is_interlaced: false }
+        let chroma_first_px = [shift.0, shift.1].map(middle_px);
+        Self { index, time_s, planes, shift, chroma_first_px, encoding, is_interlaced: false }
+    }
+
+    /// The same picture with its first chroma sample here, pixels of luma.
+    pub(super) fn with_chroma_at(self, chroma_first_px: [f32; 2]) -> Self {
+        Self { chroma_first_px, ..self }
     }
 
     /// The same picture, marked as one field of an interlaced frame.
@@ -78,7 +88,15 @@ impl Picture {
             v.push(codes[2]);
         }
         let planes = [y, u, v].map(|data| OwnedPlane { data, width, height });
-        Self { index, time_s: 0.0, planes: Planes::Owned(planes), shift: (0, 0), encoding, is_interlaced: false }
+        Self {
+            index,
+            time_s: 0.0,
+            planes: Planes::Owned(planes),
+            shift: (0, 0),
+            chroma_first_px: [0.0; 2],
+            encoding,
+            is_interlaced: false,
+        }
     }
 
     /// Memory of its planes, bytes.
@@ -101,9 +119,15 @@ impl Picture {
             v,
             shift_x: self.shift.0,
             shift_y: self.shift.1,
+            chroma_first_px: self.chroma_first_px,
             encoding: self.encoding,
         }
     }
+}
+
+/// The middle of the pixels that share the first chroma sample of a plane halved this many times, pixels of luma.
+pub(super) fn middle_px(halvings: u8) -> f32 {
+    0.5 * (f32::from(1u16 << halvings) - 1.0)
 }
 
 impl OwnedPlane {

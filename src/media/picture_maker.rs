@@ -1,11 +1,11 @@
 //! Turns decoded frames into [`Picture`]s: planar, 8 bits, in display orientation. The memory of returned pictures is
 //! reused, so that nothing is allocated here after the first few pictures.
 
-use ffmpeg_next::{format, frame, software::scaling, util::color};
+use ffmpeg_next::{chroma, format, frame, software::scaling, util::color};
 
 use super::MediaError;
 use super::fields::keep_one_field;
-use super::picture::{OwnedPlane, Picture, PlanarFrame, Planes, plane_of};
+use super::picture::{OwnedPlane, Picture, PlanarFrame, Planes, middle_px, plane_of};
 use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
 
 /// The rotation needed for display, clockwise.
@@ -27,6 +27,17 @@ impl Rotation {
         match self {
             Rotation::None | Rotation::Half => (width, height),
             Rotation::Right | Rotation::Left => (height, width),
+        }
+    }
+
+    /// Position of the first chroma sample as displayed, pixels of luma; `shift` halves the planes before the rotation.
+    fn turned_chroma(self, [x, y]: [f32; 2], shift: (u8, u8)) -> [f32; 2] {
+        let from_end = |at: f32, halvings: u8| 2.0 * middle_px(halvings) - at;
+        match self {
+            Rotation::None => [x, y],
+            Rotation::Half => [from_end(x, shift.0), from_end(y, shift.1)],
+            Rotation::Right => [from_end(y, shift.1), x],
+            Rotation::Left => [y, from_end(x, shift.0)],
         }
     }
 }
@@ -78,6 +89,7 @@ impl PictureMaker {
     fn picture_of(&mut self, planar: PlanarFrame, first_line: Option<usize>, index: u64, time_s: f64) -> Picture {
         let (sx, sy) = chroma_shift(planar.frame.format());
         let encoding = encoding_of(&planar.frame);
+        let chroma_first_px = self.rotation.turned_chroma(planar.chroma_first_px, (sx, sy));
         let turns = matches!(self.rotation, Rotation::Right | Rotation::Left);
         let shift = if turns { (sy, sx) } else { (sx, sy) };
         let planes = match (first_line, self.rotation) {
@@ -91,7 +103,7 @@ impl PictureMaker {
                 Planes::Owned(changed)
             }
         };
-        let picture = Picture::new(planes, shift, encoding, index, time_s);
+        let picture = Picture::new(planes, shift, encoding, index, time_s).with_chroma_at(chroma_first_px);
         if first_line.is_some() { picture.into_one_field() } else { picture }
     }
 
@@ -101,8 +113,11 @@ impl PictureMaker {
         let from = decoded.format();
         let unusable = || MediaError::PixelFormat(format!("{from:?}"));
         if is_planar_8_bit(from) {
-            let usable = has_whole_planes(&decoded).then_some(PlanarFrame { frame: decoded, is_converted: false });
-            return usable.ok_or_else(unusable);
+            if !has_whole_planes(&decoded) {
+                return Err(unusable());
+            }
+            let chroma_first_px = first_chroma_px(&decoded);
+            return Ok(PlanarFrame { frame: decoded, chroma_first_px, is_converted: false });
         }
         let to = match chroma_shift(from) {
             (1, 1) => format::Pixel::YUV420P,
@@ -128,8 +143,9 @@ impl PictureMaker {
             planar.set_color_range(decoded.color_range());
             planar.set_color_space(decoded.color_space());
         }
+        let chroma_first_px = if to == format::Pixel::YUV444P { [0.0; 2] } else { first_chroma_px(&decoded) };
         self.spare.decoded.push(decoded);
-        Ok(PlanarFrame { frame: planar, is_converted: true })
+        Ok(PlanarFrame { frame: planar, chroma_first_px, is_converted: true })
     }
 }
 
@@ -163,6 +179,11 @@ fn is_planar_8_bit(format: format::Pixel) -> bool {
     matches!(format, YUV420P | YUVJ420P | YUV422P | YUVJ422P | YUV444P | YUVJ444P | YUV440P | YUVJ440P)
 }
 
+fn is_jpeg(format: format::Pixel) -> bool {
+    use format::Pixel::*;
+    matches!(format, YUVJ420P | YUVJ422P | YUVJ444P | YUVJ440P)
+}
+
 fn is_rgb_or_grey(format: format::Pixel) -> bool {
     let name = format.descriptor().map_or("", |d| d.name());
     ["gbr", "rgb", "bgr", "gray", "pal"].iter().any(|family| name.starts_with(family))
@@ -175,8 +196,7 @@ fn has_whole_planes(video: &frame::Video) -> bool {
 }
 
 fn encoding_of(video: &frame::Video) -> ColourEncoding {
-    use format::Pixel::*;
-    let jpeg = matches!(video.format(), YUVJ420P | YUVJ422P | YUVJ444P | YUVJ440P);
+    let jpeg = is_jpeg(video.format());
     let range = if jpeg || video.color_range() == color::Range::JPEG { Range::Full } else { Range::Limited };
     let matrix = match video.color_space() {
         color::Space::BT709 => Matrix::Bt709,
@@ -187,6 +207,24 @@ fn encoding_of(video: &frame::Video) -> ColourEncoding {
         _ => Matrix::Bt601,
     };
     ColourEncoding { range, matrix }
+}
+
+/// Position of the first chroma sample before any rotation, pixels of luma. An unlabelled JPEG has it in the middle of
+/// the pixels that share it (JFIF), any other unlabelled video on the first column (H.264, HEVC and MPEG-4).
+fn first_chroma_px(video: &frame::Video) -> [f32; 2] {
+    use chroma::Location::*;
+    let (shift_x, shift_y) = chroma_shift(video.format());
+    let [middle_x, middle_y] = [shift_x, shift_y].map(middle_px);
+    let is_jpeg = is_jpeg(video.format());
+    match video.chroma_location() {
+        Center => [middle_x, middle_y],
+        Unspecified if is_jpeg => [middle_x, middle_y],
+        Left | Unspecified => [0.0, middle_y],
+        TopLeft => [0.0, 0.0],
+        Top => [middle_x, 0.0],
+        BottomLeft => [0.0, 2.0 * middle_y],
+        Bottom => [middle_x, 2.0 * middle_y],
+    }
 }
 
 /// Fills a plane with another plane, or one field of it, rotated.
@@ -243,7 +281,7 @@ mod tests {
             let codes = frame.data_mut(plane).chunks_mut(stride).zip([10, 100, 200][plane]..);
             codes.for_each(|(line, code)| line.fill(code));
         }
-        PlanarFrame { frame, is_converted: false }
+        PlanarFrame { chroma_first_px: first_chroma_px(&frame), frame, is_converted: false }
     }
 
     #[test]
@@ -284,6 +322,26 @@ mod tests {
         let frame = picture.frame();
         assert!(!picture.is_interlaced() && frame.y.data.as_ptr() == place);
         assert_eq!((frame.shift_x, frame.shift_y), (1, 0));
+    }
+
+    #[test]
+    fn chroma_samples_stay_at_their_place_when_a_picture_is_turned() {
+        let left = [0.0, 0.5]; // on the first column, between two rows
+        let turned = |turn: Rotation| turn.turned_chroma(left, (1, 1));
+        assert_eq!(turned(Rotation::None), left);
+        assert_eq!(turned(Rotation::Half), [1.0, 0.5], "on the last of two columns");
+        assert_eq!(turned(Rotation::Right), [0.5, 0.0]);
+        assert_eq!(turned(Rotation::Left), [0.5, 1.0]);
+        assert_eq!(Rotation::Half.turned_chroma([0.0, 0.0], (1, 0)), [1.0, 0.0]);
+    }
+
+    #[test]
+    fn an_unlabelled_jpeg_has_its_chroma_between_two_columns_and_other_video_on_the_first() {
+        let first = |format| first_chroma_px(&frame::Video::new(format, 64, 64));
+        assert_eq!(first(format::Pixel::YUVJ420P), [0.5, 0.5]);
+        assert_eq!(first(format::Pixel::YUV420P), [0.0, 0.5]);
+        assert_eq!(first(format::Pixel::YUV422P), [0.0, 0.0]);
+        assert_eq!(first(format::Pixel::YUV444P), [0.0, 0.0]);
     }
 
     #[test]

@@ -33,6 +33,7 @@ pub(super) fn recording(samples: SampleFormat, frames: u64) -> Vec<u8> {
             v: chroma(&v),
             shift_x: 1,
             shift_y: 1,
+            chroma_first_px: [0.5; 2],
             encoding: ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 },
         };
         writer.write(&frame).unwrap();

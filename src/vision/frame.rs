@@ -75,6 +75,8 @@ pub struct Frame<'a> {
     pub shift_x: u8,
     /// Chroma is `1 << shift_y` times coarser in y: 1 for 4:2:0, 0 for 4:2:2 and 4:4:4.
     pub shift_y: u8,
+    /// Position of the first chroma sample, pixels of luma: 0 on the first pixel, 0.5 midway to the second.
+    pub chroma_first_px: [f32; 2],
     /// Encoding of the codes.
     pub encoding: ColourEncoding,
 }

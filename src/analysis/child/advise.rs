@@ -82,7 +82,8 @@ mod tests {
         let grey = [128; 64];
         let plane = Plane { data: &grey, stride: 8, width: 8, height: 8 };
         let (y, u, v) = (plane, plane, plane);
-        let frame = Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding };
+        let frame =
+            Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, chroma_first_px: [0.0; 2], encoding };
         let honest = PaletteAdvice::from(&rank_tapes(&frame));
         assert_eq!(hears(&honest).unwrap(), Some(honest.clone()));
         let forgeries: [fn(&mut PaletteAdvice); 11] = [

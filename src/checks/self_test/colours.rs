@@ -111,6 +111,7 @@ mod tests {
                 v,
                 shift_x: 0,
                 shift_y: 0,
+                chroma_first_px: [0.0; 2],
                 encoding: ENCODING,
             });
         }

@@ -205,6 +205,7 @@ fn open_encoder(settings: &VideoSettings) -> Result<encoder::Video, EncodeError>
     let mut options = Dictionary::new();
     options.set("preset", "veryfast");
     options.set("crf", &settings.crf.to_string());
+    options.set("chroma_sample_location", "center"); // as the simulator renders it, and as the scaler converts
     options.set("threads", "2"); // fixed: the number of threads changes the bits
     video.open_with(options).map_err(|source| EncodeError::Refused {
         width: settings.width,

@@ -27,6 +27,7 @@ fn flat_sized(width: usize, height: usize, luma: u8, shift: (u8, u8), act: impl 
         v: chroma(&v),
         shift_x: shift.0,
         shift_y: shift.1,
+        chroma_first_px: [0.0; 2],
         encoding: ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 },
     });
 }

@@ -62,6 +62,7 @@ impl Rendered {
             v: chroma(&self.v),
             shift_x,
             shift_y,
+            chroma_first_px: [shift_x, shift_y].map(|halvings| 0.5 * (f32::from(1u16 << halvings) - 1.0)),
             encoding: ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 },
         }
     }

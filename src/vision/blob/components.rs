@@ -134,8 +134,17 @@ mod tests {
         let (y, u, v) = (plane(150, 60, 2), plane(60, 128, 1), plane(200, 128, 1));
         let full = Plane { data: &y, stride: 12, width: 12, height: 8 };
         let half = |data| Plane { data, stride: 6, width: 6, height: 4 };
-        let frame =
-            Frame { index: 0, time_s: 0.0, y: full, u: half(&u), v: half(&v), shift_x: 1, shift_y: 1, encoding };
+        let frame = Frame {
+            index: 0,
+            time_s: 0.0,
+            y: full,
+            u: half(&u),
+            v: half(&v),
+            shift_x: 1,
+            shift_y: 1,
+            chroma_first_px: [0.5; 2],
+            encoding,
+        };
         let found = ComponentFinder::default().find(&frame, &table, 1, CellBox::whole(&frame), 1);
         let sizes: Vec<usize> = found.iter().map(|c| c.moments.cells()).collect();
         assert_eq!(sizes, [8, 1]);

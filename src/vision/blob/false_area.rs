@@ -84,7 +84,17 @@ mod tests {
         let (width, height) = (2 * cells[0].len(), 2 * cells.len());
         let plane = |data| Plane { data, stride: width, width, height };
         let (y, u, v) = (plane(&y), plane(&u), plane(&v));
-        let frame = Frame { index: 7, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding: ENCODING };
+        let frame = Frame {
+            index: 7,
+            time_s: 0.0,
+            y,
+            u,
+            v,
+            shift_x: 0,
+            shift_y: 0,
+            chroma_first_px: [0.0; 2],
+            encoding: ENCODING,
+        };
         false_area(&frame, &table, 1, &marks.iter().collect::<Vec<_>>(), tool_count)
     }
 

@@ -130,7 +130,17 @@ mod tests {
         let grey = vec![128; SIZE * SIZE];
         let plane = Plane { data: &grey, stride: SIZE, width: SIZE, height: SIZE };
         let (y, u, v) = (plane, plane, plane);
-        let frame = Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding: ENCODING };
+        let frame = Frame {
+            index: 0,
+            time_s: 0.0,
+            y,
+            u,
+            v,
+            shift_x: 0,
+            shift_y: 0,
+            chroma_first_px: [0.0; 2],
+            encoding: ENCODING,
+        };
         let mut samples = ColourSamples::new(ENCODING);
         samples.collect_stroke(&frame, rectangles);
         assert!(samples.samples.iter().all(|sample| sample.rectangle == 0), "one stroke");

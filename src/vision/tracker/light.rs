@@ -94,7 +94,17 @@ mod tests {
         let plane = |data| Plane { data, stride: WIDTH, width: WIDTH, height: HEIGHT };
         let encoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
         let (y, u, v) = (plane(&luma), plane(&blue), plane(&red));
-        watch.sample_frame(&Frame { index: 0, time_s, y, u, v, shift_x: 0, shift_y: 0, encoding });
+        watch.sample_frame(&Frame {
+            index: 0,
+            time_s,
+            y,
+            u,
+            v,
+            shift_x: 0,
+            shift_y: 0,
+            chroma_first_px: [0.0; 2],
+            encoding,
+        });
     }
 
     #[test]

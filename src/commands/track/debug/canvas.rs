@@ -184,7 +184,8 @@ mod tests {
         let data = [[100; 48], [128; 48], [128; 48]];
         let [y, u, v] = data.each_ref().map(|data| Plane { data, stride: 8, width: 8, height: 6 });
         let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
-        let frame = Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding };
+        let frame =
+            Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, chroma_first_px: [0.0; 2], encoding };
         let part = FrameCrop { left: 2, top: 1, width: 4, height: 3, scale: 10 };
         Canvas::new(&frame, part, &[(INK, "h".to_owned()), (INK, "two lines".to_owned())], 0.5)
     }
@@ -230,7 +231,17 @@ mod tests {
         let data = [0; 300 * 200];
         let plane = Plane { data: &data, stride: 300, width: 300, height: 200 };
         let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
-        let frame = Frame { index: 0, time_s: 0.0, y: plane, u: plane, v: plane, shift_x: 0, shift_y: 0, encoding };
+        let frame = Frame {
+            index: 0,
+            time_s: 0.0,
+            y: plane,
+            u: plane,
+            v: plane,
+            shift_x: 0,
+            shift_y: 0,
+            chroma_first_px: [0.0; 2],
+            encoding,
+        };
         let around = |low: [f64; 2], high: [f64; 2]| FrameCrop::around(low.into(), high.into(), &frame);
         let corner = FrameCrop { left: 0, top: 0, width: 101, height: 51, scale: 9 };
         assert_eq!(around([-5.0, -9.0], [100.0, 50.0]), Some(corner));

@@ -198,7 +198,17 @@ mod tests {
         let [y, u, v] = [0, 1, 2].map(|i| codes.iter().map(|code| code[i]).collect::<Vec<u8>>().repeat(ROWS));
         let plane = |data| Plane { data, stride: width, width, height: ROWS };
         let (y, u, v) = (plane(&y), plane(&u), plane(&v));
-        rank_tapes(&Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding: ENCODING })
+        rank_tapes(&Frame {
+            index: 0,
+            time_s: 0.0,
+            y,
+            u,
+            v,
+            shift_x: 0,
+            shift_y: 0,
+            chroma_first_px: [0.0; 2],
+            encoding: ENCODING,
+        })
     }
 
     fn of<'a>(advice: &'a TapeRanking, name: &str) -> &'a TapeAdvice {
