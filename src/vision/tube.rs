@@ -129,6 +129,9 @@ impl<T> IndexMut<OutlinePart> for PerPart<T> {
     }
 }
 
+/// Usual thickness of tape, mm: most vinyl tapes have 0.10 to 0.18.
+pub const TAPE_THICKNESS_MM: f64 = 0.13;
+
 /// Reach of the jaws beyond the tip, mm. Generous, because points that the jaws may hide are only left out.
 const JAWS_MM: f64 = 30.0;
 
@@ -177,6 +180,18 @@ impl Outline {
         let outwards = self.towards_camera * cos + self.sideways * sin;
         self.tube.tip - self.tube.axis * back_mm + outwards * self.tube.radius
     }
+
+    /// Point where the tape ends in the picture, at a band's end `back_mm` behind the tip: on its rim, or, if the camera
+    /// sees the face of the tape's proximal end, where this face meets the tube. `across` is as in [`Self::rim`].
+    pub fn tape_end(&self, back_mm: f64, across: f64) -> Point3<f64> {
+        let rim = self.rim(back_mm, across);
+        let is_face_in_sight = back_mm > 0.0 && self.tube.axis.dot(&rim.coords) > 0.0;
+        if !is_face_in_sight {
+            return rim;
+        }
+        let centre = self.tube.tip - self.tube.axis * back_mm;
+        rim + (centre - rim) * (TAPE_THICKNESS_MM / self.tube.radius).min(1.0)
+    }
 }
 
 #[cfg(test)]
@@ -204,6 +219,19 @@ mod tests {
                 prop_assert!((outline.rim(7.0, across) - outline.border(side, 7.0)).norm() < 1e-9);
             }
         }
+    }
+
+    #[test]
+    fn the_face_of_the_tape_s_proximal_end_shows_only_from_behind() {
+        let leaning = |lean: f64| Tube {
+            tip: Point3::new(0.0, 0.0, 150.0),
+            axis: Vector3::new(1.0, 0.0, lean).normalize(),
+            radius: 2.5,
+        };
+        let [away, towards] = [0.8, -0.8].map(|lean| leaning(lean).outline().unwrap());
+        assert!(((away.tape_end(20.0, 0.0) - away.rim(20.0, 0.0)).norm() - TAPE_THICKNESS_MM).abs() < 1e-9);
+        assert_eq!(towards.tape_end(20.0, 0.0), towards.rim(20.0, 0.0));
+        assert_eq!(away.tape_end(0.0, 0.0), away.rim(0.0, 0.0), "the distal end");
     }
 
     #[test]

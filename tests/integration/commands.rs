@@ -81,9 +81,11 @@ fn a_refused_path_has_reasons_instead_of_features() {
     let folder = scene();
     let track =
         trocar(folder.path(), &format!("{} --out track.csv --quality quality.json", TRACK.replace("--quiet ", "")));
-    assert!(String::from_utf8_lossy(&track.stderr).contains("verdict: valid"), "{track:?}");
+    assert!(String::from_utf8_lossy(&track.stderr).contains("verdict: usable with care"), "{track:?}");
     let quality: Value = serde_json::from_slice(&fs::read(folder.path().join("quality.json")).unwrap()).unwrap();
-    assert_eq!((&quality["verdict"], &quality["tools"][0]["coverage"]), (&"valid".into(), &1.0.into()), "{quality:#}");
+    let reasons: Vec<&Value> = quality["reasons"].as_array().unwrap().iter().map(|reason| &reason["name"]).collect();
+    assert_eq!(reasons, ["no_trocar"], "a resting tool shows no trocar: {quality:#}");
+    assert_eq!(quality["tools"][0]["coverage"], 1.0, "{quality:#}");
     write_sparse_path(folder.path());
     let scored = trocar(folder.path(), "score --json sparse.csv");
     assert!(scored.status.success(), "a refused verdict is no error: {scored:?}");

@@ -17,6 +17,8 @@ pub enum QualityCause {
     LeftView,
     /// A tool was in view but not followed for too long.
     Lost,
+    /// A tool moved, but its axes do not meet in a trocar.
+    NoTrocar,
     /// Too many of a tool's positions are bridged.
     Predicted,
     /// A tool was not measured for too long without interruption.
@@ -58,7 +60,7 @@ pub enum QualityCause {
 
 impl QualityCause {
     /// Every cause, in the order to fix them.
-    pub const ALL: [QualityCause; 25] = [
+    pub const ALL: [QualityCause; 26] = [
         QualityCause::NothingSeen,
         QualityCause::NeverInPicture,
         QualityCause::ColourBackground,
@@ -66,6 +68,7 @@ impl QualityCause {
         QualityCause::Coverage,
         QualityCause::LeftView,
         QualityCause::Lost,
+        QualityCause::NoTrocar,
         QualityCause::Predicted,
         QualityCause::LongGap,
         QualityCause::Rejected,
@@ -96,6 +99,7 @@ impl QualityCause {
             QualityCause::Coverage => "coverage",
             QualityCause::LeftView => "left_view",
             QualityCause::Lost => "lost",
+            QualityCause::NoTrocar => "no_trocar",
             QualityCause::Predicted => "predicted",
             QualityCause::LongGap => "long_gap",
             QualityCause::Rejected => "rejected",
@@ -123,7 +127,9 @@ impl QualityCause {
             QualityCause::LongGap | QualityCause::Break => "s",
             QualityCause::BorderResidual | QualityCause::Calibration => "px",
             QualityCause::NoiseFloor | QualityCause::BeginsInMotion | QualityCause::EndsInMotion => "mm/s",
-            QualityCause::ErrorBar | QualityCause::CameraMoved | QualityCause::PortMoved => "mm",
+            QualityCause::NoTrocar | QualityCause::ErrorBar | QualityCause::CameraMoved | QualityCause::PortMoved => {
+                "mm"
+            }
             QualityCause::FrameRate => "Hz",
             QualityCause::WhiteBalance => "codes",
             QualityCause::ColourBackground | QualityCause::ColourPair => "steps",
@@ -169,6 +175,9 @@ impl QualityCause {
             QualityCause::Coverage => format!("measured on {figure} % of the frames"),
             QualityCause::LeftView => format!("out of view for {figure} % of the session"),
             QualityCause::Lost => format!("in view but not followed on {figure} % of the frames"),
+            QualityCause::NoTrocar => {
+                format!("its tip moved by {figure} mm (root mean square), but its axes do not meet in a trocar")
+            }
             QualityCause::Predicted => format!("{figure} % of the positions are bridged, not measured"),
             QualityCause::LongGap => format!("not measured for {figure} s without a break"),
             QualityCause::Rejected => format!("{figure} % of the measurements contradict the motion"),
@@ -229,6 +238,10 @@ impl QualityCause {
             QualityCause::Lost => {
                 "watch these moments in the recording: does something cover the tape or does it glare? Mark its colour \
                  in that light"
+            }
+            QualityCause::NoTrocar => {
+                "watch the overlay: does it follow the tool, and does its axis point from the hand to the tip? Check \
+                 the tool's sizes, and mark other things of the tape's colour as background"
             }
             QualityCause::Predicted | QualityCause::LongGap => {
                 "sums such as the path length leave out what happened there; watch the gaps in the recording"

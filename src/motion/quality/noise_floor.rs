@@ -25,7 +25,7 @@ use super::QualityInput;
 use crate::numbers::quantile::quantile;
 use crate::vision::filter::kalman::KalmanState;
 use crate::vision::filter::smoother::FilterRun;
-use crate::vision::tracker::STATED_SIGMA_SHARE;
+use crate::vision::pose::CHANGING_SHARE;
 use crate::vision::trajectory::{PathKind, Sample, SampleState};
 
 /// Minimum time for which a tip must stay in place to be at rest, s. Half a second at both ends does not count, because
@@ -138,7 +138,8 @@ pub(super) fn from_measurements(evidence: &QualityInput<'_>, tool: usize) -> Opt
     let step_s = quantile(steps.map(|pair| pair[1].time_s - pair[0].time_s).collect(), 0.5)?;
     let sigma = |of: fn(&Sample) -> Option<f64>| quantile(raw.iter().filter_map(of).collect(), 0.5);
     let (lateral, depth) = (sigma(|s| s.sigma_xy_mm)?, sigma(|s| s.sigma_z_mm)?);
-    let believed = Vector3::new(lateral, lateral, depth) / STATED_SIGMA_SHARE;
+    // Nearly all of the stated error lasts, and the filter takes only a share of its variance for noise.
+    let believed = Vector3::new(lateral, lateral, depth) * CHANGING_SHARE.sqrt();
     let passing_depth_mm = evidence.tracker.and_then(|tracker| tracker.tools.get(tool)?.transient_depth_sigma_mm);
     let noise = without_tremor(changing_sigma(&raw, step_s)?, passing_depth_mm, lateral / depth);
     /// Variance that slow filters leave of correlated errors, relative to independent ones.

@@ -5,7 +5,7 @@ use super::*;
 use crate::random::Dice;
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::{ColourSeparation, Margin};
-use crate::vision::tracker::{Absence, Gap, LightSample, ToolQuality};
+use crate::vision::tracker::{Absence, DiameterBasis, EffectiveDiameter, Gap, LightSample, ToolQuality};
 use crate::vision::trajectory::{PathKind, Sample};
 
 const FRAME_S: f64 = 0.04;
@@ -46,7 +46,9 @@ fn causes(verdict: &QualityVerdict) -> Vec<QualityCause> {
 }
 
 fn counts(gaps: Vec<Gap>) -> Quality {
-    let tool = ToolQuality { tool: "orange".into(), gaps, ..ToolQuality::default() };
+    let diameter = EffectiveDiameter { mm: 5.0, sigma_mm: 0.1, basis: DiameterBasis::Session };
+    let tool =
+        ToolQuality { tool: "orange".into(), gaps, effective_diameter: Some(diameter), ..ToolQuality::default() };
     Quality { frames: FRAMES, tools: vec![tool], light: Vec::new() }
 }
 
@@ -106,7 +108,7 @@ fn time_out_of_view_and_lost_time_are_separate_within_the_session() {
     let figures = measure(&QualityInput { tracker: Some(&counts), ..QualityInput::of_path(&path) });
     let tool = &figures.tools[0];
     assert_eq!((tool.coverage, tool.coverage_of_recording), (Some(250.0 / 350.0), Some(0.5)));
-    assert_eq!((tool.left_view_share, tool.lost_share), (Some(70.0 / 350.0), Some(30.0 / 350.0)));
+    assert_eq!((tool.left_view_share, tool.lost_share), (Some(70.0 / 350.0), Some(30.0 / 280.0)));
     assert_eq!(tool.lost_frames.get(&MissReason::PoorFit), Some(&30));
     assert!((tool.longest_gap_s.unwrap() - 101.0 * FRAME_S).abs() < 1e-9);
     let verdict = judge(&figures);
@@ -205,6 +207,23 @@ fn an_interlaced_recording_asks_for_care_and_says_how_to_mend_it() {
     let verdict = judged(FRAMES);
     assert_eq!((causes(&verdict), rank(&verdict)), (vec![QualityCause::Interlaced], Some(Severity::Care)));
     assert!(verdict.concerns()[0].advice().contains("bwdif"));
+}
+
+#[test]
+fn a_tool_that_moves_without_a_trocar_is_refused_and_a_resting_one_asks_for_care() {
+    let moving = path(|_| true);
+    let mut resting = path(|_| true);
+    resting.samples.iter_mut().for_each(|sample| sample.tip_mm = Point3::new(0.01 * sample.tip_mm.x, 0.0, 150.0));
+    let mut counts = counts(Vec::new());
+    let judged = |counts: &Quality, path: &Trajectory| {
+        judge(&measure(&QualityInput { tracker: Some(counts), ..QualityInput::of_path(path) }))
+    };
+    assert_eq!(judged(&counts, &moving), QualityVerdict::Valid);
+    counts.tools[0].effective_diameter = None;
+    let refused = judged(&counts, &moving);
+    assert_eq!((causes(&refused), rank(&refused)), (vec![QualityCause::NoTrocar], Some(Severity::Refuse)));
+    assert!(refused.concerns()[0].finding().contains("do not meet in a trocar (limit 8.0 mm)"));
+    assert_eq!(rank(&judged(&counts, &resting)), Some(Severity::Care));
 }
 
 #[test]

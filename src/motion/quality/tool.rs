@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::Vector3;
+
 use super::noise_floor::{self, NoiseFloor};
 use super::{Displacement, MeasuredRange, PortPlacement, QualityInput};
 use crate::numbers::quantile::quantile;
@@ -36,6 +38,8 @@ pub struct ToolFigures {
     pub longest_gap_s: Option<f64>,
     /// RMS distance of border points from the fitted outline, pixels.
     pub border_residual_px: Option<f64>,
+    /// Distance of its positions from their mean, root mean square, mm, if its axes do not meet in a trocar.
+    pub moved_without_trocar_mm: Option<f64>,
     /// The effective diameter of its tape.
     pub effective_diameter: Option<EffectiveDiameter>,
     /// Measurements that contradict the tool's motion, as a share of all measurements.
@@ -87,10 +91,14 @@ pub(super) fn measure(
         coverage_of_recording: recorded.and_then(|frames| share(observed, frames)),
         predicted_share: share(path.len() as u64 - observed, path.len() as u64),
         left_view_share: gaps.as_ref().and_then(|gaps| of_session(gaps.left_view)),
-        lost_share: gaps.as_ref().and_then(|gaps| of_session(gaps.lost.values().sum())),
+        lost_share: gaps
+            .as_ref()
+            .zip(recorded)
+            .and_then(|(gaps, frames)| share(gaps.lost_anywhere, frames.saturating_sub(gaps.left_anywhere))),
         lost_frames: gaps.map(|gaps| gaps.lost).unwrap_or_default(),
         longest_gap_s: shown.map(|shown| longest_gap_s(&seen, shown)),
         border_residual_px: tracker.and_then(|tool| tool.border_residual_px),
+        moved_without_trocar_mm: tracker.filter(|tool| !tool.has_trocar()).and_then(|_| spread_mm(&seen)),
         effective_diameter: tracker.and_then(|tool| tool.effective_diameter),
         rejected_share: tracker.and_then(|tool| {
             let rejected = tool.reasons.get(&MissReason::GateRejected).copied().unwrap_or(0);
@@ -106,6 +114,14 @@ pub(super) fn measure(
     }
 }
 
+/// Distance of the positions from their mean, root mean square, mm.
+fn spread_mm(seen: &[&Sample]) -> Option<f64> {
+    let count = seen.len() as f64;
+    let mean = seen.iter().map(|sample| sample.tip_mm.coords).sum::<Vector3<f64>>() / count;
+    let squares: f64 = seen.iter().map(|sample| (sample.tip_mm.coords - mean).norm_squared()).sum();
+    (!seen.is_empty()).then(|| (squares / count).sqrt())
+}
+
 fn share(part: u64, whole: u64) -> Option<f64> {
     (whole > 0).then(|| part as f64 / whole as f64)
 }
@@ -118,12 +134,17 @@ fn never_in_picture(tool: &ToolQuality) -> bool {
 struct ToolGaps {
     left_view: u64,
     lost: BTreeMap<MissReason, u64>,
+    /// The same in the whole recording.
+    left_anywhere: u64,
+    lost_anywhere: u64,
 }
 
 impl ToolGaps {
     fn within(tool: &ToolQuality, shown: MeasuredRange) -> Self {
-        let mut gaps = Self { left_view: 0, lost: BTreeMap::new() };
+        let mut gaps = Self { left_view: 0, lost: BTreeMap::new(), lost_anywhere: 0, left_anywhere: 0 };
         for gap in &tool.gaps {
+            let of = if gap.absence == Absence::LeftView { &mut gaps.left_anywhere } else { &mut gaps.lost_anywhere };
+            *of += gap.last + 1 - gap.first;
             let (first, last) = (gap.first.max(shown.first), gap.last.min(shown.last));
             let frames = (last + 1).saturating_sub(first);
             match gap.absence {

@@ -17,7 +17,7 @@ use super::equations::{
 };
 use super::probe::Shading;
 use super::profile::Profile;
-use super::tone::Tone;
+use super::tone;
 
 /// Unit of depth inside a cut edge for its shading term, pixels.
 const CUT_DEPTH_PX: f64 = 10.0;
@@ -42,7 +42,7 @@ const MAX_INCREASE: f64 = 1.05;
 
 /// Expected blur and shading of an edge.
 #[derive(Clone, Copy)]
-pub struct EdgeAppearance<'a> {
+pub struct EdgeAppearance {
     /// Standard deviation of the blur of light: lens and motion, pixels.
     pub light_blur_px: f64,
     /// Part of it due to the lens alone, pixels.
@@ -53,8 +53,6 @@ pub struct EdgeAppearance<'a> {
     pub shading: Shading,
     /// The parameter for [`EdgeFit::learned_evidence`].
     pub learned_parameter: Option<LearnedParameter>,
-    /// Curve from light to codes.
-    pub tone: &'a Tone,
     /// Matrix from gamma-coded `[R', G', B']` to codes of Y, U, V.
     pub codes_from_rgb: Matrix3<f64>,
     /// Codes of black.
@@ -152,6 +150,12 @@ impl EdgeFit {
         })
     }
 
+    /// Mean light inside, clear of the edge, as it was before the fit. Where gloss or shade hides the tape's colour, the
+    /// fitted light is less certain than this.
+    pub fn mean_inside(&self) -> [f64; 3] {
+        self.guessed
+    }
+
     /// Light some pixels inside.
     pub fn inside(&self) -> [f64; 3] {
         self.light.map(|l| l.base + LIMB_INSIDE * l.limb)
@@ -221,10 +225,10 @@ fn solve_normal_equations(
     Some(Solution { step: factor.solve(residuals), information: factor.information_on_last(), through })
 }
 
-impl EdgeAppearance<'_> {
+impl EdgeAppearance {
     /// The codes of this light.
     pub fn codes(&self, light: [f64; 3]) -> [f64; 3] {
-        let coded = Vector3::from(light.map(|l| self.tone.code(l)));
+        let coded = Vector3::from(light.map(tone::code));
         (self.codes_from_rgb * coded + self.black).into()
     }
 
@@ -271,7 +275,7 @@ impl EdgeAppearance<'_> {
         Some(step[OFFSET])
     }
 
-    fn constants(&self, fit: &EdgeFit, noise: [f64; 3]) -> EdgeConstants<'_> {
+    fn constants(&self, fit: &EdgeFit, noise: [f64; 3]) -> EdgeConstants<'static> {
         let blur = self.light_blur_px;
         let (limb, shading) = match self.shading {
             Shading::Limb { radius_px } => (true, ((2.0 * blur / radius_px).sqrt(), blur / radius_px)),
@@ -279,7 +283,6 @@ impl EdgeAppearance<'_> {
         };
         EdgeConstants {
             curves: EdgeCurves::for_motion_share(1.0 - (self.lens_px / blur).powi(2)),
-            tone: self.tone,
             offset: fit.offset_px as f32,
             chroma: fit.chroma_px as f32,
             chroma_blur: self.chroma_blur_px as f32,

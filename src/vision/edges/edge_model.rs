@@ -3,17 +3,17 @@
 //! **In** the edge fits along every accepted tube ([`EdgeModel::learn`]). **Out** the expected appearance of the next
 //! frame's edges. **Method** Lens blur and exposure are learned from the residuals at the band's ends, chroma blur
 //! from those at its borders, each by a Kalman filter with one state. The light inside each part of the outline is a
-//! mean over recent edges; noise follows the median. Whether blur mixed light or codes is decided by all tools of a
-//! recording together ([`super::blur_domain`]).
+//! mean over recent edges; noise follows the median. Where the chroma samples lie is decided by all tools of a recording
+//! together ([`super::chroma_siting`]).
 
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
-use super::blur_domain::ChromaShiftEstimator;
+use super::chroma_siting::{ChromaRight, ChromaRightEstimator};
 use super::edge_fit::{EdgeAppearance, EdgeFit, InsideLight};
 use super::equations::LearnedParameter;
 use super::probe::{FittedEdge, Probe, Shading};
 use super::scalar_filter::ScalarFilter;
-use super::tone::{BlurDomain, Tone};
+use super::tone;
 use super::usual_light::UsualInside;
 use crate::vision::frame::{ColourEncoding, Frame};
 use crate::vision::tube::{BorderSide, OutlinePart, PerPart};
@@ -26,10 +26,8 @@ pub struct EdgeModel {
     /// Variance of pixels about the model in Y, U, V, codes². The median over edges, so that creases and patterns
     /// beside some of them do not raise it.
     pub(super) noise: [f64; 3],
-    /// The tape's usual chroma, codes.
-    pub(super) tape: Vector2<f64>,
-    /// What blur mixes: light or codes.
-    pub blur_domain: BlurDomain,
+    /// The tape's usual codes.
+    tape: Vector3<f64>,
     encoding: ColourEncoding,
     codes_from_rgb: Matrix3<f64>,
     black: Vector3<f64>,
@@ -44,7 +42,9 @@ pub struct EdgeModel {
     noisier: [(f64, f64); 3],
     /// Usual light inside each part of the outline.
     inside: PerPart<UsualInside>,
-    chroma_shift: ChromaShiftEstimator,
+    chroma_right: ChromaRightEstimator,
+    /// How much farther right chroma samples lie than the frames say, pixels.
+    pub(super) chroma_right_px: f32,
     frames: u32,
 }
 
@@ -70,8 +70,7 @@ impl EdgeModel {
         Self {
             lens_px: USUAL_LENS_PX,
             noise: [6.0, 3.0, 3.0],
-            tape: Vector2::new(tape_yuv[1], tape_yuv[2]),
-            blur_domain: BlurDomain::Light,
+            tape: Vector3::from(tape_yuv),
             encoding,
             codes_from_rgb,
             black: Vector3::from(encoding.black()),
@@ -82,23 +81,14 @@ impl EdgeModel {
             exposure: ScalarFilter::new(0.5 * USUAL_EXPOSURE_S),
             noisier: Default::default(),
             inside: Default::default(),
-            chroma_shift: ChromaShiftEstimator::default(),
+            chroma_right: ChromaRightEstimator::default(),
+            chroma_right_px: 0.0,
             frames: 0,
         }
     }
 
     /// Expected appearance of an edge at a probe.
-    pub(super) fn appearance(&self, probe: &Probe, chroma_halvings: u8) -> EdgeAppearance<'static> {
-        self.appearance_in(self.blur_domain, probe, chroma_halvings)
-    }
-
-    /// The same, assuming this blur domain.
-    pub(super) fn appearance_in(
-        &self,
-        mixing: BlurDomain,
-        probe: &Probe,
-        chroma_halvings: u8,
-    ) -> EdgeAppearance<'static> {
+    pub(super) fn appearance(&self, probe: &Probe, chroma_halvings: u8) -> EdgeAppearance {
         EdgeAppearance {
             light_blur_px: self.light_blur_px(probe),
             lens_px: self.lens_px,
@@ -109,7 +99,6 @@ impl EdgeModel {
             } else {
                 LearnedParameter::ChromaBlur
             }),
-            tone: Tone::of(mixing),
             codes_from_rgb: self.codes_from_rgb,
             black: self.black,
         }
@@ -150,10 +139,26 @@ impl EdgeModel {
         Some(std::array::from_fn(|c| [one, other].map(|i| i.light[c].base + i.light[c].limb).iter().sum::<f64>() / 2.0))
     }
 
-    /// The light with these codes, assuming this blur domain.
-    pub(super) fn light(&self, mixing: BlurDomain, codes: [f64; 3]) -> [f64; 3] {
-        let tone = Tone::of(mixing);
-        self.encoding.rgb_of_codes(codes).map(|code| tone.light(code.max(0.0))).into()
+    /// Distance of a colour from the tape's in both chroma planes, codes.
+    pub(super) fn off_tape(&self, codes: [f64; 3]) -> f64 {
+        (Vector3::from(codes) - self.tape).yz().norm()
+    }
+
+    /// May this be the tape in shade? Codes of one surface lie on a straight line from black as the light changes, so
+    /// in deep shade all surfaces look alike.
+    pub(super) fn may_be_shaded_tape(&self, codes: [f64; 3]) -> bool {
+        /// Share of the tape's usual luma below which its colour says little.
+        const SHADED: f64 = 0.6;
+        /// Three times the usual noise of a mean chroma, codes.
+        const NEAR_CODES: f64 = 8.0;
+        let [codes, tape] = [Vector3::from(codes), self.tape].map(|codes| codes - self.black);
+        let share = codes.x / tape.x.max(1.0);
+        share < SHADED && (codes - tape * share.max(0.0)).yz().norm() < NEAR_CODES
+    }
+
+    /// The light with these codes.
+    pub(super) fn light(&self, codes: [f64; 3]) -> [f64; 3] {
+        self.encoding.rgb_of_codes(codes).map(|code| tone::light(code.max(0.0))).into()
     }
 
     /// Blur of light across a probe: by the lens, and by motion during the exposure.
@@ -162,17 +167,17 @@ impl EdgeModel {
         (self.lens_px * self.lens_px + moved * moved / 12.0).sqrt() // a uniform blur of length a has variance a²/12
     }
 
-    /// How much farther out the limbs lie in chroma than in luma if blur mixes light, pixels; `None` until enough
-    /// edges were seen. Shows which blur domain a recording has ([`super::blur_domain::decide`]).
-    pub fn chroma_shift_px(&self) -> Option<f32> {
-        self.chroma_shift.median_px()
+    /// How much farther right edges lie in chroma than in luma; `None` until enough edges were seen. Shows where the
+    /// chroma samples lie ([`super::chroma_siting::decide`]).
+    pub fn chroma_right(&self) -> Option<ChromaRight> {
+        self.chroma_right.estimate()
     }
 
-    /// Sets what blur mixes, from now on.
-    pub fn set_blur_domain(&mut self, mixing: BlurDomain) {
-        if mixing != self.blur_domain {
-            self.blur_domain = mixing;
-            self.inside = Default::default(); // learned in the other blur domain
+    /// Sets how much farther right chroma samples lie than the frames say, pixels, from now on.
+    pub fn set_chroma_right_px(&mut self, right_px: f32) {
+        if right_px != self.chroma_right_px {
+            self.chroma_right_px = right_px;
+            self.inside = Default::default(); // learned with chroma elsewhere
         }
     }
 
@@ -201,9 +206,9 @@ impl EdgeModel {
     }
 
     fn learn_from(&mut self, fit: &EdgeFit, frame: &Frame<'_>, probe: &Probe) {
-        let mut trial = std::mem::take(&mut self.chroma_shift);
+        let mut trial = std::mem::take(&mut self.chroma_right);
         trial.observe(self, frame, probe, fit);
-        self.chroma_shift = trial;
+        self.chroma_right = trial;
         let usual = fit.variance.iter().zip(&self.noise).all(|(variance, noise)| *variance < 6.0 * noise);
         if usual && fit.information > 1.0 {
             self.inside[probe.part].learn(fit);

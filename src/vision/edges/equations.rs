@@ -10,7 +10,7 @@
 use super::edge_curves::EdgeCurves;
 use super::lanes::{LANES, Lanes};
 use super::profile::Profile;
-use super::tone::Tone;
+use super::tone;
 
 /// Unknowns of the light: `base` inside for three channels, `out` outside for three, additional shading inside for
 /// each of them, and one additional ramp outside for all; the last two as shares of the light there.
@@ -73,8 +73,6 @@ pub enum LearnedParameter {
 pub struct EdgeConstants<'a> {
     /// Tables of the blurred step, limb and ramp.
     pub curves: &'a EdgeCurves,
-    /// Curve from light to codes.
-    pub tone: &'a Tone,
     /// Distance of the edge from the chord, pixels.
     pub offset: f32,
     /// How much farther out it lies in chroma, pixels.
@@ -221,18 +219,18 @@ fn add_planes<const USED: usize, const PAIRS: usize, const N: usize>(
         let (distances, pixels) = (profile.distances(bin), profile.pixels(bin));
         // The channels are written out by hand: closures passed to library functions would not be compiled for wide
         // registers.
-        let EdgeConstants { light: [r, g, b], tone, .. } = constants;
+        let EdgeConstants { light: [r, g, b], .. } = constants;
         let lit = if is_luma {
             let at = DistanceTerms::at(constants, distances);
-            [ChannelTerms::by(&at, r, tone), ChannelTerms::by(&at, g, tone), ChannelTerms::by(&at, b, tone)]
+            [ChannelTerms::by(&at, r), ChannelTerms::by(&at, g), ChannelTerms::by(&at, b)]
         } else {
             let (shift, extra) = (constants.chroma, constants.chroma_blur);
             let inner = DistanceTerms::at(constants, distances - (shift + extra));
             let outer = DistanceTerms::at(constants, distances - (shift - extra));
             [
-                ChannelTerms::mean(&ChannelTerms::by(&inner, r, tone), &ChannelTerms::by(&outer, r, tone)),
-                ChannelTerms::mean(&ChannelTerms::by(&inner, g, tone), &ChannelTerms::by(&outer, g, tone)),
-                ChannelTerms::mean(&ChannelTerms::by(&inner, b, tone), &ChannelTerms::by(&outer, b, tone)),
+                ChannelTerms::mean(&ChannelTerms::by(&inner, r), &ChannelTerms::by(&outer, r)),
+                ChannelTerms::mean(&ChannelTerms::by(&inner, g), &ChannelTerms::by(&outer, g)),
+                ChannelTerms::mean(&ChannelTerms::by(&inner, b), &ChannelTerms::by(&outer, b)),
             ]
         };
         for index in 0..N {
@@ -336,10 +334,10 @@ impl DistanceTerms {
 impl ChannelTerms {
     /// One channel's code and derivatives at these distances.
     #[inline(always)]
-    fn by(curves: &DistanceTerms, light: &EdgeLight<f32>, tone: &Tone) -> Self {
+    fn by(curves: &DistanceTerms, light: &EdgeLight<f32>) -> Self {
         let &EdgeLight { base, limb: shade, out, ramp: rise, of } = light;
         let &DistanceTerms { z, inside, outside, ramp_px, ramp, density, limb, limb_by_offset, limb_by_blur } = curves;
-        let [code, slope] = tone.codes(inside * base + limb * shade + outside * out + ramp_px * rise);
+        let [code, slope] = tone::codes(inside * base + limb * shade + outside * out + ramp_px * rise);
         let step = density * (base - out);
         Self {
             code,

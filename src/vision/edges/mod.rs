@@ -5,8 +5,8 @@
 //! ([`outline_probes`]), each moved onto the edge in the pixels ([`subpixel`], all planes at once in [`edge_fit`]),
 //! using the learned appearance of edges in this recording ([`edge_model`]).
 
-pub mod blur_domain;
 mod cholesky;
+pub mod chroma_siting;
 mod edge_curves;
 mod edge_fit;
 pub mod edge_model;

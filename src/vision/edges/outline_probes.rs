@@ -31,7 +31,7 @@ impl OutlinePoint {
     pub fn position_on(&self, outline: &Outline) -> Point3<f64> {
         match *self {
             OutlinePoint::Border { side, back_mm } => outline.border(side, back_mm),
-            OutlinePoint::Rim { back_mm, across } => outline.rim(back_mm, across),
+            OutlinePoint::Rim { back_mm, across } => outline.tape_end(back_mm, across),
         }
     }
 
@@ -101,7 +101,7 @@ pub fn rim_probes(
     layout: ProbeLayout,
     into: &mut Vec<(OutlinePoint, Probe)>,
 ) {
-    let seen = |across| pixel_of(camera, outline.rim(back_mm, across));
+    let seen = |across| pixel_of(camera, outline.tape_end(back_mm, across));
     let (Some(left), Some(right)) = (seen(-RIM_SHARE), seen(RIM_SHARE)) else { return };
     let width = (right.0 - left.0).norm();
     let count = (width / layout.chord_px).round().clamp(3.0, 40.0) as usize;

@@ -65,9 +65,9 @@ impl<const N: usize> Profile<N> {
     /// Collects the pixels of the parallelogram that the chord covers when moved through its window: row by row if the
     /// chord is upright, else column by column. `shift` halves the planes' size this many times.
     #[inline(always)]
-    fn gather(planes: [&Plane<'_>; N], shift: (u8, u8), probe: &Probe) -> Self {
+    fn gather(planes: [&Plane<'_>; N], shift: (u8, u8), first_px: [f32; 2], probe: &Probe) -> Self {
         let scale = [f64::from(1u32 << shift.0), f64::from(1u32 << shift.1)];
-        let first = scale.map(|s| (s - 1.0) / 2.0); // a chroma sample lies in the middle of its pixels
+        let first = first_px.map(f64::from);
         let sizes = [planes[0].width, planes[0].height];
         let middle = [probe.middle.u(), probe.middle.v()];
         let normal = [probe.outward.x, probe.outward.y];
@@ -114,13 +114,14 @@ impl<const N: usize> Profile<N> {
 /// The luma profile across a chord.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
 pub fn of_luma(frame: &Frame<'_>, probe: &Probe) -> Profile<1> {
-    Profile::gather([&frame.y], (0, 0), probe)
+    Profile::gather([&frame.y], (0, 0), [0.0; 2], probe)
 }
 
-/// The profile of both chroma planes across a chord.
+/// The profile of both chroma planes across a chord, whose samples lie `right_px` farther right than the frame says.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
-pub fn of_chroma(frame: &Frame<'_>, probe: &Probe) -> Profile<2> {
-    Profile::gather([&frame.u, &frame.v], (frame.shift_x, frame.shift_y), probe)
+pub fn of_chroma(frame: &Frame<'_>, right_px: f32, probe: &Probe) -> Profile<2> {
+    let [first_x, first_y] = frame.chroma_first_px;
+    Profile::gather([&frame.u, &frame.v], (frame.shift_x, frame.shift_y), [first_x + right_px, first_y], probe)
 }
 
 /// The range of `x` where `start + slope · x` lies between two bounds.
@@ -258,6 +259,7 @@ mod tests {
             v: plane(&grey, SIZE / 2),
             shift_x: 1,
             shift_y: 1,
+            chroma_first_px: [0.5; 2],
             encoding: ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 },
         };
         of_luma(&frame, probe)

@@ -105,7 +105,7 @@ impl Track {
 
     /// Would this pose pass the gate?
     pub fn would_accept(&self, time_s: f64, pose: &TubeEstimate, settings: &TrackSettings) -> bool {
-        let measured = (pose.tube.tip, pose.tip_covariance());
+        let measured = (pose.tube.tip, pose.changing_tip_covariance());
         self.current_if_recent(time_s, settings)
             .is_some_and(|followed| followed.predict_towards(time_s, &measured, settings).is_some())
     }

@@ -25,12 +25,11 @@ impl Fulcrum {
         Self { at, covariance: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) }
     }
 
-    /// The fulcrum as stated in results: with its standard deviations multiplied by `share`; `None` if even then not
-    /// well known.
-    pub fn stated(self, share: f64) -> Option<Self> {
-        let covariance = self.covariance * (share * share);
-        let is_well_known = covariance.diagonal().iter().all(|variance| *variance <= WELL_KNOWN_MM * WELL_KNOWN_MM);
-        is_well_known.then_some(Self { covariance, ..self })
+    /// The fulcrum, if it is known well enough to be stated in results.
+    pub fn well_known(self) -> Option<Self> {
+        let is_well_known =
+            self.covariance.diagonal().iter().all(|variance| *variance <= WELL_KNOWN_MM * WELL_KNOWN_MM);
+        is_well_known.then_some(self)
     }
 
     /// Every number of it.
@@ -62,7 +61,7 @@ impl From<UpperFulcrum> for Fulcrum {
 
 /// Largest standard deviation along an axis of a well-known fulcrum, mm. A movement below three of these cannot be
 /// distinguished from chance.
-pub const WELL_KNOWN_MM: f64 = 4.0;
+pub const WELL_KNOWN_MM: f64 = 5.0;
 
 /// How far from the fulcrum an axis may pass: the play of a tube in its trocar, mm.
 pub const PLAY_MM: f64 = 0.5;

@@ -37,6 +37,11 @@ pub struct MeasuredEdge {
 /// Minimum number of edges on each border.
 pub const MIN_BORDER_EDGES: usize = 2;
 
+/// By how much the ends of a tape are found too far out, pixels; the cause is not known. Over 59 ray-traced tools, the
+/// mean of both ends was 0.18 in the even and 0.16 in the odd recordings. Borders have no such offset, and neither have
+/// ends that are drawn as the edge model assumes.
+pub const END_OFFSET_PX: f64 = 0.17;
+
 /// Minimum standard deviation of a single edge, pixels: texture and compression that the noise does not include.
 const MIN_SIGMA_PX: f64 = 0.1;
 
@@ -58,8 +63,8 @@ impl MeasuredEdge {
                 (per_px.abs() > 1e-9).then(|| normal.dot(&self.sight.ray()) / per_px)
             }
             OutlinePoint::Rim { back_mm, across } => {
-                let expected = camera.project(CameraPoint(outline.rim(back_mm, across)))?;
-                Some((self.at.0 - expected.0).dot(&self.outward))
+                let expected = camera.project(CameraPoint(outline.tape_end(back_mm, across)))?;
+                Some((self.at.0 - expected.0).dot(&self.outward) - END_OFFSET_PX)
             }
         }
     }
@@ -314,7 +319,7 @@ mod tests {
         let mut random = SmallRng::seed_from_u64(3);
         let inside = (0..TRIALS)
             .filter(|_| {
-                let sampled = edges(&mut random, 0.15, single_pose_offsets_px());
+                let sampled = edges(&mut random, 0.15, single_pose_offsets_px(5.0, 5.0));
                 let fitted =
                     fit(&sampled, &rough_start(), &camera(), Trust::Majority, &OffsetPriors::usual(LENGTH_MM), None)
                         .unwrap();

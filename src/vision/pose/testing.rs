@@ -3,7 +3,7 @@
 use nalgebra::{Point3, Vector2};
 use rand::{Rng, RngExt};
 
-use super::joint_fit::MeasuredEdge;
+use super::joint_fit::{END_OFFSET_PX, MeasuredEdge};
 use super::normal_equations::{Offsets, offset_of_part};
 use crate::vision::camera::Camera;
 use crate::vision::edges::outline_probes::OutlinePoint;
@@ -42,12 +42,13 @@ pub fn edges(
             let at = pixel(place.position_on(&outline));
             let along = match place {
                 OutlinePoint::Border { side, back_mm } => pixel(outline.border(side, back_mm + 0.5)) - at,
-                OutlinePoint::Rim { back_mm, across } => pixel(outline.rim(back_mm, across + 0.05)) - at,
+                OutlinePoint::Rim { back_mm, across } => pixel(outline.tape_end(back_mm, across + 0.05)) - at,
             };
             let inwards = pixel(tube.tip - tube.axis * (0.5 * LENGTH_MM)) - at;
             let normal = Vector2::new(-along.y, along.x).normalize();
             let outward = if normal.dot(&inwards) > 0.0 { -normal } else { normal };
-            let off_px = offset_of_part(offsets, place.part()) + noise_px * gaussian(random);
+            let usual_px = if place.part().is_border() { 0.0 } else { END_OFFSET_PX };
+            let off_px = usual_px + offset_of_part(offsets, place.part()) + noise_px * gaussian(random);
             MeasuredEdge::new(place, Pixel(at + outward * off_px), outward, noise_px.max(1e-6), camera).unwrap()
         })
         .collect()

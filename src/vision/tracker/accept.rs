@@ -38,7 +38,8 @@ impl ToolTracker {
         measured: &Result<Measurement, MissReason>,
     ) -> ToolFrameResult {
         let steadied = measured.as_ref().map(|measurement| self.steady(measurement)).map_err(|reason| *reason);
-        let position = steadied.as_ref().ok().map(|band| (band.estimate.tube.tip, band.estimate.tip_covariance()));
+        let position =
+            steadied.as_ref().ok().map(|band| (band.estimate.tube.tip, band.estimate.changing_tip_covariance()));
         let advance = self.track.advance(scene.frame.time_s, position, &scene.track_settings());
         if let (Ok(accepted), true) = (&steadied, advance.observed) {
             self.last_band = Some(Band { tube: accepted.estimate.tube, length_mm: accepted.length_mm });
@@ -66,7 +67,7 @@ impl ToolTracker {
     /// Squared Mahalanobis distance of a pose from the predicted position; `None` if the tool is not being tracked.
     pub(super) fn mahalanobis_squared(&self, scene: &FrameContext<'_>, pose: &TubeEstimate) -> Option<f64> {
         let state = self.track.expected(scene.frame.time_s, &scene.track_settings())?;
-        Some(state.distance_squared(pose.tube.tip, pose.tip_covariance()))
+        Some(state.distance_squared(pose.tube.tip, pose.changing_tip_covariance()))
     }
 
     /// The measured band, corrected with the fulcrum and the offsets that all poses share, once they are known.

@@ -73,27 +73,30 @@ impl BandFit<'_> {
         let FrameContext { frame, table, .. } = self.scene;
         let coarse = scan_lines::scan(frame, table, self.class, region).ok_or(MissReason::BordersNotFound)?;
         let lines = self.border_lines(&coarse).ok_or(MissReason::BordersNotFound)?;
-        let [distal, proximal] = self.ends(&coarse, hand_first)?;
+        let [back, front] = coarse.ends;
+        let known = hand_first(back, front);
+        let likely = known.unwrap_or_else(|| self.hand_first_by_view(back, front));
         if self.scene.settings.pose == PoseMethod::PinholeWidth {
+            let [distal, proximal] = self.ends(&coarse, likely)?;
             let tube = pinhole_width::locate(lines, distal, proximal, self.radius_mm());
             return Ok(self.measurement_from_width(tube.ok_or(MissReason::PoorFit)?, &coarse));
         }
-        let by_taper = tangent_planes::locate(lines, distal, proximal, self.radius_mm());
-        let starts = self.starts(&coarse, [distal, proximal], by_taper);
-        let seen_mm = by_taper.and_then(|tube| tangent_planes::distance_behind_tip(&tube, proximal));
-        self.best_fit_of(&starts, seen_mm, recorder)
+        let mut fit = |hand_at_back: bool| {
+            let [distal, proximal] = self.ends(&coarse, hand_at_back)?;
+            let by_taper = tangent_planes::locate(lines, distal, proximal, self.radius_mm());
+            let starts = self.starts(&coarse, [distal, proximal], by_taper);
+            let seen_mm = by_taper.and_then(|tube| tangent_planes::distance_behind_tip(&tube, proximal));
+            self.best_fit_of(&starts, seen_mm, recorder)
+        };
+        match known {
+            Some(hand_at_back) => fit(hand_at_back),
+            None => more_likely(fit(likely), fit(!likely)),
+        }
     }
 
     /// The viewing directions of the band's distal and proximal end.
-    fn ends(
-        &self,
-        coarse: &CoarseBand,
-        hand_first: impl Fn(Pixel, Pixel) -> Option<bool>,
-    ) -> Result<[Normalised; 2], MissReason> {
+    fn ends(&self, coarse: &CoarseBand, hand_at_back: bool) -> Result<[Normalised; 2], MissReason> {
         let [back, front] = coarse.ends;
-        let hand_at_back = hand_first(back, front)
-            .or_else(|| shaft::is_shaft_beyond_first(self.scene.frame, coarse))
-            .unwrap_or_else(|| self.hand_first_by_view(back, front));
         let (distal, proximal) = if hand_at_back { (front, back) } else { (back, front) };
         let sight = |pixel| self.camera().normalised_of(pixel).ok_or(MissReason::OutsideLensModel);
         Ok([sight(distal)?, sight(proximal)?])
@@ -126,12 +129,22 @@ impl BandFit<'_> {
             }
             let found = self.refine(start, length_mm, PROBE_PASSES, recorder);
             refined.extend(found.as_ref().ok().map(|m| m.estimate.tube));
-            best = better_of(best, found.and_then(possible));
+            let found = found.and_then(possible).map(|found| self.with_continuation(found));
+            best = better_of(best, found);
             if best.as_ref().is_ok_and(|m| m.grade() == Grade::Good) {
                 break;
             }
         }
         best
+    }
+
+    /// The measurement, with where the borders of its band go on.
+    fn with_continuation(&self, found: Measurement) -> Measurement {
+        let (scene, tube) = (self.scene, &found.estimate.tube);
+        let is_visible = |place, at| scene.is_visible(place, at);
+        let continuation =
+            shaft::continuation(scene.frame, self.camera(), self.edges, tube, found.length_mm, is_visible);
+        Measurement { continuation: Some(continuation), ..found }
     }
 
     /// Fits the expected band to the edges in the pixels, without a colour region. Accepts the fit only if it agrees
@@ -182,6 +195,19 @@ impl BandFit<'_> {
 /// The measurement, if it may be a band.
 fn possible(measurement: Measurement) -> Result<Measurement, MissReason> {
     if measurement.grade() >= Grade::Possible { Ok(measurement) } else { Err(MissReason::PoorFit) }
+}
+
+/// Of two ways round, the one that is more likely a tool's band; the first unless the second is clearly better.
+fn more_likely(
+    first: Result<Measurement, MissReason>,
+    second: Result<Measurement, MissReason>,
+) -> Result<Measurement, MissReason> {
+    const CLEARLY: f64 = 0.15;
+    match (&first, &second) {
+        (Ok(one), Ok(other)) if other.likelihood() <= one.likelihood() + CLEARLY => first,
+        (Ok(_), Ok(_)) => second,
+        _ => better_of(first, second),
+    }
 }
 
 /// The measurement that agrees with more of the outline; without one, the reason from the later stage.

@@ -51,7 +51,7 @@ impl Tracker {
         let seen = if result.advance.observed { SampleState::Observed } else { SampleState::Predicted };
         let state = result.advance.state?;
         let sample = motion::state_sample(&state, pose.as_ref(), tool, instant, seen, camera, None);
-        Some(motion::with_live_sigma(sample))
+        Some(sample)
     }
 
     fn observation(&self, band: &SteadiedBand) -> Option<Observation> {

@@ -9,7 +9,7 @@ use super::measure::direction_in_picture;
 use super::measurement::{Grade, Measurement};
 use super::predict::Band;
 use super::tool::ToolTracker;
-use crate::vision::edges::blur_domain;
+use crate::vision::edges::chroma_siting;
 use crate::vision::edges::shaft;
 use crate::vision::frame::Frame;
 use crate::vision::pose::adjustment::{self, Adjustment};
@@ -62,7 +62,8 @@ impl ToolTracker {
         let Some(Band { tube: last, length_mm }) = self.last_band else { return };
         let Some(to_hand) = direction_in_picture(scene.camera(), &last, -last.axis) else { return };
         let is_visible = |place, at| scene.is_visible(place, at);
-        if let Some(contrast) = shaft::contrast(scene.frame, scene.camera(), &last, length_mm, is_visible) {
+        let tube = shaft::continuation(scene.frame, scene.camera(), &self.edges, &last, length_mm, is_visible);
+        if let Some(contrast) = tube.contrast() {
             self.hand_direction.add_vote(to_hand, contrast);
         }
         if self.keyframes.len().is_power_of_two() && adjustment::axes_meet_ahead_of_tips(&self.keyframes) {
@@ -76,11 +77,15 @@ impl ToolTracker {
 
 /// Is the fulcrum known well enough to be used?
 pub fn is_fulcrum_known(adjustment: &Adjustment) -> bool {
-    adjustment.fulcrum.covariance.trace() < MAX_FULCRUM_SIGMA_MM * MAX_FULCRUM_SIGMA_MM
+    adjustment
+        .comparable_fulcrum()
+        .is_some_and(|fulcrum| fulcrum.covariance.trace() < MAX_FULCRUM_SIGMA_MM * MAX_FULCRUM_SIGMA_MM)
 }
 
-/// Decides from all tools together whether blur mixed light or codes: one camera recorded them all.
-pub fn share_blur_domain(tools: &mut [ToolTracker]) {
-    let mixing = blur_domain::decide(tools.iter().filter_map(|tool| tool.edges.chroma_shift_px()));
-    tools.iter_mut().for_each(|tool| tool.edges.set_blur_domain(mixing));
+/// Decides from all tools together where the chroma samples lie: one camera recorded them all.
+pub fn share_chroma_siting(frame: &Frame<'_>, tools: &mut [ToolTracker]) {
+    let [stated_px, _] = frame.chroma_first_px;
+    let shown = tools.iter().filter_map(|tool| tool.edges.chroma_right());
+    let right_px = chroma_siting::decide(shown, stated_px, frame.shift_x);
+    tools.iter_mut().for_each(|tool| tool.edges.set_chroma_right_px(right_px));
 }

@@ -74,10 +74,11 @@ impl ToolTracker {
 
     /// Direction in the picture from the tip to the hand, if known: from the last tube towards the fulcrum, else
     /// opposite to its axis; without a last tube, by the votes of earlier frames.
-    pub(super) fn direction_to_hand(&self, camera: &Camera) -> Option<Vector2<f64>> {
+    pub(super) fn direction_to_hand(&self, camera: &Camera, prediction: &Prediction) -> Option<Vector2<f64>> {
         let Some(Band { tube: last, .. }) = self.last_band else { return self.hand_direction.direction() };
         let to_hand = self.fulcrum().and_then(|fulcrum| (fulcrum.at - last.tip).try_normalize(1e-9));
-        direction_in_picture(camera, &last, to_hand.unwrap_or(-last.axis))
+        let to_hand = to_hand.or(prediction.band.map(|band| -band.tube.axis));
+        to_hand.map_or(self.hand_direction.direction(), |to_hand| direction_in_picture(camera, &last, to_hand))
     }
 }
 

@@ -1,6 +1,7 @@
 //! A band measured on one frame, and how far the pixels support the measurement.
 
 use crate::vision::edges::probe::FittedEdge;
+use crate::vision::edges::shaft::Continuation;
 use crate::vision::pose::TubeEstimate;
 
 /// A measured band.
@@ -21,6 +22,8 @@ pub struct Measurement {
     pub fulcrum_miss_squared: f64,
     /// Motion blur of the edges: standard deviation, pixels.
     pub smear_px: f64,
+    /// Where the borders of its band go on; `None` if this was not looked at.
+    pub continuation: Option<Continuation>,
     /// The edges found in the last pass, to learn from.
     pub fitted_edges: Vec<FittedEdge>,
 }
@@ -68,6 +71,21 @@ impl Measurement {
             true if self.estimate.residual_px < MAX_GOOD_RESIDUAL_PX => Grade::Good,
             true => Grade::Complete,
         }
+    }
+
+    /// How likely it is a tool's band, to compare candidates: the share of its outline that agrees, and whether a tube
+    /// continues beyond its proximal end only.
+    pub fn likelihood(&self) -> f64 {
+        const UNKNOWN: f64 = 0.5;
+        let tube = |share: Option<f64>| share.unwrap_or(UNKNOWN);
+        self.seen_share + self.continuation.map_or(0.0, |beyond| tube(beyond.by_hand) - tube(beyond.by_tip))
+    }
+
+    /// Do the pixels show that no tube holds the band? Then it is a thing of the tape's colour, or lies the wrong way
+    /// round.
+    pub fn is_without_shaft(&self) -> bool {
+        const MIN_BY_HAND: f64 = 0.15;
+        self.continuation.is_some_and(|beyond| beyond.by_hand.is_some_and(|share| share < MIN_BY_HAND))
     }
 
     fn is_possible(&self) -> bool {

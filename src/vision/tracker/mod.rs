@@ -50,7 +50,6 @@ mod tool;
 mod trace;
 mod width_method;
 
-pub use motion::STATED_SIGMA_SHARE;
 pub use report::{
     Absence, DiameterBasis, EffectiveDiameter, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality,
     ToolReport, Tracking,
@@ -154,7 +153,7 @@ impl Tracker {
 
     /// The fulcrum of each tool; `None` while it is not known well.
     pub fn fulcrums(&self) -> Vec<Option<Fulcrum>> {
-        self.tools.iter().map(|tool| tool.fulcrum()?.stated(STATED_SIGMA_SHARE)).collect()
+        self.tools.iter().map(|tool| tool.adjustment.as_ref()?.comparable_fulcrum()?.well_known()).collect()
     }
 
     /// Tracks the next frame: predict → find → measure → accept → learn, for each tool, and each pair of one colour.
@@ -169,7 +168,7 @@ impl Tracker {
         for pair in 0..self.pairs.len() {
             results.extend(self.observe_pair(self.pairs[pair], frame, &outlines));
         }
-        learn::share_blur_domain(&mut self.tools);
+        learn::share_chroma_siting(frame, &mut self.tools);
         self.frame_report(frame, results)
     }
 

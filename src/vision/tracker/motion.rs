@@ -9,16 +9,10 @@ use crate::numbers::quantile::quantile;
 use crate::vision::camera::Camera;
 use crate::vision::filter::kalman::KalmanState;
 use crate::vision::filter::smoother::{self, MeasuredPosition};
-use crate::vision::pose::TubeEstimate;
 use crate::vision::pose::fulcrum::Fulcrum;
+use crate::vision::pose::{CHANGING_SHARE, TubeEstimate};
 use crate::vision::space::CameraPoint;
 use crate::vision::trajectory::{PathKind, Sample, SampleState};
-
-/// The standard deviations stated in results, as a share of those used by filter and adjustment. The latter are larger
-/// than the usual error on purpose, because some edges err by far more; stated as they are, they would exaggerate the
-/// errors. Over 27 tools of 16 scenes of three renderers, depth lay within the stated 95 % in more than 99 % of frames
-/// without this factor, and in 97.4, 98.5 and 97.5 % (raw, causal, smoothed) with it.
-pub const STATED_SIGMA_SHARE: f64 = 0.6;
 
 /// A frame's index and time, s.
 pub type FrameInstant = (u64, f64);
@@ -66,7 +60,7 @@ impl ToolMotion {
         let measured = self.runs.iter().flat_map(|run| run.filter.measurements().zip(run.frames.iter()));
         let passing = measured.filter_map(|(position, frame)| {
             let (_, covariance) = position?;
-            Some((covariance[(2, 2)] - frame.pose.as_ref()?.lasting.z).max(0.0).sqrt())
+            Some((covariance[(2, 2)] - CHANGING_SHARE * frame.pose.as_ref()?.lasting.z).max(0.0).sqrt())
         });
         quantile(passing.collect(), 0.5)
     }
@@ -87,7 +81,7 @@ impl ToolMotion {
     fn filtered(&self, run: &TrackedRun) -> impl Iterator<Item = Sample> {
         let is_near = |place: usize| run.frames[place].instant.1 - run.last_measured(place).0 <= self.max_prediction_s;
         let near = run.filter.filtered().enumerate().filter(move |(place, _)| is_near(*place));
-        let sample = |(place, state)| with_live_sigma(self.sample(run, place, &state));
+        let sample = |(place, state)| self.sample(run, place, &state);
         near.map(sample).filter(|sample| is_supported(sample, &self.camera))
     }
 
@@ -106,7 +100,8 @@ impl ToolMotion {
     }
 
     fn raw_sample(&self, (tip, covariance): MeasuredPosition, pose: &PastPose, instant: FrameInstant) -> Sample {
-        let [sigma_xy_mm, sigma_z_mm] = stated_sigmas_mm(covariance.diagonal());
+        let unchanging = pose.lasting * (1.0 - CHANGING_SHARE);
+        let [sigma_xy_mm, sigma_z_mm] = stated_sigmas_mm(covariance.diagonal() + unchanging);
         Sample {
             frame: instant.0,
             time_s: instant.1,
@@ -139,7 +134,7 @@ impl TrackedRun {
     /// Adds the next frame: the filter's state, the acceleration density that it used since the previous frame,
     /// mm²/s³, and the accepted pose.
     pub fn add(&mut self, state: &KalmanState, noise_density: f64, instant: FrameInstant, pose: Option<TubeEstimate>) {
-        self.filter.push(instant.1, state, noise_density, pose.map(|p| (p.tube.tip, p.tip_covariance())));
+        self.filter.push(instant.1, state, noise_density, pose.map(|p| (p.tube.tip, p.changing_tip_covariance())));
         self.frames.push(RunFrame { instant, pose: pose.as_ref().map(PastPose::from) });
     }
 
@@ -211,20 +206,7 @@ pub fn state_sample(
     }
 }
 
-/// The sample with the uncertainty that was stated live. A predicted tip is off by the hand's motion since the last
-/// measurement, and the filter's process noise for that is not too large. So its standard deviation is not reduced by
-/// [`STATED_SIGMA_SHARE`]: over 9 clips the RMS error of depth was then 0.8 to 1.2 of the stated one.
-pub fn with_live_sigma(sample: Sample) -> Sample {
-    let whole = |sigma_mm: f64| sigma_mm / STATED_SIGMA_SHARE;
-    match sample.state {
-        SampleState::Observed => sample,
-        SampleState::Predicted => {
-            Sample { sigma_xy_mm: sample.sigma_xy_mm.map(whole), sigma_z_mm: sample.sigma_z_mm.map(whole), ..sample }
-        }
-    }
-}
-
 /// Stated standard deviations across and along the line of sight, mm.
 fn stated_sigmas_mm(variance: Vector3<f64>) -> [f64; 2] {
-    [0.5 * (variance.x + variance.y), variance.z].map(|variance| STATED_SIGMA_SHARE * variance.sqrt())
+    [0.5 * (variance.x + variance.y), variance.z].map(f64::sqrt)
 }

@@ -47,6 +47,7 @@ impl BandFit<'_> {
             ends_seen: found.ends_seen(),
             fulcrum_miss_squared: 0.0,
             smear_px: self.motion_px_s.norm() * self.edges.exposure_s / 12f64.sqrt(),
+            continuation: None,
             fitted_edges: Vec::new(),
         };
         self.use_fulcrum(&mut measurement, &found);
@@ -137,7 +138,7 @@ impl BandFit<'_> {
     fn offset_priors(&self, found: &FoundEdges, tube: &Tube, length_mm: f64) -> OffsetPriors {
         let px_per_mm = self.px_per_mm_along(tube, length_mm);
         let mut priors = OffsetPriors {
-            offsets_px: found.offsets_px(single_pose_offsets_px()),
+            offsets_px: found.offsets_px(single_pose_offsets_px(self.px_per_mm_across(tube), px_per_mm)),
             own_px: found.offsets_px(OWN_OFFSETS_PX),
             length_mm,
             px_per_mm: if self.spec.band_length_mm.is_none() { px_per_mm } else { 0.0 },
@@ -167,10 +168,15 @@ impl BandFit<'_> {
             let layout = self.layout(FINE_PASSES[0]);
             rim_probes(&outline, self.camera(), length_mm, 0.5 * length_mm, layout, &mut probes);
             let located = probes.iter().filter_map(|(_, probe)| self.locate(probe, Fineness::Fine));
-            offsets.extend(located.map(|edge| edge.offset_px));
+            offsets.extend(located.map(|edge| edge.offset_px - joint_fit::END_OFFSET_PX));
         }
         offsets.sort_by(f64::total_cmp);
         Some(offsets.get(offsets.len() / 2)? / self.px_per_mm_along(tube, length_mm))
+    }
+
+    /// Pixels per millimetre across the tube, at its tip.
+    fn px_per_mm_across(&self, tube: &Tube) -> f64 {
+        self.camera().fx / tube.tip.z.max(1.0)
     }
 
     /// Pixels per millimetre along the axis, at the band's proximal end.

@@ -116,6 +116,13 @@ pub struct ToolQuality {
     pub fulcrum: Option<Fulcrum>,
 }
 
+impl ToolQuality {
+    /// Do its axes meet in a trocar, even if its position is not known well?
+    pub fn has_trocar(&self) -> bool {
+        self.effective_diameter.is_some_and(|diameter| diameter.basis == DiameterBasis::Session)
+    }
+}
+
 /// Apparent diameter of a tape in a recording: its true diameter plus twice the outward shift of its borders by lens,
 /// light and compression, at the median depth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

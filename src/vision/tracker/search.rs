@@ -14,6 +14,10 @@ use crate::vision::reason::MissReason;
 /// Maximum number of regions measured in one search.
 const MAX_REGIONS: usize = 3;
 
+/// A measurement at least this likely needs no comparison with other regions: most of its outline agrees, and a tube
+/// continues beyond its proximal end only.
+const CLEAR_LIKELIHOOD: f64 = 1.5;
+
 /// Regions that were measured and rejected on this frame.
 type Rejected = Vec<(Moments, MissReason)>;
 
@@ -50,12 +54,20 @@ impl ToolTracker {
         rejected: &mut Rejected,
     ) -> Result<Measurement, MissReason> {
         let mut best_reason = MissReason::NoMarkerColour;
+        let mut best: Option<Measurement> = None;
         for region in self.find_regions(scene, band).iter().take(MAX_REGIONS) {
             let earlier = rejected.iter().find(|(moments, _)| *moments == region.moments);
             let reason = match earlier {
                 Some((_, reason)) => *reason,
                 None => match self.try_region_as_own(scene, prediction, region) {
-                    Ok(measurement) => return Ok(measurement),
+                    Ok(found) if band.is_some() || found.likelihood() > CLEAR_LIKELIHOOD => return Ok(found),
+                    Ok(found) => {
+                        best = match best {
+                            Some(other) if other.likelihood() >= found.likelihood() => Some(other),
+                            _ => Some(found),
+                        };
+                        continue;
+                    }
                     Err(reason) => {
                         rejected.push((region.moments, reason));
                         reason
@@ -64,7 +76,7 @@ impl ToolTracker {
             };
             best_reason = best_reason.max(reason);
         }
-        Err(best_reason)
+        best.ok_or(best_reason)
     }
 
     /// Measures a region, and rejects it if its axis misses the fulcrum and the pixels do not support it well.
@@ -74,9 +86,15 @@ impl ToolTracker {
         prediction: &Prediction,
         region: &Component,
     ) -> Result<Measurement, MissReason> {
-        let to_hand = self.direction_to_hand(scene.camera());
+        let to_hand = self.direction_to_hand(scene.camera(), prediction);
         let measured = self.try_region(scene, prediction, region, to_hand).and_then(|measurement| {
-            if self.agrees_with_fulcrum(&measurement) { Ok(measurement) } else { Err(MissReason::OffFulcrum) }
+            if !self.agrees_with_fulcrum(&measurement) {
+                Err(MissReason::OffFulcrum)
+            } else if measurement.is_without_shaft() {
+                Err(MissReason::NotTape)
+            } else {
+                Ok(measurement)
+            }
         });
         self.trace.record_region(region, measured.as_ref().err().copied());
         measured

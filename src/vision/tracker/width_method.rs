@@ -32,6 +32,7 @@ impl BandFit<'_> {
             ends_seen: true,
             fulcrum_miss_squared: 0.0,
             smear_px: 0.0,
+            continuation: None,
             fitted_edges: Vec::new(),
         }
     }

@@ -87,7 +87,8 @@ async fn a_box_is_tested_and_its_light_is_red_once_its_tool_is_described_wrongly
         (Some(6), Some(6)),
         "{first:#}"
     );
-    assert!(accuracy["rms_mm"].as_f64().unwrap() < 2.5, "{accuracy}");
+    // The tape is 10 px wide: the depth of a resting tool is stated to about 5 mm.
+    assert!(accuracy["rms_mm"].as_f64().unwrap() < 5.0, "{accuracy}");
     assert_eq!((&first["board"], &first["square_mm"]), (&json!("9x6"), &json!(21.0)), "the calibration's own board");
     let seen_by_ada = ada.read(&format!("{TESTS}?limit=1")).await["items"][0].clone();
     assert_eq!((&seen_by_ada["light"], &seen_by_ada["who"]), (&light, &Value::Null));

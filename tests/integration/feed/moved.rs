@@ -13,6 +13,8 @@ use crate::support::read;
 /// Options of scenes that locate a trocar well, at a low frame rate.
 const SCENE: &str = "--view side --size 640x360 --fps 10";
 const MOVED_MM: f64 = 30.0;
+/// How well the displacement of the trocars shows that of the camera, in pictures of 360 lines.
+const WITHIN_MM: f64 = 8.0;
 
 async fn upload(centre: &Centre, trainee: &str, task: &str, folder: &Folder) -> Value {
     let path = format!("/api/v1/sessions?trainee={trainee}&task={task}&box=box-1&filename=clip.mp4");
@@ -57,14 +59,14 @@ async fn a_moved_camera_is_reported_live_and_with_the_result() {
         placements.push(message["placement"].clone());
     };
     assert_eq!(placements[0], Value::Null, "nothing is known at the start");
-    assert!((live["camera"]["mm"].as_f64().unwrap() - MOVED_MM).abs() < 5.0, "{live}");
+    assert!((live["camera"]["mm"].as_f64().unwrap() - MOVED_MM).abs() < WITHIN_MM, "{live}");
     assert_eq!(live["ports"], json!([null, null]), "only the camera has moved");
 
     let session = wait_until_done(&centre.administrator, &id).await;
     assert!(reasons(&session).contains(&"camera_moved"), "{}", session["quality"]);
     let reason =
         session["quality"]["reasons"].as_array().unwrap().iter().find(|r| r["name"] == "camera_moved").unwrap();
-    assert!((reason["figure"].as_f64().unwrap() - MOVED_MM).abs() < 4.0, "{reason}");
+    assert!((reason["figure"].as_f64().unwrap() - MOVED_MM).abs() < WITHIN_MM, "{reason}");
     assert_eq!((reason["severity"].as_str(), reason["limit"].as_f64()), (Some("care"), Some(5.0)));
     assert!(session["features"].as_array().unwrap().iter().any(|feature| feature["value"].is_number()), "kept");
 }

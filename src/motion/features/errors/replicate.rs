@@ -17,7 +17,7 @@ use crate::random::Dice;
 use crate::vision::trajectory::Sample;
 
 /// Shares of the variance of the lasting, the slow and the passing part.
-const VARIANCE_SHARES: [f64; 3] = [0.25, 0.25, 0.5];
+const VARIANCE_SHARES: [f64; 3] = [0.86, 0.05, 0.09];
 /// Time constant of the slow part at [`REFERENCE_SPEED_MM_S`], s.
 const SLOW_S: f64 = 1.0;
 /// Time constant of the passing part at the same speed, s.
@@ -28,9 +28,6 @@ const REFERENCE_SPEED_MM_S: f64 = 30.0;
 const RESTING_SPEED_MM_S: f64 = 3.0;
 /// Maximum of [`clock_rate`]: the smoother does not follow faster changes.
 const MAX_CLOCK_RATE: f64 = 1.5;
-/// Size of a session's errors relative to the stated size, for the small motions that features depend on. The stated
-/// size is the error of a position.
-const ERROR_SCALE: f64 = 1.6;
 /// Spread of that relative size between sessions: standard deviation of its logarithm.
 const ERROR_SCALE_SPREAD: f64 = 0.3;
 
@@ -40,7 +37,7 @@ const MIN_DEPTH_MM: f64 = 1.0;
 /// A tool's samples, in time order, moved by errors of the size that they state. `None` if a sample states no errors or
 /// does not lie in front of a camera.
 pub fn replicate(samples: &[Sample], dice: &mut Dice) -> Option<Vec<Sample>> {
-    let size = ERROR_SCALE * (ERROR_SCALE_SPREAD * dice.gauss()).exp();
+    let size = (ERROR_SCALE_SPREAD * dice.gauss()).exp();
     let mut errors = [(); 3].map(|()| UnitError::new(dice));
     let mut before: Option<&Sample> = None;
     let mut moved = Vec::with_capacity(samples.len());
@@ -189,7 +186,7 @@ mod tests {
             }
         }
         let by_size = (2.0 * ERROR_SCALE_SPREAD * ERROR_SCALE_SPREAD).exp(); // mean square of a log-normal
-        let [z, xy] = [z, xy].map(|sum: f64| (sum / n / by_size).sqrt() / ERROR_SCALE);
+        let [z, xy] = [z, xy].map(|sum: f64| (sum / n / by_size).sqrt());
         assert!((z / 0.8 - 1.0).abs() < 0.12 && (xy / 0.2 - 1.0).abs() < 0.12, "{z} {xy}");
     }
 

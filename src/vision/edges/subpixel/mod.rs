@@ -12,13 +12,12 @@
 //! **Gives up** if no plane has contrast, if the offset leaves the window, or if the inside is less like the tape than
 //! the outside.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 
 use super::edge_fit::{EdgeFit, LIMB_INSIDE};
 use super::edge_model::EdgeModel;
 use super::probe::{LocatedEdge, Probe};
 use super::profile::{self, Profile};
-use super::tone::BlurDomain;
 use crate::vision::frame::Frame;
 
 /// Positions tried for a plain step.
@@ -62,17 +61,17 @@ impl EdgeModel {
         is_tape: impl Fn([u8; 3]) -> bool,
     ) -> Option<LocatedEdge> {
         let luma = profile::of_luma(frame, probe);
-        let chroma = profile::of_chroma(frame, probe);
+        let chroma = profile::of_chroma(frame, self.chroma_right_px, probe);
         let guess = self.sharpest_step(&luma, &chroma, probe)?;
         let look = self.appearance(probe, frame.shift_x);
-        let mut first = self.first_guess(self.blur_domain, &luma, &chroma, guess, probe)?;
+        let mut first = self.first_guess(&luma, &chroma, guess, probe)?;
         if let Some(usual) = self.usual_inside(probe.part) {
             first.set_usual_inside(usual);
         }
         let usual = self.usual_inside(probe.part).map(|light| look.codes(light.map(|l| l.base + LIMB_INSIDE * l.limb)));
-        let off_tape = |codes: [f64; 3]| (Vector2::new(codes[1], codes[2]) - self.tape).norm();
+        let off_tape = |codes: [f64; 3]| self.off_tape(codes);
         let is_border = |fit: &EdgeFit| {
-            let [inside, outside] = [fit.inside(), fit.outside()].map(|light| look.codes(light));
+            let [inside, outside] = [fit.mean_inside(), fit.outside()].map(|light| look.codes(light));
             let is_tape = |codes: [f64; 3]| is_tape(codes.map(|code| code.round().clamp(0.0, 255.0) as u8));
             // Otherwise there is no tape inside (the edge of a shadow or of the mat's print), or tape on both sides (a
             // highlight or a crease). Glare and shade can hide the tape's colour; then the inside must look as this
@@ -84,7 +83,8 @@ impl EdgeModel {
             };
             let is_surely_tape =
                 || is_tape(inside) || off_tape(inside) < SURELY_NEARER * off_tape(outside) || is_usual();
-            off_tape(inside) < off_tape(outside) && is_surely_tape() && !is_tape(outside)
+            let is_inside = off_tape(inside) < off_tape(outside) && is_surely_tape();
+            (is_inside || self.may_be_shaded_tape(inside)) && !is_tape(outside)
         };
         if fineness == Fineness::Step {
             return is_border(&first).then_some(LocatedEdge { offset_px: guess, sigma_px: STEP_SIGMA_PX, fit: None });
@@ -114,10 +114,21 @@ impl EdgeModel {
         Some(LocatedEdge { offset_px: fit.offset_px, sigma_px: MODEL_ERROR / fit.information.sqrt(), fit: Some(fit) })
     }
 
+    /// How much of the pixels' variance in all planes the best plain step within some pixels of a probe's chord
+    /// explains: as a share of all, and of what the best step in the whole window explains.
+    pub fn step_within(&self, frame: &Frame<'_>, probe: &Probe, near_px: f64) -> Option<[f64; 2]> {
+        let luma = profile::of_luma(frame, probe);
+        let chroma = profile::of_chroma(frame, self.chroma_right_px, probe);
+        let weights = self.noise.map(|noise| 1.0 / noise as f32);
+        let (_, explained) = best_step(&luma, &chroma, weights, probe, near_px)?;
+        let all = variation(&luma, &weights[..1]) + variation(&chroma, &weights[1..]);
+        let (_, most) = best_step(&luma, &chroma, weights, probe, f64::INFINITY)?;
+        (all > 0.0 && most > 0.0).then(|| [f64::from(explained / all), f64::from(explained / most)])
+    }
+
     /// First guess: the mean light on both sides of a guessed step.
     pub(super) fn first_guess(
         &self,
-        mixing: BlurDomain,
         luma: &Profile<1>,
         chroma: &Profile<2>,
         guess: f64,
@@ -129,23 +140,45 @@ impl EdgeModel {
         if sums.as_flattened().iter().any(|sum| sum.0 == 0.0) {
             return None;
         }
-        let [inside, outside] = sums.map(|side| self.light(mixing, side.map(|sum| f64::from(sum.1 / sum.0))));
+        let [inside, outside] = sums.map(|side| self.light(side.map(|sum| f64::from(sum.1 / sum.0))));
         Some(EdgeFit::first_guess(inside, outside, guess, probe.shading))
     }
 
     /// Position where one plain step explains the pixels best, to half a pixel. Starting there keeps the finer model
     /// from settling where its shading term imitates the edge.
     fn sharpest_step(&self, luma: &Profile<1>, chroma: &Profile<2>, probe: &Probe) -> Option<f64> {
-        let first = ((1.0 - probe.inwards_px) * STEPS_PER_PX).ceil();
-        let count = ((probe.outwards_px - 1.0) * STEPS_PER_PX).floor() - first + 1.0;
-        let mut explained = [0.0; MAX_STEPS];
-        let explained = &mut explained[..(count.max(0.0) as usize).min(MAX_STEPS)];
-        let weights = self.noise.map(|noise| 1.0 / noise as f32);
-        explain_by_step(luma, first as f32, &weights[..1], explained);
-        explain_by_step(chroma, first as f32, &weights[1..], explained);
-        let (best, _) = explained.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
-        Some((first + best as f64) / STEPS_PER_PX)
+        best_step(luma, chroma, self.noise.map(|noise| 1.0 / noise as f32), probe, f64::INFINITY).map(|(at, _)| at)
     }
+}
+
+/// The best plain step in the profiles of a probe, not farther than some pixels from its chord, and the weighted
+/// variance that it explains.
+fn best_step(
+    luma: &Profile<1>,
+    chroma: &Profile<2>,
+    weights: [f32; 3],
+    probe: &Probe,
+    near_px: f64,
+) -> Option<(f64, f32)> {
+    let first = ((1.0 - probe.inwards_px) * STEPS_PER_PX).ceil();
+    let count = ((probe.outwards_px - 1.0) * STEPS_PER_PX).floor() - first + 1.0;
+    let mut explained = [0.0; MAX_STEPS];
+    let explained = &mut explained[..(count.max(0.0) as usize).min(MAX_STEPS)];
+    explain_by_step(luma, first as f32, &weights[..1], explained);
+    explain_by_step(chroma, first as f32, &weights[1..], explained);
+    let place = |step: usize| (first + step as f64) / STEPS_PER_PX;
+    let near = explained.iter().enumerate().filter(|(step, _)| place(*step).abs() <= near_px);
+    near.max_by(|a, b| a.1.total_cmp(b.1)).map(|(best, most)| (place(best), *most))
+}
+
+/// The pixels' squared deviations from their mean, times each plane's weight.
+fn variation<const N: usize>(profile: &Profile<N>, weights: &[f32]) -> f32 {
+    let of_plane = |plane: usize| {
+        let level = profile.bins(plane).map(|(_, pixels, value)| pixels * value).sum::<f32>() / profile.count.max(1.0);
+        let between: f32 = profile.bins(plane).map(|(_, pixels, value)| pixels * (value - level).powi(2)).sum();
+        between + profile.scatter[plane]
+    };
+    weights.iter().enumerate().map(|(plane, weight)| weight * of_plane(plane)).sum()
 }
 
 /// Distance of two colours, codes.

@@ -1,12 +1,12 @@
 //! Borders are drawn exactly and must be found again.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 use super::*;
-use crate::vision::edges::blur_domain;
+use crate::vision::edges::chroma_siting;
 use crate::vision::edges::probe::FittedEdge;
 use crate::vision::edges::probe::Shading;
-use crate::vision::edges::tone::Tone;
+use crate::vision::edges::tone;
 use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
 use crate::vision::space::Pixel;
 use crate::vision::tube::{BorderSide, OutlinePart};
@@ -24,7 +24,6 @@ struct Drawing {
     /// Its offset along the normal from the middle, pixels.
     edge: f64,
     outside: [f64; 3],
-    mixing: BlurDomain,
     /// Gaussian, pixels.
     blur: f64,
     /// Increase of the light outside per pixel away from the border, as a share.
@@ -42,7 +41,6 @@ const PLAIN: Drawing = Drawing {
     normal: Vector2::new(0.6, 0.8),
     edge: 0.3,
     outside: GREY_GREEN,
-    mixing: BlurDomain::Light,
     blur: 0.8,
     shadow: 0.0,
     limb: None,
@@ -67,6 +65,7 @@ fn frame(planes: &[Vec<u8>; 3]) -> Frame<'_> {
         v: plane(v, SIZE / 2),
         shift_x: 1,
         shift_y: 1,
+        chroma_first_px: [0.5; 2],
         encoding: ENCODING,
     }
 }
@@ -79,8 +78,7 @@ impl Drawing {
         } else {
             from_middle.dot(&self.normal) - self.edge
         };
-        let tone = Tone::of(self.mixing);
-        let light = |codes: [f64; 3]| ENCODING.rgb_of_codes(codes).map(|code| tone.light(code));
+        let light = |codes: [f64; 3]| ENCODING.rgb_of_codes(codes).map(tone::light);
         let (tape, outside) = (light(self.tape), light(self.outside));
         // 81 points of the blur, each with its own light.
         let (mut sum, mut weights) = (Vector3::zeros(), 0.0);
@@ -96,7 +94,7 @@ impl Drawing {
             sum += (inside * share + beside * (1.0 - share)) * weight;
             weights += weight;
         }
-        let coded = (sum / weights).map(|light| tone.code(self.exposure * light));
+        let coded = (sum / weights).map(|light| tone::code(self.exposure * light));
         ENCODING.codes_from_rgb() * coded + Vector3::from(ENCODING.black())
     }
 
@@ -119,7 +117,6 @@ impl Drawing {
         let mut model = EdgeModel::new(self.tape, ENCODING);
         model.lens_px = self.blur;
         model.chroma_blur_px = 0.5; // chroma is drawn as the mean of two pixels each way
-        model.blur_domain = self.mixing;
         model
     }
 
@@ -150,9 +147,13 @@ impl Drawing {
     /// Located finely, and accepted for learning.
     fn located_by(&self, model: &mut EdgeModel, probe: &Probe) -> Option<LocatedEdge> {
         let planes = self.planes();
-        let edge = model.locate(&frame(&planes), probe, Fineness::Fine, is_tape)?;
+        self.located_on(&frame(&planes), model, probe)
+    }
+
+    fn located_on(&self, frame: &Frame<'_>, model: &mut EdgeModel, probe: &Probe) -> Option<LocatedEdge> {
+        let edge = model.locate(frame, probe, Fineness::Fine, is_tape)?;
         let fitted: Vec<FittedEdge> = edge.fit.map(|fit| FittedEdge { probe: *probe, fit }).into_iter().collect();
-        model.learn(&frame(&planes), &fitted);
+        model.learn(frame, &fitted);
         Some(edge)
     }
 
@@ -172,31 +173,25 @@ fn normal(angle: f64) -> Vector2<f64> {
 
 #[test]
 fn a_border_is_found_to_a_fifth_of_a_pixel_at_any_angle_and_place() {
-    for (angle, mixing) in
-        [0.0, 0.4, 0.785, 1.3, 2.5, -2.0].into_iter().zip([BlurDomain::Light, BlurDomain::Codes].into_iter().cycle())
-    {
+    for angle in [0.0, 0.4, 0.785, 1.3, 2.5, -2.0] {
         for edge in [-1.7, -0.4, 0.0, 0.3, 1.9] {
-            let error = Drawing { normal: normal(angle), edge, mixing, ..PLAIN }.error_px();
-            assert!(error.abs() < 0.2, "angle {angle}, edge {edge}, {mixing:?}: {error}");
+            let error = Drawing { normal: normal(angle), edge, ..PLAIN }.error_px();
+            assert!(error.abs() < 0.2, "angle {angle}, edge {edge}: {error}");
         }
     }
 }
 
 #[test]
-fn mixed_light_taken_for_mixed_codes_moves_a_border() {
+fn light_is_mixed_and_then_encoded() {
     let dark = Drawing { outside: [25.0, 128.0, 128.0], ..PLAIN };
-    let mut model = dark.model();
-    model.blur_domain = BlurDomain::Codes;
-    let wrong = dark.located_by(&mut model, &dark.probe()).unwrap().offset_px - dark.edge;
-    assert!(wrong > 0.15, "{wrong}");
     assert!(dark.error_px().abs() < 0.05, "{}", dark.error_px());
 }
 
 #[test]
 fn a_limb_that_darkens_is_found_where_it_ends() {
-    for (limb, mixing) in [(0.3, BlurDomain::Light), (0.7, BlurDomain::Light), (0.5, BlurDomain::Codes)] {
-        let error = Drawing { limb: Some(limb), mixing, ..PLAIN }.error_px();
-        assert!(error.abs() < 0.1, "limb {limb}, {mixing:?}: {error}");
+    for limb in [0.3, 0.5, 0.7] {
+        let error = Drawing { limb: Some(limb), ..PLAIN }.error_px();
+        assert!(error.abs() < 0.1, "limb {limb}: {error}");
     }
 }
 
@@ -251,26 +246,28 @@ fn tape_on_both_sides_and_tape_outside_are_no_borders() {
     assert!(Drawing { edge: 30.0, ..PLAIN }.located().is_none(), "nothing in the window");
 }
 
+/// Chroma is drawn between the two columns that share it, also if the file says otherwise.
 #[test]
-fn vivid_limbs_show_whether_light_was_mixed_or_codes() {
+fn limbs_show_where_the_chroma_samples_lie() {
     let vivid = Drawing { tape: [150.0, 70.0, 190.0], ..PLAIN };
-    for mixing in [BlurDomain::Light, BlurDomain::Codes] {
+    for (stated_px, off_px) in [(0.0, 0.5), (0.5, 0.0)] {
         let mut model = vivid.model();
         let backgrounds = [GREY_GREEN, [60.0, 150.0, 120.0], [140.0, 120.0, 120.0], [40.0, 128.0, 128.0]];
-        for trial in 0..900 {
+        for trial in 0..900_u32 {
             let drawing = Drawing {
                 normal: normal(0.7 * f64::from(trial)),
                 edge: 0.9 * (f64::from(trial) * 1.7).sin(),
                 outside: backgrounds[trial as usize % backgrounds.len()],
                 limb: Some(0.5),
-                mixing,
                 ..vivid
             };
-            drawing.located_by(&mut model, &drawing.probe());
+            let planes = drawing.planes();
+            let frame = Frame { chroma_first_px: [stated_px, 0.5], ..frame(&planes) };
+            drawing.located_on(&frame, &mut model, &drawing.probe());
         }
-        let shift_px = model.chroma_shift_px();
-        assert!(shift_px.is_some());
-        assert_eq!(blur_domain::decide(shift_px.into_iter()), mixing);
+        let shown = model.chroma_right();
+        assert!(shown.is_some_and(|right| right.sigma_px < 0.1), "{shown:?}");
+        assert_eq!(chroma_siting::decide(shown.into_iter(), stated_px, 1), off_px, "{shown:?}");
     }
 }
 

@@ -12,7 +12,7 @@
 use nalgebra::{Matrix2, Matrix3, Matrix5, SMatrix, SVector, Vector3, Vector5};
 
 use super::fulcrum::{Fulcrum, FulcrumConstraint, MIN_TROCAR_DISTANCE_RADII, PLAY_MM, nearest_point};
-use super::normal_equations::{Information, OWN_UNKNOWNS, Offsets, SHARED_OFFSETS_PX};
+use super::normal_equations::{Information, OWN_UNKNOWNS, Offsets};
 use super::{TubeEstimate, perturbed};
 use crate::vision::tube::Tube;
 
@@ -47,14 +47,19 @@ pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
     const MIN_POSES: usize = 10;
     const ROUNDS: usize = 30;
     const SETTLED_MM: f64 = 1e-2;
+    /// Last step, as a share of the fulcrum's standard deviation, that makes no difference.
+    const SETTLED_SHARE: f64 = 0.3;
+    /// Share of the poses that must lie ahead of the fulcrum: the others are false.
+    const MIN_BEHIND: f64 = 0.9;
     if poses.len() < MIN_POSES {
         return None;
     }
     let mut shared = Adjustment::start(poses)?;
     let weights = weights(poses);
     let mut solved: Vec<AdjustedPose> = poses.iter().map(AdjustedPose::new).collect();
+    let mut last_mm = f64::INFINITY;
     for _ in 0..ROUNDS {
-        let (mut matrix, mut right) = shared.priors(poses[0].equations.is_length_unknown());
+        let (mut matrix, mut right) = shared.priors(poses);
         for (pose, weight) in solved.iter_mut().zip(&weights) {
             let (information, pull) = pose.solve(&shared)?;
             let weight = weight * robust_weight(&information, &pull);
@@ -68,11 +73,15 @@ pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
         }
         shared.apply_step(&step);
         solved.iter_mut().for_each(|pose| pose.apply_shared_step(&step));
-        if step.fixed_rows::<3>(0).norm() < SETTLED_MM {
-            return poses.iter().all(|pose| shared.is_behind(&pose.tube)).then_some(shared);
+        last_mm = step.fixed_rows::<3>(0).norm();
+        if last_mm < SETTLED_MM {
+            break;
         }
     }
-    None
+    // The robust weights of a few poses may change to and fro for ever.
+    let is_settled = last_mm < f64::max(SETTLED_MM, SETTLED_SHARE * shared.fulcrum.covariance.trace().sqrt());
+    let behind = poses.iter().filter(|pose| shared.is_behind(&pose.tube)).count();
+    (is_settled && behind as f64 >= MIN_BEHIND * poses.len() as f64).then_some(shared)
 }
 
 /// Do the axes meet in a point ahead of the tips, where no trocar can be? Then the poses lie the wrong way round.
@@ -153,9 +162,10 @@ impl Adjustment {
     }
 
     /// Priors: the offsets are about 0, the fulcrum is anywhere.
-    fn priors(&self, is_of_unknown_length: bool) -> (SharedMatrix, SharedVector) {
-        let mut sigmas = SHARED_OFFSETS_PX;
-        if is_of_unknown_length {
+    fn priors(&self, poses: &[TubeEstimate]) -> (SharedMatrix, SharedVector) {
+        let variance = |part: usize| poses.iter().map(|pose| square(pose.equations.shared_px()[part])).sum::<f64>();
+        let mut sigmas: [f64; 4] = std::array::from_fn(|part| (variance(part) / poses.len() as f64).sqrt());
+        if poses[0].equations.is_length_unknown() {
             sigmas[3] = LENGTH_WITHIN * self.length_mm;
         }
         let (mut matrix, mut right) = (SharedMatrix::zeros(), SharedVector::zeros());
@@ -164,6 +174,14 @@ impl Adjustment {
             right[3 + part] = -self.offsets[part] / square(sigma);
         }
         (matrix, right)
+    }
+
+    /// The fulcrum, to be compared with that of another session. The offsets come from the same tape and camera, and are
+    /// the same in both; so the covariance is that with known offsets.
+    pub fn comparable_fulcrum(&self) -> Option<Fulcrum> {
+        let information = self.covariance.try_inverse()?.fixed_view::<3, 3>(0, 0).into_owned();
+        let covariance = information.try_inverse()?;
+        Some(Fulcrum { covariance: (covariance + covariance.transpose()) * 0.5, ..self.fulcrum })
     }
 
     /// Outward offset of both borders, pixels, and its standard deviation.

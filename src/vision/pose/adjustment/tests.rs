@@ -8,7 +8,7 @@ use super::*;
 use crate::vision::camera::Camera;
 use crate::vision::camera::testing::wide;
 use crate::vision::pose::joint_fit::{self, MeasuredEdge, Trust};
-use crate::vision::pose::normal_equations::{NormalEquations, OWN_OFFSETS_PX, OffsetPriors};
+use crate::vision::pose::normal_equations::{NormalEquations, OffsetPriors, shared_offsets_px};
 use crate::vision::pose::packed::PackedPoses;
 use crate::vision::pose::testing::{self, LENGTH_MM, gaussian};
 use crate::vision::pose::{StoredPose, perpendiculars};
@@ -30,7 +30,7 @@ fn tubes(reach_mm: f64) -> Vec<Tube> {
 /// Edges along a tube's outline, shifted by offsets of the session, offsets of this pose, and noise.
 fn edges(tube: &Tube, camera: &Camera, shared: &Offsets, random: &mut impl Rng) -> Vec<MeasuredEdge> {
     const NOISE_PX: f64 = 0.1;
-    let own = Offsets::from(OWN_OFFSETS_PX.map(|sigma| 0.5 * sigma * gaussian(random)));
+    let own = Offsets::from([0.03, 0.05, 0.08, 0.12].map(|sigma| sigma * gaussian(random)));
     let backs_mm: Vec<f64> = (0..8).map(|k| 2.0 + 3.0 * f64::from(k)).collect();
     testing::edges(tube, camera, &backs_mm, &(shared + own), NOISE_PX, random)
 }
@@ -89,7 +89,7 @@ fn steadied_tips_lie_inside_their_stated_region() {
     let mut random = SmallRng::seed_from_u64(4);
     let (mut inside, mut all) = (0, 0);
     for seed in 0..20 {
-        let offsets = SHARED_OFFSETS_PX.map(|sigma| sigma * gaussian(&mut random));
+        let offsets = shared_offsets_px(5.0, 5.0).map(|sigma| sigma * gaussian(&mut random));
         let session = session(25.0, offsets, 100 + seed);
         let shared = estimate(&poses(&session)).unwrap();
         for (tube, pose) in session.iter().step_by(6) {

@@ -9,15 +9,15 @@ use std::ops::Range;
 use super::blocks::Blocks;
 use super::gaps::{self, FrameMargin};
 use super::learn;
-use super::motion::{FrameInstant, STATED_SIGMA_SHARE, ToolMotion, TrackedRun};
+use super::motion::{FrameInstant, ToolMotion, TrackedRun};
 use super::record::FrameRecord;
 use super::report::{DiameterBasis, EffectiveDiameter, ToolQuality};
 use super::settings::{MotionSettings, ToolSpec};
 use crate::vision::camera::Camera;
 use crate::vision::filter::track::{Track, TrackSettings};
 use crate::vision::pose::adjustment::{self, Adjustment};
-use crate::vision::pose::fulcrum;
-use crate::vision::pose::normal_equations::SHARED_OFFSETS_PX;
+use crate::vision::pose::fulcrum::{self, Fulcrum};
+use crate::vision::pose::normal_equations::shared_offsets_px;
 use crate::vision::pose::{StoredPose, TubeEstimate};
 use crate::vision::reason::MissReason;
 use crate::vision::trajectory::PathKind;
@@ -58,7 +58,7 @@ pub fn run(
         transient_depth_sigma_mm: motion.transient_depth_sigma_mm(),
         effective_diameter: effective_diameter(&motion, adjustment.as_ref(), spec.diameter_mm),
         gaps,
-        fulcrum: motion.fulcrum.and_then(|fulcrum| fulcrum.stated(STATED_SIGMA_SHARE)),
+        fulcrum: adjustment.as_ref().and_then(Adjustment::comparable_fulcrum).and_then(Fulcrum::well_known),
         ..quality
     };
     (motion, quality)
@@ -68,7 +68,7 @@ fn effective_diameter(motion: &ToolMotion, adjustment: Option<&Adjustment>, own_
     let mm_per_px = motion.median_depth_mm()? / motion.camera.fx;
     let (px, sigma_px, basis) = match adjustment.map(Adjustment::border_offset_px) {
         Some((px, sigma_px)) => (px, sigma_px, DiameterBasis::Session),
-        None => (0.0, SHARED_OFFSETS_PX[0], DiameterBasis::Usual),
+        None => (0.0, shared_offsets_px(1.0 / mm_per_px, 1.0 / mm_per_px)[0], DiameterBasis::Usual),
     };
     let twice = 2.0 * mm_per_px;
     Some(EffectiveDiameter { mm: own_mm + twice * px, sigma_mm: twice * sigma_px, basis })
@@ -160,7 +160,7 @@ impl SecondPass {
         pose: Option<TubeEstimate>,
         reason: Option<MissReason>,
     ) -> Option<MissReason> {
-        let measured = pose.map(|p| (p.tube.tip, p.tip_covariance()));
+        let measured = pose.map(|p| (p.tube.tip, p.changing_tip_covariance()));
         let advance = self.track.advance(instant.1, measured, &self.settings);
         let refused = reason.or(advance.refused);
         count(&mut self.quality, advance.observed, advance.state.is_some(), refused);
