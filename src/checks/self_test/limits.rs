@@ -17,6 +17,10 @@ pub const MIN_TOUCHES: usize = 4;
 /// stated gives 3 to 4, a rod of 5 mm that is entered as 6 mm gives 40.
 pub const TOUCH_RMS_MM: QualityLimits = at_most(1.0, 2.5);
 
+/// The same where most touches lie inside the error bars that the tracker states. The error is then no larger than
+/// every session states, so sessions can be compared with caution: never red.
+pub const STATED_TOUCH_RMS_MM: QualityLimits = QualityLimits { refuse: None, ..TOUCH_RMS_MM };
+
 /// RMS reprojection error of the board, px, for a camera with this RMS error on its own photos. Frames of a compressed
 /// recording are noisier than photos: simulated boxes give 0.03 where their calibration gave 0.02, and real sensors
 /// some tenths. A zoom of 3 % gives 0.3, and a principal point that is 15 px off gives 0.2, because a tilt of the flat

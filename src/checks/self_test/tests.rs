@@ -39,6 +39,8 @@ struct TestRecording {
     axis: Vector3<f64>,
     /// Error added to the rod's measured position at a touch, mm.
     error_mm: fn(usize) -> Vector3<f64>,
+    /// Stated standard deviation of the rod's depth, mm.
+    sigma_z_mm: f64,
     /// Position of the rod's trocar, if it was found.
     trocar: Option<Point3<f64>>,
     /// Pixels of the empty box that have the tape's colour, if the box was seen empty.
@@ -53,6 +55,7 @@ impl Default for TestRecording {
             touched: vec![10, 16, 25, 28, 37, 43],
             axis: Vector3::new(0.5, -0.4, 0.8).normalize(),
             error_mm: |_| Vector3::zeros(),
+            sigma_z_mm: 0.4,
             trocar: None,
             orange_px: Some(0.0),
         }
@@ -132,7 +135,7 @@ impl TestRecording {
             axis: Some(axis),
             tip_px: None,
             sigma_xy_mm: Some(0.1),
-            sigma_z_mm: Some(0.4),
+            sigma_z_mm: Some(self.sigma_z_mm),
             state: SampleState::Observed,
         })
     }
@@ -175,6 +178,16 @@ fn an_error_is_reported_with_its_size_along_and_across_the_line_of_sight() {
     assert_eq!(verdict::judge(&findings, None).parts[0].advice, Some(SelfTestAdvice::CheckRod));
     let yellow = TestRecording { error_mm: |_| Vector3::new(0.0, 0.0, 1.5), ..TestRecording::default() }.findings();
     assert_eq!(signal(&yellow, SelfTestPart::Accuracy), Signal::Yellow);
+}
+
+#[test]
+fn an_error_that_the_tracker_states_is_yellow_and_a_larger_one_red() {
+    let stated = TestRecording { sigma_z_mm: 3.0, ..TestRecording::default() };
+    let within = TestRecording { error_mm: |_| Vector3::new(0.0, 0.0, 4.0), ..stated }.findings();
+    assert_eq!((within.accuracy.unwrap().inside, signal(&within, SelfTestPart::Accuracy)), (6, Signal::Yellow));
+    let stated = TestRecording { sigma_z_mm: 3.0, ..TestRecording::default() };
+    let beyond = TestRecording { error_mm: |_| Vector3::new(0.0, 0.0, 12.0), ..stated }.findings();
+    assert_eq!((beyond.accuracy.unwrap().inside, signal(&beyond, SelfTestPart::Accuracy)), (0, Signal::Red));
 }
 
 #[test]

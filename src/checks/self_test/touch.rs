@@ -101,6 +101,13 @@ pub struct TouchAccuracy {
     pub stated: usize,
 }
 
+impl TouchAccuracy {
+    /// Do most touches lie inside the error bars that the tracker states?
+    pub fn is_as_stated(&self) -> bool {
+        2 * self.inside > self.touches
+    }
+}
+
 /// Compares every rest with the board.
 pub(super) fn measure_holds(
     holds: Vec<Hold>,

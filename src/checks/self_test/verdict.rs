@@ -135,7 +135,7 @@ fn worst(
 fn accuracy(findings: &SelfTestFindings) -> PartVerdict {
     let check = findings.accuracy.as_ref().map(|a| LimitCheck {
         figure: a.rms_mm,
-        limits: limits::TOUCH_RMS_MM,
+        limits: if a.is_as_stated() { limits::STATED_TOUCH_RMS_MM } else { limits::TOUCH_RMS_MM },
         unit: "mm",
         finding: format!(
             "{} touches: the measured tip is {:.2} mm off (RMS; {:.2} in depth, {:.2} sideways; at most {:.2}){}",
