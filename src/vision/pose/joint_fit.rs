@@ -7,10 +7,12 @@
 //! shift a whole edge alike, and averaging over many pixels does not remove that. **Gives up** if fewer than
 //! [`MIN_BORDER_EDGES`] edges support either border, or no end was seen.
 
-use nalgebra::{Matrix5, SMatrix, SVector, Vector2, Vector5};
+use nalgebra::{Matrix2, Matrix5, SMatrix, SVector, Vector2, Vector5};
 
 use super::fulcrum::{Fulcrum, FulcrumConstraint};
-use super::normal_equations::{NormalEquations, OWN_UNKNOWNS as UNKNOWNS, OffsetPriors, Offsets, offset_of_part};
+use super::normal_equations::{
+    NormalEquations, OFFSETS, OWN_UNKNOWNS as UNKNOWNS, OffsetPriors, Offsets, by_offsets, shape_at,
+};
 use super::{TubeEstimate, perturbed};
 use crate::vision::camera::Camera;
 use crate::vision::edges::outline_probes::OutlinePoint;
@@ -99,10 +101,10 @@ pub fn fit(
     let mut offsets = Offsets::zeros();
     let mut last = f64::INFINITY;
     for _ in 0..ROUNDS {
-        let system = EdgeEquations::build(edges, &tube, &offsets, camera, trust)?;
+        let system = EdgeEquations::build(edges, &tube, &offsets, camera, trust, beliefs.length_mm)?;
         let step = system.constrained_step(&tube, &offsets, beliefs, fulcrum)?;
         tube = perturbed(&tube, &Vector5::from(step.fixed_rows::<5>(0)));
-        offsets += step.fixed_rows::<4>(5);
+        offsets += step.fixed_rows::<OFFSETS>(5);
         let size = step.fixed_rows::<3>(0).norm();
         if !size.is_finite() || size > 100.0 {
             return None;
@@ -112,7 +114,7 @@ pub fn fit(
         }
         last = size;
     }
-    let system = EdgeEquations::build(edges, &tube, &offsets, camera, trust)?;
+    let system = EdgeEquations::build(edges, &tube, &offsets, camera, trust, beliefs.length_mm)?;
     let noise = system.variance_factor.max(1.0);
     let evidence = NormalEquations::new(&system.matrix, &system.right, &offsets, beliefs, noise);
     let (covariance, lasting) = evidence.covariance()?;
@@ -145,10 +147,10 @@ impl EdgeEquations {
         fulcrum: Option<&Fulcrum>,
     ) -> Option<SVector<f64, UNKNOWNS>> {
         let (mut matrix, mut right) = (self.matrix, self.right);
-        for part in 0..4 {
-            let weight = beliefs.offsets_px[part].powi(-2);
-            matrix[(5 + part, 5 + part)] += weight;
-            right[5 + part] -= weight * offsets[part];
+        for (offset, sigma_px) in beliefs.offsets_px.into_iter().enumerate() {
+            let weight = sigma_px.powi(-2);
+            matrix[(5 + offset, 5 + offset)] += weight;
+            right[5 + offset] -= weight * offsets[offset];
         }
         if let Some(fulcrum) = fulcrum {
             let constraint = FulcrumConstraint::at(tube, fulcrum.at);
@@ -161,54 +163,45 @@ impl EdgeEquations {
         Some(matrix.cholesky()?.solve(&right))
     }
 
-    fn build(edges: &[MeasuredEdge], tube: &Tube, offsets: &Offsets, camera: &Camera, trust: Trust) -> Option<Self> {
+    fn build(
+        edges: &[MeasuredEdge],
+        tube: &Tube,
+        offsets: &Offsets,
+        camera: &Camera,
+        trust: Trust,
+        length_mm: f64,
+    ) -> Option<Self> {
         let outline = tube.outline()?;
         let nudged = nudged_outlines(tube)?;
-        let residuals: Vec<f64> = edges
-            .iter()
-            .map(|e| e.residual_px(&outline, camera).map(|r| r - offset_of_part(offsets, e.point.part())))
-            .collect::<Option<_>>()?;
+        let by_offsets = PARTS.map(by_offsets);
+        let shape = |e: &MeasuredEdge| Vector2::new(1.0, shape_at(e.point, length_mm));
+        let expected = |e: &MeasuredEdge| (by_offsets[e.point.part().index()] * offsets).dot(&shape(e));
+        let distances: Vec<f64> = edges.iter().map(|e| e.residual_px(&outline, camera)).collect::<Option<_>>()?;
+        let residuals: Vec<f64> = edges.iter().zip(&distances).map(|(e, distance)| distance - expected(e)).collect();
         let sigma = |e: &MeasuredEdge| (e.sigma_px * e.sigma_px + MIN_SIGMA_PX * MIN_SIGMA_PX).sqrt();
         let scale = median(edges.iter().zip(&residuals).map(|(e, r)| (r / sigma(e)).abs())).max(0.67) / 0.6745;
-        // Each edge depends on the tube and on its own part's offset only: at most six of the nine unknowns.
-        let mut by_tube = Matrix5::zeros();
-        let (mut across, mut own) = ([Vector5::zeros(); 4], [0.0; 4]);
-        let (mut right, mut right_own) = (Vector5::zeros(), [0.0; 4]);
+        // Each edge depends on the tube and on its own part's two offsets only.
+        let mut sums = [PartSums::default(); PARTS.len()];
         let (mut squares, mut weights) = (0.0, 0.0);
-        for (edge, residual) in edges.iter().zip(&residuals) {
+        for ((edge, residual), distance) in edges.iter().zip(&residuals).zip(&distances) {
             let weight = match trust {
                 Trust::Majority => tukey(residual / (4.7 * scale * sigma(edge))),
                 Trust::All => 1.0,
             };
-            let information = weight / sigma(edge).powi(2);
-            let part = edge.point.part().index();
             let mut row = Vector5::zeros();
             for (i, ahead) in nudged.iter().enumerate() {
                 // The outline moves outwards by as much as the residual decreases.
-                row[i] = (residual + offset_of_part(offsets, edge.point.part()) - edge.residual_px(ahead, camera)?)
-                    / DERIVATIVE_STEPS[i];
+                row[i] = (distance - edge.residual_px(ahead, camera)?) / DERIVATIVE_STEPS[i];
             }
-            let weighed = row * information;
-            by_tube.ger(1.0, &weighed, &row, 1.0);
-            across[part] += weighed;
-            own[part] += information;
-            right += weighed * *residual;
-            right_own[part] += information * residual;
+            sums[edge.point.part().index()].add(&row, &shape(edge), *residual, weight / sigma(edge).powi(2));
             squares += weight * residual * residual;
             weights += weight;
         }
-        let mut system = (SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros(), SVector::<f64, UNKNOWNS>::zeros());
-        let (matrix, all_right) = (&mut system.0, &mut system.1);
-        matrix.fixed_view_mut::<5, 5>(0, 0).copy_from(&by_tube);
-        all_right.fixed_rows_mut::<5>(0).copy_from(&right);
-        for part in 0..4 {
-            matrix.fixed_view_mut::<5, 1>(0, 5 + part).copy_from(&across[part]);
-            matrix.fixed_view_mut::<1, 5>(5 + part, 0).copy_from(&across[part].transpose());
-            matrix[(5 + part, 5 + part)] = own[part];
-            all_right[5 + part] = right_own[part];
+        let mut matrix = SMatrix::zeros();
+        let mut right = SVector::zeros();
+        for (of_part, by_offsets) in sums.iter().zip(&by_offsets) {
+            of_part.enter(by_offsets, &mut matrix, &mut right);
         }
-        to_widening_and_displacement(matrix, all_right);
-        let (matrix, right) = system;
         Some(Self {
             matrix,
             right,
@@ -219,17 +212,55 @@ impl EdgeEquations {
     }
 }
 
-/// Transforms one offset per border into one of both alike and one of both towards the first: see [`Offsets`].
-fn to_widening_and_displacement(matrix: &mut SMatrix<f64, UNKNOWNS, UNKNOWNS>, right: &mut SVector<f64, UNKNOWNS>) {
-    const BORDERS: [usize; 2] = [5, 6];
-    let [first, second] = BORDERS;
-    let [one, other] = BORDERS.map(|border| matrix.column(border).into_owned());
-    matrix.set_column(first, &(one + other));
-    matrix.set_column(second, &(one - other));
-    let [one, other] = BORDERS.map(|border| matrix.row(border).into_owned());
-    matrix.set_row(first, &(one + other));
-    matrix.set_row(second, &(one - other));
-    (right[first], right[second]) = (right[first] + right[second], right[first] - right[second]);
+/// The parts of an outline in the order of [`OutlinePart::index`].
+const PARTS: [OutlinePart; 4] = [
+    OutlinePart::Border(BorderSide::First),
+    OutlinePart::Border(BorderSide::Second),
+    OutlinePart::DistalEnd,
+    OutlinePart::ProximalEnd,
+];
+
+/// Sums over the edges of one part, for the tube and the part's two offsets.
+#[derive(Clone, Copy, Default)]
+struct PartSums {
+    tube: Matrix5<f64>,
+    cross: SMatrix<f64, 5, 2>,
+    own: Matrix2<f64>,
+    right_tube: Vector5<f64>,
+    right_own: Vector2<f64>,
+}
+
+impl PartSums {
+    fn add(&mut self, row: &Vector5<f64>, shape: &Vector2<f64>, residual: f64, information: f64) {
+        let weighed = row * information;
+        self.tube.ger(1.0, &weighed, row, 1.0);
+        self.cross.ger(1.0, &weighed, shape, 1.0);
+        self.own.ger(information, shape, shape, 1.0);
+        self.right_tube += weighed * residual;
+        self.right_own += shape * (information * residual);
+    }
+
+    /// Enters the sums into the equations of all unknowns.
+    fn enter(
+        &self,
+        by_offsets: &SMatrix<f64, 2, OFFSETS>,
+        matrix: &mut SMatrix<f64, UNKNOWNS, UNKNOWNS>,
+        right: &mut SVector<f64, UNKNOWNS>,
+    ) {
+        let cross = self.cross * by_offsets;
+        let mut block = matrix.fixed_view_mut::<5, 5>(0, 0);
+        block += self.tube;
+        let mut block = matrix.fixed_view_mut::<5, OFFSETS>(0, 5);
+        block += cross;
+        let mut block = matrix.fixed_view_mut::<OFFSETS, 5>(5, 0);
+        block += cross.transpose();
+        let mut block = matrix.fixed_view_mut::<OFFSETS, OFFSETS>(5, 5);
+        block += by_offsets.transpose() * self.own * by_offsets;
+        let mut block = right.fixed_rows_mut::<5>(0);
+        block += self.right_tube;
+        let mut block = right.fixed_rows_mut::<OFFSETS>(5);
+        block += by_offsets.transpose() * self.right_own;
+    }
 }
 
 /// Steps of the numerical derivative: mm, mm, mm, rad, rad.
@@ -274,7 +305,7 @@ mod tests {
     }
 
     /// Edges along the tube's true outline, each shifted by noise, and by offsets with these standard deviations.
-    fn edges(random: &mut impl Rng, sigma_px: f64, offsets_px: [f64; 4]) -> Vec<MeasuredEdge> {
+    fn edges(random: &mut impl Rng, sigma_px: f64, offsets_px: [f64; OFFSETS]) -> Vec<MeasuredEdge> {
         let offsets = Offsets::from(offsets_px.map(|sigma| sigma * gaussian(random)));
         let backs_mm: Vec<f64> = (1..25).map(f64::from).collect();
         testing::edges(&tube(), &camera(), &backs_mm, &offsets, sigma_px, random)
@@ -286,7 +317,7 @@ mod tests {
 
     #[test]
     fn clean_edges_give_the_tube_back_from_a_rough_start() {
-        let clean = edges(&mut SmallRng::seed_from_u64(1), 0.0, [0.0; 4]);
+        let clean = edges(&mut SmallRng::seed_from_u64(1), 0.0, [0.0; OFFSETS]);
         let fitted =
             fit(&clean, &rough_start(), &camera(), Trust::Majority, &OffsetPriors::usual(LENGTH_MM), None).unwrap();
         assert!((fitted.tube.tip - tube().tip).norm() < 1e-3, "{}", (fitted.tube.tip - tube().tip).norm());
@@ -295,7 +326,7 @@ mod tests {
 
     #[test]
     fn a_fifth_of_the_edges_may_be_wrong() {
-        let mut spoiled = edges(&mut SmallRng::seed_from_u64(2), 0.05, [0.0; 4]);
+        let mut spoiled = edges(&mut SmallRng::seed_from_u64(2), 0.05, [0.0; OFFSETS]);
         for edge in spoiled.iter_mut().step_by(5) {
             *edge = MeasuredEdge::new(
                 edge.point,
@@ -333,7 +364,7 @@ mod tests {
 
     #[test]
     fn one_border_alone_is_not_enough() {
-        let mut one = edges(&mut SmallRng::seed_from_u64(4), 0.05, [0.0; 4]);
+        let mut one = edges(&mut SmallRng::seed_from_u64(4), 0.05, [0.0; OFFSETS]);
         one.retain(|e| e.point.part() != OutlinePart::Border(BorderSide::Second));
         assert_eq!(fit(&one, &rough_start(), &camera(), Trust::Majority, &OffsetPriors::usual(LENGTH_MM), None), None);
     }

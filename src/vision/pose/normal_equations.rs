@@ -1,57 +1,87 @@
 //! The normal equations of one pose's edges, kept for the joint adjustment: for the tube, and for its outline's
 //! offsets.
 
-use nalgebra::{Matrix5, SMatrix, SVector, Vector4, Vector5};
+use nalgebra::{Matrix5, SMatrix, SVector, Vector5};
 
+use crate::vision::edges::outline_probes::OutlinePoint;
 use crate::vision::tube::{BorderSide, OutlinePart};
 
-/// Number of a pose's own unknowns: five of the tube (see [`super::perturbed`]), and four offsets of its outline,
-/// pixels (see [`Offsets`]).
-pub const OWN_UNKNOWNS: usize = 9;
+/// Number of offsets of an outline (see [`Offsets`]).
+pub const OFFSETS: usize = 7;
+/// Number of a pose's own unknowns: five of the tube (see [`super::perturbed`]), then the offsets of its outline.
+pub const OWN_UNKNOWNS: usize = 5 + OFFSETS;
 /// Information matrix of these unknowns.
 pub type Information = SMatrix<f64, OWN_UNKNOWNS, OWN_UNKNOWNS>;
 const PACKED: usize = OWN_UNKNOWNS * (OWN_UNKNOWNS + 1) / 2;
 /// Number of values in [`NormalEquations`].
-pub const VALUE_COUNT: usize = PACKED + 4 + OWN_UNKNOWNS + 4 + 4 + 3;
+pub const VALUE_COUNT: usize = PACKED + OWN_UNKNOWNS + 3 * OFFSETS + 3;
 
-/// Offsets of an outline's edges, pixels outwards: both borders alike (the tube seems wider), both towards the first
-/// one (it seems displaced), the distal end, the proximal end. Light from one side, and the position of a camera's
-/// chroma samples, displace a tube five times as much as they widen it, and only the width affects depth.
-pub type Offsets = Vector4<f64>;
+/// Offsets of an outline's edges, pixels outwards:
+///
+/// | | edges | |
+/// |---|---|---|
+/// | 0 | both borders | alike: the tube seems wider |
+/// | 1 | both borders | towards the first one: it seems displaced |
+/// | 2, 3 | distal end, proximal end | alike |
+/// | 4 | both borders | from −1 at the distal end to 1 at the proximal end: the tube seems to taper |
+/// | 5, 6 | distal end, proximal end | from 1 in the middle to −2 at the borders: the end seems to bow |
+///
+/// Light from one side, and the position of a camera's chroma samples, displace a tube five times as much as they widen
+/// it, and only the width affects depth. Taper and bow affect the lean.
+pub type Offsets = SVector<f64, OFFSETS>;
 
-/// The offset of one part of the outline, pixels outwards.
-pub fn offset_of_part(offsets: &Offsets, part: OutlinePart) -> f64 {
+/// Offset of a part's edges, pixels outwards: constant, and the factor of [`shape_at`].
+pub type PartOffsets = SMatrix<f64, 2, OFFSETS>;
+
+/// The offset of a part of the outline per unit of each of the [`Offsets`].
+pub fn by_offsets(part: OutlinePart) -> PartOffsets {
+    let mut all = PartOffsets::zeros();
     match part {
-        OutlinePart::Border(BorderSide::First) => offsets[0] + offsets[1],
-        OutlinePart::Border(BorderSide::Second) => offsets[0] - offsets[1],
-        OutlinePart::DistalEnd => offsets[2],
-        OutlinePart::ProximalEnd => offsets[3],
+        OutlinePart::Border(side) => {
+            all[(0, 0)] = 1.0;
+            all[(0, 1)] = if side == BorderSide::First { 1.0 } else { -1.0 };
+            all[(1, 4)] = 1.0;
+        }
+        OutlinePart::DistalEnd => (all[(0, 2)], all[(1, 5)]) = (1.0, 1.0),
+        OutlinePart::ProximalEnd => (all[(0, 3)], all[(1, 6)]) = (1.0, 1.0),
+    }
+    all
+}
+
+/// The shape of a part's second offset at a point of a band of this length.
+pub fn shape_at(point: OutlinePoint, length_mm: f64) -> f64 {
+    match point {
+        OutlinePoint::Border { back_mm, .. } => 2.0 * back_mm / length_mm.max(1.0) - 1.0,
+        OutlinePoint::Rim { across, .. } => 1.0 - 3.0 * across * across,
     }
 }
 
 /// Standard deviations of the offsets that a whole session shares, by the picture: tone curve, sharpening, chroma, light
-/// and compression shift all edges alike, pixels.
-const BY_PICTURE_PX: [f64; 4] = [0.2, 0.2, 0.25, 0.25];
-/// The same by the tape: a second layer over a part of the turn, creases, ends that are ragged or cut askew, and sizes
-/// taken with a caliper and a ruler, mm.
-const BY_TAPE_MM: [f64; 4] = [0.03, 0.02, 0.07, 0.07];
+/// and compression shift all edges alike, pixels. Taper and bow: light falls off along the tube and towards its borders.
+const BY_PICTURE_PX: [f64; OFFSETS] = [0.2, 0.2, 0.25, 0.25, 0.06, 0.25, 0.3];
+/// The same by the tape: a second layer over a part of the turn, creases, ends that are ragged or cut askew, its
+/// thickness, and sizes taken with a caliper and a ruler, mm. A second layer of 0.13 mm at a border in a third of the
+/// turns widens the tube by 0.045 mm a border (root mean square).
+const BY_TAPE_MM: [f64; OFFSETS] = [0.045, 0.02, 0.07, 0.07, 0.01, 0.02, 0.03];
 
 /// Standard deviations of the offsets that a whole session shares, pixels, for a tape at this scale in the picture,
 /// pixels per millimetre across and along the tube. On 59 tools of 39 ray-traced recordings that no threshold had seen,
-/// the root mean square of the first was 0.27 px and 0.06 mm, in the even and in the odd recordings alike.
-pub fn shared_offsets_px(across_px_per_mm: f64, along_px_per_mm: f64) -> [f64; 4] {
-    let scales = [across_px_per_mm, across_px_per_mm, along_px_per_mm, along_px_per_mm];
+/// the root mean square of the width was 0.27 px and 0.06 mm, of the taper 0.08 px, and of the bow 0.22 px (distal end)
+/// and 0.32 px (proximal end), in the even and in the odd recordings alike.
+pub fn shared_offsets_px(across_px_per_mm: f64, along_px_per_mm: f64) -> [f64; OFFSETS] {
+    let (across, along) = (across_px_per_mm, along_px_per_mm);
+    let scales = [across, across, along, along, across, along, along];
     std::array::from_fn(|offset| BY_PICTURE_PX[offset].hypot(BY_TAPE_MM[offset] * scales[offset]))
 }
 
 /// Standard deviations of a pose's own offsets about the shared ones, pixels: background, shadow and gloss. Measured on
 /// the same recordings.
-pub const OWN_OFFSETS_PX: [f64; 4] = [0.15, 0.15, 0.25, 0.3];
+pub const OWN_OFFSETS_PX: [f64; OFFSETS] = [0.15, 0.15, 0.25, 0.3, 0.08, 0.1, 0.1];
 
 /// Standard deviations of the offsets of a single pose, pixels: shared and own together.
-pub fn single_pose_offsets_px(across_px_per_mm: f64, along_px_per_mm: f64) -> [f64; 4] {
+pub fn single_pose_offsets_px(across_px_per_mm: f64, along_px_per_mm: f64) -> [f64; OFFSETS] {
     let shared = shared_offsets_px(across_px_per_mm, along_px_per_mm);
-    std::array::from_fn(|part| shared[part].hypot(OWN_OFFSETS_PX[part]))
+    std::array::from_fn(|offset| shared[offset].hypot(OWN_OFFSETS_PX[offset]))
 }
 
 /// The normal equations of a pose's edges, in single precision: a recording keeps one for each tool and frame.
@@ -59,13 +89,13 @@ pub fn single_pose_offsets_px(across_px_per_mm: f64, along_px_per_mm: f64) -> [f
 pub struct NormalEquations {
     information: [f32; PACKED],
     /// Offsets in the fitted pose, pixels.
-    offsets: [f32; 4],
+    offsets: [f32; OFFSETS],
     /// Right side of the normal equations: how the edges alone would still move tube and offsets.
     right_side: [f32; OWN_UNKNOWNS],
     /// Priors on the offsets: standard deviations, pixels.
-    prior_px: [f32; 4],
+    prior_px: [f32; OFFSETS],
     /// Difference of the offsets from those of similar poses: standard deviations, pixels.
-    own_px: [f32; 4],
+    own_px: [f32; OFFSETS],
     length_mm: f32,
     px_per_mm: f32,
     /// Only the pose's covariance is known; all of it may last.
@@ -76,9 +106,9 @@ pub struct NormalEquations {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OffsetPriors {
     /// Of each offset.
-    pub offsets_px: [f64; 4],
+    pub offsets_px: [f64; OFFSETS],
     /// Of their difference from the offsets that the session shares.
-    pub own_px: [f64; 4],
+    pub own_px: [f64; OFFSETS],
     /// The assumed length of the band, mm.
     pub length_mm: f64,
     /// Pixels per millimetre along the axis at the band's proximal end; 0 if its length was measured.
@@ -126,7 +156,7 @@ impl NormalEquations {
         let mut information = Information::zeros();
         let of_tube = covariance.try_inverse().unwrap_or_else(Matrix5::zeros);
         information.fixed_view_mut::<5, 5>(0, 0).copy_from(&of_tube);
-        let bare = Self::new(&information, &SVector::zeros(), &Vector4::zeros(), &OffsetPriors::usual(0.0), 1.0);
+        let bare = Self::new(&information, &SVector::zeros(), &Offsets::zeros(), &OffsetPriors::usual(0.0), 1.0);
         Self { is_bare: true, ..bare }
     }
 
@@ -182,12 +212,12 @@ impl NormalEquations {
     }
 
     /// Difference of the offsets from the shared ones: standard deviations, pixels.
-    pub fn own_px(&self) -> [f64; 4] {
+    pub fn own_px(&self) -> [f64; OFFSETS] {
         self.own_px.map(f64::from)
     }
 
     /// The offsets that the session shares: standard deviations before anything is known of them, pixels.
-    pub fn shared_px(&self) -> [f64; 4] {
+    pub fn shared_px(&self) -> [f64; OFFSETS] {
         std::array::from_fn(|part| {
             let [all, own] = [self.prior_px[part], self.own_px[part]].map(f64::from);
             (all * all - own * own).max(0.0).sqrt()
@@ -204,16 +234,22 @@ impl NormalEquations {
         self.px_per_mm > 0.0
     }
 
-    /// Effect of each shared offset on this pose. If the band's length was not measured, the last shared offset is in
-    /// mm of that length.
-    pub fn shared_offset_scale(&self) -> [f64; 4] {
-        [1.0, 1.0, 1.0, if self.is_length_unknown() { f64::from(self.px_per_mm) } else { 1.0 }]
+    /// Effect of each shared offset on this pose. If the band's length was not measured, the shared offset of the
+    /// proximal end is in mm of that length.
+    pub fn shared_offset_scale(&self) -> [f64; OFFSETS] {
+        let mut scale = [1.0; OFFSETS];
+        if self.is_length_unknown() {
+            scale[OutlinePart::ProximalEnd.index()] = f64::from(self.px_per_mm);
+        }
+        scale
     }
 
     /// The offsets as if the pose had been fitted with this band length, pixels.
     pub fn offsets_for_length(&self, length_mm: f64) -> Offsets {
         let by_length = f64::from(self.px_per_mm) * (self.length_mm() - length_mm);
-        Vector4::from(self.offsets.map(f64::from)) + Vector4::w() * by_length
+        let mut offsets = Offsets::from(self.offsets.map(f64::from));
+        offsets[OutlinePart::ProximalEnd.index()] += by_length;
+        offsets
     }
 
     /// The tube's covariance under the priors alone, and the part that lasts from frame to frame: all but the edges'
@@ -231,7 +267,7 @@ impl NormalEquations {
     /// How the edges alone, under the priors, would move the tube.
     pub fn change_by_edges_alone(&self) -> Option<Vector5<f64>> {
         let mut pull = self.right_side();
-        for offset in 0..4 {
+        for offset in 0..OFFSETS {
             pull[5 + offset] -= f64::from(self.offsets[offset]) / f64::from(self.prior_px[offset]).powi(2);
         }
         Some(self.with_priors().cholesky()?.solve(&pull).fixed_rows::<5>(0).into_owned())
@@ -239,7 +275,7 @@ impl NormalEquations {
 
     fn with_priors(&self) -> Information {
         let mut information = self.information();
-        for offset in 0..4 {
+        for offset in 0..OFFSETS {
             information[(5 + offset, 5 + offset)] += f64::from(self.prior_px[offset]).powi(-2);
         }
         information

@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector2};
 use rand::{Rng, RngExt};
 
 use super::joint_fit::{END_OFFSET_PX, MeasuredEdge};
-use super::normal_equations::{Offsets, offset_of_part};
+use super::normal_equations::{Offsets, by_offsets, shape_at};
 use crate::vision::camera::Camera;
 use crate::vision::edges::outline_probes::OutlinePoint;
 use crate::vision::space::{CameraPoint, Pixel};
@@ -48,7 +48,9 @@ pub fn edges(
             let normal = Vector2::new(-along.y, along.x).normalize();
             let outward = if normal.dot(&inwards) > 0.0 { -normal } else { normal };
             let usual_px = if place.part().is_border() { 0.0 } else { END_OFFSET_PX };
-            let off_px = usual_px + offset_of_part(offsets, place.part()) + noise_px * gaussian(random);
+            let of_part = by_offsets(place.part()) * offsets;
+            let offset_px = of_part.x + of_part.y * shape_at(place, LENGTH_MM);
+            let off_px = usual_px + offset_px + noise_px * gaussian(random);
             MeasuredEdge::new(place, Pixel(at + outward * off_px), outward, noise_px.max(1e-6), camera).unwrap()
         })
         .collect()

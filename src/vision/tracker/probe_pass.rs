@@ -6,6 +6,7 @@ use crate::vision::edges::outline_probes::{OutlinePoint, ProbeLayout, border_pro
 use crate::vision::edges::probe::{FittedEdge, LocatedEdge, Probe};
 use crate::vision::edges::subpixel::Fineness;
 use crate::vision::pose::joint_fit::MeasuredEdge;
+use crate::vision::pose::normal_equations::OFFSETS;
 use crate::vision::reason::MissReason;
 use crate::vision::space::Pixel;
 use crate::vision::tube::{BorderSide, Outline, OutlinePart, PerPart, Tube};
@@ -58,11 +59,12 @@ const SMEAR_ERROR: f64 = 0.3;
 
 impl FoundEdges {
     /// Standard deviations of the offsets, pixels: the usual ones, more where edges are smeared.
-    pub(super) fn offsets_px(&self, usual: [f64; 4]) -> [f64; 4] {
+    pub(super) fn offsets_px(&self, usual: [f64; OFFSETS]) -> [f64; OFFSETS] {
         let smear = |part: OutlinePart| SMEAR_ERROR * self.smears_px[part] / self.visible[part].max(1.0);
         let [first, second] = BorderSide::BOTH.map(|side| smear(OutlinePart::Border(side)));
         let of_borders = 0.5 * first.hypot(second);
-        let more = [of_borders, of_borders, smear(OutlinePart::DistalEnd), smear(OutlinePart::ProximalEnd)];
+        let [distal, proximal] = OutlinePart::ENDS.map(smear);
+        let more = [of_borders, of_borders, distal, proximal, 0.0, 0.0, 0.0];
         std::array::from_fn(|offset| usual[offset].hypot(more[offset]))
     }
 

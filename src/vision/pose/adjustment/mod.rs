@@ -3,21 +3,21 @@
 //!
 //! One pose cannot separate an offset of its borders from its depth: for a 5 mm tool at 720 lines, a tenth of a pixel
 //! is a millimetre. Many poses can, because they share the band's length and the point that every axis passes through.
-//! **Method** Gauss–Newton. Each pose's edges are a quadratic cost of its own nine unknowns
-//! ([`super::normal_equations`]). Eliminating these (Schur complement) leaves seven that all poses share: three of the
-//! fulcrum, and four offsets. **Assumes** that a pose's offsets differ from the shared ones within its stated priors,
+//! **Method** Gauss–Newton. Each pose's edges are a quadratic cost of its own unknowns
+//! ([`super::normal_equations`]). Eliminating these (Schur complement) leaves those that all poses share: three of the
+//! fulcrum, and the offsets. **Assumes** that a pose's offsets differ from the shared ones within its stated priors,
 //! and alike in similar poses, which therefore count as one ([`weights`]). **Gives up** if the axes turn too little to
 //! meet anywhere, or meet ahead of the tips.
 
 use nalgebra::{Matrix2, Matrix3, Matrix5, SMatrix, SVector, Vector3, Vector5};
 
 use super::fulcrum::{Fulcrum, FulcrumConstraint, MIN_TROCAR_DISTANCE_RADII, PLAY_MM, nearest_point};
-use super::normal_equations::{Information, OWN_UNKNOWNS, Offsets};
+use super::normal_equations::{Information, OFFSETS, OWN_UNKNOWNS, Offsets};
 use super::{TubeEstimate, perturbed};
-use crate::vision::tube::Tube;
+use crate::vision::tube::{OutlinePart, Tube};
 
 /// Number of unknowns that all poses share: the fulcrum, then the offsets.
-const SHARED: usize = 7;
+const SHARED: usize = 3 + OFFSETS;
 type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
 type SharedVector = SVector<f64, SHARED>;
 type OwnVector = SVector<f64, OWN_UNKNOWNS>;
@@ -33,7 +33,7 @@ const MAX_TURN_RAD: f64 = 0.35;
 pub struct Adjustment {
     /// The point that all axes pass through.
     pub fulcrum: Fulcrum,
-    /// By how much its edges are off, pixels. If the band was not measured, the last is in mm beyond
+    /// By how much its edges are off, pixels. If the band was not measured, that of the proximal end is in mm beyond
     /// [`Adjustment::length_mm`].
     pub offsets: Offsets,
     /// Reference length of the band for the offsets, mm.
@@ -116,7 +116,7 @@ pub fn steady(pose: &TubeEstimate, shared: &Adjustment) -> Option<TubeEstimate> 
     let (own_px, share) = (evidence.own_px(), evidence.shared_offset_scale());
     // The axis may miss the fulcrum by the fulcrum's error and the play. The edges' offsets may differ from the shared
     // ones by the shared offsets' error and the pose's own offsets.
-    let apart_px: [f64; 4] =
+    let apart_px: [f64; OFFSETS] =
         std::array::from_fn(|part| own_px[part].hypot(share[part] * shared.covariance[(3 + part, 3 + part)].sqrt()));
     let information = evidence.information();
     let mut change = OwnVector::zeros();
@@ -164,9 +164,9 @@ impl Adjustment {
     /// Priors: the offsets are about 0, the fulcrum is anywhere.
     fn priors(&self, poses: &[TubeEstimate]) -> (SharedMatrix, SharedVector) {
         let variance = |part: usize| poses.iter().map(|pose| square(pose.equations.shared_px()[part])).sum::<f64>();
-        let mut sigmas: [f64; 4] = std::array::from_fn(|part| (variance(part) / poses.len() as f64).sqrt());
+        let mut sigmas: [f64; OFFSETS] = std::array::from_fn(|part| (variance(part) / poses.len() as f64).sqrt());
         if poses[0].equations.is_length_unknown() {
-            sigmas[3] = LENGTH_WITHIN * self.length_mm;
+            sigmas[OutlinePart::ProximalEnd.index()] = LENGTH_WITHIN * self.length_mm;
         }
         let (mut matrix, mut right) = (SharedMatrix::zeros(), SharedVector::zeros());
         for (part, sigma) in sigmas.into_iter().enumerate() {
@@ -192,7 +192,7 @@ impl Adjustment {
     fn apply_step(&mut self, step: &SharedVector) {
         self.fulcrum.at += step.fixed_rows::<3>(0);
         self.fulcrum.covariance = self.covariance.fixed_view::<3, 3>(0, 0).into_owned();
-        self.offsets += step.fixed_rows::<4>(3);
+        self.offsets += step.fixed_rows::<OFFSETS>(3);
     }
 
     /// Does the fulcrum lie behind the tube's band? If the axes hardly turn, their errors decide where they meet.
@@ -255,7 +255,7 @@ impl PoseEquations {
         change: &OwnVector,
         shared: &Adjustment,
         play: &Matrix2<f64>,
-        apart_px: &[f64; 4],
+        apart_px: &[f64; OFFSETS],
     ) -> Option<Self> {
         let moved = tube_part(change);
         let mut constraint = FulcrumConstraint::at(&perturbed(&pose.tube, &moved), shared.fulcrum.at);
@@ -281,7 +281,7 @@ impl PoseEquations {
         all.shared_right.fixed_rows_mut::<3>(0).copy_from(&-(to_point * missed));
         let (share, offsets) =
             (pose.equations.shared_offset_scale(), pose.equations.offsets_for_length(shared.length_mm));
-        for part in 0..4 {
+        for part in 0..OFFSETS {
             let (weight, share) = (1.0 / square(apart_px[part]), share[part]);
             let ahead = offsets[part] - share * shared.offsets[part];
             all.own[(5 + part, 5 + part)] += weight;
@@ -295,11 +295,11 @@ impl PoseEquations {
 
     /// Covariance of the right side from the pose's own lasting errors: the play, and its offsets relative to the
     /// shared ones.
-    fn own_error_covariance(&self, own_px: &[f64; 4], apart_px: &[f64; 4]) -> Information {
+    fn own_error_covariance(&self, own_px: &[f64; OFFSETS], apart_px: &[f64; OFFSETS]) -> Information {
         let mut all = Information::zeros();
         let to_pose = self.constraint.by_pose.transpose() * self.firm;
         all.fixed_view_mut::<5, 5>(0, 0).copy_from(&(to_pose * to_pose.transpose() * square(PLAY_MM)));
-        for part in 0..4 {
+        for part in 0..OFFSETS {
             all[(5 + part, 5 + part)] = square(own_px[part] / square(apart_px[part]));
         }
         all
@@ -308,7 +308,8 @@ impl PoseEquations {
 
 /// Weight of each pose: similar poses have similar errors, and count as one together.
 fn weights(poses: &[TubeEstimate]) -> Vec<f64> {
-    const ALIKE_MM: f64 = 5.0;
+    /// Half a usual band's length: nearer poses have mostly the same background beside the band, and the same light.
+    const ALIKE_MM: f64 = 10.0;
     let likeness = |one: &TubeEstimate, other: &TubeEstimate| {
         (-0.5 * (one.tube.tip - other.tube.tip).norm_squared() / square(ALIKE_MM)).exp()
     };

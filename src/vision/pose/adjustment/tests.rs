@@ -30,13 +30,13 @@ fn tubes(reach_mm: f64) -> Vec<Tube> {
 /// Edges along a tube's outline, shifted by offsets of the session, offsets of this pose, and noise.
 fn edges(tube: &Tube, camera: &Camera, shared: &Offsets, random: &mut impl Rng) -> Vec<MeasuredEdge> {
     const NOISE_PX: f64 = 0.1;
-    let own = Offsets::from([0.03, 0.05, 0.08, 0.12].map(|sigma| sigma * gaussian(random)));
+    let own = Offsets::from([0.03, 0.05, 0.08, 0.12, 0.03, 0.05, 0.05].map(|sigma| sigma * gaussian(random)));
     let backs_mm: Vec<f64> = (0..8).map(|k| 2.0 + 3.0 * f64::from(k)).collect();
     testing::edges(tube, camera, &backs_mm, &(shared + own), NOISE_PX, random)
 }
 
 /// A session's true tubes, and its poses, each measured alone.
-fn session(reach_mm: f64, shared: [f64; 4], seed: u64) -> Vec<(Tube, TubeEstimate)> {
+fn session(reach_mm: f64, shared: [f64; OFFSETS], seed: u64) -> Vec<(Tube, TubeEstimate)> {
     let (camera, mut random) = (wide(), SmallRng::seed_from_u64(seed));
     let measured = tubes(reach_mm).into_iter().filter_map(|tube| {
         let edges = edges(&tube, &camera, &shared.into(), &mut random);
@@ -57,7 +57,7 @@ fn rms_mm(errors: impl Iterator<Item = f64>) -> f64 {
 
 #[test]
 fn the_fulcrum_is_found_within_its_stated_error() {
-    let session = session(30.0, [0.0; 4], 1);
+    let session = session(30.0, [0.0; OFFSETS], 1);
     let shared = estimate(&poses(&session)).unwrap();
     let miss = shared.fulcrum.at - FULCRUM;
     let squared = miss.dot(&(shared.fulcrum.covariance.try_inverse().unwrap() * miss));
@@ -66,7 +66,7 @@ fn the_fulcrum_is_found_within_its_stated_error() {
 
 #[test]
 fn steadied_poses_are_much_closer_than_single_ones() {
-    let session = session(30.0, [0.03, 0.1, 0.1, 0.1], 2);
+    let session = session(30.0, [0.03, 0.1, 0.1, 0.1, 0.02, 0.05, 0.05], 2);
     let shared = estimate(&poses(&session)).unwrap();
     let alone = rms_mm(session.iter().map(|(tube, pose)| (pose.tube.tip - tube.tip).norm()));
     let together =
@@ -77,7 +77,7 @@ fn steadied_poses_are_much_closer_than_single_ones() {
 #[test]
 fn an_offset_of_both_borders_is_separated_from_depth() {
     let widening = 0.12;
-    let session = session(40.0, [widening, 0.0, 0.0, 0.0], 3);
+    let session = session(40.0, [widening, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 3);
     let shared = estimate(&poses(&session)).unwrap();
     assert!((0.3 * widening..1.3 * widening).contains(&shared.offsets[0]), "{}", shared.offsets[0]);
 }
@@ -106,14 +106,14 @@ fn steadied_tips_lie_inside_their_stated_region() {
 
 #[test]
 fn poses_that_hardly_turn_do_not_claim_to_know_the_fulcrum() {
-    let session = session(1.0, [0.0; 4], 5);
+    let session = session(1.0, [0.0; OFFSETS], 5);
     let known = estimate(&poses(&session)).map(|shared| shared.fulcrum.covariance.trace().sqrt());
     assert!(known.is_none_or(|sigma_mm| sigma_mm > 30.0), "{known:?}");
 }
 
 #[test]
 fn a_few_false_poses_do_not_hold_the_fulcrum() {
-    let session = session(30.0, [0.0; 4], 6);
+    let session = session(30.0, [0.0; OFFSETS], 6);
     let mut spoiled = poses(&session);
     for pose in spoiled.iter_mut().step_by(12) {
         pose.tube = perturbed(&pose.tube, &Vector5::new(0.0, 0.0, 0.0, 0.5, -0.3));
@@ -124,7 +124,7 @@ fn a_few_false_poses_do_not_hold_the_fulcrum() {
 
 #[test]
 fn a_pose_that_would_have_to_turn_far_is_refused() {
-    let session = session(30.0, [0.0; 4], 7);
+    let session = session(30.0, [0.0; OFFSETS], 7);
     let shared = estimate(&poses(&session)).unwrap();
     let (_, pose) = session[0];
     let false_axis = perpendiculars(pose.tube.axis)[0];
@@ -139,15 +139,16 @@ fn a_pose_that_would_have_to_turn_far_is_refused() {
 
 #[test]
 fn too_few_poses_are_not_enough() {
-    assert_eq!(estimate(&poses(&session(30.0, [0.0; 4], 8))[..5]), None);
+    assert_eq!(estimate(&poses(&session(30.0, [0.0; OFFSETS], 8))[..5]), None);
 }
 
 #[test]
 fn packed_poses_come_again_to_the_last_bit() {
-    let poses: Vec<StoredPose> = session(30.0, [0.0; 4], 9).iter().map(|(_, pose)| StoredPose::from(pose)).collect();
+    let poses: Vec<StoredPose> =
+        session(30.0, [0.0; OFFSETS], 9).iter().map(|(_, pose)| StoredPose::from(pose)).collect();
     let bare = TubeEstimate {
         equations: NormalEquations::from_covariance(&Matrix5::identity()),
-        ..session(30.0, [0.0; 4], 9)[0].1
+        ..session(30.0, [0.0; OFFSETS], 9)[0].1
     };
     let poses: Vec<StoredPose> = poses.into_iter().chain([StoredPose::from(&bare)]).collect();
     let poses = poses.repeat(9); // more than a block
@@ -158,7 +159,7 @@ fn packed_poses_come_again_to_the_last_bit() {
 
 #[test]
 fn a_kept_pose_is_the_pose_again() {
-    for (_, pose) in session(30.0, [0.0; 4], 9).iter().step_by(7) {
+    for (_, pose) in session(30.0, [0.0; OFFSETS], 9).iter().step_by(7) {
         let again = StoredPose::from(pose).estimate().unwrap();
         assert_eq!(again.tube, pose.tube);
         assert!((again.covariance - pose.covariance).norm() < 1e-6 * pose.covariance.norm());
@@ -175,7 +176,7 @@ fn reversed(pose: &TubeEstimate) -> TubeEstimate {
 #[test]
 fn axes_that_meet_before_the_tips_are_those_of_poses_the_wrong_way_round() {
     for (reach_mm, seed) in [(30.0, 11), (15.0, 12)] {
-        let right = poses(&session(reach_mm, [0.0; 4], seed));
+        let right = poses(&session(reach_mm, [0.0; OFFSETS], seed));
         let wrong: Vec<TubeEstimate> = right.iter().map(reversed).collect();
         assert!(!axes_meet_ahead_of_tips(&right), "{reach_mm} mm");
         assert!(axes_meet_ahead_of_tips(&wrong), "{reach_mm} mm");
@@ -185,7 +186,7 @@ fn axes_that_meet_before_the_tips_are_those_of_poses_the_wrong_way_round() {
 
 #[test]
 fn a_tool_that_rests_or_goes_straight_is_not_said_to_be_the_wrong_way_round() {
-    let right = poses(&session(30.0, [0.0; 4], 13));
+    let right = poses(&session(30.0, [0.0; OFFSETS], 13));
     assert!(!axes_meet_ahead_of_tips(&vec![reversed(&right[0]); 60]), "nothing turns");
     assert!(!axes_meet_ahead_of_tips(&right[..8].iter().map(reversed).collect::<Vec<_>>()), "too few");
     let straight = |k: usize| TubeEstimate {
