@@ -61,7 +61,7 @@ impl From<UpperFulcrum> for Fulcrum {
 
 /// Largest standard deviation along an axis of a well-known fulcrum, mm. A movement below three of these cannot be
 /// distinguished from chance.
-pub const WELL_KNOWN_MM: f64 = 5.0;
+pub const WELL_KNOWN_MM: f64 = 8.0;
 
 /// How far from the fulcrum an axis may pass: the play of a tube in its trocar, mm.
 pub const PLAY_MM: f64 = 0.5;

@@ -196,7 +196,7 @@ impl Adjustment {
     }
 
     /// Does the fulcrum lie behind the tube's band? If the axes hardly turn, their errors decide where they meet.
-    fn is_behind(&self, tube: &Tube) -> bool {
+    pub fn is_behind(&self, tube: &Tube) -> bool {
         (tube.tip - self.fulcrum.at).dot(&tube.axis) > MIN_TROCAR_DISTANCE_RADII * tube.radius
     }
 }
@@ -308,7 +308,7 @@ impl PoseEquations {
 
 /// Weight of each pose. Similar poses have similar errors, and count as one together. A pose much nearer or farther than
 /// most counts little: offsets by the picture are constant in pixels, those by the tape in mm, and a lamp's light
-/// changes with the distance, so that poses share their offsets only as far as they share their scale.
+/// changes with the distance.
 fn weights(poses: &[TubeEstimate]) -> Vec<f64> {
     /// Half a usual band's length: nearer poses have mostly the same background beside the band, and the same light.
     const ALIKE_MM: f64 = 10.0;

@@ -90,11 +90,15 @@ fn confirm(
 
 /// The pose corrected with the session's fulcrum and offsets. It is rejected if its axis misses the fulcrum by too
 /// much: its edges then belong to something else, and the corrected pose would look plausible but be millimetres off.
+/// It is also rejected if the fulcrum lies ahead of it: it then has the tip where the hand is.
 fn steadied(pose: &TubeEstimate, adjustment: &Adjustment) -> Result<TubeEstimate, MissReason> {
     const MAX_MISS_SQUARED: f64 = 30.0; // rejects 3 in 10 million good poses (two degrees of freedom)
     let passes = fulcrum::miss_squared(pose, &adjustment.fulcrum) < MAX_MISS_SQUARED;
     if !passes {
         return Err(MissReason::OffFulcrum);
+    }
+    if !adjustment.is_behind(&pose.tube) {
+        return Err(MissReason::WrongWayRound);
     }
     adjustment::steady(pose, adjustment).ok_or(MissReason::Misread)
 }
