@@ -61,8 +61,9 @@ pub fn shape_at(point: OutlinePoint, length_mm: f64) -> f64 {
 const BY_PICTURE_PX: [f64; OFFSETS] = [0.2, 0.2, 0.25, 0.25, 0.06, 0.25, 0.3];
 /// The same by the tape: a second layer over a part of the turn, creases, ends that are ragged or cut askew, its
 /// thickness, and sizes taken with a caliper and a ruler, mm. A second layer of 0.13 mm at a border in a third of the
-/// turns widens the tube by 0.045 mm a border (root mean square).
-const BY_TAPE_MM: [f64; OFFSETS] = [0.045, 0.02, 0.07, 0.07, 0.01, 0.02, 0.03];
+/// turns widens the tube by 0.045 mm a border (root mean square). An end bows by 0.1 mm if a cut by hand is 0.3 mm
+/// farther out in the middle than at the borders; two layers more or less bow it by 0.06 mm.
+const BY_TAPE_MM: [f64; OFFSETS] = [0.045, 0.02, 0.07, 0.07, 0.01, 0.1, 0.1];
 
 /// Standard deviations of the offsets that a whole session shares, pixels, for a tape at this scale in the picture,
 /// pixels per millimetre across and along the tube. On 59 tools of 39 ray-traced recordings that no threshold had seen,
