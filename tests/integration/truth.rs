@@ -217,7 +217,8 @@ fn a_spoiled_calibration_makes_the_measured_error_worse() {
 
 #[test]
 fn a_session_reports_the_apparent_width_of_its_tape() {
-    let recording = Recording::of(Scenario::Pegs);
+    let setup = Setup { rig: 2, ..Setup::new(Scenario::Pegs, Skill::INTERMEDIATE, 21) };
+    let recording = Recording::with(&setup, Some(150)); // long enough to turn
     let tracking = recording.track(recording.world.rig.camera);
     let diameters: Vec<_> = tracking.quality.tools.iter().map(|tool| tool.effective_diameter.unwrap()).collect();
     eprintln!("{diameters:?}");

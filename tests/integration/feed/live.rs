@@ -10,7 +10,7 @@ use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
 use trocar::domain::feed::record::{FeedRecord, RecordBody};
 use trocar::motion::features::running::LIVE_FEATURES;
 
-use super::scene::{SIZE, Scene, causal_path, set_up_box};
+use super::scene::{Scene, causal_path, set_up_box};
 use super::sender::{Received, Sender, hello, open};
 use super::{ANOTHER, RECORDING};
 use crate::api::centre::{Centre, session};
@@ -82,7 +82,7 @@ pub(super) async fn begin(centre: &Centre, scene: &Scene, recording: &str) -> (S
     let mut sender = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
     let mut message = hello(recording);
     message["codec"] = json!("h264");
-    (message["width"], message["height"]) = (json!(SIZE.0), json!(SIZE.1));
+    (message["width"], message["height"]) = (json!(scene.size.0), json!(scene.size.1));
     message["time_base"] = json!([1, scene.ticks_per_s]);
     sender.send_json(&message).await;
     let Received::Json(welcome) = sender.receive().await else { panic!("no welcome") };
@@ -126,7 +126,7 @@ async fn live_positions_equal_the_causal_trackers_and_the_score_equals_that_of_t
             LiveMessage::Json(message) => assert_eq!(message["type"], "live", "{message}"),
             LiveMessage::Picture(_, jpeg) => {
                 let picture = image::load_from_memory(&jpeg).unwrap();
-                assert_eq!((picture.width(), picture.height()), SIZE);
+                assert_eq!((picture.width(), picture.height()), scene.size);
                 pictures += 1;
             }
             LiveMessage::Closed => panic!("closed"),

@@ -11,9 +11,9 @@ use crate::api::centre::Centre;
 use crate::support::read;
 
 /// Options of scenes that locate a trocar well, at a low frame rate.
-const SCENE: &str = "--view side --size 640x360 --fps 10";
+const SCENE: &str = "--view side --size 960x540 --fps 10";
 const MOVED_MM: f64 = 30.0;
-/// How well the displacement of the trocars shows that of the camera, in pictures of 360 lines.
+/// How well the displacement of the trocars shows that of the camera, in pictures of 540 lines.
 const WITHIN_MM: f64 = 8.0;
 
 async fn upload(centre: &Centre, trainee: &str, task: &str, folder: &Folder) -> Value {
@@ -30,9 +30,9 @@ fn reasons(session: &Value) -> Vec<&str> {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_moved_camera_is_reported_live_and_with_the_result() {
-    let options = format!("{SCENE} --seed 9 --seconds 14 --camera-moved-mm {MOVED_MM}");
+    let options = format!("{SCENE} --seed 9 --seconds 25 --camera-moved-mm {MOVED_MM}");
     let Some(moved) = Scene::in_folder(Folder::of(&options)) else { return };
-    let before = Folder::of(&format!("{SCENE} --seed 1 --seconds 10"));
+    let before = Folder::of(&format!("{SCENE} --seed 1 --seconds 25"));
     let centre = centre(&moved).await;
     centre.administrator.make("/api/v1/tasks", json!({"name": "Again", "code": "again"})).await;
     for (trainee, task) in [("ada", "peg"), ("bob", "peg"), ("ada", "again"), ("bob", "again")] {

@@ -11,13 +11,12 @@ use tempfile::TempDir;
 use crate::process::program;
 use crate::support::{Client, read};
 
-/// Width and height of its pictures, pixels.
-pub const SIZE: (u32, u32) = (640, 360);
-
 /// A scene on disk, and its frames.
 pub struct Scene {
     pub folder: Folder,
     pub frames: Vec<Frame>,
+    /// Width and height of its pictures, pixels.
+    pub size: (u32, u32),
     /// Ticks per second: the unit of the frames' times.
     pub ticks_per_s: u32,
 }
@@ -59,7 +58,9 @@ impl Scene {
     /// The scene in this folder.
     pub fn in_folder(folder: Folder) -> Option<Self> {
         let (frames, ticks_per_s) = frames_of_h264(&folder.file("clip.mp4"))?;
-        Some(Self { frames, ticks_per_s, folder })
+        let camera: Value = serde_json::from_slice(&std::fs::read(folder.file("camera.json")).unwrap()).unwrap();
+        let size = ["width", "height"].map(|side| u32::try_from(camera[side].as_u64().unwrap()).unwrap()).into();
+        Some(Self { frames, size, ticks_per_s, folder })
     }
 
     pub fn file(&self, name: &str) -> PathBuf {
