@@ -1,7 +1,7 @@
 //! Band candidate in; borders and band ends out, to a fraction of a pixel (METHOD 3.2–3.5).
 //!
-//! First coarsely, with the colour table: scan lines across the region ([`scan_lines`]) and robust lines through their
-//! border points ([`line_fit`]). Then finely: short chords along the outline of the tube fitted to the coarse lines
+//! First coarsely, with the colour table: scan lines across the region ([`scan_lines`]), or straight pieces of its
+//! boundary ([`parallel_borders`]), and robust lines through their border points ([`line_fit`]). Then finely: short chords along the outline of the tube fitted to the coarse lines
 //! ([`outline_probes`]), each moved onto the edge in the pixels ([`subpixel`], all planes at once in [`edge_fit`]),
 //! using the learned appearance of edges in this recording ([`edge_model`]).
 
@@ -14,6 +14,7 @@ mod equations;
 mod lanes;
 pub mod line_fit;
 pub mod outline_probes;
+pub mod parallel_borders;
 pub mod probe;
 mod profile;
 mod scalar_filter;

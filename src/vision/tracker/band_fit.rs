@@ -12,11 +12,13 @@ use super::trace::FitRecorder;
 use crate::vision::blob::moments::RegionRectangle;
 use crate::vision::camera::Camera;
 use crate::vision::edges::edge_model::EdgeModel;
+use crate::vision::edges::parallel_borders;
 use crate::vision::edges::scan_lines::{self, CoarseBand};
 use crate::vision::edges::shaft;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::pose::{pinhole_width, tangent_planes};
 use crate::vision::reason::MissReason;
+use crate::vision::segmentation::region_of_interest::CellBox;
 use crate::vision::space::{CameraPoint, Normalised, Pixel};
 use crate::vision::tube::Tube;
 
@@ -72,19 +74,49 @@ impl BandFit<'_> {
     ) -> Result<Measurement, MissReason> {
         let FrameContext { frame, table, .. } = self.scene;
         let coarse = scan_lines::scan(frame, table, self.class, region).ok_or(MissReason::BordersNotFound)?;
-        let lines = self.border_lines(&coarse).ok_or(MissReason::BordersNotFound)?;
+        self.measure_coarse(&coarse, hand_first, recorder)
+    }
+
+    /// Measures the likeliest band inside a region that is not a band's alone, for example because a prop of the tape's
+    /// colour touches it.
+    pub fn measure_inside(&self, bounds: CellBox, hand_first: impl Fn(Pixel, Pixel) -> Option<bool>) -> RegionAttempt {
+        /// Longest band of unknown length, in widths.
+        const LONGEST: f64 = 8.0;
+        /// A band that leans towards the camera looks longer, relative to its middle's width.
+        const LEANING: f64 = 1.25;
+        let mut recorder = FitRecorder::new(self.is_traced);
+        let FrameContext { frame, table, .. } = self.scene;
+        let longest = self.length.map_or(LONGEST, |(length_mm, _)| LEANING * length_mm / self.spec.diameter_mm);
+        let mut best: Result<Measurement, MissReason> = Err(MissReason::WrongShape);
+        for coarse in parallel_borders::find(frame, table, self.class, bounds, longest) {
+            let found = self.measure_coarse(&coarse, &hand_first, &mut recorder);
+            best = match (best, found) {
+                (Ok(one), Ok(other)) => Ok(Measurement::likelier(one, other)),
+                (best, found) => better_of(best, found),
+            };
+        }
+        Attempt { outcome: best, fits: recorder.into_fits() }
+    }
+
+    fn measure_coarse(
+        &self,
+        coarse: &CoarseBand,
+        hand_first: impl Fn(Pixel, Pixel) -> Option<bool>,
+        recorder: &mut FitRecorder,
+    ) -> Result<Measurement, MissReason> {
+        let lines = self.border_lines(coarse).ok_or(MissReason::BordersNotFound)?;
         let [back, front] = coarse.ends;
         let known = hand_first(back, front);
         let likely = known.unwrap_or_else(|| self.hand_first_by_view(back, front));
         if self.scene.settings.pose == PoseMethod::PinholeWidth {
-            let [distal, proximal] = self.ends(&coarse, likely)?;
+            let [distal, proximal] = self.ends(coarse, likely)?;
             let tube = pinhole_width::locate(lines, distal, proximal, self.radius_mm());
-            return Ok(self.measurement_from_width(tube.ok_or(MissReason::PoorFit)?, &coarse));
+            return Ok(self.measurement_from_width(tube.ok_or(MissReason::PoorFit)?, coarse));
         }
         let mut fit = |hand_at_back: bool| {
-            let [distal, proximal] = self.ends(&coarse, hand_at_back)?;
+            let [distal, proximal] = self.ends(coarse, hand_at_back)?;
             let by_taper = tangent_planes::locate(lines, distal, proximal, self.radius_mm());
-            let starts = self.starts(&coarse, [distal, proximal], by_taper);
+            let starts = self.starts(coarse, [distal, proximal], by_taper);
             let seen_mm = by_taper.and_then(|tube| tangent_planes::distance_behind_tip(&tube, proximal));
             self.best_fit_of(&starts, seen_mm, recorder)
         };

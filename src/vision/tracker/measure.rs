@@ -15,7 +15,7 @@ use crate::vision::blob::components::Component;
 use crate::vision::blob::select;
 use crate::vision::camera::Camera;
 use crate::vision::reason::MissReason;
-use crate::vision::space::CameraPoint;
+use crate::vision::space::{CameraPoint, Pixel};
 use crate::vision::tube::Tube;
 
 /// An attempt to measure a band at one place.
@@ -42,7 +42,8 @@ impl ToolTracker {
         Attempt { outcome: outcome.filter(|found| self.continues_track(scene, found)), fits }
     }
 
-    /// Measures a region. Without a direction to the hand, the picture alone decides which end is the tip.
+    /// Measures a region, as one band, or where that is not clear, as a band beside things of its colour. Without a
+    /// direction to the hand, the picture alone decides which end is the tip.
     pub(super) fn measure_region(
         &self,
         scene: &FrameContext<'_>,
@@ -50,12 +51,27 @@ impl ToolTracker {
         region: &Component,
         to_hand: Option<Vector2<f64>>,
     ) -> RegionAttempt {
-        match select::check_shape(region) {
+        let fit = self.band_fit(scene, prediction);
+        let hand_first =
+            |first: Pixel, second: Pixel| to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0);
+        let mut whole = match select::check_shape(region) {
             Err(reason) => Attempt { outcome: Err(reason), fits: Vec::new() },
-            Ok(rectangle) => self.band_fit(scene, prediction).measure(&rectangle, |first, second| {
-                to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0)
-            }),
+            Ok(rectangle) => fit.measure(&rectangle, hand_first),
+        };
+        let is_settled = match &whole.outcome {
+            Ok(found) => found.is_clear(),
+            Err(reason) => *reason == MissReason::TooSmall,
+        };
+        if is_settled {
+            return whole;
         }
+        let inside = fit.measure_inside(region.bounds, hand_first);
+        whole.fits.extend(inside.fits);
+        whole.outcome = match (whole.outcome, inside.outcome) {
+            (Ok(one), Ok(other)) => Ok(Measurement::likelier(one, other)),
+            (one, other) => other.or(one),
+        };
+        whole
     }
 
     fn band_fit<'a>(&'a self, scene: &'a FrameContext<'a>, prediction: &Prediction) -> BandFit<'a> {

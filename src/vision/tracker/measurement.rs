@@ -81,6 +81,18 @@ impl Measurement {
         self.seen_share + self.continuation.map_or(0.0, |beyond| tube(beyond.by_hand) - tube(beyond.by_tip))
     }
 
+    /// The likelier of two; the first if they are equally likely.
+    pub fn likelier(first: Self, second: Self) -> Self {
+        if second.likelihood() > first.likelihood() { second } else { first }
+    }
+
+    /// Is it so likely a tool's band that it needs no comparison with others? Most of its outline agrees, and a tube
+    /// continues beyond its proximal end only.
+    pub fn is_clear(&self) -> bool {
+        const CLEAR_LIKELIHOOD: f64 = 1.5;
+        self.likelihood() > CLEAR_LIKELIHOOD
+    }
+
     /// Do the pixels show that no tube holds the band? Then it is a thing of the tape's colour, or lies the wrong way
     /// round.
     pub fn is_without_shaft(&self) -> bool {

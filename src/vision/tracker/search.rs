@@ -14,10 +14,6 @@ use crate::vision::reason::MissReason;
 /// Maximum number of regions measured in one search.
 const MAX_REGIONS: usize = 3;
 
-/// A measurement at least this likely needs no comparison with other regions: most of its outline agrees, and a tube
-/// continues beyond its proximal end only.
-const CLEAR_LIKELIHOOD: f64 = 1.5;
-
 /// Regions that were measured and rejected on this frame.
 type Rejected = Vec<(Moments, MissReason)>;
 
@@ -60,12 +56,12 @@ impl ToolTracker {
             let reason = match earlier {
                 Some((_, reason)) => *reason,
                 None => match self.try_region_as_own(scene, prediction, region) {
-                    Ok(found) if band.is_some() || found.likelihood() > CLEAR_LIKELIHOOD => return Ok(found),
+                    Ok(found) if band.is_some() || found.is_clear() => return Ok(found),
                     Ok(found) => {
-                        best = match best {
-                            Some(other) if other.likelihood() >= found.likelihood() => Some(other),
-                            _ => Some(found),
-                        };
+                        best = Some(match best {
+                            Some(other) => Measurement::likelier(other, found),
+                            None => found,
+                        });
                         continue;
                     }
                     Err(reason) => {
