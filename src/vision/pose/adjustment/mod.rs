@@ -80,8 +80,7 @@ pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
     }
     // The robust weights of a few poses may change to and fro for ever.
     let is_settled = last_mm < f64::max(SETTLED_MM, SETTLED_SHARE * shared.fulcrum.covariance.trace().sqrt());
-    let behind = poses.iter().filter(|pose| shared.is_behind(&pose.tube)).count();
-    (is_settled && behind as f64 >= MIN_BEHIND * poses.len() as f64).then_some(shared)
+    (is_settled && shared.share_behind(poses) >= MIN_BEHIND).then_some(shared)
 }
 
 /// Do the axes meet in a point ahead of the tips, where no trocar can be? Then the poses lie the wrong way round.
@@ -193,6 +192,11 @@ impl Adjustment {
         self.fulcrum.at += step.fixed_rows::<3>(0);
         self.fulcrum.covariance = self.covariance.fixed_view::<3, 3>(0, 0).into_owned();
         self.offsets += step.fixed_rows::<OFFSETS>(3);
+    }
+
+    /// Share of the poses with the fulcrum behind the band.
+    pub fn share_behind(&self, poses: &[TubeEstimate]) -> f64 {
+        poses.iter().filter(|pose| self.is_behind(&pose.tube)).count() as f64 / poses.len().max(1) as f64
     }
 
     /// Does the fulcrum lie behind the tube's band? If the axes hardly turn, their errors decide where they meet.

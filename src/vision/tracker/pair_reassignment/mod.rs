@@ -18,8 +18,9 @@ use super::motion::FrameInstant;
 use super::origin::{self, DECISIVE_MARGIN, Origin};
 use super::record::{FrameRecord, PackedRecords};
 use super::tool::ToolTracker;
+use crate::vision::pose::TubeEstimate;
+use crate::vision::pose::adjustment::{self, Adjustment};
 use crate::vision::pose::fulcrum::Fulcrum;
-use crate::vision::pose::{TubeEstimate, adjustment};
 use crate::vision::reason::MissReason;
 
 /// Reassigns the records of both tools, the left hand's first.
@@ -104,6 +105,8 @@ fn split_into_segments(records: &Records) -> Vec<TrackSegment> {
 /// The origin of each tool, estimated from its segments; `None` for a tool without any.
 fn estimate_origins(records: &Records, runs: &[TrackSegment]) -> [Option<Origin>; 2] {
     const MAX_POSES: usize = 256; // more poses are no more precise
+    /// The axes of two tools meet among the tips, ahead of some of them.
+    const MIN_BEHIND: f64 = 0.9;
     [0, 1].map(|tool| {
         let own = runs.iter().filter(|run| run.owner == Some(tool));
         let seen: Vec<&FrameRecord> = own.flat_map(|run| run.records(records)).collect();
@@ -111,8 +114,10 @@ fn estimate_origins(records: &Records, runs: &[TrackSegment]) -> [Option<Origin>
         let poses = |good: bool| -> Vec<TubeEstimate> {
             seen.iter().step_by(step).filter(|r| r.is_good || !good).filter_map(|r| r.estimate()).collect()
         };
-        let trocar =
-            adjustment::estimate(&poses(true)).filter(learn::is_fulcrum_known).map(|adjusted| adjusted.fulcrum);
+        let good = poses(true);
+        let is_of_one_tool = |adjusted: &Adjustment| adjusted.share_behind(&good) >= MIN_BEHIND;
+        let known = adjustment::estimate(&good).filter(learn::is_fulcrum_known).filter(is_of_one_tool);
+        let trocar = known.map(|adjusted| adjusted.fulcrum);
         trocar.or_else(|| median_assumed_trocar(&poses(false))).map(Origin::Fulcrum)
     })
 }
