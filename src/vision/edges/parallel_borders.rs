@@ -177,7 +177,7 @@ fn candidate(mask: &Mask, normal: Vector2<f64>, right: &Border, left: &Border, m
         of.cells.iter().map(|cell| Pixel(Point2::from(cell + outward * (0.5 * CELL_PX as f64)))).collect()
     };
     let band = CoarseBand {
-        borders: [border(right, normal), border(left, -normal)],
+        borders: [border(left, -normal), border(right, normal)],
         ends: [mask.end_of_tape(at(low), -axis), mask.end_of_tape(at(high), axis)],
         axis,
         width_px: width_px + CELL_PX as f64,

@@ -9,13 +9,14 @@ use super::band_fit::BandFit;
 use super::frame_context::FrameContext;
 use super::measurement::Measurement;
 use super::predict::{Band, Prediction};
+use super::settings::PoseMethod;
 use super::tool::ToolTracker;
 use super::trace::FitTrace;
 use crate::vision::blob::components::Component;
 use crate::vision::blob::select;
 use crate::vision::camera::Camera;
 use crate::vision::reason::MissReason;
-use crate::vision::space::{CameraPoint, Pixel};
+use crate::vision::space::CameraPoint;
 use crate::vision::tube::Tube;
 
 /// An attempt to measure a band at one place.
@@ -42,8 +43,7 @@ impl ToolTracker {
         Attempt { outcome: outcome.filter(|found| self.continues_track(scene, found)), fits }
     }
 
-    /// Measures a region, as one band, or where that is not clear, as a band beside things of its colour. Without a
-    /// direction to the hand, the picture alone decides which end is the tip.
+    /// Measures a region as one band. Without a direction to the hand, the picture alone decides which end is the tip.
     pub(super) fn measure_region(
         &self,
         scene: &FrameContext<'_>,
@@ -51,21 +51,34 @@ impl ToolTracker {
         region: &Component,
         to_hand: Option<Vector2<f64>>,
     ) -> RegionAttempt {
-        let fit = self.band_fit(scene, prediction);
-        let hand_first =
-            |first: Pixel, second: Pixel| to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0);
-        let mut whole = match select::check_shape(region) {
+        match select::check_shape(region) {
             Err(reason) => Attempt { outcome: Err(reason), fits: Vec::new() },
-            Ok(rectangle) => fit.measure(&rectangle, hand_first),
-        };
+            Ok(rectangle) => self.band_fit(scene, prediction).measure(&rectangle, |first, second| {
+                to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0)
+            }),
+        }
+    }
+
+    /// Measures a region as one band, and where that is not clear, as a band beside things of its colour. Not for two
+    /// tools of one colour: the region's box may hold the other tool's band.
+    pub(super) fn measure_region_of_own_colour(
+        &self,
+        scene: &FrameContext<'_>,
+        prediction: &Prediction,
+        region: &Component,
+        to_hand: Option<Vector2<f64>>,
+    ) -> RegionAttempt {
+        let mut whole = self.measure_region(scene, prediction, region, to_hand);
         let is_settled = match &whole.outcome {
             Ok(found) => found.is_clear(),
             Err(reason) => *reason == MissReason::TooSmall,
         };
-        if is_settled {
+        if is_settled || scene.settings.pose == PoseMethod::PinholeWidth {
             return whole;
         }
-        let inside = fit.measure_inside(region.bounds, hand_first);
+        let inside = self.band_fit(scene, prediction).measure_inside(region.bounds, |first, second| {
+            to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0)
+        });
         whole.fits.extend(inside.fits);
         whole.outcome = match (whole.outcome, inside.outcome) {
             (Ok(one), Ok(other)) => Ok(Measurement::likelier(one, other)),

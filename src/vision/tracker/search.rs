@@ -83,7 +83,9 @@ impl ToolTracker {
         region: &Component,
     ) -> Result<Measurement, MissReason> {
         let to_hand = self.direction_to_hand(scene.camera(), prediction);
-        let measured = self.try_region(scene, prediction, region, to_hand).and_then(|measurement| {
+        let Attempt { outcome, fits } = self.measure_region_of_own_colour(scene, prediction, region, to_hand);
+        self.trace.record_fits(fits);
+        let measured = outcome.and_then(|measurement| {
             if !self.agrees_with_fulcrum(&measurement) {
                 Err(MissReason::OffFulcrum)
             } else if measurement.is_without_shaft() {
