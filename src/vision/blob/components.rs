@@ -109,17 +109,12 @@ mod tests {
     use super::*;
     use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
     use crate::vision::segmentation::knn::Knn;
-    use crate::vision::segmentation::samples::{ColourSample, ColourSamples};
+    use crate::vision::segmentation::samples::ColourSamples;
 
     #[test]
     fn two_blocks_that_touch_at_a_corner_are_one_and_a_third_stays_apart() {
         let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
-        let sample = |label, yuv| ColourSample { label, rectangle: label as u32, yuv };
-        let samples = ColourSamples {
-            encoding,
-            labels: vec!["orange".into(), "background".into()],
-            samples: [sample(0, [150, 60, 200]), sample(1, [60, 128, 128])].repeat(5),
-        };
+        let samples = ColourSamples::of_orange_tape(encoding);
         let table = ColourTable::new(Knn::new(&samples, &[1, 0]).unwrap(), encoding);
         let picture = ["##....", "##....", "..##..", "..##.#"];
         let plane = |on: u8, off: u8, times: usize| -> Vec<u8> {

@@ -62,19 +62,13 @@ mod tests {
     use super::*;
     use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
     use crate::vision::segmentation::knn::Knn;
-    use crate::vision::segmentation::samples::{ColourSample, ColourSamples};
+    use crate::vision::segmentation::samples::ColourSamples;
 
     const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
 
     /// A picture of cells: `#` has the tape's colour.
     fn of_picture(cells: &[&str], marks: &[MarkedRectangle], tool_count: usize) -> Option<FalseArea> {
-        let samples = ColourSamples {
-            encoding: ENCODING,
-            labels: vec!["orange".into(), "background".into()],
-            samples: [(0, [150, 60, 200]), (1, [60, 128, 128])]
-                .map(|(label, yuv)| ColourSample { label, rectangle: label as u32, yuv })
-                .repeat(5),
-        };
+        let samples = ColourSamples::of_orange_tape(ENCODING);
         let table = ColourTable::new(Knn::new(&samples, &[1, 0]).unwrap(), ENCODING);
         let plane = |on: u8, off: u8| -> Vec<u8> {
             let row = |row: &&str| row.bytes().flat_map(|c| [if c == b'#' { on } else { off }; 2]).collect::<Vec<u8>>();

@@ -248,7 +248,7 @@ mod tests {
     use super::*;
     use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
     use crate::vision::segmentation::knn::Knn;
-    use crate::vision::segmentation::samples::{ColourSample, ColourSamples};
+    use crate::vision::segmentation::samples::ColourSamples;
 
     const WIDTH: usize = 320;
     const HEIGHT: usize = 240;
@@ -256,13 +256,7 @@ mod tests {
 
     /// Bands in a picture where the pixels for which `is_tape` is true have the tape's colour.
     fn found(is_tape: impl Fn(Vector2<f64>) -> bool) -> Vec<CoarseBand> {
-        let samples = ColourSamples {
-            encoding: ENCODING,
-            labels: vec!["orange".into(), "background".into()],
-            samples: [(0, [150, 60, 200]), (1, [60, 128, 128])]
-                .map(|(label, yuv)| ColourSample { label, rectangle: label as u32, yuv })
-                .repeat(5),
-        };
+        let samples = ColourSamples::of_orange_tape(ENCODING);
         let table = ColourTable::new(Knn::new(&samples, &[1, 0]).unwrap(), ENCODING);
         let plane = |on: u8, off: u8| -> Vec<u8> {
             let pixels = (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| Vector2::new(x as f64, y as f64)));

@@ -47,6 +47,19 @@ pub struct ColourSamples {
 /// background rectangle would cost time and outvote the tape.
 const MAX_PER_RECTANGLE: usize = 400;
 
+#[cfg(test)]
+impl ColourSamples {
+    /// Orange tape (150, 60, 200) and a grey background (60, 128, 128), for tests that draw their own pictures.
+    pub fn of_orange_tape(encoding: ColourEncoding) -> Self {
+        let sample = |label, yuv| ColourSample { label, rectangle: label as u32, yuv };
+        Self {
+            encoding,
+            labels: vec!["orange".into(), "background".into()],
+            samples: [sample(0, [150, 60, 200]), sample(1, [60, 128, 128])].repeat(5),
+        }
+    }
+}
+
 impl ColourSamples {
     /// No samples yet, in this encoding.
     pub fn new(encoding: ColourEncoding) -> Self {

@@ -16,7 +16,7 @@ use crate::vision::blob::components::Component;
 use crate::vision::blob::select;
 use crate::vision::camera::Camera;
 use crate::vision::reason::MissReason;
-use crate::vision::space::CameraPoint;
+use crate::vision::space::{CameraPoint, Pixel};
 use crate::vision::tube::Tube;
 
 /// An attempt to measure a band at one place.
@@ -53,9 +53,7 @@ impl ToolTracker {
     ) -> RegionAttempt {
         match select::check_shape(region) {
             Err(reason) => Attempt { outcome: Err(reason), fits: Vec::new() },
-            Ok(rectangle) => self.band_fit(scene, prediction).measure(&rectangle, |first, second| {
-                to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0)
-            }),
+            Ok(rectangle) => self.band_fit(scene, prediction).measure(&rectangle, is_hand_first(to_hand)),
         }
     }
 
@@ -76,9 +74,7 @@ impl ToolTracker {
         if is_settled || scene.settings.pose == PoseMethod::PinholeWidth {
             return whole;
         }
-        let inside = self.band_fit(scene, prediction).measure_inside(region.bounds, |first, second| {
-            to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0)
-        });
+        let inside = self.band_fit(scene, prediction).measure_inside(region.bounds, is_hand_first(to_hand));
         whole.fits.extend(inside.fits);
         whole.outcome = match (whole.outcome, inside.outcome) {
             (Ok(one), Ok(other)) => Ok(Measurement::likelier(one, other)),
@@ -109,6 +105,11 @@ impl ToolTracker {
         let to_hand = to_hand.or(prediction.band.map(|band| -band.tube.axis));
         to_hand.map_or(self.hand_direction.direction(), |to_hand| direction_in_picture(camera, &last, to_hand))
     }
+}
+
+/// Returns whether the first of two ends lies nearer to the hand, if the direction to it is known.
+fn is_hand_first(to_hand: Option<Vector2<f64>>) -> impl Fn(Pixel, Pixel) -> Option<bool> {
+    move |first, second| to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0)
 }
 
 /// A direction from a tube's tip, projected into the picture.
