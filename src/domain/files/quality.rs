@@ -99,7 +99,7 @@ pub struct ToolDocument {
     pub predicted_share: Option<f64>,
     /// Share of the session's frames with the tool out of view.
     pub left_view_share: Option<f64>,
-    /// Share of the session's frames with the tool in view, but not tracked.
+    /// Share of the frames of the whole recording with the tool not tracked, among those with it in view.
     pub lost_share: Option<f64>,
     /// Frames with the tool in view but not tracked, by reason.
     pub lost_frames: BTreeMap<&'static str, u64>,

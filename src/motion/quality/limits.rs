@@ -86,9 +86,9 @@ impl QualityCause {
             // A tracker does not lose tools by chance but when they are quick, far or hidden. The rest is biased, so
             // half as much of it does the same harm.
             QualityCause::Lost => at_most(0.05, 0.25),
-            // Without a trocar, nothing confirms which way the band points, nor its depth. A trocar is 100 to 200 mm behind
-            // the tip: a tip that moves by 8 mm turns the axis by 2 to 5 degrees, several times the axis's error. If the
-            // axes then do not meet, the poses are false.
+            // Without a trocar, nothing confirms which way the band points, nor its depth. A trocar is 100 to 200 mm
+            // behind the tip: a tip that moves by 8 mm turns the axis by 2 to 5 degrees, several times the axis's
+            // error. If the axes then do not meet, the poses are false.
             QualityCause::NoTrocar => at_most(0.0, 8.0),
             // Bridged positions are as smooth as the motion model, so they flatter the hand.
             QualityCause::Predicted => at_most(0.1, 0.4),

@@ -30,7 +30,7 @@ pub struct ToolFigures {
     pub predicted_share: Option<f64>,
     /// Share of the session's frames on which it was out of view.
     pub left_view_share: Option<f64>,
-    /// Share of the session's frames on which it was in view but has no position.
+    /// Share of the frames of the whole recording on which it has no position, among those with it in view.
     pub lost_share: Option<f64>,
     /// Frames of the session in gaps caused by the tracker, by their main reason.
     pub lost_frames: BTreeMap<MissReason, u64>,

@@ -1,9 +1,10 @@
 //! Band candidate in; borders and band ends out, to a fraction of a pixel (METHOD 3.2–3.5).
 //!
 //! First coarsely, with the colour table: scan lines across the region ([`scan_lines`]), or straight pieces of its
-//! boundary ([`parallel_borders`]), and robust lines through their border points ([`line_fit`]). Then finely: short chords along the outline of the tube fitted to the coarse lines
-//! ([`outline_probes`]), each moved onto the edge in the pixels ([`subpixel`], all planes at once in [`edge_fit`]),
-//! using the learned appearance of edges in this recording ([`edge_model`]).
+//! boundary ([`parallel_borders`]), and robust lines through their border points ([`line_fit`]). Then finely: short
+//! chords along the outline of the tube fitted to the coarse lines ([`outline_probes`]), each moved onto the edge in the
+//! pixels ([`subpixel`], all planes at once in [`edge_fit`]), using the learned appearance of edges in this recording
+//! ([`edge_model`]).
 
 mod cholesky;
 pub mod chroma_siting;

@@ -7,7 +7,7 @@
 use nalgebra::Point3;
 
 use super::edge_model::EdgeModel;
-use super::outline_probes::{ProbeLayout, border_probes};
+use super::outline_probes::{OutlinePoint, ProbeLayout, border_probes};
 use super::probe::Probe;
 use crate::vision::camera::Camera;
 use crate::vision::frame::Frame;
@@ -82,10 +82,7 @@ fn share_of_tube(
         probes.clear();
         border_probes(&outline, camera, start_mm, start_mm + step_mm, layout, &mut probes);
         let [one, other] = &probes[..] else { continue };
-        let in_sight = |(point, probe): &(_, Probe)| {
-            let point: &super::outline_probes::OutlinePoint = point;
-            is_visible(point.position_on(&outline), probe.middle)
-        };
+        let in_sight = |(point, probe): &(OutlinePoint, Probe)| is_visible(point.position_on(&outline), probe.middle);
         if in_sight(one) && in_sight(other) {
             seen += 1;
             let edges_found =

@@ -49,9 +49,9 @@ mod tests {
     #[test]
     fn coded_light_is_the_light_again() {
         for step in 0..=1000 {
-            let light_of = f64::from(step) / 1000.0;
-            let there_and_back = code(light(light_of));
-            assert!((there_and_back - light_of).abs() < 5e-5, "{light_of}: {there_and_back}");
+            let original = f64::from(step) / 1000.0;
+            let there_and_back = code(light(original));
+            assert!((there_and_back - original).abs() < 5e-5, "{original}: {there_and_back}");
         }
     }
 

@@ -55,7 +55,7 @@ impl BandFit<'_> {
     }
 
     /// Measures the band of a region. `hand_first` returns whether the first of two ends is nearer to the hand, if
-    /// known. Otherwise the end with the dark shaft beyond it is the hand's, else the camera's view decides.
+    /// known. Otherwise the end with a shaft beyond it is the hand's, else the camera's view decides.
     pub fn measure(
         &self,
         region: &RegionRectangle,

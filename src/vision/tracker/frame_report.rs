@@ -50,8 +50,7 @@ impl Tracker {
         let pose = self.tools[tool].last_pose.as_ref().map(PastPose::from);
         let seen = if result.advance.observed { SampleState::Observed } else { SampleState::Predicted };
         let state = result.advance.state?;
-        let sample = motion::state_sample(&state, pose.as_ref(), tool, instant, seen, camera, None);
-        Some(sample)
+        Some(motion::state_sample(&state, pose.as_ref(), tool, instant, seen, camera, None))
     }
 
     fn observation(&self, band: &SteadiedBand) -> Option<Observation> {

@@ -22,7 +22,8 @@ const VOTE_DECAY: f64 = 0.98;
 const DECISIVE_VOTES: f64 = 2.5;
 
 impl HandDirection {
-    /// Adds a frame's vote: `contrast` (−1 to 1) is how much darker it is beyond the end in direction `to_hand`.
+    /// Adds a frame's vote: `contrast` (−1 to 1) is how much more of a shaft there is beyond the end in direction
+    /// `to_hand` than beyond the other.
     pub fn add_vote(&mut self, to_hand: Vector2<f64>, contrast: f64) {
         if let Some(direction) = to_hand.try_normalize(1e-9)
             && contrast.abs() >= MIN_CONTRAST

@@ -177,8 +177,8 @@ impl From<&TubeEstimate> for PastPose {
     }
 }
 
-/// A sample of a filter's state. The filter treats all errors as noise and averages them away, also their lasting
-/// part. That part is added again, as estimated for `pose`, the nearest measured one (Schmidt's "considered" errors).
+/// A sample of a filter's state. The filter averages a part of the lasting errors away, too. The whole lasting part is
+/// added again, as estimated for `pose`, the nearest measured one (Schmidt's "considered" errors).
 pub fn state_sample(
     state: &KalmanState,
     pose: Option<&PastPose>,
