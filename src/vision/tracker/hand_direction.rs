@@ -32,9 +32,11 @@ impl HandDirection {
         }
     }
 
-    /// Sets the opposite direction, when stronger evidence than the votes shows it.
+    /// Sets the opposite direction, when stronger evidence than the votes shows it: as if many votes had shown it, so
+    /// that a few others do not overrule it.
     pub fn set_opposite(&mut self, to_hand: Vector2<f64>) {
-        self.votes = to_hand.try_normalize(1e-9).map_or(Vector2::zeros(), |direction| -direction * DECISIVE_VOTES);
+        self.votes =
+            to_hand.try_normalize(1e-9).map_or(Vector2::zeros(), |direction| -direction * (2.0 * DECISIVE_VOTES));
     }
 
     /// Direction from the band to the hand, if many frames agree.
@@ -77,5 +79,18 @@ mod tests {
         assert!(hand.direction().is_none());
         hand.set_opposite(Vector2::x());
         assert!(hand.direction().unwrap().x < 0.0);
+    }
+
+    #[test]
+    fn an_opposite_direction_holds_at_every_angle() {
+        for degrees in 0..360 {
+            let angle = f64::from(degrees).to_radians();
+            let to_hand = Vector2::new(angle.cos(), angle.sin());
+            let mut hand = HandDirection::default();
+            hand.set_opposite(to_hand);
+            assert!(hand.contradicts(to_hand), "{degrees}");
+            hand.add_vote(to_hand, 0.6);
+            assert!(hand.direction().is_some_and(|known| known.dot(&to_hand) < 0.0), "one vote overrules nothing");
+        }
     }
 }

@@ -77,13 +77,13 @@ impl BandFit<'_> {
         let to_first =
             pixel(outline.border(BorderSide::First, 0.5 * length_mm))? - pixel(outline.rim(0.5 * length_mm, 0.0))?;
         let edge = |place, at: Pixel, outward| MeasuredEdge::new(place, at, outward, COARSE_SIGMA_PX, self.camera());
+        let back_mm = 0.5 * length_mm; // in the middle, where taper has no effect
         let mut edges = Vec::with_capacity(2 * coarse.borders[0].len() + 2);
         let across = Vector2::new(-along.y, along.x);
         for border in &coarse.borders {
             let outward = if across.dot(&(border.first()?.0 - tip)) < 0.0 { -across } else { across };
             let side = if outward.dot(&to_first) < 0.0 { BorderSide::Second } else { BorderSide::First };
-            edges
-                .extend(border.iter().filter_map(|at| edge(OutlinePoint::Border { side, back_mm: 0.0 }, *at, outward)));
+            edges.extend(border.iter().filter_map(|at| edge(OutlinePoint::Border { side, back_mm }, *at, outward)));
         }
         let [first, second] = coarse.ends;
         let (distal, proximal) = if (first.0 - second.0).dot(&along) > 0.0 { (first, second) } else { (second, first) };
