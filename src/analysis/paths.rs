@@ -1,16 +1,21 @@
 //! The stored form of a session's three paths and of the tracker's summary: one blob, exact to the last bit, read back
 //! one path at a time. It holds everything that a score depends on, so scoring it again gives the same bytes.
 
+use nalgebra::{Point2, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::protocol::{QualitySummary, decode, encode};
+use crate::vision::covariance::PositionCovariance;
 pub use crate::vision::trajectory::PathKind;
-use crate::vision::trajectory::{self, Cut, Sample, Trajectory};
+use crate::vision::trajectory::{self, Cut, Sample, SampleState, Trajectory};
 
 /// Magic bytes at the start of every blob; the last byte is the version of the format.
-const MAGIC: [u8; 8] = *b"trocarP\x02";
+const MAGIC: [u8; 8] = *b"trocarP\x03";
 
-/// Magic bytes of the format without the tracker's summary, otherwise the same: written up to pipeline version 8.
+/// Magic bytes of the format whose rows hold two standard deviations instead of a covariance.
+const MAGIC_WITH_SIGMAS: [u8; 8] = *b"trocarP\x02";
+
+/// Magic bytes of that format without the tracker's summary: written up to pipeline version 8.
 const MAGIC_WITHOUT_TRACKING: [u8; 8] = *b"trocarP\x01";
 
 /// Why a blob cannot be read or written as paths.
@@ -66,11 +71,15 @@ impl SessionPaths {
 
     /// Decodes a blob.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, PathsError> {
-        if let Some(content) = bytes.strip_prefix(&MAGIC_WITHOUT_TRACKING) {
-            return decode(&[content, &[0]].concat()).map_err(PathsError::Damaged); // `None` is one zero byte
-        }
-        let content = bytes.strip_prefix(&MAGIC).ok_or(PathsError::NotPaths)?;
-        decode(content).map_err(PathsError::Damaged)
+        let decoded = if let Some(content) = bytes.strip_prefix(&MAGIC) {
+            decode(content)
+        } else if let Some(content) = bytes.strip_prefix(&MAGIC_WITH_SIGMAS) {
+            decode(content).map(PathsWithSigmas::into_paths)
+        } else {
+            let content = bytes.strip_prefix(&MAGIC_WITHOUT_TRACKING).ok_or(PathsError::NotPaths)?;
+            decode(&[content, &[0]].concat()).map(PathsWithSigmas::into_paths) // `None` is one zero byte
+        };
+        decoded.map_err(PathsError::Damaged)
     }
 
     /// One of the paths as the pipeline's type.
@@ -92,6 +101,48 @@ impl SessionPaths {
     }
 }
 
+/// [`SessionPaths`] as older versions stored them.
+#[derive(Deserialize)]
+struct PathsWithSigmas {
+    tools: Vec<String>,
+    frame_times_s: Vec<f64>,
+    /// Raw, filtered and smoothed.
+    paths: [Vec<SampleWithSigmas>; 3],
+    tracking: Option<TrackingSummary>,
+}
+
+impl PathsWithSigmas {
+    fn into_paths(self) -> SessionPaths {
+        let Self { tools, frame_times_s, paths, tracking } = self;
+        let [raw, filtered, smoothed] = paths.map(|path| path.into_iter().map(Sample::from).collect());
+        SessionPaths { tools, frame_times_s, raw, filtered, smoothed, tracking, cuts: Vec::new() }
+    }
+}
+
+/// A [`Sample`] as older versions stored it.
+#[derive(Deserialize)]
+struct SampleWithSigmas {
+    frame: u64,
+    time_s: f64,
+    tool: usize,
+    tip_mm: Point3<f64>,
+    velocity_mm_s: Option<Vector3<f64>>,
+    axis: Option<Vector3<f64>>,
+    tip_px: Option<Point2<f64>>,
+    sigma_xy_mm: Option<f64>,
+    sigma_z_mm: Option<f64>,
+    state: SampleState,
+}
+
+impl From<SampleWithSigmas> for Sample {
+    fn from(stored: SampleWithSigmas) -> Self {
+        let SampleWithSigmas { frame, time_s, tool, tip_mm, velocity_mm_s, axis, tip_px, state, .. } = stored;
+        let sigmas = stored.sigma_xy_mm.zip(stored.sigma_z_mm);
+        let covariance_mm2 = sigmas.map(|(across, depth)| PositionCovariance::from_sigmas(across, depth));
+        Self { frame, time_s, tool, tip_mm, velocity_mm_s, axis, tip_px, covariance_mm2, state }
+    }
+}
+
 impl trajectory::PathSource for SessionPaths {
     fn path(&self, kind: PathKind, tool: usize) -> Vec<Sample> {
         self.rows(kind).iter().filter(|row| row.tool == tool).copied().collect()
@@ -100,7 +151,7 @@ impl trajectory::PathSource for SessionPaths {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix3, Point3, Vector3};
+    use nalgebra::Matrix3;
     use proptest::prelude::*;
 
     use super::*;
@@ -108,7 +159,6 @@ mod tests {
     use crate::vision::reason::MissReason;
     use crate::vision::segmentation::palette::Margin;
     use crate::vision::tracker::{Absence, DiameterBasis, EffectiveDiameter, Gap, LightSample, ToolQuality};
-    use crate::vision::trajectory::SampleState;
 
     fn row() -> impl Strategy<Value = Sample> {
         let three = || prop::array::uniform3(-1e6..1e6f64);
@@ -121,11 +171,16 @@ mod tests {
                 velocity_mm_s: axis.map(Vector3::from),
                 axis: axis.map(Vector3::from),
                 tip_px: None,
-                sigma_xy_mm: sigma,
-                sigma_z_mm: sigma,
+                covariance_mm2: sigma.map(|sigma| PositionCovariance::from_sigmas(sigma, 3.0 * sigma)),
                 state: if observed { SampleState::Observed } else { SampleState::Predicted },
             },
         )
+    }
+
+    /// A row as older versions stored it.
+    fn with_sigmas(row: &Sample) -> impl Serialize + use<> {
+        let Sample { frame, time_s, tool, tip_mm, velocity_mm_s, axis, tip_px, state, .. } = *row;
+        ((frame, time_s, tool, tip_mm, velocity_mm_s, axis, tip_px), row.sigma_xy_mm(), row.sigma_z_mm(), state)
     }
 
     #[test]
@@ -138,13 +193,12 @@ mod tests {
             velocity_mm_s: Some(Vector3::new(4.0, 5.0, 6.0)),
             axis: None,
             tip_px: Some([7.0, 8.0].into()),
-            sigma_xy_mm: Some(0.1),
-            sigma_z_mm: None,
+            covariance_mm2: Some(PositionCovariance::from_upper([9.0, 1.0, 2.0, 10.0, 3.0, 11.0])),
             state: SampleState::Observed,
         };
         let none = None::<[f64; 3]>;
         let start = (300u64, 10.0, 1u32, [1.0, 2.0, 3.0], Some([4.0, 5.0, 6.0]), none, Some([7.0, 8.0]));
-        let stored = |is_observed: bool| encode(&(start, Some(0.1), None::<f64>, is_observed)).unwrap();
+        let stored = |is_observed: bool| encode(&(start, Some([9.0, 1.0, 2.0, 10.0, 3.0, 11.0]), is_observed)).unwrap();
         assert_eq!(encode(&row).unwrap(), stored(true));
         assert_eq!(encode(&Sample { state: SampleState::Predicted, ..row }).unwrap(), stored(false));
     }
@@ -201,11 +255,14 @@ mod tests {
         }
 
         #[test]
-        fn a_blob_older_than_the_trackers_summary_still_gives_its_paths(rows in prop::collection::vec(row(), 0..20)) {
+        fn blobs_of_older_formats_still_give_their_paths(rows in prop::collection::vec(row(), 0..20)) {
             let (tools, times): (Vec<String>, Vec<f64>) = (vec!["orange".into()], vec![0.5]);
-            let content = encode(&(&tools, &times, &rows, &rows, &rows)).unwrap();
-            let read = SessionPaths::from_bytes(&[&MAGIC_WITHOUT_TRACKING[..], &content].concat()).unwrap();
-            prop_assert_eq!((read.smoothed, read.tracking), (rows, None));
+            let old: Vec<_> = rows.iter().map(with_sigmas).collect();
+            let content = encode(&(&tools, &times, &old, &old, &old)).unwrap();
+            for bytes in [[&MAGIC_WITHOUT_TRACKING[..], &content].concat(), [&MAGIC_WITH_SIGMAS[..], &content, &[0]].concat()] {
+                let read = SessionPaths::from_bytes(&bytes).unwrap();
+                prop_assert_eq!((&read.raw, &read.smoothed, read.tracking), (&rows, &rows, None));
+            }
         }
 
         #[test]

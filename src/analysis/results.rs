@@ -234,6 +234,7 @@ mod tests {
     use crate::analysis::protocol::QualitySummary;
     use crate::domain::blob::Blob;
     use crate::ids::{CalibrationId, PaletteId, SessionId};
+    use crate::vision::covariance::PositionCovariance;
     use crate::vision::tracker::{DiameterBasis, EffectiveDiameter};
     use crate::vision::trajectory::Sample;
 
@@ -249,8 +250,7 @@ mod tests {
             velocity_mm_s: Some(Vector3::new(20.0, 0.0, 0.0)),
             axis: None,
             tip_px: None,
-            sigma_xy_mm: Some(0.1),
-            sigma_z_mm: Some(0.5),
+            covariance_mm2: Some(PositionCovariance::from_sigmas(0.1, 0.5)),
             state: SampleState::Observed,
         };
         let smoothed: Vec<Sample> = (0..FRAMES).filter(|frame| seen(*frame)).map(row).collect();

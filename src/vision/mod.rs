@@ -18,6 +18,7 @@
 
 pub mod blob;
 pub mod camera;
+pub mod covariance;
 pub mod edges;
 pub mod filter;
 pub mod frame;

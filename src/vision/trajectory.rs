@@ -3,6 +3,8 @@
 use nalgebra::{Point2, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::covariance::PositionCovariance;
+
 /// The kind of estimate in a trajectory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum PathKind {
@@ -41,10 +43,8 @@ pub struct Sample {
     pub axis: Option<Vector3<f64>>,
     /// Tip in the recorded frame, pixels.
     pub tip_px: Option<Point2<f64>>,
-    /// Standard deviation across the line of sight (RMS of x and y), mm.
-    pub sigma_xy_mm: Option<f64>,
-    /// Standard deviation of depth, mm.
-    pub sigma_z_mm: Option<f64>,
+    /// Covariance of the tip's error; `None` if the error is unknown.
+    pub covariance_mm2: Option<PositionCovariance>,
     /// Measured or bridged.
     pub state: SampleState,
 }
@@ -55,11 +55,21 @@ impl Sample {
         self.state == SampleState::Observed
     }
 
-    /// Every number but the frame and the tool.
+    /// Standard deviation across the line of sight (RMS of x and y), mm.
+    pub fn sigma_xy_mm(&self) -> Option<f64> {
+        self.covariance_mm2.map(|of| of.sigma_xy_mm())
+    }
+
+    /// Standard deviation of depth, mm.
+    pub fn sigma_z_mm(&self) -> Option<f64> {
+        self.covariance_mm2.map(|of| of.sigma_z_mm())
+    }
+
+    /// Every number but the frame and the tool; of the covariance, the two standard deviations, which limit it.
     pub fn numbers(&self) -> impl Iterator<Item = f64> + use<> {
         let vectors = [self.velocity_mm_s, self.axis].into_iter().flatten().flat_map(<[f64; 3]>::from);
         let pixels = self.tip_px.into_iter().flat_map(<[f64; 2]>::from);
-        let sigmas = [self.sigma_xy_mm, self.sigma_z_mm].into_iter().flatten();
+        let sigmas = [self.sigma_xy_mm(), self.sigma_z_mm()].into_iter().flatten();
         <[f64; 3]>::from(self.tip_mm).into_iter().chain([self.time_s]).chain(vectors).chain(pixels).chain(sigmas)
     }
 }
@@ -105,7 +115,7 @@ pub fn has_cut_between(cuts_s: &[f64], [before_s, time_s]: [f64; 2]) -> bool {
     cuts_s.iter().any(|cut_s| before_s < *cut_s && *cut_s <= time_s)
 }
 
-/// Source of one tool's path at a time, for users that need only one in memory: an hour of samples takes 15 MiB.
+/// Source of one tool's path at a time, for users that need only one in memory: an hour of samples takes 17 MiB.
 pub trait PathSource: std::fmt::Debug {
     /// One path of one tool, in time order.
     fn path(&self, kind: PathKind, tool: usize) -> Vec<Sample>;

@@ -77,7 +77,17 @@ fn unpack(archive: &Path, folder: &Path) {
     assert!(status.success(), "tar -xzf {}", archive.display());
 }
 
-/// Everything that was in the old answer is in the new one, with the same value; new keys may come.
+/// True if each line of a CSV table is the old line, or begins with its fields.
+fn has_rows_of(old: &str, new: &str) -> bool {
+    let begins_alike =
+        |(old, new): (&str, &str)| new.strip_prefix(old).is_some_and(|rest| rest.is_empty() || rest.starts_with(','));
+    old.starts_with("frame,")
+        && old.lines().count() == new.lines().count()
+        && old.lines().zip(new.lines()).all(begins_alike)
+}
+
+/// Everything that was in the old answer is in the new one, with the same value; new keys may come, and new columns at
+/// the end of a CSV table.
 fn compare(path: &str, old: &Value, new: &Value, differences: &mut Vec<String>) {
     match (old, new) {
         (Value::Object(old), Value::Object(new)) => {
@@ -90,6 +100,7 @@ fn compare(path: &str, old: &Value, new: &Value, differences: &mut Vec<String>) 
                 compare(&format!("{path} {index}"), old, new, differences);
             }
         }
+        (Value::String(old), Value::String(new)) if has_rows_of(old, new) => {}
         _ if old == new => {}
         _ => {
             let short = |value: &Value| value.to_string().chars().take(200).collect::<String>();

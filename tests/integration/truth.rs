@@ -3,6 +3,7 @@
 //! Pixels come from the renderer, not from a file. These tests judge the measurement: the simulator and the tracker,
 //! which share only the camera model, must agree on the position of a tool.
 
+use nalgebra::Vector3;
 use trocar::checks::evaluation::{Accuracy, Truth, TruthFrame, TruthTool, accuracy};
 use trocar::simulation::render::{Rendered, Renderer};
 use trocar::simulation::{RigView, Scenario, Setup, Skill, World, marks, truth};
@@ -171,6 +172,28 @@ fn tools_of_every_scene_are_found_where_they_are() {
         assert_eq!((level.swaps, accuracy.all.false_tracks), (0, 0), "{}", scenario.name());
         assert!(rms_mm(&accuracy) < 2.0, "{}: {} mm RMS", scenario.name(), rms_mm(&accuracy));
     }
+}
+
+#[test]
+fn away_from_the_pictures_centre_the_stated_error_is_longest_along_the_line_of_sight() {
+    const MIN_ANGLE: f64 = 0.1; // radians between the line of sight and the axis of the lens
+    let recording = Recording::of(Scenario::Pegs);
+    let path = recording.track(recording.world.rig.camera).trajectory(PathKind::Smoothed);
+    let mut rows = 0;
+    for sample in &path.samples {
+        let ray = sample.tip_mm.coords.normalize();
+        if ray.xy().norm() < MIN_ANGLE {
+            continue;
+        }
+        let stated = sample.covariance_mm2.unwrap();
+        assert!(stated.is_valid(), "{stated:?}");
+        let axes = stated.matrix().symmetric_eigen();
+        let longest = axes.eigenvectors.column(axes.eigenvalues.imax()).into_owned();
+        let [off_ray, off_lens] = [ray, Vector3::z()].map(|direction| longest.cross(&direction).norm());
+        assert!(off_ray < 0.5 * off_lens, "{off_ray} from the line of sight, {off_lens} from the lens's axis");
+        rows += 1;
+    }
+    assert!(rows >= 20, "{rows}");
 }
 
 #[test]

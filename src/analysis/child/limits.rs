@@ -1,6 +1,7 @@
 //! Limits of records that several kinds of work share.
 
 use crate::media::MediaLimits;
+use crate::vision::trajectory::Sample;
 
 /// Longest texts of a problem, characters: slug, title, detail.
 pub(in crate::analysis) const MAX_TEXT_CHARS: [usize; 3] = [64, 200, 4000];
@@ -13,6 +14,11 @@ const MAX_MAGNITUDE: f64 = 1e7;
 
 pub(super) fn is_plausible_number(x: f64) -> bool {
     x.is_finite() && x.abs() <= MAX_MAGNITUDE
+}
+
+/// True if a row of a path has plausible numbers and a covariance that errors can have.
+pub(super) fn is_plausible_row(row: &Sample) -> bool {
+    row.numbers().all(is_plausible_number) && row.covariance_mm2.is_none_or(|stated| stated.is_valid())
 }
 
 pub(super) fn is_size(width: u32, height: u32, limits: MediaLimits) -> bool {

@@ -6,6 +6,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::analysis::paths::TrackingSummary;
 use crate::motion::assessment::{AssessmentSettings, assess};
+use crate::vision::covariance::PositionCovariance;
 use crate::vision::tracker::LightSample;
 use crate::vision::trajectory::SampleState;
 
@@ -21,8 +22,7 @@ fn row(frame: u64, tool: usize) -> Sample {
         velocity_mm_s: Some(Vector3::new(25.0, 0.0, 0.0)),
         axis: None,
         tip_px: None,
-        sigma_xy_mm: Some(0.1),
-        sigma_z_mm: Some(0.5),
+        covariance_mm2: Some(PositionCovariance::from_sigmas(0.1, 0.5)),
         state: if frame % 10 == 9 { SampleState::Predicted } else { SampleState::Observed },
     }
 }

@@ -1,10 +1,11 @@
 //! Checks whether the errors are as large as the track's stated sigmas. An error bar that is too short is worse than
 //! none.
 //!
-//! A row states σ across (RMS of x and y) and along the line of sight. If the sigmas are right and the axes
-//! independent, the squared error in units of σ, summed over the axes, follows a χ² distribution with as many degrees
-//! of freedom: 95 % of the rows lie below [`CHI_SQUARE_95`], and the mean per axis is 1 (Bar-Shalom, Li & Kirubarajan
-//! 2001, 5.4: normalised estimation error squared).
+//! A row states the covariance of its position. If it is right, the squared Mahalanobis length of the error follows a
+//! χ² distribution with as many degrees of freedom as axes: 95 % of the rows lie below [`CHI_SQUARE_95`], and the mean
+//! per axis is 1 (Bar-Shalom, Li & Kirubarajan 2001, 5.4: normalised estimation error squared).
+
+use nalgebra::Matrix2;
 
 use super::judged::JudgedRow;
 use crate::statistics::interval::wilson;
@@ -15,7 +16,7 @@ pub const CHI_SQUARE_95: [f64; 3] = [3.841_459, 5.991_465, 7.814_728];
 /// A track's stated errors compared with its true errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SigmaCheck {
-    /// Rows that state both sigmas.
+    /// Rows that state a covariance.
     pub rows: usize,
     /// The interval of z.
     pub depth: SigmaCoverage,
@@ -39,18 +40,11 @@ pub struct SigmaCoverage {
 }
 
 impl SigmaCheck {
-    /// Checks the rows that state sigmas; `None` if there are none.
+    /// Checks the rows that state a covariance; `None` if there are none.
     pub(super) fn of(rows: &[&JudgedRow]) -> Option<SigmaCheck> {
-        let squares: Vec<[f64; 2]> = rows.iter().filter_map(|row| squares(row)).collect();
-        let share = |axes: usize, of: fn(&[f64; 2]) -> f64| {
-            SigmaCoverage::of(&squares.iter().map(of).collect::<Vec<_>>(), axes)
-        };
-        Some(SigmaCheck {
-            rows: squares.len(),
-            depth: share(1, |[_, depth]| *depth)?,
-            lateral: share(2, |[lateral, _]| *lateral)?,
-            three_d: share(3, |[lateral, depth]| lateral + depth)?,
-        })
+        let squares: Vec<[f64; 3]> = rows.iter().filter_map(|row| squares(row)).collect();
+        let share = |axes: usize| SigmaCoverage::of(&squares.iter().map(|of| of[axes - 1]).collect::<Vec<_>>(), axes);
+        Some(SigmaCheck { rows: squares.len(), depth: share(1)?, lateral: share(2)?, three_d: share(3)? })
     }
 }
 
@@ -64,15 +58,18 @@ impl SigmaCoverage {
     }
 }
 
-/// A row's squared error in units of its stated sigmas, summed over all three axes; `None` if it states none.
+/// Squared Mahalanobis length of a row's error; `None` if it states no covariance.
 pub fn normalised_square(row: &JudgedRow) -> Option<f64> {
-    squares(row).map(|[lateral, depth]| lateral + depth)
+    Some(row.sample.covariance_mm2?.mahalanobis_squared(&row.error_mm))
 }
 
-/// Squared error in units of sigma, across and along the line of sight.
-fn squares(row: &JudgedRow) -> Option<[f64; 2]> {
-    let (sigma_xy, sigma_z) = (row.sample.sigma_xy_mm?, row.sample.sigma_z_mm?);
-    Some([(row.error_mm.xy() / sigma_xy).norm_squared(), (row.error_mm.z / sigma_z).powi(2)])
+/// Squared Mahalanobis length of the error in depth, of that in x and y, and of the whole error.
+fn squares(row: &JudgedRow) -> Option<[f64; 3]> {
+    let stated = row.sample.covariance_mm2?;
+    let (lateral, depth) = (row.error_mm.xy(), row.error_mm.z);
+    let of_lateral = Matrix2::new(stated.xx, stated.xy, stated.xy, stated.yy).cholesky();
+    let lateral = of_lateral.map_or(f64::INFINITY, |factor| lateral.dot(&factor.solve(&lateral)));
+    Some([depth * depth / stated.zz, lateral, normalised_square(row)?])
 }
 
 /// Density of the χ² distribution with three degrees of freedom.

@@ -1,9 +1,10 @@
 //! Tracks with known faults against a known truth.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::*;
 use crate::random::Dice;
+use crate::vision::covariance::PositionCovariance;
 use crate::vision::trajectory::{Sample, SampleState, Trajectory};
 
 /// Two tools on circles of 30 mm, 60 mm apart, for 200 frames at 25 fps; orange is hidden from frame 100 to 119.
@@ -37,8 +38,7 @@ fn track(change: impl Fn(&mut Sample)) -> Trajectory {
             velocity_mm_s: None,
             axis: None,
             tip_px: None,
-            sigma_xy_mm: None,
-            sigma_z_mm: None,
+            covariance_mm2: None,
             state: SampleState::Observed,
         })
         .collect::<Vec<_>>()
@@ -212,7 +212,7 @@ fn predicted_rows_are_judged_apart() {
 fn errors_of_two_sigmas_are_outside_and_of_one_sigma_inside() {
     let with_error = |e: f64| {
         measured(move |s| {
-            (s.sigma_xy_mm, s.sigma_z_mm) = (Some(0.5), Some(2.0));
+            s.covariance_mm2 = Some(PositionCovariance::from_sigmas(0.5, 2.0));
             s.tip_mm += Vector3::new(0.0, 0.0, 2.0 * e);
         })
     };
@@ -232,8 +232,11 @@ fn errors_drawn_from_the_stated_sigmas_are_honest_and_from_twice_them_are_not() 
         let mut dice = Dice::new(9, "noise");
         let mut track = track(|_| ());
         for sample in &mut track.samples {
-            (sample.sigma_xy_mm, sample.sigma_z_mm) = (Some(0.2), Some(1.5));
-            sample.tip_mm += times * dice.gauss3().component_mul(&Vector3::new(0.2, 0.2, 1.5));
+            let ray = sample.tip_mm.coords.normalize();
+            let along = ray * ray.transpose() * 2.25 + Matrix3::from_diagonal_element(0.01);
+            let stated = PositionCovariance::from(along);
+            sample.covariance_mm2 = Some(stated);
+            sample.tip_mm += times * (stated.factor() * dice.gauss3());
         }
         accuracy(&track, &truth()).unwrap().all.levels[0].sigma_check.unwrap()
     };

@@ -7,7 +7,7 @@
 use nalgebra::{Point3, Vector3};
 
 use crate::motion::features::FeatureSettings;
-use crate::numbers::quantile::quantile;
+use crate::vision::covariance::PositionCovariance;
 use crate::vision::trajectory::{Sample, SampleState, Trajectory};
 
 /// Minimum duration of a rest, s.
@@ -35,8 +35,8 @@ pub struct Hold {
     pub tip_mm: Point3<f64>,
     /// Mean axis, from the hand to the tip.
     pub axis: Vector3<f64>,
-    /// Median stated standard deviation across the line of sight (RMS of x and y), and of depth, mm.
-    pub sigma_mm: Option<[f64; 2]>,
+    /// The stated covariance of the sample with the median one.
+    pub covariance_mm2: Option<PositionCovariance>,
 }
 
 /// All rests of all tools.
@@ -64,7 +64,14 @@ fn hold_of_run(run: &[Sample]) -> Option<Hold> {
     }
     let mean = inner.iter().map(|sample| sample.tip_mm.coords).sum::<Vector3<f64>>() / inner.len() as f64;
     let axis = inner.iter().filter_map(|sample| sample.axis).sum::<Vector3<f64>>().try_normalize(1e-9)?;
-    let median = |of: fn(&Sample) -> Option<f64>| quantile(inner.iter().filter_map(|sample| of(sample)).collect(), 0.5);
-    let sigma_mm = median(|s| s.sigma_xy_mm).zip(median(|s| s.sigma_z_mm)).map(|(across, depth)| [across, depth]);
-    Some(Hold { tool: run[0].tool, from_s, to_s, tip_mm: mean.into(), axis, sigma_mm })
+    let covariance_mm2 = median_covariance(&inner);
+    Some(Hold { tool: run[0].tool, from_s, to_s, tip_mm: mean.into(), axis, covariance_mm2 })
+}
+
+/// The stated covariance with the median trace. The median of each entry would not be a covariance.
+fn median_covariance(samples: &[&Sample]) -> Option<PositionCovariance> {
+    let mut stated: Vec<PositionCovariance> = samples.iter().filter_map(|sample| sample.covariance_mm2).collect();
+    let middle = stated.len().checked_sub(1)? / 2;
+    let trace = |of: &PositionCovariance| of.matrix().trace();
+    Some(*stated.select_nth_unstable_by(middle, |a, b| trace(a).total_cmp(&trace(b))).1)
 }

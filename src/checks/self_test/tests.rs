@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use super::*;
 use crate::vision::camera::testing::wide;
+use crate::vision::covariance::PositionCovariance;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::segmentation::palette::Margin;
 use crate::vision::space::{CameraPoint, Pixel};
@@ -134,8 +135,7 @@ impl TestRecording {
             velocity_mm_s: Some(Vector3::x() * speed),
             axis: Some(axis),
             tip_px: None,
-            sigma_xy_mm: Some(0.1),
-            sigma_z_mm: Some(self.sigma_z_mm),
+            covariance_mm2: Some(PositionCovariance::from_sigmas(0.1, self.sigma_z_mm)),
             state: SampleState::Observed,
         })
     }

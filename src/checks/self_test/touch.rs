@@ -185,9 +185,7 @@ fn measure_hold(
     let corner_mm = placement.corner_mm(board, corner);
     let (error_mm, sight) = (contact - corner_mm, corner_mm.coords.normalize());
     let along_mm = error_mm.dot(&sight);
-    let is_inside = hold.sigma_mm.map(|[across, depth]| {
-        (error_mm.xy() / across).norm_squared() + (error_mm.z / depth).powi(2) <= CHI_SQUARE_95[2]
-    });
+    let is_inside = hold.covariance_mm2.map(|stated| stated.mahalanobis_squared(&error_mm) <= CHI_SQUARE_95[2]);
     Ok(MeasuredTouch {
         placement: index,
         column: corner % board.columns(),
@@ -198,9 +196,7 @@ fn measure_hold(
         across_mm: (error_mm - sight * along_mm).norm(),
         is_inside,
         height_mm: error_mm.dot(&normal),
-        height_sigma_mm: hold
-            .sigma_mm
-            .map_or(0.0, |[across, depth]| (across * normal.xy().norm()).hypot(depth * normal.z)),
+        height_sigma_mm: hold.covariance_mm2.map_or(0.0, |stated| stated.sigma_along_mm(&normal)),
         camera_mm: -corner_mm.coords.dot(&normal),
     })
 }

@@ -46,8 +46,9 @@ pub struct ImportQuery {
 ///
 /// The body is a CSV table in UTF-8 with the columns `frame,time_s,tool,x_mm,y_mm,z_mm`. The other columns of `GET
 /// /sessions/{id}/trajectory` are optional. The table becomes a session without a video and is scored like any other.
-/// Its features have error bars only if the columns `sigma_xy_mm` and `sigma_z_mm` give the error of each row. An
-/// invalid table is refused; the problem names the line and the column.
+/// Its features have error bars only if each row states its error: the covariance in `cov_xx_mm2`, `cov_xy_mm2`,
+/// `cov_xz_mm2`, `cov_yy_mm2`, `cov_yz_mm2` and `cov_zz_mm2`, or `sigma_xy_mm` and `sigma_z_mm` alone. An invalid table
+/// is refused; the problem names the line and the column.
 #[utoipa::path(post, path = "/sessions/import", tag = "sessions", params(ImportQuery),
     request_body(content = String, content_type = "text/csv"), responses((status = CREATED, body = SessionResponse)))]
 pub async fn import(

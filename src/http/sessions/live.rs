@@ -131,7 +131,7 @@ impl From<&FollowedTool> for LiveTool {
             state,
             reason: tool.reason(),
             tip_mm: path.map(|row| row.tip_mm.into()),
-            sigma_mm: path.and_then(|row| Some([row.sigma_xy_mm?, row.sigma_z_mm?])),
+            sigma_mm: path.and_then(|row| row.covariance_mm2).map(|of| [of.sigma_xy_mm(), of.sigma_z_mm()]),
             speed_mm_s: path.and_then(|row| row.velocity_mm_s).map(|v| v.norm()),
             tip_px: seen.tip_px,
             borders_px: seen.borders_px,

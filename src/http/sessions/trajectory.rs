@@ -85,7 +85,7 @@ fn yes() -> bool {
 /// Read the path of the tools, with the session's edits applied
 #[utoipa::path(get, path = "/sessions/{id}/trajectory", tag = "sessions",
     params(("id" = String, Path, description = "id"), TrajectoryQuery),
-    responses((status = OK, description = "The table: frame, time_s, tool, x_mm, y_mm, z_mm, …", content(
+    responses((status = OK, description = "The table: frame, time_s, tool, x_mm, …, state, cov_xx_mm2, …, cov_zz_mm2", content(
         (Object = "application/json"), (String = "text/csv"), (Vec<u8> = "application/vnd.apache.parquet")))))]
 pub async fn trajectory(
     State(app): State<App>,

@@ -73,8 +73,7 @@ mod tests {
                 velocity_mm_s: None,
                 axis: Some((tip - TRUE).normalize() + error),
                 tip_px: None,
-                sigma_xy_mm: None,
-                sigma_z_mm: None,
+                covariance_mm2: None,
                 state: SampleState::Observed,
             }
         };

@@ -137,7 +137,7 @@ pub(super) fn from_measurements(evidence: &QualityInput<'_>, tool: usize) -> Opt
     let steps = raw.windows(2).filter(|pair| pair[1].frame == pair[0].frame + 1);
     let step_s = quantile(steps.map(|pair| pair[1].time_s - pair[0].time_s).collect(), 0.5)?;
     let sigma = |of: fn(&Sample) -> Option<f64>| quantile(raw.iter().filter_map(of).collect(), 0.5);
-    let (lateral, depth) = (sigma(|s| s.sigma_xy_mm)?, sigma(|s| s.sigma_z_mm)?);
+    let (lateral, depth) = (sigma(Sample::sigma_xy_mm)?, sigma(Sample::sigma_z_mm)?);
     // Nearly all of the stated error lasts, and the filter takes only a share of its variance for noise.
     let believed = Vector3::new(lateral, lateral, depth) * CHANGING_SHARE.sqrt();
     let passing_depth_mm = evidence.tracker.and_then(|tracker| tracker.tools.get(tool)?.transient_depth_sigma_mm);

@@ -3,6 +3,7 @@ use nalgebra::{Point2, Point3, Vector3};
 use super::limits::BetterDirection;
 use super::*;
 use crate::random::Dice;
+use crate::vision::covariance::PositionCovariance;
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::{ColourSeparation, Margin};
 use crate::vision::tracker::{Absence, DiameterBasis, EffectiveDiameter, Gap, LightSample, ToolQuality};
@@ -24,8 +25,7 @@ fn path(seen: impl Fn(u64) -> bool) -> Trajectory {
             velocity_mm_s: Some(Vector3::new(-24.0 * sin, 24.0 * cos, 0.0)),
             axis: None,
             tip_px: Some(Point2::new(640.0 + 120.0 * cos, 360.0 + 120.0 * sin)),
-            sigma_xy_mm: Some(0.2),
-            sigma_z_mm: Some(1.0),
+            covariance_mm2: Some(PositionCovariance::from_sigmas(0.2, 1.0)),
             state: SampleState::Observed,
         }
     };

@@ -164,7 +164,7 @@ fn longest_gap_s(seen: &[&Sample], shown: MeasuredRange) -> f64 {
 }
 
 fn error_bar(seen: &[&Sample]) -> Option<PositionError> {
-    let sigma = |s: &&Sample| s.sigma_xy_mm.zip(s.sigma_z_mm).map(|(xy, z)| (2.0 * xy * xy + z * z).sqrt());
+    let sigma = |s: &&Sample| s.covariance_mm2.map(|stated| stated.matrix().trace().sqrt());
     let sigmas: Vec<f64> = seen.iter().filter_map(sigma).collect();
     Some(PositionError { median_mm: quantile(sigmas.clone(), 0.5)?, p95_mm: quantile(sigmas, 0.95)? })
 }

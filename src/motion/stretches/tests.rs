@@ -9,6 +9,7 @@ use super::*;
 use crate::motion::assessment::{Assessment, AssessmentSettings, assess};
 use crate::motion::features::{StretchSource, find};
 use crate::random::Dice;
+use crate::vision::covariance::PositionCovariance;
 use crate::vision::trajectory::{Sample, SampleState, Trajectory};
 
 /// A tip over time, mm.
@@ -28,8 +29,7 @@ fn record(start_s: f64, length_s: f64, paths: &[&Path<'_>], sigma_mm: f64) -> Tr
         velocity_mm_s: None,
         axis: None,
         tip_px: None,
-        sigma_xy_mm: Some(sigma_mm),
-        sigma_z_mm: Some(sigma_mm),
+        covariance_mm2: Some(PositionCovariance::from_sigmas(sigma_mm, sigma_mm)),
         state: SampleState::Observed,
     };
     let samples = (0..frames).flat_map(|frame| (0..paths.len()).map(move |tool| (frame, tool)));
@@ -199,7 +199,7 @@ fn trembling_of_the_tracker_is_no_tremor_of_the_hand() {
 fn a_path_that_states_no_errors_has_no_evidence_but_for_what_was_not_seen() {
     let mut silent = record(0.0, 40.0, &[&strokes((12.0, 5.0))], 0.02);
     silent.samples.retain(|sample| !(30.0..33.0).contains(&sample.time_s));
-    silent.samples.iter_mut().for_each(|sample| (sample.sigma_xy_mm, sample.sigma_z_mm) = (None, None));
+    silent.samples.iter_mut().for_each(|sample| sample.covariance_mm2 = None);
     let assessment = assessed(&silent);
     assert_eq!(of(&assessment, "idle_share", Some(0)).stretches, Err(NoStretches::ErrorsNotStated));
     assert!(of(&assessment, "longest_absence", Some(0)).stretches.is_ok());

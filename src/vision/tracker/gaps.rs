@@ -114,8 +114,7 @@ mod tests {
             velocity_mm_s: None,
             axis: Some(-Vector3::y()),
             tip_px: None,
-            sigma_xy_mm: None,
-            sigma_z_mm: None,
+            covariance_mm2: None,
             state: SampleState::Observed,
         }
     }

@@ -1,12 +1,13 @@
 //! One tool's motion through a recording, as unbroken runs of the filter. Each path is computed from them on request.
 //!
-//! An hour of two tools' motion takes 28 MiB, as much as one path of samples.
+//! An hour of two tools' motion takes 33 MiB, as much as one path of samples.
 
-use nalgebra::{Point2, Vector3};
+use nalgebra::{Matrix3, Point2, Vector3};
 
 use super::blocks::Blocks;
 use crate::numbers::quantile::quantile;
 use crate::vision::camera::Camera;
+use crate::vision::covariance::PositionCovariance;
 use crate::vision::filter::kalman::KalmanState;
 use crate::vision::filter::smoother::{self, MeasuredPosition};
 use crate::vision::pose::fulcrum::Fulcrum;
@@ -60,7 +61,7 @@ impl ToolMotion {
         let measured = self.runs.iter().flat_map(|run| run.filter.measurements().zip(run.frames.iter()));
         let passing = measured.filter_map(|(position, frame)| {
             let (_, covariance) = position?;
-            Some((covariance[(2, 2)] - CHANGING_SHARE * frame.pose.as_ref()?.lasting.z).max(0.0).sqrt())
+            Some((covariance[(2, 2)] - CHANGING_SHARE * frame.pose.as_ref()?.lasting.zz).max(0.0).sqrt())
         });
         quantile(passing.collect(), 0.5)
     }
@@ -100,8 +101,7 @@ impl ToolMotion {
     }
 
     fn raw_sample(&self, (tip, covariance): MeasuredPosition, pose: &PastPose, instant: FrameInstant) -> Sample {
-        let unchanging = pose.lasting * (1.0 - CHANGING_SHARE);
-        let [sigma_xy_mm, sigma_z_mm] = stated_sigmas_mm(covariance.diagonal() + unchanging);
+        let unchanging = pose.lasting.matrix() * (1.0 - CHANGING_SHARE);
         Sample {
             frame: instant.0,
             time_s: instant.1,
@@ -110,8 +110,7 @@ impl ToolMotion {
             velocity_mm_s: None,
             axis: Some(pose.axis),
             tip_px: self.camera.project(CameraPoint(tip)).map(|p| p.0),
-            sigma_xy_mm: Some(sigma_xy_mm),
-            sigma_z_mm: Some(sigma_z_mm),
+            covariance_mm2: Some((covariance + unchanging).into()),
             state: SampleState::Observed,
         }
     }
@@ -167,13 +166,13 @@ fn is_supported(sample: &Sample, camera: &Camera) -> bool {
 #[derive(Clone, Copy, Debug)]
 pub struct PastPose {
     axis: Vector3<f64>,
-    /// The lasting part of the tip's variances, mm².
-    lasting: Vector3<f64>,
+    /// The lasting part of the tip's covariance.
+    lasting: PositionCovariance,
 }
 
 impl From<&TubeEstimate> for PastPose {
     fn from(pose: &TubeEstimate) -> Self {
-        Self { axis: pose.tube.axis, lasting: pose.lasting_tip_covariance().diagonal() }
+        Self { axis: pose.tube.axis, lasting: pose.lasting_tip_covariance().into() }
     }
 }
 
@@ -189,8 +188,7 @@ pub fn state_sample(
     fulcrum: Option<&Fulcrum>,
 ) -> Sample {
     let tip = state.tip();
-    let variance = state.tip_covariance().diagonal() + pose.map_or_else(Vector3::zeros, |p| p.lasting);
-    let [sigma_xy_mm, sigma_z_mm] = stated_sigmas_mm(variance);
+    let covariance = state.tip_covariance() + pose.map_or_else(Matrix3::zeros, |p| p.lasting.matrix());
     let by_fulcrum = fulcrum.and_then(|f| (tip - f.at).try_normalize(1e-9));
     Sample {
         frame: instant.0,
@@ -200,13 +198,7 @@ pub fn state_sample(
         velocity_mm_s: Some(state.velocity()),
         axis: by_fulcrum.or(pose.map(|p| p.axis)),
         tip_px: camera.project(CameraPoint(tip)).map(|p| p.0),
-        sigma_xy_mm: Some(sigma_xy_mm),
-        sigma_z_mm: Some(sigma_z_mm),
+        covariance_mm2: Some(covariance.into()),
         state: seen,
     }
-}
-
-/// Stated standard deviations across and along the line of sight, mm.
-fn stated_sigmas_mm(variance: Vector3<f64>) -> [f64; 2] {
-    [0.5 * (variance.x + variance.y), variance.z].map(f64::sqrt)
 }

@@ -5,7 +5,6 @@
 
 use std::io::{self, Read};
 
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::protocol::SeenRow;
@@ -120,11 +119,8 @@ impl FollowedFrame {
         };
         let between = one.tip_mm - other.tip_mm;
         let towards = between.try_normalize(1e-6)?;
-        let variance = |row: &Sample| {
-            let (across, along) = (row.sigma_xy_mm?, row.sigma_z_mm?);
-            Some(Vector3::new(across, across, along).component_mul(&towards).norm_squared())
-        };
-        Some([between.norm(), (variance(one)? + variance(other)?).sqrt()])
+        let sigma_mm = |row: &Sample| Some(row.covariance_mm2?.sigma_along_mm(&towards));
+        Some([between.norm(), sigma_mm(one)?.hypot(sigma_mm(other)?)])
     }
 }
 

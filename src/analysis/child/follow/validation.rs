@@ -2,7 +2,7 @@
 
 use super::{FollowReply, FollowWork, FollowedFrame, FollowedTool, RunningRow};
 use crate::analysis::child::ChildEvent;
-use crate::analysis::child::limits::{is_plausible_number, is_small_jpeg};
+use crate::analysis::child::limits::{is_plausible_number, is_plausible_row, is_small_jpeg};
 use crate::analysis::child::track::is_plausible_light;
 use crate::domain::feed::MAX_FRAMES;
 use crate::media::MediaLimits;
@@ -61,8 +61,7 @@ fn belongs_to_frame(tool: &FollowedTool, frame: &FollowedFrame, index: u32) -> b
     (seen.frame, seen.tool) == (frame.frame, index)
         && seen.numbers().all(|x| is_plausible_number(x.into()))
         && path.is_none_or(|row| {
-            (row.frame, row.tool, row.time_s) == (frame.frame, index as usize, frame.time_s)
-                && row.numbers().all(is_plausible_number)
+            (row.frame, row.tool, row.time_s) == (frame.frame, index as usize, frame.time_s) && is_plausible_row(&row)
         })
 }
 

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::limits::{MAX_TEXT_CHARS, is_plausible_number, set_once};
+use super::limits::{MAX_TEXT_CHARS, is_plausible_number, is_plausible_row, set_once};
 use super::preview::Preview;
 use super::recording::{FrameReporter, RecordingOutput, RecordingRecord};
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord, explain};
@@ -123,7 +123,7 @@ impl TrackOutput {
         for row in rows {
             let on_its_frame = times_s.get(row.frame as usize).is_some_and(|&t| t == row.time_s);
             let in_order = path.last().is_none_or(|last| place(last) < place(&row));
-            if !(on_its_frame && in_order && row.tool < tools && row.numbers().all(is_plausible_number)) {
+            if !(on_its_frame && in_order && row.tool < tools && is_plausible_row(&row)) {
                 return Err("an invalid row of a path".into());
             }
             path.push(row);

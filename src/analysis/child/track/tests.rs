@@ -6,6 +6,7 @@ use super::*;
 use crate::analysis::child::ChildWork;
 use crate::analysis::output_validator::validate_records;
 use crate::vision::camera::Camera;
+use crate::vision::covariance::PositionCovariance;
 use crate::vision::frame::{ColourEncoding, Matrix, Range};
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::{ColourSeparation, Margin};
@@ -43,8 +44,7 @@ fn row(frame: u64, time_s: f64) -> Sample {
         velocity_mm_s: None,
         axis: Some(Vector3::z()),
         tip_px: None,
-        sigma_xy_mm: None,
-        sigma_z_mm: None,
+        covariance_mm2: None,
         state: SampleState::Observed,
     }
 }
@@ -71,6 +71,9 @@ fn an_honest_path_is_accepted_unchanged() {
 
 #[test]
 fn invalid_rows_are_refused() {
+    let with_covariance =
+        |upper: [f64; 6]| vec![Sample { covariance_mm2: Some(PositionCovariance::from_upper(upper)), ..row(0, 0.0) }];
+    assert!(validate_all(path(with_covariance([1.0, 0.0, 2.0, 1.0, 0.0, 4.0]))).is_ok());
     let cases = [
         vec![row(2, 0.08)],
         vec![row(1, 0.05)],
@@ -78,7 +81,9 @@ fn invalid_rows_are_refused() {
         vec![row(0, 0.0), row(0, 0.0)],
         vec![Sample { tool: 1, ..row(0, 0.0) }],
         vec![Sample { tip_mm: Point3::new(f64::NAN, 0.0, 0.0), ..row(0, 0.0) }],
-        vec![Sample { sigma_z_mm: Some(f64::INFINITY), ..row(0, 0.0) }],
+        with_covariance([1.0, 0.0, 0.0, 1.0, 0.0, f64::INFINITY]),
+        with_covariance([-1.0, 0.0, 0.0, 1.0, 0.0, 1.0]),
+        with_covariance([1.0, 0.0, 2.0, 1.0, 0.0, 1.0]),
         vec![Sample { tip_mm: Point3::new(1e300, 0.0, 0.0), ..row(0, 0.0) }],
     ];
     for rows in cases {

@@ -121,8 +121,8 @@ fn errors_of(tool: &DrawnTool) -> anyhow::Result<Markup> {
 
 /// Half of the stated 95 % interval of one axis, mm.
 fn bound(row: &JudgedRow, axis: usize) -> Option<f64> {
-    let sigma = if axis == 2 { row.sample.sigma_z_mm } else { row.sample.sigma_xy_mm };
-    sigma.map(|sigma| CHI_SQUARE_95[0].sqrt() * sigma)
+    let stated = row.sample.covariance_mm2?.matrix();
+    Some((CHI_SQUARE_95[0] * stated[(axis, axis)]).sqrt())
 }
 
 /// Limit of the axis, mm: 99 % of the errors and bounds fit.

@@ -4,6 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::*;
 use crate::checks::evaluation::{self, TruthFrame, TruthTool};
+use crate::vision::covariance::PositionCovariance;
 use crate::vision::trajectory::{Sample, SampleState, Trajectory};
 
 const HOSTILE: &str = "</style><script>alert(\"1\")</script>'onload='";
@@ -22,8 +23,7 @@ fn scene(name: &str) -> (Trajectory, Truth) {
         velocity_mm_s: None,
         axis: None,
         tip_px: None,
-        sigma_xy_mm: Some(0.2),
-        sigma_z_mm: Some(1.0),
+        covariance_mm2: Some(PositionCovariance::from_sigmas(0.2, 1.0)),
         state: if i % 7 == 0 { SampleState::Predicted } else { SampleState::Observed },
     };
     let rows = (0..100).filter(|i| !(10..14).contains(i) && (*i < 45 || *i >= 60)).map(row);

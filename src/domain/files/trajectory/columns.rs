@@ -36,6 +36,12 @@ pub struct SampleColumns {
     pub sigma_xy_mm: Vec<Option<f64>>,
     pub sigma_z_mm: Vec<Option<f64>>,
     pub state: Vec<&'static str>,
+    pub cov_xx_mm2: Vec<Option<f64>>,
+    pub cov_xy_mm2: Vec<Option<f64>>,
+    pub cov_xz_mm2: Vec<Option<f64>>,
+    pub cov_yy_mm2: Vec<Option<f64>>,
+    pub cov_yz_mm2: Vec<Option<f64>>,
+    pub cov_zz_mm2: Vec<Option<f64>>,
 }
 
 impl From<&Trajectory> for TrajectoryColumns {
@@ -62,9 +68,15 @@ impl SampleColumns {
         self.axis_z.push(sample.axis.map(|a| a.z));
         self.tip_u_px.push(sample.tip_px.map(|p| p.x));
         self.tip_v_px.push(sample.tip_px.map(|p| p.y));
-        self.sigma_xy_mm.push(sample.sigma_xy_mm);
-        self.sigma_z_mm.push(sample.sigma_z_mm);
+        self.sigma_xy_mm.push(sample.sigma_xy_mm());
+        self.sigma_z_mm.push(sample.sigma_z_mm());
         self.state.push(state_name(sample.state));
+        self.cov_xx_mm2.push(sample.covariance_mm2.map(|of| of.xx));
+        self.cov_xy_mm2.push(sample.covariance_mm2.map(|of| of.xy));
+        self.cov_xz_mm2.push(sample.covariance_mm2.map(|of| of.xz));
+        self.cov_yy_mm2.push(sample.covariance_mm2.map(|of| of.yy));
+        self.cov_yz_mm2.push(sample.covariance_mm2.map(|of| of.yz));
+        self.cov_zz_mm2.push(sample.covariance_mm2.map(|of| of.zz));
     }
 }
 

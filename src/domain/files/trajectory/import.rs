@@ -12,7 +12,7 @@ use super::shortened;
 use crate::domain::files::{MAX_TOOL_NAME_LENGTH, is_tool_name};
 use crate::vision::trajectory::{Sample, Trajectory};
 
-/// Largest accepted magnitude of numbers other than the position: no picture has that many pixels, and no tool moves
+/// Largest accepted magnitude of velocities and pixels: no picture has that many pixels, and no tool moves
 /// that fast in mm/s.
 const MAX_MAGNITUDE: f64 = 1e7;
 
@@ -175,10 +175,8 @@ fn check_numbers(sample: &Sample, line: u64, limits: &ImportLimits) -> Result<()
         columns.into_iter().zip(v.into_iter().flat_map(|v| [v.x, v.y, v.z])).collect::<Vec<_>>()
     };
     let pixel = sample.tip_px.into_iter().flat_map(|p| [("tip_u_px", p.x), ("tip_v_px", p.y)]);
-    let sigma = [("sigma_xy_mm", sample.sigma_xy_mm), ("sigma_z_mm", sample.sigma_z_mm)];
     let numbers = vector(["vx_mm_s", "vy_mm_s", "vz_mm_s"], sample.velocity_mm_s).into_iter();
     let numbers = numbers.chain(vector(["axis_x", "axis_y", "axis_z"], sample.axis)).chain(pixel);
-    let numbers = numbers.chain(sigma.into_iter().filter_map(|(column, sigma)| Some((column, sigma?))));
     let too_large = numbers.into_iter().find(|(_, value)| value.abs() > MAX_MAGNITUDE);
     too_large.map_or(Ok(()), |(column, value)| {
         Err(beyond(column, value.to_string(), format!("a number within {MAX_MAGNITUDE} of 0")))
@@ -256,5 +254,31 @@ mod tests {
         let table = "frame,time_s,tool,x_mm,y_mm,z_mm,sigma_z_mm\n0,0,a,1,2,150,1\n1,1,a,1,2,150,1e300\n";
         let refused = read_import(table.as_bytes(), &[], &LIMITS).unwrap_err().to_string();
         assert!(refused.starts_with("line 3: `sigma_z_mm` is"), "{refused}");
+    }
+
+    #[test]
+    fn a_covariance_comes_whole_and_is_one_that_errors_can_have() {
+        let import = |columns: &str, fields: &str| {
+            let table =
+                format!("frame,time_s,tool,x_mm,y_mm,z_mm,{columns}\n0,0,a,1,2,150,{fields}\n1,1,a,1,2,150,{fields}\n");
+            read_import(table.as_bytes(), &[], &LIMITS)
+        };
+        const SIX: &str = "cov_xx_mm2,cov_xy_mm2,cov_xz_mm2,cov_yy_mm2,cov_yz_mm2,cov_zz_mm2";
+        let accepted = import(SIX, "1,0,1.5,1,0,4").unwrap().trajectory.samples[1];
+        assert_eq!(accepted.covariance_mm2.unwrap().upper(), [1.0, 0.0, 1.5, 1.0, 0.0, 4.0]);
+        assert_eq!((accepted.sigma_xy_mm(), accepted.sigma_z_mm()), (Some(1.0), Some(2.0)));
+        assert!(import(&format!("sigma_z_mm,{SIX}"), "2.00,1,0,1.5,1,0,4.01").is_ok(), "rounded");
+        for (columns, fields, words) in [
+            (SIX, "-1,0,0,1,0,4", "line 2: `cov_xx_mm2` is `-1`; expected a variance"),
+            (SIX, "1,0,2.1,1,0,4", "line 2: `cov_xz_mm2` is `2.1`; expected a covariance that fits the other five"),
+            (SIX, "1,0.9,0.9,1,-0.9,1", "line 2: `cov_xy_mm2` is `0.9`; expected a covariance that fits"),
+            (SIX, "1,0,0,1,0,", "line 2: only some of cov_xx_mm2, cov_xy_mm2,"),
+            ("cov_xx_mm2,cov_yy_mm2,cov_zz_mm2", "1,1,4", "line 2: only some of cov_xx_mm2, cov_xy_mm2,"),
+            (&format!("sigma_z_mm,{SIX}"), "4,1,0,0,1,0,4", "line 2: `sigma_z_mm` is `4`; expected the square root of"),
+            (&format!("sigma_xy_mm,{SIX}"), "2,1,0,0,1,0,4", "line 2: `sigma_xy_mm` is `2`; expected the square root"),
+        ] {
+            let refused = import(columns, fields).expect_err(fields).to_string();
+            assert!(refused.contains(words), "{fields}: {refused}");
+        }
     }
 }

@@ -24,7 +24,7 @@ use crate::vision::trajectory::SampleState;
 
 /// The table's columns, in order. Readers need the first [`REQUIRED_COLUMNS`] of them; the others may be absent or
 /// empty.
-pub const COLUMNS: [&str; 17] = [
+pub const COLUMNS: [&str; 23] = [
     "frame",
     "time_s",
     "tool",
@@ -42,7 +42,16 @@ pub const COLUMNS: [&str; 17] = [
     "sigma_xy_mm",
     "sigma_z_mm",
     "state",
+    "cov_xx_mm2",
+    "cov_xy_mm2",
+    "cov_xz_mm2",
+    "cov_yy_mm2",
+    "cov_yz_mm2",
+    "cov_zz_mm2",
 ];
+
+/// The columns of the position's covariance: the last ones of [`COLUMNS`].
+const COVARIANCE_COLUMNS: [&str; 6] = *COLUMNS.last_chunk().expect("more than six columns");
 
 /// Number of required columns: the first ones of [`COLUMNS`].
 pub const REQUIRED_COLUMNS: usize = 6;

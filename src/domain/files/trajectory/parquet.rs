@@ -1,6 +1,6 @@
 //! Trajectory → Parquet: the same table for column-based programs (pandas, DuckDB, Arrow).
 //!
-//! Uses the low-level writer: seventeen flat columns need no Arrow. Names are UTF-8 strings, absent numbers
+//! Uses the low-level writer: flat columns need no Arrow. Names are UTF-8 strings, absent numbers
 //! are nulls, pages are compressed with Snappy.
 
 use std::io::Write;
@@ -34,6 +34,12 @@ const SCHEMA: &str = "message trajectory {
     OPTIONAL DOUBLE sigma_xy_mm;
     OPTIONAL DOUBLE sigma_z_mm;
     REQUIRED BYTE_ARRAY state (STRING);
+    OPTIONAL DOUBLE cov_xx_mm2;
+    OPTIONAL DOUBLE cov_xy_mm2;
+    OPTIONAL DOUBLE cov_xz_mm2;
+    OPTIONAL DOUBLE cov_yy_mm2;
+    OPTIONAL DOUBLE cov_yz_mm2;
+    OPTIONAL DOUBLE cov_zz_mm2;
 }";
 
 /// Why a Parquet file could not be written.
@@ -92,13 +98,27 @@ fn write_columns<W: Write + Send>(
         &columns.sigma_xy_mm,
         &columns.sigma_z_mm,
     ];
-    for column in optional {
-        let present: Vec<i16> = column.iter().map(|value| i16::from(value.is_some())).collect();
-        let values: Vec<f64> = column.iter().copied().flatten().collect();
-        write::<DoubleType, _>(rows, &values, Some(&present))?;
-    }
+    optional.into_iter().try_for_each(|column| write_optional(rows, column))?;
     let states: Vec<ByteArray> = columns.state.iter().map(|&s| ByteArray::from(s)).collect();
-    write::<ByteArrayType, _>(rows, &states, None)
+    write::<ByteArrayType, _>(rows, &states, None)?;
+    let covariances = [
+        &columns.cov_xx_mm2,
+        &columns.cov_xy_mm2,
+        &columns.cov_xz_mm2,
+        &columns.cov_yy_mm2,
+        &columns.cov_yz_mm2,
+        &columns.cov_zz_mm2,
+    ];
+    covariances.into_iter().try_for_each(|column| write_optional(rows, column))
+}
+
+fn write_optional<W: Write + Send>(
+    rows: &mut SerializedRowGroupWriter<'_, W>,
+    column: &[Option<f64>],
+) -> Result<(), ParquetError> {
+    let present: Vec<i16> = column.iter().map(|value| i16::from(value.is_some())).collect();
+    let values: Vec<f64> = column.iter().copied().flatten().collect();
+    write::<DoubleType, _>(rows, &values, Some(&present))
 }
 
 fn write<T: DataType, W: Write + Send>(

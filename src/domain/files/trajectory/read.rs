@@ -10,7 +10,8 @@ use std::io::Read;
 use csv::StringRecord;
 use nalgebra::{Point2, Point3, Vector3};
 
-use super::{COLUMNS, REQUIRED_COLUMNS, shortened};
+use super::{COLUMNS, COVARIANCE_COLUMNS, REQUIRED_COLUMNS, shortened};
+use crate::vision::covariance::PositionCovariance;
 use crate::vision::trajectory::{Sample, SampleState, Trajectory};
 
 /// Largest accepted coordinate, mm: ten metres, far outside any box. It catches wrong units (micrometres instead of
@@ -19,6 +20,12 @@ pub const MAX_COORDINATE_MM: f64 = 10_000.0;
 
 /// Latest accepted time, s: a week of recording.
 pub const MAX_TIME_S: f64 = 604_800.0;
+
+/// Largest accepted standard deviation, mm: its square is finite.
+const MAX_SIGMA_MM: f64 = 1e7;
+
+/// How far a standard deviation may be from the covariance, mm and as a share: numbers rounded to two digits.
+const SIGMA_ROUNDING: f64 = 0.006;
 
 /// Why a table cannot be read as a trajectory. Lines count from 1; the header is line 1.
 #[derive(Debug, thiserror::Error, PartialEq)]
@@ -102,6 +109,7 @@ pub(super) type NumberedRows = Vec<(Sample, u64)>;
 
 /// Reads a trajectory from a table. Tools are numbered in order of first appearance in the file; samples are returned
 /// ordered by frame, then tool. Unknown columns are ignored; without a column `state` every row counts as observed.
+/// Without covariances, errors in x, y and z are taken as independent; a row with only one sigma states no error.
 ///
 /// A header without rows is a trajectory without samples. Frames without a tracked tool have no row in the table, so
 /// `frame_times_s` stays empty.
@@ -223,8 +231,7 @@ impl RowFields<'_> {
             velocity_mm_s: self.vector(["vx_mm_s", "vy_mm_s", "vz_mm_s"], "vx_mm_s, vy_mm_s, vz_mm_s")?,
             axis: self.vector(["axis_x", "axis_y", "axis_z"], "axis_x, axis_y, axis_z")?,
             tip_px: self.pixel()?,
-            sigma_xy_mm: self.sigma("sigma_xy_mm")?,
-            sigma_z_mm: self.sigma("sigma_z_mm")?,
+            covariance_mm2: self.covariance()?,
             state: self.state()?,
         })
     }
@@ -297,10 +304,49 @@ impl RowFields<'_> {
 
     fn sigma(&self, column: &'static str) -> Result<Option<f64>, TrajectoryProblem> {
         let value = self.optional(column)?;
-        if value.is_some_and(|v| v < 0.0) {
-            Err(self.field_error(column, "a standard deviation, not negative"))
+        if value.is_some_and(|v| !(0.0..=MAX_SIGMA_MM).contains(&v)) {
+            Err(self.field_error(column, "a standard deviation in mm, from 0 to 10 000 000"))
         } else {
             Ok(value)
         }
+    }
+
+    /// The covariance of the position, from its six columns or, without them, from the two standard deviations.
+    fn covariance(&self) -> Result<Option<PositionCovariance>, TrajectoryProblem> {
+        let (across, depth) = (self.sigma("sigma_xy_mm")?, self.sigma("sigma_z_mm")?);
+        let mut entries = [None; COVARIANCE_COLUMNS.len()];
+        for (entry, column) in entries.iter_mut().zip(COVARIANCE_COLUMNS) {
+            *entry = self.optional(column)?;
+        }
+        if entries == [None; COVARIANCE_COLUMNS.len()] {
+            return Ok(across.zip(depth).map(|(across, depth)| PositionCovariance::from_sigmas(across, depth)));
+        }
+        let [Some(xx), Some(xy), Some(xz), Some(yy), Some(yz), Some(zz)] = entries else {
+            let columns = "cov_xx_mm2, cov_xy_mm2, cov_xz_mm2, cov_yy_mm2, cov_yz_mm2, cov_zz_mm2";
+            return Err(TrajectoryProblem::IncompleteVector { line: self.line, columns });
+        };
+        let stated = PositionCovariance { xx, xy, xz, yy, yz, zz };
+        for (column, variance) in [("cov_xx_mm2", xx), ("cov_yy_mm2", yy), ("cov_zz_mm2", zz)] {
+            if !(0.0..=MAX_SIGMA_MM * MAX_SIGMA_MM).contains(&variance) {
+                return Err(self.field_error(column, "a variance in mm², from 0 to 100 000 000 000 000"));
+            }
+        }
+        if !stated.is_valid() {
+            let pairs = [("cov_xy_mm2", xy, xx * yy), ("cov_xz_mm2", xz, xx * zz), ("cov_yz_mm2", yz, yy * zz)];
+            let too_large = pairs.iter().find(|(_, covariance, limit)| covariance * covariance > *limit);
+            let column = too_large.map_or("cov_xy_mm2", |(column, ..)| column);
+            let expected = "a covariance that fits the other five: the matrix has to be positive semi-definite";
+            return Err(self.field_error(column, expected));
+        }
+        let agrees = |sigma: Option<f64>, own: f64| {
+            sigma.is_none_or(|s| (s - own).abs() <= SIGMA_ROUNDING * own + SIGMA_ROUNDING)
+        };
+        if !agrees(across, stated.sigma_xy_mm()) {
+            return Err(self.field_error("sigma_xy_mm", "the square root of (cov_xx_mm2 + cov_yy_mm2) / 2"));
+        }
+        if !agrees(depth, stated.sigma_z_mm()) {
+            return Err(self.field_error("sigma_z_mm", "the square root of cov_zz_mm2"));
+        }
+        Ok(Some(stated))
     }
 }

@@ -1,9 +1,10 @@
 //! Every format of the table: writing, reading back, and refusing bad tables.
 
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Matrix3, Point2, Point3, Vector3};
 use proptest::prelude::*;
 
 use super::*;
+use crate::vision::covariance::PositionCovariance;
 use crate::vision::trajectory::{Sample, Trajectory};
 
 fn csv_of(trajectory: &Trajectory) -> String {
@@ -31,17 +32,17 @@ fn sample(frame: u64, tool: usize) -> Sample {
         velocity_mm_s: Some(Vector3::new(0.0, 10.0, -3.5)),
         axis: Some(Vector3::new(0.0, 0.6, 0.8)),
         tip_px: Some(Point2::new(640.5, 360.25)),
-        sigma_xy_mm: Some(0.1),
-        sigma_z_mm: None,
+        covariance_mm2: None,
         state: SampleState::Predicted,
     }
 }
 
 fn two_tools() -> Trajectory {
     let tools = vec!["orange".to_owned(), "cyan, left".to_owned()];
+    let covariance_mm2 = Some(PositionCovariance::from_upper([0.34, 0.0, 0.5, 0.16, -0.25, 4.0]));
     Trajectory {
         tools,
-        samples: vec![sample(0, 0), sample(0, 1), sample(3, 0)],
+        samples: vec![sample(0, 0), Sample { covariance_mm2, ..sample(0, 1) }, sample(3, 0)],
         frame_times_s: Vec::new(),
         cuts: Vec::new(),
     }
@@ -54,9 +55,10 @@ fn the_header_and_a_row_have_the_documented_form() {
     assert_eq!(
         lines.next().unwrap(),
         "frame,time_s,tool,x_mm,y_mm,z_mm,vx_mm_s,vy_mm_s,vz_mm_s,axis_x,axis_y,axis_z,tip_u_px,tip_v_px,\
-         sigma_xy_mm,sigma_z_mm,state"
+         sigma_xy_mm,sigma_z_mm,state,cov_xx_mm2,cov_xy_mm2,cov_xz_mm2,cov_yy_mm2,cov_yz_mm2,cov_zz_mm2"
     );
-    assert_eq!(lines.next().unwrap(), "0,0,orange,1.5,-2.25,180,0,10,-3.5,0,0.6,0.8,640.5,360.25,0.1,,predicted");
+    assert_eq!(lines.next().unwrap(), "0,0,orange,1.5,-2.25,180,0,10,-3.5,0,0.6,0.8,640.5,360.25,,,predicted,,,,,,");
+    assert!(lines.next().unwrap().ends_with(",0.5,2,predicted,0.34,0,0.5,0.16,-0.25,4"));
     assert!(text.ends_with('\n') && !text.contains('\r'));
 }
 
@@ -144,11 +146,21 @@ fn half_a_velocity_is_refused() {
 }
 
 #[test]
+fn a_file_without_covariances_states_independent_errors_of_its_two_sigmas() {
+    let text = "frame,time_s,tool,x_mm,y_mm,z_mm,sigma_xy_mm,sigma_z_mm\n0,0,a,1,1,1,0.3,1.7\n1,1,a,1,1,1,0.3,\n";
+    let [both, one] = read(text).unwrap().samples[..] else { panic!("two rows") };
+    assert_eq!(both.covariance_mm2, Some(PositionCovariance::from_sigmas(0.3, 1.7)));
+    assert_eq!((both.sigma_xy_mm(), both.sigma_z_mm()), (Some(0.3), Some(1.7)));
+    assert_eq!(one.covariance_mm2, None);
+}
+
+#[test]
 fn json_columns_have_one_entry_per_row_and_null_for_what_is_absent() {
     let json: serde_json::Value = serde_json::from_str(&to_json_columns(&two_tools())).unwrap();
     assert_eq!(json["tools"], serde_json::json!(["orange", "cyan, left"]));
     assert_eq!(json["columns"]["tool"], serde_json::json!([0, 1, 0]));
-    assert_eq!(json["columns"]["sigma_z_mm"], serde_json::json!([null, null, null]));
+    assert_eq!(json["columns"]["sigma_z_mm"], serde_json::json!([null, 2.0, null]));
+    assert_eq!(json["columns"]["cov_yz_mm2"], serde_json::json!([null, -0.25, null]));
     let lengths: Vec<_> = COLUMNS.iter().map(|c| json["columns"][c].as_array().map(Vec::len)).collect();
     assert_eq!(lengths, [Some(3); COLUMNS.len()]);
 }
@@ -167,8 +179,9 @@ fn parquet_holds_the_same_table() {
     let rows: Vec<_> = file.get_row_iter(None).unwrap().map(Result::unwrap).collect();
     assert_eq!(rows.len(), 3);
     assert_eq!((rows[2].get_long(0).unwrap(), rows[1].get_string(2).unwrap().as_str()), (3, "cyan, left"));
-    assert_eq!((rows[0].get_double(4).unwrap(), rows[0].get_double(14).unwrap()), (-2.25, 0.1));
-    assert!(rows[0].get_double(15).is_err(), "an absent number is null");
+    assert_eq!((rows[0].get_double(4).unwrap(), rows[1].get_double(14).unwrap()), (-2.25, 0.5));
+    assert_eq!((rows[1].get_double(19).unwrap(), rows[1].get_double(22).unwrap()), (0.5, 4.0));
+    assert!(rows[0].get_double(15).is_err() && rows[0].get_double(22).is_err(), "an absent number is null");
     assert_eq!(rows[0].get_string(16).unwrap(), "predicted");
 }
 
@@ -186,7 +199,7 @@ prop_compose! {
         position in prop::array::uniform3(-1e4f64..1e4),
         velocity in prop::option::of(prop::array::uniform3(-1e3f64..1e3)),
         pixel in prop::option::of(prop::array::uniform2(-1e4f64..1e4)),
-        sigma in prop::option::of(0.0f64..10.0),
+        root in prop::option::of(prop::array::uniform9(-10.0f64..10.0)),
         seen in any::<bool>(),
     ) -> Sample {
         Sample {
@@ -197,8 +210,7 @@ prop_compose! {
             velocity_mm_s: velocity.map(Vector3::from),
             axis: velocity.map(|v| Vector3::from(v).normalize()),
             tip_px: pixel.map(Point2::from),
-            sigma_xy_mm: sigma,
-            sigma_z_mm: sigma,
+            covariance_mm2: root.map(|parts| Matrix3::from_row_slice(&parts)).map(|r| (r * r.transpose()).into()),
             state: if seen { SampleState::Observed } else { SampleState::Predicted },
         }
     }

@@ -103,8 +103,7 @@ mod tests {
             velocity_mm_s: Some(Vector3::new(x, 0.0, 0.0)),
             axis: None,
             tip_px: None,
-            sigma_xy_mm: None,
-            sigma_z_mm: None,
+            covariance_mm2: None,
             state: SampleState::Observed,
         }
     }

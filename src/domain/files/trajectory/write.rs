@@ -29,6 +29,7 @@ fn fields(trajectory: &Trajectory, sample: &Sample) -> io::Result<[String; COLUM
     let maybe = |column: &str, value: Option<f64>| value.map_or(Ok(String::new()), |v| number(column, v));
     let [vx, vy, vz] = parts(sample.velocity_mm_s);
     let [ax, ay, az] = parts(sample.axis);
+    let [xx, xy, xz, yy, yz, zz] = sample.covariance_mm2.map_or([None; 6], |of| of.upper().map(Some));
     let pixel = |pick: fn(&Point2<f64>) -> f64| sample.tip_px.as_ref().map(pick);
     Ok([
         sample.frame.to_string(),
@@ -45,9 +46,15 @@ fn fields(trajectory: &Trajectory, sample: &Sample) -> io::Result<[String; COLUM
         maybe("axis_z", az)?,
         maybe("tip_u_px", pixel(|p| p.x))?,
         maybe("tip_v_px", pixel(|p| p.y))?,
-        maybe("sigma_xy_mm", sample.sigma_xy_mm)?,
-        maybe("sigma_z_mm", sample.sigma_z_mm)?,
+        maybe("sigma_xy_mm", sample.sigma_xy_mm())?,
+        maybe("sigma_z_mm", sample.sigma_z_mm())?,
         state_name(sample.state).to_owned(),
+        maybe("cov_xx_mm2", xx)?,
+        maybe("cov_xy_mm2", xy)?,
+        maybe("cov_xz_mm2", xz)?,
+        maybe("cov_yy_mm2", yy)?,
+        maybe("cov_yz_mm2", yz)?,
+        maybe("cov_zz_mm2", zz)?,
     ])
 }
 

@@ -1,12 +1,13 @@
 //! Replicates of a path: the same path as the tracker could have seen it just as well.
 //!
-//! **In:** one tool's samples with the standard deviations that they state. **Out:** the same samples, moved by random
+//! **In:** one tool's samples with the covariances that they state. **Out:** the same samples, moved by random
 //! errors of that size. **Method:** an error has three parts, each with a share of the variance. The *lasting* part is
 //! constant through the session (the tape's diameter, the focal length). The *slow* part changes over a few centimetres
 //! of motion and the *passing* part over millimetres (the background behind the tape shifts its borders). The last two
 //! are Gaussian processes of the Matérn 3/2 kind, which have a velocity. They change with the tool's motion, not with
 //! time alone ([`clock_rate`]): at rest, in front of a resting background, an error changes eleven times more slowly
-//! than at [`REFERENCE_SPEED_MM_S`]. Errors along the line of sight and across it are independent. The size of a
+//! than at [`REFERENCE_SPEED_MM_S`]. The error of depth and two errors across it are independent; the stated
+//! covariance says how far each of them moves the tip in x, y and z ([`PositionCovariance::factor`]). The size of a
 //! session's errors relative to the stated size is random as well.
 //!
 //! **Source:** autocorrelation of the smoothed path's errors over 29 tools in 19 scenes of three renderers.
@@ -14,6 +15,7 @@
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use crate::random::Dice;
+use crate::vision::covariance::PositionCovariance;
 use crate::vision::trajectory::Sample;
 
 /// Shares of the variance of the lasting, the slow and the passing part.
@@ -42,14 +44,11 @@ pub fn replicate(samples: &[Sample], dice: &mut Dice) -> Option<Vec<Sample>> {
     let mut before: Option<&Sample> = None;
     let mut moved = Vec::with_capacity(samples.len());
     for sample in samples {
-        let sigma = StatedSigma::of(sample)?;
+        let factor = stated_error(sample)?.factor() * size;
         let rate = before.map_or(1.0, |before| clock_rate(before, sample));
         let passed_s = before.map_or(0.0, |before| rate * (sample.time_s - before.time_s));
-        let [x, y, depth] = errors.each_mut().map(|error| size * error.advance(passed_s, dice));
-        let along = Vector3::new(sample.tip_mm.x, sample.tip_mm.y, sample.tip_mm.z) / sample.tip_mm.z;
-        let error = |part: usize| {
-            Vector3::new(x[part], y[part], 0.0) * sigma.across_mm + along * (depth[part] * sigma.depth_mm)
-        };
+        let [x, y, depth] = errors.each_mut().map(|error| error.advance(passed_s, dice));
+        let error = |part: usize| factor * Vector3::new(x[part], y[part], depth[part]);
         moved.push(Sample {
             tip_mm: sample.tip_mm + error(0),
             velocity_mm_s: sample.velocity_mm_s.map(|velocity| velocity + error(1) * rate),
@@ -60,25 +59,9 @@ pub fn replicate(samples: &[Sample], dice: &mut Dice) -> Option<Vec<Sample>> {
     Some(moved)
 }
 
-/// The standard deviations that a sample states.
-struct StatedSigma {
-    /// Across the line of sight, in x and in y, mm.
-    across_mm: f64,
-    /// Along the line of sight, measured in z, mm.
-    depth_mm: f64,
-}
-
-impl StatedSigma {
-    fn of(sample: &Sample) -> Option<Self> {
-        let (xy_mm, depth_mm) = (sample.sigma_xy_mm?, sample.sigma_z_mm?);
-        let tip = sample.tip_mm;
-        if tip.z < MIN_DEPTH_MM {
-            return None; // not a camera's path: the direction of its errors is unknown
-        }
-        let by_depth = depth_mm * depth_mm * (tip.x * tip.x + tip.y * tip.y) / (2.0 * tip.z * tip.z);
-        let across_mm = (xy_mm * xy_mm - by_depth).max(0.0).sqrt();
-        (across_mm.is_finite() && depth_mm.is_finite() && depth_mm >= 0.0).then_some(Self { across_mm, depth_mm })
-    }
+/// The covariance that a sample states; `None` if it states none, or if it does not lie in front of a camera.
+fn stated_error(sample: &Sample) -> Option<PositionCovariance> {
+    sample.covariance_mm2.filter(|stated| sample.tip_mm.z >= MIN_DEPTH_MM && stated.is_valid())
 }
 
 /// How fast errors change between two samples, relative to [`REFERENCE_SPEED_MM_S`]: faster for a faster tool.
@@ -137,7 +120,7 @@ impl MaternProcess {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Point3;
+    use nalgebra::{Matrix3, Point3};
 
     use super::*;
     use crate::vision::trajectory::SampleState;
@@ -147,7 +130,7 @@ mod tests {
         let mut dice = Dice::new(1, "errors");
         let about_a_board = |z_mm: f64| {
             let sample = at(0.0, 0.0);
-            Sample { tip_mm: Point3::new(50.0, 0.0, z_mm), sigma_xy_mm: Some(0.1), sigma_z_mm: Some(0.5), ..sample }
+            Sample { tip_mm: Point3::new(50.0, 0.0, z_mm), ..sample }
         };
         assert!(replicate(&[about_a_board(120.0)], &mut dice).is_some());
         for z_mm in [0.0, -5.0, 0.5] {
@@ -155,17 +138,24 @@ mod tests {
         }
     }
 
+    const TIP: Point3<f64> = Point3::new(40.0, -20.0, 200.0);
+
+    /// Errors of 0.8 mm in depth, along the line of sight, and of 0.1 mm across it.
+    fn stated() -> PositionCovariance {
+        let along = TIP.coords / TIP.z * 0.8;
+        (along * along.transpose() + Matrix3::from_diagonal(&Vector3::new(0.01, 0.01, 0.0))).into()
+    }
+
     fn at(time_s: f64, speed_mm_s: f64) -> Sample {
         Sample {
             frame: 0,
             time_s,
             tool: 0,
-            tip_mm: Point3::new(40.0, -20.0, 200.0),
+            tip_mm: TIP,
             velocity_mm_s: Some(Vector3::new(speed_mm_s, 0.0, 0.0)),
             axis: None,
             tip_px: None,
-            sigma_xy_mm: Some(0.2),
-            sigma_z_mm: Some(0.8),
+            covariance_mm2: Some(stated()),
             state: SampleState::Observed,
         }
     }
@@ -175,19 +165,21 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_as_large_as_stated() {
-        let (mut z, mut xy, mut n) = (0.0, 0.0, 0.0);
+    fn errors_have_the_stated_covariance() {
+        let (mut sum, mut n) = (Matrix3::zeros(), 0.0);
         for seed in 0..200 {
             let dice = &mut Dice::new(seed, "replicate");
             let moved = replicate(&path(60.0), dice).unwrap();
             for (moved, was) in moved.iter().zip(path(60.0)).step_by(50) {
                 let error = moved.tip_mm - was.tip_mm;
-                (z, xy, n) = (z + error.z.powi(2), xy + 0.5 * error.xy().norm_squared(), n + 1.0);
+                (sum, n) = (sum + error * error.transpose(), n + 1.0);
             }
         }
         let by_size = (2.0 * ERROR_SCALE_SPREAD * ERROR_SCALE_SPREAD).exp(); // mean square of a log-normal
-        let [z, xy] = [z, xy].map(|sum: f64| (sum / n / by_size).sqrt());
-        assert!((z / 0.8 - 1.0).abs() < 0.12 && (xy / 0.2 - 1.0).abs() < 0.12, "{z} {xy}");
+        let (found, stated) = (sum / (n * by_size), stated().matrix());
+        let sigma = stated.diagonal().map(f64::sqrt);
+        let off = (found - stated).component_div(&(sigma * sigma.transpose()));
+        assert!(off.amax() < 0.24, "{found} {stated}");
     }
 
     #[test]
@@ -219,7 +211,7 @@ mod tests {
     #[test]
     fn a_path_that_states_no_errors_has_no_replicates() {
         let mut path = path(0.0);
-        path[7].sigma_z_mm = None;
+        path[7].covariance_mm2 = None;
         assert_eq!(replicate(&path, &mut Dice::new(1, "replicate")), None);
     }
 }

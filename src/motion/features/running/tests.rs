@@ -23,8 +23,7 @@ fn path(steps_s: &[f64], seen: &[bool]) -> Vec<Sample> {
             velocity_mm_s: Some((at(moving_s + 1e-4) - at(moving_s)) * 1e4),
             axis: None,
             tip_px: None,
-            sigma_xy_mm: None,
-            sigma_z_mm: None,
+            covariance_mm2: None,
             state: if *seen { SampleState::Observed } else { SampleState::Predicted },
         }
     });

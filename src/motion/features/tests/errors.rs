@@ -3,6 +3,7 @@
 use super::*;
 use crate::motion::features::errors::replicate::replicate;
 use crate::random::Dice;
+use crate::vision::covariance::PositionCovariance;
 
 const LATERAL_MM: f64 = 0.1;
 const DEPTH_MM: f64 = 0.4;
@@ -12,7 +13,7 @@ fn seen(times: &[f64], path: &Path<'_>, seed: u64) -> Trajectory {
     let mut trajectory = record(times, &[path]);
     for sample in &mut trajectory.samples {
         sample.tip_mm.z += 200.0;
-        (sample.sigma_xy_mm, sample.sigma_z_mm) = (Some(LATERAL_MM), Some(DEPTH_MM));
+        sample.covariance_mm2 = Some(PositionCovariance::from_sigmas(LATERAL_MM, DEPTH_MM));
     }
     trajectory.samples = replicate(&trajectory.samples, &mut Dice::new(seed, "how a tracker erred")).unwrap();
     trajectory

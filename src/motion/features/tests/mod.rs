@@ -28,8 +28,7 @@ fn sample(frame: u64, time_s: f64, tool: usize, tip_mm: Point3<f64>) -> Sample {
         velocity_mm_s: None,
         axis: None,
         tip_px: None,
-        sigma_xy_mm: None,
-        sigma_z_mm: None,
+        covariance_mm2: None,
         state: SampleState::Observed,
     }
 }

@@ -60,7 +60,7 @@ fn hindsight_bridges_a_gap_that_the_filter_does_not_and_says_how_unsure_it_is() 
     let paths = paths(&with_gap(8, 10));
     assert_eq!(frames(&paths.smoothed), (0..28).collect::<Vec<_>>());
     assert_eq!(frames(&paths.filtered), (0..15).chain(18..28).collect::<Vec<_>>());
-    let sigma = |frame: usize| paths.smoothed[frame].sigma_z_mm.unwrap();
+    let sigma = |frame: usize| paths.smoothed[frame].sigma_z_mm().unwrap();
     assert!(sigma(13) > 2.0 * sigma(5), "{} in the gap, {} before", sigma(13), sigma(5));
     assert_eq!((paths.quality.observed, paths.quality.predicted, paths.quality.missing), (20, 8, 0));
 }
