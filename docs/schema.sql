@@ -261,7 +261,7 @@ CREATE TABLE result (
     trajectory     TEXT NOT NULL REFERENCES blob (hash) ON DELETE RESTRICT,  -- raw, filtered and smoothed paths
     preview        TEXT REFERENCES blob (hash) ON DELETE RESTRICT,           -- a JPEG of one frame
     created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0)               -- when stored, epoch ms
-, calibration_id TEXT REFERENCES calibration (id) ON DELETE RESTRICT, palette_id TEXT REFERENCES palette (id) ON DELETE RESTRICT, width INTEGER CHECK (width BETWEEN 1 AND 65535), height INTEGER CHECK (height BETWEEN 1 AND 65535), diagnostics TEXT REFERENCES blob (hash) ON DELETE RESTRICT, tracked_with TEXT CHECK (length(tracked_with) BETWEEN 1 AND 64), edits INTEGER NOT NULL DEFAULT 0 CHECK (edits >= 0)) STRICT;
+, calibration_id TEXT REFERENCES calibration (id) ON DELETE RESTRICT, palette_id TEXT REFERENCES palette (id) ON DELETE RESTRICT, width INTEGER CHECK (width BETWEEN 1 AND 65535), height INTEGER CHECK (height BETWEEN 1 AND 65535), diagnostics TEXT REFERENCES blob (hash) ON DELETE RESTRICT, tracked_with TEXT CHECK (length(tracked_with) BETWEEN 1 AND 64), edits INTEGER NOT NULL DEFAULT 0 CHECK (edits >= 0), clock TEXT CHECK (json_valid(clock))) STRICT;
 
 CREATE TABLE self_test (
     id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- SelfTestId
@@ -290,19 +290,23 @@ CREATE TABLE session (
 
 CREATE TABLE session_edit (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- EditId
-    session_id    TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,   -- of which session; erased with it
-    person_id     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who made it; NULL: here no more
-    kind          TEXT NOT NULL CHECK (kind IN ('trim', 'swap', 'set_aside')), -- what is changed
-    from_s        REAL CHECK (from_s BETWEEN 0 AND 86400),                   -- from which second of the recording, s; NULL: all of it
-    to_s          REAL CHECK (to_s > from_s AND to_s <= 86400),              -- to which, s
-    tools         TEXT CHECK (json_valid(tools)),                            -- the two tools that change names ([String])
-    why           TEXT NOT NULL CHECK (length(why) BETWEEN 1 AND 2000),      -- why, in their words
+    session_id    TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,   -- the session; erased with it
+    person_id     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- the author; NULL: deleted, or an agent
+    kind          TEXT NOT NULL CHECK (kind IN ('trim', 'swap', 'retime', 'set_aside')), -- what is changed
+    from_s        REAL CHECK (from_s BETWEEN 0 AND 86400),                   -- first second of the stretch, s; NULL: whole recording
+    to_s          REAL CHECK (to_s > from_s AND to_s <= 86400),              -- last second of the stretch, s
+    tools         TEXT CHECK (json_valid(tools)),                            -- the two tools that exchange names ([String])
+    true_frame_rate_hz REAL CHECK (true_frame_rate_hz BETWEEN 1 AND 1000),   -- the true frame rate, Hz
+    true_duration_s REAL CHECK (true_duration_s BETWEEN 0.1 AND 86400),      -- the true time from the first frame to the last, s
+    why           TEXT NOT NULL CHECK (length(why) BETWEEN 1 AND 2000),      -- the reason, in the author's words
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when made, epoch ms
-    undone_by     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who undid it; NULL: nobody, or here no more
+    undone_by     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- the person who undid it; NULL: in force, or deleted
     undone_at_ms  INTEGER CHECK (undone_at_ms >= created_at_ms),             -- when undone, epoch ms; NULL: it is in force
-    CHECK ((kind = 'set_aside') = (from_s IS NULL)),
+    CHECK ((kind IN ('retime', 'set_aside')) = (from_s IS NULL)),
     CHECK ((from_s IS NULL) = (to_s IS NULL)),
     CHECK ((kind = 'swap') = (tools IS NOT NULL)),
+    CHECK ((kind = 'retime') = (coalesce(true_frame_rate_hz, true_duration_s) IS NOT NULL)),
+    CHECK (true_frame_rate_hz IS NULL OR true_duration_s IS NULL),
     CHECK (undone_by IS NULL OR undone_at_ms IS NOT NULL)
 ) STRICT;
 
@@ -396,7 +400,7 @@ CREATE TABLE upload (
     received       INTEGER NOT NULL DEFAULT 0 CHECK (received BETWEEN 0 AND length), -- bytes that are durable
     session_id     TEXT REFERENCES session (id) ON DELETE CASCADE,           -- the session that it became
     created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0),              -- when begun, epoch ms
-    expires_at_ms  INTEGER NOT NULL CHECK (expires_at_ms > created_at_ms),   -- when it is forgotten unless it goes on, epoch ms
+    expires_at_ms  INTEGER NOT NULL CHECK (expires_at_ms > created_at_ms), true_frame_rate_hz REAL CHECK (true_frame_rate_hz BETWEEN 1 AND 1000), true_duration_s REAL CHECK (true_duration_s BETWEEN 0.1 AND 86400),   -- when it is forgotten unless it goes on, epoch ms
     CHECK (session_id IS NULL OR received = length)
 ) STRICT;
 

@@ -31,12 +31,15 @@ impl WorkerPool {
         let calibration = self.store.calibrations().get(&Scope::service(), input.calibration).await?;
         let earlier = EarlierSessions::before(input.session, input.calibration, &self.store).await?;
         let work = job_plan::track_work(&input, calibration.camera.camera(), &self.store).await?;
-        let tools = work.tools.iter().map(|tool| tool.name.clone()).collect();
+        let tools = work.tracker.tools.iter().map(|tool| tool.name.clone()).collect();
         let output = self.run_child(held, ChildWork::Track(work), ending).await?;
         let ports = self.earlier_ports(held, earlier, ending).await?;
         let known = BoxContext { calibration_rms_px: calibration.rms_px, ports };
         let edits = self.store.edits().in_force(input.session).await?;
-        let assess = move || TrackResult::new(&input, tools, &known, &edits, output);
+        let shown = self.store.sessions().result(&Scope::service(), input.session).await?;
+        // Edits are in the times of the current result. Storing this one converts them.
+        let edits_clock = shown.and_then(|shown| shown.video.clock).map_or(1.0, |clock| clock.applied.factor);
+        let assess = move || TrackResult::new(&input, tools, &known, (&edits, edits_clock), output);
         let assessed = tokio::task::spawn_blocking(assess).await;
         let tracked = assessed.map_err(|panic| WorkError::Crashed(panic.to_string()))??;
         let (result, _kept) = self.put_files(tracked).await?;

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 
-use super::protocol::{CalibrateWork, ChildWork, ColourMark, PaletteWork, RequestedBoard, SelfTestWork};
+use super::protocol::{CalibrateWork, ChildWork, ColourMark, PaletteWork, RequestedBoard, SelfTestWork, TrackWork};
 use super::stored_palette::read_palette;
 use super::worker::WorkError;
 use crate::domain::boxes::BoxTool;
@@ -63,14 +63,10 @@ impl JobPlan {
     }
 }
 
-/// Settings of the tracker for a recording.
-pub(super) async fn track_work(
-    input: &TrackInput,
-    camera: Camera,
-    store: &Store,
-) -> Result<TrackerSettings, WorkError> {
+/// The work of tracking a recording.
+pub(super) async fn track_work(input: &TrackInput, camera: Camera, store: &Store) -> Result<TrackWork, WorkError> {
     let palette = store.palettes().get(&Scope::service(), input.palette).await?;
-    tracker_settings(palette, camera, store).await
+    Ok(TrackWork { tracker: tracker_settings(palette, camera, store).await?, time: input.time })
 }
 
 impl EarlierSessions {

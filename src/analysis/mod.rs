@@ -15,6 +15,7 @@
 
 pub mod calibration;
 pub mod child;
+pub mod clock;
 pub mod edits;
 pub mod marked;
 pub mod paths;

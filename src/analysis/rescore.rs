@@ -186,7 +186,7 @@ fn score_table(table: &[u8], edits: &EditsInForce) -> Result<ScoredImport, Resco
         cuts: Vec::new(),
     };
     let assessed = assess_import(&paths, frames, edits)?;
-    let facts = VideoFacts { width: None, height: None, frames, duration_s };
+    let facts = VideoFacts { width: None, height: None, frames, duration_s, clock: None };
     Ok(ScoredImport { assessed, paths: paths.to_bytes()?, tools: paths.tools, facts })
 }
 

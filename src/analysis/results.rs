@@ -13,6 +13,7 @@ use super::paths::{self, PathsError, SessionPaths};
 use super::stored_palette::store_palette;
 use crate::domain::boxes::BoxTool;
 use crate::domain::calibration::{CalibrationSource, NewCalibration};
+use crate::domain::clock::{RecordingClock, StampFacts};
 use crate::domain::edit::EditsInForce;
 use crate::domain::evidence::{EvidenceRow, MAX_ROWS};
 use crate::domain::files::annotations::AnnotationsFile;
@@ -21,7 +22,7 @@ use crate::domain::files::quality::QualityDocument;
 use crate::domain::job::{SelfTestInput, TrackInput};
 use crate::domain::palette::{LabelCount, NewPalette, PaletteAdvice};
 use crate::domain::self_test::NewSelfTest;
-use crate::domain::session::{FeatureError, FeatureRow, Versions, VideoFacts};
+use crate::domain::session::{FeatureError, FeatureRow, ResultClock, Versions, VideoFacts};
 use crate::motion::PIPELINE_VERSION;
 use crate::motion::assessment::{AssessmentSettings, assess};
 use crate::motion::features::FeatureValue;
@@ -65,21 +66,23 @@ pub(super) struct TrackResult {
 }
 
 impl TrackResult {
-    /// Assesses the smoothed path with its edits, and encodes everything else as it was tracked. Takes seconds for an
-    /// hour of recording: do not call it on an async thread.
+    /// Assesses the smoothed path with its edits, and encodes everything else as it was tracked. `edits_clock` is the
+    /// factor between the file's stamps and the times in the edits. Takes seconds for an hour of recording: do not call
+    /// it on an async thread.
     pub(super) fn new(
         input: &TrackInput,
         tools: Vec<String>,
         known: &BoxContext,
-        edits: &EditsInForce,
+        (edits, edits_clock): (&EditsInForce, f64),
         output: ChildOutput,
     ) -> Result<Self, ProductError> {
-        let TrackOutput { recording, raw, filtered, smoothed, quality } = output.track;
+        let TrackOutput { clock, recording, raw, filtered, smoothed, quality } = output.track;
+        let clock = clock.ok_or(ProductError::Missing("how it computed the times"))?;
         let RecordingOutput { size, frames_expected, times_s, seen, preview } = recording;
         let (width, height) = size.ok_or(ProductError::Missing("a picture size"))?;
         let summary = quality.ok_or(ProductError::Missing("a summary"))?;
         let diagnostics = Diagnostics::new((width, height), &tools, &seen).to_json()?;
-        let video = video_facts(width, height, &times_s);
+        let video = video_facts(width, height, &times_s, clock);
         let paths = SessionPaths {
             tools: tools.clone(),
             frame_times_s: times_s,
@@ -89,6 +92,7 @@ impl TrackResult {
             tracking: Some(paths::TrackingSummary { quality: summary, frames_expected }),
             cuts: Vec::new(),
         };
+        let edits = edits.scaled(clock.factor / edits_clock);
         let edited = edits::apply_edits(&paths, &edits.changes, &edits::unmeasured(&seen));
         let AssessmentRows { features, evidence, quality } = assess_tracked(&edited, known)?;
         Ok(Self {
@@ -174,9 +178,17 @@ fn versions(input: &TrackInput) -> Versions {
     }
 }
 
-fn video_facts(width: u32, height: u32, times_s: &[f64]) -> VideoFacts {
-    let duration_s = times_s.last().zip(times_s.first()).map_or(0.0, |(last, first)| last - first);
-    VideoFacts { width: Some(width), height: Some(height), frames: times_s.len() as u64, duration_s }
+fn video_facts(width: u32, height: u32, times_s: &[f64], applied: RecordingClock) -> VideoFacts {
+    let facts = StampFacts::of_times(times_s);
+    let stamps = facts.before(applied.factor);
+    let clock = ResultClock { applied, stamped_frame_rate_hz: stamps.rate_hz, stamped_duration_s: stamps.duration_s };
+    VideoFacts {
+        width: Some(width),
+        height: Some(height),
+        frames: times_s.len() as u64,
+        duration_s: facts.duration_s,
+        clock: Some(clock),
+    }
 }
 
 fn feature_row(value: &FeatureValue, tools: &[String]) -> FeatureRow {
@@ -267,14 +279,15 @@ mod tests {
         let recording = RecordingOutput { size: Some((1280, 720)), times_s, ..RecordingOutput::default() };
         let (tools, light) = (vec![tool], vec![]);
         let quality = Some(QualitySummary { frames: FRAMES, frames_interlaced: FRAMES / 2, tools, light });
-        let track = TrackOutput { recording, smoothed, quality, ..TrackOutput::default() };
+        let clock = Some(RecordingClock::default());
+        let track = TrackOutput { clock, recording, smoothed, quality, ..TrackOutput::default() };
         let output = ChildOutput { track, ..ChildOutput::default() };
         let video = Blob::of(b"a recording");
         let (session, calibration, palette) = (SessionId::at(0), CalibrationId::at(0), PaletteId::at(0));
         let known = BoxContext { calibration_rms_px: Some(0.3), ..BoxContext::default() };
-        let input = TrackInput { session, video, calibration, palette };
-        TrackResult::new(&input, vec!["orange".into()], &known, &EditsInForce::default(), output)
-            .unwrap_or_else(|e| panic!("{e}"))
+        let input = TrackInput { session, video, calibration, palette, time: None, time_revision: 0 };
+        let edits = EditsInForce::default();
+        TrackResult::new(&input, vec!["orange".into()], &known, (&edits, 1.0), output).unwrap_or_else(|e| panic!("{e}"))
     }
 
     #[test]

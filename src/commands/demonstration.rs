@@ -286,6 +286,7 @@ impl DemonstrationBuilder {
             in_box: Some(BOX_CODE.to_owned()),
             filename: Some(filename),
             recorded_at: Some(to_rfc3339(recorded_at)),
+            ..RecordingDescription::default()
         };
         let service = Scope::service();
         let recording = self.intake.resolve(&service, about).await?;

@@ -1,9 +1,11 @@
-//! Edits of a scored session: trim its ends, swap two tools' names, or set it aside so that it does not count. Measured
-//! data are never changed: the session is scored again from what remains, and each edit can be undone.
+//! Edits of a scored session: trim its ends, swap two tools' names, correct its times, or set it aside so that it does
+//! not count. Measured data are never changed: the session is scored again from what remains, or tracked again with other
+//! times, and each edit can be undone.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::clock::TimeCorrection;
 use super::named;
 use super::text::{Invalid, Remark};
 
@@ -17,6 +19,8 @@ named! {
         Trim = "trim",
         /// Two tools exchange names over a stretch.
         Swap = "swap",
+        /// All times are scaled, so that the recording has its true frame rate or its true duration.
+        Retime = "retime",
         /// The session is excluded from progress, cohorts, standards, models and correlations.
         SetAside = "set_aside",
     }
@@ -43,7 +47,7 @@ pub struct NewEdit {
     /// Kind of edit.
     pub kind: EditKind,
     /// First second of the stretch: the part that counts (`trim`) or that has the names exchanged (`swap`). Absent for
-    /// `set_aside`.
+    /// `retime` and `set_aside`.
     #[serde(default)]
     pub from_s: Option<f64>,
     /// Last second of the stretch.
@@ -52,6 +56,12 @@ pub struct NewEdit {
     /// For `swap`: the names of the two tools.
     #[serde(default)]
     pub tools: Option<[String; 2]>,
+    /// For `retime`: the true frame rate, Hz. Give this or `true_duration_s`.
+    #[serde(default)]
+    pub true_frame_rate_hz: Option<f64>,
+    /// For `retime`: the true time from the first frame to the last, s.
+    #[serde(default)]
+    pub true_duration_s: Option<f64>,
     /// The reason, for later readers: 1 to 2000 characters.
     #[schema(value_type = String)]
     pub why: Remark,
@@ -68,6 +78,8 @@ pub enum EditChange {
     Trim([f64; 2]),
     /// These two tools exchange names within the span, s.
     Swap([String; 2], [f64; 2]),
+    /// The recording has another frame rate or duration than its stamps say.
+    Retime(TimeCorrection),
     /// The session does not count.
     SetAside,
 }
@@ -78,7 +90,18 @@ impl EditChange {
         match self {
             EditChange::Trim(_) => EditKind::Trim,
             EditChange::Swap(..) => EditKind::Swap,
+            EditChange::Retime(_) => EditKind::Retime,
             EditChange::SetAside => EditKind::SetAside,
+        }
+    }
+
+    /// The same edit after all times were multiplied by `ratio`.
+    pub fn scaled(&self, ratio: f64) -> Self {
+        let scaled = |span: &[f64; 2]| span.map(|time_s| time_s * ratio);
+        match self {
+            EditChange::Trim(span) => EditChange::Trim(scaled(span)),
+            EditChange::Swap(tools, span) => EditChange::Swap(tools.clone(), scaled(span)),
+            EditChange::Retime(_) | EditChange::SetAside => self.clone(),
         }
     }
 
@@ -86,7 +109,7 @@ impl EditChange {
     pub fn span(&self) -> Option<[f64; 2]> {
         match self {
             EditChange::Trim(span) | EditChange::Swap(_, span) => Some(*span),
-            EditChange::SetAside => None,
+            EditChange::Retime(_) | EditChange::SetAside => None,
         }
     }
 }
@@ -97,6 +120,11 @@ impl NewEdit {
     /// # Errors
     /// Seconds outside any recording, or fields that do not belong to the kind.
     pub fn change(&self) -> Result<EditChange, Invalid> {
+        let time = TimeCorrection::new(self.true_frame_rate_hz, self.true_duration_s)?;
+        if time.is_some() && self.kind != EditKind::Retime {
+            return Err(Invalid::new("true_frame_rate_hz", "and `true_duration_s` belong only to a `retime`"));
+        }
+        let has_span = self.from_s.or(self.to_s).is_some();
         match (self.kind, self.tools.clone()) {
             (EditKind::Swap, None) => Err(Invalid::new("tools", "is missing: name the two tools to swap")),
             (EditKind::Swap, Some([one, other])) if one == other => {
@@ -105,8 +133,13 @@ impl NewEdit {
             (EditKind::Swap, Some(tools)) => Ok(EditChange::Swap(tools, self.checked_span()?)),
             (_, Some(_)) => Err(Invalid::new("tools", "belongs only to a `swap`")),
             (EditKind::Trim, None) => Ok(EditChange::Trim(self.checked_span()?)),
-            (EditKind::SetAside, None) if self.from_s.or(self.to_s).is_some() => {
-                Err(Invalid::new("from_s", "and `to_s` do not belong to `set_aside`, which covers the whole session"))
+            (EditKind::SetAside | EditKind::Retime, None) if has_span => {
+                let why = format!("and `to_s` do not belong to `{}`, which covers the whole session", self.kind);
+                Err(Invalid::new("from_s", why))
+            }
+            (EditKind::Retime, None) => {
+                let why = "is missing: give the true frame rate, or `true_duration_s`";
+                time.map(EditChange::Retime).ok_or_else(|| Invalid::new("true_frame_rate_hz", why))
             }
             (EditKind::SetAside, None) => Ok(EditChange::SetAside),
         }
@@ -128,13 +161,20 @@ impl NewEdit {
     }
 }
 
-/// The trims and swaps that are in force, in the order they were made, with the revision of the session's edits.
+/// The edits in force that the score depends on, in the order they were made, with the revision of the session's edits.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct EditsInForce {
-    /// Number of trims and swaps made and undone so far.
+    /// Number of trims, swaps and time corrections made and undone so far.
     pub revision: u64,
     /// The edits in force.
     pub changes: Vec<EditChange>,
+}
+
+impl EditsInForce {
+    /// The same edits after all times were multiplied by `ratio`.
+    pub fn scaled(&self, ratio: f64) -> Self {
+        Self { revision: self.revision, changes: self.changes.iter().map(|change| change.scaled(ratio)).collect() }
+    }
 }
 
 /// The span of a recording that remains after these edits: the intersection of its trims, s. `None`: all of it.
@@ -153,7 +193,43 @@ mod tests {
     fn new(kind: EditKind, span: [Option<f64>; 2], tools: Option<[&str; 2]>) -> Result<EditChange, Invalid> {
         let tools = tools.map(|tools| tools.map(str::to_owned));
         let why = "It began late.".parse().unwrap();
-        NewEdit { kind, from_s: span[0], to_s: span[1], tools, why, revision: None }.change()
+        let (true_frame_rate_hz, true_duration_s, revision) = (None, None, None);
+        NewEdit { kind, from_s: span[0], to_s: span[1], tools, true_frame_rate_hz, true_duration_s, why, revision }
+            .change()
+    }
+
+    #[test]
+    fn a_retime_gives_one_number_and_covers_the_whole_session() {
+        let new = |kind, [rate, duration, from_s]: [Option<f64>; 3]| {
+            let why = "The clock in the picture says so.".parse().unwrap();
+            let (to_s, true_frame_rate_hz, true_duration_s) = (from_s.map(|from| from + 1.0), rate, duration);
+            let new =
+                NewEdit { kind, from_s, to_s, tools: None, true_frame_rate_hz, true_duration_s, why, revision: None };
+            new.change()
+        };
+        let right = new(EditKind::Retime, [Some(16.4), None, None]);
+        assert_eq!(right, Ok(EditChange::Retime(TimeCorrection::FrameRate(16.4))));
+        let right = new(EditKind::Retime, [None, Some(60.0), None]);
+        assert_eq!(right, Ok(EditChange::Retime(TimeCorrection::Duration(60.0))));
+        for (kind, given) in [
+            (EditKind::Retime, [None; 3]),
+            (EditKind::Retime, [Some(16.4), Some(60.0), None]),
+            (EditKind::Retime, [Some(16.4), None, Some(1.0)]),
+            (EditKind::Retime, [Some(0.0), None, None]),
+            (EditKind::Trim, [Some(16.4), None, Some(1.0)]),
+            (EditKind::SetAside, [Some(16.4), None, None]),
+        ] {
+            assert!(new(kind, given).is_err(), "{kind} {given:?}");
+        }
+    }
+
+    #[test]
+    fn seconds_follow_a_correction_of_the_times() {
+        let pair = || ["orange".to_owned(), "cyan".to_owned()];
+        let changes = vec![EditChange::Trim([2.0, 9.0]), EditChange::Swap(pair(), [4.0, 8.0]), EditChange::SetAside];
+        let scaled = EditsInForce { revision: 3, changes }.scaled(0.5);
+        let expected = vec![EditChange::Trim([1.0, 4.5]), EditChange::Swap(pair(), [2.0, 4.0]), EditChange::SetAside];
+        assert_eq!(scaled, EditsInForce { revision: 3, changes: expected });
     }
 
     #[test]

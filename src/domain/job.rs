@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::blob::Blob;
 use super::calibration::BoardSize;
+use super::clock::TimeCorrection;
 use super::files::annotations::AnnotationsFile;
 use super::named;
 use super::text::TrackerName;
@@ -122,6 +123,13 @@ pub struct TrackInput {
     pub calibration: CalibrationId,
     /// The colour samples.
     pub palette: PaletteId,
+    /// The correction of its times, if a person made one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time: Option<TimeCorrection>,
+    /// Number of time corrections that were made and undone by then: an undone one must be tracked again, although
+    /// everything else is as before.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub time_revision: u64,
 }
 
 /// A table of another tracker.
@@ -149,10 +157,10 @@ pub struct RescoreInput {
     pub edits: u64,
 }
 
-/// Leaves `edits` out for a session without edits, so that the stored input equals that of older jobs and counts as the
+/// Leaves a revision out for a session without edits, so that the stored input equals that of older jobs and counts as the
 /// same.
-fn is_zero(edits: &u64) -> bool {
-    *edits == 0
+fn is_zero(revision: &u64) -> bool {
+    *revision == 0
 }
 
 /// Pictures of a checkerboard.

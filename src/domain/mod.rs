@@ -14,6 +14,7 @@
 //! | [`evidence`] | the seconds of a recording that made a session's features |
 //! | [`advice`] | what to work on next, by rules |
 //! | [`rating`] | rating forms, and instructors' marks on them |
+//! | [`clock`] | the time of a recording's frames, and how it is corrected |
 //! | [`comment`] | comments on a moment or a stretch of a session |
 //! | [`edit`] | edits of a scored session: trim, swap, set aside |
 //! | [`standard`] | a task's requirements: targets, pass rule, charts |
@@ -37,6 +38,7 @@ pub mod advice;
 pub mod blob;
 pub mod boxes;
 pub mod calibration;
+pub mod clock;
 pub mod cohort;
 pub mod comment;
 pub mod course;

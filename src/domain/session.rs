@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::blob::Blob;
+use super::clock::{RecordingClock, TimeCorrection};
 use super::evidence::EvidenceRow;
 use super::job::JobState;
 use super::named;
@@ -57,6 +58,8 @@ pub struct NewSession {
     pub video: Blob,
     /// The recording's media type, such as `video/mp4`.
     pub media_type: String,
+    /// The true time of the recording, if the sender gave it.
+    pub time: Option<TimeCorrection>,
 }
 
 /// The pipeline version of a result from an imported trajectory. It includes the tracker's name, so that numbers of
@@ -91,8 +94,22 @@ pub struct VideoFacts {
     pub height: Option<u32>,
     /// Decoded frames; for imported rows, the frames with a row of any tool.
     pub frames: u64,
-    /// Presentation time from the first frame to the last, s.
+    /// Time from the first frame to the last, s.
     pub duration_s: f64,
+    /// How the times were computed; `None` for imported rows, and for results from versions before this fact.
+    pub clock: Option<ResultClock>,
+}
+
+/// How the times of a result were computed from the recording's stamps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct ResultClock {
+    /// Where the times come from, and the factor of all of them.
+    #[serde(flatten)]
+    pub applied: RecordingClock,
+    /// Frame rate by the file's stamps, Hz: the median.
+    pub stamped_frame_rate_hz: Option<f64>,
+    /// Duration by the file's stamps, from the first frame to the last, s.
+    pub stamped_duration_s: f64,
 }
 
 /// One feature of one session.

@@ -1,6 +1,7 @@
 //! Checks a recording's trainee, task and box before any byte is sent.
 
 use super::{Intake, IntakeError, IntakeResult};
+use crate::domain::clock::TimeCorrection;
 use crate::domain::scope::Scope;
 use crate::domain::text::{FileName, Key};
 use crate::ids::{BoxId, TaskId, TraineeId, UploadId};
@@ -23,16 +24,21 @@ pub struct RecordingDescription {
     pub filename: Option<String>,
     /// When it was recorded, RFC 3339.
     pub recorded_at: Option<String>,
+    /// The true frame rate, Hz, where the file's stamps are wrong; a decimal number.
+    pub true_frame_rate_hz: Option<String>,
+    /// The true time from the first frame to the last, s; a decimal number.
+    pub true_duration_s: Option<String>,
 }
 
 /// A recording's description, checked and resolved to ids.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ResolvedRecording {
     pub(super) trainee: TraineeId,
     pub(super) task: TaskId,
     pub(super) in_box: BoxId,
     pub(super) filename: FileName,
     pub(super) recorded_at_ms: Option<i64>,
+    pub(super) time: Option<TimeCorrection>,
 }
 
 impl Intake {
@@ -51,6 +57,7 @@ impl Intake {
             in_box: in_box.id,
             filename: parse_filename(about.filename.as_deref())?,
             recorded_at_ms: about.recorded_at.as_deref().map(parse_recorded_at).transpose()?,
+            time: parse_time(about.true_frame_rate_hz.as_deref(), about.true_duration_s.as_deref())?,
         })
     }
 
@@ -70,9 +77,10 @@ impl Intake {
         let id = UploadId::at(self.clock.now_ms());
         // Open until its row exists: an upload's file that is neither open nor in the database is deleted.
         let _open_file = self.vault.create_upload(id).await?;
-        let ResolvedRecording { trainee, task, in_box, filename, recorded_at_ms } = recording;
+        let ResolvedRecording { trainee, task, in_box, filename, recorded_at_ms, time } = recording;
         let expires_at_ms = self.expires_at_ms();
-        let new = NewUpload { id, trainee, task, in_box, filename, metadata, recorded_at_ms, length, expires_at_ms };
+        let new =
+            NewUpload { id, trainee, task, in_box, filename, metadata, recorded_at_ms, time, length, expires_at_ms };
         match self.store.uploads().create(scope, new).await {
             Ok(upload) => Ok(upload),
             Err(error) => {
@@ -102,6 +110,17 @@ fn unknown(what: &'static str) -> impl FnOnce(StoreError) -> IntakeError {
 fn parse_filename(given: Option<&str>) -> IntakeResult<FileName> {
     let parsed = given.unwrap_or(DEFAULT_FILENAME).parse::<FileName>();
     parsed.map_err(|invalid| IntakeError::Invalid { field: "filename", why: invalid.why })
+}
+
+/// The correction of the times, from decimal numbers.
+fn parse_time(frame_rate_hz: Option<&str>, duration_s: Option<&str>) -> IntakeResult<Option<TimeCorrection>> {
+    let number = |field: &'static str, text: Option<&str>| {
+        let why = || format!("is `{}`; expected a decimal number such as 16.4", text.unwrap_or_default());
+        text.map(|text| text.trim().parse::<f64>().map_err(|_| IntakeError::Invalid { field, why: why() })).transpose()
+    };
+    let (rate, duration) = (number("true_frame_rate_hz", frame_rate_hz)?, number("true_duration_s", duration_s)?);
+    TimeCorrection::new(rate, duration)
+        .map_err(|invalid| IntakeError::Invalid { field: invalid.what, why: invalid.why })
 }
 
 fn parse_recorded_at(text: &str) -> IntakeResult<i64> {

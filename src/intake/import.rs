@@ -53,14 +53,14 @@ impl Intake {
         if table.is_empty() {
             return Err(IntakeError::Empty);
         }
-        let ResolvedRecording { trainee, task, in_box, filename, recorded_at_ms } = recording;
+        let ResolvedRecording { trainee, task, in_box, filename, recorded_at_ms, time: _ } = recording;
         let palette = self.store.palettes().latest(&Scope::service(), in_box).await?;
         let tools: Vec<String> = palette.into_iter().flat_map(|p| p.tools).map(|tool| tool.name).collect();
         let (limits, read) = (limits(self.settings.import_rows), table.clone());
         tokio::task::spawn_blocking(move || read_import(&read, &tools, &limits).map(drop)).await??;
         let kept = self.vault.put(&table).await?;
         let (video, media_type) = (kept.blob(), MEDIA_TYPE.to_owned());
-        let new = NewSession { trainee, task, in_box, filename, recorded_at_ms, video, media_type };
+        let new = NewSession { trainee, task, in_box, filename, recorded_at_ms, video, media_type, time: None };
         let session = self.store.sessions().import(scope, new, tracker).await.map_err(already_exists)?;
         drop(kept); // from here on a row protects the file
         self.announce_session(&session);

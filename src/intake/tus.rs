@@ -40,6 +40,10 @@ pub struct Metadata {
     pub box_: Option<String>,
     /// When it was recorded, RFC 3339.
     pub recorded_at: Option<String>,
+    /// The true frame rate, Hz.
+    pub true_frame_rate_hz: Option<String>,
+    /// The true duration, s.
+    pub true_duration_s: Option<String>,
 }
 
 impl Metadata {
@@ -64,6 +68,8 @@ impl Metadata {
             "task" => &mut self.task,
             "box" => &mut self.box_,
             "recorded_at" => &mut self.recorded_at,
+            "true_frame_rate_hz" => &mut self.true_frame_rate_hz,
+            "true_duration_s" => &mut self.true_duration_s,
             _ => return,
         };
         *field = (!value.is_empty()).then_some(value);
@@ -139,13 +145,14 @@ mod tests {
 
     #[test]
     fn metadata_of_a_browser_are_read_and_foreign_keys_passed_over() {
-        let header = "filename YSBiLm1wNA==,filetype dmlkZW8vbXA0, trainee YWRh,is_confidential,task cGVn,box Ym94LTE=";
+        let header = "filename YSBiLm1wNA==,filetype dmlkZW8vbXA0, trainee YWRh,is_confidential,task cGVn,box Ym94LTE=,true_frame_rate_hz MTYuNA==";
         let expected = Metadata {
             filename: Some("a b.mp4".to_owned()),
             trainee: Some("ada".to_owned()),
             task: Some("peg".to_owned()),
             box_: Some("box-1".to_owned()),
-            recorded_at: None,
+            true_frame_rate_hz: Some("16.4".to_owned()),
+            ..Metadata::default()
         };
         assert_eq!(Metadata::parse(header), Ok(expected));
         assert_eq!(Metadata::parse(""), Ok(Metadata::default()));

@@ -25,10 +25,10 @@ impl Intake {
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
     {
         let kept = self.store_whole(bytes).await?;
-        let ResolvedRecording { trainee, task, in_box, filename, recorded_at_ms } = recording;
+        let ResolvedRecording { trainee, task, in_box, filename, recorded_at_ms, time } = recording;
         let media_type = media_type_of(&self.vault, kept.blob().hash).await?.to_owned();
         let video = kept.blob();
-        let new = NewSession { trainee, task, in_box, filename, recorded_at_ms, video, media_type };
+        let new = NewSession { trainee, task, in_box, filename, recorded_at_ms, video, media_type, time };
         let session = self.store.sessions().create(scope, new).await.map_err(already_exists)?;
         drop(kept); // from here on a row protects the file
         self.announce_session(&session);

@@ -1,6 +1,8 @@
 //! Comments on moments of sessions. People who may see a session may comment on it. Staff who rate see the comments of
 //! other staff only after a rating of their own, so that comments cannot influence the rating.
 
+use sqlx::sqlite::SqliteConnection;
+
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::visibility::BindScope;
@@ -60,7 +62,16 @@ const INSERT_COMMENT: &str = "
     SELECT $1, $2, $3, $4, $5, $6, $7
     WHERE (SELECT count(*) FROM comment WHERE session_id = $2) < $8";
 
+const SCALE_COMMENTS: &str = "
+    UPDATE comment SET from_s = min(from_s * $2, 86400), to_s = min(to_s * $2, 86400) WHERE session_id = $1";
+
 const DELETE_OWN_COMMENT: &str = "DELETE FROM comment WHERE id = $1 AND session_id = $2 AND person_id = $3";
+
+/// Multiplies the times of a session's comments, because its recording has other times now.
+pub(super) async fn scale_comments(tx: &mut SqliteConnection, session: SessionId, ratio: f64) -> StoreResult<()> {
+    sqlx::query(SCALE_COMMENTS).bind(session).bind(ratio).execute(tx).await?;
+    Ok(())
+}
 
 impl CommentStore<'_> {
     /// Adds a comment. Its times are not checked against the length of the recording, which may be unknown.

@@ -1,8 +1,9 @@
 //! Edits of scored sessions: made and undone by staff, never deleted. People who may see a session see its edits, with
 //! their authors and reasons.
 //!
-//! A trim or a swap makes a new result necessary; its job is queued in the same transaction. Each trim or swap that is
-//! made or undone increases the *revision* of the session's edits. A result names its revision, so that a result that
+//! A trim, a swap or a time correction makes a new result necessary; its job is queued in the same transaction. Trims and
+//! swaps are applied to the stored path. Other times change the path itself, so the recording is tracked again. Each of
+//! these edits that is made or undone increases the *revision* of the session's edits. A result names its revision, so that a result that
 //! was begun before an edit is noticed ([`enqueue_rescore_if_outdated`]).
 
 use sqlx::sqlite::SqliteConnection;
@@ -10,14 +11,15 @@ use sqlx::types::Json;
 
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found};
-use super::jobs::enqueue_rescore_if_outdated;
+use super::jobs::{enqueue_rescore_if_outdated, enqueue_track};
 use super::sessions::SELECT_CURRENT_RESULT;
 use super::visibility::require_staff;
 use super::{Scope, Store};
+use crate::domain::clock::TimeCorrection;
 use crate::domain::edit::{EditChange, EditKind, EditsInForce, ScoreState};
 use crate::domain::job::JobState;
 use crate::domain::problem::Problem;
-use crate::domain::text::{Name, Remark};
+use crate::domain::text::{Invalid, Name, Remark};
 use crate::ids::{EditId, JobId, PersonId, SessionId};
 
 /// Access to the edits.
@@ -40,6 +42,10 @@ pub struct EditRecord {
     /// The two tools that swap names.
     #[sqlx(json(nullable))]
     pub tools: Option<[String; 2]>,
+    /// The true frame rate, Hz.
+    pub true_frame_rate_hz: Option<f64>,
+    /// The true time from the first frame to the last, s.
+    pub true_duration_s: Option<f64>,
     /// The reason.
     pub why: Remark,
     /// Name of the author; `None` if the account has been deleted.
@@ -57,7 +63,7 @@ pub struct EditRecord {
 pub struct SessionEdits {
     /// All of them, oldest first.
     pub items: Vec<EditRecord>,
-    /// Number of trims and swaps made and undone so far.
+    /// Number of trims, swaps and time corrections made and undone so far.
     pub revision: u64,
     /// Whether the score was made with the edits in force.
     pub score: ScoreState,
@@ -74,6 +80,7 @@ impl EditRecord {
         match (self.kind, span, &self.tools) {
             (EditKind::Trim, Some(span), _) => Some(EditChange::Trim(span)),
             (EditKind::Swap, Some(span), Some(tools)) => Some(EditChange::Swap(tools.clone(), span)),
+            (EditKind::Retime, ..) => time_of(self.true_frame_rate_hz, self.true_duration_s).map(EditChange::Retime),
             (EditKind::SetAside, ..) => Some(EditChange::SetAside),
             _ => None, // the schema ensures the fields that each kind needs
         }
@@ -82,8 +89,8 @@ impl EditRecord {
 
 /// Selects the [`EditRecord`]s of session `$1`, oldest first.
 const SELECT_EDITS: &str = "
-    SELECT edit.id, edit.kind, edit.from_s, edit.to_s, edit.tools, edit.why, maker.name AS who, edit.created_at_ms,
-           undoer.name AS undone_by, edit.undone_at_ms
+    SELECT edit.id, edit.kind, edit.from_s, edit.to_s, edit.tools, edit.true_frame_rate_hz, edit.true_duration_s, edit.why,
+           maker.name AS who, edit.created_at_ms, undoer.name AS undone_by, edit.undone_at_ms
     FROM session_edit AS edit
     LEFT JOIN person AS maker ON maker.id = edit.person_id
     LEFT JOIN person AS undoer ON undoer.id = edit.undone_by
@@ -92,9 +99,10 @@ const SELECT_EDITS: &str = "
 /// Selects the revision of the edits that session `$1` was scored with.
 const SELECT_SCORED_EDITS: &str = "SELECT edits FROM current_result WHERE session_id = $1";
 
+/// Selects the job that makes the session's new score: it scores the path, or tracks the recording with other times.
 const SELECT_RESCORE_JOB: &str = "
     SELECT id, state, problem FROM job
-    WHERE session_id = $1 AND kind = 'rescore' ORDER BY created_at_ms DESC, id DESC LIMIT 1";
+    WHERE session_id = $1 AND kind IN ('rescore', 'track') ORDER BY created_at_ms DESC, id DESC LIMIT 1";
 
 const UNDO_EDIT: &str = "
     UPDATE session_edit
@@ -102,14 +110,26 @@ const UNDO_EDIT: &str = "
     WHERE id = $1 AND undone_at_ms IS NULL";
 
 const INSERT_EDIT: &str = "
-    INSERT INTO session_edit (id, session_id, person_id, kind, from_s, to_s, tools, why, created_at_ms)
-    SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9
-    WHERE (SELECT count(*) FROM session_edit WHERE session_id = $2) < $10";
+    INSERT INTO session_edit (id, session_id, person_id, kind, from_s, to_s, tools, true_frame_rate_hz, true_duration_s,
+                              why, created_at_ms)
+    SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11
+    WHERE (SELECT count(*) FROM session_edit WHERE session_id = $2) < $12";
 
 const SELECT_TRACKING_STATE: &str = "SELECT state FROM tracking_job WHERE session_id = $1";
 
 const SELECT_REVISION: &str = "
     SELECT count(*) + count(undone_at_ms) FROM session_edit WHERE session_id = $1 AND kind <> 'set_aside'";
+
+const SELECT_TIME_REVISION: &str = "
+    SELECT count(*) + count(undone_at_ms) FROM session_edit WHERE session_id = $1 AND kind = 'retime'";
+
+const SELECT_TIME_IN_FORCE: &str = "
+    SELECT true_frame_rate_hz, true_duration_s FROM session_edit
+    WHERE session_id = $1 AND kind = 'retime' AND undone_at_ms IS NULL ORDER BY created_at_ms DESC, rowid DESC LIMIT 1";
+
+const SCALE_EDITS: &str = "
+    UPDATE session_edit SET from_s = min(from_s * $2, 86400), to_s = min(to_s * $2, 86400)
+    WHERE session_id = $1 AND from_s * $2 < 86400";
 
 impl EditStore<'_> {
     /// A session's edits.
@@ -145,7 +165,8 @@ impl EditStore<'_> {
         Ok(EditsInForce { revision: revision_of(&items), changes: changes.filter_map(EditRecord::change).collect() })
     }
 
-    /// Makes an edit. With `seen`, it is refused if a trim or a swap was made or undone since that revision.
+    /// Makes an edit. With `seen`, it is refused if an edit that changes the score was made or undone since that
+    /// revision.
     pub async fn add(
         &self,
         scope: &Scope,
@@ -153,8 +174,13 @@ impl EditStore<'_> {
         (change, why): (EditChange, Remark),
         seen: Option<u64>,
     ) -> StoreResult<EditRecord> {
-        self.0.sessions().get(scope, session).await?;
+        let is_import = self.0.sessions().get(scope, session).await?.tracker.is_some();
         require_staff(scope, "editing sessions")?;
+        if is_import && change.kind() == EditKind::Retime {
+            return Err(StoreError::refused(
+                "another program measured this session and set its times: correct them there, and import the table again",
+            ));
+        }
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         let id = EditId::at(now_ms);
         self.0
@@ -168,7 +194,7 @@ impl EditStore<'_> {
                     ));
                 }
                 insert(tx, (id, session, by.person()), &change, why, now_ms).await?;
-                enqueue_rescore_if_outdated(tx, session, now_ms, attempts).await?;
+                enqueue_new_score(tx, session, kind, now_ms, attempts).await?;
                 note(tx, &by, now_ms, (kind.name(), "session"), session).await
             })
             .await?;
@@ -188,7 +214,7 @@ impl EditStore<'_> {
                 if update.rows_affected() == 0 {
                     return Ok(());
                 }
-                enqueue_rescore_if_outdated(tx, session, now_ms, attempts).await?;
+                enqueue_new_score(tx, session, edit.kind, now_ms, attempts).await?;
                 note(tx, &by, now_ms, ("undo", "session_edit"), id).await
             })
             .await?;
@@ -201,6 +227,64 @@ impl EditStore<'_> {
     }
 }
 
+/// Queues the work that an edit of this kind makes necessary.
+async fn enqueue_new_score(
+    tx: &mut SqliteConnection,
+    session: SessionId,
+    kind: EditKind,
+    now_ms: i64,
+    max_attempts: u32,
+) -> StoreResult<()> {
+    match kind {
+        EditKind::Retime => {
+            enqueue_track(tx, session, now_ms, max_attempts).await?;
+        }
+        EditKind::Trim | EditKind::Swap | EditKind::SetAside => {
+            enqueue_rescore_if_outdated(tx, session, now_ms, max_attempts).await?;
+        }
+    }
+    Ok(())
+}
+
+/// The reason of a time correction that arrived with the recording.
+const GIVEN_WITH_RECORDING: &str = "Given with the recording.";
+
+/// Adds the time correction that a sender gave with a new recording.
+pub(super) async fn insert_with_recording(
+    tx: &mut SqliteConnection,
+    scope: &Scope,
+    session: SessionId,
+    time: TimeCorrection,
+    now_ms: i64,
+) -> StoreResult<()> {
+    let why = GIVEN_WITH_RECORDING.parse().map_err(|invalid: Invalid| StoreError::refused(invalid.to_string()))?;
+    let change = EditChange::Retime(time);
+    insert(tx, (EditId::at(now_ms), session, scope.person()), &change, why, now_ms).await?;
+    note(tx, scope, now_ms, (change.kind().name(), "session"), session).await
+}
+
+/// Multiplies the times of a session's edits, because its recording has other times now.
+pub(super) async fn scale_edits(tx: &mut SqliteConnection, session: SessionId, ratio: f64) -> StoreResult<()> {
+    sqlx::query(SCALE_EDITS).bind(session).bind(ratio).execute(tx).await?;
+    Ok(())
+}
+
+/// The time correction in force, and how many were made and undone.
+pub(super) async fn time_in_force(
+    tx: &mut SqliteConnection,
+    session: SessionId,
+) -> StoreResult<(Option<TimeCorrection>, u64)> {
+    let revision: i64 = sqlx::query_scalar(SELECT_TIME_REVISION).bind(session).fetch_one(&mut *tx).await?;
+    let given: Option<(Option<f64>, Option<f64>)> =
+        sqlx::query_as(SELECT_TIME_IN_FORCE).bind(session).fetch_optional(tx).await?;
+    Ok((given.and_then(|(rate, duration)| time_of(rate, duration)), revision.unsigned_abs()))
+}
+
+/// The stored correction.
+pub(super) fn time_of(frame_rate_hz: Option<f64>, duration_s: Option<f64>) -> Option<TimeCorrection> {
+    frame_rate_hz.map(TimeCorrection::FrameRate).or(duration_s.map(TimeCorrection::Duration))
+}
+
 async fn insert(
     tx: &mut SqliteConnection,
     (id, session, person): (EditId, SessionId, Option<PersonId>),
@@ -211,10 +295,16 @@ async fn insert(
     let [from_s, to_s] = change.span().map_or([None; 2], |span| span.map(Some));
     let tools = match change {
         EditChange::Swap(tools, _) => Some(Json(tools)),
-        EditChange::Trim(_) | EditChange::SetAside => None,
+        EditChange::Trim(_) | EditChange::Retime(_) | EditChange::SetAside => None,
+    };
+    let time = match change {
+        EditChange::Retime(time) => Some(*time),
+        EditChange::Trim(_) | EditChange::Swap(..) | EditChange::SetAside => None,
     };
     let insert = sqlx::query(INSERT_EDIT);
     let insert = insert.bind(id).bind(session).bind(person).bind(change.kind()).bind(from_s).bind(to_s).bind(tools);
+    let insert = insert.bind(time.and_then(TimeCorrection::frame_rate_hz));
+    let insert = insert.bind(time.and_then(TimeCorrection::duration_s));
     let insert = insert.bind(why).bind(now_ms).bind(MAX_EDITS).execute(tx).await.map_err(duplicate_or_missing)?;
     match insert.rows_affected() {
         0 => Err(StoreError::refused(format!(
@@ -241,6 +331,9 @@ async fn refuse_if_open(tx: &mut SqliteConnection, session: SessionId, kind: Edi
     if matches!(state, Some(JobState::Queued | JobState::Running)) {
         return Err(StoreError::refused("the session is being tracked: wait until it is scored, then edit it"));
     }
+    if kind == EditKind::Retime {
+        return Ok(()); // also of a session that could not be tracked, perhaps because of its times
+    }
     let result: Option<String> = sqlx::query_scalar(SELECT_CURRENT_RESULT).bind(session).fetch_optional(tx).await?;
     result.map(drop).ok_or_else(|| StoreError::refused("the session cannot be edited before it is scored"))
 }
@@ -258,7 +351,7 @@ fn score_state(state: JobState) -> ScoreState {
     }
 }
 
-/// Number of trims and swaps made and undone. It never decreases.
+/// Number of trims, swaps and time corrections made and undone. It never decreases.
 fn revision_of(items: &[EditRecord]) -> u64 {
     let of = |edit: &EditRecord| if affects_path(edit.kind) { 1 + u64::from(edit.undone_at_ms.is_some()) } else { 0 };
     items.iter().map(of).sum()

@@ -114,6 +114,7 @@ impl TestCentre {
             recorded_at_ms: None,
             video: Blob::of(content.as_bytes()),
             media_type: "video/mp4".to_owned(),
+            time: None,
         }
     }
 
@@ -149,7 +150,7 @@ impl TestCentre {
                 model: None,
             },
             edits: 0,
-            video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97 },
+            video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97, clock: None },
             tools: vec!["orange".to_owned()],
             features: vec![
                 feature("path_length", Ok(123.456_789_012_345)),

@@ -3,11 +3,13 @@
 
 use super::audit::note;
 use super::columns::{Insert, integer};
+use super::edits::time_of;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::sessions;
 use super::visibility::{BindScope, require_trainee};
 use super::{Scope, Store};
 use crate::domain::blob::Blob;
+use crate::domain::clock::TimeCorrection;
 use crate::domain::session::NewSession;
 use crate::domain::text::FileName;
 use crate::ids::{BoxId, PersonId, SessionId, TaskId, TraineeId, UploadId};
@@ -16,7 +18,7 @@ use crate::ids::{BoxId, PersonId, SessionId, TaskId, TraineeId, UploadId};
 pub struct UploadStore<'s>(pub(super) &'s Store);
 
 /// A recording that is arriving, or has just arrived.
-#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+#[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
 pub struct UploadRecord {
     /// Its id, and its file's name in the vault.
     pub id: UploadId,
@@ -34,6 +36,10 @@ pub struct UploadRecord {
     pub metadata: String,
     /// When it was recorded, epoch ms, if known.
     pub recorded_at_ms: Option<i64>,
+    /// The true frame rate, Hz, if the sender gave it.
+    pub true_frame_rate_hz: Option<f64>,
+    /// The true duration, s, if the sender gave it.
+    pub true_duration_s: Option<f64>,
     /// Total length, bytes.
     #[sqlx(try_from = "i64")]
     pub length: u64,
@@ -49,7 +55,7 @@ pub struct UploadRecord {
 }
 
 /// A recording that is about to arrive.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct NewUpload {
     /// Its id and the name of its file, which exists before the row.
     pub id: UploadId,
@@ -65,6 +71,8 @@ pub struct NewUpload {
     pub metadata: String,
     /// When it was recorded, epoch ms, if known.
     pub recorded_at_ms: Option<i64>,
+    /// The true time of the recording, if the sender gave it.
+    pub time: Option<TimeCorrection>,
     /// Total length, bytes.
     pub length: u64,
     /// When it expires unless more bytes arrive, epoch ms.
@@ -109,15 +117,16 @@ const COUNT_UNFINISHED: &str = "SELECT count(*) FROM upload WHERE session_id IS 
 
 const INSERT_UPLOAD: &str = "
     INSERT INTO upload (id, person_id, trainee_id, task_id, box_id, filename, metadata, recorded_at_ms, length, received,
-                        session_id, created_at_ms, expires_at_ms)
-    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)";
+                        session_id, created_at_ms, expires_at_ms, true_frame_rate_hz, true_duration_s)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15)";
 
 impl UploadRecord {
     fn insert(&self) -> Insert {
         let insert = sqlx::query(INSERT_UPLOAD).bind(self.id).bind(self.person_id).bind(self.trainee_id);
         let insert = insert.bind(self.task_id).bind(self.box_id).bind(&self.filename).bind(&self.metadata);
         let insert = insert.bind(self.recorded_at_ms).bind(integer(self.length)).bind(integer(self.received));
-        insert.bind(self.session_id).bind(self.created_at_ms).bind(self.expires_at_ms)
+        let insert = insert.bind(self.session_id).bind(self.created_at_ms).bind(self.expires_at_ms);
+        insert.bind(self.true_frame_rate_hz).bind(self.true_duration_s)
     }
 }
 
@@ -134,6 +143,8 @@ impl UploadStore<'_> {
             filename: new.filename,
             metadata: new.metadata,
             recorded_at_ms: new.recorded_at_ms,
+            true_frame_rate_hz: new.time.and_then(TimeCorrection::frame_rate_hz),
+            true_duration_s: new.time.and_then(TimeCorrection::duration_s),
             length: new.length,
             received: 0,
             session_id: None,
@@ -206,6 +217,7 @@ impl UploadStore<'_> {
             in_box: upload.box_id,
             filename: upload.filename,
             recorded_at_ms: upload.recorded_at_ms,
+            time: time_of(upload.true_frame_rate_hz, upload.true_duration_s),
             video,
             media_type,
         };

@@ -9,7 +9,7 @@ import { go, href } from '../router.js';
 import { t } from '../texts.js';
 import { problemTitle } from '../translate.js';
 import { Confirm } from '../parts/forms/dialog.js';
-import { SetAside } from '../parts/session/edits.js';
+import { Retimed, SetAside } from '../parts/session/edits.js';
 import { LiveFeatures, LiveView } from '../parts/live/live_view.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { Review } from '../parts/session/review.js';
@@ -53,6 +53,7 @@ export default function Session({ person, route }) {
       ${session.status === 'failed' && html`<${ProblemNotice}
         problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />`}
       <${SetAside} session=${session} edits=${edits} />
+      <${Retimed} session=${session} edits=${edits} />
       ${session.status === 'done' && html`<${Verdict} quality=${session.quality} /><${Skill} verdict=${session.verdict} />`}
       ${session.status !== 'receiving' && html`<${ReviewLoader} key=${`${session.id} ${session.status}`} session=${session}
         person=${person} edits=${edits} start=${Number(route.query.get('t')) || 0} onEdited=${() => (readEdits(), reload())} />`}

@@ -37,12 +37,14 @@ export default function UploadPage({ person, route }) {
 
 function Target({ target }) {
   const when = useRef(null);
+  const [rate, length] = [useRef(null), useRef(null)];
   const [filesRefused, setFilesRefused] = useState(false);
   const take = files => {
     if (!target.ids) return setFilesRefused(true);
     setFilesRefused(false);
     const recorded = when.current.value && new Date(when.current.value).toISOString();
-    addFiles([...files], { ...target.ids, ...(recorded ? { recorded_at: recorded } : {}) }, target.names);
+    const given = { recorded_at: recorded, true_frame_rate_hz: rate.current.value, true_duration_s: length.current.value };
+    addFiles([...files], { ...target.ids, ...Object.fromEntries(Object.entries(given).filter(([, text]) => text)) }, target.names);
     return undefined;
   };
   return html`
@@ -52,6 +54,15 @@ function Target({ target }) {
           <${RecordingTargetFields} target=${target} />
           <${Field} type="datetime-local" label=${words.when} hint=${words.whenHint} inputRef=${when} />
         </div>
+        <details class="small">
+          <summary>${words.time}</summary>
+          <p class="muted">${words.timeHint}</p>
+          <div class="fields">
+            <${Field} type="number" step="any" min="1" max="1000" label=${words.trueRate} inputRef=${rate} />
+            <${Field} type="number" step="any" min="0.1" max="86400" label=${words.trueLength} hint=${words.trueLengthHint}
+              inputRef=${length} />
+          </div>
+        </details>
         <${Drop} onFiles=${take} />
         ${filesRefused && !target.ids && html`<${TargetNeeded} />`}
       </div>

@@ -379,6 +379,12 @@ export default {
     lead: 'Bricht die Verbindung ab oder laden Sie die Seite neu, geht nichts verloren, was schon gesendet wurde.',
     when: 'Aufgenommen am',
     whenHint: 'Wenn leer: das Datum jeder Datei.',
+    time: 'Die Zeiten in der Datei stimmen nicht',
+    timeHint:
+      'Geben Sie eine Zahl an, wenn Sie wissen, dass die Aufnahme schneller oder langsamer lief, als die Datei angibt, zum Beispiel durch eine Uhr im Bild. Sie gilt für alle Dateien, die Sie danach auswählen. Zeitlupen von Telefonen werden von selbst erkannt.',
+    trueRate: 'Wahre Bildrate, Bilder pro Sekunde',
+    trueLength: 'Wahre Länge, Sekunden',
+    trueLengthHint: 'Vom ersten bis zum letzten Bild.',
     drop: 'Aufnahmen hier ablegen',
     or: 'MP4, MOV, MKV, AVI oder TS; auch mehrere auf einmal',
     pick: 'Dateien auswählen',
@@ -486,15 +492,17 @@ export default {
     },
     edits: {
       title: 'Bearbeitung',
-      kinds: { trim: 'Zuschneiden', swap: 'Instrumente tauschen', set_aside: 'Nicht werten' },
+      kinds: { trim: 'Zuschneiden', swap: 'Instrumente tauschen', retime: 'Zeiten berichtigen', set_aside: 'Nicht werten' },
       trim: span => `Auf ${span} zuschneiden`,
       swap: span => `Instrumente in ${span} tauschen`,
       markFirst: 'Zum Zuschneiden, oder um die Namen der Instrumente zu tauschen, markieren Sie zuerst einen Abschnitt unter den Kurven.',
-      asks: { trim: 'Diese Sitzung zuschneiden?', swap: 'Namen der Instrumente tauschen?', set_aside: 'Diese Sitzung nicht werten?' },
+      asks: { trim: 'Diese Sitzung zuschneiden?', swap: 'Namen der Instrumente tauschen?', retime: 'Zeiten dieser Sitzung berichtigen?', set_aside: 'Diese Sitzung nicht werten?' },
       does: {
         trim: span => `Nur ${span} zählt dann. Das Ergebnis wird daraus neu berechnet; die Aufnahme bleibt ganz, und Sie können dies rückgängig machen.`,
         swap: (span, pair) =>
           `In ${span} ${pair ? `wird ${pair[0]} zu ${pair[1]} und umgekehrt` : 'tauschen zwei Instrumente ihre Namen'}. Das Ergebnis wird neu berechnet; Sie können dies rückgängig machen.`,
+        retime: () =>
+          'Alle Zeiten werden umgerechnet, sodass die Aufnahme ihre wahre Bildrate oder ihre wahre Länge hat. Sie wird dann neu ausgewertet: Dauer, Geschwindigkeiten und alles, was davon abhängt, ändern sich. Sie können dies rückgängig machen.',
         set_aside: () =>
           'Sie bleibt sichtbar und zählt in keinem Verlauf, keiner Kohorte, keinem Standard, keinem Modell und keiner Korrelation. Sie können dies rückgängig machen.',
       },
@@ -503,6 +511,7 @@ export default {
       whyHint: {
         trim: 'Für alle, die es später lesen: „Sprach die erste Minute mit der Ausbilderin.“',
         swap: 'Für alle, die es später lesen: „Nahm hier die Instrumente in die jeweils andere Hand.“',
+        retime: 'Für alle, die es später lesen: „Eine Stoppuhr im Bild zeigt 61 s.“',
         set_aside: 'Für alle, die es später lesen: „Jemand anderes hat unter diesem Namen geübt.“',
       },
       says: {
@@ -510,6 +519,14 @@ export default {
         swap: (span, tools) => `${tools.join(' und ')} in ${span} getauscht`,
         set_aside: () => 'Nicht gewertet',
       },
+      rateIs: rate => `Wahre Bildrate: ${rate} Bilder pro Sekunde`,
+      lengthIs: length => `Wahre Länge: ${length} s`,
+      whichTime: 'Was ist bekannt?',
+      times: { rate: 'Die wahre Bildrate', length: 'Die wahre Länge' },
+      trueRate: 'Bilder pro Sekunde',
+      trueLength: 'Sekunden vom ersten bis zum letzten Bild',
+      fileSays: (rate, length) => `Laut Datei sind es ${rate} Bilder pro Sekunde und ${length} s.`,
+      withRecording: 'Mit der Aufnahme angegeben.',
       undo: 'Rückgängig',
       undoThis: what => `Rückgängig: ${what}`,
       undone: n => plural(n, 'rückgängig gemachte Bearbeitung', 'rückgängig gemachte Bearbeitungen'),
@@ -521,6 +538,16 @@ export default {
       aside: 'Diese Sitzung wird nicht gewertet: Sie zählt nirgends',
       asideBody: 'Unter „Bearbeitung“ steht, wer das entschieden hat und warum.',
       asideBy: (why, who, when) => `${why} – ${who}, ${when}`,
+    },
+    retimed: {
+      title: 'Die Zeiten dieser Aufnahme wurden berichtigt',
+      slowTitle: 'Diese Aufnahme ist eine Zeitlupe: Ihre Zeiten wurden berichtigt',
+      lapseTitle: 'Diese Aufnahme ist ein Zeitraffer: Ihre Zeiten wurden berichtigt',
+      from: (rate, length, newRate, newLength) =>
+        `Von ${rate} Bildern pro Sekunde und ${length} s, wie die Datei angibt, auf ${newRate} Bilder pro Sekunde und ${newLength} s.`,
+      captured: rate => `Laut Datei wurde sie mit ${rate} Bildern pro Sekunde aufgenommen.`,
+      by: (who, when) => `Berichtigt: ${who}, ${when}.`,
+      wrong: 'Stimmt das nicht, so geben Sie unter „Bearbeitung“ die wahre Bildrate an.',
     },
     readouts: 'Werte an dieser Stelle',
     tool: 'Instrument',
@@ -2240,6 +2267,7 @@ export default {
       'crowded-colour': ['Zu viele Instrumente haben dieselbe Farbe'],
       'feed-unreadable': ['Die Bilder lassen sich nicht lesen'],
       'high-dynamic-range': ['Die Aufnahme hat erhöhten Dynamikumfang (HDR)', 'Schalten Sie HDR-Video in den Einstellungen der Kamera oder ihrer App aus, und nehmen Sie noch einmal auf.'],
+      'impossible-time': ['Die angegebene Bildrate oder Länge passt nicht zur Aufnahme'],
       'input-damaged': ['Was die Arbeit braucht, ist beschädigt', 'Eine gespeicherte Datei, die diese Arbeit braucht, ist beschädigt: Stellen Sie sie aus einer Sicherung wieder her, und versuchen Sie es erneut.'],
       'input-gone': ['Was die Arbeit braucht, ist weg'],
       'mark-beyond-the-end': ['Ein Rechteck liegt auf einem Bild, das es nicht gibt'],

@@ -293,6 +293,12 @@ export default {
     lead: 'If the connection breaks or you reload the page, what was already sent is not lost.',
     when: 'Recorded at',
     whenHint: 'If empty: the date of each file.',
+    time: 'The times in the file are wrong',
+    timeHint:
+      'Give one number if you know that the recorder kept another pace than the file says, for example from a clock in the picture. It counts for all files that you choose next. Slow motion of phones is recognised by itself.',
+    trueRate: 'True frame rate, frames a second',
+    trueLength: 'True length, seconds',
+    trueLengthHint: 'From the first frame to the last.',
     drop: 'Drop recordings here',
     or: 'MP4, MOV, MKV, AVI or TS; several at once are fine',
     pick: 'Choose files',
@@ -400,15 +406,17 @@ export default {
     },
     edits: {
       title: 'Edits',
-      kinds: { trim: 'Trim', swap: 'Swap tools', set_aside: 'Set aside' },
+      kinds: { trim: 'Trim', swap: 'Swap tools', retime: 'Correct the times', set_aside: 'Set aside' },
       trim: span => `Trim to ${span}`,
       swap: span => `Swap tools in ${span}`,
       markFirst: 'To trim the session or to swap the names of the tools, mark a span under the curves first.',
-      asks: { trim: 'Trim this session?', swap: 'Swap the names of the tools?', set_aside: 'Set this session aside?' },
+      asks: { trim: 'Trim this session?', swap: 'Swap the names of the tools?', retime: 'Correct the times of this session?', set_aside: 'Set this session aside?' },
       does: {
         trim: span => `Only ${span} will count. The score is recalculated from it. The recording stays complete, and you can undo this.`,
         swap: (span, pair) =>
           `In ${span}, ${pair ? `${pair[0]} becomes ${pair[1]} and vice versa` : 'two tools swap names'}. The score is recalculated; you can undo this.`,
+        retime: () =>
+          'All times are scaled, so that the recording has its true frame rate or its true length. It is then tracked again: durations, speeds and everything that depends on them change. You can undo this.',
         set_aside: () =>
           'It stays visible but counts in no progress, cohort, standard, model or correlation. You can undo this.',
       },
@@ -417,6 +425,7 @@ export default {
       whyHint: {
         trim: 'For later readers: “Talked to the instructor for the first minute.”',
         swap: 'For later readers: “Held each instrument in the other hand here.”',
+        retime: 'For later readers: “A stopwatch in the picture shows 61 s.”',
         set_aside: 'For later readers: “Another person trained under this name.”',
       },
       says: {
@@ -424,6 +433,14 @@ export default {
         swap: (span, tools) => `${tools.join(' and ')} swapped in ${span}`,
         set_aside: () => 'Set aside',
       },
+      rateIs: rate => `True frame rate: ${rate} frames a second`,
+      lengthIs: length => `True length: ${length} s`,
+      whichTime: 'What do you know?',
+      times: { rate: 'The true frame rate', length: 'The true length' },
+      trueRate: 'Frames a second',
+      trueLength: 'Seconds from the first frame to the last',
+      fileSays: (rate, length) => `The file says ${rate} frames a second and ${length} s.`,
+      withRecording: 'Given with the recording.',
       undo: 'Undo',
       undoThis: what => `Undo: ${what}`,
       undone: n => plural(n, 'undone edit', 'undone edits'),
@@ -435,6 +452,16 @@ export default {
       aside: 'This session is set aside: it does not count',
       asideBody: 'The section “Edits” shows who set it aside and why.',
       asideBy: (why, who, when) => `${why} – ${who}, ${when}`,
+    },
+    retimed: {
+      title: 'The times of this recording were corrected',
+      slowTitle: 'This recording is slow motion: its times were corrected',
+      lapseTitle: 'This recording is time lapse: its times were corrected',
+      from: (rate, length, newRate, newLength) =>
+        `From ${rate} frames a second and ${length} s, as the file says, to ${newRate} frames a second and ${newLength} s.`,
+      captured: rate => `The file says that it was captured at ${rate} frames a second.`,
+      by: (who, when) => `Corrected by ${who}, ${when}.`,
+      wrong: 'If that is wrong, give the true frame rate under “Edits”.',
     },
     readouts: 'Values at this moment',
     tool: 'Tool',

@@ -69,6 +69,32 @@ fn a_recording_becomes_a_path_that_can_be_judged_and_scored() {
     assert!(scored.status.success() && !scored.stdout.is_empty(), "{scored:?}");
 }
 
+#[test]
+fn the_true_frame_rate_or_duration_scales_all_times() {
+    let folder = scene();
+    let last_time = |options: &str| {
+        let output = trocar(folder.path(), &format!("{TRACK}{options}"));
+        assert!(output.status.success(), "{options}: {output:?}");
+        let table = String::from_utf8(output.stdout).unwrap();
+        table.lines().next_back().unwrap().split(',').nth(1).unwrap().parse::<f64>().unwrap()
+    };
+    assert!((last_time("") - 0.96).abs() < 1e-6);
+    assert!((last_time(" --frame-rate 50") - 0.48).abs() < 1e-6);
+    assert!((last_time(" --duration 1.92") - 1.92).abs() < 1e-6);
+    let said = trocar(folder.path(), &format!("{} --out t.csv --frame-rate 50", TRACK.replace("--quiet ", "")));
+    let said = String::from_utf8(said.stderr).unwrap();
+    assert!(said.contains("all times of the file are multiplied by 0.5000"), "{said}");
+    for (options, name) in [
+        ("--frame-rate 0", "--frame-rate"),
+        ("--duration 86400", "--duration"),
+        ("--frame-rate 1000 --duration 5", "--duration"),
+    ] {
+        let output = trocar(folder.path(), &format!("{TRACK} {options}"));
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && stderr.contains(name), "{options}: {stderr}");
+    }
+}
+
 /// Keeps two of five rows, so that the coverage of the path is too low.
 fn write_sparse_path(folder: &Path) {
     let text = fs::read_to_string(folder.join("track.csv")).unwrap();

@@ -154,6 +154,7 @@ impl Planter {
             recorded_at_ms: Some(recorded_at_ms),
             video: Blob::of(format!("{trainee} {recorded_at_ms}").as_bytes()),
             media_type: "video/mp4".to_owned(),
+            time: None,
         };
         self.store.sessions().create(&Scope::service(), new).await.unwrap().id
     }
@@ -174,7 +175,7 @@ impl Planter {
                 model: None,
             },
             edits: 0,
-            video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97 },
+            video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97, clock: None },
             tools: vec!["orange".to_owned()],
             features,
             evidence: self.evidence.clone(),

@@ -2,6 +2,7 @@
 
 use super::palette::ColourMark;
 use crate::analysis::calibration::ViewsError;
+use crate::analysis::clock::ClockError;
 use crate::analysis::self_test::SelfTestError;
 use crate::domain::problem::Problem;
 use crate::media::{MediaError, MuxError, SourceError};
@@ -31,6 +32,18 @@ impl ToProblem for MediaError {
             MediaError::Ffmpeg { .. } => ("cannot-decode", "The recording cannot be decoded"),
         };
         Problem::new(slug, title, self.to_string())
+    }
+}
+
+impl ToProblem for ClockError {
+    fn to_problem(&self) -> Problem {
+        match self {
+            ClockError::Media(error) => error.to_problem(),
+            ClockError::Rewind(_) => Problem::new("cannot-decode", "The recording cannot be decoded", self.to_string()),
+            ClockError::Correction(invalid) => {
+                Problem::new("impossible-time", "The given frame rate or duration does not fit", invalid.to_string())
+            }
+        }
     }
 }
 

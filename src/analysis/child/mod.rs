@@ -115,7 +115,7 @@ child_works! {
     /// Decode one recording: size, frames, a preview.
     Probe, probe: probe::ProbeWork;
     /// Track one recording.
-    Track, track: crate::vision::tracker::TrackerSettings;
+    Track, track: track::TrackWork;
     /// Collect colours and report on them: from one clip, or from one picture per frame.
     Palette, palette: palette::PaletteWork;
     /// Find out which tapes suit a box: from a photo of the box without tools, or from a video's first frame.

@@ -125,7 +125,7 @@ fn is_consistent_hold(hold: &HoldReport, board: RequestedBoard, placements: usiz
 mod tests {
     use super::*;
     use crate::analysis::child::ChildWork;
-    use crate::analysis::child::track::tests::settings;
+    use crate::analysis::child::track::tests::{settings, work};
     use crate::analysis::output_validator::validate_records;
     use crate::domain::self_test::{NotCountedReason, PlacementReport};
 
@@ -219,7 +219,7 @@ mod tests {
             assert!(hears(&[&forged]).is_err(), "forgery {number}");
         }
         assert!(
-            validate_records(&ChildWork::Track(settings()), vec![WorkRecord::SelfTest(Box::new(honest))]).is_err(),
+            validate_records(&ChildWork::Track(work()), vec![WorkRecord::SelfTest(Box::new(honest))]).is_err(),
             "not requested"
         );
     }

@@ -55,7 +55,7 @@ proptest! {
     fn arbitrary_records_are_accepted_or_refused_but_never_panic(
         records in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..80), 1..8),
     ) {
-        let work = ChildWork::Track(crate::analysis::child::track::tests::settings());
+        let work = ChildWork::Track(crate::analysis::child::track::tests::work());
         let path = TrackRecord::Path { kind: PathKind::Raw, rows: vec![] };
         // Two bytes select the records of tracking; random bytes alone would seldom reach them.
         let tracking = encode(&ChildReply::Record(WorkRecord::Track(path))).unwrap()[..2].to_vec();

@@ -24,6 +24,7 @@ pub use super::child::mask::MaskWork;
 pub use super::child::palette::{ColourMark, PaletteWork};
 pub use super::child::probe::ProbeWork;
 pub use super::child::self_test::SelfTestWork;
+pub use super::child::track::TrackWork;
 pub use super::child::{ChildWork, WorkRecord};
 use crate::domain::problem::Problem;
 

@@ -18,10 +18,13 @@ use progress::TrackProgress;
 use stages::{StageClock, TrackStage};
 
 use super::{CommandFailure, verdict};
+use crate::analysis::clock::{ClockError, open_with_clock};
+use crate::domain::clock::{ClockBasis, RecordingClock, TimeCorrection};
 use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::files::trajectory::write_csv;
+use crate::domain::text::Invalid;
 use crate::heap;
 use crate::media::{MediaError, MediaLimits, Picture, ReadAhead, VideoFile};
 use crate::motion::quality::{self, QualityInput};
@@ -62,6 +65,12 @@ pub struct TrackArgs {
     quality: Option<PathBuf>,
     #[command(flatten)]
     debug: DebugArgs,
+    /// True frame rate of the recording, where its time stamps are wrong: all times are scaled to it.
+    #[arg(long, value_name = "HZ", conflicts_with = "duration")]
+    frame_rate: Option<f64>,
+    /// True time from the first frame to the last, seconds, where the time stamps are wrong.
+    #[arg(long, value_name = "S")]
+    duration: Option<f64>,
     /// Print only errors.
     #[arg(long)]
     quiet: bool,
@@ -86,7 +95,7 @@ pub fn run(args: TrackArgs) -> Result<(), CommandFailure> {
     let marked = AnnotationsFile::parse(&read(&args.annotations)?).map_err(|e| about(&args.annotations, e))?;
     clock.add_lap(TrackStage::Samples);
     let marks = ClipMarks::new(&marked, &args.annotations, &args.video);
-    let PassResult { tracking, live, frames_expected, frames_interlaced, .. } =
+    let PassResult { tracking, live, frames_expected, frames_interlaced, time, .. } =
         collect_and_track(&args, &camera, &marked, &marks, pictures.as_mut(), &mut clock)?;
     heap::release_free_memory(); // the paths need the memory now
     let mut trajectory = match (args.raw, live) {
@@ -120,6 +129,7 @@ pub fn run(args: TrackArgs) -> Result<(), CommandFailure> {
         writeln!(file, "{text}").and_then(|()| file.flush()).with_context(|| format!("writing {}", path.display()))?;
     }
     if !args.quiet {
+        report_times(time);
         report(&tracking);
         pictures.iter().for_each(|pictures| eprintln!("{}", pictures.report()));
         eprint!("{}", verdict::text(&judged));
@@ -214,6 +224,7 @@ struct PassResult {
     samples: Option<ColourSamples>,
     frames_expected: Option<u64>,
     frames_interlaced: u64,
+    time: RecordingClock,
 }
 
 /// Tracks every frame of the recording, while another thread decodes the next frames.
@@ -225,7 +236,7 @@ fn track_recording(
     clock: &mut StageClock,
 ) -> Result<PassResult, CommandFailure> {
     let in_video = |error: MediaError| about(&args.video, error);
-    let video = open(&args.video)?;
+    let (video, time) = open_with_time(args)?;
     let info = video.info();
     clock.add_lap(TrackStage::Opening);
     let progress = TrackProgress::new(info.frames_expected, args.quiet);
@@ -272,7 +283,7 @@ fn track_recording(
     let tracking = tracker.finish();
     clock.add_lap(TrackStage::Finishing);
     let samples = again.and_then(SampleCollector::into_samples);
-    Ok(PassResult { tracking, live, samples, frames_expected: info.frames_expected, frames_interlaced })
+    Ok(PassResult { tracking, live, samples, frames_expected: info.frames_expected, frames_interlaced, time })
 }
 
 /// A labelled rectangle as a mark of its colour. The rectangle must lie inside the frame.
@@ -285,6 +296,37 @@ pub(super) fn rectangle(marked: &AnnotationsFile, label: &LabelledRectangle) -> 
 fn tools(marked: &AnnotationsFile, path: &Path) -> Result<Vec<ToolSpec>, CommandFailure> {
     let tools = marked.marked_tools().map_err(|e| about(path, e))?;
     Ok(tools.into_iter().map(ToolSpec::from).collect())
+}
+
+/// Opens the recording with the times that the arguments or its capture rate give.
+fn open_with_time(args: &TrackArgs) -> Result<(VideoFile, RecordingClock), CommandFailure> {
+    let time = TimeCorrection::new(args.frame_rate, args.duration);
+    let time = time.map_err(|invalid| CommandFailure::Input(anyhow::anyhow!("{}", as_options(&invalid))))?;
+    let file = File::open(&args.video).map_err(|e| about(&args.video, e))?;
+    match open_with_clock(file, time, MediaLimits::default()) {
+        Err(ClockError::Correction(invalid)) => {
+            Err(CommandFailure::Input(anyhow::anyhow!("{}: {}", args.video.display(), as_options(&invalid))))
+        }
+        opened => opened.map_err(|e| about(&args.video, e)),
+    }
+}
+
+/// A refusal of a correction, with the names of the options instead of those of the API.
+fn as_options(invalid: &Invalid) -> String {
+    invalid.to_string().replace("true_frame_rate_hz", "--frame-rate").replace("true_duration_s", "--duration")
+}
+
+/// Says that the times are not those of the file.
+fn report_times(RecordingClock { basis, factor, capture_rate_hz }: RecordingClock) {
+    match (basis, capture_rate_hz) {
+        (ClockBasis::Stamps, _) => {}
+        (ClockBasis::CaptureRate, Some(rate)) => eprintln!(
+            "times: the file says that it was captured at {rate} frames a second and plays at {:.4}; all times are \
+             multiplied by {factor:.4}. If that is wrong, give --frame-rate",
+            rate * factor
+        ),
+        _ => eprintln!("times: all times of the file are multiplied by {factor:.4}"),
+    }
 }
 
 fn report(tracking: &Tracking) {

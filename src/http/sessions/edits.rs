@@ -1,4 +1,4 @@
-//! Edits of a scored session: trim it, swap the names of its tools, set it aside. Each edit can be undone.
+//! Edits of a scored session: trim it, swap the names of its tools, correct its times, set it aside. Each edit can be undone.
 
 use axum::extract::State;
 use serde::Serialize;
@@ -6,6 +6,7 @@ use utoipa::ToSchema;
 
 use crate::analysis::edits::check_edit;
 use crate::analysis::paths::SessionPaths;
+use crate::domain::clock::{StampFacts, TimeCorrection};
 use crate::domain::edit::{EditChange, EditKind, NewEdit, ScoreState, kept_span};
 use crate::domain::scope::Scope;
 use crate::http::auth::signed_in::{Member, Staff};
@@ -28,6 +29,10 @@ pub struct EditResponse {
     to_s: Option<f64>,
     /// The two tools whose names are swapped.
     tools: Option<[String; 2]>,
+    /// The true frame rate of a `retime`, Hz.
+    true_frame_rate_hz: Option<f64>,
+    /// The true duration of a `retime`, from the first frame to the last, s.
+    true_duration_s: Option<f64>,
     /// The reason: plain text, never markup.
     why: String,
     /// Name of the person who made the edit; `null` if the person was deleted.
@@ -52,7 +57,7 @@ pub struct EditsResponse {
     items: Vec<EditResponse>,
     /// The stretch that the trims in force leave; `null`: the whole recording.
     kept: Option<KeptStretch>,
-    /// Revision of the trims and swaps. A `POST` with an outdated revision is refused.
+    /// Revision of the edits that change the score. A `POST` with an outdated revision is refused.
     revision: u64,
     /// Whether the score includes the edits in force.
     score: ScoreState,
@@ -71,11 +76,20 @@ pub struct KeptStretch {
 
 impl From<store::EditRecord> for EditResponse {
     fn from(edit: store::EditRecord) -> Self {
-        let store::EditRecord { id, kind, from_s, to_s, tools, why, who, created_at_ms, undone_by, undone_at_ms } =
-            edit;
-        let undone = undone_at_ms.map(|at| Undone { who: undone_by.map(String::from), at: Time(at) });
-        let (why, who, created_at) = (why.into(), who.map(String::from), Time(created_at_ms));
-        Self { id, kind, from_s, to_s, tools, why, who, created_at, undone }
+        let undone_by = edit.undone_by.map(String::from);
+        Self {
+            id: edit.id,
+            kind: edit.kind,
+            from_s: edit.from_s,
+            to_s: edit.to_s,
+            tools: edit.tools,
+            true_frame_rate_hz: edit.true_frame_rate_hz,
+            true_duration_s: edit.true_duration_s,
+            why: edit.why.into(),
+            who: edit.who.map(String::from),
+            created_at: Time(edit.created_at_ms),
+            undone: edit.undone_at_ms.map(|at| Undone { who: undone_by, at: Time(at) }),
+        }
     }
 }
 
@@ -102,12 +116,18 @@ pub async fn edits(State(app): State<App>, by: Member, at: PathKey) -> HandlerRe
     Ok(Json(app.store.edits().of_session(&by.scope, at.id()?).await?.into()))
 }
 
-/// Trim a session, swap the names of two tools over a stretch, or set the session aside
+/// Trim a session, swap the names of two tools over a stretch, correct its times, or set the session aside
 ///
 /// An edit changes no measurement. After a trim or a swap, the service computes a new result from the stored path and
 /// keeps the old ones. Features, quality, evidence and advice of the new result, and of every later one until the edit
-/// is undone, cover only the stretch that is left. Trims add up: the stretch inside all of them counts. A session that
-/// is set aside keeps its score, but counts in no progress, cohort, standard, model or correlation.
+/// is undone, cover only the stretch that is left. Trims add up: the stretch inside all of them counts.
+///
+/// A `retime` gives the true frame rate, or the true time from the first frame to the last. All times of the file are
+/// multiplied by one factor, and the recording is tracked again with them, since speeds follow. The latest `retime` in
+/// force counts; without one, the times are those of the file, or of the capture rate that the file states. Trims, swaps
+/// and comments keep their places in the recording.
+///
+/// A session that is set aside keeps its score, but counts in no progress, cohort, standard, model or correlation.
 #[utoipa::path(post, path = "/sessions/{id}/edits", tag = "sessions",
     params(("id" = String, Path, description = "id")), request_body = NewEdit,
     responses((status = CREATED, body = EditResponse)))]
@@ -122,6 +142,10 @@ pub async fn edit(
     app.store.sessions().get(&by.scope, session).await?;
     let (change, seen) = match change {
         EditChange::SetAside => (change, None),
+        EditChange::Retime(time) => {
+            app.check_time(&by.scope, session, time).await?;
+            (change, None)
+        }
         EditChange::Trim(_) | EditChange::Swap(..) => app.check_change(&by.scope, session, change).await?,
     };
     let edit = app.store.edits().add(&by.scope, session, (change, new.why), new.revision.or(seen)).await?;
@@ -172,6 +196,17 @@ impl App {
             Ok((check_edit(&paths, &in_force, change)?, Some(in_force.revision)))
         });
         checked.await.map_err(|cause| ProblemResponse::internal("reading a stored trajectory", cause))?
+    }
+
+    /// Checks a correction against the times of the session's result. A session without a result has no known times; its
+    /// tracking then checks the correction.
+    async fn check_time(&self, scope: &Scope, session: SessionId, time: TimeCorrection) -> HandlerResult<()> {
+        let result = self.store.sessions().result(scope, session).await?;
+        if let Some(clock) = result.and_then(|result| result.video.clock) {
+            let stamps = StampFacts { rate_hz: clock.stamped_frame_rate_hz, duration_s: clock.stamped_duration_s };
+            time.factor(stamps)?;
+        }
+        Ok(())
     }
 
     /// Notifies workers of a possible job, and watchers of the session's new state.

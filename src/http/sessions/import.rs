@@ -62,7 +62,8 @@ pub async fn import(
     let tracker: TrackerName = tracker.as_deref().unwrap_or(UNNAMED_TRACKER).parse()?;
     let filename = filename.or_else(|| Some("trajectory.csv".to_owned()));
     let about =
-        app.intake.resolve(&by.scope, RecordingDescription { trainee, task, in_box, filename, recorded_at }).await?;
+        RecordingDescription { trainee, task, in_box, filename, recorded_at, ..RecordingDescription::default() };
+    let about = app.intake.resolve(&by.scope, about).await?;
     let most = app.intake.max_table_bytes();
     if content_length(request.headers()).is_some_and(|length| length > most as u64) {
         return Err(too_large(most as u64));

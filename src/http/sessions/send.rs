@@ -32,6 +32,12 @@ pub struct SendQuery {
     filename: Option<String>,
     /// When it was recorded, RFC 3339; default: now.
     recorded_at: Option<String>,
+    /// The true frame rate, Hz, where the file's time stamps are wrong. All times are scaled to it.
+    #[param(value_type = Option<f64>)]
+    true_frame_rate_hz: Option<String>,
+    /// The true time from the first frame to the last, s: instead of the frame rate.
+    #[param(value_type = Option<f64>)]
+    true_duration_s: Option<String>,
 }
 
 /// Send a recording in one request
@@ -50,9 +56,10 @@ pub async fn send(
     request: Request,
 ) -> HandlerResult<Created<SessionResponse>> {
     refuse_forms(&request)?;
-    let SendQuery { trainee, task, in_box, filename, recorded_at } = of;
-    let recording =
-        app.intake.resolve(&by.scope, RecordingDescription { trainee, task, in_box, filename, recorded_at }).await?;
+    let SendQuery { trainee, task, in_box, filename, recorded_at, true_frame_rate_hz, true_duration_s } = of;
+    let about =
+        RecordingDescription { trainee, task, in_box, filename, recorded_at, true_frame_rate_hz, true_duration_s };
+    let recording = app.intake.resolve(&by.scope, about).await?;
     if let Some(length) = content_length(request.headers()) {
         app.intake.check_length(length)?;
     }

@@ -7,7 +7,9 @@ use utoipa::ToSchema;
 use crate::domain::feature::StoredFeatureKey;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::problem;
-use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, LiveFeature, SessionStatus, Versions};
+use crate::domain::session::{
+    FeatureError, FeatureRow, FeatureSpace, LiveFeature, ResultClock, SessionStatus, Versions,
+};
 use crate::domain::skill::SkillVerdict;
 use crate::domain::standard::{Better, Judgement, ValueToJudge};
 use crate::domain::text::TrackerName;
@@ -80,7 +82,7 @@ pub struct VideoResponse {
     /// SHA-256 of the file, 64 hexadecimal digits; `null` while it arrives.
     sha256: Option<String>,
     media_type: String,
-    /// Width as displayed, pixels; `null`, like the next three, until the video was decoded.
+    /// Width as displayed, pixels; `null`, like the next four, until the video was decoded.
     width: Option<u32>,
     /// Height as displayed, pixels.
     height: Option<u32>,
@@ -88,6 +90,10 @@ pub struct VideoResponse {
     frames: Option<u64>,
     /// Time from the first frame to the last, s.
     duration_s: Option<f64>,
+    /// How the times were computed from the file's time stamps; `null` for results of earlier versions. Times of the
+    /// session are the file's times, multiplied by `factor`. Where a person corrected them, `GET /sessions/{id}/edits`
+    /// gives name, date and reason.
+    clock: Option<ResultClock>,
 }
 
 /// One feature of a session.
@@ -143,6 +149,7 @@ impl SessionResponse {
             height: facts.and_then(|facts| facts.height),
             frames: facts.map(|facts| facts.frames),
             duration_s: facts.map(|facts| facts.duration_s),
+            clock: facts.and_then(|facts| facts.clock),
         };
         let mut shown = Self {
             id: session.id,

@@ -32,7 +32,8 @@ pub async fn describe(State(app): State<App>, _by: Member) -> Response {
 /// Begin an upload, or send a short recording in one request
 ///
 /// `Upload-Metadata` contains `trainee`, `task` and `box` by id or code (a trainee may leave `trainee` out), and
-/// optionally `filename` and `recorded_at` (RFC 3339). A body of `application/offset+octet-stream` is the first piece.
+/// optionally `filename`, `recorded_at` (RFC 3339), and where the file's time stamps are wrong `true_frame_rate_hz` or
+/// `true_duration_s` (decimal numbers). A body of `application/offset+octet-stream` is the first piece.
 #[utoipa::path(post, path = "/uploads", tag = "uploads",
     params(("Tus-Resumable" = String, Header, description = "`1.0.0`"),
         ("Upload-Length" = u64, Header, description = "Total number of bytes"),
@@ -66,7 +67,7 @@ fn upload_length(headers: &HeaderMap) -> HandlerResult<u64> {
 
 impl From<Metadata> for RecordingDescription {
     fn from(metadata: Metadata) -> Self {
-        let Metadata { filename, trainee, task, box_, recorded_at } = metadata;
-        Self { trainee, task, in_box: box_, filename, recorded_at }
+        let Metadata { filename, trainee, task, box_, recorded_at, true_frame_rate_hz, true_duration_s } = metadata;
+        Self { trainee, task, in_box: box_, filename, recorded_at, true_frame_rate_hz, true_duration_s }
     }
 }

@@ -4,6 +4,7 @@
 //! only that packet, and every failure has a reason.
 
 mod by_number;
+mod stamps;
 
 use std::io::{Read, Seek};
 
@@ -14,6 +15,7 @@ use super::clock::FrameClock;
 use super::picture::Picture;
 use super::picture_maker::{PictureMaker, Rotation};
 use super::{MediaError, MediaLimits};
+use crate::domain::clock::FRAME_RATES_HZ;
 
 /// Accepted containers. FFmpeg would otherwise follow playlists to other files.
 const CONTAINERS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts";
@@ -52,6 +54,10 @@ pub struct RecordingInfo {
     pub frames_expected: Option<u64>,
     /// Duration as stated, s.
     pub duration_s: Option<f64>,
+    /// Frame rate as stated, Hz.
+    pub rate_hz: Option<f64>,
+    /// Rate at which the recorder says that it captured, Hz. In slow motion it differs from the frame rate.
+    pub capture_rate_hz: Option<f64>,
 }
 
 /// An open recording.
@@ -60,6 +66,8 @@ pub struct VideoFile {
     decoder: ff::decoder::Video,
     stream: usize,
     clock: FrameClock,
+    /// Every time is the clock's, multiplied by this factor.
+    time_factor: f64,
     maker: PictureMaker,
     info: RecordingInfo,
     limits: MediaLimits,
@@ -109,11 +117,19 @@ impl VideoFile {
         let decoder = open_decoder(&stream, limits)?;
         let (width, height) = rotation.turned(width, height);
         Ok(Self {
-            info: RecordingInfo { width, height, frames_expected, duration_s },
+            info: RecordingInfo {
+                width,
+                height,
+                frames_expected,
+                duration_s,
+                rate_hz: has_rate.then_some(rate),
+                capture_rate_hz: capture_rate_of(&input),
+            },
             input,
             decoder,
             stream: index,
             clock,
+            time_factor: 1.0,
             maker: PictureMaker::new(rotation),
             limits,
             decoded: 0,
@@ -126,6 +142,11 @@ impl VideoFile {
     /// The container's statements.
     pub fn info(&self) -> RecordingInfo {
         self.info
+    }
+
+    /// Multiplies the times of all frames by this factor. Call it before the first picture.
+    pub fn scale_times(&mut self, factor: f64) {
+        self.time_factor = factor;
     }
 
     /// The next frame in presentation order, or `None` at the end. A damaged packet is skipped; a file that was cut
@@ -210,7 +231,7 @@ impl VideoFile {
         if self.decoded >= self.limits.frames {
             return Err(over_limit("the number of frames", self.decoded + 1, self.limits.frames));
         }
-        let time_s = self.clock.time_s(video.timestamp().or(video.pts()));
+        let time_s = self.clock.time_s(video.timestamp().or(video.pts())) * self.time_factor;
         if time_s > self.limits.duration_s {
             return Err(over_limit("the duration in seconds", time_s, self.limits.duration_s));
         }
@@ -254,6 +275,14 @@ pub(super) fn stated_size(stream: &format::stream::Stream<'_>) -> Result<(u32, u
         (Ok(width @ 1..), Ok(height @ 1..)) => Ok((width, height)),
         _ => Err(MediaError::NoFrames),
     }
+}
+
+/// Key of the capture rate in MP4 and MOV files of phones.
+const CAPTURE_RATE: &str = "com.android.capture.fps";
+
+fn capture_rate_of(input: &format::context::Input) -> Option<f64> {
+    let stated = input.metadata().get(CAPTURE_RATE)?.trim().parse().ok();
+    stated.filter(|rate| FRAME_RATES_HZ.contains(rate))
 }
 
 fn stated_duration(ticks: i64) -> Option<f64> {

@@ -8,7 +8,7 @@ use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::job::{JobInput, JobPriority, KeyVersion, RescoreInput, TrackInput};
 use crate::ids::{BoxId, CalibrationId, JobId, PaletteId, ResultId, SessionId};
 use crate::motion::PIPELINE_VERSION;
-use crate::store::edits::revision;
+use crate::store::edits::{revision, time_in_force};
 
 /// Inserts a job, or finds the one with the same natural key (kind, input, versions). A failed or quarantined job is
 /// queued again.
@@ -135,7 +135,8 @@ pub(in crate::store) async fn enqueue_track_with_priority(
     let Some(row) = row else { return Ok(None) };
     let (Some(calibration), Some(palette)) = (row.calibration, row.palette) else { return Ok(None) };
     let video = Blob { hash: row.hash, bytes: row.bytes.unsigned_abs() };
-    let input = JobInput::Track(TrackInput { session, video, calibration, palette });
+    let (time, time_revision) = time_in_force(tx, session).await?;
+    let input = JobInput::Track(TrackInput { session, video, calibration, palette, time, time_revision });
     insert_with_priority(tx, &input, priority, now_ms, max_attempts).await.map(Some)
 }
 

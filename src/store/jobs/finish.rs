@@ -6,7 +6,8 @@ use sqlx::types::Json;
 
 use super::super::calibrations::{self, CalibrationRecord};
 use super::super::columns::integer;
-use super::super::edits::revision;
+use super::super::comments::scale_comments;
+use super::super::edits::{revision, scale_edits, time_in_force};
 use super::super::error::StoreResult;
 use super::super::palettes::{self, PaletteRecord};
 use super::super::sessions::evidence;
@@ -16,9 +17,10 @@ use super::lease::end_as_done;
 use super::{JobStore, Lease};
 use crate::domain::calibration::NewCalibration;
 use crate::domain::evidence::EvidenceRow;
+use crate::domain::job::JobInput;
 use crate::domain::palette::{NewPalette, PaletteAdvice};
 use crate::domain::self_test::NewSelfTest;
-use crate::domain::session::{FeatureRow, NewResult, NewScore};
+use crate::domain::session::{FeatureRow, NewResult, NewScore, ResultClock};
 use crate::ids::{BoxId, JobId, ResultId, SessionId};
 
 const SET_ADVICE: &str = "UPDATE job SET advice = $2 WHERE id = $1";
@@ -29,12 +31,27 @@ impl JobStore<'_> {
     /// Stores the result of tracking a session. If the session already has a result of the same versions, that one
     /// stays, because the same input gives the same numbers. If the session was edited since it was assessed, it is
     /// scored again.
+    ///
+    /// Nothing is stored if the times were corrected meanwhile, since that edit has queued its own job. If the result has
+    /// other times than the one before, edits and comments follow it.
     pub async fn finish_track(&self, held: &Lease, result: NewResult) -> StoreResult<()> {
         let session = held.job.session_id.ok_or_else(|| wrong_kind("a session"))?;
+        let time_revision = match &held.job.input {
+            JobInput::Track(input) => input.time_revision,
+            _ => 0, // an import, whose times are never corrected
+        };
         let (id, token, now_ms, attempts) = (held.job.id, held.token, self.0.now_ms(), self.0.max_attempts());
         self.0
             .write(async move |tx| {
                 end_as_done(tx, id, token, now_ms).await?;
+                if time_in_force(tx, session).await?.1 != time_revision {
+                    return Ok(());
+                }
+                let ratio = factor_of(result.video.clock) / current_factor(tx, session).await?;
+                if ratio != 1.0 {
+                    scale_edits(tx, session, ratio).await?;
+                    scale_comments(tx, session, ratio).await?;
+                }
                 insert_result(tx, (session, id), result, now_ms).await?;
                 enqueue_rescore_if_outdated(tx, session, now_ms, attempts).await?;
                 Ok(())
@@ -115,6 +132,20 @@ impl JobStore<'_> {
     }
 }
 
+const CURRENT_CLOCK: &str = "SELECT clock FROM current_result WHERE session_id = $1";
+
+/// The factor of the times of the session's current result; 1 if there is none.
+async fn current_factor(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<f64> {
+    let clock: Option<Option<Json<ResultClock>>> =
+        sqlx::query_scalar(CURRENT_CLOCK).bind(session).fetch_optional(tx).await?;
+    Ok(factor_of(clock.flatten().map(|Json(clock)| clock)))
+}
+
+/// The factor between the file's stamps and these times. Without a clock, the times are the stamps.
+fn factor_of(clock: Option<ResultClock>) -> f64 {
+    clock.map_or(1.0, |clock| clock.applied.factor)
+}
+
 fn box_of(held: &Lease) -> StoreResult<BoxId> {
     held.job.box_id.ok_or_else(|| wrong_kind("a box"))
 }
@@ -125,8 +156,9 @@ fn wrong_kind(expected: &str) -> StoreError {
 
 const INSERT_RESULT: &str = "
     INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames, duration_s,
-                        tools, quality, score, trajectory, diagnostics, preview, created_at_ms, tracked_with, edits)
-    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19)
+                        tools, quality, score, trajectory, diagnostics, preview, created_at_ms, tracked_with, edits,
+                        clock)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, $20)
     ON CONFLICT DO NOTHING RETURNING id";
 
 async fn insert_result(
@@ -148,7 +180,8 @@ async fn insert_result(
         .bind(new.preview.map(|blob| blob.hash))
         .bind(now_ms)
         .bind(versions.tracked_with)
-        .bind(integer(new.edits));
+        .bind(integer(new.edits))
+        .bind(new.video.clock.map(Json));
     let inserted: Option<ResultId> = insert.fetch_optional(&mut *tx).await?;
     match inserted {
         Some(result) => insert_features_and_evidence(tx, job, result, new.features, new.evidence).await,
@@ -158,9 +191,10 @@ async fn insert_result(
 
 const INSERT_SCORE: &str = "
     INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames, duration_s,
-                        tools, quality, score, trajectory, diagnostics, preview, created_at_ms, tracked_with, edits)
+                        tools, quality, score, trajectory, diagnostics, preview, created_at_ms, tracked_with, edits,
+                        clock)
     SELECT $1, session_id, $2, calibration_id, palette_id, NULL, width, height, frames, duration_s,
-           tools, $3, NULL, trajectory, diagnostics, preview, $4, $5, $7 FROM result WHERE id = $6
+           tools, $3, NULL, trajectory, diagnostics, preview, $4, $5, $7, clock FROM result WHERE id = $6
     ON CONFLICT DO NOTHING RETURNING id";
 
 /// Inserts a new result for the path of an earlier one, with that result's files, video facts, camera and colours.

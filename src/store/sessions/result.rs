@@ -10,7 +10,7 @@ use super::super::visibility::BindScope;
 use super::SessionStore;
 use crate::domain::blob::BlobHash;
 use crate::domain::files::quality::stored_fulcrums;
-use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, Versions, VideoFacts};
+use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, ResultClock, Versions, VideoFacts};
 use crate::ids::{BoxId, CalibrationId, PaletteId, ResultId, SessionId};
 use crate::store::Scope;
 use crate::vision::pose::fulcrum::Fulcrum;
@@ -59,6 +59,8 @@ struct SessionResultRow {
     #[sqlx(try_from = "i64")]
     frames: u64,
     duration_s: f64,
+    #[sqlx(json(nullable))]
+    clock: Option<ResultClock>,
     #[sqlx(json)]
     tools: Vec<String>,
     #[sqlx(json)]
@@ -201,6 +203,7 @@ impl SessionResultRow {
                 height: self.height,
                 frames: self.frames,
                 duration_s: self.duration_s,
+                clock: self.clock,
             },
             tools: self.tools,
             quality: self.quality,

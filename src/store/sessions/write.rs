@@ -7,7 +7,7 @@ use super::super::columns::Insert;
 use super::super::error::{StoreError, StoreResult, missing, not_found};
 use super::super::jobs::{self, enqueue_track};
 use super::super::visibility::{require_staff, require_trainee};
-use super::super::{Scope, blobs, skill_models};
+use super::super::{Scope, blobs, edits, skill_models};
 use super::{SessionRecord, SessionStore};
 use crate::domain::blob::BlobHash;
 use crate::domain::job::{ImportInput, JobInput, JobState};
@@ -127,7 +127,11 @@ pub(in crate::store) async fn insert(
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<SessionId> {
+    let time = new.time;
     let id = insert_session(tx, scope, new, None, now_ms).await?;
+    if let Some(time) = time {
+        edits::insert_with_recording(tx, scope, id, time, now_ms).await?;
+    }
     enqueue_track(tx, id, now_ms, max_attempts).await?;
     note(tx, scope, now_ms, ("create", "session"), id).await?;
     Ok(id)

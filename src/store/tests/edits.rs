@@ -4,17 +4,20 @@ use std::time::Duration;
 
 use serde_json::json;
 
+use crate::domain::clock::{ClockBasis, RecordingClock, TimeCorrection};
+use crate::domain::comment::NewComment;
 use crate::domain::edit::{EditChange, ScoreState};
 use crate::domain::feature::FeatureKey;
 use crate::domain::job::JobInput;
 use crate::domain::problem::Problem;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
-use crate::domain::session::{FeatureSpace, NewResult, NewScore};
+use crate::domain::session::{FeatureSpace, NewResult, NewScore, NewSession, ResultClock, VideoFacts};
 use crate::domain::text::Key;
 use crate::ids::{SessionId, TraineeId};
 use crate::motion::PIPELINE_VERSION;
 use crate::motion::features::time::DURATION;
+use crate::rescoring;
 use crate::store::testing::{NOW_MS, TestCentre, duration};
 use crate::store::{EditRecord, Lease, PageRequest, SessionResult, StoreError};
 
@@ -127,6 +130,98 @@ async fn a_recording_that_is_tracked_again_keeps_its_edits_and_those_made_meanwh
     let result = NewResult { edits: 1, ..centre.result(session).await };
     centre.store.jobs().finish_track(&centre.claim().await.unwrap(), result).await.unwrap();
     assert_eq!((score_state(&centre, session).await, centre.claim().await), (ScoreState::Current, None));
+}
+
+const RETIME: EditChange = EditChange::Retime(TimeCorrection::FrameRate(60.0));
+
+/// Finishes the tracking with this factor between stamps and times, and with this revision of the edits.
+async fn track(centre: &TestCentre, session: SessionId, factor: f64, edits: u64) {
+    let lease = centre.claim().await.unwrap();
+    assert!(matches!(lease.job.input, JobInput::Track(_)), "{:?}", lease.job);
+    centre.clock.advance(Duration::from_millis(1));
+    let result = retimed(centre, session, factor, edits).await;
+    centre.store.jobs().finish_track(&lease, result).await.unwrap();
+}
+
+async fn retimed(centre: &TestCentre, session: SessionId, factor: f64, edits: u64) -> NewResult {
+    let result = centre.result(session).await;
+    let applied = RecordingClock { basis: ClockBasis::FrameRate, factor, capture_rate_hz: None };
+    let clock = ResultClock { applied, stamped_frame_rate_hz: Some(30.0), stamped_duration_s: 9.97 };
+    NewResult { edits, video: VideoFacts { clock: Some(clock), ..result.video }, ..result }
+}
+
+#[tokio::test]
+async fn corrected_times_are_tracked_again_and_edits_and_comments_keep_their_places() {
+    let (centre, ana, session) = practised().await;
+    let (service, edits) = (Scope::service(), centre.store.edits());
+    add(&centre, session, TRIM).await.unwrap();
+    score(&centre, &centre.claim().await.unwrap(), 3.0, 1).await;
+    let own = centre.person("ana", Role::Trainee, Some(ana)).await.scope();
+    let new: NewComment = serde_json::from_value(json!({"from_s": 4.0, "to_s": 6.0, "text": "Here."})).unwrap();
+    centre.store.comments().add(&own, session, new, [4.0, 6.0]).await.unwrap();
+
+    let edit = add(&centre, session, RETIME).await.unwrap();
+    assert_eq!((edit.true_frame_rate_hz, edit.true_duration_s), (Some(60.0), None));
+    assert_eq!(score_state(&centre, session).await, ScoreState::Waiting);
+    assert_eq!(edits.in_force(session).await.unwrap().changes, [TRIM, RETIME], "in the shown times until then");
+    track(&centre, session, 0.5, 2).await;
+    assert_eq!((score_state(&centre, session).await, centre.claim().await), (ScoreState::Current, None));
+    assert_eq!(edits.in_force(session).await.unwrap().changes, [EditChange::Trim([1.0, 2.5]), RETIME]);
+    let comments = centre.store.comments().of_session(&own, session).await.unwrap().items;
+    assert_eq!((comments[0].from_s, comments[0].to_s), (2.0, 3.0));
+    let clock = current_result(&centre, session).await.video.clock.unwrap();
+    assert_eq!((clock.applied.factor, clock.stamped_frame_rate_hz), (0.5, Some(30.0)));
+
+    // A score of the new path keeps its clock.
+    let trim = add(&centre, session, EditChange::Trim([1.5, 2.5])).await.unwrap();
+    score(&centre, &centre.claim().await.unwrap(), 1.0, 3).await;
+    assert_eq!(current_result(&centre, session).await.video.clock, Some(clock));
+    edits.undo(&service, session, trim.id).await.unwrap();
+    score(&centre, &centre.claim().await.unwrap(), 1.0, 4).await;
+
+    edits.undo(&service, session, edit.id).await.unwrap();
+    track(&centre, session, 1.0, 5).await;
+    assert_eq!((score_state(&centre, session).await, centre.claim().await), (ScoreState::Current, None));
+    assert_eq!(edits.in_force(session).await.unwrap().changes, [TRIM]);
+    let audit = centre.store.audit().list(&service, &PageRequest::default()).await.unwrap().items;
+    assert!(audit.iter().any(|entry| entry.action == "retime" && entry.subject == session.to_string()));
+}
+
+#[tokio::test]
+async fn a_path_with_times_from_before_a_correction_is_thrown_away() {
+    let (centre, _, session) = practised().await;
+    centre.calibrate().await;
+    centre.clock.advance(Duration::from_millis(1));
+    let order = serde_json::from_value(json!({"which": "all", "from": "recording"})).unwrap();
+    centre.store.rescorings().create(&Scope::service(), centre.task.id, order).await.unwrap();
+    rescoring::run_once(&centre.store, 1).await.unwrap();
+    let stale = centre.claim().await.unwrap();
+    assert!(matches!(stale.job.input, JobInput::Track(_)), "{:?}", stale.job);
+    add(&centre, session, RETIME).await.unwrap();
+    let result = retimed(&centre, session, 1.0, 1).await;
+    centre.store.jobs().finish_track(&stale, result).await.unwrap();
+    assert_eq!(centre.store.count_results().await, 1, "the times of the stale path are wrong");
+    track(&centre, session, 0.5, 1).await;
+    assert_eq!(
+        (score_state(&centre, session).await, current_result(&centre, session).await.edits),
+        (ScoreState::Current, 1)
+    );
+}
+
+#[tokio::test]
+async fn a_correction_that_does_not_fit_can_be_replaced_although_nothing_was_scored() {
+    let centre = TestCentre::with_camera_and_colours().await;
+    let ana = centre.trainee("Ana").await.id;
+    let new = NewSession { time: Some(TimeCorrection::Duration(9_000.0)), ..centre.new_session(ana, "clip") };
+    let session = centre.store.sessions().create(&Scope::service(), new).await.unwrap().id;
+    let queued = add(&centre, session, RETIME).await;
+    assert!(matches!(queued, Err(StoreError::Refused { .. })), "while it waits: {queued:?}");
+    let lease = centre.claim().await.unwrap();
+    centre.store.jobs().fail(&lease, Problem::new("impossible-time", "Title", "because")).await.unwrap();
+    assert!(add(&centre, session, TRIM).await.is_err(), "there is no path");
+    add(&centre, session, RETIME).await.unwrap();
+    track(&centre, session, 0.5, 2).await;
+    assert_eq!(current_result(&centre, session).await.edits, 2);
 }
 
 #[tokio::test]

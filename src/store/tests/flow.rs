@@ -1,8 +1,11 @@
 //! The flow of a recording from the upload to the score.
 
 use crate::domain::blob::Blob;
+use crate::domain::clock::TimeCorrection;
+use crate::domain::edit::EditChange;
+use crate::domain::job::JobInput;
 use crate::domain::scope::Scope;
-use crate::domain::session::SessionStatus;
+use crate::domain::session::{NewResult, SessionStatus};
 use crate::ids::UploadId;
 use crate::motion::features::path::PATH_LENGTH;
 use crate::store::testing::{LEASE, NOW_MS, TestCentre};
@@ -21,6 +24,7 @@ async fn an_upload_becomes_a_session_that_is_tracked_and_scored() {
         filename: "clip.mp4".parse().unwrap(),
         metadata: "filename Y2xpcC5tcDQ=".to_owned(),
         recorded_at_ms: Some(NOW_MS - 60_000),
+        time: Some(TimeCorrection::FrameRate(16.4)),
         length: 5,
         expires_at_ms: NOW_MS + 1_000,
     };
@@ -37,11 +41,15 @@ async fn an_upload_becomes_a_session_that_is_tracked_and_scored() {
     assert_eq!((session.status(), session.queue_position), (SessionStatus::Queued, Some(1)));
     assert_eq!((session.video_blob().unwrap().bytes, session.recorded_at_ms), (5, NOW_MS - 60_000));
     let lease = centre.claim().await.unwrap();
+    let JobInput::Track(input) = &lease.job.input else { panic!("{:?}", lease.job) };
+    let given = TimeCorrection::FrameRate(16.4);
+    assert_eq!((input.time, input.time_revision), (Some(given), 1));
+    assert_eq!(store.edits().in_force(id).await.unwrap().changes, [EditChange::Retime(given)]);
     store.jobs().heartbeat(&lease, 0.5, LEASE).await.unwrap();
     let session = store.sessions().get(&service, id).await.unwrap();
     assert_eq!((session.status(), session.job_progress), (SessionStatus::Tracking, Some(0.5)));
 
-    let result = centre.result(id).await;
+    let result = NewResult { edits: 1, ..centre.result(id).await };
     store.jobs().finish_track(&lease, result.clone()).await.unwrap();
     let session = store.sessions().get(&service, id).await.unwrap();
     assert_eq!(session.status(), SessionStatus::Done);

@@ -63,6 +63,7 @@ async fn things_of(centre: &TestCentre, name: &str) -> Things {
         filename: "clip.mp4".parse().unwrap(),
         metadata: String::new(),
         recorded_at_ms: None,
+        time: None,
         length: 5,
         expires_at_ms: NOW_MS + 1_000,
     };

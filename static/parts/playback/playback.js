@@ -5,11 +5,16 @@ import { frameAt } from './track.js';
 /** Seeks to a point inside a frame: at its edge, rounding would show the frame before. */
 const INSIDE = 0.3;
 
+/** Rates that every browser can play. */
+const PLAYABLE_RATES = [1 / 16, 16];
+
 export class Playback {
   constructor() {
     this.time = 0;
     this.playing = false;
     this.rate = 1;
+    /** Times of the session are those of the video, multiplied by this factor. */
+    this.factor = 1;
     /** @type {HTMLVideoElement | null} */
     this.video = null;
     /** @type {ArrayLike<number> | null} */
@@ -21,6 +26,13 @@ export class Playback {
     /** Whether playback starts again at the end of a marked stretch. */
     this.looping = false;
     this.viewCallbacks = new Set();
+  }
+
+  /** Sets the factor between the video's times and those of the session: see `video.clock` of a session. */
+  setFactor(factor) {
+    if (this.factor === factor) return;
+    this.factor = factor;
+    this.setRate(this.rate);
   }
 
   /** Goes to a stretch and marks it in the curves. */
@@ -76,13 +88,14 @@ export class Playback {
 
   get duration() {
     const tracked = this.times?.[this.times.length - 1] ?? 0;
-    const video = this.video?.duration ?? 0;
+    const video = (this.video?.duration ?? 0) * this.factor;
     return Math.max(Number.isFinite(video) ? video : 0, tracked, this.fallbackDuration);
   }
 
   attach(video) {
     this.video = video;
-    const follow = () => this.#setTime(video.currentTime);
+    this.setRate(this.rate);
+    const follow = () => this.#setTime(video.currentTime * this.factor);
     const syncPlaying = () => {
       this.playing = !video.paused;
       this.#notify();
@@ -110,14 +123,14 @@ export class Playback {
     let handle;
     if (video.requestVideoFrameCallback) {
       const shown = (_, picture) => {
-        this.#setTime(picture.mediaTime);
+        this.#setTime(picture.mediaTime * this.factor);
         handle = video.requestVideoFrameCallback(shown);
       };
       handle = video.requestVideoFrameCallback(shown);
       return () => video.cancelVideoFrameCallback(handle);
     }
     const repaint = () => {
-      if (!video.paused) this.#setTime(video.currentTime);
+      if (!video.paused) this.#setTime(video.currentTime * this.factor);
       handle = requestAnimationFrame(repaint);
     };
     handle = requestAnimationFrame(repaint);
@@ -160,13 +173,14 @@ export class Playback {
 
   setRate(rate) {
     this.rate = rate;
-    if (this.video) this.video.playbackRate = rate;
+    const [slowest, fastest] = PLAYABLE_RATES;
+    if (this.video) this.video.playbackRate = Math.min(Math.max(rate / this.factor, slowest), fastest);
     this.#notify();
   }
 
   seek(time) {
     const wanted = Math.min(Math.max(0, time), this.duration);
-    if (this.video) this.video.currentTime = wanted;
+    if (this.video) this.video.currentTime = wanted / this.factor;
     this.#setTime(wanted);
   }
 

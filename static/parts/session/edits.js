@@ -2,7 +2,7 @@
 import { html, useState } from '../../preact.js';
 import { api } from '../../api.js';
 import { asProblem } from '../../data.js';
-import { dateTime } from '../../format.js';
+import { dateTime, number } from '../../format.js';
 import { may } from '../../roles.js';
 import { t } from '../../texts.js';
 import { problemTitle } from '../../translate.js';
@@ -40,6 +40,8 @@ export function Edits({ session, person, edits, playback, tools, onEdited }) {
               marked ? words.trim(spanName(marked)) : words.kinds.trim}</button>`}
             ${scored && tools.length > 1 && html`<button class="button" type="button" disabled=${!marked}
               onClick=${() => setDialogKind('swap')}>${marked ? words.swap(spanName(marked)) : words.kinds.swap}</button>`}
+            ${mayRetime(session) && html`<button class="button" type="button" onClick=${() => setDialogKind('retime')}>${
+              words.kinds.retime}</button>`}
             ${!session.set_aside && html`<button class="button" type="button" onClick=${() => setDialogKind('set_aside')}>${
               words.kinds.set_aside}</button>`}
           </div>
@@ -56,15 +58,23 @@ export function Edits({ session, person, edits, playback, tools, onEdited }) {
     </section>`;
 }
 
+/** Times can be corrected even if the session could not be tracked. An imported table has its own times. */
+const mayRetime = session => session.source?.kind === 'recording' && ['done', 'failed'].includes(session.status);
+
 /** The effect of an edit, in words. @param {Schemas['EditResponse']} edit */
-const editText = ({ kind, from_s: from, to_s: to, tools }) =>
-  words.says[kind](from === null ? '' : spanName([from, to]), tools ?? []);
+const editText = ({ kind, from_s: from, to_s: to, tools, true_frame_rate_hz: rate, true_duration_s: length }) => {
+  if (kind === 'retime') return Number.isFinite(rate) ? words.rateIs(number(rate)) : words.lengthIs(number(length));
+  return words.says[kind](from === null ? '' : spanName([from, to]), tools ?? []);
+};
+
+/** The service's own words, where it writes the reason. */
+const FROM_SERVICE = { 'Given with the recording.': words.withRecording };
 
 /** @param {Props} props */
 const EditEntry = ({ edit }) => html`
   <div>
     <strong>${editText(edit)}</strong>
-    <p class="said">${edit.why}</p>
+    <p class="said">${FROM_SERVICE[edit.why] ?? edit.why}</p>
     <p class="small muted">${edit.who ?? words.gone}, ${dateTime(edit.created_at)}${edit.undone &&
       ` · ${words.undoneBy(edit.undone.who ?? words.gone, dateTime(edit.undone.at))}`}</p>
   </div>`;
@@ -76,6 +86,26 @@ function Score({ edits, mayEdit, onAgain }) {
   const again = mayEdit && edits.job ? () => api.jobs.retry(edits.job).then(onAgain, onAgain) : undefined;
   const why = edits.error && html`${problemTitle(edits.error)}. <${ProblemDetail} problem=${edits.error} />`;
   return html`<${ProblemNotice} problem=${{ title: words.failed, detail: why }} onRetry=${again} />`;
+}
+
+/**
+ * At the head of the page of a session whose times are not those of its file: why, from what to what, and who corrected
+ * them.
+ *
+ * @param {Props} props
+ */
+export function Retimed({ session, edits }) {
+  const { clock, duration_s: duration } = session.video ?? {};
+  if (!clock || clock.basis === 'stamps') return null;
+  const { factor, capture_rate_hz: captured, stamped_frame_rate_hz: rate, stamped_duration_s: length } = clock;
+  const edit = edits?.items.findLast(one => one.kind === 'retime' && !one.undone);
+  const said = t.session.retimed;
+  const isTagged = clock.basis === 'capture_rate';
+  const title = isTagged ? (factor < 1 ? said.slowTitle : said.lapseTitle) : said.title;
+  return html`<${Notice} title=${title}>
+    ${isTagged && `${said.captured(number(captured))} `}${
+      said.from(number(rate), number(length), number(rate && rate / factor), number(duration))}${' '}
+    ${isTagged ? said.wrong : edit && said.by(edit.who ?? words.gone, dateTime(edit.created_at))}<//>`;
 }
 
 /** At the head of the page of a session that does not count. @param {Props} props */

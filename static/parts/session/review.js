@@ -46,6 +46,7 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
     document.addEventListener('keydown', keys);
     return () => (document.removeEventListener('keydown', keys), playback.pause());
   }, []);
+  playback.setFactor(session.video?.clock?.factor ?? 1);
   useEffect(() => seekWhenReady(playback, start), [start]);
   useEffect(() => keepTimeInAddress(playback, session.id), []);
 

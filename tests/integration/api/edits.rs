@@ -111,6 +111,26 @@ async fn a_trim_is_scored_and_undoing_it_restores_the_first_result() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn times_are_corrected_by_staff_and_not_of_an_imported_table() {
+    let centre = centre_with_worker().await;
+    let at = import_session(&centre).await;
+    let retime = json!({"kind": "retime", "true_frame_rate_hz": 16.4, "why": "The clock in the picture."});
+    problem(centre.instructor.post(&format!("{at}/edits"), retime.clone()).await, 409, "conflict").await;
+    let made = session(&centre.trainee, "ada", recording(100, 7)).await;
+    let at = format!("/api/v1/sessions/{}", made["id"].as_str().unwrap());
+    problem(centre.trainee.post(&format!("{at}/edits"), retime.clone()).await, 403, "forbidden").await;
+    let edit = centre.instructor.make(&format!("{at}/edits"), retime.clone()).await;
+    assert_eq!((&edit["true_frame_rate_hz"], &edit["true_duration_s"]), (&json!(16.4), &Value::Null));
+    assert_eq!((&edit["from_s"], &edit["who"]), (&Value::Null, &json!("ines")));
+    let both = json!({"kind": "retime", "true_frame_rate_hz": 16.4, "true_duration_s": 60.0, "why": "x"});
+    for wrong in
+        [both, json!({"kind": "retime", "why": "x"}), json!({"kind": "retime", "true_duration_s": 0.0, "why": "x"})]
+    {
+        problem(centre.instructor.post(&format!("{at}/edits"), wrong).await, 422, "invalid").await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn swapped_tools_have_each_others_numbers_and_rescoring_keeps_them() {
     let centre = centre_with_worker().await;
     let at = import_session(&centre).await;

@@ -102,6 +102,7 @@ impl Centre {
             recorded_at_ms: None,
             video: kept.blob(),
             media_type: "video/mp4".into(),
+            time: None,
         };
         let session = self.store.sessions().create(&Scope::service(), new).await.unwrap();
         self.queue.work_arrived();
@@ -250,7 +251,7 @@ fn result_with_moved_trocars(versions: Versions, number: u64) -> NewResult {
     NewResult {
         versions,
         edits: 0,
-        video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97 },
+        video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97, clock: None },
         tools: vec!["left".into(), "right".into()],
         features: vec![],
         evidence: vec![],

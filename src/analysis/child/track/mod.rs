@@ -7,7 +7,9 @@ use super::limits::{MAX_TEXT_CHARS, is_plausible_number, is_plausible_row, set_o
 use super::preview::Preview;
 use super::recording::{FrameReporter, RecordingOutput, RecordingRecord};
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord, explain};
+use crate::analysis::clock::open_with_clock;
 use crate::analysis::protocol::{QualitySummary, SeenRow};
+use crate::domain::clock::{ClockBasis, RecordingClock, TimeCorrection};
 use crate::heap;
 use crate::media::{MediaError, MediaLimits, Picture, ReadAhead};
 use crate::vision::frame::Frame;
@@ -20,9 +22,20 @@ use crate::vision::trajectory::{PathKind, Sample};
 /// Rows of a path per record.
 const ROWS_PER_RECORD: usize = 1024;
 
+/// What to track a recording with.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct TrackWork {
+    /// Camera, tools and colours.
+    pub tracker: TrackerSettings,
+    /// The correction of its times, if a person made one.
+    pub time: Option<TimeCorrection>,
+}
+
 /// A record about a tracked recording.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum TrackRecord {
+    /// How the times were computed.
+    Clock(RecordingClock),
     /// Size, frames and preview.
     Recording(RecordingRecord),
     /// Part of a path, in order.
@@ -39,6 +52,8 @@ pub enum TrackRecord {
 /// What is kept of a tracked recording.
 #[derive(Debug, Default)]
 pub struct TrackOutput {
+    /// How the times were computed.
+    pub clock: Option<RecordingClock>,
     /// Size, frames and preview.
     pub recording: RecordingOutput,
     /// Unfiltered path.
@@ -51,20 +66,21 @@ pub struct TrackOutput {
     pub quality: Option<QualitySummary>,
 }
 
-/// The request is the settings: camera, tools and colours.
-impl ChildTask for TrackerSettings {
+impl ChildTask for TrackWork {
     type Record = TrackRecord;
     type Output = TrackOutput;
 
     fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
-        let video = inputs.video()?;
+        let limits = inputs.limits;
+        let (video, clock) = open_with_clock(inputs.first()?, self.time, limits)?;
+        reporter.record(WorkRecord::Track(TrackRecord::Clock(clock)))?;
         let info = video.info();
         let wrap = |record| WorkRecord::Track(TrackRecord::Recording(record));
         let mut frames = FrameReporter::start(info, wrap, reporter)?;
         let mut pictures = ReadAhead::new(video)?;
         let first: Vec<Frame<'_>> = pictures.first_pictures(MAX_WARM_UP_FRAMES)?.iter().map(Picture::frame).collect();
         let encoding = first.first().ok_or(MediaError::NoFrames)?.encoding;
-        let mut tracker = Tracker::new(self, info.width, info.height, encoding)?;
+        let mut tracker = Tracker::new(self.tracker, info.width, info.height, encoding)?;
         tracker.warm_up(&first);
         let mut preview = Preview::new(info.frames_expected);
         let mut frames_interlaced = 0;
@@ -85,10 +101,12 @@ impl ChildTask for TrackerSettings {
     }
 
     fn accept(&self, record: TrackRecord, output: &mut TrackOutput, limits: MediaLimits) -> Result<ChildEvent, String> {
+        let tools = self.tracker.tools.len();
         match record {
-            TrackRecord::Recording(record) => return output.recording.accept(record, self.tools.len(), limits),
-            TrackRecord::Path { kind, rows } => output.accept_path(kind, rows, self.tools.len())?,
-            TrackRecord::Quality(quality) => output.accept_quality(quality, self.tools.len())?,
+            TrackRecord::Clock(clock) => output.accept_clock(clock, self.time)?,
+            TrackRecord::Recording(record) => return output.recording.accept(record, tools, limits),
+            TrackRecord::Path { kind, rows } => output.accept_path(kind, rows, tools)?,
+            TrackRecord::Quality(quality) => output.accept_quality(quality, tools)?,
         }
         Ok(ChildEvent::Nothing)
     }
@@ -112,6 +130,17 @@ fn was_never_seen(quality: &Quality) -> bool {
 }
 
 impl TrackOutput {
+    fn accept_clock(&mut self, clock: RecordingClock, asked: Option<TimeCorrection>) -> Result<(), String> {
+        let is_asked = match clock.basis {
+            ClockBasis::Stamps | ClockBasis::CaptureRate => asked.is_none(),
+            basis => asked.is_some_and(|asked| asked.basis() == basis),
+        };
+        if is_asked && clock.is_possible() {
+            return set_once(&mut self.clock, clock, "clock");
+        }
+        Err("an impossible clock".into())
+    }
+
     fn accept_path(&mut self, kind: PathKind, rows: Vec<Sample>, tools: usize) -> Result<(), String> {
         let path = match kind {
             PathKind::Raw => &mut self.raw,

@@ -35,6 +35,32 @@ pub fn settings() -> TrackerSettings {
     TrackerSettings::new(camera, vec![tool], ColourSamples::new(encoding))
 }
 
+/// The work with them, at the file's own times.
+pub fn work() -> TrackWork {
+    TrackWork { tracker: settings(), time: None }
+}
+
+#[test]
+fn a_clock_belongs_to_its_request_and_is_plausible() {
+    let hear = |time: Option<TimeCorrection>, basis, factor| {
+        let clock = RecordingClock { basis, factor, capture_rate_hz: None };
+        let work = ChildWork::Track(TrackWork { time, ..work() });
+        validate_records(&work, vec![WorkRecord::Track(TrackRecord::Clock(clock))]).map(|output| output.track.clock)
+    };
+    let asked = Some(TimeCorrection::FrameRate(16.4));
+    assert_eq!(hear(None, ClockBasis::Stamps, 1.0), Ok(Some(RecordingClock::default())));
+    assert!(hear(None, ClockBasis::CaptureRate, 0.125).is_ok() && hear(asked, ClockBasis::FrameRate, 0.9).is_ok());
+    for (time, basis, factor) in [
+        (None, ClockBasis::FrameRate, 0.9),
+        (asked, ClockBasis::Stamps, 1.0),
+        (asked, ClockBasis::Duration, 0.9),
+        (asked, ClockBasis::FrameRate, f64::NAN),
+        (None, ClockBasis::Stamps, 0.5),
+    ] {
+        assert!(hear(time, basis, factor).is_err(), "{time:?} {basis} {factor}");
+    }
+}
+
 fn row(frame: u64, time_s: f64) -> Sample {
     Sample {
         frame,
@@ -56,7 +82,7 @@ fn validate_all(records: Vec<TrackRecord>) -> Result<TrackOutput, String> {
         RecordingRecord::Frames { times_s: vec![0.0, 0.04], seen: vec![] },
     ];
     let records = opening.map(TrackRecord::Recording).into_iter().chain(records).map(WorkRecord::Track).collect();
-    Ok(validate_records(&ChildWork::Track(settings()), records)?.track)
+    Ok(validate_records(&ChildWork::Track(work()), records)?.track)
 }
 
 fn path(rows: Vec<Sample>) -> Vec<TrackRecord> {
