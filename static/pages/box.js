@@ -60,7 +60,7 @@ export default function BoxPage({ person, route }) {
       <section class="card">
         <header><h2>${words.camera}</h2><${CameraState} calibration=${box.calibration} /></header>
         <div class="body stack">
-          <${CameraSummary} camera=${box.camera} calibrations=${box.calibrations} />
+          <${CameraSummary} camera=${box.camera} calibration=${box.calibration} calibrations=${box.calibrations} />
           ${mayEdit && html`<${CameraForms} box=${box} onChange=${reload} />`}
         </div>
       </section>

@@ -83,7 +83,7 @@ const toolName = ({ name, colour }) => (colour ? `${name} (${colour})` : name);
 /** A camera.json from elsewhere may have no residual. @param {Props} props */
 export const CameraState = ({ calibration }) => {
   if (!calibration) return html`<span class="pill warn">${words.notYet}</span>`;
-  return html`<span class="pill good">${Number.isFinite(calibration.rms_px)
+  return html`<span class=${`pill ${calibration.warnings.length ? 'warn' : 'good'}`}>${Number.isFinite(calibration.rms_px)
     ? words.calibrated(number(calibration.rms_px)) : words.given}</span>`;
 };
 

@@ -5,6 +5,7 @@ import { asProblem } from '../data.js';
 import { dateTime, fixed, number, percent } from '../format.js';
 import { serviceLang, t } from '../texts.js';
 import { jobIdOf, JobProgress } from '../parts/forms/job.js';
+import { CameraWarnings } from '../parts/boxes/camera_warnings.js';
 import { Notice, ProblemNotice } from '../parts/page/notice.js';
 import { CellMap } from './coverage.js';
 import { MIN_PHOTOS } from './photo_needs.js';
@@ -41,7 +42,7 @@ export function CalibrationStep({ box, draft, stepHref, onChange }) {
         ${isSending ? t.box.sending : words.begin(good.length)}</button>
     </div>
     ${job && html`<${JobProgress} key=${job} id=${job} done=${t.box.saved} onDone=${onChange} />`}
-    ${box.camera && html`<${Result} camera=${box.camera} photos=${photos} stepHref=${stepHref} />`}`;
+    ${box.camera && html`<${Result} camera=${box.camera} calibration=${box.calibration} photos=${photos} stepHref=${stepHref} />`}`;
 }
 
 function formOf(plan, good) {
@@ -52,7 +53,7 @@ function formOf(plan, good) {
   return form;
 }
 
-function Result({ camera, photos, stepHref }) {
+function Result({ camera, calibration, photos, stepHref }) {
   const poor = isPoor(camera.rms_px);
   const left = (camera.photos ?? []).filter(({ used }) => !used);
   const isKnown = Number.isFinite(camera.rms_px);
@@ -61,6 +62,7 @@ function Result({ camera, photos, stepHref }) {
       <h3>${words.result}</h3>
       ${isKnown && html`<${Notice} tone=${poor ? 'warn' : 'good'} quiet title=${words.rms(number(camera.rms_px), poor)}>
         ${poor ? words.poor : words.fine}<//>`}
+      <${CameraWarnings} calibration=${calibration} />
       ${!isKnown && html`<p class="muted">${words.given}</p>`}
       <dl class="facts">
         <dt>${t.box.when}</dt><dd>${dateTime(camera.calibrated_at)}</dd>

@@ -1244,6 +1244,27 @@ export default {
     },
     calibration: {
       title: 'Kalibrieren',
+      warned: 'Die verwendete Kamera ist zweifelhaft',
+      warnings: {
+        residual: (is, limit) =>
+          `Die Ecken liegen um ${is} px daneben; höchstens ${limit} px. Nehmen Sie ein ebenes Brett, halten Sie es still, und stellen Sie Zoom und Schärfe fest.`,
+        photos_left_out: (is, limit) =>
+          `${is} der Fotos mit Brett wurden weggelassen; höchstens ${limit}. Nehmen Sie ein ebenes Brett, stellen Sie Zoom und Schärfe fest, und machen Sie die Fotos neu.`,
+        edge_left_out: (is, limit) =>
+          `Fotos am Rand des Bildes wurden häufiger weggelassen als andere, um ${is}; höchstens ${limit}. Dort passt das Linsenmodell nicht: Positionen am Rand sind unzuverlässig.`,
+        coverage: (is, limit) =>
+          `Ecken bedecken ${is} des Bildes; mindestens ${limit}. Sonst ist die Linse geschätzt. Machen Sie mehr Fotos mit dem Brett an den Rändern und in den Ecken.`,
+        focal_sigma: (is, limit) =>
+          `Die Brennweite ist um ${is} unsicher, und mit ihr jede Tiefe; höchstens ${limit}. Machen Sie mehr Fotos mit dem Brett nach verschiedenen Seiten geneigt.`,
+        few_photos: (is, limit) =>
+          `Nur ${is} Fotos wurden verwendet; mindestens ${limit}, damit sich die Unsicherheit prüfen lässt. Am besten sind etwa 20.`,
+        focal_ratio: (is, limit) =>
+          `Die Brennweiten quer und hoch unterscheiden sich um ${is}; höchstens ${limit}. Die Fotos bestimmen die Kamera nicht, oder sie wurden verzerrt.`,
+        centre: (is, limit) =>
+          `Der Hauptpunkt liegt um ${is} der Bilddiagonale neben der Mitte; höchstens ${limit}. Die Fotos wurden beschnitten, oder sie bestimmen die Kamera nicht.`,
+        fold: is =>
+          `Das Linsenmodell faltet sich in ${is} des Bildes zurück: Dort lassen sich Instrumente nicht messen. Machen Sie mehr Fotos mit dem Brett an den Rändern, oder nehmen Sie ein Objektiv mit kleinerem Winkel.`,
+      },
       lead: 'Aus den guten Fotos wird das Objektiv berechnet: wo im Raum ein Punkt des Bilds liegt.',
       with: (good, all, board, square) =>
         all === 0

@@ -1155,6 +1155,26 @@ export default {
     },
     calibration: {
       title: 'Calibrate',
+      warned: 'The camera in use is doubtful',
+      warnings: {
+        residual: (is, limit) => `The corners are off by ${is} px; at most ${limit} px. Use a flat board, hold it still, and lock zoom and focus.`,
+        photos_left_out: (is, limit) =>
+          `${is} of the photos with a board were left out; at most ${limit}. Use a flat board, lock zoom and focus, and take the photos again.`,
+        edge_left_out: (is, limit) =>
+          `Photos at the edge of the picture were left out more often than others, by ${is}; at most ${limit}. The lens model does not fit there: positions near the edge are unreliable.`,
+        coverage: (is, limit) =>
+          `Corners cover ${is} of the picture; at least ${limit}. Elsewhere the lens is estimated. Take more photos with the board at the edges and in the corners.`,
+        focal_sigma: (is, limit) =>
+          `The focal length is uncertain by ${is}, and with it all depths; at most ${limit}. Take more photos with the board tilted to different sides.`,
+        few_photos: (is, limit) =>
+          `Only ${is} photos were used; at least ${limit}, so that the uncertainty can be checked. About 20 are best.`,
+        focal_ratio: (is, limit) =>
+          `The focal lengths across and down differ by ${is}; at most ${limit}. The photos do not determine the camera, or were stretched.`,
+        centre: (is, limit) =>
+          `The principal point is ${is} of the picture’s diagonal from its centre; at most ${limit}. The photos were cropped, or do not determine the camera.`,
+        fold: is =>
+          `The lens model folds back in ${is} of the picture: tools cannot be measured there. Take more photos with the board at the edges, or use a lens with a smaller angle.`,
+      },
       lead: 'The lens is calculated from the good photos: where in space each point of the picture lies.',
       with: (good, all, board, square) =>
         all === 0

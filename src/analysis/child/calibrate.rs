@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use super::limits::set_once;
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord};
-use crate::analysis::calibration::{Views, views_of_photos, views_of_video};
+use crate::analysis::calibration::{CheckedCalibration, Views, calibrate_and_check, views_of_photos, views_of_video};
 use crate::domain::files::calibration::camera_file;
 use crate::media::MediaLimits;
-use crate::vision::camera::{Board, BoardProblem, calibrate};
+use crate::vision::camera::{Board, BoardProblem};
 
 /// Frames of a video between two signs of life.
 const FRAMES_PER_ALIVE: u64 = 32;
@@ -53,12 +53,12 @@ impl ChildTask for CalibrateWork {
 
     fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
         let board = self.board.board()?;
-        let Views { views, width, height } = match self.photos {
+        let views = match self.photos {
             Some(names) => views_from_photos(names, inputs, board, reporter)?,
             None => views_from_video(inputs, board, reporter)?,
         };
-        let calibration = calibrate(&views, width, height, board)?;
-        let camera_json = camera_file(&calibration, &self.calibrated_at).to_json();
+        let CheckedCalibration { calibration, at_edge } = calibrate_and_check(&views, board)?;
+        let camera_json = camera_file(&calibration, &at_edge, &self.calibrated_at).to_json();
         Ok(reporter.record(WorkRecord::Calibrate(camera_json))?)
     }
 

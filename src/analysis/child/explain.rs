@@ -1,7 +1,7 @@
 //! Turns errors of decoding and tracking into problems for users.
 
 use super::palette::ColourMark;
-use crate::analysis::calibration::ViewsError;
+use crate::analysis::calibration::{CalibrationRefusal, ViewsError};
 use crate::analysis::clock::ClockError;
 use crate::analysis::self_test::SelfTestError;
 use crate::domain::problem::Problem;
@@ -113,6 +113,19 @@ impl ToProblem for SelfTestError {
         match self {
             SelfTestError::Media(error) => error.to_problem(),
             SelfTestError::Settings(problem) => problem.to_problem(),
+        }
+    }
+}
+
+impl ToProblem for CalibrationRefusal {
+    fn to_problem(&self) -> Problem {
+        match self {
+            CalibrationRefusal::Problem(problem) => problem.to_problem(),
+            CalibrationRefusal::Unstable { .. } => Problem::new(
+                "camera-undetermined",
+                "The camera cannot be calibrated from these pictures",
+                self.to_string(),
+            ),
         }
     }
 }

@@ -11,11 +11,12 @@ use anyhow::{Context, anyhow};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::CommandFailure;
-use crate::analysis::calibration::{self, Views, ViewsError};
+use crate::analysis::calibration::{self, CheckedCalibration, Views, ViewsError, calibrate_and_check};
+use crate::domain::camera_warning::camera_warnings;
 use crate::domain::files::calibration::camera_file;
 use crate::media::MediaLimits;
 use crate::vision::camera::report::CornerCounts;
-use crate::vision::camera::{Board, BoardView, Calibration, PhotoReason, PhotoReport, calibrate};
+use crate::vision::camera::{Board, BoardView, Calibration, PhotoReason, PhotoReport};
 
 /// Arguments of `trocar calibrate`.
 #[derive(clap::Args)]
@@ -43,16 +44,20 @@ pub fn run(args: CalibrateArgs) -> Result<(), CommandFailure> {
     let progress = CalibrateProgress::new(args.quiet);
     let views = views(&args.inputs, board, &progress)?;
     progress.end();
-    let outcome = calibrate(&views.views, views.width, views.height, board);
+    let outcome = calibrate_and_check(&views, board);
     match &outcome {
-        Ok(calibration) => print_calibration(calibration)?,
+        Ok(checked) => print_calibration(&checked.calibration)?,
         Err(_) => print_photos(&photo_reasons(&views.views))?,
     }
-    let calibration = outcome.map_err(CommandFailure::input)?;
+    let CheckedCalibration { calibration, at_edge } = outcome.map_err(CommandFailure::input)?;
     let file = camera_file(
         &calibration,
+        &at_edge,
         &jiff::Timestamp::now().round(jiff::Unit::Second).map_err(anyhow::Error::from)?.to_string(),
     );
+    for warning in camera_warnings(&file) {
+        eprintln!("warning: {}", warning.text);
+    }
     std::fs::write(&args.out, file.to_json()).with_context(|| format!("writing {}", args.out.display()))?;
     Ok(())
 }

@@ -4,6 +4,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::camera::CameraFile;
+use crate::domain::camera_warning::camera_warnings;
 use crate::vision::camera::{Calibration, Coverage, PhotoReport};
 
 /// One entry of `photos`.
@@ -13,18 +14,21 @@ struct PhotoEntry<'a> {
     used: bool,
     rms_px: Option<f64>,
     reason: Option<String>,
+    at_edge: bool,
 }
 
-impl<'a> From<&'a PhotoReport> for PhotoEntry<'a> {
-    fn from(photo: &'a PhotoReport) -> Self {
+impl<'a> PhotoEntry<'a> {
+    fn new(photo: &'a PhotoReport, at_edge: bool) -> Self {
         let reason = photo.reason.map(|r| r.to_string());
-        Self { file: &photo.name, used: photo.is_used(), rms_px: photo.rms_px.map(to_micro), reason }
+        Self { file: &photo.name, used: photo.is_used(), rms_px: photo.rms_px.map(to_micro), reason, at_edge }
     }
 }
 
-/// The camera file of a calibration made at a time (RFC 3339).
-pub fn camera_file(calibration: &Calibration, calibrated_at: &str) -> CameraFile {
-    let photos: Vec<PhotoEntry<'_>> = calibration.photos.iter().map(PhotoEntry::from).collect();
+/// The camera file of a calibration made at a time (RFC 3339), with its warnings. `at_edge` says of each photo whether
+/// it shows the board at the edge of the picture.
+pub fn camera_file(calibration: &Calibration, at_edge: &[bool], calibrated_at: &str) -> CameraFile {
+    let entry = |(photo, at_edge): (_, &bool)| PhotoEntry::new(photo, *at_edge);
+    let photos: Vec<PhotoEntry<'_>> = calibration.photos.iter().zip(at_edge).map(entry).collect();
     let s = calibration.sigma;
     let sigma = json!({
         "fx": s.fx, "fy": s.fy, "cx": s.cx, "cy": s.cy, "k1": s.k1, "k2": s.k2, "p1": s.p1, "p2": s.p2, "k3": s.k3,
@@ -43,7 +47,10 @@ pub fn camera_file(calibration: &Calibration, calibrated_at: &str) -> CameraFile
         ("calibrated_at", Value::from(calibrated_at)),
     ];
     let more: Map<String, Value> = more.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
-    CameraFile { more, ..CameraFile::from(calibration.camera) }
+    let mut file = CameraFile { more, ..CameraFile::from(calibration.camera) };
+    let warnings = camera_warnings(&file);
+    file.more.insert("warnings".to_owned(), json!(warnings));
+    file
 }
 
 /// Rounds figures for people to a millionth; the camera's own numbers keep full precision.
@@ -84,7 +91,7 @@ mod tests {
 
     #[test]
     fn the_camera_survives_the_file_to_the_last_bit() {
-        let file = camera_file(&calibration(), "2026-01-02T03:04:05Z");
+        let file = camera_file(&calibration(), &[true, false], "2026-01-02T03:04:05Z");
         let again = CameraFile::parse(&file.to_json()).unwrap();
         assert_eq!(again.camera(), calibration().camera);
         assert_eq!(again.board(), Some(("9x6".parse().unwrap(), 20.5)), "a self-test finds the board in the file");
@@ -92,12 +99,18 @@ mod tests {
 
     #[test]
     fn a_photo_left_out_says_why() {
-        let file = camera_file(&calibration(), "2026-01-02T03:04:05Z");
+        let file = camera_file(&calibration(), &[true, false], "2026-01-02T03:04:05Z");
         let more = CameraFile::parse(&file.to_json()).unwrap().more;
-        assert_eq!(more["photos"][0], json!({"file": "a.jpg", "used": true, "rms_px": 0.2, "reason": null}));
+        assert_eq!(
+            more["photos"][0],
+            json!({"file": "a.jpg", "used": true, "rms_px": 0.2, "reason": null, "at_edge": true})
+        );
         assert_eq!((&more["photos"][1]["used"], &more["photos"][1]["rms_px"]), (&json!(false), &json!(3.7)));
         assert!(more["photos"][1]["reason"].as_str().unwrap().contains("bent"));
         assert_eq!((&more["rms_px"], &more["sigma"]["k3"]), (&json!(0.195), &json!(0.1)));
         assert_eq!(more["calibrated_at"], "2026-01-02T03:04:05Z");
+        let warnings: Vec<&Value> =
+            more["warnings"].as_array().unwrap().iter().map(|warning| &warning["name"]).collect();
+        assert_eq!(warnings, ["photos_left_out", "coverage", "few_photos"]);
     }
 }

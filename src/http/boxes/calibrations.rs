@@ -9,6 +9,7 @@ use utoipa::ToSchema;
 
 use super::form::{FormPictures, MultipartForm};
 use crate::domain::calibration::{BoardSize, CalibrationSource, NewCalibration};
+use crate::domain::camera_warning::{CameraWarning, camera_warnings};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::job::{CalibrateInput, JobInput};
 use crate::http::auth::signed_in::{Member, Staff};
@@ -35,6 +36,9 @@ pub struct CalibrationResponse {
     rms_px: Option<f64>,
     /// Which photos were used, and why the others were not; `null` unless this service computed the calibration.
     photos: Option<Value>,
+    /// What makes the camera doubtful, with figure and limit. A camera.json of another program is judged by its numbers
+    /// alone.
+    warnings: Vec<CameraWarning>,
     created_at: Time,
 }
 
@@ -47,6 +51,7 @@ impl From<store::CalibrationRecord> for CalibrationResponse {
             width: found.camera.width,
             height: found.camera.height,
             rms_px: found.rms_px,
+            warnings: camera_warnings(&found.camera),
             photos: found.camera.more.remove("photos"),
             created_at: Time(found.created_at_ms),
         }

@@ -4,6 +4,7 @@ import { api, Problem } from '../../api.js';
 import { dateTime, number } from '../../format.js';
 import { serviceLang, t } from '../../texts.js';
 import { Form } from '../forms/form.js';
+import { CameraWarnings } from './camera_warnings.js';
 import { jobIdOf, JobProgress } from '../forms/job.js';
 import { Notice } from '../page/notice.js';
 
@@ -35,7 +36,7 @@ const FILE_FIELDS = [
 ];
 
 /** @param {Props} props */
-export function CameraSummary({ camera, calibrations }) {
+export function CameraSummary({ camera, calibration, calibrations }) {
   if (!camera) return html`<p class="muted">${words.noCamera}</p>`;
   const facts = [
     [words.rms, Number.isFinite(camera.rms_px) ? `${number(camera.rms_px)} px` : '–'],
@@ -48,6 +49,7 @@ export function CameraSummary({ camera, calibrations }) {
       : []),
   ];
   return html`
+    <${CameraWarnings} calibration=${calibration} />
     <dl class="facts">${facts.map(([name, value]) => html`<dt key=${name}>${name}</dt><dd>${value}</dd>`)}</dl>
     ${camera.photos?.length > 0 && html`<details><summary>${words.photos}</summary>
       <${Photos} photos=${camera.photos} /></details>`}

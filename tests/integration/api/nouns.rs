@@ -70,6 +70,11 @@ async fn a_camera_comes_back_as_it_was_put() {
     assert_eq!(centre.trainee.read("/api/v1/boxes/box-1/camera").await, camera);
     let versions = centre.trainee.read("/api/v1/boxes/box-1/calibrations").await;
     assert_eq!(versions["items"].as_array().unwrap().len(), 1);
+    assert_eq!(versions["items"][0]["warnings"], json!([]));
+    let stretched = json!({"width": 640, "height": 480, "fx": 500.0, "fy": 516.0, "cx": 320.0, "cy": 240.0});
+    let put = read(centre.instructor.put("/api/v1/boxes/box-1/camera", stretched).await, StatusCode::OK).await;
+    let warning = &put["warnings"][0];
+    assert_eq!((&warning["name"], &warning["limit"]), (&json!("focal_ratio"), &json!(0.015)), "{put}");
     let broken = centre.instructor.put("/api/v1/boxes/box-1/camera", json!({"width": 640})).await;
     problem(broken, 422, "invalid").await;
 }
