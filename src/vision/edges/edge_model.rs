@@ -16,6 +16,7 @@ use super::scalar_filter::ScalarFilter;
 use super::tone;
 use super::usual_light::UsualInside;
 use crate::vision::frame::{ColourEncoding, Frame};
+use crate::vision::segmentation::samples::UsualColour;
 use crate::vision::tube::{BorderSide, OutlinePart, PerPart};
 
 /// Appearance of edges in this recording: blur and noise of each plane, learned while tracking.
@@ -28,6 +29,8 @@ pub struct EdgeModel {
     pub(super) noise: [f64; 3],
     /// The tape's usual codes.
     tape: Vector3<f64>,
+    /// Usual distance of the tape's chroma from that, codes.
+    tape_spread: f64,
     encoding: ColourEncoding,
     codes_from_rgb: Matrix3<f64>,
     black: Vector3<f64>,
@@ -64,13 +67,14 @@ const USUAL_CHROMA_BLUR_PX: f64 = 0.8;
 const CHROMA_BLURS_PX: (f64, f64) = (0.1, 1.5);
 
 impl EdgeModel {
-    /// A model for tape of this mean colour (codes); blur and noise start at usual values and are learned.
-    pub fn new(tape_yuv: [f64; 3], encoding: ColourEncoding) -> Self {
+    /// A model for tape of this colour; blur and noise start at usual values and are learned.
+    pub fn new(tape: UsualColour, encoding: ColourEncoding) -> Self {
         let codes_from_rgb = encoding.codes_from_rgb();
         Self {
             lens_px: USUAL_LENS_PX,
             noise: [6.0, 3.0, 3.0],
-            tape: Vector3::from(tape_yuv),
+            tape: Vector3::from(tape.codes),
+            tape_spread: tape.chroma_spread,
             encoding,
             codes_from_rgb,
             black: Vector3::from(encoding.black()),
@@ -142,6 +146,13 @@ impl EdgeModel {
     /// Distance of a colour from the tape's in both chroma planes, codes.
     pub(super) fn off_tape(&self, codes: [f64; 3]) -> f64 {
         (Vector3::from(codes) - self.tape).yz().norm()
+    }
+
+    /// Is this chroma within the range of the tape's, on its lit and on its shaded side?
+    pub(super) fn is_within_tape(&self, codes: [f64; 3]) -> bool {
+        /// In standard deviations: nine of ten samples are nearer, whatever the shape of their distribution.
+        const WITHIN: f64 = 3.0;
+        self.off_tape(codes) < WITHIN * self.tape_spread
     }
 
     /// May this be the tape in shade? Codes of one surface lie on a straight line from black as the light changes, so

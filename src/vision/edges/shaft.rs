@@ -110,6 +110,7 @@ mod tests {
     use super::*;
     use crate::vision::camera::testing::wide;
     use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
+    use crate::vision::segmentation::samples::UsualColour;
 
     const LENGTH_MM: f64 = 20.0;
     const BACKGROUND: u8 = 90;
@@ -145,7 +146,7 @@ mod tests {
         let (y, u, v) = (plane(&y), plane(&grey), plane(&grey));
         let frame =
             Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, chroma_first_px: [0.0; 2], encoding };
-        let edges = EdgeModel::new([150.0, 128.0, 128.0], encoding);
+        let edges = EdgeModel::new(UsualColour { codes: [150.0, 128.0, 128.0], chroma_spread: 5.0 }, encoding);
         let reversed = Tube { tip: tube.tip - tube.axis * LENGTH_MM, axis: -tube.axis, ..tube };
         [tube, reversed].map(|tube| continuation(&frame, &camera, &edges, &tube, LENGTH_MM, |_, _| true))
     }

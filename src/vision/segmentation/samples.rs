@@ -111,14 +111,18 @@ impl ColourSamples {
         self.labels.iter().map(|label| (label.clone(), self.count(label) as u64)).collect()
     }
 
-    /// Mean of a label's samples, as codes of the given encoding.
-    pub fn mean_codes(&self, label: &str, encoding: ColourEncoding) -> [f64; 3] {
+    /// Mean and spread of a label's samples, as codes of the given encoding.
+    pub fn usual_colour(&self, label: &str, encoding: ColourEncoding) -> UsualColour {
         let own = self.samples.iter().filter(|s| self.labels[s.label] == label);
-        let (count, sum) = own.fold((0.0, [0.0; 3]), |(n, sum), s| {
-            let codes = encoding.codes_of(self.encoding.colour_of(s.yuv));
-            (n + 1.0, [0, 1, 2].map(|i| sum[i] + f64::from(codes[i])))
+        let (count, sum, squares) = own.fold((0.0, [0.0; 3], 0.0), |(n, sum, squares), s| {
+            let codes = encoding.codes_of(self.encoding.colour_of(s.yuv)).map(f64::from);
+            let square = codes[1] * codes[1] + codes[2] * codes[2];
+            (n + 1.0, [0, 1, 2].map(|i| sum[i] + codes[i]), squares + square)
         });
-        sum.map(|s| s / f64::max(count, 1.0))
+        let count = f64::max(count, 1.0);
+        let codes = sum.map(|s| s / count);
+        let chroma_spread = (squares / count - codes[1] * codes[1] - codes[2] * codes[2]).max(0.0).sqrt();
+        UsualColour { codes, chroma_spread }
     }
 
     fn label_index(&mut self, name: &str) -> usize {
@@ -127,6 +131,16 @@ impl ColourSamples {
             self.labels.len() - 1
         })
     }
+}
+
+/// The colour of a label's samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UsualColour {
+    /// Mean codes of Y, U, V.
+    pub codes: [f64; 3],
+    /// Distance of the samples' chroma from the mean, root mean square, codes. Light and shade on a round tape change
+    /// its chroma.
+    pub chroma_spread: f64,
 }
 
 #[cfg(test)]

@@ -105,7 +105,7 @@ impl Tracker {
         let knn = Knn::new(&settings.samples, &classes).ok_or(SettingsProblem::NoBackground)?;
         let table = ColourTable::new(knn, encoding);
         let tools = settings.tools.iter().map(|spec| {
-            let tape = settings.samples.mean_codes(&spec.colour, encoding);
+            let tape = settings.samples.usual_colour(&spec.colour, encoding);
             ToolTracker::new(spec.clone(), settings.class_of(&spec.colour), EdgeModel::new(tape, encoding))
         });
         let (tools, pairs) = (tools.collect(), settings.pairs());

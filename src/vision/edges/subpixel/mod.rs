@@ -81,9 +81,13 @@ impl EdgeModel {
                     colour_distance(inside, usual) < SURELY_NEARER * colour_distance(outside, usual)
                 })
             };
-            let is_surely_tape =
-                || is_tape(inside) || off_tape(inside) < SURELY_NEARER * off_tape(outside) || is_usual();
-            let is_inside = off_tape(inside) < off_tape(outside) && is_surely_tape();
+            let is_nearer = || off_tape(inside) < off_tape(outside);
+            let is_surely_nearer = || off_tape(inside) < SURELY_NEARER * off_tape(outside);
+            let is_inside = if is_tape(inside) {
+                is_nearer() || self.is_within_tape(inside)
+            } else {
+                is_nearer() && (is_surely_nearer() || is_usual())
+            };
             (is_inside || self.may_be_shaded_tape(inside)) && !is_tape(outside)
         };
         if fineness == Fineness::Step {

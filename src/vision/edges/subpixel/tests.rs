@@ -8,6 +8,7 @@ use crate::vision::edges::probe::FittedEdge;
 use crate::vision::edges::probe::Shading;
 use crate::vision::edges::tone;
 use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
+use crate::vision::segmentation::samples::UsualColour;
 use crate::vision::space::Pixel;
 use crate::vision::tube::{BorderSide, OutlinePart};
 
@@ -114,7 +115,7 @@ impl Drawing {
     }
 
     fn model(&self) -> EdgeModel {
-        let mut model = EdgeModel::new(self.tape, ENCODING);
+        let mut model = EdgeModel::new(UsualColour { codes: self.tape, chroma_spread: 5.0 }, ENCODING);
         model.lens_px = self.blur;
         model.chroma_blur_px = 0.5; // chroma is drawn as the mean of two pixels each way
         model
@@ -238,6 +239,19 @@ fn what_is_overexposed_at_an_end_is_known_from_the_limbs() {
 fn equal_luma_is_no_hindrance_while_colours_differ() {
     let error = Drawing { outside: [110.0, 150.0, 90.0], ..PLAIN }.error_px();
     assert!(error.abs() < 0.1, "{error}");
+}
+
+/// Reflected light colours one side of a tape: it may be less like the tape's mean colour than the background.
+#[test]
+fn a_side_that_differs_from_the_mean_colour_as_much_as_the_samples_do_is_tape() {
+    let beside = Drawing { outside: [90.0, 128.0, 128.0], ..PLAIN };
+    let located_with = |chroma_spread: f64| {
+        let model = EdgeModel::new(UsualColour { codes: [70.0, 115.0, 148.0], chroma_spread }, ENCODING);
+        beside.looked_at(&model, &beside.probe(), Fineness::Fine)
+    };
+    assert!(located_with(5.0).is_none(), "no sample differs as much");
+    let edge = located_with(20.0).unwrap();
+    assert!((edge.offset_px - beside.edge).abs() < 0.2, "{edge:?}");
 }
 
 #[test]
