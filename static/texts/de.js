@@ -2162,7 +2162,7 @@ export default {
         'halten Sie die Spitze im Bild, oder stellen Sie die Kamera so, dass die ganze Aufgabe zu sehen ist'],
       lost: [shareFigure(0, (is, limit) => `auf ${is} % der Bilder zu sehen, aber nicht verfolgt; höchstens ${limit} %`),
         'sehen Sie in der Aufnahme nach, was das Klebeband dort verdeckt oder überstrahlt; markieren Sie seine Farbe in jenem Licht'],
-      no_trocar: [figure(1, (is, limit) => `seine Spitze bewegte sich um ${is} mm (quadratisches Mittel), aber seine Achsen treffen sich in keinem Trokar; höchstens ${limit} mm`),
+      no_trocar: [figure(1, (is, limit) => `seine Spitze bewegte sich um ${is} mm quer zur Achse (quadratisches Mittel), aber seine Achsen zeigen seinen Trokar nicht; höchstens ${limit} mm`),
         'sehen Sie sich die Überlagerung an: Folgt sie dem Instrument, und zeigt seine Achse von der Hand zur Spitze? Prüfen Sie die Maße des Instruments, und markieren Sie anderes in der Farbe des Klebebands als Hintergrund'],
       predicted: [shareFigure(0, (is, limit) => `${is} % der Positionen sind überbrückt, nicht gemessen; höchstens ${limit} %`),
         'Summen wie die Weglänge verpassen, was dort geschah; sehen Sie sich die Lücken an'],

@@ -17,7 +17,7 @@ pub enum QualityCause {
     LeftView,
     /// A tool was in view but not followed for too long.
     Lost,
-    /// A tool moved, but its axes do not meet in a trocar.
+    /// A tool's axes do not show its trocar.
     NoTrocar,
     /// Too many of a tool's positions are bridged.
     Predicted,
@@ -176,7 +176,9 @@ impl QualityCause {
             QualityCause::LeftView => format!("out of view for {figure} % of the session"),
             QualityCause::Lost => format!("in view but not followed on {figure} % of the frames"),
             QualityCause::NoTrocar => {
-                format!("its tip moved by {figure} mm (root mean square), but its axes do not meet in a trocar")
+                format!(
+                    "its tip moved by {figure} mm across its axis (root mean square), but its axes do not show its trocar"
+                )
             }
             QualityCause::Predicted => format!("{figure} % of the positions are bridged, not measured"),
             QualityCause::LongGap => format!("not measured for {figure} s without a break"),

@@ -2,6 +2,7 @@
 
 use super::{Figures, QualityCause, ToolFigures};
 use crate::vision::segmentation::palette::Margin;
+use crate::vision::tracker::TrocarEvidence;
 
 /// The quality verdict on a session: whether its measurements can be trusted.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,6 +105,7 @@ pub fn judge(figures: &Figures) -> QualityVerdict {
     let concern = |(cause, tool): (QualityCause, Option<&ToolFigures>)| {
         let figure = tool.map_or_else(|| session_figure(figures, cause), |tool| tool_figure(tool, cause))?;
         let (severity, limit) = cause.limits().breach(figure)?;
+        let severity = if has_other_evidence(tool, cause) { Severity::Care } else { severity };
         let label = tool.and_then(|tool| colour_margin(tool, cause)).map(|margin| margin.nearest.clone());
         Some(Concern { cause, tool: tool.map(|tool| tool.tool.clone()), label, figure, limit, severity })
     };
@@ -113,6 +115,16 @@ pub fn judge(figures: &Figures) -> QualityVerdict {
         None => QualityVerdict::Valid,
         Some(Severity::Care) => QualityVerdict::UsableWithCare(concerns),
         Some(Severity::Refuse) => QualityVerdict::Refused(concerns),
+    }
+}
+
+/// Does a tool's trocar show what a refusal for this cause doubts? A thing of the tape's colour has none.
+fn has_other_evidence(tool: Option<&ToolFigures>, cause: QualityCause) -> bool {
+    let trocar = tool.and_then(|tool| tool.trocar);
+    match cause {
+        QualityCause::ColourBackground => trocar == Some(TrocarEvidence::Shown),
+        QualityCause::NoTrocar => trocar == Some(TrocarEvidence::Possible),
+        _ => false,
     }
 }
 

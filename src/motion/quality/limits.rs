@@ -74,8 +74,8 @@ impl QualityCause {
             // A box's colours may include a tool that a one-handed task does not use. It has no features that could
             // mislead.
             QualityCause::NeverInPicture => care_at_least(1.0),
-            // An object mistaken for the tape is followed as smoothly as the tape, 148 mm beside it: no other figure
-            // shows the error.
+            // An object mistaken for the tape is followed as smoothly as the tape, 148 mm beside it. Only a trocar that
+            // the axes show excludes it; then the session is usable with care.
             QualityCause::ColourBackground => at_least(MARGIN_STEPS[0], MARGIN_STEPS[1]),
             // Two tools of one colour are distinguished by their origin and their motion.
             QualityCause::ColourPair => care_at_least(MARGIN_STEPS[0]),
@@ -87,8 +87,9 @@ impl QualityCause {
             // half as much of it does the same harm.
             QualityCause::Lost => at_most(0.05, 0.25),
             // Without a trocar, nothing confirms which way the band points, nor its depth. A trocar is 100 to 200 mm
-            // behind the tip: a tip that moves by 8 mm turns the axis by 2 to 5 degrees, several times the axis's
-            // error. If the axes then do not meet, the poses are false.
+            // behind the tip: a tip that moves across its axis by 8 mm turns it by 2 to 5 degrees, several times the
+            // axis's error. If the axes then meet nowhere behind the tips, the poses are false. If they may meet there
+            // but show it less clearly, the session is usable with care.
             QualityCause::NoTrocar => at_most(0.0, 8.0),
             // Bridged positions are as smooth as the motion model, so they flatter the hand.
             QualityCause::Predicted => at_most(0.1, 0.4),

@@ -222,7 +222,7 @@ fn a_tool_that_moves_without_a_trocar_is_refused_and_a_resting_one_asks_for_care
     counts.tools[0].effective_diameter = None;
     let refused = judged(&counts, &moving);
     assert_eq!((causes(&refused), rank(&refused)), (vec![QualityCause::NoTrocar], Some(Severity::Refuse)));
-    assert!(refused.concerns()[0].finding().contains("do not meet in a trocar (limit 8.0 mm)"));
+    assert!(refused.concerns()[0].finding().contains("do not show its trocar (limit 8.0 mm)"));
     assert_eq!(rank(&judged(&counts, &resting)), Some(Severity::Care));
 }
 

@@ -10,7 +10,7 @@ use crate::numbers::quantile::quantile;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::ColourSeparation;
-use crate::vision::tracker::{Absence, EffectiveDiameter, ToolQuality};
+use crate::vision::tracker::{Absence, EffectiveDiameter, ToolQuality, TrocarEvidence};
 use crate::vision::trajectory::{Sample, SampleState};
 
 /// How one tool was seen. Shares are 0 to 1; `None` if the input does not contain the figure.
@@ -38,7 +38,10 @@ pub struct ToolFigures {
     pub longest_gap_s: Option<f64>,
     /// RMS distance of border points from the fitted outline, pixels.
     pub border_residual_px: Option<f64>,
-    /// Distance of its positions from their mean, root mean square, mm, if its axes do not meet in a trocar.
+    /// What its axes say of its trocar.
+    pub trocar: Option<TrocarEvidence>,
+    /// Distance of its positions from their mean across its mean axis, root mean square, mm, if its axes do not show its
+    /// trocar.
     pub moved_without_trocar_mm: Option<f64>,
     /// The effective diameter of its tape.
     pub effective_diameter: Option<EffectiveDiameter>,
@@ -98,7 +101,10 @@ pub(super) fn measure(
         lost_frames: gaps.map(|gaps| gaps.lost).unwrap_or_default(),
         longest_gap_s: shown.map(|shown| longest_gap_s(&seen, shown)),
         border_residual_px: tracker.and_then(|tool| tool.border_residual_px),
-        moved_without_trocar_mm: tracker.filter(|tool| !tool.has_trocar()).and_then(|_| spread_mm(&seen)),
+        trocar: tracker.map(ToolQuality::trocar),
+        moved_without_trocar_mm: tracker
+            .filter(|tool| tool.trocar() != TrocarEvidence::Shown)
+            .and_then(|_| spread_across_mm(&seen)),
         effective_diameter: tracker.and_then(|tool| tool.effective_diameter),
         rejected_share: tracker.and_then(|tool| {
             let rejected = tool.reasons.get(&MissReason::GateRejected).copied().unwrap_or(0);
@@ -114,12 +120,14 @@ pub(super) fn measure(
     }
 }
 
-/// Distance of the positions from their mean, root mean square, mm.
-fn spread_mm(seen: &[&Sample]) -> Option<f64> {
+/// Distance of the positions from their mean across their mean axis, root mean square, mm. A tool that moves along its
+/// axis does not turn.
+fn spread_across_mm(seen: &[&Sample]) -> Option<f64> {
     let count = seen.len() as f64;
     let mean = seen.iter().map(|sample| sample.tip_mm.coords).sum::<Vector3<f64>>() / count;
-    let squares: f64 = seen.iter().map(|sample| (sample.tip_mm.coords - mean).norm_squared()).sum();
-    (!seen.is_empty()).then(|| (squares / count).sqrt())
+    let along = seen.iter().filter_map(|sample| sample.axis).sum::<Vector3<f64>>().try_normalize(1e-9)?;
+    let squares: f64 = seen.iter().map(|sample| (sample.tip_mm.coords - mean).cross(&along).norm_squared()).sum();
+    Some((squares / count).sqrt())
 }
 
 fn share(part: u64, whole: u64) -> Option<f64> {

@@ -63,6 +63,13 @@ impl From<UpperFulcrum> for Fulcrum {
 /// distinguished from chance.
 pub const WELL_KNOWN_MM: f64 = 8.0;
 
+/// Usual distance from tip to trocar, mm: trocars are 120 to 250 mm from a box's floor, and the tip works on the floor or
+/// half way up.
+pub const USUAL_TROCAR_DISTANCE_MM: f64 = 180.0;
+
+/// Standard deviation of the distance from tip to trocar over boxes and tips, mm.
+pub const TROCAR_DISTANCE_SIGMA_MM: f64 = 60.0;
+
 /// How far from the fulcrum an axis may pass: the play of a tube in its trocar, mm.
 pub const PLAY_MM: f64 = 0.5;
 

@@ -72,7 +72,7 @@ impl ToolTracker {
 
     /// The measured band, corrected with the fulcrum and the offsets that all poses share, once they are known.
     fn steady(&self, measurement: &Measurement) -> SteadiedBand {
-        let steadied = self.adjustment.as_ref().and_then(|a| adjustment::steady(&measurement.estimate, a));
+        let steadied = self.known_adjustment().and_then(|a| adjustment::steady(&measurement.estimate, a));
         SteadiedBand { estimate: steadied.unwrap_or(measurement.estimate), length_mm: measurement.length_mm }
     }
 }

@@ -20,7 +20,8 @@ use crate::vision::reason::MissReason;
 const MIN_KEYFRAMES: usize = 16;
 const MAX_KEYFRAMES: usize = 128;
 
-/// The fulcrum is used only once its standard deviation is below this, mm; a less certain one would mislead.
+/// A live fulcrum is used only once its standard deviation is below this, mm: half of an assumed one's, so the poses say
+/// more of it than the usual distance does.
 const MAX_FULCRUM_SIGMA_MM: f64 = 30.0;
 
 impl ToolTracker {
@@ -41,7 +42,7 @@ impl ToolTracker {
     fn learn_fulcrum(&mut self, measurement: &Measurement) {
         self.keyframes.push(measurement.estimate);
         if self.keyframes.len() >= MIN_KEYFRAMES && self.keyframes.len().is_power_of_two() {
-            self.adjustment = adjustment::estimate(&self.keyframes).filter(is_fulcrum_known).or(self.adjustment.take());
+            self.adjustment = adjustment::estimate(&self.keyframes).or(self.adjustment.take());
         }
         if self.keyframes.len() >= MAX_KEYFRAMES {
             let mut keep = false;
@@ -54,9 +55,9 @@ impl ToolTracker {
 
     /// Learns from an accepted measurement on which side of the band the hand is. If the votes contradict the current
     /// direction, the tool was tracked the wrong way round: tracking restarts and its measurements so far are
-    /// withdrawn. Needless once the fulcrum is known, because a fulcrum behind the tip confirms the direction.
+    /// withdrawn. Needless once the axes show that the trocar lies behind the tips.
     pub(super) fn learn_hand_side(&mut self, scene: &FrameContext<'_>, result: &ToolFrameResult) {
-        if !result.advance.observed || self.adjustment.is_some() {
+        if !result.advance.observed || self.adjustment.as_ref().is_some_and(Adjustment::is_right_way_round) {
             return;
         }
         let Some(Band { tube: last, length_mm }) = self.last_band else { return };
@@ -66,7 +67,7 @@ impl ToolTracker {
         if let Some(contrast) = tube.contrast() {
             self.hand_direction.add_vote(to_hand, contrast);
         }
-        if self.keyframes.len().is_power_of_two() && adjustment::axes_meet_ahead_of_tips(&self.keyframes) {
+        if self.adjustment.as_ref().is_some_and(Adjustment::is_wrong_way_round) {
             self.hand_direction.set_opposite(to_hand);
         }
         if self.hand_direction.contradicts(to_hand) {

@@ -52,7 +52,7 @@ mod width_method;
 
 pub use report::{
     Absence, DiameterBasis, EffectiveDiameter, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality,
-    ToolReport, Tracking,
+    ToolReport, Tracking, TrocarEvidence,
 };
 pub use settings::{CameraView, HandSide, MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings};
 pub use trace::{FitTrace, FrameTrace, ProbePassTrace, ToolTrace};
@@ -153,7 +153,7 @@ impl Tracker {
 
     /// The fulcrum of each tool; `None` while it is not known well.
     pub fn fulcrums(&self) -> Vec<Option<Fulcrum>> {
-        self.tools.iter().map(|tool| tool.adjustment.as_ref()?.comparable_fulcrum()?.well_known()).collect()
+        self.tools.iter().map(|tool| tool.known_adjustment()?.comparable_fulcrum()?.well_known()).collect()
     }
 
     /// Tracks the next frame: predict → find → measure → accept → learn, for each tool, and each pair of one colour.

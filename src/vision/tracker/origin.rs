@@ -8,7 +8,7 @@
 use nalgebra::{Matrix3, Matrix3x5, Point3, Vector3};
 
 use super::settings::HandSide;
-use crate::vision::pose::fulcrum::{self, Fulcrum};
+use crate::vision::pose::fulcrum::{self, Fulcrum, USUAL_TROCAR_DISTANCE_MM};
 use crate::vision::pose::{TubeEstimate, perpendiculars};
 
 /// The best known origin of a tool.
@@ -26,9 +26,6 @@ pub const DECISIVE_MARGIN: f64 = 16.0;
 
 /// Maximum mismatch: a pose that matches neither origin then counts the same for both.
 const MAX_MISMATCH: f64 = 1e3;
-
-/// Usual distance from tip to trocar, mm.
-const USUAL_TROCAR_DISTANCE_MM: f64 = 180.0;
 
 /// Uncertainty of an assumed trocar across the axis when the tool turns: standard deviation, mm.
 const ASSUMED_TROCAR_SIGMA_MM: f64 = 25.0;

@@ -117,10 +117,25 @@ pub struct ToolQuality {
 }
 
 impl ToolQuality {
-    /// Do its axes meet in a trocar, even if its position is not known well?
-    pub fn has_trocar(&self) -> bool {
-        self.effective_diameter.is_some_and(|diameter| diameter.basis == DiameterBasis::Session)
+    /// What its axes say of a trocar, even if its position is not known well.
+    pub fn trocar(&self) -> TrocarEvidence {
+        match self.effective_diameter.map(|diameter| diameter.basis) {
+            Some(DiameterBasis::Session) => TrocarEvidence::Shown,
+            Some(DiameterBasis::AssumedTrocar) => TrocarEvidence::Possible,
+            Some(DiameterBasis::Usual) | None => TrocarEvidence::Missing,
+        }
     }
+}
+
+/// What the axes of a tool's poses say of its trocar.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TrocarEvidence {
+    /// They meet in no trocar behind the tips, or the poses are too few.
+    Missing,
+    /// They may meet in one behind the tips, but turn too little to exclude one ahead of them.
+    Possible,
+    /// They meet in one behind the tips.
+    Shown,
 }
 
 /// Apparent diameter of a tape in a recording: its true diameter plus twice the outward shift of its borders by lens,
@@ -142,6 +157,9 @@ pub enum DiameterBasis {
     Usual,
     /// From the session's poses together: they share a fulcrum and the band's length.
     Session,
+    /// From the session's poses together, which turn too little to show their fulcrum: it is assumed at the usual
+    /// distance.
+    AssumedTrocar,
 }
 
 impl DiameterBasis {
@@ -150,6 +168,7 @@ impl DiameterBasis {
         match self {
             DiameterBasis::Session => "session",
             DiameterBasis::Usual => "usual",
+            DiameterBasis::AssumedTrocar => "assumed_trocar",
         }
     }
 }

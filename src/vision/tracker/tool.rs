@@ -4,6 +4,7 @@ use super::accept::ToolFrameResult;
 use super::band_length_estimator::BandLengthEstimator;
 use super::frame_context::FrameContext;
 use super::hand_direction::HandDirection;
+use super::learn;
 use super::measurement::Measurement;
 use super::origin::{self, Origin};
 use super::predict::Band;
@@ -101,7 +102,12 @@ impl ToolTracker {
 
     /// The point about which the tool turns, if known.
     pub(super) fn fulcrum(&self) -> Option<Fulcrum> {
-        self.adjustment.as_ref().map(|a| a.fulcrum)
+        self.known_adjustment().map(|a| a.fulcrum)
+    }
+
+    /// The adjustment, if its fulcrum is known well enough to be used.
+    pub(super) fn known_adjustment(&self) -> Option<&Adjustment> {
+        self.adjustment.as_ref().filter(|adjustment| learn::is_fulcrum_known(adjustment))
     }
 
     /// The best known origin of the tool: its fulcrum, else an assumed one from the last pose, else its side of the

@@ -6,12 +6,16 @@
 //! **Method** Gauss–Newton. Each pose's edges are a quadratic cost of its own unknowns
 //! ([`super::normal_equations`]). Eliminating these (Schur complement) leaves those that all poses share: three of the
 //! fulcrum, and the offsets. **Assumes** that a pose's offsets differ from the shared ones within its stated priors,
-//! and alike in similar poses, which therefore count as one ([`weights`]). **Gives up** if the axes turn too little to
-//! meet anywhere, or meet ahead of the tips.
+//! and alike in similar poses, which therefore count as one ([`weights`]), and that the trocar lies at about the usual
+//! distance from the tips. If the axes turn too little to meet anywhere, it is assumed there. **Direction** The axes of
+//! poses that lie the wrong way round meet ahead of the tips. So the adjustment is solved for a trocar on either side,
+//! and the difference in likelihood says how clearly the poses show theirs.
 
-use nalgebra::{Matrix2, Matrix3, Matrix5, SMatrix, SVector, Vector3, Vector5};
+use nalgebra::{Matrix2, Matrix3, Matrix5, Point3, SMatrix, SVector, Vector3, Vector5};
 
-use super::fulcrum::{Fulcrum, FulcrumConstraint, MIN_TROCAR_DISTANCE_RADII, PLAY_MM, nearest_point};
+use super::fulcrum::{
+    Fulcrum, FulcrumConstraint, MIN_TROCAR_DISTANCE_RADII, PLAY_MM, TROCAR_DISTANCE_SIGMA_MM, USUAL_TROCAR_DISTANCE_MM,
+};
 use super::normal_equations::{Information, OFFSETS, OWN_UNKNOWNS, Offsets};
 use super::{TubeEstimate, perturbed};
 use crate::vision::tube::{OutlinePart, Tube};
@@ -28,6 +32,10 @@ const LENGTH_WITHIN: f64 = 0.1;
 /// Maximum turn of a pose towards the fulcrum, radians: beyond it, the linearisation is invalid.
 const MAX_TURN_RAD: f64 = 0.35;
 
+/// A trocar on one side of the tips is certain if it is at least this much likelier than one on the other, in squared
+/// standard deviations: odds of 3000 to 1 if all errors were Gaussian.
+const DECISIVE_MARGIN: f64 = 9.0;
+
 /// The unknowns that a session's poses share.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adjustment {
@@ -38,33 +46,54 @@ pub struct Adjustment {
     pub offsets: Offsets,
     /// Reference length of the band for the offsets, mm.
     pub length_mm: f64,
+    /// How much likelier a trocar behind the tips is than one ahead of them, in squared standard deviations.
+    likelier_behind: f64,
     /// Covariance of fulcrum and offsets.
     covariance: SharedMatrix,
 }
 
-/// Estimates the shared unknowns; `None` if the poses are too few or turn too little.
+/// Estimates the shared unknowns; `None` if the poses are too few or not those of a tool in a trocar behind it.
 pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
+    /// Share of the poses that must lie ahead of the fulcrum: the others are false, for example the wrong way round.
+    const MIN_BEHIND: f64 = 0.75;
+    let (shared, cost) = fit(poses, Trocar::BehindTips)?;
+    let ahead = fit(poses, Trocar::AheadOfTips).map(|(_, cost)| cost);
+    let shared = Adjustment { likelier_behind: ahead.map_or(f64::INFINITY, |ahead| ahead - cost), ..shared };
+    (shared.share_behind(poses) >= MIN_BEHIND).then_some(shared)
+}
+
+/// On which side of the tips a trocar is assumed.
+#[derive(Clone, Copy)]
+enum Trocar {
+    BehindTips,
+    AheadOfTips,
+}
+
+/// The shared unknowns for a trocar on one side of the tips, and how badly the poses match them: minus twice the
+/// logarithm of their likelihood, up to a constant.
+fn fit(poses: &[TubeEstimate], place: Trocar) -> Option<(Adjustment, f64)> {
     const MIN_POSES: usize = 10;
     const ROUNDS: usize = 30;
     const SETTLED_MM: f64 = 1e-2;
     /// Last step, as a share of the fulcrum's standard deviation, that makes no difference.
     const SETTLED_SHARE: f64 = 0.3;
-    /// Share of the poses that must lie ahead of the fulcrum: the others are false, for example the wrong way round.
-    const MIN_BEHIND: f64 = 0.75;
     if poses.len() < MIN_POSES {
         return None;
     }
-    let mut shared = Adjustment::start(poses)?;
+    let prior = Prior::of(poses, place)?;
+    let mut shared = prior.start(poses)?;
     let weights = weights(poses);
     let mut solved: Vec<AdjustedPose> = poses.iter().map(AdjustedPose::new).collect();
-    let mut last_mm = f64::INFINITY;
+    let (mut last_mm, mut cost) = (f64::INFINITY, 0.0);
     for _ in 0..ROUNDS {
-        let (mut matrix, mut right) = shared.priors(poses);
+        let (mut matrix, mut right) = prior.equations(&shared);
+        cost = prior.cost(&shared);
         for (pose, weight) in solved.iter_mut().zip(&weights) {
-            let (information, pull) = pose.solve(&shared)?;
-            let weight = weight * robust_weight(&information, &pull);
-            matrix += information * weight;
-            right += pull * weight;
+            let (information, pull, own_cost) = pose.solve(&shared)?;
+            let robust = robust_weight(&information, &pull);
+            matrix += information * (weight * robust);
+            right += pull * (weight * robust);
+            cost += weight * robust * own_cost;
         }
         shared.covariance = matrix.cholesky()?.inverse();
         let step = shared.covariance * right;
@@ -80,31 +109,67 @@ pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
     }
     // The robust weights of a few poses may change to and fro for ever.
     let is_settled = last_mm < f64::max(SETTLED_MM, SETTLED_SHARE * shared.fulcrum.covariance.trace().sqrt());
-    (is_settled && shared.share_behind(poses) >= MIN_BEHIND).then_some(shared)
+    is_settled.then_some((shared, cost))
 }
 
-/// Do the axes meet in a point ahead of the tips, where no trocar can be? Then the poses lie the wrong way round.
-pub fn axes_meet_ahead_of_tips(poses: &[TubeEstimate]) -> bool {
-    const MIN_POSES: usize = 16;
-    /// Largest distance from a tip to that point, mm; largest distance of the axes from it, and smallest spread of the
-    /// tips that is conclusive: root mean squares, mm.
-    const MAX_DISTANCE_MM: f64 = 400.0;
-    const MEET_MM: f64 = 4.0;
-    const APART_MM: f64 = 8.0;
-    if poses.len() < MIN_POSES {
-        return false;
+/// What is known of the shared unknowns before any pose: the offsets are about 0, and the trocar lies at the usual
+/// distance from the tips.
+struct Prior {
+    offset_sigmas_px: [f64; OFFSETS],
+    /// The mean tip, and the mean direction from the tips to the trocar.
+    middle: Point3<f64>,
+    to_trocar: Vector3<f64>,
+}
+
+impl Prior {
+    fn of(poses: &[TubeEstimate], place: Trocar) -> Option<Self> {
+        let variance = |part: usize| poses.iter().map(|pose| square(pose.equations.shared_px()[part])).sum::<f64>();
+        let mut offset_sigmas_px: [f64; OFFSETS] =
+            std::array::from_fn(|part| (variance(part) / poses.len() as f64).sqrt());
+        if poses[0].equations.is_length_unknown() {
+            offset_sigmas_px[OutlinePart::ProximalEnd.index()] = LENGTH_WITHIN * poses.last()?.equations.length_mm();
+        }
+        let middle = poses.iter().map(|pose| pose.tube.tip.coords).sum::<Vector3<f64>>() / poses.len() as f64;
+        let ahead = poses.iter().map(|pose| pose.tube.axis).sum::<Vector3<f64>>().try_normalize(1e-9)?;
+        let to_trocar = match place {
+            Trocar::BehindTips => -ahead,
+            Trocar::AheadOfTips => ahead,
+        };
+        Some(Self { offset_sigmas_px, middle: middle.into(), to_trocar })
     }
-    let lines = || poses.iter().map(|pose| (pose.tube.tip, pose.tube.axis));
-    let Some(at) = nearest_point(lines()) else { return false };
-    let rms = |squares: f64| (squares / poses.len() as f64).sqrt();
-    let middle = lines().map(|(tip, _)| tip.coords).sum::<Vector3<f64>>() / poses.len() as f64;
-    let apart_mm = rms(lines().map(|(tip, _)| (tip.coords - middle).norm_squared()).sum());
-    let beside_mm = rms(lines().map(|(tip, axis)| (at - tip).cross(&axis).norm_squared()).sum());
-    let is_before = |pose: &TubeEstimate| {
-        let before_mm = (at - pose.tube.tip).dot(&pose.tube.axis);
-        (MIN_TROCAR_DISTANCE_RADII * pose.tube.radius..MAX_DISTANCE_MM).contains(&before_mm)
-    };
-    apart_mm > APART_MM && beside_mm < MEET_MM && poses.iter().all(is_before)
+
+    fn start(&self, poses: &[TubeEstimate]) -> Option<Adjustment> {
+        let at = self.middle + self.to_trocar * USUAL_TROCAR_DISTANCE_MM;
+        Some(Adjustment {
+            fulcrum: Fulcrum { at, covariance: Matrix3::zeros() },
+            offsets: Offsets::zeros(),
+            length_mm: poses.last()?.equations.length_mm(),
+            likelier_behind: 0.0,
+            covariance: SharedMatrix::zeros(),
+        })
+    }
+
+    /// How much nearer the trocar lies than usual, mm.
+    fn nearer_mm(&self, shared: &Adjustment) -> f64 {
+        USUAL_TROCAR_DISTANCE_MM - (shared.fulcrum.at - self.middle).dot(&self.to_trocar)
+    }
+
+    fn equations(&self, shared: &Adjustment) -> (SharedMatrix, SharedVector) {
+        let (mut matrix, mut right) = (SharedMatrix::zeros(), SharedVector::zeros());
+        let by_distance = 1.0 / square(TROCAR_DISTANCE_SIGMA_MM);
+        matrix.fixed_view_mut::<3, 3>(0, 0).copy_from(&(self.to_trocar * self.to_trocar.transpose() * by_distance));
+        right.fixed_rows_mut::<3>(0).copy_from(&(self.to_trocar * (self.nearer_mm(shared) * by_distance)));
+        for (part, sigma) in self.offset_sigmas_px.into_iter().enumerate() {
+            matrix[(3 + part, 3 + part)] = 1.0 / square(sigma);
+            right[3 + part] = -shared.offsets[part] / square(sigma);
+        }
+        (matrix, right)
+    }
+
+    fn cost(&self, shared: &Adjustment) -> f64 {
+        let offsets = shared.offsets.iter().zip(self.offset_sigmas_px).map(|(offset, sigma)| square(offset / sigma));
+        square(self.nearer_mm(shared) / TROCAR_DISTANCE_SIGMA_MM) + offsets.sum::<f64>()
+    }
 }
 
 /// Steadies a pose: returns the most likely pose given the session's fulcrum and offsets and their uncertainty. `None`
@@ -150,37 +215,23 @@ pub fn steady(pose: &TubeEstimate, shared: &Adjustment) -> Option<TubeEstimate> 
 }
 
 impl Adjustment {
-    fn start(poses: &[TubeEstimate]) -> Option<Self> {
-        let at = nearest_point(poses.iter().map(|p| (p.tube.tip, p.tube.axis)))?;
-        Some(Self {
-            fulcrum: Fulcrum { at, covariance: Matrix3::zeros() },
-            offsets: Offsets::zeros(),
-            length_mm: poses.last()?.equations.length_mm(),
-            covariance: SharedMatrix::zeros(),
-        })
-    }
-
-    /// Priors: the offsets are about 0, the fulcrum is anywhere.
-    fn priors(&self, poses: &[TubeEstimate]) -> (SharedMatrix, SharedVector) {
-        let variance = |part: usize| poses.iter().map(|pose| square(pose.equations.shared_px()[part])).sum::<f64>();
-        let mut sigmas: [f64; OFFSETS] = std::array::from_fn(|part| (variance(part) / poses.len() as f64).sqrt());
-        if poses[0].equations.is_length_unknown() {
-            sigmas[OutlinePart::ProximalEnd.index()] = LENGTH_WITHIN * self.length_mm;
-        }
-        let (mut matrix, mut right) = (SharedMatrix::zeros(), SharedVector::zeros());
-        for (part, sigma) in sigmas.into_iter().enumerate() {
-            matrix[(3 + part, 3 + part)] = 1.0 / square(sigma);
-            right[3 + part] = -self.offsets[part] / square(sigma);
-        }
-        (matrix, right)
-    }
-
     /// The fulcrum, to be compared with that of another session. The offsets come from the same tape and camera, and are
     /// the same in both; so the covariance is that with known offsets.
     pub fn comparable_fulcrum(&self) -> Option<Fulcrum> {
         let information = self.covariance.try_inverse()?.fixed_view::<3, 3>(0, 0).into_owned();
         let covariance = information.try_inverse()?;
         Some(Fulcrum { covariance: (covariance + covariance.transpose()) * 0.5, ..self.fulcrum })
+    }
+
+    /// Do the axes show clearly that the trocar lies behind the tips?
+    pub fn is_right_way_round(&self) -> bool {
+        self.likelier_behind > DECISIVE_MARGIN
+    }
+
+    /// Do the axes show clearly that the trocar lies ahead of the tips, where none can be? Then the poses lie the wrong
+    /// way round.
+    pub fn is_wrong_way_round(&self) -> bool {
+        self.likelier_behind < -DECISIVE_MARGIN
     }
 
     /// Outward offset of both borders, pixels, and its standard deviation.
@@ -223,7 +274,7 @@ impl<'a> AdjustedPose<'a> {
     }
 
     /// Information and right side that the pose contributes to the shared unknowns, with its own unknowns eliminated.
-    fn solve(&mut self, shared: &Adjustment) -> Option<(SharedMatrix, SharedVector)> {
+    fn solve(&mut self, shared: &Adjustment) -> Option<(SharedMatrix, SharedVector, f64)> {
         let play = Matrix2::identity() * square(PLAY_MM);
         let own_px = self.pose.equations.own_px();
         let equations = PoseEquations::at(self.pose, &self.information, &self.change, shared, &play, &own_px)?;
@@ -231,7 +282,8 @@ impl<'a> AdjustedPose<'a> {
         self.through = solver.solve(&equations.cross);
         self.alone = solver.solve(&equations.right);
         let back = equations.cross.transpose();
-        Some((equations.shared - back * self.through, equations.shared_right - back * self.alone))
+        let cost = equations.cost - equations.right.dot(&self.alone);
+        Some((equations.shared - back * self.through, equations.shared_right - back * self.alone, cost))
     }
 
     fn apply_shared_step(&mut self, step: &SharedVector) {
@@ -248,6 +300,8 @@ struct PoseEquations {
     shared_right: SharedVector,
     constraint: FulcrumConstraint,
     firm: Matrix2<f64>,
+    /// Squared standard deviations by which the pose as fitted misses the fulcrum and the offsets.
+    cost: f64,
 }
 
 impl PoseEquations {
@@ -272,6 +326,7 @@ impl PoseEquations {
             cross: SMatrix::zeros(),
             shared: SharedMatrix::zeros(),
             shared_right: SharedVector::zeros(),
+            cost: constraint.miss.dot(&(firm * constraint.miss)),
             constraint,
             firm,
         };
@@ -289,6 +344,7 @@ impl PoseEquations {
             let (weight, share) = (1.0 / square(apart_px[part]), share[part]);
             let ahead = offsets[part] - share * shared.offsets[part];
             all.own[(5 + part, 5 + part)] += weight;
+            all.cost += weight * square(ahead);
             all.right[5 + part] -= weight * ahead;
             all.cross[(5 + part, 3 + part)] = -weight * share;
             all.shared[(3 + part, 3 + part)] = weight * square(share);

@@ -8,7 +8,6 @@ use std::ops::Range;
 
 use super::blocks::Blocks;
 use super::gaps::{self, FrameMargin};
-use super::learn;
 use super::motion::{FrameInstant, ToolMotion, TrackedRun};
 use super::record::FrameRecord;
 use super::report::{DiameterBasis, EffectiveDiameter, ToolQuality};
@@ -33,8 +32,7 @@ pub fn run(
 ) -> (ToolMotion, ToolQuality) {
     let islands = isolated_runs(&records, instants, motion.max_prediction_s);
     let good = sample_good_poses(&records);
-    let adjustment = adjustment::estimate(&good).filter(learn::is_fulcrum_known);
-    let is_wrong_way_round = adjustment.is_none() && adjustment::axes_meet_ahead_of_tips(&good);
+    let adjustment = adjustment::estimate(&good);
     let border_residual_px = rms(records.iter().filter_map(|r| r.pose.as_ref()).map(StoredPose::residual_px));
     let mut rework = SecondPass::new(tool, camera, motion);
     rework.motion.fulcrum = adjustment.as_ref().map(|a| a.fulcrum);
@@ -44,7 +42,7 @@ pub fn run(
         let confirmed = match record.pose {
             None => Err(None),
             Some(_) if is_isolated => Err(Some(MissReason::Misread)),
-            Some(_) => confirm(record.estimate(), adjustment.as_ref(), is_wrong_way_round).map_err(Some),
+            Some(_) => confirm(record.estimate(), adjustment.as_ref()).map_err(Some),
         };
         let rejected = confirmed.err().flatten();
         reasons.push(rework.add_frame(*instant, confirmed.ok(), record.reason.or(rejected)));
@@ -66,8 +64,12 @@ pub fn run(
 
 fn effective_diameter(motion: &ToolMotion, adjustment: Option<&Adjustment>, own_mm: f64) -> Option<EffectiveDiameter> {
     let mm_per_px = motion.median_depth_mm()? / motion.camera.fx;
-    let (px, sigma_px, basis) = match adjustment.map(Adjustment::border_offset_px) {
-        Some((px, sigma_px)) => (px, sigma_px, DiameterBasis::Session),
+    let (px, sigma_px, basis) = match adjustment {
+        Some(adjustment) => {
+            let (px, sigma_px) = adjustment.border_offset_px();
+            let is_shown = adjustment.is_right_way_round();
+            (px, sigma_px, if is_shown { DiameterBasis::Session } else { DiameterBasis::AssumedTrocar })
+        }
         None => (0.0, shared_offsets_px(1.0 / mm_per_px, 1.0 / mm_per_px)[0], DiameterBasis::Usual),
     };
     let twice = 2.0 * mm_per_px;
@@ -75,15 +77,11 @@ fn effective_diameter(motion: &ToolMotion, adjustment: Option<&Adjustment>, own_
 }
 
 /// The pose as the whole recording confirms it, or why it is rejected.
-fn confirm(
-    estimate: Option<TubeEstimate>,
-    adjustment: Option<&Adjustment>,
-    is_wrong_way_round: bool,
-) -> Result<TubeEstimate, MissReason> {
+fn confirm(estimate: Option<TubeEstimate>, adjustment: Option<&Adjustment>) -> Result<TubeEstimate, MissReason> {
     let pose = estimate.ok_or(MissReason::Misread)?;
     match adjustment {
+        Some(adjustment) if adjustment.is_wrong_way_round() => Err(MissReason::WrongWayRound),
         Some(adjustment) => steadied(&pose, adjustment),
-        None if is_wrong_way_round => Err(MissReason::WrongWayRound),
         None => Ok(pose),
     }
 }
