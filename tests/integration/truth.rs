@@ -9,6 +9,7 @@ use trocar::simulation::render::{Rendered, Renderer};
 use trocar::simulation::{RigView, Scenario, Setup, Skill, World, marks, truth};
 use trocar::vision::camera::Camera;
 use trocar::vision::frame::Frame;
+use trocar::vision::reason::MissReason;
 use trocar::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
 use trocar::vision::space::CameraPoint;
 use trocar::vision::tracker::{CameraView as TrackerView, DiameterBasis, ToolSpec, Tracker, TrackerSettings, Tracking};
@@ -110,6 +111,39 @@ impl Recording {
         }
     }
 
+    /// Paints a motionless pen across the picture, whose middle has a tape's colour and a band's size. In the first
+    /// frames it also hides the band itself.
+    fn paint_pen(&mut self, tool: usize, hidden_frames: usize) {
+        const PEN: u8 = 30;
+        const HALF_WIDTH_PX: i64 = 12;
+        const HALF_BAND_PX: i64 = 45;
+        let (camera, design) = (self.world.rig.camera, self.world.tools[tool].design);
+        let tape = {
+            let tip = &truth::at(&self.world, self.times_s[0])[tool];
+            let middle = camera.project(CameraPoint(tip.tip_mm - tip.axis * (0.5 * design.band_mm))).unwrap();
+            codes_at(&self.pictures[0], [middle.u(), middle.v()])
+        };
+        for (index, (picture, time_s)) in self.pictures.iter_mut().zip(&self.times_s).enumerate() {
+            if index < hidden_frames {
+                let tip = &truth::at(&self.world, *time_s)[tool];
+                let across = tip.axis.cross(&tip.tip_mm.coords).normalize();
+                for (along, aside) in (-20..320).flat_map(|along| (-40..=40).map(move |aside| (along, aside))) {
+                    let back_mm = design.band_mm * f64::from(along) / 300.0;
+                    let aside_mm = design.diameter_mm * 0.02 * f64::from(aside);
+                    let at = camera.project(CameraPoint(tip.tip_mm - tip.axis * back_mm + across * aside_mm));
+                    at.into_iter().for_each(|at| set_codes(picture, [at.u(), at.v()], [PEN, 128, 128]));
+                }
+            }
+            let middle = (picture.width as i64 / 2, picture.height as i64 / 8);
+            for (along, across) in
+                (-200..=200).flat_map(|along| (-HALF_WIDTH_PX..=HALF_WIDTH_PX).map(move |across| (along, across)))
+            {
+                let codes = if i64::abs(along) <= HALF_BAND_PX { tape } else { [PEN, 128, 128] };
+                set_codes(picture, [(middle.0 + along) as f64, (middle.1 + across) as f64], codes);
+            }
+        }
+    }
+
     fn judged(&self, spoil: impl Fn(&mut Camera)) -> Accuracy {
         let mut camera = self.world.rig.camera;
         spoil(&mut camera);
@@ -117,14 +151,26 @@ impl Recording {
     }
 }
 
-fn set_grey(picture: &mut Rendered, [u, v]: [f64; 2], luma: u8) {
+fn set_grey(picture: &mut Rendered, at: [f64; 2], luma: u8) {
+    set_codes(picture, at, [luma, 128, 128]);
+}
+
+fn set_codes(picture: &mut Rendered, at: [f64; 2], [y, u, v]: [u8; 3]) {
+    let Some([of_luma, of_chroma]) = indices(picture, at) else { return };
+    picture.y[of_luma] = y;
+    (picture.u[of_chroma], picture.v[of_chroma]) = (u, v);
+}
+
+fn codes_at(picture: &Rendered, at: [f64; 2]) -> [u8; 3] {
+    let [of_luma, of_chroma] = indices(picture, at).unwrap();
+    [picture.y[of_luma], picture.u[of_chroma], picture.v[of_chroma]]
+}
+
+/// The indices of a pixel's luma and chroma; `None` outside the picture.
+fn indices(picture: &Rendered, [u, v]: [f64; 2]) -> Option<[usize; 2]> {
     let (x, y) = (u.round() as usize, v.round() as usize);
-    if u < 0.0 || v < 0.0 || x >= picture.width || y >= picture.height {
-        return;
-    }
-    picture.y[y * picture.width + x] = luma;
-    let of_chroma = (y / 2) * picture.width.div_ceil(2) + x / 2;
-    (picture.u[of_chroma], picture.v[of_chroma]) = (128, 128);
+    let is_inside = u >= 0.0 && v >= 0.0 && x < picture.width && y < picture.height;
+    is_inside.then(|| [y * picture.width + x, (y / 2) * picture.width.div_ceil(2) + x / 2])
 }
 
 fn tools(world: &World) -> Vec<ToolSpec> {
@@ -207,6 +253,25 @@ fn a_track_that_starts_the_wrong_way_round_is_corrected_and_no_wrong_pose_is_kep
     assert!(level.found * 2 >= level.frames && level.found < level.frames, "{} of {}", level.found, level.frames);
     assert!(level.errors.unwrap().three_d.rms < 2.0, "{:?}", level.errors);
     assert_eq!((level.swaps, accuracy.all.false_tracks), (0, 0));
+}
+
+#[test]
+fn a_pen_with_the_tapes_colour_is_left_for_the_tool_that_appears_later() {
+    const HIDDEN_FRAMES: usize = 12;
+    let setup = Setup { rig: 2, ..Setup::new(Scenario::Pegs, Skill::INTERMEDIATE, 21) };
+    let mut recording = Recording::with(&setup, Some(60));
+    recording.paint_pen(0, HIDDEN_FRAMES);
+    let tracking = recording.track(recording.world.rig.camera);
+    let truth = recording.truth();
+    let smoothed = tracking.trajectory(PathKind::Smoothed);
+    let errors_mm: Vec<(u64, f64)> = smoothed
+        .of_tool(0)
+        .map(|s| (s.frame, (s.tip_mm - truth.frames[s.frame as usize].tools[0].tip_mm).norm()))
+        .collect();
+    eprintln!("{errors_mm:?} {:?}", tracking.quality.tools[0].reasons);
+    assert!(errors_mm.iter().all(|(_, mm)| *mm < 6.0), "nothing of the pen's path is kept");
+    assert!(errors_mm.len() + HIDDEN_FRAMES + 10 > 60, "found on {} frames", errors_mm.len());
+    assert!(tracking.quality.tools[0].reasons.contains_key(&MissReason::NotTape), "the pen was followed at first");
 }
 
 /// A regression test: the tracker took tremor for measurement errors, and borders of the front tool for those of the

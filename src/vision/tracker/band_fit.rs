@@ -171,7 +171,7 @@ impl BandFit<'_> {
     }
 
     /// The measurement, with where the borders of its band go on.
-    fn with_continuation(&self, found: Measurement) -> Measurement {
+    pub fn with_continuation(&self, found: Measurement) -> Measurement {
         let (scene, tube) = (self.scene, &found.estimate.tube);
         let is_visible = |place, at| scene.is_visible(place, at);
         let continuation =

@@ -83,6 +83,16 @@ impl ToolTracker {
         whole
     }
 
+    /// The measurement, with where the borders of its band go on.
+    pub(super) fn with_continuation(
+        &self,
+        scene: &FrameContext<'_>,
+        prediction: &Prediction,
+        found: Measurement,
+    ) -> Measurement {
+        self.band_fit(scene, prediction).with_continuation(found)
+    }
+
     fn band_fit<'a>(&'a self, scene: &'a FrameContext<'a>, prediction: &Prediction) -> BandFit<'a> {
         BandFit {
             scene,

@@ -41,6 +41,7 @@ mod probe_pass;
 mod record;
 mod refine;
 mod report;
+mod rival;
 mod search;
 mod second_pass;
 mod settings;

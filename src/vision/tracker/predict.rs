@@ -20,7 +20,7 @@ pub struct Band {
 }
 
 /// What is expected of a tool on a frame.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Prediction {
     /// Its band; `None` if the tool is not being tracked.
     pub band: Option<Band>,

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector2;
 
+use super::footprint::Footprint;
 use super::frame_context::FrameContext;
 use super::measure::Attempt;
 use super::measurement::Measurement;
@@ -25,16 +26,19 @@ impl ToolTracker {
         outcome
     }
 
-    /// Searches by colour, first around the predicted position, then on the whole frame.
+    /// Searches by colour, first around the predicted position, then on the whole frame. The band at
+    /// `elsewhere_than` does not count.
     pub(super) fn find_and_measure(
         &mut self,
         scene: &FrameContext<'_>,
         prediction: &Prediction,
+        elsewhere_than: Option<&Footprint>,
     ) -> Result<Measurement, MissReason> {
         let mut rejected = Rejected::new();
-        let nearby = self.search_near(scene, prediction, prediction.band, &mut rejected);
+        let mut search = |band| self.search_near(scene, prediction, band, elsewhere_than, &mut rejected);
+        let nearby = search(prediction.band);
         match nearby {
-            Err(_) if prediction.band.is_some() => self.search_near(scene, prediction, None, &mut rejected),
+            Err(_) if prediction.band.is_some() => search(None),
             found => found,
         }
     }
@@ -47,15 +51,23 @@ impl ToolTracker {
         scene: &FrameContext<'_>,
         prediction: &Prediction,
         band: Option<Band>,
+        elsewhere_than: Option<&Footprint>,
         rejected: &mut Rejected,
     ) -> Result<Measurement, MissReason> {
         let mut best_reason = MissReason::NoMarkerColour;
         let mut best: Option<Measurement> = None;
-        for region in self.find_regions(scene, band).iter().take(MAX_REGIONS) {
+        let regions = self.find_regions(scene, band);
+        let is_elsewhere = |found: &Measurement| {
+            elsewhere_than
+                .zip(Footprint::of(found, scene.camera()))
+                .is_none_or(|(place, found)| !place.is_same_band(&found))
+        };
+        for region in regions.iter().take(MAX_REGIONS) {
             let earlier = rejected.iter().find(|(moments, _)| *moments == region.moments);
             let reason = match earlier {
                 Some((_, reason)) => *reason,
                 None => match self.try_region_as_own(scene, prediction, region) {
+                    Ok(found) if !is_elsewhere(&found) => continue,
                     Ok(found) if band.is_some() || found.is_clear() => return Ok(found),
                     Ok(found) => {
                         best = Some(match best {

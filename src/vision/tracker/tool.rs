@@ -7,8 +7,9 @@ use super::hand_direction::HandDirection;
 use super::learn;
 use super::measurement::Measurement;
 use super::origin::{self, Origin};
-use super::predict::Band;
+use super::predict::{Band, Prediction};
 use super::record::{FrameRecord, PackedRecords};
+use super::rival::FirstPlaces;
 use super::settings::{HandSide, ToolSpec};
 use super::trace::TraceRecorder;
 use crate::vision::blob::components::ComponentFinder;
@@ -34,6 +35,7 @@ pub struct ToolTracker {
     pub(super) adjustment: Option<Adjustment>,
     pub(super) keyframes: Vec<TubeEstimate>,
     pub(super) lengths: BandLengthEstimator,
+    pub(super) first_places: FirstPlaces,
     pub(super) records: PackedRecords,
     pub(super) trace: TraceRecorder,
 }
@@ -52,6 +54,7 @@ impl ToolTracker {
             adjustment: None,
             keyframes: Vec::new(),
             lengths: BandLengthEstimator::default(),
+            first_places: FirstPlaces::default(),
             records: PackedRecords::default(),
             trace: TraceRecorder::default(),
         }
@@ -59,9 +62,14 @@ impl ToolTracker {
 
     /// Forgets the tool's position, but keeps the edge appearance, the band length and the direction to the hand.
     pub(super) fn start_over(&mut self) {
-        let fresh = Self::new(self.spec.clone(), self.class, self.edges.clone());
+        let fresh = self.fresh();
         let Self { finder, lengths, hand_direction: hand, .. } = std::mem::replace(self, fresh);
         (self.finder, self.lengths, self.hand_direction) = (finder, lengths, hand);
+    }
+
+    /// A tracker of the same tool that has never seen it, but knows the edge appearance.
+    pub(super) fn fresh(&self) -> Self {
+        Self::new(self.spec.clone(), self.class, self.edges.clone())
     }
 
     /// Starts over, and withdraws all measurements so far for this reason.
@@ -76,11 +84,26 @@ impl ToolTracker {
         let prediction = self.predict(scene);
         let measured = match self.try_prediction(scene, &prediction) {
             Some(measurement) => Ok(measurement),
-            None => self.find_and_measure(scene, &prediction),
+            None => self.find_and_measure(scene, &prediction, None),
         };
+        let measured = measured.map(|found| self.prefer_rival(scene, &prediction, found));
         let result = self.accept_and_learn(scene, &measured);
         self.learn_hand_side(scene, &result);
         result
+    }
+
+    /// Of the followed band and a rival, the one that is the tool's. If it is the rival, all measurements so far are
+    /// withdrawn.
+    fn prefer_rival(
+        &mut self,
+        scene: &FrameContext<'_>,
+        prediction: &Prediction,
+        followed: Measurement,
+    ) -> Measurement {
+        let Some(rival) = self.find_rival(scene, prediction, &followed) else { return followed };
+        self.withdraw(MissReason::NotTape);
+        self.hand_direction = HandDirection::default();
+        rival
     }
 
     /// The last two stages of a frame, and its record for the second pass.
