@@ -7,6 +7,11 @@ ALTER TABLE upload ADD COLUMN true_duration_s REAL CHECK (true_duration_s BETWEE
 
 -- How the times of a result were computed from the stamps of the file.
 ALTER TABLE result ADD COLUMN clock TEXT CHECK (json_valid(clock)); -- ResultClock; NULL: imported, or an older program
+-- Without it, a retimed result would be taken for one that exists, if a result with other times had the same edits.
+ALTER TABLE result ADD COLUMN time_revision INTEGER NOT NULL DEFAULT 0 CHECK (time_revision >= 0); -- time corrections made and undone before it was tracked
+DROP INDEX result_once;
+CREATE UNIQUE INDEX result_once ON result (session_id, pipeline, coalesce(tracked_with, pipeline), coalesce(calibration_id, ''),
+                                           coalesce(palette_id, ''), coalesce(model, ''), edits, time_revision);
 
 -- The edits with a fourth kind, `retime`. The table is made again under its own name, so that no view has to be renamed.
 CREATE TABLE session_edit_copy AS SELECT * FROM session_edit;

@@ -48,7 +48,7 @@ pub struct EditRecord {
     pub true_duration_s: Option<f64>,
     /// The reason.
     pub why: Remark,
-    /// Name of the author; `None` if the account has been deleted.
+    /// Name of the author; `None` if the account has been deleted, or if an agent sent the correction with a recording.
     pub who: Option<Name>,
     /// When, epoch ms.
     pub created_at_ms: i64,
@@ -237,7 +237,12 @@ async fn enqueue_new_score(
 ) -> StoreResult<()> {
     match kind {
         EditKind::Retime => {
-            enqueue_track(tx, session, now_ms, max_attempts).await?;
+            enqueue_track(tx, session, now_ms, max_attempts).await?.ok_or_else(|| {
+                StoreError::refused(
+                    "the session cannot be tracked with other times: its box lacks a camera or tape colours, or its recording \
+                     is incomplete or deleted",
+                )
+            })?;
         }
         EditKind::Trim | EditKind::Swap | EditKind::SetAside => {
             enqueue_rescore_if_outdated(tx, session, now_ms, max_attempts).await?;

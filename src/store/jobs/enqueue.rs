@@ -140,16 +140,21 @@ pub(in crate::store) async fn enqueue_track_with_priority(
     insert_with_priority(tx, &input, priority, now_ms, max_attempts).await.map(Some)
 }
 
-/// Queues the scoring of the current result's path with the edits that are in force.
+/// Queues the scoring of the current result's path with the edits that are in force. If that path has other times than
+/// those in force, because its tracking with them failed, the recording is tracked again instead: a new score would look
+/// up to date although the correction is not in its numbers.
 pub(in crate::store) async fn enqueue_rescore(
     tx: &mut SqliteConnection,
     session: SessionId,
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<Option<JobId>> {
-    let Some((result, trajectory, _)) = current_result(tx, session).await? else { return Ok(None) };
+    let Some(current) = current_result(tx, session).await? else { return Ok(None) };
+    if current.time_revision != time_in_force(tx, session).await?.1 {
+        return enqueue_track(tx, session, now_ms, max_attempts).await;
+    }
     let edits = revision(tx, session).await?;
-    let input = JobInput::Rescore(RescoreInput { session, result, trajectory, edits });
+    let input = JobInput::Rescore(RescoreInput { session, result: current.id, trajectory: current.trajectory, edits });
     insert(tx, &input, now_ms, max_attempts).await.map(Some)
 }
 
@@ -161,7 +166,7 @@ pub(in crate::store) async fn enqueue_rescore_if_outdated(
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<Option<JobId>> {
-    let made_with = current_result(tx, session).await?.map(|(_, _, edits)| edits);
+    let made_with = current_result(tx, session).await?.map(|current| current.edits);
     if made_with.is_none() || made_with == Some(revision(tx, session).await?) {
         return Ok(None);
     }
@@ -169,20 +174,33 @@ pub(in crate::store) async fn enqueue_rescore_if_outdated(
 }
 
 const CURRENT_RESULT: &str = "
-    SELECT result.id, blob.hash, blob.bytes, result.edits
+    SELECT result.id, blob.hash, blob.bytes, result.edits, result.time_revision
     FROM current_result AS result JOIN blob ON blob.hash = result.trajectory WHERE result.session_id = $1";
 
-/// The current result of a session: its id, its path and the revision of edits that it was made with.
+/// The current result of a session.
+pub(super) struct CurrentResult {
+    pub(super) id: ResultId,
+    /// Its path.
+    trajectory: Blob,
+    /// The revision of the edits that it was made with.
+    edits: u64,
+    /// The revision of the times that it was tracked with.
+    time_revision: u64,
+}
+
+/// The current result of a session; `None` if it has none.
 pub(super) async fn current_result(
     tx: &mut SqliteConnection,
     session: SessionId,
-) -> StoreResult<Option<(ResultId, Blob, u64)>> {
-    let row: Option<(ResultId, BlobHash, i64, i64)> =
+) -> StoreResult<Option<CurrentResult>> {
+    let row: Option<(ResultId, BlobHash, i64, i64, i64)> =
         sqlx::query_as(CURRENT_RESULT).bind(session).fetch_optional(tx).await?;
-    let of = |(id, hash, bytes, edits): (ResultId, BlobHash, i64, i64)| {
-        (id, Blob { hash, bytes: bytes.unsigned_abs() }, edits.unsigned_abs())
-    };
-    Ok(row.map(of))
+    Ok(row.map(|(id, hash, bytes, edits, time_revision)| CurrentResult {
+        id,
+        trajectory: Blob { hash, bytes: bytes.unsigned_abs() },
+        edits: edits.unsigned_abs(),
+        time_revision: time_revision.unsigned_abs(),
+    }))
 }
 
 const SESSIONS_WITHOUT_JOB: &str = "

@@ -28,8 +28,8 @@ const SET_ADVICE: &str = "UPDATE job SET advice = $2 WHERE id = $1";
 const RELEASE_FILES: &str = "DELETE FROM job_file WHERE job_id = $1";
 
 impl JobStore<'_> {
-    /// Stores the result of tracking a session. If the session already has a result of the same versions, that one
-    /// stays, because the same input gives the same numbers. If the session was edited since it was assessed, it is
+    /// Stores the result of tracking a session. If the session already has a result of the same versions, edits and times,
+    /// that one stays, because the same input gives the same numbers. If the session was edited since it was assessed, it is
     /// scored again.
     ///
     /// Nothing is stored if the times were corrected meanwhile, since that edit has queued its own job. If the result has
@@ -48,11 +48,11 @@ impl JobStore<'_> {
                     return Ok(());
                 }
                 let ratio = factor_of(result.video.clock) / current_factor(tx, session).await?;
-                if ratio != 1.0 {
+                let is_new = insert_result(tx, (session, id, time_revision), result, now_ms).await?;
+                if is_new && ratio != 1.0 {
                     scale_edits(tx, session, ratio).await?;
                     scale_comments(tx, session, ratio).await?;
                 }
-                insert_result(tx, (session, id), result, now_ms).await?;
                 enqueue_rescore_if_outdated(tx, session, now_ms, attempts).await?;
                 Ok(())
             })
@@ -68,7 +68,7 @@ impl JobStore<'_> {
         self.0
             .write(async move |tx| {
                 end_as_done(tx, id, token, now_ms).await?;
-                let current = current_result(tx, session).await?.map(|(current, ..)| current);
+                let current = current_result(tx, session).await?.map(|current| current.id);
                 match current == Some(score.from) && score.edits == revision(tx, session).await? {
                     true => insert_score(tx, id, score, now_ms).await,
                     false => Ok(()),
@@ -157,16 +157,17 @@ fn wrong_kind(expected: &str) -> StoreError {
 const INSERT_RESULT: &str = "
     INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames, duration_s,
                         tools, quality, score, trajectory, diagnostics, preview, created_at_ms, tracked_with, edits,
-                        clock)
-    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, $20)
+                        clock, time_revision)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, $20, $21)
     ON CONFLICT DO NOTHING RETURNING id";
 
+/// Inserts a result with its features and evidence; `false` if the session has that result already.
 async fn insert_result(
     tx: &mut SqliteConnection,
-    (session, job): (SessionId, JobId),
+    (session, job, time_revision): (SessionId, JobId, u64),
     new: NewResult,
     now_ms: i64,
-) -> StoreResult<()> {
+) -> StoreResult<bool> {
     for blob in [Some(new.trajectory), new.diagnostics, new.preview].into_iter().flatten() {
         blobs::record(tx, blob, now_ms).await?;
     }
@@ -181,20 +182,20 @@ async fn insert_result(
         .bind(now_ms)
         .bind(versions.tracked_with)
         .bind(integer(new.edits))
-        .bind(new.video.clock.map(Json));
+        .bind(new.video.clock.map(Json))
+        .bind(integer(time_revision));
     let inserted: Option<ResultId> = insert.fetch_optional(&mut *tx).await?;
-    match inserted {
-        Some(result) => insert_features_and_evidence(tx, job, result, new.features, new.evidence).await,
-        None => Ok(()),
-    }
+    let Some(result) = inserted else { return Ok(false) };
+    insert_features_and_evidence(tx, job, result, new.features, new.evidence).await?;
+    Ok(true)
 }
 
 const INSERT_SCORE: &str = "
     INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames, duration_s,
                         tools, quality, score, trajectory, diagnostics, preview, created_at_ms, tracked_with, edits,
-                        clock)
+                        clock, time_revision)
     SELECT $1, session_id, $2, calibration_id, palette_id, NULL, width, height, frames, duration_s,
-           tools, $3, NULL, trajectory, diagnostics, preview, $4, $5, $7, clock FROM result WHERE id = $6
+           tools, $3, NULL, trajectory, diagnostics, preview, $4, $5, $7, clock, time_revision FROM result WHERE id = $6
     ON CONFLICT DO NOTHING RETURNING id";
 
 /// Inserts a new result for the path of an earlier one, with that result's files, video facts, camera and colours.

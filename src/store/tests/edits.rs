@@ -188,6 +188,42 @@ async fn corrected_times_are_tracked_again_and_edits_and_comments_keep_their_pla
 }
 
 #[tokio::test]
+async fn after_a_failed_correction_an_edit_tracks_again_and_never_scores_the_path_with_the_old_times() {
+    let (centre, _, session) = practised().await;
+    add(&centre, session, RETIME).await.unwrap();
+    let lease = centre.claim().await.unwrap();
+    centre.store.jobs().fail(&lease, Problem::new("child-killed", "Title", "because")).await.unwrap();
+    add(&centre, session, TRIM).await.unwrap();
+    assert_eq!(score_state(&centre, session).await, ScoreState::Waiting);
+    track(&centre, session, 0.5, 2).await;
+    assert_eq!((score_state(&centre, session).await, centre.claim().await), (ScoreState::Current, None));
+    let kept = centre.store.edits().in_force(session).await.unwrap().changes;
+    assert!(kept.contains(&EditChange::Trim([1.0, 2.5])), "{kept:?}");
+}
+
+#[tokio::test]
+async fn a_result_that_exists_moves_no_edit_and_one_with_other_times_is_another_result() {
+    let (centre, _, session) = practised().await;
+    add(&centre, session, TRIM).await.unwrap();
+    score(&centre, &centre.claim().await.unwrap(), 3.0, 1).await;
+    let edit = add(&centre, session, RETIME).await.unwrap();
+    track(&centre, session, 0.5, 2).await;
+    assert_eq!(centre.store.count_results().await, 3);
+    centre.store.edits().undo(&Scope::service(), session, edit.id).await.unwrap();
+    track(&centre, session, 1.0, 2).await; // states the edits of the result before it, whose times are others
+    assert_eq!(centre.store.count_results().await, 4);
+    assert_eq!(centre.store.edits().in_force(session).await.unwrap().changes, [TRIM]);
+
+    score(&centre, &centre.claim().await.unwrap(), 3.0, 3).await;
+    let same = retimed(&centre, session, 0.5, 2).await;
+    centre.calibrate().await;
+    centre.store.sessions().retry(&Scope::service(), session).await.unwrap();
+    centre.store.jobs().finish_track(&centre.claim().await.unwrap(), same).await.unwrap();
+    assert_eq!(centre.store.count_results().await, 5, "the same versions, edits and times");
+    assert_eq!(centre.store.edits().in_force(session).await.unwrap().changes, [TRIM]);
+}
+
+#[tokio::test]
 async fn a_path_with_times_from_before_a_correction_is_thrown_away() {
     let (centre, _, session) = practised().await;
     centre.calibrate().await;
