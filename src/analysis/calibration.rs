@@ -62,6 +62,17 @@ pub enum CalibrationRefusal {
         /// Standard deviation of the focal length, percent.
         percent: f64,
     },
+    /// Without a part of the photos, the others give no camera.
+    #[error(
+        "the camera depends on single photos: without {failed} of {groups} groups of photos in turn, the others give no camera; \
+         take about 20 photos with the board at different places and tilted by 20° to 40° to different sides"
+    )]
+    PartFails {
+        /// Groups without which there is no camera.
+        failed: usize,
+        /// Groups that were left out in turn.
+        groups: usize,
+    },
 }
 
 /// Calibrates the camera and checks it: the photos that were used are left out in groups, one group at a time. The spread
@@ -83,6 +94,9 @@ pub fn calibrate_and_check(views: &Views, board: Board) -> Result<CheckedCalibra
             calibrate(&kept, *width, *height, board).ok()
         };
         let parts: Vec<Calibration> = (0..groups).filter_map(without).collect();
+        if parts.len() < groups {
+            return Err(CalibrationRefusal::PartFails { failed: groups - parts.len(), groups });
+        }
         widen(&mut calibration.sigma, &parts);
     }
     refuse_unstable(&calibration)?;
@@ -347,6 +361,15 @@ mod tests {
         assert!(refused.to_string().contains("uncertain by 11 % (limit 5 %)"), "{refused}");
         let few = Views { views: clean.views[..MIN_CHECKED_PHOTOS - 1].to_vec(), ..clean };
         assert!(calibrate_and_check(&few, board()).is_ok(), "so few photos cannot be checked; a warning says so");
+    }
+
+    #[test]
+    fn photos_without_one_of_which_there_is_no_camera_are_refused() {
+        let clean = photos(usual);
+        let mut views = vec![clean.views[1].clone(); MIN_CHECKED_PHOTOS - 1];
+        views.push(clean.views[2].clone());
+        let refused = calibrate_and_check(&Views { views, ..clean }, board()).unwrap_err();
+        assert!(matches!(refused, CalibrationRefusal::PartFails { failed: 1, .. }), "{refused:?}");
     }
 
     #[test]

@@ -43,6 +43,8 @@ const MAX_LEFT_OUT: f64 = 0.2;
 const MAX_EDGE_EXCESS: f64 = 0.2;
 /// Photos at the edge that are left out before they count: a single one may be spoiled by chance.
 const MIN_EDGE_LEFT_OUT: usize = 2;
+/// Photos that are not at the edge, without which there is no share to compare with.
+const MIN_NOT_AT_EDGE: usize = 4;
 /// Share of the picture's cells that must hold a corner. In the others the distortion is extrapolated.
 const MIN_COVERAGE: f64 = 0.55;
 /// Standard deviation of the focal length, as a share. Depth is proportional to the focal length: at a box's 150 to 200
@@ -100,8 +102,10 @@ struct PhotoCounts {
 impl PhotoCounts {
     fn of(photos: &[Value]) -> Self {
         let mut counts = Self::default();
-        // A photo without a residual shows no board.
-        for photo in photos.iter().filter(|photo| photo["rms_px"].is_number()) {
+        // Files from before `has_board` have only the residual. An infinite one, of a photo that the camera cannot explain at
+        // all, is `null` in the file, as for a photo without a board.
+        let has_board = |photo: &&Value| photo["has_board"].as_bool().unwrap_or(photo["rms_px"].is_number());
+        for photo in photos.iter().filter(has_board) {
             let left_out = usize::from(photo["used"] == false);
             let add = |count: &mut [usize; 2]| *count = [count[0] + left_out, count[1] + 1];
             add(&mut counts.all);
@@ -119,7 +123,11 @@ impl PhotoCounts {
     /// How much more often photos at the edge were left out than the others.
     fn edge_excess(&self) -> f64 {
         let others = [self.all[0] - self.at_edge[0], self.all[1] - self.at_edge[1]];
-        if self.at_edge[0] < MIN_EDGE_LEFT_OUT { 0.0 } else { share(self.at_edge) - share(others) }
+        if self.at_edge[0] < MIN_EDGE_LEFT_OUT || others[1] < MIN_NOT_AT_EDGE {
+            0.0
+        } else {
+            share(self.at_edge) - share(others)
+        }
     }
 }
 
@@ -260,6 +268,19 @@ mod tests {
         assert_eq!(names(|file| leave_out(file, &[0, 5, 6, 7])), ["photos_left_out"]);
         assert_eq!(names(|file| leave_out(file, &[0, 1])), ["edge_left_out"]);
         assert_eq!(names(|file| leave_out(file, &[0, 9])), [""; 0], "one at the edge may be chance");
+        let few_others = |file: &mut Value| {
+            (0..9).for_each(|photo| file["photos"][photo]["at_edge"] = json!(true));
+            leave_out(file, &[0, 1]);
+        };
+        assert_eq!(names(few_others), [""; 0], "three that are not at the edge are too few to compare with");
+        let infinite = |has_board: bool| {
+            move |file: &mut Value| {
+                leave_out(file, &[0, 5, 6]);
+                file["photos"][6] = json!({"used": false, "rms_px": null, "at_edge": false, "has_board": has_board});
+            }
+        };
+        assert_eq!(names(infinite(true)), ["photos_left_out"], "an infinite residual is null");
+        assert_eq!(names(infinite(false)), [""; 0], "no board");
         assert_eq!(names(|file| file["coverage"]["share"] = json!(0.5)), ["coverage"]);
         assert_eq!(names(|file| file["sigma"]["fy"] = json!(11.0)), ["focal_sigma"]);
         assert_eq!(names(|file| file["fx"] = json!(965.0)), ["focal_ratio"]);

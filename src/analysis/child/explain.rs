@@ -121,7 +121,7 @@ impl ToProblem for CalibrationRefusal {
     fn to_problem(&self) -> Problem {
         match self {
             CalibrationRefusal::Problem(problem) => problem.to_problem(),
-            CalibrationRefusal::Unstable { .. } => Problem::new(
+            CalibrationRefusal::Unstable { .. } | CalibrationRefusal::PartFails { .. } => Problem::new(
                 "camera-undetermined",
                 "The camera cannot be calibrated from these pictures",
                 self.to_string(),

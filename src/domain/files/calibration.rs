@@ -5,6 +5,7 @@ use serde_json::{Map, Value, json};
 
 use super::camera::CameraFile;
 use crate::domain::camera_warning::camera_warnings;
+use crate::vision::camera::report::PhotoReason;
 use crate::vision::camera::{Calibration, Coverage, PhotoReport};
 
 /// One entry of `photos`.
@@ -15,12 +16,22 @@ struct PhotoEntry<'a> {
     rms_px: Option<f64>,
     reason: Option<String>,
     at_edge: bool,
+    /// True if the board was found, also in a photo that was left out.
+    has_board: bool,
 }
 
 impl<'a> PhotoEntry<'a> {
     fn new(photo: &'a PhotoReport, at_edge: bool) -> Self {
         let reason = photo.reason.map(|r| r.to_string());
-        Self { file: &photo.name, used: photo.is_used(), rms_px: photo.rms_px.map(to_micro), reason, at_edge }
+        let has_board = !matches!(photo.reason, Some(PhotoReason::NoCorners(_)));
+        Self {
+            file: &photo.name,
+            used: photo.is_used(),
+            rms_px: photo.rms_px.map(to_micro),
+            reason,
+            at_edge,
+            has_board,
+        }
     }
 }
 
@@ -103,7 +114,7 @@ mod tests {
         let more = CameraFile::parse(&file.to_json()).unwrap().more;
         assert_eq!(
             more["photos"][0],
-            json!({"file": "a.jpg", "used": true, "rms_px": 0.2, "reason": null, "at_edge": true})
+            json!({"file": "a.jpg", "used": true, "rms_px": 0.2, "reason": null, "at_edge": true, "has_board": true})
         );
         assert_eq!((&more["photos"][1]["used"], &more["photos"][1]["rms_px"]), (&json!(false), &json!(3.7)));
         assert!(more["photos"][1]["reason"].as_str().unwrap().contains("bent"));
