@@ -48,6 +48,13 @@ impl Intake {
         let trainee = trainee.ok_or(IntakeError::Missing("trainee"))?;
         let task = about.task.ok_or(IntakeError::Missing("task"))?;
         let in_box = about.in_box.ok_or(IntakeError::Missing("box"))?;
+        let time = parse_time(about.true_frame_rate_hz.as_deref(), about.true_duration_s.as_deref())?;
+        if time.is_some() && scope.own_trainee().is_some() {
+            // Other times make a trainee's own work look faster.
+            return Err(
+                StoreError::Forbidden { what: "correcting times", whom: "administrators and instructors" }.into()
+            );
+        }
         let trainee = self.store.trainees().get(scope, &Key::from(&trainee)).await.map_err(unknown("trainee"))?;
         let task = self.store.tasks().get(scope, &Key::from(&task)).await.map_err(unknown("task"))?;
         let in_box = self.store.boxes().get(scope, &Key::from(&in_box)).await.map_err(unknown("box"))?;
@@ -57,7 +64,7 @@ impl Intake {
             in_box: in_box.id,
             filename: parse_filename(about.filename.as_deref())?,
             recorded_at_ms: about.recorded_at.as_deref().map(parse_recorded_at).transpose()?,
-            time: parse_time(about.true_frame_rate_hz.as_deref(), about.true_duration_s.as_deref())?,
+            time,
         })
     }
 

@@ -26,7 +26,7 @@ export default function UploadPage({ person, route }) {
     <${PageHead} title=${words.title} lead=${words.lead} />
     <${ProblemNotice} problem=${target.problem} onRetry=${target.reload} />
     ${!target.lists && !target.problem && html`<${Loading} />`}
-    ${target.lists && html`<${Target} target=${target} />`}
+    ${target.lists && html`<${Target} target=${target} mayRetime=${may(person, 'edit_sessions')} />`}
     <section class="card list">
       <header><h2>${words.list}</h2></header>
       ${items.length ? html`<${UploadList} items=${items} />`
@@ -35,7 +35,7 @@ export default function UploadPage({ person, route }) {
     ${target.lists && may(person, 'upload') && html`<${ImportTable} target=${target} />`}`;
 }
 
-function Target({ target }) {
+function Target({ target, mayRetime }) {
   const when = useRef(null);
   const [rate, length] = [useRef(null), useRef(null)];
   const [filesRefused, setFilesRefused] = useState(false);
@@ -43,7 +43,7 @@ function Target({ target }) {
     if (!target.ids) return setFilesRefused(true);
     setFilesRefused(false);
     const recorded = when.current.value && new Date(when.current.value).toISOString();
-    const given = { recorded_at: recorded, true_frame_rate_hz: rate.current.value, true_duration_s: length.current.value };
+    const given = { recorded_at: recorded, true_frame_rate_hz: rate.current?.value, true_duration_s: length.current?.value };
     addFiles([...files], { ...target.ids, ...Object.fromEntries(Object.entries(given).filter(([, text]) => text)) }, target.names);
     return undefined;
   };
@@ -54,7 +54,7 @@ function Target({ target }) {
           <${RecordingTargetFields} target=${target} />
           <${Field} type="datetime-local" label=${words.when} hint=${words.whenHint} inputRef=${when} />
         </div>
-        <details class="small">
+        ${mayRetime && html`<details class="small">
           <summary>${words.time}</summary>
           <p class="muted">${words.timeHint}</p>
           <div class="fields">
@@ -62,7 +62,7 @@ function Target({ target }) {
             <${Field} type="number" step="any" min="0.1" max="86400" label=${words.trueLength} hint=${words.trueLengthHint}
               inputRef=${length} />
           </div>
-        </details>
+        </details>`}
         <${Drop} onFiles=${take} />
         ${filesRefused && !target.ids && html`<${TargetNeeded} />`}
       </div>

@@ -4,7 +4,7 @@ use reqwest::{Method, StatusCode, header};
 use serde_json::json;
 
 use super::centre::{Centre, recording, send, session};
-use crate::support::{Service, problem, read};
+use crate::support::{Client, Service, problem, read};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_recording_in_one_request_becomes_a_session() {
@@ -21,17 +21,21 @@ async fn a_recording_in_one_request_becomes_a_session() {
 #[tokio::test(flavor = "multi_thread")]
 async fn the_true_frame_rate_or_duration_comes_with_the_recording() {
     let centre = Centre::open().await;
-    let send = async |given: &str, salt| {
+    let send_as = async |by: &Client, given: &str, salt| {
         let path = format!("/api/v1/sessions?trainee=ada&task=peg&box=box-1&{given}");
-        let request = centre.trainee.request(Method::POST, &path).header(header::CONTENT_TYPE, "video/mp4");
+        let request = by.request(Method::POST, &path).header(header::CONTENT_TYPE, "video/mp4");
         request.body(recording(100, salt)).send().await.unwrap()
     };
+    let send = async |given: &str, salt| send_as(&centre.instructor, given, salt).await;
     for (salt, (name, number)) in [("true_frame_rate_hz", 16.4), ("true_duration_s", 61.5)].into_iter().enumerate() {
         let made = read(send(&format!("{name}={number}"), salt as u64).await, StatusCode::CREATED).await;
-        let edits = centre.trainee.read(&format!("/api/v1/sessions/{}/edits", made["id"].as_str().unwrap())).await;
+        let edits = centre.instructor.read(&format!("/api/v1/sessions/{}/edits", made["id"].as_str().unwrap())).await;
         let edit = &edits["items"][0];
         assert_eq!((&edit["kind"], &edit[name]), (&"retime".into(), &number.into()));
-        assert_eq!((&edit["who"], &edit["undone"]), (&centre.trainee.read("/api/v1/me").await["name"], &json!(null)));
+        assert_eq!(
+            (&edit["who"], &edit["undone"]),
+            (&centre.instructor.read("/api/v1/me").await["name"], &json!(null))
+        );
     }
     for (given, field) in [
         ("true_frame_rate_hz=fast", "true_frame_rate_hz"),
@@ -42,6 +46,7 @@ async fn the_true_frame_rate_or_duration_comes_with_the_recording() {
         let refused = problem(send(given, 9).await, 422, "invalid").await;
         assert_eq!(refused["errors"][0]["field"], field, "{refused}");
     }
+    problem(send_as(&centre.trainee, "true_duration_s=30", 9).await, 403, "forbidden").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
