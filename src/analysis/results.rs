@@ -180,8 +180,8 @@ fn versions(input: &TrackInput) -> Versions {
 
 fn video_facts(width: u32, height: u32, times_s: &[f64], applied: RecordingClock) -> VideoFacts {
     let facts = StampFacts::of_times(times_s);
-    let stamps = facts.before(applied.factor);
-    let clock = ResultClock { applied, stamped_frame_rate_hz: stamps.rate_hz, stamped_duration_s: stamps.duration_s };
+    let StampFacts { rate_hz, duration_s, is_uneven } = facts.before(applied.factor);
+    let clock = ResultClock { applied, stamped_frame_rate_hz: rate_hz, stamped_duration_s: duration_s, is_uneven };
     VideoFacts {
         width: Some(width),
         height: Some(height),

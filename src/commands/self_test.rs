@@ -3,18 +3,21 @@
 //! Input is a recording of the printed checkerboard and of a taped rod that is held on the board's corners. A table
 //! goes to stdout, and the same figures as JSON to a file. Yellow is a warning; red and *not measured* are failures.
 
+use std::fs::File;
 use std::path::PathBuf;
 
 use anyhow::{Context, anyhow};
 
 use super::progress::Meter;
 use super::table::TextTable;
-use super::track::{about, marked_samples, open, read, tracker_settings};
+use super::track::{about, marked_samples, read, tracker_settings};
 use super::{CommandFailure, print_result};
+use crate::analysis::clock::open_with_clock;
 use crate::analysis::self_test::{MAX_REACH_MM, SelfTestSetup, test_video};
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::files::camera::CameraFile;
 use crate::domain::self_test::{HoldReport, SelfTestReport, TrafficLight};
+use crate::media::MediaLimits;
 use crate::motion::quality::ports::Ports;
 use crate::vision::camera::Board;
 use crate::vision::camera::report::CornerCounts;
@@ -58,7 +61,9 @@ pub fn run(args: SelfTestArgs) -> Result<(), CommandFailure> {
     let asked =
         SelfTestSetup { board, reach_mm: args.reach_mm, calibration_rms_px: camera.rms_px(), ports: Ports::default() };
     let (mut meter, mut frames) = (Meter::new(args.quiet), 0);
-    let report = test_video(open(&args.video)?, settings, asked, |done, of| {
+    let file = File::open(&args.video).map_err(|e| about(&args.video, e))?;
+    let (video, _) = open_with_clock(file, None, MediaLimits::default()).map_err(|e| about(&args.video, e))?;
+    let report = test_video(video, settings, asked, |done, of| {
         frames = done;
         meter.show("frames", done as usize, of.unwrap_or(done) as usize);
     });

@@ -18,9 +18,21 @@ pub const DURATIONS_S: std::ops::RangeInclusive<f64> = 0.1..=86_400.0;
 /// 32 times the true duration (960 frames a second at 30).
 const MAX_FACTOR: f64 = 50.0;
 
-/// Smallest ratio of capture rate to stamped rate (or its inverse) that is slow motion or time lapse. Phones offer 2 and
-/// more. Below, a camera that drops frames in the dark has the same tag and true stamps.
-const MIN_CAPTURE_RATIO: f64 = 1.8;
+/// Smallest ratio of capture rate to stamped rate (or its inverse) that is certainly slow motion or time lapse: slow motion
+/// is 120 or 240 frames a second, played at 30 or less. A camera set to 60 that falls to 30 in the dark has the same tag,
+/// true stamps, and a ratio of 2.
+const MIN_CAPTURE_RATIO: f64 = 3.0;
+
+/// Smallest ratio of capture rate to stamped rate that may be slow motion. A person has to decide.
+const MIN_DOUBTFUL_RATIO: f64 = 1.8;
+
+/// Largest share by which the mean interval of frames may differ from the usual one if a frame rate is to correct the times.
+/// Where frames are dropped, or the rate changes, no single rate is true.
+const MAX_UNEVENNESS: f64 = 0.02;
+
+/// Intervals from the median by at most this factor are usual. Stamps in whole milliseconds vary by less, and a dropped
+/// frame doubles the interval.
+const USUAL_INTERVAL: f64 = 1.5;
 
 /// A change of all times by a smaller factor than this changes no value that is shown.
 const MIN_CHANGE: f64 = 1e-6;
@@ -52,10 +64,13 @@ pub enum TimeCorrection {
 /// The stamps of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StampFacts {
-    /// Frame rate by the median interval, Hz; `None` with fewer than two frames.
+    /// Mean frame rate, Hz; `None` with fewer than two frames. The median interval would be 1 % off where 30 frames a second
+    /// are stamped in whole milliseconds.
     pub rate_hz: Option<f64>,
     /// From the first frame to the last, s.
     pub duration_s: f64,
+    /// True if frames are missing or the frame rate changes.
+    pub is_uneven: bool,
 }
 
 /// How the times of a recording's frames were computed from its stamps.
@@ -102,8 +117,13 @@ impl TimeCorrection {
     /// The factor that corrects these stamps.
     ///
     /// # Errors
-    /// The factor cannot be computed or is implausible.
+    /// The factor cannot be computed or is implausible, or a frame rate is given for uneven stamps.
     pub fn factor(self, stamps: StampFacts) -> Result<f64, Invalid> {
+        if stamps.is_uneven && matches!(self, Self::FrameRate(_)) {
+            let why = "cannot correct this recording: frames are missing, or its frame rate changes. Give the true duration \
+                       (`true_duration_s`), from the first frame to the last";
+            return Err(Invalid::new("true_frame_rate_hz", why));
+        }
         let (field, factor, stamped) = match self {
             Self::FrameRate(true_hz) => {
                 let stamped = stamps.rate_hz.unwrap_or(f64::NAN);
@@ -167,6 +187,13 @@ impl RecordingClock {
         Ok(Self { basis: by.basis(), factor: by.factor(stamps)?, capture_rate_hz })
     }
 
+    /// True if the times are the stamps, and the recorder says that it captured at clearly more than this stamped rate: slow
+    /// motion, or a camera that fell to a lower rate in the dark.
+    pub fn may_be_slow_motion(&self, stamped_hz: Option<f64>) -> bool {
+        let ratio = self.capture_rate_hz.zip(stamped_hz).map(|(captured, stamped)| captured / stamped);
+        self.basis == ClockBasis::Stamps && ratio.is_some_and(|ratio| ratio >= MIN_DOUBTFUL_RATIO)
+    }
+
     /// True if an honest reader of a file can have found this clock.
     pub fn is_possible(&self) -> bool {
         let is_unchanged = (self.factor - 1.0).abs() < MIN_CHANGE;
@@ -179,17 +206,29 @@ impl RecordingClock {
 impl StampFacts {
     /// The facts of these times, s, which increase.
     pub fn of_times(times_s: &[f64]) -> Self {
-        let mut intervals: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        intervals.sort_by(f64::total_cmp);
-        let rate_hz = intervals.get(intervals.len() / 2).filter(|&&median| median > 0.0).map(|median| 1.0 / median);
         let duration_s = times_s.last().zip(times_s.first()).map_or(0.0, |(last, first)| last - first);
-        Self { rate_hz, duration_s }
+        let intervals = times_s.len().saturating_sub(1);
+        let rate_hz = (duration_s > 0.0).then(|| intervals as f64 / duration_s);
+        let is_uneven = usual_interval_s(times_s)
+            .zip(rate_hz)
+            .is_some_and(|(usual_s, rate_hz)| (usual_s * rate_hz - 1.0).abs() > MAX_UNEVENNESS);
+        Self { rate_hz, duration_s, is_uneven }
     }
 
     /// The facts of the stamps behind corrected times.
     pub fn before(self, factor: f64) -> Self {
-        Self { rate_hz: self.rate_hz.map(|rate| rate * factor), duration_s: self.duration_s / factor }
+        Self { rate_hz: self.rate_hz.map(|rate| rate * factor), duration_s: self.duration_s / factor, ..self }
     }
+}
+
+/// Mean of the intervals that are near the median, s. The median itself is off where stamps are whole milliseconds.
+fn usual_interval_s(times_s: &[f64]) -> Option<f64> {
+    let mut intervals: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    intervals.sort_by(f64::total_cmp);
+    let median = *intervals.get(intervals.len() / 2)?;
+    let usual = median / USUAL_INTERVAL..=median * USUAL_INTERVAL;
+    intervals.retain(|interval| usual.contains(interval));
+    Some(intervals.iter().sum::<f64>() / intervals.len() as f64)
 }
 
 fn is_plausible_factor(factor: f64) -> bool {
@@ -200,7 +239,7 @@ fn is_plausible_factor(factor: f64) -> bool {
 mod tests {
     use super::*;
 
-    const STAMPS: StampFacts = StampFacts { rate_hz: Some(15.0), duration_s: 82.0 };
+    const STAMPS: StampFacts = StampFacts { rate_hz: Some(15.0), duration_s: 82.0, is_uneven: false };
 
     #[test]
     fn a_true_rate_or_a_true_duration_gives_the_factor_of_all_times() {
@@ -231,11 +270,16 @@ mod tests {
         let basis = |stated, captured| RecordingClock::of_file(Some(stated), Some(captured)).basis;
         let slow = RecordingClock::of_file(Some(30.0), Some(240.0));
         assert_eq!((slow.basis, slow.factor), (ClockBasis::CaptureRate, 0.125));
-        assert_eq!(basis(30.0, 60.0), ClockBasis::CaptureRate);
+        assert_eq!(basis(30.0, 120.0), ClockBasis::CaptureRate);
         assert_eq!(basis(30.0, 1.0), ClockBasis::CaptureRate, "time lapse");
-        for stated in [17.0, 24.0, 29.97, 30.0] {
-            assert_eq!(basis(stated, 30.0), ClockBasis::Stamps, "{stated}");
+        for (stated, captured) in [(17.0, 30.0), (24.0, 30.0), (29.97, 30.0), (30.0, 30.0), (30.0, 60.0), (24.0, 60.0)]
+        {
+            assert_eq!(basis(stated, captured), ClockBasis::Stamps, "{captured} at {stated}");
         }
+        let is_doubtful =
+            |stated, captured| RecordingClock::of_file(Some(stated), Some(captured)).may_be_slow_motion(Some(stated));
+        assert!(is_doubtful(30.0, 60.0) && is_doubtful(24.0, 60.0));
+        assert!(!is_doubtful(24.0, 30.0) && !is_doubtful(30.0, 240.0) && !is_doubtful(240.0, 240.0));
         assert_eq!(basis(240.0, 240.0), ClockBasis::Stamps);
         assert_eq!(basis(30.0, 0.001), ClockBasis::Stamps, "no factor that a recorder has");
         assert_eq!(RecordingClock::of_file(None, Some(240.0)).factor, 1.0);
@@ -248,7 +292,33 @@ mod tests {
         assert!((facts.rate_hz.unwrap() - 25.0).abs() < 1e-9 && (facts.duration_s - 6.0).abs() < 1e-9);
         let before = facts.before(0.5);
         assert!((before.rate_hz.unwrap() - 12.5).abs() < 1e-9 && (before.duration_s - 12.0).abs() < 1e-9);
-        assert_eq!(StampFacts::of_times(&[]), StampFacts { rate_hz: None, duration_s: 0.0 });
+        assert_eq!(StampFacts::of_times(&[]), StampFacts { rate_hz: None, duration_s: 0.0, is_uneven: false });
+    }
+
+    fn in_milliseconds(frames: impl Iterator<Item = u32>, rate_hz: f64) -> Vec<f64> {
+        frames.map(|n| (f64::from(n) * 1000.0 / rate_hz).round() / 1000.0).collect()
+    }
+
+    #[test]
+    fn stamps_in_whole_milliseconds_have_the_rate_of_the_frames() {
+        for rate_hz in [15.0, 29.97, 30.0, 60.0, 120.0, 240.0] {
+            let facts = StampFacts::of_times(&in_milliseconds(0..600, rate_hz));
+            assert!((facts.rate_hz.unwrap() / rate_hz - 1.0).abs() < 1e-3 && !facts.is_uneven, "{facts:?}");
+        }
+    }
+
+    #[test]
+    fn a_frame_rate_is_refused_where_frames_are_missing_and_a_duration_is_not() {
+        let dropped = StampFacts::of_times(&in_milliseconds((0..600).filter(|n| n % 20 != 7), 30.0));
+        let darkened: Vec<f64> =
+            (0..100).map(|n| f64::from(n) / 30.0).chain((0..80).map(|n| 3.4 + f64::from(n) / 15.0)).collect();
+        for stamps in [dropped, StampFacts::of_times(&darkened)] {
+            let refused = TimeCorrection::FrameRate(30.0).factor(stamps).unwrap_err();
+            assert!(refused.what == "true_frame_rate_hz" && refused.why.contains("true_duration_s"), "{refused:?}");
+            assert!(TimeCorrection::Duration(20.0).factor(stamps).is_ok());
+        }
+        let one_lost = StampFacts::of_times(&in_milliseconds((0..600).filter(|n| *n != 7), 30.0));
+        assert!(TimeCorrection::FrameRate(30.0).factor(one_lost).is_ok());
     }
 
     #[test]

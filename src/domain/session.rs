@@ -106,10 +106,20 @@ pub struct ResultClock {
     /// Where the times come from, and the factor of all of them.
     #[serde(flatten)]
     pub applied: RecordingClock,
-    /// Frame rate by the file's stamps, Hz: the median.
+    /// Mean frame rate by the file's stamps, Hz.
     pub stamped_frame_rate_hz: Option<f64>,
     /// Duration by the file's stamps, from the first frame to the last, s.
     pub stamped_duration_s: f64,
+    /// True if frames are missing or the frame rate changes: only a true duration can then correct the times.
+    #[serde(default)]
+    pub is_uneven: bool,
+}
+
+impl ResultClock {
+    /// See [`RecordingClock::may_be_slow_motion`].
+    pub fn may_be_slow_motion(&self) -> bool {
+        self.applied.may_be_slow_motion(self.stamped_frame_rate_hz)
+    }
 }
 
 /// One feature of one session.

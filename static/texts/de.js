@@ -381,7 +381,7 @@ export default {
     whenHint: 'Wenn leer: das Datum jeder Datei.',
     time: 'Die Zeiten in der Datei stimmen nicht',
     timeHint:
-      'Geben Sie eine Zahl an, wenn Sie wissen, dass die Aufnahme schneller oder langsamer lief, als die Datei angibt, zum Beispiel durch eine Uhr im Bild. Sie gilt für alle Dateien, die Sie danach auswählen. Zeitlupen von Telefonen werden von selbst erkannt.',
+      'Geben Sie eine Zahl an, wenn Sie wissen, dass die Aufnahme schneller oder langsamer lief, als die Datei angibt, zum Beispiel durch eine Uhr im Bild. Sie gilt für alle Dateien, die Sie danach auswählen. Zeitlupen von Telefonen (ab 120 Bildern pro Sekunde) werden von selbst erkannt.',
     trueRate: 'Wahre Bildrate, Bilder pro Sekunde',
     trueLength: 'Wahre Länge, Sekunden',
     trueLengthHint: 'Vom ersten bis zum letzten Bild.',
@@ -532,6 +532,7 @@ export default {
       undone: n => plural(n, 'rückgängig gemachte Bearbeitung', 'rückgängig gemachte Bearbeitungen'),
       undoneBy: (who, when) => `rückgängig gemacht: ${who}, ${when}`,
       gone: 'eine gelöschte Person',
+      senderGone: 'der Aufnahmerechner einer Box oder eine gelöschte Person',
       making: 'Das neue Ergebnis wird berechnet',
       makingBody: 'Bis dahin sind die Zahlen auf dieser Seite die von vor der Bearbeitung.',
       failed: 'Das neue Ergebnis konnte nicht berechnet werden',
@@ -548,6 +549,9 @@ export default {
       captured: rate => `Laut Datei wurde sie mit ${rate} Bildern pro Sekunde aufgenommen.`,
       by: (who, when) => `Berichtigt: ${who}, ${when}.`,
       wrong: 'Stimmt das nicht, so geben Sie unter „Bearbeitung“ die wahre Bildrate an.',
+      doubtTitle: 'Diese Aufnahme ist vielleicht eine Zeitlupe',
+      doubt: (captured, rate) =>
+        `Laut Datei wurde sie mit ${captured} Bildern pro Sekunde aufgenommen, und sie läuft mit ${rate}. Sieht sie langsamer aus, als sie war, so geben Ausbilder unter „Bearbeitung“ die wahre Bildrate ${captured} an. Hat die Kamera nur im Dunkeln Bilder verloren, so stimmen die Zeiten.`,
     },
     readouts: 'Werte an dieser Stelle',
     tool: 'Instrument',
@@ -1249,17 +1253,17 @@ export default {
         residual: (is, limit) =>
           `Die Ecken liegen um ${is} px daneben; höchstens ${limit} px. Nehmen Sie ein ebenes Brett, halten Sie es still, und stellen Sie Zoom und Schärfe fest.`,
         photos_left_out: (is, limit) =>
-          `${is} der Fotos mit Brett wurden weggelassen; höchstens ${limit}. Nehmen Sie ein ebenes Brett, stellen Sie Zoom und Schärfe fest, und machen Sie die Fotos neu.`,
+          `${is} der Fotos, auf denen das Schachbrett gefunden wurde, wurden weggelassen; höchstens ${limit}. Nehmen Sie ein ebenes Brett, stellen Sie Zoom und Schärfe fest, und machen Sie die Fotos neu.`,
         edge_left_out: (is, limit) =>
           `Fotos am Rand des Bildes wurden häufiger weggelassen als andere, um ${is}; höchstens ${limit}. Dort passt das Linsenmodell nicht: Positionen am Rand sind unzuverlässig.`,
         coverage: (is, limit) =>
-          `Ecken bedecken ${is} des Bildes; mindestens ${limit}. Sonst ist die Linse geschätzt. Machen Sie mehr Fotos mit dem Brett an den Rändern und in den Ecken.`,
+          `Ecken bedecken ${is} des Bildes; mindestens ${limit}. In den übrigen Bereichen ist die Verzeichnung nur geschätzt. Machen Sie mehr Fotos mit dem Brett an den Rändern und in den Ecken.`,
         focal_sigma: (is, limit) =>
           `Die Brennweite ist um ${is} unsicher, und mit ihr jede Tiefe; höchstens ${limit}. Machen Sie mehr Fotos mit dem Brett nach verschiedenen Seiten geneigt.`,
         few_photos: (is, limit) =>
           `Nur ${is} Fotos wurden verwendet; mindestens ${limit}, damit sich die Unsicherheit prüfen lässt. Am besten sind etwa 20.`,
         focal_ratio: (is, limit) =>
-          `Die Brennweiten quer und hoch unterscheiden sich um ${is}; höchstens ${limit}. Die Fotos bestimmen die Kamera nicht, oder sie wurden verzerrt.`,
+          `Die Brennweiten waagerecht und senkrecht unterscheiden sich um ${is}; höchstens ${limit}. Die Fotos bestimmen die Kamera nicht, oder sie wurden verzerrt.`,
         centre: (is, limit) =>
           `Der Hauptpunkt liegt um ${is} der Bilddiagonale neben der Mitte; höchstens ${limit}. Die Fotos wurden beschnitten, oder sie bestimmen die Kamera nicht.`,
         fold: is =>

@@ -295,7 +295,7 @@ export default {
     whenHint: 'If empty: the date of each file.',
     time: 'The times in the file are wrong',
     timeHint:
-      'Give one number if you know that the recorder kept another pace than the file says, for example from a clock in the picture. It counts for all files that you choose next. Slow motion of phones is recognised by itself.',
+      'Give one number if you know that the recorder kept another pace than the file says, for example from a clock in the picture. It counts for all files that you choose next. Slow motion of phones (120 frames a second and more) is recognised by itself.',
     trueRate: 'True frame rate, frames a second',
     trueLength: 'True length, seconds',
     trueLengthHint: 'From the first frame to the last.',
@@ -446,6 +446,7 @@ export default {
       undone: n => plural(n, 'undone edit', 'undone edits'),
       undoneBy: (who, when) => `undone by ${who}, ${when}`,
       gone: 'a deleted user',
+      senderGone: 'the recording computer of a box, or a deleted user',
       making: 'The score is being recalculated',
       makingBody: 'Until it is ready, this page shows the numbers from before the edit.',
       failed: 'The score could not be recalculated',
@@ -462,6 +463,9 @@ export default {
       captured: rate => `The file says that it was captured at ${rate} frames a second.`,
       by: (who, when) => `Corrected by ${who}, ${when}.`,
       wrong: 'If that is wrong, give the true frame rate under “Edits”.',
+      doubtTitle: 'This recording may be slow motion',
+      doubt: (captured, rate) =>
+        `The file says that it was captured at ${captured} frames a second, and it plays at ${rate}. If it looks slower than it was, an instructor gives the true frame rate ${captured} under “Edits”. If the camera only lost frames in the dark, its times are right.`,
     },
     readouts: 'Values at this moment',
     tool: 'Tool',

@@ -38,7 +38,7 @@ impl ChildTask for SelfTestWork {
     type Output = Option<SelfTestReport>;
 
     fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
-        let video = inputs.video()?;
+        let video = inputs.video_with_clock()?;
         let board = self.board.board()?;
         let SelfTestWork { track, reach_mm, calibration_rms_px, ports, .. } = self;
         let asked = SelfTestSetup { board, reach_mm, calibration_rms_px, ports };

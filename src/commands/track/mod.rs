@@ -19,7 +19,7 @@ use stages::{StageClock, TrackStage};
 
 use super::{CommandFailure, verdict};
 use crate::analysis::clock::{ClockError, open_with_clock};
-use crate::domain::clock::{ClockBasis, RecordingClock, TimeCorrection};
+use crate::domain::clock::{ClockBasis, RecordingClock, StampFacts, TimeCorrection};
 use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::files::quality::QualityDocument;
@@ -129,7 +129,7 @@ pub fn run(args: TrackArgs) -> Result<(), CommandFailure> {
         writeln!(file, "{text}").and_then(|()| file.flush()).with_context(|| format!("writing {}", path.display()))?;
     }
     if !args.quiet {
-        report_times(time);
+        report_times(time, &tracking.trajectory(PathKind::Smoothed).frame_times_s);
         report(&tracking);
         pictures.iter().for_each(|pictures| eprintln!("{}", pictures.report()));
         eprint!("{}", verdict::text(&judged));
@@ -316,9 +316,16 @@ fn as_options(invalid: &Invalid) -> String {
     invalid.to_string().replace("true_frame_rate_hz", "--frame-rate").replace("true_duration_s", "--duration")
 }
 
-/// Says that the times are not those of the file.
-fn report_times(RecordingClock { basis, factor, capture_rate_hz }: RecordingClock) {
+/// Says that the times are not those of the file, or that they may be wrong.
+fn report_times(clock: RecordingClock, times_s: &[f64]) {
+    let RecordingClock { basis, factor, capture_rate_hz } = clock;
+    let stamped_hz = StampFacts::of_times(times_s).before(factor).rate_hz;
     match (basis, capture_rate_hz) {
+        (ClockBasis::Stamps, Some(rate)) if clock.may_be_slow_motion(stamped_hz) => eprintln!(
+            "times: the file says that it was captured at {rate} frames a second and plays at {:.4}. If it is slow motion, \
+             give --frame-rate {rate}; if frames were lost in the dark, the times are right",
+            stamped_hz.unwrap_or_default()
+        ),
         (ClockBasis::Stamps, _) => {}
         (ClockBasis::CaptureRate, Some(rate)) => eprintln!(
             "times: the file says that it was captured at {rate} frames a second and plays at {:.4}; all times are \

@@ -35,7 +35,8 @@ pub struct EditResponse {
     true_duration_s: Option<f64>,
     /// The reason: plain text, never markup.
     why: String,
-    /// Name of the person who made the edit; `null` if the person was deleted.
+    /// Name of the person who made the edit; `null` if the person was deleted, or if the correction came with a recording
+    /// that an agent or the service sent.
     who: Option<String>,
     created_at: Time,
     /// When it was undone, and the name of the person; `null`: it is in force.
@@ -203,8 +204,11 @@ impl App {
     async fn check_time(&self, scope: &Scope, session: SessionId, time: TimeCorrection) -> HandlerResult<()> {
         let result = self.store.sessions().result(scope, session).await?;
         if let Some(clock) = result.and_then(|result| result.video.clock) {
-            let stamps = StampFacts { rate_hz: clock.stamped_frame_rate_hz, duration_s: clock.stamped_duration_s };
-            time.factor(stamps)?;
+            time.factor(StampFacts {
+                rate_hz: clock.stamped_frame_rate_hz,
+                duration_s: clock.stamped_duration_s,
+                is_uneven: clock.is_uneven,
+            })?;
         }
         Ok(())
     }

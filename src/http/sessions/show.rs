@@ -94,6 +94,10 @@ pub struct VideoResponse {
     /// session are the file's times, multiplied by `factor`. Where a person corrected them, `GET /sessions/{id}/edits`
     /// gives name, date and reason.
     clock: Option<ResultClock>,
+    /// True if the recorder states a capture rate of 1.8 to 3 times the frame rate and the times are those of the file: it
+    /// may be slow motion, or a camera that captured fewer frames in the dark. A person who knows that it is slow motion
+    /// gives the true frame rate with `retime`.
+    may_be_slow_motion: bool,
 }
 
 /// One feature of a session.
@@ -150,6 +154,7 @@ impl SessionResponse {
             frames: facts.map(|facts| facts.frames),
             duration_s: facts.map(|facts| facts.duration_s),
             clock: facts.and_then(|facts| facts.clock),
+            may_be_slow_motion: facts.and_then(|facts| facts.clock).is_some_and(|clock| clock.may_be_slow_motion()),
         };
         let mut shown = Self {
             id: session.id,

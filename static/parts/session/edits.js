@@ -70,12 +70,15 @@ const editText = ({ kind, from_s: from, to_s: to, tools, true_frame_rate_hz: rat
 /** The service's own words, where it writes the reason. */
 const FROM_SERVICE = { 'Given with the recording.': words.withRecording };
 
+/** The author. An edit that came with a recording may be from the computer that sent it. */
+const author = edit => edit.who ?? (FROM_SERVICE[edit.why] ? words.senderGone : words.gone);
+
 /** @param {Props} props */
 const EditEntry = ({ edit }) => html`
   <div>
     <strong>${editText(edit)}</strong>
     <p class="said">${FROM_SERVICE[edit.why] ?? edit.why}</p>
-    <p class="small muted">${edit.who ?? words.gone}, ${dateTime(edit.created_at)}${edit.undone &&
+    <p class="small muted">${author(edit)}, ${dateTime(edit.created_at)}${edit.undone &&
       ` · ${words.undoneBy(edit.undone.who ?? words.gone, dateTime(edit.undone.at))}`}</p>
   </div>`;
 
@@ -90,14 +93,17 @@ function Score({ edits, mayEdit, onAgain }) {
 
 /**
  * At the head of the page of a session whose times are not those of its file: why, from what to what, and who corrected
- * them.
+ * them. If the recording may be slow motion: how to correct it.
  *
  * @param {Props} props
  */
 export function Retimed({ session, edits }) {
-  const { clock, duration_s: duration } = session.video ?? {};
-  if (!clock || clock.basis === 'stamps') return null;
+  const { clock, duration_s: duration, may_be_slow_motion: isDoubtful } = session.video ?? {};
+  if (!clock || (clock.basis === 'stamps' && !isDoubtful)) return null;
   const { factor, capture_rate_hz: captured, stamped_frame_rate_hz: rate, stamped_duration_s: length } = clock;
+  if (isDoubtful)
+    return html`<${Notice} tone="warn" title=${t.session.retimed.doubtTitle}>${
+      t.session.retimed.doubt(number(captured), number(rate))}<//>`;
   const edit = edits?.items.findLast(one => one.kind === 'retime' && !one.undone);
   const said = t.session.retimed;
   const isTagged = clock.basis === 'capture_rate';
@@ -105,7 +111,7 @@ export function Retimed({ session, edits }) {
   return html`<${Notice} title=${title}>
     ${isTagged && `${said.captured(number(captured))} `}${
       said.from(number(rate), number(length), number(rate && rate / factor), number(duration))}${' '}
-    ${isTagged ? said.wrong : edit && said.by(edit.who ?? words.gone, dateTime(edit.created_at))}<//>`;
+    ${isTagged ? said.wrong : edit && said.by(author(edit), dateTime(edit.created_at))}<//>`;
 }
 
 /** At the head of the page of a session that does not count. @param {Props} props */
