@@ -261,7 +261,7 @@ CREATE TABLE result (
     trajectory     TEXT NOT NULL REFERENCES blob (hash) ON DELETE RESTRICT,  -- raw, filtered and smoothed paths
     preview        TEXT REFERENCES blob (hash) ON DELETE RESTRICT,           -- a JPEG of one frame
     created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0)               -- when stored, epoch ms
-, calibration_id TEXT REFERENCES calibration (id) ON DELETE RESTRICT, palette_id TEXT REFERENCES palette (id) ON DELETE RESTRICT, width INTEGER CHECK (width BETWEEN 1 AND 65535), height INTEGER CHECK (height BETWEEN 1 AND 65535), diagnostics TEXT REFERENCES blob (hash) ON DELETE RESTRICT, tracked_with TEXT CHECK (length(tracked_with) BETWEEN 1 AND 64), edits INTEGER NOT NULL DEFAULT 0 CHECK (edits >= 0), clock TEXT CHECK (json_valid(clock))) STRICT;
+, calibration_id TEXT REFERENCES calibration (id) ON DELETE RESTRICT, palette_id TEXT REFERENCES palette (id) ON DELETE RESTRICT, width INTEGER CHECK (width BETWEEN 1 AND 65535), height INTEGER CHECK (height BETWEEN 1 AND 65535), diagnostics TEXT REFERENCES blob (hash) ON DELETE RESTRICT, tracked_with TEXT CHECK (length(tracked_with) BETWEEN 1 AND 64), edits INTEGER NOT NULL DEFAULT 0 CHECK (edits >= 0), clock TEXT CHECK (json_valid(clock)), time_revision INTEGER NOT NULL DEFAULT 0 CHECK (time_revision >= 0)) STRICT;
 
 CREATE TABLE self_test (
     id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- SelfTestId
@@ -479,7 +479,7 @@ CREATE INDEX result_diagnostics ON result (diagnostics);
 CREATE INDEX result_latest ON result (session_id, created_at_ms);
 
 CREATE UNIQUE INDEX result_once ON result (session_id, pipeline, coalesce(tracked_with, pipeline), coalesce(calibration_id, ''),
-                                           coalesce(palette_id, ''), coalesce(model, ''), edits);
+                                           coalesce(palette_id, ''), coalesce(model, ''), edits, time_revision);
 
 CREATE INDEX result_palette ON result (palette_id);
 

@@ -93,15 +93,21 @@ pub fn calibrate_and_check(views: &Views, board: Board) -> Result<CheckedCalibra
             let kept: Vec<BoardView> = kept.map(|(_, view)| (*view).clone()).collect();
             calibrate(&kept, *width, *height, board).ok()
         };
-        let parts: Vec<Calibration> = (0..groups).filter_map(without).collect();
-        if parts.len() < groups {
-            return Err(CalibrationRefusal::PartFails { failed: groups - parts.len(), groups });
-        }
-        widen(&mut calibration.sigma, &parts);
+        widen(&mut calibration.sigma, &require_all((0..groups).map(without).collect())?);
     }
     refuse_unstable(&calibration)?;
     let at_edge = views.iter().map(|view| is_at_edge(view, *width, *height)).collect();
     Ok(CheckedCalibration { calibration, at_edge })
+}
+
+/// The cameras of the parts. A part that gives none cannot be left out of the spread, which would then be too small.
+fn require_all(parts: Vec<Option<Calibration>>) -> Result<Vec<Calibration>, CalibrationRefusal> {
+    let groups = parts.len();
+    let parts: Vec<Calibration> = parts.into_iter().flatten().collect();
+    match groups - parts.len() {
+        0 => Ok(parts),
+        failed => Err(CalibrationRefusal::PartFails { failed, groups }),
+    }
 }
 
 fn refuse_unstable(calibration: &Calibration) -> Result<(), CalibrationRefusal> {
@@ -364,12 +370,12 @@ mod tests {
     }
 
     #[test]
-    fn photos_without_one_of_which_there_is_no_camera_are_refused() {
+    fn a_part_that_gives_no_camera_refuses_the_set() {
         let clean = photos(usual);
-        let mut views = vec![clean.views[1].clone(); MIN_CHECKED_PHOTOS - 1];
-        views.push(clean.views[2].clone());
-        let refused = calibrate_and_check(&Views { views, ..clean }, board()).unwrap_err();
-        assert!(matches!(refused, CalibrationRefusal::PartFails { failed: 1, .. }), "{refused:?}");
+        let part = calibrate_and_check(&clean, board()).unwrap().calibration;
+        assert_eq!(require_all(vec![Some(part.clone()), Some(part.clone())]).unwrap().len(), 2);
+        let refused = require_all(vec![Some(part.clone()), None, Some(part)]).unwrap_err();
+        assert_eq!(refused, CalibrationRefusal::PartFails { failed: 1, groups: 3 });
     }
 
     #[test]

@@ -237,12 +237,14 @@ async fn enqueue_new_score(
 ) -> StoreResult<()> {
     match kind {
         EditKind::Retime => {
-            enqueue_track(tx, session, now_ms, max_attempts).await?.ok_or_else(|| {
-                StoreError::refused(
-                    "the session cannot be tracked with other times: its box lacks a camera or tape colours, or its recording \
-                     is incomplete or deleted",
-                )
-            })?;
+            let queued = enqueue_track(tx, session, now_ms, max_attempts).await?;
+            // A session that was never queued waits for its camera or recording, and is then tracked with these times.
+            if queued.is_none() && tracking_state(tx, session).await?.is_some() {
+                return Err(StoreError::refused(
+                    "the session cannot be tracked with other times: its recording was deleted, or its box has no camera or \
+                     tape colours",
+                ));
+            }
         }
         EditKind::Trim | EditKind::Swap | EditKind::SetAside => {
             enqueue_rescore_if_outdated(tx, session, now_ms, max_attempts).await?;
@@ -331,9 +333,7 @@ async fn refuse_if_open(tx: &mut SqliteConnection, session: SessionId, kind: Edi
     if !affects_path(kind) {
         return Ok(());
     }
-    let state: Option<JobState> =
-        sqlx::query_scalar(SELECT_TRACKING_STATE).bind(session).fetch_optional(&mut *tx).await?;
-    if matches!(state, Some(JobState::Queued | JobState::Running)) {
+    if matches!(tracking_state(tx, session).await?, Some(JobState::Queued | JobState::Running)) {
         return Err(StoreError::refused("the session is being tracked: wait until it is scored, then edit it"));
     }
     if kind == EditKind::Retime {
@@ -341,6 +341,11 @@ async fn refuse_if_open(tx: &mut SqliteConnection, session: SessionId, kind: Edi
     }
     let result: Option<String> = sqlx::query_scalar(SELECT_CURRENT_RESULT).bind(session).fetch_optional(tx).await?;
     result.map(drop).ok_or_else(|| StoreError::refused("the session cannot be edited before it is scored"))
+}
+
+/// The state of the latest tracking of the session; `None` if it was never queued.
+async fn tracking_state(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<Option<JobState>> {
+    Ok(sqlx::query_scalar(SELECT_TRACKING_STATE).bind(session).fetch_optional(tx).await?)
 }
 
 /// True if the score depends on edits of this kind. Setting a session aside does not change its score.
