@@ -4,6 +4,8 @@
 //! [`features::movement`]). If nothing moved, it is all of the time a tool was seen. Each tool is measured over the
 //! whole task, so a hand that rests while the other works is idle, not absent.
 
+use nalgebra::Point3;
+
 use crate::motion::features::errors::replicate::replicate;
 use crate::motion::features::errors::{NoErrorBar, REPLICATES, error_bar};
 use crate::motion::features::motion::{Interval, Motion, ToolContext};
@@ -95,6 +97,15 @@ pub fn motions(trajectory: &Trajectory, settings: &FeatureSettings) -> Vec<Resul
     AssessedSession::new(trajectory, &[], settings).motions
 }
 
+/// A tool's trocar: as the tracker states it, or without a tracker, from the axes of its samples. The tracker turns each
+/// axis towards the trocar that it assumes, so its axes would seem to meet there more precisely than it is known.
+fn trocar(tracked: Option<&ToolQuality>, samples: &[Sample]) -> Option<Point3<f64>> {
+    match tracked {
+        Some(quality) => quality.fulcrum.filter(fulcrum::is_exact).map(|fulcrum| fulcrum.at),
+        None => fulcrum::find(samples),
+    }
+}
+
 /// A session being measured. The vectors have one entry a tool, in the trajectory's order.
 struct AssessedSession<'a> {
     settings: &'a FeatureSettings,
@@ -112,10 +123,10 @@ impl<'a> AssessedSession<'a> {
         let motions: Vec<_> =
             samples.iter().zip(&cuts_s).map(|(samples, cuts_s)| motion(samples, cuts_s, settings)).collect();
         let absent = explain_absences(&samples, &motions, tools, settings);
-        let known = samples
-            .iter()
-            .zip(absent)
-            .map(|(samples, absent)| ToolContext { fulcrum: fulcrum::find(samples), absences: absent });
+        let known = samples.iter().zip(absent).enumerate().map(|(tool, (samples, absent))| ToolContext {
+            fulcrum: trocar(tools.get(tool), samples),
+            absences: absent,
+        });
         Self { settings, known: known.collect(), samples, cuts_s, motions }
     }
 

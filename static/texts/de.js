@@ -756,7 +756,7 @@ export default {
     noise: (smoothed, causal) => `${smoothed} mm/s${causal ? `, live ${causal} mm/s` : ''}`,
     error: (median, most) => `σ im Median ${median} mm; in 95 % der Bilder höchstens ${most} mm`,
     diameter: (mm, sigma, basis) => `${mm} ± ${sigma} mm, ${
-      basis === 'session' ? 'aus den Positionen dieser Sitzung' : 'wie eingegeben: zu wenige Positionen, um sie zu messen'}`,
+      { session: 'aus den Positionen dieser Sitzung', assumed_trocar: 'aus den Positionen dieser Sitzung, mit dem Trokar im üblichen Abstand' }[basis] ?? 'wie eingegeben: zu wenige Positionen, um sie zu messen'}`,
     why: 'Warum nicht beobachtet',
     shares: (o, p, m) => `${o} beobachtet, ${p} vorhergesagt, ${m} nicht gesehen`,
     reasons: {

@@ -668,7 +668,7 @@ export default {
     portShift: (mm, sigma) => `${mm} ± ${sigma} mm`,
     noise: (smoothed, causal) => `${smoothed} mm/s${causal ? `, live ${causal} mm/s` : ''}`,
     error: (median, most) => `median σ ${median} mm; on 95 % of the frames at most ${most} mm`,
-    diameter: (mm, sigma, basis) => `${mm} ± ${sigma} mm, ${basis === 'session' ? 'from the positions in this session' : 'as entered: too few positions to measure it'}`,
+    diameter: (mm, sigma, basis) => `${mm} ± ${sigma} mm, ${{ session: 'from the positions in this session', assumed_trocar: 'from the positions in this session, with the trocar assumed at its usual distance' }[basis] ?? 'as entered: too few positions to measure it'}`,
     why: 'Why it was not observed',
     shares: (o, p, m) => `${o} observed, ${p} predicted, ${m} not seen`,
     reasons: {

@@ -9,7 +9,7 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use crate::vision::pose::fulcrum::{PLAY_MM, WELL_KNOWN_MM, nearest_point};
+use crate::vision::pose::fulcrum::{Fulcrum, PLAY_MM, nearest_point};
 use crate::vision::trajectory::{Sample, SampleState};
 
 /// Axes within this time share their errors and count as one, s: the background behind the tape changes as slowly.
@@ -21,6 +21,15 @@ const MIN_TROCAR_DISTANCE_MM: f64 = 20.0;
 /// Maximum root mean square distance at which the axes pass the point, mm. Beyond it the tool does not turn about a
 /// point.
 const MAX_MISS_MM: f64 = 5.0;
+
+/// Largest standard deviation along an axis of a trocar that features take as exact, mm: 2 % of the usual distance from
+/// the tip.
+const WELL_KNOWN_MM: f64 = 4.0;
+
+/// Is a trocar known so well that features may take it as exact?
+pub fn is_exact(fulcrum: &Fulcrum) -> bool {
+    fulcrum.covariance.symmetric_eigenvalues().max() <= WELL_KNOWN_MM * WELL_KNOWN_MM
+}
 
 /// The trocar of one tool, if its axes determine it to within [`WELL_KNOWN_MM`].
 pub fn find(samples: &[Sample]) -> Option<Point3<f64>> {

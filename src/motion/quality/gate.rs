@@ -1,5 +1,6 @@
 //! The quality gate: compares every figure with its limits. The worst result is the session's verdict.
 
+use super::limits::QualityLimits;
 use super::{Figures, QualityCause, ToolFigures};
 use crate::vision::segmentation::palette::Margin;
 use crate::vision::tracker::TrocarEvidence;
@@ -104,8 +105,8 @@ pub fn judge(figures: &Figures) -> QualityVerdict {
     let of_session = QualityCause::ALL.map(|cause| (cause, None));
     let concern = |(cause, tool): (QualityCause, Option<&ToolFigures>)| {
         let figure = tool.map_or_else(|| session_figure(figures, cause), |tool| tool_figure(tool, cause))?;
-        let (severity, limit) = cause.limits().breach(figure)?;
-        let severity = if has_other_evidence(tool, cause) { Severity::Care } else { severity };
+        let refuse = cause.limits().refuse.filter(|_| !is_only_care(tool, cause));
+        let (severity, limit) = QualityLimits { refuse, ..cause.limits() }.breach(figure)?;
         let label = tool.and_then(|tool| colour_margin(tool, cause)).map(|margin| margin.nearest.clone());
         Some(Concern { cause, tool: tool.map(|tool| tool.tool.clone()), label, figure, limit, severity })
     };
@@ -118,8 +119,9 @@ pub fn judge(figures: &Figures) -> QualityVerdict {
     }
 }
 
-/// Does a tool's trocar show what a refusal for this cause doubts? A thing of the tape's colour has none.
-fn has_other_evidence(tool: Option<&ToolFigures>, cause: QualityCause) -> bool {
+/// Does the cause never refuse this tool's session? A tool that shows its trocar is no other object of the tape's colour;
+/// one that may have a trocar is not known to have none.
+fn is_only_care(tool: Option<&ToolFigures>, cause: QualityCause) -> bool {
     let trocar = tool.and_then(|tool| tool.trocar);
     match cause {
         QualityCause::ColourBackground => trocar == Some(TrocarEvidence::Shown),

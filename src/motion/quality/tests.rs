@@ -167,19 +167,25 @@ fn dropped_frames_breaks_and_cut_files_are_separate() {
     assert!((broken.longest_interval_s.unwrap() - 30.04).abs() < 1e-9);
 }
 
+fn moved_mm(verdict: &QualityVerdict) -> f64 {
+    verdict.concerns().iter().find(|c| c.cause == QualityCause::NoTrocar).map_or(0.0, |c| c.figure)
+}
+
 #[test]
 fn a_colour_like_the_background_is_refused_and_one_like_another_tool_is_not() {
     let path = path(|_| true);
     let margin =
         |margin_steps, nearest: &str| Some(Margin { margin_steps, spread_steps: 4.0, nearest: nearest.into() });
-    let judged = |from_tools, from_background| {
+    let judged_with = |basis, from_tools, from_background| {
         let mut counts = counts(Vec::new());
+        counts.tools[0].effective_diameter = Some(EffectiveDiameter { mm: 5.0, sigma_mm: 0.1, basis });
         counts.tools[0].colour = ColourSeparation { from_tools, from_background };
         judge(&measure(&QualityInput { tracker: Some(&counts), ..QualityInput::of_path(&path) }))
     };
+    let judged = |from_tools, from_background| judged_with(DiameterBasis::Session, from_tools, from_background);
     assert_eq!(judged(margin(9.0, "cyan"), margin(9.0, "background")), QualityVerdict::Valid);
     assert_eq!(judged(None, None), QualityVerdict::Valid);
-    let refused = judged(margin(-3.0, "cyan"), margin(1.8, "background"));
+    let refused = judged_with(DiameterBasis::AssumedTrocar, margin(-3.0, "cyan"), margin(1.8, "background"));
     let fields = |c: &Concern| (c.cause, c.severity, c.figure, c.limit, c.label.clone());
     let of = |label: &str| Some(label.to_owned());
     assert_eq!(
@@ -187,8 +193,12 @@ fn a_colour_like_the_background_is_refused_and_one_like_another_tool_is_not() {
         [
             (QualityCause::ColourBackground, Severity::Refuse, 1.8, 2.5, of("background")),
             (QualityCause::ColourPair, Severity::Care, -3.0, 4.0, of("cyan")),
+            (QualityCause::NoTrocar, Severity::Care, moved_mm(&refused), 0.0, None),
         ]
     );
+    let shown = judged(None, margin(1.8, "background"));
+    let background = (QualityCause::ColourBackground, Severity::Care, 1.8, 4.0, of("background"));
+    assert_eq!(shown.concerns().iter().map(fields).collect::<Vec<_>>(), [background], "a tool shows its trocar");
     let findings = [0, 1].map(|i| refused.concerns()[i].finding());
     assert!(findings[0].contains("by only 1.8 of 255 steps; needs 2.5 (nearest: `background`)"), "{findings:?}");
     assert!(findings[1].contains("by only 0.0 of 255 steps; needs 4.0 (nearest: `cyan`)"), "{findings:?}");
@@ -219,11 +229,24 @@ fn a_tool_that_moves_without_a_trocar_is_refused_and_a_resting_one_asks_for_care
         judge(&measure(&QualityInput { tracker: Some(counts), ..QualityInput::of_path(path) }))
     };
     assert_eq!(judged(&counts, &moving), QualityVerdict::Valid);
+    let possible = EffectiveDiameter { mm: 5.0, sigma_mm: 0.1, basis: DiameterBasis::AssumedTrocar };
+    counts.tools[0].effective_diameter = Some(possible);
+    assert_eq!(rank(&judged(&counts, &moving)), Some(Severity::Care), "it may have a trocar");
     counts.tools[0].effective_diameter = None;
     let refused = judged(&counts, &moving);
     assert_eq!((causes(&refused), rank(&refused)), (vec![QualityCause::NoTrocar], Some(Severity::Refuse)));
     assert!(refused.concerns()[0].finding().contains("do not show its trocar (limit 8.0 mm)"));
     assert_eq!(rank(&judged(&counts, &resting)), Some(Severity::Care));
+    let mut straight = path(|_| true);
+    straight.samples.iter_mut().for_each(|sample| {
+        sample.tip_mm = Point3::new(sample.tip_mm.x, 0.01 * sample.tip_mm.x, 150.0);
+        sample.axis = Some(nalgebra::Vector3::x());
+    });
+    assert_eq!(
+        rank(&judged(&counts, &straight)),
+        Some(Severity::Care),
+        "a tool that moves along its axis turns little"
+    );
 }
 
 #[test]

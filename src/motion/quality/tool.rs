@@ -125,9 +125,11 @@ pub(super) fn measure(
 fn spread_across_mm(seen: &[&Sample]) -> Option<f64> {
     let count = seen.len() as f64;
     let mean = seen.iter().map(|sample| sample.tip_mm.coords).sum::<Vector3<f64>>() / count;
-    let along = seen.iter().filter_map(|sample| sample.axis).sum::<Vector3<f64>>().try_normalize(1e-9)?;
-    let squares: f64 = seen.iter().map(|sample| (sample.tip_mm.coords - mean).cross(&along).norm_squared()).sum();
-    Some((squares / count).sqrt())
+    let axes = seen.iter().filter_map(|sample| sample.axis).sum::<Vector3<f64>>();
+    let along = axes.try_normalize(1e-9).unwrap_or_default(); // without axes, all motion counts
+    let across = |moved: Vector3<f64>| moved - along * moved.dot(&along);
+    let squares: f64 = seen.iter().map(|sample| across(sample.tip_mm.coords - mean).norm_squared()).sum();
+    (!seen.is_empty()).then(|| (squares / count).sqrt())
 }
 
 fn share(part: u64, whole: u64) -> Option<f64> {

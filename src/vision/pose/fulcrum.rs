@@ -61,7 +61,7 @@ impl From<UpperFulcrum> for Fulcrum {
 
 /// Largest standard deviation along an axis of a well-known fulcrum, mm. A movement below three of these cannot be
 /// distinguished from chance.
-pub const WELL_KNOWN_MM: f64 = 8.0;
+const WELL_KNOWN_MM: f64 = 8.0;
 
 /// Usual distance from tip to trocar, mm: trocars are 120 to 250 mm from a box's floor, and the tip works on the floor or
 /// half way up.
@@ -70,10 +70,14 @@ pub const USUAL_TROCAR_DISTANCE_MM: f64 = 180.0;
 /// Standard deviation of the distance from tip to trocar over boxes and tips, mm.
 pub const TROCAR_DISTANCE_SIGMA_MM: f64 = 60.0;
 
+/// Maximum squared distance of an axis from the fulcrum: 99.99 % of good measurements are nearer (chi-squared, two
+/// degrees of freedom).
+pub const MAX_FULCRUM_MISS_SQUARED: f64 = 18.4;
+
 /// How far from the fulcrum an axis may pass: the play of a tube in its trocar, mm.
 pub const PLAY_MM: f64 = 0.5;
 
-/// The point nearest to all lines `point + s·axis`, unweighted: the textbook start. `None` if the lines are parallel.
+/// The point nearest to all lines `point + s·axis`, unweighted. `None` if the lines are parallel.
 pub fn nearest_point(lines: impl Iterator<Item = (Point3<f64>, Vector3<f64>)>) -> Option<Point3<f64>> {
     let (matrix, right) = lines.fold((Matrix3::zeros(), Vector3::zeros()), |(matrix, right), (point, axis)| {
         let projector = Matrix3::identity() - axis * axis.transpose();

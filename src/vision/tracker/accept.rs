@@ -8,11 +8,8 @@ use super::tool::ToolTracker;
 use crate::vision::filter::track::Advance;
 use crate::vision::pose::TubeEstimate;
 use crate::vision::pose::adjustment;
+use crate::vision::pose::fulcrum::MAX_FULCRUM_MISS_SQUARED;
 use crate::vision::reason::MissReason;
-
-/// Maximum squared distance of an axis from the fulcrum: 99.99 % of good measurements are nearer (chi-squared, two
-/// degrees of freedom).
-const MAX_FULCRUM_MISS_SQUARED: f64 = 18.4;
 
 /// A measured band, steadied with what is known of the tool.
 pub struct SteadiedBand {

@@ -47,6 +47,11 @@ impl Footprint {
         turn.abs() < SAME_DIRECTION_SINE && (self.is_within(other.middle, 0.0) || other.is_within(self.middle, 0.0))
     }
 
+    /// Distance of both middles, pixels.
+    pub fn distance_px(&self, other: &Self) -> f64 {
+        (self.middle - other.middle).norm()
+    }
+
     fn is_within(&self, at: Point2<f64>, margin: f64) -> bool {
         let from = at - self.middle;
         let across = from.x * self.along.y - from.y * self.along.x;

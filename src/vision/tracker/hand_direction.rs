@@ -1,7 +1,7 @@
 //! The direction to the hand that holds a tool. It decides which end of a band is the tip.
 //!
 //! A single frame may be wrong, for example if another tool's shaft or a dark shape lies beyond the tip. So each frame
-//! votes, and the votes are added up. Once the fulcrum is known, voting stops: the fulcrum lies behind the tip. A band
+//! votes, and the votes are added up. Once the axes show the trocar, voting stops: it lies behind the tip. A band
 //! taken the wrong way round would be tracked just as smoothly, but one tape length off.
 
 use nalgebra::Vector2;

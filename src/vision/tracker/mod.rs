@@ -154,7 +154,7 @@ impl Tracker {
 
     /// The fulcrum of each tool; `None` while it is not known well.
     pub fn fulcrums(&self) -> Vec<Option<Fulcrum>> {
-        self.tools.iter().map(|tool| tool.known_adjustment()?.comparable_fulcrum()?.well_known()).collect()
+        self.tools.iter().map(|tool| tool.adjustment.as_ref()?.well_known_fulcrum()).collect()
     }
 
     /// Tracks the next frame: predict → find → measure → accept → learn, for each tool, and each pair of one colour.

@@ -1,30 +1,53 @@
-//! Rivals: a thing of the tape's colour may have been taken for the tool. While no trocar confirms the followed band,
-//! the tracker looks now and then for another band in the picture, and compares both: by the shaft behind the tape,
-//! and by motion.
+//! Rivals: an object of the tape's colour may have been taken for the tool. While no trocar confirms the followed band,
+//! every eighth frame is searched for another band, and both are compared: by the shaft behind the tape, and by motion.
+//! Not for two tools of one colour.
 
 use super::footprint::Footprint;
 use super::frame_context::FrameContext;
 use super::measurement::Measurement;
 use super::predict::Prediction;
 use super::tool::ToolTracker;
-use crate::vision::camera::Camera;
 use crate::vision::pose::adjustment::Adjustment;
-use crate::vision::space::{CameraPoint, Pixel};
 
-/// Frames from one look to the next: a search of the whole picture costs several times a followed frame.
-const EVERY_FRAMES: u64 = 8;
+/// Frames from one search to the next: a search of the whole picture costs several times a followed frame.
+const SEARCH_INTERVAL_FRAMES: u64 = 8;
 
 /// How much likelier a rival must be: half of what a shaft behind the band adds.
-const CLEARLY: f64 = 0.5;
+const MIN_LEAD: f64 = 0.5;
 
-/// A tip that is this far from where it was has moved, pixels: several times the error of a measured tip.
+/// A band that is this far from where it was first seen has moved, pixels: several times the error of a measured band.
 const MOVED_PX: f64 = 6.0;
 
-/// Where the tips of the followed band and of its rival were first seen.
+/// What the searches have shown of the followed band and of its rival.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct FirstPlaces {
-    followed: Option<Pixel>,
-    rival: Option<Pixel>,
+pub struct Rivalry {
+    followed: Option<Sighting>,
+    rival: Option<Sighting>,
+}
+
+/// A band at successive searches.
+#[derive(Clone, Copy, Debug)]
+struct Sighting {
+    first: Footprint,
+    last: Footprint,
+    has_moved: bool,
+    /// It was in the same place at two searches at least.
+    rests: bool,
+    /// It was clearly a tool's band at one search at least: later, it may be half hidden.
+    was_clear: bool,
+}
+
+impl Sighting {
+    /// The sighting with the band at its next place; a new one if the band is not where the last one was.
+    fn continued(earlier: Option<Self>, at: Footprint, is_clear: bool) -> Self {
+        match earlier.filter(|earlier| earlier.last.is_same_band(&at)) {
+            Some(Self { first, has_moved, was_clear, .. }) => {
+                let has_moved = has_moved || first.distance_px(&at) > MOVED_PX;
+                Self { first, last: at, has_moved, rests: !has_moved, was_clear: was_clear || is_clear }
+            }
+            None => Self { first: at, last: at, has_moved: false, rests: false, was_clear: is_clear },
+        }
+    }
 }
 
 impl ToolTracker {
@@ -37,28 +60,23 @@ impl ToolTracker {
         followed: &Measurement,
     ) -> Option<Measurement> {
         let is_confirmed = self.adjustment.as_ref().is_some_and(Adjustment::is_right_way_round);
-        if is_confirmed || !scene.frame.index.is_multiple_of(EVERY_FRAMES) {
+        if is_confirmed || !scene.frame.index.is_multiple_of(SEARCH_INTERVAL_FRAMES) {
             return None;
         }
         let followed = self.with_continuation(scene, prediction, followed.clone());
-        let is_still = !has_moved(&mut self.first_places.followed, tip_px(&followed, scene.camera())?);
-        if followed.is_clear() && !is_still {
+        let at = Footprint::of(&followed, scene.camera())?;
+        let of_followed = Sighting::continued(self.rivalry.followed, at, followed.is_clear());
+        let earlier = self.rivalry.rival;
+        self.rivalry = Rivalry { followed: Some(of_followed), rival: None };
+        if followed.is_clear() && of_followed.has_moved {
             return None;
         }
-        let at = Footprint::of(&followed, scene.camera())?;
         let rival = self.fresh().find_and_measure(scene, &Prediction::default(), Some(&at)).ok()?;
-        let moves = has_moved(&mut self.first_places.rival, tip_px(&rival, scene.camera())?);
-        let is_likelier = rival.likelihood() > followed.likelihood() + CLEARLY;
-        let is_the_moving_one = is_still && moves && rival.is_clear();
-        (is_likelier || is_the_moving_one).then_some(rival)
+        let of_rival = Sighting::continued(earlier, Footprint::of(&rival, scene.camera())?, rival.is_clear());
+        self.rivalry.rival = Some(of_rival);
+        let is_likelier = !of_followed.was_clear && rival.likelihood() > followed.likelihood() + MIN_LEAD;
+        let is_the_resting_one = of_rival.rests && of_followed.has_moved;
+        let is_the_moving_one = of_followed.rests && of_rival.has_moved && rival.is_clear();
+        ((is_likelier && !is_the_resting_one) || is_the_moving_one).then_some(rival)
     }
-}
-
-fn tip_px(band: &Measurement, camera: &Camera) -> Option<Pixel> {
-    camera.project(CameraPoint(band.estimate.tube.tip))
-}
-
-/// Is a tip away from its first place? If it has none yet, this is it.
-fn has_moved(first: &mut Option<Pixel>, now: Pixel) -> bool {
-    (first.get_or_insert(now).0 - now.0).norm() > MOVED_PX
 }

@@ -9,7 +9,7 @@ use super::measurement::Measurement;
 use super::origin::{self, Origin};
 use super::predict::{Band, Prediction};
 use super::record::{FrameRecord, PackedRecords};
-use super::rival::FirstPlaces;
+use super::rival::Rivalry;
 use super::settings::{HandSide, ToolSpec};
 use super::trace::TraceRecorder;
 use crate::vision::blob::components::ComponentFinder;
@@ -35,7 +35,7 @@ pub struct ToolTracker {
     pub(super) adjustment: Option<Adjustment>,
     pub(super) keyframes: Vec<TubeEstimate>,
     pub(super) lengths: BandLengthEstimator,
-    pub(super) first_places: FirstPlaces,
+    pub(super) rivalry: Rivalry,
     pub(super) records: PackedRecords,
     pub(super) trace: TraceRecorder,
 }
@@ -54,7 +54,7 @@ impl ToolTracker {
             adjustment: None,
             keyframes: Vec::new(),
             lengths: BandLengthEstimator::default(),
-            first_places: FirstPlaces::default(),
+            rivalry: Rivalry::default(),
             records: PackedRecords::default(),
             trace: TraceRecorder::default(),
         }
@@ -102,7 +102,7 @@ impl ToolTracker {
     ) -> Measurement {
         let Some(rival) = self.find_rival(scene, prediction, &followed) else { return followed };
         self.withdraw(MissReason::NotTape);
-        self.hand_direction = HandDirection::default();
+        (self.hand_direction, self.lengths) = Default::default();
         rival
     }
 
@@ -130,7 +130,8 @@ impl ToolTracker {
 
     /// The adjustment, if its fulcrum is known well enough to be used.
     pub(super) fn known_adjustment(&self) -> Option<&Adjustment> {
-        self.adjustment.as_ref().filter(|adjustment| learn::is_fulcrum_known(adjustment))
+        let is_usable = |adjusted: &&Adjustment| !adjusted.is_wrong_way_round() && learn::is_fulcrum_known(adjusted);
+        self.adjustment.as_ref().filter(is_usable)
     }
 
     /// The best known origin of the tool: its fulcrum, else an assumed one from the last pose, else its side of the

@@ -14,7 +14,8 @@
 use nalgebra::{Matrix2, Matrix3, Matrix5, Point3, SMatrix, SVector, Vector3, Vector5};
 
 use super::fulcrum::{
-    Fulcrum, FulcrumConstraint, MIN_TROCAR_DISTANCE_RADII, PLAY_MM, TROCAR_DISTANCE_SIGMA_MM, USUAL_TROCAR_DISTANCE_MM,
+    self, Fulcrum, FulcrumConstraint, MAX_FULCRUM_MISS_SQUARED, MIN_TROCAR_DISTANCE_RADII, PLAY_MM,
+    TROCAR_DISTANCE_SIGMA_MM, USUAL_TROCAR_DISTANCE_MM,
 };
 use super::normal_equations::{Information, OFFSETS, OWN_UNKNOWNS, Offsets};
 use super::{TubeEstimate, perturbed};
@@ -33,8 +34,8 @@ const LENGTH_WITHIN: f64 = 0.1;
 const MAX_TURN_RAD: f64 = 0.35;
 
 /// A trocar on one side of the tips is certain if it is at least this much likelier than one on the other, in squared
-/// standard deviations: odds of 3000 to 1 if all errors were Gaussian.
-const DECISIVE_MARGIN: f64 = 9.0;
+/// standard deviations: odds of 90 to 1 if all errors were Gaussian.
+const MIN_SIDE_MARGIN: f64 = 9.0;
 
 /// The unknowns that a session's poses share.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,14 +53,19 @@ pub struct Adjustment {
     covariance: SharedMatrix,
 }
 
-/// Estimates the shared unknowns; `None` if the poses are too few or not those of a tool in a trocar behind it.
+/// Estimates the shared unknowns. `None` if the poses are too few or the estimate does not settle, and if the axes of
+/// most poses do not meet behind the tips, unless they clearly lie the wrong way round.
 pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
-    /// Share of the poses that must lie ahead of the fulcrum: the others are false, for example the wrong way round.
-    const MIN_BEHIND: f64 = 0.75;
+    /// Share of the poses whose axes must pass the fulcrum behind them: the others are false.
+    const MIN_MEETING: f64 = 0.75;
     let (shared, cost) = fit(poses, Trocar::BehindTips)?;
     let ahead = fit(poses, Trocar::AheadOfTips).map(|(_, cost)| cost);
-    let shared = Adjustment { likelier_behind: ahead.map_or(f64::INFINITY, |ahead| ahead - cost), ..shared };
-    (shared.share_behind(poses) >= MIN_BEHIND).then_some(shared)
+    let shared = Adjustment { likelier_behind: ahead.map_or(0.0, |ahead| ahead - cost), ..shared };
+    let meets = |pose: &&TubeEstimate| {
+        shared.is_behind(&pose.tube) && fulcrum::miss_squared(pose, &shared.fulcrum) < MAX_FULCRUM_MISS_SQUARED
+    };
+    let meeting = poses.iter().filter(meets).count() as f64 / poses.len() as f64;
+    (meeting >= MIN_MEETING || shared.is_wrong_way_round()).then_some(shared)
 }
 
 /// On which side of the tips a trocar is assumed.
@@ -90,10 +96,10 @@ fn fit(poses: &[TubeEstimate], place: Trocar) -> Option<(Adjustment, f64)> {
         cost = prior.cost(&shared);
         for (pose, weight) in solved.iter_mut().zip(&weights) {
             let (information, pull, own_cost) = pose.solve(&shared)?;
-            let robust = robust_weight(&information, &pull);
+            let (robust, excess) = robust_weight(&information, &pull);
             matrix += information * (weight * robust);
             right += pull * (weight * robust);
-            cost += weight * robust * own_cost;
+            cost += weight * (own_cost - excess);
         }
         shared.covariance = matrix.cholesky()?.inverse();
         let step = shared.covariance * right;
@@ -223,15 +229,20 @@ impl Adjustment {
         Some(Fulcrum { covariance: (covariance + covariance.transpose()) * 0.5, ..self.fulcrum })
     }
 
+    /// The fulcrum, to be compared with that of another session, if the axes show it and it is known well.
+    pub fn well_known_fulcrum(&self) -> Option<Fulcrum> {
+        self.comparable_fulcrum().filter(|_| self.is_right_way_round())?.well_known()
+    }
+
     /// Do the axes show clearly that the trocar lies behind the tips?
     pub fn is_right_way_round(&self) -> bool {
-        self.likelier_behind > DECISIVE_MARGIN
+        self.likelier_behind > MIN_SIDE_MARGIN
     }
 
     /// Do the axes show clearly that the trocar lies ahead of the tips, where none can be? Then the poses lie the wrong
     /// way round.
     pub fn is_wrong_way_round(&self) -> bool {
-        self.likelier_behind < -DECISIVE_MARGIN
+        self.likelier_behind < -MIN_SIDE_MARGIN
     }
 
     /// Outward offset of both borders, pixels, and its standard deviation.
@@ -389,13 +400,17 @@ fn weights(poses: &[TubeEstimate]) -> Vec<f64> {
     poses.iter().map(weight).collect()
 }
 
-/// Lower weight for a pose that disagrees with all others, so that a false one does little harm.
-fn robust_weight(information: &SharedMatrix, pull: &SharedVector) -> f64 {
+/// Lower weight for a pose that disagrees with all others, so that a false one does little harm, and by how much less
+/// than its squared distance it costs.
+fn robust_weight(information: &SharedMatrix, pull: &SharedVector) -> (f64, f64) {
     const MAX_SQUARED: f64 = 9.0;
     let of_fulcrum = information.fixed_view::<3, 3>(0, 0) + Matrix3::identity() * 1e-9;
     let pull = pull.fixed_rows::<3>(0).into_owned();
     let distance = of_fulcrum.cholesky().map_or(0.0, |solver| pull.dot(&solver.solve(&pull)));
-    if distance > MAX_SQUARED { MAX_SQUARED / distance } else { 1.0 }
+    if distance <= MAX_SQUARED {
+        return (1.0, 0.0);
+    }
+    (MAX_SQUARED / distance, distance - MAX_SQUARED * (1.0 + (distance / MAX_SQUARED).ln()))
 }
 
 fn tube_part(all: &OwnVector) -> Vector5<f64> {

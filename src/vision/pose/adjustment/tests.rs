@@ -185,8 +185,21 @@ fn axes_show_which_way_round_the_poses_lie() {
             estimate(poses).map(|shared| (shared.is_right_way_round(), shared.is_wrong_way_round()))
         };
         assert_eq!(is(&right), Some((true, false)), "{reach_mm} mm");
-        assert!(matches!(is(&wrong), None | Some((false, true))), "{reach_mm} mm");
+        assert_eq!(is(&wrong), Some((false, true)), "{reach_mm} mm");
     }
+}
+
+#[test]
+fn axes_that_do_not_meet_are_those_of_no_tool() {
+    let right = poses(&session(30.0, [0.0; OFFSETS], 14));
+    let shifted = |(k, pose): (usize, &TubeEstimate)| {
+        let axis =
+            perturbed(&pose.tube, &Vector5::new(0.0, 0.0, 0.0, 0.6 * (k as f64).sin(), 0.6 * (1.7 * k as f64).cos()))
+                .axis;
+        TubeEstimate { tube: Tube { axis, ..pose.tube }, ..*pose }
+    };
+    let turned: Vec<TubeEstimate> = right.iter().enumerate().map(shifted).collect();
+    assert_eq!(estimate(&turned), None);
 }
 
 #[test]

@@ -115,7 +115,8 @@ fn estimate_origins(records: &Records, runs: &[TrackSegment]) -> [Option<Origin>
             seen.iter().step_by(step).filter(|r| r.is_good || !good).filter_map(|r| r.estimate()).collect()
         };
         let good = poses(true);
-        let is_of_one_tool = |adjusted: &Adjustment| adjusted.share_behind(&good) >= MIN_BEHIND;
+        let is_of_one_tool =
+            |adjusted: &Adjustment| adjusted.is_right_way_round() && adjusted.share_behind(&good) >= MIN_BEHIND;
         let known = adjustment::estimate(&good).filter(learn::is_fulcrum_known).filter(is_of_one_tool);
         let trocar = known.map(|adjusted| adjusted.fulcrum);
         trocar.or_else(|| median_assumed_trocar(&poses(false))).map(Origin::Fulcrum)

@@ -15,7 +15,7 @@ use super::settings::{MotionSettings, ToolSpec};
 use crate::vision::camera::Camera;
 use crate::vision::filter::track::{Track, TrackSettings};
 use crate::vision::pose::adjustment::{self, Adjustment};
-use crate::vision::pose::fulcrum::{self, Fulcrum};
+use crate::vision::pose::fulcrum;
 use crate::vision::pose::normal_equations::shared_offsets_px;
 use crate::vision::pose::{StoredPose, TubeEstimate};
 use crate::vision::reason::MissReason;
@@ -35,7 +35,7 @@ pub fn run(
     let adjustment = adjustment::estimate(&good);
     let border_residual_px = rms(records.iter().filter_map(|r| r.pose.as_ref()).map(StoredPose::residual_px));
     let mut rework = SecondPass::new(tool, camera, motion);
-    rework.motion.fulcrum = adjustment.as_ref().map(|a| a.fulcrum);
+    rework.motion.fulcrum = adjustment.as_ref().and_then(Adjustment::well_known_fulcrum);
     let mut reasons = Vec::with_capacity(instants.len());
     for (frame, (record, instant)) in records.into_iter().zip(instants).enumerate() {
         let is_isolated = islands.iter().any(|island| island.contains(&frame));
@@ -56,7 +56,7 @@ pub fn run(
         transient_depth_sigma_mm: motion.transient_depth_sigma_mm(),
         effective_diameter: effective_diameter(&motion, adjustment.as_ref(), spec.diameter_mm),
         gaps,
-        fulcrum: adjustment.as_ref().and_then(Adjustment::comparable_fulcrum).and_then(Fulcrum::well_known),
+        fulcrum: motion.fulcrum,
         ..quality
     };
     (motion, quality)
@@ -65,12 +65,12 @@ pub fn run(
 fn effective_diameter(motion: &ToolMotion, adjustment: Option<&Adjustment>, own_mm: f64) -> Option<EffectiveDiameter> {
     let mm_per_px = motion.median_depth_mm()? / motion.camera.fx;
     let (px, sigma_px, basis) = match adjustment {
-        Some(adjustment) => {
+        Some(adjustment) if !adjustment.is_wrong_way_round() => {
             let (px, sigma_px) = adjustment.border_offset_px();
             let is_shown = adjustment.is_right_way_round();
             (px, sigma_px, if is_shown { DiameterBasis::Session } else { DiameterBasis::AssumedTrocar })
         }
-        None => (0.0, shared_offsets_px(1.0 / mm_per_px, 1.0 / mm_per_px)[0], DiameterBasis::Usual),
+        _ => (0.0, shared_offsets_px(1.0 / mm_per_px, 1.0 / mm_per_px)[0], DiameterBasis::Usual),
     };
     let twice = 2.0 * mm_per_px;
     Some(EffectiveDiameter { mm: own_mm + twice * px, sigma_mm: twice * sigma_px, basis })
