@@ -26,8 +26,8 @@ const MIN_CAPTURE_RATIO: f64 = 3.0;
 /// Smallest ratio of capture rate to stamped rate that may be slow motion. A person has to decide.
 const MIN_DOUBTFUL_RATIO: f64 = 1.8;
 
-/// Largest share by which the mean interval of frames may differ from the usual one if a frame rate is to correct the times.
-/// Where frames are dropped, or the rate changes, no single rate is true.
+/// Largest difference of the mean interval of frames from the usual one, as a share, if a frame rate is to correct the
+/// times. Where frames are dropped, or the rate changes, no single rate is true.
 const MAX_UNEVENNESS: f64 = 0.02;
 
 /// Intervals from the median by at most this factor are usual. Stamps in whole milliseconds vary by less, and a dropped

@@ -96,9 +96,12 @@ fn judged(tracking: &Tracking) -> QualityVerdict {
     judge(&figures(tracking))
 }
 
-/// What a clean clip of a resting tool lacks: a tool that never turns shows no trocar, and one of 5 mm in a small picture
-/// has a wide error bar.
-const RESTING: [QualityCause; 2] = [QualityCause::NoTrocar, QualityCause::ErrorBar];
+/// Is this what a clean clip of a resting tool lacks? A tool that never turns shows no trocar, and one of 5 mm in a small
+/// picture has an error bar of about the limit of care.
+fn is_of_resting(verdict: &QualityVerdict) -> bool {
+    let causes = causes(verdict);
+    causes == [QualityCause::NoTrocar] || causes == [QualityCause::NoTrocar, QualityCause::ErrorBar]
+}
 
 /// The causes of a verdict.
 fn causes(verdict: &QualityVerdict) -> Vec<QualityCause> {
@@ -121,10 +124,10 @@ fn with_grain(mut picture: Rendered, codes: f64, dice: &mut Dice) -> Rendered {
 fn both_ways_to_the_noise_floor_of_a_clean_clip_agree() {
     let rest = RestingTool::of(90);
     let tracking = rest.track();
-    assert_eq!(causes(&judged(&tracking)), RESTING);
+    assert!(is_of_resting(&judged(&tracking)), "{:?}", judged(&tracking));
     let diameter = figures(&tracking).tools[0].effective_diameter.unwrap();
-    assert_eq!(diameter.basis, DiameterBasis::Usual, "the borders of a tool that does not turn give no information");
-    assert_eq!(diameter.mm, rest.world.tools[0].design.diameter_mm);
+    assert_eq!(diameter.basis, DiameterBasis::AssumedTrocar, "a tool that does not turn does not show its trocar");
+    assert!((diameter.mm - rest.world.tools[0].design.diameter_mm).abs() < 3.0 * diameter.sigma_mm, "{diameter:?}");
     let measured = figures(&tracking).tools[0].noise_floor.unwrap();
     let mut smoothed = tracking.trajectory(PathKind::Smoothed);
     let speeds = smoothed.samples[13..77].iter().map(|s| s.velocity_mm_s.unwrap().norm_squared());
@@ -177,7 +180,7 @@ fn grain_that_shakes_the_edges_raises_the_noise_floor_until_it_is_refused() {
     };
     let [clean, grainy, blizzard] = [0.5, 8.0, 60.0].map(with);
     eprintln!("{clean:?}\n{grainy:?}\n{blizzard:?}");
-    assert_eq!(causes(&clean.1), RESTING);
+    assert!(is_of_resting(&clean.1), "{:?}", clean.1);
     assert!(grainy.0 > clean.0, "{:?} against {:?}", grainy.0, clean.0);
     assert!(blizzard.1.is_refused(), "{:?}", blizzard.1);
 }

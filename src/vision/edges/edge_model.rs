@@ -150,7 +150,7 @@ impl EdgeModel {
 
     /// Is this chroma within the range of the tape's, on its lit and on its shaded side?
     pub(super) fn is_within_tape(&self, codes: [f64; 3]) -> bool {
-        /// In standard deviations: nine of ten samples are nearer, whatever the shape of their distribution.
+        /// In standard deviations: nine of ten samples are nearer, with any distribution.
         const WITHIN: f64 = 3.0;
         self.off_tape(codes) < WITHIN * self.tape_spread
     }

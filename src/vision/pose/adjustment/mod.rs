@@ -311,7 +311,7 @@ struct PoseEquations {
     shared_right: SharedVector,
     constraint: FulcrumConstraint,
     firm: Matrix2<f64>,
-    /// Squared standard deviations by which the pose as fitted misses the fulcrum and the offsets.
+    /// Squared distance of the pose as fitted from the fulcrum and the offsets, in standard deviations.
     cost: f64,
 }
 
