@@ -14,8 +14,8 @@
 //! The position in mm is computed by [`joint_fit::fit`](crate::vision::pose::joint_fit::fit), which [`measure`] reaches
 //! through [`band_fit`] and [`refine`].
 //!
-//! A band that is measured at its expected place need not be found ([`search`]). After the last frame
-//! [`second_pass`] processes all measurements again.
+//! A band that is measured at its expected place need not be found ([`search`]). Until the trocar is known, every eighth
+//! frame is searched for another band ([`rival`]). After the last frame [`second_pass`] processes all measurements again.
 
 mod accept;
 mod assignment;
