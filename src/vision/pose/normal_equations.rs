@@ -8,6 +8,8 @@ use crate::vision::tube::{BorderSide, OutlinePart};
 
 /// Number of offsets of an outline (see [`Offsets`]).
 pub const OFFSETS: usize = 7;
+/// Index of the taper among the offsets.
+pub const TAPER: usize = 4;
 /// Number of a pose's own unknowns: five of the tube (see [`super::perturbed`]), then the offsets of its outline.
 pub const OWN_UNKNOWNS: usize = 5 + OFFSETS;
 /// Information matrix of these unknowns.
@@ -251,6 +253,17 @@ impl NormalEquations {
         let mut offsets = Offsets::from(self.offsets.map(f64::from));
         offsets[OutlinePart::ProximalEnd.index()] += by_length;
         offsets
+    }
+
+    /// The offsets as the edges alone show them about the fitted tube, pixels. Parts without edges keep their offsets in
+    /// the fit. `None` if the numbers are not finite.
+    pub fn offsets_of_edges(&self) -> Option<Offsets> {
+        /// Information of an edge of 30 px: none, but the matrix can be inverted.
+        const HARDLY_ANY: f64 = 1e-3;
+        let of_offsets = self.information().fixed_view::<OFFSETS, OFFSETS>(5, 5).into_owned();
+        let right = self.right_side().fixed_rows::<OFFSETS>(5).into_owned();
+        let solver = (of_offsets + SMatrix::<f64, OFFSETS, OFFSETS>::identity() * HARDLY_ANY).cholesky()?;
+        Some(Offsets::from(self.offsets.map(f64::from)) + solver.solve(&right))
     }
 
     /// The tube's covariance under the priors alone, and the part that lasts from frame to frame: all but the edges'
