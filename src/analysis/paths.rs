@@ -1,16 +1,25 @@
 //! The stored form of a session's three paths and of the tracker's summary: one blob, exact to the last bit, read back
 //! one path at a time. It holds everything that a score depends on, so scoring it again gives the same bytes.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Point2, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::protocol::{QualitySummary, decode, encode};
 use crate::vision::covariance::PositionCovariance;
+use crate::vision::pose::fulcrum::Fulcrum;
+use crate::vision::reason::MissReason;
+use crate::vision::segmentation::palette::ColourSeparation;
+use crate::vision::tracker::{EffectiveDiameter, Gap, LightSample, ToolQuality};
 pub use crate::vision::trajectory::PathKind;
 use crate::vision::trajectory::{self, Cut, Sample, SampleState, Trajectory};
 
 /// Magic bytes at the start of every blob; the last byte is the version of the format.
-const MAGIC: [u8; 8] = *b"trocarP\x03";
+const MAGIC: [u8; 8] = *b"trocarP\x04";
+
+/// Magic bytes of the format whose tools have no size mismatch: written up to pipeline version 14.
+const MAGIC_WITHOUT_SIZES: [u8; 8] = *b"trocarP\x03";
 
 /// Magic bytes of the format whose rows hold two standard deviations instead of a covariance.
 const MAGIC_WITH_SIGMAS: [u8; 8] = *b"trocarP\x02";
@@ -73,11 +82,13 @@ impl SessionPaths {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, PathsError> {
         let decoded = if let Some(content) = bytes.strip_prefix(&MAGIC) {
             decode(content)
+        } else if let Some(content) = bytes.strip_prefix(&MAGIC_WITHOUT_SIZES) {
+            decode(content).map(OlderPaths::<Sample>::into_paths)
         } else if let Some(content) = bytes.strip_prefix(&MAGIC_WITH_SIGMAS) {
-            decode(content).map(PathsWithSigmas::into_paths)
+            decode(content).map(OlderPaths::<SampleWithSigmas>::into_paths)
         } else {
             let content = bytes.strip_prefix(&MAGIC_WITHOUT_TRACKING).ok_or(PathsError::NotPaths)?;
-            decode(&[content, &[0]].concat()).map(PathsWithSigmas::into_paths) // `None` is one zero byte
+            decode(&[content, &[0]].concat()).map(OlderPaths::<SampleWithSigmas>::into_paths) // `None` is one zero byte
         };
         decoded.map_err(PathsError::Damaged)
     }
@@ -101,21 +112,76 @@ impl SessionPaths {
     }
 }
 
-/// [`SessionPaths`] as older versions stored them.
+/// [`SessionPaths`] as older versions stored them, with rows of type `S`.
 #[derive(Deserialize)]
-struct PathsWithSigmas {
+struct OlderPaths<S> {
     tools: Vec<String>,
     frame_times_s: Vec<f64>,
     /// Raw, filtered and smoothed.
-    paths: [Vec<SampleWithSigmas>; 3],
-    tracking: Option<TrackingSummary>,
+    paths: [Vec<S>; 3],
+    tracking: Option<OlderTracking>,
 }
 
-impl PathsWithSigmas {
+impl<S: Into<Sample>> OlderPaths<S> {
     fn into_paths(self) -> SessionPaths {
         let Self { tools, frame_times_s, paths, tracking } = self;
-        let [raw, filtered, smoothed] = paths.map(|path| path.into_iter().map(Sample::from).collect());
+        let [raw, filtered, smoothed] = paths.map(|path| path.into_iter().map(S::into).collect());
+        let tracking = tracking.map(TrackingSummary::from);
         SessionPaths { tools, frame_times_s, raw, filtered, smoothed, tracking, cuts: Vec::new() }
+    }
+}
+
+/// A [`TrackingSummary`] as older versions stored it.
+#[derive(Deserialize)]
+struct OlderTracking {
+    frames: u64,
+    frames_interlaced: u64,
+    tools: Vec<OlderToolQuality>,
+    light: Vec<LightSample>,
+    frames_expected: Option<u64>,
+}
+
+impl From<OlderTracking> for TrackingSummary {
+    fn from(stored: OlderTracking) -> Self {
+        let OlderTracking { frames, frames_interlaced, tools, light, frames_expected } = stored;
+        let tools = tools.into_iter().map(ToolQuality::from).collect();
+        Self { quality: QualitySummary { frames, frames_interlaced, tools, light }, frames_expected }
+    }
+}
+
+/// A [`ToolQuality`] as older versions stored it.
+#[derive(Deserialize)]
+struct OlderToolQuality {
+    observed: u64,
+    predicted: u64,
+    missing: u64,
+    reasons: BTreeMap<MissReason, u64>,
+    border_residual_px: Option<f64>,
+    transient_depth_sigma_mm: Option<f64>,
+    effective_diameter: Option<EffectiveDiameter>,
+    gaps: Vec<Gap>,
+    colour: ColourSeparation,
+    fulcrum: Option<Fulcrum>,
+}
+
+impl From<OlderToolQuality> for ToolQuality {
+    fn from(stored: OlderToolQuality) -> Self {
+        let OlderToolQuality { observed, predicted, missing, reasons, border_residual_px, .. } = stored;
+        let OlderToolQuality { transient_depth_sigma_mm, effective_diameter, gaps, colour, fulcrum, .. } = stored;
+        Self {
+            tool: String::new(),
+            observed,
+            predicted,
+            missing,
+            reasons,
+            border_residual_px,
+            transient_depth_sigma_mm,
+            effective_diameter,
+            gaps,
+            colour,
+            fulcrum,
+            size_mismatch: None,
+        }
     }
 }
 
@@ -155,10 +221,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::vision::pose::fulcrum::Fulcrum;
-    use crate::vision::reason::MissReason;
+    use crate::vision::pose::size_check::SizeMismatch;
     use crate::vision::segmentation::palette::Margin;
-    use crate::vision::tracker::{Absence, DiameterBasis, EffectiveDiameter, Gap, LightSample, ToolQuality};
+    use crate::vision::tracker::{Absence, DiameterBasis};
 
     fn row() -> impl Strategy<Value = Sample> {
         let three = || prop::array::uniform3(-1e6..1e6f64);
@@ -220,21 +285,34 @@ mod tests {
                 Gap { first: 4, last: 7, absence: Absence::Lost(MissReason::Misread) },
             ],
             fulcrum: Some(Fulcrum { at: Point3::new(1.0, 2.0, 3.0), covariance }),
+            size_mismatch: Some(SizeMismatch { px: 0.3, sigma_px: 0.1 }),
             ..ToolQuality::default()
         };
         tool.colour.from_background = Some(Margin { margin_steps: 9.0, spread_steps: 2.0, nearest: "shaft".into() });
         let light = vec![LightSample { time_s: 1.0, luma_ratio: 0.9, chroma_shift: [0.2, 0.3] }];
-        let summary = QualitySummary { frames: 211, frames_interlaced: 3, tools: vec![tool.clone()], light };
+        let summary =
+            QualitySummary { frames: 211, frames_interlaced: 3, tools: vec![tool.clone()], light: light.clone() };
         let reasons = vec![(11u32, 300u64), (5, 4)]; // in the order of the stages
         let gaps = vec![(1u64, 2u64, None), (4, 7, Some(16u32))];
         let colour = [None, Some(([9.0, 2.0], "shaft"))];
         let fulcrum = Some(([1.0, 2.0, 3.0], [4.0, 0.1, 0.2, 5.0, 0.3, 6.0]));
         let diameter = Some(([5.0, 0.1], true));
-        let stored = ([200u64, 5, 6], reasons, Some(0.2), None::<f64>, diameter, gaps, colour, fulcrum);
-        let bytes = encode(&(211u64, 3u64, vec![stored], vec![[1.0, 0.9, 0.2, 0.3]])).unwrap();
+        let older = ([200u64, 5, 6], reasons, Some(0.2), None::<f64>, diameter, gaps, colour, fulcrum);
+        let summary_of =
+            |tool: Vec<u8>| [encode(&(211u64, 3u64, 1u8)).unwrap(), tool, encode(&light).unwrap()].concat();
+        let bytes = summary_of(encode(&(&older, Some([0.3, 0.1]))).unwrap());
         assert_eq!(encode(&summary).unwrap(), bytes);
         let read: QualitySummary = decode(&bytes).unwrap();
-        assert_eq!(read.quality(&["orange".into()]).tools, [tool]);
+        assert_eq!(read.quality(&["orange".into()]).tools, [tool.clone()]);
+        let no_rows = || Vec::<u8>::new();
+        let content = encode(&(vec!["orange"], vec![0.5], [no_rows(), no_rows(), no_rows()], true)).unwrap();
+        let older = summary_of(encode(&older).unwrap());
+        for magic in [MAGIC_WITHOUT_SIZES, MAGIC_WITH_SIGMAS] {
+            let blob = [&magic[..], &content, &older, &[0]].concat();
+            let read = SessionPaths::from_bytes(&blob).unwrap().tracking.unwrap();
+            let without = ToolQuality { size_mismatch: None, ..tool.clone() };
+            assert_eq!(read.quality.quality(&["orange".into()]).tools, [without]);
+        }
     }
 
     proptest! {

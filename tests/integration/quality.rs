@@ -55,7 +55,20 @@ impl RestingTool {
     }
 
     fn track(&self) -> Tracking {
-        let mut tracker = self.tracker(self.settings(self.world.rig.camera));
+        self.track_with(self.settings(self.world.rig.camera))
+    }
+
+    /// Tracks it as if its sizes were `times` the true ones: its diameter, its band's length.
+    fn track_with_sizes(&self, times: [f64; 2]) -> Tracking {
+        let mut settings = self.settings(self.world.rig.camera);
+        let tool = &mut settings.tools[0];
+        tool.diameter_mm *= times[0];
+        tool.band_length_mm = tool.band_length_mm.map(|length_mm| length_mm * times[1]);
+        self.track_with(settings)
+    }
+
+    fn track_with(&self, settings: TrackerSettings) -> Tracking {
+        let mut tracker = self.tracker(settings);
         for (index, picture) in self.pictures.iter().enumerate() {
             tracker.observe(&picture.frame(index as u64, index as f64 * FRAME_S));
         }
@@ -118,6 +131,16 @@ fn with_grain(mut picture: Rendered, codes: f64, dice: &mut Dice) -> Rendered {
         plane.iter_mut().for_each(|c| *c = (f64::from(*c) + codes * dice.gauss()).round().clamp(16.0, 235.0) as u8);
     }
     picture
+}
+
+/// The path is smooth with any sizes; only the picture can contradict them.
+#[test]
+fn sizes_that_the_picture_contradicts_refuse_the_session() {
+    let rest = RestingTool::of(30);
+    let causes_with = |times| refusing(&judged(&rest.track_with_sizes(times)));
+    assert_eq!(causes_with([1.0, 1.0]), []);
+    assert!(causes_with([1.0, 2.0]).contains(&QualityCause::BandTooLong), "a band twice as long as it is");
+    assert!(causes_with([0.5, 1.0]).contains(&QualityCause::BandTooLong), "a tube half as thick as it is");
 }
 
 #[test]

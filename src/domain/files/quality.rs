@@ -109,6 +109,9 @@ pub struct ToolDocument {
     pub border_residual_px: Option<f64>,
     /// Effective diameter of its tape, used to compute depth from width.
     pub effective_diameter: Option<DiameterDocument>,
+    /// By how much the picture contradicts its sizes, in standard deviations: positive if its band is shorter than
+    /// stated, relative to its diameter; `null` where too few of its poses lean.
+    pub size_mismatch_sigmas: Option<f64>,
     /// Share of measurements that contradict its motion.
     pub rejected_share: Option<f64>,
     /// Apparent speed at rest.
@@ -264,6 +267,7 @@ fn tool_document(counts: &ToolQuality, figures: &ToolFigures) -> ToolDocument {
         longest_gap_s: figures.longest_gap_s,
         border_residual_px: figures.border_residual_px,
         effective_diameter: figures.effective_diameter.map(DiameterDocument::from),
+        size_mismatch_sigmas: figures.size_mismatch.map(|mismatch| mismatch.sigmas()),
         rejected_share: figures.rejected_share,
         noise_floor: figures.noise_floor.map(NoiseDocument::from),
         error_median_mm: figures.error_bar.map(|bar| bar.median_mm),

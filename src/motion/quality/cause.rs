@@ -19,6 +19,10 @@ pub enum QualityCause {
     Lost,
     /// A tool's axes do not show its trocar.
     NoTrocar,
+    /// A tool's stated band is longer than its diameter and the picture allow.
+    BandTooLong,
+    /// A tool's stated band is shorter than its diameter and the picture allow.
+    BandTooShort,
     /// Too many of a tool's positions are bridged.
     Predicted,
     /// A tool was not measured for too long without interruption.
@@ -60,7 +64,7 @@ pub enum QualityCause {
 
 impl QualityCause {
     /// Every cause, in the order to fix them.
-    pub const ALL: [QualityCause; 26] = [
+    pub const ALL: [QualityCause; 28] = [
         QualityCause::NothingSeen,
         QualityCause::NeverInPicture,
         QualityCause::ColourBackground,
@@ -69,6 +73,8 @@ impl QualityCause {
         QualityCause::LeftView,
         QualityCause::Lost,
         QualityCause::NoTrocar,
+        QualityCause::BandTooLong,
+        QualityCause::BandTooShort,
         QualityCause::Predicted,
         QualityCause::LongGap,
         QualityCause::Rejected,
@@ -100,6 +106,8 @@ impl QualityCause {
             QualityCause::LeftView => "left_view",
             QualityCause::Lost => "lost",
             QualityCause::NoTrocar => "no_trocar",
+            QualityCause::BandTooLong => "band_too_long",
+            QualityCause::BandTooShort => "band_too_short",
             QualityCause::Predicted => "predicted",
             QualityCause::LongGap => "long_gap",
             QualityCause::Rejected => "rejected",
@@ -133,6 +141,7 @@ impl QualityCause {
             QualityCause::FrameRate => "Hz",
             QualityCause::WhiteBalance => "codes",
             QualityCause::ColourBackground | QualityCause::ColourPair => "steps",
+            QualityCause::BandTooLong | QualityCause::BandTooShort => "standard deviations",
             _ => "1",
         }
     }
@@ -180,6 +189,18 @@ impl QualityCause {
                     "its tip moved by {figure} mm across its axis (root mean square), but its axes do not show its trocar"
                 )
             }
+            QualityCause::BandTooLong => {
+                format!(
+                    "the picture contradicts its sizes by {figure} standard deviations: its band is shorter than \
+                         stated, or its diameter larger"
+                )
+            }
+            QualityCause::BandTooShort => {
+                format!(
+                    "the picture contradicts its sizes by {figure} standard deviations: its band is longer than \
+                         stated, or its diameter smaller"
+                )
+            }
             QualityCause::Predicted => format!("{figure} % of the positions are bridged, not measured"),
             QualityCause::LongGap => format!("not measured for {figure} s without a break"),
             QualityCause::Rejected => format!("{figure} % of the measurements contradict the motion"),
@@ -214,7 +235,9 @@ impl QualityCause {
             QualityCause::ColourBackground | QualityCause::ColourPair | QualityCause::FrameRate => {
                 format!("; needs {limit}")
             }
-            QualityCause::WhiteBalance => format!(" (limit {limit})"),
+            QualityCause::WhiteBalance | QualityCause::BandTooLong | QualityCause::BandTooShort => {
+                format!(" (limit {limit})")
+            }
             _ if self.unit() == "1" => format!(" (limit {limit} %)"),
             _ => format!(" (limit {limit} {})", self.unit()),
         }
@@ -244,6 +267,10 @@ impl QualityCause {
             QualityCause::NoTrocar => {
                 "watch the overlay: does it follow the tool, and does its axis point from the hand to the tip? Check \
                  the tool's sizes, and mark other things of the tape's colour as background"
+            }
+            QualityCause::BandTooLong | QualityCause::BandTooShort => {
+                "measure both again, the diameter over the tape and the length of the band along the tube, correct them \
+                 in the box's set-up, and score the recording again: all its lengths may be wrong"
             }
             QualityCause::Predicted | QualityCause::LongGap => {
                 "sums such as the path length leave out what happened there; watch the gaps in the recording"

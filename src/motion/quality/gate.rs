@@ -162,6 +162,8 @@ fn tool_figure(tool: &ToolFigures, cause: QualityCause) -> Option<f64> {
         QualityCause::LeftView => tool.left_view_share,
         QualityCause::Lost => tool.lost_share,
         QualityCause::NoTrocar => tool.moved_without_trocar_mm,
+        QualityCause::BandTooLong => tool.size_mismatch.map(|mismatch| mismatch.sigmas()),
+        QualityCause::BandTooShort => tool.size_mismatch.map(|mismatch| -mismatch.sigmas()),
         QualityCause::Predicted => tool.predicted_share,
         QualityCause::LongGap => tool.longest_gap_s,
         QualityCause::Rejected => tool.rejected_share,

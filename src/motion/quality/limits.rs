@@ -91,6 +91,9 @@ impl QualityCause {
             // axis's error. If the axes then meet nowhere behind the tips, the poses are false. If they may meet there
             // but show it less clearly, the session is usable with care.
             QualityCause::NoTrocar => at_most(0.0, 8.0),
+            // One tool in a hundred with the right sizes is beyond the first limit on either side, one in a thousand
+            // beyond the second. A band stated 1.5 times as long as it is breaks it, and its positions are 10 mm off.
+            QualityCause::BandTooLong | QualityCause::BandTooShort => at_most(2.58, 3.29),
             // Bridged positions are as smooth as the motion model, so they flatter the hand.
             QualityCause::Predicted => at_most(0.1, 0.4),
             // A movement lasts one to two seconds; no bridge can guess what a longer gap hides.

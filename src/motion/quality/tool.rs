@@ -8,6 +8,7 @@ use super::noise_floor::{self, NoiseFloor};
 use super::{Displacement, MeasuredRange, PortPlacement, QualityInput};
 use crate::numbers::quantile::quantile;
 use crate::vision::pose::fulcrum::Fulcrum;
+use crate::vision::pose::size_check::SizeMismatch;
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::ColourSeparation;
 use crate::vision::tracker::{Absence, EffectiveDiameter, ToolQuality, TrocarEvidence};
@@ -45,6 +46,8 @@ pub struct ToolFigures {
     pub moved_without_trocar_mm: Option<f64>,
     /// The effective diameter of its tape.
     pub effective_diameter: Option<EffectiveDiameter>,
+    /// Whether the picture contradicts its sizes.
+    pub size_mismatch: Option<SizeMismatch>,
     /// Measurements that contradict the tool's motion, as a share of all measurements.
     pub rejected_share: Option<f64>,
     /// Speed at which it would appear to move at rest.
@@ -106,6 +109,7 @@ pub(super) fn measure(
             .filter(|tool| tool.trocar() != TrocarEvidence::Shown)
             .and_then(|_| spread_across_mm(&seen)),
         effective_diameter: tracker.and_then(|tool| tool.effective_diameter),
+        size_mismatch: tracker.and_then(|tool| tool.size_mismatch),
         rejected_share: tracker.and_then(|tool| {
             let rejected = tool.reasons.get(&MissReason::GateRejected).copied().unwrap_or(0);
             share(rejected, rejected + observed)

@@ -56,6 +56,14 @@ impl MeasuredEdge {
         Some(Self { point: place, at, outward, sigma_px, sight, sight_per_px: jacobian.try_inverse()? * per_px })
     }
 
+    /// The same edge on a band whose length is taken to be `times` as much.
+    #[cfg(test)]
+    pub fn with_length_scaled(mut self, times: f64) -> Self {
+        let (OutlinePoint::Border { back_mm, .. } | OutlinePoint::Rim { back_mm, .. }) = &mut self.point;
+        *back_mm *= times;
+        self
+    }
+
     /// Outward distance of the edge from the outline, pixels.
     pub fn residual_px(&self, outline: &Outline, camera: &Camera) -> Option<f64> {
         match self.point {

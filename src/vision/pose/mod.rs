@@ -12,6 +12,7 @@ pub mod joint_fit;
 pub mod normal_equations;
 pub mod packed;
 pub mod pinhole_width;
+pub mod size_check;
 pub mod tangent_planes;
 #[cfg(test)]
 mod testing;

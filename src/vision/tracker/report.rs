@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::motion::ToolMotion;
 use crate::vision::pose::fulcrum::Fulcrum;
+use crate::vision::pose::size_check::SizeMismatch;
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::ColourSeparation;
 use crate::vision::space::Pixel;
@@ -114,6 +115,8 @@ pub struct ToolQuality {
     pub colour: ColourSeparation,
     /// Where its tube passes through the box's wall; `None` if not known well.
     pub fulcrum: Option<Fulcrum>,
+    /// Whether the picture contradicts its sizes; `None` if too few poses lean.
+    pub size_mismatch: Option<SizeMismatch>,
 }
 
 impl ToolQuality {

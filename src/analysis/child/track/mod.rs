@@ -178,13 +178,15 @@ impl TrackOutput {
 /// True if a recording with this many frames can have this summary of a tool.
 fn is_possible_quality(tool: &ToolQuality, frames: u64) -> bool {
     let ToolQuality { border_residual_px, transient_depth_sigma_mm, effective_diameter, gaps, colour, .. } = tool;
+    let mismatch = tool.size_mismatch.iter().flat_map(|of| [of.px, of.sigma_px]);
     let diameter = effective_diameter.iter().flat_map(|of| [of.mm, of.sigma_mm]);
     let margins = || [&colour.from_tools, &colour.from_background].into_iter().flatten();
     let steps = margins().flat_map(|margin| [margin.margin_steps, margin.spread_steps]);
     let fulcrum = tool.fulcrum.iter().flat_map(Fulcrum::numbers);
     let lengths = [*border_residual_px, *transient_depth_sigma_mm].into_iter().flatten();
     [tool.observed, tool.predicted, tool.missing].iter().chain(tool.reasons.values()).all(|n| *n <= frames)
-        && lengths.chain(diameter).chain(steps).chain(fulcrum).all(is_plausible_number)
+        && tool.size_mismatch.is_none_or(|of| of.sigma_px > 0.0)
+        && lengths.chain(diameter).chain(mismatch).chain(steps).chain(fulcrum).all(is_plausible_number)
         && gaps.iter().all(|gap| gap.first <= gap.last && gap.last < frames)
         && gaps.is_sorted_by(|a, b| a.last < b.first)
         && margins().all(|margin| margin.nearest.chars().count() <= MAX_TEXT_CHARS[0])

@@ -33,6 +33,9 @@ const LENGTH_WITHIN: f64 = 0.1;
 /// Maximum turn of a pose towards the fulcrum, radians: beyond it, the linearisation is invalid.
 const MAX_TURN_RAD: f64 = 0.35;
 
+/// Minimum number of poses.
+pub(super) const MIN_POSES: usize = 10;
+
 /// A trocar on one side of the tips is certain if it is at least this much likelier than one on the other, in squared
 /// standard deviations: odds of 90 to 1 if all errors were Gaussian.
 const MIN_SIDE_MARGIN: f64 = 9.0;
@@ -78,7 +81,6 @@ enum Trocar {
 /// The shared unknowns for a trocar on one side of the tips, and how badly the poses match them: minus twice the
 /// logarithm of their likelihood, up to a constant.
 fn fit(poses: &[TubeEstimate], place: Trocar) -> Option<(Adjustment, f64)> {
-    const MIN_POSES: usize = 10;
     const ROUNDS: usize = 30;
     const SETTLED_MM: f64 = 1e-2;
     /// Last step, as a share of the fulcrum's standard deviation, that makes no difference.
@@ -380,7 +382,7 @@ impl PoseEquations {
 /// Weight of each pose. Similar poses have similar errors, and count as one together. A pose much nearer or farther than
 /// most counts little: offsets by the picture are constant in pixels, those by the tape in mm, and a lamp's light
 /// changes with the distance.
-fn weights(poses: &[TubeEstimate]) -> Vec<f64> {
+pub(super) fn weights(poses: &[TubeEstimate]) -> Vec<f64> {
     /// Half a usual band's length: nearer poses have mostly the same background beside the band, and the same light.
     const ALIKE_MM: f64 = 10.0;
     /// Difference of the scale within which offsets are shared. Over 45 ray-traced tools, the offset of both borders

@@ -17,6 +17,7 @@ use crate::vision::filter::track::{Track, TrackSettings};
 use crate::vision::pose::adjustment::{self, Adjustment};
 use crate::vision::pose::fulcrum;
 use crate::vision::pose::normal_equations::shared_offsets_px;
+use crate::vision::pose::size_check;
 use crate::vision::pose::{StoredPose, TubeEstimate};
 use crate::vision::reason::MissReason;
 use crate::vision::trajectory::PathKind;
@@ -57,6 +58,7 @@ pub fn run(
         effective_diameter: effective_diameter(&motion, adjustment.as_ref(), spec.diameter_mm),
         gaps,
         fulcrum: motion.fulcrum,
+        size_mismatch: size_check::mismatch(&good),
         ..quality
     };
     (motion, quality)
