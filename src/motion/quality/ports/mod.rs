@@ -11,6 +11,8 @@
 //! A moved camera only changes positions. Its lens is still as calibrated, so lengths, speeds and all features of one
 //! session stay right, but paths of different days are no longer in one frame.
 
+pub mod watch;
+
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
