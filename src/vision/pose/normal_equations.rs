@@ -8,7 +8,9 @@ use crate::vision::tube::{BorderSide, OutlinePart};
 
 /// Number of offsets of an outline (see [`Offsets`]).
 pub const OFFSETS: usize = 7;
-/// Index of the taper among the offsets.
+/// Index of the offset by which a tube seems displaced.
+const DISPLACEMENT: usize = 1;
+/// Index of the offset by which a tube seems to taper.
 pub const TAPER: usize = 4;
 /// Number of a pose's own unknowns: five of the tube (see [`super::perturbed`]), then the offsets of its outline.
 pub const OWN_UNKNOWNS: usize = 5 + OFFSETS;
@@ -63,9 +65,9 @@ pub fn shape_at(point: OutlinePoint, length_mm: f64) -> f64 {
 const BY_PICTURE_PX: [f64; OFFSETS] = [0.2, 0.2, 0.25, 0.25, 0.06, 0.25, 0.3];
 /// The same by the tape: a second layer over a part of the turn, creases, ends that are ragged or cut askew, its
 /// thickness, and sizes taken with a caliper and a ruler, mm. A second layer of 0.13 mm at a border in a third of the
-/// turns widens the tube by 0.045 mm a border (root mean square). An end bows by 0.1 mm if a cut by hand is 0.3 mm
+/// turns widens the tube by 0.045 mm a border (root mean square), and displaces it by as much. An end bows by 0.1 mm if a cut by hand is 0.3 mm
 /// farther out in the middle than at the borders; two layers more or less bow it by 0.06 mm.
-const BY_TAPE_MM: [f64; OFFSETS] = [0.045, 0.02, 0.07, 0.07, 0.01, 0.1, 0.1];
+const BY_TAPE_MM: [f64; OFFSETS] = [0.045, 0.045, 0.07, 0.07, 0.01, 0.1, 0.1];
 
 /// Standard deviations of the offsets that a whole session shares, pixels, for a tape at this scale in the picture,
 /// pixels per millimetre across and along the tube. On 59 tools of 39 ray-traced recordings that no threshold had seen,
@@ -77,14 +79,26 @@ pub fn shared_offsets_px(across_px_per_mm: f64, along_px_per_mm: f64) -> [f64; O
     std::array::from_fn(|offset| BY_PICTURE_PX[offset].hypot(BY_TAPE_MM[offset] * scales[offset]))
 }
 
-/// Standard deviations of a pose's own offsets about the shared ones, pixels: background, shadow and gloss. Measured on
-/// the same recordings.
-pub const OWN_OFFSETS_PX: [f64; OFFSETS] = [0.15, 0.15, 0.25, 0.3, 0.08, 0.1, 0.1];
+/// Standard deviations of a pose's own offsets about the shared ones, by the picture: background, shadow and gloss,
+/// pixels. Measured on the same recordings.
+const OWN_BY_PICTURE_PX: [f64; OFFSETS] = [0.15, 0.1, 0.25, 0.3, 0.08, 0.1, 0.1];
+/// By how much the tape displaces the tube while the tool rolls, mm: a second layer over a part of the turn moves from
+/// one border to the other, and displaces the tube by half its thickness of 0.06 to 0.2 mm either way.
+const OWN_DISPLACEMENT_MM: f64 = 0.04;
+
+/// Standard deviations of a pose's own offsets, pixels, for a tape at this scale in the picture, pixels per millimetre
+/// across the tube.
+pub fn own_offsets_px(across_px_per_mm: f64) -> [f64; OFFSETS] {
+    let mut own = OWN_BY_PICTURE_PX;
+    own[DISPLACEMENT] = own[DISPLACEMENT].hypot(OWN_DISPLACEMENT_MM * across_px_per_mm);
+    own
+}
 
 /// Standard deviations of the offsets of a single pose, pixels: shared and own together.
 pub fn single_pose_offsets_px(across_px_per_mm: f64, along_px_per_mm: f64) -> [f64; OFFSETS] {
     let shared = shared_offsets_px(across_px_per_mm, along_px_per_mm);
-    std::array::from_fn(|offset| shared[offset].hypot(OWN_OFFSETS_PX[offset]))
+    let own = own_offsets_px(across_px_per_mm);
+    std::array::from_fn(|offset| shared[offset].hypot(own[offset]))
 }
 
 /// The normal equations of a pose's edges, in single precision: a recording keeps one for each tool and frame.
@@ -123,7 +137,7 @@ impl OffsetPriors {
     pub fn usual(length_mm: f64) -> Self {
         const PX_PER_MM: f64 = 5.0;
         let offsets_px = single_pose_offsets_px(PX_PER_MM, PX_PER_MM);
-        Self { offsets_px, own_px: OWN_OFFSETS_PX, length_mm, px_per_mm: 0.0 }
+        Self { offsets_px, own_px: own_offsets_px(PX_PER_MM), length_mm, px_per_mm: 0.0 }
     }
 }
 

@@ -9,7 +9,7 @@ use crate::vision::edges::subpixel::Fineness;
 use crate::vision::pose::TubeEstimate;
 use crate::vision::pose::fulcrum::{self, Fulcrum};
 use crate::vision::pose::joint_fit::{self, MeasuredEdge, Trust};
-use crate::vision::pose::normal_equations::{OWN_OFFSETS_PX, OffsetPriors, single_pose_offsets_px};
+use crate::vision::pose::normal_equations::{OffsetPriors, own_offsets_px, single_pose_offsets_px};
 use crate::vision::reason::MissReason;
 use crate::vision::space::CameraPoint;
 use crate::vision::tube::{OutlinePart, Tube};
@@ -139,7 +139,7 @@ impl BandFit<'_> {
         let px_per_mm = self.px_per_mm_along(tube, length_mm);
         let mut priors = OffsetPriors {
             offsets_px: found.offsets_px(single_pose_offsets_px(self.px_per_mm_across(tube), px_per_mm)),
-            own_px: found.offsets_px(OWN_OFFSETS_PX),
+            own_px: found.offsets_px(own_offsets_px(self.px_per_mm_across(tube))),
             length_mm,
             px_per_mm: if self.spec.band_length_mm.is_none() { px_per_mm } else { 0.0 },
         };
