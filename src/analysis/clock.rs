@@ -28,11 +28,11 @@ pub enum ClockError {
 /// # Errors
 /// [`ClockError`] if the recording cannot be read or the correction does not fit it.
 pub fn open_with_clock(
-    file: File,
+    file: impl Into<Arc<File>>,
     time: Option<TimeCorrection>,
     limits: MediaLimits,
 ) -> Result<(VideoFile, RecordingClock), ClockError> {
-    let file = Arc::new(file);
+    let file: Arc<File> = file.into();
     let mut video = VideoFile::open(file.clone(), limits)?;
     let info = video.info();
     let clock = match time {

@@ -78,7 +78,7 @@ impl TrackResult {
     ) -> Result<Self, ProductError> {
         let TrackOutput { clock, recording, raw, filtered, smoothed, quality } = output.track;
         let clock = clock.ok_or(ProductError::Missing("how it computed the times"))?;
-        let RecordingOutput { size, frames_expected, times_s, seen, preview } = recording;
+        let RecordingOutput { size, frames_expected, times_s, seen, preview, .. } = recording;
         let (width, height) = size.ok_or(ProductError::Missing("a picture size"))?;
         let summary = quality.ok_or(ProductError::Missing("a summary"))?;
         let diagnostics = Diagnostics::new((width, height), &tools, &seen).to_json()?;

@@ -12,7 +12,9 @@ use trocar::vision::frame::Frame;
 use trocar::vision::reason::MissReason;
 use trocar::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
 use trocar::vision::space::CameraPoint;
-use trocar::vision::tracker::{CameraView as TrackerView, DiameterBasis, ToolSpec, Tracker, TrackerSettings, Tracking};
+use trocar::vision::tracker::{
+    CameraView as TrackerView, DiameterBasis, FirstLook, ToolSpec, Tracker, TrackerSettings, Tracking,
+};
 use trocar::vision::trajectory::PathKind;
 
 const FPS: f64 = 25.0;
@@ -47,11 +49,16 @@ impl Recording {
 
     /// Tracks the recording with this camera model.
     pub fn track(&self, camera: Camera) -> Tracking {
+        self.observed(camera).finish()
+    }
+
+    /// A tracker that has seen the whole recording.
+    fn observed(&self, camera: Camera) -> Tracker {
         let mut tracker = self.tracker(camera);
         for index in 0..self.pictures.len() {
             tracker.observe(&self.frame(index));
         }
-        tracker.finish()
+        tracker
     }
 
     /// A tracker for the recording, with this camera model.
@@ -253,6 +260,29 @@ fn a_track_that_starts_the_wrong_way_round_is_corrected_and_no_wrong_pose_is_kep
     assert!(level.found * 2 >= level.frames && level.found < level.frames, "{} of {}", level.found, level.frames);
     assert!(level.errors.unwrap().three_d.rms < 2.0, "{:?}", level.errors);
     assert_eq!((level.swaps, accuracy.all.false_tracks), (0, 0));
+}
+
+#[test]
+fn a_second_look_measures_what_the_first_one_lost() {
+    let setup = Setup { rig: 2, ..Setup::new(Scenario::Pegs, Skill::INTERMEDIATE, 21) };
+    let mut recording = Recording::with(&setup, Some(40));
+    let camera = recording.world.rig.camera;
+    assert!(matches!(recording.observed(camera).finish_first_look(), FirstLook::Enough(_)), "nothing was lost");
+
+    recording.paint_misleading_surroundings(3);
+    let first = recording.track(camera);
+    let FirstLook::LookAgain(mut second) = recording.observed(camera).finish_first_look() else {
+        panic!("much was lost")
+    };
+    (0..recording.pictures.len()).for_each(|index| _ = second.observe(&recording.frame(index)));
+    let (tracking, taken) = second.finish();
+    let observed = |of: &Tracking| of.quality.tools.iter().map(|tool| tool.observed).collect::<Vec<_>>();
+    let (before, after) = (observed(&first), observed(&tracking));
+    eprintln!("{before:?} -> {after:?}");
+    assert!((0..2).all(|tool| if taken[tool] { after[tool] > before[tool] } else { after[tool] == before[tool] }));
+    assert!(taken.contains(&true) && after.iter().sum::<u64>() >= 70, "{before:?} -> {after:?}");
+    let errors = accuracy(&tracking.trajectory(PathKind::Smoothed), &recording.truth()).unwrap();
+    assert!(rms_mm(&errors) < 2.0, "{}", rms_mm(&errors));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Frames of a recording as they are decoded: part of the work of [`super::probe`] and [`super::track`].
 
 use std::io;
+use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +32,10 @@ pub enum RecordingRecord {
         /// What the tracker saw in them; a row per frame and tool.
         seen: Vec<SeenRow>,
     },
+    /// What the tracker saw at a second look; a row per frame and tool, in order.
+    SeenAgain(Vec<SeenRow>),
+    /// Per tool: is the path that of the second look?
+    SecondLook(Vec<bool>),
     /// A small JPEG of one frame; empty if none could be encoded.
     Preview(Vec<u8>),
 }
@@ -46,6 +51,8 @@ pub struct RecordingOutput {
     pub times_s: Vec<f64>,
     /// What the tracker saw, a row per frame and tool.
     pub seen: Vec<SeenRow>,
+    /// What it saw at a second look, until it is known which tools' paths are those of the second look.
+    pub seen_again: Vec<SeenRow>,
     /// The preview, a small JPEG.
     pub preview: Option<Vec<u8>>,
 }
@@ -64,6 +71,8 @@ impl RecordingOutput {
                 set_size(&mut self.size, (width, height), limits)?;
             }
             RecordingRecord::Frames { times_s, seen } => return self.accept_frames(times_s, seen, tools, limits),
+            RecordingRecord::SeenAgain(seen) => self.accept_seen_again(seen, tools)?,
+            RecordingRecord::SecondLook(taken) => self.take_second_look(&taken, tools)?,
             RecordingRecord::Preview(jpeg) if jpeg.is_empty() => {}
             RecordingRecord::Preview(jpeg) if is_small_jpeg(&jpeg) => set_once(&mut self.preview, jpeg, "preview")?,
             RecordingRecord::Preview(_) => return Err("a preview that is not a small JPEG".into()),
@@ -79,6 +88,9 @@ impl RecordingOutput {
         limits: MediaLimits,
     ) -> Result<ChildEvent, String> {
         let before = self.times_s.len() as u64;
+        if !self.seen_again.is_empty() {
+            return Err("new frames after a second look".into());
+        }
         self.times_s.reserve(times_s.len());
         for time_s in times_s {
             let last = self.times_s.last().copied().unwrap_or(-f64::MIN_POSITIVE);
@@ -91,16 +103,40 @@ impl RecordingOutput {
         if after > limits.frames {
             return Err(format!("{after} frames"));
         }
-        let place = |row: &SeenRow| (row.frame, row.tool);
-        let known = |row: &SeenRow| (before..after).contains(&row.frame) && (row.tool as usize) < tools;
-        if !seen.iter().all(|row| known(row) && row.numbers().all(|x| is_plausible_number(x.into())))
-            || !seen.is_sorted_by(|a, b| place(a) < place(b))
-        {
-            return Err("an invalid row of observations".into());
-        }
+        check_rows(&seen, before..after, tools)?;
         self.seen.extend(seen);
         Ok(ChildEvent::progress(after, self.frames_expected))
     }
+
+    fn accept_seen_again(&mut self, seen: Vec<SeenRow>, tools: usize) -> Result<(), String> {
+        let first = self.seen_again.last().map_or(0, |row| row.frame + 1);
+        check_rows(&seen, first..self.times_s.len() as u64, tools)?;
+        self.seen_again.extend(seen);
+        Ok(())
+    }
+
+    fn take_second_look(&mut self, taken: &[bool], tools: usize) -> Result<(), String> {
+        if taken.len() != tools {
+            return Err("a second look at other tools".into());
+        }
+        let is_taken = |row: &SeenRow| taken[row.tool as usize];
+        self.seen.retain(|row| !is_taken(row));
+        self.seen.extend(std::mem::take(&mut self.seen_again).into_iter().filter(is_taken));
+        self.seen.sort_by_key(place);
+        Ok(())
+    }
+}
+
+fn place(row: &SeenRow) -> (u64, u32) {
+    (row.frame, row.tool)
+}
+
+/// Checks that rows are of these frames, in order, and hold possible numbers.
+fn check_rows(seen: &[SeenRow], frames: Range<u64>, tools: usize) -> Result<(), String> {
+    let known = |row: &SeenRow| frames.contains(&row.frame) && (row.tool as usize) < tools;
+    let possible = |row: &SeenRow| known(row) && row.numbers().all(|x| is_plausible_number(x.into()));
+    let is_valid = seen.iter().all(possible) && seen.is_sorted_by(|a, b| place(a) < place(b));
+    if is_valid { Ok(()) } else { Err("an invalid row of observations".into()) }
 }
 
 /// Collects frames into fewer, larger records.
@@ -140,6 +176,26 @@ impl FrameReporter {
             return Ok(());
         }
         reporter.record((self.wrap)(RecordingRecord::Frames { times_s, seen }))
+    }
+
+    /// Adds what a second look saw of a frame.
+    pub(super) fn frame_again(
+        &mut self,
+        seen: impl Iterator<Item = SeenRow>,
+        reporter: &mut Reporter,
+    ) -> io::Result<()> {
+        self.seen.extend(seen);
+        if self.seen.len() < FRAMES_PER_RECORD { Ok(()) } else { self.flush_again(reporter) }
+    }
+
+    /// Ends a second look.
+    pub(super) fn end_second_look(&mut self, taken: Vec<bool>, reporter: &mut Reporter) -> io::Result<()> {
+        self.flush_again(reporter)?;
+        reporter.record((self.wrap)(RecordingRecord::SecondLook(taken)))
+    }
+
+    fn flush_again(&mut self, reporter: &mut Reporter) -> io::Result<()> {
+        reporter.record((self.wrap)(RecordingRecord::SeenAgain(std::mem::take(&mut self.seen))))
     }
 
     /// Sends the preview.

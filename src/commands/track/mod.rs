@@ -32,7 +32,8 @@ use crate::vision::frame::Frame;
 use crate::vision::segmentation::palette::{self, TapeVerdict};
 use crate::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
 use crate::vision::tracker::{
-    CameraView, MAX_WARM_UP_FRAMES, MotionSettings, PoseMethod, ToolSpec, Tracker, TrackerSettings, Tracking,
+    CameraView, FirstLook, MAX_WARM_UP_FRAMES, MotionSettings, PoseMethod, SecondLook, ToolSpec, Tracker,
+    TrackerSettings, Tracking,
 };
 use crate::vision::trajectory::{PathKind, Sample, Trajectory};
 
@@ -280,10 +281,34 @@ fn track_recording(
     }
     progress.end();
     drop(ahead); // the paths need the memory now
-    let tracking = tracker.finish();
+    // Causal positions use only earlier frames, so they have no second look.
+    let tracking = match live {
+        Some(_) => tracker.finish(),
+        None => match tracker.finish_first_look() {
+            FirstLook::Enough(tracking) => tracking,
+            FirstLook::LookAgain(second) => look_again(args, *second, clock)?,
+        },
+    };
     clock.add_lap(TrackStage::Finishing);
     let samples = again.and_then(SampleCollector::into_samples);
     Ok(PassResult { tracking, live, samples, frames_expected: info.frames_expected, frames_interlaced, time })
+}
+
+/// Tracks the recording once more, with what the first look has taught.
+fn look_again(args: &TrackArgs, mut second: SecondLook, clock: &mut StageClock) -> Result<Tracking, CommandFailure> {
+    let in_video = |error: MediaError| about(&args.video, error);
+    clock.add_lap(TrackStage::Finishing);
+    let (video, _) = open_with_time(args)?;
+    let progress = TrackProgress::new(video.info().frames_expected, args.quiet);
+    let mut ahead = ReadAhead::new(video).map_err(in_video)?;
+    while let Some(seen) = ahead.next_picture().map_err(in_video)? {
+        clock.add_lap(TrackStage::Waiting);
+        second.observe(&seen.frame());
+        clock.add_lap(TrackStage::Tracking);
+        progress.step();
+    }
+    progress.end();
+    Ok(second.finish().0)
 }
 
 /// A labelled rectangle as a mark of its colour. The rectangle must lie inside the frame.

@@ -43,6 +43,7 @@ mod refine;
 mod report;
 mod rival;
 mod search;
+mod second_look;
 mod second_pass;
 mod settings;
 mod starts;
@@ -55,6 +56,7 @@ pub use report::{
     Absence, DiameterBasis, EffectiveDiameter, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality,
     ToolReport, Tracking, TrocarEvidence,
 };
+pub use second_look::{FirstLook, SecondLook};
 pub use settings::{CameraView, HandSide, MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings};
 pub use trace::{FitTrace, FrameTrace, ProbePassTrace, ToolTrace};
 
@@ -212,8 +214,13 @@ impl Tracker {
         (report, FrameTrace { classes, columns, tools })
     }
 
-    /// Ends the recording: processes all frames again, now with knowledge of the whole recording.
+    /// Ends the recording: processes all measurements again, now with knowledge of the whole recording.
     pub fn finish(mut self) -> Tracking {
+        self.conclude()
+    }
+
+    /// The result of all frames so far. Their records are consumed.
+    fn conclude(&mut self) -> Tracking {
         for pair in &self.pairs {
             if let Ok(tools) = self.tools.get_disjoint_mut(*pair) {
                 pair_reassignment::reassign(tools, &self.instants);
@@ -221,13 +228,16 @@ impl Tracker {
         }
         let tapes: Vec<String> = self.settings.tools.iter().map(|t| t.colour.clone()).collect();
         let colours = palette::colour_separations(&self.settings.samples, &tapes);
-        let mut quality =
-            Quality { frames: self.instants.len() as u64, tools: Vec::new(), light: self.light.into_samples() };
+        let mut quality = Quality {
+            frames: self.instants.len() as u64,
+            tools: Vec::new(),
+            light: std::mem::take(&mut self.light).into_samples(),
+        };
         let mut motions = Vec::with_capacity(self.tools.len());
-        for ((i, tool), colour) in self.tools.into_iter().enumerate().zip(colours) {
+        for ((i, tool), colour) in self.tools.iter_mut().enumerate().zip(colours) {
             let TrackerSettings { camera, motion, .. } = &self.settings;
-            let (motion, reworked) =
-                second_pass::run(tool.records.unpack(), &tool.spec, i, &self.instants, camera, motion);
+            let records = std::mem::take(&mut tool.records).unpack();
+            let (motion, reworked) = second_pass::run(records, &tool.spec, i, &self.instants, camera, motion);
             quality.tools.push(ToolQuality { colour, ..reworked });
             motions.push(motion);
         }

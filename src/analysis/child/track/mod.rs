@@ -1,21 +1,25 @@
 //! Tracks one recording: every frame passes the [`Tracker`], then the paths are smoothed. Decoding runs ahead on a
 //! second thread; everything else stays on this one.
 
+use std::fs::File;
+use std::io::Seek;
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use super::limits::{MAX_TEXT_CHARS, is_plausible_number, is_plausible_row, set_once};
 use super::preview::Preview;
 use super::recording::{FrameReporter, RecordingOutput, RecordingRecord};
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord, explain};
-use crate::analysis::clock::open_with_clock;
+use crate::analysis::clock::{ClockError, open_with_clock};
 use crate::analysis::protocol::{QualitySummary, SeenRow};
 use crate::domain::clock::{ClockBasis, RecordingClock, TimeCorrection};
 use crate::heap;
-use crate::media::{MediaError, MediaLimits, Picture, ReadAhead};
+use crate::media::{MediaError, MediaLimits, Picture, ReadAhead, VideoFile};
 use crate::vision::frame::Frame;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::tracker::{
-    LightSample, MAX_WARM_UP_FRAMES, Quality, ToolQuality, Tracker, TrackerSettings, Tracking,
+    FirstLook, LightSample, MAX_WARM_UP_FRAMES, Quality, SecondLook, ToolQuality, Tracker, TrackerSettings, Tracking,
 };
 use crate::vision::trajectory::{PathKind, Sample};
 
@@ -72,7 +76,8 @@ impl ChildTask for TrackWork {
 
     fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
         let limits = inputs.limits;
-        let (video, clock) = open_with_clock(inputs.first()?, self.time, limits)?;
+        let file = Arc::new(inputs.first()?);
+        let (video, clock) = open_with_clock(file.clone(), self.time, limits)?;
         reporter.record(WorkRecord::Track(TrackRecord::Clock(clock)))?;
         let info = video.info();
         let wrap = |record| WorkRecord::Track(TrackRecord::Recording(record));
@@ -94,7 +99,13 @@ impl ChildTask for TrackWork {
         }
         frames.flush(reporter)?;
         drop(pictures);
-        let tracking = tracker.finish();
+        let tracking = match tracker.finish_first_look() {
+            FirstLook::Enough(tracking) => tracking,
+            FirstLook::LookAgain(second) => {
+                let video = reopen(file, self.time, limits)?;
+                look_again(*second, video, &mut frames, reporter)?
+            }
+        };
         heap::release_free_memory(); // the paths need the memory now
         send_results(&tracking, frames_interlaced, reporter)?;
         Ok(frames.preview(preview.into_jpeg(), reporter)?)
@@ -110,6 +121,29 @@ impl ChildTask for TrackWork {
         }
         Ok(ChildEvent::Nothing)
     }
+}
+
+fn reopen(file: Arc<File>, time: Option<TimeCorrection>, limits: MediaLimits) -> Result<VideoFile, StopReason> {
+    (&*file).rewind().map_err(ClockError::Rewind)?;
+    Ok(open_with_clock(file, time, limits)?.0)
+}
+
+/// Tracks the recording once more, with what the first look has taught.
+fn look_again(
+    mut second: SecondLook,
+    video: VideoFile,
+    frames: &mut FrameReporter,
+    reporter: &mut Reporter,
+) -> Result<Tracking, StopReason> {
+    let mut pictures = ReadAhead::new(video)?;
+    while let Some(seen) = pictures.next_picture()? {
+        let frame = seen.frame();
+        let report = second.observe(&frame);
+        frames.frame_again(report.tools.iter().map(|tool| SeenRow::new(frame.index, tool)), reporter)?;
+    }
+    let (tracking, taken) = second.finish();
+    frames.end_second_look(taken, reporter)?;
+    Ok(tracking)
 }
 
 fn send_results(tracking: &Tracking, frames_interlaced: u64, reporter: &mut Reporter) -> Result<(), StopReason> {
