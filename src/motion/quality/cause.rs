@@ -3,6 +3,12 @@
 /// A reason to refuse a session or to use it with care.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum QualityCause {
+    /// A person said that the recording shows another box.
+    OtherBox,
+    /// The surroundings do not look like the box's own pictures.
+    BoxSurroundings,
+    /// All trocars are far from those of the box.
+    BoxTrocars,
     /// No tool was ever measured.
     NothingSeen,
     /// A tool was never in the picture.
@@ -64,7 +70,10 @@ pub enum QualityCause {
 
 impl QualityCause {
     /// Every cause, in the order to fix them.
-    pub const ALL: [QualityCause; 28] = [
+    pub const ALL: [QualityCause; 31] = [
+        QualityCause::OtherBox,
+        QualityCause::BoxSurroundings,
+        QualityCause::BoxTrocars,
         QualityCause::NothingSeen,
         QualityCause::NeverInPicture,
         QualityCause::ColourBackground,
@@ -98,6 +107,9 @@ impl QualityCause {
     /// Stable name for files, API and pages.
     pub fn name(self) -> &'static str {
         match self {
+            QualityCause::OtherBox => "other_box",
+            QualityCause::BoxSurroundings => "box_surroundings",
+            QualityCause::BoxTrocars => "box_trocars",
             QualityCause::NothingSeen => "nothing_seen",
             QualityCause::NeverInPicture => "never_in_picture",
             QualityCause::ColourBackground => "colour_background",
@@ -135,9 +147,11 @@ impl QualityCause {
             QualityCause::LongGap | QualityCause::Break => "s",
             QualityCause::BorderResidual | QualityCause::Calibration => "px",
             QualityCause::NoiseFloor | QualityCause::BeginsInMotion | QualityCause::EndsInMotion => "mm/s",
-            QualityCause::NoTrocar | QualityCause::ErrorBar | QualityCause::CameraMoved | QualityCause::PortMoved => {
-                "mm"
-            }
+            QualityCause::NoTrocar
+            | QualityCause::ErrorBar
+            | QualityCause::BoxTrocars
+            | QualityCause::CameraMoved
+            | QualityCause::PortMoved => "mm",
             QualityCause::FrameRate => "Hz",
             QualityCause::WhiteBalance => "codes",
             QualityCause::ColourBackground | QualityCause::ColourPair => "steps",
@@ -175,6 +189,13 @@ impl QualityCause {
     /// The first part of the finding: what was found.
     fn observation(self, figure: &str) -> String {
         match self {
+            QualityCause::OtherBox => "it was recorded in another box".to_owned(),
+            QualityCause::BoxSurroundings => {
+                format!(
+                    "this does not look like the box: its surroundings agree with the box's own pictures by {figure} %"
+                )
+            }
+            QualityCause::BoxTrocars => format!("its trocars are {figure} mm from those of the box"),
             QualityCause::NothingSeen => "no tool was measured on any frame".to_owned(),
             QualityCause::NeverInPicture => "it was never in the picture".to_owned(),
             QualityCause::ColourBackground => {
@@ -230,8 +251,11 @@ impl QualityCause {
     /// The second part of the finding: the limit, if the first part does not imply it.
     fn requirement(self, limit: &str) -> String {
         match self {
-            QualityCause::NothingSeen | QualityCause::NeverInPicture | QualityCause::Interlaced => String::new(),
-            QualityCause::Coverage => format!("; needs {limit} %"),
+            QualityCause::OtherBox
+            | QualityCause::NothingSeen
+            | QualityCause::NeverInPicture
+            | QualityCause::Interlaced => String::new(),
+            QualityCause::BoxSurroundings | QualityCause::Coverage => format!("; needs {limit} %"),
             QualityCause::ColourBackground | QualityCause::ColourPair | QualityCause::FrameRate => {
                 format!("; needs {limit}")
             }
@@ -246,6 +270,13 @@ impl QualityCause {
     /// What to do about it.
     pub fn advice(self) -> &'static str {
         match self {
+            QualityCause::OtherBox => {
+                "upload the recording again under the box where it was made, then erase this session"
+            }
+            QualityCause::BoxSurroundings | QualityCause::BoxTrocars => {
+                "say whether it is this box. Until then the session counts nowhere, and its lengths and speeds may be wrong: \
+                 another box has another camera"
+            }
             QualityCause::NothingSeen => "mark the tape again on a frame of this recording, in this light",
             QualityCause::NeverInPicture => {
                 "if the task needs this tool, mark its tape again in this light; if not, there is nothing to do"
@@ -305,12 +336,14 @@ impl QualityCause {
                 "switch off the camera's automatic white balance, and keep the light constant"
             }
             QualityCause::CameraMoved => {
-                "lengths and speeds are still right, but positions, depth and paths cannot be compared with earlier \
-                 ones: put the camera back, or upload the calibration of the box again to start a new comparison"
+                "positions, depth and paths cannot be compared with earlier ones: put the camera back, or upload the \
+                 calibration of the box again to start a new comparison. Lengths and speeds are right only if it is the same \
+                 camera with the same zoom and focus; if not, calibrate it"
             }
             QualityCause::PortMoved => {
                 "put the trocar back; if it stays there or the camera was moved, upload the calibration of the box \
-                 again. Positions and paths cannot be compared with earlier ones; lengths and speeds are still right"
+                 again. Positions and paths cannot be compared with earlier ones; lengths and speeds are right only if it is \
+                 the same camera with the same zoom and focus"
             }
         }
     }

@@ -1,7 +1,7 @@
 //! The quality gate: compares every figure with its limits. The worst result is the session's verdict.
 
 use super::limits::QualityLimits;
-use super::{Figures, QualityCause, ToolFigures};
+use super::{BoxAnswer, Figures, QualityCause, ToolFigures};
 use crate::vision::segmentation::palette::Margin;
 use crate::vision::tracker::TrocarEvidence;
 
@@ -105,6 +105,9 @@ pub fn judge(figures: &Figures) -> QualityVerdict {
     let of_session = QualityCause::ALL.map(|cause| (cause, None));
     let concern = |(cause, tool): (QualityCause, Option<&ToolFigures>)| {
         let figure = tool.map_or_else(|| session_figure(figures, cause), |tool| tool_figure(tool, cause))?;
+        if cause == QualityCause::PortMoved && is_box_open(figures) {
+            return None;
+        }
         let refuse = cause.limits().refuse.filter(|_| !is_only_care(tool, cause));
         let (severity, limit) = QualityLimits { refuse, ..cause.limits() }.breach(figure)?;
         let label = tool.and_then(|tool| colour_margin(tool, cause)).map(|margin| margin.nearest.clone());
@@ -144,9 +147,18 @@ fn session_figure(figures: &Figures, cause: QualityCause) -> Option<f64> {
         QualityCause::EndsInMotion => session.last_speed_mm_s,
         QualityCause::Exposure => session.exposure_drift,
         QualityCause::WhiteBalance => session.white_drift_codes,
-        QualityCause::CameraMoved => session.camera_shift.map(|shift| shift.mm),
+        // In doubt whether it is this box, nothing is said of its camera.
+        QualityCause::CameraMoved => session.camera_shift.filter(|_| !is_box_open(figures)).map(|shift| shift.mm),
+        QualityCause::OtherBox => (session.box_match?.answer == Some(BoxAnswer::OtherBox)).then_some(0.0),
+        QualityCause::BoxSurroundings => session.box_match?.doubtful_correlation(),
+        QualityCause::BoxTrocars => session.box_match?.doubtful_displacement_mm(),
         _ => None,
     }
+}
+
+/// Does a person still have to say whether the recording shows this box?
+fn is_box_open(figures: &Figures) -> bool {
+    figures.session.box_match.is_some_and(|of| of.is_open())
 }
 
 /// A tool that was never in the picture has only that cause.

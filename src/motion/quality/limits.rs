@@ -5,6 +5,7 @@
 //! them. A changed limit raises `PIPELINE_VERSION`. docs/method.md 6.6 lists the limits, and pages repeat some of them
 //! (`static/parts/live/seen_level.js`; a test compares them).
 
+use super::box_match::{MAX_NUDGE_MM, MIN_CORRELATION};
 use super::{QualityCause, Severity};
 use crate::motion::features::{FeatureSettings, MOVEMENT_END_RATIO};
 use crate::vision::segmentation::palette::verdict::MARGIN_STEPS;
@@ -70,7 +71,13 @@ impl QualityCause {
     /// Its limits, in its unit.
     pub fn limits(self) -> QualityLimits {
         match self {
-            QualityCause::NothingSeen => QualityLimits { better: BetterDirection::More, care: None, refuse: Some(1.0) },
+            // The figure is 0: none of the recording shows this box.
+            QualityCause::OtherBox | QualityCause::NothingSeen => {
+                QualityLimits { better: BetterDirection::More, care: None, refuse: Some(1.0) }
+            }
+            // A person decides: until then the numbers are shown, because they are right if it is this box.
+            QualityCause::BoxSurroundings => care_at_least(MIN_CORRELATION),
+            QualityCause::BoxTrocars => care_at_most(MAX_NUDGE_MM),
             // A box's colours may include a tool that a one-handed task does not use. It has no features that could
             // mislead.
             QualityCause::NeverInPicture => care_at_least(1.0),

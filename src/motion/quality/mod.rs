@@ -12,11 +12,13 @@
 //! | [`noise_floor`] | speed at which a resting tool would appear to move |
 //! | [`tool`] | how one tool was seen |
 //! | [`ports`] | whether camera or trocars have moved since earlier sessions |
+//! | [`box_match`] | whether the recording shows the box that it is filed under |
 //! | [`session`] | the recording itself: frame times, light, beginning and end |
 //! | [`cause`] | what can be wrong: a closed set, each with a sentence and advice |
 //! | [`limits`] | the limit of each figure, and its ground |
 //! | [`gate`] | the verdict |
 
+pub mod box_match;
 pub mod cause;
 pub mod gate;
 pub mod limits;
@@ -25,13 +27,15 @@ pub mod ports;
 pub mod session;
 pub mod tool;
 
+pub use box_match::{BoxAnswer, BoxEvidence, BoxFinding, BoxMatch};
 pub use cause::QualityCause;
 pub use gate::{Concern, QualityVerdict, Severity, judge};
 pub use noise_floor::{NoiseFloor, NoiseFloorBasis};
-pub use ports::{Displacement, PortPlacement, Ports};
+pub use ports::{Displacement, PortAgreement, PortPlacement, Ports};
 pub use session::SessionFigures;
 pub use tool::ToolFigures;
 
+use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::tracker::{MotionSettings, Quality, Tracking};
 use crate::vision::trajectory::{PathSource, SampleState, Trajectory};
 
@@ -54,6 +58,8 @@ pub struct QualityInput<'a> {
     pub frames_interlaced: Option<u64>,
     /// Positions of the trocars in earlier sessions of the box with this calibration.
     pub ports: Option<&'a Ports>,
+    /// What is known of the box besides its trocars; `None` for a recording that belongs to no box.
+    pub of_box: Option<BoxEvidence>,
 }
 
 impl<'a> QualityInput<'a> {
@@ -68,6 +74,7 @@ impl<'a> QualityInput<'a> {
             frames_expected: None,
             frames_interlaced: None,
             ports: None,
+            of_box: None,
         }
     }
 
@@ -82,6 +89,7 @@ impl<'a> QualityInput<'a> {
             frames_expected: None,
             frames_interlaced: None,
             ports: None,
+            of_box: None,
         }
     }
 }
@@ -101,14 +109,23 @@ pub fn measure(evidence: &QualityInput<'_>) -> Figures {
     let placement = placement(evidence).unwrap_or_default();
     let tool = |index| tool::measure(evidence, index, measured_range, &placement);
     Figures {
-        session: session::measure(evidence, &placement),
+        session: session::measure(evidence, &placement, box_match(evidence)),
         tools: (0..evidence.smoothed.tools.len()).map(tool).collect(),
     }
 }
 
 fn placement(evidence: &QualityInput<'_>) -> Option<PortPlacement> {
-    let fulcrums: Vec<_> = evidence.tracker?.tools.iter().map(|tool| tool.fulcrum).collect();
-    Some(evidence.ports?.compare(&fulcrums))
+    Some(evidence.ports?.compare(&fulcrums(evidence)?))
+}
+
+fn box_match(evidence: &QualityInput<'_>) -> Option<BoxMatch> {
+    let agreement = || Some(evidence.ports?.agreement(&fulcrums(evidence)?));
+    Some(BoxMatch::of(evidence.of_box?, agreement().unwrap_or_default()))
+}
+
+/// The trocar of each tool, where it is known.
+fn fulcrums(evidence: &QualityInput<'_>) -> Option<Vec<Option<Fulcrum>>> {
+    Some(evidence.tracker?.tools.iter().map(|tool| tool.fulcrum).collect())
 }
 
 /// The frames between the first and the last one with a measurement of any tool: the session without its lead-in and

@@ -1,6 +1,7 @@
 //! Figures of the recording itself: its frame times, whether it is complete, whether its light changed.
 
 use super::QualityInput;
+use super::box_match::BoxMatch;
 use super::ports::{Displacement, PortPlacement};
 use crate::numbers::quantile::quantile;
 use crate::vision::tracker::LightSample;
@@ -44,9 +45,15 @@ pub struct SessionFigures {
     pub calibration_rms_px: Option<f64>,
     /// How far the camera has moved since earlier sessions; `None` if it has not moved or this is unknown.
     pub camera_shift: Option<Displacement>,
+    /// Whether the recording shows its box; `None` for a recording that belongs to no box.
+    pub box_match: Option<BoxMatch>,
 }
 
-pub(super) fn measure(evidence: &QualityInput<'_>, placement: &PortPlacement) -> SessionFigures {
+pub(super) fn measure(
+    evidence: &QualityInput<'_>,
+    placement: &PortPlacement,
+    box_match: Option<BoxMatch>,
+) -> SessionFigures {
     let path = evidence.smoothed;
     let frames = evidence.tracker.map_or_else(|| frame_span(path), |quality| quality.frames);
     let intervals = intervals(path);
@@ -69,6 +76,7 @@ pub(super) fn measure(evidence: &QualityInput<'_>, placement: &PortPlacement) ->
         white_drift_codes: white_drift_codes(light),
         calibration_rms_px: evidence.calibration_rms_px,
         camera_shift: placement.camera,
+        box_match,
     }
 }
 

@@ -8,8 +8,9 @@
 //! not a displacement. **Gives up** (`None`) with fewer than [`MIN_SESSIONS`] sessions at a port, and on fulcrums that
 //! are not well known.
 //!
-//! A moved camera only changes positions. Its lens is still as calibrated, so lengths, speeds and all features of one
-//! session stay right, but paths of different days are no longer in one frame.
+//! A moved camera only changes positions: while its lens is as calibrated, lengths, speeds and all features of one session
+//! stay right, but paths of different days are no longer in one frame. The trocars cannot say whether the lens is the same,
+//! since another box displaces them too ([`super::box_match`]).
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -62,6 +63,30 @@ pub struct PortPlacement {
     pub camera: Option<Displacement>,
     /// For each tool: its trocar's distance from the nearest port; `None` if either is unknown.
     pub tools: Vec<Option<Displacement>>,
+}
+
+/// How a session's trocars lie to the box's ports, all together.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum PortAgreement {
+    /// Fewer than two trocars are known, or one is in place and another is not.
+    #[default]
+    Unknown,
+    /// All are in place: at least two, since one may coincide by chance.
+    InPlace,
+    /// All are displaced by one rigid motion; the largest displacement.
+    Moved(Displacement),
+    /// All are displaced, and their distances from each other differ; the smallest displacement.
+    Rearranged(Displacement),
+}
+
+impl PortAgreement {
+    /// The displacement, if all trocars are displaced.
+    pub fn displacement(&self) -> Option<Displacement> {
+        match self {
+            PortAgreement::Unknown | PortAgreement::InPlace => None,
+            PortAgreement::Moved(shift) | PortAgreement::Rearranged(shift) => Some(*shift),
+        }
+    }
 }
 
 impl Displacement {
@@ -119,10 +144,7 @@ impl Ports {
 
     /// Compares a session's trocars with the ports.
     pub fn compare(&self, tools: &[Option<Fulcrum>]) -> PortPlacement {
-        let at: Vec<Option<Point3<f64>>> = tools.iter().map(|tool| tool.map(|fulcrum| fulcrum.at)).collect();
-        let ports = assign_ports(&at, &self.0.iter().map(|port| port.at).collect::<Vec<_>>());
-        let pairs: Vec<Option<(Fulcrum, Fulcrum)>> =
-            tools.iter().zip(ports).map(|(tool, port)| Some((self.0[port?], (*tool)?))).collect();
+        let pairs = self.pairs(tools);
         let known: Vec<(Fulcrum, Fulcrum)> = pairs.iter().copied().flatten().collect();
         let camera = camera_displacement(&known);
         let shift = |pair: Option<(Fulcrum, Fulcrum)>| {
@@ -130,6 +152,28 @@ impl Ports {
                 .filter(|shift| camera.is_some() || shift.mm < OTHER_PORT_MM)
         };
         PortPlacement { camera, tools: pairs.into_iter().map(shift).collect() }
+    }
+
+    /// What a session's trocars say about the box as a whole.
+    pub fn agreement(&self, tools: &[Option<Fulcrum>]) -> PortAgreement {
+        let known: Vec<(Fulcrum, Fulcrum)> = self.pairs(tools).into_iter().flatten().collect();
+        let shifts: Option<Vec<Displacement>> = known.iter().map(|(port, now)| displacement(port, now)).collect();
+        let Some(shifts) = shifts.filter(|shifts| shifts.len() > 1) else { return PortAgreement::Unknown };
+        if let Some(camera) = camera_displacement(&known) {
+            return PortAgreement::Moved(camera);
+        }
+        if shifts.iter().all(|shift| !shift.has_moved()) {
+            return PortAgreement::InPlace;
+        }
+        let smallest = shifts.into_iter().min_by(|a, b| a.mm.total_cmp(&b.mm));
+        smallest.filter(Displacement::has_moved).map_or(PortAgreement::Unknown, PortAgreement::Rearranged)
+    }
+
+    /// For each tool its port and its trocar, if both are known.
+    fn pairs(&self, tools: &[Option<Fulcrum>]) -> Vec<Option<(Fulcrum, Fulcrum)>> {
+        let at: Vec<Option<Point3<f64>>> = tools.iter().map(|tool| tool.map(|fulcrum| fulcrum.at)).collect();
+        let ports = assign_ports(&at, &self.0.iter().map(|port| port.at).collect::<Vec<_>>());
+        tools.iter().zip(ports).map(|(tool, port)| Some((self.0[port?], (*tool)?))).collect()
     }
 }
 
