@@ -34,8 +34,10 @@ impl WorkerPool {
         let tools = work.tracker.tools.iter().map(|tool| tool.name.clone()).collect();
         let output = self.run_child(held, ChildWork::Track(work), ending).await?;
         let ports = self.earlier_ports(held, earlier, ending).await?;
-        let known = BoxContext { calibration_rms_px: calibration.rms_px, ports };
         let edits = self.store.edits().in_force(input.session).await?;
+        let surroundings = self.box_surroundings(held, (input.session, input.palette), ending).await?;
+        let box_answer = edits.box_answer;
+        let known = BoxContext { calibration_rms_px: calibration.rms_px, ports, surroundings, box_answer };
         let shown = self.store.sessions().result(&Scope::service(), input.session).await?;
         // Edits are in the times of the current result. Storing this one converts them.
         let edits_clock = shown.and_then(|shown| shown.video.clock).map_or(1.0, |clock| clock.applied.factor);
@@ -103,6 +105,7 @@ impl WorkerPool {
             trajectory: trajectory.blob(),
             diagnostics: Some(diagnostics.blob()),
             preview: preview.as_ref().map(PinnedBlob::blob),
+            surroundings: tracked.surroundings,
         };
         Ok((result, [Some(trajectory), Some(diagnostics), preview].into_iter().flatten().collect()))
     }

@@ -13,12 +13,14 @@ use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::ids::{BoxId, CalibrationId, SessionId};
 use crate::motion::quality::ports::{self, Ports};
+use crate::motion::quality::{BoxAnswer, BoxEvidence};
 use crate::sandbox::MAX_INPUTS;
 use crate::store::{PaletteRecord, SessionOrderKey, Store, StoreError};
 use crate::vault::Vault;
 use crate::vision::camera::Camera;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::segmentation::samples::MarkedRectangle;
+use crate::vision::surroundings::{Surroundings, best_resemblance};
 use crate::vision::tracker::{CameraView, HandSide, ToolSpec, TrackerSettings};
 
 /// The work of a child and its input files.
@@ -46,6 +48,18 @@ pub(super) struct BoxContext {
     pub(super) calibration_rms_px: Option<f64>,
     /// Trocar positions in earlier sessions.
     pub(super) ports: Ports,
+    /// The box's own pictures of its surroundings.
+    pub(super) surroundings: Vec<Surroundings>,
+    /// A person's answer whether the recording shows the box.
+    pub(super) box_answer: Option<BoxAnswer>,
+}
+
+impl BoxContext {
+    /// What is known of the box, compared with the surroundings of a recording.
+    pub(super) fn evidence(&self, shown: Option<&Surroundings>) -> BoxEvidence {
+        let resemblance = shown.and_then(|shown| best_resemblance(&self.surroundings, shown));
+        BoxEvidence { resemblance, answer: self.box_answer }
+    }
 }
 
 impl JobPlan {

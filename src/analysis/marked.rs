@@ -11,6 +11,7 @@ use crate::vision::segmentation::palette::confusion::Confusion;
 use crate::vision::segmentation::palette::{FalseArea, verdict};
 use crate::vision::segmentation::region_of_interest::{CELL_PX, CellBox, class_at};
 use crate::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
+use crate::vision::surroundings::{Surroundings, SurroundingsSampler};
 
 /// Most marked frames kept for the report, which needs all colours; further frames only give samples. A 1080p frame
 /// takes 3 MB.
@@ -24,6 +25,7 @@ const MAX_MASK_CELLS: usize = 1 << 20;
 #[derive(Default)]
 pub struct MarkedFrames {
     samples: Option<ColourSamples>,
+    surroundings: SurroundingsSampler,
     kept: Vec<MarkedFrame>,
     keeps_all: bool,
 }
@@ -68,6 +70,7 @@ impl MarkedFrames {
     /// the first frame.
     pub fn add(&mut self, picture: Picture, strokes: Vec<Vec<MarkedRectangle>>) {
         let frame = picture.frame();
+        self.surroundings.sample_frame(&frame);
         let samples = self.samples.get_or_insert_with(|| ColourSamples::new(frame.encoding));
         for stroke in &strokes {
             samples.collect_stroke(&frame, stroke);
@@ -86,6 +89,11 @@ impl MarkedFrames {
     /// The samples; `None` if no frame was added.
     pub fn samples(&self) -> Option<&ColourSamples> {
         self.samples.as_ref()
+    }
+
+    /// What stands still in the frames; `None` if no frame was added, or if they are too small.
+    pub fn surroundings(&self) -> Option<Surroundings> {
+        self.surroundings.surroundings()
     }
 
     /// Judges the colours against each other and against the frames; `None` if no frame was added. `tapes` has one

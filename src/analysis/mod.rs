@@ -23,6 +23,7 @@ pub mod protocol;
 pub mod self_test;
 
 mod attempt;
+mod box_pictures;
 pub mod diagnostics;
 mod job_kinds;
 mod job_plan;

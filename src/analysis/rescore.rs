@@ -17,6 +17,7 @@ use crate::motion::PIPELINE_VERSION;
 use crate::queue::HeldJob;
 use crate::shutdown::Shutdown;
 use crate::store::SessionResult;
+use crate::vision::surroundings::Surroundings;
 
 /// Longest stored paths that are scored again, bytes: about four hours of two tools.
 const MAX_PATHS_BYTES: u64 = 512 * 1024 * 1024;
@@ -75,6 +76,7 @@ impl WorkerPool {
             trajectory: kept.blob(),
             diagnostics: None,
             preview: None,
+            surroundings: None,
         };
         Ok(held.finish(async |store, lease| store.jobs().finish_track(lease, result).await).await?)
     }
@@ -95,6 +97,10 @@ impl WorkerPool {
             let earlier = EarlierSessions::before(input.session, calibration, &self.store).await?;
             known.ports = self.earlier_ports(held, earlier, ending).await?;
         }
+        if let Some(palette) = old.versions.palette {
+            known.surroundings = self.store.surroundings().of_box(palette, session.box_id, session.id).await?;
+        }
+        let shown = self.store.surroundings().of_session(session.id).await?;
         let blob = self.vault.read(input.trajectory.hash, MAX_PATHS_BYTES).await?;
         let (is_import, frames) = (session.tracker.is_some(), old.video.frames);
         let edits = self.store.edits().in_force(input.session).await?;
@@ -103,9 +109,10 @@ impl WorkerPool {
             _ => Vec::new(),
         };
         let revision = edits.revision;
+        known.box_answer = edits.box_answer;
         let work = move || match is_import {
             true => assess_stored_import(&blob, frames, &edits),
-            false => assess_stored_tracking((&blob, &seen), &known, &edits),
+            false => assess_stored_tracking((&blob, &seen), (&known, shown.as_ref()), &edits),
         };
         let assessed = self.run_blocking(held, ending, work).await?;
         let pipeline = session.tracker.as_ref().map_or_else(|| PIPELINE_VERSION.to_owned(), imported_pipeline_version);
@@ -148,7 +155,7 @@ fn new_score(old: &SessionResult, pipeline: String, edits: u64, assessed: Assess
 /// Assesses the path of a recording that was tracked here, with its edits applied.
 fn assess_stored_tracking(
     (blob, seen): (&[u8], &[u8]),
-    known: &BoxContext,
+    (known, shown): (&BoxContext, Option<&Surroundings>),
     edits: &EditsInForce,
 ) -> Result<AssessmentRows, RescoreError> {
     let paths = SessionPaths::from_bytes(blob)?;
@@ -156,7 +163,7 @@ fn assess_stored_tracking(
         return Err(RescoreError::NoTrackingSummary);
     }
     let edited = edits::apply_edits(&paths, &edits.changes, &edits::unmeasured_of_diagnostics(seen));
-    Ok(results::assess_tracked(&edited, known)?)
+    Ok(results::assess_tracked(&edited, known, shown)?)
 }
 
 /// Assesses the stored path of rows from another tracker.

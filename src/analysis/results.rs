@@ -28,6 +28,7 @@ use crate::motion::assessment::{AssessmentSettings, assess};
 use crate::motion::features::FeatureValue;
 use crate::motion::features::errors::ErrorBar;
 use crate::motion::quality::{self, QualityInput};
+use crate::vision::surroundings::Surroundings;
 use crate::vision::tracker::{MotionSettings, Quality, ToolQuality};
 use crate::vision::trajectory::{PathKind, SampleState, Trajectory};
 
@@ -63,6 +64,7 @@ pub(super) struct TrackResult {
     pub(super) paths: Vec<u8>,
     pub(super) diagnostics: Vec<u8>,
     pub(super) preview: Option<Vec<u8>>,
+    pub(super) surroundings: Option<Surroundings>,
 }
 
 impl TrackResult {
@@ -76,7 +78,7 @@ impl TrackResult {
         (edits, edits_clock): (&EditsInForce, f64),
         output: ChildOutput,
     ) -> Result<Self, ProductError> {
-        let TrackOutput { clock, recording, raw, filtered, smoothed, quality } = output.track;
+        let TrackOutput { clock, recording, raw, filtered, smoothed, quality, surroundings } = output.track;
         let clock = clock.ok_or(ProductError::Missing("how it computed the times"))?;
         let RecordingOutput { size, frames_expected, times_s, seen, preview, .. } = recording;
         let (width, height) = size.ok_or(ProductError::Missing("a picture size"))?;
@@ -94,7 +96,7 @@ impl TrackResult {
         };
         let edits = edits.scaled(clock.factor / edits_clock);
         let edited = edits::apply_edits(&paths, &edits.changes, &edits::unmeasured(&seen));
-        let AssessmentRows { features, evidence, quality } = assess_tracked(&edited, known)?;
+        let AssessmentRows { features, evidence, quality } = assess_tracked(&edited, known, surroundings.as_ref())?;
         Ok(Self {
             versions: versions(input),
             edits: edits.revision,
@@ -105,6 +107,7 @@ impl TrackResult {
             paths: paths.to_bytes()?,
             diagnostics,
             preview,
+            surroundings,
             tools,
         })
     }
@@ -131,8 +134,13 @@ impl AssessmentRows {
     }
 }
 
-/// Judges and assesses paths that were tracked here. The same paths and the same context give the same bytes.
-pub(super) fn assess_tracked(paths: &SessionPaths, known: &BoxContext) -> Result<AssessmentRows, ProductError> {
+/// Judges and assesses paths that were tracked here, given what stands still in their recording. The same paths and the same
+/// context give the same bytes.
+pub(super) fn assess_tracked(
+    paths: &SessionPaths,
+    known: &BoxContext,
+    shown: Option<&Surroundings>,
+) -> Result<AssessmentRows, ProductError> {
     let tracking = paths.tracking.as_ref().ok_or(ProductError::Missing("how it was tracked"))?;
     let counts = tracking.quality.quality(&paths.tools);
     let smoothed = paths.trajectory(PathKind::Smoothed);
@@ -145,6 +153,7 @@ pub(super) fn assess_tracked(paths: &SessionPaths, known: &BoxContext) -> Result
         frames_expected: tracking.frames_expected,
         frames_interlaced: Some(tracking.quality.frames_interlaced),
         ports: Some(&known.ports),
+        of_box: Some(known.evidence(shown)),
     });
     let verdict = quality::judge(&figures);
     let quality = serde_json::to_value(QualityDocument::new(&counts, &figures, &verdict))?;
@@ -216,6 +225,7 @@ pub(super) fn palette(annotations: &AnnotationsFile, output: ChildOutput) -> Res
         annotations: annotations.clone(),
         counts: palette.counts().into_iter().map(count).collect(),
         samples: store_palette(&palette)?,
+        surroundings: output.palette.surroundings,
         report: output.palette.report.ok_or(ProductError::Missing("a report on the colours"))?,
     })
 }
@@ -295,7 +305,7 @@ mod tests {
         let known = BoxContext { calibration_rms_px: Some(0.3), ..BoxContext::default() };
         let first = tracked(|frame| frame % 17 != 3);
         let stored = SessionPaths::from_bytes(&first.paths).unwrap();
-        let again = assess_tracked(&stored, &known).unwrap();
+        let again = assess_tracked(&stored, &known, None).unwrap();
         assert!(first.features.iter().filter(|row| row.error.as_ref().is_some_and(Result::is_ok)).count() > 5);
         assert_eq!(format!("{:?}", again.features), format!("{:?}", first.features));
         assert_eq!(again.quality.to_string(), first.quality.to_string());
@@ -303,19 +313,22 @@ mod tests {
         let mut nudged = stored.clone();
         nudged.smoothed[40].tip_mm[0] += 1e-9;
         assert_ne!(
-            assess_tracked(&nudged, &known).unwrap().features,
+            assess_tracked(&nudged, &known, None).unwrap().features,
             first.features,
             "a changed path gives other features"
         );
         let mut forgetful = stored.clone();
         forgetful.tracking.as_mut().unwrap().quality.frames_interlaced = 0;
         assert_ne!(
-            assess_tracked(&forgetful, &known).unwrap().quality,
+            assess_tracked(&forgetful, &known, None).unwrap().quality,
             first.quality,
             "a changed summary gives another quality"
         );
         let untracked = SessionPaths { tracking: None, ..stored };
-        assert!(assess_tracked(&untracked, &known).is_err(), "paths without a tracker's summary cannot be assessed");
+        assert!(
+            assess_tracked(&untracked, &known, None).is_err(),
+            "paths without a tracker's summary cannot be assessed"
+        );
     }
 
     #[test]

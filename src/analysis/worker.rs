@@ -156,7 +156,7 @@ impl WorkerPool {
     }
 
     /// Runs the child; meanwhile reports its progress and renews the lease.
-    async fn supervise_child(
+    pub(super) async fn supervise_child(
         &self,
         held: &mut HeldJob,
         plan: JobPlan,

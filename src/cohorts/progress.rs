@@ -14,7 +14,7 @@ use super::verdicts::Verdicts;
 use super::{Cohorts, CohortsError, unknown_field};
 use crate::domain::feature::{FeatureKey, resolve_space};
 use crate::domain::scope::Scope;
-use crate::domain::session::{FeatureSpace, SessionStatus};
+use crate::domain::session::{BoxQuestion, FeatureSpace, SessionStatus};
 use crate::domain::standard::StandardDefinition;
 use crate::domain::text::{Invalid, Key};
 use crate::domain::trainee::Handedness;
@@ -204,7 +204,7 @@ pub(super) fn judge_sessions<'p>(
     now_ms: i64,
 ) -> (Vec<NumberedSession<'p>>, ProgressAnswer) {
     let believed = |session: &'_ PracticeSession| {
-        session.result.clone().filter(|outcome| !outcome.refused && !session.is_set_aside)
+        session.result.clone().filter(|outcome| !outcome.refused && !session.is_uncounted)
     };
     let newest = practice.sessions.iter().rev().find_map(believed);
     let pipeline = newest.map(|outcome| outcome.pipeline.clone());
@@ -215,7 +215,7 @@ pub(super) fn judge_sessions<'p>(
         session,
     };
     let sessions: Vec<NumberedSession<'_>> = practice.sessions.iter().enumerate().map(number).collect();
-    let practised: Vec<NumberedSession<'_>> = sessions.iter().filter(|at| !at.session.is_set_aside).copied().collect();
+    let practised: Vec<NumberedSession<'_>> = sessions.iter().filter(|at| !at.session.is_uncounted).copied().collect();
     let verdicts = standard.map(|(definition, monitor)| Verdicts::of(definition, monitor, &practised, handedness));
     let mut trials = verdicts.iter().flat_map(|verdicts| verdicts.trials.iter());
     let step = |at: &NumberedSession<'_>| SessionStep {
@@ -224,7 +224,7 @@ pub(super) fn judge_sessions<'p>(
         recorded_at: to_rfc3339(at.session.recorded_at_ms),
         status: at.session.status,
         set_aside: set_aside(at.session),
-        trial: if at.session.is_set_aside { None } else { trials.next().map(|trial| (*trial).into()) },
+        trial: if at.session.is_uncounted { None } else { trials.next().map(|trial| (*trial).into()) },
     };
     let course = ProgressAnswer {
         pipeline: pipeline.clone(),
@@ -240,8 +240,11 @@ pub(super) fn judge_sessions<'p>(
 }
 
 fn set_aside_reason(session: &PracticeSession, pipeline: Option<&str>) -> Option<SetAside> {
-    if session.is_set_aside {
-        return Some(SetAside::ByHand);
+    match session.box_question {
+        Some(BoxQuestion::Asked) => return Some(SetAside::BoxAsked),
+        Some(BoxQuestion::OtherBox) => return Some(SetAside::OtherBox),
+        _ if session.is_uncounted => return Some(SetAside::ByHand),
+        _ => {}
     }
     match (&session.result, session.status) {
         (None, SessionStatus::Failed) => Some(SetAside::Failed),

@@ -1,5 +1,5 @@
 //! Edits of a scored session: trim its ends, swap two tools' names, correct its times, or set it aside so that it does
-//! not count. Measured data are never changed: the session is scored again from what remains, or tracked again with other
+//! not count, or answer whether it shows its box. Measured data are never changed: the session is scored again from what remains, or tracked again with other
 //! times, and each edit can be undone.
 
 use serde::{Deserialize, Serialize};
@@ -8,6 +8,7 @@ use utoipa::ToSchema;
 use super::clock::TimeCorrection;
 use super::named;
 use super::text::{Invalid, Remark};
+use crate::motion::quality::BoxAnswer;
 
 /// Latest accepted second: no recording is longer than a day.
 const MAX_TIME_S: f64 = 86_400.0;
@@ -23,6 +24,18 @@ named! {
         Retime = "retime",
         /// The session is excluded from progress, cohorts, standards, models and correlations.
         SetAside = "set_aside",
+        /// The answer to the question for the box: the recording shows the box that it is filed under, so it counts.
+        ThisBox = "this_box",
+        /// The answer to the question for the box: the recording shows another box, so it counts nowhere and its values are
+        /// withheld.
+        OtherBox = "other_box",
+    }
+}
+
+impl EditKind {
+    /// Is it an answer to the question for the box?
+    pub fn is_box_answer(self) -> bool {
+        matches!(self, EditKind::ThisBox | EditKind::OtherBox)
     }
 }
 
@@ -47,7 +60,7 @@ pub struct NewEdit {
     /// Kind of edit.
     pub kind: EditKind,
     /// First second of the stretch: the part that counts (`trim`) or that has the names exchanged (`swap`). Absent for
-    /// `retime` and `set_aside`.
+    /// all other kinds.
     #[serde(default)]
     pub from_s: Option<f64>,
     /// Last second of the stretch.
@@ -82,6 +95,10 @@ pub enum EditChange {
     Retime(TimeCorrection),
     /// The session does not count.
     SetAside,
+    /// The recording shows its box.
+    ThisBox,
+    /// The recording shows another box.
+    OtherBox,
 }
 
 impl EditChange {
@@ -92,6 +109,8 @@ impl EditChange {
             EditChange::Swap(..) => EditKind::Swap,
             EditChange::Retime(_) => EditKind::Retime,
             EditChange::SetAside => EditKind::SetAside,
+            EditChange::ThisBox => EditKind::ThisBox,
+            EditChange::OtherBox => EditKind::OtherBox,
         }
     }
 
@@ -101,7 +120,16 @@ impl EditChange {
         match self {
             EditChange::Trim(span) => EditChange::Trim(scaled(span)),
             EditChange::Swap(tools, span) => EditChange::Swap(tools.clone(), scaled(span)),
-            EditChange::Retime(_) | EditChange::SetAside => self.clone(),
+            _ => self.clone(),
+        }
+    }
+
+    /// The answer to the question for the box, if it is one.
+    pub fn box_answer(&self) -> Option<BoxAnswer> {
+        match self {
+            EditChange::ThisBox => Some(BoxAnswer::ThisBox),
+            EditChange::OtherBox => Some(BoxAnswer::OtherBox),
+            _ => None,
         }
     }
 
@@ -109,7 +137,7 @@ impl EditChange {
     pub fn span(&self) -> Option<[f64; 2]> {
         match self {
             EditChange::Trim(span) | EditChange::Swap(_, span) => Some(*span),
-            EditChange::Retime(_) | EditChange::SetAside => None,
+            _ => None,
         }
     }
 }
@@ -133,7 +161,7 @@ impl NewEdit {
             (EditKind::Swap, Some(tools)) => Ok(EditChange::Swap(tools, self.checked_span()?)),
             (_, Some(_)) => Err(Invalid::new("tools", "belongs only to a `swap`")),
             (EditKind::Trim, None) => Ok(EditChange::Trim(self.checked_span()?)),
-            (EditKind::SetAside | EditKind::Retime, None) if has_span => {
+            (_, None) if has_span => {
                 let why = format!("and `to_s` do not belong to `{}`, which covers the whole session", self.kind);
                 Err(Invalid::new("from_s", why))
             }
@@ -142,6 +170,8 @@ impl NewEdit {
                 time.map(EditChange::Retime).ok_or_else(|| Invalid::new("true_frame_rate_hz", why))
             }
             (EditKind::SetAside, None) => Ok(EditChange::SetAside),
+            (EditKind::ThisBox, None) => Ok(EditChange::ThisBox),
+            (EditKind::OtherBox, None) => Ok(EditChange::OtherBox),
         }
     }
 
@@ -164,16 +194,18 @@ impl NewEdit {
 /// The edits in force that the score depends on, in the order they were made, with the revision of the session's edits.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct EditsInForce {
-    /// Number of trims, swaps and time corrections made and undone so far.
+    /// Number of trims, swaps, time corrections and answers made and undone so far.
     pub revision: u64,
-    /// The edits in force.
+    /// The edits in force that change the path.
     pub changes: Vec<EditChange>,
+    /// A person's answer whether the recording shows its box.
+    pub box_answer: Option<BoxAnswer>,
 }
 
 impl EditsInForce {
     /// The same edits after all times were multiplied by `ratio`.
     pub fn scaled(&self, ratio: f64) -> Self {
-        Self { revision: self.revision, changes: self.changes.iter().map(|change| change.scaled(ratio)).collect() }
+        Self { changes: self.changes.iter().map(|change| change.scaled(ratio)).collect(), ..*self }
     }
 }
 
@@ -227,9 +259,9 @@ mod tests {
     fn seconds_follow_a_correction_of_the_times() {
         let pair = || ["orange".to_owned(), "cyan".to_owned()];
         let changes = vec![EditChange::Trim([2.0, 9.0]), EditChange::Swap(pair(), [4.0, 8.0]), EditChange::SetAside];
-        let scaled = EditsInForce { revision: 3, changes }.scaled(0.5);
+        let scaled = EditsInForce { revision: 3, changes, box_answer: Some(BoxAnswer::ThisBox) }.scaled(0.5);
         let expected = vec![EditChange::Trim([1.0, 4.5]), EditChange::Swap(pair(), [2.0, 4.0]), EditChange::SetAside];
-        assert_eq!(scaled, EditsInForce { revision: 3, changes: expected });
+        assert_eq!(scaled, EditsInForce { revision: 3, changes: expected, box_answer: Some(BoxAnswer::ThisBox) });
     }
 
     #[test]

@@ -9,6 +9,7 @@ use crate::vision::segmentation::palette::advice::{PairAdvice, TapeAdvice, TapeR
 use crate::vision::segmentation::palette::confusion::{Confusion, LabelConfusion};
 use crate::vision::segmentation::palette::light::LightCondition;
 use crate::vision::segmentation::palette::{FalseArea, Margin, PaletteGrade, TapeVerdict, verdict};
+use crate::vision::surroundings::Surroundings;
 
 /// Colour samples to be stored as a box's next version.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +24,8 @@ pub struct NewPalette {
     pub samples: Vec<u8>,
     /// How well the colours can be relied on.
     pub report: PaletteReport,
+    /// What stands still in the marked pictures; `None` if they are too small.
+    pub surroundings: Option<Surroundings>,
 }
 
 /// Number of colour samples for a label.

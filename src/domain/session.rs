@@ -11,6 +11,7 @@ use super::named;
 use super::text::{FileName, TrackerName};
 use crate::ids::{BoxId, CalibrationId, PaletteId, ResultId, TaskId, TraineeId};
 use crate::motion::{PIPELINE_VERSION, features};
+use crate::vision::surroundings::Surroundings;
 
 named! {
     /// A session's status, for people.
@@ -25,6 +26,26 @@ named! {
         Done = "done",
         /// Could not be tracked; the problem says why.
         Failed = "failed",
+    }
+}
+
+named! {
+    /// The question whether a session's recording shows the box that it is filed under. Without one, nothing speaks against
+    /// the box.
+    BoxQuestion: "box question" {
+        /// A person has to say. Until then the session counts nowhere.
+        Asked = "asked",
+        /// A person said that it is this box.
+        ThisBox = "this_box",
+        /// A person said that it is another box: the session counts nowhere.
+        OtherBox = "other_box",
+    }
+}
+
+impl BoxQuestion {
+    /// Does a session with this answer count?
+    pub fn counts(self) -> bool {
+        self == BoxQuestion::ThisBox
     }
 }
 
@@ -232,4 +253,6 @@ pub struct NewResult {
     pub diagnostics: Option<Blob>,
     /// A JPEG of one frame.
     pub preview: Option<Blob>,
+    /// What stands still in the recording; `None` where Trocar did not track the session, or the picture is too small.
+    pub surroundings: Option<Surroundings>,
 }

@@ -28,6 +28,8 @@ pub struct Attention {
     alarms: Vec<Alarm>,
     /// True if more people trained recently than were checked for alarms.
     more: bool,
+    /// Sessions that may show another box: until a person says whether it is the box, they count nowhere. At most 20.
+    box_asked: Vec<SessionToReview>,
     /// Sessions of the last 14 days that the quality gate refused, at most 20.
     refused: Vec<SessionToReview>,
     /// Unrated sessions of the last 14 days, of tasks whose sessions are rated; at most 20. Empty for trainees.
@@ -45,19 +47,21 @@ pub struct SessionToReview {
 
 /// Read what needs attention
 ///
-/// Lists alarms, refused sessions and unrated sessions. `GET /sessions?status=failed` lists failed sessions.
+/// Lists alarms, sessions that may show another box, refused sessions and unrated sessions. `GET /sessions?status=failed` lists failed sessions.
 #[utoipa::path(get, path = "/attention", tag = "trainees", responses((status = OK, body = Attention)))]
 pub async fn attention(State(app): State<App>, by: Member) -> HandlerResult<Json<Attention>> {
     let (sessions, now_ms) = (app.store.sessions(), app.clock.now_ms());
     let (since, rated_since) = (now_ms.saturating_sub(RECENT_MS), now_ms.saturating_sub(RATED_WINDOW_MS));
     let Alarms { items, more } = app.cohorts.alarms(&by.scope).await?;
     let refused = sessions.refused_since(&by.scope, since, MAX_SESSIONS).await?;
+    let box_asked = sessions.box_asked(&by.scope, MAX_SESSIONS).await?;
     let unrated = match by.scope.is_staff() {
         true => sessions.unrated_since(&by.scope, since, rated_since, MAX_SESSIONS).await?,
         false => Vec::new(),
     };
     let wanting = |sessions: Vec<AttentionItem>| sessions.into_iter().map(SessionToReview::from).collect();
-    Ok(Json(Attention { alarms: items, more, refused: wanting(refused), unrated: wanting(unrated) }))
+    let (box_asked, refused, unrated) = (wanting(box_asked), wanting(refused), wanting(unrated));
+    Ok(Json(Attention { alarms: items, more, box_asked, refused, unrated }))
 }
 
 impl From<AttentionItem> for SessionToReview {

@@ -93,7 +93,7 @@ const SELECT_MEMBERS: &str = "
 /// features `$6` (a JSON array of keys). The people are those of cohort `$3` in the scope; if `$3` is NULL, all in the
 /// scope. It goes from each person to their sessions and to each session's current result, along indices only. Each
 /// person is one row, because returning rows from SQLite costs more than building them there. Sessions that were
-/// measured by another program or set aside are left out.
+/// measured by another program or do not count are left out.
 pub(super) const SELECT_VALUES: &str = "
     SELECT member.id, member.handedness, result.calibration_id, result.pipeline,
            feature.name, feature.tool, feature.space, json_group_array(feature.value)
@@ -104,7 +104,7 @@ pub(super) const SELECT_VALUES: &str = "
           ORDER BY trainee.id DESC LIMIT $7) AS member
     CROSS JOIN session ON session.id IN
         (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = member.id AND recent.task_id = $4
-         AND NOT EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = recent.id)
+         AND NOT EXISTS (SELECT 1 FROM uncounted_session WHERE uncounted_session.session_id = recent.id)
          AND EXISTS (SELECT 1 FROM current_result AS counted WHERE counted.session_id = recent.id
                      AND counted.calibration_id IS NOT NULL AND counted.verdict IS NOT 'refused')
          ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $5)

@@ -17,7 +17,7 @@ use crate::domain::rescoring::{RescoringItemState, RescoringSource};
 use crate::domain::role::Role;
 use crate::domain::secret::{PasswordHash, SecretHash};
 use crate::domain::self_test::TrafficLight;
-use crate::domain::session::FeatureSpace;
+use crate::domain::session::{BoxQuestion, FeatureSpace};
 use crate::domain::standard::SessionJudgement;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
@@ -68,7 +68,7 @@ as_shown! {
     LeaseToken SelfTestId StandardId CohortId CourseId RatingId CommentId RescoringId ModelId EditId
     Name Login Code FileName TrackerName Paragraphs Remark BlobHash
     Day Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm
-    SessionJudgement RescoringSource RescoringItemState EditKind
+    SessionJudgement RescoringSource RescoringItemState EditKind BoxQuestion
 }
 
 as_text! {

@@ -1,8 +1,9 @@
 //! Edits of scored sessions: made and undone by staff, never deleted. People who may see a session see its edits, with
 //! their authors and reasons.
 //!
-//! A trim, a swap or a time correction makes a new result necessary; its job is queued in the same transaction. Trims and
-//! swaps are applied to the stored path. Other times change the path itself, so the recording is tracked again. Each of
+//! A trim, a swap, a time correction or an answer whether the recording shows its box makes a new result necessary; its job
+//! is queued in the same transaction. Trims and swaps are applied to the stored path, answers to the verdict on it. Other
+//! times change the path itself, so the recording is tracked again. Each of
 //! these edits that is made or undone increases the *revision* of the session's edits. A result names its revision, so that a result that
 //! was begun before an edit is noticed ([`enqueue_rescore_if_outdated`]).
 
@@ -63,7 +64,7 @@ pub struct EditRecord {
 pub struct SessionEdits {
     /// All of them, oldest first.
     pub items: Vec<EditRecord>,
-    /// Number of trims, swaps and time corrections made and undone so far.
+    /// Number of trims, swaps, time corrections and answers made and undone so far.
     pub revision: u64,
     /// Whether the score was made with the edits in force.
     pub score: ScoreState,
@@ -82,6 +83,8 @@ impl EditRecord {
             (EditKind::Swap, Some(span), Some(tools)) => Some(EditChange::Swap(tools.clone(), span)),
             (EditKind::Retime, ..) => time_of(self.true_frame_rate_hz, self.true_duration_s).map(EditChange::Retime),
             (EditKind::SetAside, ..) => Some(EditChange::SetAside),
+            (EditKind::ThisBox, ..) => Some(EditChange::ThisBox),
+            (EditKind::OtherBox, ..) => Some(EditChange::OtherBox),
             _ => None, // the schema ensures the fields that each kind needs
         }
     }
@@ -161,8 +164,11 @@ impl EditStore<'_> {
     pub async fn in_force(&self, session: SessionId) -> StoreResult<EditsInForce> {
         let items: Vec<EditRecord> =
             sqlx::query_as(SELECT_EDITS).bind(session).bind(MAX_EDITS).fetch_all(self.0.readers()).await?;
-        let changes = items.iter().filter(|edit| affects_path(edit.kind) && edit.undone_at_ms.is_none());
-        Ok(EditsInForce { revision: revision_of(&items), changes: changes.filter_map(EditRecord::change).collect() })
+        let in_force = items.iter().filter(|edit| affects_score(edit.kind) && edit.undone_at_ms.is_none());
+        let (answers, changes): (Vec<EditChange>, Vec<EditChange>) =
+            in_force.filter_map(EditRecord::change).partition(|change| change.box_answer().is_some());
+        let box_answer = answers.iter().find_map(EditChange::box_answer);
+        Ok(EditsInForce { revision: revision_of(&items), changes, box_answer })
     }
 
     /// Makes an edit. With `seen`, it is refused if an edit that changes the score was made or undone since that
@@ -181,6 +187,11 @@ impl EditStore<'_> {
                 "another program measured this session and set its times: correct them there, and import the table again",
             ));
         }
+        if is_import && change.box_answer().is_some() {
+            return Err(StoreError::refused(
+                "another program measured this session: whether the box is right is known there",
+            ));
+        }
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         let id = EditId::at(now_ms);
         self.0
@@ -188,12 +199,13 @@ impl EditStore<'_> {
                 let kind = change.kind();
                 refuse_if_open(tx, session, kind).await?;
                 let now = revision(tx, session).await?;
-                if affects_path(kind) && seen.is_some_and(|seen| seen != now) {
+                if affects_score(kind) && seen.is_some_and(|seen| seen != now) {
                     return Err(StoreError::refused(
                         "another person has edited this session meanwhile: reload it, then decide",
                     ));
                 }
                 insert(tx, (id, session, by.person()), &change, why, now_ms).await?;
+                settle_box_question(tx, session).await?;
                 enqueue_new_score(tx, session, kind, now_ms, attempts).await?;
                 note(tx, &by, now_ms, (kind.name(), "session"), session).await
             })
@@ -214,6 +226,7 @@ impl EditStore<'_> {
                 if update.rows_affected() == 0 {
                     return Ok(());
                 }
+                settle_box_question(tx, session).await?;
                 enqueue_new_score(tx, session, edit.kind, now_ms, attempts).await?;
                 note(tx, &by, now_ms, ("undo", "session_edit"), id).await
             })
@@ -246,7 +259,7 @@ async fn enqueue_new_score(
                 ));
             }
         }
-        EditKind::Trim | EditKind::Swap | EditKind::SetAside => {
+        EditKind::Trim | EditKind::Swap | EditKind::SetAside | EditKind::ThisBox | EditKind::OtherBox => {
             enqueue_rescore_if_outdated(tx, session, now_ms, max_attempts).await?;
         }
     }
@@ -292,6 +305,23 @@ pub(super) fn time_of(frame_rate_hz: Option<f64>, duration_s: Option<f64>) -> Op
     frame_rate_hz.map(TimeCorrection::FrameRate).or(duration_s.map(TimeCorrection::Duration))
 }
 
+const SETTLE_BOX_QUESTION: &str = "
+    UPDATE session SET box_question = CASE
+        WHEN EXISTS (SELECT 1 FROM session_edit
+                     WHERE session_id = $1 AND kind = 'other_box' AND undone_at_ms IS NULL) THEN 'other_box'
+        WHEN EXISTS (SELECT 1 FROM session_edit
+                     WHERE session_id = $1 AND kind = 'this_box' AND undone_at_ms IS NULL) THEN 'this_box'
+        WHEN (SELECT json_extract(quality, '$.recording.box.finding') FROM current_result
+              WHERE session_id = $1) = 'doubtful' THEN 'asked' END
+    WHERE id = $1";
+
+/// Sets whether a person has to say, or has said, that the session's recording shows its box. Called after each new result
+/// and each edit.
+pub(super) async fn settle_box_question(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<()> {
+    sqlx::query(SETTLE_BOX_QUESTION).bind(session).execute(tx).await?;
+    Ok(())
+}
+
 async fn insert(
     tx: &mut SqliteConnection,
     (id, session, person): (EditId, SessionId, Option<PersonId>),
@@ -302,17 +332,18 @@ async fn insert(
     let [from_s, to_s] = change.span().map_or([None; 2], |span| span.map(Some));
     let tools = match change {
         EditChange::Swap(tools, _) => Some(Json(tools)),
-        EditChange::Trim(_) | EditChange::Retime(_) | EditChange::SetAside => None,
+        _ => None,
     };
     let time = match change {
         EditChange::Retime(time) => Some(*time),
-        EditChange::Trim(_) | EditChange::Swap(..) | EditChange::SetAside => None,
+        _ => None,
     };
     let insert = sqlx::query(INSERT_EDIT);
     let insert = insert.bind(id).bind(session).bind(person).bind(change.kind()).bind(from_s).bind(to_s).bind(tools);
     let insert = insert.bind(time.and_then(TimeCorrection::frame_rate_hz));
     let insert = insert.bind(time.and_then(TimeCorrection::duration_s));
-    let insert = insert.bind(why).bind(now_ms).bind(MAX_EDITS).execute(tx).await.map_err(duplicate_or_missing)?;
+    let insert = insert.bind(why).bind(now_ms).bind(MAX_EDITS).execute(tx).await;
+    let insert = insert.map_err(|error| duplicate_or_missing(error, change.kind()))?;
     match insert.rows_affected() {
         0 => Err(StoreError::refused(format!(
             "the session was edited {MAX_EDITS} times, which is the limit for one session"
@@ -321,8 +352,11 @@ async fn insert(
     }
 }
 
-fn duplicate_or_missing(error: sqlx::Error) -> StoreError {
+fn duplicate_or_missing(error: sqlx::Error, kind: EditKind) -> StoreError {
     match error.as_database_error() {
+        Some(e) if e.is_unique_violation() && kind.is_box_answer() => {
+            StoreError::refused("whether it is this box is answered already: undo that answer first")
+        }
         Some(e) if e.is_unique_violation() => StoreError::refused("the session is already set aside"),
         _ => missing("session")(error),
     }
@@ -330,7 +364,7 @@ fn duplicate_or_missing(error: sqlx::Error) -> StoreError {
 
 /// Refuses an edit of the path while the session has no path or is being tracked.
 async fn refuse_if_open(tx: &mut SqliteConnection, session: SessionId, kind: EditKind) -> StoreResult<()> {
-    if !affects_path(kind) {
+    if !affects_score(kind) {
         return Ok(());
     }
     if matches!(tracking_state(tx, session).await?, Some(JobState::Queued | JobState::Running)) {
@@ -349,7 +383,7 @@ async fn tracking_state(tx: &mut SqliteConnection, session: SessionId) -> StoreR
 }
 
 /// True if the score depends on edits of this kind. Setting a session aside does not change its score.
-fn affects_path(kind: EditKind) -> bool {
+fn affects_score(kind: EditKind) -> bool {
     kind != EditKind::SetAside
 }
 
@@ -361,9 +395,9 @@ fn score_state(state: JobState) -> ScoreState {
     }
 }
 
-/// Number of trims, swaps and time corrections made and undone. It never decreases.
+/// Number of trims, swaps, time corrections and answers made and undone. It never decreases.
 fn revision_of(items: &[EditRecord]) -> u64 {
-    let of = |edit: &EditRecord| if affects_path(edit.kind) { 1 + u64::from(edit.undone_at_ms.is_some()) } else { 0 };
+    let of = |edit: &EditRecord| if affects_score(edit.kind) { 1 + u64::from(edit.undone_at_ms.is_some()) } else { 0 };
     items.iter().map(of).sum()
 }
 

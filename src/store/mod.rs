@@ -61,6 +61,7 @@ mod self_tests;
 mod sessions;
 mod skill_models;
 mod standards;
+mod surroundings;
 mod tasks;
 mod tokens;
 mod trainees;
@@ -102,6 +103,7 @@ pub use sessions::{
 };
 pub use skill_models::{DeclaredSession, NewSkillModel, SkillModelRecord, SkillModelStore};
 pub use standards::{StandardRecord, StandardStore};
+pub use surroundings::SurroundingsStore;
 pub use tasks::{TaskRecord, TaskStore};
 pub use tokens::{ActsAs, NewToken, TokenRecord, TokenStore};
 pub use trainees::{TraineeRecord, TraineeStore};
@@ -342,6 +344,8 @@ accessors! {
     comments: CommentStore;
     /// Edits of scored sessions.
     edits: EditStore;
+    /// What stands still in boxes and recordings.
+    surroundings: SurroundingsStore;
     /// Rescoring orders.
     rescorings: RescoringStore;
     /// Jobs that are queued, running or ended.

@@ -99,13 +99,13 @@ type GivenRow = (SessionId, i64, TraineeId, PersonId, Json<Vec<ItemMark>>);
 type RatedResultRow = (ResultId, SessionId, Option<Handedness>, String, CalibrationId);
 type RatedValueRow = (ResultId, String, Option<String>, FeatureSpace, f64);
 
-/// Selects the latest blind rating on form `$4` by each rater of each session of task `$3` that is not set aside;
+/// Selects the latest blind rating on form `$4` by each rater of each session of task `$3` that counts;
 /// newest sessions first, at most `$5`.
 const SELECT_BLIND_RATINGS: &str = "
     SELECT session.id, session.recorded_at_ms, session.trainee_id, rating.person_id, rating.items
     FROM session CROSS JOIN rating ON rating.session_id = session.id AND rating.form = $4
     WHERE session.task_id = $3 AND rating.is_blind = 1 AND rating.person_id IS NOT NULL
-      AND NOT EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id)
+      AND NOT EXISTS (SELECT 1 FROM uncounted_session WHERE uncounted_session.session_id = session.id)
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND rating.form_version = (SELECT max(form_version) FROM rating AS any WHERE any.form = $4)

@@ -74,8 +74,14 @@ impl TestCentre {
         self.store.jobs().enqueue(&Scope::service(), JobInput::Palette(input)).await.unwrap();
         let lease = self.claim().await.unwrap();
         let tools = annotations.marked_tools().unwrap().into_iter().map(Into::into).collect();
-        let new =
-            NewPalette { annotations, tools, counts: vec![], samples: vec![1, 2, 3], report: PaletteReport::default() };
+        let new = NewPalette {
+            annotations,
+            tools,
+            counts: vec![],
+            samples: vec![1, 2, 3],
+            report: PaletteReport::default(),
+            surroundings: None,
+        };
         self.store.jobs().finish_palette(&lease, new).await.unwrap();
     }
 
@@ -162,6 +168,7 @@ impl TestCentre {
             trajectory: Blob::of(format!("trajectory of {session}").as_bytes()),
             diagnostics: Some(Blob::of(format!("diagnostics of {session}").as_bytes())),
             preview: None,
+            surroundings: None,
         }
     }
 }

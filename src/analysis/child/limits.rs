@@ -1,6 +1,7 @@
 //! Limits of records that several kinds of work share.
 
 use crate::media::MediaLimits;
+use crate::vision::surroundings::Surroundings;
 use crate::vision::trajectory::Sample;
 
 /// Longest texts of a problem, characters: slug, title, detail.
@@ -40,6 +41,14 @@ pub(super) fn set_size(
         return Err(format!("a picture of {width}×{height} pixels"));
     }
     set_once(slot, (width, height), "recording")
+}
+
+/// Keeps a picture of surroundings.
+pub(super) fn accept_surroundings(slot: &mut Option<Surroundings>, picture: Surroundings) -> Result<(), String> {
+    if !picture.is_possible() {
+        return Err("an impossible picture of surroundings".into());
+    }
+    set_once(slot, picture, "picture of surroundings")
 }
 
 pub(super) fn set_once<T>(slot: &mut Option<T>, value: T, what: &str) -> Result<(), String> {

@@ -7,12 +7,13 @@ use std::io::BufReader;
 
 use serde::{Deserialize, Serialize};
 
-use super::limits::{MAX_TEXT_CHARS, is_plausible_number, set_once};
+use super::limits::{MAX_TEXT_CHARS, accept_surroundings, is_plausible_number, set_once};
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord, explain, no_input};
 use crate::analysis::marked::{MarkedFrames, group_into_strokes};
 use crate::domain::palette::PaletteReport;
 use crate::media::{MediaLimits, Picture, VideoFile, photo};
 use crate::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
+use crate::vision::surroundings::Surroundings;
 
 /// Frames between two signs of life.
 const FRAMES_PER_ALIVE: u64 = 32;
@@ -49,6 +50,8 @@ pub enum PaletteWorkRecord {
     Samples(ColourSamples),
     /// The report on them.
     Report(PaletteReport),
+    /// What stands still in the pictures.
+    Surroundings(Surroundings),
 }
 
 /// What is kept of marked colours.
@@ -58,6 +61,8 @@ pub struct PaletteOutput {
     pub samples: Option<ColourSamples>,
     /// The report on them.
     pub report: Option<PaletteReport>,
+    /// What stands still in the pictures.
+    pub surroundings: Option<Surroundings>,
 }
 
 impl ChildTask for PaletteWork {
@@ -72,6 +77,9 @@ impl ChildTask for PaletteWork {
         }
         let samples = marked.samples().ok_or_else(no_input)?.clone();
         reporter.record(WorkRecord::Palette(PaletteWorkRecord::Samples(samples)))?;
+        if let Some(surroundings) = marked.surroundings() {
+            reporter.record(WorkRecord::Palette(PaletteWorkRecord::Surroundings(surroundings)))?;
+        }
         let report = marked.report(&self.tools).ok_or_else(no_input)?;
         Ok(reporter.record(WorkRecord::Palette(PaletteWorkRecord::Report(report)))?)
     }
@@ -94,6 +102,7 @@ impl ChildTask for PaletteWork {
                 set_once(&mut output.samples, samples, "palette")?;
             }
             PaletteWorkRecord::Report(report) => accept_report(&mut output.report, report)?,
+            PaletteWorkRecord::Surroundings(picture) => accept_surroundings(&mut output.surroundings, picture)?,
         }
         Ok(ChildEvent::Nothing)
     }

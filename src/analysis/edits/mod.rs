@@ -134,7 +134,7 @@ pub fn check_edit(paths: &SessionPaths, in_force: &EditsInForce, new: EditChange
         ))
     };
     match new {
-        EditChange::Retime(_) | EditChange::SetAside => Ok(new),
+        EditChange::Retime(_) | EditChange::SetAside | EditChange::ThisBox | EditChange::OtherBox => Ok(new),
         EditChange::Swap(tools, span) => {
             if let Some(unknown) = tools.iter().find(|tool| !paths.tools.contains(tool)) {
                 let known = paths.tools.join("`, `");
@@ -192,7 +192,7 @@ impl Swaps {
         let index = |name: &String| paths.tools.iter().position(|tool| tool == name).map(|index| index as u32);
         let swap = |change: &EditChange| match change {
             EditChange::Swap([one, other], span) => Some(([index(one)?, index(other)?], *span)),
-            EditChange::Trim(_) | EditChange::Retime(_) | EditChange::SetAside => None,
+            _ => None,
         };
         Self(changes.iter().filter_map(swap).collect())
     }

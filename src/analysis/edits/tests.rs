@@ -183,8 +183,9 @@ fn stored_diagnostics_give_the_same_reasons_as_the_childs_output() {
 #[test]
 fn an_edit_is_brought_within_the_recording_or_refused() {
     let (paths, _) = paths();
-    let fits =
-        |in_force: Vec<EditChange>, new| check_edit(&paths, &EditsInForce { revision: 1, changes: in_force }, new);
+    let fits = |in_force: Vec<EditChange>, new| {
+        check_edit(&paths, &EditsInForce { revision: 1, changes: in_force, box_answer: None }, new)
+    };
     let trim = EditChange::Trim;
     assert_eq!(fits(vec![], trim([3.0, 999.0])), Ok(trim([3.0, 249.0 * STEP_S])));
     for (in_force, new) in [

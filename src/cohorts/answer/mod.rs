@@ -63,6 +63,10 @@ named! {
     SetAside: "reason" {
         /// A user has set it aside; `GET /sessions/{id}/edits` says who, when and why.
         ByHand = "by_hand",
+        /// It may show another box: a person has to say.
+        BoxAsked = "box_asked",
+        /// A person said that it shows another box.
+        OtherBox = "other_box",
         /// It is not tracked yet.
         Pending = "pending",
         /// It could not be tracked.

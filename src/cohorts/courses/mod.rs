@@ -245,7 +245,7 @@ impl CourseContext {
     fn progress_by_sessions(&self, asked: usize, practice: &Practice) -> StepProgress {
         let since_ms = self.begins.start_ms();
         let counts = |session: &&PracticeSession| {
-            !session.is_set_aside && session.status != SessionStatus::Receiving && session.recorded_at_ms >= since_ms
+            !session.is_uncounted && session.status != SessionStatus::Receiving && session.recorded_at_ms >= since_ms
         };
         let counted: Vec<&PracticeSession> = practice.sessions.iter().filter(counts).collect();
         let last = asked.checked_sub(1).and_then(|last| counted.get(last));
@@ -256,7 +256,7 @@ impl CourseContext {
 }
 
 fn progress_by_standard(practice: &Practice, judged: &Judged) -> StepProgress {
-    let practised = practice.sessions.iter().filter(|session| !session.is_set_aside).count();
+    let practised = practice.sessions.iter().filter(|session| !session.is_uncounted).count();
     let passed = judged.passed.as_ref().and_then(|passed| {
         let session = judged.sessions.iter().find(|step| step.number == passed.session)?;
         Some(StepPassed { session: session.id, at: session.recorded_at.clone() })

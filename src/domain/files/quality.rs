@@ -6,7 +6,9 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::motion::quality::{Concern, Displacement, Figures, NoiseFloor, QualityVerdict, SessionFigures, ToolFigures};
+use crate::motion::quality::{
+    BoxMatch, Concern, Displacement, Figures, NoiseFloor, QualityVerdict, SessionFigures, ToolFigures,
+};
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::reason::MissReason;
 use crate::vision::tracker::{EffectiveDiameter, Quality, ToolQuality};
@@ -74,6 +76,28 @@ pub struct RecordingDocument {
     pub calibration_rms_px: Option<f64>,
     /// How far the camera has moved since earlier sessions; `null` where it has not moved or this is unknown.
     pub camera_shift: Option<ShiftDocument>,
+    /// Whether the recording shows the box that it is filed under; absent for a recording that belongs to no box.
+    #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
+    pub box_match: Option<BoxMatchDocument>,
+}
+
+/// Whether a recording shows the box that it is filed under.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct BoxMatchDocument {
+    /// `same`: it does. `moved`: it does, and the camera has moved a little. `doubtful`: it may show another box, and a
+    /// person has to say. `unknown`: the box has no pictures of its own, or they have too little structure, and too few
+    /// trocars are known.
+    pub finding: &'static str,
+    /// Correlation of its surroundings with the box's own pictures; `null` where there are none.
+    pub correlation: Option<f64>,
+    /// The correlation that mirrored pictures reach; `null` where the correlation leaves no doubt.
+    pub chance: Option<f64>,
+    /// Share of the picture with structure.
+    pub structured: Option<f64>,
+    /// Shift of the picture, share of its longer side.
+    pub shift: Option<f64>,
+    /// Displacement of all trocars from those of earlier sessions; `null` where they are in place or unknown.
+    pub trocars: Option<ShiftDocument>,
 }
 
 /// One tool's tracking quality.
@@ -214,6 +238,20 @@ impl From<&SessionFigures> for RecordingDocument {
             white_drift_codes: session.white_drift_codes,
             calibration_rms_px: session.calibration_rms_px,
             camera_shift: session.camera_shift.map(ShiftDocument::from),
+            box_match: session.box_match.map(BoxMatchDocument::from),
+        }
+    }
+}
+
+impl From<BoxMatch> for BoxMatchDocument {
+    fn from(BoxMatch { finding, resemblance, ports, .. }: BoxMatch) -> Self {
+        Self {
+            finding: finding.name(),
+            correlation: resemblance.map(|of| of.correlation),
+            chance: resemblance.and_then(|of| of.chance),
+            structured: resemblance.map(|of| of.structured),
+            shift: resemblance.map(|of| of.shift),
+            trocars: ports.displacement().map(ShiftDocument::from),
         }
     }
 }

@@ -1,4 +1,5 @@
-//! Edits of a scored session: trim it, swap the names of its tools, correct its times, set it aside. Each edit can be undone.
+//! Edits of a scored session: trim it, swap the names of its tools, correct its times, set it aside, say whether it shows its
+//! box. Each edit can be undone.
 
 use axum::extract::State;
 use serde::Serialize;
@@ -117,7 +118,7 @@ pub async fn edits(State(app): State<App>, by: Member, at: PathKey) -> HandlerRe
     Ok(Json(app.store.edits().of_session(&by.scope, at.id()?).await?.into()))
 }
 
-/// Trim a session, swap the names of two tools over a stretch, correct its times, or set the session aside
+/// Trim a session, swap the names of two tools over a stretch, correct its times, set it aside, or say whether it shows its box
 ///
 /// An edit changes no measurement. After a trim or a swap, the service computes a new result from the stored path and
 /// keeps the old ones. Features, quality, evidence and advice of the new result, and of every later one until the edit
@@ -129,6 +130,10 @@ pub async fn edits(State(app): State<App>, by: Member, at: PathKey) -> HandlerRe
 /// and comments keep their places in the recording.
 ///
 /// A session that is set aside keeps its score, but counts in no progress, cohort, standard, model or correlation.
+///
+/// `this_box` and `other_box` answer the `box_question` of a session. After `this_box` the session counts, and later
+/// recordings with the same surroundings are not asked about. After `other_box` its values are withheld and it counts
+/// nowhere; upload the recording again under its box. Undo an answer before giving the other one.
 #[utoipa::path(post, path = "/sessions/{id}/edits", tag = "sessions",
     params(("id" = String, Path, description = "id")), request_body = NewEdit,
     responses((status = CREATED, body = EditResponse)))]
@@ -142,7 +147,7 @@ pub async fn edit(
     let change = new.change()?;
     app.store.sessions().get(&by.scope, session).await?;
     let (change, seen) = match change {
-        EditChange::SetAside => (change, None),
+        EditChange::SetAside | EditChange::ThisBox | EditChange::OtherBox => (change, None),
         EditChange::Retime(time) => {
             app.check_time(&by.scope, session, time).await?;
             (change, None)

@@ -8,6 +8,7 @@ use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
 use crate::domain::files::features::TableFormat;
+use crate::domain::session::BoxQuestion;
 use crate::domain::xapi::{self, ScoredSession, Statement};
 use crate::http::auth::signed_in::Member;
 use crate::http::error::HandlerResult;
@@ -50,7 +51,8 @@ pub async fn features(
 /// Read a session as an xAPI statement
 ///
 /// It conforms to versions 1.0.3 and 2.0 of the specification. The actor is an account of this service, identified by
-/// the trainee's id. The verb is `passed` or `failed` if the task's standard could judge the session, else `completed`.
+/// the trainee's id. The verb is `passed` or `failed` if the task's standard could judge the session, else `completed`, as
+/// of a session that may show another box.
 /// Unknown values are absent.
 #[utoipa::path(get, path = "/sessions/{id}/xapi", tag = "sessions", params(("id" = String, Path, description = "id")),
     responses((status = OK, body = Statement)))]
@@ -73,6 +75,7 @@ pub fn statement(
     result: &SessionResult,
     standard: Option<&StandardRecord>,
 ) -> Statement {
+    let standard = standard.filter(|_| session.box_question.is_none_or(BoxQuestion::counts));
     let judged = |standard: &StandardRecord| {
         let hand = session.trainee_handedness;
         (standard.version, standard.definition.judge(&result.features, &result.versions.pipeline, hand))

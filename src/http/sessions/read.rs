@@ -10,7 +10,7 @@ use utoipa::IntoParams;
 
 use super::show::SessionResponse;
 use crate::domain::scope::Scope;
-use crate::domain::session::SessionStatus;
+use crate::domain::session::{BoxQuestion, SessionStatus};
 use crate::domain::text::Key;
 use crate::events::Event;
 use crate::http::auth::signed_in::{Member, Staff};
@@ -104,7 +104,8 @@ impl App {
         let (handedness, of) = (session.trainee_handedness, (session.task_id, session.trainee_id));
         let result = self.store.sessions().result(scope, session.id).await?;
         let standard = self.store.standards().in_use(scope, session.task_id).await?;
-        let verdict = match &result {
+        let counts = session.box_question.is_none_or(BoxQuestion::counts);
+        let verdict = match result.as_ref().filter(|_| counts) {
             Some(result) => Some(self.cohorts.verdict(scope, of, result).await?),
             None => None,
         };

@@ -8,7 +8,7 @@ use crate::domain::feature::StoredFeatureKey;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::problem;
 use crate::domain::session::{
-    FeatureError, FeatureRow, FeatureSpace, LiveFeature, ResultClock, SessionStatus, Versions,
+    BoxQuestion, FeatureError, FeatureRow, FeatureSpace, LiveFeature, ResultClock, SessionStatus, Versions,
 };
 use crate::domain::skill::SkillVerdict;
 use crate::domain::standard::{Better, Judgement, ValueToJudge};
@@ -34,6 +34,10 @@ pub struct SessionResponse {
     status: SessionStatus,
     /// True if the session was set aside and counts nowhere. `GET /sessions/{id}/edits` gives person, time and reason.
     set_aside: bool,
+    /// `asked`: the recording may show another box; until staff say whether it does, the session counts nowhere and its
+    /// lengths are not promised. Answer with an edit `this_box` or `other_box`. `this_box`, `other_box`: the answer.
+    /// `null`: nothing speaks against the box.
+    box_question: Option<BoxQuestion>,
     /// Share that is tracked, 0 to 1.
     progress: f64,
     /// Position in the queue, from 1; `null` if it does not wait there.
@@ -52,7 +56,8 @@ pub struct SessionResponse {
     live_features: Option<Vec<LiveFeature>>,
     /// Always `null`: reserved for a rank in a reference cohort. `verdict` and the task's standards judge a session.
     score: Option<Value>,
-    /// Verdict of the task's model of skill, or why it gives none; `null` in lists, and while there is no result.
+    /// Verdict of the task's model of skill, or why it gives none; `null` in lists, while there is no result, and for a
+    /// session that may show another box.
     verdict: Option<SkillVerdict>,
     /// What was observed, predicted and missed, and whether the features are trustworthy: features of a refused session
     /// have no values. Results of earlier versions have fewer fields.
@@ -174,6 +179,7 @@ impl SessionResponse {
             created_at: Time(session.created_at_ms),
             status,
             set_aside: session.is_set_aside,
+            box_question: session.box_question,
             video,
             tools: Vec::new(),
             features: Vec::new(),
@@ -195,8 +201,9 @@ impl SessionResponse {
         Self { live_features, ..self }
     }
 
-    /// Judges the features by the task's standard.
+    /// Judges the features by the task's standard, unless the session may show another box.
     pub fn judged_by(mut self, standard: Option<&store::StandardRecord>, handedness: Option<Handedness>) -> Self {
+        let standard = standard.filter(|_| self.box_question.is_none_or(BoxQuestion::counts));
         if let (Some(standard), Some(versions)) = (standard, &self.versions) {
             self.features.iter_mut().for_each(|feature| feature.judge(standard, &versions.pipeline, handedness));
         }

@@ -7,11 +7,11 @@ use sqlx::types::Json;
 use super::super::calibrations::{self, CalibrationRecord};
 use super::super::columns::integer;
 use super::super::comments::scale_comments;
-use super::super::edits::{revision, scale_edits, time_in_force};
+use super::super::edits::{revision, scale_edits, settle_box_question, time_in_force};
 use super::super::error::StoreResult;
 use super::super::palettes::{self, PaletteRecord};
 use super::super::sessions::evidence;
-use super::super::{StoreError, blobs, self_tests};
+use super::super::{StoreError, blobs, self_tests, surroundings};
 use super::enqueue::{current_result, enqueue_rescore_if_outdated, enqueue_waiting_sessions};
 use super::lease::end_as_done;
 use super::{JobStore, Lease};
@@ -48,11 +48,15 @@ impl JobStore<'_> {
                     return Ok(());
                 }
                 let ratio = factor_of(result.video.clock) / current_factor(tx, session).await?;
+                if let Some(picture) = &result.surroundings {
+                    surroundings::insert_of_session(tx, session, picture).await?;
+                }
                 let is_new = insert_result(tx, (session, id, time_revision), result, now_ms).await?;
                 if is_new && ratio != 1.0 {
                     scale_edits(tx, session, ratio).await?;
                     scale_comments(tx, session, ratio).await?;
                 }
+                settle_box_question(tx, session).await?;
                 enqueue_rescore_if_outdated(tx, session, now_ms, attempts).await?;
                 Ok(())
             })
@@ -69,10 +73,11 @@ impl JobStore<'_> {
             .write(async move |tx| {
                 end_as_done(tx, id, token, now_ms).await?;
                 let current = current_result(tx, session).await?.map(|current| current.id);
-                match current == Some(score.from) && score.edits == revision(tx, session).await? {
-                    true => insert_score(tx, id, score, now_ms).await,
-                    false => Ok(()),
+                if current != Some(score.from) || score.edits != revision(tx, session).await? {
+                    return Ok(());
                 }
+                insert_score(tx, id, score, now_ms).await?;
+                settle_box_question(tx, session).await
             })
             .await
     }
@@ -111,7 +116,11 @@ impl JobStore<'_> {
         self.0
             .write(async move |tx| {
                 end_as_done(tx, id, token, now_ms).await?;
+                let picture = new.surroundings.clone();
                 let palette = palettes::insert(tx, of, new, now_ms).await?;
+                if let Some(picture) = picture {
+                    surroundings::insert_of_palette(tx, palette.id, &picture).await?;
+                }
                 enqueue_waiting_sessions(tx, of, now_ms, attempts).await?;
                 Ok(palette)
             })

@@ -19,12 +19,14 @@ pub(super) use enqueue::{
 pub(super) use lease::CLAIM; // for the test of its query plan
 pub use lease::{Lease, SweepResult};
 
+use sqlx::types::Json;
+
 use super::audit::note;
 use super::error::{StoreError, StoreResult, not_found};
 use super::page::{Page, PageRequest};
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store};
-use crate::domain::job::{JobInput, JobKind, JobState};
+use crate::domain::job::{JobInput, JobKind, JobState, PaletteInput};
 use crate::domain::palette::PaletteAdvice;
 use crate::domain::problem::Problem;
 use crate::ids::{BoxId, JobId, SessionId};
@@ -93,6 +95,9 @@ const GET: &str = "
     SELECT * FROM job
     WHERE id = $3 AND EXISTS (SELECT 1 FROM visible_job WHERE role = $1 AND subject IS $2 AND job_id = job.id)";
 
+const DONE_PALETTE_INPUTS: &str = "
+    SELECT input FROM job WHERE box_id = $1 AND kind = 'palette' AND state = 'done' ORDER BY created_at_ms DESC LIMIT 100";
+
 const COUNTS: &str = "
     SELECT (SELECT count(*) FROM job WHERE state = 'queued') AS queued,
            (SELECT count(*) FROM job WHERE state = 'running') AS running,
@@ -120,6 +125,17 @@ impl JobStore<'_> {
         let rows = sqlx::query_as(LIST).bind_scope(scope).bind(page.after()).bind(open).bind(page.row_limit());
         let rows = rows.fetch_all(self.0.readers()).await?;
         Ok(Page::from_rows(rows, page, |job: &JobRecord| job.id.to_string()))
+    }
+
+    /// The marks that a box's colours were learned from, the latest first; at most 100.
+    pub async fn done_palette_inputs(&self, of: BoxId) -> StoreResult<Vec<PaletteInput>> {
+        let rows: Vec<Json<JobInput>> =
+            sqlx::query_scalar(DONE_PALETTE_INPUTS).bind(of).fetch_all(self.0.readers()).await?;
+        let marks = |Json(input): Json<JobInput>| match input {
+            JobInput::Palette(input) => Some(input),
+            _ => None,
+        };
+        Ok(rows.into_iter().filter_map(marks).collect())
     }
 
     /// One job.

@@ -40,6 +40,18 @@ const SELECT_REFUSED: &str = "
       AND session.verdict = 'refused'
     ORDER BY session.created_at_ms DESC, session.id DESC LIMIT $4";
 
+const SELECT_BOX_ASKED: &str = "
+    SELECT session.id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
+           session.task_id, task.name AS task_name, task.code AS task_code, session.recorded_at_ms
+    FROM session
+    JOIN trainee ON trainee.id = session.trainee_id
+    JOIN task ON task.id = session.task_id
+    WHERE session.box_question = 'asked'
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND NOT EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id)
+    ORDER BY session.created_at_ms DESC, session.id DESC LIMIT $3";
+
 const SELECT_UNRATED: &str = "
     SELECT session.id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
            session.task_id, task.name AS task_name, task.code AS task_code, session.recorded_at_ms
@@ -60,6 +72,13 @@ impl SessionStore<'_> {
     pub async fn refused_since(&self, scope: &Scope, since_ms: i64, most: u32) -> StoreResult<Vec<AttentionItem>> {
         let rows = sqlx::query_as(SELECT_REFUSED);
         Ok(rows.bind_scope(scope).bind(since_ms).bind(most).fetch_all(self.0.readers()).await?)
+    }
+
+    /// Sessions that may show another box and that no person has answered for, latest first, at most `most`: they wait until
+    /// they are answered, however long.
+    pub async fn box_asked(&self, scope: &Scope, most: u32) -> StoreResult<Vec<AttentionItem>> {
+        let rows = sqlx::query_as(SELECT_BOX_ASKED);
+        Ok(rows.bind_scope(scope).bind(most).fetch_all(self.0.readers()).await?)
     }
 
     /// Sessions without a rating, of tasks with at least one rating since `rated_since_ms`: other tasks are not rated

@@ -29,7 +29,7 @@ use super::{Scope, Store};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::job::JobState;
 use crate::domain::problem::Problem;
-use crate::domain::session::SessionStatus;
+use crate::domain::session::{BoxQuestion, SessionStatus};
 use crate::domain::text::{Code, FileName, Key, Name, TrackerName};
 use crate::domain::trainee::Handedness;
 use crate::ids::{BoxId, JobId, SessionId, TaskId, TraineeId};
@@ -89,6 +89,8 @@ pub struct SessionRecord {
     pub job_problem: Option<Problem>,
     /// True if staff set the session aside, so that it counts nowhere.
     pub is_set_aside: bool,
+    /// Whether it shows its box, if that was asked; a session that is asked about counts nowhere.
+    pub box_question: Option<BoxQuestion>,
     /// Does its box have a camera?
     pub box_has_camera: bool,
     /// Does its box have colours?
@@ -109,7 +111,7 @@ pub struct SessionFilter {
     pub in_box: Option<Key>,
     /// Only sessions with this status.
     pub status: Option<SessionStatus>,
-    /// Only sessions that are not set aside.
+    /// Only sessions that count: neither set aside, nor of a box that is asked about.
     pub only_counting: bool,
 }
 
@@ -160,7 +162,7 @@ const SELECT_SESSIONS: &str = "
                               WHEN job_state IN ('failed', 'quarantined') THEN 'failed'
                               ELSE 'queued' END)
       AND ($7 IS NULL OR id < $7)
-      AND (NOT $8 OR NOT is_set_aside)
+      AND (NOT $8 OR NOT EXISTS (SELECT 1 FROM uncounted_session WHERE uncounted_session.session_id = session_record.id))
     ORDER BY id DESC LIMIT $9";
 
 const SELECT_SESSION: &str = "

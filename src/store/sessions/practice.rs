@@ -11,7 +11,7 @@ use super::super::visibility::BindScope;
 use super::SessionStore;
 use crate::domain::feature::FeatureKey;
 use crate::domain::job::JobState;
-use crate::domain::session::{FeatureSpace, SessionStatus};
+use crate::domain::session::{BoxQuestion, FeatureSpace, SessionStatus};
 use crate::domain::text::Key;
 use crate::ids::{CalibrationId, ResultId, SessionId, TaskId, TraineeId};
 use crate::motion::features::Feature;
@@ -44,8 +44,10 @@ pub struct PracticeSession {
     pub recorded_at_ms: i64,
     /// Its status.
     pub status: SessionStatus,
-    /// Is it set aside?
-    pub is_set_aside: bool,
+    /// Does it count nowhere: set aside, asked about, or of another box?
+    pub is_uncounted: bool,
+    /// Whether it shows its box, if that was asked.
+    pub box_question: Option<BoxQuestion>,
     /// Its latest result.
     pub result: Option<PracticeResult>,
     /// The values of the requested features in that result.
@@ -80,6 +82,7 @@ struct PracticeRow {
     recorded_at_ms: i64,
     is_whole: bool,
     counts: bool,
+    box_question: Option<BoxQuestion>,
     job_state: Option<JobState>,
     result_id: Option<ResultId>,
     pipeline: Option<String>,
@@ -242,7 +245,8 @@ impl PracticeRow {
             id: self.id,
             recorded_at_ms: self.recorded_at_ms,
             status: if self.is_whole { self.job_state.into() } else { SessionStatus::Receiving },
-            is_set_aside: !self.counts,
+            is_uncounted: !self.counts,
+            box_question: self.box_question,
             measured: self.result_id.and_then(|result| measured.remove(&result)).unwrap_or_default(),
             result: self.pipeline.map(|pipeline| PracticeResult { pipeline, calibration, refused }),
         }

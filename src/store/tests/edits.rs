@@ -12,11 +12,12 @@ use crate::domain::job::JobInput;
 use crate::domain::problem::Problem;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
-use crate::domain::session::{FeatureSpace, NewResult, NewScore, NewSession, ResultClock, VideoFacts};
+use crate::domain::session::{BoxQuestion, FeatureSpace, NewResult, NewScore, NewSession, ResultClock, VideoFacts};
 use crate::domain::text::Key;
 use crate::ids::{SessionId, TraineeId};
 use crate::motion::PIPELINE_VERSION;
 use crate::motion::features::time::DURATION;
+use crate::motion::quality::BoxAnswer;
 use crate::rescoring;
 use crate::store::testing::{NOW_MS, TestCentre, duration};
 use crate::store::{EditRecord, Lease, PageRequest, SessionResult, StoreError};
@@ -305,7 +306,7 @@ async fn what_is_set_aside_is_in_no_cohort_no_model_and_no_practice_that_counts(
     let edit = add(&centre, second, EditChange::SetAside).await.unwrap();
     assert_eq!((values().await, declared().await), (vec![40.0], 1), "the last one that counts");
     let practice = centre.store.sessions().practice(&service, ana, centre.task.id, &[&DURATION], 9).await.unwrap();
-    let shown: Vec<(SessionId, bool)> = practice.sessions.iter().map(|one| (one.id, one.is_set_aside)).collect();
+    let shown: Vec<(SessionId, bool)> = practice.sessions.iter().map(|one| (one.id, one.is_uncounted)).collect();
     assert_eq!(shown, [(first, false), (second, true)]);
     let rated = centre.store.ratings().values(&service, &[first, second]).await.unwrap();
     assert!(rated.iter().all(|value| value.session == first) && !rated.is_empty());
@@ -334,4 +335,44 @@ async fn trainees_see_only_their_own_edits_and_make_none() {
     }
     centre.store.sessions().erase(&Scope::service(), session).await.unwrap();
     assert_eq!(centre.store.check().await.unwrap(), Vec::<String>::new(), "erased with its session");
+}
+
+#[tokio::test]
+async fn a_session_that_may_show_another_box_counts_only_after_the_answer_that_it_is_this_one() {
+    let (centre, ana, first) = practised().await;
+    let second = centre.session(ana, "a recording of another box").await.id;
+    let lease = centre.claim().await.unwrap();
+    let quality = json!({"verdict": "usable_with_care", "recording": {"box": {"finding": "doubtful"}}});
+    let result = NewResult { quality, features: vec![duration(90.0, 1.0)], ..centre.result(second).await };
+    centre.store.jobs().finish_track(&lease, result).await.unwrap();
+    let service = Scope::service();
+    let new = serde_json::from_value(json!({"name": "Listed", "members": [ana]})).unwrap();
+    let cohort = centre.store.cohorts().create(&service, new).await.unwrap();
+    let key = FeatureKey { feature: &DURATION, tool: None, space: FeatureSpace::Space3d };
+    let found = async || {
+        let rows =
+            centre.store.cohorts().values(cohort.id, centre.task.id, 9, std::slice::from_ref(&key)).await.unwrap();
+        let practice = centre.store.sessions().practice(&service, ana, centre.task.id, &[], 9).await.unwrap();
+        let counted = practice.sessions.iter().filter(|one| !one.is_uncounted).count();
+        let rated = centre.store.ratings().values(&service, &[first, second]).await.unwrap();
+        let question = centre.store.sessions().get(&service, second).await.unwrap().box_question;
+        let asked = centre.store.sessions().box_asked(&service, 9).await.unwrap().len();
+        (question, [rows.len(), counted, rated.len(), asked])
+    };
+    assert_eq!(found().await, (Some(BoxQuestion::Asked), [1, 1, 1, 1]));
+    let other = add(&centre, second, EditChange::OtherBox).await.unwrap();
+    assert_eq!(found().await, (Some(BoxQuestion::OtherBox), [1, 1, 1, 0]));
+    let twice = add(&centre, second, EditChange::ThisBox).await.unwrap_err();
+    assert!(twice.to_string().contains("answered already"), "{twice}");
+    centre.store.edits().undo(&service, second, other.id).await.unwrap();
+    assert_eq!(found().await, (Some(BoxQuestion::Asked), [1, 1, 1, 1]));
+    add(&centre, second, EditChange::ThisBox).await.unwrap();
+    assert_eq!(found().await, (Some(BoxQuestion::ThisBox), [2, 2, 2, 0]));
+    let in_force = centre.store.edits().in_force(second).await.unwrap();
+    assert_eq!((in_force.revision, in_force.changes), (3, vec![]), "an answer changes the verdict, not the path");
+    assert_eq!(in_force.box_answer, Some(BoxAnswer::ThisBox));
+    let audit = centre.store.audit().list(&service, &PageRequest::default()).await.unwrap().items;
+    for action in ["other_box", "undo", "this_box"] {
+        assert!(audit.iter().any(|entry| entry.action == action), "{action}");
+    }
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::limits::{MAX_TEXT_CHARS, is_plausible_number, is_plausible_row, set_once};
+use super::limits::{MAX_TEXT_CHARS, accept_surroundings, is_plausible_number, is_plausible_row, set_once};
 use super::preview::Preview;
 use super::recording::{FrameReporter, RecordingOutput, RecordingRecord};
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord, explain};
@@ -18,6 +18,7 @@ use crate::heap;
 use crate::media::{MediaError, MediaLimits, Picture, ReadAhead, VideoFile};
 use crate::vision::frame::Frame;
 use crate::vision::pose::fulcrum::Fulcrum;
+use crate::vision::surroundings::{Surroundings, SurroundingsSampler};
 use crate::vision::tracker::{
     FirstLook, LightSample, MAX_WARM_UP_FRAMES, Quality, SecondLook, ToolQuality, Tracker, TrackerSettings, Tracking,
 };
@@ -51,6 +52,8 @@ pub enum TrackRecord {
     },
     /// The tracker's summary.
     Quality(QualitySummary),
+    /// What stands still in the recording.
+    Surroundings(Surroundings),
 }
 
 /// What is kept of a tracked recording.
@@ -68,6 +71,8 @@ pub struct TrackOutput {
     pub smoothed: Vec<Sample>,
     /// The tracker's summary.
     pub quality: Option<QualitySummary>,
+    /// What stands still in the recording.
+    pub surroundings: Option<Surroundings>,
 }
 
 impl ChildTask for TrackWork {
@@ -88,17 +93,21 @@ impl ChildTask for TrackWork {
         let mut tracker = Tracker::new(self.tracker, info.width, info.height, encoding)?;
         tracker.warm_up(&first);
         let mut preview = Preview::new(info.frames_expected);
-        let mut frames_interlaced = 0;
+        let (mut frames_interlaced, mut surroundings) = (0, SurroundingsSampler::default());
         while let Some(seen) = pictures.next_picture()? {
             let frame = seen.frame();
             frames_interlaced += u64::from(seen.is_interlaced());
             preview.consider(&frame);
+            surroundings.sample_frame(&frame);
             let report = tracker.observe(&frame);
             let rows = report.tools.iter().map(|tool| SeenRow::new(frame.index, tool));
             frames.frame(frame.time_s, rows, reporter)?;
         }
         frames.flush(reporter)?;
         drop(pictures);
+        if let Some(picture) = surroundings.surroundings() {
+            reporter.record(WorkRecord::Track(TrackRecord::Surroundings(picture)))?;
+        }
         let tracking = match tracker.finish_first_look() {
             FirstLook::Enough(tracking) => tracking,
             FirstLook::LookAgain(second) => {
@@ -118,6 +127,7 @@ impl ChildTask for TrackWork {
             TrackRecord::Recording(record) => return output.recording.accept(record, tools, limits),
             TrackRecord::Path { kind, rows } => output.accept_path(kind, rows, tools)?,
             TrackRecord::Quality(quality) => output.accept_quality(quality, tools)?,
+            TrackRecord::Surroundings(picture) => accept_surroundings(&mut output.surroundings, picture)?,
         }
         Ok(ChildEvent::Nothing)
     }
