@@ -9,6 +9,7 @@ import { go, href } from '../router.js';
 import { t } from '../texts.js';
 import { problemTitle } from '../translate.js';
 import { Confirm } from '../parts/forms/dialog.js';
+import { BoxQuestion } from '../parts/session/box_question.js';
 import { Retimed, SetAside } from '../parts/session/edits.js';
 import { LiveFeatures, LiveView } from '../parts/live/live_view.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
@@ -52,6 +53,7 @@ export default function Session({ person, route }) {
       ${isBeingScored(session) && session.live_features && html`<${InterimFeatures} features=${session.live_features} />`}
       ${session.status === 'failed' && html`<${ProblemNotice}
         problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />`}
+      <${BoxQuestion} session=${session} person=${person} edits=${edits} onAnswered=${() => (readEdits(), reload())} />
       <${SetAside} session=${session} edits=${edits} />
       <${Retimed} session=${session} edits=${edits} />
       ${session.status === 'done' && html`<${Verdict} quality=${session.quality} /><${Skill} verdict=${session.verdict} />`}

@@ -44,6 +44,8 @@ export default function SessionReport({ route }) {
         [words.box, session.box.name],
         [words.source, session.source.kind === 'import' ? words.imported(session.source.tracker) : null],
       ]} />
+      ${session.box_question === 'asked' && html`<p><strong>${t.session.boxQuestion.title(session.box.name)}</strong>${' '}
+        ${t.session.boxQuestion.body(session.box.name)}</p>`}
       <${QualityGate} quality=${session.quality} />
       <${Targets} features=${session.features} />
       <${Values} session=${session} />

@@ -117,6 +117,6 @@ const Sessions = ({ sessions }) => html`
       ${[...sessions].reverse().map(session => html`<li key=${session.id}><div>
         <a href=${href(['sessions', session.id])}>${dateTime(session.recorded_at)}</a>
         ${words.setAside[session.set_aside ?? ''] && html`<span class="small muted">${words.setAside[session.set_aside ?? '']}</span>`}</div>
-        <${StatusPill} state=${session.set_aside === 'refused' ? 'refused' : session.status} /></li>`)}
+        <${StatusPill} state=${['refused', 'box_asked', 'other_box'].includes(session.set_aside ?? '') ? session.set_aside : session.status} /></li>`)}
     </ul>
   </section>`;

@@ -84,6 +84,8 @@ export default {
     failed: 'Failed',
     quarantined: 'On hold',
     refused: 'Refused',
+    box_asked: 'Is it this box?',
+    other_box: 'Another box',
   },
   kinds: { track: 'Scoring a recording', import: 'Scoring an imported path', rescore: 'Scoring a session again', calibrate: 'Calibrating a camera', palette: 'Learning tape colours', advise: 'Ranking tapes for a box', self_test: 'Testing a box' },
   jobStates: { queued: 'Queued', running: 'Running', done: 'Done', failed: 'Failed', quarantined: 'On hold' },
@@ -406,11 +408,11 @@ export default {
     },
     edits: {
       title: 'Edits',
-      kinds: { trim: 'Trim', swap: 'Swap tools', retime: 'Correct the times', set_aside: 'Set aside' },
+      kinds: { trim: 'Trim', swap: 'Swap tools', retime: 'Correct the times', set_aside: 'Set aside', this_box: 'Yes, it is this box', other_box: 'No, it is another box' },
       trim: span => `Trim to ${span}`,
       swap: span => `Swap tools in ${span}`,
       markFirst: 'To trim the session or to swap the names of the tools, mark a span under the curves first.',
-      asks: { trim: 'Trim this session?', swap: 'Swap the names of the tools?', retime: 'Correct the times of this session?', set_aside: 'Set this session aside?' },
+      asks: { trim: 'Trim this session?', swap: 'Swap the names of the tools?', retime: 'Correct the times of this session?', set_aside: 'Set this session aside?', this_box: 'Is it this box?', other_box: 'Is it another box?' },
       does: {
         trim: span => `Only ${span} will count. The score is recalculated from it. The recording stays complete, and you can undo this.`,
         swap: (span, pair) =>
@@ -419,6 +421,10 @@ export default {
           'All times are scaled, so that the recording has its true frame rate or its true length. It is then tracked again: durations, speeds and everything that depends on them change. You can undo this.',
         set_aside: () =>
           'It stays visible but counts in no progress, cohort, standard, model or correlation. You can undo this.',
+        this_box: () =>
+          'The session will count. Later recordings with the same surroundings are not asked about again. You can undo this.',
+        other_box: () =>
+          'The values of this session are withheld, and it counts nowhere. Upload the recording again under its own box. You can undo this.',
       },
       which: 'Which tools',
       why: 'Why?',
@@ -427,11 +433,24 @@ export default {
         swap: 'For later readers: “Held each instrument in the other hand here.”',
         retime: 'For later readers: “A stopwatch in the picture shows 61 s.”',
         set_aside: 'For later readers: “Another person trained under this name.”',
+        this_box: 'For later readers: “New drape since Monday.”',
+        other_box: 'For later readers: “It was box 3.”',
       },
+      remark: 'Remark',
+      changed: 'What has changed since the box was set up?',
+      changes: {
+        nothing: 'It is this box.',
+        camera: 'It is this box. The camera was moved.',
+        mat: 'It is this box. Another mat, board or light is in it.',
+      },
+      saysOther: 'It was recorded in another box.',
+      ifMoved: 'If the lens, the zoom or the focus was changed as well, lengths are wrong: calibrate the box, then score this session again.',
       says: {
         trim: span => `Trimmed to ${span}`,
         swap: (span, tools) => `${tools.join(' and ')} swapped in ${span}`,
         set_aside: () => 'Set aside',
+        this_box: () => 'Recorded in this box',
+        other_box: () => 'Recorded in another box',
       },
       rateIs: rate => `True frame rate: ${rate} frames a second`,
       lengthIs: length => `True length: ${length} s`,
@@ -453,6 +472,17 @@ export default {
       aside: 'This session is set aside: it does not count',
       asideBody: 'The section “Edits” shows who set it aside and why.',
       asideBy: (why, who, when) => `${why} – ${who}, ${when}`,
+    },
+    boxQuestion: {
+      title: box => `Is this ${box}?`,
+      body: box => `This recording does not look like ${box}. Until an instructor says whether it is, it counts nowhere: not for a standard, a certificate or progress. Its lengths and speeds may be wrong, because another box has another camera.`,
+      yes: box => `Yes, it is ${box}`,
+      no: 'No, it is another box',
+      askStaff: 'Ask your instructor to answer this.',
+      otherTitle: box => `This recording is not from ${box}`,
+      other: 'Its values are withheld, and it counts nowhere. Save the recording, upload it again under the box where it was made, then delete this session.',
+      save: 'Save the recording',
+      upload: 'Upload',
     },
     retimed: {
       title: 'The times of this recording were corrected',
@@ -754,10 +784,10 @@ export default {
       unknown: 'Camera position not checked yet',
       camera: mm => `The camera has moved: everything is about ${mm} mm from where it was in earlier recordings`,
       cameraAdvice:
-        'Check that the right box is chosen, then put the camera back as it was, or ask your instructor. With the same camera and zoom, lengths and speeds stay right; positions cannot be compared with earlier recordings.',
+        'Check that the right box is chosen, then put the camera back as it was, or ask your instructor. Lengths and speeds are right only with the same camera, zoom and focus; positions cannot be compared with earlier recordings.',
       port: (tool, mm) => `The trocar of ${tool} is about ${mm} mm from where it was in earlier recordings`,
       portAdvice:
-        'Put it back, or ask your instructor. Lengths and speeds stay right; positions cannot be compared with earlier recordings.',
+        'Put it back, or ask your instructor. Lengths and speeds are right only with the same camera, zoom and focus; positions cannot be compared with earlier recordings.',
     },
   },
   wall: {
@@ -820,6 +850,8 @@ export default {
     legend: 'Filled: limit met. Dashed: limit missed. Hollow: undecided, with the reason on the point. Grey: does not count.',
     setAside: {
       by_hand: 'set aside: does not count',
+      box_asked: 'may be another box: does not count until an instructor answers',
+      other_box: 'from another box: does not count',
       pending: 'not scored yet',
       failed: 'could not be scored',
       refused: 'refused: does not count',
@@ -1834,7 +1866,8 @@ export default {
     noneOwn: 'Nothing to do at the moment',
     noneOwnBody: 'A refresher that is due or a session that was refused would be listed here.',
     none: 'Nothing needs attention',
-    noneBody: 'Relapses, refreshers that are due, sessions that were refused and sessions that wait for a rating would be listed here.',
+    noneBody: 'Sessions that may be of another box, relapses, refreshers that are due, sessions that were refused and sessions that wait for a rating would be listed here.',
+    box_asked: 'Is it this box?',
     relapsed: 'Relapsed',
     due: 'Refresher due',
     refused: 'Refused by the quality check',

@@ -12,16 +12,20 @@ const TONES = {
   failed: 'bad',
   quarantined: 'warn',
   refused: 'bad',
+  box_asked: 'warn',
+  other_box: 'bad',
 };
 
 /**
- * One word for a session's state. A quarantined session is `failed` in the API; one that the quality gate refused is
- * `done` in the API and has no features.
+ * One word for a session's state. A quarantined session is `failed` in the API; one that the quality gate refused, or that
+ * may show another box, is `done` in the API.
  *
- * @param {Pick<Schemas['SessionResponse'], 'status' | 'quarantined' | 'quality'>} session
+ * @param {Pick<Schemas['SessionResponse'], 'status' | 'quarantined' | 'quality'> & Partial<Pick<Schemas['SessionResponse'], 'box_question'>>} session
  */
-export function stateOf({ status, quarantined, quality }) {
+export function stateOf({ status, quarantined, quality, box_question: question }) {
   if (quarantined) return 'quarantined';
+  if (status === 'done' && question === 'asked') return 'box_asked';
+  if (status === 'done' && question === 'other_box') return 'other_box';
   return status === 'done' && quality?.verdict === 'refused' ? 'refused' : status;
 }
 

@@ -1,4 +1,4 @@
-// Who needs attention: relapses, refreshers that are due, refused sessions, sessions that wait for a rating.
+// Who needs attention: sessions that may show another box, relapses, refreshers that are due, refused sessions, sessions that wait for a rating.
 import { html, useEffect } from '../../preact.js';
 import { api } from '../../api.js';
 import { useData, useThrottled } from '../../data.js';
@@ -10,7 +10,7 @@ import { Empty, Loading, ProblemNotice } from '../page/notice.js';
 
 const words = t.attention;
 const RELOAD_MS = 30_000; // The service looks through many sessions, and the list is not urgent.
-const TONES = { relapsed: 'bad', due: 'warn', refused: 'bad', unrated: '' };
+const TONES = { box_asked: 'warn', relapsed: 'bad', due: 'warn', refused: 'bad', unrated: '' };
 
 /**
  * `own`: the page of a trainee, which shows no other people. `onLoaded()`: the list has its final length, so that
@@ -23,7 +23,7 @@ export function Attention({ own, onLoaded }) {
   useEffect(() => void (isLoaded && onLoaded()), [isLoaded]);
   useLive('session', event => event.status === 'done' && reloadSoon());
   useLive('resync', reloadSoon);
-  const items = data ? [...data.alarms.map(alarmItem), ...data.refused.map(sessionItem('refused')), ...data.unrated.map(sessionItem('unrated'))] : [];
+  const items = data ? [...data.box_asked.map(sessionItem('box_asked')), ...data.alarms.map(alarmItem), ...data.refused.map(sessionItem('refused')), ...data.unrated.map(sessionItem('unrated'))] : [];
   return html`
     <section class="card wide">
       <header><h2>${own ? words.own : words.title}</h2></header>

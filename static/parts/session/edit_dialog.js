@@ -34,22 +34,32 @@ const timeFields = [
   },
 ];
 
+/** What the person who answers for the box has seen there; it becomes the reason. */
+const changedField = { name: 'changed', label: words.changed, type: 'select', value: 'nothing', options: Object.entries(words.changes), wide: true };
+
 /** @param {Props} props */
 export function EditDialog({ kind, session, span, tools, revision, onDone, onClose }) {
+  const isAnswer = kind === 'this_box' || kind === 'other_box';
   const pairs = tools.flatMap((one, index) => tools.slice(index + 1).map(other => [one, other]));
   const fields = [
     ...(kind === 'swap' && pairs.length > 1
       ? [{ name: 'pair', label: words.which, type: 'select', value: '0', options: pairs.map((pair, at) => [String(at), pair.join(' ↔ ')]) }]
       : []),
     ...(kind === 'retime' ? timeFields : []),
-    { name: 'why', label: words.why, hint: words.whyHint[kind], type: 'textarea', required: true, maxlength: 2000, wide: true, autofocus: kind !== 'retime' },
+    ...(kind === 'this_box' ? [changedField] : []),
+    { name: 'why', label: isAnswer ? words.remark : words.why, hint: words.whyHint[kind], type: 'textarea', required: !isAnswer, optional: isAnswer,
+      maxlength: 1800, wide: true, autofocus: kind !== 'retime' && !isAnswer },
   ];
-  const save = async ({ why, pair = '0', rate, length }) => {
+  const save = async ({ why: given, pair = '0', rate, length, changed = 'nothing' }) => {
+    const said = { this_box: words.changes[changed], other_box: words.saysOther }[kind];
+    const why = said ? [said, given].filter(Boolean).join(' ') : given;
     const more = {
       trim: () => ({ from_s: span[0], to_s: span[1], revision }),
       swap: () => ({ from_s: span[0], to_s: span[1], revision, tools: pairs[Number(pair)] }),
       retime: () => ({ true_frame_rate_hz: rate, true_duration_s: length, revision }),
       set_aside: () => ({}),
+      this_box: () => ({ revision }),
+      other_box: () => ({ revision }),
     };
     await api.sessions.edit(session.id, { kind, why, ...more[kind]() });
     onDone();
@@ -58,6 +68,7 @@ export function EditDialog({ kind, session, span, tools, revision, onDone, onClo
   return html`
     <${Dialog} title=${words.asks[kind]} onClose=${onClose}>
       <p>${words.does[kind](span ? spanName(span) : '', pairs.length === 1 ? pairs[0] : null)}</p>
+      ${kind === 'this_box' && html`<p class="small muted">${words.ifMoved}</p>`}
       ${kind === 'retime' && clock && html`<p>${
         words.fileSays(number(clock.stamped_frame_rate_hz), number(clock.stamped_duration_s))}</p>`}
       <${Form} fields=${fields} submit=${words.kinds[kind]} onSave=${save} onCancel=${onClose} />

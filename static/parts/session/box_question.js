@@ -1,0 +1,35 @@
+// At the head of the page of a session that may show another box: the question, who may answer it, and the answer.
+import { html, useState } from '../../preact.js';
+import { api } from '../../api.js';
+import { may } from '../../roles.js';
+import { href } from '../../router.js';
+import { t } from '../../texts.js';
+import { Notice } from '../page/notice.js';
+import { EditDialog } from './edit_dialog.js';
+
+const words = t.session.boxQuestion;
+
+/** `onAnswered()` runs after the answer. @param {Props} props */
+export function BoxQuestion({ session, person, edits, onAnswered }) {
+  const [answer, setAnswer] = useState(null);
+  const box = session.box.name;
+  if (session.box_question === 'other_box')
+    return html`
+      <${Notice} tone="warn" title=${words.otherTitle(box)}>
+        ${words.other}${' '}
+        <a href=${api.sessions.videoAddress(session.id)} download=${session.filename}>${words.save}</a> ·${' '}
+        <a href=${href(['upload'])}>${words.upload}</a>
+      <//>`;
+  if (session.box_question !== 'asked') return null;
+  return html`
+    <${Notice} tone="warn" title=${words.title(box)}>
+      <p>${words.body(box)}</p>
+      ${may(person, 'edit_sessions') ? html`
+        <div class="row">
+          <button class="button main" type="button" onClick=${() => setAnswer('this_box')}>${words.yes(box)}</button>
+          <button class="button" type="button" onClick=${() => setAnswer('other_box')}>${words.no}</button>
+        </div>` : html`<p>${words.askStaff}</p>`}
+      ${answer && html`<${EditDialog} kind=${answer} session=${session} tools=${[]} revision=${edits?.revision}
+        onDone=${() => (setAnswer(null), onAnswered())} onClose=${() => setAnswer(null)} />`}
+    <//>`;
+}

@@ -1,0 +1,98 @@
+// Uploads a recording of another box under box 1 in a real Chromium with the real service. The page asks whether it is the
+// box, lists say so, and each answer has its effect. Undoing the answer asks again.
+//
+// Environment: as person.mjs, and TROCAR_OTHER_BOX (a recording of another box with the same tapes). Optional: TROCAR_BOX,
+// TROCAR_TRAINEE, TROCAR_TASK (names).
+import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
+import { after, before, test } from 'node:test';
+
+import { launch } from './chromium.mjs';
+import { person, requiredEnv, waitUntil, url } from './person.mjs';
+
+const clip = readFileSync(requiredEnv('TROCAR_OTHER_BOX')).toString('base64');
+const named = async (list, name) => (await getJson(list)).items.find(one => one.name === name) ?? (await getJson(list)).items[0];
+
+let browser;
+let page, pageFaults, getJson, takePictures;
+let id, box;
+
+before(async () => {
+  browser = await launch();
+  const user = await person(browser);
+  ({ page, pageFaults, getJson, takePictures } = user);
+  await page.goto(`${url}/sessions`);
+  await user.signIn();
+  await user.heading('Sessions').waitFor();
+});
+
+after(() => browser?.close());
+
+const session = () => getJson(`sessions/${id}`);
+const question = () => page.locator('.notice', { hasText: `Is this ${box.name}?` });
+const isScored = async () => (await getJson(`sessions/${id}/edits`)).score === 'current';
+
+async function answer(button, remark) {
+  await page.getByRole('button', { name: button, exact: true }).click();
+  const dialog = page.locator('dialog[open]');
+  if (remark) await dialog.locator('textarea').fill(remark);
+  await dialog.getByRole('button', { name: button.startsWith('Yes') ? 'Yes, it is this box' : button }).click();
+  await dialog.waitFor({ state: 'detached' });
+  await waitUntil(isScored, 'the new score');
+}
+
+test('a recording of another box is asked about, on its page and in the lists', async () => {
+  box = await named('boxes', process.env.TROCAR_BOX);
+  const trainee = await named('trainees', process.env.TROCAR_TRAINEE);
+  const task = await named('tasks', process.env.TROCAR_TASK);
+  const at = `/api/v1/sessions?trainee=${trainee.code}&task=${task.code}&box=${box.code}&filename=other-box.mp4`;
+  id = await page.evaluate(
+    async ([address, content]) => {
+      const body = Uint8Array.from(atob(content), letter => letter.charCodeAt(0));
+      const made = await fetch(address, { method: 'POST', headers: { 'Content-Type': 'video/mp4' }, body });
+      if (!made.ok) throw new Error(`${made.status} ${await made.text()}`);
+      return (await made.json()).id;
+    },
+    [at, clip],
+  );
+  await waitUntil(async () => (await session()).status === 'done', 'the score');
+  await page.goto(`${url}/sessions/${id}`);
+  await question().waitFor();
+  assert.match(await question().innerText(), /counts nowhere/);
+  assert.match(await question().innerText(), /lengths and speeds may be wrong/);
+  await page.locator('.verdict', { hasText: 'does not look like the box' }).waitFor();
+  await takePictures('46-box-question');
+  await page.goto(`${url}/sessions`);
+  await page.locator('tr', { has: page.locator(`a[href$="${id}"]`) }).getByText('Is it this box?').waitFor();
+  await page.goto(`${url}/`);
+  await page.locator('.queue li', { has: page.locator(`a[href$="${id}"]`) }).getByText('Is it this box?').waitFor();
+});
+
+test('no: its values are withheld, and the page says what to do', async () => {
+  await page.goto(`${url}/sessions/${id}`);
+  await answer('No, it is another box', 'It was box 3.');
+  await page.locator('.notice', { hasText: `This recording is not from ${box.name}` }).waitFor();
+  assert.equal(await question().count(), 0);
+  assert.ok((await session()).features.every(feature => feature.value === null));
+  const entry = page.locator('.edits .edit-list > li', { hasText: 'Recorded in another box' });
+  assert.match(await entry.first().innerText(), /It was recorded in another box\. It was box 3\./);
+  await takePictures('47-other-box');
+});
+
+test('undone, it is asked again; yes: it counts and nothing is asked', async () => {
+  await page.getByRole('button', { name: 'Undo: Recorded in another box' }).click();
+  await waitUntil(isScored, 'the score before the answer');
+  await question().waitFor();
+  await answer(`Yes, it is ${box.name}`);
+  await waitUntil(async () => (await question().count()) === 0, 'no question');
+  await page.locator('.edits .edit-list > li', { hasText: 'Recorded in this box' }).first().waitFor();
+  const now = await session();
+  assert.equal(now.box_question, 'this_box');
+  assert.ok(now.features.some(feature => feature.value !== null));
+  assert.ok(!now.quality.reasons.some(reason => reason.name.startsWith('box_')), 'its lengths are promised again');
+});
+
+test('no page sent a request to another origin, violated the security policy or threw an error', () => {
+  const { foreign, errors } = pageFaults();
+  assert.deepEqual([foreign, errors], [[], []]);
+});
