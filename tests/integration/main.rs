@@ -23,4 +23,5 @@ mod same_colour;
 mod schema;
 mod skill;
 mod support;
+mod surroundings;
 mod truth;

@@ -65,8 +65,14 @@ impl Planter {
         };
         store.jobs().enqueue(&service, JobInput::Palette(input)).await.unwrap();
         let lease = store.jobs().claim("planter", Duration::from_secs(60)).await.unwrap().unwrap();
-        let palette =
-            NewPalette { annotations, tools, counts: vec![], samples: vec![1], report: PaletteReport::default() };
+        let palette = NewPalette {
+            annotations,
+            tools,
+            counts: vec![],
+            samples: vec![1],
+            report: PaletteReport::default(),
+            surroundings: None,
+        };
         store.jobs().finish_palette(&lease, palette).await.unwrap();
         let calibration = store.calibrations().latest(&service, in_box).await.unwrap().unwrap().id;
         let palette = store.palettes().latest(&service, in_box).await.unwrap().unwrap().id;
@@ -184,6 +190,7 @@ impl Planter {
             trajectory: Blob::of(format!("trajectory {id}").as_bytes()),
             diagnostics: Some(Blob::of(format!("diagnostics {id}").as_bytes())),
             preview: None,
+            surroundings: None,
         };
         self.store.jobs().finish_track(lease, result).await.unwrap();
     }

@@ -260,6 +260,7 @@ fn result_with_moved_trocars(versions: Versions, number: u64) -> NewResult {
         trajectory: Blob::of(format!("trajectory {number}").as_bytes()),
         diagnostics: Some(Blob::of(format!("diagnostics {number}").as_bytes())),
         preview: None,
+        surroundings: None,
     }
 }
 
