@@ -195,6 +195,11 @@ CREATE TABLE palette (
     UNIQUE (box_id, version)
 ) STRICT;
 
+CREATE TABLE palette_surroundings (
+    palette_id TEXT PRIMARY KEY REFERENCES palette (id) ON DELETE CASCADE,   -- the colours that were marked on these pictures
+    picture    BLOB NOT NULL CHECK (length(picture) BETWEEN 3 AND 16386)     -- a small grey picture (Surroundings)
+) STRICT, WITHOUT ROWID;
+
 CREATE TABLE person (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- PersonId
     login         TEXT NOT NULL UNIQUE CHECK (length(login) BETWEEN 1 AND 64 AND login = lower(login)), -- typed to sign in
@@ -284,7 +289,7 @@ CREATE TABLE session (
     media_type     TEXT NOT NULL CHECK (length(media_type) BETWEEN 3 AND 127), -- the recording's type, as video/mp4
     video          TEXT REFERENCES blob (hash) ON DELETE RESTRICT,           -- the recording; NULL: it is still arriving
     recorded_at_ms INTEGER NOT NULL,                                         -- when it was recorded, epoch ms
-    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0), tracker TEXT CHECK (length(tracker) BETWEEN 1 AND 40),              -- when it was whole here, epoch ms
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0), tracker TEXT CHECK (length(tracker) BETWEEN 1 AND 40), box_question TEXT CHECK (box_question IN ('asked', 'this_box', 'other_box')),              -- when it was whole here, epoch ms
     UNIQUE (trainee_id, task_id, box_id, video)
 ) STRICT;
 
@@ -292,7 +297,7 @@ CREATE TABLE session_edit (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- EditId
     session_id    TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,   -- the session; erased with it
     person_id     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- the author; NULL: deleted, or an agent
-    kind          TEXT NOT NULL CHECK (kind IN ('trim', 'swap', 'retime', 'set_aside')), -- what is changed
+    kind          TEXT NOT NULL CHECK (kind IN ('trim', 'swap', 'retime', 'set_aside', 'this_box', 'other_box')), -- what is changed or answered
     from_s        REAL CHECK (from_s BETWEEN 0 AND 86400),                   -- first second of the stretch, s; NULL: whole recording
     to_s          REAL CHECK (to_s > from_s AND to_s <= 86400),              -- last second of the stretch, s
     tools         TEXT CHECK (json_valid(tools)),                            -- the two tools that exchange names ([String])
@@ -302,13 +307,18 @@ CREATE TABLE session_edit (
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when made, epoch ms
     undone_by     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- the person who undid it; NULL: in force, or deleted
     undone_at_ms  INTEGER CHECK (undone_at_ms >= created_at_ms),             -- when undone, epoch ms; NULL: it is in force
-    CHECK ((kind IN ('retime', 'set_aside')) = (from_s IS NULL)),
+    CHECK ((kind IN ('trim', 'swap')) = (from_s IS NOT NULL)),
     CHECK ((from_s IS NULL) = (to_s IS NULL)),
     CHECK ((kind = 'swap') = (tools IS NOT NULL)),
     CHECK ((kind = 'retime') = (coalesce(true_frame_rate_hz, true_duration_s) IS NOT NULL)),
     CHECK (true_frame_rate_hz IS NULL OR true_duration_s IS NULL),
     CHECK (undone_by IS NULL OR undone_at_ms IS NOT NULL)
 ) STRICT;
+
+CREATE TABLE session_surroundings (
+    session_id TEXT PRIMARY KEY REFERENCES session (id) ON DELETE CASCADE,   -- the session
+    picture    BLOB NOT NULL CHECK (length(picture) BETWEEN 3 AND 16386)     -- a small grey picture (Surroundings)
+) STRICT, WITHOUT ROWID;
 
 CREATE TABLE skill_model (
     id              TEXT PRIMARY KEY CHECK (length(id) = 36),                -- ModelId
@@ -495,6 +505,10 @@ CREATE INDEX self_test_palette ON self_test (palette_id);
 
 CREATE INDEX self_test_person ON self_test (person_id);
 
+CREATE INDEX session_box_asked ON session (created_at_ms, id) WHERE box_question = 'asked';
+
+CREATE INDEX session_box_confirmed ON session (box_id, created_at_ms) WHERE box_question = 'this_box';
+
 CREATE INDEX session_box_order ON session (box_id, created_at_ms, id);
 
 CREATE INDEX session_came ON session (created_at_ms, id);
@@ -504,6 +518,8 @@ CREATE INDEX session_practised ON session (trainee_id, task_id, recorded_at_ms, 
 CREATE INDEX session_task ON session (task_id);
 
 CREATE INDEX session_video ON session (video);
+
+CREATE UNIQUE INDEX session_box_answer ON session_edit (session_id) WHERE kind IN ('this_box', 'other_box') AND undone_at_ms IS NULL;
 
 CREATE INDEX session_edit_person ON session_edit (person_id);
 
@@ -533,7 +549,7 @@ CREATE VIEW assessed_session AS
     SELECT session.id, session.trainee_id, session.task_id, session.tracker, session.recorded_at_ms, session.created_at_ms,
            result.id AS result_id, result.pipeline, result.calibration_id, result.tools, result.verdict
     FROM session JOIN current_result AS result ON result.session_id = session.id
-    WHERE NOT EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id);
+    WHERE NOT EXISTS (SELECT 1 FROM uncounted_session WHERE uncounted_session.session_id = session.id);
 
 CREATE VIEW blob_reference (hash) AS
     SELECT video FROM session WHERE video IS NOT NULL
@@ -581,8 +597,8 @@ CREATE VIEW group_record AS
 
 CREATE VIEW practised_session AS
     SELECT session.id, session.trainee_id, session.task_id, session.recorded_at_ms, session.video IS NOT NULL AS is_whole,
-           NOT EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id) AS counts,
-           job.state AS job_state, result.id AS result_id, result.pipeline, result.calibration_id,
+           NOT EXISTS (SELECT 1 FROM uncounted_session WHERE uncounted_session.session_id = session.id) AS counts,
+           session.box_question, job.state AS job_state, result.id AS result_id, result.pipeline, result.calibration_id,
            result.verdict = 'refused' AS refused
     FROM session
     LEFT JOIN tracking_job AS job ON job.session_id = session.id
@@ -597,6 +613,7 @@ CREATE VIEW session_record AS
            session.recorded_at_ms, session.created_at_ms,
            job.id AS job_id, job.state AS job_state, job.progress AS job_progress, job.problem AS job_problem,
            EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id) AS is_set_aside,
+           session.box_question,
            EXISTS (SELECT 1 FROM calibration WHERE calibration.box_id = session.box_id) AS box_has_camera,
            EXISTS (SELECT 1 FROM palette WHERE palette.box_id = session.box_id) AS box_has_palette
     FROM session
@@ -617,6 +634,11 @@ CREATE VIEW tracking_job AS
     SELECT job.* FROM job
     WHERE job.id = (SELECT latest.id FROM job AS latest WHERE latest.session_id = job.session_id AND latest.turn < 2
                     ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1);
+
+CREATE VIEW uncounted_session (session_id) AS
+    SELECT session_id FROM session_edit WHERE kind = 'set_aside' AND undone_at_ms IS NULL
+    UNION ALL
+    SELECT id FROM session WHERE box_question IN ('asked', 'other_box');
 
 CREATE VIEW visible_job (role, subject, job_id) AS
     SELECT 'administrator', CAST(NULL AS TEXT), id FROM job

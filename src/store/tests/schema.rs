@@ -10,7 +10,7 @@ use crate::store::testing::{NOW_MS, TestCentre};
 use crate::store::{Store, StoreError, StoreSettings};
 use crate::time::ManualClock;
 
-const FILES: [&str; 12] = [
+const FILES: [&str; 13] = [
     include_str!("../../../migrations/0001_people.sql"),
     include_str!("../../../migrations/0002_boxes.sql"),
     include_str!("../../../migrations/0003_work.sql"),
@@ -23,6 +23,7 @@ const FILES: [&str; 12] = [
     include_str!("../../../migrations/0016_lately.sql"),
     include_str!("../../../migrations/0017_courses.sql"),
     include_str!("../../../migrations/0018_job_kinds.sql"),
+    include_str!("../../../migrations/0021_box_question.sql"),
 ];
 
 /// A connection that bypasses the store's functions.
