@@ -16,7 +16,6 @@ CREATE TABLE session_surroundings (
 -- Follows from the current result and the edits in force; set with each of them.
 ALTER TABLE session ADD COLUMN box_question TEXT CHECK (box_question IN ('asked', 'this_box', 'other_box')); -- NULL: nothing speaks against its box
 CREATE INDEX session_box_asked ON session (created_at_ms, id) WHERE box_question = 'asked';
-CREATE INDEX session_box_confirmed ON session (box_id, created_at_ms) WHERE box_question = 'this_box';
 
 -- The edits with two more kinds, `this_box` and `other_box`. The table is made again under its own name, so that no view has to be
 -- renamed.
