@@ -76,8 +76,9 @@ const MODULES: &[Module] = &[
 ];
 
 /// The stages of `vision` in their order, after the types that all of them share. A stage uses no later one.
-const STAGES: [&[&str]; 8] = [
+const STAGES: [&[&str]; 9] = [
     &["camera", "space", "frame", "tube", "reason"],
+    &["surroundings"],
     &["segmentation"],
     &["blob"],
     &["edges"],
