@@ -42,8 +42,7 @@ impl WorkerPool {
         // Edits are in the times of the current result. Storing this one converts them.
         let edits_clock = shown.and_then(|shown| shown.video.clock).map_or(1.0, |clock| clock.applied.factor);
         let assess = move || TrackResult::new(&input, tools, &known, (&edits, edits_clock), output);
-        let assessed = tokio::task::spawn_blocking(assess).await;
-        let tracked = assessed.map_err(|panic| WorkError::Crashed(panic.to_string()))??;
+        let tracked = self.run_blocking(held, ending, assess).await??;
         let (result, _kept) = self.put_files(tracked).await?;
         let stored = held.finish(async |store, lease| store.jobs().finish_track(lease, result).await).await;
         stored.map_err(WorkError::NotStored)

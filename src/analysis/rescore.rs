@@ -36,6 +36,15 @@ enum RescoreError {
     NoTrackingSummary,
 }
 
+impl From<RescoreError> for WorkError {
+    fn from(error: RescoreError) -> Self {
+        match error {
+            RescoreError::NoTrackingSummary => no_tracking_summary_problem().into(),
+            error => WorkError::Crashed(error.to_string()),
+        }
+    }
+}
+
 /// The result of scoring an imported table, with its path encoded as a blob.
 struct ScoredImport {
     assessed: AssessmentRows,
@@ -55,7 +64,7 @@ impl WorkerPool {
         let table = self.vault.read(input.table.hash, MAX_PATHS_BYTES).await?;
         let edits = self.store.edits().in_force(input.session).await?;
         let revision = edits.revision;
-        let scored = self.run_blocking(held, ending, move || score_table(&table, &edits)).await?;
+        let scored = self.run_blocking(held, ending, move || score_table(&table, &edits)).await??;
         let versions = Versions {
             pipeline: imported_pipeline_version(&input.tracker),
             tracked_with: None,
@@ -114,33 +123,10 @@ impl WorkerPool {
             true => assess_stored_import(&blob, frames, &edits),
             false => assess_stored_tracking((&blob, &seen), (&known, shown.as_ref()), &edits),
         };
-        let assessed = self.run_blocking(held, ending, work).await?;
+        let assessed = self.run_blocking(held, ending, work).await??;
         let pipeline = session.tracker.as_ref().map_or_else(|| PIPELINE_VERSION.to_owned(), imported_pipeline_version);
         let score = new_score(&old, pipeline, revision, assessed);
         Ok(held.finish(async |store, lease| store.jobs().finish_rescore(lease, score).await).await?)
-    }
-
-    /// Runs `work` on a blocking thread and renews the lease meanwhile.
-    async fn run_blocking<T: Send + 'static>(
-        &self,
-        held: &HeldJob,
-        ending: &Shutdown,
-        work: impl FnOnce() -> Result<T, RescoreError> + Send + 'static,
-    ) -> Result<T, WorkError> {
-        let mut work = tokio::task::spawn_blocking(work);
-        let ended = loop {
-            tokio::select! {
-                ended = &mut work => break ended,
-                () = ending.begun() => return Err(WorkError::Stopped),
-                () = self.clock.sleep(held.heartbeat_interval()) => held.renew_lease().await?,
-            }
-        };
-        match ended {
-            Ok(Ok(scored)) => Ok(scored),
-            Ok(Err(RescoreError::NoTrackingSummary)) => Err(no_tracking_summary_problem().into()),
-            Ok(Err(error)) => Err(WorkError::Crashed(error.to_string())),
-            Err(panic) => Err(WorkError::Crashed(panic.to_string())),
-        }
     }
 }
 

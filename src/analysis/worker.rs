@@ -198,6 +198,23 @@ impl WorkerPool {
         }
     }
 
+    /// Runs `work` on a blocking thread and renews the lease meanwhile.
+    pub(super) async fn run_blocking<T: Send + 'static>(
+        &self,
+        held: &HeldJob,
+        ending: &Shutdown,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, WorkError> {
+        let mut work = tokio::task::spawn_blocking(work);
+        loop {
+            tokio::select! {
+                ended = &mut work => return ended.map_err(|panic| WorkError::Crashed(panic.to_string())),
+                () = ending.begun() => return Err(WorkError::Stopped),
+                () = self.clock.sleep(held.heartbeat_interval()) => held.renew_lease().await?,
+            }
+        }
+    }
+
     /// Trocar positions from earlier sessions, once none of those sessions is being tracked.
     pub(super) async fn earlier_ports(
         &self,
