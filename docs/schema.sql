@@ -507,7 +507,7 @@ CREATE INDEX self_test_person ON self_test (person_id);
 
 CREATE INDEX session_box_asked ON session (created_at_ms, id) WHERE box_question = 'asked';
 
-CREATE INDEX session_box_order ON session (box_id, created_at_ms, id);
+CREATE INDEX session_box_order ON session (box_id, created_at_ms, id, box_question);
 
 CREATE INDEX session_came ON session (created_at_ms, id);
 

@@ -16,6 +16,9 @@ CREATE TABLE session_surroundings (
 -- Follows from the current result and the edits in force; set with each of them.
 ALTER TABLE session ADD COLUMN box_question TEXT CHECK (box_question IN ('asked', 'this_box', 'other_box')); -- NULL: nothing speaks against its box
 CREATE INDEX session_box_asked ON session (created_at_ms, id) WHERE box_question = 'asked';
+-- The earlier sessions of a box count for its trocars only if they show the box.
+DROP INDEX session_box_order;
+CREATE INDEX session_box_order ON session (box_id, created_at_ms, id, box_question);
 
 -- The edits with two more kinds, `this_box` and `other_box`. The table is made again under its own name, so that no view has to be
 -- renamed.

@@ -40,7 +40,7 @@ fn every_table_is_strict_and_every_table_and_column_is_commented() {
         let mut inside = false;
         for line in file.lines() {
             let text = line.trim();
-            if text.starts_with("CREATE TABLE") {
+            if text.starts_with("CREATE TABLE") && !text.contains(" AS SELECT ") {
                 assert!(above.starts_with("--"), "no comment above `{text}`");
                 (inside, tables) = (true, tables + 1);
             } else if text.starts_with(')') {
