@@ -12,15 +12,16 @@ use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::ids::{BoxId, CalibrationId, SessionId};
+use crate::motion::quality::box_match::are_alike;
 use crate::motion::quality::ports::{self, Ports};
-use crate::motion::quality::{BoxAnswer, BoxEvidence};
+use crate::motion::quality::{BoxAnswer, BoxEvidence, PortAgreement};
 use crate::sandbox::MAX_INPUTS;
 use crate::store::{PaletteRecord, SessionOrderKey, Store, StoreError};
 use crate::vault::Vault;
 use crate::vision::camera::Camera;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::segmentation::samples::MarkedRectangle;
-use crate::vision::surroundings::{Surroundings, best_resemblance};
+use crate::vision::surroundings::{Surroundings, best_resemblance, best_resemblance_moved};
 use crate::vision::tracker::{CameraView, HandSide, ToolSpec, TrackerSettings};
 
 /// The work of a child and its input files.
@@ -55,9 +56,18 @@ pub(super) struct BoxContext {
 }
 
 impl BoxContext {
-    /// What is known of the box, compared with the surroundings of a recording.
-    pub(super) fn evidence(&self, shown: Option<&Surroundings>) -> BoxEvidence {
-        let resemblance = shown.and_then(|shown| best_resemblance(&self.surroundings, shown));
+    /// What is known of the box, compared with the surroundings and the trocars of a recording. If the trocars are displaced
+    /// as by a moved camera, surroundings that differ within a nudge are searched further away.
+    pub(super) fn evidence(&self, shown: Option<&Surroundings>, trocars: &[Option<Fulcrum>]) -> BoxEvidence {
+        let nudged = shown.and_then(|shown| best_resemblance(&self.surroundings, shown));
+        let has_moved = || matches!(self.ports.agreement(trocars), PortAgreement::Moved(_));
+        let resemblance = match nudged.as_ref().is_some_and(are_alike) || !has_moved() {
+            true => nudged,
+            false => {
+                let moved = shown.and_then(|shown| best_resemblance_moved(&self.surroundings, shown));
+                moved.filter(are_alike).or(nudged)
+            }
+        };
         BoxEvidence { resemblance, answer: self.box_answer }
     }
 }

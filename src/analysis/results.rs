@@ -143,6 +143,7 @@ pub(super) fn assess_tracked(
 ) -> Result<AssessmentRows, ProductError> {
     let tracking = paths.tracking.as_ref().ok_or(ProductError::Missing("how it was tracked"))?;
     let counts = tracking.quality.quality(&paths.tools);
+    let trocars: Vec<_> = counts.tools.iter().map(|tool| tool.fulcrum).collect();
     let smoothed = paths.trajectory(PathKind::Smoothed);
     let figures = quality::measure(&QualityInput {
         smoothed: &smoothed,
@@ -153,7 +154,7 @@ pub(super) fn assess_tracked(
         frames_expected: tracking.frames_expected,
         frames_interlaced: Some(tracking.quality.frames_interlaced),
         ports: Some(&known.ports),
-        of_box: Some(known.evidence(shown)),
+        of_box: Some(known.evidence(shown, &trocars)),
     });
     let verdict = quality::judge(&figures);
     let quality = serde_json::to_value(QualityDocument::new(&counts, &figures, &verdict))?;

@@ -9,7 +9,10 @@ use super::contrast::ContrastPicture;
 
 /// Largest shift of a nudge, share of the picture's longer side: a camera turned by 4° with the field of view of a box
 /// camera (60°), or moved by 16 mm at 250 mm.
-const MAX_SHIFT: f32 = 0.07;
+pub(super) const NUDGE_SHIFT: f32 = 0.07;
+
+/// Largest shift of a camera that was moved, share of the picture's longer side: by about 40 mm at 250 mm.
+pub(super) const MOVED_SHIFT: f32 = 0.14;
 
 /// Largest turn about the line of sight, degrees.
 const MAX_TURN_DEG: f32 = 6.0;
@@ -76,9 +79,9 @@ impl Alignment {
         self
     }
 
-    /// Is it a nudge? `longer` is the picture's longer side, cells. One step beyond the exhaustive search is allowed.
-    fn is_possible(&self, longer: usize) -> bool {
-        self.shift_cells.iter().all(|shift| shift.abs() <= MAX_SHIFT * longer as f32 + 1.0)
+    /// Is it within the search, if the largest shift is so many cells? One step beyond the exhaustive search is allowed.
+    fn is_possible(&self, max_shift_cells: f32) -> bool {
+        self.shift_cells.iter().all(|shift| shift.abs() <= max_shift_cells + 1.0)
             && self.turn_deg.abs() <= MAX_TURN_DEG
             && self.zoom.abs() <= MAX_ZOOM
             && self.tilt.iter().all(|tilt| tilt.abs() <= MAX_TILT)
@@ -108,15 +111,16 @@ impl CorrelationSums {
     }
 }
 
-/// The alignment that lays the first picture best on the second, and their correlation then.
-pub(super) fn align(own: &ContrastPicture, now: &ContrastPicture) -> (f32, Alignment) {
-    let refined = candidates(own, now).into_iter().map(|start| refine(own, now, start));
+/// The alignment that lays the first picture best on the second, and their correlation then. `max_shift` is the largest
+/// shift, share of the picture's longer side.
+pub(super) fn align(own: &ContrastPicture, now: &ContrastPicture, max_shift: f32) -> (f32, Alignment) {
+    let refined = candidates(own, now, max_shift).into_iter().map(|start| refine(own, now, start, max_shift));
     refined.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, Alignment::default()))
 }
 
 /// The best alignments of the exhaustive search.
-fn candidates(own: &ContrastPicture, now: &ContrastPicture) -> Vec<Alignment> {
-    let reach = (MAX_SHIFT * own.columns.max(own.rows) as f32).round() as i32;
+fn candidates(own: &ContrastPicture, now: &ContrastPicture, max_shift: f32) -> Vec<Alignment> {
+    let reach = (max_shift * own.columns.max(own.rows) as f32).round() as i32;
     let mut found: Vec<(f32, Alignment)> = Vec::new();
     for turn_deg in steps(MAX_TURN_DEG, TURN_STEP_DEG) {
         for zoom in steps(MAX_ZOOM, ZOOM_STEP) {
@@ -154,8 +158,13 @@ fn shifted_correlation(own: &ContrastPicture, now: &ContrastPicture, [right, dow
 }
 
 /// Coordinate descent.
-pub(super) fn refine(own: &ContrastPicture, now: &ContrastPicture, start: Alignment) -> (f32, Alignment) {
-    let longer = own.columns.max(own.rows);
+pub(super) fn refine(
+    own: &ContrastPicture,
+    now: &ContrastPicture,
+    start: Alignment,
+    max_shift: f32,
+) -> (f32, Alignment) {
+    let max_shift_cells = max_shift * own.columns.max(own.rows) as f32;
     let score = |alignment: &Alignment| {
         let mut sums = CorrelationSums::default();
         sums.add(&own.aligned(alignment).values, &now.values);
@@ -167,7 +176,7 @@ pub(super) fn refine(own: &ContrastPicture, now: &ContrastPicture, start: Alignm
             let before = best.0;
             for (parameter, sign) in (0..PARAMETERS).flat_map(|parameter| [(parameter, -1.0), (parameter, 1.0)]) {
                 let tried = best.1.stepped(parameter, steps, sign);
-                let found = if tried.is_possible(longer) { score(&tried) } else { f32::MIN };
+                let found = if tried.is_possible(max_shift_cells) { score(&tried) } else { f32::MIN };
                 if found > best.0 {
                     best = (found, tried);
                 }

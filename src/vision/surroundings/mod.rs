@@ -5,8 +5,8 @@
 //! **Out:** [`Surroundings`], a small grey picture, and the [`Resemblance`] of two of them. **Method:** the median of
 //! each cell over frames that are spread over the recording, so that a tool disappears from every cell that it covers
 //! for less than half of the time. Two pictures are compared by their local contrast ([`contrast`]), which exposure and
-//! white balance leave alone. A search over shift, turn and scale ([`alignment`]) allows for a camera that was nudged.
-//! The same search on mirrored pictures says what it finds by chance. **Assumes** a camera that stands still during
+//! white balance leave alone. A search over shift, turn and scale ([`alignment`]) allows for a camera that was nudged,
+//! a wider one for a camera that was moved. The same search on mirrored pictures says what it finds by chance. **Assumes** a camera that stands still during
 //! the recording. **Gives up** (`None`) on pictures of different shape; a picture without structure gives a
 //! resemblance of few fields, which the caller must not read as a difference.
 //!
@@ -78,11 +78,20 @@ impl Surroundings {
     }
 }
 
-/// The resemblance of a recording's surroundings with the picture that resembles them most. `None` without a picture of the
-/// same shape.
+/// The resemblance of a recording's surroundings with the picture that resembles them most, if the camera was nudged at
+/// most. `None` without a picture of the same shape.
 pub fn best_resemblance(own: &[Surroundings], now: &Surroundings) -> Option<Resemblance> {
+    best_of(own.iter().filter_map(|picture| picture.compare(now)))
+}
+
+/// The same for a camera that was moved. Takes longer.
+pub fn best_resemblance_moved(own: &[Surroundings], now: &Surroundings) -> Option<Resemblance> {
+    best_of(own.iter().filter_map(|picture| picture.compare_moved(now)))
+}
+
+fn best_of(found: impl Iterator<Item = Resemblance>) -> Option<Resemblance> {
     let mut best: Option<Resemblance> = None;
-    for found in own.iter().filter_map(|picture| picture.compare(now)) {
+    for found in found {
         if best.is_none_or(|best| found.correlation > best.correlation) {
             best = Some(found);
         }

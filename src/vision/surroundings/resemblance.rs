@@ -8,7 +8,7 @@
 //! true one, so that a good correlation there proves little.
 
 use super::Surroundings;
-use super::alignment::{self, Alignment};
+use super::alignment::{self, Alignment, MOVED_SHIFT, NUDGE_SHIFT};
 use super::contrast::{ContrastPicture, deviations};
 
 /// Side of a field, cells.
@@ -44,17 +44,28 @@ pub struct Resemblance {
 }
 
 impl Surroundings {
-    /// Compares the surroundings of a recording with these. `None` if the pictures have different shapes.
+    /// Compares the surroundings of a recording with these, if the camera was nudged at most. `None` if the pictures have
+    /// different shapes.
     pub fn compare(&self, now: &Surroundings) -> Option<Resemblance> {
+        self.compare_within(now, NUDGE_SHIFT)
+    }
+
+    /// Compares the surroundings of a recording whose camera was moved. Takes longer.
+    pub fn compare_moved(&self, now: &Surroundings) -> Option<Resemblance> {
+        self.compare_within(now, MOVED_SHIFT)
+    }
+
+    fn compare_within(&self, now: &Surroundings, max_shift: f32) -> Option<Resemblance> {
         if self.shape() != now.shape() {
             return None;
         }
         let [own, shown] = [self, now].map(Surroundings::contrast);
-        let mut best = alignment::refine(&own, &shown, Alignment::default());
+        let mut best = alignment::refine(&own, &shown, Alignment::default(), max_shift);
         let mut chance = None;
         if best.0 < CERTAIN_CORRELATION {
-            best = alignment::align(&own, &shown);
-            let by_chance = MIRRORS.iter().map(|mirror| alignment::align(&own.mirrored(*mirror), &shown).0);
+            best = alignment::align(&own, &shown, max_shift);
+            let mirrored = |mirror: &[bool; 2]| alignment::align(&own.mirrored(*mirror), &shown, max_shift).0;
+            let by_chance = MIRRORS.iter().map(mirrored);
             chance = Some(by_chance.fold(0.0, f32::max).into());
         }
         let (correlation, alignment) = best;

@@ -5,10 +5,10 @@ use reqwest::{Method, StatusCode, header};
 use serde_json::{Value, json};
 
 use super::RECORDING;
-use super::live::{Watcher, begin, centre, send, wait_until_done};
-use super::scene::{Folder, Scene};
+use super::live::{Watcher, begin, send, wait_until_done};
+use super::scene::{Folder, Scene, set_up_box};
 use crate::api::centre::Centre;
-use crate::support::read;
+use crate::support::{Service, read};
 
 /// Options of scenes that locate a trocar well, at a low frame rate.
 const SCENE: &str = "--view side --size 960x540 --fps 10";
@@ -33,7 +33,8 @@ async fn a_moved_camera_is_reported_live_and_with_the_result() {
     let options = format!("{SCENE} --seed 9 --seconds 25 --camera-moved-mm {MOVED_MM}");
     let Some(moved) = Scene::in_folder(Folder::of(&options)) else { return };
     let before = Folder::of(&format!("{SCENE} --seed 1 --seconds 25"));
-    let centre = centre(&moved).await;
+    let centre = Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await;
+    set_up_box(&centre.administrator, "box-1", &before).await;
     centre.administrator.make("/api/v1/tasks", json!({"name": "Again", "code": "again"})).await;
     for (trainee, task) in [("ada", "peg"), ("bob", "peg"), ("ada", "again"), ("bob", "again")] {
         let session = upload(&centre, trainee, task, &before).await;
@@ -43,6 +44,7 @@ async fn a_moved_camera_is_reported_live_and_with_the_result() {
         let is_compared = (trainee, task) == ("bob", "again");
         assert!(tools.iter().all(|tool| tool["port_shift"].is_object() == is_compared), "{tools:?}");
         assert!(!reasons(&session).iter().any(|reason| reason.ends_with("_moved")), "{}", session["quality"]);
+        assert_eq!(session["quality"]["recording"]["box"]["finding"], "same", "{}", session["quality"]);
     }
 
     let (mut sender, id) = begin(&centre, &moved, RECORDING).await;
@@ -64,6 +66,8 @@ async fn a_moved_camera_is_reported_live_and_with_the_result() {
 
     let session = wait_until_done(&centre.administrator, &id).await;
     assert!(reasons(&session).contains(&"camera_moved"), "{}", session["quality"]);
+    assert_eq!(session["quality"]["recording"]["box"]["finding"], "moved", "{}", session["quality"]);
+    assert_eq!(session["box_question"], Value::Null, "the same box that moved is not asked about");
     let reason =
         session["quality"]["reasons"].as_array().unwrap().iter().find(|r| r["name"] == "camera_moved").unwrap();
     assert!((reason["figure"].as_f64().unwrap() - MOVED_MM).abs() < WITHIN_MM, "{reason}");
