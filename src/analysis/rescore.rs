@@ -149,7 +149,7 @@ fn assess_stored_tracking(
         return Err(RescoreError::NoTrackingSummary);
     }
     let edited = edits::apply_edits(&paths, &edits.changes, &edits::unmeasured_of_diagnostics(seen));
-    Ok(results::assess_tracked(&edited, known, shown)?)
+    Ok(results::assess_tracked(&edited, known, shown, edits::trimmed_ends(&paths, &edits.changes))?)
 }
 
 /// Assesses the stored path of rows from another tracker.
@@ -162,6 +162,7 @@ fn assess_import(paths: &SessionPaths, frames: u64, edits: &EditsInForce) -> Res
     results::assess_imported(
         &edited.trajectory(PathKind::Smoothed),
         edits::count_remaining_frames(&edited, frames, &edits.changes),
+        edits::trimmed_ends(paths, &edits.changes),
     )
 }
 

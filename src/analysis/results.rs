@@ -96,7 +96,9 @@ impl TrackResult {
         };
         let edits = edits.scaled(clock.factor / edits_clock);
         let edited = edits::apply_edits(&paths, &edits.changes, &edits::unmeasured(&seen));
-        let AssessmentRows { features, evidence, quality } = assess_tracked(&edited, known, surroundings.as_ref())?;
+        let is_trimmed = edits::trimmed_ends(&paths, &edits.changes);
+        let AssessmentRows { features, evidence, quality } =
+            assess_tracked(&edited, known, surroundings.as_ref(), is_trimmed)?;
         Ok(Self {
             versions: versions(input),
             edits: edits.revision,
@@ -123,8 +125,8 @@ pub(super) struct AssessmentRows {
 
 impl AssessmentRows {
     /// Every feature and its evidence; the values are withheld if the session is refused.
-    fn of(path: &Trajectory, tools: &[ToolQuality], is_refused: bool, quality: Value) -> Self {
-        let assessment = assess(path, tools, &AssessmentSettings::default());
+    fn of(path: &Trajectory, tools: &[ToolQuality], is_trimmed: [bool; 2], is_refused: bool, quality: Value) -> Self {
+        let assessment = assess(path, tools, &AssessmentSettings { is_trimmed, ..AssessmentSettings::default() });
         let assessment = if is_refused { assessment.withheld() } else { assessment };
         Self {
             features: assessment.features.iter().map(|value| feature_row(value, &path.tools)).collect(),
@@ -134,12 +136,13 @@ impl AssessmentRows {
     }
 }
 
-/// Judges and assesses paths that were tracked here, given what stands still in their recording. The same paths and the same
-/// context give the same bytes.
+/// Judges and assesses paths that were tracked here, given what stands still in their recording. `is_trimmed` says whether
+/// edits cut off the beginning and the end. The same paths and the same context give the same bytes.
 pub(super) fn assess_tracked(
     paths: &SessionPaths,
     known: &BoxContext,
     shown: Option<&Surroundings>,
+    is_trimmed: [bool; 2],
 ) -> Result<AssessmentRows, ProductError> {
     let tracking = paths.tracking.as_ref().ok_or(ProductError::Missing("how it was tracked"))?;
     let counts = tracking.quality.quality(&paths.tools);
@@ -158,12 +161,17 @@ pub(super) fn assess_tracked(
     });
     let verdict = quality::judge(&figures);
     let quality = serde_json::to_value(QualityDocument::new(&counts, &figures, &verdict))?;
-    Ok(AssessmentRows::of(&smoothed, &counts.tools, verdict.is_refused(), quality))
+    Ok(AssessmentRows::of(&smoothed, &counts.tools, is_trimmed, verdict.is_refused(), quality))
 }
 
 /// Judges and assesses rows from another tracker. How they were measured is unknown, so the quality gate judges the
-/// path alone, and a value has an error bar only where the rows state their uncertainty.
-pub(super) fn assess_imported(path: &Trajectory, frames: u64) -> Result<AssessmentRows, ProductError> {
+/// path alone, and a value has an error bar only where the rows state their uncertainty. `is_trimmed` as for
+/// [`assess_tracked`].
+pub(super) fn assess_imported(
+    path: &Trajectory,
+    frames: u64,
+    is_trimmed: [bool; 2],
+) -> Result<AssessmentRows, ProductError> {
     let figures = quality::measure(&QualityInput::of_path(path));
     let verdict = quality::judge(&figures);
     let of_tool = |(tool, name): (usize, &String)| {
@@ -174,7 +182,7 @@ pub(super) fn assess_imported(path: &Trajectory, frames: u64) -> Result<Assessme
     };
     let counts = Quality { frames, tools: path.tools.iter().enumerate().map(of_tool).collect(), light: Vec::new() };
     let quality = serde_json::to_value(QualityDocument::new(&counts, &figures, &verdict))?;
-    Ok(AssessmentRows::of(path, &[], verdict.is_refused(), quality))
+    Ok(AssessmentRows::of(path, &[], is_trimmed, verdict.is_refused(), quality))
 }
 
 fn versions(input: &TrackInput) -> Versions {
@@ -306,7 +314,7 @@ mod tests {
         let known = BoxContext { calibration_rms_px: Some(0.3), ..BoxContext::default() };
         let first = tracked(|frame| frame % 17 != 3);
         let stored = SessionPaths::from_bytes(&first.paths).unwrap();
-        let again = assess_tracked(&stored, &known, None).unwrap();
+        let again = assess_tracked(&stored, &known, None, [false; 2]).unwrap();
         assert!(first.features.iter().filter(|row| row.error.as_ref().is_some_and(Result::is_ok)).count() > 5);
         assert_eq!(format!("{:?}", again.features), format!("{:?}", first.features));
         assert_eq!(again.quality.to_string(), first.quality.to_string());
@@ -314,20 +322,20 @@ mod tests {
         let mut nudged = stored.clone();
         nudged.smoothed[40].tip_mm[0] += 1e-9;
         assert_ne!(
-            assess_tracked(&nudged, &known, None).unwrap().features,
+            assess_tracked(&nudged, &known, None, [false; 2]).unwrap().features,
             first.features,
             "a changed path gives other features"
         );
         let mut forgetful = stored.clone();
         forgetful.tracking.as_mut().unwrap().quality.frames_interlaced = 0;
         assert_ne!(
-            assess_tracked(&forgetful, &known, None).unwrap().quality,
+            assess_tracked(&forgetful, &known, None, [false; 2]).unwrap().quality,
             first.quality,
             "a changed summary gives another quality"
         );
         let untracked = SessionPaths { tracking: None, ..stored };
         assert!(
-            assess_tracked(&untracked, &known, None).is_err(),
+            assess_tracked(&untracked, &known, None, [false; 2]).is_err(),
             "paths without a tracker's summary cannot be assessed"
         );
     }

@@ -1,16 +1,18 @@
 //! Measures every feature of a session, over the whole task and over windows of it.
 //!
-//! The *task* runs from the start of the first movement of any tool to the end of the last (see
-//! [`features::movement`]). If nothing moved, it is all of the time a tool was seen. Each tool is measured over the
+//! The *task* is the attempt of all tools: from the moment that the first starts to move or comes into the picture until
+//! the last has stopped or left (see [`features::attempt`]). If nothing moved, it is all of the time a tool was seen. Each tool is measured over the
 //! whole task, so a hand that rests while the other works is idle, not absent.
 
 use nalgebra::Point3;
 
+use crate::motion::features::attempt::{Attempt, RecordingEnds};
 use crate::motion::features::errors::replicate::replicate;
-use crate::motion::features::errors::{NoErrorBar, REPLICATES, error_bar};
+use crate::motion::features::errors::{NoErrorBar, REPLICATES, duration, error_bar};
 use crate::motion::features::motion::{Interval, Motion, ToolContext};
+use crate::motion::features::time::DURATION;
 use crate::motion::features::view::explain_absences;
-use crate::motion::features::{self, FeatureSettings, FeatureValue, NotEnough, fulcrum, movement};
+use crate::motion::features::{self, FeatureSettings, FeatureValue, NotEnough, fulcrum};
 use crate::motion::stretches::{FeatureStretches, StretchCollector};
 use crate::random::Dice;
 use crate::vision::tracker::ToolQuality;
@@ -23,11 +25,14 @@ pub struct AssessmentSettings {
     pub features: FeatureSettings,
     /// Length of the windows, s (T 4.4). Shorter windows show better where a fault lies, but are noisier. Usual 10.
     pub window_s: f64,
+    /// For the beginning and the end: true if a person trimmed the recording there. A tool that moves there is then part
+    /// of the attempt from or up to that moment; otherwise the attempt was cut off.
+    pub is_trimmed: [bool; 2],
 }
 
 impl Default for AssessmentSettings {
     fn default() -> Self {
-        Self { features: FeatureSettings::default(), window_s: 10.0 }
+        Self { features: FeatureSettings::default(), window_s: 10.0, is_trimmed: [false; 2] }
     }
 }
 
@@ -76,8 +81,11 @@ impl Assessment {
 /// Measures a session. Never fails: a feature that cannot be measured carries the reason. `tools` is the tracker's
 /// quality record of each tool; it is empty for a path that comes without one.
 pub fn assess(trajectory: &Trajectory, tools: &[ToolQuality], settings: &AssessmentSettings) -> Assessment {
-    let session = AssessedSession::new(trajectory, tools, &settings.features);
-    let task = task_interval(&session.motions, &settings.features);
+    let session = AssessedSession {
+        is_trimmed: settings.is_trimmed,
+        ..AssessedSession::new(trajectory, tools, &settings.features)
+    };
+    let task = session.task_interval(&session.motions);
     let step_s = settings.features.step_s;
     let mut features = session.measure_task(&session.motions);
     let measured_on = task.map_or_else(|| session.motions.clone(), |task| session.clipped(&session.motions, task));
@@ -113,6 +121,9 @@ struct AssessedSession<'a> {
     cuts_s: Vec<Vec<f64>>,
     motions: Vec<Result<Motion, NotEnough>>,
     known: Vec<ToolContext>,
+    /// The time of the recording; `None` if it has no sample.
+    recorded: Option<Interval>,
+    is_trimmed: [bool; 2],
 }
 
 impl<'a> AssessedSession<'a> {
@@ -126,12 +137,14 @@ impl<'a> AssessedSession<'a> {
         let known = samples.iter().zip(absent).enumerate().map(|(tool, (samples, absent))| ToolContext {
             fulcrum: trocar(tools.get(tool), samples),
             absences: absent,
+            attempt: None,
         });
-        Self { settings, known: known.collect(), samples, cuts_s, motions }
+        let recorded = recorded_interval(trajectory, settings);
+        Self { settings, known: known.collect(), samples, cuts_s, motions, recorded, is_trimmed: [false; 2] }
     }
 
     fn measure_task(&self, motions: &[Result<Motion, NotEnough>]) -> Vec<FeatureValue> {
-        let interval = task_interval(motions, self.settings);
+        let interval = self.task_interval(motions);
         let motions = interval.map_or_else(|| motions.to_vec(), |interval| self.clipped(motions, interval));
         features::measure(&motions, self.settings, |_| true)
     }
@@ -151,7 +164,10 @@ impl<'a> AssessedSession<'a> {
                 (Ok(_), None) => Err(NoErrorBar::ErrorsNotStated),
                 (Ok(measured), Some(all)) => {
                     let of_this = all.iter().filter_map(|values| values.get(index)?.value.ok());
-                    error_bar(value.feature, measured, of_this)
+                    match self.attempt_of(value) {
+                        Some(attempt) => duration::error_bar(attempt, measured, of_this, self.settings.step_s),
+                        None => error_bar(value.feature, measured, of_this),
+                    }
                 }
             };
             value.value = bar.map_or(value.value, |(corrected, _)| Ok(corrected));
@@ -177,10 +193,42 @@ impl<'a> AssessedSession<'a> {
                 Err(NotEnough::NeverSeen) => Motion::unseen(interval, self.settings),
                 Err(reason) => return Err(*reason),
             };
-            clipped.context.clone_from(known);
+            let attempt = motion.as_ref().ok().and_then(|motion| self.attempt(motion, known));
+            clipped.context = ToolContext { attempt, ..known.clone() };
             Ok(clipped)
         };
         motions.iter().zip(&self.known).map(clip).collect()
+    }
+
+    /// The attempt of one tool; `None` if it did not move.
+    fn attempt(&self, motion: &Motion, known: &ToolContext) -> Option<Attempt> {
+        let recording = RecordingEnds { interval: self.recorded?, is_trimmed: self.is_trimmed };
+        Attempt::of_tool(motion, known.absences.as_deref(), recording, self.settings)
+    }
+
+    /// The attempts of the tools that moved.
+    fn attempts(&self, motions: &[Result<Motion, NotEnough>]) -> Vec<Option<Attempt>> {
+        let attempt =
+            |(motion, known): (&Result<Motion, NotEnough>, &ToolContext)| self.attempt(motion.as_ref().ok()?, known);
+        motions.iter().zip(&self.known).map(attempt).collect()
+    }
+
+    /// The attempt that a value states the duration of; `None` for another feature.
+    fn attempt_of(&self, value: &FeatureValue) -> Option<Attempt> {
+        if *value.feature != DURATION {
+            return None;
+        }
+        let attempts = self.attempts(&self.motions);
+        match value.tool {
+            Some(tool) => attempts.get(tool).copied().flatten(),
+            None => attempts.into_iter().flatten().reduce(Attempt::hull),
+        }
+    }
+
+    fn task_interval(&self, motions: &[Result<Motion, NotEnough>]) -> Option<Interval> {
+        let attempt = self.attempts(motions).into_iter().flatten().reduce(Attempt::hull);
+        let seen = motions.iter().flatten().map(|motion| motion.interval);
+        attempt.map(Attempt::interval).or(seen.reduce(Interval::hull))
     }
 
     fn windows(&self, task: Interval, window_s: f64) -> Vec<FeatureWindow> {
@@ -210,8 +258,11 @@ fn motion(samples: &[Sample], cuts_s: &[f64], settings: &FeatureSettings) -> Res
     }
 }
 
-fn task_interval(motions: &[Result<Motion, NotEnough>], settings: &FeatureSettings) -> Option<Interval> {
-    let moved = motions.iter().flatten().filter_map(|motion| movement::extent(motion, settings));
-    let seen = motions.iter().flatten().map(|motion| motion.interval);
-    moved.reduce(Interval::hull).or(seen.reduce(Interval::hull))
+/// From the first frame to the last, or from the first row to the last if the frames' times are unknown.
+fn recorded_interval(trajectory: &Trajectory, settings: &FeatureSettings) -> Option<Interval> {
+    let frames = trajectory.frame_times_s.first().zip(trajectory.frame_times_s.last());
+    let rows = trajectory.samples.first().zip(trajectory.samples.last());
+    let (first_s, last_s) = frames.or(rows.map(|(first, last)| (&first.time_s, &last.time_s)))?;
+    let [first, last] = [(first_s / settings.step_s).ceil(), (last_s / settings.step_s).floor()];
+    Some(Interval { first: first as i64, last: last as i64 })
 }

@@ -106,6 +106,12 @@ pub fn apply_edits_to_path(paths: &SessionPaths, kind: PathKind, changes: &[Edit
     path
 }
 
+/// For the recording's beginning and end: true if these edits cut it off.
+pub fn trimmed_ends(paths: &SessionPaths, changes: &[EditChange]) -> [bool; 2] {
+    let kept = kept_span(changes).zip(recorded_span(paths));
+    kept.map_or([false; 2], |([from, to], [first, last])| [from > first, to < last])
+}
+
 /// Number of frames left of an imported path: the frames that have a row of any tool.
 pub fn count_remaining_frames(paths: &SessionPaths, frames: u64, changes: &[EditChange]) -> u64 {
     if kept_span(changes).is_none() {

@@ -9,6 +9,7 @@ use std::rc::Rc;
 
 use nalgebra::{Point3, Vector3};
 
+use super::attempt::Attempt;
 use super::fit::{MIN_SAMPLES, VectorSeries};
 use super::settings::FeatureSettings;
 use super::view::ExplainedAbsence;
@@ -76,6 +77,8 @@ pub struct ToolContext {
     pub fulcrum: Option<Point3<f64>>,
     /// Its absences over the whole recording, each with its cause ([`super::view`]); `None` if the causes are unknown.
     pub absences: Option<Rc<[ExplainedAbsence]>>,
+    /// When the tool's own attempt begins and ends ([`super::attempt`]); `None` if it did not move.
+    pub attempt: Option<Attempt>,
 }
 
 impl Span {

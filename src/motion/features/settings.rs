@@ -1,5 +1,7 @@
 //! The settings of the features: every threshold, with its unit and its source.
 
+use super::attempt::MIN_TRAVEL_MM;
+
 /// Settings of the features. A score is stored with [`Default`] unless a box overrides it. Two scores are comparable
 /// only under the same settings.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,11 +65,12 @@ impl Default for FeatureSettings {
 
 impl FeatureSettings {
     /// The settings that descriptions of features quote, by the names that they use.
-    pub(super) fn for_descriptions(&self) -> [(&'static str, f64); 9] {
+    pub(super) fn for_descriptions(&self) -> [(&'static str, f64); 10] {
         [
             ("movement_speed", self.movement_speed_mm_s),
             ("movement_end", MOVEMENT_END_RATIO * self.movement_speed_mm_s),
             ("movement_min", self.movement_min_s),
+            ("min_travel", MIN_TRAVEL_MM),
             ("thinking_speed", self.thinking_speed_mm_s),
             ("pause_min", self.pause_min_s),
             ("long_pause", self.long_pause_s),

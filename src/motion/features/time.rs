@@ -1,20 +1,23 @@
 //! Features of time: the duration, and how much of it was rest.
 
+use super::attempt::Attempt;
 use super::motion::{Interval, Motion};
-use super::movement::{extent, rests};
+use super::movement::rests;
 use super::{BOTH, Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource, THREE_D};
 
-/// Time from the first to the last movement.
+/// Time from the start of the first tool to the stop of the last.
 pub static DURATION: Feature = Feature {
     name: "duration",
     title: "Duration",
     family: Family::Time,
     unit: "s",
     direction: Direction::Lower,
-    description: "Time from the start of the first movement to the end of the last, of the tool or, for the session, \
-                  of any tool. A movement is a stretch of at least {movement_min} s in which the speed stays above \
-                  {movement_end} mm/s and reaches {movement_speed} mm/s.",
-    source: "thesis eq. 4.37; start and end rule after PerkTutor's hysteresis",
+    description: "Time from the moment that the first tool starts to move or comes into the picture until the last \
+                  tool has stopped or left the picture; for one tool, from its own start to its own stop. A tool \
+                  moves in a movement that takes its tip at least {min_travel} mm away: a stretch of at least \
+                  {movement_min} s in which the speed stays above {movement_end} mm/s and reaches {movement_speed} \
+                  mm/s.",
+    source: "thesis eq. 4.37; movements after PerkTutor's hysteresis",
     range: (0.0, 86_400.0),
     spaces: THREE_D,
     windowed: false,
@@ -58,16 +61,15 @@ pub static IDLE_SHARE: Feature = Feature {
 };
 
 fn task_duration(motions: &[Motion], settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    let first = motions.first().ok_or(NotEnough::NeverSeen)?;
-    let extents = motions.iter().filter_map(|motion| extent(motion, settings));
-    let task = extents.reduce(|a, b| a.hull(b)).ok_or(NotEnough::NoMovement)?;
-    Ok(task.steps() as f64 * first.step_s)
+    let attempts = motions.iter().filter_map(|motion| motion.context.attempt);
+    let all = attempts.reduce(Attempt::hull).ok_or(NotEnough::NoMovement)?;
+    Ok(all.interval().steps() as f64 * settings.step_s)
 }
 
 fn tool_duration(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
-    let own = extent(motion, settings).ok_or(NotEnough::NoMovement)?;
-    Ok(own.steps() as f64 * motion.step_s)
+    let own = motion.context.attempt.ok_or(NotEnough::NoMovement)?;
+    Ok(own.interval().steps() as f64 * motion.step_s)
 }
 
 fn thinking_time(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {

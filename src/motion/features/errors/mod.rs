@@ -9,6 +9,7 @@
 //! on simulated people that were not used to set the errors. **Gives up** if the path states no errors, or if a feature
 //! has no value on too many replicates.
 
+pub mod duration;
 pub mod replicate;
 
 use super::Feature;
@@ -60,6 +61,9 @@ pub enum NoErrorBar {
     /// The value depends on the errors: on many equally likely paths there is none.
     #[error("with other errors of the same size there would be no value")]
     Unsteady,
+    /// A duration: a tool moved as the recording began or ended, so the attempt took longer by an unknown time.
+    #[error("at least this long: a tool was moving as the recording began or ended")]
+    AtLeast,
 }
 
 /// Computes the value with the shift by errors removed, and its error bar, from the measured value and the values of

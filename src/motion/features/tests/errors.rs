@@ -9,7 +9,7 @@ const LATERAL_MM: f64 = 0.1;
 const DEPTH_MM: f64 = 0.4;
 
 /// A path in front of the camera as a tracker could have seen it, with stated errors.
-fn seen(times: &[f64], path: &Path<'_>, seed: u64) -> Trajectory {
+pub(super) fn seen(times: &[f64], path: &Path<'_>, seed: u64) -> Trajectory {
     let mut trajectory = record(times, &[path]);
     for sample in &mut trajectory.samples {
         sample.tip_mm.z += 200.0;
@@ -19,7 +19,7 @@ fn seen(times: &[f64], path: &Path<'_>, seed: u64) -> Trajectory {
     trajectory
 }
 
-fn bar(assessment: &Assessment, name: &str) -> ErrorBar {
+pub(super) fn bar(assessment: &Assessment, name: &str) -> ErrorBar {
     let of_tool = assessment.features.iter().find(|v| (v.feature.name, v.tool) == (name, Some(0)));
     of_tool.unwrap().error.unwrap_or_else(|reason| panic!("{name}: {reason}"))
 }

@@ -2,6 +2,7 @@
 //! share.
 
 mod about_trocar;
+mod attempt;
 mod closed_forms;
 mod errors;
 mod laws;
