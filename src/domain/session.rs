@@ -10,6 +10,7 @@ use super::job::JobState;
 use super::named;
 use super::text::{FileName, TrackerName};
 use crate::ids::{BoxId, CalibrationId, PaletteId, ResultId, TaskId, TraineeId};
+use crate::motion::features::errors::NoErrorBar;
 use crate::motion::{PIPELINE_VERSION, features};
 use crate::vision::surroundings::Surroundings;
 
@@ -167,6 +168,11 @@ impl FeatureRow {
     /// The feature's family; `None` for a feature that is no longer measured.
     pub fn family(&self) -> Option<&'static str> {
         features::find(&self.name).ok().map(|feature| feature.family.name())
+    }
+
+    /// True if the value is a lower bound: the recording shows only a part of the attempt.
+    pub fn is_lower_bound(&self) -> bool {
+        matches!(&self.error, Some(Err(reason)) if *reason == NoErrorBar::AtLeast.to_string())
     }
 }
 

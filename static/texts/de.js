@@ -279,8 +279,9 @@ export default {
     behind: s => `${s} s zurück`,
     keepsUp: 'Keine Verzögerung',
     seen: {
-      name: tool => `Anteil der Zeit, in der ${tool} gesehen wurde`,
-      share: percent => `In ${percent} der letzten 10 s gesehen`,
+      name: tool => `Anteil der bisherigen Bilder, auf denen ${tool} gesehen wurde`,
+      share: percent => `Auf ${percent} der bisherigen Bilder gesehen`,
+      recent: percent => `Nur auf ${percent} in den letzten 10 s.`,
       unknown: 'Noch nicht bekannt',
       good: 'Gut',
       warn: 'Mäßig',
@@ -638,6 +639,13 @@ export default {
     off: half => `± ${half}`,
     offMeans: (low, high) => `Der wahre Wert liegt in 95 von 100 Sitzungen zwischen ${low} und ${high}.`,
     offUnknown: why => `Die Unsicherheit dieses Werts ist nicht bekannt: ${why}.`,
+    atLeast: value => `mindestens ${value}`,
+    atLeastMeans:
+      'Ein Instrument bewegte sich schon, als die Aufnahme begann, oder noch, als sie endete. Der Versuch dauerte länger, als die Aufnahme zeigt.',
+    definitions: {
+      duration:
+        'Vom Moment, in dem das erste Instrument sich zu bewegen beginnt oder ins Bild kommt, bis das letzte Instrument stillsteht oder das Bild verlassen hat. Für ein einzelnes Instrument: vom eigenen Beginn bis zum eigenen Ende.',
+    },
     toldLive: value => `live ${value}`,
     liveDiffers:
       'Live-Werte gelten für alles Gesehene und wurden während der Aufnahme berechnet. Endgültige Werte gelten nur für die Aufgabe, auf einer glatteren Bahn.',

@@ -191,8 +191,9 @@ export default {
     behind: s => `${s} s behind`,
     keepsUp: 'No delay',
     seen: {
-      name: tool => `Share of time that ${tool} was seen`,
-      share: percent => `Seen on ${percent} of the last 10 s`,
+      name: tool => `Share of the frames so far on which ${tool} was seen`,
+      share: percent => `Seen on ${percent} of the frames so far`,
+      recent: percent => `Only ${percent} in the last 10 s.`,
       unknown: 'Not known yet',
       good: 'Good',
       warn: 'Fair',
@@ -550,6 +551,13 @@ export default {
     off: half => `± ${half}`,
     offMeans: (low, high) => `The true value lies between ${low} and ${high} in 95 of 100 sessions.`,
     offUnknown: why => `The error of this value is not known: ${why}.`,
+    atLeast: value => `at least ${value}`,
+    atLeastMeans:
+      'A tool was already moving when the recording began, or still moving when it ended. The attempt took longer than the recording shows.',
+    definitions: {
+      duration:
+        'From the moment that the first tool starts to move or comes into the picture until the last tool has stopped or left the picture. For one tool: from its own start to its own stop.',
+    },
     toldLive: value => `live ${value}`,
     liveDiffers:
       'Live values cover everything that was seen and were calculated as the recording arrived. Final values cover the task only, on a smoother path.',

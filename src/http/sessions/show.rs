@@ -128,6 +128,8 @@ pub struct FeatureResponse {
     error: Option<FeatureError>,
     /// Why the error bar is unknown; `null` if there is one.
     no_error: Option<String>,
+    /// True if the true value is at least this one: the recording shows only a part of the attempt.
+    is_lower_bound: bool,
     /// The limit in the task's standard; `null`: none.
     target: Option<FeatureLimit>,
     /// Judgement of the value by this limit.
@@ -236,7 +238,7 @@ fn named(id: impl ToString, name: impl Into<String>, code: impl Into<String>) ->
 
 impl From<FeatureRow> for FeatureResponse {
     fn from(row: FeatureRow) -> Self {
-        let family = row.family();
+        let (family, is_lower_bound) = (row.family(), row.is_lower_bound());
         let (value, not_enough) = match row.value {
             Ok(value) => (Some(value), None),
             Err(reason) => (None, Some(reason)),
@@ -253,6 +255,7 @@ impl From<FeatureRow> for FeatureResponse {
             not_enough,
             error,
             no_error,
+            is_lower_bound,
             target: None,
             judgement: None,
         }

@@ -40,10 +40,11 @@ export const Provenance = ({ rows }) => html`
  * `61.2 ± 0.8 s`. Says if the error is not known; without a value, gives the reason.
  *
  * @param {{ value?: number | null, error?: { low: number, high: number } | null, not_enough?: string | null,
- *   unit: string }} feature
+ *   is_lower_bound?: boolean, unit: string }} feature
  */
-export function measuredText({ value, error, not_enough: why, unit: name }) {
+export function measuredText({ value, error, not_enough: why, is_lower_bound: isLowerBound, unit: name }) {
   if (value === null || value === undefined) return why ?? words.notMeasured;
+  if (isLowerBound) return `${t.session.atLeast(number(value))} ${unit(name)}`.trim();
   const text = error ? withError(value, error).join(' ± ') : `${number(value)} ${words.errorUnknown}`;
   return `${text} ${unit(name)}`.trim();
 }

@@ -75,7 +75,7 @@ export function Features({ features, live, tools, places, withheld, evidence, pl
                 <th scope="row"><${Title} row=${row} space=${space} evidence=${evidence} open=${open === row.name}
                   onToggle=${stretch => toggle(row, stretch)} />${whyNot(row)
                   .filter(why => !general.includes(why))
-                  .map(why => html`<small key=${why} lang=${serviceLang}>${why}</small>`)}</th>
+                  .map(why => html`<small key=${why} lang=${serviceLang}>${why}</small>`)}<${Definition} row=${row} /></th>
                 ${columns.map(tool => html`<td key=${tool} class="number"><${Value}
                   feature=${row.byTool.get(tool)} answer=${places.answer} /><${LiveValue} feature=${liveRows.get(row.name)?.get(tool)} /></td>`)}
                 <td class="unit">${unit(row.unit)}</td>
@@ -102,6 +102,11 @@ function Title({ row, space, evidence, open, onToggle }) {
     title=${withStretches.length ? words.evidence.show : words.evidence.none.nothing_stands_out}
     onClick=${() => onToggle(withStretches[0]?.stretches[0])}>${row.title}</button>`;
 }
+
+/** What a feature means, where that is not clear from its name, and what a lower bound means. @param {Props} props */
+const Definition = ({ row }) => html`
+  ${words.definitions[row.name] && html`<small>${words.definitions[row.name]}</small>`}
+  ${[...row.byTool.values()].some(feature => feature.is_lower_bound) && html`<small>${words.atLeastMeans}</small>`}`;
 
 /** `[family, rows]`, each in the order of its first row. */
 export function families(rows) {
@@ -133,6 +138,7 @@ const isMissing = feature => feature.value === null || feature.value === undefin
 /** @param {Props} props */
 function Value({ feature, answer }) {
   if (!feature) return '';
+  if (feature.is_lower_bound) return html`<${AtLeast} feature=${feature} /><${Limit} feature=${feature} />`;
   if (isMissing(feature)) return html`<span class="not-enough">${words.notEnough}</span>`;
   const [value, half] = feature.error && !feature.no_error ? withError(feature.value, feature.error) : [number(feature.value)];
   return html`${value}<${Uncertainty} feature=${feature} half=${half} /><${Limit} feature=${feature} /><${CohortPlace}
@@ -151,6 +157,9 @@ function Uncertainty({ feature: { error, no_error: why }, half }) {
   const explanation = words.offMeans(number(error.low), number(error.high));
   return html`<small class="off" title=${explanation} aria-label=${explanation}>${words.off(half)}</small>`;
 }
+
+/** A value that the recording shows only in part. @param {Props} props */
+const AtLeast = ({ feature }) => html`<span title=${words.atLeastMeans}>${words.atLeast(number(feature.value))}</span>`;
 
 /** The limit of the standard, and whether it was met. @param {Props} props */
 const Limit = ({ feature: { target, judgement } }) => target && html`
