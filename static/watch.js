@@ -24,6 +24,11 @@ export class LiveWatch {
   light = null;
   /** How far camera and ports have moved since earlier recordings; null if not known. */
   placement = null;
+  /**
+   * How well each tool was seen so far, judged as the result will be.
+   * @type {{ coverage: number | null, reason: Schemas['ConcernDocument'] | null }[]}
+   */
+  seen = [];
   isBehind = false;
   /** The newest picture. @type {{ frame: number, bitmap: ImageBitmap } | null} */
   picture = null;
@@ -153,8 +158,12 @@ export class LiveWatch {
       // If a silent sender sends again, its first frame shows it.
       if (this.state !== 'silent' || !message.tools) this.#setState('live');
     }
-    if (message.type === 'features') [this.features, this.light, this.placement] = [message.features, message.light, message.placement];
+    if (message.type === 'features') this.#keepFeatures(message);
     this.#notifyListeners();
+  }
+
+  #keepFeatures({ features, light, placement, seen }) {
+    [this.features, this.light, this.placement, this.seen] = [features, light, placement, seen ?? []];
   }
 
   #countMissed(count) {

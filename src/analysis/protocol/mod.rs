@@ -18,7 +18,7 @@ pub use super::child::calibrate::{CalibrateWork, RequestedBoard};
 pub use super::child::check::CheckWork;
 pub use super::child::demux::DemuxWork;
 pub use super::child::follow::{
-    FollowReply, FollowWork, FollowedFrame, FollowedTool, LogPosition, RunningRow, live_features,
+    FollowReply, FollowWork, FollowedFrame, FollowedTool, LogPosition, RunningRow, SeenSoFar, live_features,
 };
 pub use super::child::mask::MaskWork;
 pub use super::child::palette::{ColourMark, PaletteWork};

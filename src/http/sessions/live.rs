@@ -16,7 +16,8 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{interval, timeout};
 use utoipa::IntoParams;
 
-use crate::analysis::protocol::{FollowReply, FollowedFrame, FollowedTool, live_features};
+use crate::analysis::protocol::{FollowReply, FollowedFrame, FollowedTool, SeenSoFar, live_features};
+use crate::domain::files::quality::ConcernDocument;
 use crate::domain::scope::Scope;
 use crate::domain::session::{LiveFeature, SessionStatus};
 use crate::domain::standard::Target;
@@ -56,7 +57,13 @@ enum LiveMessage {
     /// A frame was tracked.
     Frame(LiveFrame),
     /// Features so far, the light, and whether camera and trocars have moved.
-    Features { features: Vec<LiveFeature>, light: Option<LiveLight>, placement: Option<LivePlacement> },
+    Features {
+        features: Vec<LiveFeature>,
+        light: Option<LiveLight>,
+        placement: Option<LivePlacement>,
+        /// How well each tool was seen so far.
+        seen: Vec<LiveSeen>,
+    },
     /// The watcher was too slow and missed this many messages.
     Missed { count: u64 },
     /// The recording is complete, and the session has this status.
@@ -94,13 +101,29 @@ struct LiveShift {
     sigma_mm: f64,
 }
 
+/// How well a tool was seen so far, by the definitions and limits for finished sessions.
+#[derive(Debug, Serialize)]
+struct LiveSeen {
+    /// Share of the frames on which it was measured, from the first to the last frame with any tool.
+    coverage: Option<f64>,
+    /// What would make the session one to use with care, or refuse it, if the recording ended now.
+    reason: Option<ConcernDocument>,
+}
+
+impl LiveSeen {
+    fn new(tool: &str, seen: &SeenSoFar) -> Self {
+        Self { coverage: seen.coverage, reason: seen.concern(tool).as_ref().map(ConcernDocument::from) }
+    }
+}
+
 impl LivePlacement {
     /// `None` while no trocar is known.
     fn new(reply: &FollowReply) -> Option<Self> {
         let placement = reply.placement.as_ref()?;
-        let port = |tool| placement.port(tool).map(|of| LiveShift { mm: of.mm, sigma_mm: of.sigma_mm });
-        let camera = placement.camera.map(|of| LiveShift { mm: of.mm, sigma_mm: of.sigma_mm });
-        Some(Self { camera, ports: (0..placement.tools.len()).map(port).collect() })
+        let shift = |of: (f64, f64)| LiveShift { mm: of.0, sigma_mm: of.1 };
+        let camera = placement.camera.map(|of| shift((of.mm, of.sigma_mm)));
+        let ports = placement.ports.iter().map(|of| of.map(|of| shift((of.mm, of.sigma_mm)))).collect();
+        Some(Self { camera, ports })
     }
 }
 
@@ -332,8 +355,10 @@ async fn send_followed(
         };
         let light = followed.light.map(|of| LiveLight { luma_ratio: of.luma_ratio, chroma_shift: of.chroma_shift });
         let placement = LivePlacement::new(followed);
-        send_message(socket, &LiveMessage::Features { features: live_features(rows, &tools), light, placement })
-            .await?;
+        let seen =
+            tools.iter().zip(followed.seen.iter().flatten()).map(|(tool, seen)| LiveSeen::new(tool, seen)).collect();
+        let features = live_features(rows, &tools);
+        send_message(socket, &LiveMessage::Features { features, light, placement, seen }).await?;
     }
     if let Some((frame, jpeg)) = followed.picture.as_ref().filter(|_| watch.viewer.is_some()) {
         let mut bytes = Vec::with_capacity(PICTURE_HEADER_BYTES + jpeg.len());

@@ -12,6 +12,7 @@
 //! | [`noise_floor`] | speed at which a resting tool would appear to move |
 //! | [`tool`] | how one tool was seen |
 //! | [`ports`] | whether camera or trocars have moved since earlier sessions |
+//! | [`running`] | the same figures of a tool while the recording arrives |
 //! | [`box_match`] | whether the recording shows the box that it is filed under |
 //! | [`session`] | the recording itself: frame times, light, beginning and end |
 //! | [`cause`] | what can be wrong: a closed set, each with a sentence and advice |
@@ -24,6 +25,7 @@ pub mod gate;
 pub mod limits;
 pub mod noise_floor;
 pub mod ports;
+pub mod running;
 pub mod session;
 pub mod tool;
 

@@ -49,6 +49,28 @@ pub struct SessionFigures {
     pub box_match: Option<BoxMatch>,
 }
 
+impl SessionFigures {
+    /// Figures of which only the numbers of frames and of measurements are known.
+    pub(super) fn of_counts(frames: u64, observed: u64) -> Self {
+        Self {
+            frames,
+            observed,
+            frame_rate_hz: None,
+            dropped_share: None,
+            longest_interval_s: None,
+            cut_share: None,
+            interlaced_share: None,
+            first_speed_mm_s: None,
+            last_speed_mm_s: None,
+            exposure_drift: None,
+            white_drift_codes: None,
+            calibration_rms_px: None,
+            camera_shift: None,
+            box_match: None,
+        }
+    }
+}
+
 pub(super) fn measure(
     evidence: &QualityInput<'_>,
     placement: &PortPlacement,

@@ -41,6 +41,7 @@ impl Tracker {
             absence,
             borders_px: drawn.map(|(borders, _)| borders),
             band_end_px: drawn.map(|(_, end)| end),
+            has_withdrawn: std::mem::take(&mut self.tools[tool].has_withdrawn),
         }
     }
 

@@ -159,6 +159,16 @@ impl Tracker {
         self.tools.iter().map(|tool| tool.adjustment.as_ref()?.well_known_fulcrum()).collect()
     }
 
+    /// What the axes of each tool say of its trocar so far.
+    pub fn trocars(&self) -> Vec<TrocarEvidence> {
+        let shown = |tool: &ToolTracker| match &tool.adjustment {
+            Some(adjustment) if adjustment.is_right_way_round() => TrocarEvidence::Shown,
+            Some(adjustment) if !adjustment.is_wrong_way_round() => TrocarEvidence::Possible,
+            _ => TrocarEvidence::Missing,
+        };
+        self.tools.iter().map(shown).collect()
+    }
+
     /// Tracks the next frame: predict → find → measure → accept → learn, for each tool, and each pair of one colour.
     pub fn observe(&mut self, frame: &Frame<'_>) -> FrameReport {
         self.instants.push((frame.index, frame.time_s));

@@ -38,6 +38,8 @@ pub struct ToolTracker {
     pub(super) rivalry: Rivalry,
     pub(super) records: PackedRecords,
     pub(super) trace: TraceRecorder,
+    /// All measurements before this frame were withdrawn.
+    pub(super) has_withdrawn: bool,
 }
 
 impl ToolTracker {
@@ -57,6 +59,7 @@ impl ToolTracker {
             rivalry: Rivalry::default(),
             records: PackedRecords::default(),
             trace: TraceRecorder::default(),
+            has_withdrawn: false,
         }
     }
 
@@ -77,6 +80,7 @@ impl ToolTracker {
         let (records, trace) = (std::mem::take(&mut self.records), std::mem::take(&mut self.trace));
         self.start_over();
         (self.records, self.trace) = (records.without_poses(reason), trace);
+        self.has_withdrawn = true;
     }
 
     /// Finds and measures the tool on a frame: predict → find → measure → accept → learn.

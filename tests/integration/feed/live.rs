@@ -71,6 +71,20 @@ impl Watcher {
     }
 }
 
+impl Watcher {
+    /// The next message of a type; `None` once the recording has ended.
+    pub(super) async fn next_before_end(&mut self, kind: &str) -> Option<Value> {
+        loop {
+            match self.next().await {
+                LiveMessage::Json(message) if message["type"] == kind => return Some(message),
+                LiveMessage::Json(message) if message["type"] == "ended" => return None,
+                LiveMessage::Closed => panic!("closed before {kind}"),
+                _ => {}
+            }
+        }
+    }
+}
+
 pub(super) async fn centre(scene: &Scene) -> Centre {
     let centre = Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await;
     set_up_box(&centre.administrator, "box-1", &scene.folder).await;

@@ -5,6 +5,7 @@ mod load;
 mod moved;
 pub mod push;
 pub mod scene;
+mod seen;
 pub mod sender;
 
 use std::io::Write;

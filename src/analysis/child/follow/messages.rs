@@ -12,7 +12,9 @@ use crate::domain::feed::{FrameCodec, TimeBase};
 use crate::domain::session::LiveFeature;
 use crate::motion::features::FeatureValue;
 use crate::motion::features::running::LIVE_FEATURES;
-use crate::motion::quality::ports::{PortPlacement, Ports};
+use crate::motion::quality::ports::Ports;
+use crate::motion::quality::ports::watch::ConfirmedPlacement;
+use crate::motion::quality::{Concern, Figures, QualityCause, Severity, judge};
 use crate::vision::reason::MissReason;
 use crate::vision::tracker::{Absence, LightSample, ToolReport, TrackerSettings};
 use crate::vision::trajectory::Sample;
@@ -93,8 +95,10 @@ pub struct FollowReply {
     pub running: Option<Vec<RunningRow>>,
     /// Scene light relative to the first frame. Sent with the features.
     pub light: Option<LightSample>,
-    /// Shifts of camera and trocars, once they are known. Sent with the features.
-    pub placement: Option<PortPlacement>,
+    /// Lasting shifts of camera and trocars, once a trocar is known. Sent with the features.
+    pub placement: Option<ConfirmedPlacement>,
+    /// How well each tool was seen so far. Sent with the features.
+    pub seen: Option<Vec<SeenSoFar>>,
     /// A small JPEG, and the number of its frame.
     pub picture: Option<(u64, Vec<u8>)>,
 }
@@ -167,6 +171,63 @@ impl RunningRow {
     pub fn new(value: &FeatureValue) -> Option<Self> {
         let feature = LIVE_FEATURES.iter().position(|live| *live == value.feature)?;
         Some(Self { tool: value.tool? as u32, feature: feature as u32, value: value.value.ok() })
+    }
+}
+
+/// How well a tool was seen so far, judged with the limits for finished sessions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SeenSoFar {
+    /// Share of the frames on which it was measured, from the first to the last frame with any tool; `None` before the
+    /// first.
+    pub coverage: Option<f64>,
+    /// The figure that would harm the session most, if the recording ended now.
+    pub worst: Option<LiveConcern>,
+}
+
+/// A figure beyond its limit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LiveConcern {
+    /// Index into [`QualityCause::ALL`].
+    pub cause: u32,
+    /// The figure, in the cause's unit.
+    pub figure: f64,
+    /// The limit that it broke.
+    pub limit: f64,
+    /// True if it would refuse the session.
+    pub refuses: bool,
+}
+
+impl SeenSoFar {
+    /// One entry per tool.
+    pub fn of_tools(figures: &Figures) -> Vec<Self> {
+        let verdict = judge(figures);
+        let of_tool = |tool: &crate::motion::quality::ToolFigures| {
+            let worst = verdict.concerns().iter().find(|concern| concern.tool.as_deref() == Some(&*tool.tool));
+            Self { coverage: tool.coverage, worst: worst.and_then(LiveConcern::new) }
+        };
+        figures.tools.iter().map(of_tool).collect()
+    }
+
+    /// The worst figure with the tool's name, as for a finished session.
+    pub fn concern(&self, tool: &str) -> Option<Concern> {
+        let LiveConcern { cause, figure, limit, refuses } = self.worst?;
+        let severity = if refuses { Severity::Refuse } else { Severity::Care };
+        let cause = *QualityCause::ALL.get(cause as usize)?;
+        Some(Concern { cause, tool: Some(tool.to_owned()), label: None, figure, limit, severity })
+    }
+
+    /// Every number of it.
+    pub fn numbers(&self) -> impl Iterator<Item = f64> + use<> {
+        let worst = self.worst.map(|worst| [worst.figure, worst.limit]);
+        self.coverage.into_iter().chain(worst.into_iter().flatten())
+    }
+}
+
+impl LiveConcern {
+    fn new(concern: &Concern) -> Option<Self> {
+        let cause = QualityCause::ALL.iter().position(|cause| *cause == concern.cause)? as u32;
+        let refuses = concern.severity == Severity::Refuse;
+        Some(Self { cause, figure: concern.figure, limit: concern.limit, refuses })
     }
 }
 

@@ -9,7 +9,10 @@ mod validation;
 
 use std::os::unix::fs::FileExt;
 
-pub use messages::{FollowReply, FollowWork, FollowedFrame, FollowedTool, LogPosition, RunningRow, live_features};
+pub use messages::{
+    FollowReply, FollowWork, FollowedFrame, FollowedTool, LiveConcern, LogPosition, RunningRow, SeenSoFar,
+    live_features,
+};
 pub use validation::FollowOutput;
 
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord};
@@ -19,6 +22,8 @@ use crate::media::{FeedDecoder, JpegMaker, JpegStyle, MediaLimits, Picture};
 use crate::motion::features::FeatureSettings;
 use crate::motion::features::running::RunningFeatures;
 use crate::motion::quality::Ports;
+use crate::motion::quality::ports::watch::{self, PlacementWatch};
+use crate::motion::quality::running::RunningFigures;
 use crate::vision::frame::Frame;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::tracker::{MAX_WARM_UP_FRAMES, Tracker, TrackerSettings};
@@ -65,13 +70,19 @@ struct LiveTracker {
     decoder: FeedDecoder,
     stage: FollowStage,
     ports: Ports,
+    placement: PlacementWatch,
     /// Last reliable position of each tool's trocar.
     fulcrums: Vec<Option<Fulcrum>>,
     size: (u32, u32),
     /// The number that continues what was decoded.
     next: Option<u64>,
     running: RunningFeatures,
+    figures: RunningFigures,
+    /// Names of the tools.
+    names: Vec<String>,
     features_at_s: f64,
+    /// Time of the last features, s.
+    last_features_s: f64,
     frames_since_forget: u64,
     stills: JpegMaker,
     reply: FollowReply,
@@ -100,12 +111,16 @@ impl LiveTracker {
             codec,
             decoder: FeedDecoder::new(codec, size, time_base, limits)?,
             running: RunningFeatures::new(track.tools.len(), FeatureSettings::default()),
+            figures: RunningFigures::new(track.tools.len()),
+            placement: PlacementWatch::new(track.tools.len()),
+            names: track.tools.iter().map(|tool| tool.name.clone()).collect(),
             fulcrums: vec![None; track.tools.len()],
             stage: FollowStage::Collecting { settings: Box::new(track), first: Vec::new() },
             ports,
             size,
             next: None,
             features_at_s: 0.0,
+            last_features_s: 0.0,
             frames_since_forget: 0,
             stills: JpegMaker::new(JpegStyle::SMALL),
             reply: FollowReply::default(),
@@ -175,6 +190,7 @@ impl LiveTracker {
             .filter_map(|tool| tool.filtered.as_ref())
             .for_each(|sample| self.running.add_sample(sample));
         self.running.advance_to(frame.time_s);
+        self.figures.add_frame(&report);
         let tools = report.tools.iter().map(|tool| FollowedTool::new(frame.index, tool)).collect();
         self.reply.frames.push(FollowedFrame { frame: frame.index, time_s: frame.time_s, tools });
         self.frames_since_forget += 1;
@@ -184,21 +200,25 @@ impl LiveTracker {
         }
         if frame.time_s >= self.features_at_s {
             self.features_at_s = frame.time_s + FEATURES_INTERVAL_S;
-            self.add_features();
+            self.add_features(frame.time_s);
         }
         Ok(())
     }
 
-    fn add_features(&mut self) {
+    /// Adds the features so far, and what else is sent with them, at this time, s.
+    fn add_features(&mut self, time_s: f64) {
         self.reply.running = Some(self.running.values().iter().filter_map(RunningRow::new).collect());
         if let FollowStage::Tracking { tracker, .. } = &self.stage {
             for (known, now) in self.fulcrums.iter_mut().zip(tracker.fulcrums()) {
                 *known = now.or(*known);
             }
             self.reply.light = tracker.light();
+            let figures = self.figures.figures(&self.names, &tracker.trocars());
+            self.reply.seen = Some(SeenSoFar::of_tools(&figures));
         }
-        let placement = self.ports.compare(&self.fulcrums);
-        self.reply.placement = placement.tools.iter().any(Option::is_some).then_some(placement);
+        self.last_features_s = time_s;
+        let fulcrums: Vec<_> = self.fulcrums.iter().map(|fulcrum| fulcrum.map(watch::with_early_error)).collect();
+        self.reply.placement = self.placement.update(time_s, &self.ports.compare(&fulcrums));
     }
 
     /// Keeps a picture for the still; returns the previous one to the decoder.
@@ -231,7 +251,7 @@ impl LiveTracker {
         self.track_ready_pictures()?;
         self.warm_up()?;
         self.running.finish();
-        self.add_features();
+        self.add_features(self.last_features_s);
         Ok(())
     }
 }

@@ -1,13 +1,14 @@
 //! Which replies about a live recording an honest child may send.
 
-use super::{FollowReply, FollowWork, FollowedFrame, FollowedTool, RunningRow};
+use super::{FollowReply, FollowWork, FollowedFrame, FollowedTool, RunningRow, SeenSoFar};
 use crate::analysis::child::ChildEvent;
 use crate::analysis::child::limits::{is_plausible_number, is_plausible_row, is_small_jpeg};
 use crate::analysis::child::track::is_plausible_light;
 use crate::domain::feed::MAX_FRAMES;
 use crate::media::MediaLimits;
 use crate::motion::features::running::LIVE_FEATURES;
-use crate::motion::quality::ports::PortPlacement;
+use crate::motion::quality::QualityCause;
+use crate::motion::quality::ports::watch::ConfirmedPlacement;
 
 /// Most frames in one reply about a feed: those that a decoder held back, or those of the warm-up.
 const MAX_FRAMES_PER_REPLY: u64 = 64;
@@ -45,14 +46,22 @@ pub(super) fn accept(
         && followed.running.iter().flatten().count() <= tools * LIVE_FEATURES.len()
         && followed.running.iter().flatten().all(is_running)
         && followed.light.iter().all(is_plausible_light)
+        && followed.seen.iter().all(|seen| are_plausible_shares(seen, tools))
         && followed.placement.iter().all(|placement| is_plausible_placement(placement, tools))
         && followed.picture.as_ref().is_none_or(|(_, jpeg)| is_small_jpeg(jpeg));
     if consistent { Ok(ChildEvent::Followed(followed)) } else { Err("an invalid reply about a feed".into()) }
 }
 
-fn is_plausible_placement(placement: &PortPlacement, tools: usize) -> bool {
-    let shifts = placement.tools.iter().chain([&placement.camera]).flatten();
-    placement.tools.len() == tools && shifts.flat_map(|shift| [shift.mm, shift.sigma_mm]).all(is_plausible_number)
+fn are_plausible_shares(seen: &[SeenSoFar], tools: usize) -> bool {
+    let is_known = |seen: &SeenSoFar| seen.worst.is_none_or(|worst| (worst.cause as usize) < QualityCause::ALL.len());
+    let is_share = |seen: &SeenSoFar| seen.coverage.is_none_or(|share| (0.0..=1.0).contains(&share));
+    seen.len() == tools
+        && seen.iter().all(|seen| is_known(seen) && is_share(seen) && seen.numbers().all(is_plausible_number))
+}
+
+fn is_plausible_placement(placement: &ConfirmedPlacement, tools: usize) -> bool {
+    let shifts = placement.ports.iter().chain([&placement.camera]).flatten();
+    placement.ports.len() == tools && shifts.flat_map(|shift| [shift.mm, shift.sigma_mm]).all(is_plausible_number)
 }
 
 /// True if the tool's rows belong to this frame.
@@ -68,6 +77,7 @@ fn belongs_to_frame(tool: &FollowedTool, frame: &FollowedFrame, index: u32) -> b
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::analysis::child::follow::LiveConcern;
     use crate::analysis::child::track::tests::settings;
     use crate::analysis::child::{ChildWork, WorkRecord};
     use crate::analysis::output_validator::validate_records;
@@ -102,7 +112,7 @@ mod tests {
     fn light_and_placement_are_plausible_numbers_for_every_tool() {
         let sends = |mm: f64, tools: usize, luma_ratio: f64| {
             let shift = Some(Displacement { mm, sigma_mm: 1.0 });
-            let placement = Some(PortPlacement { camera: shift, tools: vec![shift; tools] });
+            let placement = Some(ConfirmedPlacement { camera: shift, ports: vec![shift; tools] });
             let light = Some(LightSample { time_s: 0.1, luma_ratio, chroma_shift: [0.0; 2] });
             validate(vec![FollowReply { light, placement, ..reply(4, 0.1) }])
         };
@@ -110,5 +120,19 @@ mod tests {
         assert!(sends(f64::NAN, 1, 0.9).is_err());
         assert!(sends(7.0, 2, 0.9).is_err());
         assert!(sends(7.0, 1, f64::INFINITY).is_err());
+    }
+
+    #[test]
+    fn how_well_tools_were_seen_is_a_share_and_a_known_cause_for_every_tool() {
+        let sends = |coverage: f64, cause: u32, tools: usize| {
+            let worst = Some(LiveConcern { cause, figure: 0.4, limit: 0.5, refuses: true });
+            let seen = Some(vec![SeenSoFar { coverage: Some(coverage), worst }; tools]);
+            validate(vec![FollowReply { seen, ..reply(4, 0.1) }])
+        };
+        assert!(sends(0.4, 4, 1).is_ok());
+        assert!(sends(1.4, 4, 1).is_err());
+        assert!(sends(f64::NAN, 4, 1).is_err());
+        assert!(sends(0.4, QualityCause::ALL.len() as u32, 1).is_err());
+        assert!(sends(0.4, 4, 2).is_err());
     }
 }

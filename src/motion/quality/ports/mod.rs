@@ -12,6 +12,8 @@
 //! stay right, but paths of different days are no longer in one frame. The trocars cannot say whether the lens is the same,
 //! since another box displaces them too ([`super::box_match`]).
 
+pub mod watch;
+
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
