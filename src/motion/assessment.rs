@@ -6,7 +6,7 @@
 
 use nalgebra::Point3;
 
-use crate::motion::features::attempt::{Attempt, RecordingEnds};
+use crate::motion::features::attempt::{RecordingEnds, TaskAttempt};
 use crate::motion::features::errors::replicate::replicate;
 use crate::motion::features::errors::{NoErrorBar, REPLICATES, duration, error_bar};
 use crate::motion::features::motion::{Interval, Motion, ToolContext};
@@ -201,34 +201,34 @@ impl<'a> AssessedSession<'a> {
     }
 
     /// The attempt of one tool; `None` if it did not move.
-    fn attempt(&self, motion: &Motion, known: &ToolContext) -> Option<Attempt> {
+    fn attempt(&self, motion: &Motion, known: &ToolContext) -> Option<TaskAttempt> {
         let recording = RecordingEnds { interval: self.recorded?, is_trimmed: self.is_trimmed };
-        Attempt::of_tool(motion, known.absences.as_deref(), recording, self.settings)
+        TaskAttempt::of_tool(motion, known.absences.as_deref(), recording, self.settings)
     }
 
     /// The attempts of the tools that moved.
-    fn attempts(&self, motions: &[Result<Motion, NotEnough>]) -> Vec<Option<Attempt>> {
+    fn attempts(&self, motions: &[Result<Motion, NotEnough>]) -> Vec<Option<TaskAttempt>> {
         let attempt =
             |(motion, known): (&Result<Motion, NotEnough>, &ToolContext)| self.attempt(motion.as_ref().ok()?, known);
         motions.iter().zip(&self.known).map(attempt).collect()
     }
 
     /// The attempt that a value states the duration of; `None` for another feature.
-    fn attempt_of(&self, value: &FeatureValue) -> Option<Attempt> {
+    fn attempt_of(&self, value: &FeatureValue) -> Option<TaskAttempt> {
         if *value.feature != DURATION {
             return None;
         }
         let attempts = self.attempts(&self.motions);
         match value.tool {
             Some(tool) => attempts.get(tool).copied().flatten(),
-            None => attempts.into_iter().flatten().reduce(Attempt::hull),
+            None => attempts.into_iter().flatten().reduce(TaskAttempt::hull),
         }
     }
 
     fn task_interval(&self, motions: &[Result<Motion, NotEnough>]) -> Option<Interval> {
-        let attempt = self.attempts(motions).into_iter().flatten().reduce(Attempt::hull);
+        let attempt = self.attempts(motions).into_iter().flatten().reduce(TaskAttempt::hull);
         let seen = motions.iter().flatten().map(|motion| motion.interval);
-        attempt.map(Attempt::interval).or(seen.reduce(Interval::hull))
+        attempt.map(TaskAttempt::interval).or(seen.reduce(Interval::hull))
     }
 
     fn windows(&self, task: Interval, window_s: f64) -> Vec<FeatureWindow> {

@@ -1,7 +1,7 @@
 //! When an attempt begins and ends.
 //!
 //! **In:** one tool's motion over the whole recording, why it was not seen where it was not seen, and when the
-//! recording begins and ends. **Out:** [`Attempt`]: both ends on the time grid, how much earlier or later the truth may
+//! recording begins and ends. **Out:** [`TaskAttempt`]: both ends on the time grid, how much earlier or later the truth may
 //! lie because the tool was out of sight, and whether the recording cut the attempt off.
 //!
 //! **Definition.** An attempt begins when the first tool starts to move or comes into the picture. It ends when the last
@@ -55,14 +55,14 @@ pub struct AttemptEnd {
 
 /// An attempt of one tool, or of all tools together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Attempt {
+pub struct TaskAttempt {
     /// Its beginning.
     pub begin: AttemptEnd,
     /// Its end.
     pub end: AttemptEnd,
 }
 
-impl Attempt {
+impl TaskAttempt {
     /// The attempt of one tool; `None` if it did not move. `absences` are the times when it was not seen, with their
     /// causes, if the tracker states them.
     pub fn of_tool(

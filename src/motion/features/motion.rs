@@ -9,7 +9,7 @@ use std::rc::Rc;
 
 use nalgebra::{Point3, Vector3};
 
-use super::attempt::Attempt;
+use super::attempt::TaskAttempt;
 use super::fit::{MIN_SAMPLES, VectorSeries};
 use super::settings::FeatureSettings;
 use super::view::ExplainedAbsence;
@@ -78,7 +78,7 @@ pub struct ToolContext {
     /// Its absences over the whole recording, each with its cause ([`super::view`]); `None` if the causes are unknown.
     pub absences: Option<Rc<[ExplainedAbsence]>>,
     /// When the tool's own attempt begins and ends ([`super::attempt`]); `None` if it did not move.
-    pub attempt: Option<Attempt>,
+    pub attempt: Option<TaskAttempt>,
 }
 
 impl Span {

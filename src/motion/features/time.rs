@@ -1,6 +1,6 @@
 //! Features of time: the duration, and how much of it was rest.
 
-use super::attempt::Attempt;
+use super::attempt::TaskAttempt;
 use super::motion::{Interval, Motion};
 use super::movement::rests;
 use super::{BOTH, Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource, THREE_D};
@@ -62,7 +62,7 @@ pub static IDLE_SHARE: Feature = Feature {
 
 fn task_duration(motions: &[Motion], settings: &FeatureSettings) -> Result<f64, NotEnough> {
     let attempts = motions.iter().filter_map(|motion| motion.context.attempt);
-    let all = attempts.reduce(Attempt::hull).ok_or(NotEnough::NoMovement)?;
+    let all = attempts.reduce(TaskAttempt::hull).ok_or(NotEnough::NoMovement)?;
     Ok(all.interval().steps() as f64 * settings.step_s)
 }
 

@@ -8,7 +8,7 @@
 //! that the recording shows only in part.
 
 use super::{ErrorBar, MIN_REPLICATES, NoErrorBar, STUDENT_T};
-use crate::motion::features::attempt::Attempt;
+use crate::motion::features::attempt::TaskAttempt;
 use crate::numbers::quantile::quantile;
 
 /// Standard deviation of one end that was in sight, s. Fitted on truth (docs/accuracy.md).
@@ -23,7 +23,7 @@ const MIDDLE: [f64; 2] = [1.0 / 6.0, 5.0 / 6.0];
 /// [`NoErrorBar::AtLeast`] if the recording cut the attempt off, [`NoErrorBar::Unsteady`] if too few replicates have a
 /// value.
 pub fn error_bar(
-    attempt: Attempt,
+    attempt: TaskAttempt,
     measured_s: f64,
     replicates_s: impl Iterator<Item = f64>,
     step_s: f64,

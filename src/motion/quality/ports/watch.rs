@@ -15,7 +15,7 @@ use crate::vision::pose::fulcrum::Fulcrum;
 pub const MIN_HOLD_S: f64 = 10.0;
 
 /// True error of a trocar's position early in a recording, in multiples of the stated one. On 20 simulated recordings,
-/// estimates of the first 500 measurements were off by up to 6.3 stated standard deviations; 3.76 is the limit of chance.
+/// early estimates were off by up to 6.3 stated standard deviations; 3.76 is the limit of chance.
 const EARLY_SIGMA_RATIO: f64 = 1.7;
 
 /// The trocar of a recording that still arrives, with the error that it really has.
