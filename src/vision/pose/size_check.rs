@@ -60,7 +60,7 @@ mod tests {
     use crate::vision::camera::testing::wide as camera;
     use crate::vision::pose::band_length;
     use crate::vision::pose::joint_fit::{Trust, fit};
-    use crate::vision::pose::normal_equations::{OWN_OFFSETS_PX, OffsetPriors, Offsets, shared_offsets_px};
+    use crate::vision::pose::normal_equations::{OffsetPriors, Offsets, own_offsets_px, shared_offsets_px};
     use crate::vision::pose::testing::{LENGTH_MM, edges, gaussian};
     use crate::vision::space::CameraPoint;
     use crate::vision::tube::Tube;
@@ -73,7 +73,7 @@ mod tests {
         let random = &mut SmallRng::seed_from_u64(seed);
         let mut errors = |sigmas: [f64; 7]| Offsets::from(sigmas.map(|sigma| sigma * gaussian(random)));
         let shared = errors(shared_offsets_px(5.0, 5.0));
-        let own: Vec<Offsets> = (0..40).map(|_| errors(OWN_OFFSETS_PX)).collect();
+        let own: Vec<Offsets> = (0..40).map(|_| errors(own_offsets_px(5.0))).collect();
         let pose = |(index, own): (usize, &Offsets)| {
             let turn = 0.5 * index as f64;
             let tip =
