@@ -1,5 +1,5 @@
-//! A box's own pictures of its surroundings. The job that learns the colours keeps them. For colours that an older version of
-//! the program learned, the marked pictures are read again, once; the queue keeps them with that job.
+//! A box's own pictures of its surroundings. The job that learns the colours keeps them. For colours that an older
+//! version of the program learned, the marked pictures are read again, once; the queue keeps them with that job.
 
 use super::job_plan::{self, JobPlan};
 use super::protocol::ChildWork;
@@ -13,8 +13,8 @@ use crate::store::StoreError;
 use crate::vision::surroundings::Surroundings;
 
 impl WorkerPool {
-    /// The box's own pictures that a session's recording is compared with. Empty if the marked pictures are gone, cannot be
-    /// read, or are too small: then the surroundings say nothing.
+    /// The box's own pictures that a session's recording is compared with. Empty if the marked pictures are gone,
+    /// cannot be read, or are too small: then the surroundings say nothing.
     pub(super) async fn box_surroundings(
         &self,
         held: &mut HeldJob,

@@ -56,8 +56,8 @@ pub(super) struct BoxContext {
 }
 
 impl BoxContext {
-    /// What is known of the box, compared with the surroundings and the trocars of a recording. If the trocars are displaced
-    /// as by a moved camera, surroundings that differ within a nudge are searched further away.
+    /// What is known of the box, compared with the surroundings and the trocars of a recording. If the trocars are
+    /// displaced as by a moved camera, surroundings that differ within a nudge are searched further away.
     pub(super) fn evidence(&self, shown: Option<&Surroundings>, trocars: &[Option<Fulcrum>]) -> BoxEvidence {
         let nudged = shown.and_then(|shown| best_resemblance(&self.surroundings, shown));
         let has_moved = || matches!(self.ports.agreement(trocars), PortAgreement::Moved(_));

@@ -136,8 +136,8 @@ impl AssessmentRows {
     }
 }
 
-/// Judges and assesses paths that were tracked here, given what stands still in their recording. `is_trimmed` says whether
-/// edits cut off the beginning and the end. The same paths and the same context give the same bytes.
+/// Judges and assesses paths that were tracked here, given what stands still in their recording. `is_trimmed` says
+/// whether edits cut off the beginning and the end. The same paths and the same context give the same bytes.
 pub(super) fn assess_tracked(
     paths: &SessionPaths,
     known: &BoxContext,

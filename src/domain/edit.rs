@@ -1,6 +1,6 @@
 //! Edits of a scored session: trim its ends, swap two tools' names, correct its times, or set it aside so that it does
-//! not count, or answer whether it shows its box. Measured data are never changed: the session is scored again from what remains, or tracked again with other
-//! times, and each edit can be undone.
+//! not count, or answer whether it shows its box. Measured data are never changed: the session is scored again from
+//! what remains, or tracked again with other times, and each edit can be undone.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -26,8 +26,8 @@ named! {
         SetAside = "set_aside",
         /// The answer to the question for the box: the recording shows the box that it is filed under, so it counts.
         ThisBox = "this_box",
-        /// The answer to the question for the box: the recording shows another box, so it counts nowhere and its values are
-        /// withheld.
+        /// The answer to the question for the box: the recording shows another box, so it counts nowhere and its values
+        /// are withheld.
         OtherBox = "other_box",
     }
 }

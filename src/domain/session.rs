@@ -31,8 +31,8 @@ named! {
 }
 
 named! {
-    /// The question whether a session's recording shows the box that it is filed under. Without one, nothing speaks against
-    /// the box.
+    /// The question whether a session's recording shows the box that it is filed under. Without one, nothing speaks
+    /// against the box.
     BoxQuestion: "box question" {
         /// A person has to say. Until then the session counts nowhere.
         Asked = "asked",

@@ -47,7 +47,8 @@ pub struct SessionToReview {
 
 /// Read what needs attention
 ///
-/// Lists alarms, sessions that may show another box, refused sessions and unrated sessions. `GET /sessions?status=failed` lists failed sessions.
+/// Lists alarms, sessions that may show another box, refused sessions and unrated sessions.
+/// `GET /sessions?status=failed` lists failed sessions.
 #[utoipa::path(get, path = "/attention", tag = "trainees", responses((status = OK, body = Attention)))]
 pub async fn attention(State(app): State<App>, by: Member) -> HandlerResult<Json<Attention>> {
     let (sessions, now_ms) = (app.store.sessions(), app.clock.now_ms());

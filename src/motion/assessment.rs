@@ -1,8 +1,8 @@
 //! Measures every feature of a session, over the whole task and over windows of it.
 //!
-//! The *task* is the attempt of all tools: from the moment that the first starts to move or comes into the picture until
-//! the last has stopped or left (see [`features::attempt`]). If nothing moved, it is all of the time a tool was seen. Each tool is measured over the
-//! whole task, so a hand that rests while the other works is idle, not absent.
+//! The *task* is the attempt of all tools: from the moment that the first starts to move or comes into the picture
+//! until the last has stopped or left (see [`features::attempt`]). If nothing moved, it is all of the time a tool was
+//! seen. Each tool is measured over the whole task, so a hand that rests while the other works is idle, not absent.
 
 use nalgebra::Point3;
 
@@ -25,8 +25,8 @@ pub struct AssessmentSettings {
     pub features: FeatureSettings,
     /// Length of the windows, s (T 4.4). Shorter windows show better where a fault lies, but are noisier. Usual 10.
     pub window_s: f64,
-    /// For the beginning and the end: true if a person trimmed the recording there. A tool that moves there is then part
-    /// of the attempt from or up to that moment; otherwise the attempt was cut off.
+    /// For the beginning and the end: true if a person trimmed the recording there. A tool that moves there is then
+    /// part of the attempt from or up to that moment; otherwise the attempt was cut off.
     pub is_trimmed: [bool; 2],
 }
 

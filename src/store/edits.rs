@@ -1,11 +1,11 @@
 //! Edits of scored sessions: made and undone by staff, never deleted. People who may see a session see its edits, with
 //! their authors and reasons.
 //!
-//! A trim, a swap, a time correction or an answer whether the recording shows its box makes a new result necessary; its job
-//! is queued in the same transaction. Trims and swaps are applied to the stored path, answers to the verdict on it. Other
-//! times change the path itself, so the recording is tracked again. Each of
-//! these edits that is made or undone increases the *revision* of the session's edits. A result names its revision, so that a result that
-//! was begun before an edit is noticed ([`enqueue_rescore_if_outdated`]).
+//! A trim, a swap, a time correction or an answer whether the recording shows its box makes a new result necessary; its
+//! job is queued in the same transaction. Trims and swaps are applied to the stored path, answers to the verdict on it.
+//! Other times change the path itself, so the recording is tracked again. Each of these edits that is made or undone
+//! increases the *revision* of the session's edits. A result names its revision, so that a result that was begun before
+//! an edit is noticed ([`enqueue_rescore_if_outdated`]).
 
 use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
@@ -315,8 +315,8 @@ const SETTLE_BOX_QUESTION: &str = "
               WHERE session_id = $1) = 'doubtful' THEN 'asked' END
     WHERE id = $1";
 
-/// Sets whether a person has to say, or has said, that the session's recording shows its box. Called after each new result
-/// and each edit.
+/// Sets whether a person has to say, or has said, that the session's recording shows its box. Called after each new
+/// result and each edit.
 pub(super) async fn settle_box_question(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<()> {
     sqlx::query(SETTLE_BOX_QUESTION).bind(session).execute(tx).await?;
     Ok(())

@@ -10,8 +10,8 @@ use crate::vision::surroundings::Surroundings;
 /// Access to the surroundings.
 pub struct SurroundingsStore<'s>(pub(super) &'s Store);
 
-/// Sessions whose surroundings a person confirmed and that new recordings are compared with, the latest first: as many as a
-/// box has mats. Each comparison takes 0.1 s.
+/// Sessions whose surroundings a person confirmed and that new recordings are compared with, the latest first: as many
+/// as a box has mats. Each comparison takes 0.1 s.
 const MAX_CONFIRMED: i64 = 8;
 
 const SELECT_OF_PALETTE: &str = "SELECT picture FROM palette_surroundings WHERE palette_id = $1";
@@ -31,9 +31,9 @@ const INSERT_OF_SESSION: &str = "
     ON CONFLICT DO UPDATE SET picture = excluded.picture";
 
 impl SurroundingsStore<'_> {
-    /// The box's own pictures, to compare this session with: that of its colours, then those of other sessions that a person
-    /// confirmed. Empty if the colours were marked before such pictures were kept, because the confirmed sessions alone do
-    /// not show all that the box can look like.
+    /// The box's own pictures, to compare this session with: that of its colours, then those of other sessions that a
+    /// person confirmed. Empty if the colours were marked before such pictures were kept, because the confirmed
+    /// sessions alone do not show all that the box can look like.
     pub async fn of_box(&self, palette: PaletteId, of: BoxId, besides: SessionId) -> StoreResult<Vec<Surroundings>> {
         let own: Option<Vec<u8>> =
             sqlx::query_scalar(SELECT_OF_PALETTE).bind(palette).fetch_optional(self.0.readers()).await?;

@@ -1,6 +1,7 @@
 //! Is it this box? Pairs of different ray-traced boxes, and nudges of each. The limits were set with the figures of all
-//! these clips in view, so this shows that they hold here, not on unseen boxes. A nudge is a homography of the decoded pictures: the camera turns
-//! by up to 3° about each axis, moves by 4 % of its distance and 1 % of the picture, and the light changes.
+//! these clips in view, so this shows that they hold here, not on unseen boxes. A nudge is a homography of the decoded
+//! pictures: the camera turns by up to 3° about each axis, moves by 4 % of its distance and 1 % of the picture, and the
+//! light changes.
 
 use std::path::PathBuf;
 

@@ -1,5 +1,5 @@
-//! Edits of a scored session: trim it, swap the names of its tools, correct its times, set it aside, say whether it shows its
-//! box. Each edit can be undone.
+//! Edits of a scored session: trim it, swap the names of its tools, correct its times, set it aside, say whether it
+//! shows its box. Each edit can be undone.
 
 use axum::extract::State;
 use serde::Serialize;
@@ -118,7 +118,7 @@ pub async fn edits(State(app): State<App>, by: Member, at: PathKey) -> HandlerRe
     Ok(Json(app.store.edits().of_session(&by.scope, at.id()?).await?.into()))
 }
 
-/// Trim a session, swap the names of two tools over a stretch, correct its times, set it aside, or say whether it shows its box
+/// Trim a session, swap two tools' names, correct its times, set it aside, or say whether it shows its box
 ///
 /// An edit changes no measurement. After a trim or a swap, the service computes a new result from the stored path and
 /// keeps the old ones. Features, quality, evidence and advice of the new result, and of every later one until the edit

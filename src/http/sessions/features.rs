@@ -51,9 +51,8 @@ pub async fn features(
 /// Read a session as an xAPI statement
 ///
 /// It conforms to versions 1.0.3 and 2.0 of the specification. The actor is an account of this service, identified by
-/// the trainee's id. The verb is `passed` or `failed` if the task's standard could judge the session, else `completed`, as
-/// of a session that may show another box.
-/// Unknown values are absent.
+/// the trainee's id. The verb is `passed` or `failed` if the task's standard could judge the session, else `completed`,
+/// as of a session that may show another box. Unknown values are absent.
 #[utoipa::path(get, path = "/sessions/{id}/xapi", tag = "sessions", params(("id" = String, Path, description = "id")),
     responses((status = OK, body = Statement)))]
 pub async fn xapi(

@@ -1,15 +1,15 @@
 //! When an attempt begins and ends.
 //!
 //! **In:** one tool's motion over the whole recording, why it was not seen where it was not seen, and when the
-//! recording begins and ends. **Out:** [`TaskAttempt`]: both ends on the time grid, how much earlier or later the truth may
-//! lie because the tool was out of sight, and whether the recording cut the attempt off.
+//! recording begins and ends. **Out:** [`TaskAttempt`]: both ends on the time grid, how much earlier or later the truth
+//! may lie because the tool was out of sight, and whether the recording cut the attempt off.
 //!
-//! **Definition.** An attempt begins when the first tool starts to move or comes into the picture. It ends when the last
-//! tool has stopped or has left the picture. **Method:** a tool starts with its first movement ([`super::movement`]) that
-//! takes the tip at least [`MIN_TRAVEL_MM`] away; a tremor or an error of the path starts nothing. The end is found by
-//! the same rule on the reversed path. Following the speed further back, to 3 or 5 mm/s, began 0.05 to 0.1 s too early,
-//! because filter and fit spread a start over the time before it. **Assumes** that a tool which comes into the picture,
-//! or leaves it, moves.
+//! **Definition.** An attempt begins when the first tool starts to move or comes into the picture. It ends when the
+//! last tool has stopped or has left the picture. **Method:** a tool starts with its first movement
+//! ([`super::movement`]) that takes the tip at least [`MIN_TRAVEL_MM`] away; a tremor or an error of the path starts
+//! nothing. The end is found by the same rule on the reversed path. Following the speed further back, to 3 or 5 mm/s,
+//! began 0.05 to 0.1 s too early, because filter and fit spread a start over the time before it. **Assumes** that a
+//! tool which comes into the picture, or leaves it, moves.
 //!
 //! An end is known to a frame or two where the tool was in sight. Where it already moved as it was first seen, it may
 //! have started at any moment while it was out of sight, and that time is stated. A tool that moves as the recording
@@ -22,8 +22,8 @@ use super::motion::{Interval, Motion};
 use super::movement::{is_fast, movements};
 use super::view::{ExplainedAbsence, UnseenCause};
 
-/// Distance that a movement must take the tip away, mm, to begin or end an attempt. Errors and tremor move a resting tip
-/// by a few tenths, and corrections at a target are 2 to 5 mm long.
+/// Distance that a movement must take the tip away, mm, to begin or end an attempt. Errors and tremor move a resting
+/// tip by a few tenths, and corrections at a target are 2 to 5 mm long.
 pub const MIN_TRAVEL_MM: f64 = 2.0;
 
 /// A tool that is seen within this time of the recording's beginning was there from the beginning, s.
@@ -195,8 +195,8 @@ impl<'a> TimeView<'a> {
         }
     }
 
-    /// The number of the stretch in which the tool first moves, and the instant at which it starts. A tool that is found
-    /// elsewhere after a time out of sight has moved.
+    /// The number of the stretch in which the tool first moves, and the instant at which it starts. A tool that is
+    /// found elsewhere after a time out of sight has moved.
     fn first_start(&self) -> Option<(usize, i64)> {
         let moving = self.movements.iter().find_map(|movement| {
             let number = self.seen.iter().position(|seen| seen.interval.last >= movement.last)?;

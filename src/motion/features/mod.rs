@@ -6,8 +6,9 @@
 //! ([`fit`], [`motion`]). So neither the frame rate nor a dropped frame changes a value beyond noise, no value is a
 //! difference of two noisy points, and paths of every origin are measured alike. All features of a session are taken
 //! over the *task*: from the moment that the first tool starts to move or comes into the picture until the last has
-//! stopped or left ([`attempt`]); if nothing moved, over all of the time a tool was seen. **Gives up** with a [`NotEnough`] where too little was seen. Sums
-//! describe the seen part, and [`view::NOT_SEEN_SHARE`] states how much was not seen.
+//! stopped or left ([`attempt`]); if nothing moved, over all of the time a tool was seen. **Gives up** with a
+//! [`NotEnough`] where too little was seen. Sums describe the seen part, and [`view::NOT_SEEN_SHARE`] states how much
+//! was not seen.
 
 pub mod attempt;
 pub mod curvature;

@@ -3,31 +3,33 @@
 //! **In:** how the still surroundings of the recording resemble the box's own pictures
 //! ([`crate::vision::surroundings`]), how its trocars lie to those of earlier sessions ([`super::ports`]), and what a
 //! person answered. **Out:** [`BoxMatch`]. **Method:** a table of the two grounds. Surroundings that are alike show the
-//! box, wherever its trocars are. Trocars in place show it too, with any mat: a task may bring a mat of its
-//! own. Only if neither speaks for the box, and one against it, is a person asked. **Gives up** ([`BoxFinding::Unknown`])
-//! on plain surroundings and unknown trocars.
+//! box, wherever its trocars are. Trocars in place show it too, with any mat: a task may bring a mat of its own. Only
+//! if neither speaks for the box, and one against it, is a person asked. **Gives up** ([`BoxFinding::Unknown`]) on
+//! plain surroundings and unknown trocars.
 
 use super::ports::{Displacement, PortAgreement};
 use crate::vision::surroundings::Resemblance;
 
 /// Minimum correlation of surroundings that are alike. On the even-numbered of 60 rendered clips, pictures of one box
-/// correlated by 0.66 or more, also after a nudge, and pictures of two boxes by 0.22 or less. On the others the two were
-/// 0.53 and 0.25, and an even and an odd box with the same printed mat correlated by 0.42. The limit was 0.35 at first and
-/// was raised to 0.45 after all of these figures were seen: no clip is left that shows how it holds on unseen boxes.
+/// correlated by 0.66 or more, also after a nudge, and pictures of two boxes by 0.22 or less. On the others the two
+/// were 0.53 and 0.25, and an even and an odd box with the same printed mat correlated by 0.42. The limit was 0.35 at
+/// first and was raised to 0.45 after all of these figures were seen: no clip is left that shows how it holds on unseen
+/// boxes.
 pub const MIN_CORRELATION: f64 = 0.45;
 
-/// By how much the correlation of surroundings that are alike exceeds that of mirrored pictures. On a symmetric board the
-/// difference is smaller, and another box with such a board would look the same.
+/// By how much the correlation of surroundings that are alike exceeds that of mirrored pictures. On a symmetric board
+/// the difference is smaller, and another box with such a board would look the same.
 pub const MIN_ABOVE_CHANCE: f64 = 0.1;
 
 /// Minimum share of the picture with structure, for surroundings that are alike: a dozen of 144 fields.
 pub const MIN_STRUCTURE_ALIKE: f64 = 0.08;
 
-/// Minimum share of the picture with structure, for surroundings that differ. Props and tools on a plain mat fill less, and
-/// they may lie elsewhere each time; more than this is a mat, a board or walls.
+/// Minimum share of the picture with structure, for surroundings that differ. Props and tools on a plain mat fill less,
+/// and they may lie elsewhere each time; more than this is a mat, a board or walls.
 pub const MIN_STRUCTURE_DIFFERENT: f64 = 0.4;
 
-/// A camera whose picture is shifted by more has moved; share of the picture's longer side: the search is right to a third of that.
+/// A camera whose picture is shifted by more has moved; share of the picture's longer side: the search is right to a
+/// third of that.
 const MIN_SHIFT: f64 = 0.01;
 
 /// Largest displacement of the trocars that a nudge of the camera explains, mm: a turn by 6° at 250 mm.

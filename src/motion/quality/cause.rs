@@ -274,8 +274,8 @@ impl QualityCause {
                 "upload the recording again under the box where it was made, then erase this session"
             }
             QualityCause::BoxSurroundings | QualityCause::BoxTrocars => {
-                "say whether it is this box. Until then the session counts nowhere, and its lengths and speeds may be wrong: \
-                 another box has another camera"
+                "say whether it is this box. Until then the session counts nowhere, and its lengths and speeds may be \
+                 wrong: another box has another camera"
             }
             QualityCause::NothingSeen => "mark the tape again on a frame of this recording, in this light",
             QualityCause::NeverInPicture => {
@@ -337,13 +337,13 @@ impl QualityCause {
             }
             QualityCause::CameraMoved => {
                 "positions, depth and paths cannot be compared with earlier ones: put the camera back, or upload the \
-                 calibration of the box again to start a new comparison. Lengths and speeds are right only if it is the same \
-                 camera with the same zoom and focus; if not, calibrate it"
+                 calibration of the box again to start a new comparison. Lengths and speeds are right only if it is the \
+                 same camera with the same zoom and focus; if not, calibrate it"
             }
             QualityCause::PortMoved => {
                 "put the trocar back; if it stays there or the camera was moved, upload the calibration of the box \
-                 again. Positions and paths cannot be compared with earlier ones; lengths and speeds are right only if it is \
-                 the same camera with the same zoom and focus"
+                 again. Positions and paths cannot be compared with earlier ones; lengths and speeds are right only if \
+                 it is the same camera with the same zoom and focus"
             }
         }
     }

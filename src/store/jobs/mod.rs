@@ -96,7 +96,8 @@ const GET: &str = "
     WHERE id = $3 AND EXISTS (SELECT 1 FROM visible_job WHERE role = $1 AND subject IS $2 AND job_id = job.id)";
 
 const DONE_PALETTE_INPUTS: &str = "
-    SELECT input FROM job WHERE box_id = $1 AND kind = 'palette' AND state = 'done' ORDER BY created_at_ms DESC LIMIT 100";
+    SELECT input FROM job WHERE box_id = $1 AND kind = 'palette' AND state = 'done'
+    ORDER BY created_at_ms DESC LIMIT 100";
 
 const COUNTS: &str = "
     SELECT (SELECT count(*) FROM job WHERE state = 'queued') AS queued,

@@ -74,8 +74,8 @@ impl SessionStore<'_> {
         Ok(rows.bind_scope(scope).bind(since_ms).bind(most).fetch_all(self.0.readers()).await?)
     }
 
-    /// Sessions that may show another box and that no person has answered for, latest first, at most `most`: they wait until
-    /// they are answered, however long.
+    /// Sessions that may show another box and that no person has answered for, latest first, at most `most`: they wait
+    /// until they are answered, however long.
     pub async fn box_asked(&self, scope: &Scope, most: u32) -> StoreResult<Vec<AttentionItem>> {
         let rows = sqlx::query_as(SELECT_BOX_ASKED);
         Ok(rows.bind_scope(scope).bind(most).fetch_all(self.0.readers()).await?)

@@ -162,7 +162,8 @@ const SELECT_SESSIONS: &str = "
                               WHEN job_state IN ('failed', 'quarantined') THEN 'failed'
                               ELSE 'queued' END)
       AND ($7 IS NULL OR id < $7)
-      AND (NOT $8 OR NOT EXISTS (SELECT 1 FROM uncounted_session WHERE uncounted_session.session_id = session_record.id))
+      AND (NOT $8
+           OR NOT EXISTS (SELECT 1 FROM uncounted_session WHERE uncounted_session.session_id = session_record.id))
     ORDER BY id DESC LIMIT $9";
 
 const SELECT_SESSION: &str = "

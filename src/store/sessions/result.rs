@@ -84,7 +84,8 @@ pub(in crate::store) const SELECT_FULCRUMS_BEFORE: &str = "
     SELECT session.created_at_ms, session.id, result.quality
     FROM session JOIN current_result AS result ON result.session_id = session.id
     WHERE session.box_id = $1 AND result.calibration_id = $2 AND (session.created_at_ms, session.id) < ($3, $4)
-      AND result.verdict <> 'refused' AND session.box_question IS NOT 'asked' AND session.box_question IS NOT 'other_box'
+      AND result.verdict <> 'refused'
+      AND session.box_question IS NOT 'asked' AND session.box_question IS NOT 'other_box'
       AND EXISTS (SELECT 1 FROM json_each(result.quality, '$.tools') AS tool
                   WHERE json_extract(tool.value, '$.fulcrum') IS NOT NULL)
       AND NOT EXISTS (SELECT 1 FROM json_each(result.quality, '$.reasons') AS reason

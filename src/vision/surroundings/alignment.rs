@@ -1,9 +1,9 @@
-//! The change of a camera between two pictures of the same scene: shift, turn about the line of sight, scale, and tilt. It
-//! is found by a search, because the pictures may share no point that could be named.
+//! The change of a camera between two pictures of the same scene: shift, turn about the line of sight, scale, and tilt.
+//! It is found by a search, because the pictures may share no point that could be named.
 //!
 //! **Method:** exhaustive over shift, turn and scale within the range of a nudge, then coordinate descent from the best
-//! few, which adds the tilt. The steps are as fine as the finest structure (grain of wood, four cells from line to line)
-//! needs: at half the resolution, or without the tilt, a nudge on such a mat was not found.
+//! few, which adds the tilt. The steps are as fine as the finest structure (grain of wood, four cells from line to
+//! line) needs: at half the resolution, or without the tilt, a nudge on such a mat was not found.
 
 use super::contrast::ContrastPicture;
 
@@ -79,7 +79,8 @@ impl Alignment {
         self
     }
 
-    /// Is it within the search, if the largest shift is so many cells? One step beyond the exhaustive search is allowed.
+    /// Is it within the search, if the largest shift is so many cells? One step beyond the exhaustive search is
+    /// allowed.
     fn is_possible(&self, max_shift_cells: f32) -> bool {
         self.shift_cells.iter().all(|shift| shift.abs() <= max_shift_cells + 1.0)
             && self.turn_deg.abs() <= MAX_TURN_DEG

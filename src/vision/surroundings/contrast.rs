@@ -5,12 +5,12 @@
 
 use super::alignment::Alignment;
 
-/// Half the width of the neighbourhood, cells: a twelfth of the picture's width in all, wider than the structures of a mat
-/// and narrower than the light's gradient.
+/// Half the width of the neighbourhood, cells: a twelfth of the picture's width in all, wider than the structures of a
+/// mat and narrower than the light's gradient.
 const REACH: usize = 5;
 
-/// Spread of a plain area, codes of 255. Noise of 5 codes per pixel, averaged over at least 25 pixels per cell and over the
-/// frames, leaves less than 1; compression adds blocks of about 1.
+/// Spread of a plain area, codes of 255. Noise of 5 codes per pixel, averaged over at least 25 pixels per cell and over
+/// the frames, leaves less than 1; compression adds blocks of about 1.
 const NOISE_CODES: f32 = 2.0;
 
 /// Contrast beyond this many spreads says no more: a glint is one structure, not ten.

@@ -1,14 +1,14 @@
-//! The still surroundings of a recording, and whether two recordings show the same ones: mat, board, walls and props of a
-//! box, without the tools.
+//! The still surroundings of a recording, and whether two recordings show the same ones: mat, board, walls and props of
+//! a box, without the tools.
 //!
 //! **In:** frames of a recording ([`SurroundingsSampler`]), or the pictures on which an instructor marked the tapes.
 //! **Out:** [`Surroundings`], a small grey picture, and the [`Resemblance`] of two of them. **Method:** the median of
 //! each cell over frames that are spread over the recording, so that a tool disappears from every cell that it covers
 //! for less than half of the time. Two pictures are compared by their local contrast ([`contrast`]), which exposure and
 //! white balance leave alone. A search over shift, turn and scale ([`alignment`]) allows for a camera that was nudged,
-//! a wider one for a camera that was moved. The same search on mirrored pictures says what it finds by chance. **Assumes** a camera that stands still during
-//! the recording. **Gives up** (`None`) on pictures of different shape; a picture without structure gives a
-//! resemblance of few fields, which the caller must not read as a difference.
+//! a wider one for a camera that was moved. The same search on mirrored pictures says what it finds by chance.
+//! **Assumes** a camera that stands still during the recording. **Gives up** (`None`) on pictures of different shape; a
+//! picture without structure gives a resemblance of few fields, which the caller must not read as a difference.
 //!
 //! | file | what |
 //! |---|---|
@@ -28,9 +28,9 @@ pub use sampler::SurroundingsSampler;
 
 use serde::{Deserialize, Serialize};
 
-/// Cells along the longer side of the picture. A cell of a 1280-pixel picture is ten pixels wide: holes of a pegboard and
-/// grain of wood still show, noise and compression are averaged away, and the picture fills 9 KB. Faces or writing cannot
-/// be read in it.
+/// Cells along the longer side of the picture. A cell of a 1280-pixel picture is ten pixels wide: holes of a pegboard
+/// and grain of wood still show, noise and compression are averaged away, and the picture fills 9 KB. Faces or writing
+/// cannot be read in it.
 const LONGER_SIDE: usize = 128;
 
 /// Cells along the shorter side, at least. A narrower strip has too few cells to align.

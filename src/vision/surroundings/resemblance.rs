@@ -1,11 +1,11 @@
 //! How much two pictures of surroundings resemble each other: the correlation of their local contrast after the best
 //! alignment, the correlation that the same search finds by chance, and how much of the picture has structure at all.
 //!
-//! A correlation of r means that the other picture explains a share of r² of the contrast. Two pictures of one box share
-//! their mat, board and walls; tools, moved props and glare are what is left. Pictures of two boxes share nothing, and
-//! the search finds what so many alignments offer by chance: as much as in a mirrored picture of the box, which has the
-//! same structures in an order that no camera shows. On a symmetric board the mirrored picture fits nearly as well as the
-//! true one, so that a good correlation there proves little.
+//! A correlation of r means that the other picture explains a share of r² of the contrast. Two pictures of one box
+//! share their mat, board and walls; tools, moved props and glare are what is left. Pictures of two boxes share
+//! nothing, and the search finds what so many alignments offer by chance: as much as in a mirrored picture of the box,
+//! which has the same structures in an order that no camera shows. On a symmetric board the mirrored picture fits
+//! nearly as well as the true one, so that a good correlation there proves little.
 
 use super::Surroundings;
 use super::alignment::{self, Alignment, MOVED_SHIFT, NUDGE_SHIFT};
@@ -14,8 +14,8 @@ use super::contrast::{ContrastPicture, deviations};
 /// Side of a field, cells.
 const FIELD: usize = 8;
 
-/// Luma that varies less within a field is no structure, codes of 255 (standard deviation from the local mean). Noise of 5
-/// codes per pixel and compression leave less than 1 in a cell.
+/// Luma that varies less within a field is no structure, codes of 255 (standard deviation from the local mean). Noise
+/// of 5 codes per pixel and compression leave less than 1 in a cell.
 const MIN_STRUCTURE_CODES: f32 = 3.0;
 
 /// A field is not counted if the other picture shows a smaller share of it.
@@ -44,8 +44,8 @@ pub struct Resemblance {
 }
 
 impl Surroundings {
-    /// Compares the surroundings of a recording with these, if the camera was nudged at most. `None` if the pictures have
-    /// different shapes.
+    /// Compares the surroundings of a recording with these, if the camera was nudged at most. `None` if the pictures
+    /// have different shapes.
     pub fn compare(&self, now: &Surroundings) -> Option<Resemblance> {
         self.compare_within(now, NUDGE_SHIFT)
     }

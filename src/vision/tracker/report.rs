@@ -43,7 +43,8 @@ pub struct ToolReport {
     pub borders_px: Option<[[Pixel; 2]; 2]>,
     /// Where the midline meets the band's distal end: on the tube's surface, in the recorded frame.
     pub band_end_px: Option<Pixel>,
-    /// True if all measurements of earlier frames were withdrawn: they were of something else, or lay the wrong way round.
+    /// True if all measurements of earlier frames were withdrawn: they were of something else, or lay the wrong way
+    /// round.
     pub has_withdrawn: bool,
 }
 

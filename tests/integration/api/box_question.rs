@@ -1,5 +1,6 @@
-//! A recording that is filed under the wrong box: it is asked about, counts nowhere until staff answer, and each answer has
-//! its effect. The boxes are simulated: each number has a mat, a lens and a mounting of its own, with the same tapes.
+//! A recording that is filed under the wrong box: it is asked about, counts nowhere until staff answer, and each answer
+//! has its effect. The boxes are simulated: each number has a mat, a lens and a mounting of its own, with the same
+//! tapes.
 
 use reqwest::StatusCode;
 use serde_json::{Value, json};

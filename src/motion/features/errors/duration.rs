@@ -2,10 +2,10 @@
 //!
 //! A duration is the difference of two moments, so its error does not grow with it. **In:** the attempt, the measured
 //! duration, and the durations of the replicates. **Method:** each end has an error of its own ([`END_SIGMA_S`]); the
-//! replicates show how far the path's errors move the ends. A tool that moved as it was first or last seen makes the bar
-//! longer, on one side, by the time that it was out of sight. Errors of a path make every movement seem to begin earlier
-//! and to end later. The shift is below a frame and is not removed. **Gives up** ([`NoErrorBar::AtLeast`]) on an attempt
-//! that the recording shows only in part.
+//! replicates show how far the path's errors move the ends. A tool that moved as it was first or last seen makes the
+//! bar longer, on one side, by the time that it was out of sight. Errors of a path make every movement seem to begin
+//! earlier and to end later. The shift is below a frame and is not removed. **Gives up** ([`NoErrorBar::AtLeast`]) on
+//! an attempt that the recording shows only in part.
 
 use super::{ErrorBar, MIN_REPLICATES, NoErrorBar, STUDENT_T};
 use crate::motion::features::attempt::TaskAttempt;

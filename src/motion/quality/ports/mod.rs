@@ -8,9 +8,9 @@
 //! not a displacement. **Gives up** (`None`) with fewer than [`MIN_SESSIONS`] sessions at a port, and on fulcrums that
 //! are not well known.
 //!
-//! A moved camera only changes positions: while its lens is as calibrated, lengths, speeds and all features of one session
-//! stay right, but paths of different days are no longer in one frame. The trocars cannot say whether the lens is the same,
-//! since another box displaces them too ([`super::box_match`]).
+//! A moved camera only changes positions: while its lens is as calibrated, lengths, speeds and all features of one
+//! session stay right, but paths of different days are no longer in one frame. The trocars cannot say whether the lens
+//! is the same, since another box displaces them too ([`super::box_match`]).
 
 pub mod watch;
 

@@ -1,10 +1,11 @@
 //! Whether camera or trocars have moved, while the recording still arrives.
 //!
-//! **In:** each second, the placement of the trocars as known so far. **Out:** [`ConfirmedPlacement`]: the displacements
-//! that were found without a break for [`MIN_HOLD_S`]. **Method:** the trocar's position is computed again each time the
-//! number of usable poses has doubled. An early estimate comes from a tool that has turned little, and its stated error
-//! is too small for what all its poses share. A displacement that later estimates do not repeat is such an error; a
-//! trocar that has really moved stays where it is. Errors are taken wider than stated ([`with_early_error`]).
+//! **In:** each second, the placement of the trocars as known so far. **Out:** [`ConfirmedPlacement`]: the
+//! displacements that were found without a break for [`MIN_HOLD_S`]. **Method:** the trocar's position is computed
+//! again each time the number of usable poses has doubled. An early estimate comes from a tool that has turned little,
+//! and its stated error is too small for what all its poses share. A displacement that later estimates do not repeat is
+//! such an error; a trocar that has really moved stays where it is. Errors are taken wider than stated
+//! ([`with_early_error`]).
 
 use serde::{Deserialize, Serialize};
 

@@ -1,12 +1,12 @@
 //! Figures of a recording while it arrives, with the definitions of the finished session.
 //!
 //! **In:** the tracker's report of each frame. **Out:** [`RunningFigures::figures`]: the [`ToolFigures`] so far, which
-//! [`super::judge`] compares with the limits for finished sessions. So a live page calls a tool well seen by the rule that
-//! the result is judged by. **Method:** counts, sums, and a histogram of stated errors; memory does not grow with the
-//! recording. A measurement that the tracker withdraws later is no longer counted. **Differs** from the finished
-//! session's figures because the causal filter bridges shorter gaps, and the fulcrum of the whole recording is not known
-//! yet: docs/quality_gate.md states by how much. **Leaves out** what only the whole recording shows (noise floor), and
-//! what does not depend on the recording (colours, calibration).
+//! [`super::judge`] compares with the limits for finished sessions. So a live page calls a tool well seen by the rule
+//! that the result is judged by. **Method:** counts, sums, and a histogram of stated errors; memory does not grow with
+//! the recording. A measurement that the tracker withdraws later is no longer counted. **Differs** from the finished
+//! session's figures because the causal filter bridges shorter gaps, and the fulcrum of the whole recording is not
+//! known yet: docs/quality_gate.md states by how much. **Leaves out** what only the whole recording shows (noise
+//! floor), and what does not depend on the recording (colours, calibration).
 
 use std::collections::BTreeMap;
 
