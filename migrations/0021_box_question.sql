@@ -24,6 +24,7 @@ CREATE INDEX session_box_order ON session (box_id, created_at_ms, id, box_questi
 -- renamed.
 CREATE TABLE session_edit_copy AS SELECT * FROM session_edit;
 DROP TABLE session_edit;
+-- An edit of a session, or an answer to the question for its box. Undone, it stays, with the person and the time.
 CREATE TABLE session_edit (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- EditId
     session_id    TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,   -- the session; erased with it
