@@ -88,7 +88,9 @@ async fn step(centre: &Centre, session: &Value) -> Value {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_recording_of_another_box_counts_nowhere_until_it_is_answered() {
     let centre = centre().await;
-    let limit = json!({"targets": [{"feature": "duration", "by": {"method": "fixed", "limit": 60.0, "unit": "s"}}],
+    // Not the duration: the recording ends in mid-motion, so its duration is a lower bound that no standard judges.
+    let by = json!({"method": "fixed", "limit": 60_000.0, "unit": "mm"});
+    let limit = json!({"targets": [{"feature": "path_length", "tool": "orange", "by": by}],
                        "rule": {"in_a_row": 1, "then_more": 0}});
     centre.instructor.make("/api/v1/tasks/peg/standards", limit).await;
     let other = upload(&centre, "ada", &scene("--seed 4 --box 2")).await;
