@@ -98,7 +98,21 @@ impl BandFit<'_> {
         Attempt { outcome: best, fits: recorder.into_fits() }
     }
 
+    /// Measures the band with these coarse borders; if the shaft behind it seems wider than the band, also the one with
+    /// the shaft's borders, and returns the likelier.
     fn measure_coarse(
+        &self,
+        coarse: &CoarseBand,
+        hand_first: impl Fn(Pixel, Pixel) -> Option<bool>,
+        recorder: &mut FitRecorder,
+    ) -> Result<Measurement, MissReason> {
+        let found = self.measure_between(coarse, &hand_first, recorder)?;
+        let Some(wider) = self.as_wide_as_shaft(coarse, &found) else { return Ok(found) };
+        more_likely(self.measure_between(&wider, &hand_first, recorder), Ok(found))
+    }
+
+    /// Measures the band with these coarse borders.
+    fn measure_between(
         &self,
         coarse: &CoarseBand,
         hand_first: impl Fn(Pixel, Pixel) -> Option<bool>,

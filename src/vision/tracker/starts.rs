@@ -3,9 +3,11 @@
 use nalgebra::{Point2, Point3, Vector2};
 
 use super::band_fit::BandFit;
+use super::measurement::Measurement;
 use crate::vision::edges::line_fit::{self, BorderLine};
 use crate::vision::edges::outline_probes::OutlinePoint;
 use crate::vision::edges::scan_lines::CoarseBand;
+use crate::vision::edges::shaft;
 use crate::vision::pose::joint_fit::{self, MeasuredEdge, Trust};
 use crate::vision::pose::normal_equations::OffsetPriors;
 use crate::vision::pose::{TubeEstimate, band_length};
@@ -90,6 +92,37 @@ impl BandFit<'_> {
         edges.extend(edge(OutlinePoint::Rim { back_mm: 0.0, across: 0.0 }, distal, along));
         edges.extend(edge(OutlinePoint::Rim { back_mm: length_mm, across: 0.0 }, proximal, -along));
         Some(edges)
+    }
+
+    /// The band with its borders moved to those of the shaft behind it, if the shaft seems wider than the band.
+    pub(super) fn as_wide_as_shaft(&self, coarse: &CoarseBand, found: &Measurement) -> Option<CoarseBand> {
+        /// Least difference, as a share of the width and in pixels: several times the error of a border.
+        const MIN_SHARE: f64 = 0.08;
+        const MIN_PX: f64 = 1.5;
+        let (tube, length_mm) = (&found.estimate.tube, found.length_mm);
+        let is_visible = |place, at| self.scene.is_visible(place, at);
+        let outwards_px =
+            shaft::border_offsets_px(self.scene.frame, self.camera(), self.edges, tube, length_mm, is_visible)?
+                .map(|px| px.max(0.0));
+        let outline = tube.outline()?;
+        let pixel = |side| self.camera().project(CameraPoint(outline.border(side, 0.5 * length_mm)));
+        let [first, second] = [pixel(BorderSide::First)?.0, pixel(BorderSide::Second)?.0];
+        let (outward, width_px) = ((first - second).normalize(), (first - second).norm());
+        if outwards_px.iter().all(|px| *px < (MIN_SHARE * width_px).max(MIN_PX)) {
+            return None;
+        }
+        let [by_first, by_second] = [outward * outwards_px[0], -outward * outwards_px[1]];
+        let middle = nalgebra::center(&first, &second);
+        let moved = |border: &Vec<Pixel>| {
+            let is_first = border.first().is_some_and(|at| (at.0 - middle).dot(&outward) > 0.0);
+            border.iter().map(|at| Pixel(at.0 + if is_first { by_first } else { by_second })).collect()
+        };
+        Some(CoarseBand {
+            borders: [moved(&coarse.borders[0]), moved(&coarse.borders[1])],
+            ends: coarse.ends.map(|end| Pixel(end.0 + 0.5 * (by_first + by_second))),
+            axis: coarse.axis,
+            width_px: coarse.width_px + outwards_px[0] + outwards_px[1],
+        })
     }
 
     pub(super) fn border_lines(&self, coarse: &CoarseBand) -> Option<[BorderLine; 2]> {

@@ -155,6 +155,54 @@ impl EdgeModel {
     }
 }
 
+/// Shares of the pixels' variance that plain steps explain, by the distance from the chord, summed over probes with the
+/// same window.
+#[derive(Clone, Copy, Debug)]
+pub struct StepShares {
+    sums: [f32; MAX_STEPS],
+    first: f64,
+    count: usize,
+    probes: usize,
+}
+
+impl Default for StepShares {
+    fn default() -> Self {
+        Self { sums: [0.0; MAX_STEPS], first: 0.0, count: 0, probes: 0 }
+    }
+}
+
+impl StepShares {
+    /// Adds a probe.
+    pub fn add(&mut self, edges: &EdgeModel, frame: &Frame<'_>, probe: &Probe) {
+        let luma = profile::of_luma(frame, probe);
+        let chroma = profile::of_chroma(frame, edges.chroma_right_px, probe);
+        let weights = edges.noise.map(|noise| 1.0 / noise as f32);
+        (self.first, self.count) = step_range(probe);
+        let mut explained = [0.0; MAX_STEPS];
+        explain_by_step(&luma, self.first as f32, &weights[..1], &mut explained[..self.count]);
+        explain_by_step(&chroma, self.first as f32, &weights[1..], &mut explained[..self.count]);
+        let all = variation(&luma, &weights[..1]) + variation(&chroma, &weights[1..]);
+        if all > 0.0 {
+            self.probes += 1;
+            self.sums.iter_mut().zip(explained).for_each(|(sum, explained)| *sum += explained / all);
+        }
+    }
+
+    /// Distance of the best step from the chord, pixels, and the mean share that it explains; `None` for fewer probes.
+    pub fn best(&self, min_probes: usize) -> Option<(f64, f64)> {
+        let best = self.sums[..self.count].iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
+        let (step, sum) = best.filter(|_| self.probes >= min_probes)?;
+        Some(((self.first + step as f64) / STEPS_PER_PX, f64::from(*sum) / self.probes as f64))
+    }
+}
+
+/// Steps tried in a probe's window: the first, and their number. Both in steps.
+fn step_range(probe: &Probe) -> (f64, usize) {
+    let first = ((1.0 - probe.inwards_px) * STEPS_PER_PX).ceil();
+    let count = ((probe.outwards_px - 1.0) * STEPS_PER_PX).floor() - first + 1.0;
+    (first, (count.max(0.0) as usize).min(MAX_STEPS))
+}
+
 /// The best plain step in the profiles of a probe, not farther than some pixels from its chord, and the weighted
 /// variance that it explains.
 fn best_step(
@@ -164,10 +212,9 @@ fn best_step(
     probe: &Probe,
     near_px: f64,
 ) -> Option<(f64, f32)> {
-    let first = ((1.0 - probe.inwards_px) * STEPS_PER_PX).ceil();
-    let count = ((probe.outwards_px - 1.0) * STEPS_PER_PX).floor() - first + 1.0;
+    let (first, count) = step_range(probe);
     let mut explained = [0.0; MAX_STEPS];
-    let explained = &mut explained[..(count.max(0.0) as usize).min(MAX_STEPS)];
+    let explained = &mut explained[..count];
     explain_by_step(luma, first as f32, &weights[..1], explained);
     explain_by_step(chroma, first as f32, &weights[1..], explained);
     let place = |step: usize| (first + step as f64) / STEPS_PER_PX;
