@@ -12,8 +12,9 @@ use crate::vision::blob::components::Component;
 use crate::vision::blob::moments::Moments;
 use crate::vision::reason::MissReason;
 
-/// Maximum number of regions measured in one search.
-const MAX_REGIONS: usize = 3;
+/// Maximum number of regions measured in one search: a peg board has half a dozen rings, each larger than a band far
+/// from the camera.
+const MAX_REGIONS: usize = 8;
 
 /// Regions that were measured and rejected on this frame.
 type Rejected = Vec<(Moments, MissReason)>;
