@@ -10,6 +10,8 @@ use nalgebra::Vector2;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HandDirection {
     votes: Vector2<f64>,
+    /// The axes have shown the direction: votes do not change it.
+    is_shown_by_axes: bool,
 }
 
 /// Minimum contrast for a vote: below it, both ends look alike.
@@ -27,16 +29,17 @@ impl HandDirection {
     pub fn add_vote(&mut self, to_hand: Vector2<f64>, contrast: f64) {
         if let Some(direction) = to_hand.try_normalize(1e-9)
             && contrast.abs() >= MIN_CONTRAST
+            && !self.is_shown_by_axes
         {
             self.votes = self.votes * VOTE_DECAY + direction * contrast;
         }
     }
 
-    /// Sets the opposite direction, when stronger evidence than the votes shows it: as if many votes had shown it, so
-    /// that a few others do not overrule it.
+    /// Sets the opposite direction, because the axes show that the hand is there. Votes no longer change it: open jaws
+    /// can look like a shaft on all frames, and a shaft can look like the mat.
     pub fn set_opposite(&mut self, to_hand: Vector2<f64>) {
-        self.votes =
-            to_hand.try_normalize(1e-9).map_or(Vector2::zeros(), |direction| -direction * (2.0 * DECISIVE_VOTES));
+        let opposite = to_hand.try_normalize(1e-9).map(|direction| -direction * (2.0 * DECISIVE_VOTES));
+        *self = Self { votes: opposite.unwrap_or_default(), is_shown_by_axes: opposite.is_some() };
     }
 
     /// Direction from the band to the hand, if many frames agree.
@@ -89,8 +92,8 @@ mod tests {
             let mut hand = HandDirection::default();
             hand.set_opposite(to_hand);
             assert!(hand.contradicts(to_hand), "{degrees}");
-            hand.add_vote(to_hand, 0.6);
-            assert!(hand.direction().is_some_and(|known| known.dot(&to_hand) < 0.0), "one vote overrules nothing");
+            (0..100).for_each(|_| hand.add_vote(to_hand, 0.6));
+            assert!(hand.direction().is_some_and(|known| known.dot(&to_hand) < 0.0), "votes do not overrule axes");
         }
     }
 }
