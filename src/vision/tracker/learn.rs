@@ -64,6 +64,7 @@ impl ToolTracker {
         let Some(to_hand) = direction_in_picture(scene.camera(), &last, -last.axis) else { return };
         let is_visible = |place, at| scene.is_visible(place, at);
         let tube = shaft::continuation(scene.frame, scene.camera(), &self.edges, &last, length_mm, is_visible);
+        self.seen_shaft.add(&tube);
         if let Some(contrast) = tube.contrast() {
             self.hand_direction.add_vote(to_hand, contrast);
         }

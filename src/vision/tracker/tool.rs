@@ -17,6 +17,7 @@ use crate::vision::edges::edge_model::EdgeModel;
 use crate::vision::filter::track::Track;
 use crate::vision::pose::TubeEstimate;
 use crate::vision::pose::adjustment::Adjustment;
+use crate::vision::edges::shaft::SeenShaft;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::reason::MissReason;
 use crate::vision::tube::Outline;
@@ -32,6 +33,7 @@ pub struct ToolTracker {
     pub(super) last_band: Option<Band>,
     pub(super) last_pose: Option<TubeEstimate>,
     pub(super) hand_direction: HandDirection,
+    pub(super) seen_shaft: SeenShaft,
     pub(super) adjustment: Option<Adjustment>,
     pub(super) keyframes: Vec<TubeEstimate>,
     pub(super) lengths: BandLengthEstimator,
@@ -53,6 +55,7 @@ impl ToolTracker {
             last_band: None,
             last_pose: None,
             hand_direction: HandDirection::default(),
+            seen_shaft: SeenShaft::default(),
             adjustment: None,
             keyframes: Vec::new(),
             lengths: BandLengthEstimator::default(),

@@ -236,6 +236,11 @@ impl Adjustment {
         self.comparable_fulcrum().filter(|_| self.is_right_way_round())?.well_known()
     }
 
+    /// Do the axes show clearly on which side of the tips the trocar lies?
+    pub fn shows_side(&self) -> bool {
+        self.is_right_way_round() || self.is_wrong_way_round()
+    }
+
     /// Do the axes show clearly that the trocar lies behind the tips?
     pub fn is_right_way_round(&self) -> bool {
         self.likelier_behind > MIN_SIDE_MARGIN

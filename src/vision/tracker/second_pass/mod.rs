@@ -13,6 +13,7 @@ use super::record::FrameRecord;
 use super::report::{DiameterBasis, EffectiveDiameter, ToolQuality};
 use super::settings::{MotionSettings, ToolSpec};
 use crate::vision::camera::Camera;
+use crate::vision::edges::shaft::SeenShaft;
 use crate::vision::filter::track::{Track, TrackSettings};
 use crate::vision::pose::adjustment::{self, Adjustment};
 use crate::vision::pose::fulcrum;
@@ -22,9 +23,10 @@ use crate::vision::pose::{StoredPose, TubeEstimate};
 use crate::vision::reason::MissReason;
 use crate::vision::trajectory::PathKind;
 
-/// Runs the second pass over one tool's records.
+/// Runs the second pass over one tool's records. A trocar is assumed only for a band with a shaft behind it.
 pub fn run(
     records: Blocks<FrameRecord>,
+    seen_shaft: &SeenShaft,
     spec: &ToolSpec,
     tool: usize,
     instants: &[FrameInstant],
@@ -33,7 +35,7 @@ pub fn run(
 ) -> (ToolMotion, ToolQuality) {
     let islands = isolated_runs(&records, instants, motion.max_prediction_s);
     let good = sample_good_poses(&records);
-    let adjustment = adjustment::estimate(&good);
+    let adjustment = adjustment::estimate(&good).filter(|found| found.shows_side() || !seen_shaft.is_missing());
     let border_residual_px = rms(records.iter().filter_map(|r| r.pose.as_ref()).map(StoredPose::residual_px));
     let mut rework = SecondPass::new(tool, camera, motion);
     rework.motion.fulcrum = adjustment.as_ref().and_then(Adjustment::well_known_fulcrum);

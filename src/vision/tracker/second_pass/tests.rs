@@ -4,6 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::*;
 use crate::vision::camera::testing::STRAIGHT as CAMERA;
+use crate::vision::edges::shaft::Continuation;
 use crate::vision::pose::normal_equations::NormalEquations;
 use crate::vision::trajectory::Sample;
 use crate::vision::tube::Tube;
@@ -96,6 +97,28 @@ fn a_few_measurements_between_two_gaps_are_not_believed() {
     assert!(found(&[0..15, 18..20, 43..60]).is_empty(), "close to a long run");
     assert!(found(&[0..15, 31..36, 43..60]).is_empty(), "long enough by itself");
     assert!(found(std::slice::from_ref(&(31..33))).is_empty(), "the only run");
+}
+
+#[test]
+fn a_trocar_is_assumed_only_for_a_band_with_a_shaft() {
+    let instants: Vec<FrameInstant> = (0..40).map(|frame| (frame, frame as f64 * FRAME_S)).collect();
+    let (name, colour) = ("orange".to_owned(), "orange".to_owned());
+    let spec = ToolSpec { name, colour, side: None, diameter_mm: 5.0, band_length_mm: Some(20.0) };
+    let basis = |seen_shaft: &SeenShaft| {
+        let pose = StoredPose::from(&pose(Point3::new(0.0, 0.0, 150.0)));
+        let record = || FrameRecord { pose: Some(pose), is_good: true, reason: None };
+        let records = (0..40).map(|_| record()).collect();
+        let (_, quality) = run(records, seen_shaft, &spec, 0, &instants, &CAMERA, &MotionSettings::default());
+        quality.effective_diameter.unwrap().basis
+    };
+    let shaft = |by_hand| {
+        let mut seen = SeenShaft::default();
+        seen.add(&Continuation { by_hand: Some(by_hand), by_tip: None });
+        seen
+    };
+    assert_eq!(basis(&shaft(1.0)), DiameterBasis::AssumedTrocar);
+    assert_eq!(basis(&shaft(0.3)), DiameterBasis::Usual);
+    assert_eq!(basis(&SeenShaft::default()), DiameterBasis::AssumedTrocar, "nothing was looked at");
 }
 
 #[test]
