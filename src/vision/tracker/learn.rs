@@ -8,6 +8,7 @@ use super::frame_context::FrameContext;
 use super::measure::direction_in_picture;
 use super::measurement::{Grade, Measurement};
 use super::predict::Band;
+use super::report::TrocarEvidence;
 use super::tool::ToolTracker;
 use crate::vision::edges::chroma_siting;
 use crate::vision::edges::shaft;
@@ -36,6 +37,17 @@ impl ToolTracker {
         if let Some(measurement) = accepted.filter(|m| m.grade() == Grade::Good) {
             self.lengths.add(measurement.length_mm, measurement.length_sigma_mm);
             self.learn_fulcrum(measurement);
+        }
+    }
+
+    /// What the axes say of the trocar so far.
+    pub(super) fn trocar(&self) -> TrocarEvidence {
+        match &self.adjustment {
+            Some(adjustment) if adjustment.is_right_way_round() => TrocarEvidence::Shown,
+            Some(adjustment) if adjustment.is_wrong_way_round() => TrocarEvidence::Missing,
+            _ if self.seen_shaft.is_missing() => TrocarEvidence::Missing,
+            None if self.keyframes.len() >= MIN_KEYFRAMES => TrocarEvidence::Missing,
+            _ => TrocarEvidence::Possible,
         }
     }
 

@@ -159,14 +159,10 @@ impl Tracker {
         self.tools.iter().map(|tool| tool.adjustment.as_ref()?.well_known_fulcrum()).collect()
     }
 
-    /// What the axes of each tool say of its trocar so far.
+    /// What the axes of each tool say of its trocar so far. Before there are poses enough to say anything, it may have
+    /// one.
     pub fn trocars(&self) -> Vec<TrocarEvidence> {
-        let shown = |tool: &ToolTracker| match &tool.adjustment {
-            Some(adjustment) if adjustment.is_right_way_round() => TrocarEvidence::Shown,
-            Some(adjustment) if !adjustment.is_wrong_way_round() => TrocarEvidence::Possible,
-            _ => TrocarEvidence::Missing,
-        };
-        self.tools.iter().map(shown).collect()
+        self.tools.iter().map(ToolTracker::trocar).collect()
     }
 
     /// Tracks the next frame: predict → find → measure → accept → learn, for each tool, and each pair of one colour.
