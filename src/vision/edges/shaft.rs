@@ -148,13 +148,8 @@ fn probes_beyond(
     reach_px: f64,
 ) -> [Vec<(OutlinePoint, Probe)>; PLACES] {
     let step_mm = (to_mm - from_mm) / PLACES as f64;
-    let layout = ProbeLayout {
-        chord_px: width_px,
-        max_chords: 1.0,
-        reach_px,
-        motion_px_s: Default::default(),
-        exposure_s: 0.0,
-    };
+    let layout =
+        ProbeLayout { chord_px: width_px, max_chords: 1.0, reach_px, motion_px_s: Default::default(), exposure_s: 0.0 };
     std::array::from_fn(|place| {
         let (start_mm, mut probes) = (from_mm + step_mm * place as f64, Vec::with_capacity(2));
         border_probes(outline, camera, start_mm, start_mm + step_mm, layout, &mut probes);

@@ -243,7 +243,8 @@ impl Tracker {
         for ((i, tool), colour) in self.tools.iter_mut().enumerate().zip(colours) {
             let TrackerSettings { camera, motion, .. } = &self.settings;
             let records = std::mem::take(&mut tool.records).unpack();
-            let (motion, reworked) = second_pass::run(records, &tool.seen_shaft, &tool.spec, i, &self.instants, camera, motion);
+            let (motion, reworked) =
+                second_pass::run(records, &tool.seen_shaft, &tool.spec, i, &self.instants, camera, motion);
             quality.tools.push(ToolQuality { colour, ..reworked });
             motions.push(motion);
         }
