@@ -109,7 +109,7 @@ fn first_of(one: AttemptEnd, other: AttemptEnd) -> AttemptEnd {
     AttemptEnd { at, unseen_steps: at - earliest, is_cut_off: one.is_cut_off || other.is_cut_off }
 }
 
-/// The direction in which a path is read.
+/// The direction of reading a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum TimeDirection {
     Forwards,
@@ -134,7 +134,7 @@ impl TimeDirection {
     }
 }
 
-/// A stretch in which the tool was seen, in the order of the direction.
+/// A stretch that shows the tool, in the order of the direction.
 struct SeenStretch {
     interval: Interval,
     tips: Vec<Point3<f64>>,
@@ -195,8 +195,8 @@ impl<'a> TimeView<'a> {
         }
     }
 
-    /// The number of the stretch in which the tool first moves, and the instant at which it starts. A tool that is
-    /// found elsewhere after a time out of sight has moved.
+    /// The number of the first stretch with a movement of the tool, and the instant of its start. A tool that is found
+    /// elsewhere after a time out of sight has moved.
     fn first_start(&self) -> Option<(usize, i64)> {
         let moving = self.movements.iter().find_map(|movement| {
             let number = self.seen.iter().position(|seen| seen.interval.last >= movement.last)?;

@@ -50,7 +50,7 @@ pub struct SessionFigures {
 }
 
 impl SessionFigures {
-    /// Figures of which only the numbers of frames and of measurements are known.
+    /// Figures while only the numbers of frames and of measurements are known.
     pub(super) fn of_counts(frames: u64, observed: u64) -> Self {
         Self {
             frames,

@@ -8,9 +8,9 @@ use crate::vision::tube::{BorderSide, OutlinePart};
 
 /// Number of offsets of an outline (see [`Offsets`]).
 pub const OFFSETS: usize = 7;
-/// Index of the offset by which a tube seems displaced.
+/// Index of the offset that makes a tube seem displaced.
 const DISPLACEMENT: usize = 1;
-/// Index of the offset by which a tube seems to taper.
+/// Index of the offset that makes a tube seem to taper.
 pub const TAPER: usize = 4;
 /// Number of a pose's own unknowns: five of the tube (see [`super::perturbed`]), then the offsets of its outline.
 pub const OWN_UNKNOWNS: usize = 5 + OFFSETS;
