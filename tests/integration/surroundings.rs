@@ -107,21 +107,12 @@ impl SeenBox {
     }
 }
 
-/// Compares a box's own picture with another one; prints the figures.
-fn compared(kind: &str, own: &SeenBox, name: &str, shown: &Surroundings) -> BoxFinding {
+/// Compares a box's own picture with another one. Returns the finding, and the figures for messages.
+fn compared(own: &SeenBox, name: &str, shown: &Surroundings) -> (BoxFinding, String) {
     let found = own.own.compare(shown).unwrap();
     let evidence = BoxEvidence { resemblance: Some(found), answer: None };
     let finding = BoxMatch::of(evidence, PortAgreement::Unknown).finding;
-    let chance = found.chance.map_or("–".to_owned(), |chance| format!("{chance:.2}"));
-    println!(
-        "{kind:7} {} {name}: {} (correlation {:.2}, chance {chance}, structure {:.2}, shift {:.3})",
-        own.name,
-        finding.name(),
-        found.correlation,
-        found.structured,
-        found.shift
-    );
-    finding
+    (finding, format!("{} and {name}: {found:?}", own.name))
 }
 
 /// Ten pairs of different boxes are asked about, ten nudged boxes and ten untouched ones are not.
@@ -130,9 +121,12 @@ fn check(names: [&'static str; 10]) {
     let boxes = names.map(|name| SeenBox::of(name, folder.join("dev").join(name).join("video.mp4")));
     for (index, own) in boxes.iter().enumerate() {
         let other = &boxes[(index + 1) % boxes.len()];
-        assert_eq!(compared("other", own, other.name, &other.recorded), BoxFinding::Doubtful);
-        assert_eq!(compared("same", own, own.name, &own.recorded), BoxFinding::Same);
-        assert_ne!(compared("nudged", own, own.name, &own.nudged), BoxFinding::Doubtful);
+        let (finding, figures) = compared(own, other.name, &other.recorded);
+        assert_eq!(finding, BoxFinding::Doubtful, "other box: {figures}");
+        let (finding, figures) = compared(own, own.name, &own.recorded);
+        assert_eq!(finding, BoxFinding::Same, "same box: {figures}");
+        let (finding, figures) = compared(own, own.name, &own.nudged);
+        assert_ne!(finding, BoxFinding::Doubtful, "nudged box: {figures}");
     }
 }
 

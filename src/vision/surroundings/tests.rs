@@ -180,7 +180,7 @@ fn pictures_of_another_shape_are_not_compared_and_forged_ones_are_refused() {
 fn the_picture_that_resembles_most_speaks_for_a_box_with_several_mats() {
     let (own, other) = (seen(&Mat::new(1), STRAIGHT), seen(&Mat::new(2), STRAIGHT));
     let now = seen(&Mat::new(2), Shot { gain: 0.9, ..STRAIGHT });
-    assert!(best_resemblance(&[own.clone()], &now).unwrap().correlation < 0.45);
+    assert!(best_resemblance(std::slice::from_ref(&own), &now).unwrap().correlation < 0.45);
     assert!(best_resemblance(&[own, other], &now).unwrap().correlation > 0.8);
     assert_eq!(best_resemblance(&[], &now), None);
 }
