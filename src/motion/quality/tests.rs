@@ -63,7 +63,7 @@ fn every_figure_that_gets_worse_makes_no_verdict_better() {
         let limits = cause.limits();
         let worse = |a: f64, b: f64| if limits.better == BetterDirection::More { a < b } else { a > b };
         if let (Some(care), Some(refuse)) = (limits.care, limits.refuse) {
-            assert!(worse(refuse, care), "{cause:?} is refused before it asks for care");
+            assert!(!worse(care, refuse), "{cause:?} is refused before it asks for care");
         }
         assert!(limits.care.or(limits.refuse).is_some(), "{cause:?} has no limit");
     }
