@@ -140,16 +140,16 @@ fn a_session_with_two_tapes_of_nearly_one_colour_is_used_with_care() {
 }
 
 #[test]
-fn purple_on_a_mat_with_red_blue_and_purple_is_graded_bad_before_it_is_tracked_wrongly() {
+fn purple_on_a_mat_with_red_blue_and_purple_is_graded_bad_before_it_is_tracked() {
     let purple = TapeDesign { name: "purple", colour: [0.2, 0.065, 0.25] }; // as printed on the mat
     let scene = TapedBox::with([purple, TapeDesign::named("orange").unwrap()]);
-    let rms = |accuracy: &Accuracy, index: usize| accuracy.tools[index].levels[0].errors.map(|e| e.three_d.rms);
     let tracking = scene.tracked();
-    let tracked = scene.accuracy(&tracking);
-    let (purple, orange) = (rms(&tracked, 0), rms(&tracked, 1));
-    assert!(purple.is_none_or(|mm| mm > 20.0) && orange.unwrap() < 3.0, "purple is the difficult tape: {tracked:?}");
     let [concern] = &colour_concerns(&tracking)[..] else { panic!("{:?}", colour_concerns(&tracking)) };
-    assert_eq!((concern.cause, concern.severity), (QualityCause::ColourBackground, Severity::Refuse), "{concern:?}");
+    assert_eq!(concern.cause, QualityCause::ColourBackground, "{concern:?}");
+    let tracked = scene.accuracy(&tracking);
+    let is_right = |index: usize| tracked.tools[index].levels[0].errors.is_some_and(|e| e.three_d.rms < 3.0);
+    assert!(is_right(1), "orange: {tracked:?}");
+    assert!(is_right(0) || concern.severity == Severity::Refuse, "purple is followed rightly or refused: {tracked:?}");
     assert_eq!((concern.tool.as_deref(), concern.label.as_deref()), (Some("purple"), Some("background")));
     for verdicts in [scene.verdicts(), verdicts(&scene.samples(), &scene.tools())] {
         let grades: Vec<PaletteGrade> = verdicts.iter().map(|verdict| verdict.grade).collect();

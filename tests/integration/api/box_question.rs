@@ -11,9 +11,9 @@ use crate::support::{Client, Service, problem, read};
 
 const ADA: &str = "/api/v1/trainees/ada/progress?task=peg";
 
-/// A recording of six seconds.
+/// A recording of six seconds. In a smaller picture, the tools are too thin to be measured well.
 fn scene(options: &str) -> Folder {
-    Folder::of(&format!("--size 640x360 --seconds 6 {options}"))
+    Folder::of(&format!("--size 960x540 --seconds 6 {options}"))
 }
 
 /// A centre whose box 1 is the simulated box 1.
