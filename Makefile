@@ -129,6 +129,10 @@ power-cuts: test-packages ## simulate 20 power cuts during uploads and jobs, on 
 slow-clients: test-packages ## connect a thousand slow clients and a quick one; measure its 99th percentile and the service's memory
 	cargo test --locked --test integration slow_clients -- --ignored --nocapture
 
+.PHONY: surroundings
+surroundings: ## tell ten other boxes from ten nudged ones, on the clips that set the limit
+	cargo test --locked --test integration on_the_even_clips -- --ignored --nocapture
+
 .PHONY: mutations
 mutations: test-packages ## decode 10,000 damaged recordings, each in a child process
 	TROCAR_MUTATIONS=10000 cargo test --locked --test integration damaged_recordings -- --nocapture

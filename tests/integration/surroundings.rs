@@ -131,6 +131,7 @@ fn check(names: [&'static str; 10]) {
 }
 
 #[test]
+#[ignore = "the other half of the proof, half a minute: make surroundings"]
 fn other_boxes_differ_from_nudged_ones_on_the_even_clips() {
     check(EVEN);
 }
