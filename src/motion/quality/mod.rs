@@ -13,7 +13,7 @@
 //! | [`tool`] | how one tool was seen |
 //! | [`ports`] | whether camera or trocars have moved since earlier sessions |
 //! | [`running`] | the same figures of a tool while the recording arrives |
-//! | [`box_match`] | whether the recording shows the box that it is filed under |
+//! | [`mod@box_match`] | whether the recording shows the box that it is filed under |
 //! | [`session`] | the recording itself: frame times, light, beginning and end |
 //! | [`cause`] | what can be wrong: a closed set, each with a sentence and advice |
 //! | [`limits`] | the limit of each figure, and its ground |

@@ -10,7 +10,7 @@
 //!
 //! A moved camera only changes positions: while its lens is as calibrated, lengths, speeds and all features of one
 //! session stay right, but paths of different days are no longer in one frame. The trocars cannot say whether the lens
-//! is the same, since another box displaces them too ([`super::box_match`]).
+//! is the same, since another box displaces them too ([`mod@super::box_match`]).
 
 pub mod watch;
 
