@@ -65,7 +65,8 @@ test('a recording of another box is asked about, on its page and in the lists', 
   await page.goto(`${url}/sessions`);
   await page.locator('tr', { has: page.locator(`a[href$="${id}"]`) }).getByText('Is it this box?').waitFor();
   await page.goto(`${url}/`);
-  await page.locator('.queue li', { has: page.locator(`a[href$="${id}"]`) }).getByText('Is it this box?').waitFor();
+  const listed = page.locator('.queue li', { has: page.locator(`a[href$="${id}"]`) }); // also among the latest sessions
+  await listed.getByText('Is it this box?').first().waitFor();
 });
 
 test('no: its values are withheld, and the page says what to do', async () => {

@@ -90,13 +90,13 @@ test('a standard is set from a published time: first proposed, then set', async 
   assert.deepEqual([standard.version, standard.targets[0].limit, standard.rule.in_a_row], [1, presets[0].limit, 2]);
 });
 
-/** A CSV file as another tracker writes it: tools that move to and fro for this many seconds. */
+/** A CSV file as another tracker writes it: tools that move to and fro, at rest for the first and the last second. */
 function tableOf(seconds, tools) {
   const lines = ['frame,time_s,tool,x_mm,y_mm,z_mm,sigma_xy_mm,sigma_z_mm'];
   for (let frame = 0; frame < seconds * 25; frame += 1) {
-    const at = frame / 25;
+    const at = Math.min(Math.max(frame / 25, 1), seconds - 1);
     tools.forEach((tool, i) =>
-      lines.push(`${frame},${at},${tool},${40 * Math.sin(at * 1.3 + i)},${20 * Math.cos(at * 0.7)},${150 + 5 * Math.sin(at)},0.1,0.4`));
+      lines.push(`${frame},${frame / 25},${tool},${40 * Math.sin(at * 1.3 + i)},${20 * Math.cos(at * 0.7)},${150 + 5 * Math.sin(at)},0.1,0.4`));
   }
   return `${lines.join('\n')}\n`;
 }
