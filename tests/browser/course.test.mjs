@@ -42,9 +42,11 @@ const dayWords = days => new Intl.DateTimeFormat('en-US', { dateStyle: 'medium' 
  */
 async function importPractice(learner, task, seconds, days) {
   const lines = ['frame,time_s,tool,x_mm,y_mm,z_mm,sigma_xy_mm,sigma_z_mm'];
-  for (let frame = 0; frame < seconds * 25; frame += 1)
+  for (let frame = 0; frame < seconds * 25; frame += 1) {
+    const moved = Math.min(Math.max(frame, 25), (seconds - 1) * 25); // at rest for the first and the last second
     for (const tool of ['left', 'right'])
-      lines.push(`${frame},${frame / 25},${tool},${40 * Math.sin(frame / 20)},${20 * Math.cos(frame / 30)},150,0.1,0.4`);
+      lines.push(`${frame},${frame / 25},${tool},${40 * Math.sin(moved / 20)},${20 * Math.cos(moved / 30)},150,0.1,0.4`);
+  }
   const recorded = new Date(Date.now() - days * DAY_MS).toISOString();
   const query = new URLSearchParams({ trainee: learner.id, task: task.id, box: made.box.id, tracker: 'Kinovea', recorded_at: recorded });
   const status = await admin.page.evaluate(async ([at, body]) =>
