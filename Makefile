@@ -130,7 +130,7 @@ slow-clients: test-packages ## connect a thousand slow clients and a quick one; 
 	cargo test --locked --test integration slow_clients -- --ignored --nocapture
 
 .PHONY: surroundings
-surroundings: ## tell ten other boxes from ten nudged ones, on the clips that set the limit
+surroundings: test-packages ## tell ten other boxes from ten nudged ones, on the clips that set the limit
 	cargo test --locked --test integration on_the_even_clips -- --ignored --nocapture
 
 .PHONY: mutations

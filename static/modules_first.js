@@ -11,8 +11,9 @@
       parts/live/live_space.js parts/live/live_tools.js parts/live/live_track.js parts/live/live_view.js
       parts/live/placement.js parts/page/status.js parts/playback/chunk_loader.js parts/playback/curves.js
       parts/playback/orbit.js parts/playback/overlay.js parts/playback/path3d.js parts/playback/playback.js
-      parts/playback/player.js parts/playback/plots.js parts/playback/readouts.js parts/playback/space_painter.js
-      parts/playback/track.js parts/session/advice.js parts/session/cohort_places.js parts/session/comments.js
+      parts/playback/player.js parts/playback/plots.js parts/playback/readouts.js
+      parts/playback/space_painter.js parts/playback/track.js parts/session/advice.js
+      parts/session/box_question.js parts/session/cohort_places.js parts/session/comments.js
       parts/session/edit_dialog.js parts/session/edits.js parts/session/evidence.js parts/session/features.js
       parts/session/ghost.js parts/session/quality.js parts/session/ratings.js parts/session/review.js
       parts/session/skill.js parts/session/span_bar.js parts/session/verdict.js watch.js with_error.js`,
