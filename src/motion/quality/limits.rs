@@ -95,8 +95,8 @@ impl QualityCause {
             QualityCause::Lost => at_most(0.05, 0.25),
             // Without a trocar, nothing confirms which way the band points, nor its depth. If the axes of the poses meet
             // nowhere behind the tips, the poses are false. In 102 ray-traced recordings, this held for nine tools that
-            // were followed wrongly, and for seven that had another reason to be refused. If the axes may meet there but
-            // do not show it clearly, the session is usable with care.
+            // were followed wrongly, and for seven that were refused anyway. If the axes may meet there but do not show
+            // it clearly, the session is usable with care.
             QualityCause::NoTrocar => at_most(0.0, 0.0),
             // One tool in a hundred with the right sizes is beyond the first limit on either side, one in a thousand
             // beyond the second. A band stated 1.5 times as long as it is breaks it, and its positions are 10 mm off.
