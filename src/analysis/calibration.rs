@@ -318,7 +318,8 @@ mod tests {
     fn usual(point: Vector3<f64>) -> Pixel {
         let (width, height) = SIZE;
         let (fx, fy, cx, cy) = (560.0, 560.0, 478.0, 301.0);
-        let camera = Camera { width, height, fx, fy, cx, cy, k1: -0.2, k2: 0.05, p1: 0.0, p2: 0.0, k3: 0.0 };
+        let camera =
+            Camera { width, height, fx, fy, cx, cy, k1: -0.2, k2: 0.05, p1: 0.0, p2: 0.0, k3: 0.0, focal_sigma: 0.0 };
         camera.project(crate::vision::space::CameraPoint(Point3::from(point))).unwrap()
     }
 

@@ -139,12 +139,11 @@ impl CameraFigures {
     fn of(file: &CameraFile) -> Self {
         let camera = file.camera();
         let number = |of: &str, key: &str| file.more.get(of).and_then(|of| of[key].as_f64());
-        let focal_sigma = [("fx", camera.fx), ("fy", camera.fy)].map(|(key, f)| number("sigma", key).map(|s| s / f));
         Self {
             rms_px: file.rms_px(),
             photos: file.more.get("photos").and_then(Value::as_array).map(|photos| PhotoCounts::of(photos)),
             coverage: number("coverage", "share"),
-            focal_sigma: focal_sigma[0].zip(focal_sigma[1]).map(|(x, y)| x.max(y)),
+            focal_sigma: file.focal_sigma(),
             focal_difference: (camera.fx / camera.fy - 1.0).abs(),
             off_centre: off_centre(&camera),
             folded: folded_share(&camera),

@@ -101,6 +101,7 @@ fn camera(dice: &mut Dice, width: u32, height: u32) -> Camera {
         p1: 0.0008 * dice.within(-1.0, 1.0),
         p2: 0.0008 * dice.within(-1.0, 1.0),
         k3: -0.012,
+        focal_sigma: 0.0,
     }
 }
 

@@ -91,6 +91,7 @@ mod tests {
                 p1: 0.0012,
                 p2: -0.0001,
                 k3: 0.163,
+                focal_sigma: 0.0,
             },
             board: Board::new(9, 6, 20.5).unwrap(),
             rms_px: 0.195_000_04,

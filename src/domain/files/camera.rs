@@ -87,7 +87,15 @@ impl CameraFile {
             p1: self.p1,
             p2: self.p2,
             k3: self.k3,
+            focal_sigma: self.focal_sigma().unwrap_or(0.0),
         }
+    }
+
+    /// Standard deviation of the focal lengths as a share of them, the larger of both, if stated.
+    pub fn focal_sigma(&self) -> Option<f64> {
+        let sigma = self.more.get("sigma")?;
+        let share = |key: &str, focal_px: f64| Some(sigma.get(key)?.as_f64()? / focal_px);
+        Some(share("fx", self.fx)?.max(share("fy", self.fy)?)).filter(|share| *share >= 0.0)
     }
 
     /// RMS reprojection error of its calibration, pixels, if stated.
@@ -154,6 +162,18 @@ mod tests {
         assert_eq!(file.k3, 0.0);
         assert_eq!(CameraFile::parse(&file.to_json()).unwrap(), file);
         assert_eq!(file.more["maker"]["lens"], "x");
+    }
+
+    #[test]
+    fn the_larger_error_of_both_focal_lengths_counts() {
+        let camera = |more: &str| {
+            let text = format!(r#"{{"width":640,"height":480,"fx":500,"fy":400,"cx":320,"cy":240{more}}}"#);
+            CameraFile::parse(&text).unwrap().camera()
+        };
+        assert_eq!(camera(r#","sigma":{"fx":1,"fy":2}"#).focal_sigma, 0.005);
+        for unknown in ["", r#","sigma":{"fx":1}"#, r#","sigma":"small""#, r#","sigma":{"fx":-1,"fy":-1}"#] {
+            assert_eq!(camera(unknown).focal_sigma, 0.0, "{unknown}");
+        }
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub(super) fn camera(homographies: &[Matrix3<f64>], width: u32, height: u32) -> 
         let usual = f64::from(width.max(height)); // a field of view of 53°: boards that face the camera do not give one
         (usual, usual)
     });
-    Camera { width, height, fx, fy, cx, cy, k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 }
+    Camera { width, height, fx, fy, cx, cy, k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0, focal_sigma: 0.0 }
 }
 
 /// The homography that maps points of the board, mm, to pixels; `None` if they do not span a plane.

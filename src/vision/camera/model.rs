@@ -32,6 +32,9 @@ pub struct Camera {
     pub p2: f64,
     /// Radial distortion, r⁶.
     pub k3: f64,
+    /// Standard deviation of the focal lengths, as a share of them; 0 if it is not known.
+    #[serde(default)]
+    pub focal_sigma: f64,
 }
 
 impl Camera {
@@ -54,6 +57,12 @@ impl Camera {
             radial + 2.0 * yy * radial_slope + 6.0 * self.p1 * y + 2.0 * self.p2 * x,
         );
         (distorted, jacobian)
+    }
+
+    /// Variance of a depth by the error of the focal lengths alone, mm². A tube that looks as wide as it does lies farther
+    /// away for a longer focal length, in proportion; x and y stay as they are.
+    pub fn depth_variance_mm2(&self, depth_mm: f64) -> f64 {
+        (self.focal_sigma * depth_mm).powi(2)
     }
 
     /// The pixel of the recorded frame that shows an undistorted direction.

@@ -16,6 +16,7 @@ pub fn wide() -> Camera {
         p1: -0.0006,
         p2: 0.0009,
         k3: -0.012,
+        focal_sigma: 0.0,
     }
 }
 
@@ -32,4 +33,5 @@ pub const STRAIGHT: Camera = Camera {
     p1: 0.0,
     p2: 0.0,
     k3: 0.0,
+    focal_sigma: 0.0,
 };

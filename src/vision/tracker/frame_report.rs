@@ -59,7 +59,7 @@ impl Tracker {
         Some(Observation {
             tip_mm: estimate.tube.tip,
             axis: estimate.tube.axis,
-            covariance_mm2: estimate.tip_covariance(),
+            covariance_mm2: estimate.tip_covariance() + motion::by_camera(&self.settings.camera, &estimate.tube.tip),
             tip_px: self.settings.camera.project(CameraPoint(estimate.tube.tip))?,
             border_residual_px: estimate.residual_px,
         })

@@ -2,7 +2,7 @@
 //!
 //! An hour of two tools' motion takes 33 MiB, as much as one path of samples.
 
-use nalgebra::{Matrix3, Point2, Vector3};
+use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
 use super::blocks::Blocks;
 use crate::numbers::quantile::quantile;
@@ -101,7 +101,7 @@ impl ToolMotion {
     }
 
     fn raw_sample(&self, (tip, covariance): MeasuredPosition, pose: &PastPose, instant: FrameInstant) -> Sample {
-        let unchanging = pose.lasting.matrix() * (1.0 - CHANGING_SHARE);
+        let unchanging = pose.lasting.matrix() * (1.0 - CHANGING_SHARE) + by_camera(&self.camera, &tip);
         Sample {
             frame: instant.0,
             time_s: instant.1,
@@ -162,6 +162,11 @@ fn is_supported(sample: &Sample, camera: &Camera) -> bool {
     sample.state == SampleState::Observed || sample.tip_px.is_some_and(in_picture)
 }
 
+/// Covariance of a tip by the error of the focal lengths, mm²: the same error in all positions of a session.
+pub fn by_camera(camera: &Camera, tip: &Point3<f64>) -> Matrix3<f64> {
+    Matrix3::from_diagonal(&Vector3::new(0.0, 0.0, camera.depth_variance_mm2(tip.z)))
+}
+
 /// The part of the last measured pose that a sample of the filter's state needs.
 #[derive(Clone, Copy, Debug)]
 pub struct PastPose {
@@ -177,7 +182,8 @@ impl From<&TubeEstimate> for PastPose {
 }
 
 /// A sample of a filter's state. The filter averages a part of the lasting errors away, too. The whole lasting part is
-/// added again, as estimated for `pose`, the nearest measured one (Schmidt's "considered" errors).
+/// added again, as estimated for `pose`, the nearest measured one (Schmidt's "considered" errors), and so is the
+/// camera's part.
 pub fn state_sample(
     state: &KalmanState,
     pose: Option<&PastPose>,
@@ -188,7 +194,8 @@ pub fn state_sample(
     fulcrum: Option<&Fulcrum>,
 ) -> Sample {
     let tip = state.tip();
-    let covariance = state.tip_covariance() + pose.map_or_else(Matrix3::zeros, |p| p.lasting.matrix());
+    let lasting = pose.map_or_else(Matrix3::zeros, |p| p.lasting.matrix()) + by_camera(camera, &tip);
+    let covariance = state.tip_covariance() + lasting;
     let by_fulcrum = fulcrum.and_then(|f| (tip - f.at).try_normalize(1e-9));
     Sample {
         frame: instant.0,

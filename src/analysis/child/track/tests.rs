@@ -29,6 +29,7 @@ pub fn settings() -> TrackerSettings {
         p1: 0.0,
         p2: 0.0,
         k3: 0.0,
+        focal_sigma: 0.0,
     };
     let tool =
         ToolSpec { name: "orange".into(), colour: "orange".into(), side: None, diameter_mm: 8.0, band_length_mm: None };

@@ -39,6 +39,7 @@ impl DrawnPhoto {
             p1: 0.0005,
             p2: -0.0004,
             k3: 0.0,
+            focal_sigma: 0.0,
         };
         let board = Board::new(9, 6, 21.0).unwrap();
         Self { camera, pose, board, blur: 1, sharpen: 0.0, darkest: 0.6, gamma: 1.0 / 2.2, noise: 1.5 }

@@ -37,8 +37,12 @@ fn paths(seen: &[bool]) -> Paths {
 
 /// A tool that moves to the right (mm, mm/s), seen on some frames only.
 fn paths_from(x_mm: f64, speed_mm_s: f64, seen: &[bool]) -> Paths {
+    paths_by(&CAMERA, x_mm, speed_mm_s, seen)
+}
+
+fn paths_by(camera: &Camera, x_mm: f64, speed_mm_s: f64, seen: &[bool]) -> Paths {
     let settings = MotionSettings::default();
-    let mut rework = SecondPass::new(0, &CAMERA, &settings);
+    let mut rework = SecondPass::new(0, camera, &settings);
     for (frame, seen) in seen.iter().enumerate() {
         let instant = (frame as u64, frame as f64 * FRAME_S);
         let pose = pose(Point3::new(x_mm + speed_mm_s * instant.1, 0.0, 150.0));
@@ -54,6 +58,23 @@ fn frames(samples: &[Sample]) -> Vec<u64> {
 
 fn with_gap(length: usize, after: usize) -> Vec<bool> {
     [vec![true; 10], vec![false; length], vec![true; after]].concat()
+}
+
+#[test]
+fn no_filter_averages_the_camera_s_error_away() {
+    let share = 0.01;
+    let camera = Camera { focal_sigma: share, ..CAMERA };
+    let [exact, doubtful] = [CAMERA, camera].map(|camera| paths_by(&camera, 0.0, 0.0, &[true; 200]));
+    let all = |paths: Paths| paths.filtered.into_iter().chain(paths.smoothed);
+    for (exact, doubtful) in all(exact).zip(all(doubtful)) {
+        let by_camera_mm = |of: fn(&Sample) -> Option<f64>| {
+            let [all_mm, others_mm] = [&doubtful, &exact].map(|sample| of(sample).unwrap());
+            (all_mm.powi(2) - others_mm.powi(2)).max(0.0).sqrt()
+        };
+        let in_depth_mm = by_camera_mm(Sample::sigma_z_mm);
+        assert!((in_depth_mm - share * 150.0).abs() < 1e-3, "{in_depth_mm} mm of a depth of 150 mm");
+        assert!(by_camera_mm(Sample::sigma_xy_mm) < 1e-3, "x and y do not depend on the focal length");
+    }
 }
 
 #[test]
