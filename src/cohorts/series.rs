@@ -49,8 +49,9 @@ impl NumberedSession<'_> {
 
     /// The measurement in the form that a target judges.
     pub fn value_to_judge(&self, of: &FeatureKey, handedness: Option<Handedness>) -> Option<ValueToJudge<'_>> {
-        let (outcome, PracticeMeasurement { value, bar, .. }) = self.measurement(of)?;
-        Some(ValueToJudge { value: *value, bar: *bar, pipeline: &outcome.pipeline, handedness })
+        let (outcome, PracticeMeasurement { value, bar, is_lower_bound, .. }) = self.measurement(of)?;
+        let (value, bar, is_lower_bound) = (*value, *bar, *is_lower_bound);
+        Some(ValueToJudge { value, bar, is_lower_bound, pipeline: &outcome.pipeline, handedness })
     }
 }
 
@@ -93,7 +94,8 @@ fn point(
     let judged = session.value_to_judge(of, handedness)?;
     let [low, high] = judged.bar.map_or([None; 2], |bar| bar.map(Some));
     let judgement = target.map(|target| target.judge(judged));
-    Some(SeriesPoint { session: session.number, value: judged.value, low, high, judgement })
+    let ValueToJudge { value, is_lower_bound, .. } = judged;
+    Some(SeriesPoint { session: session.number, value, low, high, is_lower_bound, judgement })
 }
 
 /// Ranks the newest counted value in the cohort.

@@ -139,6 +139,5 @@ fn train_model(sessions: Vec<DeclaredSession>) -> Result<NewSkillModel, NoModel>
 fn reading(row: &FeatureRow) -> Option<Reading> {
     let feature = features::find(&row.name).ok()?;
     let bar = row.error.as_ref().and_then(|error| error.as_ref().ok()).map(|error| [error.low, error.high]);
-    let value = row.value.as_ref().ok().copied();
-    Some(Reading { feature, tool: row.tool.clone(), space: row.space, value, bar })
+    Some(Reading { feature, tool: row.tool.clone(), space: row.space, value: row.two_sided_value(), bar })
 }

@@ -65,6 +65,8 @@ struct ScoredFeature {
     value: Option<f64>,
     low: Option<f64>,
     high: Option<f64>,
+    #[serde(default)]
+    is_lower_bound: bool,
 }
 
 /// Runs the command.
@@ -155,7 +157,13 @@ impl ScoredFeature {
     fn reading(self) -> Option<Reading> {
         let bar = self.low.zip(self.high).map(|(low, high)| [low, high]);
         let feature = features::find(&self.name).ok()?;
-        Some(Reading { feature, tool: self.tool, space: self.space, value: self.value, bar })
+        Some(Reading {
+            feature,
+            tool: self.tool,
+            space: self.space,
+            value: self.value.filter(|_| !self.is_lower_bound),
+            bar,
+        })
     }
 }
 

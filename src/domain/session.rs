@@ -170,6 +170,11 @@ impl FeatureRow {
         features::find(&self.name).ok().map(|feature| feature.family.name())
     }
 
+    /// The value, if it is known on both sides. A lower bound must not be compared with other values.
+    pub fn two_sided_value(&self) -> Option<f64> {
+        self.value.as_ref().ok().copied().filter(|_| !self.is_lower_bound())
+    }
+
     /// True if the value is a lower bound: the recording shows only a part of the attempt.
     pub fn is_lower_bound(&self) -> bool {
         matches!(&self.error, Some(Err(reason)) if *reason == NoErrorBar::AtLeast.to_string())

@@ -90,7 +90,7 @@ const SELECT_MEMBERS: &str = "
     ORDER BY trainee_id LIMIT $5";
 
 /// Selects values of at most `$7` people at task `$4`, from their last `$5` sessions that were not refused, for the
-/// features `$6` (a JSON array of keys). The people are those of cohort `$3` in the scope; if `$3` is NULL, all in the
+/// features `$6` (a JSON array of keys); lower bounds are left out. The people are those of cohort `$3` in the scope; if `$3` is NULL, all in the
 /// scope. It goes from each person to their sessions and to each session's current result, along indices only. Each
 /// person is one row, because returning rows from SQLite costs more than building them there. Sessions that were
 /// measured by another program or do not count are left out.
@@ -113,7 +113,8 @@ pub(super) const SELECT_VALUES: &str = "
     CROSS JOIN feature INDEXED BY feature_named
         ON feature.name = wanted.value ->> 'feature' AND feature.result_id = result.id
         AND feature.tool IS wanted.value ->> 'tool' AND feature.space = wanted.value ->> 'space'
-    WHERE feature.value IS NOT NULL AND result.calibration_id IS NOT NULL
+    WHERE feature.value IS NOT NULL AND (feature.low IS NULL OR feature.high IS NOT NULL)
+      AND result.calibration_id IS NOT NULL
     GROUP BY member.id, result.calibration_id, result.pipeline, feature.name, feature.tool, feature.space";
 
 const SELECT_CODE: &str = "SELECT 1 FROM cohort WHERE code = $1";

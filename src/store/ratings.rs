@@ -151,7 +151,8 @@ const SELECT_HAS_RATED: &str = "SELECT EXISTS (SELECT 1 FROM rating WHERE sessio
 
 const SELECT_VALUES: &str = "
     SELECT result_id, name, tool, space, value FROM feature
-    WHERE result_id IN (SELECT value FROM json_each($1)) AND value IS NOT NULL";
+    WHERE result_id IN (SELECT value FROM json_each($1)) AND value IS NOT NULL
+      AND (low IS NULL OR high IS NOT NULL)";
 
 impl RatingStore<'_> {
     /// Adds a rating to a session. An earlier one by the same rater on the same form is kept but no longer counts.

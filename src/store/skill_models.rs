@@ -198,6 +198,7 @@ impl SkillModelStore<'_> {
         {
             let Ok(feature) = features::find(&name) else { continue }; // measured by an earlier version only
             let bar = low.zip(high).map(|(low, high)| [low, high]);
+            let value = value.filter(|_| low.is_none() || high.is_some()); // no lower bound
             readings.entry(result).or_default().push(Reading { feature, tool, space, value, bar });
         }
         let session = |(trainee, level, tools, result): (TraineeId, Level, i64, ResultId)| DeclaredSession {

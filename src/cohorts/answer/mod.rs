@@ -174,6 +174,8 @@ pub struct SeriesPoint {
     pub low: Option<f64>,
     /// Upper end of the value's 95 % interval; `null` if it is unknown.
     pub high: Option<f64>,
+    /// True if the true value is at least this one: the recording shows only a part of the attempt.
+    pub is_lower_bound: bool,
     /// The value judged against the target; `null` without a target.
     pub judgement: Option<Judgement>,
 }

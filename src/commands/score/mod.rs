@@ -13,6 +13,7 @@ use crate::domain::skill::{ModelFile, SkillVerdict};
 use crate::motion::PIPELINE_VERSION;
 use crate::motion::assessment::{Assessment, AssessmentSettings, assess};
 use crate::motion::features::FeatureValue;
+use crate::motion::features::errors::NoErrorBar;
 use crate::motion::quality::{self, QualityInput, QualityVerdict};
 use crate::vision::trajectory::Trajectory;
 
@@ -140,6 +141,7 @@ fn value_json(value: &FeatureValue, tools: &[String]) -> Value {
         "sigma": bar.map(|bar| bar.sigma),
         "low": bar.map(|bar| bar.low),
         "high": bar.map(|bar| bar.high),
+        "is_lower_bound": value.value.is_ok() && value.error == Err(NoErrorBar::AtLeast),
         "no_error": value.error.err().filter(|_| value.value.is_ok()).map(|reason| reason.to_string()),
         "not_enough": value.value.err().map(|reason| reason.to_string()),
     })

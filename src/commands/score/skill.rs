@@ -14,6 +14,7 @@ use crate::domain::skill::{
 use crate::motion::PIPELINE_VERSION;
 use crate::motion::assessment::Assessment;
 use crate::motion::features::FeatureValue;
+use crate::motion::features::errors::NoErrorBar;
 
 /// Reads a model. Refuses a model of another task or of another pipeline version.
 pub fn read_model(path: &Path, task: Option<&str>) -> Result<ModelFile, CommandFailure> {
@@ -51,7 +52,7 @@ fn reading(value: &FeatureValue, tools: &[String]) -> Reading {
         feature: value.feature,
         tool: value.tool.and_then(|tool| tools.get(tool)).cloned(),
         space: FeatureSpace::from(value.space),
-        value: value.value.ok(),
+        value: value.value.ok().filter(|_| value.error != Err(NoErrorBar::AtLeast)),
         bar: value.error.ok().map(|bar| [bar.low, bar.high]),
     }
 }

@@ -88,7 +88,13 @@ fn advice_for_target(target: &Target, measured: MeasuredSession<'_>) -> Option<A
     let row = measured.features.iter().find(|row| StoredFeatureKey::from(*row) == target.of)?;
     let (value, error) = (*row.value.as_ref().ok()?, *row.error.as_ref()?.as_ref().ok()?);
     let MeasuredSession { pipeline, handedness, .. } = measured;
-    let to_judge = ValueToJudge { value: Some(value), bar: Some([error.low, error.high]), pipeline, handedness };
+    let to_judge = ValueToJudge {
+        value: Some(value),
+        bar: Some([error.low, error.high]),
+        is_lower_bound: false,
+        pipeline,
+        handedness,
+    };
     if target.judge(to_judge) != Judgement::Fail {
         return None;
     }

@@ -36,6 +36,8 @@ pub struct ValueToJudge<'v> {
     pub value: Option<f64>,
     /// 95 % interval of the true value; `None` where unknown.
     pub bar: Option<[f64; 2]>,
+    /// True if the true value is at least this one.
+    pub is_lower_bound: bool,
     /// Version of the program that measured it.
     pub pipeline: &'v str,
     /// The trainee's preferred hand, if known.
@@ -53,7 +55,12 @@ impl Target {
                 return Judgement::OtherHand;
             }
         }
-        self.pipeline_target().judge(of.measured()).into()
+        let target = self.pipeline_target();
+        let judgement = match of.value {
+            Some(value) if of.is_lower_bound => target.judge_lower_bound(value),
+            _ => target.judge(of.measured()),
+        };
+        judgement.into()
     }
 }
 
@@ -77,7 +84,8 @@ impl StandardDefinition {
                 return standard::TargetJudgement::NotMeasured;
             };
             let bar = row.error.as_ref().and_then(|error| error.as_ref().ok()).map(|error| [error.low, error.high]);
-            target.judge(ValueToJudge { value: row.value.as_ref().ok().copied(), bar, pipeline, handedness }).into()
+            let (value, is_lower_bound) = (row.value.as_ref().ok().copied(), row.is_lower_bound());
+            target.judge(ValueToJudge { value, bar, is_lower_bound, pipeline, handedness }).into()
         };
         match TrialOutcome::of_all(&self.targets.iter().map(judged).collect::<Vec<_>>()) {
             TrialOutcome::Passed => SessionJudgement::Pass,
@@ -88,10 +96,10 @@ impl StandardDefinition {
 }
 
 impl ValueToJudge<'_> {
-    /// The value with its error bar.
+    /// The value with its error bar; `None` for a lower bound, which cannot be compared with other values.
     pub fn measured(&self) -> Option<MeasuredValue> {
         let bar = self.bar.map(|[low, high]| ConfidenceInterval { low, high });
-        self.value.map(|value| MeasuredValue { value, bar })
+        self.value.filter(|_| !self.is_lower_bound).map(|value| MeasuredValue { value, bar })
     }
 }
 
@@ -138,11 +146,26 @@ mod tests {
         let handedness = Some(Handedness::Right);
         let from = MadeFrom { pipeline: "7".to_owned(), fingerprint: None, handedness };
         let target = Target::of(key, limit, Some(from));
-        let right = ValueToJudge { value: Some(90.0), bar: Some([85.0, 95.0]), pipeline: "7", handedness };
+        let (value, bar) = (Some(90.0), Some([85.0, 95.0]));
+        let right = ValueToJudge { value, bar, is_lower_bound: false, pipeline: "7", handedness };
         assert_eq!(target.judge(right), Judgement::Pass);
         assert_eq!(target.judge(ValueToJudge { bar: Some([85.0, 101.0]), ..right }), Judgement::Undecided);
         assert_eq!(target.judge(ValueToJudge { pipeline: "8", ..right }), Judgement::OtherVersion);
         assert_eq!(target.judge(ValueToJudge { handedness: Some(Handedness::Left), ..right }), Judgement::OtherHand);
         assert_eq!(target.judge(ValueToJudge { handedness: None, ..right }), Judgement::OtherHand);
+    }
+
+    #[test]
+    fn a_lower_bound_is_judged_as_such_and_not_compared() {
+        let key = FeatureKey { feature: &PATH_LENGTH, tool: Some("orange".to_owned()), space: FeatureSpace::Space3d };
+        let limit = standard::FeatureTarget::fixed(100.0, Direction::Lower).unwrap();
+        let target = Target::of(key, limit, None);
+        let at_least = |value| {
+            let value = Some(value);
+            ValueToJudge { value, bar: None, is_lower_bound: true, pipeline: "7", handedness: None }
+        };
+        assert_eq!(target.judge(at_least(110.0)), Judgement::Fail);
+        assert_eq!(target.judge(at_least(90.0)), Judgement::Undecided);
+        assert_eq!(at_least(110.0).measured(), None);
     }
 }

@@ -267,7 +267,8 @@ impl FeatureResponse {
         let key = StoredFeatureKey { feature: self.name.clone(), tool: self.tool.clone(), space: self.space };
         let Some(target) = standard.definition.target(&key) else { return };
         let bar = self.error.map(|error| [error.low, error.high]);
-        self.judgement = Some(target.judge(ValueToJudge { value: self.value, bar, pipeline, handedness }));
+        let (value, is_lower_bound) = (self.value, self.is_lower_bound);
+        self.judgement = Some(target.judge(ValueToJudge { value, bar, is_lower_bound, pipeline, handedness }));
         self.target = Some(FeatureLimit { limit: target.limit, better: target.better, standard: standard.version });
     }
 }

@@ -117,6 +117,16 @@ impl FeatureTarget {
             _ => TargetJudgement::Undecided,
         }
     }
+
+    /// Judges a lower bound: the true value is at least this one.
+    pub fn judge_lower_bound(&self, value: f64) -> TargetJudgement {
+        match self.direction {
+            _ if !value.is_finite() => TargetJudgement::NotMeasured,
+            Direction::Higher if value >= self.limit => TargetJudgement::Pass,
+            Direction::Lower if value > self.limit => TargetJudgement::Fail,
+            _ => TargetJudgement::Undecided,
+        }
+    }
 }
 
 /// The sign that makes larger values better.
@@ -139,6 +149,16 @@ mod tests {
 
     fn bar(low: f64, value: f64, high: f64) -> Option<MeasuredValue> {
         Some(MeasuredValue { value, bar: Some(ConfidenceInterval { low, high }) })
+    }
+
+    #[test]
+    fn a_lower_bound_decides_only_beyond_the_limit() {
+        let [less, more] = [Direction::Lower, Direction::Higher].map(|side| FeatureTarget::fixed(48.0, side).unwrap());
+        let judged = |target: &FeatureTarget| [40.0, 48.0, 49.0].map(|value| target.judge_lower_bound(value));
+        use TargetJudgement::{Fail, Pass, Undecided};
+        assert_eq!(judged(&less), [Undecided, Undecided, Fail]);
+        assert_eq!(judged(&more), [Undecided, Pass, Pass]);
+        assert_eq!(less.judge_lower_bound(f64::NAN), TargetJudgement::NotMeasured);
     }
 
     #[test]

@@ -229,7 +229,7 @@ const INSERT_FEATURE: &str = "
                          as_measured, sigma, low, high, no_error)
     VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14)";
 
-/// Inserts a new result's features and evidence, and links the result to the rescoring item that ordered it, if there
+/// Inserts a new result's features and evidence (a value that is a lower bound has a `low` and no `high`), and links the result to the rescoring item that ordered it, if there
 /// is one.
 async fn insert_features_and_evidence(
     tx: &mut SqliteConnection,
@@ -241,6 +241,7 @@ async fn insert_features_and_evidence(
     evidence::insert(tx, result, evidence).await?;
     sqlx::query(LINK_RESCORING).bind(job).bind(result).execute(&mut *tx).await?;
     for (position, feature) in features.into_iter().enumerate() {
+        let lower_bound = feature.value.as_ref().ok().copied().filter(|_| feature.is_lower_bound());
         let insert = sqlx::query(INSERT_FEATURE)
             .bind(result)
             .bind(integer(position as u64))
@@ -250,7 +251,7 @@ async fn insert_features_and_evidence(
         let insert = insert.bind(feature.value.as_ref().ok().copied()).bind(feature.value.err());
         let (bar, no_bar) = feature.error.transpose().map_or_else(|reason| (None, Some(reason)), |bar| (bar, None));
         let insert = insert.bind(bar.map(|bar| bar.as_measured)).bind(bar.map(|bar| bar.sigma));
-        let insert = insert.bind(bar.map(|bar| bar.low)).bind(bar.map(|bar| bar.high)).bind(no_bar);
+        let insert = insert.bind(bar.map(|bar| bar.low).or(lower_bound)).bind(bar.map(|bar| bar.high)).bind(no_bar);
         insert.execute(&mut *tx).await?;
     }
     Ok(())

@@ -74,6 +74,8 @@ pub struct PracticeMeasurement {
     pub value: Option<f64>,
     /// The 95 % interval of the true value; `None` if it is not known.
     pub bar: Option<[f64; 2]>,
+    /// True if the true value is at least this one.
+    pub is_lower_bound: bool,
 }
 
 #[derive(sqlx::FromRow)]
@@ -218,7 +220,9 @@ impl SessionStore<'_> {
         let found = sqlx::query_as::<_, PracticeFeatureRow>(SELECT_MEASURED).bind(Json(results)).bind(Json(features));
         for (result, feature, tool, space, value, low, high) in found.fetch_all(self.0.readers()).await? {
             let bar = low.zip(high).map(|(low, high)| [low, high]);
-            let measurement = PracticeMeasurement { of: FeatureKey { feature, tool, space }, value, bar };
+            let is_lower_bound = low.is_some() && high.is_none();
+            let measurement =
+                PracticeMeasurement { of: FeatureKey { feature, tool, space }, value, bar, is_lower_bound };
             measured.entry(result).or_default().push(measurement);
         }
         Ok(measured)

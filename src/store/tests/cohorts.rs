@@ -5,9 +5,10 @@ use serde_json::json;
 use crate::domain::feature::FeatureKey;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
-use crate::domain::session::FeatureSpace;
+use crate::domain::session::{FeatureRow, FeatureSpace};
 use crate::domain::text::Key;
 use crate::ids::{GroupId, TraineeId};
+use crate::motion::features::errors::NoErrorBar;
 use crate::motion::features::find;
 use crate::store::testing::{NOW_MS, TestCentre, duration};
 use crate::store::{CohortRecord, PageRequest, StoreError, TraineeRecord};
@@ -157,4 +158,21 @@ async fn the_last_sessions_of_each_person_count_and_an_erased_person_is_in_no_co
     assert_eq!(centre.store.cohorts().get(&Scope::service(), &Key::from(&made.id)).await.unwrap().people, 1);
     let other = centre.store.cohorts().values(made.id, centre.task.id, 5, &[key("path_length")]).await.unwrap();
     assert!(other.is_empty());
+}
+
+#[tokio::test]
+async fn a_lower_bound_stays_one_and_is_not_among_a_cohort_s_values() {
+    let centre = TestCentre::with_camera_and_colours().await;
+    let ana = centre.trainee("Ana").await;
+    let at_least = FeatureRow { error: Some(Err(NoErrorBar::AtLeast.to_string())), ..duration(20.0, 1.0) };
+    centre.practised(ana.id, NOW_MS, vec![duration(30.0, 1.0)]).await;
+    centre.practised(ana.id, NOW_MS + 1, vec![at_least]).await;
+    let made = cohort(&centre, json!({"name": "All"})).await;
+    let rows = centre.store.cohorts().values(made.id, centre.task.id, 9, &[key("duration")]).await.unwrap();
+    assert_eq!(rows.iter().map(|row| row.value).collect::<Vec<_>>(), [30.0]);
+    let (sessions, service) = (centre.store.sessions(), Scope::service());
+    let practice = sessions.practice(&service, ana.id, centre.task.id, &[find("duration").unwrap()], 9).await.unwrap();
+    let measured = practice.sessions.iter().flat_map(|session| &session.measured);
+    let found: Vec<_> = measured.map(|of| (of.value.unwrap(), of.bar.is_some(), of.is_lower_bound)).collect();
+    assert_eq!(found, [(30.0, true, false), (20.0, false, true)]);
 }

@@ -49,9 +49,11 @@ export function ProgressPlot({ series, sessions }) {
 /** @param {Props} props */
 function Dot({ point, session, x, y, name }) {
   const kind = session.set_aside ? 'aside' : (point.judgement ?? 'plain');
-  const label = words.point(date(session.recorded_at), `${number(point.value)} ${name}`, words.judgements[kind]);
+  const value = point.is_lower_bound ? t.session.atLeast(number(point.value)) : number(point.value);
+  const label = words.point(date(session.recorded_at), `${value} ${name}`, words.judgements[kind]);
   return html`
     <a href=${href(['sessions', session.id])} aria-label=${label}>
+      ${point.is_lower_bound && html`<line class="bar" x1=${x} x2=${x} y1=${y(point.value)} y2=${TOP} />`}
       ${point.low !== null && html`<line class="bar" x1=${x} x2=${x} y1=${y(point.low)} y2=${y(point.high)} />`}
       <circle class="hit" cx=${x} cy=${y(point.value)} r="9" />
       <circle class=${`dot ${kind}`} cx=${x} cy=${y(point.value)} r="4"><title>${label}</title></circle>

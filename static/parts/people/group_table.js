@@ -1,13 +1,13 @@
 // A group's table: course of the values, newest value with its error, judgement by the standard. Sortable, but not a
 // ranking.
 import { html, useState } from '../../preact.js';
-import { date, number, unit } from '../../format.js';
+import { date, unit } from '../../format.js';
 import { href } from '../../router.js';
 import { language, t } from '../../texts.js';
 import { featureWithTool } from '../../translate.js';
 import { Sparkline } from '../charts/sparkline.js';
 import { limitText } from '../tasks/standard.js';
-import { withError } from '../../with_error.js';
+import { pointText } from '../../with_error.js';
 
 const words = t.groups;
 const newest = row => row.points[row.points.length - 1];
@@ -69,8 +69,7 @@ function Row({ row, progress }) {
     <tr>
       <th scope="row"><a class="cover" href=${href(['trainees', row.trainee], { task: progress.task.id })}>${name}</a></th>
       <td>${row.points.length > 0 && html`<${Sparkline} points=${row.points} limit=${progress.target?.limit} name=${words.spark(name, row.points.length)} />`}</td>
-      <td class="number">${point ? html`<a href=${href(['sessions', row.newest])}>${point.low === null ? number(point.value)
-        : withError(point.value, point).join(' ± ')}</a>` : '–'}</td>
+      <td class="number">${point ? html`<a href=${href(['sessions', row.newest])}>${pointText(point)}</a>` : '–'}</td>
       <td>${judgementCell(point)}</td>
       <td>${state ? html`<span class=${`pill ${state.tone}`}>${state.words}</span>` : words.noStandard}</td>
       <td class="number">${row.sessions}</td>

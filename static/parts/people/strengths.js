@@ -1,12 +1,12 @@
 // Strengths and weaknesses in words: the targets that the newest counting session met or missed, and its place in the
 // cohort.
 import { html } from '../../preact.js';
-import { number, unit } from '../../format.js';
+import { unit } from '../../format.js';
 import { t } from '../../texts.js';
 import { featureTitle } from '../../translate.js';
 import { Empty } from '../page/notice.js';
 import { limitText } from '../tasks/standard.js';
-import { withError } from '../../with_error.js';
+import { pointText } from '../../with_error.js';
 
 const words = t.balance;
 const PLACE_LIMITS = { strong: 75, weak: 25 }; // Per cent of the cohort; the whole interval must also lie beyond 50.
@@ -41,7 +41,7 @@ function judge(one, newest, cohort) {
   if (!point || point.value === null)
     return one.target && { ...base, kind: 'open', words: words.unmeasured(limitText(one.target)) };
   const place = placeWords(one.place, point, cohort);
-  const value = `${point.low === null ? number(point.value) : withError(point.value, point).join(' ± ')} ${unit(one.unit)}`.trim();
+  const value = `${pointText(point)} ${unit(one.unit)}`.trim();
   if (!one.target) return { ...base, kind: place.kind, words: place.words };
   const limit = limitText(one.target);
   if (point.judgement === 'pass') return { ...base, kind: 'strong', words: `${words.kept(value, limit)} ${place.words}` };
