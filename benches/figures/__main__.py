@@ -2,7 +2,8 @@
 """Measures the figures of docs/accuracy.md on every scene with known truth.
 
 Most parts work as a user would: calibrate → track → evaluate, with photos and annotations as the only inputs, beside the OpenCV
-peer and the theoretical limits. The part `worlds` uses the true camera and the judge of SHARED/worlds.
+peer and the theoretical limits. Two parts use the true camera and the judge of SHARED/worlds: `worlds` (scenes of an
+independent renderer) and `degraded` (copies that other programs have spoilt).
 
 Usage: python3 benches/figures TROCAR SHARED WORK [--document docs/accuracy.md] [--only PART,…] [--kept] [--quick]
 
@@ -24,6 +25,7 @@ from pathlib import Path
 import accuracy
 import bad_case
 import cost
+import degraded
 import features
 import memory
 import rates
@@ -34,7 +36,7 @@ import worlds
 from programs import ROUNDS, Bench, Goal, Part
 from scenes import Scenes
 
-PARTS = {"accuracy": accuracy, "worlds": worlds, "repeatability": repeatability,
+PARTS = {"accuracy": accuracy, "worlds": worlds, "degraded": degraded, "repeatability": repeatability,
          "rest": rest, "bad": bad_case, "features": features, "rates": rates, "skill": skill, "cost": cost, "memory": memory}
 BEGIN, END = "<!-- figures: made by `make figures`; do not edit by hand -->", "<!-- /figures -->"
 
