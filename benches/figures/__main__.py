@@ -2,8 +2,9 @@
 """Measures the figures of docs/accuracy.md on every scene with known truth.
 
 Most parts work as a user would: calibrate → track → evaluate, with photos and annotations as the only inputs, beside the OpenCV
-peer and the theoretical limits. Two parts use the true camera and the judge of SHARED/worlds: `worlds` (scenes of an
-independent renderer) and `degraded` (copies that other programs have spoilt).
+peer and the theoretical limits. Three parts use the true camera and the judge of SHARED/worlds: `worlds` (scenes of an
+independent renderer), `degraded` (copies that other programs have spoilt) and `causes` (scenes rendered again with one effect
+off; the first run takes an hour and 2 GB of disk, and needs g++).
 
 Usage: python3 benches/figures TROCAR SHARED WORK [--document docs/accuracy.md] [--only PART,…] [--kept] [--quick]
 
@@ -24,6 +25,7 @@ from pathlib import Path
 
 import accuracy
 import bad_case
+import causes
 import cost
 import degraded
 import features
@@ -36,7 +38,7 @@ import worlds
 from programs import ROUNDS, Bench, Goal, Part
 from scenes import Scenes
 
-PARTS = {"accuracy": accuracy, "worlds": worlds, "degraded": degraded, "repeatability": repeatability,
+PARTS = {"accuracy": accuracy, "worlds": worlds, "degraded": degraded, "causes": causes, "repeatability": repeatability,
          "rest": rest, "bad": bad_case, "features": features, "rates": rates, "skill": skill, "cost": cost, "memory": memory}
 BEGIN, END = "<!-- figures: made by `make figures`; do not edit by hand -->", "<!-- /figures -->"
 
