@@ -1,37 +1,45 @@
 #!/usr/bin/env python3
-"""Measures the figures of docs/accuracy.md: calibrate → track → evaluate on every scene with known truth, beside the OpenCV peer
-and the theoretical limits.
+"""Measures the figures of docs/accuracy.md on every scene with known truth.
+
+Most parts work as a user would: calibrate → track → evaluate, with photos and annotations as the only inputs, beside the OpenCV
+peer and the theoretical limits. Three parts use the true camera and the judge of SHARED/worlds: `worlds` (scenes of an
+independent renderer), `degraded` (copies that other programs have spoilt) and `causes` (scenes rendered again with one effect
+off; the first run takes an hour and 2 GB of disk, and needs g++).
 
 Usage: python3 benches/figures TROCAR SHARED WORK [--document docs/accuracy.md] [--only PART,…] [--kept] [--quick]
 
-TROCAR is the release binary, SHARED the folder with `scenes/` and `peer/`, WORK a folder for results. Each part works as a
-user would: its only inputs are photos and annotations. PART is a name in `PARTS` below. The results of each part are stored in
-WORK. With `--kept`, a part is measured only if WORK has no results of this binary and script; so timings can be measured alone,
-on a quiet machine. `--document` replaces the figures between the two marks in this file. `--quick` runs each part once on short
-clips to check that it works; its figures are not for the document.
+TROCAR is the release binary, SHARED the folder with `scenes/`, `peer/` and `worlds/`, WORK a folder for results. PART is a name
+in `PARTS` below. The results of each part are stored in WORK. With `--kept`, a part is measured only if WORK has no results of
+this binary and script; so timings can be measured alone, on a quiet machine. `--document` replaces the figures between the two
+marks in this file, and the pictures that they show in `images/` beside it. `--quick` runs each part once on short clips to
+check that it works; its figures are not for the document.
 """
 import argparse
 import hashlib
 import json
 import os
+import shutil
 import sys
 from dataclasses import asdict
 from pathlib import Path
 
 import accuracy
 import bad_case
+import causes
 import cost
+import degraded
 import features
 import memory
 import rates
 import repeatability
 import rest
 import skill
+import worlds
 from programs import ROUNDS, Bench, Goal, Part
 from scenes import Scenes
 
-PARTS = {"accuracy": accuracy, "repeatability": repeatability, "rest": rest, "bad": bad_case, "features": features,
-         "rates": rates, "skill": skill, "cost": cost, "memory": memory}
+PARTS = {"accuracy": accuracy, "worlds": worlds, "degraded": degraded, "causes": causes, "repeatability": repeatability,
+         "rest": rest, "bad": bad_case, "features": features, "rates": rates, "skill": skill, "cost": cost, "memory": memory}
 BEGIN, END = "<!-- figures: made by `make figures`; do not edit by hand -->", "<!-- /figures -->"
 
 
@@ -39,7 +47,7 @@ def main():
     options = arguments()
     bench = Bench(options.trocar.resolve(), options.shared, options.work, options.quick)
     scenes = Scenes(bench)
-    goals, tables = [], []
+    goals, tables, pictures = [], [], []
     for name in options.only:
         part = kept(bench, name) if options.kept else None
         if part is None:
@@ -48,12 +56,15 @@ def main():
             keep(bench, name, part)
         goals += part.goals
         tables += part.tables
+        pictures += part.pictures
     text = "\n\n".join([goals_table(goals), *tables, note(bench, options.only)])
     print(text)
     if options.document:
         before, rest_of_it = options.document.read_text().split(BEGIN)
         after = rest_of_it.split(END)[1]
         options.document.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{after}")
+        for picture in map(Path, pictures):
+            shutil.copyfile(picture, options.document.parent / "images" / picture.name)
 
 
 def arguments():
@@ -82,7 +93,9 @@ def kept(bench, name):
     if not place(bench, name).exists():
         return None
     known = json.loads(place(bench, name).read_text())
-    return Part([Goal(**goal) for goal in known["goals"]], known["tables"]) if known["of"] == made_by(bench, name) else None
+    if known["of"] != made_by(bench, name):
+        return None
+    return Part([Goal(**goal) for goal in known["goals"]], known["tables"], known.get("pictures", []))
 
 
 def place(bench, name):

@@ -10,7 +10,8 @@ from pathlib import Path
 
 ROUNDS = 3
 VISIBLE = 0.4
-LIMIT = Path(__file__).with_name("limit.py")
+LIMIT, JUDGED, WORLD_PICTURE, CAUSE_CLIPS = (Path(__file__).with_name(f"{name}.py")
+                                             for name in ("limit", "judged", "world_picture", "cause_clips"))
 PEER_NEEDS = ["opencv-python-headless<5", "numpy", "scipy", "numba"]
 
 
@@ -28,9 +29,10 @@ class Goal:
 
 @dataclass
 class Part:
-    """The goals and tables that one part of the measurement adds to docs/accuracy.md."""
+    """The goals and tables that one part of the measurement adds to docs/accuracy.md, and the pictures that they show."""
     goals: list = field(default_factory=list)
     tables: list = field(default_factory=list)
+    pictures: list = field(default_factory=list)
 
 
 @dataclass
@@ -51,6 +53,12 @@ class Bench:
 
     def rounds(self, usual):
         return 1 if self.quick else usual
+
+    def folder(self, name):
+        """A folder for results, apart from those of quick runs."""
+        folder = self.work / ("quick" if self.quick else "full") / name
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
 
     @property
     def python(self):
@@ -90,6 +98,15 @@ class Bench:
         """Figures of all tools together, for frames with at least VISIBLE of the band in view; each tool's are under `tools`."""
         figures = output(self.trocar, "evaluate", "--json", track, truth)
         return {**well_visible(figures["all"]), "tools": [well_visible(tool) for tool in figures["tools"]]}
+
+    def judged(self, scenes, out):
+        """Figures of SHARED/worlds/judge.py for folders of scenes, tracked with the true camera. The tracks stay in `out`."""
+        run([self.python, JUDGED, self.shared / "worlds", self.trocar, out, *scenes])
+        results = json.loads((out / "judged.json").read_text())
+        for result in results:
+            if result["error"]:
+                print(f"  {result['scene']}: {result['error']}", file=sys.stderr)
+        return results
 
     def repeatability(self, *tracks):
         return output(self.trocar, "evaluate", "--json", "--repeatability", *tracks)
