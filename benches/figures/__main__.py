@@ -33,13 +33,15 @@ import memory
 import rates
 import repeatability
 import rest
+import rivals
 import skill
 import worlds
 from programs import ROUNDS, Bench, Goal, Part
 from scenes import Scenes
 
-PARTS = {"accuracy": accuracy, "worlds": worlds, "degraded": degraded, "causes": causes, "repeatability": repeatability,
-         "rest": rest, "bad": bad_case, "features": features, "rates": rates, "skill": skill, "cost": cost, "memory": memory}
+PARTS = {"accuracy": accuracy, "worlds": worlds, "degraded": degraded, "rivals": rivals, "causes": causes,
+         "repeatability": repeatability, "rest": rest, "bad": bad_case, "features": features, "rates": rates, "skill": skill,
+         "cost": cost, "memory": memory}
 BEGIN, END = "<!-- figures: made by `make figures`; do not edit by hand -->", "<!-- /figures -->"
 
 

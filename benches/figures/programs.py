@@ -10,8 +10,8 @@ from pathlib import Path
 
 ROUNDS = 3
 VISIBLE = 0.4
-LIMIT, JUDGED, WORLD_PICTURE, CAUSE_CLIPS = (Path(__file__).with_name(f"{name}.py")
-                                             for name in ("limit", "judged", "world_picture", "cause_clips"))
+LIMIT, JUDGED, WORLD_PICTURE, CAUSE_CLIPS, RIVAL_CLIP = (
+    Path(__file__).with_name(f"{name}.py") for name in ("limit", "judged", "world_picture", "cause_clips", "rival_clip"))
 PEER_NEEDS = ["opencv-python-headless<5", "numpy", "scipy", "numba"]
 
 

@@ -1265,6 +1265,7 @@ export default {
         })[hint],
       how: 'Wie Sie das Schachbrett halten',
       hints: [
+        'Sind Autofokus, automatischer Zoom und Bildstabilisierung der Kamera aus? Lassen Sie sie aus: Jede davon ändert später Längen.',
         'Das ganze Schachbrett im Bild, etwa so nah, wie Instrumente kommen.',
         'Kippen Sie es um etwa 30°: nach links, nach rechts, zur Kamera hin und von ihr weg.',
         'Über alle Fotos sollte das Schachbrett jeden Teil des Bilds erreicht haben, auch die Ecken.',

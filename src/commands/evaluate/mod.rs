@@ -68,7 +68,7 @@ pub fn run(args: EvaluateArgs) -> Result<(), CommandFailure> {
 
 fn compare_with_truth(track: &Path, truth: &Path) -> Result<EvaluationOutput, CommandFailure> {
     let trajectory = read_trajectory(track)?;
-    let truth_read = read_truth(truth).map_err(CommandFailure::Input)?;
+    let truth_read = read_truth(truth, &trajectory.tools).map_err(CommandFailure::Input)?;
     let against = || format!("{} against {}", track.display(), truth.display());
     let result = accuracy(&trajectory, &truth_read).with_context(against).map_err(CommandFailure::Input)?;
     let rows =
@@ -80,9 +80,9 @@ fn compare_with_truth(track: &Path, truth: &Path) -> Result<EvaluationOutput, Co
     })
 }
 
-fn read_truth(path: &Path) -> anyhow::Result<Truth> {
+fn read_truth(path: &Path, tools: &[String]) -> anyhow::Result<Truth> {
     let text = fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
-    Ok(TruthFile::parse(&text).with_context(|| path.display().to_string())?.truth())
+    Ok(TruthFile::parse(&text).with_context(|| path.display().to_string())?.truth_named_as(tools))
 }
 
 fn compare_paths(files: &[PathBuf], tool: Option<&str>) -> Result<EvaluationOutput, CommandFailure> {

@@ -109,6 +109,25 @@ impl TruthFile {
         Truth { frames: self.frames.iter().map(TruthFrame::from).collect() }
     }
 
+    /// The truth in a trajectory's names. A file may name its tools in its own way and say, in a list `tools`, which
+    /// `marker` each carries; a trajectory names them by their markers.
+    pub fn truth_named_as(&self, tools: &[String]) -> Truth {
+        let mut truth = self.truth();
+        let listed = self.more.get("tools").and_then(Value::as_array).into_iter().flatten();
+        for one in listed {
+            let [name, marker] = ["tool", "marker"].map(|key| one.get(key).and_then(Value::as_str));
+            let (Some(name), Some(marker)) = (name, marker) else { continue };
+            let is_known = |of: &str| tools.iter().any(|tool| tool == of);
+            if is_known(name) || !is_known(marker) {
+                continue;
+            }
+            for tool in truth.frames.iter_mut().flat_map(|frame| &mut frame.tools).filter(|tool| tool.tool == name) {
+                tool.tool = marker.to_owned();
+            }
+        }
+        truth
+    }
+
     fn check_order(&self) -> Result<(), TruthFileError> {
         let wrong = self.frames.windows(2).find(|w| w[0].frame >= w[1].frame || w[0].time_s >= w[1].time_s);
         match wrong {
@@ -192,6 +211,19 @@ mod tests {
         assert_eq!(file.more["tool_diameter_mm"], 8.0);
         assert_eq!(TruthFile::parse(&file.to_json()).unwrap(), file);
         assert_eq!(TruthFile::new(25.0, &file.truth()).frames, file.frames);
+    }
+
+    #[test]
+    fn a_tool_has_the_name_of_its_marker_if_the_trajectory_calls_it_so() {
+        let marked = r#""tools":[{"tool":"orange","marker":"cyan"}],"frames":"#;
+        let file = TruthFile::parse(&FILE.replacen("\"frames\":", marked, 1)).unwrap();
+        let name = |tools: &[&str]| {
+            let tools: Vec<String> = tools.iter().map(|tool| (*tool).to_owned()).collect();
+            file.truth_named_as(&tools).frames[0].tools[0].tool.clone()
+        };
+        assert_eq!(name(&["cyan"]), "cyan");
+        assert_eq!(name(&["orange", "cyan"]), "orange");
+        assert_eq!(name(&["left"]), "orange");
     }
 
     #[test]
