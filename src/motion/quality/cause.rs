@@ -202,7 +202,9 @@ impl QualityCause {
                 format!("its colour differs from the rest of the box by only {figure} of 255 steps")
             }
             QualityCause::ColourPair => format!("its colour differs from another tool's by only {figure} of 255 steps"),
-            QualityCause::Coverage => format!("measured on {figure} % of the frames"),
+            QualityCause::Coverage => {
+                format!("measured on {figure} % of the frames from the first to the last with any tool")
+            }
             QualityCause::LeftView => format!("out of view for {figure} % of the session"),
             QualityCause::Lost => format!("in view but not followed on {figure} % of the frames"),
             QualityCause::NoTrocar => {

@@ -140,7 +140,10 @@ fn a_figure_does_not_read_as_the_limit_that_it_broke() {
     let finding = |cause: QualityCause, figure, limit| cause.finding(figure, limit);
     assert!(finding(QualityCause::NoiseFloor, 2.53, 2.5).contains("move at 2.53 mm/s (limit 2.50 mm/s)"));
     assert!(finding(QualityCause::NoiseFloor, 3.12, 2.5).contains("move at 3.1 mm/s (limit 2.5 mm/s)"));
-    assert!(finding(QualityCause::Coverage, 0.8996, 0.9).contains("on 89.96 % of the frames; needs 90.00 %"));
+    assert!(
+        finding(QualityCause::Coverage, 0.8996, 0.9)
+            .contains("on 89.96 % of the frames from the first to the last with any tool; needs 90.00 %")
+    );
 }
 
 #[test]
