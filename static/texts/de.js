@@ -1349,6 +1349,7 @@ export default {
       tipShort: 'Maul',
       how: [
         'Wickeln Sie das Klebeband um das Rohr, bündig mit dem Ende, aus dem das Maul kommt.',
+        'Wickeln Sie eine Runde, deren Enden aneinanderstoßen, ohne Überlappung: Eine zweite Lage am Rand setzt die Spitze um etwa 6 mm zu nah.',
         'Messen Sie den Durchmesser über dem Klebeband mit einem Messschieber: 0,1 mm zu viel setzt die gemessene Spitze um 2 % zu weit weg.',
         'Messen Sie, wie lang das Band entlang des Rohrs ist. Das hilft, wenn ein Instrument auf die Kamera zeigt.',
         'Zwei Instrumente: zwei Klebebänder in deutlich verschiedenen Farben.',

@@ -1257,6 +1257,7 @@ export default {
       tipShort: 'jaws',
       how: [
         'Wind the tape round the tube, flush with the end where the jaws come out.',
+        'Wind one turn whose ends meet without overlap: a second layer at a border puts the tip some 6 mm too near.',
         'Measure the diameter over the tape with a caliper: 0.1 mm too much puts the measured tip 2 % too far away.',
         'Measure the length of the tape along the tube. It helps when an instrument points at the camera.',
         'For two instruments, use two tapes of clearly different colours.',
