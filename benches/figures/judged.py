@@ -17,5 +17,7 @@ for scene in map(Path, scenes):
     folder = Path(out) / scene.name
     folder.mkdir(parents=True, exist_ok=True)
     result = judge.judge(scene, trocar, None, [], folder)
-    results.append({**result, "folder": str(scene), "refused": result["verdict"] not in judge.NOT_REFUSED})
+    if result["verdict"] not in (*judge.NOT_REFUSED, "refused"):
+        sys.exit(f"{scene}: {result['error'] or 'no verdict'}")
+    results.append({**result, "folder": str(scene), "refused": result["verdict"] == "refused"})
 (Path(out) / "judged.json").write_text(json.dumps(results))

@@ -217,6 +217,7 @@ fn feature(row: &FeatureRow) -> Value {
         "value": row.value.as_ref().ok(),
         "low": bar.map(|bar| bar.low),
         "high": bar.map(|bar| bar.high),
+        "is_lower_bound": row.is_lower_bound().then_some(true),
         "not_enough": row.value.as_ref().err(),
     }))
 }

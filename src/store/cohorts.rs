@@ -90,10 +90,10 @@ const SELECT_MEMBERS: &str = "
     ORDER BY trainee_id LIMIT $5";
 
 /// Selects values of at most `$7` people at task `$4`, from their last `$5` sessions that were not refused, for the
-/// features `$6` (a JSON array of keys); lower bounds are left out. The people are those of cohort `$3` in the scope; if `$3` is NULL, all in the
-/// scope. It goes from each person to their sessions and to each session's current result, along indices only. Each
-/// person is one row, because returning rows from SQLite costs more than building them there. Sessions that were
-/// measured by another program or do not count are left out.
+/// features `$6` (a JSON array of keys), without lower bounds. The people are those of cohort `$3` in the scope; if
+/// `$3` is NULL, all in the scope. It goes from each person to their sessions and to each session's current result,
+/// along indices only. Each person is one row, because returning rows from SQLite costs more than building them there.
+/// Sessions that were measured by another program or do not count are left out.
 pub(super) const SELECT_VALUES: &str = "
     SELECT member.id, member.handedness, result.calibration_id, result.pipeline,
            feature.name, feature.tool, feature.space, json_group_array(feature.value)

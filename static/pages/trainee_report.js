@@ -84,5 +84,5 @@ function Sessions({ sessions, series, earlier }) {
 function valueAt(point, { unit }) {
   if (!point || point.value === null) return '–';
   const error = point.low === null ? null : { low: point.low, high: point.high };
-  return measuredText({ value: point.value, error, unit });
+  return measuredText({ value: point.value, error, unit, is_lower_bound: point.is_lower_bound });
 }

@@ -1265,7 +1265,7 @@ export default {
         })[hint],
       how: 'Wie Sie das Schachbrett halten',
       hints: [
-        'Sind Autofokus, automatischer Zoom und Bildstabilisierung der Kamera aus? Lassen Sie sie aus: Jede davon ändert später Längen.',
+        'Schalten Sie Autofokus, automatischen Zoom und Bildstabilisierung der Kamera aus, und lassen Sie sie aus: Sie ändern später Längen.',
         'Das ganze Schachbrett im Bild, etwa so nah, wie Instrumente kommen.',
         'Kippen Sie es um etwa 30°: nach links, nach rechts, zur Kamera hin und von ihr weg.',
         'Über alle Fotos sollte das Schachbrett jeden Teil des Bilds erreicht haben, auch die Ecken.',
@@ -2210,7 +2210,7 @@ export default {
         'nehmen Sie ein Klebeband in einer Farbe, die sonst nichts in der Box hat, und markieren Sie es neu'],
       colour_pair: [steps((is, limit) => `seine Farbe hebt sich von der eines anderen Instruments nur um ${is} von 255 Stufen ab; nötig sind ${limit}`),
         'nehmen Sie für eines der beiden Instrumente ein Klebeband in anderer Farbe, und markieren Sie beide neu'],
-      coverage: [shareFigure(0, (is, limit) => `auf ${is} % der Bilder gemessen; nötig sind ${limit} %`),
+      coverage: [shareFigure(0, (is, limit) => `auf ${is} % der Bilder zwischen dem ersten und dem letzten mit einem Instrument gemessen; nötig sind ${limit} %`),
         'halten Sie das Klebeband im Blick der Kamera; was es verdeckt hat, steht bei „Was zu sehen war“'],
       left_view: [shareFigure(0, (is, limit) => `${is} % der Sitzung aus dem Bild; höchstens ${limit} %`),
         'halten Sie die Spitze im Bild, oder stellen Sie die Kamera so, dass die ganze Aufgabe zu sehen ist'],

@@ -1174,7 +1174,7 @@ export default {
         })[hint],
       how: 'How to hold the board',
       hints: [
-        'Are autofocus, automatic zoom and stabilisation of the camera off? Leave them off: each of them changes lengths later.',
+        'Switch off autofocus, automatic zoom and stabilisation of the camera, and leave them off: they change lengths later.',
         'All of the board in the picture, about as close as instruments come.',
         'Tilt it, by about 30°: to the left, to the right, towards the camera and away from it.',
         'All photos together should show the board in every part of the picture, including the corners.',

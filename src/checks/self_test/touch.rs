@@ -5,7 +5,7 @@
 //! the one nearest to the point of contact in the picture. An error in depth does not show in the picture, so this
 //! choice does not make the result look better.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::contact::Rod;
 use super::hold::Hold;
@@ -14,6 +14,7 @@ use super::{BoardPlacement, SelfTestEvidence};
 use crate::checks::evaluation::CHI_SQUARE_95;
 use crate::motion::features::hull;
 use crate::vision::camera::{Board, Camera};
+use crate::vision::covariance::PositionCovariance;
 use crate::vision::space::CameraPoint;
 
 /// Maximum distance of a point of contact from its corner in the picture, as a share of a square. Half would accept any
@@ -185,7 +186,10 @@ fn measure_hold(
     let corner_mm = placement.corner_mm(board, corner);
     let (error_mm, sight) = (contact - corner_mm, corner_mm.coords.normalize());
     let along_mm = error_mm.dot(&sight);
-    let is_inside = hold.covariance_mm2.map(|stated| stated.mahalanobis_squared(&error_mm) <= CHI_SQUARE_95[2]);
+    // Board and tip are measured with one focal length, whose error moves both alike.
+    let by_camera = Matrix3::from_diagonal(&Vector3::new(0.0, 0.0, camera.depth_variance_mm2(hold.tip_mm.z)));
+    let stated = hold.covariance_mm2.map(|stated| PositionCovariance::from(stated.matrix() - by_camera));
+    let is_inside = stated.map(|stated| stated.mahalanobis_squared(&error_mm) <= CHI_SQUARE_95[2]);
     Ok(MeasuredTouch {
         placement: index,
         column: corner % board.columns(),
@@ -196,7 +200,7 @@ fn measure_hold(
         across_mm: (error_mm - sight * along_mm).norm(),
         is_inside,
         height_mm: error_mm.dot(&normal),
-        height_sigma_mm: hold.covariance_mm2.map_or(0.0, |stated| stated.sigma_along_mm(&normal)),
+        height_sigma_mm: stated.map_or(0.0, |stated| stated.sigma_along_mm(&normal)),
         camera_mm: -corner_mm.coords.dot(&normal),
     })
 }

@@ -191,10 +191,11 @@ fn table(assessment: &Assessment) -> TextTable {
     table
 }
 
-/// The value ± half the width of its 95 % interval.
+/// The value ± half the width of its 95 % interval, or as a lower bound.
 fn value_text(value: &FeatureValue) -> String {
     let off = value.error.map_or(String::new(), |bar| format!(" ± {}", significant((bar.high - bar.low) / 2.0)));
-    value.value.map_or("–".to_owned(), |v| significant(v) + &off)
+    let at_least = if value.error == Err(NoErrorBar::AtLeast) { "≥ " } else { "" };
+    value.value.map_or("–".to_owned(), |v| format!("{at_least}{}{off}", significant(v)))
 }
 
 /// One line per reason, with all features that have no value for this reason.

@@ -203,7 +203,7 @@ impl QualityCause {
             }
             QualityCause::ColourPair => format!("its colour differs from another tool's by only {figure} of 255 steps"),
             QualityCause::Coverage => {
-                format!("measured on {figure} % of the frames from the first to the last with any tool")
+                format!("measured on {figure} % of the frames between the first and the last that show a tool")
             }
             QualityCause::LeftView => format!("out of view for {figure} % of the session"),
             QualityCause::Lost => format!("in view but not followed on {figure} % of the frames"),

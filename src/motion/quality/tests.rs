@@ -142,7 +142,7 @@ fn a_figure_does_not_read_as_the_limit_that_it_broke() {
     assert!(finding(QualityCause::NoiseFloor, 3.12, 2.5).contains("move at 3.1 mm/s (limit 2.5 mm/s)"));
     assert!(
         finding(QualityCause::Coverage, 0.8996, 0.9)
-            .contains("on 89.96 % of the frames from the first to the last with any tool; needs 90.00 %")
+            .contains("on 89.96 % of the frames between the first and the last that show a tool; needs 90.00 %")
     );
 }
 

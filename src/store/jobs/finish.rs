@@ -229,8 +229,8 @@ const INSERT_FEATURE: &str = "
                          as_measured, sigma, low, high, no_error)
     VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14)";
 
-/// Inserts a new result's features and evidence (a value that is a lower bound has a `low` and no `high`), and links the result to the rescoring item that ordered it, if there
-/// is one.
+/// Inserts a new result's features and evidence, and links the result to the rescoring item that ordered it, if there
+/// is one. A value that is a lower bound gets a `low` and no `high`.
 async fn insert_features_and_evidence(
     tx: &mut SqliteConnection,
     job: JobId,

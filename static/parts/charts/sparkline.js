@@ -15,6 +15,7 @@ export function Sparkline({ points, limit, name }) {
   return html`
     <svg class="spark" viewBox="0 0 ${WIDTH} ${HEIGHT}" role="img" aria-label=${name}>
       ${Number.isFinite(limit) && html`<line class="limit" x1="0" x2=${WIDTH} y1=${y(limit)} y2=${y(limit)} />`}
+      ${last.is_lower_bound && html`<line class="bar" x1=${end} x2=${end} y1=${y(last.value)} y2="0" />`}
       ${last.low !== null && html`<line class="bar" x1=${end} x2=${end} y1=${y(last.low)} y2=${y(last.high)} />`}
       ${points.length > 1 && html`<polyline class="line" points=${points.map((point, at) => `${x(at)},${y(point.value)}`).join(' ')} />`}
       <circle class="end" cx=${end} cy=${y(last.value)} r="3" />

@@ -45,7 +45,9 @@ async function loadPlaces({ id, trainee, task, features }, cohort, isAll, signal
     const newest = progress.sessions.filter(one => !one.set_aside).pop();
     if (newest?.id !== id) return { ...result, newest, general: words.uncounted };
     result.cohort = progress.cohort;
-    for (const one of progress.features) result.places.set(featureKey(one.feature, one.tool, one.space), one);
+    // A session whose value is only a lower bound has no place; the service then places an earlier one.
+    const ofNewest = progress.features.filter(one => !one.place || one.place.session === newest.number);
+    for (const one of ofNewest) result.places.set(featureKey(one.feature, one.tool, one.space), one);
   }
   return { ...result, general: generalReason([...result.places.values()]) };
 }

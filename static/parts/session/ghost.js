@@ -16,7 +16,8 @@ const POINTS = 3000;
 /** The other sessions that can be compared, newest first, and the best of them by the first feature. */
 function othersOf(progress, session) {
   const series = progress?.features[0];
-  const valueOf = at => series?.points.find(point => point.session === at)?.value ?? null;
+  // A lower bound is no value to compare.
+  const valueOf = at => series?.points.find(point => point.session === at && !point.is_lower_bound)?.value ?? null;
   const others = (progress?.sessions ?? [])
     .filter(one => one.id !== session.id && one.status === 'done')
     .map(one => ({ ...one, value: valueOf(one.number) }))
