@@ -46,7 +46,7 @@ async function loadPlaces({ id, trainee, task, features }, cohort, isAll, signal
     if (newest?.id !== id) return { ...result, newest, general: words.uncounted };
     result.cohort = progress.cohort;
     // A session whose value is only a lower bound has no place; the service then places an earlier one.
-    const ofNewest = progress.features.filter(one => !one.place || one.place.session === newest.number);
+    const ofNewest = progress.features.filter(one => !one.place || one.place.session === newest?.number);
     for (const one of ofNewest) result.places.set(featureKey(one.feature, one.tool, one.space), one);
   }
   return { ...result, general: generalReason([...result.places.values()]) };
