@@ -88,6 +88,12 @@ function bytes(count) {
   return step < 0 ? `${count} B` : `${(count / [1e9, 1e6, 1e3][step]).toFixed(1)} ${['GB', 'MB', 'kB'][step]}`;
 }
 
+/** What the pages write before a value that is only a lower bound. */
+const atLeast = point => (point.is_lower_bound ? 'at least ' : '');
+
+/** A report's text for a value without an error bar. */
+const withoutBar = point => (point.is_lower_bound ? `at least ${threeDigits(point.value)}` : `${threeDigits(point.value)} (error not known)`);
+
 /** The figures in a sentence, in order, as they are written; the words around them are not compared. */
 const figuresIn = text => text.match(/[−-]?\d+(,\d{3})*(\.\d+)?%?/g) ?? [];
 
@@ -231,7 +237,7 @@ async function figuresOfTrainee() {
   const said = await facts(page.locator('dl.facts'));
   const unit = series.unit === '1' ? '' : ` ${series.unit}`;
   const figures = points.map((point, at) =>
-    [`session ${point.session}`, (dots[at] ?? '').includes(`, ${threeDigits(point.value)}${unit}`) ? threeDigits(point.value) : dots[at], threeDigits(point.value)]);
+    [`session ${point.session}`, (dots[at] ?? '').includes(`, ${atLeast(point)}${threeDigits(point.value)}${unit}`) ? threeDigits(point.value) : dots[at], threeDigits(point.value)]);
   figures.push(['points', dots.length, points.length]);
   const { place, no_place: withheld, learning } = series;
   const of = place?.better_than ?? place?.percentile;
@@ -273,7 +279,7 @@ async function figuresOfGroup() {
   return data.rows.flatMap(row => {
     const name = data.trainees.find(one => one.id === row.trainee).name;
     const newest = row.points.at(-1);
-    const value = !newest ? '–' : newest.low === null ? threeDigits(newest.value) : withError(newest.value, newest).join(' ± ');
+    const value = !newest ? '–' : newest.low === null ? `${atLeast(newest)}${threeDigits(newest.value)}` : withError(newest.value, newest).join(' ± ');
     return [[`${name}, value`, rows.get(name)?.[2], value], [`${name}, sessions`, rows.get(name)?.[5], String(row.sessions)]];
   });
 }
@@ -374,7 +380,7 @@ async function figuresOfService() {
 
 async function figuresOfSessionReport() {
   const { features } = await getJson(`sessions/${session.id}`);
-  const measured = one => `${one.error ? withError(one.value, one.error).join(' ± ') : `${threeDigits(one.value)} (error not known)`}${['', '1'].includes(one.unit) ? '' : ` ${one.unit}`}`;
+  const measured = one => `${one.error ? withError(one.value, one.error).join(' ± ') : withoutBar(one)}${['', '1'].includes(one.unit) ? '' : ` ${one.unit}`}`;
   const judged = await cells(page.locator('table.targets'));
   const figures = features.filter(one => one.target && one.value !== null).slice(0, judged.length)
     .map((one, i) => [one.title, judged[i].slice(1, 3).map(text => figuresIn(text).join()).join(), [threeDigits(one.target.limit), figuresIn(measured(one)).join()].join()]);
@@ -422,7 +428,7 @@ async function figuresOfTraineeReport() {
     const measured = series.map(({ points, unit }) => {
       const point = points.find(({ session: number }) => number === one.number);
       if (!point || point.value === null) return '–';
-      const value = point.low === null ? `${threeDigits(point.value)} (error not known)` : withError(point.value, point).join(' ± ');
+      const value = point.low === null ? withoutBar(point) : withError(point.value, point).join(' ± ');
       return `${value}${['', '1'].includes(unit) ? '' : ` ${unit}`}`;
     });
     figures.push([`session ${one.number}`, rows[i].slice(0, 2 + series.length).join('; '), [one.number, day(one.recorded_at), ...measured].join('; ')]);
@@ -551,12 +557,13 @@ test('a trainee’s own pages show the figures of REST, and the comparison detec
 });
 
 test('below a value the page shows its place in the cohort, with the interval', async () => {
-  const place = { session: 1, percentile: { value: 37.4, low: 12.2, high: 66.7 }, better_than: { value: 62.6, low: 33.3, high: 87.8 }, people: 14, error_known: true };
+  const place = { percentile: { value: 37.4, low: 12.2, high: 66.7 }, better_than: { value: 62.6, low: 33.3, high: 87.8 }, people: 14, error_known: true };
   const altered = '**/progress?*cohort=*';
   await page.route(altered, async route => {
     const answer = await route.fetch();
     const data = await answer.json();
     data.sessions = data.sessions.filter(one => one.id === session.id);
+    place.session = data.sessions[0].number;
     for (const one of data.features) Object.assign(one, { place: one.better === 'neither' ? { ...place, better_than: null } : place, no_place: null });
     await route.fulfill({ response: answer, json: data });
   });
