@@ -64,7 +64,8 @@ impl StoredPalette {
             ((label as usize) < self.labels.len()).then_some(ColourSample { label: label as usize, rectangle, yuv })
         };
         let samples = self.samples.iter().zip(self.rectangle_of_samples()?).map(sample).collect::<Option<_>>()?;
-        Some(ColourSamples { encoding: ColourEncoding { range, matrix }, labels: self.labels.clone(), samples })
+        let encoding = ColourEncoding { range, matrix };
+        Some(ColourSamples { encoding, labels: self.labels.clone(), samples, places: Vec::new() })
     }
 
     /// The rectangle of each sample; one rectangle per label where rectangles were not stored.
@@ -86,7 +87,7 @@ mod tests {
         let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt709 };
         let sample = |label, rectangle, y| ColourSample { label, rectangle, yuv: [y, 100, 150] };
         let samples = vec![sample(0, 0, 10), sample(0, 0, 11), sample(1, 1, 12), sample(0, 2, 13)];
-        ColourSamples { encoding, labels: vec!["orange".into(), "background".into()], samples }
+        ColourSamples { encoding, labels: vec!["orange".into(), "background".into()], samples, places: Vec::new() }
     }
 
     #[test]

@@ -208,8 +208,8 @@ mod tests {
         let hear = |labels: &[&str], label: usize| {
             let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
             let samples = vec![ColourSample { label, rectangle: 7, yuv: [1, 2, 3] }];
-            let palette =
-                ColourSamples { encoding, labels: labels.iter().map(|label| (*label).to_owned()).collect(), samples };
+            let labels = labels.iter().map(|label| (*label).to_owned()).collect();
+            let palette = ColourSamples { encoding, labels, samples, places: Vec::new() };
             validate(vec![PaletteWorkRecord::Samples(palette)])
         };
         assert!(hear(&["orange"], 0).is_ok());

@@ -91,6 +91,7 @@ mod tests {
             encoding: ENCODING,
             labels: vec!["orange".into(), "background".into()],
             samples: [(0, ORANGE), (1, GREY)].map(sample).repeat(5),
+            places: Vec::new(),
         };
         let (diameter_mm, colour) = (5.0, "orange".to_owned());
         let tool = ToolSpec { name: "left".into(), colour, side: None, diameter_mm, band_length_mm: None };

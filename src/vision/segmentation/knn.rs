@@ -150,7 +150,7 @@ mod tests {
                 .map(move |yuv| ColourSample { label, rectangle: label as u32, yuv })
         };
         let samples = around(0, [140, 70, 190]).chain(around(1, [90, 128, 128])).collect();
-        ColourSamples { encoding, labels: vec!["orange".into(), "background".into()], samples }
+        ColourSamples { encoding, labels: vec!["orange".into(), "background".into()], samples, places: Vec::new() }
     }
 
     #[test]

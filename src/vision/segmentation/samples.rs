@@ -41,6 +41,19 @@ pub struct ColourSamples {
     pub labels: Vec<String>,
     /// The samples.
     pub samples: Vec<ColourSample>,
+    /// Where each stroke begins, by its number as [`ColourSample::rectangle`]; empty for stored samples.
+    pub places: Vec<RectanglePlace>,
+}
+
+/// Where an instructor marked a colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RectanglePlace {
+    /// The frame.
+    pub frame: u64,
+    /// First column of its first rectangle, pixels.
+    pub x: usize,
+    /// First row.
+    pub y: usize,
 }
 
 /// Maximum number of samples from one rectangle; in a larger one, pixels are taken at even steps. Otherwise a huge
@@ -56,6 +69,7 @@ impl ColourSamples {
             encoding,
             labels: vec!["orange".into(), "background".into()],
             samples: [sample(0, [150, 60, 200]), sample(1, [60, 128, 128])].repeat(5),
+            places: Vec::new(),
         }
     }
 }
@@ -63,7 +77,7 @@ impl ColourSamples {
 impl ColourSamples {
     /// No samples yet, in this encoding.
     pub fn new(encoding: ColourEncoding) -> Self {
-        Self { encoding, labels: Vec::new(), samples: Vec::new() }
+        Self { encoding, labels: Vec::new(), samples: Vec::new(), places: Vec::new() }
     }
 
     /// Adds the pixels inside rectangles of one label, without parts outside the frame. Several rectangles were painted
@@ -88,6 +102,10 @@ impl ColourSamples {
             (of.y..bottom).step_by(step).flat_map(move |y| (left..right).step_by(step).map(move |x| (x, y)))
         };
         let marked = rectangles.iter().flat_map(|of| on_grid(of).map(move |at| (of, at)));
+        if let Some(first) = rectangles.first() {
+            self.places.truncate(number as usize); // a stroke outside the frame has no sample, and gives its number back
+            self.places.push(RectanglePlace { frame: frame.index, x: first.x, y: first.y });
+        }
         for (of, (x, y)) in marked.step_by(every) {
             let label = self.label_index(&of.label);
             let yuv = self.encoding.codes_of(frame.encoding.colour_of(frame.yuv_at(x, y)));

@@ -8,10 +8,12 @@
 //!
 //! The tracker's own classifier is used, so the columns are its results: each tool, or none.
 
+use std::collections::BTreeMap;
+
 use super::light::LightCondition;
 use super::margin::{Margin, SupportingPixels, margin};
 use crate::vision::segmentation::knn::Knn;
-use crate::vision::segmentation::samples::{ColourSample, ColourSamples};
+use crate::vision::segmentation::samples::{ColourSample, ColourSamples, RectanglePlace};
 
 /// Number of groups of a label's rectangles.
 const GROUPS: usize = 8;
@@ -31,6 +33,8 @@ pub struct Confusion {
     pub rows: Vec<LabelConfusion>,
     /// Distance of each tool's colour from the others; in the order of the tools.
     pub margins: Vec<Option<Margin>>,
+    /// Where each rectangle is, by number; empty if unknown.
+    pub places: Vec<RectanglePlace>,
 }
 
 /// Result for one label's pixels.
@@ -42,6 +46,9 @@ pub struct LabelConfusion {
     pub tool: Option<usize>,
     /// Number of rectangles marked. With only one, its pixels vote for each other, and the row looks too good.
     pub rectangles: usize,
+    /// The rectangle whose pixels are recognised least, if there are several; by number, with the share of its pixels
+    /// that are not classified as the label's tool.
+    pub oddest: Option<(u32, f64)>,
     /// Number of test pixels.
     pub test_pixels: usize,
     /// For each of [`LightCondition::ALL`]: share classified as no tool, as the first tool, as the second, …; adds up
@@ -52,6 +59,7 @@ pub struct LabelConfusion {
 /// A pixel used for testing.
 pub(super) struct TestPixel {
     pub(super) label: usize,
+    pub(super) rectangle: u32,
     pub(super) group: usize,
     pub(super) colour: [f64; 3],
 }
@@ -62,16 +70,17 @@ impl Confusion {
         let groups = group_of_samples(samples);
         let test_pixels = select_test_pixels(samples, &groups);
         let tool_of = |label: &String| tools.iter().position(|tool| tool == label);
-        let counts = count_classes(samples, &samples.classes(tools), &groups, &test_pixels, tools.len());
+        let (counts, rectangles) = count_classes(samples, &samples.classes(tools), &groups, &test_pixels, tools.len());
         let row = |(label, counts): (usize, Vec<Vec<usize>>)| {
             let asked: usize = counts[0].iter().sum();
             let shares = counts.iter().map(|of| of.iter().map(|n| *n as f64 / asked as f64).collect()).collect();
-            let rectangles = rectangles_of(samples, label).len();
+            let of_label: Vec<&RectangleCount> = rectangles.values().filter(|of| of.label == label).collect();
             let name = &samples.labels[label];
             (asked > 0).then(|| LabelConfusion {
                 label: name.clone(),
                 tool: tool_of(name),
-                rectangles,
+                rectangles: of_label.len(),
+                oddest: oddest(&of_label),
                 test_pixels: asked,
                 shares,
             })
@@ -81,6 +90,7 @@ impl Confusion {
             tools: tools.to_vec(),
             rows: counts.into_iter().enumerate().filter_map(row).collect(),
             margins: tools.iter().map(margin).collect(),
+            places: samples.places.clone(),
         }
     }
 
@@ -122,18 +132,45 @@ pub(super) fn select_test_pixels(samples: &ColourSamples, groups: &[usize]) -> V
     let of_each = (MAX_TEST_PIXELS / rectangles.clone().count().max(1)).clamp(1, MAX_PIXELS_PER_RECTANGLE);
     rectangles
         .flat_map(|of| of.iter().step_by(of.len().div_ceil(of_each)))
-        .map(|(s, group)| TestPixel { label: s.label, group: *group, colour: samples.encoding.colour_of(s.yuv) })
+        .map(|(s, group)| TestPixel {
+            label: s.label,
+            rectangle: s.rectangle,
+            group: *group,
+            colour: samples.encoding.colour_of(s.yuv),
+        })
         .collect()
 }
 
-/// How often each label was classified as each class: `[label][light][class]`.
+/// How many test pixels of a rectangle were recognised in the marked light.
+#[derive(Clone, Copy, Debug, Default)]
+struct RectangleCount {
+    number: u32,
+    label: usize,
+    recognised: usize,
+    asked: usize,
+}
+
+impl RectangleCount {
+    fn lost_share(&self) -> f64 {
+        1.0 - self.recognised as f64 / self.asked as f64
+    }
+}
+
+/// The rectangle that lost the largest share of its pixels, if there are several.
+fn oddest(rectangles: &[&RectangleCount]) -> Option<(u32, f64)> {
+    let several = rectangles.iter().filter(|_| rectangles.len() > 1);
+    several.map(|of| (of.number, of.lost_share())).max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// How often each label was classified as each class, `[label][light][class]`, and the counts of each rectangle.
 fn count_classes(
     samples: &ColourSamples,
     classes: &[u8],
     groups: &[usize],
     test_pixels: &[TestPixel],
     tools: usize,
-) -> Vec<Vec<Vec<usize>>> {
+) -> (Vec<Vec<Vec<usize>>>, BTreeMap<u32, RectangleCount>) {
+    let mut rectangles: BTreeMap<u32, RectangleCount> = BTreeMap::new();
     let mut counts = vec![vec![vec![0; tools + 1]; LightCondition::ALL.len()]; samples.labels.len()];
     for group in 0..GROUPS {
         let mut left_out = test_pixels.iter().filter(|a| a.group == group).peekable();
@@ -141,15 +178,26 @@ fn count_classes(
             continue;
         }
         let others = samples.samples.iter().zip(groups).filter(|(_, g)| **g != group).map(|(s, _)| *s).collect();
-        let others = ColourSamples { encoding: samples.encoding, labels: samples.labels.clone(), samples: others };
+        let others = ColourSamples {
+            encoding: samples.encoding,
+            labels: samples.labels.clone(),
+            samples: others,
+            places: Vec::new(),
+        };
         let judge = Knn::new(&others, classes);
         for pixel in left_out {
             for light in LightCondition::ALL {
                 let seen = light.apply_to(pixel.colour, samples.encoding);
                 let class = judge.as_ref().map_or(0, |judge| judge.class_of(seen));
                 counts[pixel.label][light as usize][usize::from(class)] += 1;
+                if light == LightCondition::AsMarked {
+                    let of = RectangleCount { number: pixel.rectangle, label: pixel.label, ..Default::default() };
+                    let of = rectangles.entry(pixel.rectangle).or_insert(of);
+                    of.asked += 1;
+                    of.recognised += usize::from(class == classes[pixel.label]);
+                }
             }
         }
     }
-    counts
+    (counts, rectangles)
 }

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::random::Dice;
 use crate::vision::frame::{ColourEncoding, Matrix, Range};
-use crate::vision::segmentation::samples::{ColourSample, ColourSamples};
+use crate::vision::segmentation::samples::{ColourSample, ColourSamples, RectanglePlace};
 
 const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt709 };
 const ORANGE: [f64; 3] = [0.85, 0.40, 0.12];
@@ -36,6 +36,28 @@ fn marked(rectangles: &[(&str, [f64; 3])], noise: f64) -> ColourSamples {
 /// Four rectangles of each.
 fn four_each(colours: &[(&str, [f64; 3])], noise: f64) -> ColourSamples {
     marked(&colours.iter().flat_map(|colour| [*colour; 4]).collect::<Vec<_>>(), noise)
+}
+
+/// Samples with a place for each rectangle: its number as frame and column.
+fn placed(samples: ColourSamples, rectangles: u64) -> ColourSamples {
+    let place = |number: u64| RectanglePlace { frame: number, x: number as usize, y: 7 };
+    ColourSamples { places: (0..rectangles).map(place).collect(), ..samples }
+}
+
+#[test]
+fn a_rectangle_that_does_not_lie_on_the_tape_is_named() {
+    let tape = [("tape", ORANGE); 4];
+    let background = [("background", GREY); 4];
+    let honest = placed(marked(&[tape, background].concat(), 0.02), 8);
+    let beside = placed(marked(&[&tape[..2], &[("tape", GREY)], &tape[2..], &background].concat(), 0.02), 9);
+    let named = |samples: &ColourSamples| {
+        let causes = only(verdicts(samples, &tools(&["tape"]))).causes;
+        causes.into_iter().find_map(|(_, cause)| match cause {
+            TapeProblem::OddRectangle { at, .. } => Some(at.frame),
+            _ => None,
+        })
+    };
+    assert_eq!((named(&honest), named(&beside)), (None, Some(2)));
 }
 
 fn tools(names: &[&str]) -> Vec<String> {

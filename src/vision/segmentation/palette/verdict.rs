@@ -5,7 +5,7 @@ use std::fmt;
 use super::confusion::Confusion;
 use super::light::LightCondition;
 use super::margin::Margin;
-use crate::vision::segmentation::samples::ColourSamples;
+use crate::vision::segmentation::samples::{ColourSamples, RectanglePlace};
 
 // The limits lie between two measured cases: scenes that are tracked well (the rendered scenes V1–V5, clips at 720p
 // and 1080p, the simulator's vivid tapes), and purple tape blended, step by step, into the purple of a simulated mat.
@@ -13,6 +13,11 @@ use crate::vision::segmentation::samples::ColourSamples;
 /// Shares of a tape's pixels that are not recognised: at risk from the first on, bad from the second on. Well-tracked
 /// tapes lose at most 2.3 % in the marked light, and 24 % in 30 % less light (V1's orange, half in shadow).
 const LOST_SHARES: [f64; 2] = [0.15, 0.40];
+
+/// Share of a rectangle's pixels that its tape's other rectangles do not recognise: from here on, the rectangle is
+/// named. A rectangle twice as wide and as high as the tape shows three quarters of something else, one that lies half
+/// beside it one half.
+const ODD_RECTANGLE_SHARE: f64 = 0.45;
 
 /// Shares of another label's pixels that are classified as the tape: at risk from the first on, bad from the second
 /// on. Well-tracked tapes: at most 2.0 % in the marked light (jaws, where they meet the band), 3.0 % in other light.
@@ -76,6 +81,13 @@ pub enum TapeProblem {
         /// The light.
         light: LightCondition,
     },
+    /// One of its rectangles has another colour than the others.
+    OddRectangle {
+        /// Share of the rectangle's pixels that the others do not recognise.
+        share: f64,
+        /// Where the rectangle is.
+        at: RectanglePlace,
+    },
     /// Part of something else is classified as its tape.
     Taken {
         /// Share of the other label's pixels.
@@ -128,6 +140,7 @@ fn verdict(confusion: &Confusion, tool: usize, false_areas: &[FalseArea]) -> Tap
         Some(row) if row.rectangles == 1 => vec![(PaletteGrade::AtRisk, TapeProblem::MarkedOnce)],
         Some(_) => Vec::new(),
     };
+    causes.extend(odd_rectangle(confusion, tool));
     causes.extend(lost(confusion, tool));
     causes.extend(taken(confusion, tool));
     causes.extend(thin(confusion, tool));
@@ -146,6 +159,14 @@ fn lost(confusion: &Confusion, tool: usize) -> Option<(PaletteGrade, TapeProblem
         let to = to.filter(|other| row.taken_for(*other, light) > 0.5 * share);
         (grade, TapeProblem::Lost { share, to: to.map(|other| confusion.tools[other].clone()), light })
     })
+}
+
+/// Does one of its rectangles have another colour than the others? Such a rectangle alone does not make a colour bad,
+/// because the others outvote it.
+fn odd_rectangle(confusion: &Confusion, tool: usize) -> Option<(PaletteGrade, TapeProblem)> {
+    let (number, share) = confusion.row_of(tool)?.oddest.filter(|(_, share)| *share >= ODD_RECTANGLE_SHARE)?;
+    let at = *confusion.places.get(number as usize)?;
+    Some((PaletteGrade::AtRisk, TapeProblem::OddRectangle { share, at }))
 }
 
 /// Every other label with too many pixels classified as this tool.
@@ -219,6 +240,12 @@ impl fmt::Display for TapeProblem {
                 }
                 in_light(*light, f)
             }
+            TapeProblem::OddRectangle { share, at: RectanglePlace { frame, x, y } } => write!(
+                f,
+                "{} of its rectangle on frame {frame}, at ({x}, {y}), has another colour than its other rectangles; mark \
+                 only tape there",
+                percent(*share)
+            ),
             TapeProblem::Taken { share, from, light } => {
                 write!(f, "{} of `{from}` is mistaken for it", percent(*share))?;
                 in_light(*light, f)

@@ -11,6 +11,7 @@ fn of(tools: &[(&str, &str, Option<HandSide>)]) -> TrackerSettings {
         encoding: ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 },
         labels: ["orange", "background", "cyan"].map(str::to_owned).to_vec(),
         samples: (0..3).map(|label| ColourSample { label, rectangle: label as u32, yuv: [100; 3] }).collect(),
+        places: Vec::new(),
     };
     let spec = |(name, colour, side): &(&str, &str, Option<HandSide>)| ToolSpec {
         name: (*name).to_owned(),
