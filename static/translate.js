@@ -44,12 +44,13 @@ export const adviceText = ({ rule, words }) => translationOf('rules', rule) ?? w
 export const noAdviceText = ({ reason, detail }) => translationOf('noAdvice', reason) ?? detail;
 
 /** What the quality gate found, with the tool; without a full stop. @param {Schemas['ConcernDocument']} reason */
-export function findingText({ name, finding, tool, label, figure, limit }) {
+export function findingText({ name, finding, tool, label, longest, figure, limit }) {
   const translated = translationOf('findings', name)?.[0];
   if (!translated) return finding;
   const toolPrefix = tool ? `${tool}: ` : '';
   const nearest = label ? translations.nearest(label) : '';
-  return `${toolPrefix}${translated(figure, limit)}${nearest}`;
+  const stretch = longest ? translations.longest(longest) : '';
+  return `${toolPrefix}${translated(figure, limit)}${nearest}${stretch}`;
 }
 
 /** What to do about a finding; without a full stop. */

@@ -2261,6 +2261,9 @@ export default {
     },
     /** Added to a finding about a colour: the label whose colour is nearest. */
     nearest: label => ` (am nächsten: „${label}“)`,
+    /** Added to a finding about lost tracking: where it was lost for longest. */
+    longest: ({ from_s: from, to_s: to, to_end: toEnd }) =>
+      `; am längsten von ${decimal(from.toFixed(1))} s bis ${toEnd ? 'zum Ende der Aufnahme' : `${decimal(to.toFixed(1))} s`}`,
     /** The finding about a part of a self-test, by part and unit. A part without an entry keeps its English sentence,
      *  which says more than the figures. */
     selfTest: {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::motion::quality::{
-    BoxMatch, Concern, Displacement, Figures, NoiseFloor, QualityVerdict, SessionFigures, ToolFigures,
+    BoxMatch, Concern, Displacement, Figures, LostStretch, NoiseFloor, QualityVerdict, SessionFigures, ToolFigures,
 };
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::reason::MissReason;
@@ -39,6 +39,9 @@ pub struct ConcernDocument {
     pub tool: Option<String>,
     /// The marked label that a colour is too similar to; `null` for other problems.
     pub label: Option<String>,
+    /// The longest stretch without a position, if tracking was lost.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub longest: Option<LostDocument>,
     /// The measured figure.
     pub figure: f64,
     /// The limit that the figure broke.
@@ -49,6 +52,17 @@ pub struct ConcernDocument {
     pub finding: String,
     /// What to do about it.
     pub advice: &'static str,
+}
+
+/// A stretch of the recording during which a tool in view was not tracked.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
+pub struct LostDocument {
+    /// Time of its first frame, s.
+    pub from_s: f64,
+    /// Time of its last frame, s.
+    pub to_s: f64,
+    /// True if the recording ends with it.
+    pub to_end: bool,
 }
 
 /// Figures of the recording as a whole.
@@ -215,12 +229,19 @@ impl From<&Concern> for ConcernDocument {
             severity: concern.severity.name(),
             tool: concern.tool.clone(),
             label: concern.label.clone(),
+            longest: concern.longest.map(LostDocument::from),
             figure: concern.figure,
             limit: concern.limit,
             unit: concern.cause.unit(),
             finding: concern.finding(),
             advice: concern.advice(),
         }
+    }
+}
+
+impl From<LostStretch> for LostDocument {
+    fn from(LostStretch { from_s, to_s, to_end }: LostStretch) -> Self {
+        Self { from_s, to_s, to_end }
     }
 }
 

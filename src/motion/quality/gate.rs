@@ -1,7 +1,7 @@
 //! The quality gate: compares every figure with its limits. The worst result is the session's verdict.
 
 use super::limits::QualityLimits;
-use super::{BoxAnswer, Figures, QualityCause, ToolFigures};
+use super::{BoxAnswer, Figures, LostStretch, QualityCause, ToolFigures};
 use crate::vision::segmentation::palette::Margin;
 use crate::vision::tracker::TrocarEvidence;
 
@@ -44,6 +44,8 @@ pub struct Concern {
     pub tool: Option<String>,
     /// The marked colour label concerned, if the cause is about a colour.
     pub label: Option<String>,
+    /// The longest stretch that the cause is about, if it is about lost tracking.
+    pub longest: Option<LostStretch>,
     /// The figure, in the cause's unit.
     pub figure: f64,
     /// The limit that it broke.
@@ -57,7 +59,8 @@ impl Concern {
     pub fn finding(&self) -> String {
         let prefix = self.tool.as_ref().map(|tool| format!("{tool}: ")).unwrap_or_default();
         let nearest = self.label.as_ref().map(|label| format!(" (nearest: `{label}`)")).unwrap_or_default();
-        prefix + &self.cause.finding(self.figure, self.limit) + &nearest
+        let longest = self.longest.map(|longest| longest.to_string()).unwrap_or_default();
+        prefix + &self.cause.finding(self.figure, self.limit) + &nearest + &longest
     }
 
     /// What to do about it.
@@ -111,7 +114,8 @@ pub fn judge(figures: &Figures) -> QualityVerdict {
         let refuse = cause.limits().refuse.filter(|_| !is_only_care(tool, cause));
         let (severity, limit) = QualityLimits { refuse, ..cause.limits() }.breach(figure)?;
         let label = tool.and_then(|tool| colour_margin(tool, cause)).map(|margin| margin.nearest.clone());
-        Some(Concern { cause, tool: tool.map(|tool| tool.tool.clone()), label, figure, limit, severity })
+        let longest = tool.filter(|_| cause == QualityCause::Lost).and_then(|tool| tool.longest_lost);
+        Some(Concern { cause, tool: tool.map(|tool| tool.tool.clone()), label, longest, figure, limit, severity })
     };
     let mut concerns: Vec<Concern> = of_session.into_iter().chain(of_tools).filter_map(concern).collect();
     concerns.sort_by_key(|concern| (std::cmp::Reverse(concern.severity), concern.cause));

@@ -35,7 +35,7 @@ pub use gate::{Concern, QualityVerdict, Severity, judge};
 pub use noise_floor::{NoiseFloor, NoiseFloorBasis};
 pub use ports::{Displacement, PortAgreement, PortPlacement, Ports};
 pub use session::SessionFigures;
-pub use tool::ToolFigures;
+pub use tool::{LostStretch, ToolFigures};
 
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::tracker::{MotionSettings, Quality, Tracking};

@@ -97,7 +97,8 @@ fn a_tool_that_is_seen_less_than_half_of_the_time_is_refused_for_its_coverage() 
 
 #[test]
 fn time_out_of_view_and_lost_time_are_separate_within_the_session() {
-    let path = path(|frame| (50..200).contains(&frame) || (300..400).contains(&frame));
+    let mut path = path(|frame| (50..200).contains(&frame) || (300..400).contains(&frame));
+    path.frame_times_s = (0..FRAMES).map(|frame| frame as f64 * FRAME_S).collect();
     let gap = |first, last, absence| Gap { first, last, absence };
     let counts = counts(vec![
         gap(0, 49, Absence::LeftView),
@@ -117,6 +118,20 @@ fn time_out_of_view_and_lost_time_are_separate_within_the_session() {
         [QualityCause::Coverage, QualityCause::LeftView, QualityCause::Lost, QualityCause::LongGap]
     );
     assert_eq!(rank(&verdict), Some(Severity::Care));
+    let finding = |counts: &Quality| {
+        let verdict = judge(&measure(&QualityInput { tracker: Some(counts), ..QualityInput::of_path(&path) }));
+        let lost = verdict.concerns().iter().find(|concern| concern.cause == QualityCause::Lost).map(Concern::finding);
+        lost.unwrap()
+    };
+    let within = finding(&counts);
+    assert!(within.ends_with("; longest from 10.8 s to 12.0 s"), "{within}");
+    let to_end = finding(&Quality { tools: vec![lost_to_the_end()], ..counts });
+    assert!(to_end.ends_with("; longest from 16.0 s to the end of the recording"), "{to_end}");
+}
+
+fn lost_to_the_end() -> ToolQuality {
+    let gap = |first, last| Gap { first, last, absence: Absence::Lost(MissReason::NoMarkerColour) };
+    ToolQuality { tool: "orange".into(), gaps: vec![gap(270, 299), gap(400, FRAMES - 1)], ..ToolQuality::default() }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Figures that describe how one tool was seen.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use nalgebra::Vector3;
 
@@ -11,7 +12,7 @@ use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::pose::size_check::SizeMismatch;
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::ColourSeparation;
-use crate::vision::tracker::{Absence, EffectiveDiameter, ToolQuality, TrocarEvidence};
+use crate::vision::tracker::{Absence, EffectiveDiameter, Gap, ToolQuality, TrocarEvidence};
 use crate::vision::trajectory::{Sample, SampleState};
 
 /// How one tool was seen. Shares are 0 to 1; `None` if the input does not contain the figure.
@@ -33,6 +34,8 @@ pub struct ToolFigures {
     pub left_view_share: Option<f64>,
     /// Share of the frames of the whole recording on which it has no position, among those with it in view.
     pub lost_share: Option<f64>,
+    /// Longest stretch of the recording without a position, with the tool in view.
+    pub longest_lost: Option<LostStretch>,
     /// Frames of the session in gaps caused by the tracker, by their main reason.
     pub lost_frames: BTreeMap<MissReason, u64>,
     /// Longest stretch of the session without a measurement, s.
@@ -64,6 +67,37 @@ pub struct ToolFigures {
     pub has_port_moved: bool,
     /// True if it was never measured and its colour was never in the picture.
     pub never_in_picture: bool,
+}
+
+/// A stretch of the recording during which a tool in view was not tracked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LostStretch {
+    /// Time of its first frame, s.
+    pub from_s: f64,
+    /// Time of its last frame, s.
+    pub to_s: f64,
+    /// True if the recording ends with it.
+    pub to_end: bool,
+}
+
+impl LostStretch {
+    /// The longest of a tool's gaps that are no absence; `None` if the times of the frames are unknown.
+    fn longest(tool: &ToolQuality, frame_times_s: &[f64]) -> Option<Self> {
+        let time_s = |frame: u64| frame_times_s.get(frame as usize).copied();
+        let is_lost = |gap: &&Gap| matches!(gap.absence, Absence::Lost(_));
+        let gap = tool.gaps.iter().filter(is_lost).max_by_key(|gap| gap.last - gap.first)?;
+        let to_end = gap.last as usize + 1 == frame_times_s.len();
+        Some(Self { from_s: time_s(gap.first)?, to_s: time_s(gap.last)?, to_end })
+    }
+}
+
+/// As an addition to the finding.
+impl fmt::Display for LostStretch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { from_s, to_s, to_end } = self;
+        write!(f, "; longest from {from_s:.1} s to ")?;
+        if *to_end { f.write_str("the end of the recording") } else { write!(f, "{to_s:.1} s") }
+    }
 }
 
 /// The stated standard deviation of measured positions in space, mm.
@@ -101,6 +135,7 @@ pub(super) fn measure(
             .as_ref()
             .zip(recorded)
             .and_then(|(gaps, frames)| share(gaps.lost_anywhere, frames.saturating_sub(gaps.left_anywhere))),
+        longest_lost: tracker.and_then(|tool| LostStretch::longest(tool, &evidence.smoothed.frame_times_s)),
         lost_frames: gaps.map(|gaps| gaps.lost).unwrap_or_default(),
         longest_gap_s: shown.map(|shown| longest_gap_s(&seen, shown)),
         border_residual_px: tracker.and_then(|tool| tool.border_residual_px),

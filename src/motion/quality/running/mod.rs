@@ -85,6 +85,7 @@ impl RunningFigures {
             predicted_share: share(tool.predicted, tool.predicted + tool.observed),
             left_view_share: share(tool.left_view, self.measured_range),
             lost_share: share(tool.lost, self.frames.saturating_sub(tool.left_anywhere)),
+            longest_lost: None,
             lost_frames: BTreeMap::new(),
             longest_gap_s: begin_s.map(|begin_s| tool.longest_gap_s(begin_s, self.last_measured_s)),
             border_residual_px: (tool.fitted > 0).then(|| (tool.residual_squares / tool.fitted as f64).sqrt()),
