@@ -19,7 +19,9 @@ def measure(bench, scenes):
     results = {scene.name: result(bench, scene) for scene in chosen}
     about = ("Cost, CPU milliseconds per frame. *Own*: all stages except decoding; for Trocar including start and colour samples, for "
              "the peer without them. *Decoding alone*: `ffmpeg -threads 2 -i clip -f null -`. *Whole run*: including decoding. Before "
-             "tracking, Trocar decodes from key frames to the marked frames; the peer's first pass is not counted. *Wall*: wall time of "
+             "tracking, Trocar decodes from key frames to the marked frames; the peer's first pass is not counted. A frame can only be decoded after "
+             "every frame that it refers to, back to the last key frame: with marks spread over a clip, that is about half of it. The colours of a box are "
+             "stored, so the service needs no such pass. *Wall*: wall time of "
              "`trocar track` ÷ wall time of this ffmpeg. *One pass*: the same without decoding for the marked frames.")
     rows = [[name, f"{r['mbit_s']:.1f} Mbit/s", *(f"{r[key]:.2f} ms" for key in ("own", "peer")), f"1/{r['peer'] / r['own']:.1f}",
              *(f"{r[key]:.1f} ms" for key in ("decode", "whole", "peer_whole")),

@@ -56,11 +56,12 @@ impl Tracker {
 
     fn observation(&self, band: &SteadiedBand) -> Option<Observation> {
         let estimate = &band.estimate;
+        let tip = estimate.tube.tip;
         Some(Observation {
-            tip_mm: estimate.tube.tip,
+            tip_mm: tip,
             axis: estimate.tube.axis,
-            covariance_mm2: estimate.tip_covariance() + motion::by_camera(&self.settings.camera, &estimate.tube.tip),
-            tip_px: self.settings.camera.project(CameraPoint(estimate.tube.tip))?,
+            covariance_mm2: motion::stated_covariance(&estimate.tip_covariance(), &self.settings.camera, &tip).matrix(),
+            tip_px: self.settings.camera.project(CameraPoint(tip))?,
             border_residual_px: estimate.residual_px,
         })
     }

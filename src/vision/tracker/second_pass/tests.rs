@@ -1,6 +1,6 @@
 //! Gaps of known length: which frames are bridged, and what the counts say.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::*;
 use crate::vision::camera::testing::STRAIGHT as CAMERA;
@@ -75,6 +75,15 @@ fn no_filter_averages_the_camera_s_error_away() {
         assert!((in_depth_mm - share * 150.0).abs() < 1e-3, "{in_depth_mm} mm of a depth of 150 mm");
         assert!(by_camera_mm(Sample::sigma_xy_mm) < 1e-3, "x and y do not depend on the focal length");
     }
+}
+
+#[test]
+fn no_position_is_stated_better_than_pictures_show_it() {
+    let least_mm = 0.3 * 150.0 / CAMERA.fx;
+    let exact = Matrix3::from_diagonal(&Vector3::new(1e-6, 1e-6, 4.0));
+    let stated = crate::vision::tracker::motion::stated_covariance(&exact, &CAMERA, &Point3::new(0.0, 0.0, 150.0));
+    assert!((stated.sigma_xy_mm() - least_mm).abs() < 1e-9, "{} mm, not {least_mm}", stated.sigma_xy_mm());
+    assert!((stated.sigma_z_mm() - 2.0).abs() < 1e-9, "a larger one stays as it is");
 }
 
 #[test]
