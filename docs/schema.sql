@@ -183,6 +183,13 @@ CREATE TABLE job_kind (
     UNIQUE (name, subject)
 ) STRICT, WITHOUT ROWID;
 
+CREATE TABLE known_place (
+    person_id       TEXT NOT NULL REFERENCES person (id) ON DELETE CASCADE,  -- whose account
+    place_hash      BLOB NOT NULL CHECK (length(place_hash) = 32),           -- SHA-256 of a browser's secret, or of account and address
+    last_used_at_ms INTEGER NOT NULL CHECK (last_used_at_ms >= 0),           -- the last sign-in from there, epoch ms
+    PRIMARY KEY (person_id, place_hash)
+) STRICT, WITHOUT ROWID;
+
 CREATE TABLE palette (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- PaletteId
     box_id        TEXT NOT NULL REFERENCES training_box (id) ON DELETE CASCADE, -- whose colours
@@ -457,6 +464,8 @@ CREATE INDEX job_session ON job (session_id, created_at_ms);
 CREATE INDEX job_waiting ON job (turn, queued_at_ms, id) WHERE state = 'queued';
 
 CREATE INDEX job_file_blob ON job_file (blob);
+
+CREATE INDEX known_place_age ON known_place (last_used_at_ms);
 
 CREATE INDEX rating_person ON rating (person_id);
 

@@ -208,7 +208,7 @@ impl Settings {
         check_range("http.max_form_bytes", http.max_form_bytes, 1_024, 1 << 50)?;
         check_range("http.idle_min", http.idle_min, 1, 24 * 60)?;
         check_range("http.sign_in_h", http.sign_in_h, 1, 24 * 7)?;
-        check_range("http.attempts_per_min", http.attempts_per_min.into(), 1, 10_000)?;
+        check_range("http.free_attempts", http.free_attempts.into(), 1, 10_000)?;
         check_range("http.max_event_streams", http.max_event_streams as u64, 1, 100_000)?;
         check_range("http.max_event_streams_of_one", http.max_event_streams_of_one as u64, 1, 100_000)?;
         check_range("http.page_items", http.page_items.into(), 1, 200)?;

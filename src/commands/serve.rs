@@ -25,6 +25,7 @@ use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
 use crate::events::EventBus;
+use crate::heap;
 use crate::http::auth::throttle::Throttle;
 use crate::http::state::{App, AppParts, ServiceInfo};
 use crate::http::watcher_slots::WatcherSlots;
@@ -78,6 +79,7 @@ pub struct ServeArgs {
 /// Runs the command.
 pub fn run(args: ServeArgs) -> Result<(), CommandFailure> {
     start_log(&args.log, args.log_json)?;
+    heap::return_large_blocks().context("limiting memory")?;
     let flags = Flags { settings: args.settings, data: args.data, listen: args.listen, workers: args.workers };
     let mut settings = Settings::load(flags).map_err(CommandFailure::input)?;
     settings.workers = worker_count(settings.workers);
@@ -213,7 +215,7 @@ pub async fn start(
         cpu_slots: Arc::default(),
     });
     let parts = AppParts {
-        throttle: Throttle::new(settings.http.attempts_per_min, clock.clone()),
+        throttle: Throttle::new(settings.http.free_attempts, clock.clone()),
         watcher_slots: WatcherSlots::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
         metrics: metrics().context("starting the metrics")?,
         settings: settings.http.clone(),

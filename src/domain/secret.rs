@@ -4,6 +4,7 @@
 //! hash would protect nothing). A password is guessable, so it is stored as argon2id with a salt of its own.
 
 use std::fmt;
+use std::net::IpAddr;
 
 use argon2::password_hash::{PasswordHasher, PasswordVerifier, phc};
 use argon2::{Algorithm, Argon2, Params, Version};
@@ -12,6 +13,7 @@ use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use sha2::{Digest, Sha256};
 
 use super::text::Invalid;
+use crate::ids::PersonId;
 
 /// Prefix of a program's token, so that people and scanners recognise a leaked token.
 pub const TOKEN_PREFIX: &str = "trc_";
@@ -54,6 +56,14 @@ impl Secret {
     /// secret.
     pub fn hash(&self) -> SecretHash {
         SecretHash(Sha256::digest(self.0).into())
+    }
+}
+
+impl SecretHash {
+    /// Recognises an address from which an account has signed in. The account's id makes the hashes of two accounts
+    /// differ.
+    pub fn of_address(person: PersonId, address: IpAddr) -> Self {
+        Self(Sha256::digest(format!("{person} {address}")).into())
     }
 }
 

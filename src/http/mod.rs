@@ -5,6 +5,7 @@
 //! | [`router`] [`replaced_routes`] | every route, in one list; the old names of routes that were replaced |
 //! | [`error`] | every error as a status and a problem document |
 //! | [`auth`] | authentication: turns a cookie or a token into a [`Scope`](crate::domain::scope::Scope) |
+//! | [`client_address`] | the client's address, behind proxies too |
 //! | [`read`] [`show`] | parts of requests (bodies, queries, ids); parts of answers (JSON, pages, times) |
 //! | one module for each noun | its routes, one function each |
 //! | [`export`] | tables of features, of any length |
@@ -21,6 +22,7 @@ pub mod attention;
 pub mod auth;
 mod base_url;
 pub mod boxes;
+pub mod client_address;
 pub mod cohorts;
 pub mod compress;
 pub mod courses;

@@ -73,7 +73,7 @@ pub struct SettingsInForce {
     /// Hours after which a sign-in ends in any case.
     sign_in_h: u64,
     /// Failed attempts to sign in that a login has in a minute.
-    attempts_per_min: u32,
+    free_attempts: u32,
 }
 
 /// An entry of the audit log.
@@ -122,7 +122,7 @@ pub async fn service(State(app): State<App>, by: Administrator) -> HandlerResult
             erased_within_s: set.erased_within_s,
             idle_min: http.idle_min,
             sign_in_h: http.sign_in_h,
-            attempts_per_min: http.attempts_per_min,
+            free_attempts: http.free_attempts,
         },
     }))
 }

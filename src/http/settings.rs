@@ -1,8 +1,11 @@
 //! Limits of the HTTP server, each with its unit, the effect of larger and smaller values, and its default.
 
+use std::net::IpAddr;
 use std::time::Duration;
 
-use serde::Deserialize;
+use ipnet::IpNet;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer};
 
 /// The section `[http]` of the settings file.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -29,8 +32,14 @@ pub struct HttpSettings {
     pub idle_min: u64,
     /// Hours after which a sign-in ends in any case.
     pub sign_in_h: u64,
-    /// Failed sign-in attempts that one login may make from one address in a minute.
-    pub attempts_per_min: u32,
+    /// Failed sign-ins of a login before the next attempt has to wait. One network address may fail twelve times as
+    /// often a minute.
+    pub free_attempts: u32,
+    /// Addresses or networks of the proxies in front of the service, such as `127.0.0.1` or `10.0.0.0/8`. Only they may
+    /// state a client's address (`Forwarded`, `X-Forwarded-For`). Without any, everybody behind a proxy counts as one
+    /// address.
+    #[serde(deserialize_with = "networks")]
+    pub trusted_proxies: Vec<IpNet>,
     /// Most event streams and live views open at once.
     pub max_event_streams: usize,
     /// Most of them for one user, at most half of all: a display of all boxes needs one for each box that sends.
@@ -55,7 +64,8 @@ impl Default for HttpSettings {
             max_form_bytes: 2 * 1024 * 1024 * 1024,
             idle_min: 30,
             sign_in_h: 12,
-            attempts_per_min: 5,
+            free_attempts: 5,
+            trusted_proxies: Vec::new(),
             max_event_streams: 256,
             max_event_streams_of_one: 96,
             public_url: None,
@@ -89,6 +99,17 @@ impl HttpSettings {
     pub fn write_timeout(&self) -> Duration {
         seconds(self.write_timeout_s)
     }
+}
+
+/// Networks, each as an address or with the length of its prefix.
+fn networks<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<IpNet>, D::Error> {
+    let network = |text: String| {
+        let of_address = text.parse::<IpAddr>().map(|address| IpNet::from(address.to_canonical()));
+        of_address.or_else(|_| text.parse()).map_err(|_| {
+            D::Error::custom(format!("`{text}` is no address or network; expected one such as 127.0.0.1 or 10.0.0.0/8"))
+        })
+    };
+    Vec::<String>::deserialize(from)?.into_iter().map(network).collect()
 }
 
 /// A duration from settings. An invalid value becomes one day: practically no limit, but a safe number.

@@ -1,4 +1,5 @@
-//! Signed-in browsers: the hash of each cookie and its expiry.
+//! Signed-in browsers: the hash of each cookie and its expiry. Known places: browsers and addresses that have signed in to
+//! an account before.
 
 use std::time::Duration;
 
@@ -9,6 +10,7 @@ use super::error::{StoreResult, ignore_full_or_busy};
 use super::people::PersonRecord;
 use crate::domain::role::Role;
 use crate::domain::secret::SecretHash;
+use crate::ids::PersonId;
 use crate::time::millis;
 
 /// Access to the signed-in browsers.
@@ -22,6 +24,11 @@ pub struct CookieLifetime {
     /// It ends after this time even if it is in use.
     pub max_age: Duration,
 }
+
+/// A place is forgotten this long after its last sign-in.
+pub const KNOWN_PLACE_LIFETIME: Duration = Duration::from_secs(180 * 86_400);
+/// Most places remembered of an account.
+const MAX_KNOWN_PLACES: i64 = 40;
 
 /// `last_seen_at_ms` is written only when it is older than this, ms: an fsync for every request would cost too much.
 const SEEN_RESOLUTION_MS: i64 = 60_000;
@@ -45,6 +52,19 @@ const SELECT_PERSON: &str = "
 const SELECT_VALID: &str = "
     SELECT 1 FROM cookie_session WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3";
 
+const REMEMBER_PLACE: &str = "
+    INSERT INTO known_place (person_id, place_hash, last_used_at_ms) VALUES ($1, $2, $3)
+    ON CONFLICT DO UPDATE SET last_used_at_ms = max(last_used_at_ms, excluded.last_used_at_ms)";
+
+const DELETE_SURPLUS_PLACES: &str = "
+    DELETE FROM known_place WHERE person_id = $1 AND place_hash NOT IN
+        (SELECT place_hash FROM known_place WHERE person_id = $1 ORDER BY last_used_at_ms DESC, place_hash LIMIT $2)";
+
+const SELECT_PLACE: &str = "
+    SELECT 1 FROM known_place WHERE person_id = $1 AND place_hash = $2 AND last_used_at_ms > $3";
+
+const DELETE_OLD_PLACES: &str = "DELETE FROM known_place WHERE last_used_at_ms <= $1";
+
 const DELETE_COOKIE: &str = "DELETE FROM cookie_session WHERE secret_hash = $1";
 
 pub(super) const DELETE_COOKIES_OF: &str = "DELETE FROM cookie_session WHERE person_id = $1";
@@ -57,14 +77,25 @@ const UPDATE_LAST_SEEN: &str = "
     UPDATE cookie_session SET last_seen_at_ms = max($2, last_seen_at_ms) WHERE secret_hash = $1";
 
 impl CookieStore<'_> {
-    /// Signs in a browser of this person. Instructors and administrators can sign in even on a full disk, in order to
+    /// Signs in a browser of this person, and remembers the places that it signs in from. Instructors and administrators can sign in even on a full disk, in order to
     /// delete something.
-    pub async fn create(&self, secret: SecretHash, person: &PersonRecord, lasts: CookieLifetime) -> StoreResult<()> {
+    pub async fn create(
+        &self,
+        secret: SecretHash,
+        person: &PersonRecord,
+        lasts: CookieLifetime,
+        places: [SecretHash; 2],
+    ) -> StoreResult<()> {
         let (now_ms, id) = (self.0.now_ms(), person.id);
         let expires_at_ms = now_ms + millis(lasts.max_age).max(1);
         let insert = || {
             async move |tx: &mut SqliteConnection| {
-                sqlx::query(INSERT_COOKIE).bind(secret).bind(id).bind(now_ms).bind(expires_at_ms).execute(tx).await?;
+                let insert = sqlx::query(INSERT_COOKIE).bind(secret).bind(id).bind(now_ms).bind(expires_at_ms);
+                insert.execute(&mut *tx).await?;
+                for place in places {
+                    sqlx::query(REMEMBER_PLACE).bind(id).bind(place).bind(now_ms).execute(&mut *tx).await?;
+                }
+                sqlx::query(DELETE_SURPLUS_PLACES).bind(id).bind(MAX_KNOWN_PLACES).execute(tx).await?;
                 Ok(())
             }
         };
@@ -72,6 +103,22 @@ impl CookieStore<'_> {
             Role::Instructor | Role::Administrator => self.0.write_with_sign_in_reserve(insert).await,
             Role::Trainee | Role::Agent => self.0.write(insert()).await,
         }
+    }
+
+    /// The first of these places that has signed in to the account before.
+    pub async fn known_place(
+        &self,
+        person: PersonId,
+        places: impl IntoIterator<Item = SecretHash>,
+    ) -> StoreResult<Option<SecretHash>> {
+        let oldest_ms = self.0.now_ms() - millis(KNOWN_PLACE_LIFETIME);
+        for place in places {
+            let known = sqlx::query(SELECT_PLACE).bind(person).bind(place).bind(oldest_ms);
+            if known.fetch_optional(self.0.readers()).await?.is_some() {
+                return Ok(Some(place));
+            }
+        }
+        Ok(None)
     }
 
     /// The person of this cookie, if it is still valid; records that they were seen.
@@ -109,11 +156,13 @@ impl CookieStore<'_> {
             .await
     }
 
-    /// Deletes expired cookies. Idle cookies are invalid at once, but are deleted only when they expire.
+    /// Deletes expired cookies, and places that were not used for long. Idle cookies are invalid at once, but are deleted only when they expire.
     pub async fn forget_expired(&self) -> StoreResult<u64> {
         let now_ms = self.0.now_ms();
         self.0
             .write(async move |tx| {
+                let oldest_ms = now_ms - millis(KNOWN_PLACE_LIFETIME);
+                sqlx::query(DELETE_OLD_PLACES).bind(oldest_ms).execute(&mut *tx).await?;
                 let delete = sqlx::query(DELETE_EXPIRED).bind(now_ms);
                 Ok(delete.execute(tx).await?.rows_affected())
             })

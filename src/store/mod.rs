@@ -11,7 +11,7 @@
 //! |---|---|
 //! | [`Store::people`] | `create` `list` `get` `change` `delete` `set_password` · for sign-in: `by_login` · `count` |
 //! | [`Store::groups`] | `create` `list` `get` `set_members` `delete` |
-//! | [`Store::cookies`] | `create` `person_of` `is_valid` `delete` `forget_expired` `forget_all` |
+//! | [`Store::cookies`] | `create` `known_place` `person_of` `is_valid` `delete` `forget_expired` `forget_all` |
 //! | [`Store::tokens`] | `create` `list` `delete` `scope_of` |
 //! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `change` `erase` |
 //! | [`Store::tasks`] | `create` `list` `get` `change` `delete` |
@@ -83,7 +83,7 @@ pub use boxes::{BoxRecord, BoxStore};
 pub use calibrations::{CalibrationRecord, CalibrationStore};
 pub use cohorts::{CohortRecord, CohortStore, CohortValue};
 pub use comments::{CommentRecord, CommentStore, VisibleComments};
-pub use cookies::{CookieLifetime, CookieStore};
+pub use cookies::{CookieLifetime, CookieStore, KNOWN_PLACE_LIFETIME};
 pub use courses::{CourseRecord, CourseStep, CourseStore, GroupCoursePlan, TraineeCourse};
 pub use edits::{EditRecord, EditStore, SessionEdits};
 pub use enrolment::Enrolment;

@@ -4,9 +4,13 @@ use axum::http::{HeaderMap, HeaderValue, header};
 use axum_extra::extract::cookie::{Cookie, SameSite};
 
 use crate::domain::secret::{Secret, SecretHash};
+use crate::store::KNOWN_PLACE_LIFETIME;
 
 /// Name of the cookie. With this prefix browsers require `Secure`, `Path=/` and this host.
 pub const COOKIE_NAME: &str = "__Host-trocar";
+
+/// Name of the cookie that recognises a browser that has signed in before.
+const BROWSER_COOKIE_NAME: &str = "__Host-trocar-browser";
 
 /// The credential of a request, hashed: the secret itself stays in this module.
 #[derive(Debug, PartialEq, Eq)]
@@ -36,19 +40,36 @@ fn token(headers: &HeaderMap) -> Option<Secret> {
 }
 
 fn cookie(headers: &HeaderMap) -> Option<Secret> {
+    cookie_named(COOKIE_NAME, headers)
+}
+
+/// The secret of a browser that has signed in before, to any account.
+pub fn browser_secret(headers: &HeaderMap) -> Option<Secret> {
+    cookie_named(BROWSER_COOKIE_NAME, headers)
+}
+
+fn cookie_named(name: &str, headers: &HeaderMap) -> Option<Secret> {
     headers
         .get_all(header::COOKIE)
         .iter()
         .filter_map(|value| value.to_str().ok())
         .flat_map(Cookie::split_parse)
         .filter_map(Result::ok)
-        .find(|cookie| cookie.name() == COOKIE_NAME)
+        .find(|cookie| cookie.name() == name)
         .and_then(|cookie| Secret::from_cookie(cookie.value()))
 }
 
 /// The `Set-Cookie` header of a sign-in. The cookie ends when the browser closes or the sign-in ends.
 pub fn set_cookie(secret: &Secret) -> HeaderValue {
     header_value(cookie_with(secret.as_cookie()))
+}
+
+/// The `Set-Cookie` header that lets the browser be recognised at its next sign-ins. It signs nobody in.
+pub fn set_browser_cookie(secret: &Secret) -> HeaderValue {
+    let mut cookie = cookie_with(secret.as_cookie());
+    cookie.set_name(BROWSER_COOKIE_NAME);
+    HeaderValue::try_from(format!("{cookie}; Max-Age={}", KNOWN_PLACE_LIFETIME.as_secs()))
+        .unwrap_or(HeaderValue::from_static("")) // as in `header_value`
 }
 
 /// The `Set-Cookie` header that removes the cookie.

@@ -1,19 +1,20 @@
 //! Sign in, sign out, change the own password.
 
-use std::net::SocketAddr;
 use std::time::Duration;
 
-use axum::extract::{ConnectInfo, State};
+use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{AppendHeaders, IntoResponse};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::password;
-use super::presented::{PresentedCredential, clear_cookie, set_cookie};
+use super::presented::{PresentedCredential, browser_secret, clear_cookie, set_browser_cookie, set_cookie};
 use super::signed_in::{Member, SignedIn};
-use crate::domain::secret::{Password, PasswordHash, Secret};
-use crate::domain::text::Login;
+use super::throttle::AttemptOrigin;
+use crate::domain::secret::{Password, PasswordHash, Secret, SecretHash};
+use crate::domain::text::{Invalid, Login};
+use crate::http::client_address::ClientAddress;
 use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::people::PersonResponse;
 use crate::http::read::Json;
@@ -42,23 +43,25 @@ pub struct SignInResponse {
     responses((status = OK, body = SignInResponse,
             headers(("Set-Cookie" = String,
                     description = "`__Host-trocar`; ends after 30 minutes without a request and after 12 hours at the \
-                                   latest")))))]
+                                   latest. `__Host-trocar-browser` recognises the browser at its next sign-in, for 180 \
+                                   days")))))]
 pub async fn sign_in(
     State(app): State<App>,
-    ConnectInfo(peer): ConnectInfo<SocketAddr>,
+    address: ClientAddress,
     headers: HeaderMap,
     Json(tried): Json<Credentials>,
 ) -> HandlerResult<impl IntoResponse> {
-    let attempt = app.throttle.attempt(&tried.login, peer.ip()).map_err(too_many_attempts)?;
-    let person = authenticate(&app, tried).await?;
-    attempt.succeeded();
-    let secret = Secret::random();
-    app.store.cookies().create(secret.hash(), &person, app.sign_in_lifetime()).await?;
+    let known_browser = browser_secret(&headers);
+    let person = authenticate(&app, tried, address, known_browser.as_ref().map(Secret::hash)).await?;
+    let (secret, browser) = (Secret::random(), known_browser.unwrap_or_else(Secret::random));
+    let places = [browser.hash(), SecretHash::of_address(person.id, address.0)];
+    app.store.cookies().create(secret.hash(), &person, app.sign_in_lifetime(), places).await?;
     if let PresentedCredential::Cookie(before) = PresentedCredential::in_headers(&headers) {
         app.store.cookies().delete_replaced(before).await?;
     }
     tracing::info!(person = %person.id, "signed in");
-    Ok((set_cookie_header(set_cookie(&secret)), Json(SignInResponse { person: person.into() })))
+    let cookies = [set_cookie(&secret), set_browser_cookie(&browser)].map(|cookie| (header::SET_COOKIE, cookie));
+    Ok((AppendHeaders(cookies), Json(SignInResponse { person: person.into() })))
 }
 
 /// Sign out: invalidates the cookie and removes it from the browser
@@ -89,32 +92,64 @@ pub struct PasswordChange {
     responses((status = NO_CONTENT)))]
 pub async fn change_password(
     State(app): State<App>,
-    ConnectInfo(peer): ConnectInfo<SocketAddr>,
+    address: ClientAddress,
     member: Member,
     Json(change): Json<PasswordChange>,
 ) -> HandlerResult<StatusCode> {
     let id = member.scope.person().ok_or_else(ProblemResponse::not_found)?;
     let person = app.store.people().get(&member.scope, id).await?;
     let new = Password::new(change.new)?;
-    let attempt = app.throttle.attempt(person.login.as_str(), peer.ip()).map_err(too_many_attempts)?;
-    authenticate(&app, Credentials { login: person.login.to_string(), password: change.old }).await?;
-    attempt.succeeded();
+    let (_, stored) = app.store.people().by_login(&person.login).await?.ok_or_else(ProblemResponse::not_found)?;
+    // Only the owner is signed in: guesses of strangers do not keep them from this.
+    let origin = AttemptOrigin { address: address.0, known_place: Some(SecretHash::of_address(id, address.0)) };
+    if !try_password(&app, &person.login, origin, change.old, Some(stored)).await? {
+        return Err(Invalid::new("old", "is not the current password").into());
+    }
     app.store.people().set_password(&member.scope, id, password::hash(new).await?).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
 /// The account with these credentials. Takes the same time whether the login exists or not.
-async fn authenticate(app: &App, tried: Credentials) -> HandlerResult<store::PersonRecord> {
-    let found = match tried.login.parse::<Login>() {
-        Ok(login) => app.store.people().by_login(&login).await?,
-        Err(_) => None,
+async fn authenticate(
+    app: &App,
+    tried: Credentials,
+    ClientAddress(address): ClientAddress,
+    browser: Option<SecretHash>,
+) -> HandlerResult<store::PersonRecord> {
+    let Ok(login) = tried.login.parse::<Login>() else {
+        app.throttle.attempt_without_login(address).map_err(too_many_attempts)?;
+        return Err(wrong_credentials());
     };
+    let found = app.store.people().by_login(&login).await?;
     let (person, stored): (Option<store::PersonRecord>, Option<PasswordHash>) = found.unzip();
-    let password = Password::attempt(tried.password).ok_or_else(wrong_credentials)?;
-    match (password::matches(password, stored).await?, person) {
+    let known_place = match &person {
+        Some(person) => {
+            let places = browser.into_iter().chain([SecretHash::of_address(person.id, address)]);
+            app.store.cookies().known_place(person.id, places).await?
+        }
+        None => None,
+    };
+    match (try_password(app, &login, AttemptOrigin { address, known_place }, tried.password, stored).await?, person) {
         (true, Some(person)) => Ok(person),
         _ => Err(wrong_credentials()),
     }
+}
+
+/// Counts an attempt, and says whether the password matches.
+async fn try_password(
+    app: &App,
+    login: &Login,
+    origin: AttemptOrigin,
+    password: String,
+    stored: Option<PasswordHash>,
+) -> HandlerResult<bool> {
+    let attempt = app.throttle.attempt(login, origin).map_err(too_many_attempts)?;
+    let Some(password) = Password::attempt(password) else { return Ok(false) };
+    let matches = password::matches(password, stored).await?;
+    if matches {
+        attempt.succeeded();
+    }
+    Ok(matches)
 }
 
 fn wrong_credentials() -> ProblemResponse {

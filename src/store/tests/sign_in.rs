@@ -4,9 +4,12 @@ use std::time::Duration;
 
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
-use crate::domain::secret::{Password, Secret};
+use crate::domain::secret::{Password, Secret, SecretHash};
 use crate::store::testing::{NOW_MS, TestCentre};
 use crate::store::{ActsAs, CookieLifetime, NewToken, PersonChange, StoreError};
+
+/// Places that sign in.
+const PLACES: [SecretHash; 2] = [SecretHash([1; 32]), SecretHash([2; 32])];
 
 const LASTS: CookieLifetime =
     CookieLifetime { idle: Duration::from_secs(30 * 60), max_age: Duration::from_secs(12 * 3600) };
@@ -16,7 +19,7 @@ async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_pas
     let centre = TestCentre::new().await;
     let person = centre.person("ina", Role::Instructor, None).await;
     let (cookies, secret) = (centre.store.cookies(), Secret::random().hash());
-    cookies.create(secret, &person, LASTS).await.unwrap();
+    cookies.create(secret, &person, LASTS, PLACES).await.unwrap();
     for _ in 0..24 {
         assert_eq!(cookies.person_of(secret, LASTS).await.unwrap().as_ref(), Some(&person));
         centre.clock.advance(Duration::from_secs(29 * 60));
@@ -27,7 +30,7 @@ async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_pas
     assert_eq!(cookies.forget_expired().await.unwrap(), 1);
 
     let idle = Secret::random().hash();
-    cookies.create(idle, &person, LASTS).await.unwrap();
+    cookies.create(idle, &person, LASTS, PLACES).await.unwrap();
     centre.clock.advance(Duration::from_secs(30 * 60));
     assert_eq!(cookies.person_of(idle, LASTS).await.unwrap(), None);
 }
@@ -37,7 +40,7 @@ async fn a_new_password_signs_all_browsers_out() {
     let centre = TestCentre::new().await;
     let person = centre.person("ina", Role::Instructor, None).await;
     let secret = Secret::random().hash();
-    centre.store.cookies().create(secret, &person, LASTS).await.unwrap();
+    centre.store.cookies().create(secret, &person, LASTS, PLACES).await.unwrap();
     let password = Password::new("another horse").unwrap();
     centre.store.people().set_password(&person.scope(), person.id, password.hash()).await.unwrap();
     assert_eq!(centre.store.cookies().person_of(secret, LASTS).await.unwrap(), None);
@@ -53,8 +56,8 @@ async fn another_role_signs_all_browsers_out_and_another_name_none() {
     let (ada, ina) =
         (centre.person("ada", Role::Administrator, None).await, centre.person("ina", Role::Instructor, None).await);
     let (of_ada, of_ina) = (Secret::random().hash(), Secret::random().hash());
-    centre.store.cookies().create(of_ada, &ada, LASTS).await.unwrap();
-    centre.store.cookies().create(of_ina, &ina, LASTS).await.unwrap();
+    centre.store.cookies().create(of_ada, &ada, LASTS, PLACES).await.unwrap();
+    centre.store.cookies().create(of_ina, &ina, LASTS, PLACES).await.unwrap();
     let counts = async |secret| centre.store.cookies().is_valid(secret, LASTS).await.unwrap();
     let same = PersonChange { name: Some("Ada".parse().unwrap()), role: Some(Role::Administrator), login: None };
     people.change(&service, ada.id, same).await.unwrap();

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use reqwest::{StatusCode, header};
+use reqwest::{Method, StatusCode, header};
 use serde_json::json;
 
 use super::centre::{Centre, PASSWORD};
@@ -57,16 +57,71 @@ async fn an_unknown_login_and_a_wrong_password_are_the_same_refusal() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn guessing_is_slowed_down_and_the_answer_says_how_long_to_wait() {
-    let service = Service::start_with(|settings| settings.http.attempts_per_min = 5).await;
+    let service = Service::start_with(|settings| settings.http.free_attempts = 5).await;
     let stranger = service.stranger();
-    let guess = || stranger.post("/api/v1/sign-in", json!({"login": "administrator", "password": "guess"}));
-    for _ in 0..5 {
-        problem(guess().await, 401, "wrong-credentials").await;
+    // Blanks and capital letters make no other login.
+    let guess = |login: &str| stranger.post("/api/v1/sign-in", json!({"login": login, "password": "guess"}));
+    for login in ["administrator", "administrator ", " Administrator", "ADMINISTRATOR", "administrator\t"] {
+        problem(guess(login).await, 401, "wrong-credentials").await;
     }
-    let refused = guess().await;
+    let refused = guess("administrator  ").await;
     let wait: u64 = refused.headers()[header::RETRY_AFTER].to_str().unwrap().parse().unwrap();
-    assert!((1..=12).contains(&wait), "{wait} s");
+    assert!((1..=6).contains(&wait), "{wait} s");
     problem(refused, 429, "too-many").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_has_signed_in_before_is_not_locked_out_by_the_guesses_of_others() {
+    let service = Service::start_with(|settings| {
+        settings.http.free_attempts = 2;
+        settings.http.trusted_proxies = vec!["127.0.0.0/8".parse().unwrap()];
+    })
+    .await;
+    let sign_in = async |from: &str, browser: Option<&str>, password: &str| {
+        let request = service.stranger().request(Method::POST, "/api/v1/sign-in").header("x-forwarded-for", from);
+        let request = browser.into_iter().fold(request, |request, cookie| request.header(header::COOKIE, cookie));
+        request.json(&json!({"login": ADMINISTRATOR.0, "password": password})).send().await.unwrap()
+    };
+    let first = sign_in("203.0.113.1", None, ADMINISTRATOR.1).await;
+    assert_eq!(first.status(), StatusCode::OK);
+    let cookies = first.headers().get_all(header::SET_COOKIE).iter().map(|cookie| cookie.to_str().unwrap().to_owned());
+    let browser = cookies.into_iter().find(|cookie| cookie.starts_with("__Host-trocar-browser=")).unwrap();
+    assert!(browser.contains("HttpOnly") && browser.contains("Max-Age=15552000"), "{browser}");
+    let browser = browser.split(';').next().unwrap();
+    for guesser in ["198.51.100.1", "198.51.100.2"] {
+        problem(sign_in(guesser, None, "guess").await, 401, "wrong-credentials").await;
+    }
+    problem(sign_in("198.51.100.3", None, ADMINISTRATOR.1).await, 429, "too-many").await;
+    let elsewhere = sign_in("198.51.100.4", Some(browser), ADMINISTRATOR.1).await;
+    assert_eq!(elsewhere.status(), StatusCode::OK, "a browser that has signed in before");
+    let at_home = sign_in("203.0.113.1", None, ADMINISTRATOR.1).await;
+    assert_eq!(at_home.status(), StatusCode::OK, "an address that has signed in before");
+    let guess = async |n: usize| {
+        let request = service.stranger().request(Method::POST, "/api/v1/sign-in");
+        let request = request.header("x-forwarded-for", "203.0.113.1");
+        request.json(&json!({"login": format!("login{n}"), "password": "guess"})).send().await.unwrap().status()
+    };
+    let mut guesses = 0;
+    while guess(guesses).await != StatusCode::TOO_MANY_REQUESTS {
+        guesses += 1;
+        assert!(guesses < 100, "one address tries many logins");
+    }
+    assert_eq!(sign_in("203.0.113.1", None, ADMINISTRATOR.1).await.status(), StatusCode::OK, "the same address");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stranger_cannot_state_another_address() {
+    let service = Service::start_with(|settings| settings.http.free_attempts = 1).await;
+    let guess = async |n: u8| {
+        let request = service.stranger().request(Method::POST, "/api/v1/sign-in");
+        let request = request.header("x-forwarded-for", format!("203.0.113.{n}"));
+        request.json(&json!({"login": format!("login{n}"), "password": "guess"})).send().await.unwrap().status()
+    };
+    let mut refused = 0;
+    for n in 0..20 {
+        refused += usize::from(guess(n).await == StatusCode::TOO_MANY_REQUESTS);
+    }
+    assert!(refused >= 7, "{refused} of 20 refused: no proxy is trusted");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -90,7 +145,7 @@ async fn a_new_password_replaces_the_old_one_and_ends_other_sign_ins() {
     let elsewhere = centre.service.sign_in("ada", PASSWORD).await;
     let wrong =
         centre.trainee.post("/api/v1/me/password", json!({"old": "not it at all", "new": "another password"})).await;
-    problem(wrong, 401, "wrong-credentials").await;
+    problem(wrong, 422, "invalid").await;
     let short = centre.trainee.post("/api/v1/me/password", json!({"old": PASSWORD, "new": "short"})).await;
     problem(short, 422, "invalid").await;
     let changed = centre.trainee.post("/api/v1/me/password", json!({"old": PASSWORD, "new": "another password"})).await;

@@ -9,6 +9,7 @@
 //! | `power.rs` | nothing acknowledged is lost when the power is cut |
 //! | `pushes.rs` | the part of a pushed stream that arrived becomes a session, even if service or child are killed |
 //! | `rescoring.rs` | scoring again gives the same bytes, even if the service is killed |
+//! | `sign_ins.rs` | wrong sign-ins leave no memory behind |
 //! | `slow.rs` | a thousand slow clients do not affect other clients |
 //! | `unprivileged.rs` | the service needs no privilege, and says what the system lacks |
 //!
@@ -22,6 +23,7 @@ mod order;
 mod power;
 mod pushes;
 mod rescoring;
+mod sign_ins;
 mod slow;
 mod unprivileged;
 
