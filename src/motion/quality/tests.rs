@@ -118,15 +118,24 @@ fn time_out_of_view_and_lost_time_are_separate_within_the_session() {
         [QualityCause::Coverage, QualityCause::LeftView, QualityCause::Lost, QualityCause::LongGap]
     );
     assert_eq!(rank(&verdict), Some(Severity::Care));
-    let finding = |counts: &Quality| {
-        let verdict = judge(&measure(&QualityInput { tracker: Some(counts), ..QualityInput::of_path(&path) }));
+    let finding = |path: &Trajectory, counts: &Quality| {
+        let verdict = judge(&measure(&QualityInput { tracker: Some(counts), ..QualityInput::of_path(path) }));
         let lost = verdict.concerns().iter().find(|concern| concern.cause == QualityCause::Lost).map(Concern::finding);
         lost.unwrap()
     };
-    let within = finding(&counts);
+    let within = finding(&path, &counts);
     assert!(within.ends_with("; longest from 10.8 s to 12.0 s"), "{within}");
-    let to_end = finding(&Quality { tools: vec![lost_to_the_end()], ..counts });
-    assert!(to_end.ends_with("; longest from 16.0 s to the end of the recording"), "{to_end}");
+    let to_end = Quality { tools: vec![lost_to_the_end()], ..counts };
+    let found = finding(&path, &to_end);
+    assert!(found.ends_with("; longest from 16.0 s to the end of the recording"), "{found}");
+    // An edit that keeps the frames from 60 to 449.
+    path.samples.retain(|sample| (60..450).contains(&sample.frame));
+    path.frame_times_s = (60..450).map(|frame| f64::from(frame) * FRAME_S).collect();
+    let found = finding(&path, &to_end);
+    assert!(found.ends_with("; longest from 16.0 s to the end of the recording"), "{found}");
+    path.frame_times_s.truncate(340);
+    let found = finding(&path, &to_end);
+    assert!(found.ends_with("; longest from 10.8 s to 12.0 s"), "{found}");
 }
 
 fn lost_to_the_end() -> ToolQuality {

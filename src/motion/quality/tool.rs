@@ -12,8 +12,8 @@ use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::pose::size_check::SizeMismatch;
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::ColourSeparation;
-use crate::vision::tracker::{Absence, EffectiveDiameter, Gap, ToolQuality, TrocarEvidence};
-use crate::vision::trajectory::{Sample, SampleState};
+use crate::vision::tracker::{Absence, EffectiveDiameter, ToolQuality, TrocarEvidence};
+use crate::vision::trajectory::{Sample, SampleState, Trajectory};
 
 /// How one tool was seen. Shares are 0 to 1; `None` if the input does not contain the figure.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,13 +81,17 @@ pub struct LostStretch {
 }
 
 impl LostStretch {
-    /// The longest of a tool's gaps that are no absence; `None` if the times of the frames are unknown.
-    fn longest(tool: &ToolQuality, frame_times_s: &[f64]) -> Option<Self> {
-        let time_s = |frame: u64| frame_times_s.get(frame as usize).copied();
-        let is_lost = |gap: &&Gap| matches!(gap.absence, Absence::Lost(_));
-        let gap = tool.gaps.iter().filter(is_lost).max_by_key(|gap| gap.last - gap.first)?;
-        let to_end = gap.last as usize + 1 == frame_times_s.len();
-        Some(Self { from_s: time_s(gap.first)?, to_s: time_s(gap.last)?, to_end })
+    /// The longest of a tool's gaps that are no absence, within the frames of the path; `None` if their times are
+    /// unknown. Gaps count the frames of the recording, of which an edit may have cut the first ones off.
+    fn longest(tool: &ToolQuality, path: &Trajectory) -> Option<Self> {
+        let (times_s, sample) = (&path.frame_times_s, path.samples.first()?);
+        let first = sample.frame.checked_sub(times_s.partition_point(|time_s| *time_s < sample.time_s) as u64)?;
+        let last = (first + times_s.len() as u64).checked_sub(1)?;
+        let lost = tool.gaps.iter().filter(|gap| matches!(gap.absence, Absence::Lost(_)));
+        let inside = lost.map(|gap| (gap.first.max(first), gap.last.min(last))).filter(|(from, to)| from <= to);
+        let (from, to) = inside.max_by_key(|(from, to)| to - from)?;
+        let time_s = |frame: u64| times_s.get((frame - first) as usize).copied();
+        Some(Self { from_s: time_s(from)?, to_s: time_s(to)?, to_end: to == last })
     }
 }
 
@@ -135,7 +139,7 @@ pub(super) fn measure(
             .as_ref()
             .zip(recorded)
             .and_then(|(gaps, frames)| share(gaps.lost_anywhere, frames.saturating_sub(gaps.left_anywhere))),
-        longest_lost: tracker.and_then(|tool| LostStretch::longest(tool, &evidence.smoothed.frame_times_s)),
+        longest_lost: tracker.and_then(|tool| LostStretch::longest(tool, evidence.smoothed)),
         lost_frames: gaps.map(|gaps| gaps.lost).unwrap_or_default(),
         longest_gap_s: shown.map(|shown| longest_gap_s(&seen, shown)),
         border_residual_px: tracker.and_then(|tool| tool.border_residual_px),

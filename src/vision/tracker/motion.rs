@@ -168,9 +168,9 @@ fn by_camera(camera: &Camera, tip: &Point3<f64>) -> Matrix3<f64> {
 }
 
 /// Least standard deviation that is stated in any direction, pixels. Across the tube, where a position is known best,
-/// what shifts both borders alike (uneven light, the background, a second layer of tape) cannot be distinguished from motion. On
-/// 105 tools of 71 ray-traced recordings the errors in this direction were 0.3 px (root mean square), whether the
-/// adjustment stated less than 0.3, 0.3 to 0.4, or 0.4 to 0.5 px, in even and odd recordings alike.
+/// what shifts both borders alike (uneven light, the background, a second layer of tape) cannot be distinguished from
+/// motion. On 105 tools of 71 ray-traced recordings the errors in this direction were 0.3 px (root mean square), whether
+/// the adjustment stated less than 0.3, 0.3 to 0.4, or 0.4 to 0.5 px, in even and odd recordings alike.
 const LEAST_SIGMA_PX: f64 = 0.3;
 
 /// The covariance to state for a position, mm², from that of its pose: with the camera's part, and nowhere below

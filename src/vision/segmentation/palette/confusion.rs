@@ -46,7 +46,7 @@ pub struct LabelConfusion {
     pub tool: Option<usize>,
     /// Number of rectangles marked. With only one, its pixels vote for each other, and the row looks too good.
     pub rectangles: usize,
-    /// The rectangle whose pixels are recognised least, if there are several; by number, with the share of its pixels
+    /// The rectangle whose pixels are recognised least, if there are three or more; by number, with the share of its pixels
     /// that are not classified as the label's tool.
     pub oddest: Option<(u32, f64)>,
     /// Number of test pixels.
@@ -156,9 +156,9 @@ impl RectangleCount {
     }
 }
 
-/// The rectangle that lost the largest share of its pixels, if there are several.
+/// The rectangle that lost the largest share of its pixels. Of two that differ, nothing shows which one is wrong.
 fn oddest(rectangles: &[&RectangleCount]) -> Option<(u32, f64)> {
-    let several = rectangles.iter().filter(|_| rectangles.len() > 1);
+    let several = rectangles.iter().filter(|_| rectangles.len() > 2);
     several.map(|of| (of.number, of.lost_share())).max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
