@@ -194,10 +194,11 @@ pub async fn start(
     let events = EventBus::new();
     let queue = Queue::new(store.clone(), settings.queue.clone(), events.clone(), clock.clone());
     queue.recover().await.context("recovering the queue")?;
-    let is_first = make_first_administrator(&store, password).await.context("making the first administrator")?;
+    // First the address: if it is in use, no administrator is made whose password nobody has seen.
     let listener =
         TcpListener::bind(settings.listen).await.with_context(|| format!("listening on {}", settings.listen))?;
     let address = listener.local_addr().context("asking for the address")?;
+    let is_first = make_first_administrator(&store, password).await.context("making the first administrator")?;
     let shutdown = Shutdown::new();
     let (storage, jobs) = ((store.clone(), vault.clone()), (queue.clone(), events.clone()));
     let intake = Intake::new(storage, jobs, clock.clone(), shutdown.clone(), settings.uploads.clone());

@@ -64,16 +64,39 @@ pub async fn run(store: &Store, vault: &Vault, every: Duration, clock: SharedClo
     }
 }
 
-/// Removes files that are no longer needed, and erased data from the write-ahead log.
+/// Removes files that are no longer needed, and erased data from the write-ahead log. A step that fails, such as a file
+/// that cannot be deleted, stops no other.
+///
+/// # Errors
+/// The first failure.
 pub async fn clear_up(store: &Store, vault: &Vault) -> UpkeepResult<()> {
-    forget_expired_uploads(store, vault).await?;
-    remove_orphan_uploads(store, vault).await?;
-    collect(store, vault).await?;
-    remove_unreferenced(store, vault).await?;
-    store.purge_erased().await?;
+    let mut steps = Attempts::default();
+    steps.note(forget_expired_uploads(store, vault).await);
+    steps.note(remove_orphan_uploads(store, vault).await);
+    steps.note(collect(store, vault).await);
+    steps.note(remove_unreferenced(store, vault).await);
+    steps.note(store.purge_erased().await.map_err(UpkeepError::from));
     store.restore_reserves().await;
-    store.cookies().forget_expired().await?; // last, since it fails on a full disk
-    Ok(())
+    steps.note(store.cookies().forget_expired().await.map_err(UpkeepError::from)); // last, since it fails on a full disk
+    steps.finish(())
+}
+
+/// Several attempts, each made although an earlier one failed.
+#[derive(Default)]
+struct Attempts {
+    first_error: Option<UpkeepError>,
+}
+
+impl Attempts {
+    /// Notes the result of one; its value if it succeeded.
+    fn note<T>(&mut self, result: UpkeepResult<T>) -> Option<T> {
+        result.map_err(|error| self.first_error.get_or_insert(error)).ok()
+    }
+
+    /// The value, unless an attempt failed.
+    fn finish<T>(self, value: T) -> UpkeepResult<T> {
+        self.first_error.map_or(Ok(value), Err)
+    }
 }
 
 #[cfg(test)]

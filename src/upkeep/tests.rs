@@ -178,6 +178,28 @@ async fn a_missing_and_a_damaged_file_are_losses() {
 }
 
 #[tokio::test]
+async fn a_file_that_cannot_be_deleted_stops_no_other_step() {
+    let bench = UpkeepFixture::new().await;
+    let (store, service) = (&bench.centre.store, Scope::service());
+    let ana = bench.centre.trainee("Ana").await.id;
+    let mut erased = Vec::new();
+    for video in ["one", "two", "three"] {
+        let session = bench.session(ana, video).await;
+        store.sessions().erase(&service, session.id).await.unwrap();
+        erased.push(bench.path_of(session.video.unwrap()));
+    }
+    let expired = bench.upload(ana, b"part1", 3).await;
+    bench.centre.clock.advance(std::time::Duration::from_secs(365 * 86_400));
+    let upload = bench.centre.folder.path().join("uploads").join(expired.to_string());
+    for stubborn in [&erased[0], &erased[1], &upload] {
+        fs::remove_file(stubborn).unwrap();
+        fs::create_dir_all(stubborn.join("in the way")).unwrap();
+    }
+    assert!(clear_up(store, &bench.vault).await.is_err(), "the failure is reported");
+    assert!(!erased[2].exists());
+}
+
+#[tokio::test]
 async fn a_recording_that_two_sessions_share_goes_with_the_second() {
     let bench = UpkeepFixture::new().await;
     let (store, service) = (&bench.centre.store, Scope::service());
