@@ -79,7 +79,7 @@ pub fn unreadable_body(cause: &(dyn Error + 'static), limit: u64) -> ProblemResp
 }
 
 /// The first error of type `T` among an error and its causes.
-fn find_cause<'e, T: Error + 'static>(error: &'e (dyn Error + 'static)) -> Option<&'e T> {
+pub fn find_cause<'e, T: Error + 'static>(error: &'e (dyn Error + 'static)) -> Option<&'e T> {
     error.downcast_ref().or_else(|| find_cause(error.source()?))
 }
 

@@ -6,7 +6,10 @@ use crate::domain::scope::Scope;
 use crate::domain::text::{FileName, Key};
 use crate::ids::{BoxId, TaskId, TraineeId, UploadId};
 use crate::store::{NewUpload, StoreError, UploadRecord};
-use crate::time::from_rfc3339;
+use crate::time::{from_rfc3339, to_rfc3339};
+
+/// How far a sender's clock may be ahead of the service's, ms: a time zone mistaken by a day at most.
+const MAX_CLOCK_AHEAD_MS: i64 = 24 * 3_600_000;
 
 /// File name of a recording that was sent without one.
 const DEFAULT_FILENAME: &str = "recording";
@@ -63,7 +66,7 @@ impl Intake {
             task: task.id,
             in_box: in_box.id,
             filename: parse_filename(about.filename.as_deref())?,
-            recorded_at_ms: about.recorded_at.as_deref().map(parse_recorded_at).transpose()?,
+            recorded_at_ms: about.recorded_at.as_deref().map(|text| self.parse_recorded_at(text)).transpose()?,
             time,
         })
     }
@@ -97,6 +100,25 @@ impl Intake {
         }
     }
 
+    /// The stated time of a recording. A time in the future would keep it the newest for ever.
+    fn parse_recorded_at(&self, text: &str) -> IntakeResult<i64> {
+        let invalid = |why: String| IntakeError::Invalid { field: "recorded_at", why };
+        let at_ms = from_rfc3339(text)
+            .ok_or_else(|| invalid("expected an RFC 3339 time such as 2026-11-21T20:14:00Z".to_owned()))?;
+        let now_ms = self.clock.now_ms();
+        if at_ms > now_ms + MAX_CLOCK_AHEAD_MS {
+            return Err(invalid(format!(
+                "is in the future: the service's clock says {}. Set the clock of the camera or computer right, or leave the \
+                 time out",
+                to_rfc3339(now_ms)
+            )));
+        }
+        if at_ms < 0 {
+            return Err(invalid("is before 1970: set the clock of the camera right, or leave the time out".to_owned()));
+        }
+        Ok(at_ms)
+    }
+
     /// Refuses a length of 0 or above the limit.
     pub fn check_length(&self, length: u64) -> IntakeResult<()> {
         match length {
@@ -128,9 +150,4 @@ fn parse_time(frame_rate_hz: Option<&str>, duration_s: Option<&str>) -> IntakeRe
     let (rate, duration) = (number("true_frame_rate_hz", frame_rate_hz)?, number("true_duration_s", duration_s)?);
     TimeCorrection::new(rate, duration)
         .map_err(|invalid| IntakeError::Invalid { field: invalid.what, why: invalid.why })
-}
-
-fn parse_recorded_at(text: &str) -> IntakeResult<i64> {
-    let why = || "expected an RFC 3339 time such as 2026-11-21T20:14:00Z".to_owned();
-    from_rfc3339(text).ok_or_else(|| IntakeError::Invalid { field: "recorded_at", why: why() })
 }

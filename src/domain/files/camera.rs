@@ -58,6 +58,9 @@ pub enum CameraFileError {
     },
 }
 
+/// Longest side of a picture, pixels: more than any camera has.
+const MAX_SIDE_PX: f64 = 65_535.0;
+
 impl CameraFile {
     /// Reads and checks a camera file.
     pub fn parse(text: &str) -> Result<Self, CameraFileError> {
@@ -122,9 +125,10 @@ impl CameraFile {
             ("p2", self.p2),
             ("k3", self.k3),
         ];
+        let sizes = positive.into_iter().take(2).find(|(_, px)| *px > MAX_SIDE_PX);
         let bad_size = positive.into_iter().find(|(_, v)| !(v.is_finite() && *v > 0.0));
         let bad_number = finite.into_iter().find(|(_, v)| !v.is_finite());
-        match bad_size.or(bad_number) {
+        match bad_size.or(sizes).or(bad_number) {
             Some((key, value)) => Err(CameraFileError::ImpossibleValue { key, value }),
             None => Ok(()),
         }

@@ -1,13 +1,21 @@
 //! Reads multipart forms with pictures, part by part: text into memory, files into the vault, both within limits.
 
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::task::{Context, Poll};
+
+use axum::BoxError;
+use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::multipart::{Field, Multipart, MultipartError};
 use axum::extract::{FromRequest, Request};
 use http_body_util::Limited;
+use hyper::body::Frame;
 
 use crate::domain::job::NamedBlob;
 use crate::domain::text::FileName;
 use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
-use crate::http::read::unreadable_body;
+use crate::http::read::{find_cause, unreadable_body};
 use crate::http::state::App;
 use crate::vault::PinnedBlob;
 
@@ -15,10 +23,13 @@ use crate::vault::PinnedBlob;
 const MAX_PARTS: usize = 200;
 /// Longest text part, bytes; enough for the annotations of a long clip.
 const MAX_TEXT_BYTES: usize = 4 * 1024 * 1024;
+/// Longest head of a part, bytes; one more packet may be read.
+const MAX_HEAD_BYTES: i64 = 64 * 1024;
 
 /// A multipart form that is being received.
 pub struct MultipartForm {
     parts: Multipart,
+    head: HeadCounter,
     app: App,
     parts_read: usize,
 }
@@ -28,11 +39,14 @@ impl FromRequest<App> for MultipartForm {
 
     async fn from_request(request: Request, app: &App) -> Result<Self, ProblemResponse> {
         let limit = usize::try_from(app.settings.max_form_bytes).unwrap_or(usize::MAX);
-        let request = request.map(|body| axum::body::Body::new(Limited::new(body, limit)));
+        let head = HeadCounter::default();
+        let paced =
+            |body| PacedBody { body: Box::pin(Limited::new(body, limit)), head: head.clone(), is_resting: false };
+        let request = request.map(|body| Body::new(paced(body)));
         let no_form =
             |_| Refusal::UnsupportedMediaType.with("Send a form with `Content-Type: multipart/form-data; boundary=…`.");
         let parts = Multipart::from_request(request, app).await.map_err(no_form)?;
-        Ok(Self { parts, app: app.clone(), parts_read: 0 })
+        Ok(Self { parts, head, app: app.clone(), parts_read: 0 })
     }
 }
 
@@ -40,9 +54,10 @@ impl MultipartForm {
     /// The next part, in the order of the request.
     pub async fn next(&mut self) -> HandlerResult<Option<FormPart<'_>>> {
         let limit = self.app.settings.max_form_bytes;
-        let Some(field) = self.parts.next_field().await.map_err(|error| form_problem(&error, limit))? else {
-            return Ok(None);
-        };
+        self.head.begin();
+        let field = self.parts.next_field().await;
+        self.head.end();
+        let Some(field) = field.map_err(|error| form_problem(&error, limit))? else { return Ok(None) };
         self.parts_read += 1;
         if self.parts_read > MAX_PARTS {
             return Err(ProblemResponse::invalid(
@@ -102,14 +117,79 @@ impl FormPart<'_> {
         Ok((kept, named))
     }
 
-    async fn chunk(&mut self) -> HandlerResult<Option<axum::body::Bytes>> {
+    async fn chunk(&mut self) -> HandlerResult<Option<Bytes>> {
         let limit = self.app.settings.max_form_bytes;
         self.field.chunk().await.map_err(|error| form_problem(&error, limit))
     }
 }
 
+/// Counts the bytes read for the head of a part. The parser keeps a head until its end, however long it is, and searches
+/// it again with each packet.
+#[derive(Clone, Default)]
+struct HeadCounter(Arc<AtomicI64>);
+
+/// While the content of a part is read, which has limits of its own.
+const NO_HEAD: i64 = -1;
+
+impl HeadCounter {
+    fn begin(&self) {
+        self.0.store(0, Ordering::Relaxed);
+    }
+
+    fn end(&self) {
+        self.0.store(NO_HEAD, Ordering::Relaxed);
+    }
+
+    fn add(&self, bytes: usize) {
+        if self.0.load(Ordering::Relaxed) != NO_HEAD {
+            self.0.fetch_add(bytes as i64, Ordering::Relaxed);
+        }
+    }
+
+    fn is_too_long(&self) -> bool {
+        self.0.load(Ordering::Relaxed) > MAX_HEAD_BYTES
+    }
+}
+
+/// The head of a part has no end within [`MAX_HEAD_BYTES`].
+#[derive(Debug, thiserror::Error)]
+#[error("the head of a part is longer than {MAX_HEAD_BYTES} bytes")]
+struct HeadTooLong;
+
+/// A body that gives one packet at a time. The parser reads on for as long as there is something to read, so a fast
+/// sender would fill the memory.
+struct PacedBody {
+    body: Pin<Box<Limited<Body>>>,
+    head: HeadCounter,
+    is_resting: bool,
+}
+
+impl HttpBody for PacedBody {
+    type Data = Bytes;
+    type Error = BoxError;
+
+    fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, BoxError>>> {
+        if std::mem::take(&mut self.is_resting) {
+            cx.waker().wake_by_ref();
+            return Poll::Pending;
+        }
+        if self.head.is_too_long() {
+            return Poll::Ready(Some(Err(HeadTooLong.into())));
+        }
+        let polled = self.body.as_mut().poll_frame(cx);
+        if let Poll::Ready(Some(Ok(frame))) = &polled {
+            self.head.add(frame.data_ref().map_or(0, Bytes::len));
+            self.is_resting = true;
+        }
+        polled
+    }
+}
+
 /// The problem for a form that could not be read to its end.
 fn form_problem(error: &MultipartError, limit: u64) -> ProblemResponse {
+    if let Some(too_long) = find_cause::<HeadTooLong>(error) {
+        return Refusal::BadRequest.with(format!("The form cannot be read: {too_long}.")).of_field("form");
+    }
     match error.status().is_client_error() && error.status() != axum::http::StatusCode::PAYLOAD_TOO_LARGE {
         true => {
             let detail = format!("The form cannot be read: {}. Send it again.", error.body_text());

@@ -58,6 +58,37 @@ async fn bodies_that_are_too_long_wrong_or_broken_are_explained() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_form_whose_part_has_no_end_of_its_head_is_refused_early() {
+    let centre = Centre::open().await;
+    let head = format!(
+        "POST /api/v1/boxes/box-1/palettes HTTP/1.1\r\nHost: x\r\nCookie: {}\r\nContent-Length: {}\r\n\
+         Content-Type: multipart/form-data; boundary=edge\r\n\r\n\
+         --edge\r\nContent-Disposition: form-data; name=\"annotations\"\r\nX-More: ",
+        centre.administrator.cookie(),
+        64 << 20
+    );
+    // The service answers without the other 63 MiB.
+    let answer = send_raw(&centre.service, format!("{head}{}", "a".repeat(1 << 20)).as_bytes());
+    assert!(answer.starts_with("HTTP/1.1 400"), "{answer}");
+    assert!(answer.contains("longer than 65536 bytes"), "{answer}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn numbers_that_nothing_can_have_are_refused() {
+    let centre = Centre::open().await;
+    let camera = json!({"width": 70_000, "height": 480, "fx": 500.0, "fy": 500.0, "cx": 320.0, "cy": 240.0,
+        "k1": 0.0, "k2": 0.0, "p1": 0.0, "p2": 0.0, "k3": 0.0});
+    let put = centre.administrator.request(Method::PUT, "/api/v1/boxes/box-1/camera").json(&camera).send();
+    problem(put.await.unwrap(), 422, "invalid").await;
+    for recorded_at in ["2099-01-01T00:00:00Z", "1961-01-01T00:00:00Z", "-009999-01-02T01:59:59Z", "yesterday"] {
+        let path = format!("/api/v1/sessions?trainee=ada&task=peg&box=box-1&recorded_at={recorded_at}");
+        let sent = centre.administrator.request(Method::POST, &path).header(header::CONTENT_TYPE, "video/mp4");
+        let refused = problem(sent.body("no video").send().await.unwrap(), 422, "invalid").await;
+        assert_eq!(refused["field"], "recorded_at", "{refused}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn hostile_heads_are_refused_and_the_service_keeps_running() {
     let service = Service::start().await;
     let many = format!("GET / HTTP/1.1\r\nHost: x\r\n{}\r\n", "a: b\r\n".repeat(1000));
