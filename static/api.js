@@ -94,7 +94,8 @@ async function request(method, path, { query, json, form, table, signal } = {}) 
   }
   if (answer.ok) return parse(text);
   const problem = Problem.fromText(answer.status, text);
-  if (answer.status === 401 && path[0] !== 'sign-in') signedOutCallbacks.forEach(callback => callback());
+  // A wrong password is refused with 401, too, and ends no sign-in.
+  if (answer.status === 401 && problem.type.endsWith('not-signed-in')) signedOutCallbacks.forEach(callback => callback());
   throw problem;
 }
 

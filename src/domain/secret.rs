@@ -4,7 +4,6 @@
 //! hash would protect nothing). A password is guessable, so it is stored as argon2id with a salt of its own.
 
 use std::fmt;
-use std::net::IpAddr;
 
 use argon2::password_hash::{PasswordHasher, PasswordVerifier, phc};
 use argon2::{Algorithm, Argon2, Params, Version};
@@ -60,10 +59,9 @@ impl Secret {
 }
 
 impl SecretHash {
-    /// Recognises an address from which an account has signed in. The account's id makes the hashes of two accounts
-    /// differ.
-    pub fn of_address(person: PersonId, address: IpAddr) -> Self {
-        Self(Sha256::digest(format!("{person} {address}")).into())
+    /// Recognises a place of an account, such as an address. The account's id makes the hashes of two accounts differ.
+    pub fn of_place(person: PersonId, place: &str) -> Self {
+        Self(Sha256::digest(format!("{person} {place}")).into())
     }
 }
 

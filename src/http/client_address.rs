@@ -1,38 +1,52 @@
-//! The address of a client. Behind a proxy every connection comes from the proxy, which states the client's address in a
-//! header: `Forwarded` (RFC 7239) or `X-Forwarded-For`.
+//! The address of a client. Behind a proxy every connection comes from the proxy, which states the client's address in
+//! a header: `X-Forwarded-For`, or `Forwarded` (RFC 7239).
 //!
-//! A client can send these headers too, so they count only on a connection from a trusted proxy
-//! ([`HttpSettings::trusted_proxies`](super::settings::HttpSettings::trusted_proxies)). Each proxy adds an address at the
-//! end; the last one that is no trusted proxy is the client's.
+//! A client can send these headers too. So they count only on a connection from a trusted proxy
+//! ([`trusted_proxies`](super::settings::HttpSettings::trusted_proxies)), and only the one that this proxy sets
+//! ([`client_address_header`](super::settings::HttpSettings::client_address_header)): a proxy passes the other one
+//! through as the client sent it. Each proxy adds an address at the end; the last one that is no trusted proxy is the
+//! client's.
 
 use std::convert::Infallible;
 use std::net::{IpAddr, SocketAddr};
 
 use axum::extract::{ConnectInfo, FromRequestParts};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, HeaderName, header};
 use ipnet::IpNet;
+use serde::Deserialize;
 
 use super::state::App;
 
 /// Most addresses of a header that are read: a client could add any number before the proxy's.
 const MAX_HOPS: usize = 16;
-const X_FORWARDED_FOR: &str = "x-forwarded-for";
+
+/// The header in which the proxies state a client's address.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+pub enum ClientAddressHeader {
+    /// `X-Forwarded-For`.
+    #[default]
+    #[serde(rename = "x-forwarded-for")]
+    XForwardedFor,
+    /// `Forwarded`.
+    #[serde(rename = "forwarded")]
+    Forwarded,
+}
 
 /// The address of the client that sent a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ClientAddress(pub IpAddr);
 
 impl ClientAddress {
-    /// From the address of the connection's other end, and the headers.
-    pub fn of(peer: IpAddr, headers: &HeaderMap, trusted: &[IpNet]) -> Self {
+    /// From the address of the connection's other end, and the header that trusted proxies set.
+    pub fn of(peer: IpAddr, headers: &HeaderMap, trusted: &[IpNet], header: ClientAddressHeader) -> Self {
         let peer = peer.to_canonical();
         let is_trusted = |address: &IpAddr| trusted.iter().any(|network| network.contains(address));
         if !is_trusted(&peer) {
             return Self(peer);
         }
         let mut client = peer;
-        for hop in hops(headers).rev().take(MAX_HOPS) {
+        for hop in hops(headers, header).into_iter().rev().take(MAX_HOPS) {
             // A hop without an address (`unknown`, `_hidden`) hides what is before it.
             let Some(address) = hop else { break };
             client = address.to_canonical();
@@ -45,16 +59,14 @@ impl ClientAddress {
 }
 
 /// The addresses that proxies have added, the nearest proxy's last; `None` for a hop that states none.
-fn hops(headers: &HeaderMap) -> std::vec::IntoIter<Option<IpAddr>> {
-    let values = |name: &str| -> Vec<&str> {
-        let lines = headers.get_all(name).iter().filter_map(|value| value.to_str().ok());
-        lines.flat_map(|line| line.split(',')).map(str::trim).collect()
+fn hops(headers: &HeaderMap, header: ClientAddressHeader) -> Vec<Option<IpAddr>> {
+    let (name, read): (_, fn(&str) -> Option<IpAddr>) = match header {
+        ClientAddressHeader::XForwardedFor => (HeaderName::from_static("x-forwarded-for"), address),
+        ClientAddressHeader::Forwarded => (header::FORWARDED, |hop| address(forwarded_for(hop)?)),
     };
-    let forwarded = values(header::FORWARDED.as_str());
-    if forwarded.is_empty() {
-        return values(X_FORWARDED_FOR).into_iter().map(address).collect::<Vec<_>>().into_iter();
-    }
-    forwarded.into_iter().map(|hop| address(forwarded_for(hop)?)).collect::<Vec<_>>().into_iter()
+    // A client may have sent any bytes before the proxy's own.
+    let lines: Vec<_> = headers.get_all(name).iter().map(|line| String::from_utf8_lossy(line.as_bytes())).collect();
+    lines.iter().flat_map(|line| line.split(',')).map(|hop| read(hop.trim())).collect()
 }
 
 /// The parameter `for` of one element of `Forwarded`, without quotes.
@@ -77,40 +89,47 @@ impl FromRequestParts<App> for ClientAddress {
         let peer = parts.extensions.get::<ConnectInfo<SocketAddr>>().map(|ConnectInfo(peer)| peer.ip());
         // Every connection has one; an unspecified address would merely share its counters.
         let peer = peer.unwrap_or(IpAddr::from([0, 0, 0, 0]));
-        Ok(Self::of(peer, &parts.headers, &app.settings.trusted_proxies))
+        let settings = &app.settings;
+        Ok(Self::of(peer, &parts.headers, &settings.trusted_proxies, settings.client_address_header))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use axum::http::{HeaderName, HeaderValue};
+    use axum::http::HeaderValue;
     use proptest::prelude::*;
 
+    use super::ClientAddressHeader::{Forwarded, XForwardedFor};
     use super::*;
 
-    fn client(peer: &str, lines: &[(&'static str, &str)]) -> String {
-        let trusted = ["10.0.0.0/8".parse().unwrap(), "::1/128".parse().unwrap()];
+    fn client(peer: &str, header: ClientAddressHeader, lines: &[(&'static str, &[u8])]) -> String {
+        let trusted = ["10.0.0.0/30".parse().unwrap(), "::1/128".parse().unwrap()];
         let lines =
-            lines.iter().map(|(name, value)| (HeaderName::from_static(name), HeaderValue::from_str(value).unwrap()));
-        ClientAddress::of(peer.parse().unwrap(), &HeaderMap::from_iter(lines), &trusted).0.to_string()
+            lines.iter().map(|(name, value)| (HeaderName::from_static(name), HeaderValue::from_bytes(value).unwrap()));
+        ClientAddress::of(peer.parse().unwrap(), &HeaderMap::from_iter(lines), &trusted, header).0.to_string()
+    }
+
+    fn behind_proxy(stated: &str) -> String {
+        client("10.0.0.1", XForwardedFor, &[("x-forwarded-for", stated.as_bytes())])
     }
 
     #[test]
     fn only_a_trusted_proxy_states_the_client_s_address() {
-        let stated = [("x-forwarded-for", "203.0.113.7")];
-        assert_eq!(client("198.51.100.1", &stated), "198.51.100.1", "a stranger states what it likes");
-        assert_eq!(client("10.0.0.1", &stated), "203.0.113.7");
-        assert_eq!(client("10.0.0.1", &[]), "10.0.0.1");
+        let stated: [(_, &[u8]); 1] = [("x-forwarded-for", b"203.0.113.7")];
+        let direct = client("198.51.100.1", XForwardedFor, &stated);
+        assert_eq!(direct, "198.51.100.1", "a stranger states what it likes");
+        assert_eq!(client("10.0.0.1", XForwardedFor, &stated), "203.0.113.7");
+        assert_eq!(client("10.0.0.1", XForwardedFor, &[]), "10.0.0.1");
     }
 
     #[test]
     fn what_a_client_adds_itself_does_not_count() {
-        for stated in ["1.2.3.4, 203.0.113.7", "1.2.3.4, 203.0.113.7, 10.0.0.9", "10.1.1.1,203.0.113.7"] {
-            assert_eq!(client("10.0.0.1", &[("x-forwarded-for", stated)]), "203.0.113.7", "{stated}");
+        for stated in ["1.2.3.4, 203.0.113.7", "1.2.3.4, 203.0.113.7, 10.0.0.2", "10.0.0.3,203.0.113.7"] {
+            assert_eq!(behind_proxy(stated), "203.0.113.7", "{stated}");
         }
-        let both = [("forwarded", "for=203.0.113.7"), ("x-forwarded-for", "1.2.3.4")];
-        assert_eq!(client("10.0.0.1", &both), "203.0.113.7");
-        assert_eq!(client("10.0.0.1", &[("x-forwarded-for", "203.0.113.7, unknown")]), "10.0.0.1");
+        let both: [(_, &[u8]); 2] = [("forwarded", b"for=1.2.3.4"), ("x-forwarded-for", b"\xff, 203.0.113.7")];
+        assert_eq!(client("10.0.0.1", XForwardedFor, &both), "203.0.113.7", "the proxy sets the other one");
+        assert_eq!(behind_proxy("203.0.113.7, unknown"), "10.0.0.1");
     }
 
     #[test]
@@ -123,16 +142,20 @@ mod tests {
             ("for=\"[::ffff:203.0.113.7]\"", "203.0.113.7"),
             ("for=_hidden", "10.0.0.1"),
         ] {
-            assert_eq!(client("10.0.0.1", &[("forwarded", stated)]), expected, "{stated}");
+            assert_eq!(client("10.0.0.1", Forwarded, &[("forwarded", stated.as_bytes())]), expected, "{stated}");
         }
-        assert_eq!(client("::1", &[("x-forwarded-for", "2001:db8::7")]), "2001:db8::7");
-        assert_eq!(client("::ffff:10.0.0.1", &[("x-forwarded-for", "203.0.113.7:80")]), "203.0.113.7");
+        assert_eq!(client("::1", XForwardedFor, &[("x-forwarded-for", b"2001:db8::7")]), "2001:db8::7");
+        let mapped = client("::ffff:10.0.0.1", XForwardedFor, &[("x-forwarded-for", b"203.0.113.7:80")]);
+        assert_eq!(mapped, "203.0.113.7");
     }
 
     proptest! {
         #[test]
-        fn no_header_breaks_it(line in "[ -~]{0,200}", name in prop::sample::select(vec!["forwarded", "x-forwarded-for"])) {
-            client("10.0.0.1", &[(name, &line)]);
+        fn no_header_breaks_it(line in prop::collection::vec(32..=255_u8, 0..200)) {
+            let line: Vec<u8> = line.into_iter().filter(|byte| *byte != 127).collect();
+            for (header, name) in [(Forwarded, "forwarded"), (XForwardedFor, "x-forwarded-for")] {
+                client("10.0.0.1", header, &[(name, &line)]);
+            }
         }
     }
 }

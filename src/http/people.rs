@@ -141,6 +141,7 @@ pub async fn change(
     let person = app.store.people().change(&by.scope, id, PersonChange { login, name, role }).await?;
     if let Some(password) = password {
         app.store.people().set_password(&by.scope, id, password::hash(password).await?).await?;
+        app.throttle.forget(&person.login);
     }
     Ok(Json(person.into()))
 }

@@ -72,8 +72,8 @@ pub struct SettingsInForce {
     idle_min: u64,
     /// Hours after which a sign-in ends in any case.
     sign_in_h: u64,
-    /// Failed attempts to sign in that a login has in a minute.
-    free_attempts: u32,
+    /// Failed sign-ins of a login before the next attempt has to wait. The name is older than this rule.
+    attempts_per_min: u32,
 }
 
 /// An entry of the audit log.
@@ -122,7 +122,7 @@ pub async fn service(State(app): State<App>, by: Administrator) -> HandlerResult
             erased_within_s: set.erased_within_s,
             idle_min: http.idle_min,
             sign_in_h: http.sign_in_h,
-            free_attempts: http.free_attempts,
+            attempts_per_min: http.free_attempts,
         },
     }))
 }

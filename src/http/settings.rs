@@ -7,6 +7,8 @@ use ipnet::IpNet;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
+use super::client_address::ClientAddressHeader;
+
 /// The section `[http]` of the settings file.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -34,12 +36,15 @@ pub struct HttpSettings {
     pub sign_in_h: u64,
     /// Failed sign-ins of a login before the next attempt has to wait. One network address may fail twelve times as
     /// often a minute.
+    #[serde(alias = "attempts_per_min")]
     pub free_attempts: u32,
-    /// Addresses or networks of the proxies in front of the service, such as `127.0.0.1` or `10.0.0.0/8`. Only they may
-    /// state a client's address (`Forwarded`, `X-Forwarded-For`). Without any, everybody behind a proxy counts as one
-    /// address.
+    /// Addresses or networks of the proxies in front of the service, such as `127.0.0.1` or `192.0.2.0/28`. Only they
+    /// may state a client's address, so no client may lie in such a network. Without any, all users behind a proxy count
+    /// as one address.
     #[serde(deserialize_with = "networks")]
     pub trusted_proxies: Vec<IpNet>,
+    /// The header that these proxies set: `x-forwarded-for` or `forwarded`.
+    pub client_address_header: ClientAddressHeader,
     /// Most event streams and live views open at once.
     pub max_event_streams: usize,
     /// Most of them for one user, at most half of all: a display of all boxes needs one for each box that sends.
@@ -66,6 +71,7 @@ impl Default for HttpSettings {
             sign_in_h: 12,
             free_attempts: 5,
             trusted_proxies: Vec::new(),
+            client_address_header: ClientAddressHeader::default(),
             max_event_streams: 256,
             max_event_streams_of_one: 96,
             public_url: None,
@@ -106,7 +112,9 @@ fn networks<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<IpNet>, D::Error> 
     let network = |text: String| {
         let of_address = text.parse::<IpAddr>().map(|address| IpNet::from(address.to_canonical()));
         of_address.or_else(|_| text.parse()).map_err(|_| {
-            D::Error::custom(format!("`{text}` is no address or network; expected one such as 127.0.0.1 or 10.0.0.0/8"))
+            D::Error::custom(format!(
+                "`{text}` is no address or network; expected one such as 127.0.0.1 or 192.0.2.0/28"
+            ))
         })
     };
     Vec::<String>::deserialize(from)?.into_iter().map(network).collect()

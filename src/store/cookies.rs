@@ -1,5 +1,5 @@
-//! Signed-in browsers: the hash of each cookie and its expiry. Known places: browsers and addresses that have signed in to
-//! an account before.
+//! Signed-in browsers: the hash of each cookie and its expiry. Known places: browsers and addresses that have signed in
+//! to an account before.
 
 use std::time::Duration;
 
@@ -28,7 +28,7 @@ pub struct CookieLifetime {
 /// A place is forgotten this long after its last sign-in.
 pub const KNOWN_PLACE_LIFETIME: Duration = Duration::from_secs(180 * 86_400);
 /// Most places remembered of an account.
-const MAX_KNOWN_PLACES: i64 = 40;
+const MAX_KNOWN_PLACES: i64 = 100;
 
 /// `last_seen_at_ms` is written only when it is older than this, ms: an fsync for every request would cost too much.
 const SEEN_RESOLUTION_MS: i64 = 60_000;
@@ -77,18 +77,20 @@ const UPDATE_LAST_SEEN: &str = "
     UPDATE cookie_session SET last_seen_at_ms = max($2, last_seen_at_ms) WHERE secret_hash = $1";
 
 impl CookieStore<'_> {
-    /// Signs in a browser of this person, and remembers the places that it signs in from. Instructors and administrators can sign in even on a full disk, in order to
-    /// delete something.
+    /// Signs in a browser of this person, and remembers the places that it signs in from. Instructors and
+    /// administrators can sign in even on a full disk, in order to delete something.
     pub async fn create(
         &self,
         secret: SecretHash,
         person: &PersonRecord,
         lasts: CookieLifetime,
-        places: [SecretHash; 2],
+        places: impl IntoIterator<Item = SecretHash>,
     ) -> StoreResult<()> {
         let (now_ms, id) = (self.0.now_ms(), person.id);
         let expires_at_ms = now_ms + millis(lasts.max_age).max(1);
+        let places: Vec<SecretHash> = places.into_iter().collect();
         let insert = || {
+            let places = places.clone();
             async move |tx: &mut SqliteConnection| {
                 let insert = sqlx::query(INSERT_COOKIE).bind(secret).bind(id).bind(now_ms).bind(expires_at_ms);
                 insert.execute(&mut *tx).await?;
@@ -156,7 +158,8 @@ impl CookieStore<'_> {
             .await
     }
 
-    /// Deletes expired cookies, and places that were not used for long. Idle cookies are invalid at once, but are deleted only when they expire.
+    /// Deletes expired cookies, and places that were not used for long. Idle cookies are invalid at once, but are
+    /// deleted only when they expire.
     pub async fn forget_expired(&self) -> StoreResult<u64> {
         let now_ms = self.0.now_ms();
         self.0

@@ -370,7 +370,7 @@ async function figuresOfService() {
     ['erased', figuresIn(said['Deleted data is gone from the disk'])[0], String(settings.erased_within_s)],
     ['unfinished', figuresIn(said['Unfinished uploads are discarded'])[0], String(settings.unfinished_upload_h)],
     ['sign-in', figuresIn(said['A sign-in ends']).join(), [settings.idle_min, settings.sign_in_h].join()],
-    ['attempts', figuresIn(said['Sign-in attempts'])[0], String(settings.free_attempts)],
+    ['attempts', figuresIn(said['Sign-in attempts'])[0], String(settings.attempts_per_min)],
   ];
   const changes = (await getJson('audit?limit=25')).items;
   (await cells(page.locator('table'))).forEach((row, i) =>
@@ -468,7 +468,7 @@ const pages = () => ({
   task: [`/tasks/${session.task.id}`, figuresOfTask, '**/distribution?*', data => (data.groups[0].values[0] *= 1.01)],
   boxes: ['/boxes', figuresOfBoxes, '**/api/v1/boxes?*', data => data.items.forEach(one => one.calibration && (one.calibration.rms_px = 0.987))],
   box: [`/boxes/${session.box.id}`, figuresOfBox, '**/camera', data => (data.fx += 10)],
-  service: ['/service', figuresOfService, '**/api/v1/service', data => (data.settings.free_attempts += 1)],
+  service: ['/service', figuresOfService, '**/api/v1/service', data => (data.settings.attempts_per_min += 1)],
 });
 
 before(async () => {

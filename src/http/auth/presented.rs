@@ -64,7 +64,7 @@ pub fn set_cookie(secret: &Secret) -> HeaderValue {
     header_value(cookie_with(secret.as_cookie()))
 }
 
-/// The `Set-Cookie` header that lets the browser be recognised at its next sign-ins. It signs nobody in.
+/// The `Set-Cookie` header that lets the browser be recognised at its next sign-ins. It is no sign-in.
 pub fn set_browser_cookie(secret: &Secret) -> HeaderValue {
     let mut cookie = cookie_with(secret.as_cookie());
     cookie.set_name(BROWSER_COOKIE_NAME);

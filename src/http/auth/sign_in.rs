@@ -11,14 +11,15 @@ use utoipa::ToSchema;
 use super::password;
 use super::presented::{PresentedCredential, browser_secret, clear_cookie, set_browser_cookie, set_cookie};
 use super::signed_in::{Member, SignedIn};
-use super::throttle::AttemptOrigin;
+use super::throttle::{AttemptOrigin, KnownPlace, network_of};
 use crate::domain::secret::{Password, PasswordHash, Secret, SecretHash};
-use crate::domain::text::{Invalid, Login};
+use crate::domain::text::Login;
 use crate::http::client_address::ClientAddress;
 use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::people::PersonResponse;
 use crate::http::read::Json;
 use crate::http::state::App;
+use crate::ids::PersonId;
 use crate::store;
 
 /// Login and password.
@@ -54,7 +55,7 @@ pub async fn sign_in(
     let known_browser = browser_secret(&headers);
     let person = authenticate(&app, tried, address, known_browser.as_ref().map(Secret::hash)).await?;
     let (secret, browser) = (Secret::random(), known_browser.unwrap_or_else(Secret::random));
-    let places = [browser.hash(), SecretHash::of_address(person.id, address.0)];
+    let places = [Some(browser.hash()), place_of(person.id, address)].into_iter().flatten();
     app.store.cookies().create(secret.hash(), &person, app.sign_in_lifetime(), places).await?;
     if let PresentedCredential::Cookie(before) = PresentedCredential::in_headers(&headers) {
         app.store.cookies().delete_replaced(before).await?;
@@ -100,10 +101,11 @@ pub async fn change_password(
     let person = app.store.people().get(&member.scope, id).await?;
     let new = Password::new(change.new)?;
     let (_, stored) = app.store.people().by_login(&person.login).await?.ok_or_else(ProblemResponse::not_found)?;
-    // Only the owner is signed in: guesses of strangers do not keep them from this.
-    let origin = AttemptOrigin { address: address.0, known_place: Some(SecretHash::of_address(id, address.0)) };
+    // One counter for all addresses: a stolen cookie must not guess on, and the guesses of strangers do not count.
+    let place = KnownPlace { counter: SecretHash::of_place(id, "signed in"), is_browser: true };
+    let origin = AttemptOrigin { address: address.0, known_place: Some(place) };
     if !try_password(&app, &person.login, origin, change.old, Some(stored)).await? {
-        return Err(Invalid::new("old", "is not the current password").into());
+        return Err(wrong_credentials());
     }
     app.store.people().set_password(&member.scope, id, password::hash(new).await?).await?;
     Ok(StatusCode::NO_CONTENT)
@@ -122,17 +124,22 @@ async fn authenticate(
     };
     let found = app.store.people().by_login(&login).await?;
     let (person, stored): (Option<store::PersonRecord>, Option<PasswordHash>) = found.unzip();
-    let known_place = match &person {
-        Some(person) => {
-            let places = browser.into_iter().chain([SecretHash::of_address(person.id, address)]);
-            app.store.cookies().known_place(person.id, places).await?
-        }
-        None => None,
-    };
+    // The same questions for a login that does not exist.
+    let id = person.as_ref().map_or_else(|| PersonId::at(0), |person| person.id);
+    let places = [browser, place_of(id, ClientAddress(address))].into_iter().flatten();
+    let known = app.store.cookies().known_place(id, places).await?;
+    let known_place = known.map(|counter| KnownPlace { counter, is_browser: Some(counter) == browser });
     match (try_password(app, &login, AttemptOrigin { address, known_place }, tried.password, stored).await?, person) {
         (true, Some(person)) => Ok(person),
         _ => Err(wrong_credentials()),
     }
+}
+
+/// An account's place that an address is. The machine itself is none: behind a proxy that no setting names, every
+/// client has its address.
+fn place_of(person: PersonId, ClientAddress(address): ClientAddress) -> Option<SecretHash> {
+    let network = network_of(address);
+    (!network.is_loopback()).then(|| SecretHash::of_place(person, &network.to_string()))
 }
 
 /// Counts an attempt, and says whether the password matches.
@@ -143,8 +150,11 @@ async fn try_password(
     password: String,
     stored: Option<PasswordHash>,
 ) -> HandlerResult<bool> {
+    let Some(password) = Password::attempt(password) else {
+        app.throttle.attempt_without_login(origin.address).map_err(too_many_attempts)?;
+        return Ok(false);
+    };
     let attempt = app.throttle.attempt(login, origin).map_err(too_many_attempts)?;
-    let Some(password) = Password::attempt(password) else { return Ok(false) };
     let matches = password::matches(password, stored).await?;
     if matches {
         attempt.succeeded();

@@ -1,10 +1,10 @@
 //! Slows down guessing of passwords: failed sign-ins are counted per login, and per address.
 //!
 //! **Per login.** After a few failures the next attempt has to wait, and the wait doubles with each further failure,
-//! from any address. A place that has signed in to the account before (a browser, or an address) has
-//! a counter of its own, so that guesses from elsewhere do not lock its owner out. **Per address.** Attempts of strangers come
-//! out of a budget that refills at a constant rate (the generic cell rate algorithm), so that one address cannot try many
-//! logins. Known places are exempt: a training room shares one address.
+//! from any address. A place that has signed in to the account before (a browser, or an address) has a counter of its
+//! own, so that guesses from elsewhere do not lock its owner out. **Per address.** Attempts come out of a budget that
+//! refills at a constant rate (the generic cell rate algorithm), so that one address cannot try many logins. Only known
+//! browsers are exempt: if known addresses were, the answers there would show which logins exist.
 //!
 //! An attempt is counted before the password is checked, so parallel attempts gain nothing. Both counters are raised
 //! together or not at all. A right password takes the attempt back. (`governor` cannot take back, and knows no growing
@@ -20,8 +20,9 @@ use crate::domain::secret::SecretHash;
 use crate::domain::text::Login;
 use crate::time::{SharedClock, millis};
 
-/// Most logins, places and addresses that are remembered, each. At the limit the one that failed longest ago is
-/// forgotten. A login has at most 64 characters, so the tables take less than 5 MiB.
+/// Most logins, places and addresses that are remembered, each. At the limit the one with the fewest failures is
+/// forgotten, of several the one that failed longest ago. A login has at most 64 characters, so the tables take less
+/// than 5 MiB.
 const MAX_KEYS: usize = 10_000;
 /// One address may fail this many times as often as one login: a training room shares one address.
 const LOGINS_PER_ADDRESS: u32 = 12;
@@ -37,8 +38,17 @@ const MEMORY: Duration = Duration::from_secs(60 * 60);
 pub struct AttemptOrigin {
     /// The client's address.
     pub address: IpAddr,
-    /// The browser or the address, if it has signed in to this account before.
-    pub known_place: Option<SecretHash>,
+    /// The place, if it has signed in to this account before.
+    pub known_place: Option<KnownPlace>,
+}
+
+/// A place that has signed in to an account before.
+#[derive(Clone, Copy, Debug)]
+pub struct KnownPlace {
+    /// Recognises it.
+    pub counter: SecretHash,
+    /// True for a browser, false for an address.
+    pub is_browser: bool,
 }
 
 /// Counts failed sign-ins per login, and per address.
@@ -81,19 +91,30 @@ impl Throttle {
         let now_ms = self.clock.now_ms();
         let counters = &mut *self.counters();
         let attempt = SignInAttempt { throttle: self, login: login.clone(), origin };
-        if let Some(place) = origin.known_place {
-            let key = (login.clone(), place);
-            counters.of_known_places.wait(&key, self.free, now_ms)?;
-            counters.of_known_places.add(key, now_ms);
-            return Ok(attempt);
+        let place = origin.known_place.map(|place| (login.clone(), place.counter));
+        match &place {
+            Some(place) => counters.of_known_places.wait(place, self.free, now_ms)?,
+            None => counters.of_strangers.wait(login, self.free, now_ms)?,
         }
-        counters.of_strangers.wait(login, self.free, now_ms)?;
-        counters.by_address.take(network_of(origin.address), now_ms)?;
-        counters.of_strangers.add(login.clone(), now_ms);
+        if !origin.is_known_browser() {
+            counters.by_address.take(network_of(origin.address), now_ms)?;
+        }
+        match place {
+            Some(place) => counters.of_known_places.add(place, now_ms),
+            None => counters.of_strangers.add(login.clone(), now_ms),
+        }
         Ok(attempt)
     }
 
-    /// Counts an attempt with a text that is no login: nobody has it, so only the address is slowed.
+    /// Forgets the failures of a login: somebody else has set its password.
+    pub fn forget(&self, login: &Login) {
+        let counters = &mut *self.counters();
+        counters.of_strangers.forget(login);
+        counters.of_known_places.failures.retain(|(of, _), _| of != login);
+    }
+
+    /// Counts an attempt that cannot be right, with a text that is no login or a password that is too long: only the
+    /// address is slowed.
     ///
     /// # Errors
     /// How long to wait.
@@ -106,22 +127,28 @@ impl Throttle {
     }
 }
 
+impl AttemptOrigin {
+    fn is_known_browser(&self) -> bool {
+        self.known_place.is_some_and(|place| place.is_browser)
+    }
+}
+
 impl SignInAttempt<'_> {
     /// The password was right: takes the attempt back.
     pub fn succeeded(self) {
         let counters = &mut *self.throttle.counters();
+        if !self.origin.is_known_browser() {
+            counters.by_address.refund(&network_of(self.origin.address));
+        }
         match self.origin.known_place {
-            Some(place) => counters.of_known_places.forget(&(self.login, place)),
-            None => {
-                counters.by_address.refund(&network_of(self.origin.address));
-                counters.of_strangers.take_back(&self.login);
-            }
+            Some(place) => counters.of_known_places.forget(&(self.login, place.counter)),
+            None => counters.of_strangers.take_back(&self.login),
         }
     }
 }
 
 /// The network that counts as one address: a subscriber usually has a whole /64 of IPv6.
-fn network_of(address: IpAddr) -> IpAddr {
+pub fn network_of(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(v6) => IpAddr::V6(Ipv6Addr::from_bits(v6.to_bits() & (u128::MAX << 64))),
         v4 => v4,
@@ -161,8 +188,9 @@ impl<K: Eq + Hash + Clone> FailureTable<K> {
             self.failures.retain(|_, failed| now_ms - failed.last_ms < millis(MEMORY));
         }
         if self.failures.len() >= MAX_KEYS && !self.failures.contains_key(&key) {
-            let oldest = self.failures.iter().min_by_key(|(_, failed)| failed.last_ms).map(|(key, _)| key.clone());
-            oldest.map(|oldest| self.failures.remove(&oldest));
+            let least = self.failures.iter().min_by_key(|(_, failed)| (failed.count, failed.last_ms));
+            let least = least.map(|(key, _)| key.clone());
+            least.map(|least| self.failures.remove(&least));
         }
         let failed = self.failures.entry(key).or_insert(Failures { count: 0, last_ms: now_ms });
         if now_ms - failed.last_ms >= millis(MEMORY) {
@@ -246,7 +274,8 @@ mod tests {
     }
 
     fn known(place: u8) -> AttemptOrigin {
-        AttemptOrigin { address: HERE, known_place: Some(SecretHash([place; 32])) }
+        let place = KnownPlace { counter: SecretHash([place; 32]), is_browser: true };
+        AttemptOrigin { address: HERE, known_place: Some(place) }
     }
 
     #[test]
@@ -316,22 +345,47 @@ mod tests {
     }
 
     #[test]
-    fn the_number_of_keys_is_bounded_and_the_oldest_is_forgotten() {
+    fn a_known_address_has_its_own_counter_but_no_budget_of_its_own() {
         let (throttle, _clock) = throttle();
-        for n in 0..20_000 {
-            let attempt = throttle.attempt(&login(&format!("login{n}")), stranger_at(n));
-            assert!(attempt.is_ok(), "{n}");
-            throttle
-                .attempt(
-                    &login("ada"),
-                    AttemptOrigin { known_place: Some(SecretHash([n as u8; 32])), ..stranger_at(n) },
-                )
-                .map(drop)
-                .ok();
+        let place = |is_browser| Some(KnownPlace { counter: SecretHash([7; 32]), is_browser });
+        let ada_from = |is_browser| {
+            throttle.attempt(&login("ada"), AttemptOrigin { address: HERE, known_place: place(is_browser) }).map(drop)
+        };
+        for n in 0..5 {
+            throttle.attempt(&login("ada"), stranger_at(n)).map(drop).unwrap();
+        }
+        assert!(ada_from(false).is_ok(), "guesses from elsewhere");
+        while throttle.attempt_without_login(HERE).is_ok() {}
+        assert!(ada_from(false).is_err(), "as for a login that does not exist");
+        assert!(ada_from(true).is_ok());
+    }
+
+    #[test]
+    fn a_new_password_ends_the_wait() {
+        let (throttle, _clock) = throttle();
+        for origin in [stranger_at(1), known(1)] {
+            while throttle.attempt(&login("ada"), origin).is_ok() {}
+        }
+        throttle.forget(&login("ada"));
+        assert!([stranger_at(1), known(1)].into_iter().all(|origin| throttle.attempt(&login("ada"), origin).is_ok()));
+    }
+
+    #[test]
+    fn the_number_of_keys_is_bounded_and_the_fewest_failures_are_forgotten_first() {
+        let (throttle, clock) = throttle();
+        (0..2).for_each(|n| throttle.attempt(&login("ada"), stranger_at(n)).map(drop).unwrap());
+        for n in 0..15_000_u32 {
+            clock.advance(Duration::from_millis(1));
+            throttle.attempt(&login(&format!("login{n}")), stranger_at(n)).map(drop).unwrap();
+            let counter = SecretHash(std::array::from_fn(|i| n.to_be_bytes()[i % 4]));
+            let at_place = AttemptOrigin { known_place: Some(KnownPlace { counter, is_browser: true }), ..known(1) };
+            throttle.attempt(&login("ada"), at_place).map(drop).unwrap();
         }
         let counters = throttle.counters();
-        assert!(counters.of_strangers.failures.len() <= MAX_KEYS);
+        let knows = |text: &str| counters.of_strangers.failures.contains_key(&login(text));
+        assert!(knows("ada") && knows("login14999") && knows("login6000") && !knows("login0"));
+        assert_eq!(counters.of_strangers.failures.len(), MAX_KEYS);
+        assert_eq!(counters.of_known_places.failures.len(), MAX_KEYS);
         assert!(counters.by_address.full_at_ms.len() <= MAX_KEYS);
-        assert!(counters.of_strangers.failures.contains_key(&login("login19999")));
     }
 }

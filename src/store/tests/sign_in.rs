@@ -124,3 +124,24 @@ async fn the_last_administrator_can_neither_go_nor_step_down() {
     centre.person("bob", Role::Administrator, None).await;
     people.delete(&service, ada.id).await.unwrap();
 }
+
+#[tokio::test]
+async fn the_newest_hundred_places_of_an_account_are_remembered_for_180_days() {
+    let centre = TestCentre::new().await;
+    let (ada, bob) =
+        (centre.person("ada", Role::Instructor, None).await, centre.person("bob", Role::Instructor, None).await);
+    let place = |n: u8| SecretHash([n; 32]);
+    for n in 0..120 {
+        centre.clock.advance(Duration::from_secs(1));
+        centre.store.cookies().create(Secret::random().hash(), &ada, LASTS, [place(n)]).await.unwrap();
+    }
+    let knows = async |person, n| centre.store.cookies().known_place(person, [place(n)]).await.unwrap().is_some();
+    assert!(knows(ada.id, 119).await && knows(ada.id, 20).await);
+    assert!(!knows(ada.id, 19).await, "the oldest ones are forgotten");
+    assert!(!knows(bob.id, 119).await, "another account");
+    centre.clock.advance(Duration::from_secs(180 * 86_400 - 50));
+    assert!(knows(ada.id, 119).await && !knows(ada.id, 20).await);
+    centre.store.cookies().forget_expired().await.unwrap();
+    centre.clock.advance(Duration::from_secs(50));
+    assert!(!knows(ada.id, 119).await);
+}
