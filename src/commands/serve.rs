@@ -194,7 +194,7 @@ pub async fn start(
     let events = EventBus::new();
     let queue = Queue::new(store.clone(), settings.queue.clone(), events.clone(), clock.clone());
     queue.recover().await.context("recovering the queue")?;
-    // First the address: if it is in use, no administrator is made whose password nobody has seen.
+    // First the address: if it is in use, no administrator is made whose password was never shown.
     let listener =
         TcpListener::bind(settings.listen).await.with_context(|| format!("listening on {}", settings.listen))?;
     let address = listener.local_addr().context("asking for the address")?;

@@ -106,7 +106,7 @@ impl Throttle {
         Ok(attempt)
     }
 
-    /// Forgets the failures of a login: somebody else has set its password.
+    /// Forgets the failures of a login, since an administrator has set its password.
     pub fn forget(&self, login: &Login) {
         let counters = &mut *self.counters();
         counters.of_strangers.forget(login);

@@ -40,9 +40,9 @@ impl FromRequest<App> for MultipartForm {
     async fn from_request(request: Request, app: &App) -> Result<Self, ProblemResponse> {
         let limit = usize::try_from(app.settings.max_form_bytes).unwrap_or(usize::MAX);
         let head = HeadCounter::default();
-        let paced =
-            |body| PacedBody { body: Box::pin(Limited::new(body, limit)), head: head.clone(), is_resting: false };
-        let request = request.map(|body| Body::new(paced(body)));
+        let of_form =
+            |body| FormBody { body: Box::pin(Limited::new(body, limit)), head: head.clone(), is_resting: false };
+        let request = request.map(|body| Body::new(of_form(body)));
         let no_form =
             |_| Refusal::UnsupportedMediaType.with("Send a form with `Content-Type: multipart/form-data; boundary=…`.");
         let parts = Multipart::from_request(request, app).await.map_err(no_form)?;
@@ -158,13 +158,13 @@ struct HeadTooLong;
 
 /// A body that gives one packet at a time. The parser reads on for as long as there is something to read, so a fast
 /// sender would fill the memory.
-struct PacedBody {
+struct FormBody {
     body: Pin<Box<Limited<Body>>>,
     head: HeadCounter,
     is_resting: bool,
 }
 
-impl HttpBody for PacedBody {
+impl HttpBody for FormBody {
     type Data = Bytes;
     type Error = BoxError;
 

@@ -84,7 +84,7 @@ async fn numbers_that_nothing_can_have_are_refused() {
         let path = format!("/api/v1/sessions?trainee=ada&task=peg&box=box-1&recorded_at={recorded_at}");
         let sent = centre.administrator.request(Method::POST, &path).header(header::CONTENT_TYPE, "video/mp4");
         let refused = problem(sent.body("no video").send().await.unwrap(), 422, "invalid").await;
-        assert_eq!(refused["field"], "recorded_at", "{refused}");
+        assert_eq!(refused["errors"][0]["field"], "recorded_at", "{refused}");
     }
 }
 
