@@ -1,4 +1,4 @@
--- A duration of which only the lower bound is known is stored with `low` and without `high`. Results from before that rule have
+-- A duration with only a known lower bound is stored with `low` and without `high`. Results from before that rule have
 -- neither, and would count as known values without an error bar.
 UPDATE feature SET low = value
 WHERE value IS NOT NULL AND low IS NULL AND high IS NULL

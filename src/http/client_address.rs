@@ -21,7 +21,7 @@ use super::state::App;
 /// Most addresses of a header that are read: a client could add any number before the proxy's.
 const MAX_HOPS: usize = 16;
 
-/// The header in which the proxies state a client's address.
+/// The header that states a client's address.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 pub enum ClientAddressHeader {
     /// `X-Forwarded-For`.

@@ -82,7 +82,7 @@ pub struct LostStretch {
 
 impl LostStretch {
     /// The longest of a tool's gaps that are no absence, within the frames of the path; `None` if their times are
-    /// unknown. Gaps count the frames of the recording, of which an edit may have cut the first ones off.
+    /// unknown. Gaps count the frames of the recording. An edit may have cut the first ones off.
     fn longest(tool: &ToolQuality, path: &Trajectory) -> Option<Self> {
         let (times_s, sample) = (&path.frame_times_s, path.samples.first()?);
         let first = sample.frame.checked_sub(times_s.partition_point(|time_s| *time_s < sample.time_s) as u64)?;
