@@ -49,7 +49,7 @@ function Status({ status: { version, pipeline, started_at, storage, queue, last_
         [words.erased, words.within(settings.erased_within_s)],
         [words.unfinished, words.afterHours(settings.unfinished_upload_h)],
         [words.signIn, words.signInAfter(settings.idle_min, settings.sign_in_h)],
-        [words.attempts, words.free(settings.attempts_per_min)],
+        [words.attempts, words.freeAttempts(settings.attempts_per_min)],
         [words.largest, bytes(settings.max_upload_bytes)],
         [words.workers, settings.workers],
       ]}><p class="small muted">${words.where}</p><//>

@@ -2014,7 +2014,7 @@ export default {
     largest: 'Größte Aufnahme',
     workers: 'Gleichzeitig ausgewertete Aufnahmen',
     attempts: 'Anmeldeversuche',
-    free: n => `${n} Fehlversuche je Name, dann wächst die Wartezeit`,
+    freeAttempts: n => `${n} Fehlversuche je Name, dann wächst die Wartezeit`,
     where: 'Diese Werte stehen in trocar.toml im Datenordner, gesetzt von der Betreuung des Rechners.',
     audit: 'Wer was geändert hat',
     when: 'Wann',

@@ -1922,7 +1922,7 @@ export default {
     largest: 'Largest recording',
     workers: 'Recordings tracked at once',
     attempts: 'Sign-in attempts',
-    free: n => `${n} failures of a name, then a wait that grows`,
+    freeAttempts: n => `${n} failures of a name, then a wait that grows`,
     where: 'The person who runs the machine sets these values in trocar.toml in the data folder.',
     audit: 'Who changed what',
     when: 'When',
