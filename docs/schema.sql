@@ -117,7 +117,7 @@ CREATE TABLE feed (
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when first heard of, epoch ms
     ended_at_ms   INTEGER CHECK (ended_at_ms >= created_at_ms),              -- when its recording was stored, epoch ms
     live_features TEXT CHECK (json_valid(live_features))                     -- at its end, by the causal filter: [LiveFeature]
-, is_push INTEGER NOT NULL DEFAULT 0 CHECK (is_push IN (0, 1))) STRICT;
+, is_push INTEGER NOT NULL DEFAULT 0 CHECK (is_push IN (0, 1)), arrived_s REAL CHECK (arrived_s >= 0), stamped_s REAL CHECK (stamped_s >= 0)) STRICT;
 
 CREATE TABLE group_course (
     group_id  TEXT PRIMARY KEY REFERENCES training_group (id) ON DELETE CASCADE, -- the group

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::blob::Blob;
-use super::clock::{RecordingClock, TimeCorrection};
+use super::clock::{ClockBasis, RecordingClock, TimeCorrection};
 use super::evidence::EvidenceRow;
 use super::job::JobState;
 use super::named;
@@ -141,6 +141,11 @@ impl ResultClock {
     /// See [`RecordingClock::may_be_slow_motion`].
     pub fn may_be_slow_motion(&self) -> bool {
         self.applied.may_be_slow_motion(self.stamped_frame_rate_hz)
+    }
+
+    /// Are the times those of the file's stamps?
+    pub fn is_by_stamps(&self) -> bool {
+        self.applied.basis == ClockBasis::Stamps
     }
 }
 

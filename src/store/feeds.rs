@@ -12,6 +12,7 @@ use super::sessions::{DELETE_SESSION, NewSessionRow, SELECT_SAME_SESSION};
 use super::visibility::BindScope;
 use super::{Scope, Store, blobs};
 use crate::domain::blob::Blob;
+use crate::domain::feed::arrival::Arrival;
 use crate::domain::feed::{FrameCodec, TimeBase};
 use crate::domain::session::LiveFeature;
 use crate::domain::text::Invalid;
@@ -117,6 +118,15 @@ const SELECT_LIVE_FEATURES: &str = "
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
     ORDER BY feed.id DESC LIMIT 1";
+
+const SELECT_ARRIVAL: &str = "
+    SELECT feed.arrived_s, feed.stamped_s FROM feed JOIN session ON session.id = feed.session_id
+    WHERE feed.arrived_s IS NOT NULL AND session.id = $3
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+    ORDER BY feed.id DESC LIMIT 1";
+
+const UPDATE_ARRIVAL: &str = "UPDATE feed SET arrived_s = $2, stamped_s = $3 WHERE id = $1";
 
 const SELECT_ERASED: &str = "SELECT 1 FROM erased_feed WHERE id = $1";
 
@@ -225,6 +235,24 @@ impl FeedStore<'_> {
         let row: Option<Json<Vec<LiveFeature>>> =
             row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?;
         Ok(row.map(|Json(features)| features))
+    }
+
+    /// Notes how fast a pushed stream arrived.
+    pub async fn note_arrival(&self, id: FeedId, arrival: Arrival) -> StoreResult<()> {
+        let Arrival { arrived_s, stamped_s } = arrival;
+        self.0
+            .write(async move |tx| {
+                sqlx::query(UPDATE_ARRIVAL).bind(id).bind(arrived_s).bind(stamped_s).execute(tx).await?;
+                Ok(())
+            })
+            .await
+    }
+
+    /// How fast a session's recording arrived; `None` unless it was pushed and long enough.
+    pub async fn arrival(&self, scope: &Scope, of: SessionId) -> StoreResult<Option<Arrival>> {
+        let row = sqlx::query_as(SELECT_ARRIVAL);
+        let row: Option<(f64, f64)> = row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?;
+        Ok(row.map(|(arrived_s, stamped_s)| Arrival { arrived_s, stamped_s }))
     }
 
     /// Deletes a recording that has no frames, with its session. Its id counts as erased, so its sender is refused,

@@ -582,6 +582,9 @@ export default {
       captured: rate => `Laut Datei wurde sie mit ${rate} Bildern pro Sekunde aufgenommen.`,
       by: (who, when) => `Berichtigt: ${who}, ${when}.`,
       wrong: 'Stimmt das nicht, so geben Sie unter „Bearbeitung“ die wahre Bildrate an.',
+      paceTitle: 'Die Uhr dieser Aufnahme geht vielleicht falsch',
+      pace: (stamped, arrived, duration) =>
+        `Laut Zeitstempeln umfassen ihre Bilder ${stamped} s, sie kamen aber innerhalb von ${arrived} s an. Wurde sie während der Aufnahme gesendet und war das Netz schnell genug, so dauerte sie ${duration} s: Ausbilder geben unter „Bearbeitung“ die wahre Dauer an.`,
       doubtTitle: 'Diese Aufnahme ist vielleicht eine Zeitlupe',
       doubt: (captured, rate) =>
         `Laut Datei wurde sie mit ${captured} Bildern pro Sekunde aufgenommen, und sie läuft mit ${rate}. Sieht sie langsamer aus, als sie war, so geben Ausbilder unter „Bearbeitung“ die wahre Bildrate ${captured} an. Hat die Kamera nur im Dunkeln Bilder verloren, so stimmen die Zeiten.`,

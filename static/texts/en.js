@@ -494,6 +494,9 @@ export default {
       captured: rate => `The file says that it was captured at ${rate} frames a second.`,
       by: (who, when) => `Corrected by ${who}, ${when}.`,
       wrong: 'If that is wrong, give the true frame rate under “Edits”.',
+      paceTitle: 'The clock of this recording may be wrong',
+      pace: (stamped, arrived, duration) =>
+        `By their time stamps, its frames cover ${stamped} s, but they arrived within ${arrived} s. If it was sent while it was made and the network was fast enough, it lasted ${duration} s: an instructor gives the true duration under “Edits”.`,
       doubtTitle: 'This recording may be slow motion',
       doubt: (captured, rate) =>
         `The file says that it was captured at ${captured} frames a second, and it plays at ${rate}. If it looks slower than it was, an instructor gives the true frame rate ${captured} under “Edits”. If the camera only lost frames in the dark, its times are right.`,

@@ -11,7 +11,9 @@
 //! | [`messages`] | the JSON messages |
 //! | [`numbers`] | sets of frame numbers, as ranges |
 //! | [`close_reason`] | why a connection was closed |
+//! | [`arrival`] | how fast a stream arrived, against its stamps |
 
+pub mod arrival;
 pub mod close_reason;
 pub mod messages;
 pub mod numbers;

@@ -75,7 +75,8 @@ pub async fn list(
 pub async fn get(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<SessionResponse>> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let live = app.store.feeds().live_features(&by.scope, session.id).await?;
-    Ok(Json(app.judged_session(&by.scope, session).await?.with_live(live)))
+    let arrival = app.store.feeds().arrival(&by.scope, session.id).await?;
+    Ok(Json(app.judged_session(&by.scope, session).await?.with_live(live).with_arrival(arrival)))
 }
 
 /// Track a session again

@@ -5,6 +5,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use crate::domain::feature::StoredFeatureKey;
+use crate::domain::feed::arrival::Arrival;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::problem;
 use crate::domain::session::{
@@ -103,6 +104,11 @@ pub struct VideoResponse {
     /// may be slow motion, or a camera that captured fewer frames in the dark. A person who knows that it is slow motion
     /// gives the true frame rate with `retime`.
     may_be_slow_motion: bool,
+    /// How fast a pushed stream arrived; `null` in lists, for other recordings, and for streams of less than 15 s.
+    arrival: Option<Arrival>,
+    /// True if a stream that was pushed live arrived at another pace than its time stamps say, and the times are those of
+    /// the stamps. A person who knows its true duration or frame rate gives it with `retime`.
+    may_run_at_wrong_pace: bool,
 }
 
 /// One feature of a session.
@@ -162,6 +168,8 @@ impl SessionResponse {
             duration_s: facts.map(|facts| facts.duration_s),
             clock: facts.and_then(|facts| facts.clock),
             may_be_slow_motion: facts.and_then(|facts| facts.clock).is_some_and(|clock| clock.may_be_slow_motion()),
+            arrival: None,
+            may_run_at_wrong_pace: false,
         };
         let mut shown = Self {
             id: session.id,
@@ -201,6 +209,14 @@ impl SessionResponse {
     /// Adds the features of live tracking.
     pub fn with_live(self, live_features: Option<Vec<LiveFeature>>) -> Self {
         Self { live_features, ..self }
+    }
+
+    /// Adds how fast a pushed stream arrived.
+    pub fn with_arrival(mut self, arrival: Option<Arrival>) -> Self {
+        let is_by_stamps = self.video.clock.is_some_and(|clock| clock.is_by_stamps());
+        self.video.may_run_at_wrong_pace = is_by_stamps && arrival.is_some_and(|arrival| arrival.contradicts_stamps());
+        self.video.arrival = arrival;
+        self
     }
 
     /// Judges the features by the task's standard, unless the session may show another box.

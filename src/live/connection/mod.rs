@@ -12,6 +12,7 @@ use crate::domain::feed::close_reason::{CloseCode, CloseReason};
 use crate::domain::feed::messages::ServerMessage;
 use crate::domain::feed::record::{FeedRecord, NotARecord, RecordBody};
 use crate::domain::feed::{FrameCodec, TimeBase};
+use crate::ids::FeedId;
 use crate::vault::VaultResult;
 
 /// The connection that may send a recording.
@@ -108,6 +109,11 @@ impl Connection {
         let mut bytes = Vec::with_capacity(record.bytes());
         record.write(&mut bytes);
         self.take_record(bytes.into()).await
+    }
+
+    /// The recording's id.
+    pub(super) fn recording(&self) -> FeedId {
+        self.feed.row.id
     }
 
     /// Time base of the recording's frames.

@@ -26,8 +26,9 @@ use tokio::time::{Instant, sleep_until};
 
 use demuxer::{copy_body, push_error, reason_of_crash};
 
-use super::{ConnectResult, Connection, FeedService};
+use super::{ConnectResult, Connection, FeedService, LiveError};
 use crate::analysis::ChildEvent;
+use crate::domain::feed::arrival::ArrivalMeter;
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
 use crate::domain::feed::messages::{Hello, ServerMessage};
 use crate::domain::feed::record::RecordBody;
@@ -116,6 +117,7 @@ struct PushSession<'a> {
     feeds: &'a FeedService,
     push: Push,
     began_at_ms: i64,
+    began: Instant,
     body: PushedBody,
     /// Present once the stream header is known.
     recording: Option<PushedRecording>,
@@ -140,12 +142,13 @@ struct PushedRecording {
     gaps: u64,
     /// When the frames that are not durable yet are synced.
     sync_at: Option<Instant>,
+    arrival: ArrivalMeter,
 }
 
 impl<'a> PushSession<'a> {
     fn new(feeds: &'a FeedService, push: Push) -> Self {
         let began_at_ms = feeds.0.clock.now_ms();
-        Self { feeds, push, began_at_ms, body: PushedBody::Arriving, recording: None }
+        Self { feeds, push, began_at_ms, began: Instant::now(), body: PushedBody::Arriving, recording: None }
     }
 
     /// Takes frames until the stream ends or must not continue.
@@ -241,19 +244,24 @@ impl<'a> PushSession<'a> {
         let (recording, protocol) = (FeedId::at(self.began_at_ms), PROTOCOL);
         let hello = Hello { protocol, recording, trainee, task, codec, width, height, time_base, began_at, sender };
         self.recording = match self.feeds.connect_push(&scope, &in_box, hello).await? {
-            ConnectResult::Open(connection) => Some(PushedRecording { connection, next: 0, gaps: 0, sync_at: None }),
+            ConnectResult::Open(connection) => {
+                Some(PushedRecording { connection, next: 0, gaps: 0, sync_at: None, arrival: ArrivalMeter::default() })
+            }
             ConnectResult::Ended(_) => None, // not reached: the id is new
         };
         Ok(())
     }
 
     async fn take_frame(&mut self, frame: CapturedFrame) -> Result<(), CloseReason> {
+        if let Some(recording) = &mut self.recording {
+            recording.arrival.add(self.began.elapsed().as_secs_f64(), frame.due_s);
+        }
         let frame = match &mut self.body {
             PushedBody::Cut { held_back, .. } => held_back.replace(frame),
             PushedBody::Arriving | PushedBody::Complete => Some(frame),
         };
         let (Some(frame), Some(recording)) = (frame, &mut self.recording) else { return Ok(()) };
-        let PushedRecording { connection, next, gaps, sync_at } = recording;
+        let PushedRecording { connection, next, gaps, sync_at, .. } = recording;
         connection.record_contact();
         if frame.due_s > MAX_DURATION_S || *next == MAX_FRAMES {
             let why = format!(
@@ -272,11 +280,14 @@ impl<'a> PushSession<'a> {
     /// Makes a session of the frames that arrived. If that is impossible because the service shuts down, it is done at
     /// its next start.
     async fn end(self) -> Result<SessionId, CloseReason> {
-        let Some(PushedRecording { mut connection, next, gaps, .. }) = self.recording else {
+        let Some(PushedRecording { mut connection, next, gaps, arrival, .. }) = self.recording else {
             return Err(CloseReason::new(CloseCode::OutOfPlace, "no frame arrived"));
         };
         if gaps > 0 {
             tracing::warn!(gaps, "frames of a pushed stream left out: damaged, too large or out of order");
+        }
+        if let Some(arrival) = arrival.arrival() {
+            self.feeds.0.store.feeds().note_arrival(connection.recording(), arrival).await.map_err(LiveError::from)?;
         }
         match connection.end(next).await? {
             ServerMessage::Ended { session, .. } => Ok(session),

@@ -93,12 +93,17 @@ function Score({ edits, mayEdit, onAgain }) {
 
 /**
  * At the head of the page of a session whose times are not those of its file: why, from what to what, and who corrected
- * them. If the recording may be slow motion: how to correct it.
+ * them. If the recording may be slow motion, or its stamps may run at a wrong pace: how to correct it.
  *
  * @param {Props} props
  */
 export function Retimed({ session, edits }) {
-  const { clock, duration_s: duration, may_be_slow_motion: isDoubtful } = session.video ?? {};
+  const { clock, duration_s: duration, may_be_slow_motion: isDoubtful, arrival } = session.video ?? {};
+  if (session.video?.may_run_at_wrong_pace) {
+    const { arrived_s: arrived, stamped_s: stamped } = arrival;
+    return html`<${Notice} tone="warn" title=${t.session.retimed.paceTitle}>${
+      t.session.retimed.pace(number(stamped), number(arrived), number(duration * arrived / stamped))}<//>`;
+  }
   if (!clock || (clock.basis === 'stamps' && !isDoubtful)) return null;
   const { factor, capture_rate_hz: captured, stamped_frame_rate_hz: rate, stamped_duration_s: length } = clock;
   if (isDoubtful)

@@ -3,6 +3,7 @@
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::Cursor;
+use std::time::Duration;
 
 use reqwest::{Body, Method, Response, StatusCode};
 use serde_json::{Value, json};
@@ -16,7 +17,7 @@ use trocar::motion::features::running::LIVE_FEATURES;
 use trocar::settings::Settings;
 
 use super::live::{Watcher, wait_until_done};
-use super::scene::{Scene, remuxed, set_up_box};
+use super::scene::{Scene, remuxed, set_up_box, slowed};
 use super::sender::{hello, open};
 use super::{ANOTHER, RECORDING, begin};
 use crate::api::centre::{Centre, recording, session};
@@ -149,6 +150,33 @@ async fn a_pushed_stream_is_tracked_as_it_arrives_and_becomes_the_whole_clip() {
             assert_eq!(pushed["features"], uploaded["features"], "to the last digit");
         }
     }
+}
+
+/// 20 s by its stamps, sent in 15 s: its clock runs a quarter too fast, and a person has to say so.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stream_whose_stamps_run_at_another_pace_than_it_arrives_is_named_until_its_time_is_corrected() {
+    const PIECES: usize = 150;
+    let Some(scene) = Scene::new(4) else { return };
+    let centre = Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await;
+    set_up_box(&centre.administrator, "box-1", &scene.folder).await;
+    let Some(stream) = slowed(&scene.file("clip.mp4"), "mpegts", 5) else { return };
+    let mut pushing = push(&centre.administrator);
+    let mut tick = tokio::time::interval(Duration::from_millis(100));
+    for piece in stream.chunks(stream.len().div_ceil(PIECES)) {
+        tick.tick().await;
+        pushing.send(piece).await;
+    }
+    let id = read(pushing.end().await, StatusCode::CREATED).await["id"].as_str().unwrap().to_owned();
+    let video = wait_until_done(&centre.instructor, &id).await["video"].take();
+    let [arrived_s, stamped_s] = ["arrived_s", "stamped_s"].map(|key| video["arrival"][key].as_f64().unwrap());
+    assert!((0.65..0.85).contains(&(arrived_s / stamped_s)), "{video}");
+    assert_eq!(video["may_run_at_wrong_pace"], true, "{video}");
+    let edit = json!({"kind": "retime", "true_duration_s": 15.0, "why": "A clock in the picture."});
+    let retimed = centre.instructor.post(&format!("/api/v1/sessions/{id}/edits"), edit).await;
+    assert_eq!(retimed.status(), StatusCode::CREATED);
+    let corrected = |session: &Value| session["video"]["clock"]["basis"] == "duration";
+    let session = centre.instructor.read_until(&format!("/api/v1/sessions/{id}"), corrected).await;
+    assert_eq!(session["video"]["may_run_at_wrong_pace"], false, "{session}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -130,9 +130,15 @@ fn frames_of_h264(clip: &Path) -> Option<(Vec<Frame>, u32)> {
 
 /// The bytes of a clip in another container; no frame is encoded again.
 pub fn remuxed(clip: &Path, container: &str) -> Option<Vec<u8>> {
+    slowed(clip, container, 1)
+}
+
+/// The same with time stamps this many times as far apart.
+pub fn slowed(clip: &Path, container: &str, times: u32) -> Option<Vec<u8>> {
     let path = clip.with_extension(container);
     let copy = ["-c", "copy", "-f", container];
-    run(Command::new("ffmpeg").args(["-v", "error", "-y", "-i"]).arg(clip).args(copy).arg(&path))?;
+    let scale = ["-itsscale", &times.to_string()];
+    run(Command::new("ffmpeg").args(["-v", "error", "-y"]).args(scale).arg("-i").arg(clip).args(copy).arg(&path))?;
     Some(std::fs::read(path).unwrap())
 }
 
