@@ -99,7 +99,7 @@ function Score({ edits, mayEdit, onAgain }) {
  */
 export function Retimed({ session, edits }) {
   const { clock, duration_s: duration, may_be_slow_motion: isDoubtful, arrival } = session.video ?? {};
-  if (session.video?.may_run_at_wrong_pace) {
+  if (arrival && duration && session.video?.may_run_at_wrong_pace) {
     const { arrived_s: arrived, stamped_s: stamped } = arrival;
     return html`<${Notice} tone="warn" title=${t.session.retimed.paceTitle}>${
       t.session.retimed.pace(number(stamped), number(arrived), number(duration * arrived / stamped))}<//>`;
