@@ -26,7 +26,7 @@ use tokio::time::{Instant, sleep_until};
 
 use demuxer::{copy_body, push_error, reason_of_crash};
 
-use super::{ConnectResult, Connection, FeedService, LiveError};
+use super::{ConnectResult, Connection, FeedService};
 use crate::analysis::ChildEvent;
 use crate::domain::feed::arrival::ArrivalMeter;
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
@@ -286,8 +286,10 @@ impl<'a> PushSession<'a> {
         if gaps > 0 {
             tracing::warn!(gaps, "frames of a pushed stream left out: damaged, too large or out of order");
         }
-        if let Some(arrival) = arrival.arrival() {
-            self.feeds.0.store.feeds().note_arrival(connection.recording(), arrival).await.map_err(LiveError::from)?;
+        if let Some(arrival) = arrival.arrival()
+            && let Err(error) = self.feeds.0.store.feeds().note_arrival(connection.recording(), arrival).await
+        {
+            tracing::warn!(%error, "the arrival of a pushed stream could not be noted"); // the recording counts for more
         }
         match connection.end(next).await? {
             ServerMessage::Ended { session, .. } => Ok(session),
