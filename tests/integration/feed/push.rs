@@ -152,7 +152,7 @@ async fn a_pushed_stream_is_tracked_as_it_arrives_and_becomes_the_whole_clip() {
     }
 }
 
-/// 20 s by its stamps, sent in 15 s: its clock runs a quarter too fast, and a person has to say so.
+/// 20 s by its stamps, sent in 15 s: its clock runs a third too fast, and a person has to say so.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stream_whose_stamps_run_at_another_pace_than_it_arrives_is_named_until_its_time_is_corrected() {
     const PIECES: usize = 150;
