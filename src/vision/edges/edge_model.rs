@@ -1,16 +1,17 @@
 //! Appearance of one tool's edges in one recording, learned while tracking: blur, noise of each plane, exposure.
 //!
 //! **In** the edge fits along every accepted tube ([`EdgeModel::learn`]). **Out** the expected appearance of the next
-//! frame's edges. **Method** Lens blur and exposure are learned from the residuals at the band's ends, chroma blur
+//! frame's edges. **Method** Lens blur is learned from the residuals at the band's ends, chroma blur
 //! from those at its borders, each by a Kalman filter with one state. The light inside each part of the outline is a
 //! mean over recent edges; noise follows the median. Where the chroma samples lie is decided by all tools of a recording
 //! together ([`super::chroma_siting`]).
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::chroma_siting::{ChromaRight, ChromaRightEstimator};
 use super::edge_fit::{EdgeAppearance, EdgeFit, InsideLight};
 use super::equations::LearnedParameter;
+use super::exposure::ExposureEvidence;
 use super::probe::{FittedEdge, Probe, Shading};
 use super::scalar_filter::ScalarFilter;
 use super::tone;
@@ -34,13 +35,12 @@ pub struct EdgeModel {
     encoding: ColourEncoding,
     codes_from_rgb: Matrix3<f64>,
     black: Vector3<f64>,
-    /// Exposure time, s; learned from the motion blur of moving edges.
+    /// Exposure time, s: the usual one until [`super::exposure`] has decided.
     pub exposure_s: f64,
     /// Additional blur of the chroma codes, pixels of luma per halving.
     pub(super) chroma_blur_px: f64,
     lens: ScalarFilter,
     chroma_blur: ScalarFilter,
-    exposure: ScalarFilter,
     /// Per plane: number of edges, and number of those with more residual variance than the noise.
     noisier: [(f64, f64); 3],
     /// Usual light inside each part of the outline.
@@ -48,6 +48,8 @@ pub struct EdgeModel {
     chroma_right: ChromaRightEstimator,
     /// How much farther right chroma samples lie than the frames say, pixels.
     pub(super) chroma_right_px: f32,
+    /// What its fast edges say of the exposure time.
+    pub exposure_evidence: ExposureEvidence,
     frames: u32,
 }
 
@@ -55,9 +57,8 @@ pub struct EdgeModel {
 const OVEREXPOSED: f64 = 0.85;
 /// Usual blur of a lens, pixels.
 const USUAL_LENS_PX: f64 = 0.7;
-/// Usual exposure time and its limits, s.
-const USUAL_EXPOSURE_S: f64 = 0.012;
-const EXPOSURES_S: (f64, f64) = (0.0005, 0.04);
+/// Usual exposure time, s.
+pub(super) const USUAL_EXPOSURE_S: f64 = 0.012;
 /// Limits of the lens blur, pixels.
 const LENSES_PX: (f64, f64) = (0.3, 4.0);
 /// Additional blur of the chroma codes, in pixels of luma per halving. The mean of two pixels has 0.5; compression
@@ -82,11 +83,11 @@ impl EdgeModel {
             chroma_blur_px: USUAL_CHROMA_BLUR_PX,
             lens: ScalarFilter::new(0.3),
             chroma_blur: ScalarFilter::new(0.3),
-            exposure: ScalarFilter::new(0.5 * USUAL_EXPOSURE_S),
             noisier: Default::default(),
             inside: Default::default(),
             chroma_right: ChromaRightEstimator::default(),
             chroma_right_px: 0.0,
+            exposure_evidence: ExposureEvidence::default(),
             frames: 0,
         }
     }
@@ -94,7 +95,7 @@ impl EdgeModel {
     /// Expected appearance of an edge at a probe.
     pub(super) fn appearance(&self, probe: &Probe, chroma_halvings: u8) -> EdgeAppearance {
         EdgeAppearance {
-            light_blur_px: self.light_blur_px(probe),
+            light_blur_px: self.light_blur_px(probe, self.exposure_s),
             lens_px: self.lens_px,
             chroma_blur_px: self.chroma_blur_px * f64::from(chroma_halvings),
             shading: probe.shading,
@@ -173,8 +174,8 @@ impl EdgeModel {
     }
 
     /// Blur of light across a probe: by the lens, and by motion during the exposure.
-    fn light_blur_px(&self, probe: &Probe) -> f64 {
-        let moved = probe.motion_px_s * self.exposure_s;
+    pub(super) fn light_blur_px(&self, probe: &Probe, exposure_s: f64) -> f64 {
+        let moved = probe.motion_px_s * exposure_s;
         (self.lens_px * self.lens_px + moved * moved / 12.0).sqrt() // a uniform blur of length a has variance a²/12
     }
 
@@ -197,7 +198,6 @@ impl EdgeModel {
         self.frames += 1;
         let pace = self.noise_rate();
         let within = |value: f64, (least, most): (f64, f64)| value.clamp(least, most);
-        self.exposure_s = within(self.exposure.update(self.exposure_s), EXPOSURES_S);
         self.chroma_blur_px = within(self.chroma_blur.update(self.chroma_blur_px), CHROMA_BLURS_PX);
         self.lens_px = within(self.lens.update(self.lens_px), LENSES_PX);
         for (noise, (edges, noisier)) in self.noise.iter_mut().zip(std::mem::take(&mut self.noisier)) {
@@ -208,9 +208,14 @@ impl EdgeModel {
         }
     }
 
-    /// Adds edges to the evidence: those of the measured tube. Edges along a false tube would teach the model to find
-    /// that tube again.
-    pub fn learn(&mut self, frame: &Frame<'_>, edges: &[FittedEdge]) {
+    /// Adds edges to the evidence: those of the measured tube, which moves by `motion_px_s` in the picture, pixels/s.
+    /// Edges along a false tube would teach the model to find that tube again.
+    pub fn learn(&mut self, frame: &Frame<'_>, edges: &[FittedEdge], motion_px_s: Vector2<f64>) {
+        if self.is_learning() {
+            let mut evidence = self.exposure_evidence;
+            evidence.add(self, frame, edges, motion_px_s);
+            self.exposure_evidence = evidence;
+        }
         for FittedEdge { probe, fit } in edges {
             self.learn_from(fit, frame, probe);
         }
@@ -225,12 +230,10 @@ impl EdgeModel {
             self.inside[probe.part].learn(fit);
         }
         if probe.shading == Shading::Cut {
-            let blur = self.light_blur_px(probe);
+            let blur = self.light_blur_px(probe, self.exposure_s);
             let (gradient, information) = fit.learned_evidence;
-            // The variances of lens and motion blur add up; each parameter learns by its share of the total.
-            let (lens, motion) = (self.lens_px / blur, probe.motion_px_s.powi(2) * self.exposure_s / 12.0 / blur);
+            let lens = self.lens_px / blur; // the variances of lens and motion blur add up
             self.lens.add_evidence(gradient * lens, information * lens * lens);
-            self.exposure.add_evidence(gradient * motion, information * motion * motion);
         } else if frame.shift_x > 0 {
             let halvings = f64::from(frame.shift_x);
             self.chroma_blur

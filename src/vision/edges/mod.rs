@@ -12,6 +12,7 @@ mod edge_curves;
 mod edge_fit;
 pub mod edge_model;
 mod equations;
+pub mod exposure;
 mod lanes;
 pub mod line_fit;
 pub mod outline_probes;

@@ -103,6 +103,11 @@ impl Track {
         Some(self.current_if_recent(time_s, settings)?.predict(time_s, settings).state)
     }
 
+    /// Has it been followed since this time, s?
+    pub fn is_followed_since(&self, time_s: f64) -> bool {
+        self.current.as_ref().is_some_and(|current| current.began_s <= time_s)
+    }
+
     /// Would this pose pass the gate?
     pub fn would_accept(&self, time_s: f64, pose: &TubeEstimate, settings: &TrackSettings) -> bool {
         let measured = (pose.tube.tip, pose.changing_tip_covariance());

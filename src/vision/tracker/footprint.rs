@@ -35,6 +35,12 @@ impl Footprint {
         })
     }
 
+    /// A band that lies along a row.
+    #[cfg(test)]
+    pub fn lying_at(middle: Point2<f64>) -> Self {
+        Self { middle, along: Vector2::x(), half_length: 40.0, half_width: 12.0 }
+    }
+
     /// Does the footprint contain this pixel, with a margin for blur?
     pub fn contains(&self, at: Point2<f64>) -> bool {
         let margin = 4.0 + 0.2 * self.half_width;

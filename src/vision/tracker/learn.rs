@@ -11,6 +11,7 @@ use super::predict::Band;
 use super::report::TrocarEvidence;
 use super::tool::ToolTracker;
 use crate::vision::edges::chroma_siting;
+use crate::vision::edges::exposure;
 use crate::vision::edges::shaft;
 use crate::vision::frame::Frame;
 use crate::vision::pose::adjustment::{self, Adjustment};
@@ -28,10 +29,11 @@ const MAX_FULCRUM_SIGMA_MM: f64 = 30.0;
 impl ToolTracker {
     /// Learns edges, band length and fulcrum from the frame's measurement, if the track accepted it. Call once per
     /// frame, also without a measurement.
-    pub(super) fn learn(&mut self, frame: &Frame<'_>, measured: Option<&Measurement>, result: &ToolFrameResult) {
+    pub(super) fn learn(&mut self, scene: &FrameContext<'_>, measured: Option<&Measurement>, result: &ToolFrameResult) {
         let accepted = measured.filter(|_| result.advance.observed);
         if let Some(measurement) = accepted.filter(|m| m.grade() >= Grade::Complete) {
-            self.edges.learn(frame, &measurement.fitted_edges);
+            let motion = self.expected_motion(scene.frame.time_s, &scene.track_settings(), scene.camera());
+            self.edges.learn(scene.frame, &measurement.fitted_edges, motion.unwrap_or_default());
         }
         self.edges.finish_frame();
         if let Some(measurement) = accepted.filter(|m| m.grade() == Grade::Good) {
@@ -102,4 +104,11 @@ pub fn share_chroma_siting(frame: &Frame<'_>, tools: &mut [ToolTracker]) {
     let shown = tools.iter().filter_map(|tool| tool.edges.chroma_right());
     let right_px = chroma_siting::decide(shown, stated_px, frame.shift_x);
     tools.iter_mut().for_each(|tool| tool.edges.set_chroma_right_px(right_px));
+}
+
+/// Decides from all tools together how long the camera exposes.
+pub fn share_exposure(tools: &mut [ToolTracker]) {
+    if let Some(exposure_s) = exposure::decide(tools.iter().map(|tool| tool.edges.exposure_evidence)) {
+        tools.iter_mut().for_each(|tool| tool.edges.exposure_s = exposure_s);
+    }
 }

@@ -178,6 +178,7 @@ impl Tracker {
             results.extend(self.observe_pair(self.pairs[pair], frame, &outlines));
         }
         learn::share_chroma_siting(frame, &mut self.tools);
+        learn::share_exposure(&mut self.tools);
         self.frame_report(frame, results)
     }
 

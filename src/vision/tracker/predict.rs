@@ -46,7 +46,12 @@ impl ToolTracker {
     }
 
     /// Predicted motion of the tip in the picture, pixels/s.
-    fn expected_motion(&self, time_s: f64, track_settings: &TrackSettings, camera: &Camera) -> Option<Vector2<f64>> {
+    pub(super) fn expected_motion(
+        &self,
+        time_s: f64,
+        track_settings: &TrackSettings,
+        camera: &Camera,
+    ) -> Option<Vector2<f64>> {
         const STEP_S: f64 = 1e-3;
         let state = self.track.expected(time_s, track_settings)?;
         let pixel = |point| camera.project(CameraPoint(point));

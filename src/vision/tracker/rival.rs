@@ -21,6 +21,8 @@ const MOVED_PX: f64 = 6.0;
 /// What the searches have shown of the followed band and of its rival.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Rivalry {
+    /// Time of the last search, s.
+    searched_s: f64,
     followed: Option<Sighting>,
     rival: Option<Sighting>,
 }
@@ -38,15 +40,23 @@ struct Sighting {
 }
 
 impl Sighting {
-    /// The sighting with the band at its next place; a new one if the band is not where the last one was.
+    /// The sighting with the band at its next place, or a new one.
     fn continued(earlier: Option<Self>, at: Footprint, is_clear: bool) -> Self {
-        match earlier.filter(|earlier| earlier.last.is_same_band(&at)) {
+        match earlier {
             Some(Self { first, has_moved, was_clear, .. }) => {
                 let has_moved = has_moved || first.distance_px(&at) > MOVED_PX;
                 Self { first, last: at, has_moved, rests: !has_moved, was_clear: was_clear || is_clear }
             }
             None => Self { first: at, last: at, has_moved: false, rests: false, was_clear: is_clear },
         }
+    }
+}
+
+impl Rivalry {
+    /// The sighting of the followed band at its next place. A fast tool is far from its last one: while its track is
+    /// unbroken, it is the same band.
+    fn followed_at(&self, at: Footprint, is_clear: bool, is_unbroken: bool) -> Sighting {
+        Sighting::continued(self.followed.filter(|_| is_unbroken), at, is_clear)
     }
 }
 
@@ -65,18 +75,38 @@ impl ToolTracker {
         }
         let followed = self.with_continuation(scene, prediction, followed.clone());
         let at = Footprint::of(&followed, scene.camera())?;
-        let of_followed = Sighting::continued(self.rivalry.followed, at, followed.is_clear());
-        let earlier = self.rivalry.rival;
-        self.rivalry = Rivalry { followed: Some(of_followed), rival: None };
+        let is_unbroken = self.track.is_followed_since(self.rivalry.searched_s);
+        let of_followed = self.rivalry.followed_at(at, followed.is_clear(), is_unbroken);
+        let rival_before = self.rivalry.rival;
+        self.rivalry = Rivalry { searched_s: scene.frame.time_s, followed: Some(of_followed), rival: None };
         if followed.is_clear() && of_followed.has_moved {
             return None;
         }
         let rival = self.fresh().find_and_measure(scene, &Prediction::default(), Some(&at)).ok()?;
-        let of_rival = Sighting::continued(earlier, Footprint::of(&rival, scene.camera())?, rival.is_clear());
+        let at = Footprint::of(&rival, scene.camera())?;
+        let rival_before = rival_before.filter(|earlier| earlier.last.is_same_band(&at));
+        let of_rival = Sighting::continued(rival_before, at, rival.is_clear());
         self.rivalry.rival = Some(of_rival);
         let is_likelier = !of_followed.was_clear && rival.likelihood() > followed.likelihood() + MIN_LEAD;
         let is_the_resting_one = of_rival.rests && of_followed.has_moved;
         let is_the_moving_one = of_followed.rests && of_rival.has_moved && rival.is_clear();
         ((is_likelier && !is_the_resting_one) || is_the_moving_one).then_some(rival)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+
+    #[test]
+    fn a_band_that_was_clear_once_stays_so_however_far_it_moves_until_its_track_breaks() {
+        let [here, far] = [100.0, 300.0].map(|x| Footprint::lying_at(Point2::new(x, 100.0)));
+        let rivalry = Rivalry { followed: Some(Sighting::continued(None, here, true)), ..Rivalry::default() };
+        let unbroken = rivalry.followed_at(far, false, true);
+        assert!(unbroken.was_clear && unbroken.has_moved, "{unbroken:?}");
+        let broken = rivalry.followed_at(far, false, false);
+        assert!(!broken.was_clear && !broken.has_moved, "{broken:?}");
     }
 }

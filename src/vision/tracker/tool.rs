@@ -121,7 +121,7 @@ impl ToolTracker {
     ) -> ToolFrameResult {
         self.records.push(FrameRecord::new(measured));
         let result = self.accept(scene, measured);
-        self.learn(scene.frame, measured.as_ref().ok(), &result);
+        self.learn(scene, measured.as_ref().ok(), &result);
         result
     }
 

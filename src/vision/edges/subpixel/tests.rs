@@ -4,6 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::*;
 use crate::vision::edges::chroma_siting;
+use crate::vision::edges::exposure;
 use crate::vision::edges::probe::FittedEdge;
 use crate::vision::edges::probe::Shading;
 use crate::vision::edges::tone;
@@ -27,6 +28,8 @@ struct Drawing {
     outside: [f64; 3],
     /// Gaussian, pixels.
     blur: f64,
+    /// Motion during the exposure, along the normal, pixels.
+    smear: f64,
     /// Increase of the light outside per pixel away from the border, as a share.
     shadow: f64,
     /// Share of the light inside that a limb of `RADIUS_PX` loses as it turns away.
@@ -43,6 +46,7 @@ const PLAIN: Drawing = Drawing {
     edge: 0.3,
     outside: GREY_GREEN,
     blur: 0.8,
+    smear: 0.0,
     shadow: 0.0,
     limb: None,
     exposure: 1.0,
@@ -81,12 +85,13 @@ impl Drawing {
         };
         let light = |codes: [f64; 3]| ENCODING.rgb_of_codes(codes).map(tone::light);
         let (tape, outside) = (light(self.tape), light(self.outside));
-        // 81 points of the blur, each with its own light.
+        // Points of the blur by the lens and by motion, each with its own light.
         let (mut sum, mut weights) = (Vector3::zeros(), 0.0);
-        for step in -40..=40 {
+        let moved = if self.smear > 0.0 { -3..=3 } else { 0..=0 };
+        for (step, moved) in moved.flat_map(|moved| (-40..=40).map(move |step| (step, moved))) {
             let z = f64::from(step) / 10.0;
             let weight = (-0.5 * z * z).exp();
-            let there = beyond + z * self.blur;
+            let there = beyond + z * self.blur + self.smear * f64::from(moved) / 7.0;
             let cos = |depth: f64| (1.0 - (1.0 - (depth / RADIUS_PX).clamp(0.0, 1.0)).powi(2)).sqrt();
             let inside = tape * self.limb.map_or(1.0, |share| 1.0 - share * (1.0 - cos(-there)));
             let half = 0.05 * self.blur; // each point covers this much on both sides
@@ -154,7 +159,7 @@ impl Drawing {
     fn located_on(&self, frame: &Frame<'_>, model: &mut EdgeModel, probe: &Probe) -> Option<LocatedEdge> {
         let edge = model.locate(frame, probe, Fineness::Fine, is_tape)?;
         let fitted: Vec<FittedEdge> = edge.fit.map(|fit| FittedEdge { probe: *probe, fit }).into_iter().collect();
-        model.learn(frame, &fitted);
+        model.learn(frame, &fitted, probe.motion_px_s * probe.outward);
         Some(edge)
     }
 
@@ -283,6 +288,28 @@ fn limbs_show_where_the_chroma_samples_lie() {
         assert!(shown.is_some_and(|right| right.sigma_px < 0.1), "{shown:?}");
         assert_eq!(chroma_siting::decide(shown.into_iter(), stated_px, 1), off_px, "{shown:?}");
     }
+}
+
+/// The exposure time that limbs show which move at this speed, seen with this exposure time.
+fn exposure_shown_by(speed_px_s: f64, exposure_s: f64) -> Option<f64> {
+    let limb = Drawing { limb: Some(0.5), smear: speed_px_s * exposure_s, ..PLAIN };
+    let mut model = limb.model();
+    for turn in 0..45 {
+        let (normal, edge) = (normal(0.7 * f64::from(turn)), 0.9 * (1.7 * f64::from(turn)).sin());
+        let drawing = Drawing { normal, edge, ..limb };
+        let probe = Probe { motion_px_s: speed_px_s, inwards_px: 8.0, outwards_px: 8.0, ..drawing.probe() };
+        drawing.located_by(&mut model, &probe);
+    }
+    exposure::decide([model.exposure_evidence].into_iter())
+}
+
+#[test]
+fn fast_limbs_show_the_exposure_time_and_slow_ones_do_not() {
+    for exposure_s in [0.004, 0.012, 0.03] {
+        let shown_s = exposure_shown_by(400.0, exposure_s).unwrap();
+        assert!((shown_s / exposure_s).ln().abs() < 0.25, "{exposure_s} s taken for {shown_s} s");
+    }
+    assert_eq!(exposure_shown_by(80.0, 0.03), None);
 }
 
 #[test]
