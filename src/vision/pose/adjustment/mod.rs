@@ -61,14 +61,15 @@ pub struct Adjustment {
 pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
     /// Share of the poses whose axes must pass the fulcrum behind them: the others are false.
     const MIN_MEETING: f64 = 0.75;
-    let (shared, cost) = fit(poses, Trocar::BehindTips)?;
-    let ahead = fit(poses, Trocar::AheadOfTips).map(|(_, cost)| cost);
-    let shared = Adjustment { likelier_behind: ahead.map_or(0.0, |ahead| ahead - cost), ..shared };
+    let behind = fit(poses, Trocar::BehindTips)?;
+    let ahead = fit(poses, Trocar::AheadOfTips);
+    let likelier_behind = ahead.map_or(0.0, |ahead| behind.likelier_than(&ahead));
+    let shared = Adjustment { likelier_behind, ..behind.shared };
     let meets = |pose: &&TubeEstimate| {
         shared.is_behind(&pose.tube) && fulcrum::miss_squared(pose, &shared.fulcrum) < MAX_FULCRUM_MISS_SQUARED
     };
     let meeting = poses.iter().filter(meets).count() as f64 / poses.len() as f64;
-    (meeting >= MIN_MEETING || shared.is_wrong_way_round()).then_some(shared)
+    ((behind.is_settled && meeting >= MIN_MEETING) || shared.is_wrong_way_round()).then_some(shared)
 }
 
 /// On which side of the tips a trocar is assumed.
@@ -78,9 +79,27 @@ enum Trocar {
     AheadOfTips,
 }
 
-/// The shared unknowns for a trocar on one side of the tips, and how badly the poses match them: minus twice the
-/// logarithm of their likelihood, up to a constant.
-fn fit(poses: &[TubeEstimate], place: Trocar) -> Option<(Adjustment, f64)> {
+/// The shared unknowns for a trocar on one side of the tips.
+struct Fit {
+    shared: Adjustment,
+    /// How badly the poses match them: minus twice the logarithm of their likelihood, up to a constant.
+    cost: f64,
+    /// What the best unknowns cost at least, as the last step predicts it.
+    least_cost: f64,
+    is_settled: bool,
+}
+
+impl Fit {
+    /// How much likelier it is for certain than another fit, in squared standard deviations; negative if it is less
+    /// likely. A trocar on the wrong side turns poses so far that its fit often does not settle.
+    fn likelier_than(&self, other: &Self) -> f64 {
+        let (least, most) = (other.least_cost - self.cost, other.cost - self.least_cost);
+        least.max(0.0) + most.min(0.0)
+    }
+}
+
+/// Fits the shared unknowns for a trocar on one side of the tips.
+fn fit(poses: &[TubeEstimate], place: Trocar) -> Option<Fit> {
     const ROUNDS: usize = 30;
     const SETTLED_MM: f64 = 1e-2;
     /// Last step, as a share of the fulcrum's standard deviation, that makes no difference.
@@ -92,7 +111,7 @@ fn fit(poses: &[TubeEstimate], place: Trocar) -> Option<(Adjustment, f64)> {
     let mut shared = prior.start(poses)?;
     let weights = weights(poses);
     let mut solved: Vec<AdjustedPose> = poses.iter().map(AdjustedPose::new).collect();
-    let (mut last_mm, mut cost) = (f64::INFINITY, 0.0);
+    let (mut last_mm, mut cost, mut decrease) = (f64::INFINITY, 0.0, 0.0);
     for _ in 0..ROUNDS {
         let (mut matrix, mut right) = prior.equations(&shared);
         cost = prior.cost(&shared);
@@ -108,6 +127,7 @@ fn fit(poses: &[TubeEstimate], place: Trocar) -> Option<(Adjustment, f64)> {
         if !step.iter().all(|c| c.is_finite()) {
             return None;
         }
+        decrease = right.dot(&step);
         shared.apply_step(&step);
         solved.iter_mut().for_each(|pose| pose.apply_shared_step(&step));
         last_mm = step.fixed_rows::<3>(0).norm();
@@ -117,7 +137,7 @@ fn fit(poses: &[TubeEstimate], place: Trocar) -> Option<(Adjustment, f64)> {
     }
     // The robust weights of a few poses may change to and fro for ever.
     let is_settled = last_mm < f64::max(SETTLED_MM, SETTLED_SHARE * shared.fulcrum.covariance.trace().sqrt());
-    is_settled.then_some((shared, cost))
+    Some(Fit { shared, cost, least_cost: cost - decrease, is_settled })
 }
 
 /// What is known of the shared unknowns before any pose: the offsets are about 0, and the trocar lies at the usual

@@ -176,17 +176,28 @@ fn reversed(pose: &TubeEstimate) -> TubeEstimate {
     TubeEstimate { tube: Tube { tip: tip - axis * LENGTH_MM, axis: -axis, radius }, ..*pose }
 }
 
+fn assert_way_round_is_shown(reach_mm: f64, seed: u64) {
+    let right = poses(&session(reach_mm, [0.0; OFFSETS], seed));
+    let wrong: Vec<TubeEstimate> = right.iter().map(reversed).collect();
+    let is = |poses: &[TubeEstimate]| {
+        estimate(poses).map(|shared| (shared.is_right_way_round(), shared.is_wrong_way_round()))
+    };
+    assert_eq!(is(&right), Some((true, false)), "{reach_mm} mm, seed {seed}");
+    assert_eq!(is(&wrong), Some((false, true)), "{reach_mm} mm, seed {seed}");
+}
+
 #[test]
 fn axes_show_which_way_round_the_poses_lie() {
     for (reach_mm, seed) in [(30.0, 11), (15.0, 12)] {
-        let right = poses(&session(reach_mm, [0.0; OFFSETS], seed));
-        let wrong: Vec<TubeEstimate> = right.iter().map(reversed).collect();
-        let is = |poses: &[TubeEstimate]| {
-            estimate(poses).map(|shared| (shared.is_right_way_round(), shared.is_wrong_way_round()))
-        };
-        assert_eq!(is(&right), Some((true, false)), "{reach_mm} mm");
-        assert_eq!(is(&wrong), Some((false, true)), "{reach_mm} mm");
+        assert_way_round_is_shown(reach_mm, seed);
     }
+}
+
+/// Poses that turn far would have to turn farther to meet on the wrong side. In 2 of these 40 sessions, the fit of that
+/// side does not settle.
+#[test]
+fn the_way_round_is_shown_also_if_the_fit_of_the_wrong_side_does_not_settle() {
+    (1000..1040).for_each(|seed| assert_way_round_is_shown(50.0, seed));
 }
 
 #[test]
