@@ -175,13 +175,24 @@ impl BandFit<'_> {
             }
             let found = self.refine(start, length_mm, PROBE_PASSES, recorder);
             refined.extend(found.as_ref().ok().map(|m| m.estimate.tube));
-            let found = found.and_then(possible).map(|found| self.with_continuation(found));
+            let found = found.and_then(possible).and_then(|found| self.whole(found));
+            let found = found.map(|found| self.with_continuation(found));
             best = better_of(best, found);
             if best.as_ref().is_ok_and(|m| m.grade() == Grade::Good) {
                 break;
             }
         }
         best
+    }
+
+    /// The measurement, unless it is a piece of a wider band: an end is missing, and there is tape behind the measured
+    /// length.
+    fn whole(&self, found: Measurement) -> Result<Measurement, MissReason> {
+        let is_length_known = self.spec.band_length_mm.is_some();
+        if !found.ends_seen && is_length_known && self.has_tape_behind(&found.estimate.tube, found.length_mm) {
+            return Err(MissReason::NotTape);
+        }
+        Ok(found)
     }
 
     /// The measurement, with where the borders of its band go on.

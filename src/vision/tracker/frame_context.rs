@@ -33,7 +33,12 @@ impl FrameContext<'_> {
 
     /// Class of the frame's pixel in this column and row.
     pub(super) fn class_at(&self, column: f64, row: f64) -> u8 {
-        self.table.class_of(self.frame.yuv_at(column as usize, row as usize))
+        self.table.class_of(self.codes_at(column, row))
+    }
+
+    /// Codes (Y, U, V) of the frame's pixel in this column and row.
+    pub(super) fn codes_at(&self, column: f64, row: f64) -> [u8; 3] {
+        self.frame.yuv_at(column as usize, row as usize)
     }
 
     /// Is a point of the outline inside the frame, and in front of all other tools?
