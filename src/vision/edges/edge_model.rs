@@ -1,10 +1,10 @@
-//! Appearance of one tool's edges in one recording, learned while tracking: blur, noise of each plane, exposure.
+//! Appearance of one tool's edges in one recording, learned while tracking: blur, light inside, noise of each plane.
 //!
 //! **In** the edge fits along every accepted tube ([`EdgeModel::learn`]). **Out** the expected appearance of the next
-//! frame's edges. **Method** Lens blur is learned from the residuals at the band's ends, chroma blur
-//! from those at its borders, each by a Kalman filter with one state. The light inside each part of the outline is a
-//! mean over recent edges; noise follows the median. Where the chroma samples lie is decided by all tools of a recording
-//! together ([`super::chroma_siting`]).
+//! frame's edges. **Method** Lens blur is learned from the residuals at the band's ends, chroma blur from those at its
+//! borders, each by a Kalman filter with one state. The light inside each part of the outline is a mean over recent
+//! edges; noise follows the median. All tools of a recording decide together where the chroma samples lie
+//! ([`super::chroma_siting`]) and how long the camera exposes ([`super::exposure`]).
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -48,7 +48,7 @@ pub struct EdgeModel {
     chroma_right: ChromaRightEstimator,
     /// How much farther right chroma samples lie than the frames say, pixels.
     pub(super) chroma_right_px: f32,
-    /// What its fast edges say of the exposure time.
+    /// Evidence of the exposure time, from edges that move fast.
     pub exposure_evidence: ExposureEvidence,
     frames: u32,
 }

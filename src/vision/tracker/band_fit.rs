@@ -107,8 +107,11 @@ impl BandFit<'_> {
         recorder: &mut FitRecorder,
     ) -> Result<Measurement, MissReason> {
         let found = self.measure_between(coarse, &hand_first, recorder)?;
-        let Some(wider) = self.as_wide_as_shaft(coarse, &found) else { return Ok(found) };
-        more_likely(self.measure_between(&wider, &hand_first, recorder), Ok(found))
+        let found = match self.as_wide_as_shaft(coarse, &found) {
+            Some(wider) => more_likely(self.measure_between(&wider, &hand_first, recorder), Ok(found))?,
+            None => found,
+        };
+        if self.is_piece(&found) { Err(MissReason::NotTape) } else { Ok(found) }
     }
 
     /// Measures the band with these coarse borders.
@@ -169,30 +172,29 @@ impl BandFit<'_> {
         let length_mm = self.length.map(|l| l.0).or(seen_mm).ok_or(MissReason::LengthUnknown)?;
         let mut refined: Vec<Tube> = Vec::new();
         let mut best: Result<Measurement, MissReason> = Err(MissReason::PoorFit);
+        let mut piece = None;
         for start in starts {
             if refined.iter().any(|tube| self.is_similar(start, tube, length_mm)) {
                 continue;
             }
             let found = self.refine(start, length_mm, PROBE_PASSES, recorder);
             refined.extend(found.as_ref().ok().map(|m| m.estimate.tube));
-            let found = found.and_then(possible).and_then(|found| self.whole(found));
-            let found = found.map(|found| self.with_continuation(found));
-            best = better_of(best, found);
+            let found = found.and_then(possible).map(|found| self.with_continuation(found));
+            match found {
+                Ok(found) if self.is_piece(&found) => piece = Some(found),
+                found => best = better_of(best, found),
+            }
             if best.as_ref().is_ok_and(|m| m.grade() == Grade::Good) {
                 break;
             }
         }
-        best
+        best.or_else(|reason| piece.ok_or(reason))
     }
 
-    /// The measurement, unless it is a piece of a wider band: an end is missing, and there is tape behind the measured
-    /// length.
-    fn whole(&self, found: Measurement) -> Result<Measurement, MissReason> {
-        let is_length_known = self.spec.band_length_mm.is_some();
-        if !found.ends_seen && is_length_known && self.has_tape_behind(&found.estimate.tube, found.length_mm) {
-            return Err(MissReason::NotTape);
-        }
-        Ok(found)
+    /// Is it a piece of a wider band? An end is missing, and there is tape behind the measured length.
+    fn is_piece(&self, found: &Measurement) -> bool {
+        let is_length_measured = self.spec.band_length_mm.is_some();
+        !found.ends_seen && is_length_measured && self.has_tape_behind(&found.estimate.tube, found.length_mm)
     }
 
     /// The measurement, with where the borders of its band go on.

@@ -75,7 +75,8 @@ impl ToolTracker {
         }
         let followed = self.with_continuation(scene, prediction, followed.clone());
         let at = Footprint::of(&followed, scene.camera())?;
-        let is_unbroken = self.track.is_followed_since(self.rivalry.searched_s);
+        let is_unbroken =
+            self.track.is_followed_since(self.rivalry.searched_s) && self.continues_track(scene, &followed);
         let of_followed = self.rivalry.followed_at(at, followed.is_clear(), is_unbroken);
         let rival_before = self.rivalry.rival;
         self.rivalry = Rivalry { searched_s: scene.frame.time_s, followed: Some(of_followed), rival: None };

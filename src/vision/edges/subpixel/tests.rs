@@ -290,7 +290,7 @@ fn limbs_show_where_the_chroma_samples_lie() {
     }
 }
 
-/// The exposure time that limbs show which move at this speed, seen with this exposure time.
+/// The exposure time that limbs show, s. They move at `speed_px_s` and are drawn with `exposure_s`.
 fn exposure_shown_by(speed_px_s: f64, exposure_s: f64) -> Option<f64> {
     let limb = Drawing { limb: Some(0.5), smear: speed_px_s * exposure_s, ..PLAIN };
     let mut model = limb.model();

@@ -56,7 +56,7 @@ pub struct Adjustment {
     covariance: SharedMatrix,
 }
 
-/// Estimates the shared unknowns. `None` if the poses are too few or the estimate does not settle, and if the axes of
+/// Estimates the shared unknowns. `None` if the poses are too few; and if the estimate does not settle or the axes of
 /// most poses do not meet behind the tips, unless they clearly lie the wrong way round.
 pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
     /// Share of the poses whose axes must pass the fulcrum behind them: the others are false.
@@ -84,17 +84,22 @@ struct Fit {
     shared: Adjustment,
     /// How badly the poses match them: minus twice the logarithm of their likelihood, up to a constant.
     cost: f64,
-    /// What the best unknowns cost at least, as the last step predicts it.
+    /// The cost less the decrease that the last step predicts.
     least_cost: f64,
     is_settled: bool,
 }
 
 impl Fit {
-    /// How much likelier it is for certain than another fit, in squared standard deviations; negative if it is less
-    /// likely. A trocar on the wrong side turns poses so far that its fit often does not settle.
+    /// By how much this fit is likelier than another one, in squared standard deviations; negative if it is less likely,
+    /// and 0 if the fit that seems likelier has not settled. The other one may be unsettled: a trocar on the wrong side
+    /// turns poses so far that its fit often does not settle.
     fn likelier_than(&self, other: &Self) -> f64 {
-        let (least, most) = (other.least_cost - self.cost, other.cost - self.least_cost);
-        least.max(0.0) + most.min(0.0)
+        let (own_lead, others_lead) = (other.least_cost - self.cost, self.least_cost - other.cost);
+        match (own_lead > 0.0 && self.is_settled, others_lead > 0.0 && other.is_settled) {
+            (true, _) => own_lead,
+            (_, true) => -others_lead,
+            _ => 0.0,
+        }
     }
 }
 
