@@ -26,6 +26,7 @@ use crate::live::LiveSettings;
 use crate::queue::QueueSettings;
 use crate::rescoring::RescoringSettings;
 use crate::store::StoreSettings;
+use crate::upkeep::BackupSettings;
 
 /// All settings of the service.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -53,6 +54,8 @@ pub struct Settings {
     pub rescoring: RescoringSettings,
     /// Removal of files that are no longer needed.
     pub upkeep: UpkeepSettings,
+    /// Scheduled backups.
+    pub backup: BackupSettings,
 }
 
 /// Settings of upkeep.
@@ -78,6 +81,7 @@ impl Default for Settings {
             live: LiveSettings::default(),
             rescoring: RescoringSettings::default(),
             upkeep: UpkeepSettings::default(),
+            backup: BackupSettings::default(),
         }
     }
 }
@@ -199,6 +203,11 @@ impl Settings {
         check_range("store.writes_per_commit", store.writes_per_commit as u64, 1, 10_000)?;
         check_range("store.busy_timeout_ms", store.busy_timeout_ms, 100, 600_000)?;
         check_range("store.max_attempts", store.max_attempts.into(), 1, 20)?;
+        check_range("store.senders.uploads", store.senders.uploads, 1, 1_000_000)?;
+        check_range("store.senders.feeds", store.senders.feeds, 1, 1_000)?;
+        check_range("store.senders.daily_recordings", store.senders.daily_recordings, 1, 1_000_000)?;
+        check_range("store.senders.daily_bytes", store.senders.daily_bytes, 1, 1 << 50)?;
+        check_range("store.senders.sign_ins", store.senders.sign_ins.into(), 1, 10_000)?;
         check_range("queue.heartbeat_s", queue.heartbeat_s, 1, 3_600)?;
         check_range("queue.sweep_s", queue.sweep_s, 1, 3_600)?;
         check_range("queue.look_s", queue.look_s, 1, 3_600)?;
@@ -214,11 +223,13 @@ impl Settings {
         check_range("http.page_items", http.page_items.into(), 1, 200)?;
         check_range("uploads.max_bytes", uploads.max_bytes, 1, 1 << 50)?;
         check_range("uploads.expire_h", uploads.expire_h, 1, 24 * 365)?;
+        check_range("uploads.empty_min", uploads.empty_min, 1, 24 * 60)?;
         check_range("uploads.max_unfinished", uploads.max_unfinished, 1, 1_000_000)?;
         check_range("uploads.import_bytes", uploads.import_bytes as u64, 1_024, 1 << 30)?;
         check_range("uploads.import_rows", uploads.import_rows as u64, 2, 10_000_000)?;
         check_range("rescoring.open", rescoring.open.into(), 1, 1_000)?;
         check_range("rescoring.look_ms", rescoring.look_ms, 1, 3_600_000)?;
+        check_range("backup.keep", self.backup.keep as u64, 1, 10_000)?;
         check_range("upkeep.collect_s", upkeep.collect_s, 1, 86_400)?;
         check_range("workers", self.workers as u64, 0, 1_024)?;
         if let Some(url) = http.public_url.as_ref().filter(|url| !is_web_address(url)) {

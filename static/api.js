@@ -155,8 +155,20 @@ export const api = {
   /** @param {string} login @param {string} password */
   signIn: (login, password) => request('POST', ['sign-in'], { json: { login, password } }),
   signOut: () => request('POST', ['sign-out']),
-  /** @param {string} old @param {string} fresh */
-  changePassword: (old, fresh) => request('POST', ['me', 'password'], { json: { old, new: fresh } }),
+  /** @param {string} old @param {string} fresh @param {boolean} keepTokens */
+  changePassword: (old, fresh, keepTokens) =>
+    request('POST', ['me', 'password'], { json: { old, new: fresh, keep_tokens: keepTokens } }),
+  /** The own account's sign-ins and tokens. */
+  own: {
+    /** @param {AbortSignal} [signal] */
+    signIns: signal => request('GET', ['me', 'sign-ins'], { signal }),
+    /** @param {string} id */
+    endSignIn: id => request('DELETE', ['me', 'sign-ins', id]),
+    /** @param {AbortSignal} [signal] */
+    tokens: signal => request('GET', ['me', 'tokens'], { signal }),
+    /** @param {string} id */
+    removeToken: id => request('DELETE', ['me', 'tokens', id]),
+  },
 
   people: resource('people'),
   groups: {
@@ -303,6 +315,8 @@ export const api = {
     importTable: (query, table) => request('POST', ['sessions', 'import'], { query, table }),
     /** @param {string} id */
     retry: id => request('POST', ['sessions', id, 'retry']),
+    /** @param {string} id */
+    end: id => request('POST', ['sessions', id, 'end']),
     /**
      * @param {string} id @param {ApiQueryOf<'GET', ['sessions', string, 'trajectory']>} [query]
      * @param {AbortSignal} [signal]

@@ -7,7 +7,7 @@
       format.js pages/today.js parts/courses/course_state.js parts/courses/own_courses.js parts/page/status.js
       parts/people/attention.js`,
     session: `
-      format.js pages/session.js parts/forms/dialog.js parts/live/light.js parts/live/live_screen.js
+      format.js pages/session.js parts/forms/dialog.js parts/live/interrupted.js parts/live/light.js parts/live/live_screen.js
       parts/live/live_space.js parts/live/live_tools.js parts/live/live_track.js parts/live/live_view.js
       parts/live/placement.js parts/page/status.js parts/playback/chunk_loader.js parts/playback/curves.js
       parts/playback/orbit.js parts/playback/overlay.js parts/playback/path3d.js parts/playback/playback.js

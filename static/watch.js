@@ -30,6 +30,8 @@ export class LiveWatch {
    */
   seen = [];
   isBehind = false;
+  /** What is known of the recording while it has no sender. @type {{ recorded_s: number | null, ends_in_s: number | null } | null} */
+  interruption = null;
   /** The newest picture. @type {{ frame: number, bitmap: ImageBitmap } | null} */
   picture = null;
 
@@ -150,6 +152,7 @@ export class LiveWatch {
   }
 
   #handleMessage(message) {
+    if (message.type === 'waiting') this.interruption = message;
     if (message.type === 'waiting' || message.type === 'ended') return this.#setState(message.type);
     if (message.type === 'missed') return this.#countMissed(message.count);
     if (message.type === 'live') {

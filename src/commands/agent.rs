@@ -220,6 +220,7 @@ fn hello(args: &AgentArgs, info: &SourceInfo) -> Hello {
         time_base: info.time_base,
         began_at: to_rfc3339(now_ms),
         sender: concat!("trocar agent ", env!("CARGO_PKG_VERSION")).to_owned(),
+        resumes: true,
     }
 }
 

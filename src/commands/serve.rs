@@ -6,14 +6,13 @@
 
 use std::io::Write;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::Context;
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use tokio::net::TcpListener;
-use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 use tracing_subscriber::EnvFilter;
 
@@ -27,8 +26,8 @@ use crate::domain::secret::Password;
 use crate::events::EventBus;
 use crate::heap;
 use crate::http::auth::throttle::Throttle;
+use crate::http::connection_slots::ConnectionSlots;
 use crate::http::state::{App, AppParts, ServiceInfo};
-use crate::http::watcher_slots::WatcherSlots;
 use crate::http::{router, server};
 use crate::intake::Intake;
 use crate::live::{self, FeedService, OpenFeeds};
@@ -36,11 +35,11 @@ use crate::motion::PIPELINE_VERSION;
 use crate::queue::Queue;
 use crate::rescoring::{self, RescoringSettings};
 use crate::sandbox::{self, Program};
-use crate::settings::{Flags, Settings, UpkeepSettings};
+use crate::settings::{DATABASE_FILE, Flags, Settings};
 use crate::shutdown::Shutdown;
 use crate::store::{NewPerson, Store};
 use crate::time::{SharedClock, SystemClock};
-use crate::upkeep;
+use crate::upkeep::{self, BACKUP_MARK, BackupState, ErasureLists};
 use crate::vault::{DataFolderLock, Vault};
 
 /// Time for all tasks to end after the shutdown began.
@@ -185,6 +184,7 @@ pub async fn start(
     child: Program,
 ) -> anyhow::Result<RunningService> {
     check_kernel(settings.analysis.require_landlock)?;
+    refuse_backup(&settings.data)?;
     let vault = Vault::open(&settings.data).await.context("opening the data folder")?;
     let lock = vault.lock().await.with_context(|| format!("using {}", settings.data.display()))?;
     let store =
@@ -217,7 +217,7 @@ pub async fn start(
     });
     let parts = AppParts {
         throttle: Throttle::new(settings.http.free_attempts, clock.clone()),
-        watcher_slots: WatcherSlots::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
+        watcher_slots: ConnectionSlots::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
         metrics: metrics().context("starting the metrics")?,
         settings: settings.http.clone(),
         service_info: service_info(&settings, clock.now_ms()),
@@ -234,18 +234,36 @@ pub async fn start(
         vault,
         intake,
         feeds,
-        feed_slots: Arc::new(Semaphore::new(settings.live.max_feeds)),
+        feed_slots: feed_slots(&settings),
+        backup_state: BackupState::default(),
+        backup_settings: settings.backup.clone(),
         queue,
         events,
         clock,
     };
     let app = App::new(parts);
-    start_upkeep(&app, &settings.upkeep);
+    start_upkeep(&app, &settings);
     start_rescoring(&app, settings.rescoring);
     worker_pool(&app, settings.analysis, child).start_workers(settings.workers, &shutdown);
     let (http, stop, routes) = (settings.http, shutdown.clone(), router::routes(app.clone()));
     let served = tokio::spawn(async move { server::serve(listener, routes, &http, &stop).await });
     Ok(RunningService { address, shutdown, is_first_start: is_first, app, served, _lock: lock })
+}
+
+/// Refuses to run on a backup: people who were erased since it was made would come back.
+fn refuse_backup(data: &Path) -> anyhow::Result<()> {
+    let shown = data.display();
+    anyhow::ensure!(
+        !data.join(BACKUP_MARK).exists(),
+        "`{shown}` is a backup; to run it, restore it first: trocar admin restore {shown} --data NEW-FOLDER"
+    );
+    Ok(())
+}
+
+/// Slots for live feeds. People leave a quarter of them to the agents of boxes.
+fn feed_slots(settings: &Settings) -> ConnectionSlots {
+    let (most, most_of_one) = (settings.live.max_feeds, settings.store.senders.feeds as usize);
+    ConnectionSlots::new(most, most_of_one).keep_for_agents(most / 4)
 }
 
 /// The facts and settings that the service reports to administrators.
@@ -273,15 +291,29 @@ fn check_kernel(require_landlock: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Starts the background tasks: rescue of expired leases, upkeep of feeds, removal of unneeded files.
-fn start_upkeep(app: &App, settings: &UpkeepSettings) {
+/// Starts the background tasks: rescue of expired leases, upkeep of feeds, removal of unneeded files, backups.
+fn start_upkeep(app: &App, settings: &Settings) {
     let (queue, stop) = (app.queue.clone(), app.shutdown.clone());
     app.shutdown.spawn(async move { queue.keep_sweeping(&stop).await });
     let feeds = app.feeds.clone();
     app.shutdown.spawn(async move { feeds.maintain().await });
-    let (app, every) = (app.clone(), Duration::from_secs(settings.collect_s.max(1)));
-    let stop = app.shutdown.clone();
-    stop.clone().spawn(async move { upkeep::run(&app.store, &app.vault, every, app.clock.clone(), &stop).await });
+    let every = Duration::from_secs(settings.upkeep.collect_s.max(1));
+    let lists = ErasureLists::new(&settings.data, settings.backup.target.as_deref());
+    let (own, stop) = (app.clone(), app.shutdown.clone());
+    app.shutdown.spawn(async move {
+        upkeep::run((&own.store, &own.vault), lists, every, own.clock.clone(), &stop).await;
+    });
+    let (own, stop, backup) = (app.clone(), app.shutdown.clone(), settings.backup.clone());
+    // On a thread of its own: verifying a backup takes the processor for long.
+    let runtime = tokio::runtime::Handle::current();
+    let backups = move || {
+        let data = (&own.store, &own.vault);
+        let until = (own.clock.clone(), &stop);
+        runtime.block_on(upkeep::run_backups(data, &backup, DATABASE_FILE, until, &own.backup_state));
+    };
+    app.shutdown.spawn(async move {
+        let _ = tokio::task::spawn_blocking(backups).await; // a panic is logged where it happened
+    });
 }
 
 /// Starts the background task that carries out rescoring orders.

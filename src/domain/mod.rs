@@ -46,6 +46,7 @@ pub mod comment;
 pub mod course;
 pub mod edit;
 pub mod enrolment;
+pub mod erasure;
 pub mod evidence;
 pub mod feature;
 pub mod feed;
@@ -65,6 +66,7 @@ pub mod skill;
 pub mod standard;
 pub mod task;
 pub mod text;
+pub mod token_expiry;
 pub mod trainee;
 pub mod xapi;
 

@@ -4,6 +4,8 @@
 //! the service does on its own behalf, and for the trainees of an agent's recordings ([`Scope::upload_scope`]). Data
 //! outside the scope do not exist for the caller: the store answers "not found", never "not yours".
 
+use std::fmt;
+
 use super::role::Role;
 use crate::ids::{BoxId, PersonId, TraineeId};
 
@@ -23,7 +25,7 @@ enum ScopeReach {
     Box(BoxId),
 }
 
-/// The caller, for the audit trail.
+/// The caller, for the audit trail. As text: `person:ID`, `agent:BOX` or `service`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Actor {
     /// A person, signed in by cookie or token.
@@ -32,6 +34,16 @@ pub enum Actor {
     Agent(BoxId),
     /// The service itself.
     Service,
+}
+
+impl fmt::Display for Actor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Actor::Person(person) => write!(f, "person:{person}"),
+            Actor::Agent(of) => write!(f, "agent:{of}"),
+            Actor::Service => f.write_str("service"),
+        }
+    }
 }
 
 impl Scope {

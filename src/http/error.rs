@@ -227,6 +227,9 @@ impl From<StoreError> for ProblemResponse {
                 Refusal::InUse.with(format!("{}. Delete what refers to it first.", capitalised(&error)))
             }
             StoreError::Refused { .. } => Refusal::Conflict.with(format!("{}.", capitalised(&error))),
+            StoreError::LimitReached { why, most } => {
+                Refusal::TooMany.with(format!("{}.", capitalised(&why.trim_end_matches('.')))).member("limit", most)
+            }
             StoreError::LeaseLost => Refusal::Conflict.with("Another worker has taken over this job. Read it again."),
             StoreError::DiskFull => disk_full(),
             StoreError::Busy => busy("The database is overloaded. Try again in a moment."),
@@ -282,9 +285,6 @@ impl From<IntakeError> for ProblemResponse {
             IntakeError::Invalid { field, why } => ProblemResponse::invalid(field, why),
             IntakeError::TooLong { most } => super::read::too_large(most),
             IntakeError::Empty => ProblemResponse::invalid("recording", "is empty; send the video's bytes"),
-            IntakeError::TooMany { most } => Refusal::TooMany
-                .with(format!("You have {most} unfinished uploads. Finish or delete one, or wait until one expires."))
-                .member("limit", most),
             IntakeError::Offset { received } => Refusal::Conflict
                 .with(format!(
                     "The upload has {received} bytes. Ask for the offset with HEAD, and continue from there."
@@ -389,6 +389,11 @@ pub fn disk_full() -> ProblemResponse {
 /// A limit is reached for the moment.
 pub fn busy(detail: &str) -> ProblemResponse {
     Refusal::Busy.with(detail).header(header::RETRY_AFTER, 1)
+}
+
+/// Too many live feeds are open, in all or of this sender.
+pub fn too_many_feeds() -> ProblemResponse {
+    busy("Too many recordings arrive at once. Try again when one of them has ended.")
 }
 
 /// The error's text with a capital first letter.

@@ -15,9 +15,9 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::auth::signed_in::{Member, SignedIn};
+use super::connection_slots::ConnectionSlot;
 use super::error::{HandlerResult, busy};
 use super::state::App;
-use super::watcher_slots::WatcherSlot;
 use crate::domain::job::{JobKind, JobState};
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
@@ -91,7 +91,7 @@ struct EventStream {
     scope: Scope,
     headers: HeaderMap,
     app: App,
-    _slot: WatcherSlot,
+    _slot: ConnectionSlot,
 }
 
 impl EventStream {

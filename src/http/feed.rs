@@ -20,7 +20,7 @@ use tokio_tungstenite::tungstenite;
 
 use super::auth::origin;
 use super::auth::signed_in::SignedIn;
-use super::error::{HandlerResult, Refusal, busy};
+use super::error::{HandlerResult, Refusal, too_many_feeds};
 use super::read::PathKey;
 use super::state::App;
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
@@ -63,8 +63,7 @@ pub async fn feed(
     })?;
     origin::refuse_foreign(&headers)?;
     app.store.boxes().get(&by.scope, &in_box).await?;
-    let full = |_| busy("Too many boxes are recording at once. Try again when one of them has ended.");
-    let place = app.feed_slots.clone().try_acquire_owned().map_err(full)?;
+    let place = app.feed_slots.take(&by.scope).ok_or_else(too_many_feeds)?;
     let by = FeedSender { scope: by.scope, headers };
     let upgrade = upgrade
         .max_message_size(MAX_RECORD_BYTES)
@@ -129,7 +128,11 @@ async fn run(app: &App, by: &FeedSender, in_box: &Key, socket: &mut WebSocket) -
     if matches!(welcome, ServerMessage::Ended { .. }) {
         return Ok(());
     }
-    receive_recording(app, &by.headers, &mut feed, socket).await
+    let received = receive_recording(app, &by.headers, &mut feed, socket).await;
+    if matches!(received, Err(FeedEnd::Disconnected)) {
+        feed.record_closed();
+    }
+    received
 }
 
 async fn receive_hello(app: &App, socket: &mut WebSocket) -> Result<Hello, FeedEnd> {

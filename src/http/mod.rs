@@ -10,7 +10,7 @@
 //! | one module for each noun | its routes, one function each |
 //! | [`export`] | tables of features, of any length |
 //! | [`server`] [`pace`] [`settings`] | limits on connections and bodies: their number, idle time and size |
-//! | [`watcher_slots`] | limits on open streams, in all and per user |
+//! | [`connection_slots`] | limits on connections that stay open, in all and per user |
 //! | [`protect`] [`compress`] [`observe`] | security headers, compression; a log line and metrics for every request |
 //! | [`dashboard`] [`docs`] [`openapi`] | the dashboard's files, and the API's description |
 //!
@@ -18,6 +18,7 @@
 //! store finds only what the scope covers, so a resource outside the scope is answered like one that does not exist,
 //! with the same bytes.
 
+pub mod account;
 pub mod attention;
 pub mod auth;
 mod base_url;
@@ -25,6 +26,7 @@ pub mod boxes;
 pub mod client_address;
 pub mod cohorts;
 pub mod compress;
+pub mod connection_slots;
 pub mod courses;
 pub mod dashboard;
 pub mod docs;
@@ -59,4 +61,3 @@ pub mod tasks;
 pub mod tokens;
 pub mod trainees;
 pub mod uploads;
-pub mod watcher_slots;

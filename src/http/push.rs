@@ -7,12 +7,12 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, header};
 use futures_util::StreamExt;
 use serde::{Deserialize, Serialize};
-use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::timeout;
 use utoipa::{IntoParams, ToSchema};
 
 use super::auth::signed_in::SignedIn;
-use super::error::{HandlerResult, ProblemResponse, busy};
+use super::connection_slots::ConnectionSlot;
+use super::error::{HandlerResult, ProblemResponse, too_many_feeds};
 use super::read::{Params, PathKey, reference_problem};
 use super::sessions::SessionResponse;
 use super::show::Created;
@@ -92,7 +92,7 @@ async fn admit(
     in_box: Key,
     of: PushQuery,
     headers: &HeaderMap,
-) -> HandlerResult<(Push, OwnedSemaphorePermit)> {
+) -> HandlerResult<(Push, ConnectionSlot)> {
     let SignedIn { scope } = by?;
     let missing = |field| move || ProblemResponse::invalid(field, "is missing; give the id or the code");
     let trainee =
@@ -103,18 +103,12 @@ async fn admit(
     store.trainees().get(&sender_scope, &Key::from(&trainee)).await.map_err(reference_problem("trainee"))?;
     store.tasks().get(&sender_scope, &Key::from(&task)).await.map_err(reference_problem("task"))?;
     app.feeds.check_free(box_id).await?;
-    let full = |_| busy("Too many boxes are recording at once. Try again when one of them has ended.");
-    let place = app.feed_slots.clone().try_acquire_owned().map_err(full)?;
+    let place = app.feed_slots.take(&scope).ok_or_else(too_many_feeds)?;
     let sender = headers.get(header::USER_AGENT).and_then(|agent| agent.to_str().ok()).unwrap_or_default().to_owned();
     Ok((Push { scope, in_box, trainee, task, sender }, place))
 }
 
-async fn receive(
-    app: App,
-    push: Push,
-    request: Request,
-    place: OwnedSemaphorePermit,
-) -> Result<SessionId, PushFailure> {
+async fn receive(app: App, push: Push, request: Request, place: ConnectionSlot) -> Result<SessionId, PushFailure> {
     let (name, headers) = (push.in_box.as_str().to_owned(), request.headers().clone());
     let mut body = request.into_body().into_data_stream();
     let bytes = (&mut body).map(|bytes| bytes.map_err(Into::into));

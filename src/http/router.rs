@@ -13,7 +13,7 @@ use super::auth::{origin, sign_in};
 use super::compress::{compress, compress_static_files};
 use super::pace::{Pace, keep_pace};
 use super::state::App;
-use super::{attention, service};
+use super::{account, attention, service};
 use super::{
     boxes, cohorts, courses, dashboard, docs, events, features, feed, groups, health, jobs, observe, people, protect,
     push, replaced_routes, rescorings, sessions, tasks, tokens,
@@ -44,6 +44,10 @@ fn account_routes() -> OpenApiRouter<App> {
         .routes(routes!(sign_in::sign_out))
         .routes(routes!(people::me))
         .routes(routes!(sign_in::change_password))
+        .routes(routes!(account::sign_ins))
+        .routes(routes!(account::end_sign_in))
+        .routes(routes!(account::tokens))
+        .routes(routes!(account::delete_token))
         .routes(routes!(people::list, people::create))
         .routes(routes!(people::change, people::delete))
         .routes(routes!(tokens::list, tokens::create))
@@ -138,6 +142,7 @@ fn session_routes() -> OpenApiRouter<App> {
         .routes(routes!(sessions::get, sessions::erase))
         .routes(routes!(sessions::results))
         .routes(routes!(sessions::retry))
+        .routes(routes!(sessions::end))
         .routes(routes!(sessions::live))
         .routes(routes!(sessions::trajectory))
         .routes(routes!(sessions::features))

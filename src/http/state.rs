@@ -4,11 +4,10 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use metrics_exporter_prometheus::PrometheusHandle;
-use tokio::sync::Semaphore;
 
 use super::auth::throttle::Throttle;
+use super::connection_slots::ConnectionSlots;
 use super::settings::HttpSettings;
-use super::watcher_slots::WatcherSlots;
 use crate::analysis::QuickAnalysis;
 use crate::cohorts::Cohorts;
 use crate::events::EventBus;
@@ -18,6 +17,7 @@ use crate::queue::Queue;
 use crate::shutdown::Shutdown;
 use crate::store::Store;
 use crate::time::SharedClock;
+use crate::upkeep::{BackupSettings, BackupState};
 use crate::vault::Vault;
 
 /// The parts of the service that handlers use. Clones share them.
@@ -50,12 +50,16 @@ pub struct AppParts {
     pub cohorts: Cohorts,
     /// Live feeds: recordings arriving frame by frame.
     pub feeds: FeedService,
-    /// Permits for the connections of live feeds.
-    pub feed_slots: Arc<Semaphore>,
+    /// Slots for the connections of live feeds.
+    pub feed_slots: ConnectionSlots,
     /// Analyses single pictures while the user waits.
     pub quick_analysis: QuickAnalysis,
     /// Slots for event streams and live views.
-    pub watcher_slots: WatcherSlots,
+    pub watcher_slots: ConnectionSlots,
+    /// State of the scheduled backups.
+    pub backup_state: BackupState,
+    /// When and where backups are made.
+    pub backup_settings: BackupSettings,
     /// Metrics for Prometheus.
     pub metrics: PrometheusHandle,
 }

@@ -184,9 +184,19 @@ impl ArrivingPiece<'_> {
         if let Some(sum) = &mut self.sum {
             sum.update(&bytes);
         }
+        self.note_first_byte().await?;
         self.file.append(&bytes).await?;
         if self.sum.is_none() && self.file.appended() - self.noted >= CHECKPOINT {
             self.sync_and_record().await?;
+        }
+        Ok(())
+    }
+
+    /// Notes that the first byte of an upload has arrived: it no longer expires as an empty one, however long it takes
+    /// until its bytes are durable.
+    async fn note_first_byte(&mut self) -> IntakeResult<()> {
+        if self.noted == 0 && self.file.appended() == 0 {
+            self.intake.store.uploads().advance(self.id, 0, self.intake.expires_at_ms()).await?;
         }
         Ok(())
     }

@@ -6,7 +6,7 @@ use crate::domain::scope::Scope;
 use crate::domain::text::{FileName, Key};
 use crate::ids::{BoxId, TaskId, TraineeId, UploadId};
 use crate::store::{NewUpload, StoreError, UploadRecord};
-use crate::time::{from_rfc3339, to_rfc3339};
+use crate::time::{from_rfc3339, millis, to_rfc3339};
 
 /// How far a sender's clock may be ahead of the service's, ms: a time zone mistaken by a day at most.
 const MAX_CLOCK_AHEAD_MS: i64 = 24 * 3_600_000;
@@ -80,18 +80,14 @@ impl Intake {
         length: u64,
     ) -> IntakeResult<UploadRecord> {
         self.check_length(length)?;
-        let most = self.settings.max_unfinished;
-        if self.store.uploads().count_unfinished().await? >= most {
-            return Err(IntakeError::TooMany { most });
-        }
         let id = UploadId::at(self.clock.now_ms());
         // Open until its row exists: an upload's file that is neither open nor in the database is deleted.
         let _open_file = self.vault.create_upload(id).await?;
         let ResolvedRecording { trainee, task, in_box, filename, recorded_at_ms, time } = recording;
-        let expires_at_ms = self.expires_at_ms();
+        let expires_at_ms = self.clock.now_ms() + millis(self.settings.empty());
         let new =
             NewUpload { id, trainee, task, in_box, filename, metadata, recorded_at_ms, time, length, expires_at_ms };
-        match self.store.uploads().create(scope, new).await {
+        match self.store.uploads().create(scope, new, self.settings.max_unfinished).await {
             Ok(upload) => Ok(upload),
             Err(error) => {
                 self.vault.delete_upload(id).await?;

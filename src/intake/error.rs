@@ -33,12 +33,6 @@ pub enum IntakeError {
     /// No byte arrived.
     #[error("the recording is empty")]
     Empty,
-    /// Too many uploads are unfinished.
-    #[error("{most} uploads are unfinished")]
-    TooMany {
-        /// Maximum number of unfinished uploads.
-        most: u64,
-    },
     /// The piece does not begin where the last one ended.
     #[error("{received} bytes have been received")]
     Offset {

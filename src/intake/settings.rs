@@ -1,5 +1,7 @@
 //! Limits for receiving recordings.
 
+use std::time::Duration;
+
 use serde::Deserialize;
 
 /// Limits of uploads.
@@ -10,7 +12,10 @@ pub struct UploadSettings {
     pub max_bytes: u64,
     /// Hours without a new byte after which an unfinished upload is deleted. Usually 48.
     pub expire_h: u64,
-    /// Maximum number of unfinished uploads at a time, of all senders. Each occupies disk space. Usually 200.
+    /// Minutes after which an upload without any byte is deleted. Usually 10.
+    pub empty_min: u64,
+    /// Maximum number of unfinished uploads at a time, of all senders. Each occupies disk space. Usually 200. The limits
+    /// of one sender are `store.senders`.
     pub max_unfinished: u64,
     /// Maximum size of a table of another tracker, bytes. A table is held in memory as a whole while it is read.
     /// Usually 64 MiB.
@@ -21,6 +26,20 @@ pub struct UploadSettings {
 
 impl Default for UploadSettings {
     fn default() -> Self {
-        Self { max_bytes: 8 << 30, expire_h: 48, max_unfinished: 200, import_bytes: 64 << 20, import_rows: 500_000 }
+        Self {
+            max_bytes: 8 << 30,
+            expire_h: 48,
+            empty_min: 10,
+            max_unfinished: 200,
+            import_bytes: 64 << 20,
+            import_rows: 500_000,
+        }
+    }
+}
+
+impl UploadSettings {
+    /// How long an upload may wait for its first byte.
+    pub fn empty(&self) -> Duration {
+        Duration::from_secs(self.empty_min.saturating_mul(60))
     }
 }

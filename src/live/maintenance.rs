@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use super::settings::LastContact;
 use super::{FeedPhase, FeedService, LiveError, OpenFeed};
 use crate::domain::scope::Scope;
 use crate::ids::FeedId;
@@ -73,9 +74,10 @@ impl FeedService {
         unheard: &mut HashMap<FeedId, i64>,
     ) -> Result<(), LiveError> {
         let (id, passed_ms) = (row.id, self.0.clock.monotonic_ms());
-        let abandoned_ms = passed_ms - millis(self.0.settings.abandoned());
-        let since_ms = if row.is_push { passed_ms + 1 } else { abandoned_ms }; // a push cannot be resumed
         let known = self.0.open.all.lock().await.get(&id).cloned();
+        let contact = known.as_ref().map_or(LastContact::UNKNOWN, |feed| feed.last_contact());
+        let abandoned_ms = passed_ms - millis(self.0.settings.patience(row.resumes, contact));
+        let since_ms = if row.is_push { passed_ms + 1 } else { abandoned_ms }; // a push cannot be resumed
         let feed = match known {
             Some(feed) => {
                 unheard.remove(&id); // its wait starts again if it is closed
@@ -92,7 +94,7 @@ impl FeedService {
     }
 
     /// Opens the log of a recording without a connection since some time before `since_ms`.
-    async fn open_unheard(&self, id: FeedId, since_ms: i64) -> Result<Option<Arc<OpenFeed>>, LiveError> {
+    pub(super) async fn open_unheard(&self, id: FeedId, since_ms: i64) -> Result<Option<Arc<OpenFeed>>, LiveError> {
         let _lock = self.0.open.lock_feed(id).await;
         if let Some(feed) = self.0.open.all.lock().await.get(&id) {
             return Ok(Some(feed.clone())); // opened by a connection meanwhile

@@ -10,7 +10,8 @@
 //! issues; records with another epoch are refused, no matter where they were delayed. Acknowledged records are in the
 //! log and synced. The log is read through whenever it is opened again.
 //!
-//! A recording that its sender does not end is ended by [`FeedService::maintain`] with the frames that arrived.
+//! A recording that its sender does not end is ended by [`FeedService::maintain`] with the frames that arrived, or earlier
+//! at a person's request ([`FeedService::end_interrupted`]).
 //!
 //! A stream that is pushed in one request ([`FeedService::push`]) uses such a connection too; its hello and records are
 //! made here. It cannot be resumed, so it is ended as soon as its sender is gone.
@@ -33,8 +34,10 @@ pub use tracking::{FeedWatcher, TrackingState};
 
 use std::collections::HashMap;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use open_feed::{FeedPhase, FeedState, OpenFeed, ReceivedRecords};
+use settings::LastContact;
 use tracking::TrackingSupervisor;
 
 use crate::analysis::AnalysisSettings;
@@ -87,6 +90,15 @@ pub struct FeedServiceParts {
     pub cpu_slots: Arc<CpuSlots>,
 }
 
+/// A recording whose sender is gone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interruption {
+    /// Time of its latest frame, s; `None` if that is not known.
+    pub recorded_s: Option<f64>,
+    /// Time until it is ended with the frames that arrived, s.
+    pub ends_in_s: f64,
+}
+
 /// The result of a hello.
 pub enum ConnectResult {
     /// Frames may be sent.
@@ -136,13 +148,8 @@ impl FeedService {
         let mut open = self.0.open.all.lock().await;
         check_free(&open, in_box, Some(id))?;
         check_not_finishing(&open, id)?;
-        let of_box = |row: &store::FeedRow| row.box_id == in_box && row.id != id;
-        let unfinished = self.0.store.feeds().unfinished().await.map_err(reason_of_store_error)?;
-        if unfinished.into_iter().filter(of_box).count() >= self.0.settings.max_unfinished {
-            let why = "the box has too many unfinished recordings: end them, or wait until they end automatically";
-            return Err(CloseReason::new(CloseCode::Busy, why));
-        }
-        let row = self.0.store.feeds().open(scope, new).await.map_err(reason_of_store_error)?;
+        let most = self.0.settings.max_unfinished;
+        let row = self.0.store.feeds().open(scope, new, most).await.map_err(reason_of_store_error)?;
         if row.ended_at_ms.is_some() {
             return Ok(ConnectResult::Ended(row.session_id));
         }
@@ -175,6 +182,23 @@ impl FeedService {
         let open = self.0.open.all.lock().await;
         let arrives = |feed: &&Arc<OpenFeed>| feed.row.session_id == session && feed.has_sender();
         open.values().find(arrives).map(|feed| feed.tracking.watch(feed, wants_pictures))
+    }
+
+    /// What is known of a recording without a sender; `None` if it has one, or has ended.
+    pub async fn interruption(&self, session: SessionId) -> Result<Option<Interruption>, StoreError> {
+        let Some(row) = self.0.store.feeds().of_session(session).await? else { return Ok(None) };
+        let known = self.0.open.all.lock().await.get(&row.id).cloned();
+        let contact = known.as_ref().map_or(LastContact::UNKNOWN, |feed| feed.last_contact());
+        let patience = self.0.settings.patience(row.resumes, contact).as_secs_f64();
+        Ok(match known {
+            Some(feed) if feed.has_sender() => None,
+            Some(feed) => {
+                let waited_ms = self.0.clock.monotonic_ms() - feed.last_contact_ms.load(Ordering::Acquire);
+                let left_s = (patience - waited_ms as f64 / 1e3).max(0.0);
+                Some(Interruption { recorded_s: feed.recorded_s(), ends_in_s: left_s })
+            }
+            None => Some(Interruption { recorded_s: None, ends_in_s: patience }),
+        })
     }
 
     /// Opens a recording's log.
@@ -237,6 +261,7 @@ impl FeedService {
             began_at_ms,
             sender: hello.sender.chars().filter(|c| !c.is_control()).take(MAX_SENDER_CHARS).collect(),
             is_push: false,
+            resumes: hello.resumes,
         })
     }
 
@@ -275,6 +300,7 @@ impl From<LiveError> for CloseReason {
 fn reason_of_store_error(error: StoreError) -> CloseReason {
     let code = match &error {
         StoreError::NotFound { .. } | StoreError::Refused { .. } | StoreError::Forbidden { .. } => CloseCode::Unknown,
+        StoreError::LimitReached { .. } => CloseCode::Busy,
         _ => CloseCode::Failed,
     };
     CloseReason::new(code, error.to_string())

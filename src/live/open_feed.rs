@@ -11,11 +11,12 @@
 //! to, or the session; its lock is held while the recording is assembled.
 
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicI64, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, Ordering};
 use std::sync::{Arc, PoisonError, Weak};
 
 use tokio::sync::{Mutex, OwnedMutexGuard, watch};
 
+use super::settings::LastContact;
 use super::tracking::TrackingSupervisor;
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
 use crate::domain::feed::numbers::FrameNumbers;
@@ -56,6 +57,12 @@ pub(super) struct OpenFeed {
     pub(super) connections: AtomicU32,
     /// Last contact with its sender, by [`Clock::monotonic_ms`](crate::time::Clock::monotonic_ms).
     pub(super) last_contact_ms: AtomicI64,
+    /// True if its sender closed the last connection.
+    pub(super) was_closed: AtomicBool,
+    /// True if a frame has arrived.
+    pub(super) has_frames: AtomicBool,
+    /// Time of its latest frame, ticks; negative if no frame has arrived since the log was opened.
+    pub(super) latest_ticks: AtomicI64,
     pub(super) state: Mutex<FeedState>,
     phase: std::sync::Mutex<FeedPhase>,
     /// Failed attempts to assemble it that were not its own fault.
@@ -115,6 +122,9 @@ impl OpenFeed {
             time_base,
             connections: AtomicU32::new(0),
             last_contact_ms: AtomicI64::new(now_ms),
+            was_closed: AtomicBool::new(false),
+            has_frames: AtomicBool::new(!numbers.ranges().is_empty()),
+            latest_ticks: AtomicI64::new(-1),
             state: Mutex::new(FeedState::Receiving(ReceivedRecords { synced: log.bytes(), log, numbers })),
             phase: std::sync::Mutex::new(FeedPhase::Open),
             failures: AtomicU32::new(0),
@@ -142,6 +152,25 @@ impl OpenFeed {
 
     pub(super) fn is_abandoned(&self, long_ago_ms: i64) -> bool {
         !self.has_sender() && self.last_contact_ms.load(Ordering::Acquire) < long_ago_ms
+    }
+
+    pub(super) fn last_contact(&self) -> LastContact {
+        LastContact {
+            was_closed: self.was_closed.load(Ordering::Acquire),
+            has_frames: self.has_frames.load(Ordering::Acquire),
+        }
+    }
+
+    /// Notes that a frame with this time arrived.
+    pub(super) fn note_frame(&self, ticks: i64) {
+        self.has_frames.store(true, Ordering::Release);
+        self.latest_ticks.fetch_max(ticks, Ordering::AcqRel);
+    }
+
+    /// Time of the latest frame, s, if one has arrived since the log was opened.
+    pub(super) fn recorded_s(&self) -> Option<f64> {
+        let ticks = self.latest_ticks.load(Ordering::Acquire);
+        (ticks >= 0).then(|| self.time_base.seconds(ticks))
     }
 
     /// Length of the longest recording, ticks: no frame has a later time.

@@ -118,6 +118,32 @@ impl FeedService {
         Ok(session)
     }
 
+    /// Ends a recording whose sender is gone, at a person's request, with the frames that arrived.
+    ///
+    /// # Errors
+    /// It is being sent, has ended already, or has no frame that can be decoded: then it is deleted.
+    pub async fn end_interrupted(&self, session: SessionId) -> Result<SessionId, CloseReason> {
+        let row = self.0.store.feeds().of_session(session).await.map_err(LiveError::from)?;
+        let row = row.ok_or_else(|| CloseReason::new(CloseCode::Done, "the recording has ended already"))?;
+        let now_ms = self.0.clock.monotonic_ms() + 1; // later than any contact
+        let known = self.0.open.all.lock().await.get(&row.id).cloned();
+        let feed = match known {
+            Some(feed) => feed,
+            None => self
+                .open_unheard(row.id, now_ms)
+                .await?
+                .ok_or_else(|| CloseReason::new(CloseCode::Done, "the recording has ended already"))?,
+        };
+        let (feeds, ending) = (self.clone(), EndTrigger::Abandoned { since_ms: now_ms });
+        let ended = self.0.shutdown.spawn(async move { feeds.finish(&feed, ending).await });
+        match ended.await.map_err(|panic| CloseReason::new(CloseCode::Failed, panic.to_string()))?? {
+            FinishOutcome::Complete(session) => Ok(session),
+            FinishOutcome::Missing(_) | FinishOutcome::StillSending => {
+                Err(CloseReason::new(CloseCode::Busy, "the box is sending this recording: stop it there"))
+            }
+        }
+    }
+
     /// Ends an abandoned recording with the frames that arrived.
     pub(super) async fn end_abandoned(&self, feed: &Arc<OpenFeed>, since_ms: i64) -> Result<(), LiveError> {
         match self.finish(feed, EndTrigger::Abandoned { since_ms }).await {

@@ -7,7 +7,6 @@ use super::error::StoreResult;
 use super::page::{Page, PageRequest};
 use super::visibility::require_administrator;
 use super::{Scope, Store};
-use crate::domain::scope::Actor;
 
 /// Action and noun of a backup's entry; its subject is the number of files in the backup.
 const BACKUP: (&str, &str) = ("create", "backup");
@@ -114,14 +113,9 @@ pub(super) async fn note(
     (action, noun): (&'static str, &'static str),
     subject: impl ToString,
 ) -> StoreResult<()> {
-    let actor = match scope.actor() {
-        Actor::Person(person) => format!("person:{person}"),
-        Actor::Agent(of) => format!("agent:{of}"),
-        Actor::Service => "service".to_owned(),
-    };
     sqlx::query(INSERT_ENTRY)
         .bind(now_ms)
-        .bind(actor)
+        .bind(scope.actor().to_string())
         .bind(action)
         .bind(noun)
         .bind(subject.to_string())

@@ -44,6 +44,14 @@ pub enum StoreError {
         /// The reason, and what to do about it.
         why: String,
     },
+    /// A limit of the sender, or of all senders, is reached.
+    #[error("{why}")]
+    LimitReached {
+        /// The limit, and what to do about it.
+        why: String,
+        /// The limit.
+        most: u64,
+    },
     /// Another worker holds the lease, or the job has ended: the caller's result is discarded.
     #[error("the lease on this job is no longer held")]
     LeaseLost,

@@ -8,6 +8,7 @@ use super::audit::note;
 use super::columns::Insert;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::jobs::enqueue_track;
+use super::sender_limits::check_feed;
 use super::sessions::{DELETE_SESSION, NewSessionRow, SELECT_SAME_SESSION};
 use super::visibility::BindScope;
 use super::{Scope, Store, blobs};
@@ -59,6 +60,8 @@ pub struct FeedRow {
     pub ended_at_ms: Option<i64>,
     /// True if it is pushed in a single request; it cannot be resumed after that request.
     pub is_push: bool,
+    /// Whether its sender keeps frames that it has not sent, to continue later.
+    pub resumes: bool,
 }
 
 /// A sender's description of a recording.
@@ -84,6 +87,8 @@ pub struct NewFeed {
     pub sender: String,
     /// True if it is pushed in a single request.
     pub is_push: bool,
+    /// Whether its sender keeps frames that it has not sent, to continue later.
+    pub resumes: bool,
 }
 
 impl FeedRow {
@@ -109,6 +114,9 @@ const SELECT_VISIBLE_BOX: &str = "SELECT 1 FROM training_box WHERE id = $3 AND (
 const SELECT_VISIBLE_FEED: &str = "SELECT * FROM feed_record WHERE id = $3 AND ($1 <> 'agent' OR $2 = box_id)";
 
 const SELECT_FEED: &str = "SELECT * FROM feed_record WHERE id = $1";
+
+const SELECT_UNFINISHED_OF_SESSION: &str = "
+    SELECT * FROM feed_record WHERE session_id = $1 AND ended_at_ms IS NULL";
 
 const SELECT_UNFINISHED: &str = "SELECT * FROM feed_record WHERE ended_at_ms IS NULL ORDER BY id";
 
@@ -148,27 +156,28 @@ const DELETE_EMPTY_SESSIONS: &str = "DELETE FROM session WHERE video IS NULL";
 
 const INSERT_FEED: &str = "
     INSERT INTO feed (id, session_id, box_id, codec, width, height, tick_num, tick_den, sender, epoch, created_at_ms,
-                      is_push)
-    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, 1, $10, $11)";
+                      is_push, resumes, actor)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, 1, $10, $11, $12, $13)";
 
 impl NewFeed {
-    fn insert(self, session: SessionId, now_ms: i64) -> Insert {
+    fn insert(self, session: SessionId, scope: &Scope, now_ms: i64) -> Insert {
         let (width, height) = self.size;
         let (num, den) = self.time_base.fraction();
         let insert = sqlx::query(INSERT_FEED).bind(self.id).bind(session).bind(self.in_box).bind(self.codec);
         let insert = insert.bind(width).bind(height).bind(num).bind(den).bind(self.sender);
-        insert.bind(now_ms).bind(self.is_push)
+        insert.bind(now_ms).bind(self.is_push).bind(self.resumes).bind(scope.actor().to_string())
     }
 }
 
 impl FeedStore<'_> {
     /// Begins or resumes a recording: from now on only the connection with the returned epoch may send. A recording
-    /// that has ended keeps its epoch.
+    /// that has ended keeps its epoch. A box may have at most `max_of_box` unfinished recordings.
     ///
     /// # Errors
-    /// [`StoreError::Refused`] if the recording exists with another description, or was erased.
-    pub async fn open(&self, scope: &Scope, new: NewFeed) -> StoreResult<FeedRow> {
-        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+    /// [`StoreError::Refused`] if the recording exists with another description, or was erased;
+    /// [`StoreError::LimitReached`] if there is no place for a new one.
+    pub async fn open(&self, scope: &Scope, new: NewFeed, max_of_box: u64) -> StoreResult<FeedRow> {
+        let (scope, now_ms, limits) = (scope.clone(), self.0.now_ms(), self.0.sender_limits());
         self.0
             .write(async move |tx| {
                 let sees = sqlx::query_scalar(SELECT_VISIBLE_BOX).bind_scope(&scope).bind(new.in_box);
@@ -179,7 +188,10 @@ impl FeedStore<'_> {
                 if erased.is_some() {
                     return Err(StoreError::refused("this recording was erased: start a new recording with a new id"));
                 }
-                let Some(known) = find(tx, new.id).await? else { return insert(tx, &scope, new, now_ms).await };
+                let Some(known) = find(tx, new.id).await? else {
+                    check_feed(tx, &scope, &limits, (new.in_box, new.id, max_of_box), now_ms).await?;
+                    return insert(tx, &scope, new, now_ms).await;
+                };
                 if !known.matches(&new) {
                     return Err(StoreError::refused(
                         "this recording was begun with another box, trainee, task, codec, size or time base: \
@@ -289,6 +301,12 @@ impl FeedStore<'_> {
         row.bind_scope(scope).bind(id).fetch_optional(self.0.readers()).await?.ok_or(not_found("feed"))
     }
 
+    /// The feed that a session arrives by; `None` if the session is complete. The caller may see the session.
+    pub async fn of_session(&self, session: SessionId) -> StoreResult<Option<FeedRow>> {
+        let row = sqlx::query_as(SELECT_UNFINISHED_OF_SESSION).bind(session);
+        Ok(row.fetch_optional(self.0.readers()).await?)
+    }
+
     /// The feeds that have not ended.
     pub async fn unfinished(&self) -> StoreResult<Vec<FeedRow>> {
         let rows = sqlx::query_as(SELECT_UNFINISHED);
@@ -316,7 +334,7 @@ async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: 
         tracker: None,
     };
     row.insert().execute(&mut *tx).await.map_err(missing("trainee, task or box"))?;
-    new.insert(session, now_ms).execute(&mut *tx).await?;
+    new.insert(session, scope, now_ms).execute(&mut *tx).await?;
     note(tx, scope, now_ms, ("create", "session"), session).await?;
     find(tx, id).await?.ok_or(not_found("feed"))
 }

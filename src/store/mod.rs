@@ -11,8 +11,8 @@
 //! |---|---|
 //! | [`Store::people`] | `create` `list` `get` `change` `delete` `set_password` · for sign-in: `by_login` · `count` |
 //! | [`Store::groups`] | `create` `list` `get` `set_members` `delete` |
-//! | [`Store::cookies`] | `create` `known_place` `person_of` `is_valid` `delete` `forget_expired` `forget_all` |
-//! | [`Store::tokens`] | `create` `list` `delete` `scope_of` |
+//! | [`Store::cookies`] | `create` `known_place` `person_of` `is_valid` `of_person` `end` `delete` `forget_expired` `forget_all` |
+//! | [`Store::tokens`] | `create` `list` `of_person` `delete` `delete_own` `scope_of` |
 //! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `change` `erase` |
 //! | [`Store::tasks`] | `create` `list` `get` `change` `delete` |
 //! | [`Store::standards`] | `add` `in_use` `in_use_of` `get` `list` |
@@ -23,7 +23,7 @@
 //! | [`Store::calibrations`] | `add` `latest` `get` `list` |
 //! | [`Store::palettes`] | `add` `latest` `get` `list` |
 //! | [`Store::self_tests`] | `list` `light_since` |
-//! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` `count_unfinished` |
+//! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` |
 //! | [`Store::feeds`] | `open` `end` `forget` `forget_unfinished` `get` `unfinished` |
 //! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `evidence` `practice` `practice_of_many` `trainee_tasks` `last_task` `refused_since` `unrated_since` |
 //! | [`Store::ratings`] | `give` `of_session` `has_rated` `given` `values` |
@@ -32,6 +32,7 @@
 //! | [`Store::rescorings`] | `create` `cancel` `list` `get` `items` `trainees` · for [`crate::rescoring`]: `queue_waiting` `ended` `settle` `end_completed` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `mark_crashed` `release` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `note` `has` `all` `total` |
+//! | [`Store::erasures`] | `after` `repeat` |
 //! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `record_backup` · `last_backup` |
 
 mod audit;
@@ -47,6 +48,7 @@ mod courses;
 mod disk_reserve;
 mod edits;
 mod enrolment;
+mod erasures;
 mod error;
 mod feeds;
 mod groups;
@@ -58,6 +60,7 @@ mod people;
 mod ratings;
 mod rescorings;
 mod self_tests;
+mod sender_limits;
 mod sessions;
 mod skill_models;
 mod standards;
@@ -83,10 +86,11 @@ pub use boxes::{BoxRecord, BoxStore};
 pub use calibrations::{CalibrationRecord, CalibrationStore};
 pub use cohorts::{CohortRecord, CohortStore, CohortValue};
 pub use comments::{CommentRecord, CommentStore, VisibleComments};
-pub use cookies::{CookieLifetime, CookieStore, KNOWN_PLACE_LIFETIME};
+pub use cookies::{CookieLifetime, CookieStore, KNOWN_PLACE_LIFETIME, SignInOrigin, SignInRecord};
 pub use courses::{CourseRecord, CourseStep, CourseStore, GroupCoursePlan, TraineeCourse};
 pub use edits::{EditRecord, EditStore, SessionEdits};
 pub use enrolment::Enrolment;
+pub use erasures::ErasureStore;
 pub use error::{StoreError, StoreResult};
 pub use feeds::{FeedRow, FeedStore, NewFeed};
 pub use groups::{GroupRecord, GroupStore, Members};
@@ -97,6 +101,7 @@ pub use people::{NewPerson, PersonChange, PersonRecord, PersonStore};
 pub use ratings::{GivenRating, RatingRecord, RatingStore, SessionValue, VisibleRatings};
 pub use rescorings::{EndedItem, RescoringItem, RescoringRecord, RescoringStore, RescoringTrainee, ResultComparison};
 pub use self_tests::{SelfTestLight, SelfTestRecord, SelfTestStore};
+pub use sender_limits::SenderLimits;
 pub use sessions::{
     AttentionItem, Practice, PracticeMeasurement, PracticeResult, PracticeSession, SessionFilter, SessionOrderKey,
     SessionRecord, SessionResult, SessionStore, TraineeTask,
@@ -129,11 +134,20 @@ pub struct StoreSettings {
     pub busy_timeout_ms: u64,
     /// Number of crashes or lost leases after which a job is quarantined. Usually 3.
     pub max_attempts: u32,
+    /// Limits of one sender.
+    pub senders: SenderLimits,
 }
 
 impl Default for StoreSettings {
     fn default() -> Self {
-        Self { readers: 4, waiting_writes: 256, writes_per_commit: 64, busy_timeout_ms: 5_000, max_attempts: 3 }
+        Self {
+            readers: 4,
+            waiting_writes: 256,
+            writes_per_commit: 64,
+            busy_timeout_ms: 5_000,
+            max_attempts: 3,
+            senders: SenderLimits::default(),
+        }
     }
 }
 
@@ -285,6 +299,11 @@ impl Store {
         self.inner.clock.now_ms()
     }
 
+    /// Limits of one sender.
+    fn sender_limits(&self) -> SenderLimits {
+        self.inner.settings.senders.clone()
+    }
+
     /// Number of crashes or lost leases after which a job is quarantined.
     pub fn max_attempts(&self) -> u32 {
         self.inner.settings.max_attempts
@@ -354,6 +373,8 @@ accessors! {
     blobs: BlobStore;
     /// The audit trail.
     audit: AuditStore;
+    /// Ids of erased people and recordings.
+    erasures: ErasureStore;
 }
 
 #[cfg(test)]

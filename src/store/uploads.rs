@@ -5,6 +5,7 @@ use super::audit::note;
 use super::columns::{Insert, integer};
 use super::edits::time_of;
 use super::error::{StoreError, StoreResult, missing, not_found};
+use super::sender_limits::check_upload;
 use super::sessions;
 use super::visibility::{BindScope, require_trainee};
 use super::{Scope, Store};
@@ -113,8 +114,6 @@ const SELECT_EXPIRED: &str = "SELECT id FROM upload WHERE expires_at_ms <= $1 LI
 
 const SELECT_IS_UNFINISHED: &str = "SELECT 1 FROM upload WHERE id = $1 AND session_id IS NULL";
 
-const COUNT_UNFINISHED: &str = "SELECT count(*) FROM upload WHERE session_id IS NULL";
-
 const INSERT_UPLOAD: &str = "
     INSERT INTO upload (id, person_id, trainee_id, task_id, box_id, filename, metadata, recorded_at_ms, length, received,
                         session_id, created_at_ms, expires_at_ms, true_frame_rate_hz, true_duration_s)
@@ -131,9 +130,12 @@ impl UploadRecord {
 }
 
 impl UploadStore<'_> {
-    /// Begins an upload.
-    pub async fn create(&self, scope: &Scope, new: NewUpload) -> StoreResult<UploadRecord> {
-        let scope = scope.clone();
+    /// Begins an upload. At most `max_unfinished` uploads of all senders may be unfinished.
+    ///
+    /// # Errors
+    /// [`StoreError::LimitReached`] if there is no place for it.
+    pub async fn create(&self, scope: &Scope, new: NewUpload, max_unfinished: u64) -> StoreResult<UploadRecord> {
+        let (scope, limits) = (scope.clone(), self.0.sender_limits());
         let upload = UploadRecord {
             id: new.id,
             person_id: scope.person(),
@@ -154,6 +156,8 @@ impl UploadStore<'_> {
         self.0
             .write(async move |tx| {
                 require_trainee(tx, &scope, upload.trainee_id).await?;
+                let wanted = (max_unfinished, upload.length);
+                check_upload(tx, &scope, &limits, wanted, upload.created_at_ms).await?;
                 upload.insert().execute(tx).await.map_err(missing("task or box"))?;
                 Ok(upload)
             })
@@ -255,12 +259,6 @@ impl UploadStore<'_> {
         let found: Option<i64> =
             sqlx::query_scalar(SELECT_IS_UNFINISHED).bind(id).fetch_optional(self.0.readers()).await?;
         Ok(found.is_some())
-    }
-
-    /// The number of unfinished uploads of all senders.
-    pub async fn count_unfinished(&self) -> StoreResult<u64> {
-        let count: i64 = sqlx::query_scalar(COUNT_UNFINISHED).fetch_one(self.0.readers()).await?;
-        Ok(count.unsigned_abs())
     }
 
     /// All uploads that have a file: those that have not become a session.

@@ -6,6 +6,7 @@ import { asProblem, useData } from '../data.js';
 import { t } from '../texts.js';
 import { Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { CameraFields, CameraNotices } from '../parts/recording/record_camera.js';
+import { InterruptedRecordings } from '../parts/recording/interrupted_recordings.js';
 import { RecordNotices } from '../parts/recording/record_notices.js';
 import { RecordView } from '../parts/recording/record_view.js';
 import { RecordingStatus } from '../parts/recording/recording_status.js';
@@ -76,6 +77,7 @@ function Recorder({ person, route }) {
         </div>
         <div class="stack">
           <${RecordNotices} recording=${recording} />
+          ${!isBusy && html`<${InterruptedRecordings} />`}
           ${isBusy && html`<${RecordingStatus} recording=${recording} watch=${watch} />`}
           ${!isBusy && html`<${Setup} target=${target} camera=${camera} calibrated=${calibrated} box=${box}
             person=${person} />`}

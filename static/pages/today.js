@@ -72,8 +72,9 @@ export default function Today({ person }) {
   useLive('session', event => {
     setProgress(before => ({ ...before, [event.id]: event }));
     const known = data?.moving.find(session => session.id === event.id);
-    if (known?.status === event.status) return; // Only the progress changed: the bar alone moves.
-    if (known) setAnnouncement(words.announce(known.filename, t.status[event.status] ?? event.status));
+    // Only the progress changed: the bar alone moves. A recording that arrives has none; its sender came or went.
+    if (known?.status === event.status && event.status !== 'receiving') return;
+    if (known && known.status !== event.status) setAnnouncement(words.announce(known.filename, t.status[event.status] ?? event.status));
     reloadSoon();
   });
 
@@ -138,7 +139,7 @@ const Name = ({ session }) => html`
 const Moving = ({ session }) => html`
   <li>
     <${Name} session=${session} />
-    <${StatusPill} state=${session.status} />
+    <${StatusPill} state=${stateOf(session)} />
     ${session.status === 'queued'
       ? session.queue_position !== undefined && session.queue_position !== null && html`<p class="why">
       ${words.position(session.queue_position)}</p>`

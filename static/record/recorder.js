@@ -51,6 +51,7 @@ const helloOf = target => ({
   time_base: [1, TICKS_PER_S],
   began_at: new Date().toISOString(),
   sender: `dashboard, ${navigator.userAgent}`.slice(0, MAX_NAME_LENGTH),
+  resumes: false, // What is not sent is lost with the page.
 });
 
 /** Transfers the camera's frames straight to the worker, if the browser can; returns false if it cannot. */

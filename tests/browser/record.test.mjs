@@ -326,6 +326,28 @@ test('recording continues while the user opens other pages, and others cannot re
     assert.equal((await waitForResult(page, await stop(page))).status, 'done');
   }));
 
+test('a recording of a closed tab is interrupted, and its page scores what came at once', () => {
+  let session;
+  return withPage(async page => {
+    await start(page);
+    await recorded(page, 100);
+    session = (await getJson(page, 'sessions?status=receiving')).items[0].id;
+  }).then(() =>
+    withPage(async page => {
+      const open = page.locator('.notice', { hasText: /The recording is interrupted at 0:0[3-9]/ }).getByRole('link');
+      await open.waitFor({ timeout: timeoutMs });
+      await checkLooks(page, 'record-interrupted');
+      await open.click();
+      await page.waitForURL(`**/sessions/${session}`);
+      await page.getByText('The recording is interrupted').first().waitFor();
+      await checkLooks(page, 'session-interrupted');
+      await button(page, 'Score what came').click();
+      const result = await waitForResult(page, session);
+      assert.ok(result.video.frames >= 75, `${result.video.frames} frames`);
+    }),
+  );
+});
+
 test('if the browser denies the camera, the page says so and what to do', async () => {
   const inBrowser = await launch([...CAMERA, '--use-fake-ui-for-media-stream=deny']);
   const refused = async page => {

@@ -20,6 +20,7 @@ pub fn hello(now_ms: i64) -> Hello {
         time_base: TimeBase::try_from([1, 90_000]).unwrap(),
         began_at: "2026-11-21T20:14:00Z".into(),
         sender: String::new(),
+        resumes: true,
     }
 }
 

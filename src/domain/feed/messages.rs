@@ -43,6 +43,14 @@ pub struct Hello {
     /// The sender's program and version, for people.
     #[serde(default)]
     pub sender: String,
+    /// Whether the sender keeps frames that it has not sent, to continue later even if its program was closed
+    /// meanwhile. A recording of another sender ends sooner when its connection does.
+    #[serde(default = "keeps")]
+    pub resumes: bool,
+}
+
+fn keeps() -> bool {
+    true
 }
 
 /// A message from the server.

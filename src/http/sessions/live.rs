@@ -45,7 +45,12 @@ enum LiveMessage {
     /// The limits of the task's standard. The session is judged only once the recording is complete.
     Targets { standard: i64, targets: Vec<Target> },
     /// The recording has no sender at the moment.
-    Waiting,
+    Waiting {
+        /// Time of its latest frame, s; `null` if that is not known.
+        recorded_s: Option<f64>,
+        /// Time until it is ended with the frames that arrived, s.
+        ends_in_s: Option<f64>,
+    },
     /// The recording is arriving.
     Live {
         width: u32,
@@ -268,10 +273,16 @@ impl Watcher {
                 }
             } else if !is_waiting {
                 is_waiting = true;
-                send_message(socket, &LiveMessage::Waiting).await?;
+                send_message(socket, &self.waiting().await?).await?;
             }
             self.pause(socket).await?;
         }
+    }
+
+    async fn waiting(&self) -> Result<LiveMessage, WatcherGone> {
+        let interruption = self.app.feeds.interruption(self.session).await.map_err(|_| WatcherGone)?;
+        let recorded_s = interruption.and_then(|known| known.recorded_s);
+        Ok(LiveMessage::Waiting { recorded_s, ends_in_s: interruption.map(|known| known.ends_in_s) })
     }
 
     /// Sends the limits of the task's standard, if it has one.

@@ -1,4 +1,4 @@
-//! List, read, retry and erase sessions.
+//! List, read, retry, end and erase sessions.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -9,15 +9,17 @@ use serde::Deserialize;
 use utoipa::IntoParams;
 
 use super::show::SessionResponse;
+use crate::domain::feed::close_reason::CloseCode;
 use crate::domain::scope::Scope;
 use crate::domain::session::{BoxQuestion, SessionStatus};
 use crate::domain::text::Key;
 use crate::events::Event;
 use crate::http::auth::signed_in::{Member, Staff};
-use crate::http::error::HandlerResult;
+use crate::http::error::{HandlerResult, Refusal};
 use crate::http::read::{Json, Params, PathKey};
 use crate::http::show::{PageResponse, Paging};
 use crate::http::state::App;
+use crate::live::Interruption;
 use crate::store::{self, SessionFilter};
 
 /// Selects sessions.
@@ -64,7 +66,9 @@ pub async fn list(
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(new) => new.insert(app.store.standards().in_use(&by.scope, session.task_id).await?),
         };
-        shown.push(SessionResponse::of(session, result).judged_by(standard.as_ref(), handedness));
+        let interruption = app.interruption(&session).await?;
+        let response = SessionResponse::of(session, result).with_interruption(interruption);
+        shown.push(response.judged_by(standard.as_ref(), handedness));
     }
     Ok(Json(PageResponse { items: shown, next }))
 }
@@ -76,7 +80,9 @@ pub async fn get(State(app): State<App>, by: Member, at: PathKey) -> HandlerResu
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let live = app.store.feeds().live_features(&by.scope, session.id).await?;
     let arrival = app.store.feeds().arrival(&by.scope, session.id).await?;
-    Ok(Json(app.judged_session(&by.scope, session).await?.with_live(live).with_arrival(arrival)))
+    let interruption = app.interruption(&session).await?;
+    let response = app.judged_session(&by.scope, session).await?.with_interruption(interruption);
+    Ok(Json(response.with_live(live).with_arrival(arrival)))
 }
 
 /// Track a session again
@@ -90,16 +96,43 @@ pub async fn retry(State(app): State<App>, by: Staff, at: PathKey) -> HandlerRes
     Ok(Json(app.judged_session(&by.scope, session).await?))
 }
 
+/// End an interrupted recording
+///
+/// For a session with the status `receiving` whose sender is gone: the frames that arrived become the recording, which
+/// is scored. Without this request it ends by itself after some time.
+#[utoipa::path(post, path = "/sessions/{id}/end", tag = "sessions",
+    params(("id" = String, Path, description = "id")), responses((status = OK, body = SessionResponse)))]
+pub async fn end(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<SessionResponse>> {
+    let session = app.store.sessions().get(&by.scope, at.id()?).await?.id;
+    let ended = app.feeds.end_interrupted(session).await.map_err(|reason| match reason.code {
+        CloseCode::Done => Refusal::Conflict.with("The recording has ended already."),
+        CloseCode::OutOfPlace => Refusal::Gone.with("No picture can be read from what arrived. Delete the recording."),
+        _ => reason.into(),
+    })?;
+    let session = app.store.sessions().get(&by.scope, ended).await?;
+    Ok(Json(app.judged_session(&by.scope, session).await?))
+}
+
 /// Erase a session with its recording and results
+///
+/// Trainees may erase their own session while its recording is arriving.
 #[utoipa::path(delete, path = "/sessions/{id}", tag = "sessions", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
-pub async fn erase(State(app): State<App>, by: Staff, at: PathKey) -> HandlerResult<StatusCode> {
+pub async fn erase(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<StatusCode> {
     app.store.sessions().erase(&by.scope, at.id()?).await?;
     app.events.publish(Event::Queue);
     Ok(StatusCode::NO_CONTENT)
 }
 
 impl App {
+    /// What is known of a recording whose sender is gone; `None` unless the session is one.
+    async fn interruption(&self, session: &store::SessionRecord) -> HandlerResult<Option<Interruption>> {
+        match session.status() {
+            SessionStatus::Receiving => Ok(self.feeds.interruption(session.id).await?),
+            _ => Ok(None),
+        }
+    }
+
     /// A session with its latest result, judged by its task's standard and its model of skill.
     async fn judged_session(&self, scope: &Scope, session: store::SessionRecord) -> HandlerResult<SessionResponse> {
         let (handedness, of) = (session.trainee_handedness, (session.task_id, session.trainee_id));

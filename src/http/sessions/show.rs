@@ -18,6 +18,7 @@ use crate::domain::trainee::Handedness;
 use crate::http::error::ProblemDocument;
 use crate::http::show::{NamedReference, Time};
 use crate::ids::{ResultId, SessionId};
+use crate::live::Interruption;
 use crate::store;
 
 /// One recording of one trainee doing one task in one box, with its status and results.
@@ -33,6 +34,9 @@ pub struct SessionResponse {
     recorded_at: Time,
     created_at: Time,
     status: SessionStatus,
+    /// Set while a recording with the status `receiving` has no sender. It ends by itself with the frames that arrived,
+    /// or earlier by `POST /sessions/{id}/end`.
+    interruption: Option<InterruptionResponse>,
     /// True if the session was set aside and counts nowhere. `GET /sessions/{id}/edits` gives person, time and reason.
     set_aside: bool,
     /// `asked`: the recording may show another box; until staff say whether it does, the session counts nowhere and its
@@ -68,6 +72,15 @@ pub struct SessionResponse {
     versions: Option<Versions>,
     /// Id of this result, the session's latest. `GET /sessions/{id}/results` lists all.
     result: Option<ResultId>,
+}
+
+/// A recording whose sender is gone.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct InterruptionResponse {
+    /// Time of its latest frame, s; `null` if that is not known.
+    recorded_s: Option<f64>,
+    /// Time until it ends by itself, s.
+    ends_in_s: f64,
 }
 
 /// Where a session's path comes from.
@@ -188,6 +201,7 @@ impl SessionResponse {
             recorded_at: Time(session.recorded_at_ms),
             created_at: Time(session.created_at_ms),
             status,
+            interruption: None,
             set_aside: session.is_set_aside,
             box_question: session.box_question,
             video,
@@ -209,6 +223,13 @@ impl SessionResponse {
     /// Adds the features of live tracking.
     pub fn with_live(self, live_features: Option<Vec<LiveFeature>>) -> Self {
         Self { live_features, ..self }
+    }
+
+    /// Adds what is known of a recording whose sender is gone.
+    pub fn with_interruption(mut self, known: Option<Interruption>) -> Self {
+        self.interruption =
+            known.map(|Interruption { recorded_s, ends_in_s }| InterruptionResponse { recorded_s, ends_in_s });
+        self
     }
 
     /// Adds how fast a pushed stream arrived.

@@ -12,6 +12,7 @@ use crate::domain::feed::close_reason::{CloseCode, CloseReason};
 use crate::domain::feed::messages::ServerMessage;
 use crate::domain::feed::record::{FeedRecord, NotARecord, RecordBody};
 use crate::domain::feed::{FrameCodec, TimeBase};
+use crate::domain::session::SessionStatus;
 use crate::ids::FeedId;
 use crate::vault::VaultResult;
 
@@ -28,6 +29,8 @@ impl Connection {
     /// Takes over from any earlier connection.
     pub(super) fn take_over(feeds: FeedService, feed: Arc<OpenFeed>, epoch: u32) -> Self {
         feed.connections.fetch_add(1, Ordering::AcqRel);
+        feed.was_closed.store(false, Ordering::Release);
+        feeds.publish_status(feed.row.session_id, feed.row.trainee_id, SessionStatus::Receiving);
         feed.epoch.send_if_modified(|now| {
             let is_later = epoch > *now;
             *now = (*now).max(epoch);
@@ -58,8 +61,8 @@ impl Connection {
         self.check_may_send()?;
         let records = state.records()?;
         let (first, last) = (record.number, record.last_number());
-        let is_key = match record.body {
-            RecordBody::Frame { is_key, .. } => Some(is_key || feed.row.codec == FrameCodec::Jpeg),
+        let frame = match record.body {
+            RecordBody::Frame { time, is_key, .. } => Some((time, is_key || feed.row.codec == FrameCodec::Jpeg)),
             RecordBody::Gap { .. } => None,
         };
         let is_known = match record.body {
@@ -78,7 +81,8 @@ impl Connection {
         let appended = records.log.append(message).await;
         self.close_on_error(appended).await?;
         self.is_unsynced = true;
-        if let Some(is_key) = is_key {
+        if let Some((time, is_key)) = frame {
+            feed.note_frame(time);
             feed.tracking.frame_appended(offset, bytes, is_key);
         }
         feed.tracking.bytes_written(records.log.written());
@@ -210,6 +214,13 @@ impl Connection {
         CloseReason::new(CloseCode::OutOfPlace, self.feed.tracking.wait_until_refused().await)
     }
 
+    /// Notes that the sender closed the connection. A connection that fell silent was lost, not closed.
+    pub fn record_closed(&self) {
+        if self.check_may_send().is_ok() {
+            self.feed.was_closed.store(true, Ordering::Release);
+        }
+    }
+
     /// Notes a contact with the sender.
     pub fn record_contact(&self) {
         self.feed.last_contact_ms.store(self.feeds.0.clock.monotonic_ms(), Ordering::Release);
@@ -262,7 +273,11 @@ impl Connection {
 impl Drop for Connection {
     fn drop(&mut self) {
         self.record_contact();
-        self.feed.connections.fetch_sub(1, Ordering::AcqRel);
+        let before = self.feed.connections.fetch_sub(1, Ordering::AcqRel);
+        if before == 1 && self.feed.phase() == FeedPhase::Open {
+            let row = &self.feed.row; // pages show that it is interrupted
+            self.feeds.publish_status(row.session_id, row.trainee_id, SessionStatus::Receiving);
+        }
     }
 }
 

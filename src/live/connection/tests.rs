@@ -41,6 +41,7 @@ async fn connected(centre: &TestCentre) -> Connection {
         time_base: TimeBase::try_from([1, 90_000]).unwrap(),
         began_at: to_rfc3339(NOW_MS),
         sender: String::new(),
+        resumes: true,
     };
     match feeds.connect(&Scope::service(), &Key::from(&centre.the_box.id), hello).await.unwrap() {
         ConnectResult::Open(connection) => connection,

@@ -241,8 +241,19 @@ impl<'a> PushSession<'a> {
         }
         let Push { scope, in_box, trainee, task, sender } = self.push.clone();
         let began_at = to_rfc3339(self.began_at_ms);
-        let (recording, protocol) = (FeedId::at(self.began_at_ms), PROTOCOL);
-        let hello = Hello { protocol, recording, trainee, task, codec, width, height, time_base, began_at, sender };
+        let hello = Hello {
+            protocol: PROTOCOL,
+            recording: FeedId::at(self.began_at_ms),
+            trainee,
+            task,
+            codec,
+            width,
+            height,
+            time_base,
+            began_at,
+            sender,
+            resumes: false,
+        };
         self.recording = match self.feeds.connect_push(&scope, &in_box, hello).await? {
             ConnectResult::Open(connection) => {
                 Some(PushedRecording { connection, next: 0, gaps: 0, sync_at: None, arrival: ArrivalMeter::default() })

@@ -6,6 +6,7 @@ use super::super::audit::note;
 use super::super::columns::Insert;
 use super::super::error::{StoreError, StoreResult, missing, not_found};
 use super::super::jobs::{self, enqueue_track};
+use super::super::sender_limits::check_day;
 use super::super::visibility::{require_staff, require_trainee};
 use super::super::{Scope, blobs, edits, skill_models};
 use super::{SessionRecord, SessionStore};
@@ -16,6 +17,8 @@ use crate::domain::text::TrackerName;
 use crate::ids::{BoxId, JobId, SessionId, TaskId, TraineeId};
 
 pub(in crate::store) const DELETE_SESSION: &str = "DELETE FROM session WHERE id = $1";
+
+const DELETE_ARRIVING_SESSION: &str = "DELETE FROM session WHERE id = $1 AND video IS NULL";
 
 const INSERT_SESSION: &str = "
     INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms, created_at_ms,
@@ -54,7 +57,14 @@ impl SessionStore<'_> {
     /// trainee, task and box already have this recording, the error is [`StoreError::Taken`] with the existing session.
     pub async fn create(&self, scope: &Scope, new: NewSession) -> StoreResult<SessionRecord> {
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
-        let id = self.0.write(async move |tx| insert(tx, &by, new, now_ms, attempts).await).await?;
+        let limits = self.0.sender_limits();
+        let id = self
+            .0
+            .write(async move |tx| {
+                check_day(tx, &by, &limits, (0, new.video.bytes), now_ms).await?;
+                insert(tx, &by, new, now_ms, attempts).await
+            })
+            .await?;
         self.get(scope, id).await
     }
 
@@ -63,9 +73,11 @@ impl SessionStore<'_> {
     /// [`StoreError::Taken`].
     pub async fn import(&self, scope: &Scope, new: NewSession, tracker: TrackerName) -> StoreResult<SessionRecord> {
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
+        let limits = self.0.sender_limits();
         let id = self
             .0
             .write(async move |tx| {
+                check_day(tx, &by, &limits, (0, new.video.bytes), now_ms).await?;
                 let table = new.video;
                 let session = insert_session(tx, &by, new, Some(tracker.clone()), now_ms).await?;
                 let input = JobInput::Import(ImportInput { session, table, tracker });
@@ -98,17 +110,20 @@ impl SessionStore<'_> {
     }
 
     /// Erases a session with its recording and results. The files are deleted with the next collection of unreferenced
-    /// blobs ([`crate::upkeep`]).
+    /// blobs ([`crate::upkeep`]). Trainees may erase their own session only while its recording is arriving.
     pub async fn erase(&self, scope: &Scope, id: SessionId) -> StoreResult<()> {
-        self.get(scope, id).await?;
-        require_staff(scope, "erasing sessions")?;
+        let is_arriving = self.get(scope, id).await?.video.is_none();
+        if !is_arriving {
+            require_staff(scope, "erasing sessions")?;
+        }
         let now_ms = self.0.now_ms();
         self.0
             .write_with_delete_reserve(|| {
                 let scope = scope.clone();
                 async move |tx| {
                     skill_models::withdraw_of_session(tx, id, now_ms).await?;
-                    let deleted = sqlx::query(DELETE_SESSION).bind(id).execute(&mut *tx).await?;
+                    let delete = if is_arriving { DELETE_ARRIVING_SESSION } else { DELETE_SESSION };
+                    let deleted = sqlx::query(delete).bind(id).execute(&mut *tx).await?;
                     if deleted.rows_affected() == 0 {
                         return Err(not_found("session"));
                     }

@@ -67,7 +67,7 @@ async fn things_of(centre: &TestCentre, name: &str) -> Things {
         length: 5,
         expires_at_ms: NOW_MS + 1_000,
     };
-    let upload = centre.store.uploads().create(&Scope::service(), new).await.unwrap().id;
+    let upload = centre.store.uploads().create(&Scope::service(), new, 9).await.unwrap().id;
     Things { trainee, task: centre.task.id, session: session.id, job: session.job_id.unwrap(), upload }
 }
 

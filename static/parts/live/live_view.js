@@ -4,6 +4,7 @@ import { clock, number, unit } from '../../format.js';
 import { t } from '../../texts.js';
 import { useLiveWatch } from '../../watch.js';
 import { featureRows } from '../session/features.js';
+import { Interrupted } from './interrupted.js';
 import { icons } from '../page/icons.js';
 import { lightFault } from './light.js';
 import { LiveScreen } from './live_screen.js';
@@ -29,6 +30,7 @@ export function LiveView({ session, onClosed }) {
             <${Elapsed} watch=${watch} />
           </div>
         </section>
+        <${Interrupted} session=${session} watch=${watch} />
         ${watch.isBehind && html`<${Notice} tone="warn" title=${words.behind}>${words.behindBody}<//>`}
         ${!watch.why && html`<section class="card features">
           <header><h2>${words.features}</h2></header>

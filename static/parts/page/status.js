@@ -5,6 +5,7 @@ import { percent } from '../../format.js';
 
 const TONES = {
   receiving: 'busy',
+  interrupted: 'warn',
   queued: '',
   tracking: 'busy',
   running: 'busy',
@@ -17,12 +18,13 @@ const TONES = {
 };
 
 /**
- * One word for a session's state. A quarantined session is `failed` in the API; one that the quality gate refused, or that
+ * One word for a session's state. A recording without a sender is `receiving` in the API. A quarantined session is `failed` in the API; one that the quality gate refused, or that
  * may show another box, is `done` in the API.
  *
- * @param {Pick<Schemas['SessionResponse'], 'status' | 'quarantined' | 'quality'> & Partial<Pick<Schemas['SessionResponse'], 'box_question'>>} session
+ * @param {Pick<Schemas['SessionResponse'], 'status' | 'quarantined' | 'quality'> & Partial<Pick<Schemas['SessionResponse'], 'box_question' | 'interruption'>>} session
  */
-export function stateOf({ status, quarantined, quality, box_question: question }) {
+export function stateOf({ status, interruption, quarantined, quality, box_question: question }) {
+  if (status === 'receiving' && interruption) return 'interrupted';
   if (quarantined) return 'quarantined';
   if (status === 'done' && question === 'asked') return 'box_asked';
   if (status === 'done' && question === 'other_box') return 'other_box';
