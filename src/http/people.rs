@@ -125,6 +125,9 @@ pub struct PersonChangeRequest {
     /// A new password, 10 to 256 bytes. It signs the account out in every browser.
     #[schema(format = Password, min_length = 10, max_length = 256)]
     password: Option<String>,
+    /// Keep the account's tokens when its password changes. Otherwise they are withdrawn.
+    #[serde(default)]
+    keep_tokens: bool,
 }
 
 /// Change an account
@@ -136,11 +139,11 @@ pub async fn change(
     at: PathKey,
     Json(change): Json<PersonChangeRequest>,
 ) -> HandlerResult<Json<PersonResponse>> {
-    let PersonChangeRequest { login, name, role, password } = change;
+    let PersonChangeRequest { login, name, role, password, keep_tokens } = change;
     let (id, password) = (at.id()?, password.map(Password::new).transpose()?);
     let person = app.store.people().change(&by.scope, id, PersonChange { login, name, role }).await?;
     if let Some(password) = password {
-        app.store.people().set_password(&by.scope, id, password::hash(password).await?).await?;
+        app.store.people().set_password(&by.scope, id, password::hash(password).await?, keep_tokens).await?;
         app.throttle.forget(&person.login);
     }
     Ok(Json(person.into()))

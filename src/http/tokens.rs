@@ -13,9 +13,9 @@ use super::state::App;
 use crate::domain::role::Role;
 use crate::domain::secret::Secret;
 use crate::domain::text::{Key, Name};
+use crate::domain::token_expiry::TokenExpiry;
 use crate::ids::{BoxId, PersonId, TokenId};
 use crate::store::{self, ActsAs};
-use crate::time::from_rfc3339;
 
 /// A token without its secret, which is not stored.
 #[derive(Debug, Serialize, ToSchema)]
@@ -67,7 +67,7 @@ pub struct NewTokenRequest {
     /// The agent's box, by id or code; required for the role `agent`, not allowed for others.
     #[serde(rename = "box")]
     of_box: Option<Key>,
-    /// Time of expiry, RFC 3339; default: the token is valid until it is deleted.
+    /// Time of expiry, RFC 3339, or `never`; default: a year from now.
     expires_at: Option<String>,
 }
 
@@ -90,7 +90,8 @@ pub async fn create(
     Json(new): Json<NewTokenRequest>,
 ) -> HandlerResult<Created<MadeToken>> {
     let acts_as = acts_as(&app, &by, &new).await?;
-    let expires_at_ms = new.expires_at.as_deref().map(parse_expiry).transpose()?;
+    let expiry = new.expires_at.as_deref().map(str::parse::<TokenExpiry>).transpose()?;
+    let expires_at_ms = expiry.unwrap_or_default().at_ms(app.clock.now_ms());
     let secret = Secret::random();
     let new = store::NewToken { name: new.name, acts_as, expires_at_ms, secret: secret.hash() };
     let token = app.store.tokens().create(&by.scope, new).await?;
@@ -111,11 +112,6 @@ async fn acts_as(app: &App, by: &Administrator, new: &NewTokenRequest) -> Handle
         (Role::Trainee, None) => Err(ProblemResponse::invalid("role", "expected administrator, instructor or agent")),
         (role, None) => Ok(ActsAs::Person(by.scope.person().ok_or_else(ProblemResponse::not_found)?, role)),
     }
-}
-
-fn parse_expiry(text: &str) -> HandlerResult<i64> {
-    from_rfc3339(text)
-        .ok_or_else(|| ProblemResponse::invalid("expires_at", "expected an RFC 3339 time such as 2026-12-31T23:59:59Z"))
 }
 
 /// Delete a token

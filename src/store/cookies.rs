@@ -6,7 +6,7 @@ use std::time::Duration;
 use sqlx::SqliteConnection;
 
 use super::Store;
-use super::error::{StoreResult, ignore_full_or_busy};
+use super::error::{StoreResult, ignore_full_or_busy, not_found};
 use super::people::PersonRecord;
 use crate::domain::role::Role;
 use crate::domain::secret::SecretHash;
@@ -25,6 +25,34 @@ pub struct CookieLifetime {
     pub max_age: Duration,
 }
 
+/// From where a browser signs in.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SignInOrigin {
+    /// The browser's name as it states it, at most 200 characters.
+    pub browser: String,
+    /// The client's address.
+    pub address: String,
+    /// The places to remember: the browser and its address.
+    pub places: Vec<SecretHash>,
+}
+
+/// A browser in which a person is signed in.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct SignInRecord {
+    /// Names it; part of the hash of its secret.
+    pub id: String,
+    /// The browser's name as it states it; empty if unknown.
+    pub browser: String,
+    /// The client's address at the sign-in; empty if unknown.
+    pub address: String,
+    /// When it signed in, epoch ms.
+    pub created_at_ms: i64,
+    /// Its last request, precise to a minute, epoch ms.
+    pub last_seen_at_ms: i64,
+    /// True for the browser that asks.
+    pub is_current: bool,
+}
+
 /// A place is forgotten this long after its last sign-in.
 pub const KNOWN_PLACE_LIFETIME: Duration = Duration::from_secs(180 * 86_400);
 /// Most places remembered of an account.
@@ -41,8 +69,22 @@ struct SignedInRow {
 }
 
 const INSERT_COOKIE: &str = "
-    INSERT INTO cookie_session (secret_hash, person_id, created_at_ms, last_seen_at_ms, expires_at_ms)
-    VALUES ($1, $2, $3, $3, $4)";
+    INSERT INTO cookie_session (secret_hash, person_id, created_at_ms, last_seen_at_ms, expires_at_ms, browser, address)
+    VALUES ($1, $2, $3, $3, $4, $5, $6)";
+
+const DELETE_SURPLUS_COOKIES: &str = "
+    DELETE FROM cookie_session WHERE person_id = $1 AND secret_hash <> $2 AND secret_hash NOT IN
+        (SELECT secret_hash FROM cookie_session WHERE person_id = $1 AND secret_hash <> $2
+         ORDER BY last_seen_at_ms DESC, secret_hash LIMIT $3 - 1)";
+
+const SELECT_SIGN_INS: &str = "
+    SELECT lower(hex(substr(secret_hash, 1, 8))) AS id, browser, address, created_at_ms, last_seen_at_ms,
+           secret_hash IS $4 AS is_current
+    FROM cookie_session WHERE person_id = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3
+    ORDER BY last_seen_at_ms DESC, id";
+
+const DELETE_SIGN_IN: &str = "
+    DELETE FROM cookie_session WHERE person_id = $1 AND lower(hex(substr(secret_hash, 1, 8))) = $2";
 
 const SELECT_PERSON: &str = "
     SELECT person.id, login, name, role, trainee_id, person.created_at_ms, last_seen_at_ms
@@ -77,23 +119,25 @@ const UPDATE_LAST_SEEN: &str = "
     UPDATE cookie_session SET last_seen_at_ms = max($2, last_seen_at_ms) WHERE secret_hash = $1";
 
 impl CookieStore<'_> {
-    /// Signs in a browser of this person, and remembers the places that it signs in from. Instructors and
-    /// administrators can sign in even on a full disk, in order to delete something.
+    /// Signs in a browser of this person, and remembers the places that it signs in from. Of a person with too many
+    /// sign-ins, the one that was idle longest ends. Instructors and administrators can sign in even on a full disk, in
+    /// order to delete something.
     pub async fn create(
         &self,
         secret: SecretHash,
         person: &PersonRecord,
         lasts: CookieLifetime,
-        places: impl IntoIterator<Item = SecretHash>,
+        origin: SignInOrigin,
     ) -> StoreResult<()> {
         let (now_ms, id) = (self.0.now_ms(), person.id);
         let expires_at_ms = now_ms + millis(lasts.max_age).max(1);
-        let places: Vec<SecretHash> = places.into_iter().collect();
+        let most = self.0.sender_limits().sign_ins;
         let insert = || {
-            let places = places.clone();
+            let SignInOrigin { browser, address, places } = origin.clone();
             async move |tx: &mut SqliteConnection| {
                 let insert = sqlx::query(INSERT_COOKIE).bind(secret).bind(id).bind(now_ms).bind(expires_at_ms);
-                insert.execute(&mut *tx).await?;
+                insert.bind(browser).bind(address).execute(&mut *tx).await?;
+                sqlx::query(DELETE_SURPLUS_COOKIES).bind(id).bind(secret).bind(most).execute(&mut *tx).await?;
                 for place in places {
                     sqlx::query(REMEMBER_PLACE).bind(id).bind(place).bind(now_ms).execute(&mut *tx).await?;
                 }
@@ -141,6 +185,28 @@ impl CookieStore<'_> {
         let now_ms = self.0.now_ms();
         let row = sqlx::query(SELECT_VALID).bind(secret).bind(now_ms).bind(now_ms - millis(lasts.idle));
         Ok(row.fetch_optional(self.0.readers()).await?.is_some())
+    }
+
+    /// The browsers in which this person is signed in, the last used first; `current` is the cookie that asks.
+    pub async fn of_person(
+        &self,
+        person: PersonId,
+        current: Option<SecretHash>,
+        lasts: CookieLifetime,
+    ) -> StoreResult<Vec<SignInRecord>> {
+        let now_ms = self.0.now_ms();
+        let rows = sqlx::query_as(SELECT_SIGN_INS).bind(person).bind(now_ms).bind(now_ms - millis(lasts.idle));
+        Ok(rows.bind(current).fetch_all(self.0.readers()).await?)
+    }
+
+    /// Signs out one of this person's browsers.
+    pub async fn end(&self, person: PersonId, id: String) -> StoreResult<()> {
+        self.0
+            .write(async move |tx| {
+                let deleted = sqlx::query(DELETE_SIGN_IN).bind(person).bind(id).execute(tx).await?;
+                if deleted.rows_affected() == 0 { Err(not_found("sign-in")) } else { Ok(()) }
+            })
+            .await
     }
 
     /// Signs out a browser that signs in again. On a full disk the old cookie stays until it is idle for too long.

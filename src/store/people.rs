@@ -5,6 +5,7 @@ use super::columns::Insert;
 use super::cookies::DELETE_COOKIES_OF;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
+use super::tokens::DELETE_TOKENS_OF;
 use super::visibility::require_administrator;
 use super::{Scope, Store};
 use crate::domain::role::Role;
@@ -196,9 +197,15 @@ impl PersonStore<'_> {
             .await
     }
 
-    /// Sets a password and signs all browsers of the account out. The caller has verified the old password or is an
-    /// administrator.
-    pub async fn set_password(&self, scope: &Scope, id: PersonId, password: PasswordHash) -> StoreResult<()> {
+    /// Sets a password, signs all browsers of the account out, and withdraws its tokens unless they are to be kept. The
+    /// caller has verified the old password or is an administrator.
+    pub async fn set_password(
+        &self,
+        scope: &Scope,
+        id: PersonId,
+        password: PasswordHash,
+        keep_tokens: bool,
+    ) -> StoreResult<()> {
         if !scope.is_administrator() && scope.person() != Some(id) {
             return Err(not_found("person"));
         }
@@ -210,6 +217,9 @@ impl PersonStore<'_> {
                     return Err(not_found("person"));
                 }
                 sqlx::query(DELETE_COOKIES_OF).bind(id).execute(&mut *tx).await?;
+                if !keep_tokens {
+                    sqlx::query(DELETE_TOKENS_OF).bind(id).execute(&mut *tx).await?;
+                }
                 note(tx, &scope, now_ms, ("set password", "person"), id).await
             })
             .await

@@ -77,6 +77,14 @@ const SELECT_TOKENS: &str = "
     SELECT id, name, role, person_id, box_id, created_at_ms, expires_at_ms, last_used_at_ms FROM token
     ORDER BY id DESC";
 
+const SELECT_TOKENS_OF: &str = "
+    SELECT id, name, role, person_id, box_id, created_at_ms, expires_at_ms, last_used_at_ms FROM token
+    WHERE person_id = $1 ORDER BY id DESC";
+
+const DELETE_OWN_TOKEN: &str = "DELETE FROM token WHERE id = $1 AND person_id = $2";
+
+pub(super) const DELETE_TOKENS_OF: &str = "DELETE FROM token WHERE person_id = $1";
+
 const DELETE_TOKEN: &str = "DELETE FROM token WHERE id = $1";
 
 const SELECT_TOKEN_SCOPE: &str = "
@@ -136,6 +144,25 @@ impl TokenStore<'_> {
     pub async fn list(&self, scope: &Scope) -> StoreResult<Vec<TokenRecord>> {
         require_administrator(scope, "the list of tokens")?;
         Ok(sqlx::query_as(SELECT_TOKENS).fetch_all(self.0.readers()).await?)
+    }
+
+    /// The tokens that act as the calling person, newest first.
+    pub async fn of_person(&self, scope: &Scope) -> StoreResult<Vec<TokenRecord>> {
+        Ok(sqlx::query_as(SELECT_TOKENS_OF).bind(scope.person()).fetch_all(self.0.readers()).await?)
+    }
+
+    /// Withdraws a token that acts as the calling person.
+    pub async fn delete_own(&self, scope: &Scope, id: TokenId) -> StoreResult<()> {
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let delete = sqlx::query(DELETE_OWN_TOKEN).bind(id).bind(scope.person());
+                if delete.execute(&mut *tx).await?.rows_affected() == 0 {
+                    return Err(not_found("token"));
+                }
+                note(tx, &scope, now_ms, ("delete", "token"), id).await
+            })
+            .await
     }
 
     /// Withdraws a token.

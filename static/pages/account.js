@@ -1,10 +1,12 @@
-// The signed-in person: name, login, language, a new password, signing out.
+// The signed-in person: name, login, language, a new password, signing out, other sign-ins, tokens.
 import { html, useState } from '../preact.js';
 import { api, Problem } from '../api.js';
+import { useData } from '../data.js';
 import { Confirm } from '../parts/forms/dialog.js';
 import { Form } from '../parts/forms/form.js';
 import { LanguageChoice } from '../parts/page/language.js';
-import { Notice, PageHead } from '../parts/page/notice.js';
+import { Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { OwnSignIns, OwnTokens } from '../parts/people/own_access.js';
 import { isRecording } from '../record/current_recording.js';
 import { t } from '../texts.js';
 
@@ -22,15 +24,21 @@ const FIELDS = [
   },
   { name: 'again', label: words.again, type: 'password', required: true, autocomplete: 'new-password' },
 ];
+/** Asked only of a person who has tokens. */
+const TOKENS_FIELD = { name: 'tokens', label: words.ofTokens, type: 'select', options: [['withdraw', words.withdrawTokens], ['keep', words.keepTokens]], value: 'withdraw' };
 
 /** @param {Props} props */
 export default function Account({ person, onSignOut }) {
   const [changed, setChanged] = useState(false);
   const [asking, setAsking] = useState(false);
-  const change = async ({ old, fresh, again }, form) => {
+  const { data, problem, reload } = useData(async signal => {
+    const [signIns, tokens] = await Promise.all([api.own.signIns(signal), api.own.tokens(signal)]);
+    return { signIns: signIns.items, tokens: tokens.items };
+  }, []);
+  const change = async ({ old, fresh, again, tokens }, form) => {
     setChanged(false);
     if (fresh !== again) throw new Problem({ title: words.differ, status: 0 });
-    await api.changePassword(old, fresh);
+    await api.changePassword(old, fresh, tokens === 'keep');
     form.reset();
     setChanged(true);
   };
@@ -55,8 +63,12 @@ export default function Account({ person, onSignOut }) {
         <header><h2>${words.password}</h2></header>
         <div class="body stack">
           ${changed && html`<${Notice} tone="good" title=${words.changed} />`}
-          <${Form} fields=${FIELDS} onSave=${change} submit=${words.change} />
+          <${Form} key=${Boolean(data?.tokens.length)} fields=${data?.tokens.length ? [...FIELDS, TOKENS_FIELD] : FIELDS}
+            onSave=${change} submit=${words.change} />
         </div>
       </section>
+      <${ProblemNotice} problem=${problem} onRetry=${reload} />
+      ${data && html`<${OwnSignIns} items=${data.signIns} onEnd=${id => api.own.endSignIn(id).then(reload, reload)} />
+        <${OwnTokens} items=${data.tokens} onRemove=${id => api.own.removeToken(id).then(reload)} />`}
     </div>`;
 }

@@ -7,10 +7,11 @@ use super::{DataFolder, store_failure, user};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Secret;
-use crate::domain::text::{Key, Login, Name};
+use crate::domain::text::{Invalid, Key, Login, Name};
+use crate::domain::token_expiry::TokenExpiry;
 use crate::ids::TokenId;
 use crate::store::{ActsAs, NewToken, TokenRecord};
-use crate::time;
+use crate::time::{self, Clock, SystemClock};
 
 /// Subcommands of `trocar admin token`.
 #[derive(Subcommand)]
@@ -30,9 +31,9 @@ pub enum TokenCommand {
         /// Id or code of the box, for the token of a box's agent
         #[arg(long = "box", value_name = "BOX", conflicts_with = "acts_for")]
         for_box: Option<String>,
-        /// When the token expires, such as 2027-01-31T00:00:00Z [default: never]
-        #[arg(long, value_parser = parse_time)]
-        expires_at: Option<i64>,
+        /// When the token expires, such as 2027-01-31T00:00:00Z, or `never` [default: in a year]
+        #[arg(long, value_parser = parse_expiry)]
+        expires_at: Option<TokenExpiry>,
     },
     /// Delete a token; programs that use it lose access.
     Delete {
@@ -56,7 +57,8 @@ pub async fn run(folder: &DataFolder, command: TokenCommand) -> Result<(), Comma
         TokenCommand::Add { name, acts_for, role, for_box, expires_at } => {
             let acts_as = acts_as(folder, acts_for, role, for_box).await?;
             let secret = Secret::random();
-            let new = NewToken { name, acts_as, expires_at_ms: expires_at, secret: secret.hash() };
+            let expires_at_ms = expires_at.unwrap_or_default().at_ms(SystemClock.now_ms());
+            let new = NewToken { name, acts_as, expires_at_ms, secret: secret.hash() };
             tokens.create(&service, new).await.map_err(store_failure)?;
             println!("{}", secret.as_token());
         }
@@ -80,6 +82,6 @@ async fn acts_as(
     Ok(ActsAs::Agent(found.id))
 }
 
-fn parse_time(text: &str) -> Result<i64, String> {
-    time::from_rfc3339(text).ok_or_else(|| "expected a time such as 2027-01-31T00:00:00Z".to_owned())
+fn parse_expiry(text: &str) -> Result<TokenExpiry, Invalid> {
+    text.parse()
 }

@@ -35,10 +35,14 @@ pub enum UserCommand {
         #[arg(long)]
         password_stdin: bool,
     },
-    /// Set a password and sign the account out everywhere; prints the password unless --password-stdin is given.
+    /// Set a password, sign the account out everywhere and withdraw its tokens; prints the password unless
+    /// --password-stdin is given.
     Password {
         /// Login name of the account
         login: Login,
+        /// Keep the tokens that act as this account
+        #[arg(long)]
+        keep_tokens: bool,
         /// Read the password from the first line of standard input
         #[arg(long)]
         password_stdin: bool,
@@ -69,10 +73,11 @@ pub async fn run(folder: &DataFolder, command: UserCommand) -> Result<(), Comman
             print_password(password);
             Ok(())
         }
-        UserCommand::Password { login, password_stdin } => {
+        UserCommand::Password { login, keep_tokens, password_stdin } => {
             let person = find_account(folder, &login).await?;
             let (password, hash) = choose_password(password_stdin).await?;
-            folder.store.people().set_password(&Scope::service(), person.id, hash).await.map_err(store_failure)?;
+            let people = folder.store.people();
+            people.set_password(&Scope::service(), person.id, hash, keep_tokens).await.map_err(store_failure)?;
             print_password(password);
             Ok(())
         }

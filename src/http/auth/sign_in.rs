@@ -22,6 +22,9 @@ use crate::http::state::App;
 use crate::ids::PersonId;
 use crate::store;
 
+/// How much of a browser's name is kept, characters.
+const MAX_BROWSER_CHARS: usize = 200;
+
 /// Login and password.
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -55,8 +58,9 @@ pub async fn sign_in(
     let known_browser = browser_secret(&headers);
     let person = authenticate(&app, tried, address, known_browser.as_ref().map(Secret::hash)).await?;
     let (secret, browser) = (Secret::random(), known_browser.unwrap_or_else(Secret::random));
-    let places = [Some(browser.hash()), place_of(person.id, address)].into_iter().flatten();
-    app.store.cookies().create(secret.hash(), &person, app.sign_in_lifetime(), places).await?;
+    let places = [Some(browser.hash()), place_of(person.id, address)].into_iter().flatten().collect();
+    let origin = store::SignInOrigin { browser: browser_name(&headers), address: address.0.to_string(), places };
+    app.store.cookies().create(secret.hash(), &person, app.sign_in_lifetime(), origin).await?;
     if let PresentedCredential::Cookie(before) = PresentedCredential::in_headers(&headers) {
         app.store.cookies().delete_replaced(before).await?;
     }
@@ -84,11 +88,14 @@ pub struct PasswordChange {
     /// The new password, 10 to 256 bytes.
     #[schema(format = Password, min_length = 10, max_length = 256)]
     new: String,
+    /// Keep the tokens that act as this account. Otherwise they are withdrawn.
+    #[serde(default)]
+    keep_tokens: bool,
 }
 
 /// Change the own password
 ///
-/// Signs the account out in every browser.
+/// Signs the account out in every browser, and withdraws its tokens unless `keep_tokens` is true.
 #[utoipa::path(post, path = "/me/password", tag = "sign-in", request_body = PasswordChange,
     responses((status = NO_CONTENT)))]
 pub async fn change_password(
@@ -107,8 +114,14 @@ pub async fn change_password(
     if !try_password(&app, &person.login, origin, change.old, Some(stored)).await? {
         return Err(wrong_credentials());
     }
-    app.store.people().set_password(&member.scope, id, password::hash(new).await?).await?;
+    app.store.people().set_password(&member.scope, id, password::hash(new).await?, change.keep_tokens).await?;
     Ok(StatusCode::NO_CONTENT)
+}
+
+/// The browser's name as it states it.
+fn browser_name(headers: &HeaderMap) -> String {
+    let name = headers.get(header::USER_AGENT).and_then(|name| name.to_str().ok()).unwrap_or_default();
+    name.chars().take(MAX_BROWSER_CHARS).collect()
 }
 
 /// The account with these credentials. Takes the same time whether the login exists or not.

@@ -12,12 +12,10 @@ use crate::domain::secret::{Password, Secret, SecretHash};
 use crate::domain::task::NewTask;
 use crate::domain::text::Key;
 use crate::store::{
-    ActsAs, CookieLifetime, NewPerson, NewToken, PageRequest, PersonRecord, Store, StoreError, StoreSettings,
+    ActsAs, CookieLifetime, NewPerson, NewToken, PageRequest, PersonRecord, SignInOrigin, Store, StoreError,
+    StoreSettings,
 };
 use crate::time::ManualClock;
-
-/// Places that sign in.
-const PLACES: [SecretHash; 2] = [SecretHash([1; 32]), SecretHash([2; 32])];
 
 const LASTS: CookieLifetime =
     CookieLifetime { idle: Duration::from_secs(30 * 60), max_age: Duration::from_secs(12 * 3600) };
@@ -70,7 +68,7 @@ async fn sign_in(store: &Store) -> (PersonRecord, SecretHash, SecretHash) {
     let person = NewPerson { login, name: "Root".parse().unwrap(), role, password, trainee: None };
     let person = store.people().create(&service, person).await.unwrap();
     let (cookie, secret) = (Secret::random().hash(), Secret::random().hash());
-    store.cookies().create(cookie, &person, LASTS, PLACES).await.unwrap();
+    store.cookies().create(cookie, &person, LASTS, SignInOrigin::default()).await.unwrap();
     let token =
         NewToken { name: "t".parse().unwrap(), acts_as: ActsAs::Person(person.id, role), expires_at_ms: None, secret };
     store.tokens().create(&service, token).await.unwrap();
@@ -105,7 +103,7 @@ async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is
     clock.advance(Duration::from_secs(120)); // so that the last-seen time is due
     assert_eq!(store.cookies().person_of(cookie, LASTS).await.unwrap().unwrap().id, administrator.id);
     assert!(store.tokens().scope_of(token).await.unwrap().is_some());
-    store.cookies().create(Secret::random().hash(), &administrator, LASTS, PLACES).await.unwrap();
+    store.cookies().create(Secret::random().hash(), &administrator, LASTS, SignInOrigin::default()).await.unwrap();
     store.cookies().delete_replaced(cookie).await.unwrap();
     assert_eq!(fs::metadata(disk.path().join("ballast")).unwrap().len(), 4 << 20, "kept for deletions");
     store.trainees().erase(&service, &Key::from(&ana.id)).await.unwrap();

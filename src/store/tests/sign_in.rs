@@ -6,10 +6,7 @@ use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::{Password, Secret, SecretHash};
 use crate::store::testing::{NOW_MS, TestCentre};
-use crate::store::{ActsAs, CookieLifetime, NewToken, PersonChange, StoreError};
-
-/// Places that sign in.
-const PLACES: [SecretHash; 2] = [SecretHash([1; 32]), SecretHash([2; 32])];
+use crate::store::{ActsAs, CookieLifetime, NewToken, PersonChange, SignInOrigin, StoreError};
 
 const LASTS: CookieLifetime =
     CookieLifetime { idle: Duration::from_secs(30 * 60), max_age: Duration::from_secs(12 * 3600) };
@@ -19,7 +16,7 @@ async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_pas
     let centre = TestCentre::new().await;
     let person = centre.person("ina", Role::Instructor, None).await;
     let (cookies, secret) = (centre.store.cookies(), Secret::random().hash());
-    cookies.create(secret, &person, LASTS, PLACES).await.unwrap();
+    cookies.create(secret, &person, LASTS, SignInOrigin::default()).await.unwrap();
     for _ in 0..24 {
         assert_eq!(cookies.person_of(secret, LASTS).await.unwrap().as_ref(), Some(&person));
         centre.clock.advance(Duration::from_secs(29 * 60));
@@ -30,7 +27,7 @@ async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_pas
     assert_eq!(cookies.forget_expired().await.unwrap(), 1);
 
     let idle = Secret::random().hash();
-    cookies.create(idle, &person, LASTS, PLACES).await.unwrap();
+    cookies.create(idle, &person, LASTS, SignInOrigin::default()).await.unwrap();
     centre.clock.advance(Duration::from_secs(30 * 60));
     assert_eq!(cookies.person_of(idle, LASTS).await.unwrap(), None);
 }
@@ -40,9 +37,9 @@ async fn a_new_password_signs_all_browsers_out() {
     let centre = TestCentre::new().await;
     let person = centre.person("ina", Role::Instructor, None).await;
     let secret = Secret::random().hash();
-    centre.store.cookies().create(secret, &person, LASTS, PLACES).await.unwrap();
+    centre.store.cookies().create(secret, &person, LASTS, SignInOrigin::default()).await.unwrap();
     let password = Password::new("another horse").unwrap();
-    centre.store.people().set_password(&person.scope(), person.id, password.hash()).await.unwrap();
+    centre.store.people().set_password(&person.scope(), person.id, password.hash(), false).await.unwrap();
     assert_eq!(centre.store.cookies().person_of(secret, LASTS).await.unwrap(), None);
     let (_, hash) = centre.store.people().by_login(&"ina".parse().unwrap()).await.unwrap().unwrap();
     assert!(hash.matches(&password));
@@ -56,8 +53,8 @@ async fn another_role_signs_all_browsers_out_and_another_name_none() {
     let (ada, ina) =
         (centre.person("ada", Role::Administrator, None).await, centre.person("ina", Role::Instructor, None).await);
     let (of_ada, of_ina) = (Secret::random().hash(), Secret::random().hash());
-    centre.store.cookies().create(of_ada, &ada, LASTS, PLACES).await.unwrap();
-    centre.store.cookies().create(of_ina, &ina, LASTS, PLACES).await.unwrap();
+    centre.store.cookies().create(of_ada, &ada, LASTS, SignInOrigin::default()).await.unwrap();
+    centre.store.cookies().create(of_ina, &ina, LASTS, SignInOrigin::default()).await.unwrap();
     let counts = async |secret| centre.store.cookies().is_valid(secret, LASTS).await.unwrap();
     let same = PersonChange { name: Some("Ada".parse().unwrap()), role: Some(Role::Administrator), login: None };
     people.change(&service, ada.id, same).await.unwrap();
@@ -133,7 +130,17 @@ async fn the_newest_hundred_places_of_an_account_are_remembered_for_180_days() {
     let place = |n: u8| SecretHash([n; 32]);
     for n in 0..120 {
         centre.clock.advance(Duration::from_secs(1));
-        centre.store.cookies().create(Secret::random().hash(), &ada, LASTS, [place(n)]).await.unwrap();
+        centre
+            .store
+            .cookies()
+            .create(
+                Secret::random().hash(),
+                &ada,
+                LASTS,
+                SignInOrigin { places: vec![place(n)], ..SignInOrigin::default() },
+            )
+            .await
+            .unwrap();
     }
     let knows = async |person, n| centre.store.cookies().known_place(person, [place(n)]).await.unwrap().is_some();
     assert!(knows(ada.id, 119).await && knows(ada.id, 20).await);

@@ -1,13 +1,13 @@
 // Groups (which instructor sees which trainees) and tokens (programs that sign in without a password).
 import { html, useState } from '../../preact.js';
 import { api } from '../../api.js';
-import { dateTime } from '../../format.js';
 import { href } from '../../router.js';
 import { t } from '../../texts.js';
 import { Confirm, Dialog } from '../forms/dialog.js';
 import { Form } from '../forms/form.js';
 import { icons } from '../page/icons.js';
 import { Empty } from '../page/notice.js';
+import { TokenDates } from './own_access.js';
 
 const words = t.people;
 const idOf = member => member?.id ?? member;
@@ -104,8 +104,8 @@ export function Tokens({ data, onChange }) {
         <ul class="queue">
           ${data.tokens.map(token => html`
             <li key=${token.id}>
-              <div><strong>${token.name}</strong><span class="small muted">${t.roles[token.role] ?? words.agent}
-                ${token.expires_at ? ` · ${words.expires} ${dateTime(token.expires_at)}` : ''}</span></div>
+              <div><strong>${token.name}</strong><span class="small muted">${t.roles[token.role] ?? words.agent} ·
+                ${' '}<${TokenDates} token=${token} /></span></div>
               <button class="button bare" type="button" aria-label=${`${words.remove}: ${token.name}`}
                 onClick=${() => setOpen({ removing: token })}>${words.remove}</button>
             </li>`)}

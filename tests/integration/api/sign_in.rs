@@ -6,7 +6,7 @@ use reqwest::{Method, StatusCode, header};
 use serde_json::json;
 
 use super::centre::{Centre, PASSWORD};
-use crate::support::{ADMINISTRATOR, Service, problem, read};
+use crate::support::{ADMINISTRATOR, Client, Service, problem, read};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_first_administrator_signs_in_and_out() {
@@ -156,6 +156,84 @@ async fn a_new_password_replaces_the_old_one_and_ends_other_sign_ins() {
     centre.service.sign_in("ada", "another password").await;
     let old = centre.service.stranger().post("/api/v1/sign-in", json!({"login": "ada", "password": PASSWORD})).await;
     problem(old, 401, "wrong-credentials").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_new_password_withdraws_the_accounts_tokens_unless_they_are_kept() {
+    let centre = Centre::open().await;
+    let make = async |by: &Client| {
+        let made = by.make("/api/v1/tokens", json!({"name": "nightly", "role": "instructor"})).await;
+        centre.service.stranger().with_token(made["token"].as_str().unwrap())
+    };
+    let change = async |by: &Client, old: &str, new: &str, keep: bool| {
+        let body = json!({"old": old, "new": new, "keep_tokens": keep});
+        assert_eq!(by.post("/api/v1/me/password", body).await.status(), StatusCode::NO_CONTENT);
+    };
+    let program = make(&centre.administrator).await;
+    change(&centre.administrator, ADMINISTRATOR.1, "another password", true).await;
+    assert_eq!(program.read("/api/v1/me").await["role"], "instructor");
+    let administrator = centre.service.sign_in(ADMINISTRATOR.0, "another password").await;
+    change(&administrator, "another password", "a third password", false).await;
+    problem(program.get("/api/v1/me").await, 401, "not-signed-in").await;
+    assert_eq!(centre.agent.read("/api/v1/me").await["role"], "agent", "the token of a box stays");
+
+    let administrator = centre.service.sign_in(ADMINISTRATOR.0, "a third password").await;
+    let program = make(&administrator).await;
+    let me = administrator.read("/api/v1/me").await["id"].as_str().unwrap().to_owned();
+    let set = administrator.patch(&format!("/api/v1/people/{me}"), json!({"password": "a fourth password"})).await;
+    assert_eq!(set.status(), StatusCode::OK);
+    problem(program.get("/api/v1/me").await, 401, "not-signed-in").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_token_expires_after_a_year_unless_its_maker_says_otherwise() {
+    let clock = trocar::time::ManualClock::at(1_800_000_000_000);
+    let service = Service::start_with_clock(clock.clone()).await;
+    let administrator = service.administrator().await;
+    let make = async |expires_at: Option<&str>| {
+        let body = json!({"name": "nightly", "role": "instructor", "expires_at": expires_at});
+        let made = administrator.make("/api/v1/tokens", body).await;
+        (service.stranger().with_token(made["token"].as_str().unwrap()), made["expires_at"].clone())
+    };
+    let (usual, usual_end) = make(None).await;
+    let (lasting, no_end) = make(Some("never")).await;
+    let (short, _) = make(Some("2027-02-01T00:00:00Z")).await;
+    assert_eq!((usual_end, no_end), (json!("2028-01-15T08:00:00Z"), json!(null)));
+    let wrong = json!({"name": "x", "role": "instructor", "expires_at": "soon"});
+    let refused = problem(administrator.post("/api/v1/tokens", wrong).await, 422, "invalid").await;
+    assert_eq!(refused["errors"][0]["field"], "expires_at");
+    clock.advance(Duration::from_secs(364 * 86_400));
+    assert_eq!(usual.read("/api/v1/me").await["role"], "instructor");
+    problem(short.get("/api/v1/me").await, 401, "not-signed-in").await;
+    clock.advance(Duration::from_secs(2 * 86_400));
+    problem(usual.get("/api/v1/me").await, 401, "not-signed-in").await;
+    assert_eq!(lasting.read("/api/v1/me").await["role"], "instructor");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_person_lists_and_ends_the_own_sign_ins_and_tokens_and_no_others() {
+    let centre = Centre::open().await;
+    let elsewhere = centre.service.stranger().with("user-agent", "Tablet of ward 3").signed_in("ada", PASSWORD).await;
+    let listed = centre.trainee.read("/api/v1/me/sign-ins").await["items"].clone();
+    let other = listed.as_array().unwrap().iter().find(|one| one["is_current"] == json!(false)).unwrap();
+    assert_eq!((&other["browser"], &other["address"]), (&json!("Tablet of ward 3"), &json!("127.0.0.1")));
+    assert_eq!(listed.as_array().unwrap().len(), 2);
+    let address = format!("/api/v1/me/sign-ins/{}", other["id"].as_str().unwrap());
+    problem(centre.other_trainee.delete(&address).await, 404, "not-found").await;
+    elsewhere.read("/api/v1/me").await;
+    assert_eq!(centre.trainee.delete(&address).await.status(), StatusCode::NO_CONTENT);
+    problem(elsewhere.get("/api/v1/me").await, 401, "not-signed-in").await;
+    problem(centre.trainee.delete(&address).await, 404, "not-found").await;
+
+    let made = centre.administrator.make("/api/v1/tokens", json!({"name": "nightly", "role": "instructor"})).await;
+    let mine = centre.administrator.read("/api/v1/me/tokens").await["items"].clone();
+    assert_eq!((mine.as_array().unwrap().len(), &mine[0]["name"]), (1, &json!("nightly")), "no agent's token");
+    let address = format!("/api/v1/me/tokens/{}", made["id"].as_str().unwrap());
+    problem(centre.instructor.delete(&address).await, 404, "not-found").await;
+    let program = centre.service.stranger().with_token(made["token"].as_str().unwrap());
+    assert!(program.read("/api/v1/me/tokens").await["items"][0]["last_used_at"].is_string());
+    assert_eq!(centre.administrator.delete(&address).await.status(), StatusCode::NO_CONTENT);
+    problem(program.get("/api/v1/me").await, 401, "not-signed-in").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
