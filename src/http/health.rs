@@ -42,6 +42,9 @@ pub async fn metrics(State(app): State<App>) -> HandlerResult<impl IntoResponse>
     let counts = app.store.jobs().counts().await?;
     gauge!("trocar_jobs", "state" => "queued").set(counts.queued as f64);
     gauge!("trocar_jobs", "state" => "running").set(counts.running as f64);
+    if let Some(newest_ms) = app.backup_state.now().newest_ms {
+        gauge!("trocar_backup_age_seconds").set((app.clock.now_ms() - newest_ms) as f64 / 1e3);
+    }
     gauge!("trocar_event_streams").set(app.watcher_slots.taken() as f64);
     Ok((StatusCode::OK, [(header::CONTENT_TYPE, "text/plain; version=0.0.4")], app.metrics.render()))
 }

@@ -10,6 +10,7 @@ use super::read::{Json, Params};
 use super::show::{PageResponse, Paging, Time};
 use super::state::App;
 use crate::store::{AuditEntry, Backup, QueueCounts};
+use crate::upkeep::{BackupProgress, BackupSettings};
 
 /// State of the service.
 #[derive(Debug, Serialize, ToSchema)]
@@ -22,8 +23,10 @@ pub struct ServiceState {
     started_at: Time,
     storage: StorageState,
     queue: QueueState,
-    /// The last backup made by `trocar admin backup`; `null`: none is known.
+    /// The last backup; `null`: none is known.
     last_backup: Option<LastBackup>,
+    /// The scheduled backups; `null`: the settings name no folder for them.
+    scheduled_backups: Option<ScheduledBackups>,
     settings: SettingsInForce,
 }
 
@@ -55,6 +58,30 @@ pub struct LastBackup {
     at: Time,
     /// Number of files in it, all verified.
     files: u64,
+}
+
+/// Scheduled backups.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct ScheduledBackups {
+    /// Their folder.
+    folder: String,
+    /// Time of day in UTC.
+    at: String,
+    /// How many are kept.
+    keep: usize,
+    /// Time of the newest one in the folder; `null`: there is none yet.
+    newest_at: Option<Time>,
+    /// Why the last attempt failed; `null`: it succeeded, or there was none yet.
+    error: Option<String>,
+}
+
+impl ScheduledBackups {
+    fn of(app: &App) -> Option<Self> {
+        let BackupSettings { target, at, keep } = &app.backup_settings;
+        let BackupProgress { newest_ms, error } = app.backup_state.now();
+        let folder = target.as_ref()?.display().to_string();
+        Some(Self { folder, at: at.to_string(), keep: *keep, newest_at: newest_ms.map(Time), error })
+    }
 }
 
 /// Settings in force.
@@ -114,6 +141,7 @@ pub async fn service(State(app): State<App>, by: Administrator) -> HandlerResult
             free_bytes: app.vault.free_bytes().await?,
         },
         queue: QueueState { queued, running, quarantined },
+        scheduled_backups: ScheduledBackups::of(&app),
         last_backup: backup.map(|Backup { at_ms, files }| LastBackup { at: Time(at_ms), files }),
         settings: SettingsInForce {
             workers: set.workers,

@@ -9,6 +9,7 @@ use sqlx::{Decode, Encode, Sqlite, Type};
 use crate::domain::blob::BlobHash;
 use crate::domain::calibration::CalibrationSource;
 use crate::domain::edit::EditKind;
+use crate::domain::erasure::ErasedKind;
 use crate::domain::feed::FrameCodec;
 use crate::domain::files::annotations::View;
 use crate::domain::job::{JobKind, JobState};
@@ -68,7 +69,7 @@ as_shown! {
     LeaseToken SelfTestId StandardId CohortId CourseId RatingId CommentId RescoringId ModelId EditId
     Name Login Code FileName TrackerName Paragraphs Remark BlobHash
     Day Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm
-    SessionJudgement RescoringSource RescoringItemState EditKind BoxQuestion
+    SessionJudgement RescoringSource RescoringItemState EditKind BoxQuestion ErasedKind
 }
 
 as_text! {

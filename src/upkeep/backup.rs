@@ -1,7 +1,7 @@
 //! Backup: a copy of database and files, made while the service runs.
 //!
-//! A backup *is* a data folder: `trocar serve --data BACKUP` runs on it, and copying it back restores it. Every blob is
-//! verified while it is copied, and the finished backup is checked. Unfinished uploads and feeds are left out, since
+//! A backup is a data folder with a mark: the service does not run on it, and [`restore`](super::restore()) makes a data
+//! folder of it. Every blob is verified while it is copied, and the finished backup is checked. Unfinished uploads and feeds are left out, since
 //! their senders continue with the original, and so are signed-in browsers.
 
 use std::path::Path;
@@ -14,6 +14,9 @@ use crate::domain::scope::Scope;
 use crate::store::{Store, StoreSettings};
 use crate::time::SharedClock;
 use crate::vault::{Vault, VaultError};
+
+/// File that marks a folder as a backup.
+pub const BACKUP_MARK: &str = "BACKUP";
 
 /// Maximum number of database snapshots until all files of one could be copied. Another snapshot is needed only if a
 /// recording is erased between the snapshot and the copying of its file. Each later round copies only files that are
@@ -45,6 +48,7 @@ pub async fn back_up(
         let Some(hash) = gone else {
             complete(&copy, &files).await?;
             copy.close().await; // leaves one file without a write-ahead log
+            mark(to)?;
             if let Err(error) = store.audit().record_backup(wanted).await {
                 tracing::warn!(%error, "backup complete, but not recorded in the audit trail");
             }
@@ -60,22 +64,29 @@ pub async fn back_up(
     Err(UpkeepError::Unsettled)
 }
 
+/// Marks a folder as a backup.
+fn mark(folder: &Path) -> UpkeepResult<()> {
+    let text = "This folder is a backup. `trocar admin restore` makes a data folder of it.\n";
+    let failed = |error: std::io::Error| UpkeepError::Target { folder: folder.to_owned(), why: error.to_string() };
+    std::fs::write(folder.join(BACKUP_MARK), text).map_err(failed)
+}
+
 /// Refuses a folder that is not empty.
-fn refuse_used(to: &Path) -> UpkeepResult<()> {
+pub(super) fn refuse_used(to: &Path) -> UpkeepResult<()> {
     let is_used = std::fs::read_dir(to).is_ok_and(|mut entries| entries.next().is_some());
     if is_used { Err(UpkeepError::Used(to.to_owned())) } else { Ok(()) }
 }
 
 /// The result of one round of copying.
-struct Copied {
+pub(super) struct Copied {
     /// Number of files that the database refers to.
-    wanted: u64,
+    pub(super) wanted: u64,
     /// The first of them that is missing from the vault.
-    missing: Option<BlobHash>,
+    pub(super) missing: Option<BlobHash>,
 }
 
 /// Copies the blobs that the database refers to and the folder lacks. Blobs that are erased meanwhile are skipped.
-async fn copy_blobs(store: &Store, from: &Vault, to: &Vault) -> UpkeepResult<Copied> {
+pub(super) async fn copy_blobs(store: &Store, from: &Vault, to: &Vault) -> UpkeepResult<Copied> {
     let (mut after, mut copied) = (None, Copied { wanted: 0, missing: None });
     loop {
         let blobs = store.blobs().all(after, ROUND).await?;

@@ -8,7 +8,8 @@
 //! | [`recover()`] | once, at every start, before anything else uses the folder |
 //! | [`run`] | for as long as the service runs |
 //! | [`check()`] | on request: `trocar admin check` |
-//! | [`back_up`] | on request: `trocar admin backup` |
+//! | [`back_up`] | on request: `trocar admin backup`; and once a day: [`run_backups`] |
+//! | [`restore()`] | on request: `trocar admin restore` |
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -16,12 +17,18 @@ use std::time::Duration;
 mod backup;
 mod check;
 mod collect;
+mod erasure_list;
 mod recover;
+mod restore;
+mod scheduled_backups;
 
-pub use backup::back_up;
+pub use backup::{BACKUP_MARK, back_up};
 pub use check::{Finding, check};
 use collect::{collect, forget_expired_uploads, remove_orphan_uploads, remove_unreferenced};
+pub use erasure_list::{ERASURE_LIST, ErasureLists};
 pub use recover::{Recovered, recover};
+pub use restore::{Restored, restore};
+pub use scheduled_backups::{BackupProgress, BackupSettings, BackupState, complete_backups, run_backups};
 
 use crate::shutdown::Shutdown;
 use crate::store::{Store, StoreError};
@@ -43,6 +50,31 @@ pub enum UpkeepError {
     /// Recordings were erased repeatedly while they were being copied.
     #[error("recordings were erased repeatedly during the backup: try again")]
     Unsettled,
+    /// A list of erasures cannot be read or written.
+    #[error("list of erasures `{}`: {why}", .path.display())]
+    List {
+        /// Its file.
+        path: PathBuf,
+        /// The problem.
+        why: String,
+    },
+    /// The folder of the scheduled backups cannot be used.
+    #[error("folder of backups `{}`: {why}", .folder.display())]
+    Target {
+        /// The folder.
+        folder: PathBuf,
+        /// The problem.
+        why: String,
+    },
+    /// A folder that is to be restored is no backup.
+    #[error("`{}` is no backup: it has no database", .0.display())]
+    NoBackup(PathBuf),
+    /// No list says who was erased since the backup.
+    #[error(
+        "there is no list of erasures `{}`: people who were erased since this backup would come back. Name the list with \
+         --erasures (a copy is in the data folder), or give --without-erasures", .0.display()
+    )]
+    NoList(PathBuf),
     /// The check of the finished backup found a problem.
     #[error("the backup is not sound: {0}")]
     Unsound(Finding),
@@ -52,10 +84,19 @@ pub enum UpkeepError {
 pub type UpkeepResult<T> = Result<T, UpkeepError>;
 
 /// Cleans up repeatedly until the service ends. Erased data has left the folder soon after `every`.
-pub async fn run(store: &Store, vault: &Vault, every: Duration, clock: SharedClock, shutdown: &Shutdown) {
+pub async fn run(
+    (store, vault): (&Store, &Vault),
+    mut lists: ErasureLists,
+    every: Duration,
+    clock: SharedClock,
+    shutdown: &Shutdown,
+) {
     while !shutdown.is_begun() {
         if let Err(error) = clear_up(store, vault).await {
             tracing::warn!(%error, "cleaning up failed; retrying at the next round");
+        }
+        if let Err(error) = lists.update(store).await {
+            tracing::error!(%error, "erasures were not listed; a backup restored now would bring erased people back");
         }
         tokio::select! {
             () = shutdown.begun() => {}

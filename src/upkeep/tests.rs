@@ -16,20 +16,20 @@ use crate::store::{NewFeed, NewUpload, SessionRecord, Store, StoreSettings};
 use crate::time::Clock;
 use crate::vault::Vault;
 
-struct UpkeepFixture {
-    centre: TestCentre,
-    vault: Vault,
+pub(super) struct UpkeepFixture {
+    pub(super) centre: TestCentre,
+    pub(super) vault: Vault,
 }
 
 impl UpkeepFixture {
-    async fn new() -> Self {
+    pub(super) async fn new() -> Self {
         let centre = TestCentre::with_camera_and_colours().await;
         let vault = Vault::open(centre.folder.path()).await.unwrap();
         Self { centre, vault }
     }
 
     /// Creates a session as the service does: file first, row second.
-    async fn session(&self, trainee: TraineeId, content: &str) -> SessionRecord {
+    pub(super) async fn session(&self, trainee: TraineeId, content: &str) -> SessionRecord {
         let kept = self.vault.put(content.as_bytes()).await.unwrap();
         let new = NewSession { video: kept.blob(), ..self.centre.new_session(trainee, content) };
         self.centre.store.sessions().create(&Scope::service(), new).await.unwrap()
@@ -68,7 +68,7 @@ impl UpkeepFixture {
             expires_at_ms: NOW_MS + 1_000,
         };
         let uploads = self.centre.store.uploads();
-        uploads.create(&Scope::service(), new).await.unwrap();
+        uploads.create(&Scope::service(), new, 9).await.unwrap();
         file.append(in_file).await.unwrap();
         file.sync().await.unwrap();
         uploads.advance(id, noted, NOW_MS + 1_000).await.unwrap();
@@ -88,9 +88,10 @@ impl UpkeepFixture {
             began_at_ms: NOW_MS,
             sender: "a test".into(),
             is_push: false,
+            resumes: true,
         };
         let id = new.id;
-        self.centre.store.feeds().open(&Scope::service(), new).await.unwrap();
+        self.centre.store.feeds().open(&Scope::service(), new, 9).await.unwrap();
         let mut log = Vec::new();
         for number in 0..5 {
             let body = RecordBody::Frame { time: 3600 * number as i64, is_key: true, payload: b"a picture" };

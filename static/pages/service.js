@@ -30,7 +30,7 @@ const Facts = ({ title, rows, children }) => html`
   <section class="card"><header><h2>${title}</h2></header><div class="body stack">
     <dl class="facts">${rows.map(([name, value]) => html`<dt>${name}</dt><dd>${value}</dd>`)}</dl>${children}</div></section>`;
 
-function Status({ status: { version, pipeline, started_at, storage, queue, last_backup: backup, settings } }) {
+function Status({ status: { version, pipeline, started_at, storage, queue, last_backup: backup, scheduled_backups: plan, settings } }) {
   const days = backup ? Math.floor((Date.now() - Date.parse(backup.at)) / DAY_MS) : 0;
   return html`
     ${storage.free_bytes < LOW_BYTES && html`<${Notice} tone="warn" title=${words.low}>${words.lowBody}<//>`}
@@ -41,7 +41,11 @@ function Status({ status: { version, pipeline, started_at, storage, queue, last_
         [words.database, bytes(storage.database_bytes)],
         [words.free, bytes(storage.free_bytes)],
       ]} />
-      <div class="stack"><${Facts} title=${words.backup} rows=${[[words.last, backup ? words.backupOf(dateTime(backup.at), backup.files) : words.noBackup]]}>
+      <div class="stack"><${Facts} title=${words.backup} rows=${[
+        [words.last, backup ? words.backupOf(dateTime(backup.at), backup.files) : words.noBackup],
+        ...(plan ? [[words.plan, words.planOf(plan.at, plan.keep)], [words.folder, plan.folder]] : []),
+      ]}>
+        ${plan?.error && html`<${Notice} tone="bad" title=${words.planFailed}>${plan.error}<//>`}
         ${(!backup || days >= OLD_DAYS) && html`<${Notice} tone="warn" title=${backup ? words.old(days) : words.noBackup}><${Prose} text=${words.noBackupBody} /><//>`}<//>
       <${Facts} title=${words.queue} rows=${[[words.waiting, queue.queued], [words.running, queue.running], [words.quarantined, queue.quarantined]]} /></div>
       <${Facts} title=${words.retention} rows=${[

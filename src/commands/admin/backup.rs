@@ -26,6 +26,6 @@ pub async fn run(folder: &DataFolder, args: &BackupArgs) -> Result<(), CommandFa
         done => done.with_context(|| format!("backing up to `{}`", args.to.display()))?,
     };
     println!("backup complete: `{}` holds the database and {files} files, all verified", args.to.display());
-    println!("to restore, copy it back as the data folder, or run: trocar serve --data {}", args.to.display());
+    println!("to restore, run: trocar admin restore {} --data NEW-FOLDER", args.to.display());
     Ok(())
 }

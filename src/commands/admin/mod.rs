@@ -5,6 +5,7 @@
 
 mod backup;
 mod check;
+mod restore;
 mod token;
 mod user;
 
@@ -37,8 +38,10 @@ pub struct AdminArgs {
 enum AdminCommand {
     /// Check the database and the files, without changing them; exit status 1 if data is lost.
     Check(check::CheckArgs),
-    /// Copy database and files into an empty folder; the service may run. The copy can be used as a data folder.
+    /// Copy database and files into an empty folder; the service may run.
     Backup(backup::BackupArgs),
+    /// Make a data folder (--data) of a backup, and erase again what was erased since the backup.
+    Restore(restore::RestoreArgs),
     /// List, add and delete accounts; set passwords.
     #[command(subcommand)]
     User(user::UserCommand),
@@ -60,10 +63,14 @@ pub fn run(args: AdminArgs) -> Result<(), CommandFailure> {
     restrict_new_files_to_owner();
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
     runtime.block_on(async {
+        if let AdminCommand::Restore(args) = args.command {
+            return restore::run(&settings.data, args).await; // the data folder does not exist yet
+        }
         let folder = open_data_folder(&settings).await?;
         match args.command {
             AdminCommand::Check(args) => check::run(&folder, &args).await,
             AdminCommand::Backup(args) => backup::run(&folder, &args).await,
+            AdminCommand::Restore(_) => Ok(()), // done above
             AdminCommand::User(command) => user::run(&folder, command).await,
             AdminCommand::Token(command) => token::run(&folder, command).await,
         }

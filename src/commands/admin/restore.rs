@@ -1,0 +1,43 @@
+//! `trocar admin restore`: makes a data folder of a backup.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Context;
+
+use super::super::CommandFailure;
+use crate::settings::DATABASE_FILE;
+use crate::time::SystemClock;
+use crate::upkeep::{self, Restored, UpkeepError};
+
+/// Arguments of `trocar admin restore`.
+#[derive(clap::Args)]
+pub struct RestoreArgs {
+    /// The backup
+    backup: PathBuf,
+    /// List of what was erased since the backup [default: `erasures` beside the backup]
+    #[arg(long, value_name = "FILE", conflicts_with = "without_erasures")]
+    erasures: Option<PathBuf>,
+    /// Restore without such a list: people who were erased since the backup come back
+    #[arg(long)]
+    without_erasures: bool,
+}
+
+/// Restores the backup into the data folder, which must be empty or not exist yet.
+pub async fn run(data: &Path, args: RestoreArgs) -> Result<(), CommandFailure> {
+    let erasures = (!args.without_erasures).then_some(args.erasures);
+    let done = upkeep::restore(&args.backup, data, erasures, DATABASE_FILE, Arc::new(SystemClock)).await;
+    let Restored { files, erased_again, kept } = match done {
+        Err(wrong @ (UpkeepError::Used(_) | UpkeepError::NoBackup(_) | UpkeepError::NoList(_))) => {
+            return Err(CommandFailure::input(wrong));
+        }
+        done => done.with_context(|| format!("restoring to `{}`", data.display()))?,
+    };
+    for account in kept {
+        println!("not deleted again: {account}");
+    }
+    println!("restored: `{}` holds the database and {files} files, all verified", data.display());
+    println!("erased again: {erased_again} people and recordings that were erased since the backup");
+    println!("to run it: trocar serve --data {}", data.display());
+    Ok(())
+}

@@ -1,0 +1,52 @@
+//! Erasures: which people and recordings were erased. A list of them outlives the data, so that a backup that is
+//! restored later does not bring them back.
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::named;
+use super::text::Invalid;
+use crate::time::{from_rfc3339, to_rfc3339};
+
+named! {
+    /// What was erased.
+    ErasedKind: "kind of erasure" {
+        /// A trainee, with all that belongs to them.
+        Trainee = "trainee",
+        /// A session, with its recording and results.
+        Session = "session",
+        /// An account.
+        Person = "person",
+    }
+}
+
+/// One erasure. As text, a line of a list: kind, id and time, separated by blanks.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Erasure {
+    /// What was erased.
+    pub kind: ErasedKind,
+    /// Its id.
+    pub id: String,
+    /// When, epoch ms.
+    pub at_ms: i64,
+}
+
+impl fmt::Display for Erasure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {} {}", self.kind, self.id, to_rfc3339(self.at_ms))
+    }
+}
+
+impl FromStr for Erasure {
+    type Err = Invalid;
+
+    fn from_str(line: &str) -> Result<Self, Invalid> {
+        let wrong = || Invalid::new("erasure", format!("expected kind, id and time, not `{line}`"));
+        let mut parts = line.split(' ');
+        let (Some(kind), Some(id), Some(at), None) = (parts.next(), parts.next(), parts.next(), parts.next()) else {
+            return Err(wrong());
+        };
+        let (kind, at_ms) = (kind.parse().map_err(|_| wrong())?, from_rfc3339(at).ok_or_else(wrong)?);
+        Ok(Self { kind, id: id.to_owned(), at_ms })
+    }
+}

@@ -1,0 +1,53 @@
+//! The erasures of this database. A trigger writes each in the transaction that deletes the row.
+
+use std::str::FromStr;
+
+use super::error::{StoreError, StoreResult};
+use super::{Scope, Store};
+use crate::domain::erasure::{ErasedKind, Erasure};
+use crate::domain::text::Key;
+use crate::ids::TraineeId;
+
+/// Access to the erasures.
+pub struct ErasureStore<'s>(pub(super) &'s Store);
+
+#[derive(sqlx::FromRow)]
+struct ErasureRow {
+    number: i64,
+    kind: ErasedKind,
+    id: String,
+    at_ms: i64,
+}
+
+const SELECT_ERASURES: &str = "SELECT number, kind, id, at_ms FROM erasure WHERE number > $1 ORDER BY number LIMIT $2";
+
+impl ErasureStore<'_> {
+    /// Erasures after the one with this number, with their numbers, in order; at most `most`.
+    pub async fn after(&self, number: i64, most: u32) -> StoreResult<Vec<(i64, Erasure)>> {
+        let rows = sqlx::query_as::<_, ErasureRow>(SELECT_ERASURES).bind(number).bind(most);
+        let rows = rows.fetch_all(self.0.readers()).await?;
+        Ok(rows
+            .into_iter()
+            .map(|ErasureRow { number, kind, id, at_ms }| (number, Erasure { kind, id, at_ms }))
+            .collect())
+    }
+
+    /// Erases again what this erasure names. Returns false if it does not exist.
+    pub async fn repeat(&self, Erasure { kind, id, .. }: &Erasure) -> StoreResult<bool> {
+        let service = Scope::service();
+        let erased = match kind {
+            ErasedKind::Trainee => self.0.trainees().erase(&service, &Key::from(&parse::<TraineeId>(id)?)).await,
+            ErasedKind::Session => self.0.sessions().erase(&service, parse(id)?).await,
+            ErasedKind::Person => self.0.people().delete(&service, parse(id)?).await,
+        };
+        match erased {
+            Ok(()) => Ok(true),
+            Err(StoreError::NotFound { .. }) => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+}
+
+fn parse<T: FromStr>(id: &str) -> StoreResult<T> {
+    id.parse().map_err(|_| StoreError::refused(format!("`{id}` in the list of erasures is not an id")))
+}

@@ -1,0 +1,78 @@
+//! Restores a backup into a new data folder, and erases again what was erased since the backup.
+
+use std::path::{Path, PathBuf};
+
+use super::backup::{copy_blobs, refuse_used};
+use super::erasure_list::{ERASURE_LIST, extend_list, read_list};
+use super::{Finding, UpkeepError, UpkeepResult, check, recover};
+use crate::domain::erasure::ErasedKind;
+use crate::store::{Store, StoreError, StoreSettings};
+use crate::time::SharedClock;
+use crate::vault::Vault;
+
+/// What a restored folder holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Restored {
+    /// Number of files.
+    pub files: u64,
+    /// Number of people and recordings that were erased again.
+    pub erased_again: usize,
+    /// Accounts that could not be deleted again, and why.
+    pub kept: Vec<String>,
+}
+
+/// Restores `backup` into the folder `to`, which is empty or does not exist yet. `erasures` is the list of erasures since
+/// the backup: by default the one beside it; `None` restores without one.
+pub async fn restore(
+    backup: &Path,
+    to: &Path,
+    erasures: Option<Option<PathBuf>>,
+    database: &str,
+    clock: SharedClock,
+) -> UpkeepResult<Restored> {
+    refuse_used(to)?;
+    if !backup.join(database).is_file() {
+        return Err(UpkeepError::NoBackup(backup.to_owned()));
+    }
+    let erasures = match erasures {
+        None => Vec::new(),
+        Some(named) => {
+            let list = named.unwrap_or_else(|| backup.parent().unwrap_or(backup).join(ERASURE_LIST));
+            if !list.is_file() {
+                return Err(UpkeepError::NoList(list));
+            }
+            read_list(&list)?
+        }
+    };
+    let (from, files) = (Vault::open(backup).await?, Vault::open(to).await?);
+    let path = to.join(database);
+    let folder_error = |error: std::io::Error| UpkeepError::Target { folder: to.to_owned(), why: error.to_string() };
+    tokio::fs::copy(backup.join(database), &path).await.map_err(folder_error)?;
+    let store = Store::open(&path, &StoreSettings::default(), clock).await?;
+    let copied = copy_blobs(&store, &from, &files).await?;
+    if let Some(hash) = copied.missing {
+        return Err(UpkeepError::Unsound(Finding::MissingFile(hash)));
+    }
+    let (mut erased_again, mut kept) = (0, Vec::new());
+    // Accounts last: those of trainees are deleted with them.
+    let (people, others): (Vec<_>, Vec<_>) = erasures.iter().partition(|erasure| erasure.kind == ErasedKind::Person);
+    for erasure in others.into_iter().chain(people) {
+        match store.erasures().repeat(erasure).await {
+            Ok(existed) => erased_again += usize::from(existed),
+            Err(StoreError::Refused { why }) => kept.push(format!("{} {}: {why}", erasure.kind, erasure.id)),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    recover(&store, &files).await?; // removes the files of what was erased
+    store.purge_erased().await?;
+    extend_list(&to.join(ERASURE_LIST), &erasures)?;
+    if let Some(finding) = check(&store, &files, true).await?.first() {
+        return Err(UpkeepError::Unsound(finding.clone()));
+    }
+    let (files, _) = store.blobs().total().await?;
+    store.close().await;
+    Ok(Restored { files, erased_again, kept })
+}
+
+#[cfg(test)]
+mod tests;

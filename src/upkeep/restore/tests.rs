@@ -1,0 +1,184 @@
+//! Backups that are restored: nothing is lost, and erased people do not come back.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::{Restored, restore};
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::text::Key;
+use crate::shutdown::Shutdown;
+use crate::store::{PageRequest, Store, StoreSettings};
+use crate::upkeep::tests::UpkeepFixture;
+use crate::upkeep::{
+    BackupSettings, BackupState, ERASURE_LIST, ErasureLists, UpkeepError, back_up, complete_backups, run_backups,
+};
+
+const DATABASE: &str = "trocar.sqlite";
+
+/// Opens a restored folder, and returns the names of its trainees.
+async fn trainees(bench: &UpkeepFixture, folder: &Path) -> Vec<String> {
+    let store =
+        Store::open(&folder.join(DATABASE), &StoreSettings::default(), bench.centre.clock.clone()).await.unwrap();
+    let page = store.trainees().list(&Scope::service(), &PageRequest::new(100, None)).await.unwrap();
+    store.close().await;
+    page.items.into_iter().map(|trainee| trainee.name.to_string()).collect()
+}
+
+/// All bytes of a folder, file after file.
+fn all_bytes(folder: &Path) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        bytes.extend(if path.is_dir() { all_bytes(&path) } else { fs::read(&path).unwrap() });
+    }
+    bytes
+}
+
+fn holds(folder: &Path, text: &str) -> bool {
+    all_bytes(folder).windows(text.len()).any(|part| part == text.as_bytes())
+}
+
+struct Backups {
+    bench: UpkeepFixture,
+    target: tempfile::TempDir,
+}
+
+impl Backups {
+    /// A centre with two trainees, a backup of it, and afterwards one of the trainees erased.
+    async fn with_an_erasure_after_the_backup() -> (Self, PathBuf) {
+        let bench = UpkeepFixture::new().await;
+        let (ana, ben) = (bench.centre.trainee("Ana Planted").await.id, bench.centre.trainee("Ben").await.id);
+        bench.centre.person("ana", Role::Trainee, Some(ana)).await;
+        let gone = bench.session(ben, "a recording that is erased alone").await;
+        bench.session(ana, "the planted recording").await;
+        bench.session(ben, "another recording").await;
+        let made = Self { target: tempfile::tempdir().unwrap(), bench };
+        let backup = made.back_up("monday").await;
+        let store = &made.bench.centre.store;
+        store.trainees().erase(&Scope::service(), &Key::from(&ana)).await.unwrap();
+        store.sessions().erase(&Scope::service(), gone.id).await.unwrap();
+        (made, backup)
+    }
+
+    async fn back_up(&self, name: &str) -> PathBuf {
+        let (to, clock) = (self.target.path().join(name), self.bench.centre.clock.clone());
+        back_up((&self.bench.centre.store, &self.bench.vault), &to, DATABASE, clock).await.unwrap();
+        to
+    }
+
+    async fn list_erasures(&self) {
+        let mut lists = ErasureLists::new(self.bench.centre.folder.path(), Some(self.target.path()));
+        lists.update(&self.bench.centre.store).await.unwrap();
+    }
+
+    async fn restore(
+        &self,
+        backup: &Path,
+        erasures: Option<Option<PathBuf>>,
+    ) -> Result<(PathBuf, Restored), UpkeepError> {
+        let to = self.target.path().join(format!("restored {}", fs::read_dir(self.target.path()).unwrap().count()));
+        let restored = restore(backup, &to, erasures, DATABASE, self.bench.centre.clock.clone()).await?;
+        Ok((to, restored))
+    }
+}
+
+#[tokio::test]
+async fn people_who_were_erased_after_a_backup_do_not_come_back_with_it() {
+    let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
+    backups.list_erasures().await;
+    let (folder, restored) = backups.restore(&backup, Some(None)).await.unwrap();
+    assert_eq!((restored.files, restored.erased_again, restored.kept), (1, 2, vec![]));
+    assert_eq!(trainees(&backups.bench, &folder).await, ["Ben"]);
+    for planted in ["Ana Planted", "the planted recording", "a recording that is erased alone"] {
+        assert!(holds(&backup, planted), "the backup itself has it");
+        assert!(!holds(&folder, planted), "{planted}");
+    }
+    assert!(holds(&folder, "another recording"));
+    // The list of the restored folder names them, too: for the next backup that is restored.
+    let list = fs::read_to_string(folder.join(ERASURE_LIST)).unwrap();
+    assert_eq!(list, fs::read_to_string(backups.target.path().join(ERASURE_LIST)).unwrap());
+}
+
+#[tokio::test]
+async fn without_a_list_of_erasures_nothing_is_restored_unless_told_so() {
+    let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
+    let refused = backups.restore(&backup, Some(None)).await.unwrap_err();
+    assert!(matches!(&refused, UpkeepError::NoList(_)), "{refused}");
+    assert!(refused.to_string().contains("--without-erasures"), "{refused}");
+    assert_eq!(fs::read_dir(backups.target.path()).unwrap().count(), 1, "nothing was made");
+    let (folder, restored) = backups.restore(&backup, None).await.unwrap();
+    assert_eq!((restored.files, restored.erased_again), (3, 0));
+    assert_eq!(trainees(&backups.bench, &folder).await, ["Ana Planted", "Ben"]);
+}
+
+#[tokio::test]
+async fn a_list_of_erasures_is_only_appended_to_and_survives_a_power_cut() {
+    let (backups, _) = Backups::with_an_erasure_after_the_backup().await;
+    let list = backups.target.path().join(ERASURE_LIST);
+    backups.list_erasures().await;
+    let before = fs::read_to_string(&list).unwrap();
+    assert!(before.lines().any(|line| line.starts_with("trainee ")), "{before}");
+    assert!(before.lines().any(|line| line.starts_with("person ")), "the account of the trainee: {before}");
+    backups.list_erasures().await; // as after a restart
+    assert_eq!(fs::read_to_string(&list).unwrap(), before);
+    // A power cut leaves a part of the last line.
+    let cut = &before[..before.len() - 10];
+    fs::write(&list, cut).unwrap();
+    backups.list_erasures().await;
+    assert_eq!(fs::read_to_string(&list).unwrap(), before);
+    fs::write(&list, "trainee nonsense\n").unwrap();
+    let mut lists = ErasureLists::new(backups.bench.centre.folder.path(), Some(backups.target.path()));
+    assert!(matches!(lists.update(&backups.bench.centre.store).await, Err(UpkeepError::List { .. })));
+}
+
+#[tokio::test]
+async fn a_backup_is_made_each_day_and_the_last_ones_are_kept() {
+    let bench = UpkeepFixture::new().await;
+    let ana = bench.centre.trainee("Ana").await.id;
+    bench.session(ana, "video").await;
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("partial-of-an-interrupted-one")).unwrap();
+    fs::write(folder.path().join("a file of somebody"), b"stays").unwrap();
+    let settings = BackupSettings { target: Some(folder.path().to_owned()), keep: 2, ..BackupSettings::default() };
+    let (state, shutdown, clock) = (BackupState::default(), Shutdown::new(), bench.centre.clock.clone());
+    let running =
+        run_backups((&bench.centre.store, &bench.vault), &settings, DATABASE, (clock.clone(), &shutdown), &state);
+    let watch = async {
+        let count = || complete_backups(folder.path()).unwrap().len();
+        let mut newest = None;
+        for _ in 0..4 {
+            while state.now().newest_ms == newest {
+                tokio::time::sleep(Duration::from_millis(5)).await;
+            }
+            newest = state.now().newest_ms;
+            clock.advance(Duration::from_secs(86_400));
+        }
+        assert!((2..=3).contains(&count()), "{}", count());
+        shutdown.begin();
+    };
+    tokio::join!(running, watch);
+    let kept = complete_backups(folder.path()).unwrap();
+    assert!(kept.windows(2).all(|pair| pair[1].0 - pair[0].0 == 86_400_000), "{kept:?}");
+    assert!(folder.path().join("a file of somebody").exists());
+    assert!(!folder.path().join("partial-of-an-interrupted-one").exists());
+}
+
+#[tokio::test]
+async fn a_folder_that_cannot_be_used_is_reported_and_stops_nothing() {
+    let bench = UpkeepFixture::new().await;
+    let gone = tempfile::tempdir().unwrap().path().join("gone");
+    let settings = BackupSettings { target: Some(gone.clone()), ..BackupSettings::default() };
+    let (state, shutdown) = (BackupState::default(), Shutdown::new());
+    let until = (bench.centre.clock.clone() as _, &shutdown);
+    let running = run_backups((&bench.centre.store, &bench.vault), &settings, DATABASE, until, &state);
+    let watch = async {
+        while state.now().error.is_none() {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+        shutdown.begin();
+    };
+    tokio::join!(running, watch);
+    assert!(state.now().error.unwrap().contains(&gone.display().to_string()));
+}

@@ -1,0 +1,213 @@
+//! Scheduled backups: one a day, made at a set time or as soon as the service runs after it, of which the last ones are
+//! kept.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use serde::Deserialize;
+
+use super::{UpkeepError, UpkeepResult, back_up};
+use crate::domain::text::Invalid;
+use crate::shutdown::Shutdown;
+use crate::store::Store;
+use crate::time::{SharedClock, from_rfc3339, to_rfc3339};
+use crate::vault::Vault;
+
+/// Beginning of the name of a complete backup; the time follows.
+const PREFIX: &str = "trocar-";
+/// Beginning of the name of a backup that is being made.
+const PARTIAL_PREFIX: &str = "partial-";
+/// Interval between two looks whether a backup is due.
+const LOOK_INTERVAL: Duration = Duration::from_secs(60);
+/// Pause after a backup that failed.
+const RETRY_INTERVAL: Duration = Duration::from_secs(3600);
+const DAY_MS: i64 = 86_400_000;
+
+/// When and where backups are made.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BackupSettings {
+    /// Folder of the backups, on another disk or machine than the data. Without it none are made.
+    pub target: Option<PathBuf>,
+    /// Time of day in UTC, as `02:30`.
+    pub at: TimeOfDay,
+    /// How many backups are kept. Usually 14.
+    pub keep: usize,
+}
+
+impl Default for BackupSettings {
+    fn default() -> Self {
+        Self { target: None, at: TimeOfDay { minutes: 150 }, keep: 14 }
+    }
+}
+
+/// A time of day, to the minute. As text: `02:30`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub struct TimeOfDay {
+    minutes: i64,
+}
+
+impl TryFrom<String> for TimeOfDay {
+    type Error = Invalid;
+
+    fn try_from(text: String) -> Result<Self, Invalid> {
+        let number =
+            |text: &str, most: i64| text.parse::<i64>().ok().filter(|n| text.len() == 2 && (0..=most).contains(n));
+        let parts = text.split_once(':').and_then(|(hours, minutes)| Some((number(hours, 23)?, number(minutes, 59)?)));
+        let (hours, minutes) = parts.ok_or_else(|| Invalid::new("time of day", "expected a time such as 02:30"))?;
+        Ok(Self { minutes: 60 * hours + minutes })
+    }
+}
+
+impl std::fmt::Display for TimeOfDay {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:02}:{:02}", self.minutes / 60, self.minutes % 60)
+    }
+}
+
+impl TimeOfDay {
+    /// The last moment with this time of day that is not after `now_ms`.
+    fn last_before(self, now_ms: i64) -> i64 {
+        let since_ms = (now_ms - self.minutes * 60_000).rem_euclid(DAY_MS);
+        now_ms - since_ms
+    }
+}
+
+/// The state of the scheduled backups; clones share it.
+#[derive(Clone, Debug, Default)]
+pub struct BackupState(Arc<Mutex<BackupProgress>>);
+
+/// The newest backup, and the last failure.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct BackupProgress {
+    /// Time of the newest complete backup in the folder, epoch ms.
+    pub newest_ms: Option<i64>,
+    /// Why the last attempt failed; `None` if it succeeded.
+    pub error: Option<String>,
+}
+
+impl BackupState {
+    /// The state at this moment.
+    pub fn now(&self) -> BackupProgress {
+        self.lock().clone()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, BackupProgress> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner) // whole at every moment
+    }
+}
+
+/// Makes the backups until the service shuts down.
+pub async fn run_backups(
+    (store, vault): (&Store, &Vault),
+    settings: &BackupSettings,
+    database: &str,
+    (clock, shutdown): (SharedClock, &Shutdown),
+    state: &BackupState,
+) {
+    let Some(target) = &settings.target else { return };
+    while !shutdown.is_begun() {
+        let made = make_if_due((store, vault), (target, settings), database, clock.clone(), state).await;
+        let pause = match made {
+            Ok(()) => LOOK_INTERVAL,
+            Err(error) => {
+                tracing::error!(%error, target = %target.display(), "scheduled backup failed; tried again in an hour");
+                state.lock().error = Some(error.to_string());
+                RETRY_INTERVAL
+            }
+        };
+        tokio::select! {
+            () = shutdown.begun() => {}
+            () = clock.sleep(pause) => {}
+        }
+    }
+}
+
+async fn make_if_due(
+    (store, vault): (&Store, &Vault),
+    (target, settings): (&Path, &BackupSettings),
+    database: &str,
+    clock: SharedClock,
+    state: &BackupState,
+) -> UpkeepResult<()> {
+    let now_ms = clock.now_ms();
+    let complete = complete_backups(target)?;
+    state.lock().newest_ms = complete.last().map(|(at_ms, _)| *at_ms);
+    if complete.last().is_some_and(|(at_ms, _)| *at_ms >= settings.at.last_before(now_ms)) {
+        return Ok(());
+    }
+    remove_partial(target)?;
+    let stamp = to_rfc3339(now_ms).replace(':', "-");
+    let (partial, made) = (target.join(format!("{PARTIAL_PREFIX}{stamp}")), target.join(format!("{PREFIX}{stamp}")));
+    let files = back_up((store, vault), &partial, database, clock).await?;
+    let failed = target_error(target);
+    fs::rename(&partial, &made).and_then(|()| File::open(target)?.sync_all()).map_err(&failed)?;
+    tracing::info!(files, backup = %made.display(), "scheduled backup complete");
+    *state.lock() = BackupProgress { newest_ms: Some(now_ms), error: None };
+    let complete = complete_backups(target)?;
+    for (_, old) in &complete[..complete.len().saturating_sub(settings.keep)] {
+        fs::remove_dir_all(old).map_err(&failed)?;
+    }
+    Ok(())
+}
+
+/// The complete backups in a folder, oldest first: time in epoch ms, and path.
+pub fn complete_backups(target: &Path) -> UpkeepResult<Vec<(i64, PathBuf)>> {
+    let mut found: Vec<(i64, PathBuf)> = entries(target)?
+        .into_iter()
+        .filter_map(|path| {
+            let stamp = path.file_name()?.to_str()?.strip_prefix(PREFIX)?;
+            let (day, time) = stamp.split_once('T')?;
+            Some((from_rfc3339(&format!("{day}T{}", time.replace('-', ":")))?, path))
+        })
+        .collect();
+    found.sort();
+    Ok(found)
+}
+
+/// Removes what an interrupted backup left.
+fn remove_partial(target: &Path) -> UpkeepResult<()> {
+    let is_partial = |path: &PathBuf| {
+        path.file_name().and_then(|name| name.to_str()).is_some_and(|name| name.starts_with(PARTIAL_PREFIX))
+    };
+    for path in entries(target)?.into_iter().filter(is_partial) {
+        fs::remove_dir_all(path).map_err(target_error(target))?;
+    }
+    Ok(())
+}
+
+fn entries(target: &Path) -> UpkeepResult<Vec<PathBuf>> {
+    let listed = fs::read_dir(target).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
+    listed.map_err(target_error(target))
+}
+
+fn target_error(target: &Path) -> impl Fn(io::Error) -> UpkeepError {
+    let folder = target.to_owned();
+    move |error| UpkeepError::Target { folder: folder.clone(), why: error.to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_backup_is_due_from_its_time_of_day_on() {
+        let at = TimeOfDay::try_from("02:30".to_owned()).unwrap();
+        let ms = |text: &str| from_rfc3339(text).unwrap();
+        for (now, due) in [
+            ("2026-11-28T02:30:00Z", "2026-11-28T02:30:00Z"),
+            ("2026-11-28T02:29:59Z", "2026-11-27T02:30:00Z"),
+            ("2026-11-28T23:59:59Z", "2026-11-28T02:30:00Z"),
+        ] {
+            assert_eq!(at.last_before(ms(now)), ms(due), "{now}");
+        }
+        assert_eq!(at.to_string(), "02:30");
+        for wrong in ["2:30", "24:00", "02:60", "0230", "", "-1:00", "+2:30"] {
+            assert!(TimeOfDay::try_from(wrong.to_owned()).is_err(), "{wrong}");
+        }
+    }
+}
