@@ -57,7 +57,8 @@ impl Clock for SystemClock {
     }
 }
 
-/// A clock for tests: it moves only by [`ManualClock::advance`] and [`ManualClock::set_forward`].
+/// A clock for tests: it moves only by [`ManualClock::advance`], [`ManualClock::set_forward`] and
+/// [`ManualClock::set_back`].
 #[derive(Debug)]
 pub struct ManualClock {
     monotonic_ms: watch::Sender<i64>,
@@ -79,6 +80,11 @@ impl ManualClock {
     /// Sets the clock forward, as an administrator might, without letting time pass.
     pub fn set_forward(&self, duration: Duration) {
         self.offset_ms.fetch_add(millis(duration), Ordering::AcqRel);
+    }
+
+    /// Sets the clock back, without letting time pass.
+    pub fn set_back(&self, duration: Duration) {
+        self.offset_ms.fetch_sub(millis(duration), Ordering::AcqRel);
     }
 }
 

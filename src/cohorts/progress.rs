@@ -1,10 +1,11 @@
 //! A trainee's sessions of a task over time.
 //!
-//! Sessions are numbered in the order of recording. All of them are practice and have a number, but sessions that are
+//! Sessions are numbered in the order of recording, as their senders state it. They are judged in the order in which they
+//! arrived: which passes come in a row, the charts, proficiency. All of them are practice and have a number, but sessions that are
 //! refused, failed, set aside or of another pipeline version do not count otherwise. The version that counts is that of
 //! the newest valid result: after an update of the program, older sessions count again once they are rescored.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use super::answer::{ProgressAnswer, SessionStep, SetAside};
 use super::cache::ComputedCache;
@@ -18,7 +19,9 @@ use crate::domain::session::{BoxQuestion, FeatureSpace, SessionStatus};
 use crate::domain::standard::StandardDefinition;
 use crate::domain::text::{Invalid, Key};
 use crate::domain::trainee::Handedness;
+use crate::ids::SessionId;
 use crate::motion::features::{self, FEATURES, Feature, time};
+use crate::statistics::TrialOutcome;
 use crate::statistics::lc_cusum::LcCusumMonitor;
 use crate::store::{CohortRecord, Practice, PracticeSession, StandardRecord, TaskRecord, TraineeRecord};
 use crate::time::to_rfc3339;
@@ -215,16 +218,18 @@ pub(super) fn judge_sessions<'p>(
         session,
     };
     let sessions: Vec<NumberedSession<'_>> = practice.sessions.iter().enumerate().map(number).collect();
-    let practised: Vec<NumberedSession<'_>> = sessions.iter().filter(|at| !at.session.is_uncounted).copied().collect();
-    let verdicts = standard.map(|(definition, monitor)| Verdicts::of(definition, monitor, &practised, handedness));
-    let mut trials = verdicts.iter().flat_map(|verdicts| verdicts.trials.iter());
+    let by_arrival = in_order_of_arrival(&sessions);
+    let verdicts = standard.map(|(definition, monitor)| Verdicts::of(definition, monitor, &by_arrival, handedness));
+    let trials = verdicts.iter().flat_map(|verdicts| &verdicts.trials);
+    let trials: HashMap<SessionId, TrialOutcome> =
+        by_arrival.iter().map(|at| at.session.id).zip(trials.copied()).collect();
     let step = |at: &NumberedSession<'_>| SessionStep {
         number: at.number,
         id: at.session.id,
         recorded_at: to_rfc3339(at.session.recorded_at_ms),
         status: at.session.status,
         set_aside: set_aside(at.session),
-        trial: if at.session.is_uncounted { None } else { trials.next().map(|trial| (*trial).into()) },
+        trial: trials.get(&at.session.id).map(|trial| (*trial).into()),
     };
     let course = ProgressAnswer {
         pipeline: pipeline.clone(),
@@ -232,11 +237,19 @@ pub(super) fn judge_sessions<'p>(
         sessions: sessions.iter().map(step).collect(),
         features: Vec::new(),
         rule: verdicts.as_ref().and_then(|verdicts| verdicts.rule.clone()),
-        reminders: verdicts.as_ref().map_or_else(Vec::new, |verdicts| verdicts.reminders(&practised, now_ms)),
-        passed: verdicts.as_ref().and_then(|verdicts| verdicts.passed(&practised)),
+        reminders: verdicts.as_ref().map_or_else(Vec::new, |verdicts| verdicts.reminders(&by_arrival, now_ms)),
+        passed: verdicts.as_ref().and_then(|verdicts| verdicts.passed(&by_arrival)),
         charts: verdicts.map(|verdicts| verdicts.charts),
     };
     (sessions, course)
+}
+
+/// The sessions that are trials, in the order in which they arrived. The times of recordings are stated by their senders,
+/// and must not decide which ones come in a row.
+fn in_order_of_arrival<'p>(sessions: &[NumberedSession<'p>]) -> Vec<NumberedSession<'p>> {
+    let mut trials: Vec<NumberedSession<'p>> = sessions.iter().filter(|at| !at.session.is_uncounted).copied().collect();
+    trials.sort_by_key(|at| at.session.arrival);
+    trials
 }
 
 fn set_aside_reason(session: &PracticeSession, pipeline: Option<&str>) -> Option<SetAside> {

@@ -97,7 +97,7 @@ const SELECT_EDITS: &str = "
     FROM session_edit AS edit
     LEFT JOIN person AS maker ON maker.id = edit.person_id
     LEFT JOIN person AS undoer ON undoer.id = edit.undone_by
-    WHERE edit.session_id = $1 ORDER BY edit.created_at_ms, edit.rowid LIMIT $2";
+    WHERE edit.session_id = $1 ORDER BY edit.rowid LIMIT $2";
 
 /// Selects the revision of the edits that session `$1` was scored with.
 const SELECT_SCORED_EDITS: &str = "SELECT edits FROM current_result WHERE session_id = $1";
@@ -105,7 +105,7 @@ const SELECT_SCORED_EDITS: &str = "SELECT edits FROM current_result WHERE sessio
 /// Selects the job that makes the session's new score: it scores the path, or tracks the recording with other times.
 const SELECT_RESCORE_JOB: &str = "
     SELECT id, state, problem FROM job
-    WHERE session_id = $1 AND kind IN ('rescore', 'track') ORDER BY created_at_ms DESC, id DESC LIMIT 1";
+    WHERE session_id = $1 AND kind IN ('rescore', 'track') ORDER BY rowid DESC LIMIT 1";
 
 const UNDO_EDIT: &str = "
     UPDATE session_edit
@@ -128,7 +128,7 @@ const SELECT_TIME_REVISION: &str = "
 
 const SELECT_TIME_IN_FORCE: &str = "
     SELECT true_frame_rate_hz, true_duration_s FROM session_edit
-    WHERE session_id = $1 AND kind = 'retime' AND undone_at_ms IS NULL ORDER BY created_at_ms DESC, rowid DESC LIMIT 1";
+    WHERE session_id = $1 AND kind = 'retime' AND undone_at_ms IS NULL ORDER BY rowid DESC LIMIT 1";
 
 const SCALE_EDITS: &str = "
     UPDATE session_edit SET from_s = min(from_s * $2, 86400), to_s = min(to_s * $2, 86400)

@@ -40,8 +40,10 @@ pub struct TraineeTask {
 pub struct PracticeSession {
     /// Its id.
     pub id: SessionId,
-    /// When it was recorded, epoch ms.
+    /// When it was recorded, epoch ms, as its sender stated.
     pub recorded_at_ms: i64,
+    /// Its place in the order in which sessions arrived.
+    pub arrival: i64,
     /// Its status.
     pub status: SessionStatus,
     /// Does it count nowhere: set aside, asked about, or of another box?
@@ -82,6 +84,7 @@ pub struct PracticeMeasurement {
 struct PracticeRow {
     id: SessionId,
     recorded_at_ms: i64,
+    arrival: i64,
     is_whole: bool,
     counts: bool,
     box_question: Option<BoxQuestion>,
@@ -248,6 +251,7 @@ impl PracticeRow {
         PracticeSession {
             id: self.id,
             recorded_at_ms: self.recorded_at_ms,
+            arrival: self.arrival,
             status: if self.is_whole { self.job_state.into() } else { SessionStatus::Receiving },
             is_uncounted: !self.counts,
             box_question: self.box_question,

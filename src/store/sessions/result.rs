@@ -109,7 +109,7 @@ const SELECT_RESULTS: &str = "
     WHERE result.session_id = $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-    ORDER BY result.created_at_ms DESC, result.id DESC LIMIT $4";
+    ORDER BY result.rowid DESC LIMIT $4";
 
 const SELECT_HAS_EARLIER_RUNNING: &str = "
     SELECT EXISTS (SELECT 1 FROM job JOIN session ON session.id = job.session_id

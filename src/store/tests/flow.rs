@@ -1,5 +1,7 @@
 //! The flow of a recording from the upload to the score.
 
+use std::time::Duration;
+
 use crate::domain::blob::Blob;
 use crate::domain::clock::TimeCorrection;
 use crate::domain::edit::EditChange;
@@ -8,7 +10,7 @@ use crate::domain::scope::Scope;
 use crate::domain::session::{NewResult, SessionStatus};
 use crate::ids::UploadId;
 use crate::motion::features::path::PATH_LENGTH;
-use crate::store::testing::{LEASE, NOW_MS, TestCentre};
+use crate::store::testing::{LEASE, NOW_MS, TestCentre, duration};
 use crate::store::{FinishedUpload, NewUpload, StoreError};
 
 #[tokio::test]
@@ -28,7 +30,7 @@ async fn an_upload_becomes_a_session_that_is_tracked_and_scored() {
         length: 5,
         expires_at_ms: NOW_MS + 1_000,
     };
-    let upload = store.uploads().create(&service, new).await.unwrap();
+    let upload = store.uploads().create(&service, new, 9).await.unwrap();
     let uploads = store.uploads();
     let finish = || uploads.finish(&service, upload.id, Blob::of(b"video"), "video/mp4".to_owned());
     let early = finish().await;
@@ -92,4 +94,22 @@ async fn the_same_recording_twice_names_the_session_that_has_it() {
     let Err(StoreError::Taken { what: "recording", existing }) = twice else { panic!("{twice:?}") };
     assert_eq!(existing, Some(first.id.to_string()));
     centre.session(ben.id, "video").await; // another trainee may have the same file
+}
+
+#[tokio::test]
+async fn the_result_that_was_stored_last_counts_although_the_clock_was_set_back() {
+    let centre = TestCentre::with_camera_and_colours().await;
+    let (sessions, service) = (centre.store.sessions(), Scope::service());
+    let trainee = centre.trainee("Ana").await;
+    let id = centre.practised(trainee.id, NOW_MS, vec![duration(40.0, 1.0)]).await.id;
+    centre.clock.set_back(Duration::from_secs(86_400));
+    centre.calibrate().await; // a newer camera: the session may be tracked again
+    assert_eq!(sessions.retry(&service, id).await.unwrap().status(), SessionStatus::Queued);
+    let lease = centre.claim().await.unwrap();
+    let result = NewResult { features: vec![duration(60.0, 1.0)], ..centre.result(id).await };
+    centre.store.jobs().finish_track(&lease, result).await.unwrap();
+    assert_eq!(sessions.get(&service, id).await.unwrap().status(), SessionStatus::Done);
+    let current = sessions.result(&service, id).await.unwrap().unwrap();
+    assert_eq!(current.features[0].value, Ok(60.0));
+    assert_eq!(sessions.results(&service, id, 10).await.unwrap()[0].id, current.id, "newest first");
 }

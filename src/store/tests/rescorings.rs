@@ -25,7 +25,6 @@ async fn practised(sessions: i64) -> TestCentre {
 
 async fn score(centre: &TestCentre, lease: &Lease, seconds: f64) {
     let crate::domain::job::JobInput::Rescore(input) = lease.job.input.clone() else { panic!("{:?}", lease.job) };
-    centre.clock.advance(std::time::Duration::from_millis(1)); // the latest counts
     let score = NewScore {
         from: input.result,
         pipeline: PIPELINE_VERSION.to_owned(),

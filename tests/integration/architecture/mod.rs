@@ -114,7 +114,9 @@ fn released_migrations_are_untouched() {
     use sha2::{Digest, Sha256};
     let folder = root().join("migrations");
     let released = read(&folder.join("RELEASED"));
-    for line in released.lines().filter(|l| !l.starts_with('#') && !l.trim().is_empty()) {
+    let lines: Vec<&str> = released.lines().filter(|l| !l.starts_with('#') && !l.trim().is_empty()).collect();
+    assert!(!lines.is_empty(), "migrations/RELEASED:1: lists no migration");
+    for line in lines {
         let (hash, name) = line.split_once("  ").expect("`sha256  file` per line");
         let bytes =
             fs::read(folder.join(name)).unwrap_or_else(|_| panic!("migrations/{name}:1: released, but missing"));
