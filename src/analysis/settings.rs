@@ -40,7 +40,7 @@ impl Default for AnalysisSettings {
             silence_s: 60,
             glances: 2,
             glance_s: 20,
-            require_landlock: false,
+            require_landlock: true,
         }
     }
 }

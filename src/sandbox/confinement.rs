@@ -141,3 +141,43 @@ fn limit(resource: Resource, soft: u64, hard: u64) -> Result<(), ConfinementErro
     setrlimit(resource, Rlimit { current: Some(soft), maximum: Some(hard) })
         .map_err(system_error("limiting the child's resources"))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+    use std::net::TcpListener;
+
+    use super::*;
+    use crate::sandbox::landlock_version;
+
+    /// The system call filter refuses the same; without it, only Landlock can.
+    #[test]
+    fn landlock_alone_refuses_files_and_ports() {
+        let confinement = Confinement {
+            parent: std::process::id(),
+            memory_bytes: 0,
+            cpu_s: 0,
+            slice_ns: 0,
+            file_bytes: 0,
+            landlock: LandlockPolicy::Required,
+        };
+        let inside = move || {
+            File::open("/proc/self/status").expect("not confined yet");
+            set_no_new_privs(true).unwrap();
+            let entered = confinement.enter_landlock();
+            if landlock_version().is_err() {
+                assert!(matches!(entered, Err(ConfinementError::NoLandlock)), "{entered:?}");
+                return;
+            }
+            assert_ne!(entered.unwrap(), LandlockStatus::NoLandlock);
+            let refused = |error: io::Error| error.kind() == io::ErrorKind::PermissionDenied;
+            assert!(File::open("/proc/self/status").is_err_and(refused));
+            assert!(File::create(std::env::temp_dir().join("never made")).is_err_and(refused));
+            if landlock_version().is_ok_and(|version| version >= 4) {
+                assert!(TcpListener::bind("127.0.0.1:0").is_err_and(refused));
+            }
+        };
+        // A thread of its own: Landlock confines the thread that enters it.
+        std::thread::spawn(inside).join().unwrap();
+    }
+}
