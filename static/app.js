@@ -63,7 +63,7 @@ function App() {
   );
   useEffect(() => {
     if (!person) return undefined;
-    startLive();
+    startLive(person.id);
     return stopLive;
   }, [person?.id]);
 
@@ -75,6 +75,7 @@ function App() {
   if (!person) return html`<${SignIn} expired=${expired} onSignedIn=${setPerson} />`;
   const signOut = async () => {
     if (currentRecording) (await import('./record/recorder.js')).discardRecording();
+    await import('./parts/recording/uploads.js').then(({ forgetUploads }) => forgetUploads(person.id), () => {});
     await api.signOut().catch(() => {}); // Signed out on this page in any case; the cookie expires by itself.
     setExpired(false);
     setPerson(null);

@@ -1,21 +1,21 @@
-// Server-sent events, which report changes of sessions, jobs and the queue to all pages; watch.js has the live view of
-// one session. Two safety nets: reconnecting when the browser gives up, and polling while the connection is down. Pages
-// reload on `resync`, since events may have been missed.
+// Changes of sessions, jobs and the queue, reported to all pages as they happen; watch.js has the live view of one
+// session. While the connection is down, pages poll. Pages reload on `resync`, since events may have been missed. A
+// hidden tab, or one in the back/forward cache, takes no part: it reloads when it is shown again.
 import { useEffect, useRef, useState } from './preact.js';
-import { api } from './api.js';
+import { EventStream } from './event_stream.js';
 
-const EVENT_NAMES = ['session', 'job', 'queue'];
 const POLL_MS = 5_000;
-const RETRY_MS = { first: 1_000, max: 30_000 };
 
 const hub = new EventTarget();
-let source = null;
+/** @type {EventStream | null} */
+let stream = null;
+/** The id of the signed-in person, whose events are wanted; null before a sign-in. */
+let wanted = null;
 let state = 'closed';
 let pollTimer = null;
-let retryTimer = null;
-let retryMs = RETRY_MS.first;
+let hasMissed = false;
 
-const emit = (name, detail) => hub.dispatchEvent(new CustomEvent(name, { detail }));
+const emit = (name, detail = null) => hub.dispatchEvent(new CustomEvent(name, { detail }));
 
 function changeState(next) {
   if (state === next) return;
@@ -23,47 +23,60 @@ function changeState(next) {
   emit('state', next);
 }
 
-export function startLive() {
+/** Starts for this person, and for as long as the page is shown. */
+export function startLive(person) {
   stopLive();
-  changeState('connecting');
-  connect();
+  wanted = person;
+  hasMissed = false;
+  follow();
 }
 
 export function stopLive() {
-  source?.close();
-  source = null;
+  wanted = null;
+  unfollow();
+}
+
+function follow() {
+  if (wanted === null || stream || document.hidden) return;
+  changeState('connecting');
+  stream = new EventStream(wanted, { onEvent: emit, onState: handleState });
+  stream.join();
+}
+
+function unfollow() {
+  stream?.leave();
+  stream = null;
   clearInterval(pollTimer);
-  clearTimeout(retryTimer);
-  pollTimer = retryTimer = null;
+  pollTimer = null;
   changeState('closed');
 }
 
-function handleOpen() {
-  const missed = pollTimer !== null;
-  clearInterval(pollTimer);
-  pollTimer = null;
-  retryMs = RETRY_MS.first;
-  changeState('open');
-  if (missed) emit('resync');
-}
-
-function handleError() {
+function handleState(next) {
+  if (next === 'open') {
+    clearInterval(pollTimer);
+    pollTimer = null;
+    changeState('open');
+    if (hasMissed) emit('resync');
+    hasMissed = true; // A later opening follows a gap.
+    return;
+  }
+  if (next !== 'broken') return;
+  hasMissed = true;
   changeState('polling');
   pollTimer ??= setInterval(() => emit('resync'), POLL_MS);
-  if (source.readyState !== EventSource.CLOSED) return; // The browser is already reconnecting.
-  clearTimeout(retryTimer);
-  retryTimer = setTimeout(connect, retryMs);
-  retryMs = Math.min(retryMs * 2, RETRY_MS.max);
 }
 
-function connect() {
-  source?.close();
-  source = api.events();
-  source.onopen = handleOpen;
-  source.onerror = handleError;
-  for (const name of EVENT_NAMES) source.addEventListener(name, event => emit(name, JSON.parse(event.data)));
-  source.addEventListener('missed', () => emit('resync')); // This page was too slow, and the service dropped events.
+/** A page that was hidden, or left and shown again, has missed events. */
+function handleVisibility() {
+  if (document.hidden) return unfollow();
+  if (wanted === null || stream) return;
+  hasMissed = true;
+  follow();
 }
+
+document.addEventListener('visibilitychange', handleVisibility);
+addEventListener('pagehide', unfollow);
+addEventListener('pageshow', handleVisibility);
 
 /**
  * Runs `handler(detail)` for every event of that name while the component is mounted.

@@ -9,7 +9,7 @@ import { ImportTable } from '../parts/recording/import_table.js';
 import { Empty, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { UploadList } from '../parts/recording/upload_list.js';
 import { maySendRecordings, RecordingTargetFields, TargetNeeded, useRecordingTarget } from '../parts/recording/recording_target.js';
-import { addFiles, onUploads, uploads } from '../parts/recording/uploads.js';
+import { addFiles, onUploads, setUploader, uploads } from '../parts/recording/uploads.js';
 
 const words = t.upload;
 const ACCEPT = 'video/*,.mp4,.mov,.mkv,.webm,.avi,.ts,.m4v';
@@ -18,7 +18,12 @@ const ACCEPT = 'video/*,.mp4,.mov,.mkv,.webm,.avi,.ts,.m4v';
 export default function UploadPage({ person, route }) {
   const target = useRecordingTarget({ person, route });
   const [items, setItems] = useState(uploads);
-  useEffect(() => onUploads(() => setItems(uploads())), []);
+  useEffect(() => {
+    const unsubscribe = onUploads(() => setItems(uploads()));
+    setUploader(person.id);
+    setItems(uploads());
+    return unsubscribe;
+  }, [person.id]);
 
   if (!maySendRecordings(person))
     return html`<${PageHead} title=${words.title} /><${Notice} tone="warn" title=${t.target.noTrainee} />`;
@@ -29,7 +34,7 @@ export default function UploadPage({ person, route }) {
     ${target.lists && html`<${Target} target=${target} mayRetime=${may(person, 'edit_sessions')} />`}
     <section class="card list">
       <header><h2>${words.list}</h2></header>
-      ${items.length ? html`<${UploadList} items=${items} />`
+      ${items.length ? html`<${UploadList} items=${items} namesOf=${target.namesOf} />`
         : html`<${Empty} title=${words.none} body=${words.noneBody} />`}
     </section>
     ${target.lists && may(person, 'upload') && html`<${ImportTable} target=${target} />`}`;
@@ -44,7 +49,7 @@ function Target({ target, mayRetime }) {
     setFilesRefused(false);
     const recorded = when.current.value && new Date(when.current.value).toISOString();
     const given = { recorded_at: recorded, true_frame_rate_hz: rate.current?.value, true_duration_s: length.current?.value };
-    addFiles([...files], { ...target.ids, ...Object.fromEntries(Object.entries(given).filter(([, text]) => text)) }, target.names);
+    addFiles([...files], { ...target.ids, ...Object.fromEntries(Object.entries(given).filter(([, text]) => text)) });
     return undefined;
   };
   return html`

@@ -19,7 +19,7 @@ export const maySendRecordings = person => may(person, 'upload') || traineeId(pe
 
 /**
  * Returns `lists` by kind once they are loaded, the `chosen` item of each kind, `ids` and `names` once all three are
- * chosen, and `set(kind)` for a select's `onInput`. A trainee sends their own recordings only.
+ * chosen, `namesOf(ids)` of any three, and `set(kind)` for a select's `onInput`. A trainee sends their own recordings only.
  */
 export function useRecordingTarget({ person, route }) {
   const own = may(person, 'upload') ? null : traineeId(person);
@@ -37,11 +37,12 @@ export function useRecordingTarget({ person, route }) {
   const ofEach = what => Object.fromEntries(KINDS.map(kind => [kind, chosen[kind]?.[what]]));
   const isTargetComplete = KINDS.every(kind => chosen[kind]);
   const set = kind => event => replace(route.path, { ...ofEach('id'), [kind]: event.target.value });
-  return {
-    ...{ lists, problem, reload, chosen, set },
-    ids: isTargetComplete ? ofEach('id') : null,
-    names: isTargetComplete ? words.forWhom(.../** @type {[string, string, string]} */ (KINDS.map(kind => chosen[kind].name))) : null,
+  const namesOf = ids => {
+    const found = KINDS.map(kind => lists?.[kind].find(item => item.id === ids[kind])?.name);
+    return found.every(Boolean) ? words.forWhom(.../** @type {[string, string, string]} */ (found)) : '';
   };
+  const ids = isTargetComplete ? ofEach('id') : null;
+  return { lists, problem, reload, chosen, set, ids, names: ids && namesOf(ids), namesOf };
 }
 
 /** By id or code; a single item is chosen already. */

@@ -11,22 +11,23 @@ import { cancel, forget, pause, resume, resumeWith } from './uploads.js';
 const words = t.upload;
 const TONES = { sending: 'busy', done: 'good', failed: 'bad', lost: 'warn', paused: 'warn', waiting: '' };
 
-export function UploadList({ items }) {
+/** `namesOf(target)` gives the names of trainee, task and box. @param {Props} props */
+export function UploadList({ items, namesOf }) {
   const [scoring, setScoring] = useState({}); // The scoring of uploads that have arrived, by session.
   useLive('session', event => setScoring(before => ({ ...before, [event.id]: event })));
   const state = item =>
     item.state === 'done' && scoring[item.session] ? t.status[scoring[item.session].status] : words.states[item.state];
   return html`
     <${Announce}>${items.map(item => words.announce(item.name, state(item))).join('. ')}<//>
-    <ul class="sending">${items.map(item => html`<${Item} key=${item.key} item=${item} scoring=${item.state === 'done'
-      ? scoring[item.session] : null} />`)}</ul>`;
+    <ul class="sending">${items.map(item => html`<${Item} key=${item.key} item=${item} names=${namesOf(item.target)}
+      scoring=${item.state === 'done' ? scoring[item.session] : null} />`)}</ul>`;
 }
 
-const Item = ({ item, scoring }) => html`
+const Item = ({ item, names, scoring }) => html`
   <li>
     <div>
       <div class="name">${item.name}</div>
-      <div class="small muted">${item.words}</div>
+      <div class="small muted">${names}</div>
     </div>
     ${scoring ? html`<${StatusPill} state=${scoring.status} />`
       : html`<span class=${`pill ${TONES[item.state]}`}>${words.states[item.state]}</span>`}

@@ -1,9 +1,12 @@
 // The uploads of this browser, outside any page: they continue while people look at other pages. Unfinished ones are
-// stored, so that after a reload the page can ask for the right file. tus-js-client implements the protocol.
+// stored for the person who sends them, without names of people, so that after a reload the page can ask for the right
+// file. tus-js-client implements the protocol.
 import { Upload } from '../../vendor/tus-js-client/tus.module.js';
 import { api, Problem } from '../../api.js';
 
-const KEY = 'trocar.uploads';
+const PREFIX = 'trocar.uploads.';
+/** The service deletes an unfinished upload after this time, ms; the list of a browser forgets it, too. */
+const KEPT_MS = 48 * 3_600_000;
 const MAX_PARALLEL = 2;
 /** After a broken connection, at most one chunk is sent again. */
 const CHUNK_BYTES = 8 * 1024 * 1024;
@@ -13,10 +16,29 @@ const isFinal = status => status >= 400 && status < 500 && ![409, 423, 429].incl
 
 const watchers = new Set();
 const running = new Map();
-let items = restore();
+/** Whose uploads these are: the id of the signed-in person. */
+let owner = null;
+let items = [];
 
-/** Entries: `{ key, name, size, modified, target, words, url, sent, state, problem, session, rate }`. */
+/** Entries: `{ key, name, size, modified, target, url, sent, state, problem, session, rate }`. */
 export const uploads = () => items;
+
+/** Shows the uploads of this person. Those of the person before stop, and the next person does not see them. */
+export function setUploader(person) {
+  if (owner === person) return;
+  for (const { upload } of running.values()) upload?.abort();
+  running.clear();
+  owner = person;
+  forgetOld();
+  items = owner === null ? [] : restore();
+  watchers.forEach(callback => callback());
+}
+
+/** Forgets the uploads of this person: at signing out, since others may use this computer, too. */
+export function forgetUploads(person) {
+  setUploader(null);
+  removeStored(PREFIX + person);
+}
 
 export function onUploads(callback) {
   watchers.add(callback);
@@ -24,7 +46,7 @@ export function onUploads(callback) {
 }
 
 /** Queues files for one trainee, task and box; a file that was interrupted continues where it stopped. */
-export function addFiles(files, target, words) {
+export function addFiles(files, target) {
   for (const file of files) {
     const interrupted = items.find(
       item =>
@@ -35,11 +57,11 @@ export function addFiles(files, target, words) {
         item.target.box === target.box,
     );
     if (interrupted) resumeWith(interrupted.key, file);
-    else add(file, target, words);
+    else add(file, target);
   }
 }
 
-function add(file, target, words) {
+function add(file, target) {
   const key = crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`; // randomUUID is missing on plain http.
   const recorded_at = target.recorded_at || new Date(file.lastModified).toISOString();
   const item = {
@@ -48,7 +70,6 @@ function add(file, target, words) {
     size: file.size,
     modified: file.lastModified,
     target: { ...target, recorded_at },
-    words,
     sent: 0,
     state: 'waiting',
   };
@@ -171,7 +192,7 @@ function save() {
     .filter(item => item.state !== 'done' && (item.url || item.state !== 'failed'))
     .map(({ problem, rate, ...item }) => item);
   try {
-    localStorage.setItem(KEY, JSON.stringify(kept));
+    localStorage.setItem(PREFIX + owner, JSON.stringify({ at: Date.now(), kept }));
   } catch {
     // Storage is refused or full: uploads run, but are not remembered after a reload.
   }
@@ -180,8 +201,39 @@ function save() {
 /** Uploads that were not finished when the page was closed: the file is gone with the page, the bytes sent are not. */
 function restore() {
   try {
-    return JSON.parse(localStorage.getItem(KEY) ?? '[]').map(item => ({ ...item, state: 'lost' }));
+    const { kept = [] } = JSON.parse(localStorage.getItem(PREFIX + owner) ?? '{}');
+    return kept.map(item => ({ ...item, state: 'lost' }));
   } catch {
     return [];
+  }
+}
+
+/** Removes the lists that are too old to be continued, and the one list of all people that earlier versions kept. */
+function forgetOld() {
+  removeStored('trocar.uploads');
+  for (const key of storedKeys()) if (key.startsWith(PREFIX) && !(storedAt(key) > Date.now() - KEPT_MS)) removeStored(key);
+}
+
+function storedKeys() {
+  try {
+    return Object.keys(localStorage);
+  } catch {
+    return []; // Storage is refused.
+  }
+}
+
+function storedAt(key) {
+  try {
+    return JSON.parse(localStorage.getItem(key)).at;
+  } catch {
+    return 0;
+  }
+}
+
+function removeStored(key) {
+  try {
+    localStorage.removeItem(key);
+  } catch {
+    // Storage is refused: nothing is stored.
   }
 }
