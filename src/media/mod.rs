@@ -22,6 +22,7 @@ mod jpeg;
 mod limits;
 mod mux;
 pub mod photo;
+mod photo_format;
 mod picture;
 mod picture_maker;
 mod read_ahead;
@@ -36,6 +37,7 @@ pub use frame_size::frame_size;
 pub use jpeg::{JpegMaker, JpegStyle};
 pub use limits::MediaLimits;
 pub use mux::{CodedFrame, MuxError, Muxer, Stream, can_start_decoding};
+pub use photo_format::UnreadFormat;
 pub use picture::Picture;
 pub use read_ahead::ReadAhead;
 pub use source::{CaptureSource, CapturedFrame, SourceError, SourceInfo};
@@ -95,8 +97,14 @@ pub enum MediaError {
     )]
     HighDynamicRange(&'static str),
     /// Not a photo, or a damaged one.
-    #[error("not a photo that can be read ({0}); accepted are JPEG and PNG")]
+    #[error("not a photo that can be read ({0}); accepted are JPEG, PNG and BMP")]
     Photo(String),
+    /// A photo of a format that is not decoded.
+    #[error(
+        "{0} photos cannot be read: save or export the photo as JPEG or PNG at its full size{advice}, and give that file",
+        advice = if *.0 == UnreadFormat::Heic { " (iPhone: Settings > Camera > Formats > Most Compatible)" } else { "" }
+    )]
+    PhotoFormat(UnreadFormat),
     /// FFmpeg failed.
     #[error("while {doing}: {source}")]
     Ffmpeg {

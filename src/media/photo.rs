@@ -1,6 +1,6 @@
 //! A photo in a complete file: its luma, or its colours as a frame, in display orientation.
 //!
-//! Photos come from strangers: only JPEG and PNG are decoded (in Rust, without FFmpeg), and sizes and memory are
+//! Photos come from strangers: only JPEG, PNG and BMP are decoded (in Rust, without FFmpeg), and sizes and memory are
 //! bounded before a pixel is read. The EXIF orientation is applied, as [`super::VideoFile`] applies a video's rotation;
 //! otherwise a phone's photos and its videos would calibrate two different cameras.
 
@@ -11,6 +11,7 @@ use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageReader};
 
 use super::file::check_size;
+use super::photo_format::{FORMAT_BYTES, UnreadFormat};
 use super::{MediaError, MediaLimits, Picture, VideoFile};
 use crate::vision::frame::Plane;
 
@@ -52,11 +53,11 @@ impl Luma {
 
 /// True if a file with these first bytes is a photo of any format, and not a video.
 pub fn is_photo(first_bytes: &[u8]) -> bool {
-    image::guess_format(first_bytes).is_ok()
+    image::guess_format(first_bytes).is_ok() || UnreadFormat::of(first_bytes).is_some()
 }
 
-/// Reads a JPEG or PNG photo. [`MediaError::Photo`] if it is none or damaged, [`MediaError::OverLimit`] if it is larger
-/// than a recording may be.
+/// Reads a JPEG, PNG or BMP photo. [`MediaError::Photo`] if it is none or damaged, [`MediaError::PhotoFormat`] if it is
+/// of another format, [`MediaError::OverLimit`] if it is larger than a recording may be.
 pub fn read_luma(bytes: impl BufRead + Seek, limits: MediaLimits) -> Result<Luma, MediaError> {
     let (picture, orientation) = decode(bytes, limits)?;
     let (width, height) = (picture.width(), picture.height());
@@ -65,17 +66,13 @@ pub fn read_luma(bytes: impl BufRead + Seek, limits: MediaLimits) -> Result<Luma
 
 /// The picture of a photo, or the first frame of a video. Errors as [`read_luma`] and [`VideoFile`].
 pub fn first_picture(mut file: File, limits: MediaLimits) -> Result<Picture, MediaError> {
-    const ENOUGH_TO_TELL: u64 = 64;
-    let mut beginning = Vec::new();
-    let rewound = (&mut file).take(ENOUGH_TO_TELL).read_to_end(&mut beginning).and_then(|_| file.rewind());
-    rewound.map_err(|error| MediaError::Photo(error.to_string()))?;
-    if is_photo(&beginning) {
+    if is_photo(&first_bytes(&mut file).map_err(unreadable)?) {
         return read_picture(BufReader::new(file), 0, limits);
     }
     VideoFile::open(file, limits)?.next_picture()?.ok_or(MediaError::NoFrames)
 }
 
-/// Reads a JPEG or PNG photo in colour, as the frame of this number in a recording. Errors as [`read_luma`].
+/// Reads a JPEG, PNG or BMP photo in colour, as the frame of this number in a recording. Errors as [`read_luma`].
 pub fn read_picture(bytes: impl BufRead + Seek, index: u64, limits: MediaLimits) -> Result<Picture, MediaError> {
     let rgb = decode(bytes, limits)?.0.into_rgb8();
     let (width, height) = rgb.dimensions();
@@ -83,18 +80,32 @@ pub fn read_picture(bytes: impl BufRead + Seek, index: u64, limits: MediaLimits)
 }
 
 /// The picture as displayed, and how it was turned for that.
-fn decode(bytes: impl BufRead + Seek, limits: MediaLimits) -> Result<(DynamicImage, Orientation), MediaError> {
+fn decode(mut bytes: impl BufRead + Seek, limits: MediaLimits) -> Result<(DynamicImage, Orientation), MediaError> {
+    if let Some(format) = UnreadFormat::of(&first_bytes(&mut bytes).map_err(unreadable)?) {
+        return Err(MediaError::PhotoFormat(format));
+    }
     let mut reader = ImageReader::new(bytes).with_guessed_format().map_err(unreadable)?;
     let mut bounds = image::Limits::default();
     bounds.max_alloc = Some(MAX_BYTES);
     reader.limits(bounds);
     let mut decoder = reader.into_decoder().map_err(unreadable)?;
     let (width, height) = decoder.dimensions();
+    if width == 0 || height == 0 {
+        return Err(unreadable("it has no pixels")); // decoders may panic on it
+    }
     check_size(width, height, limits)?;
     let orientation = decoder.orientation().map_err(unreadable)?;
     let mut picture = DynamicImage::from_decoder(decoder).map_err(unreadable)?;
     picture.apply_orientation(orientation);
     Ok((picture, orientation))
+}
+
+/// The first bytes of a file, which show its format; the file is rewound.
+fn first_bytes(file: &mut (impl Read + Seek)) -> std::io::Result<Vec<u8>> {
+    let mut beginning = Vec::new();
+    file.take(FORMAT_BYTES as u64).read_to_end(&mut beginning)?;
+    file.rewind()?;
+    Ok(beginning)
 }
 
 /// Luma of a picture. Grey pictures stay unchanged; colour uses the weights of BT.601, which give the Y stored in a
@@ -119,13 +130,19 @@ mod tests {
 
     use image::codecs::jpeg::JpegEncoder;
     use image::{ExtendedColorType, GrayImage, ImageEncoder, ImageFormat, Luma as Grey, Rgb, RgbImage};
+    use rand::rngs::SmallRng;
+    use rand::{RngExt, SeedableRng};
 
     use super::*;
     use crate::media::testing::exif;
 
     fn png(picture: &DynamicImage) -> Cursor<Vec<u8>> {
+        coded(picture, ImageFormat::Png)
+    }
+
+    fn coded(picture: &DynamicImage, format: ImageFormat) -> Cursor<Vec<u8>> {
         let mut bytes = Cursor::new(Vec::new());
-        picture.write_to(&mut bytes, ImageFormat::Png).unwrap();
+        picture.write_to(&mut bytes, format).unwrap();
         bytes.rewind().unwrap();
         bytes
     }
@@ -164,6 +181,45 @@ mod tests {
             let refused = read_luma(Cursor::new(bytes), MediaLimits::default());
             assert!(matches!(refused, Err(MediaError::Photo(_))), "{bytes:?}: {refused:?}");
         }
+    }
+
+    #[test]
+    fn a_bmp_photo_has_the_pixels_of_its_png() {
+        let picture = DynamicImage::from(RgbImage::from_fn(37, 21, |x, y| Rgb([(5 * x) as u8, (9 * y) as u8, 77])));
+        let limits = MediaLimits::default();
+        let [bmp, png] = [ImageFormat::Bmp, ImageFormat::Png].map(|format| coded(&picture, format));
+        assert_eq!(read_luma(bmp, limits).unwrap(), read_luma(png, limits).unwrap());
+    }
+
+    #[test]
+    fn a_photo_of_another_format_is_refused_with_its_format_and_a_way_out() {
+        for bytes in [&b"\0\0\0\x18ftypheic\0\0\0\0mif1heic"[..], b"RIFF\x10\0\0\0WEBPVP8 ", b"MM\0*\0\0\0\x08"] {
+            assert!(is_photo(bytes), "not to be taken for a video");
+            let refused = read_luma(Cursor::new(bytes), MediaLimits::default()).unwrap_err();
+            let MediaError::PhotoFormat(format) = refused else { panic!("{refused:?}") };
+            let text = refused.to_string();
+            assert!(text.contains(&format.to_string()) && text.contains("as JPEG or PNG"), "{text}");
+        }
+    }
+
+    #[test]
+    fn damaged_bmp_photos_are_refused_without_a_panic() {
+        let mut random = SmallRng::seed_from_u64(8);
+        let colours = RgbImage::from_fn(19, 11, |x, y| Rgb([(x * 13) as u8, (y * 23) as u8, 5]));
+        let photos = [DynamicImage::from(colours.clone()), DynamicImage::from(colours).grayscale()];
+        let whole = photos.map(|photo| coded(&photo, ImageFormat::Bmp).into_inner());
+        for round in 0..4000 {
+            let mut bytes = whole[round % 2].clone();
+            for _ in 0..random.random_range(1..4) {
+                let at = random.random_range(2..64);
+                bytes[at] = random.random();
+            }
+            bytes.truncate(random.random_range(2..=bytes.len()));
+            let _ = read_luma(Cursor::new(bytes), MediaLimits::default());
+        }
+        let mut empty = whole[1].clone();
+        empty[18..22].fill(0); // the width
+        assert!(matches!(read_luma(Cursor::new(empty), MediaLimits::default()), Err(MediaError::Photo(_))));
     }
 
     #[test]

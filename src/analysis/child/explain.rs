@@ -26,7 +26,7 @@ impl ToProblem for MediaError {
             MediaError::SizeChanged { .. } => (Problem::SIZE_CHANGES, "The picture size changes"),
             MediaError::NoFrames => (Problem::NO_FRAMES, "No frame can be decoded"),
             MediaError::Memory => ("too-much-memory", "The recording needs too much memory"),
-            MediaError::Photo(_) => ("not-a-photo", "The file is not a readable photo"),
+            MediaError::Photo(_) | MediaError::PhotoFormat(_) => ("not-a-photo", "The file is not a readable photo"),
             MediaError::PixelFormat(_) => ("pixel-format", "The pixel format cannot be used"),
             MediaError::HighDynamicRange(_) => ("high-dynamic-range", "The recording has high dynamic range"),
             MediaError::Ffmpeg { .. } => ("cannot-decode", "The recording cannot be decoded"),
@@ -99,8 +99,8 @@ impl ToProblem for ViewsError {
     fn to_problem(&self) -> Problem {
         let (slug, title) = match self {
             ViewsError::Count(_) => ("photo-count", "Too few or too many photos"),
-            ViewsError::Photo { .. } => ("not-a-photo", "A photo cannot be read"),
-            ViewsError::SizeDiffers { .. } => ("photo-sizes-differ", "The photos differ in size"),
+            ViewsError::NoPhoto { .. } => ("not-a-photo", "No file is a photo that can be read"),
+            ViewsError::SizesDiffer(_) => ("photo-sizes-differ", "The photos differ in size"),
             ViewsError::TurnDiffers { .. } => ("photo-turns-differ", "The photos are turned differently"),
             ViewsError::Video { source, .. } => return source.to_problem(),
         };
