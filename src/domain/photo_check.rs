@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::named;
 use crate::vision::camera::photo_inspection;
 use crate::vision::camera::{Board, Coverage};
+use crate::vision::space::Pixel;
 
 named! {
     /// A side of a picture, or of a board in the picture.
@@ -29,6 +30,8 @@ named! {
         Glare = "glare",
         /// Nothing in the picture is sharp.
         Soft = "soft",
+        /// The picture shows a board of another size: count its inner corners again.
+        Count = "count",
         /// The board reaches beyond the picture; `cut_off` says where.
         CutOff = "cut_off",
     }
@@ -47,6 +50,8 @@ pub struct PhotoCheck {
     /// Column and row of every inner corner, pixels, row by row of the board. If the board was not found whole: the
     /// corners that were seen, in no order.
     pub corners: Vec<[f64; 2]>,
+    /// Expected places of corners that were not seen between the others: hidden, blurred or overexposed.
+    pub missing: Vec<[f64; 2]>,
     /// Why the board was not found whole.
     pub reason: Option<String>,
     /// Possible causes.
@@ -82,12 +87,8 @@ impl PhotoCheck {
             width,
             height,
             found: glance.reason.is_none(),
-            corners: glance
-                .corners
-                .iter()
-                .take(Self::MAX_CORNERS)
-                .map(|corner| [corner.u(), corner.v()].map(to_hundredth))
-                .collect(),
+            corners: places(&glance.corners),
+            missing: places(&glance.missing),
             reason: glance.reason.map(|reason| reason.to_string()),
             hints,
             cut_off: glance.hints.iter().filter_map(cut_off).collect(),
@@ -101,6 +102,11 @@ impl PhotoCheck {
     }
 }
 
+fn places(corners: &[Pixel]) -> Vec<[f64; 2]> {
+    let place = |corner: &Pixel| [corner.u(), corner.v()].map(to_hundredth);
+    corners.iter().take(PhotoCheck::MAX_CORNERS).map(place).collect()
+}
+
 /// Rounds for drawing; a calibration detects the corners again with full precision.
 fn to_hundredth(value: f64) -> f64 {
     (value * 100.0).round() / 100.0
@@ -111,6 +117,7 @@ fn hint(hint: &photo_inspection::Hint) -> PhotoHint {
         photo_inspection::Hint::Dark => PhotoHint::Dark,
         photo_inspection::Hint::Glare => PhotoHint::Glare,
         photo_inspection::Hint::Soft => PhotoHint::Soft,
+        photo_inspection::Hint::Count => PhotoHint::Count,
         photo_inspection::Hint::CutOff(_) => PhotoHint::CutOff,
     }
 }

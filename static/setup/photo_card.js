@@ -33,13 +33,15 @@ const Why = ({ check }) => html`
   ${check.hints.map(hint => html`<p key=${hint} class="small">${words.hint(hint, check.cut_off)}</p>`)}
   <p class="small muted begins" lang=${serviceLang}>${check.reason}</p>`;
 
-/** The corners of a whole board come row by row and are joined by a line; those of a part have no order. */
-function Corners({ check: { width, height, corners, found } }) {
+/** The corners of a whole board come row by row and are joined by a line; those of a part have no order. A larger ring is
+ *  where a corner was not seen. */
+function Corners({ check: { width, height, corners, missing, found } }) {
   const r = Math.max(width, height) / 160;
   return html`
     <svg viewBox=${`0 0 ${width} ${height}`} aria-hidden="true">
       ${found && html`<polyline points=${corners.map(corner => corner.join()).join(' ')} fill="none"
         stroke-width=${r / 2} class="joined" />`}
       ${corners.map(([x, y], index) => html`<circle key=${index} cx=${x} cy=${y} r=${r} class=${found ? 'found' : 'part'} />`)}
+      ${missing.map(([x, y], index) => html`<circle key=${index} cx=${x} cy=${y} r=${2.5 * r} stroke-width=${r} class="missing" />`)}
     </svg>`;
 }

@@ -1247,7 +1247,7 @@ export default {
     on: title => `Weiter: ${title}`,
     record: 'Erste Sitzung aufnehmen',
     notAPicture: name => `${name ? `„${name}“` : 'Diese Datei'} ist kein Bild, das dieser Browser lesen kann`,
-    notAPictureBody: 'Wählen Sie ein Foto als JPEG oder PNG.',
+    notAPictureBody: 'Wählen Sie ein Foto als JPEG oder PNG. Fotos eines iPhones können HEIC-Dateien sein, die die meisten Browser nicht lesen: Speichern Sie sie als JPEG, oder stellen Sie Einstellungen > Kamera > Formate auf Maximale Kompatibilität.',
     shot: { settings: 'Kamera und Bildgröße' },
     board: {
       title: 'Schachbrett drucken',
@@ -1295,6 +1295,7 @@ export default {
           dark: 'Zu dunkel: Geben Sie der Box mehr Licht.',
           glare: 'Überstrahlt: Drehen Sie das Schachbrett aus der Spiegelung der Lampe, oder dimmen Sie das Licht.',
           soft: 'Unscharf: Halten Sie Schachbrett und Kamera still, und stellen Sie scharf.',
+          count: 'Zu sehen ist eine andere Zahl von Ecken. Zählen Sie die inneren Ecken, an denen sich vier Felder treffen: eine weniger als Felder in jeder Richtung. Stimmt die Zahl, ist ein Teil des Schachbretts verdeckt.',
           cut_off: `Abgeschnitten ${atSides(edges)}: Bewegen Sie das Schachbrett so, dass es ganz im Bild ist.`,
         })[hint],
       how: 'Wie Sie das Schachbrett halten',

@@ -1156,7 +1156,7 @@ export default {
     on: title => `Next: ${title}`,
     record: 'Record a first session',
     notAPicture: name => `${name ? `“${name}”` : 'This file'} is not a picture that this browser can read`,
-    notAPictureBody: 'Choose a photo as JPEG or PNG.',
+    notAPictureBody: 'Choose a photo as JPEG or PNG. Photos of an iPhone may be HEIC files, which most browsers cannot read: save them as JPEG, or set Settings > Camera > Formats to Most Compatible.',
     shot: { settings: 'Camera and picture size' },
     board: {
       title: 'Print the board',
@@ -1204,6 +1204,7 @@ export default {
           dark: 'Too dark: give the box more light.',
           glare: 'Overexposed: turn the board out of the lamp’s reflection, or dim the light.',
           soft: 'Blurred: hold the board and the camera still, and focus.',
+          count: 'Another number of corners is seen. Count the inner corners, where four squares meet: one less than the squares in each direction. If the number is right, some of the board is hidden.',
           cut_off: `Cut off at the ${sides(edges)}: move the board so that all of it is in the picture.`,
         })[hint],
       how: 'How to hold the board',

@@ -46,7 +46,7 @@ impl ChildTask for CheckWork {
 /// True if a found board has all its corners, a board that was not found has no more than a search returns, and all
 /// corners are within plausible pixel coordinates.
 fn is_possible(check: &PhotoCheck, board: RequestedBoard, limits: MediaLimits) -> bool {
-    let PhotoCheck { width, height, found, corners, reason, hints, cut_off, near, coverage } = check;
+    let PhotoCheck { width, height, found, corners, missing, reason, hints, cut_off, near, coverage } = check;
     let counted = coverage.corners.iter().map(|&count| u64::from(count)).sum::<u64>();
     let is_word = |text: &String| text.chars().count() <= MAX_TEXT_CHARS[1] && !text.chars().any(char::is_control);
     let whole = u64::from(board.columns) * u64::from(board.rows);
@@ -54,7 +54,8 @@ fn is_possible(check: &PhotoCheck, board: RequestedBoard, limits: MediaLimits) -
     is_size(*width, *height, limits)
         && corners.len() as u64 <= most
         && (!found || corners.len() as u64 == whole)
-        && corners.iter().flatten().all(|&at| is_plausible_number(at))
+        && missing.len() <= if *found { 0 } else { PhotoCheck::MAX_CORNERS }
+        && corners.iter().chain(missing).flatten().all(|&at| is_plausible_number(at))
         && *found == reason.is_none()
         && reason.iter().all(is_word)
         && (!found || hints.is_empty())
@@ -81,6 +82,7 @@ mod tests {
             height: 360,
             found: true,
             corners: vec![[300.0, 200.0]; 54],
+            missing: vec![],
             reason: None,
             hints: vec![],
             cut_off: vec![],
@@ -95,7 +97,8 @@ mod tests {
         let say = |check: PhotoCheck| validate_records(&work, vec![WorkRecord::Check(check)]);
         assert_eq!(say(honest_check()).unwrap().photo_check, Some(honest_check()));
         type Spoil = fn(&mut PhotoCheck);
-        let spoils: [Spoil; 8] = [
+        let spoils: [Spoil; 9] = [
+            |check| check.missing = vec![[1.0, 1.0]],
             |check| check.corners.truncate(53),
             |check| check.corners[0][0] = f64::NAN,
             |check| check.found = false,

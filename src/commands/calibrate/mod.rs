@@ -16,7 +16,7 @@ use crate::domain::camera_warning::camera_warnings;
 use crate::domain::files::calibration::camera_file;
 use crate::media::MediaLimits;
 use crate::vision::camera::report::CornerCounts;
-use crate::vision::camera::{Board, BoardView, Calibration, PhotoReason, PhotoReport};
+use crate::vision::camera::{Board, BoardView, Calibration, PhotoReport};
 
 /// Arguments of `trocar calibrate`.
 #[derive(clap::Args)]
@@ -33,7 +33,7 @@ pub struct CalibrateArgs {
     /// Show no progress on stderr.
     #[arg(long)]
     quiet: bool,
-    /// Photos (JPEG, PNG) of the board, tilted to different sides, all of the same size; or one video of it.
+    /// Photos (JPEG, PNG, BMP) of the board, tilted to different sides, all of the same size; or one video of it.
     #[arg(required = true, value_name = "PHOTO…|VIDEO")]
     inputs: Vec<PathBuf>,
 }
@@ -44,12 +44,14 @@ pub fn run(args: CalibrateArgs) -> Result<(), CommandFailure> {
     let progress = CalibrateProgress::new(args.quiet);
     let views = views(&args.inputs, board, &progress)?;
     progress.end();
-    let outcome = calibrate_and_check(&views, board);
-    match &outcome {
-        Ok(checked) => print_calibration(&checked.calibration)?,
-        Err(_) => print_photos(&photo_reasons(&views.views))?,
-    }
-    let CheckedCalibration { calibration, at_edge } = outcome.map_err(CommandFailure::input)?;
+    let CheckedCalibration { calibration, at_edge } = match calibrate_and_check(&views, board) {
+        Ok(checked) => checked,
+        Err(refusal) => {
+            print_photos(&views.views)?;
+            return Err(CommandFailure::input(refusal.without_photo_reasons()));
+        }
+    };
+    print_calibration(&calibration)?;
     let file = camera_file(
         &calibration,
         &at_edge,
@@ -85,9 +87,9 @@ fn views_of_photos(
 ) -> Result<Views, ViewsError> {
     let (mut done, count) = (0, photos.len());
     let bytes = photos.map(|(name, opened)| (name, BufReader::new(opened.file)));
-    calibration::views_of_photos(bytes, board, limits, |view| {
+    calibration::views_of_photos(bytes, board, limits, |name| {
         done += 1;
-        progress.photo(done, count, view);
+        progress.photo(done, count, name);
     })
 }
 
@@ -116,19 +118,15 @@ fn name_of(path: &Path) -> String {
 fn with_hint(error: ViewsError) -> anyhow::Error {
     let hint = matches!(error, ViewsError::Video { .. });
     let error = anyhow::Error::from(error);
-    if hint { error.context("a single file is taken as a video unless it is a JPEG or PNG photo") } else { error }
+    if hint { error.context("a single file is taken as a video unless it is a JPEG, PNG or BMP photo") } else { error }
 }
 
-/// Name of each photo and why it was not used, for the case that the calibration failed.
-fn photo_reasons(views: &[BoardView]) -> Vec<(String, Option<PhotoReason>)> {
-    views.iter().map(|v| (v.name.clone(), v.corners.as_ref().err().map(|&r| PhotoReason::NoCorners(r)))).collect()
-}
-
-fn print_photos(photos: &[(String, Option<PhotoReason>)]) -> Result<(), CommandFailure> {
-    let width = photos.iter().map(|p| p.0.chars().count()).max().unwrap_or(0);
+/// Prints each photo and why it was left out, for the case that the calibration failed.
+fn print_photos(views: &[BoardView]) -> Result<(), CommandFailure> {
+    let width = views.iter().map(|view| view.name.chars().count()).max().unwrap_or(0);
     let mut out = std::io::stdout().lock();
-    for (name, reason) in photos {
-        let outcome = reason.map_or("board found".to_owned(), |r| r.to_string());
+    for BoardView { name, corners } in views {
+        let outcome = corners.as_ref().err().map_or("board found".to_owned(), |reason| reason.to_string());
         writeln!(out, "{name:width$}  {outcome}").map_err(anyhow::Error::from)?;
     }
     Ok(())
@@ -147,7 +145,7 @@ fn table(calibration: &Calibration) -> String {
     for PhotoReport { name, rms_px, reason } in &calibration.photos {
         let used = if reason.is_none() { "yes" } else { "no" };
         let rms = rms_px.map_or("–".to_owned(), |rms| format!("{rms:.3}"));
-        let reason = reason.map_or(String::new(), |r| r.to_string());
+        let reason = reason.as_ref().map_or(String::new(), |r| r.to_string());
         text += format!("{name:width$}  {used:4}  {rms:>6}  {reason}").trim_end();
         text.push('\n');
     }
@@ -193,12 +191,12 @@ impl CalibrateProgress {
         Self { bar, plain: !quiet && !terminal }
     }
 
-    fn photo(&self, done: usize, of: usize, view: &BoardView) {
+    fn photo(&self, done: usize, of: usize, name: &str) {
         self.bar.set_length(of as u64);
         self.bar.set_position(done as u64);
-        self.bar.set_message(view.name.clone());
+        self.bar.set_message(name.to_owned());
         if self.plain {
-            eprintln!("{done}/{of} {}", view.name);
+            eprintln!("{done}/{of} {name}");
         }
     }
 

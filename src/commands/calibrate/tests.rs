@@ -174,10 +174,44 @@ fn bent_boards_of_rendered_scenes_are_left_out_and_the_camera_is_the_true_one() 
 #[test]
 fn a_wrong_board_size_is_refused_with_the_size_in_the_photos() {
     let Some(folder) = shared("data/checkerboard-opencv-left") else { return };
-    let inputs = photos(&folder).into_iter().take(4).collect();
-    let failure = calibrated(8, 6, 25.0, inputs).unwrap_err();
-    assert_eq!(failure.status(), 2);
-    assert!(failure.to_string().contains("the photos show a board of 9x6"), "{failure}");
+    for (columns, rows) in [(8, 6), (10, 7), (7, 10)] {
+        let inputs = photos(&folder).into_iter().take(4).collect();
+        let failure = calibrated(columns, rows, 25.0, inputs).unwrap_err();
+        assert_eq!(failure.status(), 2);
+        let (text, fits) = (failure.to_string(), if columns > rows { "9x6" } else { "6x9" });
+        assert!(text.contains(&format!("the photos show {fits} inner corners")), "{text}");
+        assert!(!text.contains("hidden"), "the hint is said once: {text}");
+    }
+}
+
+#[test]
+fn spoiled_files_among_photos_are_left_out_and_the_camera_stays_the_same() {
+    let Some(folder) = shared("scenes/calib/V") else { return };
+    let mut inputs = photos(&folder);
+    inputs.truncate(14);
+    let spoiled = TempDir::new().unwrap();
+    let path = |name: &str| spoiled.path().join(name);
+    for (place, name, taller_by) in [(2, "same.bmp", 0), (4, "tall_1.png", 1), (9, "tall_2.png", 1)] {
+        let picture = image::open(&inputs[place]).unwrap();
+        let (width, height) = (picture.width(), picture.height() + taller_by);
+        picture.resize_exact(width, height, image::imageops::FilterType::Nearest).save(path(name)).unwrap();
+        inputs[place] = path(name);
+    }
+    let others = inputs.iter().filter(|path| !path.ends_with("tall_1.png") && !path.ends_with("tall_2.png"));
+    let alone = calibrated(9, 6, 21.0, others.cloned().collect()).unwrap();
+    std::fs::write(path("notes.txt"), "dear diary").unwrap();
+    inputs.push(path("notes.txt"));
+    let file = calibrated(9, 6, 21.0, inputs).unwrap();
+    assert_eq!(file.camera(), alone.camera(), "the other photos decide");
+    let reason = |name: &str| {
+        let photos = file.more["photos"].as_array().unwrap();
+        photos.iter().find(|photo| photo["file"] == name).unwrap()["reason"].as_str().map(str::to_owned)
+    };
+    for name in ["tall_1.png", "tall_2.png"] {
+        assert!(reason(name).unwrap().contains("most photos are"), "{:?}", reason(name));
+    }
+    assert!(reason("notes.txt").unwrap().contains("not a photo that can be read"));
+    assert_eq!(reason("same.bmp"), None);
 }
 
 /// Writes the files and returns the command's error message for them.
@@ -204,10 +238,10 @@ fn png(width: u32, height: u32) -> Vec<u8> {
 #[test]
 fn unusable_input_is_refused_in_one_line_with_advice() {
     let (small, large) = (png(320, 240), png(400, 300));
-    let sizes = refusal(&[("a.png", &small), ("b.png", &large), ("c.png", &small)]);
-    assert!(sizes.contains("b.png is 400×300") && sizes.contains("a.png is 320×240"), "{sizes}");
-    let text = refusal(&[("a.png", &small), ("notes.txt", b"dear diary"), ("c.png", &small)]);
-    assert!(text.contains("notes.txt") && text.contains("JPEG and PNG"), "{text}");
+    let sizes = refusal(&[("a.png", &small), ("b.png", &large)]);
+    assert!(sizes.contains("400×300 (b.png)") && sizes.contains("320×240 (a.png)"), "{sizes}");
+    let text = refusal(&[("notes.txt", b"dear diary"), ("more.txt", b"dear diary")]);
+    assert!(text.contains("notes.txt") && text.contains("JPEG, PNG and BMP"), "{text}");
     let one = refusal(&[("a.png", &small)]);
     assert!(one.contains("found in 0 of 1 photos, at least 3"), "{one}");
     let neither = refusal(&[("notes.txt", b"dear diary")]);

@@ -16,14 +16,17 @@ struct PhotoEntry<'a> {
     rms_px: Option<f64>,
     reason: Option<String>,
     at_edge: bool,
-    /// True if the board was found, also in a photo that was left out.
+    /// True if the board was found at the camera's picture size, also in a photo that was left out.
     has_board: bool,
 }
 
 impl<'a> PhotoEntry<'a> {
     fn new(photo: &'a PhotoReport, at_edge: bool) -> Self {
-        let reason = photo.reason.map(|r| r.to_string());
-        let has_board = !matches!(photo.reason, Some(PhotoReason::NoCorners(_)));
+        let reason = photo.reason.as_ref().map(|r| r.to_string());
+        let has_board = !matches!(
+            photo.reason,
+            Some(PhotoReason::NoCorners(_) | PhotoReason::Unreadable(_) | PhotoReason::OtherSize { .. })
+        );
         Self {
             file: &photo.name,
             used: photo.is_used(),

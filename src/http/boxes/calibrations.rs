@@ -111,7 +111,7 @@ pub struct BoardForm {
     board: String,
     /// Side of a square, mm.
     square_mm: f64,
-    /// Photos, JPEG or PNG: 3 to 100.
+    /// Photos, JPEG, PNG or BMP: 3 to 100. Photos of another size than most, and files that are no photos, are left out.
     #[schema(value_type = Vec<String>, format = Binary)]
     photo: Vec<Vec<u8>>,
     /// A video of the board, instead of photos.

@@ -23,7 +23,7 @@ const MAX_FRAMES: usize = 8;
 pub struct PhotoForm {
     /// Inner corners as COLUMNSxROWS, such as `9x6`.
     board: String,
-    /// The photo, JPEG or PNG.
+    /// The photo: JPEG, PNG or BMP.
     #[schema(value_type = String, format = Binary)]
     photo: Vec<u8>,
 }

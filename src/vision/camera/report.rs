@@ -10,8 +10,8 @@ use crate::vision::space::Pixel;
 pub struct BoardView {
     /// Name of the photo, or of the frame in a video; for the report only.
     pub name: String,
-    /// The board's inner corners in [`Board::points_mm`]'s order, or why there are none.
-    pub corners: Result<Vec<Pixel>, BoardReason>,
+    /// The board's inner corners in [`Board::points_mm`]'s order, or why the photo is left out.
+    pub corners: Result<Vec<Pixel>, PhotoReason>,
 }
 
 /// A camera calibrated from photos, and its uncertainty.
@@ -58,8 +58,22 @@ impl PhotoReport {
 }
 
 /// Why a photo was left out.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PhotoReason {
+    /// The file is no photo that can be read.
+    #[error("{0}")]
+    Unreadable(String),
+    /// Most photos have another size.
+    #[error(
+        "the photo is {}×{}, most photos are {}×{}: a camera is calibrated at one picture size",
+        size.0, size.1, usual.0, usual.1
+    )]
+    OtherSize {
+        /// Width and height of the photo, pixels.
+        size: (u32, u32),
+        /// Width and height of most photos, pixels.
+        usual: (u32, u32),
+    },
     /// The board was not found.
     #[error(transparent)]
     NoCorners(#[from] BoardReason),
@@ -154,7 +168,7 @@ pub enum CalibrationProblem {
     /// The board was found in too few photos.
     #[error(
         "the {board} board was found in {found} of {given} photos, at least {} are needed{}",
-        super::calibrate::MIN_PHOTOS, advice(*other, *common)
+        super::calibrate::MIN_PHOTOS, advice(*other, common.as_ref())
     )]
     TooFewPhotos {
         /// Columns and rows of the requested board, as `9x6`.
@@ -163,10 +177,10 @@ pub enum CalibrationProblem {
         found: usize,
         /// Photos given.
         given: usize,
-        /// A board of another size that several photos show.
+        /// A board of another size that most photos with a board show.
         other: Option<CornerCounts>,
-        /// The most frequent reason for leaving a photo out.
-        common: Option<BoardReason>,
+        /// The most frequent reason for leaving a photo out; `None` if the reader has the reason of each photo.
+        common: Option<PhotoReason>,
     },
     /// A view does not have as many corners as the board.
     #[error("photo {name} has {found} corners, the board has {expected}")]
@@ -204,6 +218,16 @@ pub enum CalibrationProblem {
     Contradiction,
 }
 
+impl CalibrationProblem {
+    /// The problem without the reasons of single photos, for a reader who has been shown them.
+    pub fn without_photo_reasons(mut self) -> Self {
+        if let Self::TooFewPhotos { common, .. } = &mut self {
+            *common = None;
+        }
+        self
+    }
+}
+
 /// Columns and rows of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct CornerCounts {
@@ -225,12 +249,13 @@ impl std::fmt::Display for CornerCounts {
     }
 }
 
-fn advice(other: Option<CornerCounts>, common: Option<BoardReason>) -> String {
+fn advice(other: Option<CornerCounts>, common: Option<&PhotoReason>) -> String {
     match (other, common) {
-        (Some(size), _) => {
-            format!("; the photos show a board of {size} inner corners: count again where four squares meet")
-        }
+        (Some(size), _) => format!(
+            "; the photos show {size} inner corners: if these are all, give that number (inner corners are the points where \
+             four squares meet, one less than the squares in each direction), otherwise show the whole board"
+        ),
         (None, Some(reason)) => format!("; most often: {reason}"),
-        (None, None) => "; take photos with the board tilted to different sides".to_owned(),
+        (None, None) => "; take photos that show the whole board, tilted to different sides".to_owned(),
     }
 }

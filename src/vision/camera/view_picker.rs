@@ -69,7 +69,8 @@ impl ViewPicker {
         let mut views: Vec<_> =
             self.views.into_iter().map(|(name, corners)| BoardView { name, corners: Ok(corners) }).collect();
         if views.len() < MIN_PHOTOS {
-            views.extend(self.failures.into_iter().map(|(name, reason)| BoardView { name, corners: Err(reason) }));
+            let failed = |(name, reason): (String, BoardReason)| BoardView { name, corners: Err(reason.into()) };
+            views.extend(self.failures.into_iter().map(failed));
         }
         views
     }

@@ -6,6 +6,9 @@
 //! fitted camera and so hides its own bend. This repeats until every photo fits. A photo that was left out early, when
 //! another bad photo still spoiled the camera, is taken back at the end if it fits after all.
 
+use std::collections::BTreeMap;
+use std::mem::{Discriminant, discriminant};
+
 use nalgebra::{Point2, Vector3};
 
 use super::bent_board::fit_bulge;
@@ -19,6 +22,9 @@ use crate::vision::space::Pixel;
 
 /// Minimum of photos for a calibration; two would do on paper, but a bad photo would go unnoticed.
 pub const MIN_PHOTOS: usize = 3;
+
+/// Minimum of photos that must show a board of the same other size before that size is proposed.
+const MIN_PHOTOS_OF_SIZE: usize = 2;
 
 /// A photo is left out if it fits worse than the others' median by this factor …
 const MISFIT_FACTOR: f64 = 3.0;
@@ -71,15 +77,34 @@ fn views_with_corners(views: &[BoardView], board: Board) -> Result<FoundCorners<
 }
 
 fn too_few(views: &[BoardView], board: Board, found: usize) -> CalibrationProblem {
-    let reasons: Vec<BoardReason> = views.iter().filter_map(|v| v.corners.as_ref().err().copied()).collect();
-    let same_kind = |a: &BoardReason, b: &BoardReason| std::mem::discriminant(a) == std::mem::discriminant(b);
-    let frequency = |reason: &BoardReason| reasons.iter().filter(|r| same_kind(r, reason)).count();
-    let common = reasons.iter().rev().max_by_key(|r| frequency(r)).copied();
-    let other = match common {
-        Some(BoardReason::OtherBoard { columns, rows }) => Some(CornerCounts { columns, rows }),
-        _ => None,
-    };
+    let reasons: Vec<&PhotoReason> = views.iter().filter_map(|view| view.corners.as_ref().err()).collect();
+    let frequency = |reason: &PhotoReason| reasons.iter().filter(|other| kind(other) == kind(reason)).count();
+    let common = reasons.iter().rev().max_by_key(|reason| frequency(reason)).map(|&reason| reason.clone());
+    let other = if found == 0 { size_shown(&reasons) } else { None };
     CalibrationProblem::TooFewPhotos { board: board.into(), found, given: views.len(), other, common }
+}
+
+/// What a reason says, without its numbers.
+fn kind(reason: &PhotoReason) -> (Discriminant<PhotoReason>, Option<Discriminant<BoardReason>>) {
+    let of_board = if let PhotoReason::NoCorners(reason) = reason { Some(discriminant(reason)) } else { None };
+    (discriminant(reason), of_board)
+}
+
+/// The size that more than half of the photos with a part of a board show without a gap, at least
+/// [`MIN_PHOTOS_OF_SIZE`]. Boards that are hidden or cut off are so by another amount in each photo.
+fn size_shown(reasons: &[&PhotoReason]) -> Option<CornerCounts> {
+    let (mut with_board, mut sizes) = (0, BTreeMap::<CornerCounts, usize>::new());
+    for reason in reasons {
+        let PhotoReason::NoCorners(reason) = reason else { continue };
+        with_board += usize::from(*reason != BoardReason::NoBoard);
+        if let BoardReason::OtherBoard { columns, rows }
+        | BoardReason::Incomplete { columns, rows, is_regular: true, .. } = *reason
+        {
+            *sizes.entry(CornerCounts { columns, rows }).or_default() += 1;
+        }
+    }
+    let (size, photos) = sizes.into_iter().max_by_key(|(_, photos)| *photos)?;
+    (photos >= MIN_PHOTOS_OF_SIZE && 2 * photos > with_board).then_some(size)
 }
 
 /// A photo with a pose, and its index in the list of views.
@@ -217,11 +242,7 @@ fn report(views: &[BoardView], points: &[Point2<f64>], board: Board, outcome: Ph
     let PhotoSelection { used, fit, left_out } = outcome;
     let mut photos: Vec<PhotoReport> = views
         .iter()
-        .map(|view| PhotoReport {
-            name: view.name.clone(),
-            rms_px: None,
-            reason: view.corners.as_ref().err().map(|r| PhotoReason::NoCorners(*r)),
-        })
+        .map(|view| PhotoReport { name: view.name.clone(), rms_px: None, reason: view.corners.as_ref().err().cloned() })
         .collect();
     for (index, photo) in used.into_iter().zip(&fit.photos) {
         photos[index].rms_px = Some(rms_of(points, &fit.camera, photo));

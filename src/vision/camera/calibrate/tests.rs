@@ -102,7 +102,7 @@ fn a_photo_of_another_zoom_is_left_out() {
 #[test]
 fn photos_without_a_board_are_reported_and_do_no_harm() {
     let mut views = views(6, 0.05);
-    views.insert(2, BoardView { name: "wall".to_owned(), corners: Err(BoardReason::NoBoard) });
+    views.insert(2, BoardView { name: "wall".to_owned(), corners: Err(BoardReason::NoBoard.into()) });
     let calibration = calibrated(&views).unwrap();
     assert_eq!(left_out(&calibration), ["wall"]);
     assert_eq!(calibration.photos[2].reason, Some(PhotoReason::NoCorners(BoardReason::NoBoard)));
@@ -117,12 +117,51 @@ fn fewer_than_three_photos_are_refused() {
     }
 }
 
+fn views_without_corners(reasons: Vec<PhotoReason>) -> Vec<BoardView> {
+    let view = |(place, reason): (usize, PhotoReason)| BoardView { name: place.to_string(), corners: Err(reason) };
+    reasons.into_iter().enumerate().map(view).collect()
+}
+
 #[test]
 fn a_wrongly_counted_board_is_refused_with_the_size_in_the_photos() {
-    let reason = BoardReason::OtherBoard { columns: 8, rows: 6 };
-    let views: Vec<_> = (0..5).map(|i| BoardView { name: i.to_string(), corners: Err(reason) }).collect();
-    let message = calibrated(&views).unwrap_err().to_string();
-    assert!(message.contains("the 9x6 board was found in 0 of 5") && message.contains("board of 8x6"), "{message}");
+    let larger = BoardReason::OtherBoard { columns: 10, rows: 7 };
+    let smaller = BoardReason::Incomplete { columns: 8, rows: 5, is_regular: true, may_be_whole: true };
+    for (reason, size) in [(larger, "10x7"), (smaller, "8x5")] {
+        let mut reasons = vec![reason.into(); 5];
+        reasons.push(BoardReason::NoBoard.into());
+        reasons.push(BoardReason::Incomplete { columns: 4, rows: 4, is_regular: false, may_be_whole: false }.into());
+        let message = calibrated(&views_without_corners(reasons)).unwrap_err().to_string();
+        assert!(message.contains("the 9x6 board was found in 0 of 7"), "{message}");
+        assert!(message.contains(&format!("the photos show {size} inner corners")), "{message}");
+        assert!(message.contains("where four squares meet") && !message.contains("seen"), "said once: {message}");
+    }
+}
+
+#[test]
+fn a_size_is_proposed_only_if_most_photos_show_a_whole_board_of_it() {
+    let part = |columns: usize, is_regular: bool| {
+        BoardReason::Incomplete { columns, rows: 6, is_regular, may_be_whole: false }.into()
+    };
+    let with_gaps = vec![part(8, false); 5];
+    let different = vec![part(8, true), part(7, true), part(6, true), part(8, true)];
+    let single = vec![part(8, true), BoardReason::NoBoard.into()];
+    for reasons in [with_gaps, different, single] {
+        let message = calibrated(&views_without_corners(reasons)).unwrap_err().to_string();
+        assert!(message.contains("most often: only") && !message.contains("give that number"), "{message}");
+    }
+    let mut views = views(2, 0.0);
+    views.extend(views_without_corners(vec![part(8, true); 5]));
+    let problem = calibrated(&views).unwrap_err();
+    assert!(!problem.to_string().contains("give that number"), "two photos show the stated board: {problem}");
+}
+
+#[test]
+fn reasons_that_were_shown_for_each_photo_are_not_repeated() {
+    let reasons = vec![PhotoReason::Unreadable("no photo at all".into()); 4];
+    let problem = calibrated(&views_without_corners(reasons)).unwrap_err();
+    assert!(problem.to_string().contains("most often: no photo at all"), "{problem}");
+    let short = problem.without_photo_reasons().to_string();
+    assert!(short.contains("found in 0 of 4") && !short.contains("no photo at all"), "{short}");
 }
 
 #[test]

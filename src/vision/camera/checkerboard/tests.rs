@@ -176,24 +176,52 @@ fn a_small_board_far_away_is_found() {
 fn a_board_partly_outside_is_incomplete() {
     for at in [(130.0, 0.0, 300.0), (0.0, -110.0, 300.0), (-120.0, 90.0, 300.0)] {
         let reason = DrawnPhoto::new(pose(10.0, 10.0, 0.0, at)).find();
-        assert!(matches!(reason, Err(BoardReason::Incomplete { .. })), "{at:?}: {reason:?}");
+        let Err(BoardReason::Incomplete { may_be_whole: false, .. }) = reason else { panic!("{at:?}: {reason:?}") };
+    }
+}
+
+/// Paints a spot of one brightness over a place of a picture.
+fn cover(data: &mut [u8], at: Pixel, radius: f64, code: u8) {
+    for y in 0..HEIGHT {
+        for x in 0..WIDTH {
+            if (at.u() - x as f64).hypot(at.v() - y as f64) < radius {
+                data[y * WIDTH + x] = code;
+            }
+        }
     }
 }
 
 #[test]
-fn a_hidden_corner_is_not_guessed() {
-    let shot = DrawnPhoto::new(pose(10.0, 20.0, 30.0, (0.0, 0.0, 320.0)));
-    let mut data = shot.draw();
-    let hidden = shot.truth()[22];
-    for y in 0..HEIGHT {
-        for x in 0..WIDTH {
-            if (hidden.u() - x as f64).hypot(hidden.v() - y as f64) < 10.0 {
-                data[y * WIDTH + x] = 120;
-            }
+fn a_hidden_corner_is_not_guessed_but_named_by_its_place_in_the_picture() {
+    // The board's corner in column 5 of row 3, as it lies in the picture after each quarter turn.
+    for (spin, place) in [(10.0, (3, 5)), (100.0, (5, 4)), (190.0, (4, 5)), (280.0, (5, 3))] {
+        let shot = DrawnPhoto::new(pose(spin, 20.0, 30.0, (0.0, 0.0, 320.0)));
+        for code in [120, 255] {
+            let mut data = shot.draw();
+            let hidden = shot.truth()[2 * 9 + 4];
+            cover(&mut data, hidden, 10.0, code);
+            let missed = find_or_partial(&plane(&data), shot.board).unwrap_err();
+            let BoardReason::Hidden(corners) = missed.reason else { panic!("spin {spin}: {:?}", missed.reason) };
+            assert_eq!((corners.count, corners.of, corners.named()), (1, 54, &[place][..]), "spin {spin}");
+            assert_eq!((missed.seen.len(), missed.missing.len()), (53, 1));
+            let off = (missed.missing[0].0 - hidden.0).norm();
+            assert!(off < 2.0, "spin {spin}: marked {off} px beside it");
         }
     }
-    let reason = find(&plane(&data), shot.board);
-    assert!(matches!(reason, Err(BoardReason::Incomplete { .. } | BoardReason::Irregular)), "{reason:?}");
+}
+
+#[test]
+fn a_highlight_over_several_corners_does_not_hide_the_boards_size() {
+    let shot = DrawnPhoto {
+        board: Board::new(8, 6, 21.0).unwrap(),
+        ..DrawnPhoto::new(pose(8.0, 15.0, 60.0, (0.0, 0.0, 320.0)))
+    };
+    let mut data = shot.draw();
+    cover(&mut data, shot.truth()[8 + 2], 30.0, 255);
+    let reason = find(&plane(&data), shot.board).unwrap_err();
+    let BoardReason::Hidden(corners) = reason else { panic!("{reason:?}") };
+    assert!(corners.count > 1 && corners.named().contains(&(2, 3)), "{corners:?}");
+    assert!(!reason.to_string().contains("8x6"), "{reason}");
 }
 
 #[test]
@@ -219,7 +247,8 @@ fn a_board_of_another_size_is_reported_with_its_size() {
     }
     for (columns, rows) in [(10, 6), (9, 7), (14, 10)] {
         let reason = find(&plane(&data), Board::new(columns, rows, 21.0).unwrap());
-        assert!(matches!(reason, Err(BoardReason::Incomplete { .. })), "{columns}x{rows}: {reason:?}");
+        let whole = BoardReason::Incomplete { columns: 9, rows: 6, is_regular: true, may_be_whole: true };
+        assert_eq!(reason, Err(whole), "asked for {columns}x{rows}");
     }
 }
 

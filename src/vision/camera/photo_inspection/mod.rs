@@ -61,6 +61,8 @@ pub enum Hint {
     Glare,
     /// The board is not sharp, or nothing in the picture is.
     Soft,
+    /// A whole board of another size is seen, or one whose outer corners are hidden.
+    Count,
     /// The board leaves the picture at this side.
     CutOff(PictureSide),
 }
@@ -70,6 +72,8 @@ pub enum Hint {
 pub struct PhotoInspection {
     /// All inner corners, row by row; if there is a `reason`, only the corners that were seen, in no order.
     pub corners: Vec<Pixel>,
+    /// Expected positions of corners that were not seen between the others.
+    pub missing: Vec<Pixel>,
     /// Why the board was not found whole; `None` if it was.
     pub reason: Option<BoardReason>,
     /// Possible causes of the reason.
@@ -87,11 +91,11 @@ pub fn inspect_photo(photo: &Plane<'_>, board: Board) -> PhotoInspection {
     match checkerboard::find_or_partial(photo, board) {
         Ok(corners) => {
             let (near, coverage) = (near_side(&corners, board, size), coverage(&corners));
-            PhotoInspection { near, coverage, corners, reason: None, hints: Vec::new() }
+            PhotoInspection { near, coverage, corners, missing: Vec::new(), reason: None, hints: Vec::new() }
         }
-        Err(BoardNotFound { reason, seen }) => {
+        Err(BoardNotFound { reason, seen, missing }) => {
             let hints = hints(photo, &reason, &seen);
-            PhotoInspection { hints, coverage: coverage(&[]), corners: seen, reason: Some(reason), near: None }
+            PhotoInspection { hints, coverage: coverage(&[]), corners: seen, missing, reason: Some(reason), near: None }
         }
     }
 }
@@ -99,6 +103,7 @@ pub fn inspect_photo(photo: &Plane<'_>, board: Board) -> PhotoInspection {
 fn hints(photo: &Plane<'_>, reason: &BoardReason, seen: &[Pixel]) -> Vec<Hint> {
     let levels = GreyLevels::of(photo);
     let is_another_board = matches!(reason, BoardReason::OtherBoard { .. });
+    let may_be_another = matches!(reason, BoardReason::Incomplete { may_be_whole: true, .. });
     let is_unseen = matches!(reason, BoardReason::NoBoard);
     let is_blurred = matches!(reason, BoardReason::Blurred { .. });
     let causes = [
@@ -107,8 +112,10 @@ fn hints(photo: &Plane<'_>, reason: &BoardReason, seen: &[Pixel]) -> Vec<Hint> {
         (Hint::Soft, is_blurred || (is_unseen && levels.median >= DARK_MEDIAN_CODE && levels.steepest < MIN_SHARPNESS)),
     ];
     let of_light = causes.into_iter().filter(|(_, holds)| *holds && !is_another_board).map(|(hint, _)| hint);
-    let is_part = matches!(reason, BoardReason::Incomplete { .. } | BoardReason::Irregular);
-    of_light.chain(cut_off_sides(photo, if is_part { seen } else { &[] }).into_iter().map(Hint::CutOff)).collect()
+    let of_count = (is_another_board || may_be_another).then_some(Hint::Count);
+    let is_part = matches!(reason, BoardReason::Incomplete { .. } | BoardReason::Hidden(_) | BoardReason::Irregular);
+    let of_edges = cut_off_sides(photo, if is_part { seen } else { &[] }).into_iter().map(Hint::CutOff);
+    of_count.into_iter().chain(of_light).chain(of_edges).collect()
 }
 
 /// The sides of the picture where the seen part of the board is cut off.

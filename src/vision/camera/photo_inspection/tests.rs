@@ -25,11 +25,18 @@ impl Drawn {
     }
 
     fn glance(&self, soft: usize) -> PhotoInspection {
+        self.inspect_for(board(), soft, None)
+    }
+
+    /// The check for a stated board, with a white spot over a place of the picture.
+    fn inspect_for(&self, stated: Board, soft: usize, spot: Option<[i64; 2]>) -> PhotoInspection {
         let [dark, bright] = self.codes;
         let code = |x: i64, y: i64| {
             let (column, row) = ((x - self.left).div_euclid(self.square), (y - self.top).div_euclid(self.square));
             let on_board = (0..10).contains(&column) && (0..7).contains(&row);
-            if on_board && (column + row) % 2 == 0 { dark } else { bright }
+            let is_spot =
+                spot.is_some_and(|[left, top]| (x - left).abs() < self.square / 2 && (y - top).abs() < self.square / 2);
+            if on_board && !is_spot && (column + row) % 2 == 0 { dark } else { bright }
         };
         let mean = |x: i64, y: i64| {
             let reach = soft as i64;
@@ -39,7 +46,7 @@ impl Drawn {
         };
         let data: Vec<u8> =
             (0..HEIGHT as i64).flat_map(|y| (0..WIDTH as i64).map(move |x| (x, y))).map(|(x, y)| mean(x, y)).collect();
-        inspect_photo(&Plane { data: &data, stride: WIDTH, width: WIDTH, height: HEIGHT }, board())
+        inspect_photo(&Plane { data: &data, stride: WIDTH, width: WIDTH, height: HEIGHT }, stated)
     }
 }
 
@@ -64,6 +71,24 @@ fn a_board_that_leaves_the_picture_is_reported_with_the_side() {
         assert!(!seen.corners.is_empty(), "what is there is shown");
         assert_eq!(seen.hints, edges.into_iter().map(Hint::CutOff).collect::<Vec<_>>());
     }
+}
+
+#[test]
+fn squares_that_were_counted_for_inner_corners_are_named_as_the_cause() {
+    for (columns, rows) in [(10, 7), (7, 10), (10, 6), (8, 5)] {
+        let seen = Drawn::at(120, 100, 40).inspect_for(Board::new(columns, rows, 21.0).unwrap(), 1, None);
+        assert_eq!(seen.hints, [Hint::Count], "{columns}x{rows}: {:?}", seen.reason);
+    }
+}
+
+#[test]
+fn a_corner_under_a_highlight_is_marked_at_its_place() {
+    let seen = Drawn::at(120, 100, 40).inspect_for(board(), 1, Some([120 + 3 * 40, 100 + 2 * 40]));
+    let Some(BoardReason::Hidden(hidden)) = seen.reason else { panic!("{:?}", seen.reason) };
+    assert_eq!((hidden.named(), seen.corners.len(), seen.missing.len()), (&[(2, 3)][..], 53, 1));
+    let off = (seen.missing[0].0 - Point2::new(239.5, 179.5)).norm();
+    assert!(off < 1.0, "{off}");
+    assert_eq!(seen.hints, [], "nothing else is wrong");
 }
 
 #[test]

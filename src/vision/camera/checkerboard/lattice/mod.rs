@@ -5,6 +5,12 @@
 //! that the rough grid lacks is predicted from its neighbours, and counts only if the pixels show a crossing there; no
 //! corner is ever interpolated.
 
+mod diagnosis;
+
+use diagnosis::is_bright_at_even;
+
+pub(super) use diagnosis::MissingCorner;
+
 use std::collections::BTreeMap;
 
 use nalgebra::{Point2, Vector2};
@@ -17,6 +23,7 @@ use crate::vision::space::Pixel;
 type Cell = (i32, i32);
 
 /// Corners measured in the full picture, by column and row.
+#[derive(Clone)]
 pub(super) struct Lattice {
     corners: BTreeMap<Cell, Corner>,
 }
@@ -93,22 +100,26 @@ impl Lattice {
     /// Whether the corners lie as smoothly as perspective and distortion allow: third differences along rows and
     /// columns are small against a square.
     pub fn is_smooth(&self) -> bool {
-        let at = |(c, r): Cell, (dc, dr): Cell, k: i32| self.position((c + k * dc, r + k * dr));
-        self.corners.keys().all(|&cell| {
-            [(1, 0), (0, 1)].into_iter().all(|axis| {
-                let four = [0, 1, 2, 3].map(|k| at(cell, axis, k));
-                let [Some(a), Some(b), Some(c), Some(d)] = four else { return true };
-                let third = (d - a) - (c - b) * 3.0;
-                third.norm() < 0.15 * (c - b).norm() + 1.0
-            })
+        self.bent_fours().next().is_none()
+    }
+
+    /// Four neighbours in a row or column that do not lie smoothly.
+    fn bent_fours(&self) -> impl Iterator<Item = [Cell; 4]> {
+        let axes = [(1, 0), (0, 1)];
+        let fours = self
+            .corners
+            .keys()
+            .flat_map(move |&(column, row)| axes.map(|(dc, dr)| [0, 1, 2, 3].map(|k| (column + k * dc, row + k * dr))));
+        fours.filter(|four| {
+            let [Some(a), Some(b), Some(c), Some(d)] = four.map(|cell| self.position(cell)) else { return false };
+            let third = (d - a) - (c - b) * 3.0;
+            third.norm() >= 0.15 * (c - b).norm() + 1.0
         })
     }
 
     /// Whether dark and bright squares alternate over the whole lattice.
     pub fn alternates(&self) -> bool {
-        let bright_at_even =
-            |((column, row), corner): (&Cell, &Corner)| ((column + row) % 2 == 0) == corner.is_bright_ahead();
-        let even = self.corners.iter().filter(|&c| bright_at_even(c)).count();
+        let even = self.corners.iter().filter(|(cell, corner)| is_bright_at_even(**cell, corner)).count();
         even == 0 || even == self.count()
     }
 
