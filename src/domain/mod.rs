@@ -21,6 +21,7 @@
 //! | [`cohort`] | members of a reference group |
 //! | [`course`] | a course plan: steps, each with a task |
 //! | [`calibration`] | a version of a box's camera |
+//! | [`camera_limits`] | numbers that no camera has |
 //! | [`camera_warning`] | what makes a camera doubtful |
 //! | [`photo_check`] | whether one photo of a checkerboard is usable |
 //! | [`palette`] | a version of a box's colour samples |
@@ -39,6 +40,7 @@ pub mod advice;
 pub mod blob;
 pub mod boxes;
 pub mod calibration;
+pub mod camera_limits;
 pub mod camera_warning;
 pub mod clock;
 pub mod cohort;

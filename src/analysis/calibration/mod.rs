@@ -6,6 +6,7 @@ mod views;
 
 pub use views::{MAX_PHOTOS, Views, ViewsError, is_photo, views_of_photos, views_of_video};
 
+use crate::domain::camera_limits::{ImpossibleCamera, check_camera};
 use crate::domain::camera_warning::MIN_CHECKED_PHOTOS;
 use crate::vision::camera::report::CameraSigma;
 use crate::vision::camera::{Board, BoardView, Calibration, CalibrationProblem, Coverage, MIN_PHOTOS, calibrate};
@@ -58,6 +59,9 @@ pub enum CalibrationRefusal {
         /// Groups that were left out in turn.
         groups: usize,
     },
+    /// The camera that fits the photos best cannot exist.
+    #[error("the photos fit only a camera that cannot exist: {0}")]
+    Impossible(#[from] ImpossibleCamera),
 }
 
 impl CalibrationRefusal {
@@ -79,6 +83,7 @@ impl CalibrationRefusal {
 pub fn calibrate_and_check(views: &Views, board: Board) -> Result<CheckedCalibration, CalibrationRefusal> {
     let Views { views, width, height } = views;
     let mut calibration = calibrate(views, *width, *height, board)?;
+    check_camera(&calibration.camera)?;
     let used: Vec<&BoardView> =
         views.iter().zip(&calibration.photos).filter(|(_, photo)| photo.is_used()).map(|(view, _)| view).collect();
     if used.len() >= MIN_CHECKED_PHOTOS.max(MIN_PHOTOS + 1) {

@@ -121,7 +121,9 @@ impl ToProblem for CalibrationRefusal {
     fn to_problem(&self) -> Problem {
         match self {
             CalibrationRefusal::Problem(problem) => problem.to_problem(),
-            CalibrationRefusal::Unstable { .. } | CalibrationRefusal::PartFails { .. } => Problem::new(
+            CalibrationRefusal::Unstable { .. }
+            | CalibrationRefusal::PartFails { .. }
+            | CalibrationRefusal::Impossible(_) => Problem::new(
                 "camera-undetermined",
                 "The camera cannot be calibrated from these pictures",
                 self.to_string(),

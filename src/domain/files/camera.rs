@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::domain::calibration::BoardSize;
+use crate::domain::camera_limits::{ImpossibleCamera, check_camera};
 use crate::vision::camera::Camera;
 
 /// A camera file as stored on disk: the camera, the calibration's own figures, and keys of other programs (written
@@ -56,6 +57,9 @@ pub enum CameraFileError {
         /// The value in the file.
         value: f64,
     },
+    /// Numbers that are possible one by one, but not for one camera.
+    #[error(transparent)]
+    ImpossibleCamera(#[from] ImpossibleCamera),
 }
 
 /// Longest side of a picture, pixels: more than any camera has.
@@ -130,7 +134,7 @@ impl CameraFile {
         let bad_number = finite.into_iter().find(|(_, v)| !v.is_finite());
         match bad_size.or(sizes).or(bad_number) {
             Some((key, value)) => Err(CameraFileError::ImpossibleValue { key, value }),
-            None => Ok(()),
+            None => Ok(check_camera(&self.camera())?),
         }
     }
 }
@@ -157,6 +161,7 @@ impl From<Camera> for CameraFile {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::resources::shared;
 
     #[test]
     fn keys_of_other_programs_survive_a_round_trip() {
@@ -177,6 +182,33 @@ mod tests {
         assert_eq!(camera(r#","sigma":{"fx":1,"fy":2}"#).focal_sigma, 0.005);
         for unknown in ["", r#","sigma":{"fx":1}"#, r#","sigma":"small""#, r#","sigma":{"fx":-1,"fy":-1}"#] {
             assert_eq!(camera(unknown).focal_sigma, 0.0, "{unknown}");
+        }
+    }
+
+    #[test]
+    fn numbers_that_no_camera_has_are_refused_by_name() {
+        let of = |more: &str| {
+            let text = format!(r#"{{"width":1280,"height":720,"fx":938,"fy":936,"cx":633,"cy":366,{more}}}"#);
+            CameraFile::parse(&text).map(|_| ()).map_err(|error| error.to_string())
+        };
+        assert_eq!(of(r#""k1":-0.298,"k2":0.103"#), Ok(()));
+        assert!(of(r#""k1":-1.5"#).unwrap_err().contains("k1"));
+        let far = r#"{"width":1280,"height":720,"fx":938,"fy":936,"cx":6400,"cy":366}"#;
+        let refused = CameraFile::parse(far).unwrap_err();
+        assert!(
+            matches!(refused, CameraFileError::ImpossibleCamera(ImpossibleCamera::Centre { key: "cx", .. })),
+            "{refused}"
+        );
+    }
+
+    #[test]
+    fn the_cameras_of_all_shared_recordings_are_accepted() {
+        let Some(worlds) = shared("worlds/dev") else { return };
+        let cameras = worlds.read_dir().unwrap().map(|entry| entry.unwrap().path().join("contract/camera_true.json"));
+        let texts: Vec<String> = cameras.filter_map(|path| std::fs::read_to_string(path).ok()).collect();
+        assert!(texts.len() > 20, "{}", texts.len());
+        for text in texts {
+            CameraFile::parse(&text).unwrap_or_else(|refused| panic!("{refused}: {text}"));
         }
     }
 

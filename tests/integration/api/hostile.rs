@@ -80,6 +80,13 @@ async fn numbers_that_nothing_can_have_are_refused() {
         "k1": 0.0, "k2": 0.0, "p1": 0.0, "p2": 0.0, "k3": 0.0});
     let put = centre.administrator.request(Method::PUT, "/api/v1/boxes/box-1/camera").json(&camera).send();
     problem(put.await.unwrap(), 422, "invalid").await;
+    for (key, value) in [("cx", 6400.0), ("fy", 50.0), ("fx", 9.0), ("k1", -1.5)] {
+        let mut camera = json!({"width": 640, "height": 480, "fx": 500.0, "fy": 500.0, "cx": 320.0, "cy": 240.0});
+        camera[key] = json!(value);
+        let put = centre.administrator.request(Method::PUT, "/api/v1/boxes/box-1/camera").json(&camera).send();
+        let refused = problem(put.await.unwrap(), 422, "invalid").await;
+        assert!(refused["errors"][0]["message"].as_str().is_some_and(|text| text.contains(key)), "{refused}");
+    }
     for recorded_at in ["2099-01-01T00:00:00Z", "1961-01-01T00:00:00Z", "-009999-01-02T01:59:59Z", "yesterday"] {
         let path = format!("/api/v1/sessions?trainee=ada&task=peg&box=box-1&recorded_at={recorded_at}");
         let sent = centre.administrator.request(Method::POST, &path).header(header::CONTENT_TYPE, "video/mp4");
