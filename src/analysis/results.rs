@@ -126,7 +126,8 @@ pub(super) struct AssessmentRows {
 impl AssessmentRows {
     /// Every feature and its evidence; the values are withheld if the session is refused.
     fn of(path: &Trajectory, tools: &[ToolQuality], is_trimmed: [bool; 2], is_refused: bool, quality: Value) -> Self {
-        let assessment = assess(path, tools, &AssessmentSettings { is_trimmed, ..AssessmentSettings::default() });
+        let assessment =
+            assess(path, tools, &AssessmentSettings { is_trimmed, window_s: 0.0, ..AssessmentSettings::default() });
         let assessment = if is_refused { assessment.withheld() } else { assessment };
         Self {
             features: assessment.features.iter().map(|value| feature_row(value, &path.tools)).collect(),

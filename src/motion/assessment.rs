@@ -23,7 +23,8 @@ use crate::vision::trajectory::{Sample, Trajectory};
 pub struct AssessmentSettings {
     /// How features are measured.
     pub features: FeatureSettings,
-    /// Length of the windows, s (T 4.4). Shorter windows show better where a fault lies, but are noisier. Usual 10.
+    /// Length of the windows, s (T 4.4). Shorter windows show better where a fault lies, but are noisier. Usual 10; with 0
+    /// none is computed.
     pub window_s: f64,
     /// For the beginning and the end: true if a person trimmed the recording there. A tool that moves there is then
     /// part of the attempt from or up to that moment; otherwise the attempt was cut off.
@@ -90,13 +91,17 @@ pub fn assess(trajectory: &Trajectory, tools: &[ToolQuality], settings: &Assessm
     let mut features = session.measure_task(&session.motions);
     let measured_on = task.map_or_else(|| session.motions.clone(), |task| session.clipped(&session.motions, task));
     let mut evidence = StretchCollector::new(&features, &measured_on, &settings.features);
-    session.add_error_bars(&mut features, |motions| evidence.add_replicate(motions));
+    let mut windows = MeasuredWindows::new(&session, task, settings.window_s);
+    session.add_error_bars(&mut features, |motions| {
+        evidence.add_replicate(motions);
+        windows.add_replicate(&session, motions);
+    });
     Assessment {
         tools: trajectory.tools.clone(),
         task_s: task.map(|task| (task.first as f64 * step_s, task.last as f64 * step_s)),
         features,
         stretches: evidence.finish(step_s),
-        windows: task.map_or_else(Vec::new, |task| session.windows(task, settings.window_s)),
+        windows: windows.finish(step_s),
     }
 }
 
@@ -187,17 +192,26 @@ impl<'a> AssessedSession<'a> {
 
     /// The motions within an interval. A tool that was never seen has an empty motion over it.
     fn clipped(&self, motions: &[Result<Motion, NotEnough>], interval: Interval) -> Vec<Result<Motion, NotEnough>> {
-        let clip = |(motion, known): (&Result<Motion, NotEnough>, &ToolContext)| {
+        self.clipped_in_attempts(motions, &self.attempts(motions), interval)
+    }
+
+    /// The same, with the attempts of these motions.
+    fn clipped_in_attempts(
+        &self,
+        motions: &[Result<Motion, NotEnough>],
+        attempts: &[Option<TaskAttempt>],
+        interval: Interval,
+    ) -> Vec<Result<Motion, NotEnough>> {
+        let clip = |((motion, known), attempt): ((&Result<Motion, NotEnough>, &ToolContext), &Option<TaskAttempt>)| {
             let mut clipped = match motion {
                 Ok(motion) => motion.clipped(interval),
                 Err(NotEnough::NeverSeen) => Motion::unseen(interval, self.settings),
                 Err(reason) => return Err(*reason),
             };
-            let attempt = motion.as_ref().ok().and_then(|motion| self.attempt(motion, known));
-            clipped.context = ToolContext { attempt, ..known.clone() };
+            clipped.context = ToolContext { attempt: *attempt, ..known.clone() };
             Ok(clipped)
         };
-        motions.iter().zip(&self.known).map(clip).collect()
+        motions.iter().zip(&self.known).zip(attempts).map(clip).collect()
     }
 
     /// The attempt of one tool; `None` if it did not move.
@@ -231,23 +245,85 @@ impl<'a> AssessedSession<'a> {
         attempt.map(TaskAttempt::interval).or(seen.reduce(Interval::hull))
     }
 
-    fn windows(&self, task: Interval, window_s: f64) -> Vec<FeatureWindow> {
-        let step_s = self.settings.step_s;
-        let steps = (window_s / step_s).round() as i64;
-        if steps < 1 || task.steps() / steps >= MAX_WINDOWS {
-            return Vec::new();
-        }
-        let starts = (0..MAX_WINDOWS).map(|k| task.first + k * steps).take_while(|start| *start < task.last);
-        let window = |first: i64| {
-            let interval = Interval { first, last: (first + steps).min(task.last) };
-            FeatureWindow {
-                start_s: interval.first as f64 * step_s,
-                end_s: interval.last as f64 * step_s,
-                features: features::measure(&self.clipped(&self.motions, interval), self.settings, |f| f.windowed),
-            }
-        };
-        starts.map(window).collect()
+    /// The values of one window.
+    fn measure_window(
+        &self,
+        motions: &[Result<Motion, NotEnough>],
+        attempts: &[Option<TaskAttempt>],
+        window: Interval,
+    ) -> Vec<FeatureValue> {
+        let clipped = self.clipped_in_attempts(motions, attempts, window);
+        features::measure(&clipped, self.settings, |feature| feature.windowed)
     }
+}
+
+/// The windows of a task, measured on the path and on its replicates. Their values have the shift by errors removed as
+/// the whole task's values have; otherwise the windows of a length would add up to more than the length.
+struct MeasuredWindows {
+    windows: Vec<MeasuredWindow>,
+}
+
+struct MeasuredWindow {
+    interval: Interval,
+    values: Vec<FeatureValue>,
+    /// For each value, those of the replicates that have one.
+    of_replicates: Vec<Vec<f64>>,
+}
+
+impl MeasuredWindows {
+    fn new(session: &AssessedSession<'_>, task: Option<Interval>, window_s: f64) -> Self {
+        let attempts = session.attempts(&session.motions);
+        let window = |interval| {
+            let values = session.measure_window(&session.motions, &attempts, interval);
+            MeasuredWindow { interval, of_replicates: vec![Vec::new(); values.len()], values }
+        };
+        let intervals = task.map(|task| window_intervals(task, window_s, session.settings.step_s));
+        Self { windows: intervals.into_iter().flatten().map(window).collect() }
+    }
+
+    fn add_replicate(&mut self, session: &AssessedSession<'_>, motions: &[Result<Motion, NotEnough>]) {
+        if self.windows.is_empty() {
+            return;
+        }
+        let attempts = session.attempts(motions);
+        for window in &mut self.windows {
+            let values = session.measure_window(motions, &attempts, window.interval);
+            for (known, value) in window.of_replicates.iter_mut().zip(values) {
+                known.extend(value.value.ok());
+            }
+        }
+    }
+
+    fn finish(self, step_s: f64) -> Vec<FeatureWindow> {
+        let finish = |window: MeasuredWindow| FeatureWindow {
+            start_s: window.interval.first as f64 * step_s,
+            end_s: window.interval.last as f64 * step_s,
+            features: window.values.into_iter().zip(window.of_replicates).map(corrected).collect(),
+        };
+        self.windows.into_iter().map(finish).collect()
+    }
+}
+
+/// A window's value with the shift by errors removed, and its error bar.
+fn corrected((mut value, of_replicates): (FeatureValue, Vec<f64>)) -> FeatureValue {
+    let bar = match value.value {
+        Err(_) => Err(NoErrorBar::NoValue),
+        Ok(_) if of_replicates.is_empty() => Err(NoErrorBar::ErrorsNotStated),
+        Ok(measured) => error_bar(value.feature, measured, of_replicates.into_iter()),
+    };
+    value.value = bar.map_or(value.value, |(corrected, _)| Ok(corrected));
+    value.error = bar.map(|(_, bar)| bar);
+    value
+}
+
+/// The windows of a task; none if their length is 0 or they would be too many.
+fn window_intervals(task: Interval, window_s: f64, step_s: f64) -> Vec<Interval> {
+    let steps = (window_s / step_s).round() as i64;
+    if steps < 1 || task.steps() / steps >= MAX_WINDOWS {
+        return Vec::new();
+    }
+    let starts = (0..MAX_WINDOWS).map(|k| task.first + k * steps).take_while(|start| *start < task.last);
+    starts.map(|first| Interval { first, last: (first + steps).min(task.last) }).collect()
 }
 
 /// The motion of one tool, from its samples.

@@ -49,7 +49,7 @@ pub struct ErrorBar {
 /// Why a value has no error bar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoErrorBar {
-    /// Not computed: for windows, and during a live recording.
+    /// Not computed: during a live recording.
     #[error("not computed here")]
     NotComputed,
     /// There is no value.

@@ -10,10 +10,15 @@ const DEPTH_MM: f64 = 0.4;
 
 /// A path in front of the camera as a tracker could have seen it, with stated errors.
 pub(super) fn seen(times: &[f64], path: &Path<'_>, seed: u64) -> Trajectory {
+    seen_with([LATERAL_MM, DEPTH_MM], times, path, seed)
+}
+
+/// The same with these standard deviations across and along the line of sight, mm.
+fn seen_with([across_mm, along_mm]: [f64; 2], times: &[f64], path: &Path<'_>, seed: u64) -> Trajectory {
     let mut trajectory = record(times, &[path]);
     for sample in &mut trajectory.samples {
         sample.tip_mm.z += 200.0;
-        sample.covariance_mm2 = Some(PositionCovariance::from_sigmas(LATERAL_MM, DEPTH_MM));
+        sample.covariance_mm2 = Some(PositionCovariance::from_sigmas(across_mm, along_mm));
     }
     trajectory.samples = replicate(&trajectory.samples, &mut Dice::new(seed, "how a tracker erred")).unwrap();
     trajectory
@@ -34,6 +39,28 @@ fn a_resting_tool_is_idle_and_its_path_is_none_within_its_error() {
         bar.low == 0.0
     };
     assert!((0..8).filter(|seed| is_none(*seed)).count() >= 7);
+}
+
+/// Sum of a feature over the windows, and its value over the task.
+fn windows_and_total(assessment: &Assessment, name: &str) -> (f64, f64) {
+    let space = find(name).unwrap().spaces[0];
+    let of_windows = assessment.windows.iter().flat_map(|window| &window.features);
+    let of_windows = of_windows.filter(|v| (v.feature.name, v.tool, v.space) == (name, Some(0), space));
+    (of_windows.map(|v| v.value.unwrap_or(0.0)).sum(), of_first(assessment, name))
+}
+
+#[test]
+fn the_windows_of_a_length_add_up_to_it_also_where_errors_were_removed() {
+    for seed in 0..4 {
+        let poor = score(&seen_with([0.3, 1.5], &times(25.0, 80.0), &square(0.4), seed));
+        assert!(poor.windows.len() > 6);
+        for name in ["path_length", "depth_travelled"] {
+            let ((sum, total), bar) = (windows_and_total(&poor, name), bar(&poor, name));
+            let removed = bar.as_measured - total;
+            assert!(removed > 0.02 * total, "{name}: errors lengthen a path");
+            assert!((sum - total).abs() < 0.3 * removed, "{name}: {sum} in windows, {total} in all, {removed} removed");
+        }
+    }
 }
 
 #[test]
