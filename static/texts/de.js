@@ -78,8 +78,8 @@ const roundApart = (value, limit, minDecimals) => {
 };
 const figure = (minDecimals, sentence) => (value, limit) => sentence(...roundApart(value, limit, minDecimals));
 const shareFigure = (minDecimals, sentence) => (value, limit) => sentence(...roundApart(100 * value, 100 * limit, minDecimals));
-/** Distance of two colours. Colours that overlap have a negative distance, which is shown as 0. */
-const steps = sentence => (value, limit) => figure(1, sentence)(Math.max(0, value), limit);
+/** Distance of two colours, or a sentence of its own for colours that overlap: theirs is negative, or would be shown as 0. */
+const steps = (sentence, overlap) => (value, limit) => value < 0.05 ? figure(1, (_, needed) => overlap(needed))(value, limit) : figure(1, sentence)(value, limit);
 
 /** Why holds of the rod do not count, in the order that the service uses. */
 const NOT_COUNTED = {
@@ -2245,9 +2245,11 @@ export default {
         'sagen Sie, ob es diese Box ist. Bis dahin zählt die Sitzung nirgends, und ihre Längen und Geschwindigkeiten können falsch sein: Eine andere Box hat eine andere Kamera'],
       nothing_seen: [() => 'auf keinem Bild wurde ein Instrument gemessen', 'markieren Sie das Klebeband auf einem Bild dieser Aufnahme neu, in diesem Licht'],
       never_in_picture: [() => 'es war nie im Bild', 'wenn die Aufgabe dieses Instrument braucht, markieren Sie sein Klebeband in diesem Licht neu; wenn nicht, ist nichts verloren'],
-      colour_background: [steps((is, limit) => `seine Farbe hebt sich vom Rest der Box nur um ${is} von 255 Stufen ab; nötig sind ${limit}`),
+      colour_background: [steps((is, limit) => `seine Farbe hebt sich vom Rest der Box nur um ${is} von 255 Stufen ab; nötig sind ${limit}`,
+        limit => `seine Farbe überschneidet sich mit dem Rest der Box; nötig sind ${limit} von 255 Stufen dazwischen`),
         'nehmen Sie ein Klebeband in einer Farbe, die sonst nichts in der Box hat, und markieren Sie es neu'],
-      colour_pair: [steps((is, limit) => `seine Farbe hebt sich von der eines anderen Instruments nur um ${is} von 255 Stufen ab; nötig sind ${limit}`),
+      colour_pair: [steps((is, limit) => `seine Farbe hebt sich von der eines anderen Instruments nur um ${is} von 255 Stufen ab; nötig sind ${limit}`,
+        limit => `seine Farbe überschneidet sich mit der eines anderen Instruments; nötig sind ${limit} von 255 Stufen dazwischen`),
         'nehmen Sie für eines der beiden Instrumente ein Klebeband in anderer Farbe, und markieren Sie beide neu'],
       coverage: [shareFigure(0, (is, limit) => `auf ${is} % der Bilder zwischen dem ersten und dem letzten mit einem Instrument gemessen; nötig sind ${limit} %`),
         'halten Sie das Klebeband im Blick der Kamera; was es verdeckt hat, steht bei „Was zu sehen war“'],
@@ -2255,7 +2257,7 @@ export default {
         'halten Sie die Spitze im Bild, oder stellen Sie die Kamera so, dass die ganze Aufgabe zu sehen ist'],
       lost: [shareFigure(0, (is, limit) => `auf ${is} % der Bilder zu sehen, aber nicht verfolgt; höchstens ${limit} %`),
         'sehen Sie in der Aufnahme nach, was das Klebeband dort verdeckt oder überstrahlt; markieren Sie seine Farbe in jenem Licht'],
-      no_trocar: [figure(1, (is, limit) => `seine Spitze bewegte sich um ${is} mm quer zur Achse (quadratisches Mittel), aber seine Achsen zeigen seinen Trokar nicht; höchstens ${limit} mm`),
+      no_trocar: [figure(1, is => `seine Spitze bewegte sich um ${is} mm quer zur Achse (quadratisches Mittel), aber seine Achsen zeigen seinen Trokar nicht`),
         'sehen Sie sich die Überlagerung an: Folgt sie dem Instrument, und zeigt seine Achse von der Hand zur Spitze? Prüfen Sie die Maße des Instruments, und markieren Sie anderes in der Farbe des Klebebands als Hintergrund'],
       band_too_long: [figure(1, (is, limit) => `das Bild widerspricht seinen Maßen um ${is} Standardabweichungen: Sein Band ist kürzer als angegeben, oder sein Durchmesser größer; höchstens ${limit}`),
         'messen Sie beides neu, den Durchmesser über dem Klebeband und die Länge des Bands entlang des Rohrs, berichtigen Sie die Maße bei der Box, und werten Sie die Aufnahme neu aus: Alle ihre Längen können falsch sein'],

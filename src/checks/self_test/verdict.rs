@@ -5,6 +5,8 @@ use super::limits::{self, MAX_FOCAL_SIGMA, MIN_TOUCHES};
 use super::{SelfTestFindings, Touch, TouchAccuracy, UnusableReason};
 use crate::motion::quality::limits::QualityLimits;
 use crate::motion::quality::{QualityCause, Severity};
+use crate::vision::segmentation::palette::Margin;
+use crate::vision::segmentation::palette::verdict::MIN_SHOWN_STEPS;
 
 /// The result of a part or of the whole test, from best to worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -255,6 +257,15 @@ fn colours(findings: &SelfTestFindings) -> PartVerdict {
     part
 }
 
+fn colour_finding(tool: &str, Margin { margin_steps, nearest, .. }: &Margin) -> String {
+    match margin_steps {
+        steps if *steps < MIN_SHOWN_STEPS => {
+            format!("{tool}: when it was marked, its colour overlapped with that of `{nearest}`")
+        }
+        steps => format!("{tool}: when it was marked, its colour was {steps:.1} steps from `{nearest}`"),
+    }
+}
+
 fn marked_colours(findings: &SelfTestFindings) -> Vec<LimitCheck> {
     let checks = findings.colours.iter().flat_map(|(tool, apart)| {
         let margins =
@@ -265,10 +276,7 @@ fn marked_colours(findings: &SelfTestFindings) -> Vec<LimitCheck> {
                 figure: margin.margin_steps,
                 limits: cause.limits(),
                 unit: "steps",
-                finding: format!(
-                    "{tool}: when it was marked, its colour was {:.1} steps from `{}`",
-                    margin.margin_steps, margin.nearest
-                ),
+                finding: colour_finding(tool, margin),
                 advice: SelfTestAdvice::MarkInLight,
             })
         })

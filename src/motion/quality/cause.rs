@@ -1,5 +1,7 @@
 //! What can be wrong with a session: a closed set, so that every cause has a sentence and advice.
 
+use crate::vision::segmentation::palette::verdict::MIN_SHOWN_STEPS;
+
 /// A reason to refuse a session or to use it with care.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum QualityCause {
@@ -162,18 +164,22 @@ impl QualityCause {
 
     /// What was found, with the limit that it broke. The sentence follows the tool's name if it is about one.
     pub fn finding(self, figure: f64, limit: f64) -> String {
+        let is_overlap = figure < MIN_SHOWN_STEPS;
         let [figure, limit] = self.formatted(figure, limit);
-        self.observation(&figure) + &self.requirement(&limit)
+        match self {
+            QualityCause::ColourBackground if is_overlap => {
+                format!("its colour overlaps with the rest of the box; needs {limit} of 255 steps between them")
+            }
+            QualityCause::ColourPair if is_overlap => {
+                format!("its colour overlaps with another tool's; needs {limit} of 255 steps between them")
+            }
+            _ => self.observation(&figure) + &self.requirement(&limit),
+        }
     }
 
     /// Figure and limit as text: shares in per cent, with enough decimals that the two differ.
     fn formatted(self, figure: f64, limit: f64) -> [String; 2] {
-        let (figure, limit) = match self {
-            // The distance of colours that overlap is negative.
-            QualityCause::ColourBackground | QualityCause::ColourPair => (figure.max(0.0), limit),
-            _ if self.unit() == "1" => (100.0 * figure, 100.0 * limit),
-            _ => (figure, limit),
-        };
+        let (figure, limit) = if self.unit() == "1" { (100.0 * figure, 100.0 * limit) } else { (figure, limit) };
         let decimals = match self {
             QualityCause::BorderResidual | QualityCause::Calibration => [2, 2],
             QualityCause::BeginsInMotion | QualityCause::EndsInMotion => [0, 0],
@@ -256,6 +262,7 @@ impl QualityCause {
             QualityCause::OtherBox
             | QualityCause::NothingSeen
             | QualityCause::NeverInPicture
+            | QualityCause::NoTrocar
             | QualityCause::Interlaced => String::new(),
             QualityCause::BoxSurroundings | QualityCause::Coverage => format!("; needs {limit} %"),
             QualityCause::ColourBackground | QualityCause::ColourPair | QualityCause::FrameRate => {

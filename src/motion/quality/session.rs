@@ -10,6 +10,10 @@ use crate::vision::trajectory::{Sample, SampleState, Trajectory};
 /// A longer interval between two frames is an interruption rather than dropped frames, s.
 const BREAK_S: f64 = 1.0;
 
+/// A median brightness below this share of the brightest moment is that of a black picture: a change relative to it would
+/// be large without meaning anything.
+const BLACK_SHARE: f64 = 0.1;
+
 /// Length of the beginning and of the end, s. A tool that moves there was recorded in mid-motion.
 const EDGE_S: f64 = 0.5;
 
@@ -94,7 +98,7 @@ pub(super) fn measure(
         interlaced_share: evidence.frames_interlaced.filter(|_| frames > 0).map(|n| n as f64 / frames as f64),
         first_speed_mm_s,
         last_speed_mm_s,
-        exposure_drift: drift(light.iter().map(|l| l.luma_ratio)).map(|(drift, median)| drift / median),
+        exposure_drift: exposure_drift(light),
         white_drift_codes: white_drift_codes(light),
         calibration_rms_px: evidence.calibration_rms_px,
         camera_shift: placement.camera,
@@ -139,6 +143,18 @@ fn edge_speed(path: &Trajectory, (edge_s, inwards): (f64, f64)) -> Option<f64> {
 fn drift(values: impl Iterator<Item = f64> + Clone) -> Option<(f64, f64)> {
     let median = quantile(values.clone().collect(), 0.5)?;
     Some((values.map(|value| (value - median).abs()).fold(0.0, f64::max), median))
+}
+
+/// The largest change of brightness, relative to the median; in a picture that is black for most of the time, that of the
+/// median relative to the brightest moment.
+fn exposure_drift(light: &[LightSample]) -> Option<f64> {
+    let ratios = light.iter().map(|sample| sample.luma_ratio);
+    let (drift, median) = drift(ratios.clone())?;
+    let brightest = ratios.fold(0.0, f64::max);
+    match median {
+        median if median > BLACK_SHARE * brightest => Some(drift / median),
+        median => (brightest > 0.0).then(|| (brightest - median) / brightest),
+    }
 }
 
 fn white_drift_codes(light: &[LightSample]) -> Option<f64> {

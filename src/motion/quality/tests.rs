@@ -228,10 +228,32 @@ fn a_colour_like_the_background_is_refused_and_one_like_another_tool_is_not() {
     assert_eq!(shown.concerns().iter().map(fields).collect::<Vec<_>>(), [background], "a tool shows its trocar");
     let findings = [0, 1].map(|i| refused.concerns()[i].finding());
     assert!(findings[0].contains("by only 1.8 of 255 steps; needs 2.5 (nearest: `background`)"), "{findings:?}");
-    assert!(findings[1].contains("by only 0.0 of 255 steps; needs 4.0 (nearest: `cyan`)"), "{findings:?}");
+    let overlap = "overlaps with another tool's; needs 4.0 of 255 steps between them (nearest: `cyan`)";
+    assert!(findings[1].contains(overlap), "{findings:?}");
+    let of_trocar = refused.concerns()[2].finding();
+    assert!(of_trocar.ends_with("do not show its trocar"), "a limit of 0 mm says nothing: {of_trocar}");
     assert_eq!(causes(&judged(margin(9.0, "cyan"), margin(1.8, "background"))), [QualityCause::ColourBackground]);
     assert_eq!(causes(&judged(margin(1.8, "cyan"), margin(9.0, "background"))), [QualityCause::ColourPair]);
     assert_eq!(rank(&judged(None, margin(3.0, "background"))), Some(Severity::Care));
+}
+
+#[test]
+fn a_picture_that_is_black_for_most_of_the_time_has_a_finite_change_of_light() {
+    let path = path(|_| true);
+    for (black, dim) in [(0.0, 1.0), (0.01, 0.99)] {
+        let mut counts = counts(Vec::new());
+        let luma_ratio = |second: u32| if second < 2 { 1.0 } else { black };
+        let sample = |second: u32| LightSample {
+            time_s: f64::from(second),
+            luma_ratio: luma_ratio(second),
+            chroma_shift: [0.0; 2],
+        };
+        counts.light = (0..20).map(sample).collect();
+        let figures = measure(&QualityInput { tracker: Some(&counts), ..QualityInput::of_path(&path) });
+        assert!((figures.session.exposure_drift.unwrap() - dim).abs() < 1e-12, "{:?}", figures.session.exposure_drift);
+        let finding = judge(&figures).concerns()[0].finding();
+        assert!(finding.contains("brightness changes by 100 %") || finding.contains("by 99 %"), "{finding}");
+    }
 }
 
 #[test]
@@ -262,7 +284,7 @@ fn a_tool_without_a_trocar_is_refused_and_one_that_may_have_one_asks_for_care() 
     counts.tools[0].effective_diameter = None;
     let refused = judged(&counts, &moving);
     assert_eq!((causes(&refused), rank(&refused)), (vec![QualityCause::NoTrocar], Some(Severity::Refuse)));
-    assert!(refused.concerns()[0].finding().contains("do not show its trocar (limit 0.0 mm)"));
+    assert!(refused.concerns()[0].finding().ends_with("do not show its trocar"));
     assert_eq!(rank(&judged(&counts, &resting)), Some(Severity::Refuse), "a thing that lies still");
     counts.tools[0].effective_diameter = Some(possible);
     assert_eq!(rank(&judged(&counts, &resting)), Some(Severity::Care), "a tool at rest");

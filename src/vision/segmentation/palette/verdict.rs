@@ -27,6 +27,8 @@ const TAKEN_SHARES: [f64; 2] = [0.05, 0.20];
 /// Margins of a tape, steps: at risk below the first, bad below the second. Purple was tracked wrongly, by more than
 /// 90 mm, at 0.9, 1.8 and 2.2, and well from 2.8 on; the scenes' tapes have 5.8 to 23.
 pub const MARGIN_STEPS: [f64; 2] = [4.0, 2.5];
+/// A smaller margin would be shown as 0 steps. The margin of colours that overlap is negative.
+pub const MIN_SHOWN_STEPS: f64 = 0.05;
 
 /// Area of the largest false region, as a share of the band's: at risk from the first on, bad from the second on.
 /// Purple was tracked wrongly from 3.7 on; well-tracked tapes have at most 0.08.
@@ -250,11 +252,13 @@ impl fmt::Display for TapeProblem {
                 write!(f, "{} of `{from}` is mistaken for it", percent(*share))?;
                 in_light(*light, f)
             }
+            TapeProblem::Thin(Margin { margin_steps, nearest, .. }) if *margin_steps < MIN_SHOWN_STEPS => {
+                write!(f, "its colour overlaps with that of `{nearest}`")
+            }
             TapeProblem::Thin(Margin { margin_steps, spread_steps, nearest }) => write!(
                 f,
-                "a shift of {:.1} of 255 steps turns it into `{nearest}`, and its own pixels spread over \
+                "a shift of {margin_steps:.1} of 255 steps turns it into `{nearest}`, and its own pixels spread over \
                  {spread_steps:.1}",
-                margin_steps.max(0.0) // negative: mistaken already, without any shift
             ),
             TapeProblem::FalseRegion(FalseArea { frame, share, largest_of_band, .. }) => write!(
                 f,
