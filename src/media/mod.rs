@@ -29,6 +29,7 @@ mod read_ahead;
 mod source;
 #[cfg(test)]
 pub(crate) mod testing;
+mod unread_recording;
 
 pub use encode::{EncodeError, SampleFormat, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
 pub use feed_decoder::FeedDecoder;
@@ -48,6 +49,24 @@ pub enum MediaError {
     /// The container is not accepted, or the file is no video at all.
     #[error("not a video that can be read ({0}); accepted are MP4/MOV, Matroska/WebM, AVI and MPEG-TS")]
     Container(String),
+    /// A container that is not accepted.
+    #[error(
+        "{name} is not accepted; accepted are MP4/MOV, Matroska/WebM, AVI and MPEG-TS: convert it, for example with \
+         {convert}"
+    )]
+    OtherContainer {
+        /// The container's name.
+        name: &'static str,
+        /// A command that converts it.
+        convert: &'static str,
+    },
+    /// The recorder did not write the index of an MP4 or MOV file, which is its last part.
+    #[error(
+        "the recording was cut off before its index was written: the recorder was stopped by force, or the disk or card was \
+         full; without the index no picture can be found. Let the recorder repair the file if it can (cameras do so when \
+         the card is put back), or send another copy; to be safe, record as MKV or fragmented MP4"
+    )]
+    CutOff,
     /// There is no video stream, for example only sound.
     #[error("the file holds no video stream; record the camera's picture, not only sound")]
     NoVideo,

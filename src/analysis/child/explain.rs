@@ -19,7 +19,10 @@ pub trait ToProblem {
 impl ToProblem for MediaError {
     fn to_problem(&self) -> Problem {
         let (slug, title) = match self {
-            MediaError::Container(_) => ("not-a-video", "The file is not a readable video"),
+            MediaError::Container(_) | MediaError::OtherContainer { .. } => {
+                ("not-a-video", "The file is not a readable video")
+            }
+            MediaError::CutOff => ("recording-cut-off", "The recording was cut off"),
             MediaError::NoVideo => ("no-video-stream", "The file contains no video stream"),
             MediaError::Codec(_) => ("codec-not-accepted", "The video codec is not accepted"),
             MediaError::OverLimit { .. } => ("recording-too-large", "The recording is larger than accepted"),

@@ -14,6 +14,7 @@ use ffmpeg_next as ff;
 use super::clock::FrameClock;
 use super::picture::Picture;
 use super::picture_maker::{PictureMaker, Rotation};
+use super::unread_recording::UnreadRecording;
 use super::{MediaError, MediaLimits};
 use crate::domain::clock::FRAME_RATES_HZ;
 
@@ -82,17 +83,13 @@ impl VideoFile {
     ///
     /// # Errors
     /// [`MediaError`] if the recording cannot be read, is not accepted or exceeds the limits.
-    pub fn open(bytes: impl Read + Seek + Send + 'static, limits: MediaLimits) -> Result<Self, MediaError> {
+    pub fn open(mut bytes: impl Read + Seek + Send + 'static, limits: MediaLimits) -> Result<Self, MediaError> {
+        let shown = UnreadRecording::of(&mut bytes);
         ff::init().map_err(ffmpeg_error("starting FFmpeg"))?;
         ff::log::set_level(ff::log::Level::Quiet);
         let io = format::context::StreamIo::from_read_seek(bytes).map_err(ffmpeg_error("opening the recording"))?;
-        let input =
-            format::input_from_stream(io, None, Some(untrusted_options(CONTAINERS))).map_err(
-                |source| match source {
-                    NO_MEMORY => MediaError::Memory,
-                    other => MediaError::Container(other.to_string()),
-                },
-            )?;
+        let input = format::input_from_stream(io, None, Some(untrusted_options(CONTAINERS)))
+            .map_err(|source| unopened(source, shown))?;
         check_codec(&input)?;
         Self::from_input(input, limits)
     }
@@ -342,6 +339,18 @@ pub(super) fn check_size(width: u32, height: u32, limits: MediaLimits) -> Result
         ));
     }
     Ok(())
+}
+
+/// Why FFmpeg did not open a recording, given what its first bytes show.
+fn unopened(source: ff::Error, shown: Option<UnreadRecording>) -> MediaError {
+    match (source, shown) {
+        (NO_MEMORY, _) => MediaError::Memory,
+        (_, Some(UnreadRecording::CutOff)) => MediaError::CutOff,
+        (_, Some(UnreadRecording::Container(name, convert))) => MediaError::OtherContainer { name, convert },
+        (_, Some(UnreadRecording::Photo)) => MediaError::Container("it is a photo".to_owned()),
+        (ff::Error::Other { errno: ff::ffi::EINVAL }, None) => MediaError::Container("an unknown container".to_owned()),
+        (other, None) => MediaError::Container(other.to_string()),
+    }
 }
 
 fn ffmpeg_error(doing: &'static str) -> impl Fn(ff::Error) -> MediaError {

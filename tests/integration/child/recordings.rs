@@ -175,6 +175,17 @@ fn a_file_that_is_no_video_is_refused_by_name() {
 }
 
 #[test]
+fn a_recording_whose_recorder_was_killed_is_refused_as_cut_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let clip = folder.path().join("clip.mp4");
+    let Some(clip) = ffmpeg(&test_picture("320x240", 25, "-c:v libx264 -preset ultrafast"), &clip) else { return };
+    let whole = std::fs::read(&clip).unwrap();
+    let index = whole.windows(4).position(|four| four == b"moov").unwrap();
+    std::fs::write(&clip, &whole[..index - 4]).unwrap();
+    assert_eq!(refusal(&clip), "recording-cut-off");
+}
+
+#[test]
 fn only_the_first_field_of_an_interlaced_frame_is_used() {
     for (first_line, fields) in [
         (0, "-vf tinterlace=interleave_top,fieldorder=tff -flags +ilme+ildct -x264opts tff=1"),
