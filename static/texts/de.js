@@ -412,7 +412,7 @@ export default {
     trueLength: 'Wahre Länge, Sekunden',
     trueLengthHint: 'Vom ersten bis zum letzten Bild.',
     drop: 'Aufnahmen hier ablegen',
-    or: 'MP4, MOV, MKV, AVI oder TS; auch mehrere auf einmal',
+    or: 'MP4, MOV, MKV, WebM, AVI oder TS; auch mehrere auf einmal',
     pick: 'Dateien auswählen',
     list: 'Übertragungen',
     none: 'Keine Übertragungen',
@@ -446,7 +446,7 @@ export default {
 
   sessions: {
     title: 'Sitzungen',
-    lead: 'Alle Aufnahmen in der Reihenfolge ihres Eingangs, die neueste zuerst.',
+    lead: 'Alle Aufnahmen, die zuletzt eingegangene zuerst, gleich wann sie entstand.',
     trainee: 'Lernende/r',
     task: 'Aufgabe',
     box: 'Box',

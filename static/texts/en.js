@@ -324,7 +324,7 @@ export default {
     trueLength: 'True length, seconds',
     trueLengthHint: 'From the first frame to the last.',
     drop: 'Drop recordings here',
-    or: 'MP4, MOV, MKV, AVI or TS; several at once are fine',
+    or: 'MP4, MOV, MKV, WebM, AVI or TS; several at once are fine',
     pick: 'Choose files',
     list: 'Uploads',
     none: 'No uploads',
@@ -358,7 +358,7 @@ export default {
 
   sessions: {
     title: 'Sessions',
-    lead: 'All recordings in the order of arrival, newest first.',
+    lead: 'All recordings, the last to arrive first, whenever it was recorded.',
     trainee: 'Trainee',
     task: 'Task',
     box: 'Box',

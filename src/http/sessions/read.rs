@@ -46,7 +46,9 @@ pub struct SessionsQuery {
     cursor: Option<String>,
 }
 
-/// List the sessions that the caller may see, newest first
+/// List the sessions that the caller may see, the last to arrive first
+///
+/// The order is that of arrival, not of `recorded_at`: a recording may be sent days after it was made.
 #[utoipa::path(get, path = "/sessions", tag = "sessions", params(SessionsQuery),
     responses((status = OK, body = PageResponse<SessionResponse>)))]
 pub async fn list(

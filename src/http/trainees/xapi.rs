@@ -20,7 +20,7 @@ use crate::store::SessionFilter;
 /// Most statements on a page, because each needs a whole result.
 const MAX_STATEMENTS_PER_PAGE: u32 = 50;
 
-/// List a trainee's sessions as xAPI statements, newest first
+/// List a trainee's sessions as xAPI statements, the last to arrive first
 ///
 /// The format is that of a learning record store: `more` is the address of the next page, and empty on the last one.
 /// Sessions without a result and sessions that were set aside have no statement.
