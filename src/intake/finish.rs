@@ -17,8 +17,8 @@ pub async fn finish(
     scope: &Scope,
     upload: &UploadRecord,
 ) -> IntakeResult<FinishedUpload> {
-    if let Some(session) = upload.session_id {
-        return Ok(FinishedUpload { session, is_new: false });
+    if let Some(finished) = upload.finished_before() {
+        return Ok(finished);
     }
     let kept = match vault.keep_upload(upload.id).await {
         Ok(kept) => kept,
@@ -33,9 +33,8 @@ pub async fn finish(
 }
 
 async fn finished_already(store: &Store, scope: &Scope, upload: &UploadRecord) -> IntakeResult<FinishedUpload> {
-    let session = store.uploads().get(scope, upload.id).await?.session_id;
-    let gone = IntakeError::Store(StoreError::NotFound { what: "upload" });
-    session.map(|session| FinishedUpload { session, is_new: false }).ok_or(gone)
+    let finished = store.uploads().get(scope, upload.id).await?.finished_before();
+    finished.ok_or(IntakeError::Store(StoreError::NotFound { what: "upload" }))
 }
 
 /// The media type of a stored recording.

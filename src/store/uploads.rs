@@ -49,6 +49,8 @@ pub struct UploadRecord {
     pub received: u64,
     /// The session that it became.
     pub session_id: Option<SessionId>,
+    /// True if that session existed before this upload was finished.
+    pub is_duplicate: bool,
     /// When it was begun, epoch ms.
     pub created_at_ms: i64,
     /// When it expires unless more bytes arrive, epoch ms.
@@ -87,6 +89,15 @@ pub struct FinishedUpload {
     pub session: SessionId,
     /// True if the session is new. Otherwise the upload was finished before, or the recording exists already.
     pub is_new: bool,
+    /// True if the recording was a session already when the upload was finished.
+    pub is_duplicate: bool,
+}
+
+impl UploadRecord {
+    /// The outcome, if the upload was finished before.
+    pub fn finished_before(&self) -> Option<FinishedUpload> {
+        self.session_id.map(|session| FinishedUpload { session, is_new: false, is_duplicate: self.is_duplicate })
+    }
 }
 
 /// An upload is within the scope if its trainee is, or if its box is the agent's own.
@@ -106,7 +117,7 @@ const UPDATE_RECEIVED: &str = "
 
 const LOWER_RECEIVED: &str = "UPDATE upload SET received = min(received, $2) WHERE id = $1 AND session_id IS NULL";
 
-const LINK_SESSION: &str = "UPDATE upload SET session_id = $2 WHERE id = $1 AND session_id IS NULL";
+const LINK_SESSION: &str = "UPDATE upload SET session_id = $2, is_duplicate = $3 WHERE id = $1 AND session_id IS NULL";
 
 const DELETE_UPLOAD: &str = "DELETE FROM upload WHERE id = $1";
 
@@ -150,6 +161,7 @@ impl UploadStore<'_> {
             length: new.length,
             received: 0,
             session_id: None,
+            is_duplicate: false,
             created_at_ms: self.0.now_ms(),
             expires_at_ms: new.expires_at_ms,
         };
@@ -207,8 +219,8 @@ impl UploadStore<'_> {
         media_type: String,
     ) -> StoreResult<FinishedUpload> {
         let upload = self.get(scope, id).await?;
-        if let Some(session) = upload.session_id {
-            return Ok(FinishedUpload { session, is_new: false });
+        if let Some(finished) = upload.finished_before() {
+            return Ok(finished);
         }
         if upload.received != upload.length || video.bytes != upload.length {
             let (received, length) = (upload.received, upload.length);
@@ -228,7 +240,8 @@ impl UploadStore<'_> {
         self.0
             .write(async move |tx| {
                 let finished = made_or_found(sessions::insert(tx, &scope, new, now_ms, attempts).await)?;
-                let linked = sqlx::query(LINK_SESSION).bind(id).bind(finished.session).execute(&mut *tx).await?;
+                let link = sqlx::query(LINK_SESSION).bind(id).bind(finished.session).bind(finished.is_duplicate);
+                let linked = link.execute(&mut *tx).await?;
                 if linked.rows_affected() == 1 { Ok(finished) } else { Err(not_found("upload")) }
             })
             .await
@@ -271,9 +284,9 @@ impl UploadStore<'_> {
 /// An existing recording is no error here: the sender gets the session that it has become.
 fn made_or_found(inserted: StoreResult<SessionId>) -> StoreResult<FinishedUpload> {
     match inserted {
-        Ok(session) => Ok(FinishedUpload { session, is_new: true }),
+        Ok(session) => Ok(FinishedUpload { session, is_new: true, is_duplicate: false }),
         Err(StoreError::Taken { what, existing: Some(id) }) => match id.parse() {
-            Ok(session) => Ok(FinishedUpload { session, is_new: false }),
+            Ok(session) => Ok(FinishedUpload { session, is_new: false, is_duplicate: true }),
             Err(_) => Err(StoreError::Taken { what, existing: Some(id) }),
         },
         Err(other) => Err(other),

@@ -20,7 +20,8 @@ use crate::intake::{Piece, UploadProgress};
 #[utoipa::path(head, path = "/uploads/{id}", tag = "uploads",
     params(("id" = String, Path, description = "id"), ("Tus-Resumable" = String, Header, description = "`1.0.0`")),
     responses((status = OK,
-            description = "`Upload-Offset`, `Upload-Length`; once the upload is complete, `Trocar-Session`")))]
+            description = "`Upload-Offset`, `Upload-Length`; once the upload is complete, `Trocar-Session`, and \
+                           `Trocar-Duplicate: true` if that session existed before this upload")))]
 pub async fn progress(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Response> {
     let id = at.id()?;
     let received = app.intake.resume(&by.scope, id).await?;

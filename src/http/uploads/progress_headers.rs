@@ -18,7 +18,7 @@ pub fn progress_headers(received: &UploadProgress) -> HeaderMap {
         Some(finished) => {
             let session = HeaderValue::try_from(finished.session.to_string());
             headers.extend(session.ok().map(|session| (TROCAR_SESSION, session)));
-            if !finished.is_new {
+            if finished.is_duplicate {
                 headers.insert(TROCAR_DUPLICATE, HeaderValue::from_static("true"));
             }
         }

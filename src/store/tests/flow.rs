@@ -36,8 +36,9 @@ async fn an_upload_becomes_a_session_that_is_tracked_and_scored() {
     let early = finish().await;
     assert!(matches!(early, Err(StoreError::Refused { .. })), "{early:?}");
     store.uploads().advance(upload.id, 5, NOW_MS + 2_000).await.unwrap();
-    let FinishedUpload { session: id, is_new: true } = finish().await.unwrap() else { panic!("there was none before") };
-    assert_eq!(finish().await.unwrap(), FinishedUpload { session: id, is_new: false });
+    let first = finish().await.unwrap();
+    let FinishedUpload { session: id, is_new: true, is_duplicate: false } = first else { panic!("{first:?}") };
+    assert_eq!(finish().await.unwrap(), FinishedUpload { is_new: false, ..first }, "its own session is no duplicate");
 
     let session = store.sessions().get(&service, id).await.unwrap();
     assert_eq!((session.status(), session.queue_position), (SessionStatus::Queued, Some(1)));

@@ -90,7 +90,7 @@ async fn invalid_rows_are_refused_from_any_writer() {
         "DELETE FROM blob",
         "DELETE FROM calibration",
         "INSERT INTO upload SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', NULL, trainee_id, task_id, box_id, 'f',
-         '', NULL, 10, 11, NULL, 1, 2, NULL, NULL FROM session",
+         '', NULL, 10, 11, NULL, 1, 2, NULL, NULL, 0 FROM session",
         "UPDATE job SET turn = 0 WHERE kind = 'track'",
         "UPDATE job SET kind = 'rescore' WHERE kind = 'palette'",
         "UPDATE job SET kind = 'unknown'",

@@ -245,7 +245,9 @@ async fn a_finished_upload_names_its_session_in_every_answer() {
         let head = upload.request(Method::HEAD).send().await.unwrap();
         assert_eq!(session_of(&head), id);
         assert_eq!(head.headers()["upload-offset"], "1000");
+        assert!(!head.headers().contains_key("trocar-duplicate"), "the session is this upload's own");
         let again = upload.patch(1000, &[]).await;
+        assert!(!again.headers().contains_key("trocar-duplicate"));
         assert_eq!((again.status(), session_of(&again)), (StatusCode::NO_CONTENT, id.clone()));
     }
     let sessions = centre.trainee.read("/api/v1/sessions").await;
@@ -262,6 +264,10 @@ async fn the_same_recording_again_gives_the_same_session_and_says_so() {
     let answer = second.patch(0, &content).await;
     assert_eq!(answer.status(), StatusCode::NO_CONTENT);
     assert_eq!((session_of(&answer), &answer.headers()["trocar-duplicate"]), (id.clone(), &"true".parse().unwrap()));
+    let of = |head: reqwest::Response| head.headers().get("trocar-duplicate").cloned();
+    let head = |upload: &Upload| upload.request(Method::HEAD).send();
+    assert_eq!(of(head(&second).await.unwrap()), Some("true".parse().unwrap()), "also in later answers");
+    assert_eq!(of(head(&first).await.unwrap()), None);
     let in_one_call = super::centre::send(&centre.trainee, "ada", content).await;
     let refused = problem(in_one_call, 409, "duplicate-recording").await;
     assert_eq!(refused["session"], format!("/api/v1/sessions/{id}"));
