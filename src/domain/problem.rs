@@ -19,6 +19,24 @@ impl Problem {
     /// The picture changes its size.
     pub const SIZE_CHANGES: &'static str = "size-changes";
 
+    /// Problems of a recording's file itself: whenever it is read again, it gives the same problem.
+    const OF_FILE: [&'static str; 9] = [
+        "not-a-video",
+        "recording-cut-off",
+        "no-video-stream",
+        "codec-not-accepted",
+        "recording-too-large",
+        Self::SIZE_CHANGES,
+        Self::NO_FRAMES,
+        "pixel-format",
+        "high-dynamic-range",
+    ];
+
+    /// True if the recording's file itself cannot be used, so that to score it again gives the same problem.
+    pub fn is_of_file(&self) -> bool {
+        Self::OF_FILE.contains(&self.slug.as_str())
+    }
+
     /// A problem of this kind.
     pub fn new(slug: &str, title: &str, detail: impl Into<String>) -> Self {
         Self { slug: slug.to_owned(), title: title.to_owned(), detail: detail.into() }

@@ -52,7 +52,9 @@ export default function Session({ person, route }) {
       ${isBeingScored(session) && html`<${Waiting} session=${session} progress=${progress} />`}
       ${isBeingScored(session) && session.live_features && html`<${InterimFeatures} features=${session.live_features} />`}
       ${session.status === 'failed' && html`<${ProblemNotice}
-        problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />`}
+        problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />
+        ${session.retry_can_help && may(person, 'see_boxes') && html`<p><a href=${href(['boxes', session.box.id])}>${
+          words.toBox(session.box.name)}</a></p>`}`}
       <${BoxQuestion} session=${session} person=${person} edits=${edits} onAnswered=${() => (readEdits(), reload())} />
       <${SetAside} session=${session} edits=${edits} />
       <${Retimed} session=${session} edits=${edits} />
@@ -67,7 +69,8 @@ const isBeingScored = session => ['queued', 'tracking'].includes(session.status)
 
 /** @param {Props} props */
 const Lead = ({ session, person }) => html`
-  ${dateTime(session.recorded_at ?? session.created_at)} · ${session.box?.name} · ${session.filename}
+  ${dateTime(session.recorded_at ?? session.created_at)} · ${may(person, 'see_boxes') && session.box
+    ? html`<a href=${href(['boxes', session.box.id])}>${session.box.name}</a>` : session.box?.name} · ${session.filename}
   ${session.source?.kind === 'import' && ` · ${words.imported(session.source.tracker)}`}
   ${' '}${(may(person, 'see_trainees') || person.trainee) && session.trainee &&
     html`· <a href=${href(['trainees', session.trainee.id])}>${t.trainee.progress}</a>`}`;
@@ -112,7 +115,7 @@ function Actions({ session, person, onChange }) {
   return html`
     <${StatusPill} state=${stateOf(session)} />
     ${session.status === 'done' && html`<a class="button" href=${href(['sessions', session.id, 'report'])}>${t.report.open}</a>`}
-    ${!isMoving(session) && session.source?.kind !== 'import' && may(person, 'retry') && html`<button class=${`button ${session.status === 'failed' ? 'main'
+    ${!isMoving(session) && session.retry_can_help && may(person, 'retry') && html`<button class=${`button ${session.status === 'failed' ? 'main'
       : ''}`} type="button" title=${words.again} disabled=${busy} onClick=${retry}>${busy ? words.retryBusy
       : words.retry}</button>`}
     ${may(person, 'delete') && !isMoving(session) && html`<button class="button" type="button"

@@ -379,6 +379,7 @@ export default {
   session: {
     title: (trainee, task) => `${trainee} – ${task}`,
     recorded: 'Recorded',
+    toBox: name => `Camera and tape colours of ${name}`,
     retry: 'Score it again',
     retryBusy: 'Adding to the queue …',
     retried: 'The recording is in the queue again.',
@@ -393,7 +394,8 @@ export default {
     video: 'Recording',
     overlay: 'Overlay',
     show: { tip: 'Tips', borders: 'Edges', mask: 'Tape', midline: 'Midline', path: 'Path', depth: 'Depth' },
-    noVideo: 'This browser cannot play the format of this recording. Curves, path and features still work.',
+    noVideo: 'This browser cannot play the format of this recording.',
+    noVideoStill: 'Curves, path and features still work.',
     play: 'Play',
     pause: 'Pause',
     back: 'One frame back',

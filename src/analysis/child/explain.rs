@@ -185,3 +185,32 @@ pub(super) fn mark_outside(mark: &ColourMark, width: usize, height: usize) -> Pr
     );
     Problem::new("mark-outside", "A rectangle is outside the picture", detail)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_cannot_be_used_is_known_as_such_and_what_may_pass_is_not() {
+        let over = MediaError::OverLimit { what: "the duration", value: "9 h".into(), limit: "4 h".into() };
+        let changed = MediaError::SizeChanged { from: (640, 480), to: (320, 240), frame: 7 };
+        let of_file = [
+            MediaError::Container("noise".into()),
+            MediaError::OtherContainer { name: "MXF", convert: "ffmpeg" },
+            MediaError::CutOff,
+            MediaError::NoVideo,
+            MediaError::Codec("prores".into()),
+            over,
+            changed,
+            MediaError::NoFrames,
+            MediaError::PixelFormat("gbrp".into()),
+            MediaError::HighDynamicRange("PQ"),
+        ];
+        for error in of_file {
+            assert!(error.to_problem().is_of_file(), "{error}");
+        }
+        for error in [MediaError::Memory, MediaError::Photo("cut".into())] {
+            assert!(!error.to_problem().is_of_file(), "{error}");
+        }
+    }
+}

@@ -7,7 +7,7 @@ use utoipa::ToSchema;
 use crate::domain::feature::StoredFeatureKey;
 use crate::domain::feed::arrival::Arrival;
 use crate::domain::files::quality::QualityDocument;
-use crate::domain::problem;
+use crate::domain::problem::Problem;
 use crate::domain::session::{
     BoxQuestion, FeatureError, FeatureRow, FeatureSpace, LiveFeature, ResultClock, SessionStatus, Versions,
 };
@@ -52,6 +52,9 @@ pub struct SessionResponse {
     error: Option<ProblemDocument>,
     /// True if tracking crashed or timed out too often, so it is not tried again on its own. Staff may retry it.
     quarantined: bool,
+    /// False if the recording's file itself cannot be used, or if there is none: to score the session again gives the same
+    /// result.
+    retry_can_help: bool,
     video: VideoResponse,
     /// Names of the tools, in the trajectory's order.
     tools: Vec<String>,
@@ -184,15 +187,17 @@ impl SessionResponse {
             arrival: None,
             may_run_at_wrong_pace: false,
         };
+        let problem = session.problem();
         let mut shown = Self {
             id: session.id,
+            retry_can_help: session.tracker.is_none() && !problem.as_ref().is_some_and(Problem::is_of_file),
             progress: progress(status, session.job_progress),
             queue_position: session.queue_position,
             source: SessionSource {
                 kind: if session.tracker.is_some() { "import" } else { "recording" },
                 tracker: session.tracker.clone(),
             },
-            error: session.problem().map(ProblemDocument::from),
+            error: problem.map(ProblemDocument::from),
             quarantined: session.is_quarantined(),
             trainee: named(session.trainee_id, session.trainee_name, session.trainee_code),
             task: named(session.task_id, session.task_name, session.task_code),
@@ -310,10 +315,10 @@ impl FeatureResponse {
     }
 }
 
-impl From<problem::Problem> for ProblemDocument {
+impl From<Problem> for ProblemDocument {
     /// A stored problem of a job. It never was an answer, so its status is always 422.
-    fn from(problem: problem::Problem) -> Self {
-        let problem::Problem { slug, title, detail } = problem;
+    fn from(problem: Problem) -> Self {
+        let Problem { slug, title, detail } = problem;
         Self { kind: format!("/problems/{slug}"), title, status: 422, detail, errors: Vec::new() }
     }
 }

@@ -11,8 +11,12 @@ const RATES = [0.1, 0.25, 0.5, 1, 2, 4];
 const LAYERS = ['tip', 'borders', 'mask', 'midline', 'path', 'depth'];
 const SHOWN = { tip: true, borders: true, mask: true, midline: false, path: true, depth: true };
 
-/** @param {Props} props */
-export function Player({ address, size, track, playback, hidden }) {
+/**
+ * Calls `onRead` with size and length of the recording, or with `false` if the browser cannot play it.
+ *
+ * @param {Props} props
+ */
+export function Player({ address, size, track, playback, hidden, onRead }) {
   const screen = useRef(null);
   const video = useRef(null);
   const canvas = useRef(null);
@@ -32,7 +36,12 @@ export function Player({ address, size, track, playback, hidden }) {
 
   const showUnplayable = () => {
     setUnplayable(true);
+    onRead(false);
     playback.withoutVideo(track?.duration ?? 0);
+  };
+  const showRead = () => {
+    const { videoWidth: width, videoHeight: height, duration } = video.current;
+    onRead({ width, height, duration_s: duration * playback.factor });
   };
   // The height is reserved before the video is loaded, so that nothing below moves.
   const shape = size?.width ? `${size.width} / ${size.height}` : undefined;
@@ -40,18 +49,19 @@ export function Player({ address, size, track, playback, hidden }) {
     <div ref=${screen} class="player">
       <div class="screen" style=${{ aspectRatio: shape }}>
         <video ref=${video} src=${address} preload="auto" playsinline muted aria-label=${words.video} onError=${showUnplayable}
+          onLoadedMetadata=${showRead}
           onClick=${() => playback.toggle()}></video>
         <canvas ref=${canvas} aria-hidden="true"></canvas>
-        ${unplayable && html`<p class="words" role="alert">${words.noVideo}</p>`}
+        ${unplayable && html`<p class="words" role="alert">${words.noVideo}${track && ` ${words.noVideoStill}`}</p>`}
       </div>
-      <${Transport} playback=${playback} onFull=${() => (document.fullscreenElement ? document.exitFullscreen()
+      ${(track || !unplayable) && html`<${Transport} playback=${playback} onFull=${() => (document.fullscreenElement ? document.exitFullscreen()
         : screen.current.requestFullscreen())}>
         ${track && html`
           <div class="row layers" role="group" aria-label=${words.overlay}>
             ${LAYERS.map(layer => html`<button key=${layer} type="button" class="button" aria-pressed=${show[layer]}
               onClick=${() => setShow({ ...show, [layer]: !show[layer] })}>${words.show[layer]}</button>`)}
           </div>`}
-      <//>
+      <//>`}
     </div>`;
 }
 

@@ -58,8 +58,9 @@ export function Edits({ session, person, edits, playback, tools, onEdited }) {
     </section>`;
 }
 
-/** Times can be corrected even if the session could not be tracked. An imported table has its own times. */
-const mayRetime = session => session.source?.kind === 'recording' && ['done', 'failed'].includes(session.status);
+/** Times can be corrected even if the session could not be tracked, but not those of a file that cannot be read. An imported
+ *  table has its own times. */
+const mayRetime = session => session.retry_can_help && ['done', 'failed'].includes(session.status);
 
 /** The effect of an edit, in words. @param {Schemas['EditResponse']} edit */
 const editText = ({ kind, from_s: from, to_s: to, tools, true_frame_rate_hz: rate, true_duration_s: length }) => {

@@ -40,6 +40,8 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
   const [rated, setRated] = useState(0);
   const { evidence, advice } = useEvidence(session);
   const [span, setSpan] = useState('all');
+  /** What the browser knows of the recording: `null` until it has read its beginning, `false` if it cannot play it. */
+  const [played, setPlayed] = useState(null);
 
   useEffect(() => {
     const keys = pageKeys(playback);
@@ -58,9 +60,9 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
         <section class="card first">
           ${session.source?.kind === 'import' ? html`<div class="body"><${Notice} title=${words.noRecording}>${
             words.noRecordingBody(session.source.tracker)}<//></div>${track && html`<${Transport} playback=${playback} />`}` : html`<${Player} address=${api.sessions.videoAddress(session.id)} size=${session.video} track=${track}
-            playback=${playback} hidden=${hidden} />`}
+            playback=${playback} hidden=${hidden} onRead=${setPlayed} />`}
           ${track && html`<${Readouts} track=${track} playback=${playback} />`}
-          <p class="small muted keys">${words.keys}</p>
+          ${(track || played !== false) && html`<p class="small muted keys">${words.keys}</p>`}
         </section>
         ${track && html`<${Card} title=${words.space} place="third"><${Path3d} track=${track} playback=${playback}
           hidden=${hidden} ghost=${ghost} /><//>`}
@@ -71,7 +73,7 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
         <div class="pair">
           ${session.quality?.tools && html`<${Card} title=${words.quality}><${Quality}
             quality=${session.quality} /><//>`}
-          <${Card} title=${words.versions}><${SessionVersions} session=${session} /><//>
+          <${Card} title=${words.versions}><${SessionVersions} session=${session} played=${played} /><//>
         </div>
       </div>
       <div class="stack">
@@ -181,15 +183,17 @@ function keepTimeInAddress(playback, id) {
 const short = version => (/^[0-9a-f-]{20,}$/.test(version) ? `…${version.slice(-8)}` : (version ?? words.noneYet));
 
 /** @param {Props} props */
-function SessionVersions({ session }) {
+function SessionVersions({ session, played }) {
   const { video, versions } = session;
+  // A recording that was not scored has no facts of the service; the browser may have some.
+  const { width, height, duration_s: duration } = video?.width ? video : { ...video, ...played };
   return html`
     <div class="stack">
       <dl class="facts">
-        ${video && html`${video.width && html`<dt>${words.size}</dt><dd>
-          ${video.width} × ${video.height}, ${words.frames(video.frames)}</dd>`}
-          <dt>${words.length}</dt><dd>${clock(video.duration_s)}</dd>
-          <dt>${words.file}</dt><dd>${bytes(video.bytes)}</dd>`}
+        ${video && html`${width > 0 && html`<dt>${words.size}</dt><dd>
+          ${width} × ${height}${Number.isFinite(video.frames) && `, ${words.frames(video.frames)}`}</dd>`}
+          ${Number.isFinite(duration) && html`<dt>${words.length}</dt><dd>${clock(duration)}</dd>`}
+          ${Number.isFinite(video.bytes) && html`<dt>${words.file}</dt><dd>${bytes(video.bytes)}</dd>`}`}
         ${Object.entries(words.version).map(([key, name]) => html`<dt key=${key}>${name}</dt>
           <dd class="code" title=${versions?.[key]}>${short(versions?.[key])}</dd>`)}
       </dl>

@@ -60,6 +60,7 @@ async fn rows_of_another_tracker_become_a_session_that_names_the_tracker() {
         import_and_wait(&centre.instructor, "trainee=ada&tracker=Kinovea", table(&["left", "right"], None)).await;
     assert_eq!(session["status"], "done", "{session}");
     assert_eq!(session["source"], json!({"kind": "import", "tracker": "Kinovea"}));
+    assert_eq!(session["retry_can_help"], false, "there is no recording to score again");
     assert_eq!(session["versions"]["pipeline"], format!("{PIPELINE_VERSION} on rows by Kinovea"));
     assert_eq!(session["versions"]["calibration"], Value::Null);
     assert_eq!((&session["video"]["width"], &session["video"]["frames"]), (&Value::Null, &json!(500)));
