@@ -9,8 +9,9 @@ use ffmpeg_next as ff;
 
 use super::file::check_size;
 use super::frame_size::frame_size;
+use super::orientation::PictureOrientation;
 use super::picture::Picture;
-use super::picture_maker::{PictureMaker, Rotation};
+use super::picture_maker::PictureMaker;
 use super::{MediaError, MediaLimits};
 use crate::domain::feed::{FrameCodec, TimeBase};
 
@@ -60,7 +61,7 @@ impl FeedDecoder {
             .open_as_with(found, options)
             .and_then(|opened| opened.video())
             .map_err(ffmpeg_error("opening the decoder"))?;
-        let maker = PictureMaker::new(Rotation::None);
+        let maker = PictureMaker::new(PictureOrientation::UPRIGHT);
         Ok(Self { codec, decoder, maker, time_base, size, limits, in_decoder: Vec::new(), last_time: None })
     }
 

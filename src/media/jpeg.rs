@@ -80,6 +80,7 @@ impl JpegCoder {
         let (from, to) = match of.shift {
             (1, 1) => (YUV420P, YUVJ420P),
             (1, 0) => (YUV422P, YUVJ422P),
+            (0, 1) => (YUV440P, YUVJ444P),
             (0, 0) => (YUV444P, YUVJ444P),
             (x, y) => return Err(EncodeError::Chroma { x, y }),
         };

@@ -21,6 +21,7 @@ mod frame_size;
 mod jpeg;
 mod limits;
 mod mux;
+mod orientation;
 pub mod photo;
 mod photo_format;
 mod picture;
@@ -108,6 +109,13 @@ pub enum MediaError {
     /// A pixel format that cannot be converted to planar YUV.
     #[error("pixel format {0} cannot be converted")]
     PixelFormat(String),
+    /// The picture must be shown in another way than turned by quarters or mirrored.
+    #[error(
+        "the file asks players to show its picture {0}; only quarter turns and mirror images, stated once for the whole \
+         file, can be measured. Export the recording from a video editor, which turns the pixels themselves, and send \
+         that file"
+    )]
+    Orientation(String),
     /// Codes of high dynamic range. The tracker takes codes for those of standard video, so colours and the light at
     /// edges would both be wrong.
     #[error(

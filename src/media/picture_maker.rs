@@ -5,46 +5,13 @@ use ffmpeg_next::{chroma, format, frame, software::scaling, util::color};
 
 use super::MediaError;
 use super::fields::keep_one_field;
+use super::orientation::PictureOrientation;
 use super::picture::{OwnedPlane, Picture, PlanarFrame, Planes, middle_px, plane_of};
 use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
 
-/// The rotation needed for display, clockwise.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rotation {
-    /// As recorded.
-    None,
-    /// 90° clockwise.
-    Right,
-    /// 180°.
-    Half,
-    /// 270° clockwise.
-    Left,
-}
-
-impl Rotation {
-    /// Width and height as displayed.
-    pub(super) fn turned(self, width: u32, height: u32) -> (u32, u32) {
-        match self {
-            Rotation::None | Rotation::Half => (width, height),
-            Rotation::Right | Rotation::Left => (height, width),
-        }
-    }
-
-    /// Position of the first chroma sample as displayed, pixels of luma; `shift` halves the planes before the rotation.
-    fn turned_chroma(self, [x, y]: [f32; 2], shift: (u8, u8)) -> [f32; 2] {
-        let from_end = |at: f32, halvings: u8| 2.0 * middle_px(halvings) - at;
-        match self {
-            Rotation::None => [x, y],
-            Rotation::Half => [from_end(x, shift.0), from_end(y, shift.1)],
-            Rotation::Right => [from_end(y, shift.1), x],
-            Rotation::Left => [y, from_end(x, shift.0)],
-        }
-    }
-}
-
 /// Makes the pictures of one recording.
 pub(super) struct PictureMaker {
-    rotation: Rotation,
+    orientation: PictureOrientation,
     scaler: Option<Scaler>,
     spare: SpareMemory,
 }
@@ -58,8 +25,8 @@ struct SpareMemory {
 }
 
 impl PictureMaker {
-    pub(super) fn new(rotation: Rotation) -> Self {
-        Self { rotation, scaler: None, spare: SpareMemory::default() }
+    pub(super) fn new(orientation: PictureOrientation) -> Self {
+        Self { orientation, scaler: None, spare: SpareMemory::default() }
     }
 
     /// A frame for the decoder to fill; the buffer that it still refers to then goes back to the decoder.
@@ -80,6 +47,7 @@ impl PictureMaker {
     /// and upright.
     pub(super) fn make(&mut self, decoded: frame::Video, index: u64, time_s: f64) -> Result<Picture, MediaError> {
         check_dynamic_range(&decoded)?;
+        self.orientation.check_frame(&decoded)?;
         let first_line = decoded.is_interlaced().then(|| usize::from(!decoded.is_top_first()));
         let planar = self.planar(decoded)?;
         Ok(self.picture_of(planar, first_line, index, time_s))
@@ -87,22 +55,29 @@ impl PictureMaker {
 
     /// The frame as a picture; if interlaced, only the field that begins at `first_line`.
     fn picture_of(&mut self, planar: PlanarFrame, first_line: Option<usize>, index: u64, time_s: f64) -> Picture {
-        let (sx, sy) = chroma_shift(planar.frame.format());
         let encoding = encoding_of(&planar.frame);
-        let chroma_first_px = self.rotation.turned_chroma(planar.chroma_first_px, (sx, sy));
-        let turns = matches!(self.rotation, Rotation::Right | Rotation::Left);
-        let shift = if turns { (sy, sx) } else { (sx, sy) };
-        let planes = match (first_line, self.rotation) {
-            (None, Rotation::None) => Planes::Frame(planar),
-            (first_line, turn) => {
+        let size = (planar.frame.width(), planar.frame.height());
+        let stored_shift = chroma_shift(planar.frame.format());
+        let repeats_chroma = self.orientation.splits_chroma(size, stored_shift);
+        let (shift, first_px) = match (repeats_chroma, stored_shift, planar.chroma_first_px) {
+            (false, shift, first_px) => (shift, first_px),
+            (true, (x, y), first_px) => ((0, 0), [first_px[0] - middle_px(x), first_px[1] - middle_px(y)]),
+        };
+        let chroma_first_px = self.orientation.displayed_chroma(first_px, shift);
+        let planes = match first_line {
+            None if self.orientation == PictureOrientation::UPRIGHT => Planes::Frame(planar),
+            first_line => {
                 let mut changed = self.spare.turned.pop().unwrap_or_default();
                 for (i, into) in changed.iter_mut().enumerate() {
-                    copy_changed(plane_of(&planar.frame, i), first_line, turn, into);
+                    let repeat = if repeats_chroma && i > 0 { stored_shift } else { (0, 0) };
+                    let stored = StoredPlane { plane: plane_of(&planar.frame, i), repeat, picture_size: size };
+                    stored.copy_displayed(first_line, self.orientation, into);
                 }
                 self.spare.keep(planar);
                 Planes::Owned(changed)
             }
         };
+        let shift = self.orientation.displayed(shift);
         let picture = Picture::new(planes, shift, encoding, index, time_s).with_chroma_at(chroma_first_px);
         if first_line.is_some() { picture.into_one_field() } else { picture }
     }
@@ -227,32 +202,42 @@ fn first_chroma_px(video: &frame::Video) -> [f32; 2] {
     }
 }
 
-/// Fills a plane with another plane, or one field of it, rotated.
-fn copy_changed(plane: Plane<'_>, first_line: Option<usize>, turn: Rotation, into: &mut OwnedPlane) {
-    match (first_line, turn) {
-        (Some(first), Rotation::None) => keep_one_field(plane, first, into),
-        (Some(first), turn) => {
-            let mut field = OwnedPlane::default();
-            keep_one_field(plane, first, &mut field);
-            copy_rotated(field.borrow(), turn, into);
-        }
-        (None, turn) => copy_rotated(plane, turn, into),
-    }
+/// A plane as stored, and how often its samples are repeated for display.
+struct StoredPlane<'a> {
+    plane: Plane<'a>,
+    /// Each sample becomes `1 << repeat` samples in x and y.
+    repeat: (u8, u8),
+    /// Columns and rows of the picture.
+    picture_size: (u32, u32),
 }
 
-/// Fills a plane with another plane, rotated.
-fn copy_rotated(plane: Plane<'_>, turn: Rotation, turned: &mut OwnedPlane) {
-    let (w, h) = (plane.width, plane.height);
-    (turned.width, turned.height) = if turn == Rotation::Half { (w, h) } else { (h, w) };
-    turned.data.clear();
-    for y in 0..turned.height {
-        for x in 0..turned.width {
-            turned.data.push(match turn {
-                Rotation::None => plane.at(x, y),
-                Rotation::Right => plane.at(y, h - 1 - x),
-                Rotation::Half => plane.at(w - 1 - x, h - 1 - y),
-                Rotation::Left => plane.at(w - 1 - y, x),
-            });
+impl StoredPlane<'_> {
+    /// Fills a plane with this one, or one field of it, as displayed.
+    fn copy_displayed(&self, first_line: Option<usize>, orientation: PictureOrientation, into: &mut OwnedPlane) {
+        match first_line {
+            Some(first) if orientation == PictureOrientation::UPRIGHT => keep_one_field(self.plane, first, into),
+            Some(first) => {
+                let mut field = OwnedPlane::default();
+                keep_one_field(self.plane, first, &mut field);
+                StoredPlane { plane: field.borrow(), ..*self }.copy_turned(orientation, into);
+            }
+            None => self.copy_turned(orientation, into),
+        }
+    }
+
+    fn copy_turned(&self, orientation: PictureOrientation, into: &mut OwnedPlane) {
+        let (repeat_x, repeat_y) = self.repeat;
+        let size = match self.repeat {
+            (0, 0) => (self.plane.width, self.plane.height),
+            _ => (self.picture_size.0 as usize, self.picture_size.1 as usize),
+        };
+        (into.width, into.height) = orientation.displayed(size);
+        into.data.clear();
+        for y in 0..into.height {
+            for x in 0..into.width {
+                let (x, y) = orientation.stored_place((x, y), size);
+                into.data.push(self.plane.at(x >> repeat_x, y >> repeat_y));
+            }
         }
     }
 }
@@ -260,18 +245,6 @@ fn copy_rotated(plane: Plane<'_>, turn: Rotation, turned: &mut OwnedPlane) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_quarter_turn_moves_the_top_left_corner_to_the_top_right() {
-        let plane = Plane { data: &[1, 2, 3, 4, 5, 6], stride: 3, width: 3, height: 2 };
-        let mut turned = OwnedPlane::default();
-        copy_rotated(plane, Rotation::Right, &mut turned);
-        assert_eq!((turned.width, turned.height, &turned.data[..]), (2, 3, &[4, 1, 5, 2, 6, 3][..]));
-        copy_rotated(plane, Rotation::Left, &mut turned);
-        assert_eq!(turned.data, [3, 6, 2, 5, 1, 4]);
-        copy_rotated(plane, Rotation::Half, &mut turned);
-        assert_eq!((turned.width, turned.height, &turned.data[..]), (3, 2, &[6, 5, 4, 3, 2, 1][..]));
-    }
 
     /// A frame of 4:2:2 whose lines have the codes 10, 11, 12, … in luma, 100, … in blue and 200, … in red.
     fn lined(format: format::Pixel) -> PlanarFrame {
@@ -289,7 +262,7 @@ mod tests {
         let made = |transfer: color::TransferCharacteristic| {
             let mut frame = lined(format::Pixel::YUV422P).frame;
             frame.set_color_transfer_characteristic(transfer);
-            PictureMaker::new(Rotation::None).make(frame, 0, 0.0)
+            PictureMaker::new(PictureOrientation::UPRIGHT).make(frame, 0, 0.0)
         };
         for (transfer, name) in
             [(color::TransferCharacteristic::SMPTE2084, "PQ"), (color::TransferCharacteristic::ARIB_STD_B67, "HLG")]
@@ -303,7 +276,7 @@ mod tests {
 
     #[test]
     fn a_field_is_taken_before_the_picture_is_turned() {
-        let mut maker = PictureMaker::new(Rotation::Right);
+        let mut maker = PictureMaker::new(PictureOrientation::RIGHT);
         let picture = maker.picture_of(lined(format::Pixel::YUV422P), Some(1), 3, 0.5);
         assert!(picture.is_interlaced());
         let frame = picture.frame();
@@ -318,21 +291,36 @@ mod tests {
     fn an_upright_progressive_picture_is_the_decoder_s_own_memory() {
         let planar = lined(format::Pixel::YUV422P);
         let place = planar.frame.data(0).as_ptr();
-        let picture = PictureMaker::new(Rotation::None).picture_of(planar, None, 0, 0.0);
+        let picture = PictureMaker::new(PictureOrientation::UPRIGHT).picture_of(planar, None, 0, 0.0);
         let frame = picture.frame();
         assert!(!picture.is_interlaced() && frame.y.data.as_ptr() == place);
         assert_eq!((frame.shift_x, frame.shift_y), (1, 0));
     }
 
+    /// A frame of 4:2:0 whose samples have the codes of their places.
+    fn odd_frame() -> PlanarFrame {
+        let mut frame = frame::Video::new(format::Pixel::YUV420P, 5, 3);
+        for plane in 0..3 {
+            let (stride, width) = (frame.stride(plane), frame.plane_width(plane) as usize);
+            for (y, line) in frame.data_mut(plane).chunks_mut(stride).enumerate() {
+                line.iter_mut().take(width).zip(40 * plane..).for_each(|(code, at)| *code = (at + 10 * y) as u8);
+            }
+        }
+        PlanarFrame { chroma_first_px: [0.0, 0.5], frame, is_converted: false }
+    }
+
     #[test]
-    fn chroma_samples_stay_at_their_place_when_a_picture_is_turned() {
-        let left = [0.0, 0.5]; // on the first column, between two rows
-        let turned = |turn: Rotation| turn.turned_chroma(left, (1, 1));
-        assert_eq!(turned(Rotation::None), left);
-        assert_eq!(turned(Rotation::Half), [1.0, 0.5], "on the last of two columns");
-        assert_eq!(turned(Rotation::Right), [0.5, 0.0]);
-        assert_eq!(turned(Rotation::Left), [0.5, 1.0]);
-        assert_eq!(Rotation::Half.turned_chroma([0.0, 0.0], (1, 0)), [1.0, 0.0]);
+    fn each_pixel_of_an_odd_picture_keeps_its_colour_when_the_picture_is_turned() {
+        let stored = PictureMaker::new(PictureOrientation::UPRIGHT).picture_of(odd_frame(), None, 0, 0.0);
+        for orientation in PictureOrientation::ALL {
+            let shown = PictureMaker::new(orientation).picture_of(odd_frame(), None, 0, 0.0);
+            let frame = shown.frame();
+            assert_eq!((frame.width(), frame.height()), orientation.displayed((5, 3)), "{orientation:?}");
+            for (x, y) in (0..frame.width()).flat_map(|x| (0..frame.height()).map(move |y| (x, y))) {
+                let (from_x, from_y) = orientation.stored_place((x, y), (5, 3));
+                assert_eq!(frame.yuv_at(x, y), stored.frame().yuv_at(from_x, from_y), "{orientation:?} {x} {y}");
+            }
+        }
     }
 
     #[test]
@@ -350,7 +338,7 @@ mod tests {
             let mut decoded = frame::Video::new(from, 96, 64);
             decoded.set_color_range(color::Range::JPEG);
             decoded.set_color_space(space);
-            PictureMaker::new(Rotation::None).make(decoded, 0, 0.0).unwrap().frame().encoding
+            PictureMaker::new(PictureOrientation::UPRIGHT).make(decoded, 0, 0.0).unwrap().frame().encoding
         };
         let full = ColourEncoding { range: Range::Full, matrix: Matrix::Bt2020 };
         assert_eq!(encoding(format::Pixel::YUV420P10LE, color::Space::BT2020NCL), full);
@@ -361,7 +349,7 @@ mod tests {
     #[test]
     fn the_memory_of_a_picture_that_is_done_with_serves_the_next() {
         let decoded = || frame::Video::new(format::Pixel::YUV420P10LE, 96, 64);
-        let mut maker = PictureMaker::new(Rotation::Right);
+        let mut maker = PictureMaker::new(PictureOrientation::RIGHT);
         let first = maker.make(decoded(), 0, 0.0).unwrap();
         let place = first.frame().y.data.as_ptr();
         maker.recycle(first);
@@ -380,7 +368,7 @@ mod tests {
 
     #[test]
     fn a_copy_leaves_no_memory_behind() {
-        let mut maker = PictureMaker::new(Rotation::None);
+        let mut maker = PictureMaker::new(PictureOrientation::UPRIGHT);
         let picture = maker.make(frame::Video::new(format::Pixel::YUV420P, 96, 64), 0, 0.0).unwrap();
         let copy = picture.copied();
         maker.recycle(copy);

@@ -42,6 +42,16 @@ pub(super) fn recording(samples: SampleFormat, frames: u64) -> Vec<u8> {
     std::fs::read(&path).unwrap()
 }
 
+/// An MP4 recording with another display matrix in its only track: nine numbers, 16.16 fixed point.
+pub(super) fn with_matrix(mut mp4: Vec<u8>, matrix: [i32; 9]) -> Vec<u8> {
+    let header = mp4.windows(4).position(|name| name == b"tkhd").unwrap();
+    assert_eq!(mp4[header + 4], 0, "the header's version, which sets the matrix's place");
+    for (number, place) in matrix.iter().zip((header + 44..).step_by(4)) {
+        mp4[place..place + 4].copy_from_slice(&number.to_be_bytes());
+    }
+    mp4
+}
+
 /// Opens the recording. The reference count of `recording` shows whether it is still open.
 pub(super) fn open(recording: &Arc<[u8]>, limits: MediaLimits) -> VideoFile {
     VideoFile::open(Cursor::new(recording.clone()), limits).unwrap()

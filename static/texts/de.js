@@ -2418,6 +2418,7 @@ export default {
       'photo-count': ['Zu wenige oder zu viele Fotos'],
       'photo-sizes-differ': ['Die Fotos haben verschiedene Größen'],
       'photo-turns-differ': ['Die Fotos sind verschieden gedreht', 'Halten Sie die Kamera bei allen Fotos gleich, am besten so wie bei den Aufnahmen.'],
+      'picture-orientation': ['Das Bild soll auf ungewöhnliche Weise gezeigt werden', 'Messbar sind nur Vierteldrehungen und Spiegelbilder, die einmal für die ganze Datei angegeben sind. Exportieren Sie die Aufnahme aus einem Schnittprogramm, das die Bildpunkte selbst dreht, und senden Sie diese Datei.'],
       'pixel-format': ['Das Pixelformat ist nicht verwendbar'],
       'recording-too-large': ['Die Aufnahme ist größer als angenommen wird'],
       'same-side': ['Instrumente einer Farbe kommen von derselben Seite'],

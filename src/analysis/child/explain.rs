@@ -31,6 +31,7 @@ impl ToProblem for MediaError {
             MediaError::Memory => ("too-much-memory", "The recording needs too much memory"),
             MediaError::Photo(_) | MediaError::PhotoFormat(_) => ("not-a-photo", "The file is not a readable photo"),
             MediaError::PixelFormat(_) => ("pixel-format", "The pixel format cannot be used"),
+            MediaError::Orientation(_) => ("picture-orientation", "The picture must be shown in an unusual way"),
             MediaError::HighDynamicRange(_) => ("high-dynamic-range", "The recording has high dynamic range"),
             MediaError::Ffmpeg { .. } => ("cannot-decode", "The recording cannot be decoded"),
         };

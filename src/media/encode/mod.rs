@@ -219,6 +219,7 @@ pub(super) fn copy_frame(picture: &Frame<'_>) -> Result<frame::Video, EncodeErro
     let pixel = match (picture.shift_x, picture.shift_y) {
         (1, 1) => format::Pixel::YUV420P,
         (1, 0) => format::Pixel::YUV422P,
+        (0, 1) => format::Pixel::YUV440P, // 4:2:2, turned by a quarter
         (0, 0) => format::Pixel::YUV444P,
         (x, y) => return Err(EncodeError::Chroma { x, y }),
     };

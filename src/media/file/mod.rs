@@ -12,8 +12,9 @@ use ff::{Dictionary, codec, format, frame, media};
 use ffmpeg_next as ff;
 
 use super::clock::FrameClock;
+use super::orientation::PictureOrientation;
 use super::picture::Picture;
-use super::picture_maker::{PictureMaker, Rotation};
+use super::picture_maker::PictureMaker;
 use super::unread_recording::UnreadRecording;
 use super::{MediaError, MediaLimits};
 use crate::domain::clock::FRAME_RATES_HZ;
@@ -109,10 +110,10 @@ impl VideoFile {
         }
         let has_rate = rate.is_finite() && rate > 0.0;
         let frames_expected = listed.or(duration_s.filter(|_| has_rate).map(|d| (d * rate).round() as u64));
-        let rotation = rotation_of(&stream);
+        let orientation = PictureOrientation::of_stream(&stream)?;
         let index = stream.index();
         let decoder = open_decoder(&stream, limits)?;
-        let (width, height) = rotation.turned(width, height);
+        let (width, height) = orientation.displayed((width, height));
         Ok(Self {
             info: RecordingInfo {
                 width,
@@ -127,7 +128,7 @@ impl VideoFile {
             stream: index,
             clock,
             time_factor: 1.0,
-            maker: PictureMaker::new(rotation),
+            maker: PictureMaker::new(orientation),
             limits,
             decoded: 0,
             pending: None,
@@ -314,19 +315,6 @@ fn open_decoder(stream: &format::stream::Stream<'_>, limits: MediaLimits) -> Res
         .open_as_with(stream.parameters().id(), options)
         .and_then(|opened| opened.video())
         .map_err(ffmpeg_error("opening the decoder"))
-}
-
-pub(super) fn rotation_of(stream: &format::stream::Stream<'_>) -> Rotation {
-    let matrix = stream.side_data().find(|d| d.kind() == codec::packet::side_data::Type::DisplayMatrix);
-    let Some(bytes) = matrix.as_ref().map(|d| d.data()).filter(|d| d.len() >= 36) else { return Rotation::None };
-    let entry = |i: usize| i32::from_ne_bytes([bytes[4 * i], bytes[4 * i + 1], bytes[4 * i + 2], bytes[4 * i + 3]]);
-    // The matrix's upper left 2×2 part, 16.16 fixed point: (a b; c d) maps stored to displayed.
-    match (entry(0).signum(), entry(1).signum(), entry(3).signum(), entry(4).signum()) {
-        (0, 1, -1, 0) => Rotation::Right,
-        (-1, 0, 0, -1) => Rotation::Half,
-        (0, -1, 1, 0) => Rotation::Left,
-        _ => Rotation::None,
-    }
 }
 
 pub(super) fn check_size(width: u32, height: u32, limits: MediaLimits) -> Result<(), MediaError> {

@@ -1,12 +1,12 @@
 //! Sources of frames: a camera, a file or an address that a box's agent captures, or a stream that a sender pushes.
-//! Frames keep their coding if the feed supports the codec; other frames are decoded, rotated upright, and coded as
+//! Frames keep their coding if the feed supports the codec; other frames are decoded, turned upright, and coded as
 //! good JPEGs.
 //!
 //! | source | frames |
 //! |---|---|
 //! | H.264 | unchanged, in Annex B form, parameter sets with every key frame |
 //! | MJPEG | unchanged |
-//! | H.264 without presentation times, or that begins with hidden frames; pictures that need rotation; any other codec; raw pictures | JPEG |
+//! | H.264 without presentation times, or that begins with hidden frames; pictures that are turned or mirrored for display; any other codec; raw pictures | JPEG |
 
 use std::ffi::CString;
 use std::io::Read;
@@ -19,11 +19,9 @@ use serde::{Deserialize, Serialize};
 use super::annexb::{AnnexB, is_hidden};
 use super::clock::{FrameClock, GAP_S, JITTER_S};
 use super::encode::EncodeError;
-use super::file::{
-    MAX_FAILED_READS, check_codec, check_size, check_streams, clock_of, rotation_of, stated_size, untrusted_options,
-};
+use super::file::{MAX_FAILED_READS, check_codec, check_size, check_streams, clock_of, stated_size, untrusted_options};
 use super::jpeg::{JpegMaker, JpegStyle};
-use super::picture_maker::Rotation;
+use super::orientation::PictureOrientation;
 use super::{MediaError, MediaLimits, VideoFile, device};
 use crate::domain::feed::record::{GapReason, RecordBody};
 use crate::domain::feed::{FrameCodec, MAX_DURATION_S, MAX_PAYLOAD, TimeBase};
@@ -175,7 +173,8 @@ impl CaptureSource {
 
     fn of(mut input: format::context::Input, is_file: bool, is_camera: bool) -> Result<Self, SourceError> {
         let stream = input.streams().best(media::Type::Video).ok_or(MediaError::NoVideo)?;
-        let (index, id, turn) = (stream.index(), stream.parameters().id(), rotation_of(&stream));
+        let (index, id) = (stream.index(), stream.parameters().id());
+        let orientation = PictureOrientation::of_stream(&stream)?;
         let size = stated_size(&stream)?;
         let ticks = stream.time_base();
         let time_base = feed_time_base(ticks)?;
@@ -184,7 +183,8 @@ impl CaptureSource {
         let annex_b = (id == codec::Id::H264).then(|| AnnexB::new(&stream.parameters(), ticks)).transpose();
         let annex_b = annex_b.map_err(SourceError::Open)?;
         let first = read_packet(&mut input, index)?.ok_or(MediaError::NoFrames)?;
-        let is_plain = turn == Rotation::None && !is_hidden(&first) && (!reorders || first.pts().is_some());
+        let is_upright = orientation == PictureOrientation::UPRIGHT;
+        let is_plain = is_upright && !is_hidden(&first) && (!reorders || first.pts().is_some());
         let codec = match id {
             codec::Id::H264 if is_plain => FrameCodec::H264,
             _ => FrameCodec::Jpeg,

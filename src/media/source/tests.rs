@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Command;
 
 use super::*;
-use crate::media::testing::{recording, seen};
+use crate::media::testing::{recording, seen, with_matrix};
 use crate::media::{CodedFrame, Muxer, SampleFormat, Stream};
 
 fn captured(path: &Path) -> (SourceInfo, Vec<CapturedFrame>) {
@@ -159,6 +159,27 @@ fn what_a_feed_does_not_know_becomes_upright_jpegs() {
         assert!(frames.windows(2).all(|pair| pair[0].time < pair[1].time), "{name}");
         assert_eq!(shown(assembled(&info, &frames)).len(), 60, "{name}");
     }
+}
+
+#[test]
+fn a_mirrored_source_is_sent_as_players_show_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mirrored.mp4");
+    let one = 1 << 16;
+    let mirrored = with_matrix(recording(SampleFormat::Yuv420, 10), [-one, 0, 0, 0, one, 0, 96 * one, 0, 1 << 30]);
+    std::fs::write(&path, &mirrored).unwrap();
+    let (info, frames) = captured(&path);
+    assert_eq!((info.codec, info.coded_from.as_deref()), (FrameCodec::Jpeg, Some("h264")));
+    let mut video = VideoFile::open(Cursor::new(mirrored), MediaLimits::default()).unwrap();
+    for captured in &frames {
+        let picture = video.next_picture().unwrap().unwrap();
+        let jpeg = JpegMaker::new(JpegStyle::FULL).code(&picture.frame()).unwrap();
+        assert!(captured.bytes == jpeg, "frame {}", picture.frame().index);
+    }
+    let tilted = with_matrix(recording(SampleFormat::Yuv420, 10), [one, 9000, 0, -9000, one, 0, 0, 0, 1 << 30]);
+    std::fs::write(&path, tilted).unwrap();
+    let refused = CaptureSource::open(path.to_str().unwrap(), &[], || false).err();
+    assert!(matches!(refused, Some(SourceError::Media(MediaError::Orientation(_)))), "{refused:?}");
 }
 
 #[test]
