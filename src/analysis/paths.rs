@@ -66,7 +66,7 @@ pub struct SessionPaths {
 pub struct TrackingSummary {
     /// Counts, gaps, colours, light.
     pub quality: QualitySummary,
-    /// Number of frames that the container announced, if it did.
+    /// Number of frames that the file should give, if its container states it.
     pub frames_expected: Option<u64>,
 }
 

@@ -80,7 +80,7 @@ impl TrackResult {
     ) -> Result<Self, ProductError> {
         let TrackOutput { clock, recording, raw, filtered, smoothed, quality, surroundings } = output.track;
         let clock = clock.ok_or(ProductError::Missing("how it computed the times"))?;
-        let RecordingOutput { size, frames_expected, times_s, seen, preview, .. } = recording;
+        let RecordingOutput { size, frames_stated, times_s, seen, preview, .. } = recording;
         let (width, height) = size.ok_or(ProductError::Missing("a picture size"))?;
         let summary = quality.ok_or(ProductError::Missing("a summary"))?;
         let diagnostics = Diagnostics::new((width, height), &tools, &seen).to_json()?;
@@ -91,7 +91,7 @@ impl TrackResult {
             raw,
             filtered,
             smoothed,
-            tracking: Some(paths::TrackingSummary { quality: summary, frames_expected }),
+            tracking: Some(paths::TrackingSummary { quality: summary, frames_expected: frames_stated }),
             cuts: Vec::new(),
         };
         let edits = edits.scaled(clock.factor / edits_clock);

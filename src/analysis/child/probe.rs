@@ -25,7 +25,7 @@ impl ChildTask for ProbeWork {
             preview.consider(&frame);
             frames.frame(frame.time_s, std::iter::empty(), reporter)?;
         }
-        frames.flush(reporter)?;
+        frames.end(video.frames_stated(), reporter)?;
         Ok(frames.preview(preview.into_jpeg(), reporter)?)
     }
 

@@ -22,7 +22,7 @@ pub enum RecordingRecord {
         width: u32,
         /// Height as displayed, pixels.
         height: u32,
-        /// Frames to expect, if known.
+        /// Frames to expect, if known; for progress only.
         frames_expected: Option<u64>,
     },
     /// Decoded frames, in order.
@@ -32,6 +32,8 @@ pub enum RecordingRecord {
         /// What the tracker saw in them; a row per frame and tool.
         seen: Vec<SeenRow>,
     },
+    /// All frames were decoded; the number that the file states, if it does.
+    End(Option<u64>),
     /// What the tracker saw at a second look; a row per frame and tool, in order.
     SeenAgain(Vec<SeenRow>),
     /// Per tool: is the path that of the second look?
@@ -45,8 +47,10 @@ pub enum RecordingRecord {
 pub struct RecordingOutput {
     /// Width and height as displayed, pixels.
     pub size: Option<(u32, u32)>,
-    /// Number of frames that the container announces, if it does.
+    /// Number of frames that the container announces; for progress only.
     pub frames_expected: Option<u64>,
+    /// Number of frames that the file should give, if it states it.
+    pub frames_stated: Option<u64>,
     /// Presentation time of every decoded frame, s.
     pub times_s: Vec<f64>,
     /// What the tracker saw, a row per frame and tool.
@@ -71,6 +75,8 @@ impl RecordingOutput {
                 set_size(&mut self.size, (width, height), limits)?;
             }
             RecordingRecord::Frames { times_s, seen } => return self.accept_frames(times_s, seen, tools, limits),
+            RecordingRecord::End(None) => {}
+            RecordingRecord::End(Some(stated)) => set_once(&mut self.frames_stated, stated, "end of the recording")?,
             RecordingRecord::SeenAgain(seen) => self.accept_seen_again(seen, tools)?,
             RecordingRecord::SecondLook(taken) => self.take_second_look(&taken, tools)?,
             RecordingRecord::Preview(jpeg) if jpeg.is_empty() => {}
@@ -169,13 +175,18 @@ impl FrameReporter {
         if self.times_s.len() < FRAMES_PER_RECORD { Ok(()) } else { self.flush(reporter) }
     }
 
-    /// Sends the frames that are left.
-    pub(super) fn flush(&mut self, reporter: &mut Reporter) -> io::Result<()> {
+    fn flush(&mut self, reporter: &mut Reporter) -> io::Result<()> {
         let (times_s, seen) = (std::mem::take(&mut self.times_s), std::mem::take(&mut self.seen));
         if times_s.is_empty() {
             return Ok(());
         }
         reporter.record((self.wrap)(RecordingRecord::Frames { times_s, seen }))
+    }
+
+    /// Sends the frames that are left, and the number that the file states.
+    pub(super) fn end(&mut self, frames_stated: Option<u64>, reporter: &mut Reporter) -> io::Result<()> {
+        self.flush(reporter)?;
+        reporter.record((self.wrap)(RecordingRecord::End(frames_stated)))
     }
 
     /// Adds what a second look saw of a frame.

@@ -280,6 +280,7 @@ fn track_recording(
         progress.step();
     }
     progress.end();
+    let frames_expected = ahead.frames_stated();
     drop(ahead); // the paths need the memory now
     // Causal positions use only earlier frames, so they have no second look.
     let tracking = match live {
@@ -291,7 +292,7 @@ fn track_recording(
     };
     clock.add_lap(TrackStage::Finishing);
     let samples = again.and_then(SampleCollector::into_samples);
-    Ok(PassResult { tracking, live, samples, frames_expected: info.frames_expected, frames_interlaced, time })
+    Ok(PassResult { tracking, live, samples, frames_expected, frames_interlaced, time })
 }
 
 /// Tracks the recording once more, with what the first look has taught.

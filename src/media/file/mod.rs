@@ -4,12 +4,17 @@
 //! only that packet, and every failure has a reason.
 
 mod by_number;
+mod extent;
+mod presentation;
 mod stamps;
 
 use std::io::{Read, Seek};
 
 use ff::{Dictionary, codec, format, frame, media};
 use ffmpeg_next as ff;
+
+use extent::{FrameStatement, FramesRead};
+pub(super) use presentation::{first_shown, hides_frames, is_before, start_of};
 
 use super::clock::FrameClock;
 use super::orientation::PictureOrientation;
@@ -52,7 +57,7 @@ pub struct RecordingInfo {
     pub width: u32,
     /// Height as displayed, pixels.
     pub height: u32,
-    /// Number of frames, as stated or computed from duration and rate; for progress only.
+    /// Number of frames to be shown, as listed or computed from duration and rate; for progress only.
     pub frames_expected: Option<u64>,
     /// Duration as stated, s.
     pub duration_s: Option<f64>,
@@ -68,12 +73,19 @@ pub struct VideoFile {
     decoder: ff::decoder::Video,
     stream: usize,
     clock: FrameClock,
+    /// Frames with an earlier stamp are not shown.
+    first_shown: Option<i64>,
+    statement: FrameStatement,
     /// Every time is the clock's, multiplied by this factor.
     time_factor: f64,
     maker: PictureMaker,
     info: RecordingInfo,
     limits: MediaLimits,
     decoded: u64,
+    /// Decoded frames before the presentation's start.
+    before_start: u64,
+    /// Times of the first and the latest picture, s.
+    times_s: Option<[f64; 2]>,
     pending: Option<ff::Packet>,
     drained: bool,
     first_size: Option<(u32, u32)>,
@@ -88,28 +100,37 @@ impl VideoFile {
         let shown = UnreadRecording::of(&mut bytes);
         ff::init().map_err(ffmpeg_error("starting FFmpeg"))?;
         ff::log::set_level(ff::log::Level::Quiet);
+        let is_cut = extent::is_cut(&mut bytes).map_err(|error| MediaError::Container(error.to_string()))?;
         let io = format::context::StreamIo::from_read_seek(bytes).map_err(ffmpeg_error("opening the recording"))?;
         let input = format::input_from_stream(io, None, Some(untrusted_options(CONTAINERS)))
             .map_err(|source| unopened(source, shown))?;
         check_codec(&input)?;
-        Self::from_input(input, limits)
+        Self::of(input, is_cut, limits)
     }
 
     /// Wraps an input that is already open, with any codec: for trusted sources.
     pub(super) fn from_input(input: format::context::Input, limits: MediaLimits) -> Result<Self, MediaError> {
+        Self::of(input, false, limits)
+    }
+
+    fn of(input: format::context::Input, is_cut: bool, limits: MediaLimits) -> Result<Self, MediaError> {
         check_streams(&input, limits)?;
         let stream = input.streams().best(media::Type::Video).ok_or(MediaError::NoVideo)?;
         let (width, height) = stated_size(&stream)?;
         check_size(width, height, limits)?;
         let rate = f64::from(stream.avg_frame_rate());
-        let clock = clock_of(&stream, rate)?;
+        let first_shown = first_shown(&input);
+        let clock = clock_of(&stream, first_shown, rate)?;
         let listed = u64::try_from(stream.frames()).ok().filter(|&n| n > 0);
         let duration_s = stated_duration(input.duration());
         if let Some(duration_s) = duration_s.filter(|&d| d > limits.duration_s && is_plausible_duration(d, listed)) {
             return Err(over_limit("the duration in seconds", duration_s, limits.duration_s));
         }
         let has_rate = rate.is_finite() && rate > 0.0;
-        let frames_expected = listed.or(duration_s.filter(|_| has_rate).map(|d| (d * rate).round() as u64));
+        let frames_expected = listed
+            .and_then(|_| presentation::table_length(&stream))
+            .or(listed)
+            .or(duration_s.filter(|_| has_rate).map(|d| (d * rate).round() as u64));
         let orientation = PictureOrientation::of_stream(&stream)?;
         let index = stream.index();
         let decoder = open_decoder(&stream, limits)?;
@@ -123,14 +144,18 @@ impl VideoFile {
                 rate_hz: has_rate.then_some(rate),
                 capture_rate_hz: capture_rate_of(&input),
             },
+            statement: FrameStatement::of(&input, listed, is_cut),
             input,
             decoder,
             stream: index,
             clock,
+            first_shown,
             time_factor: 1.0,
             maker: PictureMaker::new(orientation),
             limits,
             decoded: 0,
+            before_start: 0,
+            times_s: None,
             pending: None,
             drained: false,
             first_size: None,
@@ -154,8 +179,15 @@ impl VideoFile {
     /// [`MediaError`] if no frame can be decoded, the picture changes its size or a limit is exceeded.
     pub fn next_picture(&mut self) -> Result<Option<Picture>, MediaError> {
         let mut video = self.maker.frame_to_fill();
-        for _ in 0..MAX_PACKETS_WITHOUT_PICTURE {
+        let mut waited = 0;
+        while waited < MAX_PACKETS_WITHOUT_PICTURE {
+            waited += 1;
             match self.decoder.receive_frame(&mut video) {
+                Ok(()) if is_before(video.pts(), self.first_shown) => {
+                    self.before_start += 1;
+                    self.check_frame_count()?;
+                    waited = 0;
+                }
                 Ok(()) => return self.picture(video).map(Some),
                 Err(NO_MEMORY) => return Err(MediaError::Memory),
                 Err(ff::Error::Eof) => return self.end(),
@@ -164,6 +196,18 @@ impl VideoFile {
             }
         }
         self.end()
+    }
+
+    /// The number of frames that the file states, after the last picture; `None` if it states none. Fewer pictures mean
+    /// that the file is cut or damaged.
+    pub fn frames_stated(&self) -> Option<u64> {
+        let stream = self.input.stream(self.stream)?;
+        let [first_s, last_s] = self.times_s?.map(|time_s| time_s / self.time_factor);
+        let seconds_per_tick = f64::from(stream.time_base());
+        let starts_s = start_of(&stream, self.first_shown).unwrap_or(0) as f64 * seconds_per_tick;
+        let (shown, before_start) = (self.decoded, self.before_start);
+        let read = FramesRead { shown, before_start, last_s: starts_s + last_s, span_s: last_s - first_s };
+        self.statement.frames(&stream, read)
     }
 
     /// Puts back a packet that was read ahead.
@@ -226,16 +270,23 @@ impl VideoFile {
         if first != size {
             return Err(MediaError::SizeChanged { from: first, to: size, frame: self.decoded });
         }
-        if self.decoded >= self.limits.frames {
-            return Err(over_limit("the number of frames", self.decoded + 1, self.limits.frames));
-        }
+        self.check_frame_count()?;
         let time_s = self.clock.time_s(video.timestamp().or(video.pts())) * self.time_factor;
         if time_s > self.limits.duration_s {
             return Err(over_limit("the duration in seconds", time_s, self.limits.duration_s));
         }
         let picture = self.maker.make(video, self.decoded, time_s)?;
         self.decoded += 1;
+        self.times_s = Some([self.times_s.map_or(time_s, |[first_s, _]| first_s), time_s]);
         Ok(picture)
+    }
+
+    fn check_frame_count(&self) -> Result<(), MediaError> {
+        let decoded = self.decoded + self.before_start;
+        if decoded >= self.limits.frames {
+            return Err(over_limit("the number of frames", decoded + 1, self.limits.frames));
+        }
+        Ok(())
     }
 }
 
@@ -293,13 +344,16 @@ fn is_plausible_duration(duration_s: f64, frames_listed: Option<u64>) -> bool {
     frames_listed.is_some_and(|frames| duration_s <= frames as f64)
 }
 
-pub(super) fn clock_of(stream: &format::stream::Stream<'_>, rate_hz: f64) -> Result<FrameClock, MediaError> {
+pub(super) fn clock_of(
+    stream: &format::stream::Stream<'_>,
+    first_shown: Option<i64>,
+    rate_hz: f64,
+) -> Result<FrameClock, MediaError> {
     let seconds_per_tick = f64::from(stream.time_base());
     if !(seconds_per_tick.is_finite() && seconds_per_tick > 0.0) {
         return Err(MediaError::Container("its video stream has no unit of time".into()));
     }
-    let start = Some(stream.start_time()).filter(|&t| t != ff::ffi::AV_NOPTS_VALUE);
-    Ok(FrameClock::new(seconds_per_tick, start, rate_hz))
+    Ok(FrameClock::new(seconds_per_tick, start_of(stream, first_shown), rate_hz))
 }
 
 fn open_decoder(stream: &format::stream::Stream<'_>, limits: MediaLimits) -> Result<ff::decoder::Video, MediaError> {
@@ -348,3 +402,6 @@ fn ffmpeg_error(doing: &'static str) -> impl Fn(ff::Error) -> MediaError {
 fn over_limit(what: &'static str, value: impl ToString, limit: impl ToString) -> MediaError {
     MediaError::OverLimit { what, value: value.to_string(), limit: limit.to_string() }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,6 +1,6 @@
 //! What the time stamps of a recording say, from its packets alone.
 
-use super::VideoFile;
+use super::{VideoFile, is_before};
 use crate::domain::clock::StampFacts;
 use crate::media::annexb::is_hidden;
 
@@ -12,7 +12,8 @@ impl VideoFile {
         while (stamps.len() as u64) < self.limits.frames
             && let Some(packet) = self.next_packet()
         {
-            if packet.stream() == self.stream && !is_hidden(&packet) {
+            let is_shown = !is_hidden(&packet) && !is_before(packet.pts(), self.first_shown);
+            if packet.stream() == self.stream && is_shown {
                 stamps.push(packet.pts().or(packet.dts()));
             }
         }

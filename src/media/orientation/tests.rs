@@ -187,7 +187,7 @@ fn an_orientation_inside_the_frames_is_refused() {
         VideoFile::open(File::open(folder.path().join("noted.mp4")).unwrap(), MediaLimits::default()).unwrap();
     assert!(matches!(video.next_picture(), Err(MediaError::Orientation(_))));
 
-    let (codec, time_base) = (crate::domain::feed::FrameCodec::H264, [1, 25].try_into().unwrap());
+    let (codec, time_base) = (crate::domain::feed::FrameCodec::H264, [1, 25_000].try_into().unwrap());
     let mut live = FeedDecoder::new(codec, (96, 64), time_base, MediaLimits::default()).unwrap();
     live.send_frame(0, 0, &std::fs::read(&noted).unwrap()).unwrap();
     live.finish_input();

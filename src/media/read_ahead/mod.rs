@@ -26,12 +26,14 @@ pub struct ReadAhead {
     kept: VecDeque<Picture>,
     /// Error to return after the kept pictures.
     failed: Option<MediaError>,
+    frames_stated: Option<u64>,
     // `None` once the decoder's thread has been joined.
     decoder: Option<Decoder>,
 }
 
 struct Decoder {
-    thread: JoinHandle<()>,
+    /// Returns [`VideoFile::frames_stated`] at the recording's end.
+    thread: JoinHandle<Option<u64>>,
     pictures: Receiver<Result<Picture, MediaError>>,
     returned: Sender<Picture>,
 }
@@ -52,6 +54,7 @@ impl ReadAhead {
             current: None,
             kept: VecDeque::new(),
             failed: None,
+            frames_stated: None,
             decoder: Some(Decoder { thread, pictures, returned: done_with }),
         })
     }
@@ -102,6 +105,11 @@ impl ReadAhead {
         Ok(self.current.as_ref())
     }
 
+    /// See [`VideoFile::frames_stated`]; `None` before [`Self::next_picture`] has returned the end.
+    pub fn frames_stated(&self) -> Option<u64> {
+        self.frames_stated
+    }
+
     fn recycle(&self, picture: Picture) {
         if let Some(decoder) = &self.decoder {
             // Refused at the recording's end, when the picture is no longer needed.
@@ -128,10 +136,10 @@ impl ReadAhead {
     fn stop(&mut self) {
         let Some(Decoder { thread, pictures, returned: done_with }) = self.decoder.take() else { return };
         drop((pictures, done_with)); // its next picture is refused
-        if let Err(panic) = thread.join()
-            && !std::thread::panicking()
-        {
-            resume_unwind(panic);
+        match thread.join() {
+            Ok(frames_stated) => self.frames_stated = frames_stated,
+            Err(panic) if !std::thread::panicking() => resume_unwind(panic),
+            Err(_) => {}
         }
         heap::release_free_memory();
     }
@@ -143,14 +151,20 @@ impl Drop for ReadAhead {
     }
 }
 
-fn decode(mut video: VideoFile, made: &SyncSender<Result<Picture, MediaError>>, back: &Receiver<Picture>) {
+/// Sends the pictures, and returns the number of frames that the file states; `None` unless all were sent.
+fn decode(
+    mut video: VideoFile,
+    made: &SyncSender<Result<Picture, MediaError>>,
+    back: &Receiver<Picture>,
+) -> Option<u64> {
     while let Some(next) = video.next_picture().transpose() {
         let is_last = next.is_err();
         if made.send(next).is_err() || is_last {
-            return;
+            return None;
         }
         back.try_iter().for_each(|picture| video.recycle(picture));
     }
+    video.frames_stated()
 }
 
 #[cfg(test)]

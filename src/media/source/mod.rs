@@ -6,7 +6,7 @@
 //! |---|---|
 //! | H.264 | unchanged, in Annex B form, parameter sets with every key frame |
 //! | MJPEG | unchanged |
-//! | H.264 without presentation times, or that begins with hidden frames; pictures that are turned or mirrored for display; any other codec; raw pictures | JPEG |
+//! | H.264 without presentation times, or with frames that players hide; pictures that are turned or mirrored for display; any other codec; raw pictures | JPEG |
 
 use std::ffi::CString;
 use std::io::Read;
@@ -19,7 +19,10 @@ use serde::{Deserialize, Serialize};
 use super::annexb::{AnnexB, is_hidden};
 use super::clock::{FrameClock, GAP_S, JITTER_S};
 use super::encode::EncodeError;
-use super::file::{MAX_FAILED_READS, check_codec, check_size, check_streams, clock_of, stated_size, untrusted_options};
+use super::file::{
+    MAX_FAILED_READS, check_codec, check_size, check_streams, clock_of, first_shown, hides_frames, is_before, start_of,
+    stated_size, untrusted_options,
+};
 use super::jpeg::{JpegMaker, JpegStyle};
 use super::orientation::PictureOrientation;
 use super::{MediaError, MediaLimits, VideoFile, device};
@@ -117,6 +120,7 @@ struct CopiedFrames {
     input: format::context::Input,
     stream: usize,
     first: Option<Packet>,
+    first_shown: Option<i64>,
     annex_b: Option<AnnexB>,
     clock: StampClock,
 }
@@ -179,19 +183,22 @@ impl CaptureSource {
         let ticks = stream.time_base();
         let time_base = feed_time_base(ticks)?;
         let reorders = id == codec::Id::H264 && may_reorder(&stream);
-        let stamps = StampClock::new(&stream, reorders, time_base)?;
+        let first_shown = first_shown(&input);
+        let stamps = StampClock::new(&stream, first_shown, reorders, time_base)?;
+        let hides_frames = hides_frames(&stream);
         let annex_b = (id == codec::Id::H264).then(|| AnnexB::new(&stream.parameters(), ticks)).transpose();
         let annex_b = annex_b.map_err(SourceError::Open)?;
         let first = read_packet(&mut input, index)?.ok_or(MediaError::NoFrames)?;
         let is_upright = orientation == PictureOrientation::UPRIGHT;
-        let is_plain = is_upright && !is_hidden(&first) && (!reorders || first.pts().is_some());
+        let is_whole = !hides_frames && !is_hidden(&first) && !is_before(first.pts(), first_shown);
+        let is_plain = is_upright && is_whole && (!reorders || first.pts().is_some());
         let codec = match id {
             codec::Id::H264 if is_plain => FrameCodec::H264,
             _ => FrameCodec::Jpeg,
         };
         if is_plain && [codec::Id::H264, codec::Id::MJPEG].contains(&id) {
             let info = SourceInfo { codec, size, time_base, coded_from: None, is_file, is_camera };
-            let passed = CopiedFrames { input, stream: index, first: Some(first), annex_b, clock: stamps };
+            let passed = CopiedFrames { input, stream: index, first: Some(first), first_shown, annex_b, clock: stamps };
             return Ok(Self { info, frames: FrameReader::Copied(passed) });
         }
         // One thread: more threads would delay frames.
@@ -227,12 +234,22 @@ impl CaptureSource {
 }
 
 impl CopiedFrames {
+    /// The next packet that is shown. A frame before the presentation's start, if it comes after the first key frame, is
+    /// needed by none that is shown.
+    fn next_packet(&mut self) -> Result<Option<Packet>, SourceError> {
+        if let Some(first) = self.first.take() {
+            return Ok(Some(first));
+        }
+        loop {
+            match read_packet(&mut self.input, self.stream)? {
+                Some(packet) if is_before(packet.pts(), self.first_shown) => {}
+                packet => return Ok(packet),
+            }
+        }
+    }
+
     fn next_frame(&mut self) -> Result<Option<CapturedFrame>, SourceError> {
-        let packet = match self.first.take() {
-            Some(packet) => Some(packet),
-            None => read_packet(&mut self.input, self.stream)?,
-        };
-        let Some(packet) = packet else { return Ok(None) };
+        let Some(packet) = self.next_packet()? else { return Ok(None) };
         let (time, due_s) = self.clock.of(&packet);
         let is_key = packet.is_key() || self.annex_b.is_none();
         let bytes = match &mut self.annex_b {
@@ -260,11 +277,15 @@ enum StampOrder {
 }
 
 impl StampClock {
-    fn new(stream: &format::stream::Stream<'_>, reorders: bool, time_base: TimeBase) -> Result<Self, MediaError> {
-        let start = Some(stream.start_time()).filter(|&start| start != ff::ffi::AV_NOPTS_VALUE);
+    fn new(
+        stream: &format::stream::Stream<'_>,
+        first_shown: Option<i64>,
+        reorders: bool,
+        time_base: TimeBase,
+    ) -> Result<Self, MediaError> {
         let order = match reorders {
-            true => StampOrder::Reordered { ahead: start, last: None, step: 0 },
-            false => StampOrder::AsDecoded(clock_of(stream, f64::from(stream.avg_frame_rate()))?),
+            true => StampOrder::Reordered { ahead: start_of(stream, first_shown), last: None, step: 0 },
+            false => StampOrder::AsDecoded(clock_of(stream, first_shown, f64::from(stream.avg_frame_rate()))?),
         };
         Ok(Self { order, seconds_per_tick: f64::from(stream.time_base()), time_base })
     }

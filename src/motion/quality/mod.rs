@@ -54,7 +54,7 @@ pub struct QualityInput<'a> {
     pub motion: MotionSettings,
     /// RMS reprojection error of the camera's calibration, pixels.
     pub calibration_rms_px: Option<f64>,
-    /// Number of frames that the recording's container states.
+    /// Number of frames that the file states and players show, if it states one.
     pub frames_expected: Option<u64>,
     /// Number of frames that were recorded interlaced.
     pub frames_interlaced: Option<u64>,

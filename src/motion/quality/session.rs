@@ -33,7 +33,7 @@ pub struct SessionFigures {
     pub dropped_share: Option<f64>,
     /// Longest interval between two frames, s.
     pub longest_interval_s: Option<f64>,
-    /// Share of the frames that the container states but that could not be decoded.
+    /// Share of the frames that the file states but that could not be decoded; `None` if it states no number.
     pub cut_share: Option<f64>,
     /// Share of the frames that were recorded interlaced.
     pub interlaced_share: Option<f64>,

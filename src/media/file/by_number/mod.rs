@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use ff::Rescale;
 use ffmpeg_next as ff;
 
-use super::{Picture, VideoFile};
+use super::{Picture, VideoFile, is_before};
 use crate::media::annexb::is_hidden;
 
 /// Packets read beyond the last requested frame, as earlier frames may be stored after it: more than any codec reorders
@@ -62,7 +62,8 @@ impl VideoFile {
             && let Some(packet) = self.read_packet()
         {
             if packet.stream() == self.stream {
-                let is_usable = !packet.is_corrupt() && !is_hidden(&packet);
+                let is_shown = !is_hidden(&packet) && !is_before(packet.pts(), self.first_shown);
+                let is_usable = !packet.is_corrupt() && is_shown;
                 let (pts, dts) = packet.pts().zip(packet.dts()).filter(|_| is_usable)?;
                 listed.push(ListedPacket { pts, dts, is_key: packet.is_key() });
             }
