@@ -80,11 +80,12 @@ impl TrackResult {
     ) -> Result<Self, ProductError> {
         let TrackOutput { clock, recording, raw, filtered, smoothed, quality, surroundings } = output.track;
         let clock = clock.ok_or(ProductError::Missing("how it computed the times"))?;
-        let RecordingOutput { size, frames_stated, times_s, seen, preview, .. } = recording;
+        let RecordingOutput { size, frames_stated, starts_at_s, times_s, seen, preview, .. } = recording;
         let (width, height) = size.ok_or(ProductError::Missing("a picture size"))?;
         let summary = quality.ok_or(ProductError::Missing("a summary"))?;
         let diagnostics = Diagnostics::new((width, height), &tools, &seen).to_json()?;
-        let video = video_facts(width, height, &times_s, clock);
+        let starts_at_s = starts_at_s.ok_or(ProductError::Missing("the recording's end"))?;
+        let video = video_facts((width, height), &times_s, starts_at_s, clock);
         let paths = SessionPaths {
             tools: tools.clone(),
             frame_times_s: times_s,
@@ -197,10 +198,11 @@ fn versions(input: &TrackInput) -> Versions {
     }
 }
 
-fn video_facts(width: u32, height: u32, times_s: &[f64], applied: RecordingClock) -> VideoFacts {
+fn video_facts((width, height): (u32, u32), times_s: &[f64], starts_at_s: f64, applied: RecordingClock) -> VideoFacts {
     let facts = StampFacts::of_times(times_s);
     let StampFacts { rate_hz, duration_s, is_uneven } = facts.before(applied.factor);
-    let clock = ResultClock { applied, stamped_frame_rate_hz: rate_hz, stamped_duration_s: duration_s, is_uneven };
+    let clock =
+        ResultClock { applied, stamped_frame_rate_hz: rate_hz, stamped_duration_s: duration_s, is_uneven, starts_at_s };
     VideoFacts {
         width: Some(width),
         height: Some(height),
@@ -296,7 +298,8 @@ mod tests {
             ..ToolQuality::default()
         };
         let times_s = (0..FRAMES).map(|frame| frame as f64 * 0.04).collect();
-        let recording = RecordingOutput { size: Some((1280, 720)), times_s, ..RecordingOutput::default() };
+        let (size, starts_at_s) = (Some((1280, 720)), Some(0.0));
+        let recording = RecordingOutput { size, starts_at_s, times_s, ..RecordingOutput::default() };
         let (tools, light) = (vec![tool], vec![]);
         let quality = Some(QualitySummary { frames: FRAMES, frames_interlaced: FRAMES / 2, tools, light });
         let clock = Some(RecordingClock::default());

@@ -135,6 +135,10 @@ pub struct ResultClock {
     /// True if frames are missing or the frame rate changes: only a true duration can then correct the times.
     #[serde(default)]
     pub is_uneven: bool,
+    /// Time on the file's own clock at which time 0 of the session lies, s: more than 0 if the picture begins later than
+    /// the sound or than the file. Players count from the file's zero. 0 for results of earlier versions.
+    #[serde(default)]
+    pub starts_at_s: f64,
 }
 
 impl ResultClock {

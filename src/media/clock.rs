@@ -67,6 +67,11 @@ impl FrameClock {
         time_s
     }
 
+    /// Ticks of the stamps in seconds.
+    pub(super) fn seconds(&self, ticks: i64) -> f64 {
+        ticks as f64 * self.seconds_per_tick
+    }
+
     fn stamped_s(&mut self, ticks: i64) -> f64 {
         let start = *self.start_ticks.get_or_insert(ticks);
         ticks.saturating_sub(start) as f64 * self.seconds_per_tick + self.shift_s

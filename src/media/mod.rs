@@ -34,7 +34,7 @@ mod unread_recording;
 
 pub use encode::{EncodeError, SampleFormat, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
 pub use feed_decoder::FeedDecoder;
-pub use file::{RecordingInfo, VideoFile};
+pub use file::{RecordingInfo, VideoFile, WholeRecording};
 pub use frame_size::frame_size;
 pub use jpeg::{JpegMaker, JpegStyle};
 pub use limits::MediaLimits;

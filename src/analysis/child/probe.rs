@@ -25,7 +25,7 @@ impl ChildTask for ProbeWork {
             preview.consider(&frame);
             frames.frame(frame.time_s, std::iter::empty(), reporter)?;
         }
-        frames.end(video.frames_stated(), reporter)?;
+        frames.end(video.whole(), reporter)?;
         Ok(frames.preview(preview.into_jpeg(), reporter)?)
     }
 

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::limits::{is_plausible_number, is_small_jpeg, set_once, set_size};
 use super::{ChildEvent, Reporter, WorkRecord};
 use crate::analysis::protocol::SeenRow;
-use crate::media::{MediaLimits, RecordingInfo};
+use crate::media::{MediaLimits, RecordingInfo, WholeRecording};
 
 /// Frames per record: few enough to show progress, many enough to cost little.
 const FRAMES_PER_RECORD: usize = 32;
@@ -32,8 +32,13 @@ pub enum RecordingRecord {
         /// What the tracker saw in them; a row per frame and tool.
         seen: Vec<SeenRow>,
     },
-    /// All frames were decoded; the number that the file states, if it does.
-    End(Option<u64>),
+    /// All frames were decoded.
+    End {
+        /// The number of frames that the file states, if it does.
+        frames_stated: Option<u64>,
+        /// Time on the file's own clock at which time 0 lies, s.
+        starts_at_s: f64,
+    },
     /// What the tracker saw at a second look; a row per frame and tool, in order.
     SeenAgain(Vec<SeenRow>),
     /// Per tool: is the path that of the second look?
@@ -51,6 +56,8 @@ pub struct RecordingOutput {
     pub frames_expected: Option<u64>,
     /// Number of frames that the file should give, if it states it.
     pub frames_stated: Option<u64>,
+    /// Time on the file's own clock at which time 0 lies, s.
+    pub starts_at_s: Option<f64>,
     /// Presentation time of every decoded frame, s.
     pub times_s: Vec<f64>,
     /// What the tracker saw, a row per frame and tool.
@@ -75,8 +82,7 @@ impl RecordingOutput {
                 set_size(&mut self.size, (width, height), limits)?;
             }
             RecordingRecord::Frames { times_s, seen } => return self.accept_frames(times_s, seen, tools, limits),
-            RecordingRecord::End(None) => {}
-            RecordingRecord::End(Some(stated)) => set_once(&mut self.frames_stated, stated, "end of the recording")?,
+            RecordingRecord::End { frames_stated, starts_at_s } => self.accept_end(frames_stated, starts_at_s)?,
             RecordingRecord::SeenAgain(seen) => self.accept_seen_again(seen, tools)?,
             RecordingRecord::SecondLook(taken) => self.take_second_look(&taken, tools)?,
             RecordingRecord::Preview(jpeg) if jpeg.is_empty() => {}
@@ -84,6 +90,14 @@ impl RecordingOutput {
             RecordingRecord::Preview(_) => return Err("a preview that is not a small JPEG".into()),
         }
         Ok(ChildEvent::Nothing)
+    }
+
+    fn accept_end(&mut self, frames_stated: Option<u64>, starts_at_s: f64) -> Result<(), String> {
+        if !(is_plausible_number(starts_at_s) && starts_at_s >= 0.0) {
+            return Err(format!("a recording that starts at {starts_at_s} s"));
+        }
+        self.frames_stated = frames_stated;
+        set_once(&mut self.starts_at_s, starts_at_s, "end of the recording")
     }
 
     fn accept_frames(
@@ -183,10 +197,11 @@ impl FrameReporter {
         reporter.record((self.wrap)(RecordingRecord::Frames { times_s, seen }))
     }
 
-    /// Sends the frames that are left, and the number that the file states.
-    pub(super) fn end(&mut self, frames_stated: Option<u64>, reporter: &mut Reporter) -> io::Result<()> {
+    /// Sends the frames that are left, and what is then known of the file.
+    pub(super) fn end(&mut self, whole: WholeRecording, reporter: &mut Reporter) -> io::Result<()> {
         self.flush(reporter)?;
-        reporter.record((self.wrap)(RecordingRecord::End(frames_stated)))
+        let WholeRecording { frames_stated, starts_at_s } = whole;
+        reporter.record((self.wrap)(RecordingRecord::End { frames_stated, starts_at_s }))
     }
 
     /// Adds what a second look saw of a frame.

@@ -280,7 +280,7 @@ fn track_recording(
         progress.step();
     }
     progress.end();
-    let frames_expected = ahead.frames_stated();
+    let frames_expected = ahead.whole().frames_stated;
     drop(ahead); // the paths need the memory now
     // Causal positions use only earlier frames, so they have no second look.
     let tracking = match live {

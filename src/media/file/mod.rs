@@ -7,6 +7,7 @@ mod by_number;
 mod extent;
 mod presentation;
 mod stamps;
+mod statements;
 
 use std::io::{Read, Seek};
 
@@ -15,6 +16,9 @@ use ffmpeg_next as ff;
 
 use extent::{FrameStatement, FramesRead};
 pub(super) use presentation::{first_shown, hides_frames, is_before, start_of};
+pub(super) use statements::stated_size;
+pub use statements::{RecordingInfo, WholeRecording};
+use statements::{capture_rate_of, is_plausible_duration, shown_size, stated_duration};
 
 use super::clock::FrameClock;
 use super::orientation::PictureOrientation;
@@ -22,7 +26,6 @@ use super::picture::Picture;
 use super::picture_maker::PictureMaker;
 use super::unread_recording::UnreadRecording;
 use super::{MediaError, MediaLimits};
-use crate::domain::clock::FRAME_RATES_HZ;
 
 /// Accepted containers. FFmpeg would otherwise follow playlists to other files.
 const CONTAINERS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts";
@@ -50,23 +53,6 @@ const CODECS: [codec::Id; 8] = [
     codec::Id::MPEG2VIDEO,
 ];
 
-/// The container's statements, before a frame is decoded.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RecordingInfo {
-    /// Width as displayed, pixels.
-    pub width: u32,
-    /// Height as displayed, pixels.
-    pub height: u32,
-    /// Number of frames to be shown, as listed or computed from duration and rate; for progress only.
-    pub frames_expected: Option<u64>,
-    /// Duration as stated, s.
-    pub duration_s: Option<f64>,
-    /// Frame rate as stated, Hz.
-    pub rate_hz: Option<f64>,
-    /// Rate at which the recorder says that it captured, Hz. In slow motion it differs from the frame rate.
-    pub capture_rate_hz: Option<f64>,
-}
-
 /// An open recording.
 pub struct VideoFile {
     input: format::context::Input,
@@ -86,6 +72,7 @@ pub struct VideoFile {
     before_start: u64,
     /// Times of the first and the latest picture, s.
     times_s: Option<[f64; 2]>,
+    starts_at_s: f64,
     pending: Option<ff::Packet>,
     drained: bool,
     first_size: Option<(u32, u32)>,
@@ -134,11 +121,13 @@ impl VideoFile {
         let orientation = PictureOrientation::of_stream(&stream)?;
         let index = stream.index();
         let decoder = open_decoder(&stream, limits)?;
+        let shown_size = orientation.displayed(shown_size(&stream, (width, height)));
         let (width, height) = orientation.displayed((width, height));
         Ok(Self {
             info: RecordingInfo {
                 width,
                 height,
+                shown_size,
                 frames_expected,
                 duration_s,
                 rate_hz: has_rate.then_some(rate),
@@ -156,6 +145,7 @@ impl VideoFile {
             decoded: 0,
             before_start: 0,
             times_s: None,
+            starts_at_s: 0.0,
             pending: None,
             drained: false,
             first_size: None,
@@ -198,15 +188,16 @@ impl VideoFile {
         self.end()
     }
 
-    /// The number of frames that the file states, after the last picture; `None` if it states none. Fewer pictures mean
-    /// that the file is cut or damaged.
-    pub fn frames_stated(&self) -> Option<u64> {
+    /// What is known of the file after the last picture.
+    pub fn whole(&self) -> WholeRecording {
+        WholeRecording { frames_stated: self.frames_stated(), starts_at_s: self.starts_at_s }
+    }
+
+    fn frames_stated(&self) -> Option<u64> {
         let stream = self.input.stream(self.stream)?;
         let [first_s, last_s] = self.times_s?.map(|time_s| time_s / self.time_factor);
-        let seconds_per_tick = f64::from(stream.time_base());
-        let starts_s = start_of(&stream, self.first_shown).unwrap_or(0) as f64 * seconds_per_tick;
         let (shown, before_start) = (self.decoded, self.before_start);
-        let read = FramesRead { shown, before_start, last_s: starts_s + last_s, span_s: last_s - first_s };
+        let read = FramesRead { shown, before_start, last_s: self.starts_at_s + last_s, span_s: last_s - first_s };
         self.statement.frames(&stream, read)
     }
 
@@ -271,14 +262,24 @@ impl VideoFile {
             return Err(MediaError::SizeChanged { from: first, to: size, frame: self.decoded });
         }
         self.check_frame_count()?;
-        let time_s = self.clock.time_s(video.timestamp().or(video.pts())) * self.time_factor;
+        let pts = video.pts();
+        let stamped_s = self.clock.time_s(video.timestamp().or(pts));
+        let time_s = stamped_s * self.time_factor;
         if time_s > self.limits.duration_s {
             return Err(over_limit("the duration in seconds", time_s, self.limits.duration_s));
         }
         let picture = self.maker.make(video, self.decoded, time_s)?;
         self.decoded += 1;
+        if self.times_s.is_none() {
+            self.starts_at_s = self.players_time_s(pts).map_or(0.0, |players_s| (players_s - stamped_s).max(0.0));
+        }
         self.times_s = Some([self.times_s.map_or(time_s, |[first_s, _]| first_s), time_s]);
         Ok(picture)
+    }
+
+    /// The time at which players show a frame of this stamp; `None` if the container does not count from their zero.
+    fn players_time_s(&self, pts: Option<i64>) -> Option<f64> {
+        pts.zip(self.first_shown).map(|(pts, zero)| self.clock.seconds(pts.saturating_sub(zero)))
     }
 
     fn check_frame_count(&self) -> Result<(), MediaError> {
@@ -313,35 +314,6 @@ pub(super) fn check_codec(input: &format::context::Input) -> Result<(), MediaErr
 pub(super) fn check_streams(input: &format::context::Input, limits: MediaLimits) -> Result<(), MediaError> {
     let streams = input.streams().count();
     if streams > limits.streams { Err(over_limit("the number of streams", streams, limits.streams)) } else { Ok(()) }
-}
-
-/// The picture's size, as probing found it.
-pub(super) fn stated_size(stream: &format::stream::Stream<'_>) -> Result<(u32, u32), MediaError> {
-    let parameters = stream.parameters();
-    // SAFETY: the parameters live as long as `parameters`, and FFmpeg does not write to them after probing.
-    let (width, height) = unsafe { ((*parameters.as_ptr()).width, (*parameters.as_ptr()).height) };
-    match (u32::try_from(width), u32::try_from(height)) {
-        (Ok(width @ 1..), Ok(height @ 1..)) => Ok((width, height)),
-        _ => Err(MediaError::NoFrames),
-    }
-}
-
-/// Key of the capture rate in MP4 and MOV files of phones.
-const CAPTURE_RATE: &str = "com.android.capture.fps";
-
-fn capture_rate_of(input: &format::context::Input) -> Option<f64> {
-    let stated = input.metadata().get(CAPTURE_RATE)?.trim().parse().ok();
-    stated.filter(|rate| FRAME_RATES_HZ.contains(rate))
-}
-
-fn stated_duration(ticks: i64) -> Option<f64> {
-    (ticks > 0).then(|| ticks as f64 / f64::from(ff::ffi::AV_TIME_BASE))
-}
-
-/// True if the container lists at least one frame per second of the stated duration. A placeholder, or a duration that
-/// is wrong because a clock was set, is no reason to refuse a recording; its frames will show how long it is.
-fn is_plausible_duration(duration_s: f64, frames_listed: Option<u64>) -> bool {
-    frames_listed.is_some_and(|frames| duration_s <= frames as f64)
 }
 
 pub(super) fn clock_of(

@@ -94,3 +94,41 @@ fn an_agent_sends_a_trimmed_file_as_it_is_shown() {
         }
     }
 }
+
+#[test]
+fn a_picture_that_begins_later_than_the_file_says_when() {
+    let folder = tempfile::tempdir().unwrap();
+    let late = "-f lavfi -i sine=duration=2 -itsoffset 0.5 -f lavfi -i testsrc2=size=160x96:rate=25:duration=1 -map 0 -map 1 -vsync passthrough";
+    for (name, more, starts_at_s) in [
+        ("late.mp4", "-c:v libx264 -c:a aac", 0.5),
+        ("late.mkv", "-c:v libx264 -c:a aac", 0.5),
+        ("late.webm", "-c:v libvpx -c:a libopus", 0.5),
+        ("late.ts", "-c:v libx264 -c:a aac", 0.0), // no player counts its stamps from zero
+    ] {
+        let path = folder.path().join(name);
+        ffmpeg(&format!("{late} {more}"), &path);
+        for factor in [1.0, 0.125] {
+            let mut video = open(&path);
+            video.scale_times(factor);
+            let first = video.next_picture().unwrap().unwrap();
+            assert!(first.frame().time_s.abs() < 1e-6, "{name}");
+            // In Matroska, FFmpeg moves all stamps by the delay of its sound coder, at most 43 ms.
+            assert!((video.whole().starts_at_s - starts_at_s).abs() < 0.05, "{name}: {:?}", video.whole());
+        }
+    }
+}
+
+#[test]
+fn pixels_that_are_not_square_change_the_shown_size_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    for (shape, shown) in [("4/3", (213, 96)), ("1/2", (160, 192)), ("1", (160, 96))] {
+        let path = folder.path().join("shape.mp4");
+        let picture = "-f lavfi -i testsrc2=size=160x96:rate=25 -frames:v 3";
+        ffmpeg(&format!("{picture} -vf setsar={shape} -c:v libx264"), &path);
+        let turned = folder.path().join("turned.mp4");
+        ffmpeg(&format!("-i {} -c copy -metadata:s:v rotate=90", path.display()), &turned);
+        let (upright, turned) = (open(&path).info(), open(&turned).info());
+        assert_eq!((upright.width, upright.height, upright.shown_size), (160, 96, shown), "{shape}");
+        assert_eq!((turned.width, turned.height, turned.shown_size), (96, 160, (shown.1, shown.0)), "{shape}");
+    }
+}

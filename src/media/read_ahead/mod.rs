@@ -9,7 +9,7 @@ use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::{Builder, JoinHandle};
 
-use super::{MediaError, Picture, VideoFile};
+use super::{MediaError, Picture, VideoFile, WholeRecording};
 use crate::heap;
 
 /// Maximum of decoded pictures in the queue. They even out frames that are slow to decode or to process; each takes 3
@@ -26,14 +26,14 @@ pub struct ReadAhead {
     kept: VecDeque<Picture>,
     /// Error to return after the kept pictures.
     failed: Option<MediaError>,
-    frames_stated: Option<u64>,
+    whole: WholeRecording,
     // `None` once the decoder's thread has been joined.
     decoder: Option<Decoder>,
 }
 
 struct Decoder {
-    /// Returns [`VideoFile::frames_stated`] at the recording's end.
-    thread: JoinHandle<Option<u64>>,
+    /// Returns [`VideoFile::whole`] at the recording's end.
+    thread: JoinHandle<WholeRecording>,
     pictures: Receiver<Result<Picture, MediaError>>,
     returned: Sender<Picture>,
 }
@@ -54,7 +54,7 @@ impl ReadAhead {
             current: None,
             kept: VecDeque::new(),
             failed: None,
-            frames_stated: None,
+            whole: WholeRecording::default(),
             decoder: Some(Decoder { thread, pictures, returned: done_with }),
         })
     }
@@ -105,9 +105,9 @@ impl ReadAhead {
         Ok(self.current.as_ref())
     }
 
-    /// See [`VideoFile::frames_stated`]; `None` before [`Self::next_picture`] has returned the end.
-    pub fn frames_stated(&self) -> Option<u64> {
-        self.frames_stated
+    /// See [`VideoFile::whole`]; empty before [`Self::next_picture`] has returned the end.
+    pub fn whole(&self) -> WholeRecording {
+        self.whole
     }
 
     fn recycle(&self, picture: Picture) {
@@ -137,7 +137,7 @@ impl ReadAhead {
         let Some(Decoder { thread, pictures, returned: done_with }) = self.decoder.take() else { return };
         drop((pictures, done_with)); // its next picture is refused
         match thread.join() {
-            Ok(frames_stated) => self.frames_stated = frames_stated,
+            Ok(whole) => self.whole = whole,
             Err(panic) if !std::thread::panicking() => resume_unwind(panic),
             Err(_) => {}
         }
@@ -151,20 +151,20 @@ impl Drop for ReadAhead {
     }
 }
 
-/// Sends the pictures, and returns the number of frames that the file states; `None` unless all were sent.
+/// Sends the pictures, and returns what is then known of the file; empty unless all were sent.
 fn decode(
     mut video: VideoFile,
     made: &SyncSender<Result<Picture, MediaError>>,
     back: &Receiver<Picture>,
-) -> Option<u64> {
+) -> WholeRecording {
     while let Some(next) = video.next_picture().transpose() {
         let is_last = next.is_err();
         if made.send(next).is_err() || is_last {
-            return None;
+            return WholeRecording::default();
         }
         back.try_iter().for_each(|picture| video.recycle(picture));
     }
-    video.frames_stated()
+    video.whole()
 }
 
 #[cfg(test)]

@@ -147,7 +147,13 @@ async fn track(centre: &TestCentre, session: SessionId, factor: f64, edits: u64)
 async fn retimed(centre: &TestCentre, session: SessionId, factor: f64, edits: u64) -> NewResult {
     let result = centre.result(session).await;
     let applied = RecordingClock { basis: ClockBasis::FrameRate, factor, capture_rate_hz: None };
-    let clock = ResultClock { applied, stamped_frame_rate_hz: Some(30.0), stamped_duration_s: 9.97, is_uneven: false };
+    let clock = ResultClock {
+        applied,
+        stamped_frame_rate_hz: Some(30.0),
+        stamped_duration_s: 9.97,
+        is_uneven: false,
+        starts_at_s: 0.5,
+    };
     NewResult { edits, video: VideoFacts { clock: Some(clock), ..result.video }, ..result }
 }
 

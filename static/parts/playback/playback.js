@@ -13,8 +13,10 @@ export class Playback {
     this.time = 0;
     this.playing = false;
     this.rate = 1;
-    /** Times of the session are those of the video, multiplied by this factor. */
+    /** Times of the session are those of the video, counted from `startsAt` and multiplied by this factor. */
     this.factor = 1;
+    /** Time of the video at which the session's time 0 lies, s: its picture may begin later than its sound. */
+    this.startsAt = 0;
     /** @type {HTMLVideoElement | null} */
     this.video = null;
     /** @type {ArrayLike<number> | null} */
@@ -28,10 +30,10 @@ export class Playback {
     this.viewCallbacks = new Set();
   }
 
-  /** Sets the factor between the video's times and those of the session: see `video.clock` of a session. */
-  setFactor(factor) {
-    if (this.factor === factor) return;
-    this.factor = factor;
+  /** Sets how the video's times become those of the session: see `video.clock` of a session. */
+  setClock({ factor = 1, starts_at_s: startsAt = 0 }) {
+    if (this.factor === factor && this.startsAt === startsAt) return;
+    Object.assign(this, { factor, startsAt });
     this.setRate(this.rate);
   }
 
@@ -88,14 +90,14 @@ export class Playback {
 
   get duration() {
     const tracked = this.times?.[this.times.length - 1] ?? 0;
-    const video = (this.video?.duration ?? 0) * this.factor;
+    const video = this.#sessionTime(this.video?.duration ?? 0);
     return Math.max(Number.isFinite(video) ? video : 0, tracked, this.fallbackDuration);
   }
 
   attach(video) {
     this.video = video;
     this.setRate(this.rate);
-    const follow = () => this.#setTime(video.currentTime * this.factor);
+    const follow = () => this.#setTime(this.#sessionTime(video.currentTime));
     const syncPlaying = () => {
       this.playing = !video.paused;
       this.#notify();
@@ -123,14 +125,14 @@ export class Playback {
     let handle;
     if (video.requestVideoFrameCallback) {
       const shown = (_, picture) => {
-        this.#setTime(picture.mediaTime * this.factor);
+        this.#setTime(this.#sessionTime(picture.mediaTime));
         handle = video.requestVideoFrameCallback(shown);
       };
       handle = video.requestVideoFrameCallback(shown);
       return () => video.cancelVideoFrameCallback(handle);
     }
     const repaint = () => {
-      if (!video.paused) this.#setTime(video.currentTime * this.factor);
+      if (!video.paused) this.#setTime(this.#sessionTime(video.currentTime));
       handle = requestAnimationFrame(repaint);
     };
     handle = requestAnimationFrame(repaint);
@@ -180,7 +182,7 @@ export class Playback {
 
   seek(time) {
     const wanted = Math.min(Math.max(0, time), this.duration);
-    if (this.video) this.video.currentTime = wanted / this.factor;
+    if (this.video) this.video.currentTime = this.startsAt + wanted / this.factor;
     this.#setTime(wanted);
   }
 
@@ -196,6 +198,11 @@ export class Playback {
   step(frames) {
     this.pause();
     this.seekFrame(this.frame + frames);
+  }
+
+  /** Time of the session at a time of the video; before the first picture it is 0. */
+  #sessionTime(time) {
+    return Math.max(0, (time - this.startsAt) * this.factor);
   }
 
   #setTime(time) {

@@ -48,7 +48,7 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
     document.addEventListener('keydown', keys);
     return () => (document.removeEventListener('keydown', keys), playback.pause());
   }, []);
-  playback.setFactor(session.video?.clock?.factor ?? 1);
+  playback.setClock(session.video?.clock ?? {});
   useEffect(() => seekWhenReady(playback, start), [start]);
   useEffect(() => keepTimeInAddress(playback, session.id), []);
 

@@ -2,7 +2,7 @@
 
 mod attack;
 mod calibrating;
-mod clips;
+pub mod clips;
 mod confinement;
 mod forge;
 mod mutation;

@@ -103,7 +103,7 @@ impl ChildTask for TrackWork {
             let rows = report.tools.iter().map(|tool| SeenRow::new(frame.index, tool));
             frames.frame(frame.time_s, rows, reporter)?;
         }
-        frames.end(pictures.frames_stated(), reporter)?;
+        frames.end(pictures.whole(), reporter)?;
         drop(pictures);
         if let Some(picture) = surroundings.surroundings() {
             reporter.record(WorkRecord::Track(TrackRecord::Surroundings(picture)))?;

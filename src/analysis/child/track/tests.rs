@@ -135,6 +135,17 @@ fn records_out_of_order_are_refused() {
     }
 }
 
+#[test]
+fn a_recording_ends_once_and_starts_at_a_possible_time() {
+    let end = |starts_at_s| TrackRecord::Recording(RecordingRecord::End { frames_stated: Some(2), starts_at_s });
+    let heard = validate_all(vec![end(0.5)]).unwrap().recording;
+    assert_eq!((heard.frames_stated, heard.starts_at_s), (Some(2), Some(0.5)));
+    for starts_at_s in [-0.5, f64::NAN, f64::INFINITY, 1e9] {
+        assert!(validate_all(vec![end(starts_at_s)]).is_err(), "{starts_at_s}");
+    }
+    assert!(validate_all(vec![end(0.5), end(0.5)]).is_err());
+}
+
 fn tool() -> ToolQuality {
     ToolQuality { observed: 1, missing: 1, ..ToolQuality::default() }
 }

@@ -2,7 +2,7 @@
 //!
 //! | container | statement |
 //! |---|---|
-//! | MP4, MOV | its tables list each frame; those that the edit list hides do not count. If the file is made of parts, the tables of the parts that it holds |
+//! | MP4, MOV | its tables list each frame; those that the edit list hides do not count; in a file of several parts, only parts that it holds |
 //! | AVI | its index lists each frame; if the file is cut, the header's number |
 //! | Matroska, WebM | none; if the file is shorter than its header states, the number that its duration would hold |
 //! | MPEG-TS | none: a shorter file is a shorter stream |
@@ -14,6 +14,7 @@ use std::io::{Error, Read, Seek, SeekFrom};
 use ffmpeg_next::format;
 
 use super::presentation::{is_container, table_length};
+use super::statements::stated_duration;
 
 /// Maximum of elements that are read to find the end of a file: an AVI of 4 h has some 100.
 const MAX_ELEMENTS: usize = 1_000;
@@ -48,7 +49,7 @@ impl FrameStatement {
     /// The statement of an input that was just opened. `listed` is the number in its header, and `is_cut` says whether
     /// the file is shorter than its header states.
     pub(super) fn of(input: &format::context::Input, listed: Option<u64>, is_cut: bool) -> Self {
-        let duration_s = super::stated_duration(input.duration());
+        let duration_s = stated_duration(input.duration());
         if is_container(input, "mov") {
             Self::Table
         } else if is_container(input, "avi") {

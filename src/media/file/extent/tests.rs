@@ -27,7 +27,7 @@ fn ffmpeg(arguments: &str, out: &Path) {
 fn counts(bytes: &[u8]) -> (u64, Option<u64>) {
     let mut video = VideoFile::open(Cursor::new(bytes.to_vec()), MediaLimits::default()).unwrap();
     let shown = std::iter::from_fn(|| video.next_picture().unwrap()).count();
-    (shown as u64, video.frames_stated())
+    (shown as u64, video.whole().frames_stated)
 }
 
 const CODEC: &str = "-c:v libx264 -g 10 -bf 2";
