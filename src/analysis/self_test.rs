@@ -53,7 +53,8 @@ pub fn test_video(
     let mut ahead = ReadAhead::new(video)?;
     let first: Vec<Frame<'_>> = ahead.first_pictures(MAX_WARM_UP_FRAMES)?.iter().map(Picture::frame).collect();
     let encoding = first.first().ok_or(MediaError::NoFrames)?.encoding;
-    let mut tracker = Tracker::new(settings, info.width, info.height, encoding)?;
+    let tracker = Tracker::new(settings, info.width, info.height, encoding);
+    let mut tracker = tracker.map_err(|problem| problem.of_shown(info.shown_size))?;
     tracker.warm_up(&first);
     let (mut watch, mut colours) = (BoardWatch::new(asked.board, camera), ColourWatch::new(&samples, &tools, encoding));
     while let Some(seen) = ahead.next_picture()? {

@@ -15,8 +15,27 @@ export async function pictureOf(file) {
   return { blob, name: file.name.replace(/\.[^.]*$/, '.png') };
 }
 
-/** The current picture of a video, at its own size. */
-export const frameOf = video => toPng(video, video.videoWidth, video.videoHeight);
+/** The current picture of a video, at the size that it is stored with: the tracker measures stored pixels. */
+export function frameOf(video) {
+  const { width, height } = storedSize(video);
+  return toPng(video, width, height);
+}
+
+/** A video element states the size at which it shows pictures. Pixels that are not square have another one. */
+function storedSize(video) {
+  const shown = { width: video.videoWidth, height: video.videoHeight };
+  try {
+    const frame = new VideoFrame(video);
+    const stored = frame.visibleRect ?? shown;
+    frame.close();
+    // Stretching changes one side; a picture that is turned by a quarter has its sides exchanged.
+    if (stored.width === shown.width || stored.height === shown.height) return stored;
+    if (stored.width === shown.height || stored.height === shown.width) return { width: stored.height, height: stored.width };
+  } catch {
+    // This browser has no such frames, or the video comes from a source that scripts may not read.
+  }
+  return shown;
+}
 
 async function toPng(drawable, width, height) {
   const canvas = new OffscreenCanvas(width, height);

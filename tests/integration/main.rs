@@ -15,6 +15,7 @@ mod memory;
 mod old_data;
 mod palette;
 mod planted;
+mod presentation;
 mod process;
 mod quality;
 mod readme;

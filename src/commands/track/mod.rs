@@ -247,7 +247,8 @@ fn track_recording(
         ahead.first_pictures(MAX_WARM_UP_FRAMES).map_err(in_video)?.iter().map(Picture::frame).collect();
     let encoding = first.first().ok_or_else(|| in_video(MediaError::NoFrames))?.encoding;
     clock.add_lap(TrackStage::Waiting);
-    let mut tracker = Tracker::new(settings, info.width, info.height, encoding).map_err(|e| about(&args.camera, e))?;
+    let tracker = Tracker::new(settings, info.width, info.height, encoding);
+    let mut tracker = tracker.map_err(|problem| about(&args.camera, problem.of_shown(info.shown_size)))?;
     tracker.warm_up(&first);
     clock.add_lap(TrackStage::Preparing);
     let mut again = marks.map(ClipMarks::collector);

@@ -104,16 +104,18 @@ pub struct VideoResponse {
     /// SHA-256 of the file, 64 hexadecimal digits; `null` while it arrives.
     sha256: Option<String>,
     media_type: String,
-    /// Width as displayed, pixels; `null`, like the next four, until the video was decoded.
+    /// Width of the measured picture, which is turned and mirrored for display, pixels; `null`, like the next four, until
+    /// the video was decoded. Pixels are those that the file stores: if they are not square, players show the picture
+    /// wider or higher.
     width: Option<u32>,
-    /// Height as displayed, pixels.
+    /// Height of the measured picture, pixels.
     height: Option<u32>,
     /// Number of decoded frames.
     frames: Option<u64>,
     /// Time from the first frame to the last, s.
     duration_s: Option<f64>,
     /// How the times were computed from the file's time stamps; `null` for results of earlier versions. Times of the
-    /// session are the file's times, multiplied by `factor`. Where a person corrected them, `GET /sessions/{id}/edits`
+    /// session are the file's times, counted from `starts_at_s` and multiplied by `factor`. Where a person corrected them, `GET /sessions/{id}/edits`
     /// gives name, date and reason.
     clock: Option<ResultClock>,
     /// True if the recorder states a capture rate of 1.8 to 3 times the frame rate and the times are those of the file: it

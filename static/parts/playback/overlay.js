@@ -8,9 +8,10 @@ const FONT = '600 13px system-ui, sans-serif';
 const HALO = 'rgb(0 0 0 / 70%)';
 
 /** Where the picture lies inside its element (`object-fit: contain`), in CSS pixels. */
-function pictureBox(width, height, pictureWidth, pictureHeight) {
-  const scale = Math.min(width / pictureWidth, height / pictureHeight);
-  return { scale, left: (width - pictureWidth * scale) / 2, top: (height - pictureHeight * scale) / 2 };
+function pictureBox(width, height, shown) {
+  const scale = Math.min(width / shown.width, height / shown.height);
+  const [w, h] = [shown.width * scale, shown.height * scale];
+  return { width: w, height: h, left: (width - w) / 2, top: (height - h) / 2 };
 }
 
 /** Gives a canvas the resolution of the screen and clears it; returns its size in CSS pixels. */
@@ -26,20 +27,23 @@ export function fitCanvas(canvas) {
 }
 
 /**
- * `show`: the layers to draw; `hidden`: the tools that are switched off.
+ * `show`: the layers to draw; `hidden`: the tools that are switched off; `shown`: the size at which the video is shown, if
+ * known. It has other proportions than the measured picture if pixels are not square.
  *
  * @param {HTMLCanvasElement} canvas
  * @param {any} track
  * @param {number} frame
- * @param {{ show: Record<string, boolean>, hidden: Set<string>, size?: { width: number, height: number } }} options
+ * @param {{ show: Record<string, boolean>, hidden: Set<string>, size?: { width: number, height: number },
+ *   shown?: { width: number, height: number } }} options
  */
-export function drawOverlay(canvas, track, frame, { show, hidden, size }) {
+export function drawOverlay(canvas, track, frame, { show, hidden, size, shown }) {
   const { pen, width, height } = fitCanvas(canvas);
   const picture = { width: track.width ?? size?.width, height: track.height ?? size?.height };
   if (!picture.width || !width || !isExact(track, frame)) return;
-  const box = pictureBox(width, height, picture.width, picture.height);
+  const box = pictureBox(width, height, shown?.width ? shown : picture);
+  const [across, down] = [box.width / picture.width, box.height / picture.height];
   // OpenCV counts from the centre of the first pixel, a canvas from its corner.
-  const project = (u, v) => [box.left + (u + 0.5) * box.scale, box.top + (v + 0.5) * box.scale];
+  const project = (u, v) => [box.left + (u + 0.5) * across, box.top + (v + 0.5) * down];
   pen.lineCap = pen.lineJoin = 'round';
   const missing = [];
   for (const tool of track.tools) {

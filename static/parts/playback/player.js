@@ -27,7 +27,11 @@ export function Player({ address, size, track, playback, hidden, onRead }) {
   useEffect(() => playback.onShowInView(() => screen.current.scrollIntoView({ block: 'nearest' })), []);
   useEffect(() => {
     if (!track) return undefined;
-    const draw = () => canvas.current && drawOverlay(canvas.current, track, playback.frame, { show, hidden, size });
+    const draw = () => {
+      if (!canvas.current) return;
+      const shown = { width: video.current?.videoWidth ?? 0, height: video.current?.videoHeight ?? 0 };
+      drawOverlay(canvas.current, track, playback.frame, { show, hidden, size, shown });
+    };
     const resize = new ResizeObserver(draw);
     resize.observe(canvas.current);
     const unsubscribe = playback.onTick(draw);

@@ -90,7 +90,8 @@ impl ChildTask for TrackWork {
         let mut pictures = ReadAhead::new(video)?;
         let first: Vec<Frame<'_>> = pictures.first_pictures(MAX_WARM_UP_FRAMES)?.iter().map(Picture::frame).collect();
         let encoding = first.first().ok_or(MediaError::NoFrames)?.encoding;
-        let mut tracker = Tracker::new(self.tracker, info.width, info.height, encoding)?;
+        let tracker = Tracker::new(self.tracker, info.width, info.height, encoding);
+        let mut tracker = tracker.map_err(|problem| problem.of_shown(info.shown_size))?;
         tracker.warm_up(&first);
         let mut preview = Preview::new(info.frames_expected);
         let (mut frames_interlaced, mut surroundings) = (0, SurroundingsSampler::default());

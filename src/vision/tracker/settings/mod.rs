@@ -133,7 +133,7 @@ impl TrackerSettings {
     pub(super) fn check(&self, width: u32, height: u32) -> Result<(), SettingsProblem> {
         let camera = (self.camera.width, self.camera.height);
         if camera != (width, height) {
-            return Err(SettingsProblem::OtherSize { camera, frame: (width, height) });
+            return Err(SettingsProblem::OtherSize { camera, frame: (width, height), shown: None });
         }
         if self.tools.is_empty() {
             return Err(SettingsProblem::NoTool);

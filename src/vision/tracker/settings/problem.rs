@@ -5,14 +5,16 @@
 pub enum SettingsProblem {
     /// The camera was calibrated at another picture size.
     #[error(
-        "the camera is calibrated for {}×{} pixels, but the recording is {}×{}; calibrate at the recorded size",
-        camera.0, camera.1, frame.0, frame.1
+        "the camera is calibrated for {}×{} pixels, but the recording is {}×{}{}; calibrate at the recorded size",
+        camera.0, camera.1, frame.0, frame.1, shown_text(*shown)
     )]
     OtherSize {
         /// Width and height in the calibration.
         camera: (u32, u32),
-        /// Width and height of the frames.
+        /// Width and height of the frames, as stored.
         frame: (u32, u32),
+        /// Width and height at which players show them, if that differs.
+        shown: Option<(u32, u32)>,
     },
     /// Nothing to track.
     #[error("no tool is given; mark at least one rectangle on a tool's tape")]
@@ -45,4 +47,22 @@ pub enum SettingsProblem {
         /// The value given, mm.
         value_mm: f64,
     },
+}
+
+impl SettingsProblem {
+    /// The same problem of a recording that players show at this size: pixels need not be square.
+    pub fn of_shown(self, size: (u32, u32)) -> Self {
+        match self {
+            Self::OtherSize { camera, frame, .. } => {
+                Self::OtherSize { camera, frame, shown: Some(size).filter(|&size| size != frame) }
+            }
+            other => other,
+        }
+    }
+}
+
+fn shown_text(shown: Option<(u32, u32)>) -> String {
+    shown.map_or(String::new(), |(width, height)| {
+        format!(" as stored (its pixels are not square, and players show it as {width}×{height})")
+    })
 }
