@@ -63,7 +63,7 @@ CREATE TABLE cookie_session (
     created_at_ms   INTEGER NOT NULL CHECK (created_at_ms >= 0),             -- when they signed in, epoch ms
     last_seen_at_ms INTEGER NOT NULL CHECK (last_seen_at_ms >= created_at_ms), -- last request, to a minute, epoch ms
     expires_at_ms   INTEGER NOT NULL CHECK (expires_at_ms > created_at_ms)   -- the end even for the busy, epoch ms
-) STRICT, WITHOUT ROWID;
+, browser TEXT NOT NULL DEFAULT '' CHECK (length(browser) <= 200), address TEXT NOT NULL DEFAULT '' CHECK (length(address) <= 64)) STRICT, WITHOUT ROWID;
 
 CREATE TABLE course (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- CourseId
@@ -83,6 +83,13 @@ CREATE TABLE course_step (
 CREATE TABLE erased_feed (
     id TEXT PRIMARY KEY CHECK (length(id) = 36)                              -- FeedId
 ) STRICT, WITHOUT ROWID;
+
+CREATE TABLE erasure (
+    number INTEGER PRIMARY KEY AUTOINCREMENT,                                -- order of erasing
+    kind   TEXT NOT NULL CHECK (kind IN ('trainee', 'session', 'person')),   -- what was erased
+    id     TEXT NOT NULL CHECK (length(id) = 36),                            -- its id
+    at_ms  INTEGER NOT NULL CHECK (at_ms >= 0)                               -- when, epoch ms
+) STRICT;
 
 CREATE TABLE evidence (
     result_id TEXT PRIMARY KEY REFERENCES result (id) ON DELETE CASCADE,     -- of which result
@@ -117,7 +124,7 @@ CREATE TABLE feed (
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when first heard of, epoch ms
     ended_at_ms   INTEGER CHECK (ended_at_ms >= created_at_ms),              -- when its recording was stored, epoch ms
     live_features TEXT CHECK (json_valid(live_features))                     -- at its end, by the causal filter: [LiveFeature]
-, is_push INTEGER NOT NULL DEFAULT 0 CHECK (is_push IN (0, 1)), arrived_s REAL CHECK (arrived_s >= 0), stamped_s REAL CHECK (stamped_s >= 0)) STRICT;
+, is_push INTEGER NOT NULL DEFAULT 0 CHECK (is_push IN (0, 1)), arrived_s REAL CHECK (arrived_s >= 0), stamped_s REAL CHECK (stamped_s >= 0), actor TEXT CHECK (length(actor) BETWEEN 1 AND 64), resumes INTEGER NOT NULL DEFAULT 1 CHECK (resumes IN (0, 1))) STRICT;
 
 CREATE TABLE group_course (
     group_id  TEXT PRIMARY KEY REFERENCES training_group (id) ON DELETE CASCADE, -- the group
@@ -417,11 +424,13 @@ CREATE TABLE upload (
     received       INTEGER NOT NULL DEFAULT 0 CHECK (received BETWEEN 0 AND length), -- bytes that are durable
     session_id     TEXT REFERENCES session (id) ON DELETE CASCADE,           -- the session that it became
     created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0),              -- when begun, epoch ms
-    expires_at_ms  INTEGER NOT NULL CHECK (expires_at_ms > created_at_ms), true_frame_rate_hz REAL CHECK (true_frame_rate_hz BETWEEN 1 AND 1000), true_duration_s REAL CHECK (true_duration_s BETWEEN 0.1 AND 86400),   -- when it is forgotten unless it goes on, epoch ms
+    expires_at_ms  INTEGER NOT NULL CHECK (expires_at_ms > created_at_ms), true_frame_rate_hz REAL CHECK (true_frame_rate_hz BETWEEN 1 AND 1000), true_duration_s REAL CHECK (true_duration_s BETWEEN 0.1 AND 86400), is_duplicate INTEGER NOT NULL DEFAULT 0 CHECK (is_duplicate IN (0, 1)),   -- when it is forgotten unless it goes on, epoch ms
     CHECK (session_id IS NULL OR received = length)
 ) STRICT;
 
 CREATE INDEX audit_backup ON audit (id) WHERE action = 'create' AND noun = 'backup';
+
+CREATE INDEX audit_recordings ON audit (actor, at_ms) WHERE noun = 'session' AND action IN ('create', 'import');
 
 CREATE INDEX cohort_group ON cohort (group_id);
 
@@ -459,7 +468,7 @@ CREATE INDEX job_lease ON job (lease_until_ms) WHERE state = 'running';
 
 CREATE INDEX job_quarantined ON job (id) WHERE state = 'quarantined';
 
-CREATE INDEX job_session ON job (session_id, created_at_ms);
+CREATE INDEX job_session ON job (session_id);
 
 CREATE INDEX job_waiting ON job (turn, queued_at_ms, id) WHERE state = 'queued';
 
@@ -495,7 +504,7 @@ CREATE INDEX result_calibration ON result (calibration_id);
 
 CREATE INDEX result_diagnostics ON result (diagnostics);
 
-CREATE INDEX result_latest ON result (session_id, created_at_ms);
+CREATE INDEX result_latest ON result (session_id);
 
 CREATE UNIQUE INDEX result_once ON result (session_id, pipeline, coalesce(tracked_with, pipeline), coalesce(calibration_id, ''),
                                            coalesce(palette_id, ''), coalesce(model, ''), edits, time_revision);
@@ -552,6 +561,18 @@ CREATE TRIGGER feed_erased AFTER DELETE ON feed BEGIN
     INSERT INTO erased_feed (id) VALUES (OLD.id) ON CONFLICT DO NOTHING;
 END;
 
+CREATE TRIGGER person_erased AFTER DELETE ON person BEGIN
+    INSERT INTO erasure (kind, id, at_ms) VALUES ('person', OLD.id, CAST(unixepoch('subsec') * 1000 AS INTEGER));
+END;
+
+CREATE TRIGGER session_erased AFTER DELETE ON session BEGIN
+    INSERT INTO erasure (kind, id, at_ms) VALUES ('session', OLD.id, CAST(unixepoch('subsec') * 1000 AS INTEGER));
+END;
+
+CREATE TRIGGER trainee_erased AFTER DELETE ON trainee BEGIN
+    INSERT INTO erasure (kind, id, at_ms) VALUES ('trainee', OLD.id, CAST(unixepoch('subsec') * 1000 AS INTEGER));
+END;
+
 CREATE VIEW assessed_session AS
     SELECT session.id, session.trainee_id, session.task_id, session.tracker, session.recorded_at_ms, session.created_at_ms,
            result.id AS result_id, result.pipeline, result.calibration_id, result.tools, result.verdict
@@ -588,8 +609,7 @@ CREATE VIEW completed_rescoring (id) AS
 
 CREATE VIEW current_result AS
     SELECT result.*, json_extract(result.quality, '$.verdict') AS verdict FROM result
-    WHERE result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = result.session_id
-                       ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1);
+    WHERE result.rowid = (SELECT max(latest.rowid) FROM result AS latest WHERE latest.session_id = result.session_id);
 
 CREATE VIEW feed_record AS
     SELECT feed.*, session.trainee_id, session.task_id
@@ -603,7 +623,8 @@ CREATE VIEW group_record AS
     LEFT JOIN course ON course.id = group_course.course_id;
 
 CREATE VIEW practised_session AS
-    SELECT session.id, session.trainee_id, session.task_id, session.recorded_at_ms, session.video IS NOT NULL AS is_whole,
+    SELECT session.id, session.trainee_id, session.task_id, session.recorded_at_ms, session.rowid AS arrival,
+           session.video IS NOT NULL AS is_whole,
            NOT EXISTS (SELECT 1 FROM uncounted_session WHERE uncounted_session.session_id = session.id) AS counts,
            session.box_question, job.state AS job_state, result.id AS result_id, result.pipeline, result.calibration_id,
            result.verdict = 'refused' AS refused
@@ -639,8 +660,7 @@ CREATE VIEW standard_record AS
 
 CREATE VIEW tracking_job AS
     SELECT job.* FROM job
-    WHERE job.id = (SELECT latest.id FROM job AS latest WHERE latest.session_id = job.session_id AND latest.turn < 2
-                    ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1);
+    WHERE job.rowid = (SELECT max(latest.rowid) FROM job AS latest WHERE latest.session_id = job.session_id AND latest.turn < 2);
 
 CREATE VIEW uncounted_session (session_id) AS
     SELECT session_id FROM session_edit WHERE kind = 'set_aside' AND undone_at_ms IS NULL

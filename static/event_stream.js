@@ -8,7 +8,7 @@ const RETRY_MS = { first: 1_000, max: 30_000 };
 
 /** The tab's part in the shared stream, from `join` until `leave`. */
 export class EventStream {
-  /** `'connecting' | 'open' | 'broken'`, as far as this tab knows. */
+  /** `'connecting' | 'open' | 'broken'`, for all that this tab knows. */
   state = 'connecting';
 
   #name;

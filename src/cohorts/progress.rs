@@ -1,7 +1,7 @@
 //! A trainee's sessions of a task over time.
 //!
-//! Sessions are numbered in the order of recording, as their senders state it. They are judged in the order in which they
-//! arrived: which passes come in a row, the charts, proficiency. All of them are practice and have a number, but sessions that are
+//! Sessions are numbered in the order of recording, as their senders state it. They are judged in the order of
+//! arrival: which passes come in a row, the charts, proficiency. All of them are practice and have a number, but sessions that are
 //! refused, failed, set aside or of another pipeline version do not count otherwise. The version that counts is that of
 //! the newest valid result: after an update of the program, older sessions count again once they are rescored.
 
@@ -244,7 +244,7 @@ pub(super) fn judge_sessions<'p>(
     (sessions, course)
 }
 
-/// The sessions that are trials, in the order in which they arrived. The times of recordings are stated by their senders,
+/// The sessions that are trials, in the order of arrival. The times of recordings are stated by their senders,
 /// and must not decide which ones come in a row.
 fn in_order_of_arrival<'p>(sessions: &[NumberedSession<'p>]) -> Vec<NumberedSession<'p>> {
     let mut trials: Vec<NumberedSession<'p>> = sessions.iter().filter(|at| !at.session.is_uncounted).copied().collect();

@@ -1,4 +1,4 @@
-//! The caller's own account: the browsers in which it is signed in, and the tokens that act as it.
+//! The caller's own account: the browsers where it is signed in, and the tokens that act as it.
 
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -14,7 +14,7 @@ use super::state::App;
 use super::tokens::TokenResponse;
 use crate::store;
 
-/// A browser in which the account is signed in.
+/// A browser where the account is signed in.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct SignInEntry {
     id: String,
@@ -37,7 +37,7 @@ impl From<store::SignInRecord> for SignInEntry {
     }
 }
 
-/// List the browsers in which the own account is signed in
+/// List the browsers where the own account is signed in
 #[utoipa::path(get, path = "/me/sign-ins", tag = "sign-in",
     responses((status = OK, body = PageResponse<SignInEntry>)))]
 pub async fn sign_ins(

@@ -34,7 +34,7 @@ impl ConnectionSlots {
         }
     }
 
-    /// The same slots, of which the last `kept` are for agents only.
+    /// The same slots, with the last `kept` of them for agents only.
     pub fn keep_for_agents(self, kept: usize) -> Self {
         Self { max_of_people: self.max_total.saturating_sub(kept).max(1), ..self }
     }

@@ -123,7 +123,7 @@ mod tests {
     /// The bytes with the index renamed, so that it is not found: as of a recorder that did not write it.
     fn without_index(mut bytes: Vec<u8>) -> Vec<u8> {
         let at = bytes.windows(4).position(|four| four == b"moov").unwrap();
-        bytes[at..at + 4].copy_from_slice(b"free");
+        bytes[at..at + 4].copy_from_slice(b"junk");
         bytes
     }
 

@@ -36,7 +36,7 @@ pub struct SignInOrigin {
     pub places: Vec<SecretHash>,
 }
 
-/// A browser in which a person is signed in.
+/// A browser where a person is signed in.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
 pub struct SignInRecord {
     /// Names it; part of the hash of its secret.
@@ -187,7 +187,7 @@ impl CookieStore<'_> {
         Ok(row.fetch_optional(self.0.readers()).await?.is_some())
     }
 
-    /// The browsers in which this person is signed in, the last used first; `current` is the cookie that asks.
+    /// The browsers where this person is signed in, the last used first; `current` is the cookie that asks.
     pub async fn of_person(
         &self,
         person: PersonId,

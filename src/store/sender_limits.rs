@@ -23,7 +23,7 @@ pub struct SenderLimits {
     pub daily_recordings: u64,
     /// Bytes of recordings of a trainee or a box in 24 hours. Usually 64 GiB: 15 hours at 10 Mbit/s.
     pub daily_bytes: u64,
-    /// Browsers in which a person is signed in; a further one signs out the oldest. Usually 20.
+    /// Browsers where a person is signed in; a further one signs out the oldest. Usually 20.
     pub sign_ins: u32,
 }
 

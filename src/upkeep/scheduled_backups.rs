@@ -1,5 +1,4 @@
-//! Scheduled backups: one a day, made at a set time or as soon as the service runs after it, of which the last ones are
-//! kept.
+//! Scheduled backups: one a day, made at a set time or as soon as the service runs after it. The last ones are kept.
 
 use std::fs::{self, File};
 use std::io;
@@ -55,8 +54,10 @@ impl TryFrom<String> for TimeOfDay {
     type Error = Invalid;
 
     fn try_from(text: String) -> Result<Self, Invalid> {
-        let number =
-            |text: &str, most: i64| text.parse::<i64>().ok().filter(|n| text.len() == 2 && (0..=most).contains(n));
+        let number = |text: &str, most: i64| {
+            let is_number = text.len() == 2 && text.bytes().all(|digit| digit.is_ascii_digit());
+            text.parse::<i64>().ok().filter(|number| is_number && *number <= most)
+        };
         let parts = text.split_once(':').and_then(|(hours, minutes)| Some((number(hours, 23)?, number(minutes, 59)?)));
         let (hours, minutes) = parts.ok_or_else(|| Invalid::new("time of day", "expected a time such as 02:30"))?;
         Ok(Self { minutes: 60 * hours + minutes })

@@ -326,7 +326,7 @@ test('recording continues while the user opens other pages, and others cannot re
     assert.equal((await waitForResult(page, await stop(page))).status, 'done');
   }));
 
-test('a recording of a closed tab is interrupted, and its page scores what came at once', () => {
+test('a recording of a closed tab is interrupted, and its page scores what arrived at once', () => {
   let session;
   return withPage(async page => {
     await start(page);
@@ -341,7 +341,7 @@ test('a recording of a closed tab is interrupted, and its page scores what came 
       await page.waitForURL(`**/sessions/${session}`);
       await page.getByText('The recording is interrupted').first().waitFor();
       await checkLooks(page, 'session-interrupted');
-      await button(page, 'Score what came').click();
+      await button(page, 'Score what arrived').click();
       const result = await waitForResult(page, session);
       assert.ok(result.video.frames >= 75, `${result.video.frames} frames`);
     }),

@@ -42,7 +42,7 @@ pub struct PracticeSession {
     pub id: SessionId,
     /// When it was recorded, epoch ms, as its sender stated.
     pub recorded_at_ms: i64,
-    /// Its place in the order in which sessions arrived.
+    /// Its place in the order of arrival.
     pub arrival: i64,
     /// Its status.
     pub status: SessionStatus,

@@ -6,7 +6,7 @@ import { Confirm } from '../forms/dialog.js';
 import { Empty } from '../page/notice.js';
 
 const words = t.account;
-/** A browser's name is long and begins with history; these parts of it tell people which one it is. */
+/** A browser states a long name; these parts of it show which one it is. */
 const BROWSERS = [['Edg/', 'Edge'], ['OPR/', 'Opera'], ['Firefox/', 'Firefox'], ['Chrome/', 'Chrome'], ['Safari/', 'Safari']];
 const SYSTEMS = [['Android', 'Android'], ['iPad', 'iPad'], ['iPhone', 'iPhone'], ['Windows', 'Windows'], ['Mac OS', 'macOS'], ['Linux', 'Linux']];
 
