@@ -24,10 +24,10 @@ export function Interrupted({ session, watch }) {
     setBusy(false);
   };
   const remove = () => api.sessions.remove(session.id).then(() => go(['sessions']));
-  const { recorded_s, ends_in_s } = watch.interruption ?? {};
+  const [recorded, left] = [watch.interruption?.recorded_s ?? 0, watch.interruption?.ends_in_s ?? null];
   return html`
-    <${Notice} tone="warn" title=${recorded_s > 0 ? words.at(clock(recorded_s, 0)) : words.title}>
-      <p>${Number.isFinite(ends_in_s) ? words.body(Math.max(1, Math.ceil(ends_in_s / 60))) : ''}</p>
+    <${Notice} tone="warn" title=${recorded > 0 ? words.at(clock(recorded, 0)) : words.title}>
+      ${left !== null && html`<p>${words.body(Math.max(1, Math.ceil(left / 60)))}</p>`}
       <${ProblemNotice} problem=${problem} />
       <div class="row">
         <button class="button main" type="button" disabled=${busy} onClick=${end}>${busy ? words.busy : words.end}</button>

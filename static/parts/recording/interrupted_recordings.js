@@ -17,8 +17,8 @@ export function InterruptedRecordings() {
   useLive('resync', reload);
   const interrupted = (data?.items ?? []).filter(session => session.interruption);
   return interrupted.map(session => html`
-    <${Notice} key=${session.id} tone="warn" title=${titleOf(session.interruption)}>
+    <${Notice} key=${session.id} tone="warn" title=${titleOf(session.interruption?.recorded_s ?? 0)}>
       <a href=${href(['sessions', session.id])}>${session.trainee?.name} · ${session.task?.name} · ${session.box?.name}</a><//>`);
 }
 
-const titleOf = ({ recorded_s }) => (recorded_s > 0 ? words.at(clock(recorded_s, 0)) : words.title);
+const titleOf = recorded => (recorded > 0 ? words.at(clock(recorded, 0)) : words.title);

@@ -224,7 +224,7 @@ function storedKeys() {
 
 function storedAt(key) {
   try {
-    return JSON.parse(localStorage.getItem(key)).at;
+    return JSON.parse(localStorage.getItem(key) ?? '{}').at;
   } catch {
     return 0;
   }
