@@ -55,7 +55,7 @@ impl UnreadRecording {
     fn find(file: &mut (impl Read + Seek)) -> std::io::Result<Option<Self>> {
         let mut head = Vec::new();
         file.by_ref().take(HEAD_BYTES).read_to_end(&mut head)?;
-        if head.get(4..8).is_some_and(|kind| MP4_FIRST.iter().any(|first| kind == *first)) {
+        if head.get(4..8).is_some_and(|kind| MP4_FIRST.contains(&kind)) {
             return Ok((!has_whole_index(file)?).then_some(Self::CutOff));
         }
         if let Some((_, name, convert)) = CONTAINERS.iter().find(|(magic, ..)| head.starts_with(magic)) {

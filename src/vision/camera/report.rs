@@ -168,7 +168,7 @@ pub enum CalibrationProblem {
     /// The board was found in too few photos.
     #[error(
         "the {board} board was found in {found} of {given} photos, at least {} are needed{}",
-        super::calibrate::MIN_PHOTOS, advice(*other, common.as_ref())
+        super::calibrate::MIN_PHOTOS, advice(*other, common.as_deref())
     )]
     TooFewPhotos {
         /// Columns and rows of the requested board, as `9x6`.
@@ -180,7 +180,7 @@ pub enum CalibrationProblem {
         /// A board of another size that most photos with a board show.
         other: Option<CornerCounts>,
         /// The most frequent reason for leaving a photo out; `None` if the reader has the reason of each photo.
-        common: Option<PhotoReason>,
+        common: Option<Box<PhotoReason>>,
     },
     /// A view does not have as many corners as the board.
     #[error("photo {name} has {found} corners, the board has {expected}")]

@@ -79,7 +79,7 @@ fn views_with_corners(views: &[BoardView], board: Board) -> Result<FoundCorners<
 fn too_few(views: &[BoardView], board: Board, found: usize) -> CalibrationProblem {
     let reasons: Vec<&PhotoReason> = views.iter().filter_map(|view| view.corners.as_ref().err()).collect();
     let frequency = |reason: &PhotoReason| reasons.iter().filter(|other| kind(other) == kind(reason)).count();
-    let common = reasons.iter().rev().max_by_key(|reason| frequency(reason)).map(|&reason| reason.clone());
+    let common = reasons.iter().rev().max_by_key(|reason| frequency(reason)).map(|&reason| Box::new(reason.clone()));
     let other = if found == 0 { size_shown(&reasons) } else { None };
     CalibrationProblem::TooFewPhotos { board: board.into(), found, given: views.len(), other, common }
 }

@@ -108,24 +108,26 @@ impl BoardNotFound {
 }
 
 /// As [`find`], but a failure also returns the corners that were seen.
-pub fn find_or_partial(photo: &Plane<'_>, board: Board) -> Result<Vec<Pixel>, BoardNotFound> {
+pub fn find_or_partial(photo: &Plane<'_>, board: Board) -> Result<Vec<Pixel>, Box<BoardNotFound>> {
     let mut parts = SeenParts::default();
     if photo.width.min(photo.height) < MIN_PHOTO_PX {
-        return Err(parts.into_reason(photo, board));
+        return Err(Box::new(parts.into_reason(photo, board)));
     }
     let scales = Scales::of(photo);
     for scale in (0..scales.pictures.len()).rev() {
         for lattice in scales.lattices(scale, board) {
             match corners_of(&lattice, board) {
                 Ok(corners) => return Ok(corners),
-                Err(Some(reason @ BoardReason::OtherBoard { .. })) => return Err(BoardNotFound::new(reason, &lattice)),
+                Err(Some(reason @ BoardReason::OtherBoard { .. })) => {
+                    return Err(Box::new(BoardNotFound::new(reason, &lattice)));
+                }
                 Err(reason) => parts.add(lattice, reason),
             }
         }
     }
     parts.complete(&scales.fitted, board);
     let whole = parts.largest.as_ref().and_then(|part| corners_of(part, board).ok());
-    whole.ok_or_else(|| parts.into_reason(photo, board))
+    whole.ok_or_else(|| Box::new(parts.into_reason(photo, board)))
 }
 
 /// The corners of a lattice that is the board, or why it is none; without a reason, too few of them were seen.

@@ -93,7 +93,8 @@ pub fn inspect_photo(photo: &Plane<'_>, board: Board) -> PhotoInspection {
             let (near, coverage) = (near_side(&corners, board, size), coverage(&corners));
             PhotoInspection { near, coverage, corners, missing: Vec::new(), reason: None, hints: Vec::new() }
         }
-        Err(BoardNotFound { reason, seen, missing }) => {
+        Err(missed) => {
+            let BoardNotFound { reason, seen, missing } = *missed;
             let hints = hints(photo, &reason, &seen);
             PhotoInspection { hints, coverage: coverage(&[]), corners: seen, missing, reason: Some(reason), near: None }
         }
