@@ -53,7 +53,8 @@ async fn an_upload_without_a_byte_ends_after_minutes_and_frees_its_place_at_once
     let upload = Upload::begin(&centre.trainee, 1000).await;
     problem(create(&centre.trainee, 1000, &for_trainee("ada")).await, 429, "too-many").await;
     clock.advance(Duration::from_secs(11 * 60));
-    assert_eq!(upload.request(Method::HEAD).send().await.unwrap().status(), StatusCode::GONE);
+    let ended = upload.request(Method::HEAD).send().await.unwrap().status();
+    assert!([StatusCode::GONE, StatusCode::NOT_FOUND].contains(&ended), "{ended}"); // expired, or deleted already
     let upload = Upload::begin(&centre.trainee, 1000).await;
     upload.patch(0, &[1; 500]).await;
     clock.advance(Duration::from_secs(11 * 60));
