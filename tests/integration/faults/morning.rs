@@ -66,9 +66,10 @@ async fn a_busy_morning_leaves_reading_quick_and_the_service_small() {
     let Some(scene) = Scene::in_folder(Folder::of("--seed 5 --seconds 4 --size 640x360")) else { return };
     let centre = Arc::new(Centre::open().await);
     for person in 0..PEOPLE {
-        centre.create("/trainees", &format!("Person {person}")).await;
         let login = format!("person-{person}");
-        add_account(&centre, json!({"login": login, "role": "trainee", "trainee": login})).await;
+        let trainee = centre.request(Method::POST, "/trainees").json(&json!({"name": login, "code": login}));
+        let trainee = json_of(trainee.send().await.unwrap()).await;
+        add_account(&centre, json!({"login": login, "role": "trainee", "trainee": trainee["id"]})).await;
     }
     for watching in 0..WATCHING {
         add_account(&centre, json!({"login": format!("staff-{watching}"), "role": "administrator"})).await;
@@ -158,7 +159,7 @@ async fn start_recording(centre: &Centre, scene: Arc<Scene>, load: &mut JoinSet<
 async fn add_account(centre: &Centre, mut account: Value) {
     account["password"] = json!(PASSWORD);
     account["name"] = account["login"].clone();
-    json_of(centre.request(Method::POST, "/users").json(&account).send().await.unwrap()).await;
+    json_of(centre.request(Method::POST, "/people").json(&account).send().await.unwrap()).await;
 }
 
 /// Signs people in, all at once. Returns their cookies, by the numbers in their logins.
