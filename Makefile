@@ -129,6 +129,10 @@ power-cuts: test-packages ## simulate 20 power cuts during uploads and jobs, on 
 slow-clients: test-packages ## connect a thousand slow clients and a quick one; measure its 99th percentile and the service's memory
 	cargo test --locked --test integration slow_clients -- --ignored --nocapture
 
+.PHONY: morning-load
+morning-load: release test-packages ## a class signs in, 200 browsers show Live, 50 uploads and 1,000 slow clients: times of reading, memory
+	TROCAR_PROGRAM=$(abspath $(RELEASE)) cargo test --locked --test integration a_busy_morning -- --ignored --nocapture
+
 .PHONY: surroundings
 surroundings: test-packages ## tell ten other boxes from ten nudged ones, on the clips that set the limit
 	cargo test --locked --test integration on_the_even_clips -- --ignored --nocapture

@@ -4,7 +4,7 @@
 //! once. Every start makes files and database consistent before it listens. SIGTERM and SIGINT end the service within
 //! ten seconds: open requests finish, partial uploads are kept, leases are released.
 
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -97,7 +97,8 @@ pub fn run(args: ServeArgs) -> Result<(), CommandFailure> {
 fn start_log(filter: &str, json: bool) -> Result<(), CommandFailure> {
     let filter =
         EnvFilter::try_new(filter).with_context(|| format!("--log {filter}")).map_err(CommandFailure::input)?;
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    let on_a_terminal = std::io::stderr().is_terminal();
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(on_a_terminal).with_writer(std::io::stderr);
     if json {
         log.json().init()
     } else {
@@ -255,7 +256,8 @@ fn refuse_backup(data: &Path) -> anyhow::Result<()> {
     let shown = data.display();
     anyhow::ensure!(
         !data.join(BACKUP_MARK).exists(),
-        "`{shown}` is a backup; to run it, restore it first: trocar admin restore {shown} --data NEW-FOLDER"
+        "`{shown}` is a backup, or a folder whose restoring was interrupted. A backup: restore it into a new folder with \
+         `trocar admin restore {shown} --data NEW-FOLDER`. An interrupted one: delete it and restore again"
     );
     Ok(())
 }

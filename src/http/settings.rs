@@ -45,7 +45,8 @@ pub struct HttpSettings {
     pub trusted_proxies: Vec<IpNet>,
     /// The header that these proxies set: `x-forwarded-for` or `forwarded`.
     pub client_address_header: ClientAddressHeader,
-    /// Most event streams and live views open at once.
+    /// Most event streams and live views open at once. A browser that shows *Live* needs one, and another for each
+    /// recording that arrives; each takes about 30 KiB.
     pub max_event_streams: usize,
     /// Most of them for one user, at most half of all: a display of all boxes needs one for each box that sends.
     pub max_event_streams_of_one: usize,
@@ -72,7 +73,7 @@ impl Default for HttpSettings {
             free_attempts: 5,
             trusted_proxies: Vec::new(),
             client_address_header: ClientAddressHeader::default(),
-            max_event_streams: 256,
+            max_event_streams: 1024,
             max_event_streams_of_one: 96,
             public_url: None,
             page_items: 50,

@@ -21,6 +21,7 @@ mod progress_load;
 mod ratings;
 mod replaced_routes;
 mod rescoring;
+mod restored_backup;
 mod roles;
 mod self_tests;
 mod sender_limits;
