@@ -22,6 +22,7 @@ mod progress_load;
 mod ratings;
 mod replaced_routes;
 mod rescoring;
+mod rights;
 mod roles;
 mod self_tests;
 mod sender_limits;
