@@ -99,6 +99,11 @@ foreign-clients: release test-packages ## upload 500 MB with tus-js-client and t
 	@$(call install,python3-venv)
 	tests/clients/run.py $(RELEASE)
 
+.PHONY: fuzz
+fuzz: release test-packages ## make requests from the OpenAPI document, as every role; FUZZ="--seconds 20" for a short run
+	@$(call install,python3-venv)
+	tests/fuzz/run.py $(RELEASE) $(FUZZ)
+
 .PHONY: kills
 kills: test-packages ## kill the service and its child processes 50 times each, during uploads and jobs
 	TROCAR_KILLS=50 cargo test --locked --test integration faults -- --nocapture

@@ -221,6 +221,7 @@ pub async fn start(
         watcher_slots: ConnectionSlots::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
         metrics: metrics().context("starting the metrics")?,
         settings: settings.http.clone(),
+        rights: settings.rights,
         service_info: service_info(&settings, clock.now_ms()),
         shutdown: shutdown.clone(),
         cohorts: Cohorts::new(store.clone(), clock.clone()),

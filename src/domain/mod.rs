@@ -5,6 +5,7 @@
 //! | [`text`] | names, codes, keys, file names: text with limits |
 //! | [`role`] | roles of users and agents |
 //! | [`scope`] | what a user or agent may see and change |
+//! | [`rights`] | what instructors may do beyond their own groups |
 //! | [`secret`] | tokens, cookies and passwords, and their stored hashes |
 //! | [`boxes`] | a box trainer: its camera's viewpoint and its tools |
 //! | [`trainee`] | level and handedness |
@@ -59,6 +60,7 @@ pub mod photo_check;
 pub mod problem;
 pub mod rating;
 pub mod rescoring;
+pub mod rights;
 pub mod role;
 pub mod scope;
 pub mod secret;

@@ -36,7 +36,7 @@ pub enum Refusal {
     NotSignedIn,
     /// Unknown login or wrong password; the answer does not reveal which.
     WrongCredentials,
-    /// The caller's role may not do this.
+    /// The caller may not do this: their role, or their groups, do not allow it.
     Forbidden,
     /// A page of another site requested a change.
     ForeignOrigin,
@@ -89,7 +89,7 @@ pub const REFUSALS: [(Refusal, &str, &str, u16); 26] = [
     (Refusal::BadRequest, "bad-request", "The request cannot be read", 400),
     (Refusal::NotSignedIn, "not-signed-in", "Sign in first", 401),
     (Refusal::WrongCredentials, "wrong-credentials", "Login or password is wrong", 401),
-    (Refusal::Forbidden, "forbidden", "Your role does not allow this", 403),
+    (Refusal::Forbidden, "forbidden", "You may not do this", 403),
     (Refusal::ForeignOrigin, "foreign-origin", "The request comes from another site's page", 403),
     (Refusal::NotFound, "not-found", "Not found", 404),
     (Refusal::MethodNotAllowed, "method-not-allowed", "This address has no such method", 405),

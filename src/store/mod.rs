@@ -14,12 +14,12 @@
 //! | [`Store::cookies`] | `create` `known_place` `person_of` `is_valid` `of_person` `end` `delete` `forget_expired` `forget_all` |
 //! | [`Store::tokens`] | `create` `list` `of_person` `delete` `delete_own` `scope_of` |
 //! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `change` `erase` |
-//! | [`Store::tasks`] | `create` `list` `get` `change` `delete` |
+//! | [`Store::tasks`] | `create` `list` `get` `changeable` `change` `delete` |
 //! | [`Store::standards`] | `add` `in_use` `in_use_of` `get` `list` |
 //! | [`Store::cohorts`] | `create` `list` `get` `members` `replace` `delete` `values` `values_seen` |
-//! | [`Store::courses`] | `create` `list` `get` `of` `replace` `delete` `follow` `unfollow` `of_trainee` |
+//! | [`Store::courses`] | `create` `list` `get` `changeable` `of` `replace` `delete` `follow` `unfollow` `of_trainee` |
 //! | [`Store::skill_models`] | `add` `in_use` `get` `list` `declared` |
-//! | [`Store::boxes`] | `create` `list` `get` `change` `delete` |
+//! | [`Store::boxes`] | `create` `list` `get` `changeable` `change` `delete` |
 //! | [`Store::calibrations`] | `add` `latest` `get` `list` |
 //! | [`Store::palettes`] | `add` `latest` `get` `list` |
 //! | [`Store::self_tests`] | `list` `light_since` |
@@ -54,6 +54,7 @@ mod feeds;
 mod groups;
 mod jobs;
 mod open;
+mod owners;
 mod page;
 mod palettes;
 mod people;

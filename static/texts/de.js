@@ -2085,6 +2085,13 @@ export default {
     noFile: 'Wählen Sie zuerst eine Tabelle.',
   },
   form: { save: 'Speichern', saving: 'Wird gespeichert …', cancel: 'Abbrechen', close: 'Schließen', optional: 'optional', remove: 'Löschen' },
+  owners: {
+    label: 'Änderbar durch die Ausbildenden von',
+    hint: 'Ohne Gruppe dürfen es nur Administratoren ändern. Sehen können es in jedem Fall alle.',
+    ownHint: 'Lassen Sie mindestens eine Ihrer Gruppen stehen. Sehen können es in jedem Fall alle.',
+    notYours: 'Sie dürfen dies nicht ändern',
+    notYoursBody: 'Das dürfen Administratoren und die Ausbildenden der zugehörigen Gruppen. Fragen Sie dort nach.',
+  },
   units: { none: '' },
 
   // German for what the service says in English, by the code in its answer.
@@ -2354,7 +2361,7 @@ export default {
       'bad-request': ['Die Anfrage lässt sich nicht lesen'],
       'not-signed-in': ['Melden Sie sich zuerst an', 'Nach einer Weile ohne Aktivität werden Sie abgemeldet. Gespeichertes bleibt erhalten.'],
       'wrong-credentials': ['Anmeldename oder Passwort ist falsch', 'Prüfen Sie beides; die Administration kann ein neues Passwort setzen.'],
-      forbidden: ['Ihre Rolle erlaubt das nicht'],
+      forbidden: ['Sie dürfen das nicht'],
       'foreign-origin': ['Die Anfrage kommt von der Seite einer anderen Website'],
       'not-found': ['Nicht gefunden', 'An dieser Adresse gibt es nichts, das Sie sehen dürfen. Prüfen Sie die Kennung, oder sehen Sie in der Liste darüber nach.'],
       'method-not-allowed': ['Diese Adresse kennt keine solche Anfrage'],

@@ -1993,6 +1993,13 @@ export default {
     noFile: 'Choose a table first.',
   },
   form: { save: 'Save', saving: 'Saving …', cancel: 'Cancel', close: 'Close', optional: 'optional', remove: 'Delete' },
+  owners: {
+    label: 'Changed by the instructors of',
+    hint: 'Without a group, only administrators may change it. All people see it in any case.',
+    ownHint: 'Keep at least one of your groups. All people see it in any case.',
+    notYours: 'You may not change this',
+    notYoursBody: 'Administrators and the instructors of its groups may. Ask one of them.',
+  },
   units: { none: '' },
   // What the service says, by code. Empty here, because the service speaks English.
   said: {},

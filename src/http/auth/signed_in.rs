@@ -39,7 +39,7 @@ impl SignedIn {
             }
             PresentedCredential::Nothing => None,
         };
-        scope.map(|scope| Self { scope }).ok_or_else(sign_in_first)
+        scope.map(|scope| Self { scope: scope.with_rights(app.rights) }).ok_or_else(sign_in_first)
     }
 
     /// Whether these headers would still sign in. Unlike [`SignedIn::from_headers`], this does not count as activity:

@@ -58,7 +58,7 @@ impl Drop for SmallDisk {
 
 fn task(number: usize) -> NewTask {
     let description = Some("x".repeat(4_000).parse().unwrap());
-    NewTask { name: format!("Task {number}").parse().unwrap(), code: None, description }
+    NewTask { name: format!("Task {number}").parse().unwrap(), code: None, description, groups: None }
 }
 
 /// Creates an administrator with a signed-in browser and a token.
