@@ -6,6 +6,7 @@
 //! | [`role`] | roles of users and agents |
 //! | [`scope`] | what a user or agent may see and change |
 //! | [`secret`] | tokens, cookies and passwords, and their stored hashes |
+//! | [`password_state`] | who chose a password, and who must change it |
 //! | [`boxes`] | a box trainer: its camera's viewpoint and its tools |
 //! | [`trainee`] | level and handedness |
 //! | [`enrolment`] | a list of trainees to enrol, checked row by row |
@@ -55,6 +56,7 @@ pub mod feed;
 pub mod files;
 pub mod job;
 pub mod palette;
+pub mod password_state;
 pub mod photo_check;
 pub mod problem;
 pub mod rating;

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::{Password, Secret, SecretHash};
@@ -18,7 +19,7 @@ async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_pas
     let (cookies, secret) = (centre.store.cookies(), Secret::random().hash());
     cookies.create(secret, &person, LASTS, SignInOrigin::default()).await.unwrap();
     for _ in 0..24 {
-        assert_eq!(cookies.person_of(secret, LASTS).await.unwrap().as_ref(), Some(&person));
+        assert_eq!(cookies.person_of(secret, LASTS).await.unwrap().map(|holder| holder.person).as_ref(), Some(&person));
         centre.clock.advance(Duration::from_secs(29 * 60));
     }
     assert!(cookies.person_of(secret, LASTS).await.unwrap().is_some()); // 11 h 36 min, never idle
@@ -39,7 +40,8 @@ async fn a_new_password_signs_all_browsers_out() {
     let secret = Secret::random().hash();
     centre.store.cookies().create(secret, &person, LASTS, SignInOrigin::default()).await.unwrap();
     let password = Password::new("another horse").unwrap();
-    centre.store.people().set_password(&person.scope(), person.id, password.hash(), false).await.unwrap();
+    let new = (password.hash(), PasswordState::Own);
+    centre.store.people().set_password(&person.scope(), person.id, new, false).await.unwrap();
     assert_eq!(centre.store.cookies().person_of(secret, LASTS).await.unwrap(), None);
     let (_, hash) = centre.store.people().by_login(&"ina".parse().unwrap()).await.unwrap().unwrap();
     assert!(hash.matches(&password));
