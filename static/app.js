@@ -57,7 +57,7 @@ function App() {
   const [problem, setProblem] = useState(null);
   const [expired, setExpired] = useState(false);
   const [linkSecret, setLinkSecret] = useState(secretInAddress);
-  const [givenPassword, setGivenPassword] = useState(''); // only until it is changed
+  const [typedPassword, setTypedPassword] = useState(''); // only until it is changed
 
   const loadPerson = () =>
     api.me().then(setPerson, error => (error.status === 401 ? setPerson(null) : setProblem(asProblem(error))));
@@ -85,7 +85,7 @@ function App() {
   }, []);
 
   const enter = signedIn => {
-    setGivenPassword('');
+    setTypedPassword('');
     setPerson(signedIn);
   };
   if (linkSecret !== null) {
@@ -102,7 +102,7 @@ function App() {
   }
   if (person === undefined) return html`<header class="top"><a class="brand" href=${href([])}><${Brand} />${t.product}</a></header>`;
   const welcome = (signedIn, password) => {
-    if (signedIn.must_change_password) setGivenPassword(password);
+    if (signedIn.must_change_password) setTypedPassword(password);
     setPerson(signedIn);
   };
   if (!person) return html`<${SignIn} expired=${expired} onSignedIn=${welcome} />`;
@@ -115,7 +115,7 @@ function App() {
     go([]);
   };
   if (!isAdmitted)
-    return html`<${Gate} load=${loadFirstPassword} person=${person} given=${givenPassword} onDone=${enter} onSignOut=${signOut} />`;
+    return html`<${Gate} load=${loadFirstPassword} person=${person} typed=${typedPassword} onDone=${enter} onSignOut=${signOut} />`;
   return html`<${Page} person=${person} onSignOut=${signOut} />`;
 }
 

@@ -41,17 +41,17 @@ export function PasswordByLink({ secret, onDone }) {
 }
 
 /**
- * `given`: the password that the person has just signed in with; empty after the page was loaded again.
+ * `typed`: the password that the person has just signed in with; empty after the page was loaded again.
  *
  * @param {Props} props
  */
-export function FirstPassword({ person, given, onDone, onSignOut }) {
+export function FirstPassword({ person, typed, onDone, onSignOut }) {
   const send = async ({ login, old, ...values }) => {
     const fresh = newPassword(values);
-    await api.changePassword(given || old, fresh, false);
+    await api.changePassword(typed || old, fresh, false);
     onDone(await signIn(login, fresh).catch(() => null)); // the change signed this browser out, too
   };
-  const fields = [loginField(person.login), ...(given ? [] : [GIVEN_FIELD]), ...NEW_PASSWORD_FIELDS];
+  const fields = [loginField(person.login), ...(typed ? [] : [GIVEN_FIELD]), ...NEW_PASSWORD_FIELDS];
   return html`
     <${GateCard}>
       <p>${words.first}</p>

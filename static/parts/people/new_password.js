@@ -17,7 +17,11 @@ export const NEW_PASSWORD_FIELDS = [
   { name: 'again', label: words.again, type: 'password', required: true, autocomplete: 'new-password' },
 ];
 
-/** The new password of a form with these fields. Throws a problem if its two inputs differ. */
+/**
+ * The new password of a form with these fields. Throws a problem if its two inputs differ.
+ *
+ * @param {Record<string, any>} values
+ */
 export function newPassword({ fresh, again }) {
   if (fresh !== again) throw new Problem({ title: words.differ, status: 0 });
   return fresh;
