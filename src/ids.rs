@@ -58,7 +58,7 @@ ids! {
     GroupId;
     /// An access token of a program.
     TokenId;
-    /// A link with which a person chooses a password.
+    /// A link for choosing a password.
     PasswordLinkId;
     /// A box trainer with its camera.
     BoxId;

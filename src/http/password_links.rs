@@ -1,4 +1,4 @@
-//! Links with which people choose a password without an old one: for a new person, and for one who has forgotten the
+//! Links for choosing a password without the old one: for a new person, and for one who has forgotten the
 //! password. The page's address is `/choose-password#SECRET`: browsers send no part after `#`, so the secret is in no log.
 
 use axum::extract::State;
@@ -65,7 +65,7 @@ pub struct MadePasswordLink {
     secret: String,
 }
 
-/// Create a link with which a person chooses a password
+/// Create a link for choosing a password
 ///
 /// It is valid once, for 24 hours unless the settings say otherwise. A new link replaces the person's earlier one. The
 /// present password stays valid until the link is used.

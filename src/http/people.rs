@@ -85,6 +85,7 @@ pub async fn create(
 ) -> HandlerResult<Created<PersonResponse>> {
     let (trainee, groups) = resolve_references(&app, &by, &new).await?;
     let NewPersonRequest { login, name, role, password, must_change_password, .. } = new;
+    refuse_demand_without_password(must_change_password, password.as_deref())?;
     let (password, password_state) = match password {
         Some(chosen) => (password::hash(Password::new(chosen)?).await?, state_of(must_change_password)),
         None => (password::unmatchable().await?, PasswordState::Missing),
@@ -96,6 +97,14 @@ pub async fn create(
         app.store.groups().set_members(&by.scope, group.id, group.members).await?;
     }
     Ok(Created { location: format!("/api/v1/people/{}", person.id), made: person.into() })
+}
+
+/// Refuses to let a password be changed that the same request does not set.
+fn refuse_demand_without_password(must_change_password: bool, password: Option<&str>) -> HandlerResult<()> {
+    if must_change_password && password.is_none() {
+        return Err(ProblemResponse::invalid("must_change_password", "is allowed only together with `password`"));
+    }
+    Ok(())
 }
 
 /// The state of a password that an administrator sets.
@@ -158,6 +167,7 @@ pub async fn change(
     Json(change): Json<PersonChangeRequest>,
 ) -> HandlerResult<Json<PersonResponse>> {
     let PersonChangeRequest { login, name, role, password, must_change_password, keep_tokens } = change;
+    refuse_demand_without_password(must_change_password, password.as_deref())?;
     let (id, password) = (at.id()?, password.map(Password::new).transpose()?);
     let mut person = app.store.people().change(&by.scope, id, PersonChange { login, name, role }).await?;
     if let Some(password) = password {

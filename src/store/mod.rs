@@ -334,7 +334,7 @@ accessors! {
     cookies: CookieStore;
     /// Access tokens of programs.
     tokens: TokenStore;
-    /// Links with which people choose a password.
+    /// Links for choosing a password.
     password_links: PasswordLinkStore;
     /// Trainees.
     trainees: TraineeStore;

@@ -13,6 +13,7 @@ mod looks;
 mod models;
 mod nouns;
 mod overview;
+mod passwords;
 mod playback;
 mod problems;
 mod process;

@@ -81,6 +81,9 @@ async fn only_administrators_run_the_centre() {
     let administration = [
         (Method::GET, "/api/v1/people"),
         (Method::POST, "/api/v1/people"),
+        (Method::GET, "/api/v1/password-links"),
+        (Method::POST, "/api/v1/password-links"),
+        (Method::DELETE, "/api/v1/password-links/0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44"),
         (Method::POST, "/api/v1/groups"),
         (Method::DELETE, "/api/v1/people/0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44"),
     ];
@@ -120,9 +123,20 @@ async fn an_agent_has_no_access_beyond_its_box() {
 async fn without_a_sign_in_every_route_answers_only_that_one_is_needed() {
     let centre = Centre::open().await;
     let stranger = centre.service.stranger();
-    for path in
-        ["me", "people", "groups", "tokens", "boxes", "trainees", "tasks", "sessions", "jobs", "events", "uploads/x"]
-    {
+    for path in [
+        "me",
+        "people",
+        "password-links",
+        "groups",
+        "tokens",
+        "boxes",
+        "trainees",
+        "tasks",
+        "sessions",
+        "jobs",
+        "events",
+        "uploads/x",
+    ] {
         let answer = stranger.get(&format!("/api/v1/{path}")).await;
         assert!(answer.headers().contains_key("www-authenticate") || path == "uploads/x", "{path}");
         if path != "uploads/x" {
