@@ -9,8 +9,8 @@ named! {
         Missing = "missing",
         /// The person chose it, or it need not be changed.
         Own = "own",
-        /// The program made it at the first start, or a command on the machine set it. A page lets the person do nothing
-        /// but change it. Programs can sign in with it, since they set up centres.
+        /// The program made it at the first start, or a command on the machine set it. A page lets the person do
+        /// nothing but change it. Programs can sign in with it, since they set up centres.
         ChangeInBrowser = "change_in_browser",
         /// An administrator chose it: every sign-in with it can do nothing but change it.
         ChangeRequired = "change_required",

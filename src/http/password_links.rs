@@ -1,5 +1,5 @@
-//! Links for choosing a password without the old one: for a new person, and for one who has forgotten the
-//! password. The page's address is `/choose-password#SECRET`: browsers send no part after `#`, so the secret is in no log.
+//! Links for choosing a password without the old one: for a new person, and for one who has forgotten the password. The
+//! page's address is `/choose-password#SECRET`: browsers send no part after `#`, so the secret is in no log.
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -178,7 +178,7 @@ async fn valid_link(
 /// The same for a link that was used, withdrawn or replaced, that has expired, or that never existed.
 fn no_longer_valid() -> ProblemResponse {
     Refusal::Gone.with(
-        "This link for a password was used, was replaced by a newer one, or has expired. Ask an administrator for a new \
-         one.",
+        "This link for a password was used, was replaced by a newer one, or has expired. Ask an administrator for a \
+         new one.",
     )
 }

@@ -234,8 +234,8 @@ impl CookieStore<'_> {
             .await
     }
 
-    /// Deletes expired cookies and links for passwords, and places that were not used for long. Idle cookies are invalid at once, but are
-    /// deleted only when they expire.
+    /// Deletes expired cookies and links for passwords, and places that were not used for long. Idle cookies are
+    /// invalid at once, but are deleted only when they expire.
     pub async fn forget_expired(&self) -> StoreResult<u64> {
         let now_ms = self.0.now_ms();
         self.0

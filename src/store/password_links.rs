@@ -1,5 +1,5 @@
-//! Links for choosing a password without the old one: an administrator makes one for a new person, or for
-//! one who has forgotten the password. Only the hash of a link's secret is stored. An account has at most one link.
+//! Links for choosing a password without the old one: an administrator makes one for a new person, or for one who has
+//! forgotten the password. Only the hash of a link's secret is stored. An account has at most one link.
 
 use std::time::Duration;
 

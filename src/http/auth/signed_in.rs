@@ -66,7 +66,8 @@ pub struct SignedIn {
 }
 
 impl SignedIn {
-    /// Authenticates the sender of these headers, who must not have to change a password first. This counts as activity, so it keeps the sign-in from idling out.
+    /// Authenticates the sender of these headers, and refuses one who has to change a password first. This counts as
+    /// activity, so it keeps the sign-in from idling out.
     pub async fn from_headers(app: &App, headers: &HeaderMap) -> HandlerResult<Self> {
         let Identified { scope, must_change_password } = Identified::from_headers(app, headers).await?;
         if must_change_password { Err(change_password_first()) } else { Ok(Self { scope }) }
