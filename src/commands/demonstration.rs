@@ -17,6 +17,7 @@ use crate::domain::calibration::BoardSize;
 use crate::domain::course::NewCourse;
 use crate::domain::files::annotations::{AnnotationsFile, View as FileView};
 use crate::domain::job::{CalibrateInput, JobInput, JobState, NamedBlob, PaletteInput, SelfTestInput};
+use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
@@ -120,6 +121,7 @@ impl DemonstrationBuilder {
             name: "Demonstration instructor".parse()?,
             role: Role::Instructor,
             password: password.hash(),
+            password_state: PasswordState::Own, // anyone may try the demonstration with it
             trainee: None,
         };
         let instructor = self.store.people().create(&service, instructor).await?;

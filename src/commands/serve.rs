@@ -20,6 +20,7 @@ use super::demonstration::{self, DemonstrationBuilder};
 use super::{CommandFailure, restrict_new_files_to_owner};
 use crate::analysis::{AnalysisSettings, QuickAnalysis, WorkerPool};
 use crate::cohorts::Cohorts;
+use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
@@ -349,6 +350,7 @@ async fn make_first_administrator(store: &Store, password: &Password) -> anyhow:
         name: "Administrator".parse()?,
         role: Role::Administrator,
         password: password.hash(),
+        password_state: PasswordState::ChangeInBrowser,
         trainee: None,
     };
     store.people().create(&Scope::service(), administrator).await?;

@@ -34,6 +34,8 @@ pub struct HttpSettings {
     pub idle_min: u64,
     /// Hours after which a sign-in ends in any case.
     pub sign_in_h: u64,
+    /// Hours after which a link for a password expires.
+    pub password_link_h: u64,
     /// Failed sign-ins of a login before the next attempt has to wait. One network address may fail twelve times as
     /// often a minute.
     #[serde(alias = "attempts_per_min")]
@@ -70,6 +72,7 @@ impl Default for HttpSettings {
             max_form_bytes: 2 * 1024 * 1024 * 1024,
             idle_min: 30,
             sign_in_h: 12,
+            password_link_h: 24,
             free_attempts: 5,
             trusted_proxies: Vec::new(),
             client_address_header: ClientAddressHeader::default(),
@@ -95,6 +98,11 @@ impl HttpSettings {
     /// [`Self::sign_in_h`].
     pub fn sign_in(&self) -> Duration {
         Duration::from_secs(self.sign_in_h.saturating_mul(3600))
+    }
+
+    /// [`Self::password_link_h`].
+    pub fn password_link(&self) -> Duration {
+        Duration::from_secs(self.password_link_h.saturating_mul(3600))
     }
 
     /// [`Self::body_grace_s`].

@@ -11,6 +11,7 @@ use crate::domain::calibration::{CalibrationSource, NewCalibration};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::job::{JobInput, PaletteInput};
 use crate::domain::palette::{NewPalette, PaletteReport};
+use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
@@ -95,6 +96,7 @@ impl TestCentre {
 
     pub async fn person(&self, login: &str, role: Role, trainee: Option<TraineeId>) -> PersonRecord {
         let new = NewPerson {
+            password_state: PasswordState::Own,
             login: login.parse().unwrap(),
             name: login.parse().unwrap(),
             role,

@@ -10,7 +10,7 @@ use crate::store::testing::{NOW_MS, TestCentre};
 use crate::store::{Store, StoreError, StoreSettings};
 use crate::time::ManualClock;
 
-const FILES: [&str; 14] = [
+const FILES: [&str; 15] = [
     include_str!("../../../migrations/0001_people.sql"),
     include_str!("../../../migrations/0002_boxes.sql"),
     include_str!("../../../migrations/0003_work.sql"),
@@ -24,6 +24,7 @@ const FILES: [&str; 14] = [
     include_str!("../../../migrations/0017_courses.sql"),
     include_str!("../../../migrations/0018_job_kinds.sql"),
     include_str!("../../../migrations/0021_box_question.sql"),
+    include_str!("../../../migrations/0034_password_links.sql"),
     include_str!("../../../migrations/0035_owners.sql"),
 ];
 
@@ -134,11 +135,13 @@ async fn invalid_rows_are_refused_from_any_writer() {
         "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 1, 'expert', NULL, NULL, 1)",
         "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 0, NULL, NULL, 'nowhere', 1)",
         "INSERT INTO person \
-         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'administrator', 'plain text', NULL, 1)",
+         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'instructor', '$argon2id$x', NULL, 1, 'known')",
         "INSERT INTO person \
-         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'trainee', '$argon2id$x', NULL, 1)",
+         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'administrator', 'plain text', NULL, 1, 'own')",
         "INSERT INTO person \
-         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'agent', '$argon2id$x', NULL, 1)",
+         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'trainee', '$argon2id$x', NULL, 1, 'own')",
+        "INSERT INTO person \
+         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'agent', '$argon2id$x', NULL, 1, 'own')",
     ] {
         let written = sqlx::query(AssertSqlSafe(nonsense)).execute(&mut raw).await;
         let error = written.expect_err(nonsense).to_string();

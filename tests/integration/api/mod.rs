@@ -14,6 +14,7 @@ mod models;
 mod nouns;
 mod overview;
 mod owners;
+mod passwords;
 mod playback;
 mod problems;
 mod process;

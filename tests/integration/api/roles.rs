@@ -90,9 +90,20 @@ async fn an_agent_has_no_access_beyond_its_box() {
 async fn without_a_sign_in_every_route_answers_only_that_one_is_needed() {
     let centre = Centre::open().await;
     let stranger = centre.service.stranger();
-    for path in
-        ["me", "people", "groups", "tokens", "boxes", "trainees", "tasks", "sessions", "jobs", "events", "uploads/x"]
-    {
+    for path in [
+        "me",
+        "people",
+        "password-links",
+        "groups",
+        "tokens",
+        "boxes",
+        "trainees",
+        "tasks",
+        "sessions",
+        "jobs",
+        "events",
+        "uploads/x",
+    ] {
         let answer = stranger.get(&format!("/api/v1/{path}")).await;
         assert!(answer.headers().contains_key("www-authenticate") || path == "uploads/x", "{path}");
         if path != "uploads/x" {

@@ -135,6 +135,12 @@ impl FilledCentre {
             }
             "own-token" if side == 0 => ("tokens", json!({"name": "A program", "role": "administrator"})),
             "own-token" | "token" => ("tokens", agent()),
+            "link" => {
+                let login = format!("invited-{number}");
+                let account = json!({"login": login, "name": login, "role": "instructor"});
+                let person = self.centre.administrator.make("/api/v1/people", account).await;
+                ("password-links", json!({"person": person["id"]}))
+            }
             "group" => return Subject::of(text(group)),
             "shared" => return Subject::of(self.shared_trainee(number).await),
             "sign-in" => return Subject::of(self.sign_in(side, caller).await),
