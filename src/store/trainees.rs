@@ -5,6 +5,8 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
+use super::pending_erasures::SELECT_ERASABLE;
+use super::retention::forget_box_jobs_of_trainee;
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store, codes, skill_models};
 use crate::domain::role::Role;
@@ -40,6 +42,7 @@ const SELECT_TRAINEES: &str = "
     SELECT id, code, name, level, handedness, created_at_ms FROM trainee
     WHERE ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))
       AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4";
 
 const SELECT_GROUP_TRAINEES: &str = "
@@ -47,6 +50,7 @@ const SELECT_GROUP_TRAINEES: &str = "
     WHERE id IN (SELECT trainee_id FROM group_trainee WHERE group_id = $3)
       AND ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))
     ORDER BY name, code LIMIT $4";
 
 const SELECT_NAMED_TRAINEES: &str = "
@@ -54,13 +58,19 @@ const SELECT_NAMED_TRAINEES: &str = "
     WHERE id IN (SELECT value FROM json_each($3))
       AND ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))
     ORDER BY name, code";
 
 const SELECT_TRAINEE: &str = "
     SELECT id, code, name, level, handedness, created_at_ms FROM trainee
     WHERE $3 IN (id, code)
       AND ($1 = 'administrator'
-           OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))";
+           OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))";
+
+const SELECT_GROUP_NAMES: &str = "
+    SELECT training_group.name FROM group_trainee JOIN training_group ON training_group.id = group_trainee.group_id
+    WHERE group_trainee.trainee_id = $1 ORDER BY training_group.name";
 
 const UPDATE_TRAINEE: &str = "
     UPDATE trainee
@@ -130,6 +140,12 @@ impl TraineeStore<'_> {
         row.ok_or(not_found("trainee"))
     }
 
+    /// The names of the groups of a trainee in the scope.
+    pub async fn groups(&self, scope: &Scope, trainee: TraineeId) -> StoreResult<Vec<Name>> {
+        self.get(scope, &Key::from(&trainee)).await?;
+        Ok(sqlx::query_scalar(SELECT_GROUP_NAMES).bind(trainee).fetch_all(self.0.readers()).await?)
+    }
+
     /// Changes a trainee.
     pub async fn change(&self, scope: &Scope, key: &Key, change: TraineeChange) -> StoreResult<TraineeRecord> {
         let id = self.get(scope, key).await?.id;
@@ -147,9 +163,12 @@ impl TraineeStore<'_> {
     }
 
     /// Erases a trainee with their account, sessions, results and uploads, and withdraws the models trained on them.
-    /// The files are deleted with the next collection of unreferenced blobs ([`crate::upkeep`]).
+    /// The files are deleted with the next collection of unreferenced blobs ([`crate::upkeep`]). A trainee who waits for
+    /// their erasure is erased at once.
     pub async fn erase(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
-        let id = self.get(scope, key).await?.id;
+        let id: Option<TraineeId> =
+            sqlx::query_scalar(SELECT_ERASABLE).bind_scope(scope).bind(key).fetch_optional(self.0.readers()).await?;
+        let id = id.ok_or(not_found("trainee"))?;
         require_staff(scope, "erasing trainees")?;
         let now_ms = self.0.now_ms();
         self.0
@@ -157,6 +176,7 @@ impl TraineeStore<'_> {
                 let scope = scope.clone();
                 async move |tx| {
                     skill_models::withdraw(tx, id, now_ms).await?;
+                    forget_box_jobs_of_trainee(tx, id).await?;
                     let deleted = sqlx::query(DELETE_TRAINEE).bind(id).execute(&mut *tx).await?;
                     if deleted.rows_affected() == 0 {
                         return Err(not_found("trainee"));
