@@ -47,7 +47,7 @@ function Status({ status: { version, pipeline, started_at, storage, queue, last_
       ]}>
         ${plan?.error && html`<${Notice} tone="bad" title=${words.planFailed}>${plan.error}<//>`}
         ${(!backup || days >= OLD_DAYS) && html`<${Notice} tone="warn" title=${backup ? words.old(days) : words.noBackup}><${Prose} text=${words.noBackupBody} /><//>`}
-        <p class="small">${words.byHand}</p><pre><code>${backup_command}</code></pre><//>
+        <p class="small">${words.byHand}</p><p class="code">${backup_command}</p><//>
       <${Facts} title=${words.queue} rows=${[[words.waiting, queue.queued], [words.running, queue.running], [words.quarantined, queue.quarantined]]} /></div>
       <${Facts} title=${words.retention} rows=${[
         [words.kept, retention.videos_months ? words.videosFor(retention.videos_months) : words.keptFor],
