@@ -3,11 +3,11 @@
 use std::time::Duration;
 
 use reqwest::StatusCode;
-use serde_json::json;
+use serde_json::{Value, json};
 use trocar::time::ManualClock;
 
 use super::centre::{Centre, PASSWORD, recording, session};
-use crate::support::{Service, problem};
+use crate::support::{Service, problem, with_advancing_clock};
 
 /// 2026-11-21 20:14 UTC.
 const NOW_MS: i64 = 1_795_292_040_000;
@@ -80,7 +80,9 @@ async fn a_video_that_is_too_old_is_gone_and_every_answer_says_so() {
     clock.advance(Duration::from_secs(30 * 86_400));
     let administrator = centre.service.administrator().await;
     let path = format!("/api/v1/sessions/{old}");
-    let shown = administrator.read_until(&path, |session| !session["video"]["deleted_at"].is_null()).await;
+    let is_deleted = |session: &Value| !session["video"]["deleted_at"].is_null();
+    let upkeep = administrator.read_until(&path, is_deleted);
+    let shown = with_advancing_clock(&clock, Duration::from_secs(21), upkeep).await;
     assert_eq!((&shown["video"]["bytes"], &shown["retry_can_help"]), (&json!(100), &json!(false)));
     let gone = problem(administrator.get(&format!("{path}/video")).await, 410, "gone").await;
     assert!(gone["detail"].as_str().unwrap().starts_with("The video was deleted on"), "{gone}");
