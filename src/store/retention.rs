@@ -35,6 +35,22 @@ const RELEASE_ENDED_PICTURES: &str = "
         (SELECT id FROM job
          WHERE box_id IS NOT NULL AND state IN ('failed', 'quarantined') AND ended_at_ms <= $1)";
 
+/// The marks of a job and those of the colours that it learned are the same.
+const DELETE_SURROUNDINGS_OF_TRAINEE: &str = "
+    DELETE FROM palette_surroundings WHERE palette_id IN
+        (SELECT palette.id FROM job JOIN palette ON palette.box_id = job.box_id
+         WHERE job.kind = 'palette'
+           AND json_extract(job.input, '$.annotations') = json_extract(palette.annotations, '$')
+           AND EXISTS (SELECT 1 FROM session
+                       WHERE session.trainee_id = $1 AND instr(job.input, session.video) > 0))";
+
+const DELETE_SURROUNDINGS_OF_SESSION: &str = "
+    DELETE FROM palette_surroundings WHERE palette_id IN
+        (SELECT palette.id FROM job JOIN palette ON palette.box_id = job.box_id
+         WHERE job.kind = 'palette'
+           AND json_extract(job.input, '$.annotations') = json_extract(palette.annotations, '$')
+           AND EXISTS (SELECT 1 FROM session WHERE session.id = $1 AND instr(job.input, session.video) > 0))";
+
 const DELETE_BOX_JOBS_OF_TRAINEE: &str = "
     DELETE FROM job
     WHERE box_id IS NOT NULL AND EXISTS
@@ -92,15 +108,17 @@ impl RetentionStore<'_> {
     }
 }
 
-/// Deletes the boxes' jobs that read a recording of this trainee, before the trainee is erased. What was learned from it
-/// stays: numbers.
+/// Deletes the boxes' jobs that read a recording of this trainee, and the grey pictures that they made of it, before the
+/// trainee is erased. What was learned from it stays: numbers.
 pub(super) async fn forget_box_jobs_of_trainee(tx: &mut SqliteConnection, trainee: TraineeId) -> StoreResult<()> {
+    sqlx::query(DELETE_SURROUNDINGS_OF_TRAINEE).bind(trainee).execute(&mut *tx).await?;
     sqlx::query(DELETE_BOX_JOBS_OF_TRAINEE).bind(trainee).execute(tx).await?;
     Ok(())
 }
 
 /// Like [`forget_box_jobs_of_trainee`], before a session is erased.
 pub(super) async fn forget_box_jobs_of_session(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<()> {
+    sqlx::query(DELETE_SURROUNDINGS_OF_SESSION).bind(session).execute(&mut *tx).await?;
     sqlx::query(DELETE_BOX_JOBS_OF_SESSION).bind(session).execute(tx).await?;
     Ok(())
 }

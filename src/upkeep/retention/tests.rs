@@ -7,6 +7,7 @@ use super::{RetentionSettings, apply_retention};
 use crate::domain::clock::TimeCorrection;
 use crate::domain::edit::EditChange;
 use crate::domain::job::{CalibrateInput, JobInput, JobKind, NamedBlob, PaletteInput};
+use crate::domain::palette::NewPalette;
 use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
@@ -16,6 +17,7 @@ use crate::store::testing::TestCentre;
 use crate::store::{Lease, StoreError};
 use crate::time::Clock;
 use crate::upkeep::{back_up, clear_up, recover};
+use crate::vision::surroundings::Surroundings;
 
 /// As long as the texts that the tests search for.
 const MARKER: &str = "Qvinx";
@@ -214,4 +216,26 @@ async fn a_boxs_jobs_that_read_a_persons_recording_go_with_the_person() {
     store.sessions().erase(&service, of_ben.id).await.unwrap();
     assert!(store.jobs().get(&service, other.job.id).await.is_err());
     assert_eq!(bench.findings().await, []);
+}
+
+#[tokio::test]
+async fn the_grey_picture_of_a_box_that_was_made_of_a_persons_recording_goes_with_the_person() {
+    let bench = UpkeepFixture::new().await;
+    let (store, service, of) = (&bench.centre.store, Scope::service(), bench.centre.the_box.id);
+    let (ana, ben) = (bench.centre.trainee("Ana").await.id, bench.centre.trainee("Ben").await.id);
+    bench.score(&bench.session(ana, "video of Ana").await).await;
+    let of_ben = bench.session(ben, "video of Ben").await;
+    bench.score(&of_ben).await;
+    let learned = bench.palette_job("video of Ana").await;
+    let surroundings = Surroundings::new(24, 24, vec![90; 24 * 24]);
+    assert!(surroundings.is_some());
+    let new = NewPalette { surroundings, ..TestCentre::new_palette() };
+    let palette = store.jobs().finish_palette(&learned, new).await.unwrap().id;
+    let pictures = async || store.surroundings().of_box(palette, of, of_ben.id).await.unwrap().len();
+    assert_eq!(pictures().await, 1);
+    store.sessions().erase(&service, of_ben.id).await.unwrap();
+    assert_eq!(pictures().await, 1, "it shows the recording of another person");
+    store.trainees().erase(&service, &Key::from(&ana)).await.unwrap();
+    assert_eq!(pictures().await, 0);
+    assert!(store.palettes().get(&service, palette).await.is_ok(), "the colours stay: numbers");
 }
