@@ -27,7 +27,7 @@ use crate::live::LiveSettings;
 use crate::queue::QueueSettings;
 use crate::rescoring::RescoringSettings;
 use crate::store::StoreSettings;
-use crate::upkeep::BackupSettings;
+use crate::upkeep::{BackupSettings, RetentionSettings};
 
 /// All settings of the service.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -59,6 +59,8 @@ pub struct Settings {
     pub upkeep: UpkeepSettings,
     /// Scheduled backups.
     pub backup: BackupSettings,
+    /// How long videos and erased people are kept.
+    pub retention: RetentionSettings,
 }
 
 /// Settings of upkeep.
@@ -86,6 +88,7 @@ impl Default for Settings {
             rescoring: RescoringSettings::default(),
             upkeep: UpkeepSettings::default(),
             backup: BackupSettings::default(),
+            retention: RetentionSettings::default(),
         }
     }
 }
@@ -234,6 +237,8 @@ impl Settings {
         check_range("rescoring.open", rescoring.open.into(), 1, 1_000)?;
         check_range("rescoring.look_ms", rescoring.look_ms, 1, 3_600_000)?;
         check_range("backup.keep", self.backup.keep as u64, 1, 10_000)?;
+        check_range("retention.videos_months", self.retention.videos_months.into(), 0, 1_200)?;
+        check_range("retention.erase_days", self.retention.erase_days.into(), 0, 365)?;
         check_range("upkeep.collect_s", upkeep.collect_s, 1, 86_400)?;
         check_range("workers", self.workers as u64, 0, 1_024)?;
         if let Some(url) = http.public_url.as_ref().filter(|url| !is_web_address(url)) {

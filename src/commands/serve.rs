@@ -13,6 +13,7 @@ use std::time::Duration;
 use anyhow::Context;
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use tokio::net::TcpListener;
+use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 use tracing_subscriber::EnvFilter;
 
@@ -28,6 +29,7 @@ use crate::events::EventBus;
 use crate::heap;
 use crate::http::auth::throttle::Throttle;
 use crate::http::connection_slots::ConnectionSlots;
+use crate::http::data_export::MAX_EXPORTS;
 use crate::http::state::{App, AppParts, ServiceInfo};
 use crate::http::{router, server};
 use crate::intake::Intake;
@@ -240,6 +242,9 @@ pub async fn start(
         feed_slots: feed_slots(&settings),
         backup_state: BackupState::default(),
         backup_settings: settings.backup.clone(),
+        backup_command: backup_command(&settings, &child),
+        retention: settings.retention.clone(),
+        exports: Arc::new(Semaphore::new(MAX_EXPORTS)),
         queue,
         events,
         clock,
@@ -251,6 +256,31 @@ pub async fn start(
     let (http, stop, routes) = (settings.http, shutdown.clone(), router::routes(app.clone()));
     let served = tokio::spawn(async move { server::serve(listener, routes, &http, &stop).await });
     Ok(RunningService { address, shutdown, is_first_start: is_first, app, served, _lock: lock })
+}
+
+/// The command that makes a backup of this data folder by hand, for a shell. The backup's folder lies beside the data
+/// folder.
+fn backup_command(settings: &Settings, program: &Program) -> String {
+    let data = settings.data.canonicalize().unwrap_or_else(|_| settings.data.clone());
+    let mut target = data.clone().into_os_string();
+    target.push("-backup");
+    let program = program.file().unwrap_or_else(|| PathBuf::from("trocar"));
+    let words = [
+        program.as_path(),
+        Path::new("admin"),
+        Path::new("--data"),
+        data.as_path(),
+        Path::new("backup"),
+        Path::new(&target),
+    ];
+    words.map(quote).join(" ")
+}
+
+/// A word for a shell.
+fn quote(word: &Path) -> String {
+    let word = word.display().to_string();
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+".contains(c);
+    if word.chars().all(is_plain) { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
 }
 
 /// Refuses to run on a backup: people who were erased since it was made would come back.
@@ -305,7 +335,8 @@ fn start_upkeep(app: &App, settings: &Settings) {
     let lists = ErasureLists::new(&settings.data, settings.backup.target.as_deref());
     let (own, stop) = (app.clone(), app.shutdown.clone());
     app.shutdown.spawn(async move {
-        upkeep::run((&own.store, &own.vault), lists, every, own.clock.clone(), &stop).await;
+        let until = (own.clock.clone(), &stop);
+        upkeep::run((&own.store, &own.vault), &own.retention, lists, every, until).await;
     });
     let (own, stop, backup) = (app.clone(), app.shutdown.clone(), settings.backup.clone());
     // On a thread of its own: verifying a backup takes the processor for long.

@@ -8,7 +8,7 @@
 //! | [`client_address`] | the client's address, behind proxies too |
 //! | [`read`] [`show`] | parts of requests (bodies, queries, ids); parts of answers (JSON, pages, times) |
 //! | one module for each noun | its routes, one function each |
-//! | [`export`] | tables of features, of any length |
+//! | [`export`] [`data_export`] | tables of features, of any length; all data of a person or of the centre as a ZIP file |
 //! | [`server`] [`pace`] [`settings`] | limits on connections and bodies: their number, idle time and size |
 //! | [`connection_slots`] | limits on connections that stay open, in all and per user |
 //! | [`protect`] [`compress`] [`observe`] | security headers, compression; a log line and metrics for every request |
@@ -29,6 +29,7 @@ pub mod compress;
 pub mod connection_slots;
 pub mod courses;
 pub mod dashboard;
+pub mod data_export;
 pub mod docs;
 pub mod error;
 pub mod events;

@@ -4,6 +4,7 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use metrics_exporter_prometheus::PrometheusHandle;
+use tokio::sync::Semaphore;
 
 use super::auth::throttle::Throttle;
 use super::connection_slots::ConnectionSlots;
@@ -18,7 +19,7 @@ use crate::queue::Queue;
 use crate::shutdown::Shutdown;
 use crate::store::Store;
 use crate::time::SharedClock;
-use crate::upkeep::{BackupSettings, BackupState};
+use crate::upkeep::{BackupSettings, BackupState, RetentionSettings};
 use crate::vault::Vault;
 
 /// The parts of the service that handlers use. Clones share them.
@@ -63,6 +64,12 @@ pub struct AppParts {
     pub backup_state: BackupState,
     /// When and where backups are made.
     pub backup_settings: BackupSettings,
+    /// The command that makes a backup by hand.
+    pub backup_command: String,
+    /// How long videos and erased people are kept.
+    pub retention: RetentionSettings,
+    /// Permits for exports of a person or of the centre, which read everything that belongs to them.
+    pub exports: Arc<Semaphore>,
     /// Metrics for Prometheus.
     pub metrics: PrometheusHandle,
 }

@@ -6,7 +6,7 @@
 //! | function | when |
 //! |---|---|
 //! | [`recover()`] | once, at every start, before anything else uses the folder |
-//! | [`run`] | for as long as the service runs |
+//! | [`run`] | for as long as the service runs: [`apply_retention`], then [`clear_up`] |
 //! | [`check()`] | on request: `trocar admin check` |
 //! | [`back_up`] | on request: `trocar admin backup`; and once a day: [`run_backups`] |
 //! | [`restore()`] | on request: `trocar admin restore` |
@@ -20,6 +20,7 @@ mod collect;
 mod erasure_list;
 mod recover;
 mod restore;
+mod retention;
 mod scheduled_backups;
 
 pub use backup::{BACKUP_MARK, back_up};
@@ -28,6 +29,7 @@ use collect::{collect, forget_expired_uploads, remove_orphan_uploads, remove_unr
 pub use erasure_list::{ERASURE_LIST, ErasureLists};
 pub use recover::{Recovered, recover};
 pub use restore::{Restored, restore};
+pub use retention::{RetentionSettings, apply_retention};
 pub use scheduled_backups::{BackupProgress, BackupSettings, BackupState, complete_backups, run_backups};
 
 use crate::shutdown::Shutdown;
@@ -86,12 +88,15 @@ pub type UpkeepResult<T> = Result<T, UpkeepError>;
 /// Cleans up repeatedly until the service ends. Erased data has left the folder soon after `every`.
 pub async fn run(
     (store, vault): (&Store, &Vault),
+    retention: &RetentionSettings,
     mut lists: ErasureLists,
     every: Duration,
-    clock: SharedClock,
-    shutdown: &Shutdown,
+    (clock, shutdown): (SharedClock, &Shutdown),
 ) {
     while !shutdown.is_begun() {
+        if let Err(error) = apply_retention((store, vault), retention, clock.now_ms()).await {
+            tracing::warn!(%error, "data that is not kept any longer was not all deleted; retrying at the next round");
+        }
         if let Err(error) = clear_up(store, vault).await {
             tracing::warn!(%error, "cleaning up failed; retrying at the next round");
         }

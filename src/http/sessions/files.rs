@@ -26,6 +26,8 @@ use crate::store::SessionResult;
 #[utoipa::path(get, path = "/sessions/{id}/video", tag = "sessions", params(("id" = String, Path, description = "id")),
     responses((status = OK, description = "The recording as it was sent", content_type = "video/*"),
         (status = PARTIAL_CONTENT, description = "The requested part", content_type = "video/*"),
+        (status = 410, description = "Refused: `gone`, because the video was deleted", content_type = "application/problem+json",
+            body = ProblemDocument),
         (status = 416, description = "Refused: `range-not-satisfiable`", content_type = "application/problem+json",
             body = ProblemDocument)))]
 pub async fn video(
@@ -38,6 +40,9 @@ pub async fn video(
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     if let Some(tracker) = session.tracker {
         return Err(no_video(&tracker));
+    }
+    if let Some(deleted) = session.video_deleted() {
+        return Err(Refusal::Gone.with(sentence(&deleted)));
     }
     let disposition = disposition("inline", session.filename.as_str());
     let video = session.video.ok_or_else(ProblemResponse::not_found)?;
@@ -123,6 +128,12 @@ fn diagnostics_part(
     let time_of = |frame: u64| paths.frame_times_s.get(frame as usize).copied();
     let name_at = |frame, tool| time_of(frame).map_or(tool, |time_s| swaps.name_at(tool, time_s));
     diagnostics::select_frames(seen, frames, name_at).map_err(|cause| failed(cause.to_string()))
+}
+
+/// The reason as a sentence: with a capital and a full stop.
+fn sentence(reason: &str) -> String {
+    let (first, rest) = reason.split_at(reason.chars().next().map_or(0, char::len_utf8));
+    format!("{}{rest}.", first.to_uppercase())
 }
 
 /// The problem for a session that was imported from another tracker: it has no recording.

@@ -1,5 +1,7 @@
 //! A session's path as JSON, CSV or Parquet.
 
+use std::io::{self, Write};
+
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -140,6 +142,12 @@ fn write_trajectory(stored: &[u8], mut changes: Vec<EditChange>, wanted: Traject
         }
     }
     Ok(table)
+}
+
+/// Writes the smoothed path as CSV, with the edits applied, as the route does by default.
+pub(in crate::http) fn write_edited_csv(stored: &[u8], changes: Vec<EditChange>, out: impl Write) -> io::Result<()> {
+    let paths = SessionPaths::from_bytes(stored).map_err(io::Error::other)?;
+    write_csv(&apply_edits_to_path(&paths, PathKind::Smoothed, &changes), out)
 }
 
 impl TrajectoryFormat {
