@@ -16,7 +16,7 @@ use super::state::App;
 use super::{account, attention, service};
 use super::{
     boxes, cohorts, courses, dashboard, docs, events, features, feed, groups, health, jobs, observe, people, protect,
-    push, replaced_routes, rescorings, sessions, tasks, tokens,
+    push, replaced_routes, rescorings, scheme, sessions, tasks, tokens,
 };
 use super::{error, openapi, trainees, uploads};
 
@@ -209,6 +209,7 @@ pub fn routes(app: App) -> Router {
         .layer(compress())
         .layer(CatchPanicLayer::custom(error::panic_response))
         .layer(from_fn(protect::protect))
+        .layer(from_fn_with_state(app.clone(), scheme::keep_to_https))
         .layer(from_fn(observe::observe))
         .with_state(app)
 }

@@ -45,6 +45,9 @@ pub struct HttpSettings {
     pub trusted_proxies: Vec<IpNet>,
     /// The header that these proxies set: `x-forwarded-for` or `forwarded`.
     pub client_address_header: ClientAddressHeader,
+    /// Days that a browser which has reached the service over HTTPS uses nothing else for the same host name, on any
+    /// port (HSTS). 0 ends this for browsers that come again. Without effect over plain HTTP.
+    pub hsts_days: u32,
     /// Most event streams and live views open at once.
     pub max_event_streams: usize,
     /// Most of them for one user, at most half of all: a display of all boxes needs one for each box that sends.
@@ -72,6 +75,7 @@ impl Default for HttpSettings {
             free_attempts: 5,
             trusted_proxies: Vec::new(),
             client_address_header: ClientAddressHeader::default(),
+            hsts_days: 365,
             max_event_streams: 256,
             max_event_streams_of_one: 96,
             public_url: None,
