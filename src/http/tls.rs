@@ -113,17 +113,21 @@ impl ServerCertificate {
     /// Reads the files again whenever they change, until `stop`.
     pub async fn keep_current(self, clock: SharedClock, stop: Shutdown) {
         let mut seen = None;
-        let mut reported = None;
+        let mut before: Option<String> = None;
+        let mut is_reported = false;
         loop {
             tokio::select! {
                 () = stop.begun() => return,
                 () = clock.sleep(CHECK_INTERVAL) => {}
             }
             let problem = self.0.reload(&mut seen).await.err().map(|error| error.to_string());
-            if let Some(why) = problem.as_ref().filter(|why| reported.as_ref() != Some(*why)) {
+            is_reported &= problem == before;
+            // Reported at the second look: the first may see the one file replaced and the other not yet.
+            if let Some(why) = problem.as_ref().filter(|_| problem == before && !is_reported) {
                 tracing::error!(why, "new certificate cannot be used; the earlier one stays in use");
+                is_reported = true;
             }
-            reported = problem;
+            before = problem;
         }
     }
 }
@@ -193,5 +197,26 @@ impl CertificateFiles {
             key: key.to_owned(),
             why,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn files_that_cannot_be_used_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| Some(folder.path().join(name));
+        let settings =
+            TlsSettings { certificate: path("certificate.pem"), key: path("key.pem"), redirect_listen: None };
+        let missing = ServerCertificate::load(&settings).await.unwrap_err().to_string();
+        assert!(missing.starts_with("cannot read") && missing.contains("certificate.pem"), "{missing}");
+        for name in ["certificate.pem", "key.pem"] {
+            std::fs::write(folder.path().join(name), "not PEM").unwrap();
+        }
+        let empty = ServerCertificate::load(&settings).await.unwrap_err().to_string();
+        assert!(empty.contains("certificate.pem` has no usable certificate"), "{empty}");
+        assert!(ServerCertificate::load(&TlsSettings::default()).await.unwrap().is_none());
     }
 }
