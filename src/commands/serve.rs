@@ -154,8 +154,6 @@ pub struct RunningService {
     pub address: SocketAddr,
     /// Address whose plain HTTP requests it redirects.
     pub redirect_address: Option<SocketAddr>,
-    /// True if it speaks HTTPS.
-    pub is_https: bool,
     /// Its shutdown.
     pub shutdown: Shutdown,
     /// True if this start created the first administrator, with the given password.
@@ -249,18 +247,8 @@ pub async fn start(
     start_rescoring(&app, settings.rescoring);
     worker_pool(&app, settings.analysis, child).start_workers(settings.workers, &shutdown);
     let (address, redirect_address) = (listeners.address()?, listeners.redirect_address()?);
-    let is_https = certificate.is_some();
     let served = listeners.serve(certificate, app.clone()).context("starting TLS")?;
-    Ok(RunningService {
-        address,
-        redirect_address,
-        is_https,
-        shutdown,
-        is_first_start: is_first,
-        app,
-        served,
-        _lock: lock,
-    })
+    Ok(RunningService { address, redirect_address, shutdown, is_first_start: is_first, app, served, _lock: lock })
 }
 
 /// Refuses to run on a backup: people who were erased since it was made would come back.
@@ -368,7 +356,7 @@ async fn make_first_administrator(store: &Store, password: &Password) -> anyhow:
 
 /// Prints the address and, at the first start, how to sign in.
 fn print_welcome(running: &RunningService, password: &Password) {
-    let scheme = if running.is_https { "https" } else { "http" };
+    let scheme = if running.app.service_info.is_https { "https" } else { "http" };
     print_line(&format!("Trocar listens on {scheme}://{}/", running.address));
     if let Some(address) = running.redirect_address {
         print_line(&format!("Requests to http://{address}/ are redirected to it."));

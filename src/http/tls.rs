@@ -1,7 +1,7 @@
 //! TLS of the service: its certificate and key come from files, which are read again when they change.
 //!
-//! Programs that renew certificates replace both files, one after the other. So the files are looked at regularly, and a
-//! pair is used only if key and certificate belong together. New connections get the new certificate; open ones keep
+//! Programs that renew certificates replace both files, one after the other. So the files are looked at regularly, and
+//! a pair is used only if key and certificate belong together. New connections get the new certificate; open ones keep
 //! theirs. A pair that cannot be used leaves the earlier one in force.
 
 use std::net::SocketAddr;
