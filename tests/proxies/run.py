@@ -29,7 +29,7 @@ EXAMPLES = Path(__file__).resolve().parent.parent.parent / "docs" / "proxy"
 PATIENCE_S = 60
 # Events that a proxy holds back arrive when the stream ends, or not at all.
 AT_ONCE_S = 3
-NOBODY = 65534
+UNPRIVILEGED = 65534
 
 
 def main():
@@ -247,11 +247,11 @@ class Proxy:
                         "-out", self.certificate], check=True, capture_output=True)
         self.tls = ssl.create_default_context(cafile=self.certificate)
         command = self.configure(service_port)
-        as_nobody = {"user": NOBODY, "group": NOBODY, "extra_groups": []} if os.geteuid() == 0 else {}
-        for path in [self.folder, *self.folder.rglob("*")] if as_nobody else []:
-            os.chown(path, NOBODY, NOBODY)
+        as_user = {"user": UNPRIVILEGED, "group": UNPRIVILEGED, "extra_groups": []} if os.geteuid() == 0 else {}
+        for path in [self.folder, *self.folder.rglob("*")] if as_user else []:
+            os.chown(path, UNPRIVILEGED, UNPRIVILEGED)
         self.output = open(self.folder / "output", "w")
-        self.process = subprocess.Popen(command, stdout=self.output, stderr=self.output, env={"HOME": str(self.folder)}, **as_nobody)
+        self.process = subprocess.Popen(command, stdout=self.output, stderr=self.output, env={"HOME": str(self.folder)}, **as_user)
 
     def __enter__(self):
         try:
@@ -340,7 +340,7 @@ def adapted(text, changes):
 
 
 class WebSocket:
-    """A client of RFC 6455, as far as a feed needs it."""
+    """The parts of RFC 6455 that a feed needs, as a client."""
 
     def __init__(self, wire, host, path, token):
         self.wire = wire
