@@ -246,7 +246,7 @@ pub async fn start(
     start_upkeep(&app, &settings);
     start_rescoring(&app, settings.rescoring);
     worker_pool(&app, settings.analysis, child).start_workers(settings.workers, &shutdown);
-    let (address, redirect_address) = (listeners.address()?, listeners.redirect_address()?);
+    let (address, redirect_address) = (listeners.address(), listeners.redirect_address());
     let served = listeners.serve(certificate, app.clone()).context("starting TLS")?;
     Ok(RunningService { address, redirect_address, shutdown, is_first_start: is_first, app, served, _lock: lock })
 }

@@ -13,9 +13,9 @@ use axum::extract::{ConnectInfo, Request};
 use axum::http::{HeaderValue, Uri, Version, header};
 use axum::response::Response;
 use hyper::body::Incoming;
+use hyper::server::conn::{http1, http2};
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::server::conn::auto;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
 use tokio::time::timeout;
@@ -23,7 +23,7 @@ use tokio_rustls::TlsAcceptor;
 use tokio_rustls::server::TlsStream;
 use tower::ServiceExt;
 
-use super::http2::{self, StreamExecutor};
+use super::http2_streams::{MAX_STREAMS, MAX_UNSENT_BYTES, StreamExecutor, watch_answer};
 use super::redirect;
 use super::scheme::Encrypted;
 use super::settings::HttpSettings;
@@ -85,15 +85,12 @@ pub async fn serve_connection(
     };
     let client = Client { peer, is_encrypted: matches!(opened, OpenConnection::Tls(_)) };
     match opened {
-        OpenConnection::Plain(stream) => run(stream, Version::HTTP_11, client, routes, limits, stop).await,
-        OpenConnection::Misdirected(stream) => {
-            run(stream, Version::HTTP_11, client, redirect::routes(None), limits, stop).await
+        OpenConnection::Plain(stream) => run_http1(stream, client, routes, limits, stop).await,
+        OpenConnection::Misdirected(stream) => run_http1(stream, client, redirect::routes(None), limits, stop).await,
+        OpenConnection::Tls(stream) if stream.get_ref().1.alpn_protocol() == Some(HTTP2) => {
+            run_http2(*stream, client, routes, limits, stop).await
         }
-        OpenConnection::Tls(stream) => {
-            let version =
-                if stream.get_ref().1.alpn_protocol() == Some(HTTP2) { Version::HTTP_2 } else { Version::HTTP_11 };
-            run(*stream, version, client, routes, limits, stop).await
-        }
+        OpenConnection::Tls(stream) => run_http1(*stream, client, routes, limits, stop).await,
     }
 }
 
@@ -110,31 +107,51 @@ async fn open(stream: TcpStream, transport: Transport, limits: ConnectionLimits)
     Ok(OpenConnection::Tls(Box::new(acceptor.accept(stream).await?)))
 }
 
-async fn run<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
+async fn run_http1<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
     stream: S,
-    version: Version,
+    client: Client,
+    routes: Router,
+    limits: ConnectionLimits,
+    stop: &Shutdown,
+) -> ConnectionResult {
+    let connection = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(limits.head_timeout)
+        .serve_connection(TokioIo::new(stream), service_fn(move |request| answer(routes.clone(), client, request)))
+        .with_upgrades();
+    let mut connection = pin!(connection);
+    tokio::select! {
+        ended = connection.as_mut() => return Ok(ended?),
+        () = stop.begun() => {}
+    }
+    connection.as_mut().graceful_shutdown(); // finish the open request, accept no further one
+    Ok(connection.await?)
+}
+
+async fn run_http2<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
+    stream: S,
     client: Client,
     routes: Router,
     limits: ConnectionLimits,
     stop: &Shutdown,
 ) -> ConnectionResult {
     let streams = StreamExecutor::new(limits.write_timeout);
-    let builder = auto::Builder::new(streams.clone());
-    let mut builder = if version == Version::HTTP_2 { builder.http2_only() } else { builder.http1_only() };
-    builder.http1().timer(TokioTimer::new()).header_read_timeout(limits.head_timeout);
-    builder.http2().max_concurrent_streams(http2::MAX_STREAMS).max_send_buf_size(http2::MAX_UNSENT_BYTES);
-    let service = service_fn(move |request| answer(routes.clone(), client, request));
-    let mut connection = pin!(builder.serve_connection_with_upgrades(TokioIo::new(stream), service));
+    let connection = http2::Builder::new(streams.clone())
+        .max_concurrent_streams(MAX_STREAMS)
+        .max_send_buf_size(MAX_UNSENT_BYTES)
+        .serve_connection(TokioIo::new(stream), service_fn(move |request| answer(routes.clone(), client, request)));
+    let mut connection = pin!(connection);
     let is_idle = tokio::select! {
-        ended = connection.as_mut() => return ended,
-        () = streams.idle_for(limits.head_timeout), if version == Version::HTTP_2 => true,
+        ended = connection.as_mut() => return Ok(ended?),
+        () = streams.idle_for(limits.head_timeout) => true,
         () = stop.begun() => false,
     };
     connection.as_mut().graceful_shutdown(); // finish the open requests, accept no further ones
     if is_idle {
-        return timeout(limits.head_timeout, connection).await.map_err(|_| timed_out("the end of the connection"))?;
+        let ended = timeout(limits.head_timeout, connection).await;
+        return Ok(ended.map_err(|_| timed_out("the end of the connection"))??);
     }
-    connection.await
+    Ok(connection.await?)
 }
 
 fn timed_out(what: &str) -> io::Error {
@@ -160,7 +177,7 @@ fn answer(routes: Router, client: Client, request: hyper::Request<Incoming>) -> 
     if client.is_encrypted {
         request.extensions_mut().insert(Encrypted);
     }
-    Box::pin(async move { routes.oneshot(request).await.map(http2::watch_answer) })
+    Box::pin(async move { routes.oneshot(request).await.map(watch_answer) })
 }
 
 /// HTTP/2 has the host in the address (`:authority`). The handlers expect it in `Host`, as in HTTP/1.1.

@@ -3,7 +3,6 @@
 use std::io;
 use std::net::SocketAddr;
 
-use anyhow::Context;
 use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 
@@ -15,35 +14,50 @@ use super::{redirect, router, server};
 /// The sockets, bound and not yet served: clients that connect wait.
 #[derive(Debug)]
 pub struct Listeners {
-    main: TcpListener,
-    redirect: Option<TcpListener>,
+    main: BoundListener,
+    redirect: Option<BoundListener>,
+}
+
+#[derive(Debug)]
+struct BoundListener {
+    socket: TcpListener,
+    address: SocketAddr,
+}
+
+/// An address that cannot be listened on.
+#[derive(Debug, thiserror::Error)]
+#[error("listening on {address}")]
+pub struct ListenError {
+    /// The address.
+    pub address: SocketAddr,
+    /// Error of the operating system.
+    pub source: io::Error,
 }
 
 impl Listeners {
     /// Binds the service's address, and the one whose requests are redirected.
-    pub async fn bind(listen: SocketAddr, redirect_listen: Option<SocketAddr>) -> anyhow::Result<Self> {
-        let bind = async |to: SocketAddr| TcpListener::bind(to).await.with_context(|| format!("listening on {to}"));
-        let main = bind(listen).await?;
+    pub async fn bind(listen: SocketAddr, redirect_listen: Option<SocketAddr>) -> Result<Self, ListenError> {
+        let main = BoundListener::bind(listen).await?;
         let redirect = match redirect_listen {
-            Some(to) => Some(bind(to).await?),
+            Some(address) => Some(BoundListener::bind(address).await?),
             None => None,
         };
         Ok(Self { main, redirect })
     }
 
     /// The service's address.
-    pub fn address(&self) -> io::Result<SocketAddr> {
-        self.main.local_addr()
+    pub fn address(&self) -> SocketAddr {
+        self.main.address
     }
 
     /// The address whose requests are redirected.
-    pub fn redirect_address(&self) -> io::Result<Option<SocketAddr>> {
-        self.redirect.as_ref().map(TcpListener::local_addr).transpose()
+    pub fn redirect_address(&self) -> Option<SocketAddr> {
+        self.redirect.as_ref().map(|listener| listener.address)
     }
 
     /// Accepts connections until the shutdown: HTTPS with a certificate, else plain HTTP. The task ends when the open
     /// requests have ended.
-    pub fn serve(self, certificate: Option<ServerCertificate>, app: App) -> anyhow::Result<JoinHandle<()>> {
+    pub fn serve(self, certificate: Option<ServerCertificate>, app: App) -> Result<JoinHandle<()>, rustls::Error> {
         let transport = match &certificate {
             Some(certificate) => Transport::Tls(certificate.acceptor()?),
             None => Transport::Plain,
@@ -52,14 +66,23 @@ impl Listeners {
             app.shutdown.spawn(certificate.keep_current(app.clock.clone(), app.shutdown.clone()));
         }
         if let Some(listener) = self.redirect {
-            let (own, routes) = (app.clone(), redirect::routes(Some(self.main.local_addr()?.port())));
+            let (own, routes) = (app.clone(), redirect::routes(Some(self.main.address.port())));
             app.shutdown.spawn(async move {
-                server::serve(listener, Transport::Plain, routes, &own.settings, &own.shutdown).await;
+                server::serve(listener.socket, Transport::Plain, routes, &own.settings, &own.shutdown).await;
             });
         }
         let routes = router::routes(app.clone());
         Ok(tokio::spawn(async move {
-            server::serve(self.main, transport, routes, &app.settings, &app.shutdown).await;
+            server::serve(self.main.socket, transport, routes, &app.settings, &app.shutdown).await;
         }))
+    }
+}
+
+impl BoundListener {
+    async fn bind(to: SocketAddr) -> Result<Self, ListenError> {
+        let failed = |source| ListenError { address: to, source };
+        let socket = TcpListener::bind(to).await.map_err(failed)?;
+        let address = socket.local_addr().map_err(failed)?;
+        Ok(Self { socket, address })
     }
 }

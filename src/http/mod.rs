@@ -10,7 +10,7 @@
 //! | one module for each noun | its routes, one function each |
 //! | [`export`] | tables of features, of any length |
 //! | [`server`] [`pace`] [`settings`] | limits on connections and bodies: their number, idle time and size |
-//! | [`listeners`] [`connection`] [`http2`] | the sockets; one connection: handshake, HTTP/2 or HTTP/1.1, limits on time |
+//! | [`listeners`] [`connection`] [`http2_streams`] | the sockets; one connection: handshake, HTTP/2 or HTTP/1.1, limits on time |
 //! | [`tls`] [`scheme`] [`redirect`] | the service's certificate; HTTPS of its own or of a proxy; plain HTTP to HTTPS |
 //! | [`connection_slots`] | limits on connections that stay open, in all and per user |
 //! | [`protect`] [`compress`] [`observe`] | security headers, compression; a log line and metrics for every request |
@@ -41,7 +41,7 @@ mod feed;
 pub mod file;
 pub mod groups;
 pub mod health;
-mod http2;
+mod http2_streams;
 pub mod jobs;
 pub mod listeners;
 pub mod observe;

@@ -184,9 +184,11 @@ async fn silent_clients_are_disconnected() {
     let mut silent = TcpStream::connect(secure.service.address()).await.unwrap();
     let mut begun = TcpStream::connect(secure.service.address()).await.unwrap();
     begun.write_all(&[0x16, 3, 1]).await.unwrap();
+    let mut plain = TcpStream::connect(secure.service.address()).await.unwrap();
+    plain.write_all(b"GET /").await.unwrap();
     let mut http1 = secure.connect("current", HTTP1).await.unwrap();
     let mut http2 = secure.connect("current", HTTP2).await.unwrap();
-    for wire in [&mut silent, &mut begun] {
+    for wire in [&mut silent, &mut begun, &mut plain] {
         // The end, or a reset: the service has not read all that arrived.
         let _ = soon("the end of a handshake", wire.read_to_end(&mut Vec::new())).await;
     }
