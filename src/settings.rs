@@ -22,6 +22,7 @@ use toml::{Table, Value};
 use crate::analysis::AnalysisSettings;
 use crate::domain::rights::RightsSettings;
 use crate::http::settings::HttpSettings;
+use crate::http::tls::TlsSettings;
 use crate::intake::UploadSettings;
 use crate::live::LiveSettings;
 use crate::queue::QueueSettings;
@@ -47,6 +48,8 @@ pub struct Settings {
     pub http: HttpSettings,
     /// What instructors may do beyond their own groups.
     pub rights: RightsSettings,
+    /// Certificate and key for HTTPS.
+    pub tls: TlsSettings,
     /// Child processes that decode and track.
     pub analysis: AnalysisSettings,
     /// Uploads of recordings.
@@ -82,6 +85,7 @@ impl Default for Settings {
             queue: QueueSettings::default(),
             http: HttpSettings::default(),
             rights: RightsSettings::default(),
+            tls: TlsSettings::default(),
             analysis: AnalysisSettings::default(),
             uploads: UploadSettings::default(),
             live: LiveSettings::default(),
@@ -225,6 +229,7 @@ impl Settings {
         check_range("http.idle_min", http.idle_min, 1, 24 * 60)?;
         check_range("http.sign_in_h", http.sign_in_h, 1, 24 * 7)?;
         check_range("http.free_attempts", http.free_attempts.into(), 1, 10_000)?;
+        check_range("http.hsts_days", http.hsts_days.into(), 0, 3_650)?;
         check_range("http.max_event_streams", http.max_event_streams as u64, 1, 100_000)?;
         check_range("http.max_event_streams_of_one", http.max_event_streams_of_one as u64, 1, 100_000)?;
         check_range("http.page_items", http.page_items.into(), 1, 200)?;
@@ -245,11 +250,26 @@ impl Settings {
             let expected = "the service's address, such as https://skills.example";
             return Err(SettingsError::Value { key: "http.public_url", value: url.clone(), expected });
         }
+        self.check_tls()?;
         if queue.lease_s < 2 * queue.heartbeat_s || queue.lease_s > 86_400 {
             let expected = "at least two heartbeats (queue.heartbeat_s) and at most a day";
             return Err(SettingsError::Value { key: "queue.lease_s", value: queue.lease_s.to_string(), expected });
         }
         Ok(())
+    }
+
+    /// HTTPS needs certificate and key, and a redirect needs HTTPS.
+    fn check_tls(&self) -> Result<(), SettingsError> {
+        let TlsSettings { certificate, key, redirect_listen } = &self.tls;
+        let missing = |key, expected| Err(SettingsError::Value { key, value: "not set".to_owned(), expected });
+        match (certificate, key) {
+            (Some(_), None) => missing("tls.key", "the file with the private key of tls.certificate"),
+            (None, Some(_)) => missing("tls.certificate", "the file with the certificate of tls.key"),
+            (None, None) if redirect_listen.is_some() => {
+                missing("tls.certificate", "a certificate, since tls.redirect_listen redirects to HTTPS")
+            }
+            _ => Ok(()),
+        }
     }
 }
 
@@ -346,6 +366,18 @@ mod tests {
         let settings = with_file(file, &variables, flags).unwrap();
         assert_eq!((settings.workers, settings.listen.port()), (3, 9));
         assert_eq!((settings.queue.lease_s, settings.queue.sweep_s, settings.queue.look_s), (50, 4, 5));
+    }
+
+    #[test]
+    fn a_certificate_needs_its_key_and_a_redirect_needs_a_certificate() {
+        let (certificate, key) = (("TROCAR_TLS__CERTIFICATE", "c.pem"), ("TROCAR_TLS__KEY", "k.pem"));
+        let redirect = ("TROCAR_TLS__REDIRECT_LISTEN", "127.0.0.1:80");
+        let refused = |variables: &[(&str, &str)]| with(variables).unwrap_err().to_string();
+        assert!(refused(&[certificate]).starts_with("setting `tls.key` is not set"));
+        assert!(refused(&[key]).starts_with("setting `tls.certificate` is not set"));
+        assert!(refused(&[redirect]).starts_with("setting `tls.certificate` is not set"));
+        let settings = with(&[certificate, key, redirect]).unwrap();
+        assert_eq!(settings.tls.redirect_listen.map(|address| address.port()), Some(80));
     }
 
     #[test]

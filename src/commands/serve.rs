@@ -12,7 +12,6 @@ use std::time::Duration;
 
 use anyhow::Context;
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
-use tokio::net::TcpListener;
 use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 use tracing_subscriber::EnvFilter;
@@ -30,8 +29,9 @@ use crate::heap;
 use crate::http::auth::throttle::Throttle;
 use crate::http::connection_slots::ConnectionSlots;
 use crate::http::data_export::MAX_EXPORTS;
+use crate::http::listeners::Listeners;
 use crate::http::state::{App, AppParts, ServiceInfo};
-use crate::http::{router, server};
+use crate::http::tls::ServerCertificate;
 use crate::intake::Intake;
 use crate::live::{self, FeedService, OpenFeeds};
 use crate::motion::PIPELINE_VERSION;
@@ -115,7 +115,7 @@ async fn serve(settings: Settings, demo: bool) -> anyhow::Result<()> {
     let scratch = settings.data.join("demonstration");
     let running = start(settings, Arc::new(SystemClock), &password, WorkerPool::this_program()).await?;
     running.shutdown.begin_on_signals().context("listening for signals")?;
-    print_welcome(running.address, running.is_first_start.then_some(&password));
+    print_welcome(&running, &password);
     if demo {
         start_demonstration(&running, scratch).await.context("registering the demonstration centre")?;
     }
@@ -156,6 +156,8 @@ async fn start_demonstration(running: &RunningService, scratch: PathBuf) -> anyh
 pub struct RunningService {
     /// Address that it listens on.
     pub address: SocketAddr,
+    /// Address whose plain HTTP requests it redirects.
+    pub redirect_address: Option<SocketAddr>,
     /// Its shutdown.
     pub shutdown: Shutdown,
     /// True if this start created the first administrator, with the given password.
@@ -189,6 +191,7 @@ pub async fn start(
 ) -> anyhow::Result<RunningService> {
     check_kernel(settings.analysis.require_landlock)?;
     refuse_backup(&settings.data)?;
+    let certificate = ServerCertificate::load(&settings.tls).await.context("using the certificate of [tls]")?;
     let vault = Vault::open(&settings.data).await.context("opening the data folder")?;
     let lock = vault.lock().await.with_context(|| format!("using {}", settings.data.display()))?;
     let store =
@@ -199,9 +202,7 @@ pub async fn start(
     let queue = Queue::new(store.clone(), settings.queue.clone(), events.clone(), clock.clone());
     queue.recover().await.context("recovering the queue")?;
     // First the address: if it is in use, no administrator is made whose password was never shown.
-    let listener =
-        TcpListener::bind(settings.listen).await.with_context(|| format!("listening on {}", settings.listen))?;
-    let address = listener.local_addr().context("asking for the address")?;
+    let listeners = Listeners::bind(settings.listen, settings.tls.redirect_listen).await?;
     let is_first = make_first_administrator(&store, password).await.context("making the first administrator")?;
     let shutdown = Shutdown::new();
     let (storage, jobs) = ((store.clone(), vault.clone()), (queue.clone(), events.clone()));
@@ -253,9 +254,9 @@ pub async fn start(
     start_upkeep(&app, &settings);
     start_rescoring(&app, settings.rescoring);
     worker_pool(&app, settings.analysis, child).start_workers(settings.workers, &shutdown);
-    let (http, stop, routes) = (settings.http, shutdown.clone(), router::routes(app.clone()));
-    let served = tokio::spawn(async move { server::serve(listener, routes, &http, &stop).await });
-    Ok(RunningService { address, shutdown, is_first_start: is_first, app, served, _lock: lock })
+    let (address, redirect_address) = (listeners.address(), listeners.redirect_address());
+    let served = listeners.serve(certificate, app.clone()).context("starting TLS")?;
+    Ok(RunningService { address, redirect_address, shutdown, is_first_start: is_first, app, served, _lock: lock })
 }
 
 /// The command that makes a backup of this data folder by hand, for a shell. The backup's folder lies beside the data
@@ -305,6 +306,7 @@ fn service_info(settings: &Settings, started_at_ms: i64) -> ServiceInfo {
     ServiceInfo {
         pipeline: PIPELINE_VERSION,
         started_at_ms,
+        is_https: settings.tls.certificate.is_some(),
         workers: settings.workers,
         max_upload_bytes: settings.uploads.max_bytes,
         unfinished_upload_h: settings.uploads.expire_h,
@@ -389,9 +391,13 @@ async fn make_first_administrator(store: &Store, password: &Password) -> anyhow:
 }
 
 /// Prints the address and, at the first start, how to sign in.
-fn print_welcome(address: SocketAddr, password: Option<&Password>) {
-    print_line(&format!("Trocar listens on http://{address}/"));
-    if let Some(password) = password {
+fn print_welcome(running: &RunningService, password: &Password) {
+    let scheme = if running.app.service_info.is_https { "https" } else { "http" };
+    print_line(&format!("Trocar listens on {scheme}://{}/", running.address));
+    if let Some(address) = running.redirect_address {
+        print_line(&format!("Requests to http://{address}/ are redirected to it."));
+    }
+    if running.is_first_start {
         print_line(&format!("Sign in as {ADMINISTRATOR} with the password {}", password.reveal()));
         print_line("The password is shown only this once and kept nowhere: change it after you have signed in.");
     }

@@ -16,7 +16,7 @@ use super::state::App;
 use super::{account, attention, service};
 use super::{
     boxes, cohorts, courses, dashboard, data_export, docs, events, features, feed, groups, health, jobs, observe,
-    password_links, people, protect, push, replaced_routes, rescorings, sessions, tasks, tokens,
+    password_links, people, protect, push, replaced_routes, rescorings, scheme, sessions, tasks, tokens,
 };
 use super::{error, openapi, trainees, uploads};
 
@@ -218,6 +218,7 @@ pub fn routes(app: App) -> Router {
         .layer(compress())
         .layer(CatchPanicLayer::custom(error::panic_response))
         .layer(from_fn(protect::protect))
+        .layer(from_fn_with_state(app.clone(), scheme::keep_to_https))
         .layer(from_fn(observe::observe))
         .with_state(app)
 }

@@ -47,6 +47,9 @@ pub struct HttpSettings {
     pub trusted_proxies: Vec<IpNet>,
     /// The header that these proxies set: `x-forwarded-for` or `forwarded`.
     pub client_address_header: ClientAddressHeader,
+    /// Days that a browser which has reached the service over HTTPS uses nothing else for the same host name, on any
+    /// port (HSTS). 0 ends this for browsers that come again. Without effect over plain HTTP.
+    pub hsts_days: u32,
     /// Most event streams and live views open at once. A browser that shows *Live* needs one, and another for each
     /// recording that arrives; each takes about 30 KiB.
     pub max_event_streams: usize,
@@ -76,6 +79,7 @@ impl Default for HttpSettings {
             free_attempts: 5,
             trusted_proxies: Vec::new(),
             client_address_header: ClientAddressHeader::default(),
+            hsts_days: 365,
             max_event_streams: 1024,
             max_event_streams_of_one: 96,
             public_url: None,

@@ -81,6 +81,8 @@ pub struct ServiceInfo {
     pub pipeline: &'static str,
     /// When this process began to serve, epoch ms.
     pub started_at_ms: i64,
+    /// True if the service itself speaks HTTPS.
+    pub is_https: bool,
     /// Recordings tracked at the same time.
     pub workers: usize,
     /// Largest recording, bytes.

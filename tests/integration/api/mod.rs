@@ -32,5 +32,6 @@ mod self_tests;
 mod sender_limits;
 mod sign_in;
 mod streams;
+mod tls;
 pub mod tus;
 mod uploads;
