@@ -18,6 +18,7 @@ use tracing_subscriber::EnvFilter;
 
 use super::demonstration::{self, DemonstrationBuilder};
 use super::{CommandFailure, restrict_new_files_to_owner};
+use crate::analysis::stored_rows::StoredIndexes;
 use crate::analysis::{AnalysisSettings, QuickAnalysis, WorkerPool};
 use crate::cohorts::Cohorts;
 use crate::domain::role::Role;
@@ -27,6 +28,7 @@ use crate::events::EventBus;
 use crate::heap;
 use crate::http::auth::throttle::Throttle;
 use crate::http::connection_slots::ConnectionSlots;
+use crate::http::heavy::HeavyAnswers;
 use crate::http::state::{App, AppParts, ServiceInfo};
 use crate::http::{router, server};
 use crate::intake::Intake;
@@ -218,6 +220,8 @@ pub async fn start(
     let parts = AppParts {
         throttle: Throttle::new(settings.http.free_attempts, clock.clone()),
         watcher_slots: ConnectionSlots::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
+        heavy_answers: HeavyAnswers::new(&settings.http),
+        stored_indexes: StoredIndexes::default(),
         metrics: metrics().context("starting the metrics")?,
         settings: settings.http.clone(),
         service_info: service_info(&settings, clock.now_ms()),

@@ -38,6 +38,7 @@ mod feed;
 pub mod file;
 pub mod groups;
 pub mod health;
+pub mod heavy;
 pub mod jobs;
 pub mod observe;
 pub mod openapi;

@@ -7,8 +7,10 @@ use metrics_exporter_prometheus::PrometheusHandle;
 
 use super::auth::throttle::Throttle;
 use super::connection_slots::ConnectionSlots;
+use super::heavy::HeavyAnswers;
 use super::settings::HttpSettings;
 use crate::analysis::QuickAnalysis;
+use crate::analysis::stored_rows::StoredIndexes;
 use crate::cohorts::Cohorts;
 use crate::events::EventBus;
 use crate::intake::Intake;
@@ -56,6 +58,10 @@ pub struct AppParts {
     pub quick_analysis: QuickAnalysis,
     /// Slots for event streams and live views.
     pub watcher_slots: ConnectionSlots,
+    /// Slots for large answers.
+    pub heavy_answers: HeavyAnswers,
+    /// Indexes of stored paths and diagnostics.
+    pub stored_indexes: StoredIndexes,
     /// State of the scheduled backups.
     pub backup_state: BackupState,
     /// When and where backups are made.
