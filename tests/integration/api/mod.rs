@@ -9,6 +9,7 @@ mod edits;
 mod exchange;
 mod full_disk;
 mod hostile;
+mod large_answers;
 mod looks;
 mod models;
 mod nouns;
