@@ -232,6 +232,8 @@ impl Settings {
         check_range("http.hsts_days", http.hsts_days.into(), 0, 3_650)?;
         check_range("http.max_event_streams", http.max_event_streams as u64, 1, 100_000)?;
         check_range("http.max_event_streams_of_one", http.max_event_streams_of_one as u64, 1, 100_000)?;
+        check_range("http.max_heavy_answers", http.max_heavy_answers as u64, 1, 1_000)?;
+        check_range("http.max_heavy_answers_of_one", http.max_heavy_answers_of_one as u64, 1, 1_000)?;
         check_range("http.page_items", http.page_items.into(), 1, 200)?;
         check_range("uploads.max_bytes", uploads.max_bytes, 1, 1 << 50)?;
         check_range("uploads.expire_h", uploads.expire_h, 1, 24 * 365)?;

@@ -18,6 +18,7 @@ use tracing_subscriber::EnvFilter;
 
 use super::demonstration::{self, DemonstrationBuilder};
 use super::{CommandFailure, restrict_new_files_to_owner};
+use crate::analysis::stored_rows::StoredIndexes;
 use crate::analysis::{AnalysisSettings, QuickAnalysis, WorkerPool};
 use crate::cohorts::Cohorts;
 use crate::domain::password_state::PasswordState;
@@ -29,6 +30,7 @@ use crate::heap;
 use crate::http::auth::throttle::Throttle;
 use crate::http::connection_slots::ConnectionSlots;
 use crate::http::data_export::MAX_EXPORTS;
+use crate::http::heavy::HeavyAnswers;
 use crate::http::listeners::Listeners;
 use crate::http::state::{App, AppParts, ServiceInfo};
 use crate::http::tls::ServerCertificate;
@@ -223,6 +225,8 @@ pub async fn start(
     let parts = AppParts {
         throttle: Throttle::new(settings.http.free_attempts, clock.clone()),
         watcher_slots: ConnectionSlots::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
+        heavy_answers: HeavyAnswers::new(&settings.http),
+        stored_indexes: StoredIndexes::default(),
         metrics: metrics().context("starting the metrics")?,
         settings: settings.http.clone(),
         rights: settings.rights,

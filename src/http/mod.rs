@@ -42,6 +42,7 @@ mod feed;
 pub mod file;
 pub mod groups;
 pub mod health;
+pub mod heavy;
 mod http2_streams;
 pub mod jobs;
 pub mod listeners;

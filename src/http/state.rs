@@ -8,8 +8,10 @@ use tokio::sync::Semaphore;
 
 use super::auth::throttle::Throttle;
 use super::connection_slots::ConnectionSlots;
+use super::heavy::HeavyAnswers;
 use super::settings::HttpSettings;
 use crate::analysis::QuickAnalysis;
+use crate::analysis::stored_rows::StoredIndexes;
 use crate::cohorts::Cohorts;
 use crate::domain::rights::RightsSettings;
 use crate::events::EventBus;
@@ -60,6 +62,10 @@ pub struct AppParts {
     pub quick_analysis: QuickAnalysis,
     /// Slots for event streams and live views.
     pub watcher_slots: ConnectionSlots,
+    /// Slots for large answers.
+    pub heavy_answers: HeavyAnswers,
+    /// Indexes of stored paths and diagnostics.
+    pub stored_indexes: StoredIndexes,
     /// State of the scheduled backups.
     pub backup_state: BackupState,
     /// When and where backups are made.

@@ -6,6 +6,7 @@ use super::ExportJob;
 use super::archive::{Archive, ExportFailure};
 use crate::domain::text::{Key, Name};
 use crate::http::account::SignInEntry;
+use crate::http::error::ProblemResponse;
 use crate::http::people::PersonResponse;
 use crate::http::service::AuditChange;
 use crate::http::sessions::{EditsResponse, SessionResponse, write_edited_csv};
@@ -15,8 +16,6 @@ use crate::time::Day;
 
 /// Sessions and audit entries that are read at a time.
 const ROUND: u32 = 50;
-/// Largest stored path that is read into memory, bytes: about four hours of two tools.
-const MAX_PATH_BYTES: u64 = 512 * 1024 * 1024;
 
 /// Says what the files of a person's export are.
 pub(super) const README: &str = "\
@@ -128,9 +127,10 @@ fn add_result(
     archive: &mut Archive,
 ) -> Result<(), ExportFailure> {
     let app = &job.app;
-    let stored = job.wait(app.vault.read(result.trajectory, MAX_PATH_BYTES))?;
+    let stored =
+        job.wait(app.stored_indexes.open_paths(&app.vault, result.trajectory)).map_err(ProblemResponse::from)?;
     let edits = job.wait(app.store.edits().in_force(session.id))?;
-    write_edited_csv(&stored, edits.changes, archive.add_written(&format!("{folder}path.csv"))?)?;
+    write_edited_csv(&stored, &edits.changes, archive.add_written(&format!("{folder}path.csv"))?)?;
     if let Some(preview) = result.preview {
         let (file, _) = job.wait(app.vault.open_blob(preview))?;
         archive.add_file(&format!("{folder}preview.jpg"), file)?;

@@ -11,6 +11,7 @@ mod erasures;
 mod exchange;
 mod full_disk;
 mod hostile;
+mod large_answers;
 mod looks;
 mod models;
 mod nouns;
