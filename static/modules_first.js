@@ -32,7 +32,8 @@
   // Same choice as in texts.js: otherwise a file would be loaded for nothing.
   const candidates = [storedLanguage(), ...navigator.languages.map(language => language.split('-')[0].toLowerCase()), 'en'];
   const textFile = `texts/${candidates.find(language => language && LANGUAGES.includes(language))}.js`;
-  const [first, second, third] = location.pathname.split('/').filter(Boolean);
+  const basePath = document.documentElement.dataset.basePath ?? '';
+  const [first, second, third] = location.pathname.slice(basePath.length).split('/').filter(Boolean);
   const page = third ? null : !first ? 'today' : second && { sessions: 'session', trainees: 'trainee', tasks: 'task' }[first];
   for (const name of [textFile, ...(MODULES[page]?.trim().split(/\s+/) ?? [])])
     document.head.append(Object.assign(document.createElement('link'), { rel: 'modulepreload', href: ROOT + name }));

@@ -26,6 +26,7 @@ use crate::domain::secret::Password;
 use crate::events::EventBus;
 use crate::heap;
 use crate::http::auth::throttle::Throttle;
+use crate::http::base_path::BasePath;
 use crate::http::connection_slots::ConnectionSlots;
 use crate::http::state::{App, AppParts, ServiceInfo};
 use crate::http::{router, server};
@@ -111,7 +112,7 @@ async fn serve(settings: Settings, demo: bool) -> anyhow::Result<()> {
     let scratch = settings.data.join("demonstration");
     let running = start(settings, Arc::new(SystemClock), &password, WorkerPool::this_program()).await?;
     running.shutdown.begin_on_signals().context("listening for signals")?;
-    print_welcome(running.address, running.is_first_start.then_some(&password));
+    print_welcome(running.address, &running.app.settings.base_path, running.is_first_start.then_some(&password));
     if demo {
         start_demonstration(&running, scratch).await.context("registering the demonstration centre")?;
     }
@@ -353,8 +354,8 @@ async fn make_first_administrator(store: &Store, password: &Password) -> anyhow:
 }
 
 /// Prints the address and, at the first start, how to sign in.
-fn print_welcome(address: SocketAddr, password: Option<&Password>) {
-    print_line(&format!("Trocar listens on http://{address}/"));
+fn print_welcome(address: SocketAddr, base: &BasePath, password: Option<&Password>) {
+    print_line(&format!("Trocar listens on http://{address}{base}/"));
     if let Some(password) = password {
         print_line(&format!("Sign in as {ADMINISTRATOR} with the password {}", password.reveal()));
         print_line("The password is shown only this once and kept nowhere: change it after you have signed in.");

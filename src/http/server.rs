@@ -24,6 +24,7 @@ use tokio::sync::Semaphore;
 use tokio_util::task::TaskTracker;
 use tower::ServiceExt;
 
+use super::base_path::BasePath;
 use super::settings::HttpSettings;
 use super::stall::StallGuard;
 
@@ -38,7 +39,7 @@ pub async fn serve(listener: TcpListener, routes: Router, settings: &HttpSetting
     let open = TaskTracker::new();
     while let Some((stream, peer, place)) = next_connection(&listener, &places, stop).await {
         let stream = StallGuard::new(stream, settings.write_timeout());
-        let answer = connection_service(routes.clone(), peer);
+        let answer = connection_service(routes.clone(), peer, settings.base_path.clone());
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())
             .header_read_timeout(settings.head_timeout())
@@ -100,15 +101,19 @@ async fn accept(
     Ok((stream, peer, place))
 }
 
-/// The service of one connection: passes requests to the router, with the client's address.
+/// The service of one connection: passes requests below the service's path to the router, with the client's address.
 fn connection_service(
     routes: Router,
     peer: SocketAddr,
+    base: BasePath,
 ) -> impl Fn(hyper::Request<Incoming>) -> ResponseFuture + Clone + Send + 'static {
     move |request| {
         let mut request: Request = request.map(Body::new);
         request.extensions_mut().insert(ConnectInfo(peer));
-        Box::pin(routes.clone().oneshot(request))
+        match base.enter(request) {
+            Ok(request) => Box::pin(routes.clone().oneshot(request)),
+            Err(answer) => Box::pin(std::future::ready(Ok(*answer))),
+        }
     }
 }
 

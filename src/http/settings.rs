@@ -7,6 +7,7 @@ use ipnet::IpNet;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
+use super::base_path::BasePath;
 use super::client_address::ClientAddressHeader;
 
 /// The section `[http]` of the settings file.
@@ -49,7 +50,10 @@ pub struct HttpSettings {
     pub max_event_streams: usize,
     /// Most of them for one user, at most half of all: a display of all boxes needs one for each box that sends.
     pub max_event_streams_of_one: usize,
-    /// Public address of the service, such as `https://skills.example`; xAPI statements identify accounts and tasks by
+    /// Path that the service lies under, such as `/trocar` behind a proxy for `https://skills.example/trocar/`. The proxy
+    /// passes it on unchanged. By default the service has the host for itself.
+    pub base_path: BasePath,
+    /// Public address of the service, such as `https://skills.example`, with [`Self::base_path`] if there is one; xAPI statements identify accounts and tasks by
     /// it. By default the address in the request is used: then a person has a separate xAPI account for each address of
     /// the service.
     pub public_url: Option<String>,
@@ -74,6 +78,7 @@ impl Default for HttpSettings {
             client_address_header: ClientAddressHeader::default(),
             max_event_streams: 256,
             max_event_streams_of_one: 96,
+            base_path: BasePath::default(),
             public_url: None,
             page_items: 50,
         }

@@ -32,7 +32,7 @@ pub struct SignedIn {
 impl SignedIn {
     /// Authenticates the sender of these headers. This counts as activity, so it keeps the sign-in from idling out.
     pub async fn from_headers(app: &App, headers: &HeaderMap) -> HandlerResult<Self> {
-        let scope = match PresentedCredential::in_headers(headers) {
+        let scope = match PresentedCredential::in_headers(headers, &app.settings.base_path) {
             PresentedCredential::Token(secret) => app.store.tokens().scope_of(secret).await?,
             PresentedCredential::Cookie(secret) => {
                 app.store.cookies().person_of(secret, app.sign_in_lifetime()).await?.map(|person| person.scope())
@@ -45,7 +45,7 @@ impl SignedIn {
     /// Whether these headers would still sign in. Unlike [`SignedIn::from_headers`], this does not count as activity:
     /// an unattended page that only watches is signed out when idle. A store error counts as yes, so it ends no stream.
     pub async fn is_still_valid(app: &App, headers: &HeaderMap) -> bool {
-        match PresentedCredential::in_headers(headers) {
+        match PresentedCredential::in_headers(headers, &app.settings.base_path) {
             PresentedCredential::Token(secret) => {
                 app.store.tokens().scope_of(secret).await.map_or(true, |scope| scope.is_some())
             }
