@@ -2,7 +2,6 @@
 import { html, useEffect, useRef, useState } from '../preact.js';
 import { api } from '../api.js';
 import { asProblem, useData } from '../data.js';
-import { dateTime } from '../format.js';
 import { useLive } from '../live.js';
 import { may } from '../roles.js';
 import { go, href } from '../router.js';
@@ -15,6 +14,7 @@ import { LiveFeatures, LiveView } from '../parts/live/live_view.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { Review } from '../parts/session/review.js';
 import { Skill } from '../parts/session/skill.js';
+import { recordedAtText } from '../parts/page/recorded_at.js';
 import { isMoving, ProgressBar, stateOf, StatusPill } from '../parts/page/status.js';
 import { ProblemDetail } from '../parts/page/prose.js';
 import { Verdict } from '../parts/session/verdict.js';
@@ -69,7 +69,7 @@ const isBeingScored = session => ['queued', 'tracking'].includes(session.status)
 
 /** @param {Props} props */
 const Lead = ({ session, person }) => html`
-  ${dateTime(session.recorded_at ?? session.created_at)} · ${may(person, 'see_boxes') && session.box
+  ${recordedAtText(session)} · ${may(person, 'see_boxes') && session.box
     ? html`<a href=${href(['boxes', session.box.id])}>${session.box.name}</a>` : session.box?.name} · ${session.filename}
   ${session.source?.kind === 'import' && ` · ${words.imported(session.source.tracker)}`}
   ${' '}${(may(person, 'see_trainees') || person.trainee) && session.trainee &&

@@ -467,6 +467,16 @@ export default {
   session: {
     title: (trainee, task) => `${trainee} – ${task}`,
     recorded: 'Aufgenommen',
+    recordedAtSources: { claimed: 'laut Absender', arrival: 'Zeitpunkt der Ankunft' },
+    arrived: time => `angekommen ${time}`,
+    earlyEnd: {
+      title: 'Diese Aufnahme endete vorzeitig',
+      causes: {
+        source_lost: 'Das Programm neben der Box hat Kamera oder Stream verloren und konnte sie nicht wieder öffnen. Prüfen Sie Kabel und Kamera vor der nächsten Aufnahme.',
+        sender_gone: 'Ihr Absender blieb zu lange weg, oder sein Stream brach ab. Was bis dahin ankam, ist erhalten.',
+        by_person: 'Eine Person hat sie beendet, während ihr Absender weg war. Was bis dahin ankam, ist erhalten.',
+      },
+    },
     toBox: name => `Kamera und Klebebandfarben von ${name}`,
     retry: 'Neu auswerten',
     retryBusy: 'Wird eingereiht …',
@@ -1945,6 +1955,7 @@ export default {
     declares: 'hier beherrscht',
     alarms: 'hier Rückfall',
     axis: 'Sitzung',
+    axisByArrival: 'Sitzung, in der Reihenfolge der Ankunft',
     chart: (title, n) => `${title}, ${plural(n, 'Sitzung', 'Sitzungen')}`,
     none: 'Noch ist nichts beurteilt',
     noneBody: 'Die Diagramme beginnen mit der ersten Sitzung, die den Standard einhält oder verfehlt.',

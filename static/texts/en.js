@@ -379,6 +379,16 @@ export default {
   session: {
     title: (trainee, task) => `${trainee} – ${task}`,
     recorded: 'Recorded',
+    recordedAtSources: { claimed: 'as the sender states', arrival: 'time of arrival' },
+    arrived: time => `arrived ${time}`,
+    earlyEnd: {
+      title: 'This recording ended early',
+      causes: {
+        source_lost: 'The program beside the box lost its camera or stream and could not open it again. Check cable and camera before the next recording.',
+        sender_gone: 'Its sender stayed away for too long, or its stream broke off. What arrived until then was kept.',
+        by_person: 'A person ended it while its sender was away. What arrived until then was kept.',
+      },
+    },
     toBox: name => `Camera and tape colours of ${name}`,
     retry: 'Score it again',
     retryBusy: 'Adding to the queue …',
@@ -1853,6 +1863,7 @@ export default {
     declares: 'proficient here',
     alarms: 'relapse here',
     axis: 'Session',
+    axisByArrival: 'Session, in the order of arrival',
     chart: (title, n) => `${title}, ${plural(n, 'session', 'sessions')}`,
     none: 'Nothing is judged yet',
     noneBody: 'The charts begin with the first session that meets or misses the standard.',

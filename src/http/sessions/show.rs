@@ -9,7 +9,8 @@ use crate::domain::feed::arrival::Arrival;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::problem::Problem;
 use crate::domain::session::{
-    BoxQuestion, FeatureError, FeatureRow, FeatureSpace, LiveFeature, ResultClock, SessionStatus, Versions,
+    BoxQuestion, FeatureError, FeatureRow, FeatureSpace, LiveFeature, RecordedAtSource, ResultClock, SessionStatus,
+    Versions,
 };
 use crate::domain::skill::SkillVerdict;
 use crate::domain::standard::{Better, Judgement, ValueToJudge};
@@ -31,7 +32,11 @@ pub struct SessionResponse {
     in_box: NamedReference,
     /// Name of the file that was sent.
     filename: String,
+    /// When it was recorded.
     recorded_at: Time,
+    /// Who says so: `claimed` by the sender, or the `arrival`, which the service knows.
+    recorded_at_source: RecordedAtSource,
+    /// When it had arrived completely; while it arrives, when it began to.
     created_at: Time,
     status: SessionStatus,
     /// Set while a recording with the status `receiving` has no sender. It ends by itself with the frames that arrived,
@@ -206,6 +211,7 @@ impl SessionResponse {
             in_box: named(session.box_id, session.box_name, session.box_code),
             filename: session.filename.into(),
             recorded_at: Time(session.recorded_at_ms),
+            recorded_at_source: session.recorded_at_source,
             created_at: Time(session.created_at_ms),
             status,
             interruption: None,

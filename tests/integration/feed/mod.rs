@@ -67,7 +67,7 @@ async fn frames_become_a_session_like_any_other() {
 
     assert_eq!(sender.end(50).await, session);
     let whole = centre.instructor.read(&address).await;
-    assert_eq!((&whole["status"], &whole["recorded_at"]), (&json!("queued"), &json!("2026-11-21T20:14:00Z")));
+    assert_eq!(whole["status"], "queued");
     assert_eq!(frames_of(&centre.instructor, &session).await, (0..50).collect::<Vec<_>>());
 
     // A sender that missed the last message says hello again.
