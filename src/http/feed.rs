@@ -203,8 +203,8 @@ async fn receive_recording(
                     ack_at = Some(Instant::now() + settings.ack());
                 }
             }
-            ReceivedMessage::Control(SenderMessage::End { frames }) => {
-                let answer = feed.end(frames).await?;
+            ReceivedMessage::Control(SenderMessage::End { frames, source_lost }) => {
+                let answer = feed.end(frames, source_lost).await?;
                 send(socket, &answer).await?;
                 if matches!(answer, ServerMessage::Ended { .. }) {
                     return Ok(());

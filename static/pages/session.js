@@ -5,7 +5,7 @@ import { asProblem, useData } from '../data.js';
 import { useLive } from '../live.js';
 import { may } from '../roles.js';
 import { go, href } from '../router.js';
-import { t } from '../texts.js';
+import { serviceLang, t } from '../texts.js';
 import { problemTitle } from '../translate.js';
 import { Confirm } from '../parts/forms/dialog.js';
 import { BoxQuestion } from '../parts/session/box_question.js';
@@ -56,6 +56,7 @@ export default function Session({ person, route }) {
         ${session.retry_can_help && may(person, 'see_boxes') && html`<p><a href=${href(['boxes', session.box.id])}>${
           words.toBox(session.box.name)}</a></p>`}`}
       <${BoxQuestion} session=${session} person=${person} edits=${edits} onAnswered=${() => (readEdits(), reload())} />
+      <${EarlyEnd} session=${session} />
       <${SetAside} session=${session} edits=${edits} />
       <${Retimed} session=${session} edits=${edits} />
       ${session.status === 'done' && html`<${Verdict} quality=${session.quality} /><${Skill} verdict=${session.verdict} />`}
@@ -63,6 +64,11 @@ export default function Session({ person, route }) {
         person=${person} edits=${edits} start=${Number(route.query.get('t')) || 0} onEdited=${() => (readEdits(), reload())} />`}
     </div>`;
 }
+
+/** Why a live recording ended before its sender meant it to. @param {Props} props */
+const EarlyEnd = ({ session: { early_end: early } }) => early && html`
+  <${Notice} tone="warn" title=${words.earlyEnd.title}>${words.earlyEnd.causes[early.cause]}
+    ${early.detail && html` <span lang=${serviceLang}>(${early.detail})</span>`}<//>`;
 
 /** Whether the session is waiting for its score. */
 const isBeingScored = session => ['queued', 'tracking'].includes(session.status);

@@ -246,12 +246,12 @@ impl FeedConnection<'_> {
                 None if !recording.is_acknowledged() => return NextAction::Wait,
                 None if recording.end == 0 => return NextAction::Close(DisconnectOutcome::Empty),
                 None => {
-                    let frames = recording.end;
+                    let (frames, source_lost) = (recording.end, recording.source_lost.clone());
                     if let Err(error) = spool.close(self.id) {
                         return NextAction::Close(retry(format!("the spool cannot be written: {error}")));
                     }
                     progress.has_sent_end = true;
-                    return NextAction::Send(text_message(&SenderMessage::End { frames }));
+                    return NextAction::Send(text_message(&SenderMessage::End { frames, source_lost }));
                 }
             }
         }

@@ -15,6 +15,9 @@ pub enum SenderMessage {
     End {
         /// The number of frames: one more than the largest frame number.
         frames: u64,
+        /// Why it is over, if the sender lost its camera or stream. Absent otherwise, since older servers do not know it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        source_lost: Option<String>,
     },
 }
 
