@@ -25,8 +25,8 @@ export function TokenStep({ box, person, onChange }) {
   return html`
     <p>${words.either}</p>
     ${box.tokens.length > 0 && html`<p class="small muted">${words.existing}</p>
-      <ul class="bullets small">${box.tokens.map(({ id, name, created_at, last_used_at }) => html`<li key=${id}>
-        ${words.token(name, dateTime(created_at), last_used_at && dateTime(last_used_at))}</li>`)}</ul>`}
+      <ul class="bullets small">${box.tokens.map(({ id, name, created_at, last_used_at, expires_at }) => html`<li key=${id}>
+        ${words.token(name, dateTime(created_at), last_used_at && dateTime(last_used_at), expires_at && dateTime(expires_at))}</li>`)}</ul>`}
     ${!made && html`<${Form} fields=${[{ name: 'name', label: words.name, required: true, maxlength: 100, value: words.nameOf(box.name) }]}
       onSave=${create} submit=${words.make} />`}
     ${made && html`<${Made} box=${box} token=${made} />`}`;

@@ -165,8 +165,11 @@ impl FeedConnection<'_> {
             return retry(error.to_string());
         }
         let epoch = match receive(&mut stream).await {
-            Ok(ServerMessage::Welcome { epoch, durable, .. }) => {
+            Ok(ServerMessage::Welcome { epoch, durable, token_expires_at, .. }) => {
                 self.handle_ack(durable);
+                if let Some(expires_at) = token_expires_at {
+                    tracing::warn!(expires_at, "the token expires soon: make another and put it into the token file");
+                }
                 epoch
             }
             Ok(ServerMessage::Ended { session, .. }) => return DisconnectOutcome::Complete(session),

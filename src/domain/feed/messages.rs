@@ -69,6 +69,9 @@ pub enum ServerMessage {
         epoch: u32,
         /// Frames and gaps that are durable already and need not be sent again.
         durable: Vec<[u64; 2]>,
+        /// When the sender's token expires, RFC 3339, if that is soon. Absent otherwise; older senders ignore it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        token_expires_at: Option<String>,
     },
     /// These frames and gaps are durable: the sender may delete them.
     Ack {

@@ -56,6 +56,15 @@ impl SignedIn {
         }
     }
 
+    /// When the token in these headers expires, epoch ms; `None` if it never does, or if there is none.
+    pub async fn token_expiry(app: &App, headers: &HeaderMap) -> Option<i64> {
+        match PresentedCredential::in_headers(headers, &app.settings.base_path) {
+            // A store error only delays a warning.
+            PresentedCredential::Token(secret) => app.store.tokens().expiry_of(secret).await.unwrap_or_default(),
+            PresentedCredential::Cookie(_) | PresentedCredential::Nothing => None,
+        }
+    }
+
     /// Resolves once these headers no longer sign in; checks every `SIGN_IN_CHECK_INTERVAL`.
     pub async fn wait_until_ended(app: &App, headers: &HeaderMap) {
         let mut check = interval(SIGN_IN_CHECK_INTERVAL);

@@ -49,7 +49,8 @@ impl Connection {
             return Ok(ServerMessage::Ended { session: *session, durable: None });
         }
         let durable = self.make_durable().await?;
-        Ok(ServerMessage::Welcome { session: self.feed.row.session_id, epoch: self.epoch, durable })
+        let session = self.feed.row.session_id;
+        Ok(ServerMessage::Welcome { session, epoch: self.epoch, durable, token_expires_at: None })
     }
 
     /// Takes a record. It is durable after the next [`Connection::begin_sync`], and tracked after that or after
