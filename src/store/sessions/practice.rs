@@ -116,9 +116,11 @@ type PracticeFeatureRow =
 
 /// Selects the last `$5` sessions of trainee `$3` at task `$4`, newest first.
 pub(in crate::store) const SELECT_PRACTICE: &str = "
-    SELECT session.*, stored.recorded_at_source, stored.created_at_ms,
+    SELECT session.*,
+           (SELECT stored.recorded_at_source FROM session AS stored WHERE stored.id = session.id) AS recorded_at_source,
+           (SELECT stored.created_at_ms FROM session AS stored WHERE stored.id = session.id) AS created_at_ms,
            (SELECT count(*) FROM session WHERE trainee_id = $3 AND task_id = $4) AS in_all
-    FROM practised_session AS session JOIN session AS stored ON stored.id = session.id
+    FROM practised_session AS session
     WHERE session.trainee_id = $3 AND session.task_id = $4
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
@@ -131,12 +133,13 @@ pub(in crate::store) const SELECT_PRACTICE_OF_MANY: &str = "
                 (SELECT count(*) FROM session AS every WHERE every.trainee_id = wanted.value ->> 'trainee'
                  AND every.task_id = wanted.value ->> 'task') AS in_all
          FROM json_each($3) AS wanted)
-    SELECT session.*, stored.recorded_at_source, stored.created_at_ms, pair.in_all
+    SELECT session.*,
+           (SELECT stored.recorded_at_source FROM session AS stored WHERE stored.id = session.id) AS recorded_at_source,
+           (SELECT stored.created_at_ms FROM session AS stored WHERE stored.id = session.id) AS created_at_ms, pair.in_all
     FROM pair
     CROSS JOIN practised_session AS session ON session.id IN
         (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = pair.trainee AND recent.task_id = pair.task
          ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $4)
-    CROSS JOIN session AS stored ON stored.id = session.id
     WHERE ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
     ORDER BY session.recorded_at_ms DESC, session.id DESC";
