@@ -15,7 +15,7 @@ use super::{Scope, Store, blobs};
 use crate::domain::blob::Blob;
 use crate::domain::feed::arrival::Arrival;
 use crate::domain::feed::early_end::{EarlyEnd, EarlyEndCause};
-use crate::domain::feed::start::start_of_recording;
+use crate::domain::feed::start::{is_clock_wrong, start_of_recording};
 use crate::domain::feed::{FrameCodec, TimeBase};
 use crate::domain::session::{LiveFeature, RecordedAtSource};
 use crate::domain::text::Invalid;
@@ -355,7 +355,7 @@ async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: 
         true => (new.began_at_ms, RecordedAtSource::Arrival), // the service itself noted the beginning of the push
         false => start_of_recording(new.began_at_ms, now_ms),
     };
-    if recorded_at_source == RecordedAtSource::Arrival && !new.is_push {
+    if !new.is_push && is_clock_wrong(new.began_at_ms, now_ms) {
         let stated = to_rfc3339(new.began_at_ms);
         tracing::warn!(feed = %id, stated, "impossible start of a recording; its arrival is used: set the sender's clock");
     }

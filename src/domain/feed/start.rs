@@ -9,6 +9,15 @@ use crate::time::millis;
 /// How long a sender can keep a recording before the server hears of it: a quarter of a year.
 const MAX_SPOOLED: Duration = Duration::from_secs(90 * 86_400);
 
+/// Difference between two clocks that are both right enough, ms.
+const USUAL_SKEW_MS: i64 = 120_000;
+
+/// True if a stated start that gave way to the arrival shows a clock that a person has to set.
+pub fn is_clock_wrong(stated_ms: i64, arrival_ms: i64) -> bool {
+    start_of_recording(stated_ms, arrival_ms).1 == RecordedAtSource::Arrival
+        && !(arrival_ms..=arrival_ms + USUAL_SKEW_MS).contains(&stated_ms)
+}
+
 /// The start of a recording that a sender says began at `stated_ms`, and where it comes from. A start in the future, or
 /// further back than [`MAX_SPOOLED`], is the fault of a clock, and the arrival takes its place. Rejected: to refuse the
 /// recording, since a trainee would lose it by the fault of a clock.
@@ -33,5 +42,7 @@ mod tests {
         for stated_ms in [NOW_MS + 1, NOW_MS + 400 * DAY_MS, NOW_MS - 90 * DAY_MS - 1, 0, -DAY_MS] {
             assert_eq!(start_of_recording(stated_ms, NOW_MS), (NOW_MS, RecordedAtSource::Arrival), "{stated_ms}");
         }
+        assert!(!is_clock_wrong(NOW_MS - DAY_MS, NOW_MS) && !is_clock_wrong(NOW_MS + 1000, NOW_MS));
+        assert!(is_clock_wrong(NOW_MS + DAY_MS, NOW_MS) && is_clock_wrong(0, NOW_MS));
     }
 }
