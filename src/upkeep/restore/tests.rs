@@ -12,7 +12,8 @@ use crate::shutdown::Shutdown;
 use crate::store::{PageRequest, Store, StoreSettings};
 use crate::upkeep::tests::UpkeepFixture;
 use crate::upkeep::{
-    BackupSettings, BackupState, ERASURE_LIST, ErasureLists, UpkeepError, back_up, complete_backups, run_backups,
+    BACKUP_MARK, BackupSettings, BackupState, ERASURE_LIST, ErasureLists, UpkeepError, back_up, complete_backups,
+    run_backups,
 };
 
 const DATABASE: &str = "trocar.sqlite";
@@ -100,6 +101,19 @@ async fn people_who_were_erased_after_a_backup_do_not_come_back_with_it() {
     // The list of the restored folder names them, too: for the next backup that is restored.
     let list = fs::read_to_string(folder.join(ERASURE_LIST)).unwrap();
     assert_eq!(list, fs::read_to_string(backups.target.path().join(ERASURE_LIST)).unwrap());
+}
+
+#[tokio::test]
+async fn the_service_does_not_run_on_a_folder_whose_restoring_was_interrupted() {
+    let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
+    backups.list_erasures().await;
+    let (whole, _) = backups.restore(&backup, Some(None)).await.unwrap();
+    assert!(!whole.join(BACKUP_MARK).exists());
+    fs::remove_dir_all(backup.join("blobs")).unwrap();
+    let to = backups.target.path().join("interrupted");
+    let clock = backups.bench.centre.clock.clone();
+    restore(&backup, &to, Some(None), DATABASE, clock).await.unwrap_err();
+    assert!(to.join(DATABASE).exists() && to.join(BACKUP_MARK).exists(), "people to erase are still in it");
 }
 
 #[tokio::test]
