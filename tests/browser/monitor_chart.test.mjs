@@ -17,7 +17,7 @@ function elements(node) {
   return [node, ...elements(node.props.children)];
 }
 
-/** The x of each session's dot, by the session's number, in the order in which the sessions were judged. */
+/** The x of the dots, in the order of judging. */
 function dotsOf(numbers) {
   const path = numbers.map((session, at) => ({ session, learning: true, score: at / 10 }));
   const drawn = elements(MonitorCharts({ charts: { path, events: [], declares_at: 2, alarms_at: 2 } }));

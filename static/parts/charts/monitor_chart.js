@@ -1,5 +1,5 @@
 // The charts that monitor a trainee's sessions: LC-CUSUM until proficiency, CUSUM from then on, each with its limit.
-// Sessions stand in the order of arrival, in which they are judged. Their numbers follow the stated times, and may jump.
+// Sessions are judged in the order of arrival. Their numbers follow the stated times, and may jump.
 import { html } from '../../preact.js';
 import { number } from '../../format.js';
 import { t } from '../../texts.js';

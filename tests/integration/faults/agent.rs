@@ -187,7 +187,7 @@ async fn serve_streams(streams: Vec<Vec<u8>>, then: AfterStream) -> String {
             let request = socket.read(&mut [0; 4096]).await.unwrap();
             assert!(request > 0);
             socket.write_all(b"HTTP/1.0 200 OK\r\nContent-Type: video/mp2t\r\n\r\n").await.unwrap();
-            // The agent closes a connection from which it needs no more.
+            // The agent may have closed the connection: it has what it needs.
             let _ = socket.write_all(&stream).await;
             match then {
                 AfterStream::Closes => drop(socket),
