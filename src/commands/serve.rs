@@ -397,7 +397,7 @@ async fn make_first_administrator(store: &Store, password: &Password) -> anyhow:
 /// Prints the address and, at the first start, how to sign in.
 fn print_welcome(running: &RunningService, password: &Password) {
     let scheme = if running.app.service_info.is_https { "https" } else { "http" };
-    print_line(&format!("Trocar listens on {scheme}://{}/", running.address));
+    print_line(&format!("Trocar listens on {scheme}://{}{}/", running.address, running.app.settings.base_path));
     if let Some(address) = running.redirect_address {
         print_line(&format!("Requests to http://{address}/ are redirected to it."));
     }
