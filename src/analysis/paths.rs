@@ -16,7 +16,7 @@ pub use crate::vision::trajectory::PathKind;
 use crate::vision::trajectory::{self, Cut, Sample, SampleState, Trajectory};
 
 /// Magic bytes at the start of every blob; the last byte is the version of the format.
-const MAGIC: [u8; 8] = *b"trocarP\x04";
+pub(super) const MAGIC: [u8; 8] = *b"trocarP\x04";
 
 /// Magic bytes of the format whose tools have no size mismatch: written up to pipeline version 14.
 const MAGIC_WITHOUT_SIZES: [u8; 8] = *b"trocarP\x03";
