@@ -84,7 +84,7 @@ impl ChildTask for CheckEditWork {
 
 /// True if the change is the requested one, or the part of its span that lies in the recording.
 fn is_part_of(change: &EditChange, requested: &EditChange) -> bool {
-    let is_within = |[from, to]: [f64; 2], [first, last]: [f64; 2]| first <= from && from < to && to <= last;
+    let is_within = |[from, to]: [f64; 2], [first, last]: [f64; 2]| first <= from && from <= to && to <= last;
     match (change, requested) {
         (EditChange::Trim(span), EditChange::Trim(whole)) => is_within(*span, *whole),
         (EditChange::Swap(tools, span), EditChange::Swap(named, whole)) => tools == named && is_within(*span, *whole),

@@ -107,8 +107,8 @@ fn forged_features_are_refused() {
             }
         }
     };
-    type Forgery = Box<dyn Fn(&mut Vec<FeatureRow>)>;
-    let forgeries: Vec<Forgery> = vec![
+    type FeatureForgery = Box<dyn Fn(&mut Vec<FeatureRow>)>;
+    let forgeries: Vec<FeatureForgery> = vec![
         Box::new(|rows| rows[0].name = "wizardry".into()),
         Box::new(|rows| rows[0].title = "<script>".into()),
         Box::new(|rows| rows[0].unit = "parsec".into()),
@@ -133,14 +133,14 @@ fn forged_features_are_refused() {
 
 #[test]
 fn forged_verdicts_and_stretches_are_refused() {
-    type Forgery = fn(&mut ScoreRows);
-    let forgeries: [Forgery; 12] = [
+    type ScoreForgery = fn(&mut ScoreRows);
+    let forgeries: [ScoreForgery; 12] = [
         |score| score.quality = serde_json::json!("valid"),
         |score| score.quality["verdict"] = "excellent".into(),
         |score| score.quality["verdict"] = "refused".into(), // its features have values
         |score| score.quality["reasons"] = serde_json::Value::Null,
         |score| score.quality["tools"][0]["tool"] = "third hand".into(),
-        |score| score.quality["tools"] = serde_json::json!([]),
+        |score| score.quality["tools"] = serde_json::json!({}),
         |score| score.quality["note"] = "x".repeat(300_000).into(),
         |score| score.quality["note"] = "a\u{0}b".into(),
         |score| {
