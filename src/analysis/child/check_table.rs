@@ -1,14 +1,10 @@
 //! Checks whether a table of another tracker can be imported.
 
-use std::fs::File;
-use std::io::{Read, Take};
-
 use serde::{Deserialize, Serialize};
 
 use super::limits::{MAX_TEXT_CHARS, set_once};
-use super::score::MAX_IMPORTED_TOOLS;
+use super::score::{MAX_IMPORTED_TOOLS, read_whole};
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord};
-use crate::analysis::scoring::ScoringError;
 use crate::domain::files::trajectory::{ImportLimits, read_import};
 use crate::media::MediaLimits;
 
@@ -31,7 +27,7 @@ impl ChildTask for CheckTableWork {
     fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
         let MediaLimits { duration_s, frames, .. } = inputs.limits;
         let limits = ImportLimits { rows: self.max_rows, tools: MAX_IMPORTED_TOOLS, frames, duration_s };
-        let table = read_all(inputs.first()?.take(self.max_bytes))?;
+        let table = read_whole(inputs.first()?, self.max_bytes)?;
         let checked = read_import(&table, &self.known_tools, &limits);
         let checked = checked.map(drop).map_err(|problem| problem.to_string());
         Ok(reporter.record(WorkRecord::CheckTable(checked))?)
@@ -52,12 +48,6 @@ impl ChildTask for CheckTableWork {
         set_once(output, shown, "check of a table")?;
         Ok(ChildEvent::Nothing)
     }
-}
-
-fn read_all(mut file: Take<File>) -> Result<Vec<u8>, ScoringError> {
-    let mut bytes = Vec::new();
-    file.read_to_end(&mut bytes).map_err(ScoringError::Read)?;
-    Ok(bytes)
 }
 
 #[cfg(test)]

@@ -29,6 +29,9 @@ pub use imported_rows::{ImportedRows, MAX_IMPORTED_TOOLS};
 /// Rows of a path per record.
 const ROWS_PER_RECORD: usize = 1024;
 
+/// Longest file of paths or diagnostics, bytes: about four hours of two tools.
+const MAX_STORED_BYTES: u64 = 512 * 1024 * 1024;
+
 /// What to score a session with.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct ScoreWork {
@@ -109,7 +112,7 @@ impl ChildTask for ScoreWork {
             ScoreSource::ImportedPath { frames } => score_imported(read_paths(path)?, frames, &self.edits)?,
             ScoreSource::TrackedPath { known, shown } => {
                 let unmeasured = match files.next() {
-                    Some(diagnostics) => unmeasured_of_diagnostics(&read_whole(diagnostics)?),
+                    Some(diagnostics) => unmeasured_of_diagnostics(&read_whole(diagnostics, MAX_STORED_BYTES)?),
                     None => Unmeasured::new(),
                 };
                 score_tracked(read_paths(path)?, &unmeasured, (&known, shown.as_ref()), &self.edits)?
@@ -166,16 +169,17 @@ impl ScoreWork {
     }
 }
 
-/// Reads a file to its end. The system call filter denies the child the length of its files.
-pub(super) fn read_whole(mut file: File) -> Result<Vec<u8>, ScoringError> {
+/// Reads a file up to this length, bytes. [`Read::take`] does not request the file's own length, which the system call
+/// filter denies.
+pub(super) fn read_whole(file: File, most: u64) -> Result<Vec<u8>, ScoringError> {
     let mut bytes = Vec::new();
-    file.read_to_end(&mut bytes).map_err(ScoringError::Read)?;
+    file.take(most).read_to_end(&mut bytes).map_err(ScoringError::Read)?;
     Ok(bytes)
 }
 
 /// Reads a file of paths.
 pub(super) fn read_paths(file: File) -> Result<SessionPaths, ScoringError> {
-    Ok(SessionPaths::from_bytes(&read_whole(file)?)?)
+    Ok(SessionPaths::from_bytes(&read_whole(file, MAX_STORED_BYTES)?)?)
 }
 
 fn send_rows(paths: &SessionPaths, reporter: &mut Reporter) -> std::io::Result<()> {
