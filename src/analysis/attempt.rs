@@ -4,7 +4,7 @@ use std::fs::File;
 
 use super::child::{ChildEvent, ChildOutput};
 use super::output_validator::OutputValidator;
-use super::protocol::{self, ChildRequest};
+use super::protocol::{self, ChildRequest, ChildWork};
 use crate::domain::problem::Problem;
 use crate::media::MediaLimits;
 use crate::sandbox::{self, Budget, ChildOutcome, ChildSpec, Cost, Program, StopSwitch};
@@ -39,6 +39,8 @@ pub fn run_attempt(
     what: ChildAttempt<'_>,
     mut on_event: impl FnMut(ChildEvent),
 ) -> (Result<ChildOutput, AttemptFailure>, Cost) {
+    let is_scoring =
+        matches!(what.request.work, ChildWork::Score(_) | ChildWork::CheckEdit(_) | ChildWork::CheckTable(_));
     let mut validator = OutputValidator::new(&what.request.work, MediaLimits::default());
     let request = match protocol::encode(&what.request) {
         Ok(bytes) => bytes,
@@ -55,20 +57,24 @@ pub fn run_attempt(
     if output.landlock == Some(false) {
         warn_of_missing_landlock();
     }
-    (classify_end(ended.outcome, &ended.stderr_tail, output), ended.cost)
+    (classify_end(ended.outcome, &ended.stderr_tail, output, is_scoring), ended.cost)
 }
 
 fn classify_end(
     outcome: ChildOutcome,
     stderr_tail: &str,
     mut output: ChildOutput,
+    is_scoring: bool,
 ) -> Result<ChildOutput, AttemptFailure> {
     match (outcome, output.problem.take()) {
         (ChildOutcome::Finished, Some(problem)) => Err(AttemptFailure::Impossible(problem)),
         (ChildOutcome::Finished, None) if output.done => Ok(output),
         (ChildOutcome::Finished, None) => Err(AttemptFailure::Crashed("ended without reporting a result".into())),
         (ChildOutcome::Stopped, _) => Err(AttemptFailure::Stopped),
-        (ChildOutcome::OutOfMemory(known_by), _) => Err(AttemptFailure::Impossible(out_of_memory_problem(known_by))),
+        (ChildOutcome::OutOfMemory(known_by), _) => {
+            let problem = if is_scoring { path_too_long_problem(known_by) } else { out_of_memory_problem(known_by) };
+            Err(AttemptFailure::Impossible(problem))
+        }
         (outcome, _) => {
             tracing::warn!(%outcome, stderr = stderr_tail, "child process failed");
             Err(AttemptFailure::Crashed(outcome.to_string()))
@@ -82,6 +88,14 @@ fn out_of_memory_problem(known_by: &str) -> Problem {
          record at a lower resolution or for a shorter time"
     );
     Problem::new("too-much-memory", "The recording needs too much memory", detail)
+}
+
+fn path_too_long_problem(known_by: &str) -> Problem {
+    let detail = format!(
+        "scoring a path of this length needs more memory than is allowed ({known_by}); ask an administrator to raise \
+         `scoring_memory_mib` in the settings, or send a shorter recording or table"
+    );
+    Problem::new("path-too-long", "The path is too long to be scored", detail)
 }
 
 fn warn_of_missing_landlock() {

@@ -1,10 +1,12 @@
 //! What a worker does for each kind of job: look up what the child needs, run the child, store the result. A new kind is
 //! a branch of [`WorkerPool::work_on`] and the function that it calls.
 
-use super::job_plan::{self, BoxContext, EarlierSessions};
-use super::protocol::{AdviseWork, ChildWork};
-use super::results::{self, TrackResult};
+use super::job_plan::{self, EarlierSessions};
+use super::protocol::{AdviseWork, ChildWork, ScoreSource, ScoreWork};
+use super::results::{self, TrackFiles, TrackResult};
+use super::scoring::BoxContext;
 use super::worker::{WorkError, WorkerPool};
+use crate::domain::blob::BlobHash;
 use crate::domain::job::{CalibrateInput, JobInput, PaletteInput, SelfTestInput, TrackInput};
 use crate::domain::scope::Scope;
 use crate::domain::session::NewResult;
@@ -41,9 +43,30 @@ impl WorkerPool {
         let shown = self.store.sessions().result(&Scope::service(), input.session).await?;
         // Edits are in the times of the current result. Storing this one converts them.
         let edits_clock = shown.and_then(|shown| shown.video.clock).map_or(1.0, |clock| clock.applied.factor);
-        let assess = move || TrackResult::new(&input, tools, &known, (&edits, edits_clock), output);
-        let tracked = self.run_blocking(held, ending, assess).await??;
-        let (result, _kept) = self.put_files(tracked).await?;
+        let encode = move || TrackResult::new(&input, tools, output);
+        let TrackResult { versions, video, tools, surroundings, files } =
+            self.run_blocking(held, ending, encode).await??;
+        let files = self.put_files(files).await?;
+        let clock = video.clock.map_or(1.0, |clock| clock.applied.factor);
+        let source = ScoreSource::TrackedPath { known, shown: surroundings.clone() };
+        let work = ScoreWork { source, tools: tools.clone(), edits: edits.scaled(clock / edits_clock) };
+        let diagnostics = (!work.edits.changes.is_empty()).then(|| files.diagnostics.blob().hash);
+        let inputs: Vec<BlobHash> = [files.trajectory.blob().hash].into_iter().chain(diagnostics).collect();
+        let score = results::score(self.score(held, work, &inputs, ending).await?)?;
+        let result = NewResult {
+            versions,
+            edits: edits.revision,
+            video,
+            tools,
+            features: score.features,
+            evidence: score.evidence,
+            quality: score.quality,
+            score: None,
+            trajectory: files.trajectory.blob(),
+            diagnostics: Some(files.diagnostics.blob()),
+            preview: files.preview.as_ref().map(PinnedBlob::blob),
+            surroundings,
+        };
         let stored = held.finish(async |store, lease| store.jobs().finish_track(lease, result).await).await;
         stored.map_err(WorkError::NotStored)
     }
@@ -84,28 +107,22 @@ impl WorkerPool {
         stored.map_err(WorkError::NotStored)
     }
 
-    /// Puts a result's files into the vault, which protects them from garbage collection until their row exists.
-    async fn put_files(&self, tracked: TrackResult) -> Result<(NewResult, Vec<PinnedBlob>), VaultError> {
-        let trajectory = self.vault.put(&tracked.paths).await?;
-        let diagnostics = self.vault.put(&tracked.diagnostics).await?;
-        let preview = match &tracked.preview {
-            Some(jpeg) => Some(self.vault.put(jpeg).await?),
+    /// Puts a session's files into the vault, which protects them from garbage collection until their row exists.
+    async fn put_files(&self, files: TrackFiles) -> Result<StoredTrackFiles, VaultError> {
+        let TrackFiles { paths, diagnostics, preview } = files;
+        let trajectory = self.vault.put(&paths).await?;
+        let diagnostics = self.vault.put(&diagnostics).await?;
+        let preview = match preview {
+            Some(jpeg) => Some(self.vault.put(&jpeg).await?),
             None => None,
         };
-        let result = NewResult {
-            versions: tracked.versions,
-            edits: tracked.edits,
-            video: tracked.video,
-            tools: tracked.tools,
-            features: tracked.features,
-            evidence: tracked.evidence,
-            quality: tracked.quality,
-            score: None,
-            trajectory: trajectory.blob(),
-            diagnostics: Some(diagnostics.blob()),
-            preview: preview.as_ref().map(PinnedBlob::blob),
-            surroundings: tracked.surroundings,
-        };
-        Ok((result, [Some(trajectory), Some(diagnostics), preview].into_iter().flatten().collect()))
+        Ok(StoredTrackFiles { trajectory, diagnostics, preview })
     }
+}
+
+/// [`TrackFiles`] in the vault.
+struct StoredTrackFiles {
+    trajectory: PinnedBlob,
+    diagnostics: PinnedBlob,
+    preview: Option<PinnedBlob>,
 }

@@ -12,16 +12,13 @@ use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::ids::{BoxId, CalibrationId, SessionId};
-use crate::motion::quality::box_match::are_alike;
 use crate::motion::quality::ports::{self, Ports};
-use crate::motion::quality::{BoxAnswer, BoxEvidence, PortAgreement};
 use crate::sandbox::MAX_INPUTS;
 use crate::store::{PaletteRecord, SessionOrderKey, Store, StoreError};
 use crate::vault::Vault;
 use crate::vision::camera::Camera;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::segmentation::samples::MarkedRectangle;
-use crate::vision::surroundings::{Surroundings, best_resemblance, best_resemblance_moved};
 use crate::vision::tracker::{CameraView, HandSide, ToolSpec, TrackerSettings};
 
 /// The work of a child and its input files.
@@ -40,36 +37,6 @@ pub(super) struct EarlierSessions {
     before: SessionOrderKey,
     /// Sessions still being tracked before this place can change the result; later ones cannot.
     open_before: SessionOrderKey,
-}
-
-/// What is known about a recording's box before it is tracked.
-#[derive(Clone, Debug, Default)]
-pub(super) struct BoxContext {
-    /// RMS reprojection error of the camera's calibration, pixels, where it is known.
-    pub(super) calibration_rms_px: Option<f64>,
-    /// Trocar positions in earlier sessions.
-    pub(super) ports: Ports,
-    /// The box's own pictures of its surroundings.
-    pub(super) surroundings: Vec<Surroundings>,
-    /// A person's answer whether the recording shows the box.
-    pub(super) box_answer: Option<BoxAnswer>,
-}
-
-impl BoxContext {
-    /// What is known of the box, compared with the surroundings and the trocars of a recording. If the trocars are
-    /// displaced as by a moved camera, surroundings that differ within a nudge are searched further away.
-    pub(super) fn evidence(&self, shown: Option<&Surroundings>, trocars: &[Option<Fulcrum>]) -> BoxEvidence {
-        let nudged = shown.and_then(|shown| best_resemblance(&self.surroundings, shown));
-        let has_moved = || matches!(self.ports.agreement(trocars), PortAgreement::Moved(_));
-        let resemblance = match nudged.as_ref().is_some_and(are_alike) || !has_moved() {
-            true => nudged,
-            false => {
-                let moved = shown.and_then(|shown| best_resemblance_moved(&self.surroundings, shown));
-                moved.filter(are_alike).or(nudged)
-            }
-        };
-        BoxEvidence { resemblance, answer: self.box_answer }
-    }
 }
 
 impl JobPlan {

@@ -1,17 +1,21 @@
-//! Runs a job: a worker claims it, runs a confined child process on its files, assesses the child's output and saves
-//! the result.
+//! Runs a job: a worker claims it, runs confined child processes on its files, validates their output and saves the
+//! result.
 //!
 //! ```text
 //! worker ──claim──▶ job ──▶ JobPlan ──▶ sandbox::run ══▶ child: open → Tracker → rows
 //!    ▲                                       │ records
-//!    └── save (one transaction) ◀── assess ◀── OutputValidator (checks every record)
+//!    │         files in the vault ◀── OutputValidator (checks every record)
+//!    │                 │
+//!    │                 └──▶ sandbox::run ══▶ child: path → edits → score
+//!    │                           │ records
+//!    └── save (one transaction) ◀┴─ OutputValidator
 //! ```
-//! The worker's loop is in `worker.rs`, the claim in `queue`, `assess` in `results.rs`, the save in
+//! The worker's loop is in `worker.rs`, the claim in `queue`, the score in `scoring.rs`, the save in
 //! `store::jobs::finish`.
 //!
-//! Only the child touches pixels. The parent receives numbers and checks every one of them. A stored path, or a path
-//! that another tracker sent, has no pixels: `rescore.rs` assesses it without a child. Photos and frames for a user who
-//! is waiting are not a job: `quick.rs` analyses them at once in a separate child.
+//! Only children touch pixels and score paths. The parent receives numbers and checks every one of them. A stored path,
+//! or a path that another tracker sent, only needs a score: `rescore.rs` runs the second child alone. Photos, edits and
+//! tables of a user who is waiting are not a job: `quick.rs` handles them at once in a separate child.
 
 pub mod calibration;
 pub mod child;
@@ -31,6 +35,7 @@ mod output_validator;
 mod quick;
 mod rescore;
 mod results;
+pub mod scoring;
 mod settings;
 pub mod stored_palette;
 pub mod stored_rows;
@@ -39,6 +44,6 @@ mod worker;
 pub use attempt::{AttemptFailure, ChildAttempt, run_attempt};
 pub use child::{ChildEvent, ChildOutput};
 pub use job_plan::{LivePlan, live_plan};
-pub use quick::{QuickAnalysis, QuickAnalysisError};
+pub use quick::{CheckedEdit, QuickAnalysis, QuickAnalysisError};
 pub use settings::AnalysisSettings;
 pub use worker::WorkerPool;

@@ -1,6 +1,6 @@
-//! Analyses photos and frames at once, outside the queue, for a user who holds the board or marks colours and waits. It
-//! takes a second or two. The result is not stored, and the files are deleted by garbage collection when no analysis
-//! uses them.
+//! Analyses photos, frames, new edits and tables at once, outside the queue, for a user who holds the board, marks
+//! colours, edits or imports a session, and waits. It takes a second or two. The result is not stored, and files that
+//! nothing refers to are deleted by garbage collection.
 //!
 //! The result is the same as a job's: the same work in the same confined child, validated by the same
 //! [`super::output_validator::OutputValidator`].
@@ -14,14 +14,19 @@ use super::attempt::{AttemptFailure, ChildAttempt, run_attempt};
 use super::child::ChildOutput;
 use super::job_plan;
 use super::marked::colours_of;
-use super::protocol::{CheckWork, ChildRequest, ChildWork, MaskWork, PaletteWork, RequestedBoard};
+use super::protocol::{
+    CheckEditWork, CheckTableWork, CheckWork, ChildRequest, ChildWork, MaskWork, PaletteWork, RequestedBoard,
+};
 use super::settings::AnalysisSettings;
+use crate::domain::blob::BlobHash;
 use crate::domain::calibration::BoardSize;
+use crate::domain::edit::{EditChange, EditsInForce};
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::job::NamedBlob;
 use crate::domain::palette::PalettePreview;
 use crate::domain::photo_check::PhotoCheck;
 use crate::domain::problem::Problem;
+use crate::domain::text::Invalid;
 use crate::sandbox::{Program, StopSwitch};
 use crate::shutdown::Shutdown;
 use crate::time::SharedClock;
@@ -30,7 +35,7 @@ use crate::vault::{Vault, VaultError};
 /// A photo alone does not show the side of a square, so any value serves.
 const SQUARE_MM: f64 = 1.0;
 
-/// Analyses pictures for users who wait.
+/// Analyses pictures, edits and tables for users who wait.
 pub struct QuickAnalysis {
     vault: Vault,
     program: Program,
@@ -40,10 +45,19 @@ pub struct QuickAnalysis {
     slots: Arc<Semaphore>,
 }
 
+/// A new edit that was checked against a session's path.
+#[derive(Debug)]
+pub struct CheckedEdit {
+    /// False if the path does not say how it was tracked: it was imported, or an older program version tracked it.
+    pub has_summary: bool,
+    /// The edit as it can be applied, or why it cannot.
+    pub change: Result<EditChange, Invalid>,
+}
+
 /// Why a quick analysis gave no result.
 #[derive(Debug, thiserror::Error)]
 pub enum QuickAnalysisError {
-    /// The pictures cannot be analysed.
+    /// The pictures or the path cannot be analysed.
     #[error("{}", .0.detail)]
     Problem(Problem),
     /// The child crashed on them, or took too long.
@@ -53,7 +67,7 @@ pub enum QuickAnalysisError {
     #[error("the analysis failed: {0}")]
     Failed(String),
     /// Too many analyses are waiting already, or the service is shutting down.
-    #[error("too many pictures are being analysed now")]
+    #[error("too many pictures, edits or tables are being checked now")]
     Busy,
     /// A file could not be read.
     #[error(transparent)]
@@ -76,7 +90,7 @@ impl QuickAnalysis {
     /// Looks for a board in a photo.
     pub async fn check_photo(&self, board: BoardSize, photo: &NamedBlob) -> Result<PhotoCheck, QuickAnalysisError> {
         let board = RequestedBoard { columns: board.columns, rows: board.rows, square_mm: SQUARE_MM };
-        let output = self.run(ChildWork::Check(CheckWork(board)), std::slice::from_ref(photo)).await?;
+        let output = self.run(ChildWork::Check(CheckWork(board)), &[photo.blob.hash]).await?;
         output.photo_check.ok_or_else(|| QuickAnalysisError::Crashed("sent no result for the photo".to_owned()))
     }
 
@@ -90,7 +104,8 @@ impl QuickAnalysis {
         let work = job_plan::palette_work(annotations, None).map_err(QuickAnalysisError::Problem)?;
         let PaletteWork { marks, tools, .. } = work;
         let colours = colours_of(&tools);
-        let output = self.run(ChildWork::Mask(MaskWork { marks, tools, frames: frames.to_vec() }), files).await?.mask;
+        let hashes: Vec<BlobHash> = files.iter().map(|file| file.blob.hash).collect();
+        let output = self.run(ChildWork::Mask(MaskWork { marks, tools, frames: frames.to_vec() }), &hashes).await?.mask;
         match output.report {
             Some(report) if output.masks.len() == frames.len() => {
                 Ok(PalettePreview { colours, frames: output.masks, report })
@@ -99,15 +114,38 @@ impl QuickAnalysis {
         }
     }
 
-    async fn run(&self, work: ChildWork, files: &[NamedBlob]) -> Result<ChildOutput, QuickAnalysisError> {
+    /// Checks a new edit against a session's stored path.
+    pub async fn check_edit(
+        &self,
+        path: BlobHash,
+        in_force: EditsInForce,
+        change: EditChange,
+    ) -> Result<CheckedEdit, QuickAnalysisError> {
+        let output = self.run(ChildWork::CheckEdit(CheckEditWork { in_force, change }), &[path]).await?.edit_check;
+        let checked = output.has_summary.zip(output.checked);
+        let checked = checked.map(|(has_summary, change)| CheckedEdit { has_summary, change });
+        checked.ok_or_else(|| QuickAnalysisError::Crashed("did not say whether the edit is possible".to_owned()))
+    }
+
+    /// Checks whether a table of another tracker can be imported; the inner error says why not.
+    pub async fn check_table(
+        &self,
+        table: BlobHash,
+        limits: CheckTableWork,
+    ) -> Result<Result<(), String>, QuickAnalysisError> {
+        let checked = self.run(ChildWork::CheckTable(limits), &[table]).await?.table_check;
+        checked.ok_or_else(|| QuickAnalysisError::Crashed("did not say whether the table is valid".to_owned()))
+    }
+
+    async fn run(&self, work: ChildWork, files: &[BlobHash]) -> Result<ChildOutput, QuickAnalysisError> {
         let mut inputs = Vec::with_capacity(files.len());
-        for file in files {
-            inputs.push(self.vault.open_blob(file.blob.hash).await?.0);
+        for &file in files {
+            inputs.push(self.vault.open_blob(file).await?.0);
         }
         let _place = self.acquire_slot().await?;
         let failed = |error: std::io::Error| QuickAnalysisError::Failed(error.to_string());
         let stop = QuickStopGuard(StopSwitch::new().map_err(failed)?);
-        let (program, budget, stopping) = (self.program.clone(), self.settings.quick_budget(), stop.0.clone());
+        let (program, budget, stopping) = (self.program.clone(), self.settings.quick_budget(&work), stop.0.clone());
         let request = ChildRequest { threads: 1, work };
         let mut child = tokio::task::spawn_blocking(move || {
             run_attempt(ChildAttempt { program: &program, request, inputs, budget: &budget, stop: &stopping }, |_| ()).0

@@ -245,7 +245,8 @@ impl WorkerPool {
         stop: StopSwitch,
         progress: watch::Sender<f64>,
     ) -> tokio::task::JoinHandle<Result<ChildOutput, AttemptFailure>> {
-        let (program, budget, threads) = (self.program.clone(), self.settings.budget(), self.settings.decoder_threads);
+        let budget = self.settings.budget_of(&plan.work);
+        let (program, threads) = (self.program.clone(), self.settings.decoder_threads);
         tokio::task::spawn_blocking(move || attempt_plan(&program, &budget, threads, plan, &stop, &progress))
     }
 }

@@ -192,7 +192,7 @@ impl NewEdit {
 }
 
 /// The edits in force that the score depends on, in the order they were made, with the revision of the session's edits.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EditsInForce {
     /// Number of trims, swaps, time corrections and answers made and undone so far.
     pub revision: u64,

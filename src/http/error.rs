@@ -283,8 +283,10 @@ impl From<QuickAnalysisError> for ProblemResponse {
                      or a smaller one.",
                 )
             }
-            QuickAnalysisError::Failed(why) => ProblemResponse::internal("analysing a picture", why),
-            QuickAnalysisError::Busy => busy("Other pictures are being checked. Try again in a moment."),
+            QuickAnalysisError::Failed(why) => ProblemResponse::internal("starting an analysis", why),
+            QuickAnalysisError::Busy => {
+                busy("Other pictures, edits or tables are being checked. Try again in a moment.")
+            }
             QuickAnalysisError::Vault(error) => error.into(),
         }
     }
@@ -320,11 +322,6 @@ impl From<IntakeError> for ProblemResponse {
             IntakeError::AlreadyExists { session } => Refusal::DuplicateRecording
                 .with("A session with the same recording, trainee, task and box exists already; see `session`.")
                 .member("session", format!("/api/v1/sessions/{session}")),
-            IntakeError::Table(problem) => ProblemResponse::invalid("table", problem),
-            IntakeError::TooManyImports { most } => {
-                busy(&format!("{most} other tables are being imported. Try again in a moment."))
-            }
-            IntakeError::ReaderFailed(cause) => ProblemResponse::internal("reading a table", cause),
             IntakeError::Store(error) => error.into(),
             IntakeError::Vault(error) => error.into(),
         }

@@ -25,7 +25,7 @@ pub struct JobResponse {
     progress: f64,
     /// Why it failed, or why its last attempt crashed.
     error: Option<ProblemDocument>,
-    /// Number of the present attempt: attempts that crashed or timed out, plus this one.
+    /// Number of the present attempt: attempts whose child process crashed or timed out, plus this one.
     attempt: i64,
     /// Crashed attempts after which the job is quarantined.
     max_attempts: i64,

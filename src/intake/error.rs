@@ -1,6 +1,5 @@
 //! Errors of receiving recordings.
 
-use crate::domain::files::trajectory::ImportProblem;
 use crate::store::StoreError;
 use crate::vault::VaultError;
 
@@ -60,18 +59,6 @@ pub enum IntakeError {
         /// The session's id.
         session: String,
     },
-    /// The table is not a valid table of tracked rows.
-    #[error(transparent)]
-    Table(#[from] ImportProblem),
-    /// Too many tables are being read at the same time.
-    #[error("{most} tables are being read")]
-    TooManyImports {
-        /// Maximum number of tables at a time.
-        most: usize,
-    },
-    /// The thread that read a table panicked or was cancelled.
-    #[error("reading a table: {0}")]
-    ReaderFailed(#[from] tokio::task::JoinError),
     /// An error of the store.
     #[error(transparent)]
     Store(#[from] StoreError),

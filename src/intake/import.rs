@@ -1,75 +1,57 @@
-//! Imports tables of rows that another tracker measured. A table is parsed strictly, stored as it was sent, and becomes
-//! a session once it is durable. It is scored by a job, like a recording.
+//! Imports tables of rows that another tracker measured. A table is stored while it arrives, checked in a child process,
+//! and then becomes a session. It is scored by a job, like a recording.
 
 use bytes::Bytes;
-use tokio::sync::OwnedSemaphorePermit;
+use futures_util::Stream;
 
+use super::append::BoxError;
 use super::whole::already_exists;
-use super::{Intake, IntakeError, IntakeResult, ResolvedRecording};
-use crate::domain::files::trajectory::{ImportLimits, read_import};
+use super::{Intake, IntakeResult, ResolvedRecording};
+use crate::analysis::protocol::CheckTableWork;
 use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::domain::text::TrackerName;
-use crate::media::MediaLimits;
 use crate::store::SessionRecord;
-
-/// Maximum number of tables that are read at the same time: each is in memory as a whole.
-pub(super) const MAX_CONCURRENT_IMPORTS: usize = 2;
-
-/// Maximum number of tools in a table: two hands and two assisting tools.
-const MAX_TOOLS: usize = 4;
+use crate::vault::PinnedBlob;
 
 /// Media type of a stored table.
 const MEDIA_TYPE: &str = "text/csv";
 
-/// A permit to hold one table in memory.
-#[derive(Debug)]
-pub struct ImportPermit {
-    /// Held until the table is read.
-    _permit: OwnedSemaphorePermit,
-}
-
 impl Intake {
-    /// Acquires a permit for one more table; call it before reading a byte of the table.
-    pub fn acquire_import_permit(&self) -> IntakeResult<ImportPermit> {
-        let permit = self.imports.clone().try_acquire_owned();
-        let too_many = |_| IntakeError::TooManyImports { most: MAX_CONCURRENT_IMPORTS };
-        permit.map(|permit| ImportPermit { _permit: permit }).map_err(too_many)
-    }
-
     /// Maximum size of a table, bytes.
-    pub fn max_table_bytes(&self) -> usize {
-        self.settings.import_bytes
+    pub fn max_table_bytes(&self) -> u64 {
+        self.settings.import_bytes as u64
     }
 
-    /// Imports a whole table. Call it on a task of its own, since some senders disconnect right after their last byte.
+    /// Stores a table as it arrives. If nothing refers to it later, it is deleted.
+    pub async fn store_table<B>(&self, bytes: B) -> IntakeResult<PinnedBlob>
+    where
+        B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
+    {
+        self.store_whole(bytes, self.max_table_bytes()).await
+    }
+
+    /// What a table for this recording's box must satisfy.
+    pub async fn table_limits(&self, recording: &ResolvedRecording) -> IntakeResult<CheckTableWork> {
+        let palette = self.store.palettes().latest(&Scope::service(), recording.in_box).await?;
+        let known_tools = palette.into_iter().flat_map(|p| p.tools).map(|tool| tool.name).collect();
+        Ok(CheckTableWork { known_tools, max_bytes: self.max_table_bytes(), max_rows: self.settings.import_rows })
+    }
+
+    /// Makes a session of a stored and checked table.
     pub async fn import(
         &self,
         scope: &Scope,
         recording: ResolvedRecording,
         tracker: TrackerName,
-        (table, _room): (Bytes, ImportPermit),
+        table: PinnedBlob,
     ) -> IntakeResult<SessionRecord> {
-        if table.is_empty() {
-            return Err(IntakeError::Empty);
-        }
         let ResolvedRecording { trainee, task, in_box, filename, recorded_at_ms, time: _ } = recording;
-        let palette = self.store.palettes().latest(&Scope::service(), in_box).await?;
-        let tools: Vec<String> = palette.into_iter().flat_map(|p| p.tools).map(|tool| tool.name).collect();
-        let (limits, read) = (limits(self.settings.import_rows), table.clone());
-        tokio::task::spawn_blocking(move || read_import(&read, &tools, &limits).map(drop)).await??;
-        let kept = self.vault.put(&table).await?;
-        let (video, media_type) = (kept.blob(), MEDIA_TYPE.to_owned());
+        let (video, media_type) = (table.blob(), MEDIA_TYPE.to_owned());
         let new = NewSession { trainee, task, in_box, filename, recorded_at_ms, video, media_type, time: None };
         let session = self.store.sessions().import(scope, new, tracker).await.map_err(already_exists)?;
-        drop(kept); // from here on a row protects the file
+        drop(table); // from here on a row protects the file
         self.announce_session(&session);
         Ok(session)
     }
-}
-
-/// Limits for a table: as large as those for a recording.
-fn limits(rows: usize) -> ImportLimits {
-    let MediaLimits { duration_s, frames, .. } = MediaLimits::default();
-    ImportLimits { rows, tools: MAX_TOOLS, frames, duration_s }
 }

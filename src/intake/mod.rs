@@ -30,17 +30,14 @@ mod settings;
 pub mod tus;
 mod whole;
 
-pub use append::{Piece, UploadProgress};
+pub use append::{BoxError, Piece, UploadProgress};
 pub use begin::{RecordingDescription, ResolvedRecording};
 pub use error::{IntakeError, IntakeResult};
 pub use finish::finish;
-pub use import::ImportPermit;
 pub use settings::UploadSettings;
 
 use std::sync::Arc;
 use std::time::Duration;
-
-use tokio::sync::Semaphore;
 
 use crate::events::{Event, EventBus};
 use crate::queue::Queue;
@@ -65,8 +62,6 @@ pub struct Intake {
     shutdown: Shutdown,
     settings: UploadSettings,
     senders: Arc<Senders>,
-    /// Permits for tables that are being read.
-    imports: Arc<Semaphore>,
 }
 
 impl Intake {
@@ -79,8 +74,7 @@ impl Intake {
         settings: UploadSettings,
     ) -> Self {
         let senders = Senders::new(clock.clone());
-        let imports = Arc::new(Semaphore::new(import::MAX_CONCURRENT_IMPORTS));
-        Self { store, vault, queue, events, clock, shutdown, settings, senders, imports }
+        Self { store, vault, queue, events, clock, shutdown, settings, senders }
     }
 
     /// Maximum length of a recording, bytes.

@@ -17,8 +17,7 @@ pub struct UploadSettings {
     /// Maximum number of unfinished uploads at a time, of all senders. Each occupies disk space. Usually 200. The limits
     /// of one sender are `store.senders`.
     pub max_unfinished: u64,
-    /// Maximum size of a table of another tracker, bytes. A table is held in memory as a whole while it is read.
-    /// Usually 64 MiB.
+    /// Maximum size of a table of another tracker, bytes. Usually 64 MiB.
     pub import_bytes: usize,
     /// Maximum number of rows of such a table. An hour of two tools at 60 frames a second is 432,000. Usually 500,000.
     pub import_rows: usize,

@@ -24,7 +24,7 @@ impl Intake {
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
     {
-        let kept = self.store_whole(bytes).await?;
+        let kept = self.store_whole(bytes, self.settings.max_bytes).await?;
         let ResolvedRecording { trainee, task, in_box, filename, recorded_at_ms, time } = recording;
         let media_type = media_type_of(&self.vault, kept.blob().hash).await?.to_owned();
         let video = kept.blob();
@@ -35,11 +35,12 @@ impl Intake {
         Ok(session)
     }
 
-    async fn store_whole<B>(&self, mut bytes: B) -> IntakeResult<PinnedBlob>
+    /// Stores a body of at most `most` bytes.
+    pub(super) async fn store_whole<B>(&self, mut bytes: B, most: u64) -> IntakeResult<PinnedBlob>
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
     {
-        let mut incoming = self.vault.incoming(self.settings.max_bytes).await?;
+        let mut incoming = self.vault.incoming(most).await?;
         let mut received = 0;
         let ending = self.shutdown.begun();
         tokio::pin!(ending);

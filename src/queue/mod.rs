@@ -10,7 +10,7 @@
 //! | [`HeldJob::fail`] | failed, with a problem for people: another attempt would not help |
 //! | [`HeldJob::report_crash`] | queued again; quarantined with the reason after `store.max_attempts`, usually the third time |
 //! | [`HeldJob::release`] | queued again at its old position, no attempt counted: the service ends or the machine failed |
-//! | no heartbeat | treated as a crash by the first sweep after the lease has run out |
+//! | no heartbeat | queued again by the first sweep after the lease has run out, no attempt counted; quarantined after [`MAX_LOST_LEASES`] |
 //!
 //! The token of the lease guards every write, so that a worker that has lost its lease changes nothing
 //! ([`StoreError::LeaseLost`]). The service may end at any moment: the next start rescues running jobs
@@ -31,7 +31,7 @@ use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
 use crate::events::{Event, EventBus};
 use crate::shutdown::Shutdown;
-use crate::store::{JobRecord, Store, StoreError, StoreResult};
+use crate::store::{JobRecord, MAX_LOST_LEASES, Store, StoreError, StoreResult};
 use crate::time::SharedClock;
 
 /// Times of the queue.
@@ -117,13 +117,13 @@ impl Queue {
 
     /// Rescues the jobs whose lease has run out; returns how many.
     pub async fn sweep(&self) -> StoreResult<usize> {
-        let detail = self.detail("the worker did not report progress in time");
+        let detail = Self::detail("the worker did not report progress in time");
         self.rescue(false, Problem::new("worker-silent", "The worker stopped responding", detail)).await
     }
 
     /// At a start: rescues every running job, since its worker ended with the previous process.
     pub async fn recover(&self) -> StoreResult<usize> {
-        let detail = self.detail("the service stopped suddenly during this work");
+        let detail = Self::detail("the service stopped suddenly during this work");
         self.rescue(true, Problem::new("service-ended", "The service stopped during the work", detail)).await
     }
 
@@ -141,14 +141,14 @@ impl Queue {
     }
 
     /// What happened, and how often the work is tried.
-    fn detail(&self, what: &str) -> String {
-        format!("{what}; the work is tried at most {} times in all", self.inner.store.max_attempts())
+    fn detail(what: &str) -> String {
+        format!("{what}; after this has happened {MAX_LOST_LEASES} times, the work is not tried again automatically")
     }
 
     async fn rescue(&self, all: bool, problem: Problem) -> StoreResult<usize> {
         let swept = self.inner.store.jobs().sweep(all, problem).await?;
         for job in &swept.rescued {
-            tracing::warn!(job = %job.id, state = %job.state, attempt = job.attempt, "worker lost; job rescued");
+            tracing::warn!(job = %job.id, state = %job.state, "worker lost; job rescued");
             self.publish_job_state(job).await;
         }
         if !swept.rescued.is_empty() {

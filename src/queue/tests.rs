@@ -15,7 +15,7 @@ use crate::domain::scope::Scope;
 use crate::events::EventBus;
 use crate::shutdown::Shutdown;
 use crate::store::testing::TestCentre;
-use crate::store::{PageRequest, SessionFilter, StoreError};
+use crate::store::{MAX_LOST_LEASES, PageRequest, SessionFilter, StoreError};
 
 struct QueueFixture {
     centre: TestCentre,
@@ -110,17 +110,37 @@ async fn three_crashes_quarantine_a_job_with_the_reason_and_a_person_can_try_aga
 }
 
 #[tokio::test]
-async fn a_job_that_kills_the_whole_service_is_quarantined_after_three_starts() {
+async fn a_job_that_kills_the_whole_service_is_quarantined_after_many_starts() {
     let bench = QueueFixture::with_jobs(1).await;
     let store = &bench.centre.store;
-    for _ in 0..store.max_attempts() {
+    for _ in 0..MAX_LOST_LEASES {
         let held = bench.claim().await.unwrap();
+        assert_eq!(held.job().attempt, 1);
         assert_eq!(QueueFixture::queue(&bench.centre).recover().await.unwrap(), 1); // a new process of the service
         let problem = store.jobs().get(&Scope::service(), held.job().id).await.unwrap().problem.unwrap();
-        assert!(problem.detail.ends_with("at most 3 times in all"), "{problem:?}");
+        assert!(problem.detail.contains("10 times"), "{problem:?}");
     }
     assert!(bench.claim().await.is_none());
     assert_eq!(store.jobs().counts().await.unwrap().quarantined, 1);
+}
+
+#[tokio::test]
+async fn deaths_of_the_service_and_lost_leases_use_up_no_attempt() {
+    let bench = QueueFixture::with_jobs(1).await;
+    for _ in 0..2 {
+        bench.claim().await.unwrap().report_crash(problem("signal 11")).await.unwrap();
+    }
+    for _ in 0..2 {
+        drop(bench.claim().await.unwrap());
+        assert_eq!(QueueFixture::queue(&bench.centre).recover().await.unwrap(), 1); // a new process of the service
+        drop(bench.claim().await.unwrap());
+        bench.advance_clock(30);
+        assert_eq!(bench.queue.sweep().await.unwrap(), 1);
+    }
+    let third = bench.claim().await.unwrap();
+    assert_eq!(third.job().attempt, 3, "four lost leases lie between");
+    third.report_crash(problem("signal 11")).await.unwrap();
+    assert!(bench.claim().await.is_none(), "the third crash is the last");
 }
 
 #[tokio::test]

@@ -101,7 +101,7 @@ pub use erasures::ErasureStore;
 pub use error::{StoreError, StoreResult};
 pub use feeds::{FeedRow, FeedStore, NewFeed};
 pub use groups::{GroupRecord, GroupStore, Members};
-pub use jobs::{JobRecord, JobStore, Lease, QueueCounts, SweepResult};
+pub use jobs::{JobRecord, JobStore, Lease, MAX_LOST_LEASES, QueueCounts, SweepResult};
 pub use page::{Page, PageRequest};
 pub use palettes::{PaletteRecord, PaletteStore};
 pub use password_links::{PasswordLinkRecord, PasswordLinkStore};
@@ -142,7 +142,7 @@ pub struct StoreSettings {
     pub writes_per_commit: usize,
     /// Wait for a lock or a free connection before the store reports that it is busy, ms. Usually 5000.
     pub busy_timeout_ms: u64,
-    /// Number of crashes or lost leases after which a job is quarantined. Usually 3.
+    /// Number of crashes of its child process after which a job is quarantined. Usually 3.
     pub max_attempts: u32,
     /// Limits of one sender.
     pub senders: SenderLimits,
@@ -314,7 +314,7 @@ impl Store {
         self.inner.settings.senders.clone()
     }
 
-    /// Number of crashes or lost leases after which a job is quarantined.
+    /// Number of crashes of its child process after which a job is quarantined.
     pub fn max_attempts(&self) -> u32 {
         self.inner.settings.max_attempts
     }

@@ -2497,6 +2497,7 @@ export default {
       'edited-meanwhile': ['Die Sitzung wurde inzwischen bearbeitet', 'Die neue Auswertung gilt; weil aber währenddessen jemand die Sitzung bearbeitet oder eine Änderung zurückgenommen hat, käme ein Unterschied vielleicht nicht vom Programm.'],
       'palette-unreadable': ['Die Farben der Box lassen sich nicht lesen', 'Markieren Sie das Klebeband der Instrumente neu.'],
       'path-alone': ['Die gespeicherte Bahn lässt sich nicht neu auswerten', 'Das Programm, das sie verfolgt hat, hat nicht alles aufgehoben, wovon eine Auswertung abhängt. Ordnen Sie die Neuauswertung von der Aufnahme an.'],
+      'path-too-long': ['Die Bahn ist zu lang für eine Auswertung', 'Sie braucht mehr Speicher als erlaubt. Bitten Sie die Administration, `scoring_memory_mib` in den Einstellungen zu erhöhen, oder senden Sie eine kürzere Aufnahme oder Tabelle.'],
       'photo-count': ['Zu wenige oder zu viele Fotos'],
       'photo-sizes-differ': ['Die Fotos haben verschiedene Größen'],
       'photo-turns-differ': ['Die Fotos sind verschieden gedreht', 'Halten Sie die Kamera bei allen Fotos gleich, am besten so wie bei den Aufnahmen.'],

@@ -3,6 +3,7 @@
 use super::palette::ColourMark;
 use crate::analysis::calibration::{CalibrationRefusal, ViewsError};
 use crate::analysis::clock::ClockError;
+use crate::analysis::scoring::ScoringError;
 use crate::analysis::self_test::SelfTestError;
 use crate::domain::problem::Problem;
 use crate::media::{MediaError, MuxError, SourceError};
@@ -48,6 +49,20 @@ impl ToProblem for ClockError {
                 Problem::new("impossible-time", "The given frame rate or duration does not fit", invalid.to_string())
             }
         }
+    }
+}
+
+impl ToProblem for ScoringError {
+    fn to_problem(&self) -> Problem {
+        if matches!(self, ScoringError::NoTrackingSummary) {
+            let detail = "the program version that tracked this session did not store everything that a score depends \
+                          on; request the rescoring with `from=recording`, so that it is tracked again";
+            return Problem::new("path-alone", "The stored path cannot be scored again", detail);
+        }
+        let detail = format!(
+            "a stored file that this analysis needs cannot be read ({self}): restore it from a backup, then try again"
+        );
+        Problem::new("input-damaged", "A file that the analysis needs is damaged", detail)
     }
 }
 

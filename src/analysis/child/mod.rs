@@ -8,6 +8,8 @@ pub mod advise;
 pub mod assemble;
 pub mod calibrate;
 pub mod check;
+pub mod check_edit;
+pub mod check_table;
 pub mod demux;
 mod explain;
 pub mod follow;
@@ -18,6 +20,7 @@ mod preview;
 pub mod probe;
 pub mod recording;
 mod reporter;
+pub mod score;
 pub mod self_test;
 pub mod track;
 
@@ -129,6 +132,12 @@ child_works! {
     Calibrate, camera_json: calibrate::CalibrateWork;
     /// Test a box: the board and a rod, both in one recording.
     SelfTest, self_test: self_test::SelfTestWork;
+    /// Score a session: its stored path, or the table of another tracker.
+    Score, score: score::ScoreWork;
+    /// Check a new edit against a session's stored path.
+    CheckEdit, edit_check: check_edit::CheckEditWork;
+    /// Check whether a table of another tracker can be imported.
+    CheckTable, table_check: check_table::CheckTableWork;
     /// Track a live recording. Inputs: its log, and a pipe of positions in it.
     Follow, followed: follow::FollowWork;
     /// Assemble a recording from a feed's log. Inputs: the log, and last the output file, open for writing.

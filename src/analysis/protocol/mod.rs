@@ -16,6 +16,8 @@ pub use super::child::advise::AdviseWork;
 pub use super::child::assemble::AssembleWork;
 pub use super::child::calibrate::{CalibrateWork, RequestedBoard};
 pub use super::child::check::CheckWork;
+pub use super::child::check_edit::CheckEditWork;
+pub use super::child::check_table::CheckTableWork;
 pub use super::child::demux::DemuxWork;
 pub use super::child::follow::{
     FollowReply, FollowWork, FollowedFrame, FollowedTool, LogPosition, RunningRow, SeenSoFar, live_features,
@@ -23,6 +25,7 @@ pub use super::child::follow::{
 pub use super::child::mask::MaskWork;
 pub use super::child::palette::{ColourMark, PaletteWork};
 pub use super::child::probe::ProbeWork;
+pub use super::child::score::{ScoreSource, ScoreWork};
 pub use super::child::self_test::SelfTestWork;
 pub use super::child::track::TrackWork;
 pub use super::child::{ChildWork, WorkRecord};

@@ -5,8 +5,7 @@ use axum::extract::State;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::analysis::edits::check_edit;
-use crate::analysis::paths::SessionPaths;
+use crate::analysis::QuickAnalysisError;
 use crate::domain::clock::{StampFacts, TimeCorrection};
 use crate::domain::edit::{EditChange, EditKind, NewEdit, ScoreState, kept_span};
 use crate::domain::scope::Scope;
@@ -177,8 +176,8 @@ pub async fn undo_edit(
 }
 
 impl App {
-    /// Checks the change against the session's path. Returns the change as it can be applied, and the revision of the
-    /// edits that it was checked against.
+    /// Checks the change against the session's path, in a child process. Returns the change as it can be applied, and
+    /// the revision of the edits that it was checked against.
     async fn check_change(
         &self,
         scope: &Scope,
@@ -187,21 +186,18 @@ impl App {
     ) -> HandlerResult<(EditChange, Option<u64>)> {
         let result = self.result(scope, session).await?;
         let in_force = self.store.edits().in_force(session).await?;
-        let stored = self.vault.read(result.trajectory, super::trajectory::MAX_STORED_BYTES).await?;
-        let is_import = result.versions.calibration.is_none();
-        // Reading a long session takes a moment, so it runs on a blocking thread.
-        let checked = tokio::task::spawn_blocking(move || {
-            let paths = SessionPaths::from_bytes(&stored)
-                .map_err(|cause| ProblemResponse::internal("reading a stored trajectory", cause))?;
-            if paths.tracking.is_none() && !is_import {
-                return Err(Refusal::Conflict.with(
-                    "An older version of the program tracked this session, and its result cannot be edited. Track the \
-                     session again, then edit it.",
-                ));
-            }
-            Ok((check_edit(&paths, &in_force, change)?, Some(in_force.revision)))
-        });
-        checked.await.map_err(|cause| ProblemResponse::internal("reading a stored trajectory", cause))?
+        let (revision, is_import) = (in_force.revision, result.versions.calibration.is_none());
+        let checked = match self.quick_analysis.check_edit(result.trajectory, in_force, change).await {
+            Err(QuickAnalysisError::Crashed(why)) => return Err(ProblemResponse::internal("checking an edit", why)),
+            checked => checked?,
+        };
+        if !checked.has_summary && !is_import {
+            return Err(Refusal::Conflict.with(
+                "An older version of the program tracked this session, and its result cannot be edited. Track the \
+                 session again, then edit it.",
+            ));
+        }
+        Ok((checked.change?, Some(revision)))
     }
 
     /// Checks a correction against the times of the session's result. A session without a result has no known times; its

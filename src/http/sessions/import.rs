@@ -1,19 +1,23 @@
 //! Imports a path that another tracker measured; the table is the request's body.
 
+use axum::body::Bytes;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, header};
-use http_body_util::{BodyExt, Limited};
+use futures_util::{Stream, StreamExt};
 use serde::Deserialize;
 use utoipa::IntoParams;
 
 use super::show::SessionResponse;
+use crate::analysis::QuickAnalysisError;
+use crate::domain::scope::Scope;
 use crate::domain::text::TrackerName;
 use crate::http::auth::signed_in::Staff;
 use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
-use crate::http::read::{Params, content_length, too_large, unreadable_body};
+use crate::http::read::{Params, content_length, too_large};
 use crate::http::show::Created;
 use crate::http::state::App;
-use crate::intake::RecordingDescription;
+use crate::intake::{BoxError, IntakeError, RecordingDescription, ResolvedRecording};
+use crate::store::SessionRecord;
 
 /// Name of a tracker if the request names none.
 const UNNAMED_TRACKER: &str = "another tracker";
@@ -65,17 +69,41 @@ pub async fn import(
         RecordingDescription { trainee, task, in_box, filename, recorded_at, ..RecordingDescription::default() };
     let about = app.intake.resolve(&by.scope, about).await?;
     let most = app.intake.max_table_bytes();
-    if content_length(request.headers()).is_some_and(|length| length > most as u64) {
-        return Err(too_large(most as u64));
+    if content_length(request.headers()).is_some_and(|length| length > most) {
+        return Err(too_large(most));
     }
-    let room = app.intake.acquire_import_permit()?;
-    let body = Limited::new(request.into_body(), most).collect().await;
-    let table = body.map_err(|cause| unreadable_body(&*cause, most as u64))?.to_bytes();
-    let (intake, scope) = (app.intake.clone(), by.scope);
+    let bytes = request.into_body().into_data_stream().map(|bytes| bytes.map_err(Into::into));
     // In a separate task: a sender that closes right after its last byte must not cancel the import.
-    let taken = app.shutdown.spawn(async move { intake.import(&scope, about, tracker, (table, room)).await });
+    let (importing, scope) = (app.clone(), by.scope);
+    let taken = app.shutdown.spawn(async move { importing.import_table(&scope, about, tracker, bytes).await });
     let session = taken.await.map_err(|cause| ProblemResponse::internal("importing a table", cause))??;
     Ok(Created { location: format!("/api/v1/sessions/{}", session.id), made: SessionResponse::of(session, None) })
+}
+
+impl App {
+    /// Stores a table as it arrives, has a child process check it, and makes a session of it.
+    async fn import_table<B>(
+        &self,
+        scope: &Scope,
+        about: ResolvedRecording,
+        tracker: TrackerName,
+        bytes: B,
+    ) -> HandlerResult<SessionRecord>
+    where
+        B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
+    {
+        let table = match self.intake.store_table(bytes).await {
+            Err(IntakeError::Empty) => return Err(ProblemResponse::invalid("table", "is empty; send a table as CSV")),
+            stored => stored?,
+        };
+        let limits = self.intake.table_limits(&about).await?;
+        match self.quick_analysis.check_table(table.blob().hash, limits).await {
+            Ok(Ok(())) => Ok(self.intake.import(scope, about, tracker, table).await?),
+            Ok(Err(why)) => Err(ProblemResponse::invalid("table", why)),
+            Err(QuickAnalysisError::Crashed(why)) => Err(ProblemResponse::internal("checking a table", why)),
+            Err(error) => Err(error.into()),
+        }
+    }
 }
 
 fn expect_csv(headers: &HeaderMap) -> HandlerResult<()> {

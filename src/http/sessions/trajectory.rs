@@ -20,9 +20,6 @@ use crate::http::heavy::Pieces;
 use crate::http::read::{Params, PathKey};
 use crate::http::state::App;
 
-/// Largest stored file that the check of an edit reads into memory, bytes: about four hours of two tools.
-pub(super) const MAX_STORED_BYTES: u64 = 512 * 1024 * 1024;
-
 /// Format of a trajectory.
 #[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]

@@ -7,6 +7,8 @@
 //! if neither speaks for the box, and one against it, is a person asked. **Gives up** ([`BoxFinding::Unknown`]) on
 //! plain surroundings and unknown trocars.
 
+use serde::{Deserialize, Serialize};
+
 use super::ports::{Displacement, PortAgreement};
 use crate::vision::surroundings::Resemblance;
 
@@ -49,7 +51,7 @@ pub enum BoxFinding {
 }
 
 /// What a person answered to the question for the box.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum BoxAnswer {
     /// It is this box.
     ThisBox,

@@ -95,7 +95,7 @@ pub(super) async fn raise_priority(tx: &mut SqliteConnection, id: JobId, priorit
 }
 
 const REQUEUE: &str = "
-    UPDATE job SET state = 'queued', attempt = 0, progress = 0, problem = NULL, queued_at_ms = max($2, queued_at_ms),
+    UPDATE job SET state = 'queued', attempt = 0, lost_leases = 0, progress = 0, problem = NULL, queued_at_ms = max($2, queued_at_ms),
                    started_at_ms = NULL, ended_at_ms = NULL
     WHERE id = $1 AND state IN ('failed', 'quarantined')";
 

@@ -112,13 +112,15 @@ impl JobStore<'_> {
                 let held: Option<i64> =
                     sqlx::query_scalar(IS_HELD).bind(id).bind(token).fetch_optional(&mut *tx).await?;
                 held.ok_or(StoreError::LeaseLost)?;
-                rescue(tx, id, problem, now_ms).await
+                let row = sqlx::query_as(COUNT_CRASH).bind(id).bind(Json(problem)).bind(now_ms);
+                row.fetch_optional(tx).await?.ok_or(StoreError::LeaseLost)
             })
             .await
     }
 
-    /// Rescues the jobs whose lease has run out. With `all` it rescues every running job: for the start after a crash,
-    /// when no worker of this service can be alive.
+    /// Rescues the jobs whose lease has run out: each is queued at its old position, or quarantined after
+    /// [`MAX_LOST_LEASES`]. With `all` it rescues every running job: for the start after a crash, when no worker can be
+    /// alive.
     pub async fn sweep(&self, all: bool, problem: Problem) -> StoreResult<SweepResult> {
         let now_ms = self.0.now_ms();
         self.0
@@ -127,7 +129,9 @@ impl JobStore<'_> {
                 let silent: Vec<JobId> = sqlx::query_scalar(EXPIRED_LEASES).bind(until_ms).fetch_all(&mut *tx).await?;
                 let mut rescued = Vec::with_capacity(silent.len());
                 for id in silent {
-                    rescued.push(rescue(tx, id, problem.clone(), now_ms).await?);
+                    let row = sqlx::query_as(COUNT_LOST_LEASE).bind(id).bind(Json(problem.clone())).bind(now_ms);
+                    let row = row.bind(MAX_LOST_LEASES).fetch_optional(&mut *tx).await?;
+                    rescued.push(row.ok_or(StoreError::LeaseLost)?);
                 }
                 Ok(SweepResult { rescued })
             })
@@ -135,18 +139,27 @@ impl JobStore<'_> {
     }
 }
 
-const RESCUE: &str = "
+/// Number of lost leases after which a job is quarantined. A lease is lost when power fails or the service is killed,
+/// and that says nothing about the job: only after many is the job itself suspected of ending the service.
+pub const MAX_LOST_LEASES: u32 = 10;
+
+/// Takes the lease away after a crash of the child: the job is queued at its old position while attempts are left, else
+/// quarantined.
+const COUNT_CRASH: &str = "
     UPDATE job SET state = CASE WHEN attempt < max_attempts THEN 'queued' ELSE 'quarantined' END,
                    ended_at_ms = CASE WHEN attempt < max_attempts THEN NULL ELSE $3 END,
                    problem = $2, progress = 0, lease_token = NULL, lease_until_ms = NULL, worker = NULL
     WHERE id = $1 AND state = 'running'
     RETURNING *";
 
-/// Takes the lease away: the job is queued at its old position while attempts are left, else quarantined.
-async fn rescue(tx: &mut SqliteConnection, id: JobId, problem: Problem, now_ms: i64) -> StoreResult<JobRecord> {
-    let row = sqlx::query_as(RESCUE).bind(id).bind(Json(problem)).bind(now_ms).fetch_optional(&mut *tx).await?;
-    row.ok_or(StoreError::LeaseLost)
-}
+/// Takes a lost lease away. It counts as no attempt.
+const COUNT_LOST_LEASE: &str = "
+    UPDATE job SET state = CASE WHEN lost_leases + 1 < $4 THEN 'queued' ELSE 'quarantined' END,
+                   ended_at_ms = CASE WHEN lost_leases + 1 < $4 THEN NULL ELSE $3 END,
+                   attempt = attempt - 1, lost_leases = lost_leases + 1,
+                   problem = $2, progress = 0, lease_token = NULL, lease_until_ms = NULL, worker = NULL
+    WHERE id = $1 AND state = 'running'
+    RETURNING *";
 
 const END_AS_DONE: &str = "
     UPDATE job SET state = 'done', progress = 1, problem = NULL, ended_at_ms = $3, lease_token = NULL,

@@ -17,7 +17,7 @@ pub(super) use enqueue::{
 };
 #[cfg(test)]
 pub(super) use lease::CLAIM; // for the test of its query plan
-pub use lease::{Lease, SweepResult};
+pub use lease::{Lease, MAX_LOST_LEASES, SweepResult};
 
 use sqlx::types::Json;
 
@@ -51,9 +51,9 @@ pub struct JobRecord {
     pub box_id: Option<BoxId>,
     /// Its state.
     pub state: JobState,
-    /// Number of claims that ended in a crash or a lost lease, plus the present one.
+    /// Number of claims that ended in a crash of the child, plus the present one.
     pub attempt: i64,
-    /// Number of attempts after which it is quarantined.
+    /// Number of crashes after which it is quarantined.
     pub max_attempts: i64,
     /// Share of the work done, 0 to 1.
     pub progress: f64,

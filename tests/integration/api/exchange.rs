@@ -8,6 +8,7 @@ use trocar::motion::PIPELINE_VERSION;
 
 use super::centre::Centre;
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
+use crate::process::Process;
 use crate::support::{Client, Service, problem, read};
 
 const HEAD: &str = "frame,time_s,tool,x_mm,y_mm,z_mm";
@@ -259,4 +260,47 @@ async fn statements_use_the_public_address_from_the_settings() {
     let statement = centre.trainee.read("/api/v1/trainees/ada/xapi").await["statements"][0].clone();
     assert_eq!(statement["actor"]["account"]["homePage"], "https://skills.example");
     assert!(statement["object"]["id"].as_str().unwrap().starts_with("https://skills.example/api/v1/tasks/"));
+}
+
+/// Maximum growth of the service while it imports and scores 60,000 rows, KiB. Each row takes up to 120 bytes in the file
+/// of the path, and the file grows by doubling. Scored in the service itself, each row took a KiB.
+const MAX_IMPORT_GROWTH_KIB: u64 = 32 * 1024;
+
+/// A tool on 60,000 frames. It states no errors, so that scoring is quick.
+fn long_table() -> String {
+    let mut table = format!("{HEAD}\n");
+    for frame in 0..60_000 {
+        let time = f64::from(frame) * 0.016;
+        table += &format!("{frame},{time:.3},left,{:.2},{:.2},150\n", 40.0 * (time * 1.3).sin(), 20.0 * time.cos());
+    }
+    table
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_long_table_is_read_and_scored_outside_the_service() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Process::start(data.path());
+    let client = Client::of(format!("http://{}", service.address));
+    let client = client.signed_in("administrator", service.password.as_ref().unwrap()).await;
+    for (what, code) in [("boxes", "box-1"), ("tasks", "peg"), ("trainees", "ada")] {
+        client.make(&format!("/api/v1/{what}"), json!({"name": code, "code": code})).await;
+    }
+    let peak_kib = || service.status("VmHWM").parse::<u64>().unwrap();
+    import_and_wait(&client, "trainee=ada", table(&["left", "right"], None)).await;
+    let before = peak_kib();
+    let session = import_and_wait(&client, "trainee=ada", long_table()).await;
+    assert_eq!((&session["status"], &session["video"]["frames"]), (&json!("done"), &json!(60_000)), "{session}");
+    let growth = peak_kib().saturating_sub(before);
+    assert!(growth < MAX_IMPORT_GROWTH_KIB, "the service grew by {growth} KiB");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_table_too_long_for_the_memory_of_scoring_is_refused_with_advice() {
+    let service = Service::start_with(|settings| settings.analysis.scoring_memory_mib = 8).await;
+    let centre = Centre::open_in(service).await;
+    let refused = import(&centre.instructor, "trainee=ada", long_table()).await;
+    let refused = problem(refused, 422, "invalid").await;
+    assert!(refused["detail"].as_str().unwrap().contains("scoring_memory_mib"), "{refused}");
+    let sessions = centre.instructor.read("/api/v1/sessions").await;
+    assert_eq!(sessions["items"], json!([]));
 }

@@ -181,6 +181,8 @@ const PLANTED: &[(&str, &str, &[Finding])] = &[
     ("queue/x.rs", "#[axum::debug_handler]\nfn f() {}", &[(1, "must not name axum")]),
     ("http/x.rs", "use crate::numbers::quantile::Quantile;", &[(1, "`http` must not use the science")]),
     ("http/x.rs", "use crate as all;", &[(1, "name the module")]),
+    ("analysis/x.rs", "use crate::motion::assessment::assess;", &[(1, "must leave scoring to a child")]),
+    ("analysis/x.rs", "use super::scoring::score_tracked;", &[(1, "must leave scoring to a child")]),
     ("heap.rs", "use crate::random::Seed;", &[(1, "`heap` (layer 0) must not use `crate::random::Seed`")]),
     ("main.rs", "use trocar::unknown::A;", &[(1, "`unknown` is on no layer")]),
     ("unknown/mod.rs", "use std::fmt;", &[(1, "`unknown` is on no layer")]),
@@ -231,7 +233,8 @@ fn findings_of_one(file: &str, code: &str) -> Vec<String> {
 
 fn findings(sources: &[(String, String)]) -> Vec<String> {
     let broken = |mention: &Mention| {
-        let rules = [forbidden_name(mention), forbidden_layer(mention), forbidden_stage(mention)];
+        let rules =
+            [forbidden_name(mention), forbidden_layer(mention), forbidden_stage(mention), forbidden_scoring(mention)];
         rules.into_iter().flatten().map(|rule| format!("src/{}:{}: {rule}", mention.file, mention.line)).collect()
     };
     let mut findings: Vec<String> = mentions(sources).iter().flat_map::<Vec<String>, _>(broken).collect();
@@ -279,6 +282,20 @@ fn forbidden_stage(mention: &Mention) -> Option<String> {
         (Some(earlier), Some(later)) if later > earlier => Some(format!("`{from}` must not use `{to}`, a later stage")),
         _ => None,
     }
+}
+
+/// Scoring a long path takes hundreds of MiB, so the service leaves it to children.
+fn forbidden_scoring(mention: &Mention) -> Option<String> {
+    let module: Vec<&str> = mention.module.iter().map(String::as_str).collect();
+    let is_allowed = match mention.path.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["crate", "motion", "assessment", ..] => module.starts_with(&["analysis", "scoring"]),
+        ["crate", "analysis", "scoring", function, ..] if function.starts_with("score_") => {
+            module.starts_with(&["analysis", "child"])
+        }
+        _ => return None,
+    };
+    let is_service = listed(module.first()?).is_some_and(|from| from.layer >= 3 && from.name != "commands");
+    (is_service && !is_allowed).then(|| format!("`{}` must leave scoring to a child", mention.path.join("::")))
 }
 
 fn listed(module: &str) -> Option<&'static Module> {

@@ -7,6 +7,7 @@ mod confinement;
 mod forge;
 mod mutation;
 mod recordings;
+mod scoring;
 pub mod tracking;
 mod workers;
 

@@ -45,7 +45,8 @@ async fn order(centre: &Centre, order: Value) -> String {
     json_of(answer).await["id"].as_str().unwrap().to_owned()
 }
 
-/// Kills the service `kills` times during an order, then waits for the order's end. Two kills cannot quarantine a job.
+/// Kills the service `kills` times during an order, then waits for the order's end. Such kills use up no attempt of a
+/// job.
 async fn ends_through_kills(centre: &mut Centre, id: &str, kills: usize) -> Value {
     let mut dice = Dice(0x9e37_79b9_7f4a_7c15);
     for _ in 0..kills {
