@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use tokio::fs::{File, OpenOptions};
+
 use super::backup::{copy_blobs, refuse_used};
 use super::erasure_list::{ERASURE_LIST, extend_list, read_list};
 use super::{Finding, UpkeepError, UpkeepResult, check, recover};
@@ -47,7 +49,7 @@ pub async fn restore(
     let (from, files) = (Vault::open(backup).await?, Vault::open(to).await?);
     let path = to.join(database);
     let folder_error = |error: std::io::Error| UpkeepError::Target { folder: to.to_owned(), why: error.to_string() };
-    tokio::fs::copy(backup.join(database), &path).await.map_err(folder_error)?;
+    copy_private(&backup.join(database), &path).await.map_err(folder_error)?;
     let store = Store::open(&path, &StoreSettings::default(), clock).await?;
     let copied = copy_blobs(&store, &from, &files).await?;
     if let Some(hash) = copied.missing {
@@ -72,6 +74,14 @@ pub async fn restore(
     let (files, _) = store.blobs().total().await?;
     store.close().await;
     Ok(Restored { files, erased_again, kept })
+}
+
+/// Copies a file; only its owner may read the copy, whatever the permissions of the original.
+async fn copy_private(from: &Path, to: &Path) -> std::io::Result<()> {
+    let mut original = File::open(from).await?;
+    let mut copy = OpenOptions::new().write(true).create_new(true).mode(0o600).open(to).await?;
+    tokio::io::copy(&mut original, &mut copy).await?;
+    copy.sync_all().await
 }
 
 #[cfg(test)]
