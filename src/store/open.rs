@@ -2,21 +2,26 @@
 //!
 //! | function | for | schema |
 //! |---|---|---|
-//! | [`open_writer`] | the service | is created and migrated |
-//! | [`open_existing_writer`] | commands that change something | must be this program's |
-//! | [`open_unchanged`] | commands that only read | must be this program's |
+//! | [`Store::open`] | the service | is created and migrated |
+//! | [`Store::open_existing`] | commands that change something | must be this program's |
+//! | [`Store::open_read_only`] | commands that only read | must be this program's |
 
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicI64};
 use std::time::Duration;
 
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqlitePool};
 
-use super::StoreSettings;
+use super::disk_reserve::DiskReserve;
 use super::error::{StoreError, StoreResult};
 use super::schema_version::{migrate, require_current};
+use super::writer::Writer;
+use super::{Store, StoreInner, StoreSettings};
+use crate::time::SharedClock;
 
 /// In older versions, a checkpoint that races with a reset of the write-ahead log can corrupt the file.
 const MIN_SQLITE: (u32, u32, u32) = (3, 51, 3);
@@ -38,8 +43,81 @@ const SETTINGS: [(&str, i64); 5] = [
     ("PRAGMA temp_store", 2), // MEMORY
 ];
 
+impl Store {
+    /// Opens the database at this path, creates it if it is missing, and migrates its schema.
+    pub async fn open(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
+        let connection = open_writer(path, settings).await?;
+        let store = Self::with_writer(connection, path, settings, clock).await?;
+        store.restore_reserves().await;
+        Ok(store)
+    }
+
+    /// Opens a database that exists and has this program's schema, to change something while a service may use it.
+    ///
+    /// # Errors
+    /// The schema is another version's.
+    pub async fn open_existing(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
+        let connection = open_existing_writer(path, settings).await?;
+        Self::with_writer(connection, path, settings, clock).await
+    }
+
+    /// Opens a database that exists and has this program's schema, to read it without changing a byte of its folder.
+    /// At the end, [`Store::require_unchanged`] says whether the reads can be relied on.
+    ///
+    /// # Errors
+    /// The schema is another version's.
+    pub async fn open_read_only(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
+        let (readers, opened) = open_unchanged(path, settings).await?;
+        Ok(Self::with_parts(path, settings, clock, (readers, None, opened)))
+    }
+
+    async fn with_writer(
+        connection: SqliteConnection,
+        path: &Path,
+        settings: &StoreSettings,
+        clock: SharedClock,
+    ) -> StoreResult<Self> {
+        let readers = open_readers(path, settings).await?;
+        let writer = Writer::start(connection, settings.waiting_writes, settings.writes_per_commit)
+            .map_err(|error| StoreError::Unusable(format!("its writer thread cannot start: {error}")))?;
+        Ok(Self::with_parts(path, settings, clock, (readers, Some(writer), None)))
+    }
+
+    fn with_parts(
+        path: &Path,
+        settings: &StoreSettings,
+        clock: SharedClock,
+        (readers, writer, opened): (SqlitePool, Option<Writer>, Option<FileStamp>),
+    ) -> Self {
+        Self {
+            inner: Arc::new(StoreInner {
+                path: path.to_owned(),
+                readers,
+                writer,
+                opened,
+                clock,
+                settings: settings.clone(),
+                delete_reserve: DiskReserve::for_deletes(path),
+                sign_in_reserve: DiskReserve::for_sign_in(path),
+                has_erased_data: AtomicBool::new(true), // perhaps before the last restart
+                last_purged: AtomicI64::new(-1),
+            }),
+        }
+    }
+
+    /// Fails if the database was written while a store of [`Store::open_read_only`] read it without a lock.
+    pub fn require_unchanged(&self) -> StoreResult<()> {
+        match &self.inner.opened {
+            Some(opened) if FileStamp::of(&self.inner.path)? != *opened => Err(StoreError::Unusable(
+                "the service was started or the data changed during this command: run it again".to_owned(),
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Opens the writing connection, creates the database if it is missing, and migrates the schema.
-pub(super) async fn open_writer(path: &Path, settings: &StoreSettings) -> StoreResult<SqliteConnection> {
+async fn open_writer(path: &Path, settings: &StoreSettings) -> StoreResult<SqliteConnection> {
     let options = options(path, settings).create_if_missing(true).journal_mode(SqliteJournalMode::Wal);
     let mut connection = options.connect().await?;
     check_version(&mut connection).await?;
@@ -50,7 +128,7 @@ pub(super) async fn open_writer(path: &Path, settings: &StoreSettings) -> StoreR
 
 /// Opens the writing connection to a database that exists and has this program's schema. A service may use it, too:
 /// SQLite lets one of them write at a time, and the other one waits for `busy_timeout_ms`.
-pub(super) async fn open_existing_writer(path: &Path, settings: &StoreSettings) -> StoreResult<SqliteConnection> {
+async fn open_existing_writer(path: &Path, settings: &StoreSettings) -> StoreResult<SqliteConnection> {
     let mut connection = options(path, settings).connect().await?;
     require_current(&mut connection).await?;
     check_settings(&mut connection, settings).await?;
@@ -62,7 +140,7 @@ pub(super) async fn open_existing_writer(path: &Path, settings: &StoreSettings) 
 const READ_CACHE: &str = "-16384";
 
 /// Opens the pool of reading connections. They cannot write, even if a statement tries to.
-pub(super) async fn open_readers(path: &Path, settings: &StoreSettings) -> StoreResult<SqlitePool> {
+async fn open_readers(path: &Path, settings: &StoreSettings) -> StoreResult<SqlitePool> {
     let checked = settings.clone();
     let pool = SqlitePoolOptions::new()
         .max_connections(settings.readers)
@@ -101,10 +179,7 @@ impl FileStamp {
 /// open or was killed: then SQLite reads the index, or makes one in memory. If the log is empty or missing, the file
 /// itself is complete, and SQLite reads it without any lock. So that a change by a service that is started meanwhile does
 /// not pass unnoticed, the file's stamp is returned in that case.
-pub(super) async fn open_unchanged(
-    path: &Path,
-    settings: &StoreSettings,
-) -> StoreResult<(SqlitePool, Option<FileStamp>)> {
+async fn open_unchanged(path: &Path, settings: &StoreSettings) -> StoreResult<(SqlitePool, Option<FileStamp>)> {
     let bytes_of = |suffix| fs::metadata(with_suffix(path, suffix)).map(|found| found.len()).ok();
     let (parameter, stamp) = match (bytes_of("-wal"), bytes_of("-shm")) {
         (Some(_), Some(_)) => ("readonly_shm=1", None),
