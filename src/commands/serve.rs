@@ -1,7 +1,7 @@
 //! `trocar serve`: the whole service: HTTP, dashboard, queue and workers.
 //!
-//! The first start creates the data folder, the schema and an administrator, whose password stands in a file until it is
-//! changed; on a terminal it is printed as well. The start after an update copies the database, then adapts it. Every
+//! The first start creates the data folder, the schema and an administrator, whose password a file has until it is changed;
+//! a terminal shows it as well. The start after an update copies the database, then adapts it. Every
 //! start makes files and database consistent before it listens. SIGTERM and SIGINT end the service within
 //! ten seconds: open requests finish, partial uploads are kept, leases are released.
 
@@ -184,10 +184,7 @@ pub async fn start(
     refuse_backup(&settings.data)?;
     let vault = Vault::open(&settings.data).await.context("opening the data folder")?;
     let lock = vault.lock().await.with_context(|| format!("using {}", settings.data.display()))?;
-    let copied = upkeep::copy_before_update(&vault, &settings.database(), &settings.store).await;
-    if let Some(copy) = copied.context("preparing the update of the database")? {
-        tracing::info!(copy = %copy.display(), "database copied; now adapting it to this program");
-    }
+    upkeep::copy_before_update(&vault, &settings.database(), &settings.store).await.context("preparing the update")?;
     let store =
         Store::open(&settings.database(), &settings.store, clock.clone()).await.context("opening the database")?;
     let recovered = upkeep::recover(&store, &vault).await.context("recovering")?;

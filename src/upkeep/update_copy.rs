@@ -23,17 +23,13 @@ const PARTIAL: &str = "partial";
 const KEPT_MS: i64 = 30 * 86_400_000;
 
 /// Copies the database if [`Store::open`] would change its schema; the copy replaces an earlier one and is durable when
-/// this returns. Returns its path, or `None` if there is nothing to change. Call it with the folder locked.
+/// this returns. Call it with the folder locked.
 ///
 /// # Errors
 /// A newer program made the database, or the disk lacks the space. Nothing was changed.
-pub async fn copy_before_update(
-    vault: &Vault,
-    database: &Path,
-    settings: &StoreSettings,
-) -> UpkeepResult<Option<PathBuf>> {
+pub async fn copy_before_update(vault: &Vault, database: &Path, settings: &StoreSettings) -> UpkeepResult<()> {
     if !Store::must_migrate(database, settings).await? {
-        return Ok(None);
+        return Ok(());
     }
     let needed = space_for_update(database)?;
     let free = vault.free_bytes().await?;
@@ -57,7 +53,8 @@ pub async fn copy_before_update(
         File::open(vault.folder())?.sync_all()
     };
     finish().map_err(copy_error(&folder))?;
-    Ok(Some(copy))
+    tracing::info!(copy = %copy.display(), "database copied; now adapting it to this program");
+    Ok(())
 }
 
 /// Erases in the copy, if there is one, the people and recordings that are erased in the database.
@@ -125,4 +122,47 @@ fn space_for_update(database: &Path) -> UpkeepResult<u64> {
 fn copy_error(path: &Path) -> impl Fn(io::Error) -> UpkeepError {
     let path = path.to_owned();
     move |error| UpkeepError::UpdateCopy { path: path.clone(), why: error.to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::domain::scope::Scope;
+    use crate::domain::text::Key;
+    use crate::upkeep::clear_up;
+    use crate::upkeep::tests::UpkeepFixture;
+
+    /// A centre with a file in the place of the copy.
+    async fn with_copy(content: &[u8]) -> (UpkeepFixture, PathBuf) {
+        let bench = UpkeepFixture::new().await;
+        let copy = bench.vault.folder().join(UPDATE_COPY_FOLDER).join("trocar.db");
+        fs::create_dir(copy.parent().unwrap()).unwrap();
+        fs::write(&copy, content).unwrap();
+        (bench, copy)
+    }
+
+    #[tokio::test]
+    async fn a_copy_that_cannot_be_changed_is_deleted_with_the_next_erasure() {
+        let (bench, copy) = with_copy(b"no database, but perhaps the name of Ana").await;
+        let ana = bench.centre.trainee("Ana").await.id;
+        clear_up(&bench.centre.store, &bench.vault).await.unwrap();
+        assert!(copy.exists());
+        bench.centre.store.trainees().erase(&Scope::service(), &Key::from(&ana)).await.unwrap();
+        clear_up(&bench.centre.store, &bench.vault).await.unwrap();
+        assert!(!copy.exists());
+    }
+
+    #[tokio::test]
+    async fn a_copy_is_deleted_when_its_time_is_over() {
+        let (bench, copy) = with_copy(b"a copy").await;
+        let made_ms: i64 = 1_000_000_000;
+        let made = UNIX_EPOCH + Duration::from_millis(made_ms.unsigned_abs());
+        File::options().write(true).open(&copy).unwrap().set_modified(made).unwrap();
+        forget_old_update_copy(&bench.vault, made_ms + KEPT_MS).unwrap();
+        assert!(copy.exists());
+        forget_old_update_copy(&bench.vault, made_ms + KEPT_MS + 1).unwrap();
+        assert!(!copy.exists());
+    }
 }

@@ -46,7 +46,7 @@ pub async fn restore(
             read_list(&list)?
         }
     };
-    let (from, files) = (Vault::open(backup).await?, Vault::open(to).await?);
+    let (from, files) = (Vault::open_existing(backup), Vault::open(to).await?);
     let path = to.join(database);
     let folder_error = |error: std::io::Error| UpkeepError::Target { folder: to.to_owned(), why: error.to_string() };
     copy_private(&backup.join(database), &path).await.map_err(folder_error)?;
@@ -76,7 +76,7 @@ pub async fn restore(
     Ok(Restored { files, erased_again, kept })
 }
 
-/// Copies a file; only its owner may read the copy, whatever the permissions of the original.
+/// Copies a file. Only its owner may read the copy, even if others may read the original.
 async fn copy_private(from: &Path, to: &Path) -> std::io::Result<()> {
     let mut original = File::open(from).await?;
     let mut copy = OpenOptions::new().write(true).create_new(true).mode(0o600).open(to).await?;
