@@ -72,7 +72,8 @@ async fn an_old_data_folder_migrates_and_answers_as_before() {
     }
 }
 
-fn unpack(archive: &Path, folder: &Path) {
+/// Unpacks an archive into a folder.
+pub fn unpack(archive: &Path, folder: &Path) {
     let status = Command::new("tar").arg("-xzf").arg(archive).arg("-C").arg(folder).status().unwrap();
     assert!(status.success(), "tar -xzf {}", archive.display());
 }

@@ -7,7 +7,7 @@ mod courses;
 mod documents;
 mod edits;
 mod exchange;
-mod full_disk;
+pub mod full_disk;
 mod hostile;
 mod looks;
 mod models;
