@@ -1,8 +1,8 @@
 //! `trocar serve`: the whole service: HTTP, dashboard, queue and workers.
 //!
-//! The first start creates the data folder, the schema and an administrator, whose password a file has until it is changed;
-//! a terminal shows it as well. The start after an update copies the database, then adapts it. Every
-//! start makes files and database consistent before it listens. SIGTERM and SIGINT end the service within
+//! The first start creates the data folder, the schema and an administrator. A file has the password until it is
+//! changed; a terminal shows it as well. The start after an update copies the database, then adapts it. Every start makes
+//! files and database consistent before it listens. SIGTERM and SIGINT end the service within
 //! ten seconds: open requests finish, partial uploads are kept, leases are released.
 
 use std::io::{IsTerminal, Write};

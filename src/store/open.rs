@@ -177,8 +177,8 @@ impl FileStamp {
 ///
 /// With `mode=ro` alone, SQLite would create both files or write the index. If both exist, a service has the database
 /// open or was killed: then SQLite reads the index, or makes one in memory. If the log is empty or missing, the file
-/// itself is complete, and SQLite reads it without any lock. So that a change by a service that is started meanwhile does
-/// not pass unnoticed, the file's stamp is returned in that case.
+/// itself is complete, and SQLite reads it without any lock. The file's stamp is returned in that case, so that a change
+/// by a service that is started meanwhile does not pass unnoticed.
 async fn open_unchanged(path: &Path, settings: &StoreSettings) -> StoreResult<(SqlitePool, Option<FileStamp>)> {
     let bytes_of = |suffix| fs::metadata(with_suffix(path, suffix)).map(|found| found.len()).ok();
     let (parameter, stamp) = match (bytes_of("-wal"), bytes_of("-shm")) {

@@ -10,8 +10,8 @@ use crate::domain::job::JobKind;
 static MIGRATIONS: Migrator = sqlx::migrate!("./migrations");
 
 /// What an administrator does about a database of a newer program.
-const NEWER: &str = "a newer version of this program has changed it: install the newer version again, or go back to the \
-                     copy made before the update (docs/operations.md, Update)";
+const NEWER: &str = "a newer version of this program has changed it: install the newer version again, or go back to \
+                     the copy made before the update (docs/operations.md, Update)";
 
 /// How a database's schema compares with this program's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

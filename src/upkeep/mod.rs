@@ -167,8 +167,8 @@ pub async fn clear_up(store: &Store, vault: &Vault) -> UpkeepResult<()> {
     steps.finish(())
 }
 
-/// Removes erased data from the write-ahead log and from the copy before the last update, and the files of passwords that
-/// were changed. A step that fails stops no other.
+/// Removes erased data from the write-ahead log and from the copy before the last update, and the files of passwords
+/// that were changed. A step that fails stops no other.
 ///
 /// # Errors
 /// The first failure.

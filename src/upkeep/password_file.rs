@@ -1,8 +1,8 @@
 //! Files with the passwords that the program chose for an account at its first start.
 //!
 //! Such a password is needed once, and a terminal may not be there to show it: the log of a service manager or of a
-//! container keeps what it reads. So a file has the password, and only its owner may read it. The file also has the stored
-//! hash: once no account has it any more, the password was changed, and the file is deleted.
+//! container keeps what it reads. So a file has the password, and only its owner may read it. The file also has the
+//! stored hash: once no account has it any more, the password was changed, and the file is deleted.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};

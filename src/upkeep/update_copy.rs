@@ -18,8 +18,8 @@ use crate::vault::Vault;
 pub const UPDATE_COPY_FOLDER: &str = "before-update";
 /// File name of a copy that is being made.
 const PARTIAL: &str = "partial";
-/// Time for which a copy is kept, ms: a centre that has worked with the new program for a month would lose more by going
-/// back than by waiting for a correction.
+/// Time for which a copy is kept, ms: a centre that has worked with the new program for a month would lose more by
+/// going back than by waiting for a correction.
 const KEPT_MS: i64 = 30 * 86_400_000;
 
 /// Copies the database if [`Store::open`] would change its schema; the copy replaces an earlier one and is durable when
@@ -65,7 +65,7 @@ pub(super) async fn erase_in_update_copy(store: &Store, vault: &Vault) -> Upkeep
         return Ok(());
     }
     if let Err(error) = Store::erase_in_copy(&copy, &erasures).await {
-        tracing::warn!(%error, copy = %copy.display(), "erased people could not be removed from the copy; copy deleted");
+        tracing::warn!(%error, copy = %copy.display(), "erased people not removed from the copy; copy deleted");
         remove_copy(vault)?;
     }
     Ok(())
