@@ -99,6 +99,11 @@ foreign-clients: release test-packages ## upload 500 MB with tus-js-client and t
 	@$(call install,python3-venv)
 	tests/clients/run.py $(RELEASE)
 
+.PHONY: fuzz
+fuzz: release test-packages ## make requests from the OpenAPI document, as every role; FUZZ="--seconds 20" for a short run
+	@$(call install,python3-venv)
+	tests/fuzz/run.py $(RELEASE) $(FUZZ)
+
 .PHONY: kills
 kills: test-packages ## kill the service and its child processes 50 times each, during uploads and jobs
 	TROCAR_KILLS=50 cargo test --locked --test integration faults -- --nocapture
@@ -128,6 +133,10 @@ power-cuts: test-packages ## simulate 20 power cuts during uploads and jobs, on 
 .PHONY: slow-clients
 slow-clients: test-packages ## connect a thousand slow clients and a quick one; measure its 99th percentile and the service's memory
 	cargo test --locked --test integration slow_clients -- --ignored --nocapture
+
+.PHONY: morning-load
+morning-load: release test-packages ## a class signs in, 200 browsers show Live, 50 uploads and 1,000 slow clients: times of reading, memory
+	TROCAR_PROGRAM=$(abspath $(RELEASE)) cargo test --locked --test integration a_busy_morning -- --ignored --nocapture
 
 .PHONY: surroundings
 surroundings: test-packages ## tell ten other boxes from ten nudged ones, on the clips that set the limit

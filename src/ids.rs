@@ -58,6 +58,8 @@ ids! {
     GroupId;
     /// An access token of a program.
     TokenId;
+    /// A link for choosing a password.
+    PasswordLinkId;
     /// A box trainer with its camera.
     BoxId;
     /// One version of a box's camera calibration.

@@ -20,6 +20,7 @@ use serde::Deserialize;
 use toml::{Table, Value};
 
 use crate::analysis::AnalysisSettings;
+use crate::domain::rights::RightsSettings;
 use crate::http::settings::HttpSettings;
 use crate::intake::UploadSettings;
 use crate::live::LiveSettings;
@@ -44,6 +45,8 @@ pub struct Settings {
     pub queue: QueueSettings,
     /// Connections, requests and sign-ins.
     pub http: HttpSettings,
+    /// What instructors may do beyond their own groups.
+    pub rights: RightsSettings,
     /// Child processes that decode and track.
     pub analysis: AnalysisSettings,
     /// Uploads of recordings.
@@ -76,6 +79,7 @@ impl Default for Settings {
             store: StoreSettings::default(),
             queue: QueueSettings::default(),
             http: HttpSettings::default(),
+            rights: RightsSettings::default(),
             analysis: AnalysisSettings::default(),
             uploads: UploadSettings::default(),
             live: LiveSettings::default(),

@@ -171,6 +171,18 @@ export const api = {
   },
 
   people: resource('people'),
+  /** Links for choosing a password without the old one. */
+  passwordLinks: {
+    all: () => fetchAll(['password-links']),
+    /** @param {string} person */
+    create: person => request('POST', ['password-links'], { json: { person } }),
+    /** @param {string} id */
+    withdraw: id => request('DELETE', ['password-links', id]),
+    /** Whose password the link sets. @param {string} secret @param {AbortSignal} [signal] */
+    open: (secret, signal) => request('POST', ['password-links', 'open'], { json: { secret }, signal }),
+    /** @param {string} secret @param {string} fresh */
+    use: (secret, fresh) => request('POST', ['password-links', 'use'], { json: { secret, new: fresh } }),
+  },
   groups: {
     ...resource('groups'),
     /**

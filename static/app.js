@@ -5,7 +5,7 @@ import { api, onSignedOut } from './api.js';
 import { asProblem } from './data.js';
 import { startLive, stopLive } from './live.js';
 import { may } from './roles.js';
-import { currentRoute, go, href, useRoute } from './router.js';
+import { currentRoute, go, href, replace, useRoute } from './router.js';
 import { matchPage } from './routes.js';
 import { t } from './texts.js';
 import { Empty, Loading, ProblemNotice } from './parts/page/notice.js';
@@ -43,10 +43,21 @@ function isLoaded(link) {
   }
 }
 
+/** The address of a link for a password; the secret follows after `#`, which browsers do not send. */
+const PASSWORD_LINK = 'choose-password';
+
+/** The secret in the address of a link for a password, empty if it is missing there; null at other addresses. */
+const secretInAddress = () => (currentRoute().path.join('/') === PASSWORD_LINK ? location.hash.slice(1) : null);
+
+const loadPasswordByLink = () => import('./pages/choose_password.js').then(module => module.PasswordByLink);
+const loadFirstPassword = () => import('./pages/choose_password.js').then(module => module.FirstPassword);
+
 function App() {
   const [person, setPerson] = useState(undefined); // undefined: not known yet; null: not signed in
   const [problem, setProblem] = useState(null);
   const [expired, setExpired] = useState(false);
+  const [linkSecret, setLinkSecret] = useState(secretInAddress);
+  const [typedPassword, setTypedPassword] = useState(''); // only until it is changed
 
   const loadPerson = () =>
     api.me().then(setPerson, error => (error.status === 401 ? setPerson(null) : setProblem(asProblem(error))));
@@ -61,27 +72,59 @@ function App() {
       ),
     [],
   );
+  const isAdmitted = Boolean(person && !person.must_change_password);
   useEffect(() => {
-    if (!person) return undefined;
+    if (!isAdmitted) return undefined;
     startLive(person.id);
     return stopLive;
-  }, [person?.id]);
+  }, [person?.id, isAdmitted]);
+  useEffect(() => {
+    const change = () => setLinkSecret(secretInAddress());
+    addEventListener('hashchange', change);
+    return () => removeEventListener('hashchange', change);
+  }, []);
 
+  const enter = signedIn => {
+    setTypedPassword('');
+    setPerson(signedIn);
+  };
+  if (linkSecret !== null) {
+    const leave = signedIn => {
+      replace([]);
+      setLinkSecret(null);
+      if (signedIn) enter(signedIn);
+    };
+    return html`<${Gate} key=${linkSecret} load=${loadPasswordByLink} secret=${linkSecret} onDone=${leave} />`;
+  }
   if (problem) {
     const retry = () => (setProblem(null), loadPerson());
     return html`<main class="gate"><${ProblemNotice} problem=${problem} onRetry=${retry} /></main>`;
   }
   if (person === undefined) return html`<header class="top"><a class="brand" href=${href([])}><${Brand} />${t.product}</a></header>`;
-  if (!person) return html`<${SignIn} expired=${expired} onSignedIn=${setPerson} />`;
+  const welcome = (signedIn, password) => {
+    if (signedIn.must_change_password) setTypedPassword(password);
+    setPerson(signedIn);
+  };
+  if (!person) return html`<${SignIn} expired=${expired} onSignedIn=${welcome} />`;
   const signOut = async () => {
     if (currentRecording) (await import('./record/recorder.js')).discardRecording();
     await import('./parts/recording/uploads.js').then(({ forgetUploads }) => forgetUploads(person.id), () => {});
     await api.signOut().catch(() => {}); // Signed out on this page in any case; the cookie expires by itself.
     setExpired(false);
-    setPerson(null);
+    enter(null);
     go([]);
   };
+  if (!isAdmitted)
+    return html`<${Gate} load=${loadFirstPassword} person=${person} typed=${typedPassword} onDone=${enter} onSignOut=${signOut} />`;
   return html`<${Page} person=${person} onSignOut=${signOut} />`;
+}
+
+/** A page outside the shell. `load` returns its component; the other properties are the page's. @param {Props} props */
+function Gate({ load, ...props }) {
+  const [{ Show, problem }, setLoaded] = useState(/** @type {{ problem?: Problem, Show?: any }} */ ({}));
+  useEffect(() => void load().then(component => setLoaded({ Show: component }), error => setLoaded({ problem: asProblem(error) })), []);
+  if (Show) return html`<${Show} ...${props} />`;
+  return html`<main class="gate"><${ProblemNotice} problem=${problem} onRetry=${() => location.reload()} /></main>`;
 }
 
 /** @param {Props} props */

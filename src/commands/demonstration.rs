@@ -17,6 +17,7 @@ use crate::domain::calibration::BoardSize;
 use crate::domain::course::NewCourse;
 use crate::domain::files::annotations::{AnnotationsFile, View as FileView};
 use crate::domain::job::{CalibrateInput, JobInput, JobState, NamedBlob, PaletteInput, SelfTestInput};
+use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
@@ -124,6 +125,7 @@ impl DemonstrationBuilder {
             name: "Demonstration instructor".parse()?,
             role: Role::Instructor,
             password: hash,
+            password_state: PasswordState::Own, // anyone may try the demonstration with it
             trainee: None,
         };
         let instructor = self.store.people().create(&service, instructor).await?;
@@ -141,7 +143,8 @@ impl DemonstrationBuilder {
         self.store.groups().set_members(&service, group.id, members).await?;
         for (scenario, name, description) in TASKS {
             let (code, description) = (Some(scenario.name().parse()?), Some(description.parse()?));
-            self.store.tasks().create(&service, NewTask { name: name.parse()?, code, description }).await?;
+            let new = NewTask { name: name.parse()?, code, description, groups: Some(vec![group.id]) };
+            self.store.tasks().create(&service, new).await?;
         }
         self.set_standard().await?;
         self.follow_course(group.id).await?;
@@ -151,6 +154,7 @@ impl DemonstrationBuilder {
             code: Some(BOX_CODE.parse()?),
             view: Some(FileView::Top),
             notes: Some(notes),
+            groups: Some(vec![group.id]),
         };
         self.store.boxes().create(&service, simulated).await?; // last: `is_registered` looks for the box
         Ok(Some(password))
@@ -171,6 +175,7 @@ impl DemonstrationBuilder {
     async fn follow_course(&self, group: GroupId) -> anyhow::Result<()> {
         let service = Scope::service();
         let new: NewCourse = serde_json::from_str(COURSE)?;
+        let new = NewCourse { groups: Some(vec![group]), ..new };
         let course = self.store.courses().create(&service, new.checked()?).await?;
         let begins = Day::of(self.clock.now_ms() - COURSE_BEGAN_MS);
         Ok(self.store.courses().follow(&service, group, course.id, begins).await?)

@@ -21,6 +21,7 @@ use super::demonstration::{self, DemonstrationBuilder};
 use super::{CommandFailure, restrict_new_files_to_owner};
 use crate::analysis::{AnalysisSettings, QuickAnalysis, WorkerPool};
 use crate::cohorts::Cohorts;
+use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
@@ -98,7 +99,8 @@ pub fn run(args: ServeArgs) -> Result<(), CommandFailure> {
 fn start_log(filter: &str, json: bool) -> Result<(), CommandFailure> {
     let filter =
         EnvFilter::try_new(filter).with_context(|| format!("--log {filter}")).map_err(CommandFailure::input)?;
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    let on_a_terminal = std::io::stderr().is_terminal();
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(on_a_terminal).with_writer(std::io::stderr);
     if json {
         log.json().init()
     } else {
@@ -219,6 +221,7 @@ pub async fn start(
         watcher_slots: ConnectionSlots::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
         metrics: metrics().context("starting the metrics")?,
         settings: settings.http.clone(),
+        rights: settings.rights,
         service_info: service_info(&settings, clock.now_ms()),
         shutdown: shutdown.clone(),
         cohorts: Cohorts::new(store.clone(), clock.clone()),
@@ -254,7 +257,8 @@ pub(super) fn refuse_backup(data: &Path) -> anyhow::Result<()> {
     let shown = data.display();
     anyhow::ensure!(
         !data.join(BACKUP_MARK).exists(),
-        "`{shown}` is a backup; to run it, restore it first: trocar admin restore {shown} --data NEW-FOLDER"
+        "`{shown}` is a backup, or a folder whose restoring was interrupted. A backup: restore it into a new folder with \
+         `trocar admin restore {shown} --data NEW-FOLDER`. An interrupted one: delete it and restore again"
     );
     Ok(())
 }
@@ -347,6 +351,7 @@ async fn make_first_administrator(store: &Store, data: &Path, password: &Passwor
         name: "Administrator".parse()?,
         role: Role::Administrator,
         password: hash,
+        password_state: PasswordState::ChangeInBrowser,
         trainee: None,
     };
     store.people().create(&Scope::service(), administrator).await?;

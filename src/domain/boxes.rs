@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::files::annotations::{MarkedTool, Side, View};
 use super::text::{Code, Name, Paragraphs};
+use crate::ids::GroupId;
 
 /// A box to be registered.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -17,6 +18,9 @@ pub struct NewBox {
     pub view: Option<View>,
     /// Free notes.
     pub notes: Option<Paragraphs>,
+    /// The groups whose instructors may change it. Absent: all groups of the instructor who registers it; for an
+    /// administrator none, so that only administrators may change it.
+    pub groups: Option<Vec<GroupId>>,
 }
 
 /// Changes to a box; absent fields stay as they are.
@@ -31,6 +35,8 @@ pub struct BoxChange {
     pub view: Option<View>,
     /// New notes.
     pub notes: Option<Paragraphs>,
+    /// The groups whose instructors may change it. An instructor names own groups, at least one; other groups stay.
+    pub groups: Option<Vec<GroupId>>,
 }
 
 /// A tool of a box.

@@ -6,6 +6,7 @@
 use serde::Deserialize;
 
 use super::text::{Invalid, Key, Name};
+use crate::ids::GroupId;
 
 /// Maximum number of steps of a plan: a longer table is unreadable.
 pub const MAX_STEPS: usize = 40;
@@ -22,6 +23,9 @@ pub struct NewCourse {
     pub name: Name,
     /// Its steps in their order, 1 to 40.
     pub steps: Vec<NewStep>,
+    /// The groups whose instructors may change the plan. Absent in a new plan: all groups of the instructor who makes
+    /// it; for an administrator none, so that only administrators may change it. Absent in a changed plan: as before.
+    pub groups: Option<Vec<GroupId>>,
 }
 
 /// A step of a course plan.

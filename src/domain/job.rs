@@ -282,6 +282,18 @@ impl JobFacts {
 }
 
 impl JobInput {
+    /// The box that gets another camera or other colours from this job.
+    pub fn changed_box(&self) -> Option<BoxId> {
+        match self {
+            JobInput::Calibrate(CalibrateInput { of, .. }) | JobInput::Palette(PaletteInput { of, .. }) => Some(*of),
+            JobInput::Track(_)
+            | JobInput::Import(_)
+            | JobInput::Rescore(_)
+            | JobInput::Advise(_)
+            | JobInput::SelfTest(_) => None,
+        }
+    }
+
     /// What the queue needs to know about a job with this input.
     pub fn facts(&self) -> JobFacts {
         match self {

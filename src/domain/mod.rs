@@ -5,7 +5,9 @@
 //! | [`text`] | names, codes, keys, file names: text with limits |
 //! | [`role`] | roles of users and agents |
 //! | [`scope`] | what a user or agent may see and change |
+//! | [`rights`] | what instructors may do beyond their own groups |
 //! | [`secret`] | tokens, cookies and passwords, and their stored hashes |
+//! | [`password_state`] | who chose a password, and who must change it |
 //! | [`boxes`] | a box trainer: its camera's viewpoint and its tools |
 //! | [`trainee`] | level and handedness |
 //! | [`enrolment`] | a list of trainees to enrol, checked row by row |
@@ -55,10 +57,12 @@ pub mod feed;
 pub mod files;
 pub mod job;
 pub mod palette;
+pub mod password_state;
 pub mod photo_check;
 pub mod problem;
 pub mod rating;
 pub mod rescoring;
+pub mod rights;
 pub mod role;
 pub mod scope;
 pub mod secret;

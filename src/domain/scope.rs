@@ -6,14 +6,16 @@
 
 use std::fmt;
 
+use super::rights::RightsSettings;
 use super::role::Role;
-use crate::ids::{BoxId, PersonId, TraineeId};
+use crate::ids::{BoxId, GroupId, PersonId, TraineeId};
 
 /// The right to see and change some of the centre's data.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Scope {
     reach: ScopeReach,
     actor: Actor,
+    rights: RightsSettings,
 }
 
 /// The data that a scope covers.
@@ -49,27 +51,36 @@ impl fmt::Display for Actor {
 impl Scope {
     /// An administrator: everything.
     pub fn administrator(person: PersonId) -> Self {
-        Self { reach: ScopeReach::Everything, actor: Actor::Person(person) }
+        Self::new(ScopeReach::Everything, Actor::Person(person))
     }
 
     /// An instructor: the trainees of their groups; boxes and tasks.
     pub fn instructor(person: PersonId) -> Self {
-        Self { reach: ScopeReach::InstructorGroups(person), actor: Actor::Person(person) }
+        Self::new(ScopeReach::InstructorGroups(person), Actor::Person(person))
     }
 
     /// A trainee: themselves; boxes and tasks.
     pub fn trainee(person: PersonId, trainee: TraineeId) -> Self {
-        Self { reach: ScopeReach::Trainee(trainee), actor: Actor::Person(person) }
+        Self::new(ScopeReach::Trainee(trainee), Actor::Person(person))
     }
 
     /// The agent at a box: that box.
     pub fn agent(of: BoxId) -> Self {
-        Self { reach: ScopeReach::Box(of), actor: Actor::Agent(of) }
+        Self::new(ScopeReach::Box(of), Actor::Agent(of))
     }
 
     /// The service itself: workers, recovery, the command line on the machine.
     pub fn service() -> Self {
-        Self { reach: ScopeReach::Everything, actor: Actor::Service }
+        Self::new(ScopeReach::Everything, Actor::Service)
+    }
+
+    fn new(reach: ScopeReach, actor: Actor) -> Self {
+        Self { reach, actor, rights: RightsSettings::default() }
+    }
+
+    /// The same scope with what the settings allow instructors.
+    pub fn with_rights(self, rights: RightsSettings) -> Self {
+        Self { rights, ..self }
     }
 
     /// The role whose rights this scope carries.
@@ -124,8 +135,32 @@ impl Scope {
         self.reach == ScopeReach::Everything
     }
 
-    /// True if the caller may change and erase boxes, tasks and trainees.
+    /// True if the caller is an administrator or an instructor.
     pub fn is_staff(&self) -> bool {
         matches!(self.reach, ScopeReach::Everything | ScopeReach::InstructorGroups(_))
+    }
+
+    /// True if the caller may change a box, a task or a course plan. `owners` are those of its groups that the scope
+    /// sees.
+    pub fn may_change(&self, owners: &[GroupId]) -> bool {
+        match self.reach {
+            ScopeReach::Everything => true,
+            ScopeReach::InstructorGroups(_) => self.rights.instructors_edit_all || !owners.is_empty(),
+            ScopeReach::Trainee(_) | ScopeReach::Box(_) => false,
+        }
+    }
+
+    /// True if the caller may erase a trainee that the scope sees.
+    pub fn may_erase_trainee(&self, is_in_several_groups: bool) -> bool {
+        match self.reach {
+            ScopeReach::Everything => true,
+            ScopeReach::InstructorGroups(_) => self.rights.instructors_erase_shared || !is_in_several_groups,
+            ScopeReach::Trainee(_) | ScopeReach::Box(_) => false,
+        }
+    }
+
+    /// True if the caller may make boxes, tasks and course plans that no group owns.
+    pub fn may_make_unowned(&self) -> bool {
+        self.may_change(&[])
     }
 }

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::text::{Code, Name, Paragraphs};
+use crate::ids::GroupId;
 
 /// A task to be registered.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -14,6 +15,9 @@ pub struct NewTask {
     pub code: Option<Code>,
     /// Instructions for trainees.
     pub description: Option<Paragraphs>,
+    /// The groups whose instructors may change it. Absent: all groups of the instructor who registers it; for an
+    /// administrator none, so that only administrators may change it.
+    pub groups: Option<Vec<GroupId>>,
 }
 
 /// Changes to a task; absent fields stay as they are.
@@ -26,4 +30,6 @@ pub struct TaskChange {
     pub code: Option<Code>,
     /// New description.
     pub description: Option<Paragraphs>,
+    /// The groups whose instructors may change it. An instructor names own groups, at least one; other groups stay.
+    pub groups: Option<Vec<GroupId>>,
 }

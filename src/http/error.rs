@@ -36,8 +36,10 @@ pub enum Refusal {
     NotSignedIn,
     /// Unknown login or wrong password; the answer does not reveal which.
     WrongCredentials,
-    /// The caller's role may not do this.
+    /// The caller may not do this: their role, or their groups, do not allow it.
     Forbidden,
+    /// The caller must choose another password before anything else.
+    PasswordChangeRequired,
     /// A page of another site requested a change.
     ForeignOrigin,
     /// The resource does not exist, or the caller may not see it.
@@ -85,11 +87,12 @@ pub enum Refusal {
 }
 
 /// Every refusal with the slug of its `type`, its title and its status.
-pub const REFUSALS: [(Refusal, &str, &str, u16); 26] = [
+pub const REFUSALS: [(Refusal, &str, &str, u16); 27] = [
     (Refusal::BadRequest, "bad-request", "The request cannot be read", 400),
     (Refusal::NotSignedIn, "not-signed-in", "Sign in first", 401),
     (Refusal::WrongCredentials, "wrong-credentials", "Login or password is wrong", 401),
-    (Refusal::Forbidden, "forbidden", "Your role does not allow this", 403),
+    (Refusal::Forbidden, "forbidden", "You may not do this", 403),
+    (Refusal::PasswordChangeRequired, "password-change-required", "Choose a password of your own first", 403),
     (Refusal::ForeignOrigin, "foreign-origin", "The request comes from another site's page", 403),
     (Refusal::NotFound, "not-found", "Not found", 404),
     (Refusal::MethodNotAllowed, "method-not-allowed", "This address has no such method", 405),
@@ -118,7 +121,7 @@ impl Refusal {
     /// Slug, title and status of this refusal.
     pub fn row(self) -> (&'static str, &'static str, StatusCode) {
         // Tests check that every variant has a row, and every row a valid status.
-        let row = REFUSALS.iter().find(|row| row.0 == self).unwrap_or(&REFUSALS[23]);
+        let row = REFUSALS.iter().find(|row| row.0 == self).unwrap_or(&REFUSALS[24]);
         (row.1, row.2, StatusCode::from_u16(row.3).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR))
     }
 

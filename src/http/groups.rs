@@ -133,9 +133,9 @@ pub async fn progress(
         app.cohorts.group_table(&by.scope, at.id()?, asked).await?;
     Ok(Json(GroupProgress {
         group: group.into(),
-        task: task.into(),
+        task: TaskResponse::new(task, &by.scope),
         standard: standard.map(|standard| StandardResponse::new(standard, &by.scope)),
-        trainees: trainees.into_iter().map(TraineeResponse::from).collect(),
+        trainees: trainees.into_iter().map(|trainee| TraineeResponse::new(trainee, &by.scope)).collect(),
         table,
     }))
 }

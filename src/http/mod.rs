@@ -42,6 +42,7 @@ pub mod jobs;
 pub mod observe;
 pub mod openapi;
 pub mod pace;
+pub mod password_links;
 pub mod people;
 pub mod protect;
 mod push;

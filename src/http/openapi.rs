@@ -82,7 +82,7 @@ fn complete_operation(operation: &mut Operation, path: &str) {
     if path.contains("/uploads") {
         refusals.extend([410, 412, 423, 460]);
     }
-    if path.ends_with("/feed.ts") {
+    if path.ends_with("/feed.ts") || path.ends_with("/password-links/open") || path.ends_with("/password-links/use") {
         refusals.push(410);
     }
     for status in refusals {

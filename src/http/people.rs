@@ -6,11 +6,12 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::auth::password;
-use super::auth::signed_in::{Administrator, SignedIn};
+use super::auth::signed_in::{Administrator, Identified};
 use super::error::{HandlerResult, ProblemResponse};
 use super::read::{Json, Params, PathKey, reference_problem};
 use super::show::{Created, PageResponse, Paging, Time};
 use super::state::App;
+use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::scope::Actor;
 use crate::domain::secret::Password;
@@ -27,13 +28,16 @@ pub struct PersonResponse {
     role: Role,
     /// The trainee whose account this is; `null` for staff.
     trainee: Option<TraineeId>,
+    /// Who chose the password, and whether it must be changed.
+    password: PasswordState,
     created_at: Time,
 }
 
 impl From<store::PersonRecord> for PersonResponse {
     fn from(person: store::PersonRecord) -> Self {
-        let store::PersonRecord { id, login, name, role, trainee_id, created_at_ms } = person;
-        Self { id, login, name, role, trainee: trainee_id, created_at: Time(created_at_ms) }
+        let store::PersonRecord { id, login, name, role, trainee_id, password_state, created_at_ms } = person;
+        let (password, created_at) = (password_state, Time(created_at_ms));
+        Self { id, login, name, role, trainee: trainee_id, password, created_at }
     }
 }
 
@@ -58,9 +62,12 @@ pub struct NewPersonRequest {
     name: Name,
     /// `administrator`, `instructor` or `trainee`. The agent of a box gets a token instead of an account.
     role: Role,
-    /// 10 to 256 bytes.
+    /// 10 to 256 bytes. Without it, the person chooses one with a link (`password-links`), and cannot sign in before.
     #[schema(format = Password, min_length = 10, max_length = 256)]
-    password: String,
+    password: Option<String>,
+    /// With a password: the person must change it at the first sign-in, before anything else.
+    #[serde(default)]
+    must_change_password: bool,
     /// The trainee whose account it is, by id or code: required for the role `trainee`, not allowed for others.
     trainee: Option<Key>,
     /// The groups that the new instructor teaches.
@@ -77,15 +84,32 @@ pub async fn create(
     Json(new): Json<NewPersonRequest>,
 ) -> HandlerResult<Created<PersonResponse>> {
     let (trainee, groups) = resolve_references(&app, &by, &new).await?;
-    let NewPersonRequest { login, name, role, password, .. } = new;
-    let password = password::hash(Password::new(password)?).await?;
-    let new = store::NewPerson { login, name, role, password, trainee };
+    let NewPersonRequest { login, name, role, password, must_change_password, .. } = new;
+    refuse_demand_without_password(must_change_password, password.as_deref())?;
+    let (password, password_state) = match password {
+        Some(chosen) => (password::hash(Password::new(chosen)?).await?, state_of(must_change_password)),
+        None => (password::unmatchable().await?, PasswordState::Missing),
+    };
+    let new = store::NewPerson { login, name, role, password, password_state, trainee };
     let person = app.store.people().create(&by.scope, new).await?;
     for mut group in groups {
         group.members.instructors.push(person.id);
         app.store.groups().set_members(&by.scope, group.id, group.members).await?;
     }
     Ok(Created { location: format!("/api/v1/people/{}", person.id), made: person.into() })
+}
+
+/// Refuses to let a password be changed that the same request does not set.
+fn refuse_demand_without_password(must_change_password: bool, password: Option<&str>) -> HandlerResult<()> {
+    if must_change_password && password.is_none() {
+        return Err(ProblemResponse::invalid("must_change_password", "is allowed only together with `password`"));
+    }
+    Ok(())
+}
+
+/// The state of a password that an administrator sets.
+fn state_of(must_change_password: bool) -> PasswordState {
+    if must_change_password { PasswordState::ChangeRequired } else { PasswordState::Own }
 }
 
 /// The trainee and the groups that a new account refers to. All must exist before anything is created.
@@ -125,6 +149,9 @@ pub struct PersonChangeRequest {
     /// A new password, 10 to 256 bytes. It signs the account out in every browser.
     #[schema(format = Password, min_length = 10, max_length = 256)]
     password: Option<String>,
+    /// With a password: the person must change it at the next sign-in, before anything else.
+    #[serde(default)]
+    must_change_password: bool,
     /// Keep the account's tokens when its password changes. Otherwise they are withdrawn.
     #[serde(default)]
     keep_tokens: bool,
@@ -139,11 +166,14 @@ pub async fn change(
     at: PathKey,
     Json(change): Json<PersonChangeRequest>,
 ) -> HandlerResult<Json<PersonResponse>> {
-    let PersonChangeRequest { login, name, role, password, keep_tokens } = change;
+    let PersonChangeRequest { login, name, role, password, must_change_password, keep_tokens } = change;
+    refuse_demand_without_password(must_change_password, password.as_deref())?;
     let (id, password) = (at.id()?, password.map(Password::new).transpose()?);
-    let person = app.store.people().change(&by.scope, id, PersonChange { login, name, role }).await?;
+    let mut person = app.store.people().change(&by.scope, id, PersonChange { login, name, role }).await?;
     if let Some(password) = password {
-        app.store.people().set_password(&by.scope, id, password::hash(password).await?, keep_tokens).await?;
+        person.password_state = state_of(must_change_password);
+        let new = (password::hash(password).await?, person.password_state);
+        app.store.people().set_password(&by.scope, id, new, keep_tokens).await?;
         app.throttle.forget(&person.login);
     }
     Ok(Json(person.into()))
@@ -173,18 +203,26 @@ pub struct Me {
     /// The agent's box; `null` for people.
     #[serde(rename = "box")]
     of_box: Option<BoxId>,
+    /// True if this sign-in may only change the password: every other request is refused as
+    /// `password-change-required`.
+    must_change_password: bool,
 }
 
 /// Read the own account
 #[utoipa::path(get, path = "/me", tag = "sign-in", responses((status = OK, body = Me)))]
-pub async fn me(State(app): State<App>, by: SignedIn) -> HandlerResult<Json<Me>> {
-    let role = by.scope.role();
-    let me = match by.scope.actor() {
+pub async fn me(State(app): State<App>, by: Identified) -> HandlerResult<Json<Me>> {
+    let Identified { scope, must_change_password } = by;
+    let role = scope.role();
+    let me = match scope.actor() {
         Actor::Person(id) => {
-            let store::PersonRecord { id, login, name, trainee_id, .. } = app.store.people().get(&by.scope, id).await?;
-            Me { id: Some(id), login: Some(login), name: Some(name), role, trainee: trainee_id, of_box: None }
+            let store::PersonRecord { id, login, name, trainee_id, .. } = app.store.people().get(&scope, id).await?;
+            let (id, login, name) = (Some(id), Some(login), Some(name));
+            Me { id, login, name, role, trainee: trainee_id, of_box: None, must_change_password }
         }
-        Actor::Agent(of) => Me { id: None, login: None, name: None, role, trainee: None, of_box: Some(of) },
+        Actor::Agent(of) => {
+            let (id, login, name, trainee) = (None, None, None, None);
+            Me { id, login, name, role, trainee, of_box: Some(of), must_change_password }
+        }
         Actor::Service => return Err(ProblemResponse::not_found()),
     };
     Ok(Json(me))

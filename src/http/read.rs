@@ -152,6 +152,15 @@ pub fn reference_problem(field: &'static str) -> impl FnOnce(StoreError) -> Prob
     }
 }
 
+/// Like [`StoreError`] itself, except that a missing group is a mistake in the body's `groups` (422), not in the address
+/// (404).
+pub fn owners_problem(error: StoreError) -> ProblemResponse {
+    match error {
+        StoreError::NotFound { what: "groups" } => unknown_reference("groups", "group"),
+        other => other.into(),
+    }
+}
+
 /// The body's length, if the request states it.
 pub fn content_length(headers: &HeaderMap) -> Option<u64> {
     headers.get(header::CONTENT_LENGTH)?.to_str().ok()?.parse().ok()

@@ -15,8 +15,8 @@ use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{account, attention, service};
 use super::{
-    boxes, cohorts, courses, dashboard, docs, events, features, feed, groups, health, jobs, observe, people, protect,
-    push, replaced_routes, rescorings, sessions, tasks, tokens,
+    boxes, cohorts, courses, dashboard, docs, events, features, feed, groups, health, jobs, observe, password_links,
+    people, protect, push, replaced_routes, rescorings, sessions, tasks, tokens,
 };
 use super::{error, openapi, trainees, uploads};
 
@@ -50,6 +50,10 @@ fn account_routes() -> OpenApiRouter<App> {
         .routes(routes!(account::delete_token))
         .routes(routes!(people::list, people::create))
         .routes(routes!(people::change, people::delete))
+        .routes(routes!(password_links::list, password_links::create))
+        .routes(routes!(password_links::open))
+        .routes(routes!(password_links::use_link))
+        .routes(routes!(password_links::withdraw))
         .routes(routes!(tokens::list, tokens::create))
         .routes(routes!(tokens::delete))
 }

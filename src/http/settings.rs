@@ -34,6 +34,8 @@ pub struct HttpSettings {
     pub idle_min: u64,
     /// Hours after which a sign-in ends in any case.
     pub sign_in_h: u64,
+    /// Hours after which a link for a password expires.
+    pub password_link_h: u64,
     /// Failed sign-ins of a login before the next attempt has to wait. One network address may fail twelve times as
     /// often a minute.
     #[serde(alias = "attempts_per_min")]
@@ -45,7 +47,8 @@ pub struct HttpSettings {
     pub trusted_proxies: Vec<IpNet>,
     /// The header that these proxies set: `x-forwarded-for` or `forwarded`.
     pub client_address_header: ClientAddressHeader,
-    /// Most event streams and live views open at once.
+    /// Most event streams and live views open at once. A browser that shows *Live* needs one, and another for each
+    /// recording that arrives; each takes about 30 KiB.
     pub max_event_streams: usize,
     /// Most of them for one user, at most half of all: a display of all boxes needs one for each box that sends.
     pub max_event_streams_of_one: usize,
@@ -69,10 +72,11 @@ impl Default for HttpSettings {
             max_form_bytes: 2 * 1024 * 1024 * 1024,
             idle_min: 30,
             sign_in_h: 12,
+            password_link_h: 24,
             free_attempts: 5,
             trusted_proxies: Vec::new(),
             client_address_header: ClientAddressHeader::default(),
-            max_event_streams: 256,
+            max_event_streams: 1024,
             max_event_streams_of_one: 96,
             public_url: None,
             page_items: 50,
@@ -94,6 +98,11 @@ impl HttpSettings {
     /// [`Self::sign_in_h`].
     pub fn sign_in(&self) -> Duration {
         Duration::from_secs(self.sign_in_h.saturating_mul(3600))
+    }
+
+    /// [`Self::password_link_h`].
+    pub fn password_link(&self) -> Duration {
+        Duration::from_secs(self.password_link_h.saturating_mul(3600))
     }
 
     /// [`Self::body_grace_s`].

@@ -10,6 +10,7 @@ use super::connection_slots::ConnectionSlots;
 use super::settings::HttpSettings;
 use crate::analysis::QuickAnalysis;
 use crate::cohorts::Cohorts;
+use crate::domain::rights::RightsSettings;
 use crate::events::EventBus;
 use crate::intake::Intake;
 use crate::live::FeedService;
@@ -42,6 +43,8 @@ pub struct AppParts {
     pub shutdown: Shutdown,
     /// Limits of the HTTP server.
     pub settings: HttpSettings,
+    /// What instructors may do beyond their own groups.
+    pub rights: RightsSettings,
     /// Settings of other parts, and the start time, as administrators see them.
     pub service_info: ServiceInfo,
     /// Limit on failed sign-ins.

@@ -47,6 +47,7 @@ pub struct Backup {
 const SELECT_ENTRIES: &str = "
     SELECT audit.id, at_ms, actor, action, noun, subject, person.name AS who, CASE noun
         WHEN 'trainee' THEN (SELECT name FROM trainee WHERE id = subject)
+        WHEN 'password_link' THEN (SELECT name FROM person WHERE id = subject)
         WHEN 'person' THEN (SELECT name FROM person WHERE id = subject)
         WHEN 'group' THEN (SELECT name FROM training_group WHERE id = subject)
         WHEN 'box' THEN (SELECT name FROM training_box WHERE id = subject)

@@ -1,14 +1,16 @@
-//! Training boxes. Staff change them; people see all boxes, an agent its own.
+//! Training boxes. Administrators and the instructors of their groups change them; people see all boxes, an agent its
+//! own.
 
 use super::audit::note;
 use super::error::{StoreResult, in_use, not_found, taken};
+use super::owners::{self, OwnedThing, require_owner};
 use super::page::{Page, PageRequest};
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store, codes};
 use crate::domain::boxes::{BoxChange, NewBox};
 use crate::domain::files::annotations::View;
 use crate::domain::text::{Code, Key, Name, Paragraphs};
-use crate::ids::BoxId;
+use crate::ids::{BoxId, GroupId};
 
 /// Access to the boxes.
 pub struct BoxStore<'s>(pub(super) &'s Store);
@@ -28,29 +30,40 @@ pub struct BoxRecord {
     pub notes: Paragraphs,
     /// When it was registered, epoch ms.
     pub created_at_ms: i64,
+    /// Those of its groups that the scope sees.
+    #[sqlx(json)]
+    pub owners: Vec<GroupId>,
 }
 
 const SELECT_CODE: &str = "SELECT 1 FROM training_box WHERE code = $1";
 
 const INSERT_BOX: &str = "
     INSERT INTO training_box (id, code, name, view, notes, created_at_ms)
-    VALUES ($1, $2, $3, $4, coalesce($5, ''), $6)
-    RETURNING id, code, name, view, notes, created_at_ms";
+    VALUES ($1, $2, $3, $4, coalesce($5, ''), $6)";
 
 const SELECT_BOXES: &str = "
-    SELECT id, code, name, view, notes, created_at_ms FROM training_box
+    SELECT id, code, name, view, notes, created_at_ms,
+           (SELECT json_group_array(group_id) FROM ownership
+            WHERE thing_id = training_box.id
+              AND ($1 = 'administrator'
+                   OR group_id IN (SELECT group_id FROM group_instructor WHERE person_id = $2))) AS owners
+    FROM training_box
     WHERE ($1 <> 'agent' OR $2 = id) AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4";
 
 const SELECT_BOX: &str = "
-    SELECT id, code, name, view, notes, created_at_ms FROM training_box
+    SELECT id, code, name, view, notes, created_at_ms,
+           (SELECT json_group_array(group_id) FROM ownership
+            WHERE thing_id = training_box.id
+              AND ($1 = 'administrator'
+                   OR group_id IN (SELECT group_id FROM group_instructor WHERE person_id = $2))) AS owners
+    FROM training_box
     WHERE $3 IN (id, code) AND ($1 <> 'agent' OR $2 = id)";
 
 const UPDATE_BOX: &str = "
     UPDATE training_box
     SET code = coalesce($2, code), name = coalesce($3, name), view = coalesce($4, view),
         notes = coalesce($5, notes)
-    WHERE id = $1
-    RETURNING id, code, name, view, notes, created_at_ms";
+    WHERE id = $1";
 
 const DELETE_BOX: &str = "DELETE FROM training_box WHERE id = $1";
 
@@ -58,17 +71,17 @@ impl BoxStore<'_> {
     /// Registers a box.
     pub async fn create(&self, scope: &Scope, new: NewBox) -> StoreResult<BoxRecord> {
         require_staff(scope, "registering boxes")?;
-        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), BoxId::at(self.0.now_ms()));
         self.0
             .write(async move |tx| {
                 let code = codes::choose(tx, SELECT_CODE, new.code, &new.name, "box").await?;
-                let insert = sqlx::query_as(INSERT_BOX);
-                let insert = insert.bind(BoxId::at(now_ms)).bind(code).bind(new.name).bind(new.view).bind(new.notes);
-                let made: BoxRecord = insert.bind(now_ms).fetch_one(&mut *tx).await.map_err(taken("code"))?;
-                note(tx, &scope, now_ms, ("create", "box"), made.id).await?;
-                Ok(made)
+                let insert = sqlx::query(INSERT_BOX).bind(id).bind(code).bind(new.name).bind(new.view).bind(new.notes);
+                insert.bind(now_ms).execute(&mut *tx).await.map_err(taken("code"))?;
+                owners::insert(tx, &by, OwnedThing::Box(id), new.groups).await?;
+                note(tx, &by, now_ms, ("create", "box"), id).await
             })
-            .await
+            .await?;
+        self.get(scope, &Key::from(&id)).await
     }
 
     /// The boxes that the scope sees, by code.
@@ -85,26 +98,36 @@ impl BoxStore<'_> {
         row.ok_or(not_found("box"))
     }
 
+    /// One box that the scope may change, by id or code.
+    pub async fn changeable(&self, scope: &Scope, key: &Key) -> StoreResult<BoxRecord> {
+        let found = self.get(scope, key).await?;
+        require_owner(scope, &found.owners, "changing this box")?;
+        Ok(found)
+    }
+
     /// Changes a box.
     pub async fn change(&self, scope: &Scope, key: &Key, change: BoxChange) -> StoreResult<BoxRecord> {
-        let id = self.get(scope, key).await?.id;
-        require_staff(scope, "changing boxes")?;
-        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        let id = self.changeable(scope, key).await?.id;
+        let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let row = sqlx::query_as(UPDATE_BOX);
-                let row = row.bind(id).bind(change.code).bind(change.name).bind(change.view).bind(change.notes);
-                let row = row.fetch_optional(&mut *tx).await.map_err(taken("code"))?;
-                note(tx, &scope, now_ms, ("change", "box"), id).await?;
-                row.ok_or(not_found("box"))
+                let update = sqlx::query(UPDATE_BOX).bind(id).bind(change.code).bind(change.name);
+                let update = update.bind(change.view).bind(change.notes).execute(&mut *tx);
+                if update.await.map_err(taken("code"))?.rows_affected() == 0 {
+                    return Err(not_found("box"));
+                }
+                if let Some(groups) = change.groups {
+                    owners::replace(tx, &by, OwnedThing::Box(id), groups).await?;
+                }
+                note(tx, &by, now_ms, ("change", "box"), id).await
             })
-            .await
+            .await?;
+        self.get(scope, &Key::from(&id)).await
     }
 
     /// Deletes a box that has no sessions, with its calibrations, colours and jobs.
     pub async fn delete(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
-        let id = self.get(scope, key).await?.id;
-        require_staff(scope, "deleting boxes")?;
+        let id = self.changeable(scope, key).await?.id;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {

@@ -6,10 +6,11 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreResult, missing, not_found};
 use super::jobs::enqueue_waiting_sessions;
-use super::visibility::{BindScope, require_staff};
+use super::visibility::BindScope;
 use super::{Scope, Store};
 use crate::domain::calibration::{CalibrationSource, NewCalibration};
 use crate::domain::files::camera::CameraFile;
+use crate::domain::text::Key;
 use crate::ids::{BoxId, CalibrationId};
 
 /// Access to the boxes' cameras.
@@ -56,7 +57,7 @@ const INSERT_CALIBRATION: &str = "
 impl CalibrationStore<'_> {
     /// Stores an uploaded camera as the box's next version and queues the sessions that waited for one.
     pub async fn add(&self, scope: &Scope, of: BoxId, new: NewCalibration) -> StoreResult<CalibrationRecord> {
-        require_staff(scope, "changing a box's camera")?;
+        self.0.boxes().changeable(scope, &Key::from(&of)).await?;
         let (scope, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         self.0
             .write(async move |tx| {

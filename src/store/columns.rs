@@ -13,6 +13,7 @@ use crate::domain::erasure::ErasedKind;
 use crate::domain::feed::FrameCodec;
 use crate::domain::files::annotations::View;
 use crate::domain::job::{JobKind, JobState};
+use crate::domain::password_state::PasswordState;
 use crate::domain::rating::RatingForm;
 use crate::domain::rescoring::{RescoringItemState, RescoringSource};
 use crate::domain::role::Role;
@@ -24,8 +25,8 @@ use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, 
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
     BoxId, CalibrationId, CohortId, CommentId, CourseId, EditId, FeedId, GroupId, JobId, LeaseToken, ModelId,
-    PaletteId, PersonId, RatingId, RescoringId, ResultId, SelfTestId, SessionId, StandardId, TaskId, TokenId,
-    TraineeId, UploadId,
+    PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, SelfTestId, SessionId, StandardId, TaskId,
+    TokenId, TraineeId, UploadId,
 };
 use crate::motion::features::{self, Feature};
 use crate::time::Day;
@@ -66,10 +67,10 @@ macro_rules! as_shown {
 
 as_shown! {
     PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId
-    LeaseToken SelfTestId StandardId CohortId CourseId RatingId CommentId RescoringId ModelId EditId
+    LeaseToken PasswordLinkId SelfTestId StandardId CohortId CourseId RatingId CommentId RescoringId ModelId EditId
     Name Login Code FileName TrackerName Paragraphs Remark BlobHash
     Day Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm
-    SessionJudgement RescoringSource RescoringItemState EditKind BoxQuestion ErasedKind
+    SessionJudgement RescoringSource RescoringItemState EditKind BoxQuestion ErasedKind PasswordState
 }
 
 as_text! {

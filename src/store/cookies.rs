@@ -7,6 +7,7 @@ use sqlx::SqliteConnection;
 
 use super::Store;
 use super::error::{StoreResult, ignore_full_or_busy, not_found};
+use super::password_links::{DELETE_ALL_LINKS, DELETE_EXPIRED_LINKS};
 use super::people::PersonRecord;
 use crate::domain::role::Role;
 use crate::domain::secret::SecretHash;
@@ -32,6 +33,8 @@ pub struct SignInOrigin {
     pub browser: String,
     /// The client's address.
     pub address: String,
+    /// True if one of the service's pages signs in, false for a program.
+    pub is_page: bool,
     /// The places to remember: the browser and its address.
     pub places: Vec<SecretHash>,
 }
@@ -61,16 +64,21 @@ const MAX_KNOWN_PLACES: i64 = 100;
 /// `last_seen_at_ms` is written only when it is older than this, ms: an fsync for every request would cost too much.
 const SEEN_RESOLUTION_MS: i64 = 60_000;
 
-#[derive(sqlx::FromRow)]
-struct SignedInRow {
+/// The person of a valid cookie.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct CookieHolder {
+    /// The person.
     #[sqlx(flatten)]
-    person: PersonRecord,
+    pub person: PersonRecord,
+    /// True if this sign-in may only change the password.
+    pub must_change_password: bool,
     last_seen_at_ms: i64,
 }
 
 const INSERT_COOKIE: &str = "
-    INSERT INTO cookie_session (secret_hash, person_id, created_at_ms, last_seen_at_ms, expires_at_ms, browser, address)
-    VALUES ($1, $2, $3, $3, $4, $5, $6)";
+    INSERT INTO cookie_session (secret_hash, person_id, created_at_ms, last_seen_at_ms, expires_at_ms, browser, address,
+                                must_change_password)
+    VALUES ($1, $2, $3, $3, $4, $5, $6, $7)";
 
 const DELETE_SURPLUS_COOKIES: &str = "
     DELETE FROM cookie_session WHERE person_id = $1 AND secret_hash <> $2 AND secret_hash NOT IN
@@ -87,7 +95,8 @@ const DELETE_SIGN_IN: &str = "
     DELETE FROM cookie_session WHERE person_id = $1 AND lower(hex(substr(secret_hash, 1, 8))) = $2";
 
 const SELECT_PERSON: &str = "
-    SELECT person.id, login, name, role, trainee_id, person.created_at_ms, last_seen_at_ms
+    SELECT person.id, login, name, role, trainee_id, password_state, person.created_at_ms, must_change_password,
+           last_seen_at_ms
     FROM cookie_session JOIN person ON person.id = person_id
     WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3";
 
@@ -133,10 +142,11 @@ impl CookieStore<'_> {
         let expires_at_ms = now_ms + millis(lasts.max_age).max(1);
         let most = self.0.sender_limits().sign_ins;
         let insert = || {
-            let SignInOrigin { browser, address, places } = origin.clone();
+            let SignInOrigin { browser, address, is_page, places } = origin.clone();
+            let must_change = person.password_state.must_change(is_page);
             async move |tx: &mut SqliteConnection| {
                 let insert = sqlx::query(INSERT_COOKIE).bind(secret).bind(id).bind(now_ms).bind(expires_at_ms);
-                insert.bind(browser).bind(address).execute(&mut *tx).await?;
+                insert.bind(browser).bind(address).bind(must_change).execute(&mut *tx).await?;
                 sqlx::query(DELETE_SURPLUS_COOKIES).bind(id).bind(secret).bind(most).execute(&mut *tx).await?;
                 for place in places {
                     sqlx::query(REMEMBER_PLACE).bind(id).bind(place).bind(now_ms).execute(&mut *tx).await?;
@@ -168,15 +178,15 @@ impl CookieStore<'_> {
     }
 
     /// The person of this cookie, if it is still valid; records that they were seen.
-    pub async fn person_of(&self, secret: SecretHash, lasts: CookieLifetime) -> StoreResult<Option<PersonRecord>> {
+    pub async fn person_of(&self, secret: SecretHash, lasts: CookieLifetime) -> StoreResult<Option<CookieHolder>> {
         let now_ms = self.0.now_ms();
-        let row = sqlx::query_as::<_, SignedInRow>(SELECT_PERSON);
+        let row = sqlx::query_as::<_, CookieHolder>(SELECT_PERSON);
         let row = row.bind(secret).bind(now_ms).bind(now_ms - millis(lasts.idle));
         let Some(row) = row.fetch_optional(self.0.readers()).await? else { return Ok(None) };
         if now_ms - row.last_seen_at_ms > SEEN_RESOLUTION_MS.min(millis(lasts.idle) / 2) {
             ignore_full_or_busy(self.record_seen(secret, now_ms).await)?;
         }
-        Ok(Some(row.person))
+        Ok(Some(row))
     }
 
     /// True if this cookie is still valid. Does not record that the person was seen: for connections that stay open
@@ -224,24 +234,26 @@ impl CookieStore<'_> {
             .await
     }
 
-    /// Deletes expired cookies, and places that were not used for long. Idle cookies are invalid at once, but are
-    /// deleted only when they expire.
+    /// Deletes expired cookies and links for passwords, and places that were not used for long. Idle cookies are
+    /// invalid at once, but are deleted only when they expire.
     pub async fn forget_expired(&self) -> StoreResult<u64> {
         let now_ms = self.0.now_ms();
         self.0
             .write(async move |tx| {
                 let oldest_ms = now_ms - millis(KNOWN_PLACE_LIFETIME);
                 sqlx::query(DELETE_OLD_PLACES).bind(oldest_ms).execute(&mut *tx).await?;
+                sqlx::query(DELETE_EXPIRED_LINKS).bind(now_ms).execute(&mut *tx).await?;
                 let delete = sqlx::query(DELETE_EXPIRED).bind(now_ms);
                 Ok(delete.execute(tx).await?.rows_affected())
             })
             .await
     }
 
-    /// Signs all browsers out.
+    /// Signs all browsers out, and withdraws all links for passwords.
     pub async fn forget_all(&self) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
+                sqlx::query(DELETE_ALL_LINKS).execute(&mut *tx).await?;
                 sqlx::query(DELETE_ALL).execute(tx).await?;
                 Ok(())
             })

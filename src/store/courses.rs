@@ -1,5 +1,5 @@
-//! Course plans, and which groups follow one. Staff change plans; people see all of them. A group's instructors choose
-//! its plan. There is no personal data here.
+//! Course plans, and which groups follow one. Administrators and the instructors of its groups change a plan; people see
+//! all of them. A group's instructors choose the plan that it follows. There is no personal data here.
 
 use std::collections::HashMap;
 
@@ -8,6 +8,7 @@ use sqlx::types::Json;
 
 use super::audit::note;
 use super::error::{StoreError, StoreResult, in_use, missing, not_found, taken};
+use super::owners::{self, OwnedThing, require_owner};
 use super::page::{Page, PageRequest};
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store};
@@ -30,6 +31,8 @@ pub struct CourseRecord {
     pub steps: Vec<CourseStep>,
     /// When it was made, epoch ms.
     pub created_at_ms: i64,
+    /// Those of its groups that the scope sees.
+    pub owners: Vec<GroupId>,
 }
 
 /// A step of a course plan.
@@ -83,6 +86,8 @@ struct CourseHeadRow {
     id: CourseId,
     name: Name,
     created_at_ms: i64,
+    #[sqlx(json)]
+    owners: Vec<GroupId>,
 }
 
 #[derive(sqlx::FromRow)]
@@ -95,11 +100,21 @@ struct CourseStepRow {
 const INSERT_COURSE: &str = "INSERT INTO course (id, name, created_at_ms) VALUES ($1, $2, $3)";
 
 const SELECT_COURSES: &str = "
-    SELECT id, name, created_at_ms FROM course
+    SELECT id, name, created_at_ms,
+           (SELECT json_group_array(group_id) FROM ownership
+            WHERE thing_id = course.id
+              AND ($1 = 'administrator'
+                   OR group_id IN (SELECT group_id FROM group_instructor WHERE person_id = $2))) AS owners
+    FROM course
     WHERE $1 <> 'agent' AND ($3 IS NULL OR name > $3) ORDER BY name LIMIT $4";
 
 const SELECT_NAMED_COURSES: &str = "
-    SELECT id, name, created_at_ms FROM course
+    SELECT id, name, created_at_ms,
+           (SELECT json_group_array(group_id) FROM ownership
+            WHERE thing_id = course.id
+              AND ($1 = 'administrator'
+                   OR group_id IN (SELECT group_id FROM group_instructor WHERE person_id = $2))) AS owners
+    FROM course
     WHERE id IN (SELECT value FROM json_each($3)) AND $1 <> 'agent' ORDER BY name";
 
 const UPDATE_COURSE: &str = "UPDATE course SET name = $2 WHERE id = $1";
@@ -149,6 +164,7 @@ impl CourseStore<'_> {
                 let insert = insert.bind(id).bind(&new.name).bind(now_ms).execute(&mut *tx);
                 insert.await.map_err(taken("course's name"))?;
                 set_steps(tx, id, &new.steps).await?;
+                owners::insert(tx, &by, OwnedThing::Course(id), new.groups).await?;
                 note(tx, &by, now_ms, ("create", "course"), id).await
             })
             .await?;
@@ -175,9 +191,16 @@ impl CourseStore<'_> {
         self.with_steps(rows).await
     }
 
+    /// One plan that the scope may change.
+    pub async fn changeable(&self, scope: &Scope, id: CourseId) -> StoreResult<CourseRecord> {
+        let found = self.get(scope, id).await?;
+        require_owner(scope, &found.owners, "changing this course plan")?;
+        Ok(found)
+    }
+
     /// Replaces a plan's name and steps; groups that follow it follow the new version.
     pub async fn replace(&self, scope: &Scope, id: CourseId, new: NewCourse) -> StoreResult<CourseRecord> {
-        require_staff(scope, "changing course plans")?;
+        self.changeable(scope, id).await?;
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
@@ -188,6 +211,9 @@ impl CourseStore<'_> {
                 }
                 sqlx::query(DELETE_STEPS).bind(id).execute(&mut *tx).await?;
                 set_steps(tx, id, &new.steps).await?;
+                if let Some(groups) = new.groups {
+                    owners::replace(tx, &by, OwnedThing::Course(id), groups).await?;
+                }
                 note(tx, &by, now_ms, ("change", "course"), id).await
             })
             .await?;
@@ -196,7 +222,7 @@ impl CourseStore<'_> {
 
     /// Deletes a plan that no group follows.
     pub async fn delete(&self, scope: &Scope, id: CourseId) -> StoreResult<()> {
-        require_staff(scope, "deleting course plans")?;
+        self.changeable(scope, id).await?;
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
@@ -257,11 +283,12 @@ impl CourseStore<'_> {
         for CourseStepRow { course_id, step } in steps.bind(Json(ids)).fetch_all(self.0.readers()).await? {
             of_each.entry(course_id).or_default().push(step);
         }
-        let with = |CourseHeadRow { id, name, created_at_ms }| CourseRecord {
+        let with = |CourseHeadRow { id, name, created_at_ms, owners }| CourseRecord {
             id,
             name,
             steps: of_each.remove(&id).unwrap_or_default(),
             created_at_ms,
+            owners,
         };
         Ok(rows.into_iter().map(with).collect())
     }

@@ -81,6 +81,7 @@ async fn enrol(
             level: row.level,
             handedness: row.handedness,
             created_at_ms: now_ms,
+            is_in_several_groups: false,
         };
         insert(tx, &trainee).await?;
         if let Some(group) = joins[index] {

@@ -13,13 +13,14 @@
 //! | [`Store::groups`] | `create` `list` `get` `set_members` `delete` |
 //! | [`Store::cookies`] | `create` `known_place` `person_of` `is_valid` `of_person` `end` `delete` `forget_expired` `forget_all` |
 //! | [`Store::tokens`] | `create` `list` `of_person` `delete` `delete_own` `scope_of` |
+//! | [`Store::password_links`] | `create` `list` `withdraw` `look_up` `set_password` |
 //! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `change` `erase` |
-//! | [`Store::tasks`] | `create` `list` `get` `change` `delete` |
+//! | [`Store::tasks`] | `create` `list` `get` `changeable` `change` `delete` |
 //! | [`Store::standards`] | `add` `in_use` `in_use_of` `get` `list` |
 //! | [`Store::cohorts`] | `create` `list` `get` `members` `replace` `delete` `values` `values_seen` |
-//! | [`Store::courses`] | `create` `list` `get` `of` `replace` `delete` `follow` `unfollow` `of_trainee` |
+//! | [`Store::courses`] | `create` `list` `get` `changeable` `of` `replace` `delete` `follow` `unfollow` `of_trainee` |
 //! | [`Store::skill_models`] | `add` `in_use` `get` `list` `declared` |
-//! | [`Store::boxes`] | `create` `list` `get` `change` `delete` |
+//! | [`Store::boxes`] | `create` `list` `get` `changeable` `change` `delete` |
 //! | [`Store::calibrations`] | `add` `latest` `get` `list` |
 //! | [`Store::palettes`] | `add` `latest` `get` `list` |
 //! | [`Store::self_tests`] | `list` `light_since` |
@@ -54,8 +55,10 @@ mod feeds;
 mod groups;
 mod jobs;
 mod open;
+mod owners;
 mod page;
 mod palettes;
+mod password_links;
 mod people;
 mod ratings;
 mod rescorings;
@@ -88,7 +91,7 @@ pub use boxes::{BoxRecord, BoxStore};
 pub use calibrations::{CalibrationRecord, CalibrationStore};
 pub use cohorts::{CohortRecord, CohortStore, CohortValue};
 pub use comments::{CommentRecord, CommentStore, VisibleComments};
-pub use cookies::{CookieLifetime, CookieStore, KNOWN_PLACE_LIFETIME, SignInOrigin, SignInRecord};
+pub use cookies::{CookieHolder, CookieLifetime, CookieStore, KNOWN_PLACE_LIFETIME, SignInOrigin, SignInRecord};
 pub use courses::{CourseRecord, CourseStep, CourseStore, GroupCoursePlan, TraineeCourse};
 pub use edits::{EditRecord, EditStore, SessionEdits};
 pub use enrolment::Enrolment;
@@ -99,6 +102,7 @@ pub use groups::{GroupRecord, GroupStore, Members};
 pub use jobs::{JobRecord, JobStore, Lease, QueueCounts, SweepResult};
 pub use page::{Page, PageRequest};
 pub use palettes::{PaletteRecord, PaletteStore};
+pub use password_links::{PasswordLinkRecord, PasswordLinkStore};
 pub use people::{NewPerson, PersonChange, PersonRecord, PersonStore};
 pub use ratings::{GivenRating, RatingRecord, RatingStore, SessionValue, VisibleRatings};
 pub use rescorings::{EndedItem, RescoringItem, RescoringRecord, RescoringStore, RescoringTrainee, ResultComparison};
@@ -324,6 +328,8 @@ accessors! {
     cookies: CookieStore;
     /// Access tokens of programs.
     tokens: TokenStore;
+    /// Links for choosing a password.
+    password_links: PasswordLinkStore;
     /// Trainees.
     trainees: TraineeStore;
     /// Tasks that trainees practise.

@@ -5,9 +5,11 @@ use super::columns::Insert;
 use super::cookies::DELETE_COOKIES_OF;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
+use super::password_links::DELETE_LINK_OF;
 use super::tokens::DELETE_TOKENS_OF;
 use super::visibility::require_administrator;
 use super::{Scope, Store};
+use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::secret::PasswordHash;
 use crate::domain::text::{Login, Name};
@@ -29,6 +31,8 @@ pub struct PersonRecord {
     pub role: Role,
     /// Their trainee, for [`Role::Trainee`] only.
     pub trainee_id: Option<TraineeId>,
+    /// Who chose their password, and whether it must be changed.
+    pub password_state: PasswordState,
     /// When the account was made, epoch ms.
     pub created_at_ms: i64,
 }
@@ -42,8 +46,10 @@ pub struct NewPerson {
     pub name: Name,
     /// Their role.
     pub role: Role,
-    /// The hash of their password.
+    /// The hash of their password; one that no password matches for [`PasswordState::Missing`].
     pub password: PasswordHash,
+    /// Who chose it, and whether it must be changed.
+    pub password_state: PasswordState,
     /// Their trainee: required for [`Role::Trainee`], refused otherwise.
     pub trainee: Option<TraineeId>,
 }
@@ -72,14 +78,15 @@ impl PersonRecord {
 }
 
 const INSERT_PERSON: &str = "
-    INSERT INTO person (id, login, name, role, password_hash, trainee_id, created_at_ms)
-    VALUES ($1, $2, $3, $4, $5, $6, $7)";
+    INSERT INTO person (id, login, name, role, password_hash, password_state, trainee_id, created_at_ms)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8)";
 
 const SELECT_PEOPLE: &str = "
-    SELECT id, login, name, role, trainee_id, created_at_ms FROM person
+    SELECT id, login, name, role, trainee_id, password_state, created_at_ms FROM person
     WHERE $1 IS NULL OR login > $1 ORDER BY login LIMIT $2";
 
-const SELECT_PERSON: &str = "SELECT id, login, name, role, trainee_id, created_at_ms FROM person WHERE id = $1";
+const SELECT_PERSON: &str = "
+    SELECT id, login, name, role, trainee_id, password_state, created_at_ms FROM person WHERE id = $1";
 
 const SIGN_OUT_IF_ROLE_CHANGES: &str = "
     DELETE FROM cookie_session
@@ -90,14 +97,15 @@ const UPDATE_PERSON: &str = "
     SET login = coalesce($2, login), name = coalesce($3, name),
         role = CASE WHEN trainee_id IS NULL THEN coalesce($4, role) ELSE role END
     WHERE id = $1
-    RETURNING id, login, name, role, trainee_id, created_at_ms";
+    RETURNING id, login, name, role, trainee_id, password_state, created_at_ms";
 
 const DELETE_PERSON: &str = "DELETE FROM person WHERE id = $1";
 
-const UPDATE_PASSWORD: &str = "UPDATE person SET password_hash = $2 WHERE id = $1";
+const UPDATE_PASSWORD: &str = "UPDATE person SET password_hash = $2, password_state = $3 WHERE id = $1";
 
 const SELECT_BY_LOGIN: &str = "
-    SELECT id, login, name, role, trainee_id, created_at_ms, password_hash FROM person WHERE login = $1";
+    SELECT id, login, name, role, trainee_id, password_state, created_at_ms, password_hash FROM person
+    WHERE login = $1";
 
 const COUNT_PASSWORD: &str = "SELECT count(*) FROM person WHERE password_hash = $1";
 
@@ -110,7 +118,7 @@ const COUNT_ADMINISTRATORS: &str = "SELECT count(*) FROM person WHERE role = 'ad
 impl PersonRecord {
     fn insert(&self, password: PasswordHash) -> Insert {
         let insert = sqlx::query(INSERT_PERSON).bind(self.id).bind(&self.login).bind(&self.name).bind(self.role);
-        insert.bind(password).bind(self.trainee_id).bind(self.created_at_ms)
+        insert.bind(password).bind(self.password_state).bind(self.trainee_id).bind(self.created_at_ms)
     }
 }
 
@@ -133,6 +141,7 @@ impl PersonStore<'_> {
             name: new.name,
             role: new.role,
             trainee_id: new.trainee,
+            password_state: new.password_state,
             created_at_ms: now_ms,
         };
         self.0
@@ -199,13 +208,13 @@ impl PersonStore<'_> {
             .await
     }
 
-    /// Sets a password, signs all browsers of the account out, and withdraws its tokens unless they are to be kept. The
-    /// caller has verified the old password or is an administrator.
+    /// Sets a password, signs all browsers of the account out, and withdraws its link for a password, and its tokens
+    /// unless they are to be kept. The caller has verified the old password or is an administrator.
     pub async fn set_password(
         &self,
         scope: &Scope,
         id: PersonId,
-        password: PasswordHash,
+        (password, state): (PasswordHash, PasswordState),
         keep_tokens: bool,
     ) -> StoreResult<()> {
         if !scope.is_administrator() && scope.person() != Some(id) {
@@ -214,14 +223,7 @@ impl PersonStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let set = sqlx::query(UPDATE_PASSWORD).bind(id).bind(password);
-                if set.execute(&mut *tx).await?.rows_affected() == 0 {
-                    return Err(not_found("person"));
-                }
-                sqlx::query(DELETE_COOKIES_OF).bind(id).execute(&mut *tx).await?;
-                if !keep_tokens {
-                    sqlx::query(DELETE_TOKENS_OF).bind(id).execute(&mut *tx).await?;
-                }
+                replace_password(tx, id, (password, state), keep_tokens).await?;
                 note(tx, &scope, now_ms, ("set password", "person"), id).await
             })
             .await
@@ -250,6 +252,26 @@ impl PersonStore<'_> {
     pub async fn count(&self) -> StoreResult<i64> {
         Ok(sqlx::query_scalar(COUNT_PEOPLE).fetch_one(self.0.readers()).await?)
     }
+}
+
+/// Sets a password, and ends what could be used with the old one: sign-ins, the link for a password, and tokens unless
+/// they are to be kept.
+pub(super) async fn replace_password(
+    tx: &mut sqlx::SqliteConnection,
+    id: PersonId,
+    (password, state): (PasswordHash, PasswordState),
+    keep_tokens: bool,
+) -> StoreResult<()> {
+    let set = sqlx::query(UPDATE_PASSWORD).bind(id).bind(password).bind(state);
+    if set.execute(&mut *tx).await?.rows_affected() == 0 {
+        return Err(not_found("person"));
+    }
+    sqlx::query(DELETE_COOKIES_OF).bind(id).execute(&mut *tx).await?;
+    sqlx::query(DELETE_LINK_OF).bind(id).execute(&mut *tx).await?;
+    if !keep_tokens {
+        sqlx::query(DELETE_TOKENS_OF).bind(id).execute(&mut *tx).await?;
+    }
+    Ok(())
 }
 
 /// Refuses a second account for a trainee. The check comes before the insert, since SQLite does not say which key an

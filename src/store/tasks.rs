@@ -1,13 +1,14 @@
-//! Tasks that trainees practise. Staff change them; people see all of them.
+//! Tasks that trainees practise. Administrators and the instructors of their groups change them; people see all of them.
 
 use super::audit::note;
 use super::error::{StoreResult, in_use, not_found, taken};
+use super::owners::{self, OwnedThing, require_owner};
 use super::page::{Page, PageRequest};
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store, codes};
 use crate::domain::task::{NewTask, TaskChange};
 use crate::domain::text::{Code, Key, Name, Paragraphs};
-use crate::ids::TaskId;
+use crate::ids::{GroupId, TaskId};
 
 /// Access to the tasks.
 pub struct TaskStore<'s>(pub(super) &'s Store);
@@ -25,27 +26,39 @@ pub struct TaskRecord {
     pub description: Paragraphs,
     /// When it was registered, epoch ms.
     pub created_at_ms: i64,
+    /// Those of its groups that the scope sees.
+    #[sqlx(json)]
+    pub owners: Vec<GroupId>,
 }
 
 const SELECT_CODE: &str = "SELECT 1 FROM task WHERE code = $1";
 
 const INSERT_TASK: &str = "
     INSERT INTO task (id, code, name, description, created_at_ms)
-    VALUES ($1, $2, $3, coalesce($4, ''), $5)
-    RETURNING id, code, name, description, created_at_ms";
+    VALUES ($1, $2, $3, coalesce($4, ''), $5)";
 
 const SELECT_TASKS: &str = "
-    SELECT id, code, name, description, created_at_ms FROM task
+    SELECT id, code, name, description, created_at_ms,
+           (SELECT json_group_array(group_id) FROM ownership
+            WHERE thing_id = task.id
+              AND ($1 = 'administrator'
+                   OR group_id IN (SELECT group_id FROM group_instructor WHERE person_id = $2))) AS owners
+    FROM task
     WHERE $1 <> 'agent' AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4";
 
 const SELECT_TASK: &str = "
-    SELECT id, code, name, description, created_at_ms FROM task WHERE $3 IN (id, code) AND $1 <> 'agent'";
+    SELECT id, code, name, description, created_at_ms,
+           (SELECT json_group_array(group_id) FROM ownership
+            WHERE thing_id = task.id
+              AND ($1 = 'administrator'
+                   OR group_id IN (SELECT group_id FROM group_instructor WHERE person_id = $2))) AS owners
+    FROM task
+    WHERE $3 IN (id, code) AND $1 <> 'agent'";
 
 const UPDATE_TASK: &str = "
     UPDATE task
     SET code = coalesce($2, code), name = coalesce($3, name), description = coalesce($4, description)
-    WHERE id = $1
-    RETURNING id, code, name, description, created_at_ms";
+    WHERE id = $1";
 
 const DELETE_TASK: &str = "DELETE FROM task WHERE id = $1";
 
@@ -53,17 +66,17 @@ impl TaskStore<'_> {
     /// Registers a task.
     pub async fn create(&self, scope: &Scope, new: NewTask) -> StoreResult<TaskRecord> {
         require_staff(scope, "registering tasks")?;
-        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), TaskId::at(self.0.now_ms()));
         self.0
             .write(async move |tx| {
                 let code = codes::choose(tx, SELECT_CODE, new.code, &new.name, "task").await?;
-                let insert = sqlx::query_as(INSERT_TASK);
-                let insert = insert.bind(TaskId::at(now_ms)).bind(code).bind(new.name).bind(new.description);
-                let task: TaskRecord = insert.bind(now_ms).fetch_one(&mut *tx).await.map_err(taken("code"))?;
-                note(tx, &scope, now_ms, ("create", "task"), task.id).await?;
-                Ok(task)
+                let insert = sqlx::query(INSERT_TASK).bind(id).bind(code).bind(new.name).bind(new.description);
+                insert.bind(now_ms).execute(&mut *tx).await.map_err(taken("code"))?;
+                owners::insert(tx, &by, OwnedThing::Task(id), new.groups).await?;
+                note(tx, &by, now_ms, ("create", "task"), id).await
             })
-            .await
+            .await?;
+        self.get(scope, &Key::from(&id)).await
     }
 
     /// All tasks, by code.
@@ -80,26 +93,36 @@ impl TaskStore<'_> {
         row.ok_or(not_found("task"))
     }
 
+    /// One task that the scope may change, by id or code.
+    pub async fn changeable(&self, scope: &Scope, key: &Key) -> StoreResult<TaskRecord> {
+        let found = self.get(scope, key).await?;
+        require_owner(scope, &found.owners, "changing this task")?;
+        Ok(found)
+    }
+
     /// Changes a task.
     pub async fn change(&self, scope: &Scope, key: &Key, change: TaskChange) -> StoreResult<TaskRecord> {
-        let id = self.get(scope, key).await?.id;
-        require_staff(scope, "changing tasks")?;
-        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        let id = self.changeable(scope, key).await?.id;
+        let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let row = sqlx::query_as(UPDATE_TASK);
-                let row = row.bind(id).bind(change.code).bind(change.name).bind(change.description);
-                let row = row.fetch_optional(&mut *tx).await.map_err(taken("code"))?;
-                note(tx, &scope, now_ms, ("change", "task"), id).await?;
-                row.ok_or(not_found("task"))
+                let update = sqlx::query(UPDATE_TASK).bind(id).bind(change.code).bind(change.name);
+                let update = update.bind(change.description).execute(&mut *tx);
+                if update.await.map_err(taken("code"))?.rows_affected() == 0 {
+                    return Err(not_found("task"));
+                }
+                if let Some(groups) = change.groups {
+                    owners::replace(tx, &by, OwnedThing::Task(id), groups).await?;
+                }
+                note(tx, &by, now_ms, ("change", "task"), id).await
             })
-            .await
+            .await?;
+        self.get(scope, &Key::from(&id)).await
     }
 
     /// Deletes a task that has no sessions and is in no course plan.
     pub async fn delete(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
-        let id = self.get(scope, key).await?.id;
-        require_staff(scope, "deleting tasks")?;
+        let id = self.changeable(scope, key).await?.id;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {

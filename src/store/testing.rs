@@ -6,14 +6,18 @@ use std::time::Duration;
 use tempfile::TempDir;
 
 use crate::domain::blob::Blob;
+use crate::domain::boxes::BoxChange;
 use crate::domain::calibration::{CalibrationSource, NewCalibration};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::job::{JobInput, PaletteInput};
 use crate::domain::palette::{NewPalette, PaletteReport};
+use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
 use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, NewResult, NewSession, Versions, VideoFacts};
+use crate::domain::task::TaskChange;
+use crate::domain::text::Key;
 use crate::ids::{SessionId, TraineeId};
 use crate::store::{
     BoxRecord, Lease, Members, NewPerson, PersonRecord, SessionRecord, Store, StoreSettings, TaskRecord, TraineeRecord,
@@ -92,6 +96,7 @@ impl TestCentre {
 
     pub async fn person(&self, login: &str, role: Role, trainee: Option<TraineeId>) -> PersonRecord {
         let new = NewPerson {
+            password_state: PasswordState::Own,
             login: login.parse().unwrap(),
             name: login.parse().unwrap(),
             role,
@@ -101,6 +106,7 @@ impl TestCentre {
         self.store.people().create(&Scope::service(), new).await.unwrap()
     }
 
+    /// A group. It owns the box and the task together with the earlier groups.
     pub async fn group(&self, name: &str, instructors: &[&PersonRecord], trainees: &[&TraineeRecord]) {
         let service = Scope::service();
         let group = self.store.groups().create(&service, name.parse().unwrap()).await.unwrap();
@@ -109,6 +115,11 @@ impl TestCentre {
             trainees: trainees.iter().map(|t| t.id).collect(),
         };
         self.store.groups().set_members(&service, group.id, members).await.unwrap();
+        let groups = self.store.groups().list(&service).await.unwrap().into_iter().map(|group| group.id).collect();
+        let owned = BoxChange { groups: Some(groups), ..BoxChange::default() };
+        self.store.boxes().change(&service, &Key::from(&self.the_box.id), owned.clone()).await.unwrap();
+        let owned = TaskChange { groups: owned.groups, ..TaskChange::default() };
+        self.store.tasks().change(&service, &Key::from(&self.task.id), owned).await.unwrap();
     }
 
     pub fn new_session(&self, trainee: TraineeId, content: &str) -> NewSession {

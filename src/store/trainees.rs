@@ -30,6 +30,8 @@ pub struct TraineeRecord {
     pub handedness: Option<Handedness>,
     /// When they were registered, epoch ms.
     pub created_at_ms: i64,
+    /// True if more than one group trains them.
+    pub is_in_several_groups: bool,
 }
 
 pub(super) const SELECT_CODE: &str = "SELECT 1 FROM trainee WHERE code = $1";
@@ -37,27 +39,35 @@ pub(super) const SELECT_CODE: &str = "SELECT 1 FROM trainee WHERE code = $1";
 pub(super) const INSERT_GROUP_TRAINEE: &str = "INSERT INTO group_trainee (group_id, trainee_id) VALUES ($1, $2)";
 
 const SELECT_TRAINEES: &str = "
-    SELECT id, code, name, level, handedness, created_at_ms FROM trainee
+    SELECT id, code, name, level, handedness, created_at_ms,
+           (SELECT count(*) > 1 FROM group_trainee WHERE trainee_id = trainee.id) AS is_in_several_groups
+    FROM trainee
     WHERE ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4";
 
 const SELECT_GROUP_TRAINEES: &str = "
-    SELECT id, code, name, level, handedness, created_at_ms FROM trainee
+    SELECT id, code, name, level, handedness, created_at_ms,
+           (SELECT count(*) > 1 FROM group_trainee WHERE trainee_id = trainee.id) AS is_in_several_groups
+    FROM trainee
     WHERE id IN (SELECT trainee_id FROM group_trainee WHERE group_id = $3)
       AND ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
     ORDER BY name, code LIMIT $4";
 
 const SELECT_NAMED_TRAINEES: &str = "
-    SELECT id, code, name, level, handedness, created_at_ms FROM trainee
+    SELECT id, code, name, level, handedness, created_at_ms,
+           (SELECT count(*) > 1 FROM group_trainee WHERE trainee_id = trainee.id) AS is_in_several_groups
+    FROM trainee
     WHERE id IN (SELECT value FROM json_each($3))
       AND ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
     ORDER BY name, code";
 
 const SELECT_TRAINEE: &str = "
-    SELECT id, code, name, level, handedness, created_at_ms FROM trainee
+    SELECT id, code, name, level, handedness, created_at_ms,
+           (SELECT count(*) > 1 FROM group_trainee WHERE trainee_id = trainee.id) AS is_in_several_groups
+    FROM trainee
     WHERE $3 IN (id, code)
       AND ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))";
@@ -66,8 +76,7 @@ const UPDATE_TRAINEE: &str = "
     UPDATE trainee
     SET code = coalesce($2, code), name = coalesce($3, name), level = coalesce($4, level),
         handedness = coalesce($5, handedness)
-    WHERE id = $1
-    RETURNING id, code, name, level, handedness, created_at_ms";
+    WHERE id = $1";
 
 const DELETE_TRAINEE: &str = "DELETE FROM trainee WHERE id = $1";
 
@@ -92,6 +101,7 @@ impl TraineeStore<'_> {
                     level: new.level,
                     handedness: new.handedness,
                     created_at_ms: now_ms,
+                    is_in_several_groups: false,
                 };
                 insert(tx, &trainee).await?;
                 if let Some(group) = group {
@@ -134,23 +144,29 @@ impl TraineeStore<'_> {
     pub async fn change(&self, scope: &Scope, key: &Key, change: TraineeChange) -> StoreResult<TraineeRecord> {
         let id = self.get(scope, key).await?.id;
         require_staff(scope, "changing trainees")?;
-        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let row = sqlx::query_as(UPDATE_TRAINEE);
-                let row = row.bind(id).bind(change.code).bind(change.name).bind(change.level).bind(change.handedness);
-                let row = row.fetch_optional(&mut *tx).await.map_err(taken("code"))?;
-                note(tx, &scope, now_ms, ("change", "trainee"), id).await?;
-                row.ok_or(not_found("trainee"))
+                let update = sqlx::query(UPDATE_TRAINEE).bind(id).bind(change.code).bind(change.name);
+                let update = update.bind(change.level).bind(change.handedness).execute(&mut *tx);
+                if update.await.map_err(taken("code"))?.rows_affected() == 0 {
+                    return Err(not_found("trainee"));
+                }
+                note(tx, &by, now_ms, ("change", "trainee"), id).await
             })
-            .await
+            .await?;
+        self.get(scope, &Key::from(&id)).await
     }
 
     /// Erases a trainee with their account, sessions, results and uploads, and withdraws the models trained on them.
     /// The files are deleted with the next collection of unreferenced blobs ([`crate::upkeep`]).
     pub async fn erase(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
-        let id = self.get(scope, key).await?.id;
+        let TraineeRecord { id, is_in_several_groups, .. } = self.get(scope, key).await?;
         require_staff(scope, "erasing trainees")?;
+        if !scope.may_erase_trainee(is_in_several_groups) {
+            let what = "erasing a trainee who is in several groups";
+            return Err(StoreError::Forbidden { what, whom: "administrators" });
+        }
         let now_ms = self.0.now_ms();
         self.0
             .write_with_delete_reserve(|| {

@@ -4,6 +4,8 @@
 //! folder of it. Every blob is verified while it is copied, and the finished backup is checked. Unfinished uploads and feeds are left out, since
 //! their senders continue with the original, and so are signed-in browsers.
 
+use std::fs::File;
+use std::io::{self, Write};
 use std::path::Path;
 
 use tokio::io::AsyncReadExt;
@@ -15,7 +17,7 @@ use crate::store::{Store, StoreSettings};
 use crate::time::SharedClock;
 use crate::vault::{Vault, VaultError};
 
-/// File that marks a folder as a backup.
+/// File that marks a folder as a backup, or as one that is being restored.
 pub const BACKUP_MARK: &str = "BACKUP";
 
 /// Maximum number of database snapshots until all files of one could be copied. Another snapshot is needed only if a
@@ -37,6 +39,7 @@ pub async fn back_up(
 ) -> UpkeepResult<u64> {
     refuse_used(to)?;
     let files = Vault::open(to).await?;
+    mark(to, "This folder is a backup. `trocar admin restore` makes a data folder of it.\n")?;
     let path = to.join(database);
     // Copies most bytes before the snapshot, so that fewer files can be erased between the snapshot and their copying.
     copy_blobs(store, vault, &files).await?;
@@ -48,7 +51,6 @@ pub async fn back_up(
         let Some(hash) = gone else {
             complete(&copy, &files).await?;
             copy.close().await; // leaves one file without a write-ahead log
-            mark(to)?;
             if let Err(error) = store.audit().record_backup(wanted).await {
                 tracing::warn!(%error, "backup complete, but not recorded in the audit trail");
             }
@@ -64,11 +66,28 @@ pub async fn back_up(
     Err(UpkeepError::Unsettled)
 }
 
-/// Marks a folder as a backup.
-fn mark(folder: &Path) -> UpkeepResult<()> {
-    let text = "This folder is a backup. `trocar admin restore` makes a data folder of it.\n";
-    let failed = |error: std::io::Error| UpkeepError::Target { folder: folder.to_owned(), why: error.to_string() };
-    std::fs::write(folder.join(BACKUP_MARK), text).map_err(failed)
+/// Marks a folder that the service must not run on, before anything else is written: a backup, or a folder that is being
+/// restored.
+pub(super) fn mark(folder: &Path, text: &str) -> UpkeepResult<()> {
+    let written = File::create(folder.join(BACKUP_MARK)).and_then(|mut file| {
+        file.write_all(text.as_bytes())?;
+        file.sync_all()
+    });
+    written.and_then(|()| sync(folder)).map_err(folder_error(folder))
+}
+
+/// Removes the mark of a folder that is complete.
+pub(super) fn unmark(folder: &Path) -> UpkeepResult<()> {
+    std::fs::remove_file(folder.join(BACKUP_MARK)).and_then(|()| sync(folder)).map_err(folder_error(folder))
+}
+
+fn sync(folder: &Path) -> io::Result<()> {
+    File::open(folder)?.sync_all()
+}
+
+/// A failure of this folder.
+pub(super) fn folder_error(folder: &Path) -> impl Fn(io::Error) -> UpkeepError {
+    move |error| UpkeepError::Target { folder: folder.to_owned(), why: error.to_string() }
 }
 
 /// Refuses a folder that is not empty.

@@ -1,11 +1,12 @@
 // The signed-in person: name, login, language, a new password, signing out, other sign-ins, tokens.
 import { html, useState } from '../preact.js';
-import { api, Problem } from '../api.js';
+import { api } from '../api.js';
 import { useData } from '../data.js';
 import { Confirm } from '../parts/forms/dialog.js';
 import { Form } from '../parts/forms/form.js';
 import { LanguageChoice } from '../parts/page/language.js';
 import { Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { NEW_PASSWORD_FIELDS, newPassword } from '../parts/people/new_password.js';
 import { OwnSignIns, OwnTokens } from '../parts/people/own_access.js';
 import { isRecording } from '../record/current_recording.js';
 import { t } from '../texts.js';
@@ -13,16 +14,7 @@ import { t } from '../texts.js';
 const words = t.account;
 const FIELDS = [
   { name: 'old', label: words.old, type: 'password', required: true, autocomplete: 'current-password' },
-  {
-    name: 'fresh',
-    label: words.fresh,
-    type: 'password',
-    required: true,
-    minlength: 10,
-    hint: words.freshHint,
-    autocomplete: 'new-password',
-  },
-  { name: 'again', label: words.again, type: 'password', required: true, autocomplete: 'new-password' },
+  ...NEW_PASSWORD_FIELDS,
 ];
 /** Asked only of a person who has tokens. */
 const TOKENS_FIELD = { name: 'tokens', label: words.ofTokens, type: 'select', options: [['withdraw', words.withdrawTokens], ['keep', words.keepTokens]], value: 'withdraw' };
@@ -35,10 +27,9 @@ export default function Account({ person, onSignOut }) {
     const [signIns, tokens] = await Promise.all([api.own.signIns(signal), api.own.tokens(signal)]);
     return { signIns: signIns.items, tokens: tokens.items };
   }, []);
-  const change = async ({ old, fresh, again, tokens }, form) => {
+  const change = async ({ old, tokens, ...values }, form) => {
     setChanged(false);
-    if (fresh !== again) throw new Problem({ title: words.differ, status: 0 });
-    await api.changePassword(old, fresh, tokens === 'keep');
+    await api.changePassword(old, newPassword(values), tokens === 'keep');
     form.reset();
     setChanged(true);
   };

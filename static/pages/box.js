@@ -10,6 +10,7 @@ import { PaletteAdvice } from '../parts/boxes/box_advice.js';
 import { PaletteForm, PaletteSummary } from '../parts/boxes/box_palette.js';
 import { SelfTestForm, SelfTestSummary, TodaysLight } from '../parts/boxes/box_self_test.js';
 import { RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
+import { ownerGroups } from '../parts/forms/owners.js';
 import { Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { boxFields, CameraState, PaletteState } from './boxes.js';
 
@@ -25,20 +26,21 @@ export default function BoxPage({ person, route }) {
   } = useData(
     async signal => {
       const found = await api.boxes.get(id, signal);
-      const [camera, palettes, calibrations, selfTests] = await Promise.all([
+      const [camera, palettes, calibrations, selfTests, groups] = await Promise.all([
         found.calibration && api.boxes.camera(id),
         api.boxes.palettes(id),
         api.boxes.calibrations(id),
         api.boxes.selfTests(id),
+        ownerGroups(person),
       ]);
-      return { ...found, camera, palettes, calibrations, selfTests };
+      return { ...found, camera, palettes, calibrations, selfTests, allGroups: groups };
     },
     [id],
   );
-  const mayEdit = may(person, 'edit_boxes');
+  const mayEdit = box?.may_change;
   const edit = useEditing({
     editTitle: t.boxes.edit,
-    fields: boxFields,
+    fields: boxFields(box?.allGroups ?? [], person),
     save: (item, values) => saveChanges(api.boxes, item, values),
     onChange: reload,
   });
@@ -76,7 +78,7 @@ export default function BoxPage({ person, route }) {
         <header><h2>${t.selfTest.title}</h2><${TodaysLight} test=${box.self_test} /></header>
         <div class="body stack">
           <${SelfTestSummary} tests=${box.selfTests} />
-          ${mayEdit && box.calibration && box.palette && html`<${SelfTestForm} box=${box} camera=${box.camera}
+          ${may(person, 'edit_boxes') && box.calibration && box.palette && html`<${SelfTestForm} box=${box} camera=${box.camera}
             isFirst=${box.selfTests.length === 0} onChange=${reload} />`}
         </div>
       </section>

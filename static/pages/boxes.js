@@ -8,11 +8,13 @@ import { href } from '../router.js';
 import { t } from '../texts.js';
 import { TodaysLight } from '../parts/boxes/box_self_test.js';
 import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
+import { ownerGroups, ownersField } from '../parts/forms/owners.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 
 const words = t.boxes;
 
-export const boxFields = item => [
+/** @param {Schemas['GroupResponse'][]} groups @param {Schemas['Me']} person */
+export const boxFields = (groups, person) => item => [
   { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name },
   { name: 'code', label: words.code, hint: t.trainees.codeHint, maxlength: 60, value: item?.code },
   {
@@ -23,23 +25,28 @@ export const boxFields = item => [
     value: item?.view,
   },
   { name: 'notes', label: words.notes, type: 'textarea', value: item?.notes },
+  ...ownersField(groups, item, person),
 ];
 
 /** @param {Props} props */
 export default function Boxes({ person }) {
-  const { data: boxes, problem, reload } = useData(() => api.boxes.all(), []);
+  const { data, problem, reload } = useData(async () => {
+    const [boxes, groups] = await Promise.all([api.boxes.all(), ownerGroups(person)]);
+    return { boxes, groups };
+  }, []);
+  const boxes = data?.boxes;
   const mayEdit = may(person, 'edit_boxes');
   const edit = useEditing({
     addTitle: words.add,
     editTitle: words.edit,
     removeTitle: t.people.removeTitle,
-    fields: boxFields,
+    fields: boxFields(data?.groups ?? [], person),
     save: (item, values) => saveChanges(api.boxes, item, values),
     remove: item => api.boxes.remove(item.id),
     onChange: reload,
   });
   return html`
-    <${PageHead} title=${words.title} lead=${words.lead}>${mayEdit && html`<${AddButton} label=${words.add}
+    <${PageHead} title=${words.title} lead=${words.lead}>${mayEdit && data && html`<${AddButton} label=${words.add}
       onClick=${edit.add} />`}<//>
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     <section class="card">
@@ -61,7 +68,7 @@ export default function Boxes({ person }) {
                   <td><${TodaysLight} test=${box.self_test} /></td>
                   <td class="third">${box.tools.map(toolName).join(', ') || '–'}</td>
                   <td class="third">${(box.view && words.views[box.view]) ?? words.auto}</td>
-                  <td>${mayEdit && html`<div class="row">${!(box.calibration && box.palette) && html`<a class="button main nowrap"
+                  <td>${box.may_change && html`<div class="row">${!(box.calibration && box.palette) && html`<a class="button main nowrap"
                     href=${href(['boxes', box.id, 'setup'])} aria-label=${t.setup.openNamed(box.name)}>${words.setUp}</a>`}
                     <${RowButtons} item=${box} onEdit=${edit.change}
                       onRemove=${may(person, 'people') && edit.remove} /></div>`}</td>

@@ -45,7 +45,8 @@ const List = ({ courses, groups, noneText, onRemove }) => html`
       <th scope="row"><a class="cover" href=${href(['courses', course.id])}>${course.name}</a></th>
       <td class="third">${course.steps.map(step => step.task.name).join(', ')}</td>
       <td><${Followers} groups=${groups.filter(group => group.course?.id === course.id)} noneText=${noneText} /></td>
-      <td><${RowButtons} item=${course} onEdit=${() => go(['courses', course.id])} onRemove=${onRemove} /></td></tr>`)}</tbody>
+      <td><${RowButtons} item=${course} onEdit=${course.may_change && (() => go(['courses', course.id]))}
+        onRemove=${course.may_change && onRemove} /></td></tr>`)}</tbody>
   </table></div>`;
 
 const Followers = ({ groups, noneText }) =>

@@ -1,16 +1,19 @@
 // Administration of people, groups and tokens.
-import { html } from '../preact.js';
+import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
 import { Groups, Tokens } from '../parts/people/groups_tokens.js';
+import { NewLinkDialog, PasswordLinks } from '../parts/people/password_links.js';
 import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 
 const words = t.people;
 
 const isTrainee = chosen => chosen.role === 'trainee';
+/** What a person still has to do about the password; an own password needs no words. */
+const passwordWords = ({ password }) => (password === 'own' ? null : password === 'missing' ? words.passwordStates.missing : words.passwordStates.change);
 
 /** The account of a trainee keeps its role: it belongs to the trainee whose recordings it shows. */
 function rolesFor(item) {
@@ -19,16 +22,19 @@ function rolesFor(item) {
   return all.filter(([role]) => (item.role === 'trainee') === (role === 'trainee'));
 }
 
-export default function People() {
+/** @param {Props} props */
+export default function People({ person }) {
+  const [linked, setLinked] = useState(null); // the person for whom a link is made
   const { data, problem, reload } = useData(async () => {
-    const [people, groups, tokens, trainees, boxes] = await Promise.all([
+    const [people, groups, tokens, trainees, boxes, links] = await Promise.all([
       api.people.all(),
       api.groups.all(),
       api.tokens.all(),
       api.trainees.all(),
       api.boxes.all(),
+      api.passwordLinks.all(),
     ]);
-    return { people, groups, tokens, trainees, boxes };
+    return { people, groups, tokens, trainees, boxes, links };
   }, []);
   const fields = item => [
     { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name, autocomplete: 'off' },
@@ -45,11 +51,23 @@ export default function People() {
           },
         ]),
     { name: 'role', label: words.role, type: 'select', options: rolesFor(item), value: item?.role ?? 'instructor' },
+    ...(item
+      ? []
+      : [
+          {
+            name: 'access',
+            label: words.access,
+            type: 'select',
+            options: [['link', words.byLink], ['password', words.byPassword]],
+            value: 'link',
+          },
+        ]),
     {
       name: 'password',
+      when: chosen => item || chosen.access === 'password',
       label: item ? words.newPassword : words.password,
       type: 'password',
-      hint: item ? words.newPasswordHint : words.passwordHint,
+      hint: item ? (item.id === person.id ? words.ownPasswordHint : words.newPasswordHint) : words.passwordHint,
       required: !item,
       minlength: 10,
       autocomplete: 'new-password',
@@ -83,7 +101,11 @@ export default function People() {
     editTitle: words.edit,
     removeTitle: words.removeTitle,
     fields,
-    save: (item, values) => saveChanges(api.people, item, values),
+    save: async (item, { access, ...values }) => {
+      const chosenFor = values.password && item?.id !== person.id ? { must_change_password: true } : {};
+      const saved = await saveChanges(api.people, item, { ...values, ...chosenFor });
+      if (access === 'link') setLinked(saved);
+    },
     remove: item => api.people.remove(item.id),
     onChange: reload,
   });
@@ -103,9 +125,11 @@ export default function People() {
                 <tbody>
                   ${data.people.map(one => html`
                     <tr key=${one.id}>
-                      <th scope="row">${one.name}</th><td class="code">${one.login}</td><td>
+                      <th scope="row">${one.name}${passwordWords(one) && html` <span class="pill">${passwordWords(one)}</span>`}</th><td class="code">${one.login}</td><td>
                         ${t.roles[one.role] ?? one.role}</td>
-                      <td><${RowButtons} item=${one} onEdit=${edit.change} onRemove=${edit.remove} /></td>
+                      <td><div class="row ends"><button class="button" type="button" aria-label=${words.linkOf(one.name)}
+                        onClick=${() => setLinked(one)}>${words.link}</button>
+                        <${RowButtons} item=${one} onEdit=${edit.change} onRemove=${edit.remove} /></div></td>
                     </tr>`)}
                 </tbody>
               </table>
@@ -114,7 +138,9 @@ export default function People() {
         <div class="columns">
           <${Groups} data=${data} onChange=${reload} />
           <${Tokens} data=${data} onChange=${reload} />
+          <${PasswordLinks} data=${data} onChange=${reload} />
         </div>
       </div>`}
-    ${edit.dialogs}`;
+    ${edit.dialogs}
+    ${linked && html`<${NewLinkDialog} of=${linked} onClose=${() => (setLinked(null), reload())} />`}`;
 }

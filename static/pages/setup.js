@@ -6,6 +6,7 @@ import { useData } from '../data.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
+import { NotYours } from '../parts/forms/owners.js';
 import { Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { useSetupDraft } from '../setup/draft.js';
 import { BoardStep } from '../setup/board_step.js';
@@ -55,6 +56,9 @@ export default function SetupPage({ person, route }) {
   if (!box)
     return html`<${PageHead} title=${t.nav.boxes} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
+  if (!box.may_change)
+    return html`<${PageHead} title=${words.title(box.name)}>
+      <a class="button" href=${href(['boxes', id])}>${t.record.toBox}</a><//><${NotYours} />`;
   const stepHref = one => href(['boxes', id, 'setup'], { step: one });
   return html`
     <${PageHead} title=${words.title(box.name)} lead=${words.lead}>

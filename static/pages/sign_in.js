@@ -21,18 +21,21 @@ const FIELDS = [
   { name: 'password', label: words.password, type: 'password', required: true, autocomplete: 'current-password' },
 ];
 
+/** Signs in, and returns the person. */
+export async function signIn(login, password) {
+  await api.signIn(login, password);
+  return api.me().catch(error => {
+    if (error.status !== 401) throw error;
+    throw new Problem({ title: words.noCookie, detail: isSecureContext ? words.noCookieBody : words.notSecureBody, status: 0 });
+  });
+}
+
+/** `onSignedIn(person, password)` is called when a person has signed in. */
 export function SignIn({ expired, onSignedIn }) {
   useEffect(() => {
     document.title = `${words.title} – ${t.product}`;
   }, []);
-  const send = async ({ login, password }) => {
-    await api.signIn(login, password);
-    const person = await api.me().catch(error => {
-      if (error.status !== 401) throw error;
-      throw new Problem({ title: words.noCookie, detail: isSecureContext ? words.noCookieBody : words.notSecureBody, status: 0 });
-    });
-    onSignedIn(person);
-  };
+  const send = async ({ login, password }) => onSignedIn(await signIn(login, password), password);
   return html`
     <main class="gate">
       <section class="card">

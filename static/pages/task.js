@@ -48,8 +48,8 @@ export default function TaskPage({ person, route }) {
       <${Announce}>${savedVersion ? t.standardForm.isSet(savedVersion) : ''}<//>
       ${savedVersion && html`<${Notice} tone="good" quiet title=${t.standardForm.isSet(savedVersion)} />`}
       ${form ? html`<${StandardForm} data=${data} first=${form.first} mayMake=${isAdministrator} onSet=${finish}
-        onCancel=${close} />` : html`<${Standard} standard=${standards[0]} onSet=${() => open(null)} />`}
-      <${Spread} data=${data} onTake=${open} />
+        onCancel=${close} />` : html`<${Standard} standard=${standards[0]} onSet=${task.may_change && (() => open(null))} />`}
+      <${Spread} data=${data} onTake=${task.may_change && open} />
       <${OtherSections} task=${task} standards=${standards} person=${person} />
     </div>`;
 }

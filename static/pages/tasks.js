@@ -6,6 +6,7 @@ import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
 import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
+import { ownerGroups, ownersField } from '../parts/forms/owners.js';
 import { SkillModel } from '../parts/tasks/skill_model.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { RatersDialog } from '../parts/tasks/raters.js';
@@ -14,13 +15,18 @@ const words = t.tasks;
 
 /** @param {Props} props */
 export default function Tasks({ person }) {
-  const { data: tasks, problem, reload } = useData(() => api.tasks.all(), []);
+  const { data, problem, reload } = useData(async () => {
+    const [tasks, groups] = await Promise.all([api.tasks.all(), ownerGroups(person)]);
+    return { tasks, groups };
+  }, []);
+  const tasks = data?.tasks;
   const mayEdit = may(person, 'edit_tasks');
   const [ratedTask, setRatedTask] = useState(null);
   const fields = item => [
     { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name },
     { name: 'code', label: words.code, hint: t.trainees.codeHint, maxlength: 60, value: item?.code },
     { name: 'description', label: words.description, type: 'textarea', value: item?.description, wide: true },
+    ...ownersField(data?.groups ?? [], item, person),
   ];
   const edit = useEditing({
     addTitle: words.add,
@@ -32,7 +38,7 @@ export default function Tasks({ person }) {
     onChange: reload,
   });
   return html`
-    <${PageHead} title=${words.title} lead=${words.lead}>${mayEdit && html`<${AddButton} label=${words.add}
+    <${PageHead} title=${words.title} lead=${words.lead}>${mayEdit && data && html`<${AddButton} label=${words.add}
       onClick=${edit.add} />`}<//>
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     <section class="card">
@@ -52,7 +58,7 @@ export default function Tasks({ person }) {
                   <td><${SkillModel} task=${task} mayTrain=${may(person, 'people')} /></td>
                   <td><div class="row ends">${may(person, 'rate') && html`<button class="button" type="button"
                     aria-label=${t.raters.title(task.name)} onClick=${() => setRatedTask(task)}>${t.raters.open}</button>`}
-                    ${mayEdit && html`<${RowButtons} item=${task} onEdit=${edit.change}
+                    ${task.may_change && html`<${RowButtons} item=${task} onEdit=${edit.change}
                       onRemove=${may(person, 'people') && edit.remove} />`}</div></td>
                 </tr>`)}
             </tbody>

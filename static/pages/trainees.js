@@ -83,7 +83,7 @@ export default function Trainees({ person }) {
                   <td>${(trainee.level && words.levels[trainee.level]) ?? '–'}</td>
                   <td>${(trainee.handedness && words.hands[trainee.handedness]) ?? '–'}</td>
                   ${mayEdit && html`<td><${RowButtons} item=${trainee} onEdit=${edit.change}
-                    onRemove=${edit.remove} /></td>`}
+                    onRemove=${trainee.may_erase && edit.remove} /></td>`}
                 </tr>`)}
             </tbody>
           </table>

@@ -4,6 +4,7 @@ import { api } from '../api.js';
 import { dateTime } from '../format.js';
 import { may } from '../roles.js';
 import { t } from '../texts.js';
+import { CopyLine } from '../parts/forms/copy_line.js';
 import { focusSoon } from '../parts/forms/focus.js';
 import { Form } from '../parts/forms/form.js';
 import { Notice } from '../parts/page/notice.js';
@@ -51,17 +52,5 @@ function Made({ box, token }) {
         <${QrCode} text=${`${keep}\n${record}\n`} name=${words.code} />
         <figcaption class="small muted">${words.codeBody}</figcaption>
       </figure>
-    </div>`;
-}
-
-function CopyLine({ name, text }) {
-  const [isCopied, setCopied] = useState(false);
-  const copy = () => navigator.clipboard?.writeText(text).then(() => setCopied(true), () => {});
-  return html`
-    <div class="stack tight">
-      <span class="label">${name}</span>
-      <div class="secret">${text}</div>
-      ${isSecureContext && html`<div class="row"><button class="button" type="button" aria-label=${words.copyNamed(name)}
-        onClick=${copy}>${words.copy}</button><span role="status" class="small">${isCopied ? words.copied : ''}</span></div>`}
     </div>`;
 }

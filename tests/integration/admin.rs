@@ -139,5 +139,5 @@ fn a_backup_can_be_checked_but_not_changed() {
     let refused = run(&backup, "user add eve --role instructor");
     let stderr = String::from_utf8_lossy(&refused.stderr);
     assert_eq!(refused.status.code(), Some(2), "{stderr}");
-    assert!(stderr.contains("restore it first"), "{stderr}");
+    assert!(stderr.contains("is a backup"), "{stderr}");
 }

@@ -4,11 +4,12 @@
 //! change only so that these folders stay readable.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use reqwest::StatusCode;
 use serde_json::Value;
+use tempfile::TempDir;
 use trocar::time::ManualClock;
 
 use crate::process::program;
@@ -39,20 +40,52 @@ const CHANGED: [(&str, &str, &str, &str); 1] =
     // Advice on tapes has a kind of its own.
     [("data_pipeline_11", "jobs/01a21932-2832-77e7-9de9-e2b613698be0 kind", "palette", "advise")];
 
+/// A data folder of an earlier release, unpacked.
+pub struct OldData {
+    pub folder: TempDir,
+    /// The data folder, inside `folder`.
+    pub data: PathBuf,
+    /// A time of the day on which it was made, Unix ms.
+    pub made_ms: i64,
+    /// The administrator's password.
+    pub password: String,
+    /// What the release answered, by path.
+    answers: Value,
+}
+
+impl OldData {
+    /// The newest one.
+    pub fn newest() -> Self {
+        let (release, made_ms) = RELEASES[RELEASES.len() - 1];
+        Self::of(release, made_ms)
+    }
+
+    /// The oldest one.
+    pub fn oldest() -> Self {
+        let (release, made_ms) = RELEASES[0];
+        Self::of(release, made_ms)
+    }
+
+    fn of(release: &str, made_ms: i64) -> Self {
+        let archive = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(format!("{release}.tar.gz"));
+        let folder = tempfile::tempdir().unwrap();
+        let status = Command::new("tar").arg("-xzf").arg(&archive).arg("-C").arg(folder.path()).status().unwrap();
+        assert!(status.success(), "tar -xzf {}", archive.display());
+        let mut kept: Value = serde_json::from_slice(&fs::read(folder.path().join("answers.json")).unwrap()).unwrap();
+        let password = kept["password"].as_str().unwrap().to_owned();
+        Self { data: folder.path().join("data"), folder, made_ms, password, answers: kept["answers"].take() }
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn an_old_data_folder_migrates_and_answers_as_before() {
     for (release, made_ms) in RELEASES {
-        let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
-        let folder = tempfile::tempdir().unwrap();
-        unpack(&fixtures.join(format!("{release}.tar.gz")), folder.path());
-        let kept: Value = serde_json::from_slice(&fs::read(folder.path().join("answers.json")).unwrap()).unwrap();
-        let data = folder.path().join("data");
-
+        let OldData { folder, data, password, answers, .. } = OldData::of(release, made_ms);
         let service =
             Service::start_in(folder, ManualClock::at(made_ms), |settings| settings.data = data.clone()).await;
-        let client = service.sign_in("administrator", kept["password"].as_str().unwrap()).await;
+        let client = service.sign_in("administrator", &password).await;
         let mut differences = Vec::new();
-        for (path, old) in kept["answers"].as_object().unwrap() {
+        for (path, old) in answers.as_object().unwrap() {
             let answer = client.get(&format!("/api/v1/{path}")).await;
             assert_eq!(answer.status(), StatusCode::OK, "{release}: {path}");
             let text = answer.text().await.unwrap();
@@ -70,12 +103,6 @@ async fn an_old_data_folder_migrates_and_answers_as_before() {
         let check = program().args(["admin", "check", "--data"]).arg(&data).output().unwrap();
         assert!(check.status.success(), "{release}: {}", String::from_utf8_lossy(&check.stdout));
     }
-}
-
-/// Unpacks an archive into a folder.
-pub fn unpack(archive: &Path, folder: &Path) {
-    let status = Command::new("tar").arg("-xzf").arg(archive).arg("-C").arg(folder).status().unwrap();
-    assert!(status.success(), "tar -xzf {}", archive.display());
 }
 
 /// True if each line of a CSV table is the old line, or begins with its fields.

@@ -5,39 +5,22 @@ use std::fs;
 use std::io::Write;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::process::Output;
+use std::process::{Command, Output};
 use std::sync::Arc;
 
 use reqwest::StatusCode;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 use sqlx::{ConnectOptions, Connection};
-use tempfile::TempDir;
 use trocar::store::{Store, StoreSettings};
 use trocar::time::SystemClock;
 
 use crate::api::full_disk::SmallDisk;
-use crate::old_data::unpack;
+use crate::old_data::OldData;
 use crate::process::{Process, command, program};
 use crate::support::{Service, poll_until};
 
-/// The schema's version in the old data folder.
+/// The schema's version in the oldest data folder.
 const OLD_VERSION: i64 = 17;
-/// The release that made it.
-const OLD: &str = "data_pipeline_11";
-
-/// A data folder of an earlier release.
-fn old_folder() -> (TempDir, PathBuf) {
-    let folder = tempfile::tempdir().unwrap();
-    let data = old_data_in(folder.path());
-    (folder, data)
-}
-
-/// Makes the data folder of an earlier release in this folder.
-fn old_data_in(folder: &Path) -> PathBuf {
-    let archive = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(format!("{OLD}.tar.gz"));
-    unpack(&archive, folder);
-    folder.join("data")
-}
 
 /// Opens a database file as it is.
 async fn raw(database: &Path) -> SqliteConnection {
@@ -62,9 +45,7 @@ fn holds(bytes: &[u8], text: &str) -> bool {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_update_keeps_a_copy_for_the_earlier_program_without_people_who_are_erased_later() {
-    let (folder, data) = old_folder();
-    let kept: serde_json::Value =
-        serde_json::from_slice(&fs::read(folder.path().join("answers.json")).unwrap()).unwrap();
+    let OldData { folder, data, password, .. } = OldData::oldest();
     let copy = data.join("before-update").join("trocar.db");
     let start = async |folder| {
         let change = |settings: &mut trocar::settings::Settings| {
@@ -81,7 +62,7 @@ async fn an_update_keeps_a_copy_for_the_earlier_program_without_people_who_are_e
     }
     assert!(holds(&bytes_of(&data.join("before-update")), "Ada Novak"));
 
-    let administrator = service.sign_in("administrator", kept["password"].as_str().unwrap()).await;
+    let administrator = service.sign_in("administrator", &password).await;
     assert_eq!(administrator.delete("/api/v1/trainees/ada").await.status(), StatusCode::NO_CONTENT);
     let is_erased = || !holds(&bytes_of(&data.join("before-update")), "Ada Novak");
     poll_until("the erasure in the copy", is_erased).await;
@@ -99,7 +80,7 @@ async fn an_update_keeps_a_copy_for_the_earlier_program_without_people_who_are_e
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_update_that_fails_leaves_the_database_to_the_earlier_program() {
-    let (_folder, data) = old_folder();
+    let OldData { folder: _folder, data, .. } = OldData::oldest();
     let database = data.join("trocar.db");
     let mut old = raw(&database).await;
     // One of the last migrations makes a table of this name; those before it succeed.
@@ -127,7 +108,10 @@ async fn an_update_without_space_for_the_copy_changes_nothing_and_works_once_the
         crate::resources::skip("the right to mount a small file system");
         return;
     };
-    let data = old_data_in(folder.path());
+    let old = OldData::oldest();
+    let copied = Command::new("cp").arg("-a").arg(&old.data).arg(folder.path()).status().unwrap();
+    assert!(copied.success());
+    let data = folder.path().join("data");
     let filler = folder.path().join("filler");
     let mut filling = fs::File::create(&filler).unwrap();
     while filling.write_all(&[1; 4096]).is_ok() {}
@@ -156,7 +140,7 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn commands_refuse_a_database_of_another_version_and_change_nothing() {
-    let (folder, data) = old_folder();
+    let OldData { folder, data, .. } = OldData::oldest();
     let backup = format!("backup {}", folder.path().join("backup").display());
     let commands =
         ["check", "user list", "token list", "user add eve --role instructor", "user delete ada", backup.as_str()];

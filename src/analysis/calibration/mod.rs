@@ -60,7 +60,10 @@ pub enum CalibrationRefusal {
         groups: usize,
     },
     /// The camera that fits the photos best cannot exist.
-    #[error("the photos fit only a camera that cannot exist: {0}")]
+    #[error(
+        "the photos fit only a camera that cannot exist: do not use a lens that shows more than about 100°, check the number \
+         of corners, use a flat, stiff board, and show it also at the picture's edges"
+    )]
     Impossible(#[from] ImpossibleCamera),
 }
 

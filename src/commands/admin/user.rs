@@ -7,6 +7,7 @@ use clap::Subcommand;
 
 use super::super::CommandFailure;
 use super::{DataFolder, store_failure};
+use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::{Password, PasswordHash};
@@ -18,7 +19,8 @@ use crate::store::{NewPerson, PageRequest, PersonRecord, StoreError};
 pub enum UserCommand {
     /// List the accounts: login, role, name.
     List,
-    /// Create an account; prints its password unless --password-stdin is given.
+    /// Create an account; prints its password unless --password-stdin is given. The person changes it when they first
+    /// sign in with a browser.
     Add {
         /// Login name, typed to sign in
         login: Login,
@@ -36,7 +38,7 @@ pub enum UserCommand {
         password_stdin: bool,
     },
     /// Set a password, sign the account out everywhere and withdraw its tokens; prints the password unless
-    /// --password-stdin is given.
+    /// --password-stdin is given. The person changes it when they next sign in with a browser.
     Password {
         /// Login name of the account
         login: Login,
@@ -68,7 +70,8 @@ pub async fn run(folder: &DataFolder, command: UserCommand) -> Result<(), Comman
             };
             let (password, hash) = choose_password(password_stdin).await?;
             let name = name.map_or_else(|| login.as_str().parse(), Ok).map_err(CommandFailure::input)?;
-            let new = NewPerson { login, name, role, password: hash, trainee };
+            let password_state = PasswordState::ChangeInBrowser;
+            let new = NewPerson { login, name, role, password: hash, password_state, trainee };
             folder.store.people().create(&Scope::service(), new).await.map_err(store_failure)?;
             print_password(password);
             Ok(())
@@ -76,8 +79,8 @@ pub async fn run(folder: &DataFolder, command: UserCommand) -> Result<(), Comman
         UserCommand::Password { login, keep_tokens, password_stdin } => {
             let person = find_account(folder, &login).await?;
             let (password, hash) = choose_password(password_stdin).await?;
-            let people = folder.store.people();
-            people.set_password(&Scope::service(), person.id, hash, keep_tokens).await.map_err(store_failure)?;
+            let (people, new) = (folder.store.people(), (hash, PasswordState::ChangeInBrowser));
+            people.set_password(&Scope::service(), person.id, new, keep_tokens).await.map_err(store_failure)?;
             print_password(password);
             Ok(())
         }

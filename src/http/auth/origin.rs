@@ -31,6 +31,11 @@ pub fn refuse_foreign(headers: &HeaderMap) -> HandlerResult<()> {
     Err(Refusal::ForeignOrigin.with("Open the WebSocket from the service's own pages, or from a program with a token."))
 }
 
+/// Whether one of the service's pages sends this change, and not a program.
+pub fn is_from_page(headers: &HeaderMap) -> bool {
+    headers.contains_key(header::ORIGIN) || headers.contains_key("sec-fetch-site")
+}
+
 fn is_ours(headers: &HeaderMap) -> bool {
     match headers.get(header::ORIGIN) {
         Some(origin) => origin.to_str().is_ok_and(|origin| same_host(origin, headers)),

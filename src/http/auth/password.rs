@@ -19,6 +19,11 @@ pub async fn hash(password: Password) -> HandlerResult<PasswordHash> {
     run_blocking(move || password.hash()).await
 }
 
+/// A hash for an account without a password: no password matches it.
+pub async fn unmatchable() -> HandlerResult<PasswordHash> {
+    run_blocking(PasswordHash::unmatchable).await
+}
+
 /// Whether `tried` matches `stored`. Without a stored hash the answer is no, after the same time.
 pub async fn matches(tried: Password, stored: Option<PasswordHash>) -> HandlerResult<bool> {
     run_blocking(move || match stored {

@@ -8,10 +8,12 @@ use axum::response::{AppendHeaders, IntoResponse};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::origin::is_from_page;
 use super::password;
 use super::presented::{PresentedCredential, browser_secret, clear_cookie, set_browser_cookie, set_cookie};
-use super::signed_in::{Member, SignedIn};
+use super::signed_in::Identified;
 use super::throttle::{AttemptOrigin, KnownPlace, network_of};
+use crate::domain::password_state::PasswordState;
 use crate::domain::secret::{Password, PasswordHash, Secret, SecretHash};
 use crate::domain::text::Login;
 use crate::http::client_address::ClientAddress;
@@ -40,6 +42,9 @@ pub struct Credentials {
 #[derive(Serialize, ToSchema)]
 pub struct SignInResponse {
     person: PersonResponse,
+    /// True if this sign-in may only change the password: every other request is refused as
+    /// `password-change-required`.
+    must_change_password: bool,
 }
 
 /// Sign in and receive a cookie
@@ -59,19 +64,21 @@ pub async fn sign_in(
     let person = authenticate(&app, tried, address, known_browser.as_ref().map(Secret::hash)).await?;
     let (secret, browser) = (Secret::random(), known_browser.unwrap_or_else(Secret::random));
     let places = [Some(browser.hash()), place_of(person.id, address)].into_iter().flatten().collect();
-    let origin = store::SignInOrigin { browser: browser_name(&headers), address: address.0.to_string(), places };
+    let (browser_name, is_page) = (browser_name(&headers), is_from_page(&headers));
+    let origin = store::SignInOrigin { browser: browser_name, address: address.0.to_string(), is_page, places };
+    let must_change_password = person.password_state.must_change(is_page);
     app.store.cookies().create(secret.hash(), &person, app.sign_in_lifetime(), origin).await?;
     if let PresentedCredential::Cookie(before) = PresentedCredential::in_headers(&headers) {
         app.store.cookies().delete_replaced(before).await?;
     }
     tracing::info!(person = %person.id, "signed in");
     let cookies = [set_cookie(&secret), set_browser_cookie(&browser)].map(|cookie| (header::SET_COOKIE, cookie));
-    Ok((AppendHeaders(cookies), Json(SignInResponse { person: person.into() })))
+    Ok((AppendHeaders(cookies), Json(SignInResponse { person: person.into(), must_change_password })))
 }
 
 /// Sign out: invalidates the cookie and removes it from the browser
 #[utoipa::path(post, path = "/sign-out", tag = "sign-in", responses((status = NO_CONTENT)))]
-pub async fn sign_out(State(app): State<App>, _by: SignedIn, headers: HeaderMap) -> HandlerResult<impl IntoResponse> {
+pub async fn sign_out(State(app): State<App>, _by: Identified, headers: HeaderMap) -> HandlerResult<impl IntoResponse> {
     if let PresentedCredential::Cookie(secret) = PresentedCredential::in_headers(&headers) {
         app.store.cookies().delete(secret).await?;
     }
@@ -95,17 +102,21 @@ pub struct PasswordChange {
 
 /// Change the own password
 ///
-/// Signs the account out in every browser, and withdraws its tokens unless `keep_tokens` is true.
+/// Signs the account out in every browser, withdraws its link for a password, and withdraws its tokens unless
+/// `keep_tokens` is true. A password that must be changed cannot be chosen again.
 #[utoipa::path(post, path = "/me/password", tag = "sign-in", request_body = PasswordChange,
     responses((status = NO_CONTENT)))]
 pub async fn change_password(
     State(app): State<App>,
     address: ClientAddress,
-    member: Member,
+    by: Identified,
     Json(change): Json<PasswordChange>,
 ) -> HandlerResult<StatusCode> {
-    let id = member.scope.person().ok_or_else(ProblemResponse::not_found)?;
-    let person = app.store.people().get(&member.scope, id).await?;
+    let Some(id) = by.scope.person() else {
+        return Err(Refusal::Forbidden.with("An agent has no password. Create another token for its box."));
+    };
+    let person = app.store.people().get(&by.scope, id).await?;
+    let is_same = change.old == change.new;
     let new = Password::new(change.new)?;
     let (_, stored) = app.store.people().by_login(&person.login).await?.ok_or_else(ProblemResponse::not_found)?;
     // One counter for all addresses: a stolen cookie must not guess on, and the guesses of strangers do not count.
@@ -114,7 +125,11 @@ pub async fn change_password(
     if !try_password(&app, &person.login, origin, change.old, Some(stored)).await? {
         return Err(wrong_credentials());
     }
-    app.store.people().set_password(&member.scope, id, password::hash(new).await?, change.keep_tokens).await?;
+    if by.must_change_password && is_same {
+        return Err(ProblemResponse::invalid("new", "is the password that must be changed; choose another one"));
+    }
+    let new = (password::hash(new).await?, PasswordState::Own);
+    app.store.people().set_password(&by.scope, id, new, change.keep_tokens).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -176,10 +191,11 @@ async fn try_password(
 }
 
 fn wrong_credentials() -> ProblemResponse {
-    Refusal::WrongCredentials.with("Check login and password. An administrator can set a new password.")
+    Refusal::WrongCredentials.with("Check login and password. An administrator can send you a link for a new password.")
 }
 
-fn too_many_attempts(wait: Duration) -> ProblemResponse {
+/// The refusal of an attempt that has to wait.
+pub fn too_many_attempts(wait: Duration) -> ProblemResponse {
     let seconds = wait.as_secs() + 1;
     Refusal::TooMany
         .with(format!("There were too many failed attempts to sign in. Try again in {seconds} s."))

@@ -22,6 +22,42 @@ use crate::store::CookieLifetime;
 /// How often an open WebSocket or stream checks that its sign-in is still valid.
 const SIGN_IN_CHECK_INTERVAL: Duration = Duration::from_secs(5);
 
+/// A caller whose identity is known, but who may have to change a password before anything else. Only the routes that
+/// this needs accept it: reading the own account, changing the password, signing out.
+#[derive(Clone, Debug)]
+pub struct Identified {
+    /// What the caller may see and change.
+    pub scope: Scope,
+    /// True if this sign-in may only change the password.
+    pub must_change_password: bool,
+}
+
+impl Identified {
+    /// Identifies the sender of these headers. This counts as activity, so it keeps the sign-in from idling out.
+    async fn from_headers(app: &App, headers: &HeaderMap) -> HandlerResult<Self> {
+        let found = match PresentedCredential::in_headers(headers) {
+            PresentedCredential::Token(secret) => {
+                app.store.tokens().scope_of(secret).await?.map(|scope| (scope, false))
+            }
+            PresentedCredential::Cookie(secret) => {
+                let holder = app.store.cookies().person_of(secret, app.sign_in_lifetime()).await?;
+                holder.map(|holder| (holder.person.scope(), holder.must_change_password))
+            }
+            PresentedCredential::Nothing => None,
+        };
+        let (scope, must_change_password) = found.ok_or_else(sign_in_first)?;
+        Ok(Self { scope: scope.with_rights(app.rights), must_change_password })
+    }
+}
+
+impl FromRequestParts<App> for Identified {
+    type Rejection = ProblemResponse;
+
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, ProblemResponse> {
+        Self::from_headers(app, &parts.headers).await
+    }
+}
+
 /// An authenticated caller: a person, a person's program, or the agent of a box.
 #[derive(Clone, Debug)]
 pub struct SignedIn {
@@ -30,16 +66,11 @@ pub struct SignedIn {
 }
 
 impl SignedIn {
-    /// Authenticates the sender of these headers. This counts as activity, so it keeps the sign-in from idling out.
+    /// Authenticates the sender of these headers, and refuses one who has to change a password first. This counts as
+    /// activity, so it keeps the sign-in from idling out.
     pub async fn from_headers(app: &App, headers: &HeaderMap) -> HandlerResult<Self> {
-        let scope = match PresentedCredential::in_headers(headers) {
-            PresentedCredential::Token(secret) => app.store.tokens().scope_of(secret).await?,
-            PresentedCredential::Cookie(secret) => {
-                app.store.cookies().person_of(secret, app.sign_in_lifetime()).await?.map(|person| person.scope())
-            }
-            PresentedCredential::Nothing => None,
-        };
-        scope.map(|scope| Self { scope }).ok_or_else(sign_in_first)
+        let Identified { scope, must_change_password } = Identified::from_headers(app, headers).await?;
+        if must_change_password { Err(change_password_first()) } else { Ok(Self { scope }) }
     }
 
     /// Whether these headers would still sign in. Unlike [`SignedIn::from_headers`], this does not count as activity:
@@ -69,6 +100,13 @@ fn sign_in_first() -> ProblemResponse {
     Refusal::NotSignedIn
         .with("Sign in with POST /api/v1/sign-in, or send `Authorization: Bearer trc_…`. An idle sign-in ends.")
         .header(header::WWW_AUTHENTICATE, "Bearer realm=\"trocar\"")
+}
+
+fn change_password_first() -> ProblemResponse {
+    Refusal::PasswordChangeRequired.with(
+        "Another person or the program chose this password. Choose one of your own with POST /api/v1/me/password, then \
+         sign in with it.",
+    )
 }
 
 impl FromRequestParts<App> for SignedIn {

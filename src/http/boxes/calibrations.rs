@@ -81,8 +81,8 @@ pub async fn put_camera(
     PathKey(key): PathKey,
     Json(camera): Json<CameraFile>,
 ) -> HandlerResult<Json<CalibrationResponse>> {
+    let of = app.store.boxes().changeable(&by.scope, &key).await?;
     let camera = CameraFile::parse(&camera.to_json()).map_err(|error| ProblemResponse::invalid("camera", error))?;
-    let of = app.store.boxes().get(&by.scope, &key).await?;
     let new = NewCalibration { camera, source: CalibrationSource::File };
     let added = app.store.calibrations().add(&by.scope, of.id, new).await?;
     app.queue.work_arrived();
@@ -132,7 +132,7 @@ pub async fn calibrate(
     PathKey(key): PathKey,
     form: MultipartForm,
 ) -> HandlerResult<impl IntoResponse> {
-    let of = app.store.boxes().get(&by.scope, &key).await?;
+    let of = app.store.boxes().changeable(&by.scope, &key).await?;
     let BoardRequest { board, square_mm, pictures } = BoardRequest::read(form).await?;
     let FormPictures { ref files, is_video, .. } = pictures;
     let input = CalibrateInput { of: of.id, board, square_mm, files: files.clone(), is_video };

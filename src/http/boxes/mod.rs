@@ -17,14 +17,14 @@ use utoipa::ToSchema;
 
 use super::auth::signed_in::{Member, Staff};
 use super::error::HandlerResult;
-use super::read::{Json, Params, PathKey};
+use super::read::{Json, Params, PathKey, owners_problem};
 use super::show::{Created, PageResponse, Paging, Time};
 use super::state::App;
 use crate::domain::boxes::{BoxChange, BoxTool, NewBox};
 use crate::domain::files::annotations::View;
 use crate::domain::scope::Scope;
 use crate::domain::text::{Code, Name, Paragraphs};
-use crate::ids::BoxId;
+use crate::ids::{BoxId, GroupId};
 use crate::store;
 
 /// A box trainer and its setup: camera, colours, self-test.
@@ -45,6 +45,11 @@ pub struct BoxResponse {
     tools: Vec<BoxTool>,
     /// The traffic light of today's last self-test; `null`: no self-test today.
     self_test: Option<TodaysLight>,
+    /// The groups whose instructors may change it, those that the caller sees: an administrator all, an instructor the
+    /// own ones.
+    groups: Vec<GroupId>,
+    /// True if the caller may change it.
+    may_change: bool,
 }
 
 impl App {
@@ -63,6 +68,8 @@ impl App {
             palette: palette.as_ref().map(|palette| palette.version),
             self_test: self.light_of_today(scope, found.id).await?,
             tools: palette.map(|palette| palette.tools).unwrap_or_default(),
+            may_change: scope.may_change(&found.owners),
+            groups: found.owners,
         })
     }
 }
@@ -85,10 +92,13 @@ pub async fn list(
 }
 
 /// Register a box
+///
+/// An instructor's box belongs to the instructor's groups, unless `groups` names some of them. An administrator's box
+/// belongs to the named groups; without any, only administrators may change it.
 #[utoipa::path(post, path = "/boxes", tag = "boxes", request_body = NewBox,
     responses((status = CREATED, body = BoxResponse)))]
 pub async fn create(State(app): State<App>, by: Staff, Json(new): Json<NewBox>) -> HandlerResult<Created<BoxResponse>> {
-    let made = app.store.boxes().create(&by.scope, new).await?;
+    let made = app.store.boxes().create(&by.scope, new).await.map_err(owners_problem)?;
     let location = format!("/api/v1/boxes/{}", made.id);
     Ok(Created { location, made: app.box_response(&by.scope, made).await? })
 }
@@ -102,6 +112,8 @@ pub async fn get(State(app): State<App>, by: Member, PathKey(key): PathKey) -> H
 }
 
 /// Change a box
+///
+/// For administrators and the instructors of its groups.
 #[utoipa::path(patch, path = "/boxes/{id}", tag = "boxes", params(("id" = String, Path, description = "id or code")),
     request_body = BoxChange, responses((status = OK, body = BoxResponse)))]
 pub async fn change(
@@ -110,11 +122,13 @@ pub async fn change(
     PathKey(key): PathKey,
     Json(change): Json<BoxChange>,
 ) -> HandlerResult<Json<BoxResponse>> {
-    let changed = app.store.boxes().change(&by.scope, &key, change).await?;
+    let changed = app.store.boxes().change(&by.scope, &key, change).await.map_err(owners_problem)?;
     Ok(Json(app.box_response(&by.scope, changed).await?))
 }
 
 /// Delete a box that has no sessions
+///
+/// For administrators and the instructors of its groups.
 #[utoipa::path(delete, path = "/boxes/{id}", tag = "boxes", params(("id" = String, Path, description = "id or code")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Staff, PathKey(key): PathKey) -> HandlerResult<StatusCode> {

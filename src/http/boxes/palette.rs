@@ -95,7 +95,7 @@ pub async fn learn_palette(
     PathKey(key): PathKey,
     form: MultipartForm,
 ) -> HandlerResult<impl IntoResponse> {
-    let of = app.store.boxes().get(&by.scope, &key).await?;
+    let of = app.store.boxes().changeable(&by.scope, &key).await?;
     let (annotations, pictures) = read_palette_form(form).await?;
     let FormPictures { ref files, ref frames, is_video, .. } = pictures;
     let (files, frames) = (files.clone(), frames.clone());

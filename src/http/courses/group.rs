@@ -7,6 +7,7 @@ use utoipa::ToSchema;
 
 use super::DueStep;
 use crate::cohorts::{self, CourseRow};
+use crate::domain::scope::Scope;
 use crate::domain::text::Name;
 use crate::http::auth::signed_in::Staff;
 use crate::http::error::HandlerResult;
@@ -65,14 +66,15 @@ pub struct GroupCourseResponse {
     more: bool,
 }
 
-impl From<cohorts::GroupCourse> for GroupCourseResponse {
-    fn from(found: cohorts::GroupCourse) -> Self {
+impl GroupCourseResponse {
+    /// The progress as this scope may see it.
+    fn new(found: cohorts::GroupCourse, scope: &Scope) -> Self {
         let cohorts::GroupCourse { group, course, begins, trainees, rows, more } = found;
         Self {
             group: group.id,
             course: FollowedCourse::new(course.id, course.name, begins),
             steps: course.steps.into_iter().map(|step| DueStep::new(step, begins)).collect(),
-            trainees: trainees.into_iter().map(TraineeResponse::from).collect(),
+            trainees: trainees.into_iter().map(|trainee| TraineeResponse::new(trainee, scope)).collect(),
             rows,
             more,
         }
@@ -86,7 +88,7 @@ impl From<cohorts::GroupCourse> for GroupCourseResponse {
 #[utoipa::path(get, path = "/groups/{id}/course", tag = "courses",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = GroupCourseResponse)))]
 pub async fn of_group(State(app): State<App>, by: Staff, at: PathKey) -> HandlerResult<Json<GroupCourseResponse>> {
-    Ok(Json(app.cohorts.group_course(&by.scope, at.id()?).await?.into()))
+    Ok(Json(GroupCourseResponse::new(app.cohorts.group_course(&by.scope, at.id()?).await?, &by.scope)))
 }
 
 /// Set the course plan that a group follows
@@ -103,7 +105,7 @@ pub async fn follow(
 ) -> HandlerResult<Json<GroupCourseResponse>> {
     let group = app.store.groups().get(&by.scope, at.id()?).await?.id;
     app.store.courses().follow(&by.scope, group, course, begins).await.map_err(reference_problem("course"))?;
-    Ok(Json(app.cohorts.group_course(&by.scope, group).await?.into()))
+    Ok(Json(GroupCourseResponse::new(app.cohorts.group_course(&by.scope, group).await?, &by.scope)))
 }
 
 /// Stop a group from following its course plan

@@ -1,5 +1,5 @@
-//! Course plans, and the progress of trainees in a course. Every member may read plans; staff may edit them. Progress
-//! is limited to trainees in the caller's scope.
+//! Course plans, and the progress of trainees in a course. Every member may read plans; administrators and
+//! the instructors of a plan's groups may change it. Progress is limited to trainees in the caller's scope.
 //!
 //! | file | holds |
 //! |---|---|
@@ -19,12 +19,13 @@ use utoipa::ToSchema;
 
 use super::auth::signed_in::{Member, Staff};
 use super::error::{HandlerResult, ProblemResponse, unknown_reference};
-use super::read::{Json, Params, PathKey};
+use super::read::{Json, Params, PathKey, owners_problem};
 use super::show::{Created, NamedReference, PageResponse, Paging, Time};
 use super::state::App;
 use crate::domain::course::NewCourse;
+use crate::domain::scope::Scope;
 use crate::domain::text::Name;
-use crate::ids::CourseId;
+use crate::ids::{CourseId, GroupId};
 use crate::store::{self, StoreError};
 use crate::time::Day;
 
@@ -36,6 +37,11 @@ pub struct CoursePlan {
     /// Its steps, in order.
     steps: Vec<PlanStep>,
     created_at: Time,
+    /// The groups whose instructors may change it, those that the caller sees: an administrator all, an instructor the
+    /// own ones.
+    groups: Vec<GroupId>,
+    /// True if the caller may change it.
+    may_change: bool,
 }
 
 /// A step of a plan.
@@ -58,11 +64,13 @@ pub struct DueStep {
     due: Option<Day>,
 }
 
-impl From<store::CourseRecord> for CoursePlan {
-    fn from(course: store::CourseRecord) -> Self {
-        let store::CourseRecord { id, name, steps, created_at_ms } = course;
+impl CoursePlan {
+    /// The plan as this scope may see and change it.
+    fn new(course: store::CourseRecord, scope: &Scope) -> Self {
+        let store::CourseRecord { id, name, steps, created_at_ms, owners } = course;
         let steps = steps.into_iter().map(PlanStep::from).collect();
-        Self { id, name, steps, created_at: Time(created_at_ms) }
+        let may_change = scope.may_change(&owners);
+        Self { id, name, steps, created_at: Time(created_at_ms), groups: owners, may_change }
     }
 }
 
@@ -91,7 +99,7 @@ pub async fn list(
 ) -> HandlerResult<Json<PageResponse<CoursePlan>>> {
     let page = paging.request(app.settings.page_items)?;
     let courses = app.store.courses().list(&by.scope, &page).await?;
-    Ok(Json(PageResponse::of(courses, CoursePlan::from)))
+    Ok(Json(PageResponse::of(courses, |course| CoursePlan::new(course, &by.scope))))
 }
 
 /// Create a course plan
@@ -105,7 +113,7 @@ pub async fn create(
     Json(new): Json<NewCourse>,
 ) -> HandlerResult<Created<CoursePlan>> {
     let course = app.store.courses().create(&by.scope, new.checked()?).await.map_err(reference_error)?;
-    Ok(Created { location: format!("/api/v1/courses/{}", course.id), made: course.into() })
+    Ok(Created { location: format!("/api/v1/courses/{}", course.id), made: CoursePlan::new(course, &by.scope) })
 }
 
 /// Read one course plan
@@ -113,12 +121,12 @@ pub async fn create(
     responses((status = OK, body = CoursePlan)))]
 pub async fn get(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<CoursePlan>> {
     let course = app.store.courses().get(&by.scope, at.id()?).await?;
-    Ok(Json(course.into()))
+    Ok(Json(CoursePlan::new(course, &by.scope)))
 }
 
 /// Replace a course plan: its name and its steps
 ///
-/// The change applies to all groups that follow the plan.
+/// The change applies to all groups that follow the plan. For administrators and the instructors of its groups.
 #[utoipa::path(put, path = "/courses/{id}", tag = "courses", params(("id" = String, Path, description = "id")),
     request_body = NewCourse, responses((status = OK, body = CoursePlan)))]
 pub async fn replace(
@@ -127,12 +135,14 @@ pub async fn replace(
     at: PathKey,
     Json(new): Json<NewCourse>,
 ) -> HandlerResult<Json<CoursePlan>> {
-    let id = app.store.courses().get(&by.scope, at.id()?).await?.id;
+    let id = app.store.courses().changeable(&by.scope, at.id()?).await?.id;
     let replaced = app.store.courses().replace(&by.scope, id, new.checked()?).await;
-    Ok(Json(replaced.map_err(reference_error)?.into()))
+    Ok(Json(CoursePlan::new(replaced.map_err(reference_error)?, &by.scope)))
 }
 
 /// Delete a course plan that no group follows
+///
+/// For administrators and the instructors of its groups.
 #[utoipa::path(delete, path = "/courses/{id}", tag = "courses", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Staff, at: PathKey) -> HandlerResult<StatusCode> {
@@ -140,10 +150,10 @@ pub async fn delete(State(app): State<App>, by: Staff, at: PathKey) -> HandlerRe
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Reports a missing task as a mistake in the body (422), not in the address (404).
+/// Reports a missing task or group as a mistake in the body (422), not in the address (404).
 fn reference_error(error: StoreError) -> ProblemResponse {
     match error {
-        StoreError::NotFound { what } => unknown_reference(what, what),
-        other => other.into(),
+        StoreError::NotFound { what: "task" } => unknown_reference("task", "task"),
+        other => owners_problem(other),
     }
 }

@@ -1,4 +1,5 @@
-//! Tasks: the exercises that trainees do. Every member may read them; staff may edit them.
+//! Tasks: the exercises that trainees do. Every member may read them; administrators and the instructors of
+//! their groups may change them.
 
 mod distribution;
 mod features;
@@ -16,14 +17,15 @@ use serde::Serialize;
 pub use standards::*;
 use utoipa::ToSchema;
 
+use crate::domain::scope::Scope;
 use crate::domain::task::{NewTask, TaskChange};
 use crate::domain::text::{Code, Name, Paragraphs};
 use crate::http::auth::signed_in::{Member, Staff};
 use crate::http::error::HandlerResult;
-use crate::http::read::{Json, Params, PathKey};
+use crate::http::read::{Json, Params, PathKey, owners_problem};
 use crate::http::show::{Created, PageResponse, Paging, Time};
 use crate::http::state::App;
-use crate::ids::TaskId;
+use crate::ids::{GroupId, TaskId};
 use crate::store;
 
 /// A task: an exercise in the box.
@@ -34,12 +36,19 @@ pub struct TaskResponse {
     name: Name,
     description: Paragraphs,
     created_at: Time,
+    /// The groups whose instructors may change it, those that the caller sees: an administrator all, an instructor the
+    /// own ones.
+    groups: Vec<GroupId>,
+    /// True if the caller may change it.
+    may_change: bool,
 }
 
-impl From<store::TaskRecord> for TaskResponse {
-    fn from(task: store::TaskRecord) -> Self {
-        let store::TaskRecord { id, code, name, description, created_at_ms } = task;
-        Self { id, code, name, description, created_at: Time(created_at_ms) }
+impl TaskResponse {
+    /// The task as this scope may see and change it.
+    pub fn new(task: store::TaskRecord, scope: &Scope) -> Self {
+        let store::TaskRecord { id, code, name, description, created_at_ms, owners } = task;
+        let may_change = scope.may_change(&owners);
+        Self { id, code, name, description, created_at: Time(created_at_ms), groups: owners, may_change }
     }
 }
 
@@ -53,10 +62,13 @@ pub async fn list(
 ) -> HandlerResult<Json<PageResponse<TaskResponse>>> {
     let page = paging.request(app.settings.page_items)?;
     let tasks = app.store.tasks().list(&by.scope, &page).await?;
-    Ok(Json(PageResponse::of(tasks, TaskResponse::from)))
+    Ok(Json(PageResponse::of(tasks, |task| TaskResponse::new(task, &by.scope))))
 }
 
 /// Register a task
+///
+/// An instructor's task belongs to the instructor's groups, unless `groups` names some of them. An administrator's task
+/// belongs to the named groups; without any, only administrators may change it.
 #[utoipa::path(post, path = "/tasks", tag = "tasks", request_body = NewTask,
     responses((status = CREATED, body = TaskResponse)))]
 pub async fn create(
@@ -64,8 +76,8 @@ pub async fn create(
     by: Staff,
     Json(new): Json<NewTask>,
 ) -> HandlerResult<Created<TaskResponse>> {
-    let task = app.store.tasks().create(&by.scope, new).await?;
-    Ok(Created { location: format!("/api/v1/tasks/{}", task.id), made: task.into() })
+    let task = app.store.tasks().create(&by.scope, new).await.map_err(owners_problem)?;
+    Ok(Created { location: format!("/api/v1/tasks/{}", task.id), made: TaskResponse::new(task, &by.scope) })
 }
 
 /// Read one task
@@ -73,10 +85,12 @@ pub async fn create(
     responses((status = OK, body = TaskResponse)))]
 pub async fn get(State(app): State<App>, by: Member, PathKey(key): PathKey) -> HandlerResult<Json<TaskResponse>> {
     let task = app.store.tasks().get(&by.scope, &key).await?;
-    Ok(Json(task.into()))
+    Ok(Json(TaskResponse::new(task, &by.scope)))
 }
 
 /// Change a task
+///
+/// For administrators and the instructors of its groups.
 #[utoipa::path(patch, path = "/tasks/{id}", tag = "tasks", params(("id" = String, Path, description = "id or code")),
     request_body = TaskChange, responses((status = OK, body = TaskResponse)))]
 pub async fn change(
@@ -85,11 +99,13 @@ pub async fn change(
     PathKey(key): PathKey,
     Json(change): Json<TaskChange>,
 ) -> HandlerResult<Json<TaskResponse>> {
-    let task = app.store.tasks().change(&by.scope, &key, change).await?;
-    Ok(Json(task.into()))
+    let task = app.store.tasks().change(&by.scope, &key, change).await.map_err(owners_problem)?;
+    Ok(Json(TaskResponse::new(task, &by.scope)))
 }
 
 /// Delete a task that has no sessions and is in no course plan
+///
+/// For administrators and the instructors of its groups.
 #[utoipa::path(delete, path = "/tasks/{id}", tag = "tasks", params(("id" = String, Path, description = "id or code")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Staff, PathKey(key): PathKey) -> HandlerResult<StatusCode> {

@@ -1,5 +1,5 @@
-//! Standards of tasks: the limits that a session has to meet. Every member may read standards; staff may set them. A
-//! version never changes.
+//! Standards of tasks: the limits that a session has to meet. Every member may read standards; administrators and the
+//! instructors of the task's groups may set them. A version never changes.
 
 use axum::extract::State;
 use serde::Serialize;
@@ -60,7 +60,7 @@ pub async fn standards(
 ///
 /// The result is the next version, unless the version in use is the same. A limit derived from cohorts is computed from
 /// their present measurements, from the last five sessions of each person; only administrators may set such a limit.
-/// Request a proposal first.
+/// Request a proposal first. For administrators and the instructors of the task's groups.
 #[utoipa::path(post, path = "/tasks/{id}/standards", tag = "tasks",
     params(("id" = String, Path, description = "id or code")), request_body = NewStandard,
     responses((status = CREATED, body = StandardResponse)))]
@@ -70,7 +70,7 @@ pub async fn set_standard(
     PathKey(key): PathKey,
     Json(new): Json<NewStandard>,
 ) -> HandlerResult<Created<StandardResponse>> {
-    let of = app.store.tasks().get(&by.scope, &key).await?.id;
+    let of = app.store.tasks().changeable(&by.scope, &key).await?.id;
     let definition = app.cohorts.propose(&by.scope, of, new).await?.definition()?;
     let standard = app.store.standards().add(&by.scope, of, definition).await?;
     Ok(Created { location: format!("/api/v1/tasks/{of}/standards"), made: StandardResponse::new(standard, &by.scope) })

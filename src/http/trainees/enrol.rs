@@ -52,7 +52,7 @@ pub async fn enrol(
     };
     match outcome {
         Enrolment::Done(made) => Ok(Json(EnrolmentOutcome {
-            enrolled: made.into_iter().map(TraineeResponse::from).collect(),
+            enrolled: made.into_iter().map(|trainee| TraineeResponse::new(trainee, &by.scope)).collect(),
             problems: Vec::new(),
         })),
         Enrolment::Refused(problems) if only_check => Ok(Json(EnrolmentOutcome { enrolled: Vec::new(), problems })),

@@ -17,6 +17,7 @@ use super::error::HandlerResult;
 use super::read::{Json, Params, PathKey};
 use super::show::{Created, PageResponse, Paging, Time};
 use super::state::App;
+use crate::domain::scope::Scope;
 use crate::domain::text::{Code, Name};
 use crate::domain::trainee::{Handedness, Level, NewTrainee, TraineeChange};
 use crate::ids::TraineeId;
@@ -31,12 +32,16 @@ pub struct TraineeResponse {
     level: Option<Level>,
     handedness: Option<Handedness>,
     created_at: Time,
+    /// True if the caller may erase the trainee. Only an administrator erases one who is in several groups.
+    may_erase: bool,
 }
 
-impl From<store::TraineeRecord> for TraineeResponse {
-    fn from(trainee: store::TraineeRecord) -> Self {
-        let store::TraineeRecord { id, code, name, level, handedness, created_at_ms } = trainee;
-        Self { id, code, name, level, handedness, created_at: Time(created_at_ms) }
+impl TraineeResponse {
+    /// The trainee as this scope may see and erase them.
+    pub fn new(trainee: store::TraineeRecord, scope: &Scope) -> Self {
+        let store::TraineeRecord { id, code, name, level, handedness, created_at_ms, is_in_several_groups } = trainee;
+        let may_erase = scope.may_erase_trainee(is_in_several_groups);
+        Self { id, code, name, level, handedness, created_at: Time(created_at_ms), may_erase }
     }
 }
 
@@ -50,7 +55,7 @@ pub async fn list(
 ) -> HandlerResult<Json<PageResponse<TraineeResponse>>> {
     let page = paging.request(app.settings.page_items)?;
     let trainees = app.store.trainees().list(&by.scope, &page).await?;
-    Ok(Json(PageResponse::of(trainees, TraineeResponse::from)))
+    Ok(Json(PageResponse::of(trainees, |trainee| TraineeResponse::new(trainee, &by.scope))))
 }
 
 /// Register a trainee
@@ -62,7 +67,7 @@ pub async fn create(
     Json(new): Json<NewTrainee>,
 ) -> HandlerResult<Created<TraineeResponse>> {
     let trainee = app.store.trainees().create(&by.scope, new).await?;
-    Ok(Created { location: format!("/api/v1/trainees/{}", trainee.id), made: trainee.into() })
+    Ok(Created { location: format!("/api/v1/trainees/{}", trainee.id), made: TraineeResponse::new(trainee, &by.scope) })
 }
 
 /// Read one trainee
@@ -70,7 +75,7 @@ pub async fn create(
     params(("id" = String, Path, description = "id or code")), responses((status = OK, body = TraineeResponse)))]
 pub async fn get(State(app): State<App>, by: Member, PathKey(key): PathKey) -> HandlerResult<Json<TraineeResponse>> {
     let trainee = app.store.trainees().get(&by.scope, &key).await?;
-    Ok(Json(trainee.into()))
+    Ok(Json(TraineeResponse::new(trainee, &by.scope)))
 }
 
 /// Change a trainee
@@ -84,10 +89,12 @@ pub async fn change(
     Json(change): Json<TraineeChange>,
 ) -> HandlerResult<Json<TraineeResponse>> {
     let trainee = app.store.trainees().change(&by.scope, &key, change).await?;
-    Ok(Json(trainee.into()))
+    Ok(Json(TraineeResponse::new(trainee, &by.scope)))
 }
 
 /// Erase a trainee, with account, recordings and results
+///
+/// Only an administrator erases a trainee who is in several groups.
 #[utoipa::path(delete, path = "/trainees/{id}", tag = "trainees",
     params(("id" = String, Path, description = "id or code")), responses((status = NO_CONTENT)))]
 pub async fn erase(State(app): State<App>, by: Staff, PathKey(key): PathKey) -> HandlerResult<StatusCode> {

@@ -65,8 +65,8 @@ pub async fn progress(
     let TraineeProgress { trainee, task, standard, cohort, answer } =
         app.cohorts.progress(&by.scope, &key, asked).await?;
     Ok(Json(TraineeProgressResponse {
-        trainee: trainee.into(),
-        task: task.map(TaskResponse::from),
+        trainee: TraineeResponse::new(trainee, &by.scope),
+        task: task.map(|task| TaskResponse::new(task, &by.scope)),
         standard: standard.map(|standard| StandardResponse::new(standard, &by.scope)),
         cohort: cohort.map(CohortResponse::from),
         course: answer,

@@ -29,6 +29,7 @@ use super::{Scope, Store};
 use crate::domain::job::{JobInput, JobKind, JobState, PaletteInput};
 use crate::domain::palette::PaletteAdvice;
 use crate::domain::problem::Problem;
+use crate::domain::text::Key;
 use crate::ids::{BoxId, JobId, SessionId};
 
 /// Access to the job queue.
@@ -111,6 +112,7 @@ impl JobStore<'_> {
         if input.facts().of_box.is_none() {
             return Err(StoreError::refused("a session's job is made with the session"));
         }
+        self.require_result_allowed(scope, &input).await?;
         let (scope, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         self.0
             .write(async move |tx| {
@@ -147,8 +149,9 @@ impl JobStore<'_> {
 
     /// Queues a failed or quarantined job again; a job in another state stays as it is.
     pub async fn retry(&self, scope: &Scope, id: JobId) -> StoreResult<JobRecord> {
-        self.get(scope, id).await?;
+        let input = self.get(scope, id).await?.input;
         require_staff(scope, "trying a job again")?;
+        self.require_result_allowed(scope, &input).await?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
@@ -160,6 +163,14 @@ impl JobStore<'_> {
                 lease::read(tx, id).await
             })
             .await
+    }
+
+    /// Refuses a job whose result would change a box that the scope may not change.
+    async fn require_result_allowed(&self, scope: &Scope, input: &JobInput) -> StoreResult<()> {
+        match input.changed_box() {
+            Some(of) => self.0.boxes().changeable(scope, &Key::from(&of)).await.map(drop),
+            None => Ok(()),
+        }
     }
 
     /// The number of jobs in each state, of all sessions and boxes: no personal data.

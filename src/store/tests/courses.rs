@@ -29,7 +29,9 @@ async fn group(centre: &TestCentre, name: &str) -> GroupId {
 #[tokio::test]
 async fn a_plan_keeps_its_steps_in_their_order_and_is_changed_as_a_whole() {
     let centre = TestCentre::new().await;
-    let ina = centre.person("ina", Role::Instructor, None).await.scope();
+    let ina = centre.person("ina", Role::Instructor, None).await;
+    centre.group("Mondays", &[&ina], &[]).await;
+    let ina = ina.scope();
     ask_for_a_standard(&centre).await;
     let by_id = centre.task.id.to_string();
     let first = json!({"task": "peg-transfer", "sessions": 3, "within_days": 7});

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
+use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::{Password, Secret, SecretHash};
@@ -58,14 +59,21 @@ impl Drop for SmallDisk {
 
 fn task(number: usize) -> NewTask {
     let description = Some("x".repeat(4_000).parse().unwrap());
-    NewTask { name: format!("Task {number}").parse().unwrap(), code: None, description }
+    NewTask { name: format!("Task {number}").parse().unwrap(), code: None, description, groups: None }
 }
 
 /// Creates an administrator with a signed-in browser and a token.
 async fn sign_in(store: &Store) -> (PersonRecord, SecretHash, SecretHash) {
     let (service, role) = (Scope::service(), Role::Administrator);
     let (login, password) = ("root".parse().unwrap(), Password::new("correct horse").unwrap().hash());
-    let person = NewPerson { login, name: "Root".parse().unwrap(), role, password, trainee: None };
+    let person = NewPerson {
+        login,
+        name: "Root".parse().unwrap(),
+        role,
+        password,
+        password_state: PasswordState::Own,
+        trainee: None,
+    };
     let person = store.people().create(&service, person).await.unwrap();
     let (cookie, secret) = (Secret::random().hash(), Secret::random().hash());
     store.cookies().create(cookie, &person, LASTS, SignInOrigin::default()).await.unwrap();
@@ -101,7 +109,7 @@ async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is
     let page = PageRequest::new(200, None);
     assert_eq!(store.tasks().list(&service, &page).await.unwrap().items.len(), acknowledged);
     clock.advance(Duration::from_secs(120)); // so that the last-seen time is due
-    assert_eq!(store.cookies().person_of(cookie, LASTS).await.unwrap().unwrap().id, administrator.id);
+    assert_eq!(store.cookies().person_of(cookie, LASTS).await.unwrap().unwrap().person.id, administrator.id);
     assert!(store.tokens().scope_of(token).await.unwrap().is_some());
     store.cookies().create(Secret::random().hash(), &administrator, LASTS, SignInOrigin::default()).await.unwrap();
     store.cookies().delete_replaced(cookie).await.unwrap();

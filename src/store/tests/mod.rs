@@ -7,6 +7,7 @@ mod edits;
 mod flow;
 mod full_disk;
 mod isolation;
+mod owners;
 mod queue;
 mod ratings;
 mod rescorings;

@@ -10,7 +10,7 @@ use crate::store::testing::{NOW_MS, TestCentre};
 use crate::store::{Store, StoreError, StoreSettings};
 use crate::time::ManualClock;
 
-const FILES: [&str; 13] = [
+const FILES: [&str; 15] = [
     include_str!("../../../migrations/0001_people.sql"),
     include_str!("../../../migrations/0002_boxes.sql"),
     include_str!("../../../migrations/0003_work.sql"),
@@ -24,6 +24,8 @@ const FILES: [&str; 13] = [
     include_str!("../../../migrations/0017_courses.sql"),
     include_str!("../../../migrations/0018_job_kinds.sql"),
     include_str!("../../../migrations/0021_box_question.sql"),
+    include_str!("../../../migrations/0034_password_links.sql"),
+    include_str!("../../../migrations/0035_owners.sql"),
 ];
 
 /// A connection that bypasses the store's functions.
@@ -69,6 +71,9 @@ async fn invalid_rows_are_refused_from_any_writer() {
         sqlx::query(AssertSqlSafe(sense)).execute(&mut raw).await.unwrap();
     }
     for nonsense in [
+        "INSERT INTO ownership (group_id) SELECT id FROM training_group",
+        "INSERT INTO ownership (group_id, box_id, task_id)
+         SELECT training_group.id, training_box.id, task.id FROM training_group, training_box, task",
         "UPDATE job SET state = 'sleeping'",
         "UPDATE job SET state = 'running' WHERE kind = 'track'",
         "UPDATE job SET lease_token = '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44' WHERE kind = 'track'",
@@ -130,11 +135,13 @@ async fn invalid_rows_are_refused_from_any_writer() {
         "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 1, 'expert', NULL, NULL, 1)",
         "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 0, NULL, NULL, 'nowhere', 1)",
         "INSERT INTO person \
-         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'administrator', 'plain text', NULL, 1)",
+         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'instructor', '$argon2id$x', NULL, 1, 'known')",
         "INSERT INTO person \
-         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'trainee', '$argon2id$x', NULL, 1)",
+         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'administrator', 'plain text', NULL, 1, 'own')",
         "INSERT INTO person \
-         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'agent', '$argon2id$x', NULL, 1)",
+         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'trainee', '$argon2id$x', NULL, 1, 'own')",
+        "INSERT INTO person \
+         VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'agent', '$argon2id$x', NULL, 1, 'own')",
     ] {
         let written = sqlx::query(AssertSqlSafe(nonsense)).execute(&mut raw).await;
         let error = written.expect_err(nonsense).to_string();

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::{Password, Secret, SecretHash};
@@ -18,7 +19,7 @@ async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_pas
     let (cookies, secret) = (centre.store.cookies(), Secret::random().hash());
     cookies.create(secret, &person, LASTS, SignInOrigin::default()).await.unwrap();
     for _ in 0..24 {
-        assert_eq!(cookies.person_of(secret, LASTS).await.unwrap().as_ref(), Some(&person));
+        assert_eq!(cookies.person_of(secret, LASTS).await.unwrap().map(|holder| holder.person).as_ref(), Some(&person));
         centre.clock.advance(Duration::from_secs(29 * 60));
     }
     assert!(cookies.person_of(secret, LASTS).await.unwrap().is_some()); // 11 h 36 min, never idle
@@ -39,7 +40,8 @@ async fn a_new_password_signs_all_browsers_out() {
     let secret = Secret::random().hash();
     centre.store.cookies().create(secret, &person, LASTS, SignInOrigin::default()).await.unwrap();
     let password = Password::new("another horse").unwrap();
-    centre.store.people().set_password(&person.scope(), person.id, password.hash(), false).await.unwrap();
+    let new = (password.hash(), PasswordState::Own);
+    centre.store.people().set_password(&person.scope(), person.id, new, false).await.unwrap();
     assert_eq!(centre.store.cookies().person_of(secret, LASTS).await.unwrap(), None);
     let (_, hash) = centre.store.people().by_login(&"ina".parse().unwrap()).await.unwrap().unwrap();
     assert!(hash.matches(&password));
@@ -151,4 +153,49 @@ async fn the_newest_hundred_places_of_an_account_are_remembered_for_180_days() {
     centre.store.cookies().forget_expired().await.unwrap();
     centre.clock.advance(Duration::from_secs(50));
     assert!(!knows(ada.id, 119).await);
+}
+
+#[tokio::test]
+async fn only_administrators_make_links_for_passwords_and_a_copy_of_the_database_can_forget_them() {
+    let centre = TestCentre::new().await;
+    let (links, service) = (centre.store.password_links(), Scope::service());
+    let ina = centre.person("ina", Role::Instructor, None).await;
+    let (secret, day) = (Secret::random().hash(), Duration::from_secs(86_400));
+    assert!(matches!(links.create(&ina.scope(), ina.id, secret, day).await, Err(StoreError::Forbidden { .. })));
+    assert!(matches!(links.list(&ina.scope()).await, Err(StoreError::Forbidden { .. })));
+    let link = links.create(&service, ina.id, secret, day).await.unwrap();
+    assert!(matches!(links.withdraw(&ina.scope(), link.id).await, Err(StoreError::Forbidden { .. })));
+    assert_eq!(links.look_up(secret).await.unwrap(), Some((link.clone(), ina.clone())));
+    centre.store.cookies().forget_all().await.unwrap(); // as a backup does
+    assert_eq!(links.look_up(secret).await.unwrap(), None);
+    let used = links.set_password(secret, Password::random().hash()).await;
+    assert!(matches!(used, Err(StoreError::NotFound { .. })), "{used:?}");
+
+    links.create(&service, ina.id, secret, day).await.unwrap();
+    centre.clock.advance(day);
+    centre.store.cookies().forget_expired().await.unwrap();
+    let newer = links.create(&service, ina.id, secret, day).await.unwrap();
+    assert_eq!(links.list(&service).await.unwrap(), [newer]);
+}
+
+#[tokio::test]
+async fn a_sign_in_is_held_as_the_state_of_the_password_demands() {
+    let centre = TestCentre::new().await;
+    let people = centre.store.people();
+    let ina = centre.person("ina", Role::Instructor, None).await;
+    for (state, from_page, from_program) in [
+        (PasswordState::Own, false, false),
+        (PasswordState::ChangeInBrowser, true, false),
+        (PasswordState::ChangeRequired, true, true),
+    ] {
+        people.set_password(&Scope::service(), ina.id, (Password::random().hash(), state), false).await.unwrap();
+        let ina = people.get(&Scope::service(), ina.id).await.unwrap();
+        assert_eq!(ina.password_state, state);
+        for (is_page, expected) in [(true, from_page), (false, from_program)] {
+            let (secret, origin) = (Secret::random().hash(), SignInOrigin { is_page, ..SignInOrigin::default() });
+            centre.store.cookies().create(secret, &ina, LASTS, origin).await.unwrap();
+            let holder = centre.store.cookies().person_of(secret, LASTS).await.unwrap().unwrap();
+            assert_eq!(holder.must_change_password, expected, "{state}, a page: {is_page}");
+        }
+    }
 }

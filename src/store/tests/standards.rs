@@ -22,6 +22,7 @@ async fn a_standard_is_a_new_version_unless_it_says_the_same() {
     let centre = TestCentre::new().await;
     let (store, task) = (&centre.store, centre.task.id);
     let teacher = centre.person("ina", Role::Instructor, None).await;
+    centre.group("Mondays", &[&teacher], &[]).await;
     centre.person("ada", Role::Administrator, None).await; // one administrator must stay
     assert_eq!(store.standards().in_use(&teacher.scope(), task).await.unwrap(), None);
     let first = store.standards().add(&teacher.scope(), task, definition(2)).await.unwrap();

@@ -10,7 +10,12 @@ use crate::store::testing::{TestCentre, open};
 use crate::store::{PageRequest, StoreError};
 
 fn task(name: &str, code: Option<&str>) -> NewTask {
-    NewTask { name: name.parse().unwrap(), code: code.map(|code| code.parse().unwrap()), description: None }
+    NewTask {
+        name: name.parse().unwrap(),
+        code: code.map(|code| code.parse().unwrap()),
+        description: None,
+        groups: None,
+    }
 }
 
 #[tokio::test]

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use tokio::fs::{File, OpenOptions};
 
-use super::backup::{copy_blobs, refuse_used};
+use super::backup::{copy_blobs, folder_error, mark, refuse_used, unmark};
 use super::erasure_list::{ERASURE_LIST, extend_list, read_list};
 use super::{Finding, UpkeepError, UpkeepResult, check, recover};
 use crate::domain::erasure::ErasedKind;
@@ -48,8 +48,8 @@ pub async fn restore(
     };
     let (from, files) = (Vault::open_existing(backup), Vault::open(to).await?);
     let path = to.join(database);
-    let folder_error = |error: std::io::Error| UpkeepError::Target { folder: to.to_owned(), why: error.to_string() };
-    copy_private(&backup.join(database), &path).await.map_err(folder_error)?;
+    mark(to, "This folder is being restored. If that was interrupted, delete it and restore again.\n")?;
+    copy_private(&backup.join(database), &path).await.map_err(folder_error(to))?;
     let store = Store::open(&path, &StoreSettings::default(), clock).await?;
     let copied = copy_blobs(&store, &from, &files).await?;
     if let Some(hash) = copied.missing {
@@ -73,6 +73,7 @@ pub async fn restore(
     }
     let (files, _) = store.blobs().total().await?;
     store.close().await;
+    unmark(to)?;
     Ok(Restored { files, erased_again, kept })
 }
 

@@ -13,7 +13,8 @@ use crate::shutdown::Shutdown;
 use crate::store::{PageRequest, Store, StoreSettings};
 use crate::upkeep::tests::UpkeepFixture;
 use crate::upkeep::{
-    BackupSettings, BackupState, ERASURE_LIST, ErasureLists, UpkeepError, back_up, complete_backups, run_backups,
+    BACKUP_MARK, BackupSettings, BackupState, ERASURE_LIST, ErasureLists, UpkeepError, back_up, complete_backups,
+    run_backups,
 };
 
 const DATABASE: &str = "trocar.sqlite";
@@ -111,6 +112,19 @@ async fn a_restore_leaves_the_backup_alone_and_hides_the_data_from_other_users()
     let (folder, _) = backups.restore(&backup, None).await.unwrap();
     assert_eq!(fs::metadata(folder.join(DATABASE)).unwrap().permissions().mode() & 0o777, 0o600);
     assert!(!backup.join("incoming").exists());
+}
+
+#[tokio::test]
+async fn the_service_does_not_run_on_a_folder_whose_restoring_was_interrupted() {
+    let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
+    backups.list_erasures().await;
+    let (whole, _) = backups.restore(&backup, Some(None)).await.unwrap();
+    assert!(!whole.join(BACKUP_MARK).exists());
+    fs::remove_dir_all(backup.join("blobs")).unwrap();
+    let to = backups.target.path().join("interrupted");
+    let clock = backups.bench.centre.clock.clone();
+    restore(&backup, &to, Some(None), DATABASE, clock).await.unwrap_err();
+    assert!(to.join(DATABASE).exists() && to.join(BACKUP_MARK).exists(), "people to erase are still in it");
 }
 
 #[tokio::test]

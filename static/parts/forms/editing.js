@@ -56,6 +56,12 @@ export const RowButtons = ({ item, onEdit, onRemove }) => html`
       onClick=${() => onRemove(item)}>${t.form.remove}</button>`}
   </div>`;
 
+/** Lists are compared without their order. */
+const isSame = (one, other) =>
+  Array.isArray(one) && Array.isArray(other)
+    ? one.length === other.length && one.every(value => other.includes(value))
+    : one === other;
+
 /**
  * Creating sends all values; changing sends only those that differ, so that two people editing do not undo each other.
  */
@@ -63,7 +69,7 @@ export async function saveChanges(resource, item, values) {
   if (!item) return resource.create(values);
   const differs = Object.entries(values).filter(
     ([key, value]) =>
-      value !== undefined && value !== (item[key] ?? null) && !(value === null && item[key] === undefined),
+      value !== undefined && !isSame(value, item[key] ?? null) && !(value === null && item[key] === undefined),
   );
   return differs.length ? resource.change(item.id, Object.fromEntries(differs)) : item;
 }

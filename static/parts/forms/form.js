@@ -56,7 +56,7 @@ const Checks = ({ name, label, hint, options, value = [] }) => html`
  * Calls `onSave(values, form)` and shows the problem if the service refuses. A field with `when(chosen)` is shown only
  * while that holds; `chosen` has the value of every select.
  */
-export function Form({ fields, onSave, onCancel, submit = t.form.save, busyWords = t.form.saving, danger, children }) {
+export function Form({ fields, onSave, onCancel, cancel = t.form.cancel, submit = t.form.save, busyWords = t.form.saving, danger, children }) {
   const [busy, setBusy] = useState(false);
   const [problem, setProblem] = useState(null);
   const [chosen, setChosen] = useState(() => Object.fromEntries(fields.map(field => [field.name, field.value])));
@@ -84,7 +84,7 @@ export function Form({ fields, onSave, onCancel, submit = t.form.save, busyWords
       </div>
       ${children}
       <div class="actions row">
-        ${onCancel && html`<button class="button" type="button" onClick=${onCancel}>${t.form.cancel}</button>`}
+        ${onCancel && html`<button class="button" type="button" onClick=${onCancel}>${cancel}</button>`}
         <button class=${`button ${danger ? 'danger' : 'main'}`} type="submit" disabled=${busy}>${busy ? busyWords
           : submit}</button>
       </div>

@@ -55,7 +55,7 @@ export function Spread({ data: { task, standards, features, cohorts, tools }, on
         <${ProblemNotice} problem=${problem} onRetry=${reload} />
         ${isReady && !shown && !problem && html`<${Loading} />`}
         ${shown && html`<${DistributionView} distribution=${shown} isFresh=${shown === current && limit === settled} limit=${limit} known=${known?.limit} isNovices=${selection.first !== ''} onMove=${setMovedLimit}
-          onTake=${() => onTake({ feature: selection.feature, tool, limit })} />`}
+          onTake=${onTake && (() => onTake({ feature: selection.feature, tool, limit }))} />`}
       </div>
     </section>`;
 }
@@ -91,7 +91,7 @@ function DistributionView({ distribution, isFresh, limit, known, isNovices, onMo
         <input id="spread-slide" type="range" min=${low} max=${high} step=${step} value=${limit ?? (low + high) / 2}
           onInput=${move} /></div>
       <${Limit} name=${unit(distribution.unit)} limit=${limit} onMove=${move} />
-      <button class="button" type="button" disabled=${limit === null} onClick=${onTake}>${words.take}</button>
+      ${onTake && html`<button class="button" type="button" disabled=${limit === null} onClick=${onTake}>${words.take}</button>`}
     </div>
     <ul class="stack tight" aria-live="polite" aria-busy=${!isFresh}>
       ${limit === null ? html`<li class="muted">${words.noLimit}</li>`

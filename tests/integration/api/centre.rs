@@ -1,4 +1,4 @@
-//! A small centre: two groups with an instructor and a trainee each, a box and a task.
+//! A small centre: two groups with an instructor and a trainee each, and a box and a task that both groups own.
 
 use reqwest::{Method, Response, StatusCode, header};
 use serde_json::{Value, json};
@@ -29,11 +29,12 @@ impl Centre {
 
     pub async fn open_in(service: Service) -> Self {
         let administrator = service.administrator().await;
-        administrator.make("/api/v1/boxes", json!({"name": "Box 1", "code": "box-1"})).await;
-        administrator.make("/api/v1/tasks", json!({"name": "Peg transfer", "code": "peg"})).await;
+        let mut groups = Vec::new();
         for (trainee, instructor, group) in [("ada", "ines", "One"), ("bob", "omar", "Two")] {
-            create_group(&administrator, group, trainee, instructor).await;
+            groups.push(create_group(&administrator, group, trainee, instructor).await);
         }
+        administrator.make("/api/v1/boxes", json!({"name": "Box 1", "code": "box-1", "groups": groups})).await;
+        administrator.make("/api/v1/tasks", json!({"name": "Peg transfer", "code": "peg", "groups": groups})).await;
         let token = json!({"name": "beside box 1", "role": "agent", "box": "box-1"});
         let token = administrator.make("/api/v1/tokens", token).await;
         Self {
@@ -48,7 +49,8 @@ impl Centre {
     }
 }
 
-async fn create_group(administrator: &Client, group: &str, trainee: &str, instructor: &str) {
+/// Creates a group with its people. Returns the group's id.
+async fn create_group(administrator: &Client, group: &str, trainee: &str, instructor: &str) -> Value {
     let group = administrator.make("/api/v1/groups", json!({"name": group})).await;
     let trainee_row =
         administrator.make("/api/v1/trainees", json!({"name": trainee, "code": trainee, "group": group["id"]})).await;
@@ -56,6 +58,7 @@ async fn create_group(administrator: &Client, group: &str, trainee: &str, instru
     administrator.make("/api/v1/people", account).await;
     let account = json!({"login": instructor, "name": instructor, "role": "instructor", "password": PASSWORD, "groups": [group["id"]]});
     administrator.make("/api/v1/people", account).await;
+    group["id"].clone()
 }
 
 /// Bytes that look like a recording; no worker analyses them. Each `salt` gives different bytes.

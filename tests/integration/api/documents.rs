@@ -43,8 +43,16 @@ async fn every_operation_describes_its_problems_and_who_may_ask() {
         assert!(operation["summary"].as_str().is_some_and(|s| !s.is_empty()), "{what} has no summary");
         let responses = operation["responses"].as_object().unwrap();
         assert!(responses.keys().any(|status| status.starts_with('2') || status == "101"), "{what} has no success");
-        let public =
-            matches!(path.as_str(), "/healthz" | "/readyz" | "/metrics" | "/api/v1/openapi.json" | "/api/v1/sign-in");
+        let public = matches!(
+            path.as_str(),
+            "/healthz"
+                | "/readyz"
+                | "/metrics"
+                | "/api/v1/openapi.json"
+                | "/api/v1/sign-in"
+                | "/api/v1/password-links/open"
+                | "/api/v1/password-links/use"
+        );
         if !public {
             let refused = &responses.get("401").unwrap_or_else(|| panic!("{what} without 401"))["content"];
             assert!(refused["application/problem+json"].is_object(), "{what}: {refused}");

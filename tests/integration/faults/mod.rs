@@ -5,6 +5,7 @@
 //! | `agent.rs` | a box's agent delivers its recording, even if the agent or the service is killed on the way |
 //! | `feeds.rs` | no acknowledged frame is lost or doubled by faults between a box and the service |
 //! | `kills.rs` | nothing acknowledged is lost when service or children are killed |
+//! | `morning.rs` | a busy morning leaves reading quick and the service small |
 //! | `order.rs` | no acknowledgement leaves before its bytes and names were synced |
 //! | `power.rs` | nothing acknowledged is lost when the power is cut |
 //! | `pushes.rs` | the part of a pushed stream that arrived becomes a session, even if service or child are killed |
@@ -19,6 +20,7 @@ mod agent;
 mod centre;
 mod feeds;
 mod kills;
+mod morning;
 mod order;
 mod power;
 mod pushes;

@@ -28,7 +28,7 @@ const MAX_MEMORY_KIB: u64 = 32 * 1024;
 
 /// How a client is slow.
 #[derive(Clone, Copy)]
-enum Slow {
+pub enum Slow {
     /// It connects and sends nothing.
     Silent,
     /// The head of its request arrives in small pieces.
@@ -82,7 +82,7 @@ async fn ask(centre: &Centre, during: Duration) -> (Duration, Duration) {
 }
 
 /// Runs a slow client for ever: it connects again when the service ends its connection.
-async fn run_slow_client(how: Slow, host: String, token: String) {
+pub async fn run_slow_client(how: Slow, host: String, token: String) {
     loop {
         if let Ok(wire) = TcpStream::connect(&host).await {
             let _ = drip(how, wire, &host, &token).await; // the service may end the connection

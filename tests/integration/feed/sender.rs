@@ -1,6 +1,7 @@
 //! A sender of frames that does what the test asks for, including mistakes.
 
 use std::io::Cursor;
+use std::time::Duration;
 
 use futures_util::{SinkExt, StreamExt};
 use image::codecs::jpeg::JpegEncoder;
@@ -8,12 +9,14 @@ use image::{Rgb, RgbImage};
 use reqwest::header::HeaderMap;
 use serde_json::{Value, json};
 use tokio::net::TcpStream;
+use tokio::time::interval;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
 use tokio_tungstenite::tungstenite::{Error, Message};
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async_with_config};
 use trocar::domain::feed::record::{FeedRecord, GapReason, RecordBody};
 
+use super::scene::Frame;
 use crate::support::{Client, Service, soon};
 
 /// Ticks between two frames, of 90,000 a second.
@@ -104,6 +107,18 @@ impl Sender {
             body: RecordBody::Frame { time, is_key: true, payload: &payload },
         })
         .await;
+    }
+
+    /// Sends these frames again and again, 25 a second, until the future is dropped.
+    pub async fn send_in_real_time(&mut self, frames: &[Frame]) {
+        let mut ticks = interval(Duration::from_millis(40));
+        for number in 0.. {
+            ticks.tick().await;
+            let frame = &frames[number % frames.len()];
+            let body =
+                RecordBody::Frame { time: number as i64 * FRAME_TICKS, is_key: frame.is_key, payload: &frame.bytes };
+            self.send_record(FeedRecord { epoch: self.epoch, number: number as u64, body }).await;
+        }
     }
 
     pub async fn send_gap(&mut self, number: u64, last: u64) {

@@ -1,0 +1,172 @@
+//! A backup that is restored on an empty folder answers every route that reads as the service itself did, and people who
+//! were erased since the backup are absent.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+
+use reqwest::StatusCode;
+use serde_json::{Value, json};
+use trocar::time::ManualClock;
+use trocar::upkeep::complete_backups;
+
+use super::centre::recording;
+use crate::old_data::OldData;
+use crate::process::program;
+use crate::support::{Client, Service, poll, poll_until, read};
+
+/// What routes need beside their address, so that they answer with data.
+const QUERIES: [(&str, &str); 5] = [
+    ("/trajectory", "?format=csv&kind=smoothed"),
+    ("/trainees/{id}/progress", "?task=peg"),
+    ("/groups/{id}/progress", "?task=peg"),
+    ("/groups/{id}/course", "?course=peg"),
+    ("/distribution", "?feature=duration"),
+];
+
+/// Routes whose answer belongs to the running process or to the time after the backup.
+const OF_THE_PROCESS: [&str; 7] = [
+    "/metrics",              // counters of the process
+    "/api/v1/service",       // its disk, its settings and its backups
+    "/api/v1/audit",         // entries since the backup are lost with the old disk
+    "/api/v1/audit-entries", // the same
+    "/api/v1/events",        // a stream without an end
+    "/api/v1/boxes/{id}/feed",
+    "/api/v1/me/sign-ins", // signed-in browsers are left out of backups
+];
+
+/// Values that change from one request to the next.
+const FREE: [&str; 3] = ["now", "sign_in", "last_used_at"];
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_restored_backup_answers_as_the_service_did_without_erased_people() {
+    let OldData { folder, data, made_ms, password, .. } = OldData::newest();
+    let targets = tempfile::tempdir().unwrap();
+    let clock = ManualClock::at(made_ms);
+    let service = Service::start_in(folder, clock.clone(), |settings| settings.data = data.clone()).await;
+    let client = service.sign_in("administrator", &password).await;
+    client.make("/api/v1/trainees", json!({"name": "Erika Weg", "code": "erika"})).await;
+    let path = "/api/v1/sessions?trainee=erika&task=peg&box=box-1&filename=clip.mp4";
+    let request = client.request(reqwest::Method::POST, path).header("content-type", "video/mp4");
+    read(request.body(recording(5_000, 9)).send().await.unwrap(), StatusCode::CREATED).await;
+    let folder = service.stop().await;
+
+    let with_backups = |settings: &mut trocar::settings::Settings| {
+        settings.data = data.clone();
+        settings.backup.target = Some(targets.path().to_owned());
+    };
+    let service = Service::start_in(folder, clock.clone(), with_backups).await;
+    let made = poll("a scheduled backup", async || Some(complete_backups(targets.path()).unwrap().pop()?.1)).await;
+    let client = service.sign_in("administrator", &password).await;
+    assert_eq!(client.delete("/api/v1/trainees/erika").await.status(), StatusCode::NO_CONTENT);
+    let list = targets.path().join("erasures");
+    poll_until("the list of erased people", || {
+        clock.advance(std::time::Duration::from_secs(1));
+        fs::read_to_string(&list).is_ok_and(|text| !text.is_empty())
+    })
+    .await;
+    let before = answers(&client).await;
+    drop(service.stop().await);
+
+    let restored = tempfile::tempdir().unwrap();
+    let data = restored.path().join("data");
+    let command = program().args(["admin", "restore"]).arg(&made).arg("--data").arg(&data).output().unwrap();
+    assert!(command.status.success(), "{}", String::from_utf8_lossy(&command.stderr));
+    let service = Service::start_in(restored, clock, |settings| settings.data = data.clone()).await;
+    let client = service.sign_in("administrator", &password).await;
+    let after = answers(&client).await;
+
+    let with_data = before.values().filter(|answer| answer.status == StatusCode::OK).count();
+    assert!(with_data > 80, "{with_data} routes answered with data");
+    assert_eq!(before.keys().collect::<Vec<_>>(), after.keys().collect::<Vec<_>>());
+    let different: Vec<_> = before.iter().filter(|(path, answer)| after[*path] != **answer).collect();
+    assert!(different.is_empty(), "{different:#?}");
+    assert!(!before.keys().any(|path| path.contains("erika")), "she was erased");
+    assert_eq!(planted_bytes(&data, b"Erika Weg"), Vec::<String>::new());
+    service.stop().await;
+}
+
+/// What a client can compare of an answer.
+#[derive(Debug, PartialEq)]
+struct ComparedAnswer {
+    status: StatusCode,
+    kind: Option<String>,
+    body: Result<Value, Vec<u8>>,
+}
+
+/// The answers of every route that reads, for everything that the lists name.
+async fn answers(client: &Client) -> BTreeMap<String, ComparedAnswer> {
+    let mut found = BTreeMap::new();
+    let routes = include_str!("routes.txt").lines().filter_map(|line| line.strip_prefix("GET "));
+    for route in routes.filter(|route| !OF_THE_PROCESS.contains(route)) {
+        let query = QUERIES.iter().find(|(end, _)| route.ends_with(end)).map_or("", |(_, query)| query);
+        for path in addresses(client, route).await {
+            let answer = client.get(&format!("{path}{query}")).await;
+            let (status, kind) = (answer.status(), answer.headers().get("content-type").cloned());
+            let bytes = answer.bytes().await.unwrap().to_vec();
+            let body = serde_json::from_slice(&bytes).map(without_free).map_err(|_| bytes);
+            let kind = kind.map(|kind| kind.to_str().unwrap().to_owned());
+            found.insert(path, ComparedAnswer { status, kind, body });
+        }
+    }
+    found
+}
+
+/// The addresses of a route: each parameter takes the keys of the list before it.
+async fn addresses(client: &Client, route: &str) -> BTreeSet<String> {
+    let mut paths = BTreeSet::from([String::new()]);
+    for part in route.split('/').skip(1) {
+        let mut longer = BTreeSet::new();
+        for path in paths {
+            if part.starts_with('{') {
+                longer.extend(keys(client, &path, part).await.into_iter().map(|key| format!("{path}/{key}")));
+            } else {
+                longer.insert(format!("{path}/{part}"));
+            }
+        }
+        paths = longer;
+    }
+    paths
+}
+
+/// The keys of a list's items: codes where they have one.
+async fn keys(client: &Client, list: &str, parameter: &str) -> Vec<String> {
+    let answer = client.get(&format!("{list}?limit=20")).await;
+    if answer.status() != StatusCode::OK {
+        return Vec::new();
+    }
+    let list: Value = answer.json().await.unwrap();
+    let items = list["items"].as_array().or(list.as_array()).cloned().unwrap_or_default();
+    let own = parameter.trim_matches(['{', '}']);
+    let key = |item: &Value| {
+        let value = [own, "code", "id"].iter().map(|key| &item[*key]).find(|value| !value.is_null())?;
+        Some(value.as_str().map_or_else(|| value.to_string(), str::to_owned))
+    };
+    items.iter().filter_map(key).collect()
+}
+
+fn without_free(mut value: Value) -> Value {
+    match &mut value {
+        Value::Object(fields) => {
+            fields.retain(|key, _| !FREE.contains(&key.as_str()));
+            fields.values_mut().for_each(|value| *value = without_free(value.take()));
+        }
+        Value::Array(items) => items.iter_mut().for_each(|value| *value = without_free(value.take())),
+        _ => {}
+    }
+    value
+}
+
+/// The files that hold these bytes.
+fn planted_bytes(folder: &Path, bytes: &[u8]) -> Vec<String> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(planted_bytes(&path, bytes));
+        } else if fs::read(&path).unwrap().windows(bytes.len()).any(|window| window == bytes) {
+            found.push(path.display().to_string());
+        }
+    }
+    found
+}
