@@ -149,3 +149,21 @@ mutations: test-packages ## decode 10,000 damaged recordings, each in a child pr
 .PHONY: long-queue
 long-queue: packages ## run 10,000 jobs with random crashes and pauses; measure the cost of 10,000 waiting jobs
 	TMPDIR=/dev/shm cargo test --locked --lib ten_thousand -- --ignored --nocapture
+
+.PHONY: proxies
+proxies: release test-packages ## sign in, upload 200 MiB, watch and send through nginx and Caddy, with the examples of docs/proxy/
+	@$(call install,nginx-light caddy python3)
+	TROCAR_MUST_NOT_SKIP=1 tests/proxies/run.py $(RELEASE)
+
+# ── the Debian package ──────────────────────────────────────────────────────────────────────────────────────────────
+
+.PHONY: deb
+deb: release ## build the Debian package, into target/debian/ (installs cargo-deb)
+	@$(call install,dpkg-dev)
+	command -v cargo-deb >/dev/null || cargo install --locked cargo-deb
+	cargo deb --no-build --locked
+
+.PHONY: deb-test
+deb-test: deb ## install the Debian package under a clean Debian 12: start, check of the unit, removal; needs root
+	@$(call install,mmdebstrap systemd curl)
+	$(SUDO) tests/package/run $(TARGET)/debian/trocar_*.deb

@@ -22,12 +22,13 @@ use toml::{Table, Value};
 use crate::analysis::AnalysisSettings;
 use crate::domain::rights::RightsSettings;
 use crate::http::settings::HttpSettings;
+use crate::http::tls::TlsSettings;
 use crate::intake::UploadSettings;
 use crate::live::LiveSettings;
 use crate::queue::QueueSettings;
 use crate::rescoring::RescoringSettings;
 use crate::store::StoreSettings;
-use crate::upkeep::BackupSettings;
+use crate::upkeep::{BackupSettings, RetentionSettings};
 
 /// All settings of the service.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -47,6 +48,8 @@ pub struct Settings {
     pub http: HttpSettings,
     /// What instructors may do beyond their own groups.
     pub rights: RightsSettings,
+    /// Certificate and key for HTTPS.
+    pub tls: TlsSettings,
     /// Child processes that decode and track.
     pub analysis: AnalysisSettings,
     /// Uploads of recordings.
@@ -59,6 +62,8 @@ pub struct Settings {
     pub upkeep: UpkeepSettings,
     /// Scheduled backups.
     pub backup: BackupSettings,
+    /// How long videos and erased people are kept.
+    pub retention: RetentionSettings,
 }
 
 /// Settings of upkeep.
@@ -80,12 +85,14 @@ impl Default for Settings {
             queue: QueueSettings::default(),
             http: HttpSettings::default(),
             rights: RightsSettings::default(),
+            tls: TlsSettings::default(),
             analysis: AnalysisSettings::default(),
             uploads: UploadSettings::default(),
             live: LiveSettings::default(),
             rescoring: RescoringSettings::default(),
             upkeep: UpkeepSettings::default(),
             backup: BackupSettings::default(),
+            retention: RetentionSettings::default(),
         }
     }
 }
@@ -222,8 +229,11 @@ impl Settings {
         check_range("http.idle_min", http.idle_min, 1, 24 * 60)?;
         check_range("http.sign_in_h", http.sign_in_h, 1, 24 * 7)?;
         check_range("http.free_attempts", http.free_attempts.into(), 1, 10_000)?;
+        check_range("http.hsts_days", http.hsts_days.into(), 0, 3_650)?;
         check_range("http.max_event_streams", http.max_event_streams as u64, 1, 100_000)?;
         check_range("http.max_event_streams_of_one", http.max_event_streams_of_one as u64, 1, 100_000)?;
+        check_range("http.max_heavy_answers", http.max_heavy_answers as u64, 1, 1_000)?;
+        check_range("http.max_heavy_answers_of_one", http.max_heavy_answers_of_one as u64, 1, 1_000)?;
         check_range("http.page_items", http.page_items.into(), 1, 200)?;
         check_range("uploads.max_bytes", uploads.max_bytes, 1, 1 << 50)?;
         check_range("uploads.expire_h", uploads.expire_h, 1, 24 * 365)?;
@@ -234,17 +244,34 @@ impl Settings {
         check_range("rescoring.open", rescoring.open.into(), 1, 1_000)?;
         check_range("rescoring.look_ms", rescoring.look_ms, 1, 3_600_000)?;
         check_range("backup.keep", self.backup.keep as u64, 1, 10_000)?;
+        check_range("retention.videos_months", self.retention.videos_months.into(), 0, 1_200)?;
+        check_range("retention.erase_days", self.retention.erase_days.into(), 0, 365)?;
         check_range("upkeep.collect_s", upkeep.collect_s, 1, 86_400)?;
         check_range("workers", self.workers as u64, 0, 1_024)?;
         if let Some(url) = http.public_url.as_ref().filter(|url| !is_web_address(url)) {
             let expected = "the service's address, such as https://skills.example";
             return Err(SettingsError::Value { key: "http.public_url", value: url.clone(), expected });
         }
+        self.check_tls()?;
         if queue.lease_s < 2 * queue.heartbeat_s || queue.lease_s > 86_400 {
             let expected = "at least two heartbeats (queue.heartbeat_s) and at most a day";
             return Err(SettingsError::Value { key: "queue.lease_s", value: queue.lease_s.to_string(), expected });
         }
         Ok(())
+    }
+
+    /// HTTPS needs certificate and key, and a redirect needs HTTPS.
+    fn check_tls(&self) -> Result<(), SettingsError> {
+        let TlsSettings { certificate, key, redirect_listen } = &self.tls;
+        let missing = |key, expected| Err(SettingsError::Value { key, value: "not set".to_owned(), expected });
+        match (certificate, key) {
+            (Some(_), None) => missing("tls.key", "the file with the private key of tls.certificate"),
+            (None, Some(_)) => missing("tls.certificate", "the file with the certificate of tls.key"),
+            (None, None) if redirect_listen.is_some() => {
+                missing("tls.certificate", "a certificate, since tls.redirect_listen redirects to HTTPS")
+            }
+            _ => Ok(()),
+        }
     }
 }
 
@@ -341,6 +368,18 @@ mod tests {
         let settings = with_file(file, &variables, flags).unwrap();
         assert_eq!((settings.workers, settings.listen.port()), (3, 9));
         assert_eq!((settings.queue.lease_s, settings.queue.sweep_s, settings.queue.look_s), (50, 4, 5));
+    }
+
+    #[test]
+    fn a_certificate_needs_its_key_and_a_redirect_needs_a_certificate() {
+        let (certificate, key) = (("TROCAR_TLS__CERTIFICATE", "c.pem"), ("TROCAR_TLS__KEY", "k.pem"));
+        let redirect = ("TROCAR_TLS__REDIRECT_LISTEN", "127.0.0.1:80");
+        let refused = |variables: &[(&str, &str)]| with(variables).unwrap_err().to_string();
+        assert!(refused(&[certificate]).starts_with("setting `tls.key` is not set"));
+        assert!(refused(&[key]).starts_with("setting `tls.certificate` is not set"));
+        assert!(refused(&[redirect]).starts_with("setting `tls.certificate` is not set"));
+        let settings = with(&[certificate, key, redirect]).unwrap();
+        assert_eq!(settings.tls.redirect_listen.map(|address| address.port()), Some(80));
     }
 
     #[test]

@@ -261,6 +261,8 @@ export const api = {
   attention: signal => request('GET', ['attention'], { signal }),
   /** @param {AbortSignal} [signal] */
   service: signal => request('GET', ['service'], { signal }),
+  /** Everything that is stored in the centre. @param {boolean} videos */
+  dataAddress: videos => address(['data.zip'], { videos: String(videos) }),
   /** @param {ApiQueryOf<'GET', ['audit-entries']>} [query] @param {AbortSignal} [signal] */
   audit: (query, signal) => request('GET', ['audit-entries'], { query, signal }),
   /** The catalogue of features that can be measured. @param {AbortSignal} [signal] */
@@ -284,6 +286,16 @@ export const api = {
     progress: (id, query, signal) => request('GET', ['trainees', id, 'progress'], { query, signal }),
     /** The courses of the trainee's groups, latest first. @param {string} id @param {AbortSignal} [signal] */
     courses: (id, signal) => request('GET', ['trainees', id, 'courses'], { signal }).then(page => page.items),
+    /** What erasing the trainee deletes. @param {string} id @param {AbortSignal} [signal] */
+    erasure: (id, signal) => request('GET', ['trainees', id, 'erasure'], { signal }),
+    /** @param {string} id @param {boolean} canBeTakenBack */
+    erase: (id, canBeTakenBack) => request('DELETE', ['trainees', id], { query: { can_be_taken_back: canBeTakenBack } }),
+    /** The trainees who wait for their erasure. @param {AbortSignal} [signal] */
+    pending: signal => request('GET', ['pending-erasures'], { signal }).then(page => page.items),
+    /** Takes an erasure back. @param {string} id */
+    restore: id => request('POST', ['trainees', id, 'restore']),
+    /** @param {string} id @param {boolean} videos */
+    dataAddress: (id, videos) => address(['trainees', id, 'data.zip'], { videos: String(videos) }),
   },
   boxes: {
     ...resource('boxes'),

@@ -1,5 +1,5 @@
 //! A box's own pictures of its surroundings. The job that learns the colours keeps them. For colours that an older
-//! version of the program learned, the marked pictures are read again, once; the queue keeps them with that job.
+//! version of the program learned, the marked pictures are read again, once; the queue keeps them with that job until then.
 
 use super::job_plan::{self, JobPlan};
 use super::protocol::ChildWork;
@@ -28,11 +28,10 @@ impl WorkerPool {
         }
         let Some(marked) = self.marked_pictures(palette).await? else { return Ok(own) };
         match self.read_marked_pictures(held, marked, ending).await {
-            Ok(Some(picture)) => {
+            Ok(picture) => {
                 self.store.surroundings().add_of_palette(palette, picture).await?;
                 Ok(self.store.surroundings().of_box(palette, of, session).await?)
             }
-            Ok(None) => Ok(own),
             Err(WorkError::Stopped) => Err(WorkError::Stopped),
             Err(error) => {
                 tracing::warn!(%error, %palette, "marked pictures cannot be read again; surroundings not compared");

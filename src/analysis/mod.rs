@@ -33,6 +33,7 @@ mod rescore;
 mod results;
 mod settings;
 pub mod stored_palette;
+pub mod stored_rows;
 mod worker;
 
 pub use attempt::{AttemptFailure, ChildAttempt, run_attempt};

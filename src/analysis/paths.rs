@@ -1,5 +1,6 @@
 //! The stored form of a session's three paths and of the tracker's summary: one blob, exact to the last bit, read back
 //! one path at a time. It holds everything that a score depends on, so scoring it again gives the same bytes.
+//! [`stored_rows`](super::stored_rows) reads single rows of it without the whole file in memory.
 
 use std::collections::BTreeMap;
 
@@ -16,16 +17,16 @@ pub use crate::vision::trajectory::PathKind;
 use crate::vision::trajectory::{self, Cut, Sample, SampleState, Trajectory};
 
 /// Magic bytes at the start of every blob; the last byte is the version of the format.
-const MAGIC: [u8; 8] = *b"trocarP\x04";
+pub(super) const MAGIC: [u8; 8] = *b"trocarP\x04";
 
 /// Magic bytes of the format whose tools have no size mismatch: written up to pipeline version 14.
-const MAGIC_WITHOUT_SIZES: [u8; 8] = *b"trocarP\x03";
+pub(super) const MAGIC_WITHOUT_SIZES: [u8; 8] = *b"trocarP\x03";
 
 /// Magic bytes of the format whose rows hold two standard deviations instead of a covariance.
-const MAGIC_WITH_SIGMAS: [u8; 8] = *b"trocarP\x02";
+pub(super) const MAGIC_WITH_SIGMAS: [u8; 8] = *b"trocarP\x02";
 
 /// Magic bytes of that format without the tracker's summary: written up to pipeline version 8.
-const MAGIC_WITHOUT_TRACKING: [u8; 8] = *b"trocarP\x01";
+pub(super) const MAGIC_WITHOUT_TRACKING: [u8; 8] = *b"trocarP\x01";
 
 /// Why a blob cannot be read or written as paths.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +37,12 @@ pub enum PathsError {
     /// The magic bytes are right, but the content is inconsistent.
     #[error("a damaged file of paths: {0}")]
     Damaged(postcard::Error),
+    /// The rows of a path are not in order of frame and tool.
+    #[error("a damaged file of paths: its rows are out of order")]
+    OutOfOrder,
+    /// The file cannot be read.
+    #[error("a file of paths cannot be read: {0}")]
+    Unreadable(#[from] std::io::Error),
     /// There is too little memory to write it.
     #[error("paths cannot be encoded: {0}")]
     Encoding(postcard::Error),
@@ -187,7 +194,7 @@ impl From<OlderToolQuality> for ToolQuality {
 
 /// A [`Sample`] as older versions stored it.
 #[derive(Deserialize)]
-struct SampleWithSigmas {
+pub(super) struct SampleWithSigmas {
     frame: u64,
     time_s: f64,
     tool: usize,

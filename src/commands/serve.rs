@@ -13,12 +13,13 @@ use std::time::Duration;
 
 use anyhow::Context;
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
-use tokio::net::TcpListener;
+use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 use tracing_subscriber::EnvFilter;
 
 use super::demonstration::{self, DemonstrationBuilder};
 use super::{CommandFailure, restrict_new_files_to_owner};
+use crate::analysis::stored_rows::StoredIndexes;
 use crate::analysis::{AnalysisSettings, QuickAnalysis, WorkerPool};
 use crate::cohorts::Cohorts;
 use crate::domain::password_state::PasswordState;
@@ -29,8 +30,11 @@ use crate::events::EventBus;
 use crate::heap;
 use crate::http::auth::throttle::Throttle;
 use crate::http::connection_slots::ConnectionSlots;
+use crate::http::data_export::MAX_EXPORTS;
+use crate::http::heavy::HeavyAnswers;
+use crate::http::listeners::Listeners;
 use crate::http::state::{App, AppParts, ServiceInfo};
-use crate::http::{router, server};
+use crate::http::tls::ServerCertificate;
 use crate::intake::Intake;
 use crate::live::{self, FeedService, OpenFeeds};
 use crate::motion::PIPELINE_VERSION;
@@ -114,7 +118,7 @@ async fn serve(settings: Settings, demo: bool) -> anyhow::Result<()> {
     let (data, scratch) = (settings.data.clone(), settings.data.join("demonstration"));
     let running = start(settings, Arc::new(SystemClock), &password, WorkerPool::this_program()).await?;
     running.shutdown.begin_on_signals().context("listening for signals")?;
-    print_line(&format!("Trocar listens on http://{}/", running.address));
+    print_welcome(&running);
     print_sign_in(&data, ADMINISTRATOR, running.is_first_start.then_some(&password));
     if demo {
         start_demonstration(&running, &data, scratch).await.context("registering the demonstration centre")?;
@@ -151,6 +155,8 @@ async fn start_demonstration(running: &RunningService, data: &Path, scratch: Pat
 pub struct RunningService {
     /// Address that it listens on.
     pub address: SocketAddr,
+    /// Address whose plain HTTP requests it redirects.
+    pub redirect_address: Option<SocketAddr>,
     /// Its shutdown.
     pub shutdown: Shutdown,
     /// True if this start created the first administrator, with the given password.
@@ -184,6 +190,7 @@ pub async fn start(
 ) -> anyhow::Result<RunningService> {
     check_kernel(settings.analysis.require_landlock)?;
     refuse_backup(&settings.data)?;
+    let certificate = ServerCertificate::load(&settings.tls).await.context("using the certificate of [tls]")?;
     let vault = Vault::open(&settings.data).await.context("opening the data folder")?;
     let lock = vault.lock().await.with_context(|| format!("using {}", settings.data.display()))?;
     upkeep::copy_before_update(&vault, &settings.database(), &settings.store).await.context("preparing the update")?;
@@ -195,9 +202,7 @@ pub async fn start(
     let queue = Queue::new(store.clone(), settings.queue.clone(), events.clone(), clock.clone());
     queue.recover().await.context("recovering the queue")?;
     // First the address: if it is in use, no administrator is made whose password was never shown.
-    let listener =
-        TcpListener::bind(settings.listen).await.with_context(|| format!("listening on {}", settings.listen))?;
-    let address = listener.local_addr().context("asking for the address")?;
+    let listeners = Listeners::bind(settings.listen, settings.tls.redirect_listen).await?;
     let is_first =
         make_first_administrator(&store, &settings.data, password).await.context("making the first administrator")?;
     let shutdown = Shutdown::new();
@@ -219,6 +224,8 @@ pub async fn start(
     let parts = AppParts {
         throttle: Throttle::new(settings.http.free_attempts, clock.clone()),
         watcher_slots: ConnectionSlots::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
+        heavy_answers: HeavyAnswers::new(&settings.http),
+        stored_indexes: StoredIndexes::default(),
         metrics: metrics().context("starting the metrics")?,
         settings: settings.http.clone(),
         rights: settings.rights,
@@ -239,6 +246,9 @@ pub async fn start(
         feed_slots: feed_slots(&settings),
         backup_state: BackupState::default(),
         backup_settings: settings.backup.clone(),
+        backup_command: backup_command(&settings, &child),
+        retention: settings.retention.clone(),
+        exports: Arc::new(Semaphore::new(MAX_EXPORTS)),
         queue,
         events,
         clock,
@@ -247,9 +257,34 @@ pub async fn start(
     start_upkeep(&app, &settings);
     start_rescoring(&app, settings.rescoring);
     worker_pool(&app, settings.analysis, child).start_workers(settings.workers, &shutdown);
-    let (http, stop, routes) = (settings.http, shutdown.clone(), router::routes(app.clone()));
-    let served = tokio::spawn(async move { server::serve(listener, routes, &http, &stop).await });
-    Ok(RunningService { address, shutdown, is_first_start: is_first, app, served, _lock: lock })
+    let (address, redirect_address) = (listeners.address(), listeners.redirect_address());
+    let served = listeners.serve(certificate, app.clone()).context("starting TLS")?;
+    Ok(RunningService { address, redirect_address, shutdown, is_first_start: is_first, app, served, _lock: lock })
+}
+
+/// The command that makes a backup of this data folder by hand, for a shell. The backup's folder lies beside the data
+/// folder.
+fn backup_command(settings: &Settings, program: &Program) -> String {
+    let data = settings.data.canonicalize().unwrap_or_else(|_| settings.data.clone());
+    let mut target = data.clone().into_os_string();
+    target.push("-backup");
+    let program = program.file().unwrap_or_else(|| PathBuf::from("trocar"));
+    let words = [
+        program.as_path(),
+        Path::new("admin"),
+        Path::new("--data"),
+        data.as_path(),
+        Path::new("backup"),
+        Path::new(&target),
+    ];
+    words.map(quote).join(" ")
+}
+
+/// A word for a shell.
+fn quote(word: &Path) -> String {
+    let word = word.display().to_string();
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+".contains(c);
+    if word.chars().all(is_plain) { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
 }
 
 /// Refuses to run on a backup, or to change it: people who were erased since it was made would come back.
@@ -274,6 +309,7 @@ fn service_info(settings: &Settings, started_at_ms: i64) -> ServiceInfo {
     ServiceInfo {
         pipeline: PIPELINE_VERSION,
         started_at_ms,
+        is_https: settings.tls.certificate.is_some(),
         workers: settings.workers,
         max_upload_bytes: settings.uploads.max_bytes,
         unfinished_upload_h: settings.uploads.expire_h,
@@ -304,7 +340,8 @@ fn start_upkeep(app: &App, settings: &Settings) {
     let lists = ErasureLists::new(&settings.data, settings.backup.target.as_deref());
     let (own, stop) = (app.clone(), app.shutdown.clone());
     app.shutdown.spawn(async move {
-        upkeep::run((&own.store, &own.vault), lists, every, own.clock.clone(), &stop).await;
+        let until = (own.clock.clone(), &stop);
+        upkeep::run((&own.store, &own.vault), &own.retention, lists, every, until).await;
     });
     let (own, stop, backup) = (app.clone(), app.shutdown.clone(), settings.backup.clone());
     // On a thread of its own: verifying a backup takes the processor for long.
@@ -376,6 +413,15 @@ fn print_sign_in(data: &Path, login: &str, new: Option<&Password>) {
             print_line(&format!("Sign in as {login} with the password in {file}"));
             print_line("The file is deleted once the password has been changed.");
         }
+    }
+}
+
+/// Prints the address.
+fn print_welcome(running: &RunningService) {
+    let scheme = if running.app.service_info.is_https { "https" } else { "http" };
+    print_line(&format!("Trocar listens on {scheme}://{}/", running.address));
+    if let Some(address) = running.redirect_address {
+        print_line(&format!("Requests to http://{address}/ are redirected to it."));
     }
 }
 

@@ -17,17 +17,21 @@ named! {
         Session = "session",
         /// An account.
         Person = "person",
+        /// A trainee who waits for their erasure, which can still be taken back.
+        Pending = "pending",
+        /// A trainee whose erasure was taken back.
+        TakenBack = "taken_back",
     }
 }
 
 /// One erasure. As text, a line of a list: kind, id and time, separated by blanks.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Erasure {
-    /// What was erased.
+    /// What was erased, or is to be.
     pub kind: ErasedKind,
     /// Its id.
     pub id: String,
-    /// When, epoch ms.
+    /// When; for [`ErasedKind::Pending`] when it is due, epoch ms.
     pub at_ms: i64,
 }
 

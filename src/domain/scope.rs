@@ -83,6 +83,12 @@ impl Scope {
         Self { rights, ..self }
     }
 
+    /// What this caller may read in the place of a trainee, who sees all of their own data. For administrators.
+    pub fn on_behalf_of(&self, trainee: TraineeId) -> Self {
+        let reach = if self.is_administrator() { ScopeReach::Trainee(trainee) } else { self.reach };
+        Self { reach, actor: self.actor }
+    }
+
     /// The role whose rights this scope carries.
     pub fn role(&self) -> Role {
         match self.reach {
@@ -114,7 +120,13 @@ impl Scope {
     /// The scope for uploads: a box's agent may send recordings of any trainee, a person only of trainees in their own
     /// scope.
     pub fn upload_scope(&self) -> Self {
-        if self.role() == Role::Agent { Self::service() } else { self.clone() }
+        let reach = if self.role() == Role::Agent { ScopeReach::Everything } else { self.reach };
+        Self { reach, actor: self.actor }
+    }
+
+    /// True for the service's own work, which also sees the people who wait for their erasure.
+    pub fn is_service(&self) -> bool {
+        self.actor == Actor::Service
     }
 
     /// The caller.

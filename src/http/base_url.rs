@@ -13,6 +13,7 @@ impl App {
         }
         let host = headers.get(header::HOST).and_then(|host| host.to_str().ok());
         let host = host.and_then(|host| host.parse::<Authority>().ok());
-        format!("http://{}", host.as_ref().map_or("localhost", Authority::as_str))
+        let scheme = if self.service_info.is_https { "https" } else { "http" };
+        format!("{scheme}://{}", host.as_ref().map_or("localhost", Authority::as_str))
     }
 }

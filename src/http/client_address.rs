@@ -62,18 +62,18 @@ impl ClientAddress {
 fn hops(headers: &HeaderMap, header: ClientAddressHeader) -> Vec<Option<IpAddr>> {
     let (name, read): (_, fn(&str) -> Option<IpAddr>) = match header {
         ClientAddressHeader::XForwardedFor => (HeaderName::from_static("x-forwarded-for"), address),
-        ClientAddressHeader::Forwarded => (header::FORWARDED, |hop| address(forwarded_for(hop)?)),
+        ClientAddressHeader::Forwarded => (header::FORWARDED, |hop| address(forwarded_parameter(hop, "for")?)),
     };
     // A client may have sent any bytes before the proxy's own.
     let lines: Vec<_> = headers.get_all(name).iter().map(|line| String::from_utf8_lossy(line.as_bytes())).collect();
     lines.iter().flat_map(|line| line.split(',')).map(|hop| read(hop.trim())).collect()
 }
 
-/// The parameter `for` of one element of `Forwarded`, without quotes.
-fn forwarded_for(element: &str) -> Option<&str> {
-    let parameters = element.split(';').filter_map(|parameter| parameter.trim().split_once('='));
-    let (_, node) = parameters.into_iter().find(|(name, _)| name.trim().eq_ignore_ascii_case("for"))?;
-    Some(node.trim().trim_matches('"'))
+/// A parameter of one element of `Forwarded`, without quotes.
+pub(super) fn forwarded_parameter<'a>(element: &'a str, wanted: &str) -> Option<&'a str> {
+    let mut parameters = element.split(';').filter_map(|parameter| parameter.trim().split_once('='));
+    let (_, value) = parameters.find(|(name, _)| name.trim().eq_ignore_ascii_case(wanted))?;
+    Some(value.trim().trim_matches('"'))
 }
 
 /// An address with or without a port: `192.0.2.1`, `192.0.2.1:80`, `2001:db8::1`, `[2001:db8::1]`, `[2001:db8::1]:80`.

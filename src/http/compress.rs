@@ -10,7 +10,7 @@ use tower_http::compression::predicate::Predicate;
 const MIN_BYTES: u64 = 1024;
 
 /// A larger answer is a download for a program; compressing it would take CPU time from tracking.
-const MAX_BYTES: u64 = 2 << 20;
+pub const MAX_COMPRESSED_BYTES: u64 = 2 << 20;
 
 /// Middleware: compresses text of a known, moderate size. Pictures and video are compressed already, and events must
 /// not wait in a buffer.
@@ -35,7 +35,7 @@ impl Predicate for ModerateText {
     fn should_compress<B: HttpBody>(&self, response: &Response<B>) -> bool {
         let kind = response.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
         let bytes = response.body().size_hint().exact();
-        is_text(kind) && bytes.is_some_and(|bytes| (MIN_BYTES..=MAX_BYTES).contains(&bytes))
+        is_text(kind) && bytes.is_some_and(|bytes| (MIN_BYTES..=MAX_COMPRESSED_BYTES).contains(&bytes))
     }
 }
 

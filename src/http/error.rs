@@ -14,6 +14,7 @@ use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value};
 
 use crate::analysis::QuickAnalysisError;
+use crate::analysis::stored_rows::StoredRowsError;
 use crate::cohorts::{CohortsError, NoSkillModel};
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
 use crate::intake::IntakeError;
@@ -254,6 +255,16 @@ impl From<VaultError> for ProblemResponse {
             VaultError::NotFound | VaultError::Damaged | VaultError::Lost { .. } | VaultError::Io { .. } => {
                 ProblemResponse::internal("handling a file", error)
             }
+        }
+    }
+}
+
+/// Maps the errors of reading stored files by rows to refusals.
+impl From<StoredRowsError> for ProblemResponse {
+    fn from(error: StoredRowsError) -> Self {
+        match error {
+            StoredRowsError::Vault(error) => error.into(),
+            error => ProblemResponse::internal("reading a stored file", error),
         }
     }
 }

@@ -3,7 +3,6 @@
 
 use std::collections::HashSet;
 
-use axum::body::Body;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
@@ -94,7 +93,7 @@ enum ExportState {
 }
 
 /// Answers with the table of many sessions, which is sent while it is read: each page is read after the previous one
-/// was sent.
+/// was sent. It occupies a slot for heavy answers.
 pub async fn export_sessions(
     app: App,
     scope: Scope,
@@ -102,19 +101,15 @@ pub async fn export_sessions(
     format: TableFormat,
     name: &str,
 ) -> HandlerResult<Response> {
+    let slot = app.heavy_answers.take(&scope).await?;
     let table = FeatureTable::new(format).map_err(|cause| ProblemResponse::internal("writing features", cause))?;
     let parts =
         try_unfold((app, scope, many, ExportState::NextPage(None, table)), |(app, scope, many, place)| async move {
             let ExportState::NextPage(after, table) = place else { return Ok::<_, ExportError>(None) };
-            match next_part(&app, &scope, &many, (after, table)).await {
-                Ok((bytes, place)) => Ok(Some((Bytes::from(bytes), (app, scope, many, place)))),
-                Err(error) => {
-                    tracing::error!(%error, "feature export failed; connection closed before the table's end");
-                    Err(error)
-                }
-            }
+            let (bytes, place) = next_part(&app, &scope, &many, (after, table)).await?;
+            Ok(Some((Bytes::from(bytes), (app, scope, many, place))))
         });
-    Ok((StatusCode::OK, headers(format, name), Body::from_stream(parts)).into_response())
+    Ok((StatusCode::OK, headers(format, name), slot.stream(None, parts)).into_response())
 }
 
 async fn next_part(

@@ -8,8 +8,10 @@
 //! | [`client_address`] | the client's address, behind proxies too |
 //! | [`read`] [`show`] | parts of requests (bodies, queries, ids); parts of answers (JSON, pages, times) |
 //! | one module for each noun | its routes, one function each |
-//! | [`export`] | tables of features, of any length |
+//! | [`export`] [`data_export`] | tables of features, of any length; all data of a person or of the centre as a ZIP file |
 //! | [`server`] [`pace`] [`settings`] | limits on connections and bodies: their number, idle time and size |
+//! | [`listeners`] [`connection`] [`http2_streams`] | the sockets; one connection: handshake, HTTP/2 or HTTP/1.1, limits on time |
+//! | [`tls`] [`scheme`] [`redirect`] | the service's certificate; HTTPS of its own or of a proxy; plain HTTP to HTTPS |
 //! | [`connection_slots`] | limits on connections that stay open, in all and per user |
 //! | [`protect`] [`compress`] [`observe`] | security headers, compression; a log line and metrics for every request |
 //! | [`dashboard`] [`docs`] [`openapi`] | the dashboard's files, and the API's description |
@@ -26,9 +28,11 @@ pub mod boxes;
 pub mod client_address;
 pub mod cohorts;
 pub mod compress;
+pub mod connection;
 pub mod connection_slots;
 pub mod courses;
 pub mod dashboard;
+pub mod data_export;
 pub mod docs;
 pub mod error;
 pub mod events;
@@ -38,7 +42,10 @@ mod feed;
 pub mod file;
 pub mod groups;
 pub mod health;
+pub mod heavy;
+mod http2_streams;
 pub mod jobs;
+pub mod listeners;
 pub mod observe;
 pub mod openapi;
 pub mod pace;
@@ -48,9 +55,11 @@ pub mod protect;
 mod push;
 pub mod range;
 pub mod read;
+pub mod redirect;
 mod replaced_routes;
 pub mod rescorings;
 pub mod router;
+pub mod scheme;
 pub mod server;
 pub mod service;
 pub mod sessions;
@@ -59,6 +68,7 @@ pub mod show;
 mod stall;
 pub mod state;
 pub mod tasks;
+pub mod tls;
 pub mod tokens;
 pub mod trainees;
 pub mod uploads;

@@ -5,7 +5,7 @@
 //! spent waiting for the client counts, so a slow disk of the server never ends an upload.
 //!
 //! An answer sent before the end of the body carries `Connection: close`. Otherwise the client would send its next
-//! request on a connection that is about to close.
+//! request on a connection that is about to close. HTTP/2 ends only the stream, and has no such header.
 
 use std::pin::Pin;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use axum::body::{Body, Bytes};
 use axum::extract::{Request, State};
-use axum::http::{HeaderValue, header};
+use axum::http::{HeaderValue, Version, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use hyper::body::{Body as HttpBody, Frame, SizeHint};
@@ -25,6 +25,7 @@ use super::settings::HttpSettings;
 
 /// Middleware: enforces the minimum rate on every body, and sets `Connection: close` if the answer leaves it unread.
 pub async fn keep_pace(State(pace): State<Pace>, request: Request, next: Next) -> Response {
+    let closes_connection = request.version() < Version::HTTP_2;
     let mut read = Arc::default();
     let request = request.map(|body| {
         let paced = PacedBody::new(body, pace);
@@ -32,7 +33,7 @@ pub async fn keep_pace(State(pace): State<Pace>, request: Request, next: Next) -
         Body::new(paced)
     });
     let mut response = next.run(request).await;
-    if !read.load(Ordering::Relaxed) {
+    if closes_connection && !read.load(Ordering::Relaxed) {
         response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
     }
     response

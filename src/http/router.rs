@@ -15,8 +15,8 @@ use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{account, attention, service};
 use super::{
-    boxes, cohorts, courses, dashboard, docs, events, features, feed, groups, health, jobs, observe, password_links,
-    people, protect, push, replaced_routes, rescorings, sessions, tasks, tokens,
+    boxes, cohorts, courses, dashboard, data_export, docs, events, features, feed, groups, health, jobs, observe,
+    password_links, people, protect, push, replaced_routes, rescorings, scheme, sessions, tasks, tokens,
 };
 use super::{error, openapi, trainees, uploads};
 
@@ -91,6 +91,10 @@ fn trainee_routes() -> OpenApiRouter<App> {
         .routes(routes!(trainees::progress))
         .routes(routes!(trainees::enrol))
         .routes(routes!(trainees::xapi))
+        .routes(routes!(trainees::erasure_extent))
+        .routes(routes!(trainees::pending_erasures))
+        .routes(routes!(trainees::restore))
+        .routes(routes!(data_export::trainee))
 }
 
 /// Tasks with their features, standards and models.
@@ -173,6 +177,7 @@ fn operation_routes() -> OpenApiRouter<App> {
         .routes(routes!(attention::attention))
         .routes(routes!(service::service))
         .routes(routes!(service::audit))
+        .routes(routes!(data_export::centre))
         .routes(routes!(events::events))
         .routes(routes!(openapi::document))
 }
@@ -213,6 +218,7 @@ pub fn routes(app: App) -> Router {
         .layer(compress())
         .layer(CatchPanicLayer::custom(error::panic_response))
         .layer(from_fn(protect::protect))
+        .layer(from_fn_with_state(app.clone(), scheme::keep_to_https))
         .layer(from_fn(observe::observe))
         .with_state(app)
 }

@@ -1,31 +1,21 @@
-//! The accept loop for HTTP/1.1: limits the number of connections and the time that they may be idle.
+//! The accept loop: limits the number of connections and the time that they may be idle.
 //!
 //! `axum::serve` has no timeout for a request's head, so a silent client would stay connected for ever; hyper's builder
-//! with a timer has one. [`StallGuard`] ends an answer that the client does not read, [`super::pace`] a body that
-//! arrives too slowly.
+//! with a timer has one. [`super::connection`] has the limits on time, [`super::stall`] ends an answer that the client
+//! does not read, [`super::pace`] a body that arrives too slowly.
 
-use std::convert::Infallible;
 use std::net::SocketAddr;
-use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::shutdown::Shutdown;
 use axum::Router;
-use axum::body::Body;
-use axum::extract::{ConnectInfo, Request};
-use axum::response::Response;
-use hyper::body::Incoming;
-use hyper::server::conn::http1;
-use hyper::service::service_fn;
-use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
 use tokio_util::task::TaskTracker;
-use tower::ServiceExt;
 
+use super::connection::{ConnectionLimits, Transport, serve_connection};
 use super::settings::HttpSettings;
-use super::stall::StallGuard;
+use crate::shutdown::Shutdown;
 
 /// How long open requests may continue once the service stops, within the 10 s that shutdown may take in all.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(6);
@@ -33,28 +23,19 @@ const DRAIN_TIMEOUT: Duration = Duration::from_secs(6);
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
 /// Serves until `stop`, then waits up to `DRAIN_TIMEOUT` for the open requests.
-pub async fn serve(listener: TcpListener, routes: Router, settings: &HttpSettings, stop: &Shutdown) {
+pub async fn serve(
+    listener: TcpListener,
+    transport: Transport,
+    routes: Router,
+    settings: &HttpSettings,
+    stop: &Shutdown,
+) {
     let places = Arc::new(Semaphore::new(settings.max_connections));
-    let open = TaskTracker::new();
+    let (open, limits) = (TaskTracker::new(), ConnectionLimits::from(settings));
     while let Some((stream, peer, place)) = next_connection(&listener, &places, stop).await {
-        let stream = StallGuard::new(stream, settings.write_timeout());
-        let answer = connection_service(routes.clone(), peer);
-        let connection = http1::Builder::new()
-            .timer(TokioTimer::new())
-            .header_read_timeout(settings.head_timeout())
-            .serve_connection(TokioIo::new(stream), service_fn(answer))
-            .with_upgrades();
-        let ending = stop.begun();
+        let (transport, routes, stop) = (transport.clone(), routes.clone(), stop.clone());
         open.spawn(async move {
-            let mut connection = pin!(connection);
-            let ended = tokio::select! {
-                ended = connection.as_mut() => ended,
-                () = ending => {
-                    connection.as_mut().graceful_shutdown(); // finish the open request, accept no further one
-                    connection.await
-                }
-            };
-            if let Err(error) = ended {
+            if let Err(error) = serve_connection(stream, peer, transport, routes, limits, &stop).await {
                 tracing::debug!(%peer, %error, "connection ended early");
             }
             drop(place);
@@ -99,17 +80,3 @@ async fn accept(
     stream.set_nodelay(true)?;
     Ok((stream, peer, place))
 }
-
-/// The service of one connection: passes requests to the router, with the client's address.
-fn connection_service(
-    routes: Router,
-    peer: SocketAddr,
-) -> impl Fn(hyper::Request<Incoming>) -> ResponseFuture + Clone + Send + 'static {
-    move |request| {
-        let mut request: Request = request.map(Body::new);
-        request.extensions_mut().insert(ConnectInfo(peer));
-        Box::pin(routes.clone().oneshot(request))
-    }
-}
-
-type ResponseFuture = std::pin::Pin<Box<dyn Future<Output = Result<Response, Infallible>> + Send>>;

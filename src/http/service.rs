@@ -9,8 +9,8 @@ use super::error::HandlerResult;
 use super::read::{Json, Params};
 use super::show::{PageResponse, Paging, Time};
 use super::state::App;
-use crate::store::{AuditEntry, Backup, QueueCounts};
-use crate::upkeep::{BackupProgress, BackupSettings};
+use crate::store::{AuditEntry, Backup, QueueCounts, StoreResult};
+use crate::upkeep::{BackupProgress, BackupSettings, RetentionSettings};
 
 /// State of the service.
 #[derive(Debug, Serialize, ToSchema)]
@@ -27,6 +27,10 @@ pub struct ServiceState {
     last_backup: Option<LastBackup>,
     /// The scheduled backups; `null`: the settings name no folder for them.
     scheduled_backups: Option<ScheduledBackups>,
+    /// The command that makes a backup by hand, for the shell of this machine, as the user that the service runs as. Its
+    /// last word is a folder beside the data folder; it must be new or empty.
+    backup_command: String,
+    retention: RetentionState,
     settings: SettingsInForce,
 }
 
@@ -50,6 +54,31 @@ pub struct QueueState {
     running: i64,
     /// Jobs that are no longer tried because they crashed too often.
     quarantined: i64,
+}
+
+/// What is kept for a limited time.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct RetentionState {
+    /// Months after its arrival when the video of a session is deleted; 0: videos are kept until the session is erased.
+    videos_months: u32,
+    /// Number of videos that will be deleted in the next 30 days.
+    next_videos: u64,
+    /// Size of these videos, bytes.
+    next_bytes: u64,
+    /// Days in which the erasure of a trainee can be taken back; 0: it cannot.
+    erase_days: u32,
+}
+
+impl RetentionState {
+    async fn of(app: &App) -> StoreResult<Self> {
+        let before_ms = app.retention.videos_of_next_month_before_ms(app.clock.now_ms());
+        let (next_videos, next_bytes) = match before_ms {
+            Some(before_ms) => app.store.retention().old_videos(before_ms).await?,
+            None => (0, 0),
+        };
+        let RetentionSettings { videos_months, erase_days } = app.retention;
+        Ok(Self { videos_months, next_videos, next_bytes, erase_days })
+    }
 }
 
 /// The last backup.
@@ -142,6 +171,8 @@ pub async fn service(State(app): State<App>, by: Administrator) -> HandlerResult
         },
         queue: QueueState { queued, running, quarantined },
         scheduled_backups: ScheduledBackups::of(&app),
+        backup_command: app.backup_command.clone(),
+        retention: RetentionState::of(&app).await?,
         last_backup: backup.map(|Backup { at_ms, files }| LastBackup { at: Time(at_ms), files }),
         settings: SettingsInForce {
             workers: set.workers,

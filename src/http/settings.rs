@@ -47,11 +47,22 @@ pub struct HttpSettings {
     pub trusted_proxies: Vec<IpNet>,
     /// The header that these proxies set: `x-forwarded-for` or `forwarded`.
     pub client_address_header: ClientAddressHeader,
+    /// Days that a browser which has reached the service over HTTPS uses nothing else for the same host name, on any
+    /// port (HSTS). 0 ends this for browsers that come again. Without effect over plain HTTP.
+    pub hsts_days: u32,
     /// Most event streams and live views open at once. A browser that shows *Live* needs one, and another for each
     /// recording that arrives; each takes about 30 KiB.
     pub max_event_streams: usize,
     /// Most of them for one user, at most half of all: a display of all boxes needs one for each box that sends.
     pub max_event_streams_of_one: usize,
+    /// Most large answers (paths, diagnostics, tables of features) in progress at once. Each takes up to 8 MiB; with
+    /// fewer, people wait longer for each other.
+    pub max_heavy_answers: usize,
+    /// Most of them for one user. A page loads two at a time.
+    pub max_heavy_answers_of_one: usize,
+    /// Seconds that a request waits for others of them to end. Longer waits hold connections; after shorter ones, more
+    /// requests are refused.
+    pub heavy_answer_wait_s: f64,
     /// Public address of the service, such as `https://skills.example`; xAPI statements identify accounts and tasks by
     /// it. By default the address in the request is used: then a person has a separate xAPI account for each address of
     /// the service.
@@ -76,8 +87,12 @@ impl Default for HttpSettings {
             free_attempts: 5,
             trusted_proxies: Vec::new(),
             client_address_header: ClientAddressHeader::default(),
+            hsts_days: 365,
             max_event_streams: 1024,
             max_event_streams_of_one: 96,
+            max_heavy_answers: 16,
+            max_heavy_answers_of_one: 2,
+            heavy_answer_wait_s: 20.0,
             public_url: None,
             page_items: 50,
         }
@@ -108,6 +123,11 @@ impl HttpSettings {
     /// [`Self::body_grace_s`].
     pub fn body_grace(&self) -> Duration {
         seconds(self.body_grace_s)
+    }
+
+    /// [`Self::heavy_answer_wait_s`].
+    pub fn heavy_answer_wait(&self) -> Duration {
+        seconds(self.heavy_answer_wait_s)
     }
 
     /// [`Self::write_timeout_s`].

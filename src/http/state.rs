@@ -4,11 +4,14 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use metrics_exporter_prometheus::PrometheusHandle;
+use tokio::sync::Semaphore;
 
 use super::auth::throttle::Throttle;
 use super::connection_slots::ConnectionSlots;
+use super::heavy::HeavyAnswers;
 use super::settings::HttpSettings;
 use crate::analysis::QuickAnalysis;
+use crate::analysis::stored_rows::StoredIndexes;
 use crate::cohorts::Cohorts;
 use crate::domain::rights::RightsSettings;
 use crate::events::EventBus;
@@ -18,7 +21,7 @@ use crate::queue::Queue;
 use crate::shutdown::Shutdown;
 use crate::store::Store;
 use crate::time::SharedClock;
-use crate::upkeep::{BackupSettings, BackupState};
+use crate::upkeep::{BackupSettings, BackupState, RetentionSettings};
 use crate::vault::Vault;
 
 /// The parts of the service that handlers use. Clones share them.
@@ -59,10 +62,20 @@ pub struct AppParts {
     pub quick_analysis: QuickAnalysis,
     /// Slots for event streams and live views.
     pub watcher_slots: ConnectionSlots,
+    /// Slots for large answers.
+    pub heavy_answers: HeavyAnswers,
+    /// Indexes of stored paths and diagnostics.
+    pub stored_indexes: StoredIndexes,
     /// State of the scheduled backups.
     pub backup_state: BackupState,
     /// When and where backups are made.
     pub backup_settings: BackupSettings,
+    /// The command that makes a backup by hand.
+    pub backup_command: String,
+    /// How long videos and erased people are kept.
+    pub retention: RetentionSettings,
+    /// Permits for exports of a person or of the centre, which read everything that belongs to them.
+    pub exports: Arc<Semaphore>,
     /// Metrics for Prometheus.
     pub metrics: PrometheusHandle,
 }
@@ -74,6 +87,8 @@ pub struct ServiceInfo {
     pub pipeline: &'static str,
     /// When this process began to serve, epoch ms.
     pub started_at_ms: i64,
+    /// True if the service itself speaks HTTPS.
+    pub is_https: bool,
     /// Recordings tracked at the same time.
     pub workers: usize,
     /// Largest recording, bytes.

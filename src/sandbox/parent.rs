@@ -52,6 +52,11 @@ impl Program {
     pub fn at(path: impl Into<PathBuf>, arguments: &[&str]) -> Self {
         Self { path: path.into(), arguments: arguments.iter().map(|&a| a.to_owned()).collect() }
     }
+
+    /// The file that it is started from; `None` if that was deleted or replaced.
+    pub fn file(&self) -> Option<PathBuf> {
+        self.path.canonicalize().ok().filter(|path| path.is_file())
+    }
 }
 
 /// What one child is to do.

@@ -3,13 +3,18 @@
 
 use sqlx::sqlite::SqliteConnection;
 
-use super::error::StoreResult;
+use super::error::{StoreError, StoreResult};
 use super::page::{Page, PageRequest};
 use super::visibility::require_administrator;
 use super::{Scope, Store};
+use crate::domain::text::Key;
+use crate::ids::TraineeId;
 
 /// Action and noun of a backup's entry; its subject is the number of files in the backup.
 const BACKUP: (&str, &str) = ("create", "backup");
+
+/// Most entries about one trainee that are read.
+const MAX_ABOUT_ONE: i64 = 10_000;
 
 /// Access to the audit trail.
 pub struct AuditStore<'s>(pub(super) &'s Store);
@@ -77,6 +82,16 @@ const SELECT_ENTRIES: &str = "
     LEFT JOIN person ON actor LIKE 'person:%' AND person.id = substr(actor, 8)
     WHERE $1 IS NULL OR audit.id < CAST($1 AS INTEGER) ORDER BY audit.id DESC LIMIT $2";
 
+/// Selects at most `$2` entries about trainee `$1`, their account and their sessions, or made by them.
+const SELECT_ENTRIES_ABOUT: &str = "
+    SELECT audit.id, at_ms, actor, action, noun, subject, person.name AS who, CAST(NULL AS TEXT) AS called
+    FROM audit
+    LEFT JOIN person ON actor LIKE 'person:%' AND person.id = substr(actor, 8)
+    WHERE subject = $1 OR subject IN (SELECT id FROM session WHERE trainee_id = $1)
+       OR subject IN (SELECT account.id FROM person AS account WHERE account.trainee_id = $1)
+       OR actor IN (SELECT 'person:' || account.id FROM person AS account WHERE account.trainee_id = $1)
+    ORDER BY audit.id DESC LIMIT $2";
+
 const SELECT_LAST_BACKUP: &str = "
     SELECT at_ms, subject FROM audit WHERE action = 'create' AND noun = 'backup' ORDER BY id DESC LIMIT 1";
 
@@ -89,6 +104,26 @@ impl AuditStore<'_> {
         let rows = sqlx::query_as(SELECT_ENTRIES);
         let rows = rows.bind(page.after()).bind(page.row_limit()).fetch_all(self.0.readers()).await?;
         Ok(Page::from_rows(rows, page, |entry: &AuditEntry| entry.id.to_string()))
+    }
+
+    /// Changes of this trainee, their account and their sessions, and changes that they made, newest first; at most 10,000.
+    pub async fn about(&self, scope: &Scope, trainee: TraineeId) -> StoreResult<Vec<AuditEntry>> {
+        self.0.trainees().get(scope, &Key::from(&trainee)).await?;
+        let rows = sqlx::query_as(SELECT_ENTRIES_ABOUT).bind(trainee).bind(MAX_ABOUT_ONE);
+        Ok(rows.fetch_all(self.0.readers()).await?)
+    }
+
+    /// Records that data were exported: of a trainee, or of the centre. On a full disk the export works without the entry.
+    pub async fn record_export(&self, scope: &Scope, noun: &'static str, subject: impl ToString) -> StoreResult<()> {
+        let (scope, now_ms, subject) = (scope.clone(), self.0.now_ms(), subject.to_string());
+        let noted = self.0.write(async move |tx| note(tx, &scope, now_ms, ("export", noun), subject).await).await;
+        match noted {
+            Err(error @ StoreError::DiskFull) => {
+                tracing::warn!(%error, "export not in the audit trail; the export continues");
+                Ok(())
+            }
+            noted => noted,
+        }
     }
 
     /// Records that a backup of `files` files was made.

@@ -18,13 +18,17 @@ const SELECT_UNREFERENCED: &str = "
 const DELETE_IF_UNREFERENCED: &str = "
     DELETE FROM blob WHERE hash = $1 AND hash NOT IN (SELECT hash FROM blob_reference)";
 
-const SELECT_BLOB: &str = "SELECT 1 FROM blob WHERE hash = $1";
+const SELECT_BLOB: &str = "SELECT 1 FROM blob WHERE hash = $1 AND dropped_at_ms IS NULL";
 
-const SELECT_TOTAL: &str = "SELECT count(*), coalesce(sum(bytes), 0) FROM blob";
+const SELECT_TOTAL: &str = "SELECT count(*), coalesce(sum(bytes), 0) FROM blob WHERE dropped_at_ms IS NULL";
 
-const SELECT_BLOBS: &str = "SELECT hash, bytes FROM blob WHERE $1 IS NULL OR hash > $1 ORDER BY hash LIMIT $2";
+const SELECT_BLOBS: &str = "
+    SELECT hash, bytes FROM blob WHERE dropped_at_ms IS NULL AND ($1 IS NULL OR hash > $1) ORDER BY hash LIMIT $2";
 
-const INSERT_BLOB: &str = "INSERT INTO blob (hash, bytes, created_at_ms) VALUES ($1, $2, $3) ON CONFLICT DO NOTHING";
+/// A file that was dropped and is put again is there again.
+const INSERT_BLOB: &str = "
+    INSERT INTO blob (hash, bytes, created_at_ms) VALUES ($1, $2, $3)
+    ON CONFLICT (hash) DO UPDATE SET dropped_at_ms = NULL WHERE dropped_at_ms IS NOT NULL";
 
 impl BlobStore<'_> {
     /// Files that nothing refers to any more, at most `most` of them.
@@ -32,7 +36,8 @@ impl BlobStore<'_> {
         Ok(sqlx::query_scalar(SELECT_UNREFERENCED).bind(most).fetch_all(self.0.readers()).await?)
     }
 
-    /// Deletes a file's row unless something refers to it; `true` if nothing does, so that the file may be deleted.
+    /// Deletes a file's row unless something refers to it; `true` if nothing needs the file, so that it may be deleted. The
+    /// row of a dropped file stays with its sessions.
     pub async fn forget_if_unreferenced(&self, hash: BlobHash) -> StoreResult<bool> {
         self.0
             .write_with_delete_reserve(|| {
@@ -51,7 +56,7 @@ impl BlobStore<'_> {
         self.0.write(async move |tx| record(tx, blob, now_ms).await).await
     }
 
-    /// Is there a row for this file?
+    /// Is there a row for this file, and should the file be there?
     pub async fn has(&self, hash: BlobHash) -> StoreResult<bool> {
         let found: Option<i64> = sqlx::query_scalar(SELECT_BLOB).bind(hash).fetch_optional(self.0.readers()).await?;
         Ok(found.is_some())

@@ -75,11 +75,13 @@ type CohortValueRow = (
 );
 
 const SELECT_COHORTS: &str = "
-    SELECT cohort.*, (SELECT count(*) FROM cohort_person WHERE cohort_id = cohort.id) AS people FROM cohort
+    SELECT cohort.*, (SELECT count(*) FROM cohort_person WHERE cohort_id = cohort.id
+                      AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)) AS people FROM cohort
     WHERE $1 <> 'agent' AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4";
 
 const SELECT_COHORT: &str = "
-    SELECT cohort.*, (SELECT count(*) FROM cohort_person WHERE cohort_id = cohort.id) AS people FROM cohort
+    SELECT cohort.*, (SELECT count(*) FROM cohort_person WHERE cohort_id = cohort.id
+                      AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)) AS people FROM cohort
     WHERE $1 <> 'agent' AND $3 IN (id, code)";
 
 const SELECT_MEMBERS: &str = "
@@ -87,6 +89,7 @@ const SELECT_MEMBERS: &str = "
     WHERE cohort_id = $3 AND ($4 IS NULL OR trainee_id > $4)
       AND ($1 = 'administrator'
            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)
     ORDER BY trainee_id LIMIT $5";
 
 /// Selects values of at most `$7` people at task `$4`, from their last `$5` sessions that were not refused, for the
@@ -101,6 +104,7 @@ pub(super) const SELECT_VALUES: &str = "
           WHERE ($3 IS NULL OR EXISTS (SELECT 1 FROM cohort_person WHERE cohort_id = $3 AND trainee_id = trainee.id))
             AND ($1 = 'administrator'
                  OR trainee.id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+            AND trainee.id NOT IN (SELECT trainee_id FROM pending_erasure)
           ORDER BY trainee.id DESC LIMIT $7) AS member
     CROSS JOIN session ON session.id IN
         (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = member.id AND recent.task_id = $4
@@ -128,7 +132,10 @@ const UPDATE_COHORT: &str = "
     SET code = coalesce($2, code), name = $3, is_list = $4, level = $5, handedness = $6, group_id = $7
     WHERE id = $1";
 
-const DELETE_MEMBERS: &str = "DELETE FROM cohort_member WHERE cohort_id = $1";
+/// People who wait for their erasure stay members, since the erasure can be taken back.
+const DELETE_MEMBERS: &str = "
+    DELETE FROM cohort_member
+    WHERE cohort_id = $1 AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)";
 
 const DELETE_COHORT: &str = "DELETE FROM cohort WHERE id = $1";
 

@@ -98,7 +98,8 @@ const SELECT_PERSON: &str = "
     SELECT person.id, login, name, role, trainee_id, password_state, person.created_at_ms, must_change_password,
            last_seen_at_ms
     FROM cookie_session JOIN person ON person.id = person_id
-    WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3";
+    WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3
+      AND NOT EXISTS (SELECT 1 FROM pending_erasure WHERE pending_erasure.trainee_id = person.trainee_id)";
 
 const SELECT_VALID: &str = "
     SELECT 1 FROM cookie_session WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3";

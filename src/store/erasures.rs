@@ -39,16 +39,30 @@ impl ErasureStore<'_> {
             .collect())
     }
 
-    /// Erases again what this erasure names. Returns false if it does not exist.
-    pub async fn repeat(&self, Erasure { kind, id, .. }: &Erasure) -> StoreResult<bool> {
+    /// Erases again what this erasure names. Returns false if it does not exist. A requested erasure waits again until it
+    /// is due; one that was taken back waits no more.
+    pub async fn repeat(&self, Erasure { kind, id, at_ms }: &Erasure) -> StoreResult<bool> {
         let service = Scope::service();
         let erased = match kind {
             ErasedKind::Trainee => self.0.trainees().erase(&service, &Key::from(&parse::<TraineeId>(id)?)).await,
             ErasedKind::Session => self.0.sessions().erase(&service, parse(id)?).await,
             ErasedKind::Person => self.0.people().delete(&service, parse(id)?).await,
+            ErasedKind::Pending => return self.wait_again(parse(id)?, *at_ms).await,
+            ErasedKind::TakenBack => {
+                return self.0.pending_erasures().remove(&service, parse(id)?).await.map(|_| false);
+            }
         };
         match erased {
             Ok(()) => Ok(true),
+            Err(StoreError::NotFound { .. }) => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+
+    async fn wait_again(&self, id: TraineeId, due_at_ms: i64) -> StoreResult<bool> {
+        let service = Scope::service();
+        match self.0.trainees().get(&service, &Key::from(&id)).await {
+            Ok(_) => self.0.pending_erasures().insert(&service, id, due_at_ms).await.map(|()| false),
             Err(StoreError::NotFound { .. }) => Ok(false),
             Err(error) => Err(error),
         }

@@ -69,7 +69,9 @@ const INSERT_GROUP: &str = "INSERT INTO training_group (id, name, created_at_ms)
 
 const DELETE_INSTRUCTORS: &str = "DELETE FROM group_instructor WHERE group_id = $1";
 
-const DELETE_TRAINEES: &str = "DELETE FROM group_trainee WHERE group_id = $1";
+/// People who wait for their erasure stay members, since the erasure can be taken back.
+const DELETE_TRAINEES: &str = "
+    DELETE FROM group_trainee WHERE group_id = $1 AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)";
 
 const INSERT_INSTRUCTOR: &str = "
     INSERT INTO group_instructor (group_id, person_id)
@@ -83,7 +85,9 @@ const DELETE_GROUP: &str = "DELETE FROM training_group WHERE id = $1";
 
 const SELECT_INSTRUCTORS: &str = "SELECT person_id FROM group_instructor WHERE group_id = $1";
 
-const SELECT_TRAINEES: &str = "SELECT trainee_id FROM group_trainee WHERE group_id = $1";
+const SELECT_TRAINEES: &str = "
+    SELECT trainee_id FROM group_trainee
+    WHERE group_id = $1 AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)";
 
 impl GroupStore<'_> {
     /// Creates an empty group.

@@ -14,7 +14,7 @@
 //! | [`Store::cookies`] | `create` `known_place` `person_of` `is_valid` `of_person` `end` `delete` `forget_expired` `forget_all` |
 //! | [`Store::tokens`] | `create` `list` `of_person` `delete` `delete_own` `scope_of` |
 //! | [`Store::password_links`] | `create` `list` `withdraw` `look_up` `set_password` |
-//! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `change` `erase` |
+//! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `groups` `change` `erase` |
 //! | [`Store::tasks`] | `create` `list` `get` `changeable` `change` `delete` |
 //! | [`Store::standards`] | `add` `in_use` `in_use_of` `get` `list` |
 //! | [`Store::cohorts`] | `create` `list` `get` `members` `replace` `delete` `values` `values_seen` |
@@ -34,6 +34,8 @@
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `mark_crashed` `release` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `note` `has` `all` `total` |
 //! | [`Store::erasures`] | `after` `last` `repeat` |
+//! | [`Store::pending_erasures`] | `extent` `request` `list` `take_back` `due` |
+//! | [`Store::retention`] | `old_videos` `drop_videos` `release_failed_pictures` |
 //! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `record_backup` · `last_backup` |
 
 mod audit;
@@ -59,9 +61,11 @@ mod owners;
 mod page;
 mod palettes;
 mod password_links;
+mod pending_erasures;
 mod people;
 mod ratings;
 mod rescorings;
+mod retention;
 mod schema_version;
 mod self_tests;
 mod sender_limits;
@@ -103,9 +107,11 @@ pub use jobs::{JobRecord, JobStore, Lease, QueueCounts, SweepResult};
 pub use page::{Page, PageRequest};
 pub use palettes::{PaletteRecord, PaletteStore};
 pub use password_links::{PasswordLinkRecord, PasswordLinkStore};
+pub use pending_erasures::{ErasureExtent, PendingErasure, PendingErasureStore};
 pub use people::{NewPerson, PersonChange, PersonRecord, PersonStore};
 pub use ratings::{GivenRating, RatingRecord, RatingStore, SessionValue, VisibleRatings};
 pub use rescorings::{EndedItem, RescoringItem, RescoringRecord, RescoringStore, RescoringTrainee, ResultComparison};
+pub use retention::RetentionStore;
 pub use self_tests::{SelfTestLight, SelfTestRecord, SelfTestStore};
 pub use sender_limits::SenderLimits;
 pub use sessions::{
@@ -374,6 +380,10 @@ accessors! {
     audit: AuditStore;
     /// Ids of erased people and recordings.
     erasures: ErasureStore;
+    /// Trainees who wait for their erasure.
+    pending_erasures: PendingErasureStore;
+    /// Videos and pictures that are kept for a limited time.
+    retention: RetentionStore;
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use super::{Scope, Store};
 use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::secret::PasswordHash;
-use crate::domain::text::{Login, Name};
+use crate::domain::text::{Key, Login, Name};
 use crate::ids::{PersonId, TraineeId};
 
 /// Access to the accounts.
@@ -83,10 +83,15 @@ const INSERT_PERSON: &str = "
 
 const SELECT_PEOPLE: &str = "
     SELECT id, login, name, role, trainee_id, password_state, created_at_ms FROM person
-    WHERE $1 IS NULL OR login > $1 ORDER BY login LIMIT $2";
+    WHERE ($1 IS NULL OR login > $1)
+      AND NOT EXISTS (SELECT 1 FROM pending_erasure WHERE pending_erasure.trainee_id = person.trainee_id)
+    ORDER BY login LIMIT $2";
 
 const SELECT_PERSON: &str = "
     SELECT id, login, name, role, trainee_id, password_state, created_at_ms FROM person WHERE id = $1";
+
+const SELECT_PERSON_OF: &str = "
+    SELECT id, login, name, role, trainee_id, password_state, created_at_ms FROM person WHERE trainee_id = $1";
 
 const SIGN_OUT_IF_ROLE_CHANGES: &str = "
     DELETE FROM cookie_session
@@ -105,7 +110,8 @@ const UPDATE_PASSWORD: &str = "UPDATE person SET password_hash = $2, password_st
 
 const SELECT_BY_LOGIN: &str = "
     SELECT id, login, name, role, trainee_id, password_state, created_at_ms, password_hash FROM person
-    WHERE login = $1";
+    WHERE login = $1
+      AND NOT EXISTS (SELECT 1 FROM pending_erasure WHERE pending_erasure.trainee_id = person.trainee_id)";
 
 const COUNT_PASSWORD: &str = "SELECT count(*) FROM person WHERE password_hash = $1";
 
@@ -169,6 +175,12 @@ impl PersonStore<'_> {
         }
         let person = sqlx::query_as(SELECT_PERSON).bind(id).fetch_optional(self.0.readers()).await?;
         person.ok_or(not_found("person"))
+    }
+
+    /// The account of a trainee in the scope, if they have one.
+    pub async fn of_trainee(&self, scope: &Scope, trainee: TraineeId) -> StoreResult<Option<PersonRecord>> {
+        self.0.trainees().get(scope, &Key::from(&trainee)).await?;
+        Ok(sqlx::query_as(SELECT_PERSON_OF).bind(trainee).fetch_optional(self.0.readers()).await?)
     }
 
     /// Changes an account. The last administrator keeps that role. A new role signs all browsers of the account out,

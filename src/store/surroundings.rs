@@ -30,6 +30,13 @@ const INSERT_OF_SESSION: &str = "
     INSERT INTO session_surroundings (session_id, picture) VALUES ($1, $2)
     ON CONFLICT DO UPDATE SET picture = excluded.picture";
 
+/// Other versions of the colours that still lack their surroundings keep their pictures.
+const RELEASE_MARKED_PICTURES: &str = "
+    DELETE FROM job_file WHERE job_id IN
+        (SELECT job.id FROM job JOIN palette ON palette.box_id = job.box_id
+         WHERE palette.id = $1 AND job.kind = 'palette' AND job.state = 'done'
+           AND json_extract(job.input, '$.annotations') = json_extract(palette.annotations, '$'))";
+
 impl SurroundingsStore<'_> {
     /// The box's own pictures, to compare this session with: that of its colours, then those of other sessions that a
     /// person confirmed. Empty if the colours were marked before such pictures were kept, because the confirmed
@@ -50,9 +57,18 @@ impl SurroundingsStore<'_> {
         Ok(row.and_then(|bytes| Surroundings::from_bytes(&bytes)))
     }
 
-    /// Keeps the surroundings of colours that were marked before such pictures were kept.
-    pub async fn add_of_palette(&self, palette: PaletteId, picture: Surroundings) -> StoreResult<()> {
-        self.0.write(async move |tx| insert_of_palette(tx, palette, &picture).await).await
+    /// Keeps the surroundings of colours that were marked before such pictures were kept; `None` if the pictures show
+    /// none. The marked pictures are then not needed any more, and are released.
+    pub async fn add_of_palette(&self, palette: PaletteId, picture: Option<Surroundings>) -> StoreResult<()> {
+        self.0
+            .write(async move |tx| {
+                if let Some(picture) = picture {
+                    insert_of_palette(tx, palette, &picture).await?;
+                }
+                sqlx::query(RELEASE_MARKED_PICTURES).bind(palette).execute(tx).await?;
+                Ok(())
+            })
+            .await
     }
 }
 

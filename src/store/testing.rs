@@ -59,33 +59,41 @@ impl TestCentre {
     }
 
     pub async fn calibrate(&self) {
-        let new = NewCalibration { camera: camera(), source: CalibrationSource::File };
-        self.store.calibrations().add(&Scope::service(), self.the_box.id, new).await.unwrap();
+        self.store.calibrations().add(&Scope::service(), self.the_box.id, Self::new_calibration()).await.unwrap();
     }
 
-    pub async fn give_colours(&self) {
+    pub fn new_calibration() -> NewCalibration {
+        NewCalibration { camera: camera(), source: CalibrationSource::File }
+    }
+
+    /// Colours of one orange tool, as a job learns them.
+    pub fn new_palette() -> NewPalette {
         let annotations: crate::domain::files::annotations::AnnotationsFile = serde_json::from_str(
             r#"{"tool_diameter_mm":8,"labels":[{"frame":0,"label":"orange","x":1,"y":1,"w":2,"h":2}]}"#,
         )
         .unwrap();
-        let input = PaletteInput {
-            of: self.the_box.id,
-            annotations: annotations.clone(),
-            files: vec![],
-            is_video: true,
-            frames: vec![],
-        };
-        self.store.jobs().enqueue(&Scope::service(), JobInput::Palette(input)).await.unwrap();
-        let lease = self.claim().await.unwrap();
         let tools = annotations.marked_tools().unwrap().into_iter().map(Into::into).collect();
-        let new = NewPalette {
+        NewPalette {
             annotations,
             tools,
             counts: vec![],
             samples: vec![1, 2, 3],
             report: PaletteReport::default(),
             surroundings: None,
+        }
+    }
+
+    pub async fn give_colours(&self) {
+        let new = Self::new_palette();
+        let input = PaletteInput {
+            of: self.the_box.id,
+            annotations: new.annotations.clone(),
+            files: vec![],
+            is_video: true,
+            frames: vec![],
         };
+        self.store.jobs().enqueue(&Scope::service(), JobInput::Palette(input)).await.unwrap();
+        let lease = self.claim().await.unwrap();
         self.store.jobs().finish_palette(&lease, new).await.unwrap();
     }
 

@@ -5,6 +5,7 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
+use super::retention::forget_box_jobs_of_trainee;
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store, codes, skill_models};
 use crate::domain::role::Role;
@@ -44,6 +45,7 @@ const SELECT_TRAINEES: &str = "
     FROM trainee
     WHERE ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))
       AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4";
 
 const SELECT_GROUP_TRAINEES: &str = "
@@ -53,6 +55,7 @@ const SELECT_GROUP_TRAINEES: &str = "
     WHERE id IN (SELECT trainee_id FROM group_trainee WHERE group_id = $3)
       AND ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))
     ORDER BY name, code LIMIT $4";
 
 const SELECT_NAMED_TRAINEES: &str = "
@@ -62,6 +65,7 @@ const SELECT_NAMED_TRAINEES: &str = "
     WHERE id IN (SELECT value FROM json_each($3))
       AND ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))
     ORDER BY name, code";
 
 const SELECT_TRAINEE: &str = "
@@ -70,7 +74,12 @@ const SELECT_TRAINEE: &str = "
     FROM trainee
     WHERE $3 IN (id, code)
       AND ($1 = 'administrator'
-           OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))";
+           OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))";
+
+const SELECT_GROUP_NAMES: &str = "
+    SELECT training_group.name FROM group_trainee JOIN training_group ON training_group.id = group_trainee.group_id
+    WHERE group_trainee.trainee_id = $1 ORDER BY training_group.name";
 
 const UPDATE_TRAINEE: &str = "
     UPDATE trainee
@@ -140,6 +149,12 @@ impl TraineeStore<'_> {
         row.ok_or(not_found("trainee"))
     }
 
+    /// The names of the groups of a trainee in the scope.
+    pub async fn groups(&self, scope: &Scope, trainee: TraineeId) -> StoreResult<Vec<Name>> {
+        self.get(scope, &Key::from(&trainee)).await?;
+        Ok(sqlx::query_scalar(SELECT_GROUP_NAMES).bind(trainee).fetch_all(self.0.readers()).await?)
+    }
+
     /// Changes a trainee.
     pub async fn change(&self, scope: &Scope, key: &Key, change: TraineeChange) -> StoreResult<TraineeRecord> {
         let id = self.get(scope, key).await?.id;
@@ -159,20 +174,17 @@ impl TraineeStore<'_> {
     }
 
     /// Erases a trainee with their account, sessions, results and uploads, and withdraws the models trained on them.
-    /// The files are deleted with the next collection of unreferenced blobs ([`crate::upkeep`]).
+    /// The files are deleted with the next collection of unreferenced blobs ([`crate::upkeep`]). A trainee who waits for
+    /// their erasure is erased at once.
     pub async fn erase(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
-        let TraineeRecord { id, is_in_several_groups, .. } = self.get(scope, key).await?;
-        require_staff(scope, "erasing trainees")?;
-        if !scope.may_erase_trainee(is_in_several_groups) {
-            let what = "erasing a trainee who is in several groups";
-            return Err(StoreError::Forbidden { what, whom: "administrators" });
-        }
+        let id = self.0.pending_erasures().erasable(scope, key).await?;
         let now_ms = self.0.now_ms();
         self.0
             .write_with_delete_reserve(|| {
                 let scope = scope.clone();
                 async move |tx| {
                     skill_models::withdraw(tx, id, now_ms).await?;
+                    forget_box_jobs_of_trainee(tx, id).await?;
                     let deleted = sqlx::query(DELETE_TRAINEE).bind(id).execute(&mut *tx).await?;
                     if deleted.rows_affected() == 0 {
                         return Err(not_found("trainee"));

@@ -4,12 +4,16 @@
 //! | what the scope sees | condition, with the column in place of `…` |
 //! |---|---|
 //! | trainees | `($1 = 'administrator' OR … IN (SELECT trainee_id FROM visible_trainee WHERE …))`, as below |
-//! | jobs | the view `visible_job` (`migrations/0018_job_kinds.sql`), which needs `subject IS $2` |
+//! | jobs | the view `visible_job` (`migrations/0018_job_kinds.sql`), which needs `subject IS nullif($2, 'service')` |
 //! | boxes: people all, an agent its own | `($1 <> 'agent' OR $2 = …)` |
 //! | what all people may read | `$1 <> 'agent'` |
 //!
 //! The view `visible_trainee` (`migrations/0019_views.sql`) has the trainees of instructors and of trainees. The column
 //! stands outside the subquery: inside, a name of the view could hide it.
+//!
+//! Trainees who wait for their erasure are hidden from all people, and so is all that belongs to them. Only the service's
+//! own work sees them: its `$2` is [`SERVICE`]. So each condition on trainees is followed by
+//! `($2 IS 'service' OR … NOT IN (SELECT trainee_id FROM pending_erasure))`; a test finds statements that lack it.
 
 use sqlx::Sqlite;
 use sqlx::query::{Query, QueryAs, QueryScalar};
@@ -19,6 +23,14 @@ use super::error::{StoreError, StoreResult, not_found};
 use crate::domain::scope::Scope;
 use crate::ids::TraineeId;
 
+/// The subject of the service's own scope.
+const SERVICE: &str = "service";
+
+/// The subject as the conditions need it.
+fn subject(scope: &Scope) -> Option<String> {
+    if scope.is_service() { Some(SERVICE.to_owned()) } else { scope.subject() }
+}
+
 /// Binds the scope as `$1` and `$2`.
 pub(super) trait BindScope: Sized {
     fn bind_scope(self, scope: &Scope) -> Self;
@@ -26,13 +38,13 @@ pub(super) trait BindScope: Sized {
 
 impl BindScope for Query<'_, Sqlite, SqliteArguments> {
     fn bind_scope(self, scope: &Scope) -> Self {
-        self.bind(scope.role()).bind(scope.subject())
+        self.bind(scope.role()).bind(subject(scope))
     }
 }
 
 impl<T: for<'r> sqlx::FromRow<'r, SqliteRow>> BindScope for QueryAs<'_, Sqlite, T, SqliteArguments> {
     fn bind_scope(self, scope: &Scope) -> Self {
-        self.bind(scope.role()).bind(scope.subject())
+        self.bind(scope.role()).bind(subject(scope))
     }
 }
 
@@ -41,7 +53,7 @@ where
     (T,): for<'r> sqlx::FromRow<'r, SqliteRow>,
 {
     fn bind_scope(self, scope: &Scope) -> Self {
-        self.bind(scope.role()).bind(scope.subject())
+        self.bind(scope.role()).bind(subject(scope))
     }
 }
 
@@ -49,7 +61,8 @@ const SELECT_VISIBLE_TRAINEE: &str = "
     SELECT 1 FROM trainee
     WHERE id = $3
       AND ($1 = 'administrator'
-           OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))";
+           OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))";
 
 /// Does the scope reach this trainee?
 pub(super) async fn require_trainee(tx: &mut SqliteConnection, scope: &Scope, trainee: TraineeId) -> StoreResult<()> {

@@ -10,7 +10,7 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use super::{UpkeepError, UpkeepResult};
-use crate::domain::erasure::Erasure;
+use crate::domain::erasure::{ErasedKind, Erasure};
 use crate::domain::text::Invalid;
 use crate::store::Store;
 
@@ -82,9 +82,17 @@ pub(super) async fn erasures_after(store: &Store, number: i64) -> UpkeepResult<V
 
 /// Appends the erasures that a list lacks; durable when this returns.
 pub fn extend_list(path: &Path, erasures: &[Erasure]) -> UpkeepResult<()> {
-    let mut known: HashSet<String> = read_list(path)?.into_iter().map(|erasure| erasure.id).collect();
-    let new: Vec<Erasure> = erasures.iter().filter(|erasure| known.insert(erasure.id.clone())).cloned().collect();
+    let mut known: HashSet<String> = read_list(path)?.iter().map(key).collect();
+    let new: Vec<Erasure> = erasures.iter().filter(|erasure| known.insert(key(erasure))).cloned().collect();
     append(path, &new)
+}
+
+/// What makes an entry the same as another: an erasure happens once, but it may be requested and taken back repeatedly.
+fn key(erasure: &Erasure) -> String {
+    match erasure.kind {
+        ErasedKind::Trainee | ErasedKind::Session | ErasedKind::Person => erasure.id.clone(),
+        ErasedKind::Pending | ErasedKind::TakenBack => erasure.to_string(),
+    }
 }
 
 /// The erasures of a list; none if there is no such file.

@@ -8,7 +8,7 @@
 //! | [`copy_before_update`] | once, at every start, before the database is opened |
 //! | [`recover()`] | once, at every start, before anything else uses the folder |
 //! | [`write_password_file`] | at the first start |
-//! | [`run`] | for as long as the service runs |
+//! | [`run`] | for as long as the service runs: [`apply_retention`], then [`clear_up`] |
 //! | [`clear_after_command`] | after a command that may have erased people or changed passwords |
 //! | [`check()`] | on request: `trocar admin check` |
 //! | [`back_up`] | on request: `trocar admin backup`; and once a day: [`run_backups`] |
@@ -24,6 +24,7 @@ mod erasure_list;
 mod password_file;
 mod recover;
 mod restore;
+mod retention;
 mod scheduled_backups;
 mod update_copy;
 
@@ -35,6 +36,7 @@ use password_file::forget_changed_passwords;
 pub use password_file::{password_file, write_password_file};
 pub use recover::{Recovered, recover};
 pub use restore::{Restored, restore};
+pub use retention::{RetentionSettings, apply_retention};
 pub use scheduled_backups::{BackupProgress, BackupSettings, BackupState, complete_backups, run_backups};
 pub use update_copy::{UPDATE_COPY_FOLDER, copy_before_update};
 use update_copy::{erase_in_update_copy, forget_old_update_copy};
@@ -128,12 +130,15 @@ pub type UpkeepResult<T> = Result<T, UpkeepError>;
 /// Cleans up repeatedly until the service ends. Erased data has left the folder soon after `every`.
 pub async fn run(
     (store, vault): (&Store, &Vault),
+    retention: &RetentionSettings,
     mut lists: ErasureLists,
     every: Duration,
-    clock: SharedClock,
-    shutdown: &Shutdown,
+    (clock, shutdown): (SharedClock, &Shutdown),
 ) {
     while !shutdown.is_begun() {
+        if let Err(error) = apply_retention((store, vault), retention, clock.now_ms()).await {
+            tracing::warn!(%error, "data that is not kept any longer was not all deleted; retrying at the next round");
+        }
         if let Err(error) = clear_up(store, vault).await {
             tracing::warn!(%error, "cleaning up failed; retrying at the next round");
         }

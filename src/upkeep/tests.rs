@@ -36,7 +36,7 @@ impl UpkeepFixture {
     }
 
     /// Tracks and scores a session, with its files in the vault.
-    async fn score(&self, session: &SessionRecord) {
+    pub(super) async fn score(&self, session: &SessionRecord) {
         let lease = self.centre.claim().await.unwrap();
         let trajectory = self.vault.put(format!("trajectory of {}", session.id).as_bytes()).await.unwrap();
         let diagnostics = self.vault.put(format!("diagnostics of {}", session.id).as_bytes()).await.unwrap();
@@ -46,7 +46,7 @@ impl UpkeepFixture {
     }
 
     /// The path of a file in the data folder.
-    fn path_of(&self, hash: BlobHash) -> PathBuf {
+    pub(super) fn path_of(&self, hash: BlobHash) -> PathBuf {
         let hash = hash.to_string();
         self.centre.folder.path().join("blobs").join(&hash[..2]).join(hash)
     }
@@ -106,7 +106,7 @@ impl UpkeepFixture {
         recover(&self.centre.store, &self.vault).await.unwrap()
     }
 
-    async fn findings(&self) -> Vec<Finding> {
+    pub(super) async fn findings(&self) -> Vec<Finding> {
         check(&self.centre.store, &self.vault, true).await.unwrap()
     }
 }
@@ -369,7 +369,7 @@ async fn a_backup_of_a_centre_that_has_lost_a_file_names_it() {
 }
 
 /// True if any file below the folder contains these bytes.
-fn holds(folder: &Path, marker: &str) -> bool {
+pub(super) fn holds(folder: &Path, marker: &str) -> bool {
     fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).any(|path| {
         if path.is_dir() {
             return holds(&path, marker);

@@ -67,14 +67,24 @@ impl Vault {
         Ok(Incoming { vault: self.clone(), most, bytes: 0, buffer: WriteBuffer::default(), file: Some(part.await?) })
     }
 
-    /// Opens a blob for reading and returns its length. The content is not verified: see [`Vault::read`] and
-    /// [`Vault::is_intact`].
+    /// Opens a blob for reading and returns its length. The content is not verified: see [`Vault::open_verified`],
+    /// [`Vault::read`] and [`Vault::is_intact`].
     pub async fn open_blob(&self, hash: BlobHash) -> VaultResult<(File, u64)> {
         let path = self.blob_path(hash);
         run_blocking(move || {
             let file = disk::open(&path)?;
             let bytes = file.metadata().map_err(failed("measuring", &path))?.len();
             Ok((file, bytes))
+        })
+        .await
+    }
+
+    /// Opens a blob for reading and verifies its content, in the memory of one block.
+    pub async fn open_verified(&self, hash: BlobHash) -> VaultResult<File> {
+        let path = self.blob_path(hash);
+        run_blocking(move || {
+            let found = hash_of(disk::open(&path)?, &path)?;
+            if found.hash == hash { disk::open(&path) } else { Err(VaultError::Damaged) }
         })
         .await
     }

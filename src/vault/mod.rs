@@ -16,7 +16,7 @@
 //! | function | does |
 //! |---|---|
 //! | [`Vault::put`], [`Vault::incoming`] | create a blob from bytes, or piece by piece |
-//! | [`Vault::open_blob`], [`Vault::open_range`], [`Vault::read`] | read a blob: as a file, in part, or whole and verified |
+//! | [`Vault::open_blob`], [`Vault::open_verified`], [`Vault::open_range`], [`Vault::read`] | read a blob: as a file, as a verified file, in part, or whole and verified |
 //! | [`Vault::delete_if`], [`Vault::released`], [`Vault::blobs`], [`Vault::is_intact`] | collect, list, verify |
 //! | [`Vault::create_upload`], [`Vault::open_upload`], [`UploadFile`] | receive a recording in pieces |
 //! | [`Vault::keep_upload`], [`Vault::delete_upload`], [`Vault::delete_upload_if`] | make an upload a blob; delete an upload |

@@ -7,6 +7,7 @@ import { Form } from '../parts/forms/form.js';
 import { LanguageChoice } from '../parts/page/language.js';
 import { Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { NEW_PASSWORD_FIELDS, newPassword } from '../parts/people/new_password.js';
+import { OwnData } from '../parts/people/own_data.js';
 import { OwnSignIns, OwnTokens } from '../parts/people/own_access.js';
 import { isRecording } from '../record/current_recording.js';
 import { t } from '../texts.js';
@@ -58,6 +59,7 @@ export default function Account({ person, onSignOut }) {
             onSave=${change} submit=${words.change} />
         </div>
       </section>
+      ${person.trainee && html`<${OwnData} trainee=${person.trainee} />`}
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
       ${data && html`<${OwnSignIns} items=${data.signIns} onEnd=${id => api.own.endSignIn(id).then(reload, reload)} />
         <${OwnTokens} items=${data.tokens} onRemove=${id => api.own.removeToken(id).then(reload)} />`}

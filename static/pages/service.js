@@ -30,7 +30,7 @@ const Facts = ({ title, rows, children }) => html`
   <section class="card"><header><h2>${title}</h2></header><div class="body stack">
     <dl class="facts">${rows.map(([name, value]) => html`<dt>${name}</dt><dd>${value}</dd>`)}</dl>${children}</div></section>`;
 
-function Status({ status: { version, pipeline, started_at, storage, queue, last_backup: backup, scheduled_backups: plan, settings } }) {
+function Status({ status: { version, pipeline, started_at, storage, queue, last_backup: backup, scheduled_backups: plan, backup_command, retention, settings } }) {
   const days = backup ? Math.floor((Date.now() - Date.parse(backup.at)) / DAY_MS) : 0;
   return html`
     ${storage.free_bytes < LOW_BYTES && html`<${Notice} tone="warn" title=${words.low}>${words.lowBody}<//>`}
@@ -46,10 +46,13 @@ function Status({ status: { version, pipeline, started_at, storage, queue, last_
         ...(plan ? [[words.plan, words.planOf(plan.at, plan.keep)], [words.folder, plan.folder]] : []),
       ]}>
         ${plan?.error && html`<${Notice} tone="bad" title=${words.planFailed}>${plan.error}<//>`}
-        ${(!backup || days >= OLD_DAYS) && html`<${Notice} tone="warn" title=${backup ? words.old(days) : words.noBackup}><${Prose} text=${words.noBackupBody} /><//>`}<//>
+        ${(!backup || days >= OLD_DAYS) && html`<${Notice} tone="warn" title=${backup ? words.old(days) : words.noBackup}><${Prose} text=${words.noBackupBody} /><//>`}
+        <p class="small">${words.byHand}</p><p class="code">${backup_command}</p><//>
       <${Facts} title=${words.queue} rows=${[[words.waiting, queue.queued], [words.running, queue.running], [words.quarantined, queue.quarantined]]} /></div>
       <${Facts} title=${words.retention} rows=${[
-        [words.kept, words.keptFor],
+        [words.kept, retention.videos_months ? words.videosFor(retention.videos_months) : words.keptFor],
+        ...(retention.videos_months ? [[words.nextVideos, words.videosOf(retention.next_videos, bytes(retention.next_bytes))]] : []),
+        [words.erasedPeople, retention.erase_days ? words.erasedAfter(retention.erase_days) : words.erasedAtOnce],
         [words.erased, words.within(settings.erased_within_s)],
         [words.unfinished, words.afterHours(settings.unfinished_upload_h)],
         [words.signIn, words.signInAfter(settings.idle_min, settings.sign_in_h)],
@@ -57,6 +60,10 @@ function Status({ status: { version, pipeline, started_at, storage, queue, last_
         [words.largest, bytes(settings.max_upload_bytes)],
         [words.workers, settings.workers],
       ]}><p class="small muted">${words.where}</p><//>
+      <section class="card"><header><h2>${words.exports}</h2></header><div class="body stack">
+        <p class="small muted">${words.exportsBody}</p>
+        <p class="row"><a class="button" href=${api.dataAddress(false)} download>${t.ownData.save}</a>
+          <a class="button" href=${api.dataAddress(true)} download>${t.ownData.saveWithVideos}</a></p></div></section>
     </div>`;
 }
 

@@ -11,6 +11,7 @@ import { StrengthsAndWeaknesses } from '../parts/people/strengths.js';
 import { Field } from '../parts/forms/form.js';
 import { MonitorCharts } from '../parts/charts/monitor_chart.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { OwnData } from '../parts/people/own_data.js';
 import { OwnCourses } from '../parts/courses/own_courses.js';
 import { ProgressPlot } from '../parts/charts/progress_plot.js';
 import { ProgressSummary } from '../parts/people/progress_summary.js';
@@ -49,6 +50,7 @@ export default function Trainee({ route }) {
       <${OwnCourses} trainee=${id} first=${base.courses} />
       <div>${tasks.length ? html`<${Progress} id=${id} base=${base} route=${route} />`
         : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}</div>
+      <${OwnData} trainee=${id} />
     </div>`;
 }
 

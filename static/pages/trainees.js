@@ -7,6 +7,7 @@ import { href } from '../router.js';
 import { t } from '../texts.js';
 import { Field } from '../parts/forms/form.js';
 import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
+import { EraseDialog, PendingErasures } from '../parts/people/erasures.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 
 const words = t.trainees;
@@ -14,13 +15,15 @@ const withUnset = names => [['', words.unset], ...Object.entries(names)];
 
 /** @param {Props} props */
 export default function Trainees({ person }) {
+  const mayEdit = may(person, 'edit_trainees');
   const { data, problem, reload } = useData(async () => {
     // Instructors may not list groups.
-    const [trainees, groups] = await Promise.all([api.trainees.all(), api.groups.all().catch(() => [])]);
-    return { trainees, groups };
+    const [trainees, groups, pending] = await Promise.all([
+      api.trainees.all(), api.groups.all().catch(() => []), mayEdit ? api.trainees.pending() : []]);
+    return { trainees, groups, pending };
   }, []);
   const [searchText, setSearchText] = useState('');
-  const mayEdit = may(person, 'edit_trainees');
+  const [erasing, setErasing] = useState(null);
   const fields = item => [
     { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name },
     { name: 'code', label: words.code, hint: words.codeHint, maxlength: 60, value: item?.code },
@@ -46,11 +49,8 @@ export default function Trainees({ person }) {
   const edit = useEditing({
     addTitle: words.add,
     editTitle: words.edit,
-    removeTitle: t.people.removeTitle,
-    removeBody: words.removeBody,
     fields,
     save: (item, values) => saveChanges(api.trainees, item, values),
-    remove: item => api.trainees.remove(item.id),
     onChange: reload,
   });
   const shown =
@@ -83,11 +83,13 @@ export default function Trainees({ person }) {
                   <td>${(trainee.level && words.levels[trainee.level]) ?? '–'}</td>
                   <td>${(trainee.handedness && words.hands[trainee.handedness]) ?? '–'}</td>
                   ${mayEdit && html`<td><${RowButtons} item=${trainee} onEdit=${edit.change}
-                    onRemove=${trainee.may_erase && edit.remove} /></td>`}
+                    onRemove=${trainee.may_erase && setErasing} /></td>`}
                 </tr>`)}
             </tbody>
           </table>
         </div>`}
     </section>
+    ${data && html`<${PendingErasures} pending=${data.pending} onChange=${reload} />`}
+    ${erasing && html`<${EraseDialog} trainee=${erasing} onErased=${reload} onClose=${() => setErasing(null)} />`}
     ${edit.dialogs}`;
 }

@@ -341,6 +341,28 @@ test('a trainee sees their own pass, and nothing of others', async () => {
   await own.context().close();
 });
 
+test('a trainee is erased once their name is typed, and restored from the list of those who wait', async () => {
+  await page.goto(`${url}/trainees`);
+  const row = page.locator('tbody tr', { hasText: BEN });
+  await row.getByRole('button', { name: `Delete: ${BEN}` }).click();
+  const dialog = page.locator('dialog');
+  await dialog.getByText('with their recordings').waitFor();
+  const copy = await dialog.getByRole('link', { name: 'Save as ZIP' }).getAttribute('href');
+  assert.equal(await page.evaluate(async at => (await fetch(at)).headers.get('content-type'), copy), 'application/zip');
+  const confirm = async name => {
+    await dialog.getByLabel('Type the name to confirm').fill(name);
+    await dialog.getByRole('button', { name: 'Delete', exact: true }).click();
+  };
+  await confirm('Ben');
+  await dialog.locator('.notice.bad', { hasText: 'The name differs' }).waitFor();
+  await confirm(BEN);
+  await row.waitFor({ state: 'detached' });
+  assert.ok(!(await getJson('trainees?limit=200')).items.some(one => one.name === BEN));
+  await page.locator('.card', { hasText: 'Waiting for deletion' }).getByRole('button', { name: `Restore: ${BEN}` }).click();
+  await row.waitFor();
+  await page.getByText('Waiting for deletion').waitFor({ state: 'detached' });
+});
+
 test('no page sent a request to another origin, violated the security policy or threw an error', () => {
   assert.deepEqual(pageFaults(), { foreign: [], errors: [] });
 });

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use futures_util::future::join_all;
+use trocar::analysis::paths::SessionPaths;
 use trocar::domain::blob::Blob;
 use trocar::domain::calibration::{CalibrationSource, NewCalibration};
 use trocar::domain::edit::EditChange;
@@ -22,6 +23,7 @@ use trocar::ids::{BoxId, CalibrationId, PaletteId, SessionId, TaskId, TraineeId}
 use trocar::motion::PIPELINE_VERSION;
 use trocar::store::{Lease, Store, StoreSettings};
 use trocar::time::SystemClock;
+use trocar::vault::Vault;
 
 use crate::support::poll;
 
@@ -92,7 +94,17 @@ impl Planter {
     pub async fn result(&self, trainee: TraineeId, at_ms: i64, features: Vec<FeatureRow>, origin: (&str, &str)) {
         self.create(trainee, at_ms).await;
         let lease = self.claim().await;
-        self.finish(&lease, features, origin).await;
+        self.finish(&lease, features, origin, None).await;
+    }
+
+    /// Adds a session with these paths. `data` is the service's folder.
+    pub async fn paths(&self, trainee: TraineeId, data: &std::path::Path, paths: &SessionPaths) -> SessionId {
+        let vault = Vault::open(data).await.unwrap();
+        let blob = vault.put(&paths.to_bytes().unwrap()).await.unwrap();
+        self.create(trainee, NEW_YEAR_MS).await;
+        let lease = self.claim().await;
+        self.finish(&lease, Vec::new(), (PIPELINE_VERSION, "valid"), Some(blob.blob())).await;
+        session_of(&lease)
     }
 
     /// Adds several sessions at the same time, so that they share commits.
@@ -105,7 +117,7 @@ impl Planter {
         let finish = leases
             .iter()
             .zip(features)
-            .map(|(lease, features)| self.finish(lease, features, (PIPELINE_VERSION, "valid")));
+            .map(|(lease, features)| self.finish(lease, features, (PIPELINE_VERSION, "valid"), None));
         join_all(finish).await;
     }
 
@@ -169,7 +181,13 @@ impl Planter {
         self.store.jobs().claim("planter", Duration::from_secs(60)).await.unwrap().unwrap()
     }
 
-    async fn finish(&self, lease: &Lease, features: Vec<FeatureRow>, (pipeline, verdict): (&str, &str)) {
+    async fn finish(
+        &self,
+        lease: &Lease,
+        features: Vec<FeatureRow>,
+        (pipeline, verdict): (&str, &str),
+        paths: Option<Blob>,
+    ) {
         let id = session_of(lease);
         let (pipeline, calibration, palette) = (pipeline.to_owned(), self.calibration, self.palette);
         let result = NewResult {
@@ -187,7 +205,7 @@ impl Planter {
             evidence: self.evidence.clone(),
             quality: serde_json::json!({ "frames": 300, "verdict": verdict, "reasons": [], "tools": [] }),
             score: None,
-            trajectory: Blob::of(format!("trajectory {id}").as_bytes()),
+            trajectory: paths.unwrap_or_else(|| Blob::of(format!("trajectory {id}").as_bytes())),
             diagnostics: Some(Blob::of(format!("diagnostics {id}").as_bytes())),
             preview: None,
             surroundings: None,

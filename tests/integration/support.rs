@@ -69,6 +69,11 @@ impl Service {
         self.running.address
     }
 
+    /// The address whose requests are redirected to HTTPS.
+    pub fn redirect_address(&self) -> Option<SocketAddr> {
+        self.running.redirect_address
+    }
+
     /// A client that has not signed in.
     pub fn stranger(&self) -> Client {
         Client::of(format!("http://{}", self.address()))

@@ -7,17 +7,21 @@
 //! recording stay: residuals of borders and depth, position of the trocar, separation of the colours. Counts of frames
 //! that are interlaced or missing in the container are scaled by the share of frames that remain.
 
+mod rows;
+
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use super::paths::{PathKind, SessionPaths};
+pub use rows::EditedRows;
+
+use super::paths::SessionPaths;
 use super::protocol::{QualitySummary, SeenRow};
 use crate::domain::edit::{EditChange, EditsInForce, kept_span};
 use crate::domain::text::Invalid;
 use crate::vision::reason::MissReason;
 use crate::vision::tracker::{Absence, Gap, ToolQuality};
-use crate::vision::trajectory::{Cut, Sample, Trajectory};
+use crate::vision::trajectory::{Cut, Sample};
 
 /// Shortest recording that trimming may leave, s: a shorter one is no practice, and no feature could be measured.
 pub const MIN_KEPT_S: f64 = 1.0;
@@ -61,7 +65,7 @@ pub fn apply_edits(
         return paths.clone();
     }
     let span = kept_span(changes).unwrap_or(WHOLE_RECORDING);
-    let swaps = Swaps::of(paths, changes);
+    let swaps = Swaps::of(&paths.tools, changes);
     let rows = |rows: &[Sample]| {
         let mut rows: Vec<Sample> = rows.iter().filter(|row| is_within(row.time_s, span)).copied().collect();
         rows.iter_mut().for_each(|row| row.tool = swaps.name_at(row.tool as u32, row.time_s) as usize);
@@ -89,21 +93,6 @@ pub fn apply_edits(
         tracking.frames_expected = tracking.frames_expected.map(|n| scale_count(n, tracking.quality.frames, whole));
     }
     edited
-}
-
-/// One of the paths with these edits applied.
-pub fn apply_edits_to_path(paths: &SessionPaths, kind: PathKind, changes: &[EditChange]) -> Trajectory {
-    let mut path = paths.trajectory(kind);
-    if changes.is_empty() {
-        return path;
-    }
-    let (span, swaps) = (kept_span(changes).unwrap_or(WHOLE_RECORDING), Swaps::of(paths, changes));
-    path.frame_times_s.retain(|time_s| is_within(*time_s, span));
-    path.samples.retain(|row| is_within(row.time_s, span));
-    path.cuts = swaps.cuts(path.samples.iter().map(|row| (row.tool as u32, row.time_s)));
-    path.samples.iter_mut().for_each(|row| row.tool = swaps.name_at(row.tool as u32, row.time_s) as usize);
-    path.samples.sort_by_key(|row| (row.frame, row.tool));
-    path
 }
 
 /// For the recording's beginning and end: true if these edits cut it off.
@@ -190,17 +179,23 @@ fn scale_count(number: u64, part: u64, whole: u64) -> u64 {
 }
 
 /// Which tools exchange names, and over which spans.
+#[derive(Clone, Debug)]
 pub struct Swaps(Vec<([u32; 2], [f64; 2])>);
 
 impl Swaps {
-    /// The swaps among these edits.
-    pub fn of(paths: &SessionPaths, changes: &[EditChange]) -> Self {
-        let index = |name: &String| paths.tools.iter().position(|tool| tool == name).map(|index| index as u32);
+    /// The swaps among these edits of a session with these tools.
+    pub fn of(tools: &[String], changes: &[EditChange]) -> Self {
+        let index = |name: &String| tools.iter().position(|tool| tool == name).map(|index| index as u32);
         let swap = |change: &EditChange| match change {
             EditChange::Swap([one, other], span) => Some(([index(one)?, index(other)?], *span)),
             _ => None,
         };
         Self(changes.iter().filter_map(swap).collect())
+    }
+
+    /// True if no names are exchanged.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
     }
 
     /// The index under which a tool appears at this time.

@@ -4,7 +4,9 @@ use nalgebra::{Point3, Vector3};
 use proptest::prelude::*;
 
 use super::*;
-use crate::analysis::paths::TrackingSummary;
+use crate::analysis::paths::{PathKind, TrackingSummary};
+use crate::analysis::stored_rows::tests::stored;
+use crate::domain::files::trajectory::RowSource;
 use crate::motion::assessment::{AssessmentSettings, assess};
 use crate::vision::covariance::PositionCovariance;
 use crate::vision::tracker::LightSample;
@@ -122,15 +124,6 @@ fn a_swap_exchanges_rows_gaps_and_reasons_within_and_nothing_outside() {
     assert_eq!(of(200, 0).unwrap().tip_mm[1], 1.0, "cyan's rows are orange's now");
     assert!(of(130, 0).is_none() && of(130, 1).is_some());
     assert!(edited.smoothed.is_sorted_by_key(|row| (row.frame, row.tool)));
-    assert_eq!(
-        apply_edits_to_path(
-            &paths,
-            PathKind::Smoothed,
-            &[EditChange::Swap(pair(), [4.8, 9.96]), EditChange::Trim([1.0, 6.0])]
-        ),
-        apply_edits(&paths, &[EditChange::Swap(pair(), [4.8, 9.96]), EditChange::Trim([1.0, 6.0])], &unmeasured)
-            .trajectory(PathKind::Smoothed)
-    );
 }
 
 #[test]
@@ -150,7 +143,8 @@ fn a_swap_of_two_tools_at_rest_moves_neither() {
         tracking: None,
         cuts: Vec::new(),
     };
-    let edited = apply_edits_to_path(&paths, PathKind::Smoothed, &[EditChange::Swap(pair(), [10.0, 20.0])]);
+    let swap = [EditChange::Swap(pair(), [10.0, 20.0])];
+    let edited = apply_edits(&paths, &swap, &[]).trajectory(PathKind::Smoothed);
     let cuts: Vec<(usize, f64)> = edited.cuts.iter().map(|cut| (cut.tool, (cut.time_s * 100.0).round())).collect();
     assert_eq!(cuts, [(1, 1000.0), (0, 1000.0), (0, 2004.0), (1, 2004.0)]);
     let assessment = assess(&edited, &[], &AssessmentSettings::default());
@@ -213,6 +207,19 @@ proptest! {
     ) {
         let (paths, unmeasured) = paths();
         let swap = EditChange::Swap(pair(), [at, at + 3.0]);
+        for changes in [vec![], vec![swap.clone()], vec![EditChange::Trim([from, from + for_s]), swap.clone()]] {
+            let mut rows = EditedRows::new(&stored(&paths), PathKind::Smoothed, &changes, 20..230);
+            let cuts = rows.cuts().unwrap();
+            let whole = apply_edits(&paths, &changes, &unmeasured);
+            let within = |time_s: f64| (20..230).contains(&((time_s / STEP_S).round() as u64));
+            prop_assert!(cuts.iter().all(|cut| whole.cuts.contains(cut) && within(cut.time_s)));
+            let wanted: Vec<Sample> = whole.smoothed.into_iter().filter(|row| (20..230).contains(&row.frame)).collect();
+            for _ in 0..2 {
+                let read: Vec<Sample> = std::iter::from_fn(|| rows.next_row().unwrap()).collect();
+                prop_assert_eq!(&read, &wanted);
+                rows.rewind();
+            }
+        }
         let twice = apply_edits(&paths, &[swap.clone(), swap.clone()], &unmeasured);
         prop_assert_eq!(&twice.smoothed, &paths.smoothed);
         prop_assert_eq!(&twice.tracking, &paths.tracking);

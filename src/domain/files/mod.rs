@@ -4,6 +4,7 @@ pub mod annotations;
 pub mod calibration;
 pub mod camera;
 pub mod features;
+mod parquet_sink;
 pub mod quality;
 pub mod trajectory;
 pub mod truth;

@@ -54,7 +54,11 @@ pub struct BoxResponse {
 
 impl App {
     /// A box with its calibration, colours and self-test of today.
-    async fn box_response(&self, scope: &Scope, found: store::BoxRecord) -> HandlerResult<BoxResponse> {
+    pub(in crate::http) async fn box_response(
+        &self,
+        scope: &Scope,
+        found: store::BoxRecord,
+    ) -> HandlerResult<BoxResponse> {
         let calibration = self.store.calibrations().latest(scope, found.id).await?;
         let palette = self.store.palettes().latest(scope, found.id).await?;
         Ok(BoxResponse {

@@ -54,9 +54,20 @@ impl CommentResponse {
 #[utoipa::path(get, path = "/sessions/{id}/comments", tag = "ratings",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = CommentsResponse)))]
 pub async fn comments(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<CommentsResponse>> {
-    let seen = app.store.comments().of_session(&by.scope, at.id()?).await?;
-    let items = seen.items.into_iter().map(|comment| CommentResponse::new(comment, &by.scope)).collect();
-    Ok(Json(CommentsResponse { items, hidden: seen.hidden }))
+    Ok(Json(app.comments_of(&by.scope, at.id()?).await?))
+}
+
+impl App {
+    /// The comments on a session that the scope may read.
+    pub(in crate::http) async fn comments_of(
+        &self,
+        scope: &Scope,
+        session: SessionId,
+    ) -> HandlerResult<CommentsResponse> {
+        let seen = self.store.comments().of_session(scope, session).await?;
+        let items = seen.items.into_iter().map(|comment| CommentResponse::new(comment, scope)).collect();
+        Ok(CommentsResponse { items, hidden: seen.hidden })
+    }
 }
 
 /// Comment on a moment or a stretch of a session

@@ -6,10 +6,8 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use utoipa::IntoParams;
 
-use super::trajectory::MAX_STORED_BYTES;
-use crate::analysis::diagnostics;
 use crate::analysis::edits::Swaps;
-use crate::analysis::paths::SessionPaths;
+use crate::analysis::stored_rows::{NameAt, StoredDiagnostics, StoredPaths};
 use crate::domain::blob::BlobHash;
 use crate::domain::edit::EditChange;
 use crate::domain::scope::Scope;
@@ -17,6 +15,7 @@ use crate::domain::text::TrackerName;
 use crate::http::auth::signed_in::Member;
 use crate::http::error::{HandlerResult, ProblemDocument, ProblemResponse, Refusal};
 use crate::http::file::{StoredFile, disposition};
+use crate::http::heavy::{HeavySlot, Pieces};
 use crate::http::read::{Params, PathKey};
 use crate::http::state::App;
 use crate::ids::SessionId;
@@ -26,6 +25,8 @@ use crate::store::SessionResult;
 #[utoipa::path(get, path = "/sessions/{id}/video", tag = "sessions", params(("id" = String, Path, description = "id")),
     responses((status = OK, description = "The recording as it was sent", content_type = "video/*"),
         (status = PARTIAL_CONTENT, description = "The requested part", content_type = "video/*"),
+        (status = 410, description = "Refused: `gone`, because the video was deleted", content_type = "application/problem+json",
+            body = ProblemDocument),
         (status = 416, description = "Refused: `range-not-satisfiable`", content_type = "application/problem+json",
             body = ProblemDocument)))]
 pub async fn video(
@@ -38,6 +39,9 @@ pub async fn video(
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     if let Some(tracker) = session.tracker {
         return Err(no_video(&tracker));
+    }
+    if let Some(deleted) = session.video_deleted() {
+        return Err(Refusal::Gone.with(sentence(&deleted)));
     }
     let disposition = disposition("inline", session.filename.as_str());
     let video = session.video.ok_or_else(ProblemResponse::not_found)?;
@@ -95,34 +99,31 @@ pub async fn diagnostics(
     let mut swaps = app.store.edits().in_force(id).await?.changes;
     swaps.retain(|change| matches!(change, EditChange::Swap(..)));
     if frames.from_frame.or(frames.to_frame).is_some() || !swaps.is_empty() {
-        let files = (
-            app.vault.read(stored, MAX_STORED_BYTES).await?,
-            app.vault.read(result.trajectory, MAX_STORED_BYTES).await?,
-        );
-        // Reading a long session takes a moment, so it runs on a blocking thread.
-        let written = tokio::task::spawn_blocking(move || diagnostics_part(&files, frames, &swaps));
-        let part = written.await.map_err(|cause| ProblemResponse::internal("reading diagnostics", cause))??;
-        return Ok(([(header::CONTENT_TYPE, "application/json")], part).into_response());
+        let slot = app.heavy_answers.take(&by.scope).await?;
+        let seen = app.stored_diagnostics(&slot, stored).await?;
+        let names: NameAt = if swaps.is_empty() {
+            Box::new(|_, tool| Ok(tool))
+        } else {
+            swapped_names(&app.stored_paths(&slot, result.trajectory).await?, &swaps)
+        };
+        let frames = frames.from_frame.unwrap_or(0)..frames.to_frame.unwrap_or(u64::MAX);
+        let part: Pieces = Box::new(seen.select_frames(frames, names));
+        let body = slot.body(|| Ok(part)).await?;
+        return Ok(([(header::CONTENT_TYPE, "application/json")], body).into_response());
     }
     app.stored_file(stored, "application/json".to_owned(), disposition).await?.answer(&method, &headers).await
 }
 
-/// The diagnostics of some frames, with swapped tool names.
-fn diagnostics_part(
-    (seen, path): &(Vec<u8>, Vec<u8>),
-    frames: FrameRangeQuery,
-    swaps: &[EditChange],
-) -> HandlerResult<Vec<u8>> {
-    let failed = |cause: String| ProblemResponse::internal("reading diagnostics", cause);
-    let frames = frames.from_frame.unwrap_or(0)..frames.to_frame.unwrap_or(u64::MAX);
-    if swaps.is_empty() {
-        return diagnostics::select_frames(seen, frames, |_, tool| tool).map_err(|cause| failed(cause.to_string()));
-    }
-    let paths = SessionPaths::from_bytes(path).map_err(|cause| failed(cause.to_string()))?;
-    let swaps = Swaps::of(&paths, swaps);
-    let time_of = |frame: u64| paths.frame_times_s.get(frame as usize).copied();
-    let name_at = |frame, tool| time_of(frame).map_or(tool, |time_s| swaps.name_at(tool, time_s));
-    diagnostics::select_frames(seen, frames, name_at).map_err(|cause| failed(cause.to_string()))
+/// The names of tools on each frame, with these swaps.
+fn swapped_names(path: &StoredPaths, swaps: &[EditChange]) -> NameAt {
+    let (mut times, swaps) = (path.frame_times(), Swaps::of(path.tools(), swaps));
+    Box::new(move |frame, tool| Ok(times.at(frame)?.map_or(tool, |time_s| swaps.name_at(tool, time_s))))
+}
+
+/// The reason as a sentence: with a capital and a full stop.
+fn sentence(reason: &str) -> String {
+    let (first, rest) = reason.split_at(reason.chars().next().map_or(0, char::len_utf8));
+    format!("{}{rest}.", first.to_uppercase())
 }
 
 /// The problem for a session that was imported from another tracker: it has no recording.
@@ -143,6 +144,18 @@ impl App {
                  session gives the reason.",
             )
         })
+    }
+
+    /// Opens a session's paths for reading by rows.
+    pub(super) async fn stored_paths(&self, slot: &HeavySlot, hash: BlobHash) -> HandlerResult<StoredPaths> {
+        let app = self.clone();
+        Ok(slot.complete(async move { app.stored_indexes.open_paths(&app.vault, hash).await }).await??)
+    }
+
+    /// Opens a session's diagnostics for reading by frames.
+    async fn stored_diagnostics(&self, slot: &HeavySlot, hash: BlobHash) -> HandlerResult<StoredDiagnostics> {
+        let app = self.clone();
+        Ok(slot.complete(async move { app.stored_indexes.open_diagnostics(&app.vault, hash).await }).await??)
     }
 
     /// Opens a file of the vault for sending.

@@ -70,10 +70,21 @@ pub async fn rating_forms(_by: Member) -> Json<PageResponse<FormInfo>> {
 #[utoipa::path(get, path = "/sessions/{id}/ratings", tag = "ratings",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = RatingsResponse)))]
 pub async fn ratings(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<RatingsResponse>> {
-    let store::VisibleRatings { items, raters } = app.store.ratings().of_session(&by.scope, at.id()?).await?;
-    let items = items.into_iter().map(|rating| RatingResponse::new(rating, &by.scope)).collect();
-    let raters = raters.into_iter().map(|(form, raters)| RaterCount { form, raters }).collect();
-    Ok(Json(RatingsResponse { items, raters }))
+    Ok(Json(app.ratings_of(&by.scope, at.id()?).await?))
+}
+
+impl App {
+    /// The ratings of a session that the scope may see.
+    pub(in crate::http) async fn ratings_of(
+        &self,
+        scope: &Scope,
+        session: SessionId,
+    ) -> HandlerResult<RatingsResponse> {
+        let store::VisibleRatings { items, raters } = self.store.ratings().of_session(scope, session).await?;
+        let items = items.into_iter().map(|rating| RatingResponse::new(rating, scope)).collect();
+        let raters = raters.into_iter().map(|(form, raters)| RaterCount { form, raters }).collect();
+        Ok(RatingsResponse { items, raters })
+    }
 }
 
 /// Rate a session

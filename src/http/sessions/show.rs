@@ -104,6 +104,9 @@ pub struct VideoResponse {
     /// SHA-256 of the file, 64 hexadecimal digits; `null` while it arrives.
     sha256: Option<String>,
     media_type: String,
+    /// When the file was deleted, because the centre keeps videos for a limited time. The session keeps its path and
+    /// features, but cannot be tracked again. `null`: it is there, or still arriving.
+    deleted_at: Option<Time>,
     /// Width of the measured picture, which is turned and mirrored for display, pixels; `null`, like the next four, until
     /// the video was decoded. Pixels are those that the file stores: if they are not square, players show the picture
     /// wider or higher.
@@ -180,6 +183,7 @@ impl SessionResponse {
             bytes: session.video_blob().map(|blob| blob.bytes),
             sha256: session.video.map(|hash| hash.to_string()),
             media_type: session.media_type.clone(),
+            deleted_at: session.video_dropped_at_ms.map(Time),
             width: facts.and_then(|facts| facts.width),
             height: facts.and_then(|facts| facts.height),
             frames: facts.map(|facts| facts.frames),
@@ -192,7 +196,9 @@ impl SessionResponse {
         let problem = session.problem();
         let mut shown = Self {
             id: session.id,
-            retry_can_help: session.tracker.is_none() && !problem.as_ref().is_some_and(Problem::is_of_file),
+            retry_can_help: session.tracker.is_none()
+                && session.video_dropped_at_ms.is_none()
+                && !problem.as_ref().is_some_and(Problem::is_of_file),
             progress: progress(status, session.job_progress),
             queue_position: session.queue_position,
             source: SessionSource {

@@ -1,22 +1,26 @@
 //! A session's path as JSON, CSV or Parquet.
 
+use std::io::{self, Write};
+
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 
-use crate::analysis::edits::apply_edits_to_path;
-use crate::analysis::paths::{PathKind, SessionPaths};
+use crate::analysis::edits::EditedRows;
+use crate::analysis::paths::PathKind;
+use crate::analysis::stored_rows::StoredPaths;
 use crate::domain::edit::EditChange;
-use crate::domain::files::trajectory::{thin_trajectory, thinned_to_json, to_json_columns, write_csv, write_parquet};
+use crate::domain::files::trajectory::{BoxedRows, CsvPieces, JsonPieces, ParquetPieces, ThinnedRows, Thinning};
 use crate::http::auth::signed_in::Member;
 use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::file::disposition;
+use crate::http::heavy::Pieces;
 use crate::http::read::{Params, PathKey};
 use crate::http::state::App;
 
-/// Largest stored file that is read into memory, bytes: about four hours of two tools.
+/// Largest stored file that the check of an edit reads into memory, bytes: about four hours of two tools.
 pub(super) const MAX_STORED_BYTES: u64 = 512 * 1024 * 1024;
 
 /// Format of a trajectory.
@@ -104,42 +108,62 @@ pub async fn trajectory(
             format!("expected a number from {} to {}", ALLOWED_POINTS.start(), ALLOWED_POINTS.end()),
         ));
     }
-    let edits = app.store.edits().in_force(id).await?;
-    let stored = app.vault.read(result.trajectory, MAX_STORED_BYTES).await?;
-    // Writing a long session takes seconds, so it runs on a blocking thread.
-    let written = tokio::task::spawn_blocking(move || write_trajectory(&stored, edits.changes, wanted));
-    let table = written.await.map_err(|cause| ProblemResponse::internal("writing a trajectory", cause))??;
+    let slot = app.heavy_answers.take(&by.scope).await?;
+    let mut changes = app.store.edits().in_force(id).await?.changes;
+    changes.retain(|change| wanted.trimmed || !matches!(change, EditChange::Trim(_)));
+    let stored = app.stored_paths(&slot, result.trajectory).await?;
     let name = format!("{id}.{}", wanted.format.extension());
     let mut headers = HeaderMap::new();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(wanted.format.media_type()));
     headers.extend(HeaderValue::try_from(disposition("inline", &name)).map(|name| (header::CONTENT_DISPOSITION, name)));
-    Ok((StatusCode::OK, headers, table).into_response())
+    let body = slot.body(move || table_pieces(&stored, &changes, wanted)).await?;
+    Ok((StatusCode::OK, headers, body).into_response())
 }
 
-fn write_trajectory(stored: &[u8], mut changes: Vec<EditChange>, wanted: TrajectoryQuery) -> HandlerResult<Vec<u8>> {
-    let paths = SessionPaths::from_bytes(stored)
-        .map_err(|cause| ProblemResponse::internal("reading a stored trajectory", cause))?;
-    changes.retain(|change| wanted.trimmed || !matches!(change, EditChange::Trim(_)));
-    let mut trajectory = apply_edits_to_path(&paths, wanted.kind.into(), &changes);
+/// The pieces of the table. Thinning reads the rows of a long session three times, so this belongs on a blocking thread.
+fn table_pieces(stored: &StoredPaths, changes: &[EditChange], wanted: TrajectoryQuery) -> HandlerResult<Pieces> {
+    let unreadable = |cause| ProblemResponse::internal("reading a stored trajectory", cause);
     let frames = wanted.from_frame.unwrap_or(0)..wanted.to_frame.unwrap_or(u64::MAX);
-    trajectory.samples.retain(|row| frames.contains(&row.frame));
-    let thin = wanted.points.map(|points| thin_trajectory(&trajectory, points));
-    let mut table = Vec::new();
-    if let (Some(thin), TrajectoryFormat::Json) = (&thin, wanted.format) {
-        return Ok(thinned_to_json(thin).into_bytes());
-    }
-    let trajectory = thin.map_or(trajectory, |thin| thin.trajectory);
-    match wanted.format {
-        TrajectoryFormat::Json => table = to_json_columns(&trajectory).into_bytes(),
-        TrajectoryFormat::Csv => {
-            write_csv(&trajectory, &mut table).map_err(|cause| ProblemResponse::internal("writing CSV", cause))?;
+    let mut rows = EditedRows::new(stored, wanted.kind.into(), changes, frames);
+    let thinning = match wanted.points {
+        Some(points) => {
+            let cuts = rows.cuts().map_err(unreadable)?;
+            Some(Thinning::of(&mut rows, &cuts, points).map_err(unreadable)?)
         }
-        TrajectoryFormat::Parquet => {
-            write_parquet(&trajectory, &mut table)
-                .map_err(|cause| ProblemResponse::internal("writing Parquet", cause))?;
+        None => None,
+    };
+    let pieces: Pieces = match (wanted.format, thinning) {
+        (TrajectoryFormat::Json, None) => Box::new(JsonPieces::new(Box::new(rows)).map_err(unreadable)?),
+        (TrajectoryFormat::Json, Some(thinning)) => {
+            Box::new(JsonPieces::thinned(Box::new(rows), thinning).map_err(unreadable)?)
         }
+        (format, thinning) => {
+            let rows: BoxedRows = match thinning {
+                Some(thinning) => Box::new(ThinnedRows::new(Box::new(rows), thinning)),
+                None => Box::new(rows),
+            };
+            if matches!(format, TrajectoryFormat::Csv) {
+                Box::new(CsvPieces::new(rows))
+            } else {
+                let pieces = ParquetPieces::new(rows);
+                Box::new(pieces.map_err(|cause| ProblemResponse::internal("writing Parquet", cause))?)
+            }
+        }
+    };
+    Ok(pieces)
+}
+
+/// Writes the smoothed path as CSV, with the edits applied, as the route does by default.
+pub(in crate::http) fn write_edited_csv(
+    stored: &StoredPaths,
+    changes: &[EditChange],
+    mut out: impl Write,
+) -> io::Result<()> {
+    let rows = EditedRows::new(stored, PathKind::Smoothed, changes, 0..u64::MAX);
+    for piece in CsvPieces::new(Box::new(rows)) {
+        out.write_all(&piece?)?;
     }
-    Ok(table)
+    Ok(())
 }
 
 impl TrajectoryFormat {

@@ -1,15 +1,17 @@
 //! Trainees. A caller sees the trainees in the own scope; staff register, change and erase trainees.
 
 mod enrol;
+mod erasures;
 mod progress;
 mod xapi;
 
 use axum::extract::State;
 use axum::http::StatusCode;
 pub use enrol::*;
+pub use erasures::*;
 pub use progress::*;
-use serde::Serialize;
-use utoipa::ToSchema;
+use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
 pub use xapi::*;
 
 use super::auth::signed_in::{Member, Staff};
@@ -92,12 +94,34 @@ pub async fn change(
     Ok(Json(TraineeResponse::new(trainee, &by.scope)))
 }
 
+/// How a trainee is erased.
+#[derive(Clone, Copy, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct EraseQuery {
+    /// `true`: the trainee is hidden and signed out at once and erased after the days of the setting
+    /// `retention.erase_days`. Until then `POST trainees/{id}/restore` takes the erasure back. `false`: erased at once,
+    /// also if the trainee waits for an erasure.
+    #[serde(default)]
+    can_be_taken_back: bool,
+}
+
 /// Erase a trainee, with account, recordings and results
 ///
-/// Only an administrator erases a trainee who is in several groups.
+/// At once, or so that it can be taken back for some days. The files are deleted from the disk within a minute after the
+/// erasure, and a restored backup does not bring them back. Only an administrator erases a trainee who is in several
+/// groups.
 #[utoipa::path(delete, path = "/trainees/{id}", tag = "trainees",
-    params(("id" = String, Path, description = "id or code")), responses((status = NO_CONTENT)))]
-pub async fn erase(State(app): State<App>, by: Staff, PathKey(key): PathKey) -> HandlerResult<StatusCode> {
-    app.store.trainees().erase(&by.scope, &key).await?;
+    params(("id" = String, Path, description = "id or code"), EraseQuery), responses((status = NO_CONTENT)))]
+pub async fn erase(
+    State(app): State<App>,
+    by: Staff,
+    PathKey(key): PathKey,
+    Params(how): Params<EraseQuery>,
+) -> HandlerResult<StatusCode> {
+    match app.retention.erase_after().filter(|_| how.can_be_taken_back) {
+        Some(after) => app.store.pending_erasures().request(&by.scope, &key, after).await?,
+        None => app.store.trainees().erase(&by.scope, &key).await?,
+    }
     Ok(StatusCode::NO_CONTENT)
 }

@@ -28,6 +28,11 @@ const INSERT: &str = "
                      created_at_ms, queued_at_ms)
     VALUES ($1, $2, $3, $4, $5, $6, $7, $8, 'queued', $9, $10, $10)";
 
+/// The job's files were sent again: a job that has still to read them refers to them.
+const LINK_FILE_AGAIN: &str = "
+    INSERT INTO job_file (job_id, blob)
+    SELECT id, $2 FROM job WHERE id = $1 AND state <> 'done' ON CONFLICT DO NOTHING";
+
 const LINK_FILE: &str = "INSERT INTO job_file (job_id, blob) VALUES ($1, $2) ON CONFLICT DO NOTHING";
 
 /// Like [`insert`], with another priority than the usual one of the input.
@@ -46,9 +51,10 @@ async fn insert_with_priority(
     if let Some(id) = found.fetch_optional(&mut *tx).await? {
         requeue(tx, id, now_ms).await?;
         raise_priority(tx, id, priority).await?;
-        // The files were sent again. If the job no longer refers to them, their rows let them be collected.
+        // The files were sent again. If the job does not need them any more, their rows let them be collected.
         for blob in facts.blobs {
             blobs::record(tx, blob, now_ms).await?;
+            sqlx::query(LINK_FILE_AGAIN).bind(id).bind(blob.hash).execute(&mut *tx).await?;
         }
         return Ok(id);
     }
@@ -99,7 +105,7 @@ pub(super) async fn requeue(tx: &mut SqliteConnection, id: JobId, now_ms: i64) -
 }
 
 /// Queues the tracking of a session with its box's latest camera and colours. Returns `None` if the box lacks one of
-/// them, if the recording is still arriving, or if the session was measured by another program.
+/// them, if the recording is still arriving or its video was deleted, or if the session was measured by another program.
 pub(in crate::store) async fn enqueue_track(
     tx: &mut SqliteConnection,
     session: SessionId,
@@ -114,7 +120,7 @@ const TRACK_INPUT: &str = "
            (SELECT id FROM calibration WHERE box_id = session.box_id ORDER BY version DESC LIMIT 1) AS calibration,
            (SELECT id FROM palette WHERE box_id = session.box_id ORDER BY version DESC LIMIT 1) AS palette
     FROM session JOIN blob ON blob.hash = session.video
-    WHERE session.id = $1 AND session.tracker IS NULL";
+    WHERE session.id = $1 AND session.tracker IS NULL AND blob.dropped_at_ms IS NULL";
 
 /// Like [`enqueue_track`], with the given priority.
 pub(in crate::store) async fn enqueue_track_with_priority(

@@ -82,13 +82,14 @@ impl JobStore<'_> {
             .await
     }
 
-    /// Stores the next version of a box's camera and queues the sessions that waited for it.
+    /// Stores the next version of a box's camera, releases the photos, and queues the sessions that waited for it.
     pub async fn finish_calibration(&self, held: &Lease, new: NewCalibration) -> StoreResult<CalibrationRecord> {
         let of = box_of(held)?;
         let (id, token, now_ms, attempts) = (held.job.id, held.token, self.0.now_ms(), self.0.max_attempts());
         self.0
             .write(async move |tx| {
                 end_as_done(tx, id, token, now_ms).await?;
+                sqlx::query(RELEASE_FILES).bind(id).execute(&mut *tx).await?;
                 let calibration = calibrations::insert(tx, of, new, now_ms).await?;
                 enqueue_waiting_sessions(tx, of, now_ms, attempts).await?;
                 Ok(calibration)
@@ -109,13 +110,15 @@ impl JobStore<'_> {
             .await
     }
 
-    /// Stores the next version of a box's colours and queues the sessions that waited for them.
+    /// Stores the next version of a box's colours, releases the marked pictures, which may show a person, and queues the
+    /// sessions that waited for them.
     pub async fn finish_palette(&self, held: &Lease, new: NewPalette) -> StoreResult<PaletteRecord> {
         let of = box_of(held)?;
         let (id, token, now_ms, attempts) = (held.job.id, held.token, self.0.now_ms(), self.0.max_attempts());
         self.0
             .write(async move |tx| {
                 end_as_done(tx, id, token, now_ms).await?;
+                sqlx::query(RELEASE_FILES).bind(id).execute(&mut *tx).await?;
                 let picture = new.surroundings.clone();
                 let palette = palettes::insert(tx, of, new, now_ms).await?;
                 if let Some(picture) = picture {

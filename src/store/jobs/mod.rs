@@ -88,17 +88,27 @@ pub struct QueueCounts {
 
 const LIST: &str = "
     SELECT * FROM job
-    WHERE EXISTS (SELECT 1 FROM visible_job WHERE role = $1 AND subject IS $2 AND job_id = job.id)
+    WHERE EXISTS (SELECT 1 FROM visible_job WHERE role = $1 AND subject IS nullif($2, 'service') AND job_id = job.id)
+          AND ($2 IS 'service' OR NOT EXISTS (SELECT 1 FROM session WHERE session.id = job.session_id
+                                              AND trainee_id IN (SELECT trainee_id FROM pending_erasure)))
           AND ($3 IS NULL OR id < $3) AND (NOT $4 OR state IN ('queued', 'running'))
     ORDER BY id DESC LIMIT $5";
 
 const GET: &str = "
     SELECT * FROM job
-    WHERE id = $3 AND EXISTS (SELECT 1 FROM visible_job WHERE role = $1 AND subject IS $2 AND job_id = job.id)";
+    WHERE id = $3
+          AND EXISTS (SELECT 1 FROM visible_job WHERE role = $1 AND subject IS nullif($2, 'service') AND job_id = job.id)
+          AND ($2 IS 'service' OR NOT EXISTS (SELECT 1 FROM session WHERE session.id = job.session_id
+                                              AND trainee_id IN (SELECT trainee_id FROM pending_erasure)))";
 
 const DONE_PALETTE_INPUTS: &str = "
-    SELECT input FROM job WHERE box_id = $1 AND kind = 'palette' AND state = 'done'
+    SELECT input FROM job
+    WHERE box_id = $1 AND kind = 'palette' AND state = 'done'
+      AND EXISTS (SELECT 1 FROM job_file WHERE job_file.job_id = job.id)
     ORDER BY created_at_ms DESC LIMIT 100";
+
+const COUNT_FILES: &str = "
+    SELECT count(*), count(blob.dropped_at_ms) FROM job_file JOIN blob ON blob.hash = job_file.blob WHERE job_id = $1";
 
 const COUNTS: &str = "
     SELECT (SELECT count(*) FROM job WHERE state = 'queued') AS queued,
@@ -130,7 +140,8 @@ impl JobStore<'_> {
         Ok(Page::from_rows(rows, page, |job: &JobRecord| job.id.to_string()))
     }
 
-    /// The marks that a box's colours were learned from, the latest first; at most 100.
+    /// The marks that a box's colours were learned from, while their pictures are kept, the latest first; at most 100.
+    /// Only jobs of earlier versions keep them, until the box's surroundings were read.
     pub async fn done_palette_inputs(&self, of: BoxId) -> StoreResult<Vec<PaletteInput>> {
         let rows: Vec<Json<JobInput>> =
             sqlx::query_scalar(DONE_PALETTE_INPUTS).bind(of).fetch_all(self.0.readers()).await?;
@@ -149,9 +160,16 @@ impl JobStore<'_> {
 
     /// Queues a failed or quarantined job again; a job in another state stays as it is.
     pub async fn retry(&self, scope: &Scope, id: JobId) -> StoreResult<JobRecord> {
-        let input = self.get(scope, id).await?.input;
+        let job = self.get(scope, id).await?;
         require_staff(scope, "trying a job again")?;
-        self.require_result_allowed(scope, &input).await?;
+        self.require_result_allowed(scope, &job.input).await?;
+        let (files, dropped): (i64, i64) = sqlx::query_as(COUNT_FILES).bind(id).fetch_one(self.0.readers()).await?;
+        let is_open = matches!(job.state, JobState::Failed | JobState::Quarantined);
+        if is_open && (dropped > 0 || (files == 0 && !job.input.facts().blobs.is_empty())) {
+            return Err(StoreError::refused(
+                "the files of this job were deleted, because they are kept for a limited time: send them again",
+            ));
+        }
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {

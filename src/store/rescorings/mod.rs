@@ -52,13 +52,14 @@ pub struct ResultComparison {
 }
 
 /// Inserts the sessions of task `$2` for order `$1`: those that have a result and, if `$5`, one of another version than
-/// `$3`. `$4` is true if they are tracked anew.
+/// `$3`. `$4` is true if they are tracked anew, which needs their videos.
 const INSERT_ITEMS: &str = "
     INSERT INTO rescoring_item (rescoring_id, session_id, old_result_id, state)
     SELECT $1, session.id, result.id, 'waiting' FROM session
     JOIN current_result AS result ON result.session_id = session.id
     JOIN tracking_job AS job ON job.session_id = session.id
     WHERE session.task_id = $2 AND job.state = 'done' AND (NOT $4 OR session.tracker IS NULL)
+      AND (NOT $4 OR EXISTS (SELECT 1 FROM blob WHERE blob.hash = session.video AND blob.dropped_at_ms IS NULL))
       AND (NOT $5 OR CASE WHEN $4 THEN coalesce(result.tracked_with, result.pipeline) ELSE result.pipeline END
                      <> CASE WHEN session.tracker IS NULL THEN $3 ELSE $3 || ' on rows by ' || session.tracker END)";
 

@@ -37,6 +37,7 @@ const SELECT_REFUSED: &str = "
     WHERE session.created_at_ms >= $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
       AND session.verdict = 'refused'
     ORDER BY session.created_at_ms DESC, session.id DESC LIMIT $4";
 
@@ -49,6 +50,7 @@ const SELECT_BOX_ASKED: &str = "
     WHERE session.box_question = 'asked'
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
       AND NOT EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id)
     ORDER BY session.created_at_ms DESC, session.id DESC LIMIT $3";
 
@@ -61,6 +63,7 @@ const SELECT_UNRATED: &str = "
     WHERE session.created_at_ms >= $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
       AND session.verdict IS NOT 'refused' AND session.tracker IS NULL
       AND NOT EXISTS (SELECT 1 FROM rating WHERE rating.session_id = session.id)
       AND session.task_id IN (SELECT rated.task_id FROM rating JOIN session AS rated ON rated.id = rating.session_id

@@ -33,6 +33,7 @@ use crate::domain::session::{BoxQuestion, SessionStatus};
 use crate::domain::text::{Code, FileName, Key, Name, TrackerName};
 use crate::domain::trainee::Handedness;
 use crate::ids::{BoxId, JobId, SessionId, TaskId, TraineeId};
+use crate::time::Day;
 
 pub(in crate::store) const SELECT_CURRENT_RESULT: &str = "SELECT id FROM current_result WHERE session_id = $1";
 
@@ -71,6 +72,9 @@ pub struct SessionRecord {
     /// The recording's file in the vault; `None` while it is arriving.
     pub video: Option<BlobHash>,
     video_bytes: Option<i64>,
+    /// When the recording's file was deleted, because the centre keeps videos for a limited time, epoch ms; `None`: it is
+    /// there, or still arriving.
+    pub video_dropped_at_ms: Option<i64>,
     /// The program that measured the rows, if the session was imported; `video` is then the table as it was sent.
     pub tracker: Option<TrackerName>,
     /// When it was recorded, epoch ms.
@@ -118,7 +122,20 @@ pub struct SessionFilter {
 impl SessionRecord {
     /// Its status, as people see it.
     pub fn status(&self) -> SessionStatus {
-        if self.video.is_none() { SessionStatus::Receiving } else { self.job_state.into() }
+        match (self.video, self.job_state, self.video_dropped_at_ms) {
+            (None, ..) => SessionStatus::Receiving,
+            (Some(_), None, Some(_)) => SessionStatus::Failed,
+            (Some(_), state, _) => state.into(),
+        }
+    }
+
+    /// Says that the recording's file was deleted, and since when, if so.
+    pub fn video_deleted(&self) -> Option<String> {
+        let day = Day::of(self.video_dropped_at_ms?);
+        Some(format!(
+            "the video was deleted on {day}, because the centre keeps videos for a limited time: the session keeps its \
+             path and its score, and cannot be tracked again"
+        ))
     }
 
     /// The recording's file in the vault; `None` while it is arriving.
@@ -130,6 +147,9 @@ impl SessionRecord {
     /// Why it is not scored: the job's problem, or what its box lacks.
     pub fn problem(&self) -> Option<Problem> {
         self.video?; // while it arrives, the box can still be made ready
+        if let (None, Some(deleted)) = (self.job_id, self.video_deleted()) {
+            return Some(Problem::new("video-deleted", "The video was deleted before it was tracked", deleted));
+        }
         let lacking = match (self.job_id, self.box_has_camera, self.box_has_palette) {
             (None, false, false) => "calibrated camera and no marked colours",
             (None, false, true) => "calibrated camera",
@@ -151,15 +171,19 @@ impl SessionRecord {
 }
 
 const SELECT_SESSIONS: &str = "
-    SELECT * FROM session_record
+    SELECT session_record.*, (SELECT dropped_at_ms FROM blob WHERE hash = video) AS video_dropped_at_ms
+    FROM session_record
     WHERE ($1 = 'administrator'
            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
       AND ($3 IS NULL OR $3 IN (trainee_id, trainee_code))
       AND ($4 IS NULL OR $4 IN (task_id, task_code))
       AND ($5 IS NULL OR $5 IN (box_id, box_code))
       AND ($6 IS NULL OR $6 = CASE WHEN video IS NULL THEN 'receiving'
                               WHEN job_state = 'running' THEN 'tracking' WHEN job_state = 'done' THEN 'done'
                               WHEN job_state IN ('failed', 'quarantined') THEN 'failed'
+                              WHEN job_state IS NULL AND EXISTS (SELECT 1 FROM blob WHERE hash = video
+                                                                 AND dropped_at_ms IS NOT NULL) THEN 'failed'
                               ELSE 'queued' END)
       AND ($7 IS NULL OR id < $7)
       AND (NOT $8
@@ -167,10 +191,12 @@ const SELECT_SESSIONS: &str = "
     ORDER BY id DESC LIMIT $9";
 
 const SELECT_SESSION: &str = "
-    SELECT * FROM session_record
+    SELECT session_record.*, (SELECT dropped_at_ms FROM blob WHERE hash = video) AS video_dropped_at_ms
+    FROM session_record
     WHERE id = $3
       AND ($1 = 'administrator'
-           OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))";
+           OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))";
 
 impl SessionStore<'_> {
     /// The sessions that the scope sees, newest first.

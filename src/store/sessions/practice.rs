@@ -115,6 +115,7 @@ pub(in crate::store) const SELECT_PRACTICE: &str = "
     WHERE session.trainee_id = $3 AND session.task_id = $4
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
     ORDER BY session.recorded_at_ms DESC, session.id DESC LIMIT $5";
 
 /// Selects the last `$4` sessions of each pair of a trainee and a task in `$3` (a JSON array), newest first.
@@ -131,6 +132,7 @@ pub(in crate::store) const SELECT_PRACTICE_OF_MANY: &str = "
          ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $4)
     WHERE ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
     ORDER BY session.recorded_at_ms DESC, session.id DESC";
 
 /// Selects the features named in `$2` of the results `$1`, both JSON arrays. By default, SQLite would read all features
@@ -144,6 +146,7 @@ const SELECT_TRAINEE_TASKS: &str = "
     WHERE recorded_at_ms >= $3 AND task_id IN (SELECT standard.task_id FROM standard)
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
     GROUP BY trainee_id, task_id ORDER BY max(recorded_at_ms) DESC LIMIT $4";
 
 const SELECT_LAST_TASK: &str = "
@@ -151,6 +154,7 @@ const SELECT_LAST_TASK: &str = "
     WHERE trainee_id = $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
     ORDER BY recorded_at_ms DESC, id DESC LIMIT 1";
 
 impl SessionStore<'_> {

@@ -6,6 +6,7 @@ use super::super::audit::note;
 use super::super::columns::Insert;
 use super::super::error::{StoreError, StoreResult, missing, not_found};
 use super::super::jobs::{self, enqueue_track};
+use super::super::retention::forget_box_jobs_of_session;
 use super::super::sender_limits::check_day;
 use super::super::visibility::{require_staff, require_trainee};
 use super::super::{Scope, blobs, edits, skill_models};
@@ -92,10 +93,14 @@ impl SessionStore<'_> {
     /// Tracks a session again: after a failure, or because pipeline, camera or colours have a newer version. Does
     /// nothing while the session is queued or running.
     pub async fn retry(&self, scope: &Scope, id: SessionId) -> StoreResult<SessionRecord> {
-        if self.get(scope, id).await?.tracker.is_some() {
+        let session = self.get(scope, id).await?;
+        if session.tracker.is_some() {
             return Err(StoreError::refused(
                 "this session was measured by another program: to score it again, rescore its task",
             ));
+        }
+        if let Some(dropped) = session.video_deleted() {
+            return Err(StoreError::refused(dropped));
         }
         require_staff(scope, "tracking a session again")?;
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
@@ -122,6 +127,7 @@ impl SessionStore<'_> {
                 let scope = scope.clone();
                 async move |tx| {
                     skill_models::withdraw_of_session(tx, id, now_ms).await?;
+                    forget_box_jobs_of_session(tx, id).await?;
                     let delete = if is_arriving { DELETE_ARRIVING_SESSION } else { DELETE_SESSION };
                     let deleted = sqlx::query(delete).bind(id).execute(&mut *tx).await?;
                     if deleted.rows_affected() == 0 {

@@ -8,6 +8,7 @@ mod flow;
 mod full_disk;
 mod isolation;
 mod owners;
+mod pending_erasures;
 mod queue;
 mod ratings;
 mod rescorings;

@@ -130,6 +130,19 @@ async fn the_database_accepts_every_statement() {
 }
 
 #[test]
+fn every_statement_on_trainees_in_a_scope_hides_those_who_wait_for_their_erasure() {
+    let mut checked = 0;
+    for FileStatements { file, named, .. } in statements() {
+        for (name, text) in named.iter().filter(|(_, text)| text.contains("FROM visible_trainee")) {
+            let may_see_them = file == "pending_erasures.rs";
+            assert!(may_see_them || text.contains("FROM pending_erasure"), "{file}: {name}: see `visibility.rs`");
+            checked += 1;
+        }
+    }
+    assert!(checked >= 20, "only {checked} statements were found");
+}
+
+#[test]
 fn statements_that_are_no_constants_are_found() {
     let named = FileStatements::of("x.rs", "const A: &str = \"\n SELECT 1\"; fn f() { sqlx::query(A); }");
     assert_eq!((named.named.len(), named.unnamed), (1, vec![]));

@@ -7,7 +7,7 @@ use tokio::fs::{File, OpenOptions};
 use super::backup::{copy_blobs, folder_error, mark, refuse_used, unmark};
 use super::erasure_list::{ERASURE_LIST, extend_list, read_list};
 use super::{Finding, UpkeepError, UpkeepResult, check, recover};
-use crate::domain::erasure::ErasedKind;
+use crate::domain::erasure::{ErasedKind, Erasure};
 use crate::store::{Store, StoreError, StoreSettings};
 use crate::time::SharedClock;
 use crate::vault::Vault;
@@ -57,7 +57,8 @@ pub async fn restore(
     }
     let (mut erased_again, mut kept) = (0, Vec::new());
     // Accounts last: those of trainees are deleted with them.
-    let (people, others): (Vec<_>, Vec<_>) = erasures.iter().partition(|erasure| erasure.kind == ErasedKind::Person);
+    let (people, others): (Vec<_>, Vec<_>) =
+        last_requests(&erasures).into_iter().partition(|erasure| erasure.kind == ErasedKind::Person);
     for erasure in others.into_iter().chain(people) {
         match store.erasures().repeat(erasure).await {
             Ok(existed) => erased_again += usize::from(existed),
@@ -83,6 +84,20 @@ async fn copy_private(from: &Path, to: &Path) -> std::io::Result<()> {
     let mut copy = OpenOptions::new().write(true).create_new(true).mode(0o600).open(to).await?;
     tokio::io::copy(&mut original, &mut copy).await?;
     copy.sync_all().await
+}
+
+/// The entries of a list without the requests that a later one of the same trainee replaces: only the last says whether the
+/// trainee waits for an erasure.
+fn last_requests(erasures: &[Erasure]) -> Vec<&Erasure> {
+    let is_request = |erasure: &Erasure| matches!(erasure.kind, ErasedKind::Pending | ErasedKind::TakenBack);
+    let is_replaced = |number: usize, erasure: &Erasure| {
+        erasures[number + 1..].iter().any(|later| is_request(later) && later.id == erasure.id)
+    };
+    let entries = erasures.iter().enumerate();
+    entries
+        .filter(|(number, entry)| !is_request(entry) || !is_replaced(*number, entry))
+        .map(|(_, entry)| entry)
+        .collect()
 }
 
 #[cfg(test)]

@@ -128,6 +128,40 @@ async fn the_service_does_not_run_on_a_folder_whose_restoring_was_interrupted() 
 }
 
 #[tokio::test]
+async fn people_whose_erasure_was_requested_after_a_backup_wait_for_it_again() {
+    let bench = UpkeepFixture::new().await;
+    let (ana, ben) = (bench.centre.trainee("Ana").await.id, bench.centre.trainee("Ben").await.id);
+    let backups = Backups { target: tempfile::tempdir().unwrap(), bench };
+    let before = backups.back_up("monday").await;
+    let (store, service) = (&backups.bench.centre.store, Scope::service());
+    let week = Duration::from_secs(7 * 86_400);
+    for trainee in [ana, ben] {
+        store.pending_erasures().request(&service, &Key::from(&trainee), week).await.unwrap();
+    }
+    let between = backups.back_up("tuesday").await;
+    store.pending_erasures().take_back(&service, &Key::from(&ben)).await.unwrap();
+    backups.list_erasures().await;
+    let due = store.pending_erasures().list(&service).await.unwrap();
+    assert_eq!(due.iter().map(|one| one.trainee_id).collect::<Vec<_>>(), [ana]);
+    for backup in [before, between] {
+        let (folder, restored) = backups.restore(&backup, Some(None)).await.unwrap();
+        assert_eq!((restored.erased_again, restored.kept), (0, vec![]));
+        let clock = backups.bench.centre.clock.clone();
+        let again = Store::open(&folder.join(DATABASE), &StoreSettings::default(), clock).await.unwrap();
+        let waiting = again.pending_erasures().list(&service).await.unwrap();
+        assert_eq!(
+            waiting.iter().map(|one| (one.trainee_id, one.due_at_ms)).collect::<Vec<_>>(),
+            [(ana, due[0].due_at_ms)]
+        );
+        again.close().await;
+    }
+    // A second update of the lists adds nothing.
+    let list = fs::read_to_string(backups.target.path().join(ERASURE_LIST)).unwrap();
+    backups.list_erasures().await;
+    assert_eq!(fs::read_to_string(backups.target.path().join(ERASURE_LIST)).unwrap(), list);
+}
+
+#[tokio::test]
 async fn without_a_list_of_erasures_nothing_is_restored_unless_told_so() {
     let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
     let refused = backups.restore(&backup, Some(None)).await.unwrap_err();

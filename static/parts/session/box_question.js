@@ -17,7 +17,8 @@ export function BoxQuestion({ session, person, edits, onAnswered }) {
     return html`
       <${Notice} tone="warn" title=${words.otherTitle(box)}>
         ${words.other}${' '}
-        <a href=${api.sessions.videoAddress(session.id)} download=${session.filename}>${words.save}</a> ·${' '}
+        ${!session.video?.deleted_at && html`<a href=${api.sessions.videoAddress(session.id)}
+          download=${session.filename}>${words.save}</a> ·${' '}`}
         <a href=${href(['upload'])}>${words.upload}</a>
       <//>`;
   if (session.box_question !== 'asked') return null;

@@ -2,7 +2,7 @@
 import { html, useEffect, useMemo, useState } from '../../preact.js';
 import { api } from '../../api.js';
 import { useData } from '../../data.js';
-import { bytes, clock } from '../../format.js';
+import { bytes, clock, date } from '../../format.js';
 import { setAddressSilently } from '../../router.js';
 import { t } from '../../texts.js';
 import { Advice } from './advice.js';
@@ -58,8 +58,8 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
     <div class="review">
       <div class="stack">
         <section class="card first">
-          ${session.source?.kind === 'import' ? html`<div class="body"><${Notice} title=${words.noRecording}>${
-            words.noRecordingBody(session.source.tracker)}<//></div>${track && html`<${Transport} playback=${playback} />`}` : html`<${Player} address=${api.sessions.videoAddress(session.id)} size=${session.video} track=${track}
+          ${!hasVideo(session) ? html`<div class="body"><${Notice} title=${words.noRecording}>${session.video?.deleted_at
+            ? words.videoDeleted(date(session.video.deleted_at)) : words.noRecordingBody(session.source.tracker)}<//></div>${track && html`<${Transport} playback=${playback} />`}` : html`<${Player} address=${api.sessions.videoAddress(session.id)} size=${session.video} track=${track}
             playback=${playback} hidden=${hidden} onRead=${setPlayed} />`}
           ${track && html`<${Readouts} track=${track} playback=${playback} />`}
           ${(track || played !== false) && html`<p class="small muted keys">${words.keys}</p>`}
@@ -124,7 +124,7 @@ function useEvidence(session) {
 
 /** The track of a trajectory, set on the playback's clock, and the loader of its exact rows. */
 function useTrack(session, trajectory, playback) {
-  const isRecording = session.source?.kind !== 'import';
+  const isRecording = hasVideo(session);
   const track = useMemo(
     () =>
       trajectory?.columns.frame.length
@@ -147,6 +147,9 @@ function useTrack(session, trajectory, playback) {
   }, [track]);
   return { track, loader };
 }
+
+/** False for an imported path, and once the centre no longer keeps the video. @param {Schemas['SessionResponse']} session */
+const hasVideo = session => session.source?.kind !== 'import' && !session.video?.deleted_at;
 
 const SpanChoice = ({ span, onChange }) => html`
   <select class="select" aria-label=${words.span} value=${span} onChange=${event => onChange(event.target.value)}>

@@ -1,8 +1,6 @@
 //! Features → Parquet, for column-based programs (pandas, DuckDB, Arrow): one row group for each batch of rows.
 
-use std::io::{self, Write};
-use std::mem;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use parquet::basic::Compression;
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType};
@@ -12,6 +10,7 @@ use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::parser::parse_message_type;
 
 use super::ExportRow;
+use crate::domain::files::parquet_sink::ParquetSink;
 
 const SCHEMA: &str = "message features {
     REQUIRED BYTE_ARRAY session (STRING);
@@ -37,37 +36,16 @@ const SCHEMA: &str = "message features {
     OPTIONAL BYTE_ARRAY model (STRING);
 }";
 
-/// A buffer shared between the Parquet writer, which fills it, and the table, which takes the bytes to send.
-#[derive(Clone, Default)]
-struct Sink(Arc<Mutex<Vec<u8>>>);
-
-impl Sink {
-    fn take(&self) -> Vec<u8> {
-        mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
-    }
-}
-
-impl Write for Sink {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
 /// A Parquet file that is written in batches.
 pub struct ParquetTable {
-    file: SerializedFileWriter<Sink>,
-    sink: Sink,
+    file: SerializedFileWriter<ParquetSink>,
+    sink: ParquetSink,
 }
 
 impl ParquetTable {
     pub(super) fn new() -> Result<Self, ParquetError> {
         let properties = WriterProperties::builder().set_compression(Compression::SNAPPY).build();
-        let sink = Sink::default();
+        let sink = ParquetSink::default();
         let schema = Arc::new(parse_message_type(SCHEMA)?);
         Ok(Self { file: SerializedFileWriter::new(sink.clone(), schema, Arc::new(properties))?, sink })
     }
@@ -88,7 +66,10 @@ impl ParquetTable {
 }
 
 /// Writes the columns in the schema's order: the format identifies columns by position.
-fn write_columns(group: &mut SerializedRowGroupWriter<'_, Sink>, rows: &[ExportRow]) -> Result<(), ParquetError> {
+fn write_columns(
+    group: &mut SerializedRowGroupWriter<'_, ParquetSink>,
+    rows: &[ExportRow],
+) -> Result<(), ParquetError> {
     write_required(group, rows, |row| &row.session)?;
     write_required(group, rows, |row| &row.trainee)?;
     write_required(group, rows, |row| &row.task)?;
@@ -114,7 +95,7 @@ fn write_columns(group: &mut SerializedRowGroupWriter<'_, Sink>, rows: &[ExportR
 }
 
 fn write_required(
-    group: &mut SerializedRowGroupWriter<'_, Sink>,
+    group: &mut SerializedRowGroupWriter<'_, ParquetSink>,
     rows: &[ExportRow],
     of: impl Fn(&ExportRow) -> &str,
 ) -> Result<(), ParquetError> {
@@ -123,7 +104,7 @@ fn write_required(
 }
 
 fn write_optional(
-    group: &mut SerializedRowGroupWriter<'_, Sink>,
+    group: &mut SerializedRowGroupWriter<'_, ParquetSink>,
     rows: &[ExportRow],
     of: impl Fn(&ExportRow) -> Option<&str>,
 ) -> Result<(), ParquetError> {
@@ -137,7 +118,7 @@ fn split_present<T>(rows: &[ExportRow], of: impl Fn(&ExportRow) -> Option<T>) ->
 }
 
 fn write<T: DataType>(
-    group: &mut SerializedRowGroupWriter<'_, Sink>,
+    group: &mut SerializedRowGroupWriter<'_, ParquetSink>,
     values: &[T::T],
     present: Option<&[i16]>,
 ) -> Result<(), ParquetError> {

@@ -1,101 +1,43 @@
-//! Trajectory → one vector per column: pages plot it, and the Parquet writer uses it.
+//! The columns of the table: what a row has in each of them.
 
-use serde::Serialize;
+use super::state_name;
+use crate::vision::trajectory::Sample;
 
-use super::{ThinnedTrajectory, state_name};
-use crate::vision::trajectory::{Sample, Trajectory};
-
-/// A trajectory, column by column. Serialises as `{"tools":[…],"columns":{"frame":[…],…,"state":[…]}}`, where the
-/// column `tool` holds indices into `tools` and an absent number is `null`.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct TrajectoryColumns {
-    /// Names of the tools.
-    pub tools: Vec<String>,
-    /// The columns, all of one length.
-    pub columns: SampleColumns,
+/// One value of the table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum TableCell {
+    /// In the column `frame`.
+    Frame(u64),
+    /// In the column `tool`: an index into the list of tools.
+    Tool(usize),
+    /// In the column `state`.
+    State(&'static str),
+    /// In all others; `None` where nothing was measured.
+    Number(Option<f64>),
 }
 
-/// The columns under their names in the table.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[allow(missing_docs)] // the names are those of the table and document themselves
-pub struct SampleColumns {
-    pub frame: Vec<u64>,
-    pub time_s: Vec<f64>,
-    pub tool: Vec<usize>,
-    pub x_mm: Vec<f64>,
-    pub y_mm: Vec<f64>,
-    pub z_mm: Vec<f64>,
-    pub vx_mm_s: Vec<Option<f64>>,
-    pub vy_mm_s: Vec<Option<f64>>,
-    pub vz_mm_s: Vec<Option<f64>>,
-    pub axis_x: Vec<Option<f64>>,
-    pub axis_y: Vec<Option<f64>>,
-    pub axis_z: Vec<Option<f64>>,
-    pub tip_u_px: Vec<Option<f64>>,
-    pub tip_v_px: Vec<Option<f64>>,
-    pub sigma_xy_mm: Vec<Option<f64>>,
-    pub sigma_z_mm: Vec<Option<f64>>,
-    pub state: Vec<&'static str>,
-    pub cov_xx_mm2: Vec<Option<f64>>,
-    pub cov_xy_mm2: Vec<Option<f64>>,
-    pub cov_xz_mm2: Vec<Option<f64>>,
-    pub cov_yy_mm2: Vec<Option<f64>>,
-    pub cov_yz_mm2: Vec<Option<f64>>,
-    pub cov_zz_mm2: Vec<Option<f64>>,
-}
-
-impl From<&Trajectory> for TrajectoryColumns {
-    fn from(trajectory: &Trajectory) -> Self {
-        let mut columns = SampleColumns::default();
-        trajectory.samples.iter().for_each(|sample| columns.push(sample));
-        Self { tools: trajectory.tools.clone(), columns }
+/// A row's value in the column with this position in [`COLUMNS`](super::COLUMNS).
+pub(super) fn cell(row: &Sample, column: usize) -> TableCell {
+    match column {
+        0 => TableCell::Frame(row.frame),
+        1 => TableCell::Number(Some(row.time_s)),
+        2 => TableCell::Tool(row.tool),
+        16 => TableCell::State(state_name(row.state)),
+        _ => TableCell::Number(number(row, column)),
     }
 }
 
-impl SampleColumns {
-    fn push(&mut self, sample: &Sample) {
-        self.frame.push(sample.frame);
-        self.time_s.push(sample.time_s);
-        self.tool.push(sample.tool);
-        self.x_mm.push(sample.tip_mm.x);
-        self.y_mm.push(sample.tip_mm.y);
-        self.z_mm.push(sample.tip_mm.z);
-        self.vx_mm_s.push(sample.velocity_mm_s.map(|v| v.x));
-        self.vy_mm_s.push(sample.velocity_mm_s.map(|v| v.y));
-        self.vz_mm_s.push(sample.velocity_mm_s.map(|v| v.z));
-        self.axis_x.push(sample.axis.map(|a| a.x));
-        self.axis_y.push(sample.axis.map(|a| a.y));
-        self.axis_z.push(sample.axis.map(|a| a.z));
-        self.tip_u_px.push(sample.tip_px.map(|p| p.x));
-        self.tip_v_px.push(sample.tip_px.map(|p| p.y));
-        self.sigma_xy_mm.push(sample.sigma_xy_mm());
-        self.sigma_z_mm.push(sample.sigma_z_mm());
-        self.state.push(state_name(sample.state));
-        self.cov_xx_mm2.push(sample.covariance_mm2.map(|of| of.xx));
-        self.cov_xy_mm2.push(sample.covariance_mm2.map(|of| of.xy));
-        self.cov_xz_mm2.push(sample.covariance_mm2.map(|of| of.xz));
-        self.cov_yy_mm2.push(sample.covariance_mm2.map(|of| of.yy));
-        self.cov_yz_mm2.push(sample.covariance_mm2.map(|of| of.yz));
-        self.cov_zz_mm2.push(sample.covariance_mm2.map(|of| of.zz));
+/// A row's value in a column of numbers; `None` where nothing was measured, and in the other columns.
+pub(super) fn number(row: &Sample, column: usize) -> Option<f64> {
+    match column {
+        1 => Some(row.time_s),
+        3..6 => Some(row.tip_mm[column - 3]),
+        6..9 => row.velocity_mm_s.map(|velocity| velocity[column - 6]),
+        9..12 => row.axis.map(|axis| axis[column - 9]),
+        12..14 => row.tip_px.map(|pixel| pixel[column - 12]),
+        14 => row.sigma_xy_mm(),
+        15 => row.sigma_z_mm(),
+        17..23 => row.covariance_mm2.map(|of| of.upper()[column - 17]),
+        _ => None,
     }
-}
-
-/// The trajectory as JSON columns.
-pub fn to_json_columns(trajectory: &Trajectory) -> String {
-    // Vectors of numbers and strings always serialise; a number that is not finite becomes null.
-    serde_json::to_string(&TrajectoryColumns::from(trajectory)).unwrap_or_default()
-}
-
-/// A thinned trajectory as JSON columns, with `after_gap` for each row and `thinned`: whether any rows were removed.
-pub fn thinned_to_json(left: &ThinnedTrajectory) -> String {
-    #[derive(Serialize)]
-    struct ThinnedDocument<'a> {
-        #[serde(flatten)]
-        table: TrajectoryColumns,
-        after_gap: &'a [bool],
-        thinned: bool,
-    }
-    let ThinnedTrajectory { trajectory, after_gap, is_thinned } = left;
-    serde_json::to_string(&ThinnedDocument { table: trajectory.into(), after_gap, thinned: *is_thinned })
-        .unwrap_or_default()
 }

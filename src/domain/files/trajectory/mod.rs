@@ -4,21 +4,25 @@
 //! decoded frames from 0, `time_s` is the frame's presentation time; millimetres and seconds. Numbers are written in
 //! the shortest form that reads back to the same number, so a stored trajectory gives the same score again.
 //!
-//! All three formats are written; only CSV is read, because other programs deliver trajectories as CSV.
+//! All three formats are written piece by piece from a [`RowSource`], so that a table of any length needs little
+//! memory. Only CSV is read, because other programs deliver trajectories as CSV.
 
 mod columns;
 mod import;
+mod json;
 mod parquet;
 mod read;
+mod rows;
 mod thin;
 mod write;
 
-pub use columns::{TrajectoryColumns, thinned_to_json, to_json_columns};
 pub use import::{ImportLimits, ImportProblem, ImportedTable, read_import};
-pub use parquet::{ParquetProblem, write_parquet};
+pub use json::JsonPieces;
+pub use parquet::{ParquetPieces, ParquetProblem};
 pub use read::{TrajectoryProblem, read_csv};
-pub use thin::{ThinnedTrajectory, thin_trajectory};
-pub use write::write_csv;
+pub use rows::{BoxedRows, HeldRows, MAX_HELD_ROWS, RowSource};
+pub use thin::{ThinnedRows, Thinning};
+pub use write::{CsvPieces, write_csv};
 
 use crate::vision::trajectory::SampleState;
 
@@ -55,6 +59,12 @@ const COVARIANCE_COLUMNS: [&str; 6] = *COLUMNS.last_chunk().expect("more than si
 
 /// Number of required columns: the first ones of [`COLUMNS`].
 pub const REQUIRED_COLUMNS: usize = 6;
+
+/// Approximate size of a piece of text, bytes.
+const PIECE_BYTES: usize = 64 * 1024;
+
+/// Rows of a piece of CSV, which has about [`PIECE_BYTES`].
+const ROWS_PER_PIECE: usize = 256;
 
 /// Text from a file, shortened for a message: a field may be megabytes long.
 fn shortened(text: &str) -> String {

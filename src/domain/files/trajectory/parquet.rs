@@ -3,7 +3,7 @@
 //! Uses the low-level writer: flat columns need no Arrow. Names are UTF-8 strings, absent numbers
 //! are nulls, pages are compressed with Snappy.
 
-use std::io::Write;
+use std::io;
 use std::sync::Arc;
 
 use parquet::basic::Compression;
@@ -13,8 +13,11 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::parser::parse_message_type;
 
-use super::columns::{SampleColumns, TrajectoryColumns};
-use crate::vision::trajectory::Trajectory;
+use super::columns::number;
+use super::rows::BoxedRows;
+use super::{COLUMNS, REQUIRED_COLUMNS, state_name};
+use crate::domain::files::parquet_sink::ParquetSink;
+use crate::vision::trajectory::Sample;
 
 const SCHEMA: &str = "message trajectory {
     REQUIRED INT64 frame;
@@ -51,82 +54,108 @@ pub enum ParquetProblem {
     /// A frame number beyond the format's signed 64 bits.
     #[error("frame {0} is too large for Parquet")]
     FrameTooLarge(u64),
-    /// The Parquet writer or the underlying stream failed.
+    /// The rows cannot be read.
+    #[error(transparent)]
+    Rows(#[from] io::Error),
+    /// The Parquet writer failed.
     #[error("write Parquet")]
     Write(#[from] ParquetError),
 }
 
-/// Writes the trajectory's table as one Parquet row group.
-pub fn write_parquet(trajectory: &Trajectory, out: impl Write + Send) -> Result<(), ParquetProblem> {
-    let TrajectoryColumns { tools, columns } = TrajectoryColumns::from(trajectory);
-    let frames = columns.frame.iter().map(|&f| i64::try_from(f).map_err(|_| ParquetProblem::FrameTooLarge(f)));
-    let frames = frames.collect::<Result<Vec<_>, _>>()?;
-    let names = columns.tool.iter().map(|&t| tools.get(t).ok_or(ParquetProblem::UnknownTool(t)));
-    let names = names.map(|name| name.map(|n| ByteArray::from(n.as_str()))).collect::<Result<Vec<_>, _>>()?;
+/// Rows of a row group; in memory they take 1.6 MiB.
+const ROWS_PER_GROUP: usize = 8_192;
 
-    let properties = WriterProperties::builder().set_compression(Compression::SNAPPY).build();
-    let mut file = SerializedFileWriter::new(out, Arc::new(parse_message_type(SCHEMA)?), Arc::new(properties))?;
-    let mut rows = file.next_row_group()?;
-    write_columns(&mut rows, &frames, &names, &columns)?;
-    rows.close()?;
-    file.close()?;
+/// Pieces of a Parquet file, one for each row group; the rows are read once.
+pub struct ParquetPieces {
+    rows: BoxedRows,
+    /// `None` once the file has ended.
+    file: Option<SerializedFileWriter<ParquetSink>>,
+    sink: ParquetSink,
+}
+
+impl ParquetPieces {
+    /// The file of these rows.
+    ///
+    /// # Errors
+    /// The Parquet writer fails.
+    pub fn new(mut rows: BoxedRows) -> Result<Self, ParquetProblem> {
+        rows.rewind();
+        let properties = WriterProperties::builder().set_compression(Compression::SNAPPY).build();
+        let (sink, schema) = (ParquetSink::default(), Arc::new(parse_message_type(SCHEMA)?));
+        let file = SerializedFileWriter::new(sink.clone(), schema, Arc::new(properties))?;
+        Ok(Self { rows, file: Some(file), sink })
+    }
+
+    fn write_piece(&mut self, mut file: SerializedFileWriter<ParquetSink>) -> Result<Vec<u8>, ParquetProblem> {
+        let mut rows = Vec::new();
+        while rows.len() < ROWS_PER_GROUP
+            && let Some(row) = self.rows.next_row()?
+        {
+            rows.push(row);
+        }
+        if !rows.is_empty() {
+            let mut group = file.next_row_group()?;
+            write_columns(&mut group, self.rows.tools(), &rows)?;
+            group.close()?;
+        }
+        if rows.len() == ROWS_PER_GROUP {
+            self.file = Some(file);
+        } else {
+            file.close()?;
+        }
+        Ok(self.sink.take())
+    }
+}
+
+impl Iterator for ParquetPieces {
+    type Item = io::Result<Vec<u8>>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let file = self.file.take()?;
+        Some(self.write_piece(file).map_err(io::Error::other))
+    }
+}
+
+/// Writes the columns in the schema's order, which is that of the table: the format identifies columns by position.
+fn write_columns(
+    group: &mut SerializedRowGroupWriter<'_, ParquetSink>,
+    tools: &[String],
+    rows: &[Sample],
+) -> Result<(), ParquetProblem> {
+    let names: Vec<ByteArray> = tools.iter().map(|name| ByteArray::from(name.as_str())).collect();
+    for (column, name) in COLUMNS.iter().enumerate() {
+        match *name {
+            "frame" => {
+                let frame =
+                    |row: &Sample| i64::try_from(row.frame).map_err(|_| ParquetProblem::FrameTooLarge(row.frame));
+                let frames = rows.iter().map(frame).collect::<Result<Vec<_>, _>>()?;
+                write::<Int64Type>(group, &frames, None)?;
+            }
+            "tool" => {
+                let name = |row: &Sample| names.get(row.tool).cloned().ok_or(ParquetProblem::UnknownTool(row.tool));
+                write::<ByteArrayType>(group, &rows.iter().map(name).collect::<Result<Vec<_>, _>>()?, None)?;
+            }
+            "state" => {
+                let states: Vec<ByteArray> = rows.iter().map(|row| ByteArray::from(state_name(row.state))).collect();
+                write::<ByteArrayType>(group, &states, None)?;
+            }
+            _ => {
+                let values: Vec<f64> = rows.iter().filter_map(|row| number(row, column)).collect();
+                let present: Vec<i16> = rows.iter().map(|row| i16::from(number(row, column).is_some())).collect();
+                let is_required = column < REQUIRED_COLUMNS;
+                write::<DoubleType>(group, &values, (!is_required).then_some(present.as_slice()))?;
+            }
+        }
+    }
     Ok(())
 }
 
-/// Writes the columns in the schema's order: the format identifies columns by position.
-fn write_columns<W: Write + Send>(
-    rows: &mut SerializedRowGroupWriter<'_, W>,
-    frames: &[i64],
-    names: &[ByteArray],
-    columns: &SampleColumns,
-) -> Result<(), ParquetError> {
-    write::<Int64Type, _>(rows, frames, None)?;
-    write::<DoubleType, _>(rows, &columns.time_s, None)?;
-    write::<ByteArrayType, _>(rows, names, None)?;
-    for column in [&columns.x_mm, &columns.y_mm, &columns.z_mm] {
-        write::<DoubleType, _>(rows, column, None)?;
-    }
-    let optional = [
-        &columns.vx_mm_s,
-        &columns.vy_mm_s,
-        &columns.vz_mm_s,
-        &columns.axis_x,
-        &columns.axis_y,
-        &columns.axis_z,
-        &columns.tip_u_px,
-        &columns.tip_v_px,
-        &columns.sigma_xy_mm,
-        &columns.sigma_z_mm,
-    ];
-    optional.into_iter().try_for_each(|column| write_optional(rows, column))?;
-    let states: Vec<ByteArray> = columns.state.iter().map(|&s| ByteArray::from(s)).collect();
-    write::<ByteArrayType, _>(rows, &states, None)?;
-    let covariances = [
-        &columns.cov_xx_mm2,
-        &columns.cov_xy_mm2,
-        &columns.cov_xz_mm2,
-        &columns.cov_yy_mm2,
-        &columns.cov_yz_mm2,
-        &columns.cov_zz_mm2,
-    ];
-    covariances.into_iter().try_for_each(|column| write_optional(rows, column))
-}
-
-fn write_optional<W: Write + Send>(
-    rows: &mut SerializedRowGroupWriter<'_, W>,
-    column: &[Option<f64>],
-) -> Result<(), ParquetError> {
-    let present: Vec<i16> = column.iter().map(|value| i16::from(value.is_some())).collect();
-    let values: Vec<f64> = column.iter().copied().flatten().collect();
-    write::<DoubleType, _>(rows, &values, Some(&present))
-}
-
-fn write<T: DataType, W: Write + Send>(
-    rows: &mut SerializedRowGroupWriter<'_, W>,
+fn write<T: DataType>(
+    group: &mut SerializedRowGroupWriter<'_, ParquetSink>,
     values: &[T::T],
     present: Option<&[i16]>,
 ) -> Result<(), ParquetError> {
-    let column = rows.next_column()?;
+    let column = group.next_column()?;
     let mut column = column.ok_or_else(|| ParquetError::General("the schema has too few columns".to_owned()))?;
     column.typed::<T>().write_batch(values, present, None)?;
     column.close()

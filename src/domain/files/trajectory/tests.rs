@@ -13,6 +13,15 @@ fn csv_of(trajectory: &Trajectory) -> String {
     String::from_utf8(bytes).unwrap()
 }
 
+/// The bytes of all pieces.
+fn joined(pieces: impl Iterator<Item = std::io::Result<Vec<u8>>>) -> Vec<u8> {
+    pieces.map(Result::unwrap).collect::<Vec<_>>().concat()
+}
+
+fn rows(trajectory: &Trajectory) -> BoxedRows {
+    Box::new(HeldRows::new(trajectory.tools.clone(), trajectory.samples.clone()))
+}
+
 fn read(text: &str) -> Result<Trajectory, TrajectoryProblem> {
     read_csv(text.as_bytes())
 }
@@ -156,7 +165,11 @@ fn a_file_without_covariances_states_independent_errors_of_its_two_sigmas() {
 
 #[test]
 fn json_columns_have_one_entry_per_row_and_null_for_what_is_absent() {
-    let json: serde_json::Value = serde_json::from_str(&to_json_columns(&two_tools())).unwrap();
+    let text = joined(JsonPieces::new(rows(&two_tools())).unwrap());
+    assert!(
+        text.starts_with(br#"{"tools":["orange","cyan, left"],"columns":{"frame":[0,0,3],"time_s":[0.0,0.0,0.12],"#)
+    );
+    let json: serde_json::Value = serde_json::from_slice(&text).unwrap();
     assert_eq!(json["tools"], serde_json::json!(["orange", "cyan, left"]));
     assert_eq!(json["columns"]["tool"], serde_json::json!([0, 1, 0]));
     assert_eq!(json["columns"]["sigma_z_mm"], serde_json::json!([null, 2.0, null]));
@@ -170,8 +183,7 @@ fn parquet_holds_the_same_table() {
     use ::parquet::file::reader::{FileReader, SerializedFileReader};
     use ::parquet::record::RowAccessor;
 
-    let mut bytes = Vec::new();
-    write_parquet(&two_tools(), &mut bytes).unwrap();
+    let bytes = joined(ParquetPieces::new(rows(&two_tools())).unwrap());
     let file = SerializedFileReader::new(bytes::Bytes::from(bytes)).unwrap();
     let schema = file.metadata().file_metadata().schema_descr();
     let names: Vec<_> = schema.columns().iter().map(|c| c.name().to_owned()).collect();
@@ -188,9 +200,54 @@ fn parquet_holds_the_same_table() {
 #[test]
 fn an_empty_trajectory_is_a_valid_parquet_file() {
     let empty = Trajectory { tools: Vec::new(), samples: Vec::new(), frame_times_s: Vec::new(), cuts: Vec::new() };
-    let mut bytes = Vec::new();
-    write_parquet(&empty, &mut bytes).unwrap();
-    assert_eq!(&bytes[..4], b"PAR1");
+    let bytes = joined(ParquetPieces::new(rows(&empty)).unwrap());
+    assert_eq!((&bytes[..4], &bytes[bytes.len() - 4..]), (&b"PAR1"[..], &b"PAR1"[..]));
+}
+
+/// More rows than are held in memory, or fit into a piece or a row group.
+fn long_path() -> Trajectory {
+    let frames = 2 * MAX_HELD_ROWS as u64 + 100;
+    let samples =
+        (0..frames).map(|frame| Sample { tip_mm: Point3::new(frame as f64 / 7.0, 0.0, 1.0), ..sample(frame, 0) });
+    Trajectory {
+        tools: vec!["orange".to_owned()],
+        samples: samples.collect(),
+        frame_times_s: Vec::new(),
+        cuts: Vec::new(),
+    }
+}
+
+#[test]
+fn pieces_of_a_long_table_add_up_to_the_whole_table_in_every_format() {
+    use ::parquet::file::reader::{FileReader, SerializedFileReader};
+
+    let path = long_path();
+    let pieces: Vec<Vec<u8>> = CsvPieces::new(rows(&path)).map(Result::unwrap).collect();
+    assert!(pieces.len() > 10);
+    assert_eq!(String::from_utf8(pieces.concat()).unwrap(), csv_of(&path));
+
+    let pieces: Vec<Vec<u8>> = JsonPieces::new(rows(&path)).unwrap().map(Result::unwrap).collect();
+    assert!(pieces.iter().all(|piece| piece.len() < 2 * PIECE_BYTES));
+    let json: serde_json::Value = serde_json::from_slice(&pieces.concat()).unwrap();
+    let x: Vec<f64> = json["columns"]["x_mm"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+    assert_eq!(x, path.samples.iter().map(|row| row.tip_mm.x).collect::<Vec<_>>());
+    assert_eq!(json["columns"]["cov_zz_mm2"].as_array().map(Vec::len), Some(path.samples.len()));
+
+    let file = bytes::Bytes::from(joined(ParquetPieces::new(rows(&path)).unwrap()));
+    let file = SerializedFileReader::new(file).unwrap();
+    assert_eq!(file.metadata().file_metadata().num_rows(), path.samples.len() as i64);
+}
+
+#[test]
+fn thinned_rows_have_their_gaps_in_json() {
+    let path = long_path();
+    let thinning = Thinning::of(&mut *rows(&path), &[], 900).unwrap();
+    let json = joined(JsonPieces::thinned(rows(&path), thinning).unwrap());
+    let json: serde_json::Value = serde_json::from_slice(&json).unwrap();
+    let count = json["columns"]["frame"].as_array().unwrap().len();
+    assert!((200..=910).contains(&count) && json["thinned"] == true, "{count}");
+    let after_gap = json["after_gap"].as_array().unwrap();
+    assert_eq!((after_gap.len(), &after_gap[0], &after_gap[1]), (count, &true.into(), &false.into()));
 }
 
 prop_compose! {

@@ -3,9 +3,10 @@
 use std::io::{self, Write};
 
 use csv::Terminator;
-use nalgebra::{Point2, Vector3};
 
-use super::{COLUMNS, state_name};
+use super::columns::{TableCell, cell};
+use super::rows::BoxedRows;
+use super::{COLUMNS, ROWS_PER_PIECE};
 use crate::vision::trajectory::{Sample, Trajectory};
 
 /// Writes the header and one line per sample, in the trajectory's order, ended by `\n`.
@@ -13,53 +14,75 @@ use crate::vision::trajectory::{Sample, Trajectory};
 /// Fails where `out` fails, and with `InvalidData` on a sample that no reader could use: a number that is not finite,
 /// or a tool without a name in the trajectory.
 pub fn write_csv(trajectory: &Trajectory, out: impl Write) -> io::Result<()> {
-    let mut table = csv::WriterBuilder::new().terminator(Terminator::Any(b'\n')).from_writer(out);
+    let mut table = table_writer(out);
     table.write_record(COLUMNS).map_err(into_io)?;
-    for sample in &trajectory.samples {
-        table.write_record(fields(trajectory, sample)?).map_err(into_io)?;
-    }
+    trajectory.samples.iter().try_for_each(|sample| write_row(&mut table, &trajectory.tools, sample))?;
     table.flush()
 }
 
-fn fields(trajectory: &Trajectory, sample: &Sample) -> io::Result<[String; COLUMNS.len()]> {
-    let name = trajectory.tools.get(sample.tool).ok_or_else(|| unusable_value(sample, "tool"))?;
-    let number = |column: &str, value: f64| {
-        if value.is_finite() { Ok(value.to_string()) } else { Err(unusable_value(sample, column)) }
-    };
-    let maybe = |column: &str, value: Option<f64>| value.map_or(Ok(String::new()), |v| number(column, v));
-    let [vx, vy, vz] = parts(sample.velocity_mm_s);
-    let [ax, ay, az] = parts(sample.axis);
-    let [xx, xy, xz, yy, yz, zz] = sample.covariance_mm2.map_or([None; 6], |of| of.upper().map(Some));
-    let pixel = |pick: fn(&Point2<f64>) -> f64| sample.tip_px.as_ref().map(pick);
-    Ok([
-        sample.frame.to_string(),
-        number("time_s", sample.time_s)?,
-        name.clone(),
-        number("x_mm", sample.tip_mm.x)?,
-        number("y_mm", sample.tip_mm.y)?,
-        number("z_mm", sample.tip_mm.z)?,
-        maybe("vx_mm_s", vx)?,
-        maybe("vy_mm_s", vy)?,
-        maybe("vz_mm_s", vz)?,
-        maybe("axis_x", ax)?,
-        maybe("axis_y", ay)?,
-        maybe("axis_z", az)?,
-        maybe("tip_u_px", pixel(|p| p.x))?,
-        maybe("tip_v_px", pixel(|p| p.y))?,
-        maybe("sigma_xy_mm", sample.sigma_xy_mm())?,
-        maybe("sigma_z_mm", sample.sigma_z_mm())?,
-        state_name(sample.state).to_owned(),
-        maybe("cov_xx_mm2", xx)?,
-        maybe("cov_xy_mm2", xy)?,
-        maybe("cov_xz_mm2", xz)?,
-        maybe("cov_yy_mm2", yy)?,
-        maybe("cov_yz_mm2", yz)?,
-        maybe("cov_zz_mm2", zz)?,
-    ])
+/// Pieces of the same text; the rows are read once.
+pub struct CsvPieces {
+    rows: BoxedRows,
+    has_header: bool,
+    has_ended: bool,
 }
 
-fn parts(vector: Option<Vector3<f64>>) -> [Option<f64>; 3] {
-    vector.map_or([None; 3], |v| [Some(v.x), Some(v.y), Some(v.z)])
+impl CsvPieces {
+    /// The text of these rows.
+    pub fn new(mut rows: BoxedRows) -> Self {
+        rows.rewind();
+        Self { rows, has_header: false, has_ended: false }
+    }
+
+    fn write_piece(&mut self) -> io::Result<Vec<u8>> {
+        let mut table = table_writer(Vec::new());
+        if !self.has_header {
+            table.write_record(COLUMNS).map_err(into_io)?;
+            self.has_header = true;
+        }
+        for _ in 0..ROWS_PER_PIECE {
+            match self.rows.next_row()? {
+                Some(row) => write_row(&mut table, self.rows.tools(), &row)?,
+                None => {
+                    self.has_ended = true;
+                    break;
+                }
+            }
+        }
+        table.into_inner().map_err(csv::IntoInnerError::into_error)
+    }
+}
+
+impl Iterator for CsvPieces {
+    type Item = io::Result<Vec<u8>>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.has_ended {
+            return None;
+        }
+        let piece = self.write_piece();
+        self.has_ended |= piece.is_err();
+        Some(piece)
+    }
+}
+
+fn table_writer<W: Write>(out: W) -> csv::Writer<W> {
+    csv::WriterBuilder::new().terminator(Terminator::Any(b'\n')).from_writer(out)
+}
+
+fn write_row(table: &mut csv::Writer<impl Write>, tools: &[String], row: &Sample) -> io::Result<()> {
+    for (column, name) in COLUMNS.iter().enumerate() {
+        let written = match cell(row, column) {
+            TableCell::Frame(frame) => table.write_field(frame.to_string()),
+            TableCell::Tool(tool) => table.write_field(tools.get(tool).ok_or_else(|| unusable_value(row, name))?),
+            TableCell::State(state) => table.write_field(state),
+            TableCell::Number(None) => table.write_field(""),
+            TableCell::Number(Some(value)) if value.is_finite() => table.write_field(value.to_string()),
+            TableCell::Number(Some(_)) => return Err(unusable_value(row, name)),
+        };
+        written.map_err(into_io)?;
+    }
+    table.write_record(None::<&[u8]>).map_err(into_io)
 }
 
 fn unusable_value(sample: &Sample, column: &str) -> io::Error {

@@ -101,7 +101,7 @@ impl FilledCentre {
 
     /// Something of this kind: of the caller (0) or of another group (1). With `new`, it is made for this request.
     pub async fn subject(&mut self, kind: &str, side: usize, caller: usize, new: bool) -> Subject {
-        let is_new = new || matches!(kind, "comment" | "sign-in" | "followed");
+        let is_new = new || matches!(kind, "comment" | "sign-in" | "followed" | "pending");
         let key = (kind.to_owned(), side);
         if !is_new && let Some(found) = self.known.get(&key) {
             return found.clone();
@@ -135,6 +135,17 @@ impl FilledCentre {
             }
             "own-token" if side == 0 => ("tokens", json!({"name": "A program", "role": "administrator"})),
             "own-token" | "token" => ("tokens", agent()),
+            "pending" => {
+                let administrator = &self.centre.administrator;
+                let id = text(
+                    &administrator
+                        .make("/api/v1/trainees", json!({"name": format!("Leaving {number}"), "group": group}))
+                        .await["id"],
+                );
+                let path = format!("/api/v1/trainees/{id}?can_be_taken_back=true");
+                assert_eq!(administrator.delete(&path).await.status(), StatusCode::NO_CONTENT);
+                return Subject::of(id);
+            }
             "link" => {
                 let login = format!("invited-{number}");
                 let account = json!({"login": login, "name": login, "role": "instructor"});

@@ -1,0 +1,216 @@
+//! One connection: the TLS handshake, then HTTP/2 or HTTP/1.1 with their limits on time.
+
+use std::convert::Infallible;
+use std::error::Error;
+use std::io;
+use std::net::SocketAddr;
+use std::pin::{Pin, pin};
+use std::time::Duration;
+
+use axum::Router;
+use axum::body::Body;
+use axum::extract::{ConnectInfo, Request};
+use axum::http::{HeaderValue, Uri, Version, header};
+use axum::response::Response;
+use hyper::body::Incoming;
+use hyper::server::conn::{http1, http2};
+use hyper::service::service_fn;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::TcpStream;
+use tokio::time::timeout;
+use tokio_rustls::TlsAcceptor;
+use tokio_rustls::server::TlsStream;
+use tower::ServiceExt;
+
+use super::http2_streams::{MAX_STREAMS, MAX_UNSENT_BYTES, StreamExecutor, watch_answer};
+use super::redirect;
+use super::scheme::Encrypted;
+use super::settings::HttpSettings;
+use super::stall::StallGuard;
+use super::tls::HTTP2;
+use crate::shutdown::Shutdown;
+
+/// First byte of a TLS connection: a record of the handshake. No HTTP request begins with it.
+const TLS_HANDSHAKE: u8 = 0x16;
+
+/// How clients reach a listener.
+#[derive(Clone)]
+pub enum Transport {
+    /// Plain HTTP.
+    Plain,
+    /// HTTPS. A request in plain HTTP is redirected.
+    Tls(TlsAcceptor),
+}
+
+/// Limits on the time of a connection.
+#[derive(Clone, Copy, Debug)]
+pub struct ConnectionLimits {
+    /// For the handshake, for the head of a request, and between two requests.
+    pub head_timeout: Duration,
+    /// For a client that reads nothing.
+    pub write_timeout: Duration,
+}
+
+impl From<&HttpSettings> for ConnectionLimits {
+    fn from(settings: &HttpSettings) -> Self {
+        Self { head_timeout: settings.head_timeout(), write_timeout: settings.write_timeout() }
+    }
+}
+
+/// How a connection ended.
+pub type ConnectionResult = Result<(), Box<dyn Error + Send + Sync>>;
+
+/// A connection that can carry requests.
+enum OpenConnection {
+    Plain(StallGuard<TcpStream>),
+    /// Plain HTTP where HTTPS is expected.
+    Misdirected(StallGuard<TcpStream>),
+    Tls(Box<TlsStream<StallGuard<TcpStream>>>),
+}
+
+/// Serves the requests of one connection. Once `stop` begins, it finishes the open ones and accepts no further ones.
+pub async fn serve_connection(
+    stream: TcpStream,
+    peer: SocketAddr,
+    transport: Transport,
+    routes: Router,
+    limits: ConnectionLimits,
+    stop: &Shutdown,
+) -> ConnectionResult {
+    let opening = timeout(limits.head_timeout, open(stream, transport, limits));
+    let opened = tokio::select! {
+        () = stop.begun() => return Ok(()),
+        opened = opening => opened.map_err(|_| timed_out("the TLS handshake"))??,
+    };
+    let client = Client { peer, is_encrypted: matches!(opened, OpenConnection::Tls(_)) };
+    match opened {
+        OpenConnection::Plain(stream) => run_http1(stream, client, routes, limits, stop).await,
+        OpenConnection::Misdirected(stream) => run_http1(stream, client, redirect::routes(None), limits, stop).await,
+        OpenConnection::Tls(stream) if stream.get_ref().1.alpn_protocol() == Some(HTTP2) => {
+            run_http2(*stream, client, routes, limits, stop).await
+        }
+        OpenConnection::Tls(stream) => run_http1(*stream, client, routes, limits, stop).await,
+    }
+}
+
+async fn open(stream: TcpStream, transport: Transport, limits: ConnectionLimits) -> io::Result<OpenConnection> {
+    let Transport::Tls(acceptor) = transport else {
+        return Ok(OpenConnection::Plain(StallGuard::new(stream, limits.write_timeout)));
+    };
+    let mut first = [0];
+    let is_tls = stream.peek(&mut first).await? == 0 || first == [TLS_HANDSHAKE];
+    let stream = StallGuard::new(stream, limits.write_timeout);
+    if !is_tls {
+        return Ok(OpenConnection::Misdirected(stream));
+    }
+    Ok(OpenConnection::Tls(Box::new(acceptor.accept(stream).await?)))
+}
+
+async fn run_http1<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
+    stream: S,
+    client: Client,
+    routes: Router,
+    limits: ConnectionLimits,
+    stop: &Shutdown,
+) -> ConnectionResult {
+    let connection = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(limits.head_timeout)
+        .serve_connection(TokioIo::new(stream), service_fn(move |request| answer(routes.clone(), client, request)))
+        .with_upgrades();
+    let mut connection = pin!(connection);
+    tokio::select! {
+        ended = connection.as_mut() => return Ok(ended?),
+        () = stop.begun() => {}
+    }
+    connection.as_mut().graceful_shutdown(); // finish the open request, accept no further one
+    Ok(connection.await?)
+}
+
+async fn run_http2<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
+    stream: S,
+    client: Client,
+    routes: Router,
+    limits: ConnectionLimits,
+    stop: &Shutdown,
+) -> ConnectionResult {
+    let streams = StreamExecutor::new(limits.write_timeout);
+    let connection = http2::Builder::new(streams.clone())
+        .max_concurrent_streams(MAX_STREAMS)
+        .max_send_buf_size(MAX_UNSENT_BYTES)
+        .serve_connection(TokioIo::new(stream), service_fn(move |request| answer(routes.clone(), client, request)));
+    let mut connection = pin!(connection);
+    let is_idle = tokio::select! {
+        ended = connection.as_mut() => return Ok(ended?),
+        () = streams.idle_for(limits.head_timeout) => true,
+        () = stop.begun() => false,
+    };
+    connection.as_mut().graceful_shutdown(); // finish the open requests, accept no further ones
+    if is_idle {
+        let ended = timeout(limits.head_timeout, connection).await;
+        return Ok(ended.map_err(|_| timed_out("the end of the connection"))??);
+    }
+    Ok(connection.await?)
+}
+
+fn timed_out(what: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::TimedOut, format!("{what} took too long"))
+}
+
+/// The other end of a connection.
+#[derive(Clone, Copy, Debug)]
+struct Client {
+    peer: SocketAddr,
+    is_encrypted: bool,
+}
+
+type ResponseFuture = Pin<Box<dyn Future<Output = Result<Response, Infallible>> + Send>>;
+
+/// Passes a request to the routes, with the client's address.
+fn answer(routes: Router, client: Client, request: hyper::Request<Incoming>) -> ResponseFuture {
+    let mut request: Request = request.map(Body::new);
+    if request.version() == Version::HTTP_2 {
+        as_in_http1(&mut request);
+    }
+    request.extensions_mut().insert(ConnectInfo(client.peer));
+    if client.is_encrypted {
+        request.extensions_mut().insert(Encrypted);
+    }
+    Box::pin(async move { routes.oneshot(request).await.map(watch_answer) })
+}
+
+/// HTTP/2 has the host in the address (`:authority`). The handlers expect it in `Host`, as in HTTP/1.1.
+fn as_in_http1(request: &mut Request) {
+    let host = request.uri().authority().and_then(|authority| HeaderValue::from_str(authority.as_str()).ok());
+    if let Some(host) = host {
+        request.headers_mut().entry(header::HOST).or_insert(host);
+    }
+    if let Some(path) = request.uri().path_and_query().cloned() {
+        *request.uri_mut() = Uri::from(path);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn converted(address: &str, host: Option<&str>) -> (String, Option<String>) {
+        let mut request = Request::builder().version(Version::HTTP_2).uri(address);
+        if let Some(host) = host {
+            request = request.header(header::HOST, host);
+        }
+        let mut request = request.body(Body::empty()).unwrap();
+        as_in_http1(&mut request);
+        let host = request.headers().get(header::HOST).map(|host| host.to_str().unwrap().to_owned());
+        (request.uri().to_string(), host)
+    }
+
+    #[test]
+    fn a_request_of_http2_looks_like_one_of_http1() {
+        let whole = converted("https://skills.example:8443/api/v1/sessions?limit=1", None);
+        assert_eq!(whole, ("/api/v1/sessions?limit=1".to_owned(), Some("skills.example:8443".to_owned())));
+        let stated = converted("https://skills.example/", Some("skills.example"));
+        assert_eq!(stated, ("/".to_owned(), Some("skills.example".to_owned())));
+    }
+}

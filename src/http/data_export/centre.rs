@@ -1,0 +1,119 @@
+//! The files of the whole centre in an export.
+
+use std::io::Write;
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::archive::{Archive, ExportFailure};
+use super::{ExportJob, person};
+use crate::http::groups::GroupResponse;
+use crate::http::people::PersonResponse;
+use crate::http::service::AuditChange;
+use crate::http::tasks::{StandardResponse, TaskResponse};
+use crate::store::{Page, PageRequest, StoreResult};
+
+/// Rows that are read at a time.
+const ROUND: u32 = 200;
+
+const README: &str = "\
+This file holds what Trocar stores about a centre. It is for reading and for other programs. It is no backup: it cannot be
+restored.
+
+accounts.json      accounts, without their passwords
+groups.json        groups and their members
+tasks.json         tasks, with the versions of their standards
+boxes.json         boxes
+audit.json         who changed what
+trainees/CODE/     one folder for each trainee; its files are:
+
+";
+
+/// A task with the versions of its standard.
+#[derive(Serialize)]
+struct TaskWithStandards {
+    task: TaskResponse,
+    standards: Vec<StandardResponse>,
+}
+
+/// Adds all files.
+pub(super) fn add(job: &ExportJob, archive: &mut Archive) -> Result<(), ExportFailure> {
+    archive.add_text("README.txt", &format!("{README}{}", person::README))?;
+    let (store, scope) = (&job.app.store, &job.scope);
+    let mut accounts = Vec::new();
+    each(
+        job,
+        async |page| store.people().list(scope, page).await,
+        |_, person| {
+            accounts.push(PersonResponse::from(person));
+            Ok(())
+        },
+    )?;
+    archive.add_json("accounts.json", &accounts)?;
+    let groups = job.wait(store.groups().list(scope))?.into_iter().map(GroupResponse::from);
+    archive.add_json("groups.json", &groups.collect::<Vec<_>>())?;
+    let mut tasks = Vec::new();
+    each(
+        job,
+        async |page| store.tasks().list(scope, page).await,
+        |_, task| {
+            let standards = job.wait(store.standards().list(scope, task.id))?;
+            let standards = standards.into_iter().map(|standard| StandardResponse::new(standard, scope)).collect();
+            tasks.push(TaskWithStandards { task: task.into(), standards });
+            Ok(())
+        },
+    )?;
+    archive.add_json("tasks.json", &tasks)?;
+    let mut boxes = Vec::new();
+    each(
+        job,
+        async |page| store.boxes().list(scope, page).await,
+        |_, found| {
+            boxes.push(job.wait(job.app.box_response(scope, found))?);
+            Ok(())
+        },
+    )?;
+    archive.add_json("boxes.json", &boxes)?;
+    add_audit(job, archive)?;
+    each(
+        job,
+        async |page| store.trainees().list(scope, page).await,
+        |job, trainee| person::add(job, &trainee, &format!("trainees/{}/", trainee.code), archive),
+    )
+}
+
+/// Adds the audit trail, entry by entry, since it can be long.
+fn add_audit(job: &ExportJob, archive: &mut Archive) -> Result<(), ExportFailure> {
+    let (store, scope) = (&job.app.store, &job.scope);
+    let out = archive.add_written("audit.json")?;
+    let mut separator = "[\n";
+    each(
+        job,
+        async |page| store.audit().list(scope, page).await,
+        |_, entry| {
+            let entry: Value = serde_json::to_value(AuditChange::from(entry)).map_err(std::io::Error::other)?;
+            write!(out, "{separator}{entry}")?;
+            separator = ",\n";
+            Ok(())
+        },
+    )?;
+    out.write_all(if separator == "[\n" { b"[]\n" } else { b"\n]\n" })?;
+    Ok(())
+}
+
+/// Calls `add` with each row of a list, which is read page by page.
+fn each<T>(
+    job: &ExportJob,
+    read: impl AsyncFn(&PageRequest) -> StoreResult<Page<T>>,
+    mut add: impl FnMut(&ExportJob, T) -> Result<(), ExportFailure>,
+) -> Result<(), ExportFailure> {
+    let mut after = None;
+    loop {
+        let page = job.wait(read(&PageRequest::new(ROUND, after)))?;
+        page.items.into_iter().try_for_each(|item| add(job, item))?;
+        after = page.next;
+        if after.is_none() {
+            return Ok(());
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! Erasures that can be taken back, and what an erasure deletes.
+
+use axum::extract::State;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::TraineeResponse;
+use crate::domain::text::{Code, Name};
+use crate::http::auth::signed_in::Staff;
+use crate::http::error::HandlerResult;
+use crate::http::read::{Json, PathKey};
+use crate::http::show::{PageResponse, Time};
+use crate::http::state::App;
+use crate::ids::TraineeId;
+use crate::store::{ErasureExtent, PendingErasure};
+
+/// What erasing a trainee deletes.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct ErasureExtentResponse {
+    /// Number of sessions, with their results, ratings and comments.
+    sessions: i64,
+    /// Size of their recordings, bytes.
+    bytes: i64,
+    /// Days in which the erasure can be taken back, if it is requested so; 0: it cannot.
+    days: u32,
+}
+
+/// A trainee who waits for their erasure.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct PendingErasureResponse {
+    /// Id of the trainee.
+    id: TraineeId,
+    code: Code,
+    name: Name,
+    /// Number of sessions that are erased with them.
+    sessions: i64,
+    /// Name of the person who requested it; `null` if the person was deleted.
+    who: Option<String>,
+    requested_at: Time,
+    /// When they are erased for good.
+    erased_at: Time,
+}
+
+impl From<PendingErasure> for PendingErasureResponse {
+    fn from(pending: PendingErasure) -> Self {
+        let PendingErasure { trainee_id, code, name, sessions, who, requested_at_ms, due_at_ms } = pending;
+        let (requested_at, erased_at) = (Time(requested_at_ms), Time(due_at_ms));
+        Self { id: trainee_id, code, name, sessions, who: who.map(String::from), requested_at, erased_at }
+    }
+}
+
+/// Read what erasing a trainee would delete
+#[utoipa::path(get, path = "/trainees/{id}/erasure", tag = "trainees",
+    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = ErasureExtentResponse)))]
+pub async fn erasure_extent(
+    State(app): State<App>,
+    by: Staff,
+    PathKey(key): PathKey,
+) -> HandlerResult<Json<ErasureExtentResponse>> {
+    let ErasureExtent { sessions, bytes } = app.store.pending_erasures().extent(&by.scope, &key).await?;
+    Ok(Json(ErasureExtentResponse { sessions, bytes, days: app.retention.erase_days }))
+}
+
+/// List the trainees who wait for their erasure, the next due first
+///
+/// They are in no other list, and their sessions count nowhere. Instructors see those of their groups.
+#[utoipa::path(get, path = "/pending-erasures", tag = "trainees",
+    responses((status = OK, body = PageResponse<PendingErasureResponse>)))]
+pub async fn pending_erasures(
+    State(app): State<App>,
+    by: Staff,
+) -> HandlerResult<Json<PageResponse<PendingErasureResponse>>> {
+    let pending = app.store.pending_erasures().list(&by.scope).await?;
+    Ok(Json(PageResponse::whole(pending.into_iter().map(PendingErasureResponse::from))))
+}
+
+/// Take the erasure of a trainee back
+///
+/// Account, recordings and results are as before. A trainee who waits for no erasure gives 404.
+#[utoipa::path(post, path = "/trainees/{id}/restore", tag = "trainees",
+    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = TraineeResponse)))]
+pub async fn restore(State(app): State<App>, by: Staff, PathKey(key): PathKey) -> HandlerResult<Json<TraineeResponse>> {
+    Ok(Json(app.store.pending_erasures().take_back(&by.scope, &key).await?.into()))
+}

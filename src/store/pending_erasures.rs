@@ -1,0 +1,170 @@
+//! Trainees who wait for their erasure. They and their recordings are hidden from all people meanwhile, and they cannot
+//! sign in. Staff can take the erasure back until it is due.
+
+use std::time::Duration;
+
+use super::audit::note;
+use super::cookies::DELETE_COOKIES_OF;
+use super::error::{StoreError, StoreResult, not_found};
+use super::trainees::TraineeRecord;
+use super::visibility::{BindScope, require_staff};
+use super::{Scope, Store};
+use crate::domain::erasure::ErasedKind;
+use crate::domain::text::{Code, Key, Name};
+use crate::ids::{PersonId, TraineeId};
+use crate::time::millis;
+
+/// Access to the trainees who wait for their erasure.
+pub struct PendingErasureStore<'s>(pub(super) &'s Store);
+
+/// A trainee who waits for their erasure.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct PendingErasure {
+    /// Their id.
+    pub trainee_id: TraineeId,
+    /// Their short unique name.
+    pub code: Code,
+    /// What people call them.
+    pub name: Name,
+    /// Number of their sessions.
+    pub sessions: i64,
+    /// Name of the person who requested it; `None` for the service, or if the account was deleted.
+    pub who: Option<Name>,
+    /// When it was requested, epoch ms.
+    pub requested_at_ms: i64,
+    /// When they are erased for good, epoch ms.
+    pub due_at_ms: i64,
+}
+
+/// What an erasure would delete.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct ErasureExtent {
+    /// Number of sessions.
+    pub sessions: i64,
+    /// Size of their recordings, bytes.
+    pub bytes: i64,
+}
+
+/// Most trainees in the list.
+const MAX_LISTED: i64 = 500;
+/// Trainees erased in one round of upkeep.
+const ROUND: i64 = 100;
+
+const SELECT_ERASABLE: &str = "
+    SELECT id, (SELECT count(*) > 1 FROM group_trainee WHERE trainee_id = trainee.id) FROM trainee
+    WHERE $3 IN (id, code)
+      AND ($1 = 'administrator'
+           OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))";
+
+const SELECT_PENDING: &str = "
+    SELECT pending.trainee_id, trainee.code, trainee.name, person.name AS who, requested_at_ms, due_at_ms,
+           (SELECT count(*) FROM session WHERE session.trainee_id = pending.trainee_id) AS sessions
+    FROM pending_erasure AS pending
+    JOIN trainee ON trainee.id = pending.trainee_id
+    LEFT JOIN person ON person.id = pending.person_id
+    WHERE ($1 = 'administrator'
+           OR pending.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+    ORDER BY due_at_ms, code LIMIT $3";
+
+const SELECT_EXTENT: &str = "
+    SELECT count(*) AS sessions, coalesce(sum(blob.bytes) FILTER (WHERE blob.dropped_at_ms IS NULL), 0) AS bytes
+    FROM session LEFT JOIN blob ON blob.hash = session.video WHERE session.trainee_id = $1";
+
+const INSERT_PENDING: &str = "
+    INSERT INTO pending_erasure (trainee_id, requested_at_ms, due_at_ms, person_id) VALUES ($1, $2, $3, $4)
+    ON CONFLICT (trainee_id) DO UPDATE SET due_at_ms = excluded.due_at_ms";
+
+const DELETE_PENDING: &str = "DELETE FROM pending_erasure WHERE trainee_id = $1";
+
+const INSERT_ERASURE: &str = "INSERT INTO erasure (kind, id, at_ms) VALUES ($1, $2, $3)";
+
+const SELECT_ACCOUNT: &str = "SELECT id FROM person WHERE trainee_id = $1";
+
+const SELECT_DUE: &str = "SELECT trainee_id FROM pending_erasure WHERE due_at_ms <= $1 ORDER BY due_at_ms LIMIT $2";
+
+impl PendingErasureStore<'_> {
+    /// What erasing this trainee would delete.
+    pub async fn extent(&self, scope: &Scope, key: &Key) -> StoreResult<ErasureExtent> {
+        let id = self.0.trainees().get(scope, key).await?.id;
+        require_staff(scope, "erasing trainees")?;
+        Ok(sqlx::query_as(SELECT_EXTENT).bind(id).fetch_one(self.0.readers()).await?)
+    }
+
+    /// Hides a trainee, signs them out, and erases them after this time. Upkeep does so ([`crate::upkeep`]).
+    pub async fn request(&self, scope: &Scope, key: &Key, after: Duration) -> StoreResult<()> {
+        self.0.trainees().get(scope, key).await?; // one who waits already is hidden
+        let id = self.erasable(scope, key).await?;
+        self.insert(scope, id, self.0.now_ms() + millis(after)).await
+    }
+
+    /// The id of a trainee whom this caller may erase, also of one who waits for it.
+    pub(super) async fn erasable(&self, scope: &Scope, key: &Key) -> StoreResult<TraineeId> {
+        let found: Option<(TraineeId, bool)> =
+            sqlx::query_as(SELECT_ERASABLE).bind_scope(scope).bind(key).fetch_optional(self.0.readers()).await?;
+        let (id, is_in_several_groups) = found.ok_or(not_found("trainee"))?;
+        require_staff(scope, "erasing trainees")?;
+        if scope.may_erase_trainee(is_in_several_groups) {
+            Ok(id)
+        } else {
+            let what = "erasing a trainee who is in several groups";
+            Err(StoreError::Forbidden { what, whom: "administrators" })
+        }
+    }
+
+    /// Lets a trainee wait for an erasure that is due at this time.
+    pub(super) async fn insert(&self, scope: &Scope, id: TraineeId, due_at_ms: i64) -> StoreResult<()> {
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let account: Option<PersonId> =
+                    sqlx::query_scalar(SELECT_ACCOUNT).bind(id).fetch_optional(&mut *tx).await?;
+                if let Some(account) = account {
+                    sqlx::query(DELETE_COOKIES_OF).bind(account).execute(&mut *tx).await?;
+                }
+                let insert = sqlx::query(INSERT_PENDING).bind(id).bind(now_ms).bind(due_at_ms).bind(scope.person());
+                insert.execute(&mut *tx).await?;
+                let listed = sqlx::query(INSERT_ERASURE).bind(ErasedKind::Pending).bind(id).bind(due_at_ms);
+                listed.execute(&mut *tx).await?;
+                note(tx, &scope, now_ms, ("request erasure", "trainee"), id).await
+            })
+            .await
+    }
+
+    /// The trainees in the scope who wait for their erasure, the next due first; at most 500.
+    pub async fn list(&self, scope: &Scope) -> StoreResult<Vec<PendingErasure>> {
+        require_staff(scope, "the list of erasures")?;
+        let rows = sqlx::query_as(SELECT_PENDING).bind_scope(scope).bind(MAX_LISTED);
+        Ok(rows.fetch_all(self.0.readers()).await?)
+    }
+
+    /// Takes an erasure back: the trainee, their account and their recordings are as before. They have to sign in again.
+    pub async fn take_back(&self, scope: &Scope, key: &Key) -> StoreResult<TraineeRecord> {
+        let id = self.erasable(scope, key).await?;
+        if !self.remove(scope, id).await? {
+            return Err(not_found("erasure"));
+        }
+        self.0.trainees().get(scope, &Key::from(&id)).await
+    }
+
+    /// Removes a trainee's waiting erasure; `false` if there is none.
+    pub(super) async fn remove(&self, scope: &Scope, id: TraineeId) -> StoreResult<bool> {
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                if sqlx::query(DELETE_PENDING).bind(id).execute(&mut *tx).await?.rows_affected() == 0 {
+                    return Ok(false);
+                }
+                let listed = sqlx::query(INSERT_ERASURE).bind(ErasedKind::TakenBack).bind(id).bind(now_ms);
+                listed.execute(&mut *tx).await?;
+                note(tx, &scope, now_ms, ("take back erasure", "trainee"), id).await?;
+                Ok(true)
+            })
+            .await
+    }
+
+    /// The trainees whose erasure is due, at most 100.
+    pub async fn due(&self) -> StoreResult<Vec<TraineeId>> {
+        let rows = sqlx::query_scalar(SELECT_DUE).bind(self.0.now_ms()).bind(ROUND);
+        Ok(rows.fetch_all(self.0.readers()).await?)
+    }
+}

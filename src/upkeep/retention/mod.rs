@@ -1,0 +1,105 @@
+//! What is kept for a limited time: videos, pictures of failed jobs, and people who wait for their erasure.
+
+use std::time::Duration;
+
+use serde::Deserialize;
+
+use super::{Attempts, UpkeepError, UpkeepResult};
+use crate::domain::scope::Scope;
+use crate::domain::text::Key;
+use crate::store::{Store, StoreError};
+use crate::vault::Vault;
+
+/// Settings of retention.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RetentionSettings {
+    /// Months after its arrival when the video of a session is deleted. Path, features and preview stay, so the session
+    /// can be scored again, but not tracked again. 0, the default: videos are kept until the session is erased.
+    pub videos_months: u32,
+    /// Days in which the erasure of a trainee on the pages can be taken back. More: a mistake is noticed in time; fewer:
+    /// the data is gone earlier. 0: it is gone at once. Default 7.
+    pub erase_days: u32,
+}
+
+impl Default for RetentionSettings {
+    fn default() -> Self {
+        Self { videos_months: 0, erase_days: 7 }
+    }
+}
+
+/// A twelfth of a year, ms.
+const MONTH_MS: i64 = 2_629_800_000;
+/// Time in which a failed job of a box can be retried with the pictures that were sent, ms. A day: the person who sent
+/// them looks at the result within minutes, and the pictures may show a trainee.
+const FAILED_PICTURES_MS: i64 = 24 * 3_600_000;
+/// Videos per query.
+const ROUND: u32 = 100;
+
+impl RetentionSettings {
+    /// Videos of sessions that arrived before this time are deleted; `None`: they are kept.
+    pub fn videos_before_ms(&self, now_ms: i64) -> Option<i64> {
+        (self.videos_months > 0).then(|| now_ms - i64::from(self.videos_months) * MONTH_MS)
+    }
+
+    /// Videos of sessions that arrived before this time are deleted within the next 30 days; `None`: they are kept.
+    pub fn videos_of_next_month_before_ms(&self, now_ms: i64) -> Option<i64> {
+        self.videos_before_ms(now_ms + 30 * 86_400_000)
+    }
+
+    /// Time in which an erasure can be taken back; `None`: it cannot.
+    pub fn erase_after(&self) -> Option<Duration> {
+        (self.erase_days > 0).then(|| Duration::from_secs(u64::from(self.erase_days) * 86_400))
+    }
+}
+
+/// Erases the people whose erasure is due, and deletes the videos and pictures that are not kept any longer. A step that
+/// fails stops no other.
+///
+/// # Errors
+/// The first failure.
+pub async fn apply_retention(
+    (store, vault): (&Store, &Vault),
+    settings: &RetentionSettings,
+    now_ms: i64,
+) -> UpkeepResult<()> {
+    let mut steps = Attempts::default();
+    steps.note(erase_due(store).await);
+    if let Some(before_ms) = settings.videos_before_ms(now_ms) {
+        steps.note(drop_videos(store, vault, before_ms).await);
+    }
+    let before_ms = now_ms - FAILED_PICTURES_MS;
+    steps.note(store.retention().release_failed_pictures(before_ms).await.map_err(UpkeepError::from));
+    steps.finish(())
+}
+
+async fn erase_due(store: &Store) -> UpkeepResult<()> {
+    let mut attempts = Attempts::default();
+    for trainee in store.pending_erasures().due().await? {
+        let erased = match store.trainees().erase(&Scope::service(), &Key::from(&trainee)).await {
+            Err(StoreError::NotFound { .. }) => Ok(()), // erased meanwhile
+            erased => erased.map_err(UpkeepError::from),
+        };
+        attempts.note(erased);
+    }
+    attempts.finish(())
+}
+
+/// Deletes old videos: row first, file second. A file that a crash leaves is removed at the next start.
+async fn drop_videos(store: &Store, vault: &Vault, before_ms: i64) -> UpkeepResult<()> {
+    let mut attempts = Attempts::default();
+    loop {
+        let dropped = store.retention().drop_videos(before_ms, ROUND).await?;
+        for hash in &dropped {
+            // The same recording may just be sent again, which makes its file needed again.
+            let is_free = async { UpkeepResult::Ok(!store.blobs().has(*hash).await?) };
+            attempts.note(vault.delete_if(*hash, is_free).await);
+        }
+        if dropped.len() < ROUND as usize {
+            return attempts.finish(());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
