@@ -86,7 +86,7 @@ impl Scope {
     /// What this caller may read in the place of a trainee, who sees all of their own data. For administrators.
     pub fn on_behalf_of(&self, trainee: TraineeId) -> Self {
         let reach = if self.is_administrator() { ScopeReach::Trainee(trainee) } else { self.reach };
-        Self { reach, actor: self.actor }
+        Self { reach, ..self.clone() }
     }
 
     /// The role whose rights this scope carries.
@@ -121,7 +121,7 @@ impl Scope {
     /// scope.
     pub fn upload_scope(&self) -> Self {
         let reach = if self.role() == Role::Agent { ScopeReach::Everything } else { self.reach };
-        Self { reach, actor: self.actor }
+        Self { reach, ..self.clone() }
     }
 
     /// True for the service's own work, which also sees the people who wait for their erasure.

@@ -59,7 +59,7 @@ pub(super) fn add(job: &ExportJob, archive: &mut Archive) -> Result<(), ExportFa
         |_, task| {
             let standards = job.wait(store.standards().list(scope, task.id))?;
             let standards = standards.into_iter().map(|standard| StandardResponse::new(standard, scope)).collect();
-            tasks.push(TaskWithStandards { task: task.into(), standards });
+            tasks.push(TaskWithStandards { task: TaskResponse::new(task, scope), standards });
             Ok(())
         },
     )?;

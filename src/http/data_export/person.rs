@@ -85,7 +85,7 @@ async fn profile(job: &ExportJob, trainee: &TraineeRecord) -> Result<PersonProfi
         _ => Vec::new(),
     };
     Ok(PersonProfile {
-        trainee: trainee.clone().into(),
+        trainee: TraineeResponse::new(trainee.clone(), scope),
         groups: app.store.trainees().groups(scope, trainee.id).await?,
         account: account.map(PersonResponse::from),
         sign_ins: sign_ins.into_iter().map(SignInEntry::from).collect(),

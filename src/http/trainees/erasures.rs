@@ -80,5 +80,6 @@ pub async fn pending_erasures(
 #[utoipa::path(post, path = "/trainees/{id}/restore", tag = "trainees",
     params(("id" = String, Path, description = "id or code")), responses((status = OK, body = TraineeResponse)))]
 pub async fn restore(State(app): State<App>, by: Staff, PathKey(key): PathKey) -> HandlerResult<Json<TraineeResponse>> {
-    Ok(Json(app.store.pending_erasures().take_back(&by.scope, &key).await?.into()))
+    let trainee = app.store.pending_erasures().take_back(&by.scope, &key).await?;
+    Ok(Json(TraineeResponse::new(trainee, &by.scope)))
 }
