@@ -252,6 +252,11 @@ impl Settings {
             let expected = "the service's address, such as https://skills.example";
             return Err(SettingsError::Value { key: "http.public_url", value: url.clone(), expected });
         }
+        let is_below = |url: &String| url.trim_end_matches('/').ends_with(&http.base_path.to_string());
+        if let Some(url) = http.public_url.as_ref().filter(|url| !is_below(url)) {
+            let expected = "the service's address, which ends with http.base_path";
+            return Err(SettingsError::Value { key: "http.public_url", value: url.clone(), expected });
+        }
         self.check_tls()?;
         if queue.lease_s < 2 * queue.heartbeat_s || queue.lease_s > 86_400 {
             let expected = "at least two heartbeats (queue.heartbeat_s) and at most a day";
@@ -389,6 +394,22 @@ mod tests {
         let variable = with(&[("TROCAR_QUEUE__LEASES_S", "40")]).unwrap_err().to_string();
         assert!(variable.contains("TROCAR_QUEUE__LEASES_S") && variable.contains("leases_s"), "{variable}");
         assert!(with(&[("TROCAR_QUEU__LEASE_S", "40")]).is_err());
+    }
+
+    #[test]
+    fn the_public_address_ends_with_the_path_that_the_service_lies_under() {
+        let with_both = |url, path| with(&[("TROCAR_HTTP__PUBLIC_URL", url), ("TROCAR_HTTP__BASE_PATH", path)]);
+        for (url, path) in
+            [("https://a.example/trocar/", "/trocar"), ("https://a.example", "/"), ("https://a.example/any", "")]
+        {
+            assert!(with_both(url, path).is_ok(), "{url} with {path}");
+        }
+        for url in ["https://a.example", "https://a.example/other", "https://a.example/trocar/more"] {
+            let refused = with_both(url, "/trocar").unwrap_err().to_string();
+            assert!(refused.contains("http.public_url") && refused.contains("http.base_path"), "{refused}");
+        }
+        let refused = with(&[("TROCAR_HTTP__BASE_PATH", "trocar")]).unwrap_err().to_string();
+        assert!(refused.contains("expected one such as /trocar"), "{refused}");
     }
 
     #[test]

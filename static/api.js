@@ -1,7 +1,8 @@
 // The only module that calls the REST API. Pages use the same routes as other programs.
+import { basePath } from './base_path.js';
 import { t } from './texts.js';
 
-const ROOT = '/api/v1';
+const ROOT = `${basePath}/api/v1`;
 /** @type {Set<() => void>} */
 const signedOutCallbacks = new Set();
 

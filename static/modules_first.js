@@ -9,7 +9,7 @@
     session: `
       format.js pages/session.js parts/forms/dialog.js parts/live/interrupted.js parts/live/light.js parts/live/live_screen.js
       parts/live/live_space.js parts/live/live_tools.js parts/live/live_track.js parts/live/live_view.js
-      parts/live/placement.js parts/page/status.js parts/playback/chunk_loader.js parts/playback/curves.js
+      parts/live/placement.js parts/page/recorded_at.js parts/page/status.js parts/playback/chunk_loader.js parts/playback/curves.js
       parts/playback/orbit.js parts/playback/overlay.js parts/playback/path3d.js parts/playback/playback.js
       parts/playback/player.js parts/playback/plots.js parts/playback/readouts.js
       parts/playback/space_painter.js parts/playback/track.js parts/session/advice.js
@@ -19,7 +19,7 @@
       parts/session/skill.js parts/session/span_bar.js parts/session/verdict.js watch.js with_error.js`,
     trainee: `
       format.js pages/trainee.js parts/charts/axis.js parts/charts/monitor_chart.js parts/charts/progress_plot.js
-      parts/courses/course_state.js parts/courses/own_courses.js parts/page/status.js
+      parts/courses/course_state.js parts/courses/own_courses.js parts/page/recorded_at.js parts/page/status.js
       parts/people/progress_summary.js parts/people/strengths.js parts/tasks/standard.js with_error.js`,
     task: `
       format.js pages/task.js parts/charts/axis.js parts/charts/spread_plot.js parts/forms/dialog.js
@@ -32,7 +32,8 @@
   // Same choice as in texts.js: otherwise a file would be loaded for nothing.
   const candidates = [storedLanguage(), ...navigator.languages.map(language => language.split('-')[0].toLowerCase()), 'en'];
   const textFile = `texts/${candidates.find(language => language && LANGUAGES.includes(language))}.js`;
-  const [first, second, third] = location.pathname.split('/').filter(Boolean);
+  const basePath = document.documentElement.dataset.basePath ?? '';
+  const [first, second, third] = location.pathname.slice(basePath.length).split('/').filter(Boolean);
   const page = third ? null : !first ? 'today' : second && { sessions: 'session', trainees: 'trainee', tasks: 'task' }[first];
   for (const name of [textFile, ...(MODULES[page]?.trim().split(/\s+/) ?? [])])
     document.head.append(Object.assign(document.createElement('link'), { rel: 'modulepreload', href: ROOT + name }));

@@ -1,13 +1,14 @@
 // Page addresses such as `/sessions/7?t=3.2`. The server answers all of them with the dashboard; routes.js
 // lists the pages.
 import { useEffect, useState } from './preact.js';
+import { basePath } from './base_path.js';
 
 const CHANGED = 'trocar:route';
 
 /** The address as data: `/sessions/7?t=3.2` → `{ path: ['sessions', '7'], query }`. */
 export function currentRoute() {
   return {
-    path: location.pathname.split('/').filter(Boolean).map(decode),
+    path: location.pathname.slice(basePath.length).split('/').filter(Boolean).map(decode),
     query: new URLSearchParams(location.search),
   };
 }
@@ -16,7 +17,7 @@ export function currentRoute() {
 export function href(path, query = {}) {
   const params = Object.entries(query).filter(([, value]) => value !== undefined && value !== null && value !== '');
   const search = new URLSearchParams(params).toString();
-  return `/${path.map(encodeURIComponent).join('/')}${search ? `?${search}` : ''}`;
+  return `${basePath}/${path.map(encodeURIComponent).join('/')}${search ? `?${search}` : ''}`;
 }
 
 export function go(path, query) {
@@ -45,7 +46,7 @@ addEventListener('click', event => {
   const plain = event.button === 0 && !event.metaKey && !event.ctrlKey && !event.shiftKey && !event.altKey;
   if (!link || !plain || event.defaultPrevented || link.target || link.hasAttribute('download')) return;
   const address = link.getAttribute('href') ?? '';
-  if (!address.startsWith('/') || address.startsWith('//') || /^\/(api|docs)\b/.test(address)) return;
+  if (address.startsWith('//') || !address.startsWith(`${basePath}/`) || /^\/(api|docs)\b/.test(address.slice(basePath.length))) return;
   event.preventDefault();
   if (address !== location.pathname + location.search) pushAddress(address);
 });

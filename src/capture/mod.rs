@@ -2,8 +2,8 @@
 //! spool until the server has them.
 //!
 //! ```text
-//! media::Source ──frames──▶ recorder ──▶ spool (disk) ──▶ send_order: live frames first ──▶ connection ──▶ server
-//!                                          ◀── removes what is durable on the server ───────────┘
+//! source ──frames──▶ recorder ──▶ spool (disk) ──▶ send_order: live frames first ──▶ connection ──▶ server
+//!                                   ◀── removes what is durable on the server ───────────┘
 //! ```
 //! A recording stays in the spool until the server reports it complete. The next run sends what one run could not
 //! send.
@@ -11,6 +11,7 @@
 //! | file | holds |
 //! |---|---|
 //! | [`controls`] | switching off a camera's automatic controls |
+//! | [`source`] | the frames of a source, over its interruptions |
 //! | [`recorder`] | frames into the spool as they arrive, with numbers |
 //! | [`spool`] | recordings on the disk |
 //! | [`send_order`] | what is sent next |
@@ -23,6 +24,7 @@ pub mod controls;
 pub mod recorder;
 pub mod send_order;
 pub mod sender;
+pub mod source;
 pub mod spool;
 pub mod status;
 

@@ -2,24 +2,23 @@
 
 use std::time::Duration;
 
-use tokio::sync::mpsc;
 use tokio::task::{JoinHandle, block_in_place};
 use tokio::time::{Instant, interval, sleep_until};
 
 use super::Agent;
-use crate::domain::feed::record::{FeedRecord, RecordBody};
+use super::source::{RecordedSource, SourceEvent};
+use crate::domain::feed::record::{FeedRecord, GapReason, RecordBody};
 use crate::domain::feed::{MAX_DURATION_S, MAX_FRAMES, TimeBase};
-use crate::media::{CaptureSource, CapturedFrame};
+use crate::media::CapturedFrame;
 use crate::shutdown::Shutdown;
 
-/// Frames that may wait for the disk; a camera's own queue comes first.
-const MAX_WAITING_FRAMES: usize = 32;
 /// Interval between syncs of the spool. A power cut loses at most this much of what the server does not have, and what
 /// arrived during a sync.
 const SYNC_INTERVAL: Duration = Duration::from_millis(400);
 
-/// Longest silence of a source; an unplugged one may block its reader for ever.
-const SOURCE_TIMEOUT: Duration = Duration::from_secs(30);
+/// Shortest time between the frames before and after an interruption of the source, s. A source opened again may
+/// deliver what it had buffered faster than time passes.
+const MIN_GAP_S: f64 = 0.5;
 
 /// How a recording is made.
 #[derive(Clone, Copy, Debug)]
@@ -32,58 +31,61 @@ pub struct RecordingRules {
     pub time_base: TimeBase,
 }
 
-/// Reads a source on a separate thread until it ends or the receiver is dropped.
-pub fn read_source(mut source: CaptureSource) -> mpsc::Receiver<CapturedFrame> {
-    let (sender, frames) = mpsc::channel(MAX_WAITING_FRAMES);
-    std::thread::spawn(move || {
-        loop {
-            match source.next_frame() {
-                Ok(Some(frame)) => {
-                    if sender.blocking_send(frame).is_err() {
-                        return; // the receiver was dropped
-                    }
-                }
-                Ok(None) => return,
-                Err(error) => return tracing::error!(%error, "the source failed; the recording ends here"),
-            }
-        }
-    });
-    frames
+/// A recording that has ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EndedRecording {
+    /// Its frames and gaps.
+    pub frames: u64,
+    /// Why it ended, if its source was lost.
+    pub source_lost: Option<String>,
 }
 
-/// Appends frames to the live recording until the source ends, the time is over or `ending` begins. Returns their
-/// number.
+/// Appends frames to the live recording until the source ends or is lost, the time is over or `ending` begins.
 pub async fn record(
     agent: &Agent,
-    mut frames: mpsc::Receiver<CapturedFrame>,
+    mut source: RecordedSource,
     rules: RecordingRules,
     ending: &Shutdown,
-) -> u64 {
+) -> EndedRecording {
     let seconds = rules.seconds.unwrap_or(MAX_DURATION_S).min(MAX_DURATION_S);
-    let mut silent_at = Instant::now() + SOURCE_TIMEOUT;
-    let mut first = None;
-    let mut number = 0;
+    let mut timeline = Timeline::new(rules.time_base);
+    let (mut number, mut source_lost) = (0, None);
     let mut sync = interval(SYNC_INTERVAL);
     let mut syncing = BackgroundSync::default();
     loop {
-        let frame = tokio::select! {
+        let event = tokio::select! {
             biased;
             () = ending.begun() => break,
             _ = sync.tick() => { syncing.begin(agent); continue; }
-            frame = frames.recv() => frame,
-            () = sleep_until(silent_at) => {
-                tracing::error!("the source sent nothing for 30 s; the recording ends here");
+            event = source.next() => event,
+        };
+        let frame = match event {
+            SourceEvent::Frame(frame) => timeline.place(frame),
+            SourceEvent::Resumed(frame) => {
+                tracing::info!(number, "the source is back; the recording continues after a gap");
+                if source.info().is_camera {
+                    tracing::warn!(
+                        "a camera that was unplugged may have its automatic exposure and white balance on again"
+                    );
+                }
+                let body = RecordBody::Gap { last: number, reason: GapReason::Camera };
+                append(agent, &FeedRecord { epoch: 0, number, body });
+                number += 1;
+                timeline.resume(&frame);
+                timeline.place(frame)
+            }
+            SourceEvent::Ended => break,
+            SourceEvent::Lost(why) => {
+                tracing::error!(why, "the source is lost; the recording ends here");
+                source_lost = Some(why);
                 break;
             }
         };
-        let Some(frame) = frame else { break };
-        silent_at = Instant::now() + SOURCE_TIMEOUT;
-        let first = *first.get_or_insert_with(Instant::now);
-        if frame.due_s >= seconds || number == MAX_FRAMES {
+        if frame.due_s >= seconds || number >= MAX_FRAMES {
             tracing::info!(seconds, number, "the recording has reached its length");
             break;
         }
-        let due = first + Duration::from_secs_f64(frame.due_s.max(0.0));
+        let due = timeline.began + Duration::from_secs_f64(frame.due_s.max(0.0));
         while rules.is_paced && Instant::now() < due && !ending.is_begun() {
             tokio::select! {
                 () = ending.begun() => {}
@@ -91,16 +93,64 @@ pub async fn record(
                 () = sleep_until(due) => {}
             }
         }
-        append(agent, number, &frame, rules.time_base);
+        append_frame(agent, number, &frame, rules.time_base);
         number += 1;
         agent.status().captured = number;
         agent.notify_changed();
     }
+    drop(source);
     syncing.end().await;
-    block_in_place(|| agent.spool().end_live());
+    block_in_place(|| end_live(agent, source_lost.as_deref()));
     agent.sync().await;
     agent.notify_changed();
-    number
+    EndedRecording { frames: number, source_lost }
+}
+
+fn end_live(agent: &Agent, source_lost: Option<&str>) {
+    let mut spool = agent.spool();
+    if let Some(why) = source_lost
+        && let Err(error) = spool.note_source_lost(why)
+    {
+        tracing::warn!(%error, "the spool cannot be written: after a restart the server does not hear of the lost source");
+    }
+    spool.end_live();
+}
+
+/// The times of a recording, over the interruptions of its source. A source that is opened again counts from 0 again.
+struct Timeline {
+    time_base: TimeBase,
+    /// When the first frame arrived.
+    began: Instant,
+    has_begun: bool,
+    /// Added to the times of the source, ticks and s.
+    offset: (i64, f64),
+    /// Latest time so far, ticks.
+    latest: i64,
+}
+
+impl Timeline {
+    fn new(time_base: TimeBase) -> Self {
+        Self { time_base, began: Instant::now(), has_begun: false, offset: (0, 0.0), latest: 0 }
+    }
+
+    /// The frame at its time in the recording.
+    fn place(&mut self, frame: CapturedFrame) -> CapturedFrame {
+        if !self.has_begun {
+            (self.began, self.has_begun) = (Instant::now(), true);
+        }
+        let time = frame.time.saturating_add(self.offset.0);
+        self.latest = self.latest.max(time);
+        CapturedFrame { time, due_s: frame.due_s + self.offset.1, ..frame }
+    }
+
+    /// The source is back with this frame: it was captured as long after the first frame as it arrived after it.
+    fn resume(&mut self, frame: &CapturedFrame) {
+        let (num, den) = self.time_base.fraction();
+        let ticks_per_s = f64::from(den) / f64::from(num);
+        let passed_s = self.began.elapsed().as_secs_f64();
+        let resumed_s = passed_s.max(self.time_base.seconds(self.latest) + MIN_GAP_S);
+        self.offset = ((resumed_s * ticks_per_s).round() as i64 - frame.time, resumed_s - frame.due_s);
+    }
 }
 
 /// A sync that runs beside the recording, one at a time: a slow disk must not delay the camera.
@@ -125,13 +175,43 @@ impl BackgroundSync {
 }
 
 /// Appends a frame; a frame that cannot be sent becomes a gap.
-fn append(agent: &Agent, number: u64, frame: &CapturedFrame, time_base: TimeBase) {
+fn append_frame(agent: &Agent, number: u64, frame: &CapturedFrame, time_base: TimeBase) {
     let body = frame.body(number, time_base);
     if let RecordBody::Gap { .. } = body {
         let (time_s, bytes) = (time_base.seconds(frame.time), frame.bytes.len());
         tracing::warn!(number, time_s, bytes, "frame replaced by a gap: damaged, too large or out of order");
     }
-    if let Err(error) = block_in_place(|| agent.spool().append(&FeedRecord { epoch: 0, number, body })) {
-        tracing::error!(number, %error, "frame lost: the spool cannot be written");
+    append(agent, &FeedRecord { epoch: 0, number, body });
+}
+
+fn append(agent: &Agent, record: &FeedRecord<'_>) {
+    if let Err(error) = block_in_place(|| agent.spool().append(record)) {
+        tracing::error!(number = record.number, %error, "frame lost: the spool cannot be written");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(time: i64) -> CapturedFrame {
+        CapturedFrame { time, due_s: time as f64 / 1000.0, is_key: true, bytes: vec![1] }
+    }
+
+    #[test]
+    fn times_continue_after_each_interruption_of_the_source() {
+        let mut timeline = Timeline::new([1, 1000].try_into().unwrap());
+        let mut times: Vec<i64> = [0, 40, 80].map(|time| timeline.place(frame(time)).time).into();
+        for first in [0, 5000] {
+            timeline.resume(&frame(first));
+            times.extend([first, first + 40].map(|time| timeline.place(frame(time)).time));
+        }
+        assert_eq!(times[..3], [0, 40, 80]);
+        assert_eq!(times[4] - times[3], 40, "{times:?}");
+        for pair in [[times[2], times[3]], [times[4], times[5]]] {
+            assert!((500..5000).contains(&(pair[1] - pair[0])), "{times:?}");
+        }
+        let last = timeline.place(frame(5080));
+        assert!((last.due_s - last.time as f64 / 1000.0).abs() < 0.001, "{last:?}");
     }
 }

@@ -227,6 +227,8 @@ pub(super) fn judge_sessions<'p>(
         number: at.number,
         id: at.session.id,
         recorded_at: to_rfc3339(at.session.recorded_at_ms),
+        recorded_at_source: at.session.recorded_at_source,
+        created_at: to_rfc3339(at.session.created_at_ms),
         status: at.session.status,
         set_aside: set_aside(at.session),
         trial: trials.get(&at.session.id).map(|trial| (*trial).into()),

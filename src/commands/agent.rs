@@ -3,13 +3,13 @@
 //!
 //! SIGINT or SIGTERM ends the recording. The agent then sends the rest until the server has the whole recording, or
 //! until a second signal. Unsent frames stay in the spool. The exit status is 0 only if the server has the whole
-//! recording.
+//! recording and its source was not lost.
 
 use std::io::{IsTerminal, Write, stderr};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
@@ -19,8 +19,9 @@ use tracing_subscriber::EnvFilter;
 use super::{CommandFailure, restrict_new_files_to_owner};
 use crate::capture::connection::Server;
 use crate::capture::controls::{CameraDevice, CameraLock, LockResult, restore_automatics};
-use crate::capture::recorder::{RecordingRules, read_source, record};
+use crate::capture::recorder::{RecordingRules, record};
 use crate::capture::sender::{SendOutcome, send};
+use crate::capture::source::{OpenSource, RecordedSource, SourcePatience};
 use crate::capture::spool::Spool;
 use crate::capture::{Agent, status};
 use crate::domain::feed::PROTOCOL;
@@ -34,6 +35,10 @@ use crate::time::{Clock, SystemClock, to_rfc3339};
 const SPOOL_BYTES: u64 = 16 << 30;
 /// Interval of status lines in the log if stderr is not a terminal, s.
 const LOG_INTERVAL_S: u64 = 10;
+/// Default silence after which a source counts as interrupted, s.
+const SOURCE_SILENCE_S: f64 = 30.0;
+/// Default time after which an interrupted source is lost, s: a cable that slipped out is found by then.
+const SOURCE_OUTAGE_S: f64 = 60.0;
 /// Time for the camera's automatic exposure and white balance to settle before they are switched off.
 const SETTLE_TIME: Duration = Duration::from_secs(2);
 
@@ -64,6 +69,12 @@ pub struct AgentArgs {
     /// End the recording after this many seconds
     #[arg(long, value_name = "N")]
     seconds: Option<f64>,
+    /// A camera or stream that sends nothing for this many seconds is opened again
+    #[arg(long, value_name = "N", default_value_t = SOURCE_SILENCE_S)]
+    silence_s: f64,
+    /// End the recording if a camera or stream that ended, failed or fell silent is not back after this many seconds
+    #[arg(long, value_name = "N", default_value_t = SOURCE_OUTAGE_S)]
+    reconnect_s: f64,
     /// Read a file as fast as possible instead of in real time
     #[arg(long)]
     as_fast_as_possible: bool,
@@ -97,6 +108,10 @@ pub fn run(args: AgentArgs) -> Result<(), CommandFailure> {
     if args.seconds.is_some_and(|seconds| !(seconds.is_finite() && seconds > 0.0)) {
         return Err(CommandFailure::Input(anyhow!("--seconds: expected a number above 0")));
     }
+    let patience = SourcePatience {
+        silence: seconds("--silence-s", args.silence_s, 0.1)?,
+        outage: seconds("--reconnect-s", args.reconnect_s, 0.0)?,
+    };
     let spool = Spool::open(&args.spool, args.spool_bytes)
         .with_context(|| format!("opening the spool {}", args.spool.display()))
         .map_err(CommandFailure::Input)?;
@@ -105,7 +120,7 @@ pub fn run(args: AgentArgs) -> Result<(), CommandFailure> {
         tracing::warn!(%error, "cannot restore the automatic controls that an earlier run switched off at the camera");
     }
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
-    let done = runtime.block_on(record_and_send_all(Agent::new(spool), server, args));
+    let done = runtime.block_on(record_and_send_all(Agent::new(spool), server, args, patience));
     runtime.shutdown_timeout(Duration::from_millis(500));
     done
 }
@@ -115,13 +130,24 @@ fn is_readable_by_others(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|found| found.permissions().mode() & 0o004 != 0)
 }
 
-async fn record_and_send_all(agent: Agent, server: Server, args: AgentArgs) -> Result<(), CommandFailure> {
+/// A duration of the command line, from `min` s to a day.
+fn seconds(flag: &str, value: f64, min: f64) -> Result<Duration, CommandFailure> {
+    let duration = Duration::try_from_secs_f64(value).ok().filter(|_| (min..=86_400.0).contains(&value));
+    duration.ok_or_else(|| CommandFailure::Input(anyhow!("{flag}: expected {min} to 86400 seconds")))
+}
+
+async fn record_and_send_all(
+    agent: Agent,
+    server: Server,
+    args: AgentArgs,
+    patience: SourcePatience,
+) -> Result<(), CommandFailure> {
     let shutdown = Shutdown::new();
     shutdown.begin_on_signals().context("listening for signals")?;
     let left_over = agent.spool().ids();
     let status_lines = tokio::spawn(show_status(agent.clone()));
     let whole = match &args.source {
-        Some(source) => record_and_send(&agent, &server, &args, source, &shutdown).await,
+        Some(source) => record_and_send(&agent, &server, &args, (source, patience), &shutdown).await,
         None => Ok(()),
     };
     // With a source, the first signal only ends the recording; sending continues until a second signal ends the
@@ -141,15 +167,10 @@ async fn record_and_send(
     agent: &Agent,
     server: &Server,
     args: &AgentArgs,
-    address: &str,
+    (address, patience): (&str, SourcePatience),
     shutdown: &Shutdown,
 ) -> Result<(), CommandFailure> {
-    let over = Arc::new(AtomicBool::new(false));
-    let (opened, options, is_over) = (address.to_owned(), args.options.clone(), over.clone());
-    let ending = shutdown.clone();
-    let is_over = move || is_over.load(Ordering::Relaxed) || ending.is_begun();
-    let source = tokio::task::spawn_blocking(move || CaptureSource::open(&opened, &options, is_over));
-    let source = source.await.context("opening the source")?;
+    let source = RecordedSource::open(opener(address, args, shutdown), patience).await.context("opening the source")?;
     let source = source.with_context(|| format!("the source {address}")).map_err(CommandFailure::Input)?;
     let info = source.info().clone();
     log_source(&info);
@@ -162,12 +183,11 @@ async fn record_and_send(
     let (recorder, ending) = (agent.clone(), recording.clone());
     let holding = (info.is_camera && !args.automatic)
         .then(|| tokio::spawn(lock_controls(address.to_owned(), camera_note_path(&args.spool), recording.clone())));
-    let frames = read_source(source);
     let recorder = tokio::spawn(async move {
-        let frames = record(&recorder, frames, rules, &ending).await;
-        over.store(true, Ordering::Relaxed);
+        let ended = record(&recorder, source, rules, &ending).await;
         ending.begin();
-        tracing::info!(frames, "recording ended");
+        tracing::info!(frames = ended.frames, "recording ended");
+        ended
     });
     let (stop, signal) = (recording.clone(), shutdown.begun());
     tokio::spawn(async move {
@@ -178,18 +198,32 @@ async fn record_and_send(
     if matches!(outcome, SendOutcome::Refused(_)) && !agent.status().was_welcome() {
         recording.begin(); // the server never accepted it and never will: stop now, so that the user sees the error
     }
-    recorder.await.context("recording")?;
+    let source_lost = recorder.await.context("recording")?.source_lost;
     if let Some(holding) = holding {
         let _ = holding.await; // a panic is logged where it happened
     }
     match outcome {
         SendOutcome::Complete(session) => {
             tracing::info!(%session, "recording complete on the server");
-            Ok(())
+            match source_lost {
+                None => Ok(()),
+                Some(why) => Err(CommandFailure::Failed(anyhow!(
+                    "{why}; the recording ended there, and the server has what was recorded until then"
+                ))),
+            }
         }
         SendOutcome::Empty => Err(CommandFailure::Failed(anyhow!("the source delivered no frame"))),
         SendOutcome::Refused(why) => Err(CommandFailure::Failed(anyhow!(why))),
     }
+}
+
+/// Opens the source, the first time and after each interruption.
+fn opener(address: &str, args: &AgentArgs, shutdown: &Shutdown) -> OpenSource {
+    let (address, options, ending) = (address.to_owned(), args.options.clone(), shutdown.clone());
+    Arc::new(move |stop| {
+        let ending = ending.clone();
+        CaptureSource::open(&address, &options, move || stop.load(Ordering::Relaxed) || ending.is_begun())
+    })
 }
 
 /// Sends the recordings that earlier runs left in the spool, the oldest first: a box sends one recording at a time.

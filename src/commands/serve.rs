@@ -419,7 +419,7 @@ fn print_sign_in(data: &Path, login: &str, new: Option<&Password>) {
 /// Prints the address.
 fn print_welcome(running: &RunningService) {
     let scheme = if running.app.service_info.is_https { "https" } else { "http" };
-    print_line(&format!("Trocar listens on {scheme}://{}/", running.address));
+    print_line(&format!("Trocar listens on {scheme}://{}{}/", running.address, running.app.settings.base_path));
     if let Some(address) = running.redirect_address {
         print_line(&format!("Requests to http://{address}/ are redirected to it."));
     }

@@ -43,6 +43,16 @@ named! {
     }
 }
 
+named! {
+    /// Who says when a session was recorded.
+    RecordedAtSource: "recorded_at_source" {
+        /// Its sender, from the clock of a camera or computer, or from a file's date.
+        Claimed = "claimed",
+        /// The service: no usable time was stated, so it is when the recording arrived, or began to.
+        Arrival = "arrival",
+    }
+}
+
 impl BoxQuestion {
     /// Does a session with this answer count?
     pub fn counts(self) -> bool {

@@ -9,6 +9,14 @@ use crate::time::{from_rfc3339, millis};
 /// Lifetime of a token whose maker states none: a year, so that a forgotten program loses access at some time.
 const USUAL_LIFETIME: Duration = Duration::from_secs(365 * 86_400);
 
+/// How long ahead of its end a token is said to expire soon: time for an administrator to make another.
+const SOON: Duration = Duration::from_secs(30 * 86_400);
+
+/// The end of a token, if that is soon or past; epoch ms.
+pub fn expires_soon(expires_at_ms: Option<i64>, now_ms: i64) -> Option<i64> {
+    expires_at_ms.filter(|at_ms| *at_ms <= now_ms + millis(SOON))
+}
+
 /// When a new token expires. As text: a time in RFC 3339, or `never`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TokenExpiry {

@@ -46,7 +46,7 @@ pub async fn sign_ins(
     headers: HeaderMap,
 ) -> HandlerResult<Json<PageResponse<SignInEntry>>> {
     let person = by.scope.person().ok_or_else(ProblemResponse::not_found)?;
-    let current = match PresentedCredential::in_headers(&headers) {
+    let current = match PresentedCredential::in_headers(&headers, &app.settings.base_path) {
         PresentedCredential::Cookie(secret) => Some(secret),
         PresentedCredential::Token(_) | PresentedCredential::Nothing => None,
     };

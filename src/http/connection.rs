@@ -23,6 +23,7 @@ use tokio_rustls::TlsAcceptor;
 use tokio_rustls::server::TlsStream;
 use tower::ServiceExt;
 
+use super::base_path::BasePath;
 use super::http2_streams::{MAX_STREAMS, MAX_UNSENT_BYTES, StreamExecutor, watch_answer};
 use super::redirect;
 use super::scheme::Encrypted;
@@ -41,6 +42,21 @@ pub enum Transport {
     Plain,
     /// HTTPS. A request in plain HTTP is redirected.
     Tls(TlsAcceptor),
+}
+
+/// The routes of a listener, and the path that they lie under.
+#[derive(Clone)]
+pub struct Site {
+    /// The routes, without the path.
+    pub routes: Router,
+    /// The path, which is removed before a request reaches the routes.
+    pub base_path: BasePath,
+}
+
+impl From<Router> for Site {
+    fn from(routes: Router) -> Self {
+        Self { routes, base_path: BasePath::default() }
+    }
 }
 
 /// Limits on the time of a connection.
@@ -74,7 +90,7 @@ pub async fn serve_connection(
     stream: TcpStream,
     peer: SocketAddr,
     transport: Transport,
-    routes: Router,
+    site: Site,
     limits: ConnectionLimits,
     stop: &Shutdown,
 ) -> ConnectionResult {
@@ -85,12 +101,14 @@ pub async fn serve_connection(
     };
     let client = Client { peer, is_encrypted: matches!(opened, OpenConnection::Tls(_)) };
     match opened {
-        OpenConnection::Plain(stream) => run_http1(stream, client, routes, limits, stop).await,
-        OpenConnection::Misdirected(stream) => run_http1(stream, client, redirect::routes(None), limits, stop).await,
-        OpenConnection::Tls(stream) if stream.get_ref().1.alpn_protocol() == Some(HTTP2) => {
-            run_http2(*stream, client, routes, limits, stop).await
+        OpenConnection::Plain(stream) => run_http1(stream, client, site, limits, stop).await,
+        OpenConnection::Misdirected(stream) => {
+            run_http1(stream, client, Site::from(redirect::routes(None)), limits, stop).await
         }
-        OpenConnection::Tls(stream) => run_http1(*stream, client, routes, limits, stop).await,
+        OpenConnection::Tls(stream) if stream.get_ref().1.alpn_protocol() == Some(HTTP2) => {
+            run_http2(*stream, client, site, limits, stop).await
+        }
+        OpenConnection::Tls(stream) => run_http1(*stream, client, site, limits, stop).await,
     }
 }
 
@@ -110,14 +128,14 @@ async fn open(stream: TcpStream, transport: Transport, limits: ConnectionLimits)
 async fn run_http1<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
     stream: S,
     client: Client,
-    routes: Router,
+    site: Site,
     limits: ConnectionLimits,
     stop: &Shutdown,
 ) -> ConnectionResult {
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(limits.head_timeout)
-        .serve_connection(TokioIo::new(stream), service_fn(move |request| answer(routes.clone(), client, request)))
+        .serve_connection(TokioIo::new(stream), service_fn(move |request| answer(site.clone(), client, request)))
         .with_upgrades();
     let mut connection = pin!(connection);
     tokio::select! {
@@ -131,7 +149,7 @@ async fn run_http1<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
 async fn run_http2<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
     stream: S,
     client: Client,
-    routes: Router,
+    site: Site,
     limits: ConnectionLimits,
     stop: &Shutdown,
 ) -> ConnectionResult {
@@ -139,7 +157,7 @@ async fn run_http2<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
     let connection = http2::Builder::new(streams.clone())
         .max_concurrent_streams(MAX_STREAMS)
         .max_send_buf_size(MAX_UNSENT_BYTES)
-        .serve_connection(TokioIo::new(stream), service_fn(move |request| answer(routes.clone(), client, request)));
+        .serve_connection(TokioIo::new(stream), service_fn(move |request| answer(site.clone(), client, request)));
     let mut connection = pin!(connection);
     let is_idle = tokio::select! {
         ended = connection.as_mut() => return Ok(ended?),
@@ -168,7 +186,7 @@ struct Client {
 type ResponseFuture = Pin<Box<dyn Future<Output = Result<Response, Infallible>> + Send>>;
 
 /// Passes a request to the routes, with the client's address.
-fn answer(routes: Router, client: Client, request: hyper::Request<Incoming>) -> ResponseFuture {
+fn answer(site: Site, client: Client, request: hyper::Request<Incoming>) -> ResponseFuture {
     let mut request: Request = request.map(Body::new);
     if request.version() == Version::HTTP_2 {
         as_in_http1(&mut request);
@@ -177,7 +195,13 @@ fn answer(routes: Router, client: Client, request: hyper::Request<Incoming>) -> 
     if client.is_encrypted {
         request.extensions_mut().insert(Encrypted);
     }
-    Box::pin(async move { routes.oneshot(request).await.map(watch_answer) })
+    Box::pin(async move {
+        match site.base_path.enter(request) {
+            Ok(request) => site.routes.oneshot(request).await,
+            Err(outside) => Ok(*outside),
+        }
+        .map(watch_answer)
+    })
 }
 
 /// HTTP/2 has the host in the address (`:authority`). The handlers expect it in `Host`, as in HTTP/1.1.

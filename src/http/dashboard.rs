@@ -11,6 +11,7 @@ use std::borrow::Cow;
 use std::sync::LazyLock;
 
 use axum::body::Body;
+use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use base64::Engine;
@@ -18,7 +19,9 @@ use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use rust_embed::RustEmbed;
 use sha2::{Digest, Sha256};
 
+use super::base_path::BasePath;
 use super::error::{ProblemResponse, Refusal};
+use super::state::App;
 
 #[derive(RustEmbed)]
 #[folder = "static/"]
@@ -33,6 +36,10 @@ const VERSIONED_PREFIX: &str = "kept/";
 /// The placeholder for the version in the index page.
 const VERSION_PLACEHOLDER: &str = "kept/VERSION/";
 
+/// The placeholder in the index page for the path that the service lies under. All addresses in the page begin with it,
+/// and scripts read it from the root element.
+const BASE_PATH_PLACEHOLDER: &str = "BASE_PATH";
+
 /// `Cache-Control` of a file whose address contains the current version.
 const CACHE_FOREVER: &str = "public, max-age=31536000, immutable";
 
@@ -41,7 +48,8 @@ const CACHE_FOREVER: &str = "public, max-age=31536000, immutable";
 const REVALIDATE: &str = "no-cache";
 
 /// Fallback for every address without a route: a file, or the index page for an address of the dashboard.
-pub async fn page(method: Method, uri: Uri, headers: HeaderMap) -> Response {
+pub async fn page(State(app): State<App>, method: Method, uri: Uri, headers: HeaderMap) -> Response {
+    let base = &app.settings.base_path;
     let path = uri.path().trim_start_matches('/');
     if is_reserved(path) {
         return ProblemResponse::not_found().into_response();
@@ -50,11 +58,11 @@ pub async fn page(method: Method, uri: Uri, headers: HeaderMap) -> Response {
         return Refusal::MethodNotAllowed.with("Pages can only be read: use GET.").into_response();
     }
     if let Some((of, path)) = path.strip_prefix(VERSIONED_PREFIX).and_then(|rest| rest.split_once('/')) {
-        let Some(file) = StaticFile::at(path) else { return ProblemResponse::not_found().into_response() };
+        let Some(file) = StaticFile::at(path, base) else { return ProblemResponse::not_found().into_response() };
         return file.answer(&headers, if of == version() { CACHE_FOREVER } else { REVALIDATE });
     }
     let path = if path.is_empty() { INDEX } else { path };
-    match StaticFile::at(path).or_else(|| is_view(path).then(|| StaticFile::at(INDEX)).flatten()) {
+    match StaticFile::at(path, base).or_else(|| is_view(path).then(|| StaticFile::at(INDEX, base)).flatten()) {
         Some(file) => file.answer(&headers, REVALIDATE),
         None => ProblemResponse::not_found().into_response(),
     }
@@ -78,16 +86,17 @@ struct StaticFile {
 }
 
 impl StaticFile {
-    /// The file at a path below `static/`; in the index page the version replaces its placeholder.
-    fn at(path: &str) -> Option<Self> {
+    /// The file at a path below `static/`; in the index page the version and the base path replace their placeholders.
+    fn at(path: &str, base: &BasePath) -> Option<Self> {
         let file = Pages::get(path)?;
         let media_type = media_type(path, file.metadata.mimetype());
         let (bytes, hash) = (file.data, file.metadata.sha256_hash());
         if path != INDEX {
             return Some(Self { bytes, hash, media_type });
         }
-        let page =
-            String::from_utf8_lossy(&bytes).replace(VERSION_PLACEHOLDER, &format!("{VERSIONED_PREFIX}{}/", version()));
+        let page = String::from_utf8_lossy(&bytes)
+            .replace(VERSION_PLACEHOLDER, &format!("{VERSIONED_PREFIX}{}/", version()))
+            .replace(BASE_PATH_PLACEHOLDER, &base.to_string());
         Some(Self { hash: Sha256::digest(&page).into(), bytes: page.into_bytes().into(), media_type })
     }
 

@@ -2,13 +2,15 @@
 
 use std::sync::Arc;
 
-use axum::extract::Path;
 use axum::extract::rejection::PathRejection;
+use axum::extract::{Path, State};
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::{IntoResponse, Redirect, Response};
 use utoipa_swagger_ui::{Config, SwaggerFile};
 
+use super::base_path::BasePath;
 use super::error::{HandlerResult, ProblemResponse};
+use super::state::App;
 
 /// Address of the API description.
 pub const OPENAPI_PATH: &str = "/api/v1/openapi.json";
@@ -19,18 +21,19 @@ pub async fn entry() -> Redirect {
 }
 
 /// The first page.
-pub async fn index() -> HandlerResult<Response> {
-    file("index.html")
+pub async fn index(State(app): State<App>) -> HandlerResult<Response> {
+    file("index.html", &app.settings.base_path)
 }
 
 /// One of the viewer's files.
-pub async fn asset(path: Result<Path<String>, PathRejection>) -> HandlerResult<Response> {
+pub async fn asset(State(app): State<App>, path: Result<Path<String>, PathRejection>) -> HandlerResult<Response> {
     let Path(path) = path.map_err(|_| ProblemResponse::not_found())?;
-    file(&path)
+    file(&path, &app.settings.base_path)
 }
 
-fn file(path: &str) -> HandlerResult<Response> {
-    let found = utoipa_swagger_ui::serve(path, Arc::new(Config::from(OPENAPI_PATH)));
+fn file(path: &str, base: &BasePath) -> HandlerResult<Response> {
+    let description = format!("{base}{OPENAPI_PATH}");
+    let found = utoipa_swagger_ui::serve(path, Arc::new(Config::from(description)));
     let file = found.map_err(|cause| ProblemResponse::internal("showing the docs", cause.to_string()))?;
     file.map(answer).ok_or_else(ProblemResponse::not_found)
 }

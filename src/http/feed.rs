@@ -28,8 +28,9 @@ use crate::domain::feed::messages::{Hello, SenderMessage, ServerMessage};
 use crate::domain::feed::record::MAX_RECORD_BYTES;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
+use crate::domain::token_expiry::expires_soon;
 use crate::live::{ConnectResult, Connection};
-use crate::time::millis;
+use crate::time::{millis, to_rfc3339};
 
 /// Longest text message, bytes.
 const MAX_TEXT_BYTES: usize = 8192;
@@ -123,7 +124,11 @@ async fn run(app: &App, by: &FeedSender, in_box: &Key, socket: &mut WebSocket) -
         ConnectResult::Open(feed) => feed,
         ConnectResult::Ended(session) => return send(socket, &ServerMessage::Ended { session, durable: None }).await,
     };
-    let welcome = feed.welcome().await?;
+    let mut welcome = feed.welcome().await?;
+    if let ServerMessage::Welcome { token_expires_at, .. } = &mut welcome {
+        let expires_at_ms = SignedIn::token_expiry(app, &by.headers).await;
+        *token_expires_at = expires_soon(expires_at_ms, app.clock.now_ms()).map(to_rfc3339);
+    }
     send(socket, &welcome).await?;
     if matches!(welcome, ServerMessage::Ended { .. }) {
         return Ok(());
@@ -203,8 +208,8 @@ async fn receive_recording(
                     ack_at = Some(Instant::now() + settings.ack());
                 }
             }
-            ReceivedMessage::Control(SenderMessage::End { frames }) => {
-                let answer = feed.end(frames).await?;
+            ReceivedMessage::Control(SenderMessage::End { frames, source_lost }) => {
+                let answer = feed.end(frames, source_lost).await?;
                 send(socket, &answer).await?;
                 if matches!(answer, ServerMessage::Ended { .. }) {
                     return Ok(());

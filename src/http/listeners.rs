@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 
-use super::connection::Transport;
+use super::connection::{Site, Transport};
 use super::state::App;
 use super::tls::ServerCertificate;
 use super::{redirect, router, server};
@@ -66,14 +66,14 @@ impl Listeners {
             app.shutdown.spawn(certificate.keep_current(app.clock.clone(), app.shutdown.clone()));
         }
         if let Some(listener) = self.redirect {
-            let (own, routes) = (app.clone(), redirect::routes(Some(self.main.address.port())));
+            let (own, site) = (app.clone(), Site::from(redirect::routes(Some(self.main.address.port()))));
             app.shutdown.spawn(async move {
-                server::serve(listener.socket, Transport::Plain, routes, &own.settings, &own.shutdown).await;
+                server::serve(listener.socket, Transport::Plain, site, &own.settings, &own.shutdown).await;
             });
         }
-        let routes = router::routes(app.clone());
+        let site = Site { routes: router::routes(app.clone()), base_path: app.settings.base_path.clone() };
         Ok(tokio::spawn(async move {
-            server::serve(self.main.socket, transport, routes, &app.settings, &app.shutdown).await;
+            server::serve(self.main.socket, transport, site, &app.settings, &app.shutdown).await;
         }))
     }
 }

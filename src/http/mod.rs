@@ -5,6 +5,7 @@
 //! | [`router`] [`replaced_routes`] | every route, in one list; the old names of routes that were replaced |
 //! | [`error`] | every error as a status and a problem document |
 //! | [`auth`] | authentication: turns a cookie or a token into a [`Scope`](crate::domain::scope::Scope) |
+//! | [`base_path`] | the path that the service lies under, behind a proxy |
 //! | [`client_address`] | the client's address, behind proxies too |
 //! | [`read`] [`show`] | parts of requests (bodies, queries, ids); parts of answers (JSON, pages, times) |
 //! | one module for each noun | its routes, one function each |
@@ -23,6 +24,7 @@
 pub mod account;
 pub mod attention;
 pub mod auth;
+pub mod base_path;
 mod base_url;
 pub mod boxes;
 pub mod client_address;

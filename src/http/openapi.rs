@@ -6,10 +6,11 @@ use axum::http::header;
 use axum::response::IntoResponse;
 use utoipa::openapi::path::Operation;
 use utoipa::openapi::security::{ApiKey, ApiKeyValue, Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
-use utoipa::openapi::{Content, OpenApi, PathItem, Ref, Response, ResponseBuilder};
+use utoipa::openapi::{Content, OpenApi, PathItem, Ref, Response, ResponseBuilder, Server};
 use utoipa::{OpenApi as _, ToSchema};
 
-use super::auth::presented::COOKIE_NAME;
+use super::auth::presented::sign_in_cookie_name;
+use super::base_path::BasePath;
 use super::error::{PROBLEM_JSON, ProblemDocument, REFUSALS};
 
 /// Title, description, and the schemas that no handler names.
@@ -50,10 +51,12 @@ pub async fn document(Extension(OpenApiDocument(bytes)): Extension<OpenApiDocume
     ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-cache")], bytes)
 }
 
-/// Adds the ways to sign in and the possible refusals to every operation.
-pub fn complete_operations(document: &mut OpenApi) {
+/// Adds the path that the service lies under, and the ways to sign in and the possible refusals to every operation.
+pub fn complete_operations(document: &mut OpenApi, base: &BasePath) {
+    document.servers = (!base.is_root()).then(|| vec![Server::new(base.to_string())]);
     let components = document.components.get_or_insert_default();
-    components.add_security_scheme("cookie", SecurityScheme::ApiKey(ApiKey::Cookie(ApiKeyValue::new(COOKIE_NAME))));
+    let cookie = ApiKeyValue::new(sign_in_cookie_name(base));
+    components.add_security_scheme("cookie", SecurityScheme::ApiKey(ApiKey::Cookie(cookie)));
     components.add_security_scheme("token", SecurityScheme::Http(Http::new(HttpAuthScheme::Bearer)));
     for (path, item) in &mut document.paths.paths {
         operations(item).into_iter().flatten().for_each(|operation| complete_operation(operation, path));

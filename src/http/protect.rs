@@ -30,9 +30,14 @@ const HEADERS: [(HeaderName, &str); 7] = [
 /// Middleware: sets the security headers, and forbids caching of answers that set no `Cache-Control`.
 pub async fn protect(request: Request, next: Next) -> Response {
     let mut response = next.run(request).await;
+    set_security_headers(&mut response);
+    response
+}
+
+/// Sets the headers that an answer does not have yet.
+pub fn set_security_headers(response: &mut Response) {
     for (name, value) in HEADERS {
         response.headers_mut().entry(name).or_insert(HeaderValue::from_static(value));
     }
     response.headers_mut().entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("private, no-store"));
-    response
 }

@@ -10,6 +10,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::auth::{origin, sign_in};
+use super::base_path::complete_addresses;
 use super::compress::{compress, compress_static_files};
 use super::pace::{Pace, keep_pace};
 use super::state::App;
@@ -204,7 +205,7 @@ pub fn routes(app: App) -> Router {
         .nest("/api/v1", api_routes())
         .merge(monitoring_routes())
         .split_for_parts();
-    openapi::complete_operations(&mut document);
+    openapi::complete_operations(&mut document, &app.settings.base_path);
     routes
         .route("/docs", get(docs::entry))
         .route("/docs/", get(docs::index))
@@ -213,6 +214,7 @@ pub fn routes(app: App) -> Router {
         .method_not_allowed_fallback(error::method_not_allowed)
         .layer(DefaultBodyLimit::disable()) // each extractor of a body enforces its own limit
         .layer(axum::Extension(openapi::OpenApiDocument::new(&document)))
+        .layer(from_fn_with_state(app.settings.base_path.clone(), complete_addresses))
         .layer(from_fn_with_state(Pace::from(&app.settings), keep_pace))
         .layer(from_fn(origin::check_origin))
         .layer(compress())

@@ -8,12 +8,11 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::Router;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
 use tokio_util::task::TaskTracker;
 
-use super::connection::{ConnectionLimits, Transport, serve_connection};
+use super::connection::{ConnectionLimits, Site, Transport, serve_connection};
 use super::settings::HttpSettings;
 use crate::shutdown::Shutdown;
 
@@ -23,19 +22,13 @@ const DRAIN_TIMEOUT: Duration = Duration::from_secs(6);
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
 /// Serves until `stop`, then waits up to `DRAIN_TIMEOUT` for the open requests.
-pub async fn serve(
-    listener: TcpListener,
-    transport: Transport,
-    routes: Router,
-    settings: &HttpSettings,
-    stop: &Shutdown,
-) {
+pub async fn serve(listener: TcpListener, transport: Transport, site: Site, settings: &HttpSettings, stop: &Shutdown) {
     let places = Arc::new(Semaphore::new(settings.max_connections));
     let (open, limits) = (TaskTracker::new(), ConnectionLimits::from(settings));
     while let Some((stream, peer, place)) = next_connection(&listener, &places, stop).await {
-        let (transport, routes, stop) = (transport.clone(), routes.clone(), stop.clone());
+        let (transport, site, stop) = (transport.clone(), site.clone(), stop.clone());
         open.spawn(async move {
-            if let Err(error) = serve_connection(stream, peer, transport, routes, limits, &stop).await {
+            if let Err(error) = serve_connection(stream, peer, transport, site, limits, &stop).await {
                 tracing::debug!(%peer, %error, "connection ended early");
             }
             drop(place);

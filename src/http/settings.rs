@@ -7,6 +7,7 @@ use ipnet::IpNet;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
+use super::base_path::BasePath;
 use super::client_address::ClientAddressHeader;
 
 /// The section `[http]` of the settings file.
@@ -63,7 +64,11 @@ pub struct HttpSettings {
     /// Seconds that a request waits for others of them to end. Longer waits hold connections; after shorter ones, more
     /// requests are refused.
     pub heavy_answer_wait_s: f64,
-    /// Public address of the service, such as `https://skills.example`; xAPI statements identify accounts and tasks by
+    /// Path that the service lies under, such as `/trocar` behind a proxy for `https://skills.example/trocar/`. The proxy
+    /// passes it on unchanged. By default the service has the host for itself.
+    pub base_path: BasePath,
+    /// Public address of the service, such as `https://skills.example`, with [`Self::base_path`] if there is one; xAPI
+    /// statements identify accounts and tasks by
     /// it. By default the address in the request is used: then a person has a separate xAPI account for each address of
     /// the service.
     pub public_url: Option<String>,
@@ -93,6 +98,7 @@ impl Default for HttpSettings {
             max_heavy_answers: 16,
             max_heavy_answers_of_one: 2,
             heavy_answer_wait_s: 20.0,
+            base_path: BasePath::default(),
             public_url: None,
             page_items: 50,
         }

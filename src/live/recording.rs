@@ -9,9 +9,10 @@ use super::{
 };
 use crate::analysis::protocol::{AssembleWork, ChildRequest, ChildWork};
 use crate::analysis::{AttemptFailure, ChildAttempt, run_attempt};
+use crate::domain::feed::early_end::{EarlyEnd, EarlyEndCause};
 use crate::domain::problem::Problem;
 use crate::domain::session::{LiveFeature, SessionStatus};
-use crate::ids::SessionId;
+use crate::ids::{FeedId, SessionId};
 use crate::sandbox::{Budget, StopSwitch};
 use crate::vault::{PinnedBlob, VaultError};
 
@@ -25,8 +26,8 @@ const MAX_TABLE_BYTES: u64 = 64 << 20;
 pub(super) enum EndTrigger {
     /// Its sender, with this epoch, reports that it has this many frames.
     Requested { epoch: u32, frames: u64 },
-    /// It has no sender, and there was no contact since then (monotonic time).
-    Abandoned { since_ms: i64 },
+    /// It has no sender, and there was no contact since then (monotonic time). The cause is noted.
+    Abandoned { since_ms: i64, cause: EarlyEndCause },
 }
 
 /// The result of ending a recording.
@@ -60,7 +61,9 @@ impl FeedService {
         }
         let not_yet = match ending {
             EndTrigger::Requested { epoch, frames } => check_complete(feed, records, epoch, frames)?,
-            EndTrigger::Abandoned { since_ms } => (!feed.is_abandoned(since_ms)).then_some(FinishOutcome::StillSending),
+            EndTrigger::Abandoned { since_ms, .. } => {
+                (!feed.is_abandoned(since_ms)).then_some(FinishOutcome::StillSending)
+            }
         };
         if let Some(not_yet) = not_yet {
             return Ok(not_yet);
@@ -72,6 +75,9 @@ impl FeedService {
         feed.tracking.bytes_written(records.log.written());
         // Check the disk space before anything ends: no attempt is counted, and it works again once there is space.
         self.0.vault.require_space(records.log.bytes()).await.map_err(reason_of_vault_error)?;
+        if let EndTrigger::Abandoned { cause, .. } = ending {
+            self.note_early_end(feed.row.id, EarlyEnd::of(cause)).await;
+        }
         feed.set_phase(FeedPhase::Finishing);
         let live = feed.tracking.finish().await;
         let finished = self.store_recording(feed, &mut state, live, ending).await;
@@ -134,7 +140,8 @@ impl FeedService {
                 .await?
                 .ok_or_else(|| CloseReason::new(CloseCode::Done, "the recording has ended already"))?,
         };
-        let (feeds, ending) = (self.clone(), EndTrigger::Abandoned { since_ms: now_ms });
+        let (feeds, ending) =
+            (self.clone(), EndTrigger::Abandoned { since_ms: now_ms, cause: EarlyEndCause::ByPerson });
         let ended = self.0.shutdown.spawn(async move { feeds.finish(&feed, ending).await });
         match ended.await.map_err(|panic| CloseReason::new(CloseCode::Failed, panic.to_string()))?? {
             FinishOutcome::Complete(session) => Ok(session),
@@ -146,7 +153,7 @@ impl FeedService {
 
     /// Ends an abandoned recording with the frames that arrived.
     pub(super) async fn end_abandoned(&self, feed: &Arc<OpenFeed>, since_ms: i64) -> Result<(), LiveError> {
-        match self.finish(feed, EndTrigger::Abandoned { since_ms }).await {
+        match self.finish(feed, EndTrigger::Abandoned { since_ms, cause: EarlyEndCause::SenderGone }).await {
             Ok(FinishOutcome::Complete(_)) => {
                 tracing::info!(feed = %feed.row.id, "abandoned recording ended with the frames that arrived");
                 Ok(())
@@ -154,6 +161,13 @@ impl FeedService {
             Ok(FinishOutcome::Missing(_) | FinishOutcome::StillSending) => Ok(()),
             Err(reason) if reason.code == CloseCode::OutOfPlace => Ok(()), // discarded or given up, already logged
             Err(reason) => Err(reason.into()),
+        }
+    }
+
+    /// Notes why a recording ends early. A failure is only logged: the recording counts for more.
+    pub(super) async fn note_early_end(&self, id: FeedId, early: EarlyEnd) {
+        if let Err(error) = self.0.store.feeds().note_early_end(id, early).await {
+            tracing::warn!(%error, feed = %id, "the early end of a recording could not be noted");
         }
     }
 

@@ -11,6 +11,7 @@ use crate::domain::calibration::CalibrationSource;
 use crate::domain::edit::EditKind;
 use crate::domain::erasure::ErasedKind;
 use crate::domain::feed::FrameCodec;
+use crate::domain::feed::early_end::EarlyEndCause;
 use crate::domain::files::annotations::View;
 use crate::domain::job::{JobKind, JobState};
 use crate::domain::password_state::PasswordState;
@@ -19,7 +20,7 @@ use crate::domain::rescoring::{RescoringItemState, RescoringSource};
 use crate::domain::role::Role;
 use crate::domain::secret::{PasswordHash, SecretHash};
 use crate::domain::self_test::TrafficLight;
-use crate::domain::session::{BoxQuestion, FeatureSpace};
+use crate::domain::session::{BoxQuestion, FeatureSpace, RecordedAtSource};
 use crate::domain::standard::SessionJudgement;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
@@ -70,7 +71,8 @@ as_shown! {
     LeaseToken PasswordLinkId SelfTestId StandardId CohortId CourseId RatingId CommentId RescoringId ModelId EditId
     Name Login Code FileName TrackerName Paragraphs Remark BlobHash
     Day Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm
-    SessionJudgement RescoringSource RescoringItemState EditKind BoxQuestion ErasedKind PasswordState
+    SessionJudgement RescoringSource RescoringItemState EditKind BoxQuestion RecordedAtSource EarlyEndCause ErasedKind
+    PasswordState
 }
 
 as_text! {

@@ -14,10 +14,13 @@ use super::visibility::BindScope;
 use super::{Scope, Store, blobs};
 use crate::domain::blob::Blob;
 use crate::domain::feed::arrival::Arrival;
+use crate::domain::feed::early_end::{EarlyEnd, EarlyEndCause};
+use crate::domain::feed::start::{is_clock_wrong, start_of_recording};
 use crate::domain::feed::{FrameCodec, TimeBase};
-use crate::domain::session::LiveFeature;
+use crate::domain::session::{LiveFeature, RecordedAtSource};
 use crate::domain::text::Invalid;
 use crate::ids::{BoxId, FeedId, SessionId, TaskId, TraineeId};
+use crate::time::to_rfc3339;
 
 /// File name of a recording that was streamed.
 const FILENAME: &str = "live.mp4";
@@ -81,7 +84,7 @@ pub struct NewFeed {
     pub size: (u32, u32),
     /// The time base of its frames.
     pub time_base: TimeBase,
-    /// When it began, epoch ms.
+    /// When it began, epoch ms, as its sender stated.
     pub began_at_ms: i64,
     /// Name of the sender's program, for people; at most 120 characters.
     pub sender: String,
@@ -135,6 +138,15 @@ const SELECT_ARRIVAL: &str = "
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
     ORDER BY feed.id DESC LIMIT 1";
+
+const SELECT_EARLY_END: &str = "
+    SELECT feed.early_end, feed.early_end_detail FROM feed JOIN session ON session.id = feed.session_id
+    WHERE feed.early_end IS NOT NULL AND session.id = $3
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+    ORDER BY feed.id DESC LIMIT 1";
+
+const UPDATE_EARLY_END: &str = "UPDATE feed SET early_end = $2, early_end_detail = $3 WHERE id = $1";
 
 const UPDATE_ARRIVAL: &str = "UPDATE feed SET arrived_s = $2, stamped_s = $3 WHERE id = $1";
 
@@ -269,6 +281,24 @@ impl FeedStore<'_> {
         Ok(row.map(|(arrived_s, stamped_s)| Arrival { arrived_s, stamped_s }))
     }
 
+    /// Notes why a recording ends early.
+    pub async fn note_early_end(&self, id: FeedId, EarlyEnd { cause, detail }: EarlyEnd) -> StoreResult<()> {
+        self.0
+            .write(async move |tx| {
+                sqlx::query(UPDATE_EARLY_END).bind(id).bind(cause).bind(detail).execute(tx).await?;
+                Ok(())
+            })
+            .await
+    }
+
+    /// Why the recording of a session ended early; `None` if it did not, or was not live.
+    pub async fn early_end(&self, scope: &Scope, of: SessionId) -> StoreResult<Option<EarlyEnd>> {
+        let row = sqlx::query_as(SELECT_EARLY_END);
+        let row: Option<(EarlyEndCause, Option<String>)> =
+            row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?;
+        Ok(row.map(|(cause, detail)| EarlyEnd { cause, detail }))
+    }
+
     /// Deletes a recording that has no frames, with its session. Its id counts as erased, so its sender is refused,
     /// unless `may_come_again`.
     pub async fn forget(&self, id: FeedId, may_come_again: bool) -> StoreResult<()> {
@@ -323,6 +353,14 @@ async fn find(tx: &mut SqliteConnection, id: FeedId) -> StoreResult<Option<FeedR
 
 async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: i64) -> StoreResult<FeedRow> {
     let (id, session) = (new.id, SessionId::at(now_ms));
+    let (recorded_at_ms, recorded_at_source) = match new.is_push {
+        true => (new.began_at_ms, RecordedAtSource::Arrival), // the service itself noted the beginning of the push
+        false => start_of_recording(new.began_at_ms, now_ms),
+    };
+    if !new.is_push && is_clock_wrong(new.began_at_ms, now_ms) {
+        let stated = to_rfc3339(new.began_at_ms);
+        tracing::warn!(feed = %id, stated, "impossible start of a recording; its arrival is used: set the sender's clock");
+    }
     let row = NewSessionRow {
         id: session,
         trainee_id: new.trainee,
@@ -331,7 +369,8 @@ async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: 
         filename: FILENAME.to_owned(),
         media_type: MEDIA_TYPE.to_owned(),
         video: None,
-        recorded_at_ms: new.began_at_ms,
+        recorded_at_ms,
+        recorded_at_source,
         created_at_ms: now_ms,
         tracker: None,
     };

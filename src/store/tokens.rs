@@ -101,6 +101,12 @@ const SELECT_TOKEN_SCOPE: &str = "
 const UPDATE_LAST_USED: &str = "
     UPDATE token SET last_used_at_ms = max($2, coalesce(last_used_at_ms, $2)) WHERE id = $1";
 
+const SELECT_EXPIRY: &str = "SELECT expires_at_ms FROM token WHERE secret_hash = $1";
+
+const SELECT_AGENT_EXPIRY: &str = "
+    SELECT expires_at_ms FROM token WHERE box_id = $1 AND last_used_at_ms IS NOT NULL
+    ORDER BY last_used_at_ms DESC, id DESC LIMIT 1";
+
 const SELECT_ROLE: &str = "SELECT role FROM person WHERE id = $1";
 
 impl TokenRecord {
@@ -193,6 +199,21 @@ impl TokenStore<'_> {
             ignore_full_or_busy(self.record_used(row.token.id, now_ms).await)?;
         }
         Ok(scope(&row))
+    }
+
+    /// When this token expires, epoch ms; `None` if it never does, or does not exist.
+    pub async fn expiry_of(&self, secret: SecretHash) -> StoreResult<Option<i64>> {
+        let row = sqlx::query_scalar(SELECT_EXPIRY).bind(secret);
+        let row: Option<Option<i64>> = row.fetch_optional(self.0.readers()).await?;
+        Ok(row.flatten())
+    }
+
+    /// When the token of a box's agent expires, epoch ms: the one that was used last. `None` if it never does, or if no
+    /// agent has used one.
+    pub async fn agent_expiry(&self, of: BoxId) -> StoreResult<Option<i64>> {
+        let row = sqlx::query_scalar(SELECT_AGENT_EXPIRY).bind(of);
+        let row: Option<Option<i64>> = row.fetch_optional(self.0.readers()).await?;
+        Ok(row.flatten())
     }
 
     async fn record_used(&self, id: TokenId, now_ms: i64) -> StoreResult<()> {

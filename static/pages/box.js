@@ -12,7 +12,7 @@ import { SelfTestForm, SelfTestSummary, TodaysLight } from '../parts/boxes/box_s
 import { RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
 import { ownerGroups } from '../parts/forms/owners.js';
 import { Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
-import { boxFields, CameraState, PaletteState } from './boxes.js';
+import { boxFields, CameraState, PaletteState, tokenWarning } from './boxes.js';
 
 const words = t.box;
 
@@ -58,6 +58,7 @@ export default function BoxPage({ person, route }) {
     <//>
     <div class="steps">
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
+      ${box.agent_token_expires_at && html`<${Notice} tone="warn" title=${tokenWarning(box)}>${t.boxes.tokenBody}<//>`}
       <${Readiness} box=${box} ready=${isReady} palette=${box.palettes[0]} mayEdit=${mayEdit} />
       <section class="card">
         <header><h2>${words.camera}</h2><${CameraState} calibration=${box.calibration} /></header>

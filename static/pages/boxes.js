@@ -2,7 +2,7 @@
 import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
-import { number } from '../format.js';
+import { date, number } from '../format.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
@@ -62,7 +62,8 @@ export default function Boxes({ person }) {
             <tbody>
               ${boxes.map(box => html`
                 <tr key=${box.id}>
-                  <th scope="row"><a class="cover" href=${href(['boxes', box.id])}>${box.name}</a></th>
+                  <th scope="row"><a class="cover" href=${href(['boxes', box.id])}>${box.name}</a>${box.agent_token_expires_at && html`
+                    <span class=${`pill ${hasExpired(box) ? 'bad' : 'warn'}`}>${tokenWarning(box)}</span>`}</th>
                   <td><${CameraState} calibration=${box.calibration} /></td>
                   <td><${PaletteState} palette=${box.palette} /></td>
                   <td><${TodaysLight} test=${box.self_test} /></td>
@@ -79,6 +80,12 @@ export default function Boxes({ person }) {
     </section>
     ${edit.dialogs}`;
 }
+
+const hasExpired = box => Date.parse(box.agent_token_expires_at) <= Date.now();
+
+/** When the token of the box's agent expires or expired. @param {Schemas['BoxResponse']} box */
+export const tokenWarning = box =>
+  (hasExpired(box) ? words.tokenExpired : words.tokenExpires)(date(box.agent_token_expires_at));
 
 /**
  * The tool's name, with its tape if that has another name.

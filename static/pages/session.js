@@ -2,11 +2,10 @@
 import { html, useEffect, useRef, useState } from '../preact.js';
 import { api } from '../api.js';
 import { asProblem, useData } from '../data.js';
-import { dateTime } from '../format.js';
 import { useLive } from '../live.js';
 import { may } from '../roles.js';
 import { go, href } from '../router.js';
-import { t } from '../texts.js';
+import { serviceLang, t } from '../texts.js';
 import { problemTitle } from '../translate.js';
 import { Confirm } from '../parts/forms/dialog.js';
 import { BoxQuestion } from '../parts/session/box_question.js';
@@ -15,6 +14,7 @@ import { LiveFeatures, LiveView } from '../parts/live/live_view.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { Review } from '../parts/session/review.js';
 import { Skill } from '../parts/session/skill.js';
+import { recordedAtText } from '../parts/page/recorded_at.js';
 import { isMoving, ProgressBar, stateOf, StatusPill } from '../parts/page/status.js';
 import { ProblemDetail } from '../parts/page/prose.js';
 import { Verdict } from '../parts/session/verdict.js';
@@ -56,6 +56,7 @@ export default function Session({ person, route }) {
         ${session.retry_can_help && may(person, 'see_boxes') && html`<p><a href=${href(['boxes', session.box.id])}>${
           words.toBox(session.box.name)}</a></p>`}`}
       <${BoxQuestion} session=${session} person=${person} edits=${edits} onAnswered=${() => (readEdits(), reload())} />
+      <${EarlyEnd} session=${session} />
       <${SetAside} session=${session} edits=${edits} />
       <${Retimed} session=${session} edits=${edits} />
       ${session.status === 'done' && html`<${Verdict} quality=${session.quality} /><${Skill} verdict=${session.verdict} />`}
@@ -64,12 +65,17 @@ export default function Session({ person, route }) {
     </div>`;
 }
 
+/** Why a live recording ended before its sender meant it to. @param {Props} props */
+const EarlyEnd = ({ session: { early_end: early } }) => early && html`
+  <${Notice} tone="warn" title=${words.earlyEnd.title}>${words.earlyEnd.causes[early.cause]}
+    ${early.detail && html` <span lang=${serviceLang}>(${early.detail})</span>`}<//>`;
+
 /** Whether the session is waiting for its score. */
 const isBeingScored = session => ['queued', 'tracking'].includes(session.status);
 
 /** @param {Props} props */
 const Lead = ({ session, person }) => html`
-  ${dateTime(session.recorded_at ?? session.created_at)} · ${may(person, 'see_boxes') && session.box
+  ${recordedAtText(session)} · ${may(person, 'see_boxes') && session.box
     ? html`<a href=${href(['boxes', session.box.id])}>${session.box.name}</a>` : session.box?.name} · ${session.filename}
   ${session.source?.kind === 'import' && ` · ${words.imported(session.source.tracker)}`}
   ${' '}${(may(person, 'see_trainees') || person.trainee) && session.trainee &&

@@ -2,12 +2,13 @@
 import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
-import { clock, dateTime } from '../format.js';
+import { clock } from '../format.js';
 import { serviceLang, t } from '../texts.js';
 import { featureWithTool, findingText } from '../translate.js';
 import { featureRows } from '../parts/session/features.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { ProgressPlot } from '../parts/charts/progress_plot.js';
+import { recordedAtText } from '../parts/page/recorded_at.js';
 import { Facts, limitWithUnit, measuredText, Provenance, Sheet } from '../parts/page/report.js';
 
 const words = t.report;
@@ -39,7 +40,7 @@ export default function SessionReport({ route }) {
       <${Facts} rows=${[
         [words.trainee, `${session.trainee.name} (${session.trainee.code})`],
         [words.task, session.task.name],
-        [words.recorded, dateTime(session.recorded_at)],
+        [words.recorded, recordedAtText(session)],
         [words.length, clock(session.video.duration_s)],
         [words.box, session.box.name],
         [words.source, session.source.kind === 'import' ? words.imported(session.source.tracker) : null],

@@ -9,6 +9,7 @@ import { href, replace } from '../router.js';
 import { t } from '../texts.js';
 import { Field } from '../parts/forms/form.js';
 import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { ArrivalNote } from '../parts/page/recorded_at.js';
 import { stateOf, StatusPill } from '../parts/page/status.js';
 
 const words = t.sessions;
@@ -103,7 +104,7 @@ const Table = ({ items }) => html`
         ${items.map(session => html`
             <tr key=${session.id}>
               <th scope="row" class="when"><a class="cover" href=${href(['sessions', session.id])}>
-                ${dateTime(session.recorded_at ?? session.created_at)}</a></th>
+                ${dateTime(session.recorded_at)}</a><${ArrivalNote} session=${session} /></th>
               <td>${session.trainee?.name}</td>
               <td>${session.task?.name}</td>
               <td class="second">${session.box?.name}</td>

@@ -15,6 +15,7 @@ import { OwnData } from '../parts/people/own_data.js';
 import { OwnCourses } from '../parts/courses/own_courses.js';
 import { ProgressPlot } from '../parts/charts/progress_plot.js';
 import { ProgressSummary } from '../parts/people/progress_summary.js';
+import { ArrivalNote } from '../parts/page/recorded_at.js';
 import { StatusPill } from '../parts/page/status.js';
 
 const words = t.trainee;
@@ -117,7 +118,7 @@ const Sessions = ({ sessions }) => html`
     <header><h2>${words.table}</h2></header>
     <ul class="queue">
       ${[...sessions].reverse().map(session => html`<li key=${session.id}><div>
-        <a href=${href(['sessions', session.id])}>${dateTime(session.recorded_at)}</a>
+        <a href=${href(['sessions', session.id])}>${dateTime(session.recorded_at)}</a><${ArrivalNote} session=${session} />
         ${words.setAside[session.set_aside ?? ''] && html`<span class="small muted">${words.setAside[session.set_aside ?? '']}</span>`}</div>
         <${StatusPill} state=${['refused', 'box_asked', 'other_box'].includes(session.set_aside ?? '') ? session.set_aside : session.status} /></li>`)}
     </ul>

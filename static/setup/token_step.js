@@ -1,6 +1,7 @@
 // Step 6: the token of the box's own program, shown once, and what to type on the computer beside the box.
 import { html, useState } from '../preact.js';
 import { api } from '../api.js';
+import { basePath } from '../base_path.js';
 import { dateTime } from '../format.js';
 import { may } from '../roles.js';
 import { t } from '../texts.js';
@@ -25,8 +26,8 @@ export function TokenStep({ box, person, onChange }) {
   return html`
     <p>${words.either}</p>
     ${box.tokens.length > 0 && html`<p class="small muted">${words.existing}</p>
-      <ul class="bullets small">${box.tokens.map(({ id, name, created_at, last_used_at }) => html`<li key=${id}>
-        ${words.token(name, dateTime(created_at), last_used_at && dateTime(last_used_at))}</li>`)}</ul>`}
+      <ul class="bullets small">${box.tokens.map(({ id, name, created_at, last_used_at, expires_at }) => html`<li key=${id}>
+        ${words.token(name, dateTime(created_at), last_used_at && dateTime(last_used_at), expires_at && dateTime(expires_at))}</li>`)}</ul>`}
     ${!made && html`<${Form} fields=${[{ name: 'name', label: words.name, required: true, maxlength: 100, value: words.nameOf(box.name) }]}
       onSave=${create} submit=${words.make} />`}
     ${made && html`<${Made} box=${box} token=${made} />`}`;
@@ -36,7 +37,7 @@ export function TokenStep({ box, person, onChange }) {
 function Made({ box, token }) {
   const file = `${box.code}.token`;
   const keep = `(umask 077; echo ${token} > ${file})`;
-  const run = `trocar agent --server ${location.origin} --box ${box.code} --token-file ${file}`;
+  const run = `trocar agent --server ${location.origin}${basePath} --box ${box.code} --token-file ${file}`;
   const record = `${run} --trainee ${words.trainee} --task ${words.task} /dev/video0`;
   return html`
     <h3 id="token-made" tabindex="-1">${words.made}</h3>

@@ -27,6 +27,8 @@ const CLOCK_INTERVAL: Duration = Duration::from_millis(50);
 /// A running service. Dropping it stops it and deletes its data.
 pub struct Service {
     running: RunningService,
+    /// The path that it lies under; usually empty.
+    base_path: String,
     pub data: TempDir,
 }
 
@@ -51,10 +53,11 @@ impl Service {
         let mut settings = Settings { data: data.path().to_owned(), ..Settings::default() };
         settings.listen = "127.0.0.1:0".parse().unwrap();
         change(&mut settings);
+        let base_path = settings.http.base_path.to_string();
         let password = Password::new(ADMINISTRATOR.1).unwrap();
         let child = Program::at(env!("CARGO_BIN_EXE_trocar"), &["child"]);
         let running = serve::start(settings, clock, &password, child).await.expect("the service starts");
-        Self { running, data }
+        Self { running, base_path, data }
     }
 
     /// Stops the service in order and returns its data folder, for another start.
@@ -76,7 +79,7 @@ impl Service {
 
     /// A client that has not signed in.
     pub fn stranger(&self) -> Client {
-        Client::of(format!("http://{}", self.address()))
+        Client::of(format!("http://{}{}", self.address(), self.base_path))
     }
 
     /// The first administrator, signed in.
@@ -137,9 +140,15 @@ impl Client {
         &self.headers
     }
 
-    /// A request that the caller completes. `path` may be a whole address, as in `Location`.
+    /// A request that the caller completes. `path` may be a whole address, or begin with the path that the service lies
+    /// under, as in `Location`.
     pub fn request(&self, method: Method, path: &str) -> RequestBuilder {
-        let address = if path.starts_with("http") { path.to_owned() } else { format!("{}{path}", self.base) };
+        let base: reqwest::Url = self.base.parse().unwrap();
+        let below = path.strip_prefix(base.path().trim_end_matches('/')).filter(|rest| rest.starts_with('/'));
+        let address = match path.starts_with("http") {
+            true => path.to_owned(),
+            false => format!("{}{}", self.base, below.unwrap_or(path)),
+        };
         self.http.request(method, address).headers(self.headers.clone())
     }
 

@@ -82,6 +82,7 @@ mod tests {
                 size,
                 time_base,
                 coded_from: None,
+                has_end: true,
                 is_file: false,
                 is_camera: false,
             })

@@ -165,8 +165,11 @@ impl FeedConnection<'_> {
             return retry(error.to_string());
         }
         let epoch = match receive(&mut stream).await {
-            Ok(ServerMessage::Welcome { epoch, durable, .. }) => {
+            Ok(ServerMessage::Welcome { epoch, durable, token_expires_at, .. }) => {
                 self.handle_ack(durable);
+                if let Some(expires_at) = token_expires_at {
+                    tracing::warn!(expires_at, "the token expires soon: make another and put it into the token file");
+                }
                 epoch
             }
             Ok(ServerMessage::Ended { session, .. }) => return DisconnectOutcome::Complete(session),
@@ -246,12 +249,12 @@ impl FeedConnection<'_> {
                 None if !recording.is_acknowledged() => return NextAction::Wait,
                 None if recording.end == 0 => return NextAction::Close(DisconnectOutcome::Empty),
                 None => {
-                    let frames = recording.end;
+                    let (frames, source_lost) = (recording.end, recording.source_lost.clone());
                     if let Err(error) = spool.close(self.id) {
                         return NextAction::Close(retry(format!("the spool cannot be written: {error}")));
                     }
                     progress.has_sent_end = true;
-                    return NextAction::Send(text_message(&SenderMessage::End { frames }));
+                    return NextAction::Send(text_message(&SenderMessage::End { frames, source_lost }));
                 }
             }
         }

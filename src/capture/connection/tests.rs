@@ -34,7 +34,8 @@ async fn the_end_is_sent_after_everything_is_acknowledged() {
     let hello = next(&mut socket).await.unwrap();
     assert!(hello.to_text().unwrap().contains("hello"), "{hello}");
     let session = SessionId::at(1_795_000_000_000);
-    socket.send(word_of(&ServerMessage::Welcome { session, epoch: 1, durable: vec![] })).await.unwrap();
+    let welcome = ServerMessage::Welcome { session, epoch: 1, durable: vec![], token_expires_at: None };
+    socket.send(word_of(&welcome)).await.unwrap();
     for number in 0..FRAMES {
         let record = next(&mut socket).await.unwrap().into_data();
         assert_eq!(FeedRecord::read(&record).unwrap().number, number);

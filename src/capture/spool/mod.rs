@@ -7,6 +7,7 @@
 //! SPOOL/<recording>/box            the box of the recording
 //! SPOOL/<recording>/00000007.records   some MB of frames and gaps, with checksums
 //! SPOOL/<recording>/closing        the number of frames was sent to the server
+//! SPOOL/<recording>/source-lost    why the recording ended, if the source was lost
 //! ```
 //! A record is in the spool before it is sent, and on the disk at most half a second later. Acknowledged records are
 //! removed in whole segments. If the spool or the disk is full, the frames of the oldest segment are replaced by a gap.
@@ -97,6 +98,12 @@ impl Spool {
         self.recordings.insert(id, SpooledRecording::create(self.path(id), hello, in_box)?);
         self.live = Some(id);
         Ok(id)
+    }
+
+    /// Notes that the live recording ends because its source is lost.
+    pub fn note_source_lost(&mut self, why: &str) -> io::Result<()> {
+        let live = self.live.and_then(|id| self.recordings.get_mut(&id));
+        live.map_or(Ok(()), |recording| recording.note_source_lost(why))
     }
 
     /// Ends the live recording. Frames that did not fit are recorded as a gap, if there is space for that now;

@@ -13,6 +13,7 @@ use crate::domain::feed::record::{FeedRecord, GapReason, RecordBody};
 
 const HELLO: &str = "hello.json";
 const BOX: &str = "box";
+const SOURCE_LOST: &str = "source-lost";
 /// Exists once the number of frames was sent to the server: only then can an ended recording be complete.
 const CLOSING: &str = "closing";
 
@@ -23,6 +24,8 @@ pub struct SpooledRecording {
     pub hello: Hello,
     /// The box given to the agent at recording time; `None` for recordings of earlier versions.
     pub in_box: Option<String>,
+    /// Why it ended, if its source was lost.
+    pub source_lost: Option<String>,
     /// The numbers that the server has.
     pub durable: FrameNumbers,
     /// One more than the largest number so far.
@@ -68,6 +71,7 @@ impl SpooledRecording {
                 recording.segments.push_back(segment);
             }
         }
+        recording.source_lost = fs::read_to_string(folder.join(SOURCE_LOST)).ok();
         recording.is_closing = folder.join(CLOSING).exists();
         Ok(recording)
     }
@@ -76,6 +80,7 @@ impl SpooledRecording {
         Self {
             hello,
             in_box,
+            source_lost: None,
             durable: FrameNumbers::default(),
             end: 0,
             folder,
@@ -115,6 +120,15 @@ impl SpooledRecording {
     /// True if the number of frames was sent to the server.
     pub fn is_closing(&self) -> bool {
         self.is_closing
+    }
+
+    /// Notes that it ends because its source is lost.
+    pub(super) fn note_source_lost(&mut self, why: &str) -> io::Result<()> {
+        self.source_lost = Some(why.to_owned()); // known to this run even if it cannot be written
+        let mut file = File::create(self.folder.join(SOURCE_LOST))?;
+        file.write_all(why.as_bytes())?;
+        file.sync_all()?;
+        sync_folder(&self.folder)
     }
 
     /// Notes that the number of frames is being sent to the server.

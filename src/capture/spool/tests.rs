@@ -125,6 +125,17 @@ fn what_is_acknowledged_goes_in_whole_segments() {
 }
 
 #[test]
+fn the_reason_of_a_lost_source_outlives_the_agent() {
+    let (folder, mut spool, id) = spool(SMALL);
+    add(&mut spool, 0..3);
+    spool.note_source_lost("the source ended").unwrap();
+    spool.end_live();
+    drop(spool);
+    let spool = Spool::open(folder.path(), SMALL).unwrap();
+    assert_eq!(spool.get(id).unwrap().source_lost.as_deref(), Some("the source ended"));
+}
+
+#[test]
 fn a_last_frame_without_disk_space_becomes_a_gap() {
     let (_folder, mut spool, id) = spool(SMALL);
     add(&mut spool, 0..3);

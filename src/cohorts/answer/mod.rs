@@ -13,7 +13,7 @@ pub use standing::{
 
 use crate::domain::feature::FeatureKey;
 use crate::domain::named;
-use crate::domain::session::SessionStatus;
+use crate::domain::session::{RecordedAtSource, SessionStatus};
 use crate::domain::standard::{Judgement, Target};
 use crate::ids::SessionId;
 use crate::statistics::interval::ConfidenceInterval;
@@ -50,6 +50,11 @@ pub struct SessionStep {
     /// When it was recorded.
     #[schema(format = "date-time")]
     pub recorded_at: String,
+    /// Who says so.
+    pub recorded_at_source: RecordedAtSource,
+    /// When it had arrived completely; while it arrives, when it began to.
+    #[schema(format = "date-time")]
+    pub created_at: String,
     /// Its status.
     pub status: SessionStatus,
     /// Why it does not count; `null` if it counts.

@@ -15,6 +15,9 @@ pub enum SenderMessage {
     End {
         /// The number of frames: one more than the largest frame number.
         frames: u64,
+        /// Why it is over, if the sender lost its camera or stream. Absent otherwise, since older servers do not know it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        source_lost: Option<String>,
     },
 }
 
@@ -66,6 +69,9 @@ pub enum ServerMessage {
         epoch: u32,
         /// Frames and gaps that are durable already and need not be sent again.
         durable: Vec<[u64; 2]>,
+        /// When the sender's token expires, RFC 3339, if that is soon. Absent otherwise; older senders ignore it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        token_expires_at: Option<String>,
     },
     /// These frames and gaps are durable: the sender may delete them.
     Ack {

@@ -11,13 +11,17 @@
 //! | [`messages`] | the JSON messages |
 //! | [`numbers`] | sets of frame numbers, as ranges |
 //! | [`close_reason`] | why a connection was closed |
+//! | [`early_end`] | why a recording ended early |
+//! | [`start`] | when a recording began |
 //! | [`arrival`] | how fast a stream arrived, against its stamps |
 
 pub mod arrival;
 pub mod close_reason;
+pub mod early_end;
 pub mod messages;
 pub mod numbers;
 pub mod record;
+pub mod start;
 
 use super::named;
 use super::text::Invalid;

@@ -4,13 +4,36 @@ use axum::http::{HeaderMap, HeaderValue, header};
 use axum_extra::extract::cookie::{Cookie, SameSite};
 
 use crate::domain::secret::{Secret, SecretHash};
+use crate::http::base_path::BasePath;
 use crate::store::KNOWN_PLACE_LIFETIME;
 
-/// Name of the cookie. With this prefix browsers require `Secure`, `Path=/` and this host.
-pub const COOKIE_NAME: &str = "__Host-trocar";
+/// A cookie of the service.
+#[derive(Clone, Copy)]
+enum CookieKind {
+    /// Signs a person in.
+    SignIn,
+    /// Recognises a browser that has signed in before.
+    Browser,
+}
 
-/// Name of the cookie that recognises a browser that has signed in before.
-const BROWSER_COOKIE_NAME: &str = "__Host-trocar-browser";
+impl CookieKind {
+    /// Its name. With the prefix `__Host-` browsers require `Secure`, `Path=/` and this host. Below a path the cookie has
+    /// that path, so that other services of the host do not receive it, and a second Trocar there has its own: then the
+    /// prefix `__Secure-` applies.
+    fn name(self, base: &BasePath) -> &'static str {
+        match (self, base.is_root()) {
+            (Self::SignIn, true) => "__Host-trocar",
+            (Self::SignIn, false) => "__Secure-trocar",
+            (Self::Browser, true) => "__Host-trocar-browser",
+            (Self::Browser, false) => "__Secure-trocar-browser",
+        }
+    }
+}
+
+/// Name of the cookie of a sign-in.
+pub fn sign_in_cookie_name(base: &BasePath) -> &'static str {
+    CookieKind::SignIn.name(base)
+}
 
 /// The credential of a request, hashed: the secret itself stays in this module.
 #[derive(Debug, PartialEq, Eq)]
@@ -25,8 +48,8 @@ pub enum PresentedCredential {
 
 impl PresentedCredential {
     /// Reads the headers; a token takes precedence over a cookie.
-    pub fn in_headers(headers: &HeaderMap) -> Self {
-        match (token(headers), cookie(headers)) {
+    pub fn in_headers(headers: &HeaderMap, base: &BasePath) -> Self {
+        match (token(headers), cookie_of(CookieKind::SignIn, headers, base)) {
             (Some(token), _) => PresentedCredential::Token(token.hash()),
             (None, Some(cookie)) => PresentedCredential::Cookie(cookie.hash()),
             (None, None) => PresentedCredential::Nothing,
@@ -39,16 +62,13 @@ fn token(headers: &HeaderMap) -> Option<Secret> {
     if scheme.eq_ignore_ascii_case("bearer") { Secret::from_token(token.trim()) } else { None }
 }
 
-fn cookie(headers: &HeaderMap) -> Option<Secret> {
-    cookie_named(COOKIE_NAME, headers)
-}
-
 /// The secret of a browser that has signed in before, to any account.
-pub fn browser_secret(headers: &HeaderMap) -> Option<Secret> {
-    cookie_named(BROWSER_COOKIE_NAME, headers)
+pub fn browser_secret(headers: &HeaderMap, base: &BasePath) -> Option<Secret> {
+    cookie_of(CookieKind::Browser, headers, base)
 }
 
-fn cookie_named(name: &str, headers: &HeaderMap) -> Option<Secret> {
+fn cookie_of(kind: CookieKind, headers: &HeaderMap, base: &BasePath) -> Option<Secret> {
+    let name = kind.name(base);
     headers
         .get_all(header::COOKIE)
         .iter()
@@ -60,27 +80,28 @@ fn cookie_named(name: &str, headers: &HeaderMap) -> Option<Secret> {
 }
 
 /// The `Set-Cookie` header of a sign-in. The cookie ends when the browser closes or the sign-in ends.
-pub fn set_cookie(secret: &Secret) -> HeaderValue {
-    header_value(cookie_with(secret.as_cookie()))
+pub fn set_cookie(secret: &Secret, base: &BasePath) -> HeaderValue {
+    header_value(cookie_with(CookieKind::SignIn, secret.as_cookie(), base))
 }
 
 /// The `Set-Cookie` header that lets the browser be recognised at its next sign-ins. It is no sign-in.
-pub fn set_browser_cookie(secret: &Secret) -> HeaderValue {
-    let mut cookie = cookie_with(secret.as_cookie());
-    cookie.set_name(BROWSER_COOKIE_NAME);
+pub fn set_browser_cookie(secret: &Secret, base: &BasePath) -> HeaderValue {
+    let cookie = cookie_with(CookieKind::Browser, secret.as_cookie(), base);
     HeaderValue::try_from(format!("{cookie}; Max-Age={}", KNOWN_PLACE_LIFETIME.as_secs()))
         .unwrap_or(HeaderValue::from_static("")) // as in `header_value`
 }
 
 /// The `Set-Cookie` header that removes the cookie.
-pub fn clear_cookie() -> HeaderValue {
-    let mut cookie = cookie_with(String::new());
+pub fn clear_cookie(base: &BasePath) -> HeaderValue {
+    let mut cookie = cookie_with(CookieKind::SignIn, String::new(), base);
     cookie.make_removal();
     header_value(cookie)
 }
 
-fn cookie_with(value: String) -> Cookie<'static> {
-    Cookie::build((COOKIE_NAME, value)).path("/").secure(true).http_only(true).same_site(SameSite::Strict).build()
+fn cookie_with(kind: CookieKind, value: String, base: &BasePath) -> Cookie<'static> {
+    let path = if base.is_root() { "/".to_owned() } else { base.to_string() };
+    let cookie = Cookie::build((kind.name(base), value)).path(path);
+    cookie.secure(true).http_only(true).same_site(SameSite::Strict).build()
 }
 
 fn header_value(cookie: Cookie<'static>) -> HeaderValue {
@@ -94,16 +115,23 @@ mod tests {
     use super::*;
 
     fn presented(name: header::HeaderName, value: &str) -> PresentedCredential {
-        PresentedCredential::in_headers(&HeaderMap::from_iter([(name, HeaderValue::from_str(value).unwrap())]))
+        let headers = HeaderMap::from_iter([(name, HeaderValue::from_str(value).unwrap())]);
+        PresentedCredential::in_headers(&headers, &BasePath::default())
     }
 
     #[test]
     fn a_cookie_has_every_attribute_that_protects_it() {
-        let text = set_cookie(&Secret::random()).to_str().unwrap().to_owned();
-        for attribute in ["__Host-trocar=", "HttpOnly", "Secure", "SameSite=Strict", "Path=/"] {
-            assert!(text.contains(attribute), "{attribute} in {text}");
+        for (base, named) in [("", "__Host-trocar=; Path=/;"), ("/trocar", "__Secure-trocar=; Path=/trocar;")] {
+            let secret = Secret::random();
+            let text = set_cookie(&secret, &base.parse().unwrap()).to_str().unwrap().to_owned();
+            let (name, path) = named.split_once("; ").unwrap();
+            assert!(text.starts_with(name), "{name} in {text}");
+            let text = format!("{text};");
+            for attribute in ["; HttpOnly;", "; Secure;", "; SameSite=Strict;", &format!("; {path}")] {
+                assert!(text.contains(attribute), "{attribute} in {text}");
+            }
+            assert!(!text.contains("Domain"));
         }
-        assert!(!text.contains("Domain"));
     }
 
     #[test]
@@ -111,7 +139,7 @@ mod tests {
         let secret = Secret::random();
         let token = presented(header::AUTHORIZATION, &format!("bearer {}", secret.as_token()));
         assert_eq!(token, PresentedCredential::Token(secret.hash()));
-        let cookie = presented(header::COOKIE, &format!("a=b; {COOKIE_NAME}={}; c=d", secret.as_cookie()));
+        let cookie = presented(header::COOKIE, &format!("a=b; __Host-trocar={}; c=d", secret.as_cookie()));
         assert_eq!(cookie, PresentedCredential::Cookie(secret.hash()));
     }
 
@@ -122,7 +150,7 @@ mod tests {
             assert_eq!(presented(header::AUTHORIZATION, value), PresentedCredential::Nothing);
         }
         assert_eq!(
-            presented(header::COOKIE, &format!("{COOKIE_NAME}={}", "x".repeat(100_000))),
+            presented(header::COOKIE, &format!("__Host-trocar={}", "x".repeat(100_000))),
             PresentedCredential::Nothing
         );
     }

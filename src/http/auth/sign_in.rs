@@ -53,14 +53,15 @@ pub struct SignInResponse {
             headers(("Set-Cookie" = String,
                     description = "`__Host-trocar`; ends after 30 minutes without a request and after 12 hours at the \
                                    latest. `__Host-trocar-browser` recognises the browser at its next sign-in, for 180 \
-                                   days")))))]
+                                   days. Below a path the names begin with `__Secure-`")))))]
 pub async fn sign_in(
     State(app): State<App>,
     address: ClientAddress,
     headers: HeaderMap,
     Json(tried): Json<Credentials>,
 ) -> HandlerResult<impl IntoResponse> {
-    let known_browser = browser_secret(&headers);
+    let base = &app.settings.base_path;
+    let known_browser = browser_secret(&headers, base);
     let person = authenticate(&app, tried, address, known_browser.as_ref().map(Secret::hash)).await?;
     let (secret, browser) = (Secret::random(), known_browser.unwrap_or_else(Secret::random));
     let places = [Some(browser.hash()), place_of(person.id, address)].into_iter().flatten().collect();
@@ -68,21 +69,23 @@ pub async fn sign_in(
     let origin = store::SignInOrigin { browser: browser_name, address: address.0.to_string(), is_page, places };
     let must_change_password = person.password_state.must_change(is_page);
     app.store.cookies().create(secret.hash(), &person, app.sign_in_lifetime(), origin).await?;
-    if let PresentedCredential::Cookie(before) = PresentedCredential::in_headers(&headers) {
+    if let PresentedCredential::Cookie(before) = PresentedCredential::in_headers(&headers, base) {
         app.store.cookies().delete_replaced(before).await?;
     }
     tracing::info!(person = %person.id, "signed in");
-    let cookies = [set_cookie(&secret), set_browser_cookie(&browser)].map(|cookie| (header::SET_COOKIE, cookie));
+    let cookies =
+        [set_cookie(&secret, base), set_browser_cookie(&browser, base)].map(|cookie| (header::SET_COOKIE, cookie));
     Ok((AppendHeaders(cookies), Json(SignInResponse { person: person.into(), must_change_password })))
 }
 
 /// Sign out: invalidates the cookie and removes it from the browser
 #[utoipa::path(post, path = "/sign-out", tag = "sign-in", responses((status = NO_CONTENT)))]
 pub async fn sign_out(State(app): State<App>, _by: Identified, headers: HeaderMap) -> HandlerResult<impl IntoResponse> {
-    if let PresentedCredential::Cookie(secret) = PresentedCredential::in_headers(&headers) {
+    let base = &app.settings.base_path;
+    if let PresentedCredential::Cookie(secret) = PresentedCredential::in_headers(&headers, base) {
         app.store.cookies().delete(secret).await?;
     }
-    Ok((StatusCode::NO_CONTENT, set_cookie_header(clear_cookie())))
+    Ok((StatusCode::NO_CONTENT, set_cookie_header(clear_cookie(base))))
 }
 
 /// Old and new password.

@@ -35,7 +35,7 @@ pub struct Identified {
 impl Identified {
     /// Identifies the sender of these headers. This counts as activity, so it keeps the sign-in from idling out.
     async fn from_headers(app: &App, headers: &HeaderMap) -> HandlerResult<Self> {
-        let found = match PresentedCredential::in_headers(headers) {
+        let found = match PresentedCredential::in_headers(headers, &app.settings.base_path) {
             PresentedCredential::Token(secret) => {
                 app.store.tokens().scope_of(secret).await?.map(|scope| (scope, false))
             }
@@ -76,7 +76,7 @@ impl SignedIn {
     /// Whether these headers would still sign in. Unlike [`SignedIn::from_headers`], this does not count as activity:
     /// an unattended page that only watches is signed out when idle. A store error counts as yes, so it ends no stream.
     pub async fn is_still_valid(app: &App, headers: &HeaderMap) -> bool {
-        match PresentedCredential::in_headers(headers) {
+        match PresentedCredential::in_headers(headers, &app.settings.base_path) {
             PresentedCredential::Token(secret) => {
                 app.store.tokens().scope_of(secret).await.map_or(true, |scope| scope.is_some())
             }
@@ -84,6 +84,15 @@ impl SignedIn {
                 app.store.cookies().is_valid(secret, app.sign_in_lifetime()).await.unwrap_or(true)
             }
             PresentedCredential::Nothing => false,
+        }
+    }
+
+    /// When the token in these headers expires, epoch ms; `None` if it never does, or if there is none.
+    pub async fn token_expiry(app: &App, headers: &HeaderMap) -> Option<i64> {
+        match PresentedCredential::in_headers(headers, &app.settings.base_path) {
+            // A store error only delays a warning.
+            PresentedCredential::Token(secret) => app.store.tokens().expiry_of(secret).await.unwrap_or_default(),
+            PresentedCredential::Cookie(_) | PresentedCredential::Nothing => None,
         }
     }
 

@@ -24,6 +24,7 @@ use crate::domain::boxes::{BoxChange, BoxTool, NewBox};
 use crate::domain::files::annotations::View;
 use crate::domain::scope::Scope;
 use crate::domain::text::{Code, Name, Paragraphs};
+use crate::domain::token_expiry::expires_soon;
 use crate::ids::{BoxId, GroupId};
 use crate::store;
 
@@ -45,6 +46,9 @@ pub struct BoxResponse {
     tools: Vec<BoxTool>,
     /// The traffic light of today's last self-test; `null`: no self-test today.
     self_test: Option<TodaysLight>,
+    /// When the token of the box's agent expires, or expired; `null` if that is not within 30 days. It is the token that
+    /// was used last.
+    agent_token_expires_at: Option<Time>,
     /// The groups whose instructors may change it, those that the caller sees: an administrator all, an instructor the
     /// own ones.
     groups: Vec<GroupId>,
@@ -61,7 +65,9 @@ impl App {
     ) -> HandlerResult<BoxResponse> {
         let calibration = self.store.calibrations().latest(scope, found.id).await?;
         let palette = self.store.palettes().latest(scope, found.id).await?;
+        let agent_expiry = self.store.tokens().agent_expiry(found.id).await?;
         Ok(BoxResponse {
+            agent_token_expires_at: expires_soon(agent_expiry, self.clock.now_ms()).map(Time),
             id: found.id,
             code: found.code,
             name: found.name,

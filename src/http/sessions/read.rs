@@ -82,9 +82,10 @@ pub async fn get(State(app): State<App>, by: Member, at: PathKey) -> HandlerResu
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let live = app.store.feeds().live_features(&by.scope, session.id).await?;
     let arrival = app.store.feeds().arrival(&by.scope, session.id).await?;
+    let early_end = app.store.feeds().early_end(&by.scope, session.id).await?;
     let interruption = app.interruption(&session).await?;
     let response = app.judged_session(&by.scope, session).await?.with_interruption(interruption);
-    Ok(Json(response.with_live(live).with_arrival(arrival)))
+    Ok(Json(response.with_live(live).with_arrival(arrival).with_early_end(early_end)))
 }
 
 /// Track a session again

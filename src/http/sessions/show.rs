@@ -6,10 +6,12 @@ use utoipa::ToSchema;
 
 use crate::domain::feature::StoredFeatureKey;
 use crate::domain::feed::arrival::Arrival;
+use crate::domain::feed::early_end::EarlyEnd;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::problem::Problem;
 use crate::domain::session::{
-    BoxQuestion, FeatureError, FeatureRow, FeatureSpace, LiveFeature, ResultClock, SessionStatus, Versions,
+    BoxQuestion, FeatureError, FeatureRow, FeatureSpace, LiveFeature, RecordedAtSource, ResultClock, SessionStatus,
+    Versions,
 };
 use crate::domain::skill::SkillVerdict;
 use crate::domain::standard::{Better, Judgement, ValueToJudge};
@@ -31,12 +33,18 @@ pub struct SessionResponse {
     in_box: NamedReference,
     /// Name of the file that was sent.
     filename: String,
+    /// When it was recorded.
     recorded_at: Time,
+    /// Who says so: `claimed` by the sender, or the `arrival`, which the service knows.
+    recorded_at_source: RecordedAtSource,
+    /// When it had arrived completely; while it arrives, when it began to.
     created_at: Time,
     status: SessionStatus,
     /// Set while a recording with the status `receiving` has no sender. It ends by itself with the frames that arrived,
     /// or earlier by `POST /sessions/{id}/end`.
     interruption: Option<InterruptionResponse>,
+    /// Why a live recording ended before its sender meant it to; `null` if it did not, and in lists.
+    early_end: Option<EarlyEnd>,
     /// True if the session was set aside and counts nowhere. `GET /sessions/{id}/edits` gives person, time and reason.
     set_aside: bool,
     /// `asked`: the recording may show another box; until staff say whether it does, the session counts nowhere and its
@@ -212,9 +220,11 @@ impl SessionResponse {
             in_box: named(session.box_id, session.box_name, session.box_code),
             filename: session.filename.into(),
             recorded_at: Time(session.recorded_at_ms),
+            recorded_at_source: session.recorded_at_source,
             created_at: Time(session.created_at_ms),
             status,
             interruption: None,
+            early_end: None,
             set_aside: session.is_set_aside,
             box_question: session.box_question,
             video,
@@ -236,6 +246,11 @@ impl SessionResponse {
     /// Adds the features of live tracking.
     pub fn with_live(self, live_features: Option<Vec<LiveFeature>>) -> Self {
         Self { live_features, ..self }
+    }
+
+    /// Adds why a live recording ended early.
+    pub fn with_early_end(self, early_end: Option<EarlyEnd>) -> Self {
+        Self { early_end, ..self }
     }
 
     /// Adds what is known of a recording whose sender is gone.

@@ -57,7 +57,7 @@ pub async fn xapi(
     }
     let of = |cursor| {
         let limit = limit.map(|limit| format!("&limit={limit}")).unwrap_or_default();
-        format!("/api/v1/trainees/{}/xapi?cursor={cursor}{limit}", trainee.id)
+        format!("{}/api/v1/trainees/{}/xapi?cursor={cursor}{limit}", app.settings.base_path, trainee.id)
     };
     Ok(Json(StatementResult { statements, more: found.next.map(of).unwrap_or_default() }))
 }

@@ -9,6 +9,7 @@ use tokio::sync::watch;
 use super::recording::{EndTrigger, FinishOutcome};
 use super::{FeedPhase, FeedService, FeedState, OpenFeed, reason_of_vault_error};
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
+use crate::domain::feed::early_end::{EarlyEnd, EarlyEndCause};
 use crate::domain::feed::messages::ServerMessage;
 use crate::domain::feed::record::{FeedRecord, NotARecord, RecordBody};
 use crate::domain::feed::{FrameCodec, TimeBase};
@@ -48,7 +49,8 @@ impl Connection {
             return Ok(ServerMessage::Ended { session: *session, durable: None });
         }
         let durable = self.make_durable().await?;
-        Ok(ServerMessage::Welcome { session: self.feed.row.session_id, epoch: self.epoch, durable })
+        let session = self.feed.row.session_id;
+        Ok(ServerMessage::Welcome { session, epoch: self.epoch, durable, token_expires_at: None })
     }
 
     /// Takes a record. It is durable after the next [`Connection::begin_sync`], and tracked after that or after
@@ -172,9 +174,14 @@ impl Connection {
         })
     }
 
-    /// The sender ends the recording with this many frames: returns `Missing` frames, or `Ended` once it is a session.
-    pub async fn end(&mut self, frames: u64) -> Result<ServerMessage, CloseReason> {
+    /// The sender ends the recording with this many frames, and says why if it lost its source: returns `Missing`
+    /// frames, or `Ended` once it is a session.
+    pub async fn end(&mut self, frames: u64, source_lost: Option<String>) -> Result<ServerMessage, CloseReason> {
         let durable = Some(self.make_durable().await?);
+        if let Some(why) = source_lost {
+            let early = EarlyEnd::of(EarlyEndCause::SourceLost).with(&why);
+            self.feeds.note_early_end(self.feed.row.id, early).await;
+        }
         // In a separate task: a sender that disconnects now must not cancel it.
         let (feeds, feed, ending) =
             (self.feeds.clone(), self.feed.clone(), EndTrigger::Requested { epoch: self.epoch, frames });

@@ -30,6 +30,7 @@ use super::{ConnectResult, Connection, FeedService};
 use crate::analysis::ChildEvent;
 use crate::domain::feed::arrival::ArrivalMeter;
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
+use crate::domain::feed::early_end::{EarlyEnd, EarlyEndCause};
 use crate::domain::feed::messages::{Hello, ServerMessage};
 use crate::domain::feed::record::RecordBody;
 use crate::domain::feed::{MAX_DURATION_S, MAX_FRAMES, PROTOCOL};
@@ -104,6 +105,10 @@ impl FeedService {
     {
         let mut taken = PushSession::new(self, push);
         let broken = taken.take_all(body, signed_out).await.err();
+        if let (Some(why), Some(connection)) = (&broken, taken.connection()) {
+            let early = EarlyEnd::of(EarlyEndCause::SenderGone).with(&why.to_string());
+            self.note_early_end(connection.recording(), early).await;
+        }
         match (broken, taken.end().await) {
             (None, Ok(session)) => Ok(session),
             (None, Err(reason)) => Err(PushFailure { why: reason.into(), session: None }),
@@ -302,7 +307,7 @@ impl<'a> PushSession<'a> {
         {
             tracing::warn!(%error, "the arrival of a pushed stream could not be noted"); // the recording counts for more
         }
-        match connection.end(next).await? {
+        match connection.end(next, None).await? {
             ServerMessage::Ended { session, .. } => Ok(session),
             _ => Err(CloseReason::new(CloseCode::Failed, "frames that had arrived are missing")),
         }

@@ -74,6 +74,8 @@ pub struct SourceInfo {
     pub time_base: TimeBase,
     /// The source's codec, if its frames are coded again.
     pub coded_from: Option<String>,
+    /// True if it has an end of its own, such as a file. The end of a camera or live stream is a fault.
+    pub has_end: bool,
     /// True for a file, which can be read at any speed.
     pub is_file: bool,
     /// True for a camera.
@@ -111,6 +113,13 @@ pub struct CaptureSource {
     frames: FrameReader,
 }
 
+/// What is known of a source by its address.
+struct SourceKind {
+    has_end: bool,
+    is_file: bool,
+    is_camera: bool,
+}
+
 enum FrameReader {
     Copied(CopiedFrames),
     Recoded { video: Box<VideoFile>, coder: JpegMaker },
@@ -142,8 +151,10 @@ impl CaptureSource {
         dictionary.set("rtsp_transport", "tcp"); // over UDP, frames are lost without notice
         options.iter().for_each(|(key, value)| dictionary.set(key, value));
         let kind = std::fs::metadata(address).map(|found| found.file_type());
+        let is_pipe = kind.as_ref().is_ok_and(FileTypeExt::is_fifo)
+            || ["pipe:", "fd:"].iter().any(|scheme| address.starts_with(scheme));
         let (is_file, is_camera) = kind.map_or((false, false), |kind| (kind.is_file(), kind.is_char_device()));
-        let input = if is_camera {
+        let mut input = if is_camera {
             // The kernel's time stamps, from its monotonic clock.
             dictionary.set("timestamps", "default");
             let camera = ff::Format::Input(device::format(device::CAMERA).map_err(SourceError::Device)?);
@@ -152,7 +163,8 @@ impl CaptureSource {
             let address = if is_file { format!("file:{address}") } else { address.to_owned() };
             format::input_with_interrupt_and_dictionary(&address, is_over, dictionary).map_err(SourceError::Open)?
         };
-        Self::of(input, is_file, is_camera)
+        let has_end = is_file || is_pipe || has_length(&mut input);
+        Self::of(input, SourceKind { has_end, is_file, is_camera })
     }
 
     /// Opens a live stream that a sender pushes: MPEG-TS or Matroska from bytes that can be read once. The bytes are
@@ -172,10 +184,11 @@ impl CaptureSource {
         let stream = input.streams().best(media::Type::Video).ok_or(MediaError::NoVideo)?;
         let (width, height) = stated_size(&stream)?;
         check_size(width, height, limits)?;
-        Self::of(input, false, false)
+        Self::of(input, SourceKind { has_end: true, is_file: false, is_camera: false })
     }
 
-    fn of(mut input: format::context::Input, is_file: bool, is_camera: bool) -> Result<Self, SourceError> {
+    fn of(mut input: format::context::Input, kind: SourceKind) -> Result<Self, SourceError> {
+        let SourceKind { has_end, is_file, is_camera } = kind;
         let stream = input.streams().best(media::Type::Video).ok_or(MediaError::NoVideo)?;
         let (index, id) = (stream.index(), stream.parameters().id());
         let orientation = PictureOrientation::of_stream(&stream)?;
@@ -197,7 +210,7 @@ impl CaptureSource {
             _ => FrameCodec::Jpeg,
         };
         if is_plain && [codec::Id::H264, codec::Id::MJPEG].contains(&id) {
-            let info = SourceInfo { codec, size, time_base, coded_from: None, is_file, is_camera };
+            let info = SourceInfo { codec, size, time_base, coded_from: None, has_end, is_file, is_camera };
             let passed = CopiedFrames { input, stream: index, first: Some(first), first_shown, annex_b, clock: stamps };
             return Ok(Self { info, frames: FrameReader::Copied(passed) });
         }
@@ -206,7 +219,7 @@ impl CaptureSource {
         video.put_back(first);
         let size = (video.info().width, video.info().height);
         let coded_from = Some(id.name().to_owned());
-        let info = SourceInfo { codec, size, time_base, coded_from, is_file, is_camera };
+        let info = SourceInfo { codec, size, time_base, coded_from, has_end, is_file, is_camera };
         Ok(Self { info, frames: FrameReader::Recoded { video, coder: JpegMaker::new(JpegStyle::FULL) } })
     }
 
@@ -334,6 +347,15 @@ fn feed_time_base(ticks: ff::Rational) -> Result<TimeBase, MediaError> {
         (_, None) => VIDEO,
     };
     TimeBase::try_from([1, den]).map_err(|error| MediaError::Container(error.to_string()))
+}
+
+/// True if the input states its length, as a file on a web server does and a live stream does not.
+fn has_length(input: &mut format::context::Input) -> bool {
+    // SAFETY: the input is open and not read meanwhile; its `pb` is null for cameras and some protocols.
+    unsafe {
+        let io = (*input.as_mut_ptr()).pb;
+        !io.is_null() && ff::ffi::avio_size(io) > 0
+    }
 }
 
 /// True if the presentation order may differ from the decoding order.

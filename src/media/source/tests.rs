@@ -56,6 +56,7 @@ fn a_clip_of_ours_comes_out_as_it_went_in() {
     std::fs::write(&path, &clip).unwrap();
     let (info, frames) = captured(&path);
     assert_eq!((info.codec, info.coded_from.clone(), info.is_file), (FrameCodec::H264, None, true));
+    assert!(info.has_end);
     assert!(
         frames.windows(2).any(|pair| pair[1].time < pair[0].time),
         "frames are shown in another order than decoded"

@@ -29,7 +29,7 @@ use super::{Scope, Store};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::job::JobState;
 use crate::domain::problem::Problem;
-use crate::domain::session::{BoxQuestion, SessionStatus};
+use crate::domain::session::{BoxQuestion, RecordedAtSource, SessionStatus};
 use crate::domain::text::{Code, FileName, Key, Name, TrackerName};
 use crate::domain::trainee::Handedness;
 use crate::ids::{BoxId, JobId, SessionId, TaskId, TraineeId};
@@ -79,6 +79,8 @@ pub struct SessionRecord {
     pub tracker: Option<TrackerName>,
     /// When it was recorded, epoch ms.
     pub recorded_at_ms: i64,
+    /// Who says so.
+    pub recorded_at_source: RecordedAtSource,
     /// When it had arrived completely, epoch ms.
     pub created_at_ms: i64,
     /// The latest tracking or import job, which determines the status. Jobs that only score again do not count, since
@@ -171,7 +173,9 @@ impl SessionRecord {
 }
 
 const SELECT_SESSIONS: &str = "
-    SELECT session_record.*, (SELECT dropped_at_ms FROM blob WHERE hash = video) AS video_dropped_at_ms
+    SELECT session_record.*, (SELECT dropped_at_ms FROM blob WHERE hash = video) AS video_dropped_at_ms,
+           (SELECT stored.recorded_at_source FROM session AS stored
+            WHERE stored.id = session_record.id) AS recorded_at_source
     FROM session_record
     WHERE ($1 = 'administrator'
            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
@@ -191,7 +195,9 @@ const SELECT_SESSIONS: &str = "
     ORDER BY id DESC LIMIT $9";
 
 const SELECT_SESSION: &str = "
-    SELECT session_record.*, (SELECT dropped_at_ms FROM blob WHERE hash = video) AS video_dropped_at_ms
+    SELECT session_record.*, (SELECT dropped_at_ms FROM blob WHERE hash = video) AS video_dropped_at_ms,
+           (SELECT stored.recorded_at_source FROM session AS stored
+            WHERE stored.id = session_record.id) AS recorded_at_source
     FROM session_record
     WHERE id = $3
       AND ($1 = 'administrator'

@@ -11,7 +11,7 @@ use super::super::visibility::BindScope;
 use super::SessionStore;
 use crate::domain::feature::FeatureKey;
 use crate::domain::job::JobState;
-use crate::domain::session::{BoxQuestion, FeatureSpace, SessionStatus};
+use crate::domain::session::{BoxQuestion, FeatureSpace, RecordedAtSource, SessionStatus};
 use crate::domain::text::Key;
 use crate::ids::{CalibrationId, ResultId, SessionId, TaskId, TraineeId};
 use crate::motion::features::Feature;
@@ -40,8 +40,12 @@ pub struct TraineeTask {
 pub struct PracticeSession {
     /// Its id.
     pub id: SessionId,
-    /// When it was recorded, epoch ms, as its sender stated.
+    /// When it was recorded, epoch ms.
     pub recorded_at_ms: i64,
+    /// Who says so.
+    pub recorded_at_source: RecordedAtSource,
+    /// When it had arrived completely, epoch ms.
+    pub created_at_ms: i64,
     /// Its place in the order of arrival.
     pub arrival: i64,
     /// Its status.
@@ -84,6 +88,8 @@ pub struct PracticeMeasurement {
 struct PracticeRow {
     id: SessionId,
     recorded_at_ms: i64,
+    recorded_at_source: RecordedAtSource,
+    created_at_ms: i64,
     arrival: i64,
     is_whole: bool,
     counts: bool,
@@ -110,7 +116,10 @@ type PracticeFeatureRow =
 
 /// Selects the last `$5` sessions of trainee `$3` at task `$4`, newest first.
 pub(in crate::store) const SELECT_PRACTICE: &str = "
-    SELECT session.*, (SELECT count(*) FROM session WHERE trainee_id = $3 AND task_id = $4) AS in_all
+    SELECT session.*,
+           (SELECT stored.recorded_at_source FROM session AS stored WHERE stored.id = session.id) AS recorded_at_source,
+           (SELECT stored.created_at_ms FROM session AS stored WHERE stored.id = session.id) AS created_at_ms,
+           (SELECT count(*) FROM session WHERE trainee_id = $3 AND task_id = $4) AS in_all
     FROM practised_session AS session
     WHERE session.trainee_id = $3 AND session.task_id = $4
       AND ($1 = 'administrator'
@@ -125,7 +134,9 @@ pub(in crate::store) const SELECT_PRACTICE_OF_MANY: &str = "
                 (SELECT count(*) FROM session AS every WHERE every.trainee_id = wanted.value ->> 'trainee'
                  AND every.task_id = wanted.value ->> 'task') AS in_all
          FROM json_each($3) AS wanted)
-    SELECT session.*, pair.in_all
+    SELECT session.*,
+           (SELECT stored.recorded_at_source FROM session AS stored WHERE stored.id = session.id) AS recorded_at_source,
+           (SELECT stored.created_at_ms FROM session AS stored WHERE stored.id = session.id) AS created_at_ms, pair.in_all
     FROM pair
     CROSS JOIN practised_session AS session ON session.id IN
         (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = pair.trainee AND recent.task_id = pair.task
@@ -255,6 +266,8 @@ impl PracticeRow {
         PracticeSession {
             id: self.id,
             recorded_at_ms: self.recorded_at_ms,
+            recorded_at_source: self.recorded_at_source,
+            created_at_ms: self.created_at_ms,
             arrival: self.arrival,
             status: if self.is_whole { self.job_state.into() } else { SessionStatus::Receiving },
             is_uncounted: !self.counts,

@@ -13,7 +13,7 @@ use super::super::{Scope, blobs, edits, skill_models};
 use super::{SessionRecord, SessionStore};
 use crate::domain::blob::BlobHash;
 use crate::domain::job::{ImportInput, JobInput, JobState};
-use crate::domain::session::NewSession;
+use crate::domain::session::{NewSession, RecordedAtSource};
 use crate::domain::text::TrackerName;
 use crate::ids::{BoxId, JobId, SessionId, TaskId, TraineeId};
 
@@ -22,9 +22,9 @@ pub(in crate::store) const DELETE_SESSION: &str = "DELETE FROM session WHERE id 
 const DELETE_ARRIVING_SESSION: &str = "DELETE FROM session WHERE id = $1 AND video IS NULL";
 
 const INSERT_SESSION: &str = "
-    INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms, created_at_ms,
-                         tracker)
-    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)";
+    INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms,
+                         recorded_at_source, created_at_ms, tracker)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)";
 
 /// A row of the table `session`.
 pub(in crate::store) struct NewSessionRow {
@@ -36,6 +36,7 @@ pub(in crate::store) struct NewSessionRow {
     pub media_type: String,
     pub video: Option<BlobHash>,
     pub recorded_at_ms: i64,
+    pub recorded_at_source: RecordedAtSource,
     pub created_at_ms: i64,
     pub tracker: Option<TrackerName>,
 }
@@ -44,7 +45,7 @@ impl NewSessionRow {
     pub fn insert(self) -> Insert {
         let insert = sqlx::query(INSERT_SESSION).bind(self.id).bind(self.trainee_id).bind(self.task_id);
         let insert = insert.bind(self.box_id).bind(self.filename).bind(self.media_type).bind(self.video);
-        insert.bind(self.recorded_at_ms).bind(self.created_at_ms).bind(self.tracker)
+        insert.bind(self.recorded_at_ms).bind(self.recorded_at_source).bind(self.created_at_ms).bind(self.tracker)
     }
 }
 
@@ -170,6 +171,10 @@ async fn insert_session(
     refuse_duplicate(tx, &new).await?;
     blobs::record(tx, new.video, now_ms).await?;
     let id = SessionId::at(now_ms);
+    let (recorded_at_ms, recorded_at_source) = match new.recorded_at_ms {
+        Some(stated_ms) => (stated_ms, RecordedAtSource::Claimed),
+        None => (now_ms, RecordedAtSource::Arrival),
+    };
     let row = NewSessionRow {
         id,
         trainee_id: new.trainee,
@@ -178,7 +183,8 @@ async fn insert_session(
         filename: new.filename.to_string(),
         media_type: new.media_type,
         video: Some(new.video.hash),
-        recorded_at_ms: new.recorded_at_ms.unwrap_or(now_ms),
+        recorded_at_ms,
+        recorded_at_source,
         created_at_ms: now_ms,
         tracker,
     };

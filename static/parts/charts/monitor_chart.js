@@ -1,4 +1,5 @@
 // The charts that monitor a trainee's sessions: LC-CUSUM until proficiency, CUSUM from then on, each with its limit.
+// Sessions are judged in the order of arrival. Their numbers follow the stated times, and may jump.
 import { html } from '../../preact.js';
 import { number } from '../../format.js';
 import { t } from '../../texts.js';
@@ -26,9 +27,12 @@ export function MonitorCharts({ charts }) {
 
 /** @param {Props} props */
 function Chart({ part: { name, points, limit, line, event }, charts }) {
-  const [first, last] = [points[0].session, points[points.length - 1].session];
+  const isInOrder = points.every((point, at) => at === 0 || points[at - 1].session < point.session);
+  const placeOf = session => (isInOrder ? session : points.findIndex(point => point.session === session));
+  const ends = [points[0].session, points[points.length - 1].session];
+  const [first, last] = ends.map(placeOf);
   const top = Math.max(limit, ...points.map(point => point.score)) * 1.1 || 1;
-  const x = session => LEFT + ((WIDTH - LEFT - RIGHT) * (session - first + 0.5)) / (last - first + 1);
+  const x = session => LEFT + ((WIDTH - LEFT - RIGHT) * (placeOf(session) - first + 0.5)) / (last - first + 1);
   const y = score => HEIGHT - BOTTOM - ((HEIGHT - TOP - BOTTOM) * score) / top;
   const eventSessions = new Set(charts.events.filter(one => one.event === event).map(one => one.session));
   return html`
@@ -41,9 +45,9 @@ function Chart({ part: { name, points, limit, line, event }, charts }) {
       ${runsOf(charts.path, points[0].learning).map(run => html`<polyline key=${run[0].session} class="path" points=${run.map(point => `${x(point.session)},${y(point.score)}`).join(' ')} />`)}
       ${points.map(point => html`<circle key=${point.session} class=${eventSessions.has(point.session) ? 'event' : 'dot'} r=${eventSessions.has(point.session) ? 6 : 2.5}
         cx=${x(point.session)} cy=${y(point.score)}><title>${`${words.axis} ${point.session}: ${number(point.score)}`}</title></circle>`)}
-      <text class="axis" x=${x(first)} y=${HEIGHT - 18} text-anchor="middle">${first}</text>
-      ${last > first && html`<text class="axis" x=${x(last)} y=${HEIGHT - 18} text-anchor="middle">${last}</text>`}
-      <text class="axis" x=${(LEFT + WIDTH - RIGHT) / 2} y=${HEIGHT - 4} text-anchor="middle">${words.axis}</text>
+      <text class="axis" x=${x(ends[0])} y=${HEIGHT - 18} text-anchor="middle">${ends[0]}</text>
+      ${last > first && html`<text class="axis" x=${x(ends[1])} y=${HEIGHT - 18} text-anchor="middle">${ends[1]}</text>`}
+      <text class="axis" x=${(LEFT + WIDTH - RIGHT) / 2} y=${HEIGHT - 4} text-anchor="middle">${isInOrder ? words.axis : words.axisByArrival}</text>
     </svg>`;
 }
 

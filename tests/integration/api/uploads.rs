@@ -60,6 +60,27 @@ async fn a_recording_that_curl_declares_as_a_form_is_accepted() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_session_says_whether_its_sender_or_its_arrival_gives_its_time() {
+    let centre = Centre::open().await;
+    let stated = "/api/v1/sessions?trainee=ada&task=peg&box=box-1&recorded_at=2026-11-20T08:30:00Z";
+    let request = centre.trainee.request(Method::POST, stated).header(header::CONTENT_TYPE, "video/mp4");
+    let stated = read(request.body(recording(100, 1)).send().await.unwrap(), StatusCode::CREATED).await;
+    let unstated = session(&centre.trainee, "ada", recording(100, 2)).await;
+    assert_eq!(unstated["recorded_at"], unstated["created_at"]);
+    let listed = centre.trainee.read("/api/v1/sessions").await;
+    let progress = centre.trainee.read("/api/v1/trainees/ada/progress?task=peg").await;
+    for (made, source) in [(stated, "claimed"), (unstated, "arrival")] {
+        assert_eq!(made["recorded_at_source"], source);
+        for list in [&listed["items"], &progress["sessions"]] {
+            let shown = list.as_array().unwrap().iter().find(|one| one["id"] == made["id"]).unwrap();
+            for key in ["recorded_at", "recorded_at_source", "created_at"] {
+                assert_eq!(shown[key], made[key], "{key}");
+            }
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_recording_longer_than_the_limit_is_refused_with_the_limit() {
     let centre = Centre::open_in(Service::start_with(|s| s.uploads.max_bytes = 1000).await).await;
     let refused = problem(send(&centre.trainee, "ada", recording(1001, 1)).await, 413, "too-large").await;

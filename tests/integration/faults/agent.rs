@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
+use serde_json::Value;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
 use trocar::domain::feed::numbers::FrameNumbers;
@@ -105,6 +107,13 @@ impl AgentSetup {
         files_in(&self.spool()).iter().map(|file| std::fs::metadata(file).map_or(0, |found| found.len())).sum()
     }
 
+    /// The newest session, once its recording has arrived.
+    async fn newest_session(&self) -> Value {
+        let sessions = self.centre.until("/sessions", |list| list["items"][0]["status"] != "receiving").await;
+        let answer = self.centre.get(&format!("/sessions/{}", sessions["items"][0]["id"].as_str().unwrap())).await;
+        answer.json().await.unwrap()
+    }
+
     /// The frames of the newest session's recording.
     async fn session_frames(&self) -> DecodedFrames {
         let sessions = self.centre.until("/sessions", |list| list["items"][0]["status"] != "receiving").await;
@@ -167,6 +176,46 @@ impl Relay {
     }
 }
 
+/// Live streams over HTTP, one for each connection. After the last one the address refuses connections.
+async fn serve_streams(streams: Vec<Vec<u8>>, then: AfterStream) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = format!("http://{}/live.ts", listener.local_addr().unwrap());
+    tokio::spawn(async move {
+        let mut silent = Vec::new();
+        for stream in streams {
+            let (mut socket, _) = listener.accept().await.unwrap();
+            let request = socket.read(&mut [0; 4096]).await.unwrap();
+            assert!(request > 0);
+            socket.write_all(b"HTTP/1.0 200 OK\r\nContent-Type: video/mp2t\r\n\r\n").await.unwrap();
+            // The agent may have closed the connection: it has what it needs.
+            let _ = socket.write_all(&stream).await;
+            match then {
+                AfterStream::Closes => drop(socket),
+                AfterStream::IsSilent => silent.push(socket),
+            }
+        }
+        drop(listener);
+        std::future::pending::<()>().await; // holds the silent connections
+    });
+    address
+}
+
+/// What a stream does after its last byte.
+#[derive(Clone, Copy)]
+enum AfterStream {
+    Closes,
+    IsSilent,
+}
+
+/// The clip as a transport stream, which can be cut anywhere.
+fn transport_stream(clip: &Path, folder: &Path) -> Vec<u8> {
+    let path = folder.join("clip.ts");
+    let mut ffmpeg = Command::new("ffmpeg");
+    ffmpeg.args(["-v", "error", "-i"]).arg(clip).args(["-c", "copy", "-f", "mpegts"]);
+    assert!(ffmpeg.arg(&path).status().unwrap().success());
+    std::fs::read(&path).unwrap()
+}
+
 /// The clip as MJPEG: each frame can be decoded without the others.
 fn jpegs(clip: &Path, folder: &Path) -> PathBuf {
     let path = folder.join("clip.avi");
@@ -192,6 +241,45 @@ async fn a_clip_as_camera_becomes_the_session_that_its_upload_would_be() {
     assert!(setup.record(&clip, &["--as-fast-as-possible"]).wait_for_exit().await.success());
     assert_eq!(setup.session_frames().await, decode(&clip), "the same frames at the same times, to the last bit");
     assert_eq!(files_in(&setup.spool()), Vec::<PathBuf>::new(), "the spool keeps nothing of a complete recording");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_stream_that_closes_is_opened_again_and_the_recording_continues_after_a_gap() {
+    let setup = AgentSetup::new().await;
+    let clip = setup.centre.scene("clip.mp4");
+    let stream = transport_stream(&clip, setup.folder.path());
+    let whole = decode(&clip);
+    let length_s = whole[whole.len() - 1].1;
+    let address = serve_streams(vec![stream[..stream.len() / 2].to_vec(), stream], AfterStream::Closes).await;
+    let seconds = length_s.to_string(); // reached in the second stream
+    let arguments = ["--trainee", "ada", "--task", "pegs", "--seconds", &seconds, &address];
+    assert!(setup.agent(&arguments).wait_for_exit().await.success());
+    let times: Vec<f64> = setup.session_frames().await.iter().map(|frame| frame.1).collect();
+    let steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let gap = steps.iter().position(|step| *step >= 0.4).unwrap_or_else(|| panic!("no gap in {times:?}"));
+    assert!(gap > 5 && gap + 5 < times.len(), "frames before and after the gap: {times:?}");
+    assert!(steps.iter().all(|step| *step > 0.0), "{times:?}");
+    assert!(setup.newest_session().await["early_end"].is_null());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_stream_that_does_not_come_back_fails_the_agent_and_the_session_says_why() {
+    let setup = AgentSetup::new().await;
+    let stream = transport_stream(&setup.centre.scene("clip.mp4"), setup.folder.path());
+    for (then, cut, why) in
+        [(AfterStream::Closes, 2, "the source ended"), (AfterStream::IsSilent, 3, "the source sent nothing for 500ms")]
+    {
+        let address = serve_streams(vec![stream[..stream.len() - stream.len() / cut].to_vec()], then).await;
+        let patience = ["--silence-s", "0.5", "--reconnect-s", "0.7", "--option", "analyzeduration=200000"];
+        let recording = ["--trainee", "ada", "--task", "pegs", &address];
+        let agent = setup.agent(&[&patience[..], &recording].concat());
+        assert_eq!(agent.wait_for_exit().await.code(), Some(1), "{why}");
+        let session = setup.newest_session().await;
+        assert_eq!(session["early_end"]["cause"], "source_lost", "{session}");
+        let detail = session["early_end"]["detail"].as_str().unwrap();
+        assert_eq!(detail, format!("{why} and was not back after 700ms"));
+        assert!(setup.session_frames().await.len() > 5);
+    }
 }
 
 /// An agent that continues to record after its service was killed.

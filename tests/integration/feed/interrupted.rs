@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use reqwest::StatusCode;
 use serde_json::{Value, json};
-use trocar::time::{Clock, ManualClock};
+use trocar::time::{Clock, ManualClock, to_rfc3339};
 
 use super::sender::{Received, Sender, begin, hello, open};
 use super::{ANOTHER, RECORDING, frames_of};
@@ -64,7 +64,41 @@ async fn a_recording_of_a_closed_page_ends_by_itself_within_two_minutes() {
     drop(sender);
     assert_eq!(status_after(&centre, &clock, 60, &session).await, "receiving");
     poll("the end", async || (status_after(&centre, &clock, 10, &session).await == "queued").then_some(())).await;
-    assert_eq!(frames_of(&centre.service.administrator().await, &session).await, (0..10).collect::<Vec<_>>());
+    let administrator = centre.service.administrator().await;
+    assert_eq!(frames_of(&administrator, &session).await, (0..10).collect::<Vec<_>>());
+    let ended = administrator.read(&format!("/api/v1/sessions/{session}")).await;
+    assert_eq!(ended["early_end"], json!({"cause": "sender_gone", "detail": null}));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_start_that_a_sender_states_is_marked_and_an_impossible_one_gives_way_to_the_arrival() {
+    let (centre, clock) = centre_with_clock().await;
+    let arrival = to_rfc3339(clock.now_ms());
+    for (frames, began_at, is_kept) in [
+        (1, "2027-01-15T07:00:00Z", true), // an hour before
+        (2, "2026-11-01T12:00:00Z", true),
+        (3, "2026-10-01T12:00:00Z", false), // 106 days before
+        (4, "1970-01-01T00:00:10Z", false),
+        (5, "2027-01-15T08:00:01Z", false), // a second later
+        (6, "2099-01-01T00:00:00Z", false),
+    ] {
+        let mut hello = hello(&format!("0198c1f2-6a10-7d3e-9f00-5c3b8f1d2b{frames:02}"));
+        hello["began_at"] = json!(began_at);
+        let mut sender = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
+        sender.send_json(&hello).await;
+        let Received::Json(welcome) = sender.receive().await else { panic!("no welcome") };
+        sender.epoch = u32::try_from(welcome["epoch"].as_u64().unwrap()).unwrap();
+        sender.send_frames(0..frames).await;
+        let session = sender.end(frames).await;
+        let whole = centre.instructor.read(&format!("/api/v1/sessions/{session}")).await;
+        let (wanted, source) = if is_kept { (began_at, "claimed") } else { (arrival.as_str(), "arrival") };
+        assert_eq!(
+            (&whole["recorded_at"], &whole["recorded_at_source"]),
+            (&json!(wanted), &json!(source)),
+            "{began_at}"
+        );
+        assert_eq!(whole["created_at"], arrival.as_str());
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -94,6 +128,8 @@ async fn the_trainee_ends_an_interrupted_recording_at_once() {
     .await;
     assert_eq!(read(ended, StatusCode::OK).await["status"], "queued");
     assert_eq!(frames_of(&centre.instructor, &session).await, (0..10).collect::<Vec<_>>());
+    let ended = centre.trainee.read(&format!("/api/v1/sessions/{session}")).await;
+    assert_eq!(ended["early_end"], json!({"cause": "by_person", "detail": null}));
     problem(centre.trainee.post(&address, json!({})).await, 409, "conflict").await;
 }
 

@@ -16,7 +16,7 @@ use reqwest::StatusCode;
 use serde_json::{Value, json};
 use trocar::domain::feed::record::{HEADER_BYTES, MAX_HOLE_BYTES};
 use trocar::media::{MediaLimits, VideoFile};
-use trocar::time::ManualClock;
+use trocar::time::{Clock, ManualClock, SystemClock, to_rfc3339};
 
 use crate::api::centre::Centre;
 use crate::support::{Client, Service, let_time_pass, poll, poll_until, problem, read, soon, with_advancing_clock};
@@ -67,7 +67,7 @@ async fn frames_become_a_session_like_any_other() {
 
     assert_eq!(sender.end(50).await, session);
     let whole = centre.instructor.read(&address).await;
-    assert_eq!((&whole["status"], &whole["recorded_at"]), (&json!("queued"), &json!("2026-11-21T20:14:00Z")));
+    assert_eq!(whole["status"], "queued");
     assert_eq!(frames_of(&centre.instructor, &session).await, (0..50).collect::<Vec<_>>());
 
     // A sender that missed the last message says hello again.
@@ -75,6 +75,27 @@ async fn frames_become_a_session_like_any_other() {
     again.send_json(&hello(RECORDING)).await;
     assert_eq!(again.receive().await, Received::Json(json!({"type": "ended", "session": session})));
     assert_eq!(again.close_code().await, 1000);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn sender_and_box_say_ahead_that_the_agents_token_expires() {
+    let centre = Centre::open().await;
+    let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
+    assert!(welcome.get("token_expires_at").is_none(), "a year is left: {welcome}");
+    assert!(centre.instructor.read("/api/v1/boxes/box-1").await["agent_token_expires_at"].is_null());
+    sender.send_frames(0..1).await;
+    sender.end(1).await;
+
+    let in_ten_days = to_rfc3339((SystemClock.now_ms() / 1000 + 864_000) * 1000);
+    let token = json!({"name": "short", "role": "agent", "box": "box-1", "expires_at": in_ten_days});
+    let token = centre.administrator.make("/api/v1/tokens", token).await;
+    let agent = centre.service.stranger().with_token(token["token"].as_str().unwrap());
+    let unused = centre.instructor.read("/api/v1/boxes/box-1").await;
+    assert!(unused["agent_token_expires_at"].is_null(), "no agent uses it yet: {unused}");
+    let (_sender, welcome) = begin(&centre.service, &agent, ANOTHER).await;
+    assert_eq!(welcome["token_expires_at"], in_ten_days);
+    let boxes = centre.instructor.read("/api/v1/boxes").await;
+    assert_eq!(boxes["items"][0]["agent_token_expires_at"], in_ten_days);
 }
 
 #[tokio::test(flavor = "multi_thread")]

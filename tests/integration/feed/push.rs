@@ -211,7 +211,10 @@ async fn a_silent_sender_times_out_and_the_part_that_arrived_becomes_a_session()
     pushing.send(&stream[..stream.len() / 2]).await;
     let refused = problem(pushing.answered().await, 408, "too-slow").await;
     let location = refused["session"].as_str().unwrap();
-    assert_eq!(centre.instructor.read(location).await["status"], "queued");
+    let session = centre.instructor.read(location).await;
+    assert_eq!((&session["status"], &session["recorded_at_source"]), (&json!("queued"), &json!("arrival")));
+    assert_eq!(session["early_end"]["cause"], "sender_gone", "{session}");
+    assert!(session["early_end"]["detail"].as_str().unwrap().len() > 10, "{session}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -40,10 +40,11 @@ pub struct Sender {
 
 /// Opens the connection, or returns the status of the refusal.
 pub async fn open(service: &Service, headers: &HeaderMap, in_box: &str) -> Result<Sender, u16> {
-    open_at(&service.address().to_string(), headers, in_box).await
+    let address = service.stranger().request(reqwest::Method::GET, "/").build().unwrap().url().clone();
+    open_at(address.as_str().strip_prefix("http://").unwrap().trim_end_matches('/'), headers, in_box).await
 }
 
-/// The same at this host and port.
+/// The same at this host, port and path.
 pub async fn open_at(host: &str, headers: &HeaderMap, in_box: &str) -> Result<Sender, u16> {
     let address = format!("ws://{host}/api/v1/boxes/{in_box}/feed");
     let mut request = address.into_client_request().unwrap();
