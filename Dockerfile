@@ -1,6 +1,7 @@
 # Trocar as a container. One image builds the program, a small one runs it, not as root.
 #
-#   docker build -t trocar . && docker run -p 8080:8080 -v trocar:/data trocar
+#   docker build -t trocar . && docker run --name trocar -p 8080:8080 -v trocar:/data trocar
+#   docker exec trocar cat /data/administrator.password
 #
 # Both stages use Debian 12: FFmpeg's libraries must have the same major version at build time and at run time.
 FROM rust:1.95-slim-bookworm AS build

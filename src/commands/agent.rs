@@ -6,6 +6,7 @@
 //! recording and its source was not lost.
 
 use std::io::{IsTerminal, Write, stderr};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -100,6 +101,10 @@ pub fn run(args: AgentArgs) -> Result<(), CommandFailure> {
     if server.is_unencrypted() {
         tracing::warn!("the connection is not encrypted; token and recording can be read on the way: use https");
     }
+    if is_readable_by_others(&args.token_file) {
+        let file = args.token_file.display();
+        tracing::warn!(%file, "all users of this machine can read the token; restrict the file with `chmod 600`");
+    }
     if args.seconds.is_some_and(|seconds| !(seconds.is_finite() && seconds > 0.0)) {
         return Err(CommandFailure::Input(anyhow!("--seconds: expected a number above 0")));
     }
@@ -118,6 +123,11 @@ pub fn run(args: AgentArgs) -> Result<(), CommandFailure> {
     let done = runtime.block_on(record_and_send_all(Agent::new(spool), server, args, patience));
     runtime.shutdown_timeout(Duration::from_millis(500));
     done
+}
+
+/// True if every user of the machine may read this file.
+fn is_readable_by_others(path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|found| found.permissions().mode() & 0o004 != 0)
 }
 
 /// A duration of the command line, from `min` s to a day.
@@ -361,4 +371,18 @@ fn start_log(filter: &str) -> Result<(), CommandFailure> {
 fn key_value(text: &str) -> Result<(String, String), String> {
     let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE")?;
     Ok((key.to_owned(), value.to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_token_that_every_user_of_the_machine_can_read_is_noticed() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        for (mode, is_open) in [(0o600, false), (0o640, false), (0o644, true)] {
+            std::fs::set_permissions(file.path(), std::fs::Permissions::from_mode(mode)).unwrap();
+            assert_eq!(is_readable_by_others(file.path()), is_open, "{mode:o}");
+        }
+    }
 }

@@ -33,6 +33,7 @@ use crate::shutdown::Shutdown;
 use crate::simulation::{Scenario, Setup, Skill};
 use crate::store::{Members, NewPerson, PageRequest, SessionFilter, Store, StoreError};
 use crate::time::{Day, SharedClock, to_rfc3339};
+use crate::upkeep;
 use crate::vault::{PinnedBlob, Vault};
 
 /// The demonstration instructor's login.
@@ -108,19 +109,22 @@ impl DemonstrationBuilder {
         }
     }
 
-    /// Registers box, people and tasks, once. Returns the instructor's password if this call registered them.
+    /// Registers box, people and tasks, once. Returns the instructor's password if this call registered them; a file
+    /// has it, too.
     pub async fn register(&self) -> anyhow::Result<Option<Password>> {
         if self.is_registered().await? {
             return Ok(None);
         }
         let service = Scope::service();
         let password = Password::random();
+        let hash = password.hash();
+        upkeep::write_password_file(self.vault.folder(), INSTRUCTOR, &password, &hash)?;
         let group = self.store.groups().create(&service, "Demonstration group".parse()?).await?;
         let instructor = NewPerson {
             login: INSTRUCTOR.parse()?,
             name: "Demonstration instructor".parse()?,
             role: Role::Instructor,
-            password: password.hash(),
+            password: hash,
             password_state: PasswordState::Own, // anyone may try the demonstration with it
             trainee: None,
         };

@@ -1,7 +1,8 @@
 //! `trocar serve`: the whole service: HTTP, dashboard, queue and workers.
 //!
-//! The first start creates the data folder, the schema and an administrator, and prints the address and a password
-//! once. Every start makes files and database consistent before it listens. SIGTERM and SIGINT end the service within
+//! The first start creates the data folder, the schema and an administrator. A file has the password until it is
+//! changed; a terminal shows it as well. The start after an update copies the database, then adapts it. Every start makes
+//! files and database consistent before it listens. SIGTERM and SIGINT end the service within
 //! ten seconds: open requests finish, partial uploads are kept, leases are released.
 
 use std::io::{IsTerminal, Write};
@@ -98,7 +99,7 @@ pub fn run(args: ServeArgs) -> Result<(), CommandFailure> {
     Ok(served?)
 }
 
-/// Starts the log on stderr: stdout is for the address and the first password.
+/// Starts the log on stderr: stdout is for the address and how to sign in.
 fn start_log(filter: &str, json: bool) -> Result<(), CommandFailure> {
     let filter =
         EnvFilter::try_new(filter).with_context(|| format!("--log {filter}")).map_err(CommandFailure::input)?;
@@ -114,12 +115,13 @@ fn start_log(filter: &str, json: bool) -> Result<(), CommandFailure> {
 
 async fn serve(settings: Settings, demo: bool) -> anyhow::Result<()> {
     let password = Password::random();
-    let scratch = settings.data.join("demonstration");
+    let (data, scratch) = (settings.data.clone(), settings.data.join("demonstration"));
     let running = start(settings, Arc::new(SystemClock), &password, WorkerPool::this_program()).await?;
     running.shutdown.begin_on_signals().context("listening for signals")?;
-    print_welcome(&running, &password);
+    print_welcome(&running);
+    print_sign_in(&data, ADMINISTRATOR, running.is_first_start.then_some(&password));
     if demo {
-        start_demonstration(&running, scratch).await.context("registering the demonstration centre")?;
+        start_demonstration(&running, &data, scratch).await.context("registering the demonstration centre")?;
     }
     running.ended().await;
     Ok(())
@@ -135,7 +137,7 @@ fn worker_count(set: usize) -> usize {
 
 /// Fills a new data folder with the demonstration centre, or continues where an earlier start stopped. Does nothing in
 /// a data folder that is in real use.
-async fn start_demonstration(running: &RunningService, scratch: PathBuf) -> anyhow::Result<()> {
+async fn start_demonstration(running: &RunningService, data: &Path, scratch: PathBuf) -> anyhow::Result<()> {
     let builder = DemonstrationBuilder::new(&running.app, scratch);
     if !running.is_first_start && !builder.is_registered().await? {
         print_line(
@@ -143,13 +145,8 @@ async fn start_demonstration(running: &RunningService, scratch: PathBuf) -> anyh
         );
         return Ok(());
     }
-    if let Some(password) = builder.register().await? {
-        let instructor = demonstration::INSTRUCTOR;
-        print_line(&format!(
-            "To see the demonstration, sign in as {instructor} with the password {}",
-            password.reveal()
-        ));
-    }
+    let password = builder.register().await?;
+    print_sign_in(data, demonstration::INSTRUCTOR, password.as_ref());
     running.shutdown.spawn(builder.fill(running.shutdown.clone()));
     Ok(())
 }
@@ -196,6 +193,7 @@ pub async fn start(
     let certificate = ServerCertificate::load(&settings.tls).await.context("using the certificate of [tls]")?;
     let vault = Vault::open(&settings.data).await.context("opening the data folder")?;
     let lock = vault.lock().await.with_context(|| format!("using {}", settings.data.display()))?;
+    upkeep::copy_before_update(&vault, &settings.database(), &settings.store).await.context("preparing the update")?;
     let store =
         Store::open(&settings.database(), &settings.store, clock.clone()).await.context("opening the database")?;
     let recovered = upkeep::recover(&store, &vault).await.context("recovering")?;
@@ -205,7 +203,8 @@ pub async fn start(
     queue.recover().await.context("recovering the queue")?;
     // First the address: if it is in use, no administrator is made whose password was never shown.
     let listeners = Listeners::bind(settings.listen, settings.tls.redirect_listen).await?;
-    let is_first = make_first_administrator(&store, password).await.context("making the first administrator")?;
+    let is_first =
+        make_first_administrator(&store, &settings.data, password).await.context("making the first administrator")?;
     let shutdown = Shutdown::new();
     let (storage, jobs) = ((store.clone(), vault.clone()), (queue.clone(), events.clone()));
     let intake = Intake::new(storage, jobs, clock.clone(), shutdown.clone(), settings.uploads.clone());
@@ -288,8 +287,8 @@ fn quote(word: &Path) -> String {
     if word.chars().all(is_plain) { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
 }
 
-/// Refuses to run on a backup: people who were erased since it was made would come back.
-fn refuse_backup(data: &Path) -> anyhow::Result<()> {
+/// Refuses to run on a backup, or to change it: people who were erased since it was made would come back.
+pub(super) fn refuse_backup(data: &Path) -> anyhow::Result<()> {
     let shown = data.display();
     anyhow::ensure!(
         !data.join(BACKUP_MARK).exists(),
@@ -378,15 +377,17 @@ fn worker_pool(app: &App, settings: AnalysisSettings, program: Program) -> Worke
 }
 
 /// Creates the first administrator if there is no account yet. Returns whether it did.
-async fn make_first_administrator(store: &Store, password: &Password) -> anyhow::Result<bool> {
+async fn make_first_administrator(store: &Store, data: &Path, password: &Password) -> anyhow::Result<bool> {
     if store.people().count().await? > 0 {
         return Ok(false);
     }
+    let hash = password.hash();
+    upkeep::write_password_file(data, ADMINISTRATOR, password, &hash)?;
     let administrator = NewPerson {
         login: ADMINISTRATOR.parse()?,
         name: "Administrator".parse()?,
         role: Role::Administrator,
-        password: password.hash(),
+        password: hash,
         password_state: PasswordState::ChangeInBrowser,
         trainee: None,
     };
@@ -394,20 +395,37 @@ async fn make_first_administrator(store: &Store, password: &Password) -> anyhow:
     Ok(true)
 }
 
-/// Prints the address and, at the first start, how to sign in.
-fn print_welcome(running: &RunningService, password: &Password) {
+/// Prints how to sign in to an account whose first password is still in its file. `new` is that password if this start
+/// has made the account. Only a terminal shows it: what reads another output may keep it, as the journal does.
+fn print_sign_in(data: &Path, login: &str, new: Option<&Password>) {
+    let file = upkeep::password_file(data, login);
+    if !file.exists() {
+        return;
+    }
+    let file = std::path::absolute(&file).unwrap_or(file);
+    let file = file.display();
+    match new.filter(|_| std::io::stdout().is_terminal()) {
+        Some(password) => {
+            print_line(&format!("Sign in as {login} with the password {}", password.reveal()));
+            print_line(&format!("Until it is changed, it is also in {file}"));
+        }
+        None => {
+            print_line(&format!("Sign in as {login} with the password in {file}"));
+            print_line("The file is deleted once the password has been changed.");
+        }
+    }
+}
+
+/// Prints the address.
+fn print_welcome(running: &RunningService) {
     let scheme = if running.app.service_info.is_https { "https" } else { "http" };
     print_line(&format!("Trocar listens on {scheme}://{}{}/", running.address, running.app.settings.base_path));
     if let Some(address) = running.redirect_address {
         print_line(&format!("Requests to http://{address}/ are redirected to it."));
     }
-    if running.is_first_start {
-        print_line(&format!("Sign in as {ADMINISTRATOR} with the password {}", password.reveal()));
-        print_line("The password is shown only this once and kept nowhere: change it after you have signed in.");
-    }
 }
 
-/// Prints a line to stdout only, because a log would keep the password. If stdout is closed (`trocar serve | head -1`),
+/// Prints a line to stdout only, because the log has other readers. If stdout is closed (`trocar serve | head -1`),
 /// `println!` would panic; this function only warns.
 fn print_line(line: &str) {
     let mut out = std::io::stdout().lock();

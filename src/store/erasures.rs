@@ -21,7 +21,14 @@ struct ErasureRow {
 
 const SELECT_ERASURES: &str = "SELECT number, kind, id, at_ms FROM erasure WHERE number > $1 ORDER BY number LIMIT $2";
 
+const SELECT_LAST_ERASURE: &str = "SELECT coalesce(max(number), 0) FROM erasure";
+
 impl ErasureStore<'_> {
+    /// Number of the last erasure; 0 if there is none.
+    pub async fn last(&self) -> StoreResult<i64> {
+        Ok(sqlx::query_scalar(SELECT_LAST_ERASURE).fetch_one(self.0.readers()).await?)
+    }
+
     /// Erasures after the one with this number, with their numbers, in order; at most `most`.
     pub async fn after(&self, number: i64, most: u32) -> StoreResult<Vec<(i64, Erasure)>> {
         let rows = sqlx::query_as::<_, ErasureRow>(SELECT_ERASURES).bind(number).bind(most);

@@ -9,7 +9,7 @@
 //!
 //! | accessor | functions |
 //! |---|---|
-//! | [`Store::people`] | `create` `list` `get` `change` `delete` `set_password` · for sign-in: `by_login` · `count` |
+//! | [`Store::people`] | `create` `list` `get` `change` `delete` `set_password` `has_password` · for sign-in: `by_login` · `count` |
 //! | [`Store::groups`] | `create` `list` `get` `set_members` `delete` |
 //! | [`Store::cookies`] | `create` `known_place` `person_of` `is_valid` `of_person` `end` `delete` `forget_expired` `forget_all` |
 //! | [`Store::tokens`] | `create` `list` `of_person` `delete` `delete_own` `scope_of` |
@@ -33,7 +33,7 @@
 //! | [`Store::rescorings`] | `create` `cancel` `list` `get` `items` `trainees` · for [`crate::rescoring`]: `queue_waiting` `ended` `settle` `end_completed` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `mark_crashed` `release` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `note` `has` `all` `total` |
-//! | [`Store::erasures`] | `after` `repeat` |
+//! | [`Store::erasures`] | `after` `last` `repeat` |
 //! | [`Store::pending_erasures`] | `extent` `request` `list` `take_back` `due` |
 //! | [`Store::retention`] | `old_videos` `drop_videos` `release_failed_pictures` |
 //! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `record_backup` · `last_backup` |
@@ -66,6 +66,7 @@ mod people;
 mod ratings;
 mod rescorings;
 mod retention;
+mod schema_version;
 mod self_tests;
 mod sender_limits;
 mod sessions;
@@ -75,13 +76,14 @@ mod surroundings;
 mod tasks;
 mod tokens;
 mod trainees;
+mod update_copy;
 mod uploads;
 mod visibility;
 mod writer;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 
 use serde::{Deserialize, Serialize};
 use sqlx::SqlitePool;
@@ -127,6 +129,7 @@ pub use uploads::{FinishedUpload, NewUpload, UploadRecord, UploadStore};
 use crate::domain::scope::Scope;
 use crate::time::SharedClock;
 use disk_reserve::DiskReserve;
+use open::FileStamp;
 use writer::Writer;
 
 /// How the store uses its database.
@@ -171,7 +174,10 @@ pub struct Store {
 struct StoreInner {
     path: PathBuf,
     readers: SqlitePool,
-    writer: Writer,
+    /// `None`: the store only reads.
+    writer: Option<Writer>,
+    /// The database file when it was opened, if it is read without a lock.
+    opened: Option<FileStamp>,
     clock: SharedClock,
     settings: StoreSettings,
     delete_reserve: DiskReserve,
@@ -179,6 +185,8 @@ struct StoreInner {
     sign_in_reserve: DiskReserve,
     /// Has anything been erased since the write-ahead log was last emptied?
     has_erased_data: AtomicBool,
+    /// Number of the last erasure that is no longer in the write-ahead log; negative: unknown.
+    last_purged: AtomicI64,
 }
 
 const CHECK_INTEGRITY: &str = "PRAGMA integrity_check";
@@ -188,31 +196,6 @@ const SELECT_DANGLING: &str = "SELECT \"table\" FROM pragma_foreign_key_check";
 const SELECT_BYTES: &str = "SELECT page_count * page_size FROM pragma_page_count(), pragma_page_size()";
 
 impl Store {
-    /// Opens the database at this path, creates it if it is missing, and migrates its schema.
-    pub async fn open(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
-        let connection = open::open_writer(path, settings).await?;
-        let readers = open::open_readers(path, settings).await?;
-        let writer = Writer::start(connection, settings.waiting_writes, settings.writes_per_commit)
-            .map_err(|error| StoreError::Unusable(format!("its writer thread cannot start: {error}")))?;
-        let (ballast, door) = (DiskReserve::for_deletes(path), DiskReserve::for_sign_in(path));
-        ballast.restore().await;
-        door.restore().await;
-        let (path, settings) = (path.to_owned(), settings.clone());
-        let erased = AtomicBool::new(true); // perhaps before the last restart
-        Ok(Self {
-            inner: Arc::new(StoreInner {
-                path,
-                readers,
-                writer,
-                clock,
-                settings,
-                delete_reserve: ballast,
-                sign_in_reserve: door,
-                has_erased_data: erased,
-            }),
-        })
-    }
-
     /// Damage that SQLite finds in its file and dangling references between rows; empty if all is well.
     pub async fn check(&self) -> StoreResult<Vec<String>> {
         let integrity: Vec<String> = sqlx::query_scalar(CHECK_INTEGRITY).fetch_all(self.readers()).await?;
@@ -225,7 +208,9 @@ impl Store {
     /// may also end without calling this.
     pub async fn close(&self) {
         self.inner.readers.close().await;
-        self.inner.writer.close().await;
+        if let Some(writer) = &self.inner.writer {
+            writer.close().await;
+        }
     }
 
     /// Writes a consistent copy of the whole database to a file and replaces an existing one. The store stays usable
@@ -246,14 +231,18 @@ impl Store {
         self.inner.sign_in_reserve.restore().await;
     }
 
-    /// After an erasure: moves the write-ahead log into the database file and empties it, so that no copy of the erased
-    /// data is left. `false` if a reader prevents it: try again later.
+    /// After an erasure, also by another process: moves the write-ahead log into the database file and empties it, so
+    /// that no copy of the erased data is left. `false` if a reader prevents it: try again later.
     pub async fn purge_erased(&self) -> StoreResult<bool> {
-        if !self.inner.has_erased_data.swap(false, Ordering::AcqRel) {
+        let last = self.erasures().last().await?;
+        let has_erased = self.inner.has_erased_data.swap(false, Ordering::AcqRel);
+        if !has_erased && self.inner.last_purged.load(Ordering::Acquire) == last {
             return Ok(true);
         }
-        let emptied = self.inner.writer.empty_log().await;
-        if !matches!(emptied, Ok(true)) {
+        let emptied = self.writer()?.empty_log().await;
+        if matches!(emptied, Ok(true)) {
+            self.inner.last_purged.store(last, Ordering::Release);
+        } else {
             self.inner.has_erased_data.store(true, Ordering::Release);
         }
         emptied
@@ -264,13 +253,17 @@ impl Store {
         &self.inner.readers
     }
 
+    fn writer(&self) -> StoreResult<&Writer> {
+        self.inner.writer.as_ref().ok_or_else(|| StoreError::Unusable("it is open for reading only".to_owned()))
+    }
+
     /// Runs `work` in a transaction of the writer and returns once it is durable.
     async fn write<T, F>(&self, work: F) -> StoreResult<T>
     where
         F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
         T: Send + 'static,
     {
-        self.inner.writer.run(work).await
+        self.writer()?.run(work).await
     }
 
     /// Like [`Store::write`], for deletions: on a full disk the delete reserve is freed and the work is done again,

@@ -1,18 +1,27 @@
-//! Opens the database: sets and verifies the settings that durability depends on, migrates the schema, then adds the
-//! program's kinds of jobs.
+//! Opens the database: sets and verifies the settings that durability depends on.
+//!
+//! | function | for | schema |
+//! |---|---|---|
+//! | [`Store::open`] | the service | is created and migrated |
+//! | [`Store::open_existing`] | commands that change something | must be this program's |
+//! | [`Store::open_read_only`] | commands that only read | must be this program's |
 
-use std::path::Path;
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicI64};
 use std::time::Duration;
 
-use sqlx::migrate::Migrator;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqlitePool};
 
-use super::StoreSettings;
+use super::disk_reserve::DiskReserve;
 use super::error::{StoreError, StoreResult};
-use crate::domain::job::JobKind;
-
-static MIGRATIONS: Migrator = sqlx::migrate!("./migrations");
+use super::schema_version::{migrate, require_current};
+use super::writer::Writer;
+use super::{Store, StoreInner, StoreSettings};
+use crate::time::SharedClock;
 
 /// In older versions, a checkpoint that races with a reset of the write-ahead log can corrupt the file.
 const MIN_SQLITE: (u32, u32, u32) = (3, 51, 3);
@@ -34,37 +43,96 @@ const SETTINGS: [(&str, i64); 5] = [
     ("PRAGMA temp_store", 2), // MEMORY
 ];
 
-/// Opens the writing connection and migrates the schema.
-pub(super) async fn open_writer(path: &Path, settings: &StoreSettings) -> StoreResult<SqliteConnection> {
+impl Store {
+    /// Opens the database at this path, creates it if it is missing, and migrates its schema.
+    pub async fn open(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
+        let connection = open_writer(path, settings).await?;
+        let store = Self::with_writer(connection, path, settings, clock).await?;
+        store.restore_reserves().await;
+        Ok(store)
+    }
+
+    /// Opens a database that exists and has this program's schema, to change something while a service may use it.
+    ///
+    /// # Errors
+    /// The schema is another version's.
+    pub async fn open_existing(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
+        let connection = open_existing_writer(path, settings).await?;
+        Self::with_writer(connection, path, settings, clock).await
+    }
+
+    /// Opens a database that exists and has this program's schema, to read it without changing a byte of its folder.
+    /// At the end, [`Store::require_unchanged`] says whether the reads can be relied on.
+    ///
+    /// # Errors
+    /// The schema is another version's.
+    pub async fn open_read_only(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
+        let (readers, opened) = open_unchanged(path, settings).await?;
+        Ok(Self::with_parts(path, settings, clock, (readers, None, opened)))
+    }
+
+    async fn with_writer(
+        connection: SqliteConnection,
+        path: &Path,
+        settings: &StoreSettings,
+        clock: SharedClock,
+    ) -> StoreResult<Self> {
+        let readers = open_readers(path, settings).await?;
+        let writer = Writer::start(connection, settings.waiting_writes, settings.writes_per_commit)
+            .map_err(|error| StoreError::Unusable(format!("its writer thread cannot start: {error}")))?;
+        Ok(Self::with_parts(path, settings, clock, (readers, Some(writer), None)))
+    }
+
+    fn with_parts(
+        path: &Path,
+        settings: &StoreSettings,
+        clock: SharedClock,
+        (readers, writer, opened): (SqlitePool, Option<Writer>, Option<FileStamp>),
+    ) -> Self {
+        Self {
+            inner: Arc::new(StoreInner {
+                path: path.to_owned(),
+                readers,
+                writer,
+                opened,
+                clock,
+                settings: settings.clone(),
+                delete_reserve: DiskReserve::for_deletes(path),
+                sign_in_reserve: DiskReserve::for_sign_in(path),
+                has_erased_data: AtomicBool::new(true), // perhaps before the last restart
+                last_purged: AtomicI64::new(-1),
+            }),
+        }
+    }
+
+    /// Fails if the database was written while a store of [`Store::open_read_only`] read it without a lock.
+    pub fn require_unchanged(&self) -> StoreResult<()> {
+        match &self.inner.opened {
+            Some(opened) if FileStamp::of(&self.inner.path)? != *opened => Err(StoreError::Unusable(
+                "the service was started or the data changed during this command: run it again".to_owned(),
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Opens the writing connection, creates the database if it is missing, and migrates the schema.
+async fn open_writer(path: &Path, settings: &StoreSettings) -> StoreResult<SqliteConnection> {
     let options = options(path, settings).create_if_missing(true).journal_mode(SqliteJournalMode::Wal);
     let mut connection = options.connect().await?;
     check_version(&mut connection).await?;
     check_settings(&mut connection, settings).await?;
-    MIGRATIONS.run(&mut connection).await.map_err(|error| {
-        StoreError::Unusable(format!(
-            "its schema does not match this program ({error}); was it created by a newer version?"
-        ))
-    })?;
-    store_job_kinds(&mut connection).await?;
+    migrate(&mut connection).await?;
     Ok(connection)
 }
 
-const INSERT_JOB_KIND: &str = "INSERT INTO job_kind (name, subject) VALUES ($1, $2)";
-
-const SELECT_JOB_KINDS: &str = "SELECT name FROM job_kind";
-
-/// Adds the kinds of jobs that the database does not have yet. Fails if it has one that this program does not know.
-async fn store_job_kinds(connection: &mut SqliteConnection) -> StoreResult<()> {
-    let stored: Vec<String> = sqlx::query_scalar(SELECT_JOB_KINDS).fetch_all(&mut *connection).await?;
-    if let Some(unknown) = stored.iter().find(|name| name.parse::<JobKind>().is_err()) {
-        return Err(StoreError::Unusable(format!(
-            "it has jobs of the kind `{unknown}`, which this program does not know; was it created by a newer version?"
-        )));
-    }
-    for kind in JobKind::ALL.iter().filter(|kind| !stored.iter().any(|name| name == kind.name())) {
-        sqlx::query(INSERT_JOB_KIND).bind(kind.name()).bind(kind.subject().name()).execute(&mut *connection).await?;
-    }
-    Ok(())
+/// Opens the writing connection to a database that exists and has this program's schema. A service may use it, too:
+/// SQLite lets one of them write at a time, and the other one waits for `busy_timeout_ms`.
+async fn open_existing_writer(path: &Path, settings: &StoreSettings) -> StoreResult<SqliteConnection> {
+    let mut connection = options(path, settings).connect().await?;
+    require_current(&mut connection).await?;
+    check_settings(&mut connection, settings).await?;
+    Ok(connection)
 }
 
 /// Page cache of each reading connection, in SQLite's notation: minus KiB. A cohort query reads 10 MiB; with the
@@ -72,7 +140,7 @@ async fn store_job_kinds(connection: &mut SqliteConnection) -> StoreResult<()> {
 const READ_CACHE: &str = "-16384";
 
 /// Opens the pool of reading connections. They cannot write, even if a statement tries to.
-pub(super) async fn open_readers(path: &Path, settings: &StoreSettings) -> StoreResult<SqlitePool> {
+async fn open_readers(path: &Path, settings: &StoreSettings) -> StoreResult<SqlitePool> {
     let checked = settings.clone();
     let pool = SqlitePoolOptions::new()
         .max_connections(settings.readers)
@@ -88,24 +156,85 @@ pub(super) async fn open_readers(path: &Path, settings: &StoreSettings) -> Store
     Ok(pool)
 }
 
+/// A database file at one moment, to see later whether it was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct FileStamp {
+    inode: u64,
+    bytes: u64,
+    /// Time of the last change, s and ns.
+    changed: (i64, i64),
+}
+
+impl FileStamp {
+    pub fn of(path: &Path) -> StoreResult<Self> {
+        let found = fs::metadata(path).map_err(|error| unusable(path, &error))?;
+        Ok(Self { inode: found.ino(), bytes: found.len(), changed: (found.mtime(), found.mtime_nsec()) })
+    }
+}
+
+/// Opens reading connections that change no byte of the folder, also not of the log and its index. The schema must be
+/// this program's.
+///
+/// With `mode=ro` alone, SQLite would create both files or write the index. If both exist, a service has the database
+/// open or was killed: then SQLite reads the index, or makes one in memory. If the log is empty or missing, the file
+/// itself is complete, and SQLite reads it without any lock. The file's stamp is returned in that case, so that a change
+/// by a service that is started meanwhile does not pass unnoticed.
+async fn open_unchanged(path: &Path, settings: &StoreSettings) -> StoreResult<(SqlitePool, Option<FileStamp>)> {
+    let bytes_of = |suffix| fs::metadata(with_suffix(path, suffix)).map(|found| found.len()).ok();
+    let (parameter, stamp) = match (bytes_of("-wal"), bytes_of("-shm")) {
+        (Some(_), Some(_)) => ("readonly_shm=1", None),
+        (None | Some(0), _) => ("immutable=1", Some(FileStamp::of(path)?)),
+        (Some(_), None) => {
+            let why = "its write-ahead log has no index beside it (`-shm`): start the service once, which makes one";
+            return Err(StoreError::Unusable(why.to_owned()));
+        }
+    };
+    let address = address_of(path, parameter)?;
+    let pool = SqlitePoolOptions::new()
+        .max_connections(settings.readers)
+        .acquire_timeout(Duration::from_millis(settings.busy_timeout_ms))
+        .connect_with(options(&address, settings).read_only(true).pragma("query_only", "ON"))
+        .await?;
+    require_current(&mut *pool.acquire().await?).await?;
+    Ok((pool, stamp))
+}
+
+/// SQLite's address of a file, with a parameter that has no option in sqlx.
+fn address_of(path: &Path, parameter: &str) -> StoreResult<PathBuf> {
+    let path = std::path::absolute(path).map_err(|error| unusable(path, &error))?;
+    let path = text_of(&path)?.replace('%', "%25").replace('?', "%3f").replace('#', "%23");
+    Ok(PathBuf::from(format!("file://{path}?{parameter}")))
+}
+
+fn text_of(path: &Path) -> StoreResult<&str> {
+    path.to_str().ok_or_else(|| StoreError::refused("the folder's name is not UTF-8"))
+}
+
+fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(suffix);
+    PathBuf::from(name)
+}
+
+fn unusable(path: &Path, error: &std::io::Error) -> StoreError {
+    StoreError::Unusable(format!("`{}`: {error}", path.display()))
+}
+
 /// Writes a consistent copy of the database to a new file; durable when this returns.
 pub(super) async fn snapshot(path: &Path, settings: &StoreSettings, into: &Path) -> StoreResult<()> {
-    let unusable = |error: std::io::Error| StoreError::Unusable(format!("its copy `{}`: {error}", into.display()));
     for suffix in ["", "-wal", "-shm"] {
-        let mut old = into.as_os_str().to_owned();
-        old.push(suffix);
-        match std::fs::remove_file(&old) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(unusable(error)),
+        match fs::remove_file(with_suffix(into, suffix)) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(unusable(into, &error)),
             _ => {}
         }
     }
     let mut connection = options(path, settings).read_only(true).connect().await?;
-    let target = into.to_str().ok_or_else(|| StoreError::refused("the folder's name is not UTF-8"))?.to_owned();
+    let target = text_of(into)?.to_owned();
     sqlx::query(SNAPSHOT).bind(target).execute(&mut connection).await?;
     connection.close().await?;
     let folder = into.parent().unwrap_or(into);
     for file in [into, folder] {
-        std::fs::File::open(file).and_then(|file| file.sync_all()).map_err(unusable)?;
+        fs::File::open(file).and_then(|file| file.sync_all()).map_err(|error| unusable(into, &error))?;
     }
     Ok(())
 }
@@ -113,7 +242,7 @@ pub(super) async fn snapshot(path: &Path, settings: &StoreSettings, into: &Path)
 /// Rows that sqlx may fetch ahead of the consumer. Row by row, every row would wake both threads.
 const ROWS_AT_ONCE: usize = 1024;
 
-fn options(path: &Path, settings: &StoreSettings) -> SqliteConnectOptions {
+pub(super) fn options(path: &Path, settings: &StoreSettings) -> SqliteConnectOptions {
     SqliteConnectOptions::new()
         .filename(path)
         .synchronous(SqliteSynchronous::Full)

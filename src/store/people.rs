@@ -113,6 +113,8 @@ const SELECT_BY_LOGIN: &str = "
     WHERE login = $1
       AND NOT EXISTS (SELECT 1 FROM pending_erasure WHERE pending_erasure.trainee_id = person.trainee_id)";
 
+const COUNT_PASSWORD: &str = "SELECT count(*) FROM person WHERE password_hash = $1";
+
 const COUNT_PEOPLE: &str = "SELECT count(*) FROM person";
 
 const SELECT_ACCOUNT_OF: &str = "SELECT id FROM person WHERE trainee_id = $1";
@@ -250,6 +252,12 @@ impl PersonStore<'_> {
         let row: Option<LoginRow> =
             sqlx::query_as(SELECT_BY_LOGIN).bind(login).fetch_optional(self.0.readers()).await?;
         Ok(row.map(|row| (row.person, row.password_hash)))
+    }
+
+    /// True if this is the stored hash of an account's password.
+    pub async fn has_password(&self, hash: &PasswordHash) -> StoreResult<bool> {
+        let accounts: i64 = sqlx::query_scalar(COUNT_PASSWORD).bind(hash).fetch_one(self.0.readers()).await?;
+        Ok(accounts > 0)
     }
 
     /// The number of accounts: 0 at the first start.

@@ -68,7 +68,7 @@ impl ErasureList {
 }
 
 /// All erasures after this number, with their numbers.
-async fn erasures_after(store: &Store, number: i64) -> UpkeepResult<Vec<(i64, Erasure)>> {
+pub(super) async fn erasures_after(store: &Store, number: i64) -> UpkeepResult<Vec<(i64, Erasure)>> {
     let mut found: Vec<(i64, Erasure)> = Vec::new();
     loop {
         let last = found.last().map_or(number, |(number, _)| *number);

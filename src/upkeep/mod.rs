@@ -5,8 +5,11 @@
 //!
 //! | function | when |
 //! |---|---|
+//! | [`copy_before_update`] | once, at every start, before the database is opened |
 //! | [`recover()`] | once, at every start, before anything else uses the folder |
+//! | [`write_password_file`] | at the first start |
 //! | [`run`] | for as long as the service runs: [`apply_retention`], then [`clear_up`] |
+//! | [`clear_after_command`] | after a command that may have erased people or changed passwords |
 //! | [`check()`] | on request: `trocar admin check` |
 //! | [`back_up`] | on request: `trocar admin backup`; and once a day: [`run_backups`] |
 //! | [`restore()`] | on request: `trocar admin restore` |
@@ -18,24 +21,32 @@ mod backup;
 mod check;
 mod collect;
 mod erasure_list;
+mod password_file;
 mod recover;
 mod restore;
 mod retention;
 mod scheduled_backups;
+mod update_copy;
 
 pub use backup::{BACKUP_MARK, back_up};
 pub use check::{Finding, check};
 use collect::{collect, forget_expired_uploads, remove_orphan_uploads, remove_unreferenced};
 pub use erasure_list::{ERASURE_LIST, ErasureLists};
+use password_file::forget_changed_passwords;
+pub use password_file::{password_file, write_password_file};
 pub use recover::{Recovered, recover};
 pub use restore::{Restored, restore};
 pub use retention::{RetentionSettings, apply_retention};
 pub use scheduled_backups::{BackupProgress, BackupSettings, BackupState, complete_backups, run_backups};
+pub use update_copy::{UPDATE_COPY_FOLDER, copy_before_update};
+use update_copy::{erase_in_update_copy, forget_old_update_copy};
 
 use crate::shutdown::Shutdown;
 use crate::store::{Store, StoreError};
 use crate::time::SharedClock;
 use crate::vault::{Vault, VaultError};
+
+const MIB: u64 = 1 << 20;
 
 /// Why upkeep failed.
 #[derive(Debug, thiserror::Error)]
@@ -77,6 +88,37 @@ pub enum UpkeepError {
          --erasures (a copy is in the data folder), or give --without-erasures", .0.display()
     )]
     NoList(PathBuf),
+    /// There is no space for the copy of the database that an update makes.
+    #[error(
+        "the database is not adapted to this program yet, because the copy that is made before needs up to {} MiB in \
+         `{}`{}: free some space and start again, or install the earlier program again. Nothing was changed",
+        needed.div_ceil(MIB), .folder.display(),
+        .free.map(|free| format!(", where {} MiB are free", free / MIB)).unwrap_or_default()
+    )]
+    NoSpaceForCopy {
+        /// The data folder.
+        folder: PathBuf,
+        /// Space for copy and change, bytes.
+        needed: u64,
+        /// Free space, bytes; `None` if it ran out while the copy was made.
+        free: Option<u64>,
+    },
+    /// The copy of the database from before an update cannot be made or deleted.
+    #[error("copy from before the update `{}`: {why}", .path.display())]
+    UpdateCopy {
+        /// The file or folder.
+        path: PathBuf,
+        /// The problem.
+        why: String,
+    },
+    /// A file with a first password cannot be written or deleted.
+    #[error("file with the first password `{}`: {why}", .path.display())]
+    PasswordFile {
+        /// The file.
+        path: PathBuf,
+        /// The problem.
+        why: String,
+    },
     /// The check of the finished backup found a problem.
     #[error("the backup is not sound: {0}")]
     Unsound(Finding),
@@ -100,6 +142,9 @@ pub async fn run(
         if let Err(error) = clear_up(store, vault).await {
             tracing::warn!(%error, "cleaning up failed; retrying at the next round");
         }
+        if let Err(error) = forget_old_update_copy(vault, clock.now_ms()) {
+            tracing::warn!(%error, "old copy not deleted; retrying at the next round");
+        }
         if let Err(error) = lists.update(store).await {
             tracing::error!(%error, "erasures were not listed; a backup restored now would bring erased people back");
         }
@@ -110,7 +155,7 @@ pub async fn run(
     }
 }
 
-/// Removes files that are no longer needed, and erased data from the write-ahead log. A step that fails, such as a file
+/// Removes files that are no longer needed, and erased data from where else it is. A step that fails, such as a file
 /// that cannot be deleted, stops no other.
 ///
 /// # Errors
@@ -121,9 +166,22 @@ pub async fn clear_up(store: &Store, vault: &Vault) -> UpkeepResult<()> {
     steps.note(remove_orphan_uploads(store, vault).await);
     steps.note(collect(store, vault).await);
     steps.note(remove_unreferenced(store, vault).await);
-    steps.note(store.purge_erased().await.map_err(UpkeepError::from));
+    steps.note(clear_after_command(store, vault).await);
     store.restore_reserves().await;
     steps.note(store.cookies().forget_expired().await.map_err(UpkeepError::from)); // last, since it fails on a full disk
+    steps.finish(())
+}
+
+/// Removes erased data from the write-ahead log and from the copy before the last update, and the files of passwords
+/// that were changed. A step that fails stops no other.
+///
+/// # Errors
+/// The first failure.
+pub async fn clear_after_command(store: &Store, vault: &Vault) -> UpkeepResult<()> {
+    let mut steps = Attempts::default();
+    steps.note(store.purge_erased().await.map_err(UpkeepError::from));
+    steps.note(erase_in_update_copy(store, vault).await);
+    steps.note(forget_changed_passwords(store, vault.folder()).await);
     steps.finish(())
 }
 

@@ -22,7 +22,7 @@
 //! | [`Vault::keep_upload`], [`Vault::delete_upload`], [`Vault::delete_upload_if`] | make an upload a blob; delete an upload |
 //! | [`Vault::open_feed`], [`FeedLog`], [`Vault::read_feed`], [`Vault::delete_feed`] | receive a recording frame by frame |
 //! | [`Vault::create_temporary_file`], [`TemporaryFile`] | make a file that a child process writes a blob |
-//! | [`Vault::lock`], [`Vault::clear_incoming`] | start-up |
+//! | [`Vault::open`], [`Vault::open_existing`], [`Vault::lock`], [`Vault::clear_incoming`] | start-up |
 
 mod blobs;
 mod disk;
@@ -73,11 +73,20 @@ impl Vault {
         let data = data.to_owned();
         run_blocking(move || {
             disk::make_folders(&data)?;
-            Ok(Self {
-                inner: Arc::new(VaultInner { data, pins: Pins::default(), open_uploads: OpenUploads::default() }),
-            })
+            Ok(Self::open_existing(&data))
         })
         .await
+    }
+
+    /// The vault in a data folder that exists; creates and changes nothing.
+    pub fn open_existing(data: &Path) -> Self {
+        let (data, pins, open_uploads) = (data.to_owned(), Pins::default(), OpenUploads::default());
+        Self { inner: Arc::new(VaultInner { data, pins, open_uploads }) }
+    }
+
+    /// The data folder.
+    pub fn folder(&self) -> &Path {
+        &self.inner.data
     }
 
     /// Locks the data folder for this process; fails if another process has it.

@@ -103,13 +103,10 @@ class Service:
     def __init__(self, trocar, data):
         self.process = subprocess.Popen([trocar, "serve", "--data", str(data), "--listen", "127.0.0.1:0", "--workers", "1"],
                                         stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-        self.password = self.port = None
-        for line in self.process.stdout:
-            self.port = self.port or number(re.search(r"http://[^\s:]+:(\d+)", line))
-            found = re.search(r"password\S*\s+(\S+)", line)
-            self.password = found.group(1) if found else self.password
-            if self.port and self.password:
-                break
+        # The file of the password is there before the address is printed.
+        self.port = next(filter(None, (number(re.search(r"http://[^\s:]+:(\d+)", line)) for line in self.process.stdout)))
+        file = (Path(data) / "administrator.password").read_text()
+        self.password = re.search(r"^password: (\S+)$", file, re.M).group(1)
         threading.Thread(target=self.process.stdout.read, daemon=True).start()
 
     def prepare(self):

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
+mod admin;
 mod api;
 mod architecture;
 mod child;
@@ -9,6 +10,7 @@ mod commands;
 mod dependencies;
 mod faults;
 mod feed;
+mod first_password;
 mod golden;
 mod language;
 mod memory;
@@ -26,3 +28,4 @@ mod skill;
 mod support;
 mod surroundings;
 mod truth;
+mod updates;

@@ -60,6 +60,12 @@ impl OldData {
         Self::of(release, made_ms)
     }
 
+    /// The oldest one.
+    pub fn oldest() -> Self {
+        let (release, made_ms) = RELEASES[0];
+        Self::of(release, made_ms)
+    }
+
     fn of(release: &str, made_ms: i64) -> Self {
         let archive = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(format!("{release}.tar.gz"));
         let folder = tempfile::tempdir().unwrap();

@@ -20,6 +20,12 @@ pub struct Process {
     _stdout: Box<dyn Iterator<Item = String> + Send>,
 }
 
+/// The first administrator's password, from its file in the data folder.
+pub fn first_password(data: &Path) -> String {
+    let text = std::fs::read_to_string(data.join("administrator.password")).expect("the first start writes the file");
+    text.lines().find_map(|line| line.strip_prefix("password: ")).unwrap().to_owned()
+}
+
 impl Process {
     /// Starts a service on a data folder and waits until it prints its address.
     pub fn start(data: &Path) -> Self {
@@ -33,10 +39,9 @@ impl Process {
         change(&mut command);
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map_while(Result::ok);
-        let mut after =
-            |mark: &str| lines.find_map(|line| Some(line.split_once(mark)?.1.trim_end_matches('/').to_owned()));
-        let address = after("http://").expect("the service prints its address");
-        let password = is_first.then(|| after("password ").expect("the first start prints the password"));
+        let address = lines.find_map(|line| Some(line.split_once("http://")?.1.trim_end_matches('/').to_owned()));
+        let address = address.expect("the service prints its address");
+        let password = is_first.then(|| first_password(data));
         Self { child, address, password, _stdout: Box::new(lines) }
     }
 

@@ -3,7 +3,7 @@
 use anyhow::{Context, anyhow};
 
 use super::super::CommandFailure;
-use super::DataFolder;
+use super::{DataFolder, store_failure};
 use crate::upkeep;
 
 /// Arguments of `trocar admin check`.
@@ -16,7 +16,9 @@ pub struct CheckArgs {
 
 /// Prints one line per finding. Fails if data is lost.
 pub async fn run(folder: &DataFolder, args: &CheckArgs) -> Result<(), CommandFailure> {
-    let findings = upkeep::check(&folder.store, &folder.vault, args.thorough).await.context("checking")?;
+    let findings = upkeep::check(&folder.store, &folder.vault, args.thorough).await;
+    folder.store.require_unchanged().map_err(store_failure)?; // else the findings, or the error, mean nothing
+    let findings = findings.context("checking")?;
     for finding in &findings {
         println!("{finding}");
     }

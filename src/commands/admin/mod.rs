@@ -1,6 +1,9 @@
 //! `trocar admin`: administration on the machine itself: accounts, tokens, backup, check of database and files.
 //!
-//! It works while the service runs: each change is one transaction, and the service sees it with its next query.
+//! It works while the service runs. Commands that only read change no byte of the data folder. The others write through
+//! SQLite's own lock: each change is one transaction, which waits for `store.busy_timeout_ms` while the service writes,
+//! and the service sees it with its next query. A lock of the folder would keep a crashed service from being started
+//! again during a long backup. No command changes the schema; a database of another version is refused.
 #![expect(clippy::print_stdout, reason = "only results go to stdout")]
 
 mod backup;
@@ -15,10 +18,11 @@ use std::sync::Arc;
 use anyhow::{Context, anyhow};
 use clap::Subcommand;
 
-use super::{CommandFailure, restrict_new_files_to_owner};
+use super::{CommandFailure, restrict_new_files_to_owner, serve};
 use crate::settings::{Flags, Settings};
 use crate::store::{Store, StoreError};
 use crate::time::SystemClock;
+use crate::upkeep;
 use crate::vault::Vault;
 
 /// Arguments of `trocar admin`.
@@ -36,18 +40,37 @@ pub struct AdminArgs {
 
 #[derive(Subcommand)]
 enum AdminCommand {
+    #[command(flatten)]
+    InFolder(FolderCommand),
+    /// Make a data folder (--data) of a backup, and erase again what was erased since the backup.
+    Restore(restore::RestoreArgs),
+}
+
+/// A command on a data folder that exists.
+#[derive(Subcommand)]
+enum FolderCommand {
     /// Check the database and the files, without changing them; exit status 1 if data is lost.
     Check(check::CheckArgs),
     /// Copy database and files into an empty folder; the service may run.
     Backup(backup::BackupArgs),
-    /// Make a data folder (--data) of a backup, and erase again what was erased since the backup.
-    Restore(restore::RestoreArgs),
     /// List, add and delete accounts; set passwords.
     #[command(subcommand)]
     User(user::UserCommand),
     /// List, add and delete access tokens of programs.
     #[command(subcommand)]
     Token(token::TokenCommand),
+}
+
+impl FolderCommand {
+    /// True if the command changes nothing in the data folder.
+    fn only_reads(&self) -> bool {
+        match self {
+            FolderCommand::Check(_) => true,
+            FolderCommand::Backup(_) => false, // the audit trail notes it
+            FolderCommand::User(command) => matches!(command, user::UserCommand::List),
+            FolderCommand::Token(command) => matches!(command, token::TokenCommand::List),
+        }
+    }
 }
 
 /// An open data folder.
@@ -63,31 +86,64 @@ pub fn run(args: AdminArgs) -> Result<(), CommandFailure> {
     restrict_new_files_to_owner();
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
     runtime.block_on(async {
-        if let AdminCommand::Restore(args) = args.command {
-            return restore::run(&settings.data, args).await; // the data folder does not exist yet
-        }
-        let folder = open_data_folder(&settings).await?;
         match args.command {
-            AdminCommand::Check(args) => check::run(&folder, &args).await,
-            AdminCommand::Backup(args) => backup::run(&folder, &args).await,
-            AdminCommand::Restore(_) => Ok(()), // done above
-            AdminCommand::User(command) => user::run(&folder, command).await,
-            AdminCommand::Token(command) => token::run(&folder, command).await,
+            AdminCommand::Restore(args) => restore::run(&settings.data, args).await,
+            AdminCommand::InFolder(command) if command.only_reads() => {
+                let folder = DataFolder::open_to_read(&settings).await?;
+                let done = run_in(&folder, command).await;
+                folder.store.require_unchanged().map_err(store_failure)?;
+                done
+            }
+            AdminCommand::InFolder(command) => {
+                let folder = DataFolder::open_to_write(&settings).await?;
+                let done = run_in(&folder, command).await;
+                let cleared = upkeep::clear_after_command(&folder.store, &folder.vault).await;
+                folder.store.close().await; // moves the write-ahead log into the database, if no service has it open
+                done?;
+                Ok(cleared.context("done, but traces of erased or changed data may be left; run the service once")?)
+            }
         }
     })
 }
 
-async fn open_data_folder(settings: &Settings) -> Result<DataFolder, CommandFailure> {
-    let database = settings.database();
-    if !database.exists() {
-        let shown = settings.data.display();
-        let why =
-            anyhow!("`{shown}` is not a Trocar data folder: name another with --data, or run `trocar serve` first");
-        return Err(CommandFailure::input(why));
+async fn run_in(folder: &DataFolder, command: FolderCommand) -> Result<(), CommandFailure> {
+    match command {
+        FolderCommand::Check(args) => check::run(folder, &args).await,
+        FolderCommand::Backup(args) => backup::run(folder, &args).await,
+        FolderCommand::User(command) => user::run(folder, command).await,
+        FolderCommand::Token(command) => token::run(folder, command).await,
     }
-    let store = Store::open(&database, &settings.store, Arc::new(SystemClock)).await.context("opening the database")?;
-    let vault = Vault::open(&settings.data).await.context("opening the data folder")?;
-    Ok(DataFolder { store, vault })
+}
+
+impl DataFolder {
+    /// Opens a folder without changing anything in it; it may be a backup.
+    async fn open_to_read(settings: &Settings) -> Result<Self, CommandFailure> {
+        let database = existing_database(settings)?;
+        let store = Store::open_read_only(&database, &settings.store, Arc::new(SystemClock)).await;
+        Ok(Self { store: opened(store)?, vault: Vault::open_existing(&settings.data) })
+    }
+
+    /// Opens a folder for changes.
+    async fn open_to_write(settings: &Settings) -> Result<Self, CommandFailure> {
+        let database = existing_database(settings)?;
+        serve::refuse_backup(&settings.data).map_err(CommandFailure::input)?;
+        let store = Store::open_existing(&database, &settings.store, Arc::new(SystemClock)).await;
+        Ok(Self { store: opened(store)?, vault: Vault::open_existing(&settings.data) })
+    }
+}
+
+fn existing_database(settings: &Settings) -> Result<PathBuf, CommandFailure> {
+    let database = settings.database();
+    if database.exists() {
+        return Ok(database);
+    }
+    let shown = settings.data.display();
+    let why = anyhow!("`{shown}` is not a Trocar data folder: name another with --data, or run `trocar serve` first");
+    Err(CommandFailure::input(why))
+}
+
+fn opened(store: Result<Store, StoreError>) -> Result<Store, CommandFailure> {
+    Ok(store.context("opening the database")?)
 }
 
 /// A [`CommandFailure`] for an error of the store: exit status 2 if the input is wrong, else 1.
@@ -98,6 +154,7 @@ fn store_failure(error: StoreError) -> CommandFailure {
         | StoreError::InUse { .. }
         | StoreError::Refused { .. }
         | StoreError::Forbidden { .. } => CommandFailure::input(error),
+        StoreError::Busy => CommandFailure::Failed(anyhow!("{error}, and nothing was changed: try again in a moment")),
         _ => CommandFailure::Failed(error.into()),
     }
 }

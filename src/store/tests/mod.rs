@@ -18,4 +18,5 @@ mod sign_in;
 mod skill_models;
 mod standards;
 mod statements;
+mod versions;
 mod writes;

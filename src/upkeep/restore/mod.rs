@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use tokio::fs::{File, OpenOptions};
+
 use super::backup::{copy_blobs, folder_error, mark, refuse_used, unmark};
 use super::erasure_list::{ERASURE_LIST, extend_list, read_list};
 use super::{Finding, UpkeepError, UpkeepResult, check, recover};
@@ -44,10 +46,10 @@ pub async fn restore(
             read_list(&list)?
         }
     };
-    let (from, files) = (Vault::open(backup).await?, Vault::open(to).await?);
+    let (from, files) = (Vault::open_existing(backup), Vault::open(to).await?);
     let path = to.join(database);
     mark(to, "This folder is being restored. If that was interrupted, delete it and restore again.\n")?;
-    tokio::fs::copy(backup.join(database), &path).await.map_err(folder_error(to))?;
+    copy_private(&backup.join(database), &path).await.map_err(folder_error(to))?;
     let store = Store::open(&path, &StoreSettings::default(), clock).await?;
     let copied = copy_blobs(&store, &from, &files).await?;
     if let Some(hash) = copied.missing {
@@ -74,6 +76,14 @@ pub async fn restore(
     store.close().await;
     unmark(to)?;
     Ok(Restored { files, erased_again, kept })
+}
+
+/// Copies a file. Only its owner may read the copy, even if others may read the original.
+async fn copy_private(from: &Path, to: &Path) -> std::io::Result<()> {
+    let mut original = File::open(from).await?;
+    let mut copy = OpenOptions::new().write(true).create_new(true).mode(0o600).open(to).await?;
+    tokio::io::copy(&mut original, &mut copy).await?;
+    copy.sync_all().await
 }
 
 /// The entries of a list without the requests that a later one of the same trainee replaces: only the last says whether the

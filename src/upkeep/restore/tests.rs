@@ -1,6 +1,7 @@
 //! Backups that are restored: nothing is lost, and erased people do not come back.
 
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -101,6 +102,16 @@ async fn people_who_were_erased_after_a_backup_do_not_come_back_with_it() {
     // The list of the restored folder names them, too: for the next backup that is restored.
     let list = fs::read_to_string(folder.join(ERASURE_LIST)).unwrap();
     assert_eq!(list, fs::read_to_string(backups.target.path().join(ERASURE_LIST)).unwrap());
+}
+
+#[tokio::test]
+async fn a_restore_leaves_the_backup_alone_and_hides_the_data_from_other_users() {
+    let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
+    fs::remove_dir(backup.join("incoming")).unwrap(); // an empty folder, which some copying programs leave out
+    fs::set_permissions(backup.join(DATABASE), fs::Permissions::from_mode(0o644)).unwrap();
+    let (folder, _) = backups.restore(&backup, None).await.unwrap();
+    assert_eq!(fs::metadata(folder.join(DATABASE)).unwrap().permissions().mode() & 0o777, 0o600);
+    assert!(!backup.join("incoming").exists());
 }
 
 #[tokio::test]

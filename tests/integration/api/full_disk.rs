@@ -14,12 +14,12 @@ use crate::support::{Service, problem};
 
 const MIB: usize = 1024 * 1024;
 
-/// A small separate file system, mounted for one test.
-struct SmallDisk(PathBuf);
+/// A small separate file system, mounted for one test; unmounted when dropped.
+pub struct SmallDisk(PathBuf);
 
 impl SmallDisk {
     /// `None` if the user may not mount a file system.
-    fn mount(at: &Path, mib: usize) -> Option<Self> {
+    pub fn mount(at: &Path, mib: usize) -> Option<Self> {
         let mount = ["-t", "tmpfs", "-o", &format!("size={mib}m"), "tmpfs"].map(str::to_owned);
         let mounted = Command::new("mount").args(mount).arg(at).output().ok()?.status.success();
         mounted.then(|| Self(at.to_owned()))

@@ -10,7 +10,7 @@ mod documents;
 mod edits;
 mod erasures;
 mod exchange;
-mod full_disk;
+pub mod full_disk;
 mod hostile;
 mod large_answers;
 mod looks;

@@ -16,6 +16,7 @@ use tokio_stream::wrappers::ReceiverStream;
 
 use super::centre::recording;
 use super::tus::metadata;
+use crate::process::first_password;
 use crate::support::{Client, read, soon};
 
 const MIB: usize = 1024 * 1024;
@@ -37,11 +38,10 @@ impl Process {
         command.args(["serve", "--listen", "127.0.0.1:0", "--workers", "1", "--log", "warn", "--data"]).arg(data);
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        let mut next_line = || lines.next().expect("it prints another line").unwrap();
-        let first = next_line();
+        let first = lines.next().expect("it prints its address").unwrap();
         let base = first.rsplit(' ').next().unwrap().trim_end_matches('/').to_owned();
         let is_first = !data.join("had-its-first-start").exists();
-        let password = is_first.then(|| next_line().rsplit(' ').next().unwrap().to_owned());
+        let password = is_first.then(|| first_password(data));
         fs::write(data.join("had-its-first-start"), "").unwrap();
         Self { child, _stdout: lines, base, password }
     }
@@ -66,27 +66,6 @@ impl Process {
         let ended = tokio::task::spawn_blocking(move || self.child.wait().unwrap().code());
         soon("the end", ended).await.unwrap()
     }
-}
-
-/// Every file below a folder.
-fn files(folder: &Path) -> Vec<Vec<u8>> {
-    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    entries.flat_map(|path| if path.is_dir() { files(&path) } else { vec![fs::read(path).unwrap()] }).collect()
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn the_first_password_is_printed_once_and_stored_nowhere() {
-    let data = tempfile::tempdir().unwrap();
-    let process = Process::start(data.path());
-    let password = process.password.clone().unwrap();
-    process.administrator(&password).await;
-    for content in files(data.path()) {
-        assert!(!content.windows(password.len()).any(|window| window == password.as_bytes()));
-    }
-    assert_eq!(process.terminate().await, Some(0));
-    let again = Process::start(data.path());
-    again.administrator(&password).await;
-    assert_eq!(again.terminate().await, Some(0));
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -67,7 +67,7 @@ impl Centre {
             slowest_start: Duration::ZERO,
             folder,
         };
-        centre.sign_in(&password.expect("the first start prints the password")).await;
+        centre.sign_in(&password.expect("the first start has a password")).await;
         for (path, name) in [("/boxes", "Box 1"), ("/trainees", "Ada"), ("/tasks", "Pegs")] {
             centre.create(path, name).await;
         }

@@ -1,0 +1,143 @@
+//! `trocar admin` beside a running service, after a kill and after an orderly end.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::json;
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions, Connection};
+
+use crate::process::{Process, program};
+use crate::support::{Client, poll_until};
+
+/// The longest wait for the database's lock, ms, in the test that holds it.
+const SHORT_WAIT_MS: &str = "100";
+
+/// `trocar admin` on a data folder with the words of a line.
+fn admin(data: &Path, line: &str) -> Command {
+    let mut command = program();
+    command.args(["admin", "--data"]).arg(data).args(line.split(' '));
+    command
+}
+
+fn run(data: &Path, line: &str) -> Output {
+    admin(data, line).output().unwrap()
+}
+
+/// Runs a command that must succeed, and returns its standard output.
+fn succeed(data: &Path, line: &str) -> String {
+    let ended = run(data, line);
+    assert!(ended.status.success(), "{line}: {}", String::from_utf8_lossy(&ended.stderr));
+    String::from_utf8(ended.stdout).unwrap()
+}
+
+/// All paths below a folder, with the contents of files.
+fn everything(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+        match path.is_dir() {
+            true => found.extend(everything(&path)),
+            false => drop(found.insert(path.clone(), fs::read(&path).unwrap())),
+        }
+        found.entry(path).or_default();
+    }
+    found
+}
+
+/// Runs the commands that only read; the folder must stay as it is to the last byte, and they must see `login`.
+fn read_without_a_change(data: &Path, state: &str, login: &str) {
+    let before = everything(data);
+    for line in ["check --thorough", "user list", "token list"] {
+        let printed = succeed(data, line);
+        assert!(line != "user list" || printed.contains(login), "{state}: {printed}");
+        let changed = everything(data).into_iter().find(|(path, content)| before.get(path) != Some(content));
+        assert_eq!(changed.map(|(path, _)| path), None, "{state}: `{line}` changes this file");
+        assert_eq!(everything(data).len(), before.len(), "{state}: `{line}` removes a file");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn commands_that_only_read_change_no_byte_of_the_data_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let service = Process::start(folder.path());
+    let client = Client::of(format!("http://{}", service.address));
+    let administrator = client.signed_in("administrator", service.password.as_deref().unwrap()).await;
+    let new = json!({"login": "in-the-log", "name": "I", "role": "instructor", "password": "a password of tests"});
+    administrator.make("/api/v1/people", new).await; // its row is in the write-ahead log, perhaps only there
+    let id = Pid::from_raw(service.id().cast_signed()).unwrap();
+    kill_process(id, Signal::STOP).unwrap(); // so that only the command could change something
+    read_without_a_change(folder.path(), "beside a service", "in-the-log");
+    drop(service);
+    read_without_a_change(folder.path(), "after a kill", "in-the-log");
+    succeed(folder.path(), "user add last --role instructor"); // the last connection empties and removes the log
+    assert!(!folder.path().join("trocar.db-wal").exists());
+    read_without_a_change(folder.path(), "after an orderly end", "last");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn accounts_change_beside_a_service_that_writes_and_a_deleted_one_leaves_no_trace() {
+    const NAME: &str = "Qvinxly";
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path();
+    let service = Process::launch(data, |command| {
+        command.env("TROCAR_UPKEEP__COLLECT_S", "1");
+    });
+    let client = Client::of(format!("http://{}", service.address));
+    let administrator = client.clone().signed_in("administrator", service.password.as_deref().unwrap()).await;
+    let writes = tokio::spawn(async move {
+        for number in 0..40 {
+            administrator.make("/api/v1/trainees", json!({"name": format!("Trainee {number}")})).await;
+        }
+    });
+    let mut password = String::new();
+    for number in 0..3 {
+        password = succeed(data, &format!("user add of-{number} --role instructor --name {NAME}")).trim().to_owned();
+    }
+    let token = succeed(data, "token add reports --acts-for of-0");
+    writes.await.unwrap();
+    client.clone().signed_in("of-2", &password).await;
+    client.with_token(token.trim()).read("/api/v1/tasks").await;
+
+    for number in 0..3 {
+        succeed(data, &format!("user delete of-{number}"));
+    }
+    let holds = |content: &Vec<u8>| content.windows(NAME.len()).any(|part| part == NAME.as_bytes());
+    poll_until("the end of the deleted accounts' traces", || {
+        let database = ["trocar.db", "trocar.db-wal"].map(|file| fs::read(data.join(file)).unwrap_or_default());
+        !database.iter().any(holds)
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_command_that_waits_too_long_for_the_database_changes_nothing_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    drop(Process::start(folder.path()));
+    let database = folder.path().join("trocar.db");
+    let mut other = SqliteConnectOptions::new().filename(&database).connect().await.unwrap();
+    let holder = other.begin_with("BEGIN IMMEDIATE").await.unwrap();
+    let mut command = admin(folder.path(), "user add eve --role instructor");
+    let refused = command.env("TROCAR_STORE__BUSY_TIMEOUT_MS", SHORT_WAIT_MS).output().unwrap();
+    let stderr = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("busy") && stderr.contains("try again"), "{stderr}");
+    holder.rollback().await.unwrap();
+    assert!(!succeed(folder.path(), "user list").contains("eve"));
+    succeed(folder.path(), "user add eve --role instructor");
+}
+
+#[test]
+fn a_backup_can_be_checked_but_not_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, backup) = (folder.path().join("data"), folder.path().join("backup"));
+    drop(Process::start(&data));
+    succeed(&data, &format!("backup {}", backup.display()));
+    read_without_a_change(&backup, "a backup", "administrator");
+    let refused = run(&backup, "user add eve --role instructor");
+    let stderr = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(2), "{stderr}");
+    assert!(stderr.contains("is a backup"), "{stderr}");
+}

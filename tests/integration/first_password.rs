@@ -1,0 +1,74 @@
+//! The first administrator's password is in a private file until it is changed, and in no log.
+
+use std::fs::{self, File};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+
+use reqwest::StatusCode;
+use serde_json::json;
+
+use crate::process::{Process, first_password, program};
+use crate::support::{Client, poll, poll_until};
+
+const CHANGED: &str = "another password";
+
+/// The paths of all files below a folder that hold a text.
+fn holders(folder: &Path, text: &str) -> Vec<PathBuf> {
+    let paths = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let holds = |path: &PathBuf| {
+        let content = fs::read(path).unwrap_or_default();
+        content.windows(text.len()).any(|part| part == text.as_bytes())
+    };
+    let of = |path: PathBuf| match path.is_dir() {
+        true => holders(&path, text),
+        false => Some(path).filter(holds).into_iter().collect(),
+    };
+    paths.flat_map(of).collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_first_password_is_in_a_private_file_until_it_is_changed_and_nowhere_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out, log) = (folder.path().join("data"), folder.path().join("out"), folder.path().join("log"));
+    let mut command = program();
+    command.args(["serve", "--listen", "127.0.0.1:0", "--workers", "1", "--log", "trace", "--data"]).arg(&data);
+    command.env("TROCAR_UPKEEP__COLLECT_S", "1").stdin(Stdio::null());
+    command.stdout(File::create(&out).unwrap()).stderr(File::create(&log).unwrap());
+    let mut service = command.spawn().unwrap();
+    let printed = poll("the service's greeting", async || {
+        Some(fs::read_to_string(&out).unwrap()).filter(|text| text.contains("has been changed"))
+    })
+    .await;
+
+    let file = data.join("administrator.password");
+    assert!(printed.contains(&file.display().to_string()), "{printed}");
+    assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, 0o600);
+    let password = first_password(&data);
+    let base = printed.lines().next().unwrap().rsplit(' ').next().unwrap().trim_end_matches('/').to_owned();
+    let administrator = Client::of(base).signed_in("administrator", &password).await;
+    assert_eq!(holders(folder.path(), &password), [file.clone()], "neither output, nor log, nor database");
+
+    let change = json!({"old": password, "new": CHANGED});
+    assert_eq!(administrator.post("/api/v1/me/password", change).await.status(), StatusCode::NO_CONTENT);
+    poll_until("the deletion of the file", || !file.exists()).await;
+    assert_eq!(holders(folder.path(), &password), Vec::<PathBuf>::new());
+    service.kill().unwrap();
+    service.wait().unwrap();
+}
+
+#[test]
+fn the_file_outlives_a_restart_and_goes_when_a_command_replaces_the_password() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("administrator.password");
+    let password = Process::start(folder.path()).password.clone().unwrap();
+    let service = Process::start(folder.path());
+    assert_eq!(first_password(folder.path()), password);
+    drop(service); // the command alone deletes the file
+    let line = ["admin", "user", "password", "administrator", "--data"];
+    let replaced = program().args(line).arg(folder.path()).output().unwrap();
+    assert!(replaced.status.success(), "{}", String::from_utf8_lossy(&replaced.stderr));
+    assert!(!file.exists());
+    let _service = Process::start(folder.path());
+    assert!(!file.exists(), "no later start makes another one");
+}
