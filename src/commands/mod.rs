@@ -19,6 +19,7 @@ mod calibrate;
 mod child;
 mod demonstration;
 mod evaluate;
+mod greeting;
 mod model;
 mod palette;
 mod progress;

@@ -5,7 +5,7 @@
 //! files and database consistent before it listens. SIGTERM and SIGINT end the service within
 //! ten seconds: open requests finish, partial uploads are kept, leases are released.
 
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -18,6 +18,7 @@ use tokio::task::JoinHandle;
 use tracing_subscriber::EnvFilter;
 
 use super::demonstration::{self, DemonstrationBuilder};
+use super::greeting::{Greeting, print_line};
 use super::{CommandFailure, restrict_new_files_to_owner};
 use crate::analysis::stored_rows::StoredIndexes;
 use crate::analysis::{AnalysisSettings, QuickAnalysis, WorkerPool};
@@ -70,6 +71,9 @@ pub struct ServeArgs {
     /// Fill a new data folder with a demonstration: a simulated box, trainees and recordings
     #[arg(long)]
     demo: bool,
+    /// Print only the name of the file with the first password, also to a terminal or a pipe
+    #[arg(long)]
+    hide_password: bool,
     /// Settings file [default: trocar.toml in the data folder]
     #[arg(long)]
     settings: Option<PathBuf>,
@@ -94,7 +98,7 @@ pub fn run(args: ServeArgs) -> Result<(), CommandFailure> {
         tracing::warn!(%error, "cannot raise the limit of open files; many connections may fail");
     }
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
-    let served = runtime.block_on(serve(settings, args.demo));
+    let served = runtime.block_on(serve(settings, args.demo, Greeting::new(args.hide_password)));
     runtime.shutdown_timeout(Duration::from_millis(500));
     Ok(served?)
 }
@@ -113,15 +117,17 @@ fn start_log(filter: &str, json: bool) -> Result<(), CommandFailure> {
     Ok(())
 }
 
-async fn serve(settings: Settings, demo: bool) -> anyhow::Result<()> {
+async fn serve(settings: Settings, demo: bool, greeting: Greeting) -> anyhow::Result<()> {
     let password = Password::random();
     let (data, scratch) = (settings.data.clone(), settings.data.join("demonstration"));
     let running = start(settings, Arc::new(SystemClock), &password, WorkerPool::this_program()).await?;
     running.shutdown.begin_on_signals().context("listening for signals")?;
     print_welcome(&running);
-    print_sign_in(&data, ADMINISTRATOR, running.is_first_start.then_some(&password));
+    greeting.print_sign_in(&data, ADMINISTRATOR, running.is_first_start.then_some(&password));
     if demo {
-        start_demonstration(&running, &data, scratch).await.context("registering the demonstration centre")?;
+        start_demonstration(&running, &greeting, &data, scratch)
+            .await
+            .context("registering the demonstration centre")?;
     }
     running.ended().await;
     Ok(())
@@ -137,7 +143,12 @@ fn worker_count(set: usize) -> usize {
 
 /// Fills a new data folder with the demonstration centre, or continues where an earlier start stopped. Does nothing in
 /// a data folder that is in real use.
-async fn start_demonstration(running: &RunningService, data: &Path, scratch: PathBuf) -> anyhow::Result<()> {
+async fn start_demonstration(
+    running: &RunningService,
+    greeting: &Greeting,
+    data: &Path,
+    scratch: PathBuf,
+) -> anyhow::Result<()> {
     let builder = DemonstrationBuilder::new(&running.app, scratch);
     if !running.is_first_start && !builder.is_registered().await? {
         print_line(
@@ -146,7 +157,7 @@ async fn start_demonstration(running: &RunningService, data: &Path, scratch: Pat
         return Ok(());
     }
     let password = builder.register().await?;
-    print_sign_in(data, demonstration::INSTRUCTOR, password.as_ref());
+    greeting.print_sign_in(data, demonstration::INSTRUCTOR, password.as_ref());
     running.shutdown.spawn(builder.fill(running.shutdown.clone()));
     Ok(())
 }
@@ -395,42 +406,12 @@ async fn make_first_administrator(store: &Store, data: &Path, password: &Passwor
     Ok(true)
 }
 
-/// Prints how to sign in to an account whose first password is still in its file. `new` is that password if this start
-/// has made the account. Only a terminal shows it: what reads another output may keep it, as the journal does.
-fn print_sign_in(data: &Path, login: &str, new: Option<&Password>) {
-    let file = upkeep::password_file(data, login);
-    if !file.exists() {
-        return;
-    }
-    let file = std::path::absolute(&file).unwrap_or(file);
-    let file = file.display();
-    match new.filter(|_| std::io::stdout().is_terminal()) {
-        Some(password) => {
-            print_line(&format!("Sign in as {login} with the password {}", password.reveal()));
-            print_line(&format!("Until it is changed, it is also in {file}"));
-        }
-        None => {
-            print_line(&format!("Sign in as {login} with the password in {file}"));
-            print_line("The file is deleted once the password has been changed.");
-        }
-    }
-}
-
 /// Prints the address.
 fn print_welcome(running: &RunningService) {
     let scheme = if running.app.service_info.is_https { "https" } else { "http" };
     print_line(&format!("Trocar listens on {scheme}://{}{}/", running.address, running.app.settings.base_path));
     if let Some(address) = running.redirect_address {
         print_line(&format!("Requests to http://{address}/ are redirected to it."));
-    }
-}
-
-/// Prints a line to stdout only, because the log has other readers. If stdout is closed (`trocar serve | head -1`),
-/// `println!` would panic; this function only warns.
-fn print_line(line: &str) {
-    let mut out = std::io::stdout().lock();
-    if let Err(error) = writeln!(out, "{line}").and_then(|()| out.flush()) {
-        tracing::warn!(%error, "cannot write to standard output; a message was lost");
     }
 }
 

@@ -1,6 +1,7 @@
 //! The first administrator's password is in a private file until it is changed, and in no log.
 
 use std::fs::{self, File};
+use std::io::{BufRead, BufReader};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -47,7 +48,7 @@ async fn the_first_password_is_in_a_private_file_until_it_is_changed_and_nowhere
     let password = first_password(&data);
     let base = printed.lines().next().unwrap().rsplit(' ').next().unwrap().trim_end_matches('/').to_owned();
     let administrator = Client::of(base).signed_in("administrator", &password).await;
-    assert_eq!(holders(folder.path(), &password), [file.clone()], "neither output, nor log, nor database");
+    assert_eq!(holders(folder.path(), &password), std::slice::from_ref(&file), "neither output, nor log, nor database");
 
     let change = json!({"old": password, "new": CHANGED});
     assert_eq!(administrator.post("/api/v1/me/password", change).await.status(), StatusCode::NO_CONTENT);
@@ -71,4 +72,22 @@ fn the_file_outlives_a_restart_and_goes_when_a_command_replaces_the_password() {
     assert!(!file.exists());
     let _service = Process::start(folder.path());
     assert!(!file.exists(), "no later start makes another one");
+}
+
+#[test]
+fn a_program_reads_the_first_password_from_a_pipe_unless_it_is_hidden() {
+    for hidden in [false, true] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut command = program();
+        command.args(["serve", "--listen", "127.0.0.1:0", "--workers", "1", "--log", "error", "--data"]);
+        command.arg(folder.path()).args(hidden.then_some("--hide-password")).stdout(Stdio::piped());
+        let mut service = command.spawn().unwrap();
+        let mut lines = BufReader::new(service.stdout.take().unwrap()).lines().map_while(Result::ok);
+        let greeting = lines.find(|line| line.starts_with("Sign in")).unwrap();
+        let password = first_password(folder.path());
+        service.kill().unwrap();
+        service.wait().unwrap();
+        assert_eq!(greeting.contains(&password), !hidden, "{greeting}");
+        assert_eq!(greeting.contains("administrator.password"), hidden, "{greeting}");
+    }
 }

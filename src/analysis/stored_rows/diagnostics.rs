@@ -102,11 +102,11 @@ impl DiagnosticsIndex {
         reader.skip(end + 3);
         let is_frame = self.columns.is_empty();
         let (mut rows, mut blocks, mut frame_before) = (0, Vec::new(), 0);
-        let is_empty = reader.peek(1)?.first() == Some(&b']');
-        if is_empty {
+        let mut has_more = reader.peek(1)?.first() != Some(&b']');
+        if !has_more {
             reader.skip(1);
         }
-        while !is_empty {
+        while has_more {
             let at = reader.position();
             let (value, follower) = next_value(reader)?;
             if is_frame {
@@ -123,9 +123,7 @@ impl DiagnosticsIndex {
                 blocks.push(at);
             }
             rows += 1;
-            if follower == Follower::EndOfColumn {
-                break;
-            }
+            has_more = follower != Follower::EndOfColumn;
         }
         if !is_frame && rows != self.rows {
             return Err(damaged("a column of another length"));

@@ -73,8 +73,11 @@ impl StoredIndexes {
 }
 
 /// The indexes of one kind that were used last, the latest first.
+type RecentIndexes<T> = VecDeque<(BlobHash, Arc<T>)>;
+
+/// Keeps the indexes of one kind; clones share them.
 #[derive(Debug)]
-struct IndexCache<T>(Arc<Mutex<VecDeque<(BlobHash, Arc<T>)>>>);
+struct IndexCache<T>(Arc<Mutex<RecentIndexes<T>>>);
 
 impl<T> Clone for IndexCache<T> {
     fn clone(&self) -> Self {

@@ -32,10 +32,10 @@ fn row(frame: u64, tool: usize) -> Sample {
         time_s: frame as f64 * 0.04,
         tool,
         tip_mm: Point3::new(frame as f64, tool as f64, 150.0),
-        velocity_mm_s: (frame % 3 == 0).then(|| Vector3::new(25.0, 0.0, 0.0)),
+        velocity_mm_s: frame.is_multiple_of(3).then(|| Vector3::new(25.0, 0.0, 0.0)),
         axis: None,
         tip_px: None,
-        covariance_mm2: (frame % 2 == 0).then(|| PositionCovariance::from_sigmas(0.1, 0.5)),
+        covariance_mm2: frame.is_multiple_of(2).then(|| PositionCovariance::from_sigmas(0.1, 0.5)),
         state: SampleState::Observed,
     }
 }

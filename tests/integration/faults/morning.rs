@@ -64,7 +64,7 @@ const READ: [(&str, &str); 5] = [
 async fn a_busy_morning_leaves_reading_quick_and_the_service_small() {
     rlimit::increase_nofile_limit(16_384).unwrap();
     let Some(scene) = Scene::in_folder(Folder::of("--seed 5 --seconds 4 --size 640x360")) else { return };
-    let centre = Arc::new(Centre::open().await);
+    let centre = Centre::open().await;
     for person in 0..PEOPLE {
         let login = format!("person-{person}");
         let trainee = centre.request(Method::POST, "/trainees").json(&json!({"name": login, "code": login}));
