@@ -14,7 +14,7 @@ CREATE TABLE blob (
     hash          TEXT PRIMARY KEY CHECK (length(hash) = 64),                -- SHA-256 of the bytes, hexadecimal
     bytes         INTEGER NOT NULL CHECK (bytes >= 0),                       -- length, bytes
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0)                -- when first stored, epoch ms
-) STRICT;
+, dropped_at_ms INTEGER CHECK (dropped_at_ms >= 0)) STRICT;
 
 CREATE TABLE calibration (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- CalibrationId
@@ -63,7 +63,7 @@ CREATE TABLE cookie_session (
     created_at_ms   INTEGER NOT NULL CHECK (created_at_ms >= 0),             -- when they signed in, epoch ms
     last_seen_at_ms INTEGER NOT NULL CHECK (last_seen_at_ms >= created_at_ms), -- last request, to a minute, epoch ms
     expires_at_ms   INTEGER NOT NULL CHECK (expires_at_ms > created_at_ms)   -- the end even for the busy, epoch ms
-, browser TEXT NOT NULL DEFAULT '' CHECK (length(browser) <= 200), address TEXT NOT NULL DEFAULT '' CHECK (length(address) <= 64)) STRICT, WITHOUT ROWID;
+, browser TEXT NOT NULL DEFAULT '' CHECK (length(browser) <= 200), address TEXT NOT NULL DEFAULT '' CHECK (length(address) <= 64), must_change_password INTEGER NOT NULL DEFAULT 0 CHECK (must_change_password IN (0, 1))) STRICT, WITHOUT ROWID;
 
 CREATE TABLE course (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- CourseId
@@ -84,11 +84,11 @@ CREATE TABLE erased_feed (
     id TEXT PRIMARY KEY CHECK (length(id) = 36)                              -- FeedId
 ) STRICT, WITHOUT ROWID;
 
-CREATE TABLE erasure (
+CREATE TABLE "erasure" (
     number INTEGER PRIMARY KEY AUTOINCREMENT,                                -- order of erasing
-    kind   TEXT NOT NULL CHECK (kind IN ('trainee', 'session', 'person')),   -- what was erased
-    id     TEXT NOT NULL CHECK (length(id) = 36),                            -- its id
-    at_ms  INTEGER NOT NULL CHECK (at_ms >= 0)                               -- when, epoch ms
+    kind   TEXT NOT NULL CHECK (kind IN ('trainee', 'session', 'person', 'pending', 'taken_back')), -- what happened to it
+    id     TEXT NOT NULL CHECK (length(id) = 36),                            -- id of the trainee, session or account
+    at_ms  INTEGER NOT NULL CHECK (at_ms >= 0)                               -- when; of `pending` when it is due, epoch ms
 ) STRICT;
 
 CREATE TABLE evidence (
@@ -124,7 +124,7 @@ CREATE TABLE feed (
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when first heard of, epoch ms
     ended_at_ms   INTEGER CHECK (ended_at_ms >= created_at_ms),              -- when its recording was stored, epoch ms
     live_features TEXT CHECK (json_valid(live_features))                     -- at its end, by the causal filter: [LiveFeature]
-, is_push INTEGER NOT NULL DEFAULT 0 CHECK (is_push IN (0, 1)), arrived_s REAL CHECK (arrived_s >= 0), stamped_s REAL CHECK (stamped_s >= 0), actor TEXT CHECK (length(actor) BETWEEN 1 AND 64), resumes INTEGER NOT NULL DEFAULT 1 CHECK (resumes IN (0, 1))) STRICT;
+, is_push INTEGER NOT NULL DEFAULT 0 CHECK (is_push IN (0, 1)), arrived_s REAL CHECK (arrived_s >= 0), stamped_s REAL CHECK (stamped_s >= 0), actor TEXT CHECK (length(actor) BETWEEN 1 AND 64), resumes INTEGER NOT NULL DEFAULT 1 CHECK (resumes IN (0, 1)), early_end TEXT CHECK (early_end IN ('source_lost', 'sender_gone', 'by_person')), early_end_detail TEXT CHECK (length(early_end_detail) BETWEEN 1 AND 200)) STRICT;
 
 CREATE TABLE group_course (
     group_id  TEXT PRIMARY KEY REFERENCES training_group (id) ON DELETE CASCADE, -- the group
@@ -166,7 +166,7 @@ CREATE TABLE "job" (
     queued_at_ms   INTEGER NOT NULL CHECK (queued_at_ms >= created_at_ms),   -- when it was last queued, epoch ms
     started_at_ms  INTEGER,                                                  -- when it was last claimed, epoch ms
     ended_at_ms    INTEGER,                                                  -- when it ended, epoch ms
-    advice         TEXT CHECK (json_valid(advice)),                          -- PaletteAdvice; NULL: none (yet)
+    advice         TEXT CHECK (json_valid(advice)), lost_leases INTEGER NOT NULL DEFAULT 0 CHECK (lost_leases >= 0),                          -- PaletteAdvice; NULL: none (yet)
     UNIQUE (kind, input_hash, versions),
     FOREIGN KEY (kind, subject) REFERENCES job_kind (name, subject) ON DELETE RESTRICT, -- a known kind, on its subject
     CHECK ((session_id IS NULL) <> (box_id IS NULL)),
@@ -197,6 +197,16 @@ CREATE TABLE known_place (
     PRIMARY KEY (person_id, place_hash)
 ) STRICT, WITHOUT ROWID;
 
+CREATE TABLE ownership (
+    group_id  TEXT NOT NULL REFERENCES training_group (id) ON DELETE CASCADE, -- the group
+    box_id    TEXT REFERENCES training_box (id) ON DELETE CASCADE,           -- the box that it owns; NULL: something else
+    task_id   TEXT REFERENCES task (id) ON DELETE CASCADE,                   -- the task that it owns; NULL: something else
+    course_id TEXT REFERENCES course (id) ON DELETE CASCADE,                 -- the course plan that it owns; NULL: something else
+    thing_id  TEXT NOT NULL AS (coalesce(box_id, task_id, course_id)),       -- id of the box, task or plan
+    UNIQUE (thing_id, group_id),
+    CHECK ((box_id IS NOT NULL) + (task_id IS NOT NULL) + (course_id IS NOT NULL) = 1)
+) STRICT;
+
 CREATE TABLE palette (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- PaletteId
     box_id        TEXT NOT NULL REFERENCES training_box (id) ON DELETE CASCADE, -- whose colours
@@ -214,6 +224,21 @@ CREATE TABLE palette_surroundings (
     picture    BLOB NOT NULL CHECK (length(picture) BETWEEN 3 AND 16386)     -- a small grey picture (Surroundings)
 ) STRICT, WITHOUT ROWID;
 
+CREATE TABLE password_link (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                         -- PasswordLinkId
+    person_id     TEXT NOT NULL UNIQUE REFERENCES person (id) ON DELETE CASCADE,    -- whose password it sets; a new link replaces the one before
+    secret_hash   BLOB NOT NULL UNIQUE CHECK (length(secret_hash) = 32),            -- SHA-256 of the secret's 32 bytes
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),                      -- when it was made, epoch ms
+    expires_at_ms INTEGER NOT NULL CHECK (expires_at_ms > created_at_ms)            -- when it expires, epoch ms
+) STRICT;
+
+CREATE TABLE pending_erasure (
+    trainee_id      TEXT PRIMARY KEY REFERENCES trainee (id) ON DELETE CASCADE, -- the trainee
+    requested_at_ms INTEGER NOT NULL CHECK (requested_at_ms >= 0),           -- when it was requested, epoch ms
+    due_at_ms       INTEGER NOT NULL CHECK (due_at_ms >= 0),                 -- when they are erased for good, epoch ms
+    person_id       TEXT REFERENCES person (id) ON DELETE SET NULL           -- who requested it; NULL: the service, or deleted
+) STRICT, WITHOUT ROWID;
+
 CREATE TABLE person (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- PersonId
     login         TEXT NOT NULL UNIQUE CHECK (length(login) BETWEEN 1 AND 64 AND login = lower(login)), -- typed to sign in
@@ -221,7 +246,8 @@ CREATE TABLE person (
     role          TEXT NOT NULL CHECK (role IN ('administrator', 'instructor', 'trainee')), -- what they may see
     password_hash TEXT NOT NULL CHECK (password_hash LIKE '$argon2id$%'),    -- argon2id in PHC form, with salt and costs
     trainee_id    TEXT UNIQUE REFERENCES trainee (id) ON DELETE CASCADE,     -- the trainee that a trainee's account is of
-    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when made, epoch ms
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0), password_state TEXT NOT NULL DEFAULT 'own'
+    CHECK (password_state IN ('missing', 'own', 'change_in_browser', 'change_required')),               -- when made, epoch ms
     CHECK ((role = 'trainee') = (trainee_id IS NOT NULL))
 ) STRICT;
 
@@ -303,7 +329,7 @@ CREATE TABLE session (
     media_type     TEXT NOT NULL CHECK (length(media_type) BETWEEN 3 AND 127), -- the recording's type, as video/mp4
     video          TEXT REFERENCES blob (hash) ON DELETE RESTRICT,           -- the recording; NULL: it is still arriving
     recorded_at_ms INTEGER NOT NULL,                                         -- when it was recorded, epoch ms
-    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0), tracker TEXT CHECK (length(tracker) BETWEEN 1 AND 40), box_question TEXT CHECK (box_question IN ('asked', 'this_box', 'other_box')),              -- when it was whole here, epoch ms
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0), tracker TEXT CHECK (length(tracker) BETWEEN 1 AND 40), box_question TEXT CHECK (box_question IN ('asked', 'this_box', 'other_box')), recorded_at_source TEXT NOT NULL DEFAULT 'claimed' CHECK (recorded_at_source IN ('claimed', 'arrival')),              -- when it was whole here, epoch ms
     UNIQUE (trainee_id, task_id, box_id, video)
 ) STRICT;
 
@@ -475,6 +501,18 @@ CREATE INDEX job_waiting ON job (turn, queued_at_ms, id) WHERE state = 'queued';
 CREATE INDEX job_file_blob ON job_file (blob);
 
 CREATE INDEX known_place_age ON known_place (last_used_at_ms);
+
+CREATE INDEX ownership_box ON ownership (box_id) WHERE box_id IS NOT NULL;
+
+CREATE INDEX ownership_course ON ownership (course_id) WHERE course_id IS NOT NULL;
+
+CREATE INDEX ownership_group ON ownership (group_id);
+
+CREATE INDEX ownership_task ON ownership (task_id) WHERE task_id IS NOT NULL;
+
+CREATE INDEX pending_erasure_due ON pending_erasure (due_at_ms);
+
+CREATE INDEX pending_erasure_person ON pending_erasure (person_id);
 
 CREATE INDEX rating_person ON rating (person_id);
 
@@ -665,7 +703,9 @@ CREATE VIEW tracking_job AS
 CREATE VIEW uncounted_session (session_id) AS
     SELECT session_id FROM session_edit WHERE kind = 'set_aside' AND undone_at_ms IS NULL
     UNION ALL
-    SELECT id FROM session WHERE box_question IN ('asked', 'other_box');
+    SELECT id FROM session WHERE box_question IN ('asked', 'other_box')
+    UNION ALL
+    SELECT session.id FROM pending_erasure JOIN session ON session.trainee_id = pending_erasure.trainee_id;
 
 CREATE VIEW visible_job (role, subject, job_id) AS
     SELECT 'administrator', CAST(NULL AS TEXT), id FROM job

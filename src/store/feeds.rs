@@ -144,6 +144,7 @@ const SELECT_EARLY_END: &str = "
     WHERE feed.early_end IS NOT NULL AND session.id = $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
     ORDER BY feed.id DESC LIMIT 1";
 
 const UPDATE_EARLY_END: &str = "UPDATE feed SET early_end = $2, early_end_detail = $3 WHERE id = $1";
