@@ -97,7 +97,7 @@ impl PendingErasureStore<'_> {
         self.insert(scope, id, self.0.now_ms() + millis(after)).await
     }
 
-    /// The id of a trainee whom this caller may erase, also of one who waits for it.
+    /// The id of a trainee that this caller may erase, waiting for it or not.
     pub(super) async fn erasable(&self, scope: &Scope, key: &Key) -> StoreResult<TraineeId> {
         let found: Option<(TraineeId, bool)> =
             sqlx::query_as(SELECT_ERASABLE).bind_scope(scope).bind(key).fetch_optional(self.0.readers()).await?;

@@ -24,7 +24,7 @@ function rolesFor(item) {
 
 /** @param {Props} props */
 export default function People({ person }) {
-  const [linked, setLinked] = useState(null); // the person for whom a link is made
+  const [linked, setLinked] = useState(null); // the person who gets a link
   const { data, problem, reload } = useData(async () => {
     const [people, groups, tokens, trainees, boxes, links] = await Promise.all([
       api.people.all(),

@@ -25,12 +25,14 @@ const QUERIES: [(&str, &str); 5] = [
 ];
 
 /// Routes whose answer belongs to the running process or to the time after the backup.
-const OF_THE_PROCESS: [&str; 7] = [
-    "/metrics",              // counters of the process
-    "/api/v1/service",       // its disk, its settings and its backups
-    "/api/v1/audit",         // entries since the backup are lost with the old disk
-    "/api/v1/audit-entries", // the same
-    "/api/v1/events",        // a stream without an end
+const OF_THE_PROCESS: [&str; 9] = [
+    "/metrics",                       // counters of the process
+    "/api/v1/service",                // its disk, its settings and its backups
+    "/api/v1/audit",                  // entries since the backup are lost with the old disk
+    "/api/v1/audit-entries",          // the same
+    "/api/v1/data.zip",               // with the audit trail
+    "/api/v1/trainees/{id}/data.zip", // with the audit trail
+    "/api/v1/events",                 // a stream without an end
     "/api/v1/boxes/{id}/feed",
     "/api/v1/me/sign-ins", // signed-in browsers are left out of backups
 ];

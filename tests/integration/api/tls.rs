@@ -35,6 +35,9 @@ const CHECK_INTERVAL: Duration = Duration::from_secs(11);
 
 type Request = hyper::Request<Full<Bytes>>;
 
+/// The administrator's password after the first sign-in.
+const OWN_PASSWORD: &str = "a password of one's own";
+
 /// A service with a certificate for `localhost`.
 struct SecureService {
     service: Service,
@@ -57,7 +60,19 @@ impl SecureService {
             change(settings);
         };
         let service = Service::start_in(tempfile::tempdir().unwrap(), clock, with_certificate).await;
-        Some(Self { service, files })
+        let secure = Self { service, files };
+        secure.choose_a_password().await;
+        Some(secure)
+    }
+
+    /// Browsers may do nothing else before it.
+    async fn choose_a_password(&self) {
+        let mut sender = self.http2(65_535).await;
+        let host = format!("https://{}", self.host());
+        let cookie = cookie_of(&sender.send_request(self.sign_in_with(ADMINISTRATOR.1, &host)).await.unwrap());
+        let change = json!({"old": ADMINISTRATOR.1, "new": OWN_PASSWORD});
+        let change = self.request(Method::POST, "/api/v1/me/password", Some(&cookie), Some(change));
+        assert_eq!(sender.send_request(change).await.unwrap().status(), StatusCode::NO_CONTENT);
     }
 
     fn host(&self) -> String {
@@ -98,7 +113,11 @@ impl SecureService {
     }
 
     fn sign_in(&self, origin: &str) -> Request {
-        let body = json!({"login": ADMINISTRATOR.0, "password": ADMINISTRATOR.1});
+        self.sign_in_with(OWN_PASSWORD, origin)
+    }
+
+    fn sign_in_with(&self, password: &str, origin: &str) -> Request {
+        let body = json!({"login": ADMINISTRATOR.0, "password": password});
         let mut request = self.request(Method::POST, "/api/v1/sign-in", None, Some(body));
         request.headers_mut().insert(header::ORIGIN, origin.parse().unwrap());
         request

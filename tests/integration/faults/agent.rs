@@ -277,7 +277,10 @@ async fn a_stream_that_does_not_come_back_fails_the_agent_and_the_session_says_w
         let session = setup.newest_session().await;
         assert_eq!(session["early_end"]["cause"], "source_lost", "{session}");
         let detail = session["early_end"]["detail"].as_str().unwrap();
-        assert_eq!(detail, format!("{why} and was not back after 700ms"));
+        // A connection that closes within a packet is an error of the reader, not the end of the stream.
+        let reasons = [why, "the source can no longer be read (Input/output error)"];
+        let known = reasons.map(|why| format!("{why} and was not back after 700ms"));
+        assert!(known.iter().any(|known| known == detail), "{detail}");
         assert!(setup.session_frames().await.len() > 5);
     }
 }

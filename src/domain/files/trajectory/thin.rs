@@ -120,11 +120,11 @@ struct ToolStretches {
     cuts_s: Vec<f64>,
     /// Frame and time of the previous row.
     before: Option<(u64, f64)>,
-    open: Option<Stretch>,
+    open: Option<ThinnedStretch>,
 }
 
 /// The rows of a stretch that will be kept.
-struct Stretch {
+struct ThinnedStretch {
     place: usize,
     first: KeptRow,
     /// Smallest and largest value of each number, with the row's index.
@@ -150,13 +150,13 @@ impl ToolStretches {
         if kept.is_after_gap || self.open.as_ref().is_none_or(|open| open.place != place) {
             self.end_stretch(kept.is_after_gap, into);
         }
-        let new = || Stretch { place, first: kept, extremes: Default::default(), last: kept.index };
+        let new = || ThinnedStretch { place, first: kept, extremes: Default::default(), last: kept.index };
         self.open.get_or_insert_with(new).add(row, kept.index);
     }
 
     /// Keeps the first row of the stretch and its extremes; also the last row if a gap follows.
     fn end_stretch(&mut self, has_gap_after: bool, into: &mut Vec<KeptRow>) {
-        let Some(Stretch { first, extremes, last, .. }) = self.open.take() else { return };
+        let Some(ThinnedStretch { first, extremes, last, .. }) = self.open.take() else { return };
         let mut indices: Vec<u32> = extremes.into_iter().flatten().flatten().map(|(_, index)| index).collect();
         indices.extend(has_gap_after.then_some(last));
         indices.sort_unstable();
@@ -167,7 +167,7 @@ impl ToolStretches {
     }
 }
 
-impl Stretch {
+impl ThinnedStretch {
     fn add(&mut self, row: &Sample, index: u32) {
         self.last = index;
         for (number, [smallest, largest]) in NUMBERS.iter().zip(&mut self.extremes) {

@@ -86,7 +86,15 @@ impl FilledCentre {
         let course = administrator.make("/api/v1/courses", plan).await;
         let (course, rescoring) = (text(&course["id"]), text(&rescoring["id"]));
         let callers = callers(&centre).await;
-        Self { centre, callers, groups, scored, course, rescoring, known: HashMap::new(), made: 0 }
+        let mut known = HashMap::new();
+        // The agent's own box, and the trainee's own record.
+        for (kind, noun, codes) in [("box", "boxes", ["box-one", "box-two"]), ("trainee", "trainees", ["ada", "bob"])] {
+            for (side, code) in codes.into_iter().enumerate() {
+                let found = administrator.read(&format!("/api/v1/{noun}/{code}")).await;
+                known.insert((kind.to_owned(), side), Subject::of(text(&found["id"])));
+            }
+        }
+        Self { centre, callers, groups, scored, course, rescoring, known, made: 0 }
     }
 
     pub async fn routes(&self) -> Value {
