@@ -7,6 +7,7 @@ use std::path::Path;
 
 use reqwest::StatusCode;
 use serde_json::{Value, json};
+use trocar::settings::Settings;
 use trocar::time::ManualClock;
 use trocar::upkeep::complete_backups;
 
@@ -37,6 +38,9 @@ const OF_THE_PROCESS: [&str; 9] = [
     "/api/v1/me/sign-ins", // signed-in browsers are left out of backups
 ];
 
+/// Both services have the same address: xAPI statements contain it.
+const PUBLIC_URL: Option<&str> = Some("https://skills.example");
+
 /// Values that change from one request to the next.
 const FREE: [&str; 3] = ["now", "sign_in", "last_used_at"];
 
@@ -45,7 +49,8 @@ async fn a_restored_backup_answers_as_the_service_did_without_erased_people() {
     let OldData { folder, data, made_ms, password, .. } = OldData::newest();
     let targets = tempfile::tempdir().unwrap();
     let clock = ManualClock::at(made_ms);
-    let service = Service::start_in(folder, clock.clone(), |settings| settings.data = data.clone()).await;
+    let at_data = |settings: &mut Settings| settings.data = data.clone();
+    let service = Service::start_in(folder, clock.clone(), at_data).await;
     let client = service.sign_in("administrator", &password).await;
     client.make("/api/v1/trainees", json!({"name": "Erika Weg", "code": "erika"})).await;
     let path = "/api/v1/sessions?trainee=erika&task=peg&box=box-1&filename=clip.mp4";
@@ -53,8 +58,9 @@ async fn a_restored_backup_answers_as_the_service_did_without_erased_people() {
     read(request.body(recording(5_000, 9)).send().await.unwrap(), StatusCode::CREATED).await;
     let folder = service.stop().await;
 
-    let with_backups = |settings: &mut trocar::settings::Settings| {
+    let with_backups = |settings: &mut Settings| {
         settings.data = data.clone();
+        settings.http.public_url = PUBLIC_URL.map(str::to_owned);
         settings.backup.target = Some(targets.path().to_owned());
     };
     let service = Service::start_in(folder, clock.clone(), with_backups).await;
@@ -74,7 +80,11 @@ async fn a_restored_backup_answers_as_the_service_did_without_erased_people() {
     let data = restored.path().join("data");
     let command = program().args(["admin", "restore"]).arg(&made).arg("--data").arg(&data).output().unwrap();
     assert!(command.status.success(), "{}", String::from_utf8_lossy(&command.stderr));
-    let service = Service::start_in(restored, clock, |settings| settings.data = data.clone()).await;
+    let at_restored = |settings: &mut Settings| {
+        settings.data = data.clone();
+        settings.http.public_url = PUBLIC_URL.map(str::to_owned);
+    };
+    let service = Service::start_in(restored, clock, at_restored).await;
     let client = service.sign_in("administrator", &password).await;
     let after = answers(&client).await;
 
