@@ -233,7 +233,7 @@ impl HeavySlot {
             }
             let _ = self.send_part(BodyPart::End, &to).await; // without it the body ends with an error
         });
-        Body::new(HeavyBody { parts, left: length })
+        Body::new(HeavyBody { parts, left: length, has_ended: false })
     }
 
     async fn send_piece(&self, mut piece: Bytes, to: &mpsc::Sender<BodyPart>) -> Result<(), ClientGone> {
@@ -290,6 +290,7 @@ struct HeavyBody {
     parts: mpsc::Receiver<BodyPart>,
     /// Bytes to come, if the length is known.
     left: Option<u64>,
+    has_ended: bool,
 }
 
 impl HttpBody for HeavyBody {
@@ -297,18 +298,24 @@ impl HttpBody for HeavyBody {
     type Error = io::Error;
 
     fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<io::Result<Frame<Bytes>>>> {
+        if self.has_ended {
+            return Poll::Ready(None); // a compressor polls again after the end
+        }
         Poll::Ready(match ready!(self.parts.poll_recv(cx)) {
             Some(BodyPart::Data(part)) => {
                 self.left = self.left.map(|left| left.saturating_sub(part.len() as u64));
                 Some(Ok(Frame::data(part)))
             }
-            Some(BodyPart::End) => None,
+            Some(BodyPart::End) => {
+                self.has_ended = true;
+                None
+            }
             None => Some(Err(io::Error::other("the answer ended early"))),
         })
     }
 
     fn is_end_stream(&self) -> bool {
-        self.left == Some(0)
+        self.has_ended || self.left == Some(0)
     }
 
     fn size_hint(&self) -> SizeHint {
@@ -378,6 +385,19 @@ mod tests {
         let large = slot.body(|| pieces((0..50).map(|_| Ok(vec![3; 100_000])))).await.unwrap();
         assert_eq!(large.size_hint().exact(), None);
         assert_eq!(large.collect().await.unwrap().to_bytes().len(), 5_000_000);
+    }
+
+    #[tokio::test]
+    async fn a_body_that_has_ended_ends_again() {
+        let answers = answers(|_| ());
+        for length in [10, 3 << 20] {
+            let slot = answers.take(&person(1)).await.unwrap();
+            let mut body = slot.body(move || pieces([Ok(vec![1; length])])).await.unwrap();
+            while let Some(frame) = body.frame().await {
+                frame.unwrap();
+            }
+            assert!(body.frame().await.is_none(), "compression asks once more");
+        }
     }
 
     #[tokio::test]
