@@ -21,11 +21,13 @@ RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends \
     libavcodec59 libavformat59 libavutil57 libswscale6 curl \
     && rm -rf /var/lib/apt/lists/* \
     && useradd --uid 10001 --no-create-home --home-dir /data --shell /usr/sbin/nologin trocar \
-    && install -d -o trocar -g trocar -m 0700 /data
+    && install -d -o trocar -g trocar -m 0700 /data /backup
 COPY --from=build /source/target/release/trocar /usr/local/bin/trocar
 USER trocar
 VOLUME /data
 EXPOSE 8080
 HEALTHCHECK --interval=30s --timeout=5s --start-period=10s CMD curl -fsS http://127.0.0.1:8080/readyz || exit 1
+# The log of the container keeps what is printed, so the password is only in its file, whatever the command is.
+ENV TROCAR_HIDE_PASSWORD=true
 ENTRYPOINT ["/usr/local/bin/trocar"]
-CMD ["serve", "--data", "/data", "--listen", "0.0.0.0:8080", "--hide-password"]
+CMD ["serve", "--data", "/data", "--listen", "0.0.0.0:8080"]

@@ -158,10 +158,12 @@ pub enum SettingsError {
 /// File name of the database in the data folder.
 pub const DATABASE_FILE: &str = "trocar.db";
 
-/// Variables with our prefix that are not settings: they choose the settings file, or belong to tests and logging.
-const OTHER_VARIABLES: [&str; 7] = [
+/// Variables with our prefix that are not settings: they choose the settings file, stand for flags of `serve`, or belong
+/// to tests.
+const OTHER_VARIABLES: [&str; 8] = [
     "TROCAR_SETTINGS",
     "TROCAR_LOG",
+    "TROCAR_HIDE_PASSWORD",
     "TROCAR_SHARED",
     "TROCAR_TEST",
     "TROCAR_GOLDEN",

@@ -1,5 +1,6 @@
 //! A box's own pictures of its surroundings. The job that learns the colours keeps them. For colours that an older
-//! version of the program learned, the marked pictures are read again, once; the queue keeps them with that job until then.
+//! version of the program learned, the marked pictures are read again, once; the queue keeps them with that job until
+//! then.
 
 use super::job_plan::{self, JobPlan};
 use super::protocol::ChildWork;

@@ -30,7 +30,7 @@ impl Greeting {
     /// start has made the account.
     pub fn print_sign_in(self, data: &Path, login: &str, new: Option<&Password>) {
         let file = upkeep::password_file(data, login);
-        if !file.exists() {
+        if new.is_none() && !file.exists() {
             return;
         }
         let file = std::path::absolute(&file).unwrap_or(file);

@@ -15,6 +15,7 @@ use crate::vision::trajectory::Trajectory;
 
 mod admin;
 mod agent;
+mod backup_command;
 mod calibrate;
 mod child;
 mod demonstration;

@@ -1,9 +1,9 @@
 //! `trocar serve`: the whole service: HTTP, dashboard, queue and workers.
 //!
 //! The first start creates the data folder, the schema and an administrator. A file has the password until it is
-//! changed; a terminal shows it as well. The start after an update copies the database, then adapts it. Every start makes
-//! files and database consistent before it listens. SIGTERM and SIGINT end the service within
-//! ten seconds: open requests finish, partial uploads are kept, leases are released.
+//! changed; a terminal or a pipe gets it as well, but no file, journal or log of a container. The start after an update
+//! copies the database, then adapts it. Every start makes files and database consistent before it listens. SIGTERM and
+//! SIGINT end the service within ten seconds: open requests finish, partial uploads are kept, leases are released.
 
 use std::io::IsTerminal;
 use std::net::SocketAddr;
@@ -12,11 +12,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::Context;
+use clap::builder::FalseyValueParser;
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 use tracing_subscriber::EnvFilter;
 
+use super::backup_command::backup_command;
 use super::demonstration::{self, DemonstrationBuilder};
 use super::greeting::{Greeting, print_line};
 use super::{CommandFailure, restrict_new_files_to_owner};
@@ -72,7 +74,7 @@ pub struct ServeArgs {
     #[arg(long)]
     demo: bool,
     /// Print only the name of the file with the first password, also to a terminal or a pipe
-    #[arg(long)]
+    #[arg(long, env = "TROCAR_HIDE_PASSWORD", value_parser = FalseyValueParser::new())]
     hide_password: bool,
     /// Settings file [default: trocar.toml in the data folder]
     #[arg(long)]
@@ -271,31 +273,6 @@ pub async fn start(
     let (address, redirect_address) = (listeners.address(), listeners.redirect_address());
     let served = listeners.serve(certificate, app.clone()).context("starting TLS")?;
     Ok(RunningService { address, redirect_address, shutdown, is_first_start: is_first, app, served, _lock: lock })
-}
-
-/// The command that makes a backup of this data folder by hand, for a shell. The backup's folder lies beside the data
-/// folder.
-fn backup_command(settings: &Settings, program: &Program) -> String {
-    let data = settings.data.canonicalize().unwrap_or_else(|_| settings.data.clone());
-    let mut target = data.clone().into_os_string();
-    target.push("-backup");
-    let program = program.file().unwrap_or_else(|| PathBuf::from("trocar"));
-    let words = [
-        program.as_path(),
-        Path::new("admin"),
-        Path::new("--data"),
-        data.as_path(),
-        Path::new("backup"),
-        Path::new(&target),
-    ];
-    words.map(quote).join(" ")
-}
-
-/// A word for a shell.
-fn quote(word: &Path) -> String {
-    let word = word.display().to_string();
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+".contains(c);
-    if word.chars().all(is_plain) { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
 }
 
 /// Refuses to run on a backup, or to change it: people who were erased since it was made would come back.

@@ -27,8 +27,9 @@ pub struct ServiceState {
     last_backup: Option<LastBackup>,
     /// The scheduled backups; `null`: the settings name no folder for them.
     scheduled_backups: Option<ScheduledBackups>,
-    /// The command that makes a backup by hand, for the shell of this machine, as the user that the service runs as. Its
-    /// last word is a folder beside the data folder; it must be new or empty.
+    /// The command that makes a backup by hand, for the shell of this machine, as the user that the service runs as, or
+    /// as an administrator of the machine if it begins with `sudo`. Its last word is the folder of the backup; it must
+    /// be new or empty.
     backup_command: String,
     retention: RetentionState,
     settings: SettingsInForce,

@@ -69,6 +69,6 @@ impl ErasureStore<'_> {
     }
 }
 
-fn parse<T: FromStr>(id: &str) -> StoreResult<T> {
+pub(super) fn parse<T: FromStr>(id: &str) -> StoreResult<T> {
     id.parse().map_err(|_| StoreError::refused(format!("`{id}` in the list of erasures is not an id")))
 }

@@ -67,6 +67,12 @@ pub enum StoreError {
     /// The file cannot be used by this program.
     #[error("the database cannot be used: {0}")]
     Unusable(String),
+    /// An earlier version of the program made the file, and only the service adapts it.
+    #[error(
+        "the database cannot be used: its schema is older than this program: start the service once, which makes a \
+         copy and then adapts it"
+    )]
+    OlderSchema,
     /// Any other error of SQLite.
     #[error("database error: {0}")]
     Database(Arc<sqlx::Error>),

@@ -105,14 +105,18 @@ impl Store {
         }
     }
 
-    /// Fails if the database was written while a store of [`Store::open_read_only`] read it without a lock.
+    /// Fails if the database was written while a store of [`Store::open_read_only`] read it without a lock. A service
+    /// that was started meanwhile writes to the log first.
     pub fn require_unchanged(&self) -> StoreResult<()> {
-        match &self.inner.opened {
-            Some(opened) if FileStamp::of(&self.inner.path)? != *opened => Err(StoreError::Unusable(
+        let StoreInner { path, opened, .. } = &*self.inner;
+        let Some(opened) = opened else { return Ok(()) };
+        let has_log = fs::metadata(with_suffix(path, "-wal")).is_ok_and(|log| log.len() > 0);
+        if has_log || FileStamp::of(path)? != *opened {
+            return Err(StoreError::Unusable(
                 "the service was started or the data changed during this command: run it again".to_owned(),
-            )),
-            _ => Ok(()),
+            ));
         }
+        Ok(())
     }
 }
 

@@ -51,12 +51,12 @@ const DELETE_SURROUNDINGS_OF_SESSION: &str = "
            AND json_extract(job.input, '$.annotations') = json_extract(palette.annotations, '$')
            AND EXISTS (SELECT 1 FROM session WHERE session.id = $1 AND instr(job.input, session.video) > 0))";
 
-const DELETE_BOX_JOBS_OF_TRAINEE: &str = "
+pub(super) const DELETE_BOX_JOBS_OF_TRAINEE: &str = "
     DELETE FROM job
     WHERE box_id IS NOT NULL AND EXISTS
         (SELECT 1 FROM session WHERE session.trainee_id = $1 AND instr(job.input, session.video) > 0)";
 
-const DELETE_BOX_JOBS_OF_SESSION: &str = "
+pub(super) const DELETE_BOX_JOBS_OF_SESSION: &str = "
     DELETE FROM job
     WHERE box_id IS NOT NULL AND EXISTS
         (SELECT 1 FROM session WHERE session.id = $1 AND instr(job.input, session.video) > 0)";

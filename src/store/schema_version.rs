@@ -62,10 +62,7 @@ pub(super) async fn schema_state(connection: &mut SqliteConnection) -> StoreResu
 pub(super) async fn require_current(connection: &mut SqliteConnection) -> StoreResult<()> {
     match schema_state(connection).await? {
         SchemaState::Current => Ok(()),
-        SchemaState::Older => Err(StoreError::Unusable(
-            "its schema is older than this program: start the service once, which makes a copy and then adapts it"
-                .to_owned(),
-        )),
+        SchemaState::Older => Err(StoreError::OlderSchema),
         SchemaState::Empty => Err(StoreError::Unusable("it is empty: start the service once".to_owned())),
     }
 }

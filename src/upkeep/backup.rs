@@ -1,8 +1,8 @@
 //! Backup: a copy of database and files, made while the service runs.
 //!
 //! A backup is a data folder with a mark: the service does not run on it, and [`restore`](super::restore()) makes a data
-//! folder of it. Every blob is verified while it is copied, and the finished backup is checked. Unfinished uploads and feeds are left out, since
-//! their senders continue with the original, and so are signed-in browsers.
+//! folder of it. Every blob is verified while it is copied, and the finished backup is checked. Unfinished uploads and
+//! feeds are left out, since their senders continue with the original, and so are signed-in browsers.
 
 use std::fs::File;
 use std::io::{self, Write};

@@ -1,5 +1,6 @@
 //! Collection of files that nothing refers to any more, and of expired uploads.
 
+use super::update_copy::release_in_update_copy;
 use super::{Attempts, UpkeepResult};
 use crate::domain::blob::BlobHash;
 use crate::domain::scope::Scope;
@@ -19,6 +20,9 @@ pub async fn collect(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
             removed += usize::from(attempts.note(remove(store, vault, *hash).await).unwrap_or(false));
         }
         if removed == before || found.len() < ROUND as usize {
+            if removed > 0 {
+                attempts.note(release_in_update_copy(vault).await);
+            }
             return attempts.finish(removed); // the rest is just being put again, or cannot be removed
         }
     }

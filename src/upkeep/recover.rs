@@ -2,6 +2,7 @@
 
 use super::UpkeepResult;
 use super::collect::{collect, remove, remove_orphan_uploads};
+use super::update_copy::release_in_update_copy;
 use crate::domain::scope::Scope;
 use crate::intake::{self, IntakeError};
 use crate::store::{Store, StoreError, UploadRecord};
@@ -31,6 +32,7 @@ pub async fn recover(store: &Store, vault: &Vault) -> UpkeepResult<Recovered> {
         recover_upload(store, vault, upload, &mut recovered).await?;
     }
     recovered.orphan_blobs = collect(store, vault).await? + remove_orphan_blobs(store, vault).await?;
+    release_in_update_copy(vault).await?; // a crash may have come between a file and the copy
     Ok(recovered)
 }
 

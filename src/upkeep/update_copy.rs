@@ -1,18 +1,18 @@
 //! The copy of the database that a start makes before it adapts the database to a newer program: the way back.
 //!
-//! Only the newest copy is kept, for [`KEPT_MS`]. Who is erased meanwhile is erased in it, too: a copy that cannot be
-//! changed is deleted.
+//! Only the newest copy is kept, for [`KEPT_MS`]. People who are erased meanwhile are erased in it, too, and it forgets
+//! the files of jobs that are deleted meanwhile. A copy that cannot be changed is deleted.
 
 use std::fs::{self, DirBuilder, File, Permissions};
 use std::io;
 use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
 use std::path::{Path, PathBuf};
-use std::time::UNIX_EPOCH;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::erasure_list::erasures_after;
 use super::{UpkeepError, UpkeepResult};
-use crate::store::{Store, StoreError, StoreSettings};
-use crate::vault::Vault;
+use crate::store::{Store, StoreError, StoreResult, StoreSettings};
+use crate::vault::{Vault, VaultError};
 
 /// Folder of the copy in the data folder.
 pub const UPDATE_COPY_FOLDER: &str = "before-update";
@@ -64,18 +64,56 @@ pub(super) async fn erase_in_update_copy(store: &Store, vault: &Vault) -> Upkeep
     if erasures.is_empty() {
         return Ok(());
     }
-    if let Err(error) = Store::erase_in_copy(&copy, &erasures).await {
-        tracing::warn!(%error, copy = %copy.display(), "erased people not removed from the copy; copy deleted");
-        remove_copy(vault)?;
+    let made = modified(&copy)?;
+    let erased = Store::erase_in_copy(&copy, &erasures).await;
+    keep_if_changed(vault, &copy, made, erased)
+}
+
+/// Removes from the copy, if there is one, the files of jobs that were deleted since it was made: the earlier program
+/// would report them as lost, and make no backup any more. Call it after files were deleted.
+pub(super) async fn release_in_update_copy(vault: &Vault) -> UpkeepResult<()> {
+    let Some(copy) = find_copy(vault)? else { return Ok(()) };
+    let made = modified(&copy)?;
+    let released = release_deleted_files(vault, &copy).await;
+    keep_if_changed(vault, &copy, made, released)
+}
+
+async fn release_deleted_files(vault: &Vault, copy: &Path) -> StoreResult<()> {
+    let mut deleted = Vec::new();
+    for hash in Store::files_of_copy(copy).await? {
+        if matches!(vault.open_blob(hash).await, Err(VaultError::NotFound)) {
+            deleted.push(hash);
+        }
+    }
+    if deleted.is_empty() { Ok(()) } else { Store::release_in_copy(copy, &deleted).await }
+}
+
+/// True if there is a copy.
+pub(super) fn has_update_copy(vault: &Vault) -> UpkeepResult<bool> {
+    Ok(find_copy(vault)?.is_some())
+}
+
+/// Deletes a copy that could not be changed. Else its file keeps its time, which counts for [`KEPT_MS`].
+fn keep_if_changed(vault: &Vault, copy: &Path, made: SystemTime, changed: StoreResult<()>) -> UpkeepResult<()> {
+    if let Err(error) = changed {
+        tracing::warn!(%error, copy = %copy.display(), "erased data not removed from the copy; copy deleted");
+        return remove_copy(vault);
+    }
+    if modified(copy)? != made {
+        let opened = File::options().write(true).open(copy);
+        opened.and_then(|file| file.set_modified(made)).map_err(copy_error(copy))?;
     }
     Ok(())
+}
+
+fn modified(copy: &Path) -> UpkeepResult<SystemTime> {
+    fs::metadata(copy).and_then(|found| found.modified()).map_err(copy_error(copy))
 }
 
 /// Deletes a copy whose time is over.
 pub(super) fn forget_old_update_copy(vault: &Vault, now_ms: i64) -> UpkeepResult<()> {
     let Some(copy) = find_copy(vault)? else { return Ok(()) };
-    let made = fs::metadata(&copy).and_then(|found| found.modified()).map_err(copy_error(&copy))?;
-    let made_ms = made.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as i64);
+    let made_ms = modified(&copy)?.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as i64);
     if now_ms - made_ms > KEPT_MS {
         remove_copy(vault)?;
         tracing::info!(copy = %copy.display(), "copy from before the update is 30 days old; deleted");

@@ -2098,7 +2098,7 @@ export default {
     backupOf: (when, n) => `${when}, ${plural(n, 'Datei', 'Dateien')}, alle geprüft`,
     noBackup: 'Keine bekannt',
     noBackupBody: 'Nennen Sie in den Einstellungen unter `[backup]` als `target` einen Ordner auf einer anderen Festplatte oder einem anderen Rechner: Der Dienst sichert dann jeden Tag. Die Betriebsanleitung sagt, wie.',
-    byHand: 'Eine Sicherung von Hand: Führen Sie diesen Befehl auf dem Rechner des Dienstes aus, unter dem Benutzer, unter dem der Dienst läuft. Der Ordner am Ende muss neu oder leer sein und liegt am besten auf einer anderen Festplatte.',
+    byHand: 'Eine Sicherung von Hand: Führen Sie diesen Befehl auf dem Rechner des Dienstes aus, unter dem Benutzer, unter dem der Dienst läuft, oder als Administrator des Rechners, wenn er mit sudo beginnt. Der Ordner am Ende muss neu oder leer sein und liegt am besten auf einer anderen Festplatte.',
     plan: 'Geplant',
     planOf: (at, keep) => `jeden Tag um ${at} UTC; die letzten ${keep} bleiben`,
     folder: 'Ordner',

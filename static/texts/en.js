@@ -1999,7 +1999,7 @@ export default {
     backupOf: (when, n) => `${when}, ${plural(n, 'file', 'files')}, all verified`,
     noBackup: 'No backup is known',
     noBackupBody: 'Name a folder on another disk or machine as `target` under `[backup]` in the settings: the service then makes a backup every day. The operations guide says how.',
-    byHand: 'A backup by hand: run this command on the machine of the service, as the user that the service runs as. The folder at its end must be new or empty, and is best on another disk.',
+    byHand: 'A backup by hand: run this command on the machine of the service, as the user that the service runs as, or as an administrator of the machine if it begins with sudo. The folder at its end must be new or empty, and is best on another disk.',
     plan: 'Scheduled',
     planOf: (at, keep) => `every day at ${at} UTC; the last ${keep} are kept`,
     folder: 'Folder',

@@ -76,11 +76,12 @@ fn the_file_outlives_a_restart_and_goes_when_a_command_replaces_the_password() {
 
 #[test]
 fn a_program_reads_the_first_password_from_a_pipe_unless_it_is_hidden() {
-    for hidden in [false, true] {
+    for (flag, variable) in [(None, "false"), (Some("--hide-password"), "false"), (None, "true")] {
+        let hidden = flag.is_some() || variable == "true";
         let folder = tempfile::tempdir().unwrap();
         let mut command = program();
         command.args(["serve", "--listen", "127.0.0.1:0", "--workers", "1", "--log", "error", "--data"]);
-        command.arg(folder.path()).args(hidden.then_some("--hide-password")).stdout(Stdio::piped());
+        command.arg(folder.path()).args(flag).env("TROCAR_HIDE_PASSWORD", variable).stdout(Stdio::piped());
         let mut service = command.spawn().unwrap();
         let mut lines = BufReader::new(service.stdout.take().unwrap()).lines().map_while(Result::ok);
         let greeting = lines.find(|line| line.starts_with("Sign in")).unwrap();

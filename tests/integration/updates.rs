@@ -39,6 +39,16 @@ fn bytes_of(folder: &Path) -> Vec<u8> {
     fs::read_dir(folder).unwrap().flat_map(|entry| fs::read(entry.unwrap().path()).unwrap_or_default()).collect()
 }
 
+/// The files that a copy of the database expects and the data folder lacks.
+async fn lost_files(data: &Path, copy: &Path) -> Vec<String> {
+    let mut old = raw(copy).await;
+    let expected: Vec<String> = sqlx::query_scalar("SELECT hash FROM blob").fetch_all(&mut old).await.unwrap();
+    old.close().await.unwrap();
+    assert!(!expected.is_empty());
+    let is_lost = |hash: &String| !data.join("blobs").join(&hash[..2]).join(hash).exists();
+    expected.into_iter().filter(is_lost).collect()
+}
+
 fn holds(bytes: &[u8], text: &str) -> bool {
     bytes.windows(text.len()).any(|part| part == text.as_bytes())
 }
@@ -55,6 +65,8 @@ async fn an_update_keeps_a_copy_for_the_earlier_program_without_people_who_are_e
         Service::start_in(folder, Arc::new(SystemClock), change).await
     };
     let service = start(folder).await;
+    assert_eq!(lost_files(&data, &copy).await, Vec::<String>::new(), "after the way back");
+    let made = fs::metadata(&copy).unwrap().modified().unwrap();
     assert_eq!(version(&copy).await, OLD_VERSION);
     assert!(version(&data.join("trocar.db")).await > OLD_VERSION);
     for private in [&copy, &data.join("before-update")] {
@@ -72,9 +84,10 @@ async fn an_update_keeps_a_copy_for_the_earlier_program_without_people_who_are_e
     old.close().await.unwrap();
 
     let folder = service.stop().await;
-    let made = fs::metadata(&copy).unwrap().modified().unwrap();
+    assert_eq!(lost_files(&data, &copy).await, Vec::<String>::new(), "after the erasure");
     let service = start(folder).await; // nothing to adapt: no other copy
-    assert_eq!((version(&copy).await, fs::metadata(&copy).unwrap().modified().unwrap()), (OLD_VERSION, made));
+    let now = (version(&copy).await, fs::metadata(&copy).unwrap().modified().unwrap());
+    assert_eq!(now, (OLD_VERSION, made), "it is kept no longer because a person was erased in it");
     service.stop().await;
 }
 
@@ -156,6 +169,11 @@ async fn commands_refuse_a_database_of_another_version_and_change_nothing() {
     }
     assert_eq!(version(&data.join("trocar.db")).await, OLD_VERSION);
     assert!(!folder.path().join("backup").exists());
+    fs::write(data.join("BACKUP"), "").unwrap();
+    let refused = run(&data, "check");
+    let stderr = String::from_utf8_lossy(&refused.stderr);
+    assert!(stderr.contains("earlier version") && stderr.contains("admin restore"), "{stderr}");
+    assert!(!stderr.contains("start the service"), "the service refuses a backup: {stderr}");
 
     let newer = tempfile::tempdir().unwrap();
     let database = newer.path().join("trocar.db");

@@ -22,7 +22,7 @@ use super::{CommandFailure, restrict_new_files_to_owner, serve};
 use crate::settings::{Flags, Settings};
 use crate::store::{Store, StoreError};
 use crate::time::SystemClock;
-use crate::upkeep;
+use crate::upkeep::{self, BACKUP_MARK};
 use crate::vault::Vault;
 
 /// Arguments of `trocar admin`.
@@ -120,6 +120,13 @@ impl DataFolder {
     async fn open_to_read(settings: &Settings) -> Result<Self, CommandFailure> {
         let database = existing_database(settings)?;
         let store = Store::open_read_only(&database, &settings.store, Arc::new(SystemClock)).await;
+        let data = settings.data.display();
+        if matches!(store, Err(StoreError::OlderSchema)) && settings.data.join(BACKUP_MARK).exists() {
+            return Err(CommandFailure::Failed(anyhow!(
+                "an earlier version of the program made the backup `{data}`: restore it into a new folder with `trocar \
+                 admin restore {data} --data NEW-FOLDER`, which verifies it, or check it with the version that made it"
+            )));
+        }
         Ok(Self { store: opened(store)?, vault: Vault::open_existing(&settings.data) })
     }
 

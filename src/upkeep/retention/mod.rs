@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
+use super::update_copy::has_update_copy;
 use super::{Attempts, UpkeepError, UpkeepResult};
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
@@ -66,7 +67,10 @@ pub async fn apply_retention(
     let mut steps = Attempts::default();
     steps.note(erase_due(store).await);
     if let Some(before_ms) = settings.videos_before_ms(now_ms) {
-        steps.note(drop_videos(store, vault, before_ms).await);
+        // The earlier program knows no session without its video: it would report them as lost after the way back.
+        if steps.note(has_update_copy(vault)) == Some(false) {
+            steps.note(drop_videos(store, vault, before_ms).await);
+        }
     }
     let before_ms = now_ms - FAILED_PICTURES_MS;
     steps.note(store.retention().release_failed_pictures(before_ms).await.map_err(UpkeepError::from));

@@ -1,5 +1,6 @@
 //! Videos, pictures of boxes and people are kept for a limited time, and nothing else goes with them.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use super::super::tests::{UpkeepFixture, holds};
@@ -14,9 +15,9 @@ use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
 use crate::ids::JobId;
 use crate::store::testing::TestCentre;
-use crate::store::{Lease, StoreError};
+use crate::store::{Lease, Store, StoreError, StoreSettings};
 use crate::time::Clock;
-use crate::upkeep::{back_up, clear_up, recover};
+use crate::upkeep::{UPDATE_COPY_FOLDER, back_up, clear_up, recover};
 use crate::vision::surroundings::Surroundings;
 
 /// As long as the texts that the tests search for.
@@ -33,6 +34,14 @@ impl UpkeepFixture {
 
     fn holds(&self, text: &str) -> bool {
         holds(self.centre.folder.path(), text)
+    }
+
+    /// Copies the database, as the start after an update does; the path of the copy.
+    async fn copy_as_before_an_update(&self) -> PathBuf {
+        let copy = self.centre.folder.path().join(UPDATE_COPY_FOLDER).join("trocar.sqlite");
+        std::fs::create_dir(copy.parent().unwrap()).unwrap();
+        self.centre.store.snapshot(&copy).await.unwrap();
+        copy
     }
 
     /// Queues the learning of colours from a picture with this content, and claims the job.
@@ -233,9 +242,30 @@ async fn the_grey_picture_of_a_box_that_was_made_of_a_persons_recording_goes_wit
     let palette = store.jobs().finish_palette(&learned, new).await.unwrap().id;
     let pictures = async || store.surroundings().of_box(palette, of, of_ben.id).await.unwrap().len();
     assert_eq!(pictures().await, 1);
+    let copy = bench.copy_as_before_an_update().await;
     store.sessions().erase(&service, of_ben.id).await.unwrap();
     assert_eq!(pictures().await, 1, "it shows the recording of another person");
     store.trainees().erase(&service, &Key::from(&ana)).await.unwrap();
     assert_eq!(pictures().await, 0);
     assert!(store.palettes().get(&service, palette).await.is_ok(), "the colours stay: numbers");
+    clear_up(store, &bench.vault).await.unwrap();
+    let copied = Store::open(&copy, &StoreSettings::default(), bench.centre.clock.clone()).await.unwrap();
+    assert_eq!(copied.surroundings().of_box(palette, of, of_ben.id).await.unwrap().len(), 0, "in the copy");
+    assert!(copied.jobs().get(&service, learned.job.id).await.is_err());
+    assert!(copied.palettes().get(&service, palette).await.is_ok());
+}
+
+#[tokio::test]
+async fn an_old_video_stays_while_the_copy_before_an_update_needs_it() {
+    let bench = UpkeepFixture::new().await;
+    let ana = bench.centre.trainee("Ana").await.id;
+    let old = bench.session(ana, "an old video").await;
+    bench.score(&old).await;
+    let copy = bench.copy_as_before_an_update().await;
+    bench.centre.clock.advance(80 * DAY);
+    bench.upkeep(&months(2)).await;
+    assert!(bench.path_of(old.video.unwrap()).exists());
+    std::fs::remove_dir_all(copy.parent().unwrap()).unwrap();
+    bench.upkeep(&months(2)).await;
+    assert!(!bench.path_of(old.video.unwrap()).exists());
 }
