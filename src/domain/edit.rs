@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::clock::TimeCorrection;
+use super::files::quoted_tool_name;
 use super::named;
 use super::text::{Invalid, Remark};
 use crate::motion::quality::BoxAnswer;
@@ -156,7 +157,7 @@ impl NewEdit {
         match (self.kind, self.tools.clone()) {
             (EditKind::Swap, None) => Err(Invalid::new("tools", "is missing: name the two tools to swap")),
             (EditKind::Swap, Some([one, other])) if one == other => {
-                Err(Invalid::new("tools", format!("names `{one}` twice; expected two tools")))
+                Err(Invalid::new("tools", format!("names {} twice; expected two tools", quoted_tool_name(&one))))
             }
             (EditKind::Swap, Some(tools)) => Ok(EditChange::Swap(tools, self.checked_span()?)),
             (_, Some(_)) => Err(Invalid::new("tools", "belongs only to a `swap`")),

@@ -242,6 +242,8 @@ async fn edits_without_permission_and_impossible_edits_are_refused() {
         json!({"kind": "trim", "from_s": "NaN", "to_s": 9.0, "why": "x"}),
         json!({"kind": "swap", "from_s": 5.0, "to_s": 9.0, "why": "x"}),
         json!({"kind": "swap", "tools": ["left", "green"], "from_s": 5.0, "to_s": 9.0, "why": "x"}),
+        json!({"kind": "swap", "tools": ["a\u{7}", "left"], "from_s": 5.0, "to_s": 9.0, "why": "x"}),
+        json!({"kind": "swap", "tools": ["x".repeat(5000), "left"], "from_s": 5.0, "to_s": 9.0, "why": "x"}),
         json!({"kind": "set_aside", "from_s": 5.0, "why": "x"}),
         json!({"kind": "forget", "why": "x"}),
     ] {
