@@ -60,9 +60,12 @@ pub enum QuickAnalysisError {
     /// The pictures or the path cannot be analysed.
     #[error("{}", .0.detail)]
     Problem(Problem),
-    /// The child crashed on them, or took too long.
+    /// The child crashed on them.
     #[error("the analysis process {0}")]
     Crashed(String),
+    /// The child reached its limit of time, s.
+    #[error("the analysis took longer than {0} s")]
+    TimedOut(u64),
     /// The analysis did not start, or failed for a reason on this machine.
     #[error("the analysis failed: {0}")]
     Failed(String),
@@ -158,6 +161,7 @@ impl QuickAnalysis {
             Ok(Ok(output)) => Ok(output),
             Ok(Err(AttemptFailure::Impossible(problem))) => Err(QuickAnalysisError::Problem(problem)),
             Ok(Err(AttemptFailure::Crashed(why))) => Err(QuickAnalysisError::Crashed(why)),
+            Ok(Err(AttemptFailure::TimedOut(_))) => Err(QuickAnalysisError::TimedOut(self.settings.glance_s)),
             Ok(Err(AttemptFailure::Stopped)) => Err(QuickAnalysisError::Busy),
             Err(panic) => Err(QuickAnalysisError::Failed(panic.to_string())),
         }
@@ -167,6 +171,7 @@ impl QuickAnalysis {
     async fn acquire_slot(&self) -> Result<SemaphorePermit<'_>, QuickAnalysisError> {
         let longest = Duration::from_secs(self.settings.glance_s);
         tokio::select! {
+            biased;
             place = self.slots.acquire() => place.map_err(|_| QuickAnalysisError::Busy),
             () = self.clock.sleep(longest) => Err(QuickAnalysisError::Busy),
             () = self.shutdown.begun() => Err(QuickAnalysisError::Busy),
