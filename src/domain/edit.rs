@@ -80,7 +80,8 @@ pub struct NewEdit {
     #[schema(value_type = String)]
     pub why: Remark,
     /// `revision` of the list that the decision is based on. If another user has edited the session since, the edit is
-    /// refused. Absent: the edit is made in any case.
+    /// refused. Absent: edits before this request do not matter. An edit is always refused if the session is edited or
+    /// tracked again while the edit is checked.
     #[serde(default)]
     pub revision: Option<u64>,
 }

@@ -9,7 +9,7 @@ use utoipa::IntoParams;
 use crate::analysis::edits::Swaps;
 use crate::analysis::stored_rows::{NameAt, StoredDiagnostics, StoredPaths};
 use crate::domain::blob::BlobHash;
-use crate::domain::edit::EditChange;
+use crate::domain::edit::{EditChange, EditsInForce};
 use crate::domain::scope::Scope;
 use crate::domain::text::TrackerName;
 use crate::http::auth::signed_in::Member;
@@ -134,16 +134,38 @@ fn no_video(tracker: &TrackerName) -> ProblemResponse {
     ))
 }
 
+fn not_tracked() -> ProblemResponse {
+    Refusal::Conflict.with(
+        "The session is not tracked yet. Wait until its status is `done`. If tracking failed, `error` of the session \
+         gives the reason.",
+    )
+}
+
 impl App {
     /// The latest result of a session. A session without a result gives 409, a missing session 404.
     pub(super) async fn result(&self, scope: &Scope, id: SessionId) -> HandlerResult<SessionResult> {
-        let result = self.store.sessions().result(scope, id).await?;
-        result.ok_or_else(|| {
-            Refusal::Conflict.with(
-                "The session is not tracked yet. Wait until its status is `done`. If tracking failed, `error` of the \
-                 session gives the reason.",
-            )
-        })
+        self.store.sessions().result(scope, id).await?.ok_or_else(not_tracked)
+    }
+
+    /// The latest result with the edits in force at the same moment; refuses like [`Self::result`].
+    pub(super) async fn result_with_edits(
+        &self,
+        scope: &Scope,
+        id: SessionId,
+    ) -> HandlerResult<(SessionResult, EditsInForce)> {
+        self.store.sessions().result_with_edits(scope, id).await?.ok_or_else(not_tracked)
+    }
+
+    /// A session's diagnostics, its path, and the swaps of tools in force.
+    async fn diagnostics_with_swaps(
+        &self,
+        scope: &Scope,
+        id: SessionId,
+    ) -> HandlerResult<(BlobHash, BlobHash, Vec<EditChange>)> {
+        let (result, mut edits) = self.result_with_edits(scope, id).await?;
+        edits.changes.retain(|change| matches!(change, EditChange::Swap(..)));
+        let diagnostics = result.diagnostics.ok_or_else(ProblemResponse::not_found)?;
+        Ok((diagnostics, result.trajectory, edits.changes))
     }
 
     /// Opens a session's paths for reading by rows.
