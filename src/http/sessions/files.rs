@@ -93,24 +93,23 @@ pub async fn diagnostics(
     headers: HeaderMap,
 ) -> HandlerResult<Response> {
     let id = at.id()?;
-    let result = app.result(&by.scope, id).await?;
-    let stored = result.diagnostics.ok_or_else(ProblemResponse::not_found)?;
-    let disposition = disposition("inline", "diagnostics.json");
-    let mut swaps = app.store.edits().in_force(id).await?.changes;
-    swaps.retain(|change| matches!(change, EditChange::Swap(..)));
+    let (stored, _, swaps) = app.diagnostics_with_swaps(&by.scope, id).await?;
     if frames.from_frame.or(frames.to_frame).is_some() || !swaps.is_empty() {
         let slot = app.heavy_answers.take(&by.scope).await?;
+        // Again: during the wait the session may have been tracked again, or the caller may have lost access.
+        let (stored, path, swaps) = app.diagnostics_with_swaps(&by.scope, id).await?;
         let seen = app.stored_diagnostics(&slot, stored).await?;
         let names: NameAt = if swaps.is_empty() {
             Box::new(|_, tool| Ok(tool))
         } else {
-            swapped_names(&app.stored_paths(&slot, result.trajectory).await?, &swaps)
+            swapped_names(&app.stored_paths(&slot, path).await?, &swaps)
         };
         let frames = frames.from_frame.unwrap_or(0)..frames.to_frame.unwrap_or(u64::MAX);
         let part: Pieces = Box::new(seen.select_frames(frames, names));
         let body = slot.body(|| Ok(part)).await?;
         return Ok(([(header::CONTENT_TYPE, "application/json")], body).into_response());
     }
+    let disposition = disposition("inline", "diagnostics.json");
     app.stored_file(stored, "application/json".to_owned(), disposition).await?.answer(&method, &headers).await
 }
 
