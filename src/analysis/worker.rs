@@ -261,7 +261,7 @@ async fn settle_failure(held: &HeldJob, error: WorkError) -> Result<(), WorkErro
         WorkError::Vault(VaultError::NotFound) => deleted_problem("file"),
         WorkError::Crashed(reason) => return Ok(held.report_crash(crash_problem(&reason)).await.map(drop)?),
         WorkError::Stopped => return Ok(held.release().await?),
-        // The sweep counts an attempt when the lease runs out.
+        // The sweep queues the job again when the lease runs out, and counts a lost lease, not an attempt.
         WorkError::NotStored(_) | WorkError::Released(_) => return Err(error),
         WorkError::Store(_) | WorkError::Vault(_) | WorkError::System(_) => {
             held.release().await?;
