@@ -28,8 +28,10 @@ pub struct ChildAttempt<'a> {
 pub enum AttemptFailure {
     /// The work cannot be done, however often it is tried.
     Impossible(Problem),
-    /// The child crashed, timed out, sent invalid records or could not be run; another attempt may succeed.
+    /// The child crashed, sent invalid records or could not be run; another attempt may succeed.
     Crashed(String),
+    /// The child reached a limit of time; the text says which.
+    TimedOut(String),
     /// Ended on request.
     Stopped,
 }
@@ -77,7 +79,10 @@ fn classify_end(
         }
         (outcome, _) => {
             tracing::warn!(%outcome, stderr = stderr_tail, "child process failed");
-            Err(AttemptFailure::Crashed(outcome.to_string()))
+            Err(match outcome {
+                ChildOutcome::TimedOut(_) => AttemptFailure::TimedOut(outcome.to_string()),
+                _ => AttemptFailure::Crashed(outcome.to_string()),
+            })
         }
     }
 }

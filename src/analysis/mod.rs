@@ -10,7 +10,7 @@
 //!    │                           │ records
 //!    └── save (one transaction) ◀┴─ OutputValidator
 //! ```
-//! The worker's loop is in `worker.rs`, the claim in `queue`, the score in `scoring.rs`, the save in
+//! The worker's loop is in `worker.rs`, the claim in `queue`, the score in `scoring/mod.rs`, the save in
 //! `store::jobs::finish`.
 //!
 //! Only children touch pixels and score paths. The parent receives numbers and checks every one of them. A stored path,

@@ -60,9 +60,12 @@ pub enum QuickAnalysisError {
     /// The pictures or the path cannot be analysed.
     #[error("{}", .0.detail)]
     Problem(Problem),
-    /// The child crashed on them, or took too long.
+    /// The child crashed on them.
     #[error("the analysis process {0}")]
     Crashed(String),
+    /// The child reached its limit of time, s.
+    #[error("the analysis took longer than {0} s")]
+    TimedOut(u64),
     /// The analysis did not start, or failed for a reason on this machine.
     #[error("the analysis failed: {0}")]
     Failed(String),
@@ -140,7 +143,8 @@ impl QuickAnalysis {
     async fn run(&self, work: ChildWork, files: &[BlobHash]) -> Result<ChildOutput, QuickAnalysisError> {
         let mut inputs = Vec::with_capacity(files.len());
         for &file in files {
-            inputs.push(self.vault.open_blob(file).await?.0);
+            // The child cannot compare the content with the hash.
+            inputs.push(self.vault.open_verified(file).await?);
         }
         let _place = self.acquire_slot().await?;
         let failed = |error: std::io::Error| QuickAnalysisError::Failed(error.to_string());
@@ -158,6 +162,7 @@ impl QuickAnalysis {
             Ok(Ok(output)) => Ok(output),
             Ok(Err(AttemptFailure::Impossible(problem))) => Err(QuickAnalysisError::Problem(problem)),
             Ok(Err(AttemptFailure::Crashed(why))) => Err(QuickAnalysisError::Crashed(why)),
+            Ok(Err(AttemptFailure::TimedOut(_))) => Err(QuickAnalysisError::TimedOut(self.settings.glance_s)),
             Ok(Err(AttemptFailure::Stopped)) => Err(QuickAnalysisError::Busy),
             Err(panic) => Err(QuickAnalysisError::Failed(panic.to_string())),
         }
@@ -167,6 +172,7 @@ impl QuickAnalysis {
     async fn acquire_slot(&self) -> Result<SemaphorePermit<'_>, QuickAnalysisError> {
         let longest = Duration::from_secs(self.settings.glance_s);
         tokio::select! {
+            biased;
             place = self.slots.acquire() => place.map_err(|_| QuickAnalysisError::Busy),
             () = self.clock.sleep(longest) => Err(QuickAnalysisError::Busy),
             () = self.shutdown.begun() => Err(QuickAnalysisError::Busy),
@@ -180,5 +186,24 @@ struct QuickStopGuard(StopSwitch);
 impl Drop for QuickStopGuard {
     fn drop(&mut self) {
         self.0.pull();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::time::ManualClock;
+
+    #[tokio::test]
+    async fn a_damaged_path_is_noticed_before_any_process_reads_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let vault = Vault::open(folder.path()).await.unwrap();
+        let path = vault.put(b"a path").await.unwrap().blob().hash;
+        let name = path.to_string();
+        std::fs::write(folder.path().join("blobs").join(&name[..2]).join(&name), b"b path").unwrap();
+        let (program, settings) = (Program::at("/no/program", &[]), AnalysisSettings::default());
+        let analysis = QuickAnalysis::new(vault, program, settings, ManualClock::at(0), Shutdown::new());
+        let checked = analysis.check_edit(path, EditsInForce::default(), EditChange::Trim([1.0, 2.0])).await;
+        assert!(matches!(checked, Err(QuickAnalysisError::Vault(VaultError::Damaged))), "{checked:?}");
     }
 }

@@ -15,7 +15,6 @@ use crate::motion::PIPELINE_VERSION;
 use crate::queue::HeldJob;
 use crate::shutdown::Shutdown;
 use crate::store::SessionResult;
-use crate::vault::VaultError;
 
 impl WorkerPool {
     /// Scores a table that another tracker measured and stores the result of its session.
@@ -103,11 +102,8 @@ impl WorkerPool {
     ) -> Result<ScoreOutput, WorkError> {
         let mut inputs = Vec::with_capacity(files.len());
         for &hash in files {
-            inputs.push(self.vault.open_blob(hash).await?.0);
             // The child cannot compare the content with the hash, and a damaged path would give wrong numbers.
-            if !self.vault.is_intact(hash).await? {
-                return Err(VaultError::Damaged.into());
-            }
+            inputs.push(self.vault.open_verified(hash).await?);
         }
         let plan = JobPlan { work: ChildWork::Score(work), inputs };
         Ok(self.supervise_child(held, plan, ending).await??.score)

@@ -49,7 +49,7 @@ pub(super) enum WorkError {
     /// The job itself cannot be done.
     #[error("{}", .0.detail)]
     Impossible(Problem),
-    /// The child or the assessment crashed, or gave no result.
+    /// The child or the assessment crashed, timed out, or gave no result.
     #[error("the analysis process {0}")]
     Crashed(String),
     /// The service shuts down, or the lease was lost.
@@ -88,7 +88,7 @@ impl From<AttemptFailure> for WorkError {
     fn from(failure: AttemptFailure) -> Self {
         match failure {
             AttemptFailure::Impossible(problem) => WorkError::Impossible(problem),
-            AttemptFailure::Crashed(reason) => WorkError::Crashed(reason),
+            AttemptFailure::Crashed(reason) | AttemptFailure::TimedOut(reason) => WorkError::Crashed(reason),
             AttemptFailure::Stopped => WorkError::Stopped,
         }
     }
@@ -261,7 +261,7 @@ async fn settle_failure(held: &HeldJob, error: WorkError) -> Result<(), WorkErro
         WorkError::Vault(VaultError::NotFound) => deleted_problem("file"),
         WorkError::Crashed(reason) => return Ok(held.report_crash(crash_problem(&reason)).await.map(drop)?),
         WorkError::Stopped => return Ok(held.release().await?),
-        // The sweep counts an attempt when the lease runs out.
+        // The sweep queues the job again when the lease runs out, and counts a lost lease, not an attempt.
         WorkError::NotStored(_) | WorkError::Released(_) => return Err(error),
         WorkError::Store(_) | WorkError::Vault(_) | WorkError::System(_) => {
             held.release().await?;

@@ -9,6 +9,7 @@ use crate::domain::scope::Scope;
 use crate::domain::session::FeatureRow;
 use crate::domain::text::{Key, Remark};
 use crate::ids::TraineeId;
+use crate::store::EditBasis;
 use crate::store::testing::{NOW_MS, TestCentre, duration};
 
 const DAY_MS: i64 = 86_400_000;
@@ -118,7 +119,12 @@ async fn a_session_that_is_set_aside_is_no_trial() {
     centre.practised(ana, NOW_MS + 2 * DAY_MS, vec![duration(40.0, 1.0)]).await;
     assert_eq!(progress(&cohorts).await.rule.unwrap().met_at, None);
     let why: Remark = "Somebody else trained under this name.".parse().unwrap();
-    centre.store.edits().add(&Scope::service(), other.id, (EditChange::SetAside, why), None).await.unwrap();
+    centre
+        .store
+        .edits()
+        .add(&Scope::service(), other.id, (EditChange::SetAside, why), EditBasis::default())
+        .await
+        .unwrap();
     let now = progress(&cohorts).await;
     assert_eq!(now.rule.unwrap().met_at, Some(3));
     assert_eq!(now.passed.unwrap().sessions, [1, 3]);

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::clock::TimeCorrection;
+use super::files::quoted_tool_name;
 use super::named;
 use super::text::{Invalid, Remark};
 use crate::motion::quality::BoxAnswer;
@@ -79,7 +80,8 @@ pub struct NewEdit {
     #[schema(value_type = String)]
     pub why: Remark,
     /// `revision` of the list that the decision is based on. If another user has edited the session since, the edit is
-    /// refused. Absent: the edit is made in any case.
+    /// refused. Absent: edits before this request do not matter. An edit is always refused if the session is edited or
+    /// tracked again while the edit is checked.
     #[serde(default)]
     pub revision: Option<u64>,
 }
@@ -156,7 +158,7 @@ impl NewEdit {
         match (self.kind, self.tools.clone()) {
             (EditKind::Swap, None) => Err(Invalid::new("tools", "is missing: name the two tools to swap")),
             (EditKind::Swap, Some([one, other])) if one == other => {
-                Err(Invalid::new("tools", format!("names `{one}` twice; expected two tools")))
+                Err(Invalid::new("tools", format!("names {} twice; expected two tools", quoted_tool_name(&one))))
             }
             (EditKind::Swap, Some(tools)) => Ok(EditChange::Swap(tools, self.checked_span()?)),
             (_, Some(_)) => Err(Invalid::new("tools", "belongs only to a `swap`")),

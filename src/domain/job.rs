@@ -10,7 +10,9 @@
 //!   └───────────────────── retry by a person ───────────────┘
 //! ```
 //! `failed`: the job cannot be done, and the problem says why (not a video, no marker colour). `quarantined`: the
-//! process that ran the job crashed or stopped responding in its last attempt, usually the third.
+//! process that ran the job crashed or stopped responding in its last attempt, usually the third, or the job's lease was
+//! lost for the tenth time. An earlier lost lease queues the job again and counts no attempt: the power failed, or the
+//! service was killed.
 
 use serde::{Deserialize, Serialize};
 

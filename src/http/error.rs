@@ -281,10 +281,14 @@ impl From<QuickAnalysisError> for ProblemResponse {
             QuickAnalysisError::Crashed(why) => {
                 tracing::warn!(why, "quick analysis crashed; picture refused");
                 Refusal::Invalid.with(
-                    "The picture could not be analysed: the analysis crashed or took too long. Send another picture, \
-                     or a smaller one.",
+                    "The picture could not be analysed: the analysis crashed. Send another picture, or a smaller one.",
                 )
             }
+            QuickAnalysisError::TimedOut(limit_s) => Refusal::Invalid.with(format!(
+                "The check took longer than {limit_s} s and was stopped. Try again when the service has less to do, or \
+                 with a smaller picture or table. If that does not help, ask an administrator to raise `glance_s` in \
+                 the settings."
+            )),
             QuickAnalysisError::Failed(why) => ProblemResponse::internal("starting an analysis", why),
             QuickAnalysisError::Busy => {
                 busy("Other pictures, edits or tables are being checked. Try again in a moment.")

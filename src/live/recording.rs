@@ -105,7 +105,11 @@ impl FeedService {
                     "the service is shutting down; connect again",
                 ));
             }
-            Err(AttemptFailure::Impossible(Problem { detail: why, .. }) | AttemptFailure::Crashed(why)) => {
+            Err(
+                AttemptFailure::Impossible(Problem { detail: why, .. })
+                | AttemptFailure::Crashed(why)
+                | AttemptFailure::TimedOut(why),
+            ) => {
                 let failures = feed.failures.fetch_add(1, Ordering::AcqRel) + 1;
                 tracing::error!(feed = %feed.row.id, failures, why, "recording could not be assembled");
                 return Err(CloseReason::new(

@@ -16,6 +16,7 @@ use super::jobs::{enqueue_rescore_if_outdated, enqueue_track};
 use super::sessions::SELECT_CURRENT_RESULT;
 use super::visibility::require_staff;
 use super::{Scope, Store};
+use crate::domain::blob::BlobHash;
 use crate::domain::clock::TimeCorrection;
 use crate::domain::edit::{EditChange, EditKind, EditsInForce, ScoreState};
 use crate::domain::job::JobState;
@@ -57,6 +58,16 @@ pub struct EditRecord {
     pub undone_by: Option<Name>,
     /// When it was undone, epoch ms; `None` while it is in force.
     pub undone_at_ms: Option<i64>,
+}
+
+/// What an edit was decided on and checked against. `None` is not compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EditBasis {
+    /// The revision of the session's edits.
+    pub revision: Option<u64>,
+    /// The session's path. Tracking with other times makes another path and scales the spans of all edits, without
+    /// another revision.
+    pub path: Option<BlobHash>,
 }
 
 /// A session's edits, and whether its score is up to date with them.
@@ -118,6 +129,8 @@ const INSERT_EDIT: &str = "
     SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11
     WHERE (SELECT count(*) FROM session_edit WHERE session_id = $2) < $12";
 
+const SELECT_CURRENT_PATH: &str = "SELECT trajectory FROM current_result WHERE session_id = $1";
+
 const SELECT_TRACKING_STATE: &str = "SELECT state FROM tracking_job WHERE session_id = $1";
 
 const SELECT_REVISION: &str = "
@@ -162,23 +175,17 @@ impl EditStore<'_> {
 
     /// The edits that the session must be scored with.
     pub async fn in_force(&self, session: SessionId) -> StoreResult<EditsInForce> {
-        let items: Vec<EditRecord> =
-            sqlx::query_as(SELECT_EDITS).bind(session).bind(MAX_EDITS).fetch_all(self.0.readers()).await?;
-        let in_force = items.iter().filter(|edit| affects_score(edit.kind) && edit.undone_at_ms.is_none());
-        let (answers, changes): (Vec<EditChange>, Vec<EditChange>) =
-            in_force.filter_map(EditRecord::change).partition(|change| change.box_answer().is_some());
-        let box_answer = answers.iter().find_map(EditChange::box_answer);
-        Ok(EditsInForce { revision: revision_of(&items), changes, box_answer })
+        let mut reader = self.0.readers().acquire().await?;
+        in_force(&mut reader, session).await
     }
 
-    /// Makes an edit. With `seen`, it is refused if an edit that changes the score was made or undone since that
-    /// revision.
+    /// Makes an edit. It is refused if the session is no longer as it was when the edit was decided and checked.
     pub async fn add(
         &self,
         scope: &Scope,
         session: SessionId,
         (change, why): (EditChange, Remark),
-        seen: Option<u64>,
+        basis: EditBasis,
     ) -> StoreResult<EditRecord> {
         let is_import = self.0.sessions().get(scope, session).await?.tracker.is_some();
         require_staff(scope, "editing sessions")?;
@@ -198,12 +205,7 @@ impl EditStore<'_> {
             .write(async move |tx| {
                 let kind = change.kind();
                 refuse_if_open(tx, session, kind).await?;
-                let now = revision(tx, session).await?;
-                if affects_score(kind) && seen.is_some_and(|seen| seen != now) {
-                    return Err(StoreError::refused(
-                        "another person has edited this session meanwhile: reload it, then decide",
-                    ));
-                }
+                refuse_if_changed(tx, session, kind, basis).await?;
                 insert(tx, (id, session, by.person()), &change, why, now_ms).await?;
                 settle_box_question(tx, session).await?;
                 enqueue_new_score(tx, session, kind, now_ms, attempts).await?;
@@ -238,6 +240,16 @@ impl EditStore<'_> {
         let all = self.of_session(scope, session).await?.items;
         all.into_iter().find(|edit| edit.id == id).ok_or(not_found("edit"))
     }
+}
+
+/// The edits that the session must be scored with. In a transaction, they belong to the result that it reads.
+pub(super) async fn in_force(reader: &mut SqliteConnection, session: SessionId) -> StoreResult<EditsInForce> {
+    let items: Vec<EditRecord> = sqlx::query_as(SELECT_EDITS).bind(session).bind(MAX_EDITS).fetch_all(reader).await?;
+    let in_force = items.iter().filter(|edit| affects_score(edit.kind) && edit.undone_at_ms.is_none());
+    let (answers, changes): (Vec<EditChange>, Vec<EditChange>) =
+        in_force.filter_map(EditRecord::change).partition(|change| change.box_answer().is_some());
+    let box_answer = answers.iter().find_map(EditChange::box_answer);
+    Ok(EditsInForce { revision: revision_of(&items), changes, box_answer })
 }
 
 /// Queues the work that an edit of this kind makes necessary.
@@ -375,6 +387,26 @@ async fn refuse_if_open(tx: &mut SqliteConnection, session: SessionId, kind: Edi
     }
     let result: Option<String> = sqlx::query_scalar(SELECT_CURRENT_RESULT).bind(session).fetch_optional(tx).await?;
     result.map(drop).ok_or_else(|| StoreError::refused("the session cannot be edited before it is scored"))
+}
+
+/// Refuses an edit that was decided or checked on what is outdated by now.
+async fn refuse_if_changed(
+    tx: &mut SqliteConnection,
+    session: SessionId,
+    kind: EditKind,
+    basis: EditBasis,
+) -> StoreResult<()> {
+    let now = revision(tx, session).await?;
+    if affects_score(kind) && basis.revision.is_some_and(|seen| seen != now) {
+        return Err(StoreError::refused("another person has edited this session meanwhile: reload it, then decide"));
+    }
+    if let Some(checked) = basis.path {
+        let path: Option<BlobHash> = sqlx::query_scalar(SELECT_CURRENT_PATH).bind(session).fetch_optional(tx).await?;
+        if path != Some(checked) {
+            return Err(StoreError::refused("the session was tracked again meanwhile: reload it, then decide"));
+        }
+    }
+    Ok(())
 }
 
 /// The state of the latest tracking of the session; `None` if it was never queued.

@@ -26,7 +26,7 @@
 //! | [`Store::self_tests`] | `list` `light_since` |
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` |
 //! | [`Store::feeds`] | `open` `end` `forget` `forget_unfinished` `get` `unfinished` |
-//! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `evidence` `practice` `practice_of_many` `trainee_tasks` `last_task` `refused_since` `unrated_since` |
+//! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `result_with_edits` `evidence` `practice` `practice_of_many` `trainee_tasks` `last_task` `refused_since` `unrated_since` |
 //! | [`Store::ratings`] | `give` `of_session` `has_rated` `given` `values` |
 //! | [`Store::comments`] | `add` `of_session` `withdraw` |
 //! | [`Store::edits`] | `of_session` `in_force` `add` `undo` |
@@ -97,7 +97,7 @@ pub use cohorts::{CohortRecord, CohortStore, CohortValue};
 pub use comments::{CommentRecord, CommentStore, VisibleComments};
 pub use cookies::{CookieHolder, CookieLifetime, CookieStore, KNOWN_PLACE_LIFETIME, SignInOrigin, SignInRecord};
 pub use courses::{CourseRecord, CourseStep, CourseStore, GroupCoursePlan, TraineeCourse};
-pub use edits::{EditRecord, EditStore, SessionEdits};
+pub use edits::{EditBasis, EditRecord, EditStore, SessionEdits};
 pub use enrolment::Enrolment;
 pub use erasures::ErasureStore;
 pub use error::{StoreError, StoreResult};

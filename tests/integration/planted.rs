@@ -21,7 +21,7 @@ use trocar::domain::session::{
 use trocar::domain::text::Key;
 use trocar::ids::{BoxId, CalibrationId, PaletteId, SessionId, TaskId, TraineeId};
 use trocar::motion::PIPELINE_VERSION;
-use trocar::store::{Lease, Store, StoreSettings};
+use trocar::store::{EditBasis, Lease, Store, StoreSettings};
 use trocar::time::SystemClock;
 use trocar::vault::Vault;
 
@@ -151,7 +151,11 @@ impl Planter {
     /// Trims a session to one second, as an instructor would.
     pub async fn trim(&self, session: SessionId) {
         let why = "Talked at first.".parse().unwrap();
-        self.store.edits().add(&Scope::service(), session, (EditChange::Trim([1.0, 2.0]), why), None).await.unwrap();
+        self.store
+            .edits()
+            .add(&Scope::service(), session, (EditChange::Trim([1.0, 2.0]), why), EditBasis::default())
+            .await
+            .unwrap();
     }
 
     /// Claims the next job in the queue and returns its kind.

@@ -18,6 +18,7 @@ pub use rows::EditedRows;
 use super::paths::SessionPaths;
 use super::protocol::{QualitySummary, SeenRow};
 use crate::domain::edit::{EditChange, EditsInForce, kept_span};
+use crate::domain::files::quoted_tool_name;
 use crate::domain::text::Invalid;
 use crate::vision::reason::MissReason;
 use crate::vision::tracker::{Absence, Gap, ToolQuality};
@@ -132,8 +133,8 @@ pub fn check_edit(paths: &SessionPaths, in_force: &EditsInForce, new: EditChange
         EditChange::Retime(_) | EditChange::SetAside | EditChange::ThisBox | EditChange::OtherBox => Ok(new),
         EditChange::Swap(tools, span) => {
             if let Some(unknown) = tools.iter().find(|tool| !paths.tools.contains(tool)) {
-                let known = paths.tools.join("`, `");
-                return Err(Invalid::new("tools", format!("names `{unknown}`; the session's tools are `{known}`")));
+                let (unknown, known) = (quoted_tool_name(unknown), paths.tools.join("`, `"));
+                return Err(Invalid::new("tools", format!("names {unknown}; the session's tools are `{known}`")));
             }
             let span = within(span)?;
             let has_rows = paths.smoothed.iter().any(|row| is_within(row.time_s, span));

@@ -12,6 +12,7 @@ use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::domain::text::Key;
 use crate::ids::TraineeId;
+use crate::store::EditBasis;
 use crate::store::testing::{NOW_MS, TestCentre, duration};
 use crate::time::{Clock, Day};
 
@@ -113,7 +114,12 @@ async fn practice_counts_with_any_result_unless_it_is_set_aside() {
     centre.store.sessions().create(&Scope::service(), new).await.unwrap();
     assert_eq!(states(&row(&centre, &cohorts).await), [StepState::Passed]);
     let why = "Somebody else trained under this name.".parse().unwrap();
-    centre.store.edits().add(&Scope::service(), first.id, (EditChange::SetAside, why), None).await.unwrap();
+    centre
+        .store
+        .edits()
+        .add(&Scope::service(), first.id, (EditChange::SetAside, why), EditBasis::default())
+        .await
+        .unwrap();
     assert_eq!(states(&row(&centre, &cohorts).await), [StepState::InWork]);
 }
 

@@ -18,3 +18,12 @@ pub fn is_tool_name(name: &str) -> bool {
         && name.chars().count() <= MAX_TOOL_NAME_LENGTH
         && !name.chars().any(char::is_control)
 }
+
+/// A tool's name as a message quotes it: without control characters, and at most [`MAX_TOOL_NAME_LENGTH`] characters of
+/// it, since a name that is refused may have any text.
+pub fn quoted_tool_name(name: &str) -> String {
+    let mut characters = name.escape_debug();
+    let shown: String = characters.by_ref().take(MAX_TOOL_NAME_LENGTH).collect();
+    let rest = if characters.next().is_some() { "…" } else { "" };
+    format!("`{shown}{rest}`")
+}

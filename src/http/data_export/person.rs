@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::ExportJob;
 use super::archive::{Archive, ExportFailure};
+use crate::domain::edit::EditsInForce;
 use crate::domain::text::{Key, Name};
 use crate::http::account::SignInEntry;
 use crate::http::error::ProblemResponse;
@@ -105,15 +106,15 @@ fn add_session(
 ) -> Result<(), ExportFailure> {
     let (app, id) = (&job.app, session.id);
     let scope = &job.scope_for(trainee);
-    let result = job.wait(app.store.sessions().result(scope, id))?;
+    let scored = job.wait(app.store.sessions().result_with_edits(scope, id))?;
     let edits = job.wait(app.store.edits().of_session(scope, id))?;
-    let shown = SessionResponse::of(session.clone(), result.clone());
+    let shown = SessionResponse::of(session.clone(), scored.as_ref().map(|(result, _)| result.clone()));
     archive.add_json(&format!("{folder}session.json"), &shown)?;
     archive.add_json(&format!("{folder}ratings.json"), &job.wait(app.ratings_of(scope, id))?)?;
     archive.add_json(&format!("{folder}comments.json"), &job.wait(app.comments_of(scope, id))?)?;
     archive.add_json(&format!("{folder}edits.json"), &EditsResponse::from(edits))?;
-    if let Some(result) = result {
-        add_result(job, &session, &result, folder, archive)?;
+    if let Some((result, in_force)) = scored {
+        add_result(job, (&result, &in_force), folder, archive)?;
     }
     add_recording(job, &session, folder, archive)
 }
@@ -121,15 +122,13 @@ fn add_session(
 /// Adds the path and the preview.
 fn add_result(
     job: &ExportJob,
-    session: &SessionRecord,
-    result: &SessionResult,
+    (result, edits): (&SessionResult, &EditsInForce),
     folder: &str,
     archive: &mut Archive,
 ) -> Result<(), ExportFailure> {
     let app = &job.app;
     let stored =
         job.wait(app.stored_indexes.open_paths(&app.vault, result.trajectory)).map_err(ProblemResponse::from)?;
-    let edits = job.wait(app.store.edits().in_force(session.id))?;
     write_edited_csv(&stored, &edits.changes, archive.add_written(&format!("{folder}path.csv"))?)?;
     if let Some(preview) = result.preview {
         let (file, _) = job.wait(app.vault.open_blob(preview))?;

@@ -15,7 +15,7 @@ use crate::http::read::{Json, PathKey, PathPair};
 use crate::http::show::{Created, Time};
 use crate::http::state::App;
 use crate::ids::{EditId, JobId, SessionId};
-use crate::store;
+use crate::store::{self, EditBasis};
 
 /// An edit of a session.
 #[derive(Debug, Serialize, ToSchema)]
@@ -145,15 +145,16 @@ pub async fn edit(
     let session: SessionId = at.id()?;
     let change = new.change()?;
     app.store.sessions().get(&by.scope, session).await?;
-    let (change, seen) = match change {
-        EditChange::SetAside | EditChange::ThisBox | EditChange::OtherBox => (change, None),
+    let (change, checked) = match change {
+        EditChange::SetAside | EditChange::ThisBox | EditChange::OtherBox => (change, EditBasis::default()),
         EditChange::Retime(time) => {
             app.check_time(&by.scope, session, time).await?;
-            (change, None)
+            (change, EditBasis::default())
         }
         EditChange::Trim(_) | EditChange::Swap(..) => app.check_change(&by.scope, session, change).await?,
     };
-    let edit = app.store.edits().add(&by.scope, session, (change, new.why), new.revision.or(seen)).await?;
+    let basis = EditBasis { revision: new.revision.or(checked.revision), ..checked };
+    let edit = app.store.edits().add(&by.scope, session, (change, new.why), basis).await?;
     app.notify_edited(&by.scope, session).await?;
     Ok(Created { location: format!("/api/v1/sessions/{session}/edits/{}", edit.id), made: edit.into() })
 }
@@ -177,16 +178,16 @@ pub async fn undo_edit(
 
 impl App {
     /// Checks the change against the session's path, in a child process. Returns the change as it can be applied, and
-    /// the revision of the edits that it was checked against.
+    /// what it was checked against.
     async fn check_change(
         &self,
         scope: &Scope,
         session: SessionId,
         change: EditChange,
-    ) -> HandlerResult<(EditChange, Option<u64>)> {
-        let result = self.result(scope, session).await?;
-        let in_force = self.store.edits().in_force(session).await?;
-        let (revision, is_import) = (in_force.revision, result.versions.calibration.is_none());
+    ) -> HandlerResult<(EditChange, EditBasis)> {
+        let (result, in_force) = self.result_with_edits(scope, session).await?;
+        let basis = EditBasis { revision: Some(in_force.revision), path: Some(result.trajectory) };
+        let is_import = result.versions.calibration.is_none();
         let checked = match self.quick_analysis.check_edit(result.trajectory, in_force, change).await {
             Err(QuickAnalysisError::Crashed(why)) => return Err(ProblemResponse::internal("checking an edit", why)),
             checked => checked?,
@@ -197,7 +198,7 @@ impl App {
                  session again, then edit it.",
             ));
         }
-        Ok((checked.change?, Some(revision)))
+        Ok((checked.change?, basis))
     }
 
     /// Checks a correction against the times of the session's result. A session without a result has no known times; its

@@ -9,7 +9,7 @@ use utoipa::IntoParams;
 use crate::analysis::edits::Swaps;
 use crate::analysis::stored_rows::{NameAt, StoredDiagnostics, StoredPaths};
 use crate::domain::blob::BlobHash;
-use crate::domain::edit::EditChange;
+use crate::domain::edit::{EditChange, EditsInForce};
 use crate::domain::scope::Scope;
 use crate::domain::text::TrackerName;
 use crate::http::auth::signed_in::Member;
@@ -93,24 +93,23 @@ pub async fn diagnostics(
     headers: HeaderMap,
 ) -> HandlerResult<Response> {
     let id = at.id()?;
-    let result = app.result(&by.scope, id).await?;
-    let stored = result.diagnostics.ok_or_else(ProblemResponse::not_found)?;
-    let disposition = disposition("inline", "diagnostics.json");
-    let mut swaps = app.store.edits().in_force(id).await?.changes;
-    swaps.retain(|change| matches!(change, EditChange::Swap(..)));
+    let (stored, _, swaps) = app.diagnostics_with_swaps(&by.scope, id).await?;
     if frames.from_frame.or(frames.to_frame).is_some() || !swaps.is_empty() {
         let slot = app.heavy_answers.take(&by.scope).await?;
+        // Again: during the wait the session may have been tracked again, or the caller may have lost access.
+        let (stored, path, swaps) = app.diagnostics_with_swaps(&by.scope, id).await?;
         let seen = app.stored_diagnostics(&slot, stored).await?;
         let names: NameAt = if swaps.is_empty() {
             Box::new(|_, tool| Ok(tool))
         } else {
-            swapped_names(&app.stored_paths(&slot, result.trajectory).await?, &swaps)
+            swapped_names(&app.stored_paths(&slot, path).await?, &swaps)
         };
         let frames = frames.from_frame.unwrap_or(0)..frames.to_frame.unwrap_or(u64::MAX);
         let part: Pieces = Box::new(seen.select_frames(frames, names));
         let body = slot.body(|| Ok(part)).await?;
         return Ok(([(header::CONTENT_TYPE, "application/json")], body).into_response());
     }
+    let disposition = disposition("inline", "diagnostics.json");
     app.stored_file(stored, "application/json".to_owned(), disposition).await?.answer(&method, &headers).await
 }
 
@@ -134,16 +133,38 @@ fn no_video(tracker: &TrackerName) -> ProblemResponse {
     ))
 }
 
+fn not_tracked() -> ProblemResponse {
+    Refusal::Conflict.with(
+        "The session is not tracked yet. Wait until its status is `done`. If tracking failed, `error` of the session \
+         gives the reason.",
+    )
+}
+
 impl App {
     /// The latest result of a session. A session without a result gives 409, a missing session 404.
     pub(super) async fn result(&self, scope: &Scope, id: SessionId) -> HandlerResult<SessionResult> {
-        let result = self.store.sessions().result(scope, id).await?;
-        result.ok_or_else(|| {
-            Refusal::Conflict.with(
-                "The session is not tracked yet. Wait until its status is `done`. If tracking failed, `error` of the \
-                 session gives the reason.",
-            )
-        })
+        self.store.sessions().result(scope, id).await?.ok_or_else(not_tracked)
+    }
+
+    /// The latest result with the edits in force at the same moment; refuses like [`Self::result`].
+    pub(super) async fn result_with_edits(
+        &self,
+        scope: &Scope,
+        id: SessionId,
+    ) -> HandlerResult<(SessionResult, EditsInForce)> {
+        self.store.sessions().result_with_edits(scope, id).await?.ok_or_else(not_tracked)
+    }
+
+    /// A session's diagnostics, its path, and the swaps of tools in force.
+    async fn diagnostics_with_swaps(
+        &self,
+        scope: &Scope,
+        id: SessionId,
+    ) -> HandlerResult<(BlobHash, BlobHash, Vec<EditChange>)> {
+        let (result, mut edits) = self.result_with_edits(scope, id).await?;
+        edits.changes.retain(|change| matches!(change, EditChange::Swap(..)));
+        let diagnostics = result.diagnostics.ok_or_else(ProblemResponse::not_found)?;
+        Ok((diagnostics, result.trajectory, edits.changes))
     }
 
     /// Opens a session's paths for reading by rows.

@@ -95,18 +95,19 @@ pub async fn trajectory(
     Params(wanted): Params<TrajectoryQuery>,
 ) -> HandlerResult<Response> {
     let id = at.id()?;
-    let result = app.result(&by.scope, id).await?;
-    if result.versions.calibration.is_none() && !matches!(wanted.kind, PathVariant::Smoothed) {
-        return Err(Refusal::Conflict.with("An imported session has only one path. Request it with `kind=smoothed`."));
-    }
     if wanted.points.is_some_and(|points| !ALLOWED_POINTS.contains(&points)) {
         return Err(ProblemResponse::invalid(
             "points",
             format!("expected a number from {} to {}", ALLOWED_POINTS.start(), ALLOWED_POINTS.end()),
         ));
     }
+    // Before anything is read: during the wait the session may be tracked again, or the caller may lose access.
     let slot = app.heavy_answers.take(&by.scope).await?;
-    let mut changes = app.store.edits().in_force(id).await?.changes;
+    let (result, in_force) = app.result_with_edits(&by.scope, id).await?;
+    if result.versions.calibration.is_none() && !matches!(wanted.kind, PathVariant::Smoothed) {
+        return Err(Refusal::Conflict.with("An imported session has only one path. Request it with `kind=smoothed`."));
+    }
+    let mut changes = in_force.changes;
     changes.retain(|change| wanted.trimmed || !matches!(change, EditChange::Trim(_)));
     let stored = app.stored_paths(&slot, result.trajectory).await?;
     let name = format!("{id}.{}", wanted.format.extension());

@@ -86,7 +86,7 @@ pub(super) fn push_error(failure: AttemptFailure) -> PushError {
     match failure {
         AttemptFailure::Impossible(problem) => PushError::Stream(problem),
         AttemptFailure::Stopped => CloseReason::service_stopping().into(),
-        AttemptFailure::Crashed(why) => reason_of_crash(&why).into(),
+        AttemptFailure::Crashed(why) | AttemptFailure::TimedOut(why) => reason_of_crash(&why).into(),
     }
 }
 

@@ -44,7 +44,9 @@ impl TrackingSupervisor {
                     return Err(TrackingState::Refused(problem.detail));
                 }
                 Err(AttemptFailure::Impossible(problem)) => return Err(TrackingState::Unavailable(problem.detail)),
-                Err(AttemptFailure::Crashed(why)) => tracing::warn!(feed = %row.id, why, "live tracking child crashed"),
+                Err(AttemptFailure::Crashed(why) | AttemptFailure::TimedOut(why)) => {
+                    tracing::warn!(feed = %row.id, why, "live tracking child failed");
+                }
             }
             counter!("trocar_feed_followers_died_total").increment(1);
         }

@@ -5,10 +5,12 @@ use sqlx::FromRow;
 use sqlx::sqlite::SqliteRow;
 use sqlx::types::Json;
 
+use super::super::edits;
 use super::super::error::{StoreResult, not_found};
 use super::super::visibility::BindScope;
 use super::SessionStore;
 use crate::domain::blob::BlobHash;
+use crate::domain::edit::EditsInForce;
 use crate::domain::files::quality::stored_fulcrums;
 use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, ResultClock, Versions, VideoFacts};
 use crate::ids::{BoxId, CalibrationId, PaletteId, ResultId, SessionId};
@@ -133,6 +135,27 @@ impl SessionStore<'_> {
             Some(row) => {
                 let features = self.features(row.id).await?;
                 Ok(Some(row.with_features(features)))
+            }
+        }
+    }
+
+    /// The latest result of a session with the edits in force at the same moment; `None` if there is no result. The
+    /// times of these edits are those of the result's path.
+    pub async fn result_with_edits(
+        &self,
+        scope: &Scope,
+        id: SessionId,
+    ) -> StoreResult<Option<(SessionResult, EditsInForce)>> {
+        let mut snapshot = self.0.readers().begin().await?;
+        let row = sqlx::query_as::<_, SessionResultRow>(SELECT_SESSION_RESULT);
+        let row = row.bind_scope(scope).bind(id).fetch_optional(&mut *snapshot).await?;
+        let edits = edits::in_force(&mut snapshot, id).await?;
+        snapshot.rollback().await?;
+        match row {
+            None => self.get(scope, id).await.map(|_| None),
+            Some(row) => {
+                let features = self.features(row.id).await?;
+                Ok(Some((row.with_features(features), edits)))
             }
         }
     }

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use serde_json::json;
 
+use crate::domain::blob::Blob;
 use crate::domain::clock::{ClockBasis, RecordingClock, TimeCorrection};
 use crate::domain::comment::NewComment;
 use crate::domain::edit::{EditChange, ScoreState};
@@ -20,14 +21,14 @@ use crate::motion::features::time::DURATION;
 use crate::motion::quality::BoxAnswer;
 use crate::rescoring;
 use crate::store::testing::{NOW_MS, TestCentre, duration};
-use crate::store::{EditRecord, Lease, PageRequest, SessionResult, StoreError};
+use crate::store::{EditBasis, EditRecord, Lease, PageRequest, SessionResult, StoreError};
 
 const TRIM: EditChange = EditChange::Trim([2.0, 5.0]);
 
 async fn add(centre: &TestCentre, session: SessionId, change: EditChange) -> Result<EditRecord, StoreError> {
     let why = "It began late.".parse().unwrap();
     centre.clock.advance(Duration::from_millis(1));
-    centre.store.edits().add(&Scope::service(), session, (change, why), None).await
+    centre.store.edits().add(&Scope::service(), session, (change, why), EditBasis::default()).await
 }
 
 async fn practised() -> (TestCentre, TraineeId, SessionId) {
@@ -195,6 +196,33 @@ async fn corrected_times_are_tracked_again_and_edits_and_comments_keep_their_pla
 }
 
 #[tokio::test]
+async fn an_edit_that_was_checked_on_a_path_with_other_times_is_refused() {
+    let (centre, _, session) = practised().await;
+    let (service, edits) = (Scope::service(), centre.store.edits());
+    add(&centre, session, RETIME).await.unwrap();
+    let basis = async || {
+        let (result, in_force) = centre.store.sessions().result_with_edits(&service, session).await.unwrap().unwrap();
+        EditBasis { revision: Some(in_force.revision), path: Some(result.trajectory) }
+    };
+    let stale = basis().await;
+    let lease = centre.claim().await.unwrap();
+    centre.clock.advance(Duration::from_millis(1));
+    let path = Blob::of(b"a path with other times");
+    let result = NewResult { trajectory: path, ..retimed(&centre, session, 0.5, 1).await };
+    centre.store.jobs().finish_track(&lease, result).await.unwrap();
+    let why = || "It began late.".parse().unwrap();
+    let refused = edits.add(&service, session, (TRIM, why()), stale).await.unwrap_err();
+    assert!(refused.to_string().contains("tracked again"), "{refused}");
+
+    let fresh = basis().await;
+    assert_eq!((fresh.revision, fresh.path), (stale.revision, Some(path.hash)), "the revision alone shows nothing");
+    edits.add(&service, session, (TRIM, why()), fresh).await.unwrap();
+    score(&centre, &centre.claim().await.unwrap(), 3.0, 2).await;
+    let after_score = EditBasis { revision: Some(2), ..fresh };
+    edits.add(&service, session, (EditChange::Trim([3.0, 5.0]), why()), after_score).await.unwrap();
+}
+
+#[tokio::test]
 async fn after_a_failed_correction_an_edit_tracks_again_and_never_scores_the_path_with_the_old_times() {
     let (centre, _, session) = practised().await;
     add(&centre, session, RETIME).await.unwrap();
@@ -282,14 +310,15 @@ async fn work_that_fails_says_so_and_the_old_score_stays() {
 
 #[tokio::test]
 async fn two_people_who_edit_at_once_notice_each_other() {
+    let seen = |revision| EditBasis { revision: Some(revision), path: None };
     let (centre, _, session) = practised().await;
     let (edits, service) = (centre.store.edits(), Scope::service());
     let why = || "Why.".parse().unwrap();
-    edits.add(&service, session, (TRIM, why()), Some(0)).await.unwrap();
-    let late = edits.add(&service, session, (TRIM, why()), Some(0)).await;
+    edits.add(&service, session, (TRIM, why()), seen(0)).await.unwrap();
+    let late = edits.add(&service, session, (TRIM, why()), seen(0)).await;
     assert!(matches!(late, Err(StoreError::Refused { .. })), "{late:?}");
-    edits.add(&service, session, (EditChange::SetAside, why()), Some(0)).await.unwrap();
-    edits.add(&service, session, (TRIM, why()), Some(1)).await.unwrap();
+    edits.add(&service, session, (EditChange::SetAside, why()), seen(0)).await.unwrap();
+    edits.add(&service, session, (TRIM, why()), seen(1)).await.unwrap();
 }
 
 #[tokio::test]
@@ -336,7 +365,7 @@ async fn trainees_see_only_their_own_edits_and_make_none() {
     for scope in [other, teacher.scope()] {
         assert!(matches!(edits.of_session(&scope, session).await, Err(StoreError::NotFound { .. })));
         assert!(matches!(edits.undo(&scope, session, edit.id).await, Err(StoreError::NotFound { .. })));
-        let made = edits.add(&scope, session, (TRIM, "Why.".parse().unwrap()), None).await;
+        let made = edits.add(&scope, session, (TRIM, "Why.".parse().unwrap()), EditBasis::default()).await;
         assert!(matches!(made, Err(StoreError::NotFound { .. })));
     }
     centre.store.sessions().erase(&Scope::service(), session).await.unwrap();

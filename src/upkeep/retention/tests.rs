@@ -15,7 +15,7 @@ use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
 use crate::ids::JobId;
 use crate::store::testing::TestCentre;
-use crate::store::{Lease, Store, StoreError, StoreSettings};
+use crate::store::{EditBasis, Lease, Store, StoreError, StoreSettings};
 use crate::time::Clock;
 use crate::upkeep::{UPDATE_COPY_FOLDER, back_up, clear_up, recover};
 use crate::vision::surroundings::Surroundings;
@@ -96,9 +96,9 @@ async fn an_old_video_is_deleted_and_its_path_can_be_scored_again() {
     let why = refusal(store.sessions().retry(&service, old.id).await);
     assert!(why.contains("was deleted on"), "{why}");
     let retime = (EditChange::Retime(TimeCorrection::FrameRate(30.0)), "slow".parse().unwrap());
-    assert!(refusal(store.edits().add(&service, old.id, retime, None).await).contains("deleted"));
+    assert!(refusal(store.edits().add(&service, old.id, retime, EditBasis::default()).await).contains("deleted"));
     let trim = (EditChange::Trim([1.0, 5.0]), "a pause".parse().unwrap());
-    store.edits().add(&service, old.id, trim, None).await.unwrap();
+    store.edits().add(&service, old.id, trim, EditBasis::default()).await.unwrap();
     assert_eq!(bench.centre.claim().await.unwrap().job.kind, JobKind::Rescore);
 
     // A backup has no such file either, and a person who sends the same recording again has it.

@@ -2,6 +2,7 @@
 
 use reqwest::{Method, StatusCode, header};
 use serde_json::{Value, json};
+use trocar::analysis::paths::SessionPaths;
 
 use super::centre::{Centre, recording, session};
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
@@ -242,6 +243,8 @@ async fn edits_without_permission_and_impossible_edits_are_refused() {
         json!({"kind": "trim", "from_s": "NaN", "to_s": 9.0, "why": "x"}),
         json!({"kind": "swap", "from_s": 5.0, "to_s": 9.0, "why": "x"}),
         json!({"kind": "swap", "tools": ["left", "green"], "from_s": 5.0, "to_s": 9.0, "why": "x"}),
+        json!({"kind": "swap", "tools": ["a\u{7}", "left"], "from_s": 5.0, "to_s": 9.0, "why": "x"}),
+        json!({"kind": "swap", "tools": ["x".repeat(5000), "left"], "from_s": 5.0, "to_s": 9.0, "why": "x"}),
         json!({"kind": "set_aside", "from_s": 5.0, "why": "x"}),
         json!({"kind": "forget", "why": "x"}),
     ] {
@@ -249,6 +252,32 @@ async fn edits_without_permission_and_impossible_edits_are_refused() {
     }
     let kept = centre.trainee.read(&edits).await;
     assert_eq!(kept["items"].as_array().unwrap().len(), 1, "no refused edit is kept");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_check_that_takes_too_long_is_refused_with_the_limit() {
+    let centre = Centre::open_in(Service::start_with(|settings| settings.analysis.glance_s = 0).await).await;
+    let data = centre.service.data.path();
+    let planter = Planter::open(&data.join("trocar.db")).await;
+    let paths = SessionPaths {
+        tools: vec!["left".to_owned()],
+        frame_times_s: vec![0.0, 20.0],
+        raw: Vec::new(),
+        filtered: Vec::new(),
+        smoothed: Vec::new(),
+        tracking: None,
+        cuts: Vec::new(),
+    };
+    let session = planter.paths(planter.trainee("ada").await, data, &paths).await;
+    let trim = json!({"kind": "trim", "from_s": 4.0, "to_s": 12.0, "why": "x"});
+    let edit = centre.instructor.post(&format!("/api/v1/sessions/{session}/edits"), trim).await;
+    let path = "/api/v1/sessions/import?task=peg&box=box-1&trainee=ada";
+    let table = "frame,time_s,tool,x_mm,y_mm,z_mm\n0,0,left,1,2,150\n";
+    let request = centre.instructor.request(Method::POST, path).header(header::CONTENT_TYPE, "text/csv").body(table);
+    for answer in [edit, request.send().await.unwrap()] {
+        let detail = problem(answer, 422, "invalid").await["detail"].to_string();
+        assert!(detail.contains("longer than 0 s") && detail.contains("glance_s"), "{detail}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -1,5 +1,7 @@
 //! Paths of long sessions: many requests at once need little memory, and no caller keeps the others waiting.
 
+use std::time::Duration;
+
 use nalgebra::{Point2, Point3, Vector3};
 use reqwest::{Response, StatusCode, header};
 use tokio::task::JoinSet;
@@ -83,6 +85,20 @@ async fn nine_answers_at_once_take_little_memory() {
     let grown = peak_kib() - before;
     eprintln!("nine answers took {} MiB", grown / 1024);
     assert!(grown <= MAX_GROWTH_KIB, "{grown} KiB");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_session_that_is_erased_while_its_path_waits_for_a_slot_is_not_sent() {
+    let (centre, path) = centre_with_long_session(|settings| settings.http.max_heavy_answers_of_one = 1).await;
+    let first = centre.trainee.get(&format!("{path}?format=csv")).await;
+    let (client, part) = (centre.trainee.clone(), format!("{path}?from_frame=29990"));
+    let mut second = tokio::spawn(async move { client.get(&part).await });
+    let waited = tokio::time::timeout(Duration::from_millis(200), &mut second).await;
+    assert!(waited.is_err(), "it waits for the slot");
+    let erased = centre.administrator.delete(path.trim_end_matches("/trajectory")).await;
+    assert_eq!(erased.status(), StatusCode::NO_CONTENT);
+    drop(first); // the client disconnects, and the slot is free
+    problem(second.await.unwrap(), 404, "not-found").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -9,7 +9,7 @@
 
 use super::read::{NumberedRows, TrajectoryProblem, read_rows};
 use super::shortened;
-use crate::domain::files::{MAX_TOOL_NAME_LENGTH, is_tool_name};
+use crate::domain::files::{MAX_TOOL_NAME_LENGTH, is_tool_name, quoted_tool_name};
 use crate::vision::trajectory::{Sample, Trajectory};
 
 /// Largest accepted magnitude of velocities and pixels: no picture has that many pixels, and no tool moves
@@ -147,7 +147,7 @@ fn check_tools(
         if !is_tool_name(tool) {
             let expected =
                 format!("a name of at most {MAX_TOOL_NAME_LENGTH} characters that begins with a letter or a digit");
-            let value = format!("`{}…`", tool.escape_debug().take(MAX_TOOL_NAME_LENGTH).collect::<String>());
+            let value = quoted_tool_name(tool);
             return Err(ImportProblem::OutOfRange { line, column: "tool", value, expected });
         }
         if second.is_none() {
