@@ -182,18 +182,25 @@ impl TraineeStore<'_> {
         self.0
             .write_with_delete_reserve(|| {
                 let scope = scope.clone();
-                async move |tx| {
-                    skill_models::withdraw(tx, id, now_ms).await?;
-                    forget_box_jobs_of_trainee(tx, id).await?;
-                    let deleted = sqlx::query(DELETE_TRAINEE).bind(id).execute(&mut *tx).await?;
-                    if deleted.rows_affected() == 0 {
-                        return Err(not_found("trainee"));
-                    }
-                    note(tx, &scope, now_ms, ("erase", "trainee"), id).await
-                }
+                async move |tx| erase(tx, &scope, now_ms, id).await
             })
             .await
     }
+}
+
+/// Erases a trainee, as [`TraineeStore::erase`] does.
+pub(super) async fn erase(
+    tx: &mut sqlx::SqliteConnection,
+    scope: &Scope,
+    now_ms: i64,
+    id: TraineeId,
+) -> StoreResult<()> {
+    skill_models::withdraw(tx, id, now_ms).await?;
+    forget_box_jobs_of_trainee(tx, id).await?;
+    if sqlx::query(DELETE_TRAINEE).bind(id).execute(&mut *tx).await?.rows_affected() == 0 {
+        return Err(not_found("trainee"));
+    }
+    note(tx, scope, now_ms, ("erase", "trainee"), id).await
 }
 
 pub(super) async fn insert(tx: &mut sqlx::SqliteConnection, trainee: &TraineeRecord) -> StoreResult<()> {
