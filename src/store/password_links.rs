@@ -118,7 +118,7 @@ impl PasswordLinkStore<'_> {
             .write(async move |tx| {
                 let link = sqlx::query_as::<_, PasswordLinkRecord>(SELECT_LINK_OF_SECRET).bind(secret).bind(now_ms);
                 let id = link.fetch_optional(&mut *tx).await?.ok_or(not_found("link"))?.person_id;
-                replace_password(tx, id, (password, PasswordState::Own), false).await?;
+                replace_password(tx, id, (password, PasswordState::Own), None, false).await?;
                 let person: PersonRecord = sqlx::query_as(SELECT_LINK_PERSON).bind(id).fetch_one(&mut *tx).await?;
                 note(tx, &person.scope(), now_ms, ("use", "password_link"), id).await?;
                 Ok(person)
