@@ -13,7 +13,6 @@ use std::time::Duration;
 
 use anyhow::Context;
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
-use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 use tracing_subscriber::EnvFilter;
 
@@ -259,7 +258,7 @@ pub async fn start(
         backup_settings: settings.backup.clone(),
         backup_command: backup_command(&settings, &child),
         retention: settings.retention.clone(),
-        exports: Arc::new(Semaphore::new(MAX_EXPORTS)),
+        exports: ConnectionSlots::new(MAX_EXPORTS, 1),
         queue,
         events,
         clock,

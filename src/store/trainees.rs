@@ -79,7 +79,10 @@ const SELECT_TRAINEE: &str = "
 
 const SELECT_GROUP_NAMES: &str = "
     SELECT training_group.name FROM group_trainee JOIN training_group ON training_group.id = group_trainee.group_id
-    WHERE group_trainee.trainee_id = $1 ORDER BY training_group.name";
+    WHERE group_trainee.trainee_id = $3
+      AND ($1 <> 'instructor' OR EXISTS (SELECT 1 FROM group_instructor
+           WHERE group_instructor.group_id = group_trainee.group_id AND person_id = $2))
+    ORDER BY training_group.name";
 
 const UPDATE_TRAINEE: &str = "
     UPDATE trainee
@@ -149,10 +152,10 @@ impl TraineeStore<'_> {
         row.ok_or(not_found("trainee"))
     }
 
-    /// The names of the groups of a trainee in the scope.
+    /// The names of the groups of a trainee in the scope; for an instructor of those that they teach.
     pub async fn groups(&self, scope: &Scope, trainee: TraineeId) -> StoreResult<Vec<Name>> {
         self.get(scope, &Key::from(&trainee)).await?;
-        Ok(sqlx::query_scalar(SELECT_GROUP_NAMES).bind(trainee).fetch_all(self.0.readers()).await?)
+        Ok(sqlx::query_scalar(SELECT_GROUP_NAMES).bind_scope(scope).bind(trainee).fetch_all(self.0.readers()).await?)
     }
 
     /// Changes a trainee.
