@@ -14,7 +14,6 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::builder::FalseyValueParser;
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
-use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 use tracing_subscriber::EnvFilter;
 
@@ -261,7 +260,7 @@ pub async fn start(
         backup_settings: settings.backup.clone(),
         backup_command: backup_command(&settings, &child),
         retention: settings.retention.clone(),
-        exports: Arc::new(Semaphore::new(MAX_EXPORTS)),
+        exports: ConnectionSlots::new(MAX_EXPORTS, 1),
         queue,
         events,
         clock,

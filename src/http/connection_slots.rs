@@ -1,4 +1,4 @@
-//! Limits the streams and WebSockets that stay open: in all, and per user, so that no single user can occupy all of them.
+//! Limits the streams, WebSockets and exports that stay open: in all, and per user, so that no single user can occupy all of them.
 //! Some can be kept for the agents of boxes.
 
 use std::collections::HashMap;

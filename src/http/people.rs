@@ -173,7 +173,7 @@ pub async fn change(
     if let Some(password) = password {
         person.password_state = state_of(must_change_password);
         let new = (password::hash(password).await?, person.password_state);
-        app.store.people().set_password(&by.scope, id, new, keep_tokens).await?;
+        app.store.people().set_password(&by.scope, id, new, None, keep_tokens).await?;
         app.throttle.forget(&person.login);
     }
     Ok(Json(person.into()))

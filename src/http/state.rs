@@ -4,7 +4,6 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use metrics_exporter_prometheus::PrometheusHandle;
-use tokio::sync::Semaphore;
 
 use super::auth::throttle::Throttle;
 use super::connection_slots::ConnectionSlots;
@@ -74,8 +73,8 @@ pub struct AppParts {
     pub backup_command: String,
     /// How long videos and erased people are kept.
     pub retention: RetentionSettings,
-    /// Permits for exports of a person or of the centre, which read everything that belongs to them.
-    pub exports: Arc<Semaphore>,
+    /// Slots for exports of a person or of the centre, which read everything that belongs to them.
+    pub exports: ConnectionSlots,
     /// Metrics for Prometheus.
     pub metrics: PrometheusHandle,
 }

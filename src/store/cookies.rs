@@ -10,7 +10,7 @@ use super::error::{StoreResult, ignore_full_or_busy, not_found};
 use super::password_links::{DELETE_ALL_LINKS, DELETE_EXPIRED_LINKS};
 use super::people::PersonRecord;
 use crate::domain::role::Role;
-use crate::domain::secret::SecretHash;
+use crate::domain::secret::{PasswordHash, SecretHash};
 use crate::ids::PersonId;
 use crate::time::millis;
 
@@ -78,7 +78,9 @@ pub struct CookieHolder {
 const INSERT_COOKIE: &str = "
     INSERT INTO cookie_session (secret_hash, person_id, created_at_ms, last_seen_at_ms, expires_at_ms, browser, address,
                                 must_change_password)
-    VALUES ($1, $2, $3, $3, $4, $5, $6, $7)";
+    SELECT $1, id, $3, $3, $4, $5, $6, $7 FROM person
+    WHERE id = $2 AND password_hash = $8
+      AND NOT EXISTS (SELECT 1 FROM pending_erasure WHERE pending_erasure.trainee_id = person.trainee_id)";
 
 const DELETE_SURPLUS_COOKIES: &str = "
     DELETE FROM cookie_session WHERE person_id = $1 AND secret_hash <> $2 AND secret_hash NOT IN
@@ -132,10 +134,13 @@ impl CookieStore<'_> {
     /// Signs in a browser of this person, and remembers the places that it signs in from. Of a person with too many
     /// sign-ins, the one that was idle longest ends. Instructors and administrators can sign in even on a full disk, in
     /// order to delete something.
+    ///
+    /// `verified` is the hash that the password matched. If the account has another password by now, or waits for its
+    /// erasure, the person is not found: verifying takes a while, and what happens meanwhile must end this sign-in, too.
     pub async fn create(
         &self,
         secret: SecretHash,
-        person: &PersonRecord,
+        (person, verified): (&PersonRecord, &PasswordHash),
         lasts: CookieLifetime,
         origin: SignInOrigin,
     ) -> StoreResult<()> {
@@ -144,10 +149,13 @@ impl CookieStore<'_> {
         let most = self.0.sender_limits().sign_ins;
         let insert = || {
             let SignInOrigin { browser, address, is_page, places } = origin.clone();
-            let must_change = person.password_state.must_change(is_page);
+            let (must_change, verified) = (person.password_state.must_change(is_page), verified.clone());
             async move |tx: &mut SqliteConnection| {
                 let insert = sqlx::query(INSERT_COOKIE).bind(secret).bind(id).bind(now_ms).bind(expires_at_ms);
-                insert.bind(browser).bind(address).bind(must_change).execute(&mut *tx).await?;
+                let insert = insert.bind(browser).bind(address).bind(must_change).bind(verified);
+                if insert.execute(&mut *tx).await?.rows_affected() == 0 {
+                    return Err(not_found("person"));
+                }
                 sqlx::query(DELETE_SURPLUS_COOKIES).bind(id).bind(secret).bind(most).execute(&mut *tx).await?;
                 for place in places {
                     sqlx::query(REMEMBER_PLACE).bind(id).bind(place).bind(now_ms).execute(&mut *tx).await?;

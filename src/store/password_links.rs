@@ -33,11 +33,17 @@ const INSERT_LINK: &str = "
     INSERT INTO password_link (id, person_id, secret_hash, created_at_ms, expires_at_ms) VALUES ($1, $2, $3, $4, $5)";
 
 const SELECT_LINKS: &str = "
-    SELECT id, person_id, created_at_ms, expires_at_ms FROM password_link WHERE expires_at_ms > $1 ORDER BY id DESC";
+    SELECT id, person_id, created_at_ms, expires_at_ms FROM password_link
+    WHERE expires_at_ms > $1
+      AND NOT EXISTS (SELECT 1 FROM person JOIN pending_erasure USING (trainee_id)
+                      WHERE person.id = password_link.person_id)
+    ORDER BY id DESC";
 
 const SELECT_LINK_OF_SECRET: &str = "
     SELECT id, person_id, created_at_ms, expires_at_ms FROM password_link
-    WHERE secret_hash = $1 AND expires_at_ms > $2";
+    WHERE secret_hash = $1 AND expires_at_ms > $2
+      AND NOT EXISTS (SELECT 1 FROM person JOIN pending_erasure USING (trainee_id)
+                      WHERE person.id = password_link.person_id)";
 
 const SELECT_LINK_PERSON: &str = "
     SELECT id, login, name, role, trainee_id, password_state, created_at_ms FROM person WHERE id = $1";
@@ -112,7 +118,7 @@ impl PasswordLinkStore<'_> {
             .write(async move |tx| {
                 let link = sqlx::query_as::<_, PasswordLinkRecord>(SELECT_LINK_OF_SECRET).bind(secret).bind(now_ms);
                 let id = link.fetch_optional(&mut *tx).await?.ok_or(not_found("link"))?.person_id;
-                replace_password(tx, id, (password, PasswordState::Own), false).await?;
+                replace_password(tx, id, (password, PasswordState::Own), None, false).await?;
                 let person: PersonRecord = sqlx::query_as(SELECT_LINK_PERSON).bind(id).fetch_one(&mut *tx).await?;
                 note(tx, &person.scope(), now_ms, ("use", "password_link"), id).await?;
                 Ok(person)

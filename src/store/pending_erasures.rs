@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::audit::note;
 use super::cookies::DELETE_COOKIES_OF;
 use super::error::{StoreError, StoreResult, not_found};
-use super::trainees::TraineeRecord;
+use super::trainees::{TraineeRecord, erase};
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store};
 use crate::domain::erasure::ErasedKind;
@@ -80,6 +80,8 @@ const INSERT_ERASURE: &str = "INSERT INTO erasure (kind, id, at_ms) VALUES ($1, 
 
 const SELECT_ACCOUNT: &str = "SELECT id FROM person WHERE trainee_id = $1";
 
+const SELECT_IS_DUE: &str = "SELECT 1 FROM pending_erasure WHERE trainee_id = $1 AND due_at_ms <= $2";
+
 const SELECT_DUE: &str = "SELECT trainee_id FROM pending_erasure WHERE due_at_ms <= $1 ORDER BY due_at_ms LIMIT $2";
 
 impl PendingErasureStore<'_> {
@@ -111,21 +113,24 @@ impl PendingErasureStore<'_> {
         }
     }
 
-    /// Lets a trainee wait for an erasure that is due at this time.
+    /// Lets a trainee wait for an erasure that is due at this time, also on a full disk.
     pub(super) async fn insert(&self, scope: &Scope, id: TraineeId, due_at_ms: i64) -> StoreResult<()> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
-            .write(async move |tx| {
-                let account: Option<PersonId> =
-                    sqlx::query_scalar(SELECT_ACCOUNT).bind(id).fetch_optional(&mut *tx).await?;
-                if let Some(account) = account {
-                    sqlx::query(DELETE_COOKIES_OF).bind(account).execute(&mut *tx).await?;
+            .write_with_delete_reserve(|| {
+                let scope = scope.clone();
+                async move |tx| {
+                    let account: Option<PersonId> =
+                        sqlx::query_scalar(SELECT_ACCOUNT).bind(id).fetch_optional(&mut *tx).await?;
+                    if let Some(account) = account {
+                        sqlx::query(DELETE_COOKIES_OF).bind(account).execute(&mut *tx).await?;
+                    }
+                    let insert = sqlx::query(INSERT_PENDING).bind(id).bind(now_ms).bind(due_at_ms).bind(scope.person());
+                    insert.execute(&mut *tx).await?;
+                    let listed = sqlx::query(INSERT_ERASURE).bind(ErasedKind::Pending).bind(id).bind(due_at_ms);
+                    listed.execute(&mut *tx).await?;
+                    note(tx, &scope, now_ms, ("request erasure", "trainee"), id).await
                 }
-                let insert = sqlx::query(INSERT_PENDING).bind(id).bind(now_ms).bind(due_at_ms).bind(scope.person());
-                insert.execute(&mut *tx).await?;
-                let listed = sqlx::query(INSERT_ERASURE).bind(ErasedKind::Pending).bind(id).bind(due_at_ms);
-                listed.execute(&mut *tx).await?;
-                note(tx, &scope, now_ms, ("request erasure", "trainee"), id).await
             })
             .await
     }
@@ -166,5 +171,20 @@ impl PendingErasureStore<'_> {
     pub async fn due(&self) -> StoreResult<Vec<TraineeId>> {
         let rows = sqlx::query_scalar(SELECT_DUE).bind(self.0.now_ms()).bind(ROUND);
         Ok(rows.fetch_all(self.0.readers()).await?)
+    }
+
+    /// Erases a trainee whose erasure is due. Not found if it was taken back or put off since the list was read; then
+    /// nothing changes.
+    pub async fn erase_due(&self, id: TraineeId) -> StoreResult<()> {
+        let now_ms = self.0.now_ms();
+        self.0
+            .write_with_delete_reserve(|| {
+                async move |tx| {
+                    let due = sqlx::query(SELECT_IS_DUE).bind(id).bind(now_ms);
+                    due.fetch_optional(&mut *tx).await?.ok_or(not_found("erasure"))?;
+                    erase(tx, &Scope::service(), now_ms, id).await
+                }
+            })
+            .await
     }
 }

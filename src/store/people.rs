@@ -106,7 +106,8 @@ const UPDATE_PERSON: &str = "
 
 const DELETE_PERSON: &str = "DELETE FROM person WHERE id = $1";
 
-const UPDATE_PASSWORD: &str = "UPDATE person SET password_hash = $2, password_state = $3 WHERE id = $1";
+const UPDATE_PASSWORD: &str = "
+    UPDATE person SET password_hash = $2, password_state = $3 WHERE id = $1 AND ($4 IS NULL OR password_hash = $4)";
 
 const SELECT_BY_LOGIN: &str = "
     SELECT id, login, name, role, trainee_id, password_state, created_at_ms, password_hash FROM person
@@ -221,12 +222,14 @@ impl PersonStore<'_> {
     }
 
     /// Sets a password, signs all browsers of the account out, and withdraws its link for a password, and its tokens
-    /// unless they are to be kept. The caller has verified the old password or is an administrator.
+    /// unless they are to be kept. The caller has verified the old password or is an administrator. With `verified`, the
+    /// hash that the old password matched, the account is not found if it has another password by now.
     pub async fn set_password(
         &self,
         scope: &Scope,
         id: PersonId,
-        (password, state): (PasswordHash, PasswordState),
+        new: (PasswordHash, PasswordState),
+        verified: Option<PasswordHash>,
         keep_tokens: bool,
     ) -> StoreResult<()> {
         if !scope.is_administrator() && scope.person() != Some(id) {
@@ -235,7 +238,7 @@ impl PersonStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                replace_password(tx, id, (password, state), keep_tokens).await?;
+                replace_password(tx, id, new, verified, keep_tokens).await?;
                 note(tx, &scope, now_ms, ("set password", "person"), id).await
             })
             .await
@@ -267,14 +270,15 @@ impl PersonStore<'_> {
 }
 
 /// Sets a password, and ends what could be used with the old one: sign-ins, the link for a password, and tokens unless
-/// they are to be kept.
+/// they are to be kept. With `verified`, only if that is still the hash of the password.
 pub(super) async fn replace_password(
     tx: &mut sqlx::SqliteConnection,
     id: PersonId,
     (password, state): (PasswordHash, PasswordState),
+    verified: Option<PasswordHash>,
     keep_tokens: bool,
 ) -> StoreResult<()> {
-    let set = sqlx::query(UPDATE_PASSWORD).bind(id).bind(password).bind(state);
+    let set = sqlx::query(UPDATE_PASSWORD).bind(id).bind(password).bind(state).bind(verified);
     if set.execute(&mut *tx).await?.rows_affected() == 0 {
         return Err(not_found("person"));
     }

@@ -14,7 +14,7 @@ use crate::domain::palette::{NewPalette, PaletteReport};
 use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
-use crate::domain::secret::Password;
+use crate::domain::secret::{Password, PasswordHash};
 use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, NewResult, NewSession, Versions, VideoFacts};
 use crate::domain::task::TaskChange;
 use crate::domain::text::Key;
@@ -112,6 +112,11 @@ impl TestCentre {
             trainee,
         };
         self.store.people().create(&Scope::service(), new).await.unwrap()
+    }
+
+    /// The stored hash of a person's password.
+    pub async fn password_of(&self, person: &PersonRecord) -> PasswordHash {
+        self.store.people().by_login(&person.login).await.unwrap().unwrap().1
     }
 
     /// A group. It owns the box and the task together with the earlier groups.

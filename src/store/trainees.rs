@@ -79,7 +79,10 @@ const SELECT_TRAINEE: &str = "
 
 const SELECT_GROUP_NAMES: &str = "
     SELECT training_group.name FROM group_trainee JOIN training_group ON training_group.id = group_trainee.group_id
-    WHERE group_trainee.trainee_id = $1 ORDER BY training_group.name";
+    WHERE group_trainee.trainee_id = $3
+      AND ($1 <> 'instructor' OR EXISTS (SELECT 1 FROM group_instructor
+           WHERE group_instructor.group_id = group_trainee.group_id AND person_id = $2))
+    ORDER BY training_group.name";
 
 const UPDATE_TRAINEE: &str = "
     UPDATE trainee
@@ -149,10 +152,10 @@ impl TraineeStore<'_> {
         row.ok_or(not_found("trainee"))
     }
 
-    /// The names of the groups of a trainee in the scope.
+    /// The names of the groups of a trainee in the scope; for an instructor of those that they teach.
     pub async fn groups(&self, scope: &Scope, trainee: TraineeId) -> StoreResult<Vec<Name>> {
         self.get(scope, &Key::from(&trainee)).await?;
-        Ok(sqlx::query_scalar(SELECT_GROUP_NAMES).bind(trainee).fetch_all(self.0.readers()).await?)
+        Ok(sqlx::query_scalar(SELECT_GROUP_NAMES).bind_scope(scope).bind(trainee).fetch_all(self.0.readers()).await?)
     }
 
     /// Changes a trainee.
@@ -182,18 +185,25 @@ impl TraineeStore<'_> {
         self.0
             .write_with_delete_reserve(|| {
                 let scope = scope.clone();
-                async move |tx| {
-                    skill_models::withdraw(tx, id, now_ms).await?;
-                    forget_box_jobs_of_trainee(tx, id).await?;
-                    let deleted = sqlx::query(DELETE_TRAINEE).bind(id).execute(&mut *tx).await?;
-                    if deleted.rows_affected() == 0 {
-                        return Err(not_found("trainee"));
-                    }
-                    note(tx, &scope, now_ms, ("erase", "trainee"), id).await
-                }
+                async move |tx| erase(tx, &scope, now_ms, id).await
             })
             .await
     }
+}
+
+/// Erases a trainee, as [`TraineeStore::erase`] does.
+pub(super) async fn erase(
+    tx: &mut sqlx::SqliteConnection,
+    scope: &Scope,
+    now_ms: i64,
+    id: TraineeId,
+) -> StoreResult<()> {
+    skill_models::withdraw(tx, id, now_ms).await?;
+    forget_box_jobs_of_trainee(tx, id).await?;
+    if sqlx::query(DELETE_TRAINEE).bind(id).execute(&mut *tx).await?.rows_affected() == 0 {
+        return Err(not_found("trainee"));
+    }
+    note(tx, scope, now_ms, ("erase", "trainee"), id).await
 }
 
 pub(super) async fn insert(tx: &mut sqlx::SqliteConnection, trainee: &TraineeRecord) -> StoreResult<()> {

@@ -102,8 +102,6 @@ fn file_error(path: &Path) -> impl Fn(io::Error) -> UpkeepError {
 
 #[cfg(test)]
 mod tests {
-    use std::time::SystemTime;
-
     use super::*;
     use crate::domain::role::Role;
     use crate::upkeep::tests::UpkeepFixture;
@@ -117,7 +115,7 @@ mod tests {
         let file = write();
         forget_changed_passwords(store, data).await.unwrap();
         assert!(file.exists(), "its account follows");
-        let long_ago = SystemTime::now() - 2 * ACCOUNT_FOLLOWS;
+        let long_ago = fs::metadata(&file).unwrap().modified().unwrap() - 2 * ACCOUNT_FOLLOWS;
         File::options().write(true).open(&file).unwrap().set_modified(long_ago).unwrap();
         forget_changed_passwords(store, data).await.unwrap();
         assert!(!file.exists(), "its account was never made");

@@ -998,7 +998,7 @@ export default {
   },
   ownData: {
     title: 'Gespeicherte Daten',
-    body: 'Alles, was über diese Person gespeichert ist: Profil, Sitzungen mit Kennwerten, Bewertungen und Kommentaren, Bahnen als CSV und wer was geändert hat.',
+    body: 'Profil, Sitzungen mit Kennwerten, Bewertungen und Kommentaren und Bahnen als CSV. Die Person selbst und Administratoren erhalten auch das Konto und wer was geändert hat. Ausbilder und Administratoren erhalten die Bewertungen anderer erst, wenn sie die Sitzung selbst bewertet haben.',
     save: 'Als ZIP speichern',
     saveWithVideos: 'Mit Videos speichern',
   },
@@ -2118,7 +2118,7 @@ export default {
     erasedAfter: days => `${plural(days, 'Tag', 'Tage')} lang`,
     erasedAtOnce: 'nein: Sie werden sofort gelöscht',
     exports: 'Export des Zentrums',
-    exportsBody: 'Alles, was gespeichert ist, zum Lesen und für andere Programme. Wiederherstellen lässt es sich nicht: Dafür braucht es eine Sicherung.',
+    exportsBody: 'Konten, Gruppen, Aufgaben, Kurspläne, Kohorten, Boxen, wer was geändert hat, und ein Ordner für jede lernende Person, zum Lesen und für andere Programme. Wiederherstellen lässt es sich nicht: Dafür braucht es eine Sicherung.',
     erased: 'Gelöschtes ist vom Datenträger entfernt',
     within: s => `innerhalb von ${plural(s, 'Sekunde', 'Sekunden')}`,
     unfinished: 'Unfertige Übertragungen werden verworfen',

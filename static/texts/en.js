@@ -901,7 +901,7 @@ export default {
   },
   ownData: {
     title: 'Stored data',
-    body: 'Everything that is stored about this person: profile, sessions with features, ratings and comments, paths as CSV, and who changed what.',
+    body: 'Profile, sessions with features, ratings and comments, and paths as CSV. The person and administrators also get the account and who changed what. Staff get the ratings of others only after they have rated the session themselves.',
     save: 'Save as ZIP',
     saveWithVideos: 'Save with videos',
   },
@@ -2019,7 +2019,7 @@ export default {
     erasedAfter: days => `for ${plural(days, 'day', 'days')}`,
     erasedAtOnce: 'no: they are deleted at once',
     exports: 'Export of the centre',
-    exportsBody: 'Everything that is stored, for reading and for other programs. It cannot be restored: that needs a backup.',
+    exportsBody: 'Accounts, groups, tasks, course plans, cohorts, boxes, who changed what, and a folder for each trainee, for reading and for other programs. It cannot be restored: that needs a backup.',
     erased: 'Deleted data is gone from the disk',
     within: s => `within ${plural(s, 'second', 'seconds')}`,
     unfinished: 'Unfinished uploads are discarded',

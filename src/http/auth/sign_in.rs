@@ -22,7 +22,7 @@ use crate::http::people::PersonResponse;
 use crate::http::read::Json;
 use crate::http::state::App;
 use crate::ids::PersonId;
-use crate::store;
+use crate::store::{self, StoreError};
 
 /// How much of a browser's name is kept, characters.
 const MAX_BROWSER_CHARS: usize = 200;
@@ -62,13 +62,14 @@ pub async fn sign_in(
 ) -> HandlerResult<impl IntoResponse> {
     let base = &app.settings.base_path;
     let known_browser = browser_secret(&headers, base);
-    let person = authenticate(&app, tried, address, known_browser.as_ref().map(Secret::hash)).await?;
+    let (person, verified) = authenticate(&app, tried, address, known_browser.as_ref().map(Secret::hash)).await?;
     let (secret, browser) = (Secret::random(), known_browser.unwrap_or_else(Secret::random));
     let places = [Some(browser.hash()), place_of(person.id, address)].into_iter().flatten().collect();
     let (browser_name, is_page) = (browser_name(&headers), is_from_page(&headers));
     let origin = store::SignInOrigin { browser: browser_name, address: address.0.to_string(), is_page, places };
     let must_change_password = person.password_state.must_change(is_page);
-    app.store.cookies().create(secret.hash(), &person, app.sign_in_lifetime(), origin).await?;
+    let created = app.store.cookies().create(secret.hash(), (&person, &verified), app.sign_in_lifetime(), origin).await;
+    created.map_err(changed_meanwhile)?;
     if let PresentedCredential::Cookie(before) = PresentedCredential::in_headers(&headers, base) {
         app.store.cookies().delete_replaced(before).await?;
     }
@@ -121,18 +122,20 @@ pub async fn change_password(
     let person = app.store.people().get(&by.scope, id).await?;
     let is_same = change.old == change.new;
     let new = Password::new(change.new)?;
-    let (_, stored) = app.store.people().by_login(&person.login).await?.ok_or_else(ProblemResponse::not_found)?;
+    let found = app.store.people().by_login(&person.login).await?;
+    let (person, stored) = found.ok_or_else(ProblemResponse::not_found)?;
     // One counter for all addresses: a stolen cookie must not guess on, and the guesses of strangers do not count.
     let place = KnownPlace { counter: SecretHash::of_place(id, "signed in"), is_browser: true };
     let origin = AttemptOrigin { address: address.0, known_place: Some(place) };
-    if !try_password(&app, &person.login, origin, change.old, Some(stored)).await? {
+    if !try_password(&app, &person.login, origin, change.old, Some(stored.clone())).await? {
         return Err(wrong_credentials());
     }
-    if by.must_change_password && is_same {
+    if person.password_state != PasswordState::Own && is_same {
         return Err(ProblemResponse::invalid("new", "is the password that must be changed; choose another one"));
     }
     let new = (password::hash(new).await?, PasswordState::Own);
-    app.store.people().set_password(&by.scope, id, new, change.keep_tokens).await?;
+    let set = app.store.people().set_password(&by.scope, id, new, Some(stored), change.keep_tokens).await;
+    set.map_err(changed_meanwhile)?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -142,13 +145,14 @@ fn browser_name(headers: &HeaderMap) -> String {
     name.chars().take(MAX_BROWSER_CHARS).collect()
 }
 
-/// The account with these credentials. Takes the same time whether the login exists or not.
+/// The account with these credentials, and the hash that the password matched. Takes the same time whether the login
+/// exists or not.
 async fn authenticate(
     app: &App,
     tried: Credentials,
     ClientAddress(address): ClientAddress,
     browser: Option<SecretHash>,
-) -> HandlerResult<store::PersonRecord> {
+) -> HandlerResult<(store::PersonRecord, PasswordHash)> {
     let Ok(login) = tried.login.parse::<Login>() else {
         app.throttle.attempt_without_login(address).map_err(too_many_attempts)?;
         return Err(wrong_credentials());
@@ -160,10 +164,9 @@ async fn authenticate(
     let places = [browser, place_of(id, ClientAddress(address))].into_iter().flatten();
     let known = app.store.cookies().known_place(id, places).await?;
     let known_place = known.map(|counter| KnownPlace { counter, is_browser: Some(counter) == browser });
-    match (try_password(app, &login, AttemptOrigin { address, known_place }, tried.password, stored).await?, person) {
-        (true, Some(person)) => Ok(person),
-        _ => Err(wrong_credentials()),
-    }
+    let origin = AttemptOrigin { address, known_place };
+    let matches = try_password(app, &login, origin, tried.password, stored.clone()).await?;
+    person.zip(stored).filter(|_| matches).ok_or_else(wrong_credentials)
 }
 
 /// An account's place that an address is. The machine itself is none: behind a proxy that no setting names, every
@@ -195,6 +198,14 @@ async fn try_password(
 
 fn wrong_credentials() -> ProblemResponse {
     Refusal::WrongCredentials.with("Check login and password. An administrator can send you a link for a new password.")
+}
+
+/// Refuses a password that was verified, but was replaced before it could be used.
+fn changed_meanwhile(error: StoreError) -> ProblemResponse {
+    match error {
+        StoreError::NotFound { .. } => wrong_credentials(),
+        other => other.into(),
+    }
 }
 
 /// The refusal of an attempt that has to wait.

@@ -66,7 +66,7 @@ pub struct DueStep {
 
 impl CoursePlan {
     /// The plan as this scope may see and change it.
-    fn new(course: store::CourseRecord, scope: &Scope) -> Self {
+    pub fn new(course: store::CourseRecord, scope: &Scope) -> Self {
         let store::CourseRecord { id, name, steps, created_at_ms, owners } = course;
         let steps = steps.into_iter().map(PlanStep::from).collect();
         let may_change = scope.may_change(&owners);

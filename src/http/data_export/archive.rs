@@ -8,7 +8,8 @@ use tokio::sync::mpsc::Sender;
 use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, ZipWriter};
 
-use crate::http::error::ProblemResponse;
+use crate::analysis::stored_rows::StoredRowsError;
+use crate::http::error::{ProblemResponse, Refusal};
 use crate::store::StoreError;
 use crate::vault::VaultError;
 
@@ -33,6 +34,34 @@ pub(super) enum ExportFailure {
     /// A file could not be read, or not be written as a table or as JSON.
     #[error("{0}")]
     File(String),
+}
+
+impl ExportFailure {
+    /// True if what was to be added no longer exists.
+    pub(super) fn is_gone(&self) -> bool {
+        match self {
+            Self::Store(StoreError::NotFound { .. }) | Self::Vault(VaultError::NotFound) => true,
+            Self::Answer(problem) => problem.refusal == Refusal::NotFound,
+            _ => false,
+        }
+    }
+}
+
+/// `None` if what was to be added no longer exists: people and sessions are erased while an export is written.
+pub(super) fn unless_gone<T>(added: Result<T, impl Into<ExportFailure>>) -> Result<Option<T>, ExportFailure> {
+    match added.map_err(Into::into) {
+        Err(failure) if failure.is_gone() => Ok(None),
+        added => added.map(Some),
+    }
+}
+
+impl From<StoredRowsError> for ExportFailure {
+    fn from(error: StoredRowsError) -> Self {
+        match error {
+            StoredRowsError::Vault(error) => error.into(),
+            other => Self::File(other.to_string()),
+        }
+    }
 }
 
 impl From<ProblemResponse> for ExportFailure {
@@ -138,5 +167,25 @@ impl Write for PieceSender {
         }
         self.is_closed = self.pieces.blocking_send(Ok(piece.into())).is_err();
         if self.is_closed { Err(io::ErrorKind::BrokenPipe.into()) } else { Ok(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_no_longer_exists_is_left_out() {
+        let gone: [ExportFailure; 3] = [
+            StoreError::NotFound { what: "session" }.into(),
+            StoredRowsError::Vault(VaultError::NotFound).into(),
+            ProblemResponse::not_found().into(),
+        ];
+        for failure in gone {
+            assert!(matches!(unless_gone::<()>(Err(failure)), Ok(None)));
+        }
+        for failure in [VaultError::Damaged.into(), ExportFailure::Disconnected] {
+            assert!(unless_gone::<()>(Err::<(), ExportFailure>(failure)).is_err());
+        }
     }
 }

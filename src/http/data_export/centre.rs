@@ -5,12 +5,16 @@ use std::io::Write;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::archive::{Archive, ExportFailure};
+use super::archive::{Archive, ExportFailure, unless_gone};
 use super::{ExportJob, person};
+use crate::domain::text::Key;
+use crate::http::cohorts::CohortResponse;
+use crate::http::courses::CoursePlan;
 use crate::http::groups::GroupResponse;
 use crate::http::people::PersonResponse;
 use crate::http::service::AuditChange;
 use crate::http::tasks::{StandardResponse, TaskResponse};
+use crate::ids::{CohortId, TraineeId};
 use crate::store::{Page, PageRequest, StoreResult};
 
 /// Rows that are read at a time.
@@ -23,9 +27,13 @@ restored.
 accounts.json      accounts, without their passwords
 groups.json        groups and their members
 tasks.json         tasks, with the versions of their standards
-boxes.json         boxes
+courses.json       course plans
+cohorts.json       cohorts and their members
+boxes.json         boxes, with their latest camera and colours
 audit.json         who changed what
-trainees/CODE/     one folder for each trainee; its files are:
+trainees/CODE/     one folder for each trainee; its files are listed below
+
+Ratings and comments of others on a session are left out unless the person who exports has rated it.
 
 ";
 
@@ -36,9 +44,16 @@ struct TaskWithStandards {
     standards: Vec<StandardResponse>,
 }
 
+/// A cohort with the ids of its members.
+#[derive(Serialize)]
+struct CohortWithMembers {
+    cohort: CohortResponse,
+    members: Vec<TraineeId>,
+}
+
 /// Adds all files.
 pub(super) fn add(job: &ExportJob, archive: &mut Archive) -> Result<(), ExportFailure> {
-    archive.add_text("README.txt", &format!("{README}{}", person::README))?;
+    archive.add_text("README.txt", &format!("{README}{}", person::FILES))?;
     let (store, scope) = (&job.app.store, &job.scope);
     let mut accounts = Vec::new();
     each(
@@ -57,19 +72,41 @@ pub(super) fn add(job: &ExportJob, archive: &mut Archive) -> Result<(), ExportFa
         job,
         async |page| store.tasks().list(scope, page).await,
         |_, task| {
-            let standards = job.wait(store.standards().list(scope, task.id))?;
+            let found = unless_gone(job.wait(store.standards().list(scope, task.id)))?;
+            let Some(standards) = found else { return Ok(()) };
             let standards = standards.into_iter().map(|standard| StandardResponse::new(standard, scope)).collect();
             tasks.push(TaskWithStandards { task: TaskResponse::new(task, scope), standards });
             Ok(())
         },
     )?;
     archive.add_json("tasks.json", &tasks)?;
+    let mut courses = Vec::new();
+    each(
+        job,
+        async |page| store.courses().list(scope, page).await,
+        |_, course| {
+            courses.push(CoursePlan::new(course, scope));
+            Ok(())
+        },
+    )?;
+    archive.add_json("courses.json", &courses)?;
+    let mut cohorts = Vec::new();
+    each(
+        job,
+        async |page| store.cohorts().list(scope, page).await,
+        |job, cohort| {
+            let found = unless_gone(cohort_members(job, cohort.id))?;
+            cohorts.extend(found.map(|members| CohortWithMembers { cohort: cohort.into(), members }));
+            Ok(())
+        },
+    )?;
+    archive.add_json("cohorts.json", &cohorts)?;
     let mut boxes = Vec::new();
     each(
         job,
         async |page| store.boxes().list(scope, page).await,
         |_, found| {
-            boxes.push(job.wait(job.app.box_response(scope, found))?);
+            boxes.extend(unless_gone(job.wait(job.app.box_response(scope, found)))?);
             Ok(())
         },
     )?;
@@ -78,8 +115,23 @@ pub(super) fn add(job: &ExportJob, archive: &mut Archive) -> Result<(), ExportFa
     each(
         job,
         async |page| store.trainees().list(scope, page).await,
-        |job, trainee| person::add(job, &trainee, &format!("trainees/{}/", trainee.code), archive),
+        |job, trainee| {
+            unless_gone(person::add(job, &trainee, &format!("trainees/{}/", trainee.code), archive)).map(drop)
+        },
     )
+}
+
+fn cohort_members(job: &ExportJob, cohort: CohortId) -> Result<Vec<TraineeId>, ExportFailure> {
+    let (key, mut members) = (Key::from(&cohort), Vec::new());
+    each(
+        job,
+        async |page| job.app.store.cohorts().members(&job.scope, &key, page).await,
+        |_, member| {
+            members.push(member);
+            Ok(())
+        },
+    )?;
+    Ok(members)
 }
 
 /// Adds the audit trail, entry by entry, since it can be long.

@@ -1,5 +1,5 @@
-//! Everything that is stored about a person, or about the whole centre, as a ZIP file. It is written while it is sent, so
-//! that an export of any size needs the memory of one session.
+//! What is stored about a person, or about the whole centre, as a ZIP file. It is written while it is sent, so
+//! that recordings, paths and the centre's audit trail are never in memory as a whole.
 //!
 //! | file | holds |
 //! |---|---|
@@ -11,8 +11,6 @@
 mod archive;
 mod centre;
 mod person;
-
-use std::sync::Arc;
 
 use axum::body::Body;
 use axum::extract::State;
@@ -26,6 +24,7 @@ use utoipa::IntoParams;
 
 use self::archive::{Archive, ExportFailure};
 use super::auth::signed_in::{Administrator, Member};
+use super::connection_slots::ConnectionSlot;
 use super::error::{HandlerResult, Refusal};
 use super::file::disposition;
 use super::read::{Params, PathKey};
@@ -34,8 +33,11 @@ use crate::domain::scope::Scope;
 use crate::store::TraineeRecord;
 use crate::time::Day;
 
-/// Exports at a time. Each reads all that belongs to a person or to the centre from the disk.
-pub const MAX_EXPORTS: usize = 2;
+/// Exports at a time, one of each account. Each reads all that belongs to a person or to the centre from the disk, and a
+/// slow client takes long.
+pub const MAX_EXPORTS: usize = 4;
+/// Seconds after which a refused client should try again.
+const RETRY_AFTER_S: u32 = 60;
 /// Pieces of an export that may wait for the client; each has at most 64 KiB.
 const MAX_WAITING_PIECES: usize = 8;
 
@@ -59,12 +61,14 @@ struct ExportJob {
     runtime: Handle,
 }
 
-/// Export everything that is stored about a trainee
+/// Export what is stored about a trainee
 ///
-/// A ZIP file with the profile, the account, the sessions with features, ratings, comments and edits as JSON, the paths as
-/// CSV, the previews, and the entries of the audit trail about the trainee. It is sent while it is written: a connection
-/// that closes before the end leaves an incomplete file. A trainee exports the own data; staff export those of trainees in
-/// their scope. Instructors get ratings and comments of others only where they may read them.
+/// A ZIP file with the profile, the sessions with features, ratings, comments and edits as JSON, the paths as CSV and the
+/// previews. Trainees and administrators also get the account, its sign-ins and the entries of the audit trail about the
+/// trainee; instructors get the names of their own groups only. Staff get ratings and comments of others only where they
+/// may read them, the trainee gets all. A path that cannot be read is replaced by the file `path.error.txt`. The file is
+/// sent while it is written: a connection that closes before the end leaves an incomplete file. Each account has one
+/// export at a time (503 otherwise).
 #[utoipa::path(get, path = "/trainees/{id}/data.zip", tag = "trainees",
     params(("id" = String, Path, description = "id or code"), ExportQuery),
     responses((status = OK, description = "The ZIP file", content_type = "application/zip")))]
@@ -76,19 +80,22 @@ pub async fn trainee(
 ) -> HandlerResult<Response> {
     let trainee = app.store.trainees().get(&by.scope, &key).await?;
     let name = format!("{}-{}.zip", trainee.code, Day::of(app.clock.now_ms()));
+    let slot = take_slot(&app, &by.scope)?;
     app.store.audit().record_export(&by.scope, "trainee", trainee.id).await?;
     let write = move |job: &ExportJob, archive: &mut Archive| {
-        archive.add_text("README.txt", person::README)?;
-        person::add(job, &trainee, "", archive)
+        archive.add_text("README.txt", &format!("{}{}", person::README, person::FILES))?;
+        person::add(job, &trainee, "", archive)?;
+        person::add_audit(job, &trainee, archive)
     };
-    export(&app, by.scope, wanted, &name, write)
+    Ok(export(&app, (by.scope, slot), wanted, &name, write))
 }
 
-/// Export everything that is stored in the centre
+/// Export what is stored in the centre
 ///
-/// A ZIP file with groups, tasks and standards, boxes, cohorts, courses, accounts without their passwords and the audit
-/// trail, and with a folder for each trainee, as in the export of a trainee. It does not replace a backup: it cannot be
-/// restored.
+/// A ZIP file with the accounts without their passwords, groups, tasks with their standards, course plans, cohorts with
+/// their members, boxes with their latest camera and colours, and the audit trail as JSON, and with a folder for each
+/// trainee, as in the export of a trainee. It does not replace a backup: it cannot be restored. Each account has one export
+/// at a time (503 otherwise).
 #[utoipa::path(get, path = "/data.zip", tag = "operation", params(ExportQuery),
     responses((status = OK, description = "The ZIP file", content_type = "application/zip")))]
 pub async fn centre(
@@ -97,47 +104,59 @@ pub async fn centre(
     Params(wanted): Params<ExportQuery>,
 ) -> HandlerResult<Response> {
     let name = format!("centre-{}.zip", Day::of(app.clock.now_ms()));
+    let slot = take_slot(&app, &by.scope)?;
     app.store.audit().record_export(&by.scope, "centre", "all").await?;
-    export(&app, by.scope, wanted, &name, centre::add)
+    Ok(export(&app, (by.scope, slot), wanted, &name, centre::add))
+}
+
+/// Takes a slot for an export: one of each account, so that a client that reads slowly cannot keep all others waiting.
+fn take_slot(app: &App, scope: &Scope) -> HandlerResult<ConnectionSlot> {
+    app.exports.take(scope).ok_or_else(|| {
+        let detail = format!(
+            "Each account has one export at a time, and all accounts together have {MAX_EXPORTS}. Try again when one has \
+             ended, or cancel yours."
+        );
+        Refusal::Busy.with(detail).header(header::RETRY_AFTER, RETRY_AFTER_S)
+    })
 }
 
 /// Answers with the archive that `write` fills on a thread of its own.
 fn export(
     app: &App,
-    scope: Scope,
+    (scope, slot): (Scope, ConnectionSlot),
     ExportQuery { videos }: ExportQuery,
     name: &str,
     write: impl FnOnce(&ExportJob, &mut Archive) -> Result<(), ExportFailure> + Send + 'static,
-) -> HandlerResult<Response> {
-    let Ok(permit) = Arc::clone(&app.exports).try_acquire_owned() else {
-        let detail = format!("{MAX_EXPORTS} exports are being sent at the moment. Try again when one has ended.");
-        return Err(Refusal::Busy.with(detail).header(header::RETRY_AFTER, 60));
-    };
+) -> Response {
     let (pieces, sent) = mpsc::channel(MAX_WAITING_PIECES);
     let job = ExportJob { app: app.clone(), scope, with_videos: videos, runtime: Handle::current() };
     tokio::task::spawn_blocking(move || {
-        let _permit = permit;
         let mut archive = Archive::new(pieces.clone());
         let written = write(&job, &mut archive).and_then(|()| archive.finish());
         match written {
             Ok(()) | Err(ExportFailure::Disconnected) => {}
+            Err(error) if error.is_gone() => {
+                tracing::warn!(%error, "the exported trainee was erased; connection closed before the file's end");
+                let _ = pieces.blocking_send(Err(std::io::Error::other(error))); // the client may be gone
+            }
             Err(error) => {
                 tracing::error!(%error, "data export failed; connection closed before the file's end");
                 let _ = pieces.blocking_send(Err(std::io::Error::other(error))); // the client may be gone
             }
         }
+        drop((slot, pieces)); // in this order: a client that has read the end can export again
     });
     let headers = [
         (header::CONTENT_TYPE, "application/zip".to_owned()),
         (header::CONTENT_DISPOSITION, disposition("attachment", name)),
     ];
-    Ok((headers, Body::from_stream(ReceiverStream::new(sent))).into_response())
+    (headers, Body::from_stream(ReceiverStream::new(sent))).into_response()
 }
 
 impl ExportJob {
-    /// The scope that reads a trainee's ratings and comments: an administrator exports all of them for the trainee.
-    fn scope_for(&self, trainee: &TraineeRecord) -> Scope {
-        if self.scope.is_administrator() { self.scope.on_behalf_of(trainee.id) } else { self.scope.clone() }
+    /// True if the export has this trainee's account and audit trail: they name staff of other groups, too.
+    fn has_account(&self, trainee: &TraineeRecord) -> bool {
+        self.scope.is_administrator() || self.scope.own_trainee() == Some(trainee.id)
     }
 
     /// Waits for a function of the store on this thread.

@@ -1,48 +1,65 @@
 //! The files of one person in an export.
 
+use std::fs::File;
+
 use serde::Serialize;
 
 use super::ExportJob;
-use super::archive::{Archive, ExportFailure};
+use super::archive::{Archive, ExportFailure, unless_gone};
+use crate::domain::blob::BlobHash;
 use crate::domain::edit::EditsInForce;
 use crate::domain::text::{Key, Name};
 use crate::http::account::SignInEntry;
-use crate::http::error::ProblemResponse;
 use crate::http::people::PersonResponse;
 use crate::http::service::AuditChange;
 use crate::http::sessions::{EditsResponse, SessionResponse, write_edited_csv};
 use crate::http::trainees::TraineeResponse;
-use crate::store::{PageRequest, SessionFilter, SessionRecord, SessionResult, StoreError, TraineeRecord};
+use crate::ids::SessionId;
+use crate::store::{PageRequest, SessionFilter, SessionRecord, TraineeRecord};
 use crate::time::Day;
+use crate::vault::VaultError;
 
 /// Sessions and audit entries that are read at a time.
 const ROUND: u32 = 50;
 
-/// Says what the files of a person's export are.
+/// Says what a person's export is.
 pub(super) const README: &str = "\
-This file holds what Trocar stores about one person.
+This file holds what Trocar stores about one person. In the export of an instructor, the account, the audit trail and the
+groups of other instructors are left out. Staff get ratings and comments of others on a session only after they have rated
+it themselves; the person gets all.
 
-profile.json       name, level, groups; account and sign-ins, without the password
-audit.json         who changed this person's data, and what this person changed
+audit.json         who changed this person's data, and what this person changed: the newest 10,000 entries
+";
+
+/// Says what the files in a person's folder are.
+pub(super) const FILES: &str = "\
+profile.json       name, level, hand, groups; account and sign-ins, without the password
 sessions/…/        one folder for each session:
   session.json     recording, quality, features with their error bars, versions
   ratings.json     ratings on forms
   comments.json    comments
   edits.json       trims, corrections and answers of the staff, with reasons
   path.csv         the path of the tools: millimetres and seconds
+  path.error.txt   only if the path could not be read
   preview.jpg      one frame
   table.csv        the table of another program, if the session was imported
   video.…          the recording, if it was asked for and is still kept
+";
+
+const PATH_ERROR: &str = "\
+The path of this session could not be read. A path.csv beside this file is incomplete. Ask an administrator to look: the
+service's log and `trocar admin check` name the cause.
 ";
 
 /// Name, groups and account.
 #[derive(Serialize)]
 struct PersonProfile {
     trainee: TraineeResponse,
+    /// The groups that the exporting person may see.
     groups: Vec<Name>,
-    /// `null` without an account.
+    /// `null` without an account, and in the export of an instructor.
     account: Option<PersonResponse>,
-    /// Empty unless the trainee or an administrator exports.
+    /// Empty without `account`.
     sign_ins: Vec<SignInEntry>,
 }
 
@@ -54,7 +71,6 @@ pub(super) fn add(
     archive: &mut Archive,
 ) -> Result<(), ExportFailure> {
     archive.add_json(&format!("{below}profile.json"), &job.wait(profile(job, trainee))?)?;
-    archive.add_json(&format!("{below}audit.json"), &job.wait(audit(job, trainee))?)?;
     let filter = SessionFilter { trainee: Some(Key::from(&trainee.id)), ..SessionFilter::default() };
     let mut after = None;
     loop {
@@ -63,11 +79,7 @@ pub(super) fn add(
         for session in page.items {
             let id = session.id;
             let folder = format!("{below}sessions/{}-{id}/", Day::of(session.recorded_at_ms));
-            match add_session(job, (trainee, session), &folder, archive) {
-                // Erased after the page was read.
-                Err(ExportFailure::Store(StoreError::NotFound { .. })) => {}
-                added => added?,
-            }
+            unless_gone(add_session(job, &session, &folder, archive))?;
         }
         after = page.next;
         if after.is_none() {
@@ -78,12 +90,10 @@ pub(super) fn add(
 
 async fn profile(job: &ExportJob, trainee: &TraineeRecord) -> Result<PersonProfile, ExportFailure> {
     let (app, scope) = (&job.app, &job.scope);
-    let account = app.store.people().of_trainee(scope, trainee.id).await?;
+    let account = if job.has_account(trainee) { app.store.people().of_trainee(scope, trainee.id).await? } else { None };
     let sign_ins = match &account {
-        Some(account) if scope.is_administrator() || scope.person() == Some(account.id) => {
-            app.store.cookies().of_person(account.id, None, app.sign_in_lifetime()).await?
-        }
-        _ => Vec::new(),
+        Some(account) => app.store.cookies().of_person(account.id, None, app.sign_in_lifetime()).await?,
+        None => Vec::new(),
     };
     Ok(PersonProfile {
         trainee: TraineeResponse::new(trainee.clone(), scope),
@@ -93,48 +103,78 @@ async fn profile(job: &ExportJob, trainee: &TraineeRecord) -> Result<PersonProfi
     })
 }
 
-async fn audit(job: &ExportJob, trainee: &TraineeRecord) -> Result<Vec<AuditChange>, ExportFailure> {
-    let entries = job.app.store.audit().about(&job.scope, trainee.id).await?;
-    Ok(entries.into_iter().map(AuditChange::from).collect())
+/// Adds the entries of the audit trail about a trainee, unless an instructor exports: they name staff of other groups.
+pub(super) fn add_audit(job: &ExportJob, trainee: &TraineeRecord, archive: &mut Archive) -> Result<(), ExportFailure> {
+    if !job.has_account(trainee) {
+        return Ok(());
+    }
+    let entries = job.wait(job.app.store.audit().about(&job.scope, trainee.id))?;
+    archive.add_json("audit.json", &entries.into_iter().map(AuditChange::from).collect::<Vec<_>>())
 }
 
+/// Adds a session. All is read before the first file is written, since the session can be erased meanwhile.
 fn add_session(
     job: &ExportJob,
-    (trainee, session): (&TraineeRecord, SessionRecord),
+    session: &SessionRecord,
     folder: &str,
     archive: &mut Archive,
 ) -> Result<(), ExportFailure> {
-    let (app, id) = (&job.app, session.id);
-    let scope = &job.scope_for(trainee);
+    let (app, scope, id) = (&job.app, &job.scope, session.id);
     let scored = job.wait(app.store.sessions().result_with_edits(scope, id))?;
     let edits = job.wait(app.store.edits().of_session(scope, id))?;
+    let (ratings, comments) = (job.wait(app.ratings_of(scope, id))?, job.wait(app.comments_of(scope, id))?);
     let shown = SessionResponse::of(session.clone(), scored.as_ref().map(|(result, _)| result.clone()));
     archive.add_json(&format!("{folder}session.json"), &shown)?;
-    archive.add_json(&format!("{folder}ratings.json"), &job.wait(app.ratings_of(scope, id))?)?;
-    archive.add_json(&format!("{folder}comments.json"), &job.wait(app.comments_of(scope, id))?)?;
+    archive.add_json(&format!("{folder}ratings.json"), &ratings)?;
+    archive.add_json(&format!("{folder}comments.json"), &comments)?;
     archive.add_json(&format!("{folder}edits.json"), &EditsResponse::from(edits))?;
     if let Some((result, in_force)) = scored {
-        add_result(job, (&result, &in_force), folder, archive)?;
+        add_path(job, id, (result.trajectory, &in_force), folder, archive)?;
+        if let Some(file) = result.preview.map(|preview| open(job, id, preview)).transpose()?.flatten() {
+            archive.add_file(&format!("{folder}preview.jpg"), file)?;
+        }
     }
-    add_recording(job, &session, folder, archive)
+    add_recording(job, session, folder, archive)
 }
 
-/// Adds the path and the preview.
-fn add_result(
+/// Adds the path, or says in a file that it cannot be read: one damaged file must not withhold all others.
+fn add_path(
     job: &ExportJob,
-    (result, edits): (&SessionResult, &EditsInForce),
+    session: SessionId,
+    path: (BlobHash, &EditsInForce),
+    folder: &str,
+    archive: &mut Archive,
+) -> Result<(), ExportFailure> {
+    match write_path(job, session, path, folder, archive) {
+        Err(failure @ ExportFailure::Vault(VaultError::ShuttingDown)) => Err(failure),
+        Err(error @ (ExportFailure::Vault(_) | ExportFailure::File(_))) => {
+            job.wait(job.app.store.sessions().get(&job.scope, session))?; // not found if it was erased meanwhile
+            tracing::warn!(%session, %error, "path not exported; path.error.txt in its place");
+            archive.add_text(&format!("{folder}path.error.txt"), PATH_ERROR)
+        }
+        written => written,
+    }
+}
+
+fn write_path(
+    job: &ExportJob,
+    session: SessionId,
+    (path, edits): (BlobHash, &EditsInForce),
     folder: &str,
     archive: &mut Archive,
 ) -> Result<(), ExportFailure> {
     let app = &job.app;
-    let stored =
-        job.wait(app.stored_indexes.open_paths(&app.vault, result.trajectory)).map_err(ProblemResponse::from)?;
-    write_edited_csv(&stored, &edits.changes, archive.add_written(&format!("{folder}path.csv"))?)?;
-    if let Some(preview) = result.preview {
-        let (file, _) = job.wait(app.vault.open_blob(preview))?;
-        archive.add_file(&format!("{folder}preview.jpg"), file)?;
+    let stored = job.wait(app.stored_indexes.open_paths(&app.vault, path))?;
+    Ok(write_edited_csv(&stored, &edits.changes, archive.add_written(&format!("{folder}path.csv"))?)?)
+}
+
+/// Opens a stored file; `None` if it no longer exists, such as a video that was deleted meanwhile.
+fn open(job: &ExportJob, session: SessionId, stored: BlobHash) -> Result<Option<File>, ExportFailure> {
+    let opened = unless_gone(job.wait(job.app.vault.open_blob(stored)))?;
+    if opened.is_none() {
+        tracing::warn!(%session, blob = %stored, "stored file missing; not exported");
     }
-    Ok(())
+    Ok(opened.map(|(file, _)| file))
 }
 
 /// Adds the recording, if it was asked for and is kept, or the table of another program.
@@ -149,7 +189,7 @@ fn add_recording(
     if !is_table && !job.with_videos {
         return Ok(());
     }
-    let (file, _) = job.wait(job.app.vault.open_blob(stored))?;
+    let Some(file) = open(job, session.id, stored)? else { return Ok(()) };
     if is_table {
         std::io::copy(&mut &file, archive.add_written(&format!("{folder}table.csv"))?)?;
         return Ok(());

@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
-use crate::domain::secret::{Password, Secret, SecretHash};
+use crate::domain::secret::{Password, PasswordHash, Secret, SecretHash};
 use crate::domain::task::NewTask;
 use crate::domain::text::Key;
 use crate::store::{
@@ -63,24 +63,24 @@ fn task(number: usize) -> NewTask {
 }
 
 /// Creates an administrator with a signed-in browser and a token.
-async fn sign_in(store: &Store) -> (PersonRecord, SecretHash, SecretHash) {
+async fn sign_in(store: &Store) -> (PersonRecord, PasswordHash, SecretHash, SecretHash) {
     let (service, role) = (Scope::service(), Role::Administrator);
-    let (login, password) = ("root".parse().unwrap(), Password::new("correct horse").unwrap().hash());
+    let (login, hash) = ("root".parse().unwrap(), Password::new("correct horse").unwrap().hash());
     let person = NewPerson {
         login,
         name: "Root".parse().unwrap(),
         role,
-        password,
+        password: hash.clone(),
         password_state: PasswordState::Own,
         trainee: None,
     };
     let person = store.people().create(&service, person).await.unwrap();
     let (cookie, secret) = (Secret::random().hash(), Secret::random().hash());
-    store.cookies().create(cookie, &person, LASTS, SignInOrigin::default()).await.unwrap();
+    store.cookies().create(cookie, (&person, &hash), LASTS, SignInOrigin::default()).await.unwrap();
     let token =
         NewToken { name: "t".parse().unwrap(), acts_as: ActsAs::Person(person.id, role), expires_at_ms: None, secret };
     store.tokens().create(&service, token).await.unwrap();
-    (person, cookie, secret)
+    (person, hash, cookie, secret)
 }
 
 #[tokio::test]
@@ -94,7 +94,9 @@ async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is
     let service = Scope::service();
     let new = serde_json::from_str(r#"{"name":"Ana"}"#).unwrap();
     let ana = store.trainees().create(&service, new).await.unwrap();
-    let (administrator, cookie, token) = sign_in(&store).await;
+    let new = serde_json::from_str(r#"{"name":"Ben"}"#).unwrap();
+    let ben = store.trainees().create(&service, new).await.unwrap();
+    let (administrator, password, cookie, token) = sign_in(&store).await;
     disk.fill();
     let mut acknowledged = 0;
     let refused = loop {
@@ -111,9 +113,19 @@ async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is
     clock.advance(Duration::from_secs(120)); // so that the last-seen time is due
     assert_eq!(store.cookies().person_of(cookie, LASTS).await.unwrap().unwrap().person.id, administrator.id);
     assert!(store.tokens().scope_of(token).await.unwrap().is_some());
-    store.cookies().create(Secret::random().hash(), &administrator, LASTS, SignInOrigin::default()).await.unwrap();
+    store
+        .cookies()
+        .create(Secret::random().hash(), (&administrator, &password), LASTS, SignInOrigin::default())
+        .await
+        .unwrap();
     store.cookies().delete_replaced(cookie).await.unwrap();
     assert_eq!(fs::metadata(disk.path().join("ballast")).unwrap().len(), 4 << 20, "kept for deletions");
+    disk.fill(); // the space that the sign-in has freed
+    while store.tasks().create(&service, task(acknowledged)).await.is_ok() {
+        acknowledged += 1;
+    }
+    store.pending_erasures().request(&service, &Key::from(&ben.id), Duration::from_secs(60)).await.unwrap();
+    assert_eq!(store.pending_erasures().list(&service).await.unwrap().len(), 1);
     store.trainees().erase(&service, &Key::from(&ana.id)).await.unwrap();
     assert!(store.trainees().get(&service, &Key::from(&ana.id)).await.is_err());
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::domain::cohort::NewCohort;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
-use crate::domain::secret::Secret;
+use crate::domain::secret::{Secret, SecretHash};
 use crate::domain::text::Key;
 use crate::ids::{SessionId, TraineeId};
 use crate::store::testing::TestCentre;
@@ -26,6 +26,8 @@ struct HiddenFixture {
     administrator: Scope,
     instructor: Scope,
     token: Secret,
+    /// The secret of a link for the account's password.
+    link: SecretHash,
 }
 
 impl HiddenFixture {
@@ -43,6 +45,8 @@ impl HiddenFixture {
         let cohort: NewCohort =
             serde_json::from_value(serde_json::json!({"name": "Cohort", "members": [ana.id]})).unwrap();
         centre.store.cohorts().create(&Scope::service(), cohort).await.unwrap();
+        let (link, day) = (Secret::random().hash(), Duration::from_secs(86_400));
+        centre.store.password_links().create(&Scope::service(), account.id, link, day).await.unwrap();
         let token = Secret::random();
         let new = NewToken {
             name: "program".parse().unwrap(),
@@ -52,7 +56,7 @@ impl HiddenFixture {
         };
         centre.store.tokens().create(&Scope::service(), new).await.unwrap();
         let (administrator, instructor) = (boss.scope(), ines.scope());
-        Self { centre, ana: ana.id, account, session, administrator, instructor, token }
+        Self { centre, ana: ana.id, account, session, administrator, instructor, token, link }
     }
 
     async fn request(&self) {
@@ -94,6 +98,7 @@ impl HiddenFixture {
         if scope.is_administrator() {
             let people = store.people().list(scope, page).await.unwrap().items;
             found.push(("accounts", people.iter().filter(|person| person.trainee_id == Some(self.ana)).count()));
+            found.push(("links", store.password_links().list(scope).await.unwrap().len()));
             found.push(("tokens", store.tokens().list(scope).await.unwrap().len()));
         }
         found
@@ -127,17 +132,39 @@ async fn a_trainee_who_waits_is_nowhere_and_everywhere_again_when_it_is_taken_ba
 async fn a_trainee_who_waits_cannot_sign_in_and_is_signed_out() {
     let at = HiddenFixture::new().await;
     let store = &at.centre.store;
-    let cookie = Secret::random();
-    store.cookies().create(cookie.hash(), &at.account, SIGN_IN, SignInOrigin::default()).await.unwrap();
+    let (cookie, password) = (Secret::random(), at.centre.password_of(&at.account).await);
+    store.cookies().create(cookie.hash(), (&at.account, &password), SIGN_IN, SignInOrigin::default()).await.unwrap();
     assert!(store.tokens().scope_of(at.token.hash()).await.unwrap().is_some());
     at.request().await;
     assert!(store.cookies().person_of(cookie.hash(), SIGN_IN).await.unwrap().is_none());
     assert!(!store.cookies().is_valid(cookie.hash(), SIGN_IN).await.unwrap(), "open connections end");
     assert!(store.people().by_login(&"ana".parse().unwrap()).await.unwrap().is_none());
     assert!(store.tokens().scope_of(at.token.hash()).await.unwrap().is_none());
+    let late = store.cookies().create(cookie.hash(), (&at.account, &password), SIGN_IN, SignInOrigin::default()).await;
+    assert!(matches!(late, Err(StoreError::NotFound { .. })), "the password was verified before");
+    let links = store.password_links();
+    assert!(links.look_up(at.link).await.unwrap().is_none(), "it names the account");
+    assert!(matches!(links.set_password(at.link, password).await, Err(StoreError::NotFound { .. })));
     store.pending_erasures().take_back(&at.administrator, &Key::from(&at.ana)).await.unwrap();
     assert!(store.people().by_login(&"ana".parse().unwrap()).await.unwrap().is_some());
     assert!(store.tokens().scope_of(at.token.hash()).await.unwrap().is_some());
+    assert!(links.look_up(at.link).await.unwrap().is_some());
+}
+
+#[tokio::test]
+async fn an_erasure_that_is_taken_back_after_it_was_listed_as_due_erases_nothing() {
+    let at = HiddenFixture::new().await;
+    let (pending, key) = (at.centre.store.pending_erasures(), Key::from(&at.ana));
+    at.request().await;
+    assert!(matches!(pending.erase_due(at.ana).await, Err(StoreError::NotFound { .. })), "not due yet");
+    at.centre.clock.advance(WEEK);
+    assert_eq!(pending.due().await.unwrap(), [at.ana]);
+    pending.take_back(&at.instructor, &key).await.unwrap();
+    assert!(matches!(pending.erase_due(at.ana).await, Err(StoreError::NotFound { .. })));
+    assert!(at.centre.store.trainees().get(&at.instructor, &key).await.is_ok());
+    pending.request(&at.administrator, &key, Duration::ZERO).await.unwrap();
+    pending.erase_due(at.ana).await.unwrap();
+    assert!(at.centre.store.trainees().get(&Scope::service(), &key).await.is_err());
 }
 
 #[tokio::test]

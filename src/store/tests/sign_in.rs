@@ -17,7 +17,10 @@ async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_pas
     let centre = TestCentre::new().await;
     let person = centre.person("ina", Role::Instructor, None).await;
     let (cookies, secret) = (centre.store.cookies(), Secret::random().hash());
-    cookies.create(secret, &person, LASTS, SignInOrigin::default()).await.unwrap();
+    cookies
+        .create(secret, (&person, &centre.password_of(&person).await), LASTS, SignInOrigin::default())
+        .await
+        .unwrap();
     for _ in 0..24 {
         assert_eq!(cookies.person_of(secret, LASTS).await.unwrap().map(|holder| holder.person).as_ref(), Some(&person));
         centre.clock.advance(Duration::from_secs(29 * 60));
@@ -28,7 +31,7 @@ async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_pas
     assert_eq!(cookies.forget_expired().await.unwrap(), 1);
 
     let idle = Secret::random().hash();
-    cookies.create(idle, &person, LASTS, SignInOrigin::default()).await.unwrap();
+    cookies.create(idle, (&person, &centre.password_of(&person).await), LASTS, SignInOrigin::default()).await.unwrap();
     centre.clock.advance(Duration::from_secs(30 * 60));
     assert_eq!(cookies.person_of(idle, LASTS).await.unwrap(), None);
 }
@@ -38,13 +41,37 @@ async fn a_new_password_signs_all_browsers_out() {
     let centre = TestCentre::new().await;
     let person = centre.person("ina", Role::Instructor, None).await;
     let secret = Secret::random().hash();
-    centre.store.cookies().create(secret, &person, LASTS, SignInOrigin::default()).await.unwrap();
+    centre
+        .store
+        .cookies()
+        .create(secret, (&person, &centre.password_of(&person).await), LASTS, SignInOrigin::default())
+        .await
+        .unwrap();
     let password = Password::new("another horse").unwrap();
     let new = (password.hash(), PasswordState::Own);
-    centre.store.people().set_password(&person.scope(), person.id, new, false).await.unwrap();
+    centre.store.people().set_password(&person.scope(), person.id, new, None, false).await.unwrap();
     assert_eq!(centre.store.cookies().person_of(secret, LASTS).await.unwrap(), None);
     let (_, hash) = centre.store.people().by_login(&"ina".parse().unwrap()).await.unwrap().unwrap();
     assert!(hash.matches(&password));
+}
+
+#[tokio::test]
+async fn a_password_that_was_replaced_after_it_was_verified_opens_nothing_and_replaces_nothing() {
+    let centre = TestCentre::new().await;
+    let (people, service) = (centre.store.people(), Scope::service());
+    let ina = centre.person("ina", Role::Instructor, None).await;
+    let verified = centre.password_of(&ina).await;
+    let new = || (Password::random().hash(), PasswordState::ChangeRequired);
+    people.set_password(&service, ina.id, new(), None, false).await.unwrap();
+    let present = centre.password_of(&ina).await;
+    let secret = Secret::random().hash();
+    let late = centre.store.cookies().create(secret, (&ina, &verified), LASTS, SignInOrigin::default()).await;
+    assert!(matches!(late, Err(StoreError::NotFound { .. })), "{late:?}");
+    assert_eq!(centre.store.cookies().person_of(secret, LASTS).await.unwrap(), None);
+    let late = people.set_password(&ina.scope(), ina.id, new(), Some(verified), false).await;
+    assert!(matches!(late, Err(StoreError::NotFound { .. })), "{late:?}");
+    assert_eq!(centre.password_of(&ina).await, present);
+    people.set_password(&ina.scope(), ina.id, new(), Some(present), false).await.unwrap();
 }
 
 #[tokio::test]
@@ -55,8 +82,18 @@ async fn another_role_signs_all_browsers_out_and_another_name_none() {
     let (ada, ina) =
         (centre.person("ada", Role::Administrator, None).await, centre.person("ina", Role::Instructor, None).await);
     let (of_ada, of_ina) = (Secret::random().hash(), Secret::random().hash());
-    centre.store.cookies().create(of_ada, &ada, LASTS, SignInOrigin::default()).await.unwrap();
-    centre.store.cookies().create(of_ina, &ina, LASTS, SignInOrigin::default()).await.unwrap();
+    centre
+        .store
+        .cookies()
+        .create(of_ada, (&ada, &centre.password_of(&ada).await), LASTS, SignInOrigin::default())
+        .await
+        .unwrap();
+    centre
+        .store
+        .cookies()
+        .create(of_ina, (&ina, &centre.password_of(&ina).await), LASTS, SignInOrigin::default())
+        .await
+        .unwrap();
     let counts = async |secret| centre.store.cookies().is_valid(secret, LASTS).await.unwrap();
     let same = PersonChange { name: Some("Ada".parse().unwrap()), role: Some(Role::Administrator), login: None };
     people.change(&service, ada.id, same).await.unwrap();
@@ -129,7 +166,7 @@ async fn the_newest_hundred_places_of_an_account_are_remembered_for_180_days() {
     let centre = TestCentre::new().await;
     let (ada, bob) =
         (centre.person("ada", Role::Instructor, None).await, centre.person("bob", Role::Instructor, None).await);
-    let place = |n: u8| SecretHash([n; 32]);
+    let (place, password) = (|n: u8| SecretHash([n; 32]), centre.password_of(&ada).await);
     for n in 0..120 {
         centre.clock.advance(Duration::from_secs(1));
         centre
@@ -137,7 +174,7 @@ async fn the_newest_hundred_places_of_an_account_are_remembered_for_180_days() {
             .cookies()
             .create(
                 Secret::random().hash(),
-                &ada,
+                (&ada, &password),
                 LASTS,
                 SignInOrigin { places: vec![place(n)], ..SignInOrigin::default() },
             )
@@ -188,12 +225,17 @@ async fn a_sign_in_is_held_as_the_state_of_the_password_demands() {
         (PasswordState::ChangeInBrowser, true, false),
         (PasswordState::ChangeRequired, true, true),
     ] {
-        people.set_password(&Scope::service(), ina.id, (Password::random().hash(), state), false).await.unwrap();
+        people.set_password(&Scope::service(), ina.id, (Password::random().hash(), state), None, false).await.unwrap();
         let ina = people.get(&Scope::service(), ina.id).await.unwrap();
         assert_eq!(ina.password_state, state);
         for (is_page, expected) in [(true, from_page), (false, from_program)] {
             let (secret, origin) = (Secret::random().hash(), SignInOrigin { is_page, ..SignInOrigin::default() });
-            centre.store.cookies().create(secret, &ina, LASTS, origin).await.unwrap();
+            centre
+                .store
+                .cookies()
+                .create(secret, (&ina, &centre.password_of(&ina).await), LASTS, origin)
+                .await
+                .unwrap();
             let holder = centre.store.cookies().person_of(secret, LASTS).await.unwrap().unwrap();
             assert_eq!(holder.must_change_password, expected, "{state}, a page: {is_page}");
         }

@@ -6,8 +6,6 @@ use serde::Deserialize;
 
 use super::update_copy::has_update_copy;
 use super::{Attempts, UpkeepError, UpkeepResult};
-use crate::domain::scope::Scope;
-use crate::domain::text::Key;
 use crate::store::{Store, StoreError};
 use crate::vault::Vault;
 
@@ -80,8 +78,8 @@ pub async fn apply_retention(
 async fn erase_due(store: &Store) -> UpkeepResult<()> {
     let mut attempts = Attempts::default();
     for trainee in store.pending_erasures().due().await? {
-        let erased = match store.trainees().erase(&Scope::service(), &Key::from(&trainee)).await {
-            Err(StoreError::NotFound { .. }) => Ok(()), // erased meanwhile
+        let erased = match store.pending_erasures().erase_due(trainee).await {
+            Err(StoreError::NotFound { .. }) => Ok(()), // erased or taken back meanwhile
             erased => erased.map_err(UpkeepError::from),
         };
         attempts.note(erased);

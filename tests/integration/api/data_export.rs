@@ -8,7 +8,11 @@ use reqwest::{StatusCode, header};
 use serde_json::{Value, json};
 
 use super::centre::{Centre, recording, session};
-use crate::support::{Client, problem};
+use super::ratings::goals;
+use crate::planted::{NEW_YEAR_MS, Planter};
+use crate::support::{Client, poll, problem};
+
+const OF_ADA: &str = "/api/v1/trainees/ada/data.zip";
 
 /// The files of an export.
 async fn export(client: &Client, path: &str) -> BTreeMap<String, Vec<u8>> {
@@ -74,14 +78,102 @@ async fn each_role_exports_what_it_sees() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn an_instructors_export_names_neither_the_account_nor_groups_of_others() {
+    let centre = Centre::open().await;
+    let groups = centre.administrator.read("/api/v1/groups").await;
+    let two = groups["items"].as_array().unwrap().iter().find(|group| group["name"] == "Two").unwrap();
+    let ada = centre.administrator.read("/api/v1/trainees/ada").await["id"].clone();
+    let path = format!("/api/v1/groups/{}/members", two["id"].as_str().unwrap());
+    let put = centre.administrator.put(&path, json!({"instructors": [], "trainees": [ada]})).await;
+    assert!(put.status().is_success(), "{}", put.text().await.unwrap());
+    let files = export(&centre.instructor, OF_ADA).await;
+    let profile = json_of(&files, "profile.json");
+    assert_eq!(
+        (&profile["account"], &profile["sign_ins"], &profile["groups"]),
+        (&Value::Null, &json!([]), &json!(["One"]))
+    );
+    assert!(!files.contains_key("audit.json"));
+    for client in [&centre.trainee, &centre.administrator] {
+        let files = export(client, OF_ADA).await;
+        let profile = json_of(&files, "profile.json");
+        assert_eq!((&profile["account"]["login"], &profile["groups"]), (&json!("ada"), &json!(["One", "Two"])));
+        assert!(files.contains_key("audit.json"));
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_administrators_export_keeps_their_rating_blind_and_a_trainees_has_all() {
+    let centre = Centre::open().await;
+    let id = session(&centre.trainee, "ada", recording(100, 1)).await["id"].clone();
+    let path = format!("/api/v1/sessions/{}/ratings", id.as_str().unwrap());
+    centre.instructor.make(&path, goals(4)).await;
+    let ratings = async |client: &Client, address: &str| {
+        json_of(&export(client, address).await, "ratings.json")["items"].as_array().unwrap().len()
+    };
+    assert_eq!(ratings(&centre.administrator, OF_ADA).await, 0);
+    assert_eq!(ratings(&centre.administrator, "/api/v1/data.zip").await, 0);
+    assert_eq!(ratings(&centre.trainee, OF_ADA).await, 1);
+    assert_eq!(centre.administrator.make(&path, goals(2)).await["blind"], json!(true));
+    assert_eq!(ratings(&centre.administrator, OF_ADA).await, 2);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_that_does_not_read_keeps_no_other_from_exporting() {
+    let centre = Centre::open().await;
+    let with_videos = format!("{OF_ADA}?videos=true");
+    session(&centre.trainee, "ada", recording(16 << 20, 1)).await; // more than the buffers of a connection
+    let unread = centre.trainee.get(&with_videos).await;
+    assert_eq!(unread.status(), StatusCode::OK);
+    for _ in 0..3 {
+        let refused = centre.trainee.get(OF_ADA).await;
+        assert!(refused.headers().contains_key(header::RETRY_AFTER));
+        problem(refused, 503, "busy").await;
+    }
+    export(&centre.other_trainee, "/api/v1/trainees/bob/data.zip").await;
+    export(&centre.instructor, OF_ADA).await;
+    let audit = centre.administrator.read("/api/v1/audit-entries").await;
+    let exports = audit["items"].as_array().unwrap().iter().filter(|entry| entry["action"] == "export").count();
+    assert_eq!(exports, 3, "the refused ones are not in the audit trail");
+    drop(unread);
+    poll("an export after the first is gone", async || {
+        (centre.trainee.get(OF_ADA).await.status() == StatusCode::OK).then_some(())
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn stored_files_that_cannot_be_read_withhold_no_others() {
+    let centre = Centre::open().await;
+    let planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
+    planter.session(planter.trainee("ada").await, NEW_YEAR_MS, vec![]).await; // its video and path are not stored
+    session(&centre.trainee, "ada", recording(100, 1)).await;
+    let files = export(&centre.trainee, &format!("{OF_ADA}?videos=true")).await;
+    let count = |file: &str| files.keys().filter(|name| name.ends_with(file)).count();
+    assert_eq!((count("/session.json"), count("/ratings.json")), (2, 2));
+    assert_eq!((count("/path.error.txt"), count("/path.csv"), count("/video.mp4")), (1, 0, 1));
+    assert!(files.contains_key("audit.json"), "what follows is there, too");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn an_administrator_exports_the_centre_and_the_audit_trail_says_so() {
     let centre = Centre::open().await;
     session(&centre.trainee, "ada", recording(100, 1)).await;
+    let ada = centre.administrator.read("/api/v1/trainees/ada").await["id"].clone();
+    centre.administrator.make("/api/v1/cohorts", json!({"name": "Experts", "members": [ada]})).await;
+    let plan = json!({"name": "Basics", "steps": [{"task": "peg", "sessions": 1}]});
+    centre.administrator.make("/api/v1/courses", plan).await;
     let files = export(&centre.administrator, "/api/v1/data.zip").await;
+    assert!(!files.contains_key("trainees/ada/audit.json"), "audit.json has all");
+    for file in files.keys().filter(|name| !name.contains('/')) {
+        let readme = String::from_utf8(files["README.txt"].clone()).unwrap();
+        assert!(file == "README.txt" || readme.contains(file), "{file} is not in {readme}");
+    }
     for (file, texts) in [
         ("accounts.json", ["ada", "omar"]),
         ("groups.json", ["One", "Two"]),
         ("tasks.json", ["Peg transfer", "standards"]),
+        ("courses.json", ["Basics", "Peg transfer"]),
+        ("cohorts.json", ["Experts", ada.as_str().unwrap()]),
         ("boxes.json", ["Box 1", "calibration"]),
         ("audit.json", ["create", "session"]),
         ("trainees/ada/profile.json", ["ada", "account"]),

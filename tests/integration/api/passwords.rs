@@ -118,6 +118,9 @@ async fn the_first_password_binds_the_pages_and_no_program() {
     let service = Service::start().await;
     let program = service.administrator().await;
     assert_eq!(program.read("/api/v1/people").await["items"][0]["password"], "change_in_browser");
+    let same = json!({"old": ADMINISTRATOR.1, "new": ADMINISTRATOR.1});
+    let same = problem(program.post("/api/v1/me/password", same).await, 422, "invalid").await;
+    assert_eq!(same["errors"][0]["field"], "new", "a program's change would free the pages");
     let held = page(&service).signed_in(ADMINISTRATOR.0, ADMINISTRATOR.1).await;
     assert_held(&held).await;
     let change = json!({"old": ADMINISTRATOR.1, "new": OWN});
