@@ -197,6 +197,47 @@ async fn silent_clients_are_disconnected() {
     }
 }
 
+/// A frame of HTTP/2.
+fn frame(kind: u8, flags: u8, stream: u8, payload: &[u8]) -> Vec<u8> {
+    let length = u32::try_from(payload.len()).unwrap().to_be_bytes();
+    [&length[1..], &[kind, flags, 0, 0, 0, stream], payload].concat()
+}
+
+/// Reads frames of HTTP/2 until one of this kind.
+async fn read_frame(wire: &mut TlsStream<TcpStream>, kind: u8) {
+    let mut head = [0; 9];
+    while head[3] != kind {
+        wire.read_exact(&mut head).await.unwrap();
+        let length = u32::from_be_bytes([0, head[0], head[1], head[2]]);
+        wire.read_exact(&mut vec![0; length as usize]).await.unwrap();
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_request_that_crosses_the_end_of_an_idle_connection_is_answered() {
+    const DATA: u8 = 0;
+    const HEADERS: u8 = 1;
+    const SETTINGS: u8 = 4;
+    const GOAWAY: u8 = 7;
+    let short = |settings: &mut Settings| settings.http.head_timeout_s = SHORT.as_secs_f64();
+    let Some(secure) = SecureService::start(Arc::new(SystemClock), short).await else { return };
+    let mut wire = secure.connect("current", HTTP2).await.unwrap();
+    let begin = [b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n".as_slice(), &frame(SETTINGS, 0, 0, &[])].concat();
+    wire.write_all(&begin).await.unwrap();
+    soon("the end of an idle connection", read_frame(&mut wire, GOAWAY)).await;
+    let (post, https) = (0x83, 0x87); // the table of RFC 7541, appendix A
+    let mut head = vec![post, https];
+    let (path, authority, content_type): (&[u8], &[u8], &[u8]) = (&[0x04], &[0x01], &[0x0f, 0x10]);
+    let host = secure.host();
+    for (name, value) in [(path, "/api/v1/sign-in"), (authority, host.as_str()), (content_type, "application/json")] {
+        head.extend([name, &[value.len() as u8], value.as_bytes()].concat());
+    }
+    wire.write_all(&frame(HEADERS, 0x4, 1, &head)).await.unwrap(); // the end of the head
+    let_time_pass(2 * SHORT).await;
+    wire.write_all(&frame(DATA, 0x1, 1, b"{}")).await.unwrap(); // the end of the body
+    soon("the answer", read_frame(&mut wire, HEADERS)).await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn an_answer_that_nothing_reads_is_reset_and_other_requests_go_on() {
     let short = |settings: &mut Settings| settings.http.write_timeout_s = SHORT.as_secs_f64();
