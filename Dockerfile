@@ -26,6 +26,6 @@ COPY --from=build /source/target/release/trocar /usr/local/bin/trocar
 USER trocar
 VOLUME /data
 EXPOSE 8080
-HEALTHCHECK --interval=30s --timeout=5s --start-period=10s CMD curl -fsS http://127.0.0.1:8080/readyz || exit 1
+HEALTHCHECK --interval=30s --timeout=5s --start-period=10s CMD curl -fsSkL http://127.0.0.1:8080/readyz || exit 1
 ENTRYPOINT ["/usr/local/bin/trocar"]
 CMD ["serve", "--data", "/data", "--listen", "0.0.0.0:8080", "--hide-password"]
