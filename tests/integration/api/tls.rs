@@ -1,6 +1,7 @@
 //! HTTPS of the service itself: HTTP/2, WebSockets, limits on time, a new certificate, redirects.
 
 use std::io;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
@@ -23,6 +24,7 @@ use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use trocar::settings::Settings;
 use trocar::time::{ManualClock, SharedClock, SystemClock};
 
+use crate::process::Process;
 use crate::support::{ADMINISTRATOR, Client, Service, let_time_pass, poll, soon, with_advancing_clock};
 
 /// Timeouts of a service whose test waits for them.
@@ -44,8 +46,7 @@ struct SecureService {
 impl SecureService {
     /// `None` without the program that makes certificates; the test is then reported as skipped.
     async fn start(clock: SharedClock, change: impl FnOnce(&mut Settings)) -> Option<Self> {
-        if Command::new("openssl").arg("version").output().is_err() {
-            crate::resources::skip("openssl; `make test` installs it");
+        if !has_openssl() {
             return None;
         }
         let files = tempfile::tempdir().unwrap();
@@ -66,26 +67,11 @@ impl SecureService {
 
     /// Connects, and trusts only the certificate of this name.
     async fn connect(&self, trusted: &str, protocol: &[u8]) -> io::Result<TlsStream<TcpStream>> {
-        let certificate = CertificateDer::from_pem_file(pair(self.files.path(), trusted).0).unwrap();
-        let mut roots = rustls::RootCertStore::empty();
-        roots.add(certificate).unwrap();
-        let provider = Arc::new(rustls::crypto::ring::default_provider());
-        let client =
-            rustls::ClientConfig::builder_with_provider(provider).with_safe_default_protocol_versions().unwrap();
-        let mut client = client.with_root_certificates(roots).with_no_client_auth();
-        client.alpn_protocols = vec![protocol.to_vec()];
-        let wire = TcpStream::connect(self.service.address()).await?;
-        TlsConnector::from(Arc::new(client)).connect(ServerName::try_from("localhost").unwrap(), wire).await
+        connect(self.service.address(), &pair(self.files.path(), trusted).0, protocol).await
     }
 
     async fn http2(&self, window: u32) -> http2::SendRequest<Full<Bytes>> {
-        let stream = self.connect("current", HTTP2).await.unwrap();
-        assert_eq!(stream.get_ref().1.alpn_protocol(), Some(HTTP2));
-        let mut builder = http2::Builder::new(TokioExecutor::new());
-        builder.initial_stream_window_size(window);
-        let (sender, connection) = builder.handshake(TokioIo::new(stream)).await.unwrap();
-        tokio::spawn(connection);
-        sender
+        begin_http2(self.connect("current", HTTP2).await.unwrap(), window).await
     }
 
     fn request(&self, method: Method, path: &str, cookie: Option<&str>, body: Option<Value>) -> Request {
@@ -103,6 +89,37 @@ impl SecureService {
         request.headers_mut().insert(header::ORIGIN, origin.parse().unwrap());
         request
     }
+}
+
+/// Whether certificates can be made. Otherwise the test is reported as skipped.
+fn has_openssl() -> bool {
+    let is_there = Command::new("openssl").arg("version").output().is_ok();
+    if !is_there {
+        crate::resources::skip("openssl; `make test` installs it");
+    }
+    is_there
+}
+
+/// Connects, and trusts only this certificate.
+async fn connect(address: SocketAddr, trusted: &Path, protocol: &[u8]) -> io::Result<TlsStream<TcpStream>> {
+    let mut roots = rustls::RootCertStore::empty();
+    roots.add(CertificateDer::from_pem_file(trusted).unwrap()).unwrap();
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let client = rustls::ClientConfig::builder_with_provider(provider).with_safe_default_protocol_versions().unwrap();
+    let mut client = client.with_root_certificates(roots).with_no_client_auth();
+    client.alpn_protocols = vec![protocol.to_vec()];
+    let wire = TcpStream::connect(address).await?;
+    TlsConnector::from(Arc::new(client)).connect(ServerName::try_from("localhost").unwrap(), wire).await
+}
+
+/// Begins HTTP/2. The service may send `window` bytes of each answer before the client has read some of it.
+async fn begin_http2(stream: TlsStream<TcpStream>, window: u32) -> http2::SendRequest<Full<Bytes>> {
+    assert_eq!(stream.get_ref().1.alpn_protocol(), Some(HTTP2));
+    let mut builder = http2::Builder::new(TokioExecutor::new());
+    builder.initial_stream_window_size(window);
+    let (sender, connection) = builder.handshake(TokioIo::new(stream)).await.unwrap();
+    tokio::spawn(connection);
+    sender
 }
 
 fn pair(folder: &Path, name: &str) -> (PathBuf, PathBuf) {
@@ -289,4 +306,45 @@ async fn plain_http_is_redirected() {
         assert_eq!(answer.headers()[header::LOCATION], expected.as_str());
         assert!(!answer.headers().contains_key(header::STRICT_TRANSPORT_SECURITY));
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn strangers_who_read_no_answer_take_little_memory() {
+    const CONNECTIONS: usize = 20;
+    const STREAMS: usize = 32;
+    const MAX_GROWTH_KIB: u64 = 64 << 10; // with a compressor for each answer it would be 190 MiB
+    if !has_openssl() {
+        return;
+    }
+    let files = tempfile::tempdir().unwrap();
+    make_certificate(files.path(), "current");
+    let (certificate, key) = pair(files.path(), "current");
+    let service = Process::launch(&files.path().join("data"), |command| {
+        command.env("TROCAR_TLS__CERTIFICATE", &certificate).env("TROCAR_TLS__KEY", &key);
+    });
+    let (_, port) = service.address.rsplit_once(':').unwrap();
+    let address = SocketAddr::from(([127, 0, 0, 1], port.parse().unwrap()));
+    let resident_kib = || service.status("VmRSS").parse::<u64>().unwrap();
+    let (mut senders, mut unread, mut before) = (Vec::new(), Vec::new(), 0);
+    for connection in 0..=CONNECTIONS {
+        let mut sender = begin_http2(connect(address, &certificate, HTTP2).await.unwrap(), 0).await;
+        for stream in 0..STREAMS {
+            let path = ["api/v1/openapi.json", "app.js", "docs/swagger-ui.css"][stream % 3];
+            let request = hyper::Request::get(format!("https://localhost:{port}/{path}"));
+            let request = request.header(header::ACCEPT_ENCODING, "gzip").body(Full::default()).unwrap();
+            sender.ready().await.unwrap();
+            let answer = soon("the head of an answer", sender.send_request(request)).await.unwrap();
+            assert_eq!(
+                (answer.status(), answer.headers()[header::CONTENT_ENCODING].as_bytes()),
+                (StatusCode::OK, &b"gzip"[..])
+            );
+            unread.push(answer);
+        }
+        senders.push(sender);
+        if connection == 0 {
+            before = resident_kib();
+        }
+    }
+    let grown = resident_kib().saturating_sub(before);
+    assert!(grown <= MAX_GROWTH_KIB, "{} unread answers took {grown} KiB", unread.len());
 }
