@@ -26,7 +26,7 @@ COPY --from=build /source/target/release/trocar /usr/local/bin/trocar
 USER trocar
 VOLUME /data
 EXPOSE 8080
-HEALTHCHECK --interval=30s --timeout=5s --start-period=10s CMD curl -fsS http://127.0.0.1:8080/readyz || exit 1
+HEALTHCHECK --interval=30s --timeout=5s --start-period=10s CMD curl -fsSkL http://127.0.0.1:8080/readyz || exit 1
 # The log of the container keeps what is printed, so the password is only in its file, whatever the command is.
 ENV TROCAR_HIDE_PASSWORD=true
 ENTRYPOINT ["/usr/local/bin/trocar"]

@@ -20,6 +20,10 @@ const SYNC_INTERVAL: Duration = Duration::from_millis(400);
 /// deliver what it had buffered faster than time passes.
 const MIN_GAP_S: f64 = 0.5;
 
+/// How long after the planned end the last frames may arrive, over a network for example. A source that delivers nothing
+/// until then is away.
+const END_PATIENCE: Duration = Duration::from_secs(1);
+
 /// How a recording is made.
 #[derive(Clone, Copy, Debug)]
 pub struct RecordingRules {
@@ -40,7 +44,8 @@ pub struct EndedRecording {
     pub source_lost: Option<String>,
 }
 
-/// Appends frames to the live recording until the source ends or is lost, the time is over or `ending` begins.
+/// Appends frames to the live recording until the source ends or is lost, the time is over (even while the source
+/// is away) or `ending` begins.
 pub async fn record(
     agent: &Agent,
     mut source: RecordedSource,
@@ -48,16 +53,23 @@ pub async fn record(
     ending: &Shutdown,
 ) -> EndedRecording {
     let seconds = rules.seconds.unwrap_or(MAX_DURATION_S).min(MAX_DURATION_S);
+    let planned = Duration::try_from_secs_f64(seconds).unwrap_or_default();
     let mut timeline = Timeline::new(rules.time_base);
     let (mut number, mut source_lost) = (0, None);
     let mut sync = interval(SYNC_INTERVAL);
     let mut syncing = BackgroundSync::default();
     loop {
+        // A file that is read slowly has its planned end by its own times.
+        let ends_by_clock = timeline.has_begun && !source.info().has_end;
         let event = tokio::select! {
             biased;
             () = ending.begun() => break,
             _ = sync.tick() => { syncing.begin(agent); continue; }
             event = source.next() => event,
+            () = sleep_until(timeline.began + planned + END_PATIENCE), if ends_by_clock => {
+                tracing::warn!(seconds, number, "the recording has reached its length while the source was away");
+                break;
+            }
         };
         let frame = match event {
             SourceEvent::Frame(frame) => timeline.place(frame),

@@ -18,7 +18,7 @@ use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::server::TlsStream;
 use tower::ServiceExt;
@@ -165,11 +165,18 @@ async fn run_http2<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
         () = stop.begun() => false,
     };
     connection.as_mut().graceful_shutdown(); // finish the open requests, accept no further ones
-    if is_idle {
-        let ended = timeout(limits.head_timeout, connection).await;
-        return Ok(ended.map_err(|_| timed_out("the end of the connection"))??);
+    if !is_idle {
+        return Ok(connection.await?);
     }
-    Ok(connection.await?)
+    // A client may have sent requests before it learnt of the end. They are answered.
+    let idle_again = async {
+        sleep(limits.head_timeout).await;
+        streams.idle_for(Duration::ZERO).await;
+    };
+    tokio::select! {
+        ended = connection => Ok(ended?),
+        () = idle_again => Err(timed_out("the end of the connection").into()),
+    }
 }
 
 fn timed_out(what: &str) -> io::Error {

@@ -5,12 +5,14 @@
 //! them and requests none again until the program changes. Modules import each other by relative paths, which stay
 //! below that prefix.
 //!
+//! Each file is compressed once ([`FixedText`]), at its first request.
+//!
 //! Debug builds read the files from the source tree at each request, so that a page's author sees a change at once.
 
 use std::borrow::Cow;
-use std::sync::LazyLock;
+use std::collections::HashMap;
+use std::sync::{LazyLock, Mutex, PoisonError};
 
-use axum::body::Body;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
@@ -20,6 +22,7 @@ use rust_embed::RustEmbed;
 use sha2::{Digest, Sha256};
 
 use super::base_path::BasePath;
+use super::compress::FixedText;
 use super::error::{ProblemResponse, Refusal};
 use super::state::App;
 
@@ -81,7 +84,7 @@ fn is_view(path: &str) -> bool {
 /// A file of the dashboard with its headers.
 struct StaticFile {
     bytes: Cow<'static, [u8]>,
-    hash: [u8; 32],
+    hash: ContentHash,
     media_type: HeaderValue,
 }
 
@@ -100,16 +103,22 @@ impl StaticFile {
         Some(Self { hash: Sha256::digest(&page).into(), bytes: page.into_bytes().into(), media_type })
     }
 
+    /// The content, compressed at the first call.
+    fn text(self) -> FixedText {
+        static COMPRESSED: LazyLock<Mutex<TextsOfFiles>> = LazyLock::new(Mutex::default);
+        let known = || COMPRESSED.lock().unwrap_or_else(PoisonError::into_inner);
+        let key = (self.hash, self.media_type.as_bytes().to_owned());
+        if let Some(text) = known().get(&key).cloned() {
+            return text;
+        }
+        let text = FixedText::new(self.media_type, self.bytes);
+        known().entry(key).or_insert(text).clone()
+    }
+
     fn answer(self, headers: &HeaderMap, lifetime: &'static str) -> Response {
         let etag = format!("W/\"{}\"", short_hash(&self.hash));
         let known = headers.get(header::IF_NONE_MATCH).and_then(|v| v.to_str().ok()).is_some_and(|v| v.contains(&etag));
-        let mut response = if known {
-            StatusCode::NOT_MODIFIED.into_response()
-        } else {
-            let mut response = Body::from(self.bytes).into_response();
-            response.headers_mut().insert(header::CONTENT_TYPE, self.media_type);
-            response
-        };
+        let mut response = if known { StatusCode::NOT_MODIFIED.into_response() } else { self.text().answer(headers) };
         response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static(lifetime));
         if let Ok(etag) = HeaderValue::try_from(etag) {
             response.headers_mut().insert(header::ETAG, etag);
@@ -117,6 +126,12 @@ impl StaticFile {
         response
     }
 }
+
+/// Compressed files, by content and media type.
+type TextsOfFiles = HashMap<(ContentHash, Vec<u8>), FixedText>;
+
+/// Hash of a file's content.
+type ContentHash = [u8; 32];
 
 /// Hash of all files together: changes with any of them.
 fn version() -> Cow<'static, str> {

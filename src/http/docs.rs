@@ -1,14 +1,16 @@
 //! `/docs`: the API documentation (Swagger UI), served from files inside the program; needs no internet.
 
-use std::sync::Arc;
+use std::collections::HashMap;
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, State};
-use axum::http::{HeaderName, HeaderValue, header};
-use axum::response::{IntoResponse, Redirect, Response};
+use axum::http::{HeaderMap, HeaderValue, header};
+use axum::response::{Redirect, Response};
 use utoipa_swagger_ui::{Config, SwaggerFile};
 
 use super::base_path::BasePath;
+use super::compress::FixedText;
 use super::error::{HandlerResult, ProblemResponse};
 use super::state::App;
 
@@ -21,31 +23,43 @@ pub async fn entry() -> Redirect {
 }
 
 /// The first page.
-pub async fn index(State(app): State<App>) -> HandlerResult<Response> {
-    file("index.html", &app.settings.base_path)
+pub async fn index(State(app): State<App>, headers: HeaderMap) -> HandlerResult<Response> {
+    file("index.html", &app.settings.base_path, &headers)
 }
 
 /// One of the viewer's files.
-pub async fn asset(State(app): State<App>, path: Result<Path<String>, PathRejection>) -> HandlerResult<Response> {
+pub async fn asset(
+    State(app): State<App>,
+    headers: HeaderMap,
+    path: Result<Path<String>, PathRejection>,
+) -> HandlerResult<Response> {
     let Path(path) = path.map_err(|_| ProblemResponse::not_found())?;
-    file(&path, &app.settings.base_path)
+    file(&path, &app.settings.base_path, &headers)
 }
 
-fn file(path: &str, base: &BasePath) -> HandlerResult<Response> {
+/// Answers with a file, which is compressed at its first request.
+fn file(path: &str, base: &BasePath, headers: &HeaderMap) -> HandlerResult<Response> {
+    static COMPRESSED: LazyLock<Mutex<HashMap<(String, String), FixedText>>> = LazyLock::new(Mutex::default);
+    let known = || COMPRESSED.lock().unwrap_or_else(PoisonError::into_inner);
     let description = format!("{base}{OPENAPI_PATH}");
-    let found = utoipa_swagger_ui::serve(path, Arc::new(Config::from(description)));
-    let file = found.map_err(|cause| ProblemResponse::internal("showing the docs", cause.to_string()))?;
-    file.map(answer).ok_or_else(ProblemResponse::not_found)
+    let key = (path.to_owned(), description);
+    let text = known().get(&key).cloned();
+    let text = match text {
+        Some(text) => text,
+        None => {
+            let found = utoipa_swagger_ui::serve(path, Arc::new(Config::from(key.1.clone())));
+            let found = found.map_err(|cause| ProblemResponse::internal("showing the docs", cause.to_string()))?;
+            let file = found.ok_or_else(ProblemResponse::not_found)?;
+            known().entry(key).or_insert(fixed_text(file)).clone()
+        }
+    };
+    let mut response = text.answer(headers);
+    response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
+    Ok(response)
 }
 
-fn answer(file: SwaggerFile<'static>) -> Response {
-    let header = |name: HeaderName, value: &str| Some((name, HeaderValue::from_str(value).ok()?));
-    let encoding = if file.gzpipped { header(header::CONTENT_ENCODING, "gzip") } else { None };
-    let headers =
-        [header(header::CONTENT_TYPE, &file.content_type), header(header::CACHE_CONTROL, "no-cache"), encoding];
-    let mut response = file.bytes.into_owned().into_response();
-    headers.into_iter().flatten().for_each(|(name, value)| {
-        response.headers_mut().insert(name, value);
-    });
-    response
+fn fixed_text(file: SwaggerFile<'static>) -> FixedText {
+    let media_type = HeaderValue::from_str(&file.content_type);
+    let media_type = media_type.unwrap_or(HeaderValue::from_static("application/octet-stream"));
+    FixedText::new(media_type, file.bytes)
 }

@@ -24,6 +24,7 @@ use super::error::{HandlerResult, Refusal, too_many_feeds};
 use super::read::PathKey;
 use super::state::App;
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
+use crate::domain::feed::early_end::{EarlyEnd, EarlyEndCause};
 use crate::domain::feed::messages::{Hello, SenderMessage, ServerMessage};
 use crate::domain::feed::record::MAX_RECORD_BYTES;
 use crate::domain::scope::Scope;
@@ -209,7 +210,8 @@ async fn receive_recording(
                 }
             }
             ReceivedMessage::Control(SenderMessage::End { frames, source_lost }) => {
-                let answer = feed.end(frames, source_lost).await?;
+                let early = source_lost.map(|why| EarlyEnd::of(EarlyEndCause::SourceLost).with(&why));
+                let answer = feed.end(frames, early).await?;
                 send(socket, &answer).await?;
                 if matches!(answer, ServerMessage::Ended { .. }) {
                     return Ok(());

@@ -1,5 +1,6 @@
 //! Monitoring of the service: liveness, readiness, metrics.
 
+use axum::Extension;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
@@ -7,6 +8,7 @@ use metrics::gauge;
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use super::compress::Uncompressed;
 use super::error::{HandlerResult, busy};
 use super::read::Json;
 use super::state::App;
@@ -46,5 +48,6 @@ pub async fn metrics(State(app): State<App>) -> HandlerResult<impl IntoResponse>
         gauge!("trocar_backup_age_seconds").set((app.clock.now_ms() - newest_ms) as f64 / 1e3);
     }
     gauge!("trocar_event_streams").set(app.watcher_slots.taken() as f64);
-    Ok((StatusCode::OK, [(header::CONTENT_TYPE, "text/plain; version=0.0.4")], app.metrics.render()))
+    let headers = [(header::CONTENT_TYPE, "text/plain; version=0.0.4")];
+    Ok((StatusCode::OK, headers, Extension(Uncompressed), app.metrics.render()))
 }

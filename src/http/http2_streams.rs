@@ -18,8 +18,10 @@ use hyper::rt::Executor;
 use tokio::sync::watch;
 use tokio::time::{Instant, interval, timeout_at};
 
-/// Most streams that a client may have open. Browsers keep further requests waiting.
-pub const MAX_STREAMS: u32 = 64;
+/// Most streams that a client may have open. Browsers keep further requests waiting, and need few for long: one for
+/// events, one for each video. A stream takes about 40 KiB, so a stranger gets about 1 MiB for a connection, and the
+/// connections are limited ([`max_connections`](super::settings::HttpSettings::max_connections)).
+pub const MAX_STREAMS: u32 = 32;
 /// Most bytes of an answer that wait for the client, for each stream. hyper's own limit is 400 kB.
 pub const MAX_UNSENT_BYTES: usize = 64 << 10;
 

@@ -1,8 +1,9 @@
 //! The OpenAPI description: generated from the handlers, and completed with what is common to all of them.
 
+use std::sync::{Arc, LazyLock};
+
 use axum::Extension;
-use axum::body::Bytes;
-use axum::http::header;
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::IntoResponse;
 use utoipa::openapi::path::Operation;
 use utoipa::openapi::security::{ApiKey, ApiKeyValue, Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
@@ -11,6 +12,7 @@ use utoipa::{OpenApi as _, ToSchema};
 
 use super::auth::presented::sign_in_cookie_name;
 use super::base_path::BasePath;
+use super::compress::FixedText;
 use super::error::{PROBLEM_JSON, ProblemDocument, REFUSALS};
 
 /// Title, description, and the schemas that no handler names.
@@ -35,20 +37,25 @@ pub fn base() -> OpenApi {
 
 /// The finished description as JSON.
 #[derive(Clone)]
-pub struct OpenApiDocument(Bytes);
+pub struct OpenApiDocument(Arc<LazyLock<FixedText, Box<dyn FnOnce() -> FixedText + Send>>>);
 
 impl OpenApiDocument {
-    /// Serialises the description once, for all requests.
+    /// Serialises the description once, for all requests, and compresses it at the first one.
     pub fn new(document: &OpenApi) -> Self {
-        Self(document.to_json().unwrap_or_default().into()) // text, numbers and lists always serialise
+        let json = document.to_json().unwrap_or_default().into_bytes(); // text, numbers and lists always serialise
+        let compress = || FixedText::new(HeaderValue::from_static("application/json"), json.into());
+        Self(Arc::new(LazyLock::new(Box::new(compress))))
     }
 }
 
 /// Read this description
 #[utoipa::path(get, path = "/openapi.json", tag = "operation", security(()),
     responses((status = OK, description = "OpenAPI 3.1", content_type = "application/json")))]
-pub async fn document(Extension(OpenApiDocument(bytes)): Extension<OpenApiDocument>) -> impl IntoResponse {
-    ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-cache")], bytes)
+pub async fn document(
+    Extension(OpenApiDocument(text)): Extension<OpenApiDocument>,
+    headers: HeaderMap,
+) -> impl IntoResponse {
+    ([(header::CACHE_CONTROL, "no-cache")], text.answer(&headers))
 }
 
 /// Adds the path that the service lies under, and the ways to sign in and the possible refusals to every operation.

@@ -12,7 +12,7 @@ use super::auth::signed_in::Administrator;
 use super::client_address::ClientAddress;
 use super::error::{HandlerResult, ProblemResponse, Refusal};
 use super::people::PersonResponse;
-use super::read::{Json, PathKey, reference_problem};
+use super::read::{AnonymousJson, Json, PathKey, reference_problem};
 use super::show::{Created, PageResponse, Time};
 use super::state::App;
 use crate::domain::secret::{Password, Secret};
@@ -116,7 +116,7 @@ pub struct OpenedPasswordLink {
 pub async fn open(
     State(app): State<App>,
     address: ClientAddress,
-    Json(PasswordLinkSecret { secret }): Json<PasswordLinkSecret>,
+    AnonymousJson(PasswordLinkSecret { secret }): AnonymousJson<PasswordLinkSecret>,
 ) -> HandlerResult<Json<OpenedPasswordLink>> {
     let (link, person) = valid_link(&app, address, &secret).await?;
     let store::PersonRecord { login, name, .. } = person;
@@ -144,7 +144,7 @@ pub struct PasswordByLink {
 pub async fn use_link(
     State(app): State<App>,
     address: ClientAddress,
-    Json(PasswordByLink { secret, new }): Json<PasswordByLink>,
+    AnonymousJson(PasswordByLink { secret, new }): AnonymousJson<PasswordByLink>,
 ) -> HandlerResult<Json<PersonResponse>> {
     let new = Password::new(new)?;
     valid_link(&app, address, &secret).await?; // before the expensive hash

@@ -23,12 +23,29 @@ impl<T: DeserializeOwned> FromRequest<App> for Json<T> {
     type Rejection = ProblemResponse;
 
     async fn from_request(request: Request, app: &App) -> Result<Self, ProblemResponse> {
-        expect_json(request.headers())?;
-        let limit = app.settings.max_json_bytes;
-        let body = Limited::new(request.into_body(), limit).collect().await;
-        let bytes = body.map_err(|cause| unreadable_body(&*cause, limit as u64))?.to_bytes();
-        parse_json(&bytes).map(Self)
+        read_json(request, app.settings.max_json_bytes).await.map(Self)
     }
+}
+
+/// Largest JSON body of a request without a sign-in, bytes: logins, passwords and secrets, whose longest are 256 bytes.
+const MAX_ANONYMOUS_BYTES: usize = 4096;
+
+/// A JSON body of a request that needs no sign-in. It is short, since a stranger could send many at once.
+pub struct AnonymousJson<T>(pub T);
+
+impl<T: DeserializeOwned> FromRequest<App> for AnonymousJson<T> {
+    type Rejection = ProblemResponse;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, ProblemResponse> {
+        read_json(request, app.settings.max_json_bytes.min(MAX_ANONYMOUS_BYTES)).await.map(Self)
+    }
+}
+
+async fn read_json<T: DeserializeOwned>(request: Request, limit: usize) -> Result<T, ProblemResponse> {
+    expect_json(request.headers())?;
+    let body = Limited::new(request.into_body(), limit).collect().await;
+    let bytes = body.map_err(|cause| unreadable_body(&*cause, limit as u64))?.to_bytes();
+    parse_json(&bytes)
 }
 
 fn parse_json<T: DeserializeOwned>(text: &[u8]) -> Result<T, ProblemResponse> {

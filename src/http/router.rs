@@ -2,7 +2,6 @@
 
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
-use axum::handler::Handler;
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::get;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -11,7 +10,7 @@ use utoipa_axum::routes;
 
 use super::auth::{origin, sign_in};
 use super::base_path::complete_addresses;
-use super::compress::{compress, compress_static_files};
+use super::compress::compress;
 use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{account, attention, service};
@@ -210,7 +209,7 @@ pub fn routes(app: App) -> Router {
         .route("/docs", get(docs::entry))
         .route("/docs/", get(docs::index))
         .route("/docs/{*path}", get(docs::asset))
-        .fallback(dashboard::page.layer(compress_static_files()))
+        .fallback(dashboard::page)
         .method_not_allowed_fallback(error::method_not_allowed)
         .layer(DefaultBodyLimit::disable()) // each extractor of a body enforces its own limit
         .layer(axum::Extension(openapi::OpenApiDocument::new(&document)))

@@ -27,7 +27,7 @@ pub struct HttpSettings {
     pub body_grace_s: f64,
     /// Seconds after which a connection is closed if the client reads no byte of the answer.
     pub write_timeout_s: f64,
-    /// Largest JSON body, bytes.
+    /// Largest JSON body, bytes. Requests without a sign-in have at most 4 KiB.
     pub max_json_bytes: usize,
     /// Largest multipart body (photos, annotations with a clip), bytes.
     pub max_form_bytes: u64,
@@ -42,8 +42,8 @@ pub struct HttpSettings {
     #[serde(alias = "attempts_per_min")]
     pub free_attempts: u32,
     /// Addresses or networks of the proxies in front of the service, such as `127.0.0.1` or `192.0.2.0/28`. Only they
-    /// may state a client's address, so no client may lie in such a network. Without any, all users behind a proxy count
-    /// as one address.
+    /// may state a client's address, so no client may lie in such a network. Without any, all users behind a proxy
+    /// count as one address.
     #[serde(deserialize_with = "networks")]
     pub trusted_proxies: Vec<IpNet>,
     /// The header that these proxies set: `x-forwarded-for` or `forwarded`.
@@ -64,13 +64,12 @@ pub struct HttpSettings {
     /// Seconds that a request waits for others of them to end. Longer waits hold connections; after shorter ones, more
     /// requests are refused.
     pub heavy_answer_wait_s: f64,
-    /// Path that the service lies under, such as `/trocar` behind a proxy for `https://skills.example/trocar/`. The proxy
-    /// passes it on unchanged. By default the service has the host for itself.
+    /// Path that the service lies under, such as `/trocar` behind a proxy for `https://skills.example/trocar/`. The
+    /// proxy passes it on unchanged. By default the service has the host for itself.
     pub base_path: BasePath,
     /// Public address of the service, such as `https://skills.example`, with [`Self::base_path`] if there is one; xAPI
-    /// statements identify accounts and tasks by
-    /// it. By default the address in the request is used: then a person has a separate xAPI account for each address of
-    /// the service.
+    /// statements identify accounts and tasks by it. By default the address in the request is used: then a person has a
+    /// separate xAPI account for each address of the service.
     pub public_url: Option<String>,
     /// Items on a page of a list if the request names no limit.
     pub page_items: u32,

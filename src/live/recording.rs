@@ -12,7 +12,7 @@ use crate::analysis::{AttemptFailure, ChildAttempt, run_attempt};
 use crate::domain::feed::early_end::{EarlyEnd, EarlyEndCause};
 use crate::domain::problem::Problem;
 use crate::domain::session::{LiveFeature, SessionStatus};
-use crate::ids::{FeedId, SessionId};
+use crate::ids::SessionId;
 use crate::sandbox::{Budget, StopSwitch};
 use crate::vault::{PinnedBlob, VaultError};
 
@@ -22,12 +22,22 @@ const MAX_FAILURES: u32 = 3;
 const MAX_TABLE_BYTES: u64 = 64 << 20;
 
 /// Why a recording is to be ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum EndTrigger {
-    /// Its sender, with this epoch, reports that it has this many frames.
-    Requested { epoch: u32, frames: u64 },
-    /// It has no sender, and there was no contact since then (monotonic time). The cause is noted.
+    /// Its sender, with this epoch, reports that it has this many frames, and why it ends early, if it does.
+    Requested { epoch: u32, frames: u64, early: Option<EarlyEnd> },
+    /// It has no sender, and there was no contact since then (monotonic time).
     Abandoned { since_ms: i64, cause: EarlyEndCause },
+}
+
+impl EndTrigger {
+    /// Why the recording ends early; `None` if its sender meant it to end.
+    fn early_end(self) -> Option<EarlyEnd> {
+        match self {
+            Self::Requested { early, .. } => early,
+            Self::Abandoned { cause, .. } => Some(EarlyEnd::of(cause)),
+        }
+    }
 }
 
 /// The result of ending a recording.
@@ -60,7 +70,7 @@ impl FeedService {
             return Err(CloseReason::new(CloseCode::OutOfPlace, why));
         }
         let not_yet = match ending {
-            EndTrigger::Requested { epoch, frames } => check_complete(feed, records, epoch, frames)?,
+            EndTrigger::Requested { epoch, frames, .. } => check_complete(feed, records, epoch, frames)?,
             EndTrigger::Abandoned { since_ms, .. } => {
                 (!feed.is_abandoned(since_ms)).then_some(FinishOutcome::StillSending)
             }
@@ -75,9 +85,6 @@ impl FeedService {
         feed.tracking.bytes_written(records.log.written());
         // Check the disk space before anything ends: no attempt is counted, and it works again once there is space.
         self.0.vault.require_space(records.log.bytes()).await.map_err(reason_of_vault_error)?;
-        if let EndTrigger::Abandoned { cause, .. } = ending {
-            self.note_early_end(feed.row.id, EarlyEnd::of(cause)).await;
-        }
         feed.set_phase(FeedPhase::Finishing);
         let live = feed.tracking.finish().await;
         let finished = self.store_recording(feed, &mut state, live, ending).await;
@@ -96,7 +103,7 @@ impl FeedService {
             Ok(kept) => kept,
             Err(AttemptFailure::Impossible(problem)) if problem.slug == Problem::NO_FRAMES => {
                 tracing::warn!(feed = %feed.row.id, why = problem.detail, "recording discarded: no decodable frame");
-                self.discard(feed, ending).await?;
+                self.discard(feed, &ending).await?;
                 return Err(CloseReason::new(CloseCode::OutOfPlace, problem.detail));
             }
             Err(AttemptFailure::Stopped) => {
@@ -118,7 +125,10 @@ impl FeedService {
                 ));
             }
         };
-        let session = self.0.store.feeds().end(feed.row.id, kept.blob(), live).await.map_err(LiveError::from)?;
+        // Only now: a sender that comes back after an interrupted attempt ends the recording in another way.
+        let early = ending.early_end();
+        let ended = self.0.store.feeds().end(feed.row.id, kept.blob(), live, early).await;
+        let session = ended.map_err(LiveError::from)?;
         drop(kept); // from now on its row protects the file
         *state = FeedState::Ended(session);
         self.close_feed(feed).await;
@@ -168,15 +178,8 @@ impl FeedService {
         }
     }
 
-    /// Notes why a recording ends early. A failure is only logged: the recording counts for more.
-    pub(super) async fn note_early_end(&self, id: FeedId, early: EarlyEnd) {
-        if let Err(error) = self.0.store.feeds().note_early_end(id, early).await {
-            tracing::warn!(%error, feed = %id, "the early end of a recording could not be noted");
-        }
-    }
-
     /// Discards a recording without a decodable frame. A sender that was only disconnected may start it again.
-    async fn discard(&self, feed: &Arc<OpenFeed>, ending: EndTrigger) -> Result<(), CloseReason> {
+    async fn discard(&self, feed: &Arc<OpenFeed>, ending: &EndTrigger) -> Result<(), CloseReason> {
         let _lock = self.0.open.lock_feed(feed.row.id).await;
         feed.set_phase(FeedPhase::Removed);
         let may_come_again = matches!(ending, EndTrigger::Abandoned { .. });

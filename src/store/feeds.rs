@@ -147,8 +147,6 @@ const SELECT_EARLY_END: &str = "
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
     ORDER BY feed.id DESC LIMIT 1";
 
-const UPDATE_EARLY_END: &str = "UPDATE feed SET early_end = $2, early_end_detail = $3 WHERE id = $1";
-
 const UPDATE_ARRIVAL: &str = "UPDATE feed SET arrived_s = $2, stamped_s = $3 WHERE id = $1";
 
 const SELECT_ERASED: &str = "SELECT 1 FROM erased_feed WHERE id = $1";
@@ -156,7 +154,9 @@ const SELECT_ERASED: &str = "SELECT 1 FROM erased_feed WHERE id = $1";
 const UPDATE_EPOCH: &str = "UPDATE feed SET epoch = epoch + 1 WHERE id = $1";
 
 const END_FEED: &str = "
-    UPDATE feed SET ended_at_ms = max($2, created_at_ms), session_id = $3, live_features = $4 WHERE id = $1";
+    UPDATE feed SET ended_at_ms = max($2, created_at_ms), session_id = $3, live_features = $4, early_end = $5,
+                    early_end_detail = $6
+    WHERE id = $1";
 
 const COMPLETE_SESSION: &str = "UPDATE session SET video = $2, created_at_ms = $3 WHERE id = $1";
 
@@ -224,12 +224,13 @@ impl FeedStore<'_> {
 
     /// Stores the complete recording of a feed and queues its tracking, in one transaction. Repeating the call changes
     /// nothing. If the same trainee, task and box already have this recording, the feed is linked to the existing
-    /// session.
+    /// session. `early` is why it ended early; `None` for a normal end.
     pub async fn end(
         &self,
         id: FeedId,
         video: Blob,
         live_features: Option<Vec<LiveFeature>>,
+        early: Option<EarlyEnd>,
     ) -> StoreResult<SessionId> {
         let (now_ms, attempts) = (self.0.now_ms(), self.0.max_attempts());
         self.0
@@ -244,7 +245,8 @@ impl FeedStore<'_> {
                 let same: Option<SessionId> = same.bind(video.hash).fetch_optional(&mut *tx).await?;
                 let session = same.unwrap_or(feed.session_id);
                 let ended = sqlx::query(END_FEED).bind(id).bind(now_ms).bind(session).bind(live_features.map(Json));
-                ended.execute(&mut *tx).await?;
+                let (cause, detail) = early.map_or((None, None), |EarlyEnd { cause, detail }| (Some(cause), detail));
+                ended.bind(cause).bind(detail).execute(&mut *tx).await?;
                 if same.is_some() {
                     sqlx::query(DELETE_SESSION).bind(feed.session_id).execute(&mut *tx).await?;
                     return Ok(session);
@@ -280,16 +282,6 @@ impl FeedStore<'_> {
         let row = sqlx::query_as(SELECT_ARRIVAL);
         let row: Option<(f64, f64)> = row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?;
         Ok(row.map(|(arrived_s, stamped_s)| Arrival { arrived_s, stamped_s }))
-    }
-
-    /// Notes why a recording ends early.
-    pub async fn note_early_end(&self, id: FeedId, EarlyEnd { cause, detail }: EarlyEnd) -> StoreResult<()> {
-        self.0
-            .write(async move |tx| {
-                sqlx::query(UPDATE_EARLY_END).bind(id).bind(cause).bind(detail).execute(tx).await?;
-                Ok(())
-            })
-            .await
     }
 
     /// Why the recording of a session ended early; `None` if it did not, or was not live.

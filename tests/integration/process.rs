@@ -33,13 +33,16 @@ impl Process {
     }
 
     /// The same, started differently.
-    pub fn launch(data: &Path, change: Launch) -> Self {
+    pub fn launch(data: &Path, change: impl FnOnce(&mut Command)) -> Self {
         let is_first = !data.join("trocar.db").exists();
         let mut command = command(data);
         change(&mut command);
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map_while(Result::ok);
-        let address = lines.find_map(|line| Some(line.split_once("http://")?.1.trim_end_matches('/').to_owned()));
+        let address = lines.find_map(|line| {
+            let (_, address) = line.split_once("http://").or_else(|| line.split_once("https://"))?;
+            Some(address.trim_end_matches('/').to_owned())
+        });
         let address = address.expect("the service prints its address");
         let password = is_first.then(|| first_password(data));
         Self { child, address, password, _stdout: Box::new(lines) }

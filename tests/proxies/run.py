@@ -3,7 +3,7 @@
 
 Each proxy runs as an ordinary user on loopback ports of its own. Through it, people sign in, a large recording reaches
 the service while it is sent, events arrive at once, a feed's frames are acknowledged, and failed sign-ins count for the
-client's address. A proxy that is not installed is reported as skipped, and with TROCAR_MUST_NOT_SKIP=1 fails.
+client's address. It runs a second time with the service under a path, as `docs/operations.md` describes it. A proxy that is not installed is reported as skipped, and with TROCAR_MUST_NOT_SKIP=1 fails.
 """
 import argparse
 import base64
@@ -25,7 +25,10 @@ import uuid
 import zlib
 from pathlib import Path
 
-EXAMPLES = Path(__file__).resolve().parent.parent.parent / "docs" / "proxy"
+DOCS = Path(__file__).resolve().parent.parent.parent / "docs"
+EXAMPLES = DOCS / "proxy"
+# The path that the service lies under in the second run.
+BELOW = "/trocar"
 PATIENCE_S = 60
 # Events that a proxy holds back arrive when the stream ends, or not at all.
 AT_ONCE_S = 3
@@ -43,17 +46,18 @@ def main():
             print(f"SKIPPED {name}: it is not installed; `make proxies` installs it", file=sys.stderr, flush=True)
             failed += os.environ.get("TROCAR_MUST_NOT_SKIP") == "1"
             continue
-        with tempfile.TemporaryDirectory() as folder:
-            folder = Path(folder)
-            folder.chmod(0o755)
-            service = Service(options.trocar, folder)
-            try:
-                with proxy(folder, service.port) as front:
-                    for check in CHECKS:
-                        ok = run_check(name, check, front, service, options)
-                        passed, failed = passed + ok, failed + (not ok)
-            finally:
-                service.stop()
+        for path, checks in (("", CHECKS), (BELOW, CHECKS_BELOW)):
+            with tempfile.TemporaryDirectory() as folder:
+                folder = Path(folder)
+                folder.chmod(0o755)
+                service = Service(options.trocar, folder, path)
+                try:
+                    with proxy(folder, service) as front:
+                        for check in checks:
+                            ok = run_check(name + path, check, front, service, options)
+                            passed, failed = passed + ok, failed + (not ok)
+                finally:
+                    service.stop()
     print(f"{passed} passed, {failed} failed")
     sys.exit(1 if failed else 0)
 
@@ -83,8 +87,34 @@ def a_person_signs_in_from_the_page(front, service, _):
     assert status == 403, f"a page of another site: status {status}"
 
 
+def a_sign_in_shows_the_address_of_the_client(front, service, _):
+    status, headers, _ = front.request("POST", "/api/v1/sign-in", service.credentials, source="127.0.0.2")
+    assert status == 200, f"status {status}"
+    cookie = headers["Set-Cookie"].split(";")[0]
+    status, _, shown = front.request("GET", "/api/v1/me/sign-ins", headers={"Cookie": cookie}, source="127.0.0.2")
+    assert status == 200, f"sign-ins: status {status}"
+    addresses = [entry["address"] for entry in json.loads(shown)["items"] if entry["is_current"]]
+    assert addresses == ["127.0.0.2"], addresses
+
+
+def an_upload_continues_at_its_location(front, service, _):
+    recording, tus = os.urandom(1 << 16), {"Tus-Resumable": "1.0.0", **service.authorization}
+    metadata = {"filename": "piece.mp4", "trainee": service.trainee, "task": service.task, "box": service.box}
+    metadata = ",".join(f"{key} {base64.b64encode(value.encode()).decode()}" for key, value in metadata.items())
+    status, headers, _ = front.request("POST", "/api/v1/uploads", headers={
+        "Upload-Length": str(len(recording)), "Upload-Metadata": metadata, **tus})
+    assert status == 201, f"status {status}"
+    location = headers["Location"]
+    assert location.startswith(f"{front.path}/api/v1/uploads/"), location
+    half = {"Upload-Offset": "0", "Content-Type": "application/offset+octet-stream", **tus}
+    status, headers, _ = front.request_at("PATCH", location, recording[:len(recording) // 2], half)
+    assert (status, headers["Upload-Offset"]) == (204, str(len(recording) // 2)), f"status {status}"
+    status, headers, _ = front.request_at("HEAD", location, headers=tus)
+    assert (status, headers["Upload-Offset"]) == (200, str(len(recording) // 2)), f"status {status}"
+
+
 def browsers_get_http2_and_plain_http_a_redirect(front, _service, _):
-    shown = subprocess.run(["curl", "-sk", "--http2", "-o", "/dev/null", "-w", "%{http_version} %{http_code}", f"{front.base}/"],
+    shown = subprocess.run(["curl", "-sk", "--http2", "-o", "/dev/null", "-w", "%{http_version} %{http_code}", f"{front.base}{front.path}/"],
                            capture_output=True, text=True, check=True).stdout
     assert shown == "2 200", shown
     if front.plain_port:
@@ -101,7 +131,7 @@ def a_large_recording_passes_while_it_is_sent(front, service, options):
     pieces = [clip, *[os.urandom(1 << 20)] * (options.mib - 1)]
     pieces.append(bytes(size - sum(map(len, pieces))))
     connection = front.connect()
-    connection.putrequest("POST", f"/api/v1/sessions?{service.subject}&filename=large.mp4")
+    connection.putrequest("POST", f"{front.path}/api/v1/sessions?{service.subject}&filename=large.mp4")
     for header, value in (("Authorization", f"Bearer {service.token}"), ("Content-Type", "video/mp4"), ("Content-Length", str(size))):
         connection.putheader(header, value)
     connection.endheaders()
@@ -124,7 +154,7 @@ def a_large_recording_passes_while_it_is_sent(front, service, options):
 
 def events_arrive_at_once(front, service, _):
     connection = front.connect()
-    connection.request("GET", "/api/v1/events", headers=service.authorization)
+    connection.request("GET", f"{front.path}/api/v1/events", headers=service.authorization)
     stream = connection.getresponse()
     assert stream.status == 200, f"status {stream.status}"
     connection.sock.settimeout(AT_ONCE_S)
@@ -140,7 +170,7 @@ def events_arrive_at_once(front, service, _):
 
 def frames_of_a_feed_are_acknowledged(front, service, _):
     with front.open_socket() as wire:
-        feed = WebSocket(wire, f"localhost:{front.port}", f"/api/v1/boxes/{service.box}/feed", service.token)
+        feed = WebSocket(wire, f"localhost:{front.port}", f"{front.path}/api/v1/boxes/{service.box}/feed", service.token)
         feed.send_text({"type": "hello", "protocol": 1, "recording": str(uuid.uuid4()), "trainee": service.trainee,
                         "task": service.task, "codec": "jpeg", "width": 320, "height": 240, "time_base": [1, 90000],
                         "began_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), "sender": "proxies"})
@@ -162,17 +192,19 @@ def failed_sign_ins_count_for_the_address_of_the_client(front, service, _):
     assert fails_from("127.0.0.3", 99) == 401, "another client does not have to wait"
 
 
-CHECKS = [a_person_signs_in_from_the_page, browsers_get_http2_and_plain_http_a_redirect, events_arrive_at_once,
-          frames_of_a_feed_are_acknowledged, a_large_recording_passes_while_it_is_sent,
+CHECKS_BELOW = [a_person_signs_in_from_the_page, a_sign_in_shows_the_address_of_the_client, an_upload_continues_at_its_location,
+                events_arrive_at_once, frames_of_a_feed_are_acknowledged]
+CHECKS = [*CHECKS_BELOW, browsers_get_http2_and_plain_http_a_redirect, a_large_recording_passes_while_it_is_sent,
           failed_sign_ins_count_for_the_address_of_the_client]
 
 
 # ── the service and the proxies ──────────────────────────────────────────────────────────────────────────────────────
 
 class Service:
-    """The real service on a free port, with a trainee, a task, a box and a token."""
+    """The real service on a free port, under a path, with a trainee, a task, a box and a token."""
 
-    def __init__(self, trocar, folder):
+    def __init__(self, trocar, folder, path):
+        self.path = path
         self.data, self.log = folder / "data", open(folder / "service.log", "w+")
         scene = folder / "scene"
         subprocess.run([trocar, "simulate", "--quiet", "--scene", "pegs", "--seed", "1", "--seconds", "1", "--size", "320x240",
@@ -181,7 +213,8 @@ class Service:
         self.picture = subprocess.run(["ffmpeg", "-v", "error", "-i", self.clip, "-frames:v", "1", "-f", "mjpeg", "-"],
                                       capture_output=True, check=True).stdout
         settings = folder / "trocar.toml"
-        settings.write_text('listen = "127.0.0.1:0"\nworkers = 1\n[http]\ntrusted_proxies = ["127.0.0.1"]\nfree_attempts = 1\n')
+        settings.write_text('listen = "127.0.0.1:0"\nworkers = 1\n[http]\ntrusted_proxies = ["127.0.0.1"]\nfree_attempts = 1\n'
+                            + f'base_path = "{path}"\n')
         self.process = subprocess.Popen([trocar, "serve", "--data", self.data, "--settings", settings],
                                         stdout=subprocess.PIPE, stderr=self.log, text=True)
         self.port = password = None
@@ -201,7 +234,7 @@ class Service:
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE_S)
 
         def post(path, body, headers):
-            connection.request("POST", f"/api/v1{path}", json.dumps(body), {"Content-Type": "application/json", **headers})
+            connection.request("POST", f"{self.path}/api/v1{path}", json.dumps(body), {"Content-Type": "application/json", **headers})
             answer = connection.getresponse()
             text = answer.read()
             assert answer.status in (200, 201), f"{path}: {answer.status} {text}"
@@ -236,7 +269,8 @@ class Proxy:
 
     program = None
 
-    def __init__(self, folder, service_port):
+    def __init__(self, folder, service):
+        self.path = service.path
         self.folder = folder / self.program
         self.folder.mkdir()
         self.port, self.plain_port = free_port(), None
@@ -246,7 +280,7 @@ class Proxy:
                         "-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost", "-keyout", self.key,
                         "-out", self.certificate], check=True, capture_output=True)
         self.tls = ssl.create_default_context(cafile=self.certificate)
-        command = self.configure(service_port)
+        command = self.configure(service.port)
         as_user = {"user": UNPRIVILEGED, "group": UNPRIVILEGED, "extra_groups": []} if os.geteuid() == 0 else {}
         for path in [self.folder, *self.folder.rglob("*")] if as_user else []:
             os.chown(path, UNPRIVILEGED, UNPRIVILEGED)
@@ -286,6 +320,10 @@ class Proxy:
         return connection
 
     def request(self, method, path, body=None, headers=None, origin=False, source=None):
+        """A request at an address of the service, without its path."""
+        return self.request_at(method, self.path + path, body, headers, origin, source)
+
+    def request_at(self, method, path, body=None, headers=None, origin=False, source=None):
         connection = self.connect(source)
         headers = {**({"Origin": self.base} if origin else {}), **(headers or {})}
         if isinstance(body, dict):
@@ -308,6 +346,7 @@ class Nginx(Proxy):
             "/etc/letsencrypt/live/skills.example/fullchain.pem": str(self.certificate),
             "/etc/letsencrypt/live/skills.example/privkey.pem": str(self.key),
             "127.0.0.1:8080": f"127.0.0.1:{service_port}",
+            "location / {": f"location {self.path}/ {{",
         })
         (self.folder / "site.conf").write_text(site)
         temporary = "".join(f"{kind}_temp_path {self.folder}/{kind};\n"
@@ -322,13 +361,19 @@ class Caddy(Proxy):
     program = "caddy"
 
     def configure(self, service_port):
-        site = adapted((EXAMPLES / "Caddyfile").read_text(), {
+        example = documented_caddyfile() if self.path else (EXAMPLES / "Caddyfile").read_text()
+        site = adapted(example, {
             "skills.example {": f"localhost:{self.port} {{\n\tbind 127.0.0.1\n\ttls {self.certificate} {self.key}",
             "127.0.0.1:8080": f"127.0.0.1:{service_port}",
         })
         path = self.folder / "Caddyfile"
         path.write_text("{\n\tadmin off\n\tauto_https disable_redirects\n}\n" + site)
         return [find("caddy"), "run", "--config", path, "--adapter", "caddyfile"]
+
+
+def documented_caddyfile():
+    """The example of `docs/operations.md` for a path of a host."""
+    return re.search(r"With Caddy:\n\n```\n(.*?)```", (DOCS / "operations.md").read_text(), re.DOTALL).group(1)
 
 
 def adapted(text, changes):

@@ -19,7 +19,7 @@ use crate::domain::text::Login;
 use crate::http::client_address::ClientAddress;
 use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::people::PersonResponse;
-use crate::http::read::Json;
+use crate::http::read::{AnonymousJson, Json};
 use crate::http::state::App;
 use crate::ids::PersonId;
 use crate::store::{self, StoreError};
@@ -58,7 +58,7 @@ pub async fn sign_in(
     State(app): State<App>,
     address: ClientAddress,
     headers: HeaderMap,
-    Json(tried): Json<Credentials>,
+    AnonymousJson(tried): AnonymousJson<Credentials>,
 ) -> HandlerResult<impl IntoResponse> {
     let base = &app.settings.base_path;
     let known_browser = browser_secret(&headers, base);

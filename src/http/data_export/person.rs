@@ -145,7 +145,7 @@ fn add_path(
     folder: &str,
     archive: &mut Archive,
 ) -> Result<(), ExportFailure> {
-    match write_path(job, session, path, folder, archive) {
+    match write_path(job, path, folder, archive) {
         Err(failure @ ExportFailure::Vault(VaultError::ShuttingDown)) => Err(failure),
         Err(error @ (ExportFailure::Vault(_) | ExportFailure::File(_))) => {
             job.wait(job.app.store.sessions().get(&job.scope, session))?; // not found if it was erased meanwhile
@@ -158,7 +158,6 @@ fn add_path(
 
 fn write_path(
     job: &ExportJob,
-    session: SessionId,
     (path, edits): (BlobHash, &EditsInForce),
     folder: &str,
     archive: &mut Archive,

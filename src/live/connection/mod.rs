@@ -9,7 +9,7 @@ use tokio::sync::watch;
 use super::recording::{EndTrigger, FinishOutcome};
 use super::{FeedPhase, FeedService, FeedState, OpenFeed, reason_of_vault_error};
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
-use crate::domain::feed::early_end::{EarlyEnd, EarlyEndCause};
+use crate::domain::feed::early_end::EarlyEnd;
 use crate::domain::feed::messages::ServerMessage;
 use crate::domain::feed::record::{FeedRecord, NotARecord, RecordBody};
 use crate::domain::feed::{FrameCodec, TimeBase};
@@ -174,17 +174,13 @@ impl Connection {
         })
     }
 
-    /// The sender ends the recording with this many frames, and says why if it lost its source: returns `Missing`
-    /// frames, or `Ended` once it is a session.
-    pub async fn end(&mut self, frames: u64, source_lost: Option<String>) -> Result<ServerMessage, CloseReason> {
+    /// The sender ends the recording with this many frames, and says why if it ends early: returns `Missing` frames, or
+    /// `Ended` once it is a session.
+    pub async fn end(&mut self, frames: u64, early: Option<EarlyEnd>) -> Result<ServerMessage, CloseReason> {
         let durable = Some(self.make_durable().await?);
-        if let Some(why) = source_lost {
-            let early = EarlyEnd::of(EarlyEndCause::SourceLost).with(&why);
-            self.feeds.note_early_end(self.feed.row.id, early).await;
-        }
         // In a separate task: a sender that disconnects now must not cancel it.
         let (feeds, feed, ending) =
-            (self.feeds.clone(), self.feed.clone(), EndTrigger::Requested { epoch: self.epoch, frames });
+            (self.feeds.clone(), self.feed.clone(), EndTrigger::Requested { epoch: self.epoch, frames, early });
         let ended = self.feeds.0.shutdown.spawn(async move { feeds.finish(&feed, ending).await });
         match ended.await.map_err(|panic| CloseReason::new(CloseCode::Failed, panic.to_string()))?? {
             FinishOutcome::Complete(session) => Ok(ServerMessage::Ended { session, durable }),

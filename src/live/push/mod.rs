@@ -105,11 +105,8 @@ impl FeedService {
     {
         let mut taken = PushSession::new(self, push);
         let broken = taken.take_all(body, signed_out).await.err();
-        if let (Some(why), Some(connection)) = (&broken, taken.connection()) {
-            let early = EarlyEnd::of(EarlyEndCause::SenderGone).with(&why.to_string());
-            self.note_early_end(connection.recording(), early).await;
-        }
-        match (broken, taken.end().await) {
+        let early = broken.as_ref().map(|why| EarlyEnd::of(EarlyEndCause::SenderGone).with(&why.to_string()));
+        match (broken, taken.end(early).await) {
             (None, Ok(session)) => Ok(session),
             (None, Err(reason)) => Err(PushFailure { why: reason.into(), session: None }),
             (Some(why), ended) => Err(PushFailure { why, session: ended.ok() }),
@@ -295,7 +292,7 @@ impl<'a> PushSession<'a> {
 
     /// Makes a session of the frames that arrived. If that is impossible because the service shuts down, it is done at
     /// its next start.
-    async fn end(self) -> Result<SessionId, CloseReason> {
+    async fn end(self, early: Option<EarlyEnd>) -> Result<SessionId, CloseReason> {
         let Some(PushedRecording { mut connection, next, gaps, arrival, .. }) = self.recording else {
             return Err(CloseReason::new(CloseCode::OutOfPlace, "no frame arrived"));
         };
@@ -307,7 +304,7 @@ impl<'a> PushSession<'a> {
         {
             tracing::warn!(%error, "the arrival of a pushed stream could not be noted"); // the recording counts for more
         }
-        match connection.end(next, None).await? {
+        match connection.end(next, early).await? {
             ServerMessage::Ended { session, .. } => Ok(session),
             _ => Err(CloseReason::new(CloseCode::Failed, "frames that had arrived are missing")),
         }

@@ -163,7 +163,10 @@ impl CaptureSource {
             let address = if is_file { format!("file:{address}") } else { address.to_owned() };
             format::input_with_interrupt_and_dictionary(&address, is_over, dictionary).map_err(SourceError::Open)?
         };
-        let has_end = is_file || is_pipe || has_length(&mut input);
+        let has_end = match is_playlist(&input) {
+            true => has_duration(&input),
+            false => is_file || is_pipe || has_length(&mut input),
+        };
         Self::of(input, SourceKind { has_end, is_file, is_camera })
     }
 
@@ -347,6 +350,18 @@ fn feed_time_base(ticks: ff::Rational) -> Result<TimeBase, MediaError> {
         (_, None) => VIDEO,
     };
     TimeBase::try_from([1, den]).map_err(|error| MediaError::Container(error.to_string()))
+}
+
+/// True for HLS and DASH: the address is that of a playlist, which has a length even if its stream is live.
+fn is_playlist(input: &format::context::Input) -> bool {
+    input.format().name().split(',').any(|name| ["hls", "dash"].contains(&name))
+}
+
+/// True if a playlist is complete: a live one states no duration, and FFmpeg may estimate one by the bit rate.
+fn has_duration(input: &format::context::Input) -> bool {
+    // SAFETY: the input is open.
+    let origin = unsafe { (*input.as_ptr()).duration_estimation_method };
+    input.duration() > 0 && origin != ff::ffi::AVDurationEstimationMethod::AVFMT_DURATION_FROM_BITRATE
 }
 
 /// True if the input states its length, as a file on a web server does and a live stream does not.

@@ -184,6 +184,19 @@ fn a_mirrored_source_is_sent_as_players_show_it() {
 }
 
 #[test]
+fn a_playlist_has_an_end_once_it_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = made(folder.path(), "whole.m3u8", "-c:v libx264 -g 30 -f hls -hls_time 1 -hls_list_size 0");
+    let live = folder.path().join("live.m3u8");
+    let text = std::fs::read_to_string(&whole).unwrap();
+    std::fs::write(&live, text.replace("#EXT-X-ENDLIST", "")).unwrap();
+    for (playlist, has_end) in [(whole, true), (live, false)] {
+        let source = CaptureSource::open(playlist.to_str().unwrap(), &[], || false).unwrap();
+        assert_eq!(source.info().has_end, has_end, "{playlist:?}");
+    }
+}
+
+#[test]
 fn a_source_that_is_none_is_refused_with_a_reason() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("text.mp4");

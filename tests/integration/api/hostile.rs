@@ -46,6 +46,11 @@ async fn bodies_that_are_too_long_wrong_or_broken_are_explained() {
     let long = format!("{{\"name\":\"{}\"}}", "x".repeat(300_000));
     let refused = problem(post("application/json", long).await.unwrap(), 413, "too-large").await;
     assert_eq!(refused["limit_bytes"], 256 * 1024);
+    for path in ["/api/v1/sign-in", "/api/v1/password-links/open", "/api/v1/password-links/use"] {
+        let long = json!({"login": "x".repeat(4096), "secret": "x"});
+        let refused = problem(centre.service.stranger().post(path, long).await, 413, "too-large").await;
+        assert_eq!(refused["limit_bytes"], 4096, "{path}");
+    }
     problem(post("text/plain", "{\"name\":\"x\"}".into()).await.unwrap(), 415, "unsupported-media-type").await;
     problem(post("application/json", "{\"name\":".into()).await.unwrap(), 400, "bad-request").await;
     for body in

@@ -1,6 +1,7 @@
 //! HTTPS of the service itself: HTTP/2, WebSockets, limits on time, a new certificate, redirects.
 
 use std::io;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
@@ -23,6 +24,7 @@ use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use trocar::settings::Settings;
 use trocar::time::{ManualClock, SharedClock, SystemClock};
 
+use crate::process::Process;
 use crate::support::{ADMINISTRATOR, Client, Service, let_time_pass, poll, soon, with_advancing_clock};
 
 /// Timeouts of a service whose test waits for them.
@@ -47,8 +49,7 @@ struct SecureService {
 impl SecureService {
     /// `None` without the program that makes certificates; the test is then reported as skipped.
     async fn start(clock: SharedClock, change: impl FnOnce(&mut Settings)) -> Option<Self> {
-        if Command::new("openssl").arg("version").output().is_err() {
-            crate::resources::skip("openssl; `make test` installs it");
+        if !has_openssl() {
             return None;
         }
         let files = tempfile::tempdir().unwrap();
@@ -81,26 +82,11 @@ impl SecureService {
 
     /// Connects, and trusts only the certificate of this name.
     async fn connect(&self, trusted: &str, protocol: &[u8]) -> io::Result<TlsStream<TcpStream>> {
-        let certificate = CertificateDer::from_pem_file(pair(self.files.path(), trusted).0).unwrap();
-        let mut roots = rustls::RootCertStore::empty();
-        roots.add(certificate).unwrap();
-        let provider = Arc::new(rustls::crypto::ring::default_provider());
-        let client =
-            rustls::ClientConfig::builder_with_provider(provider).with_safe_default_protocol_versions().unwrap();
-        let mut client = client.with_root_certificates(roots).with_no_client_auth();
-        client.alpn_protocols = vec![protocol.to_vec()];
-        let wire = TcpStream::connect(self.service.address()).await?;
-        TlsConnector::from(Arc::new(client)).connect(ServerName::try_from("localhost").unwrap(), wire).await
+        connect(self.service.address(), &pair(self.files.path(), trusted).0, protocol).await
     }
 
     async fn http2(&self, window: u32) -> http2::SendRequest<Full<Bytes>> {
-        let stream = self.connect("current", HTTP2).await.unwrap();
-        assert_eq!(stream.get_ref().1.alpn_protocol(), Some(HTTP2));
-        let mut builder = http2::Builder::new(TokioExecutor::new());
-        builder.initial_stream_window_size(window);
-        let (sender, connection) = builder.handshake(TokioIo::new(stream)).await.unwrap();
-        tokio::spawn(connection);
-        sender
+        begin_http2(self.connect("current", HTTP2).await.unwrap(), window).await
     }
 
     fn request(&self, method: Method, path: &str, cookie: Option<&str>, body: Option<Value>) -> Request {
@@ -122,6 +108,37 @@ impl SecureService {
         request.headers_mut().insert(header::ORIGIN, origin.parse().unwrap());
         request
     }
+}
+
+/// Whether certificates can be made. Otherwise the test is reported as skipped.
+fn has_openssl() -> bool {
+    let is_there = Command::new("openssl").arg("version").output().is_ok();
+    if !is_there {
+        crate::resources::skip("openssl; `make test` installs it");
+    }
+    is_there
+}
+
+/// Connects, and trusts only this certificate.
+async fn connect(address: SocketAddr, trusted: &Path, protocol: &[u8]) -> io::Result<TlsStream<TcpStream>> {
+    let mut roots = rustls::RootCertStore::empty();
+    roots.add(CertificateDer::from_pem_file(trusted).unwrap()).unwrap();
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let client = rustls::ClientConfig::builder_with_provider(provider).with_safe_default_protocol_versions().unwrap();
+    let mut client = client.with_root_certificates(roots).with_no_client_auth();
+    client.alpn_protocols = vec![protocol.to_vec()];
+    let wire = TcpStream::connect(address).await?;
+    TlsConnector::from(Arc::new(client)).connect(ServerName::try_from("localhost").unwrap(), wire).await
+}
+
+/// Begins HTTP/2. The service may send `window` bytes of each answer before the client has read some of it.
+async fn begin_http2(stream: TlsStream<TcpStream>, window: u32) -> http2::SendRequest<Full<Bytes>> {
+    assert_eq!(stream.get_ref().1.alpn_protocol(), Some(HTTP2));
+    let mut builder = http2::Builder::new(TokioExecutor::new());
+    builder.initial_stream_window_size(window);
+    let (sender, connection) = builder.handshake(TokioIo::new(stream)).await.unwrap();
+    tokio::spawn(connection);
+    sender
 }
 
 fn pair(folder: &Path, name: &str) -> (PathBuf, PathBuf) {
@@ -216,6 +233,47 @@ async fn silent_clients_are_disconnected() {
     }
 }
 
+/// A frame of HTTP/2.
+fn frame(kind: u8, flags: u8, stream: u8, payload: &[u8]) -> Vec<u8> {
+    let length = u32::try_from(payload.len()).unwrap().to_be_bytes();
+    [&length[1..], &[kind, flags, 0, 0, 0, stream], payload].concat()
+}
+
+/// Reads frames of HTTP/2 until one of this kind.
+async fn read_frame(wire: &mut TlsStream<TcpStream>, kind: u8) {
+    let mut head = [0; 9];
+    while head[3] != kind {
+        wire.read_exact(&mut head).await.unwrap();
+        let length = u32::from_be_bytes([0, head[0], head[1], head[2]]);
+        wire.read_exact(&mut vec![0; length as usize]).await.unwrap();
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_request_that_crosses_the_end_of_an_idle_connection_is_answered() {
+    const DATA: u8 = 0;
+    const HEADERS: u8 = 1;
+    const SETTINGS: u8 = 4;
+    const GOAWAY: u8 = 7;
+    let short = |settings: &mut Settings| settings.http.head_timeout_s = SHORT.as_secs_f64();
+    let Some(secure) = SecureService::start(Arc::new(SystemClock), short).await else { return };
+    let mut wire = secure.connect("current", HTTP2).await.unwrap();
+    let begin = [b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n".as_slice(), &frame(SETTINGS, 0, 0, &[])].concat();
+    wire.write_all(&begin).await.unwrap();
+    soon("the end of an idle connection", read_frame(&mut wire, GOAWAY)).await;
+    let (post, https) = (0x83, 0x87); // the table of RFC 7541, appendix A
+    let mut head = vec![post, https];
+    let (path, authority, content_type): (&[u8], &[u8], &[u8]) = (&[0x04], &[0x01], &[0x0f, 0x10]);
+    let host = secure.host();
+    for (name, value) in [(path, "/api/v1/sign-in"), (authority, host.as_str()), (content_type, "application/json")] {
+        head.extend([name, &[value.len() as u8], value.as_bytes()].concat());
+    }
+    wire.write_all(&frame(HEADERS, 0x4, 1, &head)).await.unwrap(); // the end of the head
+    let_time_pass(2 * SHORT).await;
+    wire.write_all(&frame(DATA, 0x1, 1, b"{}")).await.unwrap(); // the end of the body
+    soon("the answer", read_frame(&mut wire, HEADERS)).await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn an_answer_that_nothing_reads_is_reset_and_other_requests_go_on() {
     let short = |settings: &mut Settings| settings.http.write_timeout_s = SHORT.as_secs_f64();
@@ -267,4 +325,45 @@ async fn plain_http_is_redirected() {
         assert_eq!(answer.headers()[header::LOCATION], expected.as_str());
         assert!(!answer.headers().contains_key(header::STRICT_TRANSPORT_SECURITY));
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn strangers_who_read_no_answer_take_little_memory() {
+    const CONNECTIONS: usize = 20;
+    const STREAMS: usize = 32;
+    const MAX_GROWTH_KIB: u64 = 64 << 10; // with a compressor for each answer it would be 190 MiB
+    if !has_openssl() {
+        return;
+    }
+    let files = tempfile::tempdir().unwrap();
+    make_certificate(files.path(), "current");
+    let (certificate, key) = pair(files.path(), "current");
+    let service = Process::launch(&files.path().join("data"), |command| {
+        command.env("TROCAR_TLS__CERTIFICATE", &certificate).env("TROCAR_TLS__KEY", &key);
+    });
+    let (_, port) = service.address.rsplit_once(':').unwrap();
+    let address = SocketAddr::from(([127, 0, 0, 1], port.parse().unwrap()));
+    let resident_kib = || service.status("VmRSS").parse::<u64>().unwrap();
+    let (mut senders, mut unread, mut before) = (Vec::new(), Vec::new(), 0);
+    for connection in 0..=CONNECTIONS {
+        let mut sender = begin_http2(connect(address, &certificate, HTTP2).await.unwrap(), 0).await;
+        for stream in 0..STREAMS {
+            let path = ["api/v1/openapi.json", "app.js", "docs/swagger-ui.css"][stream % 3];
+            let request = hyper::Request::get(format!("https://localhost:{port}/{path}"));
+            let request = request.header(header::ACCEPT_ENCODING, "gzip").body(Full::default()).unwrap();
+            sender.ready().await.unwrap();
+            let answer = soon("the head of an answer", sender.send_request(request)).await.unwrap();
+            assert_eq!(
+                (answer.status(), answer.headers()[header::CONTENT_ENCODING].as_bytes()),
+                (StatusCode::OK, &b"gzip"[..])
+            );
+            unread.push(answer);
+        }
+        senders.push(sender);
+        if connection == 0 {
+            before = resident_kib();
+        }
+    }
+    let grown = resident_kib().saturating_sub(before);
+    assert!(grown <= MAX_GROWTH_KIB, "{} unread answers took {grown} KiB", unread.len());
 }

@@ -285,6 +285,19 @@ async fn a_stream_that_does_not_come_back_fails_the_agent_and_the_session_says_w
     }
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_recording_ends_at_its_planned_time_while_its_stream_is_away() {
+    let setup = AgentSetup::new().await;
+    let stream = transport_stream(&setup.centre.scene("clip.mp4"), setup.folder.path());
+    let address = serve_streams(vec![stream[..stream.len() / 2].to_vec()], AfterStream::Closes).await;
+    let planned = ["--reconnect-s", "600", "--seconds", "1", "--option", "analyzeduration=200000"];
+    let agent = setup.agent(&[&planned[..], &["--trainee", "ada", "--task", "pegs", &address]].concat());
+    assert!(agent.wait_for_exit().await.success());
+    let session = setup.newest_session().await;
+    assert!(session["early_end"].is_null(), "{session}");
+    assert!(setup.session_frames().await.len() > 5);
+}
+
 /// An agent that continues to record after its service was killed.
 async fn record_without_a_service(setup: &mut AgentSetup, clip: &Path) -> Agent {
     let agent = setup.record(clip, &[]);
