@@ -20,7 +20,8 @@
     trainee: `
       format.js pages/trainee.js parts/charts/axis.js parts/charts/monitor_chart.js parts/charts/progress_plot.js
       parts/courses/course_state.js parts/courses/own_courses.js parts/page/recorded_at.js parts/page/status.js
-      parts/people/progress_summary.js parts/people/strengths.js parts/tasks/standard.js with_error.js`,
+      parts/people/own_data.js parts/people/progress_summary.js parts/people/strengths.js parts/tasks/standard.js
+      with_error.js`,
     task: `
       format.js pages/task.js parts/charts/axis.js parts/charts/spread_plot.js parts/forms/dialog.js
       parts/forms/focus.js parts/page/status.js parts/tasks/raters.js parts/tasks/rescorings.js

@@ -150,7 +150,7 @@ function importsOf(entry) {
 
 test('the preloaded modules are those that app.js and the pages import', () => {
   const index = readFileSync(join(STATIC, 'index.html'), 'utf8');
-  const preloaded = [...index.matchAll(/rel="modulepreload" href="\/kept\/VERSION\/([^"]+)"/g)].map(([, name]) => name);
+  const preloaded = [...index.matchAll(/rel="modulepreload" href="BASE_PATH\/kept\/VERSION\/([^"]+)"/g)].map(([, name]) => name);
   const shared = importsOf('app.js');
   assert.deepEqual([...preloaded, 'app.js'].sort(), [...shared].sort(), 'index.html');
   const script = readFileSync(join(STATIC, 'modules_first.js'), 'utf8');
