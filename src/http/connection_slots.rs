@@ -54,6 +54,11 @@ impl ConnectionSlots {
         Some(ConnectionSlot { owner: of, slots: self.clone() })
     }
 
+    /// True if this user has reached the limit of one user.
+    pub fn is_full_for(&self, scope: &Scope) -> bool {
+        self.lock().get(&scope.actor()).is_some_and(|mine| *mine >= self.max_per_user)
+    }
+
     /// Number of taken slots.
     pub fn taken(&self) -> usize {
         self.lock().values().sum()

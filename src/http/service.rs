@@ -66,7 +66,7 @@ pub struct RetentionState {
     next_videos: u64,
     /// Size of these videos, bytes.
     next_bytes: u64,
-    /// Days in which the erasure of a trainee can be taken back; 0: it cannot.
+    /// Days for taking the erasure of a trainee back; 0: it cannot.
     erase_days: u32,
 }
 

@@ -19,7 +19,7 @@ use crate::store::Store;
 const EXTENSION: &str = "password";
 /// Beginning of the line with the hash.
 const HASH_LINE: &str = "hash: ";
-/// Time in which a file's account is made; it takes a second.
+/// Time for making a file's account; it takes a second.
 const ACCOUNT_FOLLOWS: Duration = Duration::from_secs(3_600);
 
 /// Path of the file with an account's first password.

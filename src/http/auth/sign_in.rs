@@ -11,7 +11,7 @@ use utoipa::ToSchema;
 use super::origin::is_from_page;
 use super::password;
 use super::presented::{PresentedCredential, browser_secret, clear_cookie, set_browser_cookie, set_cookie};
-use super::signed_in::Identified;
+use super::signed_in::{Identified, IdentifiedPerson};
 use super::throttle::{AttemptOrigin, KnownPlace, network_of};
 use crate::domain::password_state::PasswordState;
 use crate::domain::secret::{Password, PasswordHash, Secret, SecretHash};
@@ -113,12 +113,10 @@ pub struct PasswordChange {
 pub async fn change_password(
     State(app): State<App>,
     address: ClientAddress,
-    by: Identified,
+    by: IdentifiedPerson,
     Json(change): Json<PasswordChange>,
 ) -> HandlerResult<StatusCode> {
-    let Some(id) = by.scope.person() else {
-        return Err(Refusal::Forbidden.with("An agent has no password. Create another token for its box."));
-    };
+    let id = by.id;
     let person = app.store.people().get(&by.scope, id).await?;
     let is_same = change.old == change.new;
     let new = Password::new(change.new)?;

@@ -17,6 +17,7 @@ use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::state::App;
+use crate::ids::PersonId;
 use crate::store::CookieLifetime;
 
 /// How often an open WebSocket or stream checks that its sign-in is still valid.
@@ -47,6 +48,27 @@ impl Identified {
         };
         let (scope, must_change_password) = found.ok_or_else(sign_in_first)?;
         Ok(Self { scope: scope.with_rights(app.rights), must_change_password })
+    }
+}
+
+/// A person whose identity is known, as [`Identified`]: agents have no password.
+#[derive(Clone, Debug)]
+pub struct IdentifiedPerson {
+    /// What the person may see and change.
+    pub scope: Scope,
+    /// The account.
+    pub id: PersonId,
+}
+
+impl FromRequestParts<App> for IdentifiedPerson {
+    type Rejection = ProblemResponse;
+
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, ProblemResponse> {
+        let Identified { scope, .. } = Identified::from_headers(app, &parts.headers).await?;
+        match scope.person() {
+            Some(id) => Ok(Self { scope, id }),
+            None => Err(Refusal::Forbidden.with("An agent has no password. Create another token for its box.")),
+        }
     }
 }
 

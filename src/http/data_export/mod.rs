@@ -112,11 +112,14 @@ pub async fn centre(
 /// Takes a slot for an export: one of each account, so that a client that reads slowly cannot keep all others waiting.
 fn take_slot(app: &App, scope: &Scope) -> HandlerResult<ConnectionSlot> {
     app.exports.take(scope).ok_or_else(|| {
-        let detail = format!(
-            "Each account has one export at a time, and all accounts together have {MAX_EXPORTS}. Try again when one has \
-             ended, or cancel yours."
-        );
-        Refusal::Busy.with(detail).header(header::RETRY_AFTER, RETRY_AFTER_S)
+        let refusal = if app.exports.is_full_for(scope) {
+            Refusal::TooMany.with("Each account has one export at a time. Wait until yours has ended, or cancel it.")
+        } else {
+            Refusal::Busy.with(format!(
+                "All {MAX_EXPORTS} exports that may run at a time are running. Try again when one has ended."
+            ))
+        };
+        refusal.header(header::RETRY_AFTER, RETRY_AFTER_S)
     })
 }
 

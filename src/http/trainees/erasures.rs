@@ -21,7 +21,7 @@ pub struct ErasureExtentResponse {
     sessions: i64,
     /// Size of their recordings, bytes.
     bytes: i64,
-    /// Days in which the erasure can be taken back, if it is requested so; 0: it cannot.
+    /// Days for taking the erasure back, if it is requested so; 0: it cannot.
     days: u32,
 }
 

@@ -16,7 +16,7 @@ pub struct RetentionSettings {
     /// Months after its arrival when the video of a session is deleted. Path, features and preview stay, so the session
     /// can be scored again, but not tracked again. 0, the default: videos are kept until the session is erased.
     pub videos_months: u32,
-    /// Days in which the erasure of a trainee on the pages can be taken back. More: a mistake is noticed in time; fewer:
+    /// Days for taking back the erasure of a trainee on the pages. More: a mistake is noticed in time; fewer:
     /// the data is gone earlier. 0: it is gone at once. Default 7.
     pub erase_days: u32,
 }
@@ -29,7 +29,7 @@ impl Default for RetentionSettings {
 
 /// A twelfth of a year, ms.
 const MONTH_MS: i64 = 2_629_800_000;
-/// Time in which a failed job of a box can be retried with the pictures that were sent, ms. A day: the person who sent
+/// Time for retrying a failed job of a box with the pictures that were sent, ms. A day: the person who sent
 /// them looks at the result within minutes, and the pictures may show a trainee.
 const FAILED_PICTURES_MS: i64 = 24 * 3_600_000;
 /// Videos per query.
@@ -46,7 +46,7 @@ impl RetentionSettings {
         self.videos_before_ms(now_ms + 30 * 86_400_000)
     }
 
-    /// Time in which an erasure can be taken back; `None`: it cannot.
+    /// Time for taking an erasure back; `None`: it cannot.
     pub fn erase_after(&self) -> Option<Duration> {
         (self.erase_days > 0).then(|| Duration::from_secs(u64::from(self.erase_days) * 86_400))
     }

@@ -127,7 +127,7 @@ async fn a_client_that_does_not_read_keeps_no_other_from_exporting() {
     for _ in 0..3 {
         let refused = centre.trainee.get(OF_ADA).await;
         assert!(refused.headers().contains_key(header::RETRY_AFTER));
-        problem(refused, 503, "busy").await;
+        problem(refused, 429, "too-many").await;
     }
     export(&centre.other_trainee, "/api/v1/trainees/bob/data.zip").await;
     export(&centre.instructor, OF_ADA).await;

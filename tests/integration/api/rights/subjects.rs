@@ -39,7 +39,7 @@ impl Subject {
     }
 }
 
-/// A centre in which one of everything belongs to group one, and another one to group two.
+/// A centre where one of everything belongs to group one, and another one to group two.
 pub struct FilledCentre {
     centre: Centre,
     pub callers: Vec<Caller>,
