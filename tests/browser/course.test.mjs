@@ -86,30 +86,33 @@ test('an instructor makes a plan with the keyboard alone; a task without a stand
   await heading('Make a course plan').waitFor();
   await page.getByLabel('Name').fill(PLAN);
   const step = n => page.getByRole('group', { name: `Step ${n}`, exact: true });
+  // The page moves the focus by a timer after each press. A key pressed before that would go to another element.
+  const hasFocus = element => new Promise(done => setTimeout(() => done(element === document.activeElement)));
+  const pressAndWait = async (name, focused) => {
+    await button(name).press('Enter');
+    await waitUntil(() => focused.evaluate(hasFocus), `the focus after ${name}`);
+  };
   await step(1).getByLabel('Task').selectOption({ label: made.wire.name });
   await step(1).getByText('This task has no standard to pass yet').waitFor();
   assert.deepEqual(await step(1).getByLabel('Counts as done').locator('option').allInnerTexts(), ['Sessions recorded']);
   await step(1).getByLabel('Sessions').fill('2');
   await step(1).getByLabel('Due after').fill('3');
-  await button('Add a step').press('Enter');
-  await page.waitForFunction(() => document.activeElement.matches('fieldset'));
+  await pressAndWait('Add a step', step(2));
   await step(2).getByLabel('Task').selectOption({ label: made.pegs.name });
   await step(2).getByLabel('Due after').fill('14');
-  await button('Add a step').press('Enter');
+  await pressAndWait('Add a step', step(3));
   await step(3).getByLabel('Task').selectOption({ label: made.pegs.name });
   await step(3).getByLabel('Counts as done').selectOption('sessions');
   await step(3).getByLabel('Sessions').fill('10');
-  await button('Add a step').press('Enter');
-  await button('Remove step 4').press('Enter');
+  await pressAndWait('Add a step', step(4));
+  await pressAndWait('Remove step 4', step(3));
   await page.locator('.unseen', { hasText: 'Step 4 is removed' }).waitFor({ state: 'attached' });
   // A moved step keeps its input and the focus. At the end of the list the focus moves to the button that still works.
-  await button('Move step 2 up').press('Enter');
+  await pressAndWait('Move step 2 up', button('Move step 1 down'));
   await page.locator('.unseen', { hasText: 'Step 2 is now step 1' }).waitFor({ state: 'attached' });
-  await page.waitForFunction(() => document.activeElement.getAttribute('aria-label') === 'Move step 1 down');
   assert.equal(await step(1).getByLabel('Due after').inputValue(), '14');
-  await page.keyboard.press('Enter');
-  await page.waitForFunction(() => document.activeElement.getAttribute('aria-label') === 'Move step 2 down');
-  await button('Move step 2 up').press('Enter');
+  await pressAndWait('Move step 1 down', button('Move step 2 down'));
+  await pressAndWait('Move step 2 up', button('Move step 1 down'));
   await teacher.takePictures('01-plan');
   await button('Save').press('Enter');
   await heading('Course plans').waitFor();
