@@ -51,6 +51,7 @@ test: test-packages ## run every check that a change must pass
 	RUSTDOCFLAGS='-D warnings' cargo doc --locked --no-deps --document-private-items
 	$(MAKE) page-check
 	$(MAKE) browser-test
+	$(MAKE) fuzz-short
 	@touch $(TROCAR_SKIPS); echo "tests skipped: $$(wc -l <$(TROCAR_SKIPS))"; cat $(TROCAR_SKIPS)
 
 .PHONY: page-check
@@ -62,6 +63,12 @@ page-check: test-packages ## check the pages' code with tsc and ESLint, against 
 browser-test: test-packages ## test the pages in a real Chromium: sign in, upload, wait for the score, play the overlay
 	cargo test --locked --no-run --test integration # builds the program with the dependencies that the tests have built
 	tests/browser/run $(abspath $(TARGET)/debug/trocar)
+
+.PHONY: fuzz-short
+fuzz-short: test-packages ## make requests from the OpenAPI document, as every role, for 15 seconds each
+	@$(call install,python3-venv)
+	cargo test --locked --no-run --test integration # builds the program with the dependencies that the tests have built
+	tests/fuzz/run.py $(abspath $(TARGET)/debug/trocar) --seconds 15
 
 .PHONY: golden
 golden: test-packages ## replace the golden files after an intended change of numbers; explain it in the commit
@@ -100,7 +107,7 @@ foreign-clients: release test-packages ## upload 500 MB with tus-js-client and t
 	tests/clients/run.py $(RELEASE)
 
 .PHONY: fuzz
-fuzz: release test-packages ## make requests from the OpenAPI document, as every role; FUZZ="--seconds 20" for a short run
+fuzz: release test-packages ## make requests from the OpenAPI document, as every role, for two minutes each; FUZZ="--seconds 600" for longer
 	@$(call install,python3-venv)
 	tests/fuzz/run.py $(RELEASE) $(FUZZ)
 
