@@ -145,6 +145,10 @@ slow-clients: test-packages ## connect a thousand slow clients and a quick one; 
 morning-load: release test-packages ## a class signs in, 200 browsers show Live, 50 uploads and 1,000 slow clients: times of reading, memory
 	TROCAR_PROGRAM=$(abspath $(RELEASE)) cargo test --locked --test integration a_busy_morning -- --ignored --nocapture
 
+.PHONY: largest-table
+largest-table: release test-packages ## import and score the largest table that the service accepts, within the default limits
+	TROCAR_PROGRAM=$(abspath $(RELEASE)) cargo test --locked --test integration the_largest_table -- --ignored --nocapture
+
 .PHONY: surroundings
 surroundings: test-packages ## tell ten other boxes from ten nudged ones, on the clips that set the limit
 	cargo test --locked --test integration on_the_even_clips -- --ignored --nocapture

@@ -45,7 +45,7 @@ impl Default for AnalysisSettings {
             memory_mib: 448,
             longest_s: 4 * 3600,
             silence_s: 60,
-            scoring_memory_mib: 1024,
+            scoring_memory_mib: 2048,
             scoring_s: 1800,
             glances: 2,
             glance_s: 20,

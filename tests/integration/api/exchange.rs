@@ -1,15 +1,19 @@
 //! Import of paths from other trackers; export of features and xAPI statements.
 
+use std::path::Path;
+use std::time::Duration;
+
 use bytes::Bytes;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use reqwest::{Method, Response, StatusCode, header};
 use serde_json::{Value, json};
 use trocar::motion::PIPELINE_VERSION;
+use trocar::settings::Settings;
 
 use super::centre::Centre;
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
 use crate::process::Process;
-use crate::support::{Client, Service, problem, read};
+use crate::support::{Client, Service, let_time_pass, problem, read};
 
 const HEAD: &str = "frame,time_s,tool,x_mm,y_mm,z_mm";
 const IMPORT: &str = "/api/v1/sessions/import?task=peg&box=box-1";
@@ -252,8 +256,7 @@ async fn statements_give_the_standards_judgement_of_each_session() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn statements_use_the_public_address_from_the_settings() {
-    let set =
-        |settings: &mut trocar::settings::Settings| settings.http.public_url = Some("https://skills.example/".into());
+    let set = |settings: &mut Settings| settings.http.public_url = Some("https://skills.example/".into());
     let centre = Centre::open_in(Service::start_with(set).await).await;
     let planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
     planter.session(planter.trainee("ada").await, NEW_YEAR_MS, vec![duration(40.0, 1.0)]).await;
@@ -276,15 +279,21 @@ fn long_table() -> String {
     table
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn a_long_table_is_read_and_scored_outside_the_service() {
-    let data = tempfile::tempdir().unwrap();
-    let service = Process::start(data.path());
+/// Opens a service in a process of its own, with what an import needs.
+async fn separate_service(data: &Path) -> (Process, Client) {
+    let service = Process::start(data);
     let client = Client::of(format!("http://{}", service.address));
     let client = client.signed_in("administrator", service.password.as_ref().unwrap()).await;
     for (what, code) in [("boxes", "box-1"), ("tasks", "peg"), ("trainees", "ada")] {
         client.make(&format!("/api/v1/{what}"), json!({"name": code, "code": code})).await;
     }
+    (service, client)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_long_table_is_read_and_scored_outside_the_service() {
+    let data = tempfile::tempdir().unwrap();
+    let (service, client) = separate_service(data.path()).await;
     let peak_kib = || service.status("VmHWM").parse::<u64>().unwrap();
     import_and_wait(&client, "trainee=ada", table(&["left", "right"], None)).await;
     let before = peak_kib();
@@ -292,6 +301,37 @@ async fn a_long_table_is_read_and_scored_outside_the_service() {
     assert_eq!((&session["status"], &session["video"]["frames"]), (&json!("done"), &json!(60_000)), "{session}");
     let growth = peak_kib().saturating_sub(before);
     assert!(growth < MAX_IMPORT_GROWTH_KIB, "the service grew by {growth} KiB");
+}
+
+/// A table with this many rows of two tools that state their errors: scoring it takes the most memory.
+fn table_of(rows: usize) -> String {
+    let mut table = format!("{HEAD},sigma_xy_mm,sigma_z_mm\n");
+    for frame in 0..rows / 2 {
+        let time = frame as f64 * 0.04;
+        let (x, y) = (40.0 * (time * 1.3).sin(), 20.0 * time.cos());
+        for tool in ["left", "right"] {
+            table += &format!("{frame},{time:.2},{tool},{x:.2},{y:.2},150,0.1,0.4\n");
+        }
+    }
+    table
+}
+
+#[tokio::test(flavor = "multi_thread")]
+#[ignore = "takes minutes: make largest-table"]
+async fn the_largest_table_is_scored_within_the_default_limits() {
+    let data = tempfile::tempdir().unwrap();
+    let (service, client) = separate_service(data.path()).await;
+    let table = table_of(Settings::default().uploads.import_rows);
+    let made = read(import(&client, "trainee=ada", table).await, StatusCode::CREATED).await;
+    let session = loop {
+        let session = client.read(&format!("/api/v1/sessions/{}", made["id"].as_str().unwrap())).await;
+        if ["done", "failed"].contains(&session["status"].as_str().unwrap()) {
+            break session;
+        }
+        let_time_pass(Duration::from_secs(1)).await;
+    };
+    assert_eq!(session["status"], "done", "{session}");
+    eprintln!("peak memory of the service: {} KiB", service.status("VmHWM"));
 }
 
 #[tokio::test(flavor = "multi_thread")]
