@@ -44,13 +44,14 @@ export const adviceText = ({ rule, words }) => translationOf('rules', rule) ?? w
 export const noAdviceText = ({ reason, detail }) => translationOf('noAdvice', reason) ?? detail;
 
 /** What the quality gate found, with the tool; without a full stop. @param {Schemas['ConcernDocument']} reason */
-export function findingText({ name, finding, tool, label, longest, figure, limit }) {
+export function findingText({ name, finding, tool, label, longest, rows, figure, limit }) {
   const translated = translationOf('findings', name)?.[0];
   if (!translated) return finding;
   const toolPrefix = tool ? `${tool}: ` : '';
   const nearest = label ? translations.nearest(label) : '';
   const stretch = longest ? translations.longest(longest) : '';
-  return `${toolPrefix}${translated(figure, limit)}${nearest}${stretch}`;
+  const place = rows ? translations.rows(rows) : '';
+  return `${toolPrefix}${translated(figure, limit)}${nearest}${stretch}${place}`;
 }
 
 /** What to do about a finding; without a full stop. */

@@ -137,6 +137,29 @@ fn write_circle(folder: &Path, name: &str, tool: &str, depth_mm: f64) {
 }
 
 #[test]
+fn a_path_with_a_row_that_no_hand_reaches_is_refused_and_the_row_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    write_circle(folder.path(), "track.csv", "orange", 180.0);
+    let good = fs::read_to_string(folder.path().join("track.csv")).unwrap();
+    let row = good.lines().nth(11).unwrap();
+    assert!(row.starts_with("10,0.4,orange,"), "{row}");
+    fs::write(folder.path().join("wrong.csv"), good.replace(row, "10,0.4,orange,9998,0,180")).unwrap();
+    let text = String::from_utf8(trocar(folder.path(), "score wrong.csv").stdout).unwrap();
+    for words in
+        ["verdict: refused", "orange: its path has a step of", "frame 10 (0.400 s)", "delete it from the table"]
+    {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    assert!(!text.contains("path_length"), "{text}");
+    let json = trocar(folder.path(), "score --json wrong.csv");
+    let sessions: Value = serde_json::from_slice(&json.stdout).unwrap();
+    let names: Vec<&str> =
+        sessions[0]["reasons"].as_array().unwrap().iter().map(|reason| reason["name"].as_str().unwrap()).collect();
+    assert_eq!((&sessions[0]["verdict"], names), (&"refused".into(), vec!["jump", "spike"]));
+    assert!(sessions[0]["features"].as_array().unwrap().iter().all(|feature| feature["value"].is_null()));
+}
+
+#[test]
 fn a_path_is_compared_with_a_reference_path() {
     let folder = tempfile::tempdir().unwrap();
     write_circle(folder.path(), "track.csv", "orange", 180.0);

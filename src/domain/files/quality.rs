@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::motion::quality::{
-    BoxMatch, Concern, Displacement, Figures, LostStretch, NoiseFloor, QualityVerdict, SessionFigures, ToolFigures,
+    BoxMatch, Concern, Displacement, Figures, JumpRows, LostStretch, NoiseFloor, QualityVerdict, SessionFigures,
+    ToolFigures,
 };
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::reason::MissReason;
@@ -42,6 +43,9 @@ pub struct ConcernDocument {
     /// The longest stretch without a position, if tracking was lost.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub longest: Option<LostDocument>,
+    /// The rows of the path that are too far apart, if it jumps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rows: Option<JumpDocument>,
     /// The measured figure.
     pub figure: f64,
     /// The limit that the figure broke.
@@ -63,6 +67,19 @@ pub struct LostDocument {
     pub to_s: f64,
     /// True if the recording ends with it.
     pub to_end: bool,
+}
+
+/// The two rows of a path that jumps from one to the other; twice the same row, if the path goes out to it and back.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
+pub struct JumpDocument {
+    /// Frame of the first row.
+    pub from_frame: u64,
+    /// Its time, s.
+    pub from_s: f64,
+    /// Frame of the last row.
+    pub to_frame: u64,
+    /// Its time, s.
+    pub to_s: f64,
 }
 
 /// Figures of the recording as a whole.
@@ -230,6 +247,7 @@ impl From<&Concern> for ConcernDocument {
             tool: concern.tool.clone(),
             label: concern.label.clone(),
             longest: concern.longest.map(LostDocument::from),
+            rows: concern.rows.map(JumpDocument::from),
             figure: concern.figure,
             limit: concern.limit,
             unit: concern.cause.unit(),
@@ -242,6 +260,12 @@ impl From<&Concern> for ConcernDocument {
 impl From<LostStretch> for LostDocument {
     fn from(LostStretch { from_s, to_s, to_end }: LostStretch) -> Self {
         Self { from_s, to_s, to_end }
+    }
+}
+
+impl From<JumpRows> for JumpDocument {
+    fn from(JumpRows { from_frame, from_s, to_frame, to_s }: JumpRows) -> Self {
+        Self { from_frame, from_s, to_frame, to_s }
     }
 }
 

@@ -21,9 +21,9 @@ const MAX_COORDINATE_MM: f64 = 1e4;
 /// Maximum time of a usable sample, s: a week.
 const MAX_TIME_S: f64 = 604_800.0;
 
-/// Maximum mean speed of a hand, mm/s. It also bounds the work: a path is never longer than this times the time it was
-/// seen.
-const MAX_MEAN_SPEED_MM_S: f64 = 5e3;
+/// No hand moves an instrument faster, mm/s. It also bounds the work: a path is never longer than this times the time
+/// it was seen.
+pub(in crate::motion) const MAX_HAND_SPEED_MM_S: f64 = 5e3;
 
 /// The motion at one instant of the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -239,7 +239,7 @@ pub(super) fn check_enough(
         Err(NotEnough::TooShort { observed_s, needed_s: settings.min_observed_s })
     } else if share < settings.min_seen_share {
         Err(NotEnough::TooLittleSeen { share, needed: settings.min_seen_share })
-    } else if length_mm > MAX_MEAN_SPEED_MM_S * observed_s {
+    } else if length_mm > MAX_HAND_SPEED_MM_S * observed_s {
         Err(NotEnough::OutOfRange)
     } else {
         Ok(())

@@ -37,6 +37,10 @@ pub enum QualityCause {
     LongGap,
     /// Too many measurements contradict a tool's motion.
     Rejected,
+    /// A tool's path has a step that is faster than any hand.
+    Jump,
+    /// A tool's path goes out to a row and back more sharply than a hand can turn.
+    Spike,
     /// A band's borders do not fit a straight tube.
     BorderResidual,
     /// A resting tool would appear to move.
@@ -72,7 +76,7 @@ pub enum QualityCause {
 
 impl QualityCause {
     /// Every cause, in the order to fix them.
-    pub const ALL: [QualityCause; 31] = [
+    pub const ALL: [QualityCause; 33] = [
         QualityCause::OtherBox,
         QualityCause::BoxSurroundings,
         QualityCause::BoxTrocars,
@@ -89,6 +93,8 @@ impl QualityCause {
         QualityCause::Predicted,
         QualityCause::LongGap,
         QualityCause::Rejected,
+        QualityCause::Jump,
+        QualityCause::Spike,
         QualityCause::BorderResidual,
         QualityCause::NoiseFloor,
         QualityCause::ErrorBar,
@@ -125,6 +131,8 @@ impl QualityCause {
             QualityCause::Predicted => "predicted",
             QualityCause::LongGap => "long_gap",
             QualityCause::Rejected => "rejected",
+            QualityCause::Jump => "jump",
+            QualityCause::Spike => "spike",
             QualityCause::BorderResidual => "border_residual",
             QualityCause::NoiseFloor => "noise_floor",
             QualityCause::ErrorBar => "error_bar",
@@ -154,6 +162,8 @@ impl QualityCause {
             | QualityCause::BoxTrocars
             | QualityCause::CameraMoved
             | QualityCause::PortMoved => "mm",
+            QualityCause::Jump => "m/s",
+            QualityCause::Spike => "m/s²",
             QualityCause::FrameRate => "Hz",
             QualityCause::WhiteBalance => "codes",
             QualityCause::ColourBackground | QualityCause::ColourPair => "steps",
@@ -233,6 +243,8 @@ impl QualityCause {
             QualityCause::Predicted => format!("{figure} % of the positions are bridged, not measured"),
             QualityCause::LongGap => format!("not measured for {figure} s without a break"),
             QualityCause::Rejected => format!("{figure} % of the measurements contradict the motion"),
+            QualityCause::Jump => format!("its path has a step of {figure} m/s, faster than a hand"),
+            QualityCause::Spike => format!("its path goes out and back within two steps, with {figure} m/s²"),
             QualityCause::BorderResidual => format!("its borders are {figure} px off those of a straight tube"),
             QualityCause::NoiseFloor => format!("at rest it would appear to move at {figure} mm/s"),
             QualityCause::ErrorBar => format!("half of its positions may be off by {figure} mm or more"),
@@ -317,6 +329,10 @@ impl QualityCause {
             }
             QualityCause::Rejected => {
                 "look for something else of the tape's colour in the picture, and mark it as background"
+            }
+            QualityCause::Jump | QualityCause::Spike => {
+                "one wrong row makes lengths and speeds wrong: delete it from the table, and import the table again. In \
+                 a recording, check whether the overlay follows the tool there"
             }
             QualityCause::BorderResidual => "focus the camera, avoid glare on the tape, and replace creased tape",
             QualityCause::NoiseFloor => {

@@ -1,7 +1,7 @@
 //! The quality gate: compares every figure with its limits. The worst result is the session's verdict.
 
 use super::limits::QualityLimits;
-use super::{BoxAnswer, Figures, LostStretch, QualityCause, ToolFigures};
+use super::{BoxAnswer, Figures, JumpRows, LostStretch, PathJump, QualityCause, ToolFigures};
 use crate::vision::segmentation::palette::Margin;
 use crate::vision::tracker::TrocarEvidence;
 
@@ -46,6 +46,8 @@ pub struct Concern {
     pub label: Option<String>,
     /// The longest stretch that the cause is about, if it is about lost tracking.
     pub longest: Option<LostStretch>,
+    /// The rows that the cause is about, if it is about a jump of the path.
+    pub rows: Option<JumpRows>,
     /// The figure, in the cause's unit.
     pub figure: f64,
     /// The limit that it broke.
@@ -60,7 +62,8 @@ impl Concern {
         let prefix = self.tool.as_ref().map(|tool| format!("{tool}: ")).unwrap_or_default();
         let nearest = self.label.as_ref().map(|label| format!(" (nearest: `{label}`)")).unwrap_or_default();
         let longest = self.longest.map(|longest| longest.to_string()).unwrap_or_default();
-        prefix + &self.cause.finding(self.figure, self.limit) + &nearest + &longest
+        let rows = self.rows.map(|rows| rows.to_string()).unwrap_or_default();
+        prefix + &self.cause.finding(self.figure, self.limit) + &nearest + &longest + &rows
     }
 
     /// What to do about it.
@@ -115,7 +118,8 @@ pub fn judge(figures: &Figures) -> QualityVerdict {
         let (severity, limit) = QualityLimits { refuse, ..cause.limits() }.breach(figure)?;
         let label = tool.and_then(|tool| colour_margin(tool, cause)).map(|margin| margin.nearest.clone());
         let longest = tool.filter(|_| cause == QualityCause::Lost).and_then(|tool| tool.longest_lost);
-        Some(Concern { cause, tool: tool.map(|tool| tool.tool.clone()), label, longest, figure, limit, severity })
+        let rows = tool.and_then(|tool| path_jump(tool, cause)).map(|jump| jump.rows);
+        Some(Concern { cause, tool: tool.map(|tool| tool.tool.clone()), label, longest, rows, figure, limit, severity })
     };
     let mut concerns: Vec<Concern> = of_session.into_iter().chain(of_tools).filter_map(concern).collect();
     concerns.sort_by_key(|concern| (std::cmp::Reverse(concern.severity), concern.cause));
@@ -184,9 +188,19 @@ fn tool_figure(tool: &ToolFigures, cause: QualityCause) -> Option<f64> {
         QualityCause::LongGap => tool.longest_gap_s,
         QualityCause::Rejected => tool.rejected_share,
         QualityCause::BorderResidual => tool.border_residual_px,
+        QualityCause::Jump | QualityCause::Spike => path_jump(tool, cause).map(|jump| jump.figure),
         QualityCause::NoiseFloor => tool.noise_floor.map(|noise| noise.smoothed_mm_s),
         QualityCause::ErrorBar => tool.error_bar.map(|bar| bar.median_mm),
         QualityCause::PortMoved => tool.has_port_moved.then_some(tool.port_shift?.mm),
+        _ => None,
+    }
+}
+
+/// The jump that the cause is about; `None` for causes that are not about a jump.
+fn path_jump(tool: &ToolFigures, cause: QualityCause) -> Option<PathJump> {
+    match cause {
+        QualityCause::Jump => tool.fastest_step,
+        QualityCause::Spike => tool.sharpest_turn,
         _ => None,
     }
 }

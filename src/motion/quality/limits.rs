@@ -7,6 +7,7 @@
 
 use super::box_match::{MAX_NUDGE_MM, MIN_CORRELATION};
 use super::{QualityCause, Severity};
+use crate::motion::features::motion::MAX_HAND_SPEED_MM_S;
 use crate::motion::features::{FeatureSettings, MOVEMENT_END_RATIO};
 use crate::vision::segmentation::palette::verdict::MARGIN_STEPS;
 
@@ -34,6 +35,9 @@ pub struct QualityLimits {
 /// mm) and half the distance between the targets of a task: with a larger error a path belongs to another target. A
 /// tube moves in its trocar by a tenth of that. A camera 250 mm away has turned by 1.1° at this limit.
 pub const MAX_DISPLACEMENT_MM: f64 = 5.0;
+
+/// Median of the positions' stated standard deviations above which a session is refused, mm.
+pub(super) const MAX_POSITION_ERROR_MM: f64 = 12.0;
 
 /// Care above the first value, refused above the second.
 pub const fn at_most(care: f64, refuse: f64) -> QualityLimits {
@@ -109,6 +113,15 @@ impl QualityCause {
             // that, the stated errors are wrong or a second object of the tape's colour is in the picture. At a fifth,
             // it is uncertain which of the two is the tool.
             QualityCause::Rejected => at_most(0.02, 0.2),
+            // Tips of instruments reach about 1.5 m/s. Three times that leaves room for a fast hand, and the same limit
+            // holds for the mean speed of a path.
+            QualityCause::Jump => {
+                QualityLimits { better: BetterDirection::Less, care: None, refuse: Some(MAX_HAND_SPEED_MM_S / 1e3) }
+            }
+            // A hand shakes an instrument at less than 10 Hz; 25 mm to either side at 10 Hz is 100 m/s², ten times
+            // gravity. From half of that on, a wrong row is likelier than a hand. At 30 frames a second, the limits are
+            // a row 31 and 59 mm beside its neighbours.
+            QualityCause::Spike => at_most(50.0, 100.0),
             // Whole-pixel masks are off by 0.5 to 1.2 px a side, and 1 px of width moves depth by 4.5 mm at 150 mm.
             // Clean tape leaves a residual of 0.1 to 0.4. A residual of 1 means that edges were found no better than to
             // a pixel; of 2, that they are not the tube's edges.
@@ -119,7 +132,7 @@ impl QualityCause {
             QualityCause::NoiseFloor => at_most(2.5, movement_end_mm_s()),
             // 5 mm is the best published figure of a single camera, and 12 mm the thesis's repeatability from the side.
             // A path with a larger error shows no detour of a peg's size (10 mm).
-            QualityCause::ErrorBar => at_most(5.0, 12.0),
+            QualityCause::ErrorBar => at_most(5.0, MAX_POSITION_ERROR_MM),
             // The thesis's photos gave 2.63 px with three bent boards and 0.92 without.
             QualityCause::Calibration => at_most(1.0, 2.5),
             // As for coverage: frames missing from the file were not seen.

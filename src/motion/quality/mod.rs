@@ -11,6 +11,7 @@
 //! |---|---|
 //! | [`noise_floor`] | speed at which a resting tool would appear to move |
 //! | [`tool`] | how one tool was seen |
+//! | [`jumps`] | rows that no hand can have moved a tool to |
 //! | [`ports`] | whether camera or trocars have moved since earlier sessions |
 //! | [`running`] | the same figures of a tool while the recording arrives |
 //! | [`mod@box_match`] | whether the recording shows the box that it is filed under |
@@ -22,6 +23,7 @@
 pub mod box_match;
 pub mod cause;
 pub mod gate;
+pub mod jumps;
 pub mod limits;
 pub mod noise_floor;
 pub mod ports;
@@ -32,6 +34,7 @@ pub mod tool;
 pub use box_match::{BoxAnswer, BoxEvidence, BoxFinding, BoxMatch};
 pub use cause::QualityCause;
 pub use gate::{Concern, QualityVerdict, Severity, judge};
+pub use jumps::{JumpRows, PathJump};
 pub use noise_floor::{NoiseFloor, NoiseFloorBasis};
 pub use ports::{Displacement, PortAgreement, PortPlacement, Ports};
 pub use session::SessionFigures;

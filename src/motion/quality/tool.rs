@@ -5,6 +5,7 @@ use std::fmt;
 
 use nalgebra::Vector3;
 
+use super::jumps::{JumpSearch, PathJump};
 use super::noise_floor::{self, NoiseFloor};
 use super::{Displacement, MeasuredRange, PortPlacement, QualityInput};
 use crate::numbers::quantile::quantile;
@@ -53,6 +54,10 @@ pub struct ToolFigures {
     pub size_mismatch: Option<SizeMismatch>,
     /// Measurements that contradict the tool's motion, as a share of all measurements.
     pub rejected_share: Option<f64>,
+    /// The fastest step from one row of its path to the next, m/s.
+    pub fastest_step: Option<PathJump>,
+    /// The sharpest turn of its path out to a row and back, m/s².
+    pub sharpest_turn: Option<PathJump>,
     /// Speed at which it would appear to move at rest.
     pub noise_floor: Option<NoiseFloor>,
     /// The stated standard deviation of its measured positions. The name does not mean the error bars of features.
@@ -126,6 +131,7 @@ pub(super) fn measure(
     let ends = seen.first().zip(seen.last());
     let recorded = evidence.tracker.map(|quality| quality.frames);
     let gaps = tracker.zip(shown).map(|(tool, shown)| ToolGaps::within(tool, shown));
+    let jumps = JumpSearch::new(&path, evidence.smoothed.cuts_of(index));
     let of_session = |frames: u64| shown.and_then(|shown| share(frames, shown.frames()));
     ToolFigures {
         tool: evidence.smoothed.tools[index].clone(),
@@ -153,6 +159,8 @@ pub(super) fn measure(
             let rejected = tool.reasons.get(&MissReason::GateRejected).copied().unwrap_or(0);
             share(rejected, rejected + observed)
         }),
+        fastest_step: jumps.fastest_step(),
+        sharpest_turn: jumps.sharpest_turn(),
         noise_floor: noise_floor::estimate(evidence, index),
         error_bar: error_bar(&seen),
         colour: tracker.map(|tool| tool.colour.clone()).unwrap_or_default(),

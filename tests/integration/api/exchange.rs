@@ -97,6 +97,31 @@ async fn rows_of_another_tracker_become_a_session_that_names_the_tracker() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_table_with_a_row_that_no_hand_reaches_is_refused_until_the_row_is_deleted() {
+    let centre = centre_with_worker().await;
+    let good = table(&["left", "right"], Some(0.1));
+    let (row, x) = (good.lines().nth(21).unwrap(), 40.0 * (0.4f64 * 1.3).sin());
+    assert!(row.starts_with(&format!("10,0.4,left,{x},")), "{row}");
+    let wrong = good.replace(row, &row.replace(&x.to_string(), "9998"));
+    let session = import_and_wait(&centre.instructor, "trainee=ada", wrong).await;
+    assert_eq!((&session["status"], &session["quality"]["verdict"]), (&json!("done"), &json!("refused")), "{session}");
+    let reasons = session["quality"]["reasons"].as_array().unwrap();
+    let [jump, spike] = &reasons[..] else { panic!("{reasons:?}") };
+    assert_eq!((&jump["name"], &jump["tool"], &jump["limit"]), (&json!("jump"), &json!("left"), &json!(5.0)));
+    assert_eq!((&jump["rows"]["from_frame"], &jump["rows"]["to_frame"]), (&json!(9), &json!(10)));
+    let at = json!({"from_frame": 10, "from_s": 0.4, "to_frame": 10, "to_s": 0.4});
+    assert_eq!((&spike["name"], &spike["tool"], &spike["rows"]), (&json!("spike"), &json!("left"), &at));
+    assert!(spike["finding"].as_str().unwrap().ends_with("; at frame 10 (0.400 s)"), "{spike}");
+    for name in ["path_length", "mean_velocity", "peak_velocity"] {
+        assert_eq!(feature(&session, name)["value"], Value::Null, "{name}");
+    }
+    let mended = import_and_wait(&centre.instructor, "trainee=ada", good.replace(&format!("{row}\n"), "")).await;
+    assert_eq!(mended["quality"]["verdict"], "valid", "{mended}");
+    let value = |name| feature(&mended, name)["value"].as_f64().unwrap();
+    assert!(value("mean_velocity") <= value("peak_velocity"), "{mended}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn imports_need_permission_and_a_bad_table_is_refused_with_line_and_column() {
     let centre = Centre::open_in(Service::start_with(|settings| settings.uploads.import_bytes = 4096).await).await;
     let good = format!("{HEAD}\n0,0,left,1,2,150\n1,0.04,left,1,2,150\n");

@@ -213,7 +213,8 @@ impl SeenSoFar {
         let LiveConcern { cause, figure, limit, refuses } = self.worst?;
         let severity = if refuses { Severity::Refuse } else { Severity::Care };
         let cause = *QualityCause::ALL.get(cause as usize)?;
-        Some(Concern { cause, tool: Some(tool.to_owned()), label: None, longest: None, figure, limit, severity })
+        let tool = Some(tool.to_owned());
+        Some(Concern { cause, tool, label: None, longest: None, rows: None, figure, limit, severity })
     }
 
     /// Every number of it.

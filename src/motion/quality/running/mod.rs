@@ -6,7 +6,8 @@
 //! the recording. A measurement that the tracker withdraws later is no longer counted. **Differs** from the finished
 //! session's figures because the causal filter bridges shorter gaps, and the fulcrum of the whole recording is not
 //! known yet: docs/quality_gate.md states by how much. **Leaves out** what only the whole recording shows (noise
-//! floor, sizes), and what does not depend on the recording (colours, calibration).
+//! floor, sizes), jumps, which the tracker's gate prevents, and what does not depend on the recording (colours,
+//! calibration).
 
 use std::collections::BTreeMap;
 
@@ -94,6 +95,8 @@ impl RunningFigures {
             effective_diameter: None,
             size_mismatch: None,
             rejected_share: share(tool.rejected, tool.rejected + tool.observed),
+            fastest_step: None,
+            sharpest_turn: None,
             noise_floor: None,
             error_bar: tool.errors.position_error(),
             colour: ColourSeparation::default(),
