@@ -86,7 +86,7 @@ impl QuickAnalysis {
         clock: SharedClock,
         shutdown: Shutdown,
     ) -> Self {
-        let slots = Arc::new(Semaphore::new(settings.glances.max(1)));
+        let slots = Arc::new(Semaphore::new(settings.glances));
         Self { vault, program, settings, clock, shutdown, slots }
     }
 
