@@ -1,6 +1,7 @@
 //! Workers on a real store, vault and queue, with real children: the state of a job after each possible child end.
 
-use std::sync::Arc;
+use std::io;
+use std::sync::{Arc, Mutex};
 
 use trocar::analysis::paths::SessionPaths;
 use trocar::analysis::{AnalysisSettings, WorkerPool};
@@ -202,6 +203,35 @@ async fn a_job_whose_child_dies_three_times_is_quarantined_with_the_reason() {
     assert_eq!((job.attempt, job.max_attempts), (3, 3));
     assert!(job.problem.as_ref().unwrap().detail.contains("status 1"), "{job:?}");
     centre.close().await;
+}
+
+static LOG: Mutex<Vec<u8>> = Mutex::new(Vec::new());
+
+/// Appends to [`LOG`].
+struct LogWriter;
+
+impl io::Write for LogWriter {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        LOG.lock().unwrap().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_log_names_the_job_of_a_child_that_dies() {
+    // For all threads of this process: a child is supervised on a thread of its own.
+    tracing_subscriber::fmt().with_max_level(tracing::Level::WARN).with_ansi(false).with_writer(|| LogWriter).init();
+    let mut centre = Centre::new().await;
+    centre.start_workers(Program::at("/bin/false", &[]));
+    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"a clip").await;
+    centre.wait_for_job(job, &[JobState::Quarantined]).await;
+    centre.close().await;
+    let log = String::from_utf8(LOG.lock().unwrap().clone()).unwrap();
+    let named = |what: &str| log.lines().filter(|line| line.contains(what) && line.contains(&job.to_string())).count();
+    assert_eq!((named("child process failed"), named("quarantined")), (3, 1), "{log}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
