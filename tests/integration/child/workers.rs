@@ -1,7 +1,6 @@
 //! Workers on a real store, vault and queue, with real children: the state of a job after each possible child end.
 
-use std::io;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use trocar::analysis::paths::SessionPaths;
 use trocar::analysis::{AnalysisSettings, WorkerPool};
@@ -25,7 +24,7 @@ use trocar::vision::trajectory::PathKind;
 
 use super::tracking::SharedScene;
 use super::*;
-use crate::support::with_advancing_clock;
+use crate::support::{captured_log, with_advancing_clock};
 
 /// A centre with one box, trainee and task, whose workers a test starts.
 struct Centre {
@@ -205,31 +204,15 @@ async fn a_job_whose_child_dies_three_times_is_quarantined_with_the_reason() {
     centre.close().await;
 }
 
-static LOG: Mutex<Vec<u8>> = Mutex::new(Vec::new());
-
-/// Appends to [`LOG`].
-struct LogWriter;
-
-impl io::Write for LogWriter {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        LOG.lock().unwrap().write(bytes)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
 #[tokio::test(flavor = "multi_thread")]
 async fn the_log_names_the_job_of_a_child_that_dies() {
-    // For all threads of this process: a child is supervised on a thread of its own.
-    tracing_subscriber::fmt().with_max_level(tracing::Level::WARN).with_ansi(false).with_writer(|| LogWriter).init();
+    captured_log();
     let mut centre = Centre::new().await;
     centre.start_workers(Program::at("/bin/false", &[]));
     let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"a clip").await;
     centre.wait_for_job(job, &[JobState::Quarantined]).await;
     centre.close().await;
-    let log = String::from_utf8(LOG.lock().unwrap().clone()).unwrap();
+    let log = captured_log();
     let named = |what: &str| log.lines().filter(|line| line.contains(what) && line.contains(&job.to_string())).count();
     assert_eq!((named("child process failed"), named("quarantined")), (3, 1), "{log}");
 }
