@@ -144,7 +144,8 @@ async fn resolve_references(
 pub struct PersonChangeRequest {
     login: Option<Login>,
     name: Option<Name>,
-    /// `administrator` or `instructor`. A new role signs the account out in every browser.
+    /// `administrator` or `instructor`. A new role signs the account out in every browser. The account of a trainee keeps
+    /// its role.
     role: Option<Role>,
     /// A new password, 10 to 256 bytes. It signs the account out in every browser.
     #[schema(format = Password, min_length = 10, max_length = 256)]
