@@ -54,8 +54,8 @@ pub enum CertificateError {
     },
     /// The key can be read with a passphrase only.
     #[error(
-        "`{path}` is a key with a passphrase, which the service cannot ask for; write the key without one: `openssl pkey \
-         -in {path} -out NEW-FILE`, let only the service's user read it, and name NEW-FILE in the settings"
+        "`{path}` is a key with a passphrase, which the service cannot ask for; write the key without one: \
+         `openssl pkey -in {path} -out NEW-FILE`, let only the service's user read it, and name NEW-FILE in the settings"
     )]
     Encrypted {
         /// The file.

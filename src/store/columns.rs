@@ -76,7 +76,8 @@ macro_rules! as_shown {
 as_shown! {
     PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId
     LeaseToken PasswordLinkId SelfTestId StandardId CohortId CourseId RatingId CommentId RescoringId ModelId EditId
-    BlobHash Day Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm
+    BlobHash Day
+    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm
     SessionJudgement RescoringSource RescoringItemState EditKind BoxQuestion RecordedAtSource EarlyEndCause ErasedKind
     PasswordState
 }

@@ -191,8 +191,8 @@ impl PersonStore<'_> {
         require_administrator(scope, "changing accounts")?;
         if matches!(change.role, Some(Role::Agent | Role::Trainee)) {
             return Err(StoreError::refused(
-                "an account can become an administrator's or an instructor's only: make another account for a trainee, a \
-                 token for an agent",
+                "an account can become an administrator's or an instructor's only: make another account for a \
+                 trainee, a token for an agent",
             ));
         }
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
