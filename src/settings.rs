@@ -13,7 +13,9 @@
 //! lease_s = 30
 //! ```
 
+use std::fmt::Display;
 use std::net::SocketAddr;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -210,61 +212,20 @@ impl Settings {
     }
 
     fn check(&self) -> Result<(), SettingsError> {
-        let Settings { store, queue, http, uploads, rescoring, upkeep, .. } = self;
-        check_range("store.readers", store.readers.into(), 1, 64)?;
-        check_range("store.waiting_writes", store.waiting_writes as u64, 1, 100_000)?;
-        check_range("store.writes_per_commit", store.writes_per_commit as u64, 1, 10_000)?;
-        check_range("store.busy_timeout_ms", store.busy_timeout_ms, 100, 600_000)?;
-        check_range("store.max_attempts", store.max_attempts.into(), 1, 20)?;
-        check_range("store.senders.uploads", store.senders.uploads, 1, 1_000_000)?;
-        check_range("store.senders.feeds", store.senders.feeds, 1, 1_000)?;
-        check_range("store.senders.daily_recordings", store.senders.daily_recordings, 1, 1_000_000)?;
-        check_range("store.senders.daily_bytes", store.senders.daily_bytes, 1, 1 << 50)?;
-        check_range("store.senders.sign_ins", store.senders.sign_ins.into(), 1, 10_000)?;
-        check_range("queue.heartbeat_s", queue.heartbeat_s, 1, 3_600)?;
-        check_range("queue.sweep_s", queue.sweep_s, 1, 3_600)?;
-        check_range("queue.look_s", queue.look_s, 1, 3_600)?;
-        check_range("http.max_connections", http.max_connections as u64, 1, 1_000_000)?;
-        check_range("http.min_body_rate", http.min_body_rate, 1, 1 << 30)?;
-        check_range("http.max_json_bytes", http.max_json_bytes as u64, 1_024, 64 << 20)?;
-        check_range("http.max_form_bytes", http.max_form_bytes, 1_024, 1 << 50)?;
-        check_range("http.idle_min", http.idle_min, 1, 24 * 60)?;
-        check_range("http.sign_in_h", http.sign_in_h, 1, 24 * 7)?;
-        check_range("http.free_attempts", http.free_attempts.into(), 1, 10_000)?;
-        check_range("http.hsts_days", http.hsts_days.into(), 0, 3_650)?;
-        check_range("http.max_event_streams", http.max_event_streams as u64, 1, 100_000)?;
-        check_range("http.max_event_streams_of_one", http.max_event_streams_of_one as u64, 1, 100_000)?;
-        check_range("http.max_heavy_answers", http.max_heavy_answers as u64, 1, 1_000)?;
-        check_range("http.max_heavy_answers_of_one", http.max_heavy_answers_of_one as u64, 1, 1_000)?;
-        check_range("http.page_items", http.page_items.into(), 1, 200)?;
-        check_range("uploads.max_bytes", uploads.max_bytes, 1, 1 << 50)?;
-        check_range("uploads.expire_h", uploads.expire_h, 1, 24 * 365)?;
-        check_range("uploads.empty_min", uploads.empty_min, 1, 24 * 60)?;
-        check_range("uploads.max_unfinished", uploads.max_unfinished, 1, 1_000_000)?;
-        check_range("uploads.import_bytes", uploads.import_bytes as u64, 1_024, 1 << 30)?;
-        check_range("uploads.import_rows", uploads.import_rows as u64, 2, 10_000_000)?;
-        check_range("rescoring.open", rescoring.open.into(), 1, 1_000)?;
-        check_range("rescoring.look_ms", rescoring.look_ms, 1, 3_600_000)?;
-        check_range("backup.keep", self.backup.keep as u64, 1, 10_000)?;
-        check_range("retention.videos_months", self.retention.videos_months.into(), 0, 1_200)?;
-        check_range("retention.erase_days", self.retention.erase_days.into(), 0, 365)?;
-        check_range("upkeep.collect_s", upkeep.collect_s, 1, 86_400)?;
-        check_range("workers", self.workers as u64, 0, 1_024)?;
-        if let Some(url) = http.public_url.as_ref().filter(|url| !is_web_address(url)) {
-            let expected = "the service's address, such as https://skills.example";
-            return Err(SettingsError::Value { key: "http.public_url", value: url.clone(), expected });
-        }
-        let is_below = |url: &String| url.trim_end_matches('/').ends_with(&http.base_path.to_string());
-        if let Some(url) = http.public_url.as_ref().filter(|url| !is_below(url)) {
-            let expected = "the service's address, which ends with http.base_path";
-            return Err(SettingsError::Value { key: "http.public_url", value: url.clone(), expected });
-        }
-        self.check_tls()?;
-        if queue.lease_s < 2 * queue.heartbeat_s || queue.lease_s > 86_400 {
-            let expected = "at least two heartbeats (queue.heartbeat_s) and at most a day";
-            return Err(SettingsError::Value { key: "queue.lease_s", value: queue.lease_s.to_string(), expected });
-        }
-        Ok(())
+        check_range("workers", self.workers, 0..=1_024)?;
+        check_store(&self.store)?;
+        check_queue(&self.queue)?;
+        check_http(&self.http)?;
+        check_uploads(&self.uploads)?;
+        check_live(&self.live)?;
+        check_analysis(&self.analysis)?;
+        check_range("rescoring.open", self.rescoring.open, 1..=1_000)?;
+        check_range("rescoring.look_ms", self.rescoring.look_ms, 1..=3_600_000)?;
+        check_range("backup.keep", self.backup.keep, 1..=10_000)?;
+        check_range("retention.videos_months", self.retention.videos_months, 0..=1_200)?;
+        check_range("retention.erase_days", self.retention.erase_days, 0..=365)?;
+        check_range("upkeep.collect_s", self.upkeep.collect_s, 1..=86_400)?;
+        self.check_tls()
     }
 
     /// HTTPS needs certificate and key, and a redirect needs HTTPS.
@@ -337,11 +298,114 @@ fn one_line(error: &toml::de::Error) -> String {
     error.to_string().trim().replace('\n', " ")
 }
 
-fn check_range(key: &'static str, value: u64, least: u64, most: u64) -> Result<(), SettingsError> {
-    if (least..=most).contains(&value) {
+fn check_store(store: &StoreSettings) -> Result<(), SettingsError> {
+    check_range("store.readers", store.readers, 1..=64)?;
+    check_range("store.waiting_writes", store.waiting_writes, 1..=100_000)?;
+    check_range("store.writes_per_commit", store.writes_per_commit, 1..=10_000)?;
+    check_range("store.busy_timeout_ms", store.busy_timeout_ms, 100..=600_000)?;
+    check_range("store.max_attempts", store.max_attempts, 1..=20)?;
+    check_range("store.senders.uploads", store.senders.uploads, 1..=1_000_000)?;
+    check_range("store.senders.feeds", store.senders.feeds, 1..=1_000)?;
+    check_range("store.senders.daily_recordings", store.senders.daily_recordings, 1..=1_000_000)?;
+    check_range("store.senders.daily_bytes", store.senders.daily_bytes, RECORDING_BYTES)?;
+    check_range("store.senders.sign_ins", store.senders.sign_ins, 1..=10_000)
+}
+
+fn check_queue(queue: &QueueSettings) -> Result<(), SettingsError> {
+    check_range("queue.heartbeat_s", queue.heartbeat_s, 1..=3_600)?;
+    check_range("queue.sweep_s", queue.sweep_s, 1..=3_600)?;
+    check_range("queue.look_s", queue.look_s, 1..=3_600)?;
+    if queue.lease_s < 2 * queue.heartbeat_s || queue.lease_s > 86_400 {
+        let expected = "at least two heartbeats (queue.heartbeat_s) and at most a day";
+        return Err(SettingsError::Value { key: "queue.lease_s", value: queue.lease_s.to_string(), expected });
+    }
+    Ok(())
+}
+
+fn check_http(http: &HttpSettings) -> Result<(), SettingsError> {
+    check_range("http.max_connections", http.max_connections, 1..=1_000_000)?;
+    check_range("http.head_timeout_s", http.head_timeout_s, 1.0..=3_600.0)?;
+    check_range("http.min_body_rate", http.min_body_rate, 1..=1 << 30)?;
+    check_range("http.body_grace_s", http.body_grace_s, 1.0..=3_600.0)?;
+    check_range("http.write_timeout_s", http.write_timeout_s, 1.0..=3_600.0)?;
+    check_range("http.max_json_bytes", http.max_json_bytes, 1_024..=64 << 20)?;
+    check_range("http.max_form_bytes", http.max_form_bytes, 1_024..=1 << 50)?;
+    check_range("http.idle_min", http.idle_min, 1..=24 * 60)?;
+    check_range("http.sign_in_h", http.sign_in_h, 1..=24 * 7)?;
+    check_range("http.password_link_h", http.password_link_h, 1..=24 * 30)?;
+    check_range("http.free_attempts", http.free_attempts, 1..=10_000)?;
+    check_range("http.hsts_days", http.hsts_days, 0..=3_650)?;
+    check_range("http.max_event_streams", http.max_event_streams, 1..=100_000)?;
+    check_range("http.max_event_streams_of_one", http.max_event_streams_of_one, 1..=100_000)?;
+    check_range("http.max_heavy_answers", http.max_heavy_answers, 1..=1_000)?;
+    check_range("http.max_heavy_answers_of_one", http.max_heavy_answers_of_one, 1..=1_000)?;
+    check_range("http.heavy_answer_wait_s", http.heavy_answer_wait_s, 1.0..=3_600.0)?;
+    check_range("http.page_items", http.page_items, 1..=200)?;
+    if let Some(network) = http.trusted_proxies.iter().find(|network| network.prefix_len() == 0) {
+        let expected = "the addresses of your proxies only: every client in a network of them can forge its address";
+        return Err(SettingsError::Value { key: "http.trusted_proxies", value: network.to_string(), expected });
+    }
+    check_public_url(http)
+}
+
+fn check_public_url(http: &HttpSettings) -> Result<(), SettingsError> {
+    let Some(url) = &http.public_url else { return Ok(()) };
+    let refused = |expected| Err(SettingsError::Value { key: "http.public_url", value: url.clone(), expected });
+    if !is_web_address(url) {
+        return refused("the service's address, such as https://skills.example");
+    }
+    if !url.trim_end_matches('/').ends_with(&http.base_path.to_string()) {
+        return refused("the service's address, which ends with http.base_path");
+    }
+    Ok(())
+}
+
+fn check_uploads(uploads: &UploadSettings) -> Result<(), SettingsError> {
+    check_range("uploads.max_bytes", uploads.max_bytes, RECORDING_BYTES)?;
+    check_range("uploads.expire_h", uploads.expire_h, 1..=24 * 365)?;
+    check_range("uploads.empty_min", uploads.empty_min, 1..=24 * 60)?;
+    check_range("uploads.max_unfinished", uploads.max_unfinished, 1..=1_000_000)?;
+    check_range("uploads.import_bytes", uploads.import_bytes, 1_024..=1 << 30)?;
+    check_range("uploads.import_rows", uploads.import_rows, 2..=10_000_000)
+}
+
+fn check_live(live: &LiveSettings) -> Result<(), SettingsError> {
+    check_range("live.max_feeds", live.max_feeds, 1..=10_000)?;
+    check_range("live.max_bytes", live.max_bytes, RECORDING_BYTES)?;
+    check_range("live.max_unfinished", live.max_unfinished, 2..=10_000)?; // half of them are for people
+    check_range("live.ack_ms", live.ack_ms, 1..=10_000)?;
+    check_range("live.silent_s", live.silent_s, 10..=3_600)?; // senders report every 5 s
+    check_range("live.abandoned_s", live.abandoned_s, 1..=7 * 86_400)?;
+    check_range("live.lost_s", live.lost_s, 1..=7 * 86_400)?;
+    check_range("live.closed_s", live.closed_s, 1..=7 * 86_400)?;
+    check_range("live.empty_s", live.empty_s, 1..=7 * 86_400)
+}
+
+fn check_analysis(analysis: &AnalysisSettings) -> Result<(), SettingsError> {
+    check_range("analysis.decoder_threads", analysis.decoder_threads, 1..=64)?;
+    check_range("analysis.memory_mib", analysis.memory_mib, CHILD_MIB)?;
+    check_range("analysis.longest_s", analysis.longest_s, 60..=7 * 86_400)?;
+    check_range("analysis.silence_s", analysis.silence_s, 5..=3_600)?;
+    check_range("analysis.scoring_memory_mib", analysis.scoring_memory_mib, CHILD_MIB)?;
+    check_range("analysis.scoring_s", analysis.scoring_s, 10..=86_400)?;
+    check_range("analysis.glances", analysis.glances, 1..=64)?;
+    check_range("analysis.glance_s", analysis.glance_s, 1..=600)
+}
+
+/// Limits of a limit on the bytes of recordings: 1 MiB to 1 PiB.
+const RECORDING_BYTES: RangeInclusive<u64> = 1 << 20..=1 << 50;
+/// Limits of a child's memory, MiB. With less than the first, no usual recording can be decoded.
+const CHILD_MIB: RangeInclusive<u64> = 128..=1 << 20;
+
+fn check_range<T: PartialOrd + Display>(
+    key: &'static str,
+    value: T,
+    range: RangeInclusive<T>,
+) -> Result<(), SettingsError> {
+    if range.contains(&value) {
         return Ok(());
     }
-    let value = format!("{value}, which is outside {least} to {most}");
+    let value = format!("{value}, which is outside {} to {}", range.start(), range.end());
     Err(SettingsError::Value { key, value, expected: "a number in this range" })
 }
 
@@ -427,6 +491,88 @@ mod tests {
         assert!(error.contains("queue.lease_s") && error.contains("two heartbeats"), "{error}");
         let error = with(&[("TROCAR_STORE__READERS", "0")]).unwrap_err().to_string();
         assert!(error.contains("store.readers"), "{error}");
+    }
+
+    /// Keys whose value may be 0.
+    const MAY_BE_ZERO: [&str; 4] = ["workers", "http.hsts_days", "retention.videos_months", "retention.erase_days"];
+    /// An earlier name of a key, and the present one.
+    const EARLIER_NAME: (&str, &str) = ("http.attempts_per_min", "http.free_attempts");
+
+    /// The settings with one more value in the file. `key` includes its section.
+    fn with_key(key: &str, value: &str) -> Result<Settings, SettingsError> {
+        let line = match key.rsplit_once('.') {
+            Some((section, key)) => format!("[{section}]\n{key} = {value}\n"),
+            None => format!("{key} = {value}\n"),
+        };
+        with_file(&line, &[], Flags::default())
+    }
+
+    /// All keys below a section, as the error for an unknown key lists them.
+    fn keys_below(section: &str) -> Vec<String> {
+        let prefix = if section.is_empty() { String::new() } else { format!("{section}.") };
+        let refused = with_key(&format!("{prefix}unknown"), "0").unwrap_err().to_string();
+        let (_, expected) = refused.split_once("expected ").unwrap_or_else(|| panic!("{refused}"));
+        let known = expected.split(" in `").next().unwrap_or_default().split('`').skip(1).step_by(2);
+        let of_key = |key: String| {
+            let is_section = with_file(&format!("[{key}]\n"), &[], Flags::default()).is_ok();
+            if is_section { keys_below(&key) } else { vec![key] }
+        };
+        known.map(|key| format!("{prefix}{key}")).flat_map(of_key).collect()
+    }
+
+    #[test]
+    fn every_number_has_a_range_that_is_checked_at_the_start() {
+        let is_refused_by_type = |result: &Result<_, _>| matches!(result, Err(SettingsError::File { .. }));
+        let numbers: Vec<String> =
+            keys_below("").into_iter().filter(|key| !is_refused_by_type(&with_key(key, "1"))).collect();
+        assert!(numbers.len() > 50, "{numbers:?}");
+        for key in numbers {
+            let present = if key == EARLIER_NAME.0 { EARLIER_NAME.1 } else { key.as_str() };
+            let check = |value: &str, result: Result<Settings, SettingsError>| match result {
+                Err(SettingsError::Value { key: named, .. }) => assert_eq!(named, present, "{key} = {value}"),
+                other => panic!("{key} = {value} is not refused as out of range: {other:?}"),
+            };
+            // The larger value does not fit into every type.
+            let tried = [i64::MAX, u32::MAX.into()].map(|value| value.to_string());
+            let fits = tried.iter().map(|value| (value, with_key(&key, value)));
+            let (value, result) = fits.into_iter().find(|(_, result)| !is_refused_by_type(result)).unwrap();
+            check(value, result);
+            if !MAY_BE_ZERO.contains(&key.as_str()) {
+                check("0", with_key(&key, "0"));
+            }
+        }
+        let refused = with_key("analysis.memory_mib", "1").unwrap_err().to_string();
+        assert!(refused.contains("`analysis.memory_mib` is 1") && refused.contains("128 to 1048576"), "{refused}");
+        assert!(with_key("http.head_timeout_s", "nan").is_err() && with_key("http.head_timeout_s", "-inf").is_err());
+    }
+
+    #[test]
+    fn the_documents_list_every_key() {
+        let document = include_str!("../docs/operations.md");
+        let (_, table) = document.split_once("| key | default | meaning |\n").unwrap();
+        let (mut section, mut documented) = (String::new(), Vec::new());
+        for row in table.lines().skip(1).take_while(|row| row.starts_with('|')) {
+            for name in row.split('|').nth(1).unwrap_or_default().split('`').skip(1).step_by(2) {
+                match name.strip_prefix('[') {
+                    Some(name) => section = format!("{}.", name.trim_end_matches(']')),
+                    None => documented.push(format!("{section}{name}")),
+                }
+            }
+        }
+        let mut known = keys_below("");
+        known.sort_unstable();
+        documented.sort_unstable();
+        assert_eq!(documented, known);
+    }
+
+    #[test]
+    fn a_network_of_proxies_cannot_be_the_whole_internet() {
+        for network in ["0.0.0.0/0", "::/0"] {
+            let refused = with_key("http.trusted_proxies", &format!("[\"127.0.0.1\", \"{network}\"]"));
+            let refused = refused.unwrap_err().to_string();
+            assert!(refused.contains("http.trusted_proxies") && refused.contains(network), "{refused}");
+        }
+        assert!(with_key("http.trusted_proxies", "[\"10.0.0.0/8\", \"::1\"]").is_ok());
     }
 
     #[test]

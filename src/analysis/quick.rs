@@ -86,7 +86,7 @@ impl QuickAnalysis {
         clock: SharedClock,
         shutdown: Shutdown,
     ) -> Self {
-        let slots = Arc::new(Semaphore::new(settings.glances.max(1)));
+        let slots = Arc::new(Semaphore::new(settings.glances));
         Self { vault, program, settings, clock, shutdown, slots }
     }
 
@@ -151,8 +151,10 @@ impl QuickAnalysis {
         let stop = QuickStopGuard(StopSwitch::new().map_err(failed)?);
         let (program, budget, stopping) = (self.program.clone(), self.settings.quick_budget(&work), stop.0.clone());
         let request = ChildRequest { threads: 1, work };
+        let asked_by = tracing::Span::current();
         let mut child = tokio::task::spawn_blocking(move || {
-            run_attempt(ChildAttempt { program: &program, request, inputs, budget: &budget, stop: &stopping }, |_| ()).0
+            let what = ChildAttempt { program: &program, request, inputs, budget: &budget, stop: &stopping };
+            asked_by.in_scope(|| run_attempt(what, |_| ()).0)
         });
         let ended = tokio::select! {
             ended = &mut child => ended,

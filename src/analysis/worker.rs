@@ -17,7 +17,7 @@ use crate::motion::quality::ports::Ports;
 use crate::queue::{HeldJob, Queue, is_lease_lost};
 use crate::sandbox::{Budget, Program, StopSwitch};
 use crate::shutdown::Shutdown;
-use crate::store::{Store, StoreError};
+use crate::store::{JobRecord, Store, StoreError};
 use crate::time::SharedClock;
 use crate::vault::{Vault, VaultError};
 
@@ -164,7 +164,7 @@ impl WorkerPool {
     ) -> std::io::Result<Result<ChildOutput, AttemptFailure>> {
         let stop = StopSwitch::new()?;
         let (progress_sender, mut progress_seen) = watch::channel(0.0);
-        let mut child = self.spawn_child(plan, stop.clone(), progress_sender);
+        let mut child = self.spawn_child(held.job(), plan, stop.clone(), progress_sender);
         let mut beat = self.clock.sleep(held.heartbeat_interval());
         let mut pause = self.clock.sleep(Duration::ZERO);
         let mut may_report = true;
@@ -238,16 +238,20 @@ impl WorkerPool {
         }
     }
 
-    /// Starts the child on a blocking thread, which lives as long as the child.
+    /// Starts the child on a blocking thread, which lives as long as the child. The thread's log lines name the job.
     fn spawn_child(
         &self,
+        job: &JobRecord,
         plan: JobPlan,
         stop: StopSwitch,
         progress: watch::Sender<f64>,
     ) -> tokio::task::JoinHandle<Result<ChildOutput, AttemptFailure>> {
         let budget = self.settings.budget_of(&plan.work);
         let (program, threads) = (self.program.clone(), self.settings.decoder_threads);
-        tokio::task::spawn_blocking(move || attempt_plan(&program, &budget, threads, plan, &stop, &progress))
+        let span = tracing::warn_span!("job", job = %job.id, session = job.session_id.map(tracing::field::display));
+        tokio::task::spawn_blocking(move || {
+            span.in_scope(|| attempt_plan(&program, &budget, threads, plan, &stop, &progress))
+        })
     }
 }
 

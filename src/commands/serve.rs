@@ -323,7 +323,7 @@ fn start_upkeep(app: &App, settings: &Settings) {
     app.shutdown.spawn(async move { queue.keep_sweeping(&stop).await });
     let feeds = app.feeds.clone();
     app.shutdown.spawn(async move { feeds.maintain().await });
-    let every = Duration::from_secs(settings.upkeep.collect_s.max(1));
+    let every = Duration::from_secs(settings.upkeep.collect_s);
     let lists = ErasureLists::new(&settings.data, settings.backup.target.as_deref());
     let (own, stop) = (app.clone(), app.shutdown.clone());
     app.shutdown.spawn(async move {

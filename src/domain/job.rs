@@ -14,7 +14,7 @@
 //! lost for the tenth time. An earlier lost lease queues the job again and counts no attempt: the power failed, or the
 //! service was killed.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::blob::Blob;
 use super::calibration::BoardSize;
@@ -142,6 +142,7 @@ pub struct ImportInput {
     /// The table as it was sent.
     pub table: Blob,
     /// The tracker that measured it.
+    #[serde(deserialize_with = "read_stored")]
     pub tracker: TrackerName,
 }
 
@@ -157,6 +158,11 @@ pub struct RescoreInput {
     /// Revision of the session's edits that the job was created for.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub edits: u64,
+}
+
+/// Reads the tracker's name of a job that was queued under earlier rules.
+fn read_stored<'de, D: Deserializer<'de>>(from: D) -> Result<TrackerName, D::Error> {
+    String::deserialize(from).map(TrackerName::from_stored)
 }
 
 /// Leaves a revision out for a session without edits, so that the stored input equals that of older jobs and counts as the

@@ -3,6 +3,7 @@
 //! A token or cookie is 32 random bytes; only its SHA-256 is stored (it has too much entropy to be guessed, so a slow
 //! hash would protect nothing). A password is guessable, so it is stored as argon2id with a salt of its own.
 
+use std::collections::HashSet;
 use std::fmt;
 
 use argon2::password_hash::{PasswordHasher, PasswordVerifier, phc};
@@ -77,7 +78,7 @@ impl fmt::Debug for SecretHash {
     }
 }
 
-/// A password as typed by a person: 10 to 256 arbitrary bytes.
+/// A password as typed by a person: 10 to 256 arbitrary bytes, of at least five different characters.
 pub struct Password(String);
 
 impl Password {
@@ -85,15 +86,20 @@ impl Password {
     pub const MIN_BYTES: usize = 10;
     /// Maximum length, bytes: limits the cost of hashing.
     pub const MAX_BYTES: usize = 256;
+    /// Minimum number of different characters.
+    pub const MIN_DIFFERENT: usize = 5;
 
-    /// A password to set; checks its length.
+    /// A password to set; checks its length and that it is not a few characters repeated.
     pub fn new(text: impl Into<String>) -> Result<Self, Invalid> {
         let text = text.into();
-        if (Self::MIN_BYTES..=Self::MAX_BYTES).contains(&text.len()) {
-            return Ok(Self(text));
+        let (min, max, different) = (Self::MIN_BYTES, Self::MAX_BYTES, Self::MIN_DIFFERENT);
+        if !(min..=max).contains(&text.len()) {
+            return Err(Invalid::new("password", format!("has {} bytes; expected {min} to {max}", text.len())));
         }
-        let (min, max) = (Self::MIN_BYTES, Self::MAX_BYTES);
-        Err(Invalid::new("password", format!("has {} bytes; expected {min} to {max}", text.len())))
+        if text.chars().collect::<HashSet<_>>().len() < different {
+            return Err(Invalid::new("password", format!("has fewer than {different} different characters")));
+        }
+        Ok(Self(text))
     }
 
     /// A password to check at sign-in: any text up to the maximum length, since an old password may break today's
@@ -198,5 +204,15 @@ mod tests {
     fn passwords_out_of_bounds_are_refused_with_the_bounds() {
         assert!(Password::new("short").unwrap_err().to_string().contains("expected 10 to 256"));
         assert!(Password::new("x".repeat(257)).is_err());
+    }
+
+    #[test]
+    fn a_few_characters_repeated_are_no_password() {
+        for weak in ["1111111111", "abababababab", "aaaabbbbccccdddd"] {
+            let refused = Password::new(weak).unwrap_err().to_string();
+            assert!(refused.contains("fewer than 5 different characters"), "{refused}");
+            assert!(Password::attempt(weak).is_some(), "an earlier password still signs in");
+        }
+        assert!(Password::new("abcdeabcde").is_ok() && Password::new("äöüßéäöüßé").is_ok());
     }
 }

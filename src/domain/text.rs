@@ -22,7 +22,8 @@ impl Invalid {
     }
 }
 
-/// Text newtypes: parsed from a string, shown and sent as the same string.
+/// Text newtypes: parsed from a string, shown and sent as the same string. Parsing applies today's rules, so it is for
+/// input.
 macro_rules! text {
     ($($(#[$doc:meta])* $name:ident: $parse:expr;)*) => { $(
         $(#[$doc])*
@@ -35,6 +36,11 @@ macro_rules! text {
             /// The text itself.
             pub fn as_str(&self) -> &str {
                 &self.0
+            }
+
+            /// A text that was stored: it was accepted under the rules of its time, and stays readable.
+            pub fn from_stored(text: String) -> Self {
+                Self(text)
             }
         }
 
@@ -70,13 +76,15 @@ macro_rules! text {
 }
 
 text! {
-    /// The name of a person or thing: 1 to 120 characters on one line, without control characters.
+    /// The name of a person or thing: 1 to 120 characters on one line, some of them visible, and none that controls the
+    /// text around it.
     Name: |text| line("name", text, 1, 120);
     /// A login: 1 to 64 of `a–z 0–9 . _ - @ +`; capitals become lower case.
     Login: login;
     /// The short unique name of a box, trainee or task, for people and addresses: 1 to 64 of `a–z 0–9 -`.
     Code: code;
-    /// A recording's original file name: 1 to 255 characters; folders before it are dropped.
+    /// A recording's original file name: 1 to 255 characters; folders before it are dropped, and characters that would
+    /// mislead a reader become `_`.
     FileName: file_name;
     /// The name of a tracking program: 1 to 40 characters on one line.
     TrackerName: tracker;
@@ -152,10 +160,36 @@ fn line(what: &'static str, text: &str, min: usize, max: usize) -> Result<String
     if length < min || length > max {
         return Err(Invalid::new(what, format!("has {length} characters; expected {min} to {max}")));
     }
-    match text.chars().find(|c| c.is_control()) {
-        Some(c) => Err(Invalid::new(what, format!("contains the control character {}", c.escape_unicode()))),
-        None => Ok(text.to_owned()),
+    if let Some(c) = text.chars().find(|c| c.is_control()) {
+        return Err(Invalid::new(what, format!("contains the control character {}", c.escape_unicode())));
     }
+    if let Some(c) = text.chars().find(|c| is_misleading(*c)) {
+        return Err(Invalid::new(what, format!("contains the invisible character {}; remove it", c.escape_unicode())));
+    }
+    if has_visible(text) { Ok(text.to_owned()) } else { Err(Invalid::new(what, "has no visible character")) }
+}
+
+/// True for an invisible character that changes how the text around it is read: controls of direction, separators of
+/// lines and paragraphs, and the byte-order mark. Joiners are none, since some scripts need them.
+fn is_misleading(c: char) -> bool {
+    matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{2028}' | '\u{2029}' | '\u{feff}')
+}
+
+/// True if a reader sees something of this text.
+fn has_visible(text: &str) -> bool {
+    text.chars().any(|c| !(c.is_whitespace() || c.is_control() || is_ignorable(c)))
+}
+
+/// True for a character without a shape of its own: Unicode's property `Default_Ignorable_Code_Point`, and the empty
+/// Braille pattern.
+fn is_ignorable(c: char) -> bool {
+    matches!(
+        c,
+        '\u{ad}' | '\u{34f}' | '\u{61c}' | '\u{115f}'..='\u{1160}' | '\u{17b4}'..='\u{17b5}' | '\u{180b}'..='\u{180f}'
+            | '\u{200b}'..='\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{2800}' | '\u{3164}'
+            | '\u{fe00}'..='\u{fe0f}' | '\u{feff}' | '\u{ffa0}' | '\u{fff0}'..='\u{fff8}' | '\u{1bca0}'..='\u{1bca3}'
+            | '\u{1d173}'..='\u{1d17a}' | '\u{e0000}'..='\u{e0fff}'
+    )
 }
 
 fn lines(what: &'static str, text: &str, max: usize) -> Result<String, Invalid> {
@@ -171,7 +205,7 @@ fn lines(what: &'static str, text: &str, max: usize) -> Result<String, Invalid> 
 
 fn remark(text: &str) -> Result<String, Invalid> {
     let text = lines("text", text.trim(), 2_000)?;
-    if text.is_empty() { Err(Invalid::new("text", "is empty; write something")) } else { Ok(text) }
+    if has_visible(&text) { Ok(text) } else { Err(Invalid::new("text", "is empty; write something")) }
 }
 
 fn login(text: &str) -> Result<String, Invalid> {
@@ -201,8 +235,12 @@ fn code(text: &str) -> Result<String, Invalid> {
 }
 
 fn file_name(text: &str) -> Result<String, Invalid> {
-    let last = text.rsplit(['/', '\\']).next().unwrap_or_default();
-    line("file name", last, 1, 255)
+    let last = text.rsplit(['/', '\\']).next().unwrap_or_default().trim();
+    if !last.is_empty() && last.chars().all(is_ignorable) {
+        return Ok("_".to_owned());
+    }
+    let shown: String = last.chars().map(|c| if is_misleading(c) { '_' } else { c }).collect();
+    line("file name", &shown, 1, 255)
 }
 
 #[cfg(test)]
@@ -229,6 +267,40 @@ mod tests {
         assert_eq!("../../etc/clip.mp4".parse::<FileName>().unwrap().as_str(), "clip.mp4");
         assert_eq!(r"C:\clips\a.avi".parse::<FileName>().unwrap().as_str(), "a.avi");
         assert!("clips/".parse::<FileName>().is_err());
+    }
+
+    #[test]
+    fn a_name_is_visible_and_does_not_control_the_text_around_it() {
+        for bad in [
+            "\u{200b}\u{200b}",
+            "\u{202e}txt.exe",
+            "x\u{2028}y",
+            "\u{feff}x",
+            "a\u{2066}b",
+            "\u{ad} \u{2060}",
+            "\u{3164}",
+        ] {
+            assert!(bad.parse::<Name>().is_err(), "{bad:?}");
+            assert!(serde_json::from_value::<Name>(bad.into()).is_err(), "{bad:?}");
+            assert_eq!(Name::from_stored(bad.to_owned()).as_str(), bad, "an earlier name stays readable");
+        }
+        assert!("\u{200b}\n\u{2060}".parse::<Remark>().is_err());
+        // Joiners of Persian and of an emoji; a Hebrew name; a name with a soft hyphen.
+        for good in ["می\u{200c}خواهم", "👩\u{200d}⚕️", "דנה", "Grasper\u{ad}kurs"] {
+            assert_eq!(good.parse::<Name>().unwrap().as_str(), good);
+        }
+    }
+
+    #[test]
+    fn a_file_name_never_misleads_and_is_never_refused_for_it() {
+        for (given, stored) in [
+            ("\u{202e}gpm.exe", "_gpm.exe"),
+            ("a\u{2028}b.mp4", "a_b.mp4"),
+            ("\u{feff}clip.mp4", "_clip.mp4"),
+            ("\u{200b}\u{200b}", "_"),
+        ] {
+            assert_eq!(given.parse::<FileName>().unwrap().as_str(), stored);
+        }
     }
 
     proptest! {

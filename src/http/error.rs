@@ -325,6 +325,9 @@ impl From<IntakeError> for ProblemResponse {
             IntakeError::Ending => {
                 busy("The service is shutting down. The bytes received so far are stored: continue in a minute.")
             }
+            IntakeError::EndingUnsaved => {
+                busy("The service is shutting down. Nothing of the request is stored: send it again in a minute.")
+            }
             IntakeError::AlreadyExists { session } => Refusal::DuplicateRecording
                 .with("A session with the same recording, trainee, task and box exists already; see `session`.")
                 .member("session", format!("/api/v1/sessions/{session}")),

@@ -12,7 +12,8 @@
 //! | [`export`] [`data_export`] | tables of features, of any length; all data of a person or of the centre as a ZIP file |
 //! | [`server`] [`pace`] [`settings`] | limits on connections and bodies: their number, idle time and size |
 //! | [`listeners`] [`connection`] [`http2_streams`] | the sockets; one connection: handshake, HTTP/2 or HTTP/1.1, limits on time |
-//! | [`tls`] [`scheme`] [`redirect`] | the service's certificate; HTTPS of its own or of a proxy; plain HTTP to HTTPS |
+//! | [`tls`] [`certificate_end`] | the service's certificate, and warnings before its end |
+//! | [`scheme`] [`redirect`] | HTTPS of the service or of a proxy; plain HTTP to HTTPS |
 //! | [`connection_slots`] | limits on connections that stay open, in all and per user |
 //! | [`protect`] [`compress`] [`observe`] | security headers, compression; a log line and metrics for every request |
 //! | [`dashboard`] [`docs`] [`openapi`] | the dashboard's files, and the API's description |
@@ -27,6 +28,7 @@ pub mod auth;
 pub mod base_path;
 mod base_url;
 pub mod boxes;
+mod certificate_end;
 pub mod client_address;
 pub mod cohorts;
 pub mod compress;

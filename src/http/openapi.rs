@@ -92,6 +92,9 @@ fn complete_operation(operation: &mut Operation, path: &str) {
     if path.contains("/uploads") {
         refusals.extend([410, 412, 423, 460]);
     }
+    if path == "/metrics" {
+        refusals.push(401); // unless the caller is on the machine of the service
+    }
     if path.ends_with("/feed.ts") || path.ends_with("/password-links/open") || path.ends_with("/password-links/use") {
         refusals.push(410);
     }

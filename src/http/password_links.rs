@@ -130,7 +130,7 @@ pub struct PasswordByLink {
     /// The part of the link after `#`.
     #[schema(format = Password)]
     secret: String,
-    /// The new password, 10 to 256 bytes.
+    /// The new password, 10 to 256 bytes, at least 5 different characters.
     #[schema(format = Password, min_length = 10, max_length = 256)]
     new: String,
 }

@@ -62,7 +62,8 @@ pub struct NewPersonRequest {
     name: Name,
     /// `administrator`, `instructor` or `trainee`. The agent of a box gets a token instead of an account.
     role: Role,
-    /// 10 to 256 bytes. Without it, the person chooses one with a link (`password-links`), and cannot sign in before.
+    /// 10 to 256 bytes, at least 5 different characters. Without it, the person chooses one with a link
+    /// (`password-links`), and cannot sign in before.
     #[schema(format = Password, min_length = 10, max_length = 256)]
     password: Option<String>,
     /// With a password: the person must change it at the first sign-in, before anything else.
@@ -144,9 +145,10 @@ async fn resolve_references(
 pub struct PersonChangeRequest {
     login: Option<Login>,
     name: Option<Name>,
-    /// `administrator` or `instructor`. A new role signs the account out in every browser.
+    /// `administrator` or `instructor`. A new role signs the account out in every browser. The account of a trainee
+    /// keeps its role.
     role: Option<Role>,
-    /// A new password, 10 to 256 bytes. It signs the account out in every browser.
+    /// A new password, 10 to 256 bytes, at least 5 different characters. It signs the account out in every browser.
     #[schema(format = Password, min_length = 10, max_length = 256)]
     password: Option<String>,
     /// With a password: the person must change it at the next sign-in, before anything else.

@@ -18,8 +18,9 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use tokio_rustls::TlsAcceptor;
 
+use super::certificate_end::EndWarnings;
 use crate::shutdown::Shutdown;
-use crate::time::SharedClock;
+use crate::time::{SharedClock, to_rfc3339};
 
 /// How often the files are looked at.
 const CHECK_INTERVAL: Duration = Duration::from_secs(10);
@@ -50,6 +51,15 @@ pub enum CertificateError {
         path: PathBuf,
         /// Error of the operating system.
         source: std::io::Error,
+    },
+    /// The key can be read with a passphrase only.
+    #[error(
+        "`{path}` is a key with a passphrase, which the service cannot ask for; write the key without one: \
+         `openssl pkey -in {path} -out NEW-FILE`, let only the service's user read it, and name NEW-FILE in the settings"
+    )]
+    Encrypted {
+        /// The file.
+        path: PathBuf,
     },
     /// A file is not PEM, or does not contain what it should.
     #[error("`{path}` has no usable {wanted}: {why}; expected a PEM file")]
@@ -110,12 +120,14 @@ impl ServerCertificate {
         Ok(TlsAcceptor::from(Arc::new(config)))
     }
 
-    /// Reads the files again whenever they change, until `stop`.
+    /// Reads the files again whenever they change, until `stop`. Warns in the log if the certificate ends soon.
     pub async fn keep_current(self, clock: SharedClock, stop: Shutdown) {
+        let mut warnings = EndWarnings::default();
         let mut seen = None;
         let mut before: Option<String> = None;
         let mut is_reported = false;
         loop {
+            self.0.warn_of_end(&mut warnings, &clock);
             tokio::select! {
                 () = stop.begun() => return,
                 () = clock.sleep(CHECK_INTERVAL) => {}
@@ -133,6 +145,18 @@ impl ServerCertificate {
 }
 
 impl CertificateState {
+    fn warn_of_end(&self, warnings: &mut EndWarnings, clock: &SharedClock) {
+        let current = self.current.read().unwrap_or_else(PoisonError::into_inner).clone();
+        let end_ms = current.cert.first().and_then(|own| warnings.due(own, &self.provider, &**clock));
+        let Some(end_ms) = end_ms else { return };
+        let (ends_at, certificate) = (to_rfc3339(end_ms), self.certificate.display());
+        if end_ms < clock.now_ms() {
+            tracing::error!(%certificate, ends_at, "the certificate has expired; renew it");
+        } else {
+            tracing::warn!(%certificate, ends_at, "the certificate expires in less than 14 days; renew it");
+        }
+    }
+
     /// Uses the files' content if it differs from what was `seen` last. A failure is tried again at the next call.
     async fn reload(&self, seen: &mut Option<FilesHash>) -> Result<(), CertificateError> {
         let files = CertificateFiles::read(&self.certificate, &self.key).await?;
@@ -190,6 +214,9 @@ impl CertificateFiles {
         if chain.is_empty() {
             return Err(unusable(certificate, "certificate", "it contains none".to_owned()));
         }
+        if is_encrypted(&self.key) {
+            return Err(CertificateError::Encrypted { path: key.to_owned() });
+        }
         let private = PrivateKeyDer::from_pem_slice(&self.key)
             .map_err(|error| unusable(key, "private key", error.to_string()))?;
         CertifiedKey::from_der(chain, private, provider).map_err(|why| CertificateError::Pair {
@@ -198,6 +225,12 @@ impl CertificateFiles {
             why,
         })
     }
+}
+
+/// True for a key in PEM that is encrypted, in the present format (PKCS #8) or the earlier one of OpenSSL.
+fn is_encrypted(key: &[u8]) -> bool {
+    let has = |mark: &[u8]| key.windows(mark.len()).any(|part| part == mark);
+    has(b"-----BEGIN ENCRYPTED PRIVATE KEY-----") || has(b"Proc-Type: 4,ENCRYPTED")
 }
 
 #[cfg(test)]
@@ -218,5 +251,19 @@ mod tests {
         let empty = ServerCertificate::load(&settings).await.unwrap_err().to_string();
         assert!(empty.contains("certificate.pem` has no usable certificate"), "{empty}");
         assert!(ServerCertificate::load(&TlsSettings::default()).await.unwrap().is_none());
+    }
+
+    #[tokio::test]
+    async fn a_key_with_a_passphrase_is_refused_with_the_command_that_removes_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let (certificate, key) = (folder.path().join("certificate.pem"), folder.path().join("key.pem"));
+        std::fs::write(&certificate, "-----BEGIN CERTIFICATE-----\nMAA=\n-----END CERTIFICATE-----\n").unwrap();
+        for head in ["ENCRYPTED PRIVATE KEY-----", "RSA PRIVATE KEY-----\nProc-Type: 4,ENCRYPTED"] {
+            std::fs::write(&key, format!("-----BEGIN {head}\nMAA=\n")).unwrap();
+            let (certificate, key) = (Some(certificate.clone()), Some(key.clone()));
+            let settings = TlsSettings { certificate, key, redirect_listen: None };
+            let refused = ServerCertificate::load(&settings).await.unwrap_err().to_string();
+            assert!(refused.contains("passphrase") && refused.contains("openssl pkey -in"), "{refused}");
+        }
     }
 }

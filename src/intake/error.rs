@@ -53,6 +53,9 @@ pub enum IntakeError {
     /// The service is ending; the bytes that arrived are durable.
     #[error("the service is ending")]
     Ending,
+    /// The service is ending, and the bytes of a recording that arrives in one request are not kept.
+    #[error("the service is ending; nothing is kept")]
+    EndingUnsaved,
     /// The same trainee, task and box already have this recording.
     #[error("this recording is session {session}")]
     AlreadyExists {

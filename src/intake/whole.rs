@@ -35,7 +35,7 @@ impl Intake {
         Ok(session)
     }
 
-    /// Stores a body of at most `most` bytes.
+    /// Stores a body of at most `most` bytes, or nothing.
     pub(super) async fn store_whole<B>(&self, mut bytes: B, most: u64) -> IntakeResult<PinnedBlob>
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
@@ -47,7 +47,7 @@ impl Intake {
         loop {
             let next = tokio::select! {
                 next = bytes.next() => next,
-                () = &mut ending => return Err(IntakeError::Ending),
+                () = &mut ending => return Err(IntakeError::EndingUnsaved),
             };
             let Some(next) = next else { break };
             let next = next.map_err(IntakeError::ConnectionLost)?;

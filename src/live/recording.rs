@@ -201,9 +201,11 @@ impl FeedService {
         let program = self.0.program.clone();
         let stop = StopSwitch::new().map_err(|error| AttemptFailure::Crashed(error.to_string()))?;
         let stopping = stop.clone();
+        let span = tracing::warn_span!("feed", feed = %feed.row.id);
         let mut child = tokio::task::spawn_blocking(move || {
             let inputs = vec![log, output];
-            run_attempt(ChildAttempt { program: &program, request, inputs, budget: &budget, stop: &stopping }, |_| ()).0
+            let what = ChildAttempt { program: &program, request, inputs, budget: &budget, stop: &stopping };
+            span.in_scope(|| run_attempt(what, |_| ()).0)
         });
         let ended = tokio::select! {
             ended = &mut child => ended,

@@ -50,12 +50,12 @@ impl Default for LiveSettings {
 impl LiveSettings {
     /// Time from a frame's arrival to its acknowledgement.
     pub fn ack(&self) -> Duration {
-        Duration::from_millis(self.ack_ms.max(1))
+        Duration::from_millis(self.ack_ms)
     }
 
     /// How long a connection may be silent.
     pub fn silent(&self) -> Duration {
-        Duration::from_secs(self.silent_s.max(1))
+        Duration::from_secs(self.silent_s)
     }
 
     /// How long a recording may be without a connection.

@@ -69,6 +69,12 @@ impl HeldJob {
     /// (`store.max_attempts`, usually the third).
     pub async fn report_crash(&self, problem: Problem) -> StoreResult<JobRecord> {
         let job = self.store().jobs().mark_crashed(&self.lease, problem).await?;
+        let session = job.session_id.map(tracing::field::display);
+        if job.state == JobState::Quarantined {
+            tracing::error!(job = %job.id, session, attempts = job.attempt, "job crashed too often; quarantined");
+        } else {
+            tracing::warn!(job = %job.id, session, attempts = job.attempt, "job crashed; tried again");
+        }
         self.queue.publish_job_state(&job).await;
         self.queue.inner.arrived.notify_one();
         Ok(job)

@@ -148,7 +148,8 @@ impl Queue {
     async fn rescue(&self, all: bool, problem: Problem) -> StoreResult<usize> {
         let swept = self.inner.store.jobs().sweep(all, problem).await?;
         for job in &swept.rescued {
-            tracing::warn!(job = %job.id, state = %job.state, "worker lost; job rescued");
+            let session = job.session_id.map(tracing::field::display);
+            tracing::warn!(job = %job.id, session, state = %job.state, "worker lost; job rescued");
             self.publish_job_state(job).await;
         }
         if !swept.rescued.is_empty() {

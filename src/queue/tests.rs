@@ -1,7 +1,8 @@
 //! Tests of the queue on a manual clock: despite all failures of workers, every job ends, every session has one result,
 //! and late writes change nothing.
 
-use std::sync::Arc;
+use std::io;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use futures_util::future::join_all;
@@ -87,6 +88,39 @@ async fn a_worker_that_sends_heartbeats_keeps_its_job() {
         assert_eq!(bench.queue.sweep().await.unwrap(), 0);
     }
     bench.finish(held).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_quarantine_is_logged_with_job_and_session() {
+    let bench = QueueFixture::with_jobs(1).await;
+    let log = Arc::new(Mutex::new(Vec::new()));
+    let written = log.clone();
+    let subscriber = tracing_subscriber::fmt().with_ansi(false).with_writer(move || LogWriter(written.clone()));
+    let logging = tracing::subscriber::set_default(subscriber.finish());
+    let mut job = None;
+    for _ in 0..3 {
+        let held = bench.claim().await.unwrap();
+        job = Some(held.report_crash(problem("signal 11")).await.unwrap());
+    }
+    drop(logging);
+    let (job, log) = (job.unwrap(), String::from_utf8(log.lock().unwrap().clone()).unwrap());
+    let quarantines: Vec<&str> = log.lines().filter(|line| line.contains("quarantined")).collect();
+    let [line] = quarantines[..] else { panic!("one quarantine in\n{log}") };
+    assert!(line.contains(&format!("job={}", job.id)), "{line}");
+    assert!(line.contains(&format!("session={}", job.session_id.unwrap())), "{line}");
+}
+
+/// Appends to a log in memory.
+struct LogWriter(Arc<Mutex<Vec<u8>>>);
+
+impl io::Write for LogWriter {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.lock().unwrap().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
 }
 
 #[tokio::test]

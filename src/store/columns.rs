@@ -61,6 +61,13 @@ macro_rules! as_text {
     )* };
 }
 
+/// Implements storage of a text, which is not checked again when it is read.
+macro_rules! as_stored {
+    ($($type:ident)*) => {
+        as_text! { $($type: |value| value.as_str().to_owned(), |text| Ok($type::from_stored(text.to_owned()));)* }
+    };
+}
+
 /// Implements storage as text with the type's `Display` and `FromStr`.
 macro_rules! as_shown {
     ($($type:ty)*) => { as_text! { $($type: |value| value.to_string(), |text| Ok(text.parse()?);)* } };
@@ -69,10 +76,14 @@ macro_rules! as_shown {
 as_shown! {
     PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId
     LeaseToken PasswordLinkId SelfTestId StandardId CohortId CourseId RatingId CommentId RescoringId ModelId EditId
-    Name Login Code FileName TrackerName Paragraphs Remark BlobHash
-    Day Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm
+    BlobHash Day
+    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm
     SessionJudgement RescoringSource RescoringItemState EditKind BoxQuestion RecordedAtSource EarlyEndCause ErasedKind
     PasswordState
+}
+
+as_stored! {
+    Name Login Code FileName TrackerName Paragraphs Remark
 }
 
 as_text! {

@@ -61,7 +61,7 @@ pub struct PersonChange {
     pub login: Option<Login>,
     /// New name.
     pub name: Option<Name>,
-    /// New role: administrator or instructor. A trainee's account keeps its role.
+    /// New role: administrator or instructor. Refused for a trainee's account.
     pub role: Option<Role>,
 }
 
@@ -95,14 +95,15 @@ const SELECT_PERSON_OF: &str = "
 
 const SIGN_OUT_IF_ROLE_CHANGES: &str = "
     DELETE FROM cookie_session
-    WHERE person_id = (SELECT id FROM person WHERE id = $1 AND trainee_id IS NULL AND role <> $2)";
+    WHERE person_id = (SELECT id FROM person WHERE id = $1 AND role <> $2)";
 
 const UPDATE_PERSON: &str = "
     UPDATE person
-    SET login = coalesce($2, login), name = coalesce($3, name),
-        role = CASE WHEN trainee_id IS NULL THEN coalesce($4, role) ELSE role END
+    SET login = coalesce($2, login), name = coalesce($3, name), role = coalesce($4, role)
     WHERE id = $1
     RETURNING id, login, name, role, trainee_id, password_state, created_at_ms";
+
+const SELECT_TRAINEE_OF: &str = "SELECT trainee_id FROM person WHERE id = $1 AND trainee_id IS NOT NULL";
 
 const DELETE_PERSON: &str = "DELETE FROM person WHERE id = $1";
 
@@ -189,11 +190,17 @@ impl PersonStore<'_> {
     pub async fn change(&self, scope: &Scope, id: PersonId, change: PersonChange) -> StoreResult<PersonRecord> {
         require_administrator(scope, "changing accounts")?;
         if matches!(change.role, Some(Role::Agent | Role::Trainee)) {
-            return Err(StoreError::refused("an account can become an administrator's or an instructor's only"));
+            return Err(StoreError::refused(
+                "an account can become an administrator's or an instructor's only: make another account for a \
+                 trainee, a token for an agent",
+            ));
         }
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
+                if change.role.is_some() {
+                    require_role_may_change(tx, id).await?;
+                }
                 sqlx::query(SIGN_OUT_IF_ROLE_CHANGES).bind(id).bind(change.role).execute(&mut *tx).await?;
                 let changed =
                     sqlx::query_as(UPDATE_PERSON).bind(id).bind(change.login).bind(change.name).bind(change.role);
@@ -288,6 +295,14 @@ pub(super) async fn replace_password(
         sqlx::query(DELETE_TOKENS_OF).bind(id).execute(&mut *tx).await?;
     }
     Ok(())
+}
+
+/// Refuses another role for a trainee's account, which would take the trainee's recordings from the person.
+async fn require_role_may_change(tx: &mut sqlx::SqliteConnection, id: PersonId) -> StoreResult<()> {
+    let trainee: Option<TraineeId> = sqlx::query_scalar(SELECT_TRAINEE_OF).bind(id).fetch_optional(tx).await?;
+    trainee.map_or(Ok(()), |_| {
+        Err(StoreError::refused("the account of a trainee keeps its role: make another account for the person's work"))
+    })
 }
 
 /// Refuses a second account for a trainee. The check comes before the insert, since SQLite does not say which key an

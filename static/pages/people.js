@@ -5,6 +5,7 @@ import { useData } from '../data.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
 import { Groups, Tokens } from '../parts/people/groups_tokens.js';
+import { refuseRepeats } from '../parts/people/new_password.js';
 import { NewLinkDialog, PasswordLinks } from '../parts/people/password_links.js';
 import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
@@ -102,6 +103,7 @@ export default function People({ person }) {
     removeTitle: words.removeTitle,
     fields,
     save: async (item, { access, ...values }) => {
+      if (values.password) refuseRepeats(values.password);
       const chosenFor = values.password && item?.id !== person.id ? { must_change_password: true } : {};
       const saved = await saveChanges(api.people, item, { ...values, ...chosenFor });
       if (access === 'link') setLinked(saved);

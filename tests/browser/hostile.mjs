@@ -63,7 +63,7 @@ export const HOSTILE = [
   'data:text/html,<script>hit()</script>',
   '&lt;script&gt;hit()&lt;/script&gt;',
   '&#60;img src=x onerror=hit()&#62;',
-  '\u202e<script>hit()</script>',
+  '\u200f<script>hit()</script>',
 ];
 
 /** Elements that none of our pages contains: injected text that became an element, a script or an event handler. */

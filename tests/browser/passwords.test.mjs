@@ -66,6 +66,8 @@ test('a new person chooses a password with a link, which works once', async () =
   await invited.page.getByText(name).waitFor();
   assert.equal(await invited.page.getByLabel('Sign-in name').inputValue(), login);
   await invited.takePictures('link');
+  await choose(invited.page, '111111111111');
+  await invited.page.getByText('fewer than 5 different characters').waitFor();
   await choose(invited.page, OWN);
   await invited.heading('Today').waitFor();
   assert.equal(invited.page.url(), `${url}/`);

@@ -141,3 +141,12 @@ fn a_backup_can_be_checked_but_not_changed() {
     assert_eq!(refused.status.code(), Some(2), "{stderr}");
     assert!(stderr.contains("is a backup"), "{stderr}");
 }
+
+#[test]
+fn the_help_of_every_command_says_which_folder_is_the_default() {
+    for command in ["restore", "backup", "check"] {
+        let help = program().args(["admin", command, "--help"]).output().unwrap();
+        let help = String::from_utf8(help.stdout).unwrap();
+        assert!(help.contains("[default: trocar-data"), "{command}:\n{help}");
+    }
+}

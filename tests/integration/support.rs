@@ -1,8 +1,9 @@
 //! The real service on port 0 with a data folder of its own, and clients that speak to it as browsers and programs do.
 
+use std::io;
 use std::net::SocketAddr;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, Once};
 use std::time::Duration;
 
 use reqwest::header::{self, HeaderMap, HeaderName, HeaderValue};
@@ -91,6 +92,31 @@ impl Service {
     pub async fn sign_in(&self, login: &str, password: &str) -> Client {
         self.stranger().signed_in(login, password).await
     }
+}
+
+static LOG: Mutex<Vec<u8>> = Mutex::new(Vec::new());
+
+/// Appends to [`LOG`].
+struct LogWriter;
+
+impl io::Write for LogWriter {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        LOG.lock().unwrap().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Warnings and errors in the log of all threads of this process since the first call.
+pub fn captured_log() -> String {
+    static START: Once = Once::new();
+    START.call_once(|| {
+        let log = tracing_subscriber::fmt().with_max_level(tracing::Level::WARN).with_ansi(false);
+        log.with_writer(|| LogWriter).init();
+    });
+    String::from_utf8_lossy(&LOG.lock().unwrap()).into_owned()
 }
 
 /// An HTTP client of the service.

@@ -28,10 +28,10 @@ use crate::vault::Vault;
 /// Arguments of `trocar admin`.
 #[derive(clap::Args)]
 pub struct AdminArgs {
-    /// Data folder of the service
+    /// Data folder of the service [default: trocar-data, or `data` in the settings]
     #[arg(long, global = true, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Settings file
+    /// Settings file [default: trocar.toml in the data folder]
     #[arg(long, global = true, value_name = "FILE")]
     settings: Option<PathBuf>,
     #[command(subcommand)]
@@ -42,7 +42,7 @@ pub struct AdminArgs {
 enum AdminCommand {
     #[command(flatten)]
     InFolder(FolderCommand),
-    /// Make a data folder (--data) of a backup, and erase again what was erased since the backup.
+    /// Make a data folder (--data, new or empty) of a backup, and erase again what was erased since the backup.
     Restore(restore::RestoreArgs),
 }
 

@@ -96,7 +96,7 @@ pub struct PasswordChange {
     /// The current password.
     #[schema(format = Password)]
     old: String,
-    /// The new password, 10 to 256 bytes.
+    /// The new password, 10 to 256 bytes, at least 5 different characters.
     #[schema(format = Password, min_length = 10, max_length = 256)]
     new: String,
     /// Keep the tokens that act as this account. Otherwise they are withdrawn.

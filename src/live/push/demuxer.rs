@@ -54,11 +54,12 @@ impl FeedService {
         let stop = FeedStopGuard(StopSwitch::new()?);
         let (program, stopping) = (self.0.program.clone(), stop.0.clone());
         let (sender, news) = mpsc::channel(MAX_WAITING_FRAMES);
+        let asked_by = tracing::Span::current();
         let ended = tokio::task::spawn_blocking(move || {
             let request = ChildRequest { threads: 1, work: ChildWork::Demux(DemuxWork) };
             let what = ChildAttempt { program: &program, request, inputs, budget: &budget, stop: &stopping };
             // A failed send means that the receiver is dropped and the child is being stopped.
-            run_attempt(what, |event| drop(sender.blocking_send(event))).0
+            asked_by.in_scope(|| run_attempt(what, |event| drop(sender.blocking_send(event))).0)
         });
         Ok((Demuxer { events: news, ended, _stop: stop }, ours))
     }

@@ -79,14 +79,15 @@ impl TrackingSupervisor {
         let (program, stopping, follower) = (feeds.0.program.clone(), stop.0.clone(), self.clone());
         self.attach_child(ours);
         self.0.state.send_replace(TrackingState::Tracking(tools));
+        let span = tracing::warn_span!("feed", feed = %row.id);
         let mut child = tokio::task::spawn_blocking(move || {
             let what = ChildAttempt { program: &program, request, inputs, budget: &budget, stop: &stopping };
-            run_attempt(what, |event| {
+            let on_event = |event| {
                 if let analysis::ChildEvent::Followed(followed) = event {
                     follower.handle_reply(followed);
                 }
-            })
-            .0
+            };
+            span.in_scope(|| run_attempt(what, on_event).0)
         });
         let mut beat = interval(HEARTBEAT_INTERVAL);
         let mut look = interval(cpu_slots::MAX_SLOT_TIME);

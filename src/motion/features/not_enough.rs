@@ -58,21 +58,27 @@ pub enum NotEnough {
     OutOfRange,
 }
 
+/// The number without the sign of a zero: the sum of no durations is −0.
+fn without_negative_zero(number: f64) -> f64 {
+    number + 0.0
+}
+
 impl fmt::Display for NotEnough {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             NotEnough::NeverSeen => f.write_str("the tool was never seen for long enough to follow its motion"),
             NotEnough::TooShort { observed_s, needed_s } => {
-                write!(f, "seen for {observed_s:.2} s; needs {needed_s} s")
+                write!(f, "seen for {:.2} s; needs {needed_s} s", without_negative_zero(*observed_s))
             }
             NotEnough::TooLittleSeen { share, needed } => {
-                write!(f, "seen for {:.0} % of the time; needs {:.0} %", 100.0 * share, 100.0 * needed)
+                let seen = without_negative_zero(100.0 * share);
+                write!(f, "seen for {seen:.0} % of the time; needs {:.0} %", 100.0 * needed)
             }
             NotEnough::NoMovement => f.write_str("nothing moved"),
             NotEnough::MovementsTooLong { share, needed } => write!(
                 f,
                 "{:.0} % of the moving time is in short enough movements; needs {:.0} %",
-                100.0 * share,
+                without_negative_zero(100.0 * share),
                 100.0 * needed
             ),
             NotEnough::ReturnsToStart => f.write_str("the movements end where they began"),

@@ -6,6 +6,7 @@ use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::{Password, Secret, SecretHash};
+use crate::domain::text::Name;
 use crate::store::testing::{NOW_MS, TestCentre};
 use crate::store::{ActsAs, CookieLifetime, NewToken, PersonChange, SignInOrigin, StoreError};
 
@@ -240,4 +241,15 @@ async fn a_sign_in_is_held_as_the_state_of_the_password_demands() {
             assert_eq!(holder.must_change_password, expected, "{state}, a page: {is_page}");
         }
     }
+}
+
+#[tokio::test]
+async fn a_name_that_was_accepted_under_earlier_rules_can_be_read() {
+    let centre = TestCentre::new().await;
+    let person = centre.person("ina", Role::Instructor, None).await;
+    let earlier = "UPDATE person SET name = 'x' || char(8238) || 'y'";
+    centre.store.write(async move |tx| Ok(sqlx::query(earlier).execute(tx).await?)).await.unwrap();
+    let read = centre.store.people().get(&person.scope(), person.id).await.unwrap();
+    assert_eq!(read.name.as_str(), "x\u{202e}y");
+    assert!(read.name.as_str().parse::<Name>().is_err(), "a new name is refused");
 }

@@ -17,12 +17,26 @@ export const NEW_PASSWORD_FIELDS = [
   { name: 'again', label: words.again, type: 'password', required: true, autocomplete: 'new-password' },
 ];
 
+/** Fewest different characters of a password; the service refuses fewer, too. */
+const MIN_DIFFERENT = 5;
+
 /**
- * The new password of a form with these fields. Throws a problem if its two inputs differ.
+ * Throws a problem if a password is a few characters repeated.
+ *
+ * @param {string} password
+ */
+export function refuseRepeats(password) {
+  if (new Set(password).size < MIN_DIFFERENT) throw new Problem({ title: words.repeats, status: 0 });
+}
+
+/**
+ * The new password of a form with these fields. Throws a problem if its two inputs differ, or if it is a few characters
+ * repeated.
  *
  * @param {Record<string, any>} values
  */
 export function newPassword({ fresh, again }) {
   if (fresh !== again) throw new Problem({ title: words.differ, status: 0 });
+  refuseRepeats(fresh);
   return fresh;
 }

@@ -196,3 +196,19 @@ async fn health_readiness_and_metrics_answer_without_a_sign_in() {
         assert!(metrics.contains(name), "{name} in\n{metrics}");
     }
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn through_a_proxy_only_staff_read_the_metrics() {
+    let centre = Centre::open().await;
+    for (header, value) in [
+        ("x-forwarded-for", "203.0.113.7"),
+        ("forwarded", "for=203.0.113.7"),
+        ("x-real-ip", "203.0.113.7"),
+        ("via", "1.1 p"),
+    ] {
+        problem(centre.service.stranger().with(header, value).get("/metrics").await, 401, "not-signed-in").await;
+        problem(centre.trainee.clone().with(header, value).get("/metrics").await, 403, "forbidden").await;
+        problem(centre.agent.clone().with(header, value).get("/metrics").await, 403, "forbidden").await;
+        assert_eq!(centre.instructor.clone().with(header, value).get("/metrics").await.status(), StatusCode::OK);
+    }
+}

@@ -187,3 +187,40 @@ async fn people_are_changed_and_their_rights_with_them() {
     let agent = json!({"login": "robot", "name": "x", "role": "agent", "password": PASSWORD});
     problem(centre.administrator.post("/api/v1/people", agent).await, 422, "invalid").await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn no_account_of_a_trainee_becomes_one_of_the_staff_nor_the_other_way_round() {
+    let centre = Centre::open().await;
+    let people = centre.administrator.read("/api/v1/people").await;
+    let path_of = |login: &str| {
+        let person = people["items"].as_array().unwrap().iter().find(|person| person["login"] == login).unwrap();
+        format!("/api/v1/people/{}", person["id"].as_str().unwrap())
+    };
+    for (login, role) in [("ada", "administrator"), ("ada", "instructor"), ("ines", "trainee"), ("ines", "agent")] {
+        let change = json!({"name": "Other", "role": role});
+        let refused = problem(centre.administrator.patch(&path_of(login), change).await, 409, "conflict").await;
+        assert!(refused["detail"].as_str().unwrap().contains("make another account"), "{refused}");
+    }
+    assert_eq!(centre.trainee.read("/api/v1/me").await["name"], "ada", "a refused change changes nothing");
+    let renamed = centre.administrator.patch(&path_of("ada"), json!({"name": "Ada"})).await;
+    assert_eq!(read(renamed, StatusCode::OK).await["role"], "trainee");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn names_that_mislead_a_reader_are_refused_everywhere() {
+    let centre = Centre::open().await;
+    let by = &centre.administrator;
+    let box_token = json!({"name": "\u{202e}nekot", "role": "agent", "box": "box-1"});
+    for (noun, body) in [
+        ("people", json!({"login": "eve", "name": "\u{200b}\u{200b}", "role": "instructor", "password": PASSWORD})),
+        ("groups", json!({"name": "x\u{2028}y"})),
+        ("trainees", json!({"name": "\u{feff}x"})),
+        ("courses", json!({"name": "\u{2066}Plan", "steps": [{"task": "peg"}]})),
+        ("tokens", box_token),
+    ] {
+        problem(by.post(&format!("/api/v1/{noun}"), body).await, 422, "invalid").await;
+    }
+    let path = "/api/v1/sessions?trainee=ada&task=peg&box=box-1&filename=%E2%80%AEgpm.mp4";
+    let sent = centre.trainee.request(Method::POST, path).body(recording(100, 1)).send().await.unwrap();
+    assert_eq!(read(sent, StatusCode::CREATED).await["filename"], "_gpm.mp4");
+}

@@ -150,6 +150,9 @@ async fn a_new_password_replaces_the_old_one_and_ends_other_sign_ins() {
     problem(wrong, 401, "wrong-credentials").await;
     let short = centre.trainee.post("/api/v1/me/password", json!({"old": PASSWORD, "new": "short"})).await;
     problem(short, 422, "invalid").await;
+    let repeated = centre.trainee.post("/api/v1/me/password", json!({"old": PASSWORD, "new": "1111111111"})).await;
+    let refused = problem(repeated, 422, "invalid").await;
+    assert!(refused["detail"].as_str().unwrap().contains("5 different characters"), "{refused}");
     let changed = centre.trainee.post("/api/v1/me/password", json!({"old": PASSWORD, "new": "another password"})).await;
     assert_eq!(changed.status(), StatusCode::NO_CONTENT);
     problem(elsewhere.get("/api/v1/me").await, 401, "not-signed-in").await;

@@ -25,7 +25,9 @@ use trocar::settings::Settings;
 use trocar::time::{ManualClock, SharedClock, SystemClock};
 
 use crate::process::Process;
-use crate::support::{ADMINISTRATOR, Client, Service, let_time_pass, poll, soon, with_advancing_clock};
+use crate::support::{
+    ADMINISTRATOR, Client, Service, captured_log, let_time_pass, poll, poll_until, soon, with_advancing_clock,
+};
 
 /// Timeouts of a service whose test waits for them.
 const SHORT: Duration = Duration::from_millis(300);
@@ -311,6 +313,15 @@ async fn a_new_certificate_is_used_once_its_key_is_there() {
     with_advancing_clock(&clock, CHECK_INTERVAL, renewed).await;
     let request = secure.request(Method::GET, "/readyz", None, None);
     assert_eq!(open.send_request(request).await.unwrap().status(), StatusCode::OK, "open connections stay");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_log_warns_of_a_certificate_that_expires_soon() {
+    captured_log();
+    let Some(secure) = SecureService::start(Arc::new(SystemClock), |_| ()).await else { return };
+    let certificate = secure.files.path().display().to_string();
+    let is_warning = |line: &str| line.contains(&certificate) && line.contains("expires in less than 14 days");
+    poll_until("the warning", || captured_log().lines().any(is_warning)).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

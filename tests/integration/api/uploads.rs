@@ -1,10 +1,15 @@
 //! A recording in one request, and requests that are refused.
 
+use std::io;
+
+use bytes::Bytes;
 use reqwest::{Method, StatusCode, header};
 use serde_json::json;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
 
 use super::centre::{Centre, recording, send, session};
-use crate::support::{Client, Service, problem, read};
+use crate::support::{Client, Service, poll_until, problem, read};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_recording_in_one_request_becomes_a_session() {
@@ -16,6 +21,22 @@ async fn a_recording_in_one_request_becomes_a_session() {
     assert_eq!(made, centre.instructor.read(&location).await);
     assert_eq!(made["video"]["bytes"], 5000);
     assert_eq!(made["video"]["media_type"], "video/mp4");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_recording_in_one_request_that_a_shutdown_cuts_must_be_sent_again() {
+    let centre = Centre::open().await;
+    let (bytes, body) = mpsc::channel::<io::Result<Bytes>>(1);
+    let request = centre.trainee.request(Method::POST, "/api/v1/sessions?trainee=ada&task=peg&box=box-1");
+    let request = request.header(header::CONTENT_TYPE, "video/mp4");
+    let answer = tokio::spawn(request.body(reqwest::Body::wrap_stream(ReceiverStream::new(body))).send());
+    bytes.send(Ok(recording(1000, 1).into())).await.unwrap();
+    let incoming = centre.service.data.path().join("incoming");
+    poll_until("the first bytes", || std::fs::read_dir(&incoming).is_ok_and(|files| files.count() > 0)).await;
+    let (_data, answer) = tokio::join!(centre.service.stop(), answer);
+    let refused = problem(answer.unwrap().unwrap(), 503, "busy").await;
+    let detail = refused["detail"].as_str().unwrap();
+    assert!(detail.contains("send it again") && !detail.contains("continue"), "{detail}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -24,7 +24,7 @@ use trocar::vision::trajectory::PathKind;
 
 use super::tracking::SharedScene;
 use super::*;
-use crate::support::with_advancing_clock;
+use crate::support::{captured_log, with_advancing_clock};
 
 /// A centre with one box, trainee and task, whose workers a test starts.
 struct Centre {
@@ -202,6 +202,19 @@ async fn a_job_whose_child_dies_three_times_is_quarantined_with_the_reason() {
     assert_eq!((job.attempt, job.max_attempts), (3, 3));
     assert!(job.problem.as_ref().unwrap().detail.contains("status 1"), "{job:?}");
     centre.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_log_names_the_job_of_a_child_that_dies() {
+    captured_log();
+    let mut centre = Centre::new().await;
+    centre.start_workers(Program::at("/bin/false", &[]));
+    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"a clip").await;
+    centre.wait_for_job(job, &[JobState::Quarantined]).await;
+    centre.close().await;
+    let log = captured_log();
+    let named = |what: &str| log.lines().filter(|line| line.contains(what) && line.contains(&job.to_string())).count();
+    assert_eq!((named("child process failed"), named("quarantined")), (3, 1), "{log}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

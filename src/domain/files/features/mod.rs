@@ -13,7 +13,7 @@
 //! | `pipeline` `tracked_with` `calibration` `palette` `model` | versions that the value depends on |
 //!
 //! An absent value is an empty field in CSV, `null` in JSON and a null in Parquet. A number is written in the shortest
-//! form that reads back to the same number.
+//! form that reads back to the same number. In CSV, an apostrophe precedes a text that a spreadsheet would calculate.
 
 mod parquet;
 mod table;
@@ -100,7 +100,42 @@ pub struct ExportRow {
     pub model: Option<String>,
 }
 
+/// Characters that begin a formula in a spreadsheet, also in a quoted cell.
+const FORMULA_BEGINS: [char; 6] = ['=', '+', '-', '@', '\t', '\r'];
+
 impl ExportRow {
+    /// The row as CSV has it: no text begins like a formula.
+    fn without_formulas(&self) -> Self {
+        let mut row = self.clone();
+        let texts = [
+            &mut row.session,
+            &mut row.trainee,
+            &mut row.task,
+            &mut row.in_box,
+            &mut row.recorded_at,
+            &mut row.feature,
+            &mut row.unit,
+            &mut row.pipeline,
+        ];
+        let optional = [
+            &mut row.tracker,
+            &mut row.verdict,
+            &mut row.tool,
+            &mut row.not_enough,
+            &mut row.no_error,
+            &mut row.tracked_with,
+            &mut row.calibration,
+            &mut row.palette,
+            &mut row.model,
+        ];
+        for text in texts.into_iter().chain(optional.into_iter().flatten()) {
+            if text.starts_with(FORMULA_BEGINS) {
+                text.insert(0, '\'');
+            }
+        }
+        row
+    }
+
     /// The row of one feature of a session.
     pub fn new(whose: &ExportedSession, feature: &FeatureRow) -> Self {
         let ExportedSession { session, trainee, task, in_box, recorded_at, tracker, verdict, versions } = whose.clone();

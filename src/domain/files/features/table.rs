@@ -67,7 +67,7 @@ impl FeatureTable {
     pub fn write(&mut self, rows: &[ExportRow]) -> Result<Vec<u8>, TableProblem> {
         match self {
             Self::Csv(writer) => {
-                rows.iter().try_for_each(|row| writer.serialize(row))?;
+                rows.iter().try_for_each(|row| writer.serialize(row.without_formulas()))?;
                 writer.flush().map_err(|error| TableProblem::Flush(error.to_string()))?;
                 mem::replace(&mut **writer, csv_writer())
                     .into_inner()

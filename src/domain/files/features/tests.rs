@@ -66,6 +66,53 @@ fn csv_has_a_header_and_a_line_for_each_row() {
 }
 
 #[test]
+fn no_text_in_csv_begins_like_a_formula() {
+    let text = || "=1+1".to_owned();
+    let row = ExportRow {
+        session: "-1".to_owned(),
+        trainee: text(),
+        task: text(),
+        in_box: text(),
+        recorded_at: text(),
+        tracker: Some(text()),
+        verdict: Some("@x".to_owned()),
+        feature: text(),
+        tool: Some("\tx".to_owned()),
+        space: "3d",
+        unit: text(),
+        value: Some(-0.5),
+        low: Some(-1.5),
+        high: None,
+        not_enough: Some("-0 % of the moving time".to_owned()),
+        no_error: Some("+x".to_owned()),
+        pipeline: text(),
+        tracked_with: Some(text()),
+        calibration: Some(text()),
+        palette: Some(text()),
+        model: Some("\rx".to_owned()),
+    };
+    let written = |format| {
+        let mut table = FeatureTable::new(format).unwrap();
+        let mut bytes = table.write(std::slice::from_ref(&row)).unwrap();
+        bytes.extend(table.finish().unwrap());
+        bytes
+    };
+    let bytes = written(TableFormat::Csv);
+    let cells = csv::Reader::from_reader(bytes.as_slice()).into_records().next().unwrap().unwrap();
+    for (cell, column) in cells.iter().zip(COLUMNS) {
+        match column {
+            "space" => assert_eq!(cell, "3d"),
+            "value" => assert_eq!(cell, "-0.5"),
+            "low" => assert_eq!(cell, "-1.5"),
+            "high" => assert_eq!(cell, ""),
+            _ => assert!(cell.starts_with('\''), "{column}: {cell:?}"),
+        }
+    }
+    let read: serde_json::Value = serde_json::from_slice(&written(TableFormat::Json)).unwrap();
+    assert_eq!(read["items"][0]["trainee"], "=1+1", "JSON has the text itself");
+}
+
+#[test]
 fn json_is_one_object_for_any_number_of_batches() {
     let read: serde_json::Value = serde_json::from_slice(&written(TableFormat::Json)).unwrap();
     let items = read["items"].as_array().unwrap();

@@ -97,3 +97,15 @@ fn a_setting_that_cannot_be_used_is_named() {
     let of_one = got.features.iter().filter(|v| !matches!(v.value, Err(NotEnough::NotTwoTools { .. })));
     of_one.for_each(|v| assert_eq!(v.value, Err(NotEnough::UnusableSetting("step_s"))));
 }
+
+#[test]
+fn no_reason_shows_a_negative_zero() {
+    for reason in [
+        NotEnough::TooShort { observed_s: -0.0, needed_s: 2.0 },
+        NotEnough::TooLittleSeen { share: -0.0, needed: 0.5 },
+        NotEnough::MovementsTooLong { share: -0.0, needed: 0.5 },
+    ] {
+        let text = reason.to_string();
+        assert!(!text.contains('-') && text.contains('0'), "{text}");
+    }
+}
