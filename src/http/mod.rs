@@ -13,6 +13,7 @@
 //! | [`server`] [`pace`] [`settings`] | limits on connections and bodies: their number, idle time and size |
 //! | [`listeners`] [`connection`] [`http2_streams`] | the sockets; one connection: handshake, HTTP/2 or HTTP/1.1, limits on time |
 //! | [`tls`] [`scheme`] [`redirect`] | the service's certificate; HTTPS of its own or of a proxy; plain HTTP to HTTPS |
+//! | [`connection_places`] | limits the open connections; closes an idle one for a new one when all places are taken |
 //! | [`connection_slots`] | limits on connections that stay open, in all and per user |
 //! | [`protect`] [`compress`] [`observe`] | security headers, compression; a log line and metrics for every request |
 //! | [`dashboard`] [`docs`] [`openapi`] | the dashboard's files, and the API's description |
@@ -31,6 +32,7 @@ pub mod client_address;
 pub mod cohorts;
 pub mod compress;
 pub mod connection;
+pub mod connection_places;
 pub mod connection_slots;
 pub mod courses;
 pub mod dashboard;
