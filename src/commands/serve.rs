@@ -30,6 +30,7 @@ use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
 use crate::events::EventBus;
 use crate::heap;
+use crate::http::auth::password::PasswordHasher;
 use crate::http::auth::throttle::Throttle;
 use crate::http::connection_slots::ConnectionSlots;
 use crate::http::data_export::MAX_EXPORTS;
@@ -235,6 +236,7 @@ pub async fn start(
     });
     let parts = AppParts {
         throttle: Throttle::new(settings.http.free_attempts, clock.clone()),
+        password_hasher: PasswordHasher::default(),
         watcher_slots: ConnectionSlots::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
         heavy_answers: HeavyAnswers::new(&settings.http),
         stored_indexes: StoredIndexes::default(),

@@ -24,6 +24,7 @@ use tokio_rustls::server::TlsStream;
 use tower::ServiceExt;
 
 use super::base_path::BasePath;
+use super::connection_places::PlaceHandle;
 use super::http2_streams::{MAX_STREAMS, MAX_UNSENT_BYTES, StreamExecutor, watch_answer};
 use super::redirect;
 use super::scheme::Encrypted;
@@ -89,6 +90,7 @@ enum OpenConnection {
 pub async fn serve_connection(
     stream: TcpStream,
     peer: SocketAddr,
+    place: PlaceHandle,
     transport: Transport,
     site: Site,
     limits: ConnectionLimits,
@@ -99,7 +101,7 @@ pub async fn serve_connection(
         () = stop.begun() => return Ok(()),
         opened = opening => opened.map_err(|_| timed_out("the TLS handshake"))??,
     };
-    let client = Client { peer, is_encrypted: matches!(opened, OpenConnection::Tls(_)) };
+    let client = Client { peer, is_encrypted: matches!(opened, OpenConnection::Tls(_)), place };
     match opened {
         OpenConnection::Plain(stream) => run_http1(stream, client, site, limits, stop).await,
         OpenConnection::Misdirected(stream) => {
@@ -135,7 +137,7 @@ async fn run_http1<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(limits.head_timeout)
-        .serve_connection(TokioIo::new(stream), service_fn(move |request| answer(site.clone(), client, request)))
+        .serve_connection(TokioIo::new(stream), service_fn(move |request| answer(site.clone(), &client, request)))
         .with_upgrades();
     let mut connection = pin!(connection);
     tokio::select! {
@@ -157,7 +159,7 @@ async fn run_http2<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
     let connection = http2::Builder::new(streams.clone())
         .max_concurrent_streams(MAX_STREAMS)
         .max_send_buf_size(MAX_UNSENT_BYTES)
-        .serve_connection(TokioIo::new(stream), service_fn(move |request| answer(site.clone(), client, request)));
+        .serve_connection(TokioIo::new(stream), service_fn(move |request| answer(site.clone(), &client, request)));
     let mut connection = pin!(connection);
     let is_idle = tokio::select! {
         ended = connection.as_mut() => return Ok(ended?),
@@ -184,20 +186,23 @@ fn timed_out(what: &str) -> io::Error {
 }
 
 /// The other end of a connection.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 struct Client {
     peer: SocketAddr,
     is_encrypted: bool,
+    place: PlaceHandle,
 }
 
 type ResponseFuture = Pin<Box<dyn Future<Output = Result<Response, Infallible>> + Send>>;
 
 /// Passes a request to the routes, with the client's address.
-fn answer(site: Site, client: Client, request: hyper::Request<Incoming>) -> ResponseFuture {
+fn answer(site: Site, client: &Client, request: hyper::Request<Incoming>) -> ResponseFuture {
     let mut request: Request = request.map(Body::new);
     if request.version() == Version::HTTP_2 {
         as_in_http1(&mut request);
     }
+    let in_progress = client.place.begin_request();
+    request.extensions_mut().insert(in_progress.clone());
     request.extensions_mut().insert(ConnectInfo(client.peer));
     if client.is_encrypted {
         request.extensions_mut().insert(Encrypted);
@@ -207,7 +212,7 @@ fn answer(site: Site, client: Client, request: hyper::Request<Incoming>) -> Resp
             Ok(request) => site.routes.oneshot(request).await,
             Err(outside) => Ok(*outside),
         }
-        .map(watch_answer)
+        .map(|answer| in_progress.answered_by(watch_answer(answer)))
     })
 }
 

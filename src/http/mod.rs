@@ -14,6 +14,7 @@
 //! | [`listeners`] [`connection`] [`http2_streams`] | the sockets; one connection: handshake, HTTP/2 or HTTP/1.1, limits on time |
 //! | [`tls`] [`certificate_end`] | the service's certificate, and warnings before its end |
 //! | [`scheme`] [`redirect`] | HTTPS of the service or of a proxy; plain HTTP to HTTPS |
+//! | [`connection_places`] | limits the open connections; closes an idle one for a new one when all places are taken |
 //! | [`connection_slots`] | limits on connections that stay open, in all and per user |
 //! | [`protect`] [`compress`] [`observe`] | security headers, compression; a log line and metrics for every request |
 //! | [`dashboard`] [`docs`] [`openapi`] | the dashboard's files, and the API's description |
@@ -33,6 +34,7 @@ pub mod client_address;
 pub mod cohorts;
 pub mod compress;
 pub mod connection;
+pub mod connection_places;
 pub mod connection_slots;
 pub mod courses;
 pub mod dashboard;

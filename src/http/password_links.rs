@@ -6,7 +6,6 @@ use axum::http::StatusCode;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::auth::password;
 use super::auth::sign_in::too_many_attempts;
 use super::auth::signed_in::Administrator;
 use super::client_address::ClientAddress;
@@ -149,7 +148,8 @@ pub async fn use_link(
     let new = Password::new(new)?;
     valid_link(&app, address, &secret).await?; // before the expensive hash
     let secret = Secret::from_cookie(&secret).ok_or_else(no_longer_valid)?;
-    let set = app.store.password_links().set_password(secret.hash(), password::hash(new).await?).await;
+    let place = app.password_hasher.take_place(app.hash_requester_at(address))?;
+    let set = app.store.password_links().set_password(secret.hash(), place.hash(new).await?).await;
     let person = set.map_err(|error| match error {
         StoreError::NotFound { .. } => no_longer_valid(),
         other => other.into(),

@@ -5,7 +5,7 @@ use axum::http::StatusCode;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::auth::password;
+use super::auth::password::HashRequester;
 use super::auth::signed_in::{Administrator, Identified};
 use super::error::{HandlerResult, ProblemResponse};
 use super::read::{Json, Params, PathKey, reference_problem};
@@ -87,9 +87,11 @@ pub async fn create(
     let (trainee, groups) = resolve_references(&app, &by, &new).await?;
     let NewPersonRequest { login, name, role, password, must_change_password, .. } = new;
     refuse_demand_without_password(must_change_password, password.as_deref())?;
-    let (password, password_state) = match password {
-        Some(chosen) => (password::hash(Password::new(chosen)?).await?, state_of(must_change_password)),
-        None => (password::unmatchable().await?, PasswordState::Missing),
+    let chosen = password.map(Password::new).transpose()?;
+    let place = app.password_hasher.take_place(HashRequester::Account(by.scope.actor()))?;
+    let (password, password_state) = match chosen {
+        Some(chosen) => (place.hash(chosen).await?, state_of(must_change_password)),
+        None => (place.unmatchable().await?, PasswordState::Missing),
     };
     let new = store::NewPerson { login, name, role, password, password_state, trainee };
     let person = app.store.people().create(&by.scope, new).await?;
@@ -171,10 +173,12 @@ pub async fn change(
     let PersonChangeRequest { login, name, role, password, must_change_password, keep_tokens } = change;
     refuse_demand_without_password(must_change_password, password.as_deref())?;
     let (id, password) = (at.id()?, password.map(Password::new).transpose()?);
+    let take_place = || app.password_hasher.take_place(HashRequester::Account(by.scope.actor()));
+    let place = password.is_some().then(take_place).transpose()?;
     let mut person = app.store.people().change(&by.scope, id, PersonChange { login, name, role }).await?;
-    if let Some(password) = password {
+    if let Some((password, place)) = password.zip(place) {
         person.password_state = state_of(must_change_password);
-        let new = (password::hash(password).await?, person.password_state);
+        let new = (place.hash(password).await?, person.password_state);
         app.store.people().set_password(&by.scope, id, new, None, keep_tokens).await?;
         app.throttle.forget(&person.login);
     }

@@ -1,18 +1,18 @@
 //! The accept loop: limits the number of connections and the time that they may be idle.
 //!
+//! [`super::connection_places`] decides which connection is closed for a new one when all places are taken.
 //! `axum::serve` has no timeout for a request's head, so a silent client would stay connected for ever; hyper's builder
 //! with a timer has one. [`super::connection`] has the limits on time, [`super::stall`] ends an answer that the client
 //! does not read, [`super::pace`] a body that arrives too slowly.
 
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
 use tokio_util::task::TaskTracker;
 
 use super::connection::{ConnectionLimits, Site, Transport, serve_connection};
+use super::connection_places::{ConnectionPlace, ConnectionPlaces};
 use super::settings::HttpSettings;
 use crate::shutdown::Shutdown;
 
@@ -23,15 +23,18 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
 /// Serves until `stop`, then waits up to `DRAIN_TIMEOUT` for the open requests.
 pub async fn serve(listener: TcpListener, transport: Transport, site: Site, settings: &HttpSettings, stop: &Shutdown) {
-    let places = Arc::new(Semaphore::new(settings.max_connections));
-    let (open, limits) = (TaskTracker::new(), ConnectionLimits::from(settings));
+    let (places, open, limits) =
+        (ConnectionPlaces::new(settings), TaskTracker::new(), ConnectionLimits::from(settings));
     while let Some((stream, peer, place)) = next_connection(&listener, &places, stop).await {
         let (transport, site, stop) = (transport.clone(), site.clone(), stop.clone());
         open.spawn(async move {
-            if let Err(error) = serve_connection(stream, peer, transport, site, limits, &stop).await {
-                tracing::debug!(%peer, %error, "connection ended early");
+            let served = serve_connection(stream, peer, place.handle(), transport, site, limits, &stop);
+            tokio::select! {
+                () = place.replaced() => tracing::debug!(%peer, "connection closed: a new one takes its place"),
+                ended = served => if let Err(error) = ended {
+                    tracing::debug!(%peer, %error, "connection ended early");
+                },
             }
-            drop(place);
         });
     }
     drop(listener);
@@ -41,14 +44,12 @@ pub async fn serve(listener: TcpListener, transport: Transport, site: Site, sett
     }
 }
 
-type ConnectionPermit = tokio::sync::OwnedSemaphorePermit;
-
-/// The next connection, once a permit is free; `None` when the service stops.
+/// The next connection, once it has a place; `None` when the service stops.
 async fn next_connection(
     listener: &TcpListener,
-    places: &Arc<Semaphore>,
+    places: &ConnectionPlaces,
     stop: &Shutdown,
-) -> Option<(TcpStream, SocketAddr, ConnectionPermit)> {
+) -> Option<(TcpStream, SocketAddr, ConnectionPlace)> {
     loop {
         let accepted = tokio::select! {
             () = stop.begun() => return None,
@@ -66,10 +67,10 @@ async fn next_connection(
 
 async fn accept(
     listener: &TcpListener,
-    places: &Arc<Semaphore>,
-) -> std::io::Result<(TcpStream, SocketAddr, ConnectionPermit)> {
-    let place = places.clone().acquire_owned().await.map_err(std::io::Error::other)?;
+    places: &ConnectionPlaces,
+) -> std::io::Result<(TcpStream, SocketAddr, ConnectionPlace)> {
     let (stream, peer) = listener.accept().await?;
     stream.set_nodelay(true)?;
+    let place = places.take(peer.ip()).await;
     Ok((stream, peer, place))
 }

@@ -14,8 +14,8 @@ use super::client_address::ClientAddressHeader;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct HttpSettings {
-    /// Most connections open at once. More need memory (about 20 kB each when idle); further ones wait
-    /// until one closes.
+    /// Most connections open at once. More need memory (about 20 kB each when idle). A further one takes the place of
+    /// one that serves no request of a caller who has signed in, or waits until there is one.
     pub max_connections: usize,
     /// Seconds until a request's head must have arrived; also the longest idle time of a keep-alive connection.
     /// A smaller value frees connections sooner; with a larger one, fewer clients send into a connection that

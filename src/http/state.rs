@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use metrics_exporter_prometheus::PrometheusHandle;
 
+use super::auth::password::PasswordHasher;
 use super::auth::throttle::Throttle;
 use super::connection_slots::ConnectionSlots;
 use super::heavy::HeavyAnswers;
@@ -51,6 +52,8 @@ pub struct AppParts {
     pub service_info: ServiceInfo,
     /// Limit on failed sign-ins.
     pub throttle: Throttle,
+    /// Queues for the hashes of passwords.
+    pub password_hasher: PasswordHasher,
     /// Standards, reference groups, progress.
     pub cohorts: Cohorts,
     /// Live feeds: recordings arriving frame by frame.

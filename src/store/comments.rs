@@ -17,6 +17,10 @@ pub struct CommentStore<'s>(pub(super) &'s Store);
 /// Maximum number of comments on one session: more would not be read.
 pub const MAX_COMMENTS: i64 = 500;
 
+/// Maximum number of comments of one trainee on one session. The rest of [`MAX_COMMENTS`] is left for the people who
+/// teach, so that no trainee can stop them from commenting.
+const MAX_OF_TRAINEE: i64 = 100;
+
 /// A comment on a moment or a stretch of a session.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
 pub struct CommentRecord {
@@ -34,6 +38,16 @@ pub struct CommentRecord {
     pub text: Remark,
     /// When, epoch ms.
     pub created_at_ms: i64,
+    /// True if its author is a trainee.
+    pub is_by_trainee: bool,
+}
+
+impl CommentRecord {
+    /// True if the scope, which sees the session, may delete it: an own comment, or as staff one of a trainee.
+    pub fn may_be_deleted_by(&self, scope: &Scope) -> bool {
+        let is_own = self.person_id.is_some() && self.person_id == scope.person();
+        is_own || scope.is_staff() && self.is_by_trainee
+    }
 }
 
 /// The comments of a session that the caller may read, and the number of hidden ones.
@@ -60,12 +74,21 @@ const COUNT_HIDDEN: &str = "
 const INSERT_COMMENT: &str = "
     INSERT INTO comment (id, session_id, person_id, from_s, to_s, text, created_at_ms)
     SELECT $1, $2, $3, $4, $5, $6, $7
-    WHERE (SELECT count(*) FROM comment WHERE session_id = $2) < $8";
+    WHERE (SELECT count(*) FROM comment WHERE session_id = $2) < $8
+      AND (SELECT count(*) FROM comment WHERE session_id = $2 AND person_id = $3) < $9";
 
 const SCALE_COMMENTS: &str = "
     UPDATE comment SET from_s = min(from_s * $2, 86400), to_s = min(to_s * $2, 86400) WHERE session_id = $1";
 
-const DELETE_OWN_COMMENT: &str = "DELETE FROM comment WHERE id = $1 AND session_id = $2 AND person_id = $3";
+const COUNT_OWN_COMMENTS: &str = "SELECT count(*) FROM comment WHERE session_id = $1 AND person_id = $2";
+
+/// Deletes a comment of person `$3`, and one of a trainee if `$4` is true. Returns its author.
+const DELETE_COMMENT: &str = "
+    DELETE FROM comment
+    WHERE id = $1 AND session_id = $2
+      AND (coalesce(person_id = $3, FALSE)
+           OR $4 AND EXISTS (SELECT 1 FROM person WHERE person.id = comment.person_id AND person.role = 'trainee'))
+    RETURNING person_id";
 
 /// Multiplies the times of a session's comments, because its recording has other times now.
 pub(super) async fn scale_comments(tx: &mut SqliteConnection, session: SessionId, ratio: f64) -> StoreResult<()> {
@@ -75,6 +98,9 @@ pub(super) async fn scale_comments(tx: &mut SqliteConnection, session: SessionId
 
 impl CommentStore<'_> {
     /// Adds a comment. Its times are not checked against the length of the recording, which may be unknown.
+    ///
+    /// # Errors
+    /// The session has [`MAX_COMMENTS`] comments, or `MAX_OF_TRAINEE` of this trainee.
     pub async fn add(
         &self,
         scope: &Scope,
@@ -86,16 +112,21 @@ impl CommentStore<'_> {
         let person = scope.person().ok_or(StoreError::Forbidden { what: "commenting", whom: "people" })?;
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), CommentId::at(self.0.now_ms()));
         let [from_s, to_s] = span;
+        let max_own = if scope.is_staff() { MAX_COMMENTS } else { MAX_OF_TRAINEE };
         self.0
             .write(async move |tx| {
                 let insert = sqlx::query(INSERT_COMMENT);
                 let insert = insert.bind(id).bind(session).bind(person).bind(from_s).bind(to_s).bind(new.text);
-                let insert =
-                    insert.bind(now_ms).bind(MAX_COMMENTS).execute(&mut *tx).await.map_err(missing("session"))?;
-                if insert.rows_affected() == 0 {
-                    return Err(StoreError::refused(format!(
-                        "the session has {MAX_COMMENTS} comments; withdraw one first"
-                    )));
+                let insert = insert.bind(now_ms).bind(MAX_COMMENTS).bind(max_own);
+                let inserted = insert.execute(&mut *tx).await.map_err(missing("session"))?;
+                if inserted.rows_affected() == 0 {
+                    let own = sqlx::query_scalar(COUNT_OWN_COMMENTS).bind(session).bind(person);
+                    let own: i64 = own.fetch_one(&mut *tx).await?;
+                    return Err(StoreError::refused(if own >= max_own {
+                        format!("you have made {own} comments on this session; withdraw one of them first")
+                    } else {
+                        format!("the session has {MAX_COMMENTS} comments; withdraw one first")
+                    }));
                 }
                 note(tx, &by, now_ms, ("create", "comment"), id).await
             })
@@ -116,20 +147,20 @@ impl CommentStore<'_> {
         Ok(VisibleComments { items, hidden: count.fetch_one(self.0.readers()).await? })
     }
 
-    /// Deletes one of the caller's own comments. Another person's comment is reported as not found.
+    /// Deletes one of the caller's own comments, or as staff one of a trainee. Any other comment is reported as not
+    /// found.
     pub async fn withdraw(&self, scope: &Scope, session: SessionId, id: CommentId) -> StoreResult<()> {
         self.0.sessions().get(scope, session).await?;
-        let (by, now_ms, person) = (scope.clone(), self.0.now_ms(), scope.person());
+        let (by, now_ms, person, is_staff) = (scope.clone(), self.0.now_ms(), scope.person(), scope.is_staff());
         self.0
             .write_with_delete_reserve(|| {
                 let by = by.clone();
                 async move |tx| {
-                    let deleted =
-                        sqlx::query(DELETE_OWN_COMMENT).bind(id).bind(session).bind(person).execute(&mut *tx).await?;
-                    if deleted.rows_affected() == 0 {
-                        return Err(not_found("comment"));
-                    }
-                    note(tx, &by, now_ms, ("withdraw", "comment"), id).await
+                    let delete = sqlx::query_scalar(DELETE_COMMENT).bind(id).bind(session).bind(person).bind(is_staff);
+                    let author: Option<Option<PersonId>> = delete.fetch_optional(&mut *tx).await?;
+                    let author = author.ok_or(not_found("comment"))?;
+                    let action = if author == person { "withdraw" } else { "delete" };
+                    note(tx, &by, now_ms, (action, "comment"), id).await
                 }
             })
             .await

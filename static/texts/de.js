@@ -768,6 +768,9 @@ export default {
       withdraw: 'Zurückziehen',
       withdrawThis: text => `Zurückziehen: ${text.slice(0, 60)}`,
       withdrawTitle: 'Diesen Kommentar zurückziehen?',
+      delete: 'Löschen',
+      deleteThis: text => `Löschen: ${text.slice(0, 60)}`,
+      deleteTitle: 'Diesen Kommentar löschen?',
     },
     ratings: {
       title: 'Bewertungen',

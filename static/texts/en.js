@@ -673,6 +673,9 @@ export default {
       withdraw: 'Withdraw',
       withdrawThis: text => `Withdraw: ${text.slice(0, 60)}`,
       withdrawTitle: 'Withdraw this comment?',
+      delete: 'Delete',
+      deleteThis: text => `Delete: ${text.slice(0, 60)}`,
+      deleteTitle: 'Delete this comment?',
     },
     ratings: {
       title: 'Ratings',

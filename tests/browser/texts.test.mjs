@@ -38,6 +38,7 @@ const ARGUMENTS = {
   'box.readyBut': [['red', 'blue']],
   'enrol.unknownColumns': [['Shoe size']],
   'record.unheld': [['exposureMode', 'whiteBalanceMode']],
+  'session.comments.deleteThis': ['a comment'],
   'session.comments.withdrawThis': ['a comment'],
   'session.rateOf': [0.5],
   'session.edits.does.swap': ['0:01–0:02', ['red', 'blue']],

@@ -9,11 +9,12 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::origin::is_from_page;
-use super::password;
+use super::password::HashRequester;
 use super::presented::{PresentedCredential, browser_secret, clear_cookie, set_browser_cookie, set_cookie};
 use super::signed_in::{Identified, IdentifiedPerson};
 use super::throttle::{AttemptOrigin, KnownPlace, network_of};
 use crate::domain::password_state::PasswordState;
+use crate::domain::scope::Actor;
 use crate::domain::secret::{Password, PasswordHash, Secret, SecretHash};
 use crate::domain::text::Login;
 use crate::http::client_address::ClientAddress;
@@ -125,13 +126,15 @@ pub async fn change_password(
     // One counter for all addresses: a stolen cookie must not guess on, and the guesses of strangers do not count.
     let place = KnownPlace { counter: SecretHash::of_place(id, "signed in"), is_browser: true };
     let origin = AttemptOrigin { address: address.0, known_place: Some(place) };
-    if !try_password(&app, &person.login, origin, change.old, Some(stored.clone())).await? {
+    let requester = HashRequester::Account(Actor::Person(id));
+    let attempt = (&person.login, origin, change.old);
+    if !try_password(&app, requester, attempt, Some(stored.clone())).await? {
         return Err(wrong_credentials());
     }
     if person.password_state != PasswordState::Own && is_same {
         return Err(ProblemResponse::invalid("new", "is the password that must be changed; choose another one"));
     }
-    let new = (password::hash(new).await?, PasswordState::Own);
+    let new = (app.password_hasher.take_place(requester)?.hash(new).await?, PasswordState::Own);
     let set = app.store.people().set_password(&by.scope, id, new, Some(stored), change.keep_tokens).await;
     set.map_err(changed_meanwhile)?;
     Ok(StatusCode::NO_CONTENT)
@@ -163,7 +166,12 @@ async fn authenticate(
     let known = app.store.cookies().known_place(id, places).await?;
     let known_place = known.map(|counter| KnownPlace { counter, is_browser: Some(counter) == browser });
     let origin = AttemptOrigin { address, known_place };
-    let matches = try_password(app, &login, origin, tried.password, stored.clone()).await?;
+    let requester = if origin.is_known_browser() {
+        HashRequester::Account(Actor::Person(id))
+    } else {
+        app.hash_requester_at(ClientAddress(address))
+    };
+    let matches = try_password(app, requester, (&login, origin, tried.password), stored.clone()).await?;
     person.zip(stored).filter(|_| matches).ok_or_else(wrong_credentials)
 }
 
@@ -174,20 +182,32 @@ fn place_of(person: PersonId, ClientAddress(address): ClientAddress) -> Option<S
     (!network.is_loopback()).then(|| SecretHash::of_place(person, &network.to_string()))
 }
 
-/// Counts an attempt, and says whether the password matches.
+impl App {
+    /// The requester of a hash for a client that is not known otherwise.
+    pub(in crate::http) fn hash_requester_at(&self, ClientAddress(address): ClientAddress) -> HashRequester {
+        let network = network_of(address);
+        if self.throttle.knows_network_of(address) {
+            HashRequester::KnownNetwork(network)
+        } else {
+            HashRequester::StrangeNetwork(network)
+        }
+    }
+}
+
+/// Counts an attempt, and says whether the password matches. An attempt without a place in the queue does not count.
 async fn try_password(
     app: &App,
-    login: &Login,
-    origin: AttemptOrigin,
-    password: String,
+    requester: HashRequester,
+    (login, origin, password): (&Login, AttemptOrigin, String),
     stored: Option<PasswordHash>,
 ) -> HandlerResult<bool> {
     let Some(password) = Password::attempt(password) else {
         app.throttle.attempt_without_login(origin.address).map_err(too_many_attempts)?;
         return Ok(false);
     };
+    let place = app.password_hasher.take_place(requester)?;
     let attempt = app.throttle.attempt(login, origin).map_err(too_many_attempts)?;
-    let matches = password::matches(password, stored).await?;
+    let matches = place.matches(password, stored).await?;
     if matches {
         attempt.succeeded();
     }

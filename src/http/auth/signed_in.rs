@@ -15,6 +15,7 @@ use tokio::time::interval;
 use super::presented::PresentedCredential;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
+use crate::http::connection_places::RequestInProgress;
 use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::state::App;
 use crate::ids::PersonId;
@@ -49,6 +50,15 @@ impl Identified {
         let (scope, must_change_password) = found.ok_or_else(sign_in_first)?;
         Ok(Self { scope: scope.with_rights(app.rights), must_change_password })
     }
+
+    /// Identifies the sender of this request, and protects its connection until the request has ended.
+    async fn from_parts(app: &App, parts: &Parts) -> HandlerResult<Self> {
+        let caller = Self::from_headers(app, &parts.headers).await?;
+        if let Some(request) = parts.extensions.get::<RequestInProgress>() {
+            request.caller_has_signed_in();
+        }
+        Ok(caller)
+    }
 }
 
 /// A person whose identity is known, as [`Identified`]: agents have no password.
@@ -64,7 +74,7 @@ impl FromRequestParts<App> for IdentifiedPerson {
     type Rejection = ProblemResponse;
 
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, ProblemResponse> {
-        let Identified { scope, .. } = Identified::from_headers(app, &parts.headers).await?;
+        let Identified { scope, .. } = Identified::from_parts(app, parts).await?;
         match scope.person() {
             Some(id) => Ok(Self { scope, id }),
             None => Err(Refusal::Forbidden.with("An agent has no password. Create another token for its box.")),
@@ -76,7 +86,7 @@ impl FromRequestParts<App> for Identified {
     type Rejection = ProblemResponse;
 
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, ProblemResponse> {
-        Self::from_headers(app, &parts.headers).await
+        Self::from_parts(app, parts).await
     }
 }
 
@@ -91,7 +101,15 @@ impl SignedIn {
     /// Authenticates the sender of these headers, and refuses one who has to change a password first. This counts as
     /// activity, so it keeps the sign-in from idling out.
     pub async fn from_headers(app: &App, headers: &HeaderMap) -> HandlerResult<Self> {
-        let Identified { scope, must_change_password } = Identified::from_headers(app, headers).await?;
+        Self::without_duty(Identified::from_headers(app, headers).await?)
+    }
+
+    /// The same for the sender of this request.
+    async fn from_parts(app: &App, parts: &Parts) -> HandlerResult<Self> {
+        Self::without_duty(Identified::from_parts(app, parts).await?)
+    }
+
+    fn without_duty(Identified { scope, must_change_password }: Identified) -> HandlerResult<Self> {
         if must_change_password { Err(change_password_first()) } else { Ok(Self { scope }) }
     }
 
@@ -144,7 +162,7 @@ impl FromRequestParts<App> for SignedIn {
     type Rejection = ProblemResponse;
 
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, ProblemResponse> {
-        Self::from_headers(app, &parts.headers).await
+        Self::from_parts(app, parts).await
     }
 }
 
@@ -162,7 +180,7 @@ macro_rules! only {
             type Rejection = ProblemResponse;
 
             async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, ProblemResponse> {
-                let SignedIn { scope } = SignedIn::from_headers(app, &parts.headers).await?;
+                let SignedIn { scope } = SignedIn::from_parts(app, parts).await?;
                 match scope.role() {
                     $(Role::$role)|+ => Ok(Self { scope }),
                     _ => Err(Refusal::Forbidden.with($otherwise)),

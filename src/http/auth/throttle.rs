@@ -20,7 +20,7 @@ use crate::domain::secret::SecretHash;
 use crate::domain::text::Login;
 use crate::time::{SharedClock, millis};
 
-/// Most logins, places and addresses that are remembered, each. At the limit the one with the fewest failures is
+/// Most logins, places, addresses and known networks that are remembered, each. At the limit the one with the fewest failures is
 /// forgotten, of several the one that failed longest ago. A login has at most 64 characters, so the tables take less
 /// than 5 MiB.
 const MAX_KEYS: usize = 10_000;
@@ -30,6 +30,8 @@ const LOGINS_PER_ADDRESS: u32 = 12;
 const FIRST_WAIT: Duration = Duration::from_secs(5);
 /// The longest wait: a guesser gets four attempts an hour, and the owner of the account does not give up.
 const LONGEST_WAIT: Duration = Duration::from_secs(15 * 60);
+/// A network is known this long after its last successful sign-in.
+const MEMORY_OF_NETWORK: Duration = Duration::from_secs(24 * 60 * 60);
 /// Failures are forgotten this long after the last one.
 const MEMORY: Duration = Duration::from_secs(60 * 60);
 
@@ -63,6 +65,8 @@ struct Counters {
     of_strangers: FailureTable<Login>,
     of_known_places: FailureTable<(Login, SecretHash)>,
     by_address: CellRateLimiter,
+    /// Networks with a successful sign-in, of any account, and when the last one was, epoch ms.
+    known_networks: HashMap<IpAddr, i64>,
 }
 
 /// A sign-in attempt that has been counted.
@@ -79,6 +83,7 @@ impl Throttle {
             of_strangers: FailureTable::default(),
             of_known_places: FailureTable::default(),
             by_address: CellRateLimiter::new(per_min.saturating_mul(LOGINS_PER_ADDRESS)),
+            known_networks: HashMap::new(),
         };
         Self { clock, free: per_min.max(1), counters: Mutex::new(counters) }
     }
@@ -122,13 +127,31 @@ impl Throttle {
         self.counters().by_address.take(network_of(address), self.clock.now_ms())
     }
 
+    /// Whether there was a successful sign-in from the address's network in the last 24 hours, since the service began.
+    /// It does not depend on the login, so the answers do not show which logins exist.
+    pub fn knows_network_of(&self, address: IpAddr) -> bool {
+        let oldest_ms = self.clock.now_ms() - millis(MEMORY_OF_NETWORK);
+        self.counters().known_networks.get(&network_of(address)).is_some_and(|last_ms| *last_ms > oldest_ms)
+    }
+
     fn counters(&self) -> std::sync::MutexGuard<'_, Counters> {
         self.counters.lock().unwrap_or_else(PoisonError::into_inner) // numbers only: no panic leaves them half changed
     }
 }
 
+impl Counters {
+    fn remember_network(&mut self, network: IpAddr, now_ms: i64) {
+        if self.known_networks.len() >= MAX_KEYS && !self.known_networks.contains_key(&network) {
+            let oldest = self.known_networks.iter().min_by_key(|(_, last_ms)| **last_ms).map(|(network, _)| *network);
+            oldest.map(|oldest| self.known_networks.remove(&oldest));
+        }
+        self.known_networks.insert(network, now_ms);
+    }
+}
+
 impl AttemptOrigin {
-    fn is_known_browser(&self) -> bool {
+    /// True for a browser that has signed in to this account before.
+    pub fn is_known_browser(&self) -> bool {
         self.known_place.is_some_and(|place| place.is_browser)
     }
 }
@@ -140,6 +163,7 @@ impl SignInAttempt<'_> {
         if !self.origin.is_known_browser() {
             counters.by_address.refund(&network_of(self.origin.address));
         }
+        counters.remember_network(network_of(self.origin.address), self.throttle.clock.now_ms());
         match self.origin.known_place {
             Some(place) => counters.of_known_places.forget(&(self.login, place.counter)),
             None => counters.of_strangers.take_back(&self.login),
@@ -358,6 +382,24 @@ mod tests {
         while throttle.attempt_without_login(HERE).is_ok() {}
         assert!(ada_from(false).is_err(), "as for a login that does not exist");
         assert!(ada_from(true).is_ok());
+    }
+
+    #[test]
+    fn a_network_is_known_for_a_day_after_a_sign_in_from_it() {
+        let (throttle, clock) = throttle();
+        let knows = |n| throttle.knows_network_of(stranger_at(n).address);
+        throttle.attempt(&login("ada"), stranger_at(1)).map(drop).unwrap();
+        assert!(!knows(1), "the password was wrong");
+        throttle.attempt(&login("ada"), stranger_at(1)).map(SignInAttempt::succeeded).unwrap();
+        assert!(knows(1) && !knows(2));
+        clock.advance(MEMORY_OF_NETWORK);
+        assert!(!knows(1));
+        for n in 0..15_000 {
+            clock.advance(Duration::from_millis(1));
+            throttle.attempt(&login("ada"), stranger_at(n)).map(SignInAttempt::succeeded).unwrap();
+        }
+        assert_eq!(throttle.counters().known_networks.len(), MAX_KEYS);
+        assert!(knows(14_999) && !knows(0));
     }
 
     #[test]

@@ -21,8 +21,10 @@ pub struct CommentResponse {
     id: CommentId,
     /// Name of the author; `null` if the person was deleted.
     who: Option<String>,
-    /// True if it is the caller's own comment, which the caller may withdraw.
+    /// True if it is the caller's own comment.
     own: bool,
+    /// True if the caller may delete it: the author, and staff if the author is a trainee.
+    may_delete: bool,
     /// Beginning of the stretch, seconds of the recording.
     from_s: f64,
     /// End of the stretch, seconds; equal to `from_s` for a single moment.
@@ -44,9 +46,11 @@ pub struct CommentsResponse {
 
 impl CommentResponse {
     fn new(comment: store::CommentRecord, scope: &Scope) -> Self {
-        let store::CommentRecord { id, person_id, who, from_s, to_s, text, created_at_ms } = comment;
+        let may_delete = comment.may_be_deleted_by(scope);
+        let store::CommentRecord { id, person_id, who, from_s, to_s, text, created_at_ms, .. } = comment;
         let own = person_id.is_some() && person_id == scope.person();
-        Self { id, who: who.map(String::from), own, from_s, to_s, text: text.into(), created_at: Time(created_at_ms) }
+        let (who, text, created_at) = (who.map(String::from), text.into(), Time(created_at_ms));
+        Self { id, who, own, may_delete, from_s, to_s, text, created_at }
     }
 }
 
@@ -71,6 +75,8 @@ impl App {
 }
 
 /// Comment on a moment or a stretch of a session
+///
+/// A session takes at most 500 comments, 100 of them by its trainee.
 #[utoipa::path(post, path = "/sessions/{id}/comments", tag = "ratings",
     params(("id" = String, Path, description = "id")), request_body = NewComment,
     responses((status = CREATED, body = CommentResponse)))]
@@ -87,7 +93,9 @@ pub async fn comment(
     Ok(Created { location, made: CommentResponse::new(comment, &by.scope) })
 }
 
-/// Withdraw an own comment
+/// Withdraw an own comment, or delete one of a trainee
+///
+/// Administrators and the trainee's instructors delete the trainee's comments.
 #[utoipa::path(delete, path = "/sessions/{id}/comments/{comment}", tag = "ratings",
     params(("id" = String, Path, description = "id"), ("comment" = String, Path, description = "id of the comment")),
     responses((status = NO_CONTENT)))]

@@ -98,6 +98,29 @@ async fn comments_and_ratings_are_erased_with_the_trainee_and_every_change_is_au
 }
 
 #[tokio::test]
+async fn a_trainee_leaves_room_for_the_comments_of_staff_who_may_delete_those_of_the_trainee() {
+    let centre = TestCentre::with_camera_and_colours().await;
+    let (ana, ines) = (centre.trainee("Ana").await, centre.person("ines", Role::Instructor, None).await);
+    centre.group("One", &[&ines], &[&ana]).await;
+    let account = centre.person("ana", Role::Trainee, Some(ana.id)).await;
+    let (trainee, instructor) = (Scope::trainee(account.id, ana.id), Scope::instructor(ines.id));
+    let (session, comments) = (centre.session(ana.id, "video").await.id, centre.store.comments());
+    let add = async |by: &Scope| comments.add(by, session, comment("here"), [2.0, 2.0]).await;
+    let first = add(&trainee).await.unwrap();
+    for _ in 1..100 {
+        add(&trainee).await.unwrap();
+    }
+    let refused = add(&trainee).await.unwrap_err();
+    assert!(refused.to_string().contains("100 comments"), "{refused}");
+    let of_instructor = add(&instructor).await.unwrap();
+    assert!(matches!(comments.withdraw(&trainee, session, of_instructor.id).await, Err(StoreError::NotFound { .. })));
+    comments.withdraw(&instructor, session, first.id).await.unwrap();
+    let audit = centre.store.audit().list(&Scope::service(), &PageRequest::default()).await.unwrap();
+    assert_eq!((audit.items[0].action.as_str(), audit.items[0].noun.as_str()), ("delete", "comment"));
+    add(&trainee).await.unwrap();
+}
+
+#[tokio::test]
 async fn only_people_rate_and_only_staff() {
     let centre = TestCentre::with_camera_and_colours().await;
     let ana = centre.trainee("Ana").await;

@@ -13,7 +13,7 @@ const words = t.session.comments;
 /** @param {Props} props */
 export function Comments({ session, playback, rated }) {
   const { data, problem, reload } = useData(signal => api.sessions.comments(session.id, signal), [session.id, rated]);
-  const [withdrawing, setWithdrawing] = useState(null);
+  const [deleting, setDeleting] = useState(null);
   return html`
     <section class="card">
       <header><h2>${words.title}</h2></header>
@@ -30,14 +30,16 @@ export function Comments({ session, playback, rated }) {
                 <p class="small muted">${comment.own ? words.you : (comment.who ?? words.gone)} · ${
                   dateTime(comment.created_at)}</p>
               </div>
-              ${comment.own && html`<button class="button bare" type="button" aria-label=${words.withdrawThis(comment.text)}
-                onClick=${() => setWithdrawing(comment)}>${words.withdraw}</button>`}
+              ${comment.may_delete && html`<button class="button bare" type="button"
+                aria-label=${(comment.own ? words.withdrawThis : words.deleteThis)(comment.text)}
+                onClick=${() => setDeleting(comment)}>${comment.own ? words.withdraw : words.delete}</button>`}
             </li>`)}
         </ul>`}
         <${CommentForm} session=${session} playback=${playback} onAdded=${reload} />
       </div>
-      ${withdrawing && html`<${Confirm} title=${words.withdrawTitle} body=${withdrawing.text} yes=${words.withdraw}
-        onYes=${() => api.sessions.withdraw(session.id, withdrawing.id).then(reload)} onClose=${() => setWithdrawing(null)} />`}
+      ${deleting && html`<${Confirm} title=${deleting.own ? words.withdrawTitle : words.deleteTitle} body=${deleting.text}
+        yes=${deleting.own ? words.withdraw : words.delete} onClose=${() => setDeleting(null)}
+        onYes=${() => api.sessions.withdraw(session.id, deleting.id).then(reload)} />`}
     </section>`;
 }
 

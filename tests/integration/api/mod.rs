@@ -11,6 +11,7 @@ mod edits;
 mod erasures;
 mod exchange;
 pub mod full_disk;
+mod half_open;
 mod hostile;
 mod large_answers;
 mod looks;

@@ -102,11 +102,45 @@ async fn people_without_access_to_a_session_can_neither_read_nor_comment_on_it()
         centre.instructor.read(&path).await;
         problem(centre.instructor.get(&format!("/api/v1/tasks/peg/{part}?form=charm")).await, 400, "bad-request").await;
     }
-    // Only the author may withdraw a comment, and only once; not even the administrator may.
+    // Only the author may withdraw a comment of staff, and only once; not even the administrator may.
     problem(centre.administrator.delete(&comment).await, 404, "not-found").await;
     problem(centre.trainee.delete(&comment).await, 404, "not-found").await;
     assert_eq!(centre.instructor.delete(&comment).await.status(), StatusCode::NO_CONTENT);
     problem(centre.instructor.delete(&comment).await, 404, "not-found").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_trainees_comment_is_deleted_by_its_author_the_own_instructors_and_administrators() {
+    let centre = Centre::open().await;
+    let comments = format!("{}/comments", session_of_ada(&centre).await);
+    for client in [&centre.trainee, &centre.instructor, &centre.administrator] {
+        let made = centre.trainee.make(&comments, json!({"from_s": 1, "text": "Here."})).await;
+        assert_eq!((&made["own"], &made["may_delete"]), (&json!(true), &json!(true)));
+        let comment = format!("{comments}/{}", made["id"].as_str().unwrap());
+        problem(centre.other_instructor.delete(&comment).await, 404, "not-found").await;
+        problem(centre.other_trainee.delete(&comment).await, 404, "not-found").await;
+        let listed = client.read(&comments).await;
+        assert_eq!(listed["items"][0]["may_delete"], true, "{listed}");
+        assert_eq!(client.delete(&comment).await.status(), StatusCode::NO_CONTENT);
+        problem(client.delete(&comment).await, 404, "not-found").await;
+    }
+    centre.instructor.make(&comments, json!({"from_s": 1, "text": "Here."})).await;
+    let listed = centre.trainee.read(&comments).await;
+    assert_eq!((&listed["items"][0]["own"], &listed["items"][0]["may_delete"]), (&json!(false), &json!(false)));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_trainee_cannot_use_up_the_comments_of_a_session() {
+    let centre = Centre::open().await;
+    let comments = format!("{}/comments", session_of_ada(&centre).await);
+    let comment = || json!({"from_s": 1, "text": "Here."});
+    for _ in 0..100 {
+        centre.trainee.make(&comments, comment()).await;
+    }
+    let refused = problem(centre.trainee.post(&comments, comment()).await, 409, "conflict").await;
+    assert!(refused["detail"].as_str().unwrap().contains("withdraw one"), "{refused}");
+    centre.instructor.make(&comments, comment()).await;
+    centre.administrator.make(&comments, comment()).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

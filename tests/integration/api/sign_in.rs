@@ -1,9 +1,10 @@
 //! Signing in and out.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use reqwest::{Method, StatusCode, header};
+use reqwest::{Method, Response, StatusCode, header};
 use serde_json::json;
+use tokio::task::JoinSet;
 
 use super::centre::{Centre, PASSWORD};
 use crate::support::{ADMINISTRATOR, Client, Service, problem, read};
@@ -84,8 +85,7 @@ async fn who_has_signed_in_before_is_not_locked_out_by_the_guesses_of_others() {
     };
     let first = sign_in("203.0.113.1", None, ADMINISTRATOR.1).await;
     assert_eq!(first.status(), StatusCode::OK);
-    let cookies = first.headers().get_all(header::SET_COOKIE).iter().map(|cookie| cookie.to_str().unwrap().to_owned());
-    let browser = cookies.into_iter().find(|cookie| cookie.starts_with("__Host-trocar-browser=")).unwrap();
+    let browser = browser_cookie(&first);
     assert!(browser.contains("HttpOnly") && browser.contains("Max-Age=15552000"), "{browser}");
     let browser = browser.split(';').next().unwrap();
     for guesser in ["198.51.100.1", "198.51.100.2"] {
@@ -109,6 +109,64 @@ async fn who_has_signed_in_before_is_not_locked_out_by_the_guesses_of_others() {
     problem(sign_in("203.0.113.1", None, ADMINISTRATOR.1).await, 429, "too-many").await; // as a login that does not exist
     let known = sign_in("203.0.113.1", Some(browser), ADMINISTRATOR.1).await;
     assert_eq!(known.status(), StatusCode::OK, "a known browser at the same address");
+}
+
+/// The cookie that recognises a browser.
+fn browser_cookie(signed_in: &Response) -> String {
+    let cookies = signed_in.headers().get_all(header::SET_COOKIE).iter().map(|cookie| cookie.to_str().unwrap());
+    cookies.into_iter().find(|cookie| cookie.starts_with("__Host-trocar-browser=")).unwrap().to_owned()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_flood_of_sign_ins_is_refused_at_once_and_does_not_delay_a_known_browser() {
+    let service = Service::start_with(|settings| {
+        settings.http.free_attempts = 1000;
+        settings.http.trusted_proxies = vec!["127.0.0.0/8".parse().unwrap()];
+    })
+    .await;
+    let stranger = service.stranger();
+    let request = |from: &str, login: &str, password: &str| {
+        let request = stranger.request(Method::POST, "/api/v1/sign-in").header("x-forwarded-for", from);
+        request.json(&json!({"login": login, "password": password}))
+    };
+    let first = request("203.0.113.1", ADMINISTRATOR.0, ADMINISTRATOR.1).send().await.unwrap();
+    let browser = browser_cookie(&first);
+    let browser = browser.split(';').next().unwrap();
+    let mut flood = JoinSet::new();
+    for n in 0..300 {
+        let guess = request("198.51.100.1", &format!("login{n}"), "a wrong password");
+        flood.spawn(async move { (guess.send().await.unwrap(), Instant::now()) });
+    }
+    let mut answers = Vec::new();
+    while answers.iter().all(|(answer, _): &(Response, Instant)| answer.status() != StatusCode::TOO_MANY_REQUESTS) {
+        answers.push(flood.join_next().await.expect("some attempts are refused").unwrap());
+    }
+    let known = request("203.0.113.2", ADMINISTRATOR.0, ADMINISTRATOR.1).header(header::COOKIE, browser);
+    assert_eq!(known.send().await.unwrap().status(), StatusCode::OK);
+    let known_since = Instant::now();
+    answers.extend(flood.join_all().await);
+    let (checked, refused): (Vec<_>, Vec<_>) =
+        answers.into_iter().partition(|(answer, _)| answer.status() == StatusCode::UNAUTHORIZED);
+    assert!(checked.iter().any(|(_, at)| *at > known_since), "the known browser waited for all of the flood");
+    assert!(refused.len() > 100, "only {} are refused", refused.len());
+    for (answer, _) in refused {
+        assert!(answer.headers().contains_key(header::RETRY_AFTER));
+        problem(answer, 429, "too-many").await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_class_behind_one_address_signs_in_at_the_same_time() {
+    let service = Service::start_with(|settings| settings.http.free_attempts = 1000).await;
+    let stranger = service.stranger();
+    let mut class = JoinSet::new();
+    for _ in 0..40 {
+        let request = stranger.request(Method::POST, "/api/v1/sign-in");
+        let request = request.json(&json!({"login": ADMINISTRATOR.0, "password": ADMINISTRATOR.1}));
+        class.spawn(async move { request.send().await.unwrap().status() });
+    }
+    let statuses = class.join_all().await;
+    assert!(statuses.iter().all(|status| *status == StatusCode::OK), "{statuses:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -235,6 +235,29 @@ async fn silent_clients_are_disconnected() {
     }
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn silent_and_idle_clients_leave_places_for_others() {
+    let few = |settings: &mut Settings| settings.http.max_connections = 8;
+    let Some(secure) = SecureService::start(Arc::new(SystemClock), few).await else { return };
+    let mut watching = secure.http2(65_535).await;
+    let signed_in = watching.send_request(secure.sign_in(&format!("https://{}", secure.host()))).await.unwrap();
+    let cookie = cookie_of(&signed_in);
+    let asked = secure.request(Method::GET, "/api/v1/events", Some(&cookie), None);
+    let events = watching.send_request(asked).await.unwrap();
+    let (mut silent, mut idle) = (Vec::new(), Vec::new());
+    for _ in 0..20 {
+        silent.push(TcpStream::connect(secure.service.address()).await.unwrap());
+        idle.push(secure.http2(65_535).await);
+    }
+    let me = || secure.request(Method::GET, "/api/v1/me", Some(&cookie), None);
+    let other = async { secure.http2(65_535).await.send_request(me()).await.unwrap().status() };
+    let status = tokio::time::timeout(Duration::from_secs(1), other).await.expect("an answer within a second");
+    assert_eq!(status, StatusCode::OK);
+    let beside = watching.send_request(me()).await.unwrap().status();
+    assert_eq!(beside, StatusCode::OK, "the connection with an event stream was not closed");
+    drop((events, silent, idle));
+}
+
 /// A frame of HTTP/2.
 fn frame(kind: u8, flags: u8, stream: u8, payload: &[u8]) -> Vec<u8> {
     let length = u32::try_from(payload.len()).unwrap().to_be_bytes();

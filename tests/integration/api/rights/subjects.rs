@@ -211,6 +211,10 @@ impl FilledCentre {
                 };
                 part(by, "comments", json!({"from_s": 1, "text": "Here."})).await
             }
+            "trainee-comment" => {
+                let by = if side == 0 { &self.centre.trainee } else { &self.centre.other_trainee };
+                part(by, "comments", json!({"from_s": 1, "text": "Here."})).await
+            }
             _ => panic!("`{kind}` is no kind of subject"),
         }
     }
