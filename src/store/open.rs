@@ -16,7 +16,7 @@ use std::time::Duration;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqlitePool};
 
-use super::disk_reserve::DiskReserve;
+use super::disk_reserve::{DiskReserve, require_space};
 use super::error::{StoreError, StoreResult};
 use super::schema_version::{migrate, require_current};
 use super::writer::Writer;
@@ -45,7 +45,11 @@ const SETTINGS: [(&str, i64); 5] = [
 
 impl Store {
     /// Opens the database at this path, creates it if it is missing, and migrates its schema.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSpaceToOpen`] on a full disk without a reserve.
     pub async fn open(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
+        require_space(path).await?;
         let connection = open_writer(path, settings).await?;
         let store = Self::with_writer(connection, path, settings, clock).await?;
         store.restore_reserves().await;
@@ -55,8 +59,9 @@ impl Store {
     /// Opens a database that exists and has this program's schema, to change something while a service may use it.
     ///
     /// # Errors
-    /// The schema is another version's.
+    /// The schema is another version's. [`StoreError::NoSpaceToOpen`] on a full disk without a reserve.
     pub async fn open_existing(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
+        require_space(path).await?;
         let connection = open_existing_writer(path, settings).await?;
         Self::with_writer(connection, path, settings, clock).await
     }

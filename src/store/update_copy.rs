@@ -10,6 +10,7 @@ use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 use sqlx::{ConnectOptions, Connection};
 
+use super::disk_reserve::require_space;
 use super::erasures::parse;
 use super::error::StoreResult;
 use super::retention::{
@@ -44,11 +45,12 @@ impl Store {
     /// True if a database exists at this path and [`Store::open`] would change its schema. Call it before.
     ///
     /// # Errors
-    /// A newer program made the schema.
+    /// A newer program made the schema. [`super::StoreError::NoSpaceToOpen`] on a full disk without a reserve.
     pub async fn must_migrate(path: &Path, settings: &StoreSettings) -> StoreResult<bool> {
         if !path.exists() {
             return Ok(false);
         }
+        require_space(path).await?;
         let mut connection = open::options(path, settings).read_only(true).connect().await?;
         let state = schema_state(&mut connection).await?;
         connection.close().await?;
