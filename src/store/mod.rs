@@ -173,6 +173,8 @@ pub struct Store {
 #[derive(Debug)]
 struct StoreInner {
     path: PathBuf,
+    /// The path, or SQLite's address of the file with the parameters that it is read with.
+    address: PathBuf,
     readers: SqlitePool,
     /// `None`: the store only reads.
     writer: Option<Writer>,
@@ -216,7 +218,7 @@ impl Store {
     /// Writes a consistent copy of the whole database to a file and replaces an existing one. The store stays usable
     /// meanwhile.
     pub async fn snapshot(&self, into: &Path) -> StoreResult<()> {
-        open::snapshot(&self.inner.path, &self.inner.settings, into).await
+        open::snapshot(&self.inner.address, &self.inner.settings, into).await
     }
 
     /// Size of the database in bytes, without its write-ahead log.
