@@ -241,6 +241,7 @@ impl From<StoreError> for ProblemResponse {
             StoreError::NoSpaceToOpen { .. }
             | StoreError::Unusable(_)
             | StoreError::OlderSchema
+            | StoreError::NoSchema
             | StoreError::Database(_) => ProblemResponse::internal("querying the store", error),
         }
     }

@@ -82,6 +82,9 @@ pub enum StoreError {
          copy and then adapts it"
     )]
     OlderSchema,
+    /// The file is no database of a service yet.
+    #[error("the database cannot be used: it has no tables: start the service once")]
+    NoSchema,
     /// Any other error of SQLite.
     #[error("database error: {0}")]
     Database(Arc<sqlx::Error>),

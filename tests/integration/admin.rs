@@ -10,11 +10,13 @@ use serde_json::json;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Connection};
 
-use crate::process::{Process, program};
+use crate::process::{Process, command, program};
 use crate::support::{Client, poll_until};
 
 /// The longest wait for the database's lock, ms, in the test that holds it.
 const SHORT_WAIT_MS: &str = "100";
+/// Name of a stored file: the SHA-256 of its content.
+const STORED: &str = "ab00000000000000000000000000000000000000000000000000000000000000";
 
 /// `trocar admin` on a data folder with the words of a line.
 fn admin(data: &Path, line: &str) -> Command {
@@ -140,4 +142,50 @@ fn a_backup_can_be_checked_but_not_changed() {
     let stderr = String::from_utf8_lossy(&refused.stderr);
     assert_eq!(refused.status.code(), Some(2), "{stderr}");
     assert!(stderr.contains("is a backup"), "{stderr}");
+}
+
+/// Standard error of a command that must fail with this status, in one line.
+fn refusal(mut command: Command, status: i32) -> String {
+    let ended = command.output().unwrap();
+    let stderr = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(status), "{command:?}: {stderr}");
+    assert_eq!(stderr.trim_end().lines().count(), 1, "{stderr}");
+    stderr
+}
+
+#[test]
+fn a_lost_database_is_neither_made_anew_nor_are_its_files_deleted() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path();
+    drop(Process::start(data));
+    let (database, stored) = (data.join("trocar.db"), data.join("blobs/ab").join(STORED));
+    fs::write(&stored, b"a recording").unwrap();
+    for name in ["trocar.db", "trocar.db-wal", "trocar.db-shm"] {
+        fs::remove_file(data.join(name)).unwrap();
+    }
+    for state in ["missing", "empty"] {
+        let commands = ["check", "user list", "user add eve --role instructor", "token list"];
+        let refused = commands.map(|line| refusal(admin(data, line), 2)).into_iter();
+        for stderr in refused.chain([refusal(command(data), 1)]) {
+            let advises = ["stored files", "admin restore", "empty folder"].iter().all(|part| stderr.contains(part));
+            assert!(advises, "{state}: {stderr}");
+        }
+        assert!(stored.exists());
+        assert_eq!(fs::metadata(&database).map_or(0, |found| found.len()), 0, "{state}");
+        fs::write(&database, b"").unwrap();
+    }
+}
+
+#[test]
+fn files_that_no_row_names_are_deleted_on_request_while_the_service_is_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path();
+    let service = Process::start(data);
+    let stored = data.join("blobs/ab").join(STORED);
+    fs::write(&stored, b"of another database").unwrap();
+    let stderr = refusal(admin(data, "delete-orphans"), 2);
+    assert!(stderr.contains("stop it first") && stored.exists(), "{stderr}");
+    drop(service);
+    assert!(succeed(data, "delete-orphans").starts_with("deleted: 1 files"));
+    assert!(!stored.exists());
 }

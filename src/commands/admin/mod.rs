@@ -8,10 +8,12 @@
 
 mod backup;
 mod check;
+mod delete_orphans;
 mod restore;
 mod token;
 mod user;
 
+use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -53,6 +55,8 @@ enum FolderCommand {
     Check(check::CheckArgs),
     /// Copy database and files into an empty folder; the service may run.
     Backup(backup::BackupArgs),
+    /// Delete the stored files that the database does not name; the service must be stopped.
+    DeleteOrphans,
     /// List, add and delete accounts; set passwords.
     #[command(subcommand)]
     User(user::UserCommand),
@@ -67,6 +71,7 @@ impl FolderCommand {
         match self {
             FolderCommand::Check(_) => true,
             FolderCommand::Backup(_) => false, // the audit trail notes it
+            FolderCommand::DeleteOrphans => false,
             FolderCommand::User(command) => matches!(command, user::UserCommand::List),
             FolderCommand::Token(command) => matches!(command, token::TokenCommand::List),
         }
@@ -110,6 +115,7 @@ async fn run_in(folder: &DataFolder, command: FolderCommand) -> Result<(), Comma
     match command {
         FolderCommand::Check(args) => check::run(folder, &args).await,
         FolderCommand::Backup(args) => backup::run(folder, &args).await,
+        FolderCommand::DeleteOrphans => delete_orphans::run(folder).await,
         FolderCommand::User(command) => user::run(folder, command).await,
         FolderCommand::Token(command) => token::run(folder, command).await,
     }
@@ -118,7 +124,7 @@ async fn run_in(folder: &DataFolder, command: FolderCommand) -> Result<(), Comma
 impl DataFolder {
     /// Opens a folder without changing anything in it; it may be a backup.
     async fn open_to_read(settings: &Settings) -> Result<Self, CommandFailure> {
-        let database = existing_database(settings)?;
+        let database = existing_database(settings).await?;
         let store = Store::open_read_only(&database, &settings.store, Arc::new(SystemClock)).await;
         let data = settings.data.display();
         if matches!(store, Err(StoreError::OlderSchema)) && settings.data.join(BACKUP_MARK).exists() {
@@ -127,30 +133,40 @@ impl DataFolder {
                  admin restore {data} --data NEW-FOLDER`, which verifies it, or check it with the version that made it"
             )));
         }
-        Ok(Self { store: opened(store)?, vault: Vault::open_existing(&settings.data) })
+        Self::opened(store, settings).await
     }
 
     /// Opens a folder for changes.
     async fn open_to_write(settings: &Settings) -> Result<Self, CommandFailure> {
-        let database = existing_database(settings)?;
+        let database = existing_database(settings).await?;
         serve::refuse_backup(&settings.data).map_err(CommandFailure::input)?;
         let store = Store::open_existing(&database, &settings.store, Arc::new(SystemClock)).await;
-        Ok(Self { store: opened(store)?, vault: Vault::open_existing(&settings.data) })
+        Self::opened(store, settings).await
+    }
+
+    async fn opened(store: Result<Store, StoreError>, settings: &Settings) -> Result<Self, CommandFailure> {
+        if matches!(store, Err(StoreError::NoSchema)) {
+            refuse_lost_database(settings).await?;
+        }
+        Ok(Self { store: store.context("opening the database")?, vault: Vault::open_existing(&settings.data) })
     }
 }
 
-fn existing_database(settings: &Settings) -> Result<PathBuf, CommandFailure> {
+async fn existing_database(settings: &Settings) -> Result<PathBuf, CommandFailure> {
     let database = settings.database();
-    if database.exists() {
+    if fs::metadata(&database).is_ok_and(|found| found.len() > 0) {
         return Ok(database);
     }
+    refuse_lost_database(settings).await?;
     let shown = settings.data.display();
     let why = anyhow!("`{shown}` is not a Trocar data folder: name another with --data, or run `trocar serve` first");
     Err(CommandFailure::input(why))
 }
 
-fn opened(store: Result<Store, StoreError>) -> Result<Store, CommandFailure> {
-    Ok(store.context("opening the database")?)
+/// Fails if the folder has files of an earlier database. Call it if the database is missing or empty.
+async fn refuse_lost_database(settings: &Settings) -> Result<(), CommandFailure> {
+    let vault = Vault::open_existing(&settings.data);
+    upkeep::refuse_lost_database(&vault, &settings.database()).await.map_err(CommandFailure::input)
 }
 
 /// A [`CommandFailure`] for an error of the store: exit status 2 if the input is wrong, else 1.
