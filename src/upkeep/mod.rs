@@ -18,6 +18,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+mod access;
 mod backup;
 mod check;
 mod collect;
@@ -31,6 +32,7 @@ mod retention;
 mod scheduled_backups;
 mod update_copy;
 
+pub use access::{is_readable, require_writable};
 pub use backup::{BACKUP_MARK, back_up};
 pub use check::{Finding, check};
 use collect::{collect, forget_expired_uploads, remove_orphan_uploads, remove_unreferenced};
@@ -77,6 +79,28 @@ pub enum UpkeepError {
         database: PathBuf,
         /// What was found.
         remains: String,
+    },
+    /// This user lacks the right.
+    #[error(
+        "permission denied: `{}` belongs to another user: run the command as this user, with `sudo -u {owner}` before \
+         it", .path.display()
+    )]
+    Denied {
+        /// The file or folder.
+        path: PathBuf,
+        /// Its owner, or the owner of its folder, as `sudo -u` takes it.
+        owner: String,
+    },
+    /// The folder's file system is mounted read-only.
+    #[error("`{}` is on a read-only disk: make the disk writable, or copy the folder to another one", .0.display())]
+    ReadOnly(PathBuf),
+    /// A file or folder cannot be used for another reason.
+    #[error("`{}`: {why}", .path.display())]
+    Unreadable {
+        /// The file or folder.
+        path: PathBuf,
+        /// The problem.
+        why: String,
     },
     /// Recordings were erased repeatedly while they were being copied.
     #[error("recordings were erased repeatedly during the backup: try again")]

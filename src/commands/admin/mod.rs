@@ -1,9 +1,10 @@
 //! `trocar admin`: administration on the machine itself: accounts, tokens, backup, check of database and files.
 //!
-//! It works while the service runs. Commands that only read change no byte of the data folder. The others write through
-//! SQLite's own lock: each change is one transaction, which waits for `store.busy_timeout_ms` while the service writes,
-//! and the service sees it with its next query. A lock of the folder would keep a crashed service from being started
-//! again during a long backup. No command changes the schema; a database of another version is refused.
+//! It works while the service runs, except `delete-orphans`. Commands that only read change no byte of the data folder.
+//! The others write through SQLite's own lock: each change is one transaction, which waits for `store.busy_timeout_ms`
+//! while the service writes, and the service sees it with its next query. A lock of the folder would keep a crashed
+//! service from being started again during a long backup. No command changes the schema; a database of another version
+//! is refused.
 #![expect(clippy::print_stdout, reason = "only results go to stdout")]
 
 mod backup;
@@ -14,7 +15,7 @@ mod token;
 mod user;
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
@@ -24,7 +25,7 @@ use super::{CommandFailure, restrict_new_files_to_owner, serve};
 use crate::settings::{Flags, Settings};
 use crate::store::{Store, StoreError};
 use crate::time::SystemClock;
-use crate::upkeep::{self, BACKUP_MARK};
+use crate::upkeep::{self, BACKUP_MARK, UpkeepError};
 use crate::vault::Vault;
 
 /// Arguments of `trocar admin`.
@@ -66,11 +67,12 @@ enum FolderCommand {
 }
 
 impl FolderCommand {
-    /// True if the command changes nothing in the data folder.
-    fn only_reads(&self) -> bool {
+    /// True if the command changes nothing in this data folder.
+    fn only_reads(&self, data: &Path) -> bool {
         match self {
             FolderCommand::Check(_) => true,
-            FolderCommand::Backup(_) => false, // the audit trail notes it
+            // The audit trail notes it, unless the disk is read-only.
+            FolderCommand::Backup(_) => matches!(upkeep::require_writable(data), Err(UpkeepError::ReadOnly(_))),
             FolderCommand::DeleteOrphans => false,
             FolderCommand::User(command) => matches!(command, user::UserCommand::List),
             FolderCommand::Token(command) => matches!(command, token::TokenCommand::List),
@@ -93,7 +95,7 @@ pub fn run(args: AdminArgs) -> Result<(), CommandFailure> {
     runtime.block_on(async {
         match args.command {
             AdminCommand::Restore(args) => restore::run(&settings.data, args).await,
-            AdminCommand::InFolder(command) if command.only_reads() => {
+            AdminCommand::InFolder(command) if command.only_reads(&settings.data) => {
                 let folder = DataFolder::open_to_read(&settings).await?;
                 let done = run_in(&folder, command).await;
                 folder.store.require_unchanged().map_err(store_failure)?;
@@ -140,6 +142,7 @@ impl DataFolder {
     async fn open_to_write(settings: &Settings) -> Result<Self, CommandFailure> {
         let database = existing_database(settings).await?;
         serve::refuse_backup(&settings.data).map_err(CommandFailure::input)?;
+        upkeep::require_writable(&settings.data).map_err(anyhow::Error::from)?;
         let store = Store::open_existing(&database, &settings.store, Arc::new(SystemClock)).await;
         Self::opened(store, settings).await
     }
@@ -154,7 +157,8 @@ impl DataFolder {
 
 async fn existing_database(settings: &Settings) -> Result<PathBuf, CommandFailure> {
     let database = settings.database();
-    if fs::metadata(&database).is_ok_and(|found| found.len() > 0) {
+    let is_there = upkeep::is_readable(&database).map_err(anyhow::Error::from)?;
+    if is_there && fs::metadata(&database).is_ok_and(|found| found.len() > 0) {
         return Ok(database);
     }
     refuse_lost_database(settings).await?;

@@ -6,7 +6,7 @@ use tokio::fs::{File, OpenOptions};
 
 use super::backup::{copy_blobs, folder_error, mark, refuse_used, unmark};
 use super::erasure_list::{ERASURE_LIST, extend_list, read_list};
-use super::{Finding, UpkeepError, UpkeepResult, check, recover};
+use super::{Finding, UpkeepError, UpkeepResult, check, is_readable, recover};
 use crate::domain::erasure::{ErasedKind, Erasure};
 use crate::store::{SchemaState, Store, StoreError, StoreSettings};
 use crate::time::SharedClock;
@@ -33,14 +33,14 @@ pub async fn restore(
     clock: SharedClock,
 ) -> UpkeepResult<Restored> {
     refuse_used(to)?;
-    if !backup.join(database).is_file() {
+    if !is_readable(&backup.join(database))? {
         return Err(UpkeepError::NoBackup(backup.to_owned()));
     }
     let erasures = match erasures {
         None => Vec::new(),
         Some(named) => {
             let list = named.unwrap_or_else(|| backup.parent().unwrap_or(backup).join(ERASURE_LIST));
-            if !list.is_file() {
+            if !is_readable(&list)? {
                 return Err(UpkeepError::NoList(list));
             }
             read_list(&list)?
