@@ -120,8 +120,15 @@ impl CommandFailure {
 impl fmt::Display for CommandFailure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (CommandFailure::Input(error) | CommandFailure::Failed(error)) = self;
-        let chain = format!("{error:#}");
-        f.write_str(&chain.replace('\n', " "))
+        let mut shown = String::new();
+        for cause in error.chain().map(ToString::to_string) {
+            // Many errors name their cause in their own text.
+            if !shown.contains(&cause) {
+                let separator = if shown.is_empty() { "" } else { ": " };
+                shown += &format!("{separator}{cause}");
+            }
+        }
+        f.write_str(&shown.replace('\n', " "))
     }
 }
 
@@ -142,4 +149,22 @@ fn read_trajectory(path: &Path) -> Result<Trajectory, CommandFailure> {
 /// Writes a command's result to standard output.
 fn print_result(text: &str) -> Result<(), CommandFailure> {
     Ok(io::stdout().lock().write_all(text.as_bytes()).context("writing to standard output")?)
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::anyhow;
+
+    use super::*;
+    use crate::vault::VaultError;
+
+    #[test]
+    fn a_failure_names_each_cause_once() {
+        let source = io::Error::from_raw_os_error(13).into();
+        let inner = VaultError::Io { doing: "opening", path: "/data/lock".into(), source };
+        let failure = CommandFailure::Failed(anyhow::Error::from(inner).context("using /data"));
+        assert_eq!(failure.to_string(), "using /data: opening `/data/lock`: Permission denied (os error 13)");
+        let failure = CommandFailure::input(anyhow!("the cause").context("two\nlines"));
+        assert_eq!(failure.to_string(), "two lines: the cause");
+    }
 }

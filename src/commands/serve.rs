@@ -204,9 +204,8 @@ pub async fn start(
     check_kernel(settings.analysis.require_landlock)?;
     refuse_backup(&settings.data)?;
     let certificate = ServerCertificate::load(&settings.tls).await.context("using the certificate of [tls]")?;
-    let vault = Vault::open(&settings.data).await.context("opening the data folder")?;
-    let lock = vault.lock().await.with_context(|| format!("using {}", settings.data.display()))?;
-    upkeep::copy_before_update(&vault, &settings.database(), &settings.store).await.context("preparing the update")?;
+    let (vault, lock) = open_data_folder(&settings.data).await?;
+    upkeep::prepare_database(&vault, &settings.database(), &settings.store).await.context("preparing the database")?;
     let store =
         Store::open(&settings.database(), &settings.store, clock.clone()).await.context("opening the database")?;
     let recovered = upkeep::recover(&store, &vault).await.context("recovering")?;
@@ -274,6 +273,14 @@ pub async fn start(
     let (address, redirect_address) = (listeners.address(), listeners.redirect_address());
     let served = listeners.serve(certificate, app.clone()).context("starting TLS")?;
     Ok(RunningService { address, redirect_address, shutdown, is_first_start: is_first, app, served, _lock: lock })
+}
+
+/// Opens the data folder, makes it if it is missing, and locks it for this service.
+async fn open_data_folder(data: &Path) -> anyhow::Result<(Vault, DataFolderLock)> {
+    let shown = data.display();
+    let vault = Vault::open(data).await.with_context(|| format!("opening the data folder `{shown}`"))?;
+    let lock = vault.lock().await.with_context(|| format!("using {shown}"))?;
+    Ok((vault, lock))
 }
 
 /// Refuses to run on a backup, or to change it: people who were erased since it was made would come back.

@@ -238,9 +238,11 @@ impl From<StoreError> for ProblemResponse {
             StoreError::DiskFull => disk_full(),
             StoreError::Busy => busy("The database is overloaded. Try again in a moment."),
             StoreError::Closed => busy("The service is shutting down. Try again in a minute."),
-            StoreError::Unusable(_) | StoreError::OlderSchema | StoreError::Database(_) => {
-                ProblemResponse::internal("querying the store", error)
-            }
+            StoreError::NoSpaceToOpen { .. }
+            | StoreError::Unusable(_)
+            | StoreError::OlderSchema
+            | StoreError::NoSchema
+            | StoreError::Database(_) => ProblemResponse::internal("querying the store", error),
         }
     }
 }

@@ -20,6 +20,8 @@ const DELETE_IF_UNREFERENCED: &str = "
 
 const SELECT_BLOB: &str = "SELECT 1 FROM blob WHERE hash = $1 AND dropped_at_ms IS NULL";
 
+const SELECT_IS_DROPPED: &str = "SELECT dropped_at_ms IS NOT NULL FROM blob WHERE hash = $1";
+
 const SELECT_TOTAL: &str = "SELECT count(*), coalesce(sum(bytes), 0) FROM blob WHERE dropped_at_ms IS NULL";
 
 const SELECT_BLOBS: &str = "
@@ -60,6 +62,11 @@ impl BlobStore<'_> {
     pub async fn has(&self, hash: BlobHash) -> StoreResult<bool> {
         let found: Option<i64> = sqlx::query_scalar(SELECT_BLOB).bind(hash).fetch_optional(self.0.readers()).await?;
         Ok(found.is_some())
+    }
+
+    /// Is the file's row marked as dropped? `None` if no row names the file.
+    pub async fn is_dropped(&self, hash: BlobHash) -> StoreResult<Option<bool>> {
+        Ok(sqlx::query_scalar(SELECT_IS_DROPPED).bind(hash).fetch_optional(self.0.readers()).await?)
     }
 
     /// The number of files and their total size in bytes: no personal data.

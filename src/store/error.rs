@@ -1,5 +1,6 @@
 //! Errors of the store: a small closed set, which HTTP maps to responses in one place.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Result of a store function.
@@ -58,6 +59,14 @@ pub enum StoreError {
     /// The disk is full. Works again by itself once there is space.
     #[error("the disk is full")]
     DiskFull,
+    /// The disk lacks the space that opening the database takes, even with the disk reserve.
+    #[error("the disk of `{}` is full: free at least {} MiB", folder.display(), needed.div_ceil(1 << 20))]
+    NoSpaceToOpen {
+        /// The data folder.
+        folder: PathBuf,
+        /// Space that opening takes, bytes.
+        needed: u64,
+    },
     /// No connection or lock became free within the timeout.
     #[error("the database is busy")]
     Busy,
@@ -73,6 +82,9 @@ pub enum StoreError {
          copy and then adapts it"
     )]
     OlderSchema,
+    /// The file is no database of a service yet.
+    #[error("the database cannot be used: it has no tables: start the service once")]
+    NoSchema,
     /// Any other error of SQLite.
     #[error("database error: {0}")]
     Database(Arc<sqlx::Error>),

@@ -32,7 +32,7 @@
 //! | [`Store::edits`] | `of_session` `in_force` `add` `undo` |
 //! | [`Store::rescorings`] | `create` `cancel` `list` `get` `items` `trainees` · for [`crate::rescoring`]: `queue_waiting` `ended` `settle` `end_completed` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `mark_crashed` `release` `sweep` |
-//! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `note` `has` `all` `total` |
+//! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `note` `has` `is_dropped` `all` `total` |
 //! | [`Store::erasures`] | `after` `last` `repeat` |
 //! | [`Store::pending_erasures`] | `extent` `request` `list` `take_back` `due` |
 //! | [`Store::retention`] | `old_videos` `drop_videos` `release_failed_pictures` |
@@ -112,6 +112,7 @@ pub use people::{NewPerson, PersonChange, PersonRecord, PersonStore};
 pub use ratings::{GivenRating, RatingRecord, RatingStore, SessionValue, VisibleRatings};
 pub use rescorings::{EndedItem, RescoringItem, RescoringRecord, RescoringStore, RescoringTrainee, ResultComparison};
 pub use retention::RetentionStore;
+pub use schema_version::SchemaState;
 pub use self_tests::{SelfTestLight, SelfTestRecord, SelfTestStore};
 pub use sender_limits::SenderLimits;
 pub use sessions::{
@@ -173,6 +174,8 @@ pub struct Store {
 #[derive(Debug)]
 struct StoreInner {
     path: PathBuf,
+    /// The path, or SQLite's address of the file with the parameters that it is read with.
+    address: PathBuf,
     readers: SqlitePool,
     /// `None`: the store only reads.
     writer: Option<Writer>,
@@ -216,7 +219,7 @@ impl Store {
     /// Writes a consistent copy of the whole database to a file and replaces an existing one. The store stays usable
     /// meanwhile.
     pub async fn snapshot(&self, into: &Path) -> StoreResult<()> {
-        open::snapshot(&self.inner.path, &self.inner.settings, into).await
+        open::snapshot(&self.inner.address, &self.inner.settings, into).await
     }
 
     /// Size of the database in bytes, without its write-ahead log.

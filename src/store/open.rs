@@ -16,7 +16,7 @@ use std::time::Duration;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqlitePool};
 
-use super::disk_reserve::DiskReserve;
+use super::disk_reserve::{DiskReserve, require_space};
 use super::error::{StoreError, StoreResult};
 use super::schema_version::{migrate, require_current};
 use super::writer::Writer;
@@ -45,7 +45,11 @@ const SETTINGS: [(&str, i64); 5] = [
 
 impl Store {
     /// Opens the database at this path, creates it if it is missing, and migrates its schema.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSpaceToOpen`] on a full disk without a reserve.
     pub async fn open(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
+        require_space(path).await?;
         let connection = open_writer(path, settings).await?;
         let store = Self::with_writer(connection, path, settings, clock).await?;
         store.restore_reserves().await;
@@ -55,8 +59,9 @@ impl Store {
     /// Opens a database that exists and has this program's schema, to change something while a service may use it.
     ///
     /// # Errors
-    /// The schema is another version's.
+    /// The schema is another version's. [`StoreError::NoSpaceToOpen`] on a full disk without a reserve.
     pub async fn open_existing(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
+        require_space(path).await?;
         let connection = open_existing_writer(path, settings).await?;
         Self::with_writer(connection, path, settings, clock).await
     }
@@ -67,8 +72,9 @@ impl Store {
     /// # Errors
     /// The schema is another version's.
     pub async fn open_read_only(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
-        let (readers, opened) = open_unchanged(path, settings).await?;
-        Ok(Self::with_parts(path, settings, clock, (readers, None, opened)))
+        let (address, opened) = unchanged_address(path)?;
+        let readers = open_unchanged(&address, settings).await?;
+        Ok(Self::with_parts((path, address), settings, clock, (readers, None, opened)))
     }
 
     async fn with_writer(
@@ -80,11 +86,11 @@ impl Store {
         let readers = open_readers(path, settings).await?;
         let writer = Writer::start(connection, settings.waiting_writes, settings.writes_per_commit)
             .map_err(|error| StoreError::Unusable(format!("its writer thread cannot start: {error}")))?;
-        Ok(Self::with_parts(path, settings, clock, (readers, Some(writer), None)))
+        Ok(Self::with_parts((path, path.to_owned()), settings, clock, (readers, Some(writer), None)))
     }
 
     fn with_parts(
-        path: &Path,
+        (path, address): (&Path, PathBuf),
         settings: &StoreSettings,
         clock: SharedClock,
         (readers, writer, opened): (SqlitePool, Option<Writer>, Option<FileStamp>),
@@ -92,6 +98,7 @@ impl Store {
         Self {
             inner: Arc::new(StoreInner {
                 path: path.to_owned(),
+                address,
                 readers,
                 writer,
                 opened,
@@ -176,31 +183,36 @@ impl FileStamp {
     }
 }
 
-/// Opens reading connections that change no byte of the folder, also not of the log and its index. The schema must be
-/// this program's.
+/// SQLite's address of a database for reading connections that change no byte of the folder, also not of the log and
+/// its index.
 ///
 /// With `mode=ro` alone, SQLite would create both files or write the index. If both exist, a service has the database
 /// open or was killed: then SQLite reads the index, or makes one in memory. If the log is empty or missing, the file
 /// itself is complete, and SQLite reads it without any lock. The file's stamp is returned in that case, so that a change
 /// by a service that is started meanwhile does not pass unnoticed.
-async fn open_unchanged(path: &Path, settings: &StoreSettings) -> StoreResult<(SqlitePool, Option<FileStamp>)> {
+fn unchanged_address(path: &Path) -> StoreResult<(PathBuf, Option<FileStamp>)> {
     let bytes_of = |suffix| fs::metadata(with_suffix(path, suffix)).map(|found| found.len()).ok();
     let (parameter, stamp) = match (bytes_of("-wal"), bytes_of("-shm")) {
         (Some(_), Some(_)) => ("readonly_shm=1", None),
         (None | Some(0), _) => ("immutable=1", Some(FileStamp::of(path)?)),
         (Some(_), None) => {
-            let why = "its write-ahead log has no index beside it (`-shm`): start the service once, which makes one";
+            let why = "its write-ahead log has no index beside it (`-shm`): start the service once, which makes one; \
+                       if the disk is read-only, copy the data folder to another disk first";
             return Err(StoreError::Unusable(why.to_owned()));
         }
     };
-    let address = address_of(path, parameter)?;
+    Ok((address_of(path, parameter)?, stamp))
+}
+
+/// Opens reading connections to this address. The schema must be this program's.
+async fn open_unchanged(address: &Path, settings: &StoreSettings) -> StoreResult<SqlitePool> {
     let pool = SqlitePoolOptions::new()
         .max_connections(settings.readers)
         .acquire_timeout(Duration::from_millis(settings.busy_timeout_ms))
-        .connect_with(options(&address, settings).read_only(true).pragma("query_only", "ON"))
+        .connect_with(options(address, settings).read_only(true).pragma("query_only", "ON"))
         .await?;
     require_current(&mut *pool.acquire().await?).await?;
-    Ok((pool, stamp))
+    Ok(pool)
 }
 
 /// SQLite's address of a file, with a parameter that has no option in sqlx.
@@ -224,15 +236,15 @@ fn unusable(path: &Path, error: &std::io::Error) -> StoreError {
     StoreError::Unusable(format!("`{}`: {error}", path.display()))
 }
 
-/// Writes a consistent copy of the database to a new file; durable when this returns.
-pub(super) async fn snapshot(path: &Path, settings: &StoreSettings, into: &Path) -> StoreResult<()> {
+/// Writes a consistent copy of the database at this path or address to a new file; durable when this returns.
+pub(super) async fn snapshot(address: &Path, settings: &StoreSettings, into: &Path) -> StoreResult<()> {
     for suffix in ["", "-wal", "-shm"] {
         match fs::remove_file(with_suffix(into, suffix)) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(unusable(into, &error)),
             _ => {}
         }
     }
-    let mut connection = options(path, settings).read_only(true).connect().await?;
+    let mut connection = options(address, settings).read_only(true).connect().await?;
     let target = text_of(into)?.to_owned();
     sqlx::query(SNAPSHOT).bind(target).execute(&mut connection).await?;
     connection.close().await?;

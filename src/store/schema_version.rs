@@ -15,7 +15,7 @@ const NEWER: &str = "a newer version of this program has changed it: install the
 
 /// How a database's schema compares with this program's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum SchemaState {
+pub enum SchemaState {
     /// It has no schema yet.
     Empty,
     /// It lacks migrations of this program.
@@ -63,7 +63,7 @@ pub(super) async fn require_current(connection: &mut SqliteConnection) -> StoreR
     match schema_state(connection).await? {
         SchemaState::Current => Ok(()),
         SchemaState::Older => Err(StoreError::OlderSchema),
-        SchemaState::Empty => Err(StoreError::Unusable("it is empty: start the service once".to_owned())),
+        SchemaState::Empty => Err(StoreError::NoSchema),
     }
 }
 

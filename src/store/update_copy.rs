@@ -5,13 +5,15 @@
 
 use std::collections::HashSet;
 use std::path::Path;
+use std::{fs, io};
 
 use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 use sqlx::{ConnectOptions, Connection};
 
+use super::disk_reserve::require_space;
 use super::erasures::parse;
-use super::error::StoreResult;
+use super::error::{StoreError, StoreResult};
 use super::retention::{
     DELETE_BOX_JOBS_OF_SESSION, DELETE_BOX_JOBS_OF_TRAINEE, forget_box_jobs_of_session, forget_box_jobs_of_trainee,
 };
@@ -41,18 +43,24 @@ const RELEASE_FILES: &str = "DELETE FROM job_file WHERE blob IN (SELECT value FR
 const DELETE_UNREFERENCED: &str = "DELETE FROM blob WHERE hash NOT IN (SELECT hash FROM blob_reference)";
 
 impl Store {
-    /// True if a database exists at this path and [`Store::open`] would change its schema. Call it before.
+    /// The schema of the database at this path; `Empty` if there is no such file. Call it before [`Store::open`], which
+    /// would make or change the schema.
     ///
     /// # Errors
-    /// A newer program made the schema.
-    pub async fn must_migrate(path: &Path, settings: &StoreSettings) -> StoreResult<bool> {
-        if !path.exists() {
-            return Ok(false);
+    /// A newer program made the schema. [`StoreError::NoSpaceToOpen`] on a full disk without a reserve.
+    pub async fn found_schema(path: &Path, settings: &StoreSettings) -> StoreResult<SchemaState> {
+        // A file without a byte is not even opened: SQLite would delete a write-ahead log beside it.
+        match fs::metadata(path) {
+            Ok(found) if found.len() > 0 => {}
+            Ok(_) => return Ok(SchemaState::Empty),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(SchemaState::Empty),
+            Err(error) => return Err(StoreError::Unusable(format!("`{}`: {error}", path.display()))),
         }
+        require_space(path).await?;
         let mut connection = open::options(path, settings).read_only(true).connect().await?;
         let state = schema_state(&mut connection).await?;
         connection.close().await?;
-        Ok(state == SchemaState::Older)
+        Ok(state)
     }
 
     /// Like [`Store::snapshot`], of a database that is not open yet.

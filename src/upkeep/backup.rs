@@ -10,7 +10,8 @@ use std::path::Path;
 
 use tokio::io::AsyncReadExt;
 
-use super::{Finding, UpkeepError, UpkeepResult, check, recover};
+use super::collect::collect;
+use super::{Finding, UpkeepError, UpkeepResult, check, delete_orphans};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::scope::Scope;
 use crate::store::{Store, StoreSettings};
@@ -147,7 +148,8 @@ async fn complete(copy: &Store, files: &Vault) -> UpkeepResult<()> {
     }
     copy.feeds().forget_unfinished().await?;
     copy.cookies().forget_all().await?;
-    recover(copy, files).await?; // removes files that were erased between copying and snapshot
+    collect(copy, files).await?;
+    delete_orphans(copy, files).await?; // files that were erased between copying and snapshot, even if there are many
     copy.purge_erased().await?;
     match check(copy, files, true).await?.first() {
         None => Ok(()),

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::fmt;
 
 use super::UpkeepResult;
+use super::orphans::OrphanFiles;
 use crate::domain::blob::{Blob, BlobHash};
 use crate::ids::{FeedId, UploadId};
 use crate::store::Store;
@@ -18,8 +19,15 @@ pub enum Finding {
     MissingFile(BlobHash),
     /// A file's content does not match its name, or its length not the row.
     DamagedFile(BlobHash),
-    /// A file without a row: harmless; the next start removes it.
+    /// A file that no row needs: harmless if there are few; the next start removes them.
     OrphanFile(BlobHash),
+    /// So many files have no row that the database is probably not theirs.
+    ManyOrphans {
+        /// Number of files without a row.
+        orphans: usize,
+        /// Number of all files.
+        files: usize,
+    },
     /// An upload's file holds fewer bytes than were acknowledged.
     ShortUpload(UploadId),
     /// An unfinished feed has no log.
@@ -44,7 +52,15 @@ impl fmt::Display for Finding {
             Finding::Database(what) => write!(f, "database: {what}"),
             Finding::MissingFile(hash) => write!(f, "missing file: {hash}"),
             Finding::DamagedFile(hash) => write!(f, "damaged file: {hash}"),
-            Finding::OrphanFile(hash) => write!(f, "file that nothing refers to: {hash} (the next start removes it)"),
+            Finding::OrphanFile(hash) => {
+                write!(f, "file that nothing refers to: {hash} (the next start removes it, if there are few)")
+            }
+            Finding::ManyOrphans { orphans, files } => write!(
+                f,
+                "no row of the database names {orphans} of {files} files; they are kept, because the database is \
+                 probably older than they are or of another folder: put the right database back; if this database is \
+                 the right one, stop the service and run `trocar admin delete-orphans`"
+            ),
             Finding::ShortUpload(id) => write!(f, "upload {id} holds fewer bytes than were acknowledged"),
             Finding::MissingFeed(id) => write!(f, "feed {id} has not ended, and its log is missing"),
             Finding::DamagedFeed(id, frames) => {
@@ -154,12 +170,10 @@ async fn check_blob(vault: &Vault, blob: Blob, thorough: bool) -> UpkeepResult<O
 
 /// Checks that every file has its row.
 async fn check_files(store: &Store, vault: &Vault, findings: &mut Vec<Finding>) -> UpkeepResult<()> {
-    for first in 0..=u8::MAX {
-        for blob in vault.blobs(first).await? {
-            if !store.blobs().has(blob.hash).await? {
-                findings.push(Finding::OrphanFile(blob.hash));
-            }
-        }
+    let found = OrphanFiles::find(store, vault).await?;
+    findings.extend(found.dropped.iter().chain(&found.unnamed).map(|hash| Finding::OrphanFile(*hash)));
+    if !found.are_of_crash() {
+        findings.push(Finding::ManyOrphans { orphans: found.unnamed.len(), files: found.files });
     }
     Ok(())
 }

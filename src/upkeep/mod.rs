@@ -5,7 +5,7 @@
 //!
 //! | function | when |
 //! |---|---|
-//! | [`copy_before_update`] | once, at every start, before the database is opened |
+//! | [`prepare_database`] | once, at every start, before the database is opened |
 //! | [`recover()`] | once, at every start, before anything else uses the folder |
 //! | [`write_password_file`] | at the first start |
 //! | [`run`] | for as long as the service runs: [`apply_retention`], then [`clear_up`] |
@@ -13,14 +13,18 @@
 //! | [`check()`] | on request: `trocar admin check` |
 //! | [`back_up`] | on request: `trocar admin backup`; and once a day: [`run_backups`] |
 //! | [`restore()`] | on request: `trocar admin restore` |
+//! | [`delete_orphans`] | on request: `trocar admin delete-orphans` |
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+mod access;
 mod backup;
 mod check;
 mod collect;
 mod erasure_list;
+mod lost_database;
+mod orphans;
 mod password_file;
 mod recover;
 mod restore;
@@ -28,21 +32,24 @@ mod retention;
 mod scheduled_backups;
 mod update_copy;
 
+pub use access::{is_readable, require_writable};
 pub use backup::{BACKUP_MARK, back_up};
 pub use check::{Finding, check};
 use collect::{collect, forget_expired_uploads, remove_orphan_uploads, remove_unreferenced};
 pub use erasure_list::{ERASURE_LIST, ErasureLists};
+pub use lost_database::refuse_lost_database;
+pub use orphans::delete_orphans;
 use password_file::forget_changed_passwords;
 pub use password_file::{password_file, write_password_file};
 pub use recover::{Recovered, recover};
 pub use restore::{Restored, restore};
 pub use retention::{RetentionSettings, apply_retention};
 pub use scheduled_backups::{BackupProgress, BackupSettings, BackupState, complete_backups, run_backups};
-pub use update_copy::{UPDATE_COPY_FOLDER, copy_before_update};
-use update_copy::{erase_in_update_copy, forget_old_update_copy};
+pub use update_copy::UPDATE_COPY_FOLDER;
+use update_copy::{copy_before_update, erase_in_update_copy, forget_old_update_copy};
 
 use crate::shutdown::Shutdown;
-use crate::store::{Store, StoreError};
+use crate::store::{SchemaState, Store, StoreError, StoreSettings};
 use crate::time::SharedClock;
 use crate::vault::{Vault, VaultError};
 
@@ -60,6 +67,41 @@ pub enum UpkeepError {
     /// A backup would overwrite something.
     #[error("`{}` is not empty: name a folder that is empty or does not exist yet", .0.display())]
     Used(PathBuf),
+    /// The folder has files of an earlier database, but no database.
+    #[error(
+        "the database `{}` is missing or empty, but its folder holds {remains} of an earlier one. No new database is \
+         made, because it would name none of the files. Put the database back: from a backup, with `trocar admin \
+         restore BACKUP --data NEW-FOLDER`, or the copy from before the last update (docs/operations.md, Update). For \
+         a new centre, name an empty folder with --data", .database.display()
+    )]
+    LostDatabase {
+        /// The database that is missing.
+        database: PathBuf,
+        /// What was found.
+        remains: String,
+    },
+    /// This user lacks the right.
+    #[error(
+        "permission denied: `{}` belongs to another user: run the command as this user, with `sudo -u {owner}` before \
+         it", .path.display()
+    )]
+    Denied {
+        /// The file or folder.
+        path: PathBuf,
+        /// Its owner, or the owner of its folder, as `sudo -u` takes it.
+        owner: String,
+    },
+    /// The folder's file system is mounted read-only.
+    #[error("`{}` is on a read-only disk: make the disk writable, or copy the folder to another one", .0.display())]
+    ReadOnly(PathBuf),
+    /// A file or folder cannot be used for another reason.
+    #[error("`{}`: {why}", .path.display())]
+    Unreadable {
+        /// The file or folder.
+        path: PathBuf,
+        /// The problem.
+        why: String,
+    },
     /// Recordings were erased repeatedly while they were being copied.
     #[error("recordings were erased repeatedly during the backup: try again")]
     Unsettled,
@@ -80,7 +122,7 @@ pub enum UpkeepError {
         why: String,
     },
     /// A folder that is to be restored is no backup.
-    #[error("`{}` is no backup: it has no database", .0.display())]
+    #[error("`{}` is no backup: it has no database, or an empty one", .0.display())]
     NoBackup(PathBuf),
     /// No list says who was erased since the backup.
     #[error(
@@ -126,6 +168,19 @@ pub enum UpkeepError {
 
 /// Result of an upkeep function.
 pub type UpkeepResult<T> = Result<T, UpkeepError>;
+
+/// Makes the database ready for [`Store::open`]: if that would change its schema, copies it first. Call it with the
+/// folder locked.
+///
+/// # Errors
+/// [`UpkeepError::LostDatabase`]; a newer program made the database; the disk lacks the space. Nothing was changed.
+pub async fn prepare_database(vault: &Vault, database: &Path, settings: &StoreSettings) -> UpkeepResult<()> {
+    match Store::found_schema(database, settings).await? {
+        SchemaState::Empty => refuse_lost_database(vault, database).await,
+        SchemaState::Older => copy_before_update(vault, database, settings).await,
+        SchemaState::Current => Ok(()),
+    }
+}
 
 /// Cleans up repeatedly until the service ends. Erased data has left the folder soon after `every`.
 pub async fn run(

@@ -1,7 +1,8 @@
 //! Recovery, which runs at every start. Acknowledged data is never touched.
 
 use super::UpkeepResult;
-use super::collect::{collect, remove, remove_orphan_uploads};
+use super::collect::{collect, remove_orphan_uploads};
+use super::orphans::OrphanFiles;
 use super::update_copy::release_in_update_copy;
 use crate::domain::scope::Scope;
 use crate::intake::{self, IntakeError};
@@ -13,8 +14,10 @@ use crate::vault::{Vault, VaultError};
 pub struct Recovered {
     /// Unfinished blobs that were removed.
     pub half_written: usize,
-    /// Blobs without a row that were removed.
+    /// Blobs that no row needs and that were removed.
     pub orphan_blobs: usize,
+    /// Blobs without a row that were kept: there are too many for a crash.
+    pub kept_orphans: usize,
     /// Upload files without a row that were removed.
     pub orphan_uploads: usize,
     /// Complete uploads that became sessions now.
@@ -31,7 +34,9 @@ pub async fn recover(store: &Store, vault: &Vault) -> UpkeepResult<Recovered> {
     for upload in store.uploads().unfinished().await? {
         recover_upload(store, vault, upload, &mut recovered).await?;
     }
-    recovered.orphan_blobs = collect(store, vault).await? + remove_orphan_blobs(store, vault).await?;
+    let collected = collect(store, vault).await?;
+    let [removed, kept] = OrphanFiles::find(store, vault).await?.delete_after_crash(store, vault).await?;
+    (recovered.orphan_blobs, recovered.kept_orphans) = (collected + removed, kept);
     release_in_update_copy(vault).await?; // a crash may have come between a file and the copy
     Ok(recovered)
 }
@@ -72,15 +77,4 @@ async fn finish(store: &Store, vault: &Vault, upload: &UploadRecord) -> UpkeepRe
             Ok(false)
         }
     }
-}
-
-/// Removes blobs that have a name but no row. They can be found only by listing the folder.
-async fn remove_orphan_blobs(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
-    let mut removed = 0;
-    for first in 0..=u8::MAX {
-        for blob in vault.blobs(first).await? {
-            removed += usize::from(remove(store, vault, blob.hash).await?);
-        }
-    }
-    Ok(removed)
 }

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::{Finding, Recovered, UpkeepError, back_up, check, clear_up, recover};
+use super::{Finding, Recovered, UpkeepError, back_up, check, clear_up, delete_orphans, prepare_database, recover};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::feed::FrameCodec;
 use crate::domain::feed::record::{FeedRecord, HEADER_BYTES, RecordBody};
@@ -137,6 +137,58 @@ async fn what_is_left_between_file_and_row_is_cleared_and_nothing_else() {
     assert_eq!((recovered.half_written, recovered.orphan_blobs, recovered.orphan_uploads), (1, 1, 1));
     assert_eq!(bench.findings().await, []);
     bench.vault.read(Blob::of(b"video").hash, 100).await.unwrap();
+}
+
+#[tokio::test]
+async fn many_files_without_a_row_are_kept_until_a_person_has_them_deleted() {
+    let bench = UpkeepFixture::new().await;
+    let ana = bench.centre.trainee("Ana").await.id;
+    let video = bench.session(ana, "video").await.video.unwrap();
+    for number in 0..20 {
+        drop(bench.vault.put(format!("named by the right database: {number}").as_bytes()).await.unwrap());
+    }
+    let recovered = bench.recover().await;
+    assert_eq!((recovered.orphan_blobs, recovered.kept_orphans), (0, 20));
+    let many = Finding::ManyOrphans { orphans: 20, files: 21 };
+    assert!(many.is_loss() && many.to_string().contains("put the right database back"), "{many}");
+    let findings = bench.findings().await;
+    assert_eq!((findings.len(), findings.last()), (21, Some(&many)));
+    assert_eq!(delete_orphans(&bench.centre.store, &bench.vault).await.unwrap(), 20);
+    assert_eq!(bench.findings().await, []);
+    assert!(bench.path_of(video).exists());
+}
+
+#[tokio::test]
+async fn a_folder_that_has_lost_its_database_gets_no_new_one() {
+    let remains: [(&str, fn(&Path)); 6] = [
+        ("stored files", |data| {
+            let hash = Blob::of(b"video").hash.to_string();
+            fs::write(data.join("blobs").join(&hash[..2]).join(&hash), b"video").unwrap();
+        }),
+        ("uploads", |data| fs::write(data.join("uploads").join(UploadId::at(1).to_string()), b"vi").unwrap()),
+        ("live recordings", |data| fs::write(data.join("feeds").join(FeedId::at(1).to_string()), b"").unwrap()),
+        ("a list of erasures", |data| fs::write(data.join("erasures"), b"").unwrap()),
+        ("a copy from before an update", |data| {
+            fs::create_dir(data.join("before-update")).unwrap();
+            fs::write(data.join("before-update/trocar.db"), b"copy").unwrap();
+        }),
+        ("a write-ahead log", |data| fs::write(data.join("trocar.db-wal"), b"changes").unwrap()),
+    ];
+    for (what, leave) in remains {
+        let folder = tempfile::tempdir().unwrap();
+        let vault = Vault::open(folder.path()).await.unwrap();
+        let database = folder.path().join("trocar.db");
+        let prepare = async || prepare_database(&vault, &database, &StoreSettings::default()).await;
+        prepare().await.expect("a first start that was interrupted leaves empty folders");
+        leave(folder.path());
+        let refused = prepare().await.unwrap_err().to_string();
+        assert!(refused.contains(&format!("holds {what} of an earlier one")), "{refused}");
+        assert!(refused.contains("admin restore") && refused.contains("an empty folder"), "{refused}");
+        assert!(!database.exists());
+        fs::write(&database, b"").unwrap();
+        assert!(matches!(prepare().await, Err(UpkeepError::LostDatabase { .. })), "{what}");
+        assert_eq!(fs::metadata(&database).unwrap().len(), 0);
+    }
 }
 
 #[tokio::test]

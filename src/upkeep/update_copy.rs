@@ -22,15 +22,12 @@ const PARTIAL: &str = "partial";
 /// going back than by waiting for a correction.
 const KEPT_MS: i64 = 30 * 86_400_000;
 
-/// Copies the database if [`Store::open`] would change its schema; the copy replaces an earlier one and is durable when
-/// this returns. Call it with the folder locked.
+/// Copies a database whose schema is about to change. The copy replaces an earlier one and is durable when this
+/// returns.
 ///
 /// # Errors
-/// A newer program made the database, or the disk lacks the space. Nothing was changed.
-pub async fn copy_before_update(vault: &Vault, database: &Path, settings: &StoreSettings) -> UpkeepResult<()> {
-    if !Store::must_migrate(database, settings).await? {
-        return Ok(());
-    }
+/// The disk lacks the space. Nothing was changed.
+pub(super) async fn copy_before_update(vault: &Vault, database: &Path, settings: &StoreSettings) -> UpkeepResult<()> {
     let needed = space_for_update(database)?;
     let free = vault.free_bytes().await?;
     if free < needed {

@@ -1,10 +1,11 @@
 //! The file operations that durability depends on. All of them block.
 
 use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
-use std::io::Write;
+use std::io::{self, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::Arc;
 
 use super::error::{VaultError, VaultResult, failed};
 use crate::shutdown;
@@ -37,7 +38,12 @@ pub(super) fn make_folders(data: &Path) -> VaultResult<()> {
 }
 
 fn make_folder(path: &Path) -> VaultResult<()> {
-    DirBuilder::new().recursive(true).mode(0o700).create(path).map_err(failed("making the folder", path))
+    const MAKING: &str = "making the folder";
+    DirBuilder::new().recursive(true).mode(0o700).create(path).map_err(|error| match error.kind() {
+        // It is the place of the data folder that does not exist, no file in the vault.
+        io::ErrorKind::NotFound => VaultError::Io { doing: MAKING, path: path.to_owned(), source: Arc::new(error) },
+        _ => failed(MAKING, path)(error),
+    })
 }
 
 /// Creates a file for writing, readable only by the service's user.

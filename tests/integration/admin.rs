@@ -1,7 +1,9 @@
 //! `trocar admin` beside a running service, after a kill and after an orderly end.
 
 use std::collections::BTreeMap;
-use std::fs;
+use std::fs::{self, Permissions};
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -10,11 +12,16 @@ use serde_json::json;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Connection};
 
-use crate::process::{Process, program};
+use crate::api::full_disk::SmallDisk;
+use crate::process::{Process, command, program};
 use crate::support::{Client, poll_until};
 
 /// The longest wait for the database's lock, ms, in the test that holds it.
 const SHORT_WAIT_MS: &str = "100";
+/// The id of the system's user and group without privileges.
+const UNPRIVILEGED: u32 = 65_534;
+/// Name of a stored file: the SHA-256 of its content.
+const STORED: &str = "ab00000000000000000000000000000000000000000000000000000000000000";
 
 /// `trocar admin` on a data folder with the words of a line.
 fn admin(data: &Path, line: &str) -> Command {
@@ -148,5 +155,101 @@ fn the_help_of_every_command_says_which_folder_is_the_default() {
         let help = program().args(["admin", command, "--help"]).output().unwrap();
         let help = String::from_utf8(help.stdout).unwrap();
         assert!(help.contains("[default: trocar-data"), "{command}:\n{help}");
+    }
+}
+
+/// Standard error of a command that must fail with this status, in one line.
+fn refusal(mut command: Command, status: i32) -> String {
+    let ended = command.output().unwrap();
+    let stderr = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(status), "{command:?}: {stderr}");
+    assert_eq!(stderr.trim_end().lines().count(), 1, "{stderr}");
+    stderr
+}
+
+#[test]
+fn a_lost_database_is_neither_made_anew_nor_are_its_files_deleted() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path();
+    drop(Process::start(data));
+    let (database, stored) = (data.join("trocar.db"), data.join("blobs/ab").join(STORED));
+    fs::write(&stored, b"a recording").unwrap();
+    for name in ["trocar.db", "trocar.db-wal", "trocar.db-shm"] {
+        fs::remove_file(data.join(name)).unwrap();
+    }
+    for state in ["missing", "empty"] {
+        let commands = ["check", "user list", "user add eve --role instructor", "token list"];
+        let refused = commands.map(|line| refusal(admin(data, line), 2)).into_iter();
+        for stderr in refused.chain([refusal(command(data), 1)]) {
+            let advises = ["stored files", "admin restore", "empty folder"].iter().all(|part| stderr.contains(part));
+            assert!(advises, "{state}: {stderr}");
+        }
+        assert!(stored.exists());
+        assert_eq!(fs::metadata(&database).map_or(0, |found| found.len()), 0, "{state}");
+        fs::write(&database, b"").unwrap();
+    }
+}
+
+#[test]
+fn files_that_no_row_names_are_deleted_on_request_while_the_service_is_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path();
+    let service = Process::start(data);
+    let stored = data.join("blobs/ab").join(STORED);
+    fs::write(&stored, b"of another database").unwrap();
+    let stderr = refusal(admin(data, "delete-orphans"), 2);
+    assert!(stderr.contains("stop it first") && stored.exists(), "{stderr}");
+    drop(service);
+    assert!(succeed(data, "delete-orphans").starts_with("deleted: 1 files"));
+    assert!(!stored.exists());
+}
+
+#[test]
+fn a_user_without_rights_learns_whose_folder_it_is() {
+    if !rustix::process::getuid().is_root() {
+        crate::resources::skip("the right to run a command as another user");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    fs::set_permissions(folder.path(), Permissions::from_mode(0o755)).unwrap();
+    let (data, backup) = (folder.path().join("data"), folder.path().join("backup"));
+    drop(Process::start(&data));
+    succeed(&data, &format!("backup {}", backup.display()));
+    let restore = format!("restore {} --without-erasures", backup.display());
+    let new = folder.path().join("new");
+    let add = "user add eve --role trainee";
+    let commands = [(&data, "check"), (&data, "user list"), (&data, add), (&new, restore.as_str())];
+    for (data, line) in commands {
+        let mut command = admin(data, line);
+        command.uid(UNPRIVILEGED).gid(UNPRIVILEGED);
+        let stderr = refusal(command, 1);
+        assert!(stderr.contains("permission denied") && stderr.contains("sudo -u root"), "{line}: {stderr}");
+    }
+}
+
+#[test]
+fn a_data_folder_on_a_read_only_disk_can_be_backed_up_but_not_changed() {
+    let disk = tempfile::tempdir().unwrap();
+    let backups = tempfile::tempdir().unwrap();
+    let Some(_mounted) = SmallDisk::mount(disk.path(), 64) else {
+        crate::resources::skip("the right to mount a small file system");
+        return;
+    };
+    let remount = |how: &str| {
+        let mounted = Command::new("mount").args(["-o", &format!("remount,{how}")]).arg(disk.path()).status().unwrap();
+        assert!(mounted.success());
+    };
+    let data = disk.path().join("data");
+    drop(Process::start(&data));
+    for state in ["killed", "ended"] {
+        remount("ro");
+        let backup = backups.path().join(state);
+        succeed(&data, &format!("backup {}", backup.display()));
+        assert!(succeed(&backup, "check --thorough").contains("no data is lost"));
+        assert!(succeed(&backup, "user list").contains("administrator"));
+        let stderr = refusal(admin(&data, "user add eve --role instructor"), 1);
+        assert!(stderr.contains("is on a read-only disk"), "{stderr}");
+        remount("rw");
+        succeed(&data, &format!("user add {state} --role instructor")); // the last connection removes the log
     }
 }

@@ -416,6 +416,15 @@ fn wrong_usage_exits_with_status_2() {
 }
 
 #[test]
+fn a_data_folder_that_cannot_be_made_is_named() {
+    let output = trocar(SCENE.path(), "serve --listen 127.0.0.1:0 --data /proc/foo/x");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    let expected = "opening the data folder `/proc/foo/x`: making the folder `/proc/foo/x`: No such file";
+    assert!(stderr.contains(expected), "{stderr}");
+}
+
+#[test]
 fn only_the_owner_may_read_the_services_files() {
     let folder = tempfile::tempdir().unwrap();
     fs::set_permissions(folder.path(), Permissions::from_mode(0o755)).unwrap();

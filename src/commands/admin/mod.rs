@@ -1,18 +1,21 @@
 //! `trocar admin`: administration on the machine itself: accounts, tokens, backup, check of database and files.
 //!
-//! It works while the service runs. Commands that only read change no byte of the data folder. The others write through
-//! SQLite's own lock: each change is one transaction, which waits for `store.busy_timeout_ms` while the service writes,
-//! and the service sees it with its next query. A lock of the folder would keep a crashed service from being started
-//! again during a long backup. No command changes the schema; a database of another version is refused.
+//! It works while the service runs, except `delete-orphans`. Commands that only read change no byte of the data folder.
+//! The others write through SQLite's own lock: each change is one transaction, which waits for `store.busy_timeout_ms`
+//! while the service writes, and the service sees it with its next query. A lock of the folder would keep a crashed
+//! service from being started again during a long backup. No command changes the schema; a database of another version
+//! is refused.
 #![expect(clippy::print_stdout, reason = "only results go to stdout")]
 
 mod backup;
 mod check;
+mod delete_orphans;
 mod restore;
 mod token;
 mod user;
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
@@ -22,7 +25,7 @@ use super::{CommandFailure, restrict_new_files_to_owner, serve};
 use crate::settings::{Flags, Settings};
 use crate::store::{Store, StoreError};
 use crate::time::SystemClock;
-use crate::upkeep::{self, BACKUP_MARK};
+use crate::upkeep::{self, BACKUP_MARK, UpkeepError};
 use crate::vault::Vault;
 
 /// Arguments of `trocar admin`.
@@ -53,6 +56,8 @@ enum FolderCommand {
     Check(check::CheckArgs),
     /// Copy database and files into an empty folder; the service may run.
     Backup(backup::BackupArgs),
+    /// Delete the stored files that the database does not name; the service must be stopped.
+    DeleteOrphans,
     /// List, add and delete accounts; set passwords.
     #[command(subcommand)]
     User(user::UserCommand),
@@ -62,11 +67,13 @@ enum FolderCommand {
 }
 
 impl FolderCommand {
-    /// True if the command changes nothing in the data folder.
-    fn only_reads(&self) -> bool {
+    /// True if the command changes nothing in this data folder.
+    fn only_reads(&self, data: &Path) -> bool {
         match self {
             FolderCommand::Check(_) => true,
-            FolderCommand::Backup(_) => false, // the audit trail notes it
+            // The audit trail notes it, unless the disk is read-only.
+            FolderCommand::Backup(_) => matches!(upkeep::require_writable(data), Err(UpkeepError::ReadOnly(_))),
+            FolderCommand::DeleteOrphans => false,
             FolderCommand::User(command) => matches!(command, user::UserCommand::List),
             FolderCommand::Token(command) => matches!(command, token::TokenCommand::List),
         }
@@ -88,7 +95,7 @@ pub fn run(args: AdminArgs) -> Result<(), CommandFailure> {
     runtime.block_on(async {
         match args.command {
             AdminCommand::Restore(args) => restore::run(&settings.data, args).await,
-            AdminCommand::InFolder(command) if command.only_reads() => {
+            AdminCommand::InFolder(command) if command.only_reads(&settings.data) => {
                 let folder = DataFolder::open_to_read(&settings).await?;
                 let done = run_in(&folder, command).await;
                 folder.store.require_unchanged().map_err(store_failure)?;
@@ -110,6 +117,7 @@ async fn run_in(folder: &DataFolder, command: FolderCommand) -> Result<(), Comma
     match command {
         FolderCommand::Check(args) => check::run(folder, &args).await,
         FolderCommand::Backup(args) => backup::run(folder, &args).await,
+        FolderCommand::DeleteOrphans => delete_orphans::run(folder).await,
         FolderCommand::User(command) => user::run(folder, command).await,
         FolderCommand::Token(command) => token::run(folder, command).await,
     }
@@ -118,7 +126,7 @@ async fn run_in(folder: &DataFolder, command: FolderCommand) -> Result<(), Comma
 impl DataFolder {
     /// Opens a folder without changing anything in it; it may be a backup.
     async fn open_to_read(settings: &Settings) -> Result<Self, CommandFailure> {
-        let database = existing_database(settings)?;
+        let database = existing_database(settings).await?;
         let store = Store::open_read_only(&database, &settings.store, Arc::new(SystemClock)).await;
         let data = settings.data.display();
         if matches!(store, Err(StoreError::OlderSchema)) && settings.data.join(BACKUP_MARK).exists() {
@@ -127,30 +135,42 @@ impl DataFolder {
                  admin restore {data} --data NEW-FOLDER`, which verifies it, or check it with the version that made it"
             )));
         }
-        Ok(Self { store: opened(store)?, vault: Vault::open_existing(&settings.data) })
+        Self::opened(store, settings).await
     }
 
     /// Opens a folder for changes.
     async fn open_to_write(settings: &Settings) -> Result<Self, CommandFailure> {
-        let database = existing_database(settings)?;
+        let database = existing_database(settings).await?;
         serve::refuse_backup(&settings.data).map_err(CommandFailure::input)?;
+        upkeep::require_writable(&settings.data).map_err(anyhow::Error::from)?;
         let store = Store::open_existing(&database, &settings.store, Arc::new(SystemClock)).await;
-        Ok(Self { store: opened(store)?, vault: Vault::open_existing(&settings.data) })
+        Self::opened(store, settings).await
+    }
+
+    async fn opened(store: Result<Store, StoreError>, settings: &Settings) -> Result<Self, CommandFailure> {
+        if matches!(store, Err(StoreError::NoSchema)) {
+            refuse_lost_database(settings).await?;
+        }
+        Ok(Self { store: store.context("opening the database")?, vault: Vault::open_existing(&settings.data) })
     }
 }
 
-fn existing_database(settings: &Settings) -> Result<PathBuf, CommandFailure> {
+async fn existing_database(settings: &Settings) -> Result<PathBuf, CommandFailure> {
     let database = settings.database();
-    if database.exists() {
+    let is_there = upkeep::is_readable(&database).map_err(anyhow::Error::from)?;
+    if is_there && fs::metadata(&database).is_ok_and(|found| found.len() > 0) {
         return Ok(database);
     }
+    refuse_lost_database(settings).await?;
     let shown = settings.data.display();
     let why = anyhow!("`{shown}` is not a Trocar data folder: name another with --data, or run `trocar serve` first");
     Err(CommandFailure::input(why))
 }
 
-fn opened(store: Result<Store, StoreError>) -> Result<Store, CommandFailure> {
-    Ok(store.context("opening the database")?)
+/// Fails if the folder has files of an earlier database. Call it if the database is missing or empty.
+async fn refuse_lost_database(settings: &Settings) -> Result<(), CommandFailure> {
+    let vault = Vault::open_existing(&settings.data);
+    upkeep::refuse_lost_database(&vault, &settings.database()).await.map_err(CommandFailure::input)
 }
 
 /// A [`CommandFailure`] for an error of the store: exit status 2 if the input is wrong, else 1.

@@ -136,3 +136,37 @@ async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is
     assert_eq!(fs::metadata(disk.path().join("ballast")).unwrap().len(), 4 << 20);
     assert_eq!(store.check().await.unwrap(), Vec::<String>::new());
 }
+
+#[tokio::test]
+async fn a_database_opens_on_a_full_disk_with_a_part_of_the_reserve_and_keeps_the_rest_for_erasing() {
+    let Some(disk) = SmallDisk::mount(16 << 20) else {
+        crate::resources::skip("the right to mount a small file system");
+        return;
+    };
+    let (path, clock, service) = (disk.path().join("trocar.db"), ManualClock::at(1_000), Scope::service());
+    let open = async || Store::open(&path, &StoreSettings::default(), clock.clone()).await;
+    let ballast = disk.path().join("ballast");
+    let store = open().await.unwrap();
+    let new = serde_json::from_str(r#"{"name":"Ana"}"#).unwrap();
+    let ana = store.trainees().create(&service, new).await.unwrap();
+    store.close().await; // removes the log and its index, which need space again
+    disk.fill();
+    let store = open().await.unwrap();
+    assert_eq!(fs::metadata(&ballast).unwrap().len(), 3 << 20);
+    disk.fill();
+    let mut number = 0;
+    while store.tasks().create(&service, task(number)).await.is_ok() {
+        number += 1;
+    }
+    store.trainees().erase(&service, &Key::from(&ana.id)).await.unwrap();
+    store.close().await;
+    let _ = fs::remove_file(&ballast); // the erasure may have used it already
+    disk.fill();
+    let refused = open().await.unwrap_err();
+    let advice = format!("the disk of `{}` is full: free at least 1 MiB", disk.path().display());
+    assert_eq!(refused.to_string(), advice);
+    assert!(!disk.path().join("ballast-opening").exists());
+    disk.make_room();
+    open().await.unwrap();
+    assert_eq!(fs::metadata(&ballast).unwrap().len(), 4 << 20);
+}

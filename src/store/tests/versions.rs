@@ -10,7 +10,7 @@ use sqlx::{AssertSqlSafe, ConnectOptions, Connection};
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::store::testing::{NOW_MS, TestCentre, open};
-use crate::store::{Store, StoreError, StoreSettings};
+use crate::store::{SchemaState, Store, StoreError, StoreSettings};
 use crate::time::{ManualClock, SharedClock};
 
 fn clock() -> SharedClock {
@@ -97,10 +97,9 @@ async fn a_change_during_a_read_without_a_lock_is_noticed() {
 async fn only_the_service_opens_a_database_of_an_earlier_version() {
     let settings = StoreSettings::default();
     let (_folder, database) = closed_centre().await;
-    assert!(!Store::must_migrate(&database, &settings).await.unwrap());
-    assert!(!Store::must_migrate(&database.with_extension("absent"), &settings).await.unwrap());
+    assert_eq!(Store::found_schema(&database, &settings).await.unwrap(), SchemaState::Current);
     change(&database, "DELETE FROM _sqlx_migrations WHERE version = (SELECT max(version) FROM _sqlx_migrations)").await;
-    assert!(Store::must_migrate(&database, &settings).await.unwrap());
+    assert_eq!(Store::found_schema(&database, &settings).await.unwrap(), SchemaState::Older);
     for opened in [read(&database).await, Store::open_existing(&database, &settings, clock()).await] {
         assert!(matches!(opened, Err(StoreError::OlderSchema)));
     }
@@ -114,12 +113,12 @@ async fn no_one_opens_a_database_of_a_newer_or_of_another_program() {
         let (_folder, database) = closed_centre().await;
         change(&database, statement).await;
         let settings = StoreSettings::default();
-        let must_migrate = Store::must_migrate(&database, &settings).await.map(drop);
+        let found_schema = Store::found_schema(&database, &settings).await.map(drop);
         let opened = [
             read(&database).await.map(drop),
             Store::open_existing(&database, &settings, clock()).await.map(drop),
             Store::open(&database, &settings, clock()).await.map(drop),
-            must_migrate,
+            found_schema,
         ];
         for refused in opened {
             assert!(matches!(&refused, Err(StoreError::Unusable(why)) if why.contains(advice)), "{refused:?}");
@@ -134,4 +133,36 @@ async fn a_store_that_must_exist_is_not_created() {
     assert!(Store::open_existing(&database, &StoreSettings::default(), clock()).await.is_err());
     assert!(read(&database).await.is_err());
     assert_eq!(files(folder.path()).len(), 0);
+}
+
+#[tokio::test]
+async fn a_missing_an_empty_and_a_database_without_tables_have_no_schema() {
+    let folder = tempfile::tempdir().unwrap();
+    let (database, settings) = (folder.path().join("trocar.sqlite"), StoreSettings::default());
+    assert_eq!(Store::found_schema(&database, &settings).await.unwrap(), SchemaState::Empty);
+    let log = folder.path().join("trocar.sqlite-wal");
+    fs::write(&database, b"").unwrap();
+    fs::write(&log, b"the last changes").unwrap();
+    assert_eq!(Store::found_schema(&database, &settings).await.unwrap(), SchemaState::Empty);
+    assert_eq!(fs::read(&log).unwrap(), b"the last changes", "SQLite would delete it");
+    fs::remove_file(&log).unwrap();
+    change(&database, "PRAGMA user_version = 7").await; // writes the first page
+    assert!(fs::metadata(&database).unwrap().len() > 0);
+    assert_eq!(Store::found_schema(&database, &settings).await.unwrap(), SchemaState::Empty);
+    for opened in [read(&database).await, Store::open_existing(&database, &settings, clock()).await] {
+        assert!(matches!(opened, Err(StoreError::NoSchema)));
+    }
+}
+
+#[tokio::test]
+async fn a_store_that_only_reads_makes_a_copy_and_changes_no_byte() {
+    let (closed, database) = closed_centre().await;
+    let copies = tempfile::tempdir().unwrap();
+    let copy = copies.path().join("copy.sqlite");
+    let before = files(closed.path());
+    let store = read(&database).await.unwrap();
+    store.snapshot(&copy).await.unwrap();
+    store.close().await;
+    assert!(files(closed.path()) == before);
+    read(&copy).await.unwrap().trainees().get(&Scope::service(), &Key::from("ana")).await.unwrap();
 }

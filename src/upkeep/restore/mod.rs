@@ -6,9 +6,9 @@ use tokio::fs::{File, OpenOptions};
 
 use super::backup::{copy_blobs, folder_error, mark, refuse_used, unmark};
 use super::erasure_list::{ERASURE_LIST, extend_list, read_list};
-use super::{Finding, UpkeepError, UpkeepResult, check, recover};
+use super::{Finding, UpkeepError, UpkeepResult, check, is_readable, recover};
 use crate::domain::erasure::{ErasedKind, Erasure};
-use crate::store::{Store, StoreError, StoreSettings};
+use crate::store::{SchemaState, Store, StoreError, StoreSettings};
 use crate::time::SharedClock;
 use crate::vault::Vault;
 
@@ -33,14 +33,14 @@ pub async fn restore(
     clock: SharedClock,
 ) -> UpkeepResult<Restored> {
     refuse_used(to)?;
-    if !backup.join(database).is_file() {
+    if !is_readable(&backup.join(database))? {
         return Err(UpkeepError::NoBackup(backup.to_owned()));
     }
     let erasures = match erasures {
         None => Vec::new(),
         Some(named) => {
             let list = named.unwrap_or_else(|| backup.parent().unwrap_or(backup).join(ERASURE_LIST));
-            if !list.is_file() {
+            if !is_readable(&list)? {
                 return Err(UpkeepError::NoList(list));
             }
             read_list(&list)?
@@ -50,6 +50,9 @@ pub async fn restore(
     let path = to.join(database);
     mark(to, "This folder is being restored. If that was interrupted, delete it and restore again.\n")?;
     copy_private(&backup.join(database), &path).await.map_err(folder_error(to))?;
+    if Store::found_schema(&path, &StoreSettings::default()).await? == SchemaState::Empty {
+        return Err(UpkeepError::NoBackup(backup.to_owned()));
+    }
     let store = Store::open(&path, &StoreSettings::default(), clock).await?;
     let copied = copy_blobs(&store, &from, &files).await?;
     if let Some(hash) = copied.missing {

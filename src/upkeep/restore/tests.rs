@@ -162,6 +162,14 @@ async fn people_whose_erasure_was_requested_after_a_backup_wait_for_it_again() {
 }
 
 #[tokio::test]
+async fn a_backup_whose_database_is_empty_is_refused() {
+    let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
+    fs::write(backup.join(DATABASE), b"").unwrap();
+    let refused = backups.restore(&backup, None).await.unwrap_err();
+    assert!(matches!(&refused, UpkeepError::NoBackup(_)), "{refused}");
+}
+
+#[tokio::test]
 async fn without_a_list_of_erasures_nothing_is_restored_unless_told_so() {
     let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
     let refused = backups.restore(&backup, Some(None)).await.unwrap_err();

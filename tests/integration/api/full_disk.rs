@@ -1,16 +1,19 @@
 //! A full disk: no data is lost, stored data stays readable, and the upload continues once there is space.
 
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
 use reqwest::{Method, StatusCode};
+use serde_json::json;
 use trocar::time::SystemClock;
 
 use super::centre::{Centre, recording};
 use super::tus::Upload;
-use crate::support::{Service, problem};
+use crate::process::{Process, program};
+use crate::support::{Client, Service, problem};
 
 const MIB: usize = 1024 * 1024;
 
@@ -56,4 +59,33 @@ async fn an_upload_that_meets_a_full_disk_continues_once_there_is_space() {
     let session = head.headers()["trocar-session"].to_str().unwrap().to_owned();
     let video = centre.trainee.get(&format!("/api/v1/sessions/{session}/video")).await;
     assert_eq!(video.bytes().await.unwrap(), content);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_service_starts_on_a_full_disk_so_that_erasing_can_make_space() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(_disk) = SmallDisk::mount(folder.path(), 64) else {
+        crate::resources::skip("the right to mount a small file system");
+        return;
+    };
+    let data = folder.path();
+    let mut filler = fs::File::create(data.join("filler")).unwrap();
+    let mut fill = || while filler.write_all(&[1; 4096]).is_ok() {};
+    let service = Process::start(data);
+    let password = service.password.clone().unwrap();
+    let sign_in = async |service: &Process| {
+        let client = Client::of(format!("http://{}", service.address));
+        client.signed_in("administrator", &password).await
+    };
+    sign_in(&service).await.make("/api/v1/trainees", json!({"name": "Ana", "code": "ana"})).await;
+    drop(service);
+    let mut admin = program();
+    admin.args(["admin", "user", "add", "last", "--role", "instructor", "--data"]).arg(data);
+    assert!(admin.status().unwrap().success());
+    assert!(!data.join("trocar.db-shm").exists(), "the last connection removes the log and its index");
+    fill();
+    let service = Process::start(data);
+    fill();
+    let administrator = sign_in(&service).await;
+    assert_eq!(administrator.delete("/api/v1/trainees/ana").await.status(), StatusCode::NO_CONTENT);
 }
