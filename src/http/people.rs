@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::auth::password;
-use super::auth::signed_in::{Administrator, Identified};
+use super::auth::signed_in::{Administrator, Identified, require_sign_in};
 use super::error::{HandlerResult, ProblemResponse};
 use super::read::{Json, Params, PathKey, reference_problem};
 use super::show::{Created, PageResponse, Paging, Time};
@@ -76,6 +76,8 @@ pub struct NewPersonRequest {
 }
 
 /// Create an account
+///
+/// A token does not suffice to create an administrator.
 #[utoipa::path(post, path = "/people", tag = "people", request_body = NewPersonRequest,
     responses((status = CREATED, body = PersonResponse)))]
 pub async fn create(
@@ -83,6 +85,9 @@ pub async fn create(
     by: Administrator,
     Json(new): Json<NewPersonRequest>,
 ) -> HandlerResult<Created<PersonResponse>> {
+    if new.role == Role::Administrator {
+        require_sign_in(&by.scope)?;
+    }
     let (trainee, groups) = resolve_references(&app, &by, &new).await?;
     let NewPersonRequest { login, name, role, password, must_change_password, .. } = new;
     refuse_demand_without_password(must_change_password, password.as_deref())?;
@@ -144,7 +149,8 @@ async fn resolve_references(
 pub struct PersonChangeRequest {
     login: Option<Login>,
     name: Option<Name>,
-    /// `administrator` or `instructor`. A new role signs the account out in every browser.
+    /// `administrator` or `instructor`. A new role signs the account out in every browser, and withdraws the tokens that
+    /// exceed it and the links for passwords that a former administrator made.
     role: Option<Role>,
     /// A new password, 10 to 256 bytes. It signs the account out in every browser.
     #[schema(format = Password, min_length = 10, max_length = 256)]
@@ -158,6 +164,8 @@ pub struct PersonChangeRequest {
 }
 
 /// Change an account
+///
+/// A token does not suffice to make an administrator, or to set the password of one.
 #[utoipa::path(patch, path = "/people/{id}", tag = "people", params(("id" = String, Path, description = "id")),
     request_body = PersonChangeRequest, responses((status = OK, body = PersonResponse)))]
 pub async fn change(
@@ -169,6 +177,10 @@ pub async fn change(
     let PersonChangeRequest { login, name, role, password, must_change_password, keep_tokens } = change;
     refuse_demand_without_password(must_change_password, password.as_deref())?;
     let (id, password) = (at.id()?, password.map(Password::new).transpose()?);
+    let present = app.store.people().get(&by.scope, id).await?.role;
+    if role == Some(Role::Administrator) || (password.is_some() && present == Role::Administrator) {
+        require_sign_in(&by.scope)?;
+    }
     let mut person = app.store.people().change(&by.scope, id, PersonChange { login, name, role }).await?;
     if let Some(password) = password {
         person.password_state = state_of(must_change_password);
@@ -181,7 +193,8 @@ pub async fn change(
 
 /// Delete an account
 ///
-/// Also signs the person out in every browser and deletes the person's tokens.
+/// Also signs the person out in every browser, and deletes the person's tokens and the links for passwords that the
+/// person made.
 #[utoipa::path(delete, path = "/people/{id}", tag = "people", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Administrator, at: PathKey) -> HandlerResult<StatusCode> {
