@@ -2446,7 +2446,7 @@ export default {
       'too-slow': ['Die Daten kamen zu langsam'],
       conflict: ['Das geht im jetzigen Zustand nicht', problem => NO_MODEL[problem.reason]?.(problem)],
       taken: ['Der Name ist vergeben'],
-      'duplicate-recording': ['Diese Aufnahme wurde schon gesendet', 'Dieselbe Aufnahme für Lernende/n, Aufgabe und Box ist bereits eine Sitzung.'],
+      'duplicate-recording': ['Diese Aufnahme wurde schon gesendet', 'Dieselbe Aufnahme für Lernende/n und Aufgabe ist bereits eine Sitzung.'],
       'in-use': ['Etwas bezieht sich noch darauf'],
       gone: ['Es ist beendet'],
       'length-required': ['Die Länge muss vorher genannt werden'],
