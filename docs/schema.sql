@@ -230,7 +230,7 @@ CREATE TABLE password_link (
     secret_hash   BLOB NOT NULL UNIQUE CHECK (length(secret_hash) = 32),            -- SHA-256 of the secret's 32 bytes
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),                      -- when it was made, epoch ms
     expires_at_ms INTEGER NOT NULL CHECK (expires_at_ms > created_at_ms)            -- when it expires, epoch ms
-) STRICT;
+, made_by TEXT REFERENCES person (id) ON DELETE CASCADE) STRICT;
 
 CREATE TABLE pending_erasure (
     trainee_id      TEXT PRIMARY KEY REFERENCES trainee (id) ON DELETE CASCADE, -- the trainee
@@ -329,7 +329,7 @@ CREATE TABLE session (
     media_type     TEXT NOT NULL CHECK (length(media_type) BETWEEN 3 AND 127), -- the recording's type, as video/mp4
     video          TEXT REFERENCES blob (hash) ON DELETE RESTRICT,           -- the recording; NULL: it is still arriving
     recorded_at_ms INTEGER NOT NULL,                                         -- when it was recorded, epoch ms
-    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0), tracker TEXT CHECK (length(tracker) BETWEEN 1 AND 40), box_question TEXT CHECK (box_question IN ('asked', 'this_box', 'other_box')), recorded_at_source TEXT NOT NULL DEFAULT 'claimed' CHECK (recorded_at_source IN ('claimed', 'arrival')),              -- when it was whole here, epoch ms
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0), tracker TEXT CHECK (length(tracker) BETWEEN 1 AND 40), box_question TEXT CHECK (box_question IN ('asked', 'this_box', 'other_box')), recorded_at_source TEXT NOT NULL DEFAULT 'claimed' CHECK (recorded_at_source IN ('claimed', 'arrival')), path_hash TEXT CHECK (length(path_hash) = 64),              -- when it was whole here, epoch ms
     UNIQUE (trainee_id, task_id, box_id, video)
 ) STRICT;
 
@@ -408,7 +408,7 @@ CREATE TABLE token (
     box_id          TEXT REFERENCES training_box (id) ON DELETE CASCADE,     -- the agent's box; NULL for people's programs
     created_at_ms   INTEGER NOT NULL CHECK (created_at_ms >= 0),             -- when made, epoch ms
     expires_at_ms   INTEGER CHECK (expires_at_ms > created_at_ms),           -- its end, epoch ms; NULL: none
-    last_used_at_ms INTEGER CHECK (last_used_at_ms >= created_at_ms),        -- last request, to a minute, epoch ms
+    last_used_at_ms INTEGER CHECK (last_used_at_ms >= created_at_ms), made_with TEXT REFERENCES token (id) ON DELETE CASCADE,        -- last request, to a minute, epoch ms
     CHECK ((role = 'agent') = (box_id IS NOT NULL)),
     CHECK ((role = 'agent') = (person_id IS NULL))
 ) STRICT;
@@ -510,6 +510,8 @@ CREATE INDEX ownership_group ON ownership (group_id);
 
 CREATE INDEX ownership_task ON ownership (task_id) WHERE task_id IS NOT NULL;
 
+CREATE INDEX password_link_made_by ON password_link (made_by) WHERE made_by IS NOT NULL;
+
 CREATE INDEX pending_erasure_due ON pending_erasure (due_at_ms);
 
 CREATE INDEX pending_erasure_person ON pending_erasure (person_id);
@@ -588,6 +590,8 @@ CREATE INDEX skill_model_person_id ON skill_model (person_id);
 CREATE INDEX skill_model_trainee_of ON skill_model_trainee (trainee_id);
 
 CREATE INDEX standard_person ON standard (person_id);
+
+CREATE INDEX token_made_with ON token (made_with) WHERE made_with IS NOT NULL;
 
 CREATE INDEX upload_expires ON upload (expires_at_ms);
 

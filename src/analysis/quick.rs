@@ -130,12 +130,13 @@ impl QuickAnalysis {
         checked.ok_or_else(|| QuickAnalysisError::Crashed("did not say whether the edit is possible".to_owned()))
     }
 
-    /// Checks whether a table of another tracker can be imported; the inner error says why not.
+    /// Checks whether a table of another tracker can be imported, and returns the hash of its path; the inner error says
+    /// why not.
     pub async fn check_table(
         &self,
         table: BlobHash,
         limits: CheckTableWork,
-    ) -> Result<Result<(), String>, QuickAnalysisError> {
+    ) -> Result<Result<BlobHash, String>, QuickAnalysisError> {
         let checked = self.run(ChildWork::CheckTable(limits), &[table]).await?.table_check;
         checked.ok_or_else(|| QuickAnalysisError::Crashed("did not say whether the table is valid".to_owned()))
     }

@@ -8,7 +8,7 @@ use std::fmt;
 
 use super::rights::RightsSettings;
 use super::role::Role;
-use crate::ids::{BoxId, GroupId, PersonId, TraineeId};
+use crate::ids::{BoxId, GroupId, PersonId, TokenId, TraineeId};
 
 /// The right to see and change some of the centre's data.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -16,6 +16,16 @@ pub struct Scope {
     reach: ScopeReach,
     actor: Actor,
     rights: RightsSettings,
+    token: Option<CallingToken>,
+}
+
+/// The token that a program calls with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CallingToken {
+    /// Its id.
+    pub id: TokenId,
+    /// When it expires, epoch ms; `None` if it never does.
+    pub expires_at_ms: Option<i64>,
 }
 
 /// The data that a scope covers.
@@ -75,7 +85,17 @@ impl Scope {
     }
 
     fn new(reach: ScopeReach, actor: Actor) -> Self {
-        Self { reach, actor, rights: RightsSettings::default() }
+        Self { reach, actor, rights: RightsSettings::default(), token: None }
+    }
+
+    /// The same scope for a program that calls with this token.
+    pub fn by_token(self, token: CallingToken) -> Self {
+        Self { token: Some(token), ..self }
+    }
+
+    /// The token that the caller sent; `None` for a person who has signed in, and for the service.
+    pub fn token(&self) -> Option<CallingToken> {
+        self.token
     }
 
     /// The same scope with what the settings allow instructors.

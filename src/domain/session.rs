@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::blob::Blob;
+use super::blob::{Blob, BlobHash};
 use super::clock::{ClockBasis, RecordingClock, TimeCorrection};
 use super::evidence::EvidenceRow;
 use super::job::JobState;
@@ -92,6 +92,15 @@ pub struct NewSession {
     pub media_type: String,
     /// The true time of the recording, if the sender gave it.
     pub time: Option<TimeCorrection>,
+}
+
+/// A path that another tracker measured.
+#[derive(Clone, Debug)]
+pub struct ForeignPath {
+    /// The tracker's name.
+    pub tracker: TrackerName,
+    /// The hash of the path. Tables with other bytes can have the same path.
+    pub hash: BlobHash,
 }
 
 /// The pipeline version of a result from an imported trajectory. It includes the tracker's name, so that numbers of

@@ -4,7 +4,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use super::text::Invalid;
-use crate::time::{from_rfc3339, millis};
+use crate::time::{from_rfc3339, millis, to_rfc3339};
 
 /// Lifetime of a token whose maker states none: a year, so that a forgotten program loses access at some time.
 const USUAL_LIFETIME: Duration = Duration::from_secs(365 * 86_400);
@@ -38,6 +38,25 @@ impl TokenExpiry {
             Self::At(at_ms) => Some(at_ms),
         }
     }
+
+    /// The end of a token that is made at `now_ms`, epoch ms; `None` if it never expires. `latest_ms` is the end of the
+    /// token that makes it, if one does: the new token ends then at the latest.
+    ///
+    /// # Errors
+    /// A stated end that is later.
+    pub fn end_ms(stated: Option<Self>, latest_ms: Option<i64>, now_ms: i64) -> Result<Option<i64>, Invalid> {
+        let end_ms = stated.unwrap_or_default().at_ms(now_ms);
+        let Some(latest_ms) = latest_ms else { return Ok(end_ms) };
+        if end_ms.is_some_and(|end_ms| end_ms <= latest_ms) {
+            return Ok(end_ms);
+        }
+        if stated.is_none() {
+            return Ok(Some(latest_ms));
+        }
+        let latest = to_rfc3339(latest_ms);
+        let why = format!("must not be later than {latest}, when the token ends that makes this one");
+        Err(Invalid::new("expires_at", why))
+    }
 }
 
 impl FromStr for TokenExpiry {
@@ -49,5 +68,29 @@ impl FromStr for TokenExpiry {
         }
         let why = || Invalid::new("expires_at", "expected an RFC 3339 time such as 2026-12-31T23:59:59Z, or `never`");
         from_rfc3339(text).map(Self::At).ok_or_else(why)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOW_MS: i64 = 1_800_000_000_000;
+
+    #[test]
+    fn a_token_that_a_token_makes_ends_with_it_at_the_latest() {
+        let year_ms = NOW_MS + millis(USUAL_LIFETIME);
+        let (soon, later) = (NOW_MS + 3_600_000, year_ms + 1);
+        let end = |stated, latest_ms| TokenExpiry::end_ms(stated, latest_ms, NOW_MS);
+        assert_eq!(end(None, None), Ok(Some(year_ms)));
+        assert_eq!(end(Some(TokenExpiry::Never), None), Ok(None));
+        assert_eq!(end(None, Some(soon)), Ok(Some(soon)));
+        assert_eq!(end(None, Some(later)), Ok(Some(year_ms)));
+        assert_eq!(end(Some(TokenExpiry::At(soon)), Some(soon)), Ok(Some(soon)));
+        for stated in [TokenExpiry::At(soon + 1), TokenExpiry::InAYear, TokenExpiry::Never] {
+            let refused = end(Some(stated), Some(soon)).unwrap_err();
+            assert_eq!(refused.what, "expires_at");
+            assert!(refused.why.contains(&to_rfc3339(soon)), "{}", refused.why);
+        }
     }
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::auth::presented::PresentedCredential;
-use super::auth::signed_in::Member;
+use super::auth::signed_in::{BySignIn, Member};
 use super::error::{HandlerResult, ProblemResponse};
 use super::read::{Json, PathKey};
 use super::show::{PageResponse, Time};
@@ -55,9 +55,15 @@ pub async fn sign_ins(
 }
 
 /// Sign out one browser of the own account
+///
+/// A token does not suffice.
 #[utoipa::path(delete, path = "/me/sign-ins/{id}", tag = "sign-in",
     params(("id" = String, Path, description = "id")), responses((status = NO_CONTENT)))]
-pub async fn end_sign_in(State(app): State<App>, by: Member, PathKey(id): PathKey) -> HandlerResult<StatusCode> {
+pub async fn end_sign_in(
+    State(app): State<App>,
+    BySignIn(by): BySignIn<Member>,
+    PathKey(id): PathKey,
+) -> HandlerResult<StatusCode> {
     let person = by.scope.person().ok_or_else(ProblemResponse::not_found)?;
     app.store.cookies().end(person, id.as_str().to_owned()).await?;
     Ok(StatusCode::NO_CONTENT)
@@ -72,7 +78,8 @@ pub async fn tokens(State(app): State<App>, by: Member) -> HandlerResult<Json<Pa
 
 /// Delete a token that acts as the own account
 ///
-/// Programs that use it lose access at once.
+/// Programs that use it lose access at once, and so do those with a token that it made. With a token, only this token
+/// and those that it made can be deleted.
 #[utoipa::path(delete, path = "/me/tokens/{id}", tag = "tokens", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
 pub async fn delete_token(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<StatusCode> {

@@ -11,7 +11,7 @@ use axum::Router;
 use axum::body::Body;
 use axum::extract::{ConnectInfo, Request};
 use axum::http::{HeaderValue, Uri, Version, header};
-use axum::response::Response;
+use axum::response::{IntoResponse, Response};
 use hyper::body::Incoming;
 use hyper::server::conn::{http1, http2};
 use hyper::service::service_fn;
@@ -25,7 +25,9 @@ use tower::ServiceExt;
 
 use super::base_path::BasePath;
 use super::connection_places::PlaceHandle;
+use super::error::Refusal;
 use super::http2_streams::{MAX_STREAMS, MAX_UNSENT_BYTES, StreamExecutor, watch_answer};
+use super::protect::set_security_headers;
 use super::redirect;
 use super::scheme::Encrypted;
 use super::settings::HttpSettings;
@@ -198,6 +200,9 @@ type ResponseFuture = Pin<Box<dyn Future<Output = Result<Response, Infallible>> 
 /// Passes a request to the routes, with the client's address.
 fn answer(site: Site, client: &Client, request: hyper::Request<Incoming>) -> ResponseFuture {
     let mut request: Request = request.map(Body::new);
+    if !has_valid_host(&request) {
+        return Box::pin(async { Ok(refuse_host()) });
+    }
     if request.version() == Version::HTTP_2 {
         as_in_http1(&mut request);
     }
@@ -214,6 +219,24 @@ fn answer(site: Site, client: &Client, request: hyper::Request<Incoming>) -> Res
         }
         .map(|answer| in_progress.answered_by(watch_answer(answer)))
     })
+}
+
+/// A request of HTTP/1.1 has one `Host`, an earlier one at most one (RFC 9112, section 3.2). Of two, a proxy could use
+/// one and the service the other.
+fn has_valid_host(request: &Request) -> bool {
+    let hosts = request.headers().get_all(header::HOST).iter().count();
+    match request.version() {
+        Version::HTTP_2 => true,
+        Version::HTTP_11 => hosts == 1,
+        _ => hosts <= 1,
+    }
+}
+
+fn refuse_host() -> Response {
+    let refused = Refusal::BadRequest.with("A request needs one Host header, with the name of this service. Send one.");
+    let mut response = refused.into_response();
+    set_security_headers(&mut response);
+    response
 }
 
 /// HTTP/2 has the host in the address (`:authority`). The handlers expect it in `Host`, as in HTTP/1.1.

@@ -331,7 +331,7 @@ impl From<IntakeError> for ProblemResponse {
                 busy("The service is shutting down. Nothing of the request is stored: send it again in a minute.")
             }
             IntakeError::AlreadyExists { session } => Refusal::DuplicateRecording
-                .with("A session with the same recording, trainee, task and box exists already; see `session`.")
+                .with("A session with the same recording of this trainee and task exists already; see `session`.")
                 .member("session", format!("/api/v1/sessions/{session}")),
             IntakeError::Store(error) => error.into(),
             IntakeError::Vault(error) => error.into(),

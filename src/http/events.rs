@@ -27,8 +27,6 @@ use crate::ids::{JobId, SessionId, TraineeId};
 
 /// How often a quiet stream sends a comment, which also detects a closed connection.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
-/// How often a stream checks that its sign-in is still valid.
-const SIGN_IN_CHECK_INTERVAL: Duration = Duration::from_secs(5);
 
 /// The `data:` of the events `session`, `job`, `queue` and `missed`.
 #[derive(Debug, Serialize, ToSchema)]
@@ -77,9 +75,10 @@ pub enum EventData {
 pub async fn events(State(app): State<App>, by: Member, headers: HeaderMap) -> HandlerResult<impl IntoResponse> {
     let full = || busy("Too many pages are open. Close a page that you no longer need, then try again.");
     let place = app.watcher_slots.take(&by.scope).ok_or_else(full)?;
-    let watch =
-        EventStream { listener: app.events.subscribe(), scope: by.scope, headers, app: app.clone(), _slot: place };
-    let lines = watch.into_sse_stream().take_until(app.shutdown.begun());
+    let watch = EventStream { listener: app.events.subscribe(), scope: by.scope, app: app.clone(), _slot: place };
+    let signed_in = app.clone();
+    let signed_out = async move { SignedIn::wait_until_ended(&signed_in, &headers).await };
+    let lines = watch.into_sse_stream().take_until(signed_out).take_until(app.shutdown.begun());
     // Asks proxies not to buffer the stream.
     let unbuffered = [(HeaderName::from_static("x-accel-buffering"), "no")];
     Ok((unbuffered, Sse::new(lines).keep_alive(KeepAlive::new().interval(KEEP_ALIVE))))
@@ -89,40 +88,22 @@ pub async fn events(State(app): State<App>, by: Member, headers: HeaderMap) -> H
 struct EventStream {
     listener: EventSubscriber,
     scope: Scope,
-    headers: HeaderMap,
     app: App,
     _slot: ConnectionSlot,
 }
 
 impl EventStream {
-    /// The stream's events: the length of the queue first, then changes, until the sign-in ends.
+    /// The stream's events: the length of the queue first, then changes.
     fn into_sse_stream(self) -> impl Stream<Item = Result<Line, Infallible>> + Send {
         let lines = stream::unfold((self, Some(EventDelivery::Event(Event::Queue))), |(mut watch, first)| async {
             let heard = match first {
                 Some(heard) => heard,
-                None => watch.next().await?,
+                None => watch.listener.next().await?,
             };
             let line = watch.sse_event(heard).await;
             Some((line, (watch, None)))
         });
         lines.filter_map(|line| async { line.map(Ok) })
-    }
-
-    /// The next event; `None` once the sign-in has ended.
-    async fn next(&mut self) -> Option<EventDelivery> {
-        let check = self.app.clock.sleep(SIGN_IN_CHECK_INTERVAL);
-        tokio::pin!(check);
-        loop {
-            tokio::select! {
-                heard = self.listener.next() => return heard,
-                () = &mut check => {
-                    if !SignedIn::is_still_valid(&self.app, &self.headers).await {
-                        return None;
-                    }
-                    check.set(self.app.clock.sleep(SIGN_IN_CHECK_INTERVAL));
-                }
-            }
-        }
     }
 
     /// The server-sent event for what the subscription delivered; `None` if the watcher may not see it.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::auth::sign_in::too_many_attempts;
-use super::auth::signed_in::Administrator;
+use super::auth::signed_in::{Administrator, BySignIn};
 use super::client_address::ClientAddress;
 use super::error::{HandlerResult, ProblemResponse, Refusal};
 use super::people::PersonResponse;
@@ -67,12 +67,13 @@ pub struct MadePasswordLink {
 /// Create a link for choosing a password
 ///
 /// It is valid once, for 24 hours unless the settings say otherwise. A new link replaces the person's earlier one. The
-/// present password stays valid until the link is used.
+/// present password stays valid until the link is used. The link ends when its maker is no administrator any more. A
+/// token does not suffice to make one.
 #[utoipa::path(post, path = "/password-links", tag = "people", request_body = NewPasswordLink,
     responses((status = CREATED, body = MadePasswordLink)))]
 pub async fn create(
     State(app): State<App>,
-    by: Administrator,
+    BySignIn(by): BySignIn<Administrator>,
     Json(new): Json<NewPasswordLink>,
 ) -> HandlerResult<Created<MadePasswordLink>> {
     let (links, secret, lifetime) = (app.store.password_links(), Secret::random(), app.settings.password_link());
@@ -83,9 +84,15 @@ pub async fn create(
 }
 
 /// Withdraw a link for a password
+///
+/// A token does not suffice.
 #[utoipa::path(delete, path = "/password-links/{id}", tag = "people", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
-pub async fn withdraw(State(app): State<App>, by: Administrator, at: PathKey) -> HandlerResult<StatusCode> {
+pub async fn withdraw(
+    State(app): State<App>,
+    BySignIn(by): BySignIn<Administrator>,
+    at: PathKey,
+) -> HandlerResult<StatusCode> {
     app.store.password_links().withdraw(&by.scope, at.id()?).await?;
     Ok(StatusCode::NO_CONTENT)
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::auth::password::HashRequester;
-use super::auth::signed_in::{Administrator, Identified};
+use super::auth::signed_in::{Administrator, Identified, require_sign_in};
 use super::error::{HandlerResult, ProblemResponse};
 use super::read::{Json, Params, PathKey, reference_problem};
 use super::show::{Created, PageResponse, Paging, Time};
@@ -77,6 +77,8 @@ pub struct NewPersonRequest {
 }
 
 /// Create an account
+///
+/// A token does not suffice to create an administrator.
 #[utoipa::path(post, path = "/people", tag = "people", request_body = NewPersonRequest,
     responses((status = CREATED, body = PersonResponse)))]
 pub async fn create(
@@ -84,6 +86,9 @@ pub async fn create(
     by: Administrator,
     Json(new): Json<NewPersonRequest>,
 ) -> HandlerResult<Created<PersonResponse>> {
+    if new.role == Role::Administrator {
+        require_sign_in(&by.scope)?;
+    }
     let (trainee, groups) = resolve_references(&app, &by, &new).await?;
     let NewPersonRequest { login, name, role, password, must_change_password, .. } = new;
     refuse_demand_without_password(must_change_password, password.as_deref())?;
@@ -147,8 +152,8 @@ async fn resolve_references(
 pub struct PersonChangeRequest {
     login: Option<Login>,
     name: Option<Name>,
-    /// `administrator` or `instructor`. A new role signs the account out in every browser. The account of a trainee
-    /// keeps its role.
+    /// `administrator` or `instructor`. A new role signs the account out in every browser, and withdraws the tokens that
+    /// exceed it and the links for passwords that a former administrator made. The account of a trainee keeps its role.
     role: Option<Role>,
     /// A new password, 10 to 256 bytes, at least 5 different characters. It signs the account out in every browser.
     #[schema(format = Password, min_length = 10, max_length = 256)]
@@ -162,6 +167,8 @@ pub struct PersonChangeRequest {
 }
 
 /// Change an account
+///
+/// A token does not suffice to make an administrator, or to set the password of one.
 #[utoipa::path(patch, path = "/people/{id}", tag = "people", params(("id" = String, Path, description = "id")),
     request_body = PersonChangeRequest, responses((status = OK, body = PersonResponse)))]
 pub async fn change(
@@ -173,6 +180,10 @@ pub async fn change(
     let PersonChangeRequest { login, name, role, password, must_change_password, keep_tokens } = change;
     refuse_demand_without_password(must_change_password, password.as_deref())?;
     let (id, password) = (at.id()?, password.map(Password::new).transpose()?);
+    let present = app.store.people().get(&by.scope, id).await?.role;
+    if role == Some(Role::Administrator) || (password.is_some() && present == Role::Administrator) {
+        require_sign_in(&by.scope)?;
+    }
     let take_place = || app.password_hasher.take_place(HashRequester::Account(by.scope.actor()));
     let place = password.is_some().then(take_place).transpose()?;
     let mut person = app.store.people().change(&by.scope, id, PersonChange { login, name, role }).await?;
@@ -187,7 +198,8 @@ pub async fn change(
 
 /// Delete an account
 ///
-/// Also signs the person out in every browser and deletes the person's tokens.
+/// Also signs the person out in every browser, and deletes the person's tokens and the links for passwords that the
+/// person made.
 #[utoipa::path(delete, path = "/people/{id}", tag = "people", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Administrator, at: PathKey) -> HandlerResult<StatusCode> {

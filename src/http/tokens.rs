@@ -1,4 +1,5 @@
-//! Access tokens for programs. A token is shown once, when it is created; only its hash is stored.
+//! Access tokens for programs. A token is shown once, when it is created; only its hash is stored. What a token makes
+//! does not outlast it.
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -28,6 +29,9 @@ pub struct TokenResponse {
     /// The agent's box; `null` for other roles.
     #[serde(rename = "box")]
     of_box: Option<BoxId>,
+    /// The token that made it, and that withdraws it when it is deleted; `null` if a person made it who was signed in, or
+    /// a command.
+    made_with: Option<TokenId>,
     created_at: Time,
     expires_at: Option<Time>,
     /// Time of its last request, to the minute.
@@ -42,6 +46,7 @@ impl From<store::TokenRecord> for TokenResponse {
             role: token.role,
             person: token.person_id,
             of_box: token.box_id,
+            made_with: token.made_with,
             created_at: Time(token.created_at_ms),
             expires_at: token.expires_at_ms.map(Time),
             last_used_at: token.last_used_at_ms.map(Time),
@@ -67,7 +72,8 @@ pub struct NewTokenRequest {
     /// The agent's box, by id or code; required for the role `agent`, not allowed for others.
     #[serde(rename = "box")]
     of_box: Option<Key>,
-    /// Time of expiry, RFC 3339, or `never`; default: a year from now.
+    /// Time of expiry, RFC 3339, or `never`; default: a year from now. With a token, at the latest the end of that
+    /// token, which is the default then if it comes before a year.
     expires_at: Option<String>,
 }
 
@@ -82,6 +88,8 @@ pub struct MadeToken {
 }
 
 /// Create a token
+///
+/// A token that is created with another token ends with that one at the latest, and is deleted together with it.
 #[utoipa::path(post, path = "/tokens", tag = "tokens", request_body = NewTokenRequest,
     responses((status = CREATED, body = MadeToken)))]
 pub async fn create(
@@ -91,7 +99,8 @@ pub async fn create(
 ) -> HandlerResult<Created<MadeToken>> {
     let acts_as = acts_as(&app, &by, &new).await?;
     let expiry = new.expires_at.as_deref().map(str::parse::<TokenExpiry>).transpose()?;
-    let expires_at_ms = expiry.unwrap_or_default().at_ms(app.clock.now_ms());
+    let latest_ms = by.scope.token().and_then(|token| token.expires_at_ms);
+    let expires_at_ms = TokenExpiry::end_ms(expiry, latest_ms, app.clock.now_ms())?;
     let secret = Secret::random();
     let new = store::NewToken { name: new.name, acts_as, expires_at_ms, secret: secret.hash() };
     let token = app.store.tokens().create(&by.scope, new).await?;
@@ -116,7 +125,8 @@ async fn acts_as(app: &App, by: &Administrator, new: &NewTokenRequest) -> Handle
 
 /// Delete a token
 ///
-/// Programs that use it lose access at once.
+/// Programs that use it lose access at once, and so do those with a token that it made. With a token, only this token
+/// and those that it made can be deleted.
 #[utoipa::path(delete, path = "/tokens/{id}", tag = "tokens", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Administrator, at: PathKey) -> HandlerResult<StatusCode> {

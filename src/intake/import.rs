@@ -9,8 +9,7 @@ use super::whole::already_exists;
 use super::{Intake, IntakeResult, ResolvedRecording};
 use crate::analysis::protocol::CheckTableWork;
 use crate::domain::scope::Scope;
-use crate::domain::session::NewSession;
-use crate::domain::text::TrackerName;
+use crate::domain::session::{ForeignPath, NewSession};
 use crate::store::SessionRecord;
 use crate::vault::PinnedBlob;
 
@@ -43,13 +42,13 @@ impl Intake {
         &self,
         scope: &Scope,
         recording: ResolvedRecording,
-        tracker: TrackerName,
+        path: ForeignPath,
         table: PinnedBlob,
     ) -> IntakeResult<SessionRecord> {
         let ResolvedRecording { trainee, task, in_box, filename, recorded_at_ms, time: _ } = recording;
         let (video, media_type) = (table.blob(), MEDIA_TYPE.to_owned());
         let new = NewSession { trainee, task, in_box, filename, recorded_at_ms, video, media_type, time: None };
-        let session = self.store.sessions().import(scope, new, tracker).await.map_err(already_exists)?;
+        let session = self.store.sessions().import(scope, new, path).await.map_err(already_exists)?;
         drop(table); // from here on a row protects the file
         self.announce_session(&session);
         Ok(session)

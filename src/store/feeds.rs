@@ -365,7 +365,7 @@ async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: 
         recorded_at_ms,
         recorded_at_source,
         created_at_ms: now_ms,
-        tracker: None,
+        imported: None,
     };
     row.insert().execute(&mut *tx).await.map_err(missing("trainee, task or box"))?;
     new.insert(session, scope, now_ms).execute(&mut *tx).await?;

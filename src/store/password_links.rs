@@ -30,7 +30,8 @@ pub struct PasswordLinkRecord {
 }
 
 const INSERT_LINK: &str = "
-    INSERT INTO password_link (id, person_id, secret_hash, created_at_ms, expires_at_ms) VALUES ($1, $2, $3, $4, $5)";
+    INSERT INTO password_link (id, person_id, secret_hash, created_at_ms, expires_at_ms, made_by)
+    VALUES ($1, $2, $3, $4, $5, $6)";
 
 const SELECT_LINKS: &str = "
     SELECT id, person_id, created_at_ms, expires_at_ms FROM password_link
@@ -52,12 +53,15 @@ const DELETE_LINK: &str = "DELETE FROM password_link WHERE id = $1 RETURNING per
 
 pub(super) const DELETE_LINK_OF: &str = "DELETE FROM password_link WHERE person_id = $1";
 
+pub(super) const DELETE_LINKS_MADE_BY: &str = "DELETE FROM password_link WHERE made_by = $1";
+
 pub(super) const DELETE_EXPIRED_LINKS: &str = "DELETE FROM password_link WHERE expires_at_ms <= $1";
 
 pub(super) const DELETE_ALL_LINKS: &str = "DELETE FROM password_link";
 
 impl PasswordLinkStore<'_> {
-    /// Makes a link for this person. It replaces the one that the person had.
+    /// Makes a link for this person. It replaces the one that the person had, and ends when its maker is no administrator
+    /// any more.
     pub async fn create(
         &self,
         scope: &Scope,
@@ -74,7 +78,7 @@ impl PasswordLinkStore<'_> {
             .write(async move |tx| {
                 sqlx::query(DELETE_LINK_OF).bind(person_id).execute(&mut *tx).await?;
                 let insert = sqlx::query(INSERT_LINK).bind(link.id).bind(person_id).bind(secret);
-                let insert = insert.bind(created_at_ms).bind(expires_at_ms);
+                let insert = insert.bind(created_at_ms).bind(expires_at_ms).bind(scope.person());
                 insert.execute(&mut *tx).await.map_err(missing("person"))?;
                 note(tx, &scope, created_at_ms, ("create", "password_link"), person_id).await?;
                 Ok(link)

@@ -5,8 +5,8 @@ use super::columns::Insert;
 use super::cookies::DELETE_COOKIES_OF;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
-use super::password_links::DELETE_LINK_OF;
-use super::tokens::DELETE_TOKENS_OF;
+use super::password_links::{DELETE_LINK_OF, DELETE_LINKS_MADE_BY};
+use super::tokens::{DELETE_TOKENS_OF, DELETE_TOKENS_THAT_EXCEED};
 use super::visibility::require_administrator;
 use super::{Scope, Store};
 use crate::domain::password_state::PasswordState;
@@ -186,7 +186,8 @@ impl PersonStore<'_> {
     }
 
     /// Changes an account. The last administrator keeps that role. A new role signs all browsers of the account out,
-    /// which also ends their open connections: those were opened with the rights of the old role.
+    /// which also ends their open connections: those were opened with the rights of the old role. It withdraws the
+    /// tokens that exceed it, and the links for passwords that a former administrator made.
     pub async fn change(&self, scope: &Scope, id: PersonId, change: PersonChange) -> StoreResult<PersonRecord> {
         require_administrator(scope, "changing accounts")?;
         if matches!(change.role, Some(Role::Agent | Role::Trainee)) {
@@ -204,15 +205,21 @@ impl PersonStore<'_> {
                 sqlx::query(SIGN_OUT_IF_ROLE_CHANGES).bind(id).bind(change.role).execute(&mut *tx).await?;
                 let changed =
                     sqlx::query_as(UPDATE_PERSON).bind(id).bind(change.login).bind(change.name).bind(change.role);
-                let person = changed.fetch_optional(&mut *tx).await.map_err(taken("login"))?;
+                let person: Option<PersonRecord> = changed.fetch_optional(&mut *tx).await.map_err(taken("login"))?;
+                let person = person.ok_or(not_found("person"))?;
                 require_an_administrator(tx).await?;
+                if person.role != Role::Administrator {
+                    sqlx::query(DELETE_TOKENS_THAT_EXCEED).bind(id).bind(person.role).execute(&mut *tx).await?;
+                    sqlx::query(DELETE_LINKS_MADE_BY).bind(id).execute(&mut *tx).await?;
+                }
                 note(tx, &scope, now_ms, ("change", "person"), id).await?;
-                person.ok_or(not_found("person"))
+                Ok(person)
             })
             .await
     }
 
-    /// Deletes an account with its cookies and tokens. The last administrator cannot be deleted.
+    /// Deletes an account with its cookies, its tokens, and the links for passwords that it made. The last administrator
+    /// cannot be deleted.
     pub async fn delete(&self, scope: &Scope, id: PersonId) -> StoreResult<()> {
         require_administrator(scope, "deleting accounts")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());

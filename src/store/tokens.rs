@@ -9,6 +9,7 @@ use super::error::{StoreError, StoreResult, ignore_full_or_busy, missing, not_fo
 use super::visibility::require_administrator;
 use super::{Scope, Store};
 use crate::domain::role::Role;
+use crate::domain::scope::CallingToken;
 use crate::domain::secret::SecretHash;
 use crate::domain::text::Name;
 use crate::ids::{BoxId, PersonId, TokenId, TraineeId};
@@ -29,6 +30,8 @@ pub struct TokenRecord {
     pub person_id: Option<PersonId>,
     /// The agent's box.
     pub box_id: Option<BoxId>,
+    /// The token that made it; `None`: a person who was signed in, or a command.
+    pub made_with: Option<TokenId>,
     /// When it was made, epoch ms.
     pub created_at_ms: i64,
     /// When it expires, epoch ms.
@@ -70,27 +73,32 @@ struct TokenScopeRow {
 }
 
 const INSERT_TOKEN: &str = "
-    INSERT INTO token (id, secret_hash, name, role, person_id, box_id, created_at_ms, expires_at_ms)
-    VALUES ($1, $2, $3, $4, $5, $6, $7, $8)";
+    INSERT INTO token (id, secret_hash, name, role, person_id, box_id, made_with, created_at_ms, expires_at_ms)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)";
 
 const SELECT_TOKENS: &str = "
-    SELECT id, name, role, person_id, box_id, created_at_ms, expires_at_ms, last_used_at_ms FROM token
+    SELECT id, name, role, person_id, box_id, made_with, created_at_ms, expires_at_ms, last_used_at_ms FROM token
     WHERE NOT EXISTS (SELECT 1 FROM person JOIN pending_erasure ON pending_erasure.trainee_id = person.trainee_id
                       WHERE person.id = token.person_id)
     ORDER BY id DESC";
 
 const SELECT_TOKENS_OF: &str = "
-    SELECT id, name, role, person_id, box_id, created_at_ms, expires_at_ms, last_used_at_ms FROM token
+    SELECT id, name, role, person_id, box_id, made_with, created_at_ms, expires_at_ms, last_used_at_ms FROM token
     WHERE person_id = $1 ORDER BY id DESC";
 
 const DELETE_OWN_TOKEN: &str = "DELETE FROM token WHERE id = $1 AND person_id = $2";
 
 pub(super) const DELETE_TOKENS_OF: &str = "DELETE FROM token WHERE person_id = $1";
 
+pub(super) const DELETE_TOKENS_THAT_EXCEED: &str = "
+    DELETE FROM token WHERE person_id = $1 AND role <> $2";
+
 const DELETE_TOKEN: &str = "DELETE FROM token WHERE id = $1";
 
+const SELECT_OWN_OR_MADE: &str = "SELECT 1 FROM token WHERE id = $1 AND $2 IN (id, made_with)";
+
 const SELECT_TOKEN_SCOPE: &str = "
-    SELECT token.id, token.name, token.role, person_id, box_id, token.created_at_ms, expires_at_ms,
+    SELECT token.id, token.name, token.role, person_id, box_id, made_with, token.created_at_ms, expires_at_ms,
            last_used_at_ms, person.trainee_id
     FROM token
     LEFT JOIN person ON person.id = person_id
@@ -112,12 +120,13 @@ const SELECT_ROLE: &str = "SELECT role FROM person WHERE id = $1";
 impl TokenRecord {
     fn insert(&self, secret: SecretHash) -> Insert {
         let insert = sqlx::query(INSERT_TOKEN).bind(self.id).bind(secret).bind(&self.name).bind(self.role);
-        insert.bind(self.person_id).bind(self.box_id).bind(self.created_at_ms).bind(self.expires_at_ms)
+        let insert = insert.bind(self.person_id).bind(self.box_id).bind(self.made_with);
+        insert.bind(self.created_at_ms).bind(self.expires_at_ms)
     }
 }
 
 impl TokenStore<'_> {
-    /// Makes a token.
+    /// Makes a token. If another token makes it, it is withdrawn together with that one.
     pub async fn create(&self, scope: &Scope, new: NewToken) -> StoreResult<TokenRecord> {
         require_administrator(scope, "making tokens")?;
         let (role, person_id, box_id) = match new.acts_as {
@@ -135,6 +144,7 @@ impl TokenStore<'_> {
             role,
             person_id,
             box_id,
+            made_with: scope.token().map(|token| token.id),
             created_at_ms: now_ms,
             expires_at_ms: new.expires_at_ms,
             last_used_at_ms: None,
@@ -160,11 +170,12 @@ impl TokenStore<'_> {
         Ok(sqlx::query_as(SELECT_TOKENS_OF).bind(scope.person()).fetch_all(self.0.readers()).await?)
     }
 
-    /// Withdraws a token that acts as the calling person.
+    /// Withdraws a token that acts as the calling person, and those that it made.
     pub async fn delete_own(&self, scope: &Scope, id: TokenId) -> StoreResult<()> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
+                require_own_or_made(tx, &scope, id).await?;
                 let delete = sqlx::query(DELETE_OWN_TOKEN).bind(id).bind(scope.person());
                 if delete.execute(&mut *tx).await?.rows_affected() == 0 {
                     return Err(not_found("token"));
@@ -174,12 +185,13 @@ impl TokenStore<'_> {
             .await
     }
 
-    /// Withdraws a token.
+    /// Withdraws a token, and those that it made.
     pub async fn delete(&self, scope: &Scope, id: TokenId) -> StoreResult<()> {
         require_administrator(scope, "deleting tokens")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
+                require_own_or_made(tx, &scope, id).await?;
                 let deleted = sqlx::query(DELETE_TOKEN).bind(id).execute(&mut *tx).await?;
                 if deleted.rows_affected() == 0 {
                     return Err(not_found("token"));
@@ -226,6 +238,15 @@ impl TokenStore<'_> {
     }
 }
 
+/// Refuses a program that withdraws a token other than its own and those that it made. The answer is the same for a
+/// missing one.
+async fn require_own_or_made(tx: &mut SqliteConnection, scope: &Scope, id: TokenId) -> StoreResult<()> {
+    let Some(calling) = scope.token() else { return Ok(()) };
+    let found = sqlx::query(SELECT_OWN_OR_MADE).bind(id).bind(calling.id).fetch_optional(tx).await?;
+    let what = "withdrawing a token that this one has not made";
+    found.map(drop).ok_or(StoreError::Forbidden { what, whom: "people who sign in with a password" })
+}
+
 /// Refuses a token with more rights than its person has: it would never be accepted.
 async fn require_rights(tx: &mut SqliteConnection, acts_as: ActsAs) -> StoreResult<()> {
     let ActsAs::Person(person, wanted) = acts_as else { return Ok(()) };
@@ -240,10 +261,11 @@ async fn require_rights(tx: &mut SqliteConnection, acts_as: ActsAs) -> StoreResu
 }
 
 fn scope(TokenScopeRow { token, trainee_id }: &TokenScopeRow) -> Option<Scope> {
-    match token.role {
-        Role::Administrator => token.person_id.map(Scope::administrator),
-        Role::Instructor => token.person_id.map(Scope::instructor),
-        Role::Trainee => Some(Scope::trainee(token.person_id?, (*trainee_id)?)),
-        Role::Agent => token.box_id.map(Scope::agent),
-    }
+    let scope = match token.role {
+        Role::Administrator => Scope::administrator(token.person_id?),
+        Role::Instructor => Scope::instructor(token.person_id?),
+        Role::Trainee => Scope::trainee(token.person_id?, (*trainee_id)?),
+        Role::Agent => Scope::agent(token.box_id?),
+    };
+    Some(scope.by_token(CallingToken { id: token.id, expires_at_ms: token.expires_at_ms }))
 }

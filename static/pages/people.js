@@ -51,7 +51,14 @@ export default function People({ person }) {
             spellcheck: false,
           },
         ]),
-    { name: 'role', label: words.role, type: 'select', options: rolesFor(item), value: item?.role ?? 'instructor' },
+    {
+      name: 'role',
+      label: words.role,
+      type: 'select',
+      hint: item && !isTrainee(item) ? words.roleHint : undefined,
+      options: rolesFor(item),
+      value: item?.role ?? 'instructor',
+    },
     ...(item
       ? []
       : [

@@ -108,7 +108,7 @@ pub struct PasswordChange {
 /// Change the own password
 ///
 /// Signs the account out in every browser, withdraws its link for a password, and withdraws its tokens unless
-/// `keep_tokens` is true. A password that must be changed cannot be chosen again.
+/// `keep_tokens` is true. A password that must be changed cannot be chosen again. A token does not suffice.
 #[utoipa::path(post, path = "/me/password", tag = "sign-in", request_body = PasswordChange,
     responses((status = NO_CONTENT)))]
 pub async fn change_password(

@@ -61,7 +61,7 @@ impl Identified {
     }
 }
 
-/// A person whose identity is known, as [`Identified`]: agents have no password.
+/// A person who has signed in and whose identity is known, as [`Identified`]. Programs with a token are refused.
 #[derive(Clone, Debug)]
 pub struct IdentifiedPerson {
     /// What the person may see and change.
@@ -75,10 +75,11 @@ impl FromRequestParts<App> for IdentifiedPerson {
 
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, ProblemResponse> {
         let Identified { scope, .. } = Identified::from_parts(app, parts).await?;
-        match scope.person() {
-            Some(id) => Ok(Self { scope, id }),
-            None => Err(Refusal::Forbidden.with("An agent has no password. Create another token for its box.")),
-        }
+        let Some(id) = scope.person() else {
+            return Err(Refusal::Forbidden.with("An agent has no password. Create another token for its box."));
+        };
+        require_sign_in(&scope)?;
+        Ok(Self { scope, id })
     }
 }
 
@@ -145,6 +146,37 @@ impl SignedIn {
     }
 }
 
+/// Refuses a program with a token. A token acts until it ends: it must not open another way in, or close those of people.
+pub fn require_sign_in(scope: &Scope) -> HandlerResult<()> {
+    if scope.token().is_none() {
+        return Ok(());
+    }
+    Err(Refusal::Forbidden.with(
+        "A token does not suffice for this, because it could outlast its own end, or shut people out. Sign in with login \
+         and password.",
+    ))
+}
+
+/// A caller who has signed in. Programs with a token are refused before the rest of the request is read.
+#[derive(Clone, Debug)]
+pub struct BySignIn<C>(pub C);
+
+impl<C: ScopedCaller> FromRequestParts<App> for BySignIn<C> {
+    type Rejection = ProblemResponse;
+
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, ProblemResponse> {
+        let caller = C::from_request_parts(parts, app).await?;
+        require_sign_in(caller.scope())?;
+        Ok(Self(caller))
+    }
+}
+
+/// A caller of some roles.
+pub trait ScopedCaller: FromRequestParts<App, Rejection = ProblemResponse> {
+    /// What the caller may see and change.
+    fn scope(&self) -> &Scope;
+}
+
 fn sign_in_first() -> ProblemResponse {
     Refusal::NotSignedIn
         .with("Sign in with POST /api/v1/sign-in, or send `Authorization: Bearer trc_…`. An idle sign-in ends.")
@@ -185,6 +217,12 @@ macro_rules! only {
                     $(Role::$role)|+ => Ok(Self { scope }),
                     _ => Err(Refusal::Forbidden.with($otherwise)),
                 }
+            }
+        }
+
+        impl ScopedCaller for $name {
+            fn scope(&self) -> &Scope {
+                &self.scope
             }
         }
     )* };

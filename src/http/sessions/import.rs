@@ -10,6 +10,7 @@ use utoipa::IntoParams;
 use super::show::SessionResponse;
 use crate::analysis::QuickAnalysisError;
 use crate::domain::scope::Scope;
+use crate::domain::session::ForeignPath;
 use crate::domain::text::TrackerName;
 use crate::http::auth::signed_in::Staff;
 use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
@@ -52,7 +53,8 @@ pub struct ImportQuery {
 /// /sessions/{id}/trajectory` are optional. The table becomes a session without a video and is scored like any other.
 /// Its features have error bars only if each row states its error: the covariance in `cov_xx_mm2`, `cov_xy_mm2`,
 /// `cov_xz_mm2`, `cov_yy_mm2`, `cov_yz_mm2` and `cov_zz_mm2`, or `sigma_xy_mm` and `sigma_z_mm` alone. An invalid table
-/// is refused; the problem names the line and the column.
+/// is refused; the problem names the line and the column. The same path of the same trainee and task is refused as
+/// `duplicate-recording`, even if the bytes of the table differ.
 #[utoipa::path(post, path = "/sessions/import", tag = "sessions", params(ImportQuery),
     request_body(content = String, content_type = "text/csv"), responses((status = CREATED, body = SessionResponse)))]
 pub async fn import(
@@ -98,7 +100,7 @@ impl App {
         };
         let limits = self.intake.table_limits(&about).await?;
         match self.quick_analysis.check_table(table.blob().hash, limits).await {
-            Ok(Ok(())) => Ok(self.intake.import(scope, about, tracker, table).await?),
+            Ok(Ok(hash)) => Ok(self.intake.import(scope, about, ForeignPath { tracker, hash }, table).await?),
             Ok(Err(why)) => Err(ProblemResponse::invalid("table", why)),
             Err(QuickAnalysisError::Crashed(why)) => Err(ProblemResponse::internal("checking a table", why)),
             Err(error) => Err(error.into()),

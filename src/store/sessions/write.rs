@@ -13,8 +13,7 @@ use super::super::{Scope, blobs, edits, skill_models};
 use super::{SessionRecord, SessionStore};
 use crate::domain::blob::BlobHash;
 use crate::domain::job::{ImportInput, JobInput, JobState};
-use crate::domain::session::{NewSession, RecordedAtSource};
-use crate::domain::text::TrackerName;
+use crate::domain::session::{ForeignPath, NewSession, RecordedAtSource};
 use crate::ids::{BoxId, JobId, SessionId, TaskId, TraineeId};
 
 pub(in crate::store) const DELETE_SESSION: &str = "DELETE FROM session WHERE id = $1";
@@ -23,8 +22,8 @@ const DELETE_ARRIVING_SESSION: &str = "DELETE FROM session WHERE id = $1 AND vid
 
 const INSERT_SESSION: &str = "
     INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms,
-                         recorded_at_source, created_at_ms, tracker)
-    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)";
+                         recorded_at_source, created_at_ms, tracker, path_hash)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12)";
 
 /// A row of the table `session`.
 pub(in crate::store) struct NewSessionRow {
@@ -38,19 +37,26 @@ pub(in crate::store) struct NewSessionRow {
     pub recorded_at_ms: i64,
     pub recorded_at_source: RecordedAtSource,
     pub created_at_ms: i64,
-    pub tracker: Option<TrackerName>,
+    pub imported: Option<ForeignPath>,
 }
 
 impl NewSessionRow {
     pub fn insert(self) -> Insert {
         let insert = sqlx::query(INSERT_SESSION).bind(self.id).bind(self.trainee_id).bind(self.task_id);
         let insert = insert.bind(self.box_id).bind(self.filename).bind(self.media_type).bind(self.video);
-        insert.bind(self.recorded_at_ms).bind(self.recorded_at_source).bind(self.created_at_ms).bind(self.tracker)
+        let insert = insert.bind(self.recorded_at_ms).bind(self.recorded_at_source).bind(self.created_at_ms);
+        let (tracker, path) = self.imported.map(|path| (path.tracker, path.hash)).unzip();
+        insert.bind(tracker).bind(path)
     }
 }
 
 pub(in crate::store) const SELECT_SAME_SESSION: &str = "
     SELECT id FROM session WHERE trainee_id = $1 AND task_id = $2 AND box_id = $3 AND video = $4";
+
+const SELECT_SAME_PATH: &str = "
+    SELECT id FROM session
+    WHERE trainee_id = $1 AND task_id = $2 AND (path_hash = $3 OR (box_id = $4 AND video = $5))
+    ORDER BY created_at_ms, id LIMIT 1";
 
 const SELECT_JOB_STATE: &str = "SELECT state FROM job WHERE id = $1";
 
@@ -71,17 +77,17 @@ impl SessionStore<'_> {
     }
 
     /// Creates a session from a table that another tracker measured and that is stored in the vault as it was sent, and
-    /// queues its scoring, in one transaction. The same table of the same trainee, task and box is
-    /// [`StoreError::Taken`].
-    pub async fn import(&self, scope: &Scope, new: NewSession, tracker: TrackerName) -> StoreResult<SessionRecord> {
+    /// queues its scoring, in one transaction. The same path of the same trainee and task is [`StoreError::Taken`], even
+    /// if the bytes of the table differ.
+    pub async fn import(&self, scope: &Scope, new: NewSession, path: ForeignPath) -> StoreResult<SessionRecord> {
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         let limits = self.0.sender_limits();
         let id = self
             .0
             .write(async move |tx| {
                 check_day(tx, &by, &limits, (0, new.video.bytes), now_ms).await?;
-                let table = new.video;
-                let session = insert_session(tx, &by, new, Some(tracker.clone()), now_ms).await?;
+                let (table, tracker) = (new.video, path.tracker.clone());
+                let session = insert_session(tx, &by, new, Some(path), now_ms).await?;
                 let input = JobInput::Import(ImportInput { session, table, tracker });
                 jobs::insert(tx, &input, now_ms, attempts).await?;
                 note(tx, &by, now_ms, ("import", "session"), session).await?;
@@ -164,11 +170,11 @@ async fn insert_session(
     tx: &mut SqliteConnection,
     scope: &Scope,
     new: NewSession,
-    tracker: Option<TrackerName>,
+    imported: Option<ForeignPath>,
     now_ms: i64,
 ) -> StoreResult<SessionId> {
     require_trainee(tx, scope, new.trainee).await?;
-    refuse_duplicate(tx, &new).await?;
+    refuse_duplicate(tx, &new, imported.as_ref()).await?;
     blobs::record(tx, new.video, now_ms).await?;
     let id = SessionId::at(now_ms);
     let (recorded_at_ms, recorded_at_source) = match new.recorded_at_ms {
@@ -186,7 +192,7 @@ async fn insert_session(
         recorded_at_ms,
         recorded_at_source,
         created_at_ms: now_ms,
-        tracker,
+        imported,
     };
     row.insert().execute(&mut *tx).await.map_err(missing("task or box"))?;
     Ok(id)
@@ -194,10 +200,16 @@ async fn insert_session(
 
 /// Refuses a recording that exists already. The check comes before the insert so that the error can name the session;
 /// the schema's UNIQUE constraint remains as a safeguard.
-async fn refuse_duplicate(tx: &mut SqliteConnection, new: &NewSession) -> StoreResult<()> {
-    let found =
-        sqlx::query_scalar(SELECT_SAME_SESSION).bind(new.trainee).bind(new.task).bind(new.in_box).bind(new.video.hash);
-    let existing: Option<String> = found.fetch_optional(tx).await?;
+async fn refuse_duplicate(
+    tx: &mut SqliteConnection,
+    new: &NewSession,
+    imported: Option<&ForeignPath>,
+) -> StoreResult<()> {
+    let found = match imported {
+        Some(path) => sqlx::query_scalar(SELECT_SAME_PATH).bind(new.trainee).bind(new.task).bind(path.hash),
+        None => sqlx::query_scalar(SELECT_SAME_SESSION).bind(new.trainee).bind(new.task),
+    };
+    let existing: Option<String> = found.bind(new.in_box).bind(new.video.hash).fetch_optional(tx).await?;
     existing.map_or(Ok(()), |id| Err(StoreError::Taken { what: "recording", existing: Some(id) }))
 }
 

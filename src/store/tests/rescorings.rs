@@ -4,7 +4,7 @@ use crate::domain::problem::Problem;
 use crate::domain::rescoring::{NewRescoring, RescoringSelection, RescoringSource};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
-use crate::domain::session::{NewScore, NewSession};
+use crate::domain::session::{ForeignPath, NewScore, NewSession};
 use crate::ids::SessionId;
 use crate::motion::PIPELINE_VERSION;
 use crate::rescoring;
@@ -118,7 +118,8 @@ async fn rows_of_another_tracker_are_a_version_of_their_own_and_never_tracked() 
     let centre = TestCentre::with_camera_and_colours().await;
     let (service, trainee) = (Scope::service(), centre.trainee("Ana").await.id);
     let new = NewSession { media_type: "text/csv".to_owned(), ..centre.new_session(trainee, "rows") };
-    let session = centre.store.sessions().import(&service, new, "Kinovea".parse().unwrap()).await.unwrap();
+    let path = ForeignPath { tracker: "Kinovea".parse().unwrap(), hash: new.video.hash };
+    let session = centre.store.sessions().import(&service, new, path).await.unwrap();
     let lease = centre.claim().await.unwrap();
     assert_eq!(lease.job.kind.name(), "import");
     let mut result = centre.result(session.id).await;

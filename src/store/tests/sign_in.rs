@@ -119,14 +119,75 @@ async fn a_token_never_has_more_rights_than_its_person_has_today() {
     let (full, less) = (Secret::random(), Secret::random());
     make(ActsAs::Person(ada.id, Role::Administrator), &full).await.unwrap();
     make(ActsAs::Person(ada.id, Role::Instructor), &less).await.unwrap();
-    assert_eq!(tokens.scope_of(full.hash()).await.unwrap(), Some(Scope::administrator(ada.id)));
-    assert_eq!(tokens.scope_of(less.hash()).await.unwrap(), Some(Scope::instructor(ada.id)));
-    let demoted = PersonChange { role: Some(Role::Instructor), ..PersonChange::default() };
-    centre.store.people().change(&service, ada.id, demoted).await.unwrap();
-    assert_eq!(tokens.scope_of(full.hash()).await.unwrap(), None);
-    assert_eq!(tokens.scope_of(less.hash()).await.unwrap(), Some(Scope::instructor(ada.id)));
+    assert_eq!(role_of(&centre, &full).await, Some(Role::Administrator));
+    assert_eq!(role_of(&centre, &less).await, Some(Role::Instructor));
+    let become_one = async |role| {
+        let change = PersonChange { role: Some(role), ..PersonChange::default() };
+        centre.store.people().change(&service, ada.id, change).await.unwrap();
+    };
+    become_one(Role::Instructor).await;
+    let left = tokens.list(&service).await.unwrap();
+    assert_eq!(left.iter().map(|token| token.role).collect::<Vec<_>>(), [Role::Instructor], "the other is withdrawn");
+    assert_eq!(role_of(&centre, &full).await, None);
+    assert_eq!(role_of(&centre, &less).await, Some(Role::Instructor));
+    become_one(Role::Administrator).await;
+    assert_eq!(role_of(&centre, &full).await, None, "it does not come back with the role");
+    become_one(Role::Instructor).await;
     let more = make(ActsAs::Person(ada.id, Role::Administrator), &Secret::random()).await;
     assert!(matches!(more, Err(StoreError::Refused { .. })), "{more:?}");
+}
+
+#[tokio::test]
+async fn a_token_is_withdrawn_together_with_the_one_that_made_it() {
+    let centre = TestCentre::new().await;
+    let (tokens, service) = (centre.store.tokens(), Scope::service());
+    let ada = centre.person("ada", Role::Administrator, None).await;
+    let make = async |scope: &Scope, acts_as| {
+        let secret = Secret::random();
+        let new = NewToken { name: "t".parse().unwrap(), acts_as, expires_at_ms: None, secret: secret.hash() };
+        (tokens.create(scope, new).await.unwrap(), secret)
+    };
+    let by = async |secret: &Secret| tokens.scope_of(secret.hash()).await.unwrap().unwrap();
+    let (first, of_first) = make(&service, ActsAs::Person(ada.id, Role::Administrator)).await;
+    let (second, of_second) = make(&by(&of_first).await, ActsAs::Person(ada.id, Role::Administrator)).await;
+    let (_, of_box) = make(&by(&of_second).await, ActsAs::Agent(centre.the_box.id)).await;
+    let (_, other) = make(&ada.scope(), ActsAs::Person(ada.id, Role::Instructor)).await;
+    assert_eq!((first.made_with, second.made_with), (None, Some(first.id)));
+    for withdraw in
+        [tokens.delete(&by(&of_second).await, first.id).await, tokens.delete_own(&by(&other).await, first.id).await]
+    {
+        assert!(matches!(withdraw, Err(StoreError::Forbidden { .. })), "{withdraw:?}");
+    }
+    tokens.delete(&by(&of_first).await, first.id).await.unwrap();
+    for (secret, role) in [(of_first, None), (of_second, None), (of_box, None), (other, Some(Role::Instructor))] {
+        assert_eq!(role_of(&centre, &secret).await, role);
+    }
+}
+
+#[tokio::test]
+async fn a_link_ends_when_its_maker_is_no_administrator_any_more() {
+    let centre = TestCentre::new().await;
+    let (people, links, service) = (centre.store.people(), centre.store.password_links(), Scope::service());
+    let root = centre.person("root", Role::Administrator, None).await;
+    let (ada, eve) =
+        (centre.person("ada", Role::Administrator, None).await, centre.person("eve", Role::Administrator, None).await);
+    let (ina, ines) =
+        (centre.person("ina", Role::Instructor, None).await, centre.person("ines", Role::Instructor, None).await);
+    for (maker, person) in [(&root, &ada), (&ada, &ina), (&eve, &ines)] {
+        links.create(&maker.scope(), person.id, Secret::random().hash(), Duration::from_secs(3600)).await.unwrap();
+    }
+    people.change(&service, ada.id, PersonChange::default()).await.unwrap();
+    assert_eq!(links.list(&service).await.unwrap().len(), 3);
+    let less = PersonChange { role: Some(Role::Instructor), ..PersonChange::default() };
+    people.change(&service, ada.id, less).await.unwrap();
+    people.delete(&service, eve.id).await.unwrap();
+    let left = links.list(&service).await.unwrap();
+    assert_eq!(left.iter().map(|link| link.person_id).collect::<Vec<_>>(), [ada.id], "made by another one");
+}
+
+/// The role of a token that is still valid.
+async fn role_of(centre: &TestCentre, token: &Secret) -> Option<Role> {
+    centre.store.tokens().scope_of(token.hash()).await.unwrap().map(|scope| scope.role())
 }
 
 #[tokio::test]
@@ -141,7 +202,8 @@ async fn a_token_ends_at_its_end_and_with_its_box() {
         secret: secret.hash(),
     };
     tokens.create(&service, new).await.unwrap();
-    assert_eq!(tokens.scope_of(secret.hash()).await.unwrap(), Some(Scope::agent(centre.the_box.id)));
+    let of_box = Some(centre.the_box.id.to_string());
+    assert_eq!(tokens.scope_of(secret.hash()).await.unwrap().unwrap().subject(), of_box);
     assert!(tokens.list(&service).await.unwrap()[0].last_used_at_ms.is_some());
     centre.clock.advance(Duration::from_secs(10));
     assert_eq!(tokens.scope_of(secret.hash()).await.unwrap(), None);

@@ -117,7 +117,7 @@ export function Tokens({ data, onChange }) {
           <p>${words.tokenOnce}</p><div class="secret">${open.made.token}</div>
           <div class="actions"><button class="button main" type="button" onClick=${close}>${t.form.close}</button></div>
         <//>`}
-      ${open?.removing && html`<${Confirm} title=${words.removeTitle(open.removing.name)} body=${words.removeBody}
+      ${open?.removing && html`<${Confirm} title=${words.removeTitle(open.removing.name)} body=${t.account.removeToken}
         yes=${words.remove} onYes=${() => api.tokens.remove(open.removing.id)} onClose=${close} />`}
     </section>`;
 }

@@ -42,6 +42,7 @@ export function OwnTokens({ items, onRemove }) {
     <section class="card">
       <header><h2>${words.tokens}</h2></header>
       ${items.length === 0 ? html`<${Empty} title=${words.noTokens} body=${words.noTokensBody} />` : html`
+        <p class="small muted">${words.tokensHint}</p>
         <ul class="queue">${items.map(token => html`
           <li key=${token.id}>
             <div><strong>${token.name}</strong><span class="small muted">${t.roles[token.role] ?? token.role} ·
@@ -49,12 +50,12 @@ export function OwnTokens({ items, onRemove }) {
             <button class="button bare" type="button" aria-label=${`${t.people.remove}: ${token.name}`}
               onClick=${() => setRemoving(token)}>${t.people.remove}</button>
           </li>`)}</ul>`}
-      ${removing && html`<${Confirm} title=${t.people.removeTitle(removing.name)} body=${t.people.removeBody} yes=${t.people.remove}
+      ${removing && html`<${Confirm} title=${t.people.removeTitle(removing.name)} body=${words.removeToken} yes=${t.people.remove}
         onYes=${() => onRemove(removing.id)} onClose=${() => setRemoving(null)} />`}
     </section>`;
 }
 
-/** When a token was last used, and when it ends. */
+/** When a token was last used, when it ends, and whether another token made it. */
 export const TokenDates = ({ token }) => html`
   ${token.last_used_at ? words.lastUsed(dateTime(token.last_used_at)) : words.neverUsed} ·
-  ${' '}${token.expires_at ? words.expires(dateTime(token.expires_at)) : words.neverExpires}`;
+  ${' '}${token.expires_at ? words.expires(dateTime(token.expires_at)) : words.neverExpires}${token.made_with && ` · ${words.madeWithToken}`}`;

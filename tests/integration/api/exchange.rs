@@ -122,6 +122,28 @@ async fn a_table_with_a_row_that_no_hand_reaches_is_refused_until_the_row_is_del
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn the_same_path_is_imported_once_even_if_the_bytes_of_its_table_differ() {
+    let centre = Centre::open().await;
+    centre.administrator.make("/api/v1/boxes", json!({"name": "Box 2", "code": "box-2"})).await;
+    let plain = table(&["left", "right"], None);
+    let made = read(import(&centre.administrator, "trainee=ada", plain.clone()).await, StatusCode::CREATED).await;
+    let mut lines: Vec<&str> = plain.lines().collect();
+    lines[1..].reverse();
+    for same in [plain.clone(), plain.replace('\n', "\r\n"), lines.join("\n"), plain.replace(",left,", ", left ,")] {
+        for query in ["trainee=ada", "trainee=ada&tracker=Kinovea"] {
+            let again = problem(import(&centre.administrator, query, same.clone()).await, 409, "duplicate-recording");
+            assert_eq!(again.await["session"], format!("/api/v1/sessions/{}", made["id"].as_str().unwrap()));
+        }
+    }
+    let elsewhere = IMPORT.replace("box-1", "box-2") + "&trainee=ada";
+    let elsewhere = centre.administrator.request(Method::POST, &elsewhere).header(header::CONTENT_TYPE, "text/csv");
+    problem(elsewhere.body(plain.clone()).send().await.unwrap(), 409, "duplicate-recording").await;
+    read(import(&centre.administrator, "trainee=bob", plain.clone()).await, StatusCode::CREATED).await;
+    let other = table(&["left", "right"], Some(0.1));
+    read(import(&centre.administrator, "trainee=ada", other).await, StatusCode::CREATED).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn imports_need_permission_and_a_bad_table_is_refused_with_line_and_column() {
     let centre = Centre::open_in(Service::start_with(|settings| settings.uploads.import_bytes = 4096).await).await;
     let good = format!("{HEAD}\n0,0,left,1,2,150\n1,0.04,left,1,2,150\n");

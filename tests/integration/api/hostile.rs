@@ -114,6 +114,11 @@ async fn hostile_heads_are_refused_and_the_service_keeps_running() {
         ("\x16\x03\x01\x02\x00\x01\x00\x01", &["400"]),
         ("GET /api/v1/sessions/%ff%00/../x HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n", &["401", "404"]),
         ("GET /../../etc/passwd HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n", &["404", "200"]),
+        ("GET /healthz HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n", &["200"]),
+        ("GET /healthz HTTP/1.1\r\nConnection: close\r\n\r\n", &["400"]),
+        ("GET /healthz HTTP/1.1\r\nHost: x\r\nHost: y\r\nConnection: close\r\n\r\n", &["400"]),
+        ("GET /healthz HTTP/1.0\r\n\r\n", &["200"]),
+        ("GET /healthz HTTP/1.0\r\nHost: x\r\nHost: x\r\n\r\n", &["400"]),
     ] {
         let answer = send_raw(&service, bytes.as_bytes());
         let status = answer.split(' ').nth(1).unwrap_or_default();

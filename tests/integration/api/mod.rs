@@ -36,5 +36,6 @@ mod sender_limits;
 mod sign_in;
 mod streams;
 mod tls;
+mod tokens;
 pub mod tus;
 mod uploads;

@@ -108,9 +108,10 @@ async fn an_administrator_can_demand_the_change_of_a_new_password_and_tokens_sta
     program.read("/api/v1/people").await;
     assert_eq!(program.read("/api/v1/me").await["must_change_password"], json!(false));
     // Without the demand, a password is used as it is: programs create accounts for programs.
+    let ines = id_of(&program, "ines").await;
     let set = json!({"password": "another given password"});
-    read(program.patch(&format!("/api/v1/people/{me}"), set).await, StatusCode::OK).await;
-    centre.service.sign_in(ADMINISTRATOR.0, "another given password").await.read("/api/v1/people").await;
+    read(program.patch(&format!("/api/v1/people/{ines}"), set).await, StatusCode::OK).await;
+    centre.service.sign_in("ines", "another given password").await.read("/api/v1/boxes").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

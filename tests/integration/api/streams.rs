@@ -1,11 +1,13 @@
 //! Server-sent events: each client gets only events in its scope, and streams end with the service.
 
+use std::time::Duration;
+
 use futures_util::StreamExt;
 use reqwest::{StatusCode, header};
 use serde_json::Value;
 
 use super::centre::{Centre, recording, session};
-use crate::support::{Client, problem, soon};
+use crate::support::{Client, let_time_pass, problem, soon};
 
 /// The events of one client, one at a time.
 struct Watcher {
@@ -77,6 +79,29 @@ async fn a_stream_ends_with_the_service() {
     let stopping = tokio::spawn(centre.service.stop());
     soon("the end of the stream", async { while watcher.next().await.is_some() {} }).await;
     soon("the end of the service", stopping).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_busy_stream_ends_soon_after_its_token_was_withdrawn() {
+    let centre = Centre::open().await;
+    let token = serde_json::json!({"name": "watcher", "role": "administrator"});
+    let token = centre.administrator.make("/api/v1/tokens", token).await;
+    let program = centre.service.stranger().with_token(token["token"].as_str().unwrap());
+    let mut watcher = Watcher::open(&program).await;
+    let path = format!("/api/v1/tokens/{}", token["id"].as_str().unwrap());
+    assert_eq!(centre.administrator.delete(&path).await.status(), StatusCode::NO_CONTENT);
+    // Events that follow each other faster than the stream checks its sign-in.
+    let events = async {
+        for number in 0..60 {
+            session(&centre.administrator, "ada", recording(100, number)).await;
+            let_time_pass(Duration::from_millis(500)).await;
+        }
+    };
+    let end = async { while watcher.next().await.is_some() {} };
+    tokio::select! {
+        () = end => {}
+        () = events => panic!("the stream continues without a sign-in"),
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]

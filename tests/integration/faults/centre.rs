@@ -25,6 +25,8 @@ pub struct Centre {
     data: PathBuf,
     base: String,
     token: String,
+    /// The administrator's sign-in.
+    cookie: String,
     http: Client,
     /// The slowest start after a kill so far.
     pub slowest_start: Duration,
@@ -63,6 +65,7 @@ impl Centre {
             data,
             base,
             token: String::new(),
+            cookie: String::new(),
             http: Client::new(),
             slowest_start: Duration::ZERO,
             folder,
@@ -102,10 +105,16 @@ impl Centre {
     async fn sign_in(&mut self, password: &str) {
         let body = json!({"login": "administrator", "password": password});
         let answer = self.http.post(format!("{}/sign-in", self.base)).json(&body).send().await.unwrap();
-        let cookie = answer.headers()["set-cookie"].to_str().unwrap().split(';').next().unwrap().to_owned();
+        self.cookie = answer.headers()["set-cookie"].to_str().unwrap().split(';').next().unwrap().to_owned();
         let token = json!({"name": "faults", "role": "administrator"});
-        let request = self.http.post(format!("{}/tokens", self.base)).header("cookie", cookie).json(&token);
-        self.token = json_of(request.send().await.unwrap()).await["token"].as_str().unwrap().to_owned();
+        self.token =
+            json_of(self.create_signed_in("/tokens", &token).await).await["token"].as_str().unwrap().to_owned();
+    }
+
+    /// Creates what a token does not suffice for.
+    pub async fn create_signed_in(&self, path: &str, body: &Value) -> Response {
+        let request = self.http.post(format!("{}{path}", self.base)).header("cookie", &self.cookie);
+        request.json(body).send().await.unwrap()
     }
 
     async fn set_up_box(&self) {

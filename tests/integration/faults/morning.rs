@@ -159,7 +159,7 @@ async fn start_recording(centre: &Centre, scene: Arc<Scene>, load: &mut JoinSet<
 async fn add_account(centre: &Centre, mut account: Value) {
     account["password"] = json!(PASSWORD);
     account["name"] = account["login"].clone();
-    json_of(centre.request(Method::POST, "/people").json(&account).send().await.unwrap()).await;
+    json_of(centre.create_signed_in("/people", &account).await).await;
 }
 
 /// Signs people in, all at once. Returns their cookies, by the numbers in their logins.
