@@ -29,7 +29,7 @@ const DAY_MS: i64 = 86_400_000;
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BackupSettings {
-    /// Folder of the backups, on another disk or machine than the data. Without it none are made.
+    /// Folder of the backups, an absolute path on another disk or machine than the data. Without it none are made.
     pub target: Option<PathBuf>,
     /// Time of day in UTC, as `02:30`.
     pub at: TimeOfDay,
