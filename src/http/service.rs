@@ -101,6 +101,9 @@ pub struct ScheduledBackups {
     keep: usize,
     /// Time of the newest one in the folder; `null`: there is none yet.
     newest_at: Option<Time>,
+    /// Number of backups in the folder that are of another installation, or of an earlier version, whose backups name
+    /// none. The service never deletes them.
+    others: usize,
     /// Why the last attempt failed; `null`: it succeeded, or there was none yet.
     error: Option<String>,
 }
@@ -108,9 +111,9 @@ pub struct ScheduledBackups {
 impl ScheduledBackups {
     fn of(app: &App) -> Option<Self> {
         let BackupSettings { target, at, keep } = &app.backup_settings;
-        let BackupProgress { newest_ms, error } = app.backup_state.now();
+        let BackupProgress { newest_ms, others, error } = app.backup_state.now();
         let folder = target.as_ref()?.display().to_string();
-        Some(Self { folder, at: at.to_string(), keep: *keep, newest_at: newest_ms.map(Time), error })
+        Some(Self { folder, at: at.to_string(), keep: *keep, newest_at: newest_ms.map(Time), others, error })
     }
 }
 

@@ -46,6 +46,7 @@ function Status({ status: { version, pipeline, started_at, storage, queue, last_
         ...(plan ? [[words.plan, words.planOf(plan.at, plan.keep)], [words.folder, plan.folder]] : []),
       ]}>
         ${plan?.error && html`<${Notice} tone="bad" title=${words.planFailed}>${plan.error}<//>`}
+        ${plan && plan.others > 0 && html`<${Notice} tone="warn" title=${words.otherBackups(plan.others)}>${words.otherBackupsBody}<//>`}
         ${(!backup || days >= OLD_DAYS) && html`<${Notice} tone="warn" title=${backup ? words.old(days) : words.noBackup}><${Prose} text=${words.noBackupBody} /><//>`}
         <p class="small">${words.byHand}</p><p class="code">${backup_command}</p><//>
       <${Facts} title=${words.queue} rows=${[[words.waiting, queue.queued], [words.running, queue.running], [words.quarantined, queue.quarantined]]} /></div>

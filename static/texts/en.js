@@ -2004,6 +2004,8 @@ export default {
     planOf: (at, keep) => `every day at ${at} UTC; the last ${keep} are kept`,
     folder: 'Folder',
     planFailed: 'The last scheduled backup failed',
+    otherBackups: n => `${plural(n, 'backup', 'backups')} in the folder ${n === 1 ? 'is' : 'are'} not known to be of this service`,
+    otherBackupsBody: 'Another service or an earlier version made them. They count neither as a backup of this service nor among those that are kept, and it never deletes them. If they should be of this service, check whether it runs on the right data. Delete them by hand when you no longer need them.',
     old: days => `${plural(days, 'day', 'days')} old`,
     queue: 'Queue',
     waiting: 'Waiting',

@@ -11,6 +11,7 @@ use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::shutdown::Shutdown;
 use crate::store::{PageRequest, Store, StoreSettings};
+use crate::time::Clock;
 use crate::upkeep::tests::UpkeepFixture;
 use crate::upkeep::{
     BACKUP_MARK, BackupSettings, BackupState, ERASURE_LIST, ErasureLists, UpkeepError, back_up, complete_backups,
@@ -193,6 +194,28 @@ async fn a_list_of_erasures_is_only_appended_to_and_survives_a_power_cut() {
     assert!(matches!(lists.update(&backups.bench.centre.store).await, Err(UpkeepError::List { .. })));
 }
 
+/// Makes the scheduled backups of a centre for some days.
+async fn back_up_daily(bench: &UpkeepFixture, settings: &BackupSettings, days: usize) -> BackupState {
+    let (state, shutdown, clock) = (BackupState::default(), Shutdown::new(), bench.centre.clock.clone());
+    let until = (clock.clone() as _, &shutdown);
+    let running = run_backups((&bench.centre.store, &bench.vault), settings, DATABASE, until, &state);
+    let watch = async {
+        let mut newest = None;
+        for day in 0..days {
+            if day > 0 {
+                clock.advance(Duration::from_secs(86_400));
+            }
+            while state.now().newest_ms == newest {
+                tokio::time::sleep(Duration::from_millis(5)).await;
+            }
+            newest = state.now().newest_ms;
+        }
+        shutdown.begin();
+    };
+    tokio::join!(running, watch);
+    state
+}
+
 #[tokio::test]
 async fn a_backup_is_made_each_day_and_the_last_ones_are_kept() {
     let bench = UpkeepFixture::new().await;
@@ -202,27 +225,35 @@ async fn a_backup_is_made_each_day_and_the_last_ones_are_kept() {
     fs::create_dir(folder.path().join("partial-of-an-interrupted-one")).unwrap();
     fs::write(folder.path().join("a file of somebody"), b"stays").unwrap();
     let settings = BackupSettings { target: Some(folder.path().to_owned()), keep: 2, ..BackupSettings::default() };
-    let (state, shutdown, clock) = (BackupState::default(), Shutdown::new(), bench.centre.clock.clone());
-    let running =
-        run_backups((&bench.centre.store, &bench.vault), &settings, DATABASE, (clock.clone(), &shutdown), &state);
-    let watch = async {
-        let count = || complete_backups(folder.path()).unwrap().len();
-        let mut newest = None;
-        for _ in 0..4 {
-            while state.now().newest_ms == newest {
-                tokio::time::sleep(Duration::from_millis(5)).await;
-            }
-            newest = state.now().newest_ms;
-            clock.advance(Duration::from_secs(86_400));
-        }
-        assert!((2..=3).contains(&count()), "{}", count());
-        shutdown.begin();
-    };
-    tokio::join!(running, watch);
+    back_up_daily(&bench, &settings, 4).await;
     let kept = complete_backups(folder.path()).unwrap();
+    assert_eq!(kept.len(), 2);
     assert!(kept.windows(2).all(|pair| pair[1].0 - pair[0].0 == 86_400_000), "{kept:?}");
     assert!(folder.path().join("a file of somebody").exists());
     assert!(!folder.path().join("partial-of-an-interrupted-one").exists());
+}
+
+#[tokio::test]
+async fn an_empty_service_with_the_same_folder_leaves_the_backups_of_the_real_one_alone() {
+    let (real, empty) = (UpkeepFixture::new().await, UpkeepFixture::new().await);
+    let folder = tempfile::tempdir().unwrap();
+    let settings = BackupSettings { target: Some(folder.path().to_owned()), keep: 2, ..BackupSettings::default() };
+    assert_eq!(back_up_daily(&real, &settings, 2).await.now().others, 0);
+    let mut backups: Vec<PathBuf> =
+        complete_backups(folder.path()).unwrap().into_iter().map(|(_, path)| path).collect();
+    let without_id = folder.path().join("trocar-2026-11-01T02-30-00Z"); // of an earlier version
+    fs::create_dir(&without_id).unwrap();
+    fs::write(without_id.join(BACKUP_MARK), "This folder is a backup.\n").unwrap();
+    let partial = folder.path().join("partial-of-the-real-one");
+    fs::create_dir(&partial).unwrap();
+    fs::copy(backups[0].join(BACKUP_MARK), partial.join(BACKUP_MARK)).unwrap();
+    backups.extend([without_id, partial]);
+    empty.centre.clock.advance(Duration::from_secs(3 * 86_400));
+    let began_ms = empty.centre.clock.now_ms();
+    let state = back_up_daily(&empty, &settings, 4).await;
+    assert_eq!(backups.iter().filter(|path| !path.exists()).count(), 0);
+    assert_eq!(complete_backups(folder.path()).unwrap().len(), 2 + 1 + 2, "it keeps two of its own");
+    assert_eq!((state.now().others, state.now().newest_ms), (3, Some(began_ms + 3 * 86_400_000)));
 }
 
 #[tokio::test]
