@@ -27,6 +27,9 @@ pub struct ServiceState {
     last_backup: Option<LastBackup>,
     /// The scheduled backups; `null`: the settings name no folder for them.
     scheduled_backups: Option<ScheduledBackups>,
+    /// Why the lists of erasures lack erasures; `null`: they are complete. Meanwhile a restored backup would bring back
+    /// people who were erased.
+    erasure_list_error: Option<String>,
     /// The command that makes a backup by hand, for the shell of this machine, as the user that the service runs as, or
     /// as an administrator of the machine if it begins with `sudo`. Its last word is the folder of the backup; it must
     /// be new or empty.
@@ -175,6 +178,7 @@ pub async fn service(State(app): State<App>, by: Administrator) -> HandlerResult
         },
         queue: QueueState { queued, running, quarantined },
         scheduled_backups: ScheduledBackups::of(&app),
+        erasure_list_error: app.erasure_list_state.error(),
         backup_command: app.backup_command.clone(),
         retention: RetentionState::of(&app).await?,
         last_backup: backup.map(|Backup { at_ms, files }| LastBackup { at: Time(at_ms), files }),

@@ -33,7 +33,7 @@
 //! | [`Store::rescorings`] | `create` `cancel` `list` `get` `items` `trainees` · for [`crate::rescoring`]: `queue_waiting` `ended` `settle` `end_completed` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `mark_crashed` `release` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `note` `has` `all` `total` |
-//! | [`Store::erasures`] | `after` `last` `repeat` |
+//! | [`Store::erasures`] | `after` `last` `repeat` `add` |
 //! | [`Store::pending_erasures`] | `extent` `request` `list` `take_back` `due` |
 //! | [`Store::retention`] | `old_videos` `drop_videos` `release_failed_pictures` |
 //! | [`Store::installation`] | `id` `backup_folder` `set_backup_folder` |

@@ -2103,6 +2103,8 @@ export default {
     planOf: (at, keep) => `jeden Tag um ${at} UTC; die letzten ${keep} bleiben`,
     folder: 'Ordner',
     planFailed: 'Die letzte geplante Sicherung ist fehlgeschlagen',
+    notListed: 'Gelöschte Personen könnten mit einer Sicherung zurückkommen',
+    notListedBody: 'Der Dienst kann nicht festhalten, wer gelöscht wird. Wird eine Sicherung zurückgespielt, sind Personen wieder da, die ab jetzt gelöscht werden. Beheben Sie die Ursache, die der Dienst hier nennt. Danach holt er es von selbst nach.',
     otherBackups: n => `${plural(n, 'Sicherung', 'Sicherungen')} im Ordner ${n === 1 ? 'stammt' : 'stammen'} vielleicht nicht von diesem Dienst`,
     otherBackupsBody: 'Ein anderer Dienst oder eine frühere Version hat sie gemacht. Sie zählen weder als Sicherung dieses Dienstes noch zu denen, die bleiben, und er löscht sie nie. Sollten sie von diesem Dienst sein, prüfen Sie, ob er auf den richtigen Daten läuft. Löschen Sie sie von Hand, wenn Sie sie nicht mehr brauchen.',
     old: days => `${plural(days, 'Tag', 'Tage')} alt`,

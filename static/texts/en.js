@@ -2004,6 +2004,8 @@ export default {
     planOf: (at, keep) => `every day at ${at} UTC; the last ${keep} are kept`,
     folder: 'Folder',
     planFailed: 'The last scheduled backup failed',
+    notListed: 'Deleted people could come back with a backup',
+    notListedBody: 'The service cannot write down who is deleted. If a backup is restored, people who are deleted from now on come back. Correct the cause, which the service names here. It then catches up by itself.',
     otherBackups: n => `${plural(n, 'backup', 'backups')} in the folder ${n === 1 ? 'is' : 'are'} not known to be of this service`,
     otherBackupsBody: 'Another service or an earlier version made them. They count neither as a backup of this service nor among those that are kept, and it never deletes them. If they should be of this service, check whether it runs on the right data. Delete them by hand when you no longer need them.',
     old: days => `${plural(days, 'day', 'days')} old`,
