@@ -144,6 +144,12 @@ CREATE TABLE group_trainee (
     PRIMARY KEY (group_id, trainee_id)
 ) STRICT, WITHOUT ROWID;
 
+CREATE TABLE installation (
+    number        INTEGER PRIMARY KEY CHECK (number = 1),                    -- there is one row
+    id            TEXT NOT NULL CHECK (length(id) = 36),                     -- InstallationId
+    backup_folder TEXT CHECK (length(backup_folder) >= 1)                    -- of the scheduled backups, when last seen; NULL: none
+) STRICT;
+
 CREATE TABLE "job" (
     id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- JobId
     kind           TEXT NOT NULL,                                            -- JobKind

@@ -98,6 +98,8 @@ ids! {
     UploadId;
     /// A job in the queue.
     JobId;
+    /// An installation of the service: a database and its restored backups.
+    InstallationId;
     /// The lease of a job. Every claim makes a new token, so a worker whose lease was lost cannot finish the job.
     LeaseToken;
 }

@@ -16,7 +16,7 @@
 use std::fmt::Display;
 use std::net::SocketAddr;
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use serde::Deserialize;
 use toml::{Table, Value};
@@ -225,7 +225,29 @@ impl Settings {
         check_range("retention.videos_months", self.retention.videos_months, 0..=1_200)?;
         check_range("retention.erase_days", self.retention.erase_days, 0..=365)?;
         check_range("upkeep.collect_s", self.upkeep.collect_s, 1..=86_400)?;
-        self.check_tls()
+        self.check_tls()?;
+        self.check_backup()
+    }
+
+    /// Backups need a folder of their own: a relative path depends on where the service is started, and a backup in the
+    /// data folder is lost with it.
+    fn check_backup(&self) -> Result<(), SettingsError> {
+        let Some(target) = &self.backup.target else { return Ok(()) };
+        let refused = |value, expected| Err(SettingsError::Value { key: "backup.target", value, expected });
+        if target.as_os_str().is_empty() {
+            return refused("empty".to_owned(), "the absolute path of a folder, or no such setting: no backups then");
+        }
+        let value = format!("`{}`", target.display());
+        if !target.is_absolute() {
+            return refused(value, "an absolute path, such as /backup/trocar");
+        }
+        if resolved(target).starts_with(resolved(&self.data)) {
+            return refused(
+                value,
+                "a folder outside the data folder, best on another disk: it is lost with the data there",
+            );
+        }
+        Ok(())
     }
 
     /// HTTPS needs certificate and key, and a redirect needs HTTPS.
@@ -241,6 +263,20 @@ impl Settings {
             _ => Ok(()),
         }
     }
+}
+
+/// The absolute path, without symbolic links in the part that exists.
+fn resolved(path: &Path) -> PathBuf {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let existing = path.ancestors().find_map(|ancestor| Some((ancestor.canonicalize().ok()?, ancestor)));
+    let Some((mut real, ancestor)) = existing else { return path };
+    for part in path.strip_prefix(ancestor).unwrap_or(&path).components() {
+        match part {
+            Component::ParentDir => drop(real.pop()),
+            other => real.push(other),
+        }
+    }
+    real
 }
 
 /// True for `http` or `https` with a host and at most a path.
@@ -451,6 +487,34 @@ mod tests {
         assert!(refused(&[redirect]).starts_with("setting `tls.certificate` is not set"));
         let settings = with(&[certificate, key, redirect]).unwrap();
         assert_eq!(settings.tls.redirect_listen.map(|address| address.port()), Some(80));
+    }
+
+    #[test]
+    fn backups_need_an_absolute_folder_outside_the_data() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("data");
+        std::fs::create_dir(&data).unwrap();
+        std::os::unix::fs::symlink(&data, folder.path().join("link")).unwrap();
+        let with_target = |target: &str| {
+            let flags = Flags { data: Some(data.clone()), ..Flags::default() };
+            Settings::from_parts(flags, &[("TROCAR_BACKUP__TARGET".to_owned(), target.to_owned())])
+        };
+        let inside = |name: &str| folder.path().join(name).display().to_string();
+        for (target, expected) in [
+            (String::new(), "is empty"),
+            ("backups".to_owned(), "an absolute path"),
+            (inside("data"), "outside the data folder"),
+            (inside("data/backups/daily"), "outside the data folder"),
+            (inside("link/backups"), "outside the data folder"),
+            (inside("other/../data/backups"), "outside the data folder"),
+        ] {
+            let refused = with_target(&target).unwrap_err().to_string();
+            assert!(refused.contains("backup.target") && refused.contains(expected), "{target}: {refused}");
+        }
+        assert!(with_file("[backup]\ntarget = \"\"\n", &[], Flags::default()).is_err());
+        for target in [inside("data-backup"), inside("")] {
+            assert!(with_target(&target).is_ok(), "{target}");
+        }
     }
 
     #[test]

@@ -48,7 +48,7 @@ use crate::settings::{DATABASE_FILE, Flags, Settings};
 use crate::shutdown::Shutdown;
 use crate::store::{NewPerson, Store};
 use crate::time::{SharedClock, SystemClock};
-use crate::upkeep::{self, BACKUP_MARK, BackupState, ErasureLists};
+use crate::upkeep::{self, BACKUP_MARK, BackupState, ErasureListState, ErasureLists};
 use crate::vault::{DataFolderLock, Vault};
 
 /// Time for all tasks to end after the shutdown began.
@@ -258,6 +258,7 @@ pub async fn start(
         feeds,
         feed_slots: feed_slots(&settings),
         backup_state: BackupState::default(),
+        erasure_list_state: ErasureListState::default(),
         backup_settings: settings.backup.clone(),
         backup_command: backup_command(&settings, &child),
         retention: settings.retention.clone(),
@@ -333,7 +334,8 @@ fn start_upkeep(app: &App, settings: &Settings) {
     let feeds = app.feeds.clone();
     app.shutdown.spawn(async move { feeds.maintain().await });
     let every = Duration::from_secs(settings.upkeep.collect_s);
-    let lists = ErasureLists::new(&settings.data, settings.backup.target.as_deref());
+    let target = settings.backup.target.as_deref();
+    let lists = ErasureLists::new(&settings.data, target, app.erasure_list_state.clone());
     let (own, stop) = (app.clone(), app.shutdown.clone());
     app.shutdown.spawn(async move {
         let until = (own.clock.clone(), &stop);

@@ -35,6 +35,22 @@ pub struct Erasure {
     pub at_ms: i64,
 }
 
+impl Erasure {
+    /// What makes an entry the same as another: an erasure happens once, but it may be requested and taken back
+    /// repeatedly.
+    pub fn key(&self) -> String {
+        if self.is_final() { self.id.clone() } else { self.to_string() }
+    }
+
+    /// True if something was erased for good: no request.
+    pub fn is_final(&self) -> bool {
+        match self.kind {
+            ErasedKind::Trainee | ErasedKind::Session | ErasedKind::Person => true,
+            ErasedKind::Pending | ErasedKind::TakenBack => false,
+        }
+    }
+}
+
 impl fmt::Display for Erasure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {} {}", self.kind, self.id, to_rfc3339(self.at_ms))

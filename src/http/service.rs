@@ -27,6 +27,9 @@ pub struct ServiceState {
     last_backup: Option<LastBackup>,
     /// The scheduled backups; `null`: the settings name no folder for them.
     scheduled_backups: Option<ScheduledBackups>,
+    /// Why the lists of erasures lack erasures; `null`: they are complete. Meanwhile a restored backup would bring back
+    /// people who were erased.
+    erasure_list_error: Option<String>,
     /// The command that makes a backup by hand, for the shell of this machine, as the user that the service runs as, or
     /// as an administrator of the machine if it begins with `sudo`. Its last word is the folder of the backup; it must
     /// be new or empty.
@@ -101,6 +104,9 @@ pub struct ScheduledBackups {
     keep: usize,
     /// Time of the newest one in the folder; `null`: there is none yet.
     newest_at: Option<Time>,
+    /// Number of backups in the folder that are of another installation, or of an earlier version, whose backups name
+    /// none. The service never deletes them.
+    others: usize,
     /// Why the last attempt failed; `null`: it succeeded, or there was none yet.
     error: Option<String>,
 }
@@ -108,9 +114,9 @@ pub struct ScheduledBackups {
 impl ScheduledBackups {
     fn of(app: &App) -> Option<Self> {
         let BackupSettings { target, at, keep } = &app.backup_settings;
-        let BackupProgress { newest_ms, error } = app.backup_state.now();
+        let BackupProgress { newest_ms, others, error } = app.backup_state.now();
         let folder = target.as_ref()?.display().to_string();
-        Some(Self { folder, at: at.to_string(), keep: *keep, newest_at: newest_ms.map(Time), error })
+        Some(Self { folder, at: at.to_string(), keep: *keep, newest_at: newest_ms.map(Time), others, error })
     }
 }
 
@@ -172,6 +178,7 @@ pub async fn service(State(app): State<App>, by: Administrator) -> HandlerResult
         },
         queue: QueueState { queued, running, quarantined },
         scheduled_backups: ScheduledBackups::of(&app),
+        erasure_list_error: app.erasure_list_state.error(),
         backup_command: app.backup_command.clone(),
         retention: RetentionState::of(&app).await?,
         last_backup: backup.map(|Backup { at_ms, files }| LastBackup { at: Time(at_ms), files }),

@@ -21,7 +21,7 @@ use crate::queue::Queue;
 use crate::shutdown::Shutdown;
 use crate::store::Store;
 use crate::time::SharedClock;
-use crate::upkeep::{BackupSettings, BackupState, RetentionSettings};
+use crate::upkeep::{BackupSettings, BackupState, ErasureListState, RetentionSettings};
 use crate::vault::Vault;
 
 /// The parts of the service that handlers use. Clones share them.
@@ -70,6 +70,8 @@ pub struct AppParts {
     pub stored_indexes: StoredIndexes,
     /// State of the scheduled backups.
     pub backup_state: BackupState,
+    /// Whether all erasures are listed.
+    pub erasure_list_state: ErasureListState,
     /// When and where backups are made.
     pub backup_settings: BackupSettings,
     /// The command that makes a backup by hand.

@@ -3,6 +3,7 @@
 use std::str::FromStr;
 
 use super::error::{StoreError, StoreResult};
+use super::pending_erasures::INSERT_ERASURE;
 use super::{Scope, Store};
 use crate::domain::erasure::{ErasedKind, Erasure};
 use crate::domain::text::Key;
@@ -37,6 +38,18 @@ impl ErasureStore<'_> {
             .into_iter()
             .map(|ErasureRow { number, kind, id, at_ms }| (number, Erasure { kind, id, at_ms }))
             .collect())
+    }
+
+    /// Adds erasures that happened after the backup that this database was restored from. Their ids must be valid.
+    pub async fn add(&self, erasures: Vec<Erasure>) -> StoreResult<()> {
+        self.0
+            .write(async move |tx| {
+                for Erasure { kind, id, at_ms } in erasures {
+                    sqlx::query(INSERT_ERASURE).bind(kind).bind(id).bind(at_ms).execute(&mut *tx).await?;
+                }
+                Ok(())
+            })
+            .await
     }
 
     /// Erases again what this erasure names. Returns false if it does not exist. A requested erasure waits again until it

@@ -33,9 +33,10 @@
 //! | [`Store::rescorings`] | `create` `cancel` `list` `get` `items` `trainees` · for [`crate::rescoring`]: `queue_waiting` `ended` `settle` `end_completed` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `mark_crashed` `release` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `note` `has` `is_dropped` `all` `total` |
-//! | [`Store::erasures`] | `after` `last` `repeat` |
+//! | [`Store::erasures`] | `after` `last` `repeat` `add` |
 //! | [`Store::pending_erasures`] | `extent` `request` `list` `take_back` `due` |
 //! | [`Store::retention`] | `old_videos` `drop_videos` `release_failed_pictures` |
+//! | [`Store::installation`] | `id` `backup_folder` `set_backup_folder` |
 //! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `record_backup` · `last_backup` |
 
 mod audit;
@@ -55,6 +56,7 @@ mod erasures;
 mod error;
 mod feeds;
 mod groups;
+mod installation;
 mod jobs;
 mod open;
 mod owners;
@@ -103,6 +105,7 @@ pub use erasures::ErasureStore;
 pub use error::{StoreError, StoreResult};
 pub use feeds::{FeedRow, FeedStore, NewFeed};
 pub use groups::{GroupRecord, GroupStore, Members};
+pub use installation::InstallationStore;
 pub use jobs::{JobRecord, JobStore, Lease, MAX_LOST_LEASES, QueueCounts, SweepResult};
 pub use page::{Page, PageRequest};
 pub use palettes::{PaletteRecord, PaletteStore};
@@ -385,6 +388,8 @@ accessors! {
     erasures: ErasureStore;
     /// Trainees who wait for their erasure.
     pending_erasures: PendingErasureStore;
+    /// The installation that the database belongs to.
+    installation: InstallationStore;
     /// Videos and pictures that are kept for a limited time.
     retention: RetentionStore;
 }

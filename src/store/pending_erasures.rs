@@ -76,7 +76,7 @@ const INSERT_PENDING: &str = "
 
 const DELETE_PENDING: &str = "DELETE FROM pending_erasure WHERE trainee_id = $1";
 
-const INSERT_ERASURE: &str = "INSERT INTO erasure (kind, id, at_ms) VALUES ($1, $2, $3)";
+pub(super) const INSERT_ERASURE: &str = "INSERT INTO erasure (kind, id, at_ms) VALUES ($1, $2, $3)";
 
 const SELECT_ACCOUNT: &str = "SELECT id FROM person WHERE trainee_id = $1";
 

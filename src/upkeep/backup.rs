@@ -14,12 +14,16 @@ use super::collect::collect;
 use super::{Finding, UpkeepError, UpkeepResult, check, delete_orphans};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::scope::Scope;
+use crate::ids::InstallationId;
 use crate::store::{Store, StoreSettings};
 use crate::time::SharedClock;
 use crate::vault::{Vault, VaultError};
 
 /// File that marks a folder as a backup, or as one that is being restored.
 pub const BACKUP_MARK: &str = "BACKUP";
+
+/// Beginning of the line of the mark that has the installation's id.
+const INSTALLATION: &str = "installation: ";
 
 /// Maximum number of database snapshots until all files of one could be copied. Another snapshot is needed only if a
 /// recording is erased between the snapshot and the copying of its file. Each later round copies only files that are
@@ -39,8 +43,10 @@ pub async fn back_up(
     clock: SharedClock,
 ) -> UpkeepResult<u64> {
     refuse_used(to)?;
+    let installation = store.installation().id().await?;
     let files = Vault::open(to).await?;
-    mark(to, "This folder is a backup. `trocar admin restore` makes a data folder of it.\n")?;
+    let text = "This folder is a backup. `trocar admin restore` makes a data folder of it.";
+    mark(to, &format!("{text}\n{INSTALLATION}{installation}\n"))?;
     let path = to.join(database);
     // Copies most bytes before the snapshot, so that fewer files can be erased between the snapshot and their copying.
     copy_blobs(store, vault, &files).await?;
@@ -75,6 +81,12 @@ pub(super) fn mark(folder: &Path, text: &str) -> UpkeepResult<()> {
         file.sync_all()
     });
     written.and_then(|()| sync(folder)).map_err(folder_error(folder))
+}
+
+/// The installation that a backup is of; `None` if its mark does not say so, as in earlier versions.
+pub(super) fn installation_of(backup: &Path) -> Option<InstallationId> {
+    let mark = std::fs::read_to_string(backup.join(BACKUP_MARK)).ok()?;
+    mark.lines().find_map(|line| line.strip_prefix(INSTALLATION))?.parse().ok()
 }
 
 /// Removes the mark of a folder that is complete.

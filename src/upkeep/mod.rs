@@ -36,13 +36,13 @@ pub use access::{is_readable, require_writable};
 pub use backup::{BACKUP_MARK, back_up};
 pub use check::{Finding, check};
 use collect::{collect, forget_expired_uploads, remove_orphan_uploads, remove_unreferenced};
-pub use erasure_list::{ERASURE_LIST, ErasureLists};
+pub use erasure_list::{ERASURE_LIST, ErasureListState, ErasureLists};
 pub use lost_database::refuse_lost_database;
 pub use orphans::delete_orphans;
 use password_file::forget_changed_passwords;
 pub use password_file::{password_file, write_password_file};
 pub use recover::{Recovered, recover};
-pub use restore::{Restored, restore};
+pub use restore::{ErasureListChoice, Restored, restore};
 pub use retention::{RetentionSettings, apply_retention};
 pub use scheduled_backups::{BackupProgress, BackupSettings, BackupState, complete_backups, run_backups};
 pub use update_copy::UPDATE_COPY_FOLDER;
@@ -130,6 +130,27 @@ pub enum UpkeepError {
          --erasures (a copy is in the data folder), or give --without-erasures", .0.display()
     )]
     NoList(PathBuf),
+    /// A list of erasures has no mark of the backup's installation.
+    #[error(
+        "the list of erasures `{}` does not say that it is complete for the installation that made this backup: people \
+         who were erased since would come back. Name another list with --erasures (a copy is in the data folder), or \
+         give --without-erasures", .0.display()
+    )]
+    ForeignList(PathBuf),
+    /// A list of erasures may lack erasures.
+    #[error(
+        "the list of erasures `{}` is complete only until {until}, {why}: people who were erased later would come back. \
+         Name a newer list with --erasures (a copy is in the data folder). If there is none, restore with \
+         `--erasures-until {until}`, and erase again by hand who was erased later", .path.display()
+    )]
+    ShortList {
+        /// Its file.
+        path: PathBuf,
+        /// Until when it is complete.
+        until: String,
+        /// Why not longer.
+        why: String,
+    },
     /// There is no space for the copy of the database that an update makes.
     #[error(
         "the database is not adapted to this program yet, because the copy that is made before needs up to {} MiB in \
@@ -200,9 +221,7 @@ pub async fn run(
         if let Err(error) = forget_old_update_copy(vault, clock.now_ms()) {
             tracing::warn!(%error, "old copy not deleted; retrying at the next round");
         }
-        if let Err(error) = lists.update(store).await {
-            tracing::error!(%error, "erasures were not listed; a backup restored now would bring erased people back");
-        }
+        lists.keep(store, clock.now_ms()).await;
         tokio::select! {
             () = shutdown.begun() => {}
             () = clock.sleep(every) => {}

@@ -8,8 +8,10 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
+use super::backup::installation_of;
 use super::{UpkeepError, UpkeepResult, back_up};
 use crate::domain::text::Invalid;
+use crate::ids::InstallationId;
 use crate::shutdown::Shutdown;
 use crate::store::Store;
 use crate::time::{SharedClock, from_rfc3339, to_rfc3339};
@@ -29,11 +31,11 @@ const DAY_MS: i64 = 86_400_000;
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BackupSettings {
-    /// Folder of the backups, on another disk or machine than the data. Without it none are made.
+    /// Folder of the backups, an absolute path on another disk or machine than the data. Without it none are made.
     pub target: Option<PathBuf>,
     /// Time of day in UTC, as `02:30`.
     pub at: TimeOfDay,
-    /// How many backups are kept. Usually 14.
+    /// How many backups of this installation are kept. Usually 14.
     pub keep: usize,
 }
 
@@ -85,8 +87,10 @@ pub struct BackupState(Arc<Mutex<BackupProgress>>);
 /// The newest backup, and the last failure.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BackupProgress {
-    /// Time of the newest complete backup in the folder, epoch ms.
+    /// Time of the newest complete backup of this installation in the folder, epoch ms.
     pub newest_ms: Option<i64>,
+    /// Number of backups in the folder that are of another installation, or name none. They are never deleted.
+    pub others: usize,
     /// Why the last attempt failed; `None` if it succeeded.
     pub error: Option<String>,
 }
@@ -136,24 +140,45 @@ async fn make_if_due(
     state: &BackupState,
 ) -> UpkeepResult<()> {
     let now_ms = clock.now_ms();
-    let complete = complete_backups(target)?;
+    let own = store.installation().id().await?;
+    let complete = own_backups(target, own, state)?;
     state.lock().newest_ms = complete.last().map(|(at_ms, _)| *at_ms);
     if complete.last().is_some_and(|(at_ms, _)| *at_ms >= settings.at.last_before(now_ms)) {
         return Ok(());
     }
-    remove_partial(target)?;
+    remove_partial(target, own)?;
     let stamp = to_rfc3339(now_ms).replace(':', "-");
     let (partial, made) = (target.join(format!("{PARTIAL_PREFIX}{stamp}")), target.join(format!("{PREFIX}{stamp}")));
     let files = back_up((store, vault), &partial, database, clock).await?;
     let failed = target_error(target);
     fs::rename(&partial, &made).and_then(|()| File::open(target)?.sync_all()).map_err(&failed)?;
     tracing::info!(files, backup = %made.display(), "scheduled backup complete");
-    *state.lock() = BackupProgress { newest_ms: Some(now_ms), error: None };
-    let complete = complete_backups(target)?;
+    {
+        let mut progress = state.lock();
+        (progress.newest_ms, progress.error) = (Some(now_ms), None);
+    }
+    let complete = own_backups(target, own, state)?;
     for (_, old) in &complete[..complete.len().saturating_sub(settings.keep)] {
         fs::remove_dir_all(old).map_err(&failed)?;
     }
     Ok(())
+}
+
+/// The complete backups of this installation, as [`complete_backups`]. Notes the others: the disk of the data may be
+/// missing, or two services may have the same folder.
+fn own_backups(target: &Path, own: InstallationId, state: &BackupState) -> UpkeepResult<Vec<(i64, PathBuf)>> {
+    let is_own = |(_, path): &(i64, PathBuf)| installation_of(path) == Some(own);
+    let (complete, others): (Vec<_>, Vec<_>) = complete_backups(target)?.into_iter().partition(is_own);
+    let known = std::mem::replace(&mut state.lock().others, others.len());
+    if !others.is_empty() && known != others.len() {
+        let others: Vec<String> = others.iter().map(|(_, path)| path.display().to_string()).collect();
+        tracing::warn!(
+            others = others.join(", "),
+            "these backups are of another installation or of an earlier version; the service never deletes them; if \
+             they should be its own, check whether it runs on the right data folder"
+        );
+    }
+    Ok(complete)
 }
 
 /// The complete backups in a folder, oldest first: time in epoch ms, and path.
@@ -170,10 +195,11 @@ pub fn complete_backups(target: &Path) -> UpkeepResult<Vec<(i64, PathBuf)>> {
     Ok(found)
 }
 
-/// Removes what an interrupted backup left.
-fn remove_partial(target: &Path) -> UpkeepResult<()> {
+/// Removes what an interrupted backup left, but no backup that another installation is making.
+fn remove_partial(target: &Path, own: InstallationId) -> UpkeepResult<()> {
     let is_partial = |path: &PathBuf| {
         path.file_name().and_then(|name| name.to_str()).is_some_and(|name| name.starts_with(PARTIAL_PREFIX))
+            && installation_of(path).is_none_or(|of| of == own)
     };
     for path in entries(target)?.into_iter().filter(is_partial) {
         fs::remove_dir_all(path).map_err(target_error(target))?;

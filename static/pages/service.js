@@ -30,7 +30,7 @@ const Facts = ({ title, rows, children }) => html`
   <section class="card"><header><h2>${title}</h2></header><div class="body stack">
     <dl class="facts">${rows.map(([name, value]) => html`<dt>${name}</dt><dd>${value}</dd>`)}</dl>${children}</div></section>`;
 
-function Status({ status: { version, pipeline, started_at, storage, queue, last_backup: backup, scheduled_backups: plan, backup_command, retention, settings } }) {
+function Status({ status: { version, pipeline, started_at, storage, queue, last_backup: backup, scheduled_backups: plan, erasure_list_error, backup_command, retention, settings } }) {
   const days = backup ? Math.floor((Date.now() - Date.parse(backup.at)) / DAY_MS) : 0;
   return html`
     ${storage.free_bytes < LOW_BYTES && html`<${Notice} tone="warn" title=${words.low}>${words.lowBody}<//>`}
@@ -46,6 +46,8 @@ function Status({ status: { version, pipeline, started_at, storage, queue, last_
         ...(plan ? [[words.plan, words.planOf(plan.at, plan.keep)], [words.folder, plan.folder]] : []),
       ]}>
         ${plan?.error && html`<${Notice} tone="bad" title=${words.planFailed}>${plan.error}<//>`}
+        ${erasure_list_error && html`<${Notice} tone="bad" title=${words.notListed}>${words.notListedBody}<br />${erasure_list_error}<//>`}
+        ${plan && plan.others > 0 && html`<${Notice} tone="warn" title=${words.otherBackups(plan.others)}>${words.otherBackupsBody}<//>`}
         ${(!backup || days >= OLD_DAYS) && html`<${Notice} tone="warn" title=${backup ? words.old(days) : words.noBackup}><${Prose} text=${words.noBackupBody} /><//>`}
         <p class="small">${words.byHand}</p><p class="code">${backup_command}</p><//>
       <${Facts} title=${words.queue} rows=${[[words.waiting, queue.queued], [words.running, queue.running], [words.quarantined, queue.quarantined]]} /></div>

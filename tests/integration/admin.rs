@@ -11,10 +11,11 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde_json::json;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Connection};
+use trocar::upkeep::complete_backups;
 
 use crate::api::full_disk::SmallDisk;
 use crate::process::{Process, command, program};
-use crate::support::{Client, poll_until};
+use crate::support::{Client, poll, poll_until};
 
 /// The longest wait for the database's lock, ms, in the test that holds it.
 const SHORT_WAIT_MS: &str = "100";
@@ -252,4 +253,48 @@ fn a_data_folder_on_a_read_only_disk_can_be_backed_up_but_not_changed() {
         remount("rw");
         succeed(&data, &format!("user add {state} --role instructor")); // the last connection removes the log
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn erased_people_do_not_come_back_from_a_folder_that_the_service_used_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let [data, first, second] = ["data", "first", "second"].map(|name| folder.path().join(name));
+    for target in [&first, &second] {
+        fs::create_dir(target).unwrap();
+    }
+    let start = |target: &Path| {
+        Process::launch(&data, |command| {
+            command.env("TROCAR_BACKUP__TARGET", target).env("TROCAR_UPKEEP__COLLECT_S", "1");
+        })
+    };
+    let without = Process::start(&data);
+    let password = without.password.clone().unwrap();
+    let administrator = async |service: &Process| {
+        Client::of(format!("http://{}", service.address)).signed_in("administrator", &password).await
+    };
+    administrator(&without).await.make("/api/v1/trainees", json!({"name": "Erika Weg", "code": "erika"})).await;
+    drop(without);
+    let service = start(&first);
+    let backup = poll("a scheduled backup", async || Some(complete_backups(&first).unwrap().pop()?.1)).await;
+    poll_until("the list beside the backups", || first.join("erasures").exists()).await;
+    drop(service);
+    let service = start(&second);
+    assert!(administrator(&service).await.delete("/api/v1/trainees/erika").await.status().is_success());
+    let list = second.join("erasures");
+    poll_until("the erasure", || fs::read_to_string(&list).is_ok_and(|text| text.contains("trainee "))).await;
+    drop(service);
+
+    let restored = |name: &str| folder.path().join(name);
+    let line = format!("restore {}", backup.display());
+    let refused = run(&restored("refused"), &line);
+    let stderr = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(2), "{stderr}");
+    assert!(stderr.contains(&format!("continued it in `{}`", list.display())), "{stderr}");
+    assert!(!restored("refused").exists());
+    let (_, confirm) = stderr.split_once("--erasures-until ").unwrap();
+    let until = confirm.split('`').next().unwrap();
+    let printed = succeed(&restored("confirmed"), &format!("{line} --erasures-until {until}"));
+    assert!(printed.contains("erased again: 0") && printed.contains(&format!("known until: {until}")), "{printed}");
+    let printed = succeed(&restored("named"), &format!("{line} --erasures {}", list.display()));
+    assert!(printed.contains("erased again: 1"), "{printed}");
 }

@@ -7,8 +7,8 @@ use anyhow::Context;
 
 use super::super::CommandFailure;
 use crate::settings::DATABASE_FILE;
-use crate::time::SystemClock;
-use crate::upkeep::{self, Restored, UpkeepError};
+use crate::time::{SystemClock, from_rfc3339, to_rfc3339};
+use crate::upkeep::{self, ErasureListChoice, Restored, UpkeepError};
 
 /// Arguments of `trocar admin restore`.
 #[derive(clap::Args)]
@@ -18,19 +18,32 @@ pub struct RestoreArgs {
     /// List of what was erased since the backup [default: `erasures` beside the backup]
     #[arg(long, value_name = "FILE", conflicts_with = "without_erasures")]
     erasures: Option<PathBuf>,
+    /// Accept a list that is complete only until this time, such as 2027-01-31T00:00:00Z: people who were erased later
+    /// come back [default: complete within the last day]
+    #[arg(long, value_name = "TIME", value_parser = parse_time_ms, conflicts_with = "without_erasures")]
+    erasures_until: Option<i64>,
     /// Restore without such a list: people who were erased since the backup come back
     #[arg(long)]
     without_erasures: bool,
 }
 
+fn parse_time_ms(text: &str) -> Result<i64, &'static str> {
+    from_rfc3339(text).ok_or("expected a time such as 2027-01-31T00:00:00Z")
+}
+
 /// Restores the backup into the data folder, which must be empty or not exist yet.
 pub async fn run(data: &Path, args: RestoreArgs) -> Result<(), CommandFailure> {
-    let erasures = (!args.without_erasures).then_some(args.erasures);
+    let list = ErasureListChoice { file: args.erasures, until_ms: args.erasures_until };
+    let erasures = (!args.without_erasures).then_some(list);
     let done = upkeep::restore(&args.backup, data, erasures, DATABASE_FILE, Arc::new(SystemClock)).await;
-    let Restored { files, erased_again, kept } = match done {
-        Err(wrong @ (UpkeepError::Used(_) | UpkeepError::NoBackup(_) | UpkeepError::NoList(_))) => {
-            return Err(CommandFailure::input(wrong));
-        }
+    let Restored { files, erased_again, known_until_ms, kept } = match done {
+        Err(
+            wrong @ (UpkeepError::Used(_)
+            | UpkeepError::NoBackup(_)
+            | UpkeepError::NoList(_)
+            | UpkeepError::ForeignList(_)
+            | UpkeepError::ShortList { .. }),
+        ) => return Err(CommandFailure::input(wrong)),
         done => done.with_context(|| format!("restoring to `{}`", data.display()))?,
     };
     for account in kept {
@@ -38,6 +51,10 @@ pub async fn run(data: &Path, args: RestoreArgs) -> Result<(), CommandFailure> {
     }
     println!("restored: `{}` holds the database and {files} files, all verified", data.display());
     println!("erased again: {erased_again} people and recordings that were erased since the backup");
+    match known_until_ms {
+        Some(until_ms) => println!("erasures are known until: {}", to_rfc3339(until_ms)),
+        None => println!("erasures are not known: people who were erased since the backup are in it"),
+    }
     println!("to run it: trocar serve --data {}", data.display());
     Ok(())
 }

@@ -10,7 +10,7 @@ use crate::store::testing::{NOW_MS, TestCentre};
 use crate::store::{Store, StoreError, StoreSettings};
 use crate::time::ManualClock;
 
-const FILES: [&str; 15] = [
+const FILES: [&str; 16] = [
     include_str!("../../../migrations/0001_people.sql"),
     include_str!("../../../migrations/0002_boxes.sql"),
     include_str!("../../../migrations/0003_work.sql"),
@@ -26,6 +26,7 @@ const FILES: [&str; 15] = [
     include_str!("../../../migrations/0021_box_question.sql"),
     include_str!("../../../migrations/0034_password_links.sql"),
     include_str!("../../../migrations/0035_owners.sql"),
+    include_str!("../../../migrations/0039_installation.sql"),
 ];
 
 /// A connection that bypasses the store's functions.
@@ -92,6 +93,8 @@ async fn invalid_rows_are_refused_from_any_writer() {
         "UPDATE trainee SET name = ''",
         "UPDATE trainee SET level = 'wizard'",
         "UPDATE session SET created_at_ms = 'yesterday'",
+        "INSERT INTO installation VALUES (2, '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', NULL)",
+        "UPDATE installation SET backup_folder = ''",
         "DELETE FROM blob",
         "DELETE FROM calibration",
         "INSERT INTO upload SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', NULL, trainee_id, task_id, box_id, 'f',

@@ -5,16 +5,17 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::{Restored, restore};
+use super::{ErasureListChoice, Restored, restore};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::shutdown::Shutdown;
 use crate::store::{PageRequest, Store, StoreSettings};
+use crate::time::{Clock, to_rfc3339};
 use crate::upkeep::tests::UpkeepFixture;
 use crate::upkeep::{
-    BACKUP_MARK, BackupSettings, BackupState, ERASURE_LIST, ErasureLists, UpkeepError, back_up, complete_backups,
-    run_backups,
+    BACKUP_MARK, BackupSettings, BackupState, ERASURE_LIST, ErasureListState, ErasureLists, UpkeepError, back_up,
+    complete_backups, run_backups,
 };
 
 const DATABASE: &str = "trocar.sqlite";
@@ -70,15 +71,28 @@ impl Backups {
         to
     }
 
+    /// The lists of a service that starts with this folder of backups.
+    fn lists(&self, target: &Path) -> ErasureLists {
+        ErasureLists::new(self.bench.centre.folder.path(), Some(target), ErasureListState::default())
+    }
+
     async fn list_erasures(&self) {
-        let mut lists = ErasureLists::new(self.bench.centre.folder.path(), Some(self.target.path()));
-        lists.update(&self.bench.centre.store).await.unwrap();
+        self.lists(self.target.path()).update(&self.bench.centre.store, self.now_ms()).await.unwrap();
+    }
+
+    fn now_ms(&self) -> i64 {
+        self.bench.centre.clock.now_ms()
+    }
+
+    /// The text of the list beside the backups.
+    fn list(&self) -> String {
+        fs::read_to_string(self.target.path().join(ERASURE_LIST)).unwrap()
     }
 
     async fn restore(
         &self,
         backup: &Path,
-        erasures: Option<Option<PathBuf>>,
+        erasures: Option<ErasureListChoice>,
     ) -> Result<(PathBuf, Restored), UpkeepError> {
         let to = self.target.path().join(format!("restored {}", fs::read_dir(self.target.path()).unwrap().count()));
         let restored = restore(backup, &to, erasures, DATABASE, self.bench.centre.clock.clone()).await?;
@@ -90,7 +104,7 @@ impl Backups {
 async fn people_who_were_erased_after_a_backup_do_not_come_back_with_it() {
     let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
     backups.list_erasures().await;
-    let (folder, restored) = backups.restore(&backup, Some(None)).await.unwrap();
+    let (folder, restored) = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap();
     // One trainee and the sessions of both.
     assert_eq!((restored.files, restored.erased_again, restored.kept), (1, 3, vec![]));
     assert_eq!(trainees(&backups.bench, &folder).await, ["Ben"]);
@@ -100,8 +114,7 @@ async fn people_who_were_erased_after_a_backup_do_not_come_back_with_it() {
     }
     assert!(holds(&folder, "another recording"));
     // The list of the restored folder names them, too: for the next backup that is restored.
-    let list = fs::read_to_string(folder.join(ERASURE_LIST)).unwrap();
-    assert_eq!(list, fs::read_to_string(backups.target.path().join(ERASURE_LIST)).unwrap());
+    assert_eq!(fs::read_to_string(folder.join(ERASURE_LIST)).unwrap(), backups.list());
 }
 
 #[tokio::test]
@@ -118,12 +131,12 @@ async fn a_restore_leaves_the_backup_alone_and_hides_the_data_from_other_users()
 async fn the_service_does_not_run_on_a_folder_whose_restoring_was_interrupted() {
     let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
     backups.list_erasures().await;
-    let (whole, _) = backups.restore(&backup, Some(None)).await.unwrap();
+    let (whole, _) = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap();
     assert!(!whole.join(BACKUP_MARK).exists());
     fs::remove_dir_all(backup.join("blobs")).unwrap();
     let to = backups.target.path().join("interrupted");
     let clock = backups.bench.centre.clock.clone();
-    restore(&backup, &to, Some(None), DATABASE, clock).await.unwrap_err();
+    restore(&backup, &to, Some(ErasureListChoice::default()), DATABASE, clock).await.unwrap_err();
     assert!(to.join(DATABASE).exists() && to.join(BACKUP_MARK).exists(), "people to erase are still in it");
 }
 
@@ -144,7 +157,7 @@ async fn people_whose_erasure_was_requested_after_a_backup_wait_for_it_again() {
     let due = store.pending_erasures().list(&service).await.unwrap();
     assert_eq!(due.iter().map(|one| one.trainee_id).collect::<Vec<_>>(), [ana]);
     for backup in [before, between] {
-        let (folder, restored) = backups.restore(&backup, Some(None)).await.unwrap();
+        let (folder, restored) = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap();
         assert_eq!((restored.erased_again, restored.kept), (0, vec![]));
         let clock = backups.bench.centre.clock.clone();
         let again = Store::open(&folder.join(DATABASE), &StoreSettings::default(), clock).await.unwrap();
@@ -156,9 +169,9 @@ async fn people_whose_erasure_was_requested_after_a_backup_wait_for_it_again() {
         again.close().await;
     }
     // A second update of the lists adds nothing.
-    let list = fs::read_to_string(backups.target.path().join(ERASURE_LIST)).unwrap();
+    let list = backups.list();
     backups.list_erasures().await;
-    assert_eq!(fs::read_to_string(backups.target.path().join(ERASURE_LIST)).unwrap(), list);
+    assert_eq!(backups.list(), list);
 }
 
 #[tokio::test]
@@ -172,7 +185,7 @@ async fn a_backup_whose_database_is_empty_is_refused() {
 #[tokio::test]
 async fn without_a_list_of_erasures_nothing_is_restored_unless_told_so() {
     let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
-    let refused = backups.restore(&backup, Some(None)).await.unwrap_err();
+    let refused = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap_err();
     assert!(matches!(&refused, UpkeepError::NoList(_)), "{refused}");
     assert!(refused.to_string().contains("--without-erasures"), "{refused}");
     assert_eq!(fs::read_dir(backups.target.path()).unwrap().count(), 1, "nothing was made");
@@ -183,22 +196,188 @@ async fn without_a_list_of_erasures_nothing_is_restored_unless_told_so() {
 
 #[tokio::test]
 async fn a_list_of_erasures_is_only_appended_to_and_survives_a_power_cut() {
+    const MARK_BYTES: usize = 67;
     let (backups, _) = Backups::with_an_erasure_after_the_backup().await;
-    let list = backups.target.path().join(ERASURE_LIST);
     backups.list_erasures().await;
-    let before = fs::read_to_string(&list).unwrap();
+    let before = backups.list();
     assert!(before.lines().any(|line| line.starts_with("trainee ")), "{before}");
     assert!(before.lines().any(|line| line.starts_with("person ")), "the account of the trainee: {before}");
     backups.list_erasures().await; // as after a restart
-    assert_eq!(fs::read_to_string(&list).unwrap(), before);
-    // A power cut leaves a part of the last line.
-    let cut = &before[..before.len() - 10];
-    fs::write(&list, cut).unwrap();
+    assert_eq!(backups.list(), before);
+    // A power cut leaves a part of a line.
+    for lost in [10, MARK_BYTES + 10] {
+        fs::write(backups.target.path().join(ERASURE_LIST), &before[..before.len() - lost]).unwrap();
+        backups.list_erasures().await;
+        assert_eq!(backups.list(), before);
+    }
+}
+
+#[tokio::test]
+async fn a_damaged_list_is_written_anew_if_the_database_has_all_its_erasures() {
+    let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
     backups.list_erasures().await;
-    assert_eq!(fs::read_to_string(&list).unwrap(), before);
-    fs::write(&list, "trainee nonsense\n").unwrap();
-    let mut lists = ErasureLists::new(backups.bench.centre.folder.path(), Some(backups.target.path()));
-    assert!(matches!(lists.update(&backups.bench.centre.store).await, Err(UpkeepError::List { .. })));
+    let (before, store) = (backups.list(), &backups.bench.centre.store);
+    let mut lines: Vec<&str> = before.lines().collect();
+    lines[1] = "\u{1}garbage";
+    let (damaged, path) = (lines.join("\n") + "\n", backups.target.path().join(ERASURE_LIST));
+    fs::write(&path, &damaged).unwrap();
+    let refused = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap_err();
+    assert!(refused.to_string().contains("line 2 is damaged"), "{refused}");
+    backups.list_erasures().await;
+    assert_eq!(backups.list(), before);
+    let names = fs::read_dir(backups.target.path()).unwrap().map(|entry| entry.unwrap());
+    let aside: Vec<_> =
+        names.filter(|entry| entry.file_name().to_str().unwrap().starts_with("erasures.damaged-")).collect();
+    assert_eq!(aside.len(), 1);
+    assert_eq!(fs::read_to_string(aside[0].path()).unwrap(), damaged);
+
+    // An erasure that only the list has: the damaged line may have been another one.
+    let foreign = "trainee 0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44 2026-11-21T20:14:00Z\n";
+    fs::write(&path, format!("{foreign}garbage\n{before}")).unwrap();
+    let state = ErasureListState::default();
+    let folder = backups.bench.centre.folder.path();
+    let mut lists = ErasureLists::new(folder, Some(backups.target.path()), state.clone());
+    lists.keep(store, backups.now_ms()).await;
+    let error = state.error().unwrap();
+    assert!(error.contains("line 2 is damaged") && error.contains(path.to_str().unwrap()), "{error}");
+    assert_eq!(backups.list(), format!("{foreign}garbage\n{before}"), "it stays as it is");
+    fs::write(&path, format!("{foreign}{before}")).unwrap(); // corrected by hand
+    lists.keep(store, backups.now_ms()).await;
+    assert_eq!(state.error(), None);
+}
+
+#[tokio::test]
+async fn a_list_says_until_when_it_is_complete_without_an_erasure_and_a_deleted_one_is_whole_again() {
+    let (backups, _) = Backups::with_an_erasure_after_the_backup().await;
+    let (store, clock) = (&backups.bench.centre.store, backups.bench.centre.clock.clone());
+    let mut lists = backups.lists(backups.target.path());
+    lists.update(store, clock.now_ms()).await.unwrap();
+    let first = backups.list();
+    for _ in 0..3 {
+        clock.advance(Duration::from_secs(3600));
+        lists.update(store, clock.now_ms()).await.unwrap();
+    }
+    assert_eq!(backups.list(), first, "the list does not grow each hour");
+    clock.advance(Duration::from_secs(3 * 3600));
+    lists.update(store, clock.now_ms()).await.unwrap();
+    let marked = backups.list();
+    let last = marked.lines().last().unwrap();
+    assert!(last.starts_with("complete ") && last.ends_with(&to_rfc3339(clock.now_ms())), "{last}");
+    fs::remove_file(backups.target.path().join(ERASURE_LIST)).unwrap();
+    lists.update(store, clock.now_ms()).await.unwrap();
+    let erasures = |text: &str| text.lines().filter(|line| !line.starts_with("complete ")).count();
+    assert_eq!(erasures(&backups.list()), erasures(&first), "{}", backups.list());
+}
+
+#[tokio::test]
+async fn an_old_list_is_used_only_if_its_time_is_accepted() {
+    let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
+    backups.list_erasures().await;
+    let until_ms = backups.now_ms();
+    backups.bench.centre.clock.advance(Duration::from_secs(86_400));
+    let (_, restored) = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap();
+    assert_eq!(restored.known_until_ms, Some(until_ms), "a day is too short for a question");
+    backups.bench.centre.clock.advance(Duration::from_secs(1));
+    let refused = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap_err();
+    let accept = format!("--erasures-until {}", to_rfc3339(until_ms));
+    assert!(matches!(&refused, UpkeepError::ShortList { .. }) && refused.to_string().contains(&accept), "{refused}");
+    let accepted = |until_ms| Some(ErasureListChoice { file: None, until_ms: Some(until_ms) });
+    backups.restore(&backup, accepted(until_ms + 1)).await.unwrap_err();
+    let (_, restored) = backups.restore(&backup, accepted(until_ms)).await.unwrap();
+    assert_eq!((restored.erased_again, restored.known_until_ms), (3, Some(until_ms)));
+    // A list of an earlier version has no marks: its last erasure is the last that is known.
+    let earlier: String = backups
+        .list()
+        .lines()
+        .filter(|line| !line.starts_with("complete "))
+        .fold(String::new(), |text, line| text + line + "\n");
+    let last = earlier.lines().last().unwrap().rsplit(' ').next().unwrap().to_owned();
+    fs::write(backups.target.path().join(ERASURE_LIST), &earlier).unwrap();
+    let (_, restored) = backups.restore(&backup, accepted(crate::time::from_rfc3339(&last).unwrap())).await.unwrap();
+    assert_eq!(restored.erased_again, 3);
+}
+
+#[tokio::test]
+async fn a_list_ends_when_the_service_has_another_folder_for_backups() {
+    let bench = UpkeepFixture::new().await;
+    let ana = bench.centre.trainee("Ana").await.id;
+    let (backups, next) = (Backups { target: tempfile::tempdir().unwrap(), bench }, tempfile::tempdir().unwrap());
+    let backup = backups.back_up("monday").await;
+    backups.list_erasures().await;
+    let store = &backups.bench.centre.store;
+    let mut lists = backups.lists(next.path());
+    lists.update(store, backups.now_ms()).await.unwrap();
+    store.trainees().erase(&Scope::service(), &Key::from(&ana)).await.unwrap();
+    lists.update(store, backups.now_ms()).await.unwrap();
+    assert!(backups.list().lines().last().unwrap().starts_with("ended "), "{}", backups.list());
+    let refused = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap_err().to_string();
+    let newer = next.path().join(ERASURE_LIST);
+    assert!(refused.contains(&format!("continued it in `{}`", newer.display())), "{refused}");
+    let accepted = ErasureListChoice { until_ms: Some(backups.now_ms()), ..ErasureListChoice::default() };
+    let (folder, _) = backups.restore(&backup, Some(accepted)).await.unwrap();
+    assert_eq!(trainees(&backups.bench, &folder).await, ["Ana"]);
+    let named = ErasureListChoice { file: Some(newer), ..ErasureListChoice::default() };
+    let (folder, restored) = backups.restore(&backup, Some(named)).await.unwrap();
+    assert_eq!((trainees(&backups.bench, &folder).await, restored.erased_again), (Vec::new(), 1));
+    // The service has the first folder again: its list is complete again.
+    backups.list_erasures().await;
+    let (_, restored) = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap();
+    assert_eq!(restored.erased_again, 1);
+}
+
+#[tokio::test]
+async fn the_list_of_another_installation_is_refused() {
+    let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
+    let (other, elsewhere) = (UpkeepFixture::new().await, tempfile::tempdir().unwrap());
+    let mut lists = ErasureLists::new(other.centre.folder.path(), Some(elsewhere.path()), ErasureListState::default());
+    lists.update(&other.centre.store, backups.now_ms()).await.unwrap();
+    let file = Some(elsewhere.path().join(ERASURE_LIST));
+    let refused = backups.restore(&backup, Some(ErasureListChoice { file, until_ms: None })).await.unwrap_err();
+    assert!(matches!(&refused, UpkeepError::ForeignList(_)), "{refused}");
+}
+
+#[tokio::test]
+async fn a_restored_database_has_the_erasures_of_people_who_were_not_in_the_backup() {
+    let bench = UpkeepFixture::new().await;
+    let backups = Backups { target: tempfile::tempdir().unwrap(), bench };
+    let backup = backups.back_up("monday").await;
+    let store = &backups.bench.centre.store;
+    let ben = backups.bench.centre.trainee("Ben").await.id; // perhaps in a later backup
+    store.trainees().erase(&Scope::service(), &Key::from(&ben)).await.unwrap();
+    backups.list_erasures().await;
+    let (folder, restored) = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap();
+    assert_eq!(restored.erased_again, 0);
+    fs::remove_file(folder.join(ERASURE_LIST)).unwrap();
+    let clock = backups.bench.centre.clock.clone();
+    let again = Store::open(&folder.join(DATABASE), &StoreSettings::default(), clock).await.unwrap();
+    assert_eq!(again.installation().id().await.unwrap(), store.installation().id().await.unwrap());
+    let mut lists = ErasureLists::new(&folder, None, ErasureListState::default());
+    lists.update(&again, backups.now_ms()).await.unwrap();
+    again.close().await;
+    let list = fs::read_to_string(folder.join(ERASURE_LIST)).unwrap();
+    assert!(list.contains(&format!("trainee {ben} ")), "{list}");
+}
+
+/// Makes the scheduled backups of a centre for some days.
+async fn back_up_daily(bench: &UpkeepFixture, settings: &BackupSettings, days: usize) -> BackupState {
+    let (state, shutdown, clock) = (BackupState::default(), Shutdown::new(), bench.centre.clock.clone());
+    let until = (clock.clone() as _, &shutdown);
+    let running = run_backups((&bench.centre.store, &bench.vault), settings, DATABASE, until, &state);
+    let watch = async {
+        let mut newest = None;
+        for day in 0..days {
+            if day > 0 {
+                clock.advance(Duration::from_secs(86_400));
+            }
+            while state.now().newest_ms == newest {
+                tokio::time::sleep(Duration::from_millis(5)).await;
+            }
+            newest = state.now().newest_ms;
+        }
+        shutdown.begin();
+    };
+    tokio::join!(running, watch);
+    state
 }
 
 #[tokio::test]
@@ -210,27 +389,35 @@ async fn a_backup_is_made_each_day_and_the_last_ones_are_kept() {
     fs::create_dir(folder.path().join("partial-of-an-interrupted-one")).unwrap();
     fs::write(folder.path().join("a file of somebody"), b"stays").unwrap();
     let settings = BackupSettings { target: Some(folder.path().to_owned()), keep: 2, ..BackupSettings::default() };
-    let (state, shutdown, clock) = (BackupState::default(), Shutdown::new(), bench.centre.clock.clone());
-    let running =
-        run_backups((&bench.centre.store, &bench.vault), &settings, DATABASE, (clock.clone(), &shutdown), &state);
-    let watch = async {
-        let count = || complete_backups(folder.path()).unwrap().len();
-        let mut newest = None;
-        for _ in 0..4 {
-            while state.now().newest_ms == newest {
-                tokio::time::sleep(Duration::from_millis(5)).await;
-            }
-            newest = state.now().newest_ms;
-            clock.advance(Duration::from_secs(86_400));
-        }
-        assert!((2..=3).contains(&count()), "{}", count());
-        shutdown.begin();
-    };
-    tokio::join!(running, watch);
+    back_up_daily(&bench, &settings, 4).await;
     let kept = complete_backups(folder.path()).unwrap();
+    assert_eq!(kept.len(), 2);
     assert!(kept.windows(2).all(|pair| pair[1].0 - pair[0].0 == 86_400_000), "{kept:?}");
     assert!(folder.path().join("a file of somebody").exists());
     assert!(!folder.path().join("partial-of-an-interrupted-one").exists());
+}
+
+#[tokio::test]
+async fn an_empty_service_with_the_same_folder_leaves_the_backups_of_the_real_one_alone() {
+    let (real, empty) = (UpkeepFixture::new().await, UpkeepFixture::new().await);
+    let folder = tempfile::tempdir().unwrap();
+    let settings = BackupSettings { target: Some(folder.path().to_owned()), keep: 2, ..BackupSettings::default() };
+    assert_eq!(back_up_daily(&real, &settings, 2).await.now().others, 0);
+    let mut backups: Vec<PathBuf> =
+        complete_backups(folder.path()).unwrap().into_iter().map(|(_, path)| path).collect();
+    let without_id = folder.path().join("trocar-2026-11-01T02-30-00Z"); // of an earlier version
+    fs::create_dir(&without_id).unwrap();
+    fs::write(without_id.join(BACKUP_MARK), "This folder is a backup.\n").unwrap();
+    let partial = folder.path().join("partial-of-the-real-one");
+    fs::create_dir(&partial).unwrap();
+    fs::copy(backups[0].join(BACKUP_MARK), partial.join(BACKUP_MARK)).unwrap();
+    backups.extend([without_id, partial]);
+    empty.centre.clock.advance(Duration::from_secs(3 * 86_400));
+    let began_ms = empty.centre.clock.now_ms();
+    let state = back_up_daily(&empty, &settings, 4).await;
+    assert_eq!(backups.iter().filter(|path| !path.exists()).count(), 0);
+    assert_eq!(complete_backups(folder.path()).unwrap().len(), 2 + 1 + 2, "it keeps two of its own");
+    assert_eq!((state.now().others, state.now().newest_ms), (3, Some(began_ms + 3 * 86_400_000)));
 }
 
 #[tokio::test]

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::centre::Centre;
 use crate::planted::{DAY_MS, Planter, duration};
-use crate::support::{problem, read};
+use crate::support::{Service, problem, read};
 use trocar::motion::PIPELINE_VERSION;
 use trocar::time::{Clock, SystemClock};
 
@@ -254,4 +254,29 @@ async fn administrators_read_the_state_of_the_service_and_the_audit_log() {
             problem(client.get(path).await, 403, "forbidden").await;
         }
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn administrators_see_that_erasures_cannot_be_listed_and_that_backups_are_of_another_service() {
+    let target = tempfile::tempdir().unwrap();
+    let foreign = target.path().join("trocar-2026-11-01T02-30-00Z");
+    std::fs::create_dir(&foreign).unwrap();
+    let list = target.path().join("erasures");
+    let line = "trainee 0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44 2026-11-21T20:14:00Z\n";
+    std::fs::write(&list, format!("{line}garbage\n")).unwrap();
+    let service = Service::start_with(|settings| {
+        settings.upkeep.collect_s = 1;
+        settings.backup.target = Some(target.path().to_owned());
+    })
+    .await;
+    let administrator = service.administrator().await;
+    let is_failing =
+        |state: &Value| !state["erasure_list_error"].is_null() && state["scheduled_backups"]["others"] == 1;
+    let state = administrator.read_until("/api/v1/service", is_failing).await;
+    let error = state["erasure_list_error"].as_str().unwrap();
+    assert!(error.contains(list.to_str().unwrap()) && error.contains("line 2 is damaged"), "{error}");
+    std::fs::write(&list, line).unwrap();
+    administrator.read_until("/api/v1/service", |state| state["erasure_list_error"].is_null()).await;
+    assert!(foreign.exists());
+    service.stop().await;
 }
