@@ -26,10 +26,11 @@ mod recover;
 mod restore;
 mod retention;
 mod scheduled_backups;
+mod unfinished_folder;
 mod update_copy;
 
-pub use backup::{BACKUP_MARK, back_up};
-pub use check::{Finding, check};
+pub use backup::{BackupReport, back_up};
+pub use check::{Finding, LostFile, check};
 use collect::{collect, forget_expired_uploads, remove_orphan_uploads, remove_unreferenced};
 pub use erasure_list::{ERASURE_LIST, ErasureLists};
 use password_file::forget_changed_passwords;
@@ -38,6 +39,7 @@ pub use recover::{Recovered, recover};
 pub use restore::{Restored, restore};
 pub use retention::{RetentionSettings, apply_retention};
 pub use scheduled_backups::{BackupProgress, BackupSettings, BackupState, complete_backups, run_backups};
+pub use unfinished_folder::{BACKUP_MARK, BackupMark};
 pub use update_copy::{UPDATE_COPY_FOLDER, copy_before_update};
 use update_copy::{erase_in_update_copy, forget_old_update_copy};
 
@@ -60,6 +62,9 @@ pub enum UpkeepError {
     /// A backup would overwrite something.
     #[error("`{}` is not empty: name a folder that is empty or does not exist yet", .0.display())]
     Used(PathBuf),
+    /// The service or the command was stopped.
+    #[error("interrupted by the stop")]
+    Interrupted,
     /// Recordings were erased repeatedly while they were being copied.
     #[error("recordings were erased repeatedly during the backup: try again")]
     Unsettled,
@@ -82,6 +87,12 @@ pub enum UpkeepError {
     /// A folder that is to be restored is no backup.
     #[error("`{}` is no backup: it has no database", .0.display())]
     NoBackup(PathBuf),
+    /// A backup that is to be restored was not finished.
+    #[error(
+        "`{}` is no backup: its making was interrupted, or is not finished yet. Name another one; one that was \
+         interrupted can be deleted", .0.display()
+    )]
+    UnfinishedBackup(PathBuf),
     /// No list says who was erased since the backup.
     #[error(
         "there is no list of erasures `{}`: people who were erased since this backup would come back. Name the list with \

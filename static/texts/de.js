@@ -2103,6 +2103,8 @@ export default {
     planOf: (at, keep) => `jeden Tag um ${at} UTC; die letzten ${keep} bleiben`,
     folder: 'Ordner',
     planFailed: 'Die letzte geplante Sicherung ist fehlgeschlagen',
+    planLacks: n => `Der neuesten geplanten Sicherung ${n === 1 ? 'fehlt' : 'fehlen'} ${plural(n, 'Datei', 'Dateien')}`,
+    planLacksBody: 'Diese Dateien fehlten im Datenordner oder waren beschädigt, als die Sicherung gemacht wurde. Kopieren Sie sie aus einer früheren Sicherung, die sie noch hat, an dieselbe Stelle im Datenordner, oder löschen Sie, worauf sie sich beziehen. Hier stehen höchstens 20; die Datei BACKUP in der Sicherung nennt alle.',
     old: days => `${plural(days, 'Tag', 'Tage')} alt`,
     queue: 'Warteschlange',
     waiting: 'Wartet',

@@ -2004,6 +2004,8 @@ export default {
     planOf: (at, keep) => `every day at ${at} UTC; the last ${keep} are kept`,
     folder: 'Folder',
     planFailed: 'The last scheduled backup failed',
+    planLacks: n => `The newest scheduled backup lacks ${plural(n, 'file', 'files')}`,
+    planLacksBody: 'These files were missing or damaged in the data folder when the backup was made. Copy them from an earlier backup that has them to the same place in the data folder, or delete what refers to them. At most 20 are listed here; the file BACKUP in the backup lists all.',
     old: days => `${plural(days, 'day', 'days')} old`,
     queue: 'Queue',
     waiting: 'Waiting',

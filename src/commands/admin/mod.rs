@@ -22,8 +22,12 @@ use super::{CommandFailure, restrict_new_files_to_owner, serve};
 use crate::settings::{Flags, Settings};
 use crate::store::{Store, StoreError};
 use crate::time::SystemClock;
-use crate::upkeep::{self, BACKUP_MARK};
+use crate::upkeep::{self, BACKUP_MARK, LostFile};
 use crate::vault::Vault;
+
+/// What to do about files that are missing or damaged in the data folder.
+const LOST_FILES: &str = "A lost file: copy it from a backup that has it to the same place in the data folder, while \
+                          the service runs or not; if no backup has it, delete what refers to it";
 
 /// Arguments of `trocar admin`.
 #[derive(clap::Args)]
@@ -51,7 +55,7 @@ enum AdminCommand {
 enum FolderCommand {
     /// Check the database and the files, without changing them; exit status 1 if data is lost.
     Check(check::CheckArgs),
-    /// Copy database and files into an empty folder; the service may run.
+    /// Copy database and files into an empty folder; the service may run. Exit status 1 if files are lost.
     Backup(backup::BackupArgs),
     /// List, add and delete accounts; set passwords.
     #[command(subcommand)]
@@ -136,6 +140,13 @@ impl DataFolder {
         serve::refuse_backup(&settings.data).map_err(CommandFailure::input)?;
         let store = Store::open_existing(&database, &settings.store, Arc::new(SystemClock)).await;
         Ok(Self { store: opened(store)?, vault: Vault::open_existing(&settings.data) })
+    }
+}
+
+/// Prints one line for each file.
+fn print_lost(files: &[LostFile]) {
+    for file in files {
+        println!("{file}");
     }
 }
 

@@ -3,10 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 
 use super::super::CommandFailure;
+use super::print_lost;
 use crate::settings::DATABASE_FILE;
+use crate::shutdown::Shutdown;
 use crate::time::SystemClock;
 use crate::upkeep::{self, Restored, UpkeepError};
 
@@ -23,14 +25,20 @@ pub struct RestoreArgs {
     without_erasures: bool,
 }
 
-/// Restores the backup into the data folder, which must be empty or not exist yet.
+/// Restores the backup into the data folder, which must be empty, not exist yet, or be left by an interrupted restore.
+/// Fails if the backup lacks files; the others are restored all the same.
 pub async fn run(data: &Path, args: RestoreArgs) -> Result<(), CommandFailure> {
     let erasures = (!args.without_erasures).then_some(args.erasures);
-    let done = upkeep::restore(&args.backup, data, erasures, DATABASE_FILE, Arc::new(SystemClock)).await;
-    let Restored { files, erased_again, kept } = match done {
-        Err(wrong @ (UpkeepError::Used(_) | UpkeepError::NoBackup(_) | UpkeepError::NoList(_))) => {
-            return Err(CommandFailure::input(wrong));
-        }
+    let stop = Shutdown::new();
+    stop.begin_on_signals().context("listening for signals")?;
+    let done = upkeep::restore(&args.backup, data, erasures, DATABASE_FILE, Arc::new(SystemClock), &stop).await;
+    let Restored { files, missing, erased_again, kept } = match done {
+        Err(
+            wrong @ (UpkeepError::Used(_)
+            | UpkeepError::NoBackup(_)
+            | UpkeepError::UnfinishedBackup(_)
+            | UpkeepError::NoList(_)),
+        ) => return Err(CommandFailure::input(wrong)),
         done => done.with_context(|| format!("restoring to `{}`", data.display()))?,
     };
     for account in kept {
@@ -39,5 +47,14 @@ pub async fn run(data: &Path, args: RestoreArgs) -> Result<(), CommandFailure> {
     println!("restored: `{}` holds the database and {files} files, all verified", data.display());
     println!("erased again: {erased_again} people and recordings that were erased since the backup");
     println!("to run it: trocar serve --data {}", data.display());
-    Ok(())
+    print_lost(&missing);
+    if missing.is_empty() {
+        return Ok(());
+    }
+    Err(CommandFailure::Failed(anyhow!(
+        "`{}` is restored and can be used, but the backup lacks the {} files above: copy them from another backup that \
+         has them to the same place in the data folder, or delete what refers to them",
+        data.display(),
+        missing.len()
+    )))
 }
