@@ -1,4 +1,4 @@
-//! Backups by the real program: stopped within a file, and of a data folder that has lost files.
+//! Backups by the real program: stopped within a file, of a data folder that has lost files, and their metrics.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Write};
@@ -7,12 +7,13 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
 use tempfile::TempDir;
 use trocar::domain::blob::Blob;
 
 use crate::api::centre::{Centre, recording, session};
 use crate::process::{Process, program};
-use crate::support::soon;
+use crate::support::{ADMINISTRATOR, Client, soon};
 
 /// The longest time in which a backup ends after a stop. Without the stop it would read the same file for ever.
 const AT_ONCE: Duration = Duration::from_secs(6);
@@ -145,4 +146,36 @@ async fn a_backup_by_hand_that_lacks_files_is_made_fails_and_names_them_and_so_d
     let mark = fs::read_to_string(backup.join("BACKUP")).unwrap();
     assert!(mark.starts_with("This folder is a backup with missing files.") && mark.contains(&line), "{mark}");
     drop(Process::start(&restored)); // the service runs on it
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_metrics_of_backups_exist_before_the_first_backup_and_name_its_time_and_losses_then() {
+    let data = DataWithSession::new().await;
+    fs::remove_file(&data.recording).unwrap();
+    let target = tempfile::tempdir().unwrap();
+    let metrics = async |target: &Path| {
+        let service = Process::launch(data.folder.path(), |command| {
+            command.env("TROCAR_BACKUP__TARGET", target);
+        });
+        let client = Client::of(format!("http://{}", service.address));
+        let read = async |name: &str| {
+            let metrics = client.get("/metrics").await.text().await.unwrap();
+            let line = metrics.lines().find_map(|line| line.strip_prefix(name)).unwrap_or_else(|| panic!("{metrics}"));
+            line.trim().parse::<f64>().unwrap()
+        };
+        let administrator = client.clone().signed_in(ADMINISTRATOR.0, ADMINISTRATOR.1).await;
+        let tried = |state: &Value| {
+            let plan = &state["scheduled_backups"];
+            !plan["error"].is_null() || !plan["newest_at"].is_null()
+        };
+        let state = administrator.read_until("/api/v1/service", tried).await;
+        let at_s = read("trocar_backup_last_success_timestamp_seconds").await;
+        (at_s, read("trocar_backup_missing_files").await, state["scheduled_backups"].clone())
+    };
+    let (at_s, missing, plan) = metrics(&target.path().join("not mounted")).await;
+    assert_eq!((at_s, missing), (0.0, 0.0), "{plan}");
+    let (at_s, missing, plan) = metrics(target.path()).await;
+    assert!(at_s > 1.7e9, "{at_s}");
+    assert_eq!((missing, &plan["missing_files"], &plan["error"]), (1.0, &1.into(), &Value::Null));
+    assert!(plan["missing"][0].as_str().unwrap().contains(&data.session), "{plan}");
 }
