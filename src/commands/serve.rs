@@ -289,8 +289,8 @@ pub(super) fn refuse_backup(data: &Path) -> anyhow::Result<()> {
     let shown = data.display();
     anyhow::ensure!(
         !data.join(BACKUP_MARK).exists(),
-        "`{shown}` is a backup, or a folder whose restoring was interrupted. A backup: restore it into a new folder with \
-         `trocar admin restore {shown} --data NEW-FOLDER`. An interrupted one: delete it and restore again"
+        "`{shown}` is a backup, or a folder whose backup or restore was interrupted. A backup: restore it into a new \
+         folder with `trocar admin restore {shown} --data NEW-FOLDER`. An interrupted one: delete it and restore again"
     );
     Ok(())
 }

@@ -29,6 +29,13 @@ impl Blob {
     }
 }
 
+impl BlobHash {
+    /// Path of the blob in a data folder, such as `blobs/ab/abcd…`.
+    pub fn file(&self) -> String {
+        format!("blobs/{:02x}/{self}", self.0[0])
+    }
+}
+
 impl fmt::Display for BlobHash {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))

@@ -7,7 +7,7 @@ use axum::extract::{ConnectInfo, FromRequestParts, State};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::IntoResponse;
-use metrics::gauge;
+use metrics::{counter, gauge};
 use serde::Serialize;
 use utoipa::ToSchema;
 
@@ -16,6 +16,7 @@ use super::compress::Uncompressed;
 use super::error::{HandlerResult, ProblemResponse, busy};
 use super::read::Json;
 use super::state::App;
+use crate::upkeep::BackupProgress;
 
 /// Check that the process is alive
 #[utoipa::path(get, path = "/healthz", tag = "operation", security(()), responses((status = OK, body = String)))]
@@ -77,8 +78,12 @@ pub async fn metrics(State(app): State<App>, _: MetricsReader) -> HandlerResult<
     let counts = app.store.jobs().counts().await?;
     gauge!("trocar_jobs", "state" => "queued").set(counts.queued as f64);
     gauge!("trocar_jobs", "state" => "running").set(counts.running as f64);
-    if let Some(newest_ms) = app.backup_state.now().newest_ms {
-        gauge!("trocar_backup_age_seconds").set((app.clock.now_ms() - newest_ms) as f64 / 1e3);
+    gauge!("trocar_jobs", "state" => "quarantined").set(counts.quarantined as f64);
+    counter!("trocar_jobs_failed_total").increment(0); // present before the first failure, so that an alert sees it
+    if app.backup_settings.target.is_some() {
+        let BackupProgress { newest_ms, missing, .. } = app.backup_state.now();
+        gauge!("trocar_backup_last_success_timestamp_seconds").set(newest_ms.unwrap_or(0) as f64 / 1e3);
+        gauge!("trocar_backup_missing_files").set(missing.len() as f64);
     }
     gauge!("trocar_event_streams").set(app.watcher_slots.taken() as f64);
     let headers = [(header::CONTENT_TYPE, "text/plain; version=0.0.4")];

@@ -12,6 +12,9 @@ use super::state::App;
 use crate::store::{AuditEntry, Backup, QueueCounts, StoreResult};
 use crate::upkeep::{BackupProgress, BackupSettings, RetentionSettings};
 
+/// Files that the newest backup lacks that are shown; its file `BACKUP` has all.
+const MAX_MISSING_SHOWN: usize = 20;
+
 /// State of the service.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct ServiceState {
@@ -107,6 +110,10 @@ pub struct ScheduledBackups {
     /// Number of backups in the folder that are of another installation, or of an earlier version, whose backups name
     /// none. The service never deletes them.
     others: usize,
+    /// Number of files that the newest one lacks, because they were lost when it was made.
+    missing_files: usize,
+    /// The first 20 of them, each with what refers to it.
+    missing: Vec<String>,
     /// Why the last attempt failed; `null`: it succeeded, or there was none yet.
     error: Option<String>,
 }
@@ -114,9 +121,11 @@ pub struct ScheduledBackups {
 impl ScheduledBackups {
     fn of(app: &App) -> Option<Self> {
         let BackupSettings { target, at, keep } = &app.backup_settings;
-        let BackupProgress { newest_ms, others, error } = app.backup_state.now();
-        let folder = target.as_ref()?.display().to_string();
-        Some(Self { folder, at: at.to_string(), keep: *keep, newest_at: newest_ms.map(Time), others, error })
+        let BackupProgress { newest_ms, others, mut missing, error } = app.backup_state.now();
+        let (folder, missing_files) = (target.as_ref()?.display().to_string(), missing.len());
+        missing.truncate(MAX_MISSING_SHOWN);
+        let (at, newest_at) = (at.to_string(), newest_ms.map(Time));
+        Some(Self { folder, at, keep: *keep, newest_at, others, missing_files, missing, error })
     }
 }
 

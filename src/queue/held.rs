@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use metrics::counter;
+
 use super::Queue;
 use crate::domain::job::JobState;
 use crate::domain::problem::Problem;
@@ -61,6 +63,7 @@ impl HeldJob {
     /// Ends the job as failed, with the reason.
     pub async fn fail(&self, problem: Problem) -> StoreResult<JobRecord> {
         let job = self.store().jobs().fail(&self.lease, problem).await?;
+        counter!("trocar_jobs_failed_total").increment(1);
         self.queue.publish_job_state(&job).await;
         Ok(job)
     }

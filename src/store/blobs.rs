@@ -2,15 +2,57 @@
 //! reference to it, or earlier for a file that may never get one. The row is deleted after the last reference. The file
 //! exists before its row and is deleted after it.
 
+use std::fmt;
+
 use sqlx::sqlite::SqliteConnection;
 
-use super::Store;
 use super::columns::integer;
 use super::error::StoreResult;
+use super::visibility::require_administrator;
+use super::{Scope, Store};
 use crate::domain::blob::{Blob, BlobHash};
+use crate::domain::text::Code;
+use crate::ids::SessionId;
 
 /// Access to the rows of files.
 pub struct BlobStore<'s>(pub(super) &'s Store);
+
+/// A session, or a box without a session, that refers to a file. It is shown as a phrase for people.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct BlobUse {
+    /// What the file is, such as `recording` or `path`; several joined by commas.
+    pub parts: String,
+    /// The session; `None`: the file belongs to a box.
+    pub session_id: Option<SessionId>,
+    /// Code of the session's trainee.
+    pub trainee: Option<Code>,
+    /// Code of the session's task.
+    pub task: Option<Code>,
+    /// Code of the box.
+    pub box_code: Option<Code>,
+}
+
+/// Most uses of one file that are read. A recording has more only if it was sent for many trainees or tasks.
+const MAX_USES: u32 = 20;
+
+const SELECT_USES: &str = "
+    SELECT replace(group_concat(DISTINCT part), ',', ', ') AS parts, found.session_id, trainee.code AS trainee,
+           task.code AS task, training_box.code AS box_code
+    FROM (SELECT iif(tracker IS NULL, 'recording', 'table') AS part, id AS session_id, CAST(NULL AS TEXT) AS box_id
+          FROM session WHERE video = $1
+          UNION ALL SELECT 'path', session_id, NULL FROM result WHERE trajectory = $1
+          UNION ALL SELECT 'diagnostics', session_id, NULL FROM result WHERE diagnostics = $1
+          UNION ALL SELECT 'preview', session_id, NULL FROM result WHERE preview = $1
+          UNION ALL SELECT 'file of a ' || kind || ' job', session_id, box_id
+          FROM job_file JOIN job ON job.id = job_file.job_id
+          WHERE job_file.blob = $1 AND NOT EXISTS
+              (SELECT 1 FROM session LEFT JOIN result ON result.session_id = session.id
+               WHERE session.id = job.session_id AND $1 IN (session.video, result.trajectory))) AS found
+    LEFT JOIN session ON session.id = found.session_id
+    LEFT JOIN trainee ON trainee.id = session.trainee_id
+    LEFT JOIN task ON task.id = session.task_id
+    LEFT JOIN training_box ON training_box.id = coalesce(session.box_id, found.box_id)
+    GROUP BY found.session_id, found.box_id ORDER BY found.session_id, found.box_id LIMIT $2";
 
 const SELECT_UNREFERENCED: &str = "
     SELECT hash FROM blob WHERE hash NOT IN (SELECT hash FROM blob_reference) LIMIT $1";
@@ -69,6 +111,13 @@ impl BlobStore<'_> {
         Ok(sqlx::query_scalar(SELECT_IS_DROPPED).bind(hash).fetch_optional(self.0.readers()).await?)
     }
 
+    /// The sessions and boxes that refer to a file, at most 20.
+    pub async fn uses(&self, scope: &Scope, hash: BlobHash) -> StoreResult<Vec<BlobUse>> {
+        require_administrator(scope, "the use of a file")?;
+        let uses = sqlx::query_as(SELECT_USES).bind(hash).bind(MAX_USES);
+        Ok(uses.fetch_all(self.0.readers()).await?)
+    }
+
     /// The number of files and their total size in bytes: no personal data.
     pub async fn total(&self) -> StoreResult<(u64, u64)> {
         let (files, bytes): (i64, i64) = sqlx::query_as(SELECT_TOTAL).fetch_one(self.0.readers()).await?;
@@ -80,6 +129,19 @@ impl BlobStore<'_> {
         let rows: Vec<(BlobHash, i64)> =
             sqlx::query_as(SELECT_BLOBS).bind(after).bind(most).fetch_all(self.0.readers()).await?;
         Ok(rows.into_iter().map(|(hash, bytes)| Blob { hash, bytes: bytes.unsigned_abs() }).collect())
+    }
+}
+
+impl fmt::Display for BlobUse {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.parts)?;
+        if let Some(session) = self.session_id {
+            write!(f, " of session {session}")?;
+        }
+        let codes = [("trainee", &self.trainee), ("task", &self.task), ("box", &self.box_code)];
+        let named: Vec<String> =
+            codes.iter().filter_map(|(what, code)| Some(format!("{what} {}", code.as_ref()?))).collect();
+        write!(f, " ({})", named.join(", "))
     }
 }
 

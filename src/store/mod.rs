@@ -32,7 +32,7 @@
 //! | [`Store::edits`] | `of_session` `in_force` `add` `undo` |
 //! | [`Store::rescorings`] | `create` `cancel` `list` `get` `items` `trainees` · for [`crate::rescoring`]: `queue_waiting` `ended` `settle` `end_completed` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `mark_crashed` `release` `sweep` |
-//! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `note` `has` `is_dropped` `all` `total` |
+//! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `note` `has` `is_dropped` `all` `uses` `total` |
 //! | [`Store::erasures`] | `after` `last` `repeat` `add` |
 //! | [`Store::pending_erasures`] | `extent` `request` `list` `take_back` `due` |
 //! | [`Store::retention`] | `old_videos` `drop_videos` `release_failed_pictures` |
@@ -92,7 +92,7 @@ use sqlx::SqlitePool;
 use sqlx::sqlite::SqliteConnection;
 
 pub use audit::{AuditEntry, AuditStore, Backup};
-pub use blobs::BlobStore;
+pub use blobs::{BlobStore, BlobUse};
 pub use boxes::{BoxRecord, BoxStore};
 pub use calibrations::{CalibrationRecord, CalibrationStore};
 pub use cohorts::{CohortRecord, CohortStore, CohortValue};

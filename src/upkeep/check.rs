@@ -4,21 +4,22 @@ use std::collections::HashSet;
 use std::fmt;
 
 use super::UpkeepResult;
+use super::backup::unless_stopped;
 use super::orphans::OrphanFiles;
 use crate::domain::blob::{Blob, BlobHash};
+use crate::domain::scope::Scope;
 use crate::ids::{FeedId, UploadId};
-use crate::store::Store;
-use crate::vault::{Vault, VaultError};
+use crate::shutdown::Shutdown;
+use crate::store::{BlobUse, Store};
+use crate::vault::{FileLoss, Vault, VaultError, VaultResult};
 
 /// A problem that the check found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Finding {
     /// The database file is damaged, or a reference dangles.
     Database(String),
-    /// A row refers to a missing file.
-    MissingFile(BlobHash),
-    /// A file's content does not match its name, or its length not the row.
-    DamagedFile(BlobHash),
+    /// A row refers to a file that cannot be used.
+    LostFile(LostFile),
     /// A file that no row needs: harmless if there are few; the next start removes them.
     OrphanFile(BlobHash),
     /// So many files have no row that the database is probably not theirs.
@@ -39,6 +40,29 @@ pub enum Finding {
     OrphanFeed(FeedId),
 }
 
+/// A file that the database refers to and that cannot be used, with what refers to it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LostFile {
+    /// Its hash, which is its name.
+    pub hash: BlobHash,
+    /// Why it cannot be used.
+    pub loss: FileLoss,
+    /// The sessions and boxes that refer to it; at most 20.
+    pub uses: Vec<BlobUse>,
+}
+
+impl fmt::Display for LostFile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let uses: Vec<String> = self.uses.iter().map(ToString::to_string).collect();
+        let uses = if uses.is_empty() { "nothing refers to it".to_owned() } else { uses.join("; ") };
+        write!(f, "{} file {}: {uses}", self.loss.name(), self.hash.file())?;
+        match &self.loss {
+            FileLoss::Unreadable(why) => write!(f, " ({why})"),
+            FileLoss::Missing | FileLoss::Damaged => Ok(()),
+        }
+    }
+}
+
 impl Finding {
     /// True if data is lost; otherwise it is only a harmless leftover.
     pub fn is_loss(&self) -> bool {
@@ -50,8 +74,7 @@ impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Finding::Database(what) => write!(f, "database: {what}"),
-            Finding::MissingFile(hash) => write!(f, "missing file: {hash}"),
-            Finding::DamagedFile(hash) => write!(f, "damaged file: {hash}"),
+            Finding::LostFile(file) => file.fmt(f),
             Finding::OrphanFile(hash) => {
                 write!(f, "file that nothing refers to: {hash} (the next start removes it, if there are few)")
             }
@@ -82,8 +105,18 @@ const ROUND: u32 = 1_000;
 
 /// Compares the database with the files. With `thorough`, every file is read and verified.
 pub async fn check(store: &Store, vault: &Vault, thorough: bool) -> UpkeepResult<Vec<Finding>> {
-    let mut findings: Vec<Finding> = store.check().await?.into_iter().map(Finding::Database).collect();
-    check_rows(store, vault, thorough, &mut findings).await?;
+    check_until((store, vault), thorough, &Shutdown::new()).await
+}
+
+/// Like [`check`]; a stop ends it at once.
+pub(super) async fn check_until(
+    (store, vault): (&Store, &Vault),
+    thorough: bool,
+    stop: &Shutdown,
+) -> UpkeepResult<Vec<Finding>> {
+    let problems = unless_stopped(stop, store.check()).await?;
+    let mut findings: Vec<Finding> = problems.into_iter().map(Finding::Database).collect();
+    check_rows((store, vault), thorough, stop, &mut findings).await?;
     check_files(store, vault, &mut findings).await?;
     for upload in store.uploads().unfinished().await? {
         let there = vault.upload_length(upload.id).await;
@@ -144,12 +177,21 @@ fn sorted<'a>(ids: impl Iterator<Item = &'a FeedId>) -> Vec<FeedId> {
 }
 
 /// Checks that every row has its file.
-async fn check_rows(store: &Store, vault: &Vault, thorough: bool, findings: &mut Vec<Finding>) -> UpkeepResult<()> {
+async fn check_rows(
+    (store, vault): (&Store, &Vault),
+    thorough: bool,
+    stop: &Shutdown,
+    findings: &mut Vec<Finding>,
+) -> UpkeepResult<()> {
     let mut after = None;
     loop {
         let blobs = store.blobs().all(after, ROUND).await?;
         for blob in &blobs {
-            findings.extend(check_blob(vault, *blob, thorough).await?);
+            let checked = if thorough { vault.verify(*blob, stop).await } else { check_length(vault, *blob).await };
+            if let Some(loss) = checked? {
+                let uses = store.blobs().uses(&Scope::service(), blob.hash).await?;
+                findings.push(Finding::LostFile(LostFile { hash: blob.hash, loss, uses }));
+            }
         }
         after = blobs.last().map(|blob| blob.hash);
         if after.is_none() {
@@ -158,13 +200,11 @@ async fn check_rows(store: &Store, vault: &Vault, thorough: bool, findings: &mut
     }
 }
 
-async fn check_blob(vault: &Vault, blob: Blob, thorough: bool) -> UpkeepResult<Option<Finding>> {
+/// Checks only that a blob can be opened and has its length.
+async fn check_length(vault: &Vault, blob: Blob) -> VaultResult<Option<FileLoss>> {
     match vault.open_blob(blob.hash).await {
-        Err(VaultError::NotFound) => Ok(Some(Finding::MissingFile(blob.hash))),
-        Err(error) => Err(error.into()),
-        Ok((_, bytes)) if bytes != blob.bytes => Ok(Some(Finding::DamagedFile(blob.hash))),
-        Ok(_) if thorough && !vault.is_intact(blob.hash).await? => Ok(Some(Finding::DamagedFile(blob.hash))),
-        Ok(_) => Ok(None),
+        Ok((_, bytes)) => Ok((bytes != blob.bytes).then_some(FileLoss::Damaged)),
+        Err(error) => error.loss().map_or(Err(error), |loss| Ok(Some(loss))),
     }
 }
 

@@ -30,11 +30,12 @@ mod recover;
 mod restore;
 mod retention;
 mod scheduled_backups;
+mod unfinished_folder;
 mod update_copy;
 
 pub use access::{is_readable, require_writable};
-pub use backup::{BACKUP_MARK, back_up};
-pub use check::{Finding, check};
+pub use backup::{BackupReport, back_up};
+pub use check::{Finding, LostFile, check};
 use collect::{collect, forget_expired_uploads, remove_orphan_uploads, remove_unreferenced};
 pub use erasure_list::{ERASURE_LIST, ErasureListState, ErasureLists};
 pub use lost_database::refuse_lost_database;
@@ -45,6 +46,7 @@ pub use recover::{Recovered, recover};
 pub use restore::{ErasureListChoice, Restored, restore};
 pub use retention::{RetentionSettings, apply_retention};
 pub use scheduled_backups::{BackupProgress, BackupSettings, BackupState, complete_backups, run_backups};
+pub use unfinished_folder::{BACKUP_MARK, BackupMark};
 pub use update_copy::UPDATE_COPY_FOLDER;
 use update_copy::{copy_before_update, erase_in_update_copy, forget_old_update_copy};
 
@@ -67,6 +69,9 @@ pub enum UpkeepError {
     /// A backup would overwrite something.
     #[error("`{}` is not empty: name a folder that is empty or does not exist yet", .0.display())]
     Used(PathBuf),
+    /// The service or the command was stopped.
+    #[error("interrupted by the stop")]
+    Interrupted,
     /// The folder has files of an earlier database, but no database.
     #[error(
         "the database `{}` is missing or empty, but its folder holds {remains} of an earlier one. No new database is \
@@ -124,6 +129,12 @@ pub enum UpkeepError {
     /// A folder that is to be restored is no backup.
     #[error("`{}` is no backup: it has no database, or an empty one", .0.display())]
     NoBackup(PathBuf),
+    /// A backup that is to be restored was not finished.
+    #[error(
+        "`{}` is no backup: its making was interrupted, or is not finished yet. Name another one; one that was \
+         interrupted can be deleted", .0.display()
+    )]
+    UnfinishedBackup(PathBuf),
     /// No list says who was erased since the backup.
     #[error(
         "there is no list of erasures `{}`: people who were erased since this backup would come back. Name the list with \

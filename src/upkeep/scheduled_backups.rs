@@ -1,4 +1,5 @@
-//! Scheduled backups: one a day, made at a set time or as soon as the service runs after it. The last ones are kept.
+//! Scheduled backups: one a day, made at a set time or as soon as the service runs after it. The last ones are kept,
+//! and the last one without missing files.
 
 use std::fs::{self, File};
 use std::io;
@@ -8,8 +9,8 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
-use super::backup::installation_of;
-use super::{UpkeepError, UpkeepResult, back_up};
+use super::unfinished_folder::installation_of;
+use super::{BackupMark, BackupReport, UpkeepError, UpkeepResult, back_up};
 use crate::domain::text::Invalid;
 use crate::ids::InstallationId;
 use crate::shutdown::Shutdown;
@@ -91,6 +92,8 @@ pub struct BackupProgress {
     pub newest_ms: Option<i64>,
     /// Number of backups in the folder that are of another installation, or name none. They are never deleted.
     pub others: usize,
+    /// The files that this backup lacks, each with what refers to it.
+    pub missing: Vec<String>,
     /// Why the last attempt failed; `None` if it succeeded.
     pub error: Option<String>,
 }
@@ -116,9 +119,15 @@ pub async fn run_backups(
 ) {
     let Some(target) = &settings.target else { return };
     while !shutdown.is_begun() {
-        let made = make_if_due((store, vault), (target, settings), database, clock.clone(), state).await;
+        let until = (clock.clone(), shutdown);
+        let made = make_if_due((store, vault), (target, settings), database, until, state).await;
         let pause = match made {
             Ok(()) => LOOK_INTERVAL,
+            Err(UpkeepError::Interrupted) => {
+                let target = target.display();
+                tracing::info!(%target, "scheduled backup interrupted by the stop; the next start makes it");
+                return;
+            }
             Err(error) => {
                 tracing::error!(%error, target = %target.display(), "scheduled backup failed; tried again in an hour");
                 state.lock().error = Some(error.to_string());
@@ -136,29 +145,33 @@ async fn make_if_due(
     (store, vault): (&Store, &Vault),
     (target, settings): (&Path, &BackupSettings),
     database: &str,
-    clock: SharedClock,
+    (clock, shutdown): (SharedClock, &Shutdown),
     state: &BackupState,
 ) -> UpkeepResult<()> {
     let now_ms = clock.now_ms();
     let own = store.installation().id().await?;
     let complete = own_backups(target, own, state)?;
-    state.lock().newest_ms = complete.last().map(|(at_ms, _)| *at_ms);
+    note_newest(&complete, state)?;
     if complete.last().is_some_and(|(at_ms, _)| *at_ms >= settings.at.last_before(now_ms)) {
         return Ok(());
     }
     remove_partial(target, own)?;
     let stamp = to_rfc3339(now_ms).replace(':', "-");
     let (partial, made) = (target.join(format!("{PARTIAL_PREFIX}{stamp}")), target.join(format!("{PREFIX}{stamp}")));
-    let files = back_up((store, vault), &partial, database, clock).await?;
+    let BackupReport { files, missing } = back_up((store, vault), &partial, database, clock, shutdown).await?;
     let failed = target_error(target);
     fs::rename(&partial, &made).and_then(|()| File::open(target)?.sync_all()).map_err(&failed)?;
-    tracing::info!(files, backup = %made.display(), "scheduled backup complete");
-    {
-        let mut progress = state.lock();
-        (progress.newest_ms, progress.error) = (Some(now_ms), None);
+    let backup = made.display();
+    if missing.is_empty() {
+        tracing::info!(files, %backup, "scheduled backup complete");
+    } else {
+        let missing = missing.len();
+        tracing::error!(files, missing, %backup, "scheduled backup lacks files; its file BACKUP names them");
     }
+    state.lock().error = None;
     let complete = own_backups(target, own, state)?;
-    for (_, old) in &complete[..complete.len().saturating_sub(settings.keep)] {
+    note_newest(&complete, state)?;
+    for old in surplus(&complete, settings.keep) {
         fs::remove_dir_all(old).map_err(&failed)?;
     }
     Ok(())
@@ -181,7 +194,36 @@ fn own_backups(target: &Path, own: InstallationId, state: &BackupState) -> Upkee
     Ok(complete)
 }
 
-/// The complete backups in a folder, oldest first: time in epoch ms, and path.
+/// Notes the newest backup in the state, with the files that it lacks.
+fn note_newest(complete: &[(i64, PathBuf)], state: &BackupState) -> UpkeepResult<()> {
+    let newest = complete.last();
+    let newest_ms = newest.map(|(at_ms, _)| *at_ms);
+    if state.lock().newest_ms == newest_ms {
+        return Ok(());
+    }
+    let missing = newest.map_or(Ok(Vec::new()), |(_, path)| missing_in(path))?;
+    let mut progress = state.lock();
+    (progress.newest_ms, progress.missing) = (newest_ms, missing);
+    Ok(())
+}
+
+/// The backups to delete so that the last `keep` stay, and the last one that lacks no file.
+fn surplus(complete: &[(i64, PathBuf)], keep: usize) -> Vec<&Path> {
+    let lacks_nothing = |(_, path): &(i64, PathBuf)| missing_in(path).is_ok_and(|missing| missing.is_empty());
+    let last = complete.iter().rposition(lacks_nothing);
+    let old = complete.iter().take(complete.len().saturating_sub(keep)).enumerate();
+    old.filter(|(number, _)| Some(*number) != last).map(|(_, (_, path))| path.as_path()).collect()
+}
+
+/// The files that a finished backup lacks, each with what refers to it.
+fn missing_in(backup: &Path) -> UpkeepResult<Vec<String>> {
+    match BackupMark::read(backup)? {
+        Some(BackupMark::Backup { missing }) => Ok(missing),
+        Some(BackupMark::Unfinished) | None => Ok(Vec::new()),
+    }
+}
+
+/// The finished backups in a folder, oldest first: time in epoch ms, and path. Some of them may lack files.
 pub fn complete_backups(target: &Path) -> UpkeepResult<Vec<(i64, PathBuf)>> {
     let mut found: Vec<(i64, PathBuf)> = entries(target)?
         .into_iter()

@@ -1,9 +1,13 @@
 //! Tests of files and database together: after a crash at any point, the next start makes both consistent.
 
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::{Finding, Recovered, UpkeepError, back_up, check, clear_up, delete_orphans, prepare_database, recover};
+use super::{
+    BACKUP_MARK, BackupMark, BackupReport, Finding, LostFile, Recovered, UpkeepError, UpkeepResult, back_up, check,
+    clear_up, delete_orphans, prepare_database, recover,
+};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::feed::FrameCodec;
 use crate::domain::feed::record::{FeedRecord, HEADER_BYTES, RecordBody};
@@ -11,10 +15,12 @@ use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::domain::text::Key;
 use crate::ids::{FeedId, TraineeId, UploadId};
+use crate::shutdown::Shutdown;
 use crate::store::testing::{NOW_MS, TestCentre};
 use crate::store::{NewFeed, NewUpload, SessionRecord, Store, StoreSettings};
 use crate::time::Clock;
-use crate::vault::Vault;
+use crate::vault::tests::{feed_pipe, make_pipe};
+use crate::vault::{FileLoss, Vault};
 
 pub(super) struct UpkeepFixture {
     pub(super) centre: TestCentre,
@@ -108,6 +114,11 @@ impl UpkeepFixture {
 
     pub(super) async fn findings(&self) -> Vec<Finding> {
         check(&self.centre.store, &self.vault, true).await.unwrap()
+    }
+
+    async fn back_up(&self, to: &Path) -> UpkeepResult<BackupReport> {
+        let (data, clock) = ((&self.centre.store, &self.vault), self.centre.clock.clone());
+        back_up(data, to, "trocar.sqlite", clock, &Shutdown::new()).await
     }
 }
 
@@ -216,6 +227,15 @@ async fn a_lying_disk_sets_an_upload_back_to_what_is_there_and_the_check_says_so
     assert_eq!(bench.centre.store.uploads().get(&service, id).await.unwrap().received, 3);
 }
 
+/// The file of a finding, which must name the session of this trainee.
+fn lost(finding: Finding, trainee: &str) -> (BlobHash, FileLoss) {
+    let Finding::LostFile(file) = finding else { panic!("{finding}") };
+    let shown = file.to_string();
+    let of = format!("recording of session {} (trainee {trainee}, task ", file.uses[0].session_id.unwrap());
+    assert!(shown.starts_with(&format!("{} file {}: {of}", file.loss, file.hash.file())), "{shown}");
+    (file.hash, file.loss)
+}
+
 #[tokio::test]
 async fn a_missing_and_a_damaged_file_are_losses() {
     let bench = UpkeepFixture::new().await;
@@ -224,10 +244,11 @@ async fn a_missing_and_a_damaged_file_are_losses() {
         (bench.session(ana, "gone").await.video.unwrap(), bench.session(ana, "damaged").await.video.unwrap());
     fs::remove_file(bench.path_of(gone)).unwrap();
     fs::write(bench.path_of(damaged), b"dbmaged").unwrap();
-    let mut findings = bench.findings().await;
-    findings.sort_by_key(|finding| matches!(finding, Finding::DamagedFile(_)));
-    assert_eq!(findings, [Finding::MissingFile(gone), Finding::DamagedFile(damaged)]);
+    let findings = bench.findings().await;
     assert!(findings.iter().all(Finding::is_loss));
+    let mut found: Vec<(BlobHash, FileLoss)> = findings.into_iter().map(|finding| lost(finding, "ana")).collect();
+    found.sort_by_key(|(_, loss)| *loss == FileLoss::Damaged);
+    assert_eq!(found, [(gone, FileLoss::Missing), (damaged, FileLoss::Damaged)]);
 }
 
 #[tokio::test]
@@ -362,13 +383,15 @@ async fn a_backup_is_a_data_folder_with_everything_but_what_is_still_arriving() 
     let folder = tempfile::tempdir().unwrap();
     let to = folder.path().join("backup");
     let clock = bench.centre.clock.clone();
-    let copied = back_up((store, &bench.vault), &to, "trocar.sqlite", clock.clone()).await.unwrap();
-    assert_eq!(copied, 3); // recording, trajectory, diagnostics
+    let copied = bench.back_up(&to).await.unwrap();
+    assert_eq!(copied, BackupReport { files: 3, missing: vec![] }); // recording, trajectory, diagnostics
+    assert_eq!(BackupMark::read(&to).unwrap(), Some(BackupMark::Backup { missing: vec![] }));
+    assert!(!to.join("lock").exists());
     let noted = store.audit().last_backup(&service).await.unwrap().unwrap();
     assert_eq!((noted.at_ms, noted.files), (clock.now_ms(), 3));
     bench.session(ana, "made after the backup").await;
 
-    let copy = Store::open(&to.join("trocar.sqlite"), &StoreSettings::default(), clock.clone()).await.unwrap();
+    let copy = Store::open(&to.join("trocar.sqlite"), &StoreSettings::default(), clock).await.unwrap();
     let files = Vault::open(&to).await.unwrap();
     assert_eq!(check(&copy, &files, true).await.unwrap(), []);
     assert_eq!(
@@ -377,7 +400,7 @@ async fn a_backup_is_a_data_folder_with_everything_but_what_is_still_arriving() 
     );
     assert_eq!(files.read(session.video.unwrap(), 100).await.unwrap(), b"video");
     assert_eq!(copy.uploads().unfinished().await.unwrap(), []);
-    let again = back_up((store, &bench.vault), &to, "trocar.sqlite", clock).await;
+    let again = bench.back_up(&to).await;
     assert!(matches!(again, Err(UpkeepError::Used(_))), "{again:?}");
 }
 
@@ -399,25 +422,104 @@ async fn a_backup_during_work_is_sound() {
         }
     };
     let folder = tempfile::tempdir().unwrap();
-    let backing_up = back_up((store, &bench.vault), folder.path(), "trocar.sqlite", bench.centre.clock.clone());
-    let (copied, ()) = tokio::join!(backing_up, working);
-    assert!(copied.unwrap() >= 5);
+    let (copied, ()) = tokio::join!(bench.back_up(folder.path()), working);
+    let copied = copied.unwrap();
+    assert!(copied.files >= 5 && copied.missing.is_empty(), "{copied:?}");
 }
 
 #[tokio::test]
-async fn a_backup_of_a_centre_that_has_lost_a_file_names_it() {
+async fn a_backup_of_a_centre_that_has_lost_files_holds_all_others_and_names_them() {
     let bench = UpkeepFixture::new().await;
     let ana = bench.centre.trainee("Ana").await.id;
-    let lost = bench.session(ana, "lost video").await.video.unwrap();
-    bench.session(ana, "video").await;
-    fs::remove_file(bench.path_of(lost)).unwrap();
+    let (missing, damaged) =
+        (bench.session(ana, "missing").await.video.unwrap(), bench.session(ana, "damaged").await.video.unwrap());
+    bench.session(ana, "a video that is there").await;
+    fs::remove_file(bench.path_of(missing)).unwrap();
+    fs::write(bench.path_of(damaged), b"dbmaged").unwrap();
     let folder = tempfile::tempdir().unwrap();
-    let (files, clock) = ((&bench.centre.store, &bench.vault), bench.centre.clock.clone());
-    let backed_up = back_up(files, folder.path(), "trocar.sqlite", clock).await;
-    assert!(
-        matches!(backed_up, Err(UpkeepError::Unsound(Finding::MissingFile(hash))) if hash == lost),
-        "{backed_up:?}"
-    );
+    let report = bench.back_up(folder.path()).await.unwrap();
+    assert_eq!(report.files, 1);
+    assert!(holds(folder.path(), "a video that is there") && !holds(folder.path(), "dbmaged"));
+    let named: Vec<String> = report.missing.iter().map(LostFile::to_string).collect();
+    assert_eq!(BackupMark::read(folder.path()).unwrap(), Some(BackupMark::Backup { missing: named }));
+    let mut found: Vec<_> = report.missing.into_iter().map(|file| lost(Finding::LostFile(file), "ana")).collect();
+    found.sort_by_key(|(_, loss)| *loss == FileLoss::Damaged);
+    assert_eq!(found, [(missing, FileLoss::Missing), (damaged, FileLoss::Damaged)]);
+}
+
+#[tokio::test]
+async fn a_failed_backup_leaves_nothing_and_an_interrupted_one_is_replaced() {
+    let bench = UpkeepFixture::new().await;
+    let ana = bench.centre.trainee("Ana").await.id;
+    let video = bench.session(ana, "video").await.video.unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let (new, prepared) = (folder.path().join("new"), folder.path().join("prepared"));
+    fs::create_dir(&prepared).unwrap();
+    for to in [&new, &prepared] {
+        // A stop within the file, which is a pipe here.
+        let (pipe, stop) = (bench.path_of(video), Shutdown::new());
+        fs::remove_file(&pipe).unwrap();
+        make_pipe(&pipe);
+        let (begun, marked) = (stop.clone(), to.join(BACKUP_MARK));
+        let writing = std::thread::spawn(move || {
+            let mut mark = String::new();
+            feed_pipe(&pipe, || {
+                mark = fs::read_to_string(&marked).unwrap_or_default();
+                begun.begin();
+            });
+            fs::remove_file(&pipe).unwrap();
+            fs::write(&pipe, "video").unwrap();
+            mark
+        });
+        let (data, clock) = ((&bench.centre.store, &bench.vault), bench.centre.clock.clone());
+        let stopped = back_up(data, to, "trocar.sqlite", clock, &stop).await;
+        assert!(matches!(stopped, Err(UpkeepError::Interrupted)), "{stopped:?}");
+        let mark = writing.join().unwrap();
+        assert!(mark.contains("not finished") && !mark.contains("is a backup"), "{mark}");
+    }
+    assert!(!new.exists());
+    assert_eq!(fs::read_dir(&prepared).unwrap().count(), 0, "only what the backup wrote is removed");
+
+    // As after a kill: the mark says that it is not finished.
+    bench.back_up(&new).await.unwrap();
+    let finished = fs::read_to_string(new.join(BACKUP_MARK)).unwrap();
+    let unfinished =
+        "This folder is not finished. If no backup or restore is writing it, delete it, or repeat the command.\n";
+    fs::write(new.join(BACKUP_MARK), unfinished).unwrap();
+    fs::write(new.join("trocar.sqlite"), "half").unwrap();
+    fs::write(new.join("blobs").join("left"), "behind").unwrap();
+    let other = Vault::open_existing(&new);
+    let writing = other.lock().await.unwrap();
+    assert!(bench.back_up(&new).await.unwrap_err().to_string().contains("in use"), "another command is writing it");
+    drop(writing);
+    assert_eq!(bench.back_up(&new).await.unwrap().files, 1);
+    assert!(!new.join("blobs").join("left").exists());
+    assert_eq!(fs::read_to_string(new.join(BACKUP_MARK)).unwrap(), finished);
+
+    fs::write(prepared.join("a file of another kind"), "stays").unwrap();
+    fs::write(prepared.join(BACKUP_MARK), "my own notes about backups\n").unwrap();
+    assert!(matches!(bench.back_up(&prepared).await, Err(UpkeepError::Used(_))));
+    assert_eq!(fs::read_dir(&prepared).unwrap().count(), 2);
+}
+
+#[tokio::test]
+async fn a_backup_that_cannot_be_written_leaves_nothing_and_reports_no_loss() {
+    let bench = UpkeepFixture::new().await;
+    let video = bench.session(bench.centre.trainee("Ana").await.id, "video").await.video.unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let to = folder.path().join("backup");
+    let (pipe, place) = (bench.path_of(video), to.join(video.file()));
+    fs::remove_file(&pipe).unwrap();
+    make_pipe(&pipe);
+    let writing = std::thread::spawn(move || {
+        let mut pipe = fs::OpenOptions::new().write(true).open(&pipe).unwrap();
+        pipe.write_all(b"video").unwrap();
+        fs::remove_dir(place.parent().unwrap()).unwrap(); // while the file is copied, so that it cannot get its name
+    });
+    let failed = bench.back_up(&to).await;
+    writing.join().unwrap();
+    assert!(failed.is_err(), "{failed:?}");
+    assert!(!to.exists());
 }
 
 /// True if any file below the folder contains these bytes.

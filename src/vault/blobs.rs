@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::future::Future;
-use std::io::{Read, SeekFrom};
+use std::io::{ErrorKind, Read, SeekFrom};
 use std::path::PathBuf;
 
 use sha2::{Digest, Sha256};
@@ -10,12 +10,13 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncSeekExt};
 use tokio::time::Instant;
 
 use super::disk::{self, run_blocking};
-use super::error::{VaultError, VaultResult, failed};
+use super::error::{FileLoss, VaultError, VaultResult, failed};
 use super::pins::PinnedBlob;
 use super::write_buffer::WriteBuffer;
 use super::{Vault, uploads};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::ids::UploadId;
+use crate::shutdown::Shutdown;
 
 /// The outcome of removing a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,16 +60,13 @@ impl Vault {
 
     /// Begins a blob of at most `most` bytes.
     pub async fn incoming(&self, most: u64) -> VaultResult<Incoming> {
-        let path = self.inner.data.join("incoming").join(format!("{:032x}", rand::random::<u128>()));
-        let part = run_blocking(move || {
-            let file = disk::create(&path)?;
-            Ok(Box::new(IncomingFile { path, file, hash: Sha256::new(), finished: false }))
-        });
+        let path = self.incoming_path();
+        let part = run_blocking(move || Ok(Box::new(IncomingFile::create(path)?)));
         Ok(Incoming { vault: self.clone(), most, bytes: 0, buffer: WriteBuffer::default(), file: Some(part.await?) })
     }
 
     /// Opens a blob for reading and returns its length. The content is not verified: see [`Vault::open_verified`],
-    /// [`Vault::read`] and [`Vault::is_intact`].
+    /// [`Vault::read`] and [`Vault::verify`].
     pub async fn open_blob(&self, hash: BlobHash) -> VaultResult<(File, u64)> {
         let path = self.blob_path(hash);
         run_blocking(move || {
@@ -118,10 +116,46 @@ impl Vault {
         .await
     }
 
-    /// True if the file's content still matches the hash in its name.
-    pub async fn is_intact(&self, hash: BlobHash) -> VaultResult<bool> {
-        let path = self.blob_path(hash);
-        run_blocking(move || Ok(hash_of(disk::open(&path)?, &path)?.hash == hash)).await
+    /// Reads a blob and compares it with its hash and length; `None`: it is intact.
+    ///
+    /// # Errors
+    /// [`VaultError::ShuttingDown`] if `stop` begins before the end of the file.
+    pub async fn verify(&self, blob: Blob, stop: &Shutdown) -> VaultResult<Option<FileLoss>> {
+        let (path, stop) = (self.blob_path(blob.hash), stop.clone());
+        run_blocking(move || {
+            let read = disk::open(&path).and_then(|file| read_blocks(file, &path, &stop, |_| Ok(())));
+            lost(read.and_then(|found| if found == blob { Ok(()) } else { Err(VaultError::Damaged) }))
+        })
+        .await
+    }
+
+    /// Copies a blob to another vault and verifies it meanwhile. Returns why it cannot be read; `None`: it is copied,
+    /// and the copy is durable and has its name. In all other cases the other vault stays as it was.
+    ///
+    /// # Errors
+    /// The copy cannot be written. [`VaultError::ShuttingDown`] if `stop` begins before the end of the file.
+    pub async fn copy_blob(&self, blob: Blob, to: &Vault, stop: &Shutdown) -> VaultResult<Option<FileLoss>> {
+        let (path, name, part) = (self.blob_path(blob.hash), to.blob_path(blob.hash), to.incoming_path());
+        let stop = stop.clone();
+        run_blocking(move || {
+            let original = match disk::open(&path) {
+                Ok(original) => original,
+                error => return lost(error.map(drop)),
+            };
+            let mut part = IncomingFile::create(part)?;
+            let mut written = Ok(());
+            let read = read_blocks(original, &path, &stop, |block| {
+                written = disk::write(&part.file, block, &part.path);
+                written.clone()
+            });
+            written?; // a failure of the copy, which says nothing about the original
+            match read {
+                Ok(found) if found == blob => part.link(&name).map(|()| None),
+                Ok(_) => Ok(Some(FileLoss::Damaged)),
+                error => lost(error.map(drop)),
+            }
+        })
+        .await
     }
 
     /// Removes a blob unless it is being put or is needed. `is_free` must return true if nothing refers to the blob; it
@@ -182,7 +216,12 @@ impl Vault {
     }
 
     pub(super) fn blob_path(&self, hash: BlobHash) -> PathBuf {
-        self.inner.data.join("blobs").join(format!("{:02x}", hash.0[0])).join(hash.to_string())
+        self.inner.data.join(hash.file())
+    }
+
+    /// A new path for a blob that is being written.
+    fn incoming_path(&self) -> PathBuf {
+        self.inner.data.join("incoming").join(format!("{:032x}", rand::random::<u128>()))
     }
 }
 
@@ -204,9 +243,7 @@ impl Incoming {
         let pin = self.vault.inner.pins.pin(blob.hash).await;
         let name = self.vault.blob_path(blob.hash);
         run_blocking(move || {
-            disk::sync(&part.file, &part.path);
-            link_blob(&name, || std::fs::hard_link(&part.path, &name))?;
-            part.finish()?;
+            part.link(&name)?;
             Ok(PinnedBlob::new(blob, pin))
         })
         .await
@@ -233,7 +270,15 @@ impl Incoming {
 }
 
 impl IncomingFile {
-    fn finish(&mut self) -> VaultResult<()> {
+    fn create(path: PathBuf) -> VaultResult<Self> {
+        let file = disk::create(&path)?;
+        Ok(Self { path, file, hash: Sha256::new(), finished: false })
+    }
+
+    /// Gives the file its name among the blobs; durable when this returns.
+    fn link(&mut self, name: &std::path::Path) -> VaultResult<()> {
+        disk::sync(&self.file, &self.path);
+        link_blob(name, || std::fs::hard_link(&self.path, name))?;
         self.finished = true;
         disk::remove(&self.path)
     }
@@ -263,17 +308,39 @@ pub(super) fn link_blob(name: &std::path::Path, link: impl FnOnce() -> std::io::
     Ok(())
 }
 
-pub(super) fn hash_of(mut file: File, path: &std::path::Path) -> VaultResult<Blob> {
-    let mut hash = Sha256::new();
-    let mut buffer = vec![0; BLOCK];
-    let mut bytes = 0;
+pub(super) fn hash_of(file: File, path: &std::path::Path) -> VaultResult<Blob> {
+    read_blocks(file, path, &Shutdown::new(), |_| Ok(()))
+}
+
+/// Reads a file to its end, block by block, and returns the blob that it is. A stop ends it between two blocks.
+fn read_blocks(
+    mut file: File,
+    path: &std::path::Path,
+    stop: &Shutdown,
+    mut take: impl FnMut(&[u8]) -> VaultResult<()>,
+) -> VaultResult<Blob> {
+    let (mut hash, mut bytes, mut buffer) = (Sha256::new(), 0, vec![0; BLOCK]);
     loop {
-        match file.read(&mut buffer).map_err(failed("reading", path))? {
-            0 => return Ok(Blob { hash: BlobHash(hash.finalize().into()), bytes }),
-            n => {
-                hash.update(&buffer[..n]);
-                bytes += n as u64;
-            }
+        if stop.is_begun() {
+            return Err(VaultError::ShuttingDown);
         }
+        match file.read(&mut buffer) {
+            Ok(0) => return Ok(Blob { hash: BlobHash(hash.finalize().into()), bytes }),
+            Ok(read) => {
+                hash.update(&buffer[..read]);
+                bytes += read as u64;
+                take(&buffer[..read])?;
+            }
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => return Err(failed("reading", path)(error)),
+        }
+    }
+}
+
+/// The loss that a failed read means; `None`: the read succeeded.
+fn lost(read: VaultResult<()>) -> VaultResult<Option<FileLoss>> {
+    match read {
+        Ok(()) => Ok(None),
+        Err(error) => error.loss().map_or(Err(error), |loss| Ok(Some(loss))),
     }
 }

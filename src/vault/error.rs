@@ -1,5 +1,6 @@
 //! Errors of the vault.
 
+use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -49,6 +50,49 @@ pub enum VaultError {
         /// The system's error.
         source: Arc<io::Error>,
     },
+}
+
+/// Why a stored file cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FileLoss {
+    /// There is no such file.
+    Missing,
+    /// Its content does not match its name.
+    Damaged,
+    /// The system cannot read it, for this reason.
+    Unreadable(String),
+}
+
+impl FileLoss {
+    /// The loss in one word.
+    pub fn name(&self) -> &'static str {
+        match self {
+            FileLoss::Missing => "missing",
+            FileLoss::Damaged => "damaged",
+            FileLoss::Unreadable(_) => "unreadable",
+        }
+    }
+}
+
+impl fmt::Display for FileLoss {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            FileLoss::Unreadable(why) => write!(f, "unreadable ({why})"),
+            other => f.write_str(other.name()),
+        }
+    }
+}
+
+impl VaultError {
+    /// The loss that this error means if a stored file was being read; `None`: the error says nothing about the file.
+    pub fn loss(&self) -> Option<FileLoss> {
+        match self {
+            VaultError::NotFound => Some(FileLoss::Missing),
+            VaultError::Damaged => Some(FileLoss::Damaged),
+            VaultError::Io { .. } => Some(FileLoss::Unreadable(self.to_string())),
+            _ => None,
+        }
+    }
 }
 
 /// For `map_err`: adds the operation and the file to an error.

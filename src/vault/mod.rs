@@ -17,7 +17,7 @@
 //! |---|---|
 //! | [`Vault::put`], [`Vault::incoming`] | create a blob from bytes, or piece by piece |
 //! | [`Vault::open_blob`], [`Vault::open_verified`], [`Vault::open_range`], [`Vault::read`] | read a blob: as a file, as a verified file, in part, or whole and verified |
-//! | [`Vault::delete_if`], [`Vault::released`], [`Vault::blobs`], [`Vault::is_intact`] | collect, list, verify |
+//! | [`Vault::delete_if`], [`Vault::released`], [`Vault::blobs`], [`Vault::verify`], [`Vault::copy_blob`] | collect, list, verify, copy |
 //! | [`Vault::create_upload`], [`Vault::open_upload`], [`UploadFile`] | receive a recording in pieces |
 //! | [`Vault::keep_upload`], [`Vault::delete_upload`], [`Vault::delete_upload_if`] | make an upload a blob; delete an upload |
 //! | [`Vault::open_feed`], [`FeedLog`], [`Vault::read_feed`], [`Vault::delete_feed`] | receive a recording frame by frame |
@@ -38,7 +38,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub use blobs::{Incoming, Removal};
-pub use error::{VaultError, VaultResult};
+pub use error::{FileLoss, VaultError, VaultResult};
 pub use feeds::{FeedLog, FeedSync};
 pub use pins::PinnedBlob;
 pub use temporary_file::TemporaryFile;
@@ -108,4 +108,4 @@ impl Vault {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

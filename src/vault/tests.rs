@@ -1,14 +1,16 @@
 //! Tests of the vault, each in its own folder.
 
 use std::fs;
-use std::path::PathBuf;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 use tokio::io::AsyncReadExt;
 
-use super::{Removal, Vault, VaultError};
+use super::{FileLoss, Removal, Vault, VaultError};
 use crate::domain::blob::Blob;
 use crate::ids::UploadId;
+use crate::shutdown::Shutdown;
 
 async fn vault() -> (Vault, TempDir) {
     let folder = tempfile::tempdir().unwrap();
@@ -80,10 +82,66 @@ async fn more_bytes_than_allowed_are_refused_with_the_limit() {
 async fn a_changed_byte_is_found() {
     let (vault, folder) = vault().await;
     let blob = vault.put(b"trajectory").await.unwrap().blob();
-    assert!(vault.is_intact(blob.hash).await.unwrap());
+    let verify = async || vault.verify(blob, &Shutdown::new()).await.unwrap();
+    assert_eq!(verify().await, None);
     fs::write(path_of(&folder, blob), b"trajectorx").unwrap();
-    assert!(!vault.is_intact(blob.hash).await.unwrap());
+    assert_eq!(verify().await, Some(FileLoss::Damaged));
     assert!(matches!(vault.read(blob.hash, 100).await, Err(VaultError::Damaged)));
+    fs::remove_file(path_of(&folder, blob)).unwrap();
+    assert_eq!(verify().await, Some(FileLoss::Missing));
+}
+
+#[tokio::test]
+async fn a_copy_is_verified_and_a_lost_blob_leaves_nothing_in_the_other_vault() {
+    let ((vault, folder), (copy, copied)) = (vault().await, vault().await);
+    let put = async |byte: u8| vault.put(&vec![byte; 600_000]).await.unwrap().blob();
+    let (good, damaged, missing) = (put(1).await, put(2).await, put(3).await);
+    fs::write(path_of(&folder, damaged), vec![4; 600_000]).unwrap();
+    fs::remove_file(path_of(&folder, missing)).unwrap();
+    for (blob, loss) in [(good, None), (damaged, Some(FileLoss::Damaged)), (missing, Some(FileLoss::Missing))] {
+        assert_eq!(vault.copy_blob(blob, &copy, &Shutdown::new()).await.unwrap(), loss);
+        assert_eq!(path_of(&copied, blob).exists(), loss.is_none());
+    }
+    assert_eq!(copy.verify(good, &Shutdown::new()).await.unwrap(), None);
+    fs::remove_dir(path_of(&copied, missing).parent().unwrap()).unwrap();
+    fs::write(path_of(&folder, missing), vec![3; 600_000]).unwrap();
+    let failed = vault.copy_blob(missing, &copy, &Shutdown::new()).await;
+    assert!(failed.is_err(), "a copy that cannot be written is no loss: {failed:?}");
+    assert_eq!((files_in(&copied, "incoming"), files_in(&folder, "incoming")), (0, 0));
+}
+
+#[tokio::test]
+async fn a_stop_ends_copying_and_verifying_within_a_file() {
+    let ((vault, folder), (copy, copied)) = (vault().await, vault().await);
+    let blob = vault.put(b"replaced by a pipe").await.unwrap().blob();
+    for copies in [true, false] {
+        let (pipe, stop) = (path_of(&folder, blob), Shutdown::new());
+        fs::remove_file(&pipe).unwrap();
+        make_pipe(&pipe);
+        let (begun, written) = (stop.clone(), pipe.clone());
+        let writing = std::thread::spawn(move || feed_pipe(&written, || begun.begin()));
+        let ended = match copies {
+            true => vault.copy_blob(blob, &copy, &stop).await,
+            false => vault.verify(blob, &stop).await,
+        };
+        assert!(matches!(ended, Err(VaultError::ShuttingDown)), "{ended:?}");
+        writing.join().unwrap();
+    }
+    assert_eq!(files_in(&copied, "incoming"), 0);
+}
+
+/// Makes a pipe in the place of a file, so that a test decides when a reader gets its bytes.
+pub(crate) fn make_pipe(path: &Path) {
+    rustix::fs::mkfifoat(rustix::fs::CWD, path, rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR).unwrap();
+}
+
+/// Writes into a pipe until its reader closes it, and calls `begun` once the reader has opened it. The reader never
+/// sees the end of the file.
+pub(crate) fn feed_pipe(path: &Path, begun: impl FnOnce()) {
+    let mut pipe = fs::OpenOptions::new().write(true).open(path).unwrap();
+    pipe.write_all(&[7; 4096]).unwrap();
+    begun();
+    while pipe.write_all(&[7; 4096]).is_ok() {}
 }
 
 #[tokio::test]

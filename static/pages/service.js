@@ -5,7 +5,7 @@ import { useData, usePages, useThrottled } from '../data.js';
 import { bytes, dateTime } from '../format.js';
 import { useLive } from '../live.js';
 import { href } from '../router.js';
-import { t } from '../texts.js';
+import { serviceLang, t } from '../texts.js';
 import { Empty, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { Prose } from '../parts/page/prose.js';
 
@@ -48,6 +48,8 @@ function Status({ status: { version, pipeline, started_at, storage, queue, last_
         ${plan?.error && html`<${Notice} tone="bad" title=${words.planFailed}>${plan.error}<//>`}
         ${erasure_list_error && html`<${Notice} tone="bad" title=${words.notListed}>${words.notListedBody}<br />${erasure_list_error}<//>`}
         ${plan && plan.others > 0 && html`<${Notice} tone="warn" title=${words.otherBackups(plan.others)}>${words.otherBackupsBody}<//>`}
+        ${plan && plan.missing_files > 0 && html`<${Notice} tone="bad" title=${words.planLacks(plan.missing_files)}>
+          <p>${words.planLacksBody}</p><ul lang=${serviceLang}>${plan.missing.map(one => html`<li key=${one}>${one}</li>`)}</ul><//>`}
         ${(!backup || days >= OLD_DAYS) && html`<${Notice} tone="warn" title=${backup ? words.old(days) : words.noBackup}><${Prose} text=${words.noBackupBody} /><//>`}
         <p class="small">${words.byHand}</p><p class="code">${backup_command}</p><//>
       <${Facts} title=${words.queue} rows=${[[words.waiting, queue.queued], [words.running, queue.running], [words.quarantined, queue.quarantined]]} /></div>

@@ -2115,6 +2115,8 @@ export default {
     notListedBody: 'Der Dienst kann nicht festhalten, wer gelöscht wird. Wird eine Sicherung zurückgespielt, sind Personen wieder da, die ab jetzt gelöscht werden. Beheben Sie die Ursache, die der Dienst hier nennt. Danach holt er es von selbst nach.',
     otherBackups: n => `${plural(n, 'Sicherung', 'Sicherungen')} im Ordner ${n === 1 ? 'stammt' : 'stammen'} vielleicht nicht von diesem Dienst`,
     otherBackupsBody: 'Ein anderer Dienst oder eine frühere Version hat sie gemacht. Sie zählen weder als Sicherung dieses Dienstes noch zu denen, die bleiben, und er löscht sie nie. Sollten sie von diesem Dienst sein, prüfen Sie, ob er auf den richtigen Daten läuft. Löschen Sie sie von Hand, wenn Sie sie nicht mehr brauchen.',
+    planLacks: n => `Der neuesten geplanten Sicherung ${n === 1 ? 'fehlt' : 'fehlen'} ${plural(n, 'Datei', 'Dateien')}`,
+    planLacksBody: 'Diese Dateien fehlten im Datenordner oder waren beschädigt, als die Sicherung gemacht wurde. Kopieren Sie sie aus einer früheren Sicherung, die sie noch hat, an dieselbe Stelle im Datenordner, oder löschen Sie, worauf sie sich beziehen. Hier stehen höchstens 20; die Datei BACKUP in der Sicherung nennt alle.',
     old: days => `${plural(days, 'Tag', 'Tage')} alt`,
     queue: 'Warteschlange',
     waiting: 'Wartet',

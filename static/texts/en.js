@@ -2016,6 +2016,8 @@ export default {
     notListedBody: 'The service cannot write down who is deleted. If a backup is restored, people who are deleted from now on come back. Correct the cause, which the service names here. It then catches up by itself.',
     otherBackups: n => `${plural(n, 'backup', 'backups')} in the folder ${n === 1 ? 'is' : 'are'} not known to be of this service`,
     otherBackupsBody: 'Another service or an earlier version made them. They count neither as a backup of this service nor among those that are kept, and it never deletes them. If they should be of this service, check whether it runs on the right data. Delete them by hand when you no longer need them.',
+    planLacks: n => `The newest scheduled backup lacks ${plural(n, 'file', 'files')}`,
+    planLacksBody: 'These files were missing or damaged in the data folder when the backup was made. Copy them from an earlier backup that has them to the same place in the data folder, or delete what refers to them. At most 20 are listed here; the file BACKUP in the backup lists all.',
     old: days => `${plural(days, 'day', 'days')} old`,
     queue: 'Queue',
     waiting: 'Waiting',

@@ -5,6 +5,7 @@
 mod admin;
 mod api;
 mod architecture;
+mod backups;
 mod child;
 mod commands;
 mod dependencies;

@@ -3,7 +3,7 @@
 use anyhow::{Context, anyhow};
 
 use super::super::CommandFailure;
-use super::{DataFolder, store_failure};
+use super::{DataFolder, LOST_FILES, store_failure};
 use crate::upkeep;
 
 /// Arguments of `trocar admin check`.
@@ -28,7 +28,8 @@ pub async fn run(folder: &DataFolder, args: &CheckArgs) -> Result<(), CommandFai
             Ok(())
         }
         lost => {
-            Err(CommandFailure::Failed(anyhow!("data is missing or damaged ({lost} findings above): restore a backup")))
+            let why = anyhow!("data is lost ({lost} findings above). {LOST_FILES}. For other losses, restore a backup");
+            Err(CommandFailure::Failed(why))
         }
     }
 }

@@ -25,8 +25,12 @@ use super::{CommandFailure, restrict_new_files_to_owner, serve};
 use crate::settings::{Flags, Settings};
 use crate::store::{Store, StoreError};
 use crate::time::SystemClock;
-use crate::upkeep::{self, BACKUP_MARK, UpkeepError};
+use crate::upkeep::{self, BACKUP_MARK, LostFile, UpkeepError};
 use crate::vault::Vault;
+
+/// What to do about files that are missing or damaged in the data folder.
+const LOST_FILES: &str = "A lost file: copy it from a backup that has it to the same place in the data folder, while \
+                          the service runs or not; if no backup has it, delete what refers to it";
 
 /// Arguments of `trocar admin`.
 #[derive(clap::Args)]
@@ -54,7 +58,7 @@ enum AdminCommand {
 enum FolderCommand {
     /// Check the database and the files, without changing them; exit status 1 if data is lost.
     Check(check::CheckArgs),
-    /// Copy database and files into an empty folder; the service may run.
+    /// Copy database and files into an empty folder; the service may run. Exit status 1 if files are lost.
     Backup(backup::BackupArgs),
     /// Delete the stored files that the database does not name; the service must be stopped.
     DeleteOrphans,
@@ -152,6 +156,13 @@ impl DataFolder {
             refuse_lost_database(settings).await?;
         }
         Ok(Self { store: store.context("opening the database")?, vault: Vault::open_existing(&settings.data) })
+    }
+}
+
+/// Prints one line for each file.
+fn print_lost(files: &[LostFile]) {
+    for file in files {
+        println!("{file}");
     }
 }
 

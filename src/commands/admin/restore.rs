@@ -3,10 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 
 use super::super::CommandFailure;
+use super::print_lost;
 use crate::settings::DATABASE_FILE;
+use crate::shutdown::Shutdown;
 use crate::time::{SystemClock, from_rfc3339, to_rfc3339};
 use crate::upkeep::{self, ErasureListChoice, Restored, UpkeepError};
 
@@ -31,15 +33,19 @@ fn parse_time_ms(text: &str) -> Result<i64, &'static str> {
     from_rfc3339(text).ok_or("expected a time such as 2027-01-31T00:00:00Z")
 }
 
-/// Restores the backup into the data folder, which must be empty or not exist yet.
+/// Restores the backup into the data folder, which must be empty, not exist yet, or be left by an interrupted restore.
+/// Fails if the backup lacks files; the others are restored all the same.
 pub async fn run(data: &Path, args: RestoreArgs) -> Result<(), CommandFailure> {
     let list = ErasureListChoice { file: args.erasures, until_ms: args.erasures_until };
     let erasures = (!args.without_erasures).then_some(list);
-    let done = upkeep::restore(&args.backup, data, erasures, DATABASE_FILE, Arc::new(SystemClock)).await;
-    let Restored { files, erased_again, known_until_ms, kept } = match done {
+    let stop = Shutdown::new();
+    stop.begin_on_signals().context("listening for signals")?;
+    let done = upkeep::restore(&args.backup, data, erasures, DATABASE_FILE, Arc::new(SystemClock), &stop).await;
+    let Restored { files, missing, erased_again, known_until_ms, kept } = match done {
         Err(
             wrong @ (UpkeepError::Used(_)
             | UpkeepError::NoBackup(_)
+            | UpkeepError::UnfinishedBackup(_)
             | UpkeepError::NoList(_)
             | UpkeepError::ForeignList(_)
             | UpkeepError::ShortList { .. }),
@@ -56,5 +62,14 @@ pub async fn run(data: &Path, args: RestoreArgs) -> Result<(), CommandFailure> {
         None => println!("erasures are not known: people who were erased since the backup are in it"),
     }
     println!("to run it: trocar serve --data {}", data.display());
-    Ok(())
+    print_lost(&missing);
+    if missing.is_empty() {
+        return Ok(());
+    }
+    Err(CommandFailure::Failed(anyhow!(
+        "`{}` is restored and can be used, but the backup lacks the {} files above: copy them from another backup that \
+         has them to the same place in the data folder, or delete what refers to them",
+        data.display(),
+        missing.len()
+    )))
 }

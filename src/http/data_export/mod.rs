@@ -66,9 +66,9 @@ struct ExportJob {
 /// A ZIP file with the profile, the sessions with features, ratings, comments and edits as JSON, the paths as CSV and the
 /// previews. Trainees and administrators also get the account, its sign-ins and the entries of the audit trail about the
 /// trainee; instructors get the names of their own groups only. Staff get ratings and comments of others only where they
-/// may read them, the trainee gets all. A path that cannot be read is replaced by the file `path.error.txt`. The file is
-/// sent while it is written: a connection that closes before the end leaves an incomplete file. Each account has one
-/// export at a time (503 otherwise).
+/// may read them, the trainee gets all. A path, preview, table or video that cannot be read is replaced by a text, such
+/// as `path.error.txt`. The file is sent while it is written: a connection that closes before the end leaves an
+/// incomplete file. Each account has one export at a time (503 otherwise).
 #[utoipa::path(get, path = "/trainees/{id}/data.zip", tag = "trainees",
     params(("id" = String, Path, description = "id or code"), ExportQuery),
     responses((status = OK, description = "The ZIP file", content_type = "application/zip")))]

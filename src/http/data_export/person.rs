@@ -40,14 +40,14 @@ sessions/…/        one folder for each session:
   comments.json    comments
   edits.json       trims, corrections and answers of the staff, with reasons
   path.csv         the path of the tools: millimetres and seconds
-  path.error.txt   only if the path could not be read
+  ….error.txt      in place of a path, preview, table or video that could not be read
   preview.jpg      one frame
   table.csv        the table of another program, if the session was imported
   video.…          the recording, if it was asked for and is still kept
 ";
 
-const PATH_ERROR: &str = "\
-The path of this session could not be read. A path.csv beside this file is incomplete. Ask an administrator to look: the
+const FILE_ERROR: &str = "\
+This file of the session could not be read. A path.csv beside this file is incomplete. Ask an administrator to look: the
 service's log and `trocar admin check` name the cause.
 ";
 
@@ -130,7 +130,9 @@ fn add_session(
     archive.add_json(&format!("{folder}edits.json"), &EditsResponse::from(edits))?;
     if let Some((result, in_force)) = scored {
         add_path(job, id, (result.trajectory, &in_force), folder, archive)?;
-        if let Some(file) = result.preview.map(|preview| open(job, id, preview)).transpose()?.flatten() {
+        if let Some(preview) = result.preview
+            && let Some(file) = open(job, id, (preview, &format!("{folder}preview")), archive)?
+        {
             archive.add_file(&format!("{folder}preview.jpg"), file)?;
         }
     }
@@ -150,7 +152,7 @@ fn add_path(
         Err(error @ (ExportFailure::Vault(_) | ExportFailure::File(_))) => {
             job.wait(job.app.store.sessions().get(&job.scope, session))?; // not found if it was erased meanwhile
             tracing::warn!(%session, %error, "path not exported; path.error.txt in its place");
-            archive.add_text(&format!("{folder}path.error.txt"), PATH_ERROR)
+            archive.add_text(&format!("{folder}path.error.txt"), FILE_ERROR)
         }
         written => written,
     }
@@ -167,13 +169,24 @@ fn write_path(
     Ok(write_edited_csv(&stored, &edits.changes, archive.add_written(&format!("{folder}path.csv"))?)?)
 }
 
-/// Opens a stored file; `None` if it no longer exists, such as a video that was deleted meanwhile.
-fn open(job: &ExportJob, session: SessionId, stored: BlobHash) -> Result<Option<File>, ExportFailure> {
-    let opened = unless_gone(job.wait(job.app.vault.open_blob(stored)))?;
-    if opened.is_none() {
-        tracing::warn!(%session, blob = %stored, "stored file missing; not exported");
+/// Opens a stored file. If it is lost, a text with this name says so in its place. `None` then, and if it was deleted
+/// meanwhile, as a video may be.
+fn open(
+    job: &ExportJob,
+    session: SessionId,
+    (stored, name): (BlobHash, &str),
+    archive: &mut Archive,
+) -> Result<Option<File>, ExportFailure> {
+    let error = match job.wait(job.app.vault.open_blob(stored)) {
+        Ok((file, _)) => return Ok(Some(file)),
+        Err(error) => error,
+    };
+    let Some(loss) = error.loss() else { return Err(error.into()) };
+    if job.wait(job.app.store.blobs().has(stored))? {
+        tracing::warn!(%session, file = stored.file(), %loss, "stored file lost; a text in its place in the export");
+        archive.add_text(&format!("{name}.error.txt"), FILE_ERROR)?;
     }
-    Ok(opened.map(|(file, _)| file))
+    Ok(None)
 }
 
 /// Adds the recording, if it was asked for and is kept, or the table of another program.
@@ -188,7 +201,8 @@ fn add_recording(
     if !is_table && !job.with_videos {
         return Ok(());
     }
-    let Some(file) = open(job, session.id, stored)? else { return Ok(()) };
+    let name = format!("{folder}{}", if is_table { "table" } else { "video" });
+    let Some(file) = open(job, session.id, (stored, &name), archive)? else { return Ok(()) };
     if is_table {
         std::io::copy(&mut &file, archive.add_written(&format!("{folder}table.csv"))?)?;
         return Ok(());

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use utoipa::IntoParams;
 
 use crate::analysis::edits::Swaps;
-use crate::analysis::stored_rows::{NameAt, StoredDiagnostics, StoredPaths};
+use crate::analysis::stored_rows::{NameAt, StoredDiagnostics, StoredPaths, StoredRowsError};
 use crate::domain::blob::BlobHash;
 use crate::domain::edit::{EditChange, EditsInForce};
 use crate::domain::scope::Scope;
@@ -20,6 +20,7 @@ use crate::http::read::{Params, PathKey};
 use crate::http::state::App;
 use crate::ids::SessionId;
 use crate::store::SessionResult;
+use crate::vault::FileLoss;
 
 /// Play the recording: the whole file, or the part that `Range` names
 #[utoipa::path(get, path = "/sessions/{id}/video", tag = "sessions", params(("id" = String, Path, description = "id")),
@@ -45,7 +46,8 @@ pub async fn video(
     }
     let disposition = disposition("inline", session.filename.as_str());
     let video = session.video.ok_or_else(ProblemResponse::not_found)?;
-    app.stored_file(video, session.media_type, disposition).await?.answer(&method, &headers).await
+    let of = FileOwner { scope: &by.scope, session: session.id };
+    app.stored_file(of, video, session.media_type, disposition).await?.answer(&method, &headers).await
 }
 
 /// Read a picture of the recording
@@ -59,10 +61,11 @@ pub async fn preview(
     method: Method,
     headers: HeaderMap,
 ) -> HandlerResult<Response> {
-    let result = app.result(&by.scope, at.id()?).await?;
+    let of = FileOwner { scope: &by.scope, session: at.id()? };
+    let result = app.result(of.scope, of.session).await?;
     let preview = result.preview.ok_or_else(ProblemResponse::not_found)?;
     let disposition = disposition("inline", "preview.jpg");
-    app.stored_file(preview, "image/jpeg".to_owned(), disposition).await?.answer(&method, &headers).await
+    app.stored_file(of, preview, "image/jpeg".to_owned(), disposition).await?.answer(&method, &headers).await
 }
 
 /// Selects frames.
@@ -93,16 +96,17 @@ pub async fn diagnostics(
     headers: HeaderMap,
 ) -> HandlerResult<Response> {
     let id = at.id()?;
+    let of = FileOwner { scope: &by.scope, session: id };
     let (stored, _, swaps) = app.diagnostics_with_swaps(&by.scope, id).await?;
     if frames.from_frame.or(frames.to_frame).is_some() || !swaps.is_empty() {
         let slot = app.heavy_answers.take(&by.scope).await?;
         // Again: during the wait the session may have been tracked again, or the caller may have lost access.
         let (stored, path, swaps) = app.diagnostics_with_swaps(&by.scope, id).await?;
-        let seen = app.stored_diagnostics(&slot, stored).await?;
+        let seen = app.stored_diagnostics(&slot, of, stored).await?;
         let names: NameAt = if swaps.is_empty() {
             Box::new(|_, tool| Ok(tool))
         } else {
-            swapped_names(&app.stored_paths(&slot, path).await?, &swaps)
+            swapped_names(&app.stored_paths(&slot, of, path).await?, &swaps)
         };
         let frames = frames.from_frame.unwrap_or(0)..frames.to_frame.unwrap_or(u64::MAX);
         let part: Pieces = Box::new(seen.select_frames(frames, names));
@@ -110,7 +114,16 @@ pub async fn diagnostics(
         return Ok(([(header::CONTENT_TYPE, "application/json")], body).into_response());
     }
     let disposition = disposition("inline", "diagnostics.json");
-    app.stored_file(stored, "application/json".to_owned(), disposition).await?.answer(&method, &headers).await
+    app.stored_file(of, stored, "application/json".to_owned(), disposition).await?.answer(&method, &headers).await
+}
+
+/// The session that a stored file belongs to, and the caller who reads it.
+#[derive(Clone, Copy)]
+pub(super) struct FileOwner<'a> {
+    /// The caller's scope.
+    pub(super) scope: &'a Scope,
+    /// The session.
+    pub(super) session: SessionId,
 }
 
 /// The names of tools on each frame, with these swaps.
@@ -168,21 +181,74 @@ impl App {
     }
 
     /// Opens a session's paths for reading by rows.
-    pub(super) async fn stored_paths(&self, slot: &HeavySlot, hash: BlobHash) -> HandlerResult<StoredPaths> {
+    pub(super) async fn stored_paths(
+        &self,
+        slot: &HeavySlot,
+        of: FileOwner<'_>,
+        hash: BlobHash,
+    ) -> HandlerResult<StoredPaths> {
         let app = self.clone();
-        Ok(slot.complete(async move { app.stored_indexes.open_paths(&app.vault, hash).await }).await??)
+        let opened = slot.complete(async move { app.stored_indexes.open_paths(&app.vault, hash).await }).await?;
+        self.unless_lost(of, hash, opened).await
     }
 
     /// Opens a session's diagnostics for reading by frames.
-    async fn stored_diagnostics(&self, slot: &HeavySlot, hash: BlobHash) -> HandlerResult<StoredDiagnostics> {
+    async fn stored_diagnostics(
+        &self,
+        slot: &HeavySlot,
+        of: FileOwner<'_>,
+        hash: BlobHash,
+    ) -> HandlerResult<StoredDiagnostics> {
         let app = self.clone();
-        Ok(slot.complete(async move { app.stored_indexes.open_diagnostics(&app.vault, hash).await }).await??)
+        let opened = slot.complete(async move { app.stored_indexes.open_diagnostics(&app.vault, hash).await }).await?;
+        self.unless_lost(of, hash, opened).await
     }
 
     /// Opens a file of the vault for sending.
-    async fn stored_file(&self, hash: BlobHash, media_type: String, disposition: String) -> HandlerResult<StoredFile> {
-        let (file, length) = self.vault.open_blob(hash).await?;
+    async fn stored_file(
+        &self,
+        of: FileOwner<'_>,
+        hash: BlobHash,
+        media_type: String,
+        disposition: String,
+    ) -> HandlerResult<StoredFile> {
+        let opened = self.vault.open_blob(hash).await.map_err(StoredRowsError::from);
+        let (file, length) = self.unless_lost(of, hash, opened).await?;
         let etag = format!("\"{hash}\"");
         Ok(StoredFile { file: tokio::fs::File::from_std(file), length, etag, media_type, disposition })
     }
+
+    /// A stored file that was opened.
+    ///
+    /// # Errors
+    /// If it is lost: 409, which names it for administrators, as the log does. 404 if the session was erased meanwhile.
+    async fn unless_lost<T>(
+        &self,
+        FileOwner { scope, session }: FileOwner<'_>,
+        hash: BlobHash,
+        opened: Result<T, StoredRowsError>,
+    ) -> HandlerResult<T> {
+        let Err(StoredRowsError::Vault(error)) = opened else { return Ok(opened?) };
+        let Some(loss) = error.loss() else { return Err(error.into()) };
+        if !self.store.blobs().has(hash).await? {
+            return Err(ProblemResponse::not_found());
+        }
+        tracing::error!(%session, file = hash.file(), %loss, "stored file lost; answered with status 409");
+        Err(lost(scope, hash, &loss))
+    }
+}
+
+/// The problem for a stored file that is missing or damaged.
+fn lost(scope: &Scope, hash: BlobHash, loss: &FileLoss) -> ProblemResponse {
+    let (loss, file) = (loss.name(), hash.file());
+    if !scope.is_administrator() {
+        let detail =
+            format!("A stored file of this session is {loss}. Ask an administrator to restore it from a backup.");
+        return Refusal::Conflict.with(detail);
+    }
+    let detail = format!(
+        "The stored file `{file}` of this session is {loss}. Copy it from a backup that has it to the same place in \
+         the data folder, while the service runs or not."
+    );
+    Refusal::Conflict.with(detail).member("stored_file", file)
 }

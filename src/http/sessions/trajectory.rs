@@ -8,6 +8,7 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 
+use super::files::FileOwner;
 use crate::analysis::edits::EditedRows;
 use crate::analysis::paths::PathKind;
 use crate::analysis::stored_rows::StoredPaths;
@@ -109,7 +110,8 @@ pub async fn trajectory(
     }
     let mut changes = in_force.changes;
     changes.retain(|change| wanted.trimmed || !matches!(change, EditChange::Trim(_)));
-    let stored = app.stored_paths(&slot, result.trajectory).await?;
+    let of = FileOwner { scope: &by.scope, session: id };
+    let stored = app.stored_paths(&slot, of, result.trajectory).await?;
     let name = format!("{id}.{}", wanted.format.extension());
     let mut headers = HeaderMap::new();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(wanted.format.media_type()));

@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 
 use tokio::fs::{File, OpenOptions};
 
-use super::backup::{copy_blobs, folder_error, installation_of, mark, refuse_used, unmark};
+use super::backup::{copy_blobs, unless_stopped, verify_copy};
 use super::erasure_list::{ERASURE_LIST, KnownUntil, ListContent, ListEnd, append, erasures_after, lacking};
-use super::{Finding, UpkeepError, UpkeepResult, check, is_readable, recover};
+use super::unfinished_folder::{BackupMark, UnfinishedFolder, folder_error, installation_of, refuse_used};
+use super::{LostFile, UpkeepError, UpkeepResult, is_readable, recover};
 use crate::domain::erasure::{ErasedKind, Erasure};
+use crate::shutdown::Shutdown;
 use crate::store::{SchemaState, Store, StoreError, StoreSettings};
 use crate::time::{SharedClock, to_rfc3339};
 use crate::vault::Vault;
@@ -29,8 +31,10 @@ pub struct ErasureListChoice {
 /// What a restored folder holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Restored {
-    /// Number of files.
+    /// Number of files, all verified.
     pub files: u64,
+    /// The files that the backup lacks, or that are damaged in it.
+    pub missing: Vec<LostFile>,
     /// Number of people and recordings that were erased again.
     pub erased_again: usize,
     /// Until when the erasures are known, epoch ms; `None` without a list.
@@ -39,33 +43,56 @@ pub struct Restored {
     pub kept: Vec<String>,
 }
 
-/// Restores `backup` into the folder `to`, which is empty or does not exist yet. `erasures` is the list of erasures since
-/// the backup; `None` restores without one.
+/// Restores `backup` into the folder `to`, which is empty, does not exist yet, or was left by an interrupted restore.
+/// `erasures` is the list of erasures since the backup; `None` restores without one. A
+/// file that the backup lacks stops nothing. A stop ends it at once.
+///
+/// # Errors
+/// Also [`UpkeepError::Interrupted`]. What was written into the folder is removed.
 pub async fn restore(
     backup: &Path,
     to: &Path,
     erasures: Option<ErasureListChoice>,
     database: &str,
     clock: SharedClock,
+    stop: &Shutdown,
 ) -> UpkeepResult<Restored> {
     refuse_used(to)?;
     if !is_readable(&backup.join(database))? {
         return Err(UpkeepError::NoBackup(backup.to_owned()));
     }
+    if BackupMark::read(backup)? == Some(BackupMark::Unfinished) {
+        return Err(UpkeepError::UnfinishedBackup(backup.to_owned()));
+    }
     let list = erasures.map(|choice| chosen_list(backup, choice, clock.now_ms())).transpose()?;
+    let folder = UnfinishedFolder::begin(to, None).await?;
+    let restored = match restore_into(to, backup, list, database, clock, stop).await {
+        Ok(restored) => folder.unmark().map(|()| restored),
+        failed => failed,
+    };
+    folder.end(restored, stop)
+}
+
+/// Writes the database and its files into the folder, without what the list names.
+async fn restore_into(
+    to: &Path,
+    backup: &Path,
+    list: Option<(ListContent, i64)>,
+    database: &str,
+    clock: SharedClock,
+    stop: &Shutdown,
+) -> UpkeepResult<Restored> {
     let (from, files) = (Vault::open_existing(backup), Vault::open(to).await?);
     let path = to.join(database);
-    mark(to, "This folder is being restored. If that was interrupted, delete it and restore again.\n")?;
-    copy_private(&backup.join(database), &path).await.map_err(folder_error(to))?;
+    let copying = async { copy_private(&backup.join(database), &path).await.map_err(folder_error(to)) };
+    unless_stopped(stop, copying).await?;
     if Store::found_schema(&path, &StoreSettings::default()).await? == SchemaState::Empty {
         return Err(UpkeepError::NoBackup(backup.to_owned()));
     }
     let store = Store::open(&path, &StoreSettings::default(), clock).await?;
-    let copied = copy_blobs(&store, &from, &files).await?;
-    if let Some(hash) = copied.missing {
-        return Err(UpkeepError::Unsound(Finding::MissingFile(hash)));
-    }
-    let mut restored = Restored { files: 0, erased_again: 0, known_until_ms: None, kept: Vec::new() };
+    let lost = copy_blobs(&store, &from, &files, stop).await?;
+    let (missing, kept) = (Vec::new(), Vec::new());
+    let mut restored = Restored { files: 0, missing, erased_again: 0, known_until_ms: None, kept };
     if let Some((list, known_until_ms)) = list {
         let erasures: Vec<Erasure> = list.erasures().cloned().collect();
         erase_again(&store, &erasures, &mut restored).await?;
@@ -75,12 +102,10 @@ pub async fn restore(
     store.installation().set_backup_folder(None).await?; // the list there may still be kept by the original
     recover(&store, &files).await?; // removes the files of what was erased
     store.purge_erased().await?;
-    if let Some(finding) = check(&store, &files, true).await?.first() {
-        return Err(UpkeepError::Unsound(finding.clone()));
-    }
-    (restored.files, _) = store.blobs().total().await?;
+    restored.missing = verify_copy(&store, &files, &lost, stop).await?;
+    let (wanted, _) = store.blobs().total().await?;
+    restored.files = wanted - restored.missing.len() as u64;
     store.close().await;
-    unmark(to)?;
     Ok(restored)
 }
 

@@ -14,9 +14,10 @@ use crate::store::{PageRequest, Store, StoreSettings};
 use crate::time::{Clock, to_rfc3339};
 use crate::upkeep::tests::UpkeepFixture;
 use crate::upkeep::{
-    BACKUP_MARK, BackupSettings, BackupState, ERASURE_LIST, ErasureListState, ErasureLists, UpkeepError, back_up,
-    complete_backups, run_backups,
+    BACKUP_MARK, BackupProgress, BackupSettings, BackupState, ERASURE_LIST, ErasureListState, ErasureLists,
+    UpkeepError, back_up, complete_backups, run_backups,
 };
+use crate::vault::tests::{feed_pipe, make_pipe};
 
 const DATABASE: &str = "trocar.sqlite";
 
@@ -67,7 +68,7 @@ impl Backups {
 
     async fn back_up(&self, name: &str) -> PathBuf {
         let (to, clock) = (self.target.path().join(name), self.bench.centre.clock.clone());
-        back_up((&self.bench.centre.store, &self.bench.vault), &to, DATABASE, clock).await.unwrap();
+        back_up((&self.bench.centre.store, &self.bench.vault), &to, DATABASE, clock, &Shutdown::new()).await.unwrap();
         to
     }
 
@@ -95,7 +96,8 @@ impl Backups {
         erasures: Option<ErasureListChoice>,
     ) -> Result<(PathBuf, Restored), UpkeepError> {
         let to = self.target.path().join(format!("restored {}", fs::read_dir(self.target.path()).unwrap().count()));
-        let restored = restore(backup, &to, erasures, DATABASE, self.bench.centre.clock.clone()).await?;
+        let clock = self.bench.centre.clock.clone();
+        let restored = restore(backup, &to, erasures, DATABASE, clock, &Shutdown::new()).await?;
         Ok((to, restored))
     }
 }
@@ -128,16 +130,53 @@ async fn a_restore_leaves_the_backup_alone_and_hides_the_data_from_other_users()
 }
 
 #[tokio::test]
-async fn the_service_does_not_run_on_a_folder_whose_restoring_was_interrupted() {
+async fn a_restore_that_was_interrupted_leaves_no_data_folder() {
     let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
     backups.list_erasures().await;
-    let (whole, _) = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap();
-    assert!(!whole.join(BACKUP_MARK).exists());
-    fs::remove_dir_all(backup.join("blobs")).unwrap();
-    let to = backups.target.path().join("interrupted");
-    let clock = backups.bench.centre.clock.clone();
-    restore(&backup, &to, Some(ErasureListChoice::default()), DATABASE, clock).await.unwrap_err();
-    assert!(to.join(DATABASE).exists() && to.join(BACKUP_MARK).exists(), "people to erase are still in it");
+    let to = backups.target.path().join("restored");
+    let (clock, stop) = (backups.bench.centre.clock.clone(), Shutdown::new());
+    stop.begin();
+    let stopped = restore(&backup, &to, Some(ErasureListChoice::default()), DATABASE, clock.clone(), &stop).await;
+    assert!(matches!(stopped, Err(UpkeepError::Interrupted)), "{stopped:?}");
+    assert!(!to.exists());
+
+    // After a kill the service does not run on it, and the next restore replaces it. So it was with earlier versions.
+    fs::create_dir(&to).unwrap();
+    let mark = "This folder is being restored. If that was interrupted, delete it and restore again.\n";
+    fs::write(to.join(BACKUP_MARK), mark).unwrap();
+    fs::write(to.join(DATABASE), "half, with people to erase").unwrap();
+    let unfinished = backups.restore(&to, Some(ErasureListChoice::default())).await.unwrap_err();
+    assert!(matches!(unfinished, UpkeepError::UnfinishedBackup(_)), "{unfinished}");
+    let restored =
+        restore(&backup, &to, Some(ErasureListChoice::default()), DATABASE, clock, &Shutdown::new()).await.unwrap();
+    assert_eq!((restored.erased_again, restored.missing), (3, vec![]));
+    assert!(!to.join(BACKUP_MARK).exists());
+    assert_eq!(trainees(&backups.bench, &to).await, ["Ben"]);
+}
+
+#[tokio::test]
+async fn a_backup_that_lacks_files_is_restored_and_they_are_named() {
+    let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
+    let service = Scope::service();
+    let ben = backups.bench.centre.store.trainees().get(&service, &Key::from("ben")).await.unwrap().id;
+    let (lost, kept) = (backups.bench.session(ben, "lost before").await, backups.bench.session(ben, "damaged").await);
+    fs::remove_file(backups.bench.path_of(lost.video.unwrap())).unwrap();
+    let later = backups.back_up("tuesday").await;
+    fs::write(later.join(kept.video.unwrap().file()), "dbmaged").unwrap(); // on the disk of the backups
+    let (folder, restored) = backups.restore(&later, None).await.unwrap();
+    assert!(!folder.join(BACKUP_MARK).exists(), "the service can run on it");
+    assert!(holds(&folder, "another recording") && !holds(&folder, "dbmaged"));
+    let mut named: Vec<String> = restored.missing.iter().map(ToString::to_string).collect();
+    named.sort();
+    let expected = [
+        format!("damaged file {}: recording of session {}", kept.video.unwrap().file(), kept.id),
+        format!("missing file {}: recording of session {}", lost.video.unwrap().file(), lost.id),
+    ];
+    assert!(
+        named.len() == 2 && named.iter().zip(&expected).all(|(one, beginning)| one.starts_with(beginning)),
+        "{named:?}"
+    );
+    assert_eq!(backups.restore(&backup, None).await.unwrap().1.missing, [], "the earlier one lacks none");
 }
 
 #[tokio::test]
@@ -418,6 +457,73 @@ async fn an_empty_service_with_the_same_folder_leaves_the_backups_of_the_real_on
     assert_eq!(backups.iter().filter(|path| !path.exists()).count(), 0);
     assert_eq!(complete_backups(folder.path()).unwrap().len(), 2 + 1 + 2, "it keeps two of its own");
     assert_eq!((state.now().others, state.now().newest_ms), (3, Some(began_ms + 3 * 86_400_000)));
+}
+
+#[tokio::test]
+async fn backups_that_lack_files_count_but_never_displace_the_last_complete_one() {
+    let bench = UpkeepFixture::new().await;
+    let ana = bench.centre.trainee("Ana").await.id;
+    bench.session(ana, "a video").await;
+    let lost = bench.session(ana, "a lost video").await;
+    let folder = tempfile::tempdir().unwrap();
+    let settings = BackupSettings { target: Some(folder.path().to_owned()), keep: 1, ..BackupSettings::default() };
+    let (state, shutdown, clock) = (BackupState::default(), Shutdown::new(), bench.centre.clock.clone());
+    let data = (&bench.centre.store, &bench.vault);
+    let running = run_backups(data, &settings, DATABASE, (clock.clone(), &shutdown), &state);
+    let watch = async {
+        let mut newest = None;
+        for missing in [0, 1, 1] {
+            while state.now().newest_ms == newest {
+                tokio::time::sleep(Duration::from_millis(5)).await;
+            }
+            let progress = state.now();
+            assert_eq!((progress.missing.len(), &progress.error), (missing, &None));
+            assert!(progress.missing.iter().all(|file| file.contains(&lost.id.to_string())), "{progress:?}");
+            newest = progress.newest_ms;
+            if missing == 0 {
+                fs::remove_file(bench.path_of(lost.video.unwrap())).unwrap();
+            }
+            clock.advance(Duration::from_secs(86_400));
+        }
+        shutdown.begin();
+    };
+    tokio::join!(running, watch);
+    let kept = complete_backups(folder.path()).unwrap();
+    assert!(holds(&kept[0].1, "a lost video"), "the last complete one stays: {kept:?}");
+    assert!(kept.len() <= 3 && kept[1..].iter().all(|(_, path)| !holds(path, "a lost video")), "{kept:?}");
+
+    // After a restart the state says what the newest one lacks.
+    let (state, shutdown) = (BackupState::default(), Shutdown::new());
+    let (target, at) = (settings.target.clone(), settings.at);
+    let settings = BackupSettings { target, at, keep: 9 };
+    let running = run_backups(data, &settings, DATABASE, (clock.clone(), &shutdown), &state);
+    let watch = async {
+        while state.now().newest_ms.is_none() {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+        assert_eq!(state.now().missing.len(), 1);
+        shutdown.begin();
+    };
+    tokio::join!(running, watch);
+}
+
+#[tokio::test]
+async fn a_stop_during_a_scheduled_backup_ends_it_at_once_without_a_failure() {
+    let bench = UpkeepFixture::new().await;
+    let video = bench.session(bench.centre.trainee("Ana").await.id, "video").await.video.unwrap();
+    let pipe = bench.path_of(video);
+    fs::remove_file(&pipe).unwrap();
+    make_pipe(&pipe);
+    let folder = tempfile::tempdir().unwrap();
+    let settings = BackupSettings { target: Some(folder.path().to_owned()), ..BackupSettings::default() };
+    let (state, shutdown) = (BackupState::default(), Shutdown::new());
+    let begun = shutdown.clone();
+    let writing = std::thread::spawn(move || feed_pipe(&pipe, || begun.begin()));
+    let until = (bench.centre.clock.clone() as _, &shutdown);
+    run_backups((&bench.centre.store, &bench.vault), &settings, DATABASE, until, &state).await;
+    writing.join().unwrap();
+    assert_eq!(state.now(), BackupProgress::default());
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
 #[tokio::test]

@@ -14,6 +14,7 @@ use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
 use crate::ids::JobId;
+use crate::shutdown::Shutdown;
 use crate::store::testing::TestCentre;
 use crate::store::{EditBasis, Lease, Store, StoreError, StoreSettings};
 use crate::time::Clock;
@@ -104,7 +105,8 @@ async fn an_old_video_is_deleted_and_its_path_can_be_scored_again() {
     // A backup has no such file either, and a person who sends the same recording again has it.
     let folder = tempfile::tempdir().unwrap();
     let to = folder.path().join("backup");
-    back_up((store, &bench.vault), &to, "trocar.sqlite", bench.centre.clock.clone()).await.unwrap();
+    let (clock, stop) = (bench.centre.clock.clone(), Shutdown::new());
+    back_up((store, &bench.vault), &to, "trocar.sqlite", clock, &stop).await.unwrap();
     assert!(!holds(&to, "an old video") && holds(&to, "a young video"));
     bench.session(ben, "an old video").await;
     bench.upkeep(&months(2)).await;

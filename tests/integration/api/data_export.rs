@@ -151,6 +151,7 @@ async fn stored_files_that_cannot_be_read_withhold_no_others() {
     let count = |file: &str| files.keys().filter(|name| name.ends_with(file)).count();
     assert_eq!((count("/session.json"), count("/ratings.json")), (2, 2));
     assert_eq!((count("/path.error.txt"), count("/path.csv"), count("/video.mp4")), (1, 0, 1));
+    assert_eq!(count("/video.error.txt"), 1, "the export says that a video is lost");
     assert!(files.contains_key("audit.json"), "what follows is there, too");
 }
 

@@ -192,7 +192,8 @@ async fn health_readiness_and_metrics_answer_without_a_sign_in() {
     assert_eq!(stranger.get("/healthz").await.status(), StatusCode::OK);
     assert_eq!(stranger.get("/readyz").await.status(), StatusCode::OK);
     let metrics = stranger.get("/metrics").await.text().await.unwrap();
-    for name in ["trocar_http_requests_total", "trocar_jobs"] {
+    let jobs = ["trocar_jobs{state=\"queued\"}", "trocar_jobs{state=\"quarantined\"}", "trocar_jobs_failed_total"];
+    for name in ["trocar_http_requests_total"].iter().chain(&jobs) {
         assert!(metrics.contains(name), "{name} in\n{metrics}");
     }
 }

@@ -1,8 +1,10 @@
-//! Reading a recording back: whole, in part, from a cache, and with a hostile file name.
+//! Reading a recording back: whole, in part, from a cache, with a hostile file name, and without its stored file.
 
 use reqwest::{Method, StatusCode, header};
+use trocar::domain::blob::Blob;
 
 use super::centre::{Centre, recording, session};
+use crate::planted::{NEW_YEAR_MS, Planter};
 use crate::support::{problem, read};
 
 async fn centre_with_recording() -> (Centre, String, Vec<u8>) {
@@ -73,5 +75,33 @@ async fn results_that_are_not_computed_yet_are_refused_with_the_reason() {
     for part in ["trajectory", "trajectory?format=parquet", "preview.jpg", "diagnostics"] {
         let refused = problem(centre.trainee.get(&path.replace("video", part)).await, 409, "conflict").await;
         assert!(refused["detail"].as_str().unwrap().contains("not tracked"), "{refused}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_lost_file_is_no_fault_of_the_service_and_administrators_learn_its_name() {
+    let (centre, path, content) = centre_with_recording().await;
+    let file = Blob::of(&content).hash.file();
+    let place = centre.service.data.path().join(&file);
+    std::fs::remove_file(&place).unwrap();
+    let refused = problem(centre.trainee.get(&path).await, 409, "conflict").await;
+    let detail = refused["detail"].as_str().unwrap();
+    assert!(detail.contains("is missing. Ask an administrator") && !detail.contains(&file), "{detail}");
+    assert!(refused.get("stored_file").is_none(), "{refused}");
+    let refused = problem(centre.administrator.get(&path).await, 409, "conflict").await;
+    assert_eq!(refused["stored_file"], file);
+    assert!(refused["detail"].as_str().unwrap().contains("Copy it from a backup"), "{refused}");
+    std::fs::write(&place, &content).unwrap(); // beside the running service
+    assert_eq!(centre.trainee.get(&path).await.bytes().await.unwrap(), content);
+
+    let planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
+    planter.session(planter.trainee("ada").await, NEW_YEAR_MS, vec![]).await; // none of its files is stored
+    let sessions = centre.administrator.read("/api/v1/sessions").await;
+    let ids = sessions["items"].as_array().unwrap().iter().map(|session| session["id"].as_str().unwrap());
+    let planted = ids.into_iter().find(|id| !path.contains(id)).unwrap();
+    for part in ["video", "trajectory", "trajectory?format=csv", "diagnostics", "diagnostics?from_frame=1"] {
+        let answer = centre.administrator.get(&format!("/api/v1/sessions/{planted}/{part}")).await;
+        let refused = problem(answer, 409, "conflict").await;
+        assert!(refused["stored_file"].as_str().unwrap().starts_with("blobs/"), "{part}: {refused}");
     }
 }
