@@ -171,7 +171,8 @@ async fn many_files_without_a_row_are_kept_until_a_person_has_them_deleted() {
 
 #[tokio::test]
 async fn a_folder_that_has_lost_its_database_gets_no_new_one() {
-    let remains: [(&str, fn(&Path)); 6] = [
+    type LeaveRemains = fn(&Path);
+    let remains: [(&str, LeaveRemains); 6] = [
         ("stored files", |data| {
             let hash = Blob::of(b"video").hash.to_string();
             fs::write(data.join("blobs").join(&hash[..2]).join(&hash), b"video").unwrap();
