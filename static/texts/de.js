@@ -2366,9 +2366,9 @@ export default {
       rejected: [shareFigure(1, (is, limit) => `${is} % der Messungen widersprechen der Bewegung; höchstens ${limit} %`),
         'suchen Sie im Bild nach etwas anderem in der Farbe des Klebebands, und markieren Sie es als Hintergrund'],
       jump: [figure(1, (is, limit) => `seine Bahn hat einen Schritt mit ${is} m/s, schneller als eine Hand; höchstens ${limit} m/s`),
-        'eine einzige falsche Zeile macht Längen und Geschwindigkeiten falsch: Löschen Sie sie aus der Tabelle, und importieren Sie die Tabelle noch einmal. Prüfen Sie bei einer Aufnahme, ob die Überlagerung dort dem Instrument folgt'],
-      spike: [figure(1, (is, limit) => `seine Bahn geht innerhalb von zwei Schritten hin und zurück, mit ${is} m/s²; höchstens ${limit} m/s²`),
-        'eine einzige falsche Zeile macht Längen und Geschwindigkeiten falsch: Löschen Sie sie aus der Tabelle, und importieren Sie die Tabelle noch einmal. Prüfen Sie bei einer Aufnahme, ob die Überlagerung dort dem Instrument folgt'],
+        'eine einzige falsche Zeile macht Längen und Geschwindigkeiten falsch: Löschen Sie sie und alle ähnlichen aus der Tabelle, und importieren Sie die Tabelle noch einmal. Prüfen Sie bei einer Aufnahme, ob die Überlagerung dort dem Instrument folgt: Tauschen Sie die Namen der Instrumente ab dort, oder kürzen Sie die Aufnahme'],
+      spike: [figure(1, (is, limit) => `seine Bahn geht innerhalb von fünf Schritten hin und zurück, mit ${is} m/s²; höchstens ${limit} m/s²`),
+        'eine einzige falsche Zeile macht Längen und Geschwindigkeiten falsch: Löschen Sie sie und alle ähnlichen aus der Tabelle, und importieren Sie die Tabelle noch einmal. Prüfen Sie bei einer Aufnahme, ob die Überlagerung dort dem Instrument folgt: Tauschen Sie die Namen der Instrumente ab dort, oder kürzen Sie die Aufnahme'],
       border_residual: [figure(2, (is, limit) => `seine Ränder liegen ${is} px neben denen eines geraden Rohrs; höchstens ${limit} px`),
         'stellen Sie die Kamera scharf, vermeiden Sie Glanz auf dem Klebeband, und erneuern Sie zerknittertes Klebeband'],
       noise_floor: [figure(1, (is, limit) => `in Ruhe schiene es sich mit ${is} mm/s zu bewegen; höchstens ${limit} mm/s`),
@@ -2408,7 +2408,7 @@ export default {
     /** Added to a finding about a jump of the path: its rows. */
     rows: ({ from_frame: from, from_s: fromTime, to_frame: to, to_s: toTime }) => {
       const row = (frame, time) => `Bild ${frame} (${decimal(time.toFixed(3))} s)`;
-      return from === to ? `; bei ${row(from, fromTime)}` : `; zwischen ${row(from, fromTime)} und ${row(to, toTime)}`;
+      return from === to ? `; bei ${row(from, fromTime)}` : `; von ${row(from, fromTime)} bis ${row(to, toTime)}`;
     },
     /** The finding about a part of a self-test, by part and unit. A part without an entry keeps its English sentence,
      *  which says more than the figures. */

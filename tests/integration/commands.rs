@@ -146,7 +146,7 @@ fn a_path_with_a_row_that_no_hand_reaches_is_refused_and_the_row_is_named() {
     fs::write(folder.path().join("wrong.csv"), good.replace(row, "10,0.4,orange,9998,0,180")).unwrap();
     let text = String::from_utf8(trocar(folder.path(), "score wrong.csv").stdout).unwrap();
     for words in
-        ["verdict: refused", "orange: its path has a step of", "frame 10 (0.400 s)", "delete it from the table"]
+        ["verdict: refused", "orange: its path has a step of", "frame 10 (0.400 s)", "delete it and all others"]
     {
         assert!(text.contains(words), "{words}: {text}");
     }

@@ -43,7 +43,7 @@ pub struct ConcernDocument {
     /// The longest stretch without a position, if tracking was lost.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub longest: Option<LostDocument>,
-    /// The rows of the path that are too far apart, if it jumps.
+    /// The wrong rows of the path, if it jumps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rows: Option<JumpDocument>,
     /// The measured figure.
@@ -69,7 +69,8 @@ pub struct LostDocument {
     pub to_end: bool,
 }
 
-/// The two rows of a path that jumps from one to the other; twice the same row, if the path goes out to it and back.
+/// The two rows of a path that jumps from one to the other, or the first and the last of the adjacent rows that the path
+/// goes out to and back from: the same row twice, if it is one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
 pub struct JumpDocument {
     /// Frame of the first row.

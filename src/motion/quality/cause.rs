@@ -39,7 +39,7 @@ pub enum QualityCause {
     Rejected,
     /// A tool's path has a step that is faster than any hand.
     Jump,
-    /// A tool's path goes out to a row and back more sharply than a hand can turn.
+    /// A tool's path goes out to a few rows and back more sharply than a hand can turn.
     Spike,
     /// A band's borders do not fit a straight tube.
     BorderResidual,
@@ -244,7 +244,7 @@ impl QualityCause {
             QualityCause::LongGap => format!("not measured for {figure} s without a break"),
             QualityCause::Rejected => format!("{figure} % of the measurements contradict the motion"),
             QualityCause::Jump => format!("its path has a step of {figure} m/s, faster than a hand"),
-            QualityCause::Spike => format!("its path goes out and back within two steps, with {figure} m/s²"),
+            QualityCause::Spike => format!("its path goes out and back within five steps, with {figure} m/s²"),
             QualityCause::BorderResidual => format!("its borders are {figure} px off those of a straight tube"),
             QualityCause::NoiseFloor => format!("at rest it would appear to move at {figure} mm/s"),
             QualityCause::ErrorBar => format!("half of its positions may be off by {figure} mm or more"),
@@ -331,8 +331,9 @@ impl QualityCause {
                 "look for something else of the tape's colour in the picture, and mark it as background"
             }
             QualityCause::Jump | QualityCause::Spike => {
-                "one wrong row makes lengths and speeds wrong: delete it from the table, and import the table again. In \
-                 a recording, check whether the overlay follows the tool there"
+                "one wrong row makes lengths and speeds wrong: delete it and all others like it from the table, and \
+                 import the table again. In a recording, check whether the overlay follows the tool there: exchange \
+                 the tools' names from there on, or trim the recording"
             }
             QualityCause::BorderResidual => "focus the camera, avoid glare on the tape, and replace creased tape",
             QualityCause::NoiseFloor => {

@@ -120,7 +120,7 @@ impl QualityCause {
             }
             // A hand shakes an instrument at less than 10 Hz; 25 mm to either side at 10 Hz is 100 m/s², ten times
             // gravity. From half of that on, a wrong row is likelier than a hand. At 30 frames a second, the limits are
-            // a row 31 and 59 mm beside its neighbours.
+            // a row 31 and 59 mm beside its neighbours, or two rows 59 and 114 mm beside theirs.
             QualityCause::Spike => at_most(50.0, 100.0),
             // Whole-pixel masks are off by 0.5 to 1.2 px a side, and 1 px of width moves depth by 4.5 mm at 150 mm.
             // Clean tape leaves a residual of 0.1 to 0.4. A residual of 1 means that edges were found no better than to

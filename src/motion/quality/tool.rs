@@ -56,7 +56,7 @@ pub struct ToolFigures {
     pub rejected_share: Option<f64>,
     /// The fastest step from one row of its path to the next, m/s.
     pub fastest_step: Option<PathJump>,
-    /// The sharpest turn of its path out to a row and back, m/s².
+    /// The sharpest turn of its path out to a few rows and back, m/s².
     pub sharpest_turn: Option<PathJump>,
     /// Speed at which it would appear to move at rest.
     pub noise_floor: Option<NoiseFloor>,
