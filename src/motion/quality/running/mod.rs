@@ -6,8 +6,7 @@
 //! the recording. A measurement that the tracker withdraws later is no longer counted. **Differs** from the finished
 //! session's figures because the causal filter bridges shorter gaps, and the fulcrum of the whole recording is not
 //! known yet: docs/quality_gate.md states by how much. **Leaves out** what only the whole recording shows (noise
-//! floor, sizes), jumps, which the tracker's gate prevents, and what does not depend on the recording (colours,
-//! calibration).
+//! floor, sizes), jumps, and what does not depend on the recording (colours, calibration).
 
 use std::collections::BTreeMap;
 
