@@ -13,7 +13,10 @@ WHERE role <> 'agent'
 ALTER TABLE password_link ADD COLUMN made_by TEXT REFERENCES person (id) ON DELETE CASCADE; -- who made it; NULL: the service, or made before this was noted
 CREATE INDEX password_link_made_by ON password_link (made_by) WHERE made_by IS NOT NULL;
 
--- The same path of a trainee and a task is imported once, even if the bytes of its tables differ.
+-- The same path of a trainee and a task is imported once, even if the bytes of its tables differ. Sessions that were
+-- imported before get the hash of the path that they store. It has the tools in the order of their first appearance,
+-- and the check of a new import has them in alphabetical order: a path whose tools appeared in another order can be
+-- imported once more.
 ALTER TABLE session ADD COLUMN path_hash TEXT CHECK (length(path_hash) = 64); -- SHA-256 of the imported path, hexadecimal; NULL: not imported
 UPDATE session
 SET path_hash = (SELECT trajectory FROM result WHERE session_id = session.id ORDER BY created_at_ms, id LIMIT 1)

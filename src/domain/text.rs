@@ -236,7 +236,7 @@ fn code(text: &str) -> Result<String, Invalid> {
 
 fn file_name(text: &str) -> Result<String, Invalid> {
     let last = text.rsplit(['/', '\\']).next().unwrap_or_default().trim();
-    if !last.is_empty() && last.chars().all(is_ignorable) {
+    if !last.is_empty() && last.chars().all(|c| c.is_whitespace() || is_ignorable(c)) {
         return Ok("_".to_owned());
     }
     let shown: String = last.chars().map(|c| if is_misleading(c) { '_' } else { c }).collect();
@@ -298,6 +298,7 @@ mod tests {
             ("a\u{2028}b.mp4", "a_b.mp4"),
             ("\u{feff}clip.mp4", "_clip.mp4"),
             ("\u{200b}\u{200b}", "_"),
+            ("\u{200b} \u{200b}", "_"),
         ] {
             assert_eq!(given.parse::<FileName>().unwrap().as_str(), stored);
         }

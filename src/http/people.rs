@@ -161,14 +161,15 @@ pub struct PersonChangeRequest {
     /// With a password: the person must change it at the next sign-in, before anything else.
     #[serde(default)]
     must_change_password: bool,
-    /// Keep the account's tokens when its password changes. Otherwise they are withdrawn.
+    /// Keep the account's tokens when its password changes. Otherwise they are withdrawn, and so are those that they
+    /// made, for example for the agents of boxes.
     #[serde(default)]
     keep_tokens: bool,
 }
 
 /// Change an account
 ///
-/// A token does not suffice to make an administrator, or to set the password of one.
+/// A token does not suffice to make an administrator, or to change the login, role or password of one.
 #[utoipa::path(patch, path = "/people/{id}", tag = "people", params(("id" = String, Path, description = "id")),
     request_body = PersonChangeRequest, responses((status = OK, body = PersonResponse)))]
 pub async fn change(
@@ -180,17 +181,17 @@ pub async fn change(
     let PersonChangeRequest { login, name, role, password, must_change_password, keep_tokens } = change;
     refuse_demand_without_password(must_change_password, password.as_deref())?;
     let (id, password) = (at.id()?, password.map(Password::new).transpose()?);
-    let present = app.store.people().get(&by.scope, id).await?.role;
-    if role == Some(Role::Administrator) || (password.is_some() && present == Role::Administrator) {
-        require_sign_in(&by.scope)?;
-    }
-    let take_place = || app.password_hasher.take_place(HashRequester::Account(by.scope.actor()));
-    let place = password.is_some().then(take_place).transpose()?;
-    let mut person = app.store.people().change(&by.scope, id, PersonChange { login, name, role }).await?;
-    if let Some((password, place)) = password.zip(place) {
-        person.password_state = state_of(must_change_password);
-        let new = (place.hash(password).await?, person.password_state);
-        app.store.people().set_password(&by.scope, id, new, None, keep_tokens).await?;
+    let password = match password {
+        Some(chosen) => {
+            let place = app.password_hasher.take_place(HashRequester::Account(by.scope.actor()))?;
+            Some((place.hash(chosen).await?, state_of(must_change_password)))
+        }
+        None => None,
+    };
+    let is_new_password = password.is_some();
+    let change = PersonChange { login, name, role, password, keep_tokens };
+    let person = app.store.people().change(&by.scope, id, change).await?;
+    if is_new_password {
         app.throttle.forget(&person.login);
     }
     Ok(Json(person.into()))
@@ -198,8 +199,9 @@ pub async fn change(
 
 /// Delete an account
 ///
-/// Also signs the person out in every browser, and deletes the person's tokens and the links for passwords that the
-/// person made.
+/// Also signs the person out in every browser, and deletes the person's tokens, the tokens that these made, for example
+/// for the agents of boxes, and the links for passwords that the person made. A token does not suffice to delete an
+/// administrator.
 #[utoipa::path(delete, path = "/people/{id}", tag = "people", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Administrator, at: PathKey) -> HandlerResult<StatusCode> {

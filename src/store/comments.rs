@@ -43,10 +43,11 @@ pub struct CommentRecord {
 }
 
 impl CommentRecord {
-    /// True if the scope, which sees the session, may delete it: an own comment, or as staff one of a trainee.
+    /// True if the scope, which sees the session, may delete it: an own comment, or as staff one of a trainee or of a
+    /// deleted account.
     pub fn may_be_deleted_by(&self, scope: &Scope) -> bool {
         let is_own = self.person_id.is_some() && self.person_id == scope.person();
-        is_own || scope.is_staff() && self.is_by_trainee
+        is_own || scope.is_staff() && (self.person_id.is_none() || self.is_by_trainee)
     }
 }
 
@@ -82,12 +83,13 @@ const SCALE_COMMENTS: &str = "
 
 const COUNT_OWN_COMMENTS: &str = "SELECT count(*) FROM comment WHERE session_id = $1 AND person_id = $2";
 
-/// Deletes a comment of person `$3`, and one of a trainee if `$4` is true. Returns its author.
+/// Deletes a comment of person `$3`, and if `$4` is true one of a trainee or of a deleted account. Returns its author.
 const DELETE_COMMENT: &str = "
     DELETE FROM comment
     WHERE id = $1 AND session_id = $2
       AND (coalesce(person_id = $3, FALSE)
-           OR $4 AND EXISTS (SELECT 1 FROM person WHERE person.id = comment.person_id AND person.role = 'trainee'))
+           OR $4 AND (person_id IS NULL
+                      OR EXISTS (SELECT 1 FROM person WHERE person.id = comment.person_id AND person.role = 'trainee')))
     RETURNING person_id";
 
 /// Multiplies the times of a session's comments, because its recording has other times now.
@@ -147,8 +149,8 @@ impl CommentStore<'_> {
         Ok(VisibleComments { items, hidden: count.fetch_one(self.0.readers()).await? })
     }
 
-    /// Deletes one of the caller's own comments, or as staff one of a trainee. Any other comment is reported as not
-    /// found.
+    /// Deletes one of the caller's own comments, or as staff one of a trainee or of a deleted account. Any other comment
+    /// is reported as not found.
     pub async fn withdraw(&self, scope: &Scope, session: SessionId, id: CommentId) -> StoreResult<()> {
         self.0.sessions().get(scope, session).await?;
         let (by, now_ms, person, is_staff) = (scope.clone(), self.0.now_ms(), scope.person(), scope.is_staff());
@@ -159,7 +161,7 @@ impl CommentStore<'_> {
                     let delete = sqlx::query_scalar(DELETE_COMMENT).bind(id).bind(session).bind(person).bind(is_staff);
                     let author: Option<Option<PersonId>> = delete.fetch_optional(&mut *tx).await?;
                     let author = author.ok_or(not_found("comment"))?;
-                    let action = if author == person { "withdraw" } else { "delete" };
+                    let action = if author.is_some() && author == person { "withdraw" } else { "delete" };
                     note(tx, &by, now_ms, (action, "comment"), id).await
                 }
             })

@@ -7,7 +7,7 @@ use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
 use super::password_links::{DELETE_LINK_OF, DELETE_LINKS_MADE_BY};
 use super::tokens::{DELETE_TOKENS_OF, DELETE_TOKENS_THAT_EXCEED};
-use super::visibility::require_administrator;
+use super::visibility::{require_administrator, require_sign_in};
 use super::{Scope, Store};
 use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
@@ -63,6 +63,24 @@ pub struct PersonChange {
     pub name: Option<Name>,
     /// New role: administrator or instructor. Refused for a trainee's account.
     pub role: Option<Role>,
+    /// The hash of a new password, who chose it, and whether it must be changed.
+    pub password: Option<(PasswordHash, PasswordState)>,
+    /// With a new password: keep the account's tokens.
+    pub keep_tokens: bool,
+}
+
+impl PersonChange {
+    /// The part of the change that a program with a token may not make: it would give the program another way in, or
+    /// shut an administrator out. `None` if a program may make all of it.
+    fn needs_sign_in(&self, present: &PersonRecord) -> Option<&'static str> {
+        if present.role != Role::Administrator {
+            return (self.role == Some(Role::Administrator)).then_some("making an administrator");
+        }
+        let is_new_login = self.login.as_ref().is_some_and(|login| *login != present.login);
+        let is_new_role = self.role.is_some_and(|role| role != present.role);
+        (is_new_login || is_new_role || self.password.is_some())
+            .then_some("changing the login, role or password of an administrator")
+    }
 }
 
 impl PersonRecord {
@@ -93,17 +111,11 @@ const SELECT_PERSON: &str = "
 const SELECT_PERSON_OF: &str = "
     SELECT id, login, name, role, trainee_id, password_state, created_at_ms FROM person WHERE trainee_id = $1";
 
-const SIGN_OUT_IF_ROLE_CHANGES: &str = "
-    DELETE FROM cookie_session
-    WHERE person_id = (SELECT id FROM person WHERE id = $1 AND role <> $2)";
-
 const UPDATE_PERSON: &str = "
     UPDATE person
     SET login = coalesce($2, login), name = coalesce($3, name), role = coalesce($4, role)
     WHERE id = $1
     RETURNING id, login, name, role, trainee_id, password_state, created_at_ms";
-
-const SELECT_TRAINEE_OF: &str = "SELECT trainee_id FROM person WHERE id = $1 AND trainee_id IS NOT NULL";
 
 const DELETE_PERSON: &str = "DELETE FROM person WHERE id = $1";
 
@@ -187,7 +199,11 @@ impl PersonStore<'_> {
 
     /// Changes an account. The last administrator keeps that role. A new role signs all browsers of the account out,
     /// which also ends their open connections: those were opened with the rights of the old role. It withdraws the
-    /// tokens that exceed it, and the links for passwords that a former administrator made.
+    /// tokens that exceed it, and the links for passwords that a former administrator made. A new password ends what
+    /// [`PersonStore::set_password`] says.
+    ///
+    /// # Errors
+    /// A program with a token makes an administrator, or changes the login, role or password of one.
     pub async fn change(&self, scope: &Scope, id: PersonId, change: PersonChange) -> StoreResult<PersonRecord> {
         require_administrator(scope, "changing accounts")?;
         if matches!(change.role, Some(Role::Agent | Role::Trainee)) {
@@ -199,14 +215,23 @@ impl PersonStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                if change.role.is_some() {
-                    require_role_may_change(tx, id).await?;
+                let present = read_person(tx, id).await?;
+                if let Some(what) = change.needs_sign_in(&present) {
+                    require_sign_in(&scope, what)?;
                 }
-                sqlx::query(SIGN_OUT_IF_ROLE_CHANGES).bind(id).bind(change.role).execute(&mut *tx).await?;
+                if change.role.is_some() {
+                    require_role_may_change(&present)?;
+                }
+                if change.role.is_some_and(|role| role != present.role) {
+                    sqlx::query(DELETE_COOKIES_OF).bind(id).execute(&mut *tx).await?;
+                }
+                if let Some(new) = change.password {
+                    replace_password(tx, id, new, None, change.keep_tokens).await?;
+                    note(tx, &scope, now_ms, ("set password", "person"), id).await?;
+                }
                 let changed =
                     sqlx::query_as(UPDATE_PERSON).bind(id).bind(change.login).bind(change.name).bind(change.role);
-                let person: Option<PersonRecord> = changed.fetch_optional(&mut *tx).await.map_err(taken("login"))?;
-                let person = person.ok_or(not_found("person"))?;
+                let person: PersonRecord = changed.fetch_one(&mut *tx).await.map_err(taken("login"))?;
                 require_an_administrator(tx).await?;
                 if person.role != Role::Administrator {
                     sqlx::query(DELETE_TOKENS_THAT_EXCEED).bind(id).bind(person.role).execute(&mut *tx).await?;
@@ -218,17 +243,20 @@ impl PersonStore<'_> {
             .await
     }
 
-    /// Deletes an account with its cookies, its tokens, and the links for passwords that it made. The last administrator
-    /// cannot be deleted.
+    /// Deletes an account with its cookies, its tokens with those that they made, and the links for passwords that it
+    /// made. The last administrator cannot be deleted.
+    ///
+    /// # Errors
+    /// A program with a token deletes an administrator.
     pub async fn delete(&self, scope: &Scope, id: PersonId) -> StoreResult<()> {
         require_administrator(scope, "deleting accounts")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let deleted = sqlx::query(DELETE_PERSON).bind(id).execute(&mut *tx).await?;
-                if deleted.rows_affected() == 0 {
-                    return Err(not_found("person"));
+                if read_person(tx, id).await?.role == Role::Administrator {
+                    require_sign_in(&scope, "deleting an administrator")?;
                 }
+                sqlx::query(DELETE_PERSON).bind(id).execute(&mut *tx).await?;
                 require_an_administrator(tx).await?;
                 note(tx, &scope, now_ms, ("delete", "person"), id).await
             })
@@ -236,8 +264,12 @@ impl PersonStore<'_> {
     }
 
     /// Sets a password, signs all browsers of the account out, and withdraws its link for a password, and its tokens
-    /// unless they are to be kept. The caller has verified the old password or is an administrator. With `verified`, the
-    /// hash that the old password matched, the account is not found if it has another password by now.
+    /// with those that they made unless they are to be kept. The caller has verified the old password or is an
+    /// administrator. With `verified`, the hash that the old password matched, the account is not found if it has
+    /// another password by now.
+    ///
+    /// # Errors
+    /// A program with a token sets the password of an administrator.
     pub async fn set_password(
         &self,
         scope: &Scope,
@@ -252,6 +284,9 @@ impl PersonStore<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
+                if read_person(tx, id).await?.role == Role::Administrator {
+                    require_sign_in(&scope, "setting the password of an administrator")?;
+                }
                 replace_password(tx, id, new, verified, keep_tokens).await?;
                 note(tx, &scope, now_ms, ("set password", "person"), id).await
             })
@@ -304,10 +339,15 @@ pub(super) async fn replace_password(
     Ok(())
 }
 
+/// The account as it is in this transaction.
+async fn read_person(tx: &mut sqlx::SqliteConnection, id: PersonId) -> StoreResult<PersonRecord> {
+    let person = sqlx::query_as(SELECT_PERSON).bind(id).fetch_optional(tx).await?;
+    person.ok_or(not_found("person"))
+}
+
 /// Refuses another role for a trainee's account, which would take the trainee's recordings from the person.
-async fn require_role_may_change(tx: &mut sqlx::SqliteConnection, id: PersonId) -> StoreResult<()> {
-    let trainee: Option<TraineeId> = sqlx::query_scalar(SELECT_TRAINEE_OF).bind(id).fetch_optional(tx).await?;
-    trainee.map_or(Ok(()), |_| {
+fn require_role_may_change(present: &PersonRecord) -> StoreResult<()> {
+    present.trainee_id.map_or(Ok(()), |_| {
         Err(StoreError::refused("the account of a trainee keeps its role: make another account for the person's work"))
     })
 }

@@ -6,7 +6,7 @@ use sqlx::sqlite::SqliteConnection;
 use super::audit::note;
 use super::columns::Insert;
 use super::error::{StoreError, StoreResult, ignore_full_or_busy, missing, not_found};
-use super::visibility::require_administrator;
+use super::visibility::{require_administrator, require_sign_in};
 use super::{Scope, Store};
 use crate::domain::role::Role;
 use crate::domain::scope::CallingToken;
@@ -243,8 +243,7 @@ impl TokenStore<'_> {
 async fn require_own_or_made(tx: &mut SqliteConnection, scope: &Scope, id: TokenId) -> StoreResult<()> {
     let Some(calling) = scope.token() else { return Ok(()) };
     let found = sqlx::query(SELECT_OWN_OR_MADE).bind(id).bind(calling.id).fetch_optional(tx).await?;
-    let what = "withdrawing a token that this one has not made";
-    found.map(drop).ok_or(StoreError::Forbidden { what, whom: "people who sign in with a password" })
+    found.map_or_else(|| require_sign_in(scope, "withdrawing a token that this one has not made"), |_| Ok(()))
 }
 
 /// Refuses a token with more rights than its person has: it would never be accepted.

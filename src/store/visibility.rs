@@ -76,6 +76,12 @@ pub(super) fn require_administrator(scope: &Scope, what: &'static str) -> StoreR
     if scope.is_administrator() { Ok(()) } else { Err(StoreError::Forbidden { what, whom: "administrators" }) }
 }
 
+/// Refuses a program with a token.
+pub(super) fn require_sign_in(scope: &Scope, what: &'static str) -> StoreResult<()> {
+    let whom = "people who sign in with a password";
+    if scope.token().is_none() { Ok(()) } else { Err(StoreError::Forbidden { what, whom }) }
+}
+
 /// Refuses all but administrators and instructors.
 pub(super) fn require_staff(scope: &Scope, what: &'static str) -> StoreResult<()> {
     if scope.is_staff() { Ok(()) } else { Err(StoreError::Forbidden { what, whom: "administrators and instructors" }) }

@@ -18,7 +18,7 @@ const FIELDS = [
   ...NEW_PASSWORD_FIELDS,
 ];
 /** Asked only of a person who has tokens. */
-const TOKENS_FIELD = { name: 'tokens', label: words.ofTokens, type: 'select', options: [['withdraw', words.withdrawTokens], ['keep', words.keepTokens]], value: 'withdraw' };
+const TOKENS_FIELD = { name: 'tokens', label: words.ofTokens, hint: words.ofTokensHint, type: 'select', options: [['withdraw', words.withdrawTokens], ['keep', words.keepTokens]], value: 'withdraw' };
 
 /** @param {Props} props */
 export default function Account({ person, onSignOut }) {

@@ -108,6 +108,7 @@ export default function People({ person }) {
     addTitle: words.add,
     editTitle: words.edit,
     removeTitle: words.removeTitle,
+    removeBody: words.removeAccountBody,
     fields,
     save: async (item, { access, ...values }) => {
       if (values.password) refuseRepeats(values.password);

@@ -100,15 +100,17 @@ pub struct PasswordChange {
     /// The new password, 10 to 256 bytes, at least 5 different characters.
     #[schema(format = Password, min_length = 10, max_length = 256)]
     new: String,
-    /// Keep the tokens that act as this account. Otherwise they are withdrawn.
+    /// Keep the tokens that act as this account. Otherwise they are withdrawn, and so are those that they made, for
+    /// example for the agents of boxes.
     #[serde(default)]
     keep_tokens: bool,
 }
 
 /// Change the own password
 ///
-/// Signs the account out in every browser, withdraws its link for a password, and withdraws its tokens unless
-/// `keep_tokens` is true. A password that must be changed cannot be chosen again. A token does not suffice.
+/// Signs the account out in every browser, withdraws its link for a password, and withdraws its tokens and those that
+/// they made unless `keep_tokens` is true. A password that must be changed cannot be chosen again. A token does not
+/// suffice.
 #[utoipa::path(post, path = "/me/password", tag = "sign-in", request_body = PasswordChange,
     responses((status = NO_CONTENT)))]
 pub async fn change_password(

@@ -23,7 +23,7 @@ pub struct CommentResponse {
     who: Option<String>,
     /// True if it is the caller's own comment.
     own: bool,
-    /// True if the caller may delete it: the author, and staff if the author is a trainee.
+    /// True if the caller may delete it: the author, and staff if the author is a trainee or was deleted.
     may_delete: bool,
     /// Beginning of the stretch, seconds of the recording.
     from_s: f64,

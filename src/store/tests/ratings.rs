@@ -121,6 +121,32 @@ async fn a_trainee_leaves_room_for_the_comments_of_staff_who_may_delete_those_of
 }
 
 #[tokio::test]
+async fn staff_delete_the_comments_of_deleted_accounts_and_no_trainee_does() {
+    let centre = TestCentre::with_camera_and_colours().await;
+    let (ana, ines) = (centre.trainee("Ana").await, centre.person("ines", Role::Instructor, None).await);
+    centre.group("One", &[&ines], &[&ana]).await;
+    let (session, comments) = (centre.session(ana.id, "video").await.id, centre.store.comments());
+    let account = centre.person("ana", Role::Trainee, Some(ana.id)).await;
+    let by = Scope::trainee(account.id, ana.id);
+    let mut made = Vec::new();
+    for _ in 0..2 {
+        made.push(comments.add(&by, session, comment("here"), [2.0, 2.0]).await.unwrap().id);
+    }
+    centre.store.people().delete(&Scope::service(), account.id).await.unwrap();
+    let again = centre.person("ana", Role::Trainee, Some(ana.id)).await;
+    let again = Scope::trainee(again.id, ana.id);
+    let listed = comments.of_session(&again, session).await.unwrap().items;
+    let instructor = Scope::instructor(ines.id);
+    assert!(listed.iter().all(|one| one.may_be_deleted_by(&instructor) && !one.may_be_deleted_by(&again)));
+    assert!(matches!(comments.withdraw(&again, session, made[0]).await, Err(StoreError::NotFound { .. })));
+    for (by, id) in [(instructor, made[0]), (Scope::service(), made[1])] {
+        comments.withdraw(&by, session, id).await.unwrap();
+        let audit = centre.store.audit().list(&Scope::service(), &PageRequest::default()).await.unwrap();
+        assert_eq!((audit.items[0].action.as_str(), audit.items[0].noun.as_str()), ("delete", "comment"));
+    }
+}
+
+#[tokio::test]
 async fn only_people_rate_and_only_staff() {
     let centre = TestCentre::with_camera_and_colours().await;
     let ana = centre.trainee("Ana").await;

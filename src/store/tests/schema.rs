@@ -6,8 +6,11 @@ use sqlx::sqlite::SqliteConnection;
 use sqlx::{AssertSqlSafe, Connection};
 
 use crate::domain::job::JobKind;
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::secret::Secret;
 use crate::store::testing::{NOW_MS, TestCentre};
-use crate::store::{Store, StoreError, StoreSettings};
+use crate::store::{ActsAs, NewToken, Store, StoreError, StoreSettings};
 use crate::time::ManualClock;
 
 const FILES: [&str; 16] = [
@@ -161,6 +164,41 @@ async fn the_database_has_each_job_kind_and_no_other() {
     let mut known: Vec<&str> = JobKind::ALL.iter().map(|kind| kind.name()).collect();
     known.sort_unstable();
     assert_eq!(stored, known);
+}
+
+/// The statements of the migration that change rows run again.
+#[tokio::test]
+async fn imported_sessions_get_the_hash_of_their_path_and_tokens_that_exceed_a_role_are_deleted() {
+    let centre = TestCentre::with_camera_and_colours().await;
+    let ana = centre.trainee("Ana").await.id;
+    for content in ["imported", "recorded"] {
+        let session = centre.session(ana, content).await;
+        let lease = centre.claim().await.unwrap();
+        centre.store.jobs().finish_track(&lease, centre.result(session.id).await).await.unwrap();
+    }
+    let ina = centre.person("ina", Role::Instructor, None).await;
+    for name in ["fits", "exceeds"] {
+        let acts_as = ActsAs::Person(ina.id, Role::Instructor);
+        let secret = Secret::random().hash();
+        let new = NewToken { name: name.parse().unwrap(), acts_as, expires_at_ms: None, secret };
+        centre.store.tokens().create(&Scope::service(), new).await.unwrap();
+    }
+    let migration = include_str!("../../../migrations/0040_made_with.sql");
+    let part = |from: &str| migration[migration.find(from).unwrap()..].split_inclusive(";\n").next().unwrap();
+    let mut raw = raw(&centre).await;
+    for sql in [
+        "UPDATE session SET tracker = 'optical' WHERE id = (SELECT min(id) FROM session)",
+        "UPDATE token SET role = 'administrator' WHERE name = 'exceeds'",
+        part("DELETE FROM token"),
+        part("UPDATE session"),
+    ] {
+        sqlx::query(AssertSqlSafe(sql)).execute(&mut raw).await.unwrap();
+    }
+    let sql = "SELECT path_hash = trajectory FROM session JOIN result ON session_id = session.id ORDER BY session.id";
+    let is_hash: Vec<Option<bool>> = sqlx::query_scalar(sql).fetch_all(&mut raw).await.unwrap();
+    assert_eq!(is_hash, [Some(true), None]);
+    let left: Vec<String> = sqlx::query_scalar("SELECT name FROM token").fetch_all(&mut raw).await.unwrap();
+    assert_eq!(left, ["fits"]);
 }
 
 #[tokio::test]

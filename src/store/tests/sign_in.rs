@@ -96,7 +96,8 @@ async fn another_role_signs_all_browsers_out_and_another_name_none() {
         .await
         .unwrap();
     let counts = async |secret| centre.store.cookies().is_valid(secret, LASTS).await.unwrap();
-    let same = PersonChange { name: Some("Ada".parse().unwrap()), role: Some(Role::Administrator), login: None };
+    let same =
+        PersonChange { name: Some("Ada".parse().unwrap()), role: Some(Role::Administrator), ..PersonChange::default() };
     people.change(&service, ada.id, same).await.unwrap();
     people.change(&service, ada.id, PersonChange::default()).await.unwrap();
     assert!(counts(of_ada).await);
@@ -162,6 +163,45 @@ async fn a_token_is_withdrawn_together_with_the_one_that_made_it() {
     for (secret, role) in [(of_first, None), (of_second, None), (of_box, None), (other, Some(Role::Instructor))] {
         assert_eq!(role_of(&centre, &secret).await, role);
     }
+}
+
+#[tokio::test]
+async fn a_token_changes_no_access_of_an_administrator_and_nothing_of_a_refused_change_is_stored() {
+    let centre = TestCentre::new().await;
+    let people = centre.store.people();
+    let (ada, eve) =
+        (centre.person("ada", Role::Administrator, None).await, centre.person("eve", Role::Administrator, None).await);
+    let ina = centre.person("ina", Role::Instructor, None).await;
+    let secret = Secret::random();
+    let acts_as = ActsAs::Person(ada.id, Role::Administrator);
+    let new = NewToken { name: "t".parse().unwrap(), acts_as, expires_at_ms: None, secret: secret.hash() };
+    centre.store.tokens().create(&ada.scope(), new).await.unwrap();
+    let program = centre.store.tokens().scope_of(secret.hash()).await.unwrap().unwrap();
+    let (password, none) = (|| (Password::random().hash(), PasswordState::Own), PersonChange::default);
+    let present = centre.password_of(&eve).await;
+    for (person, change) in [
+        (&eve, PersonChange { login: Some("mallory".parse().unwrap()), ..none() }),
+        (&eve, PersonChange { role: Some(Role::Instructor), ..none() }),
+        (&eve, PersonChange { name: Some("Mallory".parse().unwrap()), password: Some(password()), ..none() }),
+        (&ina, PersonChange { role: Some(Role::Administrator), password: Some(password()), ..none() }),
+    ] {
+        let refused = people.change(&program, person.id, change).await;
+        assert!(matches!(refused, Err(StoreError::Forbidden { .. })), "{refused:?}");
+        assert_eq!(&people.get(&program, person.id).await.unwrap(), person);
+    }
+    let set = people.set_password(&program, eve.id, password(), None, false).await;
+    assert!(matches!(set, Err(StoreError::Forbidden { .. })), "{set:?}");
+    let deleted = people.delete(&program, eve.id).await;
+    assert!(matches!(deleted, Err(StoreError::Forbidden { .. })), "{deleted:?}");
+    assert_eq!(centre.password_of(&eve).await, present);
+
+    let (login, role) = (Some(eve.login.clone()), Some(Role::Administrator));
+    let same = PersonChange { login, role, name: Some("Eve".parse().unwrap()), ..none() };
+    assert_eq!(people.change(&program, eve.id, same).await.unwrap().name.as_str(), "Eve");
+    let given = PersonChange { password: Some((password().0, PasswordState::ChangeRequired)), ..none() };
+    let changed = people.change(&program, ina.id, given).await.unwrap();
+    assert_eq!(changed.password_state, PasswordState::ChangeRequired);
+    people.delete(&program, ina.id).await.unwrap();
 }
 
 #[tokio::test]

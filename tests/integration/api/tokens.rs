@@ -115,7 +115,26 @@ async fn a_token_opens_no_other_way_in_and_shuts_no_person_out() {
     }
     let token = administrator.make("/api/v1/tokens", json!({"name": "school", "role": "administrator"})).await;
     let program = program(&centre.service, &token);
-    program.make("/api/v1/people", account("instructor")).await; // programs manage accounts of less rights
+    let bob = json!({"login": "bob", "name": "Bob", "role": "administrator", "password": PASSWORD});
+    let bob = format!("/api/v1/people/{}", text(&administrator.make("/api/v1/people", bob).await["id"]));
+    for answer in [
+        program.patch(&bob, json!({"role": "instructor"})).await,
+        program.patch(&bob, json!({"login": "mallory"})).await,
+        program.patch(&bob, json!({"name": "Mallory", "password": "another password"})).await,
+        program.delete(&bob).await,
+    ] {
+        problem(answer, 403, "forbidden").await;
+    }
+    let same = json!({"login": "bob", "role": "administrator"});
+    let same = read(program.patch(&bob, same).await, StatusCode::OK).await;
+    assert_eq!(same["name"], "Bob", "nothing of a refused change is stored");
+    centre.service.sign_in("bob", PASSWORD).await;
+    let made = program.make("/api/v1/people", account("instructor")).await; // programs manage accounts of less rights
+    let made = format!("/api/v1/people/{}", text(&made["id"]));
+    let password = json!({"login": "newer", "password": "another password"});
+    read(program.patch(&made, password).await, StatusCode::OK).await;
+    centre.service.sign_in("newer", "another password").await;
+    assert_eq!(program.delete(&made).await.status(), StatusCode::NO_CONTENT);
     administrator.make("/api/v1/password-links", link).await;
     let links = program.read("/api/v1/password-links").await;
     let link = format!("/api/v1/password-links/{}", text(&links["items"][0]["id"]));
