@@ -112,7 +112,7 @@ pub struct ScheduledBackups {
     others: usize,
     /// Number of files that the newest one lacks, because they were lost when it was made.
     missing_files: usize,
-    /// The first 20 of them, each with what refers to it.
+    /// The first 20 of them, each with the sessions and boxes that refer to it, without trainees.
     missing: Vec<String>,
     /// Why the last attempt failed; `null`: it succeeded, or there was none yet.
     error: Option<String>,

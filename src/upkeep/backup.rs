@@ -149,6 +149,12 @@ pub(super) async fn verify_copy(
             Finding::LostFile(LostFile { hash, loss: FileLoss::Missing, uses }) if lost.contains_key(&hash) => {
                 missing.push(LostFile { hash, loss: lost[&hash].clone(), uses });
             }
+            Finding::LostFile(mut file) => {
+                for one in &mut file.uses {
+                    one.trainee = None; // the error is logged
+                }
+                return Err(UpkeepError::Unsound(Finding::LostFile(file)));
+            }
             other => return Err(UpkeepError::Unsound(other)),
         }
     }

@@ -81,8 +81,9 @@ impl fmt::Display for Finding {
             Finding::ManyOrphans { orphans, files } => write!(
                 f,
                 "no row of the database names {orphans} of {files} files; they are kept, because the database is \
-                 probably older than they are or of another folder: put the right database back; if this database is \
-                 the right one, stop the service and run `trocar admin delete-orphans`"
+                 probably older than they are or of another folder, or their deletion failed earlier (see the log): \
+                 put the right database back; if this database is the right one, stop the service and run `trocar \
+                 admin delete-orphans`"
             ),
             Finding::ShortUpload(id) => write!(f, "upload {id} holds fewer bytes than were acknowledged"),
             Finding::MissingFeed(id) => write!(f, "feed {id} has not ended, and its log is missing"),

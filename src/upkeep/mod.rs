@@ -77,7 +77,8 @@ pub enum UpkeepError {
         "the database `{}` is missing or empty, but its folder holds {remains} of an earlier one. No new database is \
          made, because it would name none of the files. Put the database back: from a backup, with `trocar admin \
          restore BACKUP --data NEW-FOLDER`, or the copy from before the last update (docs/operations.md, Update). For \
-         a new centre, name an empty folder with --data", .database.display()
+         a new centre, name an empty folder with --data. Copy the folders `uploads` and `feeds` aside first: a start \
+         with an older database deletes what it does not know", .database.display()
     )]
     LostDatabase {
         /// The database that is missing.
@@ -118,8 +119,8 @@ pub enum UpkeepError {
         /// The problem.
         why: String,
     },
-    /// The folder of the scheduled backups cannot be used.
-    #[error("folder of backups `{}`: {why}", .folder.display())]
+    /// A folder for a backup or a restored backup, or the folder of the scheduled backups, cannot be used.
+    #[error("folder `{}`: {why}", .folder.display())]
     Target {
         /// The folder.
         folder: PathBuf,

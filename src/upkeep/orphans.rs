@@ -63,8 +63,9 @@ impl OrphanFiles {
             orphans = self.unnamed.len(),
             files = self.files,
             "no row of the database names these files; they are kept, because the database is probably older than they \
-             are or of another folder: stop the service and put the right database back, or restore a backup; if this \
-             database is the right one, stop the service and run `trocar admin delete-orphans`"
+             are or of another folder, or their deletion failed earlier (see the log): stop the service and put the \
+             right database back, or restore a backup; if this database is the right one, stop the service and run \
+             `trocar admin delete-orphans`"
         );
         Ok([delete_files(store, vault, &self.dropped).await?, self.unnamed.len()])
     }

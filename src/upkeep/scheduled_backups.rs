@@ -92,7 +92,7 @@ pub struct BackupProgress {
     pub newest_ms: Option<i64>,
     /// Number of backups in the folder that are of another installation, or name none. They are never deleted.
     pub others: usize,
-    /// The files that this backup lacks, each with what refers to it.
+    /// The files that the newest one lacks, each with the sessions and boxes that refer to it, without trainees.
     pub missing: Vec<String>,
     /// Why the last attempt failed; `None` if it succeeded.
     pub error: Option<String>,
@@ -153,6 +153,7 @@ async fn make_if_due(
     let complete = own_backups(target, own, state)?;
     note_newest(&complete, state)?;
     if complete.last().is_some_and(|(at_ms, _)| *at_ms >= settings.at.last_before(now_ms)) {
+        state.lock().error = None; // the folder can be used again, or an old backup was not deleted a while ago
         return Ok(());
     }
     remove_partial(target, own)?;
@@ -180,7 +181,7 @@ async fn make_if_due(
 /// The complete backups of this installation, as [`complete_backups`]. Notes the others: the disk of the data may be
 /// missing, or two services may have the same folder.
 fn own_backups(target: &Path, own: InstallationId, state: &BackupState) -> UpkeepResult<Vec<(i64, PathBuf)>> {
-    let is_own = |(_, path): &(i64, PathBuf)| installation_of(path) == Some(own);
+    let is_own = |(_, path): &(i64, PathBuf)| installation_of(path).is_ok_and(|of| of == Some(own));
     let (complete, others): (Vec<_>, Vec<_>) = complete_backups(target)?.into_iter().partition(is_own);
     let known = std::mem::replace(&mut state.lock().others, others.len());
     if !others.is_empty() && known != others.len() {
@@ -202,9 +203,18 @@ fn note_newest(complete: &[(i64, PathBuf)], state: &BackupState) -> UpkeepResult
         return Ok(());
     }
     let missing = newest.map_or(Ok(Vec::new()), |(_, path)| missing_in(path))?;
+    let missing = missing.iter().map(|file| without_trainees(file)).collect();
     let mut progress = state.lock();
     (progress.newest_ms, progress.missing) = (newest_ms, missing);
     Ok(())
+}
+
+/// The text of a [`LostFile`](super::LostFile) without the codes of trainees, who may have been erased since the
+/// backup.
+fn without_trainees(file: &str) -> String {
+    let mut parts = file.split("(trainee ");
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |text, part| text + "(" + part.split_once(", ").map_or(part, |(_code, rest)| rest))
 }
 
 /// The backups to delete so that the last `keep` stay, and the last one that lacks no file.
@@ -238,13 +248,17 @@ pub fn complete_backups(target: &Path) -> UpkeepResult<Vec<(i64, PathBuf)>> {
 }
 
 /// Removes what an interrupted backup left, but no backup that another installation is making.
+///
+/// # Errors
+/// Also if the mark of one cannot be read: it may be of another installation.
 fn remove_partial(target: &Path, own: InstallationId) -> UpkeepResult<()> {
     let is_partial = |path: &PathBuf| {
         path.file_name().and_then(|name| name.to_str()).is_some_and(|name| name.starts_with(PARTIAL_PREFIX))
-            && installation_of(path).is_none_or(|of| of == own)
     };
     for path in entries(target)?.into_iter().filter(is_partial) {
-        fs::remove_dir_all(path).map_err(target_error(target))?;
+        if installation_of(&path)?.is_none_or(|of| of == own) {
+            fs::remove_dir_all(path).map_err(target_error(target))?;
+        }
     }
     Ok(())
 }
@@ -262,6 +276,15 @@ fn target_error(target: &Path) -> impl Fn(io::Error) -> UpkeepError {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_state_names_no_trainee_of_a_lost_file() {
+        let of =
+            |trainee: &str| format!("path of session 1 ({trainee}task t, box b); path of session 2 ({trainee}task t)");
+        assert_eq!(without_trainees(&of("trainee ada-novak, ")), of(""));
+        let of_box = "missing file x: file of a palette job (box b)";
+        assert_eq!(without_trainees(of_box), of_box);
+    }
 
     #[test]
     fn a_backup_is_due_from_its_time_of_day_on() {

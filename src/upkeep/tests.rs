@@ -1,9 +1,11 @@
 //! Tests of files and database together: after a crash at any point, the next start makes both consistent.
 
+use std::collections::HashMap;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use super::backup::verify_copy;
 use super::{
     BACKUP_MARK, BackupMark, BackupReport, Finding, LostFile, Recovered, UpkeepError, UpkeepResult, back_up, check,
     clear_up, delete_orphans, prepare_database, recover,
@@ -162,6 +164,7 @@ async fn many_files_without_a_row_are_kept_until_a_person_has_them_deleted() {
     assert_eq!((recovered.orphan_blobs, recovered.kept_orphans), (0, 20));
     let many = Finding::ManyOrphans { orphans: 20, files: 21 };
     assert!(many.is_loss() && many.to_string().contains("put the right database back"), "{many}");
+    assert!(many.to_string().contains("or their deletion failed earlier"), "{many}");
     let findings = bench.findings().await;
     assert_eq!((findings.len(), findings.last()), (21, Some(&many)));
     assert_eq!(delete_orphans(&bench.centre.store, &bench.vault).await.unwrap(), 20);
@@ -196,6 +199,7 @@ async fn a_folder_that_has_lost_its_database_gets_no_new_one() {
         let refused = prepare().await.unwrap_err().to_string();
         assert!(refused.contains(&format!("holds {what} of an earlier one")), "{refused}");
         assert!(refused.contains("admin restore") && refused.contains("an empty folder"), "{refused}");
+        assert!(refused.contains("Copy the folders `uploads` and `feeds` aside first"), "{refused}");
         assert!(!database.exists());
         fs::write(&database, b"").unwrap();
         assert!(matches!(prepare().await, Err(UpkeepError::LostDatabase { .. })), "{what}");
@@ -491,7 +495,9 @@ async fn a_failed_backup_leaves_nothing_and_an_interrupted_one_is_replaced() {
     fs::write(new.join("blobs").join("left"), "behind").unwrap();
     let other = Vault::open_existing(&new);
     let writing = other.lock().await.unwrap();
-    assert!(bench.back_up(&new).await.unwrap_err().to_string().contains("in use"), "another command is writing it");
+    let refused = bench.back_up(&new).await.unwrap_err().to_string();
+    assert!(refused.contains("in use: another command is writing it"), "{refused}");
+    assert!(refused.contains(new.to_str().unwrap()), "{refused}");
     drop(writing);
     assert_eq!(bench.back_up(&new).await.unwrap().files, 1);
     assert!(!new.join("blobs").join("left").exists());
@@ -501,6 +507,17 @@ async fn a_failed_backup_leaves_nothing_and_an_interrupted_one_is_replaced() {
     fs::write(prepared.join(BACKUP_MARK), "my own notes about backups\n").unwrap();
     assert!(matches!(bench.back_up(&prepared).await, Err(UpkeepError::Used(_))));
     assert_eq!(fs::read_dir(&prepared).unwrap().count(), 2);
+}
+
+#[tokio::test]
+async fn the_failure_of_a_finished_copy_names_no_trainee() {
+    let bench = UpkeepFixture::new().await;
+    let session = bench.session(bench.centre.trainee("Ana").await.id, "video").await;
+    fs::remove_file(bench.path_of(session.video.unwrap())).unwrap();
+    let (lost, stop) = (HashMap::new(), Shutdown::new());
+    let unsound = verify_copy(&bench.centre.store, &bench.vault, &lost, &stop).await.unwrap_err().to_string();
+    assert!(unsound.contains(&session.id.to_string()) && unsound.contains("task "), "{unsound}");
+    assert!(!unsound.contains("trainee"), "{unsound}");
 }
 
 #[tokio::test]

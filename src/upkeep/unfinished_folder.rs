@@ -70,10 +70,16 @@ impl BackupMark {
     }
 }
 
-/// The installation that a backup is of; `None` if its mark does not say so, as in earlier versions.
-pub(super) fn installation_of(backup: &Path) -> Option<InstallationId> {
-    let mark = fs::read_to_string(backup.join(BACKUP_MARK)).ok()?;
-    mark.lines().find_map(|line| line.strip_prefix(INSTALLATION))?.parse().ok()
+/// The installation that a backup is of; `None` if it has no mark, or one that does not say so, as in earlier versions.
+///
+/// # Errors
+/// The mark cannot be read.
+pub(super) fn installation_of(backup: &Path) -> UpkeepResult<Option<InstallationId>> {
+    let mark = match fs::read_to_string(backup.join(BACKUP_MARK)) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        mark => mark.map_err(folder_error(backup))?,
+    };
+    Ok(mark.lines().find_map(|line| line.strip_prefix(INSTALLATION)?.parse().ok()))
 }
 
 /// A folder that is being written. Other commands cannot use it meanwhile.
@@ -99,7 +105,10 @@ impl UnfinishedFolder {
         let existed = folder.is_dir();
         DirBuilder::new().recursive(true).mode(0o700).create(folder).map_err(&failed)?;
         let lock = match Vault::open_existing(folder).lock().await {
-            Err(error @ VaultError::InUse(_)) => return Err(error.into()),
+            Err(VaultError::InUse(_)) => {
+                let why = "it is in use: another command is writing it, or a service runs on it".to_owned();
+                return Err(UpkeepError::Target { folder: folder.to_owned(), why });
+            }
             lock => lock.ok(),
         };
         refuse_used(folder)?; // again: another command may have finished meanwhile

@@ -102,13 +102,17 @@ impl ErasureLists {
     }
 
     /// Appends the erasures that the lists lack, and marks that say so; durable when this returns. A damaged list is
-    /// written anew from the database if that holds all its erasures.
+    /// written anew from the database if that holds all its erasures. The database gets those that only the list in the
+    /// data folder has.
     ///
     /// # Errors
     /// The first failure. The other lists are written all the same.
     pub async fn update(&mut self, store: &Store, now_ms: i64) -> UpkeepResult<()> {
         let own = store.installation().id().await?;
         let mut attempts = Attempts::default();
+        if let Some(data) = self.lists.first().filter(|data| data.seen.is_none()) {
+            attempts.note(data.add_to_database(store).await);
+        }
         attempts.note(self.note_folder(store, own, now_ms).await);
         for list in &mut self.lists {
             attempts.note(list.update(store, own, now_ms).await);
@@ -123,12 +127,19 @@ impl ErasureLists {
         }
         let earlier = store.installation().backup_folder().await?;
         if earlier != self.backups {
-            store.installation().set_backup_folder(self.backups.clone()).await?;
+            if let Some(earlier) = earlier {
+                self.end_list_in(&earlier, store, own, now_ms).await;
+            }
+            store.installation().set_backup_folder(self.backups.clone()).await?; // last: a crash repeats the end
         }
         self.is_folder_noted = true;
-        let Some(earlier) = earlier.filter(|earlier| Some(earlier) != self.backups.as_ref()) else { return Ok(()) };
+        Ok(())
+    }
+
+    /// Ends the list in an earlier folder of backups, if that is possible.
+    async fn end_list_in(&self, earlier: &str, store: &Store, own: InstallationId, now_ms: i64) {
         let end = ListEnd { continued_in: self.backups.clone() };
-        match ErasureList::in_folder(Path::new(&earlier)).end(store, own, now_ms, end).await {
+        match ErasureList::in_folder(Path::new(earlier)).end(store, own, now_ms, end).await {
             Ok(()) => tracing::info!(folder = earlier, "folder of backups changed; list of erasures there ended"),
             Err(error) => tracing::warn!(
                 %error,
@@ -136,13 +147,25 @@ impl ErasureLists {
                  when it is complete"
             ),
         }
-        Ok(())
     }
 }
 
 impl ErasureList {
     fn in_folder(folder: &Path) -> Self {
         Self { path: folder.join(ERASURE_LIST), seen: None }
+    }
+
+    /// Adds the erasures of the list that the database lacks: an earlier version that restored a backup did not. A
+    /// damaged list adds none.
+    async fn add_to_database(&self, store: &Store) -> UpkeepResult<()> {
+        let content = ListContent::read(&self.path)?;
+        if content.damaged.is_some() {
+            return Ok(());
+        }
+        let finals: Vec<Erasure> = content.erasures().filter(|erasure| erasure.is_final()).cloned().collect();
+        let recorded: Vec<Erasure> = erasures_after(store, 0).await?.into_iter().map(|(_, erasure)| erasure).collect();
+        let unknown: Vec<Erasure> = lacking(&finals, recorded.iter()).collect();
+        if unknown.is_empty() { Ok(()) } else { Ok(store.erasures().add(unknown).await?) }
     }
 
     async fn update(&mut self, store: &Store, own: InstallationId, now_ms: i64) -> UpkeepResult<()> {

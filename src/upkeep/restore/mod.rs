@@ -1,5 +1,6 @@
 //! Restores a backup into a new data folder, and erases again what was erased since the backup.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use tokio::fs::{File, OpenOptions};
@@ -8,11 +9,12 @@ use super::backup::{copy_blobs, unless_stopped, verify_copy};
 use super::erasure_list::{ERASURE_LIST, KnownUntil, ListContent, ListEnd, append, erasures_after, lacking};
 use super::unfinished_folder::{BackupMark, UnfinishedFolder, folder_error, installation_of, refuse_used};
 use super::{LostFile, UpkeepError, UpkeepResult, is_readable, recover};
+use crate::domain::blob::BlobHash;
 use crate::domain::erasure::{ErasedKind, Erasure};
 use crate::shutdown::Shutdown;
 use crate::store::{SchemaState, Store, StoreError, StoreSettings};
 use crate::time::{SharedClock, to_rfc3339};
-use crate::vault::Vault;
+use crate::vault::{FileLoss, Vault};
 
 /// Age of a list that is taken for complete without a question, ms: the service marks a list every few hours, so a service
 /// that ran within the last day has marked it since.
@@ -48,7 +50,7 @@ pub struct Restored {
 /// file that the backup lacks stops nothing. A stop ends it at once.
 ///
 /// # Errors
-/// Also [`UpkeepError::Interrupted`]. What was written into the folder is removed.
+/// Also [`UpkeepError::Interrupted`]; no file of the backup can be read. What was written into the folder is removed.
 pub async fn restore(
     backup: &Path,
     to: &Path,
@@ -91,6 +93,7 @@ async fn restore_into(
     }
     let store = Store::open(&path, &StoreSettings::default(), clock).await?;
     let lost = copy_blobs(&store, &from, &files, stop).await?;
+    refuse_unreadable(backup, &lost, store.blobs().total().await?.0)?;
     let (missing, kept) = (Vec::new(), Vec::new());
     let mut restored = Restored { files: 0, missing, erased_again: 0, known_until_ms: None, kept };
     if let Some((list, known_until_ms)) = list {
@@ -107,6 +110,21 @@ async fn restore_into(
     restored.files = wanted - restored.missing.len() as u64;
     store.close().await;
     Ok(restored)
+}
+
+/// Refuses a backup if no file of it could be copied and the system cannot read some of them: the disk fails, or the
+/// files belong to another user.
+fn refuse_unreadable(backup: &Path, lost: &HashMap<BlobHash, FileLoss>, all: u64) -> UpkeepResult<()> {
+    let reason = lost.values().find_map(|loss| match loss {
+        FileLoss::Unreadable(why) => Some(why),
+        FileLoss::Missing | FileLoss::Damaged => None,
+    });
+    let Some(reason) = reason.filter(|_| lost.len() as u64 == all) else { return Ok(()) };
+    let why = format!(
+        "none of its {all} files could be read ({reason}): check its disk, and whether this user may read its files. \
+         If they are lost, delete them from a copy of the backup and restore that: the restore names them"
+    );
+    Err(UpkeepError::Unreadable { path: backup.to_owned(), why })
 }
 
 /// Reads the list of erasures, and until when it is complete.
@@ -126,7 +144,7 @@ fn chosen_list(backup: &Path, choice: ErasureListChoice, now_ms: i64) -> UpkeepR
         );
         return Err(UpkeepError::List { path, why });
     }
-    let Some(known) = list.known_until(installation_of(backup)) else { return Err(UpkeepError::ForeignList(path)) };
+    let Some(known) = list.known_until(installation_of(backup)?) else { return Err(UpkeepError::ForeignList(path)) };
     let is_enough = match choice.until_ms {
         Some(until_ms) => known.at_ms >= until_ms,
         None => known.end.is_none() && now_ms - known.at_ms <= MAX_LIST_AGE_MS,

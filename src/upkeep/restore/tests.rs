@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::{ErasureListChoice, Restored, restore};
+use crate::domain::blob::Blob;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
@@ -152,6 +153,48 @@ async fn a_restore_that_was_interrupted_leaves_no_data_folder() {
     assert_eq!((restored.erased_again, restored.missing), (3, vec![]));
     assert!(!to.join(BACKUP_MARK).exists());
     assert_eq!(trainees(&backups.bench, &to).await, ["Ben"]);
+}
+
+#[tokio::test]
+async fn a_restore_that_ends_within_a_file_leaves_no_data_folder() {
+    let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
+    let (to, pipe) = (backups.target.path().join("restored"), backup.join(Blob::of(b"another recording").hash.file()));
+    fs::remove_file(&pipe).unwrap();
+    make_pipe(&pipe);
+    let (clock, stop) = (backups.bench.centre.clock.clone(), Shutdown::new());
+    let (begun, marked) = (stop.clone(), to.clone());
+    let writing = std::thread::spawn(move || {
+        let mut mark = String::new();
+        feed_pipe(&pipe, || {
+            assert!(marked.join(DATABASE).exists());
+            mark = fs::read_to_string(marked.join(BACKUP_MARK)).unwrap_or_default();
+            begun.begin();
+        });
+        mark
+    });
+    let stopped = restore(&backup, &to, None, DATABASE, clock, &stop).await;
+    assert!(matches!(stopped, Err(UpkeepError::Interrupted)), "{stopped:?}");
+    assert!(!to.exists());
+    let mark = writing.join().unwrap();
+    assert!(mark.contains("not finished"), "{mark}");
+}
+
+#[tokio::test]
+async fn a_backup_without_a_readable_file_is_not_restored() {
+    let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
+    let files = ["a recording that is erased alone", "the planted recording", "another recording"]
+        .map(|content| backup.join(Blob::of(content.as_bytes()).hash.file()));
+    for file in &files {
+        fs::remove_file(file).unwrap();
+        fs::create_dir(file).unwrap(); // as on a disk that fails: the file cannot be read
+    }
+    let refused = backups.restore(&backup, None).await.unwrap_err();
+    assert!(matches!(&refused, UpkeepError::Unreadable { path, .. } if *path == backup), "{refused}");
+    assert!(refused.to_string().contains("none of its 3 files could be read"), "{refused}");
+    assert_eq!(fs::read_dir(backups.target.path()).unwrap().count(), 1, "nothing is left");
+    fs::remove_dir(&files[0]).unwrap();
+    fs::write(&files[0], "a recording that is erased alone").unwrap();
+    assert_eq!(backups.restore(&backup, None).await.unwrap().1.missing.len(), 2, "one file is enough");
 }
 
 #[tokio::test]
@@ -376,6 +419,20 @@ async fn the_list_of_another_installation_is_refused() {
 }
 
 #[tokio::test]
+async fn erasures_that_only_the_list_of_the_data_folder_has_reach_the_database_and_the_other_list() {
+    let (backups, _) = Backups::with_an_erasure_after_the_backup().await;
+    // An earlier version restored the folder: only the list has this erasure.
+    let erased = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44";
+    let line = format!("trainee {erased} 2026-11-21T20:14:00Z");
+    fs::write(backups.bench.centre.folder.path().join(ERASURE_LIST), format!("{line}\n")).unwrap();
+    backups.list_erasures().await;
+    assert!(backups.list().lines().any(|listed| listed == line), "{}", backups.list());
+    backups.list_erasures().await; // as after a restart
+    let recorded = backups.bench.centre.store.erasures().after(0, 100).await.unwrap();
+    assert_eq!(recorded.iter().filter(|(_, erasure)| erasure.id == erased).count(), 1);
+}
+
+#[tokio::test]
 async fn a_restored_database_has_the_erasures_of_people_who_were_not_in_the_backup() {
     let bench = UpkeepFixture::new().await;
     let backups = Backups { target: tempfile::tempdir().unwrap(), bench };
@@ -479,6 +536,7 @@ async fn backups_that_lack_files_count_but_never_displace_the_last_complete_one(
             let progress = state.now();
             assert_eq!((progress.missing.len(), &progress.error), (missing, &None));
             assert!(progress.missing.iter().all(|file| file.contains(&lost.id.to_string())), "{progress:?}");
+            assert!(!progress.missing.iter().any(|file| file.contains("trainee")), "{progress:?}");
             newest = progress.newest_ms;
             if missing == 0 {
                 fs::remove_file(bench.path_of(lost.video.unwrap())).unwrap();
@@ -542,4 +600,55 @@ async fn a_folder_that_cannot_be_used_is_reported_and_stops_nothing() {
     };
     tokio::join!(running, watch);
     assert!(state.now().error.unwrap().contains(&gone.display().to_string()));
+}
+
+#[tokio::test]
+async fn a_failure_is_forgotten_once_the_folder_can_be_used_again() {
+    let bench = UpkeepFixture::new().await;
+    let parent = tempfile::tempdir().unwrap();
+    let (folder, away) = (parent.path().join("backups"), parent.path().join("away"));
+    fs::create_dir(&folder).unwrap();
+    let settings = BackupSettings { target: Some(folder.clone()), ..BackupSettings::default() };
+    back_up_daily(&bench, &settings, 1).await;
+    fs::rename(&folder, &away).unwrap();
+    let (state, shutdown, clock) = (BackupState::default(), Shutdown::new(), bench.centre.clock.clone());
+    let until = (clock.clone() as _, &shutdown);
+    let running = run_backups((&bench.centre.store, &bench.vault), &settings, DATABASE, until, &state);
+    let watch = async {
+        while state.now().error.is_none() {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+        fs::rename(&away, &folder).unwrap();
+        clock.advance(Duration::from_secs(3600));
+        let forgotten = async {
+            while state.now().error.is_some() {
+                tokio::time::sleep(Duration::from_millis(5)).await;
+            }
+        };
+        tokio::time::timeout(Duration::from_secs(10), forgotten).await.unwrap();
+        shutdown.begin();
+    };
+    tokio::join!(running, watch);
+    assert_eq!(complete_backups(&folder).unwrap().len(), 1, "no other backup was due");
+}
+
+#[tokio::test]
+async fn an_unfinished_backup_whose_mark_cannot_be_read_is_not_deleted() {
+    let bench = UpkeepFixture::new().await;
+    let folder = tempfile::tempdir().unwrap();
+    let partial = folder.path().join("partial-2026-11-28T02-30-00Z");
+    fs::create_dir_all(partial.join(BACKUP_MARK)).unwrap(); // cannot be read as a file
+    let settings = BackupSettings { target: Some(folder.path().to_owned()), ..BackupSettings::default() };
+    let (state, shutdown) = (BackupState::default(), Shutdown::new());
+    let until = (bench.centre.clock.clone() as _, &shutdown);
+    let running = run_backups((&bench.centre.store, &bench.vault), &settings, DATABASE, until, &state);
+    let watch = async {
+        while state.now() == BackupProgress::default() {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+        shutdown.begin();
+    };
+    tokio::join!(running, watch);
+    assert!(partial.exists());
+    assert!(state.now().error.unwrap().contains(partial.to_str().unwrap()));
 }
