@@ -221,19 +221,28 @@ fn answer(site: Site, client: &Client, request: hyper::Request<Incoming>) -> Res
     })
 }
 
-/// A request of HTTP/1.1 has one `Host`, an earlier one at most one (RFC 9112, section 3.2). Of two, a proxy could use
-/// one and the service the other.
+/// A request of HTTP/1.1 has one `Host`, an earlier one at most one (RFC 9112, section 3.2). In HTTP/2, `:authority`
+/// names the host, and a `host` beside it is the same (RFC 9113, section 8.3.1). Of two, a proxy could use one and the
+/// service the other.
 fn has_valid_host(request: &Request) -> bool {
     let hosts = request.headers().get_all(header::HOST).iter().count();
     match request.version() {
-        Version::HTTP_2 => true,
+        Version::HTTP_2 => {
+            let stated = request.headers().get(header::HOST).map(HeaderValue::as_bytes);
+            let authority = request.uri().authority().map(|authority| authority.as_str().as_bytes());
+            let differ = stated.zip(authority).is_some_and(|(one, other)| !one.eq_ignore_ascii_case(other));
+            hosts <= 1 && (hosts == 1 || authority.is_some()) && !differ
+        }
         Version::HTTP_11 => hosts == 1,
         _ => hosts <= 1,
     }
 }
 
 fn refuse_host() -> Response {
-    let refused = Refusal::BadRequest.with("A request needs one Host header, with the name of this service. Send one.");
+    let refused = Refusal::BadRequest.with(
+        "A request needs one Host header, with the name of this service. In HTTP/2 it is the same as `:authority`, or \
+         absent.",
+    );
     let mut response = refused.into_response();
     set_security_headers(&mut response);
     response
@@ -253,6 +262,22 @@ fn as_in_http1(request: &mut Request) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_request_of_http2_names_one_host() {
+        let is_valid = |address: &str, hosts: &[&str]| {
+            let request = Request::builder().version(Version::HTTP_2).uri(address);
+            let request = hosts.iter().fold(request, |request, host| request.header(header::HOST, *host));
+            has_valid_host(&request.body(Body::empty()).unwrap())
+        };
+        assert!(is_valid("https://skills.example:8443/", &[]));
+        assert!(is_valid("https://skills.example:8443/", &["Skills.example:8443"]));
+        assert!(is_valid("/", &["skills.example"]));
+        assert!(!is_valid("/", &[]));
+        assert!(!is_valid("https://skills.example/", &["other.example"]));
+        assert!(!is_valid("https://skills.example/", &["skills.example", "skills.example"]));
+        assert!(!is_valid("/", &["skills.example", "other.example"]));
+    }
 
     fn converted(address: &str, host: Option<&str>) -> (String, Option<String>) {
         let mut request = Request::builder().version(Version::HTTP_2).uri(address);
