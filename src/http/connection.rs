@@ -88,7 +88,8 @@ enum OpenConnection {
     Tls(Box<TlsStream<StallGuard<TcpStream>>>),
 }
 
-/// Serves the requests of one connection. Once `stop` begins, it finishes the open ones and accepts no further ones.
+/// Serves the requests of one connection. Once `stop` begins, or a new connection takes its place, it finishes the open
+/// ones and accepts no further ones.
 pub async fn serve_connection(
     stream: TcpStream,
     peer: SocketAddr,
@@ -136,6 +137,7 @@ async fn run_http1<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
     limits: ConnectionLimits,
     stop: &Shutdown,
 ) -> ConnectionResult {
+    let place = client.place.clone();
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(limits.head_timeout)
@@ -144,7 +146,7 @@ async fn run_http1<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
     let mut connection = pin!(connection);
     tokio::select! {
         ended = connection.as_mut() => return Ok(ended?),
-        () = stop.begun() => {}
+        () = must_end(&place, stop) => {}
     }
     connection.as_mut().graceful_shutdown(); // finish the open request, accept no further one
     Ok(connection.await?)
@@ -157,6 +159,7 @@ async fn run_http2<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
     limits: ConnectionLimits,
     stop: &Shutdown,
 ) -> ConnectionResult {
+    let place = client.place.clone();
     let streams = StreamExecutor::new(limits.write_timeout);
     let connection = http2::Builder::new(streams.clone())
         .max_concurrent_streams(MAX_STREAMS)
@@ -166,7 +169,7 @@ async fn run_http2<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
     let is_idle = tokio::select! {
         ended = connection.as_mut() => return Ok(ended?),
         () = streams.idle_for(limits.head_timeout) => true,
-        () = stop.begun() => false,
+        () = must_end(&place, stop) => false,
     };
     connection.as_mut().graceful_shutdown(); // finish the open requests, accept no further ones
     if !is_idle {
@@ -181,6 +184,11 @@ async fn run_http2<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
         ended = connection => Ok(ended?),
         () = idle_again => Err(timed_out("the end of the connection").into()),
     }
+}
+
+/// Resolves when the connection has to end in order.
+async fn must_end(place: &PlaceHandle, stop: &Shutdown) {
+    tokio::select! { () = stop.begun() => {}, () = place.replaced() => {} }
 }
 
 fn timed_out(what: &str) -> io::Error {
@@ -221,19 +229,28 @@ fn answer(site: Site, client: &Client, request: hyper::Request<Incoming>) -> Res
     })
 }
 
-/// A request of HTTP/1.1 has one `Host`, an earlier one at most one (RFC 9112, section 3.2). Of two, a proxy could use
-/// one and the service the other.
+/// A request of HTTP/1.1 has one `Host`, an earlier one at most one (RFC 9112, section 3.2). In HTTP/2, `:authority`
+/// names the host, and a `host` beside it is the same (RFC 9113, section 8.3.1). Of two, a proxy could use one and the
+/// service the other.
 fn has_valid_host(request: &Request) -> bool {
     let hosts = request.headers().get_all(header::HOST).iter().count();
     match request.version() {
-        Version::HTTP_2 => true,
+        Version::HTTP_2 => {
+            let stated = request.headers().get(header::HOST).map(HeaderValue::as_bytes);
+            let authority = request.uri().authority().map(|authority| authority.as_str().as_bytes());
+            let differ = stated.zip(authority).is_some_and(|(one, other)| !one.eq_ignore_ascii_case(other));
+            hosts <= 1 && (hosts == 1 || authority.is_some()) && !differ
+        }
         Version::HTTP_11 => hosts == 1,
         _ => hosts <= 1,
     }
 }
 
 fn refuse_host() -> Response {
-    let refused = Refusal::BadRequest.with("A request needs one Host header, with the name of this service. Send one.");
+    let refused = Refusal::BadRequest.with(
+        "A request needs one Host header, with the name of this service. In HTTP/2 it is the same as `:authority`, or \
+         absent.",
+    );
     let mut response = refused.into_response();
     set_security_headers(&mut response);
     response
@@ -252,7 +269,60 @@ fn as_in_http1(request: &mut Request) {
 
 #[cfg(test)]
 mod tests {
+    use axum::Extension;
+    use axum::routing::get;
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+
     use super::*;
+    use crate::domain::scope::Actor;
+    use crate::http::connection_places::{ConnectionPlaces, RequestInProgress};
+    use crate::ids::PersonId;
+
+    #[tokio::test]
+    async fn a_replaced_connection_sends_the_rest_of_its_answer() {
+        const BODY: [u8; 4000] = [b'x'; 4000];
+        let settings = HttpSettings { max_connections: 1, ..HttpSettings::default() };
+        let (places, peer) = (ConnectionPlaces::new(&settings), SocketAddr::from(([192, 0, 2, 1], 4000)));
+        let place = places.take(peer.ip()).await;
+        let handle = place.handle();
+        let serve = |Extension(request): Extension<RequestInProgress>| async move {
+            request.caller_has_signed_in(Actor::Person(PersonId::at(0)));
+            BODY.to_vec()
+        };
+        let site = Site::from(Router::new().route("/", get(serve)));
+        let client = Client { peer, is_encrypted: false, place: handle.clone() };
+        let (ours, mut theirs) = tokio::io::duplex(64);
+        let served = tokio::spawn(async move {
+            let ended = run_http1(ours, client, site, ConnectionLimits::from(&settings), &Shutdown::new()).await;
+            drop(place);
+            ended
+        });
+        theirs.write_all(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n").await.unwrap();
+        let mut answer = vec![0; 12];
+        theirs.read_exact(&mut answer).await.unwrap();
+        let next = tokio::spawn(async move { places.take(peer.ip()).await });
+        handle.replaced().await; // the client has not read the rest of the answer
+        theirs.read_to_end(&mut answer).await.unwrap();
+        assert!(answer.starts_with(b"HTTP/1.1 200") && answer.ends_with(&BODY), "{} bytes", answer.len());
+        served.await.unwrap().unwrap();
+        next.await.unwrap();
+    }
+
+    #[test]
+    fn a_request_of_http2_names_one_host() {
+        let is_valid = |address: &str, hosts: &[&str]| {
+            let request = Request::builder().version(Version::HTTP_2).uri(address);
+            let request = hosts.iter().fold(request, |request, host| request.header(header::HOST, *host));
+            has_valid_host(&request.body(Body::empty()).unwrap())
+        };
+        assert!(is_valid("https://skills.example:8443/", &[]));
+        assert!(is_valid("https://skills.example:8443/", &["Skills.example:8443"]));
+        assert!(is_valid("/", &["skills.example"]));
+        assert!(!is_valid("/", &[]));
+        assert!(!is_valid("https://skills.example/", &["other.example"]));
+        assert!(!is_valid("https://skills.example/", &["skills.example", "skills.example"]));
+        assert!(!is_valid("/", &["skills.example", "other.example"]));
+    }
 
     fn converted(address: &str, host: Option<&str>) -> (String, Option<String>) {
         let mut request = Request::builder().version(Version::HTTP_2).uri(address);

@@ -30,7 +30,7 @@ pub async fn serve(listener: TcpListener, transport: Transport, site: Site, sett
         open.spawn(async move {
             let served = serve_connection(stream, peer, place.handle(), transport, site, limits, &stop);
             tokio::select! {
-                () = place.replaced() => tracing::debug!(%peer, "connection closed: a new one takes its place"),
+                () = place.must_close() => tracing::debug!(%peer, "connection closed: a new one takes its place"),
                 ended = served => if let Err(error) = ended {
                     tracing::debug!(%peer, %error, "connection ended early");
                 },

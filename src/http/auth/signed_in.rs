@@ -55,7 +55,7 @@ impl Identified {
     async fn from_parts(app: &App, parts: &Parts) -> HandlerResult<Self> {
         let caller = Self::from_headers(app, &parts.headers).await?;
         if let Some(request) = parts.extensions.get::<RequestInProgress>() {
-            request.caller_has_signed_in();
+            request.caller_has_signed_in(caller.scope.actor());
         }
         Ok(caller)
     }
