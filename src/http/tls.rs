@@ -227,7 +227,7 @@ impl CertificateFiles {
     }
 }
 
-/// True for a key in PEM that is encrypted, in the present format (PKCS #8) or the earlier one of OpenSSL.
+/// True for a key in PEM that is encrypted, in the present format (PKCS#8) or the earlier one of OpenSSL.
 fn is_encrypted(key: &[u8]) -> bool {
     let has = |mark: &[u8]| key.windows(mark.len()).any(|part| part == mark);
     has(b"-----BEGIN ENCRYPTED PRIVATE KEY-----") || has(b"Proc-Type: 4,ENCRYPTED")

@@ -15,7 +15,7 @@ use crate::api::centre::{Centre, recording, session};
 use crate::process::{Process, program};
 use crate::support::{ADMINISTRATOR, Client, soon};
 
-/// The longest time in which a backup ends after a stop. Without the stop it would read the same file for ever.
+/// The longest time that a backup takes to end after a stop. Without the stop it would read the same file for ever.
 const AT_ONCE: Duration = Duration::from_secs(6);
 
 /// A data folder with a session.

@@ -74,6 +74,11 @@ pub enum QualityCause {
     PortMoved,
 }
 
+/// What to do about rows that no hand reaches.
+const WRONG_ROWS: &str = "one wrong row makes lengths and speeds wrong: delete it and all others like it from the table, and import the \
+     table again. In a recording, check whether the overlay follows the tool there: exchange the tools' names from there \
+     on, or trim the recording";
+
 impl QualityCause {
     /// Every cause, in the order to fix them.
     pub const ALL: [QualityCause; 33] = [
@@ -330,11 +335,7 @@ impl QualityCause {
             QualityCause::Rejected => {
                 "look for something else of the tape's colour in the picture, and mark it as background"
             }
-            QualityCause::Jump | QualityCause::Spike => {
-                "one wrong row makes lengths and speeds wrong: delete it and all others like it from the table, and \
-                 import the table again. In a recording, check whether the overlay follows the tool there: exchange \
-                 the tools' names from there on, or trim the recording"
-            }
+            QualityCause::Jump | QualityCause::Spike => WRONG_ROWS,
             QualityCause::BorderResidual => "focus the camera, avoid glare on the tape, and replace creased tape",
             QualityCause::NoiseFloor => {
                 "use more light, a larger picture or a camera closer to the tools, and enter the tape's length"

@@ -39,6 +39,12 @@ pub const MAX_DISPLACEMENT_MM: f64 = 5.0;
 /// Median of the positions' stated standard deviations above which a session is refused, mm.
 pub(super) const MAX_POSITION_ERROR_MM: f64 = 12.0;
 
+/// Accelerations above which a row that a tool reaches and leaves again asks for care, and refuses the session, m/s². A
+/// hand shakes an instrument at less than 10 Hz; 25 mm to either side at 10 Hz is the second value, ten times gravity.
+/// From half of that on, a wrong row is likelier than a hand. At 30 frames a second, the limits are a row 31 and 59 mm
+/// beside its neighbours, or two rows 59 and 114 mm beside theirs.
+const SPIKE_M_S2: [f64; 2] = [50.0, 100.0];
+
 /// Care above the first value, refused above the second.
 pub const fn at_most(care: f64, refuse: f64) -> QualityLimits {
     QualityLimits { better: BetterDirection::Less, care: Some(care), refuse: Some(refuse) }
@@ -69,6 +75,11 @@ const fn care_at_least(care: f64) -> QualityLimits {
 /// Care above the value, never refused.
 const fn care_at_most(care: f64) -> QualityLimits {
     QualityLimits { better: BetterDirection::Less, care: Some(care), refuse: None }
+}
+
+/// Refused above the value, never only care.
+const fn refuse_above(refuse: f64) -> QualityLimits {
+    QualityLimits { better: BetterDirection::Less, care: None, refuse: Some(refuse) }
 }
 
 impl QualityCause {
@@ -113,15 +124,9 @@ impl QualityCause {
             // that, the stated errors are wrong or a second object of the tape's colour is in the picture. At a fifth,
             // it is uncertain which of the two is the tool.
             QualityCause::Rejected => at_most(0.02, 0.2),
-            // Tips of instruments reach about 1.5 m/s. Three times that leaves room for a fast hand, and the same limit
-            // holds for the mean speed of a path.
-            QualityCause::Jump => {
-                QualityLimits { better: BetterDirection::Less, care: None, refuse: Some(MAX_HAND_SPEED_MM_S / 1e3) }
-            }
-            // A hand shakes an instrument at less than 10 Hz; 25 mm to either side at 10 Hz is 100 m/s², ten times
-            // gravity. From half of that on, a wrong row is likelier than a hand. At 30 frames a second, the limits are
-            // a row 31 and 59 mm beside its neighbours, or two rows 59 and 114 mm beside theirs.
-            QualityCause::Spike => at_most(50.0, 100.0),
+            // Tips of instruments reach about 1.5 m/s. Three times that leaves room for a fast hand.
+            QualityCause::Jump => refuse_above(MAX_HAND_SPEED_MM_S / 1e3),
+            QualityCause::Spike => at_most(SPIKE_M_S2[0], SPIKE_M_S2[1]),
             // Whole-pixel masks are off by 0.5 to 1.2 px a side, and 1 px of width moves depth by 4.5 mm at 150 mm.
             // Clean tape leaves a residual of 0.1 to 0.4. A residual of 1 means that edges were found no better than to
             // a pixel; of 2, that they are not the tube's edges.

@@ -115,20 +115,20 @@ async fn a_token_opens_no_other_way_in_and_shuts_no_person_out() {
     }
     let token = administrator.make("/api/v1/tokens", json!({"name": "school", "role": "administrator"})).await;
     let program = program(&centre.service, &token);
-    let bob = json!({"login": "bob", "name": "Bob", "role": "administrator", "password": PASSWORD});
-    let bob = format!("/api/v1/people/{}", text(&administrator.make("/api/v1/people", bob).await["id"]));
+    let rosa = json!({"login": "rosa", "name": "Rosa", "role": "administrator", "password": PASSWORD});
+    let rosa = format!("/api/v1/people/{}", text(&administrator.make("/api/v1/people", rosa).await["id"]));
     for answer in [
-        program.patch(&bob, json!({"role": "instructor"})).await,
-        program.patch(&bob, json!({"login": "mallory"})).await,
-        program.patch(&bob, json!({"name": "Mallory", "password": "another password"})).await,
-        program.delete(&bob).await,
+        program.patch(&rosa, json!({"role": "instructor"})).await,
+        program.patch(&rosa, json!({"login": "mallory"})).await,
+        program.patch(&rosa, json!({"name": "Mallory", "password": "another password"})).await,
+        program.delete(&rosa).await,
     ] {
         problem(answer, 403, "forbidden").await;
     }
-    let same = json!({"login": "bob", "role": "administrator"});
-    let same = read(program.patch(&bob, same).await, StatusCode::OK).await;
-    assert_eq!(same["name"], "Bob", "nothing of a refused change is stored");
-    centre.service.sign_in("bob", PASSWORD).await;
+    let same = json!({"login": "rosa", "role": "administrator"});
+    let same = read(program.patch(&rosa, same).await, StatusCode::OK).await;
+    assert_eq!(same["name"], "Rosa", "nothing of a refused change is stored");
+    centre.service.sign_in("rosa", PASSWORD).await;
     let made = program.make("/api/v1/people", account("instructor")).await; // programs manage accounts of less rights
     let made = format!("/api/v1/people/{}", text(&made["id"]));
     let password = json!({"login": "newer", "password": "another password"});
