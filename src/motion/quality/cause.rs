@@ -75,9 +75,9 @@ pub enum QualityCause {
 }
 
 /// What to do about rows that no hand reaches.
-const WRONG_ROWS: &str = "one wrong row makes lengths and speeds wrong: delete it and all others like it from the table, and import the \
-     table again. In a recording, check whether the overlay follows the tool there: exchange the tools' names from there \
-     on, or trim the recording";
+const WRONG_ROWS: &str = "one wrong row makes lengths and speeds wrong: delete it and all others like it from the \
+                          table, and import the table again. In a recording, check whether the overlay follows the \
+                          tool there: exchange the tools' names from there on, or trim the recording";
 
 impl QualityCause {
     /// Every cause, in the order to fix them.
