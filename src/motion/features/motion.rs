@@ -21,8 +21,8 @@ const MAX_COORDINATE_MM: f64 = 1e4;
 /// Maximum time of a usable sample, s: a week.
 const MAX_TIME_S: f64 = 604_800.0;
 
-/// No hand moves an instrument faster, mm/s. It also bounds the work: a path is never longer than this times the time
-/// it was seen.
+/// No hand moves an instrument faster, mm/s: tips reach about 1.5 m/s, and three times that leaves room for a fast hand.
+/// It also bounds the work: a path is never longer than this times the time it was seen.
 pub(in crate::motion) const MAX_HAND_SPEED_MM_S: f64 = 5e3;
 
 /// The motion at one instant of the grid.

@@ -124,7 +124,6 @@ impl QualityCause {
             // that, the stated errors are wrong or a second object of the tape's colour is in the picture. At a fifth,
             // it is uncertain which of the two is the tool.
             QualityCause::Rejected => at_most(0.02, 0.2),
-            // Tips of instruments reach about 1.5 m/s. Three times that leaves room for a fast hand.
             QualityCause::Jump => refuse_above(MAX_HAND_SPEED_MM_S / 1e3),
             QualityCause::Spike => at_most(SPIKE_M_S2[0], SPIKE_M_S2[1]),
             // Whole-pixel masks are off by 0.5 to 1.2 px a side, and 1 px of width moves depth by 4.5 mm at 150 mm.
