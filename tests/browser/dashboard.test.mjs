@@ -490,7 +490,7 @@ test('no page sent a request to another origin, violated the security policy or 
 
 test('after signing out the next request is refused', async () => {
   await page.goto(`${url}/account`);
-  await page.getByRole('button', { name: 'Sign out' }).click();
+  await page.getByRole('button', { name: 'Sign out', exact: true }).click();
   await page.locator('input[name=password]').waitFor();
   assert.equal(await page.evaluate(async () => (await fetch('/api/v1/me')).status), 401);
 });
