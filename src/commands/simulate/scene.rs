@@ -145,8 +145,10 @@ fn annotations_of(world: &World, setup: &Setup, times: &[f64]) -> anyhow::Result
         side: None,
         diameter_mm: Some(tool.design.diameter_mm),
         band_length_mm: Some(tool.design.band_mm),
+        marker: None,
     };
     let file = AnnotationsFile {
+        needs: None,
         tool_diameter_mm: Some(setup.diameter_mm),
         band_length_mm: None,
         view: Some(match setup.view {

@@ -12,6 +12,10 @@
 //!  "labels": [{"frame": 12, "label": "orange", "x": 310, "y": 220, "w": 18, "h": 9}]}
 //! ```
 
+mod marker;
+
+pub use marker::{KNOWN_NEEDS, MarkerEntry};
+
 use serde::{Deserialize, Serialize};
 
 use super::{MAX_TOOL_NAME_LENGTH, is_tool_name};
@@ -111,6 +115,9 @@ pub struct ToolEntry {
     /// Length of the tape band along the tube, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub band_length_mm: Option<f64>,
+    /// What shows where the tool is; absent: a band of tape. A file with this key has `needs` 2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub marker: Option<MarkerEntry>,
 }
 
 impl ToolEntry {
@@ -118,11 +125,23 @@ impl ToolEntry {
     fn colour(&self) -> &str {
         self.colour.as_deref().unwrap_or(&self.tool)
     }
+
+    /// The length of its band, if it has one of its own.
+    fn own_band_length_mm(&self) -> Result<Option<f64>, AnnotationsError> {
+        let of_marker = self.marker.as_ref().and_then(|MarkerEntry::Band { length_mm }| *length_mm);
+        match (self.band_length_mm, of_marker) {
+            (Some(one), Some(other)) if one != other => Err(AnnotationsError::TwoLengths(self.tool.clone())),
+            (one, other) => Ok(one.or(other)),
+        }
+    }
 }
 
 /// The whole file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct AnnotationsFile {
+    /// What a program must understand to read the file; absent: 1. A program refuses a larger number than it knows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub needs: Option<u32>,
     /// Outer diameter over the tape of every tool without a size of its own, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tool_diameter_mm: Option<f64>,
@@ -169,6 +188,31 @@ pub enum AnnotationsError {
     /// Not JSON, or a key is missing or of the wrong type.
     #[error("not an annotations file: {0}")]
     Syntax(String),
+    /// Made for a newer program.
+    #[error(
+        "the annotations need version {0} of the format, and this program knows {KNOWN_NEEDS}: install a newer \
+         version of Trocar"
+    )]
+    Newer(u32),
+    /// A marker that this program cannot follow.
+    #[error(
+        "tool `{tool}`: this program follows bands of tape, not markers of the kind `{kind}`: wind a band of coloured \
+         tape round the tool, or install a version of Trocar that follows them"
+    )]
+    UnknownMarker {
+        /// The tool.
+        tool: String,
+        /// The kind in the file.
+        kind: String,
+    },
+    /// A way to recognise colours that this program does not have.
+    #[error(
+        "segmentation of the kind `{0}` is not possible: leave out `segmentation`, and mark rectangles on each colour"
+    )]
+    UnknownSegmentation(String),
+    /// Two lengths for one band.
+    #[error("tool `{0}`: band_length_mm and the marker's length_mm differ; give the length once")]
+    TwoLengths(String),
     /// No rectangle names a tool.
     #[error("no label names a tool: mark at least one rectangle on a tool's tape, labelled with the marker's name")]
     NoTool,
@@ -242,6 +286,7 @@ pub enum AnnotationsError {
 impl AnnotationsFile {
     /// Reads the file and checks that it names at least one tool with a valid size.
     pub fn parse(text: &str) -> Result<Self, AnnotationsError> {
+        marker::check_requirements(text)?;
         let file: Self = serde_json::from_str(text).map_err(|e| AnnotationsError::Syntax(e.to_string()))?;
         file.marked_tools()?;
         Ok(file)
@@ -317,7 +362,8 @@ impl AnnotationsFile {
             .and_then(|t| t.diameter_mm)
             .or(self.tool_diameter_mm)
             .ok_or_else(|| AnnotationsError::NoDiameter(name.to_owned()))?;
-        let band_length_mm = own.and_then(|t| t.band_length_mm).or(self.band_length_mm);
+        let own_length_mm = own.map(ToolEntry::own_band_length_mm).transpose()?.flatten();
+        let band_length_mm = own_length_mm.or(self.band_length_mm);
         check_size(name, "diameter_mm", diameter_mm, 50.0)?;
         if let Some(length) = band_length_mm {
             check_size(name, "band_length_mm", length, 500.0)?;

@@ -33,6 +33,30 @@ fn two_tools_of_one_colour_are_marked_by_its_label_or_by_either_name() {
 }
 
 #[test]
+fn a_marker_of_tape_is_read_and_other_kinds_are_refused_by_name() {
+    let with = |head: &str, marker: &str| {
+        AnnotationsFile::parse(&format!(
+            r#"{{{head} "tool_diameter_mm":5,"tools":[{{"tool":"orange","marker":{marker}}}],
+                "labels":[{{"frame":0,"label":"orange","x":0,"y":0,"w":1,"h":1}}]}}"#
+        ))
+    };
+    let band = with(r#""needs":2,"#, r#"{"kind":"band","length_mm":24}"#).unwrap();
+    assert_eq!(band.marked_tools().unwrap()[0].band_length_mm, Some(24.0));
+    let written = serde_json::to_string(&band).unwrap();
+    assert_eq!(AnnotationsFile::parse(&written).unwrap(), band, "{written}");
+    assert_eq!(with(r#""needs":3,"#, r#"{"kind":"band"}"#), Err(AnnotationsError::Newer(3)));
+    let rings = AnnotationsError::UnknownMarker { tool: "orange".into(), kind: "rings".into() };
+    assert_eq!(with(r#""needs":2,"#, r#"{"kind":"rings","rims_mm":[0,6]}"#), Err(rings));
+    let by_hue = with(r#""needs":2,"segmentation":{"kind":"hsv"},"#, r#"{"kind":"band"}"#);
+    assert_eq!(by_hue, Err(AnnotationsError::UnknownSegmentation("hsv".into())));
+    let two_lengths = annotations_with(
+        r#"{"tool":"orange","band_length_mm":25,"marker":{"kind":"band","length_mm":24}}"#,
+        &["orange"],
+    );
+    assert_eq!(two_lengths, Err(AnnotationsError::TwoLengths("orange".into())));
+}
+
+#[test]
 fn a_tool_of_its_colours_name_may_share_it() {
     let tools =
         annotations_with(r#"{"tool":"orange"},{"tool":"second","colour":"orange"}"#, &["orange", "cyan"]).unwrap();
