@@ -5,11 +5,12 @@ use crate::domain::palette::{FrameMask, PaletteReport};
 use crate::media::Picture;
 use crate::vision::blob::false_area::false_area;
 use crate::vision::frame::Frame;
+use crate::vision::segmentation::Segment;
 use crate::vision::segmentation::colour_table::ColourTable;
 use crate::vision::segmentation::knn::Knn;
 use crate::vision::segmentation::palette::confusion::Confusion;
 use crate::vision::segmentation::palette::{FalseArea, verdict};
-use crate::vision::segmentation::region_of_interest::{CELL_PX, CellBox, class_at};
+use crate::vision::segmentation::region_of_interest::{CELL_PX, CellBox};
 use crate::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
 use crate::vision::surroundings::{Surroundings, SurroundingsSampler};
 
@@ -134,7 +135,7 @@ impl MarkedFrames {
 }
 
 /// The class of each cell of a frame, looked up as the tracker does.
-fn mask_of(frame: &Frame<'_>, table: &ColourTable) -> FrameMask {
+fn mask_of(frame: &Frame<'_>, segment: &dyn Segment) -> FrameMask {
     let whole = CellBox::whole(frame);
     let mut every = 1;
     while whole.width().div_ceil(every) * whole.height().div_ceil(every) > MAX_MASK_CELLS {
@@ -143,7 +144,7 @@ fn mask_of(frame: &Frame<'_>, table: &ColourTable) -> FrameMask {
     let mut runs: Vec<[u32; 2]> = Vec::new();
     for row in (0..whole.height()).step_by(every) {
         for column in (0..whole.width()).step_by(every) {
-            let class = u32::from(class_at(frame, table, column, row));
+            let class = u32::from(segment.class_of_cell(frame, column, row));
             match runs.last_mut() {
                 Some([last, cells]) if *last == class => *cells += 1,
                 _ => runs.push([class, 1]),
@@ -165,13 +166,13 @@ fn mask_of(frame: &Frame<'_>, table: &ColourTable) -> FrameMask {
 /// it.
 fn false_areas_of_frame(
     frame: &Frame<'_>,
-    table: &ColourTable,
+    segment: &dyn Segment,
     marks: &[MarkedRectangle],
     colours: &[(&String, usize)],
 ) -> Vec<FalseArea> {
     let of_colour = |(index, (colour, wearers)): (usize, &(&String, usize))| {
         let own: Vec<&MarkedRectangle> = marks.iter().filter(|mark| mark.label == **colour).collect();
-        false_area(frame, table, index as u8 + 1, &own, *wearers)
+        false_area(frame, segment, index as u8 + 1, &own, *wearers)
     };
     colours.iter().enumerate().filter_map(of_colour).collect()
 }

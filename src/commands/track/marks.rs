@@ -112,6 +112,7 @@ impl SampleCollector<'_> {
 mod tests {
     use super::*;
     use crate::resources::shared;
+    use crate::vision::segmentation::Classify;
     use crate::vision::segmentation::colour_table::ColourTable;
     use crate::vision::segmentation::knn::Knn;
 

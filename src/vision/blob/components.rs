@@ -2,8 +2,8 @@
 
 use super::moments::Moments;
 use crate::vision::frame::Frame;
-use crate::vision::segmentation::colour_table::ColourTable;
-use crate::vision::segmentation::region_of_interest::{CellBox, class_at};
+use crate::vision::segmentation::Segment;
+use crate::vision::segmentation::region_of_interest::CellBox;
 
 /// A region of touching cells of one class.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,25 +27,25 @@ impl ComponentFinder {
     pub fn find(
         &mut self,
         frame: &Frame<'_>,
-        table: &ColourTable,
+        segment: &dyn Segment,
         class: u8,
         search: CellBox,
         least_cells: usize,
     ) -> Vec<Component> {
-        self.find_where(frame, table, class, search, least_cells, |_, _| true)
+        self.find_where(frame, segment, class, search, least_cells, |_, _| true)
     }
 
     /// The same, using only the cells (column, row) for which `counts` is true.
     pub fn find_where(
         &mut self,
         frame: &Frame<'_>,
-        table: &ColourTable,
+        segment: &dyn Segment,
         class: u8,
         search: CellBox,
         least_cells: usize,
         counts: impl Fn(usize, usize) -> bool,
     ) -> Vec<Component> {
-        self.classify(frame, table, class, search, counts);
+        self.classify(frame, segment, class, search, counts);
         let width = search.width();
         let mut found = Vec::new();
         for start in 0..self.mask.len() {
@@ -63,14 +63,14 @@ impl ComponentFinder {
     fn classify(
         &mut self,
         frame: &Frame<'_>,
-        table: &ColourTable,
+        segment: &dyn Segment,
         class: u8,
         search: CellBox,
         counts: impl Fn(usize, usize) -> bool,
     ) {
         self.mask.clear();
         for row in search.top..search.bottom {
-            let is_region = |column| class_at(frame, table, column, row) == class && counts(column, row);
+            let is_region = |column| segment.class_of_cell(frame, column, row) == class && counts(column, row);
             self.mask.extend((search.left..search.right).map(is_region));
         }
     }
@@ -108,6 +108,7 @@ impl ComponentFinder {
 mod tests {
     use super::*;
     use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
+    use crate::vision::segmentation::colour_table::ColourTable;
     use crate::vision::segmentation::knn::Knn;
     use crate::vision::segmentation::samples::ColourSamples;
 

@@ -1,14 +1,14 @@
 //! Measures the parts of a marked frame that have a tool's colour but are not the tool. The samples alone cannot show
 //! this if the peg that looks like the tape was not marked.
 //!
-//! Input: a frame, its colour table, and the rectangles that mark one tool's band on it. Regions that reach into the
+//! Input: a frame, what segments it, and the rectangles that mark one tool's band on it. Regions that reach into the
 //! rectangle around those marks are the band; all others are false. A false region that touches the band counts as
 //! band. If several tools share the colour, each region with a mark on it is a band. If there are fewer such regions
 //! than tools, the largest other regions count as the missing bands, which were not marked on this frame.
 
 use super::components::{Component, ComponentFinder};
 use crate::vision::frame::Frame;
-use crate::vision::segmentation::colour_table::ColourTable;
+use crate::vision::segmentation::Segment;
 use crate::vision::segmentation::palette::FalseArea;
 use crate::vision::segmentation::region_of_interest::{CELL_PX, CellBox};
 use crate::vision::segmentation::samples::MarkedRectangle;
@@ -17,7 +17,7 @@ use crate::vision::segmentation::samples::MarkedRectangle;
 /// so that no band is known.
 pub fn false_area(
     frame: &Frame<'_>,
-    table: &ColourTable,
+    segment: &dyn Segment,
     class: u8,
     marks: &[&MarkedRectangle],
     tool_count: usize,
@@ -28,7 +28,7 @@ pub fn false_area(
     if tool_count == 1 {
         marked = vec![around];
     }
-    let found = ComponentFinder::default().find(frame, table, class, whole, 1);
+    let found = ComponentFinder::default().find(frame, segment, class, whole, 1);
     let is_band = |region: &Component| marked.iter().any(|mark| region.bounds.overlaps(mark));
     let (bands, mut others): (Vec<Component>, Vec<Component>) = found.into_iter().partition(is_band);
     if bands.is_empty() {
@@ -61,6 +61,7 @@ fn cells_of(mark: &MarkedRectangle) -> CellBox {
 mod tests {
     use super::*;
     use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
+    use crate::vision::segmentation::colour_table::ColourTable;
     use crate::vision::segmentation::knn::Knn;
     use crate::vision::segmentation::samples::ColourSamples;
 

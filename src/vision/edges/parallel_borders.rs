@@ -11,8 +11,8 @@ use nalgebra::{Point2, Vector2};
 use super::scan_lines::CoarseBand;
 use crate::vision::blob::select::MIN_WIDTH_PX;
 use crate::vision::frame::Frame;
-use crate::vision::segmentation::colour_table::ColourTable;
-use crate::vision::segmentation::region_of_interest::{CELL_PX, CellBox, class_at};
+use crate::vision::segmentation::Segment;
+use crate::vision::segmentation::region_of_interest::{CELL_PX, CellBox};
 use crate::vision::space::Pixel;
 
 /// Maximum number of bands returned: each costs a fit from several starts.
@@ -75,8 +75,8 @@ struct Candidate {
 
 /// The bands that the cells of a class in `bounds` may contain, the likeliest first. `max_length` is the longest
 /// possible band, in widths.
-pub fn find(frame: &Frame<'_>, table: &ColourTable, class: u8, bounds: CellBox, max_length: f64) -> Vec<CoarseBand> {
-    let mask = Mask::new(frame, table, class, bounds);
+pub fn find(frame: &Frame<'_>, segment: &dyn Segment, class: u8, bounds: CellBox, max_length: f64) -> Vec<CoarseBand> {
+    let mask = Mask::new(frame, segment, class, bounds);
     let boundary = mask.boundary();
     if boundary.len() > MAX_BOUNDARY_CELLS {
         return Vec::new();
@@ -196,10 +196,10 @@ impl Mask {
     /// Cells on each side of a cell that decide the direction of the boundary there.
     const REACH: i64 = 2;
 
-    fn new(frame: &Frame<'_>, table: &ColourTable, class: u8, bounds: CellBox) -> Self {
+    fn new(frame: &Frame<'_>, segment: &dyn Segment, class: u8, bounds: CellBox) -> Self {
         let cells =
             (bounds.top..bounds.bottom).flat_map(|row| (bounds.left..bounds.right).map(move |column| (column, row)));
-        let set = cells.map(|(column, row)| class_at(frame, table, column, row) == class).collect();
+        let set = cells.map(|(column, row)| segment.class_of_cell(frame, column, row) == class).collect();
         Self { bounds, set }
     }
 
@@ -247,6 +247,7 @@ impl Mask {
 mod tests {
     use super::*;
     use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
+    use crate::vision::segmentation::colour_table::ColourTable;
     use crate::vision::segmentation::knn::Knn;
     use crate::vision::segmentation::samples::ColourSamples;
 

@@ -6,8 +6,8 @@
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
-use super::knn::Knn;
-use crate::vision::frame::ColourEncoding;
+use super::{Classify, Segment};
+use crate::vision::frame::{ColourEncoding, Frame};
 
 const LUMA_BITS: u32 = 5;
 const CHROMA_BITS: u32 = 6;
@@ -19,18 +19,22 @@ const UNSEEN: u8 = u8::MAX;
 pub struct ColourTable {
     /// Atomic only so that lookups need no exclusive access: concurrent writers of a cell write the same class.
     classes: Vec<AtomicU8>,
-    knn: Knn,
+    classifier: Box<dyn Classify>,
     encoding: ColourEncoding,
 }
 
 impl ColourTable {
     /// An empty table for pictures of this encoding.
-    pub fn new(knn: Knn, encoding: ColourEncoding) -> Self {
+    pub fn new(classifier: impl Classify + 'static, encoding: ColourEncoding) -> Self {
         let cells = 1usize << (LUMA_BITS + 2 * CHROMA_BITS);
-        Self { classes: (0..cells).map(|_| AtomicU8::new(UNSEEN)).collect(), knn, encoding }
+        Self {
+            classes: (0..cells).map(|_| AtomicU8::new(UNSEEN)).collect(),
+            classifier: Box::new(classifier),
+            encoding,
+        }
     }
 
-    /// Class of the codes at a pixel.
+    /// Class of these codes of Y, U, V.
     #[inline]
     pub fn class_of(&self, [y, u, v]: [u8; 3]) -> u8 {
         let luma = usize::from(y >> (8 - LUMA_BITS));
@@ -46,9 +50,15 @@ impl ColourTable {
     /// Classifies a cell by its centre.
     #[cold]
     fn classify(&self, cell: usize) -> u8 {
-        let class = self.knn.class_of(self.encoding.colour_of_codes(centre_of(cell)));
+        let class = self.classifier.class_of(self.encoding.colour_of_codes(centre_of(cell)));
         self.classes[cell].store(class, Ordering::Relaxed);
         class
+    }
+}
+
+impl Segment for ColourTable {
+    fn class_at(&self, frame: &Frame<'_>, x: usize, y: usize) -> u8 {
+        self.class_of(frame.yuv_at(x, y))
     }
 }
 

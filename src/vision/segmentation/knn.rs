@@ -6,6 +6,7 @@ use std::num::NonZero;
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
+use super::Classify;
 use super::samples::{ColourSample, ColourSamples};
 
 /// Number of neighbours that vote; the thesis's choice.
@@ -57,21 +58,6 @@ impl Knn {
         Some(Self { tree, label_of_sample, limit_of_label, reach })
     }
 
-    /// The class of a colour: 0 for no tool, else the tool's class.
-    ///
-    /// The same tape nearer to the lamp or in shadow has the same colour, brighter or darker. So an unknown colour is
-    /// classified again under other light.
-    pub fn class_of(&self, colour: [f64; 3]) -> u8 {
-        let lit = |light: f64| colour.map(|c| c * light);
-        let mut lights = std::iter::once(1.0).chain(OTHER_LIGHT);
-        if !lights.any(|light| self.is_near_a_tool(lit(light))) {
-            return 0; // beyond the limits of all tools: skip the tree
-        }
-        let as_it_is = self.known_class_of(colour);
-        let other_light = || OTHER_LIGHT.iter().find_map(|light| self.known_tool_of(lit(*light)));
-        as_it_is.or_else(other_light).unwrap_or(0)
-    }
-
     /// The tool with this colour under unchanged light.
     fn known_tool_of(&self, colour: [f64; 3]) -> Option<u8> {
         self.is_near_a_tool(colour).then(|| self.known_class_of(colour))?.filter(|class| *class != 0)
@@ -90,6 +76,21 @@ impl Knn {
         let distance = nearest.iter().zip(&votes).find(|(_, v)| **v == winner).map_or(f32::MAX, |(n, _)| n.distance);
         let limit = self.limit_of_label[usize::from(winner)];
         (winner == 0 || distance <= limit * limit).then_some(winner)
+    }
+}
+
+impl Classify for Knn {
+    /// The same tape nearer to the lamp or in shadow has the same colour, brighter or darker. So an unknown colour is
+    /// classified again under other light.
+    fn class_of(&self, colour: [f64; 3]) -> u8 {
+        let lit = |light: f64| colour.map(|c| c * light);
+        let mut lights = std::iter::once(1.0).chain(OTHER_LIGHT);
+        if !lights.any(|light| self.is_near_a_tool(lit(light))) {
+            return 0; // beyond the limits of all tools: skip the tree
+        }
+        let as_it_is = self.known_class_of(colour);
+        let other_light = || OTHER_LIGHT.iter().find_map(|light| self.known_tool_of(lit(*light)));
+        as_it_is.or_else(other_light).unwrap_or(0)
     }
 }
 

@@ -5,7 +5,7 @@
 //! no colour is looked up twice. The coarse grid visits every [`COARSE_STEP`]th cell in both directions. A band
 //! narrower than that many cells can be missed, but it would be too small to be measured anyway.
 
-use super::colour_table::ColourTable;
+use super::Segment;
 use crate::vision::frame::Frame;
 
 /// Pixels across one cell.
@@ -99,21 +99,15 @@ impl CellBox {
     }
 }
 
-/// Class of the colour in a cell.
-#[inline]
-pub fn class_at(frame: &Frame<'_>, table: &ColourTable, column: usize, row: usize) -> u8 {
-    table.class_of(frame.yuv_at(column * CELL_PX, row * CELL_PX))
-}
-
 /// Searches the whole frame on the coarse grid. Returns boxes around the samples of this class, those with most
 /// samples first, each widened so that it contains the whole band.
-pub fn coarse_search(frame: &Frame<'_>, table: &ColourTable, class: u8) -> Vec<CellBox> {
+pub fn coarse_search(frame: &Frame<'_>, segment: &dyn Segment, class: u8) -> Vec<CellBox> {
     const MAX_BOXES: usize = 64; // limits the time on a frame full of the colour
     let whole = CellBox::whole(frame);
     let mut found: Vec<(CellBox, usize)> = Vec::new();
     for row in (COARSE_STEP / 2..whole.bottom).step_by(COARSE_STEP) {
         for column in (COARSE_STEP / 2..whole.right).step_by(COARSE_STEP) {
-            if class_at(frame, table, column, row) != class {
+            if segment.class_of_cell(frame, column, row) != class {
                 continue;
             }
             let near = found.iter_mut().find(|(seen, _)| seen.is_near_cell(column, row, 2 * COARSE_STEP));

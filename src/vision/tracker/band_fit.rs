@@ -72,8 +72,8 @@ impl BandFit<'_> {
         hand_first: impl Fn(Pixel, Pixel) -> Option<bool>,
         recorder: &mut FitRecorder,
     ) -> Result<Measurement, MissReason> {
-        let FrameContext { frame, table, .. } = self.scene;
-        let coarse = scan_lines::scan(frame, table, self.class, region).ok_or(MissReason::BordersNotFound)?;
+        let FrameContext { frame, segment, .. } = self.scene;
+        let coarse = scan_lines::scan(frame, *segment, self.class, region).ok_or(MissReason::BordersNotFound)?;
         self.measure_coarse(&coarse, hand_first, recorder)
     }
 
@@ -85,10 +85,10 @@ impl BandFit<'_> {
         /// A band that leans towards the camera looks longer, relative to its middle's width.
         const LEANING: f64 = 1.25;
         let mut recorder = FitRecorder::new(self.is_traced);
-        let FrameContext { frame, table, .. } = self.scene;
+        let FrameContext { frame, segment, .. } = self.scene;
         let longest = self.length.map_or(LONGEST, |(length_mm, _)| LEANING * length_mm / self.spec.diameter_mm);
         let mut best: Result<Measurement, MissReason> = Err(MissReason::WrongShape);
-        for coarse in parallel_borders::find(frame, table, self.class, bounds, longest) {
+        for coarse in parallel_borders::find(frame, *segment, self.class, bounds, longest) {
             let found = self.measure_coarse(&coarse, &hand_first, &mut recorder);
             best = match (best, found) {
                 (Ok(one), Ok(other)) => Ok(Measurement::likelier(one, other)),

@@ -25,7 +25,7 @@ impl ToolTracker {
     pub(super) fn search_areas(&self, scene: &FrameContext<'_>, expected: Option<Band>) -> Vec<CellBox> {
         match expected {
             Some(band) => cells_around_band(&band, scene.camera(), scene.frame).into_iter().collect(),
-            None => coarse_search(scene.frame, scene.table, self.class),
+            None => coarse_search(scene.frame, scene.segment, self.class),
         }
     }
 
@@ -40,7 +40,8 @@ impl ToolTracker {
         self.trace.record_places(areas);
         let mut regions = Vec::new();
         for area in areas {
-            let parts = self.finder.find_where(scene.frame, scene.table, self.class, *area, select::MIN_CELLS, &counts);
+            let parts =
+                self.finder.find_where(scene.frame, scene.segment, self.class, *area, select::MIN_CELLS, &counts);
             let (band, others) = join::join_collinear(parts);
             regions.extend(band);
             regions.extend(others);

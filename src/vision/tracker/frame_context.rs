@@ -6,6 +6,7 @@ use super::settings::{MotionSettings, TrackerSettings};
 use crate::vision::camera::Camera;
 use crate::vision::filter::track::TrackSettings;
 use crate::vision::frame::Frame;
+use crate::vision::segmentation::Segment;
 use crate::vision::segmentation::colour_table::ColourTable;
 use crate::vision::space::Pixel;
 use crate::vision::tube::Outline;
@@ -14,6 +15,8 @@ use crate::vision::tube::Outline;
 pub struct FrameContext<'a> {
     /// The frame.
     pub frame: &'a Frame<'a>,
+    /// The class of every place.
+    pub segment: &'a dyn Segment,
     /// The class of every colour.
     pub table: &'a ColourTable,
     /// Camera and tracking methods.
@@ -33,7 +36,7 @@ impl FrameContext<'_> {
 
     /// Class of the frame's pixel in this column and row.
     pub(super) fn class_at(&self, column: f64, row: f64) -> u8 {
-        self.table.class_of(self.codes_at(column, row))
+        self.segment.class_at(self.frame, column as usize, row as usize)
     }
 
     /// Codes (Y, U, V) of the frame's pixel in this column and row.

@@ -188,7 +188,7 @@ impl Tracker {
         let (table, settings) = (&self.table, &self.settings);
         let obstacles = outlines_of_others(outlines, i);
         let tool = &mut self.tools[i];
-        let result = tool.observe(&FrameContext { frame, table, settings, obstacles: &obstacles });
+        let result = tool.observe(&FrameContext { frame, segment: table, table, settings, obstacles: &obstacles });
         if result.advance.observed {
             outlines[i] = tool.last_outline();
         }
@@ -204,7 +204,8 @@ impl Tracker {
     ) -> Vec<(usize, ToolFrameResult)> {
         let (table, settings) = (&self.table, &self.settings);
         let obstacles = pair.map(|i| outlines_of_others(outlines, i));
-        let scenes = [0, 1].map(|of| FrameContext { frame, table, settings, obstacles: &obstacles[of] });
+        let scenes =
+            [0, 1].map(|of| FrameContext { frame, segment: table, table, settings, obstacles: &obstacles[of] });
         match self.tools.get_disjoint_mut(pair) {
             Ok(tools) => pair.into_iter().zip(pair::observe(tools, scenes)).collect(),
             Err(_) => Vec::new(),

@@ -7,8 +7,8 @@ use crate::vision::blob::components::Component;
 use crate::vision::edges::probe::Probe;
 use crate::vision::frame::Frame;
 use crate::vision::reason::MissReason;
-use crate::vision::segmentation::colour_table::ColourTable;
-use crate::vision::segmentation::region_of_interest::{CellBox, class_at};
+use crate::vision::segmentation::Segment;
+use crate::vision::segmentation::region_of_interest::CellBox;
 use crate::vision::space::Pixel;
 use crate::vision::tube::Tube;
 
@@ -136,9 +136,9 @@ impl FitRecorder {
 }
 
 /// The class of every cell of a frame, row by row, and the number of cells in a row.
-pub(super) fn classify_cells(frame: &Frame<'_>, table: &ColourTable) -> (Vec<u8>, usize) {
+pub(super) fn classify_cells(frame: &Frame<'_>, segment: &dyn Segment) -> (Vec<u8>, usize) {
     let whole = CellBox::whole(frame);
     let rows = whole.top..whole.bottom;
-    let of_row = |row| (whole.left..whole.right).map(move |column| class_at(frame, table, column, row));
+    let of_row = |row| (whole.left..whole.right).map(move |column| segment.class_of_cell(frame, column, row));
     (rows.flat_map(of_row).collect(), whole.width())
 }

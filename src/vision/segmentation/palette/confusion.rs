@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 
 use super::light::LightCondition;
 use super::margin::{Margin, SupportingPixels, margin};
+use crate::vision::segmentation::Classify;
 use crate::vision::segmentation::knn::Knn;
 use crate::vision::segmentation::samples::{ColourSample, ColourSamples, RectanglePlace};
 
