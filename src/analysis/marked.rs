@@ -142,13 +142,14 @@ fn mask_of(frame: &Frame<'_>, segment: &dyn Segment) -> FrameMask {
         every += 1;
     }
     let mut runs: Vec<[u32; 2]> = Vec::new();
+    let mut classes = Vec::new();
     for row in (0..whole.height()).step_by(every) {
-        for column in (0..whole.width()).step_by(every) {
-            let class = u32::from(segment.class_of_cell(frame, column, row));
-            match runs.last_mut() {
-                Some([last, cells]) if *last == class => *cells += 1,
-                _ => runs.push([class, 1]),
-            }
+        segment.classify_row(frame, row, 0..whole.width(), every, &mut classes);
+    }
+    for class in classes.into_iter().map(u32::from) {
+        match runs.last_mut() {
+            Some([last, cells]) if *last == class => *cells += 1,
+            _ => runs.push([class, 1]),
         }
     }
     FrameMask {

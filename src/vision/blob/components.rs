@@ -17,6 +17,7 @@ pub struct Component {
 /// Finds components; keeps its buffers between frames.
 #[derive(Default)]
 pub struct ComponentFinder {
+    classes: Vec<u8>,
     mask: Vec<bool>,
     stack: Vec<(usize, usize)>,
 }
@@ -70,8 +71,11 @@ impl ComponentFinder {
     ) {
         self.mask.clear();
         for row in search.top..search.bottom {
-            let is_region = |column| segment.class_of_cell(frame, column, row) == class && counts(column, row);
-            self.mask.extend((search.left..search.right).map(is_region));
+            let columns = search.left..search.right;
+            self.classes.clear();
+            segment.classify_row(frame, row, columns.clone(), 1, &mut self.classes);
+            let classes = columns.zip(&self.classes);
+            self.mask.extend(classes.map(|(column, found)| *found == class && counts(column, row)));
         }
     }
 

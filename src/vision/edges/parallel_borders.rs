@@ -197,10 +197,11 @@ impl Mask {
     const REACH: i64 = 2;
 
     fn new(frame: &Frame<'_>, segment: &dyn Segment, class: u8, bounds: CellBox) -> Self {
-        let cells =
-            (bounds.top..bounds.bottom).flat_map(|row| (bounds.left..bounds.right).map(move |column| (column, row)));
-        let set = cells.map(|(column, row)| segment.class_of_cell(frame, column, row) == class).collect();
-        Self { bounds, set }
+        let mut classes = Vec::with_capacity(bounds.width() * bounds.height());
+        for row in bounds.top..bounds.bottom {
+            segment.classify_row(frame, row, bounds.left..bounds.right, 1, &mut classes);
+        }
+        Self { bounds, set: classes.into_iter().map(|found| found == class).collect() }
     }
 
     /// Is this cell, counted from the box's corner, of the class?

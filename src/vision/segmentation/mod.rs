@@ -12,6 +12,8 @@ pub mod palette;
 pub mod region_of_interest;
 pub mod samples;
 
+use std::ops::Range;
+
 use crate::vision::frame::Frame;
 use region_of_interest::CELL_PX;
 
@@ -20,9 +22,10 @@ pub trait Segment {
     /// The class at a pixel.
     fn class_at(&self, frame: &Frame<'_>, x: usize, y: usize) -> u8;
 
-    /// The class of a cell.
-    fn class_of_cell(&self, frame: &Frame<'_>, column: usize, row: usize) -> u8 {
-        self.class_at(frame, column * CELL_PX, row * CELL_PX)
+    /// Appends the classes of each `step`th cell of a row: one call for a row, because a call for each cell would cost
+    /// as much as looking it up.
+    fn classify_row(&self, frame: &Frame<'_>, row: usize, columns: Range<usize>, step: usize, into: &mut Vec<u8>) {
+        into.extend(columns.step_by(step).map(|column| self.class_at(frame, column * CELL_PX, row * CELL_PX)));
     }
 }
 

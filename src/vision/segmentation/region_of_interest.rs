@@ -105,11 +105,13 @@ pub fn coarse_search(frame: &Frame<'_>, segment: &dyn Segment, class: u8) -> Vec
     const MAX_BOXES: usize = 64; // limits the time on a frame full of the colour
     let whole = CellBox::whole(frame);
     let mut found: Vec<(CellBox, usize)> = Vec::new();
+    let columns = COARSE_STEP / 2..whole.right;
+    let mut classes = Vec::new();
     for row in (COARSE_STEP / 2..whole.bottom).step_by(COARSE_STEP) {
-        for column in (COARSE_STEP / 2..whole.right).step_by(COARSE_STEP) {
-            if segment.class_of_cell(frame, column, row) != class {
-                continue;
-            }
+        classes.clear();
+        segment.classify_row(frame, row, columns.clone(), COARSE_STEP, &mut classes);
+        let here = columns.clone().step_by(COARSE_STEP).zip(&classes).filter(|(_, found)| **found == class);
+        for (column, _) in here {
             let near = found.iter_mut().find(|(seen, _)| seen.is_near_cell(column, row, 2 * COARSE_STEP));
             if let Some((seen, looks)) = near {
                 seen.include(column, row);

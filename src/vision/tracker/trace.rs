@@ -138,7 +138,9 @@ impl FitRecorder {
 /// The class of every cell of a frame, row by row, and the number of cells in a row.
 pub(super) fn classify_cells(frame: &Frame<'_>, segment: &dyn Segment) -> (Vec<u8>, usize) {
     let whole = CellBox::whole(frame);
-    let rows = whole.top..whole.bottom;
-    let of_row = |row| (whole.left..whole.right).map(move |column| segment.class_of_cell(frame, column, row));
-    (rows.flat_map(of_row).collect(), whole.width())
+    let mut classes = Vec::with_capacity(whole.width() * whole.height());
+    for row in whole.top..whole.bottom {
+        segment.classify_row(frame, row, whole.left..whole.right, 1, &mut classes);
+    }
+    (classes, whole.width())
 }
