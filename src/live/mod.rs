@@ -30,7 +30,7 @@ pub use cpu_slots::CpuSlots;
 pub use open_feed::OpenFeeds;
 pub use push::{Push, PushError, PushFailure};
 pub use settings::LiveSettings;
-pub use tracking::{FeedWatcher, TrackingState};
+pub use tracking::{EncodedMessage, FeedWatcher, SharedReply, TrackingState};
 
 use std::collections::HashMap;
 use std::sync::Arc;

@@ -3,7 +3,6 @@
 //! Live values are not stored. The session's trajectory, smoothed once the recording is complete, is what counts. A
 //! slow watcher misses messages and receives their number.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::State;
@@ -11,6 +10,7 @@ use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
 use axum::http::HeaderMap;
 use axum::response::Response;
+use futures_util::SinkExt;
 use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{interval, timeout};
@@ -27,7 +27,7 @@ use crate::http::error::{HandlerResult, Refusal, busy};
 use crate::http::read::{Params, PathKey};
 use crate::http::state::App;
 use crate::ids::SessionId;
-use crate::live::{FeedWatcher, TrackingState};
+use crate::live::{EncodedMessage, FeedWatcher, SharedReply, TrackingState};
 
 /// How often to check whether a recording without a sender has resumed or ended.
 const POLL_INTERVAL: Duration = Duration::from_secs(1);
@@ -35,6 +35,8 @@ const POLL_INTERVAL: Duration = Duration::from_secs(1);
 const PERMISSION_CHECK_INTERVAL: Duration = Duration::from_secs(5);
 /// How long a watcher may take to receive one message.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
+/// Size of a watcher's buffer: the messages of one reply without its picture, so that a reply takes one write.
+const WRITE_BUFFER_BYTES: usize = 4096;
 /// Bytes before a picture: the number of its frame.
 const PICTURE_HEADER_BYTES: usize = 8;
 
@@ -214,7 +216,8 @@ pub async fn live(
     let place = app.watcher_slots.take(&by.scope).ok_or_else(full)?;
     let watcher = Watcher { app, scope: by.scope, headers, session, pictures: watched.pictures };
     // A watcher sends no messages, so small buffers are enough.
-    let upgrade = upgrade.max_message_size(1024).max_frame_size(1024).read_buffer_size(1024).write_buffer_size(0);
+    let upgrade = upgrade.max_message_size(1024).max_frame_size(1024).read_buffer_size(1024);
+    let upgrade = upgrade.write_buffer_size(WRITE_BUFFER_BYTES);
     Ok(upgrade.on_upgrade(move |socket| async move {
         let shutdown = watcher.app.shutdown.clone();
         let connection = shutdown.spawn(async move { watcher.run_and_close(socket).await });
@@ -351,14 +354,26 @@ fn live_message(watch: &mut FeedWatcher) -> LiveMessage {
     LiveMessage::Live { width: watch.row.width, height: watch.row.height, tools, why }
 }
 
-async fn send_followed(
-    socket: &mut WebSocket,
-    followed: &Arc<FollowReply>,
-    watch: &FeedWatcher,
-) -> Result<(), WatcherGone> {
-    for frame in &followed.frames {
-        send_message(socket, &LiveMessage::Frame(LiveFrame::from(frame))).await?;
-    }
+/// Sends a reply's messages in one piece.
+async fn send_followed(socket: &mut WebSocket, followed: &SharedReply, watch: &FeedWatcher) -> Result<(), WatcherGone> {
+    let sending = async {
+        for message in followed.messages.get_or_init(|| encode_messages(&followed.reply, watch)) {
+            let message = match message {
+                EncodedMessage::Text(text) => Message::Text(text.clone().try_into().map_err(|_| WatcherGone)?),
+                EncodedMessage::Picture(_) if watch.viewer.is_none() => continue,
+                EncodedMessage::Picture(picture) => Message::Binary(picture.clone()),
+            };
+            socket.feed(message).await.map_err(|_| WatcherGone)?;
+        }
+        socket.flush().await.map_err(|_| WatcherGone)
+    };
+    timeout(SEND_TIMEOUT, sending).await.unwrap_or(Err(WatcherGone))
+}
+
+/// The messages of a reply.
+fn encode_messages(followed: &FollowReply, watch: &FeedWatcher) -> Vec<EncodedMessage> {
+    let mut messages: Vec<LiveMessage> =
+        followed.frames.iter().map(|frame| LiveMessage::Frame(LiveFrame::from(frame))).collect();
     if let Some(rows) = &followed.running {
         let tools = match &*watch.state.borrow() {
             TrackingState::Tracking(tools) => tools.clone(),
@@ -369,15 +384,17 @@ async fn send_followed(
         let seen =
             tools.iter().zip(followed.seen.iter().flatten()).map(|(tool, seen)| LiveSeen::new(tool, seen)).collect();
         let features = live_features(rows, &tools);
-        send_message(socket, &LiveMessage::Features { features, light, placement, seen }).await?;
+        messages.push(LiveMessage::Features { features, light, placement, seen });
     }
-    if let Some((frame, jpeg)) = followed.picture.as_ref().filter(|_| watch.viewer.is_some()) {
+    let texts = messages.iter().filter_map(|message| serde_json::to_vec(message).ok());
+    let mut encoded: Vec<EncodedMessage> = texts.map(|text| EncodedMessage::Text(text.into())).collect();
+    if let Some((frame, jpeg)) = &followed.picture {
         let mut bytes = Vec::with_capacity(PICTURE_HEADER_BYTES + jpeg.len());
         bytes.extend(frame.to_be_bytes());
         bytes.extend(jpeg);
-        send(socket, Message::Binary(bytes.into())).await?;
+        encoded.push(EncodedMessage::Picture(bytes.into()));
     }
-    Ok(())
+    encoded
 }
 
 /// Whether the watcher is still connected. The content of its messages does not matter.

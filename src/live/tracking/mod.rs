@@ -37,7 +37,7 @@ use arrived_frames::FramePosition;
 use child_phase::ChildPhase;
 pub(super) use child_process::FeedStopGuard;
 use child_state::{ChildState, EndFeatures, SlotState};
-pub use watcher::{FeedWatcher, Viewer};
+pub use watcher::{EncodedMessage, FeedWatcher, SharedReply, Viewer};
 
 use super::cpu_slots::{CpuSlots, SlotId, Waiter};
 use super::{FeedService, OpenFeed};
@@ -78,7 +78,7 @@ pub enum TrackingState {
 pub(super) struct TrackingSupervisor(Arc<SupervisorParts>);
 
 struct SupervisorParts {
-    replies: broadcast::Sender<Arc<FollowReply>>,
+    replies: broadcast::Sender<Arc<SharedReply>>,
     state: watch::Sender<TrackingState>,
     /// Number of watchers that want pictures.
     viewers: Arc<AtomicUsize>,
@@ -257,7 +257,7 @@ impl TrackingSupervisor {
         }
         child.coverage.take_features(&mut followed.running);
         self.0.update_slot(child);
-        let _ = self.0.replies.send(Arc::new(followed)); // an error only means that there are no watchers
+        let _ = self.0.replies.send(Arc::new(followed.into())); // an error only means that there are no watchers
     }
 
     fn child(&self) -> MutexGuard<'_, ChildState> {

@@ -1,8 +1,9 @@
 //! A watcher of a recording that arrives.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Weak};
+use std::sync::{Arc, OnceLock, Weak};
 
+use bytes::Bytes;
 use tokio::sync::{broadcast, watch};
 
 use super::TrackingState;
@@ -17,10 +18,32 @@ pub struct FeedWatcher {
     /// Whether the recording is tracked.
     pub state: watch::Receiver<TrackingState>,
     /// The child's replies.
-    pub replies: broadcast::Receiver<Arc<FollowReply>>,
+    pub replies: broadcast::Receiver<Arc<SharedReply>>,
     /// Present if the watcher wants pictures.
     pub viewer: Option<Viewer>,
     pub(super) feed: Weak<OpenFeed>, // weak: a watcher does not keep a recording open
+}
+
+/// A child's reply, for all watchers.
+pub struct SharedReply {
+    /// The reply.
+    pub reply: FollowReply,
+    /// Its messages; the first watcher that sends them encodes them for all.
+    pub messages: OnceLock<Vec<EncodedMessage>>,
+}
+
+impl From<FollowReply> for SharedReply {
+    fn from(reply: FollowReply) -> Self {
+        Self { reply, messages: OnceLock::new() }
+    }
+}
+
+/// A message as it is sent to watchers.
+pub enum EncodedMessage {
+    /// Text in UTF-8.
+    Text(Bytes),
+    /// A picture, for watchers that want pictures.
+    Picture(Bytes),
 }
 
 impl FeedWatcher {
