@@ -91,6 +91,7 @@ pub struct ServeArgs {
 pub fn run(args: ServeArgs) -> Result<(), CommandFailure> {
     start_log(&args.log, args.log_json)?;
     heap::return_large_blocks().context("limiting memory")?;
+    sandbox::run_soon_after_waking();
     let flags = Flags { settings: args.settings, data: args.data, listen: args.listen, workers: args.workers };
     let mut settings = Settings::load(flags).map_err(CommandFailure::input)?;
     settings.workers = worker_count(settings.workers);

@@ -37,4 +37,5 @@ pub use kernel::{LandlockUnavailable, landlock_version};
 pub use outcome::{ChildEnd, ChildOutcome, Cost, TimeLimit};
 pub use parent::{ChildSpec, Program, run};
 pub use record::{RecordError, write_record};
+pub use slice::run_soon_after_waking;
 pub use stop::StopSwitch;
