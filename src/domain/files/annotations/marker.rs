@@ -1,4 +1,4 @@
-//! What a tool wears, and which annotations this program understands (MARKERS 8).
+//! The markers of tools, and which annotations this program understands.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,9 +7,9 @@ use super::AnnotationsError;
 /// The newest `needs` that this program understands: 2 is for files with `marker`.
 pub const KNOWN_NEEDS: u32 = 2;
 
-/// What shows where a tool is.
+/// The marker of a tool: what shows where it is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
-#[serde(tag = "kind", rename_all = "lowercase")]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum MarkerEntry {
     /// A band of coloured tape round the tube.
     Band {
@@ -19,39 +19,47 @@ pub enum MarkerEntry {
     },
 }
 
-/// The keys that say what a program must understand, whatever the rest of the file says.
+/// The version of the format, read before all else: a newer version may change the type of any other key.
+#[derive(Deserialize)]
+struct FormatVersion {
+    needs: Option<u32>,
+}
+
+/// The keys of version 2 that name what a program must be able to do.
 #[derive(Deserialize)]
 struct Requirements {
-    needs: Option<u32>,
-    segmentation: Option<Kind>,
+    segmentation: Option<KindOnly>,
     #[serde(default)]
-    tools: Vec<MarkedBy>,
+    tools: Vec<ToolRequirements>,
 }
 
 #[derive(Deserialize)]
-struct MarkedBy {
+struct ToolRequirements {
     #[serde(default)]
     tool: String,
-    marker: Option<Kind>,
+    marker: Option<KindOnly>,
 }
 
 #[derive(Deserialize)]
-struct Kind {
+struct KindOnly {
     kind: String,
 }
 
 /// Refuses a file that this program would misunderstand.
 pub(super) fn check_requirements(text: &str) -> Result<(), AnnotationsError> {
     let syntax = |error: serde_json::Error| AnnotationsError::Syntax(error.to_string());
-    let Requirements { needs, segmentation, tools } = serde_json::from_str(text).map_err(syntax)?;
+    let FormatVersion { needs } = serde_json::from_str(text).map_err(syntax)?;
     if let Some(needs) = needs.filter(|needs| *needs > KNOWN_NEEDS) {
         return Err(AnnotationsError::Newer(needs));
     }
-    if let Some(Kind { kind }) = segmentation.filter(|of| of.kind != "knn") {
+    let Requirements { segmentation, tools } = serde_json::from_str(text).map_err(syntax)?;
+    if let Some(KindOnly { kind }) = segmentation.filter(|of| of.kind != "knn") {
         return Err(AnnotationsError::UnknownSegmentation(kind));
     }
-    let unknown = |MarkedBy { tool, marker }| marker.filter(|of: &Kind| of.kind != "band").map(|of| (tool, of.kind));
-    match tools.into_iter().find_map(unknown) {
+    let other = |ToolRequirements { tool, marker }| {
+        marker.filter(|marker: &KindOnly| marker.kind != "band").map(|marker| (tool, marker.kind))
+    };
+    match tools.into_iter().find_map(other) {
         Some((tool, kind)) => Err(AnnotationsError::UnknownMarker { tool, kind }),
         None => Ok(()),
     }

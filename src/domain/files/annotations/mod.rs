@@ -115,7 +115,7 @@ pub struct ToolEntry {
     /// Length of the tape band along the tube, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub band_length_mm: Option<f64>,
-    /// What shows where the tool is; absent: a band of tape. A file with this key has `needs` 2.
+    /// The tool's marker; absent: a band of tape. A file with this key says `needs` 2.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub marker: Option<MarkerEntry>,
 }
@@ -126,10 +126,14 @@ impl ToolEntry {
         self.colour.as_deref().unwrap_or(&self.tool)
     }
 
+    /// The length of its band in its marker.
+    fn marker_length_mm(&self) -> Option<f64> {
+        self.marker.as_ref().and_then(|MarkerEntry::Band { length_mm }| *length_mm)
+    }
+
     /// The length of its band, if it has one of its own.
     fn own_band_length_mm(&self) -> Result<Option<f64>, AnnotationsError> {
-        let of_marker = self.marker.as_ref().and_then(|MarkerEntry::Band { length_mm }| *length_mm);
-        match (self.band_length_mm, of_marker) {
+        match (self.band_length_mm, self.marker_length_mm()) {
             (Some(one), Some(other)) if one != other => Err(AnnotationsError::TwoLengths(self.tool.clone())),
             (one, other) => Ok(one.or(other)),
         }
@@ -197,7 +201,7 @@ pub enum AnnotationsError {
     /// A marker that this program cannot follow.
     #[error(
         "tool `{tool}`: this program follows bands of tape, not markers of the kind `{kind}`: wind a band of coloured \
-         tape round the tool, or install a version of Trocar that follows them"
+         tape round the tool, or install a version of Trocar that follows such markers"
     )]
     UnknownMarker {
         /// The tool.
@@ -366,7 +370,8 @@ impl AnnotationsFile {
         let band_length_mm = own_length_mm.or(self.band_length_mm);
         check_size(name, "diameter_mm", diameter_mm, 50.0)?;
         if let Some(length) = band_length_mm {
-            check_size(name, "band_length_mm", length, 500.0)?;
+            let is_of_marker = own.is_some_and(|entry| entry.marker_length_mm() == Some(length));
+            check_size(name, if is_of_marker { "marker.length_mm" } else { "band_length_mm" }, length, 500.0)?;
         }
         Ok(MarkedTool { name: name.to_owned(), colour: colour.to_owned(), side, diameter_mm, band_length_mm })
     }

@@ -45,6 +45,11 @@ fn a_marker_of_tape_is_read_and_other_kinds_are_refused_by_name() {
     let written = serde_json::to_string(&band).unwrap();
     assert_eq!(AnnotationsFile::parse(&written).unwrap(), band, "{written}");
     assert_eq!(with(r#""needs":3,"#, r#"{"kind":"band"}"#), Err(AnnotationsError::Newer(3)));
+    assert_eq!(AnnotationsFile::parse(r#"{"needs":3,"tools":{},"labels":{}}"#), Err(AnnotationsError::Newer(3)));
+    let misspelt = with(r#""needs":2,"#, r#"{"kind":"band","lenght_mm":24}"#);
+    assert!(matches!(&misspelt, Err(AnnotationsError::Syntax(text)) if text.contains("lenght_mm")), "{misspelt:?}");
+    let negative = with(r#""needs":2,"#, r#"{"kind":"band","length_mm":-1}"#).unwrap_err().to_string();
+    assert!(negative.contains("marker.length_mm"), "{negative}");
     let rings = AnnotationsError::UnknownMarker { tool: "orange".into(), kind: "rings".into() };
     assert_eq!(with(r#""needs":2,"#, r#"{"kind":"rings","rims_mm":[0,6]}"#), Err(rings));
     let by_hue = with(r#""needs":2,"segmentation":{"kind":"hsv"},"#, r#"{"kind":"band"}"#);
