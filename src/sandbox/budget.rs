@@ -21,8 +21,8 @@ pub struct Budget {
     /// CPU time of all its threads together.
     pub cpu: Duration,
     /// Length of its CPU time slices. On Linux 6.12 and newer, a thread that wakes up runs before threads with longer
-    /// slices. The service's threads have the system's slices, a few milliseconds, and always run first; a child that
-    /// works for a waiting user runs before one that does not.
+    /// slices. The service's threads have shorter ones than all children, so they run first; a child that works for a
+    /// waiting user runs before one that does not.
     pub slice: Duration,
     /// Wall-clock time from start to end.
     pub wall: Duration,

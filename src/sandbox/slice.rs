@@ -10,10 +10,10 @@ use std::mem::size_of;
 use libc::{SYS_sched_getattr, SYS_sched_setattr, c_long, sched_attr, syscall};
 
 /// Slice length of the service's threads, ns: an answer passes through several of them, and each may wait for one slice.
-/// A tenth of the usual length; the kernel accepts no less than 0.1 ms.
+/// Well below the system's, a few milliseconds; the kernel accepts no less than 0.1 ms.
 const SERVICE_NS: u64 = 300_000;
 
-/// Lets the threads that this thread starts later run soon after they wake up, while others compute.
+/// Lets this thread and those that it starts later run soon after they wake up, while others compute.
 pub fn run_soon_after_waking() {
     set_length(SERVICE_NS);
 }

@@ -33,7 +33,7 @@ use crate::live::{EncodedMessage, FeedWatcher, SharedReply, TrackingState};
 const POLL_INTERVAL: Duration = Duration::from_secs(1);
 /// How often to check that the watcher is still signed in and may see the session.
 const PERMISSION_CHECK_INTERVAL: Duration = Duration::from_secs(5);
-/// How long a watcher may take to receive one message.
+/// How long a watcher may take to receive one message, or the messages of one reply.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 /// Size of a watcher's buffer: the messages of one reply without its picture, so that a reply takes one write.
 const WRITE_BUFFER_BYTES: usize = 4096;
@@ -370,7 +370,7 @@ async fn send_followed(socket: &mut WebSocket, followed: &SharedReply, watch: &F
     timeout(SEND_TIMEOUT, sending).await.unwrap_or(Err(WatcherGone))
 }
 
-/// The messages of a reply.
+/// The messages of a reply. They go to all watchers, so nothing in them depends on the watcher.
 fn encode_messages(followed: &FollowReply, watch: &FeedWatcher) -> Vec<EncodedMessage> {
     let mut messages: Vec<LiveMessage> =
         followed.frames.iter().map(|frame| LiveMessage::Frame(LiveFrame::from(frame))).collect();
