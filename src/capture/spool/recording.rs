@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::segment::{RecordEntry, Segment, sync_folder};
+use super::segment::{RecordEntry, SpoolSegment, sync_folder};
 use crate::domain::feed::messages::Hello;
 use crate::domain::feed::numbers::FrameNumbers;
 use crate::domain::feed::record::{FeedRecord, GapReason, RecordBody};
@@ -31,7 +31,7 @@ pub struct SpooledRecording {
     /// One more than the largest number so far.
     pub end: u64,
     pub(super) folder: PathBuf,
-    pub(super) segments: VecDeque<Segment>,
+    pub(super) segments: VecDeque<SpoolSegment>,
     next_serial: u64,
     /// The last segment's file, while records are appended to it.
     active: Option<Arc<File>>,
@@ -61,8 +61,8 @@ impl SpooledRecording {
             read => Some(read?),
         };
         let mut recording = Self::new(folder.clone(), hello, in_box);
-        for (serial, path) in Segment::paths_in(&folder)? {
-            let segment = Segment::open(path)?;
+        for (serial, path) in SpoolSegment::paths_in(&folder)? {
+            let segment = SpoolSegment::open(path)?;
             recording.next_serial = serial + 1;
             recording.end = recording.end.max(segment.end());
             if segment.entries.is_empty() {
@@ -183,7 +183,7 @@ impl SpooledRecording {
             None => {
                 let serial = self.next_serial;
                 self.next_serial += 1; // before creating: the file may exist although creating it failed
-                let (segment, file) = Segment::create(&self.folder, serial)?;
+                let (segment, file) = SpoolSegment::create(&self.folder, serial)?;
                 self.segments.push_back(segment);
                 self.active.insert(file).clone()
             }
@@ -244,7 +244,7 @@ impl SpooledRecording {
 
     /// Drops the frames of the oldest segment that has frames; `false` if there is none.
     pub(super) fn drop_oldest(&mut self) -> io::Result<bool> {
-        let Some(at) = self.segments.iter().position(Segment::has_frames) else { return Ok(false) };
+        let Some(at) = self.segments.iter().position(SpoolSegment::has_frames) else { return Ok(false) };
         if at + 1 == self.segments.len() {
             self.active = None;
         }

@@ -49,13 +49,13 @@ impl RecordEntry {
 
 /// A file of records with rising numbers.
 #[derive(Debug)]
-pub(super) struct Segment {
+pub(super) struct SpoolSegment {
     path: PathBuf,
     pub(super) entries: Vec<RecordEntry>,
     pub(super) bytes: u64,
 }
 
-impl Segment {
+impl SpoolSegment {
     /// Creates a segment; returns it and its file for appending.
     pub(super) fn create(folder: &Path, serial: u64) -> io::Result<(Self, Arc<File>)> {
         let path = folder.join(format!("{serial:08}.{SUFFIX}"));
