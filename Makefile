@@ -65,10 +65,10 @@ browser-test: test-packages ## test the pages in a real Chromium: sign in, uploa
 	tests/browser/run $(abspath $(TARGET)/debug/trocar)
 
 .PHONY: fuzz-short
-fuzz-short: test-packages ## make requests from the OpenAPI document, as every role, for 15 seconds each
+fuzz-short: test-packages ## make requests from the OpenAPI document, as every role, for 8 seconds each
 	@$(call install,python3-venv)
 	cargo test --locked --no-run --test integration # builds the program with the dependencies that the tests have built
-	tests/fuzz/run.py $(abspath $(TARGET)/debug/trocar) --seconds 15
+	tests/fuzz/run.py $(abspath $(TARGET)/debug/trocar) --seconds 8
 
 .PHONY: golden
 golden: test-packages ## replace the golden files after an intended change of numbers; explain it in the commit
