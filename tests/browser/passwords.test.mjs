@@ -124,3 +124,31 @@ test('a person with a given password chooses another one before seeing anything'
   assert.ok((await given.getJson('sessions')).items);
   await page.context().close();
 });
+
+test('on the account page a wrong old password changes nothing, and a new one withdraws the tokens', async () => {
+  const login = `own-${mark}`;
+  await administrator.create('people', { name: `Own ${mark}`, login, role: 'administrator', password: GIVEN });
+  const { page, signIn, create, button } = await person(browser, { prefix: 'passwords-' });
+  await page.goto(`${url}/account`);
+  await signIn(GIVEN, login);
+  await page.getByText('This browser').waitFor();
+  await create('tokens', { name: 'a nightly program', role: 'instructor' });
+  await page.reload();
+  const token = page.locator('li', { hasText: 'a nightly program' });
+  await token.getByText('never used').waitFor();
+  const change = async old => {
+    await page.getByLabel('Old password').fill(old);
+    await page.getByLabel('New password', { exact: true }).fill(OWN);
+    await page.getByLabel('New password, again').fill(OWN);
+    await button('Change the password').click();
+  };
+  await change('not the old password');
+  await page.locator('.notice.bad').waitFor();
+  assert.equal(await token.count(), 1, 'the person is still signed in');
+  await change(GIVEN);
+  await page.getByText('The password is changed.').waitFor();
+  await page.reload(); // a new password ends every sign-in
+  await signIn(OWN, login);
+  await page.getByText('No tokens').waitFor();
+  await page.context().close();
+});
