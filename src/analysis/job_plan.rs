@@ -19,7 +19,7 @@ use crate::vault::Vault;
 use crate::vision::camera::Camera;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::segmentation::samples::MarkedRectangle;
-use crate::vision::tracker::{CameraView, HandSide, ToolSpec, TrackerSettings};
+use crate::vision::tracker::{CameraView, HandSide, Marker, ToolSpec, TrackerSettings};
 
 /// The work of a child and its input files.
 pub(super) struct JobPlan {
@@ -176,7 +176,8 @@ pub(super) fn calibrate_work(input: &CalibrateInput, now: &str) -> CalibrateWork
 impl From<BoxTool> for ToolSpec {
     fn from(BoxTool { name, colour, side, diameter_mm, band_length_mm }: BoxTool) -> Self {
         let colour = colour.unwrap_or_else(|| name.clone());
-        Self { name, colour, side: side.map(HandSide::from), diameter_mm, band_length_mm }
+        let marker = Marker::Band { length_mm: band_length_mm };
+        Self { name, colour, side: side.map(HandSide::from), diameter_mm, marker }
     }
 }
 

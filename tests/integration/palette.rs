@@ -14,7 +14,7 @@ use trocar::vision::segmentation::palette::advice::{self, rank_tapes};
 use trocar::vision::segmentation::palette::confusion::Confusion;
 use trocar::vision::segmentation::palette::{FalseArea, PaletteGrade, TapeVerdict, verdict, verdicts};
 use trocar::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
-use trocar::vision::tracker::{CameraView, MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
+use trocar::vision::tracker::{CameraView, Marker, MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
 use trocar::vision::trajectory::PathKind;
 
 const FRAMES: usize = 24;
@@ -81,7 +81,7 @@ impl TapedBox {
             colour: tool.design.tape.name.to_owned(),
             side: None,
             diameter_mm: tool.design.diameter_mm,
-            band_length_mm: Some(tool.design.band_mm),
+            marker: Marker::Band { length_mm: Some(tool.design.band_mm) },
         };
         let tools = self.world.tools.iter().map(tool).collect();
         let camera = self.world.rig.camera;

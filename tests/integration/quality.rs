@@ -10,7 +10,7 @@ use trocar::vision::camera::Camera;
 use trocar::vision::frame::{Frame, Plane};
 use trocar::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
 use trocar::vision::space::CameraPoint;
-use trocar::vision::tracker::{DiameterBasis, MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
+use trocar::vision::tracker::{DiameterBasis, Marker, MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
 use trocar::vision::trajectory::PathKind;
 
 const FRAME_S: f64 = 0.04;
@@ -49,7 +49,7 @@ impl RestingTool {
             colour: design.tape.name.to_owned(),
             side: None,
             diameter_mm: design.diameter_mm,
-            band_length_mm: Some(design.band_mm),
+            marker: Marker::Band { length_mm: Some(design.band_mm) },
         };
         TrackerSettings::new(camera, vec![spec], self.samples())
     }
@@ -63,7 +63,7 @@ impl RestingTool {
         let mut settings = self.settings(self.world.rig.camera);
         let tool = &mut settings.tools[0];
         tool.diameter_mm *= times[0];
-        tool.band_length_mm = tool.band_length_mm.map(|length_mm| length_mm * times[1]);
+        tool.marker = Marker::Band { length_mm: tool.band_length_mm().map(|length_mm| length_mm * times[1]) };
         self.track_with(settings)
     }
 

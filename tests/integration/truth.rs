@@ -13,7 +13,7 @@ use trocar::vision::reason::MissReason;
 use trocar::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
 use trocar::vision::space::CameraPoint;
 use trocar::vision::tracker::{
-    CameraView as TrackerView, DiameterBasis, FirstLook, ToolSpec, Tracker, TrackerSettings, Tracking,
+    CameraView as TrackerView, DiameterBasis, FirstLook, Marker, ToolSpec, Tracker, TrackerSettings, Tracking,
 };
 use trocar::vision::trajectory::PathKind;
 
@@ -186,7 +186,7 @@ fn tools(world: &World) -> Vec<ToolSpec> {
         colour: tool.design.tape.name.to_owned(),
         side: None,
         diameter_mm: tool.design.diameter_mm,
-        band_length_mm: Some(tool.design.band_mm),
+        marker: Marker::Band { length_mm: Some(tool.design.band_mm) },
     };
     world.tools.iter().map(spec).collect()
 }

@@ -12,7 +12,7 @@ use crate::vision::segmentation::colour_table::ColourTable;
 use crate::vision::segmentation::knn::Knn;
 use crate::vision::segmentation::region_of_interest::{CELL_PX, CellBox};
 use crate::vision::segmentation::samples::ColourSamples;
-use crate::vision::tracker::ToolSpec;
+use crate::vision::tracker::{Marker, ToolSpec};
 
 /// Time between two searches, s.
 const SEARCH_INTERVAL_S: f64 = 0.4;
@@ -94,7 +94,8 @@ mod tests {
             places: Vec::new(),
         };
         let (diameter_mm, colour) = (5.0, "orange".to_owned());
-        let tool = ToolSpec { name: "left".into(), colour, side: None, diameter_mm, band_length_mm: None };
+        let tool =
+            ToolSpec { name: "left".into(), colour, side: None, diameter_mm, marker: Marker::Band { length_mm: None } };
         let mut watch = ColourWatch::new(&samples, &[tool], ENCODING);
         for (number, orange) in columns.iter().enumerate() {
             let code = |plane: usize| -> Vec<u8> {

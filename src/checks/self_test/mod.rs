@@ -137,7 +137,7 @@ fn false_regions(
     const USUAL_LENGTH: f64 = 5.0;
     let px_per_mm2 = camera.fx * camera.fy / on.camera_from_board.translation.z.powi(2);
     let tape_px = |tool: &ToolSpec| {
-        px_per_mm2 * tool.diameter_mm * tool.band_length_mm.unwrap_or(USUAL_LENGTH * tool.diameter_mm)
+        px_per_mm2 * tool.diameter_mm * tool.band_length_mm().unwrap_or(USUAL_LENGTH * tool.diameter_mm)
     };
     let of_tapes = |FalseColour { colour, largest_px }: &FalseColour| {
         let tape_px = tools.iter().filter(|tool| tool.colour == *colour).map(tape_px).reduce(f64::min)?;

@@ -8,7 +8,7 @@ use crate::vision::covariance::PositionCovariance;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::segmentation::palette::Margin;
 use crate::vision::space::{CameraPoint, Pixel};
-use crate::vision::tracker::{LightSample, ToolQuality};
+use crate::vision::tracker::{LightSample, Marker, ToolQuality};
 use crate::vision::trajectory::{Sample, SampleState};
 
 const RADIUS_MM: f64 = 2.5;
@@ -83,7 +83,7 @@ impl TestRecording {
             colour: "orange".into(),
             side: None,
             diameter_mm: 2.0 * RADIUS_MM,
-            band_length_mm: None,
+            marker: Marker::Band { length_mm: None },
         };
         let steady = |time_s| LightSample { time_s, luma_ratio: 1.0, chroma_shift: [0.0; 2] };
         let tool = ToolQuality { tool: "orange".into(), fulcrum: self.trocar.map(trocar), ..ToolQuality::default() };

@@ -193,7 +193,7 @@ impl BandFit<'_> {
 
     /// Is it a piece of a wider band? An end is missing, and there is tape behind the measured length.
     fn is_piece(&self, found: &Measurement) -> bool {
-        let is_length_measured = self.spec.band_length_mm.is_some();
+        let is_length_measured = self.spec.band_length_mm().is_some();
         !found.ends_seen && is_length_measured && self.has_tape_behind(&found.estimate.tube, found.length_mm)
     }
 

@@ -28,7 +28,7 @@ impl Tracker {
         let filtered = self.filtered_sample(tool, instant, &result);
         let refused = result.outcome.as_ref().err().copied();
         let absence = refused.filter(|_| filtered.is_none()).map(|reason| {
-            let rim = FrameMargin::new(&self.settings.camera, self.settings.tools[tool].band_length_mm);
+            let rim = FrameMargin::new(&self.settings.camera, self.settings.tools[tool].band_length_mm());
             gaps::absence_now(self.last_samples[tool].as_ref(), reason, &rim)
         });
         let drawn = result.outcome.as_ref().ok().and_then(|band| self.drawing(band));

@@ -98,7 +98,7 @@ impl ToolTracker {
             scene,
             class: self.class,
             spec: &self.spec,
-            length: self.spec.band_length_mm.map(|known| (known, 0.0)).or_else(|| self.lengths.estimate()),
+            length: self.spec.band_length_mm().map(|known| (known, 0.0)).or_else(|| self.lengths.estimate()),
             motion_px_s: prediction.motion_px_s,
             fulcrum: self.fulcrum(),
             last_depth_mm: self.last_band.map(|band| band.tube.tip.z),

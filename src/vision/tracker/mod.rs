@@ -57,7 +57,9 @@ pub use report::{
     ToolReport, Tracking, TrocarEvidence,
 };
 pub use second_look::{FirstLook, SecondLook};
-pub use settings::{CameraView, HandSide, MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings};
+pub use settings::{
+    CameraView, HandSide, Marker, MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings,
+};
 pub use trace::{FitTrace, FrameTrace, ProbePassTrace, ToolTrace};
 
 use crate::vision::edges::edge_model::EdgeModel;

@@ -57,7 +57,7 @@ impl BandFit<'_> {
         if measurement.grade() < Grade::Good {
             doubt(&mut measurement.estimate);
         }
-        if self.spec.band_length_mm.is_none() {
+        if self.spec.band_length_mm().is_none() {
             self.measure_length(&mut measurement, &found);
         }
         measurement.fitted_edges = found.fitted;
@@ -141,7 +141,7 @@ impl BandFit<'_> {
             offsets_px: found.offsets_px(single_pose_offsets_px(self.px_per_mm_across(tube), px_per_mm)),
             own_px: found.offsets_px(own_offsets_px(self.px_per_mm_across(tube))),
             length_mm,
-            px_per_mm: if self.spec.band_length_mm.is_none() { px_per_mm } else { 0.0 },
+            px_per_mm: if self.spec.band_length_mm().is_none() { px_per_mm } else { 0.0 },
         };
         if let Some((_, sigma_mm)) = self.length {
             let proximal_px = &mut priors.offsets_px[OutlinePart::ProximalEnd.index()];

@@ -11,7 +11,7 @@ use crate::vision::frame::{ColourEncoding, Matrix, Range};
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::{ColourSeparation, Margin};
 use crate::vision::segmentation::samples::ColourSamples;
-use crate::vision::tracker::{Absence, Gap, ToolSpec};
+use crate::vision::tracker::{Absence, Gap, Marker, ToolSpec};
 use crate::vision::trajectory::SampleState;
 
 /// Settings for one orange tool.
@@ -31,8 +31,13 @@ pub fn settings() -> TrackerSettings {
         k3: 0.0,
         focal_sigma: 0.0,
     };
-    let tool =
-        ToolSpec { name: "orange".into(), colour: "orange".into(), side: None, diameter_mm: 8.0, band_length_mm: None };
+    let tool = ToolSpec {
+        name: "orange".into(),
+        colour: "orange".into(),
+        side: None,
+        diameter_mm: 8.0,
+        marker: Marker::Band { length_mm: None },
+    };
     TrackerSettings::new(camera, vec![tool], ColourSamples::new(encoding))
 }
 

@@ -275,7 +275,7 @@ mod tests {
     use crate::vision::camera::testing::STRAIGHT;
     use crate::vision::frame::{ColourEncoding, Matrix, Range};
     use crate::vision::segmentation::samples::ColourSamples;
-    use crate::vision::tracker::ToolSpec;
+    use crate::vision::tracker::{Marker, ToolSpec};
 
     #[test]
     fn cells_of_a_shared_colour_have_the_ink_of_its_first_tool() {
@@ -284,7 +284,7 @@ mod tests {
             colour: colour.into(),
             side: None,
             diameter_mm: 5.0,
-            band_length_mm: None,
+            marker: Marker::Band { length_mm: None },
         };
         let tools = vec![tool("left", "orange"), tool("right", "orange"), tool("cyan", "cyan")];
         let samples = ColourSamples::new(ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 });

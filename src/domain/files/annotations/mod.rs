@@ -19,7 +19,7 @@ pub use marker::{KNOWN_NEEDS, MarkerEntry};
 use serde::{Deserialize, Serialize};
 
 use super::{MAX_TOOL_NAME_LENGTH, is_tool_name};
-use crate::vision::tracker::{CameraView, HandSide, ToolSpec};
+use crate::vision::tracker::{CameraView, HandSide, Marker, ToolSpec};
 
 /// Labels that are not tools.
 pub const NOT_TOOLS: [&str; 5] = ["background", "shaft", "jaw", "glove", "other"];
@@ -182,7 +182,8 @@ pub struct MarkedTool {
 
 impl From<MarkedTool> for ToolSpec {
     fn from(MarkedTool { name, colour, side, diameter_mm, band_length_mm }: MarkedTool) -> Self {
-        Self { name, colour, side: side.map(HandSide::from), diameter_mm, band_length_mm }
+        let marker = Marker::Band { length_mm: band_length_mm };
+        Self { name, colour, side: side.map(HandSide::from), diameter_mm, marker }
     }
 }
 

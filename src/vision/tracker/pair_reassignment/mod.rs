@@ -26,7 +26,7 @@ use crate::vision::reason::MissReason;
 /// Reassigns the records of both tools, the left hand's first.
 pub fn reassign(tools: [&mut ToolTracker; 2], instants: &[FrameInstant]) {
     let [left, right] = tools;
-    let sizes = |tool: &ToolTracker| (tool.spec.diameter_mm, tool.spec.band_length_mm);
+    let sizes = |tool: &ToolTracker| (tool.spec.diameter_mm, tool.spec.band_length_mm());
     let are_alike = sizes(left) == sizes(right);
     let records = [&mut left.records, &mut right.records].map(|packed| std::mem::take(packed).unpack());
     [left.records, right.records] = reassigned(records, instants, are_alike).map(PackedRecords::from_iter);

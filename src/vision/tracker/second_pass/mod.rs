@@ -51,7 +51,7 @@ pub fn run(
         reasons.push(rework.add_frame(*instant, confirmed.ok(), record.reason.or(rejected)));
     }
     let (motion, quality) = rework.finish();
-    let rim = FrameMargin::new(camera, spec.band_length_mm);
+    let rim = FrameMargin::new(camera, spec.band_length_mm());
     let gaps = gaps::find_gaps(&motion.path(PathKind::Smoothed), instants, &reasons, &rim);
     let quality = ToolQuality {
         tool: spec.name.clone(),

@@ -6,6 +6,7 @@ use super::*;
 use crate::vision::camera::testing::STRAIGHT as CAMERA;
 use crate::vision::edges::shaft::Continuation;
 use crate::vision::pose::normal_equations::NormalEquations;
+use crate::vision::tracker::settings::Marker;
 use crate::vision::trajectory::Sample;
 use crate::vision::tube::Tube;
 
@@ -133,7 +134,7 @@ fn a_few_measurements_between_two_gaps_are_not_believed() {
 fn a_trocar_is_assumed_only_for_a_band_with_a_shaft() {
     let instants: Vec<FrameInstant> = (0..40).map(|frame| (frame, frame as f64 * FRAME_S)).collect();
     let (name, colour) = ("orange".to_owned(), "orange".to_owned());
-    let spec = ToolSpec { name, colour, side: None, diameter_mm: 5.0, band_length_mm: Some(20.0) };
+    let spec = ToolSpec { name, colour, side: None, diameter_mm: 5.0, marker: Marker::Band { length_mm: Some(20.0) } };
     let basis = |seen_shaft: &SeenShaft| {
         let pose = StoredPose::from(&pose(Point3::new(0.0, 0.0, 150.0)));
         let record = || FrameRecord { pose: Some(pose), is_good: true, reason: None };

@@ -9,19 +9,42 @@ use serde::{Deserialize, Serialize};
 use crate::vision::camera::Camera;
 use crate::vision::segmentation::samples::ColourSamples;
 
-/// One tool: a tube with a band of coloured tape that ends where the jaw begins.
+/// One tool: a tube that ends where the jaw begins, and what shows where it is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ToolSpec {
     /// The tool's name.
     pub name: String,
-    /// Colour of its tape: the label of its samples. Two tools may share a colour; their trocars distinguish them.
+    /// Colour of its tape or of its bare shaft: the label of its samples. Two tools may share a colour; their trocars
+    /// distinguish them.
     pub colour: String,
-    /// The side of the picture where its hand is, if stated. Used only for tools that share a colour.
+    /// The side of the picture where its hand is, if stated. Used for tools that share a colour, and for bare shafts.
     pub side: Option<HandSide>,
-    /// Outer diameter over the tape, mm.
+    /// Outer diameter, over the tape if there is one, mm.
     pub diameter_mm: f64,
-    /// Length of the tape along the tube, mm, if it was measured: depth then becomes about three times sharper.
-    pub band_length_mm: Option<f64>,
+    /// What shows where it is.
+    pub marker: Marker,
+}
+
+/// What shows where a tool is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Marker {
+    /// A band of coloured tape round the tube, which ends where the tube ends.
+    Band {
+        /// Its length along the tube, mm, if it was measured: depth then becomes about three times sharper.
+        length_mm: Option<f64>,
+    },
+    /// Nothing: the bare shaft itself, as far as it is in the picture.
+    Shaft,
+}
+
+impl ToolSpec {
+    /// Length of its band along the tube, mm, if it has a band and its length was measured.
+    pub fn band_length_mm(&self) -> Option<f64> {
+        match self.marker {
+            Marker::Band { length_mm } => length_mm,
+            Marker::Shaft => None,
+        }
+    }
 }
 
 /// The side of a tool's hand, as the camera sees it.
@@ -154,7 +177,7 @@ impl TrackerSettings {
         if !possible(tool.diameter_mm) {
             return wrong("its diameter", tool.diameter_mm);
         }
-        if let Some(length) = tool.band_length_mm.filter(|l| !possible(*l)) {
+        if let Some(length) = tool.band_length_mm().filter(|l| !possible(*l)) {
             return wrong("its band's length", length);
         }
         if self.samples.count(&tool.colour) == 0 {

@@ -18,7 +18,7 @@ fn of(tools: &[(&str, &str, Option<HandSide>)]) -> TrackerSettings {
         colour: (*colour).to_owned(),
         side: *side,
         diameter_mm: 5.0,
-        band_length_mm: None,
+        marker: Marker::Band { length_mm: None },
     };
     TrackerSettings::new(CAMERA, tools.iter().map(spec).collect(), samples)
 }
