@@ -8,7 +8,7 @@ CREATE TABLE audit (
     action  TEXT NOT NULL CHECK (length(action) BETWEEN 1 AND 32),           -- create, change, erase, retry, …
     noun    TEXT NOT NULL CHECK (length(noun) BETWEEN 1 AND 32),             -- trainee, person, session, …
     subject TEXT NOT NULL CHECK (length(subject) BETWEEN 1 AND 64)           -- the id of what was changed
-) STRICT;
+, address TEXT CHECK (length(address) BETWEEN 2 AND 45)) STRICT;
 
 CREATE TABLE blob (
     hash          TEXT PRIMARY KEY CHECK (length(hash) = 64),                -- SHA-256 of the bytes, hexadecimal
@@ -460,6 +460,8 @@ CREATE TABLE upload (
     CHECK (session_id IS NULL OR received = length)
 ) STRICT;
 
+CREATE INDEX audit_address ON audit (actor) WHERE address IS NOT NULL;
+
 CREATE INDEX audit_backup ON audit (id) WHERE action = 'create' AND noun = 'backup';
 
 CREATE INDEX audit_recordings ON audit (actor, at_ms) WHERE noun = 'session' AND action IN ('create', 'import');
@@ -607,6 +609,10 @@ CREATE INDEX upload_trainee ON upload (trainee_id);
 
 CREATE TRIGGER feed_erased AFTER DELETE ON feed BEGIN
     INSERT INTO erased_feed (id) VALUES (OLD.id) ON CONFLICT DO NOTHING;
+END;
+
+CREATE TRIGGER person_address_erased AFTER DELETE ON person BEGIN
+    UPDATE audit SET address = NULL WHERE actor = 'person:' || OLD.id AND address IS NOT NULL;
 END;
 
 CREATE TRIGGER person_erased AFTER DELETE ON person BEGIN

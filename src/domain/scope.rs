@@ -5,6 +5,7 @@
 //! outside the scope do not exist for the caller: the store answers "not found", never "not yours".
 
 use std::fmt;
+use std::net::IpAddr;
 
 use super::rights::RightsSettings;
 use super::role::Role;
@@ -17,6 +18,7 @@ pub struct Scope {
     actor: Actor,
     rights: RightsSettings,
     token: Option<CallingToken>,
+    address: Option<IpAddr>,
 }
 
 /// The token that a program calls with.
@@ -85,7 +87,7 @@ impl Scope {
     }
 
     fn new(reach: ScopeReach, actor: Actor) -> Self {
-        Self { reach, actor, rights: RightsSettings::default(), token: None }
+        Self { reach, actor, rights: RightsSettings::default(), token: None, address: None }
     }
 
     /// The same scope for a program that calls with this token.
@@ -96,6 +98,16 @@ impl Scope {
     /// The token that the caller sent; `None` for a person who has signed in, and for the service.
     pub fn token(&self) -> Option<CallingToken> {
         self.token
+    }
+
+    /// The same scope for a request of the client with this address.
+    pub fn at_address(self, address: IpAddr) -> Self {
+        Self { address: Some(address), ..self }
+    }
+
+    /// The address of the client that sent the request, for the audit trail; `None` without a request.
+    pub fn address(&self) -> Option<IpAddr> {
+        self.address
     }
 
     /// The same scope with what the settings allow instructors.

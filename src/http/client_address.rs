@@ -38,6 +38,15 @@ pub enum ClientAddressHeader {
 pub struct ClientAddress(pub IpAddr);
 
 impl ClientAddress {
+    /// The address of the client that sent this request.
+    pub fn of_request(parts: &Parts, app: &App) -> Self {
+        let peer = parts.extensions.get::<ConnectInfo<SocketAddr>>().map(|ConnectInfo(peer)| peer.ip());
+        // Every connection has one; an unspecified address would merely share its counters.
+        let peer = peer.unwrap_or(IpAddr::from([0, 0, 0, 0]));
+        let settings = &app.settings;
+        Self::of(peer, &parts.headers, &settings.trusted_proxies, settings.client_address_header)
+    }
+
     /// From the address of the connection's other end, and the header that trusted proxies set.
     pub fn of(peer: IpAddr, headers: &HeaderMap, trusted: &[IpNet], header: ClientAddressHeader) -> Self {
         let peer = peer.to_canonical();
@@ -86,11 +95,7 @@ impl FromRequestParts<App> for ClientAddress {
     type Rejection = Infallible;
 
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Infallible> {
-        let peer = parts.extensions.get::<ConnectInfo<SocketAddr>>().map(|ConnectInfo(peer)| peer.ip());
-        // Every connection has one; an unspecified address would merely share its counters.
-        let peer = peer.unwrap_or(IpAddr::from([0, 0, 0, 0]));
-        let settings = &app.settings;
-        Ok(Self::of(peer, &parts.headers, &settings.trusted_proxies, settings.client_address_header))
+        Ok(Self::of_request(parts, app))
     }
 }
 

@@ -239,8 +239,7 @@ impl UserActivity<'_> {
         let now_ms = self.app.clock.now_ms();
         if now_ms - self.recorded_ms >= millis(ACTIVITY_INTERVAL) {
             self.recorded_ms = now_ms;
-            // `wait_until_ended` notices if the sign-in is no longer valid.
-            let _ = SignedIn::from_headers(self.app, self.headers).await;
+            SignedIn::record_activity(self.app, self.headers).await;
         }
     }
 }

@@ -156,7 +156,7 @@ pub async fn use_link(
     valid_link(&app, address, &secret).await?; // before the expensive hash
     let secret = Secret::from_cookie(&secret).ok_or_else(no_longer_valid)?;
     let place = app.password_hasher.take_place(app.hash_requester_at(address))?;
-    let set = app.store.password_links().set_password(secret.hash(), place.hash(new).await?).await;
+    let set = app.store.password_links().set_password(secret.hash(), place.hash(new).await?, address.0).await;
     let person = set.map_err(|error| match error {
         StoreError::NotFound { .. } => no_longer_valid(),
         other => other.into(),

@@ -38,6 +38,9 @@ pub struct AuditEntry {
     pub who: Option<String>,
     /// Name of the changed thing or of the person it belongs to; `None` if it no longer exists or has no name.
     pub called: Option<String>,
+    /// Address of the client that sent the request; `None` for the service and for commands, for changes before it was
+    /// recorded, and if the account has been deleted.
+    pub address: Option<String>,
 }
 
 /// A backup that was made.
@@ -50,7 +53,7 @@ pub struct Backup {
 }
 
 const SELECT_ENTRIES: &str = "
-    SELECT audit.id, at_ms, actor, action, noun, subject, person.name AS who, CASE noun
+    SELECT audit.id, at_ms, actor, action, noun, subject, address, person.name AS who, CASE noun
         WHEN 'trainee' THEN (SELECT name FROM trainee WHERE id = subject)
         WHEN 'password_link' THEN (SELECT name FROM person WHERE id = subject)
         WHEN 'person' THEN (SELECT name FROM person WHERE id = subject)
@@ -82,9 +85,11 @@ const SELECT_ENTRIES: &str = "
     LEFT JOIN person ON actor LIKE 'person:%' AND person.id = substr(actor, 8)
     WHERE $1 IS NULL OR audit.id < CAST($1 AS INTEGER) ORDER BY audit.id DESC LIMIT $2";
 
-/// Selects at most `$2` entries about trainee `$1`, their account and their sessions, or made by them.
+/// Selects at most `$2` entries about trainee `$1`, their account and their sessions, or made by them. The addresses of
+/// other people are left out.
 const SELECT_ENTRIES_ABOUT: &str = "
-    SELECT audit.id, at_ms, actor, action, noun, subject, person.name AS who, CAST(NULL AS TEXT) AS called
+    SELECT audit.id, at_ms, actor, action, noun, subject, person.name AS who, CAST(NULL AS TEXT) AS called,
+           CASE WHEN person.trainee_id = $1 THEN address END AS address
     FROM audit
     LEFT JOIN person ON actor LIKE 'person:%' AND person.id = substr(actor, 8)
     WHERE subject = $1 OR subject IN (SELECT id FROM session WHERE trainee_id = $1)
@@ -95,7 +100,11 @@ const SELECT_ENTRIES_ABOUT: &str = "
 const SELECT_LAST_BACKUP: &str = "
     SELECT at_ms, subject FROM audit WHERE action = 'create' AND noun = 'backup' ORDER BY id DESC LIMIT 1";
 
-const INSERT_ENTRY: &str = "INSERT INTO audit (at_ms, actor, action, noun, subject) VALUES ($1, $2, $3, $4, $5)";
+/// A person without an account leaves no address: they have deleted it with this change, or while the request waited.
+const INSERT_ENTRY: &str = "
+    INSERT INTO audit (at_ms, actor, action, noun, subject, address)
+    VALUES ($1, $2, $3, $4, $5,
+            CASE WHEN $2 NOT LIKE 'person:%' OR EXISTS (SELECT 1 FROM person WHERE id = substr($2, 8)) THEN $6 END)";
 
 impl AuditStore<'_> {
     /// Changes, newest first.
@@ -107,6 +116,7 @@ impl AuditStore<'_> {
     }
 
     /// Changes of this trainee, their account and their sessions, and changes that they made, newest first; at most 10,000.
+    /// Only their own changes have an address.
     pub async fn about(&self, scope: &Scope, trainee: TraineeId) -> StoreResult<Vec<AuditEntry>> {
         self.0.trainees().get(scope, &Key::from(&trainee)).await?;
         let rows = sqlx::query_as(SELECT_ENTRIES_ABOUT).bind(trainee).bind(MAX_ABOUT_ONE);
@@ -155,6 +165,7 @@ pub(super) async fn note(
         .bind(action)
         .bind(noun)
         .bind(subject.to_string())
+        .bind(scope.address().map(|address| address.to_string()))
         .execute(tx)
         .await?;
     Ok(())

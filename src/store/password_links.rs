@@ -1,6 +1,7 @@
 //! Links for choosing a password without the old one: an administrator makes one for a new person, or for one who has
 //! forgotten the password. Only the hash of a link's secret is stored. An account has at most one link.
 
+use std::net::IpAddr;
 use std::time::Duration;
 
 use super::audit::note;
@@ -115,8 +116,13 @@ impl PasswordLinkStore<'_> {
     }
 
     /// Sets the password of the person whose link has this secret. It ends the person's sign-ins, tokens and the link.
-    /// Not found if the link is not valid any more; then nothing changes.
-    pub async fn set_password(&self, secret: SecretHash, password: PasswordHash) -> StoreResult<PersonRecord> {
+    /// `address` is the client's, for the audit trail. Not found if the link is not valid any more; then nothing changes.
+    pub async fn set_password(
+        &self,
+        secret: SecretHash,
+        password: PasswordHash,
+        address: IpAddr,
+    ) -> StoreResult<PersonRecord> {
         let now_ms = self.0.now_ms();
         self.0
             .write(async move |tx| {
@@ -124,7 +130,7 @@ impl PasswordLinkStore<'_> {
                 let id = link.fetch_optional(&mut *tx).await?.ok_or(not_found("link"))?.person_id;
                 replace_password(tx, id, (password, PasswordState::Own), None, false).await?;
                 let person: PersonRecord = sqlx::query_as(SELECT_LINK_PERSON).bind(id).fetch_one(&mut *tx).await?;
-                note(tx, &person.scope(), now_ms, ("use", "password_link"), id).await?;
+                note(tx, &person.scope().at_address(address), now_ms, ("use", "password_link"), id).await?;
                 Ok(person)
             })
             .await

@@ -81,10 +81,10 @@ function Audit() {
       ${!items && !problem && html`<${Loading} />`}
       ${items?.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
       ${items && items.length > 0 && html`<div class="scroll"><table class="table">
-        <thead><tr><th scope="col">${words.when}</th><th scope="col">${words.who}</th><th scope="col">${words.what}</th>
-          <th scope="col">${words.which}</th></tr></thead>
+        <thead><tr><th scope="col">${words.when}</th><th scope="col">${words.who}</th><th scope="col">${words.address}</th>
+          <th scope="col">${words.what}</th><th scope="col">${words.which}</th></tr></thead>
         <tbody>${items.map(one => html`<tr key=${one.id}>
-          <td class="when">${dateTime(one.at)}</td><td>${one.who ?? words.by[one.by] ?? one.by}</td>
+          <td class="when">${dateTime(one.at)}</td><td>${one.who ?? words.by[one.by] ?? one.by}</td><td>${one.address ?? '–'}</td>
           <td>${words.change(one.action, one.noun)}</td><td class=${one.called === null && 'code'} title=${one.subject}>${subject(one)}</td></tr>`)}</tbody>
       </table></div>`}
       ${next && html`<div class="pager"><button class="button" type="button" aria-disabled=${busy} onClick=${more}>

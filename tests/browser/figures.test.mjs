@@ -374,7 +374,7 @@ async function figuresOfService() {
   ];
   const changes = (await getJson('audit?limit=25')).items;
   (await cells(page.locator('table'))).forEach((row, i) =>
-    figures.push([`change ${i}`, row.slice(2).join(), [`${changes[i].action} ${changes[i].noun}`, changes[i].called ?? changes[i].subject].join()]));
+    figures.push([`change ${i}`, row.slice(2).join(), [changes[i].address ?? '–', `${changes[i].action} ${changes[i].noun}`, changes[i].called ?? changes[i].subject].join()]));
   return figures;
 }
 

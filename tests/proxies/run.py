@@ -2,8 +2,10 @@
 """nginx and Caddy in front of the real service, with the examples of `docs/proxy/`: `run.py TROCAR [--mib 200]`.
 
 Each proxy runs as an ordinary user on loopback ports of its own. Through it, people sign in, a large recording reaches
-the service while it is sent, events arrive at once, a feed's frames are acknowledged, and failed sign-ins count for the
-client's address. It runs a second time with the service under a path, as `docs/operations.md` describes it. A proxy that is not installed is reported as skipped, and with TROCAR_MUST_NOT_SKIP=1 fails.
+the service while it is sent, events arrive at once, a feed's frames are acknowledged, failed sign-ins count for the
+client's address, and the audit trail names it. It runs a second time with the service under a path, as
+`docs/operations.md` describes it. A proxy that is not installed is reported as skipped, and with TROCAR_MUST_NOT_SKIP=1
+fails.
 """
 import argparse
 import base64
@@ -95,6 +97,18 @@ def a_sign_in_shows_the_address_of_the_client(front, service, _):
     assert status == 200, f"sign-ins: status {status}"
     addresses = [entry["address"] for entry in json.loads(shown)["items"] if entry["is_current"]]
     assert addresses == ["127.0.0.2"], addresses
+
+
+def the_audit_trail_names_the_address_of_the_client(front, service, _):
+    stated = {"X-Forwarded-For": "192.0.2.1", "Forwarded": "for=192.0.2.1"}
+    for address, name in (("127.0.0.2", "Cutting"), ("127.0.0.3", "Knots")):
+        status, _, made = front.request("POST", "/api/v1/tasks", {"name": name}, {**service.authorization, **stated}, source=address)
+        assert status == 201, f"status {status}"
+        status, _, shown = front.request("GET", "/api/v1/audit-entries", headers=service.authorization)
+        assert status == 200, f"audit-entries: status {status}"
+        task = json.loads(made)["id"]
+        addresses = [entry["address"] for entry in json.loads(shown)["items"] if entry["subject"] == task]
+        assert addresses == [address], addresses
 
 
 def an_upload_continues_at_its_location(front, service, _):
@@ -192,8 +206,9 @@ def failed_sign_ins_count_for_the_address_of_the_client(front, service, _):
     assert fails_from("127.0.0.3", 99) == 401, "another client does not have to wait"
 
 
-CHECKS_BELOW = [a_person_signs_in_from_the_page, a_sign_in_shows_the_address_of_the_client, an_upload_continues_at_its_location,
-                events_arrive_at_once, frames_of_a_feed_are_acknowledged]
+CHECKS_BELOW = [a_person_signs_in_from_the_page, a_sign_in_shows_the_address_of_the_client,
+                the_audit_trail_names_the_address_of_the_client, an_upload_continues_at_its_location, events_arrive_at_once,
+                frames_of_a_feed_are_acknowledged]
 CHECKS = [*CHECKS_BELOW, browsers_get_http2_and_plain_http_a_redirect, a_large_recording_passes_while_it_is_sent,
           failed_sign_ins_count_for_the_address_of_the_client]
 

@@ -15,6 +15,7 @@ use tokio::time::interval;
 use super::presented::PresentedCredential;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
+use crate::http::client_address::ClientAddress;
 use crate::http::connection_places::RequestInProgress;
 use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::state::App;
@@ -51,13 +52,15 @@ impl Identified {
         Ok(Self { scope: scope.with_rights(app.rights), must_change_password })
     }
 
-    /// Identifies the sender of this request, and protects its connection until the request has ended.
+    /// Identifies the sender of this request, and protects its connection until the request has ended. The scope has the
+    /// client's address.
     async fn from_parts(app: &App, parts: &Parts) -> HandlerResult<Self> {
-        let caller = Self::from_headers(app, &parts.headers).await?;
+        let Self { scope, must_change_password } = Self::from_headers(app, &parts.headers).await?;
         if let Some(request) = parts.extensions.get::<RequestInProgress>() {
-            request.caller_has_signed_in(caller.scope.actor());
+            request.caller_has_signed_in(scope.actor());
         }
-        Ok(caller)
+        let ClientAddress(address) = ClientAddress::of_request(parts, app);
+        Ok(Self { scope: scope.at_address(address), must_change_password })
     }
 }
 
@@ -99,22 +102,21 @@ pub struct SignedIn {
 }
 
 impl SignedIn {
-    /// Authenticates the sender of these headers, and refuses one who has to change a password first. This counts as
+    /// Authenticates the sender of this request, and refuses one who has to change a password first. This counts as
     /// activity, so it keeps the sign-in from idling out.
-    pub async fn from_headers(app: &App, headers: &HeaderMap) -> HandlerResult<Self> {
-        Self::without_duty(Identified::from_headers(app, headers).await?)
-    }
-
-    /// The same for the sender of this request.
     async fn from_parts(app: &App, parts: &Parts) -> HandlerResult<Self> {
-        Self::without_duty(Identified::from_parts(app, parts).await?)
-    }
-
-    fn without_duty(Identified { scope, must_change_password }: Identified) -> HandlerResult<Self> {
+        let Identified { scope, must_change_password } = Identified::from_parts(app, parts).await?;
         if must_change_password { Err(change_password_first()) } else { Ok(Self { scope }) }
     }
 
-    /// Whether these headers would still sign in. Unlike [`SignedIn::from_headers`], this does not count as activity:
+    /// Records activity of the sender of these headers, so that the sign-in does not idle out. One that is no longer
+    /// valid stays so.
+    pub async fn record_activity(app: &App, headers: &HeaderMap) {
+        // `wait_until_ended` notices if the sign-in is no longer valid.
+        let _ = Identified::from_headers(app, headers).await;
+    }
+
+    /// Whether these headers would still sign in. Unlike [`SignedIn::record_activity`], this does not count as activity:
     /// an unattended page that only watches is signed out when idle. A store error counts as yes, so it ends no stream.
     pub async fn is_still_valid(app: &App, headers: &HeaderMap) -> bool {
         match PresentedCredential::in_headers(headers, &app.settings.base_path) {

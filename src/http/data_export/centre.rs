@@ -30,7 +30,7 @@ tasks.json         tasks, with the versions of their standards
 courses.json       course plans
 cohorts.json       cohorts and their members
 boxes.json         boxes, with their latest camera and colours
-audit.json         who changed what
+audit.json         who changed what, and the network address of each
 trainees/CODE/     one folder for each trainee; its files are listed below
 
 Ratings and comments of others on a session are left out unless the person who exports has rated it.

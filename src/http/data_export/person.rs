@@ -28,7 +28,8 @@ This file holds what Trocar stores about one person. In the export of an instruc
 groups of other instructors are left out. Staff get ratings and comments of others on a session only after they have rated
 it themselves; the person gets all.
 
-audit.json         who changed this person's data, and what this person changed: the newest 10,000 entries
+audit.json         who changed this person's data, and what this person changed and from where: the newest 10,000
+                   entries, with the network addresses of this person only
 ";
 
 /// Says what the files in a person's folder are.

@@ -94,6 +94,7 @@ async fn invalid_rows_are_refused_from_any_writer() {
         "UPDATE feature SET value = 0 WHERE not_enough IS NOT NULL",
         "UPDATE feature SET space = '4d'",
         "UPDATE trainee SET name = ''",
+        "UPDATE audit SET address = ''",
         "UPDATE trainee SET level = 'wizard'",
         "UPDATE session SET created_at_ms = 'yesterday'",
         "INSERT INTO installation VALUES (2, '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', NULL)",
