@@ -38,4 +38,5 @@ mod streams;
 mod tls;
 mod tokens;
 pub mod tus;
+mod unreadable;
 mod uploads;
