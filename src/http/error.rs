@@ -413,11 +413,6 @@ pub fn busy(detail: &str) -> ProblemResponse {
     Refusal::Busy.with(detail).header(header::RETRY_AFTER, 1)
 }
 
-/// Too many live feeds are open, in all or of this sender.
-pub fn too_many_feeds() -> ProblemResponse {
-    busy("Too many recordings arrive at once. Try again when one of them has ended.")
-}
-
 /// The error's text with a capital first letter.
 fn capitalised(error: &impl Display) -> String {
     let text = error.to_string();

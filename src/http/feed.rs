@@ -11,7 +11,7 @@ use std::time::Duration;
 use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
-use axum::http::HeaderMap;
+use axum::http::{HeaderMap, header};
 use axum::response::Response;
 use futures_util::FutureExt;
 use futures_util::future::{Fuse, FusedFuture};
@@ -20,7 +20,8 @@ use tokio_tungstenite::tungstenite;
 
 use super::auth::origin;
 use super::auth::signed_in::SignedIn;
-use super::error::{HandlerResult, Refusal, too_many_feeds};
+use super::connection_slots::ConnectionSlot;
+use super::error::{HandlerResult, Refusal, busy};
 use super::read::PathKey;
 use super::state::App;
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
@@ -65,7 +66,7 @@ pub async fn feed(
     })?;
     origin::refuse_foreign(&headers)?;
     app.store.boxes().get(&by.scope, &in_box).await?;
-    let place = app.feed_slots.take(&by.scope).ok_or_else(too_many_feeds)?;
+    let place = app.take_feed_slot(&by.scope)?;
     let by = FeedSender { scope: by.scope, headers };
     let upgrade = upgrade
         .max_message_size(MAX_RECORD_BYTES)
@@ -79,6 +80,20 @@ pub async fn feed(
         let _ = connection.await; // a panic is logged where it happened
         drop(place);
     }))
+}
+
+impl App {
+    /// Takes a slot for a connection that sends a recording.
+    pub(in crate::http) fn take_feed_slot(&self, scope: &Scope) -> HandlerResult<ConnectionSlot> {
+        self.feed_slots.take(scope).ok_or_else(|| {
+            if self.feed_slots.is_full_for(scope) {
+                let why = "You are sending as many recordings at once as are allowed. End one of them, then try again.";
+                Refusal::TooMany.with(why).header(header::RETRY_AFTER, 1)
+            } else {
+                busy("Too many recordings arrive at once. Try again when one of them has ended.")
+            }
+        })
+    }
 }
 
 /// The sender's scope, and the headers that authenticate it.

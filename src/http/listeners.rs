@@ -26,12 +26,23 @@ struct BoundListener {
 
 /// An address that cannot be listened on.
 #[derive(Debug, thiserror::Error)]
-#[error("listening on {address}")]
+#[error("cannot listen on {address} ({})", advice(source))]
 pub struct ListenError {
     /// The address.
     pub address: SocketAddr,
     /// Error of the operating system.
     pub source: io::Error,
+}
+
+/// What to do about an address that cannot be listened on.
+fn advice(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::AddrInUse => {
+            "stop the program that uses it, or choose another address with `--listen` or in the settings"
+        }
+        io::ErrorKind::PermissionDenied => "choose a port above 1023, or let a proxy listen on it",
+        _ => "choose an address of this machine with `--listen` or in the settings",
+    }
 }
 
 impl Listeners {

@@ -12,7 +12,7 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::auth::signed_in::SignedIn;
 use super::connection_slots::ConnectionSlot;
-use super::error::{HandlerResult, ProblemResponse, too_many_feeds};
+use super::error::{HandlerResult, ProblemResponse};
 use super::read::{Params, PathKey, reference_problem};
 use super::sessions::SessionResponse;
 use super::show::Created;
@@ -103,7 +103,7 @@ async fn admit(
     store.trainees().get(&sender_scope, &Key::from(&trainee)).await.map_err(reference_problem("trainee"))?;
     store.tasks().get(&sender_scope, &Key::from(&task)).await.map_err(reference_problem("task"))?;
     app.feeds.check_free(box_id).await?;
-    let place = app.feed_slots.take(&scope).ok_or_else(too_many_feeds)?;
+    let place = app.take_feed_slot(&scope)?;
     let sender = headers.get(header::USER_AGENT).and_then(|agent| agent.to_str().ok()).unwrap_or_default().to_owned();
     Ok((Push { scope, in_box, trainee, task, sender }, place))
 }

@@ -39,6 +39,17 @@ pub struct SignInOrigin {
     pub places: Vec<SecretHash>,
 }
 
+/// A browser to sign in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NewSignIn {
+    /// The hash of its cookie.
+    pub secret: SecretHash,
+    /// How long it lasts.
+    pub lasts: CookieLifetime,
+    /// From where.
+    pub origin: SignInOrigin,
+}
+
 /// A browser where a person is signed in.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
 pub struct SignInRecord {
@@ -144,25 +155,11 @@ impl CookieStore<'_> {
         lasts: CookieLifetime,
         origin: SignInOrigin,
     ) -> StoreResult<()> {
-        let (now_ms, id) = (self.0.now_ms(), person.id);
-        let expires_at_ms = now_ms + millis(lasts.max_age).max(1);
-        let most = self.0.sender_limits().sign_ins;
+        let (now_ms, most) = (self.0.now_ms(), self.0.sender_limits().sign_ins);
+        let new = NewSignIn { secret, lasts, origin };
         let insert = || {
-            let SignInOrigin { browser, address, is_page, places } = origin.clone();
-            let (must_change, verified) = (person.password_state.must_change(is_page), verified.clone());
-            async move |tx: &mut SqliteConnection| {
-                let insert = sqlx::query(INSERT_COOKIE).bind(secret).bind(id).bind(now_ms).bind(expires_at_ms);
-                let insert = insert.bind(browser).bind(address).bind(must_change).bind(verified);
-                if insert.execute(&mut *tx).await?.rows_affected() == 0 {
-                    return Err(not_found("person"));
-                }
-                sqlx::query(DELETE_SURPLUS_COOKIES).bind(id).bind(secret).bind(most).execute(&mut *tx).await?;
-                for place in places {
-                    sqlx::query(REMEMBER_PLACE).bind(id).bind(place).bind(now_ms).execute(&mut *tx).await?;
-                }
-                sqlx::query(DELETE_SURPLUS_PLACES).bind(id).bind(MAX_KNOWN_PLACES).execute(tx).await?;
-                Ok(())
-            }
+            let (person, verified, new) = (person.clone(), verified.clone(), new.clone());
+            async move |tx: &mut SqliteConnection| insert_sign_in(tx, (&person, &verified), new, most, now_ms).await
         };
         match person.role {
             Role::Instructor | Role::Administrator => self.0.write_with_sign_in_reserve(insert).await,
@@ -277,4 +274,27 @@ impl CookieStore<'_> {
             })
             .await
     }
+}
+
+/// Signs a browser in, as [`CookieStore::create`] says; `most` is the number of sign-ins that the person may have.
+pub(super) async fn insert_sign_in(
+    tx: &mut SqliteConnection,
+    (person, verified): (&PersonRecord, &PasswordHash),
+    NewSignIn { secret, lasts, origin }: NewSignIn,
+    most: u32,
+    now_ms: i64,
+) -> StoreResult<()> {
+    let (id, expires_at_ms) = (person.id, now_ms + millis(lasts.max_age).max(1));
+    let must_change = person.password_state.must_change(origin.is_page);
+    let insert = sqlx::query(INSERT_COOKIE).bind(secret).bind(id).bind(now_ms).bind(expires_at_ms);
+    let insert = insert.bind(origin.browser).bind(origin.address).bind(must_change).bind(verified);
+    if insert.execute(&mut *tx).await?.rows_affected() == 0 {
+        return Err(not_found("person"));
+    }
+    sqlx::query(DELETE_SURPLUS_COOKIES).bind(id).bind(secret).bind(most).execute(&mut *tx).await?;
+    for place in origin.places {
+        sqlx::query(REMEMBER_PLACE).bind(id).bind(place).bind(now_ms).execute(&mut *tx).await?;
+    }
+    sqlx::query(DELETE_SURPLUS_PLACES).bind(id).bind(MAX_KNOWN_PLACES).execute(tx).await?;
+    Ok(())
 }

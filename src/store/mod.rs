@@ -97,7 +97,9 @@ pub use boxes::{BoxRecord, BoxStore};
 pub use calibrations::{CalibrationRecord, CalibrationStore};
 pub use cohorts::{CohortRecord, CohortStore, CohortValue};
 pub use comments::{CommentRecord, CommentStore, VisibleComments};
-pub use cookies::{CookieHolder, CookieLifetime, CookieStore, KNOWN_PLACE_LIFETIME, SignInOrigin, SignInRecord};
+pub use cookies::{
+    CookieHolder, CookieLifetime, CookieStore, KNOWN_PLACE_LIFETIME, NewSignIn, SignInOrigin, SignInRecord,
+};
 pub use courses::{CourseRecord, CourseStep, CourseStore, GroupCoursePlan, TraineeCourse};
 pub use edits::{EditBasis, EditRecord, EditStore, SessionEdits};
 pub use enrolment::Enrolment;

@@ -2,7 +2,7 @@
 
 use super::audit::note;
 use super::columns::Insert;
-use super::cookies::DELETE_COOKIES_OF;
+use super::cookies::{DELETE_COOKIES_OF, NewSignIn, insert_sign_in};
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
 use super::password_links::{DELETE_LINK_OF, DELETE_LINKS_MADE_BY};
@@ -264,9 +264,7 @@ impl PersonStore<'_> {
     }
 
     /// Sets a password, signs all browsers of the account out, and withdraws its link for a password, and its tokens
-    /// with those that they made unless they are to be kept. The caller has verified the old password or is an
-    /// administrator. With `verified`, the hash that the old password matched, the account is not found if it has
-    /// another password by now.
+    /// with those that they made unless they are to be kept.
     ///
     /// # Errors
     /// A program with a token sets the password of an administrator.
@@ -275,19 +273,43 @@ impl PersonStore<'_> {
         scope: &Scope,
         id: PersonId,
         new: (PasswordHash, PasswordState),
-        verified: Option<PasswordHash>,
         keep_tokens: bool,
     ) -> StoreResult<()> {
-        if !scope.is_administrator() && scope.person() != Some(id) {
-            return Err(not_found("person"));
-        }
+        require_administrator(scope, "setting passwords")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
                 if read_person(tx, id).await?.role == Role::Administrator {
                     require_sign_in(&scope, "setting the password of an administrator")?;
                 }
-                replace_password(tx, id, new, verified, keep_tokens).await?;
+                replace_password(tx, id, new, None, keep_tokens).await?;
+                note(tx, &scope, now_ms, ("set password", "person"), id).await
+            })
+            .await
+    }
+
+    /// Changes the caller's own password, and ends what [`PersonStore::set_password`] says. Then it signs in the browser
+    /// that sent the change, with another cookie: the old one may have been stolen. `verified` is the hash that the old
+    /// password matched; the account is not found if it has another password by now.
+    ///
+    /// # Errors
+    /// The caller is a program with a token.
+    pub async fn set_own_password(
+        &self,
+        scope: &Scope,
+        new: PasswordHash,
+        verified: PasswordHash,
+        keep_tokens: bool,
+        sign_in: NewSignIn,
+    ) -> StoreResult<()> {
+        require_sign_in(scope, "changing the own password")?;
+        let id = scope.person().ok_or(not_found("person"))?;
+        let (scope, now_ms, most) = (scope.clone(), self.0.now_ms(), self.0.sender_limits().sign_ins);
+        self.0
+            .write(async move |tx| {
+                replace_password(tx, id, (new.clone(), PasswordState::Own), Some(verified), keep_tokens).await?;
+                let person = read_person(tx, id).await?;
+                insert_sign_in(tx, (&person, &new), sign_in, most, now_ms).await?;
                 note(tx, &scope, now_ms, ("set password", "person"), id).await
             })
             .await

@@ -33,6 +33,7 @@ export default function Account({ person, onSignOut }) {
     await api.changePassword(old, newPassword(values), tokens === 'keep');
     form.reset();
     setChanged(true);
+    reload(); // other sign-ins and withdrawn tokens are gone
   };
   return html`
     <${PageHead} title=${words.title}>

@@ -46,10 +46,10 @@ export function PasswordByLink({ secret, onDone }) {
  * @param {Props} props
  */
 export function FirstPassword({ person, typed, onDone, onSignOut }) {
-  const send = async ({ login, old, ...values }) => {
+  const send = async ({ old, ...values }) => {
     const fresh = newPassword(values);
     await api.changePassword(typed || old, fresh, false);
-    onDone(await signIn(login, fresh).catch(() => null)); // the change signed this browser out, too
+    onDone(await api.me().catch(() => null)); // without a cookie the person signs in
   };
   const fields = [loginField(person.login), ...(typed ? [] : [GIVEN_FIELD]), ...NEW_PASSWORD_FIELDS];
   return html`

@@ -42,7 +42,7 @@ function Status({ status: { version, pipeline, started_at, storage, queue, last_
         [words.free, bytes(storage.free_bytes)],
       ]} />
       <div class="stack"><${Facts} title=${words.backup} rows=${[
-        [words.last, backup ? words.backupOf(dateTime(backup.at), backup.files) : words.noBackup],
+        [words.last, backup ? words.backupOf(dateTime(backup.at), words.backupAge(days), backup.files) : words.noBackup],
         ...(plan ? [[words.plan, words.planOf(plan.at, plan.keep)], [words.folder, plan.folder]] : []),
       ]}>
         ${plan?.error && html`<${Notice} tone="bad" title=${words.planFailed}>${plan.error}<//>`}
@@ -50,7 +50,7 @@ function Status({ status: { version, pipeline, started_at, storage, queue, last_
         ${plan && plan.others > 0 && html`<${Notice} tone="warn" title=${words.otherBackups(plan.others)}>${words.otherBackupsBody}<//>`}
         ${plan && plan.missing_files > 0 && html`<${Notice} tone="bad" title=${words.planLacks(plan.missing_files)}>
           <p>${words.planLacksBody}</p><ul lang=${serviceLang}>${plan.missing.map(one => html`<li key=${one}>${one}</li>`)}</ul><//>`}
-        ${(!backup || days >= OLD_DAYS) && html`<${Notice} tone="warn" title=${backup ? words.old(days) : words.noBackup}><${Prose} text=${words.noBackupBody} /><//>`}
+        ${(!backup || days >= OLD_DAYS) && html`<${Notice} tone="warn" title=${backup ? words.backupAge(days) : words.noBackup}><${Prose} text=${words.noBackupBody} /><//>`}
         <p class="small">${words.byHand}</p><p class="code">${backup_command}</p><//>
       <${Facts} title=${words.queue} rows=${[[words.waiting, queue.queued], [words.running, queue.running], [words.quarantined, queue.quarantined]]} /></div>
       <${Facts} title=${words.retention} rows=${[

@@ -286,6 +286,29 @@ test('the service page shows the version, storage and changes that REST returns'
   await takePictures('09-service');
 });
 
+test('the service page shows the age of the last backup, and warns after a week and without a backup', async () => {
+  const agoMs = ms => ({ at: new Date(Date.now() - ms).toISOString(), files: 12 });
+  const [hourMs, dayMs] = [3_600_000, 86_400_000];
+  const warnings = page.locator('.notice.warn', { hasText: /days old|No backup is known/ });
+  for (const [last_backup, shown, warning] of [
+    [agoMs(2 * hourMs), 'less than a day old; 12 files, all verified', null],
+    [agoMs(3 * dayMs + hourMs), '3 days old; 12 files, all verified', null],
+    [agoMs(9 * dayMs + hourMs), '9 days old; 12 files, all verified', '9 days old'],
+    [null, 'No backup is known', 'No backup is known'],
+  ]) {
+    const answer = async route => {
+      const response = await route.fetch();
+      await route.fulfill({ response, json: { ...(await response.json()), last_backup } });
+    };
+    await page.route('**/api/v1/service', answer);
+    await page.goto(`${url}/service`);
+    await page.locator('dl.facts dt', { hasText: 'Last backup' }).locator('+ dd', { hasText: shown }).waitFor();
+    if (warning) await warnings.getByText(warning).waitFor();
+    else assert.equal(await warnings.count(), 0, shown);
+    await page.unroute('**/api/v1/service', answer);
+  }
+});
+
 test('a cohort is added with a name and conditions', async () => {
   await page.goto(`${url}/groups`);
   await button('Add a cohort').click();

@@ -125,13 +125,17 @@ test('a person with a given password chooses another one before seeing anything'
   await page.context().close();
 });
 
-test('on the account page a wrong old password changes nothing, and a new one withdraws the tokens', async () => {
+test('on the account page a wrong old password changes nothing, and a new one withdraws the tokens and ends other sign-ins', async () => {
   const login = `own-${mark}`;
   await administrator.create('people', { name: `Own ${mark}`, login, role: 'administrator', password: GIVEN });
   const { page, signIn, create, button } = await person(browser, { prefix: 'passwords-' });
   await page.goto(`${url}/account`);
   await signIn(GIVEN, login);
   await page.getByText('This browser').waitFor();
+  const elsewhere = await person(browser);
+  await elsewhere.page.goto(`${url}/tasks`);
+  await elsewhere.signIn(GIVEN, login);
+  await elsewhere.heading('Tasks').waitFor();
   await create('tokens', { name: 'a nightly program', role: 'instructor' });
   await page.reload();
   const token = page.locator('li', { hasText: 'a nightly program' });
@@ -147,8 +151,16 @@ test('on the account page a wrong old password changes nothing, and a new one wi
   assert.equal(await token.count(), 1, 'the person is still signed in');
   await change(GIVEN);
   await page.getByText('The password is changed.').waitFor();
-  await page.reload(); // a new password ends every sign-in
-  await signIn(OWN, login);
   await page.getByText('No tokens').waitFor();
+  await page.reload();
+  await page.getByText('This browser').waitFor(); // still signed in
+  const ends = page.locator('section', { hasText: 'Signed in here' }).getByRole('button', { name: /Sign out there/ });
+  assert.equal(await ends.count(), 0, 'other sign-ins');
+  assert.equal(await page.getByText('The password is changed.').count(), 0);
+  await elsewhere.page.reload();
+  await elsewhere.page.locator('input[name=login]').waitFor();
+  await elsewhere.signIn(OWN, login);
+  await elsewhere.heading('Tasks').waitFor();
+  await elsewhere.page.context().close();
   await page.context().close();
 });

@@ -72,6 +72,54 @@ test('after the tab with the stream is closed, another one takes it over, and no
     await second.getByText('tabs.mp4').first().waitFor({ timeout: LOAD_MS });
   }));
 
+/**
+ * Hides the page, or shows it again, as its scripts see it. A tab that Playwright opened is never hidden by itself.
+ */
+const setHidden = (page, isHidden) =>
+  page.evaluate(hidden => {
+    Object.defineProperty(document, 'hidden', { configurable: true, value: hidden });
+    Object.defineProperty(document, 'visibilityState', { configurable: true, value: hidden ? 'hidden' : 'visible' });
+    document.dispatchEvent(new Event('visibilitychange'));
+  }, isHidden);
+
+const waitForStreams = (count, what) => waitUntil(async () => (await streams()) === count, what);
+
+test('a hidden page closes its stream, and shows what has changed when it is shown again', () =>
+  withBrowser(async (_, page) => {
+    await open(page, '/');
+    const live = page.locator('.pill', { hasText: 'Live' });
+    await live.waitFor();
+    await waitForStreams(1, 'one stream: those of earlier pages have ended');
+    await setHidden(page, true);
+    await waitForStreams(0, 'the end of the stream of a hidden page');
+    const [trainee, task, box] = await Promise.all(['trainees', 'tasks', 'boxes'].map(async kind => (await getJson(page, kind)).items[0].id));
+    await page.evaluate(address => fetch(address, { method: 'POST', headers: { 'Content-Type': 'video/mp4' }, body: new Uint8Array(1000).fill(8) }),
+      `/api/v1/sessions?trainee=${trainee}&task=${task}&box=${box}&filename=hidden.mp4`);
+    assert.equal(await page.getByText('hidden.mp4').count(), 0, 'a hidden page does not follow');
+    await setHidden(page, false);
+    await live.waitFor();
+    await page.getByText('hidden.mp4').first().waitFor({ timeout: LOAD_MS });
+    await waitForStreams(1, 'the stream of the page that is shown again');
+    // A page in the back/forward cache gets these events, and no others.
+    await page.evaluate(() => dispatchEvent(new PageTransitionEvent('pagehide', { persisted: true })));
+    await waitForStreams(0, 'the end of the stream of a page that was left');
+    await page.evaluate(() => dispatchEvent(new PageTransitionEvent('pageshow', { persisted: true })));
+    await waitForStreams(1, 'the stream of a page that was returned to');
+  }));
+
+test('when the tab with the stream is hidden, a tab that is shown takes the stream over', () =>
+  withBrowser(async (context, first) => {
+    const second = await context.newPage();
+    await open(second, '/');
+    const live = second.locator('.pill', { hasText: 'Live' });
+    await live.waitFor();
+    await setHidden(first, true); // it was there first, and has the stream
+    await waitForStreams(1, 'the stream of the second tab');
+    await live.waitFor();
+    await setHidden(second, true);
+    await waitForStreams(0, 'the end of all streams');
+  }));
+
 test('pages that are left for another address hold no stream', () =>
   withBrowser(async (_, page) => {
     const before = await streams();

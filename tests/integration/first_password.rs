@@ -2,6 +2,7 @@
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
+use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -56,6 +57,27 @@ async fn the_first_password_is_in_a_private_file_until_it_is_changed_and_nowhere
     assert_eq!(holders(folder.path(), &password), Vec::<PathBuf>::new());
     service.kill().unwrap();
     service.wait().unwrap();
+}
+
+#[test]
+fn on_an_occupied_port_no_administrator_is_made_and_the_next_start_makes_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let occupant = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = occupant.local_addr().unwrap().to_string();
+    let mut command = program();
+    command.args(["serve", "--listen", &address, "--workers", "1", "--log", "error", "--data"]).arg(folder.path());
+    let refused = command.output().unwrap();
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert_eq!((refused.status.code(), refused.stdout), (Some(1), Vec::new()), "{said}");
+    assert!(said.starts_with("trocar: ") && said.lines().count() == 1, "{said}");
+    assert!(said.contains(&address) && said.contains("choose another address with `--listen`"), "{said}");
+
+    assert!(!folder.path().join("administrator.password").exists());
+    let list = program().args(["admin", "user", "list", "--data"]).arg(folder.path()).output().unwrap();
+    assert!(list.status.success(), "{}", String::from_utf8_lossy(&list.stderr));
+    assert_eq!(String::from_utf8(list.stdout).unwrap(), "");
+    let _service = Process::start(folder.path());
+    assert!(!first_password(folder.path()).is_empty());
 }
 
 #[test]

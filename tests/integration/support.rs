@@ -135,9 +135,14 @@ impl Client {
     }
 
     /// The same, signed in by cookie.
-    pub async fn signed_in(mut self, login: &str, password: &str) -> Self {
+    pub async fn signed_in(self, login: &str, password: &str) -> Self {
         let answer = self.post("/api/v1/sign-in", json!({"login": login, "password": password})).await;
         assert_eq!(answer.status(), StatusCode::OK, "{login} signs in");
+        self.with_cookie_of(&answer)
+    }
+
+    /// The same with the cookie of a sign-in that this answer sets.
+    pub fn with_cookie_of(mut self, answer: &Response) -> Self {
         let cookie = answer.headers()[header::SET_COOKIE].to_str().unwrap();
         let pair = cookie.split(';').next().unwrap();
         self.headers.insert(header::COOKIE, HeaderValue::from_str(pair).unwrap());

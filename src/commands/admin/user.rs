@@ -80,7 +80,7 @@ pub async fn run(folder: &DataFolder, command: UserCommand) -> Result<(), Comman
             let person = find_account(folder, &login).await?;
             let (password, hash) = choose_password(password_stdin).await?;
             let (people, new) = (folder.store.people(), (hash, PasswordState::ChangeInBrowser));
-            people.set_password(&Scope::service(), person.id, new, None, keep_tokens).await.map_err(store_failure)?;
+            people.set_password(&Scope::service(), person.id, new, keep_tokens).await.map_err(store_failure)?;
             print_password(password);
             Ok(())
         }

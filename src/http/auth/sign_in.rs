@@ -62,22 +62,17 @@ pub async fn sign_in(
     AnonymousJson(tried): AnonymousJson<Credentials>,
 ) -> HandlerResult<impl IntoResponse> {
     let base = &app.settings.base_path;
-    let known_browser = browser_secret(&headers, base);
-    let (person, verified) = authenticate(&app, tried, address, known_browser.as_ref().map(Secret::hash)).await?;
-    let (secret, browser) = (Secret::random(), known_browser.unwrap_or_else(Secret::random));
-    let places = [Some(browser.hash()), place_of(person.id, address)].into_iter().flatten().collect();
-    let (browser_name, is_page) = (browser_name(&headers), is_from_page(&headers));
-    let origin = store::SignInOrigin { browser: browser_name, address: address.0.to_string(), is_page, places };
-    let must_change_password = person.password_state.must_change(is_page);
-    let created = app.store.cookies().create(secret.hash(), (&person, &verified), app.sign_in_lifetime(), origin).await;
+    let known_browser = browser_secret(&headers, base).as_ref().map(Secret::hash);
+    let (person, verified) = authenticate(&app, tried, address, known_browser).await?;
+    let (new, cookies) = new_sign_in(&app, &headers, address, person.id);
+    let must_change_password = person.password_state.must_change(new.origin.is_page);
+    let created = app.store.cookies().create(new.secret, (&person, &verified), new.lasts, new.origin).await;
     created.map_err(changed_meanwhile)?;
     if let PresentedCredential::Cookie(before) = PresentedCredential::in_headers(&headers, base) {
         app.store.cookies().delete_replaced(before).await?;
     }
     tracing::info!(person = %person.id, "signed in");
-    let cookies =
-        [set_cookie(&secret, base), set_browser_cookie(&browser, base)].map(|cookie| (header::SET_COOKIE, cookie));
-    Ok((AppendHeaders(cookies), Json(SignInResponse { person: person.into(), must_change_password })))
+    Ok((cookies, Json(SignInResponse { person: person.into(), must_change_password })))
 }
 
 /// Sign out: invalidates the cookie and removes it from the browser
@@ -108,17 +103,18 @@ pub struct PasswordChange {
 
 /// Change the own password
 ///
-/// Signs the account out in every browser, withdraws its link for a password, and withdraws its tokens and those that
-/// they made unless `keep_tokens` is true. A password that must be changed cannot be chosen again. A token does not
-/// suffice.
+/// Ends all sign-ins of the account, withdraws its link for a password, and withdraws its tokens and those that they
+/// made unless `keep_tokens` is true. The answer signs the caller in again, with another cookie. A password that must be
+/// changed cannot be chosen again. A token does not suffice.
 #[utoipa::path(post, path = "/me/password", tag = "sign-in", request_body = PasswordChange,
-    responses((status = NO_CONTENT)))]
+    responses((status = NO_CONTENT, headers(("Set-Cookie" = String, description = "The cookies of `POST sign-in`")))))]
 pub async fn change_password(
     State(app): State<App>,
     address: ClientAddress,
     by: IdentifiedPerson,
+    headers: HeaderMap,
     Json(change): Json<PasswordChange>,
-) -> HandlerResult<StatusCode> {
+) -> HandlerResult<impl IntoResponse> {
     let id = by.id;
     let person = app.store.people().get(&by.scope, id).await?;
     let is_same = change.old == change.new;
@@ -136,10 +132,28 @@ pub async fn change_password(
     if person.password_state != PasswordState::Own && is_same {
         return Err(ProblemResponse::invalid("new", "is the password that must be changed; choose another one"));
     }
-    let new = (app.password_hasher.take_place(requester)?.hash(new).await?, PasswordState::Own);
-    let set = app.store.people().set_password(&by.scope, id, new, Some(stored), change.keep_tokens).await;
+    let new = app.password_hasher.take_place(requester)?.hash(new).await?;
+    let (sign_in, cookies) = new_sign_in(&app, &headers, address, id);
+    let set = app.store.people().set_own_password(&by.scope, new, stored, change.keep_tokens, sign_in).await;
     set.map_err(changed_meanwhile)?;
-    Ok(StatusCode::NO_CONTENT)
+    Ok((StatusCode::NO_CONTENT, cookies))
+}
+
+/// A sign-in of the browser that sent these headers, and the headers of the answer that give it its cookies.
+fn new_sign_in(
+    app: &App,
+    headers: &HeaderMap,
+    address: ClientAddress,
+    person: PersonId,
+) -> (store::NewSignIn, AppendHeaders<[(header::HeaderName, HeaderValue); 2]>) {
+    let base = &app.settings.base_path;
+    let (secret, browser) = (Secret::random(), browser_secret(headers, base).unwrap_or_else(Secret::random));
+    let places = [Some(browser.hash()), place_of(person, address)].into_iter().flatten().collect();
+    let (name, is_page) = (browser_name(headers), is_from_page(headers));
+    let origin = store::SignInOrigin { browser: name, address: address.0.to_string(), is_page, places };
+    let cookies = [set_cookie(&secret, base), set_browser_cookie(&browser, base)];
+    let new = store::NewSignIn { secret: secret.hash(), lasts: app.sign_in_lifetime(), origin };
+    (new, AppendHeaders(cookies.map(|cookie| (header::SET_COOKIE, cookie))))
 }
 
 /// The browser's name as it states it.

@@ -187,8 +187,8 @@ fn sign_in_first() -> ProblemResponse {
 
 fn change_password_first() -> ProblemResponse {
     Refusal::PasswordChangeRequired.with(
-        "Another person or the program chose this password. Choose one of your own with POST /api/v1/me/password, then \
-         sign in with it.",
+        "Another person or the program chose this password. Choose one of your own with POST /api/v1/me/password. Its \
+         answer signs you in.",
     )
 }
 

@@ -9,10 +9,14 @@ use crate::domain::scope::Scope;
 use crate::domain::secret::{Password, Secret, SecretHash};
 use crate::domain::text::Name;
 use crate::store::testing::{NOW_MS, TestCentre};
-use crate::store::{ActsAs, CookieLifetime, NewToken, PersonChange, SignInOrigin, StoreError};
+use crate::store::{ActsAs, CookieLifetime, NewSignIn, NewToken, PersonChange, SignInOrigin, StoreError};
 
 const LASTS: CookieLifetime =
     CookieLifetime { idle: Duration::from_secs(30 * 60), max_age: Duration::from_secs(12 * 3600) };
+
+fn sign_in_with(secret: SecretHash) -> NewSignIn {
+    NewSignIn { secret, lasts: LASTS, origin: SignInOrigin::default() }
+}
 
 #[tokio::test]
 async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_passed() {
@@ -39,20 +43,20 @@ async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_pas
 }
 
 #[tokio::test]
-async fn a_new_password_signs_all_browsers_out() {
+async fn a_new_password_signs_all_browsers_out_and_in_again_only_the_one_that_chose_it() {
     let centre = TestCentre::new().await;
+    let (people, cookies) = (centre.store.people(), centre.store.cookies());
     let person = centre.person("ina", Role::Instructor, None).await;
-    let secret = Secret::random().hash();
-    centre
-        .store
-        .cookies()
-        .create(secret, (&person, &centre.password_of(&person).await), LASTS, SignInOrigin::default())
-        .await
-        .unwrap();
+    let given = (Password::random().hash(), PasswordState::ChangeRequired);
+    people.set_password(&Scope::service(), person.id, given, false).await.unwrap();
+    let (held, verified) = people.by_login(&person.login).await.unwrap().unwrap();
+    let (old, fresh) = (Secret::random().hash(), Secret::random().hash());
+    cookies.create(old, (&held, &verified), LASTS, SignInOrigin::default()).await.unwrap();
     let password = Password::new("another horse").unwrap();
-    let new = (password.hash(), PasswordState::Own);
-    centre.store.people().set_password(&person.scope(), person.id, new, None, false).await.unwrap();
-    assert_eq!(centre.store.cookies().person_of(secret, LASTS).await.unwrap(), None);
+    people.set_own_password(&person.scope(), password.hash(), verified, false, sign_in_with(fresh)).await.unwrap();
+    assert_eq!(cookies.person_of(old, LASTS).await.unwrap(), None);
+    let holder = cookies.person_of(fresh, LASTS).await.unwrap().unwrap();
+    assert_eq!((holder.person.id, holder.must_change_password), (person.id, false));
     let (_, hash) = centre.store.people().by_login(&"ina".parse().unwrap()).await.unwrap().unwrap();
     assert!(hash.matches(&password));
 }
@@ -64,16 +68,17 @@ async fn a_password_that_was_replaced_after_it_was_verified_opens_nothing_and_re
     let ina = centre.person("ina", Role::Instructor, None).await;
     let verified = centre.password_of(&ina).await;
     let new = || (Password::random().hash(), PasswordState::ChangeRequired);
-    people.set_password(&service, ina.id, new(), None, false).await.unwrap();
+    people.set_password(&service, ina.id, new(), false).await.unwrap();
     let present = centre.password_of(&ina).await;
     let secret = Secret::random().hash();
     let late = centre.store.cookies().create(secret, (&ina, &verified), LASTS, SignInOrigin::default()).await;
     assert!(matches!(late, Err(StoreError::NotFound { .. })), "{late:?}");
     assert_eq!(centre.store.cookies().person_of(secret, LASTS).await.unwrap(), None);
-    let late = people.set_password(&ina.scope(), ina.id, new(), Some(verified), false).await;
+    let late = people.set_own_password(&ina.scope(), new().0, verified, false, sign_in_with(secret)).await;
     assert!(matches!(late, Err(StoreError::NotFound { .. })), "{late:?}");
     assert_eq!(centre.password_of(&ina).await, present);
-    people.set_password(&ina.scope(), ina.id, new(), Some(present), false).await.unwrap();
+    assert_eq!(centre.store.cookies().person_of(secret, LASTS).await.unwrap(), None);
+    people.set_own_password(&ina.scope(), new().0, present, false, sign_in_with(secret)).await.unwrap();
 }
 
 #[tokio::test]
@@ -190,7 +195,7 @@ async fn a_token_changes_no_access_of_an_administrator_and_nothing_of_a_refused_
         assert!(matches!(refused, Err(StoreError::Forbidden { .. })), "{refused:?}");
         assert_eq!(&people.get(&program, person.id).await.unwrap(), person);
     }
-    let set = people.set_password(&program, eve.id, password(), None, false).await;
+    let set = people.set_password(&program, eve.id, password(), false).await;
     assert!(matches!(set, Err(StoreError::Forbidden { .. })), "{set:?}");
     let deleted = people.delete(&program, eve.id).await;
     assert!(matches!(deleted, Err(StoreError::Forbidden { .. })), "{deleted:?}");
@@ -329,7 +334,7 @@ async fn a_sign_in_is_held_as_the_state_of_the_password_demands() {
         (PasswordState::ChangeInBrowser, true, false),
         (PasswordState::ChangeRequired, true, true),
     ] {
-        people.set_password(&Scope::service(), ina.id, (Password::random().hash(), state), None, false).await.unwrap();
+        people.set_password(&Scope::service(), ina.id, (Password::random().hash(), state), false).await.unwrap();
         let ina = people.get(&Scope::service(), ina.id).await.unwrap();
         assert_eq!(ina.password_state, state);
         for (is_page, expected) in [(true, from_page), (false, from_program)] {

@@ -39,4 +39,5 @@ mod streams;
 mod tls;
 mod tokens;
 pub mod tus;
+mod unreadable;
 mod uploads;

@@ -8,7 +8,8 @@ use super::centre::Centre;
 use crate::planted::{DAY_MS, Planter, duration};
 use crate::support::{Service, problem, read};
 use trocar::motion::PIPELINE_VERSION;
-use trocar::time::{Clock, SystemClock};
+use trocar::settings::Settings;
+use trocar::time::{Clock, ManualClock, SystemClock, to_rfc3339};
 
 const ENROLMENTS: &str = "/api/v1/enrolments";
 
@@ -254,6 +255,22 @@ async fn administrators_read_the_state_of_the_service_and_the_audit_log() {
             problem(client.get(path).await, 403, "forbidden").await;
         }
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn administrators_see_when_the_last_backup_was_made() {
+    const NOW_MS: i64 = 1_800_000_000_000;
+    let target = tempfile::tempdir().unwrap();
+    let with_backups = |settings: &mut Settings| settings.backup.target = Some(target.path().to_owned());
+    let service = Service::start_in(tempfile::tempdir().unwrap(), ManualClock::at(NOW_MS), with_backups).await;
+    let administrator = service.administrator().await;
+    let has_backup =
+        |state: &Value| !state["last_backup"].is_null() && !state["scheduled_backups"]["newest_at"].is_null();
+    let state = administrator.read_until("/api/v1/service", has_backup).await;
+    let made = json!(to_rfc3339(NOW_MS));
+    assert_eq!((&state["last_backup"]["at"], &state["scheduled_backups"]["newest_at"]), (&made, &made));
+    assert!(state["last_backup"]["files"].is_u64(), "{state}");
+    service.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

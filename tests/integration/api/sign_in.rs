@@ -227,7 +227,7 @@ async fn a_token_works_until_it_is_deleted_and_is_shown_once() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_new_password_replaces_the_old_one_and_ends_other_sign_ins() {
+async fn a_new_password_replaces_the_old_one_and_only_the_browser_that_chose_it_stays_signed_in() {
     let centre = Centre::open().await;
     let elsewhere = centre.service.sign_in("ada", PASSWORD).await;
     let wrong =
@@ -241,6 +241,12 @@ async fn a_new_password_replaces_the_old_one_and_ends_other_sign_ins() {
     let changed = centre.trainee.post("/api/v1/me/password", json!({"old": PASSWORD, "new": "another password"})).await;
     assert_eq!(changed.status(), StatusCode::NO_CONTENT);
     problem(elsewhere.get("/api/v1/me").await, 401, "not-signed-in").await;
+    problem(centre.trainee.get("/api/v1/me").await, 401, "not-signed-in").await; // its cookie may have been stolen
+    let stays = centre.trainee.clone().with_cookie_of(&changed);
+    assert_eq!(stays.read("/api/v1/me").await["login"], "ada");
+    let sign_ins = stays.read("/api/v1/me/sign-ins").await;
+    assert_eq!(sign_ins["items"].as_array().unwrap().len(), 1, "{sign_ins}");
+    assert_eq!(sign_ins["items"][0]["is_current"], json!(true));
     centre.service.sign_in("ada", "another password").await;
     let old = centre.service.stranger().post("/api/v1/sign-in", json!({"login": "ada", "password": PASSWORD})).await;
     problem(old, 401, "wrong-credentials").await;

@@ -1,4 +1,4 @@
-//! Recordings whose sender is gone, and limits of their senders.
+//! Recordings whose sender is gone, and limits of a box and its senders.
 
 use std::time::Duration;
 
@@ -165,6 +165,30 @@ async fn the_trainee_deletes_an_arriving_recording_but_no_complete_one() {
     drop(sender);
     waits(&centre, &session).await;
     problem(centre.trainee.delete(&format!("/api/v1/sessions/{session}")).await, 403, "forbidden").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_groups_instructor_ends_an_interrupted_recording_and_deletes_it_before_or_after() {
+    let centre = Centre::open().await;
+    for (recording, ends) in [(RECORDING, true), (ANOTHER, false)] {
+        let (sender, session) = record(&centre, &centre.trainee, recording).await;
+        drop(sender);
+        let address = format!("/api/v1/sessions/{session}");
+        let end = format!("{address}/end");
+        let left = centre.instructor.read_until(&address, |session| session["interruption"].is_object()).await;
+        assert_eq!(left["status"], "receiving");
+        problem(centre.other_instructor.post(&end, json!({})).await, 404, "not-found").await;
+        problem(centre.other_instructor.delete(&address).await, 404, "not-found").await;
+        if ends {
+            assert_eq!(read(centre.instructor.post(&end, json!({})).await, StatusCode::OK).await["status"], "queued");
+            assert_eq!(frames_of(&centre.instructor, &session).await, (0..10).collect::<Vec<_>>());
+            let ended = centre.trainee.read(&address).await;
+            assert_eq!(ended["early_end"], json!({"cause": "by_person", "detail": null}));
+        }
+        assert_eq!(centre.instructor.delete(&address).await.status(), StatusCode::NO_CONTENT);
+        problem(centre.instructor.get(&address).await, 404, "not-found").await;
+        problem(centre.trainee.get(&address).await, 404, "not-found").await;
+    }
 }
 
 /// True if a new recording of this person may begin. The connection then closes without a frame.

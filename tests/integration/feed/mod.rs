@@ -1,6 +1,7 @@
 //! Feeds over real connections to the real service: acknowledged frames stay; late or wrong input is refused.
 
 mod interrupted;
+mod limits;
 mod live;
 mod load;
 mod moved;
