@@ -26,6 +26,7 @@ pub mod pose;
 pub mod reason;
 pub mod segmentation;
 pub mod space;
+pub mod strip;
 pub mod surroundings;
 pub mod tracker;
 pub mod trajectory;

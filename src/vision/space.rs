@@ -1,6 +1,7 @@
 //! A type per space, so that a distorted pixel cannot be used where a normalised point is meant.
 
 use nalgebra::{Point2, Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// A position in the recorded (distorted) frame, pixels; (0, 0) is the centre of the top-left pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,4 +49,13 @@ impl CameraPoint {
     pub fn normalised(&self) -> Option<Normalised> {
         (self.0.z > 0.0).then(|| Normalised::new(self.0.x / self.0.z, self.0.y / self.0.z))
     }
+}
+
+/// The side of a tool's hand, as the camera sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum HandSide {
+    /// Left in the picture.
+    Left,
+    /// Right in the picture.
+    Right,
 }

@@ -20,6 +20,15 @@ use crate::vision::frame::{ColourEncoding, Frame};
 use crate::vision::segmentation::samples::UsualColour;
 use crate::vision::tube::{BorderSide, OutlinePart, PerPart};
 
+/// The planes that distinguish what is inside an edge from what is outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Likeness {
+    /// Both chroma planes: coloured tape, which light and shade make brighter or darker.
+    Chroma,
+    /// All planes: a bare shaft, which has no colour of its own.
+    AllPlanes,
+}
+
 /// Appearance of edges in this recording: blur and noise of each plane, learned while tracking.
 #[derive(Clone)]
 pub struct EdgeModel {
@@ -30,8 +39,9 @@ pub struct EdgeModel {
     pub(super) noise: [f64; 3],
     /// The tape's usual codes.
     tape: Vector3<f64>,
-    /// Usual distance of the tape's chroma from that, codes.
+    /// Usual distance of the tape's colour from that, codes.
     tape_spread: f64,
+    pub(super) likeness: Likeness,
     encoding: ColourEncoding,
     codes_from_rgb: Matrix3<f64>,
     black: Vector3<f64>,
@@ -68,14 +78,19 @@ const USUAL_CHROMA_BLUR_PX: f64 = 0.8;
 const CHROMA_BLURS_PX: (f64, f64) = (0.1, 1.5);
 
 impl EdgeModel {
-    /// A model for tape of this colour; blur and noise start at usual values and are learned.
-    pub fn new(tape: UsualColour, encoding: ColourEncoding) -> Self {
+    /// A model for tape or a shaft of this colour; blur and noise start at usual values and are learned.
+    pub fn new(tape: UsualColour, likeness: Likeness, encoding: ColourEncoding) -> Self {
         let codes_from_rgb = encoding.codes_from_rgb();
+        let tape_spread = match likeness {
+            Likeness::Chroma => tape.chroma_spread,
+            Likeness::AllPlanes => tape.luma_spread.hypot(tape.chroma_spread),
+        };
         Self {
             lens_px: USUAL_LENS_PX,
             noise: [6.0, 3.0, 3.0],
             tape: Vector3::from(tape.codes),
-            tape_spread: tape.chroma_spread,
+            tape_spread,
+            likeness,
             encoding,
             codes_from_rgb,
             black: Vector3::from(encoding.black()),
@@ -144,12 +159,16 @@ impl EdgeModel {
         Some(std::array::from_fn(|c| [one, other].map(|i| i.light[c].base + i.light[c].limb).iter().sum::<f64>() / 2.0))
     }
 
-    /// Distance of a colour from the tape's in both chroma planes, codes.
+    /// Distance of a colour from the tape's, in the planes that distinguish it, codes.
     pub(super) fn off_tape(&self, codes: [f64; 3]) -> f64 {
-        (Vector3::from(codes) - self.tape).yz().norm()
+        let off = Vector3::from(codes) - self.tape;
+        match self.likeness {
+            Likeness::Chroma => off.yz().norm(),
+            Likeness::AllPlanes => off.norm(),
+        }
     }
 
-    /// Is this chroma within the range of the tape's, on its lit and on its shaded side?
+    /// Is this colour within the range of the tape's, on its lit and on its shaded side?
     pub(super) fn is_within_tape(&self, codes: [f64; 3]) -> bool {
         /// In standard deviations: nine of ten samples are nearer, with any distribution.
         const WITHIN: f64 = 3.0;

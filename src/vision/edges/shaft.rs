@@ -222,7 +222,7 @@ mod tests {
         }
 
         fn edges() -> EdgeModel {
-            EdgeModel::new(UsualColour { codes: [150.0, 128.0, 128.0], chroma_spread: 5.0 }, ENCODING)
+            EdgeModel::new(UsualColour { codes: [150.0, 128.0, 128.0], luma_spread: 5.0, chroma_spread: 5.0 }, Likeness::Chroma, ENCODING)
         }
 
         fn continuation(&self, tube: &Tube) -> Continuation {

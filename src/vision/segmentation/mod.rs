@@ -5,12 +5,16 @@
 //! frame's pixels are only looked up in the table, first around the predicted position of a tool, else on a coarse
 //! grid. [`palette`] checks before the recording whether the marked colours can be distinguished at all.
 
+pub mod background;
+pub mod cells;
 pub mod colour_table;
 pub mod encoding;
 pub mod knn;
 pub mod palette;
 pub mod region_of_interest;
 pub mod samples;
+pub mod shaft_colour;
+pub mod shaft_evidence;
 
 use std::ops::Range;
 

@@ -131,16 +131,26 @@ impl ColourSamples {
 
     /// Mean and spread of a label's samples, as codes of the given encoding.
     pub fn usual_colour(&self, label: &str, encoding: ColourEncoding) -> UsualColour {
-        let own = self.samples.iter().filter(|s| self.labels[s.label] == label);
-        let (count, sum, squares) = own.fold((0.0, [0.0; 3], 0.0), |(n, sum, squares), s| {
-            let codes = encoding.codes_of(self.encoding.colour_of(s.yuv)).map(f64::from);
-            let square = codes[1] * codes[1] + codes[2] * codes[2];
-            (n + 1.0, [0, 1, 2].map(|i| sum[i] + codes[i]), squares + square)
+        let own = self.codes_of_label(label, encoding);
+        let (count, sum, squares) = own.fold((0.0, [0.0; 3], [0.0; 3]), |(n, sum, squares), codes| {
+            let codes = codes.map(f64::from);
+            let add = |sum: [f64; 3], more: [f64; 3]| [0, 1, 2].map(|i| sum[i] + more[i]);
+            (n + 1.0, add(sum, codes), add(squares, codes.map(|code| code * code)))
         });
         let count = f64::max(count, 1.0);
         let codes = sum.map(|s| s / count);
-        let chroma_spread = (squares / count - codes[1] * codes[1] - codes[2] * codes[2]).max(0.0).sqrt();
-        UsualColour { codes, chroma_spread }
+        let variance = |i: usize| squares[i] / count - codes[i] * codes[i];
+        UsualColour {
+            codes,
+            luma_spread: variance(0).max(0.0).sqrt(),
+            chroma_spread: (variance(1) + variance(2)).max(0.0).sqrt(),
+        }
+    }
+
+    /// The codes of a label's samples, in the given encoding.
+    pub fn codes_of_label(&self, label: &str, encoding: ColourEncoding) -> impl Iterator<Item = [u8; 3]> {
+        let own = self.samples.iter().filter(move |s| self.labels[s.label] == label);
+        own.map(move |s| encoding.codes_of(self.encoding.colour_of(s.yuv)))
     }
 
     fn label_index(&mut self, name: &str) -> usize {
@@ -156,6 +166,8 @@ impl ColourSamples {
 pub struct UsualColour {
     /// Mean codes of Y, U, V.
     pub codes: [f64; 3],
+    /// Standard deviation of the samples' luma, codes.
+    pub luma_spread: f64,
     /// Distance of the samples' chroma from the mean, root mean square, codes. Light and shade on a round tape change
     /// its chroma.
     pub chroma_spread: f64,

@@ -9,6 +9,7 @@ use crate::vision::frame::Frame;
 use crate::vision::segmentation::Segment;
 use crate::vision::segmentation::colour_table::ColourTable;
 use crate::vision::space::Pixel;
+use crate::vision::strip::finder::FrameStrips;
 use crate::vision::tube::Outline;
 
 /// A frame, and what is known about it before a tool is looked for.
@@ -21,6 +22,8 @@ pub struct FrameContext<'a> {
     pub table: &'a ColourTable,
     /// Camera and tracking methods.
     pub settings: &'a TrackerSettings,
+    /// The strips that may be bare shafts; `None` without bare tools, or while the box is not known.
+    pub strips: Option<&'a FrameStrips<'a>>,
     /// Expected outlines of the other tools, which may hide this one.
     pub obstacles: &'a [Outline],
 }

@@ -93,12 +93,18 @@ impl ToolTracker {
         self.band_fit(scene, prediction).with_continuation(found)
     }
 
-    fn band_fit<'a>(&'a self, scene: &'a FrameContext<'a>, prediction: &Prediction) -> BandFit<'a> {
+    /// Length of the band and its standard deviation, mm, once known. A bare shaft has no end on the hand's side.
+    fn known_length(&self) -> Option<(f64, f64)> {
+        let of_band = || self.spec.band_length_mm().map(|known| (known, 0.0)).or_else(|| self.lengths.estimate());
+        if self.spec.is_bare() { None } else { of_band() }
+    }
+
+    pub(super) fn band_fit<'a>(&'a self, scene: &'a FrameContext<'a>, prediction: &Prediction) -> BandFit<'a> {
         BandFit {
             scene,
             class: self.class,
             spec: &self.spec,
-            length: self.spec.band_length_mm().map(|known| (known, 0.0)).or_else(|| self.lengths.estimate()),
+            length: self.known_length(),
             motion_px_s: prediction.motion_px_s,
             fulcrum: self.fulcrum(),
             last_depth_mm: self.last_band.map(|band| band.tube.tip.z),

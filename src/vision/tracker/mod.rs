@@ -43,15 +43,18 @@ mod refine;
 mod report;
 mod rival;
 mod search;
+mod scene_samples;
 mod second_look;
 mod second_pass;
 mod settings;
+mod shaft_search;
 mod starts;
 mod tape_cover;
 mod tool;
 mod trace;
 mod width_method;
 
+pub use scene_samples::SceneSamples;
 pub use report::{
     Absence, DiameterBasis, EffectiveDiameter, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality,
     ToolReport, Tracking, TrocarEvidence,
@@ -62,12 +65,14 @@ pub use settings::{
 };
 pub use trace::{FitTrace, FrameTrace, ProbePassTrace, ToolTrace};
 
-use crate::vision::edges::edge_model::EdgeModel;
+use crate::vision::edges::edge_model::{EdgeModel, Likeness};
 use crate::vision::frame::{ColourEncoding, Frame};
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::segmentation::colour_table::ColourTable;
 use crate::vision::segmentation::knn::Knn;
 use crate::vision::segmentation::palette;
+use crate::vision::segmentation::shaft_colour::ShaftColour;
+use crate::vision::strip::finder::{BareTool, FrameStrips, StripFinder};
 use crate::vision::trajectory::Sample;
 use crate::vision::tube::Outline;
 use accept::ToolFrameResult;
@@ -85,6 +90,9 @@ pub const MAX_WARM_UP_FRAMES: usize = 12;
 pub struct Tracker {
     settings: TrackerSettings,
     table: ColourTable,
+    encoding: ColourEncoding,
+    /// Finds bare shafts, once the box is known.
+    strips: Option<StripFinder>,
     tools: Vec<ToolTracker>,
     /// Pairs of tools that share a colour; the left hand's tool comes first.
     pairs: Vec<[usize; 2]>,
@@ -109,9 +117,13 @@ impl Tracker {
         let classes = settings.classes();
         let knn = Knn::new(&settings.samples, &classes).ok_or(SettingsProblem::NoBackground)?;
         let table = ColourTable::new(knn, encoding);
-        let tools = settings.tools.iter().map(|spec| {
+        let bare: Vec<usize> = (0..settings.tools.len()).filter(|i| settings.tools[*i].is_bare()).collect();
+        let tools = settings.tools.iter().enumerate().map(|(i, spec)| {
             let tape = settings.samples.usual_colour(&spec.colour, encoding);
-            ToolTracker::new(spec.clone(), settings.class_of(&spec.colour), EdgeModel::new(tape, encoding))
+            let likeness = if spec.is_bare() { Likeness::AllPlanes } else { Likeness::Chroma };
+            let place = bare.iter().position(|of| *of == i);
+            let edges = EdgeModel::new(tape, likeness, encoding);
+            ToolTracker::new(spec.clone(), settings.class_of(&spec.colour), place, edges)
         });
         let (tools, pairs) = (tools.collect(), settings.pairs());
         let last = vec![None; settings.tools.len()];
@@ -119,11 +131,29 @@ impl Tracker {
             tools,
             pairs,
             table,
+            encoding,
+            strips: None,
             settings,
             instants: Vec::new(),
             light: LightWatch::default(),
             last_samples: last,
         })
+    }
+
+    /// Learns the box without tools, and the trocars of bare tools, from frames spread over the recording. Needed to
+    /// find tools without tape; call it before [`Tracker::warm_up`]. Nothing happens without such tools.
+    pub fn learn_scene(&mut self, scene: &SceneSamples) {
+        let bare = self.settings.tools.iter().filter(|tool| tool.is_bare());
+        let tools: Vec<BareTool> =
+            bare.map(|tool| BareTool { side: tool.side, diameter_mm: tool.diameter_mm }).collect();
+        let Some(colour) = self.settings.tools.iter().find(|tool| tool.is_bare()).map(|tool| &tool.colour) else {
+            return;
+        };
+        let pixels: Vec<[u8; 3]> = self.settings.samples.codes_of_label(colour, self.encoding).collect();
+        let SceneSamples { frames, empty } = scene;
+        self.strips = ShaftColour::new(&pixels).and_then(|shaft| {
+            StripFinder::learn(&self.settings.camera, shaft, &tools, frames, empty.as_ref())
+        });
     }
 
     /// Tracks the first frames of a recording only to learn how edges look and how long the bands are. The first
@@ -173,9 +203,12 @@ impl Tracker {
         self.light.sample_frame(frame);
         let mut outlines = self.expected_outlines(frame.time_s);
         let mut results: Vec<(usize, ToolFrameResult)> = Vec::with_capacity(self.tools.len());
+        let finder = self.strips.take();
+        let strips = finder.as_ref().map(|finder| FrameStrips::new(finder, frame));
         for tool in self.nearest_first(&outlines) {
-            results.push((tool, self.observe_alone(tool, frame, &mut outlines)));
+            results.push((tool, self.observe_alone(tool, frame, strips.as_ref(), &mut outlines)));
         }
+        self.strips = finder;
         for pair in 0..self.pairs.len() {
             results.extend(self.observe_pair(self.pairs[pair], frame, &outlines));
         }
@@ -186,11 +219,18 @@ impl Tracker {
 
     /// Tracks a tool that shares its colour with no other. Its measured outline, no longer the expected one, then shows
     /// what it may hide.
-    fn observe_alone(&mut self, i: usize, frame: &Frame<'_>, outlines: &mut [Option<Outline>]) -> ToolFrameResult {
+    fn observe_alone(
+        &mut self,
+        i: usize,
+        frame: &Frame<'_>,
+        strips: Option<&FrameStrips<'_>>,
+        outlines: &mut [Option<Outline>],
+    ) -> ToolFrameResult {
         let (table, settings) = (&self.table, &self.settings);
         let obstacles = outlines_of_others(outlines, i);
         let tool = &mut self.tools[i];
-        let result = tool.observe(&FrameContext { frame, segment: table, table, settings, obstacles: &obstacles });
+        let scene = FrameContext { frame, segment: table, table, settings, strips, obstacles: &obstacles };
+        let result = tool.observe(&scene);
         if result.advance.observed {
             outlines[i] = tool.last_outline();
         }
@@ -207,7 +247,7 @@ impl Tracker {
         let (table, settings) = (&self.table, &self.settings);
         let obstacles = pair.map(|i| outlines_of_others(outlines, i));
         let scenes =
-            [0, 1].map(|of| FrameContext { frame, segment: table, table, settings, obstacles: &obstacles[of] });
+            [0, 1].map(|of| FrameContext { frame, segment: table, table, settings, strips: None, obstacles: &obstacles[of] });
         match self.tools.get_disjoint_mut(pair) {
             Ok(tools) => pair.into_iter().zip(pair::observe(tools, scenes)).collect(),
             Err(_) => Vec::new(),

@@ -91,7 +91,11 @@ impl BandFit<'_> {
 
     pub(super) fn locate(&self, probe: &Probe, fineness: Fineness) -> Option<LocatedEdge> {
         let (table, class) = (self.scene.table, self.class);
-        self.edges.locate(self.scene.frame, probe, fineness, |codes| table.class_of(codes) == class)
+        let strips = self.scene.strips.filter(|_| self.spec.is_bare());
+        self.edges.locate(self.scene.frame, probe, fineness, |codes| match strips {
+            Some(strips) => strips.is_shaft_colour(codes),
+            None => table.class_of(codes) == class,
+        })
     }
 
     /// Finds the edges along a tube's outline, and counts the probes that are visible.

@@ -51,13 +51,13 @@ impl BandFit<'_> {
             fitted_edges: Vec::new(),
         };
         self.use_fulcrum(&mut measurement, &found);
-        if !self.covers_tape(&measurement.estimate.tube, length_mm) {
+        if !self.spec.is_bare() && !self.covers_tape(&measurement.estimate.tube, length_mm) {
             return Err(MissReason::NotTape);
         }
         if measurement.grade() < Grade::Good {
             doubt(&mut measurement.estimate);
         }
-        if self.spec.band_length_mm().is_none() {
+        if self.is_length_unknown() {
             self.measure_length(&mut measurement, &found);
         }
         measurement.fitted_edges = found.fitted;
@@ -141,13 +141,18 @@ impl BandFit<'_> {
             offsets_px: found.offsets_px(single_pose_offsets_px(self.px_per_mm_across(tube), px_per_mm)),
             own_px: found.offsets_px(own_offsets_px(self.px_per_mm_across(tube))),
             length_mm,
-            px_per_mm: if self.spec.band_length_mm().is_none() { px_per_mm } else { 0.0 },
+            px_per_mm: if self.is_length_unknown() { px_per_mm } else { 0.0 },
         };
         if let Some((_, sigma_mm)) = self.length {
             let proximal_px = &mut priors.offsets_px[OutlinePart::ProximalEnd.index()];
             *proximal_px = proximal_px.hypot(sigma_mm * px_per_mm);
         }
         priors
+    }
+
+    /// Does it have a band whose length was not measured?
+    fn is_length_unknown(&self) -> bool {
+        !self.spec.is_bare() && self.spec.band_length_mm().is_none()
     }
 
     /// Corrects the band's assumed length by its proximal end, as seen on this frame.

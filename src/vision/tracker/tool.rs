@@ -26,6 +26,8 @@ use crate::vision::tube::Outline;
 pub struct ToolTracker {
     pub(super) spec: ToolSpec,
     pub(super) class: u8,
+    /// Its place among the tools with bare shafts.
+    pub(super) bare: Option<usize>,
     pub(super) finder: ComponentFinder,
     pub(super) edges: EdgeModel,
     pub(super) track: Track,
@@ -45,10 +47,11 @@ pub struct ToolTracker {
 }
 
 impl ToolTracker {
-    pub(super) fn new(spec: ToolSpec, class: u8, edges: EdgeModel) -> Self {
+    pub(super) fn new(spec: ToolSpec, class: u8, bare: Option<usize>, edges: EdgeModel) -> Self {
         Self {
             spec,
             class,
+            bare,
             finder: ComponentFinder::default(),
             edges,
             track: Track::default(),
@@ -75,7 +78,7 @@ impl ToolTracker {
 
     /// A tracker of the same tool that has never seen it, but knows the edge appearance.
     pub(super) fn fresh(&self) -> Self {
-        Self::new(self.spec.clone(), self.class, self.edges.clone())
+        Self::new(self.spec.clone(), self.class, self.bare, self.edges.clone())
     }
 
     /// Starts over, and withdraws all measurements so far for this reason.
@@ -91,8 +94,14 @@ impl ToolTracker {
         let prediction = self.predict(scene);
         let measured = match self.try_prediction(scene, &prediction) {
             Some(measurement) => Ok(measurement),
-            None => self.find_and_measure(scene, &prediction, None),
+            None => match self.bare {
+                Some(bare) => self.find_and_measure_shaft(scene, &prediction, bare),
+                None => self.find_and_measure(scene, &prediction, None),
+            },
         };
+        if self.bare.is_some() {
+            return self.accept_and_learn(scene, &measured); // its hand's side and its trocar are known otherwise
+        }
         let measured = measured.map(|found| self.prefer_rival(scene, &prediction, found));
         let result = self.accept_and_learn(scene, &measured);
         self.learn_hand_side(scene, &result);

@@ -15,7 +15,7 @@
 use nalgebra::Vector3;
 
 use super::edge_fit::{EdgeFit, LIMB_INSIDE};
-use super::edge_model::EdgeModel;
+use super::edge_model::{EdgeModel, Likeness};
 use super::probe::{LocatedEdge, Probe};
 use super::profile::{self, Profile};
 use crate::vision::frame::Frame;
@@ -88,7 +88,11 @@ impl EdgeModel {
             } else {
                 is_nearer() && (is_surely_nearer() || is_usual())
             };
-            (is_inside || self.may_be_shaded_tape(inside)) && !is_tape(outside)
+            match self.likeness {
+                Likeness::Chroma => (is_inside || self.may_be_shaded_tape(inside)) && !is_tape(outside),
+                // A dark shaft before a dark box: both sides look like a shaft, and the inside is the nearer one.
+                Likeness::AllPlanes => is_inside && is_nearer(),
+            }
         };
         if fineness == Fineness::Step {
             return is_border(&first).then_some(LocatedEdge { offset_px: guess, sigma_px: STEP_SIGMA_PX, fit: None });

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::vision::camera::Camera;
 use crate::vision::segmentation::samples::ColourSamples;
+pub use crate::vision::space::HandSide;
 
 /// One tool: a tube that ends where the jaw begins, and what shows where it is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,27 +34,28 @@ pub enum Marker {
         /// Its length along the tube, mm, if it was measured: depth then becomes about three times sharper.
         length_mm: Option<f64>,
     },
-    /// Nothing: the bare shaft itself, as far as it is in the picture.
-    Shaft,
+    /// Nothing: the bare shaft itself, where it is in the picture.
+    Shaft {
+        /// Length of a collar between the shaft's end and the jaws, mm, if it has one.
+        collar_mm: Option<f64>,
+        /// Distance from the shaft's end to the tip of the closed jaws, mm, if it was measured.
+        jaw_mm: Option<f64>,
+    },
 }
 
 impl ToolSpec {
+    /// Is it followed by its bare shaft?
+    pub fn is_bare(&self) -> bool {
+        matches!(self.marker, Marker::Shaft { .. })
+    }
+
     /// Length of its band along the tube, mm, if it has a band and its length was measured.
     pub fn band_length_mm(&self) -> Option<f64> {
         match self.marker {
             Marker::Band { length_mm } => length_mm,
-            Marker::Shaft => None,
+            Marker::Shaft { .. } => None,
         }
     }
-}
-
-/// The side of a tool's hand, as the camera sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum HandSide {
-    /// Left in the picture.
-    Left,
-    /// Right in the picture.
-    Right,
 }
 
 /// Position of the camera (T 6.4). Decides which end of a band is distal while nothing better is known.
@@ -219,10 +221,11 @@ impl TrackerSettings {
         self.samples.labels.iter().map(|label| self.class_of(label)).collect()
     }
 
-    /// Pairs of tools that share a colour, the left hand's first: by their stated sides, else in their order.
+    /// Pairs of tools whose tapes share a colour, the left hand's first: by their stated sides, else in their order.
+    /// Bare shafts are found by their sides and trocars, each for itself.
     pub(super) fn pairs(&self) -> Vec<[usize; 2]> {
         let mut pairs = Vec::new();
-        for (first, tool) in self.tools.iter().enumerate() {
+        for (first, tool) in self.tools.iter().enumerate().filter(|(_, tool)| !tool.is_bare()) {
             let rest = self.tools.iter().enumerate().skip(first + 1);
             for (second, other) in rest.filter(|(_, other)| other.colour == tool.colour) {
                 let turned = tool.side == Some(HandSide::Right) || other.side == Some(HandSide::Left);

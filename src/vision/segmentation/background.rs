@@ -1,0 +1,214 @@
+//! The box without tools, cell by cell: what is behind a bare shaft.
+//!
+//! **In** the picture of the empty box, or cells of frames spread over the recording. **Out** the usual codes of each
+//! cell, and how far a frame's cell agrees with them. **Method** From frames, each cell's median luma, weighted with the
+//! probability that the cell does *not* show the shaft, and the mean codes near it. Nothing is learned under a shaft,
+//! so a tool at rest does not become background as it does in the thesis (METHOD, T 5.1).
+
+use super::cells::{CellGrid, CellPicture};
+use super::shaft_colour::{AnyColour, ShaftColour};
+
+/// Codes of luma about the median that count as the same surface: twice the usual noise and flicker.
+const SAME_SURFACE_CODES: f32 = 8.0;
+/// Noise that quantisation adds to a cell: standard deviation, codes.
+const QUANTISATION_CODES: f32 = 2.0;
+/// Weight of a sample that is certainly shaft: a cell that is always covered keeps its plain median.
+const LEAST_WEIGHT: f32 = 1e-3;
+/// Least luma for ratios of luma, codes.
+const LEAST_LUMA: f32 = 8.0;
+
+/// Shares of what a cell outside the shaft shows: the background, the background in shade, anything else.
+const SAME_SHARE: f32 = 0.80;
+const SHADE_SHARE: f32 = 0.17;
+const OTHER_SHARE: f32 = 0.03;
+/// Luma in shade, as a share of the usual luma: darkest, brightest.
+const SHADE: (f32, f32) = (0.25, 1.03);
+/// Standard deviation of chroma in shade about the usual one shrunk alike, codes.
+const SHADE_CHROMA_CODES: f32 = 6.0;
+
+/// The box without tools.
+#[derive(Clone)]
+pub struct Background {
+    grid: CellGrid,
+    /// Usual codes of each cell.
+    usual: Vec<[f32; 3]>,
+    /// Does the cell look like the shaft without any tool?
+    like_shaft: Vec<bool>,
+    /// Noise of each channel: standard deviation, codes.
+    noise: [f32; 3],
+}
+
+impl Background {
+    /// From frames spread over the recording, at least one, all of one size.
+    pub fn from_frames(frames: &[CellPicture], shaft: &ShaftColour, any: &AnyColour) -> Option<Self> {
+        let grid = frames.first()?.grid;
+        let mut samples: Vec<(f32, f32, [f32; 3])> = Vec::with_capacity(frames.len());
+        let usual = (0..grid.count()).map(|cell| {
+            samples.clear();
+            samples.extend(frames.iter().map(|frame| {
+                let codes = frame.codes[cell].map(f32::from);
+                let ratio = (shaft.log_density(codes) - any.log_density(codes)).clamp(-20.0, 20.0);
+                (codes[0], 1.0 / (1.0 + ratio.exp()) + LEAST_WEIGHT, codes)
+            }));
+            usual_codes(&mut samples)
+        });
+        Some(Self::new(grid, usual.collect(), frames, shaft, any))
+    }
+
+    /// From the picture of the empty box. Its exposure may differ from the recording's: its luma is scaled by the
+    /// median ratio.
+    pub fn from_empty(
+        empty: &CellPicture,
+        frames: &[CellPicture],
+        shaft: &ShaftColour,
+        any: &AnyColour,
+    ) -> Option<Self> {
+        if frames.iter().any(|frame| frame.grid != empty.grid) {
+            return None;
+        }
+        let mean = |cell: usize| {
+            frames.iter().map(|frame| f32::from(frame.codes[cell][0])).sum::<f32>() / frames.len() as f32
+        };
+        let ratios = (0..empty.grid.count()).map(|cell| mean(cell) / f32::from(empty.codes[cell][0]).max(LEAST_LUMA));
+        let gain = median(ratios.filter(|ratio| ratio.is_finite()).collect()).unwrap_or(1.0);
+        let usual = empty.codes.iter().map(|codes| {
+            let [y, u, v] = codes.map(f32::from);
+            [y * gain, u, v]
+        });
+        Some(Self::new(empty.grid, usual.collect(), frames, shaft, any))
+    }
+
+    fn new(grid: CellGrid, usual: Vec<[f32; 3]>, frames: &[CellPicture], shaft: &ShaftColour, any: &AnyColour) -> Self {
+        /// Every fourth frame and seventh cell is enough for a median.
+        const EVERY: (usize, usize) = (4, 7);
+        let like_shaft = usual.iter().map(|codes| shaft.log_density(*codes) > any.log_density(*codes)).collect();
+        let noise = std::array::from_fn(|part| {
+            let off = frames.iter().step_by(EVERY.0).flat_map(|frame| {
+                let pairs = frame.codes.iter().zip(&usual).step_by(EVERY.1);
+                pairs.map(|(codes, usual)| (f32::from(codes[part]) - usual[part]).abs())
+            });
+            1.4826 * median(off.collect()).unwrap_or(0.0) + QUANTISATION_CODES
+        });
+        Self { grid, usual, like_shaft, noise }
+    }
+
+    /// The cells.
+    pub fn grid(&self) -> CellGrid {
+        self.grid
+    }
+
+    /// Does the cell look like the shaft without any tool?
+    pub fn is_like_shaft(&self, cell: usize) -> bool {
+        self.like_shaft[cell]
+    }
+
+    /// Log density of these codes in a cell that no shaft covers; `any` is their log density anywhere.
+    pub fn log_density(&self, cell: usize, codes: [f32; 3], any: f32) -> f32 {
+        let usual = self.usual[cell];
+        let same = self.same_log_density(codes, usual) + SAME_SHARE.ln();
+        let shade = shade_log_density(codes, usual) + SHADE_SHARE.ln();
+        let other = any + OTHER_SHARE.ln();
+        let most = same.max(shade).max(other);
+        most + ((same - most).exp() + (shade - most).exp() + (other - most).exp()).ln()
+    }
+
+    /// Of the background as usual: a Student distribution with four degrees of freedom.
+    fn same_log_density(&self, codes: [f32; 3], usual: [f32; 3]) -> f32 {
+        let [y, u, v] = self.noise;
+        let squares: f32 = (0..3).map(|part| ((codes[part] - usual[part]) / self.noise[part]).powi(2)).sum();
+        -1.5 * std::f32::consts::TAU.ln() - (y * u * v).ln() - 3.5 * (0.25 * squares).ln_1p()
+    }
+
+    /// How far a cell differs from the background, in standard deviations of the noise.
+    pub fn difference(&self, cell: usize, codes: [f32; 3]) -> f32 {
+        let usual = self.usual[cell];
+        (0..3).map(|part| ((codes[part] - usual[part]) / self.noise[part]).powi(2)).sum::<f32>().sqrt()
+    }
+}
+
+/// Log density of the background in shade: darker by any factor, with its chroma shrunk alike.
+fn shade_log_density(codes: [f32; 3], usual: [f32; 3]) -> f32 {
+    const IMPOSSIBLE: f32 = -12.0;
+    const GREY: f32 = 128.0;
+    let share = codes[0] / usual[0].max(LEAST_LUMA);
+    let variance = SHADE_CHROMA_CODES * SHADE_CHROMA_CODES;
+    let off: f32 = (1..3).map(|part| (codes[part] - GREY - share.min(1.5) * (usual[part] - GREY)).powi(2)).sum();
+    let luma = if share > SHADE.0 && share < SHADE.1 { -(0.75 * usual[0]).max(20.0).ln() } else { IMPOSSIBLE };
+    luma - (std::f32::consts::TAU * variance).ln() - 3.0 * (0.25 * off / variance).ln_1p()
+}
+
+/// The mean of the codes near the weighted median luma, from (luma, weight, codes).
+fn usual_codes(samples: &mut [(f32, f32, [f32; 3])]) -> [f32; 3] {
+    samples.sort_by(|one, other| one.0.total_cmp(&other.0));
+    let half = 0.5 * samples.iter().map(|(_, weight, _)| weight).sum::<f32>();
+    let mut sum = 0.0;
+    let middle = samples.iter().find(|(_, weight, _)| {
+        sum += weight;
+        sum >= half
+    });
+    let median = middle.map_or(0.0, |(luma, ..)| *luma);
+    let near = samples.iter().filter(|(luma, ..)| (luma - median).abs() <= SAME_SURFACE_CODES);
+    let (count, total) = near.fold((0.0f32, [0.0; 3]), |(count, total), (.., codes)| {
+        (count + 1.0, std::array::from_fn(|part| total[part] + codes[part]))
+    });
+    total.map(|total| total / count.max(1.0))
+}
+
+fn median(mut values: Vec<f32>) -> Option<f32> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GRID: CellGrid = CellGrid { cell_px: 4, columns: 6, rows: 4 };
+    const MAT: [u8; 3] = [150, 110, 140];
+    const SHAFT: [u8; 3] = [30, 127, 129];
+
+    fn shaft() -> ShaftColour {
+        ShaftColour::new(&[SHAFT; 50]).unwrap()
+    }
+
+    /// Frames of a mat; the shaft covers cell 0 on the first `covered` of ten.
+    fn frames(covered: usize) -> Vec<CellPicture> {
+        let frame = |i: usize| {
+            let mut codes = vec![MAT; GRID.count()];
+            if i < covered {
+                codes[0] = SHAFT;
+            }
+            CellPicture { grid: GRID, codes }
+        };
+        (0..10).map(frame).collect()
+    }
+
+    fn background(covered: usize) -> Background {
+        let frames = frames(covered);
+        Background::from_frames(&frames, &shaft(), &AnyColour::new(&frames)).unwrap()
+    }
+
+    #[test]
+    fn a_shaft_that_rests_for_most_of_the_recording_is_not_learned() {
+        assert_eq!(background(9).usual[0], MAT.map(f32::from));
+        assert!(!background(9).is_like_shaft(0));
+    }
+
+    #[test]
+    fn a_shaded_mat_is_likelier_background_than_a_shaft_is() {
+        let (background, any) = (background(3), -12.0);
+        let shaded = background.log_density(0, [75.0, 119.0, 134.0], any);
+        let covered = background.log_density(0, SHAFT.map(f32::from), any);
+        assert!(shaded > covered + 3.0, "{shaded} {covered}");
+    }
+
+    #[test]
+    fn an_empty_picture_of_half_the_light_gives_the_same_background() {
+        let frames = frames(0);
+        let [y, u, v] = MAT;
+        let empty = CellPicture { grid: GRID, codes: vec![[y / 2, u, v]; GRID.count()] };
+        let (shaft, any) = (shaft(), AnyColour::new(&frames));
+        let background = Background::from_empty(&empty, &frames, &shaft, &any).unwrap();
+        assert!((background.usual[5][0] - f32::from(y)).abs() < 2.0);
+    }
+}

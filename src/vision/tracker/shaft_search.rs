@@ -1,0 +1,89 @@
+//! Finds and measures a bare shaft: the strips of the frame, each refined with the edges in the pixels.
+
+use nalgebra::{Point2, Point3, Vector2};
+
+use super::band_fit::BandFit;
+use super::frame_context::FrameContext;
+use super::measurement::{Grade, Measurement};
+use super::predict::Prediction;
+use super::probe_pass::PROBE_PASSES;
+use super::tool::ToolTracker;
+use super::trace::FitRecorder;
+use crate::vision::edges::line_fit::BorderLine;
+use crate::vision::pose::tangent_planes;
+use crate::vision::reason::MissReason;
+use crate::vision::strip::Strip;
+use crate::vision::tube::Tube;
+
+/// Length of the shaft that is measured, mm. A longer piece would show its direction better, but the play of the trocar
+/// and a bent shaft count more the longer it is.
+pub const MEASURED_SHAFT_MM: f64 = 60.0;
+
+impl ToolTracker {
+    /// Searches the whole frame for the shaft, and measures the strips that may be it, the best first.
+    pub(super) fn find_and_measure_shaft(
+        &mut self,
+        scene: &FrameContext<'_>,
+        prediction: &Prediction,
+        bare: usize,
+    ) -> Result<Measurement, MissReason> {
+        let strips = scene.strips.map(|strips| strips.of_tool(bare)).unwrap_or_default();
+        let mut best = Err(MissReason::NoMarkerColour);
+        for strip in &strips {
+            let mut recorder = FitRecorder::new(self.trace.is_recording());
+            let measured = self.band_fit(scene, prediction).measure_strip(strip, &mut recorder);
+            self.trace.record_fits(recorder.into_fits());
+            let measured = measured.and_then(|found| {
+                if self.agrees_with_fulcrum(&found) { Ok(found) } else { Err(MissReason::OffFulcrum) }
+            });
+            match measured {
+                Ok(found) => return Ok(found),
+                Err(reason) => best = best.map_err(|other: MissReason| other.max(reason)),
+            }
+        }
+        best
+    }
+}
+
+impl BandFit<'_> {
+    /// Measures the shaft of a strip.
+    fn measure_strip(&self, strip: &Strip, recorder: &mut FitRecorder) -> Result<Measurement, MissReason> {
+        let mut best = Err(MissReason::PoorFit);
+        for start in self.starts_of_strip(strip) {
+            let found = self.refine(&start, MEASURED_SHAFT_MM, PROBE_PASSES, recorder);
+            let found = found.and_then(|found| {
+                if found.grade() >= Grade::Possible { Ok(found) } else { Err(MissReason::PoorFit) }
+            });
+            best = match (best, found) {
+                (Ok(one), Ok(other)) => Ok(Measurement::likelier(one, other)),
+                (Err(one), Err(other)) => Err(MissReason::max(one, other)),
+                (one, other) => other.or(one),
+            };
+            if best.as_ref().is_ok_and(|found: &Measurement| found.grade() == Grade::Good) {
+                break;
+            }
+        }
+        best
+    }
+
+    /// Rough tubes: through the trocar if it is known, with the borders' taper, and facing the camera.
+    fn starts_of_strip(&self, strip: &Strip) -> Vec<Tube> {
+        let radius = self.radius_mm();
+        let depth_mm = 2.0 * radius / strip.width + radius;
+        let tip = Point3::from(strip.end.ray() * depth_mm);
+        let through_trocar = self.fulcrum.and_then(|fulcrum| {
+            let axis = (tip - fulcrum.at).try_normalize(1e-9)?;
+            Some(Tube { tip, axis, radius })
+        });
+        let by_taper = tangent_planes::locate(strip.borders.map(line_through), strip.end, strip.entry, radius);
+        let facing = (strip.end.ray() - strip.entry.ray()).try_normalize(1e-9).map(|axis| Tube { tip, axis, radius });
+        [through_trocar, by_taper, facing].into_iter().flatten().collect()
+    }
+}
+
+/// The line through both points.
+fn line_through([from, to]: [Point2<f64>; 2]) -> BorderLine {
+    let along = to - from;
+    let normal = Vector2::new(-along.y, along.x).normalize();
+    BorderLine { normal, offset: normal.dot(&from.coords) }
+}
