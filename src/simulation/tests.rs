@@ -1,5 +1,7 @@
 //! Tests of the whole simulation: truth, motion, pixels.
 
+mod bare;
+
 use nalgebra::{Point3, Vector3};
 
 use super::light::Lamp;
@@ -234,7 +236,8 @@ fn a_rendered_silhouette_lies_within_a_twentieth_of_a_pixel_of_the_tangent_plane
 
 /// Distances of the rendered left and right borders of the band from the tangent planes, row by row, across the border.
 fn measured_edges(world: &World) -> (Vec<f64>, Vec<f64>) {
-    let coverage = super::render::band_coverage(world, 0.0);
+    let tape = world.tools[0].design.band.unwrap().tape.material();
+    let coverage = super::render::coverage(world, 0.0, |material| *material == tape);
     let camera = world.rig.camera;
     let pose = world.poses(0.0)[0];
     let tube = world.tools[0].design.tube(&pose);
