@@ -7,7 +7,7 @@ use super::checkerboard::HeldBoard;
 use super::light::Material;
 use super::motion::Oscillation;
 use super::rig::{Rig, RigView};
-use super::scenario::{Bead, BeadPlace, Scenario, Script, SimulatedHand};
+use super::scenario::{Bead, BeadPlace, MovedProp, Scenario, Script, SimulatedHand};
 use super::shape::RoundCone;
 use super::skill::Skill;
 use super::tool::{COLLAR_MM, ShaftDesign, SimulatedMarker, SimulatedTool, TapeBand, TapeDesign, ToolDesign, ToolPose};
@@ -111,6 +111,7 @@ pub struct World {
     /// Duration of the task, s.
     pub duration_s: f64,
     beads: Vec<Bead>,
+    moved: Vec<MovedProp>,
 }
 
 impl World {
@@ -119,7 +120,7 @@ impl World {
         let rig = Rig::new(setup.rig, setup.view, setup.width, setup.height).moved(setup.camera_moved_mm);
         let script = setup.scenario.play(&rig, setup);
         let duration_s = script.hands.iter().map(|(_, hand)| hand.now_s()).fold(0.0, f64::max);
-        let Script { hands, beads, props, strokes, sheets } = script;
+        let Script { hands, beads, props, moved, strokes, sheets } = script;
         let tools = hands.into_iter().map(|(side, hand)| tool(setup, &rig, side, hand)).collect();
         let empty = Scenery::new(setup.rig, &rig.camera_from_board, rig.lighting, props, strokes);
         let with = |(from_s, board_from_sheet): &(f64, Isometry3<f64>)| {
@@ -130,7 +131,7 @@ impl World {
         if stages.first().is_none_or(|first| first.from_s > 0.0) {
             stages.insert(0, SceneStage { from_s: 0.0, scenery: empty });
         }
-        Self { rig, tools, stages, seed: setup.seed, duration_s, beads }
+        Self { rig, tools, stages, seed: setup.seed, duration_s, beads, moved }
     }
 
     /// Index in [`Self::stages`] of the stage at a time.
@@ -143,19 +144,25 @@ impl World {
         self.tools.iter().map(|tool| tool.pose(&self.rig, time_s)).collect()
     }
 
+    /// The props that a hand moves, where they are at a time; camera frame.
+    pub fn moved_props(&self, time_s: f64) -> Vec<Prop> {
+        self.moved.iter().map(|moved| moved.at(time_s).moved_by(&self.rig.camera_from_board)).collect()
+    }
+
     /// The box at the first moment, without its tools: their beads lie where they are picked up.
     pub fn empty_box(&self) -> Scenery {
         let loose = self.carried(&self.poses(0.0), 0.0).into_iter().map(|(solid, material)| Prop { solid, material });
         self.stages[0].scenery.clone().with_props(loose)
     }
 
-    /// The carried objects at a time; camera frame.
+    /// The objects that tools or hands move, where they are at a time; camera frame.
     pub fn carried(&self, poses: &[ToolPose], time_s: f64) -> Vec<(RoundCone, Material)> {
         let bead = |bead: &Bead| {
             let material = Material { matt: bead.colour, gloss: 0.2, sharpness: 30, mirror: 0.03 };
             (RoundCone::sphere(self.bead_position(bead, poses, time_s), super::scenario::BEAD_RADIUS_MM), material)
         };
-        self.beads.iter().map(bead).collect()
+        let by_hand = self.moved_props(time_s).into_iter().map(|prop| (prop.solid, prop.material));
+        self.beads.iter().map(bead).chain(by_hand).collect()
     }
 
     fn bead_position(&self, bead: &Bead, poses: &[ToolPose], time_s: f64) -> Point3<f64> {

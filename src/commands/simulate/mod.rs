@@ -18,7 +18,8 @@ use crate::simulation::{RigView, Scenario, Setup, Skill};
 /// Arguments of `trocar simulate`.
 #[derive(clap::Args)]
 pub struct SimulateArgs {
-    /// Scene: wire, rectangle, approach, slide, rest, pegs, crossing, exchange or self-test.
+    /// Scene: wire, rectangle, approach, slide, rest, pegs, crossing, exchange, self-test, long-rest, hidden-tip,
+    /// moved-pegs or black-props.
     #[arg(long)]
     scene: String,
     /// Seed of the hands' motion and the sensor's noise; the same seed gives the same pixels.

@@ -1,10 +1,10 @@
-//! Tools without tape.
+//! Tools without tape, and the scenes for them.
 
 use super::*;
 use crate::simulation::light::Material;
 use crate::simulation::marks;
 use crate::simulation::render::{Photographer, coverage};
-use crate::simulation::tool::{BLACK, FACE, STEEL, ShaftDesign, SimulatedMarker, TapeDesign};
+use crate::simulation::tool::{BLACK, FACE, STEEL, ShaftDesign, SimulatedMarker, TapeDesign, ToolPose};
 use crate::vision::space::Pixel;
 
 const VIEWS: [RigView; 2] = [RigView::Top, RigView::Side];
@@ -146,4 +146,89 @@ fn the_rod_of_a_self_test_has_neither_collar_nor_jaws() {
     assert_eq!((rod.band, rod.collar_mm, rod.jaw_mm), (None, 0.0, 0.0));
     let taped = Setup::new(Scenario::Pegs, Skill::EXPERT, 1).tool_design(1);
     assert_eq!((taped.collar_mm, taped.point_mm(), taped.marker_mm()), (0.0, 17.0, 29.0));
+}
+
+/// Longest time without any movement of a tool, s, and its start.
+fn longest_rest(world: &World, tool: usize) -> (f64, f64) {
+    const STEP_S: f64 = 0.1;
+    let poses: Vec<(f64, ToolPose)> = times(world, STEP_S).map(|t| (t, world.poses(t)[tool])).collect();
+    let rests = poses.chunk_by(|a, b| a.1 == b.1).map(|rest| (rest.len() as f64 * STEP_S, rest[0].0));
+    rests.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap()
+}
+
+#[test]
+fn both_tools_lie_still_for_a_minute_in_a_long_rest() {
+    let world = World::new(&bare(Scenario::LongRest, RigView::Top));
+    let (left, right) = (longest_rest(&world, 0), longest_rest(&world, 1));
+    assert!(left.0 > 60.0 && left.1 == 0.0, "the left one rests for {} s from {} s", left.0, left.1);
+    assert!(right.0 >= 59.9 && right.1 > 1.0, "the right one rests for {} s from {} s", right.0, right.1);
+    assert!(world.duration_s > right.0 + right.1 + 1.0, "both move afterwards");
+}
+
+#[test]
+fn a_hidden_tip_is_away_for_half_a_second_while_the_shaft_stays_in_sight() {
+    const STEP_S: f64 = 0.01;
+    let setups = VIEWS.into_iter().flat_map(|view| SimulatedMarker::ALL.map(|marker| (view, marker)));
+    for (view, marker) in setups {
+        let world = World::new(&Setup { marker, ..bare(Scenario::HiddenTip, view) });
+        let is_hidden = |time_s: f64| {
+            let tip = world.poses(time_s)[0].tip;
+            world.stages[0].scenery.prop_before(tip.coords / tip.z, tip.z).is_some()
+        };
+        let seen: Vec<(f64, bool)> = times(&world, STEP_S).map(|t| (t, is_hidden(t))).collect();
+        let spells: Vec<&[(f64, bool)]> = seen.chunk_by(|a, b| a.1 == b.1).filter(|spell| spell[0].1).collect();
+        assert!(spells.len() >= 6, "{view:?} {marker:?}: {} spells", spells.len());
+        for spell in spells {
+            let length_s = spell.len() as f64 * STEP_S;
+            assert!(
+                (0.35..0.7).contains(&length_s),
+                "{view:?} {marker:?}: hidden for {length_s} s at {} s",
+                spell[0].0
+            );
+            let visible = truth::at(&world, spell[spell.len() / 2].0)[0].visible;
+            assert!((0.3..0.95).contains(&visible), "{view:?} {marker:?}: {visible} visible at {} s", spell[0].0);
+        }
+    }
+}
+
+#[test]
+fn black_pegs_are_moved_one_after_the_other() {
+    let world = World::new(&bare(Scenario::MovedPegs, RigView::Top));
+    let now = |time_s: f64| world.moved_props(time_s);
+    assert!(now(0.0).iter().all(|prop| is_black(&prop.material)));
+    let mut has_moved = vec![false; now(0.0).len()];
+    for time_s in times(&world, 0.1) {
+        let way = now(time_s).into_iter().zip(now(time_s + 0.1)).map(|(a, b)| (a.solid.a - b.solid.a).norm());
+        let moving: Vec<usize> = way.enumerate().filter(|(_, way)| *way > 0.0).map(|(peg, _)| peg).collect();
+        assert!(moving.len() <= 1, "pegs {moving:?} move at {time_s} s");
+        moving.into_iter().for_each(|peg| has_moved[peg] = true);
+    }
+    assert!(has_moved.iter().all(|moved| *moved), "{has_moved:?}");
+    for time_s in [0.0, world.duration_s] {
+        let black = coverage(&world, time_s, is_black);
+        for prop in now(time_s) {
+            assert!(black[pixel_of(&world.rig.camera, prop.solid.b)] > 0.99, "{prop:?} is not shown at {time_s} s");
+        }
+    }
+}
+
+#[test]
+fn bare_shafts_pass_before_black_props() {
+    const FAR_MM: f64 = 1000.0;
+    for view in VIEWS {
+        let world = World::new(&bare(Scenario::BlackProps, view));
+        for tool in 0..2 {
+            let is_beside_black = |time_s: f64| {
+                let pose = world.poses(time_s)[tool];
+                (2..30).any(|back_mm| {
+                    let on_axis = pose.tip - pose.axis * f64::from(back_mm);
+                    let beside = on_axis.coords + pose.axis.cross(&on_axis.coords).normalize() * 3.0;
+                    world.stages[0].scenery.prop_before(beside / beside.z, FAR_MM).is_some()
+                })
+            };
+            let all: Vec<bool> = times(&world, 0.1).map(is_beside_black).collect();
+            let share = all.iter().filter(|beside| **beside).count() as f64 / all.len() as f64;
+            assert!(share > 0.1, "{view:?}, tool {tool}: before black in {share:.2} of the time");
+        }
+    }
 }
