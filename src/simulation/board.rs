@@ -87,8 +87,8 @@ pub struct SurfacePoint {
 }
 
 impl Scenery {
-    /// The scenery of one box (`number` seeds the mat), with a task's props (board frame) and printed lines, seen by this
-    /// camera.
+    /// The scenery of one box (`number` seeds the mat), with a task's props (board frame) and printed lines, seen by
+    /// this camera.
     pub fn new(
         number: u64,
         camera_from_board: &Isometry3<f64>,

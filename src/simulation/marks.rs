@@ -1,5 +1,5 @@
-//! Marks as an instructor would set them: small rectangles on the tapes, the shafts, the jaws and the empty box. Of tools
-//! without tape, only shafts are marked.
+//! Marks as an instructor would set them: small rectangles on the tapes, the shafts, the jaws and the empty box. Of
+//! tools without tape, only shafts are marked.
 
 use nalgebra::Point3;
 

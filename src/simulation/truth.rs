@@ -19,8 +19,8 @@ pub struct TrueTool {
     pub axis: Vector3<f64>,
     /// Tip in the recorded frame, pixels; none if the tip is behind the camera.
     pub tip_px: Option<Point2<f64>>,
-    /// Share of the marker's camera-facing surface that is in the picture and not hidden, 0 to 1. The marker is the band,
-    /// or the last 40 mm of a bare shaft.
+    /// Share of the marker's camera-facing surface that is in the picture and not hidden, 0 to 1. The marker is the
+    /// band, or the last 40 mm of a bare shaft.
     pub visible: f64,
 }
 
