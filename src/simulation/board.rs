@@ -40,7 +40,7 @@ pub struct Stroke {
     pub colour: Rgb,
 }
 
-/// A fixed solid in the box; board frame.
+/// A solid in the box that no tool carries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prop {
     /// Its shape.
@@ -87,7 +87,8 @@ pub struct SurfacePoint {
 }
 
 impl Scenery {
-    /// The scenery of one box (`number` seeds the mat), with a task's props and printed lines, seen by this camera.
+    /// The scenery of one box (`number` seeds the mat), with a task's props (board frame) and printed lines, seen by
+    /// this camera.
     pub fn new(
         number: u64,
         camera_from_board: &Isometry3<f64>,
@@ -96,17 +97,13 @@ impl Scenery {
         strokes: Vec<Stroke>,
     ) -> Self {
         let board_from_camera = camera_from_board.inverse();
-        let in_camera = |p: Prop| {
-            let solid = RoundCone { a: camera_from_board * p.solid.a, b: camera_from_board * p.solid.b, ..p.solid };
-            Prop { solid, ..p }
-        };
         Self {
             board_from_camera,
             eye: board_from_camera * Point3::origin(),
             lighting,
             cells: cells(&mut Dice::new(number, "mat")),
             strokes,
-            props: props.into_iter().map(in_camera).collect(),
+            props: props.into_iter().map(|prop| prop.moved_by(camera_from_board)).collect(),
             sheet: None,
         }
     }
@@ -114,6 +111,12 @@ impl Scenery {
     /// The same scenery with a printed checkerboard instead of the mat.
     pub fn with_sheet(self, held: HeldBoard) -> Self {
         Self { sheet: Some((held, held.camera_from_sheet.inverse())), ..self }
+    }
+
+    /// The same scenery with more props; camera frame.
+    pub fn with_props(mut self, props: impl IntoIterator<Item = Prop>) -> Self {
+        self.props.extend(props);
+        self
     }
 
     /// The first surface point that the ray `v = (x, y, 1)` meets.
@@ -191,6 +194,14 @@ impl Scenery {
         }
         let cell = &self.cells[row as usize][column as usize];
         if cell.form.covers(u - 0.5, v - 0.5) { cell.figure } else { cell.ground }
+    }
+}
+
+impl Prop {
+    /// The prop after a rigid motion.
+    pub fn moved_by(self, motion: &Isometry3<f64>) -> Self {
+        let solid = RoundCone { a: motion * self.solid.a, b: motion * self.solid.b, ..self.solid };
+        Self { solid, ..self }
     }
 }
 

@@ -1,8 +1,9 @@
-//! Marks as an instructor would set them: small rectangles on the tapes, the shafts, the jaws and the empty box.
+//! Marks as an instructor would set them: small rectangles on the tapes, the shafts, the jaws and the empty box. Of
+//! tools without tape, only shafts are marked.
 
 use nalgebra::Point3;
 
-use super::tool::ToolPose;
+use super::tool::{SimulatedTool, ToolPose};
 use super::truth;
 use super::world::World;
 use crate::random::Dice;
@@ -31,7 +32,7 @@ const MARKED_FRAMES: usize = 5;
 const BROWSED_FRAMES: usize = 40;
 /// Rectangles on the empty box per frame.
 const BACKGROUNDS: usize = 9;
-/// Minimum visible share of a band that an instructor marks.
+/// Minimum visible share of a marker that an instructor marks.
 const MIN_VISIBLE_SHARE: f64 = 0.98;
 
 /// Marks on a few frames spread over a recording with these frame times, s; sorted by frame.
@@ -64,13 +65,18 @@ fn spread(all: &[usize], count: usize) -> Vec<usize> {
 }
 
 fn on_tool(world: &World, tool: usize, frame: usize, time_s: f64) -> Vec<SimulatedMark> {
+    const BARE_SHARES: [f64; 4] = [0.2, 0.4, 0.6, 0.8];
     let (design, pose) = (&world.tools[tool].design, world.poses(time_s)[tool]);
-    let (name, band, radius) = (design.tape.name, design.band_mm, 0.5 * design.diameter_mm);
+    let (marker_mm, radius) = (design.marker_mm(), 0.5 * design.diameter_mm);
+    let on_tube = |(share, label)| on_axis(world, &pose, share * marker_mm, radius, label, frame);
+    let Some(band) = design.band else {
+        return BARE_SHARES.into_iter().filter_map(|share| on_tube((share, "shaft"))).collect();
+    };
+    let name = band.tape.name;
     let along = [(0.25, name), (0.5, name), (0.75, name), (1.6, "shaft"), (2.2, "shaft")];
-    let on_tube = along.map(|(share, label)| on_axis(world, &pose, share * band, radius, label, frame));
     let has_jaw = design.jaw_mm > 0.0;
     let jaw = has_jaw.then(|| on_axis(world, &pose, -0.25 * design.jaw_mm, 0.5 * radius, "jaw", frame));
-    on_tube.into_iter().chain(jaw).flatten().collect()
+    along.map(on_tube).into_iter().chain(jaw).flatten().collect()
 }
 
 /// The largest square around a point of the axis that stays on the tube, with a margin of a fifth of the tube's width.
@@ -100,19 +106,28 @@ fn background(world: &World, poses: &[ToolPose], dice: &mut Dice, frame: usize) 
         let half = (dice.within(0.008, 0.022) * width) as i64;
         let middle = Pixel::new(dice.within(0.03, 0.97) * width, dice.within(0.04, 0.96) * height);
         let mark = centred(middle, half.max(2), "background", frame);
-        let clear = distance_to_tools(world, poses, middle) > 1.5 * half as f64 + 0.03 * width;
+        let clear = is_clear(world, poses, middle, 1.5 * half as f64 + 0.03 * width);
         (clear && inside_picture(world, &mark)).then_some(mark)
     })
 }
 
-/// Distance from a pixel to the nearest point of any tool's axis, pixels.
-fn distance_to_tools(world: &World, poses: &[ToolPose], pixel: Pixel) -> f64 {
+/// True if no tool is within `gap` pixels of a pixel: the axis of a taped one, the outline of a bare one.
+fn is_clear(world: &World, poses: &[ToolPose], pixel: Pixel, gap: f64) -> bool {
+    let camera = &world.rig.camera;
+    let ray = camera.normalised_of(pixel).map(|seen| seen.ray().normalize());
+    world.tools.iter().zip(poses).all(|(SimulatedTool { design, .. }, pose)| match (design.band, ray) {
+        (Some(_), _) => distance_to_axis(world, pose, pixel) > gap,
+        (None, Some(ray)) => !design.shadow_rods(pose).any(|rod| rod.may_meet(ray, gap / camera.fx)),
+        (None, None) => false,
+    })
+}
+
+/// Distance from a pixel to the nearest point of a tool's axis, pixels.
+fn distance_to_axis(world: &World, pose: &ToolPose, pixel: Pixel) -> f64 {
     const STEPS: usize = 60;
     let camera = &world.rig.camera;
-    let on_axis =
-        |pose: &ToolPose, step: usize| -> Point3<f64> { pose.grip - pose.axis * (step as f64 / STEPS as f64 * 160.0) };
-    let points = poses.iter().flat_map(|pose| (0..STEPS).map(move |step| on_axis(pose, step)));
-    let seen = points.filter_map(|point| camera.project(CameraPoint(point)));
+    let on_axis = |step: usize| -> Point3<f64> { pose.grip - pose.axis * (step as f64 / STEPS as f64 * 160.0) };
+    let seen = (0..STEPS).filter_map(|step| camera.project(CameraPoint(on_axis(step))));
     seen.map(|p| (p.0 - pixel.0).norm()).fold(f64::INFINITY, f64::min)
 }
 

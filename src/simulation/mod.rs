@@ -8,7 +8,7 @@
 //! | the scenes, and how the hands perform them | `scenario/`, [`skill`], [`motion`] |
 //! | the box: camera, lens, lamps, trocars | [`rig`] |
 //! | the mat, walls and props | [`board`] |
-//! | the tools and their tapes | [`tool`] |
+//! | the tools, and the tape that they carry | [`tool`] |
 //! | everything together, at any time | [`world`] |
 //! | rays and solids; light and shadow | [`shape`], [`light`] |
 //! | pixels | [`render`] |

@@ -1,4 +1,4 @@
-//! A laparoscopic grasper: its sizes and materials, and the positions of its parts in a pose.
+//! A laparoscopic grasper with or without tape: its sizes and materials, and the positions of its parts in a pose.
 
 use nalgebra::{Point3, Vector3};
 
@@ -9,6 +9,42 @@ use super::shape::{RoundCone, TapedTube};
 
 /// Difference in diameter between the taped and the bare tube, mm: two layers of 0.06 mm vinyl.
 pub const TAPE_STEP_MM: f64 = 0.12;
+
+/// Length of the steel collar between a bare shaft and the jaws, mm.
+pub const COLLAR_MM: f64 = 8.0;
+
+/// Diameter of the collar, as a share of the shaft's.
+const COLLAR_SHARE: f64 = 0.94;
+
+/// Length of the end of a bare shaft that counts as its marker, as the band of a taped one does, mm.
+const SHAFT_END_MM: f64 = 40.0;
+
+/// What shows where the tools are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SimulatedMarker {
+    /// A band of tape.
+    Band,
+    /// Nothing but the shaft itself.
+    Bare,
+}
+
+impl SimulatedMarker {
+    /// Every marker.
+    pub const ALL: [SimulatedMarker; 2] = [SimulatedMarker::Band, SimulatedMarker::Bare];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            SimulatedMarker::Band => "band",
+            SimulatedMarker::Bare => "bare",
+        }
+    }
+
+    /// The marker of this name.
+    pub fn named(name: &str) -> Option<SimulatedMarker> {
+        Self::ALL.into_iter().find(|marker| marker.name() == name)
+    }
+}
 
 /// Coloured tape that marks a tool; its name is the tool's name, unless both tools have the same tape.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,25 +77,59 @@ impl TapeDesign {
     }
 }
 
-/// Sizes of one tool.
+/// The surface of a tool's shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ToolDesign {
+pub struct ShaftDesign {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// Its surface.
+    pub material: Material,
+}
+
+impl ShaftDesign {
+    /// Every shaft; all are of polished polymer.
+    pub const ALL: [ShaftDesign; 3] = [
+        ShaftDesign { name: "black", material: BLACK },
+        ShaftDesign { name: "grey", material: Material { matt: [0.2, 0.2, 0.205], ..BLACK } },
+        ShaftDesign { name: "white", material: Material { matt: [0.66, 0.65, 0.62], ..BLACK } },
+    ];
+
+    /// The shaft of this name.
+    pub fn named(name: &str) -> Option<ShaftDesign> {
+        Self::ALL.into_iter().find(|shaft| shaft.name == name)
+    }
+}
+
+/// A band of tape round the end of a tube.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TapeBand {
     /// Its tape.
     pub tape: TapeDesign,
-    /// Outer diameter over the tape, mm.
+    /// Length from the distal end of the tube, mm.
+    pub length_mm: f64,
+}
+
+/// Sizes of one tool, and the surface of its tube.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolDesign {
+    /// The band of tape that its tube carries; `None`: the tube is bare.
+    pub band: Option<TapeBand>,
+    /// The tube's own surface.
+    pub shaft: ShaftDesign,
+    /// Outer diameter of the tube, over the tape if it has some, mm.
     pub diameter_mm: f64,
-    /// Length of the tape from the distal end of the tube, mm.
-    pub band_mm: f64,
-    /// From the distal end of the tube to the point of the closed jaws, mm; 0 for a rod without jaws.
+    /// Length of the steel collar between the tube and the jaws, mm; 0 without a collar.
+    pub collar_mm: f64,
+    /// Length of the closed jaws, mm; 0 for a rod without jaws.
     pub jaw_mm: f64,
 }
 
 /// A tool in a hand: a design, a fixed fulcrum, and the hand's motion.
 #[derive(Clone, Debug)]
 pub struct SimulatedTool {
-    /// Its name: that of its tape, or `left` and `right` if both tools have the same tape.
+    /// Its name: that of its tape, or `left` and `right` if both tools have the same tape or none.
     pub name: &'static str,
-    /// Its sizes and tape.
+    /// Its sizes and surfaces.
     pub design: ToolDesign,
     /// The trocar: the axis passes through this point at every time. Camera frame, mm.
     pub fulcrum: Point3<f64>,
@@ -76,7 +146,7 @@ pub struct SimulatedTool {
 /// The pose of a tool; camera frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolPose {
-    /// Centre of the tube's cross-section at the distal end of the band, mm.
+    /// Centre of the tube's cross-section at its distal end, where the band or the bare shaft ends, mm.
     pub tip: Point3<f64>,
     /// Unit vector from the hand to the tip.
     pub axis: Vector3<f64>,
@@ -97,17 +167,44 @@ impl SimulatedTool {
         let unsteady: Vector3<f64> = self.unsteadiness.iter().map(|o| o.at(time_s)).sum();
         let grip = rig.camera_from_board * Point3::from(self.aim.at(time_s) + unsteady);
         let axis = (grip - self.fulcrum).normalize();
-        let tip = grip - axis * self.design.jaw_mm;
+        let tip = grip - axis * self.design.point_mm();
         let length_mm = (tip - self.fulcrum).norm() + OUTSIDE_MM;
         ToolPose { tip, axis, grip, length_mm, opening: self.opening.at(time_s), roll: self.roll.at(time_s) }
     }
 }
 
 impl ToolDesign {
-    /// The taped tube.
+    /// From the distal end of the tube to the point of the closed jaws, mm.
+    pub fn point_mm(&self) -> f64 {
+        self.collar_mm + self.jaw_mm
+    }
+
+    /// Length behind the tip that shows where the tool is, mm: its band, or the last part of a bare shaft.
+    pub fn marker_mm(&self) -> f64 {
+        self.band.map_or(SHAFT_END_MM, |band| band.length_mm)
+    }
+
+    /// The tube, taped or bare.
     pub fn tube(&self, pose: &ToolPose) -> TapedTube {
         let radius = 0.5 * self.diameter_mm;
-        TapedTube::new(pose.tip, pose.axis, (radius, radius - 0.5 * TAPE_STEP_MM), self.band_mm, pose.length_mm)
+        let (bare_radius, band_mm) =
+            self.band.map_or((radius, 0.0), |band| (radius - 0.5 * TAPE_STEP_MM, band.length_mm));
+        TapedTube::new(pose.tip, pose.axis, (radius, bare_radius), band_mm, pose.length_mm)
+    }
+
+    /// The steel collar, if it has one: a short tube of one surface.
+    pub fn collar(&self, pose: &ToolPose) -> Option<TapedTube> {
+        let radius = 0.5 * COLLAR_SHARE * self.diameter_mm;
+        let tube = || {
+            let end = self.front(pose);
+            TapedTube::new(end, pose.axis, (radius, radius), self.collar_mm, self.collar_mm)
+        };
+        (self.collar_mm > 0.0).then(tube)
+    }
+
+    /// Centre of the end of tube and collar, where the jaws begin.
+    fn front(&self, pose: &ToolPose) -> Point3<f64> {
+        pose.tip + pose.axis * self.collar_mm
     }
 
     /// Hinge and both halves of the jaws, if it has any.
@@ -115,7 +212,8 @@ impl ToolDesign {
         if self.jaw_mm == 0.0 {
             return None;
         }
-        let (width, hinge) = (self.diameter_mm, pose.tip + pose.axis * (0.22 * self.jaw_mm));
+        let (width, front) = (self.diameter_mm, self.front(pose));
+        let hinge = front + pose.axis * (0.22 * self.jaw_mm);
         let side = side_of(pose.axis, pose.roll);
         let half = |sign: f64| {
             let angle = 0.5 * pose.opening * sign;
@@ -128,19 +226,19 @@ impl ToolDesign {
                 radius_b: 0.09 * width,
             }
         };
-        let block = RoundCone { a: pose.tip, radius_a: 0.34 * width, b: hinge, radius_b: 0.27 * width };
+        let block = RoundCone { a: front, radius_a: 0.34 * width, b: hinge, radius_b: 0.27 * width };
         Some([block, half(1.0), half(-1.0)])
     }
 
-    /// The tool as rods, for its shadow: the tube, and the jaws where it has any.
+    /// The tool as rods, for its shadow: the tube with its collar, and the jaws where it has any.
     pub fn shadow_rods(&self, pose: &ToolPose) -> impl Iterator<Item = RoundCone> + use<> {
         let behind = pose.tip - pose.axis * pose.length_mm;
-        let (tip, width) = (pose.tip, self.diameter_mm);
+        let (front, width) = (self.front(pose), self.diameter_mm);
         let jaws = self.jaws(pose).map(|[_, one, other]| {
             let end = nalgebra::center(&one.b, &other.b);
-            RoundCone { a: tip, radius_a: 0.3 * width, b: end, radius_b: 0.16 * width }
+            RoundCone { a: front, radius_a: 0.3 * width, b: end, radius_b: 0.16 * width }
         });
-        std::iter::once(RoundCone::capsule(tip, behind, 0.5 * width)).chain(jaws)
+        std::iter::once(RoundCone::capsule(front, behind, 0.5 * width)).chain(jaws)
     }
 }
 
@@ -150,7 +248,7 @@ pub fn side_of(axis: Vector3<f64>, roll: f64) -> Vector3<f64> {
     level * roll.cos() + axis.cross(&level) * roll.sin()
 }
 
-/// The jaws' steel.
+/// The steel of jaws and collar.
 pub const STEEL: Material = Material { matt: [0.1, 0.1, 0.105], gloss: 0.8, sharpness: 36, mirror: 0.42 };
 
 /// The bare tube: black polymer, polished.

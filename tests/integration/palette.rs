@@ -47,7 +47,7 @@ impl TapedBox {
     }
 
     fn tools(&self) -> Vec<String> {
-        self.world.tools.iter().map(|tool| tool.design.tape.name.to_owned()).collect()
+        self.world.tools.iter().map(|tool| tool.design.band.unwrap().tape.name.to_owned()).collect()
     }
 
     fn samples(&self) -> ColourSamples {
@@ -78,10 +78,10 @@ impl TapedBox {
     fn tracked(&self) -> Tracking {
         let tool = |tool: &trocar::simulation::tool::SimulatedTool| ToolSpec {
             name: tool.name.to_owned(),
-            colour: tool.design.tape.name.to_owned(),
+            colour: tool.design.band.unwrap().tape.name.to_owned(),
             side: None,
             diameter_mm: tool.design.diameter_mm,
-            marker: Marker::Band { length_mm: Some(tool.design.band_mm) },
+            marker: Marker::Band { length_mm: tool.design.band.map(|band| band.length_mm) },
         };
         let tools = self.world.tools.iter().map(tool).collect();
         let camera = self.world.rig.camera;

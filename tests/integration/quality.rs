@@ -44,12 +44,13 @@ impl RestingTool {
 
     fn settings(&self, camera: Camera) -> TrackerSettings {
         let design = &self.world.tools[0].design;
+        let band = design.band.unwrap();
         let spec = ToolSpec {
-            name: design.tape.name.to_owned(),
-            colour: design.tape.name.to_owned(),
+            name: band.tape.name.to_owned(),
+            colour: band.tape.name.to_owned(),
             side: None,
             diameter_mm: design.diameter_mm,
-            marker: Marker::Band { length_mm: Some(design.band_mm) },
+            marker: Marker::Band { length_mm: Some(band.length_mm) },
         };
         TrackerSettings::new(camera, vec![spec], self.samples())
     }

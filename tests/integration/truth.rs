@@ -6,6 +6,7 @@
 use nalgebra::Vector3;
 use trocar::checks::evaluation::{Accuracy, Truth, TruthFrame, TruthTool, accuracy};
 use trocar::simulation::render::{Rendered, Renderer};
+use trocar::simulation::tool::SimulatedTool;
 use trocar::simulation::{RigView, Scenario, Setup, Skill, World, marks, truth};
 use trocar::vision::camera::Camera;
 use trocar::vision::frame::Frame;
@@ -97,7 +98,7 @@ impl Recording {
         const LIGHT: u8 = 230;
         let camera = self.world.rig.camera;
         let sizes: Vec<(f64, f64)> =
-            self.world.tools.iter().map(|t| (t.design.diameter_mm, t.design.band_mm)).collect();
+            self.world.tools.iter().map(|t| (t.design.diameter_mm, t.design.marker_mm())).collect();
         for (picture, time_s) in self.pictures.iter_mut().zip(&self.times_s).take(frames) {
             for (tool, (diameter_mm, band_mm)) in truth::at(&self.world, *time_s).iter().zip(&sizes) {
                 let axis = tool.axis;
@@ -127,7 +128,7 @@ impl Recording {
         let (camera, design) = (self.world.rig.camera, self.world.tools[tool].design);
         let tape = {
             let tip = &truth::at(&self.world, self.times_s[0])[tool];
-            let middle = camera.project(CameraPoint(tip.tip_mm - tip.axis * (0.5 * design.band_mm))).unwrap();
+            let middle = camera.project(CameraPoint(tip.tip_mm - tip.axis * (0.5 * design.marker_mm()))).unwrap();
             codes_at(&self.pictures[0], [middle.u(), middle.v()])
         };
         for (index, (picture, time_s)) in self.pictures.iter_mut().zip(&self.times_s).enumerate() {
@@ -135,7 +136,7 @@ impl Recording {
                 let tip = &truth::at(&self.world, *time_s)[tool];
                 let across = tip.axis.cross(&tip.tip_mm.coords).normalize();
                 for (along, aside) in (-20..320).flat_map(|along| (-40..=40).map(move |aside| (along, aside))) {
-                    let back_mm = design.band_mm * f64::from(along) / 300.0;
+                    let back_mm = design.marker_mm() * f64::from(along) / 300.0;
                     let aside_mm = design.diameter_mm * 0.02 * f64::from(aside);
                     let at = camera.project(CameraPoint(tip.tip_mm - tip.axis * back_mm + across * aside_mm));
                     at.into_iter().for_each(|at| set_codes(picture, [at.u(), at.v()], [PEN, 128, 128]));
@@ -181,12 +182,12 @@ fn indices(picture: &Rendered, [u, v]: [f64; 2]) -> Option<[usize; 2]> {
 }
 
 fn tools(world: &World) -> Vec<ToolSpec> {
-    let spec = |tool: &trocar::simulation::tool::SimulatedTool| ToolSpec {
-        name: tool.name.to_owned(),
-        colour: tool.design.tape.name.to_owned(),
+    let spec = |SimulatedTool { name, design, .. }: &SimulatedTool| ToolSpec {
+        name: (*name).to_owned(),
+        colour: design.band.unwrap().tape.name.to_owned(),
         side: None,
-        diameter_mm: tool.design.diameter_mm,
-        marker: Marker::Band { length_mm: Some(tool.design.band_mm) },
+        diameter_mm: design.diameter_mm,
+        marker: Marker::Band { length_mm: design.band.map(|band| band.length_mm) },
     };
     world.tools.iter().map(spec).collect()
 }

@@ -1,5 +1,6 @@
 //! `trocar simulate`: makes a clip, checkerboard photos, camera, annotations and truth of a simulated box.
 
+mod bare;
 mod scene;
 
 use std::path::PathBuf;
@@ -11,13 +12,14 @@ use super::CommandFailure;
 use super::progress::Meter;
 use crate::media::SampleFormat;
 use crate::simulation::schedule::Evenness;
-use crate::simulation::tool::TapeDesign;
+use crate::simulation::tool::{ShaftDesign, SimulatedMarker, TapeDesign};
 use crate::simulation::{RigView, Scenario, Setup, Skill};
 
 /// Arguments of `trocar simulate`.
 #[derive(clap::Args)]
 pub struct SimulateArgs {
-    /// Scene: wire, rectangle, approach, slide, rest, pegs, crossing, exchange or self-test.
+    /// Scene: wire, rectangle, approach, slide, rest, pegs, crossing, exchange, self-test, long-rest, hidden-tip,
+    /// moved-pegs or black-props.
     #[arg(long)]
     scene: String,
     /// Seed of the hands' motion and the sensor's noise; the same seed gives the same pixels.
@@ -51,11 +53,18 @@ pub struct SimulateArgs {
     /// Number of the box: it sets lens, mounting and mat. Clips of one box share one calibration.
     #[arg(long = "box", default_value_t = 1)]
     rig: u64,
+    /// What shows where the tools are: band (of tape) or bare (no tape, a steel collar before the jaws). Bare tools are
+    /// called left and right, and a picture of the empty box is written, too.
+    #[arg(long, default_value = "band")]
+    marker: String,
     /// Tapes of the left and the right tool: orange, cyan, magenta, lime, yellow or violet. If both are the same, the
-    /// tools are called left and right.
-    #[arg(long, default_value = "orange,cyan")]
-    tapes: String,
-    /// Outer diameter of the tools over the tape, mm.
+    /// tools are called left and right [default: orange,cyan].
+    #[arg(long)]
+    tapes: Option<String>,
+    /// Shafts of both tools: black, grey or white.
+    #[arg(long, default_value = "black")]
+    shaft: String,
+    /// Outer diameter of the tools, over the tape if they have some, mm.
     #[arg(long, default_value_t = 5.0, value_parser = diameter)]
     diameter_mm: f64,
     /// Shift of the camera to its right since the box was set up, mm.
@@ -92,16 +101,21 @@ fn scene_order(args: &SimulateArgs) -> anyhow::Result<SceneOrder> {
     let level = one_of("skill", &args.skill, Skill::ALL.map(|s| s.name), Skill::named)?;
     let skill = args.person.map_or(level, |person| level.of_person(person));
     let frames = args.frames.map(|n| n as usize).or(args.seconds.map(|s| (s * args.fps).round().max(1.0) as usize));
+    let standard = Setup::new(scenario, skill, args.seed);
+    let marker =
+        one_of("marker", &args.marker, SimulatedMarker::ALL.map(SimulatedMarker::name), SimulatedMarker::named)?;
     let setup = Setup {
         view: one_of("view", &args.view, ["top", "side"], view)?,
         rig: args.rig,
         width: args.size.0,
         height: args.size.1,
         min_duration_s: frames.map_or(0.0, |n| n as f64 / args.fps),
-        tapes: tapes(&args.tapes)?,
+        marker,
+        tapes: args.tapes.as_deref().map_or(Ok(standard.tapes), |text| tapes(text, marker))?,
+        shaft: one_of("shaft", &args.shaft, ShaftDesign::ALL.map(|s| s.name), ShaftDesign::named)?,
         diameter_mm: args.diameter_mm,
         camera_moved_mm: args.camera_moved_mm,
-        ..Setup::new(scenario, skill, args.seed)
+        ..standard
     };
     let names = ["yuv420p", "yuv422p", "yuv444p", "yuv420p10", "yuv444p10"];
     let samples = one_of("pixels", &args.pixels, names, samples)?;
@@ -150,7 +164,10 @@ fn samples(name: &str) -> Option<SampleFormat> {
     }
 }
 
-fn tapes(text: &str) -> anyhow::Result<[TapeDesign; 2]> {
+fn tapes(text: &str, marker: SimulatedMarker) -> anyhow::Result<[TapeDesign; 2]> {
+    if marker == SimulatedMarker::Bare {
+        return Err(anyhow!("--tapes {text}: bare tools have no tape; leave out --tapes or --marker bare"));
+    }
     let names = TapeDesign::ALL.map(|t| t.name);
     let found: Vec<TapeDesign> = text
         .split(',')

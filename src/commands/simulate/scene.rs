@@ -7,6 +7,7 @@ use anyhow::Context;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
+use super::bare;
 use crate::checks::evaluation::{Truth, TruthFrame, TruthTool};
 use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle, ToolEntry, View as FileView};
 use crate::domain::files::camera::CameraFile;
@@ -14,8 +15,9 @@ use crate::domain::files::truth::TruthFile;
 use crate::media::{SampleFormat, TICKS_PER_S, VideoSettings, VideoWriter};
 use crate::simulation::checkerboard;
 use crate::simulation::marks::{self, SimulatedMark};
-use crate::simulation::render::{Chroma, Photographer, Renderer};
+use crate::simulation::render::{Chroma, Photo, Photographer, Renderer};
 use crate::simulation::schedule::{Evenness, frame_times};
+use crate::simulation::tool::SimulatedMarker;
 use crate::simulation::{RigView, Setup, World, truth};
 
 /// Description of a scene to write.
@@ -70,7 +72,14 @@ pub fn write_scene(folder: &Path, order: &SceneOrder, progress: SceneProgress) -
     write_text(&folder.join("camera.json"), &CameraFile::from(world.rig.camera).to_json())?;
     write_boards(&folder.join("boards"), &world, order, progress)?;
     write_text(&folder.join("truth.json"), &TruthFile::new(order.fps, &truth_of(&world, &times)).to_json())?;
-    write_text(&folder.join("annotations.json"), &annotations_of(&world, &order.setup, &times)?)?;
+    let annotations = match order.setup.marker {
+        SimulatedMarker::Band => annotations_of(&world, &order.setup, &times)?,
+        SimulatedMarker::Bare => {
+            bare::write_empty_box(folder, &world)?;
+            bare::annotations_of(&world, &order.setup, &times)?
+        }
+    };
+    write_text(&folder.join("annotations.json"), &annotations)?;
     write_clip(&folder.join(CLIP), &world, order, &times, progress)?;
     Ok(times)
 }
@@ -118,15 +127,18 @@ fn write_boards(folder: &Path, world: &World, order: &SceneOrder, progress: Scen
     let held = checkerboard::poses(&world.rig, order.setup.rig, order.boards, order.bent);
     for (index, held) in held.iter().enumerate() {
         let photo = checkerboard::photo(&photographer, &world.rig.lighting, held, index as u64);
-        let path = folder.join(format!("board_{:02}.jpg", index + 1));
-        let mut bytes = Vec::new();
-        JpegEncoder::new_with_quality(&mut bytes, 94)
-            .write_image(&photo.rgb, photo.width, photo.height, ExtendedColorType::Rgb8)
-            .with_context(|| format!("cannot encode {}", path.display()))?;
-        fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+        write_photo(&folder.join(format!("board_{:02}.jpg", index + 1)), &photo)?;
         progress("boards", index + 1, order.boards);
     }
     Ok(())
+}
+
+pub(super) fn write_photo(path: &Path, photo: &Photo) -> anyhow::Result<()> {
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, 94)
+        .write_image(&photo.rgb, photo.width, photo.height, ExtendedColorType::Rgb8)
+        .with_context(|| format!("cannot encode {}", path.display()))?;
+    fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
 fn truth_of(world: &World, times: &[f64]) -> Truth {
@@ -141,20 +153,17 @@ fn truth_of(world: &World, times: &[f64]) -> Truth {
 fn annotations_of(world: &World, setup: &Setup, times: &[f64]) -> anyhow::Result<String> {
     let entry = |tool: &crate::simulation::tool::SimulatedTool| ToolEntry {
         tool: tool.name.to_owned(),
-        colour: (tool.design.tape.name != tool.name).then(|| tool.design.tape.name.to_owned()),
+        colour: tool.design.band.map(|band| band.tape.name.to_owned()).filter(|name| name != tool.name),
         side: None,
         diameter_mm: Some(tool.design.diameter_mm),
-        band_length_mm: Some(tool.design.band_mm),
+        band_length_mm: tool.design.band.map(|band| band.length_mm),
         marker: None,
     };
     let file = AnnotationsFile {
         needs: None,
         tool_diameter_mm: Some(setup.diameter_mm),
         band_length_mm: None,
-        view: Some(match setup.view {
-            RigView::Top => FileView::Top,
-            RigView::Side => FileView::Side,
-        }),
+        view: Some(view_of(setup.view)),
         video: Some(CLIP.to_owned()),
         tools: world.tools.iter().map(entry).collect(),
         labels: marks::mark_recording(world, times).into_iter().map(rectangle).collect(),
@@ -162,7 +171,14 @@ fn annotations_of(world: &World, setup: &Setup, times: &[f64]) -> anyhow::Result
     Ok(serde_json::to_string_pretty(&file)? + "\n")
 }
 
-fn rectangle(mark: SimulatedMark) -> LabelledRectangle {
+pub(super) fn view_of(view: RigView) -> FileView {
+    match view {
+        RigView::Top => FileView::Top,
+        RigView::Side => FileView::Side,
+    }
+}
+
+pub(super) fn rectangle(mark: SimulatedMark) -> LabelledRectangle {
     let SimulatedMark { frame, label, x, y, w, h } = mark;
     LabelledRectangle { frame: frame as u64, label: label.to_owned(), x, y, w, h, stroke: None }
 }

@@ -43,6 +43,30 @@ fn a_scene_is_whole_and_its_files_agree_with_each_other() {
 }
 
 #[test]
+fn a_scene_of_bare_tools_has_their_annotations_and_a_picture_of_the_empty_box() {
+    let folder = tempfile::tempdir().unwrap();
+    let order = tiny(Scenario::Rectangle);
+    let setup = Setup { marker: SimulatedMarker::Bare, ..order.setup };
+    write_scene(folder.path(), &SceneOrder { setup, boards: 0, ..order }, &mut |_, _, _| {}).unwrap();
+    let text = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
+    let annotations: serde_json::Value = serde_json::from_str(&text("annotations.json")).unwrap();
+    let tool = |side: &str| {
+        let marker = serde_json::json!({"kind": "shaft", "collar_mm": 8.0});
+        serde_json::json!({"tool": side, "side": side, "diameter_mm": 5.0, "marker": marker})
+    };
+    assert_eq!(annotations["needs"], 2);
+    assert_eq!(annotations["tools"], serde_json::json!([tool("left"), tool("right")]));
+    let labels: std::collections::BTreeSet<&str> =
+        annotations["labels"].as_array().unwrap().iter().filter_map(|mark| mark["label"].as_str()).collect();
+    assert_eq!(labels.into_iter().collect::<Vec<_>>(), ["background", "shaft"]);
+    let empty = image::open(folder.path().join(annotations["empty_box"].as_str().unwrap())).unwrap();
+    assert_eq!((empty.width(), empty.height()), (256, 144));
+    let truth = TruthFile::parse(&text("truth.json")).unwrap();
+    let names: Vec<&str> = truth.frames[0].tools.iter().map(|tool| tool.tool.as_str()).collect();
+    assert_eq!(names, ["left", "right"]);
+}
+
+#[test]
 fn a_scene_written_twice_is_the_same_to_the_byte() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str| {
@@ -50,6 +74,7 @@ fn a_scene_written_twice_is_the_same_to_the_byte() {
     };
     write("a");
     write("b");
+    assert!(!folder.path().join("a").join(bare::EMPTY_BOX).exists(), "taped tools need no picture of the empty box");
     for name in ["clip.mp4", "truth.json", "annotations.json", "camera.json", "boards/board_02.jpg"] {
         let read = |run: &str| fs::read(folder.path().join(run).join(name)).unwrap();
         assert!(read("a") == read("b"), "{name} differs");
@@ -94,6 +119,10 @@ fn impossible_scenes_are_refused_with_the_possible_values() {
     assert!(refusal(&["--scene", "wire", "--size", "99999x2"]).contains("1280x720"));
     assert!(refusal(&["--scene", "wire", "--size", "641x361"]).contains("yuv444p"));
     assert!(refusal(&["--scene", "wire", "--tapes", "orange"]).contains("two tapes"));
+    assert!(refusal(&["--scene", "wire", "--marker", "tape"]).contains("band, bare"));
+    assert!(refusal(&["--scene", "wire", "--shaft", "red"]).contains("black, grey, white"));
+    assert!(refusal(&["--scene", "wire", "--marker", "bare", "--tapes", "cyan,lime"]).contains("leave out --tapes"));
+    assert_eq!(parse(&["--scene", "wire", "--marker", "bare"]).unwrap().setup.marker, SimulatedMarker::Bare);
     assert!(refusal(&["--scene", "wire", "--frames", "0"]).contains("--frames"));
     assert!(refusal(&["--scene", "wire", "--frames", "9", "--seconds", "2"]).contains("cannot be used with"));
     assert_eq!(parse(&["--scene", "wire", "--seconds", "2", "--fps", "30"]).unwrap().frames, Some(60));

@@ -43,7 +43,7 @@ pub struct TruthToolEntry {
     /// Tip in the recorded frame, pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_px: Option<[f64; 2]>,
-    /// Visible share of the band, 0 to 1.
+    /// Visible share of the band or of the end of a bare shaft, 0 to 1.
     pub visible: f64,
 }
 

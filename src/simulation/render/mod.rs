@@ -14,7 +14,7 @@ mod static_scene;
 mod tile;
 
 #[cfg(test)]
-pub(in crate::simulation) use moving::band_coverage;
+pub(in crate::simulation) use moving::coverage;
 pub use photo::{Photo, Photographer};
 pub use picture::{Chroma, Rendered};
 

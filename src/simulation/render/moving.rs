@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::super::light::{LAMP_COUNT, Material, Rgb};
 use super::super::shape::{RayHit, RoundCone, TapedTube, TubePart};
-use super::super::tool::{BLACK, FACE, STEEL, ToolPose};
+use super::super::tool::{FACE, STEEL, ToolPose};
 use super::super::world::World;
 use super::rays::{PixelRays, SAMPLE_PATTERN, SAMPLES_PER_PIXEL};
 
@@ -30,8 +30,16 @@ struct MovingBody {
 
 #[derive(Clone, Copy, Debug)]
 enum BodyShape {
-    Tube { tube: TapedTube, tape: Material },
-    Solid { solid: RoundCone, material: Material },
+    /// A tube; `end` is the surface of its band, `rest` that of the tube behind it.
+    Tube {
+        tube: TapedTube,
+        end: Material,
+        rest: Material,
+    },
+    Solid {
+        solid: RoundCone,
+        material: Material,
+    },
 }
 
 /// The intersection of a ray with a body.
@@ -44,7 +52,7 @@ struct BodyHit {
 }
 
 /// Maximum of bodies considered for one pixel; two crossing tools with all their parts and a bead between them are
-/// nine.
+/// eleven.
 const MAX_BODIES: usize = 16;
 
 /// How a body overlaps a pixel during the exposure.
@@ -208,10 +216,10 @@ fn nearest(all: &[MovingBody], bodies: &[usize], v: Vector3<f64>) -> Option<Body
 impl MovingBody {
     fn meet(&self, body: usize, v: Vector3<f64>) -> Option<BodyHit> {
         match &self.form {
-            BodyShape::Tube { tube, tape } => tube.meet(v).map(|(meeting, part, _)| {
+            BodyShape::Tube { tube, end, rest } => tube.meet(v).map(|(meeting, part, _)| {
                 let material = match part {
-                    TubePart::Band => *tape,
-                    TubePart::Shaft => BLACK,
+                    TubePart::Band => *end,
+                    TubePart::Shaft => *rest,
                     TubePart::Face => FACE,
                 };
                 BodyHit { meeting, body, part: Some(part), material }
@@ -238,10 +246,13 @@ fn bodies(world: &World, time_s: f64) -> Vec<MovingBody> {
     let poses = world.poses(time_s);
     let mut bodies = Vec::with_capacity(4 * poses.len() + 4);
     for (owner, (tool, pose)) in world.tools.iter().zip(&poses).enumerate() {
-        let tape = tool.design.tape.material();
-        bodies.push(MovingBody { owner, form: BodyShape::Tube { tube: tool.design.tube(pose), tape } });
-        let jaws = tool.design.jaws(pose).into_iter().flatten();
-        bodies.extend(jaws.map(|solid| MovingBody { owner, form: BodyShape::Solid { solid, material: STEEL } }));
+        let (design, rest) = (&tool.design, tool.design.shaft.material);
+        let end = design.band.map_or(rest, |band| band.tape.material());
+        let tube = BodyShape::Tube { tube: design.tube(pose), end, rest };
+        let collar = design.collar(pose).map(|tube| BodyShape::Tube { tube, end: STEEL, rest: STEEL });
+        let jaws = design.jaws(pose).into_iter().flatten().map(|solid| BodyShape::Solid { solid, material: STEEL });
+        let forms = std::iter::once(tube).chain(collar).chain(jaws);
+        bodies.extend(forms.map(|form| MovingBody { owner, form }));
     }
     for (index, (solid, material)) in world.carried(&poses, time_s).into_iter().enumerate() {
         bodies.push(MovingBody { owner: world.tools.len() + index, form: BodyShape::Solid { solid, material } });
@@ -257,13 +268,13 @@ fn hull(middle: &MovingBody, first: &MovingBody, last: &MovingBody) -> RoundCone
     RoundCone::capsule(m.a, m.b, wide)
 }
 
-/// Share of every pixel that the bands cover, as rendered.
+/// Share of every pixel that moving surfaces of such a material cover, as rendered.
 #[cfg(test)]
-pub(in crate::simulation) fn band_coverage(world: &World, time_s: f64) -> Vec<f64> {
+pub(in crate::simulation) fn coverage(world: &World, time_s: f64, is_such: impl Fn(&Material) -> bool) -> Vec<f64> {
     let rays = super::rays::Rays::new(&world.rig.camera);
     let exposure = Exposure::new(world, time_s, world.rig.optics.exposure_s);
     let all: Vec<usize> = (0..exposure.middle.len()).collect();
-    let white = |met: &BodyHit, _| [if met.part == Some(TubePart::Band) { 1.0 } else { 0.0 }; 3];
+    let white = |met: &BodyHit, _| [if is_such(&met.material) { 1.0 } else { 0.0 }; 3];
     let (width, height) = (world.rig.camera.width as usize, world.rig.camera.height as usize);
     let cover = |i: usize| exposure.gather(&all, &rays.of(i % width, i / width), ([0.0; 3], 1e6), white)[0];
     (0..width * height).map(|i| f64::from(cover(i))).collect()

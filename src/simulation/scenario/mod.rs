@@ -9,6 +9,10 @@
 //! | `rest` | lying still: any movement in the result is noise | 1 |
 //! | `pegs` | beads handed over from left to right pegs | 2 |
 //! | `crossing` | one tool behind the other, three times, then out of the picture and back | 2 |
+//! | `long-rest` | both lie still for a minute, the left one from the first frame on | 2 |
+//! | `hidden-tip` | the tip is behind a block for half a second, six times; the shaft stays in sight | 1 |
+//! | `moved-pegs` | a hand moves black pegs, one after the other, between two tools | 2 |
+//! | `black-props` | over and beside props with the surface of a black shaft | 2 |
 //! | `self-test` | a rod touches corners of the printed checkerboard, on the mat and lifted | 1 |
 //! | `exchange` | each to the other's side and back, then both out of the picture, and back in the other order | 2 |
 
@@ -16,6 +20,7 @@ mod hand;
 mod measurement;
 mod pegs;
 mod self_test;
+mod shafts;
 mod tracing;
 
 pub use hand::{ReachEnding, SimulatedHand};
@@ -23,9 +28,10 @@ pub(crate) use measurement::slide_wobble;
 pub(crate) use pegs::BEAD_RADIUS_MM;
 pub(crate) use self_test::touch_wobble;
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Translation3, Vector3};
 
 use super::board::{Prop, Stroke};
+use super::motion::ReachSum;
 use super::rig::{Rig, above};
 use super::skill::Skill;
 use super::world::Setup;
@@ -52,11 +58,19 @@ pub enum Scenario {
     Exchange,
     /// A rod's end is held on corners of the printed checkerboard.
     SelfTest,
+    /// No movement for a minute, in the middle of a recording.
+    LongRest,
+    /// The tip behind a block, the shaft in sight.
+    HiddenTip,
+    /// Black pegs are moved by hand.
+    MovedPegs,
+    /// Over props as black as a shaft.
+    BlackProps,
 }
 
 impl Scenario {
     /// Every scene.
-    pub const ALL: [Scenario; 9] = [
+    pub const ALL: [Scenario; 13] = [
         Scenario::Wire,
         Scenario::Rectangle,
         Scenario::Approach,
@@ -66,6 +80,10 @@ impl Scenario {
         Scenario::Crossing,
         Scenario::Exchange,
         Scenario::SelfTest,
+        Scenario::LongRest,
+        Scenario::HiddenTip,
+        Scenario::MovedPegs,
+        Scenario::BlackProps,
     ];
 
     /// The scene of this name.
@@ -85,6 +103,10 @@ impl Scenario {
             Scenario::Crossing => "crossing",
             Scenario::Exchange => "exchange",
             Scenario::SelfTest => "self-test",
+            Scenario::LongRest => "long-rest",
+            Scenario::HiddenTip => "hidden-tip",
+            Scenario::MovedPegs => "moved-pegs",
+            Scenario::BlackProps => "black-props",
         }
     }
 
@@ -102,6 +124,10 @@ impl Scenario {
             Scenario::Crossing => measurement::crossing(&cast),
             Scenario::Exchange => measurement::exchange(&cast),
             Scenario::SelfTest => self_test::self_test(&cast, setup.diameter_mm),
+            Scenario::LongRest => shafts::long_rest(&cast),
+            Scenario::HiddenTip => shafts::hidden_tip(&cast, setup.tool_design(0).point_mm()),
+            Scenario::MovedPegs => shafts::moved_pegs(&cast),
+            Scenario::BlackProps => shafts::black_props(&cast),
         }
     }
 }
@@ -113,12 +139,30 @@ pub struct Script {
     pub hands: Vec<(usize, SimulatedHand)>,
     /// Beads that are carried.
     pub beads: Vec<Bead>,
-    /// Fixed objects on the mat.
+    /// Fixed objects on the mat; board frame.
     pub props: Vec<Prop>,
+    /// Objects that are moved by hand.
+    pub moved: Vec<MovedProp>,
     /// Lines printed on the mat.
     pub strokes: Vec<Stroke>,
     /// Poses of the checkerboard (board frame), each with its start time, s; there is no checkerboard before the first.
     pub sheets: Vec<(f64, Isometry3<f64>)>,
+}
+
+/// A prop that a hand moves.
+#[derive(Clone, Debug)]
+pub struct MovedProp {
+    /// The prop at its first place; board frame.
+    pub prop: Prop,
+    /// Its distance from this place over time; board frame, mm.
+    pub shift: ReachSum<Vector3<f64>>,
+}
+
+impl MovedProp {
+    /// The prop at a time; board frame.
+    pub fn at(&self, time_s: f64) -> Prop {
+        self.prop.moved_by(&Isometry3::from(Translation3::from(self.shift.at(time_s))))
+    }
 }
 
 /// A bead, and its places over time.

@@ -108,7 +108,8 @@ pub enum TubePart {
     Face,
 }
 
-/// A tool's tube: tape from the distal end to `band_mm`, then bare tube, a little thinner.
+/// A tool's tube: tape from the distal end to `band_mm`, then bare tube, a little thinner. A tube of one surface has a
+/// band of length 0 or of the tube's whole length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TapedTube {
     /// Centre of the distal end, mm.
