@@ -174,9 +174,9 @@ pub(super) fn calibrate_work(input: &CalibrateInput, now: &str) -> CalibrateWork
 }
 
 impl From<BoxTool> for ToolSpec {
-    fn from(BoxTool { name, colour, side, diameter_mm, band_length_mm }: BoxTool) -> Self {
+    fn from(BoxTool { name, colour, side, diameter_mm, band_length_mm, marker }: BoxTool) -> Self {
         let colour = colour.unwrap_or_else(|| name.clone());
-        let marker = Marker::Band { length_mm: band_length_mm };
+        let marker = marker.map_or(Marker::Band { length_mm: band_length_mm }, Marker::from);
         Self { name, colour, side: side.map(HandSide::from), diameter_mm, marker }
     }
 }

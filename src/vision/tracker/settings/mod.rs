@@ -33,8 +33,13 @@ pub enum Marker {
         /// Its length along the tube, mm, if it was measured: depth then becomes about three times sharper.
         length_mm: Option<f64>,
     },
-    /// Nothing: the bare shaft itself, as far as it is in the picture.
-    Shaft,
+    /// The bare shaft itself: the tool has no tape.
+    Shaft {
+        /// Length of the steel collar between the tube's end and the jaws, mm, if it was measured.
+        collar_mm: Option<f64>,
+        /// Distance from the tube's end to the point of the closed jaws, mm, if it was measured.
+        jaw_mm: Option<f64>,
+    },
 }
 
 impl ToolSpec {
@@ -42,7 +47,7 @@ impl ToolSpec {
     pub fn band_length_mm(&self) -> Option<f64> {
         match self.marker {
             Marker::Band { length_mm } => length_mm,
-            Marker::Shaft => None,
+            Marker::Shaft { .. } => None,
         }
     }
 }
