@@ -19,6 +19,7 @@ use stages::{StageClock, TrackStage};
 
 use super::{CommandFailure, verdict};
 use crate::analysis::clock::{ClockError, open_with_clock};
+use crate::analysis::marked::colours_of;
 use crate::domain::clock::{ClockBasis, RecordingClock, StampFacts, TimeCorrection};
 use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle};
 use crate::domain::files::camera::CameraFile;
@@ -205,13 +206,14 @@ pub(super) fn marked_samples(
     ClipMarks::new(marked, file, tracked).collect(&mut StageClock::start())
 }
 
-/// Prints a line for each colour that is not good. `trocar palette --check` gives details.
+/// Prints a line for each tape colour that is not good. `trocar palette --check` gives details.
 fn warn_about_colours(args: &TrackArgs, marked: &AnnotationsFile, samples: &ColourSamples) {
     if args.quiet {
         return;
     }
-    let colours: Vec<String> = marked.marked_colours().into_iter().map(str::to_owned).collect();
-    for warning in palette::verdicts(samples, &colours).iter().filter_map(TapeVerdict::warning) {
+    for warning in
+        palette::verdicts(samples, &colours_of(&marked.tape_colours())).iter().filter_map(TapeVerdict::warning)
+    {
         eprintln!("warning: {warning}");
     }
 }
