@@ -1,6 +1,7 @@
 //! REST, roles and uploads, as a client sees them.
 
 mod advice;
+mod bare_tools;
 mod base_path;
 mod box_question;
 pub mod centre;

@@ -158,7 +158,8 @@ pub struct AnnotationsFile {
     /// Path of the clip that `frame` refers to, relative to this file; absent: the tracked clip.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub video: Option<String>,
-    /// Path of a picture of the box without tools, relative to this file, with the clip's camera and picture size.
+    /// Path of a photo of the box without tools, relative to this file, with the clip's camera and picture size. In the
+    /// stored colours of a box it is the SHA-256 of the photo.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub empty_box: Option<String>,
     /// Sizes that take precedence over the general ones, and colours that tools share.
