@@ -13,8 +13,8 @@ pub enum EmptyBoxError {
     Media(#[from] MediaError),
     /// It has another size than the recording.
     #[error(
-        "the picture of the empty box has {}×{} pixels, but the recording has {}×{}: take it with the same camera, at the \
-         recorded size",
+        "the picture of the empty box has {}×{} pixels, but the recording has {}×{}: take it with the same camera, at \
+         the recorded size",
         picture[0], picture[1], recording[0], recording[1]
     )]
     OtherSize {

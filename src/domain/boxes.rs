@@ -44,8 +44,8 @@ pub struct BoxChange {
 pub struct BoxTool {
     /// The tool's name: its tape's colour, such as `orange`, or a name of its own.
     pub name: String,
-    /// Colour of its tape or of its bare shaft, where that is not its name. Two tools of one colour are distinguished by
-    /// their trocars.
+    /// Colour of its tape or of its bare shaft, where that is not its name. Two tools of one colour are distinguished
+    /// by their trocars.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<String>,
     /// The side of the picture that the tool's hand is on, where known.

@@ -10,7 +10,7 @@ use crate::process::program;
 
 /// A short scene whose annotations are changed.
 fn scene_with(change: impl FnOnce(&mut Value)) -> Folder {
-    let scene = Folder::of("--seed 3 --frames 6 --size 320x180");
+    let scene = Folder::of("--seed 5 --seconds 2 --size 640x360");
     let path = scene.file("annotations.json");
     let mut marks: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
     change(&mut marks);
@@ -55,10 +55,10 @@ fn a_picture_of_the_empty_box_is_found_and_has_the_size_of_the_recording() {
     assert!(refusal(TRACK).contains("empty.png"), "the file is missing");
     image::RgbImage::new(64, 48).save(scene.file("empty.png")).unwrap();
     let other_size = refusal(TRACK);
-    assert!(other_size.contains("64×48") && other_size.contains("320×180"), "{other_size}");
+    assert!(other_size.contains("64×48") && other_size.contains("640×360"), "{other_size}");
     fs::write(scene.file("text.jpg"), "no photo").unwrap();
     assert!(refusal(&format!("{TRACK} --empty text.jpg")).contains("text.jpg"), "the option takes precedence");
-    image::RgbImage::new(320, 180).save(scene.file("right.png")).unwrap();
+    image::RgbImage::new(640, 360).save(scene.file("right.png")).unwrap();
     let tracked = run(&scene, &format!("{TRACK} --empty right.png"));
     assert!(tracked.status.success(), "{tracked:?}");
 }

@@ -120,8 +120,8 @@ child_works! {
     Probe, probe: probe::ProbeWork;
     /// Track one recording. Inputs: the recording, and a photo of the empty box if there is one.
     Track, track: track::TrackWork;
-    /// Collect colours and report on them: from one clip, or from one picture per frame. A photo of the empty box is the
-    /// last input.
+    /// Collect colours and report on them: from one clip, or from one picture per frame. A photo of the empty box is
+    /// the last input.
     Palette, palette: palette::PaletteWork;
     /// Find out which tapes suit a box: from a photo of the box without tools, or from a video's first frame.
     Advise, advice: advise::AdviseWork;

@@ -96,8 +96,8 @@ pub(super) struct PaletteFormContent {
 
 /// Learn the box's colours from marked frames
 ///
-/// A job learns the next version of the colours. A picture of the empty box is kept with this version; the next one needs
-/// a picture of its own. In the annotations of the version, `empty_box` is the SHA-256 of the picture.
+/// A job learns the next version of the colours. A picture of the empty box is kept with this version; the next one
+/// needs a picture of its own. In the annotations of the version, `empty_box` is the SHA-256 of the picture.
 #[utoipa::path(post, path = "/boxes/{id}/palettes", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     request_body(content = PaletteForm, content_type = "multipart/form-data"),

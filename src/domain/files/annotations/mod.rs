@@ -12,8 +12,8 @@
 //!  "labels": [{"frame": 12, "label": "orange", "x": 310, "y": 220, "w": 18, "h": 9}]}
 //! ```
 //!
-//! A tool without tape has a `marker` of the kind `shaft`, and the file says `needs` 2. Rectangles labelled `shaft` then
-//! show the look of its tube.
+//! A tool without tape has a `marker` of the kind `shaft`, and the file says `needs` 2. Rectangles labelled `shaft`
+//! then show the look of its tube.
 
 mod marker;
 
@@ -251,7 +251,7 @@ pub enum AnnotationsError {
     ShaftWithoutSide(String),
     /// Two tools without tape on one side.
     #[error(
-        "tools `{}` and `{}` have no tape and the same side: at most one tool without tape on each side can be followed",
+        "tools `{}` and `{}` have no tape and the same side: only one tool without tape on each side can be followed",
         .0[0], .0[1]
     )]
     ShaftsOnOneSide([String; 2]),

@@ -188,6 +188,18 @@ fn a_bare_tool_becomes_a_shaft_of_the_tracker_with_its_sizes() {
 }
 
 #[test]
+fn files_of_rendered_bare_tools_are_read() {
+    let Some(worlds) = crate::resources::shared("worlds/dev") else { return };
+    for (world, names) in [("bare28", &["left"][..]), ("bare32", &["left", "right"])] {
+        let path = worlds.join(world).join("contract/annotations_marker.json");
+        let tools = AnnotationsFile::parse(&std::fs::read_to_string(path).unwrap()).unwrap().marked_tools().unwrap();
+        let found: Vec<&str> = tools.iter().map(|tool| tool.name.as_str()).collect();
+        assert_eq!(found, names, "{world}");
+        assert!(tools.iter().all(|tool| tool.marker.is_shaft() && tool.colour == "shaft"), "{world}: {tools:?}");
+    }
+}
+
+#[test]
 fn a_bare_tool_needs_version_2_a_rectangle_and_a_side_of_its_own() {
     let refused = |tools: &str, labels: &[&str]| bare_tools(tools, labels).unwrap_err();
     let entry = bare("left", "");
