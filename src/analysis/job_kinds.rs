@@ -1,8 +1,8 @@
 //! What a worker does for each kind of job: look up what the child needs, run the child, store the result. A new kind is
 //! a branch of [`WorkerPool::work_on`] and the function that it calls.
 
-use super::job_plan::{self, EarlierSessions};
-use super::protocol::{AdviseWork, ChildWork, ScoreSource, ScoreWork};
+use super::job_plan::{self, EarlierSessions, JobPlan};
+use super::protocol::{AdviseWork, ChildWork, PaletteWork, ScoreSource, ScoreWork};
 use super::results::{self, TrackFiles, TrackResult};
 use super::scoring::BoxContext;
 use super::worker::{WorkError, WorkerPool};
@@ -32,9 +32,13 @@ impl WorkerPool {
     async fn track(&self, held: &mut HeldJob, input: TrackInput, ending: &Shutdown) -> Result<(), WorkError> {
         let calibration = self.store.calibrations().get(&Scope::service(), input.calibration).await?;
         let earlier = EarlierSessions::before(input.session, input.calibration, &self.store).await?;
-        let work = job_plan::track_work(&input, calibration.camera.camera(), &self.store).await?;
+        let (work, empty_box) = job_plan::track_work(&input, calibration.camera.camera(), &self.store).await?;
         let tools = work.tracker.tools.iter().map(|tool| tool.name.clone()).collect();
-        let output = self.run_child(held, ChildWork::Track(work), ending).await?;
+        let mut plan = JobPlan::new(ChildWork::Track(work), &held.job().input, &self.vault).await?;
+        if let Some(picture) = empty_box {
+            plan = plan.with_file(picture, &self.vault).await?;
+        }
+        let output = self.supervise_child(held, plan, ending).await??;
         let ports = self.earlier_ports(held, earlier, ending).await?;
         let edits = self.store.edits().in_force(input.session).await?;
         let surroundings = self.box_surroundings(held, (input.session, input.palette), ending).await?;
@@ -86,6 +90,7 @@ impl WorkerPool {
         ending: &Shutdown,
     ) -> Result<(), WorkError> {
         let work = job_plan::palette_work(&input.annotations, (!input.is_video).then(|| input.frames.clone()))?;
+        let work = PaletteWork { has_empty_box: input.empty_box.is_some(), ..work };
         let output = self.run_child(held, ChildWork::Palette(work), ending).await?;
         let new = results::palette(&input.annotations, output)?;
         let stored = held.finish(async |store, lease| store.jobs().finish_palette(lease, new).await).await;

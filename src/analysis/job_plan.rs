@@ -5,8 +5,9 @@ use std::fs::File;
 use super::protocol::{CalibrateWork, ChildWork, ColourMark, PaletteWork, RequestedBoard, SelfTestWork, TrackWork};
 use super::stored_palette::read_palette;
 use super::worker::WorkError;
+use crate::domain::blob::BlobHash;
 use crate::domain::boxes::BoxTool;
-use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle, View};
+use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle, MarkerEntry, View};
 use crate::domain::job::{CalibrateInput, JobInput, SelfTestInput, TrackInput};
 use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
@@ -15,7 +16,7 @@ use crate::ids::{BoxId, CalibrationId, SessionId};
 use crate::motion::quality::ports::{self, Ports};
 use crate::sandbox::MAX_INPUTS;
 use crate::store::{PaletteRecord, SessionOrderKey, Store, StoreError};
-use crate::vault::Vault;
+use crate::vault::{Vault, VaultError};
 use crate::vision::camera::Camera;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::segmentation::samples::MarkedRectangle;
@@ -52,12 +53,34 @@ impl JobPlan {
         }
         Ok(Self { work, inputs })
     }
+
+    /// The plan with one more input. A file that was deleted meanwhile is left out.
+    pub(super) async fn with_file(mut self, file: BlobHash, vault: &Vault) -> Result<Self, WorkError> {
+        match vault.open_blob(file).await {
+            Ok((file, _)) => self.inputs.push(file),
+            Err(VaultError::NotFound) => tracing::warn!(%file, "a deleted picture of the empty box is not used"),
+            Err(error) => return Err(error.into()),
+        }
+        Ok(self)
+    }
 }
 
-/// The work of tracking a recording.
-pub(super) async fn track_work(input: &TrackInput, camera: Camera, store: &Store) -> Result<TrackWork, WorkError> {
+/// The work of tracking a recording, and the picture of the empty box that it needs.
+pub(super) async fn track_work(
+    input: &TrackInput,
+    camera: Camera,
+    store: &Store,
+) -> Result<(TrackWork, Option<BlobHash>), WorkError> {
     let palette = store.palettes().get(&Scope::service(), input.palette).await?;
-    Ok(TrackWork { tracker: tracker_settings(palette, camera, store).await?, time: input.time })
+    let empty_box = empty_box_of(&palette);
+    Ok((TrackWork { tracker: tracker_settings(palette, camera, store).await?, time: input.time }, empty_box))
+}
+
+/// The picture of the empty box that was sent with these colours, if a tool without tape needs it.
+fn empty_box_of(palette: &PaletteRecord) -> Option<BlobHash> {
+    let is_bare = |tool: &BoxTool| tool.marker.as_ref().is_some_and(MarkerEntry::is_shaft);
+    let named = palette.annotations.empty_box.as_ref().filter(|_| palette.tools.iter().any(is_bare))?;
+    named.parse().ok()
 }
 
 impl EarlierSessions {
@@ -148,11 +171,11 @@ async fn view_of(of: BoxId, store: &Store) -> Result<Option<View>, WorkError> {
     Ok(store.boxes().get(&Scope::service(), &Key::from(&of)).await?.view)
 }
 
-/// The marks on these frames, or on a clip's frames.
+/// The marks on these frames, or on a clip's frames, without a picture of the empty box.
 pub(super) fn palette_work(annotations: &AnnotationsFile, frames: Option<Vec<u64>>) -> Result<PaletteWork, Problem> {
     let colour_of = |label: &LabelledRectangle| annotations.colour_of(&label.label).to_owned();
     let marks = annotations.labels.iter().map(|l| mark(l, colour_of(l))).collect::<Result<_, _>>()?;
-    Ok(PaletteWork { marks, tools: annotations.tape_colours(), frames })
+    Ok(PaletteWork { marks, tools: annotations.tape_colours(), frames, has_empty_box: false })
 }
 
 /// Converts a rectangle into a mark with a colour.
@@ -174,9 +197,9 @@ pub(super) fn calibrate_work(input: &CalibrateInput, now: &str) -> CalibrateWork
 }
 
 impl From<BoxTool> for ToolSpec {
-    fn from(BoxTool { name, colour, side, diameter_mm, band_length_mm }: BoxTool) -> Self {
+    fn from(BoxTool { name, colour, side, diameter_mm, band_length_mm, marker }: BoxTool) -> Self {
         let colour = colour.unwrap_or_else(|| name.clone());
-        let marker = Marker::Band { length_mm: band_length_mm };
+        let marker = marker.map_or(Marker::Band { length_mm: band_length_mm }, Marker::from);
         Self { name, colour, side: side.map(HandSide::from), diameter_mm, marker }
     }
 }
@@ -196,4 +219,53 @@ fn unreadable_palette_problem() -> Problem {
 fn too_many_files_problem(given: usize) -> Problem {
     let detail = format!("{given} files were sent; at most {MAX_INPUTS} are allowed in one job");
     Problem::new("too-many-files", "Too many files for one job", detail)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::blob::Blob;
+    use crate::ids::PaletteId;
+
+    #[test]
+    fn only_a_tool_without_tape_needs_the_picture_of_the_empty_box() {
+        let picture = Blob::of(b"a box without tools").hash;
+        let empty_box_for = |named: &str, marker: Option<MarkerEntry>| {
+            let annotations = serde_json::json!({"empty_box": named, "labels": []});
+            let tool = BoxTool {
+                name: "left".into(),
+                colour: Some("shaft".into()),
+                side: None,
+                diameter_mm: 5.0,
+                band_length_mm: None,
+                marker,
+            };
+            empty_box_of(&PaletteRecord {
+                id: PaletteId::at(0),
+                box_id: BoxId::at(0),
+                version: 1,
+                annotations: serde_json::from_value(annotations).unwrap(),
+                tools: vec![tool],
+                counts: vec![],
+                samples: vec![],
+                report: None,
+                created_at_ms: 0,
+            })
+        };
+        let shaft = || Some(MarkerEntry::Shaft { collar_mm: None, jaw_mm: Some(28.3) });
+        assert_eq!(empty_box_for(&picture.to_string(), shaft()), Some(picture));
+        assert_eq!(empty_box_for(&picture.to_string(), None), None);
+        assert_eq!(empty_box_for("empty.jpg", shaft()), None);
+    }
+
+    #[test]
+    fn a_stored_tool_without_tape_becomes_a_shaft_of_the_tracker() {
+        let tool = |marker: &str| {
+            let text = format!(r#"{{"name":"left","diameter_mm":5.0,"band_length_mm":25.0{marker}}}"#);
+            ToolSpec::from(serde_json::from_str::<BoxTool>(&text).unwrap()).marker
+        };
+        assert_eq!(tool(""), Marker::Band { length_mm: Some(25.0) });
+        let shaft = Marker::Shaft { collar_mm: Some(8.0), jaw_mm: None };
+        assert_eq!(tool(r#","marker":{"kind":"shaft","collar_mm":8.0}"#), shaft);
+    }
 }

@@ -92,6 +92,11 @@ impl MarkedFrames {
         self.samples.as_ref()
     }
 
+    /// Columns and rows of the first marked frame; `None` if no frame was marked.
+    pub fn frame_size(&self) -> Option<[usize; 2]> {
+        self.kept.first().map(|(picture, _)| [picture.frame().width(), picture.frame().height()])
+    }
+
     /// What stands still in the frames; `None` if no frame was added, or if they are too small.
     pub fn surroundings(&self) -> Option<Surroundings> {
         self.surroundings.surroundings()

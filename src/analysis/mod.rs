@@ -21,6 +21,7 @@ pub mod calibration;
 pub mod child;
 pub mod clock;
 pub mod edits;
+pub mod empty_box;
 pub mod marked;
 pub mod paths;
 pub mod protocol;

@@ -255,7 +255,7 @@ impl DemonstrationBuilder {
             let (kept, files) = self.store_files(&[folder.join("clip.mp4")]).await?;
             let text = tokio::fs::read_to_string(folder.join("annotations.json")).await?;
             let annotations = AnnotationsFile::parse(&text)?;
-            let input = PaletteInput { of, annotations, files, is_video: true, frames: Vec::new() };
+            let input = PaletteInput { of, annotations, files, is_video: true, frames: Vec::new(), empty_box: None };
             self.run_job(JobInput::Palette(input), kept).await?;
         }
         Ok(())

@@ -201,6 +201,9 @@ pub struct PaletteInput {
     pub is_video: bool,
     /// The frame number of each picture; empty for a video.
     pub frames: Vec<u64>,
+    /// A photo of the box without tools, for tools without tape. It is kept after the job has ended.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub empty_box: Option<NamedBlob>,
 }
 
 /// A picture of a box without tools.
@@ -314,8 +317,8 @@ impl JobInput {
             JobInput::Calibrate(CalibrateInput { of, files, .. }) => {
                 JobFacts::on_box(JobKind::Calibrate, *of, files, KeyVersion::Calibration(*of))
             }
-            JobInput::Palette(PaletteInput { of, files, .. }) => {
-                JobFacts::on_box(JobKind::Palette, *of, files, KeyVersion::Palette(*of))
+            JobInput::Palette(PaletteInput { of, files, empty_box, .. }) => {
+                JobFacts::on_box(JobKind::Palette, *of, files.iter().chain(empty_box), KeyVersion::Palette(*of))
             }
             JobInput::Advise(AdviseInput { of, picture }) => {
                 JobFacts::on_box(JobKind::Advise, *of, [picture], KeyVersion::Palette(*of))

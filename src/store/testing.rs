@@ -91,6 +91,7 @@ impl TestCentre {
             files: vec![],
             is_video: true,
             frames: vec![],
+            empty_box: None,
         };
         self.store.jobs().enqueue(&Scope::service(), JobInput::Palette(input)).await.unwrap();
         let lease = self.claim().await.unwrap();

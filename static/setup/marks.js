@@ -82,11 +82,12 @@ export function annotationsOf({ tools, view, frames }) {
       })),
     ),
   );
-  return { ...(view ? { view } : {}), tools: tools.map(toolEntry), labels };
+  const needs = tools.some(({ marker }) => marker) ? { needs: 2 } : {};
+  return { ...needs, ...(view ? { view } : {}), tools: tools.map(toolEntry), labels };
 }
 
-/** A tool as annotations.json has it. */
-export function toolEntry({ tape, name, side, diameter, band }) {
+/** A tool as annotations.json has it; only a tool without tape has a marker. */
+export function toolEntry({ tape, name, side, diameter, band, marker }) {
   const colour = tape.trim();
   return {
     tool: name?.trim() || colour,
@@ -94,6 +95,7 @@ export function toolEntry({ tape, name, side, diameter, band }) {
     ...(side ? { side } : {}),
     diameter_mm: diameter,
     ...(band ? { band_length_mm: band } : {}),
+    ...(marker ? { marker } : {}),
   };
 }
 

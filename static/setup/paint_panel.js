@@ -16,7 +16,7 @@ export function PaintPanel({ draft, frame, tapes, inkOf, mask }) {
   const [size, setSize] = useState(SIZES.initial);
   const [zoom, setZoom] = useState(1);
   const [isMasked, setMasked] = useState(false);
-  const labels = [...tapes, ...NOT_TAPE];
+  const labels = [...new Set([...tapes, ...NOT_TAPE])]; // tools without tape have the label `shaft`
   const chosen = labels.includes(label) ? label : tapes[0];
   const brush = { kind, size, zoom, label: chosen };
   return html`

@@ -34,13 +34,14 @@ export const isPoor = rms => Number.isFinite(rms) && rms > MAX_RMS_PX;
  * @param {Schemas['BoxTool']} tool
  * @param {number} index
  */
-export const plannedTool = ({ name, colour, side, diameter_mm, band_length_mm }, index) => ({
+export const plannedTool = ({ name, colour, side, diameter_mm, band_length_mm, marker }, index) => ({
   id: index + 1,
   tape: colour ?? name,
   name: colour ? name : '',
   side: side ?? '',
   diameter: diameter_mm,
   band: band_length_mm ?? undefined,
+  marker: marker ?? undefined,
 });
 
 function photosState(photos, box) {

@@ -67,8 +67,8 @@ function Tool({ tool, number, onChange, onRemove }) {
           <${Field} label=${words.name} hint=${words.nameHint} optional maxlength="60" value=${tool.name} onInput=${text('name')} />
           <${Field} label=${words.diameter} hint=${words.diameterHint} type="number" required step="any" min="0.5" max="50"
             value=${tool.diameter} onInput=${size('diameter')} />
-          <${Field} label=${words.band} hint=${words.bandHint} type="number" optional step="any" min="1" max="500"
-            value=${tool.band} onInput=${size('band')} />
+          ${!tool.marker && html`<${Field} label=${words.band} hint=${words.bandHint} type="number" optional step="any" min="1" max="500"
+            value=${tool.band} onInput=${size('band')} />`}
           <${Field} label=${t.box.hand} hint=${words.sideHint} type="select" value=${tool.side}
             options=${[['', words.anySide], ...Object.entries(t.box.sides)]} onInput=${text('side')} />
         </div>

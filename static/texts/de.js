@@ -1212,6 +1212,8 @@ export default {
     clipHint: 'Das Video, das die Markierungen nennen; oder senden Sie stattdessen Bilder daraus.',
     frames: 'Oder Bilder daraus',
     framesHint: 'Ein Bild je Markierung, mit der Bildnummer als letzter Zahl im Namen.',
+    emptyBox: 'Ein Foto der leeren Box',
+    emptyBoxHint: 'Für Instrumente ohne Klebeband: mit der Kamera der Box, ohne Instrumente, in der Größe der Aufnahme.',
     advice: {
       title: 'Welches Klebeband kaufen?',
       picture: 'Ein Bild der leeren Box',

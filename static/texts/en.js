@@ -1114,6 +1114,8 @@ export default {
     clipHint: 'The video named in the annotations. You can send images of its frames instead.',
     frames: 'Or images of the frames',
     framesHint: 'One image for each marked frame. The last number in the file name must be the number of the frame.',
+    emptyBox: 'A photo of the empty box',
+    emptyBoxHint: 'For tools without tape: by the box’s camera, without tools, in the size of the recording.',
     advice: {
       title: 'Which tape to buy?',
       picture: 'A picture of the empty box',

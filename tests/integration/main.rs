@@ -6,6 +6,7 @@ mod admin;
 mod api;
 mod architecture;
 mod backups;
+mod bare_tools;
 mod child;
 mod commands;
 mod dependencies;

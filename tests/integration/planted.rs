@@ -64,6 +64,7 @@ impl Planter {
             files: vec![],
             is_video: true,
             frames: vec![],
+            empty_box: None,
         };
         store.jobs().enqueue(&service, JobInput::Palette(input)).await.unwrap();
         let lease = store.jobs().claim("planter", Duration::from_secs(60)).await.unwrap().unwrap();

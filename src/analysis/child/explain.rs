@@ -3,6 +3,7 @@
 use super::palette::ColourMark;
 use crate::analysis::calibration::{CalibrationRefusal, ViewsError};
 use crate::analysis::clock::ClockError;
+use crate::analysis::empty_box::EmptyBoxError;
 use crate::analysis::scoring::ScoringError;
 use crate::analysis::self_test::SelfTestError;
 use crate::domain::problem::Problem;
@@ -133,6 +134,18 @@ impl ToProblem for SelfTestError {
             SelfTestError::Media(error) => error.to_problem(),
             SelfTestError::Settings(problem) => problem.to_problem(),
         }
+    }
+}
+
+impl ToProblem for EmptyBoxError {
+    fn to_problem(&self) -> Problem {
+        let (slug, title) = match self {
+            EmptyBoxError::Media(_) => ("empty-box-photo", "The picture of the empty box is not a readable photo"),
+            EmptyBoxError::OtherSize { .. } => {
+                ("empty-box-size", "The picture of the empty box has another size than the recording")
+            }
+        };
+        Problem::new(slug, title, self.to_string())
     }
 }
 

@@ -15,7 +15,7 @@ use crate::media::MediaLimits;
 pub struct MaskWork {
     /// Marked rectangles.
     pub marks: Vec<ColourMark>,
-    /// The tape colour of each tool: a colour occurs twice if two tools wear it.
+    /// The tape colour of each tool with tape: a colour occurs twice if two tools wear it.
     pub tools: Vec<String>,
     /// The frame that each input shows.
     pub frames: Vec<u64>,

@@ -118,9 +118,10 @@ macro_rules! child_works {
 child_works! {
     /// Decode one recording: size, frames, a preview.
     Probe, probe: probe::ProbeWork;
-    /// Track one recording.
+    /// Track one recording. Inputs: the recording, and a photo of the empty box if there is one.
     Track, track: track::TrackWork;
-    /// Collect colours and report on them: from one clip, or from one picture per frame.
+    /// Collect colours and report on them: from one clip, or from one picture per frame. A photo of the empty box is
+    /// the last input.
     Palette, palette: palette::PaletteWork;
     /// Find out which tapes suit a box: from a photo of the box without tools, or from a video's first frame.
     Advise, advice: advise::AdviseWork;
@@ -179,6 +180,17 @@ impl ChildInputs {
     /// The first file.
     fn first(self) -> Result<File, StopReason> {
         self.files.into_iter().next().ok_or_else(no_input)
+    }
+
+    /// The first file, and the second if there is one.
+    fn first_and_second(self) -> Result<(File, Option<File>), StopReason> {
+        let mut files = self.files.into_iter();
+        Ok((files.next().ok_or_else(no_input)?, files.next()))
+    }
+
+    /// Takes the last file away.
+    fn take_last(&mut self) -> Result<File, StopReason> {
+        self.files.pop().ok_or_else(no_input)
     }
 
     /// The last two files.

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::limits::{MAX_TEXT_CHARS, accept_surroundings, is_plausible_number, set_once};
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord, explain, no_input};
+use crate::analysis::empty_box::read_empty_box;
 use crate::analysis::marked::{MarkedFrames, group_into_strokes};
 use crate::domain::palette::PaletteReport;
 use crate::media::{MediaLimits, Picture, VideoFile, photo};
@@ -26,10 +27,12 @@ const MAX_SAMPLES: usize = 1_000_000;
 pub struct PaletteWork {
     /// Marked rectangles.
     pub marks: Vec<ColourMark>,
-    /// The tape colour of each tool: a colour occurs twice if two tools wear it.
+    /// The tape colour of each tool with tape: a colour occurs twice if two tools wear it.
     pub tools: Vec<String>,
     /// The frame that each input shows; `None` if the only input is a clip.
     pub frames: Option<Vec<u64>>,
+    /// Whether the last input is a photo of the empty box.
+    pub has_empty_box: bool,
 }
 
 /// A marked rectangle on a frame.
@@ -69,11 +72,16 @@ impl ChildTask for PaletteWork {
     type Record = PaletteWorkRecord;
     type Output = PaletteOutput;
 
-    fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
+    fn run(self, mut inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
+        let limits = inputs.limits;
+        let empty_box = self.has_empty_box.then(|| inputs.take_last()).transpose()?;
         let mut marked = MarkedFrames::default();
         match &self.frames {
             Some(frames) => add_pictures(&mut marked, &self.marks, frames, inputs, reporter)?,
             None => add_clip(&mut marked, &self.marks, inputs.video()?, reporter)?,
+        }
+        if let Some((file, size)) = empty_box.zip(marked.frame_size()) {
+            read_empty_box(file, size, limits)?; // tracking reads it again: it must be possible then
         }
         let samples = marked.samples().ok_or_else(no_input)?.clone();
         reporter.record(WorkRecord::Palette(PaletteWorkRecord::Samples(samples)))?;
@@ -198,7 +206,7 @@ mod tests {
     fn validate(records: Vec<PaletteWorkRecord>) -> Result<PaletteOutput, String> {
         let rectangle = MarkedRectangle { label: "orange".into(), x: 0, y: 0, w: 9, h: 9 };
         let marks = vec![ColourMark { frame: 0, rectangle, stroke: None }];
-        let work = ChildWork::Palette(PaletteWork { marks, tools: vec![], frames: None });
+        let work = ChildWork::Palette(PaletteWork { marks, tools: vec![], frames: None, has_empty_box: false });
         let records = records.into_iter().map(WorkRecord::Palette).collect();
         Ok(validate_records(&work, records)?.palette)
     }

@@ -38,10 +38,10 @@ pub struct ColourWatch {
 }
 
 impl ColourWatch {
-    /// Prepares to search for the colours of these tools in pictures of this encoding.
+    /// Prepares to search for the tape colours of these tools in pictures of this encoding.
     pub fn new(samples: &ColourSamples, tools: &[ToolSpec], encoding: ColourEncoding) -> Self {
         let mut colours: Vec<String> = Vec::new();
-        for tool in tools {
+        for tool in tools.iter().filter(|tool| matches!(tool.marker, Marker::Band { .. })) {
             if !colours.contains(&tool.colour) {
                 colours.push(tool.colour.clone());
             }

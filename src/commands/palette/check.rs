@@ -57,6 +57,11 @@ fn report(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) ->
 }
 
 fn text_of(report: &PaletteReport) -> String {
+    if report.verdicts.is_empty() {
+        return String::from(
+            "None of the tools has tape, so there is no tape colour to check. The tracker follows their shafts.\n",
+        );
+    }
     let mut text = String::from("How the marked pixels are classified without their own rectangle, %:\n");
     text += &confusion_table(report);
     text += "\nUnder changed light: share of a tape lost, and largest share of another label taken for it, %:\n";

@@ -161,6 +161,7 @@ fn annotations_of(world: &World, setup: &Setup, times: &[f64]) -> anyhow::Result
     };
     let file = AnnotationsFile {
         needs: None,
+        empty_box: None,
         tool_diameter_mm: Some(setup.diameter_mm),
         band_length_mm: None,
         view: Some(view_of(setup.view)),

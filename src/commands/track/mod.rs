@@ -2,6 +2,7 @@
 //! and prints the quality verdict to stderr. The trajectory of a refused session is written too, with exit status 0.
 
 mod debug;
+mod empty_box;
 mod marks;
 mod progress;
 mod stages;
@@ -13,12 +14,14 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 
 use debug::{DebugArgs, DebugPictures, DebugScene};
+use empty_box::empty_box;
 use marks::{ClipMarks, SampleCollector};
 use progress::TrackProgress;
 use stages::{StageClock, TrackStage};
 
 use super::{CommandFailure, verdict};
 use crate::analysis::clock::{ClockError, open_with_clock};
+use crate::analysis::marked::colours_of;
 use crate::domain::clock::{ClockBasis, RecordingClock, StampFacts, TimeCorrection};
 use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle};
 use crate::domain::files::camera::CameraFile;
@@ -46,6 +49,10 @@ pub struct TrackArgs {
     /// Annotations of an instructor: tape colours and tool sizes.
     #[arg(long, value_name = "FILE")]
     annotations: PathBuf,
+    /// Photo of the box without tools, for tools without tape; it takes precedence over the one that the annotations
+    /// name.
+    #[arg(long, value_name = "PICTURE")]
+    empty: Option<PathBuf>,
     /// File to write the trajectory to (CSV) [default: standard output].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -155,6 +162,7 @@ fn collect_and_track(
         clock.add_lap(TrackStage::Samples);
         let followed = track_recording(
             args,
+            marked,
             settings(args, camera, marked, &samples)?,
             Some(marks),
             pictures.as_deref_mut(),
@@ -168,7 +176,7 @@ fn collect_and_track(
     let samples = marks.collect(clock)?;
     warn_about_colours(args, marked, &samples);
     clock.add_lap(TrackStage::Samples);
-    track_recording(args, settings(args, camera, marked, &samples)?, None, pictures, clock)
+    track_recording(args, marked, settings(args, camera, marked, &samples)?, None, pictures, clock)
 }
 
 fn settings(
@@ -205,13 +213,14 @@ pub(super) fn marked_samples(
     ClipMarks::new(marked, file, tracked).collect(&mut StageClock::start())
 }
 
-/// Prints a line for each colour that is not good. `trocar palette --check` gives details.
+/// Prints a line for each tape colour that is not good. `trocar palette --check` gives details.
 fn warn_about_colours(args: &TrackArgs, marked: &AnnotationsFile, samples: &ColourSamples) {
     if args.quiet {
         return;
     }
-    let colours: Vec<String> = marked.marked_colours().into_iter().map(str::to_owned).collect();
-    for warning in palette::verdicts(samples, &colours).iter().filter_map(TapeVerdict::warning) {
+    for warning in
+        palette::verdicts(samples, &colours_of(&marked.tape_colours())).iter().filter_map(TapeVerdict::warning)
+    {
         eprintln!("warning: {warning}");
     }
 }
@@ -231,6 +240,7 @@ struct PassResult {
 /// Tracks every frame of the recording, while another thread decodes the next frames.
 fn track_recording(
     args: &TrackArgs,
+    marked: &AnnotationsFile,
     settings: TrackerSettings,
     marks: Option<&ClipMarks<'_>>,
     mut pictures: Option<&mut DebugPictures>,
@@ -249,6 +259,8 @@ fn track_recording(
     clock.add_lap(TrackStage::Waiting);
     let tracker = Tracker::new(settings, info.width, info.height, encoding);
     let mut tracker = tracker.map_err(|problem| about(&args.camera, problem.of_shown(info.shown_size)))?;
+    // Read before the first frame is tracked: a picture that cannot be used is refused at once.
+    let _empty_box = empty_box(args, marked, &info)?;
     tracker.warm_up(&first);
     clock.add_lap(TrackStage::Preparing);
     let mut again = marks.map(ClipMarks::collector);

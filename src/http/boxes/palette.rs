@@ -80,11 +80,24 @@ pub struct PaletteForm {
     /// Instead of the clip, one picture for each marked frame. The part's name contains the frame number: `frame_12`.
     #[schema(value_type = Option<String>, format = Binary)]
     frame_0: Option<Vec<u8>>,
+    /// A photo of the box without tools, of the marked frames' size, for tools without tape. It replaces the file that
+    /// `empty_box` in the annotations names. A preview does not need it.
+    #[schema(value_type = Option<String>, format = Binary)]
+    empty_box: Option<Vec<u8>>,
+}
+
+/// The content of a [`PaletteForm`].
+pub(super) struct PaletteFormContent {
+    pub(super) annotations: AnnotationsFile,
+    /// The clip, or the marked frames.
+    pub(super) pictures: FormPictures,
+    empty_box: FormPictures,
 }
 
 /// Learn the box's colours from marked frames
 ///
-/// A job learns the next version of the colours.
+/// A job learns the next version of the colours. A picture of the empty box is kept with this version; the next one
+/// needs a picture of its own. In the annotations of the version, `empty_box` is the SHA-256 of the picture.
 #[utoipa::path(post, path = "/boxes/{id}/palettes", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     request_body(content = PaletteForm, content_type = "multipart/form-data"),
@@ -96,30 +109,40 @@ pub async fn learn_palette(
     form: MultipartForm,
 ) -> HandlerResult<impl IntoResponse> {
     let of = app.store.boxes().changeable(&by.scope, &key).await?;
-    let (annotations, pictures) = read_palette_form(form).await?;
+    let PaletteFormContent { mut annotations, pictures, empty_box } = read_palette_form(form).await?;
+    let photo = empty_box.files.first().cloned();
+    if annotations.empty_box.is_some() && photo.is_none() {
+        return Err(ProblemResponse::invalid(
+            "empty_box",
+            "is named in the annotations, but was not sent; send the photo of the empty box in a part `empty_box`",
+        ));
+    }
+    annotations.empty_box = photo.as_ref().map(|photo| photo.blob.hash.to_string());
     let FormPictures { ref files, ref frames, is_video, .. } = pictures;
     let (files, frames) = (files.clone(), frames.clone());
-    let input = PaletteInput { of: of.id, annotations, files, is_video, frames };
+    let input = PaletteInput { of: of.id, annotations, files, is_video, frames, empty_box: photo };
     let job = app.store.jobs().enqueue(&by.scope, JobInput::Palette(input)).await?;
     app.queue.work_arrived();
     Ok((StatusCode::ACCEPTED, Json(QueuedJobResponse { job: job.id })))
 }
 
 /// Reads a [`PaletteForm`].
-pub(super) async fn read_palette_form(mut form: MultipartForm) -> HandlerResult<(AnnotationsFile, FormPictures)> {
-    let (mut annotations, mut pictures) = (None, FormPictures::default());
+pub(super) async fn read_palette_form(mut form: MultipartForm) -> HandlerResult<PaletteFormContent> {
+    let (mut annotations, mut pictures, mut empty_box) = (None, FormPictures::default(), FormPictures::default());
     while let Some(part) = form.next().await? {
         match (part.name.as_str(), frame_number(&part.name)) {
             ("annotations", _) => annotations = Some(parse_annotations(&part.text().await?)?),
             ("video", _) => pictures.add_video(part).await?,
+            ("empty_box", _) if empty_box.files.is_empty() => empty_box.add_picture(part, None).await?,
+            ("empty_box", _) => return Err(ProblemResponse::invalid("empty_box", "was sent twice; send one photo")),
             (_, Some(frame)) => pictures.add_picture(part, Some(frame)).await?,
-            _ => return Err(part.unexpected("annotations, and video or frame_0, frame_1, …")),
+            _ => return Err(part.unexpected("annotations, video or frame_0, frame_1, …, and empty_box")),
         }
     }
     let annotations =
         annotations.ok_or_else(|| ProblemResponse::invalid("annotations", "is missing; send annotations.json"))?;
     check_frames(&annotations, &pictures)?;
-    Ok((annotations, pictures))
+    Ok(PaletteFormContent { annotations, pictures, empty_box })
 }
 
 fn parse_annotations(text: &str) -> HandlerResult<AnnotationsFile> {

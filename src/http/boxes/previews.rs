@@ -5,7 +5,7 @@ use axum::extract::State;
 use utoipa::ToSchema;
 
 use super::form::{FormPictures, MultipartForm};
-use super::palette::{PaletteForm, read_palette_form};
+use super::palette::{PaletteForm, PaletteFormContent, read_palette_form};
 use crate::domain::calibration::BoardSize;
 use crate::domain::palette::PalettePreview;
 use crate::domain::photo_check::PhotoCheck;
@@ -74,7 +74,7 @@ pub async fn preview_palette(
     form: MultipartForm,
 ) -> HandlerResult<Json<PalettePreview>> {
     app.store.boxes().get(&by.scope, &key).await?;
-    let (annotations, pictures) = read_palette_form(form).await?;
+    let PaletteFormContent { annotations, pictures, .. } = read_palette_form(form).await?;
     if pictures.is_video {
         return Err(ProblemResponse::invalid("video", "takes too long for a preview; send frame_<n> pictures"));
     }

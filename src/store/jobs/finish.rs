@@ -27,6 +27,12 @@ const SET_ADVICE: &str = "UPDATE job SET advice = $2 WHERE id = $1";
 
 const RELEASE_FILES: &str = "DELETE FROM job_file WHERE job_id = $1";
 
+/// Of the files of a palette job, the picture of the empty box is kept: tracking needs it, and it shows no person.
+const RELEASE_MARKED_FILES: &str = "
+    DELETE FROM job_file
+    WHERE job_id = $1
+      AND blob IS NOT (SELECT json_extract(input, '$.empty_box.blob.hash') FROM job WHERE id = $1)";
+
 impl JobStore<'_> {
     /// Stores the result of tracking a session. If the session already has a result of the same versions, edits and times,
     /// that one stays, because the same input gives the same numbers. If the session was edited since it was assessed, it is
@@ -111,14 +117,14 @@ impl JobStore<'_> {
     }
 
     /// Stores the next version of a box's colours, releases the marked pictures, which may show a person, and queues the
-    /// sessions that waited for them.
+    /// sessions that waited for them. The picture of the empty box stays.
     pub async fn finish_palette(&self, held: &Lease, new: NewPalette) -> StoreResult<PaletteRecord> {
         let of = box_of(held)?;
         let (id, token, now_ms, attempts) = (held.job.id, held.token, self.0.now_ms(), self.0.max_attempts());
         self.0
             .write(async move |tx| {
                 end_as_done(tx, id, token, now_ms).await?;
-                sqlx::query(RELEASE_FILES).bind(id).execute(&mut *tx).await?;
+                sqlx::query(RELEASE_MARKED_FILES).bind(id).execute(&mut *tx).await?;
                 let picture = new.surroundings.clone();
                 let palette = palettes::insert(tx, of, new, now_ms).await?;
                 if let Some(picture) = picture {

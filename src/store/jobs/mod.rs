@@ -103,7 +103,7 @@ const GET: &str = "
 
 const DONE_PALETTE_INPUTS: &str = "
     SELECT input FROM job
-    WHERE box_id = $1 AND kind = 'palette' AND state = 'done'
+    WHERE box_id = $1 AND kind = 'palette' AND state = 'done' AND json_extract(input, '$.empty_box') IS NULL
       AND EXISTS (SELECT 1 FROM job_file WHERE job_file.job_id = job.id)
     ORDER BY created_at_ms DESC LIMIT 100";
 

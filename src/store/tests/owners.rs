@@ -59,7 +59,7 @@ impl TwoGroups {
 fn colours(of: BoxId) -> JobInput {
     let text = r#"{"tool_diameter_mm":8,"labels":[{"frame":0,"label":"orange","x":1,"y":1,"w":2,"h":2}]}"#;
     let annotations: AnnotationsFile = serde_json::from_str(text).unwrap();
-    JobInput::Palette(PaletteInput { of, annotations, files: vec![], is_video: true, frames: vec![] })
+    JobInput::Palette(PaletteInput { of, annotations, files: vec![], is_video: true, frames: vec![], empty_box: None })
 }
 
 fn is_forbidden<T>(result: &StoreResult<T>) -> bool {

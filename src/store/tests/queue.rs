@@ -42,7 +42,14 @@ async fn queue_positions(centre: &TestCentre, most: u32) -> Vec<(SessionId, Opti
 async fn mark_colours_again(centre: &TestCentre) {
     let annotations = r#"{"tool_diameter_mm":5,"labels":[{"frame":0,"label":"blue","x":1,"y":1,"w":2,"h":2}]}"#;
     let annotations = serde_json::from_str(annotations).unwrap();
-    let input = PaletteInput { of: centre.the_box.id, annotations, files: vec![], is_video: true, frames: vec![] };
+    let input = PaletteInput {
+        of: centre.the_box.id,
+        annotations,
+        files: vec![],
+        is_video: true,
+        frames: vec![],
+        empty_box: None,
+    };
     centre.store.jobs().enqueue(&Scope::service(), JobInput::Palette(input)).await.unwrap();
 }
 

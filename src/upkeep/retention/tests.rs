@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::super::tests::{UpkeepFixture, holds};
 use super::{RetentionSettings, apply_retention};
+use crate::domain::blob::Blob;
 use crate::domain::clock::TimeCorrection;
 use crate::domain::edit::EditChange;
 use crate::domain::job::{CalibrateInput, JobInput, JobKind, NamedBlob, PaletteInput};
@@ -47,11 +48,17 @@ impl UpkeepFixture {
 
     /// Queues the learning of colours from a picture with this content, and claims the job.
     async fn palette_job(&self, content: &str) -> Lease {
+        self.palette_job_with(content, None).await
+    }
+
+    /// The same with a picture of the empty box.
+    async fn palette_job_with(&self, content: &str, empty_box: Option<Blob>) -> Lease {
+        let empty_box = empty_box.map(|blob| NamedBlob { name: "empty.jpg".to_owned(), blob });
         let annotations = TestCentre::new_palette().annotations;
         let kept = self.vault.put(content.as_bytes()).await.unwrap();
         let file = NamedBlob { name: "frame_0.png".to_owned(), blob: kept.blob() };
         let of = self.centre.the_box.id;
-        let input = PaletteInput { of, annotations, files: vec![file], is_video: false, frames: vec![0] };
+        let input = PaletteInput { of, annotations, files: vec![file], is_video: false, frames: vec![0], empty_box };
         self.centre.store.jobs().enqueue(&Scope::service(), JobInput::Palette(input)).await.unwrap();
         self.centre.claim().await.unwrap()
     }
@@ -179,6 +186,20 @@ async fn a_boxs_finished_job_keeps_no_picture() {
     store.jobs().finish_calibration(&camera, TestCentre::new_calibration()).await.unwrap();
     bench.upkeep(&RetentionSettings::default()).await;
     assert!(!bench.holds(MARKER));
+    assert_eq!(bench.findings().await, []);
+}
+
+#[tokio::test]
+async fn the_picture_of_the_empty_box_stays_when_the_marked_pictures_go() {
+    let bench = UpkeepFixture::new().await;
+    let store = &bench.centre.store;
+    let empty = bench.vault.put(b"a box without tools").await.unwrap().blob();
+    let colours = bench.palette_job_with(&format!("a frame with {MARKER}"), Some(empty)).await;
+    store.jobs().finish_palette(&colours, TestCentre::new_palette()).await.unwrap();
+    bench.upkeep(&RetentionSettings::default()).await;
+    assert!(!bench.holds(MARKER) && bench.holds("a box without tools"));
+    let of = bench.centre.the_box.id;
+    assert_eq!(store.jobs().done_palette_inputs(of).await.unwrap(), [], "its marked pictures are gone");
     assert_eq!(bench.findings().await, []);
 }
 

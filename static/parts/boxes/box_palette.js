@@ -19,6 +19,7 @@ const FIELDS = [
   },
   { name: 'clip', label: words.clip, hint: words.clipHint, type: 'file', accept: 'video/*,.mkv,.ts' },
   { name: 'frames', label: words.frames, hint: words.framesHint, type: 'file', multiple: true, accept: 'image/*' },
+  { name: 'empty', label: words.emptyBox, hint: words.emptyBoxHint, type: 'file', accept: 'image/*' },
 ];
 
 export function PaletteSummary({ palette }) {
@@ -90,12 +91,13 @@ const Tool = ({ tool, side }) => html`
 /** @param {Props} props */
 export function PaletteForm({ box, onChange }) {
   const [job, setJob] = useState(null);
-  const learn = async ({ annotations: [file], clip: [clip], frames }) => {
+  const learn = async ({ annotations: [file], clip: [clip], frames, empty: [empty] }) => {
     await readJson(file);
     const form = new FormData();
     form.append('annotations', file, 'annotations.json');
     if (clip) form.append('video', clip, clip.name);
     else for (const frame of frames) form.append(`frame_${frameNumber(frame.name)}`, frame, frame.name);
+    if (empty) form.append('empty_box', empty, empty.name);
     setJob(jobIdOf(await api.boxes.learnPalette(box.id, form)));
   };
   return html`

@@ -2,6 +2,7 @@
 
 mod advice;
 mod audit;
+mod bare_tools;
 mod base_path;
 mod box_question;
 pub mod centre;

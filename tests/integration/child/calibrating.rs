@@ -77,7 +77,12 @@ fn pictures_of_frames_give_the_colours_that_the_clip_gives() {
         pictures.push(picture);
     }
     let colours = |frames, inputs: &[PathBuf]| {
-        let work = ChildWork::Palette(PaletteWork { marks: marks.clone(), tools: scene.tools(), frames });
+        let work = ChildWork::Palette(PaletteWork {
+            marks: marks.clone(),
+            tools: scene.tools(),
+            frames,
+            has_empty_box: false,
+        });
         ask(work, inputs).unwrap().palette.samples.unwrap()
     };
     let of_pictures = colours(Some(frames.clone()), &pictures);
@@ -99,7 +104,12 @@ fn pictures_of_frames_give_the_colours_that_the_clip_gives() {
 fn the_colours_of_the_given_scenes_are_good() {
     for name in ["V1", "V2", "V3", "V4", "V5"] {
         let Some(scene) = SharedScene::find(name) else { return };
-        let work = ChildWork::Palette(PaletteWork { marks: scene.marks(), tools: scene.tools(), frames: None });
+        let work = ChildWork::Palette(PaletteWork {
+            marks: scene.marks(),
+            tools: scene.tools(),
+            frames: None,
+            has_empty_box: false,
+        });
         let report = ask(work, &[scene.video()]).unwrap().palette.report.unwrap();
         assert_eq!(report.warnings, [""; 0], "{name}");
         assert_eq!(report.verdicts.len(), scene.tools().len());
@@ -117,6 +127,11 @@ fn a_mark_on_a_frame_that_was_not_sent_is_named() {
     image::RgbImage::new(20, 20).save(&picture).unwrap();
     let rectangle = MarkedRectangle { label: "orange".into(), x: 1, y: 1, w: 2, h: 2 };
     let mark = ColourMark { frame: 4, rectangle, stroke: None };
-    let work = ChildWork::Palette(PaletteWork { marks: vec![mark], tools: vec![], frames: Some(vec![3]) });
+    let work = ChildWork::Palette(PaletteWork {
+        marks: vec![mark],
+        tools: vec![],
+        frames: Some(vec![3]),
+        has_empty_box: false,
+    });
     assert_eq!(problem(ask(work, &[picture])), "mark-without-picture");
 }

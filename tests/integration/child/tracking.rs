@@ -49,7 +49,12 @@ impl SharedScene {
     }
 
     fn palette(&self) -> ColourSamples {
-        let work = ChildWork::Palette(PaletteWork { marks: self.marks(), tools: self.tools(), frames: None });
+        let work = ChildWork::Palette(PaletteWork {
+            marks: self.marks(),
+            tools: self.tools(),
+            frames: None,
+            has_empty_box: false,
+        });
         ask(work, &self.video()).unwrap().palette.samples.unwrap()
     }
 
@@ -65,10 +70,14 @@ impl SharedScene {
 }
 
 fn ask(work: ChildWork, input: &Path) -> Result<ChildOutput, AttemptFailure> {
+    ask_with(work, &[input])
+}
+
+fn ask_with(work: ChildWork, inputs: &[&Path]) -> Result<ChildOutput, AttemptFailure> {
     let attempt = ChildAttempt {
         program: &program(),
         request: ChildRequest { threads: 2, work },
-        inputs: vec![File::open(input).unwrap()],
+        inputs: inputs.iter().map(|input| File::open(input).unwrap()).collect(),
         budget: &Budget { wall: std::time::Duration::from_secs(600), ..budget() },
         stop: &StopSwitch::new().unwrap(),
     };
@@ -171,6 +180,22 @@ fn a_camera_of_another_size_is_named() {
 }
 
 #[test]
+fn a_picture_of_the_empty_box_of_another_size_is_named() {
+    let Some(scene) = SharedScene::find("V1") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let picture = folder.path().join("empty.png");
+    image::RgbImage::new(64, 48).save(&picture).unwrap();
+    let colours = PaletteWork { marks: scene.marks(), tools: scene.tools(), frames: None, has_empty_box: true };
+    let track = scene.work(scene.palette(), None);
+    for work in [ChildWork::Palette(colours), track] {
+        match ask_with(work, &[&scene.video(), &picture]) {
+            Err(AttemptFailure::Impossible(problem)) => assert_eq!(problem.slug, "empty-box-size", "{problem:?}"),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
 fn a_recording_without_the_marker_says_so() {
     let Some(scene) = SharedScene::find("V1") else { return };
     let work = scene.work(scene.palette(), None);
@@ -198,7 +223,8 @@ fn impossible_marks_are_refused_by_name() {
         (mark(0, [1, 1, 0, 2]), "mark-outside"),
     ];
     for (mark, slug) in cases {
-        let work = ChildWork::Palette(PaletteWork { marks: vec![mark], tools: vec![], frames: None });
+        let work =
+            ChildWork::Palette(PaletteWork { marks: vec![mark], tools: vec![], frames: None, has_empty_box: false });
         match ask(work, &scene.video()) {
             Err(AttemptFailure::Impossible(problem)) => assert_eq!(problem.slug, slug, "{problem:?}"),
             other => panic!("{slug}: {other:?}"),

@@ -86,6 +86,7 @@ impl Centre {
             files: vec![NamedBlob { name: "clip.mp4".into(), blob: kept.blob() }],
             is_video: true,
             frames: vec![],
+            empty_box: None,
         };
         let job = self.store.jobs().enqueue(&Scope::service(), JobInput::Palette(input)).await.unwrap();
         self.queue.work_arrived();

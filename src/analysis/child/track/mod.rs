@@ -12,6 +12,7 @@ use super::preview::Preview;
 use super::recording::{FrameReporter, RecordingOutput, RecordingRecord};
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord, explain};
 use crate::analysis::clock::{ClockError, open_with_clock};
+use crate::analysis::empty_box::read_empty_box;
 use crate::analysis::protocol::{QualitySummary, SeenRow};
 use crate::domain::clock::{ClockBasis, RecordingClock, TimeCorrection};
 use crate::heap;
@@ -81,7 +82,8 @@ impl ChildTask for TrackWork {
 
     fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
         let limits = inputs.limits;
-        let file = Arc::new(inputs.first()?);
+        let (file, empty_box) = inputs.first_and_second()?;
+        let file = Arc::new(file);
         let (video, clock) = open_with_clock(file.clone(), self.time, limits)?;
         reporter.record(WorkRecord::Track(TrackRecord::Clock(clock)))?;
         let info = video.info();
@@ -92,6 +94,9 @@ impl ChildTask for TrackWork {
         let encoding = first.first().ok_or(MediaError::NoFrames)?.encoding;
         let tracker = Tracker::new(self.tracker, info.width, info.height, encoding);
         let mut tracker = tracker.map_err(|problem| problem.of_shown(info.shown_size))?;
+        // Read before the first frame is tracked: a picture that cannot be used is refused at once.
+        let size = [info.width, info.height].map(|size| size as usize);
+        let _empty_box = empty_box.map(|file| read_empty_box(file, size, limits)).transpose()?;
         tracker.warm_up(&first);
         let mut preview = Preview::new(info.frames_expected);
         let (mut frames_interlaced, mut surroundings) = (0, SurroundingsSampler::default());

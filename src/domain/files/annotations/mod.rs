@@ -11,6 +11,9 @@
 //!  "tools": [{"tool": "left", "colour": "orange"}, {"tool": "right", "colour": "orange", "side": "right"}],
 //!  "labels": [{"frame": 12, "label": "orange", "x": 310, "y": 220, "w": 18, "h": 9}]}
 //! ```
+//!
+//! A tool without tape has a `marker` of the kind `shaft`, and the file says `needs` 2. Rectangles labelled `shaft`
+//! then show the look of its tube.
 
 mod marker;
 
@@ -21,8 +24,11 @@ use serde::{Deserialize, Serialize};
 use super::{MAX_TOOL_NAME_LENGTH, is_tool_name};
 use crate::vision::tracker::{CameraView, HandSide, Marker, ToolSpec};
 
-/// Labels that are not tools.
-pub const NOT_TOOLS: [&str; 5] = ["background", "shaft", "jaw", "glove", "other"];
+/// The label of the tools' shafts: the colour of a tool without tape, unless its entry names another one.
+const SHAFT: &str = "shaft";
+
+/// Labels that are not tools; [`SHAFT`] is one where a tool without tape has this colour.
+pub const NOT_TOOLS: [&str; 5] = ["background", SHAFT, "jaw", "glove", "other"];
 
 /// Maximum number of tape colours in one box; the tracker has the same limit for tools.
 const MAX_COLOURS: usize = 16;
@@ -51,7 +57,7 @@ impl From<View> for CameraView {
 pub struct LabelledRectangle {
     /// Decoded frame, from 0.
     pub frame: u64,
-    /// Colour of a tool's tape or the tool's name, or one of [`NOT_TOOLS`].
+    /// Colour of a tool's tape or shaft, or the tool's name, or one of [`NOT_TOOLS`].
     pub label: String,
     /// First column.
     pub x: i64,
@@ -104,12 +110,14 @@ pub struct ToolEntry {
     /// The tool's name.
     pub tool: String,
     /// Colour of its tape, where that is not its name: the label of its rectangles. Two tools may share a colour.
+    /// Without tape it is the label of its shaft's rectangles; absent: `shaft`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<String>,
-    /// The side of the picture that its hand is on; used only for tools that share a colour.
+    /// The side of the picture that its hand is on; used only for tools that share a colour, and for tools without
+    /// tape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub side: Option<Side>,
-    /// Outer diameter over the tape, mm.
+    /// Outer diameter, over the tape if there is one, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diameter_mm: Option<f64>,
     /// Length of the tape band along the tube, mm.
@@ -121,22 +129,14 @@ pub struct ToolEntry {
 }
 
 impl ToolEntry {
-    /// The colour of its tape.
+    /// The colour of its tape or of its shaft.
     fn colour(&self) -> &str {
-        self.colour.as_deref().unwrap_or(&self.tool)
+        self.colour.as_deref().unwrap_or(if self.is_shaft() { SHAFT } else { &self.tool })
     }
 
-    /// The length of its band in its marker.
-    fn marker_length_mm(&self) -> Option<f64> {
-        self.marker.as_ref().and_then(|MarkerEntry::Band { length_mm }| *length_mm)
-    }
-
-    /// The length of its band, if it has one of its own.
-    fn own_band_length_mm(&self) -> Result<Option<f64>, AnnotationsError> {
-        match (self.band_length_mm, self.marker_length_mm()) {
-            (Some(one), Some(other)) if one != other => Err(AnnotationsError::TwoLengths(self.tool.clone())),
-            (one, other) => Ok(one.or(other)),
-        }
+    /// True for a tool without tape.
+    fn is_shaft(&self) -> bool {
+        self.marker.as_ref().is_some_and(MarkerEntry::is_shaft)
     }
 }
 
@@ -146,10 +146,10 @@ pub struct AnnotationsFile {
     /// What a program must understand to read the file; absent: 1. A program refuses a larger number than it knows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub needs: Option<u32>,
-    /// Outer diameter over the tape of every tool without a size of its own, mm.
+    /// Outer diameter of every tool without a size of its own, over the tape if there is one, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tool_diameter_mm: Option<f64>,
-    /// Band length of every tool without one of its own, mm.
+    /// Band length of every tool with tape and without a length of its own, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub band_length_mm: Option<f64>,
     /// The camera's viewpoint.
@@ -158,6 +158,10 @@ pub struct AnnotationsFile {
     /// Path of the clip that `frame` refers to, relative to this file; absent: the tracked clip.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub video: Option<String>,
+    /// Path of a photo of the box without tools, relative to this file, with the clip's camera and picture size. In the
+    /// stored colours of a box it is the SHA-256 of the photo.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub empty_box: Option<String>,
     /// Sizes that take precedence over the general ones, and colours that tools share.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tools: Vec<ToolEntry>,
@@ -170,20 +174,19 @@ pub struct AnnotationsFile {
 pub struct MarkedTool {
     /// The tool's name.
     pub name: String,
-    /// Colour of its tape: the label of its samples.
+    /// Colour of its tape or of its shaft: the label of its samples.
     pub colour: String,
     /// The side of the picture that its hand is on, where known.
     pub side: Option<Side>,
-    /// Outer diameter over the tape, mm.
+    /// Outer diameter, over the tape if there is one, mm.
     pub diameter_mm: f64,
-    /// Band length, mm, where known.
-    pub band_length_mm: Option<f64>,
+    /// What shows where it is.
+    pub marker: MarkerEntry,
 }
 
 impl From<MarkedTool> for ToolSpec {
-    fn from(MarkedTool { name, colour, side, diameter_mm, band_length_mm }: MarkedTool) -> Self {
-        let marker = Marker::Band { length_mm: band_length_mm };
-        Self { name, colour, side: side.map(HandSide::from), diameter_mm, marker }
+    fn from(MarkedTool { name, colour, side, diameter_mm, marker }: MarkedTool) -> Self {
+        Self { name, colour, side: side.map(HandSide::from), diameter_mm, marker: Marker::from(marker) }
     }
 }
 
@@ -201,8 +204,8 @@ pub enum AnnotationsError {
     Newer(u32),
     /// A marker that this program cannot follow.
     #[error(
-        "tool `{tool}`: this program follows bands of tape, not markers of the kind `{kind}`: wind a band of coloured \
-         tape round the tool, or install a version of Trocar that follows such markers"
+        "tool `{tool}`: this program follows bands of tape and bare shafts, not markers of the kind `{kind}`: use one \
+         of these, or install a version of Trocar that follows such markers"
     )]
     UnknownMarker {
         /// The tool.
@@ -218,11 +221,47 @@ pub enum AnnotationsError {
     /// Two lengths for one band.
     #[error("tool `{0}`: band_length_mm and the marker's length_mm differ; give the length once")]
     TwoLengths(String),
+    /// A tool without tape in a file that older programs would read as one with tape.
+    #[error("tool `{0}` has no tape: add `\"needs\": 2` beside tools, because older versions would expect tape on it")]
+    ShaftWithoutNeeds(String),
+    /// A tool without tape that has the length of a band.
+    #[error("tool `{0}` has no tape: remove its band_length_mm, or its marker of the kind `shaft`")]
+    BandOfShaft(String),
+    /// A tool without tape has the colour of another tool's tape.
+    #[error("tool `{tool}` has no tape, but `{colour}` is the tape colour of another tool: give it another colour")]
+    TapeAndShaft {
+        /// The tool without tape.
+        tool: String,
+        /// The colour.
+        colour: String,
+    },
+    /// No rectangle shows the shaft of a tool without tape.
+    #[error("tool `{tool}` has no tape: mark at least one rectangle on its shaft, and label it `{colour}`")]
+    ShaftNotMarked {
+        /// The tool.
+        tool: String,
+        /// The label that is missing.
+        colour: String,
+    },
+    /// A tool without tape on an unknown side.
+    #[error(
+        "tool `{0}` has no tape, and its side is not known: add `\"side\": \"left\"` or `\"side\": \"right\"` to its \
+         entry"
+    )]
+    ShaftWithoutSide(String),
+    /// Two tools without tape on one side.
+    #[error(
+        "tools `{}` and `{}` have no tape and the same side: only one tool without tape on each side can be followed",
+        .0[0], .0[1]
+    )]
+    ShaftsOnOneSide([String; 2]),
     /// No rectangle names a tool.
     #[error("no label names a tool: mark at least one rectangle on a tool's tape, labelled with the marker's name")]
     NoTool,
     /// A colour that is empty or reserved.
-    #[error("tool `{tool}`: `{colour}` is not a tape colour; give the label of the tool's rectangles as its colour")]
+    #[error(
+        "tool `{tool}`: `{colour}` is not the colour of a tool; give the label of the tool's rectangles as its colour"
+    )]
     InvalidColour {
         /// The tool.
         tool: String,
@@ -300,6 +339,7 @@ impl AnnotationsFile {
     /// The tools, in order of first appearance of their colours; tools of one colour in the order of `tools`.
     pub fn marked_tools(&self) -> Result<Vec<MarkedTool>, AnnotationsError> {
         self.check_colours()?;
+        self.check_shaft_entries()?;
         let mut tools: Vec<MarkedTool> = Vec::new();
         for colour in self.marked_colours() {
             let mut names: Vec<&str> = Vec::new();
@@ -315,18 +355,20 @@ impl AnnotationsFile {
                 tools.push(self.marked_tool(name, colour)?);
             }
         }
+        marker::check_shaft_sides(&tools)?;
         if tools.is_empty() { Err(AnnotationsError::NoTool) } else { Ok(tools) }
     }
 
-    /// The tape colour of each tool, in the tools' order; a shared colour appears more than once.
+    /// The tape colour of each tool with tape, in the tools' order; a shared colour appears more than once.
     pub fn tape_colours(&self) -> Vec<String> {
-        self.marked_tools().unwrap_or_default().into_iter().map(|tool| tool.colour).collect()
+        let tools = self.marked_tools().unwrap_or_default().into_iter();
+        tools.filter(|tool| !tool.marker.is_shaft()).map(|tool| tool.colour).collect()
     }
 
-    /// The marked tape colours, in order of first appearance.
+    /// The marked colours of tools, in order of first appearance.
     pub fn marked_colours(&self) -> Vec<&str> {
         let mut colours: Vec<&str> = Vec::new();
-        for colour in self.labels.iter().map(|l| self.colour_of(&l.label)).filter(|c| !NOT_TOOLS.contains(c)) {
+        for colour in self.labels.iter().map(|l| self.colour_of(&l.label)).filter(|c| self.is_of_tools(c)) {
             if !colours.contains(&colour) {
                 colours.push(colour);
             }
@@ -334,7 +376,12 @@ impl AnnotationsFile {
         colours
     }
 
-    /// The tape colour for a label: the colour of the tool with this name, else the label itself.
+    /// True unless a label is reserved for something else than tools.
+    fn is_of_tools(&self, colour: &str) -> bool {
+        !NOT_TOOLS.contains(&colour) || self.tools.iter().any(|entry| entry.is_shaft() && entry.colour() == colour)
+    }
+
+    /// The colour for a label: the colour of the tool with this name, else the label itself.
     pub fn colour_of<'a>(&'a self, label: &'a str) -> &'a str {
         self.tools.iter().find(|entry| entry.tool == label).map_or(label, ToolEntry::colour)
     }
@@ -342,10 +389,11 @@ impl AnnotationsFile {
     fn check_colours(&self) -> Result<(), AnnotationsError> {
         for entry in &self.tools {
             let colour = entry.colour();
-            if entry.colour.is_some() && NOT_TOOLS.contains(&entry.tool.as_str()) {
+            if (entry.colour.is_some() || entry.is_shaft()) && NOT_TOOLS.contains(&entry.tool.as_str()) {
                 return Err(AnnotationsError::ReservedName(entry.tool.clone()));
             }
-            if entry.colour.is_some() && (colour.trim().is_empty() || NOT_TOOLS.contains(&colour)) {
+            let is_reserved = NOT_TOOLS.contains(&colour) && !(entry.is_shaft() && colour == SHAFT);
+            if entry.colour.is_some() && (colour.trim().is_empty() || is_reserved) {
                 return Err(AnnotationsError::InvalidColour { tool: entry.tool.clone(), colour: colour.to_owned() });
             }
             if self.colour_of(&entry.tool) != colour {
@@ -367,14 +415,9 @@ impl AnnotationsFile {
             .and_then(|t| t.diameter_mm)
             .or(self.tool_diameter_mm)
             .ok_or_else(|| AnnotationsError::NoDiameter(name.to_owned()))?;
-        let own_length_mm = own.map(ToolEntry::own_band_length_mm).transpose()?.flatten();
-        let band_length_mm = own_length_mm.or(self.band_length_mm);
         check_size(name, "diameter_mm", diameter_mm, 50.0)?;
-        if let Some(length) = band_length_mm {
-            let is_of_marker = own.is_some_and(|entry| entry.marker_length_mm() == Some(length));
-            check_size(name, if is_of_marker { "marker.length_mm" } else { "band_length_mm" }, length, 500.0)?;
-        }
-        Ok(MarkedTool { name: name.to_owned(), colour: colour.to_owned(), side, diameter_mm, band_length_mm })
+        let marker = self.marker_of(name, own)?;
+        Ok(MarkedTool { name: name.to_owned(), colour: colour.to_owned(), side, diameter_mm, marker })
     }
 
     /// Refuses rectangles that are empty or reach outside a frame of this size.

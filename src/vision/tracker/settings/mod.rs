@@ -34,11 +34,11 @@ pub enum Marker {
         /// Its length along the tube, mm, if it was measured: depth then becomes about three times sharper.
         length_mm: Option<f64>,
     },
-    /// Nothing: the bare shaft itself, where it is in the picture.
+    /// The bare shaft itself: the tool has no tape.
     Shaft {
-        /// Length of a collar between the shaft's end and the jaws, mm, if it has one.
+        /// Length of the steel collar between the tube's end and the jaws, mm, if it was measured.
         collar_mm: Option<f64>,
-        /// Distance from the shaft's end to the tip of the closed jaws, mm, if it was measured.
+        /// Distance from the tube's end to the point of the closed jaws, mm, if it was measured.
         jaw_mm: Option<f64>,
     },
 }

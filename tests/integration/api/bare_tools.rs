@@ -1,0 +1,85 @@
+//! A box whose tools have no tape: their colours, their sizes, and the picture of the empty box.
+
+use image::{ImageFormat, Rgb, RgbImage};
+use reqwest::multipart::{Form, Part};
+use reqwest::{Method, StatusCode};
+use serde_json::{Value, json};
+
+use super::centre::Centre;
+use crate::support::{Client, Service, problem, read};
+
+const PALETTES: &str = "/api/v1/boxes/box-1/palettes";
+
+/// A grey box, with or without a black tube across it.
+fn picture(size: [u32; 2], has_tube: bool) -> Vec<u8> {
+    let colour = |x: u32, y: u32| {
+        if has_tube && (100..120).contains(&y) { Rgb([22, 22, 24]) } else { Rgb([100, 104, 102 + (x % 7) as u8]) }
+    };
+    let mut file = std::io::Cursor::new(Vec::new());
+    RgbImage::from_fn(size[0], size[1], colour).write_to(&mut file, ImageFormat::Png).unwrap();
+    file.into_inner()
+}
+
+fn annotations(entry: Value) -> Value {
+    let mark = |label: &str, x: u32, y: u32| json!({"frame": 0, "label": label, "x": x, "y": y, "w": 10, "h": 10});
+    let labels = [mark("shaft", 42, 104), mark("shaft", 200, 106), mark("background", 10, 10)];
+    json!({"needs": 2, "tool_diameter_mm": 5, "empty_box": "empty.jpg", "tools": [entry], "labels": labels})
+}
+
+fn bare_left() -> Value {
+    json!({"tool": "left", "marker": {"kind": "shaft", "jaw_mm": 28.3}})
+}
+
+fn form(annotations: &Value, empty_box: Option<Vec<u8>>) -> Form {
+    let form = Form::new().text("annotations", annotations.to_string());
+    let form = form.part("frame_0", Part::bytes(picture([320, 240], true)).file_name("frame_0.png"));
+    match empty_box {
+        Some(photo) => form.part("empty_box", Part::bytes(photo).file_name("empty.png")),
+        None => form,
+    }
+}
+
+/// Sends a form and returns its job, once the job has ended.
+async fn learn(by: &Client, form: Form) -> Value {
+    let answer = by.request(Method::POST, PALETTES).multipart(form).send().await.unwrap();
+    let job = read(answer, StatusCode::ACCEPTED).await["job"].as_str().unwrap().to_owned();
+    by.read_until(&format!("/api/v1/jobs/{job}"), |job| job["state"] == "done" || job["state"] == "failed").await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_box_learns_a_tool_without_tape_and_keeps_the_picture_of_the_empty_box() {
+    let centre = Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await;
+    let ines = &centre.instructor;
+    let job = learn(ines, form(&annotations(bare_left()), Some(picture([320, 240], false)))).await;
+    assert_eq!(job["state"], "done", "{job}");
+    let tool = json!({"name": "left", "colour": "shaft", "side": "left", "diameter_mm": 5.0, "band_length_mm": null,
+        "marker": {"kind": "shaft", "jaw_mm": 28.3}});
+    assert_eq!(ines.read("/api/v1/boxes/box-1").await["tools"], json!([tool.clone()]));
+    let palette = ines.read(PALETTES).await["items"][0].clone();
+    assert_eq!((&palette["tools"], &palette["verdicts"]), (&json!([tool]), &json!([])), "no tape is judged");
+    assert_eq!(palette["warnings"], json!([]));
+    assert_eq!(palette["annotations"]["empty_box"].as_str().unwrap().len(), 64, "the hash of the picture: {palette}");
+    assert!(palette["counts"].as_array().unwrap().iter().any(|count| count["label"] == "shaft"), "{palette}");
+
+    let job = learn(ines, form(&annotations(bare_left()), Some(picture([160, 120], false)))).await;
+    assert_eq!((&job["state"], &job["error"]["type"]), (&json!("failed"), &json!("/problems/empty-box-size")), "{job}");
+    let detail = job["error"]["detail"].as_str().unwrap();
+    assert!(detail.contains("160×120") && detail.contains("320×240"), "{detail}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_form_with_a_tool_without_tape_that_lacks_something_is_refused() {
+    let centre = Centre::open().await;
+    let refused = async |form: Form| {
+        let answer = centre.instructor.request(Method::POST, PALETTES).multipart(form).send().await.unwrap();
+        problem(answer, 422, "invalid").await["detail"].as_str().unwrap().to_owned()
+    };
+    let empty = || picture([320, 240], false);
+    let without_side = json!({"tool": "grasper", "marker": {"kind": "shaft"}});
+    let detail = refused(form(&annotations(without_side), Some(empty()))).await;
+    assert!(detail.contains("its side is not known"), "{detail}");
+    let detail = refused(form(&annotations(bare_left()), None)).await;
+    assert!(detail.contains("named in the annotations, but was not sent"), "{detail}");
+    let twice = form(&annotations(bare_left()), Some(empty())).part("empty_box", Part::bytes(empty()));
+    assert!(refused(twice).await.contains("sent twice"));
+}
