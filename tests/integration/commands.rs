@@ -409,6 +409,21 @@ fn paths_and_truths_that_cannot_be_read_are_refused() {
 }
 
 #[test]
+fn a_reference_method_refuses_tape_and_options_that_it_has_not() {
+    let folder = scene();
+    for method in ["mixture", "zhou"] {
+        let stderr = refusal(folder.path(), &format!("{TRACK} --segmenter {method}"));
+        assert!(stderr.contains("annotations.json") && stderr.contains("give a tool the marker `shaft`"), "{stderr}");
+        for other in ["--raw", "--causal", "--pose width", "--quality quality.json", "--debug-dir pictures"] {
+            let output = trocar(folder.path(), &format!("{TRACK} --segmenter {method} {other}"));
+            let stderr = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(2), "{other}: {stderr}");
+            assert!(stderr.contains("cannot be used with"), "{other}: {stderr}");
+        }
+    }
+}
+
+#[test]
 fn wrong_usage_exits_with_status_2() {
     for line in ["", "dance", "track", "simulate --scene nowhere --out scene", "calibrate --board 9by6 a.jpg"] {
         assert_eq!(trocar(SCENE.path(), line).status.code(), Some(2), "{line}");

@@ -5,6 +5,7 @@ mod debug;
 mod empty_box;
 mod marks;
 mod progress;
+mod reference;
 mod stages;
 
 use std::fs::File;
@@ -17,6 +18,7 @@ use debug::{DebugArgs, DebugPictures, DebugScene};
 use empty_box::empty_box;
 use marks::{ClipMarks, SampleCollector};
 use progress::TrackProgress;
+use reference::ReferenceSegmenter;
 use stages::{StageClock, TrackStage};
 
 use super::{CommandFailure, verdict};
@@ -65,6 +67,10 @@ pub struct TrackArgs {
     /// Method that computes positions from the borders of the tape.
     #[arg(long, value_enum, default_value_t = Pose::Planes)]
     pose: Pose,
+    /// Follow bare dark shafts by a reference method from the literature, to compare other methods with it.
+    #[arg(long, value_enum, value_name = "METHOD",
+        conflicts_with_all = ["causal", "raw", "pose", "quality", "dir", "every", "frames"])]
+    segmenter: Option<ReferenceSegmenter>,
     /// Write the CPU time and wall time of each stage to this file (JSON, milliseconds).
     #[arg(long, value_name = "FILE")]
     timings: Option<PathBuf>,
@@ -103,6 +109,9 @@ pub fn run(args: TrackArgs) -> Result<(), CommandFailure> {
     let marked = AnnotationsFile::parse(&read(&args.annotations)?).map_err(|e| about(&args.annotations, e))?;
     clock.add_lap(TrackStage::Samples);
     let marks = ClipMarks::new(&marked, &args.annotations, &args.video);
+    if let Some(segmenter) = args.segmenter {
+        return reference::run(&args, segmenter, &camera, &marked, &marks, clock);
+    }
     let PassResult { tracking, live, frames_expected, frames_interlaced, time, .. } =
         collect_and_track(&args, &camera, &marked, &marks, pictures.as_mut(), &mut clock)?;
     heap::release_free_memory(); // the paths need the memory now
@@ -111,14 +120,7 @@ pub fn run(args: TrackArgs) -> Result<(), CommandFailure> {
         (_, Some(samples)) => Trajectory { samples, ..tracking.trajectory(PathKind::Smoothed) },
         _ => tracking.trajectory(PathKind::Smoothed),
     };
-    match &args.out {
-        Some(path) => write_csv(&trajectory, create(path)?).with_context(|| format!("writing {}", path.display()))?,
-        None => write_csv(&trajectory, io::stdout().lock()).context("writing to standard output")?,
-    }
-    clock.add_lap(TrackStage::Writing);
-    if let Some(path) = &args.timings {
-        clock.save(create(path)?).with_context(|| format!("writing {}", path.display()))?;
-    }
+    write_path(&args, &trajectory, clock)?;
     if args.raw || args.causal {
         trajectory = tracking.trajectory(PathKind::Smoothed);
     }
@@ -141,6 +143,19 @@ pub fn run(args: TrackArgs) -> Result<(), CommandFailure> {
         report(&tracking);
         pictures.iter().for_each(|pictures| eprintln!("{}", pictures.report()));
         eprint!("{}", verdict::text(&judged));
+    }
+    Ok(())
+}
+
+/// Writes the trajectory, and the times that the stages took.
+fn write_path(args: &TrackArgs, trajectory: &Trajectory, mut clock: StageClock) -> anyhow::Result<()> {
+    match &args.out {
+        Some(path) => write_csv(trajectory, create(path)?).with_context(|| format!("writing {}", path.display()))?,
+        None => write_csv(trajectory, io::stdout().lock()).context("writing to standard output")?,
+    }
+    clock.add_lap(TrackStage::Writing);
+    if let Some(path) = &args.timings {
+        clock.save(create(path)?).with_context(|| format!("writing {}", path.display()))?;
     }
     Ok(())
 }
@@ -399,7 +414,7 @@ pub(super) fn open(path: &Path) -> Result<VideoFile, CommandFailure> {
     VideoFile::open(file, MediaLimits::default()).map_err(|e| about(path, e))
 }
 
-fn create(path: &Path) -> Result<BufWriter<File>, CommandFailure> {
+fn create(path: &Path) -> anyhow::Result<BufWriter<File>> {
     Ok(BufWriter::new(File::create(path).with_context(|| format!("cannot write {}", path.display()))?))
 }
 

@@ -36,7 +36,7 @@ pub fn distance_behind_tip(tube: &Tube, seen: Normalised) -> Option<f64> {
 }
 
 /// Unit normal of the plane through the camera and a line, towards the tube.
-fn touching_plane(line: BorderLine, inside: Vector3<f64>) -> Vector3<f64> {
+pub fn touching_plane(line: BorderLine, inside: Vector3<f64>) -> Vector3<f64> {
     let normal = Vector3::new(line.normal.x, line.normal.y, -line.offset).normalize();
     if normal.dot(&inside) >= 0.0 { normal } else { -normal }
 }

@@ -77,7 +77,7 @@ const MODULES: &[Module] = &[
 ];
 
 /// The stages of `vision` in their order, after the types that all of them share. A stage uses no later one.
-const STAGES: [&[&str]; 9] = [
+const STAGES: [&[&str]; 10] = [
     &["camera", "space", "frame", "tube", "reason"],
     &["surroundings"],
     &["segmentation"],
@@ -86,6 +86,7 @@ const STAGES: [&[&str]; 9] = [
     &["pose"],
     &["filter"],
     &["trajectory"],
+    &["reference"],
     &["tracker"],
 ];
 
@@ -153,6 +154,7 @@ const PLANTED: &[(&str, &str, &[Finding])] = &[
     ),
     ("vision/pose/x.rs", "use crate::vision::{edges, tracker::Tracker};", &[(1, "`pose` must not use `tracker`")]),
     ("vision/edges/x.rs", "use super::super as all;\nfn f() { all::pose::g(); }", &[(2, "must not use `pose`")]),
+    ("vision/reference/x.rs", "use crate::vision::tracker::Tracker;", &[(1, "`reference` must not use `tracker`")]),
     ("vision/new.rs", "use crate::vision::frame::Frame;", &[(1, "`new` is no stage")]),
     (
         "simulation/x.rs",
