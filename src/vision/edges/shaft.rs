@@ -172,6 +172,7 @@ mod tests {
 
     use super::*;
     use crate::vision::camera::testing::wide;
+    use crate::vision::edges::edge_model::Likeness;
     use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
     use crate::vision::segmentation::samples::UsualColour;
     use crate::vision::tube::BorderSide;
@@ -222,7 +223,11 @@ mod tests {
         }
 
         fn edges() -> EdgeModel {
-            EdgeModel::new(UsualColour { codes: [150.0, 128.0, 128.0], luma_spread: 5.0, chroma_spread: 5.0 }, Likeness::Chroma, ENCODING)
+            EdgeModel::new(
+                UsualColour { codes: [150.0, 128.0, 128.0], luma_spread: 5.0, chroma_spread: 5.0 },
+                Likeness::Chroma,
+                ENCODING,
+            )
         }
 
         fn continuation(&self, tube: &Tube) -> Continuation {

@@ -66,9 +66,8 @@ impl Background {
         if frames.iter().any(|frame| frame.grid != empty.grid) {
             return None;
         }
-        let mean = |cell: usize| {
-            frames.iter().map(|frame| f32::from(frame.codes[cell][0])).sum::<f32>() / frames.len() as f32
-        };
+        let mean =
+            |cell: usize| frames.iter().map(|frame| f32::from(frame.codes[cell][0])).sum::<f32>() / frames.len() as f32;
         let ratios = (0..empty.grid.count()).map(|cell| mean(cell) / f32::from(empty.codes[cell][0]).max(LEAST_LUMA));
         let gain = median(ratios.filter(|ratio| ratio.is_finite()).collect()).unwrap_or(1.0);
         let usual = empty.codes.iter().map(|codes| {

@@ -3,7 +3,7 @@
 //! A bare shaft has no colour of its own, so it is found by its shape. Cells average noise and compression away, and
 //! are as coarse as a shaft's shape allows.
 
-use crate::vision::frame::{Frame, Plane};
+use crate::vision::frame::{ColourEncoding, Frame, Plane};
 
 /// Rows of cells in a picture: a tube of 5 mm at 330 mm, seen by a lens as wide as 0.55 of the picture's width, is then
 /// about two cells wide.
@@ -49,7 +49,8 @@ impl CellPicture {
     pub fn of(frame: &Frame<'_>) -> Self {
         let grid = CellGrid::new(frame.width(), frame.height());
         let mut codes = vec![[0; 3]; grid.count()];
-        let planes = [(&frame.y, 0, 0), (&frame.u, frame.shift_x, frame.shift_y), (&frame.v, frame.shift_x, frame.shift_y)];
+        let planes =
+            [(&frame.y, 0, 0), (&frame.u, frame.shift_x, frame.shift_y), (&frame.v, frame.shift_x, frame.shift_y)];
         for (part, (plane, shift_x, shift_y)) in planes.into_iter().enumerate() {
             let mut sums = vec![0u32; grid.columns];
             for row in 0..grid.rows {
@@ -63,6 +64,18 @@ impl CellPicture {
             }
         }
         Self { grid, codes }
+    }
+
+    /// The same colours with the codes of another encoding.
+    pub fn with_encoding(mut self, from: ColourEncoding, to: ColourEncoding) -> Self {
+        if from != to {
+            let convert = |codes: [u8; 3]| {
+                let rgb = from.rgb_of_codes(codes.map(f64::from));
+                to.codes_of(to.colour_of_rgb(rgb.into()))
+            };
+            self.codes.iter_mut().for_each(|codes| *codes = convert(*codes));
+        }
+        self
     }
 }
 
@@ -85,7 +98,8 @@ fn add_columns<'a>(
     for line in lines {
         let row = plane.row(line);
         for (column, sum) in sums.iter_mut().enumerate() {
-            *sum += row[span(column, grid.cell_px, shift, plane.width)].iter().map(|code| u32::from(*code)).sum::<u32>();
+            *sum +=
+                row[span(column, grid.cell_px, shift, plane.width)].iter().map(|code| u32::from(*code)).sum::<u32>();
         }
     }
     (0..grid.columns).map(move |column| count * span(column, grid.cell_px, shift, plane.width).len() as u32)
@@ -94,7 +108,7 @@ fn add_columns<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vision::frame::{ColourEncoding, Matrix, Range};
+    use crate::vision::frame::{Matrix, Range};
 
     #[test]
     fn a_cell_has_the_mean_of_its_pixels() {

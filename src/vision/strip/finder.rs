@@ -83,7 +83,8 @@ impl StripFinder {
         let limits = SearchLimits { side, diameter_mm, trocar: trocar.map(|at| (at, trocar::MAX_MISS)) };
         let widths = width_limits(&self.grid, diameter_mm);
         let rough = search(&self.grid, evidence, &limits, CANDIDATES);
-        let outlined = rough.iter().filter_map(|rough| outline::outline(&self.grid, evidence, &self.inside, rough, widths));
+        let outlined =
+            rough.iter().filter_map(|rough| outline::outline(&self.grid, evidence, &self.inside, rough, widths));
         let passes = |strip: &Strip| trocar.is_none_or(|at| strip.plane().dot(&at).abs() < OUTLINED_MISS);
         let mut strips: Vec<Strip> = outlined.filter(|strip| strip.is_believable() && passes(strip)).collect();
         strips.sort_by(|one, other| other.score.total_cmp(&one.score));

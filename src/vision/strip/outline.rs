@@ -300,11 +300,8 @@ mod tests {
             let (x, y) = ((i % grid.columns) as f64, (i / grid.columns) as f64);
             if x < end && y > border(x, -1.0) && y < border(x, 1.0) { 2.0 } else { -2.0 }
         };
-        let map = Map {
-            columns: grid.columns,
-            rows: grid.rows,
-            values: (0..grid.columns * grid.rows).map(value).collect(),
-        };
+        let map =
+            Map { columns: grid.columns, rows: grid.rows, values: (0..grid.columns * grid.rows).map(value).collect() };
         let rough = RoughStrip {
             point: Point2::new(0.3 * columns, 0.5 * rows + 0.015 * columns + 1.5),
             direction: Vector2::new(1.0, 0.03).normalize(),
@@ -315,9 +312,11 @@ mod tests {
         let strip = outline(&grid, &map, &grid.inside(), &rough, width_limits(&grid, 5.0)).unwrap();
         let found = grid.place(strip.end);
         assert!((found.x - end).abs() < 1.5, "{found}");
-        let [first, second] = strip.borders.map(|border| border.map(|at| grid.place(crate::vision::space::Normalised(at))));
+        let [first, second] =
+            strip.borders.map(|border| border.map(|at| grid.place(crate::vision::space::Normalised(at))));
         for at in first.into_iter().chain(second) {
-            let off = [-1.0, 1.0].map(|sign| (at.y - border(at.x, sign)).abs()).into_iter().fold(f64::INFINITY, f64::min);
+            let off =
+                [-1.0, 1.0].map(|sign| (at.y - border(at.x, sign)).abs()).into_iter().fold(f64::INFINITY, f64::min);
             assert!(off < 0.6, "{at} is {off} off");
         }
         assert!(strip.is_believable());

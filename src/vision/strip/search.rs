@@ -170,9 +170,7 @@ impl Turned<'_> {
         let Some((trocar, within)) = limits.trocar else { return (0, self.side) };
         const APART: f64 = 60.0;
         let passes = |row: usize| {
-            let at = |column: f64| {
-                self.grid.normalised(Self::on_full_grid(self.place(angle, column, row as f64)))
-            };
+            let at = |column: f64| self.grid.normalised(Self::on_full_grid(self.place(angle, column, row as f64)));
             let middle = 0.5 * self.side as f64;
             plane_through(at(middle), at(middle + APART)).dot(&trocar).abs() < within
         };
@@ -254,16 +252,14 @@ impl RowSums {
         let middle = (row - self.first) as f64 + 0.5;
         let flank = (0.5 * width).max(1.0);
         let (low, high) = (middle - 0.5 * width, middle + 0.5 * width);
-        let [outer_low, low, high, outer_high] =
-            [low - flank, low, high, high + flank].map(|at| self.between(at));
+        let [outer_low, low, high, outer_high] = [low - flank, low, high, high + flank].map(|at| self.between(at));
         let (mut sum, mut best, mut end) = (0.0f32, 0.0f32, 0);
         for column in 0..self.columns {
             let read = |sums: &[f32], (first, share): (usize, f32)| {
                 sums[first + column] * (1.0 - share) + sums[first + self.columns + column] * share
             };
             let inside = read(&self.all, high) - read(&self.all, low);
-            let beside = read(&self.positive, low) - read(&self.positive, outer_low)
-                + read(&self.positive, outer_high)
+            let beside = read(&self.positive, low) - read(&self.positive, outer_low) + read(&self.positive, outer_high)
                 - read(&self.positive, high);
             sum += inside - beside;
             if sum > best {

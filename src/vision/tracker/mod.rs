@@ -42,8 +42,8 @@ mod record;
 mod refine;
 mod report;
 mod rival;
-mod search;
 mod scene_samples;
+mod search;
 mod second_look;
 mod second_pass;
 mod settings;
@@ -54,11 +54,11 @@ mod tool;
 mod trace;
 mod width_method;
 
-pub use scene_samples::SceneSamples;
 pub use report::{
     Absence, DiameterBasis, EffectiveDiameter, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality,
     ToolReport, Tracking, TrocarEvidence,
 };
+pub use scene_samples::SceneSamples;
 pub use second_look::{FirstLook, SecondLook};
 pub use settings::{
     CameraView, HandSide, Marker, MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings,
@@ -151,9 +151,8 @@ impl Tracker {
         };
         let pixels: Vec<[u8; 3]> = self.settings.samples.codes_of_label(colour, self.encoding).collect();
         let SceneSamples { frames, empty } = scene;
-        self.strips = ShaftColour::new(&pixels).and_then(|shaft| {
-            StripFinder::learn(&self.settings.camera, shaft, &tools, frames, empty.as_ref())
-        });
+        self.strips = ShaftColour::new(&pixels)
+            .and_then(|shaft| StripFinder::learn(&self.settings.camera, shaft, &tools, frames, empty.as_ref()));
     }
 
     /// Tracks the first frames of a recording only to learn how edges look and how long the bands are. The first
@@ -246,8 +245,14 @@ impl Tracker {
     ) -> Vec<(usize, ToolFrameResult)> {
         let (table, settings) = (&self.table, &self.settings);
         let obstacles = pair.map(|i| outlines_of_others(outlines, i));
-        let scenes =
-            [0, 1].map(|of| FrameContext { frame, segment: table, table, settings, strips: None, obstacles: &obstacles[of] });
+        let scenes = [0, 1].map(|of| FrameContext {
+            frame,
+            segment: table,
+            table,
+            settings,
+            strips: None,
+            obstacles: &obstacles[of],
+        });
         match self.tools.get_disjoint_mut(pair) {
             Ok(tools) => pair.into_iter().zip(pair::observe(tools, scenes)).collect(),
             Err(_) => Vec::new(),

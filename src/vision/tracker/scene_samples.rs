@@ -1,6 +1,6 @@
 //! What a recording shows of its box: frames spread over it, as cells, and the picture of the empty box.
 
-use crate::vision::frame::Frame;
+use crate::vision::frame::{ColourEncoding, Frame};
 use crate::vision::segmentation::cells::CellPicture;
 
 /// Number of frames that show the box well: the median of a cell over them is known to a sixth of its noise.
@@ -19,8 +19,8 @@ impl SceneSamples {
         self.frames.push(CellPicture::of(frame));
     }
 
-    /// Sets the picture of the empty box. It must have the size and the encoding of the frames.
-    pub fn set_empty(&mut self, picture: &Frame<'_>) {
-        self.empty = Some(CellPicture::of(picture));
+    /// Sets the picture of the empty box: of the frames' size, and in any encoding. `encoding` is that of the frames.
+    pub fn set_empty(&mut self, picture: &Frame<'_>, encoding: ColourEncoding) {
+        self.empty = Some(CellPicture::of(picture).with_encoding(picture.encoding, encoding));
     }
 }

@@ -51,9 +51,8 @@ impl BandFit<'_> {
         let mut best = Err(MissReason::PoorFit);
         for start in self.starts_of_strip(strip) {
             let found = self.refine(&start, MEASURED_SHAFT_MM, PROBE_PASSES, recorder);
-            let found = found.and_then(|found| {
-                if found.grade() >= Grade::Possible { Ok(found) } else { Err(MissReason::PoorFit) }
-            });
+            let found = found
+                .and_then(|found| if found.grade() >= Grade::Possible { Ok(found) } else { Err(MissReason::PoorFit) });
             best = match (best, found) {
                 (Ok(one), Ok(other)) => Ok(Measurement::likelier(one, other)),
                 (Err(one), Err(other)) => Err(MissReason::max(one, other)),

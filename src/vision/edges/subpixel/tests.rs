@@ -4,6 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::*;
 use crate::vision::edges::chroma_siting;
+use crate::vision::edges::edge_model::Likeness;
 use crate::vision::edges::exposure;
 use crate::vision::edges::probe::FittedEdge;
 use crate::vision::edges::probe::Shading;
@@ -120,7 +121,11 @@ impl Drawing {
     }
 
     fn model(&self) -> EdgeModel {
-        let mut model = EdgeModel::new(UsualColour { codes: self.tape, luma_spread: 5.0, chroma_spread: 5.0 }, Likeness::Chroma, ENCODING);
+        let mut model = EdgeModel::new(
+            UsualColour { codes: self.tape, luma_spread: 5.0, chroma_spread: 5.0 },
+            Likeness::Chroma,
+            ENCODING,
+        );
         model.lens_px = self.blur;
         model.chroma_blur_px = 0.5; // chroma is drawn as the mean of two pixels each way
         model
@@ -251,7 +256,11 @@ fn equal_luma_is_no_hindrance_while_colours_differ() {
 fn a_side_that_differs_from_the_mean_colour_as_much_as_the_samples_do_is_tape() {
     let beside = Drawing { outside: [90.0, 128.0, 128.0], ..PLAIN };
     let located_with = |chroma_spread: f64| {
-        let model = EdgeModel::new(UsualColour { codes: [70.0, 115.0, 148.0], luma_spread: 5.0, chroma_spread }, Likeness::Chroma, ENCODING);
+        let model = EdgeModel::new(
+            UsualColour { codes: [70.0, 115.0, 148.0], luma_spread: 5.0, chroma_spread },
+            Likeness::Chroma,
+            ENCODING,
+        );
         beside.looked_at(&model, &beside.probe(), Fineness::Fine)
     };
     assert!(located_with(5.0).is_none(), "no sample differs as much");
