@@ -73,7 +73,7 @@ pub(super) fn run(
 /// The bare shafts of the annotations, that of the left hand first.
 fn shafts(args: &TrackArgs, marked: &AnnotationsFile) -> Result<Vec<ReferenceTool>, CommandFailure> {
     let mut shafts = tools(marked, &args.annotations)?;
-    shafts.retain(|tool| tool.marker == Marker::Shaft);
+    shafts.retain(ToolSpec::is_bare);
     if shafts.is_empty() {
         let what = "--segmenter follows bare shafts, and no tool here is one: give a tool the marker `shaft`, or leave \
                     out --segmenter";

@@ -11,6 +11,7 @@
 //! | [`end_step`] | cells, strip | the strip, ending where its colour changes most |
 //! | [`trocar`] | strips of many frames | the picture's point through which all of a tool's strips pass |
 
+pub mod borders;
 pub mod end_step;
 pub mod finder;
 pub mod grid;

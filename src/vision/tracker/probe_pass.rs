@@ -28,6 +28,10 @@ const CLOSE: ProbePass = ProbePass { chord_px: 10.0, reach_px: 3.2, fineness: Fi
 
 /// Probe passes from wide to close: coarse border lines may be two pixels off, the first fit is closer.
 pub(super) const PROBE_PASSES: &[ProbePass] = &[STEP, FINE, CLOSE];
+/// The first pass for a shaft: its strip is a fraction of a cell off, and a highlight on the shaft has borders, too.
+const STRIP_STEP: ProbePass = ProbePass { chord_px: 8.0, reach_px: 4.5, fineness: Fineness::Step };
+/// Probe passes for a shaft whose strip was found.
+pub(super) const STRIP_PASSES: &[ProbePass] = &[STRIP_STEP, FINE, CLOSE];
 /// The passes for a tube that is about right.
 pub(super) const FINE_PASSES: &[ProbePass] = &[FINE, CLOSE];
 /// The pass for a tube that is right to a few pixels.

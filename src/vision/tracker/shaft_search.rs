@@ -6,7 +6,7 @@ use super::band_fit::BandFit;
 use super::frame_context::FrameContext;
 use super::measurement::{Grade, Measurement};
 use super::predict::Prediction;
-use super::probe_pass::PROBE_PASSES;
+use super::probe_pass::STRIP_PASSES;
 use super::tool::ToolTracker;
 use super::trace::FitRecorder;
 use crate::vision::edges::line_fit::BorderLine;
@@ -18,6 +18,9 @@ use crate::vision::tube::Tube;
 /// Length of the shaft that is measured, mm. A longer piece would show its direction better, but the play of the trocar
 /// and a bent shaft count more the longer it is.
 pub const MEASURED_SHAFT_MM: f64 = 60.0;
+
+/// Leans away from the camera that are tried, degrees: trocars lie on the camera's side of the tips more often than not.
+const LEANS_DEG: [f64; 3] = [0.0, 35.0, -35.0];
 
 impl ToolTracker {
     /// Searches the whole frame for the shaft, and measures the strips that may be it, the best first.
@@ -50,7 +53,8 @@ impl BandFit<'_> {
     fn measure_strip(&self, strip: &Strip, recorder: &mut FitRecorder) -> Result<Measurement, MissReason> {
         let mut best = Err(MissReason::PoorFit);
         for start in self.starts_of_strip(strip) {
-            let found = self.refine(&start, MEASURED_SHAFT_MM, PROBE_PASSES, recorder);
+            let found = self.refine(&start, MEASURED_SHAFT_MM, STRIP_PASSES, recorder);
+            if std::env::var("DBG").is_ok() { eprintln!("  strip w {:.4} end {:?} step {:?} start {:?} ax {:?} -> {:?}", strip.width, strip.end.0, strip.end_step_codes, start.tip, start.axis, found.as_ref().map(|m| (m.estimate.tube.tip, m.estimate.tube.axis, m.seen_share, m.ends_seen, m.estimate.residual_px, m.grade()))); }
             let found = found
                 .and_then(|found| if found.grade() >= Grade::Possible { Ok(found) } else { Err(MissReason::PoorFit) });
             best = match (best, found) {
@@ -75,8 +79,13 @@ impl BandFit<'_> {
             Some(Tube { tip, axis, radius })
         });
         let by_taper = tangent_planes::locate(strip.borders.map(line_through), strip.end, strip.entry, radius);
-        let facing = (strip.end.ray() - strip.entry.ray()).try_normalize(1e-9).map(|axis| Tube { tip, axis, radius });
-        [through_trocar, by_taper, facing].into_iter().flatten().collect()
+        let in_picture = (strip.end.ray() - strip.entry.ray()).try_normalize(1e-9);
+        let leaning = LEANS_DEG.into_iter().filter_map(|lean_deg: f64| {
+            let (sin, cos) = lean_deg.to_radians().sin_cos();
+            Some(Tube { tip, axis: in_picture? * cos + strip.end.ray().normalize() * sin, radius })
+        });
+        let leaning = leaning.map(|tube| Tube { axis: tube.axis.normalize(), ..tube });
+        [through_trocar, by_taper].into_iter().flatten().chain(leaning).collect()
     }
 }
 
