@@ -8,7 +8,7 @@ use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::files::camera::CameraFile;
 use crate::media::{MediaError, Picture, ReadAhead};
 use crate::vision::reference::{ReferenceMethod, ReferenceTool, ReferenceTracker};
-use crate::vision::tracker::{HandSide, Marker, ToolSpec};
+use crate::vision::tracker::{HandSide, ToolSpec};
 use crate::vision::trajectory::Trajectory;
 
 /// A reference method for bare shafts.
@@ -73,7 +73,7 @@ pub(super) fn run(
 /// The bare shafts of the annotations, that of the left hand first.
 fn shafts(args: &TrackArgs, marked: &AnnotationsFile) -> Result<Vec<ReferenceTool>, CommandFailure> {
     let mut shafts = tools(marked, &args.annotations)?;
-    shafts.retain(|tool| tool.marker == Marker::Shaft);
+    shafts.retain(ToolSpec::is_bare);
     if shafts.is_empty() {
         let what = "--segmenter follows bare shafts, and no tool here is one: give a tool the marker `shaft`, or leave \
                     out --segmenter";
