@@ -36,6 +36,7 @@ mod output_validator;
 mod quick;
 mod rescore;
 mod results;
+pub mod scene;
 pub mod scoring;
 mod settings;
 pub mod stored_palette;

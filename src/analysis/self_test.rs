@@ -8,7 +8,7 @@ use crate::media::{MediaError, Picture, ReadAhead, VideoFile};
 use crate::motion::quality::ports::Ports;
 use crate::vision::camera::Board;
 use crate::vision::frame::Frame;
-use crate::vision::tracker::{MAX_WARM_UP_FRAMES, SettingsProblem, Tracker, TrackerSettings};
+use crate::vision::tracker::{MAX_WARM_UP_FRAMES, SceneSamples, SettingsProblem, Tracker, TrackerSettings};
 use crate::vision::trajectory::PathKind;
 
 /// What a self-test needs besides the recording and the tracker's settings.
@@ -38,12 +38,16 @@ pub enum SelfTestError {
     Settings(#[from] SettingsProblem),
 }
 
-/// Tests a box. Calls `done` after each frame with the number of frames so far and, if known, in all.
+/// Tests a box. `scene` shows the box to a tracker of tools without tape: see [`collect_scene`]. Calls `done` after each
+/// frame with the number of frames so far and, if known, in all.
 ///
 /// # Errors
 /// The recording cannot be decoded, or its size differs from the camera's.
+///
+/// [`collect_scene`]: super::scene::collect_scene
 pub fn test_video(
     video: VideoFile,
+    scene: &SceneSamples,
     settings: TrackerSettings,
     asked: SelfTestSetup,
     mut done: impl FnMut(u64, Option<u64>),
@@ -55,6 +59,7 @@ pub fn test_video(
     let encoding = first.first().ok_or(MediaError::NoFrames)?.encoding;
     let tracker = Tracker::new(settings, info.width, info.height, encoding);
     let mut tracker = tracker.map_err(|problem| problem.of_shown(info.shown_size))?;
+    tracker.learn_scene(scene);
     tracker.warm_up(&first);
     let (mut watch, mut colours) = (BoardWatch::new(asked.board, camera), ColourWatch::new(&samples, &tools, encoding));
     while let Some(seen) = ahead.next_picture()? {

@@ -5,6 +5,7 @@
 
 use std::fs::File;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
 
@@ -13,6 +14,7 @@ use super::table::TextTable;
 use super::track::{about, marked_samples, read, tracker_settings};
 use super::{CommandFailure, print_result};
 use crate::analysis::clock::open_with_clock;
+use crate::analysis::scene::collect_scene;
 use crate::analysis::self_test::{MAX_REACH_MM, SelfTestSetup, test_video};
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::files::camera::CameraFile;
@@ -61,9 +63,11 @@ pub fn run(args: SelfTestArgs) -> Result<(), CommandFailure> {
     let asked =
         SelfTestSetup { board, reach_mm: args.reach_mm, calibration_rms_px: camera.rms_px(), ports: Ports::default() };
     let (mut meter, mut frames) = (Meter::new(args.quiet), 0);
-    let file = File::open(&args.video).map_err(|e| about(&args.video, e))?;
-    let (video, _) = open_with_clock(file, None, MediaLimits::default()).map_err(|e| about(&args.video, e))?;
-    let report = test_video(video, settings, asked, |done, of| {
+    let (file, limits) = (File::open(&args.video).map_err(|e| about(&args.video, e))?, MediaLimits::default());
+    let file = Arc::new(file);
+    let scene = collect_scene(&settings, file.clone(), limits, || ()).map_err(|e| about(&args.video, e))?;
+    let (video, _) = open_with_clock(file, None, limits).map_err(|e| about(&args.video, e))?;
+    let report = test_video(video, &scene, settings, asked, |done, of| {
         frames = done;
         meter.show("frames", done as usize, of.unwrap_or(done) as usize);
     });

@@ -1,11 +1,13 @@
-//! Tools without tape on the command line: the check of tapes, and the picture of the empty box.
+//! Tools without tape on the command line: their paths, the check of tapes, and the picture of the empty box.
 
 use std::fs;
 use std::process::Output;
 
+use nalgebra::Vector3;
 use serde_json::{Value, json};
+use trocar::domain::files::truth::TruthFile;
 
-use crate::feed::scene::Folder;
+use crate::feed::scene::{Folder, rows};
 use crate::process::program;
 
 /// A short scene whose annotations are changed.
@@ -61,4 +63,25 @@ fn a_picture_of_the_empty_box_is_found_and_has_the_size_of_the_recording() {
     image::RgbImage::new(640, 360).save(scene.file("right.png")).unwrap();
     let tracked = run(&scene, &format!("{TRACK} --empty right.png"));
     assert!(tracked.status.success(), "{tracked:?}");
+}
+
+#[test]
+fn bare_tools_are_followed_through_a_recording() {
+    const MOST_MM: f64 = 5.0;
+    let scene = Folder::of("--marker bare --seed 5 --seconds 3 --size 960x540");
+    let tracked = run(&scene, &format!("{TRACK} --out track.csv"));
+    assert!(tracked.status.success(), "{tracked:?}");
+    let truth = TruthFile::parse(&fs::read_to_string(scene.file("truth.json")).unwrap()).unwrap();
+    let path = rows(&scene.file("track.csv"));
+    for tool in ["left", "right"] {
+        let is_found = |number: u64, tip: Vector3<f64>| {
+            let row = path.iter().find(|(frame, name, _)| *frame == number && name == tool);
+            // Depth is known less well, so only the error across the line of sight counts.
+            row.is_some_and(|(_, _, at)| (Vector3::from(*at) - tip).cross(&tip.normalize()).norm() < MOST_MM)
+        };
+        let tips = truth.frames.iter().flat_map(|frame| frame.tools.iter().map(move |of| (frame.frame, of)));
+        let tips: Vec<_> = tips.filter(|(_, of)| of.tool == tool).collect();
+        let found = tips.iter().filter(|(frame, of)| is_found(*frame, of.tip_mm.into())).count();
+        assert!(tips.len() == 75 && found >= 60, "{tool}: {found} of {} frames", tips.len());
+    }
 }

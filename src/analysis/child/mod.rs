@@ -29,7 +29,6 @@ use std::fs::File;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::clock::open_with_clock;
 use super::protocol::{self, ChildReply, ChildRequest};
 use crate::domain::problem::Problem;
 use crate::media::{CapturedFrame, MediaLimits, SourceInfo, VideoFile};
@@ -205,12 +204,6 @@ impl ChildInputs {
     fn video(self) -> Result<VideoFile, StopReason> {
         let limits = self.limits;
         Ok(VideoFile::open(self.first()?, limits)?)
-    }
-
-    /// Opens the only recording with the times of its clock: slow motion is as slow here as in a session.
-    fn video_with_clock(self) -> Result<VideoFile, StopReason> {
-        let limits = self.limits;
-        Ok(open_with_clock(self.first()?, None, limits)?.0)
     }
 }
 

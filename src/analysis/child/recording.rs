@@ -1,17 +1,24 @@
 //! Frames of a recording as they are decoded: part of the work of [`super::probe`] and [`super::track`].
 
+use std::fs::File;
 use std::io;
 use std::ops::Range;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::limits::{is_plausible_number, is_small_jpeg, set_once, set_size};
-use super::{ChildEvent, Reporter, WorkRecord};
+use super::{ChildEvent, Reporter, StopReason, WorkRecord};
 use crate::analysis::protocol::SeenRow;
+use crate::analysis::scene::collect_scene;
 use crate::media::{MediaLimits, RecordingInfo, WholeRecording};
+use crate::vision::tracker::{SceneSamples, TrackerSettings};
 
 /// Frames per record: few enough to show progress, many enough to cost little.
 const FRAMES_PER_RECORD: usize = 32;
+
+/// Packets between two signs of life while the scene is collected: most packets are only read.
+const PACKETS_PER_ALIVE: u64 = 256;
 
 /// A record about a recording.
 #[derive(Debug, Serialize, Deserialize)]
@@ -157,6 +164,24 @@ fn check_rows(seen: &[SeenRow], frames: Range<u64>, tools: usize) -> Result<(), 
     let possible = |row: &SeenRow| known(row) && row.numbers().all(|x| is_plausible_number(x.into()));
     let is_valid = seen.iter().all(possible) && seen.is_sorted_by(|a, b| place(a) < place(b));
     if is_valid { Ok(()) } else { Err("an invalid row of observations".into()) }
+}
+
+/// Collects frames that show the box, with signs of life: see [`collect_scene`].
+pub(super) fn scene_of(
+    file: Arc<File>,
+    settings: &TrackerSettings,
+    limits: MediaLimits,
+    reporter: &mut Reporter,
+) -> Result<SceneSamples, StopReason> {
+    let (mut packets, mut sent) = (0_u64, Ok(()));
+    let scene = collect_scene(settings, file, limits, || {
+        packets += 1;
+        if sent.is_ok() && packets.is_multiple_of(PACKETS_PER_ALIVE) {
+            sent = reporter.alive(packets, None);
+        }
+    });
+    sent?;
+    Ok(scene?)
 }
 
 /// Collects frames into fewer, larger records.

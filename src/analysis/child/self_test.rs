@@ -1,10 +1,14 @@
 //! Tests a box: the board and a rod, both in one recording.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use super::calibrate::RequestedBoard;
 use super::limits::{MAX_TEXT_CHARS, is_plausible_number, set_once};
+use super::recording::scene_of;
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord};
+use crate::analysis::clock::open_with_clock;
 use crate::analysis::self_test::{SelfTestSetup, test_video};
 use crate::checks::self_test::SelfTestAdvice;
 use crate::domain::self_test::{HoldReport, PartReport, SelfTestReport, TestedPart, TrafficLight};
@@ -38,12 +42,16 @@ impl ChildTask for SelfTestWork {
     type Output = Option<SelfTestReport>;
 
     fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
-        let video = inputs.video_with_clock()?;
+        let limits = inputs.limits;
+        let file = Arc::new(inputs.first()?);
         let board = self.board.board()?;
         let SelfTestWork { track, reach_mm, calibration_rms_px, ports, .. } = self;
+        let scene = scene_of(file.clone(), &track, limits, reporter)?;
+        // Slow motion is as slow here as in a session.
+        let (video, _) = open_with_clock(file, None, limits)?;
         let asked = SelfTestSetup { board, reach_mm, calibration_rms_px, ports };
         let mut sent = Ok(());
-        let report = test_video(video, track, asked, |done, of| {
+        let report = test_video(video, &scene, track, asked, |done, of| {
             if sent.is_ok() && done.is_multiple_of(FRAMES_PER_ALIVE) {
                 sent = reporter.alive(done, of);
             }

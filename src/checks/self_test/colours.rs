@@ -41,7 +41,7 @@ impl ColourWatch {
     /// Prepares to search for the tape colours of these tools in pictures of this encoding.
     pub fn new(samples: &ColourSamples, tools: &[ToolSpec], encoding: ColourEncoding) -> Self {
         let mut colours: Vec<String> = Vec::new();
-        for tool in tools.iter().filter(|tool| matches!(tool.marker, Marker::Band { .. })) {
+        for tool in tools.iter().filter(|tool| !tool.is_bare()) {
             if !colours.contains(&tool.colour) {
                 colours.push(tool.colour.clone());
             }

@@ -24,6 +24,7 @@ use stages::{StageClock, TrackStage};
 use super::{CommandFailure, verdict};
 use crate::analysis::clock::{ClockError, open_with_clock};
 use crate::analysis::marked::colours_of;
+use crate::analysis::scene::collect_scene;
 use crate::domain::clock::{ClockBasis, RecordingClock, StampFacts, TimeCorrection};
 use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle};
 use crate::domain::files::camera::CameraFile;
@@ -37,7 +38,7 @@ use crate::vision::frame::Frame;
 use crate::vision::segmentation::palette::{self, TapeVerdict};
 use crate::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
 use crate::vision::tracker::{
-    CameraView, FirstLook, MAX_WARM_UP_FRAMES, MotionSettings, PoseMethod, SecondLook, ToolSpec, Tracker,
+    CameraView, FirstLook, MAX_WARM_UP_FRAMES, MotionSettings, PoseMethod, SceneSamples, SecondLook, ToolSpec, Tracker,
     TrackerSettings, Tracking,
 };
 use crate::vision::trajectory::{PathKind, Sample, Trajectory};
@@ -262,6 +263,7 @@ fn track_recording(
     clock: &mut StageClock,
 ) -> Result<PassResult, CommandFailure> {
     let in_video = |error: MediaError| about(&args.video, error);
+    let mut box_scene = box_scene(args, &settings, clock)?;
     let (video, time) = open_with_time(args)?;
     let info = video.info();
     clock.add_lap(TrackStage::Opening);
@@ -275,7 +277,11 @@ fn track_recording(
     let tracker = Tracker::new(settings, info.width, info.height, encoding);
     let mut tracker = tracker.map_err(|problem| about(&args.camera, problem.of_shown(info.shown_size)))?;
     // Read before the first frame is tracked: a picture that cannot be used is refused at once.
-    let _empty_box = empty_box(args, marked, &info)?;
+    if let Some(picture) = empty_box(args, marked, &info)? {
+        box_scene.set_empty(&picture.frame(), encoding);
+    }
+    tracker.learn_scene(&box_scene);
+    drop(box_scene);
     tracker.warm_up(&first);
     clock.add_lap(TrackStage::Preparing);
     let mut again = marks.map(ClipMarks::collector);
@@ -321,6 +327,18 @@ fn track_recording(
     clock.add_lap(TrackStage::Finishing);
     let samples = again.and_then(SampleCollector::into_samples);
     Ok(PassResult { tracking, live, samples, frames_expected, frames_interlaced, time })
+}
+
+/// Frames that show the box, for tools without tape.
+fn box_scene(
+    args: &TrackArgs,
+    settings: &TrackerSettings,
+    clock: &mut StageClock,
+) -> Result<SceneSamples, CommandFailure> {
+    let file = File::open(&args.video).map_err(|e| about(&args.video, e))?;
+    let scene = collect_scene(settings, file.into(), MediaLimits::default(), || ());
+    clock.add_lap(TrackStage::DecodingScene);
+    scene.map_err(|e| about(&args.video, e))
 }
 
 /// Tracks the recording once more, with what the first look has taught.

@@ -8,7 +8,7 @@ use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::files::camera::CameraFile;
 use crate::media::{MediaError, Picture, ReadAhead};
 use crate::vision::reference::{ReferenceMethod, ReferenceTool, ReferenceTracker};
-use crate::vision::tracker::{HandSide, Marker, ToolSpec};
+use crate::vision::tracker::{HandSide, ToolSpec};
 use crate::vision::trajectory::Trajectory;
 
 /// A reference method for bare shafts.

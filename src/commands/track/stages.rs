@@ -12,9 +12,11 @@ pub(super) enum TrackStage {
     DecodingMarked,
     /// Reads marks and collects their pixels.
     Samples,
+    /// Decodes frames that show the box, for tools without tape, with the decoder's threads.
+    DecodingScene,
     /// Opens the recording and lets FFmpeg probe it.
     Opening,
-    /// Builds the colour table.
+    /// Builds the colour table, and learns the box for tools without tape.
     Preparing,
     /// Waits for the thread that decodes.
     Waiting,
@@ -26,9 +28,10 @@ pub(super) enum TrackStage {
     Writing,
 }
 
-const STAGES: [(TrackStage, &str); 8] = [
+const STAGES: [(TrackStage, &str); 9] = [
     (TrackStage::DecodingMarked, "decode_marked_frames"),
     (TrackStage::Samples, "collect_samples"),
+    (TrackStage::DecodingScene, "decode_scene_frames"),
     (TrackStage::Opening, "open"),
     (TrackStage::Preparing, "prepare_tracker"),
     (TrackStage::Waiting, "wait_for_decoder"),
@@ -93,6 +96,7 @@ impl StageClock {
         let cpu = |stage: TrackStage| self.spent[stage as usize].cpu_ms;
         let own: f64 = self.spent.iter().map(|spent| spent.cpu_ms).sum::<f64>()
             - cpu(TrackStage::DecodingMarked)
+            - cpu(TrackStage::DecodingScene)
             - cpu(TrackStage::Opening);
         let wall: serde_json::Map<String, serde_json::Value> =
             STAGES.iter().map(|(stage, name)| ((*name).into(), self.spent[*stage as usize].wall_ms.into())).collect();

@@ -58,7 +58,7 @@ pub use report::{
     Absence, DiameterBasis, EffectiveDiameter, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality,
     ToolReport, Tracking, TrocarEvidence,
 };
-pub use scene_samples::SceneSamples;
+pub use scene_samples::{SCENE_FRAMES, SceneSamples};
 pub use second_look::{FirstLook, SecondLook};
 pub use settings::{
     CameraView, HandSide, Marker, MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings,
@@ -150,7 +150,7 @@ impl Tracker {
             return;
         };
         let pixels: Vec<[u8; 3]> = self.settings.samples.codes_of_label(colour, self.encoding).collect();
-        let SceneSamples { frames, empty } = scene;
+        let SceneSamples { frames, empty, .. } = scene;
         self.strips = ShaftColour::new(&pixels)
             .and_then(|shaft| StripFinder::learn(&self.settings.camera, shaft, &tools, frames, empty.as_ref()));
     }

@@ -1,11 +1,12 @@
-//! A box whose tools have no tape: their colours, their sizes, and the picture of the empty box.
+//! A box whose tools have no tape: their colours, their sizes, the picture of the empty box, and a recording of them.
 
 use image::{ImageFormat, Rgb, RgbImage};
 use reqwest::multipart::{Form, Part};
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 
-use super::centre::Centre;
+use super::centre::{Centre, session};
+use crate::feed::scene::{Folder, set_up_box};
 use crate::support::{Client, Service, problem, read};
 
 const PALETTES: &str = "/api/v1/boxes/box-1/palettes";
@@ -82,4 +83,20 @@ async fn a_form_with_a_tool_without_tape_that_lacks_something_is_refused() {
     assert!(detail.contains("named in the annotations, but was not sent"), "{detail}");
     let twice = form(&annotations(bare_left()), Some(empty())).part("empty_box", Part::bytes(empty()));
     assert!(refused(twice).await.contains("sent twice"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_recording_of_tools_without_tape_is_tracked() {
+    let scene = Folder::of("--marker bare --seed 5 --seconds 3 --size 960x540");
+    let centre = Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await;
+    set_up_box(&centre.administrator, "box-1", &scene).await;
+    let clip = std::fs::read(scene.file("clip.mp4")).unwrap();
+    let sent = session(&centre.administrator, "ada", clip).await;
+    let is_over = |session: &Value| session["status"] == "done" || session["status"] == "failed";
+    let path = format!("/api/v1/sessions/{}", sent["id"].as_str().unwrap());
+    let tracked = centre.administrator.read_until(&path, is_over).await;
+    assert_eq!((&tracked["status"], &tracked["tools"]), (&json!("done"), &json!(["left", "right"])), "{tracked}");
+    for tool in tracked["quality"]["tools"].as_array().unwrap() {
+        assert!(tool["coverage"].as_f64().unwrap() >= 0.8, "{tool}");
+    }
 }

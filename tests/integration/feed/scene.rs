@@ -151,6 +151,10 @@ pub async fn set_up_box(administrator: &Client, in_box: &str, scene: &Folder) {
     let form = Form::new()
         .text("annotations", std::fs::read_to_string(scene.file("annotations.json")).unwrap())
         .part("video", Part::bytes(std::fs::read(scene.file("clip.mp4")).unwrap()));
+    let form = match std::fs::read(scene.file("empty.jpg")) {
+        Ok(photo) => form.part("empty_box", Part::bytes(photo).file_name("empty.jpg")),
+        Err(_) => form, // only scenes of bare tools have one
+    };
     let request = administrator.request(Method::POST, &format!("/api/v1/boxes/{in_box}/palettes")).multipart(form);
     let queued = read(request.send().await.unwrap(), reqwest::StatusCode::ACCEPTED).await;
     let job = format!("/api/v1/jobs/{}", queued["job"].as_str().unwrap());
@@ -196,7 +200,8 @@ pub fn causal_path(scene: &Scene) -> Vec<(u64, String, [f64; 3])> {
     rows(&out)
 }
 
-fn rows(csv: &Path) -> Vec<(u64, String, [f64; 3])> {
+/// The rows of a path in a file: frame, tool, and tip in mm.
+pub fn rows(csv: &Path) -> Vec<(u64, String, [f64; 3])> {
     let text = std::fs::read_to_string(csv).unwrap();
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
     let head: Vec<&str> = lines.next().unwrap().split(',').collect();

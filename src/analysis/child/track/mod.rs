@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::limits::{MAX_TEXT_CHARS, accept_surroundings, is_plausible_number, is_plausible_row, set_once};
 use super::preview::Preview;
-use super::recording::{FrameReporter, RecordingOutput, RecordingRecord};
+use super::recording::{FrameReporter, RecordingOutput, RecordingRecord, scene_of};
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord, explain};
 use crate::analysis::clock::{ClockError, open_with_clock};
 use crate::analysis::empty_box::read_empty_box;
@@ -84,6 +84,7 @@ impl ChildTask for TrackWork {
         let limits = inputs.limits;
         let (file, empty_box) = inputs.first_and_second()?;
         let file = Arc::new(file);
+        let mut scene = scene_of(file.clone(), &self.tracker, limits, reporter)?;
         let (video, clock) = open_with_clock(file.clone(), self.time, limits)?;
         reporter.record(WorkRecord::Track(TrackRecord::Clock(clock)))?;
         let info = video.info();
@@ -96,7 +97,11 @@ impl ChildTask for TrackWork {
         let mut tracker = tracker.map_err(|problem| problem.of_shown(info.shown_size))?;
         // Read before the first frame is tracked: a picture that cannot be used is refused at once.
         let size = [info.width, info.height].map(|size| size as usize);
-        let _empty_box = empty_box.map(|file| read_empty_box(file, size, limits)).transpose()?;
+        if let Some(file) = empty_box {
+            scene.set_empty(&read_empty_box(file, size, limits)?.frame(), encoding);
+        }
+        tracker.learn_scene(&scene);
+        drop(scene);
         tracker.warm_up(&first);
         let mut preview = Preview::new(info.frames_expected);
         let (mut frames_interlaced, mut surroundings) = (0, SurroundingsSampler::default());

@@ -30,9 +30,30 @@ struct ListedPacket {
 impl VideoFile {
     /// Calls `show` with the frames of these numbers, in order, each with its number as index; times are meaningless.
     /// Returns `None`, perhaps after some frames, if the packets do not identify them; then decode from the start.
-    pub fn show_frames(mut self, numbers: &[u64], mut show: impl FnMut(&Picture)) -> Option<()> {
+    pub fn show_frames(mut self, numbers: &[u64], show: impl FnMut(&Picture)) -> Option<()> {
         let last = *numbers.iter().max().filter(|&&last| last < self.limits.frames)?;
-        let listed = self.list_packets(last)?;
+        let listed = self.list_packets(last, &mut || ())?;
+        self.show_listed(&listed, numbers, show, &mut || ())
+    }
+
+    /// Calls `show` with at most `most` frames that are spread over the whole recording, as [`Self::show_frames`] does.
+    /// Key frames are preferred, because they are decoded alone; neighbours are at most twice as far apart as if all
+    /// were evenly spread. Calls `on_packet` for each packet read: `show` may not be called for minutes.
+    pub fn show_spread(mut self, most: usize, show: impl FnMut(&Picture), mut on_packet: impl FnMut()) -> Option<()> {
+        let listed = self.list_packets(self.limits.frames, &mut on_packet)?;
+        if listed.len() as u64 > self.limits.frames {
+            return None;
+        }
+        self.show_listed(&listed, &spread_over(&listed, most), show, &mut on_packet)
+    }
+
+    fn show_listed(
+        mut self,
+        listed: &[ListedPacket],
+        numbers: &[u64],
+        mut show: impl FnMut(&Picture),
+        on_packet: &mut impl FnMut(),
+    ) -> Option<()> {
         let mut groups: BTreeMap<usize, Wanted> = BTreeMap::new();
         for &number in numbers {
             let place = usize::try_from(number).ok().filter(|&place| place < listed.len())?;
@@ -43,7 +64,7 @@ impl VideoFile {
             self.seek_to_key(&listed[key])?;
             let mut to_feed: BTreeSet<i64> = wanted.keys().copied().collect();
             for (&pts, &number) in &wanted {
-                let video = self.frame_at(pts, &wanted, &mut to_feed)?;
+                let video = self.frame_at(pts, &wanted, &mut to_feed, on_packet)?;
                 self.decoded = number;
                 let picture = self.picture(video).ok()?;
                 show(&picture);
@@ -55,12 +76,13 @@ impl VideoFile {
 
     /// The packets of the frames up to this one and a few more, in presentation order; `None` unless each has a
     /// distinct stamp and the first begins the recording.
-    fn list_packets(&mut self, last: u64) -> Option<Vec<ListedPacket>> {
+    fn list_packets(&mut self, last: u64, on_packet: &mut impl FnMut()) -> Option<Vec<ListedPacket>> {
         let enough = last.saturating_add(MAX_REORDERED);
         let mut listed = Vec::new();
         while listed.len() as u64 <= enough
             && let Some(packet) = self.read_packet()
         {
+            on_packet();
             if packet.stream() == self.stream {
                 let is_shown = !is_hidden(&packet) && !is_before(packet.pts(), self.first_shown);
                 let is_usable = !packet.is_corrupt() && is_shown;
@@ -99,7 +121,13 @@ impl VideoFile {
 
     /// Decodes up to the frame of this stamp. When all requested packets have been sent, the decoder is drained:
     /// otherwise it would hold frames back to order them.
-    fn frame_at(&mut self, pts: i64, wanted: &Wanted, to_feed: &mut BTreeSet<i64>) -> Option<ff::frame::Video> {
+    fn frame_at(
+        &mut self,
+        pts: i64,
+        wanted: &Wanted,
+        to_feed: &mut BTreeSet<i64>,
+        on_packet: &mut impl FnMut(),
+    ) -> Option<ff::frame::Video> {
         let mut video = self.maker.frame_to_fill();
         for _ in 0..self.limits.frames.saturating_mul(2) {
             match self.decoder.receive_frame(&mut video) {
@@ -108,7 +136,10 @@ impl VideoFile {
                 Ok(()) => {}
                 Err(_) if self.drained => return None,
                 Err(_) if to_feed.is_empty() => self.send(None),
-                Err(_) => self.feed_towards(wanted, to_feed)?,
+                Err(_) => {
+                    on_packet();
+                    self.feed_towards(wanted, to_feed)?;
+                }
             }
         }
         None
@@ -127,6 +158,20 @@ impl VideoFile {
         }
         Some(())
     }
+}
+
+/// Numbers of at most `most` frames: evenly spread ones, or the last key frame since the one before.
+fn spread_over(listed: &[ListedPacket], most: usize) -> Vec<u64> {
+    let count = most.min(listed.len());
+    let mut from = 0;
+    let spread = (0..count).map(|i| {
+        let even = i * (listed.len() - 1) / (count.max(2) - 1);
+        let key = listed[from..=even].iter().rposition(|packet| packet.is_key);
+        let number = key.map_or(even, |place| from + place);
+        from = even + 1;
+        number as u64
+    });
+    spread.collect()
 }
 
 #[cfg(test)]
