@@ -12,7 +12,7 @@ use super::trace::FitRecorder;
 use crate::vision::edges::line_fit::BorderLine;
 use crate::vision::pose::tangent_planes;
 use crate::vision::reason::MissReason;
-use crate::vision::strip::Strip;
+use crate::vision::strip::{Strip, borders};
 use crate::vision::tube::Tube;
 
 /// Length of the shaft that is measured, mm. A longer piece would show its direction better, but the play of the trocar
@@ -49,21 +49,51 @@ impl ToolTracker {
 }
 
 impl BandFit<'_> {
-    /// Measures the shaft of a strip.
+    /// Measures the shaft of a strip, with each of its likeliest pairs of borders.
     fn measure_strip(&self, strip: &Strip, recorder: &mut FitRecorder) -> Result<Measurement, MissReason> {
         let mut best = Err(MissReason::PoorFit);
-        for start in self.starts_of_strip(strip) {
-            let found = self.refine(&start, MEASURED_SHAFT_MM, STRIP_PASSES, recorder);
-            if std::env::var("DBG").is_ok() { eprintln!("  strip w {:.4} end {:?} step {:?} start {:?} ax {:?} -> {:?}", strip.width, strip.end.0, strip.end_step_codes, start.tip, start.axis, found.as_ref().map(|m| (m.estimate.tube.tip, m.estimate.tube.axis, m.seen_share, m.ends_seen, m.estimate.residual_px, m.grade()))); }
-            let found = found
-                .and_then(|found| if found.grade() >= Grade::Possible { Ok(found) } else { Err(MissReason::PoorFit) });
+        for strip in self.with_likely_borders(strip) {
+            let found = self.measure_between_borders(&strip, recorder);
             best = match (best, found) {
                 (Ok(one), Ok(other)) => Ok(Measurement::likelier(one, other)),
                 (Err(one), Err(other)) => Err(MissReason::max(one, other)),
-                (one, other) => other.or(one),
+                (one, other) => one.or(other),
             };
-            if best.as_ref().is_ok_and(|found: &Measurement| found.grade() == Grade::Good) {
-                break;
+        }
+        best
+    }
+
+    /// The strip with each of the likeliest pairs of borders.
+    fn with_likely_borders(&self, strip: &Strip) -> Vec<Strip> {
+        const MAX_PAIRS: usize = 6;
+        /// A strip's middle is off by less than a quarter of its width: by shade on one side.
+        const MAX_ASIDE: f64 = 0.5;
+        let [first, second] = borders::possible_borders(self.scene.frame, self.camera(), strip);
+        let mut pairs: Vec<(f64, [f64; 2])> = Vec::new();
+        for one in &first {
+            for other in second.iter().filter(|other| (one.at - other.at).abs() < 2.0 * MAX_ASIDE) {
+                pairs.push((one.codes.min(other.codes), [one.at, other.at]));
+            }
+        }
+        pairs.sort_by(|one, other| other.0.total_cmp(&one.0));
+        pairs.iter().take(MAX_PAIRS).map(|(_, at)| borders::with_borders(strip, *at)).collect()
+    }
+
+    /// Measures the shaft between the borders of a strip.
+    fn measure_between_borders(
+        &self,
+        strip: &Strip,
+        recorder: &mut FitRecorder,
+    ) -> Result<Measurement, MissReason> {
+        let mut best = Err(MissReason::PoorFit);
+        for start in self.starts_of_strip(strip) {
+            let found = self.refine(&start, MEASURED_SHAFT_MM, STRIP_PASSES, recorder);
+            if std::env::var("DBG").is_ok() { eprintln!("  strip w {:.4} step {:?} start {:?} ax {:?} -> {:?}", strip.width, strip.end_step_codes, start.tip, start.axis, found.as_ref().map(|m| (m.estimate.tube.tip, m.estimate.tube.axis, m.seen_share, m.ends_seen, m.estimate.residual_px, m.grade()))); }
+            match found {
+                Ok(found) if found.grade() >= Grade::Complete => return Ok(found),
+                Ok(found) if found.grade() >= Grade::Possible => best = Ok(found),
+                Ok(_) => {}
+                Err(reason) => best = best.map_err(|other: MissReason| other.max(reason)),
             }
         }
         best
