@@ -2507,6 +2507,8 @@ export default {
       'input-gone': ['Was die Arbeit braucht, ist weg'],
       'mark-beyond-the-end': ['Ein Rechteck liegt auf einem Bild, das es nicht gibt'],
       'mark-outside': ['Ein Rechteck ragt aus dem Bild'],
+      'empty-box-photo': ['Das Bild der leeren Box ist kein lesbares Foto', 'Wählen Sie ein Foto als JPEG, PNG oder BMP.'],
+      'empty-box-size': ['Das Bild der leeren Box hat eine andere Größe als die Aufnahme', 'Nehmen Sie es mit der Kamera der Box in der Größe der Aufnahme auf, oder lassen Sie es weg.'],
       'mark-without-picture': ['Ein Rechteck liegt auf einem Bild, das nicht gesendet wurde'],
       'no-background': ['Kein Hintergrund ist markiert', 'Markieren Sie auch Stellen der Box, die kein Klebeband sind.'],
       'no-frames': ['Kein Bild lässt sich dekodieren', 'Vielleicht ist die Datei vor ihrem ersten Bild abgeschnitten.'],
