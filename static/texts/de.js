@@ -2513,7 +2513,7 @@ export default {
       'no-background': ['Kein Hintergrund ist markiert', 'Markieren Sie auch Stellen der Box, die kein Klebeband sind.'],
       'no-frames': ['Kein Bild lässt sich dekodieren', 'Vielleicht ist die Datei vor ihrem ersten Bild abgeschnitten.'],
       'no-input': ['Die Arbeit kam ohne Datei', 'Senden Sie die Aufnahme noch einmal.'],
-      'no-marks': ['Nichts ist markiert', 'Markieren Sie mindestens ein Klebeband und etwas, das keines ist, und sehen Sie dann noch einmal nach.'],
+      'no-marks': ['Nichts ist markiert', 'Markieren Sie mindestens ein Klebeband oder einen Schaft und etwas vom Hintergrund, und sehen Sie dann noch einmal nach.'],
       'no-samples': ['Ein Instrument hat keine Farbproben'],
       'no-tool': ['Kein Instrument ist markiert', 'Markieren Sie mindestens eine Stelle auf dem Klebeband eines Instruments.'],
       'no-tool-seen': ['Kein Instrument wurde gesehen'],

@@ -9,6 +9,7 @@ use super::centre::Centre;
 use crate::support::{Client, Service, problem, read};
 
 const PALETTES: &str = "/api/v1/boxes/box-1/palettes";
+const PREVIEW: &str = "/api/v1/boxes/box-1/palettes/preview";
 
 /// A grey box, with or without a black tube across it.
 fn picture(size: [u32; 2], has_tube: bool) -> Vec<u8> {
@@ -82,4 +83,23 @@ async fn a_form_with_a_tool_without_tape_that_lacks_something_is_refused() {
     assert!(detail.contains("named in the annotations, but was not sent"), "{detail}");
     let twice = form(&annotations(bare_left()), Some(empty())).part("empty_box", Part::bytes(empty()));
     assert!(refused(twice).await.contains("sent twice"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_masks_of_a_preview_show_the_shaft_and_no_tape_is_judged() {
+    let centre = Centre::open().await;
+    let form = form(&annotations(bare_left()), None);
+    let answer = centre.instructor.request(Method::POST, PREVIEW).multipart(form).send().await.unwrap();
+    let preview = read(answer, StatusCode::OK).await;
+    assert_eq!((&preview["colours"], &preview["verdicts"]), (&json!(["shaft"]), &json!([])), "{preview}");
+    let mask = &preview["frames"][0];
+    assert_eq!((&mask["cell_px"], &mask["columns"], &mask["rows"]), (&json!(2), &json!(160), &json!(120)), "{mask}");
+    let runs: Vec<(u8, usize)> = serde_json::from_value(mask["runs"].clone()).unwrap();
+    let classes: Vec<u8> = runs.into_iter().flat_map(|(class, cells)| vec![class; cells]).collect();
+    let share = |rows: std::ops::Range<usize>| {
+        let cells = &classes[160 * rows.start..160 * rows.end];
+        cells.iter().filter(|class| **class == 1).count() as f64 / cells.len() as f64
+    };
+    assert!(share(51..59) > 0.95, "of the tube: {}", share(51..59));
+    assert!(share(0..48) < 0.05 && share(62..120) < 0.05, "of the box: {}, {}", share(0..48), share(62..120));
 }
