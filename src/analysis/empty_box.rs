@@ -14,7 +14,7 @@ pub enum EmptyBoxError {
     /// It has another size than the recording.
     #[error(
         "the picture of the empty box has {}×{} pixels, but the recording has {}×{}: take it with the same camera, at \
-         the recorded size",
+         the recorded size, or leave it out",
         picture[0], picture[1], recording[0], recording[1]
     )]
     OtherSize {

@@ -1,5 +1,5 @@
 //! Frames on which an instructor marked colours: collects the samples, judges them, and makes masks of the pixels that
-//! they classify as tape.
+//! they classify as tape or as bare shaft.
 
 use crate::domain::palette::{FrameMask, PaletteReport};
 use crate::media::Picture;
@@ -81,7 +81,7 @@ impl MarkedFrames {
         }
     }
 
-    /// For each kept frame, which cells the tracker classifies as which tape colour; `None` without a sample.
+    /// For each kept frame, which cells have which of these colours, of tapes or bare shafts; `None` without a sample.
     pub fn masks(&self, colours: &[String]) -> Option<Vec<FrameMask>> {
         let samples = self.samples.as_ref().filter(|samples| !samples.samples.is_empty())?;
         Some(self.map_frames(samples, colours, |(picture, _), table| vec![mask_of(&picture.frame(), table)]))

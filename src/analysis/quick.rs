@@ -13,7 +13,6 @@ use tokio::sync::{Semaphore, SemaphorePermit};
 use super::attempt::{AttemptFailure, ChildAttempt, run_attempt};
 use super::child::ChildOutput;
 use super::job_plan;
-use super::marked::colours_of;
 use super::protocol::{
     CheckEditWork, CheckTableWork, CheckWork, ChildRequest, ChildWork, MaskWork, PaletteWork, RequestedBoard,
 };
@@ -97,7 +96,7 @@ impl QuickAnalysis {
         output.photo_check.ok_or_else(|| QuickAnalysisError::Crashed("sent no result for the photo".to_owned()))
     }
 
-    /// Shows the pixels that these marks classify as tape on these frames; file `n` shows frame `frames[n]`.
+    /// Shows the pixels that these marks classify as tape or as bare shaft on these frames; file `n` shows frame `frames[n]`.
     pub async fn preview(
         &self,
         annotations: &AnnotationsFile,
@@ -106,9 +105,10 @@ impl QuickAnalysis {
     ) -> Result<PalettePreview, QuickAnalysisError> {
         let work = job_plan::palette_work(annotations, None).map_err(QuickAnalysisError::Problem)?;
         let PaletteWork { marks, tools, .. } = work;
-        let colours = colours_of(&tools);
+        let colours: Vec<String> = annotations.marked_colours().into_iter().map(str::to_owned).collect();
         let hashes: Vec<BlobHash> = files.iter().map(|file| file.blob.hash).collect();
-        let output = self.run(ChildWork::Mask(MaskWork { marks, tools, frames: frames.to_vec() }), &hashes).await?.mask;
+        let work = MaskWork { marks, tools, colours: colours.clone(), frames: frames.to_vec() };
+        let output = self.run(ChildWork::Mask(work), &hashes).await?.mask;
         match output.report {
             Some(report) if output.masks.len() == frames.len() => {
                 Ok(PalettePreview { colours, frames: output.masks, report })

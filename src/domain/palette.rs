@@ -40,7 +40,7 @@ pub struct LabelCount {
 /// A preview of what marks would do on frames, before colours are learned from them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct PalettePreview {
-    /// The tape colours, in the order of the masks' classes.
+    /// The colours of tapes and of bare shafts, in the order of the masks' classes.
     pub colours: Vec<String>,
     /// A mask for each frame, in the order they were sent.
     pub frames: Vec<FrameMask>,
@@ -49,7 +49,7 @@ pub struct PalettePreview {
     pub report: PaletteReport,
 }
 
-/// The cells of a frame that the tracker takes for tape.
+/// The cells of a frame that have the colour of a tape or of a bare shaft.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct FrameMask {
     /// The frame.
@@ -64,7 +64,7 @@ pub struct FrameMask {
     pub columns: u32,
     /// Rows of cells.
     pub rows: u32,
-    /// The cells, row by row, as runs of `[class, cells]`: class 0 is not tape, 1 the first of `colours`, and so on.
+    /// The cells, row by row, as runs of `[class, cells]`: class 0 is neither, 1 the first of `colours`, and so on.
     pub runs: Vec<[u32; 2]>,
 }
 

@@ -6,6 +6,7 @@ use sqlx::types::Json;
 use super::error::{StoreResult, missing, not_found};
 use super::visibility::BindScope;
 use super::{Scope, Store};
+use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::boxes::BoxTool;
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::palette::{LabelCount, NewPalette, PaletteReport};
@@ -53,6 +54,16 @@ const SELECT_PALETTES: &str = "
     SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
     WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY version DESC LIMIT 100";
 
+/// A photo that was deleted with a person's recording has no file any more.
+const SELECT_EMPTY_BOX: &str = "
+    SELECT hash, bytes FROM blob
+    WHERE dropped_at_ms IS NULL AND EXISTS (SELECT 1 FROM job_file WHERE job_file.blob = blob.hash)
+      AND hash = (
+        SELECT json_extract(annotations, '$.empty_box') FROM palette
+        WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id)
+          AND EXISTS (SELECT 1 FROM json_each(tools) WHERE json_extract(value, '$.marker.kind') = 'shaft')
+        ORDER BY version DESC LIMIT 1)";
+
 const UPDATE_VIEW: &str = "UPDATE training_box SET view = coalesce($2, view) WHERE id = $1";
 
 const INSERT_PALETTE: &str = "
@@ -66,6 +77,13 @@ impl PaletteStore<'_> {
     pub async fn latest(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<PaletteRecord>> {
         let row = sqlx::query_as(SELECT_LATEST);
         Ok(row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?)
+    }
+
+    /// The photo of the empty box that was kept with the latest colours of tools without tape, while its file is stored.
+    pub async fn empty_box(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<Blob>> {
+        let row = sqlx::query_as::<_, (BlobHash, i64)>(SELECT_EMPTY_BOX).bind_scope(scope).bind(of);
+        let found = row.fetch_optional(self.0.readers()).await?;
+        Ok(found.map(|(hash, bytes)| Blob { hash, bytes: bytes.unsigned_abs() }))
     }
 
     /// One version.

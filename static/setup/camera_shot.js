@@ -9,17 +9,20 @@ import { frameOf } from './pictures.js';
 const words = t.setup.shot;
 const DEFAULT_SIZE = '1920x1080';
 
-/** `calibrated`: the picture size that the box is calibrated for, if it is. `onShot(blob)`. */
-export function CameraShot({ calibrated, label, onShot, disabled }) {
+/**
+ * `calibrated`: the picture size that the box is calibrated for, if it is. `onShot(blob)`. `other`: a second button,
+ * `{ label, onShot }`.
+ */
+export function CameraShot({ calibrated, label, onShot, disabled, other }) {
   const camera = useCamera(calibrated ? `${calibrated.width}x${calibrated.height}` : DEFAULT_SIZE);
   const video = useRef(null);
   const [isTaking, setTaking] = useState(false);
   useEffect(() => void (video.current && (video.current.srcObject = camera.stream)), [camera.stream]);
-  const take = async () => {
+  const take = async onTaken => {
     if (!video.current?.videoWidth) return; // The camera is on but has given no picture yet.
     setTaking(true);
     try {
-      onShot(await frameOf(video.current));
+      onTaken(await frameOf(video.current));
     } finally {
       setTaking(false);
     }
@@ -30,8 +33,10 @@ export function CameraShot({ calibrated, label, onShot, disabled }) {
         <video ref=${video} muted playsinline autoplay aria-label=${t.record.picture}></video></div>`
         : html`<${CameraOff} camera=${camera} />`}
       <div class="row">
-        <button class="button main" type="button" disabled=${!camera.stream || isTaking || disabled} onClick=${take}>
-          <${icons.camera} />${label}</button>
+        <button class="button main" type="button" disabled=${!camera.stream || isTaking || disabled}
+          onClick=${() => take(onShot)}><${icons.camera} />${label}</button>
+        ${other && html`<button class="button" type="button" disabled=${!camera.stream || isTaking}
+          onClick=${() => take(other.onShot)}>${other.label}</button>`}
       </div>
       <details>
         <summary>${words.settings}</summary>

@@ -1,5 +1,5 @@
-// The unsaved work of a box setup: photos, frames, marks. It outlasts the page, so that a look at another page loses
-// nothing; sizes and tools are stored in this browser. Every person has their own.
+// The unsaved work of a box setup: photos, frames, marks, a picture of the empty box. It outlasts the page, so that a
+// look at another page loses nothing; sizes and tools are stored in this browser. Every person has their own.
 import { useEffect, useMemo, useState } from '../preact.js';
 
 const KEY = 'trocar.setup';
@@ -13,6 +13,7 @@ class SetupDraft {
     this.plan = loadPlan(this.key);
     this.photos = [];
     this.frames = [];
+    this.emptyBox = undefined; // A picture; undefined: the stored one stays; null: it is removed.
     this.job = {}; // By step: the job that was started there.
     this.listeners = new Set();
   }
@@ -30,7 +31,7 @@ class SetupDraft {
 
   /** Whether anything would be lost with this page. */
   get hasUnsavedWork() {
-    return (this.photos.length > 0 && !this.job.calibration) || (this.frames.length > 0 && !this.job.colours);
+    return (this.photos.length > 0 && !this.job.calibration) || ((this.frames.length > 0 || this.emptyBox) && !this.job.colours);
   }
 }
 

@@ -16,8 +16,8 @@ const BEYOND_S = 1e7;
 /** Frames taken at once, spread over a recording. */
 const SPREAD_FRAMES = 5;
 
-/** @param {Props} props */
-export function FrameSources({ box, draft, onProblem }) {
+/** `onEmptyBox(blob)`, if the picture of the empty box is wanted. @param {Props} props */
+export function FrameSources({ box, draft, onProblem, onEmptyBox }) {
   const [source, setSource] = useState('recording');
   const isFull = draft.frames.length >= MAX_FRAMES;
   const add = pictures => addFrames(draft, pictures, onProblem);
@@ -32,16 +32,17 @@ export function FrameSources({ box, draft, onProblem }) {
           onClick=${() => setSource(one)}>${words.ways[one]}</button>`)}
       </div>
       ${isFull && html`<${Notice} quiet title=${words.full(MAX_FRAMES)}>${words.fullBody}<//>`}
-      ${source === 'recording' && html`<${Recording} isFull=${isFull} remaining=${MAX_FRAMES - draft.frames.length} onTake=${add} />`}
+      ${source === 'recording' && html`<${Recording} isFull=${isFull} remaining=${MAX_FRAMES - draft.frames.length}
+        onTake=${add} onEmptyBox=${onEmptyBox} />`}
       ${source === 'camera' && html`<${CameraShot} calibrated=${box.calibration} label=${words.take} disabled=${isFull}
-        onShot=${blob => add([blob])} />`}
+        onShot=${blob => add([blob])} other=${onEmptyBox && { label: words.empty.shoot, onShot: onEmptyBox }} />`}
       ${source === 'files' && html`<${Field} type="file" label=${words.pictures} hint=${words.picturesHint} accept="image/*"
         multiple disabled=${isFull} onInput=${choose} />`}
     </div>`;
 }
 
 /** A recording on this device: only the frames that are taken are sent. */
-function Recording({ isFull, remaining, onTake }) {
+function Recording({ isFull, remaining, onTake, onEmptyBox }) {
   const video = useRef(null);
   const [state, setState] = useState(NO_RECORDING);
   useEffect(() => () => state.url && URL.revokeObjectURL(state.url), [state.url]);
@@ -65,6 +66,7 @@ function Recording({ isFull, remaining, onTake }) {
     }
   };
   const take = async () => video.current?.videoWidth && onTake([await frameOf(video.current)]);
+  const takeEmpty = async () => video.current?.videoWidth && onEmptyBox(await frameOf(video.current));
   /** A recording made by a browser may not state its length: a seek beyond its end makes the browser find it. */
   const loaded = ({ target }) => {
     set({ isLoaded: true, length: lengthOf(target) });
@@ -91,6 +93,8 @@ function Recording({ isFull, remaining, onTake }) {
         <div class="row">
           <button class="button" type="button" disabled=${isOff} onClick=${take}>${words.take}</button>
           <button class="button" type="button" disabled=${isOff || !state.length} onClick=${takeSpread}>${words.spread(Math.min(SPREAD_FRAMES, remaining))}</button>
+          ${onEmptyBox && html`<button class="button" type="button" disabled=${state.busy || !state.isLoaded}
+            onClick=${takeEmpty}>${words.empty.take}</button>`}
         </div>
       </div>`}`;
 }

@@ -1,15 +1,15 @@
-// All frames, each with what would be taken for tape on it. Frames that nothing was painted on show the most.
+// All frames, each with what would be taken for tape or bare shaft on it. Frames that nothing was painted on show the
+// most.
 import { html } from '../preact.js';
 import { t } from '../texts.js';
 import { focusSoon } from '../parts/forms/focus.js';
 import { removeFrame } from './frames.js';
 import { MaskLayer } from './mask_layer.js';
 
-const words = t.setup.colours;
-
 const remove = (draft, frame) => (removeFrame(draft, frame), focusSoon('all-frames', 'setup-step'));
 
-export const FrameStrip = ({ draft, chosen, onChoose, maskOf, inkOf, isAsking, isShown }) => html`
+/** `words`: the texts of the step for these instruments. */
+export const FrameStrip = ({ draft, chosen, words, onChoose, maskOf, inkOf, isAsking, isShown }) => html`
   <section class="stack tight">
     <div class="row apart"><h3 id="all-frames" tabindex="-1">${words.all}</h3>
       <span class="small muted" role="status">${isAsking ? words.asking : isShown ? words.shownHere : words.paintFirst}</span></div>

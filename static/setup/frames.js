@@ -16,16 +16,22 @@ export async function addFrames(draft, pictures, onProblem) {
   for (const picture of pictures) {
     try {
       if (draft.frames.length >= MAX_FRAMES) throw full();
-      const { blob } = picture instanceof File ? await pictureOf(picture) : { blob: picture };
-      const preview = await displayable(blob);
-      if (!preview.width) throw unreadable(picture.name);
+      const shown = await readPicture(picture);
       const number = 1 + Math.max(-1, ...draft.frames.map(frame => frame.number));
-      draft.frames = [...draft.frames, { number, blob, ...preview, marks: [] }];
+      draft.frames = [...draft.frames, { number, ...shown, marks: [] }];
       draft.notify();
     } catch (error) {
       onProblem(asProblem(error));
     }
   }
+}
+
+/** A chosen file, or a blob of a camera or a recording, as `{ blob, url, width, height }`. */
+export async function readPicture(picture) {
+  const { blob } = picture instanceof File ? await pictureOf(picture) : { blob: picture };
+  const preview = await displayable(blob);
+  if (!preview.width) throw unreadable(picture.name);
+  return { blob, ...preview };
 }
 
 export function removeFrame(draft, frame) {

@@ -82,16 +82,20 @@ export function annotationsOf({ tools, view, frames }) {
       })),
     ),
   );
-  const needs = tools.some(({ marker }) => marker) ? { needs: 2 } : {};
+  const needs = tools.some(isBare) ? { needs: 2 } : {};
   return { ...needs, ...(view ? { view } : {}), tools: tools.map(toolEntry), labels };
 }
 
-/** A tool as annotations.json has it; only a tool without tape has a marker. */
+/** Whether a tool has no tape: its bare shaft is its marker. */
+export const isBare = ({ marker }) => Boolean(marker);
+
+/** A tool as annotations.json has it. Without its own name it is named after its tape, or if bare after its side. */
 export function toolEntry({ tape, name, side, diameter, band, marker }) {
   const colour = tape.trim();
+  const tool = name?.trim() || (marker ? side : colour);
   return {
-    tool: name?.trim() || colour,
-    ...(name?.trim() && name.trim() !== colour ? { colour } : {}),
+    tool,
+    ...(tool !== colour ? { colour } : {}),
     ...(side ? { side } : {}),
     diameter_mm: diameter,
     ...(band ? { band_length_mm: band } : {}),
@@ -99,7 +103,7 @@ export function toolEntry({ tape, name, side, diameter, band, marker }) {
   };
 }
 
-/** The tapes of tools, each once. */
-export const tapesOf = tools => [...new Set(tools.map(({ tape }) => tape?.trim()).filter(Boolean))];
+/** The labels of the tools' tapes and bare shafts, each once. */
+export const coloursOf = tools => [...new Set(tools.map(({ tape }) => tape?.trim()).filter(Boolean))];
 
 export const isMarked = (frames, label) => frames.some(({ marks }) => marks.some(mark => mark.label === label));

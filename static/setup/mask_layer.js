@@ -1,4 +1,4 @@
-// What is taken for tape on a frame, drawn over it.
+// What is taken for tape or bare shaft on a frame, drawn over it.
 import { html, useEffect, useRef } from '../preact.js';
 import { drawMask } from './preview.js';
 

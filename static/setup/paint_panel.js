@@ -1,34 +1,33 @@
 // The frame that is painted on, with its controls: label, brush, size and zoom.
 import { html, useId, useState } from '../preact.js';
-import { t } from '../texts.js';
 import { addMark, clearMarks, undoMark } from './frames.js';
 import { Painter } from './painter.js';
 import { NOT_TAPE } from './tapes.js';
 
-const words = t.setup.colours;
 const KINDS = ['brush', 'rectangle', 'move'];
 const ZOOMS = [1, 2, 4];
 const SIZES = { min: 3, max: 80, initial: 10 };
 
-export function PaintPanel({ draft, frame, tapes, inkOf, mask }) {
-  const [label, setLabel] = useState(tapes[0]);
+/** `colours`: the labels of tapes and bare shafts; `words`: the texts of the step for these instruments. */
+export function PaintPanel({ draft, frame, colours, words, inkOf, mask }) {
+  const [label, setLabel] = useState(colours[0]);
   const [kind, setKind] = useState('brush');
   const [size, setSize] = useState(SIZES.initial);
   const [zoom, setZoom] = useState(1);
   const [isMasked, setMasked] = useState(false);
-  const labels = [...new Set([...tapes, ...NOT_TAPE])]; // tools without tape have the label `shaft`
-  const chosen = labels.includes(label) ? label : tapes[0];
+  const labels = [...new Set([...colours, ...NOT_TAPE])];
+  const chosen = labels.includes(label) ? label : colours[0];
   const brush = { kind, size, zoom, label: chosen };
   return html`
     <section class="stack tight">
       <h3>${words.paint(frame.number + 1)}</h3>
-      <p class="small muted">${words.paintHow}</p>
+      ${words.paintHow.map(line => html`<p key=${line} class="small muted">${line}</p>`)}
       <${Choice} name=${words.what} options=${labels} chosen=${chosen} onChoose=${setLabel}
         show=${one => html`<i class="ink" style=${{ background: inkOf(one) }}></i>${words.labels[one] ?? one}`} />
       <div class="row">
         <${Choice} name=${words.brush} options=${KINDS} chosen=${kind} onChoose=${setKind} show=${one => words.kinds[one]} />
         <${Choice} name=${words.zoom} options=${ZOOMS} chosen=${zoom} onChoose=${setZoom} show=${one => `${one}×`} />
-        <${Size} size=${size} onSize=${setSize} />
+        <${Size} label=${words.size(size)} size=${size} onSize=${setSize} />
       </div>
       <${Painter} frame=${frame} brush=${brush} mask=${isMasked && mask} inkOf=${inkOf}
         onMark=${rectangles => addMark(draft, frame.number, chosen, rectangles)} />
@@ -51,10 +50,10 @@ const Choice = ({ name, options, chosen, onChoose, show }) => html`
       onClick=${() => onChoose(one)}>${show(one)}</button>`)}
   </div>`;
 
-function Size({ size, onSize }) {
+function Size({ label, size, onSize }) {
   const id = useId();
   return html`
-    <label class="row size" for=${id}><span class="label">${words.size(size)}</span>
+    <label class="row size" for=${id}><span class="label">${label}</span>
       <input id=${id} type="range" min=${SIZES.min} max=${SIZES.max} value=${size}
         onInput=${event => onSize(Number(event.target.value))} /></label>`;
 }

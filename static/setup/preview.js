@@ -1,9 +1,9 @@
-// What the marks take for tape on every frame, requested after each painting. The service answers with the tracker's
-// own classifier; this module only draws the result.
+// What the marks take for tape or bare shaft on every frame, requested after each painting. The service answers with the
+// tracker's own classifier; this module only draws the result.
 import { useEffect, useState } from '../preact.js';
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
-import { annotationsOf, isMarked, tapesOf } from './marks.js';
+import { annotationsOf, coloursOf, isBare, isMarked } from './marks.js';
 import { isComplete } from './steps.js';
 
 /** A person paints several strokes in a row: the request waits for a pause, ms. */
@@ -19,7 +19,7 @@ export function usePreview(box, draft) {
   const [{ preview, problem, previewed }, setState] = useState(NOTHING);
   const { frames, plan } = draft;
   const tools = plan.tools.filter(isComplete);
-  const isReady = frames.length > 0 && tapesOf(tools).some(tape => isMarked(frames, tape));
+  const isReady = frames.length > 0 && coloursOf(tools).some(colour => isMarked(frames, colour));
   const question = JSON.stringify([isReady, tools, frames.map(({ number, marks }) => [number, marks])]);
   useEffect(() => {
     if (!isReady) return void setState(NOTHING);
@@ -48,6 +48,21 @@ export function paletteForm({ view }, { plan, frames }) {
   const form = new FormData();
   form.append('annotations', new Blob([JSON.stringify(annotations)], { type: 'application/json' }), 'annotations.json');
   for (const { number, blob } of frames) form.append(`frame_${number}`, blob, `frame_${number}`);
+  return form;
+}
+
+/**
+ * The form for learning, with the picture of the empty box. Without one the service keeps that of the box.
+ *
+ * @param {Schemas['BoxResponse']} box
+ * @param {any} draft
+ */
+export function learningForm(box, draft) {
+  const form = paletteForm(box, draft);
+  const { plan, emptyBox } = draft;
+  if (!plan.tools.some(isBare)) return form;
+  if (emptyBox) form.append('empty_box', emptyBox.blob, 'empty_box');
+  else if (emptyBox === null) form.append('keep_empty_box', 'false');
   return form;
 }
 

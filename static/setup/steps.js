@@ -1,6 +1,6 @@
 // The steps of setting up a box, in order, and the state of each: `done`, `todo`, `again` (check again), `free`
 // (optional).
-import { toolEntry } from './marks.js';
+import { isBare, toolEntry } from './marks.js';
 import { goodPhotos } from './photos.js';
 import { needsOf } from './photo_needs.js';
 
@@ -37,7 +37,7 @@ export const isPoor = rms => Number.isFinite(rms) && rms > MAX_RMS_PX;
 export const plannedTool = ({ name, colour, side, diameter_mm, band_length_mm, marker }, index) => ({
   id: index + 1,
   tape: colour ?? name,
-  name: colour ? name : '',
+  name: colour && !(marker && name === side) ? name : '',
   side: side ?? '',
   diameter: diameter_mm,
   band: band_length_mm ?? undefined,
@@ -61,7 +61,7 @@ function toolsState(planned, known) {
 }
 
 /** Whether the tool has what a measurement needs. */
-export const isComplete = ({ tape, diameter }) => Boolean(tape?.trim() && diameter > 0);
+export const isComplete = tool => Boolean(tool.tape?.trim() && tool.diameter > 0 && (tool.side || !isBare(tool)));
 
 function coloursState(palette, planned) {
   if (!palette) return 'todo';
@@ -76,8 +76,17 @@ export function isOutdated(planned, palette) {
 }
 
 /** The same text for the same instruments, in any order. */
-const signature = tools =>
-  tools.map(tool => JSON.stringify([tool.tool, tool.colour ?? null, tool.side ?? null, tool.diameter_mm, tool.band_length_mm ?? null])).sort().join();
+const signature = tools => tools.map(signatureOf).sort().join();
+
+const signatureOf = ({ tool, colour, side, diameter_mm, band_length_mm, marker }) =>
+  JSON.stringify([
+    tool,
+    colour ?? null,
+    side ?? null,
+    diameter_mm,
+    band_length_mm ?? null,
+    marker ? [marker.collar_mm ?? null, marker.jaw_mm ?? null] : null,
+  ]);
 
 function testState(box) {
   const [test] = box.selfTests;

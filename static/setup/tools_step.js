@@ -1,4 +1,5 @@
-// Step 4: the instruments and their sizes. Depth is measured by them, so a tenth of a millimetre counts.
+// Step 4: the instruments, with tape or bare, and their sizes. Depth is measured by them, so a tenth of a millimetre
+// counts.
 import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
@@ -7,8 +8,10 @@ import { Field } from '../parts/forms/form.js';
 import { focusSoon } from '../parts/forms/focus.js';
 import { icons } from '../parts/page/icons.js';
 import { Empty, Notice, ProblemNotice } from '../parts/page/notice.js';
+import { isBare } from './marks.js';
+import { mayBeBare, withAdded, withChange, withKind } from './planned_tools.js';
 import { isOutdated, plannedTool } from './steps.js';
-import { ToolPicture } from './tool_picture.js';
+import { BareToolPicture, ToolPicture } from './tool_picture.js';
 import { tapeNames } from './tapes.js';
 
 const words = t.setup.tools;
@@ -27,21 +30,19 @@ export function ToolsStep({ box, draft, stepHref, onChange }) {
     set(box.palettes[0].tools.map(plannedTool).map(tool => ({ ...tool, id: last + tool.id })));
     focusSoon(ADD, 'setup-step');
   };
-  const change = (index, more) => set(tools.map((tool, at) => (at === index ? { ...tool, ...more } : tool)));
   return html`
-    <div class="setup-two">
-      <${ToolPicture} />
-      <ul class="bullets">${words.how.map(line => html`<li key=${line}>${line}</li>`)}</ul>
-    </div>
+    ${(tools.length === 0 || !tools.every(isBare)) && html`<${How} picture=${ToolPicture} lines=${words.how} />`}
+    ${tools.some(isBare) && html`<${How} picture=${BareToolPicture} lines=${words.bare.how} />`}
     <datalist id="tapes">${tapeNames.map(name => html`<option key=${name} value=${name} />`)}</datalist>
     ${known && html`<${Known} tools=${box.tools} onTake=${() => set(box.tools.map(plannedTool))} />`}
     ${tools.length === 0 && !known && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
     <ul class="stack">
       ${tools.map((tool, index) => html`<${Tool} key=${tool.id} tool=${tool} number=${index + 1}
-        onChange=${more => change(index, more)} onRemove=${() => remove(index)} />`)}
+        isFree=${mayBeBare(tools, index)} onKind=${bare => set(withKind(tools, index, bare))}
+        onChange=${more => set(withChange(tools, index, more))} onRemove=${() => remove(index)} />`)}
     </ul>
     ${!known && tools.length < MAX_TOOLS && html`<div class="row"><button id=${ADD} class="button" type="button"
-      onClick=${() => set([...tools, { id: 1 + Math.max(0, ...tools.map(tool => tool.id)), tape: '', name: '', side: '' }])}><${icons.add} />${words.add}</button></div>`}
+      onClick=${() => set(withAdded(tools))}><${icons.add} />${words.add}</button></div>`}
     ${isOutdated(tools, box.palettes[0]) && html`<${Notice} tone="warn" quiet title=${t.setup.colours.outdated}>
         ${t.setup.colours.outdatedBody}<//>
       <div class="row"><button class="button" type="button" onClick=${restoreTools}>${words.takeBack}</button></div>`}
@@ -50,31 +51,73 @@ export function ToolsStep({ box, draft, stepHref, onChange }) {
     <p class="small muted">${words.trocars}</p>`;
 }
 
+const How = ({ picture, lines }) => html`
+  <div class="setup-two">
+    <${picture} />
+    <ul class="bullets">${lines.map(line => html`<li key=${line}>${line}</li>`)}</ul>
+  </div>`;
+
 const Known = ({ tools, onTake }) => html`
   <${Notice} tone="good" quiet title=${words.known(tools.map(({ name }) => name))}>${words.knownBody}<//>
   <div class="row"><button class="button" type="button" onClick=${onTake}>${words.change}</button></div>`;
 
-function Tool({ tool, number, onChange, onRemove }) {
+/** `isFree`: whether the tool may be bare. */
+function Tool({ tool, number, isFree, onKind, onChange, onRemove }) {
+  const called = tool.name || (isBare(tool) ? t.box.sides[tool.side] : tool.tape) || words.numbered(number);
+  const kinds = Object.entries(words.kinds).filter(([kind]) => kind === 'tape' || isFree);
   const text = name => event => onChange({ [name]: event.target.value });
-  const size = name => ({ target }) => onChange({ [name]: target.value && target.validity.valid ? Number(target.value) : undefined });
-  const called = tool.name || tool.tape || words.numbered(number);
+  const size = name => ({ target }) => onChange({ [name]: sizeIn(target) });
   return html`
     <li>
       <fieldset class="instrument">
         <legend>${called}</legend>
         <div class="fields">
-          <${Field} label=${words.tape} hint=${words.tapeHint} required list="tapes" maxlength="40" value=${tool.tape} onInput=${text('tape')} />
-          <${Field} label=${words.name} hint=${words.nameHint} optional maxlength="60" value=${tool.name} onInput=${text('name')} />
-          <${Field} label=${words.diameter} hint=${words.diameterHint} type="number" required step="any" min="0.5" max="50"
-            value=${tool.diameter} onInput=${size('diameter')} />
-          ${!tool.marker && html`<${Field} label=${words.band} hint=${words.bandHint} type="number" optional step="any" min="1" max="500"
-            value=${tool.band} onInput=${size('band')} />`}
-          <${Field} label=${t.box.hand} hint=${words.sideHint} type="select" value=${tool.side}
-            options=${[['', words.anySide], ...Object.entries(t.box.sides)]} onInput=${text('side')} />
+          <${Field} label=${words.kind} hint=${words.kindHint} type="select" value=${isBare(tool) ? 'bare' : 'tape'}
+            options=${kinds} onInput=${event => onKind(event.target.value === 'bare')} />
         </div>
+        <${isBare(tool) ? BareFields : TapeFields} tool=${tool} text=${text} size=${size} onChange=${onChange} />
         <button class="button bare" type="button" aria-label=${words.removeNamed(called)} onClick=${onRemove}>${t.setup.photos.remove}</button>
       </fieldset>
     </li>`;
+}
+
+/** The entered size, mm; undefined while it is empty or impossible. */
+const sizeIn = input => (input.value && input.validity.valid ? Number(input.value) : undefined);
+
+const TapeFields = ({ tool, text, size }) => html`
+  <div class="fields">
+    <${Field} label=${words.tape} hint=${words.tapeHint} required list="tapes" maxlength="40" value=${tool.tape} onInput=${text('tape')} />
+    <${Field} label=${words.name} hint=${words.nameHint} optional maxlength="60" value=${tool.name} onInput=${text('name')} />
+    <${Field} label=${words.diameter} hint=${words.diameterHint} type="number" required step="any" min="0.5" max="50"
+      value=${tool.diameter} onInput=${size('diameter')} />
+    <${Field} label=${words.band} hint=${words.bandHint} type="number" optional step="any" min="1" max="500"
+      value=${tool.band} onInput=${size('band')} />
+    <${Field} label=${t.box.hand} hint=${words.sideHint} type="select" value=${tool.side}
+      options=${[['', words.anySide], ...Object.entries(t.box.sides)]} onInput=${text('side')} />
+  </div>`;
+
+function BareFields({ tool, text, size, onChange }) {
+  const { marker } = tool;
+  // Fixed at first: it must not close around the field that is being emptied.
+  const [opened] = useState(Boolean(marker.collar_mm || marker.jaw_mm));
+  const length = name => ({ target }) => onChange({ marker: { ...marker, [name]: sizeIn(target) } });
+  return html`
+    <div class="fields">
+      <${Field} label=${t.box.hand} hint=${words.bare.sideHint} type="select" value=${tool.side}
+        options=${Object.entries(t.box.sides)} onInput=${text('side')} />
+      <${Field} label=${words.bare.diameter} hint=${words.bare.diameterHint} type="number" required step="any" min="0.5"
+        max="50" value=${tool.diameter} onInput=${size('diameter')} />
+      <${Field} label=${words.name} hint=${words.bare.nameHint} optional maxlength="60" value=${tool.name} onInput=${text('name')} />
+    </div>
+    <details open=${opened}>
+      <summary>${words.bare.exact}</summary>
+      <div class="fields">
+        <${Field} label=${words.bare.collar} hint=${words.bare.collarHint} type="number" optional step="any" min="0.1"
+          max="100" value=${marker.collar_mm} onInput=${length('collar_mm')} />
+        <${Field} label=${words.bare.jaw} hint=${words.bare.jawHint} type="number" optional step="any" min="0.1"
+          max="100" value=${marker.jaw_mm} onInput=${length('jaw_mm')} />
+      </div>
+    </details>`;
 }
 
 /** The one setting here that belongs to the box itself; it is saved at once. @param {Props} props */

@@ -11,6 +11,7 @@ import { after, before, test } from 'node:test';
 import { strokeRectangles } from '../../static/setup/marks.js';
 import { violationsOf } from './accessibility.mjs';
 import { launch, LOOKS } from './chromium.mjs';
+import { covered, paint, takeFrame } from './painting.mjs';
 import { requiredEnv, timeoutMs, person, url } from './person.mjs';
 
 const scene = requiredEnv('TROCAR_SETUP');
@@ -78,7 +79,7 @@ test('a new box is added, and its row links to the first step', async () => {
   await page.locator('.setup-step h2', { hasText: 'Print the board' }).waitFor();
   box = new URL(page.url()).pathname.split('/')[2];
   assert.equal(await state('Photos'), 'to do');
-  assert.equal(await state('Tape colours'), 'to do');
+  assert.equal(await state('Colours'), 'to do');
 });
 
 test('the board is printed alone and to scale, and the measured ruler sets the size of its squares', async () => {
@@ -160,64 +161,28 @@ const framesWith = label => [...new Set(marks.labels.filter(one => one.label ===
 /** The moment in the middle of a frame. */
 const moment = frame => (frame + 0.5) / truth.fps;
 
-async function takeFrame(second) {
-  const before = await page.locator('.frames li').count();
-  await page.locator('.setup-step video').evaluate(async (video, at) => {
-    const sought = new Promise(done => video.addEventListener('seeked', done, { once: true }));
-    video.currentTime = at;
-    await sought;
-    await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
-  }, second);
-  await page.getByRole('button', { name: 'Take this frame' }).click();
-  await page.locator('.frames li').nth(before).waitFor();
-}
-
-/** A stroke of the mouse through the middle of a rectangle of the frame. */
-async function paint({ x, y, w, h }) {
-  const canvas = page.locator('.painter canvas.paint');
-  await canvas.scrollIntoViewIfNeeded();
-  const [size, { width, height }] = [await canvas.boundingBox(), await canvas.evaluate(({ width, height }) => ({ width, height }))];
-  const at = (u, v) => [size.x + (u * size.width) / width, size.y + (v * size.height) / height];
-  await page.mouse.move(...at(x + w * 0.3, y + h / 2));
-  await page.mouse.down();
-  await page.mouse.move(...at(x + w * 0.7, y + h / 2), { steps: 4 });
-  await page.mouse.up();
-}
-
-/** The share of a rectangle of a frame that the frame's mask covers, 0 to 1. */
-const covered = (frame, rectangle) =>
-  page.locator(`.frames li[data-frame="${frame}"] canvas.mask`).evaluate((mask, { x, y, w, h }) => {
-    const cell = 2;
-    const pixels = mask.getContext('2d').getImageData(x / cell, y / cell, Math.max(1, w / cell), Math.max(1, h / cell)).data;
-    let inked = 0;
-    for (let i = 3; i < pixels.length; i += 4) inked += pixels[i] > 0;
-    return inked / (pixels.length / 4);
-  }, rectangle);
-
 test('strokes on some frames are enough to find the tape on other frames', async () => {
-  await goTo('Tape colours');
+  await goTo('Colours');
   await page.getByLabel('A recording of the box').setInputFiles(join(scene, 'clip.mp4'));
   await page.waitForFunction(() => document.querySelector('.setup-step video')?.readyState >= 2);
   const chosen = [...new Set(tapes.flatMap(tape => framesWith(tape).slice(0, 2)).concat(framesWith('background')[0]))];
   const unpainted = [...new Set(tapes.map(tape => framesWith(tape).at(-1)))].filter(frame => !chosen.includes(frame));
   assert.ok(unpainted.length > 0 && chosen.length + unpainted.length <= 8, 'frames to compare with');
-  for (const frame of [...chosen, ...unpainted]) await takeFrame(moment(frame));
+  for (const frame of [...chosen, ...unpainted]) await takeFrame(page, moment(frame));
   await page.getByText('Paint on a tape to see it.').waitFor();
-  const brush = page.locator('.size input');
   for (const [index, frame] of chosen.entries()) {
     await page.getByRole('button', { name: `Paint on frame ${index + 1}`, exact: true }).click();
     for (const one of marks.labels.filter(({ frame: own }) => own === frame)) {
       if (!tapes.includes(one.label) && one.label !== 'background') continue;
       await page.locator('.choice').first().getByRole('button', { name: one.label === 'background' ? 'not tape' : one.label }).click();
-      await brush.fill(String(Math.max(3, Math.round(0.6 * Math.min(one.w, one.h)))));
-      await paint(one);
+      await paint(page, one);
     }
   }
   // The page shows this text only when the masks include all strokes.
   await page.getByText('Only the tapes should be bright.').waitFor();
   for (const [index, frame] of unpainted.entries())
     for (const one of marks.labels.filter(label => label.frame === frame)) {
-      const share = await covered(chosen.length + index, one);
+      const share = await covered(page, chosen.length + index, one);
       if (tapes.includes(one.label)) assert.ok(share > 0.5, `${one.label} on frame ${frame}: ${share}`);
       if (one.label === 'background') assert.ok(share < 0.2, `background of frame ${frame}: ${share}`);
     }
@@ -248,7 +213,7 @@ test('the colours are learned from the strokes, and the box is ready', async () 
   assert.ok(annotations.labels.some(({ stroke }) => stroke > 0), 'the annotations include strokes');
   assert.deepEqual(verdicts.map(({ grade }) => grade).filter(grade => grade === 'bad'), []);
   await page.getByText('This box is ready').waitFor();
-  assert.equal(await state('Tape colours'), 'done');
+  assert.equal(await state('Colours'), 'done');
   await checkStep('6-learned');
 });
 

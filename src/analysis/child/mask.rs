@@ -1,11 +1,11 @@
-//! Makes a mask of the tape colours on each picture, marked or not, and a report on the marked colours.
+//! Makes a mask of the tools' colours on each picture, marked or not, and a report on the tapes' colours.
 
 use serde::{Deserialize, Serialize};
 
 use super::limits::is_size;
 use super::palette::{ColourMark, accept_report, add_pictures};
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord, no_input};
-use crate::analysis::marked::{MarkedFrames, colours_of};
+use crate::analysis::marked::MarkedFrames;
 use crate::domain::palette::{FrameMask, PaletteReport};
 use crate::domain::problem::Problem;
 use crate::media::MediaLimits;
@@ -17,6 +17,8 @@ pub struct MaskWork {
     pub marks: Vec<ColourMark>,
     /// The tape colour of each tool with tape: a colour occurs twice if two tools wear it.
     pub tools: Vec<String>,
+    /// The colours of the masks' classes: of tapes and of bare shafts, each once.
+    pub colours: Vec<String>,
     /// The frame that each input shows.
     pub frames: Vec<u64>,
 }
@@ -26,7 +28,7 @@ pub struct MaskWork {
 pub enum MaskRecord {
     /// The report on the colours.
     Report(PaletteReport),
-    /// The pixels classified as tape in the next picture.
+    /// The pixels classified as tape or as bare shaft in the next picture.
     Mask(FrameMask),
 }
 
@@ -35,7 +37,7 @@ pub enum MaskRecord {
 pub struct MaskOutput {
     /// The report on the colours.
     pub report: Option<PaletteReport>,
-    /// For each picture, the pixels classified as tape.
+    /// For each picture, the pixels classified as tape or as bare shaft.
     pub masks: Vec<FrameMask>,
 }
 
@@ -49,10 +51,10 @@ impl ChildTask for MaskWork {
         let report = marked.report(&self.tools).ok_or_else(no_input)?;
         reporter.record(WorkRecord::Mask(MaskRecord::Report(report)))?;
         let unmarked = || {
-            let how = "mark at least one tape and some background, then try again";
+            let how = "mark at least one tape or bare shaft, and some background, then try again";
             StopReason::Impossible(Problem::new("no-marks", "Nothing is marked", how))
         };
-        for mask in marked.masks(&colours_of(&self.tools)).ok_or_else(unmarked)? {
+        for mask in marked.masks(&self.colours).ok_or_else(unmarked)? {
             reporter.record(WorkRecord::Mask(MaskRecord::Mask(mask)))?;
         }
         Ok(())
@@ -63,7 +65,7 @@ impl ChildTask for MaskWork {
             MaskRecord::Report(report) => accept_report(&mut output.report, report)?,
             MaskRecord::Mask(mask) => {
                 let next = self.frames.get(output.masks.len()).ok_or("a mask without a picture")?;
-                if !is_possible(&mask, *next, colours_of(&self.tools).len(), limits) {
+                if !is_possible(&mask, *next, self.colours.len(), limits) {
                     return Err("an invalid mask".into());
                 }
                 output.masks.push(mask);
@@ -96,7 +98,8 @@ mod tests {
 
     #[test]
     fn a_mask_fills_its_picture_with_known_colours_and_arrives_in_order() {
-        let work = ChildWork::Mask(MaskWork { marks: vec![], tools: vec!["orange".into()], frames: vec![3, 9] });
+        let (tools, colours) = (vec!["orange".into()], vec!["orange".into()]);
+        let work = ChildWork::Mask(MaskWork { marks: vec![], tools, colours, frames: vec![3, 9] });
         let mask = |frame, runs: &[[u32; 2]]| {
             let runs = runs.to_vec();
             let mask = FrameMask { frame, width: 9, height: 4, cell_px: 2, columns: 5, rows: 2, runs };

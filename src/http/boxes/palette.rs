@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 use super::form::{FormPictures, MultipartForm};
 use crate::domain::boxes::BoxTool;
 use crate::domain::files::annotations::AnnotationsFile;
-use crate::domain::job::{AdviseInput, JobInput, PaletteInput};
+use crate::domain::job::{AdviseInput, JobInput, NamedBlob, PaletteInput};
 use crate::domain::palette::{ColourVerdict, ConfusionRow, LabelCount, PaletteReport};
 use crate::http::auth::signed_in::{Member, Staff};
 use crate::http::error::{HandlerResult, ProblemResponse};
@@ -84,6 +84,8 @@ pub struct PaletteForm {
     /// `empty_box` in the annotations names. A preview does not need it.
     #[schema(value_type = Option<String>, format = Binary)]
     empty_box: Option<Vec<u8>>,
+    /// Without a part `empty_box`: `true` keeps the photo that the box has, `false` removes it. Absent: `true`.
+    keep_empty_box: Option<bool>,
 }
 
 /// The content of a [`PaletteForm`].
@@ -92,12 +94,14 @@ pub(super) struct PaletteFormContent {
     /// The clip, or the marked frames.
     pub(super) pictures: FormPictures,
     empty_box: FormPictures,
+    keeps_empty_box: bool,
 }
 
 /// Learn the box's colours from marked frames
 ///
-/// A job learns the next version of the colours. A picture of the empty box is kept with this version; the next one
-/// needs a picture of its own. In the annotations of the version, `empty_box` is the SHA-256 of the picture.
+/// A job learns the next version of the colours. A photo of the empty box is kept with this version. The next version
+/// with tools without tape has the same photo, unless another one is sent or `keep_empty_box` is `false`. In the
+/// annotations of a version, `empty_box` is the SHA-256 of its photo.
 #[utoipa::path(post, path = "/boxes/{id}/palettes", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     request_body(content = PaletteForm, content_type = "multipart/form-data"),
@@ -109,15 +113,22 @@ pub async fn learn_palette(
     form: MultipartForm,
 ) -> HandlerResult<impl IntoResponse> {
     let of = app.store.boxes().changeable(&by.scope, &key).await?;
-    let PaletteFormContent { mut annotations, pictures, empty_box } = read_palette_form(form).await?;
-    let photo = empty_box.files.first().cloned();
-    if annotations.empty_box.is_some() && photo.is_none() {
+    let PaletteFormContent { mut annotations, pictures, empty_box, keeps_empty_box } = read_palette_form(form).await?;
+    let kept = match keeps_empty_box && annotations.has_bare_tools() {
+        true => app.store.palettes().empty_box(&by.scope, of.id).await?,
+        false => None,
+    };
+    let kept = kept.map(|blob| NamedBlob { name: "empty_box".to_owned(), blob });
+    let is_sent = !empty_box.files.is_empty();
+    let photo = empty_box.files.first().cloned().or(kept);
+    let hash = photo.as_ref().map(|photo| photo.blob.hash.to_string());
+    if !is_sent && annotations.empty_box.is_some() && annotations.empty_box != hash {
         return Err(ProblemResponse::invalid(
             "empty_box",
             "is named in the annotations, but was not sent; send the photo of the empty box in a part `empty_box`",
         ));
     }
-    annotations.empty_box = photo.as_ref().map(|photo| photo.blob.hash.to_string());
+    annotations.empty_box = hash;
     let FormPictures { ref files, ref frames, is_video, .. } = pictures;
     let (files, frames) = (files.clone(), frames.clone());
     let input = PaletteInput { of: of.id, annotations, files, is_video, frames, empty_box: photo };
@@ -129,24 +140,31 @@ pub async fn learn_palette(
 /// Reads a [`PaletteForm`].
 pub(super) async fn read_palette_form(mut form: MultipartForm) -> HandlerResult<PaletteFormContent> {
     let (mut annotations, mut pictures, mut empty_box) = (None, FormPictures::default(), FormPictures::default());
+    let mut keeps_empty_box = true;
     while let Some(part) = form.next().await? {
         match (part.name.as_str(), frame_number(&part.name)) {
             ("annotations", _) => annotations = Some(parse_annotations(&part.text().await?)?),
             ("video", _) => pictures.add_video(part).await?,
             ("empty_box", _) if empty_box.files.is_empty() => empty_box.add_picture(part, None).await?,
             ("empty_box", _) => return Err(ProblemResponse::invalid("empty_box", "was sent twice; send one photo")),
+            ("keep_empty_box", _) => keeps_empty_box = parse_choice(&part.text().await?)?,
             (_, Some(frame)) => pictures.add_picture(part, Some(frame)).await?,
-            _ => return Err(part.unexpected("annotations, video or frame_0, frame_1, …, and empty_box")),
+            _ => return Err(part.unexpected("annotations, video or frame_0, frame_1, …, empty_box, keep_empty_box")),
         }
     }
     let annotations =
         annotations.ok_or_else(|| ProblemResponse::invalid("annotations", "is missing; send annotations.json"))?;
     check_frames(&annotations, &pictures)?;
-    Ok(PaletteFormContent { annotations, pictures, empty_box })
+    Ok(PaletteFormContent { annotations, pictures, empty_box, keeps_empty_box })
 }
 
 fn parse_annotations(text: &str) -> HandlerResult<AnnotationsFile> {
     AnnotationsFile::parse(text).map_err(|error| ProblemResponse::invalid("annotations", error))
+}
+
+fn parse_choice(text: &str) -> HandlerResult<bool> {
+    let refusal = |_| ProblemResponse::invalid("keep_empty_box", "must be `true` or `false`");
+    text.trim().parse().map_err(refusal)
 }
 
 /// The frame number in a part's name such as `frame_12`.

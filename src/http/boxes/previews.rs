@@ -1,5 +1,5 @@
 //! Checks pictures while the user waits: one photo of the checkerboard, or what the marked colours would detect as
-//! tape. Nothing is stored.
+//! tape or as bare shaft. Nothing is stored.
 
 use axum::extract::State;
 use utoipa::ToSchema;
@@ -58,7 +58,7 @@ pub async fn check_photo(
     Ok(Json(app.quick_analysis.check_photo(board, photo).await?))
 }
 
-/// Preview what the marked colours would detect as tape
+/// Preview what the marked colours would detect as tape or as bare shaft
 ///
 /// Takes a few frames, with or without marks. Nothing is learned or stored.
 #[utoipa::path(post, path = "/boxes/{id}/palettes/preview", tag = "boxes",

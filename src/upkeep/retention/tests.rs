@@ -8,6 +8,7 @@ use super::{RetentionSettings, apply_retention};
 use crate::domain::blob::Blob;
 use crate::domain::clock::TimeCorrection;
 use crate::domain::edit::EditChange;
+use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::job::{CalibrateInput, JobInput, JobKind, NamedBlob, PaletteInput};
 use crate::domain::palette::NewPalette;
 use crate::domain::problem::Problem;
@@ -201,6 +202,26 @@ async fn the_picture_of_the_empty_box_stays_when_the_marked_pictures_go() {
     let of = bench.centre.the_box.id;
     assert_eq!(store.jobs().done_palette_inputs(of).await.unwrap(), [], "its marked pictures are gone");
     assert_eq!(bench.findings().await, []);
+}
+
+#[tokio::test]
+async fn a_picture_of_the_empty_box_that_went_with_a_person_is_not_kept_for_the_next_colours() {
+    let bench = UpkeepFixture::new().await;
+    let (store, service, of) = (&bench.centre.store, Scope::service(), bench.centre.the_box.id);
+    let ana = bench.centre.trainee("Ana").await.id;
+    bench.score(&bench.session(ana, "video of Ana").await).await;
+    let empty = bench.vault.put(b"a box without tools").await.unwrap().blob();
+    let learned = bench.palette_job_with("video of Ana", Some(empty)).await;
+    let annotations = serde_json::json!({"needs": 2, "tool_diameter_mm": 5, "empty_box": empty.hash.to_string(),
+        "tools": [{"tool": "left", "marker": {"kind": "shaft"}}],
+        "labels": [{"frame": 0, "label": "shaft", "x": 1, "y": 1, "w": 2, "h": 2}]});
+    let annotations = AnnotationsFile::parse(&annotations.to_string()).unwrap();
+    let tools = annotations.marked_tools().unwrap().into_iter().map(Into::into).collect();
+    let new = NewPalette { annotations, tools, ..TestCentre::new_palette() };
+    store.jobs().finish_palette(&learned, new).await.unwrap();
+    assert_eq!(store.palettes().empty_box(&service, of).await.unwrap(), Some(empty));
+    store.trainees().erase(&service, &Key::from(&ana)).await.unwrap();
+    assert_eq!(store.palettes().empty_box(&service, of).await.unwrap(), None);
 }
 
 #[tokio::test]

@@ -103,12 +103,19 @@ impl Background {
 
     /// Log density of these codes in a cell that no shaft covers; `any` is their log density anywhere.
     pub fn log_density(&self, cell: usize, codes: [f32; 3], any: f32) -> f32 {
+        let of_box = self.log_density_of_box(cell, codes);
+        let other = any + OTHER_SHARE.ln();
+        let most = of_box.max(other);
+        most + ((of_box - most).exp() + (other - most).exp()).ln()
+    }
+
+    /// Log density of these codes in a cell that shows the box itself, lit or in shade.
+    pub fn log_density_of_box(&self, cell: usize, codes: [f32; 3]) -> f32 {
         let usual = self.usual[cell];
         let same = self.same_log_density(codes, usual) + SAME_SHARE.ln();
         let shade = shade_log_density(codes, usual) + SHADE_SHARE.ln();
-        let other = any + OTHER_SHARE.ln();
-        let most = same.max(shade).max(other);
-        most + ((same - most).exp() + (shade - most).exp() + (other - most).exp()).ln()
+        let most = same.max(shade);
+        most + ((same - most).exp() + (shade - most).exp()).ln()
     }
 
     /// Of the background as usual: a Student distribution with four degrees of freedom.
@@ -116,12 +123,6 @@ impl Background {
         let [y, u, v] = self.noise;
         let squares: f32 = (0..3).map(|part| ((codes[part] - usual[part]) / self.noise[part]).powi(2)).sum();
         -1.5 * std::f32::consts::TAU.ln() - (y * u * v).ln() - 3.5 * (0.25 * squares).ln_1p()
-    }
-
-    /// How far a cell differs from the background, in standard deviations of the noise.
-    pub fn difference(&self, cell: usize, codes: [f32; 3]) -> f32 {
-        let usual = self.usual[cell];
-        (0..3).map(|part| ((codes[part] - usual[part]) / self.noise[part]).powi(2)).sum::<f32>().sqrt()
     }
 }
 

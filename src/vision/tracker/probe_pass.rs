@@ -40,6 +40,8 @@ pub(super) const CLOSE_PASS: &[ProbePass] = &[CLOSE];
 /// Maximum number of chords along one border: errors of an edge come from background and light, and more edges hardly
 /// average them out.
 const MAX_CHORDS: f64 = 8.0;
+/// Length of a chord on a bare shaft's end, pixels: short, to see whether the edge is there all across.
+const RIM_CHORD_PX: f64 = 4.0;
 /// Number of chords on each border that is enough.
 const ENOUGH_CHORDS: usize = 5;
 
@@ -160,7 +162,8 @@ impl BandFit<'_> {
         into: &mut Vec<(OutlinePoint, Probe)>,
     ) {
         const MAX_UNSURE_PX: f64 = 6.0;
-        rim_probes(outline, self.camera(), 0.0, 0.5 * length_mm, layout, into);
+        let of_rim = if self.spec.is_bare() { ProbeLayout { chord_px: RIM_CHORD_PX, ..layout } } else { layout };
+        rim_probes(outline, self.camera(), 0.0, 0.5 * length_mm, of_rim, into);
         if let Some((_, sigma_mm)) = self.length {
             let unsure_px = (2.0 * sigma_mm * self.px_per_mm_along(tube, length_mm)).min(MAX_UNSURE_PX);
             let wider = ProbeLayout { reach_px: layout.reach_px + unsure_px, ..layout };

@@ -51,7 +51,9 @@ impl BandFit<'_> {
             fitted_edges: Vec::new(),
         };
         self.use_fulcrum(&mut measurement, &found);
-        if !self.spec.is_bare() && !self.covers_tape(&measurement.estimate.tube, length_mm) {
+        if self.spec.is_bare() {
+            self.check_shaft_end(&measurement.estimate.tube, &found)?;
+        } else if !self.covers_tape(&measurement.estimate.tube, length_mm) {
             return Err(MissReason::NotTape);
         }
         if measurement.grade() < Grade::Good {

@@ -89,6 +89,10 @@ impl BandFit<'_> {
         for start in self.starts_of_strip(strip) {
             let found = self.refine(&start, MEASURED_SHAFT_MM, STRIP_PASSES, recorder);
             if std::env::var("DBG").is_ok() { eprintln!("  strip w {:.4} step {:?} start {:?} ax {:?} -> {:?}", strip.width, strip.end_step_codes, start.tip, start.axis, found.as_ref().map(|m| (m.estimate.tube.tip, m.estimate.tube.axis, m.seen_share, m.ends_seen, m.estimate.residual_px, m.grade()))); }
+            let found = found.and_then(|found| match self.is_as_wide(&found.estimate.tube, strip) {
+                true => Ok(found),
+                false => Err(MissReason::PoorFit),
+            });
             match found {
                 Ok(found) if found.grade() >= Grade::Complete => return Ok(found),
                 Ok(found) if found.grade() >= Grade::Possible => best = Ok(found),
@@ -97,6 +101,14 @@ impl BandFit<'_> {
             }
         }
         best
+    }
+
+    /// Is the tube about as wide in the picture as the strip at its end? Otherwise its edges are those of gloss or shade.
+    fn is_as_wide(&self, tube: &Tube, strip: &Strip) -> bool {
+        /// Several times the error of a strip's borders, and less than the distance of a highlight from a border.
+        const MAX_DIFFERENCE: f64 = 0.15;
+        let width = 2.0 * tube.radius / (tube.tip.z - tube.radius).max(1.0);
+        (width / strip.width - 1.0).abs() < MAX_DIFFERENCE
     }
 
     /// Rough tubes: through the trocar if it is known, with the borders' taper, and facing the camera.

@@ -10,6 +10,7 @@ use crate::feed::scene::{Folder, set_up_box};
 use crate::support::{Client, Service, problem, read};
 
 const PALETTES: &str = "/api/v1/boxes/box-1/palettes";
+const PREVIEW: &str = "/api/v1/boxes/box-1/palettes/preview";
 
 /// A grey box, with or without a black tube across it.
 fn picture(size: [u32; 2], has_tube: bool) -> Vec<u8> {
@@ -69,6 +70,41 @@ async fn a_box_learns_a_tool_without_tape_and_keeps_the_picture_of_the_empty_box
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn learning_again_keeps_the_picture_of_the_empty_box_until_it_is_replaced_or_removed() {
+    let centre = Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await;
+    let ines = &centre.instructor;
+    let unnamed = |entry: Value| {
+        let mut marks = annotations(entry);
+        marks.as_object_mut().unwrap().remove("empty_box");
+        marks
+    };
+    // Each version differs from the one before, as the tools' lengths do.
+    let bare = |jaw_mm: f64| json!({"tool": "left", "marker": {"kind": "shaft", "jaw_mm": jaw_mm}});
+    let photo_after = async |form: Form| {
+        let job = learn(ines, form).await;
+        assert_eq!(job["state"], "done", "{job}");
+        ines.read(PALETTES).await["items"][0]["annotations"]["empty_box"].clone()
+    };
+    let first = photo_after(form(&annotations(bare(28.0)), Some(picture([320, 240], false)))).await;
+    assert!(first.is_string(), "{first}");
+    assert_eq!(photo_after(form(&unnamed(bare(28.1)), None)).await, first, "the second version keeps it");
+    let mut named = annotations(bare(28.2));
+    named["empty_box"] = first.clone();
+    assert_eq!(photo_after(form(&named, None)).await, first, "annotations as the service returned them");
+
+    let mut taped = unnamed(json!({"tool": "orange"}));
+    taped["labels"].as_array_mut().unwrap()[0]["label"] = json!("orange");
+    assert_eq!(photo_after(form(&taped, None)).await, Value::Null, "a tool with tape needs none");
+    assert_eq!(photo_after(form(&unnamed(bare(28.3)), None)).await, first, "the last one of bare tools is kept");
+
+    let second = photo_after(form(&unnamed(bare(28.4)), Some(picture([320, 240], true)))).await;
+    assert!(second.is_string() && second != first, "{second}");
+    let removing = form(&unnamed(bare(28.5)), None).text("keep_empty_box", "false");
+    assert_eq!(photo_after(removing).await, Value::Null);
+    assert_eq!(photo_after(form(&unnamed(bare(28.6)), None)).await, Value::Null, "what was removed stays away");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_form_with_a_tool_without_tape_that_lacks_something_is_refused() {
     let centre = Centre::open().await;
     let refused = async |form: Form| {
@@ -83,6 +119,27 @@ async fn a_form_with_a_tool_without_tape_that_lacks_something_is_refused() {
     assert!(detail.contains("named in the annotations, but was not sent"), "{detail}");
     let twice = form(&annotations(bare_left()), Some(empty())).part("empty_box", Part::bytes(empty()));
     assert!(refused(twice).await.contains("sent twice"));
+    let undecided = form(&annotations(bare_left()), Some(empty())).text("keep_empty_box", "perhaps");
+    assert!(refused(undecided).await.contains("`true` or `false`"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_masks_of_a_preview_show_the_shaft_and_no_tape_is_judged() {
+    let centre = Centre::open().await;
+    let form = form(&annotations(bare_left()), None);
+    let answer = centre.instructor.request(Method::POST, PREVIEW).multipart(form).send().await.unwrap();
+    let preview = read(answer, StatusCode::OK).await;
+    assert_eq!((&preview["colours"], &preview["verdicts"]), (&json!(["shaft"]), &json!([])), "{preview}");
+    let mask = &preview["frames"][0];
+    assert_eq!((&mask["cell_px"], &mask["columns"], &mask["rows"]), (&json!(2), &json!(160), &json!(120)), "{mask}");
+    let runs: Vec<(u8, usize)> = serde_json::from_value(mask["runs"].clone()).unwrap();
+    let classes: Vec<u8> = runs.into_iter().flat_map(|(class, cells)| vec![class; cells]).collect();
+    let share = |rows: std::ops::Range<usize>| {
+        let cells = &classes[160 * rows.start..160 * rows.end];
+        cells.iter().filter(|class| **class == 1).count() as f64 / cells.len() as f64
+    };
+    assert!(share(51..59) > 0.95, "of the tube: {}", share(51..59));
+    assert!(share(0..48) < 0.05 && share(62..120) < 0.05, "of the box: {}, {}", share(0..48), share(62..120));
 }
 
 #[tokio::test(flavor = "multi_thread")]

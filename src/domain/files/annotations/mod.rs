@@ -376,6 +376,11 @@ impl AnnotationsFile {
         colours
     }
 
+    /// True if a tool has no tape.
+    pub fn has_bare_tools(&self) -> bool {
+        self.tools.iter().any(ToolEntry::is_shaft)
+    }
+
     /// True unless a label is reserved for something else than tools.
     fn is_of_tools(&self, colour: &str) -> bool {
         !NOT_TOOLS.contains(&colour) || self.tools.iter().any(|entry| entry.is_shaft() && entry.colour() == colour)
