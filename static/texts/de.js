@@ -2412,6 +2412,8 @@ export default {
         'sehen Sie in der Aufnahme nach, was das Klebeband dort verdeckt oder überstrahlt; markieren Sie seine Farbe in jenem Licht'],
       no_trocar: [figure(1, is => `seine Spitze bewegte sich um ${is} mm quer zur Achse (quadratisches Mittel), aber seine Achsen zeigen seinen Trokar nicht`),
         'sehen Sie sich die Überlagerung an: Folgt sie dem Instrument, und zeigt seine Achse von der Hand zur Spitze? Prüfen Sie die Maße des Instruments, und markieren Sie anderes in der Farbe des Klebebands als Hintergrund'],
+      bare_tool: [figure(0, () => 'es hat kein Klebeband, und diese Version verfolgt blanke Schäfte nur zur Probe'),
+        'kleben Sie für eine Wertung ein Band auf. Ohne Band lässt sich die Bahn ansehen; über einer dunklen Matte, oder mit Maulteilen so dunkel wie der Schaft, kann sie Zentimeter danebenliegen'],
       band_too_long: [figure(1, (is, limit) => `das Bild widerspricht seinen Maßen um ${is} Standardabweichungen: Sein Band ist kürzer als angegeben, oder sein Durchmesser größer; höchstens ${limit}`),
         'messen Sie beides neu, den Durchmesser über dem Klebeband und die Länge des Bands entlang des Rohrs, berichtigen Sie die Maße bei der Box, und werten Sie die Aufnahme neu aus: Alle ihre Längen können falsch sein'],
       band_too_short: [figure(1, (is, limit) => `das Bild widerspricht seinen Maßen um ${is} Standardabweichungen: Sein Band ist länger als angegeben, oder sein Durchmesser kleiner; höchstens ${limit}`),

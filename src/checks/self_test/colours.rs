@@ -12,7 +12,7 @@ use crate::vision::segmentation::colour_table::ColourTable;
 use crate::vision::segmentation::knn::Knn;
 use crate::vision::segmentation::region_of_interest::{CELL_PX, CellBox};
 use crate::vision::segmentation::samples::ColourSamples;
-use crate::vision::tracker::{Marker, ToolSpec};
+use crate::vision::tracker::ToolSpec;
 
 /// Time between two searches, s.
 const SEARCH_INTERVAL_S: f64 = 0.4;
@@ -78,6 +78,7 @@ mod tests {
     use super::*;
     use crate::vision::frame::{Matrix, Plane, Range};
     use crate::vision::segmentation::samples::ColourSample;
+    use crate::vision::tracker::Marker;
 
     const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
     const ORANGE: [u8; 3] = [150, 60, 200];

@@ -27,6 +27,8 @@ pub enum QualityCause {
     Lost,
     /// A tool's axes do not show its trocar.
     NoTrocar,
+    /// A tool without tape was followed, which this version does on trial.
+    BareTool,
     /// A tool's stated band is longer than its diameter and the picture allow.
     BandTooLong,
     /// A tool's stated band is shorter than its diameter and the picture allow.
@@ -81,7 +83,7 @@ const WRONG_ROWS: &str = "one wrong row makes lengths and speeds wrong: delete i
 
 impl QualityCause {
     /// Every cause, in the order to fix them.
-    pub const ALL: [QualityCause; 33] = [
+    pub const ALL: [QualityCause; 34] = [
         QualityCause::OtherBox,
         QualityCause::BoxSurroundings,
         QualityCause::BoxTrocars,
@@ -93,6 +95,7 @@ impl QualityCause {
         QualityCause::LeftView,
         QualityCause::Lost,
         QualityCause::NoTrocar,
+        QualityCause::BareTool,
         QualityCause::BandTooLong,
         QualityCause::BandTooShort,
         QualityCause::Predicted,
@@ -131,6 +134,7 @@ impl QualityCause {
             QualityCause::LeftView => "left_view",
             QualityCause::Lost => "lost",
             QualityCause::NoTrocar => "no_trocar",
+            QualityCause::BareTool => "bare_tool",
             QualityCause::BandTooLong => "band_too_long",
             QualityCause::BandTooShort => "band_too_short",
             QualityCause::Predicted => "predicted",
@@ -233,6 +237,7 @@ impl QualityCause {
                     "its tip moved by {figure} mm across its axis (root mean square), but its axes do not show its trocar"
                 )
             }
+            QualityCause::BareTool => "it has no tape, and this version follows bare shafts on trial".to_owned(),
             QualityCause::BandTooLong => {
                 format!(
                     "the picture contradicts its sizes by {figure} standard deviations: its band is shorter than \
@@ -280,6 +285,7 @@ impl QualityCause {
             | QualityCause::NothingSeen
             | QualityCause::NeverInPicture
             | QualityCause::NoTrocar
+            | QualityCause::BareTool
             | QualityCause::Interlaced => String::new(),
             QualityCause::BoxSurroundings | QualityCause::Coverage => format!("; needs {limit} %"),
             QualityCause::ColourBackground | QualityCause::ColourPair | QualityCause::FrameRate => {
@@ -324,6 +330,10 @@ impl QualityCause {
             QualityCause::NoTrocar => {
                 "watch the overlay: does it follow the tool, and does its axis point from the hand to the tip? Check \
                  the tool's sizes, and mark other things of the tape's colour as background"
+            }
+            QualityCause::BareTool => {
+                "wind tape round it for a score. Without tape the path can be watched, but over a dark mat, or with jaws as \
+                 dark as the shaft, it may be centimetres off"
             }
             QualityCause::BandTooLong | QualityCause::BandTooShort => {
                 "measure both again, the diameter over the tape and the length of the band along the tube, correct them \

@@ -71,7 +71,7 @@ use crate::vision::frame::{ColourEncoding, Frame};
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::segmentation::colour_table::ColourTable;
 use crate::vision::segmentation::knn::Knn;
-use crate::vision::segmentation::palette;
+use crate::vision::segmentation::palette::{self, ColourSeparation};
 use crate::vision::segmentation::shaft_colour::ShaftColour;
 use crate::vision::strip::finder::{BareTool, FrameStrips, StripFinder};
 use crate::vision::trajectory::Sample;
@@ -295,6 +295,8 @@ impl Tracker {
             let records = std::mem::take(&mut tool.records).unpack();
             let (motion, reworked) =
                 second_pass::run(records, &tool.seen_shaft, &tool.spec, i, &self.instants, camera, motion);
+            // A shaft has no colour of its own: its colour says nothing of how well it can be followed.
+            let colour = if tool.spec.is_bare() { ColourSeparation::default() } else { colour };
             quality.tools.push(ToolQuality { colour, ..reworked });
             motions.push(motion);
         }

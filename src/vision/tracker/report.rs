@@ -127,7 +127,8 @@ impl ToolQuality {
     pub fn trocar(&self) -> TrocarEvidence {
         match self.effective_diameter.map(|diameter| diameter.basis) {
             Some(DiameterBasis::Session) => TrocarEvidence::Shown,
-            Some(DiameterBasis::AssumedTrocar) => TrocarEvidence::Possible,
+            Some(DiameterBasis::BareShaft) if self.fulcrum.is_some() => TrocarEvidence::Shown,
+            Some(DiameterBasis::AssumedTrocar | DiameterBasis::BareShaft) => TrocarEvidence::Possible,
             Some(DiameterBasis::Usual) | None => TrocarEvidence::Missing,
         }
     }
@@ -166,6 +167,8 @@ pub enum DiameterBasis {
     /// From the session's poses together, which turn too little to show their fulcrum: it is assumed at the usual
     /// distance.
     AssumedTrocar,
+    /// Of a bare shaft, as entered: its polished limb mirrors what is beside it, which the poses do not show.
+    BareShaft,
 }
 
 impl DiameterBasis {
@@ -175,6 +178,7 @@ impl DiameterBasis {
             DiameterBasis::Session => "session",
             DiameterBasis::Usual => "usual",
             DiameterBasis::AssumedTrocar => "assumed_trocar",
+            DiameterBasis::BareShaft => "bare_shaft",
         }
     }
 }

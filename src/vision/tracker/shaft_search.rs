@@ -52,8 +52,8 @@ impl BandFit<'_> {
     /// Measures the shaft of a strip, with each of its likeliest pairs of borders.
     fn measure_strip(&self, strip: &Strip, recorder: &mut FitRecorder) -> Result<Measurement, MissReason> {
         let mut best = Err(MissReason::PoorFit);
-        for strip in self.with_likely_borders(strip) {
-            let found = self.measure_between_borders(&strip, recorder);
+        for borders in self.with_likely_borders(strip) {
+            let found = self.measure_between_borders(&borders, strip, recorder);
             best = match (best, found) {
                 (Ok(one), Ok(other)) => Ok(Measurement::likelier(one, other)),
                 (Err(one), Err(other)) => Err(MissReason::max(one, other)),
@@ -82,14 +82,14 @@ impl BandFit<'_> {
     /// Measures the shaft between the borders of a strip.
     fn measure_between_borders(
         &self,
-        strip: &Strip,
+        borders: &Strip,
+        evidence: &Strip,
         recorder: &mut FitRecorder,
     ) -> Result<Measurement, MissReason> {
         let mut best = Err(MissReason::PoorFit);
-        for start in self.starts_of_strip(strip) {
+        for start in self.starts_of_strip(borders) {
             let found = self.refine(&start, MEASURED_SHAFT_MM, STRIP_PASSES, recorder);
-            if std::env::var("DBG").is_ok() { eprintln!("  strip w {:.4} step {:?} start {:?} ax {:?} -> {:?}", strip.width, strip.end_step_codes, start.tip, start.axis, found.as_ref().map(|m| (m.estimate.tube.tip, m.estimate.tube.axis, m.seen_share, m.ends_seen, m.estimate.residual_px, m.grade()))); }
-            let found = found.and_then(|found| match self.is_as_wide(&found.estimate.tube, strip) {
+            let found = found.and_then(|found| match self.is_as_wide(&found.estimate.tube, borders, evidence) {
                 true => Ok(found),
                 false => Err(MissReason::PoorFit),
             });
@@ -103,12 +103,15 @@ impl BandFit<'_> {
         best
     }
 
-    /// Is the tube about as wide in the picture as the strip at its end? Otherwise its edges are those of gloss or shade.
-    fn is_as_wide(&self, tube: &Tube, strip: &Strip) -> bool {
-        /// Several times the error of a strip's borders, and less than the distance of a highlight from a border.
+    /// Is the tube about as wide in the picture as its borders, and not much narrower than the strip of evidence? Otherwise
+    /// its edges are those of gloss.
+    fn is_as_wide(&self, tube: &Tube, borders: &Strip, evidence: &Strip) -> bool {
+        /// Several times the error of a border, and less than the distance of a highlight from it.
         const MAX_DIFFERENCE: f64 = 0.15;
+        /// The evidence leaves out gloss at the borders, and takes shade for shaft. Only shade makes it wider than the tube.
+        const MIN_OF_EVIDENCE: f64 = 0.88;
         let width = 2.0 * tube.radius / (tube.tip.z - tube.radius).max(1.0);
-        (width / strip.width - 1.0).abs() < MAX_DIFFERENCE
+        (width / borders.width - 1.0).abs() < MAX_DIFFERENCE && width > MIN_OF_EVIDENCE * evidence.width
     }
 
     /// Rough tubes: through the trocar if it is known, with the borders' taper, and facing the camera.

@@ -57,7 +57,7 @@ pub fn run(
         tool: spec.name.clone(),
         border_residual_px,
         transient_depth_sigma_mm: motion.transient_depth_sigma_mm(),
-        effective_diameter: effective_diameter(&motion, adjustment.as_ref(), spec.diameter_mm),
+        effective_diameter: effective_diameter(&motion, adjustment.as_ref(), spec),
         gaps,
         fulcrum: motion.fulcrum,
         size_mismatch: size_check::mismatch(&good),
@@ -66,18 +66,24 @@ pub fn run(
     (motion, quality)
 }
 
-fn effective_diameter(motion: &ToolMotion, adjustment: Option<&Adjustment>, own_mm: f64) -> Option<EffectiveDiameter> {
+fn effective_diameter(
+    motion: &ToolMotion,
+    adjustment: Option<&Adjustment>,
+    spec: &ToolSpec,
+) -> Option<EffectiveDiameter> {
     let mm_per_px = motion.median_depth_mm()? / motion.camera.fx;
+    let usual_px = shared_offsets_px(1.0 / mm_per_px, 1.0 / mm_per_px)[0];
     let (px, sigma_px, basis) = match adjustment {
+        _ if spec.is_bare() => (0.0, usual_px, DiameterBasis::BareShaft),
         Some(adjustment) if !adjustment.is_wrong_way_round() => {
             let (px, sigma_px) = adjustment.border_offset_px();
             let is_shown = adjustment.is_right_way_round();
             (px, sigma_px, if is_shown { DiameterBasis::Session } else { DiameterBasis::AssumedTrocar })
         }
-        _ => (0.0, shared_offsets_px(1.0 / mm_per_px, 1.0 / mm_per_px)[0], DiameterBasis::Usual),
+        _ => (0.0, usual_px, DiameterBasis::Usual),
     };
     let twice = 2.0 * mm_per_px;
-    Some(EffectiveDiameter { mm: own_mm + twice * px, sigma_mm: twice * sigma_px, basis })
+    Some(EffectiveDiameter { mm: spec.diameter_mm + twice * px, sigma_mm: twice * sigma_px, basis })
 }
 
 /// The pose as the whole recording confirms it, or why it is rejected.
