@@ -188,10 +188,11 @@ impl Turned<'_> {
         let widths = widths(self.grid, limits.diameter_mm);
         let margin = widths.last().map_or(0.0, |width| width + 2.0).ceil() as usize;
         let rows = RowSums::new(self, angle, first.saturating_sub(margin), (end + margin).min(self.side));
+        let mut scores = Vec::new();
         for width in widths {
             let mut best = [Candidate { score: 0.0, angle, row: 0, width, end: 0 }; KEPT_OF_EACH];
             for row in first..end {
-                let (score, end) = rows.best_end(row, width);
+                let (score, end) = rows.best_end(row, width, &mut scores);
                 let worst = best.iter_mut().min_by(|one, other| one.score.total_cmp(&other.score));
                 if let Some(worst) = worst.filter(|worst| score > worst.score) {
                     *worst = Candidate { score, angle, row, width, end };
@@ -247,26 +248,38 @@ impl RowSums {
         Self { first, columns, all, positive }
     }
 
-    /// The largest sum of scores from the rim on, divided by the root of the width, and the column where it ends.
-    fn best_end(&self, row: usize, width: f64) -> (f32, usize) {
+    /// The largest sum of scores from the rim on, divided by the root of the width, and the column where it ends. `scores`
+    /// is memory for one row.
+    fn best_end(&self, row: usize, width: f64, scores: &mut Vec<f32>) -> (f32, usize) {
         let middle = (row - self.first) as f64 + 0.5;
         let flank = (0.5 * width).max(1.0);
         let (low, high) = (middle - 0.5 * width, middle + 0.5 * width);
-        let [outer_low, low, high, outer_high] = [low - flank, low, high, high + flank].map(|at| self.between(at));
+        scores.clear();
+        scores.resize(self.columns, 0.0);
+        self.add_row(&self.all, high, 1.0, scores);
+        self.add_row(&self.all, low, -1.0, scores);
+        self.add_row(&self.positive, low, -1.0, scores);
+        self.add_row(&self.positive, low - flank, 1.0, scores);
+        self.add_row(&self.positive, high + flank, -1.0, scores);
+        self.add_row(&self.positive, high, 1.0, scores);
         let (mut sum, mut best, mut end) = (0.0f32, 0.0f32, 0);
-        for column in 0..self.columns {
-            let read = |sums: &[f32], (first, share): (usize, f32)| {
-                sums[first + column] * (1.0 - share) + sums[first + self.columns + column] * share
-            };
-            let inside = read(&self.all, high) - read(&self.all, low);
-            let beside = read(&self.positive, low) - read(&self.positive, outer_low) + read(&self.positive, outer_high)
-                - read(&self.positive, high);
-            sum += inside - beside;
+        for (column, score) in scores.iter().enumerate() {
+            sum += score;
             if sum > best {
                 (best, end) = (sum, column);
             }
         }
         (best / (width as f32).sqrt(), end)
+    }
+
+    /// Adds a row of sums, between two rows of the turned evidence, times a factor.
+    fn add_row(&self, sums: &[f32], at: f64, factor: f32, into: &mut [f32]) {
+        let (first, share) = self.between(at);
+        let (above, below) = sums[first..first + 2 * self.columns].split_at(self.columns);
+        let (above_factor, below_factor) = (factor * (1.0 - share), factor * share);
+        for ((into, above), below) in into.iter_mut().zip(above).zip(below) {
+            *into += above * above_factor + below * below_factor;
+        }
     }
 
     /// Beginning of the sums before a place, and the share of those after it.

@@ -19,6 +19,34 @@ use crate::vision::tube::Tube;
 /// and a bent shaft count more the longer it is.
 pub const MEASURED_SHAFT_MM: f64 = 60.0;
 
+/// Searches of the whole picture for a shaft that is not found. They take so long that not every frame is searched.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ShaftSearch {
+    /// Searches without success since the last one with it.
+    failed: u32,
+    /// Frames until the next search.
+    pause: u32,
+    reason: Option<MissReason>,
+}
+
+impl ShaftSearch {
+    /// The reason of the last search, on frames without one.
+    fn pausing(&mut self) -> Option<MissReason> {
+        let reason = self.reason.filter(|_| self.pause > 0);
+        self.pause = self.pause.saturating_sub(1);
+        reason
+    }
+
+    /// Ends a search that failed for a reason, or succeeded.
+    fn end(&mut self, reason: Option<MissReason>, is_trocar_known: bool) {
+        /// Most frames between two searches, with the trocar known and without: a tenth and half of a second at 30 Hz.
+        const MAX_PAUSES: [u32; 2] = [2, 14];
+        self.failed = if reason.is_some() { self.failed + 1 } else { 0 };
+        self.pause = self.failed.min(MAX_PAUSES[usize::from(!is_trocar_known)]);
+        self.reason = reason;
+    }
+}
+
 /// Leans away from the camera that are tried, degrees: trocars lie on the camera's side of the tips more often than not.
 const LEANS_DEG: [f64; 3] = [0.0, 35.0, -35.0];
 
@@ -30,9 +58,24 @@ impl ToolTracker {
         prediction: &Prediction,
         bare: usize,
     ) -> Result<Measurement, MissReason> {
-        let strips = scene.strips.map(|strips| strips.of_tool(bare)).unwrap_or_default();
+        let Some(strips) = scene.strips else { return Err(MissReason::NoMarkerColour) };
+        if let Some(reason) = self.shaft_search.pausing() {
+            return Err(reason);
+        }
+        let found = self.measure_best_strip(scene, prediction, &strips.of_tool(bare));
+        self.shaft_search.end(found.as_ref().err().copied(), strips.is_trocar_known(bare));
+        found
+    }
+
+    /// Measures the strips until one is accepted.
+    fn measure_best_strip(
+        &mut self,
+        scene: &FrameContext<'_>,
+        prediction: &Prediction,
+        strips: &[Strip],
+    ) -> Result<Measurement, MissReason> {
         let mut best = Err(MissReason::NoMarkerColour);
-        for strip in &strips {
+        for strip in strips {
             let mut recorder = FitRecorder::new(self.trace.is_recording());
             let measured = self.band_fit(scene, prediction).measure_strip(strip, &mut recorder);
             self.trace.record_fits(recorder.into_fits());

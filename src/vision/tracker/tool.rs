@@ -11,6 +11,7 @@ use super::predict::{Band, Prediction};
 use super::record::{FrameRecord, PackedRecords};
 use super::rival::Rivalry;
 use super::settings::{HandSide, ToolSpec};
+use super::shaft_search::ShaftSearch;
 use super::trace::TraceRecorder;
 use crate::vision::blob::components::ComponentFinder;
 use crate::vision::edges::edge_model::EdgeModel;
@@ -28,6 +29,7 @@ pub struct ToolTracker {
     pub(super) class: u8,
     /// Its place among the tools with bare shafts.
     pub(super) bare: Option<usize>,
+    pub(super) shaft_search: ShaftSearch,
     pub(super) finder: ComponentFinder,
     pub(super) edges: EdgeModel,
     pub(super) track: Track,
@@ -52,6 +54,7 @@ impl ToolTracker {
             spec,
             class,
             bare,
+            shaft_search: ShaftSearch::default(),
             finder: ComponentFinder::default(),
             edges,
             track: Track::default(),
