@@ -48,7 +48,7 @@ impl StripFinder {
     ) -> Option<Self> {
         /// Frames for the colours of anything, and for the trocars.
         const COLOUR_FRAMES: usize = 20;
-        const TROCAR_FRAMES: usize = 30;
+        const TROCAR_FRAMES: usize = 20;
         let any = AnyColour::new(spread(frames, COLOUR_FRAMES));
         let background = empty
             .and_then(|empty| Background::from_empty(empty, frames, &shaft, &any))

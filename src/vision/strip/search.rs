@@ -11,12 +11,12 @@ use super::grid::{Map, UndistortedGrid};
 use super::{DISTANCES_MM, plane_through};
 use crate::vision::space::HandSide;
 
-/// Step between directions, degrees: it moves the end of a strip of twelve widths by a sixth of a width only.
-const STEP_DEG: f64 = 1.5;
+/// Step between directions, degrees: it moves the end of a strip of twelve widths by a fifth of a width only.
+const STEP_DEG: f64 = 2.0;
 /// Directions on both sides of the horizontal, from the hand's side, degrees.
 const REACH_DEG: f64 = 95.0;
-/// Ratio of successive widths: the nearest is wrong by at most 14 %, half a cell of a tube of four cells.
-const WIDTH_RATIO: f64 = 1.3;
+/// Ratio of successive widths: the nearest is wrong by at most a fifth, which the outline then corrects.
+const WIDTH_RATIO: f64 = 1.45;
 /// Smallest width, cells of half resolution.
 const MIN_WIDTH: f64 = 1.5;
 /// Strips kept for each direction and width.
@@ -165,17 +165,26 @@ impl Turned<'_> {
         Point2::from(at.coords * 2.0 + Vector2::repeat(0.5))
     }
 
+    /// The part of the turned square that the picture covers along a direction: first place, behind the last. `along` is
+    /// the picture's size along the square's side at angle 0.
+    fn extent(&self, along: usize, across: usize, angle: f64) -> (usize, usize) {
+        let half = 0.5 * (angle.cos().abs() * along as f64 + angle.sin().abs() * across as f64);
+        let middle = 0.5 * self.side as f64;
+        ((middle - half).max(0.0) as usize, ((middle + half).ceil() as usize + 1).min(self.side))
+    }
+
     /// The rows whose strips may pass through the trocar: first, behind the last.
     fn rows(&self, angle: f64, limits: &SearchLimits) -> (usize, usize) {
-        let Some((trocar, within)) = limits.trocar else { return (0, self.side) };
+        let (first, end) = self.extent(self.half.rows, self.half.columns, angle);
+        let Some((trocar, within)) = limits.trocar else { return (first, end) };
         const APART: f64 = 60.0;
         let passes = |row: usize| {
             let at = |column: f64| self.grid.normalised(Self::on_full_grid(self.place(angle, column, row as f64)));
             let middle = 0.5 * self.side as f64;
             plane_through(at(middle), at(middle + APART)).dot(&trocar).abs() < within
         };
-        let Some(first) = (0..self.side).find(|row| passes(*row)) else { return (0, 0) };
-        let last = (first..self.side).rev().find(|row| passes(*row)).unwrap_or(first);
+        let Some(first) = (first..end).find(|row| passes(*row)) else { return (0, 0) };
+        let last = (first..end).rev().find(|row| passes(*row)).unwrap_or(first);
         (first, last + 1)
     }
 
@@ -225,6 +234,7 @@ impl Turned<'_> {
 /// Sums over the rows of the turned evidence: of all values, and of the positive ones.
 struct RowSums {
     first: usize,
+    first_column: usize,
     columns: usize,
     all: Vec<f32>,
     positive: Vec<f32>,
@@ -232,20 +242,21 @@ struct RowSums {
 
 impl RowSums {
     fn new(turned: &Turned<'_>, angle: f64, first: usize, end: usize) -> Self {
-        let columns = turned.side;
+        let (first_column, end_column) = turned.extent(turned.half.columns, turned.half.rows, angle);
+        let columns = end_column - first_column;
         let (mut all, mut positive) = (vec![0.0; columns], vec![0.0; columns]);
-        let step = direction(angle);
+        let [step_x, step_y] = <[f64; 2]>::from(direction(angle)).map(|step| step as f32);
         for row in first..end {
-            let start = turned.place(angle, 0.0, row as f64);
+            let start = turned.place(angle, first_column as f64, row as f64);
+            let (start_x, start_y) = (start.x as f32, start.y as f32);
             let before = all.len() - columns;
             for column in 0..columns {
-                let at = start + step * column as f64;
-                let value = turned.half.at(at.x as f32, at.y as f32);
+                let value = turned.half.at(start_x + step_x * column as f32, start_y + step_y * column as f32);
                 all.push(all[before + column] + value);
                 positive.push(positive[before + column] + value.max(0.0));
             }
         }
-        Self { first, columns, all, positive }
+        Self { first, first_column, columns, all, positive }
     }
 
     /// The largest sum of scores from the rim on, divided by the root of the width, and the column where it ends. `scores`
@@ -269,7 +280,7 @@ impl RowSums {
                 (best, end) = (sum, column);
             }
         }
-        (best / (width as f32).sqrt(), end)
+        (best / (width as f32).sqrt(), self.first_column + end)
     }
 
     /// Adds a row of sums, between two rows of the turned evidence, times a factor.
