@@ -9,6 +9,7 @@
 //! | camera | photos of a checkerboard | [`camera::Camera`] | `camera/` | 1 |
 //! | segmentation | [`frame::Frame`] | cells with a class | `segmentation/` | 2 |
 //! | blob | cells with a class | band candidates of each tool | `blob/` | 3.1 |
+//! | strip | [`frame::Frame`], the empty box | bare shafts as straight strips | `strip/` | 3.1 |
 //! | edges | band candidate, luma and chroma | borders and band ends (sub-pixel) | `edges/` | 3.2–3.5 |
 //! | pose | borders, ends, tube diameter | tip, axis, covariance | `pose/` | 4 |
 //! | filter | poses on real time stamps | causal and smoothed states | `filter/` | 5 |

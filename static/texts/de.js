@@ -1481,6 +1481,7 @@ export default {
         collarShort: 'Kragen',
         jawShort: 'bis zur Spitze des Mauls',
         how: [
+          'Das ist ein Versuch: Die Bahn eines Instruments ohne Klebeband wird gezeigt, die Sitzung aber zurückgewiesen, weil Positionen Zentimeter danebenliegen können. Für eine Wertung kleben Sie ein Band auf.',
           'Zwei Instrumente ohne Klebeband lassen sich verfolgen: eines links und eines rechts im Bild.',
           'Messen Sie den Durchmesser des Rohrs mit einem Messschieber: 0,1 mm zu viel setzt die gemessene Spitze um 2 % zu weit weg.',
           'Der Schaft muss sich in Helligkeit oder Farbe vom Boden der Box unterscheiden.',
@@ -1489,7 +1490,7 @@ export default {
         diameter: 'Durchmesser des Rohrs, mm',
         diameterHint: 'Außendurchmesser. Die meisten Rohre haben 5 mm.',
         nameHint: 'Wenn es nicht nach seiner Seite heißen soll.',
-        exact: 'Genauere Tiefe',
+        exact: 'Längen, die eine spätere Version verwenden wird',
         collar: 'Länge des Kragens, mm',
         collarHint: 'Der Teil aus Stahl zwischen dem Ende des Rohrs und dem Maul.',
         jaw: 'Länge bis zur Spitze des Mauls, mm',

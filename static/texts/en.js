@@ -1382,6 +1382,7 @@ export default {
         collarShort: 'collar',
         jawShort: 'to the point of the jaws',
         how: [
+          'This is on trial: the path of an instrument without tape is shown, but its session is refused, because positions may be centimetres off. Wind tape round it for a score.',
           'Two instruments without tape can be followed: one on the left and one on the right of the picture.',
           'Measure the diameter of the tube with a caliper: 0.1 mm too much puts the measured tip 2 % too far away.',
           'The shaft must differ in brightness or colour from the floor of the box.',
@@ -1390,7 +1391,7 @@ export default {
         diameter: 'Diameter of the tube, mm',
         diameterHint: 'Outer diameter. Most tubes have 5 mm.',
         nameHint: 'Only if it should not be named after its side.',
-        exact: 'More exact depth',
+        exact: 'Lengths that a later version will use',
         collar: 'Length of the collar, mm',
         collarHint: 'The steel part between the end of the tube and the jaws.',
         jaw: 'Length to the point of the jaws, mm',

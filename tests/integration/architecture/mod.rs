@@ -81,7 +81,7 @@ const STAGES: [&[&str]; 10] = [
     &["camera", "space", "frame", "tube", "reason"],
     &["surroundings"],
     &["segmentation"],
-    &["blob"],
+    &["blob", "strip"],
     &["edges"],
     &["pose"],
     &["filter"],
