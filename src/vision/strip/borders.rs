@@ -38,7 +38,7 @@ pub struct PossibleBorder {
 /// The possible borders on both sides of the strip's middle, the strongest first. The first side is that of the strip's
 /// first border.
 pub fn possible_borders(frame: &Frame<'_>, camera: &Camera, strip: &Strip) -> [Vec<PossibleBorder>; 2] {
-    let profile = Profile::read(frame, camera, strip);
+    let profile = MeanProfile::read(frame, camera, strip);
     [-1.0, 1.0].map(|side| {
         let mut found = profile.peaks(side);
         found.sort_by(|one, other| other.codes.total_cmp(&one.codes));
@@ -62,14 +62,14 @@ pub fn with_borders(strip: &Strip, [first, second]: [f64; 2]) -> Strip {
 }
 
 /// The mean codes across a strip.
-struct Profile {
+struct MeanProfile {
     /// Distance between places, half widths.
     step: f64,
     /// Mean codes from −`REACH.1` to `REACH.1`.
     codes: Vec<[f64; 3]>,
 }
 
-impl Profile {
+impl MeanProfile {
     fn read(frame: &Frame<'_>, camera: &Camera, strip: &Strip) -> Self {
         let [one, other] = strip.borders;
         let half_px = 0.5 * strip.width * camera.fx;

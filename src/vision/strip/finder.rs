@@ -4,7 +4,7 @@ use std::cell::OnceCell;
 
 use nalgebra::{Point2, Vector3};
 
-use super::grid::{Map, UndistortedGrid};
+use super::grid::{GridMap, UndistortedGrid};
 use super::search::{SearchLimits, search, width_limits};
 use super::{Strip, end_step, outline, trocar};
 use crate::vision::camera::Camera;
@@ -31,7 +31,7 @@ pub struct BareTool {
 #[derive(Clone)]
 pub struct StripFinder {
     grid: UndistortedGrid,
-    inside: Map,
+    inside: GridMap,
     appearance: ShaftAppearance,
     tools: Vec<(BareTool, Option<Vector3<f64>>)>,
 }
@@ -57,7 +57,7 @@ impl StripFinder {
         let inside = grid.inside();
         let appearance = ShaftAppearance { shaft, any, background };
         let mut finder = Self { grid, inside, appearance, tools: tools.iter().map(|tool| (*tool, None)).collect() };
-        let spread: Vec<Map> = spread(frames, TROCAR_FRAMES).map(|cells| finder.evidence(cells)).collect();
+        let spread: Vec<GridMap> = spread(frames, TROCAR_FRAMES).map(|cells| finder.evidence(cells)).collect();
         for tool in 0..tools.len() {
             let found: Vec<Vec<Strip>> = spread.iter().map(|evidence| finder.strips(evidence, tool)).collect();
             finder.tools[tool].1 = trocar::find(&found, |at| finder.may_be_trocar(at));
@@ -66,12 +66,12 @@ impl StripFinder {
     }
 
     /// Evidence on the undistorted grid.
-    fn evidence(&self, cells: &CellPicture) -> Map {
+    fn evidence(&self, cells: &CellPicture) -> GridMap {
         self.grid.undistorted(&self.appearance.evidence(cells))
     }
 
     /// The strips that may be a tool, the best first.
-    fn strips(&self, evidence: &Map, tool: usize) -> Vec<Strip> {
+    fn strips(&self, evidence: &GridMap, tool: usize) -> Vec<Strip> {
         /// A border is a fifth of a cell off, so an outlined strip may miss the trocar by a third more than a rough one.
         const OUTLINED_MISS: f64 = trocar::MAX_MISS * 4.0 / 3.0;
         let (BareTool { side, diameter_mm }, trocar) = self.tools[tool];
@@ -103,7 +103,7 @@ impl StripFinder {
 pub struct FrameStrips<'a> {
     finder: &'a StripFinder,
     frame: &'a Frame<'a>,
-    cells: OnceCell<(CellPicture, Map)>,
+    cells: OnceCell<(CellPicture, GridMap)>,
 }
 
 impl<'a> FrameStrips<'a> {

@@ -8,7 +8,7 @@ use crate::vision::space::{Normalised, Pixel};
 
 /// Values on a grid of columns and rows.
 #[derive(Clone, Debug, Default)]
-pub struct Map {
+pub struct GridMap {
     /// Columns.
     pub columns: usize,
     /// Rows.
@@ -17,7 +17,7 @@ pub struct Map {
     pub values: Vec<f32>,
 }
 
-impl Map {
+impl GridMap {
     /// The value between four cells; 0 outside.
     #[inline]
     pub fn at(&self, x: f32, y: f32) -> f32 {
@@ -108,7 +108,7 @@ impl UndistortedGrid {
     }
 
     /// Values of the frame's cells on this grid; 0 outside the picture.
-    pub fn undistorted(&self, values: &[f32]) -> Map {
+    pub fn undistorted(&self, values: &[f32]) -> GridMap {
         let below = self.cells.columns;
         let value = |source: &Option<(u32, [f32; 2])>| {
             let Some((first, [x, y])) = *source else { return 0.0 };
@@ -116,7 +116,7 @@ impl UndistortedGrid {
             let [upper, lower] = [first, first + below].map(|i| values[i] * (1.0 - x) + values[i + 1] * x);
             upper * (1.0 - y) + lower * y
         };
-        Map { columns: self.columns, rows: self.rows, values: self.sources.iter().map(value).collect() }
+        GridMap { columns: self.columns, rows: self.rows, values: self.sources.iter().map(value).collect() }
     }
 
     /// Codes of the frame's cells at a place of the grid; `None` outside the picture.
@@ -131,9 +131,9 @@ impl UndistortedGrid {
     }
 
     /// 1 inside the picture, 0 outside.
-    pub fn inside(&self) -> Map {
+    pub fn inside(&self) -> GridMap {
         let values = self.sources.iter().map(|source| if source.is_some() { 1.0 } else { 0.0 });
-        Map { columns: self.columns, rows: self.rows, values: values.collect() }
+        GridMap { columns: self.columns, rows: self.rows, values: values.collect() }
     }
 
     fn source(&self, column: usize, row: usize) -> Option<(u32, [f32; 2])> {

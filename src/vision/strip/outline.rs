@@ -8,7 +8,7 @@
 use nalgebra::{Point2, Vector2};
 
 use super::Strip;
-use super::grid::{Map, UndistortedGrid};
+use super::grid::{GridMap, UndistortedGrid};
 use super::search::RoughStrip;
 
 /// Distance between places across the strip, cells.
@@ -28,8 +28,8 @@ const ROUNDS: usize = 3;
 /// largest width that the tube can have, cells. `None` if nothing like a shaft is left.
 pub fn outline(
     grid: &UndistortedGrid,
-    evidence: &Map,
-    inside: &Map,
+    evidence: &GridMap,
+    inside: &GridMap,
     rough: &RoughStrip,
     widths: (f64, f64),
 ) -> Option<Strip> {
@@ -93,7 +93,7 @@ struct Rows {
 }
 
 impl Rows {
-    fn read(grid: &UndistortedGrid, evidence: &Map, inside: &Map, now: &Estimate) -> Option<Self> {
+    fn read(grid: &UndistortedGrid, evidence: &GridMap, inside: &GridMap, now: &Estimate) -> Option<Self> {
         const MIN_INSIDE: f64 = 0.6;
         let across = Vector2::new(-now.along.y, now.along.x);
         let half = 1.6 * now.width + 4.0;
@@ -279,7 +279,7 @@ impl Rows {
     }
 }
 
-fn read(map: &Map, at: Point2<f64>) -> f64 {
+fn read(map: &GridMap, at: Point2<f64>) -> f64 {
     f64::from(map.at(at.x as f32, at.y as f32))
 }
 
@@ -300,8 +300,11 @@ mod tests {
             let (x, y) = ((i % grid.columns) as f64, (i / grid.columns) as f64);
             if x < end && y > border(x, -1.0) && y < border(x, 1.0) { 2.0 } else { -2.0 }
         };
-        let map =
-            Map { columns: grid.columns, rows: grid.rows, values: (0..grid.columns * grid.rows).map(value).collect() };
+        let map = GridMap {
+            columns: grid.columns,
+            rows: grid.rows,
+            values: (0..grid.columns * grid.rows).map(value).collect(),
+        };
         let rough = RoughStrip {
             point: Point2::new(0.3 * columns, 0.5 * rows + 0.015 * columns + 1.5),
             direction: Vector2::new(1.0, 0.03).normalize(),

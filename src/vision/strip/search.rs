@@ -7,7 +7,7 @@
 
 use nalgebra::{Point2, Vector2, Vector3};
 
-use super::grid::{Map, UndistortedGrid};
+use super::grid::{GridMap, UndistortedGrid};
 use super::{DISTANCES_MM, plane_through};
 use crate::vision::space::HandSide;
 
@@ -57,7 +57,7 @@ pub struct SearchLimits {
 
 /// One candidate, on the turned grid.
 #[derive(Clone, Copy)]
-struct Candidate {
+struct TurnedStrip {
     score: f32,
     angle: f64,
     row: usize,
@@ -66,16 +66,16 @@ struct Candidate {
 }
 
 /// Searches the evidence, at half the grid's resolution, for the best `count` different strips.
-pub fn search(grid: &UndistortedGrid, evidence: &Map, limits: &SearchLimits, count: usize) -> Vec<RoughStrip> {
+pub fn search(grid: &UndistortedGrid, evidence: &GridMap, limits: &SearchLimits, count: usize) -> Vec<RoughStrip> {
     let half = evidence.halved();
     let side = (half.columns as f64).hypot(half.rows as f64) as usize + 2;
     let turned = Turned { grid, half: &half, side };
-    let mut found: Vec<Candidate> = Vec::new();
+    let mut found: Vec<TurnedStrip> = Vec::new();
     for angle in angles(limits.side) {
         turned.search_direction(angle, limits, &mut found);
     }
     found.sort_by(|one, other| other.score.total_cmp(&one.score));
-    let mut kept: Vec<(Candidate, Point2<f64>)> = Vec::new();
+    let mut kept: Vec<(TurnedStrip, Point2<f64>)> = Vec::new();
     for candidate in found {
         if kept.len() == count {
             break;
@@ -132,7 +132,7 @@ fn across(direction: Vector2<f64>) -> Vector2<f64> {
     Vector2::new(-direction.y, direction.x)
 }
 
-fn is_same(one: &Candidate, middle: Point2<f64>, other: &Candidate, at: Point2<f64>) -> bool {
+fn is_same(one: &TurnedStrip, middle: Point2<f64>, other: &TurnedStrip, at: Point2<f64>) -> bool {
     /// Middles nearer than this are one strip, cells of half resolution, however narrow.
     const MIN_APART: f64 = 3.0;
     let along = direction(other.angle);
@@ -143,7 +143,7 @@ fn is_same(one: &Candidate, middle: Point2<f64>, other: &Candidate, at: Point2<f
 /// The evidence at half resolution, to be read along rows of any direction.
 struct Turned<'a> {
     grid: &'a UndistortedGrid,
-    half: &'a Map,
+    half: &'a GridMap,
     /// Columns and rows of the turned square: the picture's diagonal.
     side: usize,
 }
@@ -189,7 +189,7 @@ impl Turned<'_> {
     }
 
     /// Adds the best strips of one direction.
-    fn search_direction(&self, angle: f64, limits: &SearchLimits, found: &mut Vec<Candidate>) {
+    fn search_direction(&self, angle: f64, limits: &SearchLimits, found: &mut Vec<TurnedStrip>) {
         let (first, end) = self.rows(angle, limits);
         if first >= end {
             return;
@@ -199,12 +199,12 @@ impl Turned<'_> {
         let rows = RowSums::new(self, angle, first.saturating_sub(margin), (end + margin).min(self.side));
         let mut scores = Vec::new();
         for width in widths {
-            let mut best = [Candidate { score: 0.0, angle, row: 0, width, end: 0 }; KEPT_OF_EACH];
+            let mut best = [TurnedStrip { score: 0.0, angle, row: 0, width, end: 0 }; KEPT_OF_EACH];
             for row in first..end {
                 let (score, end) = rows.best_end(row, width, &mut scores);
                 let worst = best.iter_mut().min_by(|one, other| one.score.total_cmp(&other.score));
                 if let Some(worst) = worst.filter(|worst| score > worst.score) {
-                    *worst = Candidate { score, angle, row, width, end };
+                    *worst = TurnedStrip { score, angle, row, width, end };
                 }
             }
             found.extend(best.into_iter().filter(|candidate| candidate.score > 0.0));
@@ -212,14 +212,14 @@ impl Turned<'_> {
     }
 
     /// Where a candidate enters the picture, on the full grid, and its middle, at half resolution.
-    fn ends(&self, candidate: &Candidate) -> Option<(Point2<f64>, Point2<f64>)> {
+    fn ends(&self, candidate: &TurnedStrip) -> Option<(Point2<f64>, Point2<f64>)> {
         let at = |column: usize| self.place(candidate.angle, column as f64, candidate.row as f64);
         let first = (0..=candidate.end).find(|column| self.grid.is_inside(Self::on_full_grid(at(*column))))?;
         Some((Self::on_full_grid(at(first)), nalgebra::center(&at(first), &at(candidate.end))))
     }
 
-    fn rough_strip(&self, candidate: &Candidate) -> RoughStrip {
-        let Candidate { score, angle, row, width, end } = *candidate;
+    fn rough_strip(&self, candidate: &TurnedStrip) -> RoughStrip {
+        let TurnedStrip { score, angle, row, width, end } = *candidate;
         let middle = 0.5 * self.side as f64;
         RoughStrip {
             point: Self::on_full_grid(self.place(angle, middle, row as f64)),
@@ -307,7 +307,7 @@ mod tests {
     use crate::vision::camera::testing::STRAIGHT;
 
     /// Evidence of a strip from the left rim to an end, on a picture that speaks against a shaft elsewhere.
-    fn evidence(grid: &UndistortedGrid, strip: &RoughStrip) -> Map {
+    fn evidence(grid: &UndistortedGrid, strip: &RoughStrip) -> GridMap {
         let value = |i: usize| {
             let at = Point2::new((i % grid.columns) as f64, (i / grid.columns) as f64) - strip.point;
             let inside =
@@ -315,7 +315,7 @@ mod tests {
             if inside { 2.0 } else { -2.0 }
         };
         let values = (0..grid.columns * grid.rows).map(value).collect();
-        Map { columns: grid.columns, rows: grid.rows, values }
+        GridMap { columns: grid.columns, rows: grid.rows, values }
     }
 
     #[test]
@@ -340,7 +340,7 @@ mod tests {
     #[test]
     fn an_even_dark_area_holds_no_strip() {
         let grid = UndistortedGrid::new(&STRAIGHT).unwrap();
-        let map = Map { columns: grid.columns, rows: grid.rows, values: vec![2.0; grid.columns * grid.rows] };
+        let map = GridMap { columns: grid.columns, rows: grid.rows, values: vec![2.0; grid.columns * grid.rows] };
         let limits = SearchLimits { side: Some(HandSide::Left), diameter_mm: 5.0, trocar: None };
         let rim = search(&grid, &map, &limits, 1);
         let inside = rim.iter().filter(|strip| {
