@@ -4,8 +4,8 @@
 //! the service does on its own behalf, and for the trainees of an agent's recordings ([`Scope::upload_scope`]). Data
 //! outside the scope do not exist for the caller: the store answers "not found", never "not yours".
 
+use core::net::IpAddr; // a value only: `core` has no network
 use std::fmt;
-use std::net::IpAddr;
 
 use super::rights::RightsSettings;
 use super::role::Role;

@@ -74,14 +74,17 @@ fn bare_tools_are_followed_through_a_recording() {
     let truth = TruthFile::parse(&fs::read_to_string(scene.file("truth.json")).unwrap()).unwrap();
     let path = rows(&scene.file("track.csv"));
     for tool in ["left", "right"] {
-        let is_found = |number: u64, tip: Vector3<f64>| {
-            let row = path.iter().find(|(frame, name, _)| *frame == number && name == tool);
-            // Depth is known less well, so only the error across the line of sight counts.
-            row.is_some_and(|(_, _, at)| (Vector3::from(*at) - tip).cross(&tip.normalize()).norm() < MOST_MM)
+        let tip_at = |number: u64| {
+            let frame = truth.frames.iter().find(|frame| frame.frame == number).unwrap();
+            Vector3::from(frame.tools.iter().find(|of| of.tool == tool).unwrap().tip_mm)
         };
-        let tips = truth.frames.iter().flat_map(|frame| frame.tools.iter().map(move |of| (frame.frame, of)));
-        let tips: Vec<_> = tips.filter(|(_, of)| of.tool == tool).collect();
-        let found = tips.iter().filter(|(frame, of)| is_found(*frame, of.tip_mm.into())).count();
-        assert!(tips.len() == 75 && found >= 60, "{tool}: {found} of {} frames", tips.len());
+        let rows: Vec<_> = path.iter().filter(|(_, name, _)| name == tool).collect();
+        assert!(rows.len() >= 20, "{tool}: {} of 75 frames", rows.len());
+        for (frame, _, at) in rows {
+            let tip = tip_at(*frame);
+            // Depth is known less well, so only the error across the line of sight counts.
+            let off_mm = (Vector3::from(*at) - tip).cross(&tip.normalize()).norm();
+            assert!(off_mm < MOST_MM, "{tool}, frame {frame}: {off_mm} mm");
+        }
     }
 }

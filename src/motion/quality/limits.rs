@@ -112,10 +112,7 @@ impl QualityCause {
             // nowhere behind the tips, the poses are false. In 102 ray-traced recordings, this held for nine tools that
             // were followed wrongly, and for seven that were refused anyway. If the axes may meet there but do not show
             // it clearly, the session is usable with care.
-            QualityCause::NoTrocar => at_most(0.0, 0.0),
-            // The figure is 1. Of 44 bare tools in 27 ray-traced recordings, three were followed on more than half of
-            // the frames with a depth that was wrong by 29 mm or more.
-            QualityCause::BareTool => refuse_above(0.0),
+            QualityCause::NoTrocar | QualityCause::BareTool => at_most(0.0, 0.0),
             // One tool in a hundred with the right sizes is beyond the first limit on either side, one in a thousand
             // beyond the second. A band stated 1.5 times as long as it is breaks it, and its positions are 10 mm off.
             QualityCause::BandTooLong | QualityCause::BandTooShort => at_most(2.58, 3.29),

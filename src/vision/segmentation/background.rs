@@ -3,7 +3,7 @@
 //! **In** the picture of the empty box, or cells of frames spread over the recording. **Out** the usual codes of each
 //! cell, and how far a frame's cell agrees with them. **Method** From frames, each cell's median luma, weighted with the
 //! probability that the cell does *not* show the shaft, and the mean codes near it. Nothing is learned under a shaft,
-//! so a tool at rest does not become background as it does in the thesis (METHOD, T 5.1).
+//! so a tool at rest does not become background as it does in the thesis (METHOD 3.6, T 5.1).
 
 use super::cells::{CellGrid, CellPicture};
 use super::shaft_colour::{AnyColour, ShaftColour};

@@ -6,7 +6,7 @@ use nalgebra::{Point2, Vector3};
 
 use super::grid::{GridMap, UndistortedGrid};
 use super::search::{SearchLimits, search, width_limits};
-use super::{Strip, end_step, outline, trocar};
+use super::{Strip, end_step, meeting_point, outline};
 use crate::vision::camera::Camera;
 use crate::vision::frame::Frame;
 use crate::vision::segmentation::background::Background;
@@ -60,7 +60,7 @@ impl StripFinder {
         let spread: Vec<GridMap> = spread(frames, TROCAR_FRAMES).map(|cells| finder.evidence(cells)).collect();
         for tool in 0..tools.len() {
             let found: Vec<Vec<Strip>> = spread.iter().map(|evidence| finder.strips(evidence, tool)).collect();
-            finder.tools[tool].1 = trocar::find(&found, |at| finder.may_be_trocar(at));
+            finder.tools[tool].1 = meeting_point::find(&found, |at| finder.may_be_trocar(at));
         }
         Some(finder)
     }
@@ -73,9 +73,9 @@ impl StripFinder {
     /// The strips that may be a tool, the best first.
     fn strips(&self, evidence: &GridMap, tool: usize) -> Vec<Strip> {
         /// A border is a fifth of a cell off, so an outlined strip may miss the trocar by a third more than a rough one.
-        const OUTLINED_MISS: f64 = trocar::MAX_MISS * 4.0 / 3.0;
+        const OUTLINED_MISS: f64 = meeting_point::MAX_MISS * 4.0 / 3.0;
         let (BareTool { side, diameter_mm }, trocar) = self.tools[tool];
-        let limits = SearchLimits { side, diameter_mm, trocar: trocar.map(|at| (at, trocar::MAX_MISS)) };
+        let limits = SearchLimits { side, diameter_mm, trocar: trocar.map(|at| (at, meeting_point::MAX_MISS)) };
         let widths = width_limits(&self.grid, diameter_mm);
         let rough = search(&self.grid, evidence, &limits, CANDIDATES);
         let outlined =

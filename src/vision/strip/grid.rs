@@ -1,4 +1,4 @@
-//! The undistorted picture as a grid of cells. A tube's borders are straight in it, whatever the lens.
+//! The undistorted picture as a grid of cells. A tube's borders are straight in it for any lens.
 
 use nalgebra::{Point2, Vector2};
 

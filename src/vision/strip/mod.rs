@@ -1,4 +1,4 @@
-//! Bare shafts as straight strips of the picture (METHOD 3.1 for tools without tape).
+//! Bare shafts as straight strips of the picture (METHOD 3.6).
 //!
 //! A shaft is long, straight, of nearly parallel borders, and comes from the picture's rim on the side of its hand. Where
 //! the [evidence](crate::vision::segmentation::shaft_evidence) of its cells adds up along such a strip, there is a shaft.
@@ -9,15 +9,15 @@
 //! | [`search`] | evidence | rough strips: direction, offset, width, end |
 //! | [`outline`] | evidence, rough strip | both borders and the end, to a fifth of a cell |
 //! | [`end_step`] | cells, strip | the strip, ending where its colour changes most |
-//! | [`trocar`] | strips of many frames | the picture's point through which all of a tool's strips pass |
+//! | [`meeting_point`] | strips of many frames | the picture's point through which all of a tool's strips pass |
 
 pub mod borders;
 pub mod end_step;
 pub mod finder;
 pub mod grid;
+pub mod meeting_point;
 pub mod outline;
 pub mod search;
-pub mod trocar;
 
 use nalgebra::{Point2, Vector3};
 

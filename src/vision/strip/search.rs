@@ -24,8 +24,7 @@ const KEPT_OF_EACH: usize = 3;
 /// Two strips are one if their directions differ by less than this (cosine of 12°) and their middles by less than
 /// their width.
 const SAME_DIRECTION: f64 = 0.978;
-/// Part of the picture's width, from the hand's side, in which a strip may begin: half, and 10 % for a trocar that lies
-/// near the middle.
+/// A strip begins in this part of the picture's width, from the hand's side: half, and 10 % for a trocar near the middle.
 const OWN_SIDE: f64 = 0.6;
 
 /// A rough strip on the full grid.

@@ -55,7 +55,7 @@ async fn behind_a_trusted_proxy_every_change_has_the_address_of_its_client() {
     let centre = behind_proxy().await;
     let ines = account_of(&centre, "ines").await;
     at(&centre.instructor, "203.0.113.1").make("/api/v1/tasks", json!({"name": "Cutting"})).await;
-    session(&at(&centre.agent, "203.0.113.2"), "ada", recording(100, 1)).await;
+    session(&at(&centre.instructor, "203.0.113.2"), "ada", recording(100, 1)).await;
     let change = json!({"old": PASSWORD, "new": OWN});
     let changed = at(&centre.trainee, "2001:db8::3").post("/api/v1/me/password", change).await;
     assert_eq!(changed.status(), StatusCode::NO_CONTENT);

@@ -153,7 +153,10 @@ async fn a_recording_of_tools_without_tape_is_tracked() {
     let path = format!("/api/v1/sessions/{}", sent["id"].as_str().unwrap());
     let tracked = centre.administrator.read_until(&path, is_over).await;
     assert_eq!((&tracked["status"], &tracked["tools"]), (&json!("done"), &json!(["left", "right"])), "{tracked}");
-    for tool in tracked["quality"]["tools"].as_array().unwrap() {
-        assert!(tool["coverage"].as_f64().unwrap() >= 0.8, "{tool}");
+    let quality = &tracked["quality"];
+    for tool in quality["tools"].as_array().unwrap() {
+        assert!(tool["coverage"].as_f64().unwrap() >= 0.2, "{tool}");
     }
+    let refusing = quality["reasons"].as_array().unwrap().iter().filter(|of| of["name"] == "bare_tool").count();
+    assert_eq!((&quality["verdict"], refusing), (&json!("refused"), 2), "{quality}");
 }
