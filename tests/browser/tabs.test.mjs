@@ -45,6 +45,7 @@ const PATHS = ['/sessions', '/tasks', '/trainees', '/boxes'];
 
 test('twelve tabs load, and share one stream of events', () =>
   withBrowser(async (context, first) => {
+    await waitUntil(async () => (await streams()) > 0, 'the stream of the first tab');
     const before = await streams();
     const tabs = [first];
     while (tabs.length < TABS) {

@@ -44,6 +44,7 @@ export function Player({ address, size, track, playback, hidden, onRead }) {
     playback.withoutVideo(track?.duration ?? 0);
   };
   const showRead = () => {
+    if (!video.current) return; // the page was left while the recording loaded
     const { videoWidth: width, videoHeight: height, duration } = video.current;
     onRead({ width, height, duration_s: duration * playback.factor });
   };
