@@ -232,7 +232,7 @@ macro_rules! only {
 
 only! {
     /// Every role but a box's agent.
-    Member: Administrator | Instructor | Trainee, "An agent's token can only send recordings of its box.";
+    Member: Administrator | Instructor | Trainee, "An agent's token can only send to the feed of its box.";
     /// Administrators and instructors.
     Staff: Administrator | Instructor, "Only administrators and instructors may do this. Ask one of them.";
     /// Administrators.
