@@ -2,7 +2,8 @@
 //!
 //! Conventions everywhere: camera frame x right, y down, z forward; millimetres, seconds. Pixel (0, 0) is the
 //! *centre* of the top-left pixel. Distortion in OpenCV order `k1 k2 p1 p2 k3`. A *normalised* point is `(x/z, y/z)`
-//! after undistortion. A tool's **tip** is the centre of the tube's cross-section at the distal end of the tape band.
+//! after undistortion. A tool's **tip** is the centre of the tube's cross-section at the distal end of the tape band, or
+//! of the shaft of a tool without tape.
 //!
 //! | stage | input | output | file | METHOD |
 //! |---|---|---|---|---|

@@ -144,13 +144,13 @@ impl Tracker {
     /// Learns the box without tools, and the trocars of bare tools, from frames spread over the recording. Needed to
     /// find tools without tape; call it before [`Tracker::warm_up`]. Nothing happens without such tools.
     pub fn learn_scene(&mut self, scene: &SceneSamples) {
-        let bare = self.settings.tools.iter().filter(|tool| tool.is_bare());
+        let bare: Vec<&ToolSpec> = self.settings.tools.iter().filter(|tool| tool.is_bare()).collect();
         let tools: Vec<BareTool> =
-            bare.map(|tool| BareTool { side: tool.side, diameter_mm: tool.diameter_mm }).collect();
-        let Some(colour) = self.settings.tools.iter().find(|tool| tool.is_bare()).map(|tool| &tool.colour) else {
-            return;
-        };
-        let pixels: Vec<[u8; 3]> = self.settings.samples.codes_of_label(colour, self.encoding).collect();
+            bare.iter().map(|tool| BareTool { side: tool.side, diameter_mm: tool.diameter_mm }).collect();
+        let is_bare = |label: &&String| bare.iter().any(|tool| tool.colour == **label);
+        let labels = self.settings.samples.labels.iter().filter(is_bare);
+        let pixels: Vec<[u8; 3]> =
+            labels.flat_map(|label| self.settings.samples.codes_of_label(label, self.encoding)).collect();
         let SceneSamples { frames, empty, .. } = scene;
         self.strips = ShaftColour::new(&pixels)
             .and_then(|shaft| StripFinder::learn(&self.settings.camera, shaft, &tools, frames, empty.as_ref()));

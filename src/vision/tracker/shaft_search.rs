@@ -183,3 +183,28 @@ fn line_through([from, to]: [Point2<f64>; 2]) -> BorderLine {
     let normal = Vector2::new(-along.y, along.x).normalize();
     BorderLine { normal, offset: normal.dot(&from.coords) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames without a search after each failed one.
+    fn pauses(search: &mut ShaftSearch, is_trocar_known: bool, searches: usize) -> Vec<usize> {
+        let mut after_each = Vec::new();
+        for _ in 0..searches {
+            search.end(Some(MissReason::TipHidden), is_trocar_known);
+            after_each.push(std::iter::from_fn(|| search.pausing()).count());
+        }
+        after_each
+    }
+
+    #[test]
+    fn searches_without_success_become_rarer_and_a_success_ends_the_pause() {
+        let mut search = ShaftSearch::default();
+        assert_eq!(search.pausing(), None, "the first frame is searched");
+        assert_eq!(pauses(&mut search, true, 4), [1, 2, 2, 2]);
+        search.end(None, true);
+        assert_eq!(search.pausing(), None);
+        assert_eq!(pauses(&mut search, false, 20).last(), Some(&14));
+    }
+}
