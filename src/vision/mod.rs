@@ -17,7 +17,7 @@
 //! | trajectory | states | [`trajectory::Trajectory`] | `trajectory.rs` | 5 |
 //!
 //! [`tracker`] calls the stages for each frame. A stage uses the outputs of earlier stages, never those of later ones.
-//! [`reference`] has two markerless systems of other authors, which use the same stages and are only compared with it.
+//! [`mod@reference`] has two markerless systems of other authors, which use the same stages and are only compared with it.
 
 pub mod blob;
 pub mod camera;
