@@ -128,10 +128,11 @@ impl PasswordLinkStore<'_> {
             .write(async move |tx| {
                 let link = sqlx::query_as::<_, PasswordLinkRecord>(SELECT_LINK_OF_SECRET).bind(secret).bind(now_ms);
                 let id = link.fetch_optional(&mut *tx).await?.ok_or(not_found("link"))?.person_id;
-                replace_password(tx, id, (password, PasswordState::Own), None, false).await?;
                 let person: PersonRecord = sqlx::query_as(SELECT_LINK_PERSON).bind(id).fetch_one(&mut *tx).await?;
-                note(tx, &person.scope().at_address(address), now_ms, ("use", "password_link"), id).await?;
-                Ok(person)
+                let scope = person.scope().at_address(address);
+                replace_password(tx, (&scope, now_ms), id, (password, PasswordState::Own), None, false).await?;
+                note(tx, &scope, now_ms, ("use", "password_link"), id).await?;
+                Ok(PersonRecord { password_state: PasswordState::Own, ..person })
             })
             .await
     }

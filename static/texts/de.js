@@ -31,6 +31,7 @@ const NOUNS = {
   standard: 'Standard',
   task: 'Aufgabe',
   token: 'Token',
+  tokens: 'Token (Anzahl)',
   trainee: 'Lernende/r',
   upload: 'Übertragung',
 };
