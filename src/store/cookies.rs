@@ -1,5 +1,5 @@
 //! Signed-in browsers: the hash of each cookie and its expiry. Known places: browsers and addresses that have signed in
-//! to an account before.
+//! to an account before, or have set its password with a link.
 
 use std::time::Duration;
 
@@ -292,9 +292,19 @@ pub(super) async fn insert_sign_in(
         return Err(not_found("person"));
     }
     sqlx::query(DELETE_SURPLUS_COOKIES).bind(id).bind(secret).bind(most).execute(&mut *tx).await?;
-    for place in origin.places {
-        sqlx::query(REMEMBER_PLACE).bind(id).bind(place).bind(now_ms).execute(&mut *tx).await?;
+    remember_places(tx, id, origin.places, now_ms).await
+}
+
+/// Remembers places that have signed in to this account, or have set its password with a link.
+pub(super) async fn remember_places(
+    tx: &mut SqliteConnection,
+    person: PersonId,
+    places: Vec<SecretHash>,
+    now_ms: i64,
+) -> StoreResult<()> {
+    for place in places {
+        sqlx::query(REMEMBER_PLACE).bind(person).bind(place).bind(now_ms).execute(&mut *tx).await?;
     }
-    sqlx::query(DELETE_SURPLUS_PLACES).bind(id).bind(MAX_KNOWN_PLACES).execute(tx).await?;
+    sqlx::query(DELETE_SURPLUS_PLACES).bind(person).bind(MAX_KNOWN_PLACES).execute(tx).await?;
     Ok(())
 }

@@ -314,7 +314,7 @@ async fn only_administrators_make_links_for_passwords_and_a_copy_of_the_database
     assert_eq!(links.look_up(secret).await.unwrap(), Some((link.clone(), ina.clone())));
     centre.store.cookies().forget_all().await.unwrap(); // as a backup does
     assert_eq!(links.look_up(secret).await.unwrap(), None);
-    let used = links.set_password(secret, Password::random().hash(), Ipv4Addr::LOCALHOST.into()).await;
+    let used = links.set_password(secret, Password::random().hash(), Ipv4Addr::LOCALHOST.into(), vec![]).await;
     assert!(matches!(used, Err(StoreError::NotFound { .. })), "{used:?}");
 
     links.create(&service, ina.id, secret, day).await.unwrap();
