@@ -109,7 +109,7 @@ pub use feeds::{FeedRow, FeedStore, NewFeed};
 pub use groups::{GroupRecord, GroupStore, Members};
 pub use installation::InstallationStore;
 pub use jobs::{JobRecord, JobStore, Lease, MAX_LOST_LEASES, QueueCounts, SweepResult};
-pub use page::{Page, PageRequest};
+pub use page::{Cursor, NotACursor, Page, PageRequest};
 pub use palettes::{PaletteRecord, PaletteStore};
 pub use password_links::{PasswordLinkRecord, PasswordLinkStore};
 pub use pending_erasures::{ErasureExtent, PendingErasure, PendingErasureStore};
