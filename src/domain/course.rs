@@ -63,7 +63,8 @@ impl NewCourse {
     }
 }
 
-/// The first day of a course, if it lies within ten years ([`MAX_DAYS`]) before or after `today`: another one is mistyped.
+/// The first day of a course, if it lies within ten years ([`MAX_DAYS`]) before or after `today`: another one is
+/// mistyped.
 pub fn checked_first_day(begins: Day, today: Day) -> Result<Day, Invalid> {
     if begins <= today.plus_days(MAX_DAYS) && today <= begins.plus_days(MAX_DAYS) {
         return Ok(begins);

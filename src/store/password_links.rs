@@ -116,8 +116,9 @@ impl PasswordLinkStore<'_> {
         Ok(person.map(|person| (link, person)))
     }
 
-    /// Sets the password of the person whose link has this secret. It ends the person's sign-ins, tokens and the link, and
-    /// remembers `places`: the browser and its address. `address` is the client's, for the audit trail. Not found if the link is not valid any more; then nothing changes.
+    /// Sets the password of the person whose link has this secret. It ends the person's sign-ins, tokens and the link,
+    /// and remembers `places`: the browser and its address. `address` is the client's, for the audit trail. Not found if
+    /// the link is not valid any more; then nothing changes.
     pub async fn set_password(
         &self,
         secret: SecretHash,
@@ -127,7 +128,7 @@ impl PasswordLinkStore<'_> {
     ) -> StoreResult<PersonRecord> {
         let now_ms = self.0.now_ms();
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 let link = sqlx::query_as::<_, PasswordLinkRecord>(SELECT_LINK_OF_SECRET).bind(secret).bind(now_ms);
                 let id = link.fetch_optional(&mut *tx).await?.ok_or(not_found("link"))?.person_id;
                 let person: PersonRecord = sqlx::query_as(SELECT_LINK_PERSON).bind(id).fetch_one(&mut *tx).await?;

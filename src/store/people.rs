@@ -214,7 +214,7 @@ impl PersonStore<'_> {
         }
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 let present = read_person(tx, id).await?;
                 if let Some(what) = change.needs_sign_in(&present) {
                     require_sign_in(&scope, what)?;
@@ -252,7 +252,7 @@ impl PersonStore<'_> {
         require_administrator(scope, "deleting accounts")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 if read_person(tx, id).await?.role == Role::Administrator {
                     require_sign_in(&scope, "deleting an administrator")?;
                 }
@@ -279,7 +279,7 @@ impl PersonStore<'_> {
         require_administrator(scope, "setting passwords")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 if read_person(tx, id).await?.role == Role::Administrator {
                     require_sign_in(&scope, "setting the password of an administrator")?;
                 }
@@ -307,7 +307,7 @@ impl PersonStore<'_> {
         let id = scope.person().ok_or(not_found("person"))?;
         let (scope, now_ms, most) = (scope.clone(), self.0.now_ms(), self.0.sender_limits().sign_ins);
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 let own = (new.clone(), PasswordState::Own);
                 replace_password(tx, (&scope, now_ms), id, own, Some(verified), keep_tokens).await?;
                 let person = read_person(tx, id).await?;

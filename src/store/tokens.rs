@@ -174,7 +174,7 @@ impl TokenStore<'_> {
     pub async fn delete_own(&self, scope: &Scope, id: TokenId) -> StoreResult<()> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 require_own_or_made(tx, &scope, id).await?;
                 let delete = sqlx::query(DELETE_OWN_TOKEN).bind(id).bind(scope.person());
                 if delete.execute(&mut *tx).await?.rows_affected() == 0 {
@@ -190,7 +190,7 @@ impl TokenStore<'_> {
         require_administrator(scope, "deleting tokens")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 require_own_or_made(tx, &scope, id).await?;
                 let deleted = sqlx::query(DELETE_TOKEN).bind(id).execute(&mut *tx).await?;
                 if deleted.rows_affected() == 0 {
@@ -238,8 +238,8 @@ impl TokenStore<'_> {
     }
 }
 
-/// Withdraws a person's tokens, but for those of the role in `keeps`, and the tokens that they made. The audit trail gets
-/// the number of withdrawn tokens, if there are any.
+/// Withdraws a person's tokens, but for those of the role in `keeps`, and the tokens that they made. The audit trail
+/// gets the number of withdrawn tokens, if there are any.
 pub(super) async fn withdraw_tokens(
     tx: &mut SqliteConnection,
     (scope, now_ms): (&Scope, i64),
