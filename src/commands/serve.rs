@@ -30,6 +30,7 @@ use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
 use crate::events::EventBus;
 use crate::heap;
+use crate::http::auth::open_sign_ins::OpenSignIns;
 use crate::http::auth::password::PasswordHasher;
 use crate::http::auth::throttle::Throttle;
 use crate::http::connection_slots::ConnectionSlots;
@@ -203,7 +204,6 @@ pub async fn start(
     child: Program,
 ) -> anyhow::Result<RunningService> {
     check_kernel(settings.analysis.require_landlock)?;
-    refuse_backup(&settings.data)?;
     let certificate = ServerCertificate::load(&settings.tls).await.context("using the certificate of [tls]")?;
     let (vault, lock) = open_data_folder(&settings.data).await?;
     upkeep::prepare_database(&vault, &settings.database(), &settings.store).await.context("preparing the database")?;
@@ -236,6 +236,7 @@ pub async fn start(
     });
     let parts = AppParts {
         throttle: Throttle::new(settings.http.free_attempts, clock.clone()),
+        open_sign_ins: OpenSignIns::default(),
         password_hasher: PasswordHasher::default(),
         watcher_slots: ConnectionSlots::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
         heavy_answers: HeavyAnswers::new(&settings.http),
@@ -277,8 +278,9 @@ pub async fn start(
     Ok(RunningService { address, redirect_address, shutdown, is_first_start: is_first, app, served, _lock: lock })
 }
 
-/// Opens the data folder, makes it if it is missing, and locks it for this service.
+/// Opens the data folder, which must not be a backup, makes it if it is missing, and locks it for this service.
 async fn open_data_folder(data: &Path) -> anyhow::Result<(Vault, DataFolderLock)> {
+    refuse_backup(data)?;
     let shown = data.display();
     let vault = Vault::open(data).await.with_context(|| format!("opening the data folder `{shown}`"))?;
     let lock = vault.lock().await.with_context(|| format!("using {shown}"))?;
@@ -328,8 +330,11 @@ fn check_kernel(require_landlock: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Starts the background tasks: rescue of expired leases, upkeep of feeds, removal of unneeded files, backups.
+/// Starts the background tasks: rescue of expired leases, upkeep of feeds, the end of streams with their sign-ins,
+/// removal of unneeded files, backups.
 fn start_upkeep(app: &App, settings: &Settings) {
+    let own = app.clone();
+    app.shutdown.spawn(async move { own.end_streams_with_sign_ins().await });
     let (queue, stop) = (app.queue.clone(), app.shutdown.clone());
     app.shutdown.spawn(async move { queue.keep_sweeping(&stop).await });
     let feeds = app.feeds.clone();

@@ -7,6 +7,7 @@ use serde::Deserialize;
 
 use super::text::{Invalid, Key, Name};
 use crate::ids::GroupId;
+use crate::time::Day;
 
 /// Maximum number of steps of a plan: a longer table is unreadable.
 pub const MAX_STEPS: usize = 40;
@@ -62,6 +63,15 @@ impl NewCourse {
     }
 }
 
+/// The first day of a course, if it lies within ten years ([`MAX_DAYS`]) before or after `today`: another one is
+/// mistyped.
+pub fn checked_first_day(begins: Day, today: Day) -> Result<Day, Invalid> {
+    if begins <= today.plus_days(MAX_DAYS) && today <= begins.plus_days(MAX_DAYS) {
+        return Ok(begins);
+    }
+    Err(Invalid::new("begins", format!("is {begins}; expected a day within ten years of today, such as {today}")))
+}
+
 #[cfg(test)]
 mod tests {
     use serde_json::{Value, json};
@@ -85,6 +95,19 @@ mod tests {
             (json!([{"task": "pegs", "sessions": 201}]), "sessions"),
         ] {
             assert_eq!(checked(steps.clone()).unwrap_err().what, what, "{steps}");
+        }
+    }
+
+    #[test]
+    fn a_course_begins_within_ten_years_of_today() {
+        let day = |text: &str| text.parse::<Day>().unwrap();
+        let today = day("2026-11-21");
+        for begins in ["2026-11-21", "2016-11-24", "2036-11-18"] {
+            assert_eq!(checked_first_day(day(begins), today), Ok(day(begins)));
+        }
+        for begins in ["9999-12-31", "0001-01-01", "2016-11-22", "2036-11-20"] {
+            let refused = checked_first_day(day(begins), today).unwrap_err();
+            assert!(refused.what == "begins" && refused.why.contains("such as 2026-11-21"), "{refused}");
         }
     }
 }

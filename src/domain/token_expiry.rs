@@ -9,6 +9,9 @@ use crate::time::{from_rfc3339, millis, to_rfc3339};
 /// Lifetime of a token whose maker states none: a year, so that a forgotten program loses access at some time.
 const USUAL_LIFETIME: Duration = Duration::from_secs(365 * 86_400);
 
+/// Longest lifetime that a maker may state: ten years. A later end is mistyped.
+const MAX_LIFETIME: Duration = Duration::from_secs(3650 * 86_400);
+
 /// How long ahead of its end a token is said to expire soon: time for an administrator to make another.
 const SOON: Duration = Duration::from_secs(30 * 86_400);
 
@@ -31,7 +34,7 @@ pub enum TokenExpiry {
 
 impl TokenExpiry {
     /// The time, epoch ms, for a token that is made at `now_ms`; `None` if it never expires.
-    pub fn at_ms(self, now_ms: i64) -> Option<i64> {
+    fn at_ms(self, now_ms: i64) -> Option<i64> {
         match self {
             Self::InAYear => Some(now_ms + millis(USUAL_LIFETIME)),
             Self::Never => None,
@@ -43,9 +46,15 @@ impl TokenExpiry {
     /// token that makes it, if one does: the new token ends then at the latest.
     ///
     /// # Errors
-    /// A stated end that is later.
+    /// A stated end that is later, that has passed, or that is more than ten years ahead.
     pub fn end_ms(stated: Option<Self>, latest_ms: Option<i64>, now_ms: i64) -> Result<Option<i64>, Invalid> {
         let end_ms = stated.unwrap_or_default().at_ms(now_ms);
+        let last_ms = now_ms + millis(MAX_LIFETIME);
+        if end_ms.is_some_and(|end_ms| !(now_ms + 1..=last_ms).contains(&end_ms)) {
+            let (now, last) = (to_rfc3339(now_ms), to_rfc3339(last_ms));
+            let why = format!("expected a time after {now} and not after {last}, or `never`");
+            return Err(Invalid::new("expires_at", why));
+        }
         let Some(latest_ms) = latest_ms else { return Ok(end_ms) };
         if end_ms.is_some_and(|end_ms| end_ms <= latest_ms) {
             return Ok(end_ms);
@@ -91,6 +100,18 @@ mod tests {
             let refused = end(Some(stated), Some(soon)).unwrap_err();
             assert_eq!(refused.what, "expires_at");
             assert!(refused.why.contains(&to_rfc3339(soon)), "{}", refused.why);
+        }
+    }
+
+    #[test]
+    fn a_token_ends_within_ten_years_or_never() {
+        let last_ms = NOW_MS + millis(MAX_LIFETIME);
+        for end_ms in [NOW_MS + 1, last_ms] {
+            assert_eq!(TokenExpiry::end_ms(Some(TokenExpiry::At(end_ms)), None, NOW_MS), Ok(Some(end_ms)));
+        }
+        for stated in ["9999-12-31T00:00:00Z", "0001-01-01T00:00:00Z", &to_rfc3339(NOW_MS), &to_rfc3339(last_ms + 1)] {
+            let refused = TokenExpiry::end_ms(Some(stated.parse().unwrap()), None, NOW_MS).unwrap_err();
+            assert!(refused.what == "expires_at" && refused.why.contains("or `never`"), "{stated}: {refused}");
         }
     }
 }

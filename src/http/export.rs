@@ -17,7 +17,7 @@ use super::state::App;
 use crate::domain::files::features::{ExportRow, ExportedSession, FeatureTable, TableFormat, TableProblem};
 use crate::domain::scope::Scope;
 use crate::ids::TraineeId;
-use crate::store::{PageRequest, SessionFilter, SessionRecord, SessionResult, StoreError};
+use crate::store::{Cursor, PageRequest, SessionFilter, SessionRecord, SessionResult, StoreError};
 use crate::time::to_rfc3339;
 
 /// Sessions that are read at a time; they give some thousands of rows.
@@ -88,7 +88,7 @@ pub struct ExportSelection {
 
 /// State of a long table: the cursor of the next page and the table so far, or the end.
 enum ExportState {
-    NextPage(Option<String>, FeatureTable),
+    NextPage(Option<Cursor>, FeatureTable),
     Finished,
 }
 
@@ -116,7 +116,7 @@ async fn next_part(
     app: &App,
     scope: &Scope,
     many: &ExportSelection,
-    (after, table): (Option<String>, FeatureTable),
+    (after, table): (Option<Cursor>, FeatureTable),
 ) -> Result<(Vec<u8>, ExportState), ExportError> {
     let page = app.store.sessions().list(scope, &many.filter, &PageRequest::new(SESSIONS_PER_PAGE, after)).await?;
     let mut found = Vec::new();

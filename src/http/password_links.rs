@@ -2,11 +2,13 @@
 //! page's address is `/choose-password#SECRET`: browsers send no part after `#`, so the secret is in no log.
 
 use axum::extract::State;
-use axum::http::StatusCode;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{AppendHeaders, IntoResponse};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::auth::sign_in::too_many_attempts;
+use super::auth::presented::{browser_secret, set_browser_cookie};
+use super::auth::sign_in::{places_of, too_many_attempts};
 use super::auth::signed_in::{Administrator, BySignIn};
 use super::client_address::ClientAddress;
 use super::error::{HandlerResult, ProblemResponse, Refusal};
@@ -144,26 +146,33 @@ pub struct PasswordByLink {
 /// Set a password with a link
 ///
 /// Ends the link, signs the account out in every browser and withdraws its tokens. Sign in with the new password
-/// afterwards.
+/// afterwards. The browser and its address then count as places that have signed in before: guesses from elsewhere do
+/// not make them wait.
 #[utoipa::path(post, path = "/password-links/use", tag = "sign-in", request_body = PasswordByLink, security(()),
-    responses((status = OK, body = PersonResponse)))]
+    responses((status = OK, body = PersonResponse,
+            headers(("Set-Cookie" = String, description = "`__Host-trocar-browser`, as of `POST sign-in`")))))]
 pub async fn use_link(
     State(app): State<App>,
     address: ClientAddress,
+    headers: HeaderMap,
     AnonymousJson(PasswordByLink { secret, new }): AnonymousJson<PasswordByLink>,
-) -> HandlerResult<Json<PersonResponse>> {
+) -> HandlerResult<impl IntoResponse> {
     let new = Password::new(new)?;
-    valid_link(&app, address, &secret).await?; // before the expensive hash
+    let (_, person) = valid_link(&app, address, &secret).await?; // before the expensive hash
     let secret = Secret::from_cookie(&secret).ok_or_else(no_longer_valid)?;
     let place = app.password_hasher.take_place(app.hash_requester_at(address))?;
-    let set = app.store.password_links().set_password(secret.hash(), place.hash(new).await?, address.0).await;
+    let base = &app.settings.base_path;
+    let (browser, places) = places_of(person.id, address, browser_secret(&headers, base));
+    let new = place.hash(new).await?;
+    let set = app.store.password_links().set_password(secret.hash(), new, address.0, places).await;
     let person = set.map_err(|error| match error {
         StoreError::NotFound { .. } => no_longer_valid(),
         other => other.into(),
     })?;
     app.throttle.forget(&person.login);
     tracing::info!(person = %person.id, "password set with a link");
-    Ok(Json(person.into()))
+    let cookie = AppendHeaders([(header::SET_COOKIE, set_browser_cookie(&browser, base))]);
+    Ok((cookie, Json(PersonResponse::from(person))))
 }
 
 /// The valid link with this secret. A wrong secret counts as a failed sign-in of the client's address.

@@ -187,7 +187,7 @@ pub async fn sessions(
         };
         shown.push(RescoredSession::of(item, old, new));
     }
-    Ok(Json(PageResponse { items: shown, next }))
+    Ok(Json(PageResponse::of(store::Page { items: shown, next }, |item| item)))
 }
 
 /// List the changes by trainee

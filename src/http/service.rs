@@ -162,7 +162,8 @@ pub struct AuditChange {
     action: String,
     /// Kind of the changed resource.
     noun: String,
-    /// Id of the changed resource. The log stores no names, so erasing a person leaves no name behind.
+    /// Id of the changed resource, or a number: of the files in a backup, of the tokens that a new password, a new role
+    /// or the end of an account withdrew. The log stores no names, so erasing a person leaves no name behind.
     subject: String,
     /// Present name of the resource; for a session, the name of its trainee. `null` if it has no name or was deleted.
     called: Option<String>,

@@ -7,7 +7,7 @@ use utoipa::{IntoParams, PartialSchema, ToSchema};
 
 use super::error::ProblemResponse;
 use super::read::Json;
-use crate::store::{self, PageRequest};
+use crate::store::{self, Cursor, PageRequest};
 use crate::time::to_rfc3339;
 
 impl<T: Serialize> IntoResponse for Json<T> {
@@ -73,9 +73,6 @@ pub struct Paging {
     cursor: Option<String>,
 }
 
-/// Longest cursor, bytes; it may contain the longest name that a list is sorted by.
-const MAX_CURSOR: usize = 512;
-
 impl Paging {
     /// A page with at most `limit` items, after `cursor`.
     pub fn new(limit: Option<u32>, cursor: Option<String>) -> Self {
@@ -101,13 +98,9 @@ impl Paging {
                 format!("is {limit}; expected 1 to {}", PageRequest::MAX_LIMIT),
             ));
         }
-        if self.cursor.as_ref().is_some_and(|cursor| cursor.len() > MAX_CURSOR) {
-            return Err(ProblemResponse::invalid(
-                "cursor",
-                "is not a cursor of this service; use `next` of the previous page",
-            ));
-        }
-        Ok(PageRequest::new(limit, self.cursor))
+        let after = self.cursor.as_deref().map(str::parse::<Cursor>).transpose();
+        let after = after.map_err(|damaged| ProblemResponse::invalid("cursor", damaged))?;
+        Ok(PageRequest::new(limit, after))
     }
 }
 
@@ -124,7 +117,7 @@ impl<T> PageResponse<T> {
     /// A page of the store, with each item converted by `show`.
     pub fn of<U>(page: store::Page<U>, show: impl FnMut(U) -> T) -> Self {
         let store::Page { items, next } = page.map(show);
-        Self { items, next }
+        Self { items, next: next.map(|cursor| cursor.to_string()) }
     }
 
     /// The only page of a list that is always short.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use metrics_exporter_prometheus::PrometheusHandle;
 
+use super::auth::open_sign_ins::OpenSignIns;
 use super::auth::password::PasswordHasher;
 use super::auth::throttle::Throttle;
 use super::connection_slots::ConnectionSlots;
@@ -52,6 +53,8 @@ pub struct AppParts {
     pub service_info: ServiceInfo,
     /// Limit on failed sign-ins.
     pub throttle: Throttle,
+    /// The sign-ins and tokens with open streams.
+    pub open_sign_ins: OpenSignIns,
     /// Queues for the hashes of passwords.
     pub password_hasher: PasswordHasher,
     /// Standards, reference groups, progress.

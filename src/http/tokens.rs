@@ -72,8 +72,8 @@ pub struct NewTokenRequest {
     /// The agent's box, by id or code; required for the role `agent`, not allowed for others.
     #[serde(rename = "box")]
     of_box: Option<Key>,
-    /// Time of expiry, RFC 3339, or `never`; default: a year from now. With a token, at the latest the end of that
-    /// token, which is the default then if it comes before a year.
+    /// Time of expiry, RFC 3339, within ten years, or `never`; default: a year from now. With a token, at the latest
+    /// the end of that token, which is the default then if it comes before a year.
     expires_at: Option<String>,
 }
 

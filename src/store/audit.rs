@@ -32,7 +32,7 @@ pub struct AuditEntry {
     pub action: String,
     /// What kind of thing was changed.
     pub noun: String,
-    /// Its id.
+    /// Its id; for `backup` and `tokens`, a number.
     pub subject: String,
     /// Name of the person who made the change; `None` if a program made it, or the account has been deleted.
     pub who: Option<String>,

@@ -130,7 +130,7 @@ impl BoxStore<'_> {
         let id = self.changeable(scope, key).await?.id;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 let delete = sqlx::query(DELETE_BOX).bind(id);
                 delete.execute(&mut *tx).await.map_err(in_use("box", "sessions"))?;
                 note(tx, &scope, now_ms, ("delete", "box"), id).await

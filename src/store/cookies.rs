@@ -1,9 +1,11 @@
 //! Signed-in browsers: the hash of each cookie and its expiry. Known places: browsers and addresses that have signed in
-//! to an account before.
+//! to an account before, or have set its password with a link.
 
+use std::collections::HashSet;
 use std::time::Duration;
 
 use sqlx::SqliteConnection;
+use sqlx::types::Json;
 
 use super::Store;
 use super::error::{StoreResult, ignore_full_or_busy, not_found};
@@ -117,6 +119,10 @@ const SELECT_PERSON: &str = "
 const SELECT_VALID: &str = "
     SELECT 1 FROM cookie_session WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3";
 
+const SELECT_VALID_OF: &str = "
+    SELECT secret_hash FROM cookie_session
+    WHERE secret_hash IN (SELECT unhex(value) FROM json_each($1)) AND expires_at_ms > $2 AND last_seen_at_ms > $3";
+
 const REMEMBER_PLACE: &str = "
     INSERT INTO known_place (person_id, place_hash, last_used_at_ms) VALUES ($1, $2, $3)
     ON CONFLICT DO UPDATE SET last_used_at_ms = max(last_used_at_ms, excluded.last_used_at_ms)";
@@ -163,7 +169,7 @@ impl CookieStore<'_> {
         };
         match person.role {
             Role::Instructor | Role::Administrator => self.0.write_with_sign_in_reserve(insert).await,
-            Role::Trainee | Role::Agent => self.0.write(insert()).await,
+            Role::Trainee | Role::Agent => self.0.write_ending_sign_ins(insert()).await,
         }
     }
 
@@ -203,6 +209,20 @@ impl CookieStore<'_> {
         Ok(row.fetch_optional(self.0.readers()).await?.is_some())
     }
 
+    /// Those of these cookies that are still valid, like [`CookieStore::is_valid`].
+    pub async fn valid_of(&self, secrets: Vec<SecretHash>, lasts: CookieLifetime) -> StoreResult<HashSet<SecretHash>> {
+        if secrets.is_empty() {
+            return Ok(HashSet::new());
+        }
+        let hex = |secret: &SecretHash| secret.0.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+        let secrets = Json(secrets.iter().map(hex).collect::<Vec<_>>());
+        let now_ms = self.0.now_ms();
+        let rows = sqlx::query_scalar::<_, Vec<u8>>(SELECT_VALID_OF);
+        let rows =
+            rows.bind(secrets).bind(now_ms).bind(now_ms - millis(lasts.idle)).fetch_all(self.0.readers()).await?;
+        Ok(rows.into_iter().filter_map(|hash| hash.try_into().ok().map(SecretHash)).collect())
+    }
+
     /// The browsers where this person is signed in, the last used first; `current` is the cookie that asks.
     pub async fn of_person(
         &self,
@@ -218,7 +238,7 @@ impl CookieStore<'_> {
     /// Signs out one of this person's browsers.
     pub async fn end(&self, person: PersonId, id: String) -> StoreResult<()> {
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 let deleted = sqlx::query(DELETE_SIGN_IN).bind(person).bind(id).execute(tx).await?;
                 if deleted.rows_affected() == 0 { Err(not_found("sign-in")) } else { Ok(()) }
             })
@@ -233,7 +253,7 @@ impl CookieStore<'_> {
     /// Signs one browser out; an unknown cookie is no error.
     pub async fn delete(&self, secret: SecretHash) -> StoreResult<()> {
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 sqlx::query(DELETE_COOKIE).bind(secret).execute(tx).await?;
                 Ok(())
             })
@@ -258,7 +278,7 @@ impl CookieStore<'_> {
     /// Signs all browsers out, and withdraws all links for passwords.
     pub async fn forget_all(&self) -> StoreResult<()> {
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 sqlx::query(DELETE_ALL_LINKS).execute(&mut *tx).await?;
                 sqlx::query(DELETE_ALL).execute(tx).await?;
                 Ok(())
@@ -292,9 +312,19 @@ pub(super) async fn insert_sign_in(
         return Err(not_found("person"));
     }
     sqlx::query(DELETE_SURPLUS_COOKIES).bind(id).bind(secret).bind(most).execute(&mut *tx).await?;
-    for place in origin.places {
-        sqlx::query(REMEMBER_PLACE).bind(id).bind(place).bind(now_ms).execute(&mut *tx).await?;
+    remember_places(tx, id, origin.places, now_ms).await
+}
+
+/// Remembers places that have signed in to this account, or have set its password with a link.
+pub(super) async fn remember_places(
+    tx: &mut SqliteConnection,
+    person: PersonId,
+    places: Vec<SecretHash>,
+    now_ms: i64,
+) -> StoreResult<()> {
+    for place in places {
+        sqlx::query(REMEMBER_PLACE).bind(person).bind(place).bind(now_ms).execute(&mut *tx).await?;
     }
-    sqlx::query(DELETE_SURPLUS_PLACES).bind(id).bind(MAX_KNOWN_PLACES).execute(tx).await?;
+    sqlx::query(DELETE_SURPLUS_PLACES).bind(person).bind(MAX_KNOWN_PLACES).execute(tx).await?;
     Ok(())
 }

@@ -11,7 +11,7 @@
 //! |---|---|
 //! | [`Store::people`] | `create` `list` `get` `change` `delete` `set_password` `has_password` · for sign-in: `by_login` · `count` |
 //! | [`Store::groups`] | `create` `list` `get` `set_members` `delete` |
-//! | [`Store::cookies`] | `create` `known_place` `person_of` `is_valid` `of_person` `end` `delete` `forget_expired` `forget_all` |
+//! | [`Store::cookies`] | `create` `known_place` `person_of` `is_valid` `valid_of` `of_person` `end` `delete` `forget_expired` `forget_all` |
 //! | [`Store::tokens`] | `create` `list` `of_person` `delete` `delete_own` `scope_of` |
 //! | [`Store::password_links`] | `create` `list` `withdraw` `look_up` `set_password` |
 //! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `groups` `change` `erase` |
@@ -90,6 +90,7 @@ use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use serde::{Deserialize, Serialize};
 use sqlx::SqlitePool;
 use sqlx::sqlite::SqliteConnection;
+use tokio::sync::watch;
 
 pub use audit::{AuditEntry, AuditStore, Backup};
 pub use blobs::{BlobStore, BlobUse};
@@ -109,7 +110,7 @@ pub use feeds::{FeedRow, FeedStore, NewFeed};
 pub use groups::{GroupRecord, GroupStore, Members};
 pub use installation::InstallationStore;
 pub use jobs::{JobRecord, JobStore, Lease, MAX_LOST_LEASES, QueueCounts, SweepResult};
-pub use page::{Page, PageRequest};
+pub use page::{Cursor, NotACursor, Page, PageRequest};
 pub use palettes::{PaletteRecord, PaletteStore};
 pub use password_links::{PasswordLinkRecord, PasswordLinkStore};
 pub use pending_erasures::{ErasureExtent, PendingErasure, PendingErasureStore};
@@ -191,6 +192,8 @@ struct StoreInner {
     delete_reserve: DiskReserve,
     /// Space for signing in on a full disk.
     sign_in_reserve: DiskReserve,
+    /// Sends after each commit that may have ended a sign-in or a token.
+    ended_sign_ins: watch::Sender<()>,
     /// Has anything been erased since the write-ahead log was last emptied?
     has_erased_data: AtomicBool,
     /// Number of the last erasure that is no longer in the write-ahead log; negative: unknown.
@@ -256,6 +259,11 @@ impl Store {
         emptied
     }
 
+    /// Changes after each commit of this process that may have ended a sign-in or a token, now and then without one.
+    pub fn ended_sign_ins(&self) -> watch::Receiver<()> {
+        self.inner.ended_sign_ins.subscribe()
+    }
+
     /// The pool of reading connections.
     fn readers(&self) -> &SqlitePool {
         &self.inner.readers
@@ -274,8 +282,19 @@ impl Store {
         self.writer()?.run(work).await
     }
 
-    /// Like [`Store::write`], for deletions: on a full disk the delete reserve is freed and the work is done again,
-    /// since SQLite needs space even to delete.
+    /// Like [`Store::write`], for what may end sign-ins or tokens: [`Store::ended_sign_ins`] then changes.
+    async fn write_ending_sign_ins<T, F>(&self, work: F) -> StoreResult<T>
+    where
+        F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
+        T: Send + 'static,
+    {
+        let result = self.write(work).await;
+        self.inner.ended_sign_ins.send_replace(());
+        result
+    }
+
+    /// Like [`Store::write_ending_sign_ins`], for deletions: on a full disk the delete reserve is freed and the work is
+    /// done again, since SQLite needs space even to delete.
     async fn write_with_delete_reserve<T, F>(&self, work: impl Fn() -> F) -> StoreResult<T>
     where
         F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
@@ -283,16 +302,19 @@ impl Store {
     {
         let result = self.write_with_reserve(&self.inner.delete_reserve, work).await;
         self.inner.has_erased_data.store(true, Ordering::Release);
+        self.inner.ended_sign_ins.send_replace(());
         result
     }
 
-    /// Like [`Store::write`], for signing in: on a full disk the sign-in reserve is freed.
+    /// Like [`Store::write_ending_sign_ins`], for signing in: on a full disk the sign-in reserve is freed.
     async fn write_with_sign_in_reserve<T, F>(&self, work: impl Fn() -> F) -> StoreResult<T>
     where
         F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
         T: Send + 'static,
     {
-        self.write_with_reserve(&self.inner.sign_in_reserve, work).await
+        let result = self.write_with_reserve(&self.inner.sign_in_reserve, work).await;
+        self.inner.ended_sign_ins.send_replace(());
+        result
     }
 
     async fn write_with_reserve<T, F>(&self, ballast: &DiskReserve, work: impl Fn() -> F) -> StoreResult<T>

@@ -15,6 +15,7 @@ use std::time::Duration;
 
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqlitePool};
+use tokio::sync::watch;
 
 use super::disk_reserve::{DiskReserve, require_space};
 use super::error::{StoreError, StoreResult};
@@ -106,6 +107,7 @@ impl Store {
                 settings: settings.clone(),
                 delete_reserve: DiskReserve::for_deletes(path),
                 sign_in_reserve: DiskReserve::for_sign_in(path),
+                ended_sign_ins: watch::Sender::new(()),
                 has_erased_data: AtomicBool::new(true), // perhaps before the last restart
                 last_purged: AtomicI64::new(-1),
             }),

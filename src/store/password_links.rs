@@ -5,6 +5,7 @@ use std::net::IpAddr;
 use std::time::Duration;
 
 use super::audit::note;
+use super::cookies::remember_places;
 use super::error::{StoreResult, missing, not_found};
 use super::people::{PersonRecord, replace_password};
 use super::visibility::require_administrator;
@@ -115,23 +116,27 @@ impl PasswordLinkStore<'_> {
         Ok(person.map(|person| (link, person)))
     }
 
-    /// Sets the password of the person whose link has this secret. It ends the person's sign-ins, tokens and the link.
-    /// `address` is the client's, for the audit trail. Not found if the link is not valid any more; then nothing changes.
+    /// Sets the password of the person whose link has this secret. It ends the person's sign-ins, tokens and the link,
+    /// and remembers `places`: the browser and its address. `address` is the client's, for the audit trail. Not found if
+    /// the link is not valid any more; then nothing changes.
     pub async fn set_password(
         &self,
         secret: SecretHash,
         password: PasswordHash,
         address: IpAddr,
+        places: Vec<SecretHash>,
     ) -> StoreResult<PersonRecord> {
         let now_ms = self.0.now_ms();
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 let link = sqlx::query_as::<_, PasswordLinkRecord>(SELECT_LINK_OF_SECRET).bind(secret).bind(now_ms);
                 let id = link.fetch_optional(&mut *tx).await?.ok_or(not_found("link"))?.person_id;
-                replace_password(tx, id, (password, PasswordState::Own), None, false).await?;
                 let person: PersonRecord = sqlx::query_as(SELECT_LINK_PERSON).bind(id).fetch_one(&mut *tx).await?;
-                note(tx, &person.scope().at_address(address), now_ms, ("use", "password_link"), id).await?;
-                Ok(person)
+                let scope = person.scope().at_address(address);
+                replace_password(tx, (&scope, now_ms), id, (password, PasswordState::Own), None, false).await?;
+                remember_places(tx, id, places, now_ms).await?;
+                note(tx, &scope, now_ms, ("use", "password_link"), id).await?;
+                Ok(PersonRecord { password_state: PasswordState::Own, ..person })
             })
             .await
     }

@@ -6,7 +6,7 @@ use super::cookies::{DELETE_COOKIES_OF, NewSignIn, insert_sign_in};
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
 use super::password_links::{DELETE_LINK_OF, DELETE_LINKS_MADE_BY};
-use super::tokens::{DELETE_TOKENS_OF, DELETE_TOKENS_THAT_EXCEED};
+use super::tokens::withdraw_tokens;
 use super::visibility::{require_administrator, require_sign_in};
 use super::{Scope, Store};
 use crate::domain::password_state::PasswordState;
@@ -214,7 +214,7 @@ impl PersonStore<'_> {
         }
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 let present = read_person(tx, id).await?;
                 if let Some(what) = change.needs_sign_in(&present) {
                     require_sign_in(&scope, what)?;
@@ -226,7 +226,7 @@ impl PersonStore<'_> {
                     sqlx::query(DELETE_COOKIES_OF).bind(id).execute(&mut *tx).await?;
                 }
                 if let Some(new) = change.password {
-                    replace_password(tx, id, new, None, change.keep_tokens).await?;
+                    replace_password(tx, (&scope, now_ms), id, new, None, change.keep_tokens).await?;
                     note(tx, &scope, now_ms, ("set password", "person"), id).await?;
                 }
                 let changed =
@@ -234,7 +234,7 @@ impl PersonStore<'_> {
                 let person: PersonRecord = changed.fetch_one(&mut *tx).await.map_err(taken("login"))?;
                 require_an_administrator(tx).await?;
                 if person.role != Role::Administrator {
-                    sqlx::query(DELETE_TOKENS_THAT_EXCEED).bind(id).bind(person.role).execute(&mut *tx).await?;
+                    withdraw_tokens(tx, (&scope, now_ms), id, Some(person.role)).await?;
                     sqlx::query(DELETE_LINKS_MADE_BY).bind(id).execute(&mut *tx).await?;
                 }
                 note(tx, &scope, now_ms, ("change", "person"), id).await?;
@@ -252,10 +252,11 @@ impl PersonStore<'_> {
         require_administrator(scope, "deleting accounts")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 if read_person(tx, id).await?.role == Role::Administrator {
                     require_sign_in(&scope, "deleting an administrator")?;
                 }
+                withdraw_tokens(tx, (&scope, now_ms), id, None).await?;
                 sqlx::query(DELETE_PERSON).bind(id).execute(&mut *tx).await?;
                 require_an_administrator(tx).await?;
                 note(tx, &scope, now_ms, ("delete", "person"), id).await
@@ -278,11 +279,11 @@ impl PersonStore<'_> {
         require_administrator(scope, "setting passwords")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 if read_person(tx, id).await?.role == Role::Administrator {
                     require_sign_in(&scope, "setting the password of an administrator")?;
                 }
-                replace_password(tx, id, new, None, keep_tokens).await?;
+                replace_password(tx, (&scope, now_ms), id, new, None, keep_tokens).await?;
                 note(tx, &scope, now_ms, ("set password", "person"), id).await
             })
             .await
@@ -306,8 +307,9 @@ impl PersonStore<'_> {
         let id = scope.person().ok_or(not_found("person"))?;
         let (scope, now_ms, most) = (scope.clone(), self.0.now_ms(), self.0.sender_limits().sign_ins);
         self.0
-            .write(async move |tx| {
-                replace_password(tx, id, (new.clone(), PasswordState::Own), Some(verified), keep_tokens).await?;
+            .write_ending_sign_ins(async move |tx| {
+                let own = (new.clone(), PasswordState::Own);
+                replace_password(tx, (&scope, now_ms), id, own, Some(verified), keep_tokens).await?;
                 let person = read_person(tx, id).await?;
                 insert_sign_in(tx, (&person, &new), sign_in, most, now_ms).await?;
                 note(tx, &scope, now_ms, ("set password", "person"), id).await
@@ -341,9 +343,11 @@ impl PersonStore<'_> {
 }
 
 /// Sets a password, and ends what could be used with the old one: sign-ins, the link for a password, and tokens unless
-/// they are to be kept. With `verified`, only if that is still the hash of the password.
+/// they are to be kept. With `verified`, only if that is still the hash of the password. `by`: the caller and the time,
+/// epoch ms, for the audit trail.
 pub(super) async fn replace_password(
     tx: &mut sqlx::SqliteConnection,
+    by: (&Scope, i64),
     id: PersonId,
     (password, state): (PasswordHash, PasswordState),
     verified: Option<PasswordHash>,
@@ -355,10 +359,7 @@ pub(super) async fn replace_password(
     }
     sqlx::query(DELETE_COOKIES_OF).bind(id).execute(&mut *tx).await?;
     sqlx::query(DELETE_LINK_OF).bind(id).execute(&mut *tx).await?;
-    if !keep_tokens {
-        sqlx::query(DELETE_TOKENS_OF).bind(id).execute(&mut *tx).await?;
-    }
-    Ok(())
+    if keep_tokens { Ok(()) } else { withdraw_tokens(tx, by, id, None).await }
 }
 
 /// The account as it is in this transaction.

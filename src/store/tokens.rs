@@ -88,10 +88,10 @@ const SELECT_TOKENS_OF: &str = "
 
 const DELETE_OWN_TOKEN: &str = "DELETE FROM token WHERE id = $1 AND person_id = $2";
 
-pub(super) const DELETE_TOKENS_OF: &str = "DELETE FROM token WHERE person_id = $1";
+/// With NULL for `$2` it deletes all of them.
+const DELETE_TOKENS_OF: &str = "DELETE FROM token WHERE person_id = $1 AND role IS NOT $2";
 
-pub(super) const DELETE_TOKENS_THAT_EXCEED: &str = "
-    DELETE FROM token WHERE person_id = $1 AND role <> $2";
+const COUNT_TOKENS: &str = "SELECT count(*) FROM token";
 
 const DELETE_TOKEN: &str = "DELETE FROM token WHERE id = $1";
 
@@ -174,7 +174,7 @@ impl TokenStore<'_> {
     pub async fn delete_own(&self, scope: &Scope, id: TokenId) -> StoreResult<()> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 require_own_or_made(tx, &scope, id).await?;
                 let delete = sqlx::query(DELETE_OWN_TOKEN).bind(id).bind(scope.person());
                 if delete.execute(&mut *tx).await?.rows_affected() == 0 {
@@ -190,7 +190,7 @@ impl TokenStore<'_> {
         require_administrator(scope, "deleting tokens")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
-            .write(async move |tx| {
+            .write_ending_sign_ins(async move |tx| {
                 require_own_or_made(tx, &scope, id).await?;
                 let deleted = sqlx::query(DELETE_TOKEN).bind(id).execute(&mut *tx).await?;
                 if deleted.rows_affected() == 0 {
@@ -236,6 +236,20 @@ impl TokenStore<'_> {
             })
             .await
     }
+}
+
+/// Withdraws a person's tokens, but for those of the role in `keeps`, and the tokens that they made. The audit trail
+/// gets the number of withdrawn tokens, if there are any.
+pub(super) async fn withdraw_tokens(
+    tx: &mut SqliteConnection,
+    (scope, now_ms): (&Scope, i64),
+    person: PersonId,
+    keeps: Option<Role>,
+) -> StoreResult<()> {
+    let before: i64 = sqlx::query_scalar(COUNT_TOKENS).fetch_one(&mut *tx).await?;
+    sqlx::query(DELETE_TOKENS_OF).bind(person).bind(keeps).execute(&mut *tx).await?;
+    let left: i64 = sqlx::query_scalar(COUNT_TOKENS).fetch_one(&mut *tx).await?;
+    if left == before { Ok(()) } else { note(tx, scope, now_ms, ("withdraw", "tokens"), before - left).await }
 }
 
 /// Refuses a program that withdraws a token other than its own and those that it made. The answer is the same for a

@@ -31,6 +31,7 @@ const NOUNS = {
   standard: 'Standard',
   task: 'Aufgabe',
   token: 'Token',
+  tokens: 'Token (Anzahl)',
   trainee: 'Lernende/r',
   upload: 'Übertragung',
 };
@@ -2536,7 +2537,8 @@ export default {
       invalid: ['Einige Werte sind nicht verwendbar'],
       'unknown-reference': ['Etwas Genanntes gibt es nicht', ({ field }) => field && `Was unter „${field}“ genannt ist, gibt es nicht, oder Sie dürfen es nicht sehen.`],
       locked: ['Eine andere Anfrage schreibt gerade daran', 'Warten Sie, bis sie fertig ist, und machen Sie dann weiter.'],
-      'too-many': ['Zu viele Versuche', ({ limit }) => limit && `${limit} Übertragungen sind unvollständig. Beenden oder löschen Sie eine, oder warten Sie, bis sie verfallen.`],
+      'too-many': ['Zu viele Versuche', ({ limit, wait_s: wait }) => (limit && `${limit} Übertragungen sind unvollständig. Beenden oder löschen Sie eine, oder warten Sie, bis sie verfallen.`)
+        || (wait && `Es gab zu viele falsche Anmeldungen. Versuchen Sie es in ${wait} s wieder. Ein Browser oder eine Netzwerkadresse mit einer früheren Anmeldung an diesem Konto wartet nicht auf die Versuche anderer, und ein Link der Administration für ein neues Passwort gilt sofort.`)],
       'checksum-mismatch': ['Die Bytes passen nicht zur Prüfsumme', 'Die Bytes wurden verworfen. Senden Sie dieses Stück noch einmal.'],
       internal: ['Im Dienst ist ein Fehler aufgetreten', 'Die Ursache steht im Protokoll des Dienstes unter der x-request-id dieser Antwort.'],
       busy: ['Der Dienst ist ausgelastet'],

@@ -31,7 +31,7 @@ pub enum TokenCommand {
         /// Id or code of the box, for the token of a box's agent
         #[arg(long = "box", value_name = "BOX", conflicts_with = "acts_for")]
         for_box: Option<String>,
-        /// When the token expires, such as 2027-01-31T00:00:00Z, or `never` [default: in a year]
+        /// When the token expires, within ten years, such as 2027-01-31T00:00:00Z, or `never` [default: in a year]
         #[arg(long, value_parser = parse_expiry)]
         expires_at: Option<TokenExpiry>,
     },
@@ -57,7 +57,8 @@ pub async fn run(folder: &DataFolder, command: TokenCommand) -> Result<(), Comma
         TokenCommand::Add { name, acts_for, role, for_box, expires_at } => {
             let acts_as = acts_as(folder, acts_for, role, for_box).await?;
             let secret = Secret::random();
-            let expires_at_ms = expires_at.unwrap_or_default().at_ms(SystemClock.now_ms());
+            let expires_at_ms =
+                TokenExpiry::end_ms(expires_at, None, SystemClock.now_ms()).map_err(CommandFailure::input)?;
             let new = NewToken { name, acts_as, expires_at_ms, secret: secret.hash() };
             tokens.create(&service, new).await.map_err(store_failure)?;
             println!("{}", secret.as_token());

@@ -36,7 +36,7 @@ pub fn sign_in_cookie_name(base: &BasePath) -> &'static str {
 }
 
 /// The credential of a request, hashed: the secret itself stays in this module.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PresentedCredential {
     /// `Authorization: Bearer trc_…`.
     Token(SecretHash),

@@ -147,13 +147,24 @@ fn new_sign_in(
     person: PersonId,
 ) -> (store::NewSignIn, AppendHeaders<[(header::HeaderName, HeaderValue); 2]>) {
     let base = &app.settings.base_path;
-    let (secret, browser) = (Secret::random(), browser_secret(headers, base).unwrap_or_else(Secret::random));
-    let places = [Some(browser.hash()), place_of(person, address)].into_iter().flatten().collect();
+    let (secret, (browser, places)) = (Secret::random(), places_of(person, address, browser_secret(headers, base)));
     let (name, is_page) = (browser_name(headers), is_from_page(headers));
     let origin = store::SignInOrigin { browser: name, address: address.0.to_string(), is_page, places };
     let cookies = [set_cookie(&secret, base), set_browser_cookie(&browser, base)];
     let new = store::NewSignIn { secret: secret.hash(), lasts: app.sign_in_lifetime(), origin };
     (new, AppendHeaders(cookies.map(|cookie| (header::SET_COOKIE, cookie))))
+}
+
+/// The secret that recognises a browser, which is a new one if it has none yet, and the places that the browser and its
+/// address are for an account.
+pub(in crate::http) fn places_of(
+    person: PersonId,
+    address: ClientAddress,
+    browser: Option<Secret>,
+) -> (Secret, Vec<SecretHash>) {
+    let browser = browser.unwrap_or_else(Secret::random);
+    let places = [Some(browser.hash()), place_of(person, address)].into_iter().flatten().collect();
+    (browser, places)
 }
 
 /// The browser's name as it states it.
@@ -246,7 +257,12 @@ fn changed_meanwhile(error: StoreError) -> ProblemResponse {
 pub fn too_many_attempts(wait: Duration) -> ProblemResponse {
     let seconds = wait.as_secs() + 1;
     Refusal::TooMany
-        .with(format!("There were too many failed attempts to sign in. Try again in {seconds} s."))
+        .with(format!(
+            "There were too many failed attempts to sign in. Try again in {seconds} s. A browser or a network address \
+             that has signed in to the account before does not wait for the attempts of others, and a link for a new \
+             password, from an administrator, works at once."
+        ))
+        .member("wait_s", seconds)
         .header(header::RETRY_AFTER, seconds)
 }
 

@@ -5,12 +5,9 @@
 //! handler from using [`Scope::service`], which sees everything: handlers must not use it. Only [`Scope::upload_scope`]
 //! does, for an agent.
 
-use std::time::Duration;
-
 use axum::extract::FromRequestParts;
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
-use tokio::time::interval;
 
 use super::presented::PresentedCredential;
 use crate::domain::role::Role;
@@ -21,9 +18,6 @@ use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::state::App;
 use crate::ids::PersonId;
 use crate::store::CookieLifetime;
-
-/// How often an open WebSocket or stream checks that its sign-in is still valid.
-const SIGN_IN_CHECK_INTERVAL: Duration = Duration::from_secs(5);
 
 /// A caller whose identity is known, but who may have to change a password before anything else. Only the routes that
 /// this needs accept it: reading the own account, changing the password, signing out.
@@ -118,7 +112,7 @@ impl SignedIn {
 
     /// Whether these headers would still sign in. Unlike [`SignedIn::record_activity`], this does not count as activity:
     /// an unattended page that only watches is signed out when idle. A store error counts as yes, so it ends no stream.
-    pub async fn is_still_valid(app: &App, headers: &HeaderMap) -> bool {
+    async fn is_still_valid(app: &App, headers: &HeaderMap) -> bool {
         match PresentedCredential::in_headers(headers, &app.settings.base_path) {
             PresentedCredential::Token(secret) => {
                 app.store.tokens().scope_of(secret).await.map_or(true, |scope| scope.is_some())
@@ -139,11 +133,13 @@ impl SignedIn {
         }
     }
 
-    /// Resolves once these headers no longer sign in; checks every `SIGN_IN_CHECK_INTERVAL`.
+    /// Resolves once these headers no longer sign in.
     pub async fn wait_until_ended(app: &App, headers: &HeaderMap) {
-        let mut check = interval(SIGN_IN_CHECK_INTERVAL);
-        while Self::is_still_valid(app, headers).await {
-            check.tick().await;
+        let credential = PresentedCredential::in_headers(headers, &app.settings.base_path);
+        // Before the check, so that an end between the two is noticed.
+        let mut end = app.open_sign_ins.watch(credential);
+        if Self::is_still_valid(app, headers).await {
+            while end.changed().await.is_ok() {} // the sender sends nothing and is dropped at the end
         }
     }
 }

@@ -1,10 +1,11 @@
 //! Slows down guessing of passwords: failed sign-ins are counted per login, and per address.
 //!
 //! **Per login.** After a few failures the next attempt has to wait, and the wait doubles with each further failure,
-//! from any address. A place that has signed in to the account before (a browser, or an address) has a counter of its
-//! own, so that guesses from elsewhere do not lock its owner out. **Per address.** Attempts come out of a budget that
-//! refills at a constant rate (the generic cell rate algorithm), so that one address cannot try many logins. Only known
-//! browsers are exempt: if known addresses were, the answers there would show which logins exist.
+//! from any address. A place that has signed in to the account before (a browser, or an address), or has set its
+//! password with a link, has a counter of its own, so that guesses from elsewhere do not lock its owner out. **Per
+//! address.** Attempts come out of a budget that refills at a constant rate (the generic cell rate algorithm), so that
+//! one address cannot try many logins. Only known browsers are exempt: if known addresses were, the answers there would
+//! show which logins exist.
 //!
 //! An attempt is counted before the password is checked, so parallel attempts gain nothing. Both counters are raised
 //! together or not at all. A right password takes the attempt back. (`governor` cannot take back, and knows no growing

@@ -98,7 +98,7 @@ pub async fn list(
     for found in items {
         shown.push(app.box_response(&by.scope, found).await?);
     }
-    Ok(Json(PageResponse { items: shown, next }))
+    Ok(Json(PageResponse::of(store::Page { items: shown, next }, |item| item)))
 }
 
 /// Register a box

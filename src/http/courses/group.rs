@@ -7,6 +7,7 @@ use utoipa::ToSchema;
 
 use super::DueStep;
 use crate::cohorts::{self, CourseRow};
+use crate::domain::course::checked_first_day;
 use crate::domain::scope::Scope;
 use crate::domain::text::Name;
 use crate::http::auth::signed_in::Staff;
@@ -47,7 +48,7 @@ impl From<store::GroupCoursePlan> for FollowedCourse {
 pub struct FollowCourseRequest {
     /// The plan's id.
     course: CourseId,
-    /// The course's first day.
+    /// The course's first day, within ten years of today.
     begins: Day,
 }
 
@@ -104,6 +105,7 @@ pub async fn follow(
     Json(FollowCourseRequest { course, begins }): Json<FollowCourseRequest>,
 ) -> HandlerResult<Json<GroupCourseResponse>> {
     let group = app.store.groups().get(&by.scope, at.id()?).await?.id;
+    let begins = checked_first_day(begins, Day::of(app.clock.now_ms()))?;
     app.store.courses().follow(&by.scope, group, course, begins).await.map_err(reference_problem("course"))?;
     Ok(Json(GroupCourseResponse::new(app.cohorts.group_course(&by.scope, group).await?, &by.scope)))
 }

@@ -13,7 +13,7 @@ use axum::response::Response;
 use futures_util::SinkExt;
 use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast::error::RecvError;
-use tokio::time::{interval, timeout};
+use tokio::time::{Instant, interval, interval_at, timeout};
 use utoipa::IntoParams;
 
 use crate::analysis::protocol::{FollowReply, FollowedFrame, FollowedTool, SeenSoFar, live_features};
@@ -31,7 +31,7 @@ use crate::live::{EncodedMessage, FeedWatcher, SharedReply, TrackingState};
 
 /// How often to check whether a recording without a sender has resumed or ended.
 const POLL_INTERVAL: Duration = Duration::from_secs(1);
-/// How often to check that the watcher is still signed in and may see the session.
+/// How often to check that the watcher may still see the session.
 const PERMISSION_CHECK_INTERVAL: Duration = Duration::from_secs(5);
 /// How long a watcher may take to receive one message, or the messages of one reply.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
@@ -235,7 +235,7 @@ struct Watcher {
     pictures: bool,
 }
 
-/// The watcher cannot receive more: disconnected, signed out, or not allowed to see the session.
+/// The watcher cannot receive more: disconnected, or not allowed to see the session.
 struct WatcherGone;
 
 /// Why [`Watcher::follow`] returned.
@@ -251,6 +251,7 @@ impl Watcher {
         let ending = self.app.shutdown.begun();
         tokio::select! {
             _ = self.run(&mut socket) => {}
+            () = SignedIn::wait_until_ended(&self.app, &self.headers) => {}
             () = ending => {}
         }
         let frame = CloseFrame { code: 1000, reason: "".into() };
@@ -297,28 +298,29 @@ impl Watcher {
             .await
     }
 
-    /// Waits for [`POLL_INTERVAL`]; fails if the watcher disconnects or is signed out.
+    /// Waits for about [`POLL_INTERVAL`]; fails if the watcher disconnects.
     async fn pause(&self, socket: &mut WebSocket) -> Result<(), WatcherGone> {
-        let pause = tokio::time::sleep(POLL_INTERVAL);
+        // All watchers of a recording begin to wait together, and must not ask the database together.
+        let pause = tokio::time::sleep(POLL_INTERVAL.mul_f64(rand::random_range(0.75..1.25)));
         tokio::pin!(pause);
         loop {
             tokio::select! {
-                () = &mut pause => break,
+                () = &mut pause => return Ok(()),
                 received = socket.recv() => if !is_connected(received) { return Err(WatcherGone) },
             }
         }
-        if SignedIn::is_still_valid(&self.app, &self.headers).await { Ok(()) } else { Err(WatcherGone) }
     }
 
-    /// Whether the watcher is still signed in and may still see the session.
+    /// Whether the watcher may still see the session.
     async fn is_allowed(&self) -> bool {
-        SignedIn::is_still_valid(&self.app, &self.headers).await
-            && self.app.store.sessions().get(&self.scope, self.session).await.is_ok()
+        self.app.store.sessions().get(&self.scope, self.session).await.is_ok()
     }
 
     /// Sends the results of live tracking for as long as the recording is open.
     async fn follow(&self, socket: &mut WebSocket, mut watch: FeedWatcher) -> FollowEnd {
-        let mut still_allowed = interval(PERMISSION_CHECK_INTERVAL);
+        // The caller has just checked. All watchers of a recording begin together, so their checks are spread.
+        let first_check = Instant::now() + PERMISSION_CHECK_INTERVAL.mul_f64(rand::random_range(0.0..1.0));
+        let mut still_allowed = interval_at(first_check, PERMISSION_CHECK_INTERVAL);
         let mut still_sent = interval(POLL_INTERVAL);
         watch.state.mark_changed();
         loop {

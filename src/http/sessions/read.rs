@@ -72,7 +72,7 @@ pub async fn list(
         let response = SessionResponse::of(session, result).with_interruption(interruption);
         shown.push(response.judged_by(standard.as_ref(), handedness));
     }
-    Ok(Json(PageResponse { items: shown, next }))
+    Ok(Json(PageResponse::of(store::Page { items: shown, next }, |item| item)))
 }
 
 /// Read one session

@@ -145,7 +145,7 @@ async fn a_trainee_who_waits_cannot_sign_in_and_is_signed_out() {
     assert!(matches!(late, Err(StoreError::NotFound { .. })), "the password was verified before");
     let links = store.password_links();
     assert!(links.look_up(at.link).await.unwrap().is_none(), "it names the account");
-    let used = links.set_password(at.link, password, Ipv4Addr::LOCALHOST.into()).await;
+    let used = links.set_password(at.link, password, Ipv4Addr::LOCALHOST.into(), vec![]).await;
     assert!(matches!(used, Err(StoreError::NotFound { .. })));
     store.pending_erasures().take_back(&at.administrator, &Key::from(&at.ana)).await.unwrap();
     assert!(store.people().by_login(&"ana".parse().unwrap()).await.unwrap().is_some());

@@ -1,5 +1,6 @@
 //! Cookies, tokens, accounts.
 
+use std::collections::HashSet;
 use std::net::Ipv4Addr;
 use std::time::Duration;
 
@@ -111,6 +112,26 @@ async fn another_role_signs_all_browsers_out_and_another_name_none() {
     people.change(&service, ada.id, less).await.unwrap();
     assert!(!counts(of_ada).await);
     assert!(counts(of_ina).await, "another person's");
+}
+
+#[tokio::test]
+async fn many_sign_ins_are_checked_at_once_and_the_end_of_one_is_announced() {
+    let centre = TestCentre::new().await;
+    let (ina, cookies) = (centre.person("ina", Role::Instructor, None).await, centre.store.cookies());
+    let (password, [first, second, unknown]) = (centre.password_of(&ina).await, [1, 2, 3].map(|n| SecretHash([n; 32])));
+    for secret in [first, second] {
+        cookies.create(secret, (&ina, &password), LASTS, SignInOrigin::default()).await.unwrap();
+    }
+    let valid = async || cookies.valid_of(vec![first, second, unknown], LASTS).await.unwrap();
+    assert_eq!(valid().await, HashSet::from([first, second]));
+    let ended = centre.store.ended_sign_ins();
+    assert!(!ended.has_changed().unwrap());
+    cookies.delete(first).await.unwrap();
+    assert!(ended.has_changed().unwrap());
+    assert_eq!(valid().await, HashSet::from([second]));
+    centre.clock.advance(LASTS.idle);
+    assert_eq!(valid().await, HashSet::new(), "it has idled out");
+    assert_eq!(cookies.valid_of(vec![], LASTS).await.unwrap(), HashSet::new());
 }
 
 #[tokio::test]
@@ -314,7 +335,7 @@ async fn only_administrators_make_links_for_passwords_and_a_copy_of_the_database
     assert_eq!(links.look_up(secret).await.unwrap(), Some((link.clone(), ina.clone())));
     centre.store.cookies().forget_all().await.unwrap(); // as a backup does
     assert_eq!(links.look_up(secret).await.unwrap(), None);
-    let used = links.set_password(secret, Password::random().hash(), Ipv4Addr::LOCALHOST.into()).await;
+    let used = links.set_password(secret, Password::random().hash(), Ipv4Addr::LOCALHOST.into(), vec![]).await;
     assert!(matches!(used, Err(StoreError::NotFound { .. })), "{used:?}");
 
     links.create(&service, ina.id, secret, day).await.unwrap();

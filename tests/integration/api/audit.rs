@@ -92,3 +92,45 @@ async fn erasing_a_person_removes_their_addresses_from_the_audit_trail() {
     assert_eq!(count_of(&centre, of_staff).await, 0);
     assert!(count_of(&centre, "127.0.0.1").await > 0, "the administrator's changes keep their address");
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_audit_trail_has_the_number_of_tokens_that_a_change_withdrew() {
+    let centre = Centre::open().await;
+    let account = json!({"login": "nora", "name": "Nora", "role": "administrator", "password": PASSWORD});
+    let id = centre.administrator.make("/api/v1/people", account).await["id"].as_str().unwrap().to_owned();
+    let change = async |change: Value| {
+        let changed = centre.administrator.patch(&format!("/api/v1/people/{id}"), change).await;
+        assert_eq!(changed.status(), StatusCode::OK);
+    };
+    let make_token = async |by: &Client, role: &str| {
+        let made = by.make("/api/v1/tokens", json!({"name": "nightly", "role": role})).await;
+        centre.service.stranger().with_token(made["token"].as_str().unwrap())
+    };
+    let nora = centre.service.sign_in("nora", PASSWORD).await;
+    make_token(&nora, "instructor").await;
+    let changed = nora.post("/api/v1/me/password", json!({"old": PASSWORD, "new": OWN})).await;
+    assert_eq!(changed.status(), StatusCode::NO_CONTENT);
+
+    let nora = nora.with_cookie_of(&changed);
+    let program = make_token(&nora, "administrator").await;
+    program.make("/api/v1/tokens", json!({"name": "box", "role": "agent", "box": "box-1"})).await;
+    make_token(&nora, "instructor").await;
+    change(json!({"role": "instructor"})).await; // the instructor's token stays
+    change(json!({"password": PASSWORD})).await;
+    change(json!({"password": OWN})).await; // no token is left
+
+    change(json!({"role": "administrator"})).await;
+    make_token(&centre.service.sign_in("nora", OWN).await, "administrator").await;
+    let link = centre.administrator.make("/api/v1/password-links", json!({"person": id})).await;
+    let used = json!({"secret": link["secret"], "new": PASSWORD});
+    read(centre.service.stranger().post("/api/v1/password-links/use", used).await, StatusCode::OK).await;
+    make_token(&centre.service.sign_in("nora", PASSWORD).await, "administrator").await;
+    let deleted = centre.administrator.delete(&format!("/api/v1/people/{id}")).await;
+    assert_eq!(deleted.status(), StatusCode::NO_CONTENT);
+
+    let entries = entries(&centre).await;
+    let withdrawn: Vec<_> =
+        entries.iter().filter(|entry| entry["noun"] == "tokens").map(|entry| &entry["subject"]).collect();
+    assert_eq!(withdrawn, ["1", "1", "1", "2", "1"], "newest first: {entries:?}");
+    assert!(entries.iter().filter(|entry| entry["noun"] == "tokens").all(|entry| entry["action"] == "withdraw"));
+}

@@ -74,6 +74,12 @@ async fn an_invalid_plan_is_refused_with_the_reason() {
         let wrong = put(&centre.instructor, &path, json!({"course": made["id"], "begins": begins})).await;
         problem(wrong, 422, "invalid").await;
     }
+    for begins in ["9999-12-31", "0001-01-01", &days_ago(3_660), &days_ago(-3_660)] {
+        let wrong = put(&centre.instructor, &path, json!({"course": made["id"], "begins": begins})).await;
+        let refused = problem(wrong, 422, "invalid").await;
+        assert_eq!(refused["errors"][0]["field"], "begins", "{begins}: {refused}");
+        assert!(refused["detail"].as_str().unwrap().contains("within ten years of today"), "{refused}");
+    }
     read(put(&centre.instructor, &path, following).await, StatusCode::OK).await;
     let plan = format!("{COURSES}/{}", made["id"].as_str().unwrap());
     problem(centre.instructor.delete(&plan).await, 409, "in-use").await;

@@ -131,18 +131,20 @@ async fn the_first_password_binds_the_pages_and_no_program() {
     assert_eq!(free.read("/api/v1/people").await["items"][0]["password"], "own");
 }
 
+/// Runs a command line of `trocar admin` on the service's data, and returns what it prints.
+fn admin(service: &Service, line: &str) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trocar"));
+    command.args(["admin", "--data"]).arg(service.data.path()).args(line.split(' '));
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{line}: {output:?}");
+    String::from_utf8(output.stdout).unwrap().trim().to_owned()
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_password_that_a_command_has_set_binds_the_pages_and_no_program() {
     let service = Service::start().await;
-    let admin = |line: &str| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_trocar"));
-        command.args(["admin", "--data"]).arg(service.data.path()).args(line.split(' '));
-        let output = command.output().unwrap();
-        assert!(output.status.success(), "{line}: {output:?}");
-        String::from_utf8(output.stdout).unwrap().trim().to_owned()
-    };
     for line in ["user add nora --role instructor", "user password nora"] {
-        let password = admin(line);
+        let password = admin(&service, line);
         service.sign_in("nora", &password).await.read("/api/v1/boxes").await;
         let held = page(&service).signed_in("nora", &password).await;
         problem(held.get("/api/v1/boxes").await, 403, "password-change-required").await;
@@ -267,4 +269,44 @@ async fn guesses_of_links_count_against_the_address() {
     assert!(refused.headers().contains_key(header::RETRY_AFTER));
     problem(refused, 429, "too-many").await;
     read(open_link(&service, &secret).await, StatusCode::OK).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_link_lets_its_browser_sign_in_while_a_stranger_guesses() {
+    let service = Service::start_with(|settings| {
+        settings.http.free_attempts = 2;
+        settings.http.trusted_proxies = vec!["127.0.0.0/8".parse().unwrap()];
+    })
+    .await;
+    let administrator = service.administrator().await;
+    let at = |address: &str| service.stranger().with("x-forwarded-for", address);
+    let guess_until_refused = async || {
+        for n in 0..=255 {
+            let guess = json!({"login": ADMINISTRATOR.0, "password": "guess"});
+            let answer = at(&format!("198.51.100.{n}")).post("/api/v1/sign-in", guess).await;
+            if answer.status() == StatusCode::TOO_MANY_REQUESTS {
+                return problem(answer, 429, "too-many").await;
+            }
+        }
+        panic!("a stranger guesses on");
+    };
+    let assert_lets_in = async |secret: &str, new: &str, network: &str| {
+        let used = json!({"secret": secret, "new": new});
+        let set = at(&format!("{network}.7")).post("/api/v1/password-links/use", used).await;
+        assert_eq!(set.status(), StatusCode::OK, "a link does not wait");
+        let cookie = set.headers()[header::SET_COOKIE].to_str().unwrap().split(';').next().unwrap().to_owned();
+        assert!(cookie.starts_with("__Host-trocar-browser="), "{cookie}");
+        guess_until_refused().await;
+        let (elsewhere, sign_in) = (at(&format!("{network}.8")), json!({"login": ADMINISTRATOR.0, "password": new}));
+        problem(elsewhere.post("/api/v1/sign-in", sign_in.clone()).await, 429, "too-many").await;
+        let known = elsewhere.with("cookie", &cookie).post("/api/v1/sign-in", sign_in).await;
+        assert_eq!(known.status(), StatusCode::OK, "the browser that used the link, at another address");
+    };
+    let refused = guess_until_refused().await;
+    assert!(refused["detail"].as_str().unwrap().contains("a link for a new password"), "{refused}");
+    assert!(refused["wait_s"].as_u64() > Some(0), "{refused}");
+    let secret = make_link(&administrator, &id_of(&administrator, ADMINISTRATOR.0).await).await;
+    assert_lets_in(&secret, OWN, "192.0.2").await;
+    let printed = admin(&service, &format!("user link {}", ADMINISTRATOR.0));
+    assert_lets_in(printed.strip_prefix("/choose-password#").unwrap(), "another password", "203.0.113").await;
 }

@@ -116,3 +116,36 @@ async fn errors_names_the_field_that_cannot_be_used() {
     let refused = problem(upload.post("/api/v1/uploads", Value::Null).await, 400, "bad-request").await;
     assert_eq!(refused["errors"][0]["field"], "upload-length");
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_list_refuses_a_text_that_is_no_cursor_and_a_damaged_one() {
+    let centre = Centre::open().await;
+    let whole = centre.administrator.read("/api/v1/tasks?limit=1").await["next"].as_str().unwrap().to_owned();
+    centre.administrator.read(&format!("/api/v1/tasks?limit=1&cursor={whole}")).await;
+    let document = centre.administrator.read("/api/v1/openapi.json").await;
+    let has_cursor = |operation: &Value| {
+        operation["parameters"].as_array().is_some_and(|all| all.iter().any(|one| one["name"] == "cursor"))
+    };
+    let mut lists = 0;
+    for (path, method, operation) in operations(&document) {
+        if !has_cursor(operation) {
+            continue;
+        }
+        assert_eq!(method, "get", "{path}");
+        let id = match path.split('/').nth(3) {
+            Some("boxes") => "box-1",
+            Some("trainees") => "ada",
+            _ => MISSING,
+        };
+        let path = filled(&path, id);
+        for cursor in ["", "x", "17", "peg", MISSING, "1.2.3", &whole[1..], &whole[..whole.len() - 1]] {
+            let answer = centre.administrator.get(&format!("{path}?cursor={cursor}")).await;
+            let refused = problem(answer, 422, "invalid").await;
+            assert_eq!(refused["errors"][0]["field"], "cursor", "{path}: {refused}");
+            let what_to_do = refused["detail"].as_str().unwrap();
+            assert!(what_to_do.contains("use `next` of the previous page"), "{path}: {refused}");
+        }
+        lists += 1;
+    }
+    assert!(lists >= 14, "{lists} lists were tried");
+}

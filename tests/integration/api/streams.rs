@@ -1,13 +1,13 @@
 //! Server-sent events: each client gets only events in its scope, and streams end with the service.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use futures_util::StreamExt;
 use reqwest::{StatusCode, header};
-use serde_json::Value;
+use serde_json::{Value, json};
 
-use super::centre::{Centre, recording, session};
-use crate::support::{Client, let_time_pass, problem, soon};
+use super::centre::{Centre, PASSWORD, recording, session};
+use crate::support::{Client, let_time_pass, problem, read, soon};
 
 /// The events of one client, one at a time.
 struct Watcher {
@@ -38,6 +38,13 @@ impl Watcher {
             let more = self.bytes.next().await?.ok()?;
             self.text.push_str(std::str::from_utf8(&more).unwrap());
         }
+    }
+
+    /// Asserts that the stream ends now, and not with a later check of its sign-in.
+    async fn assert_ends_at_once(mut self, why: &str) {
+        let begun = Instant::now();
+        soon(why, async { while self.next().await.is_some() {} }).await;
+        assert!(begun.elapsed() < Duration::from_secs(3), "{why}: after {:?}", begun.elapsed());
     }
 
     async fn next_named(&mut self, name: &str) -> Value {
@@ -84,7 +91,7 @@ async fn a_stream_ends_with_the_service() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_busy_stream_ends_soon_after_its_token_was_withdrawn() {
     let centre = Centre::open().await;
-    let token = serde_json::json!({"name": "watcher", "role": "administrator"});
+    let token = json!({"name": "watcher", "role": "administrator"});
     let token = centre.administrator.make("/api/v1/tokens", token).await;
     let program = centre.service.stranger().with_token(token["token"].as_str().unwrap());
     let mut watcher = Watcher::open(&program).await;
@@ -102,6 +109,58 @@ async fn a_busy_stream_ends_soon_after_its_token_was_withdrawn() {
         () = end => {}
         () = events => panic!("the stream continues without a sign-in"),
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stream_ends_at_once_with_its_sign_in() {
+    let centre = Centre::open().await;
+    let administrator = &centre.administrator;
+    let mut stays = Watcher::open(administrator).await;
+    let people = administrator.read("/api/v1/people").await;
+    let account = |login: &str| {
+        let found = people["items"].as_array().unwrap().iter().find(|person| person["login"] == login).unwrap();
+        format!("/api/v1/people/{}", found["id"].as_str().unwrap())
+    };
+
+    let ada = centre.service.sign_in("ada", PASSWORD).await;
+    let watcher = Watcher::open(&ada).await;
+    assert_eq!(ada.post("/api/v1/sign-out", json!({})).await.status(), StatusCode::NO_CONTENT);
+    watcher.assert_ends_at_once("signing out").await;
+
+    let watcher = Watcher::open(&centre.service.sign_in("ada", PASSWORD).await).await;
+    let sign_ins = centre.trainee.read("/api/v1/me/sign-ins").await;
+    let other = sign_ins["items"].as_array().unwrap().iter().find(|one| one["is_current"] == false).unwrap();
+    let address = format!("/api/v1/me/sign-ins/{}", other["id"].as_str().unwrap());
+    assert_eq!(centre.trainee.delete(&address).await.status(), StatusCode::NO_CONTENT);
+    watcher.assert_ends_at_once("the end of a sign-in on the account page").await;
+
+    let watcher = Watcher::open(&centre.service.sign_in("bob", PASSWORD).await).await;
+    let change = json!({"old": PASSWORD, "new": "another password"});
+    assert_eq!(centre.other_trainee.post("/api/v1/me/password", change).await.status(), StatusCode::NO_CONTENT);
+    watcher.assert_ends_at_once("a new password").await;
+
+    let watcher = Watcher::open(&centre.instructor).await;
+    let change = json!({"password": "another password"});
+    read(administrator.patch(&account("ines"), change).await, StatusCode::OK).await;
+    watcher.assert_ends_at_once("a password that an administrator sets").await;
+
+    let watcher = Watcher::open(&centre.other_instructor).await;
+    read(administrator.patch(&account("omar"), json!({"role": "administrator"})).await, StatusCode::OK).await;
+    watcher.assert_ends_at_once("another role").await;
+
+    let made = administrator.make("/api/v1/tokens", json!({"name": "watcher", "role": "instructor"})).await;
+    let program = centre.service.stranger().with_token(made["token"].as_str().unwrap());
+    let watcher = Watcher::open(&program).await;
+    let address = format!("/api/v1/tokens/{}", made["id"].as_str().unwrap());
+    assert_eq!(administrator.delete(&address).await.status(), StatusCode::NO_CONTENT);
+    watcher.assert_ends_at_once("the withdrawal of a token").await;
+
+    let watcher = Watcher::open(&centre.trainee).await;
+    assert_eq!(administrator.delete("/api/v1/trainees/ada").await.status(), StatusCode::NO_CONTENT);
+    watcher.assert_ends_at_once("the erasure of a trainee").await;
+
+    session(administrator, "bob", recording(100, 1)).await;
+    stays.next_named("session").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -1,7 +1,10 @@
 //! Watching a recording while it arrives: live positions equal those of the causal tracker on the same frames, and the
 //! recording's result equals that of the same clip uploaded.
 
+use std::time::{Duration, Instant};
+
 use futures_util::StreamExt;
+use reqwest::StatusCode;
 use serde_json::{Value, json};
 use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
@@ -13,7 +16,7 @@ use trocar::motion::features::running::LIVE_FEATURES;
 use super::scene::{Scene, causal_path, set_up_box};
 use super::sender::{Received, Sender, hello, open};
 use super::{ANOTHER, RECORDING};
-use crate::api::centre::{Centre, session};
+use crate::api::centre::{Centre, PASSWORD, session};
 use crate::support::{Client, Service, soon};
 
 /// A message to a watcher.
@@ -237,6 +240,20 @@ async fn strangers_do_not_watch_and_a_session_that_is_over_says_so() {
     sender.end(3).await;
     let mut watcher = Watcher::open(&centre, &centre.trainee, &id).await.unwrap();
     assert_eq!(watcher.next_of_type("ended").await["status"], "queued");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_live_view_ends_at_once_with_its_sign_in() {
+    let centre = Centre::open().await;
+    let (mut sender, welcome) = super::begin(&centre.service, &centre.agent, RECORDING).await;
+    sender.send_frames(0..3).await;
+    let ada = centre.service.sign_in("ada", PASSWORD).await;
+    let mut watcher = Watcher::open(&centre, &ada, welcome["session"].as_str().unwrap()).await.unwrap();
+    watcher.next_of_type("live").await;
+    assert_eq!(ada.post("/api/v1/sign-out", json!({})).await.status(), StatusCode::NO_CONTENT);
+    let begun = Instant::now();
+    while !matches!(watcher.next().await, LiveMessage::Closed) {}
+    assert!(begun.elapsed() < Duration::from_secs(3), "{:?}", begun.elapsed());
 }
 
 #[tokio::test(flavor = "multi_thread")]
