@@ -26,7 +26,7 @@ use crate::motion::quality::ports::watch::{self, PlacementWatch};
 use crate::motion::quality::running::RunningFigures;
 use crate::vision::frame::Frame;
 use crate::vision::pose::fulcrum::Fulcrum;
-use crate::vision::tracker::{MAX_WARM_UP_FRAMES, Tracker, TrackerSettings};
+use crate::vision::tracker::{MAX_WARM_UP_FRAMES, ToolSpec, Tracker, TrackerSettings};
 
 /// Interval between replies with features and light, s of the recording.
 const FEATURES_INTERVAL_S: f64 = 1.0;
@@ -111,7 +111,7 @@ impl LiveTracker {
             codec,
             decoder: FeedDecoder::new(codec, size, time_base, limits)?,
             running: RunningFeatures::new(track.tools.len(), FeatureSettings::default()),
-            figures: RunningFigures::new(track.tools.len()),
+            figures: RunningFigures::new(track.tools.iter().map(ToolSpec::is_bare)),
             placement: PlacementWatch::new(track.tools.len()),
             names: track.tools.iter().map(|tool| tool.name.clone()).collect(),
             fulcrums: vec![None; track.tools.len()],
