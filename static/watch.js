@@ -29,6 +29,11 @@ export class LiveWatch {
    * @type {{ coverage: number | null, reason: Schemas['ConcernDocument'] | null }[]}
    */
   seen = [];
+  /**
+   * What to know of tools without tape; null if no tool is without tape.
+   * @type {'learning_box' | 'on_trial' | null}
+   */
+  bareTools = null;
   isBehind = false;
   /** What is known of the recording while it has no sender. @type {{ recorded_s: number | null, ends_in_s: number | null } | null} */
   interruption = null;
@@ -165,8 +170,9 @@ export class LiveWatch {
     this.#notifyListeners();
   }
 
-  #keepFeatures({ features, light, placement, seen }) {
+  #keepFeatures({ features, light, placement, seen, bare_tools: bareTools }) {
     [this.features, this.light, this.placement, this.seen] = [features, light, placement, seen ?? []];
+    this.bareTools = bareTools ?? null;
   }
 
   #countMissed(count) {

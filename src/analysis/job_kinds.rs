@@ -36,7 +36,7 @@ impl WorkerPool {
         let tools = work.tracker.tools.iter().map(|tool| tool.name.clone()).collect();
         let mut plan = JobPlan::new(ChildWork::Track(work), &held.job().input, &self.vault).await?;
         if let Some(picture) = empty_box {
-            plan = plan.with_file(picture, &self.vault).await?;
+            plan = plan.with_empty_box(picture, &self.vault).await?;
         }
         let output = self.supervise_child(held, plan, ending).await??;
         let ports = self.earlier_ports(held, earlier, ending).await?;

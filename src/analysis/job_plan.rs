@@ -54,14 +54,25 @@ impl JobPlan {
         Ok(Self { work, inputs })
     }
 
-    /// The plan with one more input. A file that was deleted meanwhile is left out.
-    pub(super) async fn with_file(mut self, file: BlobHash, vault: &Vault) -> Result<Self, WorkError> {
-        match vault.open_blob(file).await {
-            Ok((file, _)) => self.inputs.push(file),
-            Err(VaultError::NotFound) => tracing::warn!(%file, "a deleted picture of the empty box is not used"),
-            Err(error) => return Err(error.into()),
-        }
+    /// The plan with the picture of the empty box as one more input.
+    pub(super) async fn with_empty_box(mut self, picture: BlobHash, vault: &Vault) -> Result<Self, WorkError> {
+        self.inputs.extend(open_empty_box(picture, vault).await?);
         Ok(self)
+    }
+}
+
+/// Opens a picture of the empty box; `None` if it was deleted meanwhile.
+///
+/// # Errors
+/// The vault's errors.
+pub async fn open_empty_box(picture: BlobHash, vault: &Vault) -> Result<Option<File>, VaultError> {
+    match vault.open_blob(picture).await {
+        Ok((file, _)) => Ok(Some(file)),
+        Err(VaultError::NotFound) => {
+            tracing::warn!(%picture, "a deleted picture of the empty box is not used");
+            Ok(None)
+        }
+        Err(error) => Err(error),
     }
 }
 
@@ -144,6 +155,8 @@ pub struct LivePlan {
     pub track: TrackerSettings,
     /// Trocar positions in earlier sessions.
     pub ports: Ports,
+    /// The picture of the empty box, for tools without tape; see [`open_empty_box`].
+    pub empty_box: Option<BlobHash>,
 }
 
 /// Looks up what a live recording in a box is tracked with, or the problem if the box lacks something.
@@ -159,8 +172,9 @@ pub async fn live_plan(of: BoxId, store: &Store) -> Result<Result<LivePlan, Prob
         return Ok(Err(Problem::new("box-not-ready", "The box is not ready", "the box's colours are not marked")));
     };
     let ports = ports_so_far(of, calibration.id, store).await?;
+    let empty_box = empty_box_of(&palette);
     Ok(match tracker_settings(palette, calibration.camera.camera(), store).await {
-        Ok(track) => Ok(LivePlan { track, ports }),
+        Ok(track) => Ok(LivePlan { track, ports, empty_box }),
         Err(WorkError::Impossible(problem)) => Err(problem),
         Err(WorkError::Store(error)) => return Err(error),
         Err(error) => Err(Problem::new("box-not-ready", "The box is not ready", error.to_string())),

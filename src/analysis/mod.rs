@@ -45,7 +45,7 @@ mod worker;
 
 pub use attempt::{AttemptFailure, ChildAttempt, run_attempt};
 pub use child::{ChildEvent, ChildOutput};
-pub use job_plan::{LivePlan, live_plan};
+pub use job_plan::{LivePlan, live_plan, open_empty_box};
 pub use quick::{CheckedEdit, QuickAnalysis, QuickAnalysisError};
 pub use settings::AnalysisSettings;
 pub use worker::WorkerPool;

@@ -46,7 +46,9 @@ export default function LiveOverview() {
 function Tile({ session, onClosed }) {
   const watch = useLiveWatch(session.id, onClosed);
   useToolStates(watch);
-  const faults = [lightFault(watch.light), placementFault(watch.placement, watch.track?.tools ?? [])].flatMap(fault => fault ?? []);
+  const bareTools = watch.bareTools && t.watch.bareTools[watch.bareTools];
+  const faults = [lightFault(watch.light), placementFault(watch.placement, watch.track?.tools ?? []), bareTools]
+    .flatMap(fault => fault ?? []);
   return html`
     <article class="card tile">
       <${LiveScreen} watch=${watch} name=${t.watch.picture(session.box?.name)} show=${TILE} />

@@ -949,6 +949,16 @@ export default {
       colour: 'Die Farbe des Lichts hat sich geändert',
       advice: 'Schalten Sie die automatische Belichtung und den automatischen Weißabgleich der Kamera aus, und lassen Sie das Licht, wie es ist.',
     },
+    bareTools: {
+      learning_box: {
+        title: 'Instrumente ohne Klebeband werden zur Probe verfolgt, und die Box wird noch gelernt',
+        advice: 'Sie werden vielleicht erst nach einigen Sekunden gefunden.',
+      },
+      on_trial: {
+        title: 'Instrumente ohne Klebeband werden zur Probe verfolgt',
+        advice: 'Ihre Bahn wird gezeigt. Kleben Sie für eine Wertung ein Band auf.',
+      },
+    },
     placement: {
       steady: 'Kamera und Trokare am gewohnten Ort',
       unknown: 'Ort der Kamera noch nicht geprüft',

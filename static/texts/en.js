@@ -851,6 +851,16 @@ export default {
       colour: 'The colour of the light has changed',
       advice: 'Switch off the camera’s automatic exposure and white balance, and keep the light as it is.',
     },
+    bareTools: {
+      learning_box: {
+        title: 'Tools without tape are followed on trial, and the box is still being learned',
+        advice: 'They may be found some seconds late.',
+      },
+      on_trial: {
+        title: 'Tools without tape are followed on trial',
+        advice: 'Their path is shown. Wind tape round them for a score.',
+      },
+    },
     placement: {
       steady: 'Camera and trocars in their usual place',
       unknown: 'Camera position not checked yet',

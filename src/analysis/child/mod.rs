@@ -138,7 +138,8 @@ child_works! {
     CheckEdit, edit_check: check_edit::CheckEditWork;
     /// Check whether a table of another tracker can be imported.
     CheckTable, table_check: check_table::CheckTableWork;
-    /// Track a live recording. Inputs: its log, and a pipe of positions in it.
+    /// Track a live recording. Inputs: its log, a pipe of positions in it, and a photo of the empty box if there is
+    /// one.
     Follow, followed: follow::FollowWork;
     /// Assemble a recording from a feed's log. Inputs: the log, and last the output file, open for writing.
     Assemble, assembled: assemble::AssembleWork;
@@ -185,6 +186,13 @@ impl ChildInputs {
     fn first_and_second(self) -> Result<(File, Option<File>), StopReason> {
         let mut files = self.files.into_iter();
         Ok((files.next().ok_or_else(no_input)?, files.next()))
+    }
+
+    /// The first two files, and the third if there is one.
+    fn first_two_and_third(self) -> Result<([File; 2], Option<File>), StopReason> {
+        let mut files = self.files.into_iter();
+        let (first, second) = files.next().zip(files.next()).ok_or_else(no_input)?;
+        Ok(([first, second], files.next()))
     }
 
     /// Takes the last file away.

@@ -20,7 +20,8 @@ pub use super::child::check_edit::CheckEditWork;
 pub use super::child::check_table::CheckTableWork;
 pub use super::child::demux::DemuxWork;
 pub use super::child::follow::{
-    FollowReply, FollowWork, FollowedFrame, FollowedTool, LogPosition, RunningRow, SeenSoFar, live_features,
+    BareToolStage, FollowReply, FollowWork, FollowedFrame, FollowedTool, LogPosition, RunningRow, SeenSoFar,
+    live_features,
 };
 pub use super::child::mask::MaskWork;
 pub use super::child::palette::{ColourMark, PaletteWork};

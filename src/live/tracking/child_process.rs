@@ -61,13 +61,17 @@ impl TrackingSupervisor {
     ) -> Result<(), AttemptFailure> {
         let lost = |error: &dyn std::fmt::Display| AttemptFailure::Crashed(format!("hit an error: {error}"));
         let track = analysis::live_plan(row.box_id, &feeds.0.store).await.map_err(|why| lost(&why))?;
-        let LivePlan { track, ports } = track.map_err(AttemptFailure::Impossible)?;
+        let LivePlan { track, ports, empty_box } = track.map_err(AttemptFailure::Impossible)?;
         let tools = track.tools.iter().map(|tool| tool.name.clone()).collect();
         let work = FollowWork { track, codec: row.codec, size: (row.width, row.height), time_base, ports };
         let request = ChildRequest { threads: 1, work: ChildWork::Follow(work) };
         let (log, _) = feeds.0.vault.read_feed(row.id).await.map_err(|error| lost(&error))?;
         let (theirs, ours) = pipe().map_err(|error| lost(&error))?;
-        let inputs = vec![log, File::from(OwnedFd::from(theirs))];
+        let mut inputs = vec![log, File::from(OwnedFd::from(theirs))];
+        if let Some(picture) = empty_box {
+            let opened = analysis::open_empty_box(picture, &feeds.0.vault).await;
+            inputs.extend(opened.map_err(|error| lost(&error))?);
+        }
         let budget = Budget {
             cpu: MAX_CHILD_TIME,
             slice: Budget::SHORT_SLICE,

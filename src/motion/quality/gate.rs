@@ -3,7 +3,7 @@
 use super::limits::QualityLimits;
 use super::{BoxAnswer, Figures, JumpRows, LostStretch, PathJump, QualityCause, ToolFigures};
 use crate::vision::segmentation::palette::Margin;
-use crate::vision::tracker::{DiameterBasis, TrocarEvidence};
+use crate::vision::tracker::TrocarEvidence;
 
 /// The quality verdict on a session: whether its measurements can be trusted.
 #[derive(Clone, Debug, PartialEq)]
@@ -182,9 +182,7 @@ fn tool_figure(tool: &ToolFigures, cause: QualityCause) -> Option<f64> {
         QualityCause::LeftView => tool.left_view_share,
         QualityCause::Lost => tool.lost_share,
         QualityCause::NoTrocar => tool.moved_without_trocar_mm,
-        QualityCause::BareTool => {
-            tool.effective_diameter.filter(|of| of.basis == DiameterBasis::BareShaft).map(|_| 1.0)
-        }
+        QualityCause::BareTool => tool.is_bare.then_some(1.0),
         QualityCause::BandTooLong => tool.size_mismatch.map(|mismatch| mismatch.sigmas()),
         QualityCause::BandTooShort => tool.size_mismatch.map(|mismatch| -mismatch.sigmas()),
         QualityCause::Predicted => tool.predicted_share,

@@ -13,7 +13,7 @@ use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::pose::size_check::SizeMismatch;
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::ColourSeparation;
-use crate::vision::tracker::{Absence, EffectiveDiameter, ToolQuality, TrocarEvidence};
+use crate::vision::tracker::{Absence, DiameterBasis, EffectiveDiameter, ToolQuality, TrocarEvidence};
 use crate::vision::trajectory::{Sample, SampleState, Trajectory};
 
 /// How one tool was seen. Shares are 0 to 1; `None` if the input does not contain the figure.
@@ -50,6 +50,8 @@ pub struct ToolFigures {
     pub moved_without_trocar_mm: Option<f64>,
     /// The effective diameter of its tape.
     pub effective_diameter: Option<EffectiveDiameter>,
+    /// True if it was followed by its bare shaft.
+    pub is_bare: bool,
     /// Whether the picture contradicts its sizes.
     pub size_mismatch: Option<SizeMismatch>,
     /// Measurements that contradict the tool's motion, as a share of all measurements.
@@ -133,6 +135,7 @@ pub(super) fn measure(
     let gaps = tracker.zip(shown).map(|(tool, shown)| ToolGaps::within(tool, shown));
     let jumps = JumpSearch::new(&path, evidence.smoothed.cuts_of(index));
     let of_session = |frames: u64| shown.and_then(|shown| share(frames, shown.frames()));
+    let effective_diameter = tracker.and_then(|tool| tool.effective_diameter);
     ToolFigures {
         tool: evidence.smoothed.tools[index].clone(),
         observed,
@@ -153,7 +156,8 @@ pub(super) fn measure(
         moved_without_trocar_mm: tracker
             .filter(|tool| tool.trocar() != TrocarEvidence::Shown)
             .and_then(|_| spread_across_mm(&seen)),
-        effective_diameter: tracker.and_then(|tool| tool.effective_diameter),
+        effective_diameter,
+        is_bare: effective_diameter.is_some_and(|of| of.basis == DiameterBasis::BareShaft),
         size_mismatch: tracker.and_then(|tool| tool.size_mismatch),
         rejected_share: tracker.and_then(|tool| {
             let rejected = tool.reasons.get(&MissReason::GateRejected).copied().unwrap_or(0);

@@ -1,4 +1,5 @@
-//! Finds the strips of each bare tool on a frame, once the box and the tools' trocars have been learned.
+//! Finds the strips of each bare tool on a frame, once the box has been learned. With the tools' trocars it is quicker
+//! and surer.
 
 use std::cell::OnceCell;
 
@@ -37,8 +38,8 @@ pub struct StripFinder {
 }
 
 impl StripFinder {
-    /// Learns the box and the tools' trocars from frames spread over the recording, and from the picture of the empty
-    /// box if there is one. `None` without frames, or if the lens model does not cover the picture.
+    /// Learns the box from frames spread over the recording, and from the picture of the empty box if there is one. No
+    /// trocar is known then. `None` without frames, or if the lens model does not cover the picture.
     pub fn learn(
         camera: &Camera,
         shaft: ShaftColour,
@@ -46,9 +47,8 @@ impl StripFinder {
         frames: &[CellPicture],
         empty: Option<&CellPicture>,
     ) -> Option<Self> {
-        /// Frames for the colours of anything, and for the trocars.
+        /// Frames for the colours of anything.
         const COLOUR_FRAMES: usize = 20;
-        const TROCAR_FRAMES: usize = 20;
         let any = AnyColour::new(spread(frames, COLOUR_FRAMES));
         let background = empty
             .and_then(|empty| Background::from_empty(empty, frames, &shaft, &any))
@@ -56,13 +56,26 @@ impl StripFinder {
         let grid = UndistortedGrid::new(camera)?;
         let inside = grid.inside();
         let appearance = ShaftAppearance { shaft, any, background };
-        let mut finder = Self { grid, inside, appearance, tools: tools.iter().map(|tool| (*tool, None)).collect() };
-        let spread: Vec<GridMap> = spread(frames, TROCAR_FRAMES).map(|cells| finder.evidence(cells)).collect();
-        for tool in 0..tools.len() {
-            let found: Vec<Vec<Strip>> = spread.iter().map(|evidence| finder.strips(evidence, tool)).collect();
-            finder.tools[tool].1 = meeting_point::find(&found, |at| finder.may_be_trocar(at));
+        Some(Self { grid, inside, appearance, tools: tools.iter().map(|tool| (*tool, None)).collect() })
+    }
+
+    /// Finds the trocars of tools that turned about them by at least `min_turn` ([`meeting_point::turn`]). This
+    /// searches many whole pictures, which takes seconds.
+    pub fn find_trocars(&mut self, frames: &[CellPicture], min_turn: f64) {
+        const TROCAR_FRAMES: usize = 20;
+        let spread: Vec<GridMap> = spread(frames, TROCAR_FRAMES).map(|cells| self.evidence(cells)).collect();
+        for tool in 0..self.tools.len() {
+            let found: Vec<Vec<Strip>> = spread.iter().map(|evidence| self.strips(evidence, tool)).collect();
+            let trocar = meeting_point::find(&found, |at| self.may_be_trocar(at));
+            self.tools[tool].1 = trocar.filter(|at| meeting_point::turn(&found, *at) >= min_turn);
         }
-        Some(finder)
+    }
+
+    /// Takes over the trocars that an earlier finder of the same tools knows and this one does not.
+    pub fn keep_trocars_of(&mut self, earlier: &Self) {
+        for ((_, trocar), (_, known)) in self.tools.iter_mut().zip(&earlier.tools) {
+            *trocar = trocar.or(*known);
+        }
     }
 
     /// Evidence on the undistorted grid.
@@ -99,17 +112,38 @@ impl StripFinder {
     }
 }
 
+/// Which tools without a known trocar a frame may be searched for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SearchTurn {
+    /// All of them, as often as their searches succeed: a recording waits.
+    All,
+    /// This one, at its place among the bare tools: the frames of a feed do not wait.
+    One(usize),
+    /// None of them.
+    None,
+}
+
 /// The strips of one frame. The evidence is computed only if a tool must be searched for.
 pub struct FrameStrips<'a> {
     finder: &'a StripFinder,
     frame: &'a Frame<'a>,
+    turn: SearchTurn,
     cells: OnceCell<(CellPicture, GridMap)>,
 }
 
 impl<'a> FrameStrips<'a> {
     /// Of this frame.
-    pub fn new(finder: &'a StripFinder, frame: &'a Frame<'a>) -> Self {
-        Self { finder, frame, cells: OnceCell::new() }
+    pub fn new(finder: &'a StripFinder, frame: &'a Frame<'a>, turn: SearchTurn) -> Self {
+        Self { finder, frame, turn, cells: OnceCell::new() }
+    }
+
+    /// Is it the tool's turn to be searched for? `None` if it does not have to wait for its turn.
+    pub fn is_turn_of(&self, tool: usize) -> Option<bool> {
+        match self.turn {
+            SearchTurn::All => None,
+            _ if self.is_trocar_known(tool) => None,
+            turn => Some(turn == SearchTurn::One(tool)),
+        }
     }
 
     /// Is the point through which the tool's strips pass known? A search without it takes ten times as long.
@@ -140,4 +174,55 @@ impl<'a> FrameStrips<'a> {
 fn spread(frames: &[CellPicture], count: usize) -> impl Iterator<Item = &CellPicture> {
     let count = count.min(frames.len());
     (0..count).map(move |i| &frames[i * (frames.len() - 1) / (count.max(2) - 1)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::camera::testing::STRAIGHT;
+    use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
+    use crate::vision::segmentation::cells::CellGrid;
+
+    fn finder() -> StripFinder {
+        let grid = CellGrid::new(STRAIGHT.width as usize, STRAIGHT.height as usize);
+        let frame = CellPicture { grid, codes: vec![[150, 128, 128]; grid.count()] };
+        let shaft = ShaftColour::new(&[[30, 128, 128]]).unwrap();
+        let tools = [HandSide::Left, HandSide::Right].map(|side| BareTool { side: Some(side), diameter_mm: 5.0 });
+        StripFinder::learn(&STRAIGHT, shaft, &tools, &[frame], None).unwrap()
+    }
+
+    #[test]
+    fn trocars_stay_known_until_others_are_found() {
+        let [before, after] = [Vector3::x(), Vector3::y()];
+        let (mut known, mut learned) = (finder(), finder());
+        known.tools[0].1 = Some(before);
+        known.tools[1].1 = Some(before);
+        learned.tools[1].1 = Some(after);
+        learned.keep_trocars_of(&known);
+        assert_eq!([learned.tools[0].1, learned.tools[1].1], [Some(before), Some(after)]);
+    }
+
+    #[test]
+    fn only_tools_without_a_known_trocar_wait_for_their_turn() {
+        let mut finder = finder();
+        finder.tools[0].1 = Some(Vector3::x());
+        let samples = [150; 16];
+        let plane = Plane { data: &samples, stride: 4, width: 4, height: 4 };
+        let frame = Frame {
+            index: 0,
+            time_s: 0.0,
+            y: plane,
+            u: plane,
+            v: plane,
+            shift_x: 0,
+            shift_y: 0,
+            chroma_first_px: [0.0; 2],
+            encoding: ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 },
+        };
+        let turns = |turn| [0, 1].map(|tool| FrameStrips::new(&finder, &frame, turn).is_turn_of(tool));
+        assert_eq!(turns(SearchTurn::All), [None, None]);
+        assert_eq!(turns(SearchTurn::One(0)), [None, Some(false)]);
+        assert_eq!(turns(SearchTurn::One(1)), [None, Some(true)]);
+        assert_eq!(turns(SearchTurn::None), [None, Some(false)]);
+    }
 }

@@ -18,11 +18,7 @@ const MIN_FRAMES: usize = 6;
 /// The point that the strips of most score pass through, as a unit vector; `None` if they do not show one. `frames` are
 /// the strips of each frame, and `is_possible` says whether a trocar can be there.
 pub fn find(frames: &[Vec<Strip>], is_possible: impl Fn(Vector3<f64>) -> bool) -> Option<Vector3<f64>> {
-    let planes: Vec<(usize, Vector3<f64>, f64)> = frames
-        .iter()
-        .enumerate()
-        .flat_map(|(frame, strips)| strips.iter().map(move |strip| (frame, strip.plane(), strip.score.max(0.0))))
-        .collect();
+    let planes = planes_of(frames);
     let mut best = (0.0, None);
     for (i, (frame, plane, _)) in planes.iter().enumerate() {
         for (other_frame, other, _) in &planes[..i] {
@@ -40,6 +36,28 @@ pub fn find(frames: &[Vec<Strip>], is_possible: impl Fn(Vector3<f64>) -> bool) -
     let found = best.1.map(|trocar| refined(&planes, frames.len(), trocar))?;
     let passing = best_of_frames(&planes, frames.len(), found).into_iter().flatten().count();
     (passing >= MIN_FRAMES && is_possible(found)).then_some(found)
+}
+
+/// How far a tool turned about a point: the strips through it turn out of their mean plane by this sine, root mean
+/// square. A tool at rest seems to turn by the error of a strip's direction, at most about 0.01.
+pub fn turn(frames: &[Vec<Strip>], trocar: Vector3<f64>) -> f64 {
+    let passing = best_of_frames(&planes_of(frames), frames.len(), trocar);
+    let (mut sum, mut weight) = (Matrix3::zeros(), 0.0);
+    for (plane, score) in passing.into_iter().flatten() {
+        sum += plane * plane.transpose() * score;
+        weight += score;
+    }
+    let mut shares: [f64; 3] = sum.symmetric_eigenvalues().into();
+    shares.sort_by(f64::total_cmp);
+    if weight > 0.0 { (shares[1].max(0.0) / weight).sqrt() } else { 0.0 }
+}
+
+/// The strips of all frames: frame, plane and score.
+fn planes_of(frames: &[Vec<Strip>]) -> Vec<(usize, Vector3<f64>, f64)> {
+    let of_frame = |(frame, strips): (usize, &Vec<Strip>)| {
+        strips.iter().map(move |strip| (frame, strip.plane(), strip.score.max(0.0))).collect::<Vec<_>>()
+    };
+    frames.iter().enumerate().flat_map(of_frame).collect()
 }
 
 /// Sum over the frames of the best strip that passes through the point.
@@ -113,6 +131,16 @@ mod tests {
             .collect();
         let found = find(&frames, |_| true).unwrap();
         assert!((found.xy() / found.z - trocar.coords).norm() < 1e-6, "{found}");
+        assert!(turn(&frames, found) > 0.05, "{}", turn(&frames, found));
+    }
+
+    #[test]
+    fn a_resting_tool_and_a_line_of_the_box_meet_in_a_point_about_which_nothing_turned() {
+        let line = strip([-0.6, -0.3], [0.2, 0.3], 50.0);
+        let resting = |i: i32| strip([-0.5, 0.1], [0.1, 0.2 + 0.002 * f64::from(i % 3 - 1)], 100.0);
+        let frames: Vec<Vec<Strip>> = (0..12).map(|i| vec![resting(i), line.clone()]).collect();
+        let found = find(&frames, |_| true).unwrap();
+        assert!(turn(&frames, found) < 0.01, "{}", turn(&frames, found));
     }
 
     #[test]

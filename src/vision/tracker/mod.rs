@@ -22,6 +22,7 @@ mod assignment;
 mod band_fit;
 mod band_length_estimator;
 mod blocks;
+mod box_learner;
 mod find;
 mod footprint;
 mod frame_context;
@@ -51,10 +52,13 @@ mod shaft_check;
 mod shaft_search;
 mod starts;
 mod tape_cover;
+#[cfg(test)]
+pub(crate) mod testing;
 mod tool;
 mod trace;
 mod width_method;
 
+pub use box_learner::BoxLearner;
 pub use report::{
     Absence, DiameterBasis, EffectiveDiameter, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality,
     ToolReport, Tracking, TrocarEvidence,
@@ -72,8 +76,7 @@ use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::segmentation::colour_table::ColourTable;
 use crate::vision::segmentation::knn::Knn;
 use crate::vision::segmentation::palette::{self, ColourSeparation};
-use crate::vision::segmentation::shaft_colour::ShaftColour;
-use crate::vision::strip::finder::{BareTool, FrameStrips, StripFinder};
+use crate::vision::strip::finder::{FrameStrips, SearchTurn, StripFinder};
 use crate::vision::trajectory::Sample;
 use crate::vision::tube::Outline;
 use accept::ToolFrameResult;
@@ -81,11 +84,16 @@ use frame_context::FrameContext;
 use light::LightWatch;
 use motion::FrameInstant;
 use record::PackedRecords;
+use shaft_search::ShaftSearch;
 use tool::ToolTracker;
 
 /// Number of frames for [`Tracker::warm_up`]: enough edges to learn their appearance, and enough views to learn a
 /// band's length.
 pub const MAX_WARM_UP_FRAMES: usize = 12;
+
+/// Frames of a feed between two searches for bare tools without a known trocar. A search takes 0.1 s, and no frame may
+/// wait for two.
+const FEED_SEARCH_FRAMES: usize = 8;
 
 /// Follows the tools through a recording or a live feed, frame by frame.
 pub struct Tracker {
@@ -94,6 +102,8 @@ pub struct Tracker {
     encoding: ColourEncoding,
     /// Finds bare shafts, once the box is known.
     strips: Option<StripFinder>,
+    /// Of a feed, the frames since its box is known.
+    feed_frames: Option<usize>,
     tools: Vec<ToolTracker>,
     /// Pairs of tools that share a colour; the left hand's tool comes first.
     pairs: Vec<[usize; 2]>,
@@ -134,6 +144,7 @@ impl Tracker {
             table,
             encoding,
             strips: None,
+            feed_frames: None,
             settings,
             instants: Vec::new(),
             light: LightWatch::default(),
@@ -144,16 +155,33 @@ impl Tracker {
     /// Learns the box without tools, and the trocars of bare tools, from frames spread over the recording. Needed to
     /// find tools without tape; call it before [`Tracker::warm_up`]. Nothing happens without such tools.
     pub fn learn_scene(&mut self, scene: &SceneSamples) {
-        let bare: Vec<&ToolSpec> = self.settings.tools.iter().filter(|tool| tool.is_bare()).collect();
-        let tools: Vec<BareTool> =
-            bare.iter().map(|tool| BareTool { side: tool.side, diameter_mm: tool.diameter_mm }).collect();
-        let is_bare = |label: &&String| bare.iter().any(|tool| tool.colour == **label);
-        let labels = self.settings.samples.labels.iter().filter(is_bare);
-        let pixels: Vec<[u8; 3]> =
-            labels.flat_map(|label| self.settings.samples.codes_of_label(label, self.encoding)).collect();
-        let SceneSamples { frames, empty, .. } = scene;
-        self.strips = ShaftColour::new(&pixels)
-            .and_then(|shaft| StripFinder::learn(&self.settings.camera, shaft, &tools, frames, empty.as_ref()));
+        self.strips = self.box_learner().and_then(|learner| learner.learn_whole(scene));
+    }
+
+    /// Learns the box of a feed, which cannot show its future: pass the result to [`Self::know_feed_box`]. `None`
+    /// without bare tools.
+    pub fn box_learner(&self) -> Option<BoxLearner> {
+        BoxLearner::new(&self.settings, self.encoding)
+    }
+
+    /// Takes what was learned of a feed's box so far, first or in place of what was known. Trocars that it lacks stay
+    /// known. Tools that are followed remain followed, and the others are searched for at once.
+    pub fn know_feed_box(&mut self, mut learned: StripFinder) {
+        if let Some(known) = &self.strips {
+            learned.keep_trocars_of(known);
+        }
+        self.strips = Some(learned);
+        self.feed_frames.get_or_insert(0);
+        self.tools.iter_mut().for_each(|tool| tool.shaft_search = ShaftSearch::default());
+    }
+
+    /// The bare tool without a known trocar that the next frame may be searched for.
+    fn next_search_turn(&mut self) -> SearchTurn {
+        let Some(frames) = &mut self.feed_frames else { return SearchTurn::All };
+        let (number, bare) = (*frames, self.tools.iter().filter(|tool| tool.bare.is_some()).count());
+        *frames += 1;
+        let is_search = number.is_multiple_of(FEED_SEARCH_FRAMES);
+        if is_search { SearchTurn::One(number / FEED_SEARCH_FRAMES % bare.max(1)) } else { SearchTurn::None }
     }
 
     /// Tracks the first frames of a recording only to learn how edges look and how long the bands are. The first
@@ -203,8 +231,8 @@ impl Tracker {
         self.light.sample_frame(frame);
         let mut outlines = self.expected_outlines(frame.time_s);
         let mut results: Vec<(usize, ToolFrameResult)> = Vec::with_capacity(self.tools.len());
-        let finder = self.strips.take();
-        let strips = finder.as_ref().map(|finder| FrameStrips::new(finder, frame));
+        let (finder, turn) = (self.strips.take(), self.next_search_turn());
+        let strips = finder.as_ref().map(|finder| FrameStrips::new(finder, frame, turn));
         for tool in self.nearest_first(&outlines) {
             results.push((tool, self.observe_alone(tool, frame, strips.as_ref(), &mut outlines)));
         }

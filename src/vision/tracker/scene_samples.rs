@@ -1,4 +1,4 @@
-//! What a recording shows of its box: frames spread over it, as cells, and the picture of the empty box.
+//! What a recording or a feed shows of its box: frames spread over it, as cells, and the picture of the empty box.
 
 use crate::vision::frame::{ColourEncoding, Frame};
 use crate::vision::segmentation::cells::CellPicture;
@@ -41,6 +41,11 @@ impl SceneSamples {
     /// Sets the picture of the empty box: of the frames' size, and in any encoding. `encoding` is that of the frames.
     pub fn set_empty(&mut self, picture: &Frame<'_>, encoding: ColourEncoding) {
         self.empty = Some(CellPicture::of(picture).with_encoding(picture.encoding, encoding));
+    }
+
+    /// Is there a picture of the empty box?
+    pub fn has_empty(&self) -> bool {
+        self.empty.is_some()
     }
 }
 

@@ -37,6 +37,11 @@ impl ShaftSearch {
         reason
     }
 
+    /// The reason of the last search.
+    fn last_reason(&self) -> MissReason {
+        self.reason.unwrap_or(MissReason::NoMarkerColour)
+    }
+
     /// Ends a search that failed for a reason, or succeeded.
     fn end(&mut self, reason: Option<MissReason>, is_trocar_known: bool) {
         /// Most frames between two searches, with the trocar known and without: a tenth and half of a second at 30 Hz.
@@ -59,7 +64,12 @@ impl ToolTracker {
         bare: usize,
     ) -> Result<Measurement, MissReason> {
         let Some(strips) = scene.strips else { return Err(MissReason::NoMarkerColour) };
-        if let Some(reason) = self.shaft_search.pausing() {
+        let pausing = match strips.is_turn_of(bare) {
+            Some(true) => None,
+            Some(false) => Some(self.shaft_search.last_reason()),
+            None => self.shaft_search.pausing(),
+        };
+        if let Some(reason) = pausing {
             return Err(reason);
         }
         let found = self.measure_best_strip(scene, prediction, &strips.of_tool(bare));

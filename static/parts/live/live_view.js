@@ -26,7 +26,9 @@ export function LiveView({ session, onClosed }) {
           <${LiveScreen} watch=${watch} name=${words.picture(session.box?.name)} />
           <div class="live-bar">
             <${ConnectionPill} watch=${watch} />
-            ${track && html`<div class="row"><${LightState} watch=${watch} /><${PlacementState} watch=${watch} /></div>`}
+            ${track && html`<div class="row">
+              <${LightState} watch=${watch} /><${PlacementState} watch=${watch} /><${BareToolState} watch=${watch} />
+            </div>`}
             <${Elapsed} watch=${watch} />
           </div>
         </section>
@@ -61,6 +63,12 @@ export const LightState = ({ watch: { isFresh, light } }) => html`<${SteadyCheck
 export const PlacementState = ({ watch: { isFresh, placement, track } }) => html`<${SteadyCheck} icon=${icons.camera}
   fault=${isFresh && placementFault(placement, track.tools)}
   steadyText=${words.placement[isFresh && placement ? 'steady' : 'unknown']} />`;
+
+/** That tools without tape are on trial, and whether their box is still being learned. @param {Props} props */
+export function BareToolState({ watch: { isFresh, bareTools } }) {
+  const fault = isFresh && bareTools && words.bareTools[bareTools];
+  return fault ? html`<${SteadyCheck} fault=${fault} />` : null;
+}
 
 /** One word on a condition that should stay as it is, or what is wrong with it. */
 function SteadyCheck({ icon: Icon, fault, steadyText }) {

@@ -2,7 +2,7 @@
 import { html } from '../../preact.js';
 import { bytes, fixed } from '../../format.js';
 import { t } from '../../texts.js';
-import { LightState, PlacementState } from '../live/live_view.js';
+import { BareToolState, LightState, PlacementState } from '../live/live_view.js';
 import { Empty } from '../page/notice.js';
 import { delayOf } from './record_view.js';
 import { SeenLevel } from '../live/seen_level.js';
@@ -21,7 +21,9 @@ export const RecordingStatus = ({ recording, watch }) => html`
     </header>
     ${watch?.track?.frames ? html`
       <${SeenLevel} watch=${watch} />
-      <div class="body"><${LightState} watch=${watch} /><${PlacementState} watch=${watch} /></div>`
+      <div class="body">
+        <${LightState} watch=${watch} /><${PlacementState} watch=${watch} /><${BareToolState} watch=${watch} />
+      </div>`
     : html`<${Untracked} recording=${recording} watch=${watch} />`}
   </section>
   <section class="card">

@@ -75,14 +75,24 @@ impl Watcher {
 }
 
 impl Watcher {
+    /// The next message in JSON; `None` once the recording has ended.
+    pub(super) async fn next_json_before_end(&mut self) -> Option<Value> {
+        loop {
+            match self.next().await {
+                LiveMessage::Json(message) if message["type"] == "ended" => return None,
+                LiveMessage::Json(message) => return Some(message),
+                LiveMessage::Picture(..) => {}
+                LiveMessage::Closed => panic!("closed before the end"),
+            }
+        }
+    }
+
     /// The next message of a type; `None` once the recording has ended.
     pub(super) async fn next_before_end(&mut self, kind: &str) -> Option<Value> {
         loop {
-            match self.next().await {
-                LiveMessage::Json(message) if message["type"] == kind => return Some(message),
-                LiveMessage::Json(message) if message["type"] == "ended" => return None,
-                LiveMessage::Closed => panic!("closed before {kind}"),
-                _ => {}
+            let message = self.next_json_before_end().await?;
+            if message["type"] == kind {
+                return Some(message);
             }
         }
     }

@@ -1,5 +1,6 @@
 //! Feeds over real connections to the real service: acknowledged frames stay; late or wrong input is refused.
 
+mod bare;
 mod interrupted;
 mod limits;
 mod live;

@@ -4,18 +4,22 @@
 //! Frames are taken in the order of their numbers. A late frame, sent after the live ones because of an outage, is
 //! skipped; the job that tracks the whole recording covers it.
 
+mod feed_box;
 mod messages;
 mod validation;
 
+use std::fs::File;
 use std::os::unix::fs::FileExt;
 
+use feed_box::FeedBox;
 pub use messages::{
-    FollowReply, FollowWork, FollowedFrame, FollowedTool, LiveConcern, LogPosition, RunningRow, SeenSoFar,
-    live_features,
+    BareToolStage, FollowReply, FollowWork, FollowedFrame, FollowedTool, LiveConcern, LogPosition, RunningRow,
+    SeenSoFar, live_features,
 };
 pub use validation::FollowOutput;
 
 use super::{ChildEvent, ChildInputs, ChildTask, Reporter, StopReason, WorkRecord};
+use crate::analysis::empty_box::read_empty_box;
 use crate::domain::feed::FrameCodec;
 use crate::domain::feed::record::{FeedRecord, MAX_RECORD_BYTES, RecordBody};
 use crate::media::{FeedDecoder, JpegMaker, JpegStyle, MediaLimits, Picture};
@@ -26,7 +30,7 @@ use crate::motion::quality::ports::watch::{self, PlacementWatch};
 use crate::motion::quality::running::RunningFigures;
 use crate::vision::frame::Frame;
 use crate::vision::pose::fulcrum::Fulcrum;
-use crate::vision::tracker::{MAX_WARM_UP_FRAMES, Tracker, TrackerSettings};
+use crate::vision::tracker::{MAX_WARM_UP_FRAMES, SceneSamples, ToolSpec, Tracker, TrackerSettings};
 
 /// Interval between replies with features and light, s of the recording.
 const FEATURES_INTERVAL_S: f64 = 1.0;
@@ -40,8 +44,8 @@ impl ChildTask for FollowWork {
 
     fn run(self, inputs: ChildInputs, reporter: &mut Reporter) -> Result<(), StopReason> {
         let limits = inputs.limits;
-        let [log, mut places] = inputs.pair()?;
-        let mut follower = LiveTracker::new(self, limits)?;
+        let ([log, mut places], empty_box) = inputs.first_two_and_third()?;
+        let mut follower = LiveTracker::new(self, empty_box, limits)?;
         let mut bytes = Vec::new();
         while let Some(place) = LogPosition::read(&mut places).map_err(StopReason::ParentGone)? {
             let LogPosition::Record { offset, bytes: length, wants_picture } = place else {
@@ -96,26 +100,30 @@ struct LiveTracker {
 ///      └──────── the end, no picture ───▶ Empty
 /// ```
 enum FollowStage {
-    /// The first pictures are collected for the warm-up; the first of them shows the colour encoding.
-    Collecting { settings: Box<TrackerSettings>, first: Vec<Picture> },
-    /// Each picture is tracked. The last one is kept for the still.
-    Tracking { tracker: Box<Tracker>, last: Option<Picture> },
+    /// The first pictures are collected for the warm-up; the first of them shows the colour encoding. There may be a
+    /// picture of the empty box, too.
+    Collecting { settings: Box<TrackerSettings>, first: Vec<Picture>, empty_box: Option<Picture> },
+    /// Each picture is tracked, and shows the box of bare tools if there are any. The last one is kept for the still.
+    Tracking { tracker: Box<Tracker>, feed_box: Option<Box<FeedBox>>, last: Option<Picture> },
     /// The recording ended without a picture.
     Empty,
 }
 
 impl LiveTracker {
-    fn new(work: FollowWork, limits: MediaLimits) -> Result<Self, StopReason> {
+    fn new(work: FollowWork, empty_box: Option<File>, limits: MediaLimits) -> Result<Self, StopReason> {
         let FollowWork { track, codec, size, time_base, ports } = work;
+        // Read before the first frame arrives: a picture that cannot be used is refused at once.
+        let empty_box = empty_box.map(|file| read_empty_box(file, [size.0 as usize, size.1 as usize], limits));
+        let empty_box = empty_box.transpose()?;
         Ok(Self {
             codec,
             decoder: FeedDecoder::new(codec, size, time_base, limits)?,
             running: RunningFeatures::new(track.tools.len(), FeatureSettings::default()),
-            figures: RunningFigures::new(track.tools.len()),
+            figures: RunningFigures::new(track.tools.iter().map(ToolSpec::is_bare)),
             placement: PlacementWatch::new(track.tools.len()),
             names: track.tools.iter().map(|tool| tool.name.clone()).collect(),
             fulcrums: vec![None; track.tools.len()],
-            stage: FollowStage::Collecting { settings: Box::new(track), first: Vec::new() },
+            stage: FollowStage::Collecting { settings: Box::new(track), first: Vec::new(), empty_box },
             ports,
             size,
             next: None,
@@ -165,8 +173,8 @@ impl LiveTracker {
     /// Passes the first pictures twice, unless that is done: once to learn how edges look, then to track them like all
     /// others.
     fn warm_up(&mut self) -> Result<(), StopReason> {
-        let (settings, first) = match std::mem::replace(&mut self.stage, FollowStage::Empty) {
-            FollowStage::Collecting { settings, first } => (settings, first),
+        let (settings, first, empty_box) = match std::mem::replace(&mut self.stage, FollowStage::Empty) {
+            FollowStage::Collecting { settings, first, empty_box } => (settings, first, empty_box),
             other => {
                 self.stage = other;
                 return Ok(());
@@ -176,13 +184,22 @@ impl LiveTracker {
         let Some(frame) = frames.first() else { return Ok(()) };
         let mut tracker = Box::new(Tracker::new(*settings, self.size.0, self.size.1, frame.encoding)?);
         tracker.warm_up(&frames);
-        self.stage = FollowStage::Tracking { tracker, last: None };
+        // Bare tools have no warm-up: until their trocars are known, each search for them takes longer than a frame.
+        let mut scene = SceneSamples::default();
+        if let Some(picture) = empty_box {
+            scene.set_empty(&picture.frame(), frame.encoding);
+        }
+        let feed_box = tracker.box_learner().map(|learner| Box::new(FeedBox::new(learner, scene)));
+        self.stage = FollowStage::Tracking { tracker, feed_box, last: None };
         first.iter().try_for_each(|picture| self.track(picture))
     }
 
     fn track(&mut self, picture: &Picture) -> Result<(), StopReason> {
-        let FollowStage::Tracking { tracker, .. } = &mut self.stage else { return Ok(()) };
+        let FollowStage::Tracking { tracker, feed_box, .. } = &mut self.stage else { return Ok(()) };
         let frame = picture.frame();
+        if let Some(learned) = feed_box.as_mut().and_then(|feed_box| feed_box.add_frame(&frame)) {
+            tracker.know_feed_box(learned);
+        }
         let report = tracker.observe(&frame);
         report
             .tools
@@ -208,7 +225,8 @@ impl LiveTracker {
     /// Adds the features so far, and what else is sent with them, at this time, s.
     fn add_features(&mut self, time_s: f64) {
         self.reply.running = Some(self.running.values().iter().filter_map(RunningRow::new).collect());
-        if let FollowStage::Tracking { tracker, .. } = &self.stage {
+        if let FollowStage::Tracking { tracker, feed_box, .. } = &self.stage {
+            self.reply.bare_tools = feed_box.as_ref().map(|feed_box| feed_box.stage());
             for (known, now) in self.fulcrums.iter_mut().zip(tracker.fulcrums()) {
                 *known = now.or(*known);
             }

@@ -9,6 +9,7 @@ use crate::media::MediaLimits;
 use crate::motion::features::running::LIVE_FEATURES;
 use crate::motion::quality::QualityCause;
 use crate::motion::quality::ports::watch::ConfirmedPlacement;
+use crate::vision::tracker::ToolSpec;
 
 /// Most frames in one reply about a feed: those that a decoder held back, or those of the warm-up.
 const MAX_FRAMES_PER_REPLY: u64 = 64;
@@ -47,6 +48,7 @@ pub(super) fn accept(
         && followed.running.iter().flatten().all(is_running)
         && followed.light.iter().all(is_plausible_light)
         && followed.seen.iter().all(|seen| are_plausible_shares(seen, tools))
+        && (followed.bare_tools.is_none() || work.track.tools.iter().any(ToolSpec::is_bare))
         && followed.placement.iter().all(|placement| is_plausible_placement(placement, tools))
         && followed.picture.as_ref().is_none_or(|(_, jpeg)| is_small_jpeg(jpeg));
     if consistent { Ok(ChildEvent::Followed(followed)) } else { Err("an invalid reply about a feed".into()) }
@@ -77,14 +79,14 @@ fn belongs_to_frame(tool: &FollowedTool, frame: &FollowedFrame, index: u32) -> b
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::analysis::child::follow::LiveConcern;
+    use crate::analysis::child::follow::{BareToolStage, LiveConcern};
     use crate::analysis::child::track::tests::settings;
     use crate::analysis::child::{ChildWork, WorkRecord};
     use crate::analysis::output_validator::validate_records;
     use crate::analysis::protocol::SeenRow;
     use crate::domain::feed::FrameCodec;
     use crate::motion::quality::ports::{Displacement, Ports};
-    use crate::vision::tracker::LightSample;
+    use crate::vision::tracker::{LightSample, Marker, TrackerSettings};
 
     fn reply(frame: u64, time_s: f64) -> FollowReply {
         let seen = SeenRow { frame, tool: 0, reason: None, borders_px: None, tip_px: None };
@@ -93,8 +95,12 @@ mod tests {
     }
 
     fn validate(replies: Vec<FollowReply>) -> Result<(), String> {
+        validate_for(settings(), replies)
+    }
+
+    fn validate_for(track: TrackerSettings, replies: Vec<FollowReply>) -> Result<(), String> {
         let (time_base, ports) = ([1, 1000].try_into().unwrap(), Ports::default());
-        let work = FollowWork { track: settings(), codec: FrameCodec::Jpeg, size: (640, 480), time_base, ports };
+        let work = FollowWork { track, codec: FrameCodec::Jpeg, size: (640, 480), time_base, ports };
         validate_records(&ChildWork::Follow(work), replies.into_iter().map(WorkRecord::Follow).collect()).map(drop)
     }
 
@@ -120,6 +126,18 @@ mod tests {
         assert!(sends(f64::NAN, 1, 0.9).is_err());
         assert!(sends(7.0, 2, 0.9).is_err());
         assert!(sends(7.0, 1, f64::INFINITY).is_err());
+    }
+
+    #[test]
+    fn only_bare_tools_are_on_trial() {
+        let sends = |marker: Marker| {
+            let mut track = settings();
+            track.tools[0].marker = marker;
+            let bare_tools = Some(BareToolStage::LearningBox);
+            validate_for(track, vec![FollowReply { bare_tools, ..reply(4, 0.1) }])
+        };
+        assert!(sends(Marker::Shaft { collar_mm: None, jaw_mm: None }).is_ok());
+        assert!(sends(Marker::Band { length_mm: None }).is_err());
     }
 
     #[test]

@@ -36,10 +36,11 @@ pub struct RunningFigures {
 }
 
 impl RunningFigures {
-    /// Starts with this many tools, none of them seen yet.
-    pub fn new(tools: usize) -> Self {
+    /// Starts without any tool seen. For each tool: is it followed by its bare shaft?
+    pub fn new(are_bare: impl IntoIterator<Item = bool>) -> Self {
+        let tool = |is_bare: bool| RunningTool { is_bare, ..RunningTool::default() };
         Self {
-            tools: vec![RunningTool::default(); tools],
+            tools: are_bare.into_iter().map(tool).collect(),
             frames: 0,
             measured_range: 0,
             since_measured: 0,
@@ -92,6 +93,7 @@ impl RunningFigures {
             trocar: Some(trocar),
             moved_without_trocar_mm: moved,
             effective_diameter: None,
+            is_bare: tool.is_bare && tool.observed > 0,
             size_mismatch: None,
             rejected_share: share(tool.rejected, tool.rejected + tool.observed),
             fastest_step: None,
@@ -114,6 +116,7 @@ fn share(part: u64, whole: u64) -> Option<f64> {
 /// What is known of one tool so far.
 #[derive(Clone, Debug, Default)]
 struct RunningTool {
+    is_bare: bool,
     observed: u64,
     predicted: u64,
     rejected: u64,
@@ -138,8 +141,8 @@ impl RunningTool {
     fn add_frame(&mut self, report: &ToolReport, time_s: f64, has_begun: bool) {
         if report.has_withdrawn {
             let lost = self.lost + self.observed + self.predicted;
-            let (left_view, left_anywhere) = (self.left_view, self.left_anywhere);
-            *self = Self { lost, left_view, left_anywhere, ..Self::default() };
+            let (left_view, left_anywhere, is_bare) = (self.left_view, self.left_anywhere, self.is_bare);
+            *self = Self { is_bare, lost, left_view, left_anywhere, ..Self::default() };
         }
         if let Ok(measured) = &report.outcome {
             self.fitted += 1;

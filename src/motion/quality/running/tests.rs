@@ -59,7 +59,11 @@ fn reports(seen: &[[Seen; 2]]) -> Vec<FrameReport> {
 }
 
 fn figures_of(reports: &[FrameReport]) -> Figures {
-    let mut running = RunningFigures::new(2);
+    figures_of_tools([false; 2], reports)
+}
+
+fn figures_of_tools(are_bare: [bool; 2], reports: &[FrameReport]) -> Figures {
+    let mut running = RunningFigures::new(are_bare);
     reports.iter().for_each(|report| running.add_frame(report));
     running.figures(&NAMES.map(str::to_owned), &[TrocarEvidence::Missing; 2])
 }
@@ -100,6 +104,17 @@ fn time_out_of_view_and_lost_time_are_counted_as_for_a_finished_session() {
     assert_eq!(orange.lost_share, Some(0.0));
     assert_eq!(cyan.lost_share, Some(60.0 / 320.0), "of the whole recording");
     assert_eq!(cyan.left_view_share, Some(0.0));
+}
+
+#[test]
+fn a_bare_tool_that_was_measured_refuses_the_session_as_in_its_result() {
+    let refused = |are_bare: [bool; 2], seen: [Seen; 2]| {
+        let verdict = quality::judge(&figures_of_tools(are_bare, &reports(&[seen; 100])));
+        let of_bare_tools = verdict.concerns().iter().filter(|of| of.cause == quality::QualityCause::BareTool);
+        of_bare_tools.map(|of| of.tool.clone().unwrap()).collect::<Vec<_>>()
+    };
+    assert_eq!(refused([true, false], [Seen::Measured; 2]), ["orange"]);
+    assert_eq!(refused([true, true], [Seen::Lost, Seen::Measured]), ["cyan"]);
 }
 
 #[test]
