@@ -116,14 +116,31 @@ impl BandFit<'_> {
         let layout = self.layout(pass);
         let mut probes = self.visible_border_probes(&outline, tube.radius, length_mm, layout);
         self.add_end_probes(tube, &outline, length_mm, layout, &mut probes);
+        probes.retain(|(place, probe)| self.scene.is_visible(place.position_on(&outline), probe.middle));
+        Ok(self.probe_edges(&probes, pass, recorder))
+    }
+
+    /// Finds the edges along a tube's borders alone.
+    pub(super) fn border_edges(
+        &self,
+        tube: &Tube,
+        length_mm: f64,
+        pass: ProbePass,
+        recorder: &mut FitRecorder,
+    ) -> Option<FoundEdges> {
+        let outline = tube.outline()?;
+        let probes = self.visible_border_probes(&outline, tube.radius, length_mm, self.layout(pass));
+        Some(self.probe_edges(&probes, pass, recorder))
+    }
+
+    /// Locates the edges at these visible probes.
+    fn probe_edges(&self, probes: &[(OutlinePoint, Probe)], pass: ProbePass, recorder: &mut FitRecorder) -> FoundEdges {
         let mut found = FoundEdges::default();
         recorder.start_pass();
-        for (place, probe) in &probes {
-            if self.scene.is_visible(place.position_on(&outline), probe.middle) {
-                self.probe_edge(*place, probe, pass.fineness, &mut found, recorder);
-            }
+        for (place, probe) in probes {
+            self.probe_edge(*place, probe, pass.fineness, &mut found, recorder);
         }
-        Ok(found)
+        found
     }
 
     /// The visible probes along both borders. If only a piece of the band is visible, few chords are left: then the
