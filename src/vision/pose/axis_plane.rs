@@ -44,8 +44,15 @@ impl AxisPlane {
 }
 
 /// The tube, turned and moved so that its axis lies in the middle of the edges, and the plane of the axis. `None` if
-/// too few edges agree on either border, or if the width does not.
-pub fn fit(edges: &[MeasuredEdge], tube: &Tube, length_mm: f64, camera: &Camera) -> Option<(Tube, AxisPlane)> {
+/// too few edges agree on either border, or if the width does not. `smear_px` is the error by motion blur (standard
+/// deviation).
+pub fn fit(
+    edges: &[MeasuredEdge],
+    tube: &Tube,
+    length_mm: f64,
+    smear_px: f64,
+    camera: &Camera,
+) -> Option<(Tube, AxisPlane)> {
     /// Largest difference of the width from the expected one, as a share: several times the error of two borders.
     const MAX_WIDTH_ERROR: f64 = 0.15;
     let outline = tube.outline()?;
@@ -68,7 +75,8 @@ pub fn fit(edges: &[MeasuredEdge], tube: &Tube, length_mm: f64, camera: &Camera)
     let tip = moved(tube.tip, 0.0)?;
     let axis = (tip - moved(tube.tip - tube.axis * length_mm, 1.0)?).try_normalize(1e-9)?;
     let normal = axis.cross(&tip.coords).try_normalize(1e-9)?;
-    let sigma_px = BORDERS_ALIKE_PX.hypot(0.5 * first.sigma_at_tip_px.hypot(second.sigma_at_tip_px));
+    let by_edges_px = 0.5 * first.sigma_at_tip_px.hypot(second.sigma_at_tip_px);
+    let sigma_px = BORDERS_ALIKE_PX.hypot(by_edges_px).hypot(smear_px);
     Some((Tube { tip, axis, ..*tube }, AxisPlane { normal, sigma_mm: sigma_px / px_per_mm(tip)? }))
 }
 
@@ -162,7 +170,7 @@ mod tests {
     fn fitted(edges: &[MeasuredEdge], off: [f64; 5]) -> Option<(Tube, AxisPlane)> {
         let mut found = (perturbed(&tube(), &off.into()), None);
         for _ in 0..3 {
-            let (tube, plane) = fit(edges, &found.0, LENGTH_MM, &camera())?;
+            let (tube, plane) = fit(edges, &found.0, LENGTH_MM, 0.0, &camera())?;
             found = (tube, Some(plane));
         }
         Some((found.0, found.1?))
@@ -197,10 +205,10 @@ mod tests {
     fn a_tube_of_another_width_or_without_one_border_has_no_plane() {
         let edges = edges(&Offsets::zeros(), 0.0);
         let thin = Tube { radius: 1.9, ..tube() };
-        assert!(fit(&edges, &thin, LENGTH_MM, &camera()).is_none());
+        assert!(fit(&edges, &thin, LENGTH_MM, 0.0, &camera()).is_none());
         let one: Vec<MeasuredEdge> =
             edges.into_iter().filter(|edge| edge.point.part() == OutlinePart::Border(BorderSide::First)).collect();
-        assert!(fit(&one, &tube(), LENGTH_MM, &camera()).is_none());
+        assert!(fit(&one, &tube(), LENGTH_MM, 0.0, &camera()).is_none());
     }
 
     #[test]

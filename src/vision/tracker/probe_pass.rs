@@ -66,12 +66,20 @@ const SMEAR_ERROR: f64 = 0.3;
 impl FoundEdges {
     /// Standard deviations of the offsets, pixels: the usual ones, more where edges are smeared.
     pub(super) fn offsets_px(&self, usual: [f64; OFFSETS]) -> [f64; OFFSETS] {
-        let smear = |part: OutlinePart| SMEAR_ERROR * self.smears_px[part] / self.visible[part].max(1.0);
-        let [first, second] = BorderSide::BOTH.map(|side| smear(OutlinePart::Border(side)));
-        let of_borders = 0.5 * first.hypot(second);
-        let [distal, proximal] = OutlinePart::ENDS.map(smear);
+        let of_borders = self.smear_error_px();
+        let [distal, proximal] = OutlinePart::ENDS.map(|part| self.smear_error_of(part));
         let more = [of_borders, of_borders, distal, proximal, 0.0, 0.0, 0.0];
         std::array::from_fn(|offset| usual[offset].hypot(more[offset]))
+    }
+
+    /// Standard deviation of what smear does to both borders together, pixels.
+    pub(super) fn smear_error_px(&self) -> f64 {
+        let [first, second] = BorderSide::BOTH.map(|side| self.smear_error_of(OutlinePart::Border(side)));
+        0.5 * first.hypot(second)
+    }
+
+    fn smear_error_of(&self, part: OutlinePart) -> f64 {
+        SMEAR_ERROR * self.smears_px[part] / self.visible[part].max(1.0)
     }
 
     /// Was every visible end found?

@@ -22,7 +22,8 @@ impl ToolTracker {
         for pass in STRIP_PASSES {
             recorder.start_fit(&tube, MEASURED_SHAFT_MM);
             let found = fit.border_edges(&tube, MEASURED_SHAFT_MM, *pass, &mut recorder)?;
-            let (turned, of_axis) = axis_plane::fit(&found.edges, &tube, MEASURED_SHAFT_MM, scene.camera())?;
+            let smear_px = found.smear_error_px();
+            let (turned, of_axis) = axis_plane::fit(&found.edges, &tube, MEASURED_SHAFT_MM, smear_px, scene.camera())?;
             (tube, plane) = (turned, Some(of_axis));
         }
         self.trace.record_fits(recorder.into_fits());
