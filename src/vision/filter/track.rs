@@ -9,6 +9,7 @@ use super::adaptive_noise::{AdaptiveNoise, PredictionStep};
 use super::kalman::KalmanState;
 use super::smoother::MeasuredPosition;
 use crate::vision::pose::TubeEstimate;
+use crate::vision::pose::axis_plane::AxisPlane;
 use crate::vision::reason::MissReason;
 
 /// Settings of a track: a part of the tracker's motion settings, in the same units.
@@ -24,6 +25,8 @@ pub struct TrackSettings {
     pub reacquire_s: f64,
     /// Longest gap that is bridged, s.
     pub max_prediction_s: f64,
+    /// The same while the axis is measured, s.
+    pub max_hidden_s: f64,
     /// Smallest and largest depth of a tip, mm.
     pub depth_mm: (f64, f64),
 }
@@ -41,6 +44,8 @@ struct TrackState {
     time_s: f64,
     began_s: f64,
     last_seen_s: f64,
+    /// When the axis was measured last, with the tip or without it.
+    last_axis_s: f64,
     /// Number of measurements accepted so far.
     believed: u32,
     liveliness: AdaptiveNoise,
@@ -49,7 +54,15 @@ struct TrackState {
 impl TrackState {
     fn start(time_s: f64, (tip, covariance): MeasuredPosition, settings: &TrackSettings) -> Self {
         let state = KalmanState::first_seen(tip, covariance, settings.first_speed_mm_s);
-        Self { state, time_s, began_s: time_s, last_seen_s: time_s, believed: 1, liveliness: AdaptiveNoise::default() }
+        Self {
+            state,
+            time_s,
+            began_s: time_s,
+            last_seen_s: time_s,
+            last_axis_s: time_s,
+            believed: 1,
+            liveliness: AdaptiveNoise::default(),
+        }
     }
 
     fn predict(&self, time_s: f64, settings: &TrackSettings) -> PredictionStep {
@@ -71,7 +84,7 @@ impl TrackState {
     fn update(&mut self, time_s: f64, step: &PredictionStep, (tip, covariance): MeasuredPosition) {
         self.liveliness.learn(step, time_s - self.time_s);
         self.state = step.state.updated(tip, covariance);
-        (self.time_s, self.last_seen_s) = (time_s, time_s);
+        (self.time_s, self.last_seen_s, self.last_axis_s) = (time_s, time_s, time_s);
         self.believed += 1;
     }
 }
@@ -79,6 +92,10 @@ impl TrackState {
 /// A track with fewer measurements than this is no more credible than a measurement that contradicts it. If one of two
 /// consecutive positions is false, it is unknown which one, and the speed between them is meaningless.
 const MIN_CREDIBLE_MEASUREMENTS: u32 = 4;
+
+/// Largest squared distance of an expected tip from the plane of its axis: 99.9 % of good ones are nearer
+/// (chi-squared, one degree of freedom).
+const MAX_PLANE_MISS_SQUARED: f64 = 10.8;
 
 /// Outcome of one frame for a track.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -162,9 +179,33 @@ impl Track {
         Advance::along(&step, step.state, false, refused)
     }
 
+    /// Advances the track by one frame on which only the tool's axis was measured: the tip moves across it, and stays
+    /// unseen. Returns also the position that the state was updated with; `None` if the axis is outside the gate, or
+    /// without a track.
+    pub fn advance_along_axis(
+        &mut self,
+        time_s: f64,
+        plane: &AxisPlane,
+        settings: &TrackSettings,
+    ) -> (Advance, Option<MeasuredPosition>) {
+        let mut advance = self.advance(time_s, None, settings);
+        let expected = advance
+            .state
+            .filter(|state| plane.miss_squared(state.tip(), &state.tip_covariance()) <= MAX_PLANE_MISS_SQUARED);
+        let (Some(expected), Some(followed)) = (expected, &mut self.current) else { return (advance, None) };
+        let (tip, covariance) = plane.position_near(expected.tip());
+        followed.state = expected.updated(tip, covariance);
+        followed.last_axis_s = time_s;
+        advance.state = Some(followed.state);
+        (advance, Some((tip, covariance)))
+    }
+
     /// The current track, if it was measured recently enough.
     fn current_if_recent(&self, time_s: f64, settings: &TrackSettings) -> Option<TrackState> {
-        self.current.filter(|followed| time_s - followed.last_seen_s <= settings.max_prediction_s)
+        self.current.filter(|followed| {
+            time_s - followed.last_axis_s <= settings.max_prediction_s
+                && (time_s - followed.last_seen_s <= settings.max_prediction_s.max(settings.max_hidden_s))
+        })
     }
 
     fn start_track(&mut self, followed: TrackState) -> Advance {
@@ -210,13 +251,14 @@ pub(super) mod testing {
         gate: 16.3,
         reacquire_s: 0.15,
         max_prediction_s: 0.2,
+        max_hidden_s: 0.5,
         depth_mm: (20.0, 1000.0),
     };
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix3, Point3};
+    use nalgebra::{Matrix3, Point3, Vector3};
 
     use super::testing::SETTINGS;
     use super::*;
@@ -265,5 +307,34 @@ mod tests {
         let bridged = (1..=10).filter(|k| track.advance(0.36 + f64::from(*k) * 0.03, None, &SETTINGS).state.is_some());
         assert_eq!(bridged.count(), 6);
         assert!(track.advance(0.80, at(90.0), &SETTINGS).starts_track);
+    }
+
+    #[test]
+    fn a_measured_axis_moves_a_hidden_tip_across_it_and_keeps_the_track_for_longer() {
+        let mut track = settled();
+        // The axis moves away at 30 mm/s after the tip was at rest.
+        let place = |k: u32| 0.6 * f64::from(k);
+        let hidden = (1..=14).filter_map(|k| {
+            let (x, time_s) = (place(k), 0.36 + f64::from(k) * 0.04);
+            let normal = Vector3::new(150.0, 0.0, -x).normalize();
+            let (advance, _) = track.advance_along_axis(time_s, &AxisPlane { normal, sigma_mm: 0.1 }, &SETTINGS);
+            assert!(!advance.observed);
+            Some((x, advance.state?))
+        });
+        let followed: Vec<(f64, KalmanState)> = hidden.collect();
+        assert_eq!(followed.len(), 12, "half a second");
+        for (x, state) in &followed[2..] {
+            assert!((state.tip().x - x).abs() < 0.4, "{} mm, not {x}", state.tip().x);
+        }
+        let spread = followed[11].1.tip_covariance().diagonal();
+        assert!(spread.x.sqrt() < 0.3 && spread.y.sqrt() > 2.0, "known across the axis only: {spread}");
+    }
+
+    #[test]
+    fn an_axis_far_from_the_expected_tip_is_not_believed() {
+        let mut track = settled();
+        let plane = AxisPlane { normal: Vector3::new(150.0, 0.0, -40.0).normalize(), sigma_mm: 0.1 };
+        let (advance, used) = track.advance_along_axis(0.40, &plane, &SETTINGS);
+        assert!(used.is_none() && advance.state.is_some_and(|state| state.tip().x.abs() < 1.0));
     }
 }

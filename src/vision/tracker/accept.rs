@@ -8,6 +8,7 @@ use super::tool::ToolTracker;
 use crate::vision::filter::track::Advance;
 use crate::vision::pose::TubeEstimate;
 use crate::vision::pose::adjustment;
+use crate::vision::pose::axis_plane::AxisPlane;
 use crate::vision::pose::fulcrum::MAX_FULCRUM_MISS_SQUARED;
 use crate::vision::reason::MissReason;
 
@@ -28,16 +29,22 @@ pub struct ToolFrameResult {
 }
 
 impl ToolTracker {
-    /// Advances the track with the frame's measurement, which the track accepts or refuses.
+    /// Advances the track with the frame's measurement, which the track accepts or refuses, or with the axis of a tool
+    /// whose tip is hidden.
     pub(super) fn accept(
         &mut self,
         scene: &FrameContext<'_>,
         measured: &Result<Measurement, MissReason>,
+        axis: Option<AxisPlane>,
     ) -> ToolFrameResult {
         let steadied = measured.as_ref().map(|measurement| self.steady(measurement)).map_err(|reason| *reason);
         let position =
             steadied.as_ref().ok().map(|band| (band.estimate.tube.tip, band.estimate.changing_tip_covariance()));
-        let advance = self.track.advance(scene.frame.time_s, position, &scene.track_settings());
+        let (time_s, settings) = (scene.frame.time_s, scene.track_settings());
+        let advance = match axis {
+            Some(plane) => self.track.advance_along_axis(time_s, &plane, &settings).0,
+            None => self.track.advance(time_s, position, &settings),
+        };
         if let (Ok(accepted), true) = (&steadied, advance.observed) {
             self.last_band = Some(Band { tube: accepted.estimate.tube, length_mm: accepted.length_mm });
             self.last_pose = Some(accepted.estimate);

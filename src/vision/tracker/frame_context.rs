@@ -67,6 +67,7 @@ impl MotionSettings {
             gate: self.gate,
             reacquire_s: self.reacquire_s,
             max_prediction_s: self.max_prediction_s,
+            max_hidden_s: self.max_hidden_s,
             depth_mm: (self.nearest_mm, self.farthest_mm),
         }
     }

@@ -49,6 +49,7 @@ mod second_look;
 mod second_pass;
 mod settings;
 mod shaft_check;
+mod shaft_line;
 mod shaft_search;
 mod starts;
 mod tape_cover;

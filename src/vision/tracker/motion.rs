@@ -31,6 +31,8 @@ pub struct ToolMotion {
     pub fulcrum: Option<Fulcrum>,
     /// Longest gap that the filtered path bridges, s.
     pub max_prediction_s: f64,
+    /// The same while the axis is measured, s.
+    pub max_hidden_s: f64,
 }
 
 impl ToolMotion {
@@ -68,7 +70,8 @@ impl ToolMotion {
 
     /// Median depth of the measured tips, mm.
     pub fn median_depth_mm(&self) -> Option<f64> {
-        let measured = self.runs.iter().flat_map(|run| run.filter.measurements()).flatten();
+        let all = self.runs.iter().flat_map(|run| run.filter.measurements().zip(run.frames.iter()));
+        let measured = all.filter(|(_, frame)| frame.pose.is_some()).filter_map(|(position, _)| position);
         quantile(measured.map(|(tip, _)| tip.z).collect(), 0.5)
     }
 
@@ -80,7 +83,11 @@ impl ToolMotion {
 
     /// The causal path. It ends within a gap that only the second pass bridges.
     fn filtered(&self, run: &TrackedRun) -> impl Iterator<Item = Sample> {
-        let is_near = |place: usize| run.frames[place].instant.1 - run.last_measured(place).0 <= self.max_prediction_s;
+        let is_near = |place: usize| {
+            let RunFrame { instant, is_axis_measured, .. } = &run.frames[place];
+            let longest_s = if *is_axis_measured { self.max_hidden_s } else { self.max_prediction_s };
+            instant.1 - run.last_measured(place).0 <= longest_s
+        };
         let near = run.filter.filtered().enumerate().filter(move |(place, _)| is_near(*place));
         let sample = |(place, state)| self.sample(run, place, &state);
         near.map(sample).filter(|sample| is_supported(sample, &self.camera))
@@ -94,7 +101,7 @@ impl ToolMotion {
     }
 
     fn sample(&self, run: &TrackedRun, place: usize, state: &KalmanState) -> Sample {
-        let RunFrame { instant, pose } = &run.frames[place];
+        let RunFrame { instant, pose, .. } = &run.frames[place];
         let seen = if pose.is_some() { SampleState::Observed } else { SampleState::Predicted };
         let pose = run.last_measured(place).1;
         state_sample(state, pose, self.tool, *instant, seen, &self.camera, self.fulcrum.as_ref())
@@ -127,14 +134,30 @@ pub struct TrackedRun {
 struct RunFrame {
     instant: FrameInstant,
     pose: Option<PastPose>,
+    is_axis_measured: bool,
+}
+
+/// What moved the filter's state on a frame.
+pub enum Evidence {
+    /// The measured pose.
+    Tip(TubeEstimate),
+    /// The position that a measured axis gave: known across the axis only.
+    Axis(MeasuredPosition),
+    /// Nothing: the state is predicted.
+    None,
 }
 
 impl TrackedRun {
     /// Adds the next frame: the filter's state, the acceleration density that it used since the previous frame,
-    /// mm²/s³, and the accepted pose.
-    pub fn add(&mut self, state: &KalmanState, noise_density: f64, instant: FrameInstant, pose: Option<TubeEstimate>) {
-        self.filter.push(instant.1, state, noise_density, pose.map(|p| (p.tube.tip, p.changing_tip_covariance())));
-        self.frames.push(RunFrame { instant, pose: pose.as_ref().map(PastPose::from) });
+    /// mm²/s³, and what the state was updated with.
+    pub fn add(&mut self, state: &KalmanState, noise_density: f64, instant: FrameInstant, evidence: Evidence) {
+        let (measured, pose) = match evidence {
+            Evidence::Tip(pose) => (Some((pose.tube.tip, pose.changing_tip_covariance())), Some(PastPose::from(&pose))),
+            Evidence::Axis(position) => (Some(position), None),
+            Evidence::None => (None, None),
+        };
+        self.filter.push(instant.1, state, noise_density, measured);
+        self.frames.push(RunFrame { instant, pose, is_axis_measured: measured.is_some() });
     }
 
     /// Number of frames, and number of frames with a measurement.

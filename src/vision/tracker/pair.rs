@@ -205,8 +205,8 @@ impl<'a, 's> PairSearch<'a, 's> {
 
     fn accept_and_learn(self) -> [ToolFrameResult; 2] {
         let Self { tools: [left, right], scenes, found: [at_left, at_right], reasons, .. } = self;
-        let left = left.accept_and_learn(&scenes[0], &at_left.ok_or(reasons[0]));
-        let right = right.accept_and_learn(&scenes[1], &at_right.ok_or(reasons[1]));
+        let left = left.accept_and_learn(&scenes[0], &at_left.ok_or(reasons[0]), None);
+        let right = right.accept_and_learn(&scenes[1], &at_right.ok_or(reasons[1]), None);
         [left, right]
     }
 }

@@ -66,12 +66,20 @@ const SMEAR_ERROR: f64 = 0.3;
 impl FoundEdges {
     /// Standard deviations of the offsets, pixels: the usual ones, more where edges are smeared.
     pub(super) fn offsets_px(&self, usual: [f64; OFFSETS]) -> [f64; OFFSETS] {
-        let smear = |part: OutlinePart| SMEAR_ERROR * self.smears_px[part] / self.visible[part].max(1.0);
-        let [first, second] = BorderSide::BOTH.map(|side| smear(OutlinePart::Border(side)));
-        let of_borders = 0.5 * first.hypot(second);
-        let [distal, proximal] = OutlinePart::ENDS.map(smear);
+        let of_borders = self.smear_error_px();
+        let [distal, proximal] = OutlinePart::ENDS.map(|part| self.smear_error_of(part));
         let more = [of_borders, of_borders, distal, proximal, 0.0, 0.0, 0.0];
         std::array::from_fn(|offset| usual[offset].hypot(more[offset]))
+    }
+
+    /// Standard deviation of what smear does to both borders together, pixels.
+    pub(super) fn smear_error_px(&self) -> f64 {
+        let [first, second] = BorderSide::BOTH.map(|side| self.smear_error_of(OutlinePart::Border(side)));
+        0.5 * first.hypot(second)
+    }
+
+    fn smear_error_of(&self, part: OutlinePart) -> f64 {
+        SMEAR_ERROR * self.smears_px[part] / self.visible[part].max(1.0)
     }
 
     /// Was every visible end found?
@@ -116,14 +124,31 @@ impl BandFit<'_> {
         let layout = self.layout(pass);
         let mut probes = self.visible_border_probes(&outline, tube.radius, length_mm, layout);
         self.add_end_probes(tube, &outline, length_mm, layout, &mut probes);
+        probes.retain(|(place, probe)| self.scene.is_visible(place.position_on(&outline), probe.middle));
+        Ok(self.probe_edges(&probes, pass, recorder))
+    }
+
+    /// Finds the edges along a tube's borders alone.
+    pub(super) fn border_edges(
+        &self,
+        tube: &Tube,
+        length_mm: f64,
+        pass: ProbePass,
+        recorder: &mut FitRecorder,
+    ) -> Option<FoundEdges> {
+        let outline = tube.outline()?;
+        let probes = self.visible_border_probes(&outline, tube.radius, length_mm, self.layout(pass));
+        Some(self.probe_edges(&probes, pass, recorder))
+    }
+
+    /// Locates the edges at these visible probes.
+    fn probe_edges(&self, probes: &[(OutlinePoint, Probe)], pass: ProbePass, recorder: &mut FitRecorder) -> FoundEdges {
         let mut found = FoundEdges::default();
         recorder.start_pass();
-        for (place, probe) in &probes {
-            if self.scene.is_visible(place.position_on(&outline), probe.middle) {
-                self.probe_edge(*place, probe, pass.fineness, &mut found, recorder);
-            }
+        for (place, probe) in probes {
+            self.probe_edge(*place, probe, pass.fineness, &mut found, recorder);
         }
-        Ok(found)
+        found
     }
 
     /// The visible probes along both borders. If only a piece of the band is visible, few chords are left: then the

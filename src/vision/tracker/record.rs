@@ -2,6 +2,7 @@
 
 use super::blocks::Blocks;
 use super::measurement::{Grade, Measurement};
+use crate::vision::pose::axis_plane::AxisPlane;
 use crate::vision::pose::packed::PackedPoses;
 use crate::vision::pose::{StoredPose, TubeEstimate};
 use crate::vision::reason::MissReason;
@@ -11,6 +12,8 @@ use crate::vision::reason::MissReason;
 pub struct FrameRecord {
     /// The measurement, before it was steadied.
     pub pose: Option<StoredPose>,
+    /// The plane of the axis of a bare tool whose tip is hidden.
+    pub axis: Option<AxisPlane>,
     /// The fit is good enough to be used in the adjustment.
     pub is_good: bool,
     /// Why there is no measurement, or why it was rejected.
@@ -22,10 +25,16 @@ impl FrameRecord {
     pub fn new(measured: &Result<Measurement, MissReason>) -> Self {
         match measured {
             Ok(m) => {
-                Self { pose: Some(StoredPose::from(&m.estimate)), is_good: m.grade() == Grade::Good, reason: None }
+                let is_good = m.grade() == Grade::Good;
+                Self { pose: Some(StoredPose::from(&m.estimate)), axis: None, is_good, reason: None }
             }
-            Err(reason) => Self { pose: None, is_good: false, reason: Some(*reason) },
+            Err(reason) => Self::missed(*reason),
         }
+    }
+
+    /// The record of a frame without a measurement.
+    pub fn missed(reason: MissReason) -> Self {
+        Self { pose: None, axis: None, is_good: false, reason: Some(reason) }
     }
 
     /// The measurement, with its covariance.
@@ -38,33 +47,37 @@ impl FrameRecord {
 #[derive(Default)]
 pub struct PackedRecords {
     poses: PackedPoses,
+    /// The planes of axes, with their frames' places.
+    axes: Vec<(usize, AxisPlane)>,
     /// Per frame: is there a pose, is it good, and the reason.
     others: Blocks<(bool, bool, Option<MissReason>)>,
 }
 
 impl PackedRecords {
     /// Takes the next record.
-    pub fn push(&mut self, FrameRecord { pose, is_good, reason }: FrameRecord) {
+    pub fn push(&mut self, FrameRecord { pose, axis, is_good, reason }: FrameRecord) {
+        self.axes.extend(axis.map(|axis| (self.others.len(), axis)));
         pose.iter().for_each(|pose| self.poses.push(pose));
         self.others.push((pose.is_some(), is_good, reason));
     }
 
     /// The same frames with all measurements withdrawn.
     pub fn without_poses(self, reason: MissReason) -> Self {
-        let taken_back =
-            |record: FrameRecord| FrameRecord { pose: None, is_good: false, reason: record.reason.or(Some(reason)) };
+        let taken_back = |record: FrameRecord| FrameRecord::missed(record.reason.unwrap_or(reason));
         self.unpack().into_iter().map(taken_back).collect()
     }
 
     /// Unpacks the records, and frees the packed memory on the way.
     pub fn unpack(self) -> Blocks<FrameRecord> {
         let mut poses = self.poses.unpack();
-        let record = |(has_pose, is_good, reason): (bool, bool, _)| FrameRecord {
+        let mut axes = self.axes.into_iter().peekable();
+        let record = |(place, (has_pose, is_good, reason)): (usize, (bool, bool, _))| FrameRecord {
             pose: if has_pose { poses.next() } else { None },
+            axis: axes.next_if(|(of, _)| *of == place).map(|(_, axis)| axis),
             is_good,
             reason,
         };
-        self.others.into_iter().map(record).collect()
+        self.others.into_iter().enumerate().map(record).collect()
     }
 }
 

@@ -19,6 +19,7 @@ use crate::vision::edges::shaft::SeenShaft;
 use crate::vision::filter::track::Track;
 use crate::vision::pose::TubeEstimate;
 use crate::vision::pose::adjustment::Adjustment;
+use crate::vision::pose::axis_plane::AxisPlane;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::reason::MissReason;
 use crate::vision::tube::Outline;
@@ -103,10 +104,11 @@ impl ToolTracker {
             },
         };
         if self.bare.is_some() {
-            return self.accept_and_learn(scene, &measured); // its hand's side and its trocar are known otherwise
+            let axis = if measured.is_err() { self.measure_axis(scene, &prediction) } else { None };
+            return self.accept_and_learn(scene, &measured, axis); // its hand's side and its trocar are known otherwise
         }
         let measured = measured.map(|found| self.prefer_rival(scene, &prediction, found));
-        let result = self.accept_and_learn(scene, &measured);
+        let result = self.accept_and_learn(scene, &measured, None);
         self.learn_hand_side(scene, &result);
         result
     }
@@ -125,14 +127,16 @@ impl ToolTracker {
         rival
     }
 
-    /// The last two stages of a frame, and its record for the second pass.
+    /// The last two stages of a frame, and its record for the second pass. `axis` is what was measured of a tool whose
+    /// tip is hidden.
     pub(super) fn accept_and_learn(
         &mut self,
         scene: &FrameContext<'_>,
         measured: &Result<Measurement, MissReason>,
+        axis: Option<AxisPlane>,
     ) -> ToolFrameResult {
-        self.records.push(FrameRecord::new(measured));
-        let result = self.accept(scene, measured);
+        self.records.push(FrameRecord { axis, ..FrameRecord::new(measured) });
+        let result = self.accept(scene, measured, axis);
         self.learn(scene, measured.as_ref().ok(), &result);
         result
     }

@@ -195,16 +195,15 @@ fn record_for_owner(
     origins: &[Origin; 2],
     are_alike: bool,
 ) -> FrameRecord {
-    let refused = |reason| FrameRecord { pose: None, is_good: false, reason: Some(reason) };
     let has = |as_tool: &usize| seen[*as_tool].pose.is_some();
     let against = |as_tool: &usize| seen[*as_tool].estimate().map_or(0.0, |e| origins[tool].mismatch_squared(&e));
     let given = [tool, 1 - tool].into_iter().filter(has).filter(|s| owners[*s] == Some(tool));
     match given.min_by(|a, b| against(a).total_cmp(&against(b))) {
         Some(as_tool) if as_tool == tool || are_alike => seen[as_tool],
-        Some(_) => refused(MissReason::EitherTool),
+        Some(_) => FrameRecord::missed(MissReason::EitherTool),
         None if !has(&tool) => seen[tool],
         None if owners[tool].is_some() && !has(&(1 - tool)) => seen[1 - tool],
-        None => refused(MissReason::EitherTool),
+        None => FrameRecord::missed(MissReason::EitherTool),
     }
 }
 

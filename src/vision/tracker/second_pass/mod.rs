@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::blocks::Blocks;
 use super::gaps::{self, FrameMargin};
-use super::motion::{FrameInstant, ToolMotion, TrackedRun};
+use super::motion::{Evidence, FrameInstant, ToolMotion, TrackedRun};
 use super::record::FrameRecord;
 use super::report::{DiameterBasis, EffectiveDiameter, ToolQuality};
 use super::settings::{MotionSettings, ToolSpec};
@@ -16,6 +16,7 @@ use crate::vision::camera::Camera;
 use crate::vision::edges::shaft::SeenShaft;
 use crate::vision::filter::track::{Track, TrackSettings};
 use crate::vision::pose::adjustment::{self, Adjustment};
+use crate::vision::pose::axis_plane::AxisPlane;
 use crate::vision::pose::fulcrum;
 use crate::vision::pose::normal_equations::shared_offsets_px;
 use crate::vision::pose::size_check;
@@ -48,7 +49,7 @@ pub fn run(
             Some(_) => confirm(record.estimate(), adjustment.as_ref()).map_err(Some),
         };
         let rejected = confirmed.err().flatten();
-        reasons.push(rework.add_frame(*instant, confirmed.ok(), record.reason.or(rejected)));
+        reasons.push(rework.add_frame(*instant, confirmed.ok(), record.axis, record.reason.or(rejected)));
     }
     let (motion, quality) = rework.finish();
     let rim = FrameMargin::new(camera, spec.band_length_mm());
@@ -159,21 +160,26 @@ impl SecondPass {
                 camera: *camera,
                 fulcrum: None,
                 max_prediction_s: longest_prediction_s,
+                max_hidden_s: settings.max_hidden_s,
             },
             quality: ToolQuality::default(),
         }
     }
 
-    /// Adds one frame: its pose, or the reason for having none. Returns why the frame was not measured or its pose was
-    /// rejected.
+    /// Adds one frame: its pose, or the axis of a tool whose tip is hidden, or the reason for having none. Returns why the
+    /// frame was not measured or its pose was rejected.
     fn add_frame(
         &mut self,
         instant: FrameInstant,
         pose: Option<TubeEstimate>,
+        axis: Option<AxisPlane>,
         reason: Option<MissReason>,
     ) -> Option<MissReason> {
         let measured = pose.map(|p| (p.tube.tip, p.changing_tip_covariance()));
-        let advance = self.track.advance(instant.1, measured, &self.settings);
+        let (advance, across) = match axis.filter(|_| pose.is_none()) {
+            Some(plane) => self.track.advance_along_axis(instant.1, &plane, &self.settings),
+            None => (self.track.advance(instant.1, measured, &self.settings), None),
+        };
         let refused = reason.or(advance.refused);
         count(&mut self.quality, advance.observed, advance.state.is_some(), refused);
         if advance.discards_previous {
@@ -186,7 +192,11 @@ impl SecondPass {
             self.motion.runs.extend(Some(ended).filter(|run| run.frame_counts().0 > 0));
         }
         if let Some(state) = advance.state {
-            self.run.add(&state, advance.noise_density, instant, pose.filter(|_| advance.observed));
+            let evidence = match pose.filter(|_| advance.observed) {
+                Some(pose) => Evidence::Tip(pose),
+                None => across.map_or(Evidence::None, Evidence::Axis),
+            };
+            self.run.add(&state, advance.noise_density, instant, evidence);
         }
         refused
     }

@@ -93,6 +93,9 @@ pub struct MotionSettings {
     pub reacquire_s: f64,
     /// Longest gap that is bridged by prediction, s.
     pub max_prediction_s: f64,
+    /// The same for a bare tool whose axis is measured while its tip is hidden, s: the tip's place along the axis is then
+    /// unknown to 8 mm (`√(q·t³/3)`) for a steady hand.
+    pub max_hidden_s: f64,
     /// Longest gap that the second pass bridges, between two frames where the tool was seen, s. In the middle of a
     /// bridge four times as long as the longest prediction, the tip is known as well as at that prediction's end:
     /// `q·T³/192` and `q·t³/3` mm² are equal for `T = 4t`.
@@ -112,6 +115,7 @@ impl Default for MotionSettings {
             gate: 16.3,
             reacquire_s: 0.15,
             max_prediction_s: 0.2,
+            max_hidden_s: 0.5,
             max_bridge_s: 0.8,
             nearest_mm: 20.0,
             farthest_mm: 1000.0,
