@@ -138,9 +138,9 @@ struct RunFrame {
 }
 
 /// What moved the filter's state on a frame.
-pub enum Evidence {
+pub enum Evidence<'a> {
     /// The measured pose.
-    Tip(TubeEstimate),
+    Tip(&'a TubeEstimate),
     /// The position that a measured axis gave: known across the axis only.
     Axis(MeasuredPosition),
     /// Nothing: the state is predicted.
@@ -150,9 +150,9 @@ pub enum Evidence {
 impl TrackedRun {
     /// Adds the next frame: the filter's state, the acceleration density that it used since the previous frame,
     /// mm²/s³, and what the state was updated with.
-    pub fn add(&mut self, state: &KalmanState, noise_density: f64, instant: FrameInstant, evidence: Evidence) {
+    pub fn add(&mut self, state: &KalmanState, noise_density: f64, instant: FrameInstant, evidence: Evidence<'_>) {
         let (measured, pose) = match evidence {
-            Evidence::Tip(pose) => (Some((pose.tube.tip, pose.changing_tip_covariance())), Some(PastPose::from(&pose))),
+            Evidence::Tip(pose) => (Some((pose.tube.tip, pose.changing_tip_covariance())), Some(PastPose::from(pose))),
             Evidence::Axis(position) => (Some(position), None),
             Evidence::None => (None, None),
         };

@@ -192,7 +192,7 @@ impl SecondPass {
             self.motion.runs.extend(Some(ended).filter(|run| run.frame_counts().0 > 0));
         }
         if let Some(state) = advance.state {
-            let evidence = match pose.filter(|_| advance.observed) {
+            let evidence = match pose.as_ref().filter(|_| advance.observed) {
                 Some(pose) => Evidence::Tip(pose),
                 None => across.map_or(Evidence::None, Evidence::Axis),
             };
