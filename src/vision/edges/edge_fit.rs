@@ -26,8 +26,8 @@ const GUESSED_WITHIN: (f64, f64) = (0.7, 1.0);
 const LEARNED_WITHIN: (f64, f64) = (0.3, 0.3);
 /// Change of the background per pixel outwards, as a share of its light: standard deviation.
 const RAMP_WITHIN: f64 = 0.1;
-/// The same beside a polished tube, over the tube's radius: its shadow on the mat is wider than the tube. A steeper ramp
-/// would take the light that the limb mirrors for the background.
+/// The same beside a polished tube, over the tube's radius: its shadow on the mat is wider than the tube. A steeper
+/// ramp would take the light that the limb mirrors for the background.
 const RAMP_WITHIN_RADIUS: f64 = 0.1;
 /// Light of the background that the limb of a polished tube mirrors, as a share of it: standard deviation. At grazing
 /// incidence every surface mirrors all light, and the lens blurs that within the first pixel.

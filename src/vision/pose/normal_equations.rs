@@ -79,8 +79,8 @@ pub fn shared_offsets_px(across_px_per_mm: f64, along_px_per_mm: f64) -> [f64; O
     std::array::from_fn(|offset| BY_PICTURE_PX[offset].hypot(BY_TAPE_MM[offset] * scales[offset]))
 }
 
-/// The same by a bare shaft, without tape on it, as a share of its radius: its diameter, and light that its limb mirrors
-/// beyond what the edge model expects.
+/// The same by a bare shaft, without tape on it, as a share of its radius: its diameter, and light that its limb
+/// mirrors beyond what the edge model expects.
 const WIDTH_BY_SHAFT: f64 = 0.006;
 
 /// The same for a bare shaft of this radius. The ends are as uncertain as those of tape.

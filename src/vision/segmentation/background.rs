@@ -96,8 +96,8 @@ impl Background {
         self.grid
     }
 
-    /// Usual codes near a pixel: of the brightest of the nine cells about it, because a cell at the border of a tool that
-    /// never moves holds some of the tool.
+    /// Usual codes near a pixel: of the brightest of the nine cells about it, because a cell at the border of a tool
+    /// that never moves holds some of the tool.
     pub fn usual_at(&self, x: usize, y: usize) -> [f32; 3] {
         let CellGrid { cell_px, columns, rows } = self.grid;
         let near = |at: usize, count: usize| {

@@ -84,8 +84,8 @@ struct Rows {
     step: f64,
     /// Places in a row.
     places: usize,
-    /// Contrast at each place of each row, as a multiple of the least: for a border on the first and on the second side.
-    /// [`NOWHERE`] outside the picture.
+    /// Contrast at each place of each row, as a multiple of the least: for a border on the first and on the second
+    /// side. [`NOWHERE`] outside the picture.
     contrast: [Vec<f32>; 2],
 }
 
