@@ -26,6 +26,12 @@ const GUESSED_WITHIN: (f64, f64) = (0.7, 1.0);
 const LEARNED_WITHIN: (f64, f64) = (0.3, 0.3);
 /// Change of the background per pixel outwards, as a share of its light: standard deviation.
 const RAMP_WITHIN: f64 = 0.1;
+/// The same beside a polished tube, over the tube's radius: its shadow on the mat is wider than the tube. A steeper
+/// ramp would take the light that the limb mirrors for the background.
+const RAMP_WITHIN_RADIUS: f64 = 0.1;
+/// Light of the background that the limb of a polished tube mirrors, as a share of it: standard deviation. At grazing
+/// incidence every surface mirrors all light, and the lens blurs that within the first pixel.
+const MIRRORED: f64 = 0.6;
 /// A very wide prior: it only keeps the light outside from diverging.
 const ANY_LIGHT: f64 = 30.0;
 /// Minimum light of a side when shares of it are computed.
@@ -96,6 +102,10 @@ pub struct EdgeFit {
     last_step: Option<(f64, Unknowns)>,
     /// Expected deviation of the light inside from the first guess, as a share of it: base, limb.
     expected_within: (f64, f64),
+    /// Expected light inside that is mirrored, as a share of the light outside.
+    mirrored: f64,
+    /// Expected change of the background per pixel, as a share of its light.
+    ramp_within: f64,
 }
 
 impl EdgeFit {
@@ -123,6 +133,15 @@ impl EdgeFit {
             chroma_px: 0.0,
             last_step: None,
             expected_within: GUESSED_WITHIN,
+            mirrored: 0.0,
+            ramp_within: RAMP_WITHIN,
+        }
+    }
+
+    /// Expects a polished tube, whose limb mirrors the background.
+    pub fn expect_mirror(&mut self, shading: Shading) {
+        if let Shading::Limb { radius_px } = shading {
+            (self.mirrored, self.ramp_within) = (MIRRORED, RAMP_WITHIN_RADIUS / radius_px);
         }
     }
 
@@ -180,7 +199,7 @@ impl EdgeFit {
         self.offset_px += share * step[OFFSET];
     }
 
-    /// Adds the priors: light about as in the first guess, shading and ramp about as guessed.
+    /// Adds the priors: light about as in the first guess and as mirrored, shading and ramp about as guessed.
     fn add_priors(&self, first: &Self, normal: &mut [Unknowns; UNKNOWNS], right: &mut Unknowns) {
         let (base_within, limb_within) = first.expected_within;
         let mut believe = |at: usize, sigma: f64, now: f64| {
@@ -188,12 +207,13 @@ impl EdgeFit {
             normal[at][at] += weight;
             right[at] -= weight * now;
         };
-        for (c, (now, first)) in self.light.iter().zip(&first.light).enumerate() {
-            believe(c, base_within * first.of.0, now.base - first.base);
-            believe(3 + c, ANY_LIGHT, now.out - first.out);
-            believe(SHADE + c, limb_within, self.shared[c]);
+        for (c, (now, guess)) in self.light.iter().zip(&first.light).enumerate() {
+            let (inside, mirrored) = (guess.of.0, first.mirrored * guess.of.1);
+            believe(c, (base_within * inside).hypot(mirrored), now.base - guess.base);
+            believe(3 + c, ANY_LIGHT, now.out - guess.out);
+            believe(SHADE + c, limb_within.hypot(mirrored / inside), self.shared[c]);
         }
-        believe(RAMP, RAMP_WITHIN, self.shared[3]);
+        believe(RAMP, first.ramp_within, self.shared[3]);
         believe(OFFSET, GUESS_WITHIN_PX, self.offset_px - first.offset_px);
     }
 }

@@ -79,6 +79,23 @@ pub fn shared_offsets_px(across_px_per_mm: f64, along_px_per_mm: f64) -> [f64; O
     std::array::from_fn(|offset| BY_PICTURE_PX[offset].hypot(BY_TAPE_MM[offset] * scales[offset]))
 }
 
+/// The same by a bare shaft, without tape on it, as a share of its radius: its diameter, and light that its limb
+/// mirrors beyond what the edge model expects.
+const WIDTH_BY_SHAFT: f64 = 0.006;
+
+/// The same for a bare shaft of this radius. The ends are as uncertain as those of tape.
+pub fn shared_offsets_of_shaft_px(radius_px: f64, across_px_per_mm: f64, along_px_per_mm: f64) -> [f64; OFFSETS] {
+    let mut shared = shared_offsets_px(across_px_per_mm, along_px_per_mm);
+    shared[0] = BY_PICTURE_PX[0].hypot(WIDTH_BY_SHAFT * radius_px);
+    shared[DISPLACEMENT] = BY_PICTURE_PX[DISPLACEMENT].hypot(WIDTH_BY_SHAFT * radius_px);
+    shared
+}
+
+/// Standard deviations of the own offsets of a pose of a bare shaft, pixels: no tape displaces it.
+pub fn own_offsets_of_shaft_px() -> [f64; OFFSETS] {
+    OWN_BY_PICTURE_PX
+}
+
 /// Standard deviations of a pose's own offsets about the shared ones, by the picture: background, shadow and gloss,
 /// pixels. Measured on the same recordings.
 const OWN_BY_PICTURE_PX: [f64; OFFSETS] = [0.15, 0.1, 0.25, 0.3, 0.08, 0.1, 0.1];
@@ -96,8 +113,11 @@ pub fn own_offsets_px(across_px_per_mm: f64) -> [f64; OFFSETS] {
 
 /// Standard deviations of the offsets of a single pose, pixels: shared and own together.
 pub fn single_pose_offsets_px(across_px_per_mm: f64, along_px_per_mm: f64) -> [f64; OFFSETS] {
-    let shared = shared_offsets_px(across_px_per_mm, along_px_per_mm);
-    let own = own_offsets_px(across_px_per_mm);
+    together(shared_offsets_px(across_px_per_mm, along_px_per_mm), own_offsets_px(across_px_per_mm))
+}
+
+/// Standard deviations of shared and own offsets together.
+pub fn together(shared: [f64; OFFSETS], own: [f64; OFFSETS]) -> [f64; OFFSETS] {
     std::array::from_fn(|offset| shared[offset].hypot(own[offset]))
 }
 
@@ -307,5 +327,24 @@ impl NormalEquations {
             information[(5 + offset, 5 + offset)] += f64::from(self.prior_px[offset]).powi(-2);
         }
         information
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_borders_of_a_bare_shaft_are_as_certain_as_the_picture_shows_them() {
+        const PX_PER_MM: f64 = 9.0;
+        let [tape, shaft] = [
+            shared_offsets_px(PX_PER_MM, PX_PER_MM),
+            shared_offsets_of_shaft_px(2.5 * PX_PER_MM, PX_PER_MM, PX_PER_MM),
+        ];
+        // The tape's second layer counts 0.4 px here, a shaft's polish a third of it.
+        assert!((0.2..0.26).contains(&shaft[0]) && shaft[0] < 0.55 * tape[0], "{shaft:?} {tape:?}");
+        assert!(shaft[DISPLACEMENT] < 0.55 * tape[DISPLACEMENT]);
+        assert_eq!(shaft[2..], tape[2..], "ends, taper and bow");
+        assert!(own_offsets_of_shaft_px()[DISPLACEMENT] < own_offsets_px(PX_PER_MM)[DISPLACEMENT]);
     }
 }

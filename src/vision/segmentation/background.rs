@@ -96,6 +96,19 @@ impl Background {
         self.grid
     }
 
+    /// Usual codes near a pixel: of the brightest of the nine cells about it, because a cell at the border of a tool
+    /// that never moves holds some of the tool.
+    pub fn usual_at(&self, x: usize, y: usize) -> [f32; 3] {
+        let CellGrid { cell_px, columns, rows } = self.grid;
+        let near = |at: usize, count: usize| {
+            let cell = (at / cell_px).min(count - 1);
+            cell.saturating_sub(1)..(cell + 2).min(count)
+        };
+        let cells = near(y, rows).flat_map(|row| near(x, columns).map(move |column| row * columns + column));
+        let codes = cells.map(|cell| self.usual[cell]);
+        codes.max_by(|one, other| one[0].total_cmp(&other[0])).unwrap_or_default()
+    }
+
     /// Does the cell look like the shaft without any tool?
     pub fn is_like_shaft(&self, cell: usize) -> bool {
         self.like_shaft[cell]

@@ -71,6 +71,11 @@ impl ShaftColour {
         })
     }
 
+    /// Usual chroma, codes.
+    pub fn chroma(&self) -> [f32; 2] {
+        self.chroma
+    }
+
     /// Log density of these codes on the shaft.
     pub fn log_density(&self, codes: [f32; 3]) -> f32 {
         const POWER: f32 = (0.5 * (FREEDOM + 2.0)) as f32;

@@ -19,7 +19,27 @@ pub struct ShaftAppearance {
     pub background: Background,
 }
 
+/// Least contrast of a shaft's border, codes of luma and of chroma: with less, noise and texture move the edge by more
+/// than a pixel.
+pub const LEAST_CONTRAST_CODES: [f64; 2] = [12.0, 8.0];
+
+/// Contrast of an edge of a bare shaft as a multiple of the least: positive if the inside is darker than the outside,
+/// or nearer to the shaft's `grey`, whichever differs more.
+pub fn contrast(inside: [f64; 3], outside: [f64; 3], grey: [f64; 2]) -> f64 {
+    let colourful = |[_, u, v]: [f64; 3]| (u - grey[0]).hypot(v - grey[1]);
+    let luma = (outside[0] - inside[0]) / LEAST_CONTRAST_CODES[0];
+    let chroma = (colourful(outside) - colourful(inside)) / LEAST_CONTRAST_CODES[1];
+    if luma.abs() > chroma.abs() { luma } else { chroma }
+}
+
 impl ShaftAppearance {
+    /// Contrast of an edge of the shaft, whose outside shows the box, as a multiple of the least. What is brighter than
+    /// the empty box there is gloss, and counts as no brighter than the box.
+    pub fn contrast_with_box(&self, inside: [f32; 3], outside: [f32; 3], empty: [f32; 3]) -> f32 {
+        let outside = [outside[0].min(empty[0]), outside[1], outside[2]];
+        contrast(inside.map(f64::from), outside.map(f64::from), self.shaft.chroma().map(f64::from)) as f32
+    }
+
     /// Evidence in each cell, nats, from −[`MAX_EVIDENCE`] to [`MAX_EVIDENCE`]. Where the empty box looks like the
     /// shaft, it may be a tool that never moves: there the colour alone and the difference from the background count
     /// half each.

@@ -1,125 +1,343 @@
-//! Possible borders of a strip, to a pixel: where the mean colour across it changes.
+//! Possible borders of a strip, to a pixel: straight lines where the colour steps from a shaft's to the box's.
 //!
 //! Evidence alone does not show a shaft's width well: it takes shade beside the shaft for shaft, or gloss on it for
-//! background. Its borders are sharp along their whole length, so they show in the mean over many rows, and so do
-//! the borders of gloss and of hard shadows. The fit to the pixels decides among them.
+//! background, so it may be half or twice as wide. A border is a straight line with a sharp step along most of its
+//! length, darker or greyer inside than outside. What is outside is the box, so gloss that is brighter than the box
+//! counts as no more than the box itself: a highlight on a black shaft before black foam has no border. Where few rows
+//! show such a step, the shaft cannot be measured.
 
 use nalgebra::{Point2, Vector2};
 
 use super::Strip;
 use crate::vision::camera::Camera;
 use crate::vision::frame::Frame;
+use crate::vision::segmentation::shaft_evidence::ShaftAppearance;
 use crate::vision::space::Normalised;
 
 /// Rows across the strip.
-const ROWS: usize = 60;
+const ROWS: usize = 48;
 /// Part of the strip that is read, from its end: the tool's measured piece is about twelve widths long.
 const LONGEST_WIDTHS: f64 = 12.0;
 /// The first and the last part of that piece are left out: the end of the shaft, and the picture's rim.
 const READ_PART: (f64, f64) = (0.08, 0.95);
-/// Borders are looked for from this many half widths to that many from the strip's middle.
-const REACH: (f64, f64) = (0.35, 1.8);
+/// Borders are looked for from this many half widths to that many from the strip's middle, towards their side. Evidence
+/// is up to twice as wide as the shaft, by shade on one side, or half as wide, by gloss on the other.
+const REACH: (f64, f64) = (-0.4, 3.0);
+/// Least distance between both borders, half widths.
+const LEAST_WIDTH: f64 = 0.7;
+/// Largest difference of a border's distances from the middle at both ends of the piece, half widths: taper, and a
+/// strip that leans.
+const MAX_TILT: f64 = 0.9;
+/// Most places in a half width: on a wider strip, places are more than a pixel apart.
+const MAX_PLACES: f64 = 32.0;
+/// Places on each side of a border that are compared, as a share of the half width, and their least and most number.
+/// Few enough that a soft shadow is no step, and enough for a strip out of focus.
+const COMPARED: (f64, f64, f64) = (0.1, 2.0, 4.0);
+/// Limits of the contrast of one row, as a multiple of the least: no row may outvote the others.
+const ROW_CONTRAST: (f32, f32) = (-1.0, 8.0);
+/// Least share of rows with a step. Where six of ten have none, a shaft cannot be measured before its background.
+const MIN_SUPPORT: f64 = 0.4;
+/// Pairs of borders that are tried.
+const MAX_PAIRS: usize = 4;
 /// Borders kept on each side.
-const KEPT: usize = 4;
-/// A border whose contrast is below this share of the strongest on its side is left out.
-const MIN_SHARE: f64 = 0.2;
-/// Least contrast of a border's mean colour, codes.
-const MIN_CODES: f64 = 3.0;
+const KEPT: usize = 3;
+/// A border whose contrast is below this share of the strongest on its side is left out: of a shadow, or on the shaft.
+const MIN_SHARE: f32 = 0.5;
 
-/// A possible border.
+/// The strip with each likely pair of borders, the one of most contrast first.
+pub fn with_likely_borders(
+    frame: &Frame<'_>,
+    camera: &Camera,
+    appearance: &ShaftAppearance,
+    strip: &Strip,
+) -> Vec<Strip> {
+    let rows = Rows::read(frame, camera, appearance, strip);
+    let [first, second] = [-1.0, 1.0].map(|side| rows.borders(side));
+    let mut pairs: Vec<(f32, [PossibleBorder; 2])> = Vec::new();
+    for one in &first {
+        let is_wide = |other: &&PossibleBorder| (0..2).all(|end| one.at[end] + other.at[end] > LEAST_WIDTH);
+        pairs.extend(second.iter().filter(is_wide).map(|other| (one.contrast + other.contrast, [*one, *other])));
+    }
+    pairs.sort_by(|one, other| other.0.total_cmp(&one.0));
+    pairs.iter().take(MAX_PAIRS).map(|(_, pair)| rows.with_borders(strip, pair)).collect()
+}
+
+/// A possible border on one side of a strip.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PossibleBorder {
-    /// Distance from the strip's middle, in half widths.
-    pub at: f64,
-    /// Contrast of the mean colour, codes.
-    pub codes: f64,
+struct PossibleBorder {
+    /// Distance from the strip's middle in the first and in the last row, half widths.
+    at: [f64; 2],
+    /// Mean contrast of its rows, as a multiple of the least.
+    contrast: f32,
 }
 
-/// The possible borders on both sides of the strip's middle, the strongest first. The first side is that of the strip's
-/// first border.
-pub fn possible_borders(frame: &Frame<'_>, camera: &Camera, strip: &Strip) -> [Vec<PossibleBorder>; 2] {
-    let profile = MeanProfile::read(frame, camera, strip);
-    [-1.0, 1.0].map(|side| {
-        let mut found = profile.peaks(side);
-        found.sort_by(|one, other| other.codes.total_cmp(&one.codes));
-        let most = found.first().map_or(0.0, |strongest| strongest.codes);
-        found.retain(|border| border.codes >= (MIN_SHARE * most).max(MIN_CODES));
-        found.truncate(KEPT);
-        found
-    })
-}
+/// Stands for a contrast that is not known.
+const NOWHERE: f32 = f32::NEG_INFINITY;
 
-/// The strip with its borders moved to these distances from its middle, in half widths.
-pub fn with_borders(strip: &Strip, [first, second]: [f64; 2]) -> Strip {
-    let [one, other] = strip.borders;
-    let moved = |i: usize, share: f64, own: Point2<f64>| {
-        let middle = nalgebra::center(&one[i], &other[i]);
-        middle + (own - middle) * share
-    };
-    let borders = [[0, 1].map(|i| moved(i, first, one[i])), [0, 1].map(|i| moved(i, second, other[i]))];
-    let middle = |i: usize| Normalised(nalgebra::center(&borders[0][i], &borders[1][i]));
-    Strip { borders, entry: middle(0), end: middle(1), width: strip.width * 0.5 * (first + second), ..strip.clone() }
-}
-
-/// The mean codes across a strip.
-struct MeanProfile {
+/// Rows across the end of a strip, and the steps in them.
+struct Rows {
+    /// Middle of the first row, nearest to the end of the strip, and of the last.
+    middles: [Point2<f64>; 2],
+    /// A half width across the strip, towards its second border.
+    half: Vector2<f64>,
     /// Distance between places, half widths.
     step: f64,
-    /// Mean codes from −`REACH.1` to `REACH.1`.
-    codes: Vec<[f64; 3]>,
+    /// Places in a row.
+    places: usize,
+    /// Contrast at each place of each row, as a multiple of the least: for a border on the first and on the second
+    /// side. [`NOWHERE`] outside the picture.
+    contrast: [Vec<f32>; 2],
 }
 
-impl MeanProfile {
-    fn read(frame: &Frame<'_>, camera: &Camera, strip: &Strip) -> Self {
-        let [one, other] = strip.borders;
-        let half_px = 0.5 * strip.width * camera.fx;
-        let step = 1.0 / half_px.max(2.0);
-        let places = (2.0 * REACH.1 / step) as usize + 1;
-        let mut sums = vec![([0.0; 3], 0.0); places];
+impl Rows {
+    fn read(frame: &Frame<'_>, camera: &Camera, appearance: &ShaftAppearance, strip: &Strip) -> Self {
         let part = (LONGEST_WIDTHS / strip.length_widths.max(1.0)).min(1.0);
-        let at = |line: [Point2<f64>; 2], share: f64| line[1] + (line[0] - line[1]) * share;
+        let (end, entry) = (strip.end.0, strip.entry.0);
+        let middles = [READ_PART.0, READ_PART.1].map(|share| end + (entry - end) * (part * share));
+        let along = (entry - end).try_normalize(1e-9).unwrap_or_else(Vector2::x);
+        let across = Vector2::new(-along.y, along.x);
+        let is_towards_second = across.dot(&(strip.borders[1][1] - strip.borders[0][1])) > 0.0;
+        let half = across * (if is_towards_second { 0.5 } else { -0.5 } * strip.width);
+        let half_px = (0.5 * strip.width * camera.fx).max(2.0);
+        let step = 1.0 / half_px.min(MAX_PLACES);
+        let places = (2.0 * REACH.1 / step) as usize + 1;
+        let compared = (COMPARED.0 / step).round().clamp(COMPARED.1, COMPARED.2) as usize;
+        let mut rows = Self { middles, half, step, places, contrast: Default::default() };
         for row in 0..ROWS {
-            let share = READ_PART.0 + (READ_PART.1 - READ_PART.0) * row as f64 / (ROWS - 1) as f64;
-            let (left, right) = (at(one, part * share), at(other, part * share));
-            let middle = nalgebra::center(&left, &right);
-            let half: Vector2<f64> = right - middle;
-            for (place, (sum, count)) in sums.iter_mut().enumerate() {
-                let distance = place as f64 * step - REACH.1;
-                let pixel = camera.pixel_of(Normalised(middle + half * distance));
-                let (x, y) = (pixel.u().round(), pixel.v().round());
-                if x >= 0.0 && y >= 0.0 && x < frame.width() as f64 && y < frame.height() as f64 {
-                    let codes = frame.yuv_at(x as usize, y as usize);
-                    *sum = std::array::from_fn(|part| sum[part] + f64::from(codes[part]));
-                    *count += 1.0;
-                }
+            let codes: Vec<Option<[[f32; 3]; 2]>> =
+                (0..places).map(|place| codes_of(frame, camera, appearance, rows.at(row, place))).collect();
+            for place in 0..places {
+                let contrast = contrast_at(&codes, place, compared, appearance).unwrap_or([NOWHERE; 2]);
+                rows.contrast.iter_mut().zip(contrast).for_each(|(all, own)| all.push(own));
             }
         }
-        let codes = sums.into_iter().map(|(sum, count): ([f64; 3], f64)| sum.map(|sum| sum / count.max(1.0))).collect();
-        Self { step, codes }
+        rows
     }
 
-    /// The places on one side (−1 or 1) where the colour changes most locally.
-    fn peaks(&self, side: f64) -> Vec<PossibleBorder> {
-        /// Pixels on each side of a border that are compared.
-        const COMPARED: usize = 2;
-        let mean = |from: usize| -> [f64; 3] {
-            std::array::from_fn(|part| {
-                self.codes[from..from + COMPARED].iter().map(|codes| codes[part]).sum::<f64>() / COMPARED as f64
-            })
+    /// A place of a row.
+    fn at(&self, row: usize, place: usize) -> Normalised {
+        let [first, last] = self.middles;
+        let share = row as f64 / (ROWS - 1) as f64;
+        Normalised(first + (last - first) * share + self.half * (place as f64 * self.step - REACH.1))
+    }
+
+    /// Contrast on one side (−1 or 1) in each row of a line, where it is in the picture.
+    fn contrast_along(&self, side: f64, line: [f64; 2]) -> impl Iterator<Item = f32> + '_ {
+        let [first, last] = line.map(|at| ((side * at + REACH.1) / self.step + 0.5) as f32);
+        let per_row = (last - first) / (ROWS - 1) as f32;
+        let rows = self.contrast[usize::from(side > 0.0)].chunks_exact(self.places).enumerate();
+        let contrast = rows.map(move |(row, contrast)| contrast[(first + per_row * row as f32) as usize]);
+        contrast.filter(|contrast| *contrast > NOWHERE)
+    }
+
+    /// Mean contrast of a line; `None` if half of it is outside the picture.
+    fn mean_contrast(&self, side: f64, line: [f64; 2]) -> Option<f32> {
+        let limited = self.contrast_along(side, line).map(|contrast| contrast.clamp(ROW_CONTRAST.0, ROW_CONTRAST.1));
+        let (sum, count) = limited.fold((0.0, 0), |(sum, count), contrast| (sum + contrast, count + 1));
+        (2 * count > ROWS).then(|| sum / count as f32)
+    }
+
+    /// The possible borders on one side (−1 or 1), the one of most contrast first.
+    fn borders(&self, side: f64) -> Vec<PossibleBorder> {
+        let count = ((REACH.1 - REACH.0) / self.step) as usize;
+        let tilt = (MAX_TILT / self.step) as usize;
+        let at = |place: usize| REACH.0 + place as f64 * self.step;
+        let mut lines: Vec<PossibleBorder> = Vec::new();
+        for first in 0..count {
+            for last in first.saturating_sub(tilt)..(first + tilt).min(count) {
+                let line = [at(first), at(last)];
+                lines.extend(self.mean_contrast(side, line).map(|contrast| PossibleBorder { at: line, contrast }));
+            }
+        }
+        lines.sort_by(|one, other| other.contrast.total_cmp(&one.contrast));
+        let least = lines.first().map_or(0.0, |best| MIN_SHARE * best.contrast);
+        let mut kept: Vec<PossibleBorder> = Vec::new();
+        for line in lines.into_iter().take_while(|line| line.contrast >= least) {
+            let is_new = !kept.iter().any(|other| self.is_same(other, &line));
+            if kept.len() < KEPT && is_new && self.is_supported(side, &line) {
+                kept.push(line);
+            }
+        }
+        kept
+    }
+
+    /// Do two lines follow the same edge in some row?
+    fn is_same(&self, one: &PossibleBorder, other: &PossibleBorder) -> bool {
+        /// Twice the places that are compared: the edge of one shows in the rows of the other.
+        const SAME_PLACES: f64 = 2.0 * COMPARED.2;
+        let [first, last] = [0, 1].map(|end| other.at[end] - one.at[end]);
+        first.abs().min(last.abs()) < SAME_PLACES * self.step || first * last < 0.0
+    }
+
+    /// Do enough rows show a step?
+    fn is_supported(&self, side: f64, line: &PossibleBorder) -> bool {
+        let (steps, rows) = self
+            .contrast_along(side, line.at)
+            .fold((0, 0), |(steps, rows), contrast| (steps + usize::from(contrast >= 1.0), rows + 1));
+        steps as f64 >= MIN_SUPPORT * f64::from(rows)
+    }
+
+    /// The strip with its borders moved to these lines.
+    fn with_borders(&self, strip: &Strip, pair: &[PossibleBorder; 2]) -> Strip {
+        let [first, second] = [(-1.0, &pair[0]), (1.0, &pair[1])].map(|(side, border)| {
+            let [one, other] = [0, 1].map(|end| self.middles[end] + self.half * (side * border.at[end]));
+            let along = other - one;
+            let beside = |place: Point2<f64>| one + along * ((place - one).dot(&along) / along.norm_squared());
+            [beside(strip.entry.0), beside(strip.end.0)]
+        });
+        let middle = |i: usize| Normalised(nalgebra::center(&first[i], &second[i]));
+        let width = (second[1] - first[1]).norm();
+        Strip { borders: [first, second], entry: middle(0), end: middle(1), width, ..strip.clone() }
+    }
+}
+
+/// The codes of the frame and of the empty box at a place; `None` outside the picture.
+fn codes_of(frame: &Frame<'_>, camera: &Camera, appearance: &ShaftAppearance, at: Normalised) -> Option<[[f32; 3]; 2]> {
+    let pixel = camera.pixel_of(at);
+    let (x, y) = (pixel.u().round(), pixel.v().round());
+    if !(x >= 0.0 && y >= 0.0 && x < frame.width() as f64 && y < frame.height() as f64) {
+        return None;
+    }
+    let (x, y) = (x as usize, y as usize);
+    Some([frame.yuv_at(x, y).map(f32::from), appearance.background.usual_at(x, y)])
+}
+
+/// Contrast at a place of a row with these codes, for a border on the first and on the second side: between as many
+/// places on both sides of it. `None` if some are outside the picture.
+fn contrast_at(
+    codes: &[Option<[[f32; 3]; 2]>],
+    place: usize,
+    compared: usize,
+    appearance: &ShaftAppearance,
+) -> Option<[f32; 2]> {
+    let sides = codes.get(place.checked_sub(compared)?..place + compared)?;
+    let [[before, box_before], [behind, box_behind]] =
+        [mean_codes(&sides[..compared])?, mean_codes(&sides[compared..])?];
+    Some([
+        appearance.contrast_with_box(behind, before, box_before),
+        appearance.contrast_with_box(before, behind, box_behind),
+    ])
+}
+
+/// The mean codes of the frame and of the box; `None` if a place is outside the picture.
+fn mean_codes(places: &[Option<[[f32; 3]; 2]>]) -> Option<[[f32; 3]; 2]> {
+    let mut sum = [[0.0; 3]; 2];
+    for codes in places {
+        let codes = (*codes)?;
+        sum = std::array::from_fn(|of| std::array::from_fn(|part| sum[of][part] + codes[of][part]));
+    }
+    Some(sum.map(|of| of.map(|part| part / places.len() as f32)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::camera::testing::STRAIGHT;
+    use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
+    use crate::vision::segmentation::background::Background;
+    use crate::vision::segmentation::cells::CellPicture;
+    use crate::vision::segmentation::shaft_colour::{AnyColour, ShaftColour};
+    use crate::vision::space::Pixel;
+
+    /// The row of the shaft's middle, and the column of its end.
+    const MIDDLE: f64 = 360.0;
+    const END: f64 = 800.0;
+    /// Half the shaft's width at its end and at the picture's rim, pixels.
+    const HALVES: [f64; 2] = [20.0, 25.0];
+
+    /// Calls `with` on a grey frame; `luma` is of the distance from the middle, in half widths of the shaft.
+    fn with_frame<T>(luma: impl Fn(f64) -> u8, with: impl Fn(&Frame<'_>) -> T) -> T {
+        let (width, height) = (STRAIGHT.width as usize, STRAIGHT.height as usize);
+        let code = |i: usize| {
+            let (x, y) = ((i % width) as f64, (i / width) as f64);
+            luma((y - MIDDLE) / (HALVES[1] + (HALVES[0] - HALVES[1]) * x / END))
         };
-        let last = self.codes.len().saturating_sub(2 * COMPARED);
-        let change: Vec<f64> = (0..last)
-            .map(|i| {
-                let (before, behind) = (mean(i), mean(i + COMPARED));
-                (0..3).map(|part| (behind[part] - before[part]).powi(2)).sum::<f64>().sqrt()
-            })
-            .collect();
-        let place = |i: usize| (i + COMPARED) as f64 * self.step - 0.5 * self.step - REACH.1;
-        let is_peak = |i: &usize| {
-            let near = i.saturating_sub(COMPARED)..(i + COMPARED + 1).min(change.len());
-            (REACH.0..REACH.1).contains(&(side * place(*i))) && change[near].iter().all(|other| *other <= change[*i])
+        let codes: Vec<u8> = (0..width * height).map(code).collect();
+        let grey = vec![128; width * height / 4];
+        let plane = |data, width, height| Plane { data, stride: width, width, height };
+        with(&Frame {
+            index: 0,
+            time_s: 0.0,
+            y: plane(&codes, width, height),
+            u: plane(&grey, width / 2, height / 2),
+            v: plane(&grey, width / 2, height / 2),
+            shift_x: 1,
+            shift_y: 1,
+            chroma_first_px: [0.5; 2],
+            encoding: ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 },
+        })
+    }
+
+    /// Distances of the likely borders from the middle at the end of a strip whose evidence reaches from `above` to
+    /// `below` it, pixels, best pair first. The shaft has luma 40 and the empty box `mat`.
+    fn found(mat: u8, luma: impl Fn(f64) -> u8, above: f64, below: f64) -> Vec<[f64; 2]> {
+        let empty = with_frame(|_| mat, CellPicture::of);
+        let shaft = ShaftColour::new(&[[40, 128, 128]; 50]).unwrap();
+        let any = AnyColour::new([&empty]);
+        let background = Background::from_frames(&[empty], &shaft, &any).unwrap();
+        let appearance = ShaftAppearance { shaft, any, background };
+        let at = |x: f64, y: f64| STRAIGHT.normalised_of(Pixel::new(x, y)).unwrap();
+        let border = |y: f64| [0.0, END].map(|x| at(x, MIDDLE + y).0);
+        let middle = MIDDLE + 0.5 * (below - above);
+        let strip = Strip {
+            borders: [border(-above), border(below)],
+            entry: at(0.0, middle),
+            end: at(END, middle),
+            width: (above + below) / STRAIGHT.fx,
+            length_widths: END / (above + below),
+            score: 100.0,
+            net_evidence: 1.0,
+            supported_share: 1.0,
+            end_step_codes: None,
         };
-        let found = (0..change.len()).filter(is_peak);
-        found.map(|i| PossibleBorder { at: side * place(i), codes: change[i] }).collect()
+        let likely = with_frame(luma, |frame| with_likely_borders(frame, &STRAIGHT, &appearance, &strip));
+        let row = |point: Point2<f64>| STRAIGHT.pixel_of(Normalised(point)).v() - MIDDLE;
+        likely.iter().map(|strip| strip.borders.map(|[_, end]| row(end))).collect()
+    }
+
+    /// Are these the shaft's borders, to the reach of the first probes?
+    fn are_the_shafts(borders: &[f64; 2]) -> bool {
+        let [first, second] = borders.map(f64::abs);
+        (first - HALVES[0]).abs() < 3.0 && (second - HALVES[0]).abs() < 3.0 && borders[0] < 0.0
+    }
+
+    /// A luma that changes from one code to another over a stretch.
+    fn ramp(at: f64, from: f64, to: f64, codes: (f64, f64)) -> u8 {
+        (codes.0 + (codes.1 - codes.0) * ((at - from) / (to - from)).clamp(0.0, 1.0)) as u8
+    }
+
+    #[test]
+    fn soft_shade_beside_a_shaft_is_outside_it() {
+        let shaded = |at: f64| if at.abs() < 1.0 { 40 } else { ramp(at, 1.0, 3.5, (110.0, 200.0)) };
+        let pairs = found(200, shaded, 22.0, 60.0);
+        assert!(are_the_shafts(&pairs[0]), "{pairs:?}");
+    }
+
+    #[test]
+    fn gloss_on_a_shaft_is_inside_it() {
+        let glossy = |at: f64| match at {
+            -0.5..0.0 => 110,
+            -1.0..1.0 => 40,
+            _ => 200,
+        };
+        for (above, below) in [(22.0, 22.0), (4.0, 22.0), (6.0, 22.0)] {
+            let pairs = found(200, glossy, above, below);
+            assert!(pairs.first().is_some_and(are_the_shafts), "{above} {below}: {pairs:?}");
+        }
+    }
+
+    #[test]
+    fn a_dark_part_between_highlights_before_a_dark_mat_is_no_shaft() {
+        let glossy = |at: f64| match at {
+            -0.4..0.5 => 40,
+            -0.8..0.9 => 110,
+            _ => 45,
+        };
+        assert_eq!(found(45, glossy, 9.0, 11.0), Vec::<[f64; 2]>::new());
+    }
+
+    #[test]
+    fn a_shaft_as_dark_as_its_background_has_no_borders() {
+        assert_eq!(found(48, |at| if at.abs() < 1.0 { 40 } else { 48 }, 22.0, 22.0), Vec::<[f64; 2]>::new());
     }
 }

@@ -7,7 +7,7 @@ use nalgebra::{Point2, Vector3};
 
 use super::grid::{GridMap, UndistortedGrid};
 use super::search::{SearchLimits, search, width_limits};
-use super::{Strip, end_step, meeting_point, outline};
+use super::{Strip, borders, end_step, meeting_point, outline};
 use crate::vision::camera::Camera;
 use crate::vision::frame::Frame;
 use crate::vision::segmentation::background::Background;
@@ -156,6 +156,11 @@ impl<'a> FrameStrips<'a> {
         let ShaftAppearance { shaft, any, .. } = &self.finder.appearance;
         let codes = codes.map(f32::from);
         shaft.log_density(codes) > any.log_density(codes)
+    }
+
+    /// The strip with each likely pair of borders, the likeliest first.
+    pub fn with_likely_borders(&self, camera: &Camera, strip: &Strip) -> Vec<Strip> {
+        borders::with_likely_borders(self.frame, camera, &self.finder.appearance, strip)
     }
 
     /// The strips that may be a tool, the best first.

@@ -9,7 +9,9 @@ use crate::vision::edges::subpixel::Fineness;
 use crate::vision::pose::TubeEstimate;
 use crate::vision::pose::fulcrum::{self, Fulcrum};
 use crate::vision::pose::joint_fit::{self, MeasuredEdge, Trust};
-use crate::vision::pose::normal_equations::{OffsetPriors, own_offsets_px, single_pose_offsets_px};
+use crate::vision::pose::normal_equations::{
+    OffsetPriors, own_offsets_of_shaft_px, own_offsets_px, shared_offsets_of_shaft_px, shared_offsets_px, together,
+};
 use crate::vision::reason::MissReason;
 use crate::vision::space::CameraPoint;
 use crate::vision::tube::{OutlinePart, Tube};
@@ -139,9 +141,15 @@ impl BandFit<'_> {
     /// is uncertain.
     fn offset_priors(&self, found: &FoundEdges, tube: &Tube, length_mm: f64) -> OffsetPriors {
         let px_per_mm = self.px_per_mm_along(tube, length_mm);
+        let across = self.px_per_mm_across(tube);
+        let (shared, own) = if self.spec.is_bare() {
+            (shared_offsets_of_shaft_px(tube.radius * across, across, px_per_mm), own_offsets_of_shaft_px())
+        } else {
+            (shared_offsets_px(across, px_per_mm), own_offsets_px(across))
+        };
         let mut priors = OffsetPriors {
-            offsets_px: found.offsets_px(single_pose_offsets_px(self.px_per_mm_across(tube), px_per_mm)),
-            own_px: found.offsets_px(own_offsets_px(self.px_per_mm_across(tube))),
+            offsets_px: found.offsets_px(together(shared, own)),
+            own_px: found.offsets_px(own),
             length_mm,
             px_per_mm: if self.is_length_unknown() { px_per_mm } else { 0.0 },
         };

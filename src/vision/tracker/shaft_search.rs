@@ -12,7 +12,8 @@ use super::trace::FitRecorder;
 use crate::vision::edges::line_fit::BorderLine;
 use crate::vision::pose::tangent_planes;
 use crate::vision::reason::MissReason;
-use crate::vision::strip::{Strip, borders};
+use crate::vision::strip::Strip;
+use crate::vision::strip::finder::FrameStrips;
 use crate::vision::tube::Tube;
 
 /// Length of the shaft that is measured, mm. A longer piece would show its direction better, but the play of the trocar
@@ -72,7 +73,7 @@ impl ToolTracker {
         if let Some(reason) = pausing {
             return Err(reason);
         }
-        let found = self.measure_best_strip(scene, prediction, &strips.of_tool(bare));
+        let found = self.measure_best_strip(scene, prediction, strips, &strips.of_tool(bare));
         self.shaft_search.end(found.as_ref().err().copied(), strips.is_trocar_known(bare));
         found
     }
@@ -82,12 +83,13 @@ impl ToolTracker {
         &mut self,
         scene: &FrameContext<'_>,
         prediction: &Prediction,
+        frame: &FrameStrips<'_>,
         strips: &[Strip],
     ) -> Result<Measurement, MissReason> {
         let mut best = Err(MissReason::NoMarkerColour);
         for strip in strips {
             let mut recorder = FitRecorder::new(self.trace.is_recording());
-            let measured = self.band_fit(scene, prediction).measure_strip(strip, &mut recorder);
+            let measured = self.band_fit(scene, prediction).measure_strip(frame, strip, &mut recorder);
             self.trace.record_fits(recorder.into_fits());
             let measured = measured.and_then(|found| {
                 if self.agrees_with_fulcrum(&found) { Ok(found) } else { Err(MissReason::OffFulcrum) }
@@ -102,47 +104,30 @@ impl ToolTracker {
 }
 
 impl BandFit<'_> {
-    /// Measures the shaft of a strip, with each of its likeliest pairs of borders.
-    fn measure_strip(&self, strip: &Strip, recorder: &mut FitRecorder) -> Result<Measurement, MissReason> {
-        let mut best = Err(MissReason::PoorFit);
-        for borders in self.with_likely_borders(strip) {
-            let found = self.measure_between_borders(&borders, strip, recorder);
-            best = match (best, found) {
-                (Ok(one), Ok(other)) => Ok(Measurement::likelier(one, other)),
-                (Err(one), Err(other)) => Err(MissReason::max(one, other)),
-                (one, other) => one.or(other),
-            };
-        }
-        best
-    }
-
-    /// The strip with each of the likeliest pairs of borders.
-    fn with_likely_borders(&self, strip: &Strip) -> Vec<Strip> {
-        const MAX_PAIRS: usize = 6;
-        /// A strip's middle is off by less than a quarter of its width: by shade on one side.
-        const MAX_ASIDE: f64 = 0.5;
-        let [first, second] = borders::possible_borders(self.scene.frame, self.camera(), strip);
-        let mut pairs: Vec<(f64, [f64; 2])> = Vec::new();
-        for one in &first {
-            for other in second.iter().filter(|other| (one.at - other.at).abs() < 2.0 * MAX_ASIDE) {
-                pairs.push((one.codes.min(other.codes), [one.at, other.at]));
+    /// Measures the shaft of a strip: the first of its likely pairs of borders that is a tube's. Whether its end shows
+    /// does not choose among them.
+    fn measure_strip(
+        &self,
+        strips: &FrameStrips<'_>,
+        strip: &Strip,
+        recorder: &mut FitRecorder,
+    ) -> Result<Measurement, MissReason> {
+        let mut reason = MissReason::BordersNotFound;
+        for borders in strips.with_likely_borders(self.camera(), strip) {
+            match self.measure_between_borders(&borders, recorder) {
+                Err(other) if other != MissReason::TipHidden => reason = reason.max(other),
+                decided => return decided,
             }
         }
-        pairs.sort_by(|one, other| other.0.total_cmp(&one.0));
-        pairs.iter().take(MAX_PAIRS).map(|(_, at)| borders::with_borders(strip, *at)).collect()
+        Err(reason)
     }
 
     /// Measures the shaft between the borders of a strip.
-    fn measure_between_borders(
-        &self,
-        borders: &Strip,
-        evidence: &Strip,
-        recorder: &mut FitRecorder,
-    ) -> Result<Measurement, MissReason> {
+    fn measure_between_borders(&self, borders: &Strip, recorder: &mut FitRecorder) -> Result<Measurement, MissReason> {
         let mut best = Err(MissReason::PoorFit);
         for start in self.starts_of_strip(borders) {
             let found = self.refine(&start, MEASURED_SHAFT_MM, STRIP_PASSES, recorder);
-            let found = found.and_then(|found| match self.is_as_wide(&found.estimate.tube, borders, evidence) {
+            let found = found.and_then(|found| match self.is_as_wide(&found.estimate.tube, borders) {
                 true => Ok(found),
                 false => Err(MissReason::PoorFit),
             });
@@ -156,15 +141,12 @@ impl BandFit<'_> {
         best
     }
 
-    /// Is the tube about as wide in the picture as its borders, and not much narrower than the strip of evidence? Otherwise
-    /// its edges are those of gloss.
-    fn is_as_wide(&self, tube: &Tube, borders: &Strip, evidence: &Strip) -> bool {
+    /// Is the tube about as wide in the picture as its borders? Otherwise its edges are others.
+    fn is_as_wide(&self, tube: &Tube, borders: &Strip) -> bool {
         /// Several times the error of a border, and less than the distance of a highlight from it.
         const MAX_DIFFERENCE: f64 = 0.15;
-        /// The evidence leaves out gloss at the borders, and takes shade for shaft. Only shade makes it wider than the tube.
-        const MIN_OF_EVIDENCE: f64 = 0.88;
         let width = 2.0 * tube.radius / (tube.tip.z - tube.radius).max(1.0);
-        (width / borders.width - 1.0).abs() < MAX_DIFFERENCE && width > MIN_OF_EVIDENCE * evidence.width
+        (width / borders.width - 1.0).abs() < MAX_DIFFERENCE
     }
 
     /// Rough tubes: through the trocar if it is known, with the borders' taper, and facing the camera.

@@ -68,6 +68,9 @@ impl EdgeModel {
         if let Some(usual) = self.usual_inside(probe.part) {
             first.set_usual_inside(usual);
         }
+        if self.likeness == Likeness::AllPlanes {
+            first.expect_mirror(probe.shading);
+        }
         let usual = self.usual_inside(probe.part).map(|light| look.codes(light.map(|l| l.base + LIMB_INSIDE * l.limb)));
         let off_tape = |codes: [f64; 3]| self.off_tape(codes);
         let is_border = |fit: &EdgeFit| {

@@ -35,6 +35,8 @@ struct Drawing {
     shadow: f64,
     /// Share of the light inside that a limb of `RADIUS_PX` loses as it turns away.
     limb: Option<f64>,
+    /// Share of the light outside that this limb mirrors at grazing incidence.
+    mirrored: f64,
     /// Factor on all light; light above white is cut off.
     exposure: f64,
     /// Radius of curvature of the border, pixels; infinite if it is straight.
@@ -50,6 +52,7 @@ const PLAIN: Drawing = Drawing {
     smear: 0.0,
     shadow: 0.0,
     limb: None,
+    mirrored: 0.0,
     exposure: 1.0,
     bend: f64::INFINITY,
 };
@@ -94,7 +97,8 @@ impl Drawing {
             let weight = (-0.5 * z * z).exp();
             let there = beyond + z * self.blur + self.smear * f64::from(moved) / 7.0;
             let cos = |depth: f64| (1.0 - (1.0 - (depth / RADIUS_PX).clamp(0.0, 1.0)).powi(2)).sqrt();
-            let inside = tape * self.limb.map_or(1.0, |share| 1.0 - share * (1.0 - cos(-there)));
+            let inside = tape * self.limb.map_or(1.0, |share| 1.0 - share * (1.0 - cos(-there)))
+                + outside * (self.mirrored * (1.0 - cos(-there)).powi(5)); // Fresnel, by Schlick
             let half = 0.05 * self.blur; // each point covers this much on both sides
             let share = ((half - there) / (2.0 * half)).clamp(0.0, 1.0);
             let beside = outside * (1.0 + self.shadow * there.clamp(0.0, 8.0));
@@ -211,6 +215,27 @@ fn a_soft_shadow_beside_a_border_does_not_move_it() {
     for shadow in [-0.05, 0.06, 0.1] {
         let error = Drawing { outside: [110.0, 130.0, 126.0], shadow, ..PLAIN }.error_px();
         assert!(error.abs() < 0.1, "shadow {shadow}: {error}");
+    }
+}
+
+/// A black tube before a grey mat, whose limb mirrors the mat.
+fn polished(mirrored: f64, shadow: f64) -> Drawing {
+    let [tape, outside] = [45.0, 170.0].map(|luma| [luma, 128.0, 128.0]);
+    Drawing { tape, outside, shadow, mirrored, limb: Some(0.0), ..PLAIN }
+}
+
+#[test]
+fn a_limb_that_mirrors_the_background_is_found_where_it_ends() {
+    for (mirrored, shadow) in [(0.0, 0.0), (0.4, 0.0), (0.8, 0.0), (0.8, 0.02)] {
+        let tube = polished(mirrored, shadow);
+        let mut model = tube.model();
+        model.likeness = Likeness::AllPlanes;
+        let mut error = 0.0;
+        for _ in 0..12 {
+            error = tube.located_by(&mut model, &tube.probe()).unwrap().offset_px - tube.edge;
+            model.finish_frame();
+        }
+        assert!(error.abs() < 0.25, "mirrored {mirrored}, shadow {shadow}: {error}");
     }
 }
 

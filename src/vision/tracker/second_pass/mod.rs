@@ -18,7 +18,7 @@ use crate::vision::filter::track::{Track, TrackSettings};
 use crate::vision::pose::adjustment::{self, Adjustment};
 use crate::vision::pose::axis_plane::AxisPlane;
 use crate::vision::pose::fulcrum;
-use crate::vision::pose::normal_equations::shared_offsets_px;
+use crate::vision::pose::normal_equations::{shared_offsets_of_shaft_px, shared_offsets_px};
 use crate::vision::pose::size_check;
 use crate::vision::pose::{StoredPose, TubeEstimate};
 use crate::vision::reason::MissReason;
@@ -73,7 +73,12 @@ fn effective_diameter(
     spec: &ToolSpec,
 ) -> Option<EffectiveDiameter> {
     let mm_per_px = motion.median_depth_mm()? / motion.camera.fx;
-    let usual_px = shared_offsets_px(1.0 / mm_per_px, 1.0 / mm_per_px)[0];
+    let px_per_mm = 1.0 / mm_per_px;
+    let usual_px = if spec.is_bare() {
+        shared_offsets_of_shaft_px(0.5 * spec.diameter_mm * px_per_mm, px_per_mm, px_per_mm)[0]
+    } else {
+        shared_offsets_px(px_per_mm, px_per_mm)[0]
+    };
     let (px, sigma_px, basis) = match adjustment {
         _ if spec.is_bare() => (0.0, usual_px, DiameterBasis::BareShaft),
         Some(adjustment) if !adjustment.is_wrong_way_round() => {
