@@ -1,4 +1,4 @@
-//! The line of a tube's axis (METHOD 5.1): what both borders show of a tube whose end is hidden.
+//! The line of a tube's axis (METHOD 5): what both borders show of a tube whose end is hidden.
 //!
 //! **In** edges on both borders of a tube that is about right. **Out** an [`AxisLine`]. **Method** Along each border a
 //! straight line is fitted to the distances of its edges from the expected border. Half of the difference of both lines
@@ -77,12 +77,11 @@ pub fn fit(
     let direction = (tip - moved(tube.tip - tube.axis * length_mm, 1.0)?).try_normalize(1e-9)?;
     let at_tip_px = 0.5 * first.sigma_at_tip_px.hypot(second.sigma_at_tip_px);
     let across_px = BORDERS_ALIKE_PX.hypot(at_tip_px).hypot(smear_px);
-    let of_width_px = BORDERS_APART_PX.hypot(2.0 * at_tip_px).hypot(2.0 * smear_px);
     let line = AxisLine {
         point: tip,
         direction,
         across_mm: across_px / px_per_mm(tip)?,
-        depth_mm: of_width_px / width_px * tip.z,
+        depth_mm: WIDTH_PX / width_px * tip.z,
     };
     Some((Tube { tip, axis: direction, ..*tube }, line))
 }
@@ -91,10 +90,9 @@ pub fn fit(
 /// (`motion::LEAST_SIGMA_PX`).
 const BORDERS_ALIKE_PX: f64 = 0.3;
 
-/// Error of the width, pixels: the part of both borders' offsets that changes from frame to frame
-/// ([`single_pose_offsets_px`](super::normal_equations::single_pose_offsets_px) and
-/// [`CHANGING_SHARE`](super::CHANGING_SHARE)).
-const BORDERS_APART_PX: f64 = 0.35;
+/// Error of the width on one frame, pixels. Light, gloss and background shift both borders by half a pixel, and lastingly:
+/// so the 16 frames of half a second are weighted as one measurement with an error of one pixel.
+const WIDTH_PX: f64 = 4.0;
 
 /// A line through the distances of a border's edges from the expected border.
 struct BorderFit {

@@ -1,4 +1,4 @@
-//! Measures the axis of a bare shaft whose tip is hidden (METHOD 5.1).
+//! Measures the axis of a bare shaft whose tip is hidden (METHOD 5).
 
 use super::frame_context::FrameContext;
 use super::predict::{Band, Prediction};
