@@ -9,7 +9,7 @@ use super::adaptive_noise::{AdaptiveNoise, PredictionStep};
 use super::kalman::KalmanState;
 use super::smoother::MeasuredPosition;
 use crate::vision::pose::TubeEstimate;
-use crate::vision::pose::axis_plane::AxisPlane;
+use crate::vision::pose::axis_line::AxisLine;
 use crate::vision::reason::MissReason;
 
 /// Settings of a track: a part of the tracker's motion settings, in the same units.
@@ -93,10 +93,6 @@ impl TrackState {
 /// consecutive positions is false, it is unknown which one, and the speed between them is meaningless.
 const MIN_CREDIBLE_MEASUREMENTS: u32 = 4;
 
-/// Largest squared distance of an expected tip from the plane of its axis: 99.9 % of good ones are nearer
-/// (chi-squared, one degree of freedom).
-const MAX_PLANE_MISS_SQUARED: f64 = 10.8;
-
 /// Outcome of one frame for a track.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Advance {
@@ -179,25 +175,27 @@ impl Track {
         Advance::along(&step, step.state, false, refused)
     }
 
-    /// Advances the track by one frame on which only the tool's axis was measured: the tip moves across it, and stays
+    /// Advances the track by one frame on which only the tool's axis was measured: the tip moves with it, and stays
     /// unseen. Returns also the position that the state was updated with; `None` if the axis is outside the gate, or
     /// without a track.
     pub fn advance_along_axis(
         &mut self,
         time_s: f64,
-        plane: &AxisPlane,
+        line: &AxisLine,
         settings: &TrackSettings,
     ) -> (Advance, Option<MeasuredPosition>) {
-        let mut advance = self.advance(time_s, None, settings);
-        let expected = advance
-            .state
-            .filter(|state| plane.miss_squared(state.tip(), &state.tip_covariance()) <= MAX_PLANE_MISS_SQUARED);
-        let (Some(expected), Some(followed)) = (expected, &mut self.current) else { return (advance, None) };
-        let (tip, covariance) = plane.position_near(expected.tip());
-        followed.state = expected.updated(tip, covariance);
-        followed.last_axis_s = time_s;
-        advance.state = Some(followed.state);
-        (advance, Some((tip, covariance)))
+        let Some(mut followed) = self.current_if_recent(time_s, settings) else {
+            return (self.advance(time_s, None, settings), None);
+        };
+        let (tip, covariance) = line.position_near(followed.predict(time_s, settings).state.tip());
+        let Some(step) = followed.predict_towards(time_s, &(tip, covariance), settings) else {
+            return (self.advance(time_s, None, settings), None);
+        };
+        followed.liveliness.learn(&step, time_s - followed.time_s);
+        followed.state = step.state.updated(tip, covariance);
+        (followed.time_s, followed.last_axis_s) = (time_s, time_s);
+        self.current = Some(followed);
+        (Advance::along(&step, followed.state, false, None), Some((tip, covariance)))
     }
 
     /// The current track, if it was measured recently enough.
@@ -309,6 +307,11 @@ mod tests {
         assert!(track.advance(0.80, at(90.0), &SETTINGS).starts_track);
     }
 
+    /// An axis upwards in the picture.
+    fn line_at(x: f64) -> AxisLine {
+        AxisLine { point: Point3::new(x, 20.0, 150.0), direction: Vector3::y(), across_mm: 0.1, depth_mm: 1.0 }
+    }
+
     #[test]
     fn a_measured_axis_moves_a_hidden_tip_across_it_and_keeps_the_track_for_longer() {
         let mut track = settled();
@@ -316,8 +319,7 @@ mod tests {
         let place = |k: u32| 0.6 * f64::from(k);
         let hidden = (1..=14).filter_map(|k| {
             let (x, time_s) = (place(k), 0.36 + f64::from(k) * 0.04);
-            let normal = Vector3::new(150.0, 0.0, -x).normalize();
-            let (advance, _) = track.advance_along_axis(time_s, &AxisPlane { normal, sigma_mm: 0.1 }, &SETTINGS);
+            let (advance, _) = track.advance_along_axis(time_s, &line_at(x), &SETTINGS);
             assert!(!advance.observed);
             Some((x, advance.state?))
         });
@@ -333,8 +335,7 @@ mod tests {
     #[test]
     fn an_axis_far_from_the_expected_tip_is_not_believed() {
         let mut track = settled();
-        let plane = AxisPlane { normal: Vector3::new(150.0, 0.0, -40.0).normalize(), sigma_mm: 0.1 };
-        let (advance, used) = track.advance_along_axis(0.40, &plane, &SETTINGS);
+        let (advance, used) = track.advance_along_axis(0.40, &line_at(60.0), &SETTINGS);
         assert!(used.is_none() && advance.state.is_some_and(|state| state.tip().x.abs() < 1.0));
     }
 }

@@ -2,11 +2,11 @@
 //!
 //! [`tangent_planes`] gives the axis in closed form from two border lines; [`band_length`] gives it from a known
 //! length. [`pinhole_width`] is the thesis's reference method. [`joint_fit`] refines the tube with all measured edges
-//! and gives its uncertainty; [`axis_plane`] is what is left of it where the end is hidden. [`adjustment`] takes all poses of a session together: it estimates the [`fulcrum`] and
+//! and gives its uncertainty; [`axis_line`] is what is left of it where the end is hidden. [`adjustment`] takes all poses of a session together: it estimates the [`fulcrum`] and
 //! the shared offsets of the edges, and *steadies* each pose, that is, corrects it with both.
 
 pub mod adjustment;
-pub mod axis_plane;
+pub mod axis_line;
 pub mod band_length;
 pub mod fulcrum;
 pub mod joint_fit;

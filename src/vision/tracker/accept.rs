@@ -5,10 +5,10 @@ use super::frame_context::FrameContext;
 use super::measurement::{Grade, Measurement};
 use super::predict::Band;
 use super::tool::ToolTracker;
-use crate::vision::filter::track::Advance;
+use crate::vision::filter::track::{Advance, TrackSettings};
 use crate::vision::pose::TubeEstimate;
 use crate::vision::pose::adjustment;
-use crate::vision::pose::axis_plane::AxisPlane;
+use crate::vision::pose::axis_line::AxisLine;
 use crate::vision::pose::fulcrum::MAX_FULCRUM_MISS_SQUARED;
 use crate::vision::reason::MissReason;
 
@@ -35,14 +35,14 @@ impl ToolTracker {
         &mut self,
         scene: &FrameContext<'_>,
         measured: &Result<Measurement, MissReason>,
-        axis: Option<AxisPlane>,
+        axis: Option<AxisLine>,
     ) -> ToolFrameResult {
         let steadied = measured.as_ref().map(|measurement| self.steady(measurement)).map_err(|reason| *reason);
         let position =
             steadied.as_ref().ok().map(|band| (band.estimate.tube.tip, band.estimate.changing_tip_covariance()));
         let (time_s, settings) = (scene.frame.time_s, scene.track_settings());
         let advance = match axis {
-            Some(plane) => self.track.advance_along_axis(time_s, &plane, &settings).0,
+            Some(line) => self.advance_along_axis(time_s, &line, &settings),
             None => self.track.advance(time_s, position, &settings),
         };
         if let (Ok(accepted), true) = (&steadied, advance.observed) {
@@ -54,6 +54,15 @@ impl ToolTracker {
             None => steadied,
         };
         ToolFrameResult { outcome, advance }
+    }
+
+    /// Advances the track with the axis of a tool whose tip is hidden, and expects the tool along it from now on.
+    fn advance_along_axis(&mut self, time_s: f64, line: &AxisLine, settings: &TrackSettings) -> Advance {
+        let (advance, used) = self.track.advance_along_axis(time_s, line, settings);
+        if let (Some(band), Some(_)) = (&mut self.last_band, used) {
+            band.tube.axis = line.direction;
+        }
+        advance
     }
 
     /// Does a measurement at the predicted position agree with the tool's motion and with its fulcrum?

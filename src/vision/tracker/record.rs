@@ -2,7 +2,7 @@
 
 use super::blocks::Blocks;
 use super::measurement::{Grade, Measurement};
-use crate::vision::pose::axis_plane::AxisPlane;
+use crate::vision::pose::axis_line::AxisLine;
 use crate::vision::pose::packed::PackedPoses;
 use crate::vision::pose::{StoredPose, TubeEstimate};
 use crate::vision::reason::MissReason;
@@ -12,8 +12,8 @@ use crate::vision::reason::MissReason;
 pub struct FrameRecord {
     /// The measurement, before it was steadied.
     pub pose: Option<StoredPose>,
-    /// The plane of the axis of a bare tool whose tip is hidden.
-    pub axis: Option<AxisPlane>,
+    /// The axis of a bare tool whose tip is hidden.
+    pub axis: Option<AxisLine>,
     /// The fit is good enough to be used in the adjustment.
     pub is_good: bool,
     /// Why there is no measurement, or why it was rejected.
@@ -47,8 +47,8 @@ impl FrameRecord {
 #[derive(Default)]
 pub struct PackedRecords {
     poses: PackedPoses,
-    /// The planes of axes, with their frames' places.
-    axes: Vec<(usize, AxisPlane)>,
+    /// The axes, with their frames' places.
+    axes: Vec<(usize, AxisLine)>,
     /// Per frame: is there a pose, is it good, and the reason.
     others: Blocks<(bool, bool, Option<MissReason>)>,
 }

@@ -6,27 +6,27 @@ use super::probe_pass::STRIP_PASSES;
 use super::shaft_search::MEASURED_SHAFT_MM;
 use super::tool::ToolTracker;
 use super::trace::FitRecorder;
-use crate::vision::pose::axis_plane::{self, AxisPlane};
+use crate::vision::pose::axis_line::{self, AxisLine};
 use crate::vision::tube::Tube;
 
 impl ToolTracker {
-    /// The plane of the shaft's axis, from its borders where they are expected. `None` if the tool is not being tracked,
+    /// The shaft's axis, from its borders where they are expected. `None` if the tool is not being tracked,
     /// or if its borders do not show.
-    pub(super) fn measure_axis(&mut self, scene: &FrameContext<'_>, prediction: &Prediction) -> Option<AxisPlane> {
+    pub(super) fn measure_axis(&mut self, scene: &FrameContext<'_>, prediction: &Prediction) -> Option<AxisLine> {
         let Band { tube, .. } = prediction.band?;
         let towards_tip = self.fulcrum().and_then(|fulcrum| (tube.tip - fulcrum.at).try_normalize(1e-9));
         let mut tube = Tube { axis: towards_tip.unwrap_or(tube.axis), ..tube };
         let mut recorder = FitRecorder::new(self.trace.is_recording());
         let fit = self.band_fit(scene, prediction);
-        let mut plane = None;
+        let mut line = None;
         for pass in STRIP_PASSES {
             recorder.start_fit(&tube, MEASURED_SHAFT_MM);
             let found = fit.border_edges(&tube, MEASURED_SHAFT_MM, *pass, &mut recorder)?;
             let smear_px = found.smear_error_px();
-            let (turned, of_axis) = axis_plane::fit(&found.edges, &tube, MEASURED_SHAFT_MM, smear_px, scene.camera())?;
-            (tube, plane) = (turned, Some(of_axis));
+            let (turned, of_axis) = axis_line::fit(&found.edges, &tube, MEASURED_SHAFT_MM, smear_px, scene.camera())?;
+            (tube, line) = (turned, Some(of_axis));
         }
         self.trace.record_fits(recorder.into_fits());
-        plane
+        line
     }
 }

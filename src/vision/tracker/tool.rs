@@ -19,7 +19,7 @@ use crate::vision::edges::shaft::SeenShaft;
 use crate::vision::filter::track::Track;
 use crate::vision::pose::TubeEstimate;
 use crate::vision::pose::adjustment::Adjustment;
-use crate::vision::pose::axis_plane::AxisPlane;
+use crate::vision::pose::axis_line::AxisLine;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::reason::MissReason;
 use crate::vision::tube::Outline;
@@ -133,7 +133,7 @@ impl ToolTracker {
         &mut self,
         scene: &FrameContext<'_>,
         measured: &Result<Measurement, MissReason>,
-        axis: Option<AxisPlane>,
+        axis: Option<AxisLine>,
     ) -> ToolFrameResult {
         self.records.push(FrameRecord { axis, ..FrameRecord::new(measured) });
         let result = self.accept(scene, measured, axis);

@@ -16,7 +16,7 @@ use crate::vision::camera::Camera;
 use crate::vision::edges::shaft::SeenShaft;
 use crate::vision::filter::track::{Track, TrackSettings};
 use crate::vision::pose::adjustment::{self, Adjustment};
-use crate::vision::pose::axis_plane::AxisPlane;
+use crate::vision::pose::axis_line::AxisLine;
 use crate::vision::pose::fulcrum;
 use crate::vision::pose::normal_equations::{shared_offsets_of_shaft_px, shared_offsets_px};
 use crate::vision::pose::size_check;
@@ -177,12 +177,12 @@ impl SecondPass {
         &mut self,
         instant: FrameInstant,
         pose: Option<TubeEstimate>,
-        axis: Option<AxisPlane>,
+        axis: Option<AxisLine>,
         reason: Option<MissReason>,
     ) -> Option<MissReason> {
         let measured = pose.map(|p| (p.tube.tip, p.changing_tip_covariance()));
         let (advance, across) = match axis.filter(|_| pose.is_none()) {
-            Some(plane) => self.track.advance_along_axis(instant.1, &plane, &self.settings),
+            Some(line) => self.track.advance_along_axis(instant.1, &line, &self.settings),
             None => (self.track.advance(instant.1, measured, &self.settings), None),
         };
         let refused = reason.or(advance.refused);
