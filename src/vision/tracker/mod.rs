@@ -47,7 +47,7 @@ mod search;
 mod second_look;
 mod second_pass;
 mod settings;
-mod shaft_check;
+mod shaft_fit;
 mod shaft_search;
 mod starts;
 mod tape_cover;
