@@ -58,11 +58,15 @@ const MAX_SKEW_DIAMETERS: f64 = 0.35;
 /// without one.
 pub fn locate(edges: &EdgeModel, rows: &[ShaftRow], diameter_mm: f64, collar_mm: f64) -> Option<ShaftEnd> {
     let finder = EndFinder::new(edges, rows, diameter_mm)?;
-    let mut possible = finder.places().into_iter().filter(|place| finder.is_end(place));
-    let (Some(place), None) = (possible.next(), possible.next()) else { return None };
-    let full_width = finder.measure(&place)?;
+    let possible: Vec<Place> = finder.places().into_iter().filter(|place| finder.is_end(place)).collect();
+    let place = match &possible[..] {
+        [only] => only,
+        [tube, collar] if finder.are_apart(tube, collar, collar_mm) => tube,
+        _ => return None,
+    };
+    let full_width = finder.measure(place)?;
     if collar_mm == 0.0 {
-        return Some(full_width).filter(|_| finder.is_alike(&place));
+        return Some(full_width).filter(|_| finder.is_alike(place));
     }
     let behind = Some(ShaftEnd { back_mm: full_width.back_mm + collar_mm, ..full_width });
     let steps = [(0.0, HERE_DIAMETERS), (collar_mm, BEHIND_DIAMETERS)];
@@ -71,7 +75,7 @@ pub fn locate(edges: &EdgeModel, rows: &[ShaftRow], diameter_mm: f64, collar_mm:
     match (here?, there?) {
         (_, there) if there > clear => behind,
         (here, there) if here < none && there < none => behind,
-        (here, there) if here > clear && there < none => Some(full_width).filter(|_| finder.is_alike(&place)),
+        (here, there) if here > clear && there < none => Some(full_width).filter(|_| finder.is_alike(place)),
         _ => None,
     }
 }
@@ -182,6 +186,12 @@ impl<'a> EndFinder<'a> {
             (both || alone(one, other) || alone(other, one)).then_some(Place { row, borders })
         };
         (0..self.rows.len()).filter_map(possible).filter(|place| is_best(place.row)).collect()
+    }
+
+    /// Is a place this far ahead of another, as both ends of a collar are that hardly differs from its surroundings?
+    fn are_apart(&self, behind: &Place, ahead: &Place, mm: f64) -> bool {
+        let apart_mm = (ahead.row - behind.row) as f64 * self.step_mm;
+        (apart_mm - mm).abs() < BEHIND_DIAMETERS * self.diameter_mm
     }
 
     fn borders_at(&self, row: usize) -> Option<[BorderEnd; 2]> {
@@ -313,4 +323,147 @@ fn hinge_codes(row: &ShaftRow) -> Option<f64> {
 fn mean(all: &[Codes]) -> Option<Codes> {
     let count = all.len() as f64;
     (!all.is_empty()).then(|| std::array::from_fn(|part| all.iter().map(|one| one[part]).sum::<f64>() / count))
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point3, Vector3};
+
+    use super::*;
+    use crate::vision::camera::testing::STRAIGHT as CAMERA;
+    use crate::vision::edges::edge_model::Likeness;
+    use crate::vision::edges::shaft_rows;
+    use crate::vision::frame::{ColourEncoding, Frame, Matrix, Plane, Range};
+    use crate::vision::segmentation::samples::UsualColour;
+    use crate::vision::tube::Tube;
+
+    const ENCODING: ColourEncoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
+    const RADIUS_MM: f64 = 2.5;
+    const COLLAR_MM: f64 = 8.0;
+    const BLACK: f64 = 45.0;
+    const STEEL: f64 = 130.0;
+
+    /// A piece of a tool: distances of its ends ahead of the tube's end, mm, radius, mm, and luma.
+    #[derive(Clone, Copy)]
+    struct Piece(f64, f64, f64, f64);
+
+    /// A black tube with a collar of this length and luma, a hinge, and closed jaws.
+    fn tool(collar_mm: f64, collar: f64, jaws: f64) -> Vec<Piece> {
+        let hinge_mm = collar_mm + 4.0;
+        vec![
+            Piece(-150.0, 0.0, RADIUS_MM, BLACK),
+            Piece(0.0, collar_mm, 0.96 * RADIUS_MM, collar),
+            Piece(collar_mm, hinge_mm, 0.74 * RADIUS_MM, jaws),
+            Piece(hinge_mm, hinge_mm + 16.0, 0.3 * RADIUS_MM, jaws),
+        ]
+    }
+
+    /// A tube that leans away from the camera.
+    fn tube() -> Tube {
+        Tube { tip: Point3::new(10.0, 0.0, 180.0), axis: Vector3::new(0.8, 0.0, 0.6), radius: RADIUS_MM }
+    }
+
+    /// The luma of the piece that a ray meets first.
+    fn luma_of(pieces: &[Piece], ray: &Vector3<f64>) -> Option<f64> {
+        let Tube { tip, axis, .. } = tube();
+        let flat = |vector: Vector3<f64>| vector - axis * axis.dot(&vector);
+        let (towards, from) = (flat(*ray), flat(-tip.coords));
+        let half = towards.dot(&from) / towards.norm_squared();
+        let met = pieces.iter().filter_map(|Piece(begin, end, radius, luma)| {
+            let inside = half * half - (from.norm_squared() - radius * radius) / towards.norm_squared();
+            let depth = (inside >= 0.0).then(|| -half - inside.sqrt())?;
+            let ahead = (ray * depth - tip.coords).dot(&axis);
+            (ahead >= *begin && ahead < *end).then_some((depth, luma + 0.1 * ahead))
+        });
+        met.min_by(|one, other| one.0.total_cmp(&other.0)).map(|(_, luma)| luma)
+    }
+
+    /// Draws the tool before a board with a print; `bar` hides it between two columns.
+    fn draw(pieces: &[Piece], bar: Option<[usize; 2]>) -> Vec<u8> {
+        const FINE: usize = 4;
+        let (width, height) = (CAMERA.width as usize, CAMERA.height as usize);
+        let mut luma = vec![0; width * height];
+        for (place, code) in luma.iter_mut().enumerate() {
+            let (x, y) = (place % width, place / width);
+            let board = 170.0 + 12.0 * (x as f64 / 9.0).sin() * (y as f64 / 7.0).cos();
+            let sample = |part: usize| {
+                let at = |pixel: usize, part: usize| pixel as f64 + (part as f64 + 0.5) / FINE as f64 - 0.5;
+                let (x, y) = (at(x, part % FINE), at(y, part / FINE));
+                let ray = Vector3::new((x - CAMERA.cx) / CAMERA.fx, (y - CAMERA.cy) / CAMERA.fy, 1.0);
+                luma_of(pieces, &ray).unwrap_or(board)
+            };
+            let is_hidden = bar.is_some_and(|[from, to]| (from..to).contains(&x));
+            let is_near = !is_hidden && y.abs_diff(height / 2) < 40;
+            let mean = if is_near { (0..FINE * FINE).map(sample).sum::<f64>() / (FINE * FINE) as f64 } else { board };
+            *code = mean.round() as u8;
+        }
+        luma
+    }
+
+    /// The tip found from a tip that is assumed this far ahead of the true one: its distance ahead of the true one, and
+    /// its standard deviation, mm.
+    fn found(pieces: &[Piece], bar: Option<[usize; 2]>, collar_mm: f64, assumed_mm: f64) -> Option<(f64, f64)> {
+        let usual = UsualColour { codes: [BLACK, 128.0, 128.0], luma_spread: 6.0, chroma_spread: 3.0 };
+        let edges = EdgeModel::new(usual, Likeness::AllPlanes, ENCODING);
+        let luma = draw(pieces, bar);
+        let chroma = vec![128; luma.len()];
+        let plane = |data| Plane { data, stride: 1280, width: 1280, height: 720 };
+        let frame = Frame {
+            index: 0,
+            time_s: 0.0,
+            y: plane(&luma),
+            u: plane(&chroma),
+            v: plane(&chroma),
+            shift_x: 0,
+            shift_y: 0,
+            chroma_first_px: [0.0; 2],
+            encoding: ENCODING,
+        };
+        let tube = Tube { tip: tube().tip + tube().axis * assumed_mm, ..tube() };
+        let rows = shaft_rows::read(&frame, &CAMERA, &tube.outline()?, [70.0, -20.0], 1.2, |_, _| true);
+        let end = locate(&edges, &rows, 2.0 * RADIUS_MM, collar_mm)?;
+        Some((assumed_mm - end.back_mm, end.sigma_mm))
+    }
+
+    #[track_caller]
+    fn assert_at_end(found: Option<(f64, f64)>) {
+        let (off_mm, sigma_mm) = found.expect("an end");
+        assert!(off_mm.abs() < 2.0 * sigma_mm && sigma_mm < 0.4, "off by {off_mm} mm ± {sigma_mm}");
+    }
+
+    #[test]
+    fn a_black_tube_ends_where_black_jaws_are_narrower() {
+        for assumed_mm in [-8.0, 0.0, 18.0] {
+            assert_at_end(found(&tool(0.0, BLACK, BLACK), None, 0.0, assumed_mm));
+        }
+    }
+
+    #[test]
+    fn the_length_of_a_black_collar_is_taken_off() {
+        assert_at_end(found(&tool(COLLAR_MM, BLACK, BLACK), None, COLLAR_MM, 5.0));
+    }
+
+    #[test]
+    fn a_steel_collar_is_found_though_it_is_as_wide_as_the_tube() {
+        assert_at_end(found(&tool(COLLAR_MM, STEEL, STEEL), None, COLLAR_MM, 5.0));
+    }
+
+    #[test]
+    fn a_steel_collar_that_looks_like_the_board_is_not_taken_off_twice() {
+        assert_at_end(found(&tool(COLLAR_MM, 145.0, STEEL), None, COLLAR_MM, 5.0));
+    }
+
+    #[test]
+    fn a_collar_that_may_begin_here_or_there_has_no_end() {
+        let dim = BLACK + 18.0;
+        assert_eq!(found(&tool(COLLAR_MM, dim, dim), None, COLLAR_MM, 5.0), None);
+    }
+
+    #[test]
+    fn a_shaft_does_not_end_at_a_thing_that_lies_across_it() {
+        let tip_px = 690;
+        let bar = Some([tip_px - 100, tip_px - 84]);
+        assert_at_end(found(&tool(0.0, BLACK, BLACK), bar, 0.0, 0.0));
+        assert_eq!(found(&[Piece(-150.0, 150.0, RADIUS_MM, BLACK)], bar, 0.0, 0.0), None);
+    }
 }

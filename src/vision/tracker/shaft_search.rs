@@ -148,8 +148,8 @@ impl BandFit<'_> {
     }
 
     /// Is the tube about as wide in the picture as its borders, and not much narrower than the strip of evidence?
-    /// Otherwise its edges are those of gloss. Compares the middle of the measured piece: a strip may end with the point of black
-    /// jaws, and is narrower there.
+    /// Otherwise its edges are those of gloss. The borders are compared in the middle of the measured piece: a strip may
+    /// end with the point of black jaws, and is narrower there.
     fn is_as_wide(&self, tube: &Tube, borders: &Strip, evidence: &Strip) -> bool {
         /// Several times the error of a border, and less than the distance of a highlight from it.
         const MAX_DIFFERENCE: f64 = 0.15;
@@ -161,7 +161,9 @@ impl BandFit<'_> {
         let [Some(one), Some(other)] = BorderSide::BOTH.map(middle) else { return false };
         let (width, at) = ((one.0 - other.0).norm(), nalgebra::center(&one.0, &other.0));
         let ratio = width / width_near(borders, at);
-        (ratio - 1.0).abs() < MAX_DIFFERENCE && width > MIN_OF_EVIDENCE * width_near(evidence, at)
+        let at_tip = 2.0 * tube.radius / (tube.tip.z - tube.radius).max(1.0);
+        let shares = [width / width_near(evidence, at), at_tip / evidence.width];
+        (ratio - 1.0).abs() < MAX_DIFFERENCE && shares.iter().all(|share| *share > MIN_OF_EVIDENCE)
     }
 
     /// Rough tubes: through the trocar if it is known, with the borders' taper, and facing the camera.
