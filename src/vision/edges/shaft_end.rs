@@ -3,9 +3,10 @@
 //! **In** the colours in rows across the shaft. **Out** the distance of the tube's end behind the assumed tip, with its
 //! standard deviation. **Method** Behind the end, the colour just inside a border is the shaft's; ahead of it the hinge
 //! of the jaws is narrower, so the same place shows what lies beside the tool. Each row is compared with both. Where
-//! the comparison turns on both borders, the tool's full width ends. A collar is as wide as the tube: its length is taken
-//! off, unless the colour between the borders shows where the tube ends. **Gives up** if no place or more than one is
-//! possible, if the shaft goes on beyond it, as it does beyond a thing that lies across it, or if no hinge is seen.
+//! the comparison turns on both borders, the tool's full width ends. A collar is as wide as the tube: its length is
+//! taken off, unless the colour between the borders shows where the tube ends. **Gives up** if no place or more than
+//! one is possible, if the shaft continues ahead of it, as it does beyond a thing that lies across it, or if no hinge
+//! is seen.
 
 use super::edge_model::EdgeModel;
 use super::shaft_rows::{Codes, ShaftRow, distance};
@@ -226,7 +227,7 @@ impl<'a> EndFinder<'a> {
         resumed * self.step_mm <= MAX_RESUMED_MM && hinge > MIN_HINGE_CODES && self.is_long(place)
     }
 
-    /// Do the borders that end here go on far behind the place, with a contrast to what lies outside?
+    /// Do the borders that end here reach far behind the place, with a contrast to what lies outside?
     fn is_long(&self, place: &Place) -> bool {
         let long = (LONG_DIAMETERS * self.diameter_mm / self.step_mm) as usize;
         let behind = &self.rows[place.row.saturating_sub(long)..place.row];

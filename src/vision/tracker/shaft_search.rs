@@ -148,8 +148,8 @@ impl BandFit<'_> {
     }
 
     /// Is the tube about as wide in the picture as its borders, and not much narrower than the strip of evidence?
-    /// Otherwise its edges are those of gloss. The borders are compared in the middle of the measured piece: a strip may
-    /// end with the point of black jaws, and is narrower there.
+    /// Otherwise its edges are those of gloss. The borders are compared in the middle of the measured piece: a strip
+    /// may end with the point of black jaws, and is narrower there.
     fn is_as_wide(&self, tube: &Tube, borders: &Strip, evidence: &Strip) -> bool {
         /// Several times the error of a border, and less than the distance of a highlight from it.
         const MAX_DIFFERENCE: f64 = 0.15;
