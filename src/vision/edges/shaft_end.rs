@@ -59,7 +59,7 @@ const MAX_SKEW_DIAMETERS: f64 = 0.35;
 /// without one.
 pub fn locate(edges: &EdgeModel, rows: &[ShaftRow], diameter_mm: f64, collar_mm: f64) -> Option<ShaftEnd> {
     let finder = EndFinder::new(edges, rows, diameter_mm)?;
-    let possible: Vec<Place> = finder.places().into_iter().filter(|place| finder.is_end(place)).collect();
+    let possible: Vec<EndPlace> = finder.places().into_iter().filter(|place| finder.is_end(place)).collect();
     let place = match &possible[..] {
         [only] => only,
         [tube, collar] if finder.are_apart(tube, collar, collar_mm) => tube,
@@ -83,12 +83,12 @@ pub fn locate(edges: &EdgeModel, rows: &[ShaftRow], diameter_mm: f64, collar_mm:
 
 /// Mean and standard deviation of codes.
 #[derive(Clone, Copy, Debug)]
-struct Usual {
+struct UsualCodes {
     mean: Codes,
     sigma: Codes,
 }
 
-impl Usual {
+impl UsualCodes {
     fn of(all: &[Codes]) -> Option<Self> {
         /// Least standard deviation, codes: noise and compression.
         const MIN_SIGMA: f64 = 2.5;
@@ -130,7 +130,7 @@ fn squares(of_plane: impl Fn(usize) -> f64) -> f64 {
 /// How one border behaves at a place.
 #[derive(Clone, Copy, Debug)]
 struct BorderEnd {
-    shaft: Usual,
+    shaft: UsualCodes,
     /// Mean support for the shaft in the piece behind the place, and against it in the piece ahead, nats.
     nats: [f64; 2],
 }
@@ -147,7 +147,7 @@ impl BorderEnd {
 }
 
 /// A place where the full width may end.
-struct Place {
+struct EndPlace {
     row: usize,
     borders: [BorderEnd; 2],
 }
@@ -171,7 +171,7 @@ impl<'a> EndFinder<'a> {
     }
 
     /// The places where both borders may end: the best within a hinge's length of each.
-    fn places(&self) -> Vec<Place> {
+    fn places(&self) -> Vec<EndPlace> {
         let near = (0.25 * self.diameter_mm / self.step_mm).max(3.0) as usize;
         let all: Vec<Option<[BorderEnd; 2]>> = (0..self.rows.len()).map(|row| self.borders_at(row)).collect();
         let score = |row: usize| {
@@ -184,13 +184,13 @@ impl<'a> EndFinder<'a> {
             let [one, other] = borders;
             let both = one.least() > MIN_NATS && other.least() > MIN_NATS;
             let alone = |seen: BorderEnd, blind: BorderEnd| seen.least() > MIN_NATS_ALONE && blind.is_blind();
-            (both || alone(one, other) || alone(other, one)).then_some(Place { row, borders })
+            (both || alone(one, other) || alone(other, one)).then_some(EndPlace { row, borders })
         };
         (0..self.rows.len()).filter_map(possible).filter(|place| is_best(place.row)).collect()
     }
 
     /// Is a place this far ahead of another, as both ends of a collar are that hardly differs from its surroundings?
-    fn are_apart(&self, behind: &Place, ahead: &Place, mm: f64) -> bool {
+    fn are_apart(&self, behind: &EndPlace, ahead: &EndPlace, mm: f64) -> bool {
         let apart_mm = (ahead.row - behind.row) as f64 * self.step_mm;
         (apart_mm - mm).abs() < BEHIND_DIAMETERS * self.diameter_mm
     }
@@ -209,13 +209,13 @@ impl<'a> EndFinder<'a> {
         let compared = seen(&self.rows[last.checked_sub(self.compared)?..last])?;
         let behind = seen(&self.rows[last..row])?;
         let ahead = seen(self.rows.get(row + 1..row + 1 + self.ahead)?)?;
-        let shaft = Usual::of(&compared.iter().map(|[inside, _]| *inside).collect::<Vec<_>>())?;
+        let shaft = UsualCodes::of(&compared.iter().map(|[inside, _]| *inside).collect::<Vec<_>>())?;
         let nats = |rows: &[[Codes; 2]]| rows.iter().map(|row| shaft.support(row)).sum::<f64>() / rows.len() as f64;
         Some(BorderEnd { shaft, nats: [nats(&behind), -nats(&ahead)] })
     }
 
     /// Is there a hinge ahead of the place, and no more of the shaft?
-    fn is_end(&self, place: &Place) -> bool {
+    fn is_end(&self, place: &EndPlace) -> bool {
         let rows = &self.rows[place.row + 1..];
         let is_tube = |row: &&ShaftRow| {
             let borders = row.borders.iter().zip(&place.borders);
@@ -228,7 +228,7 @@ impl<'a> EndFinder<'a> {
     }
 
     /// Do the borders that end here reach far behind the place, with a contrast to what lies outside?
-    fn is_long(&self, place: &Place) -> bool {
+    fn is_long(&self, place: &EndPlace) -> bool {
         let long = (LONG_DIAMETERS * self.diameter_mm / self.step_mm) as usize;
         let behind = &self.rows[place.row.saturating_sub(long)..place.row];
         let mut seen = place.borders.iter().enumerate().filter(|(_, border)| border.least() > MIN_NATS);
@@ -240,7 +240,7 @@ impl<'a> EndFinder<'a> {
     }
 
     /// Is the shaft far behind the place of the same colour as next to it? Jaws before something dark are not.
-    fn is_alike(&self, place: &Place) -> bool {
+    fn is_alike(&self, place: &EndPlace) -> bool {
         let [from, to] =
             ALIKE_DIAMETERS.map(|mm| place.row.saturating_sub((mm * self.diameter_mm / self.step_mm) as usize));
         let mut seen = place.borders.iter().enumerate().filter(|(_, border)| border.least() > MIN_NATS);
@@ -251,7 +251,7 @@ impl<'a> EndFinder<'a> {
     }
 
     /// Where the borders that show it end, to a fraction of a row.
-    fn measure(&self, place: &Place) -> Option<ShaftEnd> {
+    fn measure(&self, place: &EndPlace) -> Option<ShaftEnd> {
         /// Standard deviation, mm and rows: 0.20 mm in 208 frames of the even of 50 ray-traced recordings, with rows
         /// 0.2 to 0.6 mm apart, and 0.18 mm in 248 of the odd ones.
         const SIGMA_MM: f64 = 0.15;
@@ -346,16 +346,16 @@ mod tests {
 
     /// A piece of a tool: distances of its ends ahead of the tube's end, mm, radius, mm, and luma.
     #[derive(Clone, Copy)]
-    struct Piece(f64, f64, f64, f64);
+    struct DrawnPiece(f64, f64, f64, f64);
 
     /// A black tube with a collar of this length and luma, a hinge, and closed jaws.
-    fn tool(collar_mm: f64, collar: f64, jaws: f64) -> Vec<Piece> {
+    fn tool(collar_mm: f64, collar: f64, jaws: f64) -> Vec<DrawnPiece> {
         let hinge_mm = collar_mm + 4.0;
         vec![
-            Piece(-150.0, 0.0, RADIUS_MM, BLACK),
-            Piece(0.0, collar_mm, 0.96 * RADIUS_MM, collar),
-            Piece(collar_mm, hinge_mm, 0.74 * RADIUS_MM, jaws),
-            Piece(hinge_mm, hinge_mm + 16.0, 0.3 * RADIUS_MM, jaws),
+            DrawnPiece(-150.0, 0.0, RADIUS_MM, BLACK),
+            DrawnPiece(0.0, collar_mm, 0.96 * RADIUS_MM, collar),
+            DrawnPiece(collar_mm, hinge_mm, 0.74 * RADIUS_MM, jaws),
+            DrawnPiece(hinge_mm, hinge_mm + 16.0, 0.3 * RADIUS_MM, jaws),
         ]
     }
 
@@ -365,12 +365,12 @@ mod tests {
     }
 
     /// The luma of the piece that a ray meets first.
-    fn luma_of(pieces: &[Piece], ray: &Vector3<f64>) -> Option<f64> {
+    fn luma_of(pieces: &[DrawnPiece], ray: &Vector3<f64>) -> Option<f64> {
         let Tube { tip, axis, .. } = tube();
         let flat = |vector: Vector3<f64>| vector - axis * axis.dot(&vector);
         let (towards, from) = (flat(*ray), flat(-tip.coords));
         let half = towards.dot(&from) / towards.norm_squared();
-        let met = pieces.iter().filter_map(|Piece(begin, end, radius, luma)| {
+        let met = pieces.iter().filter_map(|DrawnPiece(begin, end, radius, luma)| {
             let inside = half * half - (from.norm_squared() - radius * radius) / towards.norm_squared();
             let depth = (inside >= 0.0).then(|| -half - inside.sqrt())?;
             let ahead = (ray * depth - tip.coords).dot(&axis);
@@ -380,7 +380,7 @@ mod tests {
     }
 
     /// Draws the tool before a board with a print; `bar` hides it between two columns.
-    fn draw(pieces: &[Piece], bar: Option<[usize; 2]>) -> Vec<u8> {
+    fn draw(pieces: &[DrawnPiece], bar: Option<[usize; 2]>) -> Vec<u8> {
         const FINE: usize = 4;
         let (width, height) = (CAMERA.width as usize, CAMERA.height as usize);
         let mut luma = vec![0; width * height];
@@ -403,7 +403,7 @@ mod tests {
 
     /// The tip found from a tip that is assumed this far ahead of the true one: its distance ahead of the true one, and
     /// its standard deviation, mm.
-    fn found(pieces: &[Piece], bar: Option<[usize; 2]>, collar_mm: f64, assumed_mm: f64) -> Option<(f64, f64)> {
+    fn found(pieces: &[DrawnPiece], bar: Option<[usize; 2]>, collar_mm: f64, assumed_mm: f64) -> Option<(f64, f64)> {
         let usual = UsualColour { codes: [BLACK, 128.0, 128.0], luma_spread: 6.0, chroma_spread: 3.0 };
         let edges = EdgeModel::new(usual, Likeness::AllPlanes, ENCODING);
         let luma = draw(pieces, bar);
@@ -465,6 +465,6 @@ mod tests {
         let tip_px = 690;
         let bar = Some([tip_px - 100, tip_px - 84]);
         assert_at_end(found(&tool(0.0, BLACK, BLACK), bar, 0.0, 0.0));
-        assert_eq!(found(&[Piece(-150.0, 150.0, RADIUS_MM, BLACK)], bar, 0.0, 0.0), None);
+        assert_eq!(found(&[DrawnPiece(-150.0, 150.0, RADIUS_MM, BLACK)], bar, 0.0, 0.0), None);
     }
 }
