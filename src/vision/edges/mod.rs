@@ -22,6 +22,8 @@ mod profile;
 mod scalar_filter;
 pub mod scan_lines;
 pub mod shaft;
+pub mod shaft_end;
+pub mod shaft_rows;
 pub mod subpixel;
 pub mod tone;
 mod usual_light;

@@ -48,7 +48,7 @@ mod search;
 mod second_look;
 mod second_pass;
 mod settings;
-mod shaft_check;
+mod shaft_fit;
 mod shaft_line;
 mod shaft_search;
 mod starts;

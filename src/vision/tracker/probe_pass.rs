@@ -58,6 +58,8 @@ pub(super) struct FoundEdges {
     smears_px: PerPart<f64>,
     /// The fits to learn from: also of edges that another tool's tape makes doubtful.
     pub(super) fitted: Vec<FittedEdge>,
+    /// Standard deviation that the edges of the distal end share, pixels, besides the usual one.
+    distal_px: f64,
 }
 
 /// Extra error of a part's offset when it is smeared, as a share of the smear.
@@ -68,7 +70,7 @@ impl FoundEdges {
     pub(super) fn offsets_px(&self, usual: [f64; OFFSETS]) -> [f64; OFFSETS] {
         let of_borders = self.smear_error_px();
         let [distal, proximal] = OutlinePart::ENDS.map(|part| self.smear_error_of(part));
-        let more = [of_borders, of_borders, distal, proximal, 0.0, 0.0, 0.0];
+        let more = [of_borders, of_borders, distal.hypot(self.distal_px), proximal, 0.0, 0.0, 0.0];
         std::array::from_fn(|offset| usual[offset].hypot(more[offset]))
     }
 
@@ -80,6 +82,16 @@ impl FoundEdges {
 
     fn smear_error_of(&self, part: OutlinePart) -> f64 {
         SMEAR_ERROR * self.smears_px[part] / self.visible[part].max(1.0)
+    }
+
+    /// Replaces the edges of the distal end by others, which share an error with this standard deviation, pixels.
+    pub(super) fn replace_distal_end(&mut self, edges: Vec<MeasuredEdge>, shared_px: f64) {
+        self.edges.retain(|edge| edge.point.part() != OutlinePart::DistalEnd);
+        self.fitted.retain(|edge| edge.probe.part != OutlinePart::DistalEnd);
+        self.visible[OutlinePart::DistalEnd] = edges.len() as f64;
+        self.smears_px[OutlinePart::DistalEnd] = 0.0;
+        self.distal_px = shared_px;
+        self.edges.extend(edges);
     }
 
     /// Was every visible end found?

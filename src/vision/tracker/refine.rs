@@ -25,9 +25,9 @@ const DOUBT_VARIANCE_FACTOR: f64 = 9.0;
 const MIN_STEP_SHARE: f64 = 0.3;
 
 /// A tube fitted to the edges of one probe pass.
-struct PassFit {
-    found: FoundEdges,
-    estimate: TubeEstimate,
+pub(super) struct PassFit {
+    pub(super) found: FoundEdges,
+    pub(super) estimate: TubeEstimate,
     seen_share: f64,
 }
 
@@ -40,7 +40,11 @@ impl BandFit<'_> {
         passes: &[ProbePass],
         recorder: &mut FitRecorder,
     ) -> Result<Measurement, MissReason> {
-        let PassFit { found, estimate, seen_share } = self.fit_passes(start, length_mm, passes, recorder)?;
+        let fit = match self.spec.is_bare() {
+            true => self.fit_shaft(start, length_mm, passes, recorder),
+            false => self.fit_passes(start, length_mm, passes, recorder),
+        };
+        let PassFit { found, estimate, seen_share } = fit?;
         let mut measurement = Measurement {
             estimate,
             length_mm,
@@ -53,9 +57,7 @@ impl BandFit<'_> {
             fitted_edges: Vec::new(),
         };
         self.use_fulcrum(&mut measurement, &found);
-        if self.spec.is_bare() {
-            self.check_shaft_end(&measurement.estimate.tube, &found)?;
-        } else if !self.covers_tape(&measurement.estimate.tube, length_mm) {
+        if !self.spec.is_bare() && !self.covers_tape(&measurement.estimate.tube, length_mm) {
             return Err(MissReason::NotTape);
         }
         if measurement.grade() < Grade::Good {
@@ -69,7 +71,7 @@ impl BandFit<'_> {
     }
 
     /// Fits the tube pass by pass, and returns the last fit.
-    fn fit_passes(
+    pub(super) fn fit_passes(
         &self,
         start: &Tube,
         length_mm: f64,
@@ -98,12 +100,24 @@ impl BandFit<'_> {
         if found.edges.iter().all(|edge| edge.point.part().is_border()) {
             return Err(MissReason::TipHidden);
         }
+        self.fit_edges(found, tube, length_mm, pass.fineness, recorder)
+    }
+
+    /// Fits the tube to edges of this precision.
+    pub(super) fn fit_edges(
+        &self,
+        found: FoundEdges,
+        tube: &Tube,
+        length_mm: f64,
+        fineness: Fineness,
+        recorder: &mut FitRecorder,
+    ) -> Result<PassFit, MissReason> {
         let priors = self.offset_priors(&found, tube, length_mm);
         let estimate = joint_fit::fit(&found.edges, tube, self.camera(), Trust::Majority, &priors, None)
             .ok_or(MissReason::BordersNotFound)?;
         recorder.record_fitted_tube(&estimate.tube);
         let seen_share = estimate.support / f64::max(found.visible.0.iter().sum(), 1.0);
-        if pass.fineness == Fineness::Step && seen_share < MIN_STEP_SHARE {
+        if fineness == Fineness::Step && seen_share < MIN_STEP_SHARE {
             return Err(MissReason::BordersNotFound);
         }
         Ok(PassFit { found, estimate, seen_share })
@@ -190,7 +204,7 @@ impl BandFit<'_> {
     }
 
     /// Pixels per millimetre across the tube, at its tip.
-    fn px_per_mm_across(&self, tube: &Tube) -> f64 {
+    pub(super) fn px_per_mm_across(&self, tube: &Tube) -> f64 {
         self.camera().fx / tube.tip.z.max(1.0)
     }
 

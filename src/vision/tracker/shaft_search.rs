@@ -12,9 +12,10 @@ use super::trace::FitRecorder;
 use crate::vision::edges::line_fit::BorderLine;
 use crate::vision::pose::tangent_planes;
 use crate::vision::reason::MissReason;
+use crate::vision::space::CameraPoint;
 use crate::vision::strip::Strip;
 use crate::vision::strip::finder::FrameStrips;
-use crate::vision::tube::Tube;
+use crate::vision::tube::{BorderSide, Tube};
 
 /// Length of the shaft that is measured, mm. A longer piece would show its direction better, but the play of the trocar
 /// and a bent shaft count more the longer it is.
@@ -141,12 +142,16 @@ impl BandFit<'_> {
         best
     }
 
-    /// Is the tube about as wide in the picture as its borders? Otherwise its edges are others.
+    /// Is the tube about as wide in the picture as its borders? Otherwise its edges are others. They are compared in the
+    /// middle of the measured piece: a strip may end with the point of black jaws, and is narrower there.
     fn is_as_wide(&self, tube: &Tube, borders: &Strip) -> bool {
         /// Several times the error of a border, and less than the distance of a highlight from it.
         const MAX_DIFFERENCE: f64 = 0.15;
-        let width = 2.0 * tube.radius / (tube.tip.z - tube.radius).max(1.0);
-        (width / borders.width - 1.0).abs() < MAX_DIFFERENCE
+        let Some(outline) = tube.outline() else { return false };
+        let middle = |side| CameraPoint(outline.border(side, 0.5 * MEASURED_SHAFT_MM)).normalised();
+        let [Some(one), Some(other)] = BorderSide::BOTH.map(middle) else { return false };
+        let (width, at) = ((one.0 - other.0).norm(), nalgebra::center(&one.0, &other.0));
+        (width / width_near(borders, at) - 1.0).abs() < MAX_DIFFERENCE
     }
 
     /// Rough tubes: through the trocar if it is known, with the borders' taper, and facing the camera.
@@ -167,6 +172,14 @@ impl BandFit<'_> {
         let leaning = leaning.map(|tube| Tube { axis: tube.axis.normalize(), ..tube });
         [through_trocar, by_taper].into_iter().flatten().chain(leaning).collect()
     }
+}
+
+/// Distance between a strip's borders next to a point.
+fn width_near(strip: &Strip, at: Point2<f64>) -> f64 {
+    let (end, entry) = (strip.end.0, strip.entry.0);
+    let share = ((at - end).dot(&(entry - end)) / (entry - end).norm_squared().max(1e-12)).clamp(0.0, 1.0);
+    let [one, other] = strip.borders.map(|[entry, end]| end + (entry - end) * share);
+    (one - other).norm()
 }
 
 /// The line through both points.

@@ -49,6 +49,14 @@ impl ToolSpec {
         matches!(self.marker, Marker::Shaft { .. })
     }
 
+    /// Length of the collar between the bare tube's end and the jaws, mm; 0 without one.
+    pub fn collar_mm(&self) -> f64 {
+        match self.marker {
+            Marker::Band { .. } => 0.0,
+            Marker::Shaft { collar_mm, .. } => collar_mm.unwrap_or(0.0),
+        }
+    }
+
     /// Length of its band along the tube, mm, if it has a band and its length was measured.
     pub fn band_length_mm(&self) -> Option<f64> {
         match self.marker {

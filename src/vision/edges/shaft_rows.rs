@@ -1,0 +1,123 @@
+//! Reads the colours of a bare shaft in rows across it: just inside and outside both borders, and between them.
+
+use std::f64::consts::FRAC_PI_2;
+
+use nalgebra::{Point3, Vector2};
+
+use crate::vision::camera::Camera;
+use crate::vision::frame::{Frame, Plane};
+use crate::vision::space::{CameraPoint, Pixel};
+use crate::vision::tube::{BorderSide, Outline};
+
+/// Codes Y, U, V.
+pub type Codes = [f64; 3];
+
+/// One row across a shaft. A part is `None` where it is hidden or outside the picture.
+#[derive(Clone, Copy, Debug)]
+pub struct ShaftRow {
+    /// Distance behind the tip, mm.
+    pub back_mm: f64,
+    /// Just inside each border, and just outside it.
+    pub borders: [Option<[Codes; 2]>; 2],
+    /// Three stripes between the borders.
+    pub inside: [Option<Codes>; 3],
+}
+
+/// Places just inside a border, radii from the middle: outside the hinge of jaws, whose radius is three quarters of the
+/// tube's, and inside a collar, which is a few hundredths narrower than the tube.
+const JUST_INSIDE: [f64; 3] = [0.80, 0.86, 0.92];
+/// Places in the three stripes.
+const STRIPES: [[f64; 3]; 3] = [[-0.6, -0.5, -0.4], [-0.1, 0.0, 0.1], [0.4, 0.5, 0.6]];
+/// Places just outside a border, pixels beyond it: past the blur of the lens and of halved chroma.
+const JUST_OUTSIDE_PX: [f64; 3] = [2.0, 3.0, 4.0];
+
+/// The rows from `from_mm` behind the tip to `to_mm`, about `step_px` apart, the farthest behind first.
+pub fn read(
+    frame: &Frame<'_>,
+    camera: &Camera,
+    outline: &Outline,
+    [from_mm, to_mm]: [f64; 2],
+    step_px: f64,
+    is_visible: impl Fn(Point3<f64>, Pixel) -> bool,
+) -> Vec<ShaftRow> {
+    let reader = RowReader { frame, camera, outline, is_visible };
+    let Some(step_mm) = mm_per_px(camera, outline).map(|mm| mm * step_px) else { return Vec::new() };
+    let count = ((from_mm - to_mm) / step_mm).clamp(0.0, 1000.0) as usize;
+    (0..=count).map(|i| reader.row(from_mm - i as f64 * step_mm)).collect()
+}
+
+/// Millimetres along the axis per pixel, at the tip.
+pub fn mm_per_px(camera: &Camera, outline: &Outline) -> Option<f64> {
+    const APART_MM: f64 = 2.0;
+    let pixel = |back_mm: f64| camera.project(CameraPoint(outline.rim(back_mm, 0.0)));
+    let apart_px = (pixel(APART_MM)?.0 - pixel(0.0)?.0).norm();
+    (apart_px > 1e-3).then(|| APART_MM / apart_px)
+}
+
+struct RowReader<'a, V> {
+    frame: &'a Frame<'a>,
+    camera: &'a Camera,
+    outline: &'a Outline,
+    is_visible: V,
+}
+
+impl<V: Fn(Point3<f64>, Pixel) -> bool> RowReader<'_, V> {
+    fn row(&self, back_mm: f64) -> ShaftRow {
+        let borders = BorderSide::BOTH.map(|side| {
+            let sign = if side == BorderSide::First { -1.0 } else { 1.0 };
+            let inside = mean(JUST_INSIDE.map(|across| self.on_shaft(back_mm, sign * across)))?;
+            Some([inside, mean(JUST_OUTSIDE_PX.map(|px| self.beside(back_mm, side, px)))?])
+        });
+        let inside = STRIPES.map(|stripe| mean(stripe.map(|across| self.on_shaft(back_mm, across))));
+        ShaftRow { back_mm, borders, inside }
+    }
+
+    fn on_shaft(&self, back_mm: f64, radii: f64) -> Option<Codes> {
+        let place = self.outline.rim(back_mm, radii.asin() / FRAC_PI_2);
+        let pixel = self.camera.project(CameraPoint(place))?;
+        (self.is_visible)(place, pixel).then(|| codes_at(self.frame, pixel))?
+    }
+
+    fn beside(&self, back_mm: f64, side: BorderSide, outwards_px: f64) -> Option<Codes> {
+        let [border, opposite] =
+            [side, side.opposite()].map(|side| self.camera.project(CameraPoint(self.outline.border(side, back_mm))));
+        let outward: Vector2<f64> = (border?.0 - opposite?.0).try_normalize(1e-9)?;
+        codes_at(self.frame, Pixel(border?.0 + outward * outwards_px))
+    }
+}
+
+fn mean<const N: usize>(codes: [Option<Codes>; N]) -> Option<Codes> {
+    let mut sum = [0.0; 3];
+    for codes in codes {
+        let codes = codes?;
+        sum = std::array::from_fn(|plane| sum[plane] + codes[plane]);
+    }
+    Some(sum.map(|sum| sum / N as f64))
+}
+
+/// The codes between the pixels' centres, linear in both directions; `None` outside the picture.
+fn codes_at(frame: &Frame<'_>, at: Pixel) -> Option<Codes> {
+    let [first_x, first_y] = frame.chroma_first_px.map(f64::from);
+    let (wide, high) = (f64::from(1u32 << frame.shift_x), f64::from(1u32 << frame.shift_y));
+    let chroma = |plane| between(plane, (at.u() - first_x) / wide, (at.v() - first_y) / high);
+    let luma = between(&frame.y, at.u(), at.v())?;
+    Some([luma, chroma(&frame.u)?, chroma(&frame.v)?])
+}
+
+fn between(plane: &Plane<'_>, x: f64, y: f64) -> Option<f64> {
+    let is_inside = x >= 0.0 && y >= 0.0 && x < plane.width as f64 - 1.0 && y < plane.height as f64 - 1.0;
+    if !is_inside {
+        return None;
+    }
+    let (column, row) = (x as usize, y as usize);
+    let (right, down) = (x - column as f64, y - row as f64);
+    let code = |x: usize, y: usize| f64::from(plane.at(x, y));
+    let above = code(column, row) * (1.0 - right) + code(column + 1, row) * right;
+    let below = code(column, row + 1) * (1.0 - right) + code(column + 1, row + 1) * right;
+    Some(above * (1.0 - down) + below * down)
+}
+
+/// Distance between two colours, codes.
+pub fn distance(one: Codes, other: Codes) -> f64 {
+    one.iter().zip(other).map(|(one, other)| (one - other).powi(2)).sum::<f64>().sqrt()
+}
