@@ -23,8 +23,9 @@ use nalgebra::{Point2, Vector3};
 
 use crate::vision::space::Normalised;
 
-/// Distance from the camera to a shaft's axis, mm: nearest, farthest. It limits the width of a strip.
-pub const DISTANCES_MM: (f64, f64) = (70.0, 330.0);
+/// Distance from the camera to a shaft's axis, mm: nearest, where a shaft enters the picture close to the camera, and
+/// farthest. It limits the width of a strip.
+pub const DISTANCES_MM: (f64, f64) = (40.0, 330.0);
 
 /// A strip of the picture that may be a bare shaft. All points are normalised.
 #[derive(Clone, Debug, PartialEq)]

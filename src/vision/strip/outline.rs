@@ -13,7 +13,7 @@ use super::search::RoughStrip;
 
 /// Distance between places across the strip, cells.
 const STEP_ACROSS: f64 = 0.5;
-/// Largest ratio of a strip's widths at both ends: that of its distances from the camera, 330 mm to 70 mm, less a little.
+/// Largest ratio of a strip's widths at both ends: that of its distances from the camera, as 240 mm to 60 mm.
 const MAX_TAPER: f64 = 4.0;
 /// How far a width may be outside the limits of the tube's, as a share.
 const WIDTH_SLACK: f64 = 0.2;
