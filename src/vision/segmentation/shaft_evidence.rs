@@ -23,8 +23,8 @@ pub struct ShaftAppearance {
 /// than a pixel.
 pub const LEAST_CONTRAST_CODES: [f64; 2] = [12.0, 8.0];
 
-/// Contrast of an edge of a bare shaft as a multiple of the least: positive if the inside is darker than the outside,
-/// or nearer to the shaft's `grey`, whichever differs more.
+/// Contrast of an edge of a bare shaft as a multiple of the least: the larger of that in luma, positive if the
+/// inside is darker, and that in chroma, positive if the inside is nearer to the shaft's `grey`.
 pub fn contrast(inside: [f64; 3], outside: [f64; 3], grey: [f64; 2]) -> f64 {
     let colourful = |[_, u, v]: [f64; 3]| (u - grey[0]).hypot(v - grey[1]);
     let luma = (outside[0] - inside[0]) / LEAST_CONTRAST_CODES[0];

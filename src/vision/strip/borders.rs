@@ -51,7 +51,7 @@ pub fn with_likely_borders(
     appearance: &ShaftAppearance,
     strip: &Strip,
 ) -> Vec<Strip> {
-    let rows = Rows::read(frame, camera, appearance, strip);
+    let rows = BorderRows::read(frame, camera, appearance, strip);
     let [first, second] = [-1.0, 1.0].map(|side| rows.borders(side));
     let mut pairs: Vec<(f32, [PossibleBorder; 2])> = Vec::new();
     for one in &first {
@@ -75,7 +75,7 @@ struct PossibleBorder {
 const NOWHERE: f32 = f32::NEG_INFINITY;
 
 /// Rows across the end of a strip, and the steps in them.
-struct Rows {
+struct BorderRows {
     /// Middle of the first row, nearest to the end of the strip, and of the last.
     middles: [Point2<f64>; 2],
     /// A half width across the strip, towards its second border.
@@ -89,7 +89,7 @@ struct Rows {
     contrast: [Vec<f32>; 2],
 }
 
-impl Rows {
+impl BorderRows {
     fn read(frame: &Frame<'_>, camera: &Camera, appearance: &ShaftAppearance, strip: &Strip) -> Self {
         let part = (LONGEST_WIDTHS / strip.length_widths.max(1.0)).min(1.0);
         let (end, entry) = (strip.end.0, strip.entry.0);
