@@ -162,7 +162,7 @@ mod tests {
 
     use super::*;
     use crate::vision::camera::testing::wide as camera;
-    use crate::vision::pose::normal_equations::{OFFSETS, Offsets};
+    use crate::vision::pose::normal_equations::Offsets;
     use crate::vision::pose::{perturbed, testing};
 
     const LENGTH_MM: f64 = 60.0;

@@ -71,7 +71,7 @@ struct PossibleBorder {
     contrast: f32,
 }
 
-/// Stands for a contrast that is not known.
+/// A contrast that is not known.
 const NOWHERE: f32 = f32::NEG_INFINITY;
 
 /// Rows across the end of a strip, and the steps in them.
