@@ -65,7 +65,7 @@ test('an instrument without tape is described by its side and its tube, and a se
   const diameter = tool(0).getByLabel('Diameter of the tube');
   assert.equal(await diameter.inputValue(), '5', 'the usual diameter is suggested');
   await diameter.fill(String(marks.tools[0].diameter_mm));
-  await tool(0).getByText('Lengths that a later version will use').click();
+  await tool(0).getByText('Collar and jaws').click();
   await tool(0).getByLabel('Length of the collar').fill('8');
   await tool(0).getByLabel('Length to the point of the jaws').fill('28.3');
 
