@@ -103,15 +103,15 @@ impl UsualCodes {
     /// By how much a place just inside a border looks more like the shaft than like what lies outside, nats.
     fn support(&self, [inside, outside]: &[Codes; 2]) -> f64 {
         let from_shaft = squares(|p| (inside[p] - self.mean[p]) / self.sigma[p]);
-        0.5 * (self.from_outside([inside, outside]) - from_shaft)
+        0.5 * (self.distance_from_outside([inside, outside]) - from_shaft)
     }
 
     /// Does the place just inside a border differ from what lies outside?
     fn is_edge(&self, [inside, outside]: &[Codes; 2]) -> bool {
-        self.from_outside([inside, outside]) > 0.5 * MOST_SQUARES
+        self.distance_from_outside([inside, outside]) > 0.5 * MOST_SQUARES
     }
 
-    fn from_outside(&self, [inside, outside]: [&Codes; 2]) -> f64 {
+    fn distance_from_outside(&self, [inside, outside]: [&Codes; 2]) -> f64 {
         /// What lies outside changes along the border by this share of its contrast to the shaft.
         const UNEVEN: f64 = 0.25;
         squares(|p| (inside[p] - outside[p]) / self.sigma[p].hypot(UNEVEN * (self.mean[p] - outside[p])))
