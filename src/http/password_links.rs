@@ -7,6 +7,7 @@ use axum::response::{AppendHeaders, IntoResponse};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::auth::password::HashRequester;
 use super::auth::presented::{browser_secret, set_browser_cookie};
 use super::auth::sign_in::{places_of, too_many_attempts};
 use super::auth::signed_in::{Administrator, BySignIn};
@@ -160,7 +161,8 @@ pub async fn use_link(
     let new = Password::new(new)?;
     let (_, person) = valid_link(&app, address, &secret).await?; // before the expensive hash
     let secret = Secret::from_cookie(&secret).ok_or_else(no_longer_valid)?;
-    let place = app.password_hasher.take_place(app.hash_requester_at(address))?;
+    // The secret proves enough: the attempts of strangers, who fill the queue of the networks, do not delay it.
+    let place = app.password_hasher.take_place(HashRequester::Account(Actor::Person(person.id)))?;
     let base = &app.settings.base_path;
     let (browser, places) = places_of(person.id, address, browser_secret(&headers, base));
     let new = place.hash(new).await?;

@@ -78,7 +78,7 @@ const DELETE_PENDING: &str = "DELETE FROM pending_erasure WHERE trainee_id = $1"
 
 pub(super) const INSERT_ERASURE: &str = "INSERT INTO erasure (kind, id, at_ms) VALUES ($1, $2, $3)";
 
-const SELECT_ACCOUNT: &str = "SELECT id FROM person WHERE trainee_id = $1";
+pub(super) const SELECT_ACCOUNT_OF_TRAINEE: &str = "SELECT id FROM person WHERE trainee_id = $1";
 
 const SELECT_IS_DUE: &str = "SELECT 1 FROM pending_erasure WHERE trainee_id = $1 AND due_at_ms <= $2";
 
@@ -121,7 +121,7 @@ impl PendingErasureStore<'_> {
                 let scope = scope.clone();
                 async move |tx| {
                     let account: Option<PersonId> =
-                        sqlx::query_scalar(SELECT_ACCOUNT).bind(id).fetch_optional(&mut *tx).await?;
+                        sqlx::query_scalar(SELECT_ACCOUNT_OF_TRAINEE).bind(id).fetch_optional(&mut *tx).await?;
                     if let Some(account) = account {
                         sqlx::query(DELETE_COOKIES_OF).bind(account).execute(&mut *tx).await?;
                     }

@@ -5,13 +5,15 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
+use super::pending_erasures::SELECT_ACCOUNT_OF_TRAINEE;
 use super::retention::forget_box_jobs_of_trainee;
+use super::tokens::withdraw_tokens;
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store, codes, skill_models};
 use crate::domain::role::Role;
 use crate::domain::text::{Code, Key, Name};
 use crate::domain::trainee::{Handedness, Level, NewTrainee, TraineeChange};
-use crate::ids::{GroupId, TraineeId};
+use crate::ids::{GroupId, PersonId, TraineeId};
 
 /// Access to the trainees.
 pub struct TraineeStore<'s>(pub(super) &'s Store);
@@ -200,6 +202,11 @@ pub(super) async fn erase(
 ) -> StoreResult<()> {
     skill_models::withdraw(tx, id, now_ms).await?;
     forget_box_jobs_of_trainee(tx, id).await?;
+    let account: Option<PersonId> =
+        sqlx::query_scalar(SELECT_ACCOUNT_OF_TRAINEE).bind(id).fetch_optional(&mut *tx).await?;
+    if let Some(account) = account {
+        withdraw_tokens(tx, (scope, now_ms), account, None).await?;
+    }
     if sqlx::query(DELETE_TRAINEE).bind(id).execute(&mut *tx).await?.rows_affected() == 0 {
         return Err(not_found("trainee"));
     }

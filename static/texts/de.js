@@ -951,7 +951,7 @@ export default {
     },
     bareTools: {
       learning_box: {
-        title: 'Instrumente ohne Klebeband werden zur Probe verfolgt, und die Box wird noch gelernt',
+        title: 'Instrumente ohne Klebeband werden zur Probe verfolgt, und Trocar lernt noch, wie die Box aussieht',
         advice: 'Sie werden vielleicht erst nach einigen Sekunden gefunden.',
       },
       on_trial: {
@@ -2035,7 +2035,7 @@ export default {
     notFollowedBody: 'Wählen Sie einen Plan und den ersten Kurstag. Eine Tabelle zeigt dann für alle, welche Schritte bestanden und welche überfällig sind.',
     empty: 'Sobald die Gruppe Lernende hat, zeigt eine Tabelle, welche Schritte bestanden und welche überfällig sind.',
     begins: 'Erster Kurstag',
-    beginsHint: 'Von ihm an zählen Fristen und Sitzungen.',
+    beginsHint: 'Von ihm an zählen Fristen und Sitzungen. Höchstens zehn Jahre vor oder nach heute.',
     firstDay: day => `erster Kurstag ${day}`,
     standard: 'Standard bestanden',
     sessionsOf: n => plural(n, 'Sitzung', 'Sitzungen'),
@@ -2547,8 +2547,9 @@ export default {
       invalid: ['Einige Werte sind nicht verwendbar'],
       'unknown-reference': ['Etwas Genanntes gibt es nicht', ({ field }) => field && `Was unter „${field}“ genannt ist, gibt es nicht, oder Sie dürfen es nicht sehen.`],
       locked: ['Eine andere Anfrage schreibt gerade daran', 'Warten Sie, bis sie fertig ist, und machen Sie dann weiter.'],
-      'too-many': ['Zu viele Versuche', ({ limit, wait_s: wait }) => (limit && `${limit} Übertragungen sind unvollständig. Beenden oder löschen Sie eine, oder warten Sie, bis sie verfallen.`)
-        || (wait && `Es gab zu viele falsche Anmeldungen. Versuchen Sie es in ${wait} s wieder. Ein Browser oder eine Netzwerkadresse mit einer früheren Anmeldung an diesem Konto wartet nicht auf die Versuche anderer, und ein Link der Administration für ein neues Passwort gilt sofort.`)],
+      'too-many': ['Zu viele Versuche', ({ limit, wait_s: wait, sign_in_wait_s: signInWait }) => (limit && `${limit} Übertragungen sind unvollständig. Beenden oder löschen Sie eine, oder warten Sie, bis sie verfallen.`)
+        || (wait && `Es gab zu viele falsche Versuche. Versuchen Sie es in ${wait} s wieder.`)
+        || (signInWait && `Es gab zu viele falsche Anmeldungen. Versuchen Sie es in ${signInWait} s wieder. Ein Browser mit einer früheren Anmeldung an diesem Konto wartet nicht auf die Versuche anderer, und ein Link der Administration für ein neues Passwort gilt sofort.`)],
       'checksum-mismatch': ['Die Bytes passen nicht zur Prüfsumme', 'Die Bytes wurden verworfen. Senden Sie dieses Stück noch einmal.'],
       internal: ['Im Dienst ist ein Fehler aufgetreten', 'Die Ursache steht im Protokoll des Dienstes unter der x-request-id dieser Antwort.'],
       busy: ['Der Dienst ist ausgelastet'],

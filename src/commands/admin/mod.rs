@@ -17,6 +17,7 @@ mod user;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use clap::Subcommand;
@@ -88,6 +89,8 @@ impl FolderCommand {
 struct DataFolder {
     store: Store,
     vault: Vault,
+    /// How long a link for a password is valid.
+    password_link: Duration,
 }
 
 /// Runs the command.
@@ -155,7 +158,11 @@ impl DataFolder {
         if matches!(store, Err(StoreError::NoSchema)) {
             refuse_lost_database(settings).await?;
         }
-        Ok(Self { store: store.context("opening the database")?, vault: Vault::open_existing(&settings.data) })
+        Ok(Self {
+            store: store.context("opening the database")?,
+            vault: Vault::open_existing(&settings.data),
+            password_link: settings.http.password_link(),
+        })
     }
 }
 

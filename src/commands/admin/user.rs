@@ -1,7 +1,6 @@
 //! `trocar admin user`: accounts, such as that of the first administrator, and new passwords for forgotten ones.
 
 use std::io::BufRead;
-use std::time::Duration;
 
 use anyhow::Context;
 use clap::Subcommand;
@@ -14,9 +13,6 @@ use crate::domain::scope::Scope;
 use crate::domain::secret::{Password, PasswordHash, Secret};
 use crate::domain::text::{Key, Login, Name};
 use crate::store::{NewPerson, PageRequest, PersonRecord, StoreError};
-
-/// How long a link for a password is valid.
-const LINK_LIFETIME: Duration = Duration::from_secs(24 * 3600);
 
 /// Subcommands of `trocar admin user`.
 #[derive(Subcommand)]
@@ -53,7 +49,7 @@ pub enum UserCommand {
         #[arg(long)]
         password_stdin: bool,
     },
-    /// Make a link for choosing a password, valid once, for 24 hours; prints the part that follows the address of the
+    /// Make a link for choosing a password, valid once, for 24 hours unless the settings say otherwise; prints the part that follows the address of the
     /// service. It works while guesses of others make the account wait, and lets the browser that uses it sign in.
     Link {
         /// Login name of the account
@@ -97,7 +93,7 @@ pub async fn run(folder: &DataFolder, command: UserCommand) -> Result<(), Comman
         UserCommand::Link { login } => {
             let (person, secret) = (find_account(folder, &login).await?, Secret::random());
             let (links, service) = (folder.store.password_links(), Scope::service());
-            links.create(&service, person.id, secret.hash(), LINK_LIFETIME).await.map_err(store_failure)?;
+            links.create(&service, person.id, secret.hash(), folder.password_link).await.map_err(store_failure)?;
             println!("/choose-password#{}", secret.as_cookie());
             Ok(())
         }

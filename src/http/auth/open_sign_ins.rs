@@ -1,7 +1,7 @@
 //! Ends event streams, live views and feeds with the sign-in or token that opened them.
 //!
 //! One task asks the database about all of them: at once when the store may have ended a sign-in or token, and every
-//! few seconds for those that expire and those that another process ends. So hundreds of watchers cost one query.
+//! few seconds for those that expire and those that another process ends. So hundreds of browsers cost one query.
 //! Rejected: a query of each stream, since those of all browsers fall into the same moments, and other requests wait for
 //! them.
 
@@ -62,7 +62,7 @@ impl App {
         }
     }
 
-    /// Those of these credentials that no longer sign in.
+    /// Those of these credentials that no longer sign in: cookies first, so that no token delays them.
     async fn ended_of(&self, open: Vec<PresentedCredential>) -> StoreResult<Vec<PresentedCredential>> {
         let cookies = open.iter().filter_map(|credential| match credential {
             PresentedCredential::Cookie(secret) => Some(*secret),
@@ -73,8 +73,10 @@ impl App {
         for credential in open {
             let is_valid = match credential {
                 PresentedCredential::Cookie(secret) => valid.contains(&secret),
-                // One by one, which records that they are used: few programs watch.
-                PresentedCredential::Token(secret) => self.store.tokens().scope_of(secret).await?.is_some(),
+                // One by one, which records that they are used: few programs watch. An error ends none.
+                PresentedCredential::Token(secret) => {
+                    self.store.tokens().scope_of(secret).await.map_or(true, |scope| scope.is_some())
+                }
                 PresentedCredential::Nothing => false,
             };
             if !is_valid {

@@ -126,7 +126,7 @@ pub async fn change_password(
     let origin = AttemptOrigin { address: address.0, known_place: Some(place) };
     let requester = HashRequester::Account(Actor::Person(id));
     let attempt = (&person.login, origin, change.old);
-    if !try_password(&app, requester, attempt, Some(stored.clone())).await? {
+    if !try_password(&app, requester, attempt, Some(stored.clone()), too_many_attempts).await? {
         return Err(wrong_credentials());
     }
     if person.password_state != PasswordState::Own && is_same {
@@ -182,7 +182,7 @@ async fn authenticate(
     browser: Option<SecretHash>,
 ) -> HandlerResult<(store::PersonRecord, PasswordHash)> {
     let Ok(login) = tried.login.parse::<Login>() else {
-        app.throttle.attempt_without_login(address).map_err(too_many_attempts)?;
+        app.throttle.attempt_without_login(address).map_err(too_many_sign_ins)?;
         return Err(wrong_credentials());
     };
     let found = app.store.people().by_login(&login).await?;
@@ -198,7 +198,8 @@ async fn authenticate(
     } else {
         app.hash_requester_at(ClientAddress(address))
     };
-    let matches = try_password(app, requester, (&login, origin, tried.password), stored.clone()).await?;
+    let attempt = (&login, origin, tried.password);
+    let matches = try_password(app, requester, attempt, stored.clone(), too_many_sign_ins).await?;
     person.zip(stored).filter(|_| matches).ok_or_else(wrong_credentials)
 }
 
@@ -222,18 +223,20 @@ impl App {
 }
 
 /// Counts an attempt, and says whether the password matches. An attempt without a place in the queue does not count.
+/// `too_many` is the refusal of one that has to wait.
 async fn try_password(
     app: &App,
     requester: HashRequester,
     (login, origin, password): (&Login, AttemptOrigin, String),
     stored: Option<PasswordHash>,
+    too_many: fn(Duration) -> ProblemResponse,
 ) -> HandlerResult<bool> {
     let Some(password) = Password::attempt(password) else {
-        app.throttle.attempt_without_login(origin.address).map_err(too_many_attempts)?;
+        app.throttle.attempt_without_login(origin.address).map_err(too_many)?;
         return Ok(false);
     };
     let place = app.password_hasher.take_place(requester)?;
-    let attempt = app.throttle.attempt(login, origin).map_err(too_many_attempts)?;
+    let attempt = app.throttle.attempt(login, origin).map_err(too_many)?;
     let matches = place.matches(password, stored).await?;
     if matches {
         attempt.succeeded();
@@ -256,13 +259,20 @@ fn changed_meanwhile(error: StoreError) -> ProblemResponse {
 /// The refusal of an attempt that has to wait.
 pub fn too_many_attempts(wait: Duration) -> ProblemResponse {
     let seconds = wait.as_secs() + 1;
+    let reason = format!("There were too many failed attempts. Try again in {seconds} s.");
+    Refusal::TooMany.with(reason).member("wait_s", seconds).header(header::RETRY_AFTER, seconds)
+}
+
+/// The refusal of a sign-in that has to wait, with the ways in that need not wait.
+fn too_many_sign_ins(wait: Duration) -> ProblemResponse {
+    let seconds = wait.as_secs() + 1;
     Refusal::TooMany
         .with(format!(
-            "There were too many failed attempts to sign in. Try again in {seconds} s. A browser or a network address \
-             that has signed in to the account before does not wait for the attempts of others, and a link for a new \
-             password, from an administrator, works at once."
+            "There were too many failed attempts to sign in. Try again in {seconds} s. A browser that has signed in to \
+             the account before does not wait for the attempts of others, and a link for a new password, from an \
+             administrator, works at once."
         ))
-        .member("wait_s", seconds)
+        .member("sign_in_wait_s", seconds)
         .header(header::RETRY_AFTER, seconds)
 }
 

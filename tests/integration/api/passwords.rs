@@ -304,7 +304,7 @@ async fn a_link_lets_its_browser_sign_in_while_a_stranger_guesses() {
     };
     let refused = guess_until_refused().await;
     assert!(refused["detail"].as_str().unwrap().contains("a link for a new password"), "{refused}");
-    assert!(refused["wait_s"].as_u64() > Some(0), "{refused}");
+    assert!(refused["sign_in_wait_s"].as_u64() > Some(0), "{refused}");
     let secret = make_link(&administrator, &id_of(&administrator, ADMINISTRATOR.0).await).await;
     assert_lets_in(&secret, OWN, "192.0.2").await;
     let printed = admin(&service, &format!("user link {}", ADMINISTRATOR.0));

@@ -76,8 +76,8 @@ fn errors_mm(frames: &[Value], tool: usize, scene: &Scene) -> Vec<(usize, f64)> 
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_bare_tool_is_followed_while_its_recording_arrives_and_frames_do_not_wait_for_lessons() {
-    const MOST_MM: f64 = 5.0;
+async fn a_bare_tool_is_followed_while_its_recording_arrives() {
+    const MAX_ERROR_MM: f64 = 5.0;
     let Some(scene) = Scene::in_folder(Folder::of("--marker bare --seed 5 --seconds 8 --size 960x540")) else { return };
     let centre = centre(&scene).await;
     let (mut sender, id) = begin(&centre, &scene, RECORDING).await;
@@ -87,16 +87,16 @@ async fn a_bare_tool_is_followed_while_its_recording_arrives_and_frames_do_not_w
     eprintln!("longest time from a frame to its report: {:?}", watched.longest_delay);
     assert!(watched.longest_delay < MAX_DELAY, "{:?}", watched.longest_delay);
 
-    let left = errors_mm(&watched.frames, 0, &scene);
-    let early = left.iter().filter(|(number, _)| *number < 75).count();
+    let left_errors = errors_mm(&watched.frames, 0, &scene);
+    let early = left_errors.iter().filter(|(number, _)| *number < 75).count();
     assert!(early >= 38, "seen on {early} of the first 75 frames, although its trocar is not known yet");
-    let mut errors: Vec<f64> = left.iter().map(|(_, off_mm)| *off_mm).collect();
+    let mut errors: Vec<f64> = left_errors.iter().map(|(_, off_mm)| *off_mm).collect();
     errors.sort_by(f64::total_cmp);
-    assert!(errors[errors.len() * 9 / 10] < MOST_MM, "of {}: {errors:?}", errors.len());
+    assert!(errors[errors.len() * 9 / 10] < MAX_ERROR_MM, "of {}: {errors:?}", errors.len());
 
     let stages: Vec<&str> = watched.features.iter().map(|of| of["bare_tools"].as_str().unwrap()).collect();
     assert_eq!(stages[0], "learning_box");
-    assert!(stages.iter().all(|stage| ["learning_box", "on_trial"].contains(stage)), "{stages:?}");
+    assert!(stages.is_sorted_by_key(|stage| *stage == "on_trial"), "once learned, the box stays known: {stages:?}");
     let last = &watched.features[watched.features.len() - 1];
     assert_eq!(last["seen"][0]["reason"]["severity"], "refuse", "as the result: {last}");
     let session = wait_until_done(&centre.instructor, &id).await;
