@@ -17,6 +17,7 @@ use super::people::PersonResponse;
 use super::read::{AnonymousJson, Json, PathKey, reference_problem};
 use super::show::{Created, PageResponse, Time};
 use super::state::App;
+use crate::domain::scope::Actor;
 use crate::domain::secret::{Password, Secret};
 use crate::domain::text::{Login, Name};
 use crate::ids::{PasswordLinkId, PersonId};

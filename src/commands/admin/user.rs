@@ -49,8 +49,9 @@ pub enum UserCommand {
         #[arg(long)]
         password_stdin: bool,
     },
-    /// Make a link for choosing a password, valid once, for 24 hours unless the settings say otherwise; prints the part that follows the address of the
-    /// service. It works while guesses of others make the account wait, and lets the browser that uses it sign in.
+    /// Make a link for choosing a password, valid once, for 24 hours unless the settings say otherwise; prints the part
+    /// that follows the address of the service. It works while guesses of others make the account wait, and lets the
+    /// browser that uses it sign in.
     Link {
         /// Login name of the account
         login: Login,

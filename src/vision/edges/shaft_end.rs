@@ -62,7 +62,9 @@ pub fn locate(edges: &EdgeModel, rows: &[ShaftRow], diameter_mm: f64, collar_mm:
     let possible: Vec<EndPlace> = finder.places().into_iter().filter(|place| finder.is_end(place)).collect();
     let place = match &possible[..] {
         [only] => only,
-        [tube, collar] if finder.are_apart(tube, collar, collar_mm) => tube,
+        [tube, collar] if collar_mm > 0.0 && finder.are_apart(tube, collar, collar_mm) => {
+            return finder.measure(tube).filter(|_| finder.is_alike(tube));
+        }
         _ => return None,
     };
     let full_width = finder.measure(place)?;
@@ -217,6 +219,9 @@ impl<'a> EndFinder<'a> {
     /// Is there a hinge ahead of the place, and no more of the shaft?
     fn is_end(&self, place: &EndPlace) -> bool {
         let rows = &self.rows[place.row + 1..];
+        if (rows.len() as f64) * self.step_mm < MAX_RESUMED_MM + AHEAD_DIAMETERS * self.diameter_mm {
+            return false; // too few rows to see whether the shaft continues
+        }
         let is_tube = |row: &&ShaftRow| {
             let borders = row.borders.iter().zip(&place.borders);
             borders.into_iter().all(|(codes, border)| codes.is_some_and(|codes| border.shaft.is_edge(&codes)))
@@ -241,8 +246,8 @@ impl<'a> EndFinder<'a> {
 
     /// Is the shaft far behind the place of the same colour as next to it? Jaws before something dark are not.
     fn is_alike(&self, place: &EndPlace) -> bool {
-        let [from, to] =
-            ALIKE_DIAMETERS.map(|mm| place.row.saturating_sub((mm * self.diameter_mm / self.step_mm) as usize));
+        let [from, to] = ALIKE_DIAMETERS
+            .map(|diameters| place.row.saturating_sub((diameters * self.diameter_mm / self.step_mm) as usize));
         let mut seen = place.borders.iter().enumerate().filter(|(_, border)| border.least() > MIN_NATS);
         seen.all(|(side, border)| {
             let codes: Vec<[Codes; 2]> = self.rows[to..from].iter().filter_map(|row| row.borders[side]).collect();

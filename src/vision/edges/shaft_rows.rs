@@ -41,8 +41,11 @@ pub fn read(
     is_visible: impl Fn(Point3<f64>, Pixel) -> bool,
 ) -> Vec<ShaftRow> {
     let reader = RowReader { frame, camera, outline, is_visible };
-    let Some(step_mm) = mm_per_px(camera, outline).map(|mm| mm * step_px) else { return Vec::new() };
-    let count = ((from_mm - to_mm) / step_mm).clamp(0.0, 1000.0) as usize;
+    /// A shaft close to the camera is read in coarser rows.
+    const MAX_ROWS: f64 = 1000.0;
+    let Some(mm_per_px) = mm_per_px(camera, outline) else { return Vec::new() };
+    let step_mm = (mm_per_px * step_px).max((from_mm - to_mm) / MAX_ROWS);
+    let count = ((from_mm - to_mm) / step_mm) as usize;
     (0..=count).map(|i| reader.row(from_mm - i as f64 * step_mm)).collect()
 }
 
@@ -79,10 +82,12 @@ impl<V: Fn(Point3<f64>, Pixel) -> bool> RowReader<'_, V> {
     }
 
     fn beside(&self, back_mm: f64, side: BorderSide, outwards_px: f64) -> Option<Codes> {
+        let place = self.outline.border(side, back_mm);
         let [border, opposite] =
-            [side, side.opposite()].map(|side| self.camera.project(CameraPoint(self.outline.border(side, back_mm))));
+            [place, self.outline.border(side.opposite(), back_mm)].map(|place| self.camera.project(CameraPoint(place)));
         let outward: Vector2<f64> = (border?.0 - opposite?.0).try_normalize(1e-9)?;
-        codes_at(self.frame, Pixel(border?.0 + outward * outwards_px))
+        let pixel = Pixel(border?.0 + outward * outwards_px);
+        (self.is_visible)(place, pixel).then(|| codes_at(self.frame, pixel))?
     }
 }
 

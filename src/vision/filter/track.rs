@@ -3,7 +3,8 @@
 //!
 //! A measurement outside the gate is rejected, but not for ever: rejected measurements that agree with each other for
 //! [`TrackSettings::reacquire_s`] restart the track at their position. A tool unseen for longer than
-//! [`TrackSettings::max_prediction_s`] is lost until it is seen again.
+//! [`TrackSettings::max_prediction_s`] is lost until it is seen again; a tool whose axis is measured meanwhile, after
+//! [`TrackSettings::max_hidden_s`].
 
 use super::adaptive_noise::{AdaptiveNoise, PredictionStep};
 use super::kalman::KalmanState;
@@ -188,9 +189,9 @@ impl Track {
             return (self.advance(time_s, None, settings), None);
         };
         let (tip, covariance) = line.position_near(followed.predict(time_s, settings).state.tip());
-        let Some(step) = followed.predict_towards(time_s, &(tip, covariance), settings) else {
-            return (self.advance(time_s, None, settings), None);
-        };
+        let is_in_bounds = (settings.depth_mm.0..=settings.depth_mm.1).contains(&tip.z);
+        let step = followed.predict_towards(time_s, &(tip, covariance), settings).filter(|_| is_in_bounds);
+        let Some(step) = step else { return (self.advance(time_s, None, settings), None) };
         followed.liveliness.learn(&step, time_s - followed.time_s);
         followed.state = step.state.updated(tip, covariance);
         (followed.time_s, followed.last_axis_s) = (time_s, time_s);

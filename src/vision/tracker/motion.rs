@@ -84,9 +84,9 @@ impl ToolMotion {
     /// The causal path. It ends within a gap that only the second pass bridges.
     fn filtered(&self, run: &TrackedRun) -> impl Iterator<Item = Sample> {
         let is_near = |place: usize| {
-            let RunFrame { instant, is_axis_measured, .. } = &run.frames[place];
-            let longest_s = if *is_axis_measured { self.max_hidden_s } else { self.max_prediction_s };
-            instant.1 - run.last_measured(place).0 <= longest_s
+            let time_s = run.frames[place].instant.1;
+            time_s - run.last_axis_s(place) <= self.max_prediction_s
+                && time_s - run.last_measured(place).0 <= self.max_prediction_s.max(self.max_hidden_s)
         };
         let near = run.filter.filtered().enumerate().filter(move |(place, _)| is_near(*place));
         let sample = |(place, state)| self.sample(run, place, &state);
@@ -138,7 +138,7 @@ struct RunFrame {
 }
 
 /// What moved the filter's state on a frame.
-pub enum Evidence<'a> {
+pub enum StateUpdate<'a> {
     /// The measured pose.
     Tip(&'a TubeEstimate),
     /// The position that a measured axis gave: known across the axis only.
@@ -150,11 +150,13 @@ pub enum Evidence<'a> {
 impl TrackedRun {
     /// Adds the next frame: the filter's state, the acceleration density that it used since the previous frame,
     /// mm²/s³, and what the state was updated with.
-    pub fn add(&mut self, state: &KalmanState, noise_density: f64, instant: FrameInstant, evidence: Evidence<'_>) {
-        let (measured, pose) = match evidence {
-            Evidence::Tip(pose) => (Some((pose.tube.tip, pose.changing_tip_covariance())), Some(PastPose::from(pose))),
-            Evidence::Axis(position) => (Some(position), None),
-            Evidence::None => (None, None),
+    pub fn add(&mut self, state: &KalmanState, noise_density: f64, instant: FrameInstant, update: StateUpdate<'_>) {
+        let (measured, pose) = match update {
+            StateUpdate::Tip(pose) => {
+                (Some((pose.tube.tip, pose.changing_tip_covariance())), Some(PastPose::from(pose)))
+            }
+            StateUpdate::Axis(position) => (Some(position), None),
+            StateUpdate::None => (None, None),
         };
         self.filter.push(instant.1, state, noise_density, measured);
         self.frames.push(RunFrame { instant, pose, is_axis_measured: measured.is_some() });
@@ -169,6 +171,12 @@ impl TrackedRun {
     fn last_measured(&self, place: usize) -> (f64, Option<&PastPose>) {
         let seen = (0..=place).rev().map(|place| &self.frames[place]).find(|frame| frame.pose.is_some());
         seen.map_or((f64::NEG_INFINITY, None), |frame| (frame.instant.1, frame.pose.as_ref()))
+    }
+
+    /// When the axis was measured last up to and including a frame, with the tip or without it, s.
+    fn last_axis_s(&self, place: usize) -> f64 {
+        let mut before = (0..=place).rev().map(|place| &self.frames[place]);
+        before.find(|frame| frame.is_axis_measured).map_or(f64::NEG_INFINITY, |frame| frame.instant.1)
     }
 
     /// Number of frames in the smoothed path: up to the last measured one. By then it is known that the tool did not

@@ -32,7 +32,7 @@ impl BandFit<'_> {
         recorder: &mut FitRecorder,
     ) -> Result<PassFit, MissReason> {
         match self.fit_passes(start, length_mm, passes, recorder) {
-            Ok(fit) if self.shows_rim(&fit) => Ok(fit),
+            Ok(fit) if self.shows_rim(&fit) && self.is_rim_of_tube(&fit.estimate.tube) => Ok(fit),
             Ok(fit) => self.fit_full_width(&fit.estimate.tube, length_mm, recorder),
             Err(MissReason::TipHidden) => self.fit_full_width(start, length_mm, recorder),
             Err(reason) => Err(reason),
@@ -53,6 +53,15 @@ impl BandFit<'_> {
         };
         let on_rim = fit.found.edges.iter().filter(is_on_rim).count() as f64;
         on_rim >= MIN_SHARE * fit.found.visible[OutlinePart::DistalEnd]
+    }
+
+    /// Is the rim that of the tube, not of its collar? A dark collar before steel jaws has a rim, too, so the end of the
+    /// full width must agree.
+    fn is_rim_of_tube(&self, tube: &Tube) -> bool {
+        /// Largest distance of both ends, diameters: a collar is longer.
+        const MAX_APART_DIAMETERS: f64 = 0.4;
+        let is_near = |end: ShaftEnd| end.back_mm.abs() < MAX_APART_DIAMETERS * self.spec.diameter_mm;
+        self.spec.collar_mm() == 0.0 || self.locate_end(tube).is_some_and(is_near)
     }
 
     /// Fits a tube that ends where its full width does, less its collar.

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::blocks::Blocks;
 use super::gaps::{self, FrameMargin};
-use super::motion::{Evidence, FrameInstant, ToolMotion, TrackedRun};
+use super::motion::{FrameInstant, StateUpdate, ToolMotion, TrackedRun};
 use super::record::FrameRecord;
 use super::report::{DiameterBasis, EffectiveDiameter, ToolQuality};
 use super::settings::{MotionSettings, ToolSpec};
@@ -197,11 +197,11 @@ impl SecondPass {
             self.motion.runs.extend(Some(ended).filter(|run| run.frame_counts().0 > 0));
         }
         if let Some(state) = advance.state {
-            let evidence = match pose.as_ref().filter(|_| advance.observed) {
-                Some(pose) => Evidence::Tip(pose),
-                None => across.map_or(Evidence::None, Evidence::Axis),
+            let update = match pose.as_ref().filter(|_| advance.observed) {
+                Some(pose) => StateUpdate::Tip(pose),
+                None => across.map_or(StateUpdate::None, StateUpdate::Axis),
             };
-            self.run.add(&state, advance.noise_density, instant, evidence);
+            self.run.add(&state, advance.noise_density, instant, update);
         }
         refused
     }
