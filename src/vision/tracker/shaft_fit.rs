@@ -17,7 +17,7 @@ use crate::vision::tube::{OutlinePart, Tube};
 
 /// Rows across the shaft are read from this far behind the assumed tip to that far ahead, mm: the strip may end with
 /// the point of closed jaws, and a tip that was false may lie behind the end.
-const ROWS_MM: [f64; 2] = [70.0, -20.0];
+const ROWS_MM: [f64; 2] = [70.0, -35.0];
 /// Rows across the width of a shaft: their distance is a twentieth of it, and from one pixel to two and a half.
 const ROWS_PER_WIDTH: f64 = 20.0;
 const ROWS_PX: (f64, f64) = (1.0, 2.5);
@@ -55,13 +55,13 @@ impl BandFit<'_> {
         on_rim >= MIN_SHARE * fit.found.visible[OutlinePart::DistalEnd]
     }
 
-    /// Is the rim that of the tube, not of its collar? A dark collar before steel jaws has a rim, too, so the end of the
-    /// full width must agree.
+    /// Is the rim that of the tube, not of its collar? A collar has a rim, too, so the end of the full width must not
+    /// contradict.
     fn is_rim_of_tube(&self, tube: &Tube) -> bool {
         /// Largest distance of both ends, diameters: a collar is longer.
         const MAX_APART_DIAMETERS: f64 = 0.4;
         let is_near = |end: ShaftEnd| end.back_mm.abs() < MAX_APART_DIAMETERS * self.spec.diameter_mm;
-        self.spec.collar_mm() == 0.0 || self.locate_end(tube).is_some_and(is_near)
+        self.spec.collar_mm() == 0.0 || self.locate_end(tube).is_none_or(is_near)
     }
 
     /// Fits a tube that ends where its full width does, less its collar.
