@@ -109,7 +109,7 @@ mod tests {
         for end_ms in [NOW_MS + 1, last_ms] {
             assert_eq!(TokenExpiry::end_ms(Some(TokenExpiry::At(end_ms)), None, NOW_MS), Ok(Some(end_ms)));
         }
-        for stated in ["9999-12-31T00:00:00Z", "0001-01-01T00:00:00Z", &to_rfc3339(NOW_MS), &to_rfc3339(last_ms + 1)] {
+        for stated in ["2999-12-31T00:00:00Z", "1971-01-01T00:00:00Z", &to_rfc3339(NOW_MS), &to_rfc3339(last_ms + 1)] {
             let refused = TokenExpiry::end_ms(Some(stated.parse().unwrap()), None, NOW_MS).unwrap_err();
             assert!(refused.what == "expires_at" && refused.why.contains("or `never`"), "{stated}: {refused}");
         }

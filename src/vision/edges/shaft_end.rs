@@ -426,7 +426,7 @@ mod tests {
             encoding: ENCODING,
         };
         let tube = Tube { tip: tube().tip + tube().axis * assumed_mm, ..tube() };
-        let rows = shaft_rows::read(&frame, &CAMERA, &tube.outline()?, [70.0, -20.0], 1.2, |_, _| true);
+        let rows = shaft_rows::read(&frame, &CAMERA, &tube.outline()?, [70.0, -35.0], 1.2, |_, _| true);
         let end = locate(&edges, &rows, 2.0 * RADIUS_MM, collar_mm)?;
         Some((assumed_mm - end.back_mm, end.sigma_mm))
     }

@@ -120,8 +120,8 @@ async fn errors_names_the_field_that_cannot_be_used() {
 #[tokio::test(flavor = "multi_thread")]
 async fn every_list_refuses_a_text_that_is_no_cursor_and_a_damaged_one() {
     let centre = Centre::open().await;
-    let whole = centre.administrator.read("/api/v1/tasks?limit=1").await["next"].as_str().unwrap().to_owned();
-    centre.administrator.read(&format!("/api/v1/tasks?limit=1&cursor={whole}")).await;
+    let whole = centre.administrator.read("/api/v1/people?limit=1").await["next"].as_str().unwrap().to_owned();
+    centre.administrator.read(&format!("/api/v1/people?limit=1&cursor={whole}")).await;
     let document = centre.administrator.read("/api/v1/openapi.json").await;
     let has_cursor = |operation: &Value| {
         operation["parameters"].as_array().is_some_and(|all| all.iter().any(|one| one["name"] == "cursor"))
