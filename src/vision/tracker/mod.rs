@@ -321,9 +321,17 @@ impl Tracker {
         let mut motions = Vec::with_capacity(self.tools.len());
         for ((i, tool), colour) in self.tools.iter_mut().enumerate().zip(colours) {
             let TrackerSettings { camera, motion, .. } = &self.settings;
-            let records = std::mem::take(&mut tool.records).unpack();
-            let (motion, reworked) =
-                second_pass::run(records, &tool.seen_shaft, &tool.spec, i, &self.instants, camera, motion);
+            let mut records = std::mem::take(&mut tool.records);
+            let axes = records.take_axes();
+            let (motion, reworked) = second_pass::run(
+                (records.unpack(), axes),
+                &tool.seen_shaft,
+                &tool.spec,
+                i,
+                &self.instants,
+                camera,
+                motion,
+            );
             // A shaft has no colour of its own: its colour says nothing of how well it can be followed.
             let colour = if tool.spec.is_bare() { ColourSeparation::default() } else { colour };
             quality.tools.push(ToolQuality { colour, ..reworked });

@@ -63,7 +63,7 @@ impl ToolMotion {
         let measured = self.runs.iter().flat_map(|run| run.filter.measurements().zip(run.frames.iter()));
         let passing = measured.filter_map(|(position, frame)| {
             let (_, covariance) = position?;
-            Some((covariance[(2, 2)] - CHANGING_SHARE * frame.pose.as_ref()?.lasting.zz).max(0.0).sqrt())
+            Some((covariance[(2, 2)] - CHANGING_SHARE * frame.pose()?.lasting.zz).max(0.0).sqrt())
         });
         quantile(passing.collect(), 0.5)
     }
@@ -71,14 +71,14 @@ impl ToolMotion {
     /// Median depth of the measured tips, mm.
     pub fn median_depth_mm(&self) -> Option<f64> {
         let all = self.runs.iter().flat_map(|run| run.filter.measurements().zip(run.frames.iter()));
-        let measured = all.filter(|(_, frame)| frame.pose.is_some()).filter_map(|(position, _)| position);
+        let measured = all.filter(|(_, frame)| frame.pose().is_some()).filter_map(|(position, _)| position);
         quantile(measured.map(|(tip, _)| tip.z).collect(), 0.5)
     }
 
     /// Each frame's own measurement.
     fn raw(&self, run: &TrackedRun) -> impl Iterator<Item = Sample> {
         let measured = run.filter.measurements().zip(run.frames.iter());
-        measured.filter_map(|(position, frame)| Some(self.raw_sample(position?, frame.pose.as_ref()?, frame.instant)))
+        measured.filter_map(|(position, frame)| Some(self.raw_sample(position?, frame.pose()?, frame.instant)))
     }
 
     /// The causal path. It ends within a gap that only the second pass bridges.
@@ -101,10 +101,10 @@ impl ToolMotion {
     }
 
     fn sample(&self, run: &TrackedRun, place: usize, state: &KalmanState) -> Sample {
-        let RunFrame { instant, pose, .. } = &run.frames[place];
-        let seen = if pose.is_some() { SampleState::Observed } else { SampleState::Predicted };
+        let frame = &run.frames[place];
+        let seen = if frame.pose().is_some() { SampleState::Observed } else { SampleState::Predicted };
         let pose = run.last_measured(place).1;
-        state_sample(state, pose, self.tool, *instant, seen, &self.camera, self.fulcrum.as_ref())
+        state_sample(state, pose, self.tool, frame.instant, seen, &self.camera, self.fulcrum.as_ref())
     }
 
     fn raw_sample(&self, (tip, covariance): MeasuredPosition, pose: &PastPose, instant: FrameInstant) -> Sample {
@@ -133,8 +133,24 @@ pub struct TrackedRun {
 #[derive(Clone, Debug)]
 struct RunFrame {
     instant: FrameInstant,
-    pose: Option<PastPose>,
-    is_axis_measured: bool,
+    seen: Seen,
+}
+
+/// What was measured on a frame.
+#[derive(Clone, Debug)]
+enum Seen {
+    Tip(PastPose),
+    Axis,
+    Nothing,
+}
+
+impl RunFrame {
+    fn pose(&self) -> Option<&PastPose> {
+        match &self.seen {
+            Seen::Tip(pose) => Some(pose),
+            Seen::Axis | Seen::Nothing => None,
+        }
+    }
 }
 
 /// What moved the filter's state on a frame.
@@ -151,38 +167,38 @@ impl TrackedRun {
     /// Adds the next frame: the filter's state, the acceleration density that it used since the previous frame,
     /// mm²/s³, and what the state was updated with.
     pub fn add(&mut self, state: &KalmanState, noise_density: f64, instant: FrameInstant, update: StateUpdate<'_>) {
-        let (measured, pose) = match update {
+        let (measured, seen) = match update {
             StateUpdate::Tip(pose) => {
-                (Some((pose.tube.tip, pose.changing_tip_covariance())), Some(PastPose::from(pose)))
+                (Some((pose.tube.tip, pose.changing_tip_covariance())), Seen::Tip(PastPose::from(pose)))
             }
-            StateUpdate::Axis(position) => (Some(position), None),
-            StateUpdate::None => (None, None),
+            StateUpdate::Axis(position) => (Some(position), Seen::Axis),
+            StateUpdate::None => (None, Seen::Nothing),
         };
         self.filter.push(instant.1, state, noise_density, measured);
-        self.frames.push(RunFrame { instant, pose, is_axis_measured: measured.is_some() });
+        self.frames.push(RunFrame { instant, seen });
     }
 
     /// Number of frames, and number of frames with a measurement.
     pub fn frame_counts(&self) -> (u64, u64) {
-        (self.frames.len() as u64, self.frames.iter().filter(|frame| frame.pose.is_some()).count() as u64)
+        (self.frames.len() as u64, self.frames.iter().filter(|frame| frame.pose().is_some()).count() as u64)
     }
 
     /// Time and pose of the last measurement up to and including a frame, s.
     fn last_measured(&self, place: usize) -> (f64, Option<&PastPose>) {
-        let seen = (0..=place).rev().map(|place| &self.frames[place]).find(|frame| frame.pose.is_some());
-        seen.map_or((f64::NEG_INFINITY, None), |frame| (frame.instant.1, frame.pose.as_ref()))
+        let seen = (0..=place).rev().map(|place| &self.frames[place]).find(|frame| frame.pose().is_some());
+        seen.map_or((f64::NEG_INFINITY, None), |frame| (frame.instant.1, frame.pose()))
     }
 
     /// When the axis was measured last up to and including a frame, with the tip or without it, s.
     fn last_axis_s(&self, place: usize) -> f64 {
         let mut before = (0..=place).rev().map(|place| &self.frames[place]);
-        before.find(|frame| frame.is_axis_measured).map_or(f64::NEG_INFINITY, |frame| frame.instant.1)
+        before.find(|frame| !matches!(frame.seen, Seen::Nothing)).map_or(f64::NEG_INFINITY, |frame| frame.instant.1)
     }
 
     /// Number of frames in the smoothed path: up to the last measured one. By then it is known that the tool did not
     /// return, and every later position would be a guess.
     fn smoothed_frames(&self) -> usize {
-        (0..self.frames.len()).rev().find(|place| self.frames[*place].pose.is_some()).map_or(0, |last| last + 1)
+        (0..self.frames.len()).rev().find(|place| self.frames[*place].pose().is_some()).map_or(0, |last| last + 1)
     }
 }
 

@@ -12,8 +12,6 @@ use crate::vision::reason::MissReason;
 pub struct FrameRecord {
     /// The measurement, before it was steadied.
     pub pose: Option<StoredPose>,
-    /// The axis of a bare tool whose tip is hidden.
-    pub axis: Option<AxisLine>,
     /// The fit is good enough to be used in the adjustment.
     pub is_good: bool,
     /// Why there is no measurement, or why it was rejected.
@@ -26,7 +24,7 @@ impl FrameRecord {
         match measured {
             Ok(m) => {
                 let is_good = m.grade() == Grade::Good;
-                Self { pose: Some(StoredPose::from(&m.estimate)), axis: None, is_good, reason: None }
+                Self { pose: Some(StoredPose::from(&m.estimate)), is_good, reason: None }
             }
             Err(reason) => Self::missed(*reason),
         }
@@ -34,7 +32,7 @@ impl FrameRecord {
 
     /// The record of a frame without a measurement.
     pub fn missed(reason: MissReason) -> Self {
-        Self { pose: None, axis: None, is_good: false, reason: Some(reason) }
+        Self { pose: None, is_good: false, reason: Some(reason) }
     }
 
     /// The measurement, with its covariance.
@@ -43,22 +41,31 @@ impl FrameRecord {
     }
 }
 
+/// The place of a frame in its recording, and the axis that was measured on it.
+pub type PlacedAxis = (usize, AxisLine);
+
 /// The records of a recording in progress, packed.
 #[derive(Default)]
 pub struct PackedRecords {
     poses: PackedPoses,
     /// The axes, with their frames' places.
-    axes: Vec<(usize, AxisLine)>,
+    axes: Vec<PlacedAxis>,
     /// Per frame: is there a pose, is it good, and the reason.
     others: Blocks<(bool, bool, Option<MissReason>)>,
 }
 
 impl PackedRecords {
-    /// Takes the next record.
-    pub fn push(&mut self, FrameRecord { pose, axis, is_good, reason }: FrameRecord) {
+    /// Takes the next record, and the axis of a bare tool whose tip is hidden.
+    pub fn push(&mut self, FrameRecord { pose, is_good, reason }: FrameRecord, axis: Option<AxisLine>) {
         self.axes.extend(axis.map(|axis| (self.others.len(), axis)));
         pose.iter().for_each(|pose| self.poses.push(pose));
         self.others.push((pose.is_some(), is_good, reason));
+    }
+
+    /// The axes of a bare tool whose tip was hidden, with their frames' places. They are few, so that they are not in the
+    /// frames' records.
+    pub fn take_axes(&mut self) -> Vec<PlacedAxis> {
+        std::mem::take(&mut self.axes)
     }
 
     /// The same frames with all measurements withdrawn.
@@ -70,21 +77,19 @@ impl PackedRecords {
     /// Unpacks the records, and frees the packed memory on the way.
     pub fn unpack(self) -> Blocks<FrameRecord> {
         let mut poses = self.poses.unpack();
-        let mut axes = self.axes.into_iter().peekable();
-        let record = |(place, (has_pose, is_good, reason)): (usize, (bool, bool, _))| FrameRecord {
+        let record = |(has_pose, is_good, reason): (bool, bool, _)| FrameRecord {
             pose: if has_pose { poses.next() } else { None },
-            axis: axes.next_if(|(of, _)| *of == place).map(|(_, axis)| axis),
             is_good,
             reason,
         };
-        self.others.into_iter().enumerate().map(record).collect()
+        self.others.into_iter().map(record).collect()
     }
 }
 
 impl FromIterator<FrameRecord> for PackedRecords {
     fn from_iter<I: IntoIterator<Item = FrameRecord>>(records: I) -> Self {
         let mut all = Self::default();
-        records.into_iter().for_each(|record| all.push(record));
+        records.into_iter().for_each(|record| all.push(record, None));
         all
     }
 }

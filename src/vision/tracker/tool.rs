@@ -135,7 +135,7 @@ impl ToolTracker {
         measured: &Result<Measurement, MissReason>,
         axis: Option<AxisLine>,
     ) -> ToolFrameResult {
-        self.records.push(FrameRecord { axis, ..FrameRecord::new(measured) });
+        self.records.push(FrameRecord::new(measured), axis);
         let result = self.accept(scene, measured, axis);
         self.learn(scene, measured.as_ref().ok(), &result);
         result

@@ -27,11 +27,10 @@ fn pose(tool: usize, frame: usize) -> TubeEstimate {
 }
 
 fn seen(estimate: TubeEstimate) -> FrameRecord {
-    FrameRecord { pose: Some(StoredPose::from(&estimate)), axis: None, is_good: true, reason: None }
+    FrameRecord { pose: Some(StoredPose::from(&estimate)), is_good: true, reason: None }
 }
 
-const UNSEEN: FrameRecord =
-    FrameRecord { pose: None, axis: None, is_good: false, reason: Some(MissReason::NoMarkerColour) };
+const UNSEEN: FrameRecord = FrameRecord { pose: None, is_good: false, reason: Some(MissReason::NoMarkerColour) };
 
 /// Records of both tools, made by `of` for each tool and frame.
 fn records(of: impl Fn(usize, usize) -> FrameRecord) -> Records {

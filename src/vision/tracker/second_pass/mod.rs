@@ -9,7 +9,7 @@ use std::ops::Range;
 use super::blocks::Blocks;
 use super::gaps::{self, FrameMargin};
 use super::motion::{FrameInstant, StateUpdate, ToolMotion, TrackedRun};
-use super::record::FrameRecord;
+use super::record::{FrameRecord, PlacedAxis};
 use super::report::{DiameterBasis, EffectiveDiameter, ToolQuality};
 use super::settings::{MotionSettings, ToolSpec};
 use crate::vision::camera::Camera;
@@ -26,7 +26,7 @@ use crate::vision::trajectory::PathKind;
 
 /// Runs the second pass over one tool's records. A trocar is assumed only for a band with a shaft behind it.
 pub fn run(
-    records: Blocks<FrameRecord>,
+    (records, axes): (Blocks<FrameRecord>, Vec<PlacedAxis>),
     seen_shaft: &SeenShaft,
     spec: &ToolSpec,
     tool: usize,
@@ -40,6 +40,7 @@ pub fn run(
     let border_residual_px = rms(records.iter().filter_map(|r| r.pose.as_ref()).map(StoredPose::residual_px));
     let mut rework = SecondPass::new(tool, camera, motion);
     rework.motion.fulcrum = adjustment.as_ref().and_then(Adjustment::well_known_fulcrum);
+    let mut axes = axes.into_iter().peekable();
     let mut reasons = Vec::with_capacity(instants.len());
     for (frame, (record, instant)) in records.into_iter().zip(instants).enumerate() {
         let is_isolated = islands.iter().any(|island| island.contains(&frame));
@@ -49,7 +50,8 @@ pub fn run(
             Some(_) => confirm(record.estimate(), adjustment.as_ref()).map_err(Some),
         };
         let rejected = confirmed.err().flatten();
-        reasons.push(rework.add_frame(*instant, confirmed.ok(), record.axis, record.reason.or(rejected)));
+        let axis = axes.next_if(|(place, _)| *place == frame).map(|(_, axis)| axis);
+        reasons.push(rework.add_frame(*instant, confirmed.ok(), axis, record.reason.or(rejected)));
     }
     let (motion, quality) = rework.finish();
     let rim = FrameMargin::new(camera, spec.band_length_mm());

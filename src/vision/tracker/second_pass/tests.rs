@@ -119,7 +119,7 @@ fn a_few_measurements_between_two_gaps_are_not_believed() {
         let pose = StoredPose::from(&pose(Point3::new(0.0, 0.0, 150.0)));
         let record = |frame: usize| {
             let is_seen = seen.iter().any(|piece| piece.contains(&frame));
-            FrameRecord { pose: is_seen.then_some(pose), axis: None, is_good: false, reason: None }
+            FrameRecord { pose: is_seen.then_some(pose), is_good: false, reason: None }
         };
         isolated_runs(&(0..60).map(record).collect(), &instants, 0.2)
     };
@@ -137,9 +137,10 @@ fn a_trocar_is_assumed_only_for_a_band_with_a_shaft() {
     let spec = ToolSpec { name, colour, side: None, diameter_mm: 5.0, marker: Marker::Band { length_mm: Some(20.0) } };
     let basis = |seen_shaft: &SeenShaft| {
         let pose = StoredPose::from(&pose(Point3::new(0.0, 0.0, 150.0)));
-        let record = || FrameRecord { pose: Some(pose), axis: None, is_good: true, reason: None };
+        let record = || FrameRecord { pose: Some(pose), is_good: true, reason: None };
         let records = (0..40).map(|_| record()).collect();
-        let (_, quality) = run(records, seen_shaft, &spec, 0, &instants, &CAMERA, &MotionSettings::default());
+        let (_, quality) =
+            run((records, Vec::new()), seen_shaft, &spec, 0, &instants, &CAMERA, &MotionSettings::default());
         quality.effective_diameter.unwrap().basis
     };
     let shaft = |by_hand| {
