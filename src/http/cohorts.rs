@@ -50,7 +50,8 @@ pub async fn list(
     by: Member,
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<CohortResponse>>> {
-    let cohorts = app.store.cohorts().list(&by.scope, &paging.request(app.settings.page_items)?).await?;
+    let page = paging.request("cohorts", app.settings.page_items)?;
+    let cohorts = app.store.cohorts().list(&by.scope, &page).await?;
     Ok(Json(PageResponse::of(cohorts, CohortResponse::from)))
 }
 
@@ -85,7 +86,7 @@ pub async fn members(
     PathKey(key): PathKey,
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<TraineeId>>> {
-    let page = paging.request(app.settings.page_items)?;
+    let page = paging.request("cohort-members", app.settings.page_items)?;
     let members = app.store.cohorts().members(&by.scope, &key, &page).await?;
     Ok(Json(PageResponse::of(members, |id| id)))
 }

@@ -91,7 +91,7 @@ pub async fn list(
     by: Member,
     Params(which): Params<JobsQuery>,
 ) -> HandlerResult<Json<PageResponse<JobResponse>>> {
-    let page = Paging::new(which.limit, which.cursor).request(app.settings.page_items)?;
+    let page = Paging::new(which.limit, which.cursor).request("jobs", app.settings.page_items)?;
     let jobs = app.store.jobs().list(&by.scope, which.open, &page).await?;
     Ok(Json(PageResponse::of(jobs, JobResponse::from)))
 }

@@ -49,7 +49,7 @@ pub async fn list(
     by: Administrator,
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<PersonResponse>>> {
-    let page = paging.request(app.settings.page_items)?;
+    let page = paging.request("people", app.settings.page_items)?;
     let people = app.store.people().list(&by.scope, &page).await?;
     Ok(Json(PageResponse::of(people, PersonResponse::from)))
 }

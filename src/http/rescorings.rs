@@ -141,7 +141,7 @@ pub async fn list(
     by: Administrator,
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<RescoringResponse>>> {
-    let page = paging.request(app.settings.page_items)?;
+    let page = paging.request("rescorings", app.settings.page_items)?;
     Ok(Json(PageResponse::of(app.store.rescorings().list(&by.scope, &page).await?, RescoringResponse::from)))
 }
 
@@ -176,7 +176,7 @@ pub async fn sessions(
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<RescoredSession>>> {
     let limit = paging.limit().unwrap_or(app.settings.page_items).min(MAX_SESSIONS_PER_PAGE);
-    let page = paging.at_most(limit).request(limit)?;
+    let page = paging.at_most(limit).request("rescored-sessions", limit)?;
     let store::Page { items, next } = app.store.rescorings().items(&by.scope, at.id()?, &page).await?;
     let mut shown = Vec::with_capacity(items.len());
     for item in items {
@@ -202,7 +202,7 @@ pub async fn trainees(
     at: PathKey,
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<RescoredTrainee>>> {
-    let page = paging.request(app.settings.page_items)?;
+    let page = paging.request("rescored-trainees", app.settings.page_items)?;
     let trainees = app.store.rescorings().trainees(&by.scope, at.id()?, &page).await?;
     Ok(Json(PageResponse::of(trainees, RescoredTrainee::from)))
 }

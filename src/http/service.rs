@@ -215,7 +215,7 @@ pub async fn audit(
     by: Administrator,
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<AuditChange>>> {
-    let page = paging.request(app.settings.page_items)?;
+    let page = paging.request("audit-entries", app.settings.page_items)?;
     Ok(Json(PageResponse::of(app.store.audit().list(&by.scope, &page).await?, AuditChange::from)))
 }
 

@@ -89,8 +89,9 @@ impl Paging {
         Self { limit: self.limit.map(|limit| limit.min(most)), ..self }
     }
 
-    /// Checks limit and cursor and makes the store's page request; `usual` is the default limit.
-    pub fn request(self, usual: u32) -> Result<PageRequest, ProblemResponse> {
+    /// Checks limit and cursor and makes the store's page request. `list` is a name that no other list has, since only
+    /// cursors of this list are accepted; `usual` is the default limit.
+    pub fn request(self, list: &'static str, usual: u32) -> Result<PageRequest, ProblemResponse> {
         let limit = self.limit.unwrap_or(usual);
         if !(1..=PageRequest::MAX_LIMIT).contains(&limit) {
             return Err(ProblemResponse::invalid(
@@ -98,9 +99,9 @@ impl Paging {
                 format!("is {limit}; expected 1 to {}", PageRequest::MAX_LIMIT),
             ));
         }
-        let after = self.cursor.as_deref().map(str::parse::<Cursor>).transpose();
-        let after = after.map_err(|damaged| ProblemResponse::invalid("cursor", damaged))?;
-        Ok(PageRequest::new(limit, after))
+        let after = self.cursor.map(|cursor| Cursor::parse(&cursor, list)).transpose();
+        let after = after.map_err(|unusable| ProblemResponse::invalid("cursor", unusable))?;
+        Ok(PageRequest::new(limit, after).of_list(list))
     }
 }
 

@@ -2,46 +2,52 @@
 //! nor hide another row.
 
 use std::fmt;
-use std::str::FromStr;
 
 use base64::Engine;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 
-/// The place in a list where a page ended. As text it has a check sum, so that a damaged cursor is recognised and not
-/// taken for another place; its characters need no encoding in an address.
+/// The place in a list where a page ended. As text it has a check sum of the list's name and the place, so that a
+/// damaged cursor and one of another list are recognised and not taken for another place. Its characters need no
+/// encoding in an address.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Cursor(String);
+pub struct Cursor {
+    list: &'static str,
+    key: String,
+}
 
-/// Text that is no cursor, or a damaged one.
+/// Text that is no cursor of the list, or a damaged one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "is not a cursor of this service, or is damaged: use `next` of the previous page, or no cursor for the first one"
-)]
+#[error("is not a cursor of this list, or is damaged: use `next` of the previous page, or no cursor for the first one")]
 pub struct NotACursor;
 
-impl fmt::Display for Cursor {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let check_sum = crc32fast::hash(self.0.as_bytes()).to_be_bytes();
-        f.write_str(&URL_SAFE_NO_PAD.encode([check_sum.as_slice(), self.0.as_bytes()].concat()))
+impl Cursor {
+    /// Reads the text of a cursor of the list with this name.
+    pub fn parse(text: &str, list: &'static str) -> Result<Self, NotACursor> {
+        let bytes = URL_SAFE_NO_PAD.decode(text).map_err(|_| NotACursor)?;
+        let (stated, key) = bytes.split_first_chunk::<4>().ok_or(NotACursor)?;
+        if check_sum(list, key) != *stated {
+            return Err(NotACursor);
+        }
+        String::from_utf8(key.to_vec()).map(|key| Self { list, key }).map_err(|_| NotACursor)
     }
 }
 
-impl FromStr for Cursor {
-    type Err = NotACursor;
+fn check_sum(list: &str, key: &[u8]) -> [u8; 4] {
+    crc32fast::hash(&[list.as_bytes(), &[0], key].concat()).to_be_bytes()
+}
 
-    fn from_str(text: &str) -> Result<Self, NotACursor> {
-        let bytes = URL_SAFE_NO_PAD.decode(text).map_err(|_| NotACursor)?;
-        let (check_sum, key) = bytes.split_first_chunk::<4>().ok_or(NotACursor)?;
-        if crc32fast::hash(key) != u32::from_be_bytes(*check_sum) {
-            return Err(NotACursor);
-        }
-        String::from_utf8(key.to_vec()).map(Self).map_err(|_| NotACursor)
+impl fmt::Display for Cursor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let key = self.key.as_bytes();
+        f.write_str(&URL_SAFE_NO_PAD.encode([check_sum(self.list, key).as_slice(), key].concat()))
     }
 }
 
 /// Which part of a list to return.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PageRequest {
+    /// Name of the list, for the text of the next page's cursor; empty if the cursor is not sent.
+    list: &'static str,
     /// Maximum number of items, 1 to [`PageRequest::MAX_LIMIT`].
     limit: u32,
     /// Cursor of the previous page; `None` for the first page.
@@ -54,7 +60,12 @@ impl PageRequest {
 
     /// The page of `limit` items after this cursor; `limit` is clamped to the allowed range.
     pub fn new(limit: u32, after: Option<Cursor>) -> Self {
-        Self { limit: limit.clamp(1, Self::MAX_LIMIT), after }
+        Self { list: "", limit: limit.clamp(1, Self::MAX_LIMIT), after }
+    }
+
+    /// The same page of a list with this name, for a client that gets the next page's cursor.
+    pub fn of_list(self, list: &'static str) -> Self {
+        Self { list, ..self }
     }
 
     /// Number of rows to query: one more than the page holds, to know whether there is a next page.
@@ -64,7 +75,7 @@ impl PageRequest {
 
     /// The sort key after which the page begins, to bind in the query.
     pub(super) fn after(&self) -> Option<&str> {
-        self.after.as_ref().map(|cursor| cursor.0.as_str())
+        self.after.as_ref().map(|cursor| cursor.key.as_str())
     }
 }
 
@@ -88,7 +99,7 @@ impl<T> Page<T> {
     pub(super) fn from_rows(mut rows: Vec<T>, request: &PageRequest, sort_key: impl Fn(&T) -> String) -> Self {
         let more = rows.len() as i64 == request.row_limit();
         rows.truncate(request.limit as usize);
-        let next = rows.last().filter(|_| more).map(sort_key).map(Cursor);
+        let next = rows.last().filter(|_| more).map(|last| Cursor { list: request.list, key: sort_key(last) });
         Self { items: rows, next }
     }
 
@@ -103,20 +114,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cursor_survives_its_text_and_a_damaged_one_is_refused() {
+    fn a_cursor_survives_its_text_and_a_damaged_or_foreign_one_is_refused() {
         for key in ["", "peg", "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44", "1.2.3.x", "Grundkurs für Anfänger"] {
-            let cursor = Cursor(key.to_owned());
+            let cursor = Cursor { list: "people", key: key.to_owned() };
             let text = cursor.to_string();
-            assert_eq!(text.parse::<Cursor>(), Ok(cursor), "{text}");
+            assert_eq!(Cursor::parse(&text, "people"), Ok(cursor), "{text}");
+            for other in ["tasks", "peoplf", "peopl", "people-of-a-group", ""] {
+                assert_eq!(Cursor::parse(&text, other), Err(NotACursor), "{text} as one of `{other}`");
+            }
             for at in 0..text.len() {
                 let other = if text.as_bytes()[at] == b'A' { "B" } else { "A" };
                 let changed = [&text[..at], other, &text[at + 1..]].concat();
-                assert_eq!(changed.parse::<Cursor>(), Err(NotACursor), "{changed}");
-                assert_eq!(text[..at].parse::<Cursor>(), Err(NotACursor), "{}", &text[..at]);
+                assert_eq!(Cursor::parse(&changed, "people"), Err(NotACursor), "{changed}");
+                assert_eq!(Cursor::parse(&text[..at], "people"), Err(NotACursor), "{}", &text[..at]);
             }
         }
         for text in ["peg", "17", "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44", "%", "🪡"] {
-            assert_eq!(text.parse::<Cursor>(), Err(NotACursor), "{text}");
+            assert_eq!(Cursor::parse(text, "people"), Err(NotACursor), "{text}");
         }
     }
 }

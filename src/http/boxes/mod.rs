@@ -92,7 +92,7 @@ pub async fn list(
     by: Member,
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<BoxResponse>>> {
-    let page = paging.request(app.settings.page_items)?;
+    let page = paging.request("boxes", app.settings.page_items)?;
     let store::Page { items, next } = app.store.boxes().list(&by.scope, &page).await?;
     let mut shown = Vec::with_capacity(items.len());
     for found in items {

@@ -97,7 +97,7 @@ pub async fn list(
     by: Member,
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<CoursePlan>>> {
-    let page = paging.request(app.settings.page_items)?;
+    let page = paging.request("courses", app.settings.page_items)?;
     let courses = app.store.courses().list(&by.scope, &page).await?;
     Ok(Json(PageResponse::of(courses, |course| CoursePlan::new(course, &by.scope))))
 }

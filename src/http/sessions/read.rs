@@ -57,7 +57,7 @@ pub async fn list(
     Params(which): Params<SessionsQuery>,
 ) -> HandlerResult<Json<PageResponse<SessionResponse>>> {
     let SessionsQuery { trainee, task, in_box, status, limit, cursor } = which;
-    let page = Paging::new(limit, cursor).request(app.settings.page_items)?;
+    let page = Paging::new(limit, cursor).request("sessions", app.settings.page_items)?;
     let filter = SessionFilter { trainee, task, in_box, status, only_counting: false };
     let store::Page { items, next } = app.store.sessions().list(&by.scope, &filter, &page).await?;
     let (mut shown, mut standards) = (Vec::with_capacity(items.len()), HashMap::new());

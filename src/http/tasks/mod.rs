@@ -60,7 +60,7 @@ pub async fn list(
     by: Member,
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<TaskResponse>>> {
-    let page = paging.request(app.settings.page_items)?;
+    let page = paging.request("tasks", app.settings.page_items)?;
     let tasks = app.store.tasks().list(&by.scope, &page).await?;
     Ok(Json(PageResponse::of(tasks, |task| TaskResponse::new(task, &by.scope))))
 }

@@ -55,7 +55,7 @@ pub async fn list(
     by: Member,
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<TraineeResponse>>> {
-    let page = paging.request(app.settings.page_items)?;
+    let page = paging.request("trainees", app.settings.page_items)?;
     let trainees = app.store.trainees().list(&by.scope, &page).await?;
     Ok(Json(PageResponse::of(trainees, |trainee| TraineeResponse::new(trainee, &by.scope))))
 }

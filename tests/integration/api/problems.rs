@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use reqwest::{Method, RequestBuilder, Response, header};
 use serde_json::{Value, json};
 
-use super::centre::Centre;
+use super::centre::{Centre, recording, session};
 use super::documents::operations;
 use crate::support::{Client, problem};
 
@@ -126,7 +126,9 @@ async fn every_list_refuses_a_text_that_is_no_cursor_and_a_damaged_one() {
     let has_cursor = |operation: &Value| {
         operation["parameters"].as_array().is_some_and(|all| all.iter().any(|one| one["name"] == "cursor"))
     };
-    let mut lists = 0;
+    session(&centre.administrator, "ada", recording(100, 1)).await;
+    session(&centre.administrator, "ada", recording(100, 2)).await;
+    let (mut lists, mut cursors) = (Vec::new(), Vec::new());
     for (path, method, operation) in operations(&document) {
         if !has_cursor(operation) {
             continue;
@@ -138,14 +140,29 @@ async fn every_list_refuses_a_text_that_is_no_cursor_and_a_damaged_one() {
             _ => MISSING,
         };
         let path = filled(&path, id);
-        for cursor in ["", "x", "17", "peg", MISSING, "1.2.3", &whole[1..], &whole[..whole.len() - 1]] {
-            let answer = centre.administrator.get(&format!("{path}?cursor={cursor}")).await;
-            let refused = problem(answer, 422, "invalid").await;
-            assert_eq!(refused["errors"][0]["field"], "cursor", "{path}: {refused}");
-            let what_to_do = refused["detail"].as_str().unwrap();
-            assert!(what_to_do.contains("use `next` of the previous page"), "{path}: {refused}");
+        let first: Value = centre.administrator.get(&format!("{path}?limit=1")).await.json().await.unwrap();
+        if let Some(next) = first["next"].as_str() {
+            centre.administrator.read(&format!("{path}?limit=1&cursor={next}")).await;
+            cursors.push((path.clone(), next.to_owned()));
         }
-        lists += 1;
+        for cursor in ["", "x", "17", "peg", MISSING, "1.2.3", &whole[1..], &whole[..whole.len() - 1]] {
+            assert_cursor_is_refused(&centre, &path, cursor).await;
+        }
+        lists.push(path);
     }
-    assert!(lists >= 14, "{lists} lists were tried");
+    assert!(lists.len() >= 14, "{lists:?}");
+    assert!(cursors.len() >= 4, "{cursors:?}");
+    for list in &lists {
+        for (_, foreign) in cursors.iter().filter(|(of, _)| of != list) {
+            assert_cursor_is_refused(&centre, list, foreign).await;
+        }
+    }
+}
+
+async fn assert_cursor_is_refused(centre: &Centre, list: &str, cursor: &str) {
+    let answer = centre.administrator.get(&format!("{list}?cursor={cursor}")).await;
+    let refused = problem(answer, 422, "invalid").await;
+    assert_eq!(refused["errors"][0]["field"], "cursor", "{list}: {refused}");
+    let what_to_do = refused["detail"].as_str().unwrap();
+    assert!(what_to_do.contains("use `next` of the previous page"), "{list}: {refused}");
 }
