@@ -45,28 +45,33 @@ pub enum Event {
     Queue,
 }
 
-/// Broadcasts events to all subscribers. Clones share one channel.
+/// Broadcasts events, or what is prepared from them, to all subscribers. Clones share one channel.
 #[derive(Clone, Debug)]
-pub struct EventBus(broadcast::Sender<Event>);
+pub struct EventBus<T = Event>(broadcast::Sender<T>);
 
-impl EventBus {
+impl<T: Clone> EventBus<T> {
     /// A bus without subscribers.
     pub fn new() -> Self {
         Self(broadcast::Sender::new(MAX_BACKLOG))
     }
 
     /// Sends an event to all subscribers; does nothing if there are none.
-    pub fn publish(&self, event: Event) {
+    pub fn publish(&self, event: T) {
         let _ = self.0.send(event); // the only error is that there are no subscribers
     }
 
     /// Subscribes to all events from now on.
-    pub fn subscribe(&self) -> EventSubscriber {
+    pub fn subscribe(&self) -> EventSubscriber<T> {
         EventSubscriber(self.0.subscribe())
+    }
+
+    /// True if an event that is published now has a subscriber.
+    pub fn has_subscribers(&self) -> bool {
+        self.0.receiver_count() > 0
     }
 }
 
-impl Default for EventBus {
+impl<T: Clone> Default for EventBus<T> {
     fn default() -> Self {
         Self::new()
     }
@@ -74,20 +79,20 @@ impl Default for EventBus {
 
 /// What a subscriber receives.
 #[derive(Clone, Debug, PartialEq)]
-pub enum EventDelivery {
+pub enum EventDelivery<T = Event> {
     /// Something changed.
-    Event(Event),
+    Event(T),
     /// The subscriber was too slow and missed this many events: it has to read the state again.
     Missed(u64),
 }
 
 /// One subscriber's end of the channel.
 #[derive(Debug)]
-pub struct EventSubscriber(broadcast::Receiver<Event>);
+pub struct EventSubscriber<T = Event>(broadcast::Receiver<T>);
 
-impl EventSubscriber {
+impl<T: Clone> EventSubscriber<T> {
     /// The next event; `None` once every [`EventBus`] clone is dropped.
-    pub async fn next(&mut self) -> Option<EventDelivery> {
+    pub async fn next(&mut self) -> Option<EventDelivery<T>> {
         match self.0.recv().await {
             Ok(event) => Some(EventDelivery::Event(event)),
             Err(RecvError::Lagged(count)) => Some(EventDelivery::Missed(count)),

@@ -234,9 +234,12 @@ pub async fn start(
         open: OpenFeeds::default(),
         cpu_slots: Arc::default(),
     });
+    let quick_analysis =
+        QuickAnalysis::new(vault.clone(), child.clone(), settings.analysis.clone(), clock.clone(), shutdown.clone());
     let parts = AppParts {
         throttle: Throttle::new(settings.http.free_attempts, clock.clone()),
         open_sign_ins: OpenSignIns::default(),
+        prepared_events: EventBus::new(),
         password_hasher: PasswordHasher::default(),
         watcher_slots: ConnectionSlots::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
         heavy_answers: HeavyAnswers::new(&settings.http),
@@ -247,13 +250,7 @@ pub async fn start(
         service_info: service_info(&settings, clock.now_ms()),
         shutdown: shutdown.clone(),
         cohorts: Cohorts::new(store.clone(), clock.clone()),
-        quick_analysis: QuickAnalysis::new(
-            vault.clone(),
-            child.clone(),
-            settings.analysis.clone(),
-            clock.clone(),
-            shutdown.clone(),
-        ),
+        quick_analysis,
         store,
         vault,
         intake,
@@ -335,6 +332,8 @@ fn check_kernel(require_landlock: bool) -> anyhow::Result<()> {
 fn start_upkeep(app: &App, settings: &Settings) {
     let own = app.clone();
     app.shutdown.spawn(async move { own.end_streams_with_sign_ins().await });
+    let (own, events) = (app.clone(), app.events.subscribe());
+    app.shutdown.spawn(async move { own.prepare_events(events).await });
     let (queue, stop) = (app.queue.clone(), app.shutdown.clone());
     app.shutdown.spawn(async move { queue.keep_sweeping(&stop).await });
     let feeds = app.feeds.clone();

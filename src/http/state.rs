@@ -9,6 +9,7 @@ use super::auth::open_sign_ins::OpenSignIns;
 use super::auth::password::PasswordHasher;
 use super::auth::throttle::Throttle;
 use super::connection_slots::ConnectionSlots;
+use super::events::PreparedEvent;
 use super::heavy::HeavyAnswers;
 use super::settings::HttpSettings;
 use crate::analysis::QuickAnalysis;
@@ -41,6 +42,8 @@ pub struct AppParts {
     pub queue: Queue,
     /// Events about changes.
     pub events: EventBus,
+    /// The same events, prepared for the event streams.
+    pub prepared_events: EventBus<Arc<PreparedEvent>>,
     /// The clock.
     pub clock: SharedClock,
     /// The shutdown signal and the tasks to wait for.

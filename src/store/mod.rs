@@ -14,7 +14,7 @@
 //! | [`Store::cookies`] | `create` `known_place` `person_of` `is_valid` `valid_of` `of_person` `end` `delete` `forget_expired` `forget_all` |
 //! | [`Store::tokens`] | `create` `list` `of_person` `delete` `delete_own` `scope_of` |
 //! | [`Store::password_links`] | `create` `list` `withdraw` `look_up` `set_password` |
-//! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `groups` `change` `erase` |
+//! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `audience` `groups` `change` `erase` |
 //! | [`Store::tasks`] | `create` `list` `get` `changeable` `change` `delete` |
 //! | [`Store::standards`] | `add` `in_use` `in_use_of` `get` `list` |
 //! | [`Store::cohorts`] | `create` `list` `get` `members` `replace` `delete` `values` `values_seen` |
@@ -132,6 +132,7 @@ pub use tasks::{TaskRecord, TaskStore};
 pub use tokens::{ActsAs, NewToken, TokenRecord, TokenStore};
 pub use trainees::{TraineeRecord, TraineeStore};
 pub use uploads::{FinishedUpload, NewUpload, UploadRecord, UploadStore};
+pub use visibility::TraineeAudience;
 
 use crate::domain::scope::Scope;
 use crate::time::SharedClock;

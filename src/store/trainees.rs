@@ -8,7 +8,7 @@ use super::page::{Page, PageRequest};
 use super::pending_erasures::SELECT_ACCOUNT_OF_TRAINEE;
 use super::retention::forget_box_jobs_of_trainee;
 use super::tokens::withdraw_tokens;
-use super::visibility::{BindScope, require_staff};
+use super::visibility::{BindScope, SELECT_AUDIENCE, TraineeAudience, require_staff};
 use super::{Scope, Store, codes, skill_models};
 use crate::domain::role::Role;
 use crate::domain::text::{Code, Key, Name};
@@ -152,6 +152,12 @@ impl TraineeStore<'_> {
         let row = sqlx::query_as(SELECT_TRAINEE);
         let row = row.bind_scope(scope).bind(key).fetch_optional(self.0.readers()).await?;
         row.ok_or(not_found("trainee"))
+    }
+
+    /// The people who see a trainee. No person sees one that does not exist.
+    pub async fn audience(&self, trainee: TraineeId) -> StoreResult<TraineeAudience> {
+        let rows = sqlx::query_as(SELECT_AUDIENCE).bind(trainee).fetch_all(self.0.readers()).await?;
+        Ok(TraineeAudience(rows))
     }
 
     /// The names of the groups of a trainee in the scope; for an instructor of those that they teach.

@@ -14,12 +14,16 @@
 //! Trainees who wait for their erasure are hidden from all people, and so is all that belongs to them. Only the service's
 //! own work sees them: its `$2` is [`SERVICE`]. So each condition on trainees is followed by
 //! `($2 IS 'service' OR … NOT IN (SELECT trainee_id FROM pending_erasure))`; a test finds statements that lack it.
+//!
+//! Where hundreds of callers ask about one trainee at the same moment, one query reads its [`TraineeAudience`], which
+//! decides for each of them.
 
 use sqlx::Sqlite;
 use sqlx::query::{Query, QueryAs, QueryScalar};
 use sqlx::sqlite::{SqliteArguments, SqliteConnection, SqliteRow};
 
 use super::error::{StoreError, StoreResult, not_found};
+use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::ids::TraineeId;
 
@@ -63,6 +67,23 @@ const SELECT_VISIBLE_TRAINEE: &str = "
       AND ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))";
+
+pub(super) const SELECT_AUDIENCE: &str = "
+    SELECT role, subject FROM visible_trainee
+    WHERE trainee_id = $1 AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)";
+
+/// The people who saw a trainee when it was read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TraineeAudience(pub(super) Vec<(Role, String)>);
+
+impl TraineeAudience {
+    /// Whether this scope of a person or agent saw the trainee.
+    pub fn includes(&self, scope: &Scope) -> bool {
+        // Trainees see themselves, so only one that is missing or waits for erasure has no row.
+        let is_named = || scope.subject().is_some_and(|subject| self.0.contains(&(scope.role(), subject)));
+        !self.0.is_empty() && (scope.is_administrator() || is_named())
+    }
+}
 
 /// Does the scope reach this trainee?
 pub(super) async fn require_trainee(tx: &mut SqliteConnection, scope: &Scope, trainee: TraineeId) -> StoreResult<()> {

@@ -1,6 +1,8 @@
 //! Visibility: every role against every noun on personal data, for own, others' and missing things. Others' things must
 //! look exactly like missing ones.
 
+use std::time::Duration;
+
 use proptest::prelude::*;
 
 use crate::domain::role::Role;
@@ -104,6 +106,44 @@ async fn every_role_sees_its_own_and_others_look_like_missing() {
     }
     let others_job = ask(&centre.store, &agent, "job", &ana).await;
     assert!(matches!(others_job, Err(StoreError::NotFound { .. })), "{others_job:?}");
+}
+
+#[tokio::test]
+async fn an_audience_decides_like_a_query_of_each_person() {
+    let centre = TestCentre::with_camera_and_colours().await;
+    let store = &centre.store;
+    let (ana, ben) = (things_of(&centre, "Ana").await, things_of(&centre, "Ben").await);
+    let ana_herself = store.trainees().get(&Scope::service(), &Key::from(&ana.trainee)).await.unwrap();
+    let (ina, ino) =
+        (centre.person("ina", Role::Instructor, None).await, centre.person("ino", Role::Instructor, None).await);
+    centre.group("A", &[&ina], &[&ana_herself]).await;
+    centre.group("B", &[&ina, &ino], &[&ana_herself]).await;
+    let administrator = centre.person("ada", Role::Administrator, None).await.scope();
+    let own = |login, trainee| centre.person(login, Role::Trainee, Some(trainee));
+    let scopes = [
+        administrator.clone(),
+        ina.scope(),
+        ino.scope(),
+        own("ana", ana.trainee).await.scope(),
+        own("ben", ben.trainee).await.scope(),
+        Scope::agent(centre.the_box.id),
+    ];
+    for is_waiting in [false, true] {
+        if is_waiting {
+            let week = Duration::from_secs(7 * 86_400);
+            store.pending_erasures().request(&administrator, &Key::from(&ana.trainee), week).await.unwrap();
+        }
+        let mut seen = 0;
+        for things in [&ana, &ben, &missing()] {
+            let audience = store.trainees().audience(things.trainee).await.unwrap();
+            for scope in &scopes {
+                let sees = ask(store, scope, "trainee", things).await.is_ok();
+                assert_eq!(audience.includes(scope), sees, "{scope:?}");
+                seen += usize::from(sees);
+            }
+        }
+        assert_eq!(seen, if is_waiting { 2 } else { 6 }, "Ana waits for her erasure: {is_waiting}");
+    }
 }
 
 #[tokio::test]

@@ -49,6 +49,23 @@ impl Centre {
     }
 }
 
+/// Replaces the members of a group; `trainees` are codes.
+pub async fn set_members(centre: &Centre, group: &str, instructors: &[&str], trainees: &[&str]) {
+    let people = centre.administrator.read("/api/v1/people").await;
+    let account = |login: &&str| {
+        people["items"].as_array().unwrap().iter().find(|one| one["login"] == **login).unwrap()["id"].clone()
+    };
+    let mut members = json!({"instructors": instructors.iter().map(account).collect::<Vec<_>>(), "trainees": []});
+    for code in trainees {
+        let trainee = centre.administrator.read(&format!("/api/v1/trainees/{code}")).await;
+        members["trainees"].as_array_mut().unwrap().push(trainee["id"].clone());
+    }
+    let groups = centre.administrator.read("/api/v1/groups").await;
+    let found = groups["items"].as_array().unwrap().iter().find(|one| one["name"] == group).unwrap();
+    let path = format!("/api/v1/groups/{}/members", found["id"].as_str().unwrap());
+    assert!(centre.administrator.put(&path, members).await.status().is_success());
+}
+
 /// Creates a group with its people. Returns the group's id.
 async fn create_group(administrator: &Client, group: &str, trainee: &str, instructor: &str) -> Value {
     let group = administrator.make("/api/v1/groups", json!({"name": group})).await;

@@ -6,7 +6,7 @@ use futures_util::StreamExt;
 use reqwest::{StatusCode, header};
 use serde_json::{Value, json};
 
-use super::centre::{Centre, PASSWORD, recording, session};
+use super::centre::{Centre, PASSWORD, recording, session, set_members};
 use crate::support::{Client, let_time_pass, problem, read, soon};
 
 /// The events of one client, one at a time.
@@ -70,6 +70,46 @@ async fn a_new_session_is_announced_only_to_people_who_may_see_it() {
     let event = own.next_named("session").await;
     assert_eq!((&event["id"], &event["status"]), (&adas, &"queued".into()));
     assert_eq!(foreign.next_named("session").await["id"], bobs, "Ada's event came first and was not sent to Bob");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_open_stream_follows_the_rights_of_its_person() {
+    let centre = Centre::open().await;
+    let (mut ines, mut ada) = (Watcher::open(&centre.instructor).await, Watcher::open(&centre.trainee).await);
+    let mut number = 0;
+    let mut announce = async |trainee: &str| {
+        number += 1;
+        session(&centre.administrator, trainee, recording(100, number)).await["id"].clone()
+    };
+    let of_ada = announce("ada").await;
+    assert_eq!(ines.next_named("session").await["id"], of_ada);
+    assert_eq!(ada.next_named("session").await["id"], of_ada);
+
+    set_members(&centre, "One", &["ines"], &["bob"]).await;
+    let (of_ada, of_bob) = (announce("ada").await, announce("bob").await);
+    assert_eq!(ines.next_named("session").await["id"], of_bob, "Ada's event came first, after she had left the group");
+    assert_eq!(ada.next_named("session").await["id"], of_ada);
+
+    set_members(&centre, "One", &["ines"], &["ada"]).await;
+    let (_, of_ada) = (announce("bob").await, announce("ada").await);
+    assert_eq!(ines.next_named("session").await["id"], of_ada, "Bob's event came first");
+    assert_eq!(ada.next_named("session").await["id"], of_ada);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_open_page_gets_an_event_of_a_person_who_sees_the_trainee() {
+    let centre = Centre::open().await;
+    let clients = [&centre.administrator, &centre.instructor, &centre.trainee, &centre.other_instructor];
+    let mut pages = Vec::new();
+    for number in 0..40 {
+        pages.push((number, Watcher::open(clients[number % clients.len()]).await));
+    }
+    let of_ada = session(&centre.administrator, "ada", recording(100, 1)).await["id"].clone();
+    let of_bob = session(&centre.administrator, "bob", recording(100, 2)).await["id"].clone();
+    for (number, mut page) in pages {
+        let expected = if number % clients.len() == 3 { &of_bob } else { &of_ada };
+        assert_eq!(page.next_named("session").await["id"], *expected, "page {number}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
