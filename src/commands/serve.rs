@@ -37,6 +37,7 @@ use crate::http::connection_slots::ConnectionSlots;
 use crate::http::data_export::MAX_EXPORTS;
 use crate::http::heavy::HeavyAnswers;
 use crate::http::listeners::Listeners;
+use crate::http::sessions::WatchedSessions;
 use crate::http::state::{App, AppParts, ServiceInfo};
 use crate::http::tls::ServerCertificate;
 use crate::intake::Intake;
@@ -240,6 +241,7 @@ pub async fn start(
         throttle: Throttle::new(settings.http.free_attempts, clock.clone()),
         open_sign_ins: OpenSignIns::default(),
         prepared_events: EventBus::new(),
+        watched_sessions: WatchedSessions::default(),
         password_hasher: PasswordHasher::default(),
         watcher_slots: ConnectionSlots::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
         heavy_answers: HeavyAnswers::new(&settings.http),

@@ -11,6 +11,7 @@ use super::auth::throttle::Throttle;
 use super::connection_slots::ConnectionSlots;
 use super::events::PreparedEvent;
 use super::heavy::HeavyAnswers;
+use super::sessions::WatchedSessions;
 use super::settings::HttpSettings;
 use crate::analysis::QuickAnalysis;
 use crate::analysis::stored_rows::StoredIndexes;
@@ -44,6 +45,8 @@ pub struct AppParts {
     pub events: EventBus,
     /// The same events, prepared for the event streams.
     pub prepared_events: EventBus<Arc<PreparedEvent>>,
+    /// The sessions with live views.
+    pub watched_sessions: WatchedSessions,
     /// The clock.
     pub clock: SharedClock,
     /// The shutdown signal and the tasks to wait for.

@@ -26,7 +26,7 @@
 //! | [`Store::self_tests`] | `list` `light_since` |
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` |
 //! | [`Store::feeds`] | `open` `end` `forget` `forget_unfinished` `get` `unfinished` |
-//! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `result_with_edits` `evidence` `practice` `practice_of_many` `trainee_tasks` `last_task` `refused_since` `unrated_since` |
+//! | [`Store::sessions`] | `create` `list` `get` `shared` `retry` `erase` `result` `result_with_edits` `evidence` `practice` `practice_of_many` `trainee_tasks` `last_task` `refused_since` `unrated_since` |
 //! | [`Store::ratings`] | `give` `of_session` `has_rated` `given` `values` |
 //! | [`Store::comments`] | `add` `of_session` `withdraw` |
 //! | [`Store::edits`] | `of_session` `in_force` `add` `undo` |
@@ -123,7 +123,7 @@ pub use self_tests::{SelfTestLight, SelfTestRecord, SelfTestStore};
 pub use sender_limits::SenderLimits;
 pub use sessions::{
     AttentionItem, Practice, PracticeMeasurement, PracticeResult, PracticeSession, SessionFilter, SessionOrderKey,
-    SessionRecord, SessionResult, SessionStore, TraineeTask,
+    SessionRecord, SessionResult, SessionStore, SharedSession, TraineeTask,
 };
 pub use skill_models::{DeclaredSession, NewSkillModel, SkillModelRecord, SkillModelStore};
 pub use standards::{StandardRecord, StandardStore};

@@ -3,6 +3,7 @@
 //! Live values are not stored. The session's trajectory, smoothed once the recording is complete, is what counts. A
 //! slow watcher misses messages and receives their number.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::State;
@@ -16,6 +17,7 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{Instant, interval, interval_at, timeout};
 use utoipa::IntoParams;
 
+use super::watched::WatchedSession;
 use crate::analysis::protocol::{BareToolStage, FollowReply, FollowedFrame, FollowedTool, SeenSoFar, live_features};
 use crate::domain::files::quality::ConcernDocument;
 use crate::domain::scope::Scope;
@@ -26,13 +28,15 @@ use crate::http::auth::signed_in::{Member, SignedIn};
 use crate::http::error::{HandlerResult, Refusal, busy};
 use crate::http::read::{Params, PathKey};
 use crate::http::state::App;
-use crate::ids::SessionId;
+use crate::ids::TaskId;
 use crate::live::{EncodedMessage, FeedWatcher, SharedReply, TrackingState};
 
 /// How often to check whether a recording without a sender has resumed or ended.
 const POLL_INTERVAL: Duration = Duration::from_secs(1);
 /// How often to check that the watcher may still see the session.
-const PERMISSION_CHECK_INTERVAL: Duration = Duration::from_secs(5);
+const PERMISSION_CHECK_INTERVAL: Duration = Duration::from_secs(4);
+/// How old the reading of the session may be for this check; so a lost right is noticed within five seconds.
+const MAX_READING_AGE: Duration = Duration::from_secs(1);
 /// How long a watcher may take to receive one message, or the messages of one reply.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 /// Size of a watcher's buffer: the messages of one reply without its picture, so that a reply takes one write.
@@ -213,10 +217,11 @@ pub async fn live(
             .with("This address accepts only WebSocket connections. docs/live.md describes the protocol.")
     })?;
     origin::refuse_foreign(&headers)?;
-    let session = app.store.sessions().get(&by.scope, at.id()?).await?.id;
+    let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let full = || busy("Too many pages are open. Close a page that you no longer need, then try again.");
     let place = app.watcher_slots.take(&by.scope).ok_or_else(full)?;
-    let watcher = Watcher { app, scope: by.scope, headers, session, pictures: watched.pictures };
+    let (shared, task) = (app.watched_sessions.watch(session.id), session.task_id);
+    let watcher = Watcher { app, scope: by.scope, headers, session: shared, task, pictures: watched.pictures };
     // A watcher sends no messages, so small buffers are enough.
     let upgrade = upgrade.max_message_size(1024).max_frame_size(1024).read_buffer_size(1024);
     let upgrade = upgrade.write_buffer_size(WRITE_BUFFER_BYTES);
@@ -233,7 +238,8 @@ struct Watcher {
     app: App,
     scope: Scope,
     headers: HeaderMap,
-    session: SessionId,
+    session: Arc<WatchedSession>,
+    task: TaskId,
     pictures: bool,
 }
 
@@ -264,14 +270,13 @@ impl Watcher {
     /// Sends messages until the recording has ended.
     async fn run(&self, socket: &mut WebSocket) -> Result<(), WatcherGone> {
         self.send_targets(socket).await?;
-        let mut is_waiting = false;
+        let (mut is_waiting, mut max_age) = (false, Duration::ZERO);
         loop {
-            let session = self.app.store.sessions().get(&self.scope, self.session).await.map_err(|_| WatcherGone)?;
-            let status = session.status();
+            let status = self.status(max_age).await?;
             if status != SessionStatus::Receiving {
                 return send_message(socket, &LiveMessage::Ended { status }).await;
             }
-            if let Some(watch) = self.app.feeds.watch(self.session, self.pictures).await {
+            if let Some(watch) = self.app.feeds.watch(self.session.id, self.pictures).await {
                 is_waiting = false;
                 match self.follow(socket, watch).await {
                     FollowEnd::FeedClosed => {}
@@ -281,21 +286,27 @@ impl Watcher {
                 is_waiting = true;
                 send_message(socket, &self.waiting().await?).await?;
             }
+            let paused = Instant::now();
             self.pause(socket).await?;
+            max_age = paused.elapsed();
         }
     }
 
+    /// The session's status, at most this old.
+    async fn status(&self, max_age: Duration) -> Result<SessionStatus, WatcherGone> {
+        self.session.status_for(&self.app.store, &self.scope, max_age).await.ok_or(WatcherGone)
+    }
+
     async fn waiting(&self) -> Result<LiveMessage, WatcherGone> {
-        let interruption = self.app.feeds.interruption(self.session).await.map_err(|_| WatcherGone)?;
+        let interruption = self.app.feeds.interruption(self.session.id).await.map_err(|_| WatcherGone)?;
         let recorded_s = interruption.and_then(|known| known.recorded_s);
         Ok(LiveMessage::Waiting { recorded_s, ends_in_s: interruption.map(|known| known.ends_in_s) })
     }
 
     /// Sends the limits of the task's standard, if it has one.
     async fn send_targets(&self, socket: &mut WebSocket) -> Result<(), WatcherGone> {
-        let store = &self.app.store;
-        let task = store.sessions().get(&self.scope, self.session).await.map_err(|_| WatcherGone)?.task_id;
-        let Ok(Some(standard)) = store.standards().in_use(&self.scope, task).await else { return Ok(()) };
+        let standards = self.app.store.standards();
+        let Ok(Some(standard)) = standards.in_use(&self.scope, self.task).await else { return Ok(()) };
         send_message(socket, &LiveMessage::Targets { standard: standard.version, targets: standard.definition.targets })
             .await
     }
@@ -313,11 +324,6 @@ impl Watcher {
         }
     }
 
-    /// Whether the watcher may still see the session.
-    async fn is_allowed(&self) -> bool {
-        self.app.store.sessions().get(&self.scope, self.session).await.is_ok()
-    }
-
     /// Sends the results of live tracking for as long as the recording is open.
     async fn follow(&self, socket: &mut WebSocket, mut watch: FeedWatcher) -> FollowEnd {
         // The caller has just checked. All watchers of a recording begin together, so their checks are spread.
@@ -330,7 +336,7 @@ impl Watcher {
                 biased;
                 received = socket.recv() => if is_connected(received) { Ok(()) } else { Err(WatcherGone) },
                 // Checked before the results, because a slow watcher always has results waiting.
-                _ = still_allowed.tick() => if self.is_allowed().await { Ok(()) } else { Err(WatcherGone) },
+                _ = still_allowed.tick() => self.status(MAX_READING_AGE).await.map(drop),
                 _ = still_sent.tick(), if watch.replies.is_empty() => {
                     if watch.has_sender() { Ok(()) } else { return FollowEnd::FeedClosed }
                 }

@@ -13,6 +13,7 @@ mod results;
 mod send;
 mod show;
 mod trajectory;
+mod watched;
 
 pub use comments::*;
 pub use edits::*;
@@ -27,3 +28,4 @@ pub use results::*;
 pub use send::*;
 pub use show::*;
 pub use trajectory::*;
+pub use watched::WatchedSessions;

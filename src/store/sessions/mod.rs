@@ -24,7 +24,7 @@ pub(super) use write::{DELETE_SESSION, NewSessionRow, SELECT_SAME_SESSION, inser
 
 use super::error::{StoreResult, not_found};
 use super::page::{Page, PageRequest};
-use super::visibility::BindScope;
+use super::visibility::{BindScope, TraineeAudience};
 use super::{Scope, Store};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::job::JobState;
@@ -119,6 +119,20 @@ pub struct SessionFilter {
     pub status: Option<SessionStatus>,
     /// Only sessions that count: neither set aside, nor of a box that is asked about.
     pub only_counting: bool,
+}
+
+/// A session that was read once for many callers.
+#[derive(Clone, Debug)]
+pub struct SharedSession {
+    record: SessionRecord,
+    audience: TraineeAudience,
+}
+
+impl SharedSession {
+    /// The session, if this scope of a person or agent sees it.
+    pub fn seen_by(&self, scope: &Scope) -> Option<&SessionRecord> {
+        self.audience.includes(scope).then_some(&self.record)
+    }
 }
 
 impl SessionRecord {
@@ -231,5 +245,12 @@ impl SessionStore<'_> {
         let mut session = row.ok_or(not_found("session"))?;
         self.fill_queue_positions(std::slice::from_mut(&mut session)).await?;
         Ok(session)
+    }
+
+    /// One session, for all the people who may see it.
+    pub async fn shared(&self, id: SessionId) -> StoreResult<SharedSession> {
+        let record = self.get(&Scope::service(), id).await?;
+        let audience = self.0.trainees().audience(record.trainee_id).await?;
+        Ok(SharedSession { record, audience })
     }
 }

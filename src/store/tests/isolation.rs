@@ -136,9 +136,12 @@ async fn an_audience_decides_like_a_query_of_each_person() {
         let mut seen = 0;
         for things in [&ana, &ben, &missing()] {
             let audience = store.trainees().audience(things.trainee).await.unwrap();
+            let shared = store.sessions().shared(things.session).await;
             for scope in &scopes {
                 let sees = ask(store, scope, "trainee", things).await.is_ok();
                 assert_eq!(audience.includes(scope), sees, "{scope:?}");
+                let session = shared.as_ref().ok().and_then(|session| session.seen_by(scope));
+                assert_eq!(session.is_some(), ask(store, scope, "session", things).await.is_ok(), "{scope:?}");
                 seen += usize::from(sees);
             }
         }

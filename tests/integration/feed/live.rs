@@ -16,7 +16,7 @@ use trocar::motion::features::running::LIVE_FEATURES;
 use super::scene::{Scene, causal_path, set_up_box};
 use super::sender::{Received, Sender, hello, open};
 use super::{ANOTHER, RECORDING};
-use crate::api::centre::{Centre, PASSWORD, session};
+use crate::api::centre::{Centre, PASSWORD, session, set_members};
 use crate::support::{Client, Service, soon};
 
 /// A message to a watcher.
@@ -264,6 +264,30 @@ async fn a_live_view_ends_at_once_with_its_sign_in() {
     let begun = Instant::now();
     while !matches!(watcher.next().await, LiveMessage::Closed) {}
     assert!(begun.elapsed() < Duration::from_secs(3), "{:?}", begun.elapsed());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_live_view_ends_when_its_person_no_longer_sees_the_session() {
+    let centre = Centre::open().await;
+    let (mut sender, welcome) = super::begin(&centre.service, &centre.agent, RECORDING).await;
+    sender.send_frames(0..3).await;
+    let id = welcome["session"].as_str().unwrap();
+    let mut ines = Watcher::open(&centre, &centre.instructor, id).await.unwrap();
+    let mut ada = Watcher::open(&centre, &centre.trainee, id).await.unwrap();
+    ines.next_of_type("live").await;
+    ada.next_of_type("live").await;
+    set_members(&centre, "One", &["ines"], &[]).await;
+    let begun = Instant::now();
+    while !matches!(ines.next().await, LiveMessage::Closed) {}
+    assert!(begun.elapsed() < Duration::from_secs(7), "{:?}", begun.elapsed());
+    assert_eq!(Watcher::open(&centre, &centre.instructor, id).await.err(), Some(404));
+    drop(sender); // also without a sender the view of a person who sees the session continues
+    ada.next_of_type("waiting").await;
+    let (mut sender, _) = super::begin(&centre.service, &centre.agent, RECORDING).await;
+    ada.next_of_type("live").await;
+    sender.send_frames(0..3).await;
+    sender.end(3).await;
+    assert_eq!(ada.next_of_type("ended").await["status"], "queued");
 }
 
 #[tokio::test(flavor = "multi_thread")]
