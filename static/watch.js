@@ -29,11 +29,8 @@ export class LiveWatch {
    * @type {{ coverage: number | null, reason: Schemas['ConcernDocument'] | null }[]}
    */
   seen = [];
-  /**
-   * What to know of tools without tape; null if no tool is without tape.
-   * @type {'learning_box' | 'on_trial' | null}
-   */
-  bareTools = null;
+  /** Whether the box behind tools without tape is still being learned. */
+  isLearningBox = false;
   isBehind = false;
   /** What is known of the recording while it has no sender. @type {{ recorded_s: number | null, ends_in_s: number | null } | null} */
   interruption = null;
@@ -170,9 +167,9 @@ export class LiveWatch {
     this.#notifyListeners();
   }
 
-  #keepFeatures({ features, light, placement, seen, bare_tools: bareTools }) {
+  #keepFeatures({ features, light, placement, seen, is_learning_box: isLearningBox }) {
     [this.features, this.light, this.placement, this.seen] = [features, light, placement, seen ?? []];
-    this.bareTools = bareTools ?? null;
+    this.isLearningBox = isLearningBox;
   }
 
   #countMissed(count) {

@@ -1,5 +1,5 @@
-//! The demonstration centre (`trocar serve --demo`): a simulated box, six trainees of three levels, two tasks, a
-//! course, and recordings that pass through the real intake, queue and workers.
+//! The demonstration centre (`trocar serve --demo`): two simulated boxes, one of them with tools without tape, six
+//! trainees of three levels, two tasks, a course, and recordings that pass through the real intake, queue and workers.
 //!
 //! No result is prepared in advance: the camera is calibrated from simulated photos, the colours are learned from
 //! marked frames, and every recording is tracked. A start continues where the last one stopped; a recording is
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use tokio_util::io::ReaderStream;
 
-use super::simulate::{SceneOrder, write_scene};
+use super::simulate::{EMPTY_BOX, SceneOrder, write_scene};
 use crate::cohorts::Cohorts;
 use crate::domain::boxes::NewBox;
 use crate::domain::calibration::BoardSize;
@@ -30,15 +30,18 @@ use crate::ids::{BoxId, GroupId};
 use crate::intake::{Intake, IntakeError, RecordingDescription};
 use crate::queue::Queue;
 use crate::shutdown::Shutdown;
+use crate::simulation::tool::SimulatedMarker;
 use crate::simulation::{Scenario, Setup, Skill};
-use crate::store::{Members, NewPerson, PageRequest, SessionFilter, Store, StoreError};
+use crate::store::{BoxRecord, Members, NewPerson, PageRequest, SessionFilter, Store, StoreError};
 use crate::time::{Day, SharedClock, to_rfc3339};
 use crate::upkeep;
 use crate::vault::{PinnedBlob, Vault};
 
 /// The demonstration instructor's login.
 pub const INSTRUCTOR: &str = "instructor";
+/// The box of all sessions but one, and the box of tools without tape.
 const BOX_CODE: &str = "simulated-box";
+const BARE_BOX_CODE: &str = "simulated-box-without-tape";
 /// Size of all clips, pixels: one camera, one calibration.
 const PICTURE_SIZE: (u32, u32) = (960, 540);
 /// Inner corners of the simulated board.
@@ -63,6 +66,15 @@ const COURSE: &str = r#"{"name": "Basic skills", "steps": [{"task": "wire", "ses
     {"task": "pegs", "within_days": 14}, {"task": "pegs", "sessions": 20, "within_days": 42}]}"#;
 const COURSE_BEGAN_MS: i64 = (SESSIONS_PER_TASK as i64 * 7 + 1) * DAY_MS;
 
+/// The recording in the box of tools without tape.
+const BARE_RECORDING: DemonstrationRecording = DemonstrationRecording {
+    scenario: Scenario::Pegs,
+    trainee: 2,
+    attempt: SESSIONS_PER_TASK - 1,
+    seed: 101,
+    marker: SimulatedMarker::Bare,
+};
+
 const TRAINEES: [(&str, Level, Skill, Handedness); 6] = [
     ("Ada Novak", Level::Novice, Skill::NOVICE, Handedness::Right),
     ("Chiara Rossi", Level::Intermediate, Skill::INTERMEDIATE, Handedness::Right),
@@ -71,6 +83,18 @@ const TRAINEES: [(&str, Level, Skill, Handedness); 6] = [
     ("David Kim", Level::Intermediate, Skill::INTERMEDIATE, Handedness::Right),
     ("Farid Haddad", Level::Expert, Skill::EXPERT, Handedness::Left),
 ];
+
+/// A simulated recording of the centre.
+#[derive(Clone, Copy)]
+struct DemonstrationRecording {
+    scenario: Scenario,
+    /// Position in [`TRAINEES`].
+    trainee: usize,
+    /// Number of the trainee's recordings of this task before it.
+    attempt: u64,
+    seed: u64,
+    marker: SimulatedMarker,
+}
 
 /// Builds the demonstration centre in a running service.
 pub struct DemonstrationBuilder {
@@ -198,17 +222,38 @@ impl DemonstrationBuilder {
 
     async fn set_up_and_record(&self) -> anyhow::Result<()> {
         let simulated = self.store.boxes().get(&Scope::service(), &Key::from(BOX_CODE)).await?;
-        self.set_up_box(simulated.id).await?;
+        self.set_up_box(simulated.id, SimulatedMarker::Band).await?;
         for attempt in 0..SESSIONS_PER_TASK {
             for (task, (scenario, ..)) in TASKS.into_iter().enumerate() {
                 for trainee in 0..TRAINEES.len() {
                     let seed = 1 + attempt * 100 + task as u64 * 10 + trainee as u64;
-                    self.record(scenario, trainee, attempt, seed).await?;
+                    let marker = SimulatedMarker::Band;
+                    self.record(DemonstrationRecording { scenario, trainee, attempt, seed, marker }).await?;
                 }
             }
             self.self_test(simulated.id).await?;
         }
-        Ok(())
+        let without_tape = self.box_without_tape(&simulated).await?;
+        self.set_up_box(without_tape, SimulatedMarker::Bare).await?;
+        self.record(BARE_RECORDING).await
+    }
+
+    /// The box of tools without tape; registers it if it is missing, with the groups of the other box.
+    async fn box_without_tape(&self, simulated: &BoxRecord) -> anyhow::Result<BoxId> {
+        let service = Scope::service();
+        match self.store.boxes().get(&service, &Key::from(BARE_BOX_CODE)).await {
+            Ok(registered) => return Ok(registered.id),
+            Err(StoreError::NotFound { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
+        let new = NewBox {
+            name: "Simulated box without tape".parse()?,
+            code: Some(BARE_BOX_CODE.parse()?),
+            view: simulated.view,
+            notes: Some(simulated.notes.clone()),
+            groups: Some(simulated.owners.clone()),
+        };
+        Ok(self.store.boxes().create(&service, new).await?.id)
     }
 
     /// Makes a self-test, if there is none: half a minute with the board and a rod, at half the usual frame rate.
@@ -221,8 +266,7 @@ impl DemonstrationBuilder {
         }
         let calibration = self.store.calibrations().latest(&service, of).await?.context("the box has no camera")?;
         let palette = self.store.palettes().latest(&service, of).await?.context("the box has no colours")?;
-        let setup =
-            Setup { width: PICTURE_SIZE.0, height: PICTURE_SIZE.1, ..Setup::new(Scenario::SelfTest, Skill::EXPERT, 3) };
+        let setup = setup_of(Scenario::SelfTest, Skill::EXPERT, 3);
         let frames = Some((SECONDS * FPS) as usize);
         let order = SceneOrder { frames, fps: FPS, boards: 0, ..SceneOrder::new(setup) };
         let folder = self.draw_scene("self-test", order).await?;
@@ -236,15 +280,14 @@ impl DemonstrationBuilder {
     }
 
     /// Calibrates the camera and learns the colours, each with an ordinary job.
-    async fn set_up_box(&self, of: BoxId) -> anyhow::Result<()> {
+    async fn set_up_box(&self, of: BoxId, marker: SimulatedMarker) -> anyhow::Result<()> {
         let service = Scope::service();
         let calibrated = self.store.calibrations().latest(&service, of).await?.is_some();
         let coloured = self.store.palettes().latest(&service, of).await?.is_some();
         if calibrated && coloured {
             return Ok(());
         }
-        let setup =
-            Setup { width: PICTURE_SIZE.0, height: PICTURE_SIZE.1, ..Setup::new(Scenario::Pegs, Skill::EXPERT, 1) };
+        let setup = Setup { marker, ..setup_of(Scenario::Pegs, Skill::EXPERT, 1) };
         let folder = self.draw_scene("set-up", SceneOrder { frames: Some(250), ..SceneOrder::new(setup) }).await?;
         if !calibrated {
             let (kept, files) = self.store_files(&photos(&folder).await?).await?;
@@ -252,13 +295,19 @@ impl DemonstrationBuilder {
             self.run_job(JobInput::Calibrate(input), kept).await?;
         }
         if !coloured {
-            let (kept, files) = self.store_files(&[folder.join("clip.mp4")]).await?;
+            let (mut kept, files) = self.store_files(&[folder.join("clip.mp4")]).await?;
             let text = tokio::fs::read_to_string(folder.join("annotations.json")).await?;
             let annotations = AnnotationsFile::parse(&text)?;
-            let input = PaletteInput { of, annotations, files, is_video: true, frames: Vec::new(), empty_box: None };
+            let mut empty_box = None;
+            if marker == SimulatedMarker::Bare {
+                let (photo, mut named) = self.store_files(&[folder.join(EMPTY_BOX)]).await?;
+                kept.extend(photo);
+                empty_box = named.pop();
+            }
+            let input = PaletteInput { of, annotations, files, is_video: true, frames: Vec::new(), empty_box };
             self.run_job(JobInput::Palette(input), kept).await?;
         }
-        Ok(())
+        Ok(tokio::fs::remove_dir_all(folder).await?)
     }
 
     /// Queues a job and waits until it ends. `kept` protects the files until the job's row does.
@@ -279,20 +328,25 @@ impl DemonstrationBuilder {
         }
     }
 
-    async fn record(&self, scenario: Scenario, trainee: usize, attempt: u64, seed: u64) -> anyhow::Result<()> {
+    async fn record(&self, recording: DemonstrationRecording) -> anyhow::Result<()> {
+        let DemonstrationRecording { scenario, trainee, attempt, seed, marker } = recording;
         let (name, _, skill, _) = TRAINEES[trainee];
         let code = name.to_lowercase().replace(' ', "-");
-        let filename = format!("{}-{code}-{}.mp4", scenario.name(), attempt + 1);
+        let (in_box, which) = match marker {
+            SimulatedMarker::Band => (BOX_CODE, (attempt + 1).to_string()),
+            SimulatedMarker::Bare => (BARE_BOX_CODE, "without-tape".to_owned()),
+        };
+        let filename = format!("{}-{code}-{which}.mp4", scenario.name());
         if self.has_session(&code, scenario, &filename).await? {
             return Ok(());
         }
-        let setup = Setup { width: PICTURE_SIZE.0, height: PICTURE_SIZE.1, ..Setup::new(scenario, skill, seed) };
+        let setup = Setup { marker, ..setup_of(scenario, skill, seed) };
         let folder = self.draw_scene(&filename, SceneOrder { boards: 0, ..SceneOrder::new(setup) }).await?;
         let recorded_at = self.clock.now_ms() - (SESSIONS_PER_TASK - attempt) as i64 * 7 * DAY_MS;
         let about = RecordingDescription {
             trainee: Some(code),
             task: Some(scenario.name().to_owned()),
-            in_box: Some(BOX_CODE.to_owned()),
+            in_box: Some(in_box.to_owned()),
             filename: Some(filename),
             recorded_at: Some(to_rfc3339(recorded_at)),
             ..RecordingDescription::default()
@@ -339,6 +393,11 @@ impl DemonstrationBuilder {
         }
         Ok((kept, files))
     }
+}
+
+/// A scene in the size of all clips.
+fn setup_of(scenario: Scenario, skill: Skill, seed: u64) -> Setup {
+    Setup { width: PICTURE_SIZE.0, height: PICTURE_SIZE.1, ..Setup::new(scenario, skill, seed) }
 }
 
 async fn photos(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {

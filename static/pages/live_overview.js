@@ -46,8 +46,8 @@ export default function LiveOverview() {
 function Tile({ session, onClosed }) {
   const watch = useLiveWatch(session.id, onClosed);
   useToolStates(watch);
-  const bareTools = watch.bareTools && t.watch.bareTools[watch.bareTools];
-  const faults = [lightFault(watch.light), placementFault(watch.placement, watch.track?.tools ?? []), bareTools]
+  const learningBox = watch.isLearningBox ? t.watch.learningBox : null;
+  const faults = [lightFault(watch.light), placementFault(watch.placement, watch.track?.tools ?? []), learningBox]
     .flatMap(fault => fault ?? []);
   return html`
     <article class="card tile">

@@ -851,15 +851,9 @@ export default {
       colour: 'The colour of the light has changed',
       advice: 'Switch off the camera’s automatic exposure and white balance, and keep the light as it is.',
     },
-    bareTools: {
-      learning_box: {
-        title: 'Tools without tape are followed on trial, and the box is still being learned',
-        advice: 'They may be found some seconds late.',
-      },
-      on_trial: {
-        title: 'Tools without tape are followed on trial',
-        advice: 'Their path is shown. Wind tape round them for a score.',
-      },
+    learningBox: {
+      title: 'The box behind the tools without tape is still being learned',
+      advice: 'They may be found some seconds late.',
     },
     placement: {
       steady: 'Camera and trocars in their usual place',
@@ -1392,7 +1386,7 @@ export default {
         collarShort: 'collar',
         jawShort: 'to the point of the jaws',
         how: [
-          'This is on trial: the path of an instrument without tape is shown, but its session is refused, because positions may be centimetres off. Wind tape round it for a score.',
+          'Without tape, positions are uncertain by some millimetres along the camera’s line of sight; with tape, by less than one.',
           'Two instruments without tape can be followed: one on the left and one on the right of the picture.',
           'Measure the diameter of the tube with a caliper: 0.1 mm too much puts the measured tip 2 % too far away.',
           'The shaft must differ in brightness or colour from the floor of the box.',

@@ -20,8 +20,7 @@ pub use super::child::check_edit::CheckEditWork;
 pub use super::child::check_table::CheckTableWork;
 pub use super::child::demux::DemuxWork;
 pub use super::child::follow::{
-    BareToolStage, FollowReply, FollowWork, FollowedFrame, FollowedTool, LogPosition, RunningRow, SeenSoFar,
-    live_features,
+    FollowReply, FollowWork, FollowedFrame, FollowedTool, LogPosition, RunningRow, SeenSoFar, live_features,
 };
 pub use super::child::mask::MaskWork;
 pub use super::child::palette::{ColourMark, PaletteWork};

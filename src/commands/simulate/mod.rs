@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 
+pub use self::bare::EMPTY_BOX;
 pub use self::scene::{SceneOrder, SceneProgress, write_scene};
 use super::CommandFailure;
 use super::progress::Meter;

@@ -18,7 +18,7 @@ use tokio::time::{Instant, interval, interval_at, timeout};
 use utoipa::IntoParams;
 
 use super::watched::WatchedSession;
-use crate::analysis::protocol::{BareToolStage, FollowReply, FollowedFrame, FollowedTool, SeenSoFar, live_features};
+use crate::analysis::protocol::{FollowReply, FollowedFrame, FollowedTool, SeenSoFar, live_features};
 use crate::domain::files::quality::ConcernDocument;
 use crate::domain::scope::Scope;
 use crate::domain::session::{LiveFeature, SessionStatus};
@@ -74,8 +74,8 @@ enum LiveMessage {
         placement: Option<LivePlacement>,
         /// How well each tool was seen so far.
         seen: Vec<LiveSeen>,
-        /// `learning_box` or `on_trial`; `null` without tools without tape.
-        bare_tools: Option<&'static str>,
+        /// The box behind tools without tape is still being learned, so they may be found late.
+        is_learning_box: bool,
     },
     /// The watcher was too slow and missed this many messages.
     Missed { count: u64 },
@@ -394,8 +394,8 @@ fn encode_messages(followed: &FollowReply, watch: &FeedWatcher) -> Vec<EncodedMe
         let seen =
             tools.iter().zip(followed.seen.iter().flatten()).map(|(tool, seen)| LiveSeen::new(tool, seen)).collect();
         let features = live_features(rows, &tools);
-        let bare_tools = followed.bare_tools.map(BareToolStage::name);
-        messages.push(LiveMessage::Features { features, light, placement, seen, bare_tools });
+        let is_learning_box = followed.is_learning_box;
+        messages.push(LiveMessage::Features { features, light, placement, seen, is_learning_box });
     }
     let texts = messages.iter().filter_map(|message| serde_json::to_vec(message).ok());
     let mut encoded: Vec<EncodedMessage> = texts.map(|text| EncodedMessage::Text(text.into())).collect();

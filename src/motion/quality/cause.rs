@@ -27,8 +27,7 @@ pub enum QualityCause {
     Lost,
     /// A tool's axes do not show its trocar.
     NoTrocar,
-    /// A tool without tape was followed, which this version does on trial. Of 44 such tools in 27 ray-traced recordings,
-    /// three were followed on more than half of the frames with a depth that was wrong by 29 mm or more.
+    /// A tool has no tape, so its depth is less certain.
     BareTool,
     /// A tool's stated band is longer than its diameter and the picture allow.
     BandTooLong,
@@ -83,8 +82,8 @@ const WRONG_ROWS: &str = "one wrong row makes lengths and speeds wrong: delete i
                           tool there: exchange the tools' names from there on, or trim the recording";
 
 /// What to do about a tool without tape.
-const BARE_TOOL: &str = "wind tape round it for a score. Without tape the path can be watched, but over a dark mat, or \
-                         with jaws as dark as the shaft, it may be centimetres off";
+const BARE_TOOL: &str = "compare features whose errors are small. Most of the error is along the camera's line of \
+                         sight; with tape it is smaller";
 
 /// What to do about sizes that the picture contradicts.
 const OTHER_SIZES: &str = "measure both again, the diameter over the tape and the length of the band along the tube, \
@@ -177,6 +176,7 @@ impl QualityCause {
             QualityCause::BorderResidual | QualityCause::Calibration => "px",
             QualityCause::NoiseFloor | QualityCause::BeginsInMotion | QualityCause::EndsInMotion => "mm/s",
             QualityCause::NoTrocar
+            | QualityCause::BareTool
             | QualityCause::ErrorBar
             | QualityCause::BoxTrocars
             | QualityCause::CameraMoved
@@ -247,7 +247,9 @@ impl QualityCause {
                     "its tip moved by {figure} mm across its axis (root mean square), but its axes do not show its trocar"
                 )
             }
-            QualityCause::BareTool => "it has no tape, and this version follows bare shafts on trial".to_owned(),
+            QualityCause::BareTool => {
+                format!("it has no tape: half of its positions may be off by {figure} mm or more")
+            }
             QualityCause::BandTooLong => {
                 format!(
                     "the picture contradicts its sizes by {figure} standard deviations: its band is shorter than \
@@ -295,7 +297,6 @@ impl QualityCause {
             | QualityCause::NothingSeen
             | QualityCause::NeverInPicture
             | QualityCause::NoTrocar
-            | QualityCause::BareTool
             | QualityCause::Interlaced => String::new(),
             QualityCause::BoxSurroundings | QualityCause::Coverage => format!("; needs {limit} %"),
             QualityCause::ColourBackground | QualityCause::ColourPair | QualityCause::FrameRate => {
@@ -319,42 +320,46 @@ impl QualityCause {
                 "say whether it is this box. Until then the session counts nowhere, and its lengths and speeds may be \
                  wrong: another box has another camera"
             }
-            QualityCause::NothingSeen => "mark the tape again on a frame of this recording, in this light",
+            QualityCause::NothingSeen => {
+                "mark the tape or the bare shaft again on a frame of this recording, in this light"
+            }
             QualityCause::NeverInPicture => {
-                "if the task needs this tool, mark its tape again in this light; if not, there is nothing to do"
+                "if the task needs this tool, mark its tape or its bare shaft again in this light; if not, there is nothing \
+                 to do"
             }
             QualityCause::ColourBackground => {
                 "wind a tape of a colour that nothing else in the box has, and mark it again"
             }
             QualityCause::ColourPair => "wind a tape of another colour on one of the two tools, and mark both again",
             QualityCause::Coverage => {
-                "keep the tape in view of the camera; the quality report lists why it was not seen"
+                "keep the tape or the bare shaft in view of the camera; the quality report lists why it was not seen"
             }
             QualityCause::LeftView => {
                 "keep the tip in the picture, or move the camera so that the whole task is in view"
             }
             QualityCause::Lost => {
-                "watch these moments in the recording: does something cover the tape or does it glare? Mark its colour \
+                "watch these moments in the recording: does something cover the tool or does it glare? Mark its colour \
                  in that light"
             }
             QualityCause::NoTrocar => {
                 "watch the overlay: does it follow the tool, and does its axis point from the hand to the tip? Check \
-                 the tool's sizes, and mark other things of the tape's colour as background"
+                 the tool's sizes, and mark other things of its colour as background"
             }
             QualityCause::BareTool => BARE_TOOL,
             QualityCause::BandTooLong | QualityCause::BandTooShort => OTHER_SIZES,
             QualityCause::Predicted | QualityCause::LongGap => {
                 "sums such as the path length leave out what happened there; watch the gaps in the recording"
             }
-            QualityCause::Rejected => {
-                "look for something else of the tape's colour in the picture, and mark it as background"
-            }
+            QualityCause::Rejected => "look for something else of its colour in the picture, and mark it as background",
             QualityCause::Jump | QualityCause::Spike => WRONG_ROWS,
-            QualityCause::BorderResidual => "focus the camera, avoid glare on the tape, and replace creased tape",
+            QualityCause::BorderResidual => "focus the camera, avoid glare on the tool, and replace creased tape",
             QualityCause::NoiseFloor => {
-                "use more light, a larger picture or a camera closer to the tools, and enter the tape's length"
+                "use more light, a larger picture or a camera closer to the tools, and enter the length of its tape if it \
+                 has one"
             }
-            QualityCause::ErrorBar => "move the camera closer, record a larger picture, and enter the tape's length",
+            QualityCause::ErrorBar => {
+                "move the camera closer, record a larger picture, and enter the length of its tape if it has one"
+            }
             QualityCause::Calibration => "calibrate again with a flat board, sharp photos and tilted views",
             QualityCause::CutFile => "send the whole recording again; the file was cut off or damaged",
             QualityCause::Interlaced => {

@@ -182,7 +182,7 @@ fn tool_figure(tool: &ToolFigures, cause: QualityCause) -> Option<f64> {
         QualityCause::LeftView => tool.left_view_share,
         QualityCause::Lost => tool.lost_share,
         QualityCause::NoTrocar => tool.moved_without_trocar_mm,
-        QualityCause::BareTool => tool.is_bare.then_some(1.0),
+        QualityCause::BareTool => tool.error_bar.filter(|_| tool.is_bare).map(|bar| bar.median_mm),
         QualityCause::BandTooLong => tool.size_mismatch.map(|mismatch| mismatch.sigmas()),
         QualityCause::BandTooShort => tool.size_mismatch.map(|mismatch| -mismatch.sigmas()),
         QualityCause::Predicted => tool.predicted_share,

@@ -13,7 +13,7 @@ use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::pose::size_check::SizeMismatch;
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::ColourSeparation;
-use crate::vision::tracker::{Absence, DiameterBasis, EffectiveDiameter, ToolQuality, TrocarEvidence};
+use crate::vision::tracker::{Absence, EffectiveDiameter, ToolQuality, TrocarEvidence};
 use crate::vision::trajectory::{Sample, SampleState, Trajectory};
 
 /// How one tool was seen. Shares are 0 to 1; `None` if the input does not contain the figure.
@@ -157,7 +157,7 @@ pub(super) fn measure(
             .filter(|tool| tool.trocar() != TrocarEvidence::Shown)
             .and_then(|_| spread_across_mm(&seen)),
         effective_diameter,
-        is_bare: effective_diameter.is_some_and(|of| of.basis == DiameterBasis::BareShaft),
+        is_bare: effective_diameter.is_some_and(|of| of.basis.is_of_bare_shaft()),
         size_mismatch: tracker.and_then(|tool| tool.size_mismatch),
         rejected_share: tracker.and_then(|tool| {
             let rejected = tool.reasons.get(&MissReason::GateRejected).copied().unwrap_or(0);

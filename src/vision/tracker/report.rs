@@ -129,7 +129,7 @@ impl ToolQuality {
             Some(DiameterBasis::Session) => TrocarEvidence::Shown,
             Some(DiameterBasis::BareShaft) if self.fulcrum.is_some() => TrocarEvidence::Shown,
             Some(DiameterBasis::AssumedTrocar | DiameterBasis::BareShaft) => TrocarEvidence::Possible,
-            Some(DiameterBasis::Usual) | None => TrocarEvidence::Missing,
+            Some(DiameterBasis::Usual | DiameterBasis::BareShaftWithoutTrocar) | None => TrocarEvidence::Missing,
         }
     }
 }
@@ -169,6 +169,8 @@ pub enum DiameterBasis {
     AssumedTrocar,
     /// Of a bare shaft, as entered: its polished limb mirrors what is beside it, which the poses do not show.
     BareShaft,
+    /// The same, with poses that are too few, or whose axes meet in no trocar behind the tips.
+    BareShaftWithoutTrocar,
 }
 
 impl DiameterBasis {
@@ -179,7 +181,13 @@ impl DiameterBasis {
             DiameterBasis::Usual => "usual",
             DiameterBasis::AssumedTrocar => "assumed_trocar",
             DiameterBasis::BareShaft => "bare_shaft",
+            DiameterBasis::BareShaftWithoutTrocar => "bare_shaft_without_trocar",
         }
+    }
+
+    /// True for a tool without tape.
+    pub fn is_of_bare_shaft(self) -> bool {
+        matches!(self, DiameterBasis::BareShaft | DiameterBasis::BareShaftWithoutTrocar)
     }
 }
 

@@ -27,7 +27,7 @@ export function LiveView({ session, onClosed }) {
           <div class="live-bar">
             <${ConnectionPill} watch=${watch} />
             ${track && html`<div class="row">
-              <${LightState} watch=${watch} /><${PlacementState} watch=${watch} /><${BareToolState} watch=${watch} />
+              <${LightState} watch=${watch} /><${PlacementState} watch=${watch} /><${LearningBox} watch=${watch} />
             </div>`}
             <${Elapsed} watch=${watch} />
           </div>
@@ -64,11 +64,9 @@ export const PlacementState = ({ watch: { isFresh, placement, track } }) => html
   fault=${isFresh && placementFault(placement, track.tools)}
   steadyText=${words.placement[isFresh && placement ? 'steady' : 'unknown']} />`;
 
-/** That tools without tape are on trial, and whether their box is still being learned. @param {Props} props */
-export function BareToolState({ watch: { isFresh, bareTools } }) {
-  const fault = isFresh && bareTools && words.bareTools[bareTools];
-  return fault ? html`<${SteadyCheck} fault=${fault} />` : null;
-}
+/** That the box behind tools without tape is still being learned. @param {Props} props */
+export const LearningBox = ({ watch: { isFresh, isLearningBox } }) =>
+  (isFresh && isLearningBox ? html`<${SteadyCheck} fault=${words.learningBox} />` : null);
 
 /** One word on a condition that should stay as it is, or what is wrong with it. */
 function SteadyCheck({ icon: Icon, fault, steadyText }) {

@@ -2,7 +2,7 @@
 import { html } from '../../preact.js';
 import { bytes, fixed } from '../../format.js';
 import { t } from '../../texts.js';
-import { BareToolState, LightState, PlacementState } from '../live/live_view.js';
+import { LearningBox, LightState, PlacementState } from '../live/live_view.js';
 import { Empty } from '../page/notice.js';
 import { delayOf } from './record_view.js';
 import { SeenLevel } from '../live/seen_level.js';
@@ -22,7 +22,7 @@ export const RecordingStatus = ({ recording, watch }) => html`
     ${watch?.track?.frames ? html`
       <${SeenLevel} watch=${watch} />
       <div class="body">
-        <${LightState} watch=${watch} /><${PlacementState} watch=${watch} /><${BareToolState} watch=${watch} />
+        <${LightState} watch=${watch} /><${PlacementState} watch=${watch} /><${LearningBox} watch=${watch} />
       </div>`
     : html`<${Untracked} recording=${recording} watch=${watch} />`}
   </section>

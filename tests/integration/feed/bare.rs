@@ -94,13 +94,14 @@ async fn a_bare_tool_is_followed_while_its_recording_arrives() {
     errors.sort_by(f64::total_cmp);
     assert!(errors[errors.len() * 9 / 10] < MAX_ERROR_MM, "of {}: {errors:?}", errors.len());
 
-    let stages: Vec<&str> = watched.features.iter().map(|of| of["bare_tools"].as_str().unwrap()).collect();
-    assert_eq!(stages[0], "learning_box");
-    assert!(stages.is_sorted_by_key(|stage| *stage == "on_trial"), "once learned, the box stays known: {stages:?}");
-    let last = &watched.features[watched.features.len() - 1];
-    assert_eq!(last["seen"][0]["reason"]["severity"], "refuse", "as the result: {last}");
+    let learning: Vec<bool> = watched.features.iter().map(|of| of["is_learning_box"].as_bool().unwrap()).collect();
+    assert!(learning[0], "{learning:?}");
+    assert!(learning.is_sorted_by_key(|is_learning| !is_learning), "once learned, the box stays known: {learning:?}");
     let session = wait_until_done(&centre.instructor, &id).await;
-    assert_eq!(session["quality"]["verdict"], "refused");
+    let concerns = session["quality"]["reasons"].as_array().unwrap();
+    let of_bare = concerns.iter().filter(|reason| reason["name"] == "bare_tool");
+    let of_bare: Vec<&Value> = of_bare.map(|reason| &reason["severity"]).collect();
+    assert!(!of_bare.is_empty() && of_bare.iter().all(|severity| *severity == "care"), "{session}");
     let live_features = session["live_features"].as_array().unwrap();
     assert!(!live_features.is_empty(), "{session}");
 }

@@ -11,7 +11,6 @@
 use std::panic::resume_unwind;
 use std::thread::{Builder, JoinHandle};
 
-use super::messages::BareToolStage;
 use crate::vision::frame::Frame;
 use crate::vision::strip::finder::StripFinder;
 use crate::vision::tracker::{BoxLearner, SceneSamples};
@@ -78,9 +77,9 @@ impl FeedBox {
         None
     }
 
-    /// What a watcher should know of the bare tools.
-    pub(super) fn stage(&self) -> BareToolStage {
-        if self.has_learned { BareToolStage::OnTrial } else { BareToolStage::LearningBox }
+    /// Is the box still being learned? Until then, bare tools may be found late.
+    pub(super) fn is_learning(&self) -> bool {
+        !self.has_learned
     }
 
     /// Begins a lesson. Without memory for a thread it is left out, and the next one is tried.
@@ -124,10 +123,10 @@ mod tests {
             assert!(feed_box.add_frame(&picture.frame(time_s)).is_none() && feed_box.lesson.is_none(), "{time_s} s");
         }
         assert!(feed_box.add_frame(&picture.frame(BEGINS_S + 2.0)).is_none(), "the frame does not wait");
-        assert_eq!(feed_box.stage(), BareToolStage::LearningBox);
+        assert!(feed_box.is_learning());
         wait_for_lesson(&feed_box);
         assert!(feed_box.add_frame(&picture.frame(BEGINS_S + 2.04)).is_some());
-        assert_eq!((feed_box.stage(), feed_box.next_lesson_s), (BareToolStage::OnTrial, 8.0));
+        assert_eq!((feed_box.is_learning(), feed_box.next_lesson_s), (false, 8.0));
         assert!(feed_box.add_frame(&picture.frame(BEGINS_S + 100.0)).is_none(), "the first frame after an outage");
         assert!(feed_box.lesson.is_some());
         assert_eq!(feed_box.next_lesson_s, 128.0);
@@ -141,6 +140,6 @@ mod tests {
         let mut feed_box = feed_box(scene);
         assert!(feed_box.add_frame(&picture.frame(0.0)).is_some());
         assert!(feed_box.add_frame(&picture.frame(0.04)).is_none());
-        assert_eq!(feed_box.stage(), BareToolStage::LearningBox, "trocars are not known");
+        assert!(feed_box.is_learning(), "trocars are not known");
     }
 }

@@ -99,29 +99,10 @@ pub struct FollowReply {
     pub placement: Option<ConfirmedPlacement>,
     /// How well each tool was seen so far. Sent with the features.
     pub seen: Option<Vec<SeenSoFar>>,
-    /// What a watcher should know of tools without tape; `None` without such tools. Sent with the features.
-    pub bare_tools: Option<BareToolStage>,
+    /// True while the box behind tools without tape is still being learned. Sent with the features.
+    pub is_learning_box: bool,
     /// A small JPEG, and the number of its frame.
     pub picture: Option<(u64, Vec<u8>)>,
-}
-
-/// What a watcher should know of tools without tape.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum BareToolStage {
-    /// They are followed on trial, and the box behind them is still being learned.
-    LearningBox,
-    /// They are followed on trial.
-    OnTrial,
-}
-
-impl BareToolStage {
-    /// Stable name for messages and pages.
-    pub fn name(self) -> &'static str {
-        match self {
-            BareToolStage::LearningBox => "learning_box",
-            BareToolStage::OnTrial => "on_trial",
-        }
-    }
 }
 
 /// A tracked frame.

@@ -13,8 +13,8 @@ use std::os::unix::fs::FileExt;
 
 use feed_box::FeedBox;
 pub use messages::{
-    BareToolStage, FollowReply, FollowWork, FollowedFrame, FollowedTool, LiveConcern, LogPosition, RunningRow,
-    SeenSoFar, live_features,
+    FollowReply, FollowWork, FollowedFrame, FollowedTool, LiveConcern, LogPosition, RunningRow, SeenSoFar,
+    live_features,
 };
 pub use validation::FollowOutput;
 
@@ -226,7 +226,7 @@ impl LiveTracker {
     fn add_features(&mut self, time_s: f64) {
         self.reply.running = Some(self.running.values().iter().filter_map(RunningRow::new).collect());
         if let FollowStage::Tracking { tracker, feed_box, .. } = &self.stage {
-            self.reply.bare_tools = feed_box.as_ref().map(|feed_box| feed_box.stage());
+            self.reply.is_learning_box = feed_box.as_ref().is_some_and(|feed_box| feed_box.is_learning());
             for (known, now) in self.fulcrums.iter_mut().zip(tracker.fulcrums()) {
                 *known = now.or(*known);
             }

@@ -48,7 +48,7 @@ pub(super) fn accept(
         && followed.running.iter().flatten().all(is_running)
         && followed.light.iter().all(is_plausible_light)
         && followed.seen.iter().all(|seen| are_plausible_shares(seen, tools))
-        && (followed.bare_tools.is_none() || work.track.tools.iter().any(ToolSpec::is_bare))
+        && (!followed.is_learning_box || work.track.tools.iter().any(ToolSpec::is_bare))
         && followed.placement.iter().all(|placement| is_plausible_placement(placement, tools))
         && followed.picture.as_ref().is_none_or(|(_, jpeg)| is_small_jpeg(jpeg));
     if consistent { Ok(ChildEvent::Followed(followed)) } else { Err("an invalid reply about a feed".into()) }
@@ -79,7 +79,7 @@ fn belongs_to_frame(tool: &FollowedTool, frame: &FollowedFrame, index: u32) -> b
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::analysis::child::follow::{BareToolStage, LiveConcern};
+    use crate::analysis::child::follow::LiveConcern;
     use crate::analysis::child::track::tests::settings;
     use crate::analysis::child::{ChildWork, WorkRecord};
     use crate::analysis::output_validator::validate_records;
@@ -129,12 +129,11 @@ mod tests {
     }
 
     #[test]
-    fn only_bare_tools_are_on_trial() {
+    fn only_for_bare_tools_the_box_is_learned() {
         let sends = |marker: Marker| {
             let mut track = settings();
             track.tools[0].marker = marker;
-            let bare_tools = Some(BareToolStage::LearningBox);
-            validate_for(track, vec![FollowReply { bare_tools, ..reply(4, 0.1) }])
+            validate_for(track, vec![FollowReply { is_learning_box: true, ..reply(4, 0.1) }])
         };
         assert!(sends(Marker::Shaft { collar_mm: None, jaw_mm: None }).is_ok());
         assert!(sends(Marker::Band { length_mm: None }).is_err());

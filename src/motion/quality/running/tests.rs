@@ -3,7 +3,7 @@
 use nalgebra::Point3;
 
 use super::*;
-use crate::motion::quality::{self, QualityInput};
+use crate::motion::quality::{self, Concern, QualityCause, QualityInput, Severity};
 use crate::vision::covariance::PositionCovariance;
 use crate::vision::tracker::Observation;
 use crate::vision::trajectory::{SampleState, Trajectory};
@@ -59,13 +59,13 @@ fn reports(seen: &[[Seen; 2]]) -> Vec<FrameReport> {
 }
 
 fn figures_of(reports: &[FrameReport]) -> Figures {
-    figures_of_tools([false; 2], reports)
+    figures_of_tools([false; 2], TrocarEvidence::Missing, reports)
 }
 
-fn figures_of_tools(are_bare: [bool; 2], reports: &[FrameReport]) -> Figures {
+fn figures_of_tools(are_bare: [bool; 2], trocar: TrocarEvidence, reports: &[FrameReport]) -> Figures {
     let mut running = RunningFigures::new(are_bare);
     reports.iter().for_each(|report| running.add_frame(report));
-    running.figures(&NAMES.map(str::to_owned), &[TrocarEvidence::Missing; 2])
+    running.figures(&NAMES.map(str::to_owned), &[trocar; 2])
 }
 
 /// Ten frames without a tool, then 300 with gaps of each kind, then ten without.
@@ -107,14 +107,36 @@ fn time_out_of_view_and_lost_time_are_counted_as_for_a_finished_session() {
 }
 
 #[test]
-fn a_bare_tool_that_was_measured_refuses_the_session_as_in_its_result() {
-    let refused = |are_bare: [bool; 2], seen: [Seen; 2]| {
-        let verdict = quality::judge(&figures_of_tools(are_bare, &reports(&[seen; 100])));
-        let of_bare_tools = verdict.concerns().iter().filter(|of| of.cause == quality::QualityCause::BareTool);
-        of_bare_tools.map(|of| of.tool.clone().unwrap()).collect::<Vec<_>>()
+fn a_tool_whose_axes_meet_in_no_trocar_refuses_the_session() {
+    let severities = |trocar: TrocarEvidence| {
+        let figures = figures_of_tools([true, false], trocar, &reports(&[[Seen::Measured; 2]; 100]));
+        let verdict = quality::judge(&figures);
+        let of = |tool: &str| {
+            let is_of_trocar = |of: &&Concern| of.cause == QualityCause::NoTrocar && of.tool.as_deref() == Some(tool);
+            verdict.concerns().iter().find(is_of_trocar).map(|of| of.severity)
+        };
+        NAMES.map(of)
     };
-    assert_eq!(refused([true, false], [Seen::Measured; 2]), ["orange"]);
-    assert_eq!(refused([true, true], [Seen::Lost, Seen::Measured]), ["cyan"]);
+    assert_eq!(severities(TrocarEvidence::Missing), [Some(Severity::Refuse); 2]);
+    assert_eq!(severities(TrocarEvidence::Possible), [Some(Severity::Care); 2]);
+    assert_eq!(severities(TrocarEvidence::Shown), [None; 2]);
+}
+
+#[test]
+fn the_error_of_a_bare_tool_is_said_where_tape_would_be_better() {
+    let concerns_of_bare_tools = |sigma_mm: f64| {
+        let mut reports = reports(&[[Seen::Measured; 2]; 100]);
+        for sample in reports.iter_mut().flat_map(|report| &mut report.tools).filter_map(|tool| tool.filtered.as_mut())
+        {
+            sample.covariance_mm2 = Some(PositionCovariance::from_sigmas(0.1, sigma_mm));
+        }
+        let figures = figures_of_tools([true, false], TrocarEvidence::Shown, &reports);
+        let concerns = quality::judge(&figures).concerns().to_vec();
+        let of_bare_tools = concerns.into_iter().filter(|of| of.cause == QualityCause::BareTool);
+        of_bare_tools.map(|of| (of.tool.unwrap(), of.severity)).collect::<Vec<_>>()
+    };
+    assert_eq!(concerns_of_bare_tools(0.9), []);
+    assert_eq!(concerns_of_bare_tools(2.5), [("orange".to_owned(), Severity::Care)]);
 }
 
 #[test]

@@ -81,14 +81,16 @@ fn effective_diameter(
     } else {
         shared_offsets_px(px_per_mm, px_per_mm)[0]
     };
-    let (px, sigma_px, basis) = match adjustment {
-        _ if spec.is_bare() => (0.0, usual_px, DiameterBasis::BareShaft),
-        Some(adjustment) if !adjustment.is_wrong_way_round() => {
+    let meeting = adjustment.filter(|adjustment| !adjustment.is_wrong_way_round());
+    let (px, sigma_px, basis) = match meeting {
+        Some(_) if spec.is_bare() => (0.0, usual_px, DiameterBasis::BareShaft),
+        None if spec.is_bare() => (0.0, usual_px, DiameterBasis::BareShaftWithoutTrocar),
+        Some(adjustment) => {
             let (px, sigma_px) = adjustment.border_offset_px();
             let is_shown = adjustment.is_right_way_round();
             (px, sigma_px, if is_shown { DiameterBasis::Session } else { DiameterBasis::AssumedTrocar })
         }
-        _ => (0.0, usual_px, DiameterBasis::Usual),
+        None => (0.0, usual_px, DiameterBasis::Usual),
     };
     let twice = 2.0 * mm_per_px;
     Some(EffectiveDiameter { mm: spec.diameter_mm + twice * px, sigma_mm: twice * sigma_px, basis })

@@ -6,6 +6,7 @@ use super::*;
 use crate::vision::camera::testing::STRAIGHT as CAMERA;
 use crate::vision::edges::shaft::Continuation;
 use crate::vision::pose::normal_equations::NormalEquations;
+use crate::vision::tracker::TrocarEvidence;
 use crate::vision::tracker::settings::Marker;
 use crate::vision::trajectory::Sample;
 use crate::vision::tube::Tube;
@@ -151,6 +152,28 @@ fn a_trocar_is_assumed_only_for_a_band_with_a_shaft() {
     assert_eq!(basis(&shaft(1.0)), DiameterBasis::AssumedTrocar);
     assert_eq!(basis(&shaft(0.3)), DiameterBasis::Usual);
     assert_eq!(basis(&SeenShaft::default()), DiameterBasis::AssumedTrocar, "nothing was looked at");
+}
+
+#[test]
+fn a_bare_shaft_whose_axes_meet_nowhere_has_no_trocar() {
+    let (name, colour) = ("left".to_owned(), "shaft".to_owned());
+    let marker = Marker::Shaft { collar_mm: None, jaw_mm: None };
+    let spec = ToolSpec { name, colour, side: None, diameter_mm: 5.0, marker };
+    let quality = |tips: &[Point3<f64>]| {
+        let record =
+            |tip: &Point3<f64>| FrameRecord { pose: Some(StoredPose::from(&pose(*tip))), is_good: true, reason: None };
+        let instants: Vec<FrameInstant> = (0..tips.len()).map(|frame| (frame as u64, frame as f64 * FRAME_S)).collect();
+        let records = tips.iter().map(record).collect();
+        let motion = MotionSettings::default();
+        run((records, Vec::new()), &SeenShaft::default(), &spec, 0, &instants, &CAMERA, &motion).1
+    };
+    let resting = [Point3::new(0.0, 0.0, 150.0); 40];
+    assert_eq!(quality(&resting).trocar(), TrocarEvidence::Possible);
+    assert_eq!(quality(&resting[..5]).trocar(), TrocarEvidence::Missing, "too few poses");
+    let sliding: Vec<Point3<f64>> = (0..40).map(|at| Point3::new(8.0 * f64::from(at) - 156.0, 0.0, 150.0)).collect();
+    let slid = quality(&sliding);
+    assert_eq!(slid.trocar(), TrocarEvidence::Missing, "parallel axes up to 312 mm apart");
+    assert!(slid.effective_diameter.unwrap().basis.is_of_bare_shaft());
 }
 
 #[test]
