@@ -49,7 +49,7 @@ fn counts(gaps: Vec<Gap>) -> Quality {
     let diameter = EffectiveDiameter { mm: 5.0, sigma_mm: 0.1, basis: DiameterBasis::Session };
     let tool =
         ToolQuality { tool: "orange".into(), gaps, effective_diameter: Some(diameter), ..ToolQuality::default() };
-    Quality { frames: FRAMES, tools: vec![tool], light: Vec::new() }
+    Quality { frames: FRAMES, tools: vec![tool], ..Quality::default() }
 }
 
 #[test]
