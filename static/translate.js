@@ -44,14 +44,15 @@ export const adviceText = ({ rule, words }) => translationOf('rules', rule) ?? w
 export const noAdviceText = ({ reason, detail }) => translationOf('noAdvice', reason) ?? detail;
 
 /** What the quality gate found, with the tool; without a full stop. @param {Schemas['ConcernDocument']} reason */
-export function findingText({ name, finding, tool, label, longest, rows, figure, limit }) {
+export function findingText({ name, finding, tool, label, longest, rows, at_s: at, figure, limit }) {
   const translated = translationOf('findings', name)?.[0];
   if (!translated) return finding;
   const toolPrefix = tool ? `${tool}: ` : '';
   const nearest = label ? translations.nearest(label) : '';
   const stretch = longest ? translations.longest(longest) : '';
   const place = rows ? translations.rows(rows) : '';
-  return `${toolPrefix}${translated(figure, limit)}${nearest}${stretch}${place}`;
+  const moment = typeof at === 'number' ? translations.moment(at) : '';
+  return `${toolPrefix}${translated(figure, limit)}${nearest}${stretch}${place}${moment}`;
 }
 
 /** What to do about a finding; without a full stop. */

@@ -17,7 +17,10 @@ pub use crate::vision::trajectory::PathKind;
 use crate::vision::trajectory::{self, Cut, Sample, SampleState, Trajectory};
 
 /// Magic bytes at the start of every blob; the last byte is the version of the format.
-pub(super) const MAGIC: [u8; 8] = *b"trocarP\x04";
+pub(super) const MAGIC: [u8; 8] = *b"trocarP\x05";
+
+/// Magic bytes of the format whose summary has no shifts of the view.
+pub(super) const MAGIC_WITHOUT_VIEW: [u8; 8] = *b"trocarP\x04";
 
 /// Magic bytes of the format whose tools have no size mismatch: written up to pipeline version 14.
 pub(super) const MAGIC_WITHOUT_SIZES: [u8; 8] = *b"trocarP\x03";
@@ -89,13 +92,16 @@ impl SessionPaths {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, PathsError> {
         let decoded = if let Some(content) = bytes.strip_prefix(&MAGIC) {
             decode(content)
+        } else if let Some(content) = bytes.strip_prefix(&MAGIC_WITHOUT_VIEW) {
+            decode(content).map(OlderPaths::<Sample, ToolQuality>::into_paths)
         } else if let Some(content) = bytes.strip_prefix(&MAGIC_WITHOUT_SIZES) {
-            decode(content).map(OlderPaths::<Sample>::into_paths)
+            decode(content).map(OlderPaths::<Sample, OlderToolQuality>::into_paths)
         } else if let Some(content) = bytes.strip_prefix(&MAGIC_WITH_SIGMAS) {
-            decode(content).map(OlderPaths::<SampleWithSigmas>::into_paths)
+            decode(content).map(OlderPaths::<SampleWithSigmas, OlderToolQuality>::into_paths)
         } else {
             let content = bytes.strip_prefix(&MAGIC_WITHOUT_TRACKING).ok_or(PathsError::NotPaths)?;
-            decode(&[content, &[0]].concat()).map(OlderPaths::<SampleWithSigmas>::into_paths) // `None` is one zero byte
+            let content = [content, &[0]].concat(); // `None` is one zero byte
+            decode(&content).map(OlderPaths::<SampleWithSigmas, OlderToolQuality>::into_paths)
         };
         decoded.map_err(PathsError::Damaged)
     }
@@ -119,17 +125,17 @@ impl SessionPaths {
     }
 }
 
-/// [`SessionPaths`] as older versions stored them, with rows of type `S`.
+/// [`SessionPaths`] as older versions stored them, with rows of type `S` and qualities of tools of type `Q`.
 #[derive(Deserialize)]
-struct OlderPaths<S> {
+struct OlderPaths<S, Q> {
     tools: Vec<String>,
     frame_times_s: Vec<f64>,
     /// Raw, filtered and smoothed.
     paths: [Vec<S>; 3],
-    tracking: Option<OlderTracking>,
+    tracking: Option<OlderTracking<Q>>,
 }
 
-impl<S: Into<Sample>> OlderPaths<S> {
+impl<S: Into<Sample>, Q: Into<ToolQuality>> OlderPaths<S, Q> {
     fn into_paths(self) -> SessionPaths {
         let Self { tools, frame_times_s, paths, tracking } = self;
         let [raw, filtered, smoothed] = paths.map(|path| path.into_iter().map(S::into).collect());
@@ -140,19 +146,20 @@ impl<S: Into<Sample>> OlderPaths<S> {
 
 /// A [`TrackingSummary`] as older versions stored it.
 #[derive(Deserialize)]
-struct OlderTracking {
+struct OlderTracking<Q> {
     frames: u64,
     frames_interlaced: u64,
-    tools: Vec<OlderToolQuality>,
+    tools: Vec<Q>,
     light: Vec<LightSample>,
     frames_expected: Option<u64>,
 }
 
-impl From<OlderTracking> for TrackingSummary {
-    fn from(stored: OlderTracking) -> Self {
+impl<Q: Into<ToolQuality>> From<OlderTracking<Q>> for TrackingSummary {
+    fn from(stored: OlderTracking<Q>) -> Self {
         let OlderTracking { frames, frames_interlaced, tools, light, frames_expected } = stored;
-        let tools = tools.into_iter().map(ToolQuality::from).collect();
-        Self { quality: QualitySummary { frames, frames_interlaced, tools, light }, frames_expected }
+        let tools = tools.into_iter().map(Q::into).collect();
+        let quality = QualitySummary { frames, frames_interlaced, tools, light, view_shifts: Vec::new() };
+        Self { quality, frames_expected }
     }
 }
 
@@ -230,6 +237,7 @@ mod tests {
     use super::*;
     use crate::vision::pose::size_check::SizeMismatch;
     use crate::vision::segmentation::palette::Margin;
+    use crate::vision::surroundings::ViewShift;
     use crate::vision::tracker::{Absence, DiameterBasis};
 
     fn row() -> impl Strategy<Value = Sample> {
@@ -297,8 +305,14 @@ mod tests {
         };
         tool.colour.from_background = Some(Margin { margin_steps: 9.0, spread_steps: 2.0, nearest: "shaft".into() });
         let light = vec![LightSample { time_s: 1.0, luma_ratio: 0.9, chroma_shift: [0.2, 0.3] }];
-        let summary =
-            QualitySummary { frames: 211, frames_interlaced: 3, tools: vec![tool.clone()], light: light.clone() };
+        let view_shifts = vec![ViewShift { time_s: 1.0, parts: [0.1, 0.2, 0.3, 0.4] }];
+        let summary = QualitySummary {
+            frames: 211,
+            frames_interlaced: 3,
+            tools: vec![tool.clone()],
+            light: light.clone(),
+            view_shifts: view_shifts.clone(),
+        };
         let reasons = vec![(11u32, 300u64), (5, 4)]; // in the order of the stages
         let gaps = vec![(1u64, 2u64, None), (4, 7, Some(16u32))];
         let colour = [None, Some(([9.0, 2.0], "shaft"))];
@@ -307,18 +321,24 @@ mod tests {
         let older = ([200u64, 5, 6], reasons, Some(0.2), None::<f64>, diameter, gaps, colour, fulcrum);
         let summary_of =
             |tool: Vec<u8>| [encode(&(211u64, 3u64, 1u8)).unwrap(), tool, encode(&light).unwrap()].concat();
-        let bytes = summary_of(encode(&(&older, Some([0.3, 0.1]))).unwrap());
+        let without_view = summary_of(encode(&(&older, Some([0.3, 0.1]))).unwrap());
+        let bytes = [&without_view[..], &encode(&view_shifts).unwrap()].concat();
         assert_eq!(encode(&summary).unwrap(), bytes);
         let read: QualitySummary = decode(&bytes).unwrap();
         assert_eq!(read.quality(&["orange".into()]).tools, [tool.clone()]);
         let no_rows = || Vec::<u8>::new();
         let content = encode(&(vec!["orange"], vec![0.5], [no_rows(), no_rows(), no_rows()], true)).unwrap();
         let older = summary_of(encode(&older).unwrap());
-        for magic in [MAGIC_WITHOUT_SIZES, MAGIC_WITH_SIGMAS] {
-            let blob = [&magic[..], &content, &older, &[0]].concat();
+        let without = ToolQuality { size_mismatch: None, ..tool.clone() };
+        for (magic, summary, expected) in [
+            (MAGIC_WITHOUT_VIEW, &without_view, &tool),
+            (MAGIC_WITHOUT_SIZES, &older, &without),
+            (MAGIC_WITH_SIGMAS, &older, &without),
+        ] {
+            let blob = [&magic[..], &content, summary, &[0]].concat();
             let read = SessionPaths::from_bytes(&blob).unwrap().tracking.unwrap();
-            let without = ToolQuality { size_mismatch: None, ..tool.clone() };
-            assert_eq!(read.quality.quality(&["orange".into()]).tools, [without]);
+            assert_eq!(read.quality.quality(&["orange".into()]).tools, std::slice::from_ref(expected));
+            assert_eq!(read.quality.view_shifts, []);
         }
     }
 

@@ -2460,6 +2460,8 @@ export default {
         'schalten Sie die automatische Belichtung der Kamera aus, und lassen Sie das Licht, wie es ist'],
       white_balance: [figure(1, (is, limit) => `das Weiß des Bilds ändert sich um ${is} Stufen; höchstens ${limit}`),
         'schalten Sie den automatischen Weißabgleich der Kamera aus, und lassen Sie das Licht, wie es ist'],
+      camera_moved_during: [figure(1, (is, limit) => `die Kamera wurde während der Aufnahme bewegt, um ${is} mm in der Tiefe der Instrumente; höchstens ${limit} mm`),
+        'die Bahn springt dort, und Positionen davor und danach sind nicht vergleichbar: Befestigen Sie die Kamera an der Box, und kürzen Sie die Aufnahme auf den Teil davor oder danach. Stand die Kamera still und wurde alles andere im Bild bewegt, etwa das ganze Brett, sind Längen und Geschwindigkeiten richtig'],
       camera_moved: [figure(1, (is, limit) => `die Kamera wurde seit früheren Aufnahmen mit dieser Kalibrierung bewegt: Alle Trokare liegen ${is} mm anders; höchstens ${limit} mm`),
         'Positionen, Tiefe und Bahnen sind nicht mit früheren vergleichbar: Stellen Sie die Kamera zurück, oder senden Sie der Box ihre Kalibrierung noch einmal, dann beginnt der Vergleich neu. Längen und Geschwindigkeiten sind nur richtig, wenn es dieselbe Kamera mit demselben Zoom und derselben Schärfe ist; wenn nicht, kalibrieren Sie sie'],
       port_moved: [figure(1, (is, limit) => `sein Trokar liegt ${is} mm von seinem Ort in früheren Aufnahmen; höchstens ${limit} mm`),
@@ -2475,6 +2477,8 @@ export default {
       const row = (frame, time) => `Bild ${frame} (${decimal(time.toFixed(3))} s)`;
       return from === to ? `; bei ${row(from, fromTime)}` : `; von ${row(from, fromTime)} bis ${row(to, toTime)}`;
     },
+    /** Added to a finding about a moment of the recording: its time in s. */
+    moment: at => `; bei ${at.toFixed(0)} s`,
     /** The finding about a part of a self-test, by part and unit. A part without an entry keeps its English sentence,
      *  which says more than the figures. */
     selfTest: {

@@ -124,6 +124,7 @@ const CODE_ARGUMENTS = {
   nearest: ['background'],
   longest: [{ from_s: 2.2, to_s: 6, to_end: true }],
   rows: [{ from_frame: 9, from_s: 0.3, to_frame: 10, to_s: 0.3333 }],
+  moment: [83.2],
   problems: [{ field: 'trainee', limit: 5, limit_bytes: 2_000_000, reason: 'too_few_people', missing: { novice: 3, intermediate: 0, expert: 1 } }],
   selfTest: [{ light: 'green', figure: 0.123 }, { accuracy: { touches: 6, rms_mm: 1, along_rms_mm: 1, across_rms_mm: 1, largest_mm: 2 },
     holds: [{ not_counted: null }, { not_counted: 'board_moved' }], focal_change_percent: 0.1, focal_sigma_percent: 0.1 }],

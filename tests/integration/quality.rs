@@ -210,6 +210,33 @@ fn grain_that_shakes_the_edges_raises_the_noise_floor_until_it_is_refused() {
 }
 
 #[test]
+fn a_camera_that_is_moved_in_the_middle_is_named_with_its_moment() {
+    const STEP_S: f64 = 0.1;
+    let rest = RestingTool::of(2);
+    let setup = Setup { camera_moved_mm: 12.0, ..Setup::new(Scenario::Rest, Skill::INTERMEDIATE, 21) };
+    let moved_world = World::new(&setup);
+    let renderer = Renderer::new(&moved_world);
+    let moved = [0.0, FRAME_S].map(|time_s| renderer.render(time_s));
+    let track = |later: &[Rendered]| {
+        let mut tracker = rest.tracker(rest.settings(rest.world.rig.camera));
+        for index in 0..120 {
+            let pictures = if index < 60 { &rest.pictures[..] } else { later };
+            tracker.observe(&pictures[index % 2].frame(index as u64, index as f64 * STEP_S));
+        }
+        tracker.finish()
+    };
+    let tracking = track(&moved);
+    let found = figures(&tracking).session.moved_during.unwrap();
+    eprintln!("{found:?}");
+    assert!((7.0..13.0).contains(&found.mm) && (6.0..7.2).contains(&found.at_s), "{found:?}");
+    assert!(causes(&judged(&tracking)).contains(&QualityCause::CameraMovedDuring));
+    let still = track(&rest.pictures);
+    let found = figures(&still).session.moved_during.unwrap();
+    assert!(found.mm < 0.5, "{found:?}");
+    assert!(!causes(&judged(&still)).contains(&QualityCause::CameraMovedDuring));
+}
+
+#[test]
 fn a_wrong_colour_is_refused_as_nothing_seen() {
     let rest = RestingTool::of(3);
     let mut settings = rest.settings(rest.world.rig.camera);

@@ -3,9 +3,10 @@
 //!
 //! **In:** [`SessionPaths`], the edits in force, and why each tool was not measured on each frame ([`Unmeasured`]).
 //! **Out:** the paths and the tracker's summary as if only the remaining part had been recorded, under the new names.
-//! Frames keep their numbers and times. Counts, gaps and light cover the remaining part only. Figures for the whole
-//! recording stay: residuals of borders and depth, position of the trocar, separation of the colours. Counts of frames
-//! that are interlaced or missing in the container are scaled by the share of frames that remain.
+//! Frames keep their numbers and times. Counts, gaps, light and shifts of the view cover the remaining part only.
+//! Figures for the whole recording stay: residuals of borders and depth, position of the trocar, separation of the
+//! colours. Counts of frames that are interlaced or missing in the container are scaled by the share of frames that
+//! remain.
 
 mod rows;
 
@@ -270,6 +271,7 @@ fn remaining_summary(
         frames_interlaced: scale_count(whole.frames_interlaced, frames, whole.frames),
         tools: whole.tools.iter().enumerate().map(tool).collect(),
         light: whole.light.iter().copied().filter(|light| is_within(light.time_s, span)).collect(),
+        view_shifts: whole.view_shifts.iter().copied().filter(|shift| is_within(shift.time_s, span)).collect(),
     }
 }
 

@@ -9,6 +9,7 @@ use crate::analysis::stored_rows::tests::stored;
 use crate::domain::files::trajectory::RowSource;
 use crate::motion::assessment::{AssessmentSettings, assess};
 use crate::vision::covariance::PositionCovariance;
+use crate::vision::surroundings::ViewShift;
 use crate::vision::tracker::LightSample;
 use crate::vision::trajectory::SampleState;
 
@@ -54,11 +55,13 @@ fn paths() -> (SessionPaths, Unmeasured) {
         }
     };
     let light = |second: u32| LightSample { time_s: second.into(), luma_ratio: 1.0, chroma_shift: [0.0; 2] };
+    let view_shift = |second: u32| ViewShift { time_s: second.into(), parts: [0.0; 4] };
     let quality = QualitySummary {
         frames: FRAMES,
         frames_interlaced: 50,
         tools: vec![tool(Vec::new()), tool(gaps)],
         light: (0..10).map(light).collect(),
+        view_shifts: (0..10).map(view_shift).collect(),
     };
     let paths = SessionPaths {
         tools: vec!["orange".to_owned(), "cyan".to_owned()],
@@ -104,6 +107,7 @@ fn a_trim_keeps_the_span_and_counts_only_the_span() {
     );
     assert_eq!(quality.frames_interlaced, 18, "a fifth, as ever");
     assert_eq!((quality.light[0].time_s, quality.light.len()), (5.0, 4));
+    assert_eq!((quality.view_shifts[0].time_s, quality.view_shifts.len()), (5.0, 4));
     assert_eq!(quality.tools[1].gaps, [left_view(110, 119), lost(120, 149)]);
     assert_eq!((counts(&edited, 0), counts(&edited, 1)), ([82, 9, 0], [46, 5, 40]));
     assert_eq!(quality.tools[1].reasons, [(MissReason::TooSmall, 30)].into());

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::vision::surroundings::ViewShift;
 use crate::vision::tracker::{LightSample, Quality, ToolQuality};
 
 /// The tracker's [`Quality`], and what the decoder adds to it. Results store its fields in this order.
@@ -15,19 +16,21 @@ pub struct QualitySummary {
     pub tools: Vec<ToolQuality>,
     /// Scene light.
     pub light: Vec<LightSample>,
+    /// How the view is displaced.
+    pub view_shifts: Vec<ViewShift>,
 }
 
 impl QualitySummary {
     /// The summary of a recording with this many interlaced frames.
     pub fn new(quality: &Quality, frames_interlaced: u64) -> Self {
-        let Quality { frames, tools, light } = quality.clone();
-        Self { frames, frames_interlaced, tools, light }
+        let Quality { frames, tools, light, view_shifts } = quality.clone();
+        Self { frames, frames_interlaced, tools, light, view_shifts }
     }
 
     /// The quality for the pipeline, for tools with these names.
     pub fn quality(&self, names: &[String]) -> Quality {
         let named = |(name, tool): (&String, &ToolQuality)| ToolQuality { tool: name.clone(), ..tool.clone() };
         let tools = names.iter().zip(&self.tools).map(named).collect();
-        Quality { frames: self.frames, tools, light: self.light.clone() }
+        Quality { frames: self.frames, tools, light: self.light.clone(), view_shifts: self.view_shifts.clone() }
     }
 }

@@ -152,7 +152,8 @@ pub fn score_imported(paths: SessionPaths, frames: u64, edits: &EditsInForce) ->
         let missing = frames.saturating_sub(observed + predicted);
         ToolQuality { tool: name.clone(), observed, predicted, missing, ..ToolQuality::default() }
     };
-    let counts = Quality { frames, tools: path.tools.iter().enumerate().map(of_tool).collect(), light: Vec::new() };
+    let tools = path.tools.iter().enumerate().map(of_tool).collect();
+    let counts = Quality { frames, tools, ..Quality::default() };
     let quality = serde_json::to_value(QualityDocument::new(&counts, &figures, &verdict))?;
     Ok(ScoreRows::of(&path, &[], is_trimmed, verdict.is_refused(), quality))
 }

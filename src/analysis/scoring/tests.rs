@@ -32,8 +32,13 @@ fn tracked(seen: impl Fn(u64) -> bool) -> SessionPaths {
         effective_diameter: Some(EffectiveDiameter { mm: 5.02, sigma_mm: 0.03, basis: DiameterBasis::Session }),
         ..ToolQuality::default()
     };
-    let quality =
-        QualitySummary { frames: FRAMES, frames_interlaced: FRAMES / 2, tools: vec![tool], light: Vec::new() };
+    let quality = QualitySummary {
+        frames: FRAMES,
+        frames_interlaced: FRAMES / 2,
+        tools: vec![tool],
+        light: Vec::new(),
+        view_shifts: Vec::new(),
+    };
     SessionPaths {
         tools: vec!["orange".into()],
         frame_times_s: (0..FRAMES).map(|frame| frame as f64 * 0.04).collect(),

@@ -9,7 +9,8 @@ use serde::de::DeserializeOwned;
 use super::ROWS_PER_BLOCK;
 use super::window::{WINDOW_BYTES, WindowReader};
 use crate::analysis::paths::{
-    MAGIC, MAGIC_WITH_SIGMAS, MAGIC_WITHOUT_SIZES, MAGIC_WITHOUT_TRACKING, PathsError, SampleWithSigmas,
+    MAGIC, MAGIC_WITH_SIGMAS, MAGIC_WITHOUT_SIZES, MAGIC_WITHOUT_TRACKING, MAGIC_WITHOUT_VIEW, PathsError,
+    SampleWithSigmas,
 };
 use crate::vision::trajectory::{PathKind, Sample};
 
@@ -51,7 +52,8 @@ impl PathIndex {
         let mut reader = WindowReader::new(file);
         let magic = reader.peek(MAGIC.len())?.get(..MAGIC.len()).ok_or(PathsError::NotPaths)?.to_vec();
         let is = |known: [u8; 8]| magic == known;
-        if ![MAGIC, MAGIC_WITHOUT_SIZES, MAGIC_WITH_SIGMAS, MAGIC_WITHOUT_TRACKING].into_iter().any(is) {
+        let formats = [MAGIC, MAGIC_WITHOUT_VIEW, MAGIC_WITHOUT_SIZES, MAGIC_WITH_SIGMAS, MAGIC_WITHOUT_TRACKING];
+        if !formats.into_iter().any(is) {
             return Err(PathsError::NotPaths);
         }
         let has_sigmas = is(MAGIC_WITH_SIGMAS) || is(MAGIC_WITHOUT_TRACKING);

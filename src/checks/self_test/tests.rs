@@ -95,6 +95,7 @@ impl TestRecording {
             frames: smoothed.frame_times_s.len() as u64,
             tools: vec![tool],
             light: times(1.0).map(steady).collect(),
+            view_shifts: Vec::new(),
         };
         measure(
             watch,

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::motion::quality::{
-    BoxMatch, Concern, Displacement, Figures, JumpRows, LostStretch, NoiseFloor, QualityVerdict, SessionFigures,
-    ToolFigures,
+    BoxMatch, Concern, Displacement, Figures, JumpRows, LostStretch, MovedDuring, NoiseFloor, QualityVerdict,
+    SessionFigures, ToolFigures,
 };
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::reason::MissReason;
@@ -46,6 +46,9 @@ pub struct ConcernDocument {
     /// The wrong rows of the path, if it jumps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rows: Option<JumpDocument>,
+    /// When it occurred, s, if it is about a moment.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_s: Option<f64>,
     /// The measured figure.
     pub figure: f64,
     /// The limit that the figure broke.
@@ -108,6 +111,8 @@ pub struct RecordingDocument {
     pub calibration_rms_px: Option<f64>,
     /// How far the camera has moved since earlier sessions; `null` where it has not moved or this is unknown.
     pub camera_shift: Option<ShiftDocument>,
+    /// How far the camera moved during the recording; `null` where the picture does not show this.
+    pub moved_during: Option<MovedDuringDocument>,
     /// Whether the recording shows the box that it is filed under; absent for a recording that belongs to no box.
     #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
     pub box_match: Option<BoxMatchDocument>,
@@ -216,6 +221,15 @@ pub struct ShiftDocument {
     pub sigma_mm: f64,
 }
 
+/// How far the camera moved during a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
+pub struct MovedDuringDocument {
+    /// Largest lasting displacement of the picture since the beginning, mm at the median depth of the tips.
+    pub mm: f64,
+    /// When the camera had moved half as far for the first time, s.
+    pub at_s: f64,
+}
+
 /// Apparent speed of a resting tool.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct NoiseDocument {
@@ -249,6 +263,7 @@ impl From<&Concern> for ConcernDocument {
             label: concern.label.clone(),
             longest: concern.longest.map(LostDocument::from),
             rows: concern.rows.map(JumpDocument::from),
+            at_s: concern.at_s,
             figure: concern.figure,
             limit: concern.limit,
             unit: concern.cause.unit(),
@@ -284,6 +299,7 @@ impl From<&SessionFigures> for RecordingDocument {
             white_drift_codes: session.white_drift_codes,
             calibration_rms_px: session.calibration_rms_px,
             camera_shift: session.camera_shift.map(ShiftDocument::from),
+            moved_during: session.moved_during.map(MovedDuringDocument::from),
             box_match: session.box_match.map(BoxMatchDocument::from),
         }
     }
@@ -318,6 +334,12 @@ impl From<EffectiveDiameter> for DiameterDocument {
 impl From<Fulcrum> for FulcrumDocument {
     fn from(fulcrum: Fulcrum) -> Self {
         Self { at_mm: fulcrum.at.into(), covariance_mm2: fulcrum.upper() }
+    }
+}
+
+impl From<MovedDuring> for MovedDuringDocument {
+    fn from(MovedDuring { mm, at_s }: MovedDuring) -> Self {
+        Self { mm, at_s }
     }
 }
 

@@ -70,6 +70,8 @@ pub enum QualityCause {
     Exposure,
     /// The picture's white balance changes.
     WhiteBalance,
+    /// The camera moved during the recording.
+    CameraMovedDuring,
     /// All trocars are displaced, as if the camera had moved since earlier sessions.
     CameraMoved,
     /// One trocar is displaced from its position in earlier sessions.
@@ -85,6 +87,12 @@ const WRONG_ROWS: &str = "one wrong row makes lengths and speeds wrong: delete i
 const BARE_TOOL: &str = "compare features whose errors are small. Most of the error is along the camera's line of \
                          sight; with tape it is smaller";
 
+/// What to do about a camera that moved during the recording.
+const MOVED_DURING: &str = "the path jumps there, and positions before and after do not compare: fix the camera to the \
+                            box, and trim the recording to the part before or after that moment. If the camera stood \
+                            still and everything else in the picture was moved, such as the whole board, lengths and \
+                            speeds are right";
+
 /// What to do about sizes that the picture contradicts.
 const OTHER_SIZES: &str = "measure both again, the diameter over the tape and the length of the band along the tube, \
                            correct them in the box's set-up, and score the recording again: all its lengths may be \
@@ -92,7 +100,7 @@ const OTHER_SIZES: &str = "measure both again, the diameter over the tape and th
 
 impl QualityCause {
     /// Every cause, in the order to fix them.
-    pub const ALL: [QualityCause; 34] = [
+    pub const ALL: [QualityCause; 35] = [
         QualityCause::OtherBox,
         QualityCause::BoxSurroundings,
         QualityCause::BoxTrocars,
@@ -125,6 +133,7 @@ impl QualityCause {
         QualityCause::EndsInMotion,
         QualityCause::Exposure,
         QualityCause::WhiteBalance,
+        QualityCause::CameraMovedDuring,
         QualityCause::CameraMoved,
         QualityCause::PortMoved,
     ];
@@ -164,6 +173,7 @@ impl QualityCause {
             QualityCause::EndsInMotion => "ends_in_motion",
             QualityCause::Exposure => "exposure",
             QualityCause::WhiteBalance => "white_balance",
+            QualityCause::CameraMovedDuring => "camera_moved_during",
             QualityCause::CameraMoved => "camera_moved",
             QualityCause::PortMoved => "port_moved",
         }
@@ -179,6 +189,7 @@ impl QualityCause {
             | QualityCause::BareTool
             | QualityCause::ErrorBar
             | QualityCause::BoxTrocars
+            | QualityCause::CameraMovedDuring
             | QualityCause::CameraMoved
             | QualityCause::PortMoved => "mm",
             QualityCause::Jump => "m/s",
@@ -282,6 +293,9 @@ impl QualityCause {
             QualityCause::EndsInMotion => format!("a tool moves at {figure} mm/s as the recording ends"),
             QualityCause::Exposure => format!("the picture's brightness changes by {figure} %"),
             QualityCause::WhiteBalance => format!("the picture's white balance changes by {figure} codes"),
+            QualityCause::CameraMovedDuring => {
+                format!("the camera moved during the recording, by {figure} mm at the depth of the tools")
+            }
             QualityCause::CameraMoved => format!(
                 "the camera has moved since earlier recordings with this calibration: all trocars are {figure} mm from \
                  where they were"
@@ -381,6 +395,7 @@ impl QualityCause {
             QualityCause::WhiteBalance => {
                 "switch off the camera's automatic white balance, and keep the light constant"
             }
+            QualityCause::CameraMovedDuring => MOVED_DURING,
             QualityCause::CameraMoved => {
                 "positions, depth and paths cannot be compared with earlier ones: put the camera back, or upload the \
                  calibration of the box again to start a new comparison. Lengths and speeds are right only if it is the \

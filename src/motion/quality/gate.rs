@@ -48,6 +48,8 @@ pub struct Concern {
     pub longest: Option<LostStretch>,
     /// The rows that the cause is about, if it is about a jump of the path.
     pub rows: Option<JumpRows>,
+    /// When the cause occurred, s, if it is about a moment.
+    pub at_s: Option<f64>,
     /// The figure, in the cause's unit.
     pub figure: f64,
     /// The limit that it broke.
@@ -63,7 +65,8 @@ impl Concern {
         let nearest = self.label.as_ref().map(|label| format!(" (nearest: `{label}`)")).unwrap_or_default();
         let longest = self.longest.map(|longest| longest.to_string()).unwrap_or_default();
         let rows = self.rows.map(|rows| rows.to_string()).unwrap_or_default();
-        prefix + &self.cause.finding(self.figure, self.limit) + &nearest + &longest + &rows
+        let at = self.at_s.map(|at_s| format!("; at {at_s:.0} s")).unwrap_or_default();
+        prefix + &self.cause.finding(self.figure, self.limit) + &nearest + &longest + &rows + &at
     }
 
     /// What to do about it.
@@ -119,7 +122,10 @@ pub fn judge(figures: &Figures) -> QualityVerdict {
         let label = tool.and_then(|tool| colour_margin(tool, cause)).map(|margin| margin.nearest.clone());
         let longest = tool.filter(|_| cause == QualityCause::Lost).and_then(|tool| tool.longest_lost);
         let rows = tool.and_then(|tool| path_jump(tool, cause)).map(|jump| jump.rows);
-        Some(Concern { cause, tool: tool.map(|tool| tool.tool.clone()), label, longest, rows, figure, limit, severity })
+        let is_moment = cause == QualityCause::CameraMovedDuring;
+        let at_s = figures.session.moved_during.filter(|_| is_moment).map(|moved| moved.at_s);
+        let tool = tool.map(|tool| tool.tool.clone());
+        Some(Concern { cause, tool, label, longest, rows, at_s, figure, limit, severity })
     };
     let mut concerns: Vec<Concern> = of_session.into_iter().chain(of_tools).filter_map(concern).collect();
     concerns.sort_by_key(|concern| (std::cmp::Reverse(concern.severity), concern.cause));
@@ -155,6 +161,7 @@ fn session_figure(figures: &Figures, cause: QualityCause) -> Option<f64> {
         QualityCause::EndsInMotion => session.last_speed_mm_s,
         QualityCause::Exposure => session.exposure_drift,
         QualityCause::WhiteBalance => session.white_drift_codes,
+        QualityCause::CameraMovedDuring => session.moved_during.map(|moved| moved.mm),
         // In doubt whether it is this box, nothing is said of its camera.
         QualityCause::CameraMoved => session.camera_shift.filter(|_| !is_box_open(figures)).map(|shift| shift.mm),
         QualityCause::OtherBox => (session.box_match?.answer == Some(BoxAnswer::OtherBox)).then_some(0.0),

@@ -13,6 +13,7 @@
 //! | [`tool`] | how one tool was seen |
 //! | [`jumps`] | rows that no hand can have moved a tool to |
 //! | [`ports`] | whether camera or trocars have moved since earlier sessions |
+//! | [`moved_during`] | whether the camera moved during the recording |
 //! | [`running`] | the same figures of a tool while the recording arrives |
 //! | [`mod@box_match`] | whether the recording shows the box that it is filed under |
 //! | [`session`] | the recording itself: frame times, light, beginning and end |
@@ -25,6 +26,7 @@ pub mod cause;
 pub mod gate;
 pub mod jumps;
 pub mod limits;
+pub mod moved_during;
 pub mod noise_floor;
 pub mod ports;
 pub mod running;
@@ -35,6 +37,7 @@ pub use box_match::{BoxAnswer, BoxEvidence, BoxFinding, BoxMatch};
 pub use cause::QualityCause;
 pub use gate::{Concern, QualityVerdict, Severity, judge};
 pub use jumps::{JumpRows, PathJump};
+pub use moved_during::MovedDuring;
 pub use noise_floor::{NoiseFloor, NoiseFloorBasis};
 pub use ports::{Displacement, PortAgreement, PortPlacement, Ports};
 pub use session::SessionFigures;

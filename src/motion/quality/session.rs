@@ -2,6 +2,7 @@
 
 use super::QualityInput;
 use super::box_match::BoxMatch;
+use super::moved_during::MovedDuring;
 use super::ports::{Displacement, PortPlacement};
 use crate::numbers::quantile::quantile;
 use crate::vision::tracker::LightSample;
@@ -49,6 +50,8 @@ pub struct SessionFigures {
     pub calibration_rms_px: Option<f64>,
     /// How far the camera has moved since earlier sessions; `None` if it has not moved or this is unknown.
     pub camera_shift: Option<Displacement>,
+    /// How far the camera moved during the recording; `None` if its surroundings do not show this.
+    pub moved_during: Option<MovedDuring>,
     /// Whether the recording shows its box; `None` for a recording that belongs to no box.
     pub box_match: Option<BoxMatch>,
 }
@@ -70,6 +73,7 @@ impl SessionFigures {
             white_drift_codes: None,
             calibration_rms_px: None,
             camera_shift: None,
+            moved_during: None,
             box_match: None,
         }
     }
@@ -102,6 +106,7 @@ pub(super) fn measure(
         white_drift_codes: white_drift_codes(light),
         calibration_rms_px: evidence.calibration_rms_px,
         camera_shift: placement.camera,
+        moved_during: evidence.tracker.and_then(|quality| MovedDuring::of(&quality.view_shifts, path)),
         box_match,
     }
 }

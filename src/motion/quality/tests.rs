@@ -6,6 +6,7 @@ use crate::random::Dice;
 use crate::vision::covariance::PositionCovariance;
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::{ColourSeparation, Margin};
+use crate::vision::surroundings::ViewShift;
 use crate::vision::tracker::{Absence, DiameterBasis, EffectiveDiameter, Gap, LightSample, ToolQuality};
 use crate::vision::trajectory::{PathKind, Sample};
 
@@ -49,7 +50,7 @@ fn counts(gaps: Vec<Gap>) -> Quality {
     let diameter = EffectiveDiameter { mm: 5.0, sigma_mm: 0.1, basis: DiameterBasis::Session };
     let tool =
         ToolQuality { tool: "orange".into(), gaps, effective_diameter: Some(diameter), ..ToolQuality::default() };
-    Quality { frames: FRAMES, tools: vec![tool], light: Vec::new() }
+    Quality { frames: FRAMES, tools: vec![tool], ..Quality::default() }
 }
 
 #[test]
@@ -342,6 +343,26 @@ fn independent_errors_make_the_speed_computed_from_one_of_them() {
     assert!((computed.0 / drawn.0 - 1.0).abs() < 0.1, "smoothed: {} computed, {} drawn", computed.0, drawn.0);
     assert!((computed.1 / drawn.1 - 1.0).abs() < 0.1, "causal: {} computed, {} drawn", computed.1, drawn.1);
     assert!(computed.0 < computed.1, "the smoothed path is calmer");
+}
+
+#[test]
+fn a_camera_that_moves_during_the_recording_asks_for_care_and_names_the_moment() {
+    let moved_to = |angle: f64| {
+        let shift = |second: u32| ViewShift {
+            time_s: second.into(),
+            parts: [0.0, if second < 8 { 0.0 } else { angle }, 0.0, 0.0],
+        };
+        let counts = Quality { view_shifts: (0..20).map(shift).collect(), ..counts(Vec::new()) };
+        let path = path(|_| true);
+        judge(&measure(&QualityInput { tracker: Some(&counts), ..QualityInput::of_path(&path) }))
+    };
+    let verdict = moved_to(0.08); // at a depth of 150 mm
+    assert_eq!((causes(&verdict), rank(&verdict)), (vec![QualityCause::CameraMovedDuring], Some(Severity::Care)));
+    assert_eq!(
+        verdict.concerns()[0].finding(),
+        "the camera moved during the recording, by 12.0 mm at the depth of the tools (limit 5.0 mm); at 8 s"
+    );
+    assert_eq!(moved_to(0.03), QualityVerdict::Valid, "4.5 mm");
 }
 
 #[test]

@@ -91,7 +91,8 @@ pub(in crate::store) const SELECT_FULCRUMS_BEFORE: &str = "
       AND EXISTS (SELECT 1 FROM json_each(result.quality, '$.tools') AS tool
                   WHERE json_extract(tool.value, '$.fulcrum') IS NOT NULL)
       AND NOT EXISTS (SELECT 1 FROM json_each(result.quality, '$.reasons') AS reason
-                      WHERE json_extract(reason.value, '$.name') IN ('camera_moved', 'port_moved'))
+                      WHERE json_extract(reason.value, '$.name')
+                            IN ('camera_moved_during', 'camera_moved', 'port_moved'))
     ORDER BY session.created_at_ms, session.id LIMIT $5";
 
 const SELECT_SESSION_RESULT: &str = "

@@ -7,8 +7,9 @@
 //! for less than half of the time. Two pictures are compared by their local contrast ([`contrast`]), which exposure and
 //! white balance leave alone. A search over shift, turn and scale ([`alignment`]) allows for a camera that was nudged,
 //! a wider one for a camera that was moved. The same search on mirrored pictures says what it finds by chance.
-//! **Assumes** a camera that stands still during the recording. **Gives up** (`None`) on pictures of different shape; a
-//! picture without structure gives a resemblance of few fields, which the caller must not read as a difference.
+//! **Assumes** a camera that stands still during the recording, which [`watch`] checks. **Gives up** (`None`) on
+//! pictures of different shape; a picture without structure gives a resemblance of few fields, which the caller must
+//! not read as a difference.
 //!
 //! | file | what |
 //! |---|---|
@@ -16,15 +17,18 @@
 //! | [`contrast`] | local contrast |
 //! | [`alignment`] | the search for the change of the camera |
 //! | [`resemblance`] | correlation, chance level and fields with structure |
+//! | [`watch`] | whether the camera moves during the recording |
 
 pub mod alignment;
 mod contrast;
 pub mod resemblance;
 pub mod sampler;
+pub mod watch;
 
 pub use alignment::Alignment;
 pub use resemblance::Resemblance;
 pub use sampler::SurroundingsSampler;
+pub use watch::{ViewShift, ViewWatch};
 
 use serde::{Deserialize, Serialize};
 

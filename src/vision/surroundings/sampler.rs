@@ -80,14 +80,14 @@ impl SurroundingsSampler {
 }
 
 /// Columns and rows of the small picture; `None` if the frame is smaller than that, or too narrow.
-fn small_size(width: usize, height: usize) -> Option<(usize, usize)> {
+pub(super) fn small_size(width: usize, height: usize) -> Option<(usize, usize)> {
     let scaled = |side: usize| (side * LONGER_SIDE + width.max(height) / 2) / width.max(height).max(1);
     let (columns, rows) = (scaled(width), scaled(height));
     (width.max(height) >= LONGER_SIDE && columns.min(rows) >= MIN_SIDE).then_some((columns, rows))
 }
 
 /// Mean luma of each cell.
-fn shrink(luma: &Plane<'_>, columns: usize, rows: usize) -> Vec<u8> {
+pub(super) fn shrink(luma: &Plane<'_>, columns: usize, rows: usize) -> Vec<u8> {
     let first = |index: usize, of: usize, size: usize| index * size / of;
     let mut small = Vec::with_capacity(columns * rows);
     let mut sums = vec![0_u32; columns];

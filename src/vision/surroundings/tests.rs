@@ -4,32 +4,33 @@ use super::*;
 use crate::random::Dice;
 use crate::vision::frame::{ColourEncoding, Frame, Matrix, Plane, Range};
 
-const WIDTH: usize = 640;
-const HEIGHT: usize = 360;
+pub(super) const WIDTH: usize = 640;
+pub(super) const HEIGHT: usize = 360;
 
 /// A mat: luma at any place, in pixels.
-struct Mat {
+pub(super) struct Mat {
     waves: Vec<[f64; 4]>,
 }
 
 /// How the camera shows the mat.
 #[derive(Clone, Copy)]
-struct Shot {
-    shift_px: [f64; 2],
-    turn_deg: f64,
-    zoom: f64,
+pub(super) struct Shot {
+    pub(super) shift_px: [f64; 2],
+    pub(super) turn_deg: f64,
+    pub(super) zoom: f64,
     /// Luma codes are multiplied by this and raised by the next.
-    gain: f64,
-    offset: f64,
+    pub(super) gain: f64,
+    pub(super) offset: f64,
     /// Largest noise of a pixel, codes.
-    noise: f64,
+    pub(super) noise: f64,
 }
 
-const STRAIGHT: Shot = Shot { shift_px: [0.0; 2], turn_deg: 0.0, zoom: 1.0, gain: 1.0, offset: 0.0, noise: 4.0 };
+pub(super) const STRAIGHT: Shot =
+    Shot { shift_px: [0.0; 2], turn_deg: 0.0, zoom: 1.0, gain: 1.0, offset: 0.0, noise: 4.0 };
 
 impl Mat {
     /// A mat with structures of 20 to 120 pixels.
-    fn new(seed: u64) -> Self {
+    pub(super) fn new(seed: u64) -> Self {
         let mut dice = Dice::new(seed, "mat");
         let wave = |_| {
             let (length, angle) = (dice.within(20.0, 120.0), dice.within(0.0, std::f64::consts::TAU));
@@ -39,13 +40,13 @@ impl Mat {
         Self { waves: (0..12).map(wave).collect() }
     }
 
-    fn luma(&self, x: f64, y: f64) -> f64 {
+    pub(super) fn luma(&self, x: f64, y: f64) -> f64 {
         120.0 + self.waves.iter().map(|[a, b, phase, height]| height * (a * x + b * y + phase).sin()).sum::<f64>()
     }
 }
 
 /// Draws a picture; `paint` changes the luma of a pixel.
-fn shoot(mat: &Mat, shot: Shot, seed: u64, paint: impl Fn(usize, usize, f64) -> f64) -> Vec<u8> {
+pub(super) fn shoot(mat: &Mat, shot: Shot, seed: u64, paint: impl Fn(usize, usize, f64) -> f64) -> Vec<u8> {
     let mut dice = Dice::new(seed, "noise");
     let (sin, cos) = shot.turn_deg.to_radians().sin_cos();
     let pixel = |index: usize| {
@@ -59,7 +60,7 @@ fn shoot(mat: &Mat, shot: Shot, seed: u64, paint: impl Fn(usize, usize, f64) -> 
     (0..WIDTH * HEIGHT).map(pixel).collect()
 }
 
-fn with_frame<T>(luma: &[u8], index: u64, see: impl FnOnce(&Frame<'_>) -> T) -> T {
+pub(super) fn with_frame<T>(luma: &[u8], index: u64, see: impl FnOnce(&Frame<'_>) -> T) -> T {
     let y = Plane { data: luma, stride: WIDTH, width: WIDTH, height: HEIGHT };
     let encoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
     let chroma_first_px = [0.0; 2];

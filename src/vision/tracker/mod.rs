@@ -78,6 +78,7 @@ use crate::vision::segmentation::colour_table::ColourTable;
 use crate::vision::segmentation::knn::Knn;
 use crate::vision::segmentation::palette::{self, ColourSeparation};
 use crate::vision::strip::finder::{FrameStrips, SearchTurn, StripFinder};
+use crate::vision::surroundings::ViewWatch;
 use crate::vision::trajectory::Sample;
 use crate::vision::tube::Outline;
 use accept::ToolFrameResult;
@@ -110,6 +111,7 @@ pub struct Tracker {
     pairs: Vec<[usize; 2]>,
     instants: Vec<FrameInstant>,
     light: LightWatch,
+    view: ViewWatch,
     /// The last known position of each tool.
     last_samples: Vec<Option<Sample>>,
 }
@@ -139,6 +141,7 @@ impl Tracker {
         });
         let (tools, pairs) = (tools.collect(), settings.pairs());
         let last = vec![None; settings.tools.len()];
+        let view = ViewWatch::new(settings.camera.fx);
         Ok(Self {
             tools,
             pairs,
@@ -149,6 +152,7 @@ impl Tracker {
             settings,
             instants: Vec::new(),
             light: LightWatch::default(),
+            view,
             last_samples: last,
         })
     }
@@ -196,6 +200,7 @@ impl Tracker {
             }
             self.instants.clear();
             self.light = LightWatch::default();
+            self.view = ViewWatch::new(self.settings.camera.fx);
             self.last_samples.fill(None);
             self.tools.iter_mut().for_each(ToolTracker::start_over);
         }
@@ -207,6 +212,7 @@ impl Tracker {
     pub fn forget_past(&mut self) {
         self.instants.clear();
         self.light.forget_past();
+        self.view.forget_past();
         self.tools.iter_mut().for_each(|tool| tool.records = PackedRecords::default());
     }
 
@@ -230,6 +236,7 @@ impl Tracker {
     pub fn observe(&mut self, frame: &Frame<'_>) -> FrameReport {
         self.instants.push((frame.index, frame.time_s));
         self.light.sample_frame(frame);
+        self.view.sample_frame(frame);
         let mut outlines = self.expected_outlines(frame.time_s);
         let mut results: Vec<(usize, ToolFrameResult)> = Vec::with_capacity(self.tools.len());
         let (finder, turn) = (self.strips.take(), self.next_search_turn());
@@ -313,10 +320,12 @@ impl Tracker {
         }
         let tapes: Vec<String> = self.settings.tools.iter().map(|t| t.colour.clone()).collect();
         let colours = palette::colour_separations(&self.settings.samples, &tapes);
+        let view = std::mem::replace(&mut self.view, ViewWatch::new(self.settings.camera.fx));
         let mut quality = Quality {
             frames: self.instants.len() as u64,
             tools: Vec::new(),
             light: std::mem::take(&mut self.light).into_samples(),
+            view_shifts: view.into_shifts(),
         };
         let mut motions = Vec::with_capacity(self.tools.len());
         for ((i, tool), colour) in self.tools.iter_mut().enumerate().zip(colours) {

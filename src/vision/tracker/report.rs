@@ -11,6 +11,7 @@ use crate::vision::pose::size_check::SizeMismatch;
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::ColourSeparation;
 use crate::vision::space::Pixel;
+use crate::vision::surroundings::ViewShift;
 use crate::vision::trajectory::{PathKind, PathSource, Sample, Trajectory};
 
 /// One tool measured on one frame, before any filter over time.
@@ -200,6 +201,8 @@ pub struct Quality {
     pub tools: Vec<ToolQuality>,
     /// The scene's light, about once a second; empty where the first frame is too dark to compare with.
     pub light: Vec<LightSample>,
+    /// How the view is displaced, about once a second; empty where the picture does not show it.
+    pub view_shifts: Vec<ViewShift>,
 }
 
 /// A tracked recording. Its paths are computed on request: keeping all three would take three times the memory of the

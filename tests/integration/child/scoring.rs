@@ -93,8 +93,13 @@ fn a_stored_path_is_scored_with_its_edits_as_in_this_process() {
 #[test]
 fn a_tracked_path_is_scored_with_its_summary_as_in_this_process() {
     let tool = ToolQuality { observed: 200, ..ToolQuality::default() };
-    let quality =
-        QualitySummary { frames: 200, frames_interlaced: 7, tools: vec![tool.clone(), tool], light: Vec::new() };
+    let quality = QualitySummary {
+        frames: 200,
+        frames_interlaced: 7,
+        tools: vec![tool.clone(), tool],
+        light: Vec::new(),
+        view_shifts: Vec::new(),
+    };
     let tracked = || SessionPaths {
         frame_times_s: (0..200).map(|frame| f64::from(frame) * 0.04).collect(),
         tracking: Some(TrackingSummary { quality: quality.clone(), frames_expected: Some(201) }),

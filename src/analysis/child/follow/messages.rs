@@ -216,7 +216,7 @@ impl SeenSoFar {
         let severity = if refuses { Severity::Refuse } else { Severity::Care };
         let cause = *QualityCause::ALL.get(cause as usize)?;
         let tool = Some(tool.to_owned());
-        Some(Concern { cause, tool, label: None, longest: None, rows: None, figure, limit, severity })
+        Some(Concern { cause, tool, label: None, longest: None, rows: None, at_s: None, figure, limit, severity })
     }
 
     /// Every number of it.

@@ -19,7 +19,7 @@ use crate::heap;
 use crate::media::{MediaError, MediaLimits, Picture, ReadAhead, VideoFile};
 use crate::vision::frame::Frame;
 use crate::vision::pose::fulcrum::Fulcrum;
-use crate::vision::surroundings::{Surroundings, SurroundingsSampler};
+use crate::vision::surroundings::{Surroundings, SurroundingsSampler, ViewShift};
 use crate::vision::tracker::{
     FirstLook, LightSample, MAX_WARM_UP_FRAMES, Quality, SecondLook, ToolQuality, Tracker, TrackerSettings, Tracking,
 };
@@ -222,7 +222,9 @@ impl TrackOutput {
             && quality.tools.len() == tools
             && quality.tools.iter().all(|tool| is_possible_quality(tool, frames))
             && quality.light.len() as u64 <= frames
-            && quality.light.iter().all(is_plausible_light);
+            && quality.light.iter().all(is_plausible_light)
+            && quality.view_shifts.len() as u64 <= frames
+            && quality.view_shifts.iter().all(is_plausible_shift);
         if !consistent {
             return Err("a summary that contradicts its frames".into());
         }
@@ -250,6 +252,10 @@ fn is_possible_quality(tool: &ToolQuality, frames: u64) -> bool {
 pub(super) fn is_plausible_light(light: &LightSample) -> bool {
     let LightSample { time_s, luma_ratio, chroma_shift: [blue, red] } = *light;
     [time_s, luma_ratio, blue, red].into_iter().all(is_plausible_number)
+}
+
+fn is_plausible_shift(shift: &ViewShift) -> bool {
+    [shift.time_s].into_iter().chain(shift.parts).all(is_plausible_number)
 }
 
 #[cfg(test)]

@@ -132,7 +132,7 @@ fn records_out_of_order_are_refused() {
         recording(RecordingRecord::Frames { times_s: vec![f64::NAN], seen: vec![] }),
         recording(RecordingRecord::Frames { times_s: vec![1e9], seen: vec![] }),
         recording(RecordingRecord::Preview(b"<script>".to_vec())),
-        TrackRecord::Quality(QualitySummary { frames: 3, frames_interlaced: 0, tools: vec![], light: vec![] }),
+        TrackRecord::Quality(QualitySummary { frames: 3, ..summary() }),
     ];
     for record in cases {
         let said = format!("{record:?}");
@@ -151,14 +151,18 @@ fn a_recording_ends_once_and_starts_at_a_possible_time() {
     assert!(validate_all(vec![end(0.5), end(0.5)]).is_err());
 }
 
+/// A summary of two frames without tools.
+fn summary() -> QualitySummary {
+    QualitySummary { frames: 2, frames_interlaced: 0, tools: vec![], light: vec![], view_shifts: vec![] }
+}
+
 fn tool() -> ToolQuality {
     ToolQuality { observed: 1, missing: 1, ..ToolQuality::default() }
 }
 
 /// Sends a summary of two frames with this tool.
 fn validate_tool(tool: ToolQuality) -> Result<TrackOutput, String> {
-    let (tools, light) = (vec![tool], vec![]);
-    validate_all(vec![TrackRecord::Quality(QualitySummary { frames: 2, frames_interlaced: 0, tools, light })])
+    validate_all(vec![TrackRecord::Quality(QualitySummary { tools: vec![tool], ..summary() })])
 }
 
 #[test]
@@ -196,12 +200,7 @@ fn a_reason_counts_no_more_frames_than_there_are() {
 #[test]
 fn no_more_frames_are_interlaced_than_there_are() {
     let hear = |frames_interlaced| {
-        validate_all(vec![TrackRecord::Quality(QualitySummary {
-            frames: 2,
-            frames_interlaced,
-            tools: vec![tool()],
-            light: vec![],
-        })])
+        validate_all(vec![TrackRecord::Quality(QualitySummary { frames_interlaced, tools: vec![tool()], ..summary() })])
     };
     assert!(hear(2).is_ok() && hear(3).is_err());
 }
@@ -212,7 +211,7 @@ fn a_summary_matches_the_reported_frames() {
     let sample = |luma_ratio| LightSample { time_s: 0.0, luma_ratio, chroma_shift: [0.0; 2] };
     let hear = |gaps: Vec<Gap>, light: Vec<LightSample>| {
         let tools = vec![ToolQuality { gaps, ..tool() }];
-        validate_all(vec![TrackRecord::Quality(QualitySummary { frames: 2, frames_interlaced: 0, tools, light })])
+        validate_all(vec![TrackRecord::Quality(QualitySummary { tools, light, ..summary() })])
     };
     assert!(hear(vec![gap(0, 0), gap(1, 1)], vec![sample(1.0)]).is_ok());
     let gaps = [vec![gap(1, 0)], vec![gap(0, 2)], vec![gap(0, 1), gap(1, 1)], vec![gap(1, 1), gap(0, 0)]];
@@ -222,4 +221,10 @@ fn a_summary_matches_the_reported_frames() {
     for light in [vec![sample(f64::NAN)], vec![sample(1.0); 3]] {
         assert!(hear(vec![], light.clone()).is_err(), "{light:?}");
     }
+    let shifted = |right: f64, moments: usize| {
+        let view_shifts = vec![ViewShift { time_s: 0.0, parts: [right, 0.0, 0.0, 0.0] }; moments];
+        validate_all(vec![TrackRecord::Quality(QualitySummary { tools: vec![tool()], view_shifts, ..summary() })])
+    };
+    assert!(shifted(0.1, 2).is_ok());
+    assert!(shifted(f64::NAN, 1).is_err() && shifted(0.1, 3).is_err(), "more moments than frames");
 }
