@@ -6,7 +6,7 @@
 //! [`TrackSettings::max_prediction_s`] is lost until it is seen again; a tool whose axis is measured meanwhile, after
 //! [`TrackSettings::max_hidden_s`].
 
-use super::adaptive_noise::{AdaptiveNoise, PredictionStep};
+use super::adaptive_noise::{AdaptiveNoise, Gate, PredictionStep, TimeStep};
 use super::kalman::KalmanState;
 use super::smoother::MeasuredPosition;
 use crate::vision::pose::TubeEstimate;
@@ -66,8 +66,13 @@ impl TrackState {
         }
     }
 
+    /// A step from the last frame to this time.
+    fn step(&self, time_s: f64, settings: &TrackSettings) -> TimeStep {
+        TimeStep { dt_s: time_s - self.time_s, usual_density: settings.noise_density }
+    }
+
     fn predict(&self, time_s: f64, settings: &TrackSettings) -> PredictionStep {
-        self.liveliness.predict(&self.state, time_s - self.time_s, settings.noise_density)
+        self.liveliness.predict(&self.state, self.step(time_s, settings))
     }
 
     /// Predicts the state at a measurement's time; `None` if the measurement is outside the gate.
@@ -75,13 +80,23 @@ impl TrackState {
         &self,
         time_s: f64,
         measured: &MeasuredPosition,
+        gate: Gate,
         settings: &TrackSettings,
     ) -> Option<PredictionStep> {
-        let dt_s = time_s - self.time_s;
-        self.liveliness.predict_towards(&self.state, dt_s, settings.noise_density, measured, settings.gate)
+        self.liveliness.predict_towards(&self.state, self.step(time_s, settings), measured, gate)
     }
 
-    /// Updates the state with a measurement that [`Self::predict_towards`] accepted.
+    /// The same for a measured tip.
+    fn predict_towards_tip(
+        &self,
+        time_s: f64,
+        measured: &MeasuredPosition,
+        settings: &TrackSettings,
+    ) -> Option<PredictionStep> {
+        self.predict_towards(time_s, measured, Gate::of_position(settings.gate), settings)
+    }
+
+    /// Updates the state with a measurement that [`Self::predict_towards_tip`] accepted.
     fn update(&mut self, time_s: f64, step: &PredictionStep, (tip, covariance): MeasuredPosition) {
         self.liveliness.learn(step, time_s - self.time_s);
         self.state = step.state.updated(tip, covariance);
@@ -126,7 +141,7 @@ impl Track {
     pub fn would_accept(&self, time_s: f64, pose: &TubeEstimate, settings: &TrackSettings) -> bool {
         let measured = (pose.tube.tip, pose.changing_tip_covariance());
         self.current_if_recent(time_s, settings)
-            .is_some_and(|followed| followed.predict_towards(time_s, &measured, settings).is_some())
+            .is_some_and(|followed| followed.predict_towards_tip(time_s, &measured, settings).is_some())
     }
 
     /// Advances the track by one frame, with its measurement if there is one.
@@ -153,7 +168,7 @@ impl Track {
             };
         };
         if let Some((position, step)) =
-            measured.and_then(|at| Some((at, followed.predict_towards(time_s, &at, settings)?)))
+            measured.and_then(|at| Some((at, followed.predict_towards_tip(time_s, &at, settings)?)))
         {
             followed.update(time_s, &step, position);
             *self = Self { current: Some(followed), rival: None };
@@ -190,9 +205,10 @@ impl Track {
         };
         let (tip, covariance) = line.position_near(followed.predict(time_s, settings).state.tip());
         let is_in_bounds = (settings.depth_mm.0..=settings.depth_mm.1).contains(&tip.z);
-        let step = followed.predict_towards(time_s, &(tip, covariance), settings).filter(|_| is_in_bounds);
+        let gate = Gate::of_line(settings.gate);
+        let step = followed.predict_towards(time_s, &(tip, covariance), gate, settings).filter(|_| is_in_bounds);
         let Some(step) = step else { return (self.advance(time_s, None, settings), None) };
-        followed.liveliness.learn(&step, time_s - followed.time_s);
+        followed.liveliness.learn_from_line(&step, time_s - followed.time_s);
         followed.state = step.state.updated(tip, covariance);
         (followed.time_s, followed.last_axis_s) = (time_s, time_s);
         self.current = Some(followed);
@@ -222,7 +238,7 @@ impl Track {
         settings: &TrackSettings,
     ) -> Option<TrackState> {
         let agreeing = self.rival.and_then(|mut rival| {
-            let step = rival.predict_towards(time_s, &measured, settings)?;
+            let step = rival.predict_towards_tip(time_s, &measured, settings)?;
             rival.update(time_s, &step, measured);
             Some(rival)
         });
@@ -338,5 +354,35 @@ mod tests {
         let mut track = settled();
         let (advance, used) = track.advance_along_axis(0.40, &line_at(60.0), &SETTINGS);
         assert!(used.is_none() && advance.state.is_some_and(|state| state.tip().x.abs() < 1.0));
+    }
+
+    #[test]
+    fn an_axis_is_explained_as_a_line_is() {
+        // A squared distance of 7: usual for a position (95 % are below 7.8), unusual for a line (6.0).
+        let mut track = settled();
+        let expected = track.expected(0.40, &SETTINGS).unwrap();
+        let across_mm2 = expected.tip_covariance()[(0, 0)] + 0.1 * 0.1;
+        let (advance, used) = track.advance_along_axis(0.40, &line_at((7.0 * across_mm2).sqrt()), &SETTINGS);
+        assert!(used.is_some() && advance.noise_density > 1.5 * SETTINGS.noise_density, "{}", advance.noise_density);
+    }
+
+    #[test]
+    fn an_axis_at_rest_does_not_make_a_lively_hand_steady() {
+        let zigzag = |k: u32| at(if k % 2 == 0 { 0.0 } else { 2.5 });
+        let mut track = Track::default();
+        for k in 0..25 {
+            assert!(track.advance(f64::from(k) * 0.04, zigzag(k), &SETTINGS).observed);
+        }
+        let mut hidden = track.clone();
+        let tip_x = |track: &Track, time_s: f64| track.expected(time_s, &SETTINGS).unwrap().tip().x;
+        for k in 25..35 {
+            let time_s = f64::from(k) * 0.04;
+            let line = line_at(tip_x(&hidden, time_s));
+            assert!(hidden.advance_along_axis(time_s, &line, &SETTINGS).1.is_some());
+        }
+        let [before, after] = [(&mut track, 25), (&mut hidden, 35)]
+            .map(|(track, k)| track.advance(f64::from(k) * 0.04, None, &SETTINGS).noise_density);
+        assert!(before > 10.0 * SETTINGS.noise_density, "{before}: livelier than any gap");
+        assert!((after - before).abs() < 1e-6 * before, "{before} before the axis alone was seen, then {after}");
     }
 }
