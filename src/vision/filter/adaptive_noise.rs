@@ -181,6 +181,39 @@ mod tests {
         }
     }
 
+    /// Position of a hand that moves to and fro at up to 190 mm/s.
+    fn swinging(frame: u32) -> Point3<f64> {
+        let time_s = f64::from(frame) * FRAME_S;
+        let swing = |hertz: f64, mm: f64| (std::f64::consts::TAU * hertz * time_s).sin() * mm;
+        Point3::new(swing(0.8, 35.0), swing(0.6, 20.0), 150.0 + swing(0.4, 15.0))
+    }
+
+    #[test]
+    fn a_hand_that_is_lost_while_it_moves_fast_is_where_it_is_stated() {
+        const GAP: std::ops::Range<u32> = 14..18;
+        let (mut track, mut run, mut dice) = (Track::default(), FilterRun::default(), Dice::new(5, "a hand"));
+        let is_lost = |frame: u32| GAP.contains(&(frame % 23));
+        for frame in 0..FRAMES {
+            let (time_s, error) = (f64::from(frame) * FRAME_S, dice.gauss3() * SIGMA_MM);
+            let covariance = Matrix3::identity() * (SIGMA_MM * SIGMA_MM);
+            let seen = Some((swinging(frame) + error, covariance)).filter(|_| !is_lost(frame));
+            let advance = track.advance(time_s, seen, &SETTINGS);
+            assert_eq!(advance.observed, seen.is_some(), "frame {frame}");
+            run.push(time_s, &advance.state.unwrap(), advance.noise_density, seen);
+        }
+        let smoothed: Vec<_> = run.smoothed().collect::<Vec<_>>().into_iter().rev().collect();
+        for (name, states) in [("causal", run.filtered().collect()), ("smoothed", smoothed)] {
+            let lost = (0..FRAMES).zip(&states).filter(|(frame, _)| is_lost(*frame));
+            let squared = |(frame, state): (u32, &_)| -> f64 {
+                let state: &super::KalmanState = state;
+                state.distance_squared(swinging(frame), Matrix3::zeros())
+            };
+            let squared: Vec<f64> = lost.map(squared).collect();
+            let inside = squared.iter().filter(|squared| **squared < 7.8).count() as f64 / squared.len() as f64;
+            assert!(inside > 0.92, "{name}: {inside} of {} bridged positions lie in their 95 % region", squared.len());
+        }
+    }
+
     #[test]
     fn a_line_is_accepted_as_often_as_a_position() {
         // 99.9 % with three and with two degrees of freedom, and 95 %.
