@@ -102,7 +102,7 @@ pub struct MotionSettings {
     /// Longest gap that is bridged by prediction, s.
     pub max_prediction_s: f64,
     /// The same for a bare tool whose axis is measured while its tip is hidden, s: the tip's place along the axis is then
-    /// unknown to 8 mm (`√(q·t³/3)`) for a steady hand.
+    /// unknown to 18 mm (`√(q·t³/3)`) for a steady hand.
     pub max_hidden_s: f64,
     /// Longest gap that the second pass bridges, between two frames where the tool was seen, s. In the middle of a
     /// bridge four times as long as the longest prediction, the tip is known as well as at that prediction's end:
