@@ -168,6 +168,11 @@ impl EdgeModel {
         }
     }
 
+    /// The tape's usual chroma, codes.
+    pub(super) fn usual_chroma(&self) -> [f64; 2] {
+        [self.tape.y, self.tape.z]
+    }
+
     /// Is this colour within the range of the tape's, on its lit and on its shaded side?
     pub(super) fn is_within_tape(&self, codes: [f64; 3]) -> bool {
         /// In standard deviations: nine of ten samples are nearer, with any distribution.

@@ -322,8 +322,9 @@ impl<'a> EndFinder<'a> {
 /// Mean distance of the colours between the borders from what lies outside them, codes.
 fn hinge_codes(row: &ShaftRow) -> Option<f64> {
     let [[_, one], [_, other]] = [row.borders[0]?, row.borders[1]?];
-    let apart = row.inside.iter().flatten().map(|codes| distance(*codes, one).min(distance(*codes, other)));
-    Some(apart.sum::<f64>() / row.inside.len() as f64)
+    let seen = row.inside.iter().flatten();
+    let apart: Vec<f64> = seen.map(|codes| distance(*codes, one).min(distance(*codes, other))).collect();
+    (!apart.is_empty()).then(|| apart.iter().sum::<f64>() / apart.len() as f64)
 }
 
 fn mean(all: &[Codes]) -> Option<Codes> {
@@ -463,6 +464,14 @@ mod tests {
     fn a_collar_that_may_begin_here_or_there_has_no_end() {
         let dim = BLACK + 18.0;
         assert_eq!(found(&tool(COLLAR_MM, dim, dim), None, COLLAR_MM, 5.0), None);
+    }
+
+    #[test]
+    fn a_hidden_part_of_a_hinge_is_not_as_bright_as_its_surroundings() {
+        let [board, hinge] = [[170.0, 128.0, 128.0], [130.0, 128.0, 128.0]];
+        let row = ShaftRow { back_mm: 0.0, borders: [Some([board, board]); 2], inside: [Some(hinge), None, None] };
+        assert_eq!(hinge_codes(&row), Some(40.0));
+        assert_eq!(hinge_codes(&ShaftRow { inside: [None; 3], ..row }), None);
     }
 
     #[test]

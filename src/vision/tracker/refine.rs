@@ -52,7 +52,7 @@ impl BandFit<'_> {
             seen_share,
             ends_seen: found.ends_seen(),
             fulcrum_miss_squared: 0.0,
-            smear_px: self.motion_px_s.norm() * self.edges.exposure_s / 12f64.sqrt(),
+            smear_px: self.smear_px(),
             continuation: None,
             fitted_edges: Vec::new(),
         };
@@ -201,6 +201,11 @@ impl BandFit<'_> {
         }
         offsets.sort_by(f64::total_cmp);
         Some(offsets.get(offsets.len() / 2)? / self.px_per_mm_along(tube, length_mm))
+    }
+
+    /// Motion blur of edges across the motion: standard deviation, pixels.
+    pub(super) fn smear_px(&self) -> f64 {
+        self.motion_px_s.norm() * self.edges.exposure_s / 12f64.sqrt()
     }
 
     /// Pixels per millimetre across the tube, at its tip.

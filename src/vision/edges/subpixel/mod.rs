@@ -19,6 +19,7 @@ use super::edge_model::{EdgeModel, Likeness};
 use super::probe::{LocatedEdge, Probe};
 use super::profile::{self, Profile};
 use crate::vision::frame::Frame;
+use crate::vision::segmentation::shaft_evidence;
 
 /// Positions tried for a plain step.
 const STEPS_PER_PX: f64 = 2.0;
@@ -93,8 +94,14 @@ impl EdgeModel {
             };
             match self.likeness {
                 Likeness::Chroma => (is_inside || self.may_be_shaded_tape(inside)) && !is_tape(outside),
+                // The limbs of a shaft are darker than its middle, and its usual colour includes highlights. So what
+                // may be the shaft is one if it is darker or greyer than the outside, as its borders are (METHOD 3.6).
                 // A dark shaft before a dark box: both sides look like a shaft, and the inside is the nearer one.
-                Likeness::AllPlanes => is_inside && is_nearer(),
+                Likeness::AllPlanes => {
+                    let is_border = || shaft_evidence::contrast(inside, outside, self.usual_chroma()) >= 1.0;
+                    let may_be_shaft = is_inside || is_tape(inside) || self.is_within_tape(inside);
+                    may_be_shaft && (is_nearer() || is_border())
+                }
             }
         };
         if fineness == Fineness::Step {

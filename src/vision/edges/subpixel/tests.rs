@@ -293,6 +293,18 @@ fn a_side_that_differs_from_the_mean_colour_as_much_as_the_samples_do_is_tape() 
     assert!((edge.offset_px - beside.edge).abs() < 0.2, "{edge:?}");
 }
 
+/// Marked pixels of a shaft include highlights, so its limbs are darker than its usual colour.
+#[test]
+fn a_limb_that_is_darker_than_the_usual_shaft_has_an_edge() {
+    let usual = UsualColour { codes: [115.0, 128.0, 128.0], luma_spread: 40.0, chroma_spread: 4.0 };
+    let model = EdgeModel::new(usual, Likeness::AllPlanes, ENCODING);
+    let limb = Drawing { tape: [55.0, 128.0, 128.0], outside: [90.0, 135.0, 126.0], ..PLAIN };
+    let edge = limb.looked_at(&model, &limb.probe(), Fineness::Fine).unwrap();
+    assert!((edge.offset_px - limb.edge).abs() < 0.2, "{edge:?}");
+    let shade = Drawing { tape: [150.0, 128.0, 128.0], outside: [115.0, 128.0, 128.0], ..PLAIN };
+    assert!(shade.looked_at(&model, &shade.probe(), Fineness::Fine).is_none(), "brighter inside");
+}
+
 #[test]
 fn tape_on_both_sides_and_tape_outside_are_no_borders() {
     assert!(Drawing { outside: [110.0, 80.0, 180.0], ..PLAIN }.located().is_none(), "a crease");
