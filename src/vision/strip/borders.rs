@@ -17,14 +17,14 @@ use crate::vision::space::Normalised;
 /// Rows across the strip.
 const ROWS: usize = 48;
 /// Part of the strip that is read, from its end: the tool's measured piece is about twelve widths long.
-const LONGEST_WIDTHS: f64 = 12.0;
+const MAX_LENGTH_WIDTHS: f64 = 12.0;
 /// The first and the last part of that piece are left out: the end of the shaft, and the picture's rim.
 const READ_PART: (f64, f64) = (0.08, 0.95);
 /// Borders are looked for from this many half widths to that many from the strip's middle, towards their side. Evidence
 /// is up to twice as wide as the shaft, by shade on one side, or half as wide, by gloss on the other.
 const REACH: (f64, f64) = (-0.4, 3.0);
 /// Least distance between both borders, half widths.
-const LEAST_WIDTH: f64 = 0.7;
+const MIN_WIDTH: f64 = 0.7;
 /// Largest difference of a border's distances from the middle at both ends of the piece, half widths: taper, and a
 /// strip that leans.
 const MAX_TILT: f64 = 0.9;
@@ -41,7 +41,8 @@ const MIN_SUPPORT: f64 = 0.4;
 const MAX_PAIRS: usize = 4;
 /// Borders kept on each side.
 const KEPT: usize = 3;
-/// A border whose contrast is below this share of the strongest on its side is left out: of a shadow, or on the shaft.
+/// A border whose contrast is below this share of the strongest one on its side that enough rows show is left out: of a
+/// shadow, or on the shaft.
 const MIN_SHARE: f32 = 0.5;
 
 /// The strip with each likely pair of borders, the one of most contrast first.
@@ -55,7 +56,7 @@ pub fn with_likely_borders(
     let [first, second] = [-1.0, 1.0].map(|side| rows.borders(side));
     let mut pairs: Vec<(f32, [PossibleBorder; 2])> = Vec::new();
     for one in &first {
-        let is_wide = |other: &&PossibleBorder| (0..2).all(|end| one.at[end] + other.at[end] > LEAST_WIDTH);
+        let is_wide = |other: &&PossibleBorder| (0..2).all(|end| one.at[end] + other.at[end] > MIN_WIDTH);
         pairs.extend(second.iter().filter(is_wide).map(|other| (one.contrast + other.contrast, [*one, *other])));
     }
     pairs.sort_by(|one, other| other.0.total_cmp(&one.0));
@@ -84,6 +85,8 @@ struct BorderRows {
     step: f64,
     /// Places in a row.
     places: usize,
+    /// Places on each side of a border that are compared.
+    compared: usize,
     /// Contrast at each place of each row, as a multiple of the least: for a border on the first and on the second
     /// side. [`NOWHERE`] outside the picture.
     contrast: [Vec<f32>; 2],
@@ -91,7 +94,7 @@ struct BorderRows {
 
 impl BorderRows {
     fn read(frame: &Frame<'_>, camera: &Camera, appearance: &ShaftAppearance, strip: &Strip) -> Self {
-        let part = (LONGEST_WIDTHS / strip.length_widths.max(1.0)).min(1.0);
+        let part = (MAX_LENGTH_WIDTHS / strip.length_widths.max(1.0)).min(1.0);
         let (end, entry) = (strip.end.0, strip.entry.0);
         let middles = [READ_PART.0, READ_PART.1].map(|share| end + (entry - end) * (part * share));
         let along = (entry - end).try_normalize(1e-9).unwrap_or_else(Vector2::x);
@@ -102,7 +105,7 @@ impl BorderRows {
         let step = 1.0 / half_px.min(MAX_PLACES);
         let places = (2.0 * REACH.1 / step) as usize + 1;
         let compared = (COMPARED.0 / step).round().clamp(COMPARED.1, COMPARED.2) as usize;
-        let mut rows = Self { middles, half, step, places, contrast: Default::default() };
+        let mut rows = Self { middles, half, step, places, compared, contrast: Default::default() };
         for row in 0..ROWS {
             let codes: Vec<Option<[[f32; 3]; 2]>> =
                 (0..places).map(|place| codes_of(frame, camera, appearance, rows.at(row, place))).collect();
@@ -150,11 +153,14 @@ impl BorderRows {
             }
         }
         lines.sort_by(|one, other| other.contrast.total_cmp(&one.contrast));
-        let least = lines.first().map_or(0.0, |best| MIN_SHARE * best.contrast);
         let mut kept: Vec<PossibleBorder> = Vec::new();
-        for line in lines.into_iter().take_while(|line| line.contrast >= least) {
+        for line in lines {
+            let is_weak = kept.first().is_some_and(|best| line.contrast < MIN_SHARE * best.contrast);
+            if is_weak || kept.len() == KEPT {
+                break;
+            }
             let is_new = !kept.iter().any(|other| self.is_same(other, &line));
-            if kept.len() < KEPT && is_new && self.is_supported(side, &line) {
+            if is_new && self.is_supported(side, &line) {
                 kept.push(line);
             }
         }
@@ -163,10 +169,9 @@ impl BorderRows {
 
     /// Do two lines follow the same edge in some row?
     fn is_same(&self, one: &PossibleBorder, other: &PossibleBorder) -> bool {
-        /// Twice the places that are compared: the edge of one shows in the rows of the other.
-        const SAME_PLACES: f64 = 2.0 * COMPARED.2;
+        let both_compared = 2.0 * self.compared as f64; // the edge of one shows in the rows of the other
         let [first, last] = [0, 1].map(|end| other.at[end] - one.at[end]);
-        first.abs().min(last.abs()) < SAME_PLACES * self.step || first * last < 0.0
+        first.abs().min(last.abs()) < both_compared * self.step || first * last < 0.0
     }
 
     /// Do enough rows show a step?
@@ -245,12 +250,13 @@ mod tests {
     /// Half the shaft's width at its end and at the picture's rim, pixels.
     const HALVES: [f64; 2] = [20.0, 25.0];
 
-    /// Calls `with` on a grey frame; `luma` is of the distance from the middle, in half widths of the shaft.
-    fn with_frame<T>(luma: impl Fn(f64) -> u8, with: impl Fn(&Frame<'_>) -> T) -> T {
+    /// Calls `with` on a grey frame; `luma` is of the column, and of the distance from the middle in half widths of the
+    /// shaft.
+    fn with_frame<T>(luma: impl Fn(f64, f64) -> u8, with: impl Fn(&Frame<'_>) -> T) -> T {
         let (width, height) = (STRAIGHT.width as usize, STRAIGHT.height as usize);
         let code = |i: usize| {
             let (x, y) = ((i % width) as f64, (i / width) as f64);
-            luma((y - MIDDLE) / (HALVES[1] + (HALVES[0] - HALVES[1]) * x / END))
+            luma(x, (y - MIDDLE) / (HALVES[1] + (HALVES[0] - HALVES[1]) * x / END))
         };
         let codes: Vec<u8> = (0..width * height).map(code).collect();
         let grey = vec![128; width * height / 4];
@@ -271,7 +277,12 @@ mod tests {
     /// Distances of the likely borders from the middle at the end of a strip whose evidence reaches from `above` to
     /// `below` it, pixels, best pair first. The shaft has luma 40 and the empty box `mat`.
     fn found(mat: u8, luma: impl Fn(f64) -> u8, above: f64, below: f64) -> Vec<[f64; 2]> {
-        let empty = with_frame(|_| mat, CellPicture::of);
+        found_in(mat, |_, at| luma(at), above, below)
+    }
+
+    /// The same where the luma changes from column to column.
+    fn found_in(mat: u8, luma: impl Fn(f64, f64) -> u8, above: f64, below: f64) -> Vec<[f64; 2]> {
+        let empty = with_frame(|_, _| mat, CellPicture::of);
         let shaft = ShaftColour::new(&[[40, 128, 128]; 50]).unwrap();
         let any = AnyColour::new([&empty]);
         let background = Background::from_frames(&[empty], &shaft, &any).unwrap();
@@ -334,6 +345,29 @@ mod tests {
             _ => 45,
         };
         assert_eq!(found(45, glossy, 9.0, 11.0), Vec::<[f64; 2]>::new());
+    }
+
+    #[test]
+    fn a_line_that_few_rows_show_does_not_hide_a_weaker_border() {
+        let printed = |x: f64, at: f64| match at.abs() {
+            0.0..1.0 => 40,
+            1.8.. if x > 625.0 => 200,
+            _ => 55,
+        };
+        let pairs = found_in(200, printed, 20.0, 20.0);
+        assert!(pairs.first().is_some_and(are_the_shafts), "{pairs:?}");
+    }
+
+    #[test]
+    fn the_border_of_a_thin_shaft_is_not_that_of_the_shade_next_to_it() {
+        let shaded = |at: f64| match at.abs() {
+            0.0..0.4 => 40,
+            0.4..0.7 => 100,
+            _ => 200,
+        };
+        let pairs = found(200, shaded, 8.0, 8.0);
+        let is_shaft = |borders: &[f64; 2]| borders.iter().all(|at| (at.abs() - 8.0).abs() < 2.0);
+        assert!(pairs.iter().any(is_shaft), "{pairs:?}");
     }
 
     #[test]

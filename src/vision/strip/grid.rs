@@ -21,12 +21,12 @@ impl GridMap {
     /// The value between four cells; 0 outside.
     #[inline]
     pub fn at(&self, x: f32, y: f32) -> f32 {
-        let (left, top) = (x.floor(), y.floor());
-        if left < 0.0 || top < 0.0 || left + 1.0 >= self.columns as f32 || top + 1.0 >= self.rows as f32 {
+        if !(x >= 0.0 && y >= 0.0 && x < (self.columns - 1) as f32 && y < (self.rows - 1) as f32) {
             return 0.0;
         }
-        let first = top as usize * self.columns + left as usize;
-        let (x, y) = (x - left, y - top);
+        let (column, row) = (x as u32, y as u32); // `floor` is a call
+        let first = row as usize * self.columns + column as usize;
+        let (x, y) = (x - column as f32, y - row as f32);
         let [upper, lower] = [first, first + self.columns].map(|i| self.values[i] * (1.0 - x) + self.values[i + 1] * x);
         upper * (1.0 - y) + lower * y
     }

@@ -286,17 +286,23 @@ impl RowSums {
     fn add_row(&self, sums: &[f32], at: f64, factor: f32, into: &mut [f32]) {
         let (first, share) = self.between(at);
         let (above, below) = sums[first..first + 2 * self.columns].split_at(self.columns);
-        let (above_factor, below_factor) = (factor * (1.0 - share), factor * share);
-        for ((into, above), below) in into.iter_mut().zip(above).zip(below) {
-            *into += above * above_factor + below * below_factor;
-        }
+        add_weighted(into, [above, below], [factor * (1.0 - share), factor * share]);
     }
 
     /// Beginning of the sums before a place, and the share of those after it.
     fn between(&self, at: f64) -> (usize, f32) {
         let rows = self.all.len() / self.columns;
         let at = at.clamp(0.0, rows as f64 - 1.001);
-        (at as usize * self.columns, (at - at.floor()) as f32)
+        let row = at as usize;
+        (row * self.columns, (at - row as f64) as f32)
+    }
+}
+
+/// Adds two rows, each times its factor.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+fn add_weighted(into: &mut [f32], [one, other]: [&[f32]; 2], factors: [f32; 2]) {
+    for ((into, one), other) in into.iter_mut().zip(one).zip(other) {
+        *into += one * factors[0] + other * factors[1];
     }
 }
 

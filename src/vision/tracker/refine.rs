@@ -41,10 +41,15 @@ impl BandFit<'_> {
         recorder: &mut FitRecorder,
     ) -> Result<Measurement, MissReason> {
         let fit = match self.spec.is_bare() {
-            true => self.fit_shaft(start, length_mm, passes, recorder),
+            true => self.fit_shaft(start, length_mm, passes, recorder).map_err(|miss| miss.reason),
             false => self.fit_passes(start, length_mm, passes, recorder),
         };
-        let PassFit { found, estimate, seen_share } = fit?;
+        self.measurement_of(fit?, length_mm)
+    }
+
+    /// The measurement by the last fit of a tube.
+    pub(super) fn measurement_of(&self, fit: PassFit, length_mm: f64) -> Result<Measurement, MissReason> {
+        let PassFit { found, estimate, seen_share } = fit;
         let mut measurement = Measurement {
             estimate,
             length_mm,
@@ -97,6 +102,9 @@ impl BandFit<'_> {
         recorder: &mut FitRecorder,
     ) -> Result<PassFit, MissReason> {
         let found = self.edges_along(tube, length_mm, pass, recorder)?;
+        if found.edges.is_empty() {
+            return Err(MissReason::BordersNotFound);
+        }
         if found.edges.iter().all(|edge| edge.point.part().is_border()) {
             return Err(MissReason::TipHidden);
         }

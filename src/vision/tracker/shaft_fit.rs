@@ -16,6 +16,19 @@ use crate::vision::reason::MissReason;
 use crate::vision::space::{CameraPoint, Pixel};
 use crate::vision::tube::{BorderSide, Outline, OutlinePart, Tube};
 
+/// A shaft that was not measured.
+pub(super) struct ShaftMiss {
+    pub(super) reason: MissReason,
+    /// The tube that its borders show, where only its end is hidden.
+    pub(super) tube: Option<Tube>,
+}
+
+impl From<MissReason> for ShaftMiss {
+    fn from(reason: MissReason) -> Self {
+        Self { reason, tube: None }
+    }
+}
+
 /// Rows across the shaft are read from this far behind the assumed tip to that far ahead, mm: the strip may end with
 /// the point of closed jaws, and a tip that was false may lie behind the end.
 const ROWS_MM: [f64; 2] = [70.0, -35.0];
@@ -34,14 +47,14 @@ impl BandFit<'_> {
         length_mm: f64,
         passes: &[ProbePass],
         recorder: &mut FitRecorder,
-    ) -> Result<PassFit, MissReason> {
+    ) -> Result<PassFit, ShaftMiss> {
         let fit = match self.fit_passes(start, length_mm, passes, recorder) {
             Ok(fit) if self.shows_rim(&fit) && self.is_rim_of_tube(&fit.estimate.tube) => Ok(fit),
             Ok(fit) => self.fit_full_width(&fit.estimate.tube, length_mm, recorder),
             Err(MissReason::TipHidden) => self.fit_full_width(start, length_mm, recorder),
-            Err(reason) => Err(reason),
+            Err(reason) => Err(reason.into()),
         };
-        fit.and_then(|fit| if self.shows_borders(&fit) { Ok(fit) } else { Err(MissReason::PoorFit) })
+        fit.and_then(|fit| if self.shows_borders(&fit) { Ok(fit) } else { Err(MissReason::PoorFit.into()) })
     }
 
     /// Do enough edges confirm each border? They may lie farther from it the more they are smeared.
@@ -71,12 +84,17 @@ impl BandFit<'_> {
         self.spec.collar_mm() == 0.0 || self.locate_end(tube).is_none_or(is_near)
     }
 
-    /// Fits a tube that ends where its full width does, less its collar.
-    fn fit_full_width(&self, start: &Tube, length_mm: f64, recorder: &mut FitRecorder) -> Result<PassFit, MissReason> {
-        let mut tube = *start;
-        let mut last = Err(MissReason::TipHidden);
+    /// Fits a tube that ends where its full width does, less its collar. Before the end is sought, the tube is moved to
+    /// its borders, if enough of them shows: only there are its rows those of the shaft.
+    fn fit_full_width(&self, start: &Tube, length_mm: f64, recorder: &mut FitRecorder) -> Result<PassFit, ShaftMiss> {
+        let moved = self.fit_axis(start, length_mm, FINE_PASSES, recorder).map(|(tube, _)| tube);
+        let mut tube = moved.unwrap_or(*start);
+        let mut last = Err(MissReason::TipHidden.into());
         for pass in FINE_PASSES {
-            let end = self.locate_end(&tube).ok_or(MissReason::TipHidden)?;
+            let end = self.locate_end(&tube).ok_or_else(|| match moved {
+                Some(_) => ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) },
+                None => MissReason::BordersNotFound.into(),
+            })?;
             tube.tip -= tube.axis * end.back_mm;
             let mut found = self.edges_along(&tube, length_mm, *pass, recorder)?;
             self.use_end(&tube, &end, &mut found).ok_or(MissReason::PoorFit)?;

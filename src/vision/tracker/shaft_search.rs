@@ -125,17 +125,18 @@ impl BandFit<'_> {
 
     /// Measures the shaft between the borders of a strip.
     fn measure_between_borders(&self, borders: &Strip, recorder: &mut FitRecorder) -> Result<Measurement, MissReason> {
-        let mut best = Err(MissReason::PoorFit);
+        let mut best = Err(MissReason::BordersNotFound);
         for start in self.starts_of_strip(borders) {
-            let found = self.refine(&start, MEASURED_SHAFT_MM, STRIP_PASSES, recorder);
-            let found = found.and_then(|found| match self.is_as_wide(&found.estimate.tube, borders) {
-                true => Ok(found),
-                false => Err(MissReason::PoorFit),
-            });
+            let fit = self.fit_shaft(&start, MEASURED_SHAFT_MM, STRIP_PASSES, recorder);
+            let tube = fit.as_ref().map_or_else(|miss| miss.tube, |fit| Some(fit.estimate.tube));
+            let found = match tube.is_some_and(|tube| !self.is_as_wide(&tube, borders)) {
+                true => Err(MissReason::PoorFit),
+                false => fit.map_err(|miss| miss.reason).and_then(|fit| self.measurement_of(fit, MEASURED_SHAFT_MM)),
+            };
             match found {
                 Ok(found) if found.grade() >= Grade::Complete => return Ok(found),
                 Ok(found) if found.grade() >= Grade::Possible => best = Ok(found),
-                Ok(_) => {}
+                Ok(_) => best = best.map_err(|other: MissReason| other.max(MissReason::PoorFit)),
                 Err(reason) => best = best.map_err(|other: MissReason| other.max(reason)),
             }
         }
@@ -191,7 +192,59 @@ fn line_through([from, to]: [Point2<f64>; 2]) -> BorderLine {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
+    use crate::vision::camera::testing::STRAIGHT;
+    use crate::vision::frame::{Frame, Plane};
+    use crate::vision::space::Pixel;
+    use crate::vision::tracker::shaft_fit::ShaftMiss;
+    use crate::vision::tracker::testing::{ENCODING, two_bare_tools};
+    use crate::vision::tracker::{Tracker, TrackerSettings};
+
+    /// A shaft before an even box, whose end lies beyond the picture's right rim.
+    fn shaft() -> Tube {
+        Tube { tip: Point3::new(130.0, 4.0, 150.0), axis: Vector3::x(), radius: 2.5 }
+    }
+
+    /// Fits a tube to the picture of that shaft, or to that of the empty box.
+    fn fit_shaft(start: &Tube, is_there: bool) -> Option<ShaftMiss> {
+        let (width, height) = (STRAIGHT.width as usize, STRAIGHT.height as usize);
+        let outline = shaft().outline().unwrap();
+        let luma = |x: usize, y: usize| {
+            let ray = STRAIGHT.normalised_of(Pixel::new(x as f64, y as f64)).unwrap().ray();
+            let is_inside = BorderSide::BOTH.into_iter().all(|side| outline.normal(side).dot(&ray) > 0.0);
+            if is_there && is_inside { 30 } else { 150 }
+        };
+        let luma: Vec<u8> = (0..width * height).map(|i| luma(i % width, i / width)).collect();
+        let grey = vec![128; width * height];
+        let [y, u, v] = [&luma, &grey, &grey].map(|data| Plane { data, stride: width, width, height });
+        let (index, time_s, shift_x, shift_y, chroma_first_px, encoding) = (0, 0.0, 0, 0, [0.0; 2], ENCODING);
+        let frame = Frame { index, time_s, y, u, v, shift_x, shift_y, chroma_first_px, encoding };
+        let settings = TrackerSettings { camera: STRAIGHT, ..two_bare_tools() };
+        let tracker = Tracker::new(settings, STRAIGHT.width, STRAIGHT.height, ENCODING).unwrap();
+        let (table, settings) = (&tracker.table, &tracker.settings);
+        let scene = FrameContext { frame: &frame, segment: table, table, settings, strips: None, obstacles: &[] };
+        let fit = tracker.tools[0].band_fit(&scene, &Prediction::default());
+        fit.fit_shaft(start, MEASURED_SHAFT_MM, STRIP_PASSES, &mut FitRecorder::new(false)).err()
+    }
+
+    #[test]
+    fn a_shaft_whose_end_is_hidden_is_fitted_to_its_borders() {
+        let start = Tube { tip: Point3::new(60.0, 4.3, 153.0), ..shaft() };
+        let miss = fit_shaft(&start, true).unwrap();
+        assert_eq!(miss.reason, MissReason::TipHidden);
+        let Tube { tip, axis, .. } = miss.tube.unwrap();
+        let off_px = (tip.y / tip.z - shaft().tip.y / shaft().tip.z) * STRAIGHT.fy;
+        assert!(off_px.abs() < 0.1 && axis.y.abs() < 0.001, "{off_px} px, {axis}");
+        assert!((tip.z - shaft().tip.z).abs() < 4.0, "{tip}: a step of pixels is half a pixel off");
+    }
+
+    #[test]
+    fn where_no_border_is_there_is_no_shaft_whose_tip_is_hidden() {
+        let miss = fit_shaft(&Tube { tip: Point3::new(60.0, 4.0, 150.0), ..shaft() }, false).unwrap();
+        assert_eq!((miss.reason, miss.tube), (MissReason::BordersNotFound, None));
+    }
 
     /// Frames without a search after each failed one.
     fn pauses(search: &mut ShaftSearch, is_trocar_known: bool, searches: usize) -> Vec<usize> {
