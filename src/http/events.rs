@@ -1,7 +1,8 @@
 //! Sends changes of sessions, jobs and the queue as server-sent events.
 //!
 //! A stream checks each event against the watcher's scope, so it reveals nothing that a request would not. A slow
-//! watcher misses events and receives `missed`: it has to read the lists again.
+//! watcher misses events and receives `missed`: it has to read the lists again. All watchers receive `missed` if the
+//! store fails while an event is prepared.
 //!
 //! One task prepares each event for all streams: it asks the database who may see it, and writes its text. So an event
 //! costs one query, no matter how many browsers are open.
@@ -64,7 +65,7 @@ pub enum EventData {
         /// Jobs that run.
         running: i64,
     },
-    /// The client was too slow and missed events: read the lists again.
+    /// The client was too slow, or the service could not read what an event needs: read the lists again.
     Missed {
         /// Number of missed events.
         missed: u64,
@@ -123,6 +124,14 @@ impl PreparedEvent {
         Ok(Self { audience, line: data.line() })
     }
 
+    /// Like [`PreparedEvent::read`]; if the store fails, `missed` for everyone, so that pages read the lists again.
+    async fn read_or_missed(store: &Store, heard: EventDelivery) -> Self {
+        Self::read(store, heard).await.unwrap_or_else(|error| {
+            tracing::warn!(%error, "event not sent to the open pages; they read the lists again");
+            Self { audience: EventAudience::Everyone, line: EventData::Missed { missed: 1 }.line() }
+        })
+    }
+
     /// The server-sent event for a watcher with this scope; `None` if the watcher may not see it.
     fn line_for(&self, scope: &Scope) -> Option<Line> {
         let may_see = match &self.audience {
@@ -142,10 +151,8 @@ impl App {
                 if !self.prepared_events.has_subscribers() {
                     continue;
                 }
-                match PreparedEvent::read(&self.store, heard).await {
-                    Ok(event) => self.prepared_events.publish(Arc::new(event)),
-                    Err(error) => tracing::warn!(%error, "event not sent to the open pages"),
-                }
+                let event = PreparedEvent::read_or_missed(&self.store, heard).await;
+                self.prepared_events.publish(Arc::new(event));
             }
         };
         tokio::select! {
@@ -200,6 +207,8 @@ impl EventStream {
 
 #[cfg(test)]
 mod tests {
+    use axum::body::to_bytes;
+
     use super::*;
     use crate::domain::role::Role;
     use crate::events::EventBus;
@@ -254,6 +263,31 @@ mod tests {
             for (stream, expected) in streams.into_iter().zip(expected.into_iter().cycle()) {
                 let scope = stream.scope.clone();
                 assert_eq!(stream.into_lines().count().await == 1, expected, "{scope:?}");
+            }
+        }
+    }
+
+    #[tokio::test]
+    async fn all_watchers_receive_missed_if_the_store_fails() {
+        let centre = TestCentre::new().await;
+        let (trainee, scopes) = people(&centre).await;
+        centre.store.close().await;
+        let session = Event::Session { id: SessionId::at(1), trainee, status: SessionStatus::Done, progress: 1.0 };
+        let slots = ConnectionSlots::new(200, 200);
+        for event in [session, Event::Queue] {
+            let bus = EventBus::new();
+            let streams = scopes.clone().map(|scope| EventStream {
+                events: bus.subscribe(),
+                _slot: slots.take(&scope).unwrap(),
+                scope,
+            });
+            let event = PreparedEvent::read_or_missed(&centre.store, EventDelivery::Event(event)).await;
+            bus.publish(Arc::new(event));
+            drop(bus);
+            for stream in streams {
+                let lines = stream.into_lines().map(Ok::<_, Infallible>);
+                let text = to_bytes(Sse::new(lines).into_response().into_body(), 1000).await.unwrap();
+                assert_eq!(text, "event: missed\ndata: {\"missed\":1}\n\n");
             }
         }
     }
