@@ -37,21 +37,22 @@ impl WatchedSessions {
 pub struct WatchedSession {
     /// Its id.
     pub id: SessionId,
-    /// When the latest reading began, and what it found.
-    latest: tokio::sync::Mutex<Option<(Instant, SharedSession)>>,
+    /// When the latest reading began, and what it found; `None` inside if the session could not be read. Views share
+    /// this too, so that they do not repeat a failing query one after another.
+    latest: tokio::sync::Mutex<Option<(Instant, Option<SharedSession>)>>,
 }
 
 impl WatchedSession {
-    /// The session's status, from a reading that is at most `max_age` older than this call; `None` if the session cannot
-    /// be read or this scope does not see it.
+    /// The session's status, from a reading that is at most `max_age` older than this call; `None` if that reading
+    /// failed or found no session, or if this scope does not see the session.
     pub async fn status_for(&self, store: &Store, scope: &Scope, max_age: Duration) -> Option<SessionStatus> {
         let asked = Instant::now();
         let mut latest = self.latest.lock().await;
         if latest.as_ref().is_none_or(|(begun, _)| asked.saturating_duration_since(*begun) > max_age) {
             let begun = Instant::now();
-            *latest = Some((begun, store.sessions().shared(self.id).await.ok()?));
+            *latest = Some((begun, store.sessions().shared(self.id).await.ok()));
         }
-        latest.as_ref()?.1.seen_by(scope).map(SessionRecord::status)
+        latest.as_ref()?.1.as_ref()?.seen_by(scope).map(SessionRecord::status)
     }
 }
 
@@ -81,12 +82,30 @@ mod tests {
         assert_eq!(first.status_for(store, &administrator, Duration::ZERO).await, Some(SessionStatus::Queued));
         store.close().await;
         for (scope, expected) in [
-            (administrator, Some(SessionStatus::Queued)),
+            (administrator.clone(), Some(SessionStatus::Queued)),
             (instructor.scope(), Some(SessionStatus::Queued)),
             (other.scope(), None),
         ] {
             assert_eq!(second.status_for(store, &scope, HOUR).await, expected, "{scope:?}");
-            assert_eq!(second.status_for(store, &scope, Duration::ZERO).await, None, "a newer reading is impossible");
+        }
+        let newer = second.status_for(store, &administrator, Duration::ZERO).await;
+        assert_eq!(newer, None, "a newer reading is impossible");
+    }
+
+    #[tokio::test]
+    async fn all_views_of_a_session_share_a_reading_that_found_nothing() {
+        let centre = TestCentre::with_camera_and_colours().await;
+        let ana = centre.trainee("Ana").await;
+        let id = centre.session(ana.id, "recording").await.id;
+        let scope = Scope::administrator(PersonId::at(1));
+        let (empty, closed) = (TestCentre::new().await, TestCentre::new().await);
+        closed.store.close().await;
+        for (store, case) in [(&empty.store, "no such session"), (&closed.store, "a store error")] {
+            let watched = WatchedSessions::default().watch(id);
+            assert_eq!(watched.status_for(store, &scope, Duration::ZERO).await, None, "{case}");
+            assert_eq!(watched.status_for(&centre.store, &scope, HOUR).await, None, "{case}: the same reading");
+            let newer = watched.status_for(&centre.store, &scope, Duration::ZERO).await;
+            assert_eq!(newer, Some(SessionStatus::Queued), "{case}: a newer reading");
         }
     }
 
