@@ -12,7 +12,7 @@ use super::read::{Json, Params, PathKey};
 use super::show::{Created, PageResponse, Paging, Time};
 use super::state::App;
 use crate::domain::cohort::NewCohort;
-use crate::domain::text::{Code, Name};
+use crate::domain::text::{Code, Key, Name};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{CohortId, GroupId, TraineeId};
 use crate::store::{self, StoreError};
@@ -86,8 +86,9 @@ pub async fn members(
     PathKey(key): PathKey,
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<TraineeId>>> {
-    let page = paging.request("cohort-members", app.settings.page_items)?;
-    let members = app.store.cohorts().members(&by.scope, &key, &page).await?;
+    let id = app.store.cohorts().get(&by.scope, &key).await?.id;
+    let page = paging.request(format!("cohort-members/{id}"), app.settings.page_items)?;
+    let members = app.store.cohorts().members(&by.scope, &Key::from(&id), &page).await?;
     Ok(Json(PageResponse::of(members, |id| id)))
 }
 

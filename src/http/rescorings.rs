@@ -176,8 +176,9 @@ pub async fn sessions(
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<RescoredSession>>> {
     let limit = paging.limit().unwrap_or(app.settings.page_items).min(MAX_SESSIONS_PER_PAGE);
-    let page = paging.at_most(limit).request("rescored-sessions", limit)?;
-    let store::Page { items, next } = app.store.rescorings().items(&by.scope, at.id()?, &page).await?;
+    let id: RescoringId = at.id()?;
+    let page = paging.at_most(limit).request(format!("rescored-sessions/{id}"), limit)?;
+    let store::Page { items, next } = app.store.rescorings().items(&by.scope, id, &page).await?;
     let mut shown = Vec::with_capacity(items.len());
     for item in items {
         let old = app.store.sessions().result_of(&by.scope, item.session_id, item.old_result_id).await?;
@@ -202,8 +203,9 @@ pub async fn trainees(
     at: PathKey,
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<RescoredTrainee>>> {
-    let page = paging.request("rescored-trainees", app.settings.page_items)?;
-    let trainees = app.store.rescorings().trainees(&by.scope, at.id()?, &page).await?;
+    let id: RescoringId = at.id()?;
+    let page = paging.request(format!("rescored-trainees/{id}"), app.settings.page_items)?;
+    let trainees = app.store.rescorings().trainees(&by.scope, id, &page).await?;
     Ok(Json(PageResponse::of(trainees, RescoredTrainee::from)))
 }
 

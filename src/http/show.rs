@@ -90,8 +90,9 @@ impl Paging {
     }
 
     /// Checks limit and cursor and makes the store's page request. `list` is a name that no other list has, since only
-    /// cursors of this list are accepted; `usual` is the default limit.
-    pub fn request(self, list: &'static str, usual: u32) -> Result<PageRequest, ProblemResponse> {
+    /// cursors of this list are accepted: the name of a resource's list ends with the resource's id. `usual` is the
+    /// default limit.
+    pub fn request(self, list: impl Into<String>, usual: u32) -> Result<PageRequest, ProblemResponse> {
         let limit = self.limit.unwrap_or(usual);
         if !(1..=PageRequest::MAX_LIMIT).contains(&limit) {
             return Err(ProblemResponse::invalid(
@@ -99,7 +100,8 @@ impl Paging {
                 format!("is {limit}; expected 1 to {}", PageRequest::MAX_LIMIT),
             ));
         }
-        let after = self.cursor.map(|cursor| Cursor::parse(&cursor, list)).transpose();
+        let list = list.into();
+        let after = self.cursor.map(|cursor| Cursor::parse(&cursor, &list)).transpose();
         let after = after.map_err(|unusable| ProblemResponse::invalid("cursor", unusable))?;
         Ok(PageRequest::new(limit, after).of_list(list))
     }

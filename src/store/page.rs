@@ -11,7 +11,7 @@ use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 /// encoding in an address.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cursor {
-    list: &'static str,
+    list: String,
     key: String,
 }
 
@@ -22,13 +22,13 @@ pub struct NotACursor;
 
 impl Cursor {
     /// Reads the text of a cursor of the list with this name.
-    pub fn parse(text: &str, list: &'static str) -> Result<Self, NotACursor> {
+    pub fn parse(text: &str, list: &str) -> Result<Self, NotACursor> {
         let bytes = URL_SAFE_NO_PAD.decode(text).map_err(|_| NotACursor)?;
         let (stated, key) = bytes.split_first_chunk::<4>().ok_or(NotACursor)?;
         if check_sum(list, key) != *stated {
             return Err(NotACursor);
         }
-        String::from_utf8(key.to_vec()).map(|key| Self { list, key }).map_err(|_| NotACursor)
+        String::from_utf8(key.to_vec()).map(|key| Self { list: list.to_owned(), key }).map_err(|_| NotACursor)
     }
 }
 
@@ -39,7 +39,7 @@ fn check_sum(list: &str, key: &[u8]) -> [u8; 4] {
 impl fmt::Display for Cursor {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let key = self.key.as_bytes();
-        f.write_str(&URL_SAFE_NO_PAD.encode([check_sum(self.list, key).as_slice(), key].concat()))
+        f.write_str(&URL_SAFE_NO_PAD.encode([check_sum(&self.list, key).as_slice(), key].concat()))
     }
 }
 
@@ -47,7 +47,7 @@ impl fmt::Display for Cursor {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PageRequest {
     /// Name of the list, for the text of the next page's cursor; empty if the cursor is not sent.
-    list: &'static str,
+    list: String,
     /// Maximum number of items, 1 to [`PageRequest::MAX_LIMIT`].
     limit: u32,
     /// Cursor of the previous page; `None` for the first page.
@@ -60,11 +60,11 @@ impl PageRequest {
 
     /// The page of `limit` items after this cursor; `limit` is clamped to the allowed range.
     pub fn new(limit: u32, after: Option<Cursor>) -> Self {
-        Self { list: "", limit: limit.clamp(1, Self::MAX_LIMIT), after }
+        Self { list: String::new(), limit: limit.clamp(1, Self::MAX_LIMIT), after }
     }
 
     /// The same page of a list with this name, for a client that gets the next page's cursor.
-    pub fn of_list(self, list: &'static str) -> Self {
+    pub fn of_list(self, list: String) -> Self {
         Self { list, ..self }
     }
 
@@ -99,7 +99,7 @@ impl<T> Page<T> {
     pub(super) fn from_rows(mut rows: Vec<T>, request: &PageRequest, sort_key: impl Fn(&T) -> String) -> Self {
         let more = rows.len() as i64 == request.row_limit();
         rows.truncate(request.limit as usize);
-        let next = rows.last().filter(|_| more).map(|last| Cursor { list: request.list, key: sort_key(last) });
+        let next = rows.last().filter(|_| more).map(|last| Cursor { list: request.list.clone(), key: sort_key(last) });
         Self { items: rows, next }
     }
 
@@ -115,18 +115,21 @@ mod tests {
 
     #[test]
     fn a_cursor_survives_its_text_and_a_damaged_or_foreign_one_is_refused() {
-        for key in ["", "peg", "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44", "1.2.3.x", "Grundkurs für Anfänger"] {
-            let cursor = Cursor { list: "people", key: key.to_owned() };
-            let text = cursor.to_string();
-            assert_eq!(Cursor::parse(&text, "people"), Ok(cursor), "{text}");
-            for other in ["tasks", "peoplf", "peopl", "people-of-a-group", ""] {
-                assert_eq!(Cursor::parse(&text, other), Err(NotACursor), "{text} as one of `{other}`");
-            }
-            for at in 0..text.len() {
-                let other = if text.as_bytes()[at] == b'A' { "B" } else { "A" };
-                let changed = [&text[..at], other, &text[at + 1..]].concat();
-                assert_eq!(Cursor::parse(&changed, "people"), Err(NotACursor), "{changed}");
-                assert_eq!(Cursor::parse(&text[..at], "people"), Err(NotACursor), "{}", &text[..at]);
+        for list in ["people", "cohort-members/0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44"] {
+            for key in ["", "peg", "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44", "1.2.3.x", "Grundkurs für Anfänger"] {
+                let cursor = Cursor { list: list.to_owned(), key: key.to_owned() };
+                let text = cursor.to_string();
+                assert_eq!(Cursor::parse(&text, list), Ok(cursor), "{text}");
+                let of_another = "cohort-members/0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a45";
+                for other in ["tasks", "peoplf", "peopl", "people-of-a-group", "cohort-members", of_another, ""] {
+                    assert_eq!(Cursor::parse(&text, other), Err(NotACursor), "{text} as one of `{other}`");
+                }
+                for at in 0..text.len() {
+                    let other = if text.as_bytes()[at] == b'A' { "B" } else { "A" };
+                    let changed = [&text[..at], other, &text[at + 1..]].concat();
+                    assert_eq!(Cursor::parse(&changed, list), Err(NotACursor), "{changed}");
+                    assert_eq!(Cursor::parse(&text[..at], list), Err(NotACursor), "{}", &text[..at]);
+                }
             }
         }
         for text in ["peg", "17", "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44", "%", "🪡"] {

@@ -84,7 +84,7 @@ pub async fn self_tests(
     Params(paging): Params<Paging>,
 ) -> HandlerResult<Json<PageResponse<SelfTestResponse>>> {
     let of = app.store.boxes().get(&by.scope, &key).await?;
-    let page = paging.request("self-tests", app.settings.page_items)?;
+    let page = paging.request(format!("self-tests/{}", of.id), app.settings.page_items)?;
     let tests = app.store.self_tests().list(&by.scope, of.id, &page).await?;
     Ok(Json(PageResponse::of(tests, |test| SelfTestResponse::new(test, &by.scope))))
 }

@@ -38,7 +38,7 @@ pub async fn xapi(
     let home = app.base_url(&headers);
     let paging = paging.at_most(MAX_STATEMENTS_PER_PAGE);
     let limit = paging.limit();
-    let page = paging.request("xapi-statements", app.settings.page_items)?;
+    let page = paging.request(format!("xapi-statements/{}", trainee.id), app.settings.page_items)?;
     let filter = SessionFilter {
         trainee: Some(Key::from(&trainee.id)),
         status: Some(SessionStatus::Done),

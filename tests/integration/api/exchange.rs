@@ -292,11 +292,15 @@ async fn statements_give_the_standards_judgement_of_each_session() {
 
     let first = centre.trainee.read("/api/v1/trainees/ada/xapi?limit=1").await;
     assert_eq!(first["statements"], json!([failed]));
-    let second = centre.trainee.read(first["more"].as_str().unwrap()).await;
+    let more = first["more"].as_str().unwrap();
+    let second = centre.trainee.read(more).await;
     assert_eq!(second["statements"][0]["verb"]["display"]["en"], "passed");
     assert_eq!(second["more"], "", "the last page");
     let undecided = centre.other_trainee.read("/api/v1/trainees/bob/xapi").await;
     assert_eq!(undecided["statements"][0]["verb"]["display"]["en"], "completed", "the error bar covers the limit");
+    let (_, cursor_of_ada) = more.split_once('?').unwrap();
+    let foreign = centre.administrator.get(&format!("/api/v1/trainees/bob/xapi?{cursor_of_ada}")).await;
+    problem(foreign, 422, "invalid").await;
     problem(centre.trainee.get("/api/v1/trainees/bob/xapi").await, 404, "not-found").await;
     problem(centre.instructor.get("/api/v1/trainees/bob/xapi").await, 404, "not-found").await;
 }

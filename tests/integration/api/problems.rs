@@ -128,6 +128,10 @@ async fn every_list_refuses_a_text_that_is_no_cursor_and_a_damaged_one() {
     };
     session(&centre.administrator, "ada", recording(100, 1)).await;
     session(&centre.administrator, "ada", recording(100, 2)).await;
+    let trainees = centre.administrator.read("/api/v1/trainees").await;
+    let ids: Vec<&Value> = trainees["items"].as_array().unwrap().iter().map(|trainee| &trainee["id"]).collect();
+    let cohort = centre.administrator.make("/api/v1/cohorts", json!({"name": "One", "members": ids})).await;
+    centre.administrator.make("/api/v1/cohorts", json!({"name": "Two", "members": ids})).await;
     let (mut lists, mut cursors) = (Vec::new(), Vec::new());
     for (path, method, operation) in operations(&document) {
         if !has_cursor(operation) {
@@ -137,6 +141,7 @@ async fn every_list_refuses_a_text_that_is_no_cursor_and_a_damaged_one() {
         let id = match path.split('/').nth(3) {
             Some("boxes") => "box-1",
             Some("trainees") => "ada",
+            Some("cohorts") => "one",
             _ => MISSING,
         };
         let path = filled(&path, id);
@@ -151,7 +156,11 @@ async fn every_list_refuses_a_text_that_is_no_cursor_and_a_damaged_one() {
         lists.push(path);
     }
     assert!(lists.len() >= 14, "{lists:?}");
-    assert!(cursors.len() >= 4, "{cursors:?}");
+    assert!(cursors.len() >= 6, "{cursors:?}");
+    let (_, of_members) = cursors.iter().find(|(of, _)| of == "/api/v1/cohorts/one/members").unwrap();
+    let by_id = format!("/api/v1/cohorts/{}/members?cursor={of_members}", cohort["id"].as_str().unwrap());
+    assert_eq!(centre.administrator.read(&by_id).await["items"].as_array().unwrap().len(), 1);
+    lists.push("/api/v1/cohorts/two/members".to_owned());
     for list in &lists {
         for (_, foreign) in cursors.iter().filter(|(of, _)| of != list) {
             assert_cursor_is_refused(&centre, list, foreign).await;

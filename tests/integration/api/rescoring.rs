@@ -8,6 +8,7 @@ use super::centre::Centre;
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
 use crate::support::{Service, problem, read};
 
+const MISSING: &str = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44";
 const ORDERS: &str = "/api/v1/tasks/peg/rescorings";
 
 /// Three sessions of Ada and one of Bob, with results of an older program; the limit is 50 s.
@@ -74,6 +75,11 @@ async fn a_report_lists_changes_by_session_and_trainee_with_changed_judgements_f
     assert_eq!((&feature["feature"], &feature["change"]), (&json!("duration"), &json!("apart")));
     assert_eq!(feature["old"], json!({"value": 45.0, "low": 44.0, "high": 46.0}));
     assert_eq!(feature["new"], json!({"value": 55.0, "low": 54.0, "high": 56.0}));
+    for list in ["sessions", "trainees"] {
+        let page = centre.administrator.read(&format!("/api/v1/rescorings/{id}/{list}?limit=1")).await;
+        let of_another = format!("/api/v1/rescorings/{MISSING}/{list}?cursor={}", page["next"].as_str().unwrap());
+        problem(centre.administrator.get(&of_another).await, 422, "invalid").await;
+    }
     let (mut changed, mut next) = (vec![first["changed"].clone()], page["next"].clone());
     while let Some(cursor) = next.as_str() {
         let page =
