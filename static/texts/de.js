@@ -858,7 +858,7 @@ export default {
     noise: (smoothed, causal) => `${smoothed} mm/s${causal ? `, live ${causal} mm/s` : ''}`,
     error: (median, most) => `σ im Median ${median} mm; in 95 % der Bilder höchstens ${most} mm`,
     diameter: (mm, sigma, basis) => `${mm} ± ${sigma} mm, ${
-      { session: 'aus den Positionen dieser Sitzung', assumed_trocar: 'aus den Positionen dieser Sitzung, mit dem Trokar im üblichen Abstand' }[basis] ?? 'wie eingegeben: zu wenige Positionen, um sie zu messen'}`,
+      { session: 'aus den Positionen dieser Sitzung', assumed_trocar: 'aus den Positionen dieser Sitzung, mit dem Trokar im üblichen Abstand', bare_shaft: 'wie eingegeben: ein bloßer Schaft zeigt seinen Durchmesser nicht', bare_shaft_without_trocar: 'wie eingegeben: ein bloßer Schaft zeigt seinen Durchmesser nicht' }[basis] ?? 'wie eingegeben: zu wenige Positionen, um sie zu messen'}`,
     why: 'Warum nicht beobachtet',
     shares: (o, p, m) => `${o} beobachtet, ${p} vorhergesagt, ${m} nicht gesehen`,
     reasons: {
@@ -1486,7 +1486,7 @@ export default {
         collarShort: 'Kragen',
         jawShort: 'bis zur Spitze des Mauls',
         how: [
-          'Ohne Klebeband sind Positionen entlang der Blickrichtung der Kamera um einige Millimeter unsicher, mit Klebeband um weniger als einen.',
+          'Ohne Klebeband sind Positionen entlang der Blickrichtung der Kamera um einige Millimeter unsicher, mit Klebeband meist um weniger als einen.',
           'Zwei Instrumente ohne Klebeband lassen sich verfolgen: eines links und eines rechts im Bild.',
           'Messen Sie den Durchmesser des Rohrs mit einem Messschieber: 0,1 mm zu viel setzt die gemessene Spitze um 2 % zu weit weg.',
           'Der Schaft muss sich in Helligkeit oder Farbe vom Boden der Box unterscheiden.',

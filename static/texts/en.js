@@ -760,7 +760,7 @@ export default {
     portShift: (mm, sigma) => `${mm} ± ${sigma} mm`,
     noise: (smoothed, causal) => `${smoothed} mm/s${causal ? `, live ${causal} mm/s` : ''}`,
     error: (median, most) => `median σ ${median} mm; on 95 % of the frames at most ${most} mm`,
-    diameter: (mm, sigma, basis) => `${mm} ± ${sigma} mm, ${{ session: 'from the positions in this session', assumed_trocar: 'from the positions in this session, with the trocar assumed at its usual distance' }[basis] ?? 'as entered: too few positions to measure it'}`,
+    diameter: (mm, sigma, basis) => `${mm} ± ${sigma} mm, ${{ session: 'from the positions in this session', assumed_trocar: 'from the positions in this session, with the trocar assumed at its usual distance', bare_shaft: 'as entered: a bare shaft does not show its diameter', bare_shaft_without_trocar: 'as entered: a bare shaft does not show its diameter' }[basis] ?? 'as entered: too few positions to measure it'}`,
     why: 'Why it was not observed',
     shares: (o, p, m) => `${o} observed, ${p} predicted, ${m} not seen`,
     reasons: {
@@ -1386,7 +1386,7 @@ export default {
         collarShort: 'collar',
         jawShort: 'to the point of the jaws',
         how: [
-          'Without tape, positions are uncertain by some millimetres along the camera’s line of sight; with tape, by less than one.',
+          'Without tape, positions are uncertain by some millimetres along the camera’s line of sight; with tape, usually by less than one.',
           'Two instruments without tape can be followed: one on the left and one on the right of the picture.',
           'Measure the diameter of the tube with a caliper: 0.1 mm too much puts the measured tip 2 % too far away.',
           'The shaft must differ in brightness or colour from the floor of the box.',

@@ -83,6 +83,16 @@ const WRONG_ROWS: &str = "one wrong row makes lengths and speeds wrong: delete i
                           table, and import the table again. In a recording, check whether the overlay follows the \
                           tool there: exchange the tools' names from there on, or trim the recording";
 
+/// What to do about a camera that has moved since earlier sessions.
+const CAMERA_MOVED: &str = "positions, depth and paths cannot be compared with earlier ones: put the camera back, or \
+                            upload the calibration of the box again to start a new comparison. Lengths and speeds are \
+                            right only if it is the same camera with the same zoom and focus; if not, calibrate it";
+
+/// What to do about a trocar that was moved.
+const PORT_MOVED: &str = "put the trocar back; if it stays there or the camera was moved, upload the calibration of \
+                          the box again. Positions and paths cannot be compared with earlier ones; lengths and speeds \
+                          are right only if it is the same camera with the same zoom and focus";
+
 /// What to do about a tool without tape.
 const BARE_TOOL: &str = "compare features whose errors are small. Most of the error is along the camera's line of \
                          sight; with tape it is smaller";
@@ -338,8 +348,8 @@ impl QualityCause {
                 "mark the tape or the bare shaft again on a frame of this recording, in this light"
             }
             QualityCause::NeverInPicture => {
-                "if the task needs this tool, mark its tape or its bare shaft again in this light; if not, there is nothing \
-                 to do"
+                "if the task needs this tool, mark its tape or its bare shaft again in this light; if not, there is \
+                 nothing to do"
             }
             QualityCause::ColourBackground => {
                 "wind a tape of a colour that nothing else in the box has, and mark it again"
@@ -368,8 +378,8 @@ impl QualityCause {
             QualityCause::Jump | QualityCause::Spike => WRONG_ROWS,
             QualityCause::BorderResidual => "focus the camera, avoid glare on the tool, and replace creased tape",
             QualityCause::NoiseFloor => {
-                "use more light, a larger picture or a camera closer to the tools, and enter the length of its tape if it \
-                 has one"
+                "use more light, a larger picture or a camera closer to the tools, and enter the length of its tape \
+                 if it has one"
             }
             QualityCause::ErrorBar => {
                 "move the camera closer, record a larger picture, and enter the length of its tape if it has one"
@@ -396,16 +406,8 @@ impl QualityCause {
                 "switch off the camera's automatic white balance, and keep the light constant"
             }
             QualityCause::CameraMovedDuring => MOVED_DURING,
-            QualityCause::CameraMoved => {
-                "positions, depth and paths cannot be compared with earlier ones: put the camera back, or upload the \
-                 calibration of the box again to start a new comparison. Lengths and speeds are right only if it is the \
-                 same camera with the same zoom and focus; if not, calibrate it"
-            }
-            QualityCause::PortMoved => {
-                "put the trocar back; if it stays there or the camera was moved, upload the calibration of the box \
-                 again. Positions and paths cannot be compared with earlier ones; lengths and speeds are right only if \
-                 it is the same camera with the same zoom and focus"
-            }
+            QualityCause::CameraMoved => CAMERA_MOVED,
+            QualityCause::PortMoved => PORT_MOVED,
         }
     }
 }

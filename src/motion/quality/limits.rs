@@ -97,8 +97,8 @@ impl QualityCause {
             // A box's colours may include a tool that a one-handed task does not use. It has no features that could
             // mislead.
             QualityCause::NeverInPicture => care_at_least(1.0),
-            // An object mistaken for the tape is followed as smoothly as the tape, 148 mm beside it. Only a trocar that
-            // the axes show excludes it; then the session is usable with care.
+            // An object mistaken for the tape is followed as smoothly, 148 mm beside it. Only a trocar that the axes
+            // show excludes it; then the session is usable with care.
             QualityCause::ColourBackground => at_least(MARGIN_STEPS[0], MARGIN_STEPS[1]),
             // Two tools of one colour are distinguished by their origin and their motion.
             QualityCause::ColourPair => care_at_least(MARGIN_STEPS[0]),
@@ -109,12 +109,11 @@ impl QualityCause {
             // A tracker does not lose tools by chance but when they are quick, far or hidden. The rest is biased, so
             // half as much of it does the same harm.
             QualityCause::Lost => at_most(0.05, 0.25),
-            // Without a trocar, nothing confirms which way the band points, nor its depth. If the axes of the poses meet
-            // nowhere behind the tips, the poses are false. In 102 ray-traced recordings, this held for nine tools that
-            // were followed wrongly, and for seven that were refused anyway. If the axes may meet there but do not show
-            // it clearly, the session is usable with care.
+            // Without a trocar, nothing confirms which way the band points, nor its depth: the poses are false. This
+            // held for nine tools of 102 ray-traced recordings that were followed wrongly, and for seven that were
+            // refused anyway. If the axes may meet there but do not show it clearly, the session is usable with care.
             QualityCause::NoTrocar => at_most(0.0, 0.0),
-            // With tape, most positions are known to less. A reader who compares the two must know the difference.
+            // Tape gives less. A reader who compares the two must know the difference.
             QualityCause::BareTool => care_at_most(1.0),
             // One tool in a hundred with the right sizes is beyond the first limit on either side, one in a thousand
             // beyond the second. A band stated 1.5 times as long as it is breaks it, and its positions are 10 mm off.
@@ -144,14 +143,12 @@ impl QualityCause {
             QualityCause::Calibration => at_most(1.0, 2.5),
             // As for coverage: frames missing from the file were not seen.
             QualityCause::CutFile => at_most(0.05, 0.5),
-            // Half of the lines are interpolated, so borders across the picture are known half as well. Single frames
-            // do no harm.
+            // Half of the lines are interpolated: borders across them are half as well known. Single frames do no harm.
             QualityCause::Interlaced => care_at_most(0.05),
             // Hands move below 5 Hz: 10 frames a second are the minimum to show that, and filters need more. The limits
             // are slightly below 15 and 10, because cameras do not keep their rates exactly.
             QualityCause::FrameRate => at_least(14.0, 9.0),
-            // Times are the frames' own, so single drops cost little. If every third frame drops, 25 frames a second
-            // become 17 uneven ones.
+            // Times are the frames' own: single drops cost little. Of 25 frames a second, two thirds are 17 uneven ones.
             QualityCause::DroppedFrames => at_most(0.05, 0.33),
             // 1 s is longer than any bridge; beyond 10 s the duration is mostly that of the interruption.
             QualityCause::Break => at_most(1.0, 10.0),
@@ -159,8 +156,7 @@ impl QualityCause {
             QualityCause::BeginsInMotion | QualityCause::EndsInMotion => {
                 care_at_most(FeatureSettings::default().movement_speed_mm_s)
             }
-            // Colours are known from 0.6 to 1.6 times their light; edges shift with the light long before colours are
-            // lost.
+            // Colours are known from 0.6 to 1.6 times their light; edges shift with it long before they are lost.
             QualityCause::Exposure => care_at_most(0.15),
             // A colour 8 codes beyond its samples belongs to no label; the limit is half of that.
             QualityCause::WhiteBalance => care_at_most(4.0),

@@ -104,8 +104,8 @@ impl AdaptiveNoise {
         self.level += (step.level - self.level) * -(-dt_s / MEMORY_S).exp_m1();
     }
 
-    /// Updates the mean level with a step to the line of an axis. The motion along it is unseen, so it can show a livelier
-    /// hand, but no steadier one.
+    /// Updates the mean level with a step to the line of an axis. The motion along it is unseen, so it can show a
+    /// livelier hand, but no steadier one.
     pub fn learn_from_line(&mut self, step: &PredictionStep, dt_s: f64) {
         if step.level > self.level {
             self.learn(step, dt_s);

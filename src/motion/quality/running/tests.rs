@@ -131,8 +131,9 @@ fn the_error_of_a_bare_tool_is_said_where_tape_would_be_better() {
             sample.covariance_mm2 = Some(PositionCovariance::from_sigmas(0.1, sigma_mm));
         }
         let figures = figures_of_tools([true, false], TrocarEvidence::Shown, &reports);
-        let concerns = quality::judge(&figures).concerns().to_vec();
-        let of_bare_tools = concerns.into_iter().filter(|of| of.cause == QualityCause::BareTool);
+        let verdict = quality::judge(&figures);
+        assert!(!verdict.is_refused(), "{verdict:?}");
+        let of_bare_tools = verdict.concerns().to_vec().into_iter().filter(|of| of.cause == QualityCause::BareTool);
         of_bare_tools.map(|of| (of.tool.unwrap(), of.severity)).collect::<Vec<_>>()
     };
     assert_eq!(concerns_of_bare_tools(0.9), []);

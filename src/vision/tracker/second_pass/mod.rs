@@ -34,7 +34,7 @@ pub fn run(
     camera: &Camera,
     motion: &MotionSettings,
 ) -> (ToolMotion, ToolQuality) {
-    let islands = isolated_runs(&records, instants, motion.max_prediction_s);
+    let islands = isolated_runs(&records, instants, motion.max_prediction_s, spec);
     let good = sample_good_poses(&records);
     let adjustment = adjustment::estimate(&good).filter(|found| found.shows_side() || !seen_shaft.is_missing());
     let border_residual_px = rms(records.iter().filter_map(|r| r.pose.as_ref()).map(StoredPose::residual_px));
@@ -129,9 +129,15 @@ fn sample_good_poses(records: &Blocks<FrameRecord>) -> Vec<TubeEstimate> {
     good().step_by(every).filter_map(FrameRecord::estimate).collect()
 }
 
-/// Isolated runs with fewer than `MIN_MEASURED` measured frames, if there are other runs. A bridge to such a run could
-/// be wrong because nothing confirms its measurements; without it there is only a gap.
-fn isolated_runs(records: &Blocks<FrameRecord>, instants: &[FrameInstant], longest_gap_s: f64) -> Vec<Range<usize>> {
+/// Isolated runs with fewer than `MIN_MEASURED` measured frames. A bridge to such a run could be wrong because nothing
+/// confirms its measurements; without it there is only a gap. The only run of a band is kept, because its colour
+/// confirms it; a bare shaft has no such mark.
+fn isolated_runs(
+    records: &Blocks<FrameRecord>,
+    instants: &[FrameInstant],
+    longest_gap_s: f64,
+    spec: &ToolSpec,
+) -> Vec<Range<usize>> {
     const MIN_MEASURED: usize = 4;
     let mut pieces: Vec<(Range<usize>, usize)> = Vec::new();
     for frame in (0..records.len()).filter(|frame| records[*frame].pose.is_some()) {
@@ -142,8 +148,8 @@ fn isolated_runs(records: &Blocks<FrameRecord>, instants: &[FrameInstant], longe
             _ => pieces.push((frame..frame + 1, 1)),
         }
     }
-    let are_several = pieces.len() > 1;
-    let is_small = |(_, measured): &(Range<usize>, usize)| are_several && *measured < MIN_MEASURED;
+    let is_confirmed = pieces.len() == 1 && !spec.is_bare();
+    let is_small = |(_, measured): &(Range<usize>, usize)| !is_confirmed && *measured < MIN_MEASURED;
     pieces.into_iter().filter(is_small).map(|(piece, _)| piece).collect()
 }
 

@@ -116,19 +116,28 @@ fn a_tip_that_leaves_the_picture_is_not_predicted_beyond_its_rim() {
 #[test]
 fn a_few_measurements_between_two_gaps_are_not_believed() {
     let instants: Vec<FrameInstant> = (0..60).map(|frame| (frame, frame as f64 * FRAME_S)).collect();
-    let found = |seen: &[Range<usize>]| {
+    let found_of = |spec: &ToolSpec, seen: &[Range<usize>]| {
         let pose = StoredPose::from(&pose(Point3::new(0.0, 0.0, 150.0)));
         let record = |frame: usize| {
             let is_seen = seen.iter().any(|piece| piece.contains(&frame));
             FrameRecord { pose: is_seen.then_some(pose), is_good: false, reason: None }
         };
-        isolated_runs(&(0..60).map(record).collect(), &instants, 0.2)
+        isolated_runs(&(0..60).map(record).collect(), &instants, 0.2, spec)
     };
+    let taped = ToolSpec { marker: Marker::Band { length_mm: None }, ..bare_spec() };
+    let found = |seen: &[Range<usize>]| found_of(&taped, seen);
     assert_eq!(found(&[0..15, 31..33, 43..60]), vec![31..33]);
     assert_eq!(found(&[0..15, 31..32, 33..34, 43..60]), vec![31..34]);
     assert!(found(&[0..15, 18..20, 43..60]).is_empty(), "close to a long run");
     assert!(found(&[0..15, 31..36, 43..60]).is_empty(), "long enough by itself");
-    assert!(found(std::slice::from_ref(&(31..33))).is_empty(), "the only run");
+    let only = std::slice::from_ref(&(31..33));
+    assert!(found(only).is_empty(), "the only run");
+    assert_eq!(found_of(&bare_spec(), only), vec![31..33], "no colour confirms it");
+}
+
+fn bare_spec() -> ToolSpec {
+    let (name, colour) = ("left".to_owned(), "shaft".to_owned());
+    ToolSpec { name, colour, side: None, diameter_mm: 5.0, marker: Marker::Shaft { collar_mm: None, jaw_mm: None } }
 }
 
 #[test]
@@ -156,9 +165,7 @@ fn a_trocar_is_assumed_only_for_a_band_with_a_shaft() {
 
 #[test]
 fn a_bare_shaft_whose_axes_meet_nowhere_has_no_trocar() {
-    let (name, colour) = ("left".to_owned(), "shaft".to_owned());
-    let marker = Marker::Shaft { collar_mm: None, jaw_mm: None };
-    let spec = ToolSpec { name, colour, side: None, diameter_mm: 5.0, marker };
+    let spec = bare_spec();
     let quality = |tips: &[Point3<f64>]| {
         let record =
             |tip: &Point3<f64>| FrameRecord { pose: Some(StoredPose::from(&pose(*tip))), is_good: true, reason: None };
