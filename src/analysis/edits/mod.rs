@@ -5,8 +5,10 @@
 //! **Out:** the paths and the tracker's summary as if only the remaining part had been recorded, under the new names.
 //! Frames keep their numbers and times. Counts, gaps, light and shifts of the view cover the remaining part only.
 //! Figures for the whole recording stay: residuals of borders and depth, position of the trocar, separation of the
-//! colours. Counts of frames that are interlaced or missing in the container are scaled by the share of frames that
-//! remain.
+//! colours. If the camera moved during the recording and a part of it is cut off, the position of the trocar is left
+//! out: it was fitted to poses from both places of the camera. A bare shaft then no longer shows its trocar, but may
+//! have one ([`ToolQuality::trocar`]); the evidence of a tape stays. Counts of frames that are interlaced or missing in
+//! the container are scaled by the share of frames that remain.
 
 mod rows;
 
@@ -21,6 +23,7 @@ use super::protocol::{QualitySummary, SeenRow};
 use crate::domain::edit::{EditChange, EditsInForce, kept_span};
 use crate::domain::files::quoted_tool_name;
 use crate::domain::text::Invalid;
+use crate::motion::quality::MovedDuring;
 use crate::vision::reason::MissReason;
 use crate::vision::tracker::{Absence, Gap, ToolQuality};
 use crate::vision::trajectory::{Cut, Sample};
@@ -255,6 +258,8 @@ fn remaining_summary(
         }
     }
     gaps.iter_mut().for_each(|of_tool| of_tool.sort_by_key(|gap| gap.first));
+    let has_moved = || MovedDuring::of(&whole.view_shifts, &paths.smoothed, times).is_some_and(|of| of.is_movement());
+    let is_of_two_places = frames < whole.frames && has_moved();
     let tool = |(index, tool): (usize, &ToolQuality)| {
         let [observed, predicted] = counts[index];
         ToolQuality {
@@ -263,6 +268,7 @@ fn remaining_summary(
             missing: frames.saturating_sub(observed + predicted),
             reasons: std::mem::take(&mut reasons[index]),
             gaps: std::mem::take(&mut gaps[index]),
+            fulcrum: tool.fulcrum.filter(|_| !is_of_two_places),
             ..tool.clone()
         }
     };

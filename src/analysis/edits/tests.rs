@@ -9,8 +9,9 @@ use crate::analysis::stored_rows::tests::stored;
 use crate::domain::files::trajectory::RowSource;
 use crate::motion::assessment::{AssessmentSettings, assess};
 use crate::vision::covariance::PositionCovariance;
+use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::surroundings::ViewShift;
-use crate::vision::tracker::LightSample;
+use crate::vision::tracker::{DiameterBasis, EffectiveDiameter, LightSample, TrocarEvidence};
 use crate::vision::trajectory::SampleState;
 
 const FRAMES: u64 = 250;
@@ -113,6 +114,32 @@ fn a_trim_keeps_the_span_and_counts_only_the_span() {
     assert_eq!(quality.tools[1].reasons, [(MissReason::TooSmall, 30)].into());
     let late = apply_edits(&paths, &[EditChange::Trim([5.2, 8.0])], &unmeasured); // from frame 130
     assert_eq!(late.tracking.unwrap().quality.tools[1].reasons, [(MissReason::TooSmall, 20)].into());
+}
+
+#[test]
+fn a_trim_leaves_out_trocars_that_were_fitted_to_two_places_of_the_camera() {
+    let bases = [DiameterBasis::Session, DiameterBasis::BareShaft];
+    let recorded = |right: f64| {
+        let (mut paths, _) = paths();
+        let quality = &mut paths.tracking.as_mut().unwrap().quality;
+        quality.view_shifts.iter_mut().filter(|shift| shift.time_s >= 5.0).for_each(|shift| shift.parts[0] = right);
+        for (tool, basis) in quality.tools.iter_mut().zip(bases) {
+            tool.fulcrum = Some(Fulcrum::from_upper(Point3::origin(), [1.0, 0.0, 0.0, 1.0, 0.0, 1.0]));
+            tool.effective_diameter = Some(EffectiveDiameter { mm: 5.0, sigma_mm: 0.1, basis });
+        }
+        paths
+    };
+    let left = |right: f64, change: EditChange| {
+        let tools = apply_edits(&recorded(right), &[change], &[]).tracking.unwrap().quality.tools;
+        [0, 1].map(|tool| (tools[tool].fulcrum.is_some(), tools[tool].trocar()))
+    };
+    let (moved, nudged) = (0.1, 0.01); // at a depth of 150 mm
+    let known = [(true, TrocarEvidence::Shown); 2];
+    for trim in [[0.0, 4.5], [5.5, 9.0], [0.5, 9.96]].map(EditChange::Trim) {
+        assert_eq!(left(moved, trim.clone()), [(false, TrocarEvidence::Shown), (false, TrocarEvidence::Possible)]);
+        assert_eq!(left(nudged, trim), known);
+    }
+    assert_eq!(left(moved, EditChange::Swap(pair(), [2.0, 4.0])), known, "nothing is cut off");
 }
 
 #[test]

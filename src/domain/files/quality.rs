@@ -111,7 +111,8 @@ pub struct RecordingDocument {
     pub calibration_rms_px: Option<f64>,
     /// How far the camera has moved since earlier sessions; `null` where it has not moved or this is unknown.
     pub camera_shift: Option<ShiftDocument>,
-    /// How far the camera moved during the recording; `null` where the picture does not show this.
+    /// How far the camera moved during the recording; `null` where the picture does not show this, or for too little of
+    /// the recording.
     pub moved_during: Option<MovedDuringDocument>,
     /// Whether the recording shows the box that it is filed under; absent for a recording that belongs to no box.
     #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
@@ -181,7 +182,8 @@ pub struct ToolDocument {
     pub error_median_mm: Option<f64>,
     /// 95th percentile of them, mm.
     pub error_p95_mm: Option<f64>,
-    /// Where its tube passes through the box's wall: its trocar; `null` where not known well enough.
+    /// Where its tube passes through the box's wall: its trocar; `null` where not known well enough, and if a recording
+    /// during which the camera moved was trimmed.
     pub fulcrum: Option<FulcrumDocument>,
     /// Distance from the nearest trocar of earlier sessions; `null` where there are too few of them.
     pub port_shift: Option<ShiftDocument>,

@@ -5,14 +5,24 @@
 //! part of a displacement, leaves out a shake and a touch at the end: a displacement counts if it is there at three of
 //! five moments, which are two seconds. A turn of the camera by an angle displaces points at a depth by angle times
 //! depth; so does a shift of the camera, if the mat is at the depth of the tools. A mat behind them moves less in the
-//! picture, so that the figure is too small rather than too large. **Gives up** (`None`) with fewer than five moments.
+//! picture, so that the figure is too small rather than too large. **Gives up** (`None`) with fewer than five moments,
+//! and without a movement above the limit if the moments do not show the whole recording: hands may hide a movement,
+//! and after one beyond the search the view is unknown.
 
+use super::limits::MAX_DISPLACEMENT_MM;
 use crate::numbers::quantile::quantile;
 use crate::vision::surroundings::ViewShift;
-use crate::vision::trajectory::Trajectory;
+use crate::vision::trajectory::Sample;
 
 /// Moments of a median.
 const MOMENTS: usize = 5;
+
+/// The view counts as unmoved if it is unknown for no longer than this, s. Hands that place props or exchange an
+/// instrument cover a box for some seconds. The live page, too, warns of displaced trocars only after 10 s.
+const MAX_UNKNOWN_S: f64 = 10.0;
+
+/// The same as a share of a recording that is shorter than 30 s: its beginning, its middle and its end must be shown.
+const MAX_UNKNOWN_SHARE: f64 = 1.0 / 3.0;
 
 /// How far the camera moved during the recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,10 +34,11 @@ pub struct MovedDuring {
 }
 
 impl MovedDuring {
-    /// From the view's displacements in time order, and a path with the tools' depths. `None` if either says too
-    /// little.
-    pub(super) fn of(shifts: &[ViewShift], path: &Trajectory) -> Option<Self> {
-        let observed = path.samples.iter().filter(|sample| sample.is_observed());
+    /// From the view's displacements in time order, a path with the tools' depths, and the times of the recording's
+    /// frames, s. `None` if they say too little. Without frame times, the recording lasts from the first displacement
+    /// to the last.
+    pub fn of(shifts: &[ViewShift], path: &[Sample], frame_times_s: &[f64]) -> Option<Self> {
+        let observed = path.iter().filter(|sample| sample.is_observed());
         let depth_mm = quantile(observed.map(|sample| sample.tip_mm.z).collect(), 0.5)?;
         let lasting: Vec<ViewShift> = shifts.windows(MOMENTS).filter_map(median).collect();
         let first = lasting.first()?.parts;
@@ -37,8 +48,23 @@ impl MovedDuring {
         };
         let farthest = lasting.iter().map(moved).fold(0.0, f64::max);
         let at_s = lasting.iter().find(|shift| moved(shift) >= 0.5 * farthest)?.time_s;
-        Some(Self { mm: depth_mm * farthest, at_s })
+        let found = Self { mm: depth_mm * farthest, at_s };
+        (found.is_movement() || show_whole(shifts, frame_times_s)).then_some(found)
     }
+
+    /// Is it more than [`MAX_DISPLACEMENT_MM`]?
+    pub fn is_movement(&self) -> bool {
+        self.mm > MAX_DISPLACEMENT_MM
+    }
+}
+
+/// Is the view known all the time, except for short times?
+fn show_whole(shifts: &[ViewShift], frame_times_s: &[f64]) -> bool {
+    let [begin_s, end_s] = [frame_times_s.first(), frame_times_s.last()].map(|time_s| time_s.copied().into_iter());
+    let times_s: Vec<f64> = begin_s.chain(shifts.iter().map(|shift| shift.time_s)).chain(end_s).collect();
+    let recorded_s = times_s.first().zip(times_s.last()).map_or(0.0, |(begin_s, end_s)| end_s - begin_s);
+    let max_unknown_s = MAX_UNKNOWN_S.min(MAX_UNKNOWN_SHARE * recorded_s);
+    times_s.windows(2).all(|pair| pair[1] - pair[0] <= max_unknown_s)
 }
 
 /// The median of each part, at the time of the middle moment.
@@ -56,11 +82,11 @@ mod tests {
     use nalgebra::{Point2, Point3};
 
     use super::*;
-    use crate::vision::trajectory::{Sample, SampleState};
+    use crate::vision::trajectory::SampleState;
 
     /// A tool at a depth of 200 mm.
-    fn path() -> Trajectory {
-        let sample = Sample {
+    fn path() -> [Sample; 1] {
+        [Sample {
             frame: 0,
             time_s: 0.0,
             tool: 0,
@@ -70,8 +96,7 @@ mod tests {
             tip_px: Some(Point2::new(640.0, 360.0)),
             covariance_mm2: None,
             state: SampleState::Observed,
-        };
-        Trajectory { tools: vec!["orange".into()], samples: vec![sample], frame_times_s: Vec::new(), cuts: Vec::new() }
+        }]
     }
 
     /// A moment a second. The view is shifted to the right by these angles.
@@ -79,7 +104,7 @@ mod tests {
         let shift =
             |(second, angle): (usize, &f64)| ViewShift { time_s: 10.0 + second as f64, parts: [*angle, 0.0, 0.0, 0.0] };
         let shifts: Vec<ViewShift> = angles.iter().enumerate().map(shift).collect();
-        MovedDuring::of(&shifts, &path())
+        MovedDuring::of(&shifts, &path(), &[])
     }
 
     #[test]
@@ -101,7 +126,7 @@ mod tests {
         let at = |second: u32, parts| ViewShift { time_s: second.into(), parts };
         let shifts: Vec<ViewShift> =
             (0..9).map(|second| at(second, if second < 4 { [0.0; 4] } else { [0.03, 0.0, -0.04, 0.0] })).collect();
-        let found = MovedDuring::of(&shifts, &path()).unwrap();
+        let found = MovedDuring::of(&shifts, &path(), &[]).unwrap();
         assert!((found.mm - 10.0).abs() < 1e-9 && found.at_s == 4.0, "{found:?}");
     }
 
@@ -109,6 +134,37 @@ mod tests {
     fn too_few_moments_and_a_path_without_depth_say_nothing() {
         assert_eq!(moved(&[0.0, 0.06, 0.06, 0.06]), None);
         let shifts = [ViewShift { time_s: 0.0, parts: [0.0; 4] }; 9];
-        assert_eq!(MovedDuring::of(&shifts, &Trajectory { samples: Vec::new(), ..path() }), None);
+        assert_eq!(MovedDuring::of(&shifts, &[], &[]), None);
+    }
+
+    #[test]
+    fn moments_that_do_not_show_the_whole_recording_prove_a_movement_but_no_rest() {
+        let seconds = |from: u32, to: u32, hidden: std::ops::Range<u32>| {
+            (from..to).filter(|second| !hidden.contains(second)).collect::<Vec<u32>>()
+        };
+        // The view is known at these seconds, of a recording of this length. It is shifted from second 15 on.
+        let of = |known: &[u32], length_s: f64, angle: f64| {
+            let right = |second: u32| if second < 15 { 0.0 } else { angle };
+            let shift = |second: &u32| ViewShift { time_s: (*second).into(), parts: [right(*second), 0.0, 0.0, 0.0] };
+            let shifts: Vec<ViewShift> = known.iter().map(shift).collect();
+            MovedDuring::of(&shifts, &path(), &[0.0, length_s]).map(|found| found.mm)
+        };
+        for (known, length_s) in [
+            (seconds(0, 30, 0..0), 60.0),
+            (seconds(0, 10, 0..0), 50.0),
+            (seconds(15, 60, 0..0), 60.0),
+            (seconds(0, 60, 20..35), 60.0),
+            (seconds(0, 6, 0..0), 9.0),
+        ] {
+            assert_eq!(of(&known, length_s, 0.0), None, "{known:?} of {length_s} s");
+        }
+        for (known, length_s) in
+            [(seconds(0, 60, 0..0), 60.0), (seconds(0, 52, 20..29), 60.0), (seconds(0, 6, 0..0), 7.0)]
+        {
+            assert_eq!(of(&known, length_s, 0.0), Some(0.0), "{known:?} of {length_s} s");
+        }
+        assert_eq!(of(&seconds(0, 30, 0..0), 60.0, 0.02), None, "4 mm");
+        let moved_mm = of(&seconds(0, 30, 0..0), 60.0, 0.06).unwrap();
+        assert!((moved_mm - 12.0).abs() < 1e-9, "{moved_mm} mm");
     }
 }

@@ -106,7 +106,9 @@ pub(super) fn measure(
         white_drift_codes: white_drift_codes(light),
         calibration_rms_px: evidence.calibration_rms_px,
         camera_shift: placement.camera,
-        moved_during: evidence.tracker.and_then(|quality| MovedDuring::of(&quality.view_shifts, path)),
+        moved_during: evidence
+            .tracker
+            .and_then(|quality| MovedDuring::of(&quality.view_shifts, &path.samples, &path.frame_times_s)),
         box_match,
     }
 }

@@ -111,13 +111,14 @@ pub struct Tracker {
     pairs: Vec<[usize; 2]>,
     instants: Vec<FrameInstant>,
     light: LightWatch,
-    view: ViewWatch,
+    /// Of a recording: only its result states whether the camera moved.
+    view: Option<ViewWatch>,
     /// The last known position of each tool.
     last_samples: Vec<Option<Sample>>,
 }
 
 impl Tracker {
-    /// Creates a tracker for frames of this size and encoding.
+    /// Creates a tracker for a recording with frames of this size and encoding.
     ///
     /// # Errors
     /// [`SettingsProblem`] if the settings cannot work.
@@ -141,7 +142,7 @@ impl Tracker {
         });
         let (tools, pairs) = (tools.collect(), settings.pairs());
         let last = vec![None; settings.tools.len()];
-        let view = ViewWatch::new(settings.camera.fx);
+        let view = Some(ViewWatch::new(settings.camera.fx));
         Ok(Self {
             tools,
             pairs,
@@ -155,6 +156,19 @@ impl Tracker {
             view,
             last_samples: last,
         })
+    }
+
+    /// Creates a tracker for a live feed: like [`Self::new`], but it does not watch for movements of the camera.
+    ///
+    /// # Errors
+    /// [`SettingsProblem`] if the settings cannot work.
+    pub fn for_feed(
+        settings: TrackerSettings,
+        width: u32,
+        height: u32,
+        encoding: ColourEncoding,
+    ) -> Result<Self, SettingsProblem> {
+        Ok(Self { view: None, ..Self::new(settings, width, height, encoding)? })
     }
 
     /// Learns the box without tools, and the trocars of bare tools, from frames spread over the recording. Needed to
@@ -200,7 +214,7 @@ impl Tracker {
             }
             self.instants.clear();
             self.light = LightWatch::default();
-            self.view = ViewWatch::new(self.settings.camera.fx);
+            self.view = self.view.take().map(|_| ViewWatch::new(self.settings.camera.fx));
             self.last_samples.fill(None);
             self.tools.iter_mut().for_each(ToolTracker::start_over);
         }
@@ -212,7 +226,6 @@ impl Tracker {
     pub fn forget_past(&mut self) {
         self.instants.clear();
         self.light.forget_past();
-        self.view.forget_past();
         self.tools.iter_mut().for_each(|tool| tool.records = PackedRecords::default());
     }
 
@@ -236,7 +249,9 @@ impl Tracker {
     pub fn observe(&mut self, frame: &Frame<'_>) -> FrameReport {
         self.instants.push((frame.index, frame.time_s));
         self.light.sample_frame(frame);
-        self.view.sample_frame(frame);
+        if let Some(view) = &mut self.view {
+            view.sample_frame(frame);
+        }
         let mut outlines = self.expected_outlines(frame.time_s);
         let mut results: Vec<(usize, ToolFrameResult)> = Vec::with_capacity(self.tools.len());
         let (finder, turn) = (self.strips.take(), self.next_search_turn());
@@ -311,7 +326,8 @@ impl Tracker {
         self.conclude()
     }
 
-    /// The result of all frames so far. Their records are consumed.
+    /// The result of all frames so far. Their records are consumed, and the view is no longer watched: a second look at
+    /// the same frames would see the same.
     fn conclude(&mut self) -> Tracking {
         for pair in &self.pairs {
             if let Ok(tools) = self.tools.get_disjoint_mut(*pair) {
@@ -320,12 +336,11 @@ impl Tracker {
         }
         let tapes: Vec<String> = self.settings.tools.iter().map(|t| t.colour.clone()).collect();
         let colours = palette::colour_separations(&self.settings.samples, &tapes);
-        let view = std::mem::replace(&mut self.view, ViewWatch::new(self.settings.camera.fx));
         let mut quality = Quality {
             frames: self.instants.len() as u64,
             tools: Vec::new(),
             light: std::mem::take(&mut self.light).into_samples(),
-            view_shifts: view.into_shifts(),
+            view_shifts: self.view.take().map(ViewWatch::into_shifts).unwrap_or_default(),
         };
         let mut motions = Vec::with_capacity(self.tools.len());
         for ((i, tool), colour) in self.tools.iter_mut().enumerate().zip(colours) {
@@ -354,4 +369,17 @@ impl Tracker {
 /// The outlines of all other tools: they may hide this tool.
 fn outlines_of_others(outlines: &[Option<Outline>], tool: usize) -> Vec<Outline> {
     outlines.iter().enumerate().filter(|(other, _)| *other != tool).filter_map(|(_, outline)| *outline).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::testing::{ENCODING, SIZE, two_bare_tools};
+    use super::*;
+
+    #[test]
+    fn only_recordings_are_watched_for_a_moved_camera() {
+        let is_watched = |tracker: Result<Tracker, SettingsProblem>| tracker.unwrap().view.is_some();
+        assert!(is_watched(Tracker::new(two_bare_tools(), SIZE.0, SIZE.1, ENCODING)));
+        assert!(!is_watched(Tracker::for_feed(two_bare_tools(), SIZE.0, SIZE.1, ENCODING)));
+    }
 }

@@ -201,7 +201,7 @@ pub struct Quality {
     pub tools: Vec<ToolQuality>,
     /// The scene's light, about once a second; empty where the first frame is too dark to compare with.
     pub light: Vec<LightSample>,
-    /// How the view is displaced, about once a second; empty where the picture does not show it.
+    /// How the view is displaced, about once a second; empty where the picture does not show it, and for a live feed.
     pub view_shifts: Vec<ViewShift>,
 }
 

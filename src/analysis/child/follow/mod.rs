@@ -182,7 +182,7 @@ impl LiveTracker {
         };
         let frames: Vec<Frame<'_>> = first.iter().map(Picture::frame).collect();
         let Some(frame) = frames.first() else { return Ok(()) };
-        let mut tracker = Box::new(Tracker::new(*settings, self.size.0, self.size.1, frame.encoding)?);
+        let mut tracker = Box::new(Tracker::for_feed(*settings, self.size.0, self.size.1, frame.encoding)?);
         tracker.warm_up(&frames);
         // Bare tools have no warm-up: until their trocars are known, each search for them takes longer than a frame.
         let mut scene = SceneSamples::default();

@@ -7,14 +7,17 @@
 //! of the view ([`change`]) counts if it explains more than half of the known patches that it leaves in the picture (a
 //! third if the view stays as it was), if these are spread over the picture, and if hardly any patch is better
 //! explained by rest. So tools, hands, moved props and a board that is pushed before walls with structure do not count.
-//! **Gives up** (no sample) where hands cover two thirds of the patches, and on a plain mat: without structure nothing
-//! is known, and unknown is not zero.
+//! **Gives up** (no sample) where hands cover two thirds of the patches, or half of them at a movement, after a
+//! movement beyond the search, and on a plain mat: without structure nothing is known, and unknown is not zero. A first
+//! view that lasted stays the reference, even if it is never found again.
 //!
 //! A known patch that is not found for ten moments while the view rests is learned again: a peg was moved there. The
-//! others keep their first look, so errors do not add up. **Cost**, from the number of operations: 0.6 ms a second to
-//! shrink a 1080p frame, about as much again where the view rests, and up to 3 ms where it is searched for; that is
-//! 0.04 to 0.12 ms for each of 30 frames. After ten moments in vain, a search runs at every fourth one. **Memory:**
-//! 130 KB, and 40 bytes a second.
+//! others keep their first look, so errors do not add up. Twelve patches stay known in any case, so that patches are
+//! learned only before the first sample and where the view is known to rest.
+//!
+//! **Cost**, from the number of operations: 0.6 ms a second to shrink a 1080p frame, about as much again where the view
+//! rests, and up to 3 ms where it is searched for; that is 0.04 to 0.12 ms for each of 30 frames. After ten moments in
+//! vain, a search runs at every fourth one. **Memory:** 130 KB, and 40 bytes a second.
 //!
 //! | file | what |
 //! |---|---|
@@ -75,9 +78,12 @@ const MAX_MISSES: u32 = 10;
 const PATIENCE: u32 = 10;
 const SEARCH_EVERY: u32 = 4;
 
-/// After so many moments without a result, and more than with one, the watch begins anew: the recording began with
-/// something else, such as a hand over the lens.
-const MIN_WAIT: usize = 20;
+/// After more moments than this without a result, the watch begins anew if the first view did not last: the recording
+/// began with something else, such as a hand over the lens.
+const MAX_WAIT: u32 = 20;
+
+/// A first view lasts with this many samples: a median over five moments then shows it.
+const MIN_LASTING: usize = 5;
 
 /// How the view at one moment is displaced since the beginning, as tangents of angles: displacements in pixels divided
 /// by the focal length, root mean square over the picture. Times a depth they are displacements at that depth.
@@ -119,15 +125,10 @@ impl ViewWatch {
             // What is known for the first time looked the same one look before.
             let times_s = before_s.filter(|_| has_just_learned).into_iter().chain([frame.time_s]);
             self.shifts.extend(times_s.map(|time_s| ViewShift { time_s, parts }));
-        } else if self.view.unfound as usize > self.shifts.len().max(MIN_WAIT) {
+        } else if self.shifts.len() < MIN_LASTING && self.view.unfound > MAX_WAIT {
             self.view = KnownView::default();
             self.shifts.clear();
         }
-    }
-
-    /// Drops all samples; keeps what is known of the view.
-    pub fn forget_past(&mut self) {
-        self.shifts.clear();
     }
 
     /// The samples, in time order.
@@ -196,9 +197,12 @@ impl KnownView {
         near(ViewChange::default()).or_else(likely)
     }
 
-    /// Learns the patches of a view that rests: confirms those that look as before, and learns the others again.
+    /// Learns the patches of a view that rests: confirms those that look as before, and learns the others again, except
+    /// for the last ones that are needed to find the view.
     fn learn(&mut self, now: &LumaCells) {
         let change = self.change;
+        // With too few known patches, no result was given yet: all of them may be learned again.
+        let mut spare = self.known().count().checked_sub(MIN_PATCHES).unwrap_or(usize::MAX);
         for place in &mut self.places {
             let likeness = |patch: &Patch| patch.likeness(now, change.at(middle(patch, now)));
             if place.patch.as_ref().and_then(likeness).is_some_and(|likeness| likeness >= MIN_LIKENESS) {
@@ -206,7 +210,9 @@ impl KnownView {
                 continue;
             }
             place.misses += 1;
-            if !place.is_known || place.misses >= MAX_MISSES {
+            let is_forgotten = place.is_known && place.misses >= MAX_MISSES && spare > 0;
+            spare -= usize::from(is_forgotten);
+            if !place.is_known || is_forgotten {
                 let patch = Patch::learn(now, place.corner);
                 *place = PatchPlace { corner: place.corner, patch, is_known: false, misses: 0 };
             }

@@ -1,7 +1,7 @@
 //! Which shifts of the whole picture are likely, if the patches are not near their places: all shifts by whole steps at
 //! half the resolution, scored by the patches that look alike there.
 //!
-//! **Cost:** a million products, because at most [`MAX_PATCHES`] patches are compared, each with its 16 half-size cells.
+//! **Cost:** a million products: at most [`MAX_PATCHES`] patches are compared, each with its 16 half-size cells.
 
 use super::patch::{LumaCells, Patch, SIDE};
 

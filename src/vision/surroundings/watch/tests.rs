@@ -178,3 +178,44 @@ fn a_moved_peg_is_learned_again_and_the_rest_keeps_its_first_look() {
     assert_eq!(counts[17].1, 0, "all are learned again: {counts:?}");
     assert!(counts[17].0 > 100, "{counts:?}");
 }
+
+#[test]
+fn a_view_that_lasted_stays_the_first_one_if_another_mat_follows() {
+    let [first, other] = [24, 25].map(|seed| shots(&Mat::new(seed), STRAIGHT, as_it_is));
+    for (still, later) in [(30, 30), (10, 40)] {
+        let shifts = watched(first.iter().cycle().take(still).chain(other.iter().cycle().take(later)));
+        assert_eq!(shifts.len(), still, "the other mat is unknown: {shifts:?}");
+        assert!(shifts.iter().all(|shift| length(shift) < 0.1), "{shifts:?}");
+    }
+}
+
+#[test]
+fn a_moved_view_does_not_become_the_first_one_where_hardly_enough_patches_are_known() {
+    // 13 pegs, each in the middle of a patch.
+    let with_pegs = |right_px: usize| {
+        let paint = move |x: usize, y: usize, _: f64| {
+            let place = |px: usize| ((px + 20) / 40, (px + 20) % 40);
+            let [(column, across), (row, down)] = [x.saturating_sub(right_px), y].map(place);
+            let is_in_middle = [across, down].iter().all(|at| (10..30).contains(at));
+            let is_patch = (1..=15).contains(&column) && (1..=8).contains(&row);
+            if is_in_middle && is_patch && (15 * row + column) % 9 == 2 { 190.0 } else { 90.0 }
+        };
+        shots(&Mat::new(26), STRAIGHT, paint)
+    };
+    let [rest, moved] = [0, 10].map(with_pegs);
+    let [now, later] = [&rest, &moved].map(|shown| with_frame(&shown[0], 0, LumaCells::of).unwrap());
+    let mut watch = ViewWatch::new(FOCAL_PX);
+    for (moment, luma) in (0..6).zip(rest.iter().cycle()) {
+        with_frame(luma, FRAMES * moment, |frame| watch.sample_frame(frame));
+    }
+    assert_eq!((watch.view.known().count(), watch.shifts.len()), (13, 6));
+    for place in watch.view.places.iter_mut().filter(|place| place.is_known).take(2) {
+        (place.patch, place.misses) = (Patch::learn(&later, place.corner), MAX_MISSES - 1);
+    }
+    watch.view.learn(&now);
+    assert_eq!(watch.view.known().count(), MIN_PATCHES, "one of the two is learned again, the other waits");
+    for (moment, luma) in (6..30).zip(moved.iter().cycle()) {
+        with_frame(luma, FRAMES * moment, |frame| watch.sample_frame(frame));
+    }
+    assert_eq!(watch.shifts.len(), 6, "{:?}", watch.shifts);
+}
