@@ -94,8 +94,7 @@ impl QualityCause {
             // A person decides: until then the numbers are shown, because they are right if it is this box.
             QualityCause::BoxSurroundings => care_at_least(MIN_CORRELATION),
             QualityCause::BoxTrocars => care_at_most(MAX_NUDGE_MM),
-            // A box's colours may include a tool that a one-handed task does not use. It has no features that could
-            // mislead.
+            // A box's colours may include a tool that a one-handed task does not use. It has no misleading features.
             QualityCause::NeverInPicture => care_at_least(1.0),
             // An object mistaken for the tape is followed as smoothly, 148 mm beside it. Only a trocar that the axes
             // show excludes it; then the session is usable with care.
@@ -162,9 +161,8 @@ impl QualityCause {
             QualityCause::WhiteBalance => care_at_most(4.0),
             // From the moment of the movement on, positions are displaced by this much, and the path has a jump. Noise
             // of the figure is 0.2 mm; an automatic focus that changes the scale by 5 % stays below the limit.
-            QualityCause::CameraMovedDuring | QualityCause::CameraMoved | QualityCause::PortMoved => {
-                care_at_most(MAX_DISPLACEMENT_MM)
-            }
+            QualityCause::CameraMovedDuring => care_at_most(MAX_DISPLACEMENT_MM),
+            QualityCause::CameraMoved | QualityCause::PortMoved => care_at_most(MAX_DISPLACEMENT_MM),
         }
     }
 }
