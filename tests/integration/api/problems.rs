@@ -132,7 +132,7 @@ async fn every_list_refuses_a_text_that_is_no_cursor_and_a_damaged_one() {
     let ids: Vec<&Value> = trainees["items"].as_array().unwrap().iter().map(|trainee| &trainee["id"]).collect();
     let cohort = centre.administrator.make("/api/v1/cohorts", json!({"name": "One", "members": ids})).await;
     centre.administrator.make("/api/v1/cohorts", json!({"name": "Two", "members": ids})).await;
-    let (mut lists, mut cursors) = (Vec::new(), Vec::new());
+    let (mut checked, mut lists, mut cursors) = (0, Vec::new(), Vec::new());
     for (path, method, operation) in operations(&document) {
         if !has_cursor(operation) {
             continue;
@@ -146,16 +146,18 @@ async fn every_list_refuses_a_text_that_is_no_cursor_and_a_damaged_one() {
         };
         let path = filled(&path, id);
         let first: Value = centre.administrator.get(&format!("{path}?limit=1")).await.json().await.unwrap();
-        if let Some(next) = first["next"].as_str() {
+        let is_replaced = operation["deprecated"] == true; // another address of a list
+        if let Some(next) = first["next"].as_str().filter(|_| !is_replaced) {
             centre.administrator.read(&format!("{path}?limit=1&cursor={next}")).await;
             cursors.push((path.clone(), next.to_owned()));
         }
         for cursor in ["", "x", "17", "peg", MISSING, "1.2.3", &whole[1..], &whole[..whole.len() - 1]] {
             assert_cursor_is_refused(&centre, &path, cursor).await;
         }
-        lists.push(path);
+        checked += 1;
+        lists.extend(Some(path).filter(|_| !is_replaced));
     }
-    assert!(lists.len() >= 14, "{lists:?}");
+    assert!(checked >= 14, "{lists:?}");
     assert!(cursors.len() >= 6, "{cursors:?}");
     let (_, of_members) = cursors.iter().find(|(of, _)| of == "/api/v1/cohorts/one/members").unwrap();
     let by_id = format!("/api/v1/cohorts/{}/members?cursor={of_members}", cohort["id"].as_str().unwrap());
