@@ -407,7 +407,7 @@ mod tests {
 
     #[test]
     fn an_axis_at_rest_does_not_make_a_lively_hand_steady() {
-        let zigzag = |k: u32| at(if k % 2 == 0 { 0.0 } else { 2.5 });
+        let zigzag = |k: u32| at(if k.is_multiple_of(2) { 0.0 } else { 2.5 });
         let mut track = Track::default();
         for k in 0..25 {
             assert!(track.advance(f64::from(k) * 0.04, zigzag(k), &SETTINGS).observed);
