@@ -33,6 +33,8 @@ const MAX_PLACES: f64 = 32.0;
 /// Places on each side of a border that are compared, as a share of the half width, and their least and most number.
 /// Few enough that a soft shadow is no step, and enough for a strip out of focus.
 const COMPARED: (f64, f64, f64) = (0.1, 2.0, 4.0);
+/// The same for borders that motion has smeared.
+const COMPARED_SMEARED: (f64, f64, f64) = (0.35, 4.0, 12.0);
 /// Limits of the contrast of one row, as a multiple of the least: no row may outvote the others.
 const ROW_CONTRAST: (f32, f32) = (-1.0, 8.0);
 /// Least share of rows with a step. Where six of ten have none, a shaft cannot be measured before its background.
@@ -51,8 +53,17 @@ pub fn with_likely_borders(
     camera: &Camera,
     appearance: &ShaftAppearance,
     strip: &Strip,
-) -> Vec<Strip> {
-    let rows = BorderRows::read(frame, camera, appearance, strip);
+) -> Vec<LikelyStrip> {
+    let sharp = BorderRows::read(frame, camera, appearance, strip, COMPARED);
+    let mut all = sharp.likely_strips(strip, None);
+    let smeared = BorderRows::read(frame, camera, appearance, strip, COMPARED_SMEARED);
+    all.extend(smeared.likely_strips(strip, Some(&sharp)));
+    all
+}
+
+impl BorderRows {
+fn likely_strips(&self, strip: &Strip, sharp: Option<&BorderRows>) -> Vec<LikelyStrip> {
+    let rows = self;
     let [first, second] = [-1.0, 1.0].map(|side| rows.borders(side));
     let mut pairs: Vec<(f32, [PossibleBorder; 2])> = Vec::new();
     for one in &first {
@@ -60,7 +71,28 @@ pub fn with_likely_borders(
         pairs.extend(second.iter().filter(is_wide).map(|other| (one.contrast + other.contrast, [*one, *other])));
     }
     pairs.sort_by(|one, other| other.0.total_cmp(&one.0));
-    pairs.iter().take(MAX_PAIRS).map(|(_, pair)| rows.with_borders(strip, pair)).collect()
+    let smear = |pair: &[PossibleBorder; 2]| {
+        let Some(sharp) = sharp else { return 0.0 };
+        let of = |side: f64, border: &PossibleBorder| {
+            let ratio = sharp.mean_contrast(side, border.at).unwrap_or(0.0) / border.contrast;
+            let contrast = |width: f64, compared: usize| { let w = width / (2.0 * compared as f64); if w < 1.0 { 1.0 - 0.5 * w } else { 0.5 / w } };
+            let mut width = 0.0;
+            while width < 2.0 * self.compared as f64 && contrast(width, sharp.compared) / contrast(width, self.compared) > f64::from(ratio) { width += 0.25; }
+            width
+        };
+        0.5 * (of(-1.0, &pair[0]) + of(1.0, &pair[1])) * self.step * self.half.norm()
+    };
+    pairs.iter().take(MAX_PAIRS).map(|(_, pair)| LikelyStrip { strip: rows.with_borders(strip, pair), smear: smear(pair) }).collect()
+}
+}
+
+/// A strip between likely borders.
+#[derive(Clone, Debug)]
+pub struct LikelyStrip {
+    /// The strip.
+    pub strip: Strip,
+    /// Width over which its borders are smeared.
+    pub smear: f64,
 }
 
 /// A possible border on one side of a strip.
@@ -93,7 +125,7 @@ struct BorderRows {
 }
 
 impl BorderRows {
-    fn read(frame: &Frame<'_>, camera: &Camera, appearance: &ShaftAppearance, strip: &Strip) -> Self {
+    fn read(frame: &Frame<'_>, camera: &Camera, appearance: &ShaftAppearance, strip: &Strip, compared: (f64, f64, f64)) -> Self {
         let part = (MAX_LENGTH_WIDTHS / strip.length_widths.max(1.0)).min(1.0);
         let (end, entry) = (strip.end.0, strip.entry.0);
         let middles = [READ_PART.0, READ_PART.1].map(|share| end + (entry - end) * (part * share));
@@ -104,7 +136,7 @@ impl BorderRows {
         let half_px = (0.5 * strip.width * camera.fx).max(2.0);
         let step = 1.0 / half_px.min(MAX_PLACES);
         let places = (2.0 * REACH.1 / step) as usize + 1;
-        let compared = (COMPARED.0 / step).round().clamp(COMPARED.1, COMPARED.2) as usize;
+        let compared = (compared.0 / step).round().clamp(compared.1, compared.2) as usize;
         let mut rows = Self { middles, half, step, places, compared, contrast: Default::default() };
         for row in 0..ROWS {
             let codes: Vec<Option<[[f32; 3]; 2]>> =

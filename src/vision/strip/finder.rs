@@ -159,7 +159,7 @@ impl<'a> FrameStrips<'a> {
     }
 
     /// The strip with each likely pair of borders, the likeliest first.
-    pub fn with_likely_borders(&self, camera: &Camera, strip: &Strip) -> Vec<Strip> {
+    pub fn with_likely_borders(&self, camera: &Camera, strip: &Strip) -> Vec<borders::LikelyStrip> {
         borders::with_likely_borders(self.frame, camera, &self.finder.appearance, strip)
     }
 

@@ -115,12 +115,22 @@ impl BandFit<'_> {
     ) -> Result<Measurement, MissReason> {
         let mut reason = MissReason::BordersNotFound;
         for borders in strips.with_likely_borders(self.camera(), strip) {
-            match self.measure_between_borders(&borders, recorder) {
+            match self.measure_between_likely(&borders, recorder) {
                 Err(other) if other != MissReason::TipHidden => reason = reason.max(other),
                 decided => return decided,
             }
         }
         Err(reason)
+    }
+
+    fn measure_between_likely(&self, likely: &crate::vision::strip::borders::LikelyStrip, recorder: &mut FitRecorder) -> Result<Measurement, MissReason> {
+        if likely.smear == 0.0 { return self.measure_between_borders(&likely.strip, recorder); }
+        let along = (likely.strip.end.0 - likely.strip.entry.0).normalize();
+        let across = Vector2::new(-along.y, along.x) * (likely.smear * self.camera().fx / self.edges.exposure_s);
+        let motion = self.motion_px_s;
+        let along = along * motion.dot(&along);
+        if std::env::var("DBG").is_ok() { println!("      smear {:.1} px, predicted {:.1} px", likely.smear * self.camera().fx, (motion - along).norm() * self.edges.exposure_s); }
+        BandFit { motion_px_s: along + across, length: self.length, fulcrum: self.fulcrum.clone(), ..*self }.measure_between_borders(&likely.strip, recorder)
     }
 
     /// Measures the shaft between the borders of a strip.
