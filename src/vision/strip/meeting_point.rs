@@ -14,16 +14,20 @@ pub const MAX_MISS: f64 = 0.03;
 const MIN_CROSSING: f64 = 0.02;
 /// Least number of frames with a strip through it.
 const MIN_FRAMES: usize = 6;
+/// Largest angle at the camera between the end of a strip and its trocar, degrees: both are about as high as the
+/// camera at most, and the end lies below. A strip whose trocar lies beyond its end would need more: it is the other
+/// tool, seen from tip to hand.
+const MAX_ANGLE_DEG: f64 = 135.0;
 
 /// The point that the strips of most score pass through, as a unit vector; `None` if they do not show one. `frames` are
 /// the strips of each frame, and `is_possible` says whether a trocar can be there.
 pub fn find(frames: &[Vec<Strip>], is_possible: impl Fn(Vector3<f64>) -> bool) -> Option<Vector3<f64>> {
     let planes = planes_of(frames);
     let mut best = (0.0, None);
-    for (i, (frame, plane, _)) in planes.iter().enumerate() {
-        for (other_frame, other, _) in &planes[..i] {
-            let crossing = plane.cross(other);
-            if frame == other_frame || crossing.norm() < MIN_CROSSING {
+    for (i, strip) in planes.iter().enumerate() {
+        for other in &planes[..i] {
+            let crossing = strip.plane.cross(&other.plane);
+            if strip.frame == other.frame || crossing.norm() < MIN_CROSSING {
                 continue;
             }
             let trocar = crossing.normalize();
@@ -52,37 +56,65 @@ pub fn turn(frames: &[Vec<Strip>], trocar: Vector3<f64>) -> f64 {
     if weight > 0.0 { (shares[1].max(0.0) / weight).sqrt() } else { 0.0 }
 }
 
-/// The strips of all frames: frame, plane and score.
-fn planes_of(frames: &[Vec<Strip>]) -> Vec<(usize, Vector3<f64>, f64)> {
+/// A strip of a frame.
+struct Passing {
+    frame: usize,
+    plane: Vector3<f64>,
+    /// The direction of its end, and the one at right angles towards its entry.
+    directions: [Vector3<f64>; 2],
+    score: f64,
+}
+
+impl Passing {
+    fn of(frame: usize, strip: &Strip) -> Self {
+        let [end, entry] = [strip.end, strip.entry].map(|at| at.ray().normalize());
+        let towards_entry = (entry - end * entry.dot(&end)).try_normalize(1e-9).unwrap_or_default();
+        Self { frame, plane: strip.plane(), directions: [end, towards_entry], score: strip.score.max(0.0) }
+    }
+
+    /// Does it pass through the point, which lies beyond its entry?
+    fn comes_from(&self, trocar: Vector3<f64>) -> bool {
+        if self.plane.dot(&trocar).abs() >= MAX_MISS {
+            return false;
+        }
+        let [end, towards_entry] = self.directions.map(|direction| direction.dot(&trocar));
+        // A direction and its opposite are one point of the picture.
+        let angle = (towards_entry.signum() * end).atan2(towards_entry.abs());
+        std::f64::consts::FRAC_PI_2 - angle < MAX_ANGLE_DEG.to_radians()
+    }
+}
+
+/// The strips of all frames.
+fn planes_of(frames: &[Vec<Strip>]) -> Vec<Passing> {
     let of_frame = |(frame, strips): (usize, &Vec<Strip>)| {
-        strips.iter().map(move |strip| (frame, strip.plane(), strip.score.max(0.0))).collect::<Vec<_>>()
+        strips.iter().map(move |strip| Passing::of(frame, strip)).collect::<Vec<_>>()
     };
     frames.iter().enumerate().flat_map(of_frame).collect()
 }
 
 /// Sum over the frames of the best strip that passes through the point.
-fn score(planes: &[(usize, Vector3<f64>, f64)], frames: usize, trocar: Vector3<f64>) -> f64 {
+fn score(planes: &[Passing], frames: usize, trocar: Vector3<f64>) -> f64 {
     best_of_frames(planes, frames, trocar).into_iter().flatten().map(|(_, score)| score).sum()
 }
 
 /// Of each frame, the strip of most score that passes through the point.
 fn best_of_frames(
-    planes: &[(usize, Vector3<f64>, f64)],
+    planes: &[Passing],
     frames: usize,
     trocar: Vector3<f64>,
 ) -> Vec<Option<(Vector3<f64>, f64)>> {
     let mut best: Vec<Option<(Vector3<f64>, f64)>> = vec![None; frames];
-    for (frame, plane, score) in planes {
-        let is_better = best[*frame].is_none_or(|(_, other)| *score > other);
-        if plane.dot(&trocar).abs() < MAX_MISS && is_better {
-            best[*frame] = Some((*plane, *score));
+    for strip in planes {
+        let is_better = best[strip.frame].is_none_or(|(_, other)| strip.score > other);
+        if is_better && strip.comes_from(trocar) {
+            best[strip.frame] = Some((strip.plane, strip.score));
         }
     }
     best
 }
 
 /// The point by least squares over the strips that pass through it.
-fn refined(planes: &[(usize, Vector3<f64>, f64)], frames: usize, mut trocar: Vector3<f64>) -> Vector3<f64> {
+fn refined(planes: &[Passing], frames: usize, mut trocar: Vector3<f64>) -> Vector3<f64> {
     const ROUNDS: usize = 5;
     for _ in 0..ROUNDS {
         let mut sum = Matrix3::zeros();
