@@ -59,7 +59,10 @@ const MAX_SKEW_DIAMETERS: f64 = 0.35;
 /// without one.
 pub fn locate(edges: &EdgeModel, rows: &[ShaftRow], diameter_mm: f64, collar_mm: f64) -> Option<ShaftEnd> {
     let finder = EndFinder::new(edges, rows, diameter_mm)?;
-    let possible: Vec<EndPlace> = finder.places().into_iter().filter(|place| finder.is_end(place)).collect();
+    let mut possible: Vec<EndPlace> = finder.places().into_iter().filter(|place| finder.is_end(place)).collect();
+    if collar_mm == 0.0 {
+        possible.retain(|place| finder.is_alike(place));
+    }
     let place = match &possible[..] {
         [only] => only,
         [tube, collar] if collar_mm > 0.0 && finder.are_apart(tube, collar, collar_mm) => {
@@ -69,7 +72,7 @@ pub fn locate(edges: &EdgeModel, rows: &[ShaftRow], diameter_mm: f64, collar_mm:
     };
     let full_width = finder.measure(place)?;
     if collar_mm == 0.0 {
-        return Some(full_width).filter(|_| finder.is_alike(place));
+        return Some(full_width);
     }
     let behind = Some(ShaftEnd { back_mm: full_width.back_mm + collar_mm, ..full_width });
     let steps = [(0.0, HERE_DIAMETERS), (collar_mm, BEHIND_DIAMETERS)];
@@ -222,9 +225,16 @@ impl<'a> EndFinder<'a> {
         if (rows.len() as f64) * self.step_mm < MAX_RESUMED_MM + AHEAD_DIAMETERS * self.diameter_mm {
             return false; // too few rows to see whether the shaft continues
         }
+        // Steel is a tube, too, but not of the shaft's colour.
+        let next = [0, 1].map(|side| {
+            mean(&rows[..self.ahead].iter().filter_map(|row| Some(row.borders[side]?[0])).collect::<Vec<_>>())
+        });
         let is_tube = |row: &&ShaftRow| {
-            let borders = row.borders.iter().zip(&place.borders);
-            borders.into_iter().all(|(codes, border)| codes.is_some_and(|codes| border.shaft.is_edge(&codes)))
+            (0..2).all(|side| {
+                let (border, Some(codes)) = (&place.borders[side], row.borders[side]) else { return false };
+                let is_shaft = next[side].is_none_or(|next| distance(codes[0], border.shaft.mean) < distance(codes[0], next));
+                is_shaft && border.shaft.is_edge(&codes)
+            })
         };
         let resumed = rows.iter().filter(is_tube).count() as f64;
         let hinge: Vec<f64> = rows[..self.ahead].iter().filter_map(hinge_codes).collect();

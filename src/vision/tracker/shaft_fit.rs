@@ -81,7 +81,7 @@ impl BandFit<'_> {
         /// Largest distance of both ends, diameters: a collar is longer.
         const MAX_APART_DIAMETERS: f64 = 0.4;
         let is_near = |end: ShaftEnd| end.back_mm.abs() < MAX_APART_DIAMETERS * self.spec.diameter_mm;
-        self.spec.collar_mm() == 0.0 || self.locate_end(tube).is_none_or(is_near)
+        self.locate_end(tube).is_none_or(is_near)
     }
 
     /// Fits a tube that ends where its full width does, less its collar. Before the end is sought, the tube is moved to

@@ -114,8 +114,13 @@ impl BandFit<'_> {
         recorder: &mut FitRecorder,
     ) -> Result<Measurement, MissReason> {
         let mut reason = MissReason::BordersNotFound;
+        let px = |p: &Point2<f64>| { let q = self.camera().pixel_of(crate::vision::space::Normalised(*p)); format!("({:.0},{:.0})", q.u(), q.v()) };
+        let dbg = std::env::var("DBG").is_ok();
+        if dbg { println!("   strip entry {} end {} width {:.0} score {:.0} share {:.2}", px(&strip.entry.0), px(&strip.end.0), strip.width * self.camera().fx, strip.score, strip.supported_share); }
         for borders in strips.with_likely_borders(self.camera(), strip) {
-            match self.measure_between_likely(&borders, recorder) {
+            let r = self.measure_between_likely(&borders, recorder);
+            if dbg { let b = &borders.strip.borders; println!("     borders {} {} | {} {} width {:.1} -> {:?}", px(&b[0][0]), px(&b[0][1]), px(&b[1][0]), px(&b[1][1]), borders.strip.width * self.camera().fx, r.as_ref().map(|_| ()).map_err(|e| *e)); }
+            match r {
                 Err(other) if other != MissReason::TipHidden => reason = reason.max(other),
                 decided => return decided,
             }
@@ -139,6 +144,7 @@ impl BandFit<'_> {
         for start in self.starts_of_strip(borders) {
             let fit = self.fit_shaft(&start, MEASURED_SHAFT_MM, STRIP_PASSES, recorder);
             let tube = fit.as_ref().map_or_else(|miss| miss.tube, |fit| Some(fit.estimate.tube));
+            if std::env::var("DBG").is_ok() { println!("        start tip {:?} axis {:?}: {:?} {}", start.tip, start.axis, fit.as_ref().map(|f| (f.estimate.tube.tip, f.estimate.residual_px)).map_err(|m| (m.reason, m.tube.map(|t| t.tip))), tube.is_some_and(|tube| !self.is_as_wide(&tube, borders))); }
             let found = match tube.is_some_and(|tube| !self.is_as_wide(&tube, borders)) {
                 true => Err(MissReason::PoorFit),
                 false => fit.map_err(|miss| miss.reason).and_then(|fit| self.measurement_of(fit, MEASURED_SHAFT_MM)),
