@@ -146,6 +146,11 @@ impl<'a> FrameStrips<'a> {
         }
     }
 
+    /// May every frame be searched for the tool? A recording waits for a search, and with a known trocar it is short.
+    pub fn may_search_always(&self, tool: usize) -> bool {
+        self.turn == SearchTurn::All && self.is_trocar_known(tool)
+    }
+
     /// Is the point through which the tool's strips pass known? A search without it takes ten times as long.
     pub fn is_trocar_known(&self, tool: usize) -> bool {
         self.finder.tools[tool].1.is_some()

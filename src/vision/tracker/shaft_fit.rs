@@ -10,7 +10,8 @@ use super::trace::FitRecorder;
 use crate::vision::camera::Camera;
 use crate::vision::edges::outline_probes::OutlinePoint;
 use crate::vision::edges::shaft_end::{self, ShaftEnd};
-use crate::vision::edges::shaft_rows;
+use crate::vision::edges::shaft_rows::{self, ShaftRow};
+use crate::vision::edges::shaft_colour_end;
 use crate::vision::pose::joint_fit::{END_OFFSET_PX, MeasuredEdge};
 use crate::vision::reason::MissReason;
 use crate::vision::space::{CameraPoint, Pixel};
@@ -50,8 +51,8 @@ impl BandFit<'_> {
     ) -> Result<PassFit, ShaftMiss> {
         let fit = match self.fit_passes(start, length_mm, passes, recorder) {
             Ok(fit) if self.shows_rim(&fit) && self.is_rim_of_tube(&fit.estimate.tube) => Ok(fit),
-            Ok(fit) => self.fit_full_width(&fit.estimate.tube, length_mm, recorder),
-            Err(MissReason::TipHidden) => self.fit_full_width(start, length_mm, recorder),
+            Ok(fit) => self.fit_end(&fit.estimate.tube, length_mm, recorder),
+            Err(MissReason::TipHidden) => self.fit_end(start, length_mm, recorder),
             Err(reason) => Err(reason.into()),
         };
         fit.and_then(|fit| if self.shows_borders(&fit) { Ok(fit) } else { Err(MissReason::PoorFit.into()) })
@@ -75,25 +76,49 @@ impl BandFit<'_> {
         on_rim >= MIN_SHARE * fit.found.visible[rim]
     }
 
-    /// Is the rim that of the tube, not of its collar? A collar has a rim, too, so the end of the full width must not
-    /// contradict.
+    /// Is the rim that of the tube? A collar has a rim, too, so neither the end of the colour nor that of the full width
+    /// may contradict.
     fn is_rim_of_tube(&self, tube: &Tube) -> bool {
         /// Largest distance of both ends, diameters: a collar is longer.
         const MAX_APART_DIAMETERS: f64 = 0.4;
-        let is_near = |end: ShaftEnd| end.back_mm.abs() < MAX_APART_DIAMETERS * self.spec.diameter_mm;
-        self.locate_end(tube).is_none_or(is_near)
+        let Some(rows) = self.rows_across(tube) else { return false };
+        let is_near = |back_mm: f64| back_mm.abs() < MAX_APART_DIAMETERS * self.spec.diameter_mm;
+        self.locate_end(&rows).is_none_or(|end| is_near(end.back_mm))
+            && self.locate_colour_end(&rows).is_none_or(is_near)
     }
 
-    /// Fits a tube that ends where its full width does, less its collar. Before the end is sought, the tube is moved to
-    /// its borders, if enough of them shows: only there are its rows those of the shaft.
-    fn fit_full_width(&self, start: &Tube, length_mm: f64, recorder: &mut FitRecorder) -> Result<PassFit, ShaftMiss> {
+    /// Fits a tube whose end is not where the start assumes it. The tube is first moved to its borders, if enough of them
+    /// shows: only there are its rows those of the shaft.
+    fn fit_end(&self, start: &Tube, length_mm: f64, recorder: &mut FitRecorder) -> Result<PassFit, ShaftMiss> {
         let moved = self.fit_axis(start, length_mm, FINE_PASSES, recorder).map(|(tube, _)| tube);
-        let mut tube = moved.unwrap_or(*start);
+        let tube = moved.unwrap_or(*start);
+        if let Some(fit) = self.fit_colour_end(tube, length_mm, recorder) {
+            return Ok(fit);
+        }
+        self.fit_full_width(tube, moved.is_some(), length_mm, recorder)
+    }
+
+    /// Fits a tube whose rim is where its colour ends.
+    fn fit_colour_end(&self, mut tube: Tube, length_mm: f64, recorder: &mut FitRecorder) -> Option<PassFit> {
+        let back_mm = self.locate_colour_end(&self.rows_across(&tube)?)?;
+        tube.tip -= tube.axis * back_mm;
+        let fit = self.fit_passes(&tube, length_mm, FINE_PASSES, recorder).ok()?;
+        (self.shows_rim(&fit) && self.is_rim_of_tube(&fit.estimate.tube)).then_some(fit)
+    }
+
+    /// Fits a tube that ends where its full width does, less its collar.
+    fn fit_full_width(
+        &self,
+        mut tube: Tube,
+        is_moved: bool,
+        length_mm: f64,
+        recorder: &mut FitRecorder,
+    ) -> Result<PassFit, ShaftMiss> {
         let mut last = Err(MissReason::TipHidden.into());
         for pass in FINE_PASSES {
-            let end = self.locate_end(&tube).ok_or_else(|| match moved {
-                Some(_) => ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) },
-                None => MissReason::BordersNotFound.into(),
+            let end = self.rows_across(&tube).and_then(|rows| self.locate_end(&rows)).ok_or(match is_moved {
+                true => ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) },
+                false => MissReason::BordersNotFound.into(),
             })?;
             tube.tip -= tube.axis * end.back_mm;
             let mut found = self.edges_along(&tube, length_mm, *pass, recorder)?;
@@ -105,12 +130,21 @@ impl BandFit<'_> {
         last
     }
 
-    fn locate_end(&self, tube: &Tube) -> Option<ShaftEnd> {
+    /// Rows across a tube.
+    fn rows_across(&self, tube: &Tube) -> Option<Vec<ShaftRow>> {
         let outline = tube.outline()?;
         let step_px = (2.0 * tube.radius * self.px_per_mm_across(tube) / ROWS_PER_WIDTH).clamp(ROWS_PX.0, ROWS_PX.1);
         let is_visible = |place, at| self.scene.is_visible(place, at);
-        let rows = shaft_rows::read(self.scene.frame, self.camera(), &outline, ROWS_MM, step_px, is_visible);
-        shaft_end::locate(self.edges, &rows, self.spec.diameter_mm, self.spec.collar_mm())
+        Some(shaft_rows::read(self.scene.frame, self.camera(), &outline, ROWS_MM, step_px, is_visible))
+    }
+
+    fn locate_end(&self, rows: &[ShaftRow]) -> Option<ShaftEnd> {
+        shaft_end::locate(self.edges, rows, self.spec.diameter_mm, self.spec.collar_mm())
+    }
+
+    /// Where the colour ends. A tool with a given collar may be of one colour up to it.
+    fn locate_colour_end(&self, rows: &[ShaftRow]) -> Option<f64> {
+        if self.spec.collar_mm() == 0.0 { shaft_colour_end::locate(rows, self.spec.diameter_mm) } else { None }
     }
 
     /// Replaces the edges of a tube's rim by the end of its full width, where the tube's tip is.

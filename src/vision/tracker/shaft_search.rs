@@ -69,6 +69,7 @@ impl ToolTracker {
         let pausing = match strips.is_turn_of(bare) {
             Some(true) => None,
             Some(false) => Some(self.shaft_search.last_reason()),
+            None if strips.may_search_always(bare) => None,
             None => self.shaft_search.pausing(),
         };
         if let Some(reason) = pausing {

@@ -1,0 +1,118 @@
+//! Finds where the colour of a bare shaft ends along its axis, all across it: where black turns to steel (METHOD 3.6).
+//!
+//! **In** the colours in rows across the shaft. **Out** the distance of that place behind the assumed tip. **Method** A
+//! lit tube changes little along its axis, so a clear step of the colour in the middle of three stripes is another
+//! surface. **Gives up** without borders or with other colours behind the place, and if the shaft goes on ahead of it,
+//! as it does beyond a thing that lies across it.
+
+use super::shaft_rows::{Codes, ShaftRow, distance};
+
+/// Length of the pieces behind and ahead of a step that are compared, diameters.
+const PIECE_DIAMETERS: f64 = 0.5;
+/// Least step, codes: five times the spread along a lit tube.
+const CLEAR_CODES: f64 = 30.0;
+/// The greatest step within this distance is one, diameters.
+const NEAR_DIAMETERS: f64 = 0.25;
+/// Length of the shaft behind the place that must have borders, diameters, and the least share of it that must: farther
+/// than jaws, so that these do not pass for a shaft.
+const LONG_DIAMETERS: f64 = 6.0;
+const MIN_LONG_SHARE: f64 = 0.8;
+/// Least distance of the colours on both sides of a border, codes.
+const MIN_BORDER_CODES: f64 = 12.0;
+/// Where the shaft must look as it does next to the place, diameters behind it, and the largest difference, as a share
+/// of the step.
+const ALIKE_DIAMETERS: [f64; 2] = [2.0, 5.0];
+const MAX_UNLIKE_SHARE: f64 = 0.5;
+/// Length ahead of the place where the shaft's colour may show again, mm: jaws have it in places.
+const MAX_RESUMED_MM: f64 = 10.0;
+/// Least number of rows of a piece.
+const MIN_ROWS: usize = 3;
+
+/// The distance behind the assumed tip where the shaft's colour ends, mm; negative ahead of it.
+pub fn locate(rows: &[ShaftRow], diameter_mm: f64) -> Option<f64> {
+    let step_mm = rows.first()?.back_mm - rows.get(1)?.back_mm;
+    let finder = ColourEnds { rows, step_mm, diameter_mm };
+    let steps: Vec<f64> = (0..rows.len()).map(|row| finder.step_at(row).unwrap_or(0.0)).collect();
+    let near = finder.count(NEAR_DIAMETERS);
+    let is_greatest = |row: usize| {
+        let around = row.saturating_sub(near)..(row + near + 1).min(steps.len());
+        around.into_iter().all(|other| steps[other] <= steps[row])
+    };
+    let clear = (0..rows.len()).filter(|row| steps[*row] > CLEAR_CODES && is_greatest(*row));
+    let mut ends = clear.filter(|row| finder.is_end(*row, steps[*row]));
+    ends.next().map(|row| rows[row].back_mm)
+}
+
+struct ColourEnds<'a> {
+    rows: &'a [ShaftRow],
+    step_mm: f64,
+    diameter_mm: f64,
+}
+
+impl ColourEnds<'_> {
+    /// Number of rows of a length.
+    fn count(&self, diameters: f64) -> usize {
+        ((diameters * self.diameter_mm / self.step_mm) as usize).max(MIN_ROWS)
+    }
+
+    /// Step of the colour at a row, codes: the median of three stripes.
+    fn step_at(&self, row: usize) -> Option<f64> {
+        let piece = self.count(PIECE_DIAMETERS);
+        let behind = stripes(self.rows.get(row.checked_sub(piece)?..row)?)?;
+        let ahead = stripes(self.rows.get(row + 1..row + 1 + piece)?)?;
+        Some(median_distance(&behind, &ahead))
+    }
+
+    fn is_end(&self, row: usize, step_codes: f64) -> bool {
+        self.is_shaft_behind(row, step_codes).unwrap_or(false) && !self.resumes(row).unwrap_or(true)
+    }
+
+    /// Does the shaft reach far behind a row, with borders and in one colour?
+    fn is_shaft_behind(&self, row: usize, step_codes: f64) -> Option<bool> {
+        let behind = &self.rows[row.saturating_sub(self.count(LONG_DIAMETERS))..row];
+        let has_borders = (0..2).all(|side| {
+            let seen: Vec<&[Codes; 2]> = behind.iter().filter_map(|row| row.borders[side].as_ref()).collect();
+            let edges = seen.iter().filter(|[inside, outside]| distance(*inside, *outside) > MIN_BORDER_CODES).count();
+            edges > 0 && edges as f64 >= MIN_LONG_SHARE * seen.len() as f64
+        });
+        let next = stripes(&self.rows[row - self.count(PIECE_DIAMETERS)..row])?;
+        let [from, to] = ALIKE_DIAMETERS.map(|diameters| row.saturating_sub(self.count(diameters)));
+        let far = stripes(&self.rows[to..from])?;
+        Some(has_borders && median_distance(&next, &far) < MAX_UNLIKE_SHARE * step_codes)
+    }
+
+    /// Is more of the shaft ahead of a row?
+    fn resumes(&self, row: usize) -> Option<bool> {
+        let piece = self.count(PIECE_DIAMETERS);
+        let behind = stripes(&self.rows[row - piece..row])?;
+        let ahead = stripes(&self.rows[row + 1..row + 1 + piece])?;
+        let is_shaft = |row: &&ShaftRow| {
+            let nearer = (0..3).filter(|stripe| {
+                let codes = row.inside[*stripe];
+                codes.is_some_and(|codes| distance(codes, behind[*stripe]) < distance(codes, ahead[*stripe]))
+            });
+            nearer.count() >= 2
+        };
+        let resumed = self.rows[row + 1 + piece..].iter().filter(is_shaft).count();
+        Some(resumed as f64 * self.step_mm > MAX_RESUMED_MM)
+    }
+}
+
+/// The mean colours of the three stripes; `None` if one is hidden.
+fn stripes(rows: &[ShaftRow]) -> Option<[Codes; 3]> {
+    let mut means = [[0.0; 3]; 3];
+    for (stripe, mean) in means.iter_mut().enumerate() {
+        let seen: Vec<Codes> = rows.iter().filter_map(|row| row.inside[stripe]).collect();
+        if 2 * seen.len() < rows.len().max(1) {
+            return None;
+        }
+        *mean = std::array::from_fn(|part| seen.iter().map(|codes| codes[part]).sum::<f64>() / seen.len() as f64);
+    }
+    Some(means)
+}
+
+fn median_distance(one: &[Codes; 3], other: &[Codes; 3]) -> f64 {
+    let mut distances: [f64; 3] = std::array::from_fn(|stripe| distance(one[stripe], other[stripe]));
+    distances.sort_by(f64::total_cmp);
+    distances[1]
+}
