@@ -19,107 +19,112 @@ const MIN_FRAMES: usize = 6;
 /// tool, seen from tip to hand.
 const MAX_ANGLE_DEG: f64 = 135.0;
 
-/// The point that the strips of most score pass through, as a unit vector; `None` if they do not show one. `frames` are
-/// the strips of each frame, and `is_possible` says whether a trocar can be there.
-pub fn find(frames: &[Vec<Strip>], is_possible: impl Fn(Vector3<f64>) -> bool) -> Option<Vector3<f64>> {
-    let planes = planes_of(frames);
+/// The point of a tool's strips.
+#[derive(Clone, Debug)]
+pub struct MeetingPoint {
+    /// A unit vector.
+    pub at: Vector3<f64>,
+    /// Sum of the scores of the strips that pass through it, one of each frame.
+    pub score: f64,
+    /// Of each frame, the number of that strip.
+    pub strips: Vec<Option<usize>>,
+}
+
+/// The point that the strips of most score pass through; `None` if they do not show one. `frames` are the strips of
+/// each frame, and `is_possible` says whether a trocar can be there.
+pub fn find(frames: &[Vec<Strip>], is_possible: impl Fn(Vector3<f64>) -> bool) -> Option<MeetingPoint> {
+    let lines = lines_of(frames);
     let mut best = (0.0, None);
-    for (i, strip) in planes.iter().enumerate() {
-        for other in &planes[..i] {
-            let crossing = strip.plane.cross(&other.plane);
-            if strip.frame == other.frame || crossing.norm() < MIN_CROSSING {
+    for (i, line) in lines.iter().enumerate() {
+        for other in &lines[..i] {
+            let crossing = line.plane.cross(&other.plane);
+            if line.frame == other.frame || crossing.norm() < MIN_CROSSING {
                 continue;
             }
             let trocar = crossing.normalize();
-            let score = score(&planes, frames.len(), trocar);
+            let score = through(&lines, frames.len(), trocar).into_iter().flatten().map(|line| line.score).sum();
             if score > best.0 && is_possible(trocar) {
                 best = (score, Some(trocar));
             }
         }
     }
-    let found = best.1.map(|trocar| refined(&planes, frames.len(), trocar))?;
-    let passing = best_of_frames(&planes, frames.len(), found).into_iter().flatten().count();
-    (passing >= MIN_FRAMES && is_possible(found)).then_some(found)
+    let at = best.1.map(|trocar| refined(&lines, frames.len(), trocar))?;
+    let passing = through(&lines, frames.len(), at);
+    let found = MeetingPoint {
+        at,
+        score: passing.iter().flatten().map(|line| line.score).sum(),
+        strips: passing.iter().map(|line| line.map(|line| line.strip)).collect(),
+    };
+    (passing.into_iter().flatten().count() >= MIN_FRAMES && is_possible(at)).then_some(found)
 }
 
 /// How far a tool turned about a point: the strips through it turn out of their mean plane by this sine, root mean
 /// square. A tool at rest seems to turn by the error of a strip's direction, at most about 0.01.
 pub fn turn(frames: &[Vec<Strip>], trocar: Vector3<f64>) -> f64 {
-    let passing = best_of_frames(&planes_of(frames), frames.len(), trocar);
+    let lines = lines_of(frames);
     let (mut sum, mut weight) = (Matrix3::zeros(), 0.0);
-    for (plane, score) in passing.into_iter().flatten() {
-        sum += plane * plane.transpose() * score;
-        weight += score;
+    for line in through(&lines, frames.len(), trocar).into_iter().flatten() {
+        sum += line.plane * line.plane.transpose() * line.score;
+        weight += line.score;
     }
     let mut shares: [f64; 3] = sum.symmetric_eigenvalues().into();
     shares.sort_by(f64::total_cmp);
     if weight > 0.0 { (shares[1].max(0.0) / weight).sqrt() } else { 0.0 }
 }
 
-/// A strip of a frame.
-struct Passing {
+/// The line of a strip.
+struct Line {
     frame: usize,
+    /// The strip's number in the frame.
+    strip: usize,
     plane: Vector3<f64>,
-    /// The direction of its end, and the one at right angles towards its entry.
+    /// The direction of its end, and the one at right angles to it towards its entry.
     directions: [Vector3<f64>; 2],
     score: f64,
 }
 
-impl Passing {
-    fn of(frame: usize, strip: &Strip) -> Self {
+impl Line {
+    fn of(frame: usize, number: usize, strip: &Strip) -> Self {
         let [end, entry] = [strip.end, strip.entry].map(|at| at.ray().normalize());
-        let towards_entry = (entry - end * entry.dot(&end)).try_normalize(1e-9).unwrap_or_default();
-        Self { frame, plane: strip.plane(), directions: [end, towards_entry], score: strip.score.max(0.0) }
+        let to_entry = (entry - end * entry.dot(&end)).try_normalize(1e-9).unwrap_or_default();
+        Self { frame, strip: number, plane: strip.plane(), directions: [end, to_entry], score: strip.score.max(0.0) }
     }
 
-    /// Does it pass through the point, which lies beyond its entry?
+    /// Does it pass through a trocar that lies beyond its entry?
     fn comes_from(&self, trocar: Vector3<f64>) -> bool {
-        if self.plane.dot(&trocar).abs() >= MAX_MISS {
-            return false;
-        }
-        let [end, towards_entry] = self.directions.map(|direction| direction.dot(&trocar));
-        // A direction and its opposite are one point of the picture.
-        let angle = (towards_entry.signum() * end).atan2(towards_entry.abs());
-        std::f64::consts::FRAC_PI_2 - angle < MAX_ANGLE_DEG.to_radians()
+        let [along, to_entry] = self.directions.map(|direction| direction.dot(&trocar));
+        // Opposite directions are one point of the picture.
+        let angle = to_entry.abs().atan2(to_entry.signum() * along);
+        self.plane.dot(&trocar).abs() < MAX_MISS && angle < MAX_ANGLE_DEG.to_radians()
     }
 }
 
-/// The strips of all frames.
-fn planes_of(frames: &[Vec<Strip>]) -> Vec<Passing> {
-    let of_frame = |(frame, strips): (usize, &Vec<Strip>)| {
-        strips.iter().map(move |strip| Passing::of(frame, strip)).collect::<Vec<_>>()
+/// The lines of all frames.
+fn lines_of(frames: &[Vec<Strip>]) -> Vec<Line> {
+    let of_frame = |(frame, strips): (usize, &Vec<Strip>)| -> Vec<Line> {
+        strips.iter().enumerate().map(|(number, strip)| Line::of(frame, number, strip)).collect()
     };
     frames.iter().enumerate().flat_map(of_frame).collect()
 }
 
-/// Sum over the frames of the best strip that passes through the point.
-fn score(planes: &[Passing], frames: usize, trocar: Vector3<f64>) -> f64 {
-    best_of_frames(planes, frames, trocar).into_iter().flatten().map(|(_, score)| score).sum()
-}
-
-/// Of each frame, the strip of most score that passes through the point.
-fn best_of_frames(
-    planes: &[Passing],
-    frames: usize,
-    trocar: Vector3<f64>,
-) -> Vec<Option<(Vector3<f64>, f64)>> {
-    let mut best: Vec<Option<(Vector3<f64>, f64)>> = vec![None; frames];
-    for strip in planes {
-        let is_better = best[strip.frame].is_none_or(|(_, other)| strip.score > other);
-        if is_better && strip.comes_from(trocar) {
-            best[strip.frame] = Some((strip.plane, strip.score));
+/// Of each frame, the line of most score that comes from the trocar.
+fn through(lines: &[Line], frames: usize, trocar: Vector3<f64>) -> Vec<Option<&Line>> {
+    let mut best: Vec<Option<&Line>> = vec![None; frames];
+    for line in lines {
+        if best[line.frame].is_none_or(|other| line.score > other.score) && line.comes_from(trocar) {
+            best[line.frame] = Some(line);
         }
     }
     best
 }
 
-/// The point by least squares over the strips that pass through it.
-fn refined(planes: &[Passing], frames: usize, mut trocar: Vector3<f64>) -> Vector3<f64> {
+/// The point by least squares over the lines that come from it.
+fn refined(lines: &[Line], frames: usize, mut trocar: Vector3<f64>) -> Vector3<f64> {
     const ROUNDS: usize = 5;
     for _ in 0..ROUNDS {
         let mut sum = Matrix3::zeros();
-        for (plane, score) in best_of_frames(planes, frames, trocar).into_iter().flatten() {
-            sum += plane * plane.transpose() * score;
+        for line in through(lines, frames, trocar).into_iter().flatten() {
+            sum += line.plane * line.plane.transpose() * line.score;
         }
         let eigen = sum.symmetric_eigen();
         let smallest = eigen.eigenvalues.imin();
@@ -161,7 +166,7 @@ mod tests {
                 vec![strip(entry.into(), end.into(), 100.0), stray]
             })
             .collect();
-        let found = find(&frames, |_| true).unwrap();
+        let found = find(&frames, |_| true).unwrap().at;
         assert!((found.xy() / found.z - trocar.coords).norm() < 1e-6, "{found}");
         assert!(turn(&frames, found) > 0.05, "{}", turn(&frames, found));
     }
@@ -171,13 +176,13 @@ mod tests {
         let line = strip([-0.6, -0.3], [0.2, 0.3], 50.0);
         let resting = |i: i32| strip([-0.5, 0.1], [0.1, 0.2 + 0.002 * f64::from(i % 3 - 1)], 100.0);
         let frames: Vec<Vec<Strip>> = (0..12).map(|i| vec![resting(i), line.clone()]).collect();
-        let found = find(&frames, |_| true).unwrap();
+        let found = find(&frames, |_| true).unwrap().at;
         assert!(turn(&frames, found) < 0.01, "{}", turn(&frames, found));
     }
 
     #[test]
     fn a_tool_that_does_not_turn_shows_no_trocar() {
         let frames = vec![vec![strip([-0.5, 0.1], [0.1, 0.2], 100.0)]; 12];
-        assert_eq!(find(&frames, |_| true), None);
+        assert!(find(&frames, |_| true).is_none());
     }
 }
