@@ -79,12 +79,17 @@ impl BandFit<'_> {
     /// Is the rim that of the tube? A collar has a rim, too, so neither the end of the colour nor that of the full width
     /// may contradict.
     fn is_rim_of_tube(&self, tube: &Tube) -> bool {
-        /// Largest distance of both ends, diameters: a collar is longer.
-        const MAX_APART_DIAMETERS: f64 = 0.4;
         let Some(rows) = self.rows_across(tube) else { return false };
-        let is_near = |back_mm: f64| back_mm.abs() < MAX_APART_DIAMETERS * self.spec.diameter_mm;
-        self.locate_end(&rows).is_none_or(|end| is_near(end.back_mm))
-            && self.locate_colour_end(&rows).is_none_or(is_near)
+        let collar_mm = self.spec.collar_mm();
+        let is_colours = |back_mm: f64| self.is_near(back_mm) || (collar_mm > 0.0 && !self.is_near(back_mm - collar_mm));
+        self.locate_end(&rows).is_none_or(|end| self.is_near(end.back_mm))
+            && self.locate_colour_end(&rows).is_none_or(is_colours)
+    }
+
+    /// Is this distance of two ends less than a collar's length?
+    fn is_near(&self, back_mm: f64) -> bool {
+        const MAX_APART_DIAMETERS: f64 = 0.4;
+        back_mm.abs() < MAX_APART_DIAMETERS * self.spec.diameter_mm
     }
 
     /// Fits a tube whose end is not where the start assumes it. The tube is first moved to its borders, if enough of them
@@ -103,7 +108,9 @@ impl BandFit<'_> {
         let back_mm = self.locate_colour_end(&self.rows_across(&tube)?)?;
         tube.tip -= tube.axis * back_mm;
         let fit = self.fit_passes(&tube, length_mm, FINE_PASSES, recorder).ok()?;
-        (self.shows_rim(&fit) && self.is_rim_of_tube(&fit.estimate.tube)).then_some(fit)
+        // The colour may be that of a black collar, too.
+        let is_known = || self.spec.collar_mm() == 0.0 || self.locate_end(&self.rows_across(&fit.estimate.tube).unwrap_or_default()).is_some();
+        (self.shows_rim(&fit) && self.is_rim_of_tube(&fit.estimate.tube) && is_known()).then_some(fit)
     }
 
     /// Fits a tube that ends where its full width does, less its collar.
@@ -142,9 +149,8 @@ impl BandFit<'_> {
         shaft_end::locate(self.edges, rows, self.spec.diameter_mm, self.spec.collar_mm())
     }
 
-    /// Where the colour ends. A tool with a given collar may be of one colour up to it.
     fn locate_colour_end(&self, rows: &[ShaftRow]) -> Option<f64> {
-        if self.spec.collar_mm() == 0.0 { shaft_colour_end::locate(rows, self.spec.diameter_mm) } else { None }
+        shaft_colour_end::locate(rows, self.spec.diameter_mm)
     }
 
     /// Replaces the edges of a tube's rim by the end of its full width, where the tube's tip is.
