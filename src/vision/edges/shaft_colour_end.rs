@@ -13,9 +13,9 @@ const PIECE_DIAMETERS: f64 = 0.5;
 const CLEAR_CODES: f64 = 30.0;
 /// The greatest step within this distance is one, diameters.
 const NEAR_DIAMETERS: f64 = 0.25;
-/// Length of the shaft behind the place that must have borders, diameters, and the least share of it that must: farther
-/// than jaws, so that these do not pass for a shaft.
-const LONG_DIAMETERS: f64 = 6.0;
+/// Lengths of the shaft behind the place that must have borders, diameters, and the least share of them that must. One is
+/// longer than jaws and one is shorter, so that black jaws do not pass for a shaft.
+const LONG_DIAMETERS: [f64; 2] = [2.0, 6.0];
 const MIN_LONG_SHARE: f64 = 0.8;
 /// Least distance of the colours on both sides of a border, codes.
 const MIN_BORDER_CODES: f64 = 12.0;
@@ -69,16 +69,25 @@ impl ColourEnds<'_> {
 
     /// Does the shaft reach far behind a row, with borders and in one colour?
     fn is_shaft_behind(&self, row: usize, step_codes: f64) -> Option<bool> {
-        let behind = &self.rows[row.saturating_sub(self.count(LONG_DIAMETERS))..row];
-        let has_borders = (0..2).all(|side| {
-            let seen: Vec<&[Codes; 2]> = behind.iter().filter_map(|row| row.borders[side].as_ref()).collect();
-            let edges = seen.iter().filter(|[inside, outside]| distance(*inside, *outside) > MIN_BORDER_CODES).count();
-            edges > 0 && edges as f64 >= MIN_LONG_SHARE * seen.len() as f64
-        });
+        let has_borders = (0..2).all(|side| self.has_border_behind(side, row));
         let next = stripes(&self.rows[row - self.count(PIECE_DIAMETERS)..row])?;
         let [from, to] = ALIKE_DIAMETERS.map(|diameters| row.saturating_sub(self.count(diameters)));
         let far = stripes(&self.rows[to..from])?;
         Some(has_borders && median_distance(&next, &far) < MAX_UNLIKE_SHARE * step_codes)
+    }
+
+    /// Does the border of this side reach far behind a row, darker or brighter than what lies outside, like the shaft?
+    fn has_border_behind(&self, side: usize, row: usize) -> bool {
+        let [from, to] = ALIKE_DIAMETERS.map(|diameters| row.saturating_sub(self.count(diameters)));
+        let codes = |rows: &[ShaftRow]| rows.iter().filter_map(|row| row.borders[side]).collect::<Vec<_>>();
+        let Some(shaft) = mean(codes(&self.rows[to..from]).iter().map(|[inside, _]| *inside)) else { return false };
+        LONG_DIAMETERS.into_iter().all(|diameters| {
+            let seen = codes(&self.rows[row.saturating_sub(self.count(diameters))..row]);
+            let is_edge = |[inside, outside]: &&[Codes; 2]| {
+                distance(*inside, *outside) > MIN_BORDER_CODES && distance(*inside, shaft) < distance(*outside, shaft)
+            };
+            !seen.is_empty() && seen.iter().filter(is_edge).count() as f64 >= MIN_LONG_SHARE * seen.len() as f64
+        })
     }
 
     /// Is more of the shaft ahead of a row?
@@ -106,9 +115,16 @@ fn stripes(rows: &[ShaftRow]) -> Option<[Codes; 3]> {
         if 2 * seen.len() < rows.len().max(1) {
             return None;
         }
-        *mean = std::array::from_fn(|part| seen.iter().map(|codes| codes[part]).sum::<f64>() / seen.len() as f64);
+        *mean = self::mean(seen.into_iter())?;
     }
     Some(means)
+}
+
+fn mean(codes: impl Iterator<Item = Codes>) -> Option<Codes> {
+    let (count, sum) = codes.fold((0.0, [0.0; 3]), |(count, sum): (f64, Codes), codes| {
+        (count + 1.0, std::array::from_fn(|part| sum[part] + codes[part]))
+    });
+    (count > 0.0).then(|| sum.map(|sum| sum / count))
 }
 
 fn median_distance(one: &[Codes; 3], other: &[Codes; 3]) -> f64 {
