@@ -99,14 +99,29 @@ impl Background {
     /// Usual codes near a pixel: of the brightest of the nine cells about it, because a cell at the border of a tool
     /// that never moves holds some of the tool.
     pub fn usual_at(&self, x: usize, y: usize) -> [f32; 3] {
+        let codes = self.cells_near(x, y).map(|cell| self.usual[cell]);
+        codes.max_by(|one, other| one[0].total_cmp(&other[0])).unwrap_or_default()
+    }
+
+    /// Side of a cell, pixels.
+    pub fn cell_px(&self) -> usize {
+        self.grid.cell_px
+    }
+
+    /// The nine cells about a pixel.
+    fn cells_near(&self, x: usize, y: usize) -> impl Iterator<Item = usize> + use<> {
         let CellGrid { cell_px, columns, rows } = self.grid;
-        let near = |at: usize, count: usize| {
+        let near = move |at: usize, count: usize| {
             let cell = (at / cell_px).min(count - 1);
             cell.saturating_sub(1)..(cell + 2).min(count)
         };
-        let cells = near(y, rows).flat_map(|row| near(x, columns).map(move |column| row * columns + column));
-        let codes = cells.map(|cell| self.usual[cell]);
-        codes.max_by(|one, other| one[0].total_cmp(&other[0])).unwrap_or_default()
+        near(y, rows).flat_map(move |row| near(x, columns).map(move |column| row * columns + column))
+    }
+
+    /// Is the box likelier than anything else to show these mean codes of a patch about a pixel, as large as a cell?
+    /// `any` is their log density anywhere. The patch may lie in nine cells.
+    pub fn may_show(&self, [x, y]: [usize; 2], codes: [f32; 3], any: f32) -> bool {
+        self.cells_near(x, y).any(|cell| self.log_density_of_box(cell, codes) > any)
     }
 
     /// Does the cell look like the shaft without any tool?

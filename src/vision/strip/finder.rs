@@ -14,7 +14,7 @@ use crate::vision::segmentation::background::Background;
 use crate::vision::segmentation::cells::CellPicture;
 use crate::vision::segmentation::shaft_colour::{AnyColour, ShaftColour};
 use crate::vision::segmentation::shaft_evidence::ShaftAppearance;
-use crate::vision::space::HandSide;
+use crate::vision::space::{HandSide, Pixel};
 
 /// Strips whose outline is fitted on each frame.
 const CANDIDATES: usize = 3;
@@ -175,6 +175,24 @@ impl<'a> FrameStrips<'a> {
         let ShaftAppearance { shaft, any, .. } = &self.finder.appearance;
         let codes = codes.map(f32::from);
         shaft.log_density(codes) > any.log_density(codes)
+    }
+
+    /// Does the frame show the box without tools about a pixel? `None` outside the picture.
+    pub fn shows_box(&self, at: Pixel) -> Option<bool> {
+        let ShaftAppearance { any, background, .. } = &self.finder.appearance;
+        let half = 0.5 * background.cell_px() as f64;
+        let [left, top, right, bottom] = [at.u() - half, at.v() - half, at.u() + half, at.v() + half];
+        if left < 0.0 || top < 0.0 || right >= self.frame.width() as f64 || bottom >= self.frame.height() as f64 {
+            return None;
+        }
+        let rows = top as usize..=bottom as usize;
+        let pixels = rows.flat_map(|y| (left as usize..=right as usize).map(move |x| (x, y)));
+        let (count, sum) = pixels.fold((0.0f32, [0.0f32; 3]), |(count, sum), (x, y)| {
+            let codes = self.frame.yuv_at(x, y).map(f32::from);
+            (count + 1.0, std::array::from_fn(|part| sum[part] + codes[part]))
+        });
+        let codes = sum.map(|sum| sum / count);
+        Some(background.may_show([at.u() as usize, at.v() as usize], codes, any.log_density(codes)))
     }
 
     /// The strip with each likely pair of borders, the likeliest first.

@@ -55,7 +55,35 @@ impl BandFit<'_> {
             Err(MissReason::TipHidden) => self.fit_end(start, length_mm, recorder),
             Err(reason) => Err(reason.into()),
         };
-        fit.and_then(|fit| if self.shows_borders(&fit) { Ok(fit) } else { Err(MissReason::PoorFit.into()) })
+        let fit = fit.and_then(|fit| if self.shows_borders(&fit) { Ok(fit) } else { Err(MissReason::PoorFit.into()) })?;
+        let tube = fit.estimate.tube;
+        if self.is_end_covered(&tube) {
+            return Err(ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) });
+        }
+        Ok(fit)
+    }
+
+    /// Does a thing lie across the end? It is wider than the tool: beside the place ahead of the end, the box does not
+    /// show on either side.
+    fn is_end_covered(&self, tube: &Tube) -> bool {
+        /// Places ahead of the end, diameters: on the hinge, before jaws that may be open.
+        const AHEAD_DIAMETERS: [f64; 3] = [0.1, 0.3, 0.5];
+        /// Distances from the axis, radii.
+        const BESIDE_RADII: [f64; 2] = [1.5, 1.9];
+        /// Least share of the places that show the box.
+        const MIN_SHARE: f64 = 0.34;
+        let (Some(strips), Some(outline)) = (self.scene.strips, tube.outline()) else { return false };
+        let mut seen: Vec<bool> = Vec::new();
+        for diameters in AHEAD_DIAMETERS {
+            let back_mm = -diameters * self.spec.diameter_mm;
+            let [one, other] =
+                BorderSide::BOTH.map(|side| self.camera().project(CameraPoint(outline.border(side, back_mm))));
+            let (Some(one), Some(other)) = (one, other) else { continue };
+            let (middle, half) = (nalgebra::center(&one.0, &other.0), (one.0 - other.0) * 0.5);
+            let beside = BESIDE_RADII.into_iter().flat_map(|radii| [middle + half * radii, middle - half * radii]);
+            seen.extend(beside.filter_map(|at| strips.shows_box(Pixel(at))));
+        }
+        !seen.is_empty() && (seen.iter().filter(|shows| **shows).count() as f64) < MIN_SHARE * seen.len() as f64
     }
 
     /// Do enough edges confirm each border? They may lie farther from it the more they are smeared.
